@@ -1,0 +1,99 @@
+//! Rotors and tilt servo: first-order lag with amplitude and rate limits.
+//!
+//! The paper models the actuators "as first order transfer functions including amplitude and rate limits" and bounds
+//! them by (52)-(53), `0 < Omega_i < 2 Omega_i,trim` and `|mu| < pi/2`:
+//!
+//! ```text
+//! ds/dt = clip((clip(command, min, max) - s) / tau, -rate, rate)
+//! ```
+
+use serde::{Deserialize, Serialize};
+
+use crate::{Parameters, Trim};
+
+/// Positions of the four actuators, commanded or actual.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Actuation {
+    /// `Omega_1..3` \[rotor speed unit\].
+    pub rotor_speed: [f64; 3],
+    /// Tilt of rotor 1 about the body x axis, mu \[rad\], positive for thrust along body y.
+    pub tilt_rad: f64,
+}
+
+/// Amplitude limits (52)-(53). Known to the plant, to the controller and to the mixer alike.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Limits {
+    /// Lowest rotor speed (idle) \[rotor speed unit\].
+    pub rotor_speed_min: f64,
+    /// Highest rotor speed, one per rotor \[rotor speed unit\].
+    pub rotor_speed_max: [f64; 3],
+    /// Largest tilt either way \[rad\].
+    pub tilt_max_rad: f64,
+}
+
+impl Limits {
+    /// Limits with the highest speed as `max_ratio` times Table II (52), whatever reaction the plant has.
+    pub fn new(vehicle: &Parameters, rotor_speed_min: f64, max_ratio: f64, tilt_max_rad: f64) -> Self {
+        let trim = Trim::solve(vehicle, false).actuation.rotor_speed;
+        Self { rotor_speed_min, rotor_speed_max: trim.map(|omega| max_ratio * omega), tilt_max_rad }
+    }
+
+    /// Nearest position inside the limits; a NaN becomes the lower limit (for the tilt: zero).
+    pub fn clip(&self, command: &Actuation) -> Actuation {
+        let mut rotor_speed = command.rotor_speed;
+        for (omega, max) in rotor_speed.iter_mut().zip(self.rotor_speed_max) {
+            *omega = omega.max(self.rotor_speed_min).min(max);
+        }
+        let tilt = if command.tilt_rad.is_nan() { 0.0 } else { command.tilt_rad };
+        Actuation { rotor_speed, tilt_rad: tilt.clamp(-self.tilt_max_rad, self.tilt_max_rad) }
+    }
+}
+
+/// The lag law of all four actuators.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ActuatorLaw {
+    /// Amplitude limits, applied to the command.
+    pub limits: Limits,
+    /// Time constant of the rotors \[s\]; 0 = no lag.
+    pub rotor_lag_s: f64,
+    /// Time constant of the tilt servo \[s\]; 0 = no lag.
+    pub servo_lag_s: f64,
+    /// Rate limit of the rotors \[rotor speed unit / s\].
+    pub rotor_rate_limit: f64,
+    /// Rate limit of the tilt servo \[rad/s\].
+    pub servo_rate_limit_radps: f64,
+}
+
+impl ActuatorLaw {
+    /// Rate of change of `position` under an already clipped `command`, per second.
+    pub fn rate(&self, position: &Actuation, command: &Actuation) -> Actuation {
+        let lag = |s: f64, to: f64, tau: f64, rate: f64| ((to - s) / tau).clamp(-rate, rate);
+        let mut rotor_speed = [0.0; 3];
+        for ((out, s), to) in rotor_speed.iter_mut().zip(position.rotor_speed).zip(command.rotor_speed) {
+            *out = lag(s, to, self.rotor_lag_s, self.rotor_rate_limit);
+        }
+        let tilt_rad = lag(position.tilt_rad, command.tilt_rad, self.servo_lag_s, self.servo_rate_limit_radps);
+        Actuation { rotor_speed, tilt_rad }
+    }
+
+    /// Position after holding `command` for `dt_s`, in closed form: a constant-rate stretch, then the exponential.
+    pub fn advance(&self, position: &Actuation, command: &Actuation, dt_s: f64) -> Actuation {
+        let command = self.limits.clip(command);
+        let mut rotor_speed = [0.0; 3];
+        for ((out, s), to) in rotor_speed.iter_mut().zip(position.rotor_speed).zip(command.rotor_speed) {
+            *out = first_order(s, to, self.rotor_lag_s, self.rotor_rate_limit, dt_s);
+        }
+        let tilt_rad =
+            first_order(position.tilt_rad, command.tilt_rad, self.servo_lag_s, self.servo_rate_limit_radps, dt_s);
+        Actuation { rotor_speed, tilt_rad }
+    }
+}
+
+/// Rate-limited first-order response from `s` towards `to` after `dt_s`.
+fn first_order(s: f64, to: f64, tau_s: f64, rate: f64, dt_s: f64) -> f64 {
+    let gap = to - s;
+    // While the gap exceeds rate * tau the limit binds and the actuator moves in a straight line.
+    let straight_s = ((gap.abs() - rate * tau_s) / rate).clamp(0.0, dt_s);
+    let left = gap - gap.signum() * rate * straight_s;
+    if tau_s > 0.0 { to - left * (-(dt_s - straight_s) / tau_s).exp() } else { to - left }
+}

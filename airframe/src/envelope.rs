@@ -1,0 +1,108 @@
+//! The exact actuator set: what the limits of rotors and servo allow of the conventional inputs.
+//!
+//! The paper leaves this open, for want of a one-to-one relation between actuator limits and conventional inputs.
+//! There is one: `u_delta = M u` is linear and invertible, and in `u = (Omega1^2 sin mu, Omega1^2 cos mu, Omega2^2,
+//! Omega3^2)` the limits are convex:
+//!
+//! ```text
+//! |(u1, u2)| <= Omega1max^2                       second-order cone
+//! |u1| cos mu_max <= u2 sin mu_max                tilt wedge
+//! u1 sin mu_trim + u2 cos mu_trim >= idle^2       tangent cut, for an idle bound on rotor 1 (itself reverse-convex)
+//! idle^2 <= u3, u4 <= Omegamax^2                  boxes
+//! ```
+
+use nalgebra::{Vector2, Vector4};
+
+use crate::{Limits, MixingMatrix, Parameters, Trim};
+
+/// The exact set, and the map that carries it from the intermediate to the conventional inputs.
+#[derive(Debug, Clone, Copy)]
+pub struct Envelope {
+    /// The map between demands and squared rotor speeds.
+    pub mixing: MixingMatrix,
+    /// Tilt at which the idle cut touches rotor 1's circle \[rad\].
+    pub cut_tilt_rad: f64,
+    /// Amplitude limits the set is made of.
+    pub limits: Limits,
+}
+
+impl Envelope {
+    /// The set of `limits` around the hover of `vehicle`.
+    pub fn new(vehicle: &Parameters, tilt_reaction: bool, limits: Limits) -> Self {
+        Self {
+            mixing: MixingMatrix::new(vehicle, tilt_reaction),
+            cut_tilt_rad: Trim::solve(vehicle, tilt_reaction).actuation.tilt_rad,
+            limits,
+        }
+    }
+
+    /// By how much an intermediate input `u` leaves the set, as a share of `Omega1max^2`; 0 or less is inside.
+    pub fn violation(&self, u: &Vector4<f64>) -> f64 {
+        let [max1, max2, max3] = self.limits.rotor_speed_max.map(|omega| omega * omega);
+        let idle = self.limits.rotor_speed_min.powi(2);
+        let (sin_wedge, cos_wedge) = self.limits.tilt_max_rad.sin_cos();
+        let (sin_cut, cos_cut) = self.cut_tilt_rad.sin_cos();
+        let mut worst = u[0].hypot(u[1]) - max1;
+        worst = worst.max(u[0].abs() * cos_wedge - u[1] * sin_wedge);
+        if idle > 0.0 {
+            worst = worst.max(idle - u[0] * sin_cut - u[1] * cos_cut);
+        }
+        worst = worst.max(idle - u[2]).max(u[2] - max2).max(idle - u[3]).max(u[3] - max3);
+        worst / max1
+    }
+
+    /// The same for a deviation of the conventional inputs from trim \[N, N m, N m, N m\].
+    pub fn demand_violation(&self, demand: &Vector4<f64>) -> f64 {
+        self.violation(&(self.mixing.trim + self.mixing.inverse * demand))
+    }
+
+    /// The smallest box around the set, as deviations from trim: (lower, upper) \[N, N m, N m, N m\].
+    pub fn bounding_box(&self) -> (Vector4<f64>, Vector4<f64>) {
+        let trim = self.mixing.forward * self.mixing.trim;
+        let extreme = |row: usize, sign: f64| {
+            let c = self.mixing.forward.row(row) * sign;
+            sign * (self.support_front(Vector2::new(c[0], c[1])) + self.support_rear(c[2], 1) + self.support_rear(c[3], 2))
+        };
+        let upper = Vector4::from_fn(|row, _| extreme(row, 1.0)) - trim;
+        let lower = Vector4::from_fn(|row, _| extreme(row, -1.0)) - trim;
+        (lower, upper)
+    }
+
+    /// Largest `c u` over the range of one rear rotor's squared speed.
+    fn support_rear(&self, c: f64, rotor: usize) -> f64 {
+        let omega = if c > 0.0 { self.limits.rotor_speed_max[rotor] } else { self.limits.rotor_speed_min };
+        c * omega * omega
+    }
+
+    /// Largest `c . (u1, u2)` over rotor 1's part of the set: a sector of a disc, cut by the idle line.
+    ///
+    /// In polar form (radius, tilt) the extreme lies on the arc towards `c`, at an end of the arc, at the apex, or
+    /// where the idle cut crosses an edge of the wedge.
+    fn support_front(&self, c: Vector2<f64>) -> f64 {
+        let radius = self.limits.rotor_speed_max[0].powi(2);
+        let idle = self.limits.rotor_speed_min.powi(2);
+        let wedge = self.limits.tilt_max_rad;
+        let value = |r: f64, tilt: f64| r * (c[0] * tilt.sin() + c[1] * tilt.cos());
+
+        let (mut low, mut high) = (-wedge, wedge);
+        let mut best = f64::NEG_INFINITY;
+        if idle > 0.0 {
+            let reach = (idle / radius).acos(); // the cut meets the arc this far from its own direction
+            low = low.max(self.cut_tilt_rad - reach);
+            high = high.min(self.cut_tilt_rad + reach);
+            for edge in [-wedge, wedge] {
+                let r = idle / (edge - self.cut_tilt_rad).cos();
+                if (0.0..=radius).contains(&r) {
+                    best = best.max(value(r, edge));
+                }
+            }
+        } else {
+            best = 0.0; // the apex: rotor 1 at rest
+        }
+        let towards = c[0].atan2(c[1]);
+        for tilt in [low, high, towards.clamp(low, high)] {
+            best = best.max(value(radius, tilt));
+        }
+        best
+    }
+}

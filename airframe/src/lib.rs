@@ -1,0 +1,28 @@
+//! The vehicle: physics that plant, controller and mixer all know, stated once.
+//!
+//! | module | holds | paper |
+//! |---|---|---|
+//! | [`parameters`] | mass, inertia, arms, rotor constants | Table I |
+//! | [`trim`] | hover equilibrium in closed form | (23)-(30) |
+//! | [`mixing`] | conventional inputs to squared rotor speeds and back | (33)-(38) |
+//! | [`linear`] | the controller's model and its discretisation | (48) |
+//! | [`actuator`] | lag, amplitude and rate limits of rotors and servo | (52)-(53) |
+//! | [`envelope`] | what those limits mean for the conventional inputs | |
+//!
+//! Frames: NED for the world, forward-right-down for the body. SI units and radians, except the rotor speed:
+//! the paper prints "RPM" beside constants that only make sense for another unit, so the unit is called
+//! *rotor speed unit* here and never converted (see [`parameters`]).
+//!
+//! No process, no message, no file: this crate depends on nothing of the stack.
+
+pub mod actuator;
+pub mod envelope;
+pub mod linear;
+pub mod mixing;
+pub mod parameters;
+pub mod trim;
+
+pub use actuator::{ActuatorLaw, Actuation, Limits};
+pub use mixing::MixingMatrix;
+pub use parameters::Parameters;
+pub use trim::Trim;

@@ -1,0 +1,89 @@
+//! The linear model of attitude and vertical velocity, and its zero-order-hold discretisation.
+//!
+//! About hover, with `x = (w, phi - phi_trim, theta, psi, p, q, r)` and `u = u_delta - u_delta,trim`:
+//!
+//! ```text
+//! dx/dt = A x + B u                                               (48)
+//! ```
+//!
+//! With the actuator lag in the model, four more states `z` follow the inputs, `dz/dt = (u - z) / tau`, and drive the
+//! vehicle in their place.
+
+use nalgebra::{DMatrix, SMatrix};
+
+use crate::{Parameters, Trim};
+
+/// States of (48): w, phi, theta, psi, p, q, r.
+pub const STATES: usize = 7;
+/// Inputs of (48): col, lon, lat, ped.
+pub const INPUTS: usize = 4;
+
+/// `A` and `B` of (48), continuous time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Continuous {
+    /// `A`, 7 x 7 \[1/s, mixed\].
+    pub a: SMatrix<f64, STATES, STATES>,
+    /// `B`, 7 x 4.
+    pub b: SMatrix<f64, STATES, INPUTS>,
+}
+
+/// `Ad` and `Bd` of one sample, `x[k+1] = Ad x[k] + Bd u[k]`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Discrete {
+    /// `Ad`, n x n with n = 7, or 11 with the lag states.
+    pub a: DMatrix<f64>,
+    /// `Bd`, n x 4.
+    pub b: DMatrix<f64>,
+}
+
+impl Continuous {
+    /// Linearises (8) and (11)-(14) at the hover `trim`.
+    pub fn hover(vehicle: &Parameters, trim: &Trim) -> Self {
+        let (sin_phi, cos_phi) = trim.roll_rad.sin_cos();
+        let mut a = SMatrix::zeros();
+        a[(0, 1)] = -vehicle.g_mps2 * sin_phi;
+        a[(1, 4)] = 1.0;
+        a[(2, 5)] = cos_phi;
+        a[(2, 6)] = -sin_phi;
+        a[(3, 5)] = sin_phi;
+        a[(3, 6)] = cos_phi;
+        let mut b = SMatrix::zeros();
+        b[(0, 0)] = 1.0 / vehicle.mass_kg;
+        b[(4, 2)] = 1.0 / vehicle.ixx_kgm2;
+        b[(5, 1)] = 1.0 / vehicle.iyy_kgm2;
+        b[(6, 3)] = 1.0 / vehicle.izz_kgm2;
+        Self { a, b } // (48)
+    }
+
+    /// Zero-order hold over `sample_s`: both matrices from one exponential of `[[A, B], [0, 0]]`.
+    pub fn discretise(&self, sample_s: f64) -> Discrete {
+        zero_order_hold(&to_dynamic(&self.a), &to_dynamic(&self.b), sample_s)
+    }
+
+    /// The same with a first-order lag `lag_s` between the inputs and the vehicle: 11 states.
+    pub fn discretise_with_lag(&self, lag_s: f64, sample_s: f64) -> Discrete {
+        let n = STATES + INPUTS;
+        let mut a = DMatrix::zeros(n, n);
+        a.view_mut((0, 0), (STATES, STATES)).copy_from(&self.a);
+        a.view_mut((0, STATES), (STATES, INPUTS)).copy_from(&self.b);
+        let mut b = DMatrix::zeros(n, INPUTS);
+        for i in 0..INPUTS {
+            a[(STATES + i, STATES + i)] = -1.0 / lag_s;
+            b[(STATES + i, i)] = 1.0 / lag_s;
+        }
+        zero_order_hold(&a, &b, sample_s)
+    }
+}
+
+fn to_dynamic<const R: usize, const C: usize>(matrix: &SMatrix<f64, R, C>) -> DMatrix<f64> {
+    DMatrix::from_column_slice(R, C, matrix.as_slice())
+}
+
+fn zero_order_hold(a: &DMatrix<f64>, b: &DMatrix<f64>, sample_s: f64) -> Discrete {
+    let (n, m) = b.shape();
+    let mut joint = DMatrix::zeros(n + m, n + m);
+    joint.view_mut((0, 0), (n, n)).copy_from(a);
+    joint.view_mut((0, n), (n, m)).copy_from(b);
+    let held = (joint * sample_s).exp();
+    Discrete { a: held.view((0, 0), (n, n)).into_owned(), b: held.view((0, n), (n, m)).into_owned() }
+}

@@ -1,0 +1,146 @@
+//! The two profiles: what every setting is when nobody sets it.
+//!
+//! `paper` is the paper's Tables III and IV with the openings filled as our reading verified; `robust` is the stack's
+//! own: lag and delay in the model, weights that tolerate them, velocity feedback and feed-forward in guidance.
+
+use airframe::Parameters;
+
+use super::sections::*;
+
+impl Scenario {
+    /// All defaults of a profile.
+    pub fn of(profile: Profile) -> Self {
+        match profile {
+            Profile::Paper => paper(),
+            Profile::Robust => robust(),
+        }
+    }
+}
+
+macro_rules! default_is_robust {
+    ($($section:ident: $field:ident),*) => {$(
+        impl Default for $section {
+            fn default() -> Self { robust().$field }
+        }
+    )*};
+}
+default_is_robust!(Run: run, Mission: mission, Plant: plant, Guidance: guidance, Mpc: mpc, Realtime: realtime);
+
+fn paper() -> Scenario {
+    Scenario {
+        name: "survey".into(),
+        profile: Profile::Paper,
+        run: Run {
+            mode: Mode::Realtime,
+            duration_s: 60.0,
+            seed: 0,
+            command_delay_ms: 0.0,
+            command_jitter_ms: 0.0,
+            command_drop_probability: 0.0,
+        },
+        mission: Mission {
+            trajectory: TrajectoryKind::Survey,
+            step_m: [10.0, 10.0, -10.0],
+            step_at_s: 1.0,
+            waypoints_m: vec![[0.0, 0.0, 0.0], [0.0, 0.0, -8.0]],
+            times_s: vec![0.0, 10.0],
+            ramp_s: Ramp::Seconds(1.5),
+            heading_deg: Heading::Constant(0.0),
+        },
+        initial: Initial::default(),
+        airframe: Parameters::default(),
+        plant: Plant {
+            substep_s: 0.001,
+            rotor_lag_s: 0.03,
+            servo_lag_s: 0.03,
+            rotor_rate_limit: 20_000.0,
+            servo_rate_limit_radps: 10.5,
+            rotor_speed_min: 0.0,
+            rotor_speed_max_ratio: 2.0,
+            tilt_max_deg: 90.0,
+            drag_linear_nspm: [0.0; 3],
+            drag_quadratic_ns2pm2: 0.0,
+            tilt_reaction: false,
+            rotor_effectiveness: [1.0; 3],
+            wind_ned_mps: vec![],
+            disturbance: vec![],
+            noise: Noise::default(),
+        },
+        guidance: Guidance {
+            kp_phi: 0.5,
+            ki_phi: 0.01,
+            kd_phi: 0.1,
+            kp_theta: -0.1,
+            ki_theta: -0.01,
+            kd_theta: -0.1,
+            kp_w: 5.0,
+            ki_w: 0.1,
+            kd_w: 0.1,
+            roll_reference: RollReference::Trim,
+            derivative: Derivative::Error,
+            rate_reference: RateReference::Difference,
+            heading_frame: false,
+            acceleration_feedforward: false,
+            velocity_feedforward: false,
+            exact_w: false,
+            disturbance_observer_radps: 0.0,
+            angle_limit_deg: 35.0,
+            w_limit_mps: 1e9,
+            integral_limit: 1e9,
+        },
+        mpc: Mpc {
+            q: [1e2, 1e3, 1e3, 1e3, 1e4, 1e4, 1e4],
+            r: [0.1, 0.1, 0.001, 0.001],
+            np: 10,
+            nu: 5,
+            terminal: Terminal::Zero,
+            constraints: Constraints::None,
+            actuator_lag_model_s: 0.0,
+            delay_compensation: false,
+            disturbance_gain: 0.0,
+        },
+        mixer: Mixer::default(),
+        bounds: Bounds::default(),
+        realtime: Realtime { policy: Policy::Fifo, lock_memory: true },
+    }
+}
+
+fn robust() -> Scenario {
+    let paper = paper();
+    Scenario {
+        profile: Profile::Robust,
+        plant: Plant { rotor_speed_min: 200.0, tilt_max_deg: 60.0, ..paper.plant },
+        guidance: Guidance {
+            kp_phi: 0.2,
+            ki_phi: 0.02,
+            kd_phi: 0.2,
+            kp_theta: -0.2,
+            ki_theta: -0.02,
+            kd_theta: -0.2,
+            kp_w: 2.0,
+            ki_w: 0.1,
+            kd_w: 0.0,
+            derivative: Derivative::Velocity,
+            rate_reference: RateReference::Zero,
+            heading_frame: true,
+            acceleration_feedforward: true,
+            velocity_feedforward: true,
+            exact_w: true,
+            angle_limit_deg: 30.0,
+            w_limit_mps: 4.0,
+            integral_limit: 2.0,
+            ..paper.guidance
+        },
+        mpc: Mpc {
+            q: [1e2, 1e3, 1e3, 1e3, 0.0, 0.0, 0.0],
+            r: [0.4, 300.0, 85.0, 300.0],
+            np: 20,
+            terminal: Terminal::Dare,
+            constraints: Constraints::Cone,
+            actuator_lag_model_s: 0.03,
+            delay_compensation: true,
+            ..paper.mpc
+        },
+        ..paper
+    }
+}

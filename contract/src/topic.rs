@@ -1,0 +1,50 @@
+//! The four topics of the ring, in the order a sample travels.
+
+/// One topic; the discriminant indexes every per-topic array, [`crate::message::Stamp`]'s included.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[repr(usize)]
+pub enum Topic {
+    /// Plant to everyone: what was measured.
+    State = 0,
+    /// Guidance to attitude-mpc: what to follow.
+    Reference = 1,
+    /// attitude-mpc to mixer: forces and moments wanted.
+    Controls = 2,
+    /// Mixer to plant: rotor speeds and tilt commanded.
+    Actuators = 3,
+}
+
+impl Topic {
+    /// Number of topics.
+    pub const COUNT: usize = 4;
+    /// All topics, in the order of the ring.
+    pub const ALL: [Self; Self::COUNT] = [Self::State, Self::Reference, Self::Controls, Self::Actuators];
+
+    /// Name on the wire, in the log and in scenario files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::State => "state",
+            Self::Reference => "reference",
+            Self::Controls => "controls",
+            Self::Actuators => "actuators",
+        }
+    }
+
+    /// The node that publishes this topic.
+    pub const fn publisher(self) -> &'static str {
+        match self {
+            Self::State => "plant",
+            Self::Reference => "guidance",
+            Self::Controls => "attitude-mpc",
+            Self::Actuators => "mixer",
+        }
+    }
+}
+
+/// The nodes of the ring, in the order a sample travels: publisher `i` speaks on topic `i`.
+pub const NODES: [&str; Topic::COUNT] = [
+    Topic::State.publisher(),
+    Topic::Reference.publisher(),
+    Topic::Controls.publisher(),
+    Topic::Actuators.publisher(),
+];

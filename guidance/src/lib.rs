@@ -1,0 +1,1 @@
+//! Position PID: trajectory to attitude and climb references (45)-(47).

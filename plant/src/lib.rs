@@ -1,0 +1,1 @@
+//! The vehicle: six degrees of freedom, actuators, wind, sensors (7)-(22).
