@@ -1,1 +1,9 @@
-//! x
+//! The stack as a whole: flights in process, in lockstep and in real time, and the promises of the repository itself.
+
+mod bad_input;
+mod harness;
+mod lockstep;
+mod paper;
+mod processes;
+mod recorded;
+mod tidy;

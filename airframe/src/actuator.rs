@@ -66,6 +66,7 @@ pub struct ActuatorLaw {
 
 impl ActuatorLaw {
     /// Rate of change of `position` under an already clipped `command`, per second.
+    #[inline]
     pub fn rate(&self, position: &Actuation, command: &Actuation) -> Actuation {
         let lag = |s: f64, to: f64, tau: f64, rate: f64| ((to - s) / tau).clamp(-rate, rate);
         let mut rotor_speed = [0.0; 3];

@@ -61,7 +61,9 @@ impl Envelope {
         let trim = self.mixing.forward * self.mixing.trim;
         let extreme = |row: usize, sign: f64| {
             let c = self.mixing.forward.row(row) * sign;
-            sign * (self.support_front(Vector2::new(c[0], c[1])) + self.support_rear(c[2], 1) + self.support_rear(c[3], 2))
+            sign * (self.support_front(Vector2::new(c[0], c[1]))
+                + self.support_rear(c[2], 1)
+                + self.support_rear(c[3], 2))
         };
         let upper = Vector4::from_fn(|row, _| extreme(row, 1.0)) - trim;
         let lower = Vector4::from_fn(|row, _| extreme(row, -1.0)) - trim;

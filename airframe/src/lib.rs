@@ -22,7 +22,7 @@ pub mod mixing;
 pub mod parameters;
 pub mod trim;
 
-pub use actuator::{ActuatorLaw, Actuation, Limits};
+pub use actuator::{Actuation, ActuatorLaw, Limits};
 pub use mixing::MixingMatrix;
 pub use parameters::Parameters;
 pub use trim::Trim;

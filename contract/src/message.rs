@@ -10,34 +10,7 @@ use bytemuck::{Pod, Zeroable};
 use iceoryx2::prelude::ZeroCopySend;
 
 use crate::Topic;
-
-/// Provenance and timing of one message. All times are `CLOCK_MONOTONIC` nanoseconds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ZeroCopySend)]
-#[repr(C)]
-pub struct Stamp {
-    /// Number of the plant sample; its simulated time is `tick` times the sample time.
-    pub tick: u64,
-    /// The instant that sample stands for: the plant's release time (in lockstep, its publication).
-    pub sample_ns: u64,
-    /// Number of this message among those of its publisher, from 1; 0 means no message yet.
-    pub sequence: u64,
-    /// Incarnation of the publisher: grows with every restart or hot swap.
-    pub epoch: u64,
-    /// Sequence numbers of the messages it was computed from, by topic; 0 where none was used.
-    pub inputs: [u64; Topic::COUNT],
-    /// Publication times along the chain, by topic, up to and including this message.
-    pub publish_ns: [u64; Topic::COUNT],
-    /// When the publisher was due: the release for the plant, the arrival of its input for the others.
-    pub release_ns: u64,
-    /// When the publisher began to work on it.
-    pub start_ns: u64,
-    /// CPU time its thread spent on the previous cycle \[ns\].
-    pub cpu_ns: u64,
-    /// Deadlines the publisher has missed so far.
-    pub misses: u64,
-    /// Periods the publisher has skipped so far.
-    pub slips: u64,
-}
+pub use crate::stamp::Stamp;
 
 /// Position, velocity, attitude and rates.
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend, Pod, Zeroable)]
@@ -246,7 +219,7 @@ pub mod mixer_flags {
 
     /// Whether any clamp acted.
     pub const fn saturated(flags: u64) -> bool {
-        flags & (0b111 * ROTOR_SATURATED | TILT_SATURATED | NEGATIVE_SQUARE) != 0
+        flags & ((0b111 * ROTOR_SATURATED) | TILT_SATURATED | NEGATIVE_SQUARE) != 0
     }
 }
 

@@ -42,9 +42,5 @@ impl Topic {
 }
 
 /// The nodes of the ring, in the order a sample travels: publisher `i` speaks on topic `i`.
-pub const NODES: [&str; Topic::COUNT] = [
-    Topic::State.publisher(),
-    Topic::Reference.publisher(),
-    Topic::Controls.publisher(),
-    Topic::Actuators.publisher(),
-];
+pub const NODES: [&str; Topic::COUNT] =
+    [Topic::State.publisher(), Topic::Reference.publisher(), Topic::Controls.publisher(), Topic::Actuators.publisher()];

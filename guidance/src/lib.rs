@@ -1,1 +1,199 @@
 //! Position PID: trajectory to attitude and climb references (45)-(47).
+//!
+//! | module | holds | paper |
+//! |---|---|---|
+//! | [`trajectory`] | where to be at time t | figure 5 |
+//! | [`pid`] | position error to angles and climb | (45)-(47) |
+//! | [`observer`] | outer disturbance observer | |
+//! | [`rates`] | references of the body rates | |
+//!
+//! ```text
+//! STATE -> error in the heading frame -> PID + feed-forward - disturbance -> limits -> + trim -> REFERENCE
+//! ```
+//!
+//! Departure: profile `robust` switches on what the paper has not: velocity feedback in place of the differenced
+//! error, errors in the heading frame, feed-forward, and a w reference that is exact at any attitude. Each is a
+//! setting; with all of them off this is the paper's controller. Test `val_closed_loop_cases` flies both.
+
+pub mod observer;
+pub mod pid;
+mod process;
+pub mod rates;
+pub mod trajectory;
+
+use airframe::Trim;
+use contract::Scenario;
+use contract::message::{Reference, State, guidance_flags};
+use contract::scenario::{Derivative, Guidance as Settings, RateReference, RollReference};
+use nalgebra::{Rotation3, Vector2, Vector3};
+
+use observer::Observer;
+pub use process::run;
+pub use trajectory::{Setpoint, Trajectory};
+
+/// The position controller.
+#[derive(Debug, Clone)]
+pub struct Guidance {
+    settings: Settings,
+    trajectory: Trajectory,
+    roll_trim_rad: f64,
+    g_mps2: f64,
+    memory: Memory,
+}
+
+/// Everything that survives a tick.
+#[derive(Debug, Clone, Copy, Default)]
+struct Memory {
+    /// Tick of the newest state answered, if any.
+    tick: Option<u64>,
+    /// Position error of that tick, NED \[m\].
+    error_m: Vector3<f64>,
+    /// Integral of the position error, NED \[m s\].
+    integral_ms: Vector3<f64>,
+    observer: Observer,
+    /// The answer itself.
+    reference: Reference,
+}
+
+impl Guidance {
+    /// The controller of `scenario`, at rest.
+    pub fn new(scenario: &Scenario) -> Self {
+        Self {
+            settings: scenario.guidance.clone(),
+            trajectory: Trajectory::new(&scenario.mission),
+            roll_trim_rad: Trim::solve(&scenario.airframe, scenario.mixer.tilt_reaction).roll_rad,
+            g_mps2: scenario.airframe.g_mps2,
+            memory: Memory::default(),
+        }
+    }
+
+    /// REFERENCE for a measured `state`.
+    ///
+    /// A state that is not finite repeats the previous answer with a flag; so does a tick already answered, without.
+    pub fn step(&mut self, state: &State) -> Reference {
+        let m = &state.measured;
+        let measured = [m.position_m, m.velocity_mps, m.attitude_rad, m.rates_radps];
+        if !measured.as_flattened().iter().all(|value| value.is_finite()) {
+            let flags = self.memory.reference.flags | guidance_flags::BAD_INPUT;
+            return Reference { flags, ..self.memory.reference };
+        }
+        let periods = match self.memory.tick {
+            Some(last) if state.stamp.tick <= last => return self.memory.reference,
+            Some(last) => state.stamp.tick - last,
+            None => 0,
+        };
+        let reference = self.follow(state, periods);
+        self.memory.tick = Some(state.stamp.tick);
+        self.memory.reference = reference;
+        reference
+    }
+
+    /// The answer to a new sample, `periods` after the last one; 0 at the first.
+    fn follow(&mut self, state: &State, periods: u64) -> Reference {
+        let t_s = state.stamp.tick as f64 * Scenario::SAMPLE_S;
+        let elapsed_s = periods as f64 * Scenario::SAMPLE_S;
+        let setpoint = self.trajectory.at(t_s);
+        let heading_rad = self.trajectory.heading_rad(t_s);
+        let attitude = Vector3::from(state.measured.attitude_rad);
+        let [phi, theta, psi] = state.measured.attitude_rad;
+        let velocity_ned = Rotation3::from_euler_angles(phi, theta, psi) * Vector3::from(state.measured.velocity_mps);
+        let frame_rad = if self.settings.heading_frame { psi } else { 0.0 };
+
+        let (errors, integral_clamped) = self.errors(&setpoint, state, &velocity_ned, elapsed_s);
+        let wanted = pid::wanted(&self.settings, &errors.map(|e| to_frame(&e, frame_rad)));
+        let acceleration = to_frame(&Vector3::from(setpoint.acceleration_mps2), frame_rad);
+        let disturbance = self.disturbance(&velocity_ned, &attitude, elapsed_s);
+
+        let mut angles = Vector2::new(wanted.phi_rad, wanted.theta_rad);
+        if self.settings.acceleration_feedforward {
+            angles += Vector2::new(acceleration.y, -acceleration.x) / self.g_mps2;
+        }
+        angles += Vector2::new(-(disturbance.y / self.g_mps2).atan(), (disturbance.x / self.g_mps2).atan());
+        let mut climb_mps = wanted.climb_mps;
+        if self.settings.velocity_feedforward {
+            climb_mps += setpoint.velocity_mps[2];
+        }
+        let w_mps = if self.settings.exact_w { pid::exact_w(climb_mps, state) } else { climb_mps };
+
+        let mut flags = if integral_clamped { guidance_flags::INTEGRAL_CLAMPED } else { 0 };
+        let angle_limit = self.settings.angle_limit_deg.to_radians();
+        let phi_ref = limit(angles.x, angle_limit, guidance_flags::ROLL_LIMITED, &mut flags);
+        let theta_ref = limit(angles.y, angle_limit, guidance_flags::PITCH_LIMITED, &mut flags);
+        let w_mps = limit(w_mps, self.settings.w_limit_mps, guidance_flags::W_LIMITED, &mut flags);
+        let roll_zero = match self.settings.roll_reference {
+            RollReference::Trim => self.roll_trim_rad,
+            RollReference::Absolute => 0.0,
+        };
+        let attitude_ref = Vector3::new(phi_ref + roll_zero, theta_ref, heading_rad);
+        Reference {
+            position_m: setpoint.position_m,
+            velocity_mps: setpoint.velocity_mps,
+            w_mps,
+            attitude_rad: attitude_ref.into(),
+            rates_radps: self.rates(&attitude_ref, &attitude, elapsed_s).into(),
+            disturbance_mps2: disturbance.into(),
+            flags,
+            ..Reference::default()
+        }
+    }
+
+    /// Proportional, integral and derivative errors, NED; and whether the integral is at its clamp.
+    fn errors(
+        &mut self,
+        setpoint: &Setpoint,
+        state: &State,
+        velocity_ned: &Vector3<f64>,
+        elapsed_s: f64,
+    ) -> ([Vector3<f64>; 3], bool) {
+        let error = Vector3::from(setpoint.position_m) - Vector3::from(state.measured.position_m);
+        let derivative = match self.settings.derivative {
+            Derivative::Velocity => Vector3::from(setpoint.velocity_mps) - velocity_ned,
+            Derivative::Error if elapsed_s > 0.0 => (error - self.memory.error_m) / elapsed_s,
+            Derivative::Error => Vector3::zeros(),
+        };
+        // The first sample counts as one period, like every other: the sum of rectangles begins with it.
+        let weight_s = if elapsed_s > 0.0 { elapsed_s } else { Scenario::SAMPLE_S };
+        let clamp = self.settings.integral_limit;
+        let free = self.memory.integral_ms + error * weight_s;
+        self.memory.integral_ms = free.map(|i| i.clamp(-clamp, clamp));
+        self.memory.error_m = error;
+        ([error, self.memory.integral_ms, derivative], free != self.memory.integral_ms)
+    }
+
+    fn disturbance(&mut self, velocity_ned: &Vector3<f64>, attitude: &Vector3<f64>, elapsed_s: f64) -> Vector2<f64> {
+        let bandwidth = self.settings.disturbance_observer_radps;
+        if bandwidth <= 0.0 {
+            return Vector2::zeros();
+        }
+        let tilt = Vector2::new(attitude.x - self.roll_trim_rad, attitude.y);
+        self.memory.observer.update(velocity_ned, &tilt, attitude.z, self.g_mps2, bandwidth, elapsed_s)
+    }
+
+    fn rates(&self, wanted: &Vector3<f64>, measured: &Vector3<f64>, elapsed_s: f64) -> Vector3<f64> {
+        match self.settings.rate_reference {
+            RateReference::Difference if elapsed_s > 0.0 => {
+                let before = Vector3::from(self.memory.reference.attitude_rad);
+                rates::body_rates(&((wanted - before) / elapsed_s), measured)
+            }
+            RateReference::Difference | RateReference::Zero => Vector3::zeros(),
+        }
+    }
+}
+
+/// NED turned by `psi_rad` about the vertical: x ahead, y to the right.
+fn to_frame(ned: &Vector3<f64>, psi_rad: f64) -> Vector3<f64> {
+    let (sin, cos) = psi_rad.sin_cos();
+    Vector3::new(cos * ned.x + sin * ned.y, cos * ned.y - sin * ned.x, ned.z)
+}
+
+/// `value` inside +-`bound`, raising `flag` when that changed it.
+fn limit(value: f64, bound: f64, flag: u64, flags: &mut u64) -> f64 {
+    let inside = value.clamp(-bound, bound);
+    if inside != value {
+        *flags |= flag;
+    }
+    inside
+}
+
+#[cfg(test)]
+mod tests;

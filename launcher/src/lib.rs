@@ -1,1 +1,27 @@
-//! x
+//! The launcher: starts the stack, watches it, records it, reports on it. It reads everything, and no node knows it.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`cli`] | the command line |
+//! | [`fly`] | one flight from scenario to report |
+//! | [`inprocess`] | the ring turned by one thread |
+//! | [`stack`] | the ring as processes: start, watch, stop |
+//! | [`recorder`] | the fifth process: every message to `flight.mcap` |
+//! | [`log`] | the flight log's format |
+//! | [`summary`], [`timing`] | what a flight amounts to: metrics, state hash, punctuality |
+//! | [`run_record`] | `run.json` |
+//! | [`report`] | `report.html` |
+//! | [`manage`] | `status` and `stop` |
+
+pub mod cli;
+pub mod fly;
+pub mod inprocess;
+pub mod log;
+pub mod manage;
+pub mod provenance;
+pub mod recorder;
+pub mod report;
+pub mod run_record;
+pub mod stack;
+pub mod summary;
+pub mod timing;

@@ -1,1 +1,7 @@
-fn main() {}
+//! `launcher`: the program users run.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    launcher::cli::main()
+}

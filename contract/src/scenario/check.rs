@@ -1,1 +1,257 @@
-//! check
+//! What settings mean together: ranges of single numbers, and what must hold between them.
+
+use std::ops::Bound::{self, Excluded, Included, Unbounded};
+use std::ops::RangeBounds;
+
+use airframe::Trim;
+use toml::{Table, Value};
+
+use super::{Heading, Mission, Ramp, Scenario, TrajectoryKind};
+
+/// One rule broken.
+pub struct Violation {
+    /// Dotted keys that take part, the most likely culprit first.
+    pub keys: Vec<String>,
+    /// What is wrong.
+    pub what: String,
+    /// What would be right.
+    pub allowed: String,
+}
+
+/// Every rule that `scenario` breaks; `merged` is the same settings as a table.
+pub fn violations(scenario: &Scenario, merged: Table) -> Vec<Violation> {
+    let mut settings = vec![];
+    collect_numbers("", Value::Table(merged), &mut settings);
+    let mut found = Found(vec![]);
+    for (key, numbers) in &settings {
+        if let Some(x) = numbers.iter().find(|x| !x.is_finite()) {
+            found.require(false, &[key], format!("`{key}` = {x:?} is not finite"), "finite numbers");
+        }
+    }
+    if found.0.is_empty() {
+        check_ranges(&settings, &mut found);
+        check_vehicle(scenario, &mut found);
+        check_mission(&scenario.mission, &mut found);
+        check_controller(scenario, &mut found);
+    }
+    found.0
+}
+
+type Range = (Bound<f64>, Bound<f64>);
+const POSITIVE: Range = (Excluded(0.0), Unbounded);
+const NOT_NEGATIVE: Range = (Included(0.0), Unbounded);
+
+/// Each leg of the survey takes this long.
+const SURVEY_LEG_S: f64 = 10.0;
+
+/// Allowed range of each number under a key; arrays are judged number by number, tables key by key.
+const RANGES: [(&str, Range); 31] = [
+    ("run.duration_s", (Included(Scenario::SAMPLE_S), Included(86_400.0))),
+    ("run.command_delay_ms", (Included(0.0), Included(1000.0))),
+    ("run.command_jitter_ms", (Included(0.0), Included(1000.0))),
+    ("run.command_drop_probability", (Included(0.0), Included(1.0))),
+    ("mission.step_at_s", NOT_NEGATIVE),
+    ("mission.times_s", NOT_NEGATIVE),
+    ("mission.ramp_s", NOT_NEGATIVE),
+    ("airframe", POSITIVE),
+    ("plant.substep_s", (Excluded(0.0), Included(Scenario::SAMPLE_S))),
+    ("plant.rotor_lag_s", POSITIVE),
+    ("plant.servo_lag_s", POSITIVE),
+    ("plant.rotor_rate_limit", POSITIVE),
+    ("plant.servo_rate_limit_radps", POSITIVE),
+    ("plant.rotor_speed_min", NOT_NEGATIVE),
+    ("plant.rotor_speed_max_ratio", (Excluded(1.0), Unbounded)),
+    ("plant.tilt_max_deg", (Excluded(0.0), Included(90.0))),
+    ("plant.drag_linear_nspm", NOT_NEGATIVE),
+    ("plant.drag_quadratic_ns2pm2", NOT_NEGATIVE),
+    ("plant.rotor_effectiveness", (Included(0.0), Included(2.0))),
+    ("plant.noise", NOT_NEGATIVE),
+    ("guidance.disturbance_observer_radps", (Included(0.0), Excluded(100.0))), // b Ts < 1
+    ("guidance.angle_limit_deg", (Excluded(0.0), Included(80.0))),
+    ("guidance.w_limit_mps", POSITIVE),
+    ("guidance.integral_limit", NOT_NEGATIVE),
+    ("mpc.q", NOT_NEGATIVE),
+    ("mpc.r", POSITIVE),
+    ("mpc.np", (Included(1.0), Included(200.0))),
+    ("mpc.nu", (Included(1.0), Included(200.0))),
+    ("mpc.actuator_lag_model_s", NOT_NEGATIVE),
+    ("mpc.disturbance_gain", (Included(0.0), Included(1.0))),
+    ("bounds", POSITIVE),
+];
+
+fn check_ranges(settings: &[(String, Vec<f64>)], found: &mut Found) {
+    for (key, numbers) in settings {
+        let under =
+            |prefix: &str| key.strip_prefix(prefix).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'));
+        for (_, range) in RANGES.iter().filter(|(prefix, _)| under(prefix)) {
+            if let Some(x) = numbers.iter().find(|x| !range.contains(*x)) {
+                found.require(false, &[key], format!("`{key}` = {x:?} is out of range"), &describe(*range));
+            }
+        }
+    }
+}
+
+fn check_vehicle(scenario: &Scenario, found: &mut Found) {
+    let plant = &scenario.plant;
+    let substep_ns = (plant.substep_s * 1e9).round();
+    found.require(
+        substep_ns >= 1.0
+            && (plant.substep_s * 1e9 - substep_ns).abs() < 1e-3
+            && Scenario::SAMPLE_NS as f64 % substep_ns == 0.0,
+        &["plant.substep_s"],
+        format!("`plant.substep_s` = {:?} does not divide the sample of 10 ms", plant.substep_s),
+        "10 ms over a whole number, in whole nanoseconds: 0.001, 0.0005, 0.0025, ...",
+    );
+    for (key, lag_s) in [("plant.rotor_lag_s", plant.rotor_lag_s), ("plant.servo_lag_s", plant.servo_lag_s)] {
+        found.require(
+            lag_s >= plant.substep_s / 2.0,
+            &[key, "plant.substep_s"],
+            format!("`{key}` = {lag_s:?} is too short for `plant.substep_s` = {:?}", plant.substep_s),
+            "at least half a substep: below, the integration (RK4) is not stable",
+        );
+    }
+
+    let trim = Trim::solve(&scenario.airframe, plant.tilt_reaction).actuation;
+    let slowest = trim.rotor_speed.into_iter().fold(f64::INFINITY, f64::min);
+    found.require(
+        plant.rotor_speed_min < slowest,
+        &["plant.rotor_speed_min", "airframe", "plant.tilt_reaction"],
+        format!("`plant.rotor_speed_min` = {:?} leaves no hover", plant.rotor_speed_min),
+        &format!("below the slowest rotor at trim, {slowest:.1}"),
+    );
+    let tilt_deg = trim.tilt_rad.to_degrees();
+    found.require(
+        plant.tilt_max_deg > tilt_deg,
+        &["plant.tilt_max_deg", "airframe"],
+        format!("`plant.tilt_max_deg` = {:?} leaves no hover", plant.tilt_max_deg),
+        &format!("above the tilt at trim, {tilt_deg:.2}, and at most 90"),
+    );
+
+    let [north, east, down] = scenario.initial.position_m;
+    found.require(
+        north.hypot(east).hypot(down) < 500.0,
+        &["initial.position_m"],
+        "`initial.position_m` is too far out".into(),
+        "within 500 m of the origin: beyond, a run counts as diverged",
+    );
+    found.require(
+        scenario.initial.attitude_deg[1].abs() < 88.0,
+        &["initial.attitude_deg"],
+        format!("`initial.attitude_deg` has a pitch of {:?}", scenario.initial.attitude_deg[1]),
+        "a pitch between -88 and 88: Euler angles end at 90",
+    );
+    let wind: Vec<f64> = plant.wind_ned_mps.iter().map(|step| step.0).collect();
+    let disturbance: Vec<f64> = plant.disturbance.iter().map(|step| step.0).collect();
+    check_steps("plant.wind_ned_mps", &wind, found);
+    check_steps("plant.disturbance", &disturbance, found);
+}
+
+fn check_mission(mission: &Mission, found: &mut Found) {
+    let Mission { waypoints_m, times_s, .. } = mission;
+    let keys = ["mission.times_s", "mission.waypoints_m"];
+    found.require(
+        waypoints_m.len() == times_s.len() && waypoints_m.len() >= 2,
+        &keys,
+        format!("{} waypoints and {} times", waypoints_m.len(), times_s.len()),
+        "at least two waypoints in `mission.waypoints_m`, and one time for each in `mission.times_s`",
+    );
+    found.require(
+        times_s.is_sorted_by(|earlier, later| earlier < later),
+        &keys[..1],
+        "`mission.times_s` does not rise".into(),
+        "each time later than the one before",
+    );
+    if let Heading::Steps(steps) = &mission.heading_deg {
+        check_steps("mission.heading_deg", &steps.iter().map(|step| step.0).collect::<Vec<_>>(), found);
+    }
+
+    let shortest_leg_s = match mission.trajectory {
+        TrajectoryKind::Survey => SURVEY_LEG_S,
+        TrajectoryKind::Waypoints => times_s.windows(2).map(|leg| leg[1] - leg[0]).fold(f64::INFINITY, f64::min),
+        TrajectoryKind::Hover | TrajectoryKind::Step | TrajectoryKind::Circle => f64::INFINITY,
+    };
+    if let Ramp::Seconds(ramp_s) = mission.ramp_s {
+        found.require(
+            ramp_s <= shortest_leg_s / 2.0,
+            &["mission.ramp_s", "mission.times_s", "mission.trajectory"],
+            format!("`mission.ramp_s` = {ramp_s:?} does not fit the shortest leg of {shortest_leg_s:?} s"),
+            &format!("at most half of it, {:?}", shortest_leg_s / 2.0),
+        );
+    }
+}
+
+fn check_controller(scenario: &Scenario, found: &mut Found) {
+    let mpc = &scenario.mpc;
+    found.require(
+        mpc.nu <= mpc.np,
+        &["mpc.nu", "mpc.np"],
+        format!("`mpc.nu` = {} is longer than `mpc.np` = {}", mpc.nu, mpc.np),
+        "1 <= nu <= np <= 200",
+    );
+    found.require(
+        mpc.actuator_lag_model_s <= 0.0 || mpc.actuator_lag_model_s >= 0.001,
+        &["mpc.actuator_lag_model_s"],
+        format!("`mpc.actuator_lag_model_s` = {:?} is too short to model", mpc.actuator_lag_model_s),
+        "0 for no lag, or at least 0.001",
+    );
+    found.require(
+        !scenario.mixer.projection,
+        &["mixer.projection"],
+        "`mixer.projection` is not available yet".into(),
+        "false",
+    );
+    found.require(!scenario.name.trim().is_empty(), &["name"], "`name` is empty".into(), "what the run is called");
+}
+
+/// Steps over time stand in order.
+fn check_steps(key: &str, times_s: &[f64], found: &mut Found) {
+    found.require(
+        times_s.first().is_none_or(|first| *first >= 0.0) && times_s.is_sorted(),
+        &[key],
+        format!("the steps of `{key}` are out of order"),
+        "times of 0 or later, sorted",
+    );
+}
+
+struct Found(Vec<Violation>);
+
+impl Found {
+    fn require(&mut self, holds: bool, keys: &[&str], what: String, allowed: &str) {
+        if !holds {
+            let keys = keys.iter().map(|key| (*key).to_string()).collect();
+            self.0.push(Violation { keys, what, allowed: format!("allowed: {allowed}") });
+        }
+    }
+}
+
+fn describe((low, high): Range) -> String {
+    let side = |bound, inclusive, exclusive| match bound {
+        Included(x) => Some(format!("{inclusive} {x}")),
+        Excluded(x) => Some(format!("{exclusive} {x}")),
+        Unbounded => None,
+    };
+    let sides = [side(low, "at least", "above"), side(high, "at most", "below")];
+    sides.into_iter().flatten().collect::<Vec<_>>().join(", ")
+}
+
+/// All numbers of `value` with the dotted key they stand under.
+fn collect_numbers(path: &str, value: Value, found: &mut Vec<(String, Vec<f64>)>) {
+    match value {
+        Value::Table(table) => {
+            for (name, value) in table {
+                let key = if path.is_empty() { name } else { format!("{path}.{name}") };
+                collect_numbers(&key, value, found);
+            }
+        }
+        value => found.push((path.into(), numbers(&value))),
+    }
+}
+
+fn numbers(value: &Value) -> Vec<f64> {
+    match value {
+        Value::Integer(x) => vec![*x as f64],
+        Value::Float(x) => vec![*x],
+        Value::Array(values) => values.iter().flat_map(numbers).collect(),
+        _ => vec![],
+    }
+}

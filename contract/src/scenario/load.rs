@@ -1,3 +1,102 @@
-//! load
-#[derive(Debug)] pub struct ScenarioError;
-pub fn load() {} pub fn from_merged() {} pub fn to_toml() {}
+//! Loading: profile < file < `--set key=value`, merged table by table; arrays replace.
+
+use std::path::Path;
+
+use toml::{Table, Value};
+
+use super::report::{Problem, ScenarioError, Source};
+use super::{Scenario, check, shape};
+
+/// The scenario of `file` with `overrides` on top (`key=value`, the value in TOML or a bare word), on the defaults of
+/// the profile they choose. Without a file: the defaults alone.
+pub fn load(file: Option<&Path>, overrides: &[String]) -> Result<Scenario, ScenarioError> {
+    let file = file.map(read).transpose()?;
+    let sources: Vec<Source> = file.into_iter().chain(overrides.iter().map(|text| set(text))).collect();
+    resolve(&sources)
+}
+
+/// The scenario that [`to_toml`] wrote as `text`, checked once more; `origin` names the text in errors.
+pub fn from_merged(text: &str, origin: &str) -> Result<Scenario, ScenarioError> {
+    resolve(&[Source { path: Some(origin.into()), text: text.into() }])
+}
+
+/// All settings as a scenario file, exact to the last bit.
+pub fn to_toml(scenario: &Scenario) -> String {
+    toml::to_string(scenario).expect("every setting has a form in TOML")
+}
+
+/// Lays the sources over each other, later ones above, and checks the result.
+fn resolve(sources: &[Source]) -> Result<Scenario, ScenarioError> {
+    let mut given = Table::new();
+    let mut problems = vec![];
+    for source in sources {
+        match shape::read(source) {
+            Ok(settings) => overlay(&mut given, settings),
+            Err(found) => problems.extend(found),
+        }
+    }
+    if !problems.is_empty() {
+        return Err(ScenarioError::new(&problems));
+    }
+
+    let profile = typed(given.clone()).profile;
+    let mut merged = Table::try_from(Scenario::of(profile)).expect("profiles have a form in TOML");
+    overlay(&mut merged, given);
+    let scenario = typed(merged.clone());
+
+    let problems: Vec<Problem> = check::violations(&scenario, merged)
+        .into_iter()
+        .map(|violation| Problem {
+            title: violation.what,
+            place: violation.keys.iter().find_map(|key| shape::find(sources, key)),
+            help: violation.allowed,
+        })
+        .collect();
+    if problems.is_empty() { Ok(scenario) } else { Err(ScenarioError::new(&problems)) }
+}
+
+fn typed(settings: Table) -> Scenario {
+    settings.try_into().expect("every source was read as a scenario by itself")
+}
+
+/// `above` wins; tables merge key by key.
+fn overlay(below: &mut Table, above: Table) {
+    for (key, value) in above {
+        match (below.get_mut(&key), value) {
+            (Some(Value::Table(below)), Value::Table(above)) => overlay(below, above),
+            (_, value) => {
+                below.insert(key, value);
+            }
+        }
+    }
+}
+
+fn read(path: &Path) -> Result<Source, ScenarioError> {
+    let name = path.display().to_string();
+    let bytes = std::fs::read(path).map_err(|error| {
+        ScenarioError::new(&[Problem {
+            title: format!("cannot read the scenario `{name}`: {error}"),
+            place: None,
+            help: "give the path of a scenario file; `ls scenarios` lists the shipped ones".into(),
+        }])
+    })?;
+    String::from_utf8(bytes).map(|text| Source { path: Some(name.clone()), text }).map_err(|error| {
+        let start = error.utf8_error().valid_up_to();
+        let text = String::from_utf8_lossy(error.as_bytes()).into_owned();
+        let place = Some((&Source { path: Some(name), text }, start..start + char::REPLACEMENT_CHARACTER.len_utf8()));
+        ScenarioError::new(&[Problem { title: "not UTF-8".into(), place, help: "save the file as UTF-8 text".into() }])
+    })
+}
+
+/// One `--set`. What TOML cannot read but begins with a letter is a string without its quotes.
+fn set(argument: &str) -> Source {
+    let text = match argument.split_once('=') {
+        Some((key, word))
+            if word.trim_start().starts_with(char::is_alphabetic) && argument.parse::<Table>().is_err() =>
+        {
+            format!("{key}={}", Value::from(word.trim()))
+        }
+        _ => argument.into(),
+    };
+    Source { path: None, text }
+}

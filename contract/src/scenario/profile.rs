@@ -5,7 +5,10 @@
 
 use airframe::Parameters;
 
-use super::sections::*;
+use super::sections::{
+    Bounds, Constraints, Derivative, Guidance, Heading, Initial, Mission, Mixer, Mode, Mpc, Noise, Plant, Policy,
+    Profile, Ramp, RateReference, Realtime, RollReference, Run, Scenario, Terminal, TrajectoryKind,
+};
 
 impl Scenario {
     /// All defaults of a profile.

@@ -216,7 +216,7 @@ pub struct Guidance {
     pub kp_w: f64,
     pub ki_w: f64,
     pub kd_w: f64,
-    /// What phi_ref is added to.
+    /// What `phi_ref` is added to.
     pub roll_reference: RollReference,
     /// What the D terms act on.
     pub derivative: Derivative,
@@ -224,7 +224,7 @@ pub struct Guidance {
     pub rate_reference: RateReference,
     /// Rotate errors and feed-forward by psi.
     pub heading_frame: bool,
-    /// phi += a_y/g, theta -= a_x/g.
+    /// `phi += a_y/g`, `theta -= a_x/g`.
     pub acceleration_feedforward: bool,
     /// w += reference climb rate.
     pub velocity_feedforward: bool,
@@ -244,7 +244,7 @@ pub struct Guidance {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum RollReference {
-    /// Added to phi_trim.
+    /// Added to `phi_trim`.
     Trim,
     /// Taken as it is.
     Absolute,

@@ -1,0 +1,112 @@
+//! The optimal control problem, condensed: the states are eliminated, and what is left is a quadratic in the moves.
+//!
+//! ```text
+//! J(U) = sum_{k=1}^{Np-1} |x_k - r|_Q^2 + |x_Np - r|_P^2 + sum_{k=0}^{Nu-1} |u_k + d|_R^2      (4)
+//! ```
+//!
+//! With `c = (x; r; d)` the given numbers, each miss of the target is linear in them and in the moves `U`:
+//!
+//! ```text
+//! x_k - r = E_k c + G_k U
+//! J(U)    = 2 (1/2 U'H U + f'U) + constant,   H = sum G_k' Q_k G_k + Rb,   f = sum G_k' Q_k E_k c + Rb d
+//! U*      = -H^-1 f                            without constraints
+//! ```
+//!
+//! Departure: the paper regulates to zero; we follow `r`, with `-d` as the target of the inputs and of the lag states,
+//! so that a disturbance leaves no offset. Test `a_constant_disturbance_leaves_no_offset`.
+//!
+//! Departure: the paper closes the tail with `u = K x` and does not say which K; we hold the last move. Test
+//! `val_first_move_gains`.
+
+use airframe::linear::{INPUTS, STATES};
+use contract::scenario::{Mpc, Terminal};
+use nalgebra::{DMatrix, DVector};
+
+use crate::model::PredictionModel;
+use crate::riccati;
+
+/// Makes `Q` definite for the Riccati equation, where states without weight would leave it semidefinite.
+const DARE_REGULARISATION: f64 = 1e-9;
+
+/// The quadratic in the moves, and its minimiser as a gain.
+#[derive(Debug, Clone)]
+pub struct Condensed {
+    /// `H`, 4Nu x 4Nu.
+    pub hessian: DMatrix<f64>,
+    /// `U* = gain (x; r; d)`, 4Nu x (n + 7 + 4). Each move is col, lon, lat, ped.
+    pub gain: DMatrix<f64>,
+}
+
+impl Condensed {
+    /// Condenses the problem of a model and its weights.
+    ///
+    /// # Panics
+    /// When `R` is not positive definite; scenario validation refuses that.
+    pub fn new(model: &PredictionModel, weights: &Mpc) -> Self {
+        let n = model.states();
+        let (q, r) = stage_weights(n, weights);
+        let p = terminal_weight(model, weights, &q, &r);
+        let targets = targets(model);
+
+        // The course of the states without a move, by (x; r; d), and what each move adds to it.
+        let mut free = DMatrix::zeros(n, n + STATES + INPUTS);
+        free.columns_mut(0, n).fill_with_identity();
+        let mut forced = DMatrix::zeros(n, INPUTS * weights.nu);
+        let mut hessian = DMatrix::zeros(INPUTS * weights.nu, INPUTS * weights.nu);
+        let mut gradient = DMatrix::zeros(INPUTS * weights.nu, n + STATES + INPUTS);
+
+        for k in 1..=weights.np {
+            let newest = (k - 1).min(weights.nu - 1); // after Nu the last move is held
+            free = &model.a * free;
+            add(&mut free, 0, n + STATES, &model.e);
+            forced = &model.a * forced;
+            add(&mut forced, 0, INPUTS * newest, &model.b);
+            let pull = forced.transpose() * if k < weights.np { &q } else { &p };
+            hessian += &pull * &forced;
+            gradient += pull * (&free - &targets);
+        }
+        for k in 0..weights.nu {
+            add(&mut hessian, INPUTS * k, INPUTS * k, &r);
+            add(&mut gradient, INPUTS * k, n + STATES, &r);
+        }
+        let cholesky = hessian.clone().cholesky().expect("R is positive definite, scenario validation sees to that");
+        Self { gain: -cholesky.solve(&gradient), hessian } // (4)
+    }
+}
+
+/// `Q`, n x n with nothing on the lag states, and `R`.
+fn stage_weights(n: usize, weights: &Mpc) -> (DMatrix<f64>, DMatrix<f64>) {
+    let mut q = DMatrix::zeros(n, n);
+    q.view_mut((0, 0), (STATES, STATES)).set_diagonal(&DVector::from_row_slice(&weights.q));
+    (q, DMatrix::from_diagonal(&DVector::from_row_slice(&weights.r)))
+}
+
+/// `P`, n x n.
+fn terminal_weight(model: &PredictionModel, weights: &Mpc, q: &DMatrix<f64>, r: &DMatrix<f64>) -> DMatrix<f64> {
+    let n = model.states();
+    match weights.terminal {
+        Terminal::Zero => DMatrix::zeros(n, n),
+        Terminal::Q => q.clone(),
+        Terminal::Dare => riccati::solve(&model.a, &model.b, &(q + DMatrix::identity(n, n) * DARE_REGULARISATION), r),
+    }
+}
+
+/// Where the states shall go, by `(x; r; d)`: the seven to `r`, the lag states to `-d`. n x (n + 7 + 4).
+fn targets(model: &PredictionModel) -> DMatrix<f64> {
+    let n = model.states();
+    let mut targets = DMatrix::zeros(n, n + STATES + INPUTS);
+    targets.view_mut((0, n), (STATES, STATES)).fill_with_identity();
+    if model.has_lag() {
+        targets.view_mut((STATES, n + STATES), (INPUTS, INPUTS)).fill_diagonal(-1.0);
+    }
+    targets
+}
+
+/// Adds `block` to the part of `matrix` whose first element is at `row`, `column`.
+fn add(matrix: &mut DMatrix<f64>, row: usize, column: usize, block: &DMatrix<f64>) {
+    let mut part = matrix.view_mut((row, column), block.shape());
+    part += block;
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,107 @@
+//! The condensed problem against the plain sum (4), and against the independent simulator.
+
+use contract::Scenario;
+use contract::scenario::Profile;
+use nalgebra::Vector4;
+
+use super::*;
+use crate::fixture;
+
+fn condensed(scenario: &Scenario) -> (PredictionModel, Condensed) {
+    let model = PredictionModel::new(scenario);
+    let condensed = Condensed::new(&model, &scenario.mpc);
+    (model, condensed)
+}
+
+/// The cost (4) as it is printed, by running the model.
+fn cost(model: &PredictionModel, weights: &Mpc, given: &DVector<f64>, plan: &DVector<f64>) -> f64 {
+    let n = model.states();
+    let (q, r) = stage_weights(n, weights);
+    let p = terminal_weight(model, weights, &q, &r);
+    let d = Vector4::from_column_slice(given.rows(n + STATES, INPUTS).as_slice());
+    let mut target = DVector::zeros(n);
+    target.rows_mut(0, STATES).copy_from(&given.rows(n, STATES));
+    if model.has_lag() {
+        target.rows_mut(STATES, INPUTS).copy_from(&-d);
+    }
+    let mut x = given.rows(0, n).into_owned();
+    let mut next = x.clone();
+    let mut sum = 0.0;
+    for k in 0..weights.np {
+        let newest = INPUTS * k.min(weights.nu - 1);
+        let u = Vector4::from_column_slice(plan.rows(newest, INPUTS).as_slice());
+        model.predict(&x, &u, &d, &mut next);
+        x.copy_from(&next);
+        let miss = &x - &target;
+        sum += (miss.transpose() * if k + 1 < weights.np { &q } else { &p } * miss)[0];
+        if k < weights.nu {
+            sum += ((u + d).transpose() * &r * (u + d))[0];
+        }
+    }
+    sum
+}
+
+#[test]
+fn the_gain_minimises_the_printed_cost() {
+    for (profile, np, nu, terminal) in [
+        (Profile::Paper, 10, 5, Terminal::Zero),
+        (Profile::Robust, 20, 5, Terminal::Dare),
+        (Profile::Robust, 3, 3, Terminal::Q),
+        (Profile::Paper, 1, 1, Terminal::Q),
+    ] {
+        let mut scenario = Scenario::of(profile);
+        scenario.mpc = Mpc { np, nu, terminal, ..scenario.mpc };
+        let (model, condensed) = condensed(&scenario);
+        let given = DVector::from_fn(model.states() + STATES + INPUTS, |i, _| (1.0 + i as f64).sin() * 0.3);
+        let plan = &condensed.gain * &given;
+        let least = cost(&model, &scenario.mpc, &given, &plan);
+        for i in 0..plan.len() {
+            // Off the minimum by e, a quadratic with Hessian 2 H grows by H_ii e^2, both ways.
+            let step = (1e-2 * least / condensed.hessian[(i, i)]).sqrt();
+            for e in [step, -step] {
+                let mut other = plan.clone();
+                other[i] += e;
+                let growth = cost(&model, &scenario.mpc, &given, &other) - least;
+                let expected = condensed.hessian[(i, i)] * e * e;
+                assert!((growth / expected - 1.0).abs() < 1e-6, "{profile:?} {i}: {growth} is not {expected}");
+            }
+        }
+    }
+}
+
+#[test]
+fn val_first_move_gains() {
+    // The reference gives u = -K x + Kr r; with the lag, its r has targets for the lag states too, and ours has not.
+    for (profile, k, kr) in [(Profile::Paper, "K_B0", "Kr_B0"), (Profile::Robust, "K_B2", "Kr_B2")] {
+        let (model, condensed) = condensed(&Scenario::of(profile));
+        let n = model.states();
+        let by = |from: usize, columns: usize| condensed.gain.view((0, from), (INPUTS, columns)).into_owned();
+        fixture::assert_matrix(&-by(0, n), &fixture::matrix(k));
+        fixture::assert_matrix(&by(n, STATES), &fixture::matrix(kr).columns(0, STATES).into_owned());
+    }
+}
+
+#[test]
+fn the_disturbance_is_cancelled_at_rest() {
+    for profile in [Profile::Paper, Profile::Robust] {
+        let (model, condensed) = condensed(&Scenario::of(profile));
+        let n = model.states();
+        let d = Vector4::new(1.0, -0.2, 0.1, 0.3);
+        let mut given = DVector::zeros(n + STATES + INPUTS);
+        if model.has_lag() {
+            given.rows_mut(STATES, INPUTS).copy_from(&-d); // the actuators hold against it already
+        }
+        given.rows_mut(n + STATES, INPUTS).copy_from(&d);
+        for u in (&condensed.gain * given).as_slice().chunks_exact(INPUTS) {
+            assert!((Vector4::from_column_slice(u) + d).amax() < 1e-9, "{profile:?}");
+        }
+    }
+}
+
+#[test]
+fn the_longest_horizon_is_still_finite() {
+    let mut scenario = Scenario::default();
+    (scenario.mpc.np, scenario.mpc.nu) = (200, 20);
+    let (_, condensed) = condensed(&scenario);
+    assert!(condensed.gain.iter().all(|k| k.is_finite()));
+}

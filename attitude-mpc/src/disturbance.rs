@@ -1,0 +1,78 @@
+//! The estimate of a constant disturbance on the inputs: what the model failed to predict, fed back slowly.
+//!
+//! ```text
+//! d <- d + L S (x - x_predicted) / Ts,   S = (m, Iyy, Ixx, Izz) from (w, q, p, r) to (col, lon, lat, ped)
+//! ```
+//!
+//! `S / Ts` turns a miss of velocity over one sample into the force or moment behind it, so `L` is the share of the
+//! miss that is believed each sample.
+
+use airframe::Parameters;
+use contract::Scenario;
+use nalgebra::{DVector, Vector4};
+
+/// States that the inputs col, lon, lat, ped drive: w, q, p, r.
+const DRIVEN: [usize; 4] = [0, 5, 4, 6];
+
+/// The law of the estimate. The estimate itself is kept by the controller.
+#[derive(Debug, Clone)]
+pub struct DisturbanceLaw {
+    /// `L S / Ts`: N per m/s, N m per rad/s.
+    gain: Vector4<f64>,
+}
+
+impl DisturbanceLaw {
+    /// The law with gain `L`; `None` for the gain 0, which leaves the estimate at rest.
+    pub fn new(vehicle: &Parameters, gain: f64) -> Option<Self> {
+        let inertia = Vector4::new(vehicle.mass_kg, vehicle.iyy_kgm2, vehicle.ixx_kgm2, vehicle.izz_kgm2);
+        (gain > 0.0).then(|| Self { gain: inertia * gain / Scenario::SAMPLE_S })
+    }
+
+    /// The estimate after the state `x` was observed where `predicted` was expected.
+    pub fn update(&self, d: &Vector4<f64>, x: &DVector<f64>, predicted: &DVector<f64>) -> Vector4<f64> {
+        let miss = Vector4::from(DRIVEN.map(|i| x[i] - predicted[i]));
+        d + self.gain.component_mul(&miss)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use contract::scenario::Profile;
+
+    use super::*;
+    use crate::model::PredictionModel;
+
+    /// Runs the model with a disturbance that the estimate does not know, and the estimate beside it.
+    fn converges(profile: Profile) {
+        let model = PredictionModel::new(&Scenario::of(profile));
+        let law = DisturbanceLaw::new(&Scenario::default().airframe, 0.2).unwrap();
+        let truth = Vector4::new(1.0, -0.1, 0.2, 0.05);
+        let u = Vector4::new(-0.5, 0.03, 0.0, 0.01);
+        let mut d = Vector4::zeros();
+        let mut x = DVector::zeros(model.states());
+        let (mut next, mut predicted) = (x.clone(), x.clone());
+        for _ in 0..150 {
+            model.predict(&x, &u, &truth, &mut next);
+            model.predict(&x, &u, &d, &mut predicted);
+            d = law.update(&d, &next, &predicted);
+            x.copy_from(&next);
+        }
+        assert!((d - truth).amax() < 1e-9, "{d} is not {truth}");
+    }
+
+    #[test]
+    fn it_finds_a_constant_disturbance_without_bias() {
+        converges(Profile::Paper);
+        converges(Profile::Robust);
+    }
+
+    #[test]
+    fn falling_faster_than_predicted_is_a_force_down() {
+        let law = DisturbanceLaw::new(&Scenario::default().airframe, 0.5).unwrap();
+        let mut x = DVector::zeros(7);
+        x[0] = 0.01; // 1.1 kg gained 0.01 m/s in 10 ms: 1.1 N, of which half is believed
+        let d = law.update(&Vector4::zeros(), &x, &DVector::zeros(7));
+        assert!((d - Vector4::new(0.55, 0.0, 0.0, 0.0)).amax() < 1e-12);
+        assert!(DisturbanceLaw::new(&Scenario::default().airframe, 0.0).is_none());
+    }
+}

@@ -1,0 +1,123 @@
+//! Tests only: the values of the independent simulator.
+
+use contract::Scenario;
+use contract::message::{Reference, State};
+use contract::scenario::{Constraints, Profile, Terminal};
+use nalgebra::{DMatrix, DVector};
+use serde_json::Value;
+
+/// The reference file.
+pub fn reference() -> Value {
+    let text = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/reference/reference.json"));
+    serde_json::from_str(text).unwrap()
+}
+
+/// The numbers of a JSON array.
+pub fn vector(value: &Value) -> DVector<f64> {
+    DVector::from_iterator(value.as_array().unwrap().len(), value.as_array().unwrap().iter().map(number))
+}
+
+/// A reference matrix by name.
+pub fn matrix(name: &str) -> DMatrix<f64> {
+    let reference = reference();
+    let rows = reference["reference"][name].as_array().unwrap();
+    DMatrix::from_rows(&rows.iter().map(|row| vector(row).transpose()).collect::<Vec<_>>())
+}
+
+/// Asserts that `ours` is the matrix `theirs`, to 1e-9 relative to its largest element.
+pub fn assert_matrix(ours: &DMatrix<f64>, theirs: &DMatrix<f64>) {
+    let miss = (ours - theirs).amax() / theirs.amax();
+    assert!(miss < 1e-9, "{miss:e} off: {ours} is not {theirs}");
+}
+
+/// One problem the simulator solved, as settings and messages.
+pub struct Case {
+    /// What it is called.
+    pub name: String,
+    /// The settings of the controller.
+    pub scenario: Scenario,
+    /// The measured state, with the command in force at trim.
+    pub state: State,
+    /// What to follow.
+    pub reference: Reference,
+    /// The demand published before.
+    pub previous: [f64; 4],
+    /// The simulator's plan.
+    pub plan: DVector<f64>,
+    /// The simulator's value of the quadratic.
+    pub objective: f64,
+    /// Whether a constraint binds it.
+    pub active: bool,
+    /// How near we must come.
+    pub tolerance: Tolerance,
+}
+
+/// How near a solution must come to the simulator's.
+pub struct Tolerance {
+    /// Of the first move \[N, N m, N m, N m\].
+    pub first_move: f64,
+    /// Of the objective, relative.
+    pub objective: f64,
+}
+
+/// All of them.
+pub fn cases() -> Vec<Case> {
+    reference()["mpc_cases"].as_array().unwrap().iter().map(case).collect()
+}
+
+fn case(case: &Value) -> Case {
+    let scenario = scenario(&case["cfg"]);
+    let (x, r, act) = (vector(&case["x_abs"]), vector(&case["ref_abs"]), vector(&case["act"]));
+    let mut state = State::default();
+    state.measured.velocity_mps[2] = x[0];
+    state.measured.attitude_rad = [x[1], x[2], x[3]];
+    state.measured.rates_radps = [x[4], x[5], x[6]];
+    state.command_in_force.rotor_speed = [act[0], act[1], act[2]];
+    state.command_in_force.tilt_rad = act[3];
+    let reference = Reference {
+        w_mps: r[0],
+        attitude_rad: [r[1], r[2], r[3]],
+        rates_radps: [r[4], r[5], r[6]],
+        ..Reference::default()
+    };
+    Case {
+        name: case["name"].as_str().unwrap().into(),
+        scenario,
+        state,
+        reference,
+        previous: std::array::from_fn(|axis| number(&case["u_prev"][axis])),
+        plan: vector(&case["U"]),
+        objective: number(&case["objective"]),
+        active: case["constrained_active"].as_bool().unwrap(),
+        tolerance: Tolerance { first_move: number(&case["u0_tol"]), objective: number(&case["objective_rel_tol"]) },
+    }
+}
+
+fn scenario(cfg: &Value) -> Scenario {
+    let mut scenario = Scenario::of(Profile::Paper);
+    let mpc = &mut scenario.mpc;
+    mpc.q = std::array::from_fn(|i| number(&cfg["Q"][i]));
+    mpc.r = std::array::from_fn(|i| number(&cfg["R"][i]));
+    mpc.np = cfg["Np"].as_u64().unwrap() as usize;
+    mpc.nu = cfg["Nu"].as_u64().unwrap() as usize;
+    mpc.terminal = match cfg["P"].as_str().unwrap() {
+        "dare" => Terminal::Dare,
+        "0" => Terminal::Zero,
+        other => panic!("terminal weight {other}"),
+    };
+    mpc.constraints = match cfg["constraints"].as_str().unwrap() {
+        "soc" => Constraints::Cone,
+        "none" => Constraints::None,
+        other => panic!("constraints {other}"),
+    };
+    mpc.actuator_lag_model_s = cfg["lag_model_tau"].as_f64().unwrap_or(0.0);
+    mpc.delay_compensation = cfg["delay_comp_samples"] == 1;
+    scenario.plant.rotor_speed_min = number(&cfg["om_min"]);
+    scenario.plant.rotor_speed_max_ratio = number(&cfg["ommax_scale"]);
+    scenario.plant.tilt_max_deg = number(&cfg["mu_max"]).to_degrees();
+    scenario
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap()
+}

@@ -1,0 +1,160 @@
+//! The prediction model: what the controller believes the next sample will be.
+//!
+//! ```text
+//! x[k+1] = Ad x[k] + Bd u[k] + Ed d                                  (1)
+//! y[k]   = x[k]                                                      (2)
+//! ```
+//!
+//! `Ad` and `Bd` are the discretised linear model of [`airframe::linear`]; `x` is w, phi - phi_trim, theta, psi, p, q, r.
+//!
+//! Departure: with the actuator lag in the model, `x` has four more states `z`: the conventional inputs that the
+//! actuators really produce, as deviations from trim. Nobody measures them. They come from the controller's own
+//! actuators, which obey the same command as the true ones. Test `a_command_moves_the_lag_states`.
+//!
+//! Departure: `d` is a constant disturbance on the inputs. It acts behind the lag, where wind acts: `Ed` is `Bd` of
+//! the lag-free model, with zeros on the lag states. Test `the_disturbance_acts_behind_the_lag`.
+
+use airframe::linear::{Continuous, INPUTS, STATES};
+use airframe::{Actuation, ActuatorLaw, MixingMatrix, Trim};
+use contract::Scenario;
+use contract::message::Kinematics;
+use nalgebra::{DMatrix, DVector, Vector4};
+
+/// The model in use: 7 states, or 11 with the actuator lag.
+#[derive(Debug, Clone)]
+pub struct PredictionModel {
+    /// `Ad`, n x n.
+    pub a: DMatrix<f64>,
+    /// `Bd`, n x 4.
+    pub b: DMatrix<f64>,
+    /// `Ed`, n x 4: how a constant disturbance on the inputs acts.
+    pub e: DMatrix<f64>,
+    /// The hover it is a linearisation of.
+    pub trim: Trim,
+    /// From actuator positions to conventional inputs.
+    pub mixing: MixingMatrix,
+    /// The controller's idea of rotors and servo.
+    actuators: ActuatorLaw,
+}
+
+impl PredictionModel {
+    /// The model of a scenario's vehicle, as the controller knows it.
+    pub fn new(scenario: &Scenario) -> Self {
+        let vehicle = &scenario.airframe;
+        let lag_s = scenario.mpc.actuator_lag_model_s;
+        let trim = Trim::solve(vehicle, scenario.mixer.tilt_reaction);
+        let continuous = Continuous::hover(vehicle, &trim);
+        let direct = continuous.discretise(Scenario::SAMPLE_S);
+        let discrete =
+            if lag_s > 0.0 { continuous.discretise_with_lag(lag_s, Scenario::SAMPLE_S) } else { direct.clone() };
+        let mut e = DMatrix::zeros(discrete.a.nrows(), INPUTS);
+        e.rows_mut(0, STATES).copy_from(&direct.b);
+        Self {
+            a: discrete.a,
+            b: discrete.b,
+            e,
+            trim,
+            mixing: MixingMatrix::new(vehicle, scenario.mixer.tilt_reaction),
+            actuators: ActuatorLaw { rotor_lag_s: lag_s, servo_lag_s: lag_s, ..scenario.actuator_law() },
+        }
+    }
+
+    /// Number of states n, 7 or 11.
+    pub fn states(&self) -> usize {
+        self.a.nrows()
+    }
+
+    /// Whether the lag states are part of it.
+    pub fn has_lag(&self) -> bool {
+        self.states() > STATES
+    }
+
+    /// Writes the state `x` of a measurement, with the actuators where the controller believes them.
+    pub fn observe(&self, measured: &Kinematics, actuation: &Actuation, x: &mut DVector<f64>) {
+        let w = measured.velocity_mps[2];
+        x.rows_mut(0, STATES).copy_from_slice(&self.deviation(w, &measured.attitude_rad, &measured.rates_radps));
+        if self.has_lag() {
+            x.rows_mut(STATES, INPUTS).copy_from(&self.mixing.deviation(actuation));
+        }
+    }
+
+    /// `(w, phi - phi_trim, theta, psi, p, q, r)`, of a measurement or of a reference.
+    pub fn deviation(&self, w_mps: f64, attitude_rad: &[f64; 3], rates_radps: &[f64; 3]) -> [f64; STATES] {
+        let [phi, theta, psi] = *attitude_rad;
+        let [p, q, r] = *rates_radps;
+        [w_mps, phi - self.trim.roll_rad, theta, psi, p, q, r] // (2)
+    }
+
+    /// Writes the state `next`, one sample after `x`, under the inputs `u` and the disturbance `d`.
+    pub fn predict(&self, x: &DVector<f64>, u: &Vector4<f64>, d: &Vector4<f64>, next: &mut DVector<f64>) {
+        next.gemv(1.0, &self.a, x, 0.0);
+        next.gemv(1.0, &self.b, u, 1.0);
+        next.gemv(1.0, &self.e, d, 1.0); // (1)
+    }
+
+    /// Where the actuators are after obeying `command` for a number of samples.
+    pub fn actuate(&self, actuation: &Actuation, command: &Actuation, samples: u64) -> Actuation {
+        self.actuators.advance(actuation, command, samples as f64 * Scenario::SAMPLE_S)
+    }
+
+    /// The inputs a command asks for, after the limits of the actuators.
+    pub fn inputs_of(&self, command: &Actuation) -> Vector4<f64> {
+        self.mixing.deviation(&self.actuators.limits.clip(command))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use contract::scenario::Profile;
+
+    use super::*;
+    use crate::fixture;
+
+    #[test]
+    fn val_discretised_model() {
+        let paper = PredictionModel::new(&Scenario::of(Profile::Paper));
+        fixture::assert_matrix(&paper.a, &fixture::matrix("Ad"));
+        fixture::assert_matrix(&paper.b, &fixture::matrix("Bd"));
+        let robust = PredictionModel::new(&Scenario::of(Profile::Robust));
+        fixture::assert_matrix(&robust.a, &fixture::matrix("Ad_lag30"));
+        fixture::assert_matrix(&robust.b, &fixture::matrix("Bd_lag30"));
+    }
+
+    #[test]
+    fn trim_is_the_origin() {
+        let model = PredictionModel::new(&Scenario::default());
+        let attitude_rad = [model.trim.roll_rad, 0.0, 0.0];
+        let mut x = DVector::from_element(11, 1.0);
+        model.observe(&Kinematics { attitude_rad, ..Kinematics::default() }, &model.trim.actuation, &mut x);
+        assert!(x.amax() < 1e-12, "{x}");
+        let (origin, mut next) = (DVector::zeros(11), DVector::from_element(11, f64::NAN));
+        model.predict(&origin, &Vector4::zeros(), &Vector4::zeros(), &mut next);
+        assert_eq!(next, origin);
+    }
+
+    #[test]
+    fn a_command_moves_the_lag_states() {
+        let model = PredictionModel::new(&Scenario::default());
+        let mut command = model.trim.actuation;
+        command.rotor_speed = command.rotor_speed.map(|omega| 1.01 * omega); // more thrust: a more negative col
+        let once = model.actuate(&model.trim.actuation, &command, 1);
+        let mut x = DVector::zeros(11);
+        model.observe(&Kinematics::default(), &once, &mut x);
+        let goal = model.inputs_of(&command)[0];
+        assert!(goal < x[STATES] && x[STATES] < 0.0, "{} between {goal} and 0", x[STATES]);
+        // The linear lag agrees with the one that acts on speeds, to first order in the step.
+        let share = 1.0 - (-Scenario::SAMPLE_S / 0.03).exp();
+        assert!((x[STATES] / goal - share).abs() < 0.01);
+        assert_eq!(model.actuate(&once, &command, 0), once);
+    }
+
+    #[test]
+    fn the_disturbance_acts_behind_the_lag() {
+        let model = PredictionModel::new(&Scenario::default());
+        let (origin, mut next) = (DVector::zeros(11), DVector::zeros(11));
+        let push = Vector4::new(1.1, 0.0, 0.0, 0.0); // 1.1 N on 1.1 kg for 10 ms
+        model.predict(&origin, &Vector4::zeros(), &push, &mut next);
+        assert!((next[0] - 0.01).abs() < 1e-12);
+        assert_eq!(next.rows(STATES, INPUTS).amax(), 0.0);
+    }
+}

@@ -1,0 +1,20 @@
+//! The attitude controller as a process: wakes on REFERENCE, looks at the newest STATE.
+
+use contract::message::{Controls, Reference, Stamp, State};
+use contract::process::{Seat, SeatError};
+
+use crate::AttitudeMpc;
+
+/// Answers every REFERENCE with CONTROLS until the run is over.
+pub fn run(seat: &Seat) -> Result<(), SeatError> {
+    let mut mpc = AttitudeMpc::new(&seat.scenario);
+    let mut states = seat.inlet::<State>()?;
+    let mut references = seat.inlet::<Reference>()?;
+    let mut controls = seat.outlet::<Controls>()?;
+    seat.settle();
+    while let Some(reference) = references.wait() {
+        let state = states.newest();
+        controls.send(mpc.step(state, &reference), Stamp::of(&reference).with(state));
+    }
+    Ok(())
+}

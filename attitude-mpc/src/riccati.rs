@@ -1,0 +1,83 @@
+//! The discrete algebraic Riccati equation, by structured doubling.
+//!
+//! ```text
+//! S = A' S A - A' S B (R + B' S B)^-1 B' S A + Q
+//! ```
+//!
+//! Each pass doubles the number of stages the solution has seen, so that a dozen passes cover thousands of samples:
+//!
+//! ```text
+//! W = I + G H,   A <- A W^-1 A,   G <- G + A W^-1 G A',   H <- H + A' H W^-1 A
+//! ```
+//!
+//! from `A`, `G = B R^-1 B'` and `H = Q`; `H` grows to `S`.
+
+use nalgebra::DMatrix;
+
+/// Passes after which the doubling stops: 2^60 samples.
+const PASSES: usize = 60;
+/// Relative change of `H` at which it has converged.
+const TOLERANCE: f64 = 1e-15;
+
+/// The stabilising solution `S` for `x[k+1] = A x + B u` with stage cost `x'Qx + u'Ru`, n x n.
+///
+/// # Panics
+/// When `R` is not positive definite; scenario validation refuses that.
+pub fn solve(a: &DMatrix<f64>, b: &DMatrix<f64>, q: &DMatrix<f64>, r: &DMatrix<f64>) -> DMatrix<f64> {
+    let identity = DMatrix::identity(a.nrows(), a.nrows());
+    let cholesky = r.clone().cholesky().expect("R is positive definite, scenario validation sees to that");
+    let mut a = a.clone();
+    let mut g = b * cholesky.solve(&b.transpose());
+    let mut h = q.clone();
+    for _ in 0..PASSES {
+        let w = (&identity + &g * &h).lu();
+        let invertible = "I + GH of two positive semidefinite matrices is invertible";
+        let w_a = w.solve(&a).expect(invertible);
+        let w_g = w.solve(&g).expect(invertible);
+        let growth = a.transpose() * &h * &w_a;
+        g += &a * w_g * a.transpose();
+        a *= w_a;
+        h += &growth;
+        if growth.amax() <= TOLERANCE * h.amax() {
+            break;
+        }
+    }
+    (&h + h.transpose()) * 0.5
+}
+
+#[cfg(test)]
+mod tests {
+    use contract::Scenario;
+
+    use super::*;
+    use crate::{fixture, model::PredictionModel};
+
+    #[test]
+    fn a_scalar_has_a_closed_form() {
+        let one = DMatrix::from_element(1, 1, 1.0);
+        let golden = f64::midpoint(1.0, 5.0_f64.sqrt()); // S^2 = S + 1
+        assert!((solve(&one, &one, &one, &one)[0] - golden).abs() < 1e-14);
+    }
+
+    #[test]
+    fn without_dynamics_only_the_stage_counts() {
+        let one = DMatrix::from_element(1, 1, 1.0);
+        assert_eq!(solve(&DMatrix::zeros(1, 1), &one, &one, &one), one);
+    }
+
+    #[test]
+    fn val_terminal_weight_of_the_robust_profile() {
+        let scenario = Scenario::default();
+        let model = PredictionModel::new(&scenario);
+        let mut q = DMatrix::identity(11, 11) * 1e-9;
+        scenario.mpc.q.iter().enumerate().for_each(|(i, weight)| q[(i, i)] += weight);
+        let r = DMatrix::from_diagonal(&nalgebra::DVector::from_row_slice(&scenario.mpc.r));
+        let s = solve(&model.a, &model.b, &q, &r);
+        fixture::assert_matrix(&s, &fixture::matrix("S_dare_B2"));
+
+        let (bs, inner) = (model.b.transpose() * &s, &r + model.b.transpose() * &s * &model.b);
+        let k = inner.cholesky().unwrap().solve(&(bs * &model.a));
+        let residual = model.a.transpose() * &s * (&model.a - &model.b * k) + q - &s;
+        assert!(residual.amax() < 1e-10 * s.amax(), "residual {:e}", residual.amax());
+    }
+}

@@ -1,0 +1,289 @@
+//! The whole controller: directions, fallbacks, properties, and the problems of the independent simulator.
+
+use airframe::envelope::Envelope;
+use contract::scenario::{Constraints, Profile};
+use proptest::prelude::*;
+
+use super::*;
+use crate::fixture::{self, Case};
+
+/// A sample at hover trim.
+fn hover(mpc: &AttitudeMpc, tick: u64) -> (State, Reference) {
+    let mut state = State::default();
+    state.stamp.tick = tick;
+    state.measured.attitude_rad[0] = mpc.model.trim.roll_rad;
+    state.command_in_force = mpc.model.trim.actuation.into();
+    let reference = Reference { attitude_rad: state.measured.attitude_rad, ..Reference::default() };
+    (state, reference)
+}
+
+/// Hover with a heading step that the actuators cannot follow at once.
+fn violent_turn(mpc: &AttitudeMpc, tick: u64) -> (State, Reference) {
+    let (state, mut reference) = hover(mpc, tick);
+    reference.attitude_rad[2] = 1.6;
+    (state, reference)
+}
+
+fn demand_violation(scenario: &Scenario, demand: [f64; 4]) -> f64 {
+    Envelope::new(&scenario.airframe, scenario.mixer.tilt_reaction, scenario.limits()).demand_violation(&demand.into())
+}
+
+#[test]
+fn hover_asks_for_nothing() {
+    for profile in [Profile::Paper, Profile::Robust] {
+        let mut mpc = AttitudeMpc::new(&Scenario::of(profile));
+        for tick in 0..10 {
+            let (state, reference) = hover(&mpc, tick);
+            let controls = mpc.step(&state, &reference);
+            assert!(controls.demand.iter().all(|u| u.abs() < 1e-9), "{:?}", controls.demand);
+            assert_eq!((controls.status, controls.active_constraints), (SolveStatus::Explicit as u64, 0));
+        }
+    }
+}
+
+#[test]
+fn each_reference_pushes_its_own_way() {
+    let mut scenario = Scenario::of(Profile::Robust);
+    scenario.mpc.constraints = Constraints::None;
+    let demand = |change: fn(&mut Reference)| {
+        let mut mpc = AttitudeMpc::new(&scenario);
+        let (state, mut reference) = hover(&mpc, 0);
+        change(&mut reference);
+        mpc.step(&state, &reference).demand
+    };
+    let [col, lon, lat, ped] = [0, 1, 2, 3];
+    assert!(demand(|r| r.w_mps = -1.0)[col] < -0.1, "climbing needs a force up");
+    assert!(demand(|r| r.attitude_rad[0] += 0.1)[lat] > 0.01, "rolling right");
+    assert!(demand(|r| r.attitude_rad[1] = 0.1)[lon] > 0.01, "nose up");
+    assert!(demand(|r| r.attitude_rad[2] = 0.1)[ped] > 0.01, "nose right");
+}
+
+#[test]
+fn val_problems_of_the_independent_simulator() {
+    let cases = fixture::cases();
+    assert!(cases.iter().any(|case| case.active) && cases.iter().any(|case| !case.active));
+    for Case { name, scenario, state, reference, previous, plan, objective, active, tolerance } in &cases {
+        let mut mpc = AttitudeMpc::new(scenario);
+        mpc.memory.demand = Vector4::from(*previous);
+        let controls = mpc.step(state, reference);
+        let status = if *active { SolveStatus::Solved } else { SolveStatus::Explicit };
+        assert_eq!(controls.status, status as u64, "{name}");
+        assert_eq!(controls.active_constraints > 0, *active, "{name}");
+
+        let hessian = Condensed::new(&mpc.model, &scenario.mpc).hessian;
+        let (ours, unconstrained) = (&mpc.memory.plan, &mpc.work.unconstrained);
+        let value = (&hessian * (ours * 0.5 - unconstrained)).dot(ours);
+        let miss = ((value - objective) / objective).abs();
+        assert!(miss < tolerance.objective, "{name}: objective {miss:e} off");
+        for axis in 0..4 {
+            let miss = (controls.demand[axis] - plan[axis]).abs();
+            assert!(miss < tolerance.first_move, "{name}: first move {axis} {miss:e} off");
+        }
+        if *active {
+            assert!(demand_violation(scenario, controls.demand) < 1e-6, "{name}");
+        }
+    }
+}
+
+#[test]
+fn the_state_bounds_are_idle_in_a_violent_turn() {
+    let mut mpc = AttitudeMpc::new(&Scenario::default());
+    let (state, reference) = violent_turn(&mpc, 0);
+    assert_eq!(mpc.step(&state, &reference).status, SolveStatus::Solved as u64);
+    let (mut x, mut next) = (mpc.work.x.clone(), mpc.work.x.clone());
+    for u in mpc.memory.plan.as_slice().chunks_exact(4).map(Vector4::from_column_slice) {
+        mpc.model.predict(&x, &u, &Vector4::zeros(), &mut next);
+        x.copy_from(&next);
+        let [roll, pitch, yaw, p, q, r] = std::array::from_fn(|i| x[i + 1].abs());
+        assert!(roll.max(pitch) < std::f64::consts::FRAC_PI_2); // (49)
+        assert!(yaw < std::f64::consts::TAU); // (50)
+        assert!(p.max(q).max(r) < std::f64::consts::TAU); // (51)
+    }
+}
+
+#[test]
+fn a_failed_solve_falls_back_in_order_and_recovers() {
+    let scenario = Scenario::default();
+    let mut mpc = AttitudeMpc::new(&scenario);
+    let (state, reference) = violent_turn(&mpc, 0);
+    let solved = mpc.step(&state, &reference);
+    assert_eq!((solved.status, solved.fallbacks), (SolveStatus::Solved as u64, 0));
+    assert!(solved.iterations > 0 && solved.solve_ns > 0 && solved.active_constraints > 0);
+    let plan = mpc.memory.plan.clone();
+
+    let starved = AttitudeMpc::with_iterations(&scenario, 0).constrained;
+    let healthy = std::mem::replace(&mut mpc.constrained, starved);
+    for tick in 1..5 {
+        let (state, reference) = violent_turn(&mpc, tick);
+        let controls = mpc.step(&state, &reference);
+        assert_eq!((controls.status, controls.fallbacks), (SolveStatus::ShiftedPlan as u64, tick));
+        assert_eq!(controls.demand, plan.as_slice()[4 * tick as usize..][..4]);
+    }
+    for tick in 5..8 {
+        let (state, reference) = violent_turn(&mpc, tick);
+        let controls = mpc.step(&state, &reference);
+        assert_eq!((controls.status, controls.fallbacks), (SolveStatus::UnconstrainedGain as u64, tick));
+        assert_eq!(controls.demand, mpc.work.unconstrained.as_slice()[..4]);
+    }
+    mpc.constrained = healthy;
+    let (state, reference) = violent_turn(&mpc, 8);
+    let controls = mpc.step(&state, &reference);
+    assert_eq!((controls.status, controls.fallbacks), (SolveStatus::Solved as u64, 7));
+}
+
+#[test]
+fn without_a_plan_a_failed_solve_takes_the_gain() {
+    let mut mpc = AttitudeMpc::with_iterations(&Scenario::default(), 0);
+    let (state, reference) = violent_turn(&mpc, 0);
+    assert_eq!(mpc.step(&state, &reference).status, SolveStatus::UnconstrainedGain as u64);
+}
+
+#[test]
+fn a_plan_outside_the_set_is_not_continued() {
+    let mut mpc = AttitudeMpc::with_iterations(&Scenario::default(), 0);
+    mpc.memory.keep(&DVector::from_element(20, 100.0), 0);
+    let (state, reference) = violent_turn(&mpc, 1);
+    assert_eq!(mpc.step(&state, &reference).status, SolveStatus::UnconstrainedGain as u64);
+}
+
+#[test]
+fn a_bad_input_repeats_the_demand_and_leaves_no_trace() {
+    let mut mpc = AttitudeMpc::new(&Scenario::default());
+    let (state, mut reference) = hover(&mpc, 0);
+    reference.w_mps = -0.5;
+    let good = mpc.step(&state, &reference);
+    let memory = mpc.memory.clone();
+    let spoil: [fn(&mut State, &mut Reference); 8] = [
+        |state, _| state.measured.velocity_mps[2] = f64::NAN,
+        |state, _| state.measured.attitude_rad[1] = f64::INFINITY,
+        |state, _| state.measured.rates_radps[2] = f64::NAN,
+        |state, _| state.command_in_force.rotor_speed[0] = f64::NAN,
+        |state, _| state.command_in_force.tilt_rad = f64::NEG_INFINITY,
+        |_, reference| reference.w_mps = f64::NAN,
+        |_, reference| reference.attitude_rad[0] = f64::NAN,
+        |state, _| state.measured.velocity_mps[2] = f64::MAX, // finite, but the plan is not
+    ];
+    for spoil in spoil {
+        let (mut state, mut reference) = hover(&mpc, 1);
+        spoil(&mut state, &mut reference);
+        let bad = mpc.step(&state, &reference);
+        assert_eq!((bad.status, bad.demand), (SolveStatus::BadInput as u64, good.demand));
+        assert_eq!(mpc.memory, memory);
+    }
+    let (state, reference) = hover(&mpc, 1);
+    assert_eq!(mpc.step(&state, &reference).status, SolveStatus::Explicit as u64);
+}
+
+#[test]
+fn delay_compensation_plans_from_the_next_sample() {
+    let plan_from = |compensate: bool, x: Option<&DVector<f64>>| {
+        let mut scenario = Scenario::default();
+        scenario.mpc.delay_compensation = compensate;
+        let mut mpc = AttitudeMpc::new(&scenario);
+        mpc.memory.demand = Vector4::new(-1.0, 0.1, 0.05, -0.02);
+        let (_, reference) = hover(&mpc, 0);
+        mpc.work.x.fill(0.01);
+        if let Some(x) = x {
+            mpc.work.x.copy_from(x);
+        }
+        mpc.optimise(&reference, &Vector4::zeros());
+        let mut next = mpc.work.x.clone();
+        mpc.model.predict(&mpc.work.x, &mpc.memory.demand, &Vector4::zeros(), &mut next);
+        (mpc.work.unconstrained, next)
+    };
+    let (compensated, next) = plan_from(true, None);
+    let (plain, _) = plan_from(false, Some(&next));
+    assert!((&compensated - plain).amax() < 1e-12);
+    assert!((compensated - plan_from(false, None).0).amax() > 1e-3);
+}
+
+/// Flies the controller's own model with a push it does not know, for ten seconds; the state it ends in.
+fn settle(disturbance_gain: f64) -> (DVector<f64>, Controls) {
+    let mut scenario = Scenario::default();
+    scenario.mpc.disturbance_gain = disturbance_gain;
+    scenario.mpc.delay_compensation = false; // this vehicle obeys at once, behind its lag
+    let mut mpc = AttitudeMpc::new(&scenario);
+    let push = Vector4::new(0.5, -0.02, 0.03, 0.01);
+    let mut x = DVector::zeros(11);
+    let mut next = x.clone();
+    let mut controls = Controls::default();
+    let (mut state, reference) = hover(&mpc, 0);
+    for tick in 0..1000 {
+        state.stamp.tick = tick;
+        state.measured.velocity_mps[2] = x[0];
+        state.measured.attitude_rad = [x[1] + mpc.model.trim.roll_rad, x[2], x[3]];
+        state.measured.rates_radps = [x[4], x[5], x[6]];
+        controls = mpc.step(&state, &reference);
+        let demand = Vector4::from(controls.demand);
+        mpc.model.predict(&x, &demand, &push, &mut next);
+        x.copy_from(&next);
+
+        let u = mpc.model.mixing.trim + mpc.model.mixing.inverse * demand;
+        let front = u[0].hypot(u[1]).sqrt();
+        state.command_in_force.rotor_speed = [front, u[2].sqrt(), u[3].sqrt()];
+        state.command_in_force.tilt_rad = u[0].atan2(u[1]);
+    }
+    (x, controls)
+}
+
+#[test]
+fn a_constant_disturbance_leaves_no_offset() {
+    let (x, controls) = settle(0.1);
+    assert!(x.rows(0, STATES).amax() < 1e-9, "{x}");
+    let truth = [0.5, -0.02, 0.03, 0.01];
+    for axis in 0..4 {
+        assert!((controls.disturbance[axis] - truth[axis]).abs() < 1e-9);
+        assert!((controls.demand[axis] + truth[axis]).abs() < 1e-9);
+    }
+    let (offset, without) = settle(0.0);
+    assert!(offset[0] > 0.01, "a force down makes it sink");
+    assert_eq!(without.disturbance, [0.0; 4]);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(256))]
+
+    #[test]
+    fn what_is_published_as_feasible_is_inside_the_exact_set(
+        w in prop::array::uniform2(-20.0..20.0_f64), attitude in prop::array::uniform6(-1.6..1.6_f64),
+        rates in prop::array::uniform6(-10.0..10.0_f64), ratio in 1.2..2.5_f64, reaction in prop::bool::ANY,
+    ) {
+        let mut scenario = Scenario::default();
+        scenario.plant.rotor_speed_max_ratio = ratio;
+        scenario.mixer.tilt_reaction = reaction;
+        let mut mpc = AttitudeMpc::new(&scenario);
+        let (mut state, mut reference) = hover(&mpc, 0);
+        (state.measured.velocity_mps[2], reference.w_mps) = w.into();
+        let ([phi, theta, psi, phi_ref, theta_ref, psi_ref], [p, q, r, p_ref, q_ref, r_ref]) = (attitude, rates);
+        state.measured.attitude_rad = [phi, theta, psi];
+        state.measured.rates_radps = [p, q, r];
+        reference.attitude_rad = [phi_ref, theta_ref, psi_ref];
+        reference.rates_radps = [p_ref, q_ref, r_ref];
+        let controls = mpc.step(&state, &reference);
+        prop_assert!(controls.status <= SolveStatus::Solved as u64, "status {}", controls.status);
+        prop_assert!(demand_violation(&scenario, controls.demand) < 1e-6);
+    }
+
+    #[test]
+    fn no_input_makes_it_publish_nan(
+        numbers in prop::array::uniform16(prop::num::f64::ANY), tick in prop::num::u64::ANY, exact in prop::bool::ANY,
+    ) {
+        let mut scenario = Scenario::default();
+        scenario.mpc.disturbance_gain = 0.5;
+        scenario.mpc.constraints = if exact { Constraints::Cone } else { Constraints::Box };
+        let mut mpc = AttitudeMpc::new(&scenario);
+        let (state, reference) = hover(&mpc, tick.saturating_sub(1));
+        mpc.step(&state, &reference);
+        let (mut state, mut reference) = hover(&mpc, tick);
+        state.measured.velocity_mps[2] = numbers[0];
+        state.measured.attitude_rad.copy_from_slice(&numbers[1..4]);
+        state.measured.rates_radps.copy_from_slice(&numbers[4..7]);
+        state.command_in_force.rotor_speed.copy_from_slice(&numbers[7..10]);
+        state.command_in_force.tilt_rad = numbers[10];
+        reference.w_mps = numbers[11];
+        reference.attitude_rad.copy_from_slice(&numbers[12..15]);
+        reference.rates_radps[0] = numbers[15];
+        let controls = mpc.step(&state, &reference);
+        prop_assert!(controls.demand.iter().chain(&controls.disturbance).all(|u| u.is_finite()));
+    }
+}

@@ -1,0 +1,46 @@
+//! The explicit path allocates nothing, and a solve no more than Clarabel's own timer.
+
+use airframe::Trim;
+use attitude_mpc::AttitudeMpc;
+use contract::Scenario;
+use contract::message::{Controls, Reference, SolveStatus, State};
+use contract::scenario::{Constraints, Profile};
+
+/// Steps once with a heading error; the answer, and how often it allocated.
+fn step(mpc: &mut AttitudeMpc, scenario: &Scenario, heading_rad: f64) -> (Controls, u64) {
+    let trim = Trim::solve(&scenario.airframe, scenario.mixer.tilt_reaction);
+    let mut state = State { command_in_force: trim.actuation.into(), ..State::default() };
+    state.measured.attitude_rad[0] = trim.roll_rad;
+    let reference = Reference { attitude_rad: [trim.roll_rad, 0.0, heading_rad], ..Reference::default() };
+    let mut controls = Controls::default();
+    let count = allocation_counter::measure(|| controls = mpc.step(&state, &reference));
+    (controls, count.count_total)
+}
+
+#[test]
+fn the_explicit_path_allocates_nothing() {
+    for (profile, constraints) in
+        [(Profile::Paper, Constraints::None), (Profile::Robust, Constraints::Box), (Profile::Robust, Constraints::Cone)]
+    {
+        let mut scenario = Scenario::of(profile);
+        scenario.mpc.constraints = constraints;
+        scenario.mpc.disturbance_gain = 0.1;
+        let mut mpc = AttitudeMpc::new(&scenario);
+        for _ in 0..6 {
+            let (controls, allocations) = step(&mut mpc, &scenario, 0.01);
+            assert_eq!((controls.status, allocations), (SolveStatus::Explicit as u64, 0), "{constraints:?}");
+        }
+        let (controls, allocations) = step(&mut mpc, &scenario, f64::NAN);
+        assert_eq!((controls.status, allocations), (SolveStatus::BadInput as u64, 0));
+    }
+}
+
+#[test]
+fn a_solve_allocates_once() {
+    let scenario = Scenario::of(Profile::Robust);
+    let mut mpc = AttitudeMpc::new(&scenario);
+    for _ in 0..6 {
+        let (controls, allocations) = step(&mut mpc, &scenario, 1.6);
+        println!("{allocations}");
+    }
+}

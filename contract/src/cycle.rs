@@ -1,0 +1,146 @@
+//! The cycle: wake, step, send, and the punctuality of it.
+//!
+//! ```text
+//! release   when the work was due: the clock for the plant, the arrival of its input for everybody else
+//! start     when the process began;            release jitter (plant) or hop (others) = start - release
+//! publish   when it sent;                      execution = publish - start
+//!                                              response  = publish - sample time;  miss = response > deadline
+//! slip      periods the plant had to skip, counted and never run in a burst
+//! ```
+//!
+//! A node's loop is `while let Some(input) = inlet.wait() { outlet.send(...) }` in every mode; only the plant, which
+//! turns the ring, knows what releases it ([`crate::pace`]).
+
+use std::cell::Cell;
+use std::rc::Rc;
+use std::sync::Arc;
+
+use crate::message::{Message, Stamp};
+use crate::port::{Receive, Send};
+use crate::process::phase;
+use crate::realtime::{Board, now_ns, thread_cpu_ns};
+use crate::scenario::Scenario;
+
+/// Longest sleep without a look around: a lost wake-up costs no more than this.
+const LOOK_AROUND_NS: u64 = 100_000_000;
+
+/// Timing of the cycle under way, shared by a node's ports.
+#[derive(Debug, Default)]
+pub struct Punctuality {
+    release_ns: Cell<u64>,
+    start_ns: Cell<u64>,
+    start_cpu_ns: Cell<u64>,
+    last_cpu_ns: Cell<u64>,
+    misses: Cell<u64>,
+    slips: Cell<u64>,
+}
+
+impl Punctuality {
+    /// A cycle was skipped for each of `periods` beyond the first.
+    pub(crate) fn slip(&self, periods: u64) {
+        self.slips.set(self.slips.get() + periods - 1);
+    }
+
+    /// A cycle that was due at `release_ns` begins now.
+    pub(crate) fn begin(&self, release_ns: u64) {
+        self.release_ns.set(release_ns);
+        self.start_ns.set(now_ns());
+        self.start_cpu_ns.set(thread_cpu_ns());
+    }
+
+    /// The cycle's message went out at `publish_ns`.
+    fn end(&self, stamp: &Stamp, publish_ns: u64) {
+        self.last_cpu_ns.set(thread_cpu_ns() - self.start_cpu_ns.get());
+        if publish_ns.saturating_sub(stamp.sample_ns) > Scenario::SAMPLE_NS {
+            self.misses.set(self.misses.get() + 1);
+        }
+    }
+}
+
+/// Where a node gets one topic from.
+pub struct Inlet<M> {
+    port: Box<dyn Receive<M>>,
+    board: Arc<Board>,
+    punctuality: Rc<Punctuality>,
+    newest: M,
+}
+
+impl<M: Message> Inlet<M> {
+    pub(crate) fn new(port: Box<dyn Receive<M>>, board: Arc<Board>, punctuality: Rc<Punctuality>) -> Self {
+        Self { port, board, punctuality, newest: M::default() }
+    }
+
+    /// Sleeps until a message comes, and begins a cycle with it; `None` when the run is over.
+    ///
+    /// When several have come the newest wins.
+    pub fn wait(&mut self) -> Option<M> {
+        loop {
+            if let Some(message) = self.arrived(now_ns() + LOOK_AROUND_NS) {
+                self.punctuality.begin(message.stamp().publish_ns[M::TOPIC as usize]);
+                return Some(message);
+            }
+            if self.board.phase().count() >= phase::LEAVE {
+                return None;
+            }
+        }
+    }
+
+    /// The newest message there is, without waiting; the default (sequence 0) before the first.
+    pub fn newest(&mut self) -> &M {
+        while let Some(message) = self.port.receive() {
+            self.newest = message;
+        }
+        &self.newest
+    }
+
+    /// The newest message that came since the last look, waiting for one until `deadline_ns` or the end of the run.
+    pub(crate) fn arrived(&mut self, deadline_ns: u64) -> Option<M> {
+        let board = self.board.clone();
+        let bell = board.bell(M::TOPIC);
+        loop {
+            let rung = bell.count(); // before the look, so that a message after it is not slept through
+            let before = *self.newest.stamp();
+            if *self.newest().stamp() != before {
+                return Some(self.newest);
+            }
+            if now_ns() >= deadline_ns || board.phase().count() >= phase::LEAVE {
+                return None;
+            }
+            bell.wait(rung, deadline_ns);
+        }
+    }
+}
+
+/// Where a node sends one topic to.
+pub struct Outlet<M> {
+    port: Box<dyn Send<M>>,
+    board: Arc<Board>,
+    punctuality: Rc<Punctuality>,
+    epoch: u64,
+    sequence: u64,
+}
+
+impl<M: Message> Outlet<M> {
+    pub(crate) fn new(port: Box<dyn Send<M>>, board: Arc<Board>, punctuality: Rc<Punctuality>, epoch: u64) -> Self {
+        Self { port, board, punctuality, epoch, sequence: 0 }
+    }
+
+    /// Stamps `message` with its `lineage` and this cycle's timing, sends it and wakes whoever waits for it.
+    pub fn send(&mut self, mut message: M, lineage: Stamp) {
+        self.sequence += 1;
+        let p = &self.punctuality;
+        let publish_ns = now_ns();
+        let stamp = message.stamp_mut();
+        *stamp = lineage.published(M::TOPIC, self.sequence, publish_ns);
+        stamp.epoch = self.epoch;
+        stamp.release_ns = p.release_ns.get();
+        stamp.start_ns = p.start_ns.get();
+        stamp.cpu_ns = p.last_cpu_ns.get();
+        stamp.misses = p.misses.get();
+        stamp.slips = p.slips.get();
+        let stamp = *stamp;
+        self.port.send(&message);
+        self.board.bell(M::TOPIC).ring();
+        p.end(&stamp, publish_ns);
+    }
+}

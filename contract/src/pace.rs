@@ -1,0 +1,124 @@
+//! The pace: what releases the plant, the only node with a clock.
+//!
+//! In real time that is `CLOCK_MONOTONIC`: sample `k` stands for the instant `t0 + k T` whatever happens, and commands
+//! act from the moment they arrive. In lockstep it is the ring itself: the next sample is due when this one's
+//! ACTUATORS have come back. In process nobody waits, and this file is not used.
+
+use std::rc::Rc;
+use std::sync::Arc;
+
+use crate::cycle::{Inlet, Punctuality};
+use crate::message::{Message, Stamp};
+use crate::process::phase;
+use crate::realtime::{Board, now_ns};
+use crate::scenario::{Mode, Scenario};
+
+/// In lockstep, how long the plant waits on the wall clock for the ring to come round.
+const WATCHDOG_NS: u64 = 5_000_000_000;
+
+/// What releases the plant.
+pub struct Pace {
+    kind: Kind,
+    board: Arc<Board>,
+    punctuality: Rc<Punctuality>,
+}
+
+enum Kind {
+    /// The clock: sample `k` stands for the instant `t0 + k T`, whatever happens.
+    Clock { t0_ns: u64 },
+    /// The ring: the next sample is due when this one's ACTUATORS have come back.
+    Ring,
+}
+
+/// How a turn of the ring ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Turn {
+    /// The next sample lies this many periods later: one, or more after a stall.
+    Periods(u64),
+    /// The run is over.
+    Over,
+    /// Lockstep: the ring has not come round within the watchdog's time.
+    Stuck,
+}
+
+impl Pace {
+    /// The pace of `mode`; the first sample is due shortly after this call.
+    pub(crate) fn new(mode: Mode, board: Arc<Board>, punctuality: Rc<Punctuality>) -> Self {
+        const LEAD_IN_NS: u64 = 5_000_000;
+        let kind = match mode {
+            Mode::Realtime => Kind::Clock { t0_ns: now_ns() + LEAD_IN_NS },
+            Mode::Lockstep | Mode::Inprocess => Kind::Ring,
+        };
+        let pace = Self { kind, board, punctuality };
+        if let Kind::Clock { t0_ns } = pace.kind {
+            // Nobody rings the bell of the phase before the end, so this is a sleep until the first release.
+            pace.board.phase().wait(pace.board.phase().count(), t0_ns);
+            pace.punctuality.begin(t0_ns);
+        } else {
+            pace.punctuality.begin(now_ns());
+        }
+        pace
+    }
+
+    /// Lineage of a STATE message: a new sample begins a new chain.
+    pub fn sample(&self, tick: u64) -> Stamp {
+        let sample_ns = match self.kind {
+            Kind::Clock { t0_ns } => t0_ns + tick * Scenario::SAMPLE_NS,
+            Kind::Ring => now_ns(),
+        };
+        Stamp { tick, sample_ns, ..Stamp::default() }
+    }
+
+    /// Hands every command that comes in to `heard`, with its arrival after the sample \[ns\], until the next release.
+    pub fn turn<M: Message>(&mut self, tick: u64, inlet: &mut Inlet<M>, mut heard: impl FnMut(&M, u64)) -> Turn {
+        match self.kind {
+            Kind::Clock { t0_ns } => {
+                let sample_ns = t0_ns + tick * Scenario::SAMPLE_NS;
+                let release_ns = sample_ns + Scenario::SAMPLE_NS;
+                while let Some(message) = inlet.arrived(release_ns) {
+                    heard(&message, now_ns().saturating_sub(sample_ns));
+                }
+                if self.board.phase().count() >= phase::LEAVE {
+                    return Turn::Over;
+                }
+                // The next release is never derived from this wake-up: slots that passed meanwhile are skipped.
+                let periods = slots_passed(now_ns(), sample_ns);
+                let p = &self.punctuality;
+                p.slip(periods);
+                p.begin(sample_ns + periods * Scenario::SAMPLE_NS);
+                Turn::Periods(periods)
+            }
+            Kind::Ring => {
+                let deadline_ns = now_ns() + WATCHDOG_NS;
+                while let Some(message) = inlet.arrived(deadline_ns) {
+                    if message.stamp().tick == tick {
+                        heard(&message, 0);
+                        self.punctuality.begin(now_ns());
+                        return Turn::Periods(1);
+                    }
+                }
+                if self.board.phase().count() >= phase::LEAVE { Turn::Over } else { Turn::Stuck }
+            }
+        }
+    }
+}
+
+/// Whole periods from `sample_ns` to `now_ns`, at least one.
+fn slots_passed(now_ns: u64, sample_ns: u64) -> u64 {
+    (now_ns.saturating_sub(sample_ns) / Scenario::SAMPLE_NS).max(1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stall_skips_the_slots_it_covered() {
+        let period = Scenario::SAMPLE_NS;
+        assert_eq!(slots_passed(1_000 + period, 1_000), 1, "on time");
+        assert_eq!(slots_passed(1_000 + period + period / 2, 1_000), 1, "late within the slot");
+        assert_eq!(slots_passed(1_000 + 3 * period + 5, 1_000), 3, "a stall over three slots");
+        assert_eq!(slots_passed(1_000 + period - 7, 1_000), 1, "woken early");
+        assert_eq!(slots_passed(0, 1_000), 1, "a clock behind the sample");
+    }
+}

@@ -1,0 +1,221 @@
+//! Ports: how messages travel. The only file that names iceoryx2.
+//!
+//! Publish-subscribe with safe overflow: a publisher never waits, a slow subscriber loses the oldest. The launcher
+//! creates every service and keeps it; the nodes only open. A process that dies in the middle of creating a service
+//! would brick it for everyone, and a holder that outlives the nodes makes that impossible.
+//!
+//! The generic ports stay behind two small traits, so that only this crate pays for compiling them.
+
+use std::path::Path;
+
+use iceoryx2::port::publisher::Publisher;
+use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::prelude::{PortFactory as _, *};
+use iceoryx2::service::attribute::{AttributeKey, AttributeValue};
+use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
+
+use crate::Topic;
+use crate::domain::Domain;
+use crate::message::{Actuators, Controls, Message, Reference, State};
+
+/// Queue of a node: the newest value wins, one more in case it arrives between two looks.
+pub const NODE_DEPTH: usize = 2;
+/// Queue of the recorder and of the launcher, who want every message: 20 s at 100 Hz.
+pub const OBSERVER_DEPTH: usize = 2048;
+/// Publishers per topic: the node, and one successor beside it.
+const MAX_PUBLISHERS: usize = 2;
+/// Subscribers per topic: three nodes, recorder, launcher, and spare slots for tools.
+const MAX_SUBSCRIBERS: usize = 10;
+const MAX_NODES: usize = 16;
+
+/// Why a port cannot be had. The text names the topic and what to do.
+#[derive(Debug, thiserror::Error)]
+pub enum PortError {
+    /// The service refused, with iceoryx2's own word for it.
+    #[error("topic '{topic}': {reason}; if the stack is of another version, stop it and start all of it again")]
+    Service {
+        /// Which topic.
+        topic: &'static str,
+        /// What iceoryx2 said.
+        reason: String,
+    },
+    /// The domain itself.
+    #[error("shared memory of this run: {0}")]
+    Domain(String),
+}
+
+/// Sends one kind of message.
+pub trait Send<M> {
+    /// Hands `message` to every subscriber; the number of those, 0 when it could not be sent.
+    fn send(&self, message: &M) -> usize;
+}
+
+/// Receives one kind of message.
+pub trait Receive<M> {
+    /// The oldest message not yet seen, if any.
+    fn receive(&self) -> Option<M>;
+}
+
+/// A process's attachment to a domain.
+pub struct Bus {
+    node: Node<ipc::Service>,
+}
+
+/// Keeps the four services of a run in being, and counts who has joined them.
+pub struct Services {
+    state: PortFactory<ipc::Service, State, ()>,
+    reference: PortFactory<ipc::Service, Reference, ()>,
+    controls: PortFactory<ipc::Service, Controls, ()>,
+    actuators: PortFactory<ipc::Service, Actuators, ()>,
+}
+
+impl Bus {
+    /// Attaches this process to `domain`.
+    pub fn attach(domain: &Domain) -> Result<Self, PortError> {
+        set_log_level(LogLevel::Fatal); // errors come back as values; the loop must not print
+        let node = NodeBuilder::new()
+            .config(&config(domain)?)
+            .signal_handling_mode(SignalHandlingMode::Disabled)
+            .create::<ipc::Service>()
+            .map_err(|e| PortError::Domain(e.to_string()))?;
+        Ok(Self { node })
+    }
+
+    /// Creates the four services; the launcher's part.
+    pub fn create_services(&self) -> Result<Services, PortError> {
+        Ok(Services {
+            state: create(&self.node)?,
+            reference: create(&self.node)?,
+            controls: create(&self.node)?,
+            actuators: create(&self.node)?,
+        })
+    }
+
+    /// Opens the sending side of `M`'s topic.
+    pub fn sender<M: Wire>(&self) -> Result<Box<dyn Send<M>>, PortError> {
+        M::sender(&self.node)
+    }
+
+    /// Opens the receiving side of `M`'s topic with a queue of `depth`.
+    pub fn receiver<M: Wire>(&self, depth: usize) -> Result<Box<dyn Receive<M>>, PortError> {
+        M::receiver(&self.node, depth)
+    }
+}
+
+impl Services {
+    /// How many publishers and subscribers a topic has now: what readiness is judged by.
+    pub fn joined(&self, topic: Topic) -> (usize, usize) {
+        let config = match topic {
+            Topic::State => self.state.dynamic_config(),
+            Topic::Reference => self.reference.dynamic_config(),
+            Topic::Controls => self.controls.dynamic_config(),
+            Topic::Actuators => self.actuators.dynamic_config(),
+        };
+        (config.number_of_publishers(), config.number_of_subscribers())
+    }
+}
+
+/// The text of an iceoryx2 configuration file for `domain`, with which its own tools can attach.
+pub fn config_toml(domain: &Domain) -> String {
+    format!("[global]\nroot-path = \"{}\"\nprefix = \"{}\"\n", domain.file("iox").display(), domain.prefix())
+}
+
+/// A message that can travel: the four of [`crate::message`], and no other.
+pub trait Wire: Message {
+    #[doc(hidden)]
+    fn sender(node: &Node<ipc::Service>) -> Result<Box<dyn Send<Self>>, PortError>;
+    #[doc(hidden)]
+    fn receiver(node: &Node<ipc::Service>, depth: usize) -> Result<Box<dyn Receive<Self>>, PortError>;
+}
+
+macro_rules! wire {
+    ($($name:ident),*) => {$(
+        impl Wire for $name {
+            fn sender(node: &Node<ipc::Service>) -> Result<Box<dyn Send<Self>>, PortError> {
+                let port = open::<Self>(node)?.publisher_builder().create().map_err(refused::<Self>)?;
+                Ok(Box::new(port))
+            }
+            fn receiver(node: &Node<ipc::Service>, depth: usize) -> Result<Box<dyn Receive<Self>>, PortError> {
+                let builder = open::<Self>(node)?;
+                let port = builder.subscriber_builder().buffer_size(depth).create().map_err(refused::<Self>)?;
+                Ok(Box::new(port))
+            }
+        }
+    )*};
+}
+wire!(State, Reference, Controls, Actuators);
+
+impl<M: Message + ZeroCopySend> Send<M> for Publisher<ipc::Service, M, ()> {
+    fn send(&self, message: &M) -> usize {
+        self.send_copy(*message).unwrap_or(0)
+    }
+}
+
+impl<M: Message + ZeroCopySend> Receive<M> for Subscriber<ipc::Service, M, ()> {
+    fn receive(&self) -> Option<M> {
+        // A failed connection reads as silence: the age of the data is what every receiver judges.
+        <Subscriber<ipc::Service, M, ()>>::receive(self).ok().flatten().map(|sample| *sample)
+    }
+}
+
+fn create<M: Message + ZeroCopySend>(node: &Node<ipc::Service>) -> Result<PortFactory<ipc::Service, M, ()>, PortError> {
+    let mut attributes = AttributeSpecifier::new();
+    attributes = attributes.define(&layout_key()?, &layout_value::<M>()?).map_err(refused::<M>)?;
+    node.service_builder(&service_name::<M>()?)
+        .publish_subscribe::<M>()
+        .enable_safe_overflow(true)
+        .history_size(1)
+        .subscriber_max_buffer_size(OBSERVER_DEPTH)
+        .max_publishers(MAX_PUBLISHERS)
+        .max_subscribers(MAX_SUBSCRIBERS)
+        .max_nodes(MAX_NODES)
+        .create_with_attributes(&attributes)
+        .map_err(refused::<M>)
+}
+
+fn open<M: Message + ZeroCopySend>(node: &Node<ipc::Service>) -> Result<PortFactory<ipc::Service, M, ()>, PortError> {
+    let mut attributes = AttributeVerifier::new();
+    attributes = attributes.require(&layout_key()?, &layout_value::<M>()?).map_err(refused::<M>)?;
+    node.service_builder(&service_name::<M>()?)
+        .publish_subscribe::<M>()
+        .open_with_attributes(&attributes)
+        .map_err(refused::<M>)
+}
+
+fn config(domain: &Domain) -> Result<Config, PortError> {
+    let bad = |what: String| PortError::Domain(format!("{what} does not fit iceoryx2's limits"));
+    let root = domain.file("iox");
+    let mut config = Config::default();
+    let root = iceoryx2::prelude::Path::new(as_bytes(&root)).map_err(|_| bad(root.display().to_string()))?;
+    config.global.set_root_path(&root);
+    config.global.prefix = FileName::new(domain.prefix().as_bytes()).map_err(|_| bad(domain.prefix()))?;
+    // The launcher watches its children itself; a node that met a corpse here would clean up inside its loop.
+    config.global.node.cleanup_dead_nodes_on_creation = false;
+    config.global.node.cleanup_dead_nodes_on_destruction = false;
+    config.global.service.cleanup_dead_nodes_on_open = false;
+    Ok(config)
+}
+
+fn as_bytes(path: &Path) -> &[u8] {
+    path.as_os_str().as_encoded_bytes()
+}
+
+fn service_name<M: Message>() -> Result<ServiceName, PortError> {
+    ServiceName::new(&format!("trefoil/{}", M::TOPIC.name())).map_err(refused::<M>)
+}
+
+fn layout_key() -> Result<AttributeKey, PortError> {
+    AttributeKey::new(b"layout").map_err(|e| PortError::Domain(format!("{e:?}")))
+}
+
+/// iceoryx2 compares name, size and alignment of a type; two layouts of one size would pass. This attribute tells
+/// them apart: a hash of the default message as printed, which shows names, order, nesting, lengths and number kinds.
+fn layout_value<M: Message>() -> Result<AttributeValue, PortError> {
+    let fnv = |hash: u64, byte: u8| (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
+    let hash = format!("{:?}", M::default()).bytes().fold(0xcbf2_9ce4_8422_2325, fnv);
+    AttributeValue::new(format!("{hash:016x}").as_bytes()).map_err(|e| PortError::Domain(format!("{e:?}")))
+}
+
+fn refused<M: Message>(error: impl std::fmt::Debug) -> PortError {
+    PortError::Service { topic: M::TOPIC.name(), reason: format!("{error:?}") }
+}

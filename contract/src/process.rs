@@ -1,0 +1,163 @@
+//! A process of the stack: joins a run, takes its seat, runs its node, leaves.
+//!
+//! Every node's `main.rs` is the same three lines around [`main`]; any other executable that opens the same ports can
+//! sit in its place.
+
+use std::process::ExitCode;
+use std::rc::Rc;
+use std::sync::Arc;
+use std::time::Duration;
+
+use rustix::process::Signal;
+
+use crate::cycle::{Inlet, Outlet, Punctuality};
+use crate::domain::{Domain, DomainError};
+use crate::pace::Pace;
+use crate::port::{Bus, NODE_DEPTH, OBSERVER_DEPTH, PortError, Receive, Wire};
+use crate::realtime::{self, Board, now_ns};
+use crate::scenario::{self, Scenario, ScenarioError};
+use crate::topic::NODES;
+
+/// Where a run stands: the value of [`Board::phase`].
+pub mod phase {
+    /// Processes are joining.
+    pub const JOIN: u32 = 0;
+    /// All are there: the plant may start.
+    pub const GO: u32 = 1;
+    /// The nodes leave.
+    pub const LEAVE: u32 = 2;
+    /// The nodes have left: the recorder closes its file.
+    pub const CLOSE: u32 = 3;
+}
+
+/// Exit codes of the stack's programs.
+pub mod exit {
+    /// Flown.
+    pub const FLOWN: u8 = 0;
+    /// Flown, but outside the scenario's bounds.
+    pub const OUT_OF_BOUNDS: u8 = 1;
+    /// Usage or scenario error.
+    pub const USAGE: u8 = 2;
+    /// A process could not be kept alive.
+    pub const PROCESS_LOST: u8 = 3;
+    /// The timing budget was broken.
+    pub const TOO_LATE: u8 = 4;
+    /// Interrupted.
+    pub const INTERRUPTED: u8 = 130;
+}
+
+/// Why a process cannot take or keep its seat.
+#[derive(Debug, thiserror::Error)]
+pub enum SeatError {
+    /// The run is not there.
+    #[error(transparent)]
+    Domain(#[from] DomainError),
+    /// A port is refused.
+    #[error(transparent)]
+    Port(#[from] PortError),
+    /// The run's settings cannot be read.
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
+    /// The run's board or settings file cannot be opened.
+    #[error("{what}: {source}")]
+    Io {
+        /// Which file.
+        what: String,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// In lockstep the ring did not come round.
+    #[error("tick {tick}: no ACTUATORS for it within 5 s; a process of the ring is stopped or stuck")]
+    Stuck {
+        /// Which tick.
+        tick: u64,
+    },
+}
+
+/// A process's place at the ring.
+pub struct Seat {
+    /// The run's settings.
+    pub scenario: Scenario,
+    /// Bells and phase.
+    pub board: Arc<Board>,
+    bus: Bus,
+    punctuality: Rc<Punctuality>,
+    priority: i32,
+}
+
+impl Seat {
+    /// Joins the run of `namespace` as `name`.
+    pub fn join(namespace: &str, name: &str) -> Result<Self, SeatError> {
+        let domain = Domain::find(namespace)?;
+        let io = |what: &str| {
+            let what = domain.file(what).display().to_string();
+            move |source| SeatError::Io { what, source }
+        };
+        let text = std::fs::read_to_string(domain.file("scenario.toml")).map_err(io("scenario.toml"))?;
+        let scenario = scenario::from_merged(&text, "the run's merged scenario")?;
+        let board = Arc::new(Board::open(&domain.file("board")).map_err(io("board"))?);
+        let bus = Bus::attach(&domain)?;
+        // Downstream first: whoever is woken runs before the one that woke it goes on.
+        let rank = NODES.iter().position(|node| *node == name).unwrap_or(0);
+        Ok(Self { scenario, board, bus, punctuality: Rc::default(), priority: 70 + rank as i32 })
+    }
+
+    /// Where this node gets `M` from.
+    pub fn inlet<M: Wire>(&self) -> Result<Inlet<M>, SeatError> {
+        Ok(Inlet::new(self.bus.receiver(NODE_DEPTH)?, self.board.clone(), self.punctuality.clone()))
+    }
+
+    /// Where this node sends `M` to.
+    pub fn outlet<M: Wire>(&self) -> Result<Outlet<M>, SeatError> {
+        Ok(Outlet::new(self.bus.sender()?, self.board.clone(), self.punctuality.clone(), 1))
+    }
+
+    /// A queue deep enough to see every message, for those who watch and record.
+    pub fn observer<M: Wire>(&self) -> Result<Box<dyn Receive<M>>, SeatError> {
+        Ok(self.bus.receiver(OBSERVER_DEPTH)?)
+    }
+
+    /// Enters the real-time class: call it last before the loop, when everything is allocated.
+    pub fn settle(&self) -> realtime::Obtained {
+        realtime::enter(&self.scenario.realtime, self.priority)
+    }
+
+    /// The plant's clock: waits until everybody has joined, then starts; `None` when the run was called off.
+    pub fn pace(&self) -> Option<Pace> {
+        const LOOK: Duration = Duration::from_millis(100);
+        while self.board.phase().count() < phase::GO {
+            self.board.phase().wait(phase::JOIN, now_ns() + LOOK.as_nanos() as u64);
+        }
+        let going = self.board.phase().count() == phase::GO;
+        going.then(|| Pace::new(self.scenario.run.mode, self.board.clone(), self.punctuality.clone()))
+    }
+}
+
+/// Runs one node as this process: joins the namespace named in the arguments, runs, reports failure on stderr.
+///
+/// The process dies with its parent, the launcher.
+pub fn main(name: &str, run: fn(&Seat) -> Result<(), SeatError>) -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [flag, namespace] = arguments.as_slice() else { return usage(name) };
+    if flag == "--namespace" { run_as(name, namespace, run) } else { usage(name) }
+}
+
+/// The same with the namespace given.
+pub fn run_as(name: &str, namespace: &str, run: fn(&Seat) -> Result<(), SeatError>) -> ExitCode {
+    // Fails only for a signal number that does not exist.
+    let _ = rustix::process::set_parent_process_death_signal(Some(Signal::KILL));
+    match Seat::join(namespace, name).and_then(|seat| run(&seat)) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{name}: {error}");
+            ExitCode::from(exit::PROCESS_LOST)
+        }
+    }
+}
+
+fn usage(name: &str) -> ExitCode {
+    eprintln!(
+        "usage: {name} --namespace NAME\nThe launcher starts this program; by itself it joins a stack that runs."
+    );
+    ExitCode::from(exit::USAGE)
+}

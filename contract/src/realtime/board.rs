@@ -1,0 +1,137 @@
+//! The board: one shared page with a bell per topic and the words every process looks at.
+//!
+//! iceoryx2 carries the messages; the bells only wake. A bell is a counter with a futex on it: a publisher raises it
+//! after it has sent, a waiter sleeps until it moves or a deadline passes. Against iceoryx2's own events this halves
+//! the cost of a hop and gives time-outs exact to the nanosecond (`launcher measure` shows both).
+//!
+//! A bell holds no state worth losing: whoever dies between sending and ringing costs the others one time-out.
+
+use std::fs::OpenOptions;
+use std::io;
+use std::num::NonZeroU32;
+use std::path::Path;
+use std::ptr::NonNull;
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use rustix::io::Errno;
+use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
+use rustix::thread::futex;
+
+use super::clock::to_timespec;
+use crate::Topic;
+
+const PAGE_BYTES: usize = 4096;
+const MAGIC: u32 = 0x7EF0_1101;
+
+#[repr(C)]
+struct Page {
+    magic: AtomicU32,
+    phase: Bell,
+    bells: [Bell; Topic::COUNT],
+}
+const _: () = assert!(size_of::<Page>() <= PAGE_BYTES);
+
+/// A counter that wakes, on a cache line of its own.
+#[repr(C, align(64))]
+pub struct Bell(AtomicU32);
+
+impl Bell {
+    /// Times rung so far. Read it before looking for a message, then pass it to [`wait`](Self::wait).
+    pub fn count(&self) -> u32 {
+        self.0.load(Ordering::Acquire)
+    }
+
+    /// Raises the counter and wakes everybody who waits.
+    pub fn ring(&self) {
+        self.0.fetch_add(1, Ordering::Release);
+        // Only a bad address can make this fail, and a mapped page is none.
+        let _ = futex::wake(&self.0, futex::Flags::empty(), i32::MAX as u32);
+    }
+
+    /// Sleeps until the counter differs from `seen` or `deadline_ns` (`CLOCK_MONOTONIC`) has passed.
+    pub fn wait(&self, seen: u32, deadline_ns: u64) {
+        let deadline = to_timespec(deadline_ns);
+        while self.count() == seen {
+            match futex::wait_bitset(&self.0, futex::Flags::empty(), seen, Some(&deadline), NonZeroU32::MAX) {
+                Ok(()) | Err(Errno::AGAIN | Errno::INTR) => {}
+                Err(_) => return, // the deadline
+            }
+        }
+    }
+}
+
+/// The mapped page. Lives as long as the process uses the ring.
+pub struct Board {
+    page: NonNull<Page>,
+}
+
+impl Board {
+    /// Makes the page as a new file; the launcher does this once per run.
+    pub fn create(path: &Path) -> io::Result<Self> {
+        let file = OpenOptions::new().read(true).write(true).create_new(true).open(path)?;
+        file.set_len(PAGE_BYTES as u64)?;
+        let board = Self::map(&file)?;
+        board.page().magic.store(MAGIC, Ordering::Release);
+        Ok(board)
+    }
+
+    /// Opens the page of a running stack.
+    pub fn open(path: &Path) -> io::Result<Self> {
+        let file = OpenOptions::new().read(true).write(true).open(path)?;
+        if file.metadata()?.len() != PAGE_BYTES as u64 {
+            return Err(io::Error::new(io::ErrorKind::InvalidData, "not a board: wrong length"));
+        }
+        let board = Self::map(&file)?;
+        if board.page().magic.load(Ordering::Acquire) != MAGIC {
+            return Err(io::Error::new(io::ErrorKind::InvalidData, "a board of another version"));
+        }
+        Ok(board)
+    }
+
+    /// The bell of a topic.
+    pub fn bell(&self, topic: Topic) -> &Bell {
+        &self.page().bells[topic as usize]
+    }
+
+    /// Where the run stands: see [`crate::process::phase`]. Rung at every change.
+    pub fn phase(&self) -> &Bell {
+        &self.page().phase
+    }
+
+    /// Moves the run on to `phase` and wakes every waiter, whatever it waits for.
+    pub fn set_phase(&self, phase: u32) {
+        while self.phase().count() < phase {
+            self.phase().ring();
+        }
+        for topic in Topic::ALL {
+            self.bell(topic).ring();
+        }
+    }
+
+    fn map(file: &std::fs::File) -> io::Result<Self> {
+        let protection = ProtFlags::READ | ProtFlags::WRITE;
+        // SAFETY: the address is the kernel's choice, so no existing mapping is replaced; the length is that of the
+        // file, checked or set by the caller. Nothing but atomics is ever read or written through it.
+        let address = unsafe { mmap(std::ptr::null_mut(), PAGE_BYTES, protection, MapFlags::SHARED, file, 0)? };
+        let page = NonNull::new(address.cast::<Page>()).ok_or_else(|| io::Error::other("mapped at address zero"))?;
+        Ok(Self { page })
+    }
+
+    fn page(&self) -> &Page {
+        // SAFETY: `page` comes from `map`: page-aligned, PAGE_BYTES long, which covers `Page`, and mapped until drop.
+        // `Page` is made of atomics only, for which every bit pattern is valid and shared writes are defined.
+        unsafe { self.page.as_ref() }
+    }
+}
+
+impl Drop for Board {
+    fn drop(&mut self) {
+        // SAFETY: mapped by `map` with this length, and no reference outlives `self`. Failure would leak one page.
+        let _ = unsafe { munmap(self.page.as_ptr().cast(), PAGE_BYTES) };
+    }
+}
+
+// SAFETY: all access goes through atomics behind shared references; the mapping itself never changes.
+unsafe impl Send for Board {}
+// SAFETY: as above.
+unsafe impl Sync for Board {}

@@ -1,0 +1,58 @@
+//! What a scenario error looks like: what is wrong, where it stands, what to do.
+//!
+//! ```text
+//! error: unknown key `plant.rotor_lag`
+//!  --> gusty.toml:4:1
+//!   |
+//! 4 | rotor_lag = 0.05
+//!   | ^^^^^^^^^
+//!   = help: did you mean `rotor_lag_s`? ...
+//! ```
+
+use std::ops::Range;
+
+use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};
+
+/// Why a scenario cannot be flown: all that is wrong with it, as a complete message for people.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct ScenarioError(String);
+
+impl ScenarioError {
+    /// One message of all `problems`.
+    pub(super) fn new(problems: &[Problem]) -> Self {
+        Self(problems.iter().map(Problem::render).collect::<Vec<_>>().join("\n\n"))
+    }
+}
+
+/// A text that settings come from: a file, or the argument of one `--set`.
+pub struct Source {
+    /// What the text is called; none for `--set`, which is shown in full.
+    pub path: Option<String>,
+    /// TOML.
+    pub text: String,
+}
+
+/// One thing wrong.
+pub struct Problem<'a> {
+    /// What.
+    pub title: String,
+    /// Where: a source, and bytes of its text.
+    pub place: Option<(&'a Source, Range<usize>)>,
+    /// What to do.
+    pub help: String,
+}
+
+impl Problem<'_> {
+    fn render(&self) -> String {
+        let snippet = self.place.as_ref().map(|(source, span)| {
+            let option = if source.path.is_some() { "" } else { "--set " };
+            let span = span.start + option.len()..span.end + option.len();
+            Snippet::source(format!("{option}{}", source.text))
+                .path(source.path.as_deref())
+                .annotation(AnnotationKind::Primary.span(span))
+        });
+        let title = Level::ERROR.primary_title(&self.title);
+        Renderer::plain().render(&[title.elements(snippet).element(Level::HELP.message(&self.help))])
+    }
+}

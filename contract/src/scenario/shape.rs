@@ -1,0 +1,172 @@
+//! The shape of one source: TOML, known keys, right types. Needs no other source, so errors can point into the text.
+
+use std::ops::Range;
+
+use toml::de::{DeString, DeTable, DeValue};
+use toml::{Spanned, Table, Value};
+
+use super::report::{Problem, Source};
+use super::{Bounds, Heading, Mission, Plant, Profile, Scenario};
+
+const SET_HELP: &str = "write `--set key=value`, for instance `--set run.duration_s=20`";
+
+/// The settings of `source`, or everything that is wrong with their shape.
+pub fn read(source: &Source) -> Result<Table, Vec<Problem<'_>>> {
+    let settings: Table = source.text.parse().map_err(|error| vec![not_toml(source, &error)])?;
+    let tree = DeTable::parse(&source.text).map_err(|error| vec![not_toml(source, &error)])?.into_inner();
+    let mut problems = vec![];
+    if source.path.is_none() && settings.is_empty() {
+        problems.push(Problem { title: "nothing to set".into(), place: Some((source, 0..0)), help: SET_HELP.into() });
+    }
+    check_keys(source, "", &tree, &example(), &mut problems);
+    if !problems.is_empty() {
+        return Err(problems);
+    }
+    let scenario: Scenario =
+        toml::from_str(&source.text).map_err(|error| vec![wrong_type(source, &tree, error.message(), error.span())])?;
+    let kept = Table::try_from(scenario).expect("what came from TOML has a form in it");
+    match surplus("", &Value::Table(settings.clone()), &Value::Table(kept)) {
+        Some((key, given, kept)) => {
+            let message = format!("invalid length {given}, expected {kept}");
+            Err(vec![wrong_type(source, &tree, &message, span_of(&tree, &key))])
+        }
+        None => Ok(settings),
+    }
+}
+
+/// Where `key` got its value: the last source that sets it, and the bytes there.
+pub fn find<'a>(sources: &'a [Source], key: &str) -> Option<(&'a Source, Range<usize>)> {
+    sources.iter().rev().find_map(|source| {
+        let tree = DeTable::parse(&source.text).ok()?;
+        Some((source, span_of(tree.get_ref(), key)?))
+    })
+}
+
+/// A scenario that sets every key there is.
+fn example() -> Table {
+    let robust = Scenario::of(Profile::Robust);
+    let all = Scenario {
+        mission: Mission { heading_deg: Heading::Steps(vec![(0.0, 0.0), (15.0, 90.0)]), ..robust.mission },
+        plant: Plant {
+            wind_ned_mps: vec![(15.0, [5.0, 0.0, 0.0])],
+            disturbance: vec![(10.0, [0.0, 0.0, 1.0], [0.0, 0.1, 0.0])],
+            ..robust.plant
+        },
+        bounds: Bounds {
+            max_position_error_m: Some(0.7),
+            max_altitude_error_horizontal_m: Some(0.1),
+            max_altitude_error_vertical_m: Some(0.2),
+            final_position_error_m: Some(0.1),
+        },
+        ..robust
+    };
+    Table::try_from(all).expect("profiles have a form in TOML")
+}
+
+fn not_toml<'a>(source: &'a Source, error: &toml::de::Error) -> Problem<'a> {
+    let help = match source.path {
+        Some(_) => "a scenario is a TOML file: tables `[run]`, settings `key = value`",
+        None => SET_HELP,
+    };
+    let place = Some((source, error.span().unwrap_or_default()));
+    Problem { title: format!("not TOML: {}", error.message()), place, help: help.into() }
+}
+
+/// Every key must be known, and a table where a table is known.
+fn check_keys<'a>(source: &'a Source, path: &str, given: &DeTable, known: &Table, problems: &mut Vec<Problem<'a>>) {
+    for (name, value) in given {
+        let key = join(path, name.get_ref());
+        match (known.get(name.get_ref().as_ref()), value.get_ref()) {
+            (None, _) => problems.push(unknown_key(source, path, name, known)),
+            (Some(Value::Table(known)), DeValue::Table(given)) => check_keys(source, &key, given, known, problems),
+            (Some(Value::Table(known)), _) => problems.push(Problem {
+                title: format!("`{key}` is a table"),
+                place: Some((source, value.span())),
+                help: format!("set its keys one by one: {}", list(known)),
+            }),
+            (Some(known), DeValue::Table(_)) => problems.push(Problem {
+                title: format!("`{key}` is not a table"),
+                place: Some((source, name.span())),
+                help: format!("for example `{key} = {known}`"),
+            }),
+            _ => {}
+        }
+    }
+}
+
+fn unknown_key<'a>(source: &'a Source, path: &str, name: &Spanned<DeString>, known: &Table) -> Problem<'a> {
+    let place = Some((source, name.span()));
+    let name: &str = name.get_ref();
+    let key = join(path, name);
+    if key == "fault" {
+        let help = "faults are not available yet: remove the table";
+        return Problem { title: "`fault` cannot be flown".into(), place, help: help.into() };
+    }
+    let elsewhere = example().into_iter().find(|(_, table)| table.get(name).is_some());
+    let nearest =
+        known.keys().map(|other| (strsim::jaro_winkler(name, other), other)).max_by(|a, b| a.0.total_cmp(&b.0));
+    let hint = match (elsewhere, nearest) {
+        (Some((table, _)), _) => format!("did you mean `{table}.{name}`? "),
+        (None, Some((similarity, nearest))) if similarity > 0.7 => format!("did you mean `{}`? ", join(path, nearest)),
+        _ => String::new(),
+    };
+    let table = if path.is_empty() { "at the top".into() } else { format!("in `{path}`") };
+    Problem { title: format!("unknown key `{key}`"), place, help: format!("{hint}known {table}: {}", list(known)) }
+}
+
+fn wrong_type<'a>(source: &'a Source, tree: &DeTable, message: &str, span: Option<Range<usize>>) -> Problem<'a> {
+    let span = span.unwrap_or_default();
+    let key = key_at(tree, "", span.start).unwrap_or_default();
+    let value = key.split('.').try_fold(&Value::Table(example()), |value, name| value.get(name)).cloned();
+    // Serde speaks of Rust's types.
+    let message = [("f64", "a number"), ("usize", "a whole number"), ("u64", "a whole number")]
+        .iter()
+        .fold(message.to_owned(), |text, (rust, plain)| {
+            text.replace(&format!("expected {rust}"), &format!("expected {plain}"))
+        });
+    Problem {
+        title: format!("`{key}`: {message}"),
+        place: Some((source, span)),
+        help: value.map_or(String::new(), |value| format!("for example `{key} = {value}`")),
+    }
+}
+
+/// The first array that is longer than what was `kept` of it, and both lengths: Serde stops reading where an array of
+/// fixed length is full.
+fn surplus(path: &str, given: &Value, kept: &Value) -> Option<(String, usize, usize)> {
+    match (given, kept) {
+        (Value::Table(given), Value::Table(kept)) => {
+            given.iter().find_map(|(name, value)| surplus(&join(path, name), value, kept.get(name)?))
+        }
+        (Value::Array(given), Value::Array(kept)) if given.len() == kept.len() => {
+            given.iter().zip(kept).find_map(|(given, kept)| surplus(path, given, kept))
+        }
+        (Value::Array(given), Value::Array(kept)) => Some((path.into(), given.len(), kept.len())),
+        _ => None,
+    }
+}
+
+/// The bytes of the value of a dotted key.
+fn span_of(tree: &DeTable, key: &str) -> Option<Range<usize>> {
+    match key.split_once('.') {
+        None => tree.get(key).map(Spanned::span),
+        Some((table, rest)) => span_of(tree.get(table)?.get_ref().as_table()?, rest),
+    }
+}
+
+/// The dotted key whose value stands at `byte`.
+fn key_at(tree: &DeTable, path: &str, byte: usize) -> Option<String> {
+    tree.iter().find_map(|(name, value)| {
+        let key = join(path, name.get_ref());
+        let inner = value.get_ref().as_table().and_then(|tree| key_at(tree, &key, byte));
+        inner.or_else(|| value.span().contains(&byte).then_some(key))
+    })
+}
+
+fn join(table: &str, name: &str) -> String {
+    if table.is_empty() { name.into() } else { format!("{table}.{name}") }
+}
+
+fn list(known: &Table) -> String {
+    known.keys().map(String::as_str).collect::<Vec<_>>().join(", ")
+}

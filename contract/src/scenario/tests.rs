@@ -1,0 +1,300 @@
+//! Precedence, round trips, and one case per way to get a scenario wrong.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use proptest::prelude::*;
+
+use super::*;
+
+const REPOSITORY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
+
+#[test]
+fn set_wins_over_file_over_profile() {
+    let (_folder, path) = file(b"[plant]\nrotor_lag_s = 0.04\nservo_lag_s = 0.05\n[run]\nseed = 7\n");
+    let overrides = ["plant.servo_lag_s=0.06", "run.seed=8", "run.seed=9"].map(String::from);
+    let scenario = load(Some(&path), &overrides).unwrap();
+    assert_eq!((scenario.plant.rotor_lag_s, scenario.plant.servo_lag_s, scenario.run.seed), (0.04, 0.06, 9));
+    let rest = Plant { rotor_lag_s: 0.03, servo_lag_s: 0.03, ..scenario.plant };
+    assert_eq!(rest, Scenario::default().plant, "what nobody sets keeps its default");
+}
+
+#[test]
+fn a_profile_by_set_changes_the_defaults_underneath() {
+    let (_folder, path) = file(b"profile = \"robust\"\n[mpc]\nnp = 12\n");
+    let scenario = load(Some(&path), &["profile=paper".into()]).unwrap();
+    let paper = Scenario::of(Profile::Paper);
+    assert_eq!(scenario, Scenario { mpc: Mpc { np: 12, ..paper.mpc.clone() }, ..paper });
+}
+
+#[test]
+fn set_takes_toml_and_bare_words() {
+    let scenario = from_set(&[
+        "name=wind step",
+        "run.mode=lockstep",
+        "mission.ramp_s=min-jerk",
+        "mission.trajectory = \"circle\"",
+        "plant.noise={position_m=1e-3}",
+        "plant.wind_ned_mps=[[15, [5, 0, 0]]]",
+        "mpc.delay_compensation=false",
+    ])
+    .unwrap();
+    assert_eq!((scenario.name.as_str(), scenario.run.mode), ("wind step", Mode::Lockstep));
+    let mission = (scenario.mission.ramp_s, scenario.mission.trajectory);
+    assert_eq!(mission, (Ramp::Named(RampName::MinJerk), TrajectoryKind::Circle));
+    assert_eq!(scenario.plant.noise, Noise { position_m: 1e-3, ..Noise::default() });
+    assert_eq!(scenario.plant.wind_ned_mps, [(15.0, [5.0, 0.0, 0.0])]);
+    assert!(!scenario.mpc.delay_compensation);
+}
+
+#[test]
+fn arrays_replace_and_tables_merge() {
+    let (_folder, path) = file(b"[mission]\nheading_deg = [[0, 0], [5, 90]]\n[plant.noise]\nposition_m = 0.01\n");
+    let overrides = ["mission.heading_deg=[[1, 45]]", "plant.noise.rates_dps=0.1"].map(String::from);
+    let scenario = load(Some(&path), &overrides).unwrap();
+    assert_eq!(scenario.mission.heading_deg, Heading::Steps(vec![(1.0, 45.0)]));
+    assert_eq!((scenario.plant.noise.position_m, scenario.plant.noise.rates_dps), (0.01, 0.1));
+}
+
+#[test]
+fn wrong_shapes_are_named_with_the_way_out() {
+    let cases: [(&str, &[&str]); 17] = [
+        ("duration_s=3", &["unknown key `duration_s`", "--set duration_s=3", "did you mean `run.duration_s`?"]),
+        ("plant.rotor_lag=3", &["unknown key `plant.rotor_lag`", "did you mean `plant.rotor_lag_s`?", "substep_s"]),
+        ("bounds.x=3", &["unknown key `bounds.x`", "known in `bounds`: final_position_error_m, max_alt"]),
+        ("plant.rotor_lag_s=slow", &["`plant.rotor_lag_s`", "string \"slow\", expected a number", "= 0.03"]),
+        ("run.seed=-1", &["`run.seed`", "integer `-1`, expected a whole number"]),
+        ("mpc.np=2.5", &["`mpc.np`", "expected a whole number"]),
+        ("run.mode=lockstpe", &["`run.mode`", "expected one of `realtime`, `lockstep`, `inprocess`"]),
+        ("run.mode.x=1", &["`run.mode` is not a table", "run.mode = \"realtime\""]),
+        ("run=3", &["`run` is a table", "duration_s, mode, seed"]),
+        ("mission.step_m=[1, 2]", &["`mission.step_m`", "invalid length 2, expected an array of length 3"]),
+        ("mission.step_m=[1, 2, 3, 4]", &["`mission.step_m`", "invalid length 4, expected 3", "[10.0, 10.0, -10.0]"]),
+        ("plant.wind_ned_mps=[[1, [2, 3, 4], 5]]", &["`plant.wind_ned_mps`", "invalid length 3, expected 2"]),
+        ("mission.ramp_s=fast", &["`mission.ramp_s`", "expected seconds, or \"min-jerk\""]),
+        ("mission.heading_deg=[[1, 2, 3]]", &["`mission.heading_deg`", "expected degrees, or steps"]),
+        (
+            "mission.step_m=[1, 2",
+            &["not TOML: unclosed array", "--set mission.step_m=[1, 2", "write `--set key=value`"],
+        ),
+        ("run.seed", &["not TOML", "expected `=`", "write `--set key=value`"]),
+        ("", &["nothing to set", "write `--set key=value`"]),
+    ];
+    for (set, expected) in cases {
+        check_refused(set, expected);
+    }
+}
+
+#[test]
+fn numbers_out_of_range_are_refused_with_the_range() {
+    let cases = [
+        ("run.duration_s=0", "at least 0.01, at most 86400"),
+        ("run.duration_s=86401", "at least 0.01, at most 86400"),
+        ("run.command_delay_ms=-1", "at least 0, at most 1000"),
+        ("run.command_jitter_ms=1001", "at least 0, at most 1000"),
+        ("run.command_drop_probability=1.1", "at least 0, at most 1"),
+        ("mission.step_at_s=-1", "at least 0"),
+        ("mission.ramp_s=-0.1", "at least 0"),
+        ("mission.times_s=[-1, 10]", "at least 0"),
+        ("airframe.mass_kg=0", "above 0"),
+        ("airframe.km=-1", "above 0"),
+        ("plant.substep_s=0", "above 0, at most 0.01"),
+        ("plant.substep_s=0.02", "above 0, at most 0.01"),
+        ("plant.rotor_lag_s=0", "above 0"),
+        ("plant.rotor_rate_limit=0", "above 0"),
+        ("plant.servo_rate_limit_radps=0", "above 0"),
+        ("plant.rotor_speed_min=-1", "at least 0"),
+        ("plant.rotor_speed_max_ratio=1", "above 1"),
+        ("plant.tilt_max_deg=90.1", "above 0, at most 90"),
+        ("plant.drag_linear_nspm=[0, -1, 0]", "at least 0"),
+        ("plant.drag_quadratic_ns2pm2=-1", "at least 0"),
+        ("plant.rotor_effectiveness=[1, 2.1, 1]", "at least 0, at most 2"),
+        ("plant.noise.position_m=-1", "at least 0"),
+        ("guidance.disturbance_observer_radps=100", "at least 0, below 100"),
+        ("guidance.angle_limit_deg=81", "above 0, at most 80"),
+        ("guidance.w_limit_mps=0", "above 0"),
+        ("guidance.integral_limit=-1", "at least 0"),
+        ("mpc.q=[-1, 0, 0, 0, 0, 0, 0]", "at least 0"),
+        ("mpc.r=[1, 1, 1, 0]", "above 0"),
+        ("mpc.np=201", "at least 1, at most 200"),
+        ("mpc.nu=0", "at least 1, at most 200"),
+        ("mpc.actuator_lag_model_s=-1", "at least 0"),
+        ("mpc.disturbance_gain=1.1", "at least 0, at most 1"),
+        ("bounds.max_position_error_m=0", "above 0"),
+    ];
+    for (set, range) in cases {
+        let key = set.split_once('=').unwrap().0;
+        check_refused(set, &[&format!("`{key}` = "), "out of range", &format!("allowed: {range}\n")]);
+    }
+}
+
+#[test]
+fn settings_that_contradict_are_refused() {
+    let waypoints = "mission={trajectory=\"waypoints\", waypoints_m=[[0,0,0],[0,0,-1],[1,0,-1]], ";
+    let cases = [
+        ("name=\" \"", "`name` is empty"),
+        ("guidance.kp_w=nan", "`guidance.kp_w` = NaN is not finite"),
+        ("mission.waypoints_m=[[0, 0, 0], [0, 0, -inf]]", "`mission.waypoints_m` = -inf is not finite"),
+        ("plant.substep_s=0.003", "`plant.substep_s` = 0.003 does not divide the sample"),
+        ("plant.substep_s=1e-10", "does not divide the sample"),
+        ("plant.rotor_lag_s=0.0004", "`plant.rotor_lag_s` = 0.0004 is too short for `plant.substep_s` = 0.001"),
+        ("plant.servo_lag_s=0.0004", "`plant.servo_lag_s` = 0.0004 is too short"),
+        ("plant.rotor_speed_min=1339", "below the slowest rotor at trim, 1338.6"),
+        ("plant.tilt_max_deg=30", "above the tilt at trim, 30.49"),
+        ("plant.wind_ned_mps=[[2, [0, 0, 0]], [1, [0, 0, 0]]]", "`plant.wind_ned_mps` are out of order"),
+        ("plant.disturbance=[[-1, [0, 0, 0], [0, 0, 0]]]", "`plant.disturbance` are out of order"),
+        ("mission.heading_deg=[[2, 0], [1, 0]]", "`mission.heading_deg` are out of order"),
+        ("initial.position_m=[400, 400, 0]", "within 500 m"),
+        ("initial.attitude_deg=[0, -88, 0]", "a pitch between -88 and 88"),
+        ("mission.times_s=[0, 10, 20]", "2 waypoints and 3 times"),
+        ("mission={waypoints_m=[[0, 0, 0]], times_s=[0]}", "1 waypoints and 1 times"),
+        ("mission.times_s=[10, 10]", "`mission.times_s` does not rise"),
+        ("mission.ramp_s=5.1", "`mission.ramp_s` = 5.1 does not fit the shortest leg of 10.0 s"),
+        (&format!("{waypoints}times_s=[0, 9, 11]}}"), "does not fit the shortest leg of 2.0 s"),
+        ("mpc.nu=21", "`mpc.nu` = 21 is longer than `mpc.np` = 20"),
+        ("mpc.np=4", "`mpc.nu` = 5 is longer than `mpc.np` = 4"),
+        ("mpc.actuator_lag_model_s=0.0009", "0 for no lag, or at least 0.001"),
+        ("mixer.projection=true", "`mixer.projection` is not available yet"),
+        ("fault=[{at_s=1}]", "faults are not available yet: remove the table"),
+    ];
+    for (set, expected) in cases {
+        check_refused(set, &[expected, "--set ", "^"]);
+    }
+}
+
+#[test]
+fn the_edges_of_the_ranges_fly() {
+    for set in [
+        "run.command_drop_probability=1",
+        "plant.substep_s=0.01",
+        "plant.rotor_lag_s=0.0005",
+        "plant.tilt_max_deg=90",
+        "plant.rotor_effectiveness=[0, 1, 2]",
+        "mpc={np=200, nu=200}",
+        "mpc.actuator_lag_model_s=0.001",
+        "mission.ramp_s=5",
+        "mission={trajectory=\"hover\", ramp_s=60}",
+    ] {
+        from_set(&[set]).unwrap_or_else(|error| panic!("{set}: {error}"));
+    }
+}
+
+#[test]
+fn the_message_points_into_the_file_and_tells_all() {
+    let text = "# gusty\n[plant]\ntilt_max_deg = 95\n[mpc]\nnp = 0\n";
+    let message = from_merged(text, "gusty.toml").unwrap_err().to_string();
+    let first = "error: `plant.tilt_max_deg` = 95.0 is out of range
+ --> gusty.toml:3:16
+  |
+3 | tilt_max_deg = 95
+  |                ^^
+  |
+  = help: allowed: above 0, at most 90";
+    assert!(message.contains(first) && message.contains("gusty.toml:5:6"), "{message}");
+}
+
+#[test]
+fn files_that_cannot_be_read_are_named() {
+    let missing = load(Some(Path::new("no/such.toml")), &[]).unwrap_err().to_string();
+    assert!(
+        missing.contains("cannot read the scenario `no/such.toml`") && missing.contains("`ls scenarios`"),
+        "{missing}"
+    );
+
+    let (folder, path) = file(b"name = \"a\"\n# caf\xe9\n");
+    let folder = load(Some(folder.path()), &[]).unwrap_err().to_string();
+    assert!(folder.contains("cannot read the scenario"), "{folder}");
+
+    let latin1 = load(Some(&path), &[]).unwrap_err().to_string();
+    assert!(latin1.contains("not UTF-8") && latin1.contains("scenario.toml:2:6"), "{latin1}");
+
+    let twice = from_merged("[run]\nseed = 1\nseed = 2\n", "twice.toml").unwrap_err().to_string();
+    assert!(twice.contains("not TOML: duplicate key") && twice.contains("twice.toml:3:1"), "{twice}");
+}
+
+#[test]
+fn shipped_and_reference_scenarios_load_and_return_exactly() {
+    for (folder, at_least) in [("scenarios", 7), ("tests/reference/cases", 9)] {
+        let files: Vec<_> = fs::read_dir(Path::new(REPOSITORY).join(folder)).unwrap().collect();
+        assert!(files.len() >= at_least, "{folder}: only {} files", files.len());
+        for file in files {
+            check_returns(&load(Some(&file.unwrap().path()), &[]).unwrap_or_else(|error| panic!("{error}")));
+        }
+    }
+    check_returns(&Scenario::of(Profile::Paper));
+}
+
+#[test]
+fn the_shipped_survey_is_what_flies_without_a_file() {
+    let survey = load(Some(&Path::new(REPOSITORY).join("scenarios/survey.toml")), &[]).unwrap();
+    assert!(survey.bounds.max_position_error_m.is_some());
+    assert_eq!(Scenario { bounds: Bounds::default(), ..survey }, load(None, &[]).unwrap());
+    assert_eq!(load(None, &[]).unwrap(), Scenario::default());
+}
+
+proptest! {
+    #[test]
+    fn any_text_is_answered(text in "(?s).*") {
+        let _ = from_merged(&text, "any.toml");
+        let _ = from_set(&[&text]);
+    }
+
+    #[test]
+    fn any_damage_is_answered(
+        at in any::<prop::sample::Index>(),
+        length in 0..20_usize,
+        damage in ".{0,9}|[\\[\\]{}=.\",0-9\n]{0,9}",
+    ) {
+        let mut text = to_toml(&Scenario::default());
+        let start = at.index(text.len());
+        let end = (start + length).min(text.len());
+        text.replace_range(start..end, &damage);
+        let _ = from_merged(&text, "damaged.toml");
+    }
+
+    #[test]
+    fn any_numbers_return_exactly(
+        gain in prop::num::f64::NORMAL | prop::num::f64::SUBNORMAL | prop::num::f64::ZERO,
+        positive in prop::array::uniform4(1e-300..1e300),
+        position_m in prop::array::uniform3(-200.0..200.0),
+        wind in prop::array::uniform3(-20.0..20.0),
+        seed in 0..=i64::MAX as u64,
+        name in "\\PC*[a-z\"'\\\\]",
+    ) {
+        let mut scenario = Scenario { name, ..Scenario::default() };
+        scenario.run.seed = seed;
+        scenario.guidance.kp_phi = gain;
+        scenario.mission.heading_deg = Heading::Steps(vec![(0.0, gain), (0.1, -gain)]);
+        scenario.mpc.r = positive;
+        scenario.initial.position_m = position_m;
+        scenario.plant.wind_ned_mps = vec![(1.0 / 3.0, wind)];
+        scenario.bounds.final_position_error_m = Some(positive[0]);
+        check_returns(&scenario);
+    }
+}
+
+/// `to_toml` prints floats such that different bits differ, the sign of zero included.
+fn check_returns(scenario: &Scenario) {
+    let text = to_toml(scenario);
+    let returned = from_merged(&text, "merged.toml").unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(&returned, scenario);
+    assert_eq!(to_toml(&returned), text);
+}
+
+fn check_refused(set: &str, expected: &[&str]) {
+    let message = from_set(&[set]).expect_err(set).to_string() + "\n";
+    for part in expected {
+        assert!(message.contains(part), "`{part}` is missing for `{set}` in:\n{message}");
+    }
+}
+
+fn from_set(overrides: &[&str]) -> Result<Scenario, ScenarioError> {
+    load(None, &overrides.iter().map(ToString::to_string).collect::<Vec<_>>())
+}
+
+fn file(content: &[u8]) -> (tempfile::TempDir, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scenario.toml");
+    fs::write(&path, content).unwrap();
+    (folder, path)
+}

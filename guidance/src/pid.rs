@@ -1,0 +1,42 @@
+//! Three PID controllers: position error to roll, pitch and climb.
+//!
+//! ```text
+//! phi_ref   = Kp_phi   e_y + Ki_phi   int e_y dt + Kd_phi   de_y/dt        (45)
+//! theta_ref = Kp_theta e_x + Ki_theta int e_x dt + Kd_theta de_x/dt        (46)
+//! w_ref     = Kp_w     e_z + Ki_w     int e_z dt + Kd_w     de_z/dt        (47)
+//! ```
+//!
+//! Departure: (47) takes the body z velocity for the climb rate. With `exact_w` its output is the wanted vertical
+//! speed, and w follows from it at the present attitude and velocity. Test `exact_w_makes_the_wanted_climb`.
+
+use contract::message::State;
+use contract::scenario::Guidance as Settings;
+use nalgebra::Vector3;
+
+/// What the position error asks for, before feed-forward and limits.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Wanted {
+    /// Roll about trim \[rad\].
+    pub phi_rad: f64,
+    /// Pitch \[rad\].
+    pub theta_rad: f64,
+    /// Vertical speed, down positive \[m/s\].
+    pub climb_mps: f64,
+}
+
+/// The three laws on `[error, integral, derivative]`, x ahead, y right, z down \[m, m s, m/s\].
+pub fn wanted(k: &Settings, [e, i, d]: &[Vector3<f64>; 3]) -> Wanted {
+    Wanted {
+        phi_rad: k.kp_phi * e.y + k.ki_phi * i.y + k.kd_phi * d.y, // (45)
+        theta_rad: k.kp_theta * e.x + k.ki_theta * i.x + k.kd_theta * d.x, // (46)
+        climb_mps: k.kp_w * e.z + k.ki_w * i.z + k.kd_w * d.z,     // (47)
+    }
+}
+
+/// Body z velocity at which the vertical speed is `climb_mps`, at the measured attitude and velocity \[m/s\].
+pub fn exact_w(climb_mps: f64, state: &State) -> f64 {
+    let [u, v, _] = state.measured.velocity_mps;
+    let (sin_phi, cos_phi) = state.measured.attitude_rad[0].sin_cos();
+    let (sin_theta, cos_theta) = state.measured.attitude_rad[1].sin_cos();
+    (climb_mps + u * sin_theta - v * sin_phi * cos_theta) / (cos_phi * cos_theta)
+}

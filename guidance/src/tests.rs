@@ -1,0 +1,189 @@
+//! Direction before magnitude, then limits, then the independent simulator.
+
+use contract::message::{Kinematics, Stamp, State, guidance_flags};
+use contract::scenario::{Heading, Profile, Ramp, RampName, TrajectoryKind};
+use contract::{Scenario, message::Reference};
+use proptest::prelude::*;
+
+use crate::{Guidance, Trajectory};
+
+fn scenario(profile: Profile, trajectory: TrajectoryKind) -> Scenario {
+    let mut scenario = Scenario::of(profile);
+    scenario.mission.trajectory = trajectory;
+    scenario
+}
+
+fn roll_trim() -> f64 {
+    airframe::Trim::solve(&airframe::Parameters::default(), false).roll_rad
+}
+
+fn hovering(tick: u64) -> State {
+    let measured = Kinematics { attitude_rad: [roll_trim(), 0.0, 0.0], ..Kinematics::default() };
+    State { stamp: Stamp { tick, ..Stamp::default() }, measured, ..State::default() }
+}
+
+/// The answer to a hover displaced to `position_m`, with heading `psi`, at the first tick.
+fn answer(profile: Profile, position_m: [f64; 3], psi: f64) -> Reference {
+    let mut state = hovering(0);
+    state.measured.position_m = position_m;
+    state.measured.attitude_rad[2] = psi;
+    Guidance::new(&scenario(profile, TrajectoryKind::Hover)).step(&state)
+}
+
+#[test]
+fn errors_lean_the_right_way() {
+    for profile in [Profile::Paper, Profile::Robust] {
+        let south = answer(profile, [-1.0, 0.0, 0.0], 0.0);
+        assert!(south.attitude_rad[1] < 0.0, "north is reached nose down");
+        let west = answer(profile, [0.0, -1.0, 0.0], 0.0);
+        assert!(west.attitude_rad[0] > roll_trim(), "east is reached right side down");
+        let high = answer(profile, [0.0, 0.0, -1.0], 0.0);
+        assert!(high.w_mps > 0.0, "down is positive");
+    }
+}
+
+#[test]
+fn errors_are_turned_into_the_heading_frame() {
+    let east_ahead = answer(Profile::Robust, [0.0, -0.5, 0.0], std::f64::consts::FRAC_PI_2);
+    let north_ahead = answer(Profile::Robust, [-0.5, 0.0, 0.0], 0.0);
+    for i in 0..2 {
+        assert!((east_ahead.attitude_rad[i] - north_ahead.attitude_rad[i]).abs() < 1e-12);
+    }
+    let unturned = answer(Profile::Paper, [0.0, -0.5, 0.0], std::f64::consts::FRAC_PI_2);
+    assert!(unturned.attitude_rad[1].abs() < 1e-12, "the paper's controller does not know its heading");
+}
+
+#[test]
+fn limits_hold_and_are_told() {
+    let far = answer(Profile::Robust, [-100.0, 100.0, 100.0], 0.0);
+    let limit = 30_f64.to_radians();
+    assert!((far.attitude_rad[1] + limit).abs() < 1e-12);
+    assert!((far.attitude_rad[0] - roll_trim() + limit).abs() < 1e-12, "the limit counts from trim");
+    assert!((far.w_mps + 4.0).abs() < 1e-12);
+    let all = guidance_flags::ROLL_LIMITED | guidance_flags::PITCH_LIMITED | guidance_flags::W_LIMITED;
+    assert_eq!(far.flags & all, all);
+}
+
+#[test]
+fn the_integral_is_added_before_use_and_clamped() {
+    let mut s = scenario(Profile::Paper, TrajectoryKind::Hover);
+    s.guidance.integral_limit = 0.05;
+    let mut guidance = Guidance::new(&s);
+    let mut state = hovering(0);
+    state.measured.position_m = [0.0, 0.0, 1.0];
+    let first = guidance.step(&state);
+    assert!((first.w_mps - (-5.0 - 0.1 * 0.01)).abs() < 1e-12, "one rectangle of 10 ms, and no derivative yet");
+    let mut last = first;
+    for tick in 1..100 {
+        state.stamp.tick = tick;
+        last = guidance.step(&state);
+    }
+    assert!((last.w_mps - (-5.0 - 0.1 * 0.05)).abs() < 1e-12);
+    assert_ne!(last.flags & guidance_flags::INTEGRAL_CLAMPED, 0);
+}
+
+#[test]
+fn a_gap_in_the_samples_counts_as_the_time_it_took() {
+    let integral = |ticks: &[u64]| {
+        let mut guidance = Guidance::new(&scenario(Profile::Paper, TrajectoryKind::Hover));
+        let answers = ticks.iter().map(|tick| {
+            let mut state = hovering(*tick);
+            state.measured.position_m = [0.0, 0.0, 1.0];
+            guidance.step(&state).w_mps
+        });
+        answers.last().unwrap()
+    };
+    assert!((integral(&[0, 1, 2, 3, 4]) - integral(&[0, 4])).abs() < 1e-12);
+}
+
+#[test]
+fn bad_and_repeated_samples_repeat_the_answer() {
+    let mut guidance = Guidance::new(&scenario(Profile::Robust, TrajectoryKind::Survey));
+    let good = guidance.step(&hovering(0));
+    let mut bad = hovering(1);
+    bad.measured.rates_radps[1] = f64::NAN;
+    let answer = guidance.step(&bad);
+    assert_eq!(answer, Reference { flags: good.flags | guidance_flags::BAD_INPUT, ..good });
+    assert_eq!(guidance.step(&hovering(0)), good);
+}
+
+#[test]
+fn exact_w_makes_the_wanted_climb() {
+    let mut state = hovering(0);
+    state.measured.attitude_rad = [0.4, -0.3, 1.0];
+    state.measured.velocity_mps = [3.0, -2.0, 0.0];
+    state.measured.velocity_mps[2] = crate::pid::exact_w(-1.5, &state);
+    let [phi, theta, psi] = state.measured.attitude_rad;
+    let to_ned = nalgebra::Rotation3::from_euler_angles(phi, theta, psi);
+    let velocity = to_ned * nalgebra::Vector3::from(state.measured.velocity_mps);
+    assert!((velocity.z + 1.5).abs() < 1e-12);
+}
+
+#[test]
+fn headings_step() {
+    let mut s = scenario(Profile::Robust, TrajectoryKind::Hover);
+    s.mission.heading_deg = Heading::Steps(vec![(1.0, 90.0), (2.0, 180.0)]);
+    let trajectory = Trajectory::new(&s.mission);
+    let degrees = [0.0, 0.99, 1.0, 1.99, 2.0, 60.0].map(|t| trajectory.heading_rad(t).to_degrees());
+    assert_eq!(degrees, [0.0, 0.0, 90.0, 90.0, 180.0, 180.0]);
+}
+
+#[test]
+fn val_survey_reference() {
+    let s = Scenario::of(Profile::Paper);
+    let trajectory = Trajectory::new(&s.mission);
+    // Reference position of the independent simulator at 0.1 s and, by symmetry, halfway up.
+    assert!((trajectory.at(0.1).position_m[2] + 0.003_137_254_9).abs() < 1e-10);
+    assert!((trajectory.at(5.0).position_m[2] + 4.0).abs() < 1e-12);
+    assert_eq!(trajectory.at(20.0).position_m, [8.0, 0.0, -8.0]);
+    assert_eq!(trajectory.at(99.0).position_m, [0.0, 0.0, 0.0]);
+}
+
+#[test]
+fn the_circle_closes() {
+    let trajectory = Trajectory::new(&scenario(Profile::Robust, TrajectoryKind::Circle).mission);
+    for t in [0.0, 60.0, 70.0] {
+        assert!(trajectory.at(t).position_m.iter().all(|x| x.abs() < 1e-9), "at the origin at {t} s");
+    }
+    let side = trajectory.at(30.0).position_m;
+    assert!(side[0].abs() < 1e-9 && (side[1] - 10.0).abs() < 1e-9 && (side[2] + 10.0).abs() < 1e-9);
+}
+
+proptest! {
+    #[test]
+    fn velocity_and_acceleration_are_the_derivatives_of_position(
+        t in 0.01_f64..69.9, ramp in 0_usize..3, kind in 0_usize..2
+    ) {
+        let mut mission = scenario(Profile::Robust, TrajectoryKind::Survey).mission;
+        mission.trajectory = [TrajectoryKind::Survey, TrajectoryKind::Circle][kind];
+        mission.ramp_s = [Ramp::Seconds(1.5), Ramp::Seconds(4.0), Ramp::Named(RampName::MinJerk)][ramp];
+        let trajectory = Trajectory::new(&mission);
+        let h = 1e-4;
+        let (before, here, after) = (trajectory.at(t - h), trajectory.at(t), trajectory.at(t + h));
+        for i in 0..3 {
+            let velocity = (after.position_m[i] - before.position_m[i]) / (2.0 * h);
+            // A trapezoid's acceleration jumps at the ends of its ramps, at most by 8 m / 6 s / 1.5 s within h.
+            prop_assert!((velocity - here.velocity_mps[i]).abs() < 2e-4, "{velocity} {:?}", here.velocity_mps);
+            let jump = (after.acceleration_mps2[i] - before.acceleration_mps2[i]).abs() > 1e-2;
+            let acceleration = (after.velocity_mps[i] - before.velocity_mps[i]) / (2.0 * h);
+            prop_assert!(jump || (acceleration - here.acceleration_mps2[i]).abs() < 1e-2);
+        }
+    }
+
+    #[test]
+    fn any_finite_state_gets_a_finite_answer_inside_the_limits(
+        position in prop::array::uniform3(-500.0_f64..500.0),
+        velocity in prop::array::uniform3(-50.0_f64..50.0),
+        roll in -3.0_f64..3.0, pitch in -1.55_f64..1.55, yaw in -20.0_f64..20.0,
+    ) {
+        let mut state = hovering(3);
+        state.measured.position_m = position;
+        state.measured.velocity_mps = velocity;
+        state.measured.attitude_rad = [roll, pitch, yaw];
+        let answer = Guidance::new(&scenario(Profile::Robust, TrajectoryKind::Survey)).step(&state);
+        let limit = 30_f64.to_radians() + 1e-12;
+        prop_assert!((answer.attitude_rad[0] - roll_trim()).abs() <= limit && answer.attitude_rad[1].abs() <= limit);
+        prop_assert!(answer.w_mps.abs() <= 4.0);
+        prop_assert!(answer.rates_radps.iter().all(|r| r.is_finite()));
+    }
+}

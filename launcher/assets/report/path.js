@@ -1,0 +1,184 @@
+// The flight path as SVG: in space (orthographic, drag to turn) and from above. Lengths are equal along all axes.
+// Points are [north, east, up] in metres, or null where the log has a hole.
+
+function flightPaths(time, columns) {
+  'use strict';
+  const points = (x, y, z) => columns[x].map((north, i) => {
+    const point = [north, columns[y][i], columns[z][i]];
+    return point.includes(null) ? null : [north, point[1], -point[2]];
+  });
+  const actual = points('x', 'y', 'z');
+  const reference = points('x_ref', 'y_ref', 'z_ref');
+  const box = surround(actual.concat(reference));
+
+  const turn = { azimuth: -0.6, elevation: 0.5 };
+  const fromAbove = ([north, east]) => [east, -north];
+  const inSpace = ([north, east, up]) => {
+    const away = east * Math.sin(turn.azimuth) + north * Math.cos(turn.azimuth);
+    const right = east * Math.cos(turn.azimuth) - north * Math.sin(turn.azimuth);
+    return [right, -up * Math.cos(turn.elevation) - away * Math.sin(turn.elevation)];
+  };
+  const views = [
+    { element: document.getElementById('space'), project: inSpace, backdrop: spaceBackdrop },
+    { element: document.getElementById('plan'), project: fromAbove, backdrop: planBackdrop },
+  ];
+  let shown = [0, Infinity];
+  let marked = null;
+
+  function draw() {
+    for (const view of views) {
+      const width = view.element.clientWidth;
+      const height = Math.min(width, 380);
+      view.place = fit(box, view.project, width, height);
+      const inWindow = actual.map((point, i) => (time[i] >= shown[0] && time[i] <= shown[1] ? point : null));
+      const ground = point => point && [point[0], point[1], box.low[2]];
+      view.element.innerHTML = `<svg width="${width}" height="${height}" role="img" aria-label="flight path">
+        ${view.backdrop(box, view.place)}
+        ${view.project === inSpace ? line('shadow', actual.map(ground), view.place) : ''}
+        ${line('whole', actual, view.place)}${line('shown', inWindow, view.place)}
+        ${line('reference', reference, view.place)}<circle class="now" r="5"/></svg>`;
+    }
+    mark(marked);
+  }
+
+  // Puts the dot at sample `i`; null hides it.
+  function mark(i) {
+    marked = i;
+    const point = i === null || i === undefined ? null : actual[i];
+    for (const view of views) {
+      const dot = view.element.querySelector('.now');
+      if (!dot) continue;
+      dot.style.display = point ? '' : 'none';
+      if (point) {
+        const [x, y] = view.place(point);
+        dot.setAttribute('cx', x);
+        dot.setAttribute('cy', y);
+      }
+    }
+  }
+
+  // Shows the part flown from `from` to `to` [s] in full colour.
+  function highlight(from, to) {
+    shown = [from, to];
+    draw();
+  }
+
+  views[0].element.addEventListener('pointermove', event => {
+    if (!(event.buttons & 1)) return;
+    turn.azimuth -= event.movementX * 0.008;
+    turn.elevation = Math.min(Math.PI / 2, Math.max(0, turn.elevation + event.movementY * 0.008));
+    draw();
+  });
+  return { draw, mark, highlight };
+}
+
+// The smallest box of round numbers around the points, and the step that divides it.
+function surround(points) {
+  const low = [0, 0, 0], high = [0, 0, 0];
+  for (const point of points.filter(Boolean)) {
+    for (let axis = 0; axis < 3; axis++) {
+      low[axis] = Math.min(low[axis], point[axis]);
+      high[axis] = Math.max(high[axis], point[axis]);
+    }
+  }
+  const step = roundStep(Math.max(0.5, ...high.map((h, axis) => h - low[axis])) / 5);
+  // Sideways the path keeps clear of the edge; upwards it may touch it.
+  const air = [0.2, 0.2, -0.2];
+  return {
+    step,
+    low: low.map((l, axis) => step * Math.floor(l / step - air[axis])),
+    high: high.map((h, axis) => step * Math.max(Math.ceil(h / step + air[axis]), 1)),
+  };
+}
+
+// 1, 2 or 5 times a power of ten, not below `least`.
+function roundStep(least) {
+  const power = 10 ** Math.floor(Math.log10(least));
+  return power * [1, 2, 5, 10].find(factor => factor * power >= least * 0.999);
+}
+
+// The map from points to pixels: all of the box visible, with room for labels.
+function fit(box, project, width, height) {
+  const corners = [0, 1, 2, 3, 4, 5, 6, 7].map(c => project([0, 1, 2].map(axis => (c >> axis & 1 ? box.high : box.low)[axis])));
+  const [xs, ys] = [corners.map(c => c[0]), corners.map(c => c[1])];
+  const [left, right, top, bottom] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
+  const room = { left: 44, right: 14, top: 24, bottom: 40 };
+  const scale = Math.min((width - room.left - room.right) / (right - left), (height - room.top - room.bottom) / (bottom - top));
+  const middleX = (width + room.left - room.right) / 2, middleY = (height + room.top - room.bottom) / 2;
+  return point => {
+    const [x, y] = project(point);
+    return [middleX + (x - (left + right) / 2) * scale, middleY + (y - (top + bottom) / 2) * scale];
+  };
+}
+
+// One polyline; a null lifts the pen, points closer than half a pixel are left out.
+function line(name, points, place) {
+  let path = '', last = null;
+  for (const point of points) {
+    if (!point) { last = null; continue; }
+    const [x, y] = place(point);
+    if (last && Math.hypot(x - last[0], y - last[1]) < 0.5) continue;
+    path += `${last ? 'L' : 'M'}${x.toFixed(1)} ${y.toFixed(1)}`;
+    last = [x, y];
+  }
+  return `<path class="${name}" d="${path}"/>`;
+}
+
+function ticks(box, axis) {
+  const count = Math.round((box.high[axis] - box.low[axis]) / box.step);
+  return Array.from({ length: count + 1 }, (_, i) => +(box.low[axis] + i * box.step).toFixed(6));
+}
+
+function text(x, y, anchor, words) {
+  return `<text x="${x.toFixed(1)}" y="${y.toFixed(1)}" text-anchor="${anchor}">${String(words).replace('-', '−')}</text>`;
+}
+
+// North and east lines at height `up`.
+function ground(box, up, place) {
+  const north = ticks(box, 0).map(n => line('grid', [[n, box.low[1], up], [n, box.high[1], up]], place));
+  const east = ticks(box, 1).map(e => line('grid', [[box.low[0], e, up], [box.high[0], e, up]], place));
+  return north.concat(east).join('');
+}
+
+function planBackdrop(box, place) {
+  let svg = ground(box, 0, place);
+  for (const n of ticks(box, 0)) {
+    const [x, y] = place([n, box.low[1], 0]);
+    svg += text(x - 8, y + 4, 'end', n);
+  }
+  for (const e of ticks(box, 1)) {
+    const [x, y] = place([box.low[0], e, 0]);
+    svg += text(x, y + 17, 'middle', e);
+  }
+  const [left, top] = place([box.high[0], box.low[1], 0]);
+  const [right, bottom] = place([box.low[0], box.high[1], 0]);
+  return svg + text(left, top - 9, 'middle', 'north [m]') + text((left + right) / 2, bottom + 34, 'middle', 'east [m]');
+}
+
+function spaceBackdrop(box, place) {
+  const floor = box.low[2];
+  const lower = (a, b) => (place(a)[1] > place(b)[1] ? a : b); // the edge nearer to the reader carries the labels
+  const eastSide = lower([0, box.low[1], floor], [0, box.high[1], floor])[1];
+  const northSide = lower([box.low[0], 0, floor], [box.high[0], 0, floor])[0];
+  const middle = [0, 1].map(axis => (box.low[axis] + box.high[axis]) / 2);
+  const outward = edge => Math.sign(place([...edge, floor])[0] - place([...middle, floor])[0]);
+  const label = (point, side, words, far) => {
+    const [x, y] = place([...point, floor]);
+    return text(x + side * far, y + far + 5, 'middle', words);
+  };
+  const [eastOut, northOut] = [outward([middle[0], eastSide]), outward([northSide, middle[1]])];
+  let svg = ground(box, floor, place);
+  for (const n of ticks(box, 0)) svg += label([n, eastSide], eastOut, n, 9);
+  for (const e of ticks(box, 1)) svg += label([northSide, e], northOut, e, 9);
+  svg += label([middle[0], eastSide], eastOut, 'north [m]', 30) + label([northSide, middle[1]], northOut, 'east [m]', 30);
+
+  const corners = [box.low[0], box.high[0]].flatMap(n => [box.low[1], box.high[1]].map(e => [n, e]));
+  const post = corners.reduce((a, b) => (place([...a, floor])[0] < place([...b, floor])[0] ? a : b));
+  svg += line('frame', [[...post, floor], [...post, box.high[2]]], place);
+  for (const up of ticks(box, 2).slice(1)) {
+    const [x, y] = place([...post, up]);
+    svg += text(x - 7, y + 4, 'end', up);
+  }
+  const [x, y] = place([...post, box.high[2]]);
+  return svg + text(x, y - 10, 'middle', 'up [m]');
+}

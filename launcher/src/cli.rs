@@ -1,0 +1,153 @@
+//! The command line. Data goes to stdout, talk to stderr.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand, ValueEnum};
+use contract::process::{exit, run_as};
+use contract::scenario::{self, Mode};
+
+use crate::{fly, manage, recorder, report};
+
+#[derive(Parser)]
+#[command(name = "launcher", version, about = "Flies a tilt-rotor tricopter through separate real-time processes")]
+#[command(after_help = "Exit codes: 0 flown; 1 flown, but outside the scenario's bounds or diverged; \
+2 usage or scenario error; 3 a process could not be kept alive; 130 interrupted.")]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Fly a scenario and write flight.mcap, run.json and report.html
+    Fly(FlyArgs),
+    /// Check a scenario file and print the merged settings
+    Check {
+        /// Scenario file (TOML)
+        scenario: PathBuf,
+        /// Override a setting, value in TOML
+        #[arg(long = "set", value_name = "KEY=VALUE")]
+        set: Vec<String>,
+    },
+    /// Write report.html again from a run's folder
+    Report {
+        /// Folder of the run
+        run: PathBuf,
+    },
+    /// List the stacks that are flying
+    Status {
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
+    },
+    /// Stop a flying stack, cleanly
+    Stop {
+        /// Which stack
+        #[arg(long, default_value = "default")]
+        namespace: String,
+    },
+    /// Run one process of a stack (the launcher starts these itself)
+    Node {
+        /// plant, guidance, attitude-mpc, mixer or recorder
+        name: NodeName,
+        /// Which stack to join
+        #[arg(long, default_value = "default")]
+        namespace: String,
+        /// recorder: where to write the log
+        #[arg(long, required_if_eq("name", "recorder"))]
+        log: Option<PathBuf>,
+    },
+}
+
+/// Arguments of `fly`.
+#[derive(clap::Args)]
+pub struct FlyArgs {
+    /// Scenario file (TOML); without one: profile robust, trajectory survey, real time, 60 s
+    pub scenario: Option<PathBuf>,
+    /// How to turn the ring
+    #[arg(long)]
+    pub mode: Option<ModeArg>,
+    /// Override a setting, value in TOML: --set mpc.np=30 --set profile=paper
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// Folder for the results [default: runs/<name>-<time>]
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+    /// Print run.json to stdout instead of the summary
+    #[arg(long)]
+    pub json: bool,
+    /// Do not write flight.mcap and report.html
+    #[arg(long)]
+    pub no_log: bool,
+    /// Name of the stack: several can fly at once under different names
+    #[arg(long, default_value = "default")]
+    pub namespace: String,
+}
+
+/// `--mode`
+#[derive(Clone, Copy, ValueEnum)]
+pub enum ModeArg {
+    /// Processes, released by the clock
+    Realtime,
+    /// Processes, as fast as they go, bit-identical on every repeat
+    Lockstep,
+    /// One thread, bit-identical to lockstep
+    Inprocess,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum NodeName {
+    Plant,
+    Guidance,
+    AttitudeMpc,
+    Mixer,
+    Recorder,
+}
+
+impl From<ModeArg> for Mode {
+    fn from(mode: ModeArg) -> Self {
+        match mode {
+            ModeArg::Realtime => Self::Realtime,
+            ModeArg::Lockstep => Self::Lockstep,
+            ModeArg::Inprocess => Self::Inprocess,
+        }
+    }
+}
+
+/// Parses the arguments and does what they say.
+pub fn main() -> ExitCode {
+    let result = match Cli::parse().command {
+        Command::Fly(args) => fly::fly(&args),
+        Command::Check { scenario, set } => check(&scenario, &set),
+        Command::Report { run } => report::rewrite(&run).map(|()| exit::FLOWN),
+        Command::Status { json } => manage::status(json).map(|()| exit::FLOWN),
+        Command::Stop { namespace } => manage::stop(&namespace).map(|()| exit::FLOWN),
+        Command::Node { name, namespace, log } => return node(name, &namespace, log),
+    };
+    match result {
+        Ok(code) => ExitCode::from(code),
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::from(exit::USAGE)
+        }
+    }
+}
+
+fn check(scenario: &std::path::Path, set: &[String]) -> anyhow::Result<u8> {
+    let merged = scenario::load(Some(scenario), set)?;
+    print!("{}", scenario::to_toml(&merged));
+    eprintln!("{}: fine", scenario.display());
+    Ok(exit::FLOWN)
+}
+
+fn node(name: NodeName, namespace: &str, log: Option<PathBuf>) -> ExitCode {
+    match (name, log) {
+        (NodeName::Plant, _) => run_as("plant", namespace, plant::run),
+        (NodeName::Guidance, _) => run_as("guidance", namespace, guidance::run),
+        (NodeName::AttitudeMpc, _) => run_as("attitude-mpc", namespace, attitude_mpc::run),
+        (NodeName::Mixer, _) => run_as("mixer", namespace, mixer::run),
+        (NodeName::Recorder, Some(log)) => recorder::main(namespace, &log),
+        (NodeName::Recorder, None) => unreachable!("clap requires --log for the recorder"),
+    }
+}

@@ -1,0 +1,213 @@
+//! One flight, from scenario to report.
+
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::{Instant, SystemTime, UNIX_EPOCH};
+
+use anyhow::Context;
+use contract::Scenario;
+use contract::scenario::{self, Mode, Policy};
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::cli::FlyArgs;
+use crate::inprocess;
+use crate::log::Record;
+use crate::provenance::provenance;
+use crate::recorder::Log;
+use crate::report;
+use crate::run_record::{Circumstances, describe, exit_code, run_json};
+use crate::stack::{Ended, Stack};
+use crate::summary::Summary;
+
+/// Flies as the arguments say; the exit code.
+pub fn fly(args: &FlyArgs) -> anyhow::Result<u8> {
+    let scenario = settings(args)?;
+    let out = Folder::prepare(args.out.clone().unwrap_or_else(|| default_folder(&scenario)), &scenario)?;
+    let interrupts = catch_interrupts()?;
+    let log = (!args.no_log).then(|| out.path.join("flight.mcap"));
+
+    let mut summary = Summary::new(&scenario);
+    let flown = match scenario.run.mode {
+        Mode::Inprocess => fly_inprocess(&scenario, log.as_deref(), &mut summary, &interrupts),
+        Mode::Realtime | Mode::Lockstep => {
+            fly_processes(args, &scenario, log.as_deref(), &mut summary, &interrupts)
+        }
+    };
+    let how = match flown {
+        Ok(how) => how,
+        Err(error) => {
+            out.withdraw();
+            return Err(error);
+        }
+    };
+
+    let run = run_json(&summary, &scenario, &how);
+    let text = serde_json::to_string_pretty(&run)?;
+    write_whole(&out.path.join("run.json"), text.as_bytes())?;
+    if log.is_some() {
+        report::rewrite(&out.path)?;
+    }
+    if args.json {
+        println!("{text}");
+    } else {
+        print!("{}", describe(&summary, &scenario, &how));
+        println!("  {:<22}{}", "written to", out.path.display());
+    }
+    Ok(exit_code(&summary, &scenario, &how))
+}
+
+fn settings(args: &FlyArgs) -> anyhow::Result<Scenario> {
+    let mut overrides = args.set.clone();
+    if let Some(mode) = args.mode {
+        let mode = Mode::from(mode);
+        overrides.push(format!("run.mode={}", serde_json::to_value(mode)?.as_str().unwrap_or_default()));
+    }
+    Ok(scenario::load(args.scenario.as_deref(), &overrides)?)
+}
+
+fn fly_inprocess(
+    scenario: &Scenario,
+    log: Option<&Path>,
+    summary: &mut Summary,
+    interrupts: &AtomicU32,
+) -> anyhow::Result<Circumstances> {
+    let mut log = log.map(|path| Log::create(path, &scenario::to_toml(scenario))).transpose()?;
+    let started = Instant::now();
+    inprocess::fly(scenario, |record| {
+        summary.observe(&record);
+        if let Some(log) = &mut log {
+            log.write(&record);
+        }
+        interrupts.load(Ordering::Relaxed) == 0
+    });
+    let log = log.map(Log::finish);
+    let wall_s = started.elapsed().as_secs_f64();
+    let ended = if interrupts.load(Ordering::Relaxed) > 0 { Ended::Interrupted } else { Ended::Flown };
+    Ok(Circumstances { ended, wall_s, log, provenance: provenance(scenario, &[]) })
+}
+
+fn fly_processes(
+    args: &FlyArgs,
+    scenario: &Scenario,
+    log: Option<&Path>,
+    summary: &mut Summary,
+    interrupts: &AtomicU32,
+) -> anyhow::Result<Circumstances> {
+    let stack = Stack::start(&args.namespace, scenario, log)?;
+    let progress = Progress::new();
+    let summary = std::cell::RefCell::new(summary);
+    let flown = stack.fly(
+        interrupts,
+        |record: Record| summary.borrow_mut().observe(&record),
+        || progress.show(&summary.borrow(), scenario),
+    );
+    progress.bar.finish_and_clear();
+    let fifo = flown.scheduling.iter().all(|(name, s)| name == "recorder" || s.policy == "fifo");
+    if scenario.run.mode == Mode::Realtime && scenario.realtime.policy == Policy::Fifo && !fifo {
+        eprintln!("note: flew as SCHED_OTHER, without the privilege for SCHED_FIFO; timing is worse for it");
+    }
+    if let Ended::Lost(name) = &flown.ended {
+        eprintln!("error: lost {name}; the stack was stopped");
+    }
+    if let Some(error) = flown.log.as_ref().and_then(|log| log.error.as_ref()) {
+        eprintln!("error: {error}");
+    }
+    let provenance = provenance(scenario, &flown.scheduling);
+    Ok(Circumstances { ended: flown.ended, wall_s: flown.wall.as_secs_f64(), log: flown.log, provenance })
+}
+
+/// Counts Ctrl-C, SIGTERM and SIGHUP: the first stops the flight cleanly, the second kills.
+fn catch_interrupts() -> anyhow::Result<Arc<AtomicU32>> {
+    let count = Arc::new(AtomicU32::new(0));
+    let handler = count.clone();
+    ctrlc::set_handler(move || {
+        handler.fetch_add(1, Ordering::Relaxed);
+    })
+    .context("cannot catch Ctrl-C")?;
+    Ok(count)
+}
+
+/// The line shown while flying, on a terminal only.
+struct Progress {
+    bar: ProgressBar,
+}
+
+impl Progress {
+    fn new() -> Self {
+        let bar = ProgressBar::new_spinner();
+        bar.set_style(ProgressStyle::with_template("{spinner} {msg}").expect("the template is a constant"));
+        Self { bar }
+    }
+
+    fn show(&self, summary: &Summary, scenario: &Scenario) {
+        let error_m = summary.metrics().final_position_error_m;
+        let (age_us, misses) = summary.timing.as_ref().map_or((0.0, 0), |t| (t.age().p50_us, t.misses()));
+        self.bar.set_message(format!(
+            "{:5.1} of {:.0} s   error {error_m:.3} m   age at actuator {:.2} ms   misses {misses}",
+            summary.time_s(),
+            scenario.run.duration_s,
+            age_us / 1e3,
+        ));
+        self.bar.tick();
+    }
+}
+
+/// The folder of a run.
+struct Folder {
+    path: PathBuf,
+    made: bool,
+}
+
+impl Folder {
+    /// Makes the folder, moves an earlier run in it aside, and proves that it can be written to.
+    fn prepare(path: PathBuf, scenario: &Scenario) -> anyhow::Result<Self> {
+        if path.join("run.json").exists() || path.join("flight.mcap").exists() {
+            let aside = (1..).map(|i| path.with_extension(format!("{i}"))).find(|p| !p.exists());
+            let aside = aside.context("no free name to move the earlier run to")?;
+            fs::rename(&path, &aside).with_context(|| format!("cannot move the earlier run in {}", path.display()))?;
+            eprintln!("note: {} held an earlier run; it is now {}", path.display(), aside.display());
+        }
+        let made = !path.exists();
+        let cannot = || format!("cannot write to the output folder {}; choose another with --out", path.display());
+        fs::create_dir_all(&path).with_context(cannot)?;
+        let folder = Self { path: path.clone(), made };
+        if let Err(error) = write_whole(&path.join("scenario.toml"), scenario::to_toml(scenario).as_bytes()) {
+            folder.withdraw();
+            return Err(error).with_context(cannot);
+        }
+        Ok(folder)
+    }
+
+    /// Takes back what a run that never flew has written.
+    fn withdraw(&self) {
+        for name in ["scenario.toml", "flight.mcap"] {
+            let _ = fs::remove_file(self.path.join(name)); // may not be there
+        }
+        if self.made {
+            let _ = fs::remove_dir(&self.path); // stays when somebody else put a file there
+        }
+    }
+}
+
+/// Writes a file whole or not at all.
+pub fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+    let part = path.with_extension("part");
+    let written = fs::File::create(&part).and_then(|mut file| {
+        file.write_all(bytes)?;
+        file.sync_all()?;
+        fs::rename(&part, path)
+    });
+    written.map_err(|error| {
+        let _ = fs::remove_file(&part); // may not have been made
+        anyhow::Error::new(error).context(format!("cannot write {}", path.display()))
+    })
+}
+
+fn default_folder(scenario: &Scenario) -> PathBuf {
+    let name: String = scenario.name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect();
+    let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    Path::new("runs").join(format!("{name}-{}", since_epoch.as_millis()))
+}

@@ -1,0 +1,75 @@
+//! The flight log: every message of every topic in one MCAP file that Foxglove, PlotJuggler and Python read.
+//!
+//! | in the file | is |
+//! |---|---|
+//! | topics `/state` `/reference` `/controls` `/actuators` | the messages, as the protobuf of `proto/trefoil.proto` |
+//! | `log_time` | simulated time: the stamp's tick times 10 ms, so that runs of every mode lie on one axis |
+//! | `publish_time` | when it was published, `CLOCK_MONOTONIC`; 0 in process, where there is no clock |
+//! | metadata `scenario`, key `toml` | the run's merged settings, the first record of the file |
+//! | metadata `trefoil` | the version that wrote it, and the two time rules above |
+//!
+//! The log survives its writer: [`LogWriter`] closes a chunk every 64 KiB and every second, a killed process loses
+//! no more than that, and [`read()`] takes what is there. No node writes a log: one write can take milliseconds.
+
+mod read;
+mod schema;
+#[cfg(test)]
+mod tests;
+mod write;
+
+use contract::{
+    Topic,
+    message::{Actuators, Controls, Message, Reference, Stamp, State},
+};
+
+pub use read::{Log, read};
+pub use write::LogWriter;
+
+/// One message of any topic.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Record {
+    /// From the plant.
+    State(State),
+    /// From guidance.
+    Reference(Reference),
+    /// From the MPC.
+    Controls(Controls),
+    /// From the mixer.
+    Actuators(Actuators),
+}
+
+impl Record {
+    /// The topic it travels on.
+    pub fn topic(&self) -> Topic {
+        match self {
+            Self::State(_) => Topic::State,
+            Self::Reference(_) => Topic::Reference,
+            Self::Controls(_) => Topic::Controls,
+            Self::Actuators(_) => Topic::Actuators,
+        }
+    }
+
+    /// Provenance and timing.
+    pub fn stamp(&self) -> &Stamp {
+        match self {
+            Self::State(message) => message.stamp(),
+            Self::Reference(message) => message.stamp(),
+            Self::Controls(message) => message.stamp(),
+            Self::Actuators(message) => message.stamp(),
+        }
+    }
+}
+
+macro_rules! record_from {
+    ($($name:ident),*) => {$(
+        impl From<$name> for Record {
+            fn from(message: $name) -> Self {
+                Self::$name(message)
+            }
+        }
+    )*};
+}
+record_from!(State, Reference, Controls, Actuators);
+
+/// Name of the metadata record that holds the scenario, and the key it stands under.
+const SCENARIO: (&str, &str) = ("scenario", "toml");

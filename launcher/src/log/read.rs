@@ -1,0 +1,130 @@
+//! Reading a flight log back: whole, torn or damaged.
+
+use std::{
+    collections::HashMap,
+    fs::File,
+    io::{BufReader, Read},
+    path::Path,
+};
+
+use anyhow::{Context, bail};
+use contract::{
+    Topic,
+    message::{Actuators, Controls, Reference, State},
+};
+use mcap::{
+    parse_record,
+    records::{Record as McapRecord, op},
+    sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions},
+};
+
+use super::{Record, SCENARIO, schema};
+
+/// A flight log in memory, each topic in the order of writing.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Log {
+    /// The run's merged settings.
+    pub scenario_toml: String,
+    /// From the plant.
+    pub states: Vec<State>,
+    /// From guidance.
+    pub references: Vec<Reference>,
+    /// From the MPC.
+    pub controls: Vec<Controls>,
+    /// From the mixer.
+    pub actuators: Vec<Actuators>,
+    /// Why reading stopped before the footer: the log's writer was killed, or the file is damaged. What stands here
+    /// was read before that, and checked.
+    pub defect: Option<String>,
+}
+
+impl Log {
+    /// Whether the log was finished and every checksum holds.
+    pub fn complete(&self) -> bool {
+        self.defect.is_none()
+    }
+}
+
+/// Reads the log at `path` as far as it is whole; an error if that is not even as far as the scenario.
+pub fn read(path: &Path) -> anyhow::Result<Log> {
+    let cannot_read = || format!("cannot read {}", path.display());
+    let file = File::open(path).with_context(cannot_read)?;
+    let file_bytes = file.metadata().with_context(cannot_read)?.len() as usize;
+    let mut file = BufReader::new(file);
+    let mut mcap = LinearReader::new_with_options(
+        LinearReaderOptions::default()
+            .with_record_length_limit(file_bytes) // a length beyond the file is damage, not a reason to allocate
+            .with_prevalidate_chunk_crcs(true)
+            .with_validate_data_section_crc(true)
+            .with_validate_summary_section_crc(true),
+    );
+    let mut contents = Contents::default();
+    contents.log.defect = loop {
+        match mcap.next_event() {
+            None => break None,
+            Some(Ok(LinearReadEvent::ReadRequest(bytes))) => {
+                let count = file.read(mcap.insert(bytes)).with_context(cannot_read)?;
+                mcap.notify_read(count);
+            }
+            Some(Ok(LinearReadEvent::Record { opcode, data })) => {
+                if let Err(error) = contents.take(opcode, data) {
+                    break Some(format!("{error:#}"));
+                }
+            }
+            Some(Err(error)) => break Some(error.to_string()),
+        }
+    };
+    if !contents.has_scenario {
+        let reason = contents.log.defect.as_deref().unwrap_or("it holds no scenario");
+        bail!("{} is not a flight log: {reason}", path.display());
+    }
+    Ok(contents.log)
+}
+
+/// What has been read so far, and what the channel numbers mean.
+#[derive(Default)]
+struct Contents {
+    log: Log,
+    has_scenario: bool,
+    schemas: HashMap<u16, Topic>,
+    channels: HashMap<u16, Topic>,
+}
+
+impl Contents {
+    /// Takes in one record; those of no interest are left unparsed.
+    fn take(&mut self, opcode: u8, data: &[u8]) -> anyhow::Result<()> {
+        if !matches!(opcode, op::METADATA | op::SCHEMA | op::CHANNEL | op::MESSAGE) {
+            return Ok(());
+        }
+        match parse_record(opcode, data)? {
+            McapRecord::Metadata(mut record) if record.name == SCENARIO.0 && !self.has_scenario => {
+                self.log.scenario_toml = record.metadata.remove(SCENARIO.1).context("the scenario record is empty")?;
+                self.has_scenario = true;
+            }
+            McapRecord::Schema { header, .. } => {
+                let topic = Topic::ALL.into_iter().find(|&topic| header.name == schema::message_name(topic));
+                self.schemas.extend(topic.map(|topic| (header.id, topic)));
+            }
+            McapRecord::Channel(channel) => {
+                let topic = self.schemas.get(&channel.schema_id);
+                self.channels.extend(topic.map(|&topic| (channel.id, topic)));
+            }
+            McapRecord::Message { header, data } => {
+                if let Some(&topic) = self.channels.get(&header.channel_id) {
+                    self.push(schema::decode(topic, &data)?);
+                }
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn push(&mut self, record: Record) {
+        match record {
+            Record::State(message) => self.log.states.push(message),
+            Record::Reference(message) => self.log.references.push(message),
+            Record::Controls(message) => self.log.controls.push(message),
+            Record::Actuators(message) => self.log.actuators.push(message),
+        }
+    }
+}

@@ -1,0 +1,114 @@
+//! The protobuf form of the messages: field for field, bit for bit, both ways.
+
+use contract::{
+    Topic,
+    message::{Actuators, ActuationMsg, Controls, Kinematics, Reference, Stamp, State},
+};
+use prost::{DecodeError, Message as _};
+
+use super::Record;
+
+/// Types generated from `proto/trefoil.proto`.
+mod wire {
+    #![expect(clippy::pedantic, reason = "generated code")]
+    include!(concat!(env!("OUT_DIR"), "/trefoil.v1.rs"));
+}
+
+/// The schema as readers want it: a serialised `FileDescriptorSet`.
+pub const DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/trefoil.fds"));
+
+/// Full name of the protobuf message of a topic.
+pub const fn message_name(topic: Topic) -> &'static str {
+    match topic {
+        Topic::State => "trefoil.v1.State",
+        Topic::Reference => "trefoil.v1.Reference",
+        Topic::Controls => "trefoil.v1.Controls",
+        Topic::Actuators => "trefoil.v1.Actuators",
+    }
+}
+
+/// Replaces the content of `buffer` by the record's bytes; allocates only while the buffer grows.
+pub fn encode(record: &Record, buffer: &mut Vec<u8>) {
+    buffer.clear();
+    match *record {
+        Record::State(message) => wire::State::from(message).encode(buffer),
+        Record::Reference(message) => wire::Reference::from(message).encode(buffer),
+        Record::Controls(message) => wire::Controls::from(message).encode(buffer),
+        Record::Actuators(message) => wire::Actuators::from(message).encode(buffer),
+    }
+    .expect("a vector grows as needed");
+}
+
+/// Reads the bytes of a record of `topic`.
+pub fn decode(topic: Topic, bytes: &[u8]) -> Result<Record, DecodeError> {
+    Ok(match topic {
+        Topic::State => State::from(wire::State::decode(bytes)?).into(),
+        Topic::Reference => Reference::from(wire::Reference::decode(bytes)?).into(),
+        Topic::Controls => Controls::from(wire::Controls::decode(bytes)?).into(),
+        Topic::Actuators => Actuators::from(wire::Actuators::decode(bytes)?).into(),
+    })
+}
+
+/// An array on one side, named fields on the other.
+macro_rules! named_array {
+    ($([$scalar:ty; $count:literal] as $name:ident { $($field:ident),* })*) => {$(
+        impl From<[$scalar; $count]> for wire::$name {
+            fn from([$($field),*]: [$scalar; $count]) -> Self {
+                Self { $($field),* }
+            }
+        }
+        impl From<wire::$name> for [$scalar; $count] {
+            fn from(wire::$name { $($field),* }: wire::$name) -> Self {
+                [$($field),*]
+            }
+        }
+    )*};
+}
+named_array! {
+    [u64; 4] as PerTopic { state, reference, controls, actuators }
+    [f64; 3] as Ned { x, y, z }
+    [f64; 3] as BodyVelocity { u, v, w }
+    [f64; 3] as Attitude { roll, pitch, yaw }
+    [f64; 3] as BodyRates { p, q, r }
+    [f64; 2] as Heading { x, y }
+    [f64; 3] as RotorSpeed { rotor_1, rotor_2, rotor_3 }
+    [f64; 4] as Inputs { col, lon, lat, ped }
+}
+
+/// The same fields on both sides; `status_name` is written for people and not read back.
+macro_rules! same_fields {
+    ($($ours:ident as $name:ident { $($field:ident),* } $(+ status_name: $status_name:expr)?)*) => {$(
+        impl From<$ours> for wire::$name {
+            fn from($ours { $($field),* }: $ours) -> Self {
+                Self { $(status_name: $status_name,)? $($field: $field.into()),* }
+            }
+        }
+        impl From<wire::$name> for $ours {
+            fn from(wire::$name { $($field,)* .. }: wire::$name) -> Self {
+                Self { $($field: $field.into()),* }
+            }
+        }
+    )*};
+}
+same_fields! {
+    Stamp as Stamp {
+        tick, sample_ns, sequence, epoch, inputs, publish_ns, release_ns, start_ns, cpu_ns, misses, slips
+    }
+    Kinematics as Kinematics { position_m, velocity_mps, attitude_rad, rates_radps }
+    ActuationMsg as Actuation { rotor_speed, tilt_rad }
+    State as State {
+        stamp, applied_sequence, applied_age_ns, measured, actual, actuators, command_in_force, status
+    } + status_name: named(status, wire::PlantStatus::is_valid)
+    Reference as Reference {
+        stamp, position_m, velocity_mps, w_mps, attitude_rad, rates_radps, disturbance_mps2, flags
+    }
+    Controls as Controls {
+        stamp, demand, disturbance, status, iterations, solve_ns, active_constraints, fallbacks
+    } + status_name: named(status, wire::SolveStatus::is_valid)
+    Actuators as Actuators { stamp, command, flags }
+}
+
+/// The number as an enum value, if the schema has a name for it.
+fn named(status: u64, is_valid: fn(i32) -> bool) -> Option<i32> {
+    i32::try_from(status).ok().filter(|&number| is_valid(number))
+}

@@ -1,0 +1,273 @@
+//! What goes in comes out; what is torn or damaged is told from what is whole.
+
+use std::{fs, path::PathBuf, thread::sleep, time::Duration};
+
+use contract::{
+    Scenario, Topic,
+    message::{
+        ActuationMsg, Actuators, Controls, Kinematics, Message, PlantStatus, Reference, SolveStatus, Stamp, State,
+    },
+};
+use mcap::{MessageStream, WriteOptions};
+use proptest::prelude::*;
+use rustix::fs::{MemfdFlags, SealFlags, fcntl_add_seals, memfd_create};
+use tempfile::TempDir;
+
+use super::{Log, LogWriter, Record, read};
+
+const SCENARIO: &str = "name = \"hover \u{3bc}\"\n";
+
+/// A path for a log, in a folder that goes with it.
+fn place() -> (TempDir, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("flight.mcap");
+    (folder, path)
+}
+
+/// All numbers of a message, integers apart from floats.
+fn numbers(record: &mut Record) -> (Vec<&mut u64>, Vec<&mut f64>) {
+    let (mut integers, mut floats) = (Vec::new(), Vec::new());
+    let stamp = match record {
+        Record::State(m) => {
+            integers.extend([&mut m.applied_sequence, &mut m.applied_age_ns, &mut m.status]);
+            for Kinematics { position_m, velocity_mps, attitude_rad, rates_radps } in [&mut m.measured, &mut m.actual] {
+                floats.extend([position_m, velocity_mps, attitude_rad, rates_radps].into_iter().flatten());
+            }
+            for ActuationMsg { rotor_speed, tilt_rad } in [&mut m.actuators, &mut m.command_in_force] {
+                floats.extend(rotor_speed);
+                floats.push(tilt_rad);
+            }
+            &mut m.stamp
+        }
+        Record::Reference(m) => {
+            integers.push(&mut m.flags);
+            let vectors = [&mut m.position_m, &mut m.velocity_mps, &mut m.attitude_rad, &mut m.rates_radps];
+            floats.extend(vectors.into_iter().flatten());
+            floats.extend(&mut m.disturbance_mps2);
+            floats.push(&mut m.w_mps);
+            &mut m.stamp
+        }
+        Record::Controls(m) => {
+            integers.extend([&mut m.status, &mut m.iterations, &mut m.solve_ns]);
+            integers.extend([&mut m.active_constraints, &mut m.fallbacks]);
+            floats.extend([&mut m.demand, &mut m.disturbance].into_iter().flatten());
+            &mut m.stamp
+        }
+        Record::Actuators(m) => {
+            integers.push(&mut m.flags);
+            floats.extend(&mut m.command.rotor_speed);
+            floats.push(&mut m.command.tilt_rad);
+            &mut m.stamp
+        }
+    };
+    let Stamp { tick, sample_ns, sequence, epoch, inputs, publish_ns, release_ns, start_ns, cpu_ns, misses, slips } =
+        stamp;
+    integers.extend([tick, sample_ns, sequence, epoch, release_ns, start_ns, cpu_ns, misses, slips]);
+    integers.extend([inputs, publish_ns].into_iter().flatten());
+    (integers, floats)
+}
+
+/// The same as bits, to compare NaNs too.
+fn bits(mut record: Record) -> Vec<u64> {
+    let (integers, floats) = numbers(&mut record);
+    integers.into_iter().map(|n| *n).chain(floats.into_iter().map(|x| x.to_bits())).collect()
+}
+
+/// A message of any topic and any bits, with many of the values that get lost easily.
+fn any_record() -> impl Strategy<Value = Record> {
+    let odd = [0, 1, 1 << 63, u64::MAX, f64::INFINITY.to_bits(), 0x7ff0_0000_0000_0001, 0xfff8_0000_dead_beef];
+    let word = prop_oneof![any::<u64>(), proptest::sample::select(odd.to_vec()), 0..10_u64];
+    let topic = proptest::sample::select(Topic::ALL.to_vec());
+    (topic, proptest::collection::vec(word, 60)).prop_map(|(topic, words)| {
+        let mut record = match topic {
+            Topic::State => State::default().into(),
+            Topic::Reference => Reference::default().into(),
+            Topic::Controls => Controls::default().into(),
+            Topic::Actuators => Actuators::default().into(),
+        };
+        let (integers, floats) = numbers(&mut record);
+        let mut words = words.into_iter();
+        integers.into_iter().zip(&mut words).for_each(|(n, word)| *n = word);
+        floats.into_iter().zip(&mut words).for_each(|(x, word)| *x = f64::from_bits(word));
+        record
+    })
+}
+
+/// A STATE that tells its tick in its position too.
+fn state(tick: u64) -> State {
+    let mut state = State { stamp: Stamp { tick, sequence: tick + 1, ..Default::default() }, ..Default::default() };
+    state.actual.position_m[0] = tick as f64;
+    state
+}
+
+/// Writes the states of `ticks`.
+fn write_states(log: &mut LogWriter, ticks: std::ops::Range<u64>) {
+    ticks.for_each(|tick| log.write(&state(tick).into()).unwrap());
+}
+
+/// The log of 1000 states, finished, as bytes.
+fn thousand_states() -> Vec<u8> {
+    let (_folder, path) = place();
+    let mut log = LogWriter::create(&path, SCENARIO).unwrap();
+    write_states(&mut log, 0..1000);
+    log.finish().unwrap();
+    fs::read(&path).unwrap()
+}
+
+fn read_bytes(bytes: &[u8]) -> anyhow::Result<Log> {
+    let (_folder, path) = place();
+    fs::write(&path, bytes).unwrap();
+    read(&path)
+}
+
+#[test]
+fn every_number_of_a_message_is_visited() {
+    let sizes = [size_of::<State>(), size_of::<Reference>(), size_of::<Controls>(), size_of::<Actuators>()];
+    let records: [Record; 4] =
+        [State::default().into(), Reference::default().into(), Controls::default().into(), Actuators::default().into()];
+    for (record, size) in records.into_iter().zip(sizes) {
+        assert_eq!(bits(record).len() * 8, size, "{record:?}");
+    }
+}
+
+proptest! {
+    #[test]
+    fn messages_return_bit_for_bit(records in proptest::collection::vec(any_record(), 0..20)) {
+        let (_folder, path) = place();
+        let mut writer = LogWriter::create(&path, SCENARIO).unwrap();
+        records.iter().for_each(|record| writer.write(record).unwrap());
+        writer.finish().unwrap();
+        let log = read(&path).unwrap();
+        prop_assert!(log.complete(), "{:?}", log.defect);
+        prop_assert_eq!(&log.scenario_toml, SCENARIO);
+        let written = |topic| records.iter().filter(move |r| r.topic() == topic).map(|r| bits(*r)).collect::<Vec<_>>();
+        let states: Vec<_> = log.states.iter().map(|m| bits((*m).into())).collect();
+        prop_assert_eq!(states, written(Topic::State));
+        let references: Vec<_> = log.references.iter().map(|m| bits((*m).into())).collect();
+        prop_assert_eq!(references, written(Topic::Reference));
+        let controls: Vec<_> = log.controls.iter().map(|m| bits((*m).into())).collect();
+        prop_assert_eq!(controls, written(Topic::Controls));
+        let actuators: Vec<_> = log.actuators.iter().map(|m| bits((*m).into())).collect();
+        prop_assert_eq!(actuators, written(Topic::Actuators));
+    }
+
+    #[test]
+    fn a_torn_log_reads_to_the_tear(share in 0.0..1.0_f64) {
+        let whole = thousand_states();
+        let torn = &whole[..(whole.len() as f64 * share) as usize];
+        // Readable from the scenario on, which is complete within the first kilobyte.
+        let Ok(log) = read_bytes(torn) else { return Ok(prop_assert!(torn.len() < 1024)) };
+        prop_assert!(!log.complete());
+        prop_assert!(log.states.iter().copied().eq((0..log.states.len() as u64).map(state)));
+        // No more is lost than the chunk that was torn (64 KiB of 350 bytes each).
+        let bytes_each = whole.len() as f64 / 1000.0;
+        prop_assert!(log.states.len() as f64 > torn.len() as f64 / bytes_each - 300.0);
+    }
+
+    #[test]
+    fn damage_never_passes_for_data(flips in proptest::collection::vec((0.0..1.0_f64, 0..8_u32), 1..4)) {
+        let whole = thousand_states();
+        let mut damaged = whole.clone();
+        for (share, bit) in flips {
+            damaged[(whole.len() as f64 * share) as usize] ^= 1 << bit;
+        }
+        let Ok(log) = read_bytes(&damaged) else { return Ok(()) };
+        prop_assert!(!log.complete() || damaged == whole);
+        let ticks: Vec<u64> = log.states.iter().map(|m| m.stamp.tick).collect();
+        prop_assert!(ticks.is_sorted_by(|a, b| a < b));
+        prop_assert!(log.states.iter().copied().eq(ticks.into_iter().map(state)));
+    }
+
+    #[test]
+    fn garbage_is_refused_by_name(mut bytes in proptest::collection::vec(any::<u8>(), 0..2000), magic: bool) {
+        if magic {
+            bytes.splice(0..0, *mcap::MAGIC);
+        }
+        let error = read_bytes(&bytes).unwrap_err().to_string();
+        prop_assert!(error.contains("flight.mcap is not a flight log"), "{}", error);
+    }
+}
+
+#[test]
+fn what_is_not_a_flight_log_is_told_apart() {
+    let (_folder, path) = place();
+    assert!(read(&path).unwrap_err().to_string().contains("cannot read"), "a missing file");
+
+    let mut foreign = WriteOptions::new().create(fs::File::create(&path).unwrap()).unwrap();
+    foreign.finish().unwrap();
+    let error = read(&path).unwrap_err().to_string();
+    assert!(error.contains("flight.mcap is not a flight log: it holds no scenario"), "{error}");
+}
+
+#[test]
+fn times_are_simulated_and_published() {
+    let (_folder, path) = place();
+    let mut log = LogWriter::create(&path, SCENARIO).unwrap();
+    let mut message = Controls::default();
+    *message.stamp_mut() =
+        Stamp { tick: 250, sequence: 7, publish_ns: [1, 2, 3_000_000_000_000, 4], ..Default::default() };
+    log.write(&message.into()).unwrap();
+    log.finish().unwrap();
+    let bytes = fs::read(&path).unwrap();
+    let logged: Vec<_> = MessageStream::new(&bytes).unwrap().map(Result::unwrap).collect();
+    assert_eq!(logged.len(), 1);
+    assert_eq!(logged[0].channel.topic, "/controls");
+    assert_eq!(logged[0].log_time, 250 * Scenario::SAMPLE_NS);
+    assert_eq!(logged[0].publish_time, 3_000_000_000_000);
+    assert_eq!(logged[0].sequence, 7);
+}
+
+#[test]
+fn a_killed_writer_loses_at_most_a_second() {
+    let (_folder, path) = place();
+    let mut log = LogWriter::create(&path, SCENARIO).unwrap();
+    // What the file holds while its writer is alive is what a kill would leave.
+    let so_far = || read(&path).unwrap();
+    assert_eq!(so_far().scenario_toml, SCENARIO, "from the first moment");
+    write_states(&mut log, 0..5);
+    sleep(Duration::from_millis(1001));
+    write_states(&mut log, 5..6);
+    let torn = so_far();
+    assert_eq!(torn.states.len(), 6);
+    assert!(!torn.complete());
+    write_states(&mut log, 6..8);
+    log.flush().unwrap();
+    assert_eq!(so_far().states.len(), 8);
+    log.finish().unwrap();
+    assert!(so_far().complete());
+}
+
+#[test]
+fn a_full_disk_costs_only_what_is_not_yet_written() {
+    let full = LogWriter::create("/dev/full".as_ref(), SCENARIO).err().unwrap();
+    assert!(format!("{full:#}").contains("/dev/full") && format!("{full:#}").contains("No space left"), "{full:#}");
+
+    // A file in memory, later sealed so that it cannot grow: a disk that is full in the middle of a chunk.
+    let disk = memfd_create("flight", MemfdFlags::ALLOW_SEALING).unwrap();
+    let path = PathBuf::from(format!("/proc/self/fd/{}", std::os::fd::AsRawFd::as_raw_fd(&disk)));
+    let mut log = LogWriter::create(&path, SCENARIO).unwrap();
+    write_states(&mut log, 0..150);
+    log.flush().unwrap();
+    let whole_bytes = fs::metadata(&path).unwrap().len();
+    rustix::fs::ftruncate(&disk, whole_bytes + 1000).unwrap();
+    fcntl_add_seals(&disk, SealFlags::GROW).unwrap();
+
+    let errors: Vec<_> = (150..2000).filter_map(|tick| log.write(&state(tick).into()).err()).collect();
+    assert_eq!(errors.len(), 1, "told once");
+    let told = format!("{:#}", errors[0]);
+    assert!(told.contains("/proc/self/fd/") && told.contains("whole up to 1.49 s: "), "{told}");
+    log.finish().unwrap();
+    assert_eq!(fs::metadata(&path).unwrap().len(), whole_bytes, "cut back to the last whole chunk");
+    let kept = read(&path).unwrap();
+    assert!(!kept.complete());
+    assert!(kept.states.into_iter().eq((0..150).map(state)));
+}
+
+#[test]
+fn statuses_have_the_names_of_the_contract() {
+    use super::schema::named_for_test as named;
+    for status in [PlantStatus::Flying, PlantStatus::TooFast] {
+        assert!(named(status as u64));
+    }
+    let _ = SolveStatus::Explicit;
+}

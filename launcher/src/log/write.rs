@@ -1,0 +1,172 @@
+//! Writing the flight log so that what has been written can be read, whatever happens next.
+
+use std::{
+    collections::BTreeMap,
+    fs::File,
+    io::{BufWriter, Seek},
+    path::{Path, PathBuf},
+    time::{Duration, Instant},
+};
+
+use anyhow::Context;
+use contract::{Scenario, Topic};
+use mcap::{
+    McapError, McapResult, WriteOptions, Writer,
+    records::{MessageHeader, Metadata},
+    write::NoSeek,
+};
+
+use super::{Record, SCENARIO, schema};
+
+/// A chunk is closed and handed to the system when it holds this many bytes of messages...
+const CHUNK_BYTES: usize = 64 * 1024;
+/// ...or when this much time has passed since the last one.
+const FLUSH_PERIOD: Duration = Duration::from_secs(1);
+
+/// The log of a run under way.
+///
+/// The first write error ends the log, not the run: it is returned once, the file is cut back to its last whole
+/// chunk, and later calls do nothing.
+pub struct LogWriter {
+    path: PathBuf,
+    /// `None` after an error.
+    mcap: Option<Writer<NoSeek<BufWriter<File>>>>,
+    /// The same open file as under `mcap`, to ask how far it reaches and to cut it there.
+    file: File,
+    /// MCAP's channel number of each topic.
+    channels: [u16; Topic::COUNT],
+    /// The bytes of one message.
+    buffer: Vec<u8>,
+    /// Bytes of messages in the open chunk, and its newest log time.
+    open_bytes: usize,
+    newest_ns: u64,
+    /// How far the file is whole, in bytes and in log time, and since when.
+    whole_bytes: u64,
+    whole_ns: u64,
+    flushed: Instant,
+}
+
+impl LogWriter {
+    /// Creates or replaces the file at `path`; the run's merged settings are its first record.
+    pub fn create(path: &Path, scenario_toml: &str) -> anyhow::Result<Self> {
+        let cannot_create = || format!("cannot create {}", path.display());
+        let file = File::create(path).with_context(cannot_create)?;
+        let sink = BufWriter::with_capacity(2 * CHUNK_BYTES, file.try_clone().with_context(cannot_create)?);
+        let (mcap, channels) = open(sink, scenario_toml).map_err(plain).with_context(cannot_create)?;
+        let mut writer = Self {
+            path: path.into(),
+            mcap: Some(mcap),
+            file,
+            channels,
+            buffer: Vec::new(),
+            open_bytes: 0,
+            newest_ns: 0,
+            whole_bytes: 0,
+            whole_ns: 0,
+            flushed: Instant::now(),
+        };
+        writer.flush()?;
+        Ok(writer)
+    }
+
+    /// Appends one message.
+    pub fn write(&mut self, record: &Record) -> anyhow::Result<()> {
+        let Some(mcap) = &mut self.mcap else { return Ok(()) };
+        let (topic, stamp) = (record.topic() as usize, record.stamp());
+        let header = MessageHeader {
+            channel_id: self.channels[topic],
+            sequence: stamp.sequence as u32,
+            log_time: stamp.tick.saturating_mul(Scenario::SAMPLE_NS),
+            publish_time: stamp.publish_ns[topic],
+        };
+        schema::encode(record, &mut self.buffer);
+        if let Err(error) = mcap.write_to_known_channel(&header, &self.buffer) {
+            return Err(self.give_up(plain(error)));
+        }
+        self.open_bytes += self.buffer.len();
+        self.newest_ns = self.newest_ns.max(header.log_time);
+        if self.open_bytes >= CHUNK_BYTES || self.flushed.elapsed() >= FLUSH_PERIOD { self.flush() } else { Ok(()) }
+    }
+
+    /// Hands everything to the system, out of reach of a kill. [`Self::write`] does it once a second; a recorder
+    /// with nothing to write calls this instead.
+    pub fn flush(&mut self) -> anyhow::Result<()> {
+        let Some(mcap) = &mut self.mcap else { return Ok(()) };
+        let reach = mcap.flush().map_err(plain).and_then(|()| Ok(self.file.stream_position()?));
+        match reach {
+            Ok(bytes) => self.whole_bytes = bytes,
+            Err(error) => return Err(self.give_up(error)),
+        }
+        self.whole_ns = self.newest_ns;
+        self.open_bytes = 0;
+        self.flushed = Instant::now();
+        Ok(())
+    }
+
+    /// Writes the index and the footer, which mark the log as complete.
+    pub fn finish(mut self) -> anyhow::Result<()> {
+        self.flush()?;
+        let Some(mcap) = &mut self.mcap else { return Ok(()) };
+        match mcap.finish() {
+            Ok(_) => Ok(()),
+            Err(error) => Err(self.give_up(plain(error))),
+        }
+    }
+
+    /// Ends the log at its last whole chunk, and says so.
+    fn give_up(&mut self, error: anyhow::Error) -> anyhow::Error {
+        if let Some(mcap) = self.mcap.take() {
+            // Dropped as they are, they would still write: the rest of the torn chunk, and a footer behind it.
+            drop(mcap.into_inner().into_inner().into_parts());
+        }
+        let torn = match self.file.set_len(self.whole_bytes) {
+            Ok(()) => "",
+            Err(_) => ", then torn", // readers survive that
+        };
+        let whole_s = self.whole_ns as f64 * 1e-9;
+        error.context(format!("cannot write {}: the log is whole up to {whole_s:.2} s{torn}", self.path.display()))
+    }
+}
+
+/// Starts the file: settings first, then the schemas and channels (in the first chunk).
+fn open(
+    sink: BufWriter<File>,
+    scenario_toml: &str,
+) -> McapResult<(Writer<NoSeek<BufWriter<File>>>, [u16; Topic::COUNT])> {
+    let mut mcap = WriteOptions::new()
+        .compression(None)
+        .chunk_size(None) // `LogWriter` closes the chunks
+        .disable_seeking(true) // a chunk is written once it is whole, never patched
+        .library(concat!("trefoil ", env!("CARGO_PKG_VERSION")))
+        .create(NoSeek::new(sink))?;
+    mcap.write_metadata(&metadata(SCENARIO.0, &[(SCENARIO.1, scenario_toml)]))?;
+    mcap.write_metadata(&metadata(
+        "trefoil",
+        &[
+            ("version", env!("CARGO_PKG_VERSION")),
+            ("log_time", "simulated time: stamp.tick times 10 ms"),
+            ("publish_time", "CLOCK_MONOTONIC of the publication; 0 in process"),
+        ],
+    ))?;
+    mcap.flush()?;
+    let mut channels = [0; Topic::COUNT];
+    for topic in Topic::ALL {
+        let schema = mcap.add_schema(schema::message_name(topic), "protobuf", schema::DESCRIPTORS)?;
+        let publisher = BTreeMap::from([("publisher".into(), topic.publisher().into())]);
+        channels[topic as usize] = mcap.add_channel(schema, &format!("/{}", topic.name()), "protobuf", &publisher)?;
+    }
+    Ok((mcap, channels))
+}
+
+fn metadata(name: &str, entries: &[(&str, &str)]) -> Metadata {
+    let entries = entries.iter().map(|&(key, value)| (key.into(), value.into()));
+    Metadata { name: name.into(), metadata: entries.collect() }
+}
+
+/// The system's own words for a failed write, without MCAP's around them.
+fn plain(error: McapError) -> anyhow::Error {
+    match error {
+        McapError::Io(error) => error.into(),
+        error => error.into(),
+    }
+}

@@ -1,0 +1,51 @@
+//! Where a run was made: versions, host, and what the kernel granted. Read from `/proc`; what cannot be read is absent.
+
+use std::fs::read_to_string;
+
+use contract::Scenario;
+use contract::scenario::to_toml;
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+
+/// How a process is scheduled.
+#[derive(Debug, Clone, Serialize)]
+pub struct Scheduling {
+    /// `fifo` or `other`.
+    pub policy: &'static str,
+    /// `SCHED_FIFO` priority, 0 for `other`.
+    pub priority: u32,
+    /// Locked memory \[kB\].
+    pub locked_kb: u64,
+}
+
+/// What the kernel says of process `pid`.
+pub fn scheduling_of(pid: u32) -> Scheduling {
+    let stat = read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
+    // Fields 40 and 41, counted after the name in brackets, which may hold blanks.
+    let fields: Vec<&str> = stat.rsplit_once(')').map_or(vec![], |(_, rest)| rest.split_whitespace().collect());
+    let field = |i: usize| fields.get(i - 3).and_then(|f| f.parse::<u32>().ok()).unwrap_or(0);
+    let status = read_to_string(format!("/proc/{pid}/status")).unwrap_or_default();
+    let locked = status.lines().find_map(|l| l.strip_prefix("VmLck:")?.split_whitespace().next()?.parse().ok());
+    Scheduling {
+        policy: if field(41) == 1 { "fifo" } else { "other" },
+        priority: field(40),
+        locked_kb: locked.unwrap_or(0),
+    }
+}
+
+/// The `provenance` table of run.json.
+pub fn provenance(scenario: &Scenario, scheduling: &[(String, Scheduling)]) -> Value {
+    let line = |path: &str| read_to_string(path).ok().map(|text| text.trim().to_owned());
+    let cpu = read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let cpu = cpu.lines().find_map(|l| l.strip_prefix("model name")?.split_once(": ").map(|(_, name)| name.to_owned()));
+    let scheduling: Map<String, Value> = scheduling.iter().map(|(name, s)| (name.clone(), json!(s))).collect();
+    json!({
+        "version": env!("CARGO_PKG_VERSION"),
+        "kernel": line("/proc/sys/kernel/osrelease"),
+        "cpu": cpu,
+        "cores": std::thread::available_parallelism().map(std::num::NonZero::get).ok(),
+        "load": line("/proc/loadavg"),
+        "scheduling": scheduling,
+        "scenario": to_toml(scenario),
+    })
+}

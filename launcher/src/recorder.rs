@@ -1,0 +1,135 @@
+//! The recorder: a process that writes every message of every topic to `flight.mcap`.
+//!
+//! It never holds the ring back: its queues overflow before a publisher would wait, and what they lost is counted by
+//! the gaps in the sequence numbers. When the disk fails it says so once, keeps the good part of the file and goes on
+//! counting. Its last word, one line of JSON on stdout, tells the launcher how it went.
+
+use std::path::Path;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use contract::message::{Actuators, Controls, Reference, State};
+use contract::port::{Receive, Wire};
+use contract::process::{Seat, SeatError, exit, phase};
+use contract::scenario;
+use rustix::process::Signal;
+use serde::{Deserialize, Serialize};
+
+use crate::log::{LogWriter, Record};
+
+/// How often the queues are emptied.
+const POLL: Duration = Duration::from_millis(2);
+
+/// The recorder's last word.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+pub struct LogOutcome {
+    /// Messages written.
+    pub records: u64,
+    /// Messages lost before they could be written.
+    pub dropped: u64,
+    /// Why the log ends early, if it does.
+    pub error: Option<String>,
+}
+
+/// The four topics as one stream of records.
+pub struct Observers {
+    states: Box<dyn Receive<State>>,
+    references: Box<dyn Receive<Reference>>,
+    controls: Box<dyn Receive<Controls>>,
+    actuators: Box<dyn Receive<Actuators>>,
+}
+
+impl Observers {
+    /// Joins all four topics through `port`, which opens one queue.
+    pub fn join(seat: &Seat) -> Result<Self, SeatError> {
+        Ok(Self {
+            states: seat.observer()?,
+            references: seat.observer()?,
+            controls: seat.observer()?,
+            actuators: seat.observer()?,
+        })
+    }
+
+    /// Empties the queues into `each`, every topic in its own order; how many there were.
+    pub fn drain(&self, mut each: impl FnMut(Record)) -> usize {
+        fn one<M: Wire + Into<Record>>(port: &dyn Receive<M>, each: &mut impl FnMut(Record)) -> usize {
+            std::iter::from_fn(|| port.receive()).map(|message| each(message.into())).count()
+        }
+        one(&*self.states, &mut each)
+            + one(&*self.references, &mut each)
+            + one(&*self.controls, &mut each)
+            + one(&*self.actuators, &mut each)
+    }
+}
+
+/// Runs the recorder as this process.
+pub fn main(namespace: &str, path: &Path) -> ExitCode {
+    let _ = rustix::process::set_parent_process_death_signal(Some(Signal::KILL));
+    match record(namespace, path) {
+        Ok(outcome) => {
+            println!("{}", serde_json::to_string(&outcome).unwrap_or_default());
+            ExitCode::SUCCESS
+        }
+        Err(error) => {
+            eprintln!("recorder: {error:#}");
+            ExitCode::from(exit::PROCESS_LOST)
+        }
+    }
+}
+
+fn record(namespace: &str, path: &Path) -> anyhow::Result<LogOutcome> {
+    let seat = Seat::join(namespace, "recorder")?;
+    let observers = Observers::join(&seat)?;
+    let mut log = Log::create(path, &scenario::to_toml(&seat.scenario))?;
+    loop {
+        let closing = seat.board.phase().count() >= phase::CLOSE;
+        if observers.drain(|record| log.write(&record)) == 0 {
+            if closing {
+                return Ok(log.finish());
+            }
+            std::thread::sleep(POLL);
+        }
+    }
+}
+
+/// A log that counts what it lost and survives a failing disk.
+pub struct Log {
+    writer: Option<LogWriter>,
+    next_sequence: [u64; 4],
+    outcome: LogOutcome,
+}
+
+impl Log {
+    /// Begins the file.
+    pub fn create(path: &Path, scenario_toml: &str) -> anyhow::Result<Self> {
+        let writer = Some(LogWriter::create(path, scenario_toml)?);
+        Ok(Self { writer, next_sequence: [1; 4], outcome: LogOutcome::default() })
+    }
+
+    /// Writes one message, or counts it as dropped.
+    pub fn write(&mut self, record: &Record) {
+        let sequence = record.stamp().sequence;
+        let next = &mut self.next_sequence[record.topic() as usize];
+        self.outcome.dropped += sequence.saturating_sub(*next);
+        *next = sequence + 1;
+        match self.writer.as_mut().map(|writer| writer.write(record)) {
+            Some(Ok(())) => self.outcome.records += 1,
+            Some(Err(error)) => self.fail(&error.into()),
+            None => self.outcome.dropped += 1,
+        }
+    }
+
+    /// Closes the file.
+    pub fn finish(mut self) -> LogOutcome {
+        if let Some(Err(error)) = self.writer.take().map(LogWriter::finish) {
+            self.fail(&error);
+        }
+        self.outcome
+    }
+
+    fn fail(&mut self, error: &anyhow::Error) {
+        self.writer = None;
+        self.outcome.dropped += 1;
+        self.outcome.error = Some(format!("{error:#}"));
+    }
+}

@@ -1,0 +1,73 @@
+//! What was flown: the recorded messages of a run, joined by the plant sample they descend from.
+
+use contract::message::{Actuators, Controls, Message, Reference, State};
+
+/// The recorded messages, one slice per topic. Any of them may have holes, be torn off, or be empty.
+#[derive(Debug, Clone, Copy)]
+pub struct Flight<'a> {
+    /// From the plant.
+    pub states: &'a [State],
+    /// From guidance.
+    pub references: &'a [Reference],
+    /// From attitude-mpc.
+    pub controls: &'a [Controls],
+    /// From the mixer.
+    pub actuators: &'a [Actuators],
+}
+
+/// What is known of one tick.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Row<'a> {
+    /// The sample itself.
+    pub state: Option<&'a State>,
+    /// What guidance made of it.
+    pub reference: Option<&'a Reference>,
+    /// What attitude-mpc made of that.
+    pub controls: Option<&'a Controls>,
+    /// What the mixer made of that.
+    pub actuators: Option<&'a Actuators>,
+}
+
+impl<'a> Flight<'a> {
+    /// One row for every tick from 0 to the last recorded one, holes included.
+    ///
+    /// Ticks beyond `last_tick` are ignored: a corrupt stamp must not decide how much memory this takes. Of several
+    /// messages with one tick the last counts.
+    pub fn rows(&self, last_tick: u64) -> Vec<Row<'a>> {
+        let ends = [
+            end(self.states, last_tick),
+            end(self.references, last_tick),
+            end(self.controls, last_tick),
+            end(self.actuators, last_tick),
+        ];
+        let mut rows = vec![Row::default(); ends.into_iter().max().unwrap_or(0)];
+        place(&mut rows, self.states, |row, message| row.state = Some(message));
+        place(&mut rows, self.references, |row, message| row.reference = Some(message));
+        place(&mut rows, self.controls, |row, message| row.controls = Some(message));
+        place(&mut rows, self.actuators, |row, message| row.actuators = Some(message));
+        rows
+    }
+}
+
+impl Row<'_> {
+    /// Position error, reference minus actual as in the position controller, NED \[m\].
+    pub fn position_error_m(&self) -> Option<[f64; 3]> {
+        let (reference, actual) = (self.reference?.position_m, self.state?.actual.position_m);
+        Some(std::array::from_fn(|axis| reference[axis] - actual[axis]))
+    }
+}
+
+/// How many rows these messages need.
+fn end<M: Message>(messages: &[M], last_tick: u64) -> usize {
+    let ticks = messages.iter().map(|message| message.stamp().tick);
+    ticks.filter(|tick| *tick <= last_tick).max().map_or(0, |tick| tick as usize + 1)
+}
+
+/// Puts every message into the row of its tick.
+fn place<'a, M: Message>(rows: &mut [Row<'a>], messages: &'a [M], put: impl Fn(&mut Row<'a>, &'a M)) {
+    for message in messages {
+        if let Some(row) = rows.get_mut(message.stamp().tick as usize) {
+            put(row, message);
+        }
+    }
+}

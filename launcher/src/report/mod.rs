@@ -1,0 +1,95 @@
+//! `report.html`: one file, no network, the paper's figures 5 to 12 of one run and what they are held against.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `folder` | from a run's folder to its page |
+//! | `flight` | the recorded messages, joined by tick |
+//! | `columns` | the figures' data and the lines they are read against |
+//! | `claims` | the paper's claims and their verdicts |
+//! | `sections` | head, tables, settings, provenance |
+//! | `html` | escaping, numbers, tables |
+//!
+//! The page itself stands in `assets/report/`: template, style, scripts, and uPlot, which draws the time plots.
+
+mod claims;
+mod columns;
+mod flight;
+mod folder;
+mod html;
+mod sections;
+#[cfg(test)]
+mod tests;
+
+use contract::Scenario;
+use serde_json::Value;
+
+use claims::Claim;
+pub use flight::{Flight, Row};
+pub use folder::rewrite;
+
+const TEMPLATE: &str = include_str!("../../assets/report/template.html");
+const STYLE: &str = include_str!("../../assets/report/report.css");
+const PATH_SCRIPT: &str = include_str!("../../assets/report/path.js");
+const PLOT_SCRIPT: &str = include_str!("../../assets/report/plots.js");
+const UPLOT: &str = include_str!("../../assets/report/uPlot.iife.min.js");
+const UPLOT_STYLE: &str = include_str!("../../assets/report/uPlot.min.css");
+
+/// The page of one run: its recorded messages, its summary (`run.json`), and the scenario it flew.
+///
+/// Holes in the log are holes in the figures; anything the summary lacks is a dash.
+pub fn render(log: &Flight, run: &Value, scenario: &Scenario) -> String {
+    let rows = log.rows(scenario.ticks());
+    let claims = claims::judge(run, &rows, scenario);
+    let (result_class, result) = sections::result(run);
+    // Inside a script element only `<` could end it.
+    let data = columns::document(&rows, scenario).to_string().replace('<', "\\u003c");
+    let slots = [
+        ("name", html::escape(run["name"].as_str().unwrap_or(&scenario.name))),
+        ("result_class", result_class.into()),
+        ("result", result),
+        ("facts", sections::facts(run, scenario)),
+        ("key_figures", sections::key_figures(run)),
+        ("claim_position", cells(&claims.position)),
+        ("claim_altitude_horizontal", cells(&claims.altitude_horizontal)),
+        ("claim_altitude_vertical", cells(&claims.altitude_vertical)),
+        ("claim_actuators", cells(&claims.actuators)),
+        ("bounds", sections::bounds(run)),
+        ("metrics", sections::metrics(run, &rows)),
+        ("sampling", sampling(rows.len())),
+        ("timing", sections::timing(run)),
+        ("faults", sections::faults(run)),
+        ("settings", sections::settings(run)),
+        ("provenance", sections::provenance(run)),
+        ("data", data),
+        ("style", [UPLOT_STYLE, STYLE].concat()),
+        ("scripts", [UPLOT, PATH_SCRIPT, PLOT_SCRIPT].join("\n")),
+    ];
+    fill(TEMPLATE, &slots)
+}
+
+/// Replaces every `{{slot}}` of the template in one pass, so that a value is never searched for slots itself.
+fn fill(template: &str, slots: &[(&str, String)]) -> String {
+    let mut parts = template.split("{{");
+    let mut page = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        let (slot, rest) = part.split_once("}}").unwrap_or((part, ""));
+        let value = slots.iter().find(|(name, _)| *name == slot);
+        page.push_str(value.map_or("", |(_, value)| value));
+        page.push_str(rest);
+    }
+    page
+}
+
+/// The last two cells of a claim's row.
+fn cells(claim: &Claim) -> String {
+    let mark = sections::verdict(claim.verdict.describe());
+    format!("<td>{}</td><td>{mark}</td>", html::escape(&claim.measured))
+}
+
+/// How the figures relate to the samples.
+fn sampling(rows: usize) -> String {
+    match columns::bucket(rows) {
+        1 => format!("{rows} samples, each one drawn."),
+        bucket => format!("{rows} samples, drawn as the smallest and the largest of every {bucket}."),
+    }
+}

@@ -1,0 +1,172 @@
+//! The parts of the page that are text and tables. Every value may be missing from the summary; then a dash stands there.
+
+use contract::message::SolveStatus;
+use contract::{Scenario, Topic};
+use serde_json::Value;
+
+use super::flight::Row;
+use super::html::{DASH, any, escape, leaves, list, number, table};
+
+/// The metrics of the summary: key, what people call it, unit, decimals. The first five are the key figures.
+const METRICS: [(&str, &str, &str, usize); 12] = [
+    ("max_position_error_m", "position error, maximum", "m", 3),
+    ("rms_position_error_m", "position error, RMS", "m", 3),
+    ("max_altitude_error_horizontal_m", "altitude error, 10 to 50 s", "m", 3),
+    ("max_altitude_error_vertical_m", "altitude error, otherwise", "m", 3),
+    ("final_position_error_m", "position error, at the end", "m", 3),
+    ("position_error_integral_ms", "position error, integral", "m s", 3),
+    ("max_rate_radps", "body rate, maximum", "rad/s", 3),
+    ("rotor_speed_min", "rotor speed, lowest", "", 1),
+    ("rotor_speed_max", "rotor speed, highest", "", 1),
+    ("tilt_max_deg", "tilt, largest", "deg", 2),
+    ("commands_saturated", "commands clipped at a limit", "", 0),
+    ("negative_squares", "roots of negative squares avoided", "", 0),
+];
+const KEY_FIGURES: usize = 5;
+
+/// The verdict on the run: its style in the page, and one line for people.
+pub fn result(run: &Value) -> (&'static str, String) {
+    let exit_code = run["exit_code"].as_i64();
+    let out_of_bounds = run["bounds"].as_array().is_some_and(|all| all.iter().any(|b| b["ok"] == Value::Bool(false)));
+    if run["diverged"] == Value::Bool(true) {
+        return ("bad", format!("diverged at {} s", number(&run["flown_s"], 2)));
+    }
+    match exit_code {
+        Some(3) => ("bad", "a process could not be kept alive".into()),
+        Some(4) => ("bad", "the timing budget was broken".into()),
+        Some(130) => ("warn", format!("interrupted at {} s", number(&run["flown_s"], 2))),
+        Some(1) => ("warn", "flown, outside its bounds".into()),
+        _ if out_of_bounds => ("warn", "flown, outside its bounds".into()),
+        Some(0) => ("good", "flown".into()),
+        _ => ("warn", "result unknown".into()),
+    }
+}
+
+/// What was flown and how, on one line.
+pub fn facts(run: &Value, scenario: &Scenario) -> String {
+    let trajectory = format!("{:?}", scenario.mission.trajectory).to_lowercase();
+    let duration = format!("{} of {} s", number(&run["flown_s"], 2), number(&run["duration_s"], 2));
+    let fact = |name: &str, value: &str| format!("<span>{name} <b>{value}</b></span>");
+    [
+        fact("trajectory", &trajectory),
+        fact("profile", &any(&run["profile"])),
+        fact("mode", &any(&run["mode"])),
+        fact("flown", &duration),
+        fact("ended:", &any(&run["ended"])),
+    ]
+    .concat()
+}
+
+/// The five figures people ask for first, and how old samples were when they acted.
+pub fn key_figures(run: &Value) -> String {
+    let tile = |name: &str, value: String, unit: &str| (name.to_owned(), format!("{value} <small>{unit}</small>"));
+    let errors = METRICS[..KEY_FIGURES].iter().map(|(key, name, unit, decimals)| {
+        tile(name, number(&run["metrics"][key], *decimals), unit)
+    });
+    let age = &run["timing"]["age_at_actuator"]["p99_us"];
+    let age_ms = age.as_f64().map_or(DASH.into(), |us| format!("{:.2}", us / 1e3));
+    list(errors.chain([tile("age at the actuator, p99", age_ms, "ms")]))
+}
+
+/// Everything else that was measured.
+pub fn metrics(run: &Value, rows: &[Row]) -> String {
+    let controls = || rows.iter().filter_map(|row| row.controls);
+    let constrained = controls().filter(|c| c.status == SolveStatus::Solved as u64).count();
+    let fallbacks = controls().map(|c| c.fallbacks).max();
+    let count = |n: Option<u64>| number(&n.into(), 0);
+    let measured = METRICS[KEY_FIGURES..].iter().map(|(key, name, unit, decimals)| {
+        ((*name).to_owned(), format!("{} {unit}", number(&run["metrics"][key], *decimals)))
+    });
+    let more = [
+        ("ticks on which a constraint was solved for", count(controls().next().map(|_| constrained as u64))),
+        ("solves that fell back", count(fallbacks)),
+        ("wall time", format!("{} s", number(&run["speed"]["wall_s"], 2))),
+        ("times real time", number(&run["speed"]["times_realtime"], 1)),
+        ("log records", number(&run["log"]["records"], 0)),
+        ("log records dropped", number(&run["log"]["dropped"], 0)),
+        ("state hash", any(&run["state_hash"])),
+    ];
+    list(measured.chain(more.map(|(name, value)| (name.to_owned(), value))))
+}
+
+/// The scenario's own bounds.
+pub fn bounds(run: &Value) -> String {
+    let Some(bounds) = run["bounds"].as_array().filter(|all| !all.is_empty()) else {
+        return "<p>The scenario sets no bounds.</p>".into();
+    };
+    let verdict = |ok: &Value| match ok.as_bool() {
+        Some(true) => verdict("kept"),
+        Some(false) => verdict("exceeded"),
+        None => DASH.into(),
+    };
+    let row = |b: &Value| vec![format!("<code>{}</code>", any(&b["metric"])), number(&b["limit"], 3), number(&b["measured"], 3), verdict(&b["ok"])];
+    table(&["metric", "bound", "measured", "verdict"], bounds.iter().map(row))
+}
+
+/// When each node ran, in microseconds.
+pub fn timing(run: &Value) -> String {
+    let timing = &run["timing"];
+    if !timing.is_object() {
+        return "<p>Not measured: in process, one thread calls the four steps in order.</p>".into();
+    }
+    let row = |node: &str, what: &str, times: &Value, counted: [&Value; 2]| {
+        let percentiles = ["p50_us", "p90_us", "p99_us", "p999_us", "max_us"].map(|key| number(&times[key], 0));
+        let [misses, slips] = counted.map(|n| if n.is_null() { String::new() } else { number(n, 0) });
+        let mut cells = vec![node.to_owned(), what.to_owned(), number(&times["n"], 0)];
+        cells.extend(percentiles);
+        cells.extend([misses, slips]);
+        cells
+    };
+    let mut rows = Vec::new();
+    for topic in Topic::ALL {
+        let node = &timing["nodes"][topic.publisher()];
+        let arrival = if node["jitter"].is_null() { "hop" } else { "jitter" };
+        rows.push(row(topic.publisher(), arrival, &node[arrival], [&node["misses"], &node["slips"]]));
+        for what in ["execution", "response"] {
+            rows.push(row("", what, &node[what], [&Value::Null; 2]));
+        }
+    }
+    rows.push(row("whole ring", "age", &timing["age_at_actuator"], [&Value::Null; 2]));
+    let headings = ["node", "µs", "n", "p50", "p90", "p99", "p99.9", "max", "misses", "slips"];
+    format!("<p>Deadline {} ms.</p>{}", number(&timing["deadline_ms"], 1), table(&headings, rows))
+}
+
+/// What was injected and what came of it; empty without faults.
+pub fn faults(run: &Value) -> String {
+    let Some(faults) = run["faults"].as_array().filter(|all| !all.is_empty()) else {
+        return String::new();
+    };
+    // The scenario's own keys first, then whatever the summary tells.
+    let mut names = vec!["at_s", "for_s", "target", "kind"];
+    for name in faults.iter().filter_map(Value::as_object).flat_map(|fault| fault.keys()) {
+        if !names.contains(&name.as_str()) {
+            names.push(name);
+        }
+    }
+    let headings: Vec<String> = names.iter().map(|name| name.replace('_', " ")).collect();
+    let headings: Vec<&str> = headings.iter().map(String::as_str).collect();
+    let rows = faults.iter().map(|fault| names.iter().map(|name| any(&fault[*name])).collect());
+    format!("<section id=\"faults\"><h2>Faults</h2>{}</section>", table(&headings, rows))
+}
+
+/// Versions and host.
+pub fn provenance(run: &Value) -> String {
+    let mut facts = Vec::new();
+    leaves("", &run["provenance"], &mut facts);
+    let shown = facts.into_iter().filter(|(name, _)| name != "scenario" && !name.starts_with("scenario."));
+    list(shown.map(|(name, value)| (escape(&name.replace('_', " ")), any(value))))
+}
+
+/// The merged scenario, as text.
+pub fn settings(run: &Value) -> String {
+    match &run["provenance"]["scenario"] {
+        Value::Null => DASH.into(),
+        Value::String(toml) => escape(toml),
+        other => escape(&serde_json::to_string_pretty(other).unwrap_or_default()),
+    }
+}
+
+/// A verdict with its own style; the style adds a sign, so that colour is never the only one.
+pub fn verdict(word: &str) -> String {
+    format!("<span class=\"verdict {}\">{word}</span>", word.replace(' ', "-"))
+}

@@ -1,0 +1,131 @@
+//! `run.json`: the summary of a run, for programs.
+
+use contract::Scenario;
+use contract::process::exit;
+use contract::scenario::{Bounds, Mode};
+use serde_json::{Value, json};
+
+use crate::recorder::LogOutcome;
+use crate::stack::Ended;
+use crate::summary::{Metrics, Summary};
+
+/// What is known of a run besides its messages.
+pub struct Circumstances {
+    /// How it ended.
+    pub ended: Ended,
+    /// Wall time of the flight \[s\], without start and report.
+    pub wall_s: f64,
+    /// The recorder's last word, if there was one.
+    pub log: Option<LogOutcome>,
+    /// Versions, host, settings.
+    pub provenance: Value,
+}
+
+/// Exit code of a run: the gravest of what happened.
+pub fn exit_code(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> u8 {
+    let log_lost = how.log.as_ref().is_some_and(|log| log.error.is_some());
+    match how.ended {
+        Ended::Interrupted => exit::INTERRUPTED,
+        Ended::Lost(_) => exit::PROCESS_LOST,
+        Ended::Flown if log_lost => exit::PROCESS_LOST,
+        Ended::Flown if summary.status().diverged() => exit::OUT_OF_BOUNDS,
+        Ended::Flown if verdicts(&scenario.bounds, &summary.metrics()).iter().any(|v| !v.ok) => exit::OUT_OF_BOUNDS,
+        Ended::Flown => exit::FLOWN,
+    }
+}
+
+/// One line on how the run ended.
+pub fn describe_end(summary: &Summary, how: &Circumstances) -> String {
+    let t = summary.time_s();
+    match &how.ended {
+        Ended::Interrupted => format!("interrupted at {t:.2} s"),
+        Ended::Lost(name) => format!("lost {name} at {t:.2} s"),
+        Ended::Flown if summary.status().diverged() => format!("diverged at {t:.2} s: {}", summary.status().describe()),
+        Ended::Flown => format!("flown to the end, {t:.2} s"),
+    }
+}
+
+/// The whole of run.json.
+pub fn run_json(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> Value {
+    let metrics = summary.metrics();
+    let flown_s = summary.time_s();
+    json!({
+        "name": scenario.name,
+        "mode": scenario.run.mode,
+        "profile": scenario.profile,
+        "duration_s": scenario.run.duration_s,
+        "flown_s": flown_s,
+        "diverged": summary.status().diverged(),
+        "ended": describe_end(summary, how),
+        "exit_code": exit_code(summary, scenario, how),
+        "metrics": metrics,
+        "state_hash": summary.state_hash(),
+        "bounds": verdicts(&scenario.bounds, &metrics),
+        "speed": { "wall_s": how.wall_s, "times_realtime": flown_s / how.wall_s.max(1e-9) },
+        "timing": summary.timing.as_ref().map(crate::timing::Timing::to_json),
+        "log": how.log,
+        "unobserved": summary.missed(),
+        "faults": [],
+        "provenance": how.provenance,
+    })
+}
+
+/// One bound of the scenario against the flight.
+#[derive(Debug, serde::Serialize)]
+pub struct Verdict {
+    /// Which metric.
+    pub metric: &'static str,
+    /// What it may not exceed.
+    pub limit: f64,
+    /// What it was.
+    pub measured: f64,
+    /// Whether it was inside.
+    pub ok: bool,
+}
+
+/// Every bound that the scenario sets.
+pub fn verdicts(bounds: &Bounds, metrics: &Metrics) -> Vec<Verdict> {
+    let all = [
+        ("max_position_error_m", bounds.max_position_error_m, metrics.max_position_error_m),
+        (
+            "max_altitude_error_horizontal_m",
+            bounds.max_altitude_error_horizontal_m,
+            metrics.max_altitude_error_horizontal_m,
+        ),
+        ("max_altitude_error_vertical_m", bounds.max_altitude_error_vertical_m, metrics.max_altitude_error_vertical_m),
+        ("final_position_error_m", bounds.final_position_error_m, metrics.final_position_error_m),
+    ];
+    let judged = all.into_iter().filter_map(|(metric, limit, measured)| Some((metric, limit?, measured)));
+    // A NaN is outside: it does not compare as inside.
+    judged.map(|(metric, limit, measured)| Verdict { metric, limit, measured, ok: measured <= limit }).collect()
+}
+
+/// For people: what the flight amounted to.
+pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> String {
+    use std::fmt::Write;
+    let m = summary.metrics();
+    let mut text = format!("{}: {}\n", scenario.name, describe_end(summary, how));
+    let mut line = |label: &str, value: String| {
+        let _ = writeln!(text, "  {label:<22}{value}"); // a String takes everything
+    };
+    line("position error", format!("{:.4} m max, {:.4} m RMS, {:.4} m at the end", m.max_position_error_m, m.rms_position_error_m, m.final_position_error_m));
+    line("altitude error", format!("{:.4} m in 10-50 s, {:.4} m otherwise", m.max_altitude_error_horizontal_m, m.max_altitude_error_vertical_m));
+    line("actuators", format!("rotors {:.0} to {:.0}, tilt {:.1} deg max, {} commands saturated", m.rotor_speed_min, m.rotor_speed_max, m.tilt_max_deg, m.commands_saturated));
+    if let Some(timing) = &summary.timing
+        && scenario.run.mode == Mode::Realtime
+    {
+        let age = timing.age();
+        line("age at the actuator", format!("p50 {:.2} ms, p99 {:.2} ms, max {:.2} ms; {} deadlines missed", age.p50_us / 1e3, age.p99_us / 1e3, age.max_us / 1e3, timing.misses()));
+    }
+    for v in verdicts(&scenario.bounds, &m) {
+        let ok = if v.ok { "inside" } else { "OUTSIDE" };
+        line(ok, format!("{} {:.4} against {}", v.metric, v.measured, v.limit));
+    }
+    if let Some(log) = &how.log {
+        let dropped = if log.dropped == 0 { String::new() } else { format!(", {} dropped", log.dropped) };
+        line("log", format!("{} records{dropped}{}", log.records, log.error.as_ref().map_or(String::new(), |e| format!("; {e}"))));
+    }
+    line("state hash", summary.state_hash().unwrap_or_else(|| "none: the watcher missed messages".into()));
+    line("speed", format!("{:.2} s flown in {:.2} s: {:.0} x real time", summary.time_s(), how.wall_s, summary.time_s() / how.wall_s.max(1e-9)));
+    text
+}

@@ -1,0 +1,139 @@
+//! The time line of commands: what the actuators are told, and from when on.
+//!
+//! ```text
+//! sample      arrival        arrival + delay + jitter
+//!   |------------|----------------------|----------------> in force until a newer one takes effect
+//! ```
+//!
+//! All times are integer nanoseconds since the start of the run, so that delays that are multiples of the
+//! integration step fall exactly on its boundaries.
+
+use std::collections::VecDeque;
+
+use airframe::Actuation;
+use contract::Scenario;
+use contract::message::{Actuators, Stamp};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+use crate::random::Stream;
+
+/// Commands per sample that the time line holds while they wait; a flood beyond that is lost like a dropped command.
+const WAITING_PER_SAMPLE: u64 = 4;
+
+/// One command on the time line.
+#[derive(Debug, Clone, Copy)]
+pub struct Command {
+    /// What the actuators are told.
+    pub actuation: Actuation,
+    /// Sequence number of its message; 0 = the trim command of the start.
+    pub sequence: u64,
+    /// Incarnation of its publisher: a restarted publisher counts its messages from 1 again.
+    epoch: u64,
+    /// When it takes effect \[ns\].
+    effect_ns: u64,
+    /// Time from the sample it was computed from to its effect \[ns\].
+    pub age_ns: u64,
+}
+
+impl Command {
+    /// What decides which of two commands is newer.
+    fn order(&self) -> (u64, u64) {
+        (self.epoch, self.sequence)
+    }
+}
+
+/// The command in force and those on their way.
+#[derive(Debug, Clone)]
+pub struct CommandLine {
+    in_force: Command,
+    /// Rising in effect time and in order: of two, the later one is always the newer.
+    waiting: VecDeque<Command>,
+    capacity: usize,
+    delay_ns: u64,
+    jitter_ns: u64,
+    drop_probability: f64,
+    drops: ChaCha8Rng,
+    jitter: ChaCha8Rng,
+}
+
+impl CommandLine {
+    /// The time line of `scenario`, with `trim` in force.
+    pub fn new(scenario: &Scenario, trim: Actuation) -> Self {
+        let run = &scenario.run;
+        let nanoseconds = |ms: f64| (ms * 1e6).round() as u64;
+        let (delay_ns, jitter_ns) = (nanoseconds(run.command_delay_ms), nanoseconds(run.command_jitter_ms));
+        let samples_on_the_way = 2 + (delay_ns + jitter_ns) / Scenario::SAMPLE_NS;
+        let capacity = (WAITING_PER_SAMPLE * samples_on_the_way) as usize;
+        Self {
+            in_force: Command { actuation: trim, sequence: 0, epoch: 0, effect_ns: 0, age_ns: 0 },
+            waiting: VecDeque::with_capacity(capacity),
+            capacity,
+            delay_ns,
+            jitter_ns,
+            drop_probability: run.command_drop_probability,
+            drops: Stream::Drops.open(run.seed),
+            jitter: Stream::Jitter.open(run.seed),
+        }
+    }
+
+    /// A command arrives at `arrival_ns`. Lost ones, those that are not finite, and those that a newer one overtakes
+    /// leave no trace.
+    pub fn receive(&mut self, actuators: &Actuators, arrival_ns: u64) {
+        // Both are drawn for every command: how late one is must not depend on whether another was lost.
+        let lost = self.draw_loss();
+        let effect_ns = arrival_ns.saturating_add(self.delay_ns).saturating_add(self.draw_jitter_ns());
+        let Stamp { tick, sequence, epoch, .. } = actuators.stamp;
+        let age_ns = effect_ns.saturating_sub(tick.saturating_mul(Scenario::SAMPLE_NS));
+        let actuation = Actuation::from(actuators.command);
+        if !lost && is_finite(&actuation) {
+            self.insert(Command { actuation, sequence, epoch, effect_ns, age_ns });
+        }
+    }
+
+    /// Puts into force what takes effect up to and including `now_ns`.
+    pub fn switch(&mut self, now_ns: u64) {
+        while let Some(next) = self.waiting.front().filter(|c| c.effect_ns <= now_ns) {
+            self.in_force = *next;
+            self.waiting.pop_front();
+        }
+    }
+
+    /// The command in force since the last [`switch`](Self::switch).
+    pub fn in_force(&self) -> &Command {
+        &self.in_force
+    }
+
+    /// When the next command takes effect \[ns\]; never, if none is on its way.
+    pub fn next_switch_ns(&self) -> u64 {
+        self.waiting.front().map_or(u64::MAX, |c| c.effect_ns)
+    }
+
+    fn insert(&mut self, new: Command) {
+        let overtaken = |c: &Command| c.effect_ns <= new.effect_ns && c.order() >= new.order();
+        if new.order() <= self.in_force.order() || self.waiting.iter().any(overtaken) {
+            return;
+        }
+        // What is older and would only act later never will.
+        self.waiting.retain(|c| c.effect_ns < new.effect_ns || c.order() > new.order());
+        if self.waiting.len() < self.capacity {
+            let place = self.waiting.partition_point(|c| c.effect_ns < new.effect_ns);
+            self.waiting.insert(place, new);
+        }
+    }
+
+    fn draw_loss(&mut self) -> bool {
+        self.drop_probability > 0.0 && self.drops.random::<f64>() < self.drop_probability
+    }
+
+    fn draw_jitter_ns(&mut self) -> u64 {
+        if self.jitter_ns == 0 { 0 } else { (self.jitter.random::<f64>() * self.jitter_ns as f64) as u64 }
+    }
+}
+
+fn is_finite(actuation: &Actuation) -> bool {
+    actuation.rotor_speed.iter().all(|omega| omega.is_finite()) && actuation.tilt_rad.is_finite()
+}
+
+#[cfg(test)]
+mod tests;

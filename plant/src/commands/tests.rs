@@ -1,0 +1,174 @@
+use contract::message::ActuationMsg;
+use proptest::prelude::*;
+
+use super::*;
+
+const MS: u64 = 1_000_000;
+
+fn line(delay_ms: f64, jitter_ms: f64, drop_probability: f64, seed: u64) -> CommandLine {
+    let mut scenario = Scenario::default();
+    scenario.run.command_delay_ms = delay_ms;
+    scenario.run.command_jitter_ms = jitter_ms;
+    scenario.run.command_drop_probability = drop_probability;
+    scenario.run.seed = seed;
+    CommandLine::new(&scenario, Actuation::default())
+}
+
+/// A message with sequence number `sequence`, computed from sample `tick`.
+fn message(tick: u64, sequence: u64) -> Actuators {
+    let command = ActuationMsg { rotor_speed: [sequence as f64; 3], tilt_rad: 0.1 };
+    Actuators { stamp: Stamp { tick, sequence, ..Stamp::default() }, command, flags: 0 }
+}
+
+/// Sequence number in force at `now_ns`.
+fn at(line: &mut CommandLine, now_ns: u64) -> u64 {
+    line.switch(now_ns);
+    line.in_force().sequence
+}
+
+#[test]
+fn a_command_takes_effect_after_arrival_and_delay_and_not_before() {
+    let mut line = line(4.5, 0.0, 0.0, 0);
+    line.receive(&message(3, 1), 31 * MS);
+    assert_eq!(line.next_switch_ns(), 35 * MS + MS / 2);
+    assert_eq!(at(&mut line, 35 * MS), 0);
+    assert_eq!(at(&mut line, 35 * MS + MS / 2), 1);
+    assert_eq!(line.in_force().actuation.rotor_speed, [1.0; 3]);
+    assert_eq!(line.in_force().age_ns, 5 * MS + MS / 2, "from sample 3, at 30 ms");
+    assert_eq!(line.next_switch_ns(), u64::MAX);
+}
+
+#[test]
+fn with_a_long_delay_several_commands_are_on_their_way() {
+    let mut line = line(35.0, 0.0, 0.0, 0);
+    for k in 0..100 {
+        line.receive(&message(k, k + 1), 10 * MS * k);
+        let expected = if k < 4 { 0 } else { k - 3 };
+        assert_eq!(at(&mut line, 10 * MS * k + 9 * MS), expected, "sample {k}");
+    }
+}
+
+#[test]
+fn an_older_command_never_replaces_a_newer_one() {
+    let mut line = line(0.0, 0.0, 0.0, 0);
+    line.receive(&message(0, 2), 5 * MS);
+    line.receive(&message(0, 1), 6 * MS);
+    assert_eq!(at(&mut line, 7 * MS), 2);
+    line.receive(&message(0, 2), 8 * MS);
+    assert_eq!(line.next_switch_ns(), u64::MAX, "the same one again is no news");
+}
+
+#[test]
+fn an_older_command_may_act_until_the_newer_one_does() {
+    let mut line = line(0.0, 0.0, 0.0, 0);
+    line.receive(&message(0, 2), 5 * MS);
+    line.receive(&message(0, 1), 3 * MS);
+    assert_eq!(at(&mut line, 4 * MS), 1);
+    assert_eq!(at(&mut line, 5 * MS), 2);
+}
+
+#[test]
+fn a_newer_command_that_is_faster_removes_the_older_one() {
+    let mut line = line(0.0, 0.0, 0.0, 0);
+    line.receive(&message(0, 1), 6 * MS);
+    line.receive(&message(0, 2), 4 * MS);
+    assert_eq!(at(&mut line, 5 * MS), 2);
+    assert_eq!(at(&mut line, 7 * MS), 2);
+}
+
+#[test]
+fn a_restarted_mixer_counts_from_one_again_and_is_heard() {
+    let mut line = line(0.0, 0.0, 0.0, 0);
+    line.receive(&message(8, 900), 80 * MS);
+    assert_eq!(at(&mut line, 81 * MS), 900);
+    let mut reborn = message(9, 1);
+    reborn.stamp.epoch = 1;
+    line.receive(&reborn, 90 * MS);
+    assert_eq!(at(&mut line, 91 * MS), 1);
+    line.receive(&message(9, 901), 92 * MS);
+    assert_eq!(at(&mut line, 93 * MS), 1, "the former incarnation is not");
+}
+
+#[test]
+fn what_is_not_finite_is_ignored() {
+    let mut line = line(0.0, 0.0, 0.0, 0);
+    for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        let mut rotor = message(0, 1);
+        rotor.command.rotor_speed[1] = bad;
+        let mut tilt = message(0, 2);
+        tilt.command.tilt_rad = bad;
+        line.receive(&rotor, 0);
+        line.receive(&tilt, 0);
+    }
+    assert_eq!(at(&mut line, MS), 0);
+}
+
+#[test]
+fn a_flood_is_bounded_and_allocates_nothing() {
+    let mut line = line(5.0, 0.0, 0.0, 0);
+    let room = line.waiting.capacity();
+    for sequence in 1..10_000 {
+        line.receive(&message(0, sequence), sequence);
+    }
+    assert_eq!(line.waiting.len(), line.capacity);
+    assert_eq!(line.waiting.capacity(), room);
+    assert_eq!(at(&mut line, 10 * MS), line.capacity as u64);
+}
+
+#[test]
+fn drops_come_with_their_probability_and_the_others_are_untouched() {
+    let n = 10_000;
+    let mut lossy = line(0.0, 0.0, 0.4, 11);
+    let lost = (1..=n).filter(|&k| {
+        lossy.receive(&message(k, k), k * MS);
+        at(&mut lossy, k * MS) != k
+    });
+    let share = lost.count() as f64 / n as f64;
+    assert!((share - 0.4).abs() < 5.0 * (0.4 * 0.6 / n as f64).sqrt(), "{share}");
+}
+
+#[test]
+fn jitter_is_uniform_and_does_not_depend_on_drops() {
+    let n = 10_000u64;
+    let delays = |drop_probability: f64| -> Vec<Option<u64>> {
+        let mut line = line(2.0, 4.0, drop_probability, 5);
+        (1..=n)
+            .map(|k| {
+                let arrival_ns = 10 * MS * k;
+                line.receive(&message(k, k), arrival_ns);
+                let effect_ns = line.next_switch_ns();
+                line.switch(arrival_ns + 10 * MS);
+                effect_ns.checked_sub(arrival_ns).filter(|&d| d < 10 * MS)
+            })
+            .collect()
+    };
+    let (all, some) = (delays(0.0), delays(0.5));
+    assert!(all.iter().zip(&some).all(|(a, s)| s.is_none() || s == a));
+    assert!(some.iter().filter(|s| s.is_some()).count() > 4000);
+    let ms: Vec<f64> = all.iter().map(|d| d.expect("none is lost") as f64 / MS as f64).collect();
+    assert!(ms.iter().all(|&d| (2.0..6.0).contains(&d)));
+    let mean = ms.iter().sum::<f64>() / n as f64;
+    assert!((mean - 4.0).abs() < 5.0 * 4.0 / (12.0 * n as f64).sqrt(), "{mean}");
+}
+
+proptest! {
+    /// Whatever arrives whenever: the command in force only ever gets newer, and what waits is in order.
+    #[test]
+    fn the_command_in_force_only_gets_newer(
+        arrivals in prop::collection::vec((0u64..40, 0u64..30), 1..60),
+        jitter_ms in 0.0..15.0,
+        drop_probability in 0.0..1.0,
+    ) {
+        let mut line = line(1.0, jitter_ms, drop_probability, 2);
+        let mut newest = 0;
+        for (k, (sequence, lateness_ms)) in arrivals.into_iter().enumerate() {
+            let now_ns = 2 * MS * k as u64;
+            line.receive(&message(0, sequence), now_ns + lateness_ms * MS);
+            let waiting: Vec<_> = line.waiting.iter().map(|c| (c.effect_ns, c.order())).collect();
+            prop_assert!(waiting.windows(2).all(|w| w[0].0 < w[1].0 && w[0].1 < w[1].1));
+            let in_force = at(&mut line, now_ns);
+            prop_assert!(in_force >= newest);
+            newest = in_force;
+        }
+    }
+}

@@ -1,0 +1,279 @@
+use airframe::Actuation;
+use contract::message::ActuationMsg;
+use contract::scenario::Profile;
+use proptest::prelude::*;
+use serde_json::Value;
+
+use super::*;
+
+const MS: u64 = 1_000_000;
+
+fn scenario() -> Scenario {
+    Scenario::of(Profile::Paper)
+}
+
+fn numbers<const N: usize>(value: &Value) -> [f64; N] {
+    std::array::from_fn(|i| value[i].as_f64().expect("a number in the reference"))
+}
+
+fn message(sequence: u64, command: [f64; 4]) -> Actuators {
+    let [o1, o2, o3, mu] = command;
+    Actuators {
+        stamp: Stamp { sequence, ..Stamp::default() },
+        command: ActuationMsg { rotor_speed: [o1, o2, o3], tilt_rad: mu },
+        flags: 0,
+    }
+}
+
+/// Hover trim with every rotor `share` faster.
+fn faster(share: f64) -> [f64; 4] {
+    let Actuation { rotor_speed: [o1, o2, o3], tilt_rad } = Trim::solve(&scenario().airframe, false).actuation;
+    [o1 * (1.0 + share), o2 * (1.0 + share), o3 * (1.0 + share), tilt_rad]
+}
+
+/// Largest difference, relative to each number's size where that is above 1.
+fn difference(got: &StateVector, expected: &StateVector) -> f64 {
+    got.iter().zip(expected).map(|(g, e)| (g - e).abs() / e.abs().max(1.0)).fold(0.0, f64::max)
+}
+
+#[test]
+fn val_plant_cases() {
+    let reference: Value =
+        serde_json::from_str(include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/reference/reference.json")))
+            .expect("the reference is JSON");
+    let cases = reference["plant_cases"].as_array().expect("the reference has plant cases");
+    assert_eq!(cases.len(), 5);
+    for case in cases {
+        let mut scenario = scenario();
+        let number = |key: &str| case["plant"][key].as_f64().expect("a plant setting");
+        scenario.plant.rotor_lag_s = number("tau_m");
+        scenario.plant.servo_lag_s = number("tau_s");
+        scenario.plant.rotor_rate_limit = number("rate_m");
+        scenario.plant.servo_rate_limit_radps = number("rate_s");
+        scenario.plant.drag_linear_nspm = numbers(&case["plant"]["drag_lin"]);
+        scenario.plant.drag_quadratic_ns2pm2 = number("cda");
+        scenario.plant.tilt_reaction = case["plant"]["tilt_reaction"] == true;
+        scenario.plant.wind_ned_mps = vec![(0.0, numbers(&case["wind_ned"]))];
+        let mut plant = Plant::new(&scenario);
+        plant.x = numbers(&case["x0"]);
+        plant.command(&message(1, numbers(&case["cmd"])), 0);
+        let duration_s = case["T"].as_f64().expect("a duration");
+        plant.advance((duration_s / Scenario::SAMPLE_S).round() as u64);
+
+        let name = case["name"].as_str().expect("a name");
+        let same_method = difference(&plant.x, &numbers(&case["x_rk4_1ms"]));
+        let exact = difference(&plant.x, &numbers(&case["x_dop853"]));
+        let tolerance = if name.starts_with("rate_limited") { 1e-5 } else { 1e-6 };
+        assert!(same_method < 1e-12, "{name}: {same_method:e} from the same method");
+        assert!(exact < tolerance, "{name}: {exact:e} from the exact solution");
+    }
+}
+
+#[test]
+fn hover_stays_put() {
+    for tilt_reaction in [false, true] {
+        let mut scenario = scenario();
+        scenario.plant.tilt_reaction = tilt_reaction;
+        let mut plant = Plant::new(&scenario);
+        let start = plant.x;
+        assert_eq!(plant.advance(200), PlantStatus::Flying);
+        assert!(difference(&plant.x, &start) < 1e-9);
+    }
+}
+
+#[test]
+fn it_starts_at_trim_plus_the_initial_displacement() {
+    let mut scenario = scenario();
+    scenario.initial.position_m = [1.0, 2.0, -3.0];
+    scenario.initial.velocity_mps = [0.1, 0.2, 0.3];
+    scenario.initial.attitude_deg = [10.0, -20.0, 90.0];
+    scenario.initial.rates_radps = [0.4, 0.5, 0.6];
+    let state = Plant::new(&scenario).sample();
+    let trim = Trim::solve(&scenario.airframe, false);
+    assert_eq!(state.actual.position_m, [1.0, 2.0, -3.0]);
+    assert_eq!(state.actual.velocity_mps, [0.1, 0.2, 0.3]);
+    assert_eq!(state.actual.rates_radps, [0.4, 0.5, 0.6]);
+    let [roll, pitch, yaw] = state.actual.attitude_rad.map(f64::to_degrees);
+    assert!((roll - trim.roll_rad.to_degrees() - 10.0).abs() < 1e-12);
+    assert!((pitch + 20.0).abs() < 1e-12 && (yaw - 90.0).abs() < 1e-12);
+    assert_eq!(state.measured, state.actual);
+    assert_eq!(Actuation::from(state.actuators), trim.actuation);
+    assert_eq!(Actuation::from(state.command_in_force), trim.actuation);
+    assert_eq!((state.stamp.tick, state.applied_sequence, state.applied_age_ns), (0, 0, 0));
+    assert_eq!(PlantStatus::from_wire(state.status), Some(PlantStatus::Flying));
+}
+
+#[test]
+fn state_names_the_command_that_was_in_force_up_to_it() {
+    let mut scenario = scenario();
+    scenario.run.command_delay_ms = 10.0;
+    let mut plant = Plant::new(&scenario);
+    plant.sample();
+    plant.command(&message(1, faster(0.01)), 0);
+    plant.advance(1);
+    let at_effect = plant.sample();
+    assert_eq!(at_effect.applied_sequence, 0, "it takes effect at this very instant, not before");
+    plant.advance(1);
+    let after = plant.sample();
+    assert_eq!((after.applied_sequence, after.applied_age_ns), (1, 10 * MS));
+    assert_eq!(after.command_in_force, message(1, faster(0.01)).command);
+}
+
+#[test]
+fn a_command_acts_from_its_arrival_on() {
+    // Rotor lag from rest is exact in closed form: the speed tells since when the command has been in force.
+    for arrival_ns in [0, 3 * MS, 3_141_593, 9_999_999] {
+        let mut plant = Plant::new(&scenario());
+        let from = plant.sample().actuators.rotor_speed[0];
+        plant.command(&message(1, faster(0.05)), arrival_ns);
+        plant.advance(1);
+        let acted_s = (10 * MS - arrival_ns) as f64 / 1e9;
+        let expected = from * (1.05 - 0.05 * (-acted_s / 0.03).exp());
+        let state = plant.sample();
+        assert!((state.actuators.rotor_speed[0] - expected).abs() < 1e-6 * from);
+        assert_eq!((state.applied_sequence, state.applied_age_ns), (1, arrival_ns));
+    }
+}
+
+#[test]
+fn a_command_may_arrive_periods_later() {
+    let mut plant = Plant::new(&scenario());
+    plant.command(&message(1, faster(0.05)), 25 * MS);
+    plant.advance(2);
+    assert_eq!(plant.sample().applied_sequence, 0);
+    assert_eq!(plant.x[12].to_bits(), faster(0.0)[0].to_bits());
+    plant.advance(1);
+    assert_eq!((plant.sample().applied_sequence, plant.sample().applied_age_ns), (1, 25 * MS));
+}
+
+#[test]
+fn a_dead_time_of_whole_substeps_makes_no_slivers() {
+    // Commands at a multiple of the substep leave the grid of steps alone: the flight is bit for bit the same as one
+    // whose commands arrive that much later.
+    let fly = |delay_ms: u64, arrival_ms: u64| {
+        let mut scenario = scenario();
+        scenario.run.command_delay_ms = delay_ms as f64;
+        let mut plant = Plant::new(&scenario);
+        for k in 0..20 {
+            plant.command(&message(k + 1, faster(0.01 * k as f64)), arrival_ms * MS);
+            plant.advance(1);
+        }
+        plant.x
+    };
+    assert_eq!(fly(7, 0), fly(0, 7));
+    assert_eq!(fly(23, 4), fly(0, 27));
+}
+
+#[test]
+fn several_periods_at_once_are_the_same_flight() {
+    let mut one_by_one = Plant::new(&scenario());
+    let mut at_once = one_by_one.clone();
+    for plant in [&mut one_by_one, &mut at_once] {
+        plant.command(&message(1, faster(0.02)), 4 * MS);
+    }
+    for _ in 0..7 {
+        one_by_one.advance(1);
+    }
+    at_once.advance(7);
+    assert_eq!(one_by_one.sample(), at_once.sample());
+}
+
+#[test]
+fn a_command_beyond_the_limits_is_followed_to_the_limit() {
+    let mut plant = Plant::new(&scenario());
+    plant.command(&message(1, [1e6, -1e6, 1e6, 9.0]), 0);
+    for _ in 0..20 {
+        plant.advance(1);
+    }
+    let limits = scenario().limits();
+    let actuators = plant.sample().actuators;
+    assert!(actuators.rotor_speed[0] <= limits.rotor_speed_max[0] && actuators.rotor_speed[1] >= 0.0);
+    assert!(actuators.tilt_rad <= limits.tilt_max_rad);
+    assert_eq!(plant.sample().command_in_force.tilt_rad, 9.0, "STATE echoes the command as it was given");
+}
+
+#[test]
+fn the_run_finishes_on_its_last_sample() {
+    let mut scenario = scenario();
+    scenario.run.duration_s = 0.05;
+    let mut plant = Plant::new(&scenario);
+    let status: Vec<PlantStatus> = (0..5).map(|_| plant.advance(1)).collect();
+    assert!(status[..4].iter().all(|s| *s == PlantStatus::Flying));
+    assert_eq!(status[4], PlantStatus::Finished);
+    assert_eq!(plant.sample().status, PlantStatus::Finished as u64);
+}
+
+#[test]
+fn near_vertical_pitch_the_flight_ends_and_stays_ended() {
+    let mut scenario = scenario();
+    scenario.initial.attitude_deg = [0.0, 80.0, 0.0];
+    scenario.initial.rates_radps = [0.0, 6.0, 0.0];
+    let mut plant = Plant::new(&scenario);
+    let ticks = (1..100).find(|_| plant.advance(1).diverged()).expect("it pitches through the vertical");
+    let state = plant.sample();
+    assert_eq!(PlantStatus::from_wire(state.status), Some(PlantStatus::Singular));
+    assert_eq!(state.stamp.tick, ticks);
+    let theta = state.actual.attitude_rad[1];
+    assert!(theta > 1.55 && theta < 1.55 + 7.0 * 0.001, "stopped within one substep of the limit, at {theta}");
+    assert!(plant.x.iter().all(|value| value.is_finite()));
+    assert_eq!(plant.advance(3), PlantStatus::Singular);
+    let later = plant.sample();
+    assert_eq!((later.stamp.tick, later.actual), (ticks + 3, state.actual), "time passes and nothing moves");
+}
+
+#[test]
+fn every_way_to_be_lost_has_its_name() {
+    let lost = |index: usize, value: f64| {
+        let mut x = Plant::new(&scenario()).x;
+        x[index] = value;
+        loss(&x)
+    };
+    assert_eq!(lost(1, -500.1), Some(PlantStatus::TooFar));
+    assert_eq!(lost(1, 499.9), None);
+    assert_eq!(lost(7, -1.551), Some(PlantStatus::Singular));
+    assert_eq!(lost(7, 1.549), None);
+    assert_eq!(lost(11, 100.1), Some(PlantStatus::TooFast));
+    assert_eq!(lost(11, -99.9), None);
+    for bad in [f64::NAN, f64::INFINITY] {
+        assert!((0..16).all(|index| lost(index, bad) == Some(PlantStatus::NonFinite)));
+    }
+}
+
+proptest! {
+    /// No stream of commands, however wild, makes the plant panic or leave a number that is not finite behind
+    /// while it claims to fly.
+    #[test]
+    fn it_is_total(
+        commands in prop::collection::vec((prop::array::uniform4(prop::num::f64::ANY), 0u64..30 * MS), 1..40),
+        substep_s in 0.0005..0.02,
+    ) {
+        let mut scenario = scenario();
+        scenario.plant.substep_s = substep_s;
+        let mut plant = Plant::new(&scenario);
+        for (k, (command, arrival_ns)) in commands.into_iter().enumerate() {
+            plant.command(&message(k as u64 + 1, command), arrival_ns);
+            let status = plant.advance(1);
+            let finite = plant.x.iter().all(|value| value.is_finite());
+            prop_assert!(finite || status.diverged());
+        }
+    }
+
+    /// The same scenario, seed and commands: the same bits.
+    #[test]
+    fn it_repeats_bit_for_bit(seed in any::<u64>(), thrust in -0.02..0.02) {
+        let mut scenario = scenario();
+        scenario.run.seed = seed;
+        scenario.run.command_jitter_ms = 8.0;
+        scenario.run.command_drop_probability = 0.3;
+        scenario.plant.noise.position_m = 0.01;
+        let fly = || {
+            let mut plant = Plant::new(&scenario);
+            (0..20).map(|k| {
+                plant.command(&message(k + 1, faster(thrust)), MS);
+                plant.advance(1);
+                plant.sample()
+            }).collect::<Vec<State>>()
+        };
+        prop_assert_eq!(fly(), fly());
+    }
+}

@@ -1,0 +1,66 @@
+//! Bad input: a clear message with the place, exit 2, nothing half-written.
+
+use crate::harness::{Outcome, fly};
+
+fn check_refused(arguments: &[&str], message: &[&str]) -> Outcome {
+    let outcome = fly(arguments);
+    assert_eq!(outcome.code(), Some(2), "{arguments:?}: {}", outcome.stderr);
+    for part in message {
+        assert!(outcome.stderr.contains(part), "{arguments:?} should say '{part}': {}", outcome.stderr);
+    }
+    assert!(!outcome.out.exists(), "{arguments:?} leaves no folder");
+    outcome
+}
+
+#[test]
+fn settings_that_cannot_be() {
+    check_refused(&["--set", "mpc.npp=3"], &["--set mpc.npp=3", "np"]);
+    check_refused(&["--set", "mpc.np=\"many\""], &["--set mpc.np"]);
+    check_refused(&["--set", "mpc.r=[1, 2]"], &["--set mpc.r", "4"]);
+    check_refused(&["--set", "plant.rotor_lag_s=-1.0"], &["rotor_lag_s"]);
+    check_refused(&["--set", "mpc.np=3"], &["np", "nu"]);
+    check_refused(&["--set", "run.duration_s=nan"], &["duration_s"]);
+    check_refused(&["--set", "mission.trajectory=loop"], &["survey", "circle"]);
+    check_refused(&["no/such/file.toml"], &["no/such/file.toml"]);
+}
+
+#[test]
+fn a_file_is_named_with_its_line() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("wrong.toml");
+    std::fs::write(&path, "profile = \"robust\"\n\n[plant]\nrotor_lag = 0.03\n").expect("can be written");
+    check_refused(&[path.to_str().expect("a plain path")], &["wrong.toml:4", "rotor_lag_s"]);
+}
+
+#[test]
+fn an_output_folder_that_cannot_be_written() {
+    // A file in place of the folder: root could write into any folder of any mode.
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let file = folder.path().join("occupied");
+    std::fs::write(&file, "precious").expect("can be written");
+    let inside = file.join("run");
+    let outcome = crate::harness::launcher()
+        .args(["fly", "--mode", "inprocess", "--out"])
+        .arg(&inside)
+        .output()
+        .expect("the launcher runs");
+    assert_eq!(outcome.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&outcome.stderr).contains("occupied"));
+    assert_eq!(std::fs::read_to_string(&file).expect("still there"), "precious");
+}
+
+#[test]
+fn an_earlier_run_in_the_folder_is_kept() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().join("run");
+    for _ in 0..2 {
+        let status = crate::harness::launcher()
+            .args(["fly", "--mode", "inprocess", "--set", "run.duration_s=0.1", "--out"])
+            .arg(&out)
+            .output()
+            .expect("the launcher runs")
+            .status;
+        assert!(status.success());
+    }
+    assert!(out.join("run.json").exists() && folder.path().join("run.1").join("run.json").exists());
+}

@@ -1,0 +1,128 @@
+//! Flights for tests: the launcher's own binary, a folder and a namespace per flight, a watchdog.
+
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+
+/// No flight of the tests may last longer on the wall clock.
+const WATCHDOG: Duration = Duration::from_secs(120);
+
+/// What a run of the launcher left behind.
+pub struct Outcome {
+    pub status: ExitStatus,
+    pub stderr: String,
+    pub out: PathBuf,
+    _folder: tempfile::TempDir,
+}
+
+impl Outcome {
+    pub fn code(&self) -> Option<i32> {
+        self.status.code()
+    }
+
+    /// run.json of the flight.
+    pub fn run(&self) -> Value {
+        let text = std::fs::read_to_string(self.out.join("run.json"))
+            .unwrap_or_else(|e| panic!("no run.json: {e}; the launcher said: {}", self.stderr));
+        serde_json::from_str(&text).expect("run.json is JSON")
+    }
+
+    pub fn metric(&self, name: &str) -> f64 {
+        self.run()["metrics"][name].as_f64().unwrap_or_else(|| panic!("no metric {name}"))
+    }
+
+    pub fn state_hash(&self) -> String {
+        let run = self.run();
+        run["state_hash"].as_str().unwrap_or_else(|| panic!("no state hash in {run}")).to_owned()
+    }
+}
+
+/// A namespace that no other flight on this machine has.
+pub fn namespace() -> String {
+    static NEXT: AtomicU32 = AtomicU32::new(0);
+    format!("test-{}-{}", std::process::id(), NEXT.fetch_add(1, Ordering::Relaxed))
+}
+
+/// The repository's top folder.
+pub fn top() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("launcher/ lies in the repository").to_owned()
+}
+
+/// `launcher fly` with `arguments`, to its end.
+pub fn fly(arguments: &[&str]) -> Outcome {
+    Flight::start(&namespace(), arguments).finish()
+}
+
+/// A flight under way. Dropping it kills it.
+pub struct Flight {
+    pub child: Child,
+    pub out: PathBuf,
+    folder: Option<tempfile::TempDir>,
+}
+
+impl Flight {
+    pub fn start(namespace: &str, arguments: &[&str]) -> Self {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let out = folder.path().join("run");
+        let child = launcher()
+            .arg("fly")
+            .args(arguments)
+            .args(["--namespace", namespace, "--out"])
+            .arg(&out)
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("the launcher starts");
+        Self { child, out, folder: Some(folder) }
+    }
+
+    /// Waits for the end, no longer than the watchdog.
+    pub fn finish(mut self) -> Outcome {
+        use std::io::Read;
+        let deadline = Instant::now() + WATCHDOG;
+        let status = loop {
+            if let Some(status) = self.child.try_wait().expect("the launcher can be waited for") {
+                break status;
+            }
+            assert!(Instant::now() < deadline, "the flight did not end within {WATCHDOG:?}");
+            std::thread::sleep(Duration::from_millis(5));
+        };
+        let mut stderr = String::new();
+        self.child.stderr.take().map(|mut e| e.read_to_string(&mut stderr));
+        let folder = self.folder.take().expect("a flight is finished once");
+        Outcome { status, stderr, out: self.out.clone(), _folder: folder }
+    }
+}
+
+impl Drop for Flight {
+    fn drop(&mut self) {
+        let _ = self.child.kill(); // has ended, in all tests that pass
+        let _ = self.child.wait();
+    }
+}
+
+/// The launcher's binary as built for these tests.
+pub fn launcher() -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_launcher"));
+    command.current_dir(top());
+    command
+}
+
+/// Waits until `condition` holds, no longer than ten seconds.
+pub fn wait_until(what: &str, condition: impl Fn() -> bool) {
+    let deadline = Instant::now() + Duration::from_secs(10);
+    while !condition() {
+        assert!(Instant::now() < deadline, "timed out: {what}");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+/// What a namespace has in shared memory.
+pub fn shared_memory_of(namespace: &str) -> Vec<String> {
+    let all = std::fs::read_dir("/dev/shm").expect("/dev/shm can be listed");
+    let names = all.flatten().map(|e| e.file_name().to_string_lossy().into_owned());
+    names.filter(|name| name.starts_with(&format!("trefoil.{namespace}."))).collect()
+}

@@ -1,0 +1,77 @@
+//! Closed loops against the independent simulator's values, and the claims of the paper's section 5.
+
+use crate::harness::{Outcome, fly};
+use serde_json::Value;
+
+/// Reference name of a metric, and ours.
+const METRICS: [(&str, &str); 5] = [
+    ("max_e", "max_position_error_m"),
+    ("rms_e", "rms_position_error_m"),
+    ("max_ez_h", "max_altitude_error_horizontal_m"),
+    ("max_ez_v", "max_altitude_error_vertical_m"),
+    ("iae", "position_error_integral_ms"),
+];
+
+fn case_file(name: &str) -> String {
+    let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
+    let stem: String = name.chars().map(plain).collect();
+    let squeezed = stem.split('_').filter(|part| !part.is_empty()).collect::<Vec<_>>().join("_");
+    format!("tests/reference/cases/{squeezed}.toml")
+}
+
+fn check_inside(outcome: &Outcome, name: &str, expect: &Value) {
+    for (theirs, ours) in METRICS {
+        let [low, high] = [0, 1].map(|i| expect[theirs][i].as_f64().expect("a range"));
+        let value = outcome.metric(ours);
+        assert!((low..=high).contains(&value), "{name}: {ours} = {value}, expected {low} to {high}");
+    }
+    assert_eq!(outcome.metric("negative_squares"), 0.0, "{name}");
+}
+
+#[test]
+fn val_closed_loop_cases() {
+    let reference = include_str!("reference/reference.json");
+    let reference: Value = serde_json::from_str(reference).expect("the reference is JSON");
+    let cases = reference["closed_loop_cases"].as_array().expect("a list of cases");
+    assert!(cases.len() >= 9);
+    for case in cases {
+        let name = case["name"].as_str().expect("a name");
+        let outcome = fly(&[&case_file(name), "--no-log"]);
+        if case["expect"]["unstable"] == Value::Bool(true) {
+            let lost = outcome.run()["diverged"] == Value::Bool(true) || outcome.metric("max_position_error_m") > 10.0;
+            assert!(lost, "{name} should be unstable");
+        } else {
+            check_inside(&outcome, name, &case["expect"]);
+        }
+    }
+}
+
+#[test]
+fn the_papers_claims_hold_in_process_and_in_lockstep() {
+    for mode in ["inprocess", "lockstep"] {
+        let outcome = fly(&["scenarios/survey-paper.toml", "--mode", mode, "--no-log"]);
+        assert_eq!(outcome.code(), Some(0), "{mode}: {}", outcome.stderr);
+        assert!(outcome.metric("max_position_error_m") < 0.7);
+        assert!(outcome.metric("max_altitude_error_horizontal_m") < 0.1);
+        assert!(outcome.metric("max_altitude_error_vertical_m") < 0.2);
+        assert_eq!(outcome.metric("commands_saturated"), 0.0);
+    }
+}
+
+#[test]
+fn the_robust_profile_follows_within_six_centimetres() {
+    for mode in ["inprocess", "lockstep"] {
+        let outcome = fly(&["scenarios/survey.toml", "--mode", mode, "--no-log"]);
+        assert_eq!(outcome.code(), Some(0), "{mode}: {}", outcome.stderr);
+        assert!(outcome.metric("max_position_error_m") <= 0.06);
+    }
+}
+
+#[test]
+fn every_shipped_scenario_flies_inside_its_bounds() {
+    for entry in std::fs::read_dir(crate::harness::top().join("scenarios")).expect("scenarios/") {
+        let path = entry.expect("an entry").path();
+        let outcome = fly(&[path.to_str().expect("a plain name"), "--mode", "inprocess", "--no-log"]);
+        assert_eq!(outcome.code(), Some(0), "{}: {}", path.display(), outcome.stderr);
+    }
+}

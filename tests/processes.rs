@@ -1,0 +1,126 @@
+//! Real processes: flying in real time, stopping, dying, and leaving shared memory clean.
+//!
+//! Nothing here asserts how quick anything is; `launcher measure` does that, as ratios.
+
+use std::process::Command;
+
+use crate::harness::{Flight, fly, launcher, namespace, shared_memory_of, wait_until};
+
+/// Numbers of the processes whose command line names `namespace`.
+fn processes_of(namespace: &str) -> Vec<i32> {
+    let all = std::fs::read_dir("/proc").expect("/proc can be listed");
+    all.flatten()
+        .filter_map(|entry| entry.file_name().to_str()?.parse().ok())
+        .filter(|pid: &i32| {
+            let line = std::fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default();
+            line.split(|b| *b == 0).any(|word| word == namespace.as_bytes())
+        })
+        .collect()
+}
+
+fn kill(signal: &str, pids: &[i32]) {
+    for pid in pids {
+        let _ = Command::new("kill").args([signal, &pid.to_string()]).stderr(std::process::Stdio::null()).status();
+    }
+}
+
+fn start_flying(namespace: &str) -> Flight {
+    let flight = Flight::start(namespace, &["--mode", "realtime"]);
+    wait_until("the stack flies", || {
+        let status = launcher().args(["status", "--json"]).output().expect("status runs");
+        let stacks: serde_json::Value = serde_json::from_slice(&status.stdout).expect("status prints JSON");
+        stacks.as_array().into_iter().flatten().any(|s| s["namespace"] == namespace && s["time_s"].as_f64() > Some(0.1))
+    });
+    flight
+}
+
+#[test]
+fn real_time_flies_through_processes() {
+    let ns = namespace();
+    let outcome = Flight::start(&ns, &["--mode", "realtime", "--set", "run.duration_s=3.0"]).finish();
+    assert_eq!(outcome.code(), Some(0), "{}", outcome.stderr);
+    let run = outcome.run();
+    assert_eq!(run["diverged"], false);
+    assert!(outcome.metric("max_position_error_m") < 0.5);
+    assert!(run["log"]["records"].as_u64() > Some(1000), "{}", run["log"]);
+    assert!(run["timing"]["age_at_actuator"]["n"].as_u64() > Some(200), "{}", run["timing"]);
+    assert!(outcome.out.join("report.html").exists());
+    assert_eq!(shared_memory_of(&ns), Vec::<String>::new());
+    assert_eq!(processes_of(&ns), Vec::<i32>::new());
+}
+
+#[test]
+fn ctrl_c_stops_cleanly() {
+    let ns = namespace();
+    let flight = start_flying(&ns);
+    kill("-INT", &[flight.child.id() as i32]);
+    let outcome = flight.finish();
+    assert_eq!(outcome.code(), Some(130), "{}", outcome.stderr);
+    assert_eq!(outcome.run()["exit_code"], 130);
+    assert_eq!(shared_memory_of(&ns), Vec::<String>::new());
+    assert_eq!(processes_of(&ns), Vec::<i32>::new());
+}
+
+#[test]
+fn stop_ends_a_flight() {
+    let ns = namespace();
+    let flight = start_flying(&ns);
+    let stop = launcher().args(["stop", "--namespace", &ns]).status().expect("stop runs");
+    assert!(stop.success());
+    assert_eq!(flight.finish().code(), Some(130));
+    let again = launcher().args(["stop", "--namespace", &ns]).output().expect("stop runs");
+    assert_eq!(again.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&again.stderr).contains("no stack runs"));
+}
+
+#[test]
+fn a_process_that_dies_ends_the_run_with_its_name() {
+    for victim in ["plant", "guidance", "attitude-mpc", "mixer"] {
+        let ns = namespace();
+        let flight = start_flying(&ns);
+        let pids = processes_of(&ns);
+        let is_victim = |pid: &&i32| {
+            let line = std::fs::read_to_string(format!("/proc/{pid}/cmdline")).unwrap_or_default();
+            line.split('\0').any(|word| word == victim)
+        };
+        kill("-KILL", &[*pids.iter().find(is_victim).expect("the victim runs")]);
+        let outcome = flight.finish();
+        assert_eq!(outcome.code(), Some(3), "{victim}: {}", outcome.stderr);
+        assert!(outcome.stderr.contains(victim), "{}", outcome.stderr);
+        assert_eq!(shared_memory_of(&ns), Vec::<String>::new());
+    }
+}
+
+#[test]
+fn after_killing_everything_the_next_flight_starts_clean() {
+    let ns = namespace();
+    let flight = start_flying(&ns);
+    kill("-KILL", &processes_of(&ns));
+    drop(flight);
+    wait_until("every process is gone", || processes_of(&ns).is_empty());
+    assert!(!shared_memory_of(&ns).is_empty(), "killed processes wipe nothing");
+    let outcome = Flight::start(&ns, &["--mode", "realtime", "--set", "run.duration_s=0.5"]).finish();
+    assert_eq!(outcome.code(), Some(0), "{}", outcome.stderr);
+    assert_eq!(shared_memory_of(&ns), Vec::<String>::new());
+}
+
+#[test]
+fn ten_stacks_at_once_do_not_disturb_each_other() {
+    let arguments = ["--mode", "lockstep", "--no-log", "--set", "run.duration_s=5.0"];
+    let flights: Vec<Flight> = (0..10).map(|_| Flight::start(&namespace(), &arguments)).collect();
+    let hashes: Vec<String> = flights.into_iter().map(|flight| flight.finish().state_hash()).collect();
+    let alone = fly(&["--mode", "inprocess", "--no-log", "--set", "run.duration_s=5.0"]).state_hash();
+    assert!(hashes.iter().all(|hash| *hash == alone), "{hashes:?} against {alone}");
+}
+
+#[test]
+fn a_namespace_holds_one_stack() {
+    let ns = namespace();
+    let flight = start_flying(&ns);
+    let second = Flight::start(&ns, &["--mode", "realtime"]).finish();
+    assert_eq!(second.code(), Some(2));
+    assert!(second.stderr.contains("in use"), "{}", second.stderr);
+    assert!(!second.out.exists(), "a refused flight leaves no folder");
+    kill("-INT", &[flight.child.id() as i32]);
+    assert_eq!(flight.finish().code(), Some(130), "the first flight goes on undisturbed");
+}

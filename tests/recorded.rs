@@ -1,0 +1,48 @@
+//! The flight log: the same in every mode, and readable by others.
+
+use std::process::Command;
+
+use crate::harness::{fly, top};
+use launcher::log;
+
+#[test]
+fn the_log_holds_every_message() {
+    for mode in ["inprocess", "lockstep"] {
+        let outcome = fly(&["--mode", mode, "--set", "run.duration_s=2.0"]);
+        assert_eq!(outcome.code(), Some(0), "{}", outcome.stderr);
+        let log = log::read(&outcome.out.join("flight.mcap")).expect("the log reads");
+        assert!(log.complete);
+        let counts = [log.states.len(), log.references.len(), log.controls.len(), log.actuators.len()];
+        assert_eq!(counts, [201; 4], "{mode}");
+        for (i, controls) in log.controls.iter().enumerate() {
+            let tick = i as u64;
+            assert_eq!(controls.stamp.tick, tick);
+            assert_eq!(controls.stamp.inputs, [tick + 1, tick + 1, 0, 0], "every message names what it came from");
+        }
+        assert_eq!(outcome.run()["log"]["dropped"], 0);
+    }
+}
+
+#[test]
+fn the_python_reader_reads_it() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let venv = folder.path().join("venv");
+    let made = Command::new("python3").args(["-m", "venv"]).arg(&venv).output();
+    if !made.as_ref().is_ok_and(|m| m.status.success()) {
+        eprintln!("skipped: python3 with venv is not here: {made:?}");
+        return;
+    }
+    let python = venv.join("bin/python");
+    let install = ["-m", "pip", "install", "-q", "--disable-pip-version-check", "mcap", "mcap-protobuf-support"];
+    let installed = Command::new(&python).args(install).output().expect("pip runs");
+    if !installed.status.success() {
+        eprintln!("skipped: the readers cannot be had from PyPI: {}", String::from_utf8_lossy(&installed.stderr));
+        return;
+    }
+    let outcome = fly(&["--mode", "inprocess", "--set", "run.duration_s=2.0"]);
+    let script = top().join("tests/python/read_log.py");
+    let read = Command::new(&python).arg(script).arg(outcome.out.join("flight.mcap")).output().expect("python runs");
+    assert!(read.status.success(), "{}", String::from_utf8_lossy(&read.stderr));
+    let seen: serde_json::Value = serde_json::from_slice(&read.stdout).expect("one line of JSON");
+    assert_eq!(seen["counts"]["/state"], 201, "{seen}");
+}
