@@ -62,7 +62,7 @@ impl Condensed {
             forced = &model.a * forced;
             add(&mut forced, 0, INPUTS * newest, &model.b);
             let pull = forced.transpose() * if k < weights.np { &q } else { &p };
-            hessian += &pull * &forced;
+            hessian += &pull * &forced; // (4)
             gradient += pull * (&free - &targets);
         }
         for k in 0..weights.nu {
@@ -70,7 +70,7 @@ impl Condensed {
             add(&mut gradient, INPUTS * k, n + STATES, &r);
         }
         let cholesky = hessian.clone().cholesky().expect("R is positive definite, scenario validation sees to that");
-        Self { gain: -cholesky.solve(&gradient), hessian } // (4)
+        Self { gain: -cholesky.solve(&gradient), hessian }
     }
 }
 

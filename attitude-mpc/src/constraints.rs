@@ -11,8 +11,8 @@
 //!
 //! Slacks are told in shares of `Omega1max^2`, those of the box in shares of its width.
 //!
-//! Departure: bounds on the states (49)-(51) are not imposed: in flight they are idle, and infeasible when they would
-//! matter. Test `the_state_bounds_are_idle_in_a_violent_turn`.
+//! Departure: the bounds on the states (49)-(51) are not imposed: over the moves of a plan they are idle even in a violent
+//! turn. Test `the_state_bounds_are_idle_in_a_violent_turn`.
 
 use airframe::envelope::Envelope;
 use contract::Scenario;
@@ -54,7 +54,7 @@ impl MoveSet {
         let (mut violation, mut touching) = (f64::NEG_INFINITY, 0);
         let mut visit = |slack: f64| {
             let slack = if slack.is_nan() { f64::NEG_INFINITY } else { slack };
-            violation = violation.max(-slack);
+            violation = violation.max(-slack); // (3)
             touching += u64::from(slack <= near);
         };
         for u in moves.chunks_exact(4).map(Vector4::from_column_slice) {
@@ -93,7 +93,7 @@ impl MoveSet {
             linear.push(row(-idle, [sin_cut, cos_cut, 0.0, 0.0]));
         }
         let cone = [row(max1, [0.0; 4]), row(0.0, [1.0, 0.0, 0.0, 0.0]), row(0.0, [0.0, 1.0, 0.0, 0.0])];
-        Self { linear, cone: Some(cone) } // (3)
+        Self { linear, cone: Some(cone) }
     }
 
     /// The smallest box around the exact set.

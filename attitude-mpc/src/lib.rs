@@ -129,7 +129,8 @@ impl AttitudeMpc {
         }
     }
 
-    /// The demand for a measured state and the reference it shall follow.
+    /// The demand for a measured state and the reference it shall follow: deviations of col, lon, lat, ped from trim
+    /// \[N, N m, N m, N m\]. Of the state it uses the tick, what was measured, and the command in force.
     pub fn step(&mut self, state: &State, reference: &Reference) -> Controls {
         if !is_finite(state, reference) {
             return self.repeat();

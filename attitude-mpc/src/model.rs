@@ -5,7 +5,8 @@
 //! y[k]   = x[k]                                                      (2)
 //! ```
 //!
-//! `Ad` and `Bd` are the discretised linear model of [`airframe::linear`]; `x` is w, phi - phi_trim, theta, psi, p, q, r.
+//! `Ad` and `Bd` are the discretised linear model of [`airframe::linear`]; `x` is `(w, phi - phi_trim, theta,
+//! psi, p, q, r)`.
 //!
 //! Departure: with the actuator lag in the model, `x` has four more states `z`: the conventional inputs that the
 //! actuators really produce, as deviations from trim. Nobody measures them. They come from the controller's own
@@ -155,6 +156,6 @@ mod tests {
         let push = Vector4::new(1.1, 0.0, 0.0, 0.0); // 1.1 N on 1.1 kg for 10 ms
         model.predict(&origin, &Vector4::zeros(), &push, &mut next);
         assert!((next[0] - 0.01).abs() < 1e-12);
-        assert_eq!(next.rows(STATES, INPUTS).amax(), 0.0);
+        assert!(next.rows(STATES, INPUTS).iter().all(|z| *z == 0.0));
     }
 }

@@ -26,7 +26,7 @@ fn the_explicit_path_allocates_nothing() {
         scenario.mpc.constraints = constraints;
         scenario.mpc.disturbance_gain = 0.1;
         let mut mpc = AttitudeMpc::new(&scenario);
-        for _ in 0..6 {
+        for _ in 0..3 {
             let (controls, allocations) = step(&mut mpc, &scenario, 0.01);
             assert_eq!((controls.status, allocations), (SolveStatus::Explicit as u64, 0), "{constraints:?}");
         }
@@ -39,8 +39,8 @@ fn the_explicit_path_allocates_nothing() {
 fn a_solve_allocates_once() {
     let scenario = Scenario::of(Profile::Robust);
     let mut mpc = AttitudeMpc::new(&scenario);
-    for _ in 0..6 {
+    for _ in 0..3 {
         let (controls, allocations) = step(&mut mpc, &scenario, 1.6);
-        println!("{allocations}");
+        assert_eq!((controls.status, allocations), (SolveStatus::Solved as u64, 1));
     }
 }

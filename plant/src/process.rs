@@ -1,7 +1,7 @@
 //! The plant as a process: the only one with a clock.
 
-use contract::pace::Turn;
 use contract::message::{Actuators, PlantStatus, State};
+use contract::pace::Turn;
 use contract::process::{Seat, SeatError};
 
 use crate::Plant;

@@ -1,4 +1,4 @@
-//! The condensed problem against the plain sum (4), and against the independent simulator.
+//! The condensed problem against the plain sum, and against the independent simulator.
 
 use contract::Scenario;
 use contract::scenario::Profile;
@@ -13,7 +13,7 @@ fn condensed(scenario: &Scenario) -> (PredictionModel, Condensed) {
     (model, condensed)
 }
 
-/// The cost (4) as it is printed, by running the model.
+/// The cost as it is printed, by running the model.
 fn cost(model: &PredictionModel, weights: &Mpc, given: &DVector<f64>, plan: &DVector<f64>) -> f64 {
     let n = model.states();
     let (q, r) = stage_weights(n, weights);

@@ -32,7 +32,7 @@ function flightPaths(time, columns) {
       view.place = fit(box, view.project, width, height);
       const inWindow = actual.map((point, i) => (time[i] >= shown[0] && time[i] <= shown[1] ? point : null));
       const ground = point => point && [point[0], point[1], box.low[2]];
-      view.element.innerHTML = `<svg width="${width}" height="${height}" role="img" aria-label="flight path">
+      view.element.innerHTML = `<svg width="${width}" height="${height}" viewBox="0 0 ${width} ${height}" role="img" aria-label="flight path">
         ${view.backdrop(box, view.place)}
         ${view.project === inSpace ? line('shadow', actual.map(ground), view.place) : ''}
         ${line('whole', actual, view.place)}${line('shown', inWindow, view.place)}
@@ -168,9 +168,9 @@ function spaceBackdrop(box, place) {
   };
   const [eastOut, northOut] = [outward([middle[0], eastSide]), outward([northSide, middle[1]])];
   let svg = ground(box, floor, place);
-  for (const n of ticks(box, 0)) svg += label([n, eastSide], eastOut, n, 9);
-  for (const e of ticks(box, 1)) svg += label([northSide, e], northOut, e, 9);
-  svg += label([middle[0], eastSide], eastOut, 'north [m]', 30) + label([northSide, middle[1]], northOut, 'east [m]', 30);
+  for (const n of ticks(box, 0)) svg += label([n, eastSide], eastOut, n, 12);
+  for (const e of ticks(box, 1)) svg += label([northSide, e], northOut, e, 12);
+  svg += label([middle[0], eastSide], eastOut, 'north [m]', 34) + label([northSide, middle[1]], northOut, 'east [m]', 34);
 
   const corners = [box.low[0], box.high[0]].flatMap(n => [box.low[1], box.high[1]].map(e => [n, e]));
   const post = corners.reduce((a, b) => (place([...a, floor])[0] < place([...b, floor])[0] ? a : b));

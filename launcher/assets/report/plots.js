@@ -50,17 +50,22 @@
   if (flight.rows) {
     build();
     matchMedia('(prefers-color-scheme: dark)').addEventListener('change', build);
-    addEventListener('beforeprint', () => { root.classList.add('printing'); build(640); });
+    addEventListener('beforeprint', () => { root.classList.add('printing'); build(); });
     addEventListener('afterprint', () => { root.classList.remove('printing'); build(); });
-    new ResizeObserver(() => { if (!root.classList.contains('printing')) resize(); }).observe(document.getElementById('figures'));
+    new ResizeObserver(resize).observe(document.getElementById('figures'));
   } else {
     for (const holder of document.querySelectorAll('.plots')) {
       holder.innerHTML = '<p class="empty">No samples were recorded.</p>';
     }
   }
 
-  // Draws everything anew, in the colours of the moment; `width` is measured unless given.
-  function build(width) {
+  // Paper has its own width, which no element tells before it is printed on.
+  function widthOf(element) {
+    return root.classList.contains('printing') ? 640 : element.clientWidth;
+  }
+
+  // Draws everything anew, in the colours of the moment.
+  function build() {
     const colour = name => getComputedStyle(root).getPropertyValue(`--${name}`).trim();
     const window = zoom;
     for (const u of plots) u.destroy();
@@ -72,7 +77,7 @@
       FIGURES[id].forEach((plot, i, all) => {
         const element = holder.appendChild(document.createElement('div'));
         element.className = 'plot';
-        plots.push(timePlot(element, plot, all.length > 1, i === all.length - 1, colour, +width || holder.clientWidth));
+        plots.push(timePlot(element, plot, all.length > 1, i === all.length - 1, colour, widthOf(holder)));
       });
     }
     follow(plots[0]);
@@ -82,7 +87,7 @@
 
   function resize() {
     for (const u of plots) {
-      const width = u.root.parentElement.clientWidth;
+      const width = widthOf(u.root.parentElement);
       if (width && width !== u.width) u.setSize({ width, height: u.height });
     }
     paths.draw();
@@ -180,14 +185,14 @@
       ctx.fillStyle = colour('muted');
       ctx.fillText(words, x, y);
     };
-    for (const { y, label: name, span_s } of lines) {
+    lines.forEach(({ y, label: name, span_s }, i) => {
       const [from, to] = span_s || [null, null];
       const left = Math.max(bbox.left, from === null ? -Infinity : u.valToPos(from, 'x', true));
       const right = Math.min(bbox.left + bbox.width, to === null ? Infinity : u.valToPos(to, 'x', true));
-      if (left >= right) continue;
+      if (left >= right) return;
       const words = `${name} ${quantity(+y.toFixed(plot.digits ?? 3), plot)}`;
-      if (y > u.scales.y.max) { beyond['↑'].add(words); continue; }
-      if (y < u.scales.y.min) { beyond['↓'].add(words); continue; }
+      if (y > u.scales.y.max) { beyond['↑'].add(words); return; }
+      if (y < u.scales.y.min) { beyond['↓'].add(words); return; }
       const level = u.valToPos(y, 'y', true);
       ctx.strokeStyle = colour('muted');
       ctx.lineWidth = px;
@@ -197,12 +202,13 @@
       ctx.lineTo(right, level);
       ctx.stroke();
       const below = level - bbox.top < 18 * px;
-      if (y < 0 || ctx.measureText(words).width > right - left) continue;
-      label(words, 'right', right - 4 * px, level + (below ? 15 : -5) * px);
-    }
-    const corner = bbox.left + 6 * px;
-    if (beyond['↑'].size) label(`↑ ${[...beyond['↑']].join(', ')}`, 'left', corner, bbox.top + 13 * px);
-    if (beyond['↓'].size) label(`↓ ${[...beyond['↓']].join(', ')}`, 'left', corner, bbox.top + bbox.height - 6 * px);
+      if (y < 0 || ctx.measureText(words).width > right - left) return;
+      const atLeft = i % 2 === 1; // neighbours may lie close together
+      label(words, atLeft ? 'left' : 'right', atLeft ? left + 4 * px : right - 4 * px, level + (below ? 15 : -5) * px);
+    });
+    const middle = bbox.left + bbox.width / 2;
+    if (beyond['↑'].size) label(`↑ ${[...beyond['↑']].join(', ')}`, 'center', middle, bbox.top + 13 * px);
+    if (beyond['↓'].size) label(`↓ ${[...beyond['↓']].join(', ')}`, 'center', middle, bbox.top + bbox.height - 6 * px);
     ctx.restore();
   }
 

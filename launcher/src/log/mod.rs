@@ -1,4 +1,4 @@
-//! The flight log: every message of every topic in one MCAP file that Foxglove, PlotJuggler and Python read.
+//! The flight log: every message of every topic in one MCAP file that Foxglove, `PlotJuggler` and Python read.
 //!
 //! | in the file | is |
 //! |---|---|

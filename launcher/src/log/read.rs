@@ -111,7 +111,7 @@ impl Contents {
             }
             McapRecord::Message { header, data } => {
                 if let Some(&topic) = self.channels.get(&header.channel_id) {
-                    self.push(schema::decode(topic, &data)?);
+                    self.push(&schema::decode(topic, &data)?);
                 }
             }
             _ => {}
@@ -119,8 +119,8 @@ impl Contents {
         Ok(())
     }
 
-    fn push(&mut self, record: Record) {
-        match record {
+    fn push(&mut self, record: &Record) {
+        match *record {
             Record::State(message) => self.log.states.push(message),
             Record::Reference(message) => self.log.references.push(message),
             Record::Controls(message) => self.log.controls.push(message),

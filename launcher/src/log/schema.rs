@@ -112,3 +112,24 @@ same_fields! {
 fn named(status: u64, is_valid: fn(i32) -> bool) -> Option<i32> {
     i32::try_from(status).ok().filter(|&number| is_valid(number))
 }
+
+#[cfg(test)]
+mod tests {
+    use contract::message::{PlantStatus, SolveStatus};
+
+    use super::wire;
+
+    #[test]
+    fn statuses_have_the_same_names_as_in_the_contract() {
+        for number in 0..10 {
+            let theirs = wire::PlantStatus::try_from(number).ok().map(|status| format!("{status:?}"));
+            let ours = PlantStatus::from_wire(number as u64).map(|status| format!("{status:?}"));
+            assert_eq!(theirs, ours, "{number}");
+        }
+        use SolveStatus::{BadInput, Explicit, ShiftedPlan, Solved, UnconstrainedGain};
+        for ours in [Explicit, Solved, ShiftedPlan, UnconstrainedGain, BadInput] {
+            let theirs = wire::SolveStatus::try_from(ours as i32).unwrap();
+            assert_eq!(format!("{theirs:?}"), format!("{ours:?}"));
+        }
+    }
+}

@@ -4,9 +4,7 @@ use std::{fs, path::PathBuf, thread::sleep, time::Duration};
 
 use contract::{
     Scenario, Topic,
-    message::{
-        ActuationMsg, Actuators, Controls, Kinematics, Message, PlantStatus, Reference, SolveStatus, Stamp, State,
-    },
+    message::{ActuationMsg, Actuators, Controls, Kinematics, Message, Reference, Stamp, State},
 };
 use mcap::{MessageStream, WriteOptions};
 use proptest::prelude::*;
@@ -261,13 +259,4 @@ fn a_full_disk_costs_only_what_is_not_yet_written() {
     let kept = read(&path).unwrap();
     assert!(!kept.complete());
     assert!(kept.states.into_iter().eq((0..150).map(state)));
-}
-
-#[test]
-fn statuses_have_the_names_of_the_contract() {
-    use super::schema::named_for_test as named;
-    for status in [PlantStatus::Flying, PlantStatus::TooFast] {
-        assert!(named(status as u64));
-    }
-    let _ = SolveStatus::Explicit;
 }

@@ -23,6 +23,9 @@ const CHUNK_BYTES: usize = 64 * 1024;
 /// ...or when this much time has passed since the last one.
 const FLUSH_PERIOD: Duration = Duration::from_secs(1);
 
+/// MCAP's writer over an open file.
+type Mcap = Writer<NoSeek<BufWriter<File>>>;
+
 /// The log of a run under way.
 ///
 /// The first write error ends the log, not the run: it is returned once, the file is cut back to its last whole
@@ -30,7 +33,7 @@ const FLUSH_PERIOD: Duration = Duration::from_secs(1);
 pub struct LogWriter {
     path: PathBuf,
     /// `None` after an error.
-    mcap: Option<Writer<NoSeek<BufWriter<File>>>>,
+    mcap: Option<Mcap>,
     /// The same open file as under `mcap`, to ask how far it reaches and to cut it there.
     file: File,
     /// MCAP's channel number of each topic.
@@ -129,10 +132,7 @@ impl LogWriter {
 }
 
 /// Starts the file: settings first, then the schemas and channels (in the first chunk).
-fn open(
-    sink: BufWriter<File>,
-    scenario_toml: &str,
-) -> McapResult<(Writer<NoSeek<BufWriter<File>>>, [u16; Topic::COUNT])> {
+fn open(sink: BufWriter<File>, scenario_toml: &str) -> McapResult<(Mcap, [u16; Topic::COUNT])> {
     let mut mcap = WriteOptions::new()
         .compression(None)
         .chunk_size(None) // `LogWriter` closes the chunks

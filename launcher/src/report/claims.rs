@@ -68,7 +68,8 @@ pub fn judge(run: &Value, rows: &[Row], scenario: &Scenario) -> Claims {
             Extent::Lost => Verdict::DoesNotHold,
             Extent::Whole => value.as_f64().map_or(Verdict::NotApplicable, |e| verdict(within(e))),
         };
-        Claim { measured: format!("{} m", number(value, 3)), verdict }
+        let until = if flight == Extent::Lost { " until the vehicle was lost" } else { "" };
+        Claim { measured: format!("{} m{until}", number(value, 3)), verdict }
     };
     Claims {
         position: error("max_position_error_m", |e| e < POSITION_M),
@@ -132,11 +133,8 @@ fn actuators(rows: &[Row], flight: Extent, scenario: &Scenario) -> Claim {
         return Claim { measured: number(&Value::Null, 0), verdict: Verdict::NotApplicable };
     }
     let kept = low > 0.0 && share < 1.0 && tilt < limits.tilt_max_rad;
-    let measured = format!("Ω ≥ {low:.0}, Ω ≤ {:.0} % of its limit, |μ| ≤ {:.1}°", 100.0 * share, tilt.to_degrees());
-    Claim {
-        measured,
-        verdict: if flight == Extent::Other { Verdict::NotApplicable } else { verdict(kept) },
-    }
+    let measured = format!("{low:.0} ≤ Ω ≤ {:.0} % of its limit, |μ| ≤ {:.1}°", 100.0 * share, tilt.to_degrees());
+    Claim { measured, verdict: if flight == Extent::Other { Verdict::NotApplicable } else { verdict(kept) } }
 }
 
 fn verdict(holds: bool) -> Verdict {

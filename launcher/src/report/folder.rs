@@ -22,15 +22,13 @@ pub fn rewrite(folder: &Path) -> anyhow::Result<()> {
     let log = log::read(&path)?;
     let scenario = scenario::from_merged(&log.scenario_toml, &format!("the settings in {}", path.display()))?;
     let run = match fs::read_to_string(folder.join("run.json")) {
-        Ok(text) => serde_json::from_str(&text).with_context(|| format!("{} is not JSON", folder.join("run.json").display()))?,
+        Ok(text) => {
+            serde_json::from_str(&text).with_context(|| format!("{} is not JSON", folder.join("run.json").display()))?
+        }
         Err(_) => summary_of(&log, &scenario),
     };
-    let flight = Flight {
-        states: &log.states,
-        references: &log.references,
-        controls: &log.controls,
-        actuators: &log.actuators,
-    };
+    let flight =
+        Flight { states: &log.states, references: &log.references, controls: &log.controls, actuators: &log.actuators };
     write_whole(&folder.join("report.html"), render(&flight, &run, &scenario).as_bytes())
 }
 

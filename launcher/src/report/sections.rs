@@ -60,9 +60,9 @@ pub fn facts(run: &Value, scenario: &Scenario) -> String {
 /// The five figures people ask for first, and how old samples were when they acted.
 pub fn key_figures(run: &Value) -> String {
     let tile = |name: &str, value: String, unit: &str| (name.to_owned(), format!("{value} <small>{unit}</small>"));
-    let errors = METRICS[..KEY_FIGURES].iter().map(|(key, name, unit, decimals)| {
-        tile(name, number(&run["metrics"][key], *decimals), unit)
-    });
+    let errors = METRICS[..KEY_FIGURES]
+        .iter()
+        .map(|(key, name, unit, decimals)| tile(name, number(&run["metrics"][key], *decimals), unit));
     let age = &run["timing"]["age_at_actuator"]["p99_us"];
     let age_ms = age.as_f64().map_or(DASH.into(), |us| format!("{:.2}", us / 1e3));
     list(errors.chain([tile("age at the actuator, p99", age_ms, "ms")]))
@@ -99,7 +99,14 @@ pub fn bounds(run: &Value) -> String {
         Some(false) => verdict("exceeded"),
         None => DASH.into(),
     };
-    let row = |b: &Value| vec![format!("<code>{}</code>", any(&b["metric"])), number(&b["limit"], 3), number(&b["measured"], 3), verdict(&b["ok"])];
+    let row = |b: &Value| {
+        vec![
+            format!("<code>{}</code>", any(&b["metric"])),
+            number(&b["limit"], 3),
+            number(&b["measured"], 3),
+            verdict(&b["ok"]),
+        ]
+    };
     table(&["metric", "bound", "measured", "verdict"], bounds.iter().map(row))
 }
 

@@ -1,0 +1,225 @@
+//! Whole pages, from invented flights.
+
+use contract::Scenario;
+use contract::message::{ActuationMsg, Actuators, Controls, Message, Reference, State};
+use contract::scenario::{Profile, TrajectoryKind};
+use serde_json::{Value, json};
+
+use super::claims::{Claims, Verdict, judge};
+use super::{Flight, TEMPLATE, render};
+
+/// A hover with its reference, tick by tick.
+struct Hover {
+    states: Vec<State>,
+    references: Vec<Reference>,
+    controls: Vec<Controls>,
+    actuators: Vec<Actuators>,
+}
+
+impl Hover {
+    fn of(ticks: u64) -> Self {
+        let mut hover = Self { states: vec![], references: vec![], controls: vec![], actuators: vec![] };
+        let command = ActuationMsg { rotor_speed: [1441.0, 1338.0, 1338.0], tilt_rad: 0.5 };
+        for tick in 0..ticks {
+            hover.states.push(at(tick, State { actuators: command, ..State::default() }));
+            hover.references.push(at(tick, Reference { position_m: [0.0, 3.0, 4.0], ..Reference::default() }));
+            hover.controls.push(at(tick, Controls::default()));
+            hover.actuators.push(at(tick, Actuators { command, ..Actuators::default() }));
+        }
+        hover
+    }
+
+    fn flight(&self) -> Flight<'_> {
+        Flight {
+            states: &self.states,
+            references: &self.references,
+            controls: &self.controls,
+            actuators: &self.actuators,
+        }
+    }
+
+    fn claims(&self, run: &Value, scenario: &Scenario) -> Claims {
+        judge(run, &self.flight().rows(scenario.ticks()), scenario)
+    }
+}
+
+fn at<M: Message>(tick: u64, mut message: M) -> M {
+    message.stamp_mut().tick = tick;
+    message
+}
+
+/// A summary in which every claim holds, by a little.
+fn survey() -> Value {
+    json!({
+        "name": "survey", "diverged": false, "exit_code": 0, "duration_s": 60.0, "flown_s": 60.0,
+        "metrics": {
+            "max_position_error_m": 0.699,
+            "max_altitude_error_horizontal_m": 0.099,
+            "max_altitude_error_vertical_m": 0.2,
+        },
+    })
+}
+
+fn verdicts(claims: &Claims) -> [Verdict; 4] {
+    [&claims.position, &claims.altitude_horizontal, &claims.altitude_vertical, &claims.actuators].map(|c| c.verdict)
+}
+
+/// The script's input, as it stands in the page.
+fn data(page: &str) -> Value {
+    let (_, rest) = page.split_once("id=\"flight\">").expect("the page has a data element");
+    let (text, _) = rest.split_once("</script>").expect("the data element is closed");
+    serde_json::from_str(text).expect("the data is JSON")
+}
+
+#[test]
+fn an_empty_flight_and_an_empty_summary_are_still_a_page() {
+    let nothing = Flight { states: &[], references: &[], controls: &[], actuators: &[] };
+    for run in [Value::Null, json!({}), json!({ "metrics": 3, "timing": { "nodes": [] }, "bounds": [null] })] {
+        let page = render(&nothing, &run, &Scenario::of(Profile::Robust));
+        assert!(page.ends_with("</html>\n"));
+        assert!(page.contains("result unknown"));
+        assert_eq!(data(&page)["rows"], 0);
+    }
+}
+
+#[test]
+fn every_slot_of_the_template_is_filled_and_none_is_searched_in_a_value() {
+    let mut run = survey();
+    run["name"] = "{{data}}".into();
+    let page = render(&Hover::of(2).flight(), &run, &Scenario::of(Profile::Paper));
+    assert!(page.contains("<h1>{{data}}</h1>"));
+    let slots: Vec<&str> = TEMPLATE.split("{{").skip(1).filter_map(|s| s.split_once("}}")).map(|s| s.0).collect();
+    assert!(slots.len() > 15);
+    for slot in slots.into_iter().filter(|slot| *slot != "faults") {
+        let empty = super::fill(&format!("<{{{{{slot}}}}}>"), &[]);
+        assert_eq!(empty, "<>");
+        let open = format!("{{{{{slot}}}}}");
+        assert!(slot == "data" || !page.contains(&open), "{slot}");
+    }
+}
+
+#[test]
+fn what_outsiders_wrote_cannot_become_markup() {
+    let evil = "</script></pre><script>alert('x')</script>";
+    let mut run = survey();
+    for path in ["name", "mode", "profile", "ended", "state_hash"] {
+        run[path] = evil.into();
+    }
+    run["provenance"] = json!({ "scenario": evil, "cpu": evil, evil: 1, "scheduling": { "policy": evil } });
+    run["bounds"] = json!([{ "metric": evil, "limit": 1.0, "measured": 2.0, "ok": false }]);
+    run["faults"] = json!([{ "target": evil, evil: evil }]);
+    let mut scenario = Scenario::of(Profile::Robust);
+    scenario.name = evil.into();
+    for run in [run, Value::Null] {
+        let page = render(&Hover::of(3).flight(), &run, &scenario);
+        assert!(!page.contains("<script>alert"));
+        assert!(page.contains("&lt;/script&gt;"));
+    }
+}
+
+#[test]
+fn holes_and_torn_ends_become_nan_at_their_ticks() {
+    let mut hover = Hover::of(10);
+    hover.states.remove(4);
+    hover.references.truncate(8);
+    hover.actuators.push(at(u64::MAX, Actuators::default()));
+    let rows = hover.flight().rows(6000);
+    assert_eq!(rows.len(), 10);
+    let errors: Vec<_> = rows.iter().map(super::flight::Row::position_error_m).collect();
+    let missing: Vec<usize> = (0..10).filter(|tick| errors[*tick].is_none()).collect();
+    assert_eq!(missing, [4, 8, 9]);
+    assert_eq!(errors[5], Some([0.0, 3.0, 4.0]));
+    let page = render(&hover.flight(), &Value::Null, &Scenario::of(Profile::Paper));
+    assert_eq!(data(&page)["rows"], 10);
+    // 5 m as f32, little-endian, is 00 00 a0 40: four of them, then NaN, 00 00 c0 7f.
+    let error = data(&page)["columns"]["error"].as_str().map(str::to_owned).unwrap_or_default();
+    assert!(error.starts_with("AACgQAAAoEAAAKBAAACgQAAAwH8AAKBA"), "{error}");
+}
+
+#[test]
+fn a_minute_stays_below_a_megabyte_and_a_half_and_so_does_an_hour() {
+    for ticks in [6001, 360_001] {
+        let mut scenario = Scenario::of(Profile::Robust);
+        scenario.run.duration_s = ticks as f64 * Scenario::SAMPLE_S;
+        let page = render(&Hover::of(ticks).flight(), &survey(), &scenario);
+        assert!(page.len() < 1_500_000, "{} bytes", page.len());
+        let rows = data(&page)["rows"].as_u64();
+        assert!(rows <= Some(6402) && rows >= Some(6001), "{rows:?}");
+    }
+}
+
+#[test]
+fn claims_hold_up_to_their_bound_and_not_beyond() {
+    use Verdict::{DoesNotHold, Holds};
+    let (hover, scenario) = (Hover::of(6001), Scenario::of(Profile::Paper));
+    assert_eq!(verdicts(&hover.claims(&survey(), &scenario)), [Holds; 4]);
+    let mut run = survey();
+    run["metrics"] = json!({
+        "max_position_error_m": 0.7,
+        "max_altitude_error_horizontal_m": 0.1,
+        "max_altitude_error_vertical_m": 0.201,
+    });
+    assert_eq!(verdicts(&hover.claims(&run, &scenario)), [DoesNotHold, DoesNotHold, DoesNotHold, Holds]);
+}
+
+#[test]
+fn a_command_at_its_limit_breaks_the_constraint_claim() {
+    let scenario = Scenario::of(Profile::Paper);
+    let limits = scenario.limits();
+    let at_limit = [
+        ActuationMsg { rotor_speed: [limits.rotor_speed_max[0], 1338.0, 1338.0], tilt_rad: 0.5 },
+        ActuationMsg { rotor_speed: [1441.0, 1338.0, 0.0], tilt_rad: 0.5 },
+        ActuationMsg { rotor_speed: [1441.0, 1338.0, 1338.0], tilt_rad: -limits.tilt_max_rad },
+    ];
+    for command in at_limit {
+        let mut hover = Hover::of(100);
+        hover.actuators[50].command = command;
+        assert_eq!(hover.claims(&survey(), &scenario).actuators.verdict, Verdict::DoesNotHold, "{command:?}");
+    }
+}
+
+#[test]
+fn a_lost_vehicle_contradicts_every_tracking_claim() {
+    let mut run = survey();
+    run["diverged"] = true.into();
+    run["flown_s"] = 5.8.into();
+    let claims = Hover::of(580).claims(&run, &Scenario::of(Profile::Paper));
+    assert_eq!(verdicts(&claims)[..3], [Verdict::DoesNotHold; 3]);
+    assert!(claims.position.measured.contains("lost"));
+}
+
+#[test]
+fn other_flights_are_not_judged() {
+    let hover = Hover::of(3000);
+    let mut scenario = Scenario::of(Profile::Paper);
+    let mut interrupted = survey();
+    interrupted["flown_s"] = 30.0.into();
+    assert_eq!(verdicts(&hover.claims(&interrupted, &scenario)), [Verdict::NotApplicable; 4]);
+    scenario.mission.trajectory = TrajectoryKind::Circle;
+    assert_eq!(verdicts(&hover.claims(&survey(), &scenario)), [Verdict::NotApplicable; 4]);
+    let page = render(&hover.flight(), &survey(), &scenario);
+    assert!(!data(&page)["lines"]["error"].to_string().contains("paper"));
+}
+
+#[test]
+fn the_head_names_how_the_run_ended() {
+    let scenario = Scenario::of(Profile::Robust);
+    let head = |run: &Value| render(&Hover::of(1).flight(), run, &scenario);
+    let mut run = survey();
+    assert!(head(&run).contains("<p class=\"result good\">flown</p>"));
+    run["bounds"] = json!([{ "metric": "max_position_error_m", "limit": 0.5, "measured": 0.699, "ok": false }]);
+    assert!(head(&run).contains("outside its bounds"));
+    run["diverged"] = true.into();
+    run["flown_s"] = 5.8.into();
+    assert!(head(&run).contains("<p class=\"result bad\">diverged at 5.80 s</p>"));
+}
+
+#[test]
+fn bounds_of_the_scenario_are_lines_in_the_figures() {
+    let mut scenario = Scenario::of(Profile::Robust);
+    scenario.bounds.max_position_error_m = Some(0.25);
+    scenario.bounds.max_altitude_error_vertical_m = Some(0.15);
+    let lines = data(&render(&Hover::of(1).flight(), &Value::Null, &scenario))["lines"].clone();
+    assert!(lines["error"].to_string().contains("0.25"));
+    assert!(lines["error_z"].to_string().contains("-0.15"));
+}

@@ -44,7 +44,7 @@ fn with_a_long_delay_several_commands_are_on_their_way() {
     for k in 0..100 {
         line.receive(&message(k, k + 1), 10 * MS * k);
         let expected = if k < 4 { 0 } else { k - 3 };
-        assert_eq!(at(&mut line, 10 * MS * k + 9 * MS), expected, "sample {k}");
+        assert_eq!(at(&mut line, 10 * MS * k), expected, "sample {k}: that of sample k - 4, 40 ms old");
     }
 }
 

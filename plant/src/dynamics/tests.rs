@@ -174,21 +174,27 @@ fn val_linear_model_is_the_linearisation_of_the_equations_of_motion() {
 
     let mut a = SMatrix::<f64, 7, 7>::zeros();
     for (column, &state) in LINEAR.iter().enumerate() {
-        a.set_column(column, &slope(|h| {
-            let mut x = hover;
-            x[state] += h;
-            rates(&x)
-        }));
+        a.set_column(
+            column,
+            &slope(|h| {
+                let mut x = hover;
+                x[state] += h;
+                rates(&x)
+            }),
+        );
     }
     let mut b = SMatrix::<f64, 7, 4>::zeros();
     for input in 0..4 {
-        b.set_column(input, &slope(|h| {
-            let demand = Vector4::from_fn(|i, _| if i == input { h } else { 0.0 });
-            let u = mixing.trim + mixing.inverse * demand;
-            let mut x = hover;
-            x[12..16].copy_from_slice(&[u[0].hypot(u[1]).sqrt(), u[2].sqrt(), u[3].sqrt(), u[0].atan2(u[1])]);
-            rates(&x)
-        }));
+        b.set_column(
+            input,
+            &slope(|h| {
+                let demand = Vector4::from_fn(|i, _| if i == input { h } else { 0.0 });
+                let u = mixing.trim + mixing.inverse * demand;
+                let mut x = hover;
+                x[12..16].copy_from_slice(&[u[0].hypot(u[1]).sqrt(), u[2].sqrt(), u[3].sqrt(), u[0].atan2(u[1])]);
+                rates(&x)
+            }),
+        );
     }
     assert!((a - linear.a).amax() < 1e-9, "A is off by {:e}", (a - linear.a).amax());
     assert!((b - linear.b).amax() < 1e-9, "B is off by {:e}", (b - linear.b).amax());
