@@ -11,7 +11,7 @@ fn the_log_holds_every_message() {
         let outcome = fly(&["--mode", mode, "--set", "run.duration_s=2.0"]);
         assert_eq!(outcome.code(), Some(0), "{}", outcome.stderr);
         let log = log::read(&outcome.out.join("flight.mcap")).expect("the log reads");
-        assert!(log.complete);
+        assert!(log.complete());
         let counts = [log.states.len(), log.references.len(), log.controls.len(), log.actuators.len()];
         assert_eq!(counts, [201; 4], "{mode}");
         for (i, controls) in log.controls.iter().enumerate() {

@@ -36,7 +36,9 @@ fn each_equation_of_code_stands_in_one_file() {
         let mut here: Vec<String> = text.lines().filter_map(cited_equation).collect();
         here.sort();
         here.dedup();
-        here.into_iter().for_each(|equation| homes.entry(equation).or_default().push(path.clone()));
+        for equation in here {
+            homes.entry(equation).or_default().push(path.clone());
+        }
     }
     assert!(homes.len() > 25, "equations are cited: {homes:?}");
     for (equation, files) in &homes {

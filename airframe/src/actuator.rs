@@ -54,9 +54,9 @@ impl Limits {
 pub struct ActuatorLaw {
     /// Amplitude limits, applied to the command.
     pub limits: Limits,
-    /// Time constant of the rotors \[s\]; 0 = no lag.
+    /// Time constant of the rotors \[s\]; 0 = no lag, which only [`advance`](Self::advance) can follow.
     pub rotor_lag_s: f64,
-    /// Time constant of the tilt servo \[s\]; 0 = no lag.
+    /// Time constant of the tilt servo \[s\]; 0 likewise.
     pub servo_lag_s: f64,
     /// Rate limit of the rotors \[rotor speed unit / s\].
     pub rotor_rate_limit: f64,
@@ -65,7 +65,7 @@ pub struct ActuatorLaw {
 }
 
 impl ActuatorLaw {
-    /// Rate of change of `position` under an already clipped `command`, per second.
+    /// Rate of change of `position` under an already clipped `command`, per second; the lags must be positive.
     #[inline]
     pub fn rate(&self, position: &Actuation, command: &Actuation) -> Actuation {
         let lag = |s: f64, to: f64, tau: f64, rate: f64| ((to - s) / tau).clamp(-rate, rate);

@@ -26,3 +26,6 @@ pub use actuator::{Actuation, ActuatorLaw, Limits};
 pub use mixing::MixingMatrix;
 pub use parameters::Parameters;
 pub use trim::Trim;
+
+#[cfg(test)]
+mod tests;

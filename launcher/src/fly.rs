@@ -32,9 +32,7 @@ pub fn fly(args: &FlyArgs) -> anyhow::Result<u8> {
     let mut summary = Summary::new(&scenario);
     let flown = match scenario.run.mode {
         Mode::Inprocess => fly_inprocess(&scenario, log.as_deref(), &mut summary, &interrupts),
-        Mode::Realtime | Mode::Lockstep => {
-            fly_processes(args, &scenario, log.as_deref(), &mut summary, &interrupts)
-        }
+        Mode::Realtime | Mode::Lockstep => fly_processes(args, &scenario, log.as_deref(), &mut summary, &interrupts),
     };
     let how = match flown {
         Ok(how) => how,
@@ -165,19 +163,15 @@ impl Folder {
     /// Makes the folder, moves an earlier run in it aside, and proves that it can be written to.
     fn prepare(path: PathBuf, scenario: &Scenario) -> anyhow::Result<Self> {
         if path.join("run.json").exists() || path.join("flight.mcap").exists() {
-            let aside = (1..).map(|i| path.with_extension(format!("{i}"))).find(|p| !p.exists());
-            let aside = aside.context("no free name to move the earlier run to")?;
-            fs::rename(&path, &aside).with_context(|| format!("cannot move the earlier run in {}", path.display()))?;
-            eprintln!("note: {} held an earlier run; it is now {}", path.display(), aside.display());
+            move_aside(&path)?;
         }
         let made = !path.exists();
         let cannot = || format!("cannot write to the output folder {}; choose another with --out", path.display());
         fs::create_dir_all(&path).with_context(cannot)?;
-        let folder = Self { path: path.clone(), made };
-        if let Err(error) = write_whole(&path.join("scenario.toml"), scenario::to_toml(scenario).as_bytes()) {
-            folder.withdraw();
-            return Err(error).with_context(cannot);
-        }
+        let written = write_whole(&path.join("scenario.toml"), scenario::to_toml(scenario).as_bytes());
+        let written = written.with_context(cannot);
+        let folder = Self { path, made };
+        written.inspect_err(|_| folder.withdraw())?;
         Ok(folder)
     }
 
@@ -190,6 +184,15 @@ impl Folder {
             let _ = fs::remove_dir(&self.path); // stays when somebody else put a file there
         }
     }
+}
+
+/// Renames the folder of an earlier run to the first free of `<path>.1`, `<path>.2`, ...
+fn move_aside(path: &Path) -> anyhow::Result<()> {
+    let numbered = |i: u32| PathBuf::from(format!("{}.{i}", path.display()));
+    let aside = (1..=9999).map(numbered).find(|p| !p.exists()).context("no free name for the earlier run")?;
+    fs::rename(path, &aside).with_context(|| format!("cannot move the earlier run in {}", path.display()))?;
+    eprintln!("note: {} held an earlier run; it is now {}", path.display(), aside.display());
+    Ok(())
 }
 
 /// Writes a file whole or not at all.

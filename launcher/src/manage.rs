@@ -66,7 +66,10 @@ pub fn stop(namespace: &str) -> anyhow::Result<()> {
     let deadline = Instant::now() + LIMIT;
     while domain.folder.exists() {
         if Instant::now() > deadline {
-            bail!("the stack in '{namespace}' did not end within 30 s; kill process {} to force it", pid.as_raw_nonzero());
+            bail!(
+                "the stack in '{namespace}' did not end within 30 s; kill process {} to force it",
+                pid.as_raw_nonzero()
+            );
         }
         std::thread::sleep(Duration::from_millis(5));
     }

@@ -114,7 +114,7 @@ impl Log {
         *next = sequence + 1;
         match self.writer.as_mut().map(|writer| writer.write(record)) {
             Some(Ok(())) => self.outcome.records += 1,
-            Some(Err(error)) => self.fail(&error.into()),
+            Some(Err(error)) => self.fail(&error),
             None => self.outcome.dropped += 1,
         }
     }

@@ -108,14 +108,41 @@ pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
     let mut line = |label: &str, value: String| {
         let _ = writeln!(text, "  {label:<22}{value}"); // a String takes everything
     };
-    line("position error", format!("{:.4} m max, {:.4} m RMS, {:.4} m at the end", m.max_position_error_m, m.rms_position_error_m, m.final_position_error_m));
-    line("altitude error", format!("{:.4} m in 10-50 s, {:.4} m otherwise", m.max_altitude_error_horizontal_m, m.max_altitude_error_vertical_m));
-    line("actuators", format!("rotors {:.0} to {:.0}, tilt {:.1} deg max, {} commands saturated", m.rotor_speed_min, m.rotor_speed_max, m.tilt_max_deg, m.commands_saturated));
+    line(
+        "position error",
+        format!(
+            "{:.4} m max, {:.4} m RMS, {:.4} m at the end",
+            m.max_position_error_m, m.rms_position_error_m, m.final_position_error_m
+        ),
+    );
+    line(
+        "altitude error",
+        format!(
+            "{:.4} m in 10-50 s, {:.4} m otherwise",
+            m.max_altitude_error_horizontal_m, m.max_altitude_error_vertical_m
+        ),
+    );
+    line(
+        "actuators",
+        format!(
+            "rotors {:.0} to {:.0}, tilt {:.1} deg max, {} commands saturated",
+            m.rotor_speed_min, m.rotor_speed_max, m.tilt_max_deg, m.commands_saturated
+        ),
+    );
     if let Some(timing) = &summary.timing
         && scenario.run.mode == Mode::Realtime
     {
         let age = timing.age();
-        line("age at the actuator", format!("p50 {:.2} ms, p99 {:.2} ms, max {:.2} ms; {} deadlines missed", age.p50_us / 1e3, age.p99_us / 1e3, age.max_us / 1e3, timing.misses()));
+        line(
+            "age at the actuator",
+            format!(
+                "p50 {:.2} ms, p99 {:.2} ms, max {:.2} ms; {} deadlines missed",
+                age.p50_us / 1e3,
+                age.p99_us / 1e3,
+                age.max_us / 1e3,
+                timing.misses()
+            ),
+        );
     }
     for v in verdicts(&scenario.bounds, &m) {
         let ok = if v.ok { "inside" } else { "OUTSIDE" };
@@ -123,9 +150,24 @@ pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
     }
     if let Some(log) = &how.log {
         let dropped = if log.dropped == 0 { String::new() } else { format!(", {} dropped", log.dropped) };
-        line("log", format!("{} records{dropped}{}", log.records, log.error.as_ref().map_or(String::new(), |e| format!("; {e}"))));
+        line(
+            "log",
+            format!(
+                "{} records{dropped}{}",
+                log.records,
+                log.error.as_ref().map_or(String::new(), |e| format!("; {e}"))
+            ),
+        );
     }
     line("state hash", summary.state_hash().unwrap_or_else(|| "none: the watcher missed messages".into()));
-    line("speed", format!("{:.2} s flown in {:.2} s: {:.0} x real time", summary.time_s(), how.wall_s, summary.time_s() / how.wall_s.max(1e-9)));
+    line(
+        "speed",
+        format!(
+            "{:.2} s flown in {:.2} s: {:.0} x real time",
+            summary.time_s(),
+            how.wall_s,
+            summary.time_s() / how.wall_s.max(1e-9)
+        ),
+    );
     text
 }

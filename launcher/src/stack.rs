@@ -62,7 +62,7 @@ pub struct Stack {
     board: std::sync::Arc<Board>,
     observers: Observers,
     // Dropped in this order: the services before the domain that holds their files.
-    _services: Services,
+    services: Services,
     _bus: Bus,
     _hold: Hold,
 }
@@ -73,15 +73,15 @@ impl Stack {
         let hold = Hold::take(namespace)?;
         let domain = &hold.domain;
         let shm = |what| move || format!("cannot write {what} in shared memory");
-        std::fs::write(domain.file("scenario.toml"), contract::scenario::to_toml(scenario)).with_context(shm("settings"))?;
+        std::fs::write(domain.file("scenario.toml"), contract::scenario::to_toml(scenario))
+            .with_context(shm("settings"))?;
         std::fs::write(domain.file("iceoryx2.toml"), config_toml(domain)).with_context(shm("iceoryx2.toml"))?;
         Board::create(&domain.file("board")).with_context(shm("the board"))?;
         let bus = Bus::attach(domain)?;
         let services = bus.create_services()?;
         let seat = Seat::join(namespace, "launcher")?;
         let observers = Observers::join(&seat)?;
-        let mut stack =
-            Self { children: vec![], board: seat.board, observers, _services: services, _bus: bus, _hold: hold };
+        let mut stack = Self { children: vec![], board: seat.board, observers, services, _bus: bus, _hold: hold };
         for node in NODES {
             stack.spawn(node, namespace, None)?;
         }
@@ -113,8 +113,7 @@ impl Stack {
         let (lost, log) = self.stop(interrupts, &mut watch);
         // A node that fails while leaving has still failed.
         let ended = match (ended, lost) {
-            (Ended::Flown, Some(name)) => Ended::Lost(name),
-            (Ended::Lost(name), _) => Ended::Lost(name),
+            (Ended::Lost(name), _) | (Ended::Flown, Some(name)) => Ended::Lost(name),
             (other, _) => other,
         };
         Flown { ended, log, wall, scheduling }
@@ -138,13 +137,16 @@ impl Stack {
         let deadline = Instant::now() + JOIN_LIMIT;
         // guidance and attitude-mpc listen to STATE, one node to each other topic.
         let expected = |topic| (1, observers + if topic == Topic::State { 2 } else { 1 });
-        while let Some(topic) = Topic::ALL.into_iter().find(|t| self._services.joined(*t) != expected(*t)) {
+        while let Some(topic) = Topic::ALL.into_iter().find(|t| self.services.joined(*t) != expected(*t)) {
             if let Some((name, _)) = self.departed() {
                 bail!("{name} ended while the stack was starting");
             }
             if Instant::now() > deadline {
-                let (publishers, subscribers) = self._services.joined(topic);
-                bail!("the stack did not come up within 10 s: topic '{}' has {publishers} publishers, {subscribers} subscribers", topic.name());
+                let (publishers, subscribers) = self.services.joined(topic);
+                bail!(
+                    "the stack did not come up within 10 s: topic '{}' has {publishers} publishers, {subscribers} subscribers",
+                    topic.name()
+                );
             }
             std::thread::sleep(Duration::from_millis(1));
         }

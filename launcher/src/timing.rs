@@ -50,7 +50,8 @@ impl Timing {
     /// Nothing seen yet.
     #[expect(clippy::new_without_default, reason = "an empty record is made on purpose, never by default")]
     pub fn new() -> Self {
-        let node = || NodeTiming { wake: histogram(), execution: histogram(), response: histogram(), misses: 0, slips: 0 };
+        let node =
+            || NodeTiming { wake: histogram(), execution: histogram(), response: histogram(), misses: 0, slips: 0 };
         Self { nodes: std::array::from_fn(|_| node()), age: histogram(), last_applied: 0 }
     }
 

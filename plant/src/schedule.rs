@@ -5,13 +5,16 @@ use nalgebra::Vector3;
 
 use crate::dynamics::Surroundings;
 
+/// Values, each with the time from which it holds \[ns\].
+type Steps<T> = Vec<(u64, T)>;
+
 /// What acts on the vehicle from outside, by time.
 #[derive(Debug, Clone)]
 pub struct Schedule {
-    /// From \[ns\], velocity of the air, NED \[m/s\].
-    wind: Vec<(u64, Vector3<f64>)>,
-    /// From \[ns\], (force NED \[N\], moment body \[N m\]).
-    disturbance: Vec<(u64, (Vector3<f64>, Vector3<f64>))>,
+    /// Velocity of the air, NED \[m/s\].
+    wind: Steps<Vector3<f64>>,
+    /// Force, NED \[N\], and moment, body \[N m\].
+    disturbance: Steps<[Vector3<f64>; 2]>,
 }
 
 impl Schedule {
@@ -24,14 +27,14 @@ impl Schedule {
             disturbance: plant
                 .disturbance
                 .iter()
-                .map(|&(from_s, force, moment)| (nanoseconds(from_s), (force.into(), moment.into())))
+                .map(|&(from_s, force, moment)| (nanoseconds(from_s), [force.into(), moment.into()]))
                 .collect(),
         }
     }
 
     /// The values in force at `now_ns`; calm before the first entry.
     pub fn at(&self, now_ns: u64) -> Surroundings {
-        let (force_n, moment_nm) = held(&self.disturbance, now_ns);
+        let [force_n, moment_nm] = held(&self.disturbance, now_ns);
         Surroundings { wind_mps: held(&self.wind, now_ns), force_n, moment_nm }
     }
 }

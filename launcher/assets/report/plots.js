@@ -46,7 +46,7 @@
   let plots = [];
   let zoom = null;
 
-  if (!columns.age_ms.some(age => age > 0)) document.getElementById('age').remove();
+  if (!flight.realtime) document.getElementById('age').remove();
   if (flight.rows) {
     build();
     matchMedia('(prefers-color-scheme: dark)').addEventListener('change', build);

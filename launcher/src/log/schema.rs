@@ -2,7 +2,7 @@
 
 use contract::{
     Topic,
-    message::{Actuators, ActuationMsg, Controls, Kinematics, Reference, Stamp, State},
+    message::{ActuationMsg, Actuators, Controls, Kinematics, Reference, Stamp, State},
 };
 use prost::{DecodeError, Message as _};
 
@@ -126,8 +126,14 @@ mod tests {
             let ours = PlantStatus::from_wire(number as u64).map(|status| format!("{status:?}"));
             assert_eq!(theirs, ours, "{number}");
         }
-        use SolveStatus::{BadInput, Explicit, ShiftedPlan, Solved, UnconstrainedGain};
-        for ours in [Explicit, Solved, ShiftedPlan, UnconstrainedGain, BadInput] {
+        let solve = [
+            SolveStatus::Explicit,
+            SolveStatus::Solved,
+            SolveStatus::ShiftedPlan,
+            SolveStatus::UnconstrainedGain,
+            SolveStatus::BadInput,
+        ];
+        for ours in solve {
             let theirs = wire::SolveStatus::try_from(ours as i32).unwrap();
             assert_eq!(format!("{theirs:?}"), format!("{ours:?}"));
         }

@@ -133,7 +133,9 @@ proptest! {
     fn messages_return_bit_for_bit(records in proptest::collection::vec(any_record(), 0..20)) {
         let (_folder, path) = place();
         let mut writer = LogWriter::create(&path, SCENARIO).unwrap();
-        records.iter().for_each(|record| writer.write(record).unwrap());
+        for record in &records {
+            writer.write(record).unwrap();
+        }
         writer.finish().unwrap();
         let log = read(&path).unwrap();
         prop_assert!(log.complete(), "{:?}", log.defect);
@@ -153,8 +155,10 @@ proptest! {
     fn a_torn_log_reads_to_the_tear(share in 0.0..1.0_f64) {
         let whole = thousand_states();
         let torn = &whole[..(whole.len() as f64 * share) as usize];
-        // Readable from the scenario on, which is complete within the first kilobyte.
-        let Ok(log) = read_bytes(torn) else { return Ok(prop_assert!(torn.len() < 1024)) };
+        let Ok(log) = read_bytes(torn) else {
+            prop_assert!(torn.len() < 200, "the scenario comes first");
+            return Ok(());
+        };
         prop_assert!(!log.complete());
         prop_assert!(log.states.iter().copied().eq((0..log.states.len() as u64).map(state)));
         // No more is lost than the chunk that was torn (64 KiB of 350 bytes each).
@@ -179,7 +183,7 @@ proptest! {
     #[test]
     fn garbage_is_refused_by_name(mut bytes in proptest::collection::vec(any::<u8>(), 0..2000), magic: bool) {
         if magic {
-            bytes.splice(0..0, *mcap::MAGIC);
+            bytes.splice(0..0, mcap::MAGIC.iter().copied());
         }
         let error = read_bytes(&bytes).unwrap_err().to_string();
         prop_assert!(error.contains("flight.mcap is not a flight log"), "{}", error);

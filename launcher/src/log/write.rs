@@ -106,7 +106,8 @@ impl LogWriter {
         Ok(())
     }
 
-    /// Writes the index and the footer, which mark the log as complete.
+    /// Writes the index and the footer, which mark the log as complete. A dropped writer does so too, but cannot
+    /// report an error.
     pub fn finish(mut self) -> anyhow::Result<()> {
         self.flush()?;
         let Some(mcap) = &mut self.mcap else { return Ok(()) };

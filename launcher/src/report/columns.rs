@@ -5,6 +5,7 @@
 
 use contract::Scenario;
 use contract::message::Kinematics;
+use contract::scenario::Mode;
 use serde_json::{Map, Value, json};
 
 use super::claims;
@@ -59,7 +60,7 @@ const COLUMNS: [(&str, Quantity); 39] = [
     ("age_ms", |row| Some(row.state?.applied_age_ns as f64 / 1e6)),
 ];
 
-/// The script's whole input: `rows`, `dt_s`, `columns` and the horizontal `lines` of the figures.
+/// The script's whole input: `rows`, `dt_s`, `realtime`, `columns` and the horizontal `lines` of the figures.
 pub fn document(rows: &[Row], scenario: &Scenario) -> Value {
     let bucket = bucket(rows.len());
     let step = if bucket == 1 { 1.0 } else { bucket as f64 / 2.0 };
@@ -72,7 +73,13 @@ pub fn document(rows: &[Row], scenario: &Scenario) -> Value {
         let bytes: Vec<u8> = thinned.into_iter().flat_map(f32::to_le_bytes).collect();
         columns.insert(name.into(), base64(&bytes).into());
     }
-    json!({ "rows": length, "dt_s": step * Scenario::SAMPLE_S, "columns": columns, "lines": lines(scenario) })
+    json!({
+        "rows": length,
+        "dt_s": step * Scenario::SAMPLE_S,
+        "realtime": scenario.run.mode == Mode::Realtime,
+        "columns": columns,
+        "lines": lines(scenario),
+    })
 }
 
 /// How many ticks share one pair of drawn values; 1 draws every tick.

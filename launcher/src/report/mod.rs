@@ -47,6 +47,7 @@ pub fn render(log: &Flight, run: &Value, scenario: &Scenario) -> String {
         ("name", html::escape(run["name"].as_str().unwrap_or(&scenario.name))),
         ("result_class", result_class.into()),
         ("result", result),
+        ("ended", html::any(&run["ended"])),
         ("facts", sections::facts(run, scenario)),
         ("key_figures", sections::key_figures(run)),
         ("claim_position", cells(&claims.position)),
@@ -68,14 +69,20 @@ pub fn render(log: &Flight, run: &Value, scenario: &Scenario) -> String {
 }
 
 /// Replaces every `{{slot}}` of the template in one pass, so that a value is never searched for slots itself.
+///
+/// A slot nobody fills stays as it is, for the test to see.
 fn fill(template: &str, slots: &[(&str, String)]) -> String {
     let mut parts = template.split("{{");
     let mut page = parts.next().unwrap_or_default().to_owned();
     for part in parts {
-        let (slot, rest) = part.split_once("}}").unwrap_or((part, ""));
-        let value = slots.iter().find(|(name, _)| *name == slot);
-        page.push_str(value.map_or("", |(_, value)| value));
-        page.push_str(rest);
+        let known = part.split_once("}}").and_then(|(slot, rest)| {
+            let (_, value) = slots.iter().find(|(name, _)| *name == slot)?;
+            Some([value, rest])
+        });
+        match known {
+            Some(pieces) => page.extend(pieces),
+            None => page.extend(["{{", part]),
+        }
     }
     page
 }

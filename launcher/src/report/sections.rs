@@ -52,7 +52,6 @@ pub fn facts(run: &Value, scenario: &Scenario) -> String {
         fact("profile", &any(&run["profile"])),
         fact("mode", &any(&run["mode"])),
         fact("flown", &duration),
-        fact("ended:", &any(&run["ended"])),
     ]
     .concat()
 }
@@ -63,7 +62,8 @@ pub fn key_figures(run: &Value) -> String {
     let errors = METRICS[..KEY_FIGURES]
         .iter()
         .map(|(key, name, unit, decimals)| tile(name, number(&run["metrics"][key], *decimals), unit));
-    let age = &run["timing"]["age_at_actuator"]["p99_us"];
+    // Only against the clock is an age an age.
+    let age = if run["mode"] == "realtime" { &run["timing"]["age_at_actuator"]["p99_us"] } else { &Value::Null };
     let age_ms = age.as_f64().map_or(DASH.into(), |us| format!("{:.2}", us / 1e3));
     list(errors.chain([tile("age at the actuator, p99", age_ms, "ms")]))
 }

@@ -83,19 +83,21 @@ fn an_empty_flight_and_an_empty_summary_are_still_a_page() {
 }
 
 #[test]
-fn every_slot_of_the_template_is_filled_and_none_is_searched_in_a_value() {
+fn every_slot_of_the_template_is_filled() {
+    let page = render(&Hover::of(2).flight(), &survey(), &Scenario::of(Profile::Paper));
+    let slots: Vec<_> = TEMPLATE.split("{{").skip(1).filter_map(|part| part.split_once("}}")).collect();
+    assert!(slots.len() > 15);
+    for (slot, _) in slots {
+        assert!(!page.contains(&format!("{{{{{slot}}}}}")), "{slot}");
+    }
+}
+
+#[test]
+fn a_value_that_looks_like_a_slot_is_text() {
     let mut run = survey();
     run["name"] = "{{data}}".into();
     let page = render(&Hover::of(2).flight(), &run, &Scenario::of(Profile::Paper));
     assert!(page.contains("<h1>{{data}}</h1>"));
-    let slots: Vec<&str> = TEMPLATE.split("{{").skip(1).filter_map(|s| s.split_once("}}")).map(|s| s.0).collect();
-    assert!(slots.len() > 15);
-    for slot in slots.into_iter().filter(|slot| *slot != "faults") {
-        let empty = super::fill(&format!("<{{{{{slot}}}}}>"), &[]);
-        assert_eq!(empty, "<>");
-        let open = format!("{{{{{slot}}}}}");
-        assert!(slot == "data" || !page.contains(&open), "{slot}");
-    }
 }
 
 #[test]

@@ -33,7 +33,7 @@ fn a_command_takes_effect_after_arrival_and_delay_and_not_before() {
     assert_eq!(line.next_switch_ns(), 35 * MS + MS / 2);
     assert_eq!(at(&mut line, 35 * MS), 0);
     assert_eq!(at(&mut line, 35 * MS + MS / 2), 1);
-    assert_eq!(line.in_force().actuation.rotor_speed, [1.0; 3]);
+    assert_eq!(line.in_force().actuation, message(3, 1).command.into());
     assert_eq!(line.in_force().age_ns, 5 * MS + MS / 2, "from sample 3, at 30 ms");
     assert_eq!(line.next_switch_ns(), u64::MAX);
 }

@@ -1,0 +1,304 @@
+//! Trim, mixing, linear model, actuators and envelope: properties first, then the independent values.
+
+use std::f64::consts::FRAC_PI_2;
+
+use nalgebra::{DMatrix, Matrix4, Vector4};
+use proptest::prelude::*;
+use serde_json::Value;
+
+use crate::envelope::Envelope;
+use crate::linear::Continuous;
+use crate::mixing::intermediate;
+use crate::{Actuation, ActuatorLaw, Limits, MixingMatrix, Parameters, Trim};
+
+fn reference() -> Value {
+    let text = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/reference/reference.json"));
+    serde_json::from_str(text).unwrap()
+}
+
+fn matrix(rows: &Value) -> DMatrix<f64> {
+    let rows: Vec<Vec<f64>> = serde_json::from_value(rows.clone()).unwrap();
+    DMatrix::from_fn(rows.len(), rows[0].len(), |i, j| rows[i][j])
+}
+
+fn vector(value: &Value) -> Vector4<f64> {
+    Vector4::from_vec(serde_json::from_value(value.clone()).unwrap())
+}
+
+/// Equal to 1e-9, relative to the largest number of `expected`.
+#[track_caller]
+fn assert_close(got: &[f64], expected: &[f64]) {
+    assert_eq!(got.len(), expected.len());
+    let scale = expected.iter().fold(0.0, |max: f64, e| max.max(e.abs()));
+    for (g, e) in got.iter().zip(expected) {
+        assert!((g - e).abs() <= 1e-9 * scale, "{g} is not {e}");
+    }
+}
+
+/// Limits of the paper, (52)-(53).
+fn paper_limits() -> Limits {
+    Limits::new(&Parameters::default(), 0.0, 2.0, FRAC_PI_2)
+}
+
+fn law() -> ActuatorLaw {
+    ActuatorLaw {
+        limits: paper_limits(),
+        rotor_lag_s: 0.03,
+        servo_lag_s: 0.02,
+        rotor_rate_limit: 20_000.0,
+        servo_rate_limit_radps: 10.5,
+    }
+}
+
+#[test]
+fn more_weight_needs_more_speed_and_the_same_attitude() {
+    let light = Trim::solve(&Parameters::default(), false);
+    let heavy = Trim::solve(&Parameters { mass_kg: 1.3, ..Parameters::default() }, false);
+    for (h, l) in heavy.actuation.rotor_speed.iter().zip(light.actuation.rotor_speed) {
+        assert!((h / l - (1.3f64 / 1.1).sqrt()).abs() < 1e-12);
+    }
+    assert_close(&[heavy.roll_rad, heavy.actuation.tilt_rad], &[light.roll_rad, light.actuation.tilt_rad]);
+}
+
+#[test]
+fn a_tilt_to_the_right_is_balanced_by_a_roll_to_the_left() {
+    for tilt_reaction in [false, true] {
+        let trim = Trim::solve(&Parameters::default(), tilt_reaction);
+        assert!(trim.actuation.tilt_rad > 0.0 && trim.roll_rad < 0.0);
+    }
+}
+
+#[test]
+fn trim_produces_the_weight_and_no_moment() {
+    let vehicle = Parameters::default();
+    for tilt_reaction in [false, true] {
+        let trim = Trim::solve(&vehicle, tilt_reaction);
+        let mixing = MixingMatrix::new(&vehicle, tilt_reaction);
+        let weight = vehicle.mass_kg * vehicle.g_mps2;
+        let produced = mixing.forward * mixing.trim;
+        assert!((produced - Vector4::new(-weight * trim.roll_rad.cos(), 0.0, 0.0, 0.0)).amax() < 1e-14 * weight);
+        let side = vehicle.kf * mixing.trim[0];
+        assert!((side + weight * trim.roll_rad.sin()).abs() < 1e-14 * weight, "the roll carries the side force");
+        assert!(mixing.deviation(&trim.actuation).amax() < 1e-14);
+    }
+}
+
+#[test]
+fn val_trim() {
+    let r = &reference()["reference"];
+    let vehicle = Parameters::default();
+    let cases = [
+        ("trim", vehicle, false),
+        ("trim_g980", Parameters { g_mps2: 9.80, ..vehicle }, false),
+        ("trim_tilt_reaction", vehicle, true),
+    ];
+    for (name, vehicle, tilt_reaction) in cases {
+        let Trim { roll_rad, actuation } = Trim::solve(&vehicle, tilt_reaction);
+        let expected = ["phi", "mu", "Om1", "Om2", "Om2"].map(|key| r[name][key].as_f64().unwrap());
+        let [o1, o2, o3] = actuation.rotor_speed;
+        for (got, expected) in [roll_rad, actuation.tilt_rad, o1, o2, o3].into_iter().zip(expected) {
+            assert_close(&[got], &[expected]);
+        }
+    }
+    // Table II, whose digits are truncated.
+    let table = Trim::solve(&vehicle, false).actuation.rotor_speed.map(f64::floor);
+    assert_close(&table, &[1441.0, 1338.0, 1338.0]);
+}
+
+#[test]
+fn val_mixing_matrix() {
+    let r = &reference()["reference"];
+    let paper = MixingMatrix::new(&Parameters::default(), false);
+    let exact = MixingMatrix::new(&Parameters::default(), true);
+    assert_close(paper.forward.as_slice(), matrix(&r["M"]).as_slice());
+    assert_close(paper.inverse.as_slice(), matrix(&r["Minv"]).as_slice());
+    assert_close(exact.forward.as_slice(), matrix(&r["M_tilt_reaction"]).as_slice());
+    assert_close(paper.trim.as_slice(), vector(&r["trim"]["u"]).as_slice());
+    assert_close(exact.trim.as_slice(), vector(&r["trim_tilt_reaction"]["u"]).as_slice());
+    assert_close((paper.forward * paper.trim).as_slice(), vector(&r["trim"]["udelta"]).as_slice());
+    assert!((exact.forward * exact.inverse - Matrix4::identity()).amax() < 1e-12);
+}
+
+#[test]
+fn val_linear_model() {
+    let r = &reference()["reference"];
+    let vehicle = Parameters::default();
+    let model = Continuous::hover(&vehicle, &Trim::solve(&vehicle, false));
+    assert_close(model.a.as_slice(), matrix(&r["A"]).as_slice());
+    assert_close(model.b.as_slice(), matrix(&r["B"]).as_slice());
+    let plain = model.discretise(0.01);
+    assert_close(plain.a.as_slice(), matrix(&r["Ad"]).as_slice());
+    assert_close(plain.b.as_slice(), matrix(&r["Bd"]).as_slice());
+    let lagged = model.discretise_with_lag(0.03, 0.01);
+    assert_close(lagged.a.as_slice(), matrix(&r["Ad_lag30"]).as_slice());
+    assert_close(lagged.b.as_slice(), matrix(&r["Bd_lag30"]).as_slice());
+}
+
+#[test]
+fn two_short_samples_are_one_long_one() {
+    let vehicle = Parameters::default();
+    let model = Continuous::hover(&vehicle, &Trim::solve(&vehicle, false));
+    let (short, long) = (model.discretise_with_lag(0.03, 0.01), model.discretise_with_lag(0.03, 0.02));
+    assert!((&short.a * &short.a - &long.a).amax() < 1e-13);
+    assert!((&short.a * &short.b + &short.b - &long.b).amax() < 1e-13);
+}
+
+#[test]
+fn val_bounding_box() {
+    let r = &reference()["reference"]["box_outer"];
+    let (lower, upper) = Envelope::new(&Parameters::default(), false, paper_limits()).bounding_box();
+    assert_close(lower.as_slice(), vector(&r["lo"]).as_slice());
+    assert_close(upper.as_slice(), vector(&r["hi"]).as_slice());
+}
+
+#[test]
+fn val_envelope_membership() {
+    let reference = reference();
+    let envelope = Envelope::new(&Parameters::default(), false, paper_limits());
+    let cases = reference["mixer_cases"].as_array().unwrap();
+    assert!(cases.len() >= 4);
+    for case in cases {
+        let inside = envelope.demand_violation(&vector(&case["d_udelta"])) <= 0.0;
+        assert_eq!(inside, case["inside_exact_set"], "{}", case["name"]);
+    }
+}
+
+#[test]
+fn the_bounding_box_is_the_smallest_with_idle_and_a_narrow_wedge() {
+    for (idle, tilt_deg) in [(0.0, 90.0), (0.0, 40.0), (200.0, 60.0), (900.0, 60.0), (900.0, 80.0)] {
+        let limits = Limits::new(&Parameters::default(), idle, 2.0, f64::to_radians(tilt_deg));
+        for tilt_reaction in [false, true] {
+            let envelope = Envelope::new(&Parameters::default(), tilt_reaction, limits);
+            let (lower, upper) = envelope.bounding_box();
+            let (mut least, mut most) = (Vector4::repeat(f64::INFINITY), Vector4::repeat(f64::NEG_INFINITY));
+            for demand in members(&envelope) {
+                least = least.inf(&demand);
+                most = most.sup(&demand);
+            }
+            let size = upper - lower;
+            for i in 0..4 {
+                let (below, above) = ((least[i] - lower[i]) / size[i], (upper[i] - most[i]) / size[i]);
+                assert!(below > -1e-9 && above > -1e-9, "idle {idle}, tilt {tilt_deg}: a member is outside");
+                assert!(below < 2e-3 && above < 2e-3, "idle {idle}, tilt {tilt_deg}: the box is too large");
+            }
+        }
+    }
+}
+
+/// Demands all over the set: a fine grid in rotor 1's speed and tilt, the corners of rotors 2 and 3.
+fn members(envelope: &Envelope) -> impl Iterator<Item = Vector4<f64>> {
+    let Limits { rotor_speed_min: idle, rotor_speed_max: max, tilt_max_rad } = envelope.limits;
+    let n = 800;
+    let share = move |i: i32| f64::from(i) / f64::from(n);
+    let front = (0..=n).flat_map(move |i| (0..=n).map(move |j| (share(i) * max[0] * max[0], share(j) * 2.0 - 1.0)));
+    front.flat_map(move |(square, tilt)| {
+        let (sin_mu, cos_mu) = (tilt * tilt_max_rad).sin_cos();
+        let rear = [(idle, idle), (idle, max[2]), (max[1], idle), (max[1], max[2])];
+        rear.into_iter().filter_map(move |(o2, o3)| {
+            let u = Vector4::new(square * sin_mu, square * cos_mu, o2 * o2, o3 * o3);
+            (envelope.violation(&u) <= 1e-12).then(|| envelope.mixing.forward * (u - envelope.mixing.trim))
+        })
+    })
+}
+
+#[test]
+fn clipping_is_total() {
+    let limits = Limits::new(&Parameters::default(), 200.0, 2.0, 1.0);
+    let wild = Actuation { rotor_speed: [f64::NAN, f64::INFINITY, -5.0], tilt_rad: f64::NAN };
+    let clipped = limits.clip(&wild);
+    assert_close(&clipped.rotor_speed, &[200.0, limits.rotor_speed_max[1], 200.0]);
+    assert_close(&[clipped.tilt_rad + 1.0], &[1.0]);
+    let left = limits.clip(&Actuation { tilt_rad: f64::NEG_INFINITY, ..wild });
+    assert_close(&[left.tilt_rad], &[-1.0]);
+}
+
+#[test]
+fn without_lag_only_the_rate_limits_hold_the_actuators_back() {
+    let law = ActuatorLaw { rotor_lag_s: 0.0, servo_lag_s: 0.0, ..law() };
+    let trim = Trim::solve(&Parameters::default(), false).actuation;
+    let [o1, o2, o3] = trim.rotor_speed;
+    let command = Actuation { rotor_speed: [o1 + 100.0, o2, o3 + 900.0], tilt_rad: trim.tilt_rad - 0.2 };
+    let after = law.advance(&trim, &command, 0.01);
+    assert_close(&after.rotor_speed, &[o1 + 100.0, o2, o3 + 200.0]);
+    assert_close(&[after.tilt_rad], &[trim.tilt_rad - 0.105]);
+}
+
+fn actuation() -> impl Strategy<Value = Actuation> {
+    (prop::array::uniform3(0.0..2600.0f64), -1.5..1.5f64)
+        .prop_map(|(rotor_speed, tilt_rad)| Actuation { rotor_speed, tilt_rad })
+}
+
+fn flat(a: &Actuation) -> [f64; 4] {
+    let [o1, o2, o3] = a.rotor_speed;
+    [o1, o2, o3, a.tilt_rad]
+}
+
+proptest! {
+    #[test]
+    fn the_closed_form_follows_the_rate_law(
+        start in actuation(), command in actuation(), dt_s in 0.001..0.2f64,
+    ) {
+        let law = law();
+        let command = law.limits.clip(&command);
+        let moved = |from: &Actuation, rate: &Actuation, h: f64| Actuation {
+            rotor_speed: std::array::from_fn(|i| from.rotor_speed[i] + h * rate.rotor_speed[i]),
+            tilt_rad: from.tilt_rad + h * rate.tilt_rad,
+        };
+        let steps = 4000;
+        let h = dt_s / f64::from(steps);
+        let small = (0..steps).fold(start, |s, _| {
+            let middle = moved(&s, &law.rate(&s, &command), h / 2.0);
+            moved(&s, &law.rate(&middle, &command), h)
+        });
+        let closed = law.advance(&start, &command, dt_s);
+        for ((c, s), unit) in flat(&closed).into_iter().zip(flat(&small)).zip([1e3, 1e3, 1e3, 1.0]) {
+            prop_assert!((c - s).abs() < 1e-5 * unit, "{c} in closed form, {s} in small steps");
+        }
+    }
+
+    #[test]
+    fn two_advances_are_one(start in actuation(), command in actuation(), a in 0.0..0.1f64, b in 0.0..0.1f64) {
+        let law = law();
+        let twice = law.advance(&law.advance(&start, &command, a), &command, b);
+        let once = law.advance(&start, &command, a + b);
+        for ((t, o), unit) in flat(&twice).into_iter().zip(flat(&once)).zip([1e3, 1e3, 1e3, 1.0]) {
+            prop_assert!((t - o).abs() < 1e-11 * unit);
+        }
+    }
+
+    #[test]
+    fn clipping_twice_is_clipping_once(rotor_speed in prop::array::uniform3(prop::num::f64::ANY), tilt_rad in prop::num::f64::ANY) {
+        let limits = Limits::new(&Parameters::default(), 200.0, 2.0, 1.0);
+        let once = limits.clip(&Actuation { rotor_speed, tilt_rad });
+        prop_assert_eq!(limits.clip(&once), once);
+        prop_assert!(once.tilt_rad.abs() <= 1.0);
+        for (omega, max) in once.rotor_speed.iter().zip(limits.rotor_speed_max) {
+            prop_assert!((200.0..=max).contains(omega));
+        }
+    }
+
+    /// What the actuators can do is inside, whatever the tilt reaction; what they cannot is outside.
+    #[test]
+    fn the_envelope_is_exactly_the_limits(
+        rotor_speed in prop::array::uniform3(0.0..4000.0f64), tilt_rad in -1.6..1.6f64, tilt_reaction: bool,
+    ) {
+        let limits = Limits::new(&Parameters::default(), 0.0, 2.0, 1.0);
+        let envelope = Envelope::new(&Parameters::default(), tilt_reaction, limits);
+        let position = Actuation { rotor_speed, tilt_rad };
+        let inside = limits.clip(&position) == position;
+        let violation = envelope.violation(&intermediate(&position));
+        prop_assert_eq!(violation <= 0.0, inside);
+        let by_demand = envelope.demand_violation(&envelope.mixing.deviation(&position));
+        prop_assert!((by_demand - violation).abs() < 1e-12);
+    }
+
+    /// Between two members everything is a member: the set is convex, the idle cut included.
+    #[test]
+    fn the_envelope_is_convex(a in actuation(), b in actuation(), t in 0.0..1.0f64) {
+        let limits = Limits::new(&Parameters::default(), 200.0, 2.0, 1.0);
+        let envelope = Envelope::new(&Parameters::default(), false, limits);
+        let [a, b] = [intermediate(&limits.clip(&a)), intermediate(&limits.clip(&b))];
+        let farthest = envelope.violation(&a).max(envelope.violation(&b));
+        prop_assert!(envelope.violation(&(a * t + b * (1.0 - t))) <= farthest + 1e-12);
+    }
+}
