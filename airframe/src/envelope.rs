@@ -108,3 +108,6 @@ impl Envelope {
         best
     }
 }
+
+#[cfg(test)]
+mod tests;

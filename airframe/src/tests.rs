@@ -1,4 +1,4 @@
-//! Trim, mixing, linear model, actuators and envelope: properties first, then the independent values.
+//! Trim, mixing, linear model and actuators: properties first, then the independent values.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -6,12 +6,10 @@ use nalgebra::{DMatrix, Matrix4, Vector4};
 use proptest::prelude::*;
 use serde_json::Value;
 
-use crate::envelope::Envelope;
 use crate::linear::Continuous;
-use crate::mixing::intermediate;
 use crate::{Actuation, ActuatorLaw, Limits, MixingMatrix, Parameters, Trim};
 
-fn reference() -> Value {
+pub(crate) fn reference() -> Value {
     let text = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/reference/reference.json"));
     serde_json::from_str(text).unwrap()
 }
@@ -21,13 +19,13 @@ fn matrix(rows: &Value) -> DMatrix<f64> {
     DMatrix::from_fn(rows.len(), rows[0].len(), |i, j| rows[i][j])
 }
 
-fn vector(value: &Value) -> Vector4<f64> {
+pub(crate) fn vector(value: &Value) -> Vector4<f64> {
     Vector4::from_vec(serde_json::from_value(value.clone()).unwrap())
 }
 
 /// Equal to 1e-9, relative to the largest number of `expected`.
 #[track_caller]
-fn assert_close(got: &[f64], expected: &[f64]) {
+pub(crate) fn assert_close(got: &[f64], expected: &[f64]) {
     assert_eq!(got.len(), expected.len());
     let scale = expected.iter().fold(0.0, |max: f64, e| max.max(e.abs()));
     for (g, e) in got.iter().zip(expected) {
@@ -36,7 +34,7 @@ fn assert_close(got: &[f64], expected: &[f64]) {
 }
 
 /// Limits of the paper, (52)-(53).
-fn paper_limits() -> Limits {
+pub(crate) fn paper_limits() -> Limits {
     Limits::new(&Parameters::default(), 0.0, 2.0, FRAC_PI_2)
 }
 
@@ -144,64 +142,6 @@ fn two_short_samples_are_one_long_one() {
 }
 
 #[test]
-fn val_bounding_box() {
-    let r = &reference()["reference"]["box_outer"];
-    let (lower, upper) = Envelope::new(&Parameters::default(), false, paper_limits()).bounding_box();
-    assert_close(lower.as_slice(), vector(&r["lo"]).as_slice());
-    assert_close(upper.as_slice(), vector(&r["hi"]).as_slice());
-}
-
-#[test]
-fn val_envelope_membership() {
-    let reference = reference();
-    let envelope = Envelope::new(&Parameters::default(), false, paper_limits());
-    let cases = reference["mixer_cases"].as_array().unwrap();
-    assert!(cases.len() >= 4);
-    for case in cases {
-        let inside = envelope.demand_violation(&vector(&case["d_udelta"])) <= 0.0;
-        assert_eq!(inside, case["inside_exact_set"], "{}", case["name"]);
-    }
-}
-
-#[test]
-fn the_bounding_box_is_the_smallest_with_idle_and_a_narrow_wedge() {
-    for (idle, tilt_deg) in [(0.0, 90.0), (0.0, 40.0), (200.0, 60.0), (900.0, 60.0), (900.0, 80.0)] {
-        let limits = Limits::new(&Parameters::default(), idle, 2.0, f64::to_radians(tilt_deg));
-        for tilt_reaction in [false, true] {
-            let envelope = Envelope::new(&Parameters::default(), tilt_reaction, limits);
-            let (lower, upper) = envelope.bounding_box();
-            let (mut least, mut most) = (Vector4::repeat(f64::INFINITY), Vector4::repeat(f64::NEG_INFINITY));
-            for demand in members(&envelope) {
-                least = least.inf(&demand);
-                most = most.sup(&demand);
-            }
-            let size = upper - lower;
-            for i in 0..4 {
-                let (below, above) = ((least[i] - lower[i]) / size[i], (upper[i] - most[i]) / size[i]);
-                assert!(below > -1e-9 && above > -1e-9, "idle {idle}, tilt {tilt_deg}: a member is outside");
-                assert!(below < 2e-3 && above < 2e-3, "idle {idle}, tilt {tilt_deg}: the box is too large");
-            }
-        }
-    }
-}
-
-/// Demands all over the set: a fine grid in rotor 1's speed and tilt, the corners of rotors 2 and 3.
-fn members(envelope: &Envelope) -> impl Iterator<Item = Vector4<f64>> {
-    let Limits { rotor_speed_min: idle, rotor_speed_max: max, tilt_max_rad } = envelope.limits;
-    let n = 800;
-    let share = move |i: i32| f64::from(i) / f64::from(n);
-    let front = (0..=n).flat_map(move |i| (0..=n).map(move |j| (share(i) * max[0] * max[0], share(j) * 2.0 - 1.0)));
-    front.flat_map(move |(square, tilt)| {
-        let (sin_mu, cos_mu) = (tilt * tilt_max_rad).sin_cos();
-        let rear = [(idle, idle), (idle, max[2]), (max[1], idle), (max[1], max[2])];
-        rear.into_iter().filter_map(move |(o2, o3)| {
-            let u = Vector4::new(square * sin_mu, square * cos_mu, o2 * o2, o3 * o3);
-            (envelope.violation(&u) <= 1e-12).then(|| envelope.mixing.forward * (u - envelope.mixing.trim))
-        })
-    })
-}
-
-#[test]
 fn clipping_is_total() {
     let limits = Limits::new(&Parameters::default(), 200.0, 2.0, 1.0);
     let wild = Actuation { rotor_speed: [f64::NAN, f64::INFINITY, -5.0], tilt_rad: f64::NAN };
@@ -223,7 +163,7 @@ fn without_lag_only_the_rate_limits_hold_the_actuators_back() {
     assert_close(&[after.tilt_rad], &[trim.tilt_rad - 0.105]);
 }
 
-fn actuation() -> impl Strategy<Value = Actuation> {
+pub(crate) fn actuation() -> impl Strategy<Value = Actuation> {
     (prop::array::uniform3(0.0..2600.0f64), -1.5..1.5f64)
         .prop_map(|(rotor_speed, tilt_rad)| Actuation { rotor_speed, tilt_rad })
 }
@@ -275,30 +215,5 @@ proptest! {
         for (omega, max) in once.rotor_speed.iter().zip(limits.rotor_speed_max) {
             prop_assert!((200.0..=max).contains(omega));
         }
-    }
-
-    /// What the actuators can do is inside, whatever the tilt reaction; what they cannot is outside.
-    #[test]
-    fn the_envelope_is_exactly_the_limits(
-        rotor_speed in prop::array::uniform3(0.0..4000.0f64), tilt_rad in -1.6..1.6f64, tilt_reaction: bool,
-    ) {
-        let limits = Limits::new(&Parameters::default(), 0.0, 2.0, 1.0);
-        let envelope = Envelope::new(&Parameters::default(), tilt_reaction, limits);
-        let position = Actuation { rotor_speed, tilt_rad };
-        let inside = limits.clip(&position) == position;
-        let violation = envelope.violation(&intermediate(&position));
-        prop_assert_eq!(violation <= 0.0, inside);
-        let by_demand = envelope.demand_violation(&envelope.mixing.deviation(&position));
-        prop_assert!((by_demand - violation).abs() < 1e-12);
-    }
-
-    /// Between two members everything is a member: the set is convex, the idle cut included.
-    #[test]
-    fn the_envelope_is_convex(a in actuation(), b in actuation(), t in 0.0..1.0f64) {
-        let limits = Limits::new(&Parameters::default(), 200.0, 2.0, 1.0);
-        let envelope = Envelope::new(&Parameters::default(), false, limits);
-        let [a, b] = [intermediate(&limits.clip(&a)), intermediate(&limits.clip(&b))];
-        let farthest = envelope.violation(&a).max(envelope.violation(&b));
-        prop_assert!(envelope.violation(&(a * t + b * (1.0 - t))) <= farthest + 1e-12);
     }
 }

@@ -6,6 +6,7 @@ use anyhow::{Context, bail};
 use contract::Scenario;
 use contract::domain::Domain;
 use contract::message::State;
+use contract::port::Receive;
 use contract::process::{Seat, phase};
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::{Value, json};
@@ -48,13 +49,24 @@ fn look(domain: &Domain) -> Value {
             phase::GO => "flying",
             _ => "ending",
         });
-        let newest = seat.observer::<State>().ok().and_then(|port| std::iter::from_fn(|| port.receive()).last());
-        if let Some(state) = newest {
+        if let Some(state) = seat.observer::<State>().ok().and_then(|port| newest(&*port)) {
             view["time_s"] = json!(state.stamp.tick as f64 * Scenario::SAMPLE_S);
             view["position_m"] = json!(state.actual.position_m);
         }
     }
     view
+}
+
+/// The newest state within a few periods: a publisher greets a new queue only when it sends.
+fn newest(port: &dyn Receive<State>) -> Option<State> {
+    const LIMIT: Duration = Duration::from_millis(100);
+    let deadline = Instant::now() + LIMIT;
+    loop {
+        match std::iter::from_fn(|| port.receive()).last() {
+            None if Instant::now() < deadline => std::thread::sleep(Duration::from_millis(1)),
+            found => return found,
+        }
+    }
 }
 
 /// Asks the launcher of `namespace` to end its flight, and waits until it has.

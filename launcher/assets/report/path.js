@@ -102,7 +102,7 @@ function fit(box, project, width, height) {
   const corners = [0, 1, 2, 3, 4, 5, 6, 7].map(c => project([0, 1, 2].map(axis => (c >> axis & 1 ? box.high : box.low)[axis])));
   const [xs, ys] = [corners.map(c => c[0]), corners.map(c => c[1])];
   const [left, right, top, bottom] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
-  const room = { left: 44, right: 14, top: 24, bottom: 40 };
+  const room = { left: 44, right: 28, top: 24, bottom: 40 };
   const scale = Math.min((width - room.left - room.right) / (right - left), (height - room.top - room.bottom) / (bottom - top));
   const middleX = (width + room.left - room.right) / 2, middleY = (height + room.top - room.bottom) / 2;
   return point => {

@@ -105,7 +105,7 @@
   }
 
   function timePlot(element, plot, stacked, last, colour, width) {
-    const lines = flight.lines[plot.lines] || [];
+    const lines = merged(flight.lines[plot.lines] || []);
     const axis = { stroke: colour('muted'), font: '12px system-ui, sans-serif', labelFont: '12px system-ui, sans-serif',
       grid: { stroke: colour('grid'), width: 1 }, ticks: { stroke: colour('grid'), width: 1, size: 4 }, gap: 4, labelGap: 2 };
     const numbers = (_, splits) => splits.map(value => minus(+value.toFixed(6)));
@@ -131,6 +131,17 @@
     return u;
   }
 
+  // Lines that lie on each other become one with both names.
+  function merged(lines) {
+    const once = [];
+    for (const line of lines) {
+      const same = once.find(other => other.y === line.y && String(other.span_s) === String(line.span_s));
+      if (same) same.label += `, ${line.label}`;
+      else once.push({ ...line });
+    }
+    return once;
+  }
+
   // Room for the data, and for every line that does not crush them.
   function range(plot, lines, low, high) {
     if (low === null) [low, high] = [0, 0];
@@ -143,8 +154,9 @@
       const [lower, upper] = [Math.min(low, y, mirror), Math.max(high, y, mirror)];
       if (upper - lower <= most) [low, high] = [lower, upper];
     }
-    const air = 0.07 * (high - low);
-    return [plot.floor && low === 0 ? 0 : low - air, high + air];
+    // An edge that names a line beyond it needs room for the words.
+    const air = beyond => (lines.some(beyond) ? 0.18 : 0.07) * (high - low);
+    return [plot.floor && low === 0 ? 0 : low - air(({ y }) => y < low), high + air(({ y }) => y > high)];
   }
 
   // Whether a line lies outside what the whole flight shows.
@@ -223,7 +235,7 @@
   }
 
   function quantity(number, plot) {
-    return `${minus(number)} ${plot.suffix ?? plot.unit}`;
+    return `${minus(number)} ${plot.suffix ?? plot.unit}`.trim();
   }
 
   function minus(number) {

@@ -115,7 +115,7 @@ fn named(status: u64, is_valid: fn(i32) -> bool) -> Option<i32> {
 
 #[cfg(test)]
 mod tests {
-    use contract::message::{PlantStatus, SolveStatus};
+    use contract::message::{Controls, PlantStatus, SolveStatus, State};
 
     use super::wire;
 
@@ -137,5 +137,15 @@ mod tests {
             let theirs = wire::SolveStatus::try_from(ours as i32).unwrap();
             assert_eq!(format!("{theirs:?}"), format!("{ours:?}"));
         }
+    }
+    #[test]
+    fn a_status_is_written_with_its_name_if_it_has_one() {
+        let name = |status| wire::State::from(State { status, ..State::default() }).status_name;
+        assert_eq!(name(PlantStatus::Singular as u64), Some(wire::PlantStatus::Singular as i32));
+        assert_eq!(name(6), None);
+        assert_eq!(name(1 << 32), None, "not FLYING");
+        let name = |status| wire::Controls::from(Controls { status, ..Controls::default() }).status_name;
+        assert_eq!(name(SolveStatus::BadInput as u64), Some(wire::SolveStatus::BadInput as i32));
+        assert_eq!(name(5), None);
     }
 }

@@ -119,10 +119,7 @@ impl LogWriter {
 
     /// Ends the log at its last whole chunk, and says so.
     fn give_up(&mut self, error: anyhow::Error) -> anyhow::Error {
-        if let Some(mcap) = self.mcap.take() {
-            // Dropped as they are, they would still write: the rest of the torn chunk, and a footer behind it.
-            drop(mcap.into_inner().into_inner().into_parts());
-        }
+        drop(self.mcap.take()); // it may still write: the rest of a torn chunk, a footer; so cut after it
         let torn = match self.file.set_len(self.whole_bytes) {
             Ok(()) => "",
             Err(_) => ", then torn", // readers survive that

@@ -58,18 +58,33 @@ pub fn concerns(scenario: &Scenario) -> bool {
     scenario.mission.trajectory == TrajectoryKind::Survey
 }
 
+/// A metric of the run, or nothing where its part of the flight was never flown.
+pub fn metric<'a>(run: &'a Value, name: &str) -> &'a Value {
+    if never_flown(run, name) { &Value::Null } else { &run["metrics"][name] }
+}
+
+/// Whether the run ended before this metric began: a maximum over nothing is not a measured zero.
+pub fn never_flown(run: &Value, metric: &str) -> bool {
+    let before_horizontal = run["flown_s"].as_f64().is_some_and(|flown_s| flown_s < HORIZONTAL_S[0]);
+    before_horizontal && metric == "max_altitude_error_horizontal_m"
+}
+
 /// Judges a run by its summary, and by its rows for the actuators.
 pub fn judge(run: &Value, rows: &[Row], scenario: &Scenario) -> Claims {
     let flight = Extent::of(run, scenario);
     let error = |name: &str, within: fn(f64) -> bool| {
-        let value = &run["metrics"][name];
+        let value = metric(run, name);
         let verdict = match flight {
             Extent::Other => Verdict::NotApplicable,
             Extent::Lost => Verdict::DoesNotHold,
             Extent::Whole => value.as_f64().map_or(Verdict::NotApplicable, |e| verdict(within(e))),
         };
-        let until = if flight == Extent::Lost { " until the vehicle was lost" } else { "" };
-        Claim { measured: format!("{} m{until}", number(value, 3)), verdict }
+        let unit = match flight {
+            _ if value.is_null() => "",
+            Extent::Lost => " m until the vehicle was lost",
+            Extent::Whole | Extent::Other => " m",
+        };
+        Claim { measured: number(value, 3) + unit, verdict }
     };
     Claims {
         position: error("max_position_error_m", |e| e < POSITION_M),

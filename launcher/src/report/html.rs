@@ -32,20 +32,26 @@ pub fn number(value: &Value, decimals: usize) -> String {
     }
 }
 
-/// Any value for people: strings as they are, nested ones as JSON, escaped; nothing is the dash.
+/// Any value for people, escaped: strings as they are, objects as names and values; nothing is the dash.
 pub fn any(value: &Value) -> String {
     match value {
         Value::Null => DASH.into(),
         Value::String(text) if text.is_empty() => DASH.into(),
         Value::String(text) => escape(text),
+        Value::Object(fields) if fields.is_empty() => DASH.into(),
+        Value::Object(fields) => {
+            let named =
+                fields.iter().map(|(name, field)| format!("{} {}", escape(&name.replace('_', " ")), any(field)));
+            named.collect::<Vec<_>>().join(", ")
+        }
         other => escape(&other.to_string()),
     }
 }
 
-/// The leaves of nested objects as (dotted name, value), in the objects' own order.
+/// Nested objects as (dotted name, value), in their own order; an object of plain values stays in one piece.
 pub fn leaves<'a>(prefix: &str, value: &'a Value, out: &mut Vec<(String, &'a Value)>) {
     match value {
-        Value::Object(fields) if !fields.is_empty() => {
+        Value::Object(fields) if prefix.is_empty() || fields.values().any(Value::is_object) => {
             for (name, field) in fields {
                 let dotted = if prefix.is_empty() { name.clone() } else { format!("{prefix}.{name}") };
                 leaves(&dotted, field, out);
@@ -91,7 +97,7 @@ mod tests {
     #[test]
     fn markup_becomes_text() {
         assert_eq!(escape(r#"<b a="1">'&'</b>"#), "&lt;b a=&quot;1&quot;&gt;&#39;&amp;&#39;&lt;/b&gt;");
-        assert_eq!(any(&json!({ "<k>": 1 })), "{&quot;&lt;k&gt;&quot;:1}");
+        assert_eq!(any(&json!({ "<k>": 1 })), "&lt;k&gt; 1");
     }
 
     #[test]
@@ -105,10 +111,11 @@ mod tests {
 
     #[test]
     fn leaves_are_named_by_their_path() {
-        let value = json!({ "a": { "b": 1, "c": [2] }, "d": null });
+        let value = json!({ "a": { "b": { "x": 1, "y": "z" }, "c": [2] }, "d": null });
         let mut out = Vec::new();
         leaves("", &value, &mut out);
         let names: Vec<_> = out.iter().map(|(name, _)| name.as_str()).collect();
         assert_eq!(names, ["a.b", "a.c", "d"]);
+        assert_eq!(any(out[0].1), "x 1, y z");
     }
 }

@@ -46,8 +46,8 @@ pub fn render(log: &Flight, run: &Value, scenario: &Scenario) -> String {
     let slots = [
         ("name", html::escape(run["name"].as_str().unwrap_or(&scenario.name))),
         ("result_class", result_class.into()),
+        ("ended", sections::ended(run, &result)),
         ("result", result),
-        ("ended", html::any(&run["ended"])),
         ("facts", sections::facts(run, scenario)),
         ("key_figures", sections::key_figures(run)),
         ("claim_position", cells(&claims.position)),

@@ -4,6 +4,7 @@ use contract::message::SolveStatus;
 use contract::{Scenario, Topic};
 use serde_json::Value;
 
+use super::claims;
 use super::flight::Row;
 use super::html::{DASH, any, escape, leaves, list, number, table};
 
@@ -42,6 +43,12 @@ pub fn result(run: &Value) -> (&'static str, String) {
     }
 }
 
+/// What the summary says of the end, beyond what `result` says already.
+pub fn ended(run: &Value, result: &str) -> String {
+    let words = run["ended"].as_str().unwrap_or_default();
+    escape(words.strip_prefix(result).unwrap_or(words).trim_start_matches([':', ' ']))
+}
+
 /// What was flown and how, on one line.
 pub fn facts(run: &Value, scenario: &Scenario) -> String {
     let trajectory = format!("{:?}", scenario.mission.trajectory).to_lowercase();
@@ -61,7 +68,7 @@ pub fn key_figures(run: &Value) -> String {
     let tile = |name: &str, value: String, unit: &str| (name.to_owned(), format!("{value} <small>{unit}</small>"));
     let errors = METRICS[..KEY_FIGURES]
         .iter()
-        .map(|(key, name, unit, decimals)| tile(name, number(&run["metrics"][key], *decimals), unit));
+        .map(|(key, name, unit, decimals)| tile(name, number(claims::metric(run, key), *decimals), unit));
     // Only against the clock is an age an age.
     let age = if run["mode"] == "realtime" { &run["timing"]["age_at_actuator"]["p99_us"] } else { &Value::Null };
     let age_ms = age.as_f64().map_or(DASH.into(), |us| format!("{:.2}", us / 1e3));
@@ -75,7 +82,7 @@ pub fn metrics(run: &Value, rows: &[Row]) -> String {
     let fallbacks = controls().map(|c| c.fallbacks).max();
     let count = |n: Option<u64>| number(&n.into(), 0);
     let measured = METRICS[KEY_FIGURES..].iter().map(|(key, name, unit, decimals)| {
-        ((*name).to_owned(), format!("{} {unit}", number(&run["metrics"][key], *decimals)))
+        ((*name).to_owned(), format!("{} {unit}", number(claims::metric(run, key), *decimals)))
     });
     let more = [
         ("ticks on which a constraint was solved for", count(controls().next().map(|_| constrained as u64))),
@@ -100,12 +107,10 @@ pub fn bounds(run: &Value) -> String {
         None => DASH.into(),
     };
     let row = |b: &Value| {
-        vec![
-            format!("<code>{}</code>", any(&b["metric"])),
-            number(&b["limit"], 3),
-            number(&b["measured"], 3),
-            verdict(&b["ok"]),
-        ]
+        let metric = any(&b["metric"]);
+        let flown = !claims::never_flown(run, &metric);
+        let [measured, ok] = if flown { [&b["measured"], &b["ok"]] } else { [&Value::Null; 2] };
+        vec![format!("<code>{metric}</code>"), number(&b["limit"], 3), number(measured, 3), verdict(ok)]
     };
     table(&["metric", "bound", "measured", "verdict"], bounds.iter().map(row))
 }

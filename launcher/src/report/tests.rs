@@ -188,6 +188,10 @@ fn a_lost_vehicle_contradicts_every_tracking_claim() {
     let claims = Hover::of(580).claims(&run, &Scenario::of(Profile::Paper));
     assert_eq!(verdicts(&claims)[..3], [Verdict::DoesNotHold; 3]);
     assert!(claims.position.measured.contains("lost"));
+    // The summary's maximum over an empty stretch of time is not a measurement.
+    assert_eq!(claims.altitude_horizontal.measured, super::html::DASH);
+    run["bounds"] = json!([{ "metric": "max_altitude_error_horizontal_m", "limit": 0.1, "measured": 0.0, "ok": true }]);
+    assert!(!super::sections::bounds(&run).contains("kept"));
 }
 
 #[test]
@@ -208,7 +212,8 @@ fn the_head_names_how_the_run_ended() {
     let scenario = Scenario::of(Profile::Robust);
     let head = |run: &Value| render(&Hover::of(1).flight(), run, &scenario);
     let mut run = survey();
-    assert!(head(&run).contains("<p class=\"result good\">flown</p>"));
+    run["ended"] = "flown to the end, 60.00 s".into();
+    assert!(head(&run).contains("<p class=\"result good\">flown</p> <span class=\"ended\">to the end, 60.00 s</span>"));
     run["bounds"] = json!([{ "metric": "max_position_error_m", "limit": 0.5, "measured": 0.699, "ok": false }]);
     assert!(head(&run).contains("outside its bounds"));
     run["diverged"] = true.into();
