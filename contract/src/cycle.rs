@@ -22,7 +22,7 @@ use crate::realtime::{Board, now_ns, thread_cpu_ns};
 use crate::scenario::Scenario;
 
 /// Longest sleep without a look around: a lost wake-up costs no more than this.
-const LOOK_AROUND_NS: u64 = 100_000_000;
+pub(crate) const LOOK_AROUND_NS: u64 = 100_000_000;
 
 /// Timing of the cycle under way, shared by a node's ports.
 #[derive(Debug, Default)]

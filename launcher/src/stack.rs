@@ -98,7 +98,7 @@ impl Stack {
         let started = Instant::now();
         self.board.set_phase(phase::GO);
         let ended = loop {
-            self.observers.drain(&mut watch);
+            self.drain(&mut watch);
             tick();
             if interrupts.load(Ordering::Relaxed) > 0 {
                 break Ended::Interrupted;
@@ -153,6 +153,16 @@ impl Stack {
         Ok(())
     }
 
+    /// Shows `watch` every message that has come, and tells the plant, which waits for it in lockstep.
+    fn drain(&self, watch: &mut impl FnMut(Record)) {
+        let mut newest = 0;
+        self.observers.drain(|record| {
+            newest = newest.max(record.stamp().tick);
+            watch(record);
+        });
+        self.board.watched().raise(newest as u32);
+    }
+
     /// A child that has ended, and whether it ended well.
     fn departed(&mut self) -> Option<(String, bool)> {
         self.children.iter_mut().find_map(|(name, child)| {
@@ -171,7 +181,7 @@ impl Stack {
                 lost.get_or_insert_with(|| format!("{name} (did not leave within 1 s and was killed)"));
             }
         }
-        self.observers.drain(&mut *watch);
+        self.drain(watch);
         self.board.set_phase(phase::CLOSE);
         let recorder = self.children.get_mut(nodes).map(|(_, child)| child);
         let log = recorder.map(|child| {

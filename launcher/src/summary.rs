@@ -13,7 +13,7 @@ use sha2::{Digest, Sha256};
 use crate::log::Record;
 use crate::timing::Timing;
 
-/// The metrics of run.json.
+/// The metrics of run.json. One without a sample is NaN, which JSON has as null.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct Metrics {
     /// Largest Euclidean position error \[m\].
@@ -64,8 +64,8 @@ impl Summary {
             metrics: Metrics {
                 max_position_error_m: 0.0,
                 rms_position_error_m: 0.0,
-                max_altitude_error_horizontal_m: 0.0,
-                max_altitude_error_vertical_m: 0.0,
+                max_altitude_error_horizontal_m: f64::NAN,
+                max_altitude_error_vertical_m: f64::NAN,
                 final_position_error_m: 0.0,
                 position_error_integral_ms: 0.0,
                 max_rate_radps: 0.0,
@@ -119,7 +119,7 @@ impl Summary {
         } else {
             &mut m.max_altitude_error_vertical_m
         };
-        *leg = leg.max(error[2].abs());
+        *leg = leg.max(error[2].abs()); // NaN, the start, gives way to any number
         m.max_rate_radps = state.actual.rates_radps.iter().fold(m.max_rate_radps, |max, rate| max.max(rate.abs()));
         for omega in state.actuators.rotor_speed {
             m.rotor_speed_min = m.rotor_speed_min.min(omega);

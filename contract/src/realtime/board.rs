@@ -21,12 +21,13 @@ use super::clock::to_timespec;
 use crate::Topic;
 
 const PAGE_BYTES: usize = 4096;
-const MAGIC: u32 = 0x7EF0_1101;
+const MAGIC: u32 = 0x7EF0_1102;
 
 #[repr(C)]
 struct Page {
     magic: AtomicU32,
     phase: Bell,
+    watched: Bell,
     bells: [Bell; Topic::COUNT],
 }
 const _: () = assert!(size_of::<Page>() <= PAGE_BYTES);
@@ -44,8 +45,14 @@ impl Bell {
     /// Raises the counter and wakes everybody who waits.
     pub fn ring(&self) {
         self.0.fetch_add(1, Ordering::Release);
-        // Only a bad address can make this fail, and a mapped page is none.
-        let _ = futex::wake(&self.0, futex::Flags::empty(), i32::MAX as u32);
+        self.wake();
+    }
+
+    /// Raises the counter to `count`, unless it stands there already, and wakes everybody who waits.
+    pub fn raise(&self, count: u32) {
+        if self.0.fetch_max(count, Ordering::Release) < count {
+            self.wake();
+        }
     }
 
     /// Sleeps until the counter differs from `seen` or `deadline_ns` (`CLOCK_MONOTONIC`) has passed.
@@ -57,6 +64,11 @@ impl Bell {
                 Err(_) => return, // the deadline
             }
         }
+    }
+
+    fn wake(&self) {
+        // Only a bad address can make this fail, and a mapped page is none.
+        let _ = futex::wake(&self.0, futex::Flags::empty(), i32::MAX as u32);
     }
 }
 
@@ -98,11 +110,14 @@ impl Board {
         &self.page().phase
     }
 
+    /// The newest tick that the launcher has seen: how far lockstep may run ahead is counted from it.
+    pub fn watched(&self) -> &Bell {
+        &self.page().watched
+    }
+
     /// Moves the run on to `phase` and wakes every waiter, whatever it waits for.
     pub fn set_phase(&self, phase: u32) {
-        while self.phase().count() < phase {
-            self.phase().ring();
-        }
+        self.phase().raise(phase);
         for topic in Topic::ALL {
             self.bell(topic).ring();
         }

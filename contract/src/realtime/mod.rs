@@ -17,28 +17,21 @@ pub use clock::{now_ns, thread_cpu_ns};
 
 use crate::scenario::{Policy, Realtime};
 
-/// What a process really obtained, for the run's record.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-pub struct Obtained {
-    /// `SCHED_FIFO` priority, or `None` for `SCHED_OTHER`.
-    pub fifo_priority: Option<i32>,
-    /// Whether the memory is locked.
-    pub memory_locked: bool,
-}
-
-/// Asks for what the scenario wants; takes what it gets.
+/// Asks for what the scenario wants; takes what it gets. The launcher reads from `/proc` what that was.
 ///
 /// With `SCHED_FIFO` the kernel gives exact timer wake-ups; without it the timer slack is lowered from 50 us to 1 ns.
-pub fn enter(wanted: &Realtime, priority: i32) -> Obtained {
+pub fn enter(wanted: &Realtime, priority: i32) {
     let fifo = wanted.policy == Policy::Fifo && set_fifo(priority);
     if !fifo {
         // Fails only on kernels without the call; the flight then has 50 us more jitter.
         let _ = rustix::thread::set_current_timer_slack(NonZeroU64::new(1));
     }
     let flags = MlockAllFlags::CURRENT | MlockAllFlags::FUTURE;
-    let memory_locked = wanted.lock_memory && rustix::mm::mlockall(flags).is_ok();
+    if wanted.lock_memory {
+        // Without the privilege the memory stays pageable; run.json says how much was locked.
+        let _ = rustix::mm::mlockall(flags);
+    }
     touch_stack();
-    Obtained { fifo_priority: fifo.then_some(priority), memory_locked }
 }
 
 fn set_fifo(priority: i32) -> bool {

@@ -155,7 +155,7 @@
       if (upper - lower <= most) [low, high] = [lower, upper];
     }
     // An edge that names a line beyond it needs room for the words.
-    const air = beyond => (lines.some(beyond) ? 0.18 : 0.07) * (high - low);
+    const air = beyond => (lines.some(beyond) ? 0.3 : 0.07) * (high - low);
     return [plot.floor && low === 0 ? 0 : low - air(({ y }) => y < low), high + air(({ y }) => y > high)];
   }
 

@@ -59,7 +59,7 @@ pub fn render(log: &Flight, run: &Value, scenario: &Scenario) -> String {
         ("sampling", sampling(rows.len())),
         ("timing", sections::timing(run)),
         ("faults", sections::faults(run)),
-        ("settings", sections::settings(run)),
+        ("settings", sections::settings(run, scenario)),
         ("provenance", sections::provenance(run)),
         ("data", data),
         ("style", [UPLOT_STYLE, STYLE].concat()),

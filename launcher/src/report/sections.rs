@@ -1,6 +1,7 @@
 //! The parts of the page that are text and tables. Every value may be missing from the summary; then a dash stands there.
 
 use contract::message::SolveStatus;
+use contract::scenario::to_toml;
 use contract::{Scenario, Topic};
 use serde_json::Value;
 
@@ -169,10 +170,10 @@ pub fn provenance(run: &Value) -> String {
     list(shown.map(|(name, value)| (escape(&name.replace('_', " ")), any(value))))
 }
 
-/// The merged scenario, as text.
-pub fn settings(run: &Value) -> String {
+/// The merged scenario, as text: the summary's words for it, or else what was flown, written anew.
+pub fn settings(run: &Value, scenario: &Scenario) -> String {
     match &run["provenance"]["scenario"] {
-        Value::Null => DASH.into(),
+        Value::Null => escape(&to_toml(scenario)),
         Value::String(toml) => escape(toml),
         other => escape(&serde_json::to_string_pretty(other).unwrap_or_default()),
     }

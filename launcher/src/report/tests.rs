@@ -78,6 +78,7 @@ fn an_empty_flight_and_an_empty_summary_are_still_a_page() {
         let page = render(&nothing, &run, &Scenario::of(Profile::Robust));
         assert!(page.ends_with("</html>\n"));
         assert!(page.contains("result unknown"));
+        assert!(page.contains("profile = &quot;robust&quot;"), "the flight can be repeated from its page");
         assert_eq!(data(&page)["rows"], 0);
     }
 }
