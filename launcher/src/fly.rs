@@ -45,15 +45,17 @@ pub fn fly(args: &FlyArgs) -> anyhow::Result<u8> {
     let run = run_json(&summary, &scenario, &how);
     let text = serde_json::to_string_pretty(&run)?;
     write_whole(&out.path.join("run.json"), text.as_bytes())?;
-    if log.is_some() {
-        report::rewrite(&out.path)?;
+    if let Some(error) = how.log.as_ref().and_then(|log| log.error.as_ref()) {
+        eprintln!("error: {error}");
     }
+    let page = log.map(|_| report::rewrite(&out.path)).transpose();
     if args.json {
         println!("{text}");
     } else {
         print!("{}", describe(&summary, &scenario, &how));
         println!("  {:<22}{}", "written to", out.path.display());
     }
+    page?; // what was flown has been told, even where the page found no room
     Ok(exit_code(&summary, &scenario, &how))
 }
 
@@ -109,9 +111,6 @@ fn fly_processes(
     }
     if let Ended::Lost(name) = &flown.ended {
         eprintln!("error: lost {name}; the stack was stopped");
-    }
-    if let Some(error) = flown.log.as_ref().and_then(|log| log.error.as_ref()) {
-        eprintln!("error: {error}");
     }
     let provenance = provenance(scenario, &flown.scheduling);
     Ok(Circumstances { ended: flown.ended, wall_s: flown.wall.as_secs_f64(), log: flown.log, provenance })
