@@ -1,6 +1,6 @@
 //! Real processes: flying in real time, stopping, dying, and leaving shared memory clean.
 //!
-//! Nothing here asserts how quick anything is; `launcher measure` does that, as ratios.
+//! Nothing here asserts how quick anything is.
 
 use std::process::Command;
 
@@ -16,6 +16,15 @@ fn processes_of(namespace: &str) -> Vec<i32> {
             line.split(|b| *b == 0).any(|word| word == namespace.as_bytes())
         })
         .collect()
+}
+
+/// The process that runs `node` in `namespace`.
+fn process_of(namespace: &str, node: &str) -> i32 {
+    let runs = |pid: &i32| {
+        let line = std::fs::read_to_string(format!("/proc/{pid}/cmdline")).unwrap_or_default();
+        line.split('\0').any(|word| word == node)
+    };
+    processes_of(namespace).into_iter().find(runs).unwrap_or_else(|| panic!("{node} does not run"))
 }
 
 fn kill(signal: &str, pids: &[i32]) {
@@ -78,12 +87,7 @@ fn a_process_that_dies_ends_the_run_with_its_name() {
     for victim in ["plant", "guidance", "attitude-mpc", "mixer"] {
         let ns = namespace();
         let flight = start_flying(&ns);
-        let pids = processes_of(&ns);
-        let is_victim = |pid: &&i32| {
-            let line = std::fs::read_to_string(format!("/proc/{pid}/cmdline")).unwrap_or_default();
-            line.split('\0').any(|word| word == victim)
-        };
-        kill("-KILL", &[*pids.iter().find(is_victim).expect("the victim runs")]);
+        kill("-KILL", &[process_of(&ns, victim)]);
         let outcome = flight.finish();
         assert_eq!(outcome.code(), Some(3), "{victim}: {}", outcome.stderr);
         assert!(outcome.stderr.contains(victim), "{}", outcome.stderr);
@@ -123,4 +127,20 @@ fn a_namespace_holds_one_stack() {
     assert!(!second.out.exists(), "a refused flight leaves no folder");
     kill("-INT", &[flight.child.id() as i32]);
     assert_eq!(flight.finish().code(), Some(130), "the first flight goes on undisturbed");
+}
+
+#[test]
+fn a_node_that_was_stopped_counts_what_it_slept_through() {
+    let ns = namespace();
+    let flight = start_flying(&ns);
+    let mixer = process_of(&ns, "mixer");
+    kill("-STOP", &[mixer]);
+    std::thread::sleep(std::time::Duration::from_millis(300));
+    kill("-CONT", &[mixer]);
+    std::thread::sleep(std::time::Duration::from_millis(300));
+    kill("-INT", &[flight.child.id() as i32]);
+    let run = flight.finish().run();
+    let mixer = &run["timing"]["nodes"]["mixer"];
+    assert!(mixer["slips"].as_u64() > Some(10), "{mixer}");
+    assert!(mixer["misses"].as_u64() >= mixer["slips"].as_u64(), "{mixer}");
 }

@@ -1,5 +1,6 @@
-//! The attitude controller as a process: wakes on REFERENCE, looks at the newest STATE.
+//! The attitude controller as a process: wakes on REFERENCE, takes the newest STATE, at least the one behind that.
 
+use contract::Topic;
 use contract::message::{Controls, Reference, Stamp, State};
 use contract::process::{Seat, SeatError};
 
@@ -13,7 +14,7 @@ pub fn run(seat: &Seat) -> Result<(), SeatError> {
     let mut controls = seat.outlet::<Controls>()?;
     seat.settle();
     while let Some(reference) = references.wait() {
-        let state = states.newest();
+        let state = states.catch_up(reference.stamp.inputs[Topic::State as usize]);
         controls.send(mpc.step(state, &reference), Stamp::of(&reference).with(state));
     }
     Ok(())

@@ -5,7 +5,8 @@
 //! start     when the process began;            release jitter (plant) or hop (others) = start - release
 //! publish   when it sent;                      execution = publish - start
 //!                                              response  = publish - sample time;  miss = response > deadline
-//! slip      periods the plant had to skip, counted and never run in a burst
+//! slip      a period without a cycle: a release the plant slept through, an input that a newer one overtook;
+//!           counted as a miss too, and never made up for in a burst
 //! ```
 //!
 //! A node's loop is `while let Some(input) = inlet.wait() { outlet.send(...) }` in every mode; only the plant, which
@@ -36,9 +37,10 @@ pub struct Punctuality {
 }
 
 impl Punctuality {
-    /// A cycle was skipped for each of `periods` beyond the first.
+    /// That many periods passed without a cycle.
     pub(crate) fn slip(&self, periods: u64) {
-        self.slips.set(self.slips.get() + periods - 1);
+        self.slips.set(self.slips.get() + periods);
+        self.misses.set(self.misses.get() + periods);
     }
 
     /// A cycle that was due at `release_ns` begins now.
@@ -48,12 +50,21 @@ impl Punctuality {
         self.start_cpu_ns.set(thread_cpu_ns());
     }
 
-    /// The cycle's message went out at `publish_ns`.
-    fn end(&self, stamp: &Stamp, publish_ns: u64) {
-        self.last_cpu_ns.set(thread_cpu_ns() - self.start_cpu_ns.get());
+    /// Writes this cycle's timing into the `stamp` of its message.
+    fn report(&self, stamp: &mut Stamp, publish_ns: u64) {
         if publish_ns.saturating_sub(stamp.sample_ns) > Scenario::SAMPLE_NS {
             self.misses.set(self.misses.get() + 1);
         }
+        stamp.release_ns = self.release_ns.get();
+        stamp.start_ns = self.start_ns.get();
+        stamp.cpu_ns = self.last_cpu_ns.get();
+        stamp.misses = self.misses.get();
+        stamp.slips = self.slips.get();
+    }
+
+    /// The cycle is over.
+    fn end(&self) {
+        self.last_cpu_ns.set(thread_cpu_ns() - self.start_cpu_ns.get());
     }
 }
 
@@ -72,10 +83,12 @@ impl<M: Message> Inlet<M> {
 
     /// Sleeps until a message comes, and begins a cycle with it; `None` when the run is over.
     ///
-    /// When several have come the newest wins.
+    /// When several have come the newest wins, and the others count as slips.
     pub fn wait(&mut self) -> Option<M> {
+        let before = *self.newest.stamp();
         loop {
             if let Some(message) = self.arrived(now_ns() + LOOK_AROUND_NS) {
+                self.punctuality.slip(overtaken(&before, message.stamp()));
                 self.punctuality.begin(message.stamp().publish_ns[M::TOPIC as usize]);
                 return Some(message);
             }
@@ -89,6 +102,17 @@ impl<M: Message> Inlet<M> {
     pub fn newest(&mut self) -> &M {
         while let Some(message) = self.port.receive() {
             self.newest = message;
+        }
+        &self.newest
+    }
+
+    /// The newest message, once number `sequence` is among those that came.
+    ///
+    /// A publisher fills the queues of a topic one after another: who wakes on a message downstream of it may be
+    /// quicker than its own queue. The message is on its way then, so this waits; only the end of the run cuts it short.
+    pub fn catch_up(&mut self, sequence: u64) -> &M {
+        while self.newest().stamp().sequence < sequence && self.board.phase().count() < phase::LEAVE {
+            self.arrived(now_ns() + LOOK_AROUND_NS);
         }
         &self.newest
     }
@@ -128,19 +152,47 @@ impl<M: Message> Outlet<M> {
     /// Stamps `message` with its `lineage` and this cycle's timing, sends it and wakes whoever waits for it.
     pub fn send(&mut self, mut message: M, lineage: Stamp) {
         self.sequence += 1;
-        let p = &self.punctuality;
         let publish_ns = now_ns();
         let stamp = message.stamp_mut();
         *stamp = lineage.published(M::TOPIC, self.sequence, publish_ns);
         stamp.epoch = self.epoch;
-        stamp.release_ns = p.release_ns.get();
-        stamp.start_ns = p.start_ns.get();
-        stamp.cpu_ns = p.last_cpu_ns.get();
-        stamp.misses = p.misses.get();
-        stamp.slips = p.slips.get();
-        let stamp = *stamp;
+        self.punctuality.report(stamp, publish_ns);
         self.port.send(&message);
         self.board.bell(M::TOPIC).ring();
-        p.end(&stamp, publish_ns);
+        self.punctuality.end();
+    }
+}
+
+/// How many messages lie between two of the same publisher; none before the first, or from another incarnation.
+fn overtaken(before: &Stamp, after: &Stamp) -> u64 {
+    if before.sequence == 0 || before.epoch != after.epoch {
+        return 0;
+    }
+    after.sequence.saturating_sub(before.sequence + 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn messages_that_a_newer_one_overtook_are_counted() {
+        let numbered = |epoch, sequence| Stamp { sequence, epoch, ..Stamp::default() };
+        assert_eq!(overtaken(&numbered(1, 4), &numbered(1, 5)), 0, "the next one");
+        assert_eq!(overtaken(&numbered(1, 4), &numbered(1, 305)), 300, "a process that was stopped for three seconds");
+        assert_eq!(overtaken(&Stamp::default(), &numbered(1, 9)), 0, "joined late");
+        assert_eq!(overtaken(&numbered(1, 4), &numbered(2, 9)), 0, "another incarnation");
+    }
+
+    #[test]
+    fn a_late_message_says_so_itself() {
+        let punctuality = Punctuality::default();
+        let mut stamp = Stamp { sample_ns: 1_000, ..Stamp::default() };
+        punctuality.report(&mut stamp, 1_000 + Scenario::SAMPLE_NS);
+        assert_eq!(stamp.misses, 0, "just in time");
+        punctuality.report(&mut stamp, 1_001 + Scenario::SAMPLE_NS);
+        punctuality.slip(3);
+        punctuality.report(&mut stamp, 1_000);
+        assert_eq!((stamp.misses, stamp.slips), (4, 3));
     }
 }

@@ -15,8 +15,10 @@ use std::fs::{self, File, OpenOptions};
 use std::io;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use rustix::fs::{FlockOperation, flock};
+use rustix::io::Errno;
 
 const SHM: &str = "/dev/shm";
 const MARK: &str = "trefoil.";
@@ -106,8 +108,10 @@ impl Hold {
         let lock = Path::new(SHM).join(format!("{MARK}{namespace}.lock"));
         let lock_file = loop {
             let file = open_lock(&lock).map_err(|source| DomainError::Io { path: lock.clone(), source })?;
-            if flock(&file, FlockOperation::NonBlockingLockExclusive).is_err() {
-                return Err(DomainError::InUse(namespace.into()));
+            match lock_patiently(&file) {
+                Ok(()) => {}
+                Err(Errno::WOULDBLOCK) => return Err(DomainError::InUse(namespace.into())),
+                Err(error) => return Err(DomainError::Io { path: lock, source: error.into() }),
             }
             // Somebody may have unlinked the file between open and lock: then this lock locks nothing.
             if same_file(&file, &lock) {
@@ -126,11 +130,13 @@ impl Hold {
 impl Drop for Hold {
     fn drop(&mut self) {
         for path in entries() {
-            if file_name(&path).starts_with(&file_name(&self.domain.folder)) {
+            if file_name(&path).starts_with(&self.domain.prefix()) {
                 remove(&path);
             }
         }
         remove(&self.lock);
+        // Last, because `stop` takes its absence for the end.
+        remove(&self.domain.folder);
     }
 }
 
@@ -194,6 +200,18 @@ fn remove(path: &Path) {
 
 fn open_lock(path: &Path) -> io::Result<File> {
     OpenOptions::new().read(true).write(true).create(true).truncate(false).mode(0o600).open(path)
+}
+
+/// Locks, or waits a moment for somebody who only looked whether the lock is held ([`sweep`]).
+fn lock_patiently(file: &File) -> Result<(), Errno> {
+    let mut tries = 0;
+    loop {
+        match flock(file, FlockOperation::NonBlockingLockExclusive) {
+            Err(Errno::WOULDBLOCK) if tries < 20 => std::thread::sleep(Duration::from_millis(5)),
+            result => return result,
+        }
+        tries += 1;
+    }
 }
 
 fn same_file(file: &File, path: &Path) -> bool {

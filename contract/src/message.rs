@@ -212,10 +212,8 @@ pub mod mixer_flags {
     pub const TILT_SATURATED: u64 = 1 << 3;
     /// (42) or (43) asked for the root of a negative number.
     pub const NEGATIVE_SQUARE: u64 = 1 << 4;
-    /// The safety projection moved the demand.
-    pub const PROJECTED: u64 = 1 << 5;
     /// The demand was not finite: trim was commanded.
-    pub const BAD_INPUT: u64 = 1 << 6;
+    pub const BAD_INPUT: u64 = 1 << 5;
 
     /// Whether any clamp acted.
     pub const fn saturated(flags: u64) -> bool {

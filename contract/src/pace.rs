@@ -16,7 +16,7 @@ use crate::scenario::{Mode, Scenario};
 
 /// In lockstep, how long the plant waits on the wall clock for the ring to come round.
 const WATCHDOG_NS: u64 = 5_000_000_000;
-/// In lockstep, how many ticks the plant may be ahead of the launcher, who has to see them all: half its queue.
+/// In lockstep, how many ticks the plant may be ahead of launcher and recorder, who see them all: half a queue.
 const LEAD_TICKS: u64 = OBSERVER_DEPTH as u64 / 2;
 
 /// What releases the plant.
@@ -87,7 +87,7 @@ impl Pace {
                 // The next release is never derived from this wake-up: slots that passed meanwhile are skipped.
                 let periods = slots_passed(now_ns(), sample_ns);
                 let p = &self.punctuality;
-                p.slip(periods);
+                p.slip(periods - 1);
                 p.begin(sample_ns + periods * Scenario::SAMPLE_NS);
                 Turn::Periods(periods)
             }
@@ -96,7 +96,7 @@ impl Pace {
                 while let Some(message) = inlet.arrived(deadline_ns) {
                     if message.stamp().tick == tick {
                         heard(&message, 0);
-                        return self.next_in_lockstep(tick, deadline_ns);
+                        return self.next_in_lockstep(tick);
                     }
                 }
                 if self.board.phase().count() >= phase::LEAVE { Turn::Over } else { Turn::Stuck }
@@ -104,22 +104,22 @@ impl Pace {
         }
     }
 
-    /// Waits until the launcher is close enough behind. Wall time only: the flight does not notice.
-    fn next_in_lockstep(&self, tick: u64, deadline_ns: u64) -> Turn {
-        loop {
-            let watched = self.board.watched().count();
-            if tick < u64::from(watched) + LEAD_TICKS {
-                self.punctuality.begin(now_ns());
-                return Turn::Periods(1);
+    /// Waits until launcher and recorder are close enough behind. Wall time only: the flight does not notice.
+    fn next_in_lockstep(&self, tick: u64) -> Turn {
+        for seen in [self.board.watched(), self.board.recorded()] {
+            loop {
+                let newest = seen.count();
+                if tick < u64::from(newest) + LEAD_TICKS {
+                    break;
+                }
+                if self.board.phase().count() >= phase::LEAVE {
+                    return Turn::Over;
+                }
+                seen.wait(newest, now_ns() + LOOK_AROUND_NS);
             }
-            if self.board.phase().count() >= phase::LEAVE {
-                return Turn::Over;
-            }
-            if now_ns() >= deadline_ns {
-                return Turn::Stuck;
-            }
-            self.board.watched().wait(watched, now_ns() + LOOK_AROUND_NS);
         }
+        self.punctuality.begin(now_ns());
+        Turn::Periods(1)
     }
 }
 

@@ -22,7 +22,7 @@ use crate::message::{Actuators, Controls, Message, Reference, State};
 pub const NODE_DEPTH: usize = 2;
 /// Queue of the recorder and of the launcher, who want every message: 20 s at 100 Hz.
 pub const OBSERVER_DEPTH: usize = 2048;
-/// Publishers per topic: the node, and one successor beside it.
+/// Publishers per topic: the node, and room for one that takes over from it.
 const MAX_PUBLISHERS: usize = 2;
 /// Subscribers per topic: three nodes, recorder, launcher, and spare slots for tools.
 const MAX_SUBSCRIBERS: usize = 10;

@@ -1,7 +1,7 @@
 //! A process of the stack: joins a run, takes its seat, runs its node, leaves.
 //!
-//! Every node's `main.rs` is the same three lines around [`main`]; any other executable that opens the same ports can
-//! sit in its place.
+//! Every node's `main.rs` is the same three lines around [`main`]; the launcher starts the same code as
+//! `launcher node NAME`.
 
 use std::process::ExitCode;
 use std::rc::Rc;
@@ -38,10 +38,8 @@ pub mod exit {
     pub const OUT_OF_BOUNDS: u8 = 1;
     /// Usage or scenario error.
     pub const USAGE: u8 = 2;
-    /// A process could not be kept alive.
+    /// A process or the log was lost.
     pub const PROCESS_LOST: u8 = 3;
-    /// The timing budget was broken.
-    pub const TOO_LATE: u8 = 4;
     /// Interrupted.
     pub const INTERRUPTED: u8 = 130;
 }

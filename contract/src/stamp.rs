@@ -15,7 +15,7 @@ pub struct Stamp {
     pub sample_ns: u64,
     /// Number of this message among those of its publisher, from 1; 0 means no message yet.
     pub sequence: u64,
-    /// Incarnation of the publisher: grows with every restart or hot swap.
+    /// Incarnation of the publisher, from 1; two with the same numbers are never the same process.
     pub epoch: u64,
     /// Sequence numbers of the messages it was computed from, by topic; 0 where none was used.
     pub inputs: [u64; Topic::COUNT],

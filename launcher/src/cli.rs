@@ -7,12 +7,13 @@ use clap::{Parser, Subcommand, ValueEnum};
 use contract::process::{exit, run_as};
 use contract::scenario::{self, Mode};
 
-use crate::{fly, manage, recorder, report};
+use crate::stack::StartError;
+use crate::{fly, manage, print, recorder, report};
 
 #[derive(Parser)]
 #[command(name = "launcher", version, about = "Flies a tilt-rotor tricopter through separate real-time processes")]
 #[command(after_help = "Exit codes: 0 flown; 1 flown, but outside the scenario's bounds or diverged; \
-2 usage or scenario error; 3 a process could not be kept alive; 130 interrupted.")]
+2 usage or scenario error; 3 a process or the log was lost; 130 interrupted.")]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -71,7 +72,7 @@ pub struct FlyArgs {
     /// Override a setting, value in TOML: --set mpc.np=30 --set profile=paper
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub set: Vec<String>,
-    /// Folder for the results [default: runs/<name>-<time>]
+    /// Folder for the results [default: runs/NAME-TIME]
     #[arg(long)]
     pub out: Option<PathBuf>,
     /// Print run.json to stdout instead of the summary
@@ -129,14 +130,14 @@ pub fn main() -> ExitCode {
         Ok(code) => ExitCode::from(code),
         Err(error) => {
             eprintln!("error: {error:#}");
-            ExitCode::from(exit::USAGE)
+            ExitCode::from(error.downcast_ref::<StartError>().map_or(exit::USAGE, StartError::exit_code))
         }
     }
 }
 
 fn check(scenario: &std::path::Path, set: &[String]) -> anyhow::Result<u8> {
     let merged = scenario::load(Some(scenario), set)?;
-    print!("{}", scenario::to_toml(&merged));
+    print(&scenario::to_toml(&merged));
     eprintln!("{}: fine", scenario.display());
     Ok(exit::FLOWN)
 }

@@ -9,6 +9,7 @@ use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 use anyhow::Context;
 use contract::Scenario;
+use contract::process::exit;
 use contract::scenario::{self, Mode, Policy};
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -17,15 +18,15 @@ use crate::inprocess;
 use crate::log::Record;
 use crate::provenance::provenance;
 use crate::recorder::Log;
-use crate::report;
 use crate::run_record::{Circumstances, describe, exit_code, run_json};
 use crate::stack::{Ended, Stack};
 use crate::summary::Summary;
+use crate::{print, report};
 
 /// Flies as the arguments say; the exit code.
 pub fn fly(args: &FlyArgs) -> anyhow::Result<u8> {
     let scenario = settings(args)?;
-    let out = Folder::prepare(args.out.clone().unwrap_or_else(|| default_folder(&scenario)), &scenario)?;
+    let out = Folder::prepare(&args.out.clone().unwrap_or_else(|| default_folder(&scenario)), &scenario)?;
     let interrupts = catch_interrupts()?;
     let log = (!args.no_log).then(|| out.path.join("flight.mcap"));
 
@@ -42,21 +43,23 @@ pub fn fly(args: &FlyArgs) -> anyhow::Result<u8> {
         }
     };
 
-    let run = run_json(&summary, &scenario, &how);
-    let text = serde_json::to_string_pretty(&run)?;
-    write_whole(&out.path.join("run.json"), text.as_bytes())?;
-    if let Some(error) = how.log.as_ref().and_then(|log| log.error.as_ref()) {
+    let run = serde_json::to_string_pretty(&run_json(&summary, &scenario, &how))? + "\n";
+    let written = write_whole(&out.path.join("run.json"), run.as_bytes());
+    let written = written.and_then(|()| if log.is_some() { report::rewrite(&out.path) } else { Ok(()) });
+    if args.json {
+        print(&run);
+    } else {
+        print(&describe(&summary, &scenario, &how));
+        print(&format!("  {:<22}{}\n", "written to", out.path.display()));
+    }
+    let log_error = how.log.as_ref().and_then(|log| log.error.clone());
+    let write_error = written.as_ref().err().map(|error| format!("{error:#}"));
+    for error in [log_error, write_error].into_iter().flatten() {
         eprintln!("error: {error}");
     }
-    let page = log.map(|_| report::rewrite(&out.path)).transpose();
-    if args.json {
-        println!("{text}");
-    } else {
-        print!("{}", describe(&summary, &scenario, &how));
-        println!("  {:<22}{}", "written to", out.path.display());
-    }
-    page?; // what was flown has been told, even where the page found no room
-    Ok(exit_code(&summary, &scenario, &how))
+    // What the flight came to is graver than what could not be written of it.
+    let code = exit_code(&summary, &scenario, &how);
+    Ok(if written.is_err() { code.max(exit::PROCESS_LOST) } else { code })
 }
 
 fn settings(args: &FlyArgs) -> anyhow::Result<Scenario> {
@@ -96,7 +99,7 @@ fn fly_processes(
     summary: &mut Summary,
     interrupts: &AtomicU32,
 ) -> anyhow::Result<Circumstances> {
-    let stack = Stack::start(&args.namespace, scenario, log)?;
+    let stack = Stack::start(&args.namespace, scenario, log, interrupts)?;
     let progress = Progress::new();
     let summary = std::cell::RefCell::new(summary);
     let flown = stack.fly(
@@ -116,12 +119,15 @@ fn fly_processes(
     Ok(Circumstances { ended: flown.ended, wall_s: flown.wall.as_secs_f64(), log: flown.log, provenance })
 }
 
-/// Counts Ctrl-C, SIGTERM and SIGHUP: the first stops the flight cleanly, the second kills.
+/// Counts Ctrl-C, SIGTERM and SIGHUP: the first stops the flight cleanly, the second kills the processes, the third
+/// ends the launcher on the spot (the next flight then wipes what it left in shared memory).
 fn catch_interrupts() -> anyhow::Result<Arc<AtomicU32>> {
     let count = Arc::new(AtomicU32::new(0));
     let handler = count.clone();
     ctrlc::set_handler(move || {
-        handler.fetch_add(1, Ordering::Relaxed);
+        if handler.fetch_add(1, Ordering::Relaxed) >= 2 {
+            std::process::exit(i32::from(exit::INTERRUPTED));
+        }
     })
     .context("cannot catch Ctrl-C")?;
     Ok(count)
@@ -155,43 +161,52 @@ impl Progress {
 /// The folder of a run.
 struct Folder {
     path: PathBuf,
-    made: bool,
+    /// Whether it was there before.
+    found: bool,
+    /// Where an earlier run went.
+    aside: Option<PathBuf>,
 }
 
 impl Folder {
     /// Makes the folder, moves an earlier run in it aside, and proves that it can be written to.
-    fn prepare(path: PathBuf, scenario: &Scenario) -> anyhow::Result<Self> {
-        if path.join("run.json").exists() || path.join("flight.mcap").exists() {
-            move_aside(&path)?;
-        }
-        let made = !path.exists();
+    fn prepare(path: &Path, scenario: &Scenario) -> anyhow::Result<Self> {
+        let path: PathBuf = path.components().collect(); // without a slash at the end
+        let holds_a_run = ["run.json", "flight.mcap", "scenario.toml"].iter().any(|name| path.join(name).exists());
+        let aside = if holds_a_run { Some(move_aside(&path)?) } else { None };
+        let folder = Self { found: path.exists(), aside, path };
+        let path = &folder.path;
+        let made = fs::create_dir_all(path).map_err(anyhow::Error::from);
+        let written =
+            made.and_then(|()| write_whole(&path.join("scenario.toml"), scenario::to_toml(scenario).as_bytes()));
         let cannot = || format!("cannot write to the output folder {}; choose another with --out", path.display());
-        fs::create_dir_all(&path).with_context(cannot)?;
-        let written = write_whole(&path.join("scenario.toml"), scenario::to_toml(scenario).as_bytes());
-        let written = written.with_context(cannot);
-        let folder = Self { path, made };
-        written.inspect_err(|_| folder.withdraw())?;
+        written.with_context(cannot).inspect_err(|_| folder.withdraw())?;
+        if let Some(aside) = &folder.aside {
+            eprintln!("note: {} held an earlier run; it is now {}", path.display(), aside.display());
+        }
         Ok(folder)
     }
 
-    /// Takes back what a run that never flew has written.
+    /// Takes back what a run that never flew has written, and puts an earlier run where it was.
     fn withdraw(&self) {
+        // Each may not be there, and a folder stays when somebody else put a file into it.
         for name in ["scenario.toml", "flight.mcap"] {
-            let _ = fs::remove_file(self.path.join(name)); // may not be there
+            let _ = fs::remove_file(self.path.join(name));
         }
-        if self.made {
-            let _ = fs::remove_dir(&self.path); // stays when somebody else put a file there
+        if !self.found {
+            let _ = fs::remove_dir(&self.path);
+        }
+        if let Some(aside) = &self.aside {
+            let _ = fs::rename(aside, &self.path);
         }
     }
 }
 
 /// Renames the folder of an earlier run to the first free of `<path>.1`, `<path>.2`, ...
-fn move_aside(path: &Path) -> anyhow::Result<()> {
+fn move_aside(path: &Path) -> anyhow::Result<PathBuf> {
     let numbered = |i: u32| PathBuf::from(format!("{}.{i}", path.display()));
     let aside = (1..=9999).map(numbered).find(|p| !p.exists()).context("no free name for the earlier run")?;
     fs::rename(path, &aside).with_context(|| format!("cannot move the earlier run in {}", path.display()))?;
-    eprintln!("note: {} held an earlier run; it is now {}", path.display(), aside.display());
-    Ok(())
+    Ok(aside)
 }
 
 /// Writes a file whole or not at all.

@@ -25,3 +25,9 @@ pub mod run_record;
 pub mod stack;
 pub mod summary;
 pub mod timing;
+
+/// Prints to stdout. A reader that has gone, as in `launcher check FILE | head`, is no error.
+pub(crate) fn print(text: &str) {
+    use std::io::Write;
+    let _ = std::io::stdout().write_all(text.as_bytes());
+}

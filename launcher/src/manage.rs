@@ -11,18 +11,20 @@ use contract::process::{Seat, phase};
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::{Value, json};
 
+use crate::print;
+
 /// Lists the stacks that fly, newest sample included.
 pub fn status(as_json: bool) -> anyhow::Result<()> {
     let stacks: Vec<Value> = Domain::list().iter().map(look).collect();
     if as_json {
-        println!("{}", serde_json::to_string_pretty(&stacks)?);
+        print(&(serde_json::to_string_pretty(&stacks)? + "\n"));
     } else if stacks.is_empty() {
-        println!("no stack is flying");
+        print("no stack is flying\n");
     }
     for s in stacks.iter().filter(|_| !as_json) {
         let text = |key: &str| s[key].as_str().unwrap_or("?").to_owned();
-        println!(
-            "{:<16} {:<12} {:<10} {:<9} t = {:.2} s of {:.0} s   launcher {}",
+        print(&format!(
+            "{:<16} {:<12} {:<10} {:<9} t = {:.2} s of {:.0} s   launcher {}\n",
             text("namespace"),
             text("name"),
             text("mode"),
@@ -30,7 +32,7 @@ pub fn status(as_json: bool) -> anyhow::Result<()> {
             s["time_s"].as_f64().unwrap_or(0.0),
             s["duration_s"].as_f64().unwrap_or(0.0),
             s["launcher_pid"],
-        );
+        ));
     }
     Ok(())
 }
@@ -49,7 +51,9 @@ fn look(domain: &Domain) -> Value {
             phase::GO => "flying",
             _ => "ending",
         });
-        if let Some(state) = seat.observer::<State>().ok().and_then(|port| newest(&*port)) {
+        // A stack that is still starting counts its queues: a guest comes later.
+        let flying = seat.board.phase().count() == phase::GO;
+        if flying && let Some(state) = seat.observer::<State>().ok().and_then(|port| newest(&*port)) {
             view["time_s"] = json!(state.stamp.tick as f64 * Scenario::SAMPLE_S);
             view["position_m"] = json!(state.actual.position_m);
         }
@@ -85,6 +89,6 @@ pub fn stop(namespace: &str) -> anyhow::Result<()> {
         }
         std::thread::sleep(Duration::from_millis(5));
     }
-    println!("stack '{namespace}' has ended");
+    print(&format!("stack '{namespace}' has ended\n"));
     Ok(())
 }

@@ -6,7 +6,7 @@
 
 use std::path::Path;
 use std::process::ExitCode;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use contract::message::{Actuators, Controls, Reference, State};
 use contract::port::{Receive, Wire};
@@ -40,7 +40,7 @@ pub struct Observers {
 }
 
 impl Observers {
-    /// Joins all four topics through `port`, which opens one queue.
+    /// Joins all four topics.
     pub fn join(seat: &Seat) -> Result<Self, SeatError> {
         Ok(Self {
             states: seat.observer()?,
@@ -79,14 +79,22 @@ pub fn main(namespace: &str, path: &Path) -> ExitCode {
 
 fn record(namespace: &str, path: &Path) -> anyhow::Result<LogOutcome> {
     let seat = Seat::join(namespace, "recorder")?;
-    let observers = Observers::join(&seat)?;
+    // The file first: a recorder that has joined is one that can write.
     let mut log = Log::create(path, &scenario::to_toml(&seat.scenario))?;
+    let observers = Observers::join(&seat)?;
     loop {
         let closing = seat.board.phase().count() >= phase::CLOSE;
-        if observers.drain(|record| log.write(&record)) == 0 {
+        let mut newest = 0;
+        let count = observers.drain(|record| {
+            newest = newest.max(record.stamp().tick);
+            log.write(&record);
+        });
+        seat.board.recorded().raise(newest as u32);
+        if count == 0 {
             if closing {
                 return Ok(log.finish());
             }
+            log.idle();
             std::thread::sleep(POLL);
         }
     }
@@ -95,6 +103,8 @@ fn record(namespace: &str, path: &Path) -> anyhow::Result<LogOutcome> {
 /// A log that counts what it lost and survives a failing disk.
 pub struct Log {
     writer: Option<LogWriter>,
+    /// When the newest message was written, unless it was flushed since.
+    written: Option<Instant>,
     next_sequence: [u64; 4],
     outcome: LogOutcome,
 }
@@ -103,7 +113,7 @@ impl Log {
     /// Begins the file.
     pub fn create(path: &Path, scenario_toml: &str) -> anyhow::Result<Self> {
         let writer = Some(LogWriter::create(path, scenario_toml)?);
-        Ok(Self { writer, next_sequence: [1; 4], outcome: LogOutcome::default() })
+        Ok(Self { writer, written: None, next_sequence: [1; 4], outcome: LogOutcome::default() })
     }
 
     /// Writes one message, or counts it as dropped.
@@ -113,9 +123,22 @@ impl Log {
         self.outcome.dropped += sequence.saturating_sub(*next);
         *next = sequence + 1;
         match self.writer.as_mut().map(|writer| writer.write(record)) {
-            Some(Ok(())) => self.outcome.records += 1,
+            Some(Ok(())) => {
+                self.outcome.records += 1;
+                self.written = Some(Instant::now());
+            }
             Some(Err(error)) => self.fail(&error),
             None => self.outcome.dropped += 1,
+        }
+    }
+
+    /// Nothing to write just now: what was written a second ago goes out of reach of a kill.
+    fn idle(&mut self) {
+        if self.written.is_some_and(|when| when.elapsed() > Duration::from_secs(1)) {
+            self.written = None;
+            if let Some(Err(error)) = self.writer.as_mut().map(LogWriter::flush) {
+                self.fail(&error);
+            }
         }
     }
 

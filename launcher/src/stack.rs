@@ -9,15 +9,15 @@
 use std::io::Read;
 use std::os::unix::process::CommandExt;
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, bail};
+use anyhow::Context;
 use contract::Scenario;
 use contract::domain::Hold;
 use contract::port::{Bus, Services, config_toml};
-use contract::process::{Seat, phase};
+use contract::process::{Seat, exit, phase};
 use contract::realtime::Board;
 use contract::topic::{NODES, Topic};
 
@@ -44,6 +44,36 @@ pub enum Ended {
     Lost(String),
 }
 
+/// Why a stack did not come up.
+#[derive(Debug)]
+pub enum StartError {
+    /// A process ended or hung before everybody had joined.
+    Lost(String),
+    /// Ctrl-C.
+    Interrupted,
+}
+
+impl StartError {
+    /// Exit code of a launcher that could not start its stack.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Self::Lost(_) => exit::PROCESS_LOST,
+            Self::Interrupted => exit::INTERRUPTED,
+        }
+    }
+}
+
+impl std::fmt::Display for StartError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Lost(how) => write!(f, "the stack did not come up: {how}"),
+            Self::Interrupted => write!(f, "interrupted while the stack was starting"),
+        }
+    }
+}
+
+impl std::error::Error for StartError {}
+
 /// What a flight through processes leaves behind, beside the messages.
 pub struct Flown {
     /// How it ended.
@@ -69,7 +99,12 @@ pub struct Stack {
 
 impl Stack {
     /// Starts the processes of `scenario` in `namespace`, with a recorder if `log` names a file.
-    pub fn start(namespace: &str, scenario: &Scenario, log: Option<&Path>) -> anyhow::Result<Self> {
+    pub fn start(
+        namespace: &str,
+        scenario: &Scenario,
+        log: Option<&Path>,
+        interrupts: &AtomicU32,
+    ) -> anyhow::Result<Self> {
         let hold = Hold::take(namespace)?;
         let domain = &hold.domain;
         let shm = |what| move || format!("cannot write {what} in shared memory");
@@ -88,17 +123,24 @@ impl Stack {
         if let Some(path) = log {
             stack.spawn("recorder", namespace, Some(path))?;
         }
-        stack.wait_until_joined(1 + usize::from(log.is_some()))?;
+        if log.is_none() {
+            stack.board.recorded().raise(u32::MAX); // nobody records, so nobody is to be waited for
+        }
+        stack.wait_until_joined(1 + usize::from(log.is_some()), interrupts)?;
         Ok(stack)
     }
 
     /// Flies: `watch` sees every message, `tick` is called at every look around.
     pub fn fly(mut self, interrupts: &AtomicU32, mut watch: impl FnMut(Record), mut tick: impl FnMut()) -> Flown {
-        let scheduling = self.children.iter().map(|(name, c)| (name.clone(), scheduling_of(c.id()))).collect();
+        let mut scheduling = vec![];
         let started = Instant::now();
         self.board.set_phase(phase::GO);
         let ended = loop {
-            self.drain(&mut watch);
+            let newest = self.drain(&mut watch);
+            if scheduling.is_empty() && newest > 0 {
+                // Everybody has been round once, and so has long settled into the class it got.
+                scheduling = self.children.iter().map(|(name, c)| (name.clone(), scheduling_of(c.id()))).collect();
+            }
             tick();
             if interrupts.load(Ordering::Relaxed) > 0 {
                 break Ended::Interrupted;
@@ -113,6 +155,7 @@ impl Stack {
         let (lost, log) = self.stop(interrupts, &mut watch);
         // A node that fails while leaving has still failed.
         let ended = match (ended, lost) {
+            (Ended::Lost(name), Some(other)) if name != other => Ended::Lost(format!("{name}; {other}")),
             (Ended::Lost(name), _) | (Ended::Flown, Some(name)) => Ended::Lost(name),
             (other, _) => other,
         };
@@ -133,42 +176,49 @@ impl Stack {
     }
 
     /// Waits until every topic has its publisher and all its subscribers; `observers` of them are not nodes.
-    fn wait_until_joined(&mut self, observers: usize) -> anyhow::Result<()> {
+    fn wait_until_joined(&mut self, observers: usize, interrupts: &AtomicU32) -> Result<(), StartError> {
         let deadline = Instant::now() + JOIN_LIMIT;
-        // guidance and attitude-mpc listen to STATE, one node to each other topic.
-        let expected = |topic| (1, observers + if topic == Topic::State { 2 } else { 1 });
-        while let Some(topic) = Topic::ALL.into_iter().find(|t| self.services.joined(*t) != expected(*t)) {
+        let missing = |services: &Services, topic: Topic| {
+            // guidance and attitude-mpc listen to STATE, one node to each other topic.
+            let listeners = observers + if topic == Topic::State { 2 } else { 1 };
+            let (publishers, subscribers) = services.joined(topic);
+            publishers < 1 || subscribers < listeners
+        };
+        while let Some(topic) = Topic::ALL.into_iter().find(|topic| missing(&self.services, *topic)) {
+            if interrupts.load(Ordering::Relaxed) > 0 {
+                return Err(StartError::Interrupted);
+            }
             if let Some((name, _)) = self.departed() {
-                bail!("{name} ended while the stack was starting");
+                return Err(StartError::Lost(format!("{name} ended")));
             }
             if Instant::now() > deadline {
                 let (publishers, subscribers) = self.services.joined(topic);
-                bail!(
-                    "the stack did not come up within 10 s: topic '{}' has {publishers} publishers, {subscribers} subscribers",
-                    topic.name()
-                );
+                let counts = format!("{publishers} publishers and {subscribers} subscribers");
+                return Err(StartError::Lost(format!("after 10 s topic '{}' has {counts}", topic.name())));
             }
             std::thread::sleep(Duration::from_millis(1));
         }
         Ok(())
     }
 
-    /// Shows `watch` every message that has come, and tells the plant, which waits for it in lockstep.
-    fn drain(&self, watch: &mut impl FnMut(Record)) {
+    /// Shows `watch` every message that has come, and tells the plant, which waits for it in lockstep; the newest tick.
+    fn drain(&self, watch: &mut impl FnMut(Record)) -> u64 {
         let mut newest = 0;
         self.observers.drain(|record| {
             newest = newest.max(record.stamp().tick);
             watch(record);
         });
         self.board.watched().raise(newest as u32);
+        newest
     }
 
-    /// A child that has ended, and whether it ended well.
+    /// A child that has ended, and whether it ended well; one that did not is named first.
     fn departed(&mut self) -> Option<(String, bool)> {
-        self.children.iter_mut().find_map(|(name, child)| {
+        let ended = self.children.iter_mut().filter_map(|(name, child)| {
             let status = child.try_wait().ok().flatten()?;
             Some(if status.success() { (name.clone(), true) } else { (format!("{name} ({status})"), false) })
-        })
+        });
+        ended.min_by_key(|(_, well)| *well)
     }
 
     /// Nodes first, then the recorder, so that the log has their last messages. A second Ctrl-C kills.
@@ -177,15 +227,17 @@ impl Stack {
         self.board.set_phase(phase::LEAVE);
         let nodes = self.children.iter().filter(|(name, _)| name != "recorder").count();
         for (name, child) in &mut self.children[..nodes] {
-            if !wait(child, LEAVE_LIMIT, interrupts) {
-                lost.get_or_insert_with(|| format!("{name} (did not leave within 1 s and was killed)"));
+            match wait(child, LEAVE_LIMIT, interrupts) {
+                Some(status) if status.success() => {}
+                Some(status) => _ = lost.get_or_insert_with(|| format!("{name} ({status})")),
+                None => _ = lost.get_or_insert_with(|| format!("{name} (did not leave within 1 s and was killed)")),
             }
         }
         self.drain(watch);
         self.board.set_phase(phase::CLOSE);
         let recorder = self.children.get_mut(nodes).map(|(_, child)| child);
         let log = recorder.map(|child| {
-            let done = wait(child, CLOSE_LIMIT, interrupts);
+            let done = wait(child, CLOSE_LIMIT, interrupts).is_some();
             let mut text = String::new();
             let read = child.stdout.take().map(|mut out| out.read_to_string(&mut text));
             let word = read.and_then(|_| serde_json::from_str(&text).ok()).filter(|_| done);
@@ -208,17 +260,17 @@ impl Drop for Stack {
     }
 }
 
-/// Waits for `child` to end by itself; kills it after `limit` or at a second interrupt. Whether it ended by itself.
-fn wait(child: &mut Child, limit: Duration, interrupts: &AtomicU32) -> bool {
+/// Waits for `child` to end by itself and says how; kills it after `limit` or at a second interrupt.
+fn wait(child: &mut Child, limit: Duration, interrupts: &AtomicU32) -> Option<ExitStatus> {
     let deadline = Instant::now() + limit;
     loop {
-        if let Ok(Some(_)) = child.try_wait() {
-            return true;
+        if let Ok(Some(status)) = child.try_wait() {
+            return Some(status);
         }
         if Instant::now() > deadline || interrupts.load(Ordering::Relaxed) > 1 {
             let _ = child.kill();
             let _ = child.wait();
-            return false;
+            return None;
         }
         std::thread::sleep(Duration::from_millis(1));
     }

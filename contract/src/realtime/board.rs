@@ -1,8 +1,8 @@
 //! The board: one shared page with a bell per topic and the words every process looks at.
 //!
 //! iceoryx2 carries the messages; the bells only wake. A bell is a counter with a futex on it: a publisher raises it
-//! after it has sent, a waiter sleeps until it moves or a deadline passes. Against iceoryx2's own events this halves
-//! the cost of a hop and gives time-outs exact to the nanosecond (`launcher measure` shows both).
+//! after it has sent, a waiter sleeps until it moves or a deadline passes. iceoryx2's own event is a datagram with
+//! time-outs in milliseconds; a futex costs one system call a side and times out at the nanosecond.
 //!
 //! A bell holds no state worth losing: whoever dies between sending and ringing costs the others one time-out.
 
@@ -21,13 +21,14 @@ use super::clock::to_timespec;
 use crate::Topic;
 
 const PAGE_BYTES: usize = 4096;
-const MAGIC: u32 = 0x7EF0_1102;
+const MAGIC: u32 = 0x7EF0_1103;
 
 #[repr(C)]
 struct Page {
     magic: AtomicU32,
     phase: Bell,
     watched: Bell,
+    recorded: Bell,
     bells: [Bell; Topic::COUNT],
 }
 const _: () = assert!(size_of::<Page>() <= PAGE_BYTES);
@@ -113,6 +114,11 @@ impl Board {
     /// The newest tick that the launcher has seen: how far lockstep may run ahead is counted from it.
     pub fn watched(&self) -> &Bell {
         &self.page().watched
+    }
+
+    /// The newest tick that the recorder has seen; at its highest when nothing is recorded.
+    pub fn recorded(&self) -> &Bell {
+        &self.page().recorded
     }
 
     /// Moves the run on to `phase` and wakes every waiter, whatever it waits for.
