@@ -129,7 +129,9 @@ pub fn main() -> ExitCode {
     match result {
         Ok(code) => ExitCode::from(code),
         Err(error) => {
-            eprintln!("error: {error:#}");
+            let text = format!("{error:#}");
+            // Scenario errors open with the word themselves, in front of the lines they quote.
+            eprintln!("error: {}", text.strip_prefix("error: ").unwrap_or(&text));
             ExitCode::from(error.downcast_ref::<StartError>().map_or(exit::USAGE, StartError::exit_code))
         }
     }

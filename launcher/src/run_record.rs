@@ -119,8 +119,9 @@ pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
     line(
         "altitude error",
         format!(
-            "{:.4} m in 10-50 s, {:.4} m otherwise",
-            m.max_altitude_error_horizontal_m, m.max_altitude_error_vertical_m
+            "{} in 10-50 s, {} otherwise",
+            metres(m.max_altitude_error_horizontal_m),
+            metres(m.max_altitude_error_vertical_m)
         ),
     );
     line(
@@ -171,4 +172,8 @@ pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
         ),
     );
     text
+}
+
+fn metres(value: f64) -> String {
+    if value.is_nan() { "not reached".into() } else { format!("{value:.4} m") }
 }
