@@ -18,8 +18,7 @@ use std::sync::Arc;
 
 use crate::message::{Message, Stamp};
 use crate::port::{Receive, Send};
-use crate::process::phase;
-use crate::realtime::{Board, now_ns, thread_cpu_ns};
+use crate::realtime::{Board, now_ns, phase, thread_cpu_ns};
 use crate::scenario::Scenario;
 
 /// Longest sleep without a look around: a lost wake-up costs no more than this.

@@ -10,8 +10,7 @@ use std::sync::Arc;
 use crate::cycle::{Inlet, LOOK_AROUND_NS, Punctuality};
 use crate::message::{Message, Stamp};
 use crate::port::OBSERVER_DEPTH;
-use crate::process::phase;
-use crate::realtime::{Board, now_ns};
+use crate::realtime::{Board, now_ns, phase};
 use crate::scenario::{Mode, Scenario};
 
 /// In lockstep, how long the plant waits on the wall clock for the ring to come round.

@@ -14,21 +14,9 @@ use crate::cycle::{Inlet, Outlet, Punctuality};
 use crate::domain::{Domain, DomainError};
 use crate::pace::Pace;
 use crate::port::{Bus, NODE_DEPTH, OBSERVER_DEPTH, PortError, Receive, Wire};
-use crate::realtime::{self, Board, now_ns};
+use crate::realtime::{self, Board, now_ns, phase};
 use crate::scenario::{self, Mode, Scenario, ScenarioError};
 use crate::topic::NODES;
-
-/// Where a run stands: the value of [`Board::phase`].
-pub mod phase {
-    /// Processes are joining.
-    pub const JOIN: u32 = 0;
-    /// All are there: the plant may start.
-    pub const GO: u32 = 1;
-    /// The nodes leave.
-    pub const LEAVE: u32 = 2;
-    /// The nodes have left: the recorder closes its file.
-    pub const CLOSE: u32 = 3;
-}
 
 /// Exit codes of the stack's programs.
 pub mod exit {

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand, ValueEnum};
 use contract::process::{exit, run_as};
-use contract::scenario::{self, Mode};
+use contract::scenario;
 
 use crate::stack::StartError;
 use crate::{fly, manage, print, recorder, report};
@@ -22,7 +22,7 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     /// Fly a scenario and write flight.mcap, run.json and report.html
-    Fly(FlyArgs),
+    Fly(fly::FlyArgs),
     /// Check a scenario file and print the merged settings
     Check {
         /// Scenario file (TOML)
@@ -61,42 +61,6 @@ enum Command {
     },
 }
 
-/// Arguments of `fly`.
-#[derive(clap::Args)]
-pub struct FlyArgs {
-    /// Scenario file (TOML); without one: profile robust, trajectory survey, real time, 60 s
-    pub scenario: Option<PathBuf>,
-    /// How to turn the ring
-    #[arg(long)]
-    pub mode: Option<ModeArg>,
-    /// Override a setting, value in TOML: --set mpc.np=30 --set profile=paper
-    #[arg(long = "set", value_name = "KEY=VALUE")]
-    pub set: Vec<String>,
-    /// Folder for the results [default: runs/NAME-TIME]
-    #[arg(long)]
-    pub out: Option<PathBuf>,
-    /// Print run.json to stdout instead of the summary
-    #[arg(long)]
-    pub json: bool,
-    /// Do not write flight.mcap and report.html
-    #[arg(long)]
-    pub no_log: bool,
-    /// Name of the stack: several can fly at once under different names
-    #[arg(long, default_value = "default")]
-    pub namespace: String,
-}
-
-/// `--mode`
-#[derive(Clone, Copy, ValueEnum)]
-pub enum ModeArg {
-    /// Processes, released by the clock
-    Realtime,
-    /// Processes, as fast as they go, bit-identical on every repeat
-    Lockstep,
-    /// One thread, bit-identical to lockstep
-    Inprocess,
-}
-
 #[derive(Clone, Copy, ValueEnum)]
 enum NodeName {
     Plant,
@@ -104,16 +68,6 @@ enum NodeName {
     AttitudeMpc,
     Mixer,
     Recorder,
-}
-
-impl From<ModeArg> for Mode {
-    fn from(mode: ModeArg) -> Self {
-        match mode {
-            ModeArg::Realtime => Self::Realtime,
-            ModeArg::Lockstep => Self::Lockstep,
-            ModeArg::Inprocess => Self::Inprocess,
-        }
-    }
 }
 
 /// Parses the arguments and does what they say.

@@ -8,12 +8,12 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 use anyhow::Context;
+use clap::ValueEnum;
 use contract::Scenario;
 use contract::process::exit;
 use contract::scenario::{self, Mode, Policy};
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::cli::FlyArgs;
 use crate::inprocess;
 use crate::log::Record;
 use crate::provenance::provenance;
@@ -22,6 +22,52 @@ use crate::run_record::{Circumstances, describe, exit_code, run_json};
 use crate::stack::{Ended, Stack};
 use crate::summary::Summary;
 use crate::{print, report};
+
+/// Arguments of `fly`.
+#[derive(clap::Args)]
+pub struct FlyArgs {
+    /// Scenario file (TOML); without one: profile robust, trajectory survey, real time, 60 s
+    pub scenario: Option<PathBuf>,
+    /// How to turn the ring
+    #[arg(long)]
+    pub mode: Option<ModeArg>,
+    /// Override a setting, value in TOML: --set mpc.np=30 --set profile=paper
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// Folder for the results [default: runs/NAME-TIME]
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+    /// Print run.json to stdout instead of the summary
+    #[arg(long)]
+    pub json: bool,
+    /// Do not write flight.mcap and report.html
+    #[arg(long)]
+    pub no_log: bool,
+    /// Name of the stack: several can fly at once under different names
+    #[arg(long, default_value = "default")]
+    pub namespace: String,
+}
+
+/// `--mode`
+#[derive(Clone, Copy, ValueEnum)]
+pub enum ModeArg {
+    /// Processes, released by the clock
+    Realtime,
+    /// Processes, as fast as they go, bit-identical on every repeat
+    Lockstep,
+    /// One thread, bit-identical to lockstep
+    Inprocess,
+}
+
+impl From<ModeArg> for Mode {
+    fn from(mode: ModeArg) -> Self {
+        match mode {
+            ModeArg::Realtime => Self::Realtime,
+            ModeArg::Lockstep => Self::Lockstep,
+            ModeArg::Inprocess => Self::Inprocess,
+        }
+    }
+}
 
 /// Flies as the arguments say; the exit code.
 pub fn fly(args: &FlyArgs) -> anyhow::Result<u8> {

@@ -7,7 +7,8 @@ use contract::Scenario;
 use contract::domain::Domain;
 use contract::message::State;
 use contract::port::Receive;
-use contract::process::{Seat, phase};
+use contract::process::Seat;
+use contract::realtime::phase;
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::{Value, json};
 

@@ -10,7 +10,8 @@ use std::time::{Duration, Instant};
 
 use contract::message::{Actuators, Controls, Reference, State};
 use contract::port::{Receive, Wire};
-use contract::process::{Seat, SeatError, exit, phase};
+use contract::process::{Seat, SeatError, exit};
+use contract::realtime::phase;
 use contract::scenario;
 use rustix::process::Signal;
 use serde::{Deserialize, Serialize};

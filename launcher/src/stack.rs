@@ -17,8 +17,8 @@ use anyhow::Context;
 use contract::Scenario;
 use contract::domain::Hold;
 use contract::port::{Bus, Services, config_toml};
-use contract::process::{Seat, exit, phase};
-use contract::realtime::Board;
+use contract::process::{Seat, exit};
+use contract::realtime::{Board, phase};
 use contract::topic::{NODES, Topic};
 
 use crate::log::Record;

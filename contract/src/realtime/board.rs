@@ -33,6 +33,18 @@ struct Page {
 }
 const _: () = assert!(size_of::<Page>() <= PAGE_BYTES);
 
+/// Where a run stands: the value of [`Board::phase`].
+pub mod phase {
+    /// Processes are joining.
+    pub const JOIN: u32 = 0;
+    /// All are there: the plant may start.
+    pub const GO: u32 = 1;
+    /// The nodes leave.
+    pub const LEAVE: u32 = 2;
+    /// The nodes have left: the recorder closes its file.
+    pub const CLOSE: u32 = 3;
+}
+
 /// A counter that wakes, on a cache line of its own.
 #[repr(C, align(64))]
 pub struct Bell(AtomicU32);
@@ -106,7 +118,7 @@ impl Board {
         &self.page().bells[topic as usize]
     }
 
-    /// Where the run stands: see [`crate::process::phase`]. Rung at every change.
+    /// Where the run stands: see [`phase`]. Rung at every change.
     pub fn phase(&self) -> &Bell {
         &self.page().phase
     }

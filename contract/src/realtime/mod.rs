@@ -12,7 +12,7 @@ use std::num::NonZeroU64;
 
 use rustix::mm::MlockAllFlags;
 
-pub use board::{Bell, Board};
+pub use board::{Bell, Board, phase};
 pub use clock::{now_ns, thread_cpu_ns};
 
 use crate::scenario::{Policy, Realtime};
