@@ -3,18 +3,15 @@
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
-use contract::Scenario;
 use contract::domain::Domain;
-use contract::message::State;
-use contract::port::Receive;
-use contract::process::Seat;
-use contract::realtime::phase;
+use contract::realtime::{Board, phase};
+use contract::scenario::{self, Scenario};
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::{Value, json};
 
 use crate::print;
 
-/// Lists the stacks that fly, newest sample included.
+/// Lists the stacks that fly, and how far they are.
 pub fn status(as_json: bool) -> anyhow::Result<()> {
     let stacks: Vec<Value> = Domain::list().iter().map(look).collect();
     if as_json {
@@ -38,40 +35,26 @@ pub fn status(as_json: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What can be seen of one stack from outside; a stack that ends meanwhile shows what was left.
+/// What can be seen of one stack without joining it: settings and board. A guest that joins while the stack ends would
+/// leave its own traces in the shared memory being wiped. What is gone already is absent.
 fn look(domain: &Domain) -> Value {
-    let namespace = domain.namespace();
-    let mut view = json!({ "namespace": namespace, "launcher_pid": domain.launcher_pid() });
-    if let Ok(seat) = Seat::join(namespace, "status") {
-        view["name"] = json!(seat.scenario.name);
-        view["mode"] = json!(seat.scenario.run.mode);
-        view["profile"] = json!(seat.scenario.profile);
-        view["duration_s"] = json!(seat.scenario.run.duration_s);
-        view["phase"] = json!(match seat.board.phase().count() {
+    let mut view = json!({ "namespace": domain.namespace(), "launcher_pid": domain.launcher_pid() });
+    let settings = std::fs::read_to_string(domain.file("scenario.toml")).ok();
+    if let Some(scenario) = settings.and_then(|text| scenario::from_merged(&text, "settings").ok()) {
+        view["name"] = json!(scenario.name);
+        view["mode"] = json!(scenario.run.mode);
+        view["profile"] = json!(scenario.profile);
+        view["duration_s"] = json!(scenario.run.duration_s);
+    }
+    if let Ok(board) = Board::open(&domain.file("board")) {
+        view["time_s"] = json!(f64::from(board.watched().count()) * Scenario::SAMPLE_S);
+        view["phase"] = json!(match board.phase().count() {
             phase::JOIN => "starting",
             phase::GO => "flying",
             _ => "ending",
         });
-        // A stack that is still starting counts its queues: a guest comes later.
-        let flying = seat.board.phase().count() == phase::GO;
-        if flying && let Some(state) = seat.observer::<State>().ok().and_then(|port| newest(&*port)) {
-            view["time_s"] = json!(state.stamp.tick as f64 * Scenario::SAMPLE_S);
-            view["position_m"] = json!(state.actual.position_m);
-        }
     }
     view
-}
-
-/// The newest state within a few periods: a publisher greets a new queue only when it sends.
-fn newest(port: &dyn Receive<State>) -> Option<State> {
-    const LIMIT: Duration = Duration::from_millis(100);
-    let deadline = Instant::now() + LIMIT;
-    loop {
-        match std::iter::from_fn(|| port.receive()).last() {
-            None if Instant::now() < deadline => std::thread::sleep(Duration::from_millis(1)),
-            found => return found,
-        }
-    }
 }
 
 /// Asks the launcher of `namespace` to end its flight, and waits until it has.
