@@ -94,8 +94,6 @@ fn no_node_reads_the_clock_or_knows_another() {
 fn files_are_short_enough_to_read() {
     for (path, text) in sources() {
         let lines = text.lines().count();
-        // sections.rs is the list of all settings with their meaning: one table, not one thought after another.
-        let limit = if path.ends_with("scenario/sections.rs") { 420 } else { 300 };
-        assert!(lines <= limit, "{} has {lines} lines", path.display());
+        assert!(lines <= 300, "{} has {lines} lines", path.display());
     }
 }

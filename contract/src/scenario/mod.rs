@@ -3,16 +3,31 @@
 //! Precedence: profile < file < `--set key=value`. [`load`](load()) merges and checks; the merged result is
 //! written beside the run, so that a run can be repeated from its folder alone. Degrees appear in files only; cores
 //! convert when they are built.
+//!
+//! | module | holds |
+//! |---|---|
+//! | `run` | the whole, `[run]`, `[bounds]`, `[realtime]` |
+//! | `mission` | `[mission]`, `[initial]` |
+//! | `vehicle` | `[plant]`; `[airframe]` is [`airframe::Parameters`] |
+//! | `control` | `[guidance]`, `[mpc]`, `[mixer]` |
+//! | `profile` | every default |
+//! | `load`, `shape`, `check`, `report` | merging, the form of a file, ranges, messages with their place |
 
 mod check;
+mod control;
 mod load;
+mod mission;
 mod profile;
 mod report;
-mod sections;
+mod run;
 mod shape;
 #[cfg(test)]
 mod tests;
+mod vehicle;
 
+pub use control::*;
 pub use load::{from_merged, load, to_toml};
+pub use mission::*;
 pub use report::ScenarioError;
-pub use sections::*;
+pub use run::*;
+pub use vehicle::*;

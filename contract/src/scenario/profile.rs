@@ -5,7 +5,7 @@
 
 use airframe::Parameters;
 
-use super::sections::{
+use super::{
     Bounds, Constraints, Derivative, Guidance, Heading, Initial, Mission, Mixer, Mode, Mpc, Noise, Plant, Policy,
     Profile, Ramp, RateReference, Realtime, RollReference, Run, Scenario, Terminal, TrajectoryKind,
 };

@@ -1,0 +1,150 @@
+//! The scenario as a whole, `[run]`, `[bounds]` and `[realtime]`. Names and units are the file's.
+
+use airframe::{ActuatorLaw, Limits, Parameters};
+use serde::{Deserialize, Serialize};
+
+use super::{Guidance, Initial, Mission, Mixer, Mpc, Plant};
+
+/// Everything that decides a run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Scenario {
+    /// What this run is called; its folder and report carry it.
+    pub name: String,
+    /// Which defaults it starts from.
+    pub profile: Profile,
+    /// How the ring is turned.
+    pub run: Run,
+    /// Where to fly.
+    pub mission: Mission,
+    /// Where to start, relative to hover trim.
+    pub initial: Initial,
+    /// Table I.
+    pub airframe: Parameters,
+    /// The vehicle as it really is.
+    pub plant: Plant,
+    /// The position controller.
+    pub guidance: Guidance,
+    /// The attitude controller.
+    pub mpc: Mpc,
+    /// The control allocation.
+    pub mixer: Mixer,
+    /// What the run must stay inside of to count as flown.
+    pub bounds: Bounds,
+    /// How the processes are scheduled.
+    pub realtime: Realtime,
+}
+
+/// The two sets of defaults.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Profile {
+    /// The paper's controller as verified: fragile, below 5 ms of delay.
+    Paper,
+    /// The stack's own: lag and delay in the model, exact constraints.
+    Robust,
+}
+
+/// The three ways to turn the same ring.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Mode {
+    /// Processes; the plant is released by the clock.
+    Realtime,
+    /// Processes; the plant is released by its own tick's ACTUATORS.
+    Lockstep,
+    /// One thread calls the four steps in order.
+    Inprocess,
+}
+
+/// `[run]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Run {
+    /// How the ring is turned.
+    pub mode: Mode,
+    /// Simulated time \[s\].
+    pub duration_s: f64,
+    /// Seed of every random stream.
+    pub seed: u64,
+    /// Dead time between mixer output and actuators \[ms\]; the held command acts meanwhile.
+    pub command_delay_ms: f64,
+    /// Plus uniform 0..this \[ms\].
+    pub command_jitter_ms: f64,
+    /// A dropped command leaves the previous one in force.
+    pub command_drop_probability: f64,
+}
+
+/// `[bounds]`: metrics of the run (see run.json) that must not be exceeded; absent = not judged.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Bounds {
+    /// \[m\]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_position_error_m: Option<f64>,
+    /// Altitude error for t in \[10, 50\] s \[m\].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_altitude_error_horizontal_m: Option<f64>,
+    /// Altitude error otherwise \[m\].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_altitude_error_vertical_m: Option<f64>,
+    /// \[m\]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub final_position_error_m: Option<f64>,
+}
+
+/// `[realtime]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Realtime {
+    /// Scheduling class asked for; without the privilege the stack runs as `other` and says so.
+    pub policy: Policy,
+    /// Lock the processes' memory.
+    pub lock_memory: bool,
+}
+
+/// `realtime.policy`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Policy {
+    /// `SCHED_FIFO`, priorities rising downstream.
+    Fifo,
+    /// `SCHED_OTHER`.
+    Other,
+}
+
+impl Default for Scenario {
+    /// The robust profile.
+    fn default() -> Self {
+        Self::of(Profile::Robust)
+    }
+}
+
+impl Scenario {
+    /// Sample time of the ring \[ns\].
+    pub const SAMPLE_NS: u64 = 10_000_000;
+    /// Sample time of the ring \[s\].
+    pub const SAMPLE_S: f64 = 0.01;
+
+    /// Number of periods in the run.
+    pub fn ticks(&self) -> u64 {
+        (self.run.duration_s / Self::SAMPLE_S).round() as u64
+    }
+
+    /// Amplitude limits of the actuators.
+    pub fn limits(&self) -> Limits {
+        let p = &self.plant;
+        Limits::new(&self.airframe, p.rotor_speed_min, p.rotor_speed_max_ratio, p.tilt_max_deg.to_radians())
+    }
+
+    /// The actuators as they are.
+    pub fn actuator_law(&self) -> ActuatorLaw {
+        ActuatorLaw {
+            limits: self.limits(),
+            rotor_lag_s: self.plant.rotor_lag_s,
+            servo_lag_s: self.plant.servo_lag_s,
+            rotor_rate_limit: self.plant.rotor_rate_limit,
+            servo_rate_limit_radps: self.plant.servo_rate_limit_radps,
+        }
+    }
+}
