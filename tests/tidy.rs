@@ -67,10 +67,7 @@ fn unsafe_code_stays_in_its_room() {
 fn only_port_names_iceoryx2() {
     for (path, text) in sources() {
         let names = text.contains("use iceoryx2::") && path != Path::new("contract/src/port.rs");
-        // The messages and their stamp derive the marker trait that iceoryx2 asks of every payload.
-        let derives = ["contract/src/message.rs", "contract/src/stamp.rs", "tests/tidy.rs"];
-        let is_marker = derives.iter().any(|file| path == Path::new(file));
-        assert!(!names || is_marker, "{} names iceoryx2", path.display());
+        assert!(!names || path == Path::new("tests/tidy.rs"), "{} names iceoryx2", path.display());
     }
 }
 

@@ -7,9 +7,9 @@
 
 use airframe::Actuation;
 use bytemuck::{Pod, Zeroable};
-use iceoryx2::prelude::ZeroCopySend;
 
 use crate::Topic;
+use crate::port::ZeroCopySend;
 pub use crate::stamp::Stamp;
 
 /// Position, velocity, attitude and rates.

@@ -8,6 +8,9 @@
 
 use std::path::Path;
 
+/// Marks a type that may travel: fixed layout, no pointers.
+pub use iceoryx2::prelude::ZeroCopySend;
+
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::{PortFactory as _, *};

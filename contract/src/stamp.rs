@@ -1,9 +1,8 @@
 //! The stamp: which plant sample a message descends from, through whom, and when.
 
-use iceoryx2::prelude::ZeroCopySend;
-
 use crate::Topic;
 use crate::message::Message;
+use crate::port::ZeroCopySend;
 
 /// Provenance and timing of one message. All times are `CLOCK_MONOTONIC` nanoseconds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ZeroCopySend)]
