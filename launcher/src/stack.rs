@@ -120,11 +120,9 @@ impl Stack {
         for node in NODES {
             stack.spawn(node, namespace, None)?;
         }
-        if let Some(path) = log {
-            stack.spawn("recorder", namespace, Some(path))?;
-        }
-        if log.is_none() {
-            stack.board.recorded().raise(u32::MAX); // nobody records, so nobody is to be waited for
+        match log {
+            Some(path) => stack.spawn("recorder", namespace, Some(path))?,
+            None => stack.board.recorded().raise(u32::MAX), // nobody records, so nobody is to be waited for
         }
         stack.wait_until_joined(1 + usize::from(log.is_some()), interrupts)?;
         Ok(stack)
