@@ -8,6 +8,7 @@
 //! | [`linear`] | the controller's model and its discretisation | (48) |
 //! | [`actuator`] | lag, amplitude and rate limits of rotors and servo | (52)-(53) |
 //! | [`envelope`] | what those limits mean for the conventional inputs | |
+//! | [`demand_set`] | the same as rows, for those who optimise inside it | |
 //!
 //! Frames: NED for the world, forward-right-down for the body. SI units and radians, except the rotor speed:
 //! the paper prints "RPM" beside constants that only make sense for another unit, so the unit is called
@@ -16,6 +17,7 @@
 //! No process, no message, no file: this crate depends on nothing of the stack.
 
 pub mod actuator;
+pub mod demand_set;
 pub mod envelope;
 pub mod linear;
 pub mod mixing;
@@ -23,6 +25,7 @@ pub mod parameters;
 pub mod trim;
 
 pub use actuator::{Actuation, ActuatorLaw, Limits};
+pub use demand_set::DemandSet;
 pub use mixing::MixingMatrix;
 pub use parameters::Parameters;
 pub use trim::Trim;

@@ -111,7 +111,7 @@ pub struct Controls {
     pub iterations: u64,
     /// Time inside the constrained solver \[ns\], 0 on the explicit path.
     pub solve_ns: u64,
-    /// How many constraints the published plan touches.
+    /// How many actuator constraints the published plan touches.
     pub active_constraints: u64,
     /// Ticks so far on which a solve failed and a fallback was published.
     pub fallbacks: u64,
@@ -182,10 +182,10 @@ pub enum SolveStatus {
     Explicit = 0,
     /// The constrained optimum, to the solver's tolerance.
     Solved = 1,
-    /// The solve failed: the previous plan, shifted by one move.
-    ShiftedPlan = 2,
-    /// The solve failed and no plan was left: the unconstrained gain.
-    UnconstrainedGain = 3,
+    /// The solver ran out of iterations or time: the best plan found inside the set.
+    LimitReached = 2,
+    /// The solver found nothing: the rest of the last plan, moved towards the unconstrained one as far as the set goes.
+    Fallback = 3,
     /// An input was not finite: the previous demand was repeated.
     BadInput = 4,
 }
@@ -214,6 +214,8 @@ pub mod mixer_flags {
     pub const NEGATIVE_SQUARE: u64 = 1 << 4;
     /// The demand was not finite: trim was commanded.
     pub const BAD_INPUT: u64 = 1 << 5;
+    /// The demand was outside the exact actuator set: the nearest one inside was taken.
+    pub const PROJECTED: u64 = 1 << 6;
 
     /// Whether any clamp acted.
     pub const fn saturated(flags: u64) -> bool {

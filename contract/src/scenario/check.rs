@@ -6,7 +6,7 @@ use std::ops::RangeBounds;
 use airframe::Trim;
 use toml::{Table, Value};
 
-use super::{Heading, Mission, Ramp, Scenario, TrajectoryKind};
+use super::{Constraints, Heading, Law, Mission, Ramp, Scenario, TrajectoryKind};
 
 /// One rule broken.
 pub struct Violation {
@@ -33,6 +33,7 @@ pub fn violations(scenario: &Scenario, merged: Table) -> Vec<Violation> {
         check_vehicle(scenario, &mut found);
         check_mission(&scenario.mission, &mut found);
         check_controller(scenario, &mut found);
+        check_faults(scenario, &mut found);
     }
     found.0
 }
@@ -45,7 +46,7 @@ const NOT_NEGATIVE: Range = (Included(0.0), Unbounded);
 const SURVEY_LEG_S: f64 = 10.0;
 
 /// Allowed range of each number under a key; arrays are judged number by number, tables key by key.
-const RANGES: [(&str, Range); 31] = [
+const RANGES: [(&str, Range); 36] = [
     ("run.duration_s", (Included(Scenario::SAMPLE_S), Included(86_400.0))),
     ("run.command_delay_ms", (Included(0.0), Included(1000.0))),
     ("run.command_jitter_ms", (Included(0.0), Included(1000.0))),
@@ -75,6 +76,11 @@ const RANGES: [(&str, Range); 31] = [
     ("mpc.np", (Included(1.0), Included(200.0))),
     ("mpc.nu", (Included(1.0), Included(200.0))),
     ("mpc.actuator_lag_model_s", NOT_NEGATIVE),
+    ("mpc.max_iterations", (Included(1.0), Included(10_000.0))),
+    ("mpc.time_limit_ms", NOT_NEGATIVE),
+    ("mpc.state_penalty", POSITIVE),
+    ("mpc.attitude_limit_deg", POSITIVE),
+    ("mpc.rates_limit_dps", POSITIVE),
     ("mpc.disturbance_gain", (Included(0.0), Included(1.0))),
     ("bounds", POSITIVE),
 ];
@@ -194,13 +200,25 @@ fn check_controller(scenario: &Scenario, found: &mut Found) {
         format!("`mpc.actuator_lag_model_s` = {:?} is too short to model", mpc.actuator_lag_model_s),
         "0 for no lag, or at least 0.001",
     );
-    found.require(
-        !scenario.mixer.projection,
-        &["mixer.projection"],
-        "`mixer.projection` is not available yet".into(),
-        "false",
-    );
     found.require(!scenario.name.trim().is_empty(), &["name"], "`name` is empty".into(), "what the run is called");
+}
+
+fn check_faults(scenario: &Scenario, found: &mut Found) {
+    for fault in &scenario.fault {
+        let (at_s, for_s) = (fault.at_s, fault.for_s.unwrap_or(0.0));
+        found.require(
+            (0.0..=86_400.0).contains(&at_s) && (0.0..=86_400.0).contains(&for_s),
+            &["fault"],
+            format!("a fault at {at_s:?} s for {for_s:?} s"),
+            "`at_s` and `for_s` of 0 to 86400",
+        );
+        found.require(
+            scenario.mpc.law == Law::Mpc && scenario.mpc.constraints != Constraints::None,
+            &["fault", "mpc.law", "mpc.constraints"],
+            "a fault of the solver where nothing is solved".into(),
+            "target \"mpc\" with `mpc.law` = \"mpc\" and `mpc.constraints` = \"box\" or \"cone\"",
+        );
+    }
 }
 
 /// Steps over time stand in order.

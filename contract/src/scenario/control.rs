@@ -75,6 +75,9 @@ pub enum RateReference {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Mpc {
+    /// The control law of the attitude loop. Weights, model and disturbance estimate serve `mpc` and `lqr`, constraints
+    /// `mpc` alone.
+    pub law: Law,
     /// Diagonal of Q on w, phi, theta, psi, p, q, r.
     pub q: [f64; 7],
     /// Diagonal of R on col, lon, lat, ped.
@@ -87,12 +90,59 @@ pub struct Mpc {
     pub terminal: Terminal,
     /// Which actuator constraints the moves obey.
     pub constraints: Constraints,
+    /// What keeps the moves inside.
+    pub solver: Solver,
+    /// Iterations granted to a solve.
+    pub max_iterations: u32,
+    /// Time granted to a solve of Clarabel in real time \[ms\], 0 = unlimited. Lockstep and in process do without: a
+    /// flight that repeats bit for bit cannot depend on the clock.
+    pub time_limit_ms: f64,
+    /// Whether predicted states are kept inside the limits below.
+    pub state_constraints: StateConstraints,
+    /// Cost of leaving a state limit: 1/2 penalty (excess / limit)^2 per predicted sample.
+    pub state_penalty: f64,
+    /// Limits of phi, theta, psi either way \[deg\].
+    pub attitude_limit_deg: [f64; 3],
+    /// Limits of p, q, r either way \[deg/s\].
+    pub rates_limit_dps: [f64; 3],
     /// Time constant of the modelled actuator lag \[s\], 0 = not modelled.
     pub actuator_lag_model_s: f64,
     /// Predict one sample forward with the last command.
     pub delay_compensation: bool,
     /// Gain of the input-disturbance estimate, 0 = off.
     pub disturbance_gain: f64,
+}
+
+/// `mpc.law`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Law {
+    /// The paper's: the best plan over the horizon.
+    Mpc,
+    /// The same cost over an infinite horizon, without constraints.
+    Lqr,
+    /// One PID per axis.
+    Pid,
+}
+
+/// `mpc.solver`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Solver {
+    /// Clarabel, an interior-point method.
+    Clarabel,
+    /// Our own dual active-set method.
+    ActiveSet,
+}
+
+/// `mpc.state_constraints`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum StateConstraints {
+    /// Not imposed.
+    None,
+    /// Imposed at a price, so that there is always a plan.
+    Soft,
 }
 
 /// `mpc.terminal`
@@ -120,11 +170,11 @@ pub enum Constraints {
 }
 
 /// `[mixer]`
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Mixer {
     /// Use the mixing matrix with the tilt reaction.
     pub tilt_reaction: bool,
-    /// Project the demand onto the exact actuator set.
+    /// Take the nearest demand inside the exact actuator set for one that is outside.
     pub projection: bool,
 }

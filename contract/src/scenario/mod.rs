@@ -10,11 +10,13 @@
 //! | `mission` | `[mission]`, `[initial]` |
 //! | `vehicle` | `[plant]`; `[airframe]` is [`airframe::Parameters`] |
 //! | `control` | `[guidance]`, `[mpc]`, `[mixer]` |
+//! | `fault` | `[[fault]]` |
 //! | `profile` | every default |
 //! | `load`, `shape`, `check`, `report` | merging, the form of a file, ranges, messages with their place |
 
 mod check;
 mod control;
+mod fault;
 mod load;
 mod mission;
 mod profile;
@@ -26,6 +28,7 @@ mod tests;
 mod vehicle;
 
 pub use control::*;
+pub use fault::*;
 pub use load::{from_merged, load, to_toml};
 pub use mission::*;
 pub use report::ScenarioError;

@@ -6,8 +6,9 @@
 use airframe::Parameters;
 
 use super::{
-    Bounds, Constraints, Derivative, Guidance, Heading, Initial, Mission, Mixer, Mode, Mpc, Noise, Plant, Policy,
-    Profile, Ramp, RateReference, Realtime, RollReference, Run, Scenario, Terminal, TrajectoryKind,
+    Bounds, Constraints, Derivative, Guidance, Heading, Initial, Law, Mission, Mixer, Mode, Mpc, Noise, Plant, Policy,
+    Profile, Ramp, RateReference, Realtime, RollReference, Run, Scenario, Solver, StateConstraints, Terminal,
+    TrajectoryKind,
 };
 
 impl Scenario {
@@ -27,7 +28,7 @@ macro_rules! default_is_robust {
         }
     )*};
 }
-default_is_robust!(Run: run, Mission: mission, Plant: plant, Guidance: guidance, Mpc: mpc, Realtime: realtime);
+default_is_robust!(Run: run, Mission: mission, Plant: plant, Guidance: guidance, Mpc: mpc, Mixer: mixer, Realtime: realtime);
 
 fn paper() -> Scenario {
     Scenario {
@@ -92,18 +93,27 @@ fn paper() -> Scenario {
             integral_limit: 1e9,
         },
         mpc: Mpc {
+            law: Law::Mpc,
             q: [1e2, 1e3, 1e3, 1e3, 1e4, 1e4, 1e4],
             r: [0.1, 0.1, 0.001, 0.001],
             np: 10,
             nu: 5,
             terminal: Terminal::Zero,
             constraints: Constraints::None,
+            solver: Solver::Clarabel,
+            max_iterations: 100,
+            time_limit_ms: 5.0,
+            state_constraints: StateConstraints::None,
+            state_penalty: 1e6,
+            attitude_limit_deg: [90.0, 90.0, 360.0],
+            rates_limit_dps: [360.0, 360.0, 360.0],
             actuator_lag_model_s: 0.0,
             delay_compensation: false,
             disturbance_gain: 0.0,
         },
-        mixer: Mixer::default(),
+        mixer: Mixer { tilt_reaction: false, projection: false },
         bounds: Bounds::default(),
+        fault: vec![],
         realtime: Realtime { policy: Policy::Fifo, lock_memory: true },
     }
 }
@@ -144,6 +154,7 @@ fn robust() -> Scenario {
             delay_compensation: true,
             ..paper.mpc
         },
+        mixer: Mixer { projection: true, ..paper.mixer },
         ..paper
     }
 }

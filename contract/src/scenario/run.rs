@@ -3,7 +3,7 @@
 use airframe::{ActuatorLaw, Limits, Parameters};
 use serde::{Deserialize, Serialize};
 
-use super::{Guidance, Initial, Mission, Mixer, Mpc, Plant};
+use super::{Fault, Guidance, Initial, Mission, Mixer, Mpc, Plant};
 
 /// Everything that decides a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -33,6 +33,8 @@ pub struct Scenario {
     pub bounds: Bounds,
     /// How the processes are scheduled.
     pub realtime: Realtime,
+    /// What goes wrong, and when.
+    pub fault: Vec<Fault>,
 }
 
 /// The two sets of defaults.

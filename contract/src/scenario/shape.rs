@@ -6,7 +6,7 @@ use toml::de::{DeString, DeTable, DeValue};
 use toml::{Spanned, Table, Value};
 
 use super::report::{Problem, Source};
-use super::{Bounds, Heading, Mission, Plant, Profile, Scenario};
+use super::{Bounds, Fault, FaultKind, FaultTarget, Heading, Mission, Plant, Profile, Scenario};
 
 const SET_HELP: &str = "write `--set key=value`, for instance `--set run.duration_s=20`";
 
@@ -58,6 +58,7 @@ fn example() -> Table {
             max_altitude_error_vertical_m: Some(0.2),
             final_position_error_m: Some(0.1),
         },
+        fault: vec![Fault { at_s: 20.0, for_s: Some(0.3), target: FaultTarget::Mpc, kind: FaultKind::Infeasible }],
         ..robust
     };
     Table::try_from(all).expect("profiles have a form in TOML")
@@ -98,10 +99,6 @@ fn unknown_key<'a>(source: &'a Source, path: &str, name: &Spanned<DeString>, kno
     let place = Some((source, name.span()));
     let name: &str = name.get_ref();
     let key = join(path, name);
-    if key == "fault" {
-        let help = "faults are not available yet: remove the table";
-        return Problem { title: "`fault` cannot be flown".into(), place, help: help.into() };
-    }
     let elsewhere = example().into_iter().find(|(_, table)| table.get(name).is_some());
     let nearest =
         known.keys().map(|other| (strsim::jaro_winkler(name, other), other)).max_by(|a, b| a.0.total_cmp(&b.0));
@@ -119,11 +116,12 @@ fn wrong_type<'a>(source: &'a Source, tree: &DeTable, message: &str, span: Optio
     let key = key_at(tree, "", span.start).unwrap_or_default();
     let value = key.split('.').try_fold(&Value::Table(example()), |value, name| value.get(name)).cloned();
     // Serde speaks of Rust's types.
-    let message = [("f64", "a number"), ("usize", "a whole number"), ("u64", "a whole number")]
-        .iter()
-        .fold(message.to_owned(), |text, (rust, plain)| {
-            text.replace(&format!("expected {rust}"), &format!("expected {plain}"))
-        });
+    let message =
+        [("f64", "a number"), ("usize", "a whole number"), ("u64", "a whole number"), ("u32", "a whole number")]
+            .iter()
+            .fold(message.to_owned(), |text, (rust, plain)| {
+                text.replace(&format!("expected {rust}"), &format!("expected {plain}"))
+            });
     Problem {
         title: format!("`{key}`: {message}"),
         place: Some((source, span)),

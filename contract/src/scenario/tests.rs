@@ -120,6 +120,11 @@ fn numbers_out_of_range_are_refused_with_the_range() {
         ("mpc.nu=0", "at least 1, at most 200"),
         ("mpc.actuator_lag_model_s=-1", "at least 0"),
         ("mpc.disturbance_gain=1.1", "at least 0, at most 1"),
+        ("mpc.max_iterations=0", "at least 1, at most 10000"),
+        ("mpc.time_limit_ms=-1", "at least 0"),
+        ("mpc.state_penalty=0", "above 0"),
+        ("mpc.attitude_limit_deg=[90, 0, 360]", "above 0"),
+        ("mpc.rates_limit_dps=[0, 360, 360]", "above 0"),
         ("bounds.max_position_error_m=0", "above 0"),
     ];
     for (set, range) in cases {
@@ -154,8 +159,11 @@ fn settings_that_contradict_are_refused() {
         ("mpc.nu=21", "`mpc.nu` = 21 is longer than `mpc.np` = 20"),
         ("mpc.np=4", "`mpc.nu` = 5 is longer than `mpc.np` = 4"),
         ("mpc.actuator_lag_model_s=0.0009", "0 for no lag, or at least 0.001"),
-        ("mixer.projection=true", "`mixer.projection` is not available yet"),
-        ("fault=[{at_s=1}]", "faults are not available yet: remove the table"),
+        ("fault=[{at_s=1}]", "missing field `target`"),
+        ("fault=[{at_s=1, target=\"mpc\", kind=\"nan\", for=1}]", "unknown field `for`"),
+        ("fault=[{at_s=1, target=\"mpc\", kind=\"kill\"}]", "unknown variant `kill`"),
+        ("fault=[{at_s=-1, target=\"mpc\", kind=\"nan\"}]", "a fault at -1.0 s for 0.0 s"),
+        ("fault=[{at_s=nan, target=\"mpc\", kind=\"nan\"}]", "a fault at NaN s for 0.0 s"),
     ];
     for (set, expected) in cases {
         check_refused(set, &[expected, "--set ", "^"]);
@@ -214,11 +222,12 @@ fn files_that_cannot_be_read_are_named() {
 
 #[test]
 fn shipped_and_reference_scenarios_load_and_return_exactly() {
-    for (folder, at_least) in [("scenarios", 7), ("tests/reference/cases", 9)] {
-        let files: Vec<_> = fs::read_dir(Path::new(REPOSITORY).join(folder)).unwrap().collect();
+    for (folder, at_least) in [("scenarios", 6), ("scenarios/aggressive", 5), ("tests/reference/cases", 9)] {
+        let entries = fs::read_dir(Path::new(REPOSITORY).join(folder)).unwrap();
+        let files: Vec<_> = entries.map(|entry| entry.unwrap().path()).filter(|path| path.is_file()).collect();
         assert!(files.len() >= at_least, "{folder}: only {} files", files.len());
         for file in files {
-            check_returns(&load(Some(&file.unwrap().path()), &[]).unwrap_or_else(|error| panic!("{error}")));
+            check_returns(&load(Some(&file), &[]).unwrap_or_else(|error| panic!("{error}")));
         }
     }
     check_returns(&Scenario::of(Profile::Paper));

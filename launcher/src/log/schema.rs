@@ -129,8 +129,8 @@ mod tests {
         let solve = [
             SolveStatus::Explicit,
             SolveStatus::Solved,
-            SolveStatus::ShiftedPlan,
-            SolveStatus::UnconstrainedGain,
+            SolveStatus::LimitReached,
+            SolveStatus::Fallback,
             SolveStatus::BadInput,
         ];
         for ours in solve {
