@@ -6,4 +6,5 @@ mod lockstep;
 mod paper;
 mod processes;
 mod recorded;
+mod solver;
 mod tidy;

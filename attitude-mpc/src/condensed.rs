@@ -35,6 +35,17 @@ pub struct Condensed {
     pub hessian: DMatrix<f64>,
     /// `U* = gain (x; r; d)`, 4Nu x (n + 7 + 4). Each move is col, lon, lat, ped.
     pub gain: DMatrix<f64>,
+    /// The states on the way.
+    pub course: Course,
+}
+
+/// The states of the first Nu samples, one below the other: `free (x; r; d) + forced U`.
+#[derive(Debug, Clone)]
+pub struct Course {
+    /// nNu x (n + 7 + 4).
+    pub free: DMatrix<f64>,
+    /// nNu x 4Nu.
+    pub forced: DMatrix<f64>,
 }
 
 impl Condensed {
@@ -54,6 +65,10 @@ impl Condensed {
         let mut forced = DMatrix::zeros(n, INPUTS * weights.nu);
         let mut hessian = DMatrix::zeros(INPUTS * weights.nu, INPUTS * weights.nu);
         let mut gradient = DMatrix::zeros(INPUTS * weights.nu, n + STATES + INPUTS);
+        let mut course = Course {
+            free: DMatrix::zeros(n * weights.nu, n + STATES + INPUTS),
+            forced: DMatrix::zeros(n * weights.nu, INPUTS * weights.nu),
+        };
 
         for k in 1..=weights.np {
             let newest = (k - 1).min(weights.nu - 1); // after Nu the last move is held
@@ -61,6 +76,10 @@ impl Condensed {
             add(&mut free, 0, n + STATES, &model.e);
             forced = &model.a * forced;
             add(&mut forced, 0, INPUTS * newest, &model.b);
+            if k <= weights.nu {
+                course.free.rows_mut(n * (k - 1), n).copy_from(&free);
+                course.forced.rows_mut(n * (k - 1), n).copy_from(&forced);
+            }
             let pull = forced.transpose() * if k < weights.np { &q } else { &p };
             hessian += &pull * &forced; // (4)
             gradient += pull * (&free - &targets);
@@ -70,7 +89,7 @@ impl Condensed {
             add(&mut gradient, INPUTS * k, n + STATES, &r);
         }
         let cholesky = hessian.clone().cholesky().expect("R is positive definite, scenario validation sees to that");
-        Self { gain: -cholesky.solve(&gradient), hessian }
+        Self { gain: -cholesky.solve(&gradient), hessian, course }
     }
 }
 
@@ -87,8 +106,29 @@ fn terminal_weight(model: &PredictionModel, weights: &Mpc, q: &DMatrix<f64>, r: 
     match weights.terminal {
         Terminal::Zero => DMatrix::zeros(n, n),
         Terminal::Q => q.clone(),
-        Terminal::Dare => riccati::solve(&model.a, &model.b, &(q + DMatrix::identity(n, n) * DARE_REGULARISATION), r),
+        Terminal::Dare => dare(model, q, r),
     }
+}
+
+/// The cost of all time to come, n x n.
+fn dare(model: &PredictionModel, q: &DMatrix<f64>, r: &DMatrix<f64>) -> DMatrix<f64> {
+    let regularised = q + DMatrix::identity(q.nrows(), q.nrows()) * DARE_REGULARISATION;
+    riccati::solve(&model.a, &model.b, &regularised, r)
+}
+
+/// The linear-quadratic regulator: the same cost over an infinite horizon, without constraints. Its one move is
+/// `u = gain (x; r; d)`, 4 x (n + 7 + 4).
+pub fn regulator(model: &PredictionModel, weights: &Mpc) -> DMatrix<f64> {
+    let (q, r) = stage_weights(model.states(), weights);
+    let s = dare(model, &q, &r);
+    let bs = model.b.transpose() * s;
+    let k = (&bs * &model.b + r).cholesky().expect("R is positive definite").solve(&(bs * &model.a));
+    let n = model.states();
+    let mut gain = &k * targets(model);
+    let mut on_state = gain.columns_mut(0, n);
+    on_state -= &k;
+    add(&mut gain, 0, n + STATES, &-DMatrix::identity(INPUTS, INPUTS));
+    gain
 }
 
 /// Where the states shall go, by `(x; r; d)`: the seven to `r`, the lag states to `-d`. n x (n + 7 + 4).

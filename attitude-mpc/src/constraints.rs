@@ -1,206 +1,242 @@
-//! The constraints of one move, as slacks that must not become negative.
+//! What a plan may be: every move inside the actuators' set, predicted states inside their limits at a price.
 //!
 //! ```text
 //! u_min <= u_k <= u_max,   k = 0..Nu-1                                   (3)
+//! |theta|, |phi| <= pi/2                                                 (49)
+//! |psi| <= 2 pi                                                          (50)
+//! |p|, |q|, |r| <= 2 pi rad/s                                            (51)
 //! ```
 //!
-//! The paper finds no bounds for (3) and approximates. Here they are exact: [`airframe::envelope`] shows that the limits
-//! of rotors and servo are convex in the intermediate input, and that is linear in the move. So each limit is a row
-//! `s = offset + slope . u_k` with `s >= 0`, but for the highest speed of rotor 1, which is a second-order cone of three
-//! rows, `s0 >= |(s1, s2)|`. `box` takes the smallest box around that set instead.
+//! The paper finds no bounds for (3) and approximates. Here they are exact: [`airframe::demand_set`] has the limits of
+//! rotors and servo as rows and a disc in the move, or the smallest box around them.
 //!
-//! Slacks are told in shares of `Omega1max^2`, those of the box in shares of its width.
-//!
-//! Departure: the bounds on the states (49)-(51) are not imposed: over the moves of a plan they are idle even in a violent
-//! turn. Test `the_state_bounds_are_idle_in_a_violent_turn`.
+//! Departure: (49)-(51) are soft. The state has momentum that no move can take back within a sample, so that a hard
+//! limit on it would leave no plan just when one is needed. Leaving a limit by the share `e` of itself costs
+//! `1/2 w e^2` per predicted sample, over the first `Nu` samples. Test `a_state_beyond_its_limit_still_has_a_plan`.
 
+use airframe::DemandSet;
 use airframe::envelope::Envelope;
 use contract::Scenario;
-use contract::scenario::Constraints;
-use nalgebra::Vector4;
+use contract::scenario::{Constraints, Mpc, StateConstraints};
+use nalgebra::{DMatrix, DVector, Vector4};
 
-/// A slack that is affine in the move: `s = offset + slope . u_k`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Row {
-    /// Slack at hover.
-    pub offset: f64,
-    /// Change of the slack per N, N m, N m, N m.
-    pub slope: Vector4<f64>,
-}
+use crate::condensed::Course;
 
-/// What one move may be. Every move of a plan obeys the same set.
+/// States with a limit: phi, theta, psi, p, q, r.
+const LIMITED: usize = 6;
+/// What is left of each move when it is drawn back from the border, so that the mixer's rounding clips nothing.
+const INSIDE: f64 = 1.0 - 1e-9;
+
+/// What a plan may be.
 #[derive(Debug, Clone)]
-pub struct MoveSet {
-    /// Rows with `s >= 0`.
-    pub linear: Vec<Row>,
-    /// Rows with `s0 >= |(s1, s2)|`.
-    pub cone: Option<[Row; 3]>,
+pub struct PlanSet {
+    /// What each of its moves may be.
+    pub moves: DemandSet,
+    /// The limits of the predicted states, where they are imposed.
+    pub states: Option<StateLimits>,
 }
 
-impl MoveSet {
-    /// The set a scenario asks for; `None` where it asks for no constraint.
-    pub fn new(scenario: &Scenario) -> Option<Self> {
+/// Soft limits of the predicted states: `|y| <= 1 + e`, where `y` are states over their limits.
+#[derive(Debug, Clone)]
+pub struct StateLimits {
+    /// `y` by `(x; r; d)`, 6Nu x (n + 11).
+    free: DMatrix<f64>,
+    /// `y` by the moves, 6Nu x 4Nu.
+    pub forced: DMatrix<f64>,
+    /// `y` of the model's origin, 6Nu: hover is at the roll angle of trim.
+    origin: DVector<f64>,
+    /// `y` of this tick without a move, 6Nu.
+    pub drift: DVector<f64>,
+    /// `y` of the plan looked at last, 6Nu.
+    reached: DVector<f64>,
+    /// `w`: cost of `e` is `1/2 w e^2`.
+    pub penalty: f64,
+}
+
+impl PlanSet {
+    /// The set a scenario asks for; `None` where it asks for no constraint on the moves.
+    pub fn new(scenario: &Scenario, course: &Course, roll_trim_rad: f64) -> Option<Self> {
         let envelope = Envelope::new(&scenario.airframe, scenario.mixer.tilt_reaction, scenario.limits());
-        match scenario.mpc.constraints {
-            Constraints::None => None,
-            Constraints::Box => Some(Self::bounding_box(&envelope)),
-            Constraints::Cone => Some(Self::exact(&envelope)),
-        }
-    }
-
-    /// By how much the worst of the `moves` leaves the set (0 or less is inside), and how many constraints they touch:
-    /// slacks of `near` or less.
-    pub fn judge(&self, moves: &[f64], near: f64) -> (f64, u64) {
-        let (mut violation, mut touching) = (f64::NEG_INFINITY, 0);
-        let mut visit = |slack: f64| {
-            let slack = if slack.is_nan() { f64::NEG_INFINITY } else { slack };
-            violation = violation.max(-slack); // (3)
-            touching += u64::from(slack <= near);
+        let moves = match scenario.mpc.constraints {
+            Constraints::None => return None,
+            Constraints::Box => DemandSet::bounding_box(&envelope),
+            Constraints::Cone => DemandSet::exact(&envelope),
         };
-        for u in moves.chunks_exact(4).map(Vector4::from_column_slice) {
-            for row in &self.linear {
-                visit(row.slack(&u));
-            }
-            if let Some([apex, side, ahead]) = &self.cone {
-                let (s1, s2) = (side.slack(&u), ahead.slack(&u));
-                visit(apex.slack(&u) - (s1 * s1 + s2 * s2).sqrt());
-            }
-        }
-        (violation, touching)
-    }
-
-    /// The exact set of the actuators.
-    fn exact(envelope: &Envelope) -> Self {
-        let [max1, max2, max3] = envelope.limits.rotor_speed_max.map(|omega| omega * omega);
-        let idle = envelope.limits.rotor_speed_min.powi(2);
-        let (sin_wedge, cos_wedge) = envelope.limits.tilt_max_rad.sin_cos();
-        let (sin_cut, cos_cut) = envelope.cut_tilt_rad.sin_cos();
-
-        let mixing = &envelope.mixing;
-        let row = |constant: f64, [u1, u2, u3, u4]: [f64; 4]| {
-            let c = Vector4::new(u1, u2, u3, u4) / max1;
-            Row { offset: constant / max1 + c.dot(&mixing.trim), slope: mixing.inverse.tr_mul(&c) }
+        let states = match scenario.mpc.state_constraints {
+            StateConstraints::None => None,
+            StateConstraints::Soft => Some(StateLimits::new(&scenario.mpc, course, roll_trim_rad)),
         };
-        let mut linear = vec![
-            row(0.0, [-cos_wedge, sin_wedge, 0.0, 0.0]),
-            row(0.0, [cos_wedge, sin_wedge, 0.0, 0.0]),
-            row(-idle, [0.0, 0.0, 1.0, 0.0]),
-            row(max2, [0.0, 0.0, -1.0, 0.0]),
-            row(-idle, [0.0, 0.0, 0.0, 1.0]),
-            row(max3, [0.0, 0.0, 0.0, -1.0]),
-        ];
-        if idle > 0.0 {
-            linear.push(row(-idle, [sin_cut, cos_cut, 0.0, 0.0]));
-        }
-        let cone = [row(max1, [0.0; 4]), row(0.0, [1.0, 0.0, 0.0, 0.0]), row(0.0, [0.0, 1.0, 0.0, 0.0])];
-        Self { linear, cone: Some(cone) }
+        Some(Self { moves, states })
     }
 
-    /// The smallest box around the exact set.
-    fn bounding_box(envelope: &Envelope) -> Self {
-        let (lower, upper) = envelope.bounding_box();
-        let mut linear = Vec::with_capacity(8);
-        for axis in 0..4 {
-            let slope = Vector4::ith(axis, 1.0 / (upper[axis] - lower[axis]));
-            linear.push(Row { offset: -lower[axis] * slope[axis], slope });
-            linear.push(Row { offset: upper[axis] * slope[axis], slope: -slope });
+    /// Takes in where this tick starts, `given` = (x; r; d).
+    pub fn start(&mut self, given: &DVector<f64>) {
+        if let Some(states) = &mut self.states {
+            states.drift.copy_from(&states.origin);
+            states.drift.gemv(1.0, &states.free, given, 1.0);
         }
-        Self { linear, cone: None }
+    }
+
+    /// By how much the worst of the `moves` leaves the set; 0 or less is inside.
+    pub fn violation(&self, moves: &DVector<f64>) -> f64 {
+        each(moves.as_slice()).map(|u| self.moves.violation(&u)).fold(f64::NEG_INFINITY, f64::max) // (3)
+    }
+
+    /// By how much the worst predicted state is beyond its limit, as a share of it; 0 or less is inside.
+    pub fn excess(&mut self, moves: &DVector<f64>) -> f64 {
+        let Some(states) = &mut self.states else { return f64::NEG_INFINITY };
+        states.reached.copy_from(&states.drift);
+        states.reached.gemv(1.0, &states.forced, moves, 1.0);
+        states.reached.amax() - 1.0 // (49), (50), (51)
+    }
+
+    /// How many limits the `moves` touch: slacks of `near` or less.
+    pub fn touching(&self, moves: &DVector<f64>, near: f64) -> u64 {
+        let mut touching = 0;
+        for u in each(moves.as_slice()) {
+            self.moves.slacks(&u, |slack| touching += u64::from(slack <= near));
+        }
+        touching
+    }
+
+    /// Draws every move that is outside or on the border towards hover, until it is inside by a hair.
+    pub fn retract(&self, moves: &mut DVector<f64>) {
+        for u in moves.as_mut_slice().chunks_exact_mut(4) {
+            let wanted = Vector4::from_column_slice(u);
+            if self.moves.violation(&wanted) > INSIDE - 1.0 {
+                let share = self.moves.reach(&Vector4::zeros(), &wanted) * INSIDE;
+                u.iter_mut().for_each(|u| *u *= share);
+            }
+        }
+    }
+
+    /// Moves `plan`, which is inside, straight towards `wanted` as far as the set goes. The set is convex: everything on
+    /// the way is a plan, and the cost falls until `wanted` when that is the unconstrained optimum.
+    pub fn approach(&self, plan: &mut DVector<f64>, wanted: &DVector<f64>) {
+        let pairs = each(plan.as_slice()).zip(each(wanted.as_slice()));
+        let share = pairs.map(|(u, to)| self.moves.reach(&u, &to)).fold(1.0, f64::min);
+        if share > 0.0 {
+            plan.axpy(share, wanted, 1.0 - share);
+            self.retract(plan);
+        }
     }
 }
 
-impl Row {
-    fn slack(&self, u: &Vector4<f64>) -> f64 {
-        self.offset + self.slope.dot(u)
+impl StateLimits {
+    fn new(settings: &Mpc, course: &Course, roll_trim_rad: f64) -> Self {
+        let Mpc { attitude_limit_deg, rates_limit_dps, .. } = settings;
+        let limits: Vec<f64> =
+            attitude_limit_deg.iter().chain(rates_limit_dps).map(|limit| limit.to_radians()).collect();
+        let states = course.free.nrows() / settings.nu;
+        // Limited states are x[1..7] of each sample; the lag states behind them have no limit.
+        let over_limit = |of: &DMatrix<f64>| {
+            DMatrix::from_fn(LIMITED * settings.nu, of.ncols(), |row, column| {
+                of[(states * (row / LIMITED) + 1 + row % LIMITED, column)] / limits[row % LIMITED]
+            })
+        };
+        let rows = LIMITED * settings.nu;
+        let roll = roll_trim_rad / limits[0];
+        Self {
+            free: over_limit(&course.free),
+            forced: over_limit(&course.forced),
+            origin: DVector::from_fn(rows, |row, _| if row % LIMITED == 0 { roll } else { 0.0 }),
+            drift: DVector::zeros(rows),
+            reached: DVector::zeros(rows),
+            penalty: settings.state_penalty,
+        }
     }
+}
+
+/// The moves of a plan.
+fn each(moves: &[f64]) -> impl Iterator<Item = Vector4<f64>> {
+    moves.chunks_exact(4).map(Vector4::from_column_slice)
 }
 
 #[cfg(test)]
 mod tests {
     use contract::scenario::Profile;
-    use proptest::prelude::*;
 
     use super::*;
+    use crate::condensed::Condensed;
     use crate::fixture;
+    use crate::model::PredictionModel;
 
-    fn envelope(scenario: &Scenario) -> Envelope {
-        Envelope::new(&scenario.airframe, scenario.mixer.tilt_reaction, scenario.limits())
-    }
-
-    fn set(scenario: &Scenario, constraints: Constraints) -> MoveSet {
-        let mut scenario = scenario.clone();
-        scenario.mpc.constraints = constraints;
-        MoveSet::new(&scenario).expect("constraints were asked for")
+    fn set(scenario: &Scenario) -> Option<PlanSet> {
+        let model = PredictionModel::new(scenario);
+        PlanSet::new(scenario, &Condensed::new(&model, &scenario.mpc).course, model.trim.roll_rad)
     }
 
     #[test]
     fn none_is_no_set_and_hover_is_inside_the_others() {
-        assert!(MoveSet::new(&Scenario::of(Profile::Paper)).is_none());
+        assert!(set(&Scenario::of(Profile::Paper)).is_none());
         for constraints in [Constraints::Box, Constraints::Cone] {
-            let (violation, touching) = set(&Scenario::default(), constraints).judge(&[0.0; 20], 1e-6);
-            assert!(violation < -0.1 && touching == 0, "{violation} {touching}");
+            let mut scenario = Scenario::default();
+            scenario.mpc.constraints = constraints;
+            let set = set(&scenario).unwrap();
+            let hover = DVector::zeros(20);
+            assert!(set.violation(&hover) < -0.1 && set.touching(&hover, 1e-6) == 0);
         }
     }
 
     #[test]
-    fn full_speed_touches_one_limit_per_rotor() {
-        let scenario = Scenario::default();
-        let envelope = envelope(&scenario);
-        let full = airframe::Actuation { rotor_speed: envelope.limits.rotor_speed_max, tilt_rad: 0.1 };
-        let demand = envelope.mixing.deviation(&full);
-        let mut plan = [0.0; 20];
-        plan[4..8].copy_from_slice(demand.as_slice());
-        let set = set(&scenario, Constraints::Cone);
-        let (violation, touching) = set.judge(&plan, 1e-9);
-        assert!(violation.abs() < 1e-12);
-        assert_eq!(touching, 3);
-        assert!(set.judge((demand * 1.01).as_slice(), 1e-9).0 > 0.0);
+    fn one_move_outside_is_a_plan_outside() {
+        let set = set(&Scenario::default()).unwrap();
+        let mut plan = DVector::zeros(20);
+        plan[6] = 50.0;
+        assert!(set.violation(&plan) > 0.0);
+        set.retract(&mut plan);
+        assert!((-1e-6..=0.0).contains(&set.violation(&plan)), "{}", set.violation(&plan));
+        assert!(plan[6] > 0.1 && set.touching(&plan, 1e-6) == 1);
     }
 
     #[test]
-    fn a_move_that_is_no_number_is_outside() {
-        for constraints in [Constraints::Box, Constraints::Cone] {
-            let set = set(&Scenario::default(), constraints);
-            for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, f64::MAX] {
-                assert!(set.judge(&[bad, 0.0, 0.0, bad], 1e-6).0 > 1.0, "{constraints:?} {bad}");
+    fn a_plan_approaches_until_the_border() {
+        let set = set(&Scenario::default()).unwrap();
+        let (mut plan, mut wanted) = (DVector::zeros(20), DVector::zeros(20));
+        wanted[4] = -1.0;
+        set.approach(&mut plan, &wanted);
+        assert_eq!(plan, wanted, "inside: all the way");
+        wanted[4] = -1000.0;
+        set.approach(&mut plan, &wanted);
+        assert!(plan[4] < -20.0 && set.violation(&plan) <= 0.0, "{plan}");
+    }
+
+    #[test]
+    fn predicted_states_are_those_of_the_model() {
+        let mut scenario = Scenario::default();
+        scenario.mpc.state_constraints = StateConstraints::Soft;
+        let model = PredictionModel::new(&scenario);
+        let mut set = set(&scenario).unwrap();
+        let given = DVector::from_fn(22, |i, _| 0.1 * (1.0 + i as f64).sin());
+        let plan = DVector::from_fn(20, |i, _| (2.0 + i as f64).cos());
+        set.start(&given);
+        set.excess(&plan);
+
+        let d = Vector4::from_column_slice(given.rows(18, 4).as_slice());
+        let (mut x, mut next) = (given.rows(0, 11).into_owned(), DVector::zeros(11));
+        for (k, u) in each(plan.as_slice()).enumerate() {
+            model.predict(&x, &u, &d, &mut next);
+            x.copy_from(&next);
+            let over = [x[1] + model.trim.roll_rad, x[2], x[3] / 4.0, x[4] / 4.0, x[5] / 4.0, x[6] / 4.0];
+            for (i, over) in over.into_iter().enumerate() {
+                let ours = set.states.as_ref().unwrap().reached[6 * k + i] * std::f64::consts::FRAC_PI_2;
+                assert!((ours - over).abs() < 1e-12, "sample {k}, state {i}: {ours} is not {over}");
             }
         }
     }
 
     #[test]
     fn val_box_with_the_limits_of_the_paper() {
-        let (lower, upper) = envelope(&Scenario::of(Profile::Paper)).bounding_box();
-        for (ours, key) in [(lower, "lo"), (upper, "hi")] {
+        let mut scenario = Scenario::of(Profile::Paper);
+        scenario.mpc.constraints = Constraints::Box;
+        let rows = set(&scenario).unwrap().moves.linear;
+        for (key, side) in [("lo", 0), ("hi", 1)] {
             let theirs = fixture::vector(&fixture::reference()["reference"]["box_outer"][key]);
             for axis in 0..4 {
-                let miss = (ours[axis] - theirs[axis]).abs() / theirs[axis].abs();
-                assert!(miss < 1e-9, "{key}[{axis}]: {} is not {}", ours[axis], theirs[axis]);
+                let row = &rows[2 * axis + side];
+                let ours = -row.offset / row.slope[axis];
+                assert!((ours / theirs[axis] - 1.0).abs() < 1e-9, "{key}[{axis}]: {ours} is not {}", theirs[axis]);
             }
-        }
-    }
-
-    proptest! {
-        #[test]
-        fn the_rows_agree_with_the_envelope(u in prop::array::uniform4(-40.0..40.0_f64), idle in prop::bool::ANY) {
-            let mut scenario = Scenario::default();
-            scenario.plant.rotor_speed_min = if idle { 200.0 } else { 0.0 };
-            let theirs = envelope(&scenario).demand_violation(&Vector4::from(u));
-            let ours = set(&scenario, Constraints::Cone).judge(&u, 0.0).0;
-            prop_assert!((ours - theirs).abs() < 1e-12 * theirs.abs().max(1.0), "{ours} is not {theirs}");
-        }
-
-        #[test]
-        fn the_box_holds_the_exact_set(
-            speeds in prop::array::uniform3(0.0..=1.0_f64), tilt_rad in -1.0..1.0_f64, ratio in 1.2..3.0_f64,
-        ) {
-            let mut scenario = Scenario::default();
-            scenario.plant.rotor_speed_max_ratio = ratio;
-            let envelope = envelope(&scenario);
-            let mut rotor_speed = envelope.limits.rotor_speed_max;
-            rotor_speed.iter_mut().zip(speeds).for_each(|(max, share)| *max = 200.0 + share * (*max - 200.0));
-            let demand = envelope.mixing.deviation(&airframe::Actuation { rotor_speed, tilt_rad });
-            prop_assume!(envelope.demand_violation(&demand) <= 0.0);
-            prop_assert!(set(&scenario, Constraints::Box).judge(demand.as_slice(), 0.0).0 <= 1e-12);
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use contract::Scenario;
 use contract::message::{Reference, State};
-use contract::scenario::{Constraints, Profile, Terminal};
+use contract::scenario::{Constraints, Fault, FaultKind, FaultTarget, Profile, Terminal};
 use nalgebra::{DMatrix, DVector};
 use serde_json::Value;
 
@@ -15,6 +15,11 @@ pub fn reference() -> Value {
 /// The numbers of a JSON array.
 pub fn vector(value: &Value) -> DVector<f64> {
     DVector::from_iterator(value.as_array().unwrap().len(), value.as_array().unwrap().iter().map(number))
+}
+
+/// A fault of the solver.
+pub fn fault(kind: FaultKind, at_s: f64, for_s: Option<f64>) -> Fault {
+    Fault { at_s, for_s, target: FaultTarget::Mpc, kind }
 }
 
 /// A reference matrix by name.

@@ -10,23 +10,27 @@
 //! | module | holds | paper |
 //! |---|---|---|
 //! | [`model`] | prediction model, lag states, the controller's own actuators | (1)-(2) |
-//! | [`constraints`] | what a move may be | (3), (49)-(51) |
+//! | [`constraints`] | what a plan may be | (3), (49)-(51) |
 //! | [`condensed`] | cost over the horizon as a quadratic in the moves, its minimiser as a gain | (4) |
 //! | [`riccati`] | terminal weight | |
-//! | [`solver`] | the constrained problem, by Clarabel | |
+//! | [`constrained`] | when to solve, and what to do when that fails | |
+//! | [`solver`] | the constrained problem, by Clarabel or by our own active-set method | |
 //! | [`disturbance`] | estimate of a constant disturbance on the inputs | |
+//! | [`pid`] | another law, to compare with | |
 //! | [`memory`] | all that survives a tick | |
 //! | `process` | the process around it | |
 //!
 //! In nominal flight no constraint is active: the plan is one matrix-vector product, and it is checked, not solved. Only
-//! a plan that leaves the set goes to the solver. A solve that fails leaves no gap: the last good plan goes on, one move
-//! per tick, and after it the unconstrained one, which the mixer clamps.
+//! a plan that leaves the set goes to the solver. A solve that fails leaves no gap: the rest of the last plan, moved
+//! towards the unconstrained one as far as the set goes, is always inside.
 
 pub mod condensed;
+pub mod constrained;
 pub mod constraints;
 pub mod disturbance;
 pub mod memory;
 pub mod model;
+pub mod pid;
 mod process;
 pub mod riccati;
 pub mod solver;
@@ -42,25 +46,20 @@ use airframe::Actuation;
 use airframe::linear::{INPUTS, STATES};
 use contract::Scenario;
 use contract::message::{Controls, Reference, SolveStatus, State};
+use contract::scenario::Law;
 use nalgebra::{DMatrix, DVector, Vector4};
 
 use condensed::Condensed;
-use constraints::MoveSet;
+use constrained::{Account, Constrained};
 use disturbance::DisturbanceLaw;
 use memory::Memory;
 use model::PredictionModel;
-use solver::{ConicSolver, Outcome};
-
-/// An unconstrained plan that leaves the set by no more than this is published as it is.
-const NEGLIGIBLE: f64 = 1e-9;
-/// A plan is feasible when it leaves the set by no more than this.
-const FEASIBLE: f64 = 1e-6;
+use pid::Pid;
 
 /// The attitude controller.
 pub struct AttitudeMpc {
     model: PredictionModel,
-    /// `U* = gain (x; r; d)`.
-    gain: DMatrix<f64>,
+    wish: Wish,
     constrained: Option<Constrained>,
     law: Option<DisturbanceLaw>,
     delay_compensation: bool,
@@ -68,10 +67,11 @@ pub struct AttitudeMpc {
     work: Work,
 }
 
-/// The set of the moves, and the solver that keeps them inside.
-struct Constrained {
-    set: MoveSet,
-    solver: ConicSolver,
+/// What would be asked for if the actuators had no limits.
+enum Wish {
+    /// `U = gain (x; r; d)`: the unconstrained plan, or the one move of the regulator.
+    Gain(DMatrix<f64>),
+    Pid(Pid),
 }
 
 /// Room for the numbers of one tick, so that a tick allocates nothing.
@@ -82,18 +82,8 @@ struct Work {
     predicted: DVector<f64>,
     /// `(x; r; d)`, n + 7 + 4.
     given: DVector<f64>,
-    /// The unconstrained plan, 4Nu.
+    /// The unconstrained plan, 4Nu, or the one move of another law.
     unconstrained: DVector<f64>,
-    /// The solver's plan, 4Nu.
-    solved: DVector<f64>,
-}
-
-/// What to publish, and how it was found.
-struct Decision {
-    status: SolveStatus,
-    demand: Vector4<f64>,
-    touching: u64,
-    outcome: Outcome,
 }
 
 impl AttitudeMpc {
@@ -102,29 +92,29 @@ impl AttitudeMpc {
     /// # Panics
     /// When weights or vehicle make the problem singular; scenario validation refuses those.
     pub fn new(scenario: &Scenario) -> Self {
-        Self::with_iterations(scenario, solver::MAX_ITERATIONS)
-    }
-
-    /// The same with another limit on the solver's iterations.
-    fn with_iterations(scenario: &Scenario, max_iterations: u32) -> Self {
         let model = PredictionModel::new(scenario);
-        let (states, moves) = (model.states(), scenario.mpc.nu);
-        let Condensed { hessian, gain } = Condensed::new(&model, &scenario.mpc);
-        let constrained = MoveSet::new(scenario)
-            .map(|set| Constrained { solver: ConicSolver::new(&hessian, &set, max_iterations), set });
+        let (states, weights) = (model.states(), &scenario.mpc);
+        let (wish, constrained) = match weights.law {
+            Law::Mpc => {
+                let Condensed { hessian, gain, course } = Condensed::new(&model, weights);
+                (Wish::Gain(gain), Constrained::new(scenario, hessian, &course, model.trim.roll_rad))
+            }
+            Law::Lqr => (Wish::Gain(condensed::regulator(&model, weights)), None),
+            Law::Pid => (Wish::Pid(Pid::new(&scenario.airframe)), None),
+        };
+        let moves = INPUTS * if weights.law == Law::Mpc { weights.nu } else { 1 };
         Self {
-            memory: Memory::new(states, model.trim.actuation, moves),
+            memory: Memory::new(states, model.trim.actuation, moves / INPUTS),
             work: Work {
                 x: DVector::zeros(states),
                 predicted: DVector::zeros(states),
-                given: DVector::zeros(gain.ncols()),
-                unconstrained: DVector::zeros(INPUTS * moves),
-                solved: DVector::zeros(INPUTS * moves),
+                given: DVector::zeros(states + STATES + INPUTS),
+                unconstrained: DVector::zeros(moves),
             },
             law: DisturbanceLaw::new(&scenario.airframe, scenario.mpc.disturbance_gain),
             delay_compensation: scenario.mpc.delay_compensation,
             model,
-            gain,
+            wish,
             constrained,
         }
     }
@@ -142,7 +132,8 @@ impl AttitudeMpc {
         let actuation = self.model.actuate(&self.memory.actuation, &command, samples);
         self.model.observe(&state.measured, &actuation, &mut self.work.x);
         let disturbance = self.estimate(&command, samples);
-        self.optimise(reference, &disturbance);
+        let mut integral = self.memory.integral;
+        self.optimise(reference, &disturbance, &mut integral);
         if !self.work.unconstrained.iter().all(|u| u.is_finite()) {
             return self.repeat(); // finite, but so large that the plan overflowed
         }
@@ -151,8 +142,9 @@ impl AttitudeMpc {
         self.memory.x.copy_from(&self.work.x);
         self.memory.actuation = actuation;
         self.memory.disturbance = disturbance;
-        let decision = self.decide(tick);
-        self.publish(&decision)
+        self.memory.integral = integral;
+        let (status, account) = self.decide(tick);
+        self.publish(status, &account)
     }
 
     /// The disturbance estimate, after a look at what the model failed to predict for this sample.
@@ -170,7 +162,7 @@ impl AttitudeMpc {
     }
 
     /// Finds the unconstrained plan from this sample, or from the next, when the demand of this tick will act.
-    fn optimise(&mut self, reference: &Reference, disturbance: &Vector4<f64>) {
+    fn optimise(&mut self, reference: &Reference, disturbance: &Vector4<f64>, integral: &mut Vector4<f64>) {
         let Work { x, predicted, given, unconstrained, .. } = &mut self.work;
         let n = self.model.states();
         let start = if self.delay_compensation {
@@ -180,69 +172,45 @@ impl AttitudeMpc {
             x
         };
         let Reference { w_mps, attitude_rad, rates_radps, .. } = reference;
+        let r = self.model.deviation(*w_mps, attitude_rad, rates_radps);
         given.rows_mut(0, n).copy_from(start);
-        given.rows_mut(n, STATES).copy_from_slice(&self.model.deviation(*w_mps, attitude_rad, rates_radps));
+        given.rows_mut(n, STATES).copy_from_slice(&r);
         given.rows_mut(n + STATES, INPUTS).copy_from(disturbance);
-        unconstrained.gemv(1.0, &self.gain, given, 0.0); // (5)
+        match &self.wish {
+            Wish::Gain(gain) => unconstrained.gemv(1.0, gain, given, 0.0), // (5)
+            Wish::Pid(pid) => unconstrained.copy_from(&pid.step(start, &r, integral)),
+        }
     }
 
-    /// Chooses between the unconstrained plan, the solver's, the rest of the last one, and the unconstrained after all.
-    fn decide(&mut self, tick: u64) -> Decision {
-        let Self { memory, work: Work { unconstrained, solved, .. }, .. } = self;
-        let Some(Constrained { set, solver }) = &mut self.constrained else {
-            memory.keep(unconstrained, tick);
-            return Decision::first_of(unconstrained.as_slice(), SolveStatus::Explicit, 0, Outcome::default());
+    /// Settles the plan; its first move is the demand.
+    fn decide(&mut self, tick: u64) -> (SolveStatus, Account) {
+        let Self { memory, work, constrained, .. } = self;
+        let (plan, status, account) = match constrained {
+            Some(constrained) => constrained.choose(&work.unconstrained, &work.given, memory, tick),
+            None => (&work.unconstrained, SolveStatus::Explicit, Account::default()),
         };
-
-        let (violation, touching) = set.judge(unconstrained.as_slice(), FEASIBLE);
-        if violation <= NEGLIGIBLE {
-            memory.keep(unconstrained, tick);
-            return Decision::first_of(unconstrained.as_slice(), SolveStatus::Explicit, touching, Outcome::default());
-        }
-
-        let outcome = solver.solve(unconstrained, solved);
-        let (violation, touching) = set.judge(solved.as_slice(), FEASIBLE);
-        if outcome.solved && violation <= FEASIBLE {
-            memory.keep(solved, tick);
-            return Decision::first_of(solved.as_slice(), SolveStatus::Solved, touching, outcome);
-        }
-
-        memory.fallbacks += 1;
-        let rest = memory.rest_of_plan(tick);
-        let (violation, touching) = set.judge(rest, FEASIBLE);
-        if !rest.is_empty() && violation <= FEASIBLE {
-            return Decision::first_of(rest, SolveStatus::ShiftedPlan, touching, outcome);
-        }
-        let (_, touching) = set.judge(unconstrained.as_slice(), FEASIBLE);
-        Decision::first_of(unconstrained.as_slice(), SolveStatus::UnconstrainedGain, touching, outcome)
+        memory.keep(plan, tick);
+        memory.demand = plan.fixed_rows::<INPUTS>(0).into_owned(); // (6)
+        (status, account)
     }
 
-    /// Remembers the demand of a decision, and says how it came about.
-    fn publish(&mut self, decision: &Decision) -> Controls {
-        self.memory.demand = decision.demand;
+    /// The message of the demand in memory, and how it came about.
+    fn publish(&self, status: SolveStatus, account: &Account) -> Controls {
         Controls {
-            demand: decision.demand.into(),
+            demand: self.memory.demand.into(),
             disturbance: self.memory.disturbance.into(),
-            status: decision.status as u64,
-            iterations: decision.outcome.iterations,
-            solve_ns: decision.outcome.solve_ns,
-            active_constraints: decision.touching,
+            status: status as u64,
+            iterations: account.iterations,
+            solve_ns: account.solve_ns,
+            active_constraints: account.touching,
             fallbacks: self.memory.fallbacks,
             ..Controls::default()
         }
     }
 
     /// The answer to an input that cannot be used: the demand stays what it was.
-    fn repeat(&mut self) -> Controls {
-        let demand = self.memory.demand;
-        self.publish(&Decision { status: SolveStatus::BadInput, demand, touching: 0, outcome: Outcome::default() })
-    }
-}
-
-impl Decision {
-    /// The first move of a plan is the demand.
-    fn first_of(moves: &[f64], status: SolveStatus, touching: u64, outcome: Outcome) -> Self {
-        Self { demand: Vector4::from_column_slice(&moves[..INPUTS]), status, touching, outcome } // (6)
+    fn repeat(&self) -> Controls {
+        self.publish(SolveStatus::BadInput, &Account::default())
     }
 }
 

@@ -16,7 +16,9 @@ pub struct Memory {
     pub disturbance: Vector4<f64>,
     /// The demand published last \[N, N m, N m, N m\].
     pub demand: Vector4<f64>,
-    /// The last plan that was an optimum inside the set, 4Nu.
+    /// Integrals of the PID's errors: of w \[m\], theta, phi, psi \[rad s\].
+    pub integral: Vector4<f64>,
+    /// The plan published last, 4Nu: inside the set.
     pub plan: DVector<f64>,
     /// The sample it was made for; `None` before the first.
     pub plan_tick: Option<u64>,
@@ -33,6 +35,7 @@ impl Memory {
             actuation: trim,
             disturbance: Vector4::zeros(),
             demand: Vector4::zeros(),
+            integral: Vector4::zeros(),
             plan: DVector::zeros(4 * moves),
             plan_tick: None,
             fallbacks: 0,
@@ -44,17 +47,24 @@ impl Memory {
         self.tick.map_or(1, |last| tick.saturating_sub(last))
     }
 
-    /// Keeps the optimal `plan` of sample `tick`.
+    /// Keeps the `plan` of sample `tick`.
     pub fn keep(&mut self, plan: &DVector<f64>, tick: u64) {
         self.plan.copy_from(plan);
         self.plan_tick = Some(tick);
     }
 
-    /// The moves of the kept plan from sample `tick` on; empty when it is used up.
-    pub fn rest_of_plan(&self, tick: u64) -> &[f64] {
-        let age = self.plan_tick.and_then(|made| tick.checked_sub(made));
-        let used = age.map_or(usize::MAX, |age| usize::try_from(age).unwrap_or(usize::MAX));
-        self.plan.as_slice().get(used.saturating_mul(4)..).unwrap_or_default()
+    /// Writes the moves of the kept plan from sample `tick` on, the last one held as the plan assumes; hover when there
+    /// is none.
+    pub fn rest_of_plan(&self, tick: u64, rest: &mut DVector<f64>) {
+        let Some(age) = self.plan_tick.and_then(|made| tick.checked_sub(made)) else {
+            rest.fill(0.0);
+            return;
+        };
+        let moves = self.plan.len() / 4;
+        for k in 0..moves {
+            let from = usize::try_from(age).map_or(moves, |age| k.saturating_add(age)).min(moves - 1);
+            rest.fixed_rows_mut::<4>(4 * k).copy_from(&self.plan.fixed_rows::<4>(4 * from));
+        }
     }
 }
 
@@ -65,13 +75,18 @@ mod tests {
     #[test]
     fn a_plan_is_used_up_move_by_move() {
         let mut memory = Memory::new(7, Actuation::default(), 2);
-        assert!(memory.rest_of_plan(0).is_empty());
+        let rest = |memory: &Memory, tick| {
+            let mut rest = DVector::from_element(8, f64::NAN);
+            memory.rest_of_plan(tick, &mut rest);
+            rest.as_slice().to_vec()
+        };
+        assert_eq!(rest(&memory, 0), [0.0; 8]);
         memory.keep(&DVector::from_fn(8, |i, _| i as f64), 10);
-        assert_eq!(memory.rest_of_plan(10).len(), 8);
-        assert_eq!(memory.rest_of_plan(11), [4.0, 5.0, 6.0, 7.0]);
-        for tick in [12, 13, u64::MAX, 9] {
-            assert!(memory.rest_of_plan(tick).is_empty(), "sample {tick}");
+        assert_eq!(rest(&memory, 10), [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
+        for tick in [11, 12, 13, u64::MAX] {
+            assert_eq!(rest(&memory, tick), [4.0, 5.0, 6.0, 7.0, 4.0, 5.0, 6.0, 7.0], "sample {tick}");
         }
+        assert_eq!(rest(&memory, 9), [0.0; 8], "a plan of the future is none");
     }
 
     #[test]

@@ -1,10 +1,10 @@
-//! The explicit path allocates nothing, and a solve no more than Clarabel's own timer.
+//! The explicit path and the active set allocate nothing, Clarabel its own timer once per solve.
 
 use airframe::Trim;
 use attitude_mpc::AttitudeMpc;
 use contract::Scenario;
 use contract::message::{Controls, Reference, SolveStatus, State};
-use contract::scenario::{Constraints, Profile};
+use contract::scenario::{Constraints, Fault, FaultKind, FaultTarget, Profile, Solver, StateConstraints};
 
 /// Steps once with a heading error; the answer, and how often it allocated.
 fn step(mpc: &mut AttitudeMpc, scenario: &Scenario, heading_rad: f64) -> (Controls, u64) {
@@ -36,11 +36,35 @@ fn the_explicit_path_allocates_nothing() {
 }
 
 #[test]
-fn a_solve_allocates_once() {
-    let scenario = Scenario::of(Profile::Robust);
-    let mut mpc = AttitudeMpc::new(&scenario);
-    for _ in 0..3 {
-        let (controls, allocations) = step(&mut mpc, &scenario, 1.6);
-        assert_eq!((controls.status, allocations), (SolveStatus::Solved as u64, 1));
+fn a_solve_allocates_what_clarabel_does_and_nothing_with_the_active_set() {
+    for (solver, soft, expected) in [
+        (Solver::Clarabel, StateConstraints::None, 1),
+        (Solver::Clarabel, StateConstraints::Soft, 2), // two stages, one timer each
+        (Solver::ActiveSet, StateConstraints::None, 0),
+        (Solver::ActiveSet, StateConstraints::Soft, 0),
+    ] {
+        let mut scenario = Scenario::of(Profile::Robust);
+        scenario.mpc.solver = solver;
+        scenario.mpc.state_constraints = soft;
+        scenario.mpc.rates_limit_dps = [90.0; 3];
+        let mut mpc = AttitudeMpc::new(&scenario);
+        for _ in 0..3 {
+            let (controls, allocations) = step(&mut mpc, &scenario, 1.6);
+            assert_eq!((controls.status, allocations), (SolveStatus::Solved as u64, expected), "{solver:?} {soft:?}");
+        }
+    }
+}
+
+#[test]
+fn a_failing_solver_allocates_no_more() {
+    for (solver, expected) in [(Solver::Clarabel, 1), (Solver::ActiveSet, 0)] {
+        let mut scenario = Scenario::of(Profile::Robust);
+        scenario.mpc.solver = solver;
+        scenario.fault = vec![Fault { at_s: 0.0, for_s: None, target: FaultTarget::Mpc, kind: FaultKind::Infeasible }];
+        let mut mpc = AttitudeMpc::new(&scenario);
+        for _ in 0..3 {
+            let (controls, allocations) = step(&mut mpc, &scenario, 1.6);
+            assert_eq!((controls.status, allocations), (SolveStatus::Fallback as u64, expected), "{solver:?}");
+        }
     }
 }

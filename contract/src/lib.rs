@@ -24,5 +24,6 @@ pub mod scenario;
 pub mod stamp;
 pub mod topic;
 
+pub use realtime::timed;
 pub use scenario::Scenario;
 pub use topic::Topic;

@@ -9,11 +9,13 @@
 //! | [`recorder`] | the fifth process: every message to `flight.mcap` |
 //! | [`log`] | the flight log's format |
 //! | [`summary`], [`timing`] | what a flight amounts to: metrics, state hash, punctuality |
+//! | [`solves`], [`faults`] | what the solver did, and what came of the scenario's faults |
 //! | [`run_record`] | `run.json` |
 //! | [`report`] | `report.html` |
 //! | [`manage`] | `status` and `stop` |
 
 pub mod cli;
+pub mod faults;
 pub mod fly;
 pub mod inprocess;
 pub mod log;
@@ -22,6 +24,7 @@ pub mod provenance;
 pub mod recorder;
 pub mod report;
 pub mod run_record;
+pub mod solves;
 pub mod stack;
 pub mod summary;
 pub mod timing;

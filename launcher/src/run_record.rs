@@ -59,13 +59,14 @@ pub fn run_json(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
         "ended": describe_end(summary, how),
         "exit_code": exit_code(summary, scenario, how),
         "metrics": metrics,
+        "solver": summary.solves.to_json(),
         "state_hash": summary.state_hash(),
         "bounds": verdicts(&scenario.bounds, &metrics),
         "speed": { "wall_s": how.wall_s, "times_realtime": flown_s / how.wall_s },
         "timing": summary.timing.as_ref().map(crate::timing::Timing::to_json),
         "log": how.log,
         "unobserved": summary.missed(),
-        "faults": [],
+        "faults": summary.faults.to_json(),
         "provenance": how.provenance,
     })
 }
@@ -131,6 +132,10 @@ pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
             m.rotor_speed_min, m.rotor_speed_max, m.tilt_max_deg, m.commands_saturated
         ),
     );
+    line("solver", summary.solves.describe());
+    for fault in summary.faults.describe() {
+        line("fault", fault);
+    }
     if let Some(timing) = &summary.timing
         && scenario.run.mode == Mode::Realtime
     {

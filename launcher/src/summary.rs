@@ -10,7 +10,9 @@ use guidance::Trajectory;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
+use crate::faults::Faults;
 use crate::log::Record;
+use crate::solves::Solves;
 use crate::timing::Timing;
 
 /// The metrics of run.json. One without a sample is NaN, which JSON has as null.
@@ -52,6 +54,10 @@ pub struct Summary {
     next_sequence: [u64; 4],
     missed: u64,
     last: State,
+    /// What the solver did.
+    pub solves: Solves,
+    /// What came of the scenario's faults.
+    pub faults: Faults,
     /// Punctuality; in process there is none.
     pub timing: Option<Timing>,
 }
@@ -81,6 +87,8 @@ impl Summary {
             next_sequence: [1; 4],
             missed: 0,
             last: State::default(),
+            solves: Solves::new(),
+            faults: Faults::new(&scenario.fault),
             timing: (scenario.run.mode != Mode::Inprocess).then(Timing::new),
         }
     }
@@ -94,13 +102,15 @@ impl Summary {
         if let Some(timing) = &mut self.timing {
             timing.observe(record);
         }
+        self.faults.observe(record);
         match record {
             Record::State(state) => self.state(state),
+            Record::Controls(controls) => self.solves.observe(controls),
             Record::Actuators(actuators) => {
                 self.metrics.commands_saturated += u64::from(mixer_flags::saturated(actuators.flags));
                 self.metrics.negative_squares += u64::from(actuators.flags & mixer_flags::NEGATIVE_SQUARE != 0);
             }
-            Record::Reference(_) | Record::Controls(_) => {}
+            Record::Reference(_) => {}
         }
     }
 

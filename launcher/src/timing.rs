@@ -107,11 +107,12 @@ impl NodeTiming {
 }
 
 /// One nanosecond to a minute, three significant digits.
-fn histogram() -> Histogram<u64> {
+pub(crate) fn histogram() -> Histogram<u64> {
     Histogram::new_with_bounds(1, 60_000_000_000, 3).expect("the bounds are constants that hdrhistogram accepts")
 }
 
-fn percentiles(histogram: &Histogram<u64>) -> Percentiles {
+/// What a histogram of nanoseconds amounts to.
+pub(crate) fn percentiles(histogram: &Histogram<u64>) -> Percentiles {
     let at = |quantile| histogram.value_at_quantile(quantile) as f64 / 1e3;
     Percentiles {
         n: histogram.len(),

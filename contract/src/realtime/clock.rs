@@ -8,6 +8,13 @@ pub fn now_ns() -> u64 {
     to_ns(clock_gettime(ClockId::Monotonic))
 }
 
+/// What `work` gives, and how long it took \[ns\].
+pub fn timed<T>(work: impl FnOnce() -> T) -> (T, u64) {
+    let start_ns = now_ns();
+    let result = work();
+    (result, now_ns() - start_ns)
+}
+
 /// CPU time this thread has used \[ns\].
 pub fn thread_cpu_ns() -> u64 {
     to_ns(clock_gettime(ClockId::ThreadCPUTime))

@@ -13,7 +13,7 @@ use std::num::NonZeroU64;
 use rustix::mm::MlockAllFlags;
 
 pub use board::{Bell, Board, phase};
-pub use clock::{now_ns, thread_cpu_ns};
+pub use clock::{now_ns, thread_cpu_ns, timed};
 
 use crate::scenario::{Policy, Realtime};
 

@@ -104,7 +104,7 @@ fn paper() -> Scenario {
             max_iterations: 100,
             time_limit_ms: 5.0,
             state_constraints: StateConstraints::None,
-            state_penalty: 1e6,
+            state_penalty: 1e4,
             attitude_limit_deg: [90.0, 90.0, 360.0],
             rates_limit_dps: [360.0, 360.0, 360.0],
             actuator_lag_model_s: 0.0,

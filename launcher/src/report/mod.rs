@@ -55,7 +55,7 @@ pub fn render(log: &Flight, run: &Value, scenario: &Scenario) -> String {
         ("claim_altitude_vertical", cells(&claims.altitude_vertical)),
         ("claim_actuators", cells(&claims.actuators)),
         ("bounds", sections::bounds(run)),
-        ("metrics", sections::metrics(run, &rows)),
+        ("metrics", sections::metrics(run)),
         ("sampling", sampling(rows.len())),
         ("timing", sections::timing(run)),
         ("faults", sections::faults(run)),

@@ -1,12 +1,10 @@
 //! The parts of the page that are text and tables. Every value may be missing from the summary; then a dash stands there.
 
-use contract::message::SolveStatus;
 use contract::scenario::to_toml;
 use contract::{Scenario, Topic};
 use serde_json::Value;
 
 use super::claims;
-use super::flight::Row;
 use super::html::{DASH, any, escape, leaves, list, number, table};
 
 /// The metrics of the summary: key, what people call it, unit, decimals. The first five are the key figures.
@@ -77,19 +75,25 @@ pub fn key_figures(run: &Value) -> String {
 }
 
 /// Everything else that was measured.
-pub fn metrics(run: &Value, rows: &[Row]) -> String {
-    let controls = || rows.iter().filter_map(|row| row.controls);
-    let constrained = controls().filter(|c| c.status == SolveStatus::Solved as u64).count();
-    let fallbacks = controls().map(|c| c.fallbacks).max();
-    let count = |n: Option<u64>| number(&n.into(), 0);
+pub fn metrics(run: &Value) -> String {
+    let (solver, speed) = (&run["solver"], &run["speed"]);
+    let iterations = &solver["iterations"];
+    let solve_us = ["p50_us", "p99_us", "max_us"].map(|key| number(&solver["solve_us"][key], 0)).join(" / ");
     let measured = METRICS[KEY_FIGURES..].iter().map(|(key, name, unit, decimals)| {
         ((*name).to_owned(), format!("{} {unit}", number(claims::metric(run, key), *decimals)))
     });
     let more = [
-        ("ticks on which a constraint was solved for", count(controls().next().map(|_| constrained as u64))),
-        ("solves that fell back", count(fallbacks)),
-        ("wall time", format!("{} s", number(&run["speed"]["wall_s"], 2))),
-        ("times real time", number(&run["speed"]["times_realtime"], 1)),
+        ("ticks on the explicit path", number(&solver["explicit"], 0)),
+        ("ticks on which a constraint was solved for", number(&solver["solved"], 0)),
+        ("solves stopped at a limit", number(&solver["limit_reached"], 0)),
+        ("solves that fell back", number(&solver["fallback"], 0)),
+        (
+            "iterations, mean / maximum",
+            format!("{} / {}", number(&iterations["mean"], 1), number(&iterations["max"], 0)),
+        ),
+        ("time of a solve, p50 / p99 / maximum", format!("{solve_us} µs")),
+        ("wall time", format!("{} s", number(&speed["wall_s"], 2))),
+        ("times real time", number(&speed["times_realtime"], 1)),
         ("log records", number(&run["log"]["records"], 0)),
         ("log records dropped", number(&run["log"]["dropped"], 0)),
         ("state hash", any(&run["state_hash"])),
@@ -149,8 +153,8 @@ pub fn faults(run: &Value) -> String {
     let Some(faults) = run["faults"].as_array().filter(|all| !all.is_empty()) else {
         return String::new();
     };
-    // The scenario's own keys first, then whatever the summary tells.
-    let mut names = vec!["at_s", "for_s", "target", "kind"];
+    // The scenario's own keys first, then what came of it in the order of events, then whatever else the summary tells.
+    let mut names = vec!["at_s", "for_s", "target", "kind", "injected_at_s", "detected_after_s", "recovered_after_s"];
     for name in faults.iter().filter_map(Value::as_object).flat_map(|fault| fault.keys()) {
         if !names.contains(&name.as_str()) {
             names.push(name);

@@ -223,6 +223,32 @@ fn the_head_names_how_the_run_ended() {
 }
 
 #[test]
+fn the_solver_and_the_faults_are_told_from_the_summary() {
+    let scenario = Scenario::of(Profile::Robust);
+    let mut run = survey();
+    let page = render(&Hover::of(1).flight(), &run, &scenario);
+    assert!(page.contains("<dt>solves that fell back</dt><dd>–</dd>") && !page.contains("id=\"faults\""));
+    run["solver"] = json!({
+        "explicit": 5410, "solved": 590, "limit_reached": 1, "fallback": 2, "bad_input": 0,
+        "iterations": { "max": 14, "mean": 6.25 }, "solve_us": { "p50_us": 91.2, "p99_us": 201.7, "max_us": 234.4 },
+    });
+    run["faults"] = json!([{
+        "target": "mpc", "kind": "iteration cap", "at_s": 2.0, "for_s": null,
+        "injected_at_s": 2.0, "detected_after_s": 0.01, "recovered_after_s": null,
+    }]);
+    let page = render(&Hover::of(1).flight(), &run, &scenario);
+    for told in [
+        "<dt>ticks on which a constraint was solved for</dt><dd>590</dd>",
+        "<dt>solves stopped at a limit</dt><dd>1</dd>",
+        "<dt>iterations, mean / maximum</dt><dd>6.2 / 14</dd>",
+        "<dt>time of a solve, p50 / p99 / maximum</dt><dd>91 / 202 / 234 µs</dd>",
+        "<td>2.0</td><td>–</td><td>mpc</td><td>iteration cap</td><td>2.0</td><td>0.01</td><td>–</td>",
+    ] {
+        assert!(page.contains(told), "{told}");
+    }
+}
+
+#[test]
 fn bounds_of_the_scenario_are_lines_in_the_figures() {
     let mut scenario = Scenario::of(Profile::Robust);
     scenario.bounds.max_position_error_m = Some(0.25);

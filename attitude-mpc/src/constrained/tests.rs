@@ -1,0 +1,171 @@
+//! What is published when the solver fails, and when the states have limits.
+
+use contract::Scenario;
+use contract::message::{Controls, SolveStatus};
+use contract::scenario::{FaultKind, Mode, Solver, StateConstraints};
+use nalgebra::{DVector, Vector4};
+
+use crate::AttitudeMpc;
+use crate::fixture::fault;
+use crate::tests::{demand_violation, hover, violent_turn};
+
+const SOLVERS: [Solver; 2] = [Solver::Clarabel, Solver::ActiveSet];
+
+fn scenario(solver: Solver) -> Scenario {
+    let mut scenario = Scenario::default();
+    scenario.mpc.solver = solver;
+    scenario.mpc.time_limit_ms = 0.0; // what is found must not depend on the machine
+    scenario
+}
+
+/// The answers to a violent turn that goes on for `ticks` ticks.
+fn turn(scenario: &Scenario, ticks: u64) -> Vec<Controls> {
+    let mut mpc = AttitudeMpc::new(scenario);
+    let answer = |tick| {
+        let (state, reference) = violent_turn(&mpc, tick);
+        mpc.step(&state, &reference)
+    };
+    (0..ticks).map(answer).collect()
+}
+
+/// The cost of a plan above the unconstrained optimum.
+fn cost(mpc: &AttitudeMpc) -> f64 {
+    let miss = &mpc.memory.plan - &mpc.work.unconstrained;
+    (&mpc.constrained.as_ref().unwrap().hessian * &miss).dot(&miss)
+}
+
+#[test]
+fn a_failing_solver_costs_no_tick_and_recovers() {
+    for solver in SOLVERS {
+        for (kind, status) in [
+            (FaultKind::Infeasible, SolveStatus::Fallback),
+            (FaultKind::Nan, SolveStatus::Fallback),
+            (FaultKind::IterationCap, SolveStatus::LimitReached),
+        ] {
+            let mut scenario = scenario(solver);
+            scenario.fault = vec![fault(kind, 0.01, Some(0.08))];
+            for (tick, controls) in turn(&scenario, 12).iter().enumerate() {
+                let struck = (1..9).contains(&tick);
+                let expected = if struck { status } else { SolveStatus::Solved };
+                assert_eq!(controls.status, expected as u64, "{solver:?} {kind:?} {tick}");
+                assert_eq!(controls.fallbacks, tick.min(8) as u64, "{solver:?} {kind:?} {tick}");
+                assert!(demand_violation(&scenario, controls.demand) <= 0.0, "{solver:?} {kind:?} {tick}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_fault_strikes_though_nothing_needs_solving() {
+    for (kind, status) in
+        [(FaultKind::Nan, SolveStatus::Fallback), (FaultKind::IterationCap, SolveStatus::LimitReached)]
+    {
+        let mut scenario = scenario(Solver::Clarabel);
+        scenario.fault = vec![fault(kind, 0.0, None)];
+        let mut mpc = AttitudeMpc::new(&scenario);
+        let (state, mut reference) = hover(&mpc, 0);
+        reference.w_mps = -0.1;
+        let controls = mpc.step(&state, &reference);
+        assert_eq!(controls.status, status as u64);
+        // The unconstrained optimum is inside: the way to it goes all the way.
+        let miss = Vector4::from(controls.demand) - mpc.work.unconstrained.fixed_rows::<4>(0);
+        assert!(miss.amax() < 1e-12, "{miss}");
+    }
+}
+
+#[test]
+fn a_fallback_is_never_worse_than_the_rest_of_the_last_plan() {
+    for kind in [FaultKind::Nan, FaultKind::IterationCap] {
+        let mut scenario = scenario(Solver::Clarabel);
+        scenario.fault = vec![fault(kind, 0.01, None)];
+        let mut mpc = AttitudeMpc::new(&scenario);
+        for tick in 0..20 {
+            let (state, reference) = violent_turn(&mpc, tick);
+            let mut rest = DVector::zeros(20);
+            mpc.memory.rest_of_plan(tick, &mut rest);
+            let published = mpc.step(&state, &reference);
+            let reached = cost(&mpc);
+            mpc.memory.plan.copy_from(&rest);
+            assert!(tick == 0 || reached <= cost(&mpc), "{kind:?} {tick}");
+            mpc.memory.plan.fixed_rows_mut::<4>(0).copy_from_slice(&published.demand);
+        }
+    }
+}
+
+#[test]
+fn without_a_last_plan_a_failed_solve_starts_from_hover() {
+    let mut scenario = scenario(Solver::Clarabel);
+    scenario.fault = vec![fault(FaultKind::Nan, 0.0, None)];
+    let first = turn(&scenario, 1)[0];
+    let wanted = {
+        scenario.fault.clear();
+        scenario.mpc.constraints = contract::scenario::Constraints::None;
+        turn(&scenario, 1)[0].demand
+    };
+    let shares: Vec<f64> =
+        first.demand.iter().zip(wanted).filter(|(_, w)| w.abs() > 1e-6).map(|(u, w)| u / w).collect();
+    assert!(shares.iter().all(|share| (share - shares[0]).abs() < 1e-9 && (0.05..1.0).contains(share)), "{shares:?}");
+}
+
+#[test]
+fn a_solve_out_of_iterations_publishes_the_best_plan_inside() {
+    let mut scenario = scenario(Solver::Clarabel);
+    let optimum = turn(&scenario, 1)[0];
+    let mut nearer = f64::INFINITY;
+    for iterations in [2, 4, 6] {
+        scenario.mpc.max_iterations = iterations;
+        let controls = turn(&scenario, 1)[0];
+        assert_eq!((controls.status, controls.iterations), (SolveStatus::LimitReached as u64, u64::from(iterations)));
+        assert!(demand_violation(&scenario, controls.demand) <= 0.0);
+        let miss = (Vector4::from(controls.demand) - Vector4::from(optimum.demand)).norm();
+        assert!(miss < nearer, "{iterations} iterations: {miss} is not below {nearer}");
+        nearer = miss;
+    }
+}
+
+#[test]
+fn time_is_limited_only_where_there_is_a_clock() {
+    for (mode, status) in [
+        (Mode::Realtime, SolveStatus::LimitReached),
+        (Mode::Lockstep, SolveStatus::Solved),
+        (Mode::Inprocess, SolveStatus::Solved),
+    ] {
+        let mut scenario = scenario(Solver::Clarabel);
+        scenario.run.mode = mode;
+        scenario.mpc.time_limit_ms = 1e-6;
+        assert_eq!(turn(&scenario, 1)[0].status, status as u64, "{mode:?}");
+    }
+}
+
+/// A spin that (51) forbids, with nothing to correct but itself.
+fn spin(solver: Solver, limits: StateConstraints, r_radps: f64) -> (Controls, AttitudeMpc) {
+    let mut scenario = scenario(solver);
+    scenario.mpc.state_constraints = limits;
+    scenario.mpc.state_penalty = 1e4;
+    let mut mpc = AttitudeMpc::new(&scenario);
+    let (mut state, mut reference) = hover(&mpc, 0);
+    state.measured.rates_radps[2] = r_radps;
+    reference.attitude_rad[2] = 1.6; // and a heading that asks for more of it
+    (mpc.step(&state, &reference), mpc)
+}
+
+#[test]
+fn a_state_beyond_its_limit_still_has_a_plan() {
+    for solver in SOLVERS {
+        let (free, mut without) = spin(solver, StateConstraints::None, 8.0);
+        let (limited, mut with) = spin(solver, StateConstraints::Soft, 8.0);
+        assert_eq!([free.status, limited.status], [SolveStatus::Solved as u64; 2], "{solver:?}");
+        assert!(limited.demand[3] < free.demand[3], "it brakes the spin");
+        let plans = [&mut without, &mut with].map(|mpc| mpc.memory.plan.clone());
+        let mut excess = |plan| with.constrained.as_mut().unwrap().set.excess(plan);
+        let [free, limited] = [excess(&plans[0]), excess(&plans[1])];
+        assert!(0.0 < limited && limited < free, "{solver:?}: {limited} is not below {free}");
+    }
+}
+
+#[test]
+fn a_plan_that_keeps_the_states_inside_is_left_alone() {
+    let (free, _) = spin(Solver::Clarabel, StateConstraints::None, 1.0);
+    let (limited, _) = spin(Solver::Clarabel, StateConstraints::Soft, 1.0);
+    assert_eq!(free.demand, limited.demand);
+}

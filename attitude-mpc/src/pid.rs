@@ -1,0 +1,70 @@
+//! One PID per axis, to compare with: every axis as if it were alone, and as if the actuators had no limits.
+//!
+//! ```text
+//! col = m   (b (w_ref - w) + c integral)
+//! lon = Iyy (k (theta_ref - theta) + b (q_ref - q) + c integral)        lat, ped likewise with phi, p and psi, r
+//! ```
+//!
+//! A double integrator with all three poles at `-a` has `b = 3a`, `k = 3a^2`, `c = a^3`; the climb, a single one with two
+//! poles at `-a`, has `b = 2a`, `c = a^2`.
+
+use airframe::Parameters;
+use contract::Scenario;
+use nalgebra::{DVector, Vector4};
+
+/// Poles of the attitude loops \[rad/s\]: what a loop of 30 ms of lag and 20 ms of delay bears with a margin.
+const ATTITUDE_POLE: f64 = 4.0;
+/// Poles of the climb loop \[rad/s\].
+const CLIMB_POLE: f64 = 2.0;
+
+/// The law. Its integrals are kept by the controller.
+#[derive(Debug, Clone)]
+pub struct Pid {
+    /// m, Iyy, Ixx, Izz: what turns an acceleration into an input.
+    inertia: Vector4<f64>,
+}
+
+impl Pid {
+    /// The law for a vehicle.
+    pub fn new(vehicle: &Parameters) -> Self {
+        Self { inertia: Vector4::new(vehicle.mass_kg, vehicle.iyy_kgm2, vehicle.ixx_kgm2, vehicle.izz_kgm2) }
+    }
+
+    /// col, lon, lat, ped \[N, N m, N m, N m\] for a state and its reference, both (w, phi, theta, psi, p, q, r, ...);
+    /// adds this sample's errors to the integrals.
+    pub fn step(&self, x: &DVector<f64>, r: &[f64], integral: &mut Vector4<f64>) -> Vector4<f64> {
+        let error = |i: usize| r[i] - x[i];
+        // col, lon, lat, ped drive w; theta and q; phi and p; psi and r.
+        let errors = Vector4::new(error(0), error(2), error(1), error(3));
+        *integral += errors * Scenario::SAMPLE_S;
+        let a = ATTITUDE_POLE;
+        let turn = |i: usize, rate: usize| 3.0 * a * a * errors[i] + 3.0 * a * error(rate) + a.powi(3) * integral[i];
+        let climb = 2.0 * CLIMB_POLE * errors[0] + CLIMB_POLE.powi(2) * integral[0];
+        self.inertia.component_mul(&Vector4::new(climb, turn(1, 5), turn(2, 4), turn(3, 6)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_error_pushes_its_own_axis() {
+        let pid = Pid::new(&Parameters::default());
+        for (state, axis) in [(0, 0), (1, 2), (2, 1), (3, 3), (4, 2), (5, 1), (6, 3)] {
+            let mut r = [0.0; 7];
+            r[state] = 0.1;
+            let u = pid.step(&DVector::zeros(7), &r, &mut Vector4::zeros());
+            assert!(u[axis] > 0.0 && u.iter().filter(|u| **u != 0.0).count() == 1, "state {state}: {u}");
+        }
+    }
+
+    #[test]
+    fn an_error_that_stays_is_pushed_ever_harder() {
+        let pid = Pid::new(&Parameters::default());
+        let mut integral = Vector4::zeros();
+        let mut push = || pid.step(&DVector::zeros(7), &[0.1; 7], &mut integral);
+        let (first, second) = (push(), push());
+        assert!((second - first).iter().all(|more| *more > 0.0));
+    }
+}

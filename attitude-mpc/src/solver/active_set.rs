@@ -1,0 +1,95 @@
+//! The problem by our own dual active-set method, which [`airframe::active_set`] explains.
+
+use airframe::active_set::{self, ActiveSet};
+use contract::scenario::FaultKind;
+use nalgebra::{DMatrix, DVector};
+
+use super::{Outcome, Verdict};
+use crate::constraints::PlanSet;
+
+/// What a fault takes from a slack to leave no plan: more than any plan has.
+const CONTRADICTION: f64 = 1e6;
+
+/// The solver of one set-up.
+pub struct ActiveSetSolver {
+    solver: ActiveSet,
+    max_iterations: u32,
+    /// `U*`, or what a fault makes of it, 4Nu.
+    centre: Vec<f64>,
+    /// Slacks at `U = 0`: linear rows move by move, two rows per limited state, two rows per disc.
+    offsets: Vec<f64>,
+    /// Where the rows of the states begin.
+    first_state: usize,
+}
+
+impl ActiveSetSolver {
+    /// Sets up the problem with the Hessian `H` (4Nu x 4Nu).
+    pub fn new(hessian: &DMatrix<f64>, set: &PlanSet, max_iterations: u32) -> Self {
+        let variables = hessian.nrows();
+        let moves = variables / 4;
+        let (linear, states) =
+            (set.moves.linear.len() * moves, set.states.as_ref().map_or(0, |s| 2 * s.forced.nrows()));
+        let pairs = set.moves.disc.iter().flatten();
+        let (mut rows, mut discs) = (DMatrix::zeros(linear + states, variables), DMatrix::zeros(0, variables));
+        let mut offsets = vec![];
+        for first in 0..moves {
+            for row in &set.moves.linear {
+                rows.fixed_view_mut::<1, 4>(offsets.len(), 4 * first).copy_from(&row.slope.transpose());
+                offsets.push(row.offset);
+            }
+        }
+        let mut softness = vec![0.0; linear];
+        if let Some(limits) = &set.states {
+            for y in limits.forced.row_iter() {
+                for sign in [-1.0, 1.0] {
+                    rows.row_mut(offsets.len()).copy_from(&(y * sign));
+                    offsets.push(1.0);
+                    softness.push(1.0 / limits.penalty);
+                }
+            }
+        }
+        for first in 0..moves {
+            for row in pairs.clone() {
+                let at = discs.nrows();
+                discs = discs.insert_row(at, 0.0);
+                discs.fixed_view_mut::<1, 4>(at, 4 * first).copy_from(&row.slope.transpose());
+                offsets.push(row.offset);
+            }
+        }
+        let solver = ActiveSet::new(hessian, &rows, &softness, &discs, max_iterations);
+        Self { solver, max_iterations, centre: vec![0.0; variables], offsets, first_state: linear }
+    }
+
+    /// See [`super::Solver::solve`].
+    pub fn solve(
+        &mut self,
+        unconstrained: &DVector<f64>,
+        set: &PlanSet,
+        fault: Option<FaultKind>,
+        plan: &mut DVector<f64>,
+    ) -> Outcome {
+        self.centre.copy_from_slice(unconstrained.as_slice());
+        if let Some(states) = &set.states {
+            for (pair, y) in self.offsets[self.first_state..].chunks_exact_mut(2).zip(&states.drift) {
+                pair.copy_from_slice(&[1.0 - y, 1.0 + y]);
+            }
+        }
+        if fault == Some(FaultKind::Nan) {
+            self.centre[0] = f64::NAN;
+        }
+        let honest = self.offsets[0];
+        if fault == Some(FaultKind::Infeasible) {
+            self.offsets[0] -= CONTRADICTION;
+        }
+        self.solver.grant(if fault == Some(FaultKind::IterationCap) { 1 } else { self.max_iterations });
+        let outcome = self.solver.solve(&self.centre, &self.offsets, plan.as_mut_slice());
+        self.offsets[0] = honest;
+
+        let verdict = match outcome.verdict {
+            active_set::Verdict::Optimal => Verdict::Solved,
+            active_set::Verdict::IterationLimit => Verdict::LimitReached,
+            active_set::Verdict::Infeasible | active_set::Verdict::NotFinite => Verdict::Failed,
+        };
+        Outcome { verdict, iterations: u64::from(outcome.iterations) }
+    }
+}

@@ -1,0 +1,88 @@
+//! The table and its verdicts, mostly from invented flights.
+
+use super::*;
+use contract::scenario::Profile;
+
+fn flight(inner_loop: InnerLoop, lost_at_s: Option<f64>, final_m: f64, clamped: u64) -> Flight {
+    let mut metrics = Summary::new(&Scenario::of(Profile::Robust)).metrics();
+    metrics.final_position_error_m = final_m;
+    metrics.commands_saturated = clamped;
+    metrics.position_error_integral_ms = 33.14;
+    let survived = lost_at_s.is_none() && final_m <= BACK_M;
+    Flight { inner_loop, scenario: "step".into(), survived, lost_at_s, metrics, solver: json!(null), state_hash: None }
+}
+
+fn row(inner_loop: InnerLoop, clamped: [u64; 5]) -> Vec<Flight> {
+    clamped.map(|clamped| flight(inner_loop, None, 0.0, clamped)).into()
+}
+
+#[test]
+fn the_shipped_scenarios_are_valid_under_every_inner_loop() {
+    let mut names = vec![];
+    for (path, text) in AGGRESSIVE {
+        let shipped = scenario::from_merged(text, path).unwrap();
+        for inner_loop in InnerLoop::ALL {
+            let flown = scenario::to_toml(&inner_loop.put_into(&shipped));
+            scenario::from_merged(&flown, path).unwrap();
+        }
+        names.push(shipped.name);
+    }
+    names.sort();
+    names.dedup();
+    assert_eq!(names.len(), AGGRESSIVE.len(), "each column has a name of its own");
+}
+
+#[test]
+fn only_one_row_has_the_safety_net_and_the_first_is_what_ships() {
+    let robust = Scenario::of(Profile::Robust);
+    let nets = InnerLoop::ALL.map(|inner_loop| inner_loop.put_into(&robust).mixer.projection);
+    assert_eq!(nets, [false, false, false, false, false, false, true]);
+    assert_eq!(InnerLoop::Cone.put_into(&robust).mpc, robust.mpc);
+}
+
+#[test]
+fn a_cell_tells_what_became_of_the_flight() {
+    let cell = |lost_at_s, final_m| flight(InnerLoop::Cone, lost_at_s, final_m, 2).cell();
+    assert_eq!(cell(None, 0.1), "ok 33.1 m s, 2");
+    assert_eq!(cell(None, 12.34), "astray 12.3 m");
+    assert_eq!(cell(Some(1.56), 0.1), "lost at 1.56 s");
+    assert_eq!(cell(None, f64::NAN), "astray NaN m");
+}
+
+#[test]
+fn the_table_has_a_line_for_each_inner_loop() {
+    let scenarios = vec![Scenario::of(Profile::Robust)];
+    let rows = [vec![flight(InnerLoop::Cone, None, 0.0, 0)], vec![flight(InnerLoop::Pid, Some(1.56), 9.0, 9)]];
+    let text = table(&scenarios, &rows);
+    let lines: Vec<&str> = text.lines().collect();
+    assert_eq!(lines[0], "      survey          survived");
+    assert_eq!(lines[1], "cone  ok 33.1 m s, 0  1/1");
+    assert_eq!(lines[2], "pid   lost at 1.56 s  0/1");
+}
+
+#[test]
+fn the_targets_are_those_of_the_cone() {
+    let verdicts = |rows: &[Vec<Flight>]| targets(rows).iter().map(|target| target.verdict).collect::<Vec<_>>();
+    let good = [row(InnerLoop::Cone, [0, 1, 0, 1, 0]), row(InnerLoop::Clamp, [99; 5])];
+    assert_eq!(verdicts(&good), [Verdict::Ok; 3]);
+    let mut bad = [row(InnerLoop::ConeActiveSet, [0, 2, 0, 0, 0])];
+    bad[0][3] = flight(InnerLoop::ConeActiveSet, Some(2.0), 0.0, 0);
+    bad[0][4].metrics.negative_squares = 1;
+    assert_eq!(verdicts(&bad), [Verdict::Short; 3]);
+}
+
+#[test]
+fn the_same_flight_comes_out_twice() {
+    let mut scenario = scenario::from_merged(AGGRESSIVE[1].1, AGGRESSIVE[1].0).unwrap();
+    scenario.run.duration_s = 1.0;
+    let [first, again] = [(); 2].map(|()| fly(InnerLoop::Cone, &scenario).state_hash);
+    assert!(first.is_some());
+    assert_eq!(first, again);
+}
+
+#[test]
+fn a_folder_that_cannot_be_made_is_named() {
+    let file = tempfile::NamedTempFile::new().unwrap();
+    let error = write(&file.path().join("below"), &json!({})).unwrap_err();
+    assert!(format!("{error:#}").contains("choose another with --out"), "{error:#}");
+}

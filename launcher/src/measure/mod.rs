@@ -1,0 +1,177 @@
+//! Figures with targets: what the stack promises of itself, measured here and now.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`mpc`] | `measure mpc`: how long a step of the controller takes, by path and solver |
+//! | [`laws`] | `measure laws`: the aggressive scenarios under every inner loop |
+//!
+//! Every measurement ends with one line per target: figure, measured value, target, and the verdict `ok`, `short` or
+//! `inconclusive`, the last where this machine could not tell. The exit code is 0 only when none is short.
+
+pub mod laws;
+pub mod mpc;
+
+use std::fmt::Write;
+
+use clap::Subcommand;
+use contract::process::exit;
+use serde::Serialize;
+use serde_json::{Value, json};
+
+use crate::print;
+
+/// What can be measured.
+#[derive(Subcommand)]
+pub enum Measure {
+    /// Time a step of the controller on recorded problems, by path and solver
+    Mpc(mpc::MpcArgs),
+    /// Fly the aggressive scenarios under every inner loop and compare
+    Laws(laws::LawsArgs),
+}
+
+impl Measure {
+    /// Measures; the exit code.
+    pub fn run(&self) -> anyhow::Result<u8> {
+        match self {
+            Self::Mpc(args) => mpc::measure(args),
+            Self::Laws(args) => laws::measure(args),
+        }
+    }
+}
+
+/// Whether a target is met.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Verdict {
+    /// Measured, and within.
+    Ok,
+    /// Measured, and not within.
+    Short,
+    /// This run cannot tell; the target's note says why.
+    Inconclusive,
+}
+
+/// One promise, and what became of it.
+#[derive(Debug, Clone, Serialize)]
+pub struct Target {
+    /// What is measured.
+    pub figure: String,
+    /// What came out, in `unit`; nothing where it could not be measured.
+    pub measured: Option<f64>,
+    /// Unit of the measured value, may be empty.
+    pub unit: &'static str,
+    /// What was promised, as text: `<= 5`.
+    pub target: String,
+    /// Whether it is kept.
+    pub verdict: Verdict,
+    /// Why the verdict is what it is, where that is not plain.
+    pub note: String,
+}
+
+impl Target {
+    /// The promise that `measured` is no more than `limit`. No value, or none that is a number, is inconclusive.
+    pub fn at_most(figure: impl Into<String>, measured: Option<f64>, limit: f64, unit: &'static str) -> Self {
+        let measured = measured.filter(|value| !value.is_nan());
+        let verdict = match measured {
+            Some(value) if value <= limit => Verdict::Ok,
+            Some(_) => Verdict::Short,
+            None => Verdict::Inconclusive,
+        };
+        let target = format!("<= {} {unit}", plain(limit)).trim_end().to_owned();
+        Self { figure: figure.into(), measured, unit, target, verdict, note: String::new() }
+    }
+
+    /// The same with a remark.
+    #[must_use]
+    pub fn noting(mut self, note: impl Into<String>) -> Self {
+        self.note = note.into();
+        self
+    }
+
+    /// The same, but what speaks against it may be the machine's doing: short becomes inconclusive.
+    #[must_use]
+    pub fn in_doubt(mut self, why: impl Into<String>) -> Self {
+        if self.verdict == Verdict::Short {
+            self.verdict = Verdict::Inconclusive;
+            self.note = why.into();
+        }
+        self
+    }
+
+    /// One line: verdict, figure, measured, target, note.
+    fn line(&self) -> String {
+        let verdict = match self.verdict {
+            Verdict::Ok => "ok",
+            Verdict::Short => "short",
+            Verdict::Inconclusive => "inconclusive",
+        };
+        let measured = self.measured.map_or("-".to_owned(), |value| format!("{} {}", plain(value), self.unit));
+        let note = if self.note.is_empty() { String::new() } else { format!("  ({})", self.note) };
+        format!("{verdict:<12}  {:<58} {:>14}   {}{note}", self.figure, measured.trim_end(), self.target)
+    }
+}
+
+/// Prints `table` and one line per target, or all of it as one JSON object `{results, targets}`; the exit code.
+pub fn conclude(json: bool, results: Value, table: &str, targets: &[Target]) -> anyhow::Result<u8> {
+    if json {
+        print(&(serde_json::to_string_pretty(&json!({ "results": results, "targets": targets }))? + "\n"));
+    } else {
+        let mut text = format!("{table}\n");
+        for target in targets {
+            writeln!(text, "{}", target.line().trim_end())?;
+        }
+        print(&text);
+    }
+    let short = targets.iter().any(|target| target.verdict == Verdict::Short);
+    Ok(if short { exit::OUT_OF_BOUNDS } else { exit::FLOWN })
+}
+
+/// A number with four figures, without an exponent where it can be read without.
+fn plain(value: f64) -> String {
+    match value.abs() {
+        0.0 => "0".to_owned(),
+        size if size >= 1e7 || size < 1e-3 => format!("{value:.2e}"),
+        size if size >= 1e3 || value.fract() == 0.0 => format!("{value:.0}"),
+        size => format!("{value:.*}", (3 - size.log10().floor() as i32).max(0) as usize),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_target_is_short_only_when_measured_so() {
+        let verdict = |measured| Target::at_most("time", measured, 5.0, "us").verdict;
+        assert_eq!(verdict(Some(5.0)), Verdict::Ok);
+        assert_eq!(verdict(Some(5.1)), Verdict::Short);
+        assert_eq!(verdict(Some(f64::INFINITY)), Verdict::Short);
+        assert_eq!(verdict(Some(f64::NAN)), Verdict::Inconclusive);
+        assert_eq!(verdict(None), Verdict::Inconclusive);
+    }
+
+    #[test]
+    fn doubt_excuses_a_short_target_and_leaves_a_met_one() {
+        let doubted = |measured| Target::at_most("time", Some(measured), 5.0, "us").in_doubt("noise").verdict;
+        assert_eq!(doubted(6.0), Verdict::Inconclusive);
+        assert_eq!(doubted(4.0), Verdict::Ok);
+    }
+
+    #[test]
+    fn only_a_short_target_spoils_the_exit_code() {
+        let code = |measured| {
+            let targets = [Target::at_most("time", measured, 5.0, "us"), Target::at_most("blocks", Some(0.0), 0.0, "")];
+            conclude(true, json!({}), "", &targets).expect("prints")
+        };
+        assert_eq!(code(Some(4.0)), 0);
+        assert_eq!(code(None), 0);
+        assert_eq!(code(Some(6.0)), 1);
+    }
+
+    #[test]
+    fn numbers_are_printed_to_be_read() {
+        for (value, text) in [(0.0, "0"), (5.0, "5"), (0.98765, "0.9877"), (12.345, "12.35"), (1234.5, "1234"), (2e-7, "2.00e-7")] {
+            assert_eq!(plain(value), text);
+        }
+    }
+}

@@ -1,0 +1,105 @@
+//! The solver that fails: no gap, no NaN, the same flight in every mode, and an account of it in run.json.
+
+use contract::message::SolveStatus;
+use serde_json::{Value, json};
+
+use crate::harness::{Outcome, fly, launcher};
+use launcher::log;
+
+const UPSET: &str = "scenarios/aggressive/upset.toml";
+const KINDS: [&str; 3] = ["nan", "infeasible", "iteration cap"];
+const SOLVERS: [&str; 2] = ["mpc.solver=clarabel", "mpc.solver=active-set"];
+/// The first tick of the faults here, and the first after them.
+const STRUCK: std::ops::Range<usize> = 10..40;
+
+/// The upset with a fault of the solver while it is needed most.
+fn faulty(kind: &str, solver: &str, mode: &str) -> Outcome {
+    let fault = format!("fault=[{{at_s=0.1, for_s=0.3, target=\"mpc\", kind=\"{kind}\"}}]");
+    fly(&[UPSET, "--mode", mode, "--set", &fault, "--set", solver])
+}
+
+fn check_flies_on(kind: &str, solver: &str) {
+    let outcome = faulty(kind, solver, "inprocess");
+    let run = outcome.run();
+    assert_eq!(run["diverged"], false, "{kind}, {solver}");
+    assert_eq!(run["flown_s"], 10.0);
+
+    let log = log::read(&outcome.out.join("flight.mcap")).expect("the log reads");
+    assert_eq!([log.controls.len(), log.actuators.len()], [log.states.len(); 2], "no tick without a command");
+    for (controls, actuators) in log.controls.iter().zip(&log.actuators) {
+        let command = actuators.command;
+        let mut numbers = controls.demand.into_iter().chain(command.rotor_speed).chain([command.tilt_rad]);
+        assert!(numbers.all(f64::is_finite), "{kind}, {solver}: {controls:?} {actuators:?}");
+    }
+    for (tick, controls) in log.controls.iter().enumerate() {
+        let failed = controls.status >= SolveStatus::LimitReached as u64;
+        assert_eq!(failed, STRUCK.contains(&tick), "{kind}, {solver}: tick {tick}, status {}", controls.status);
+    }
+
+    let expected = json!([{
+        "target": "mpc", "kind": kind, "at_s": 0.1, "for_s": 0.3,
+        "injected_at_s": 0.1, "detected_after_s": 0.0, "recovered_after_s": 0.0,
+    }]);
+    assert_eq!(run["faults"], expected, "{solver}");
+    let page = std::fs::read_to_string(outcome.out.join("report.html")).expect("the report reads");
+    assert!(page.contains("id=\"faults\"") && page.contains(kind));
+}
+
+#[test]
+fn a_failing_solver_costs_no_tick_and_no_nan() {
+    for kind in KINDS {
+        for solver in SOLVERS {
+            check_flies_on(kind, solver);
+        }
+    }
+}
+
+#[test]
+fn a_failing_solver_fails_the_same_way_in_every_mode() {
+    for kind in KINDS {
+        for solver in SOLVERS {
+            let hash = |mode: &str| faulty(kind, solver, mode).state_hash();
+            let inprocess = hash("inprocess");
+            assert_eq!(inprocess, hash("inprocess"), "{kind}, {solver}, again");
+            assert_eq!(inprocess, hash("lockstep"), "{kind}, {solver}");
+        }
+    }
+}
+
+#[test]
+fn run_json_counts_every_tick_of_the_solver() {
+    let run = fly(&[UPSET, "--mode", "inprocess", "--no-log"]).run();
+    let solver = &run["solver"];
+    let count = |key: &str| solver[key].as_u64().unwrap_or_else(|| panic!("no {key} in {solver}"));
+    assert!(count("solved") > 0, "{solver}");
+    let failed = ["limit_reached", "fallback", "bad_input"].map(count);
+    assert_eq!(failed, [0; 3]);
+    assert_eq!(count("explicit") + count("solved"), 1001);
+    assert!(solver["iterations"]["max"].as_u64() > Some(0), "{solver}");
+    assert_eq!(run["faults"], json!([]));
+}
+
+#[test]
+fn the_cone_survives_what_the_other_inner_loops_do_not() {
+    let measured = launcher().args(["measure", "laws", "--json"]).output().expect("the launcher runs");
+    let all: Value = serde_json::from_slice(&measured.stdout).expect("JSON");
+    assert_eq!(measured.status.code(), Some(0), "{}", all["targets"]);
+    let flights = all["results"]["flights"].as_array().expect("flights");
+    let survived = |inner_loop: &str| {
+        flights.iter().filter(|flight| flight["inner_loop"] == inner_loop && flight["survived"] == true).count()
+    };
+    let inner_loops = ["cone", "cone-active-set", "box", "clamp", "lqr", "pid", "projection"];
+    println!("{:?}", inner_loops.map(|name| (name, survived(name))));
+    assert_eq!([survived("cone"), survived("cone-active-set")], [5, 5]);
+    for other in &inner_loops[2..6] {
+        assert!(survived(other) < 5, "{other}");
+    }
+}
+
+#[test]
+fn measure_laws_refuses_what_is_no_scenario() {
+    let refused = launcher().args(["measure", "laws", "no-such.toml"]).output().expect("the launcher runs");
+    assert_eq!(refused.status.code(), Some(2));
+    let said = String::from_utf8_lossy(&refused.stderr);
+    assert!(said.contains("no-such.toml"), "{said}");
+}
