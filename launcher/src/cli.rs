@@ -7,6 +7,7 @@ use clap::{Parser, Subcommand, ValueEnum};
 use contract::process::{exit, run_as};
 use contract::scenario;
 
+use crate::measure::Measure;
 use crate::stack::StartError;
 use crate::{fly, manage, print, recorder, report};
 
@@ -48,6 +49,9 @@ enum Command {
         #[arg(long, default_value = "default")]
         namespace: String,
     },
+    /// Measure what the stack promises, and say which promises are kept
+    #[command(subcommand)]
+    Measure(Measure),
     /// Run one process of a stack (the launcher starts these itself)
     Node {
         /// plant, guidance, attitude-mpc, mixer or recorder
@@ -78,6 +82,7 @@ pub fn main() -> ExitCode {
         Command::Report { run } => report::rewrite(&run).map(|()| exit::FLOWN),
         Command::Status { json } => manage::status(json).map(|()| exit::FLOWN),
         Command::Stop { namespace } => manage::stop(&namespace).map(|()| exit::FLOWN),
+        Command::Measure(what) => what.run(),
         Command::Node { name, namespace, log } => return node(name, &namespace, log),
     };
     match result {

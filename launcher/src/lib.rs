@@ -13,6 +13,7 @@
 //! | [`run_record`] | `run.json` |
 //! | [`report`] | `report.html` |
 //! | [`manage`] | `status` and `stop` |
+//! | [`measure`] | `measure`: figures with targets |
 
 pub mod cli;
 pub mod faults;
@@ -20,6 +21,7 @@ pub mod fly;
 pub mod inprocess;
 pub mod log;
 pub mod manage;
+pub mod measure;
 pub mod provenance;
 pub mod recorder;
 pub mod report;

@@ -3,25 +3,29 @@
 //! | module | holds | paper |
 //! |---|---|---|
 //! | [`allocation`] | demand to rotor speeds and tilt | (31)-(32), (39)-(44) |
+//! | [`projection`] | a demand the actuators cannot produce to the nearest one they can | |
 //!
 //! The mixer never emits a NaN and never leaves the actuators' limits, whatever it is sent.
 
 pub mod allocation;
 mod process;
+pub mod projection;
 
 use airframe::{Actuation, Limits, MixingMatrix, Trim};
 use contract::Scenario;
 use contract::message::{Actuators, Controls, mixer_flags};
 use nalgebra::Vector4;
+use projection::Projection;
 
 pub use process::run;
 
 /// The control allocation of one vehicle.
-#[derive(Debug, Clone)]
 pub struct Mixer {
     mixing: MixingMatrix,
     limits: Limits,
     trim: Actuation,
+    /// The safety net, where the scenario asks for it.
+    projection: Option<Projection>,
 }
 
 impl Mixer {
@@ -32,20 +36,26 @@ impl Mixer {
             mixing: MixingMatrix::new(&scenario.airframe, tilt_reaction),
             limits: scenario.limits(),
             trim: Trim::solve(&scenario.airframe, tilt_reaction).actuation,
+            projection: scenario.mixer.projection.then(|| Projection::new(scenario)),
         }
     }
 
     /// ACTUATORS for a demand: finite and inside the limits, with flags for what had to give.
     ///
-    /// A demand that is not finite gets the trim command.
+    /// A demand that is not finite gets the trim command. With the projection nothing is left for the limits to clip.
     pub fn step(&mut self, controls: &Controls) -> Actuators {
-        if !controls.demand.iter().all(|value| value.is_finite()) {
+        let demand = Vector4::from(controls.demand);
+        if !demand.iter().all(|value| value.is_finite()) {
             let command = self.limits.clip(&self.trim).into();
             return Actuators { command, flags: mixer_flags::BAD_INPUT, ..Actuators::default() };
         }
-        let (wanted, negative_square) = allocation::allocate(&self.mixing, &Vector4::from(controls.demand));
+        let nearest = self.projection.as_mut().and_then(|projection| projection.nearest(&demand));
+        let (wanted, negative_square) = allocation::allocate(&self.mixing, &nearest.unwrap_or(demand));
         let command = self.limits.clip(&wanted);
-        let mut flags = if negative_square { mixer_flags::NEGATIVE_SQUARE } else { 0 };
+        let mut flags = if nearest.is_some() { mixer_flags::PROJECTED } else { 0 };
+        if negative_square {
+            flags |= mixer_flags::NEGATIVE_SQUARE;
+        }
         for (rotor, (got, asked)) in command.rotor_speed.iter().zip(wanted.rotor_speed).enumerate() {
             if *got != asked {
                 flags |= mixer_flags::ROTOR_SATURATED << rotor;

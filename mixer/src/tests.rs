@@ -2,14 +2,14 @@
 
 use airframe::{Actuation, MixingMatrix, Parameters};
 use contract::Scenario;
-use contract::message::{Controls, mixer_flags};
+use contract::message::{Actuators, Controls, mixer_flags};
 use contract::scenario::Profile;
 use nalgebra::Vector4;
 use proptest::prelude::*;
 
 use crate::{Mixer, allocation};
 
-fn mix(demand: [f64; 4]) -> contract::message::Actuators {
+fn mix(demand: [f64; 4]) -> Actuators {
     Mixer::new(&Scenario::of(Profile::Paper)).step(&Controls { demand, ..Controls::default() })
 }
 
@@ -78,16 +78,81 @@ proptest! {
     }
 
     #[test]
-    fn any_bits_at_all_give_a_command_inside_the_limits(bits in prop::array::uniform4(any::<u64>())) {
-        for profile in [Profile::Paper, Profile::Robust] {
-            let scenario = Scenario::of(profile);
-            let limits = scenario.limits();
-            let controls = Controls { demand: bits.map(f64::from_bits), ..Controls::default() };
-            let command = Mixer::new(&scenario).step(&controls).command;
-            prop_assert!(command.tilt_rad.abs() <= limits.tilt_max_rad);
-            for (omega, max) in command.rotor_speed.iter().zip(limits.rotor_speed_max) {
-                prop_assert!((limits.rotor_speed_min..=max).contains(omega));
-            }
+    fn any_bits_at_all_give_a_command_inside_the_limits(scenario in scenario(), demand in any_demand(), projection: bool) {
+        let mut scenario = scenario;
+        scenario.mixer.projection = projection;
+        let limits = scenario.limits();
+        let Actuators { command, flags, .. } =
+            Mixer::new(&scenario).step(&Controls { demand, ..Controls::default() });
+        prop_assert!(command.tilt_rad.abs() <= limits.tilt_max_rad);
+        for (omega, max) in command.rotor_speed.iter().zip(limits.rotor_speed_max) {
+            prop_assert!((limits.rotor_speed_min..=max).contains(omega));
+        }
+        prop_assert!(!projection || !mixer_flags::saturated(flags), "{flags:b}");
+        prop_assert!(projection || flags & mixer_flags::PROJECTED == 0);
+    }
+
+    #[test]
+    fn at_a_limit_rounding_clips_nothing(
+        scenario in scenario(), speeds in prop::array::uniform3(range_with_ends()), tilt in range_with_ends(),
+    ) {
+        let limits = scenario.limits();
+        let idle = limits.rotor_speed_min;
+        let rotor_speed = std::array::from_fn(|i| idle + speeds[i] * (limits.rotor_speed_max[i] - idle));
+        let wanted = Actuation { rotor_speed, tilt_rad: (2.0 * tilt - 1.0) * limits.tilt_max_rad };
+        let demand = MixingMatrix::new(&scenario.airframe, scenario.mixer.tilt_reaction).deviation(&wanted);
+        let flags = Mixer::new(&scenario).step(&Controls { demand: demand.into(), ..Controls::default() }).flags;
+        prop_assert!(flags & !mixer_flags::PROJECTED == 0, "{flags:b}");
+    }
+
+    #[test]
+    fn what_the_limits_do_not_touch_the_projection_does_not_change(scenario in scenario(), demand in moderate_demand()) {
+        let controls = Controls { demand, ..Controls::default() };
+        let mut scenario = scenario;
+        let [with, without] = [true, false].map(|projection| {
+            scenario.mixer.projection = projection;
+            Mixer::new(&scenario).step(&controls)
+        });
+        if with.flags == 0 {
+            prop_assert_eq!(with, without);
+        } else {
+            prop_assert_eq!(with.flags, mixer_flags::PROJECTED);
         }
     }
+}
+
+/// Vehicles of different strength, with and without idle speed and tilt reaction, that project.
+pub(crate) fn scenario() -> impl Strategy<Value = Scenario> {
+    let idle = prop_oneof![Just(0.0), 0.0..600.0_f64];
+    (idle, 1.15..3.0_f64, 35.0..=90.0_f64, any::<bool>()).prop_map(|(idle, ratio, tilt_max_deg, tilt_reaction)| {
+        let mut scenario = Scenario::of(Profile::Robust);
+        scenario.plant.rotor_speed_min = idle;
+        scenario.plant.rotor_speed_max_ratio = ratio;
+        scenario.plant.tilt_max_deg = tilt_max_deg;
+        scenario.mixer.tilt_reaction = tilt_reaction;
+        scenario
+    })
+}
+
+/// 0 to 1, and often one of the two.
+fn range_with_ends() -> impl Strategy<Value = f64> {
+    prop_oneof![Just(0.0), Just(1.0), 0.0..1.0_f64]
+}
+
+/// Demands inside, near and well beyond what the actuators can do.
+pub(crate) fn moderate_demand() -> impl Strategy<Value = [f64; 4]> {
+    (prop::array::uniform4(-1.0..1.0_f64), -1.0..3.0_f64).prop_map(|(direction, decades)| {
+        let size = 10_f64.powf(decades);
+        direction.map(|share| share * size)
+    })
+}
+
+/// Demands of any kind: moderate ones, every class of number, and raw bytes.
+fn any_demand() -> impl Strategy<Value = [f64; 4]> {
+    let number = |bytes: [u8; 8]| f64::from_le_bytes(bytes);
+    prop_oneof![
+        moderate_demand(),
+        prop::array::uniform4(prop::num::f64::ANY),
+        any::<[[u8; 8]; 4]>().prop_map(move |bytes| bytes.map(number)),
+    ]
 }

@@ -79,14 +79,16 @@ fn agreement(agreement: &Agreement) -> Target {
     at_most("objectives of the two solvers, largest difference", measured, AGREES, "").noting(note)
 }
 
-fn random(random: Option<&Random>) -> [Target; 3] {
+fn random(random: Option<&Random>) -> [Target; 4] {
     let bound = random.map_or(0.0, |r| f64::from(r.iteration_bound));
     let note = random.map_or("left out with --random 0".to_owned(), |r| format!("of {} problems", r.problems));
     let checked = random.map_or(note.clone(), |r| format!("of {} optima checked", r.checked));
     [
         at_most("random problems, failures", random.map(|r| r.failures as f64), 0.0, "").noting(note.clone()),
         at_most("random problems, most iterations", random.map(|r| f64::from(r.most_iterations)), bound, "").noting(note),
-        at_most("random problems, worst residual", random.map(|r| r.worst_residual), 1e-6, "").noting(checked),
+        at_most("random problems, cost above the optimum", random.map(|r| r.worst_gap), AGREES, "")
+            .noting(checked.clone()),
+        at_most("random problems, outside the limits", random.map(|r| r.worst_violation), AGREES, "").noting(checked),
     ]
 }
 

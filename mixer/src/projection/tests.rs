@@ -1,0 +1,166 @@
+//! What gives way first, then the border, then the optimum against another solver.
+
+use airframe::MixingMatrix;
+use clarabel::algebra::CscMatrix;
+use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SecondOrderConeT, SolverStatus};
+use contract::scenario::Profile;
+use nalgebra::Matrix4;
+use proptest::prelude::*;
+
+use super::*;
+use crate::allocation::allocate;
+use crate::tests::{moderate_demand, scenario};
+
+/// The nearest demand to one that is outside, by the default scenario.
+#[track_caller]
+fn nearest(demand: [f64; 4]) -> Vector4<f64> {
+    let demand = Vector4::from(demand);
+    Projection::new(&Scenario::of(Profile::Robust)).nearest(&demand).expect("the demand is outside")
+}
+
+fn bits(demand: &Vector4<f64>) -> [u64; 4] {
+    std::array::from_fn(|axis| demand[axis].to_bits())
+}
+
+fn miss(demand: &Vector4<f64>, other: &Vector4<f64>) -> f64 {
+    let gap = demand - other;
+    0.5 * gap.component_mul(&gap).dot(&Vector4::from(WEIGHTS))
+}
+
+#[test]
+fn thrust_is_given_up_to_hold_roll_and_pitch() {
+    // Roll needs a strong rear rotor: 3.036 N m is the most it can do, at 9 N more thrust than asked for.
+    for roll in [-5.0, 5.0] {
+        let got = nearest([0.0, 0.0, roll, 0.0]);
+        assert!(got[2] / roll.signum() > 3.0 && got[0] < -9.0, "{got}");
+    }
+    let [up, pitch, roll, _] = nearest([-30.0, 1.0, 1.0, 0.0]).into();
+    assert!(-30.0 < up && up < -20.0, "thrust gave way: {up}");
+    assert!(pitch > 0.8 && roll > 0.8, "pitch and roll did not: {pitch} {roll}");
+}
+
+#[test]
+fn yaw_is_given_up_before_roll_and_pitch() {
+    for yaw in [-5.0, 5.0] {
+        let [_, pitch, roll, got] = nearest([0.0, 0.0, 0.0, yaw]).into();
+        let lost = (yaw - got).abs();
+        assert!(lost > 1.5 && got / yaw > 0.0, "yaw gave way: {got} of {yaw}");
+        assert!(pitch.abs() < lost / 5.0 && roll.abs() < lost / 10.0, "pitch and roll did not: {pitch} {roll}");
+    }
+    let [_, pitch, roll, yaw] = nearest([-15.0, 1.0, 1.0, 2.0]).into();
+    assert!(pitch > 0.85 && roll > 0.85 && yaw < 1.0, "{pitch} {roll} {yaw}");
+}
+
+#[test]
+fn a_demand_without_measure_keeps_its_direction() {
+    let far = nearest([3e4, -4e4, 2e4, 1e4]);
+    for size in [1e10, 1e200, 3e303] {
+        let farther = nearest([3.0 * size, -4.0 * size, 2.0 * size, size]);
+        assert!((far - farther).amax() < 1e-6, "{size:e}: {farther} is not {far}");
+    }
+    let most = nearest([f64::MAX, f64::MIN, f64::MIN_POSITIVE, f64::MAX]);
+    assert!((most - nearest([FAR, -FAR, 0.0, FAR])).amax() < 1e-6);
+}
+
+/// The same problem as Clarabel solves it.
+fn reference(set: &DemandSet, demand: &Vector4<f64>) -> Vector4<f64> {
+    let disc = set.disc.expect("the exact set has one");
+    let apex = Slack { offset: 1.0, slope: Vector4::zeros() };
+    let slacks: Vec<_> = set.linear.iter().chain([&apex]).chain(&disc).collect();
+    let a: Vec<[f64; 4]> = slacks.iter().map(|slack| (-slack.slope).into()).collect();
+    let b: Vec<f64> = slacks.iter().map(|slack| slack.offset).collect();
+    let p: [[f64; 4]; 4] = Matrix4::from_diagonal(&WEIGHTS.into()).into();
+    let q: Vec<f64> = demand.iter().zip(WEIGHTS).map(|(u, weight)| -weight * u).collect();
+    let cones = [NonnegativeConeT(set.linear.len()), SecondOrderConeT(3)];
+    let settings = DefaultSettings {
+        verbose: false,
+        tol_gap_abs: 1e-10,
+        tol_gap_rel: 1e-10,
+        tol_feas: 1e-10,
+        ..DefaultSettings::default()
+    };
+    let mut solver =
+        DefaultSolver::new(&CscMatrix::from(p.iter()), &q, &CscMatrix::from(a.iter()), &b, &cones, settings).unwrap();
+    solver.solve();
+    assert!(matches!(solver.solution.status, SolverStatus::Solved | SolverStatus::AlmostSolved));
+    Vector4::from_column_slice(&solver.solution.x)
+}
+
+proptest! {
+    #[test]
+    fn inside_passes_bit_for_bit(
+        scenario in scenario(), shares in prop::array::uniform3(0.0..=1.0_f64), tilt in -1.0..=1.0_f64,
+    ) {
+        let limits = scenario.limits();
+        let speed = |rotor: usize| limits.rotor_speed_min
+            + shares[rotor] * (limits.rotor_speed_max[rotor] - limits.rotor_speed_min);
+        let position =
+            airframe::Actuation { rotor_speed: [speed(0), speed(1), speed(2)], tilt_rad: tilt * limits.tilt_max_rad };
+        let mixing = MixingMatrix::new(&scenario.airframe, scenario.mixer.tilt_reaction);
+        let demand = mixing.deviation(&position) * 0.999;
+        let mut projection = Projection::new(&scenario);
+        prop_assume!(projection.set.violation(&demand) < 0.0); // rotor 1 has a slow corner outside the idle cut
+        prop_assert_eq!(projection.nearest(&demand), None);
+    }
+
+    #[test]
+    fn outside_lands_on_the_border(scenario in scenario(), demand in moderate_demand()) {
+        let mut projection = Projection::new(&scenario);
+        let demand = Vector4::from(demand);
+        match projection.nearest(&demand) {
+            None => prop_assert!(projection.set.violation(&demand) <= 0.0),
+            Some(nearest) => {
+                let violation = projection.set.violation(&nearest);
+                prop_assert!(-1e-8 < violation && violation <= -ROUNDING, "{violation:e}");
+                prop_assert_eq!(projection.nearest(&nearest), None, "once is enough");
+            }
+        }
+    }
+
+    #[test]
+    fn nothing_inside_is_nearer(scenario in scenario(), demand in moderate_demand()) {
+        let mut projection = Projection::new(&scenario);
+        let demand = Vector4::from(demand);
+        if let Some(nearest) = projection.nearest(&demand) {
+            let (ours, theirs) = (miss(&demand, &nearest), miss(&demand, &reference(&projection.set, &demand)));
+            prop_assert!((ours - theirs).abs() <= 1e-6 * theirs.max(1.0), "{ours} is not {theirs}");
+        }
+    }
+
+    #[test]
+    fn clipping_never_comes_nearer(scenario in scenario(), demand in moderate_demand()) {
+        let mut projection = Projection::new(&scenario);
+        let demand = Vector4::from(demand);
+        let mixing = MixingMatrix::new(&scenario.airframe, scenario.mixer.tilt_reaction);
+        let clipped = mixing.deviation(&scenario.limits().clip(&allocate(&mixing, &demand).0));
+        prop_assume!(projection.set.violation(&clipped) <= 1e-12);
+        if let Some(nearest) = projection.nearest(&demand) {
+            let (ours, theirs) = (miss(&demand, &nearest), miss(&demand, &clipped));
+            prop_assert!(ours <= theirs + 1e-6 * theirs.max(1.0), "{ours} is more than {theirs}");
+        }
+    }
+
+    #[test]
+    fn earlier_demands_leave_no_trace(scenario in scenario(), demands in prop::collection::vec(moderate_demand(), 2..8)) {
+        let mut projection = Projection::new(&scenario);
+        for demand in demands.into_iter().map(Vector4::from) {
+            let fresh = Projection::new(&scenario).nearest(&demand);
+            prop_assert_eq!(projection.nearest(&demand).as_ref().map(bits), fresh.as_ref().map(bits));
+        }
+    }
+
+    #[test]
+    fn without_a_solution_the_way_from_hover_ends_at_the_border(scenario in scenario(), demand in moderate_demand()) {
+        let mut projection = Projection::new(&scenario);
+        projection.solver.grant(1);
+        let demand = Vector4::from(demand);
+        let mut ignored = [0.0; 4];
+        let outcome = projection.solver.solve(demand.as_slice(), &projection.offsets, &mut ignored);
+        prop_assume!(outcome.verdict == Verdict::IterationLimit);
+        let nearest = projection.nearest(&demand).expect("the solver had work to do");
+        let violation = projection.set.violation(&nearest);
+        prop_assert!(-1e-8 < violation && violation <= -ROUNDING, "{violation:e}");
+        let cosine = nearest.dot(&demand) / (nearest.norm() * demand.norm());
+        prop_assert!((cosine - 1.0).abs() < 1e-12, "{cosine}");
+    }
+}
