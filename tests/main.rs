@@ -3,6 +3,7 @@
 mod bad_input;
 mod harness;
 mod lockstep;
+mod measure;
 mod paper;
 mod processes;
 mod recorded;

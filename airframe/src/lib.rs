@@ -9,6 +9,7 @@
 //! | [`actuator`] | lag, amplitude and rate limits of rotors and servo | (52)-(53) |
 //! | [`envelope`] | what those limits mean for the conventional inputs | |
 //! | [`demand_set`] | the same as rows, for those who optimise inside it | |
+//! | [`projection`] | a demand outside it, and the nearest one inside | |
 //!
 //! Frames: NED for the world, forward-right-down for the body. SI units and radians, except the rotor speed:
 //! the paper prints "RPM" beside constants that only make sense for another unit, so the unit is called
@@ -23,6 +24,7 @@ pub mod envelope;
 pub mod linear;
 pub mod mixing;
 pub mod parameters;
+pub mod projection;
 pub mod trim;
 
 pub use actuator::{Actuation, ActuatorLaw, Limits};

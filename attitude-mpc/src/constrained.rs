@@ -2,11 +2,12 @@
 //!
 //! 1. The unconstrained plan, when it is inside: one matrix-vector product, checked and not solved.
 //! 2. The solver's, drawn back from the border by a hair.
-//! 3. When it ran out of iterations or time: the way from the rest of the last plan towards where it stopped, as far as
-//!    the set goes; or 4, if that costs less.
-//! 4. When it found nothing: the way from the rest of the last plan towards the unconstrained optimum, as far as the set
-//!    goes. The cost falls all along it, so this is never worse than the rest of the last plan.
+//! 3. When it found nothing: the unconstrained plan, every move replaced by the nearest one inside, as the mixer would.
+//! 4. When it ran out of iterations or time: the way from there towards where it stopped, as far as the set goes, if
+//!    that costs less.
 
+use airframe::linear::INPUTS;
+use airframe::projection::Projection;
 use contract::Scenario;
 use contract::message::SolveStatus;
 use contract::scenario::{Fault, FaultTarget};
@@ -14,7 +15,6 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::condensed::Course;
 use crate::constraints::PlanSet;
-use crate::memory::Memory;
 use crate::solver::{Solver, Verdict};
 
 /// A solver's plan is believed when it leaves the set by no more than this, and then drawn inside. A limit counts as
@@ -27,16 +27,10 @@ pub struct Constrained {
     solver: Solver,
     hessian: DMatrix<f64>,
     faults: Vec<Fault>,
-    plans: Plans,
-}
-
-/// Room for the plans of one tick, each 4Nu.
-struct Plans {
-    /// The solver's.
+    projection: Projection,
+    /// The solver's plan, 4Nu.
     solved: DVector<f64>,
-    /// To fall back on.
-    rest: DVector<f64>,
-    /// Another.
+    /// Room for another, 4Nu.
     spare: DVector<f64>,
 }
 
@@ -59,69 +53,67 @@ impl Constrained {
         Some(Self {
             solver: Solver::new(scenario, &hessian, &set),
             faults: scenario.fault.iter().filter(|fault| fault.target == FaultTarget::Mpc).cloned().collect(),
+            projection: Projection::new(set.moves.clone()),
             set,
             hessian,
-            plans: Plans { solved: room.clone(), rest: room.clone(), spare: room },
+            solved: room.clone(),
+            spare: room,
         })
     }
 
-    /// The plan to follow, given the `unconstrained` one and where this tick starts, `given` = (x; r; d). While a fault
-    /// strikes the solver, every plan goes to the solver.
-    pub fn choose<'a>(
-        &'a mut self,
-        unconstrained: &'a DVector<f64>,
+    /// Writes the `plan` to follow, given the `unconstrained` one and where this tick starts, `given` = (x; r; d). While a
+    /// fault strikes the solver, every plan goes to the solver.
+    pub fn choose(
+        &mut self,
+        unconstrained: &DVector<f64>,
         given: &DVector<f64>,
-        memory: &mut Memory,
         tick: u64,
-    ) -> (&'a DVector<f64>, SolveStatus, Account) {
+        plan: &mut DVector<f64>,
+    ) -> (SolveStatus, Account) {
         self.set.start(given);
         let fault = self.faults.iter().find(|fault| fault.strikes(tick)).map(|fault| fault.kind);
-        if fault.is_none() && self.set.violation(unconstrained) <= 0.0 && self.set.excess(unconstrained) <= 0.0 {
-            let touching = self.set.touching(unconstrained, NEAR);
-            return (unconstrained, SolveStatus::Explicit, Account { touching, ..Account::default() });
-        }
-
-        let Self { set, solver, hessian, plans, .. } = self;
-        let (outcome, solve_ns) = contract::timed(|| solver.solve(unconstrained, set, fault, &mut plans.solved));
-        let (plan, status) = if outcome.verdict == Verdict::Solved && set.violation(&plans.solved) <= NEAR {
-            set.retract(&mut plans.solved);
-            (&plans.solved, SolveStatus::Solved)
+        let mut account = Account::default();
+        let inside = self.set.violation(unconstrained) <= 0.0 && self.set.excess(unconstrained) <= 0.0;
+        let status = if inside && fault.is_none() {
+            plan.copy_from(unconstrained);
+            SolveStatus::Explicit
         } else {
-            memory.fallbacks += 1;
-            memory.rest_of_plan(tick, &mut plans.rest);
-            plans.fall_back(set, hessian, unconstrained, outcome.verdict)
+            let Self { set, solver, solved, .. } = self;
+            let (outcome, solve_ns) = contract::timed(|| solver.solve(unconstrained, set, fault, solved));
+            (account.iterations, account.solve_ns) = (outcome.iterations, solve_ns);
+            if outcome.verdict == Verdict::Solved && set.violation(solved) <= NEAR {
+                set.retract(solved);
+                plan.copy_from(solved);
+                SolveStatus::Solved
+            } else {
+                self.fall_back(unconstrained, outcome.verdict, plan)
+            }
         };
-        let touching = set.touching(plan, NEAR);
-        (plan, status, Account { iterations: outcome.iterations, solve_ns, touching })
+        account.touching = self.set.touching(plan, NEAR);
+        (status, account)
     }
-}
 
-impl Plans {
-    /// The best plan inside the set that is known without a solution, from the rest of the last one.
-    fn fall_back(
-        &mut self,
-        set: &PlanSet,
-        hessian: &DMatrix<f64>,
-        unconstrained: &DVector<f64>,
-        verdict: Verdict,
-    ) -> (&DVector<f64>, SolveStatus) {
-        let Self { solved, rest, spare } = self;
-        if set.violation(rest) > 0.0 {
-            rest.fill(0.0); // hover, which is inside
+    /// Writes the best plan inside the set that is known without a solution.
+    fn fall_back(&mut self, unconstrained: &DVector<f64>, verdict: Verdict, plan: &mut DVector<f64>) -> SolveStatus {
+        let Self { set, hessian, projection, solved, spare, .. } = self;
+        for first in (0..plan.len()).step_by(INPUTS) {
+            let wanted = unconstrained.fixed_rows::<INPUTS>(first).into_owned();
+            plan.fixed_rows_mut::<INPUTS>(first).copy_from(&projection.nearest(&wanted).unwrap_or(wanted));
         }
-        spare.copy_from(rest);
-        set.approach(rest, unconstrained);
         if verdict != Verdict::LimitReached {
-            return (rest, SolveStatus::Fallback);
+            return SolveStatus::Fallback;
         }
+        spare.copy_from(plan);
         set.approach(spare, solved);
         let mut cost = |plan: &DVector<f64>| {
             solved.copy_from(plan);
             *solved -= unconstrained;
             hessian.column_iter().zip(solved.iter()).map(|(column, miss)| miss * column.dot(solved)).sum::<f64>()
         };
-        let best = if cost(spare) < cost(rest) { spare } else { rest };
-        (best, SolveStatus::LimitReached)
+        if cost(spare) < cost(plan) {
+            plan.copy_from(spare);
+        }
+        SolveStatus::LimitReached
     }
 }
 

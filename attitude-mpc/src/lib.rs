@@ -21,8 +21,8 @@
 //! | `process` | the process around it | |
 //!
 //! In nominal flight no constraint is active: the plan is one matrix-vector product, and it is checked, not solved. Only
-//! a plan that leaves the set goes to the solver. A solve that fails leaves no gap: the rest of the last plan, moved
-//! towards the unconstrained one as far as the set goes, is always inside.
+//! a plan that leaves the set goes to the solver. A solve that fails leaves no gap: every move of the unconstrained plan
+//! then gives way to the nearest one inside the set.
 
 pub mod condensed;
 pub mod constrained;
@@ -84,6 +84,8 @@ struct Work {
     given: DVector<f64>,
     /// The unconstrained plan, 4Nu, or the one move of another law.
     unconstrained: DVector<f64>,
+    /// The plan to follow, 4Nu, or the one move.
+    plan: DVector<f64>,
 }
 
 impl AttitudeMpc {
@@ -104,12 +106,13 @@ impl AttitudeMpc {
         };
         let moves = INPUTS * if weights.law == Law::Mpc { weights.nu } else { 1 };
         Self {
-            memory: Memory::new(states, model.trim.actuation, moves / INPUTS),
+            memory: Memory::new(states, model.trim.actuation),
             work: Work {
                 x: DVector::zeros(states),
                 predicted: DVector::zeros(states),
                 given: DVector::zeros(states + STATES + INPUTS),
                 unconstrained: DVector::zeros(moves),
+                plan: DVector::zeros(moves),
             },
             law: DisturbanceLaw::new(&scenario.airframe, scenario.mpc.disturbance_gain),
             delay_compensation: scenario.mpc.delay_compensation,
@@ -184,13 +187,15 @@ impl AttitudeMpc {
 
     /// Settles the plan; its first move is the demand.
     fn decide(&mut self, tick: u64) -> (SolveStatus, Account) {
-        let Self { memory, work, constrained, .. } = self;
-        let (plan, status, account) = match constrained {
-            Some(constrained) => constrained.choose(&work.unconstrained, &work.given, memory, tick),
-            None => (&work.unconstrained, SolveStatus::Explicit, Account::default()),
+        let Work { unconstrained, given, plan, .. } = &mut self.work;
+        let (status, account) = if let Some(constrained) = &mut self.constrained {
+            constrained.choose(unconstrained, given, tick, plan)
+        } else {
+            plan.copy_from(unconstrained);
+            (SolveStatus::Explicit, Account::default())
         };
-        memory.keep(plan, tick);
-        memory.demand = plan.fixed_rows::<INPUTS>(0).into_owned(); // (6)
+        self.memory.fallbacks += u64::from(status > SolveStatus::Solved);
+        self.memory.demand = plan.fixed_rows::<INPUTS>(0).into_owned(); // (6)
         (status, account)
     }
 

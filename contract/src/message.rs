@@ -174,8 +174,8 @@ impl PlantStatus {
     }
 }
 
-/// Meaning of [`Controls::status`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// Meaning of [`Controls::status`], better ones first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u64)]
 pub enum SolveStatus {
     /// The unconstrained optimum satisfies every constraint: one matrix-vector product.
@@ -184,7 +184,7 @@ pub enum SolveStatus {
     Solved = 1,
     /// The solver ran out of iterations or time: the best plan found inside the set.
     LimitReached = 2,
-    /// The solver found nothing: the rest of the last plan, moved towards the unconstrained one as far as the set goes.
+    /// The solver found nothing: the unconstrained plan, each move replaced by the nearest one inside the set.
     Fallback = 3,
     /// An input was not finite: the previous demand was repeated.
     BadInput = 4,

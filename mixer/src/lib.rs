@@ -3,19 +3,21 @@
 //! | module | holds | paper |
 //! |---|---|---|
 //! | [`allocation`] | demand to rotor speeds and tilt | (31)-(32), (39)-(44) |
-//! | [`projection`] | a demand the actuators cannot produce to the nearest one they can | |
+//!
+//! With `mixer.projection` a demand the actuators cannot produce becomes the nearest one they can
+//! ([`airframe::projection`]) before it is allocated.
 //!
 //! The mixer never emits a NaN and never leaves the actuators' limits, whatever it is sent.
 
 pub mod allocation;
 mod process;
-pub mod projection;
 
-use airframe::{Actuation, Limits, MixingMatrix, Trim};
+use airframe::envelope::Envelope;
+use airframe::projection::Projection;
+use airframe::{Actuation, DemandSet, Limits, MixingMatrix, Trim};
 use contract::Scenario;
 use contract::message::{Actuators, Controls, mixer_flags};
 use nalgebra::Vector4;
-use projection::Projection;
 
 pub use process::run;
 
@@ -36,7 +38,10 @@ impl Mixer {
             mixing: MixingMatrix::new(&scenario.airframe, tilt_reaction),
             limits: scenario.limits(),
             trim: Trim::solve(&scenario.airframe, tilt_reaction).actuation,
-            projection: scenario.mixer.projection.then(|| Projection::new(scenario)),
+            projection: scenario.mixer.projection.then(|| {
+                let envelope = Envelope::new(&scenario.airframe, tilt_reaction, scenario.limits());
+                Projection::new(DemandSet::exact(&envelope))
+            }),
         }
     }
 

@@ -1,6 +1,8 @@
 //! Direction, limits, round trips, then the independent values.
 
-use airframe::{Actuation, MixingMatrix, Parameters};
+use airframe::envelope::Envelope;
+use airframe::projection::{Projection, WEIGHTS};
+use airframe::{Actuation, DemandSet, MixingMatrix, Parameters};
 use contract::Scenario;
 use contract::message::{Actuators, Controls, mixer_flags};
 use contract::scenario::Profile;
@@ -93,6 +95,21 @@ proptest! {
     }
 
     #[test]
+    fn clipping_never_comes_nearer_than_the_projection(scenario in scenario(), demand in moderate_demand()) {
+        let envelope = Envelope::new(&scenario.airframe, scenario.mixer.tilt_reaction, scenario.limits());
+        let set = DemandSet::exact(&envelope);
+        let demand = Vector4::from(demand);
+        let wanted = allocation::allocate(&envelope.mixing, &demand).0;
+        let clipped = envelope.mixing.deviation(&envelope.limits.clip(&wanted));
+        prop_assume!(set.violation(&clipped) <= 1e-12);
+        if let Some(nearest) = Projection::new(set).nearest(&demand) {
+            let miss = |of: &Vector4<f64>| (of - demand).component_mul(&(of - demand)).dot(&Vector4::from(WEIGHTS));
+            let (ours, theirs) = (miss(&nearest), miss(&clipped));
+            prop_assert!(ours <= theirs + 1e-6 * theirs.max(1.0), "{ours} is more than {theirs}");
+        }
+    }
+
+    #[test]
     fn at_a_limit_rounding_clips_nothing(
         scenario in scenario(), speeds in prop::array::uniform3(range_with_ends()), tilt in range_with_ends(),
     ) {
@@ -122,7 +139,7 @@ proptest! {
 }
 
 /// Vehicles of different strength, with and without idle speed and tilt reaction, that project.
-pub(crate) fn scenario() -> impl Strategy<Value = Scenario> {
+fn scenario() -> impl Strategy<Value = Scenario> {
     let idle = prop_oneof![Just(0.0), 0.0..600.0_f64];
     (idle, 1.15..3.0_f64, 35.0..=90.0_f64, any::<bool>()).prop_map(|(idle, ratio, tilt_max_deg, tilt_reaction)| {
         let mut scenario = Scenario::of(Profile::Robust);
@@ -140,7 +157,7 @@ fn range_with_ends() -> impl Strategy<Value = f64> {
 }
 
 /// Demands inside, near and well beyond what the actuators can do.
-pub(crate) fn moderate_demand() -> impl Strategy<Value = [f64; 4]> {
+fn moderate_demand() -> impl Strategy<Value = [f64; 4]> {
     (prop::array::uniform4(-1.0..1.0_f64), -1.0..3.0_f64).prop_map(|(direction, decades)| {
         let size = 10_f64.powf(decades);
         direction.map(|share| share * size)

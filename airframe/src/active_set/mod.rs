@@ -164,11 +164,7 @@ impl ActiveSet {
 
     fn factor_in(&mut self, combination: &Combination) -> bool {
         let Self { factor, dual, held, start, .. } = self;
-        factor.append(
-            |j| dual.entry(&held[j], combination),
-            dual.diagonal(combination),
-            -combination.slack(start),
-        )
+        factor.append(|j| dual.entry(&held[j], combination), dual.diagonal(combination), -combination.slack(start))
     }
 
     fn ascend(&mut self) -> (Verdict, u32) {
@@ -185,7 +181,9 @@ impl ActiveSet {
             }
             self.multipliers.copy_from_slice(&self.target[..self.held.len()]);
             let value = self.factor.square();
-            if value < self.value * (1.0 - 1e-9) { self.stats[1] += 1; }
+            if value < self.value * (1.0 - 1e-9) {
+                self.stats[1] += 1;
+            }
             self.value = value;
             self.dual.slacks(&self.start, &self.held, &self.multipliers, &mut self.slack);
             match self.worst() {
@@ -248,14 +246,22 @@ impl ActiveSet {
 
     fn hold(&mut self, member: Member) -> bool {
         let mut multiplier = 0.0;
-        while self.hard() >= self.variables && self.dual.combination(member).is_hard()
-            && {let c = self.dual.combination(member); self.factor_in(&c); self.factor.truncate(self.held.len()); true} 
-            || !self.append(member, multiplier) {
+        while self.hard() >= self.variables && self.dual.combination(member).is_hard() && {
+            let c = self.dual.combination(member);
+            self.factor_in(&c);
+            self.factor.truncate(self.held.len());
+            true
+        } || !self.append(member, multiplier)
+        {
             self.stats[4] += 1;
             self.factor.composition(&mut self.target);
             let mut first: Option<(f64, usize)> = None;
             for (j, (multiplier, share)) in self.multipliers.iter().zip(&self.target).enumerate() {
-                if *share > 1e-9 * (self.dual.diagonal(&self.dual.combination(member))/self.dual.diagonal(&self.held[j])).sqrt() {
+                if *share
+                    > 1e-9
+                        * (self.dual.diagonal(&self.dual.combination(member)) / self.dual.diagonal(&self.held[j]))
+                            .sqrt()
+                {
                     let step = multiplier / share;
                     if first.is_none_or(|(s, _)| step < s) {
                         first = Some((step, j));
@@ -301,8 +307,14 @@ impl ActiveSet {
             if target <= 0.0 {
                 let share = self.multipliers[i] / (self.multipliers[i] - target);
                 match self.kept.members[i] {
-                    Member::Row(_) if share < limit => { limit = share; blocking = Some(i); }
-                    Member::Cut { .. } if 0.9 * share < limit => { limit = 0.9 * share; blocking = None; }
+                    Member::Row(_) if share < limit => {
+                        limit = share;
+                        blocking = Some(i);
+                    }
+                    Member::Cut { .. } if 0.9 * share < limit => {
+                        limit = 0.9 * share;
+                        blocking = None;
+                    }
                     _ => {}
                 }
             }

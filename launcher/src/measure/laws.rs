@@ -39,7 +39,7 @@ pub struct LawsArgs {
     #[arg(long)]
     pub json: bool,
     /// Folder to write the results to, as table.json
-    #[arg(long)]
+    #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
 }
 

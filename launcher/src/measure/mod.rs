@@ -16,7 +16,7 @@ use std::fmt::Write;
 use clap::Subcommand;
 use contract::process::exit;
 use serde::Serialize;
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
 use crate::print;
 
@@ -114,7 +114,8 @@ impl Target {
 /// Prints `table` and one line per target, or all of it as one JSON object `{results, targets}`; the exit code.
 pub fn conclude(json: bool, results: Value, table: &str, targets: &[Target]) -> anyhow::Result<u8> {
     if json {
-        print(&(serde_json::to_string_pretty(&json!({ "results": results, "targets": targets }))? + "\n"));
+        let all = Map::from_iter([("results".to_owned(), results), ("targets".to_owned(), json!(targets))]);
+        print(&(serde_json::to_string_pretty(&all)? + "\n"));
     } else {
         let mut text = format!("{table}\n");
         for target in targets {
@@ -130,7 +131,7 @@ pub fn conclude(json: bool, results: Value, table: &str, targets: &[Target]) -> 
 fn plain(value: f64) -> String {
     match value.abs() {
         0.0 => "0".to_owned(),
-        size if size >= 1e7 || size < 1e-3 => format!("{value:.2e}"),
+        size if !(1e-3..1e7).contains(&size) => format!("{value:.2e}"),
         size if size >= 1e3 || value.fract() == 0.0 => format!("{value:.0}"),
         size => format!("{value:.*}", (3 - size.log10().floor() as i32).max(0) as usize),
     }
@@ -170,7 +171,9 @@ mod tests {
 
     #[test]
     fn numbers_are_printed_to_be_read() {
-        for (value, text) in [(0.0, "0"), (5.0, "5"), (0.98765, "0.9877"), (12.345, "12.35"), (1234.5, "1234"), (2e-7, "2.00e-7")] {
+        for (value, text) in
+            [(0.0, "0"), (5.0, "5"), (0.98765, "0.9877"), (12.345, "12.35"), (1234.5, "1234"), (2e-7, "2.00e-7")]
+        {
             assert_eq!(plain(value), text);
         }
     }

@@ -8,55 +8,14 @@
 //!
 //! where `U*` is the unconstrained plan and `e` the excess of the predicted states over their soft limits.
 
-use attitude_mpc::AttitudeMpc;
-use attitude_mpc::condensed::Condensed;
 use attitude_mpc::constraints::PlanSet;
-use attitude_mpc::model::PredictionModel;
 use attitude_mpc::solver::{self, Verdict};
 use contract::scenario::Solver;
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
+use super::matrices::{Problem, Problems};
 use super::problems::Sequence;
-
-/// The optimisation problems of a sequence, in the order of the flight.
-pub struct Problems {
-    /// `H`, 4Nu x 4Nu.
-    pub hessian: DMatrix<f64>,
-    /// From what is given to the unconstrained plan.
-    pub gain: DMatrix<f64>,
-    /// What a plan may be; `None` where the flight had no constraints.
-    pub set: Option<PlanSet>,
-    /// Each tick's number, `(x; r; d)`, and unconstrained plan.
-    pub ticks: Vec<Problem>,
-}
-
-/// What one tick changes.
-pub struct Problem {
-    /// Sample number.
-    pub tick: u64,
-    /// `(x; r; d)`.
-    pub given: DVector<f64>,
-    /// `U*`, 4Nu.
-    pub centre: DVector<f64>,
-}
-
-impl Problems {
-    /// Replays `sequence` and writes down the problems it meets.
-    pub fn of(sequence: &Sequence) -> Self {
-        let scenario = sequence.scenario_for(sequence.scenario.mpc.solver);
-        let model = PredictionModel::new(&scenario);
-        let Condensed { hessian, gain, course } = Condensed::new(&model, &scenario.mpc);
-        let set = PlanSet::new(&scenario, &course, model.trim.roll_rad);
-        let mut mpc = AttitudeMpc::new(&scenario);
-        let problem = |(state, reference): &(_, contract::message::Reference)| {
-            mpc.step(state, reference);
-            let given = mpc.given().clone();
-            Problem { tick: reference.stamp.tick, centre: &gain * &given, given }
-        };
-        Self { ticks: sequence.samples.iter().map(problem).collect(), hessian, gain, set }
-    }
-}
 
 /// How far the solvers agree.
 #[derive(Debug, Clone, Default, Serialize)]
@@ -78,7 +37,9 @@ impl Agreement {
             .map(|choice| solver::Solver::new(&sequence.scenario_for(choice), &problems.hessian, set));
         let mut plan = DVector::zeros(problems.hessian.nrows());
         for Problem { given, centre, .. } in &problems.ticks {
-            sets.iter_mut().for_each(|set| set.start(given));
+            for set in &mut sets {
+                set.start(given);
+            }
             if sets[0].violation(centre) <= 0.0 && sets[0].excess(centre) <= 0.0 {
                 continue;
             }

@@ -25,15 +25,7 @@ impl Distribution {
         // The smallest time that at least this many in a thousand do not exceed.
         let rank = |per_mille: usize| sorted[(n * per_mille).div_ceil(1000) - 1] as f64 / 1e3;
         let mean_us = sorted.iter().sum::<u64>() as f64 / 1e3 / n as f64;
-        Some(Self {
-            n,
-            mean_us,
-            p50_us: rank(500),
-            p90_us: rank(900),
-            p99_us: rank(990),
-            p999_us: rank(999),
-            max_us,
-        })
+        Some(Self { n, mean_us, p50_us: rank(500), p90_us: rank(900), p99_us: rank(990), p999_us: rank(999), max_us })
     }
 }
 

@@ -104,7 +104,13 @@ mod tests {
     use super::*;
 
     fn step(status: SolveStatus, iterations: u64, rounds_ns: [u64; 3]) -> Step {
-        Step { tick: 0, status: status as u64, iterations, allocations: Some(iterations), rounds_ns: rounds_ns.to_vec() }
+        Step {
+            tick: 0,
+            status: status as u64,
+            iterations,
+            allocations: Some(iterations),
+            rounds_ns: rounds_ns.to_vec(),
+        }
     }
 
     #[test]

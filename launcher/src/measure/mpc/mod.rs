@@ -5,6 +5,7 @@
 //! | [`problems`] | recorded sequences of problems |
 //! | [`sampling`] | timing steps on a shared machine |
 //! | [`distribution`], [`figures`] | percentiles, and one row per sequence, solver and path |
+//! | [`matrices`] | the problems as matrices |
 //! | [`agreement`] | whether both solvers find the same optimum |
 //! | [`random`] | a million random problems |
 //! | [`polygon`], [`compare`] | the problems for other solvers, and what those make of them |
@@ -14,6 +15,7 @@ pub mod agreement;
 pub mod compare;
 pub mod distribution;
 pub mod figures;
+pub mod matrices;
 pub mod polygon;
 pub mod problems;
 pub mod random;
@@ -29,9 +31,10 @@ use anyhow::Context;
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use self::agreement::{Agreement, Problems};
+use self::agreement::Agreement;
 use self::compare::Rival;
 use self::figures::Row;
+use self::matrices::Problems;
 use self::polygon::{Polygon, Solved};
 use self::problems::Sequence;
 use self::random::Random;
@@ -57,7 +60,7 @@ pub struct MpcArgs {
     /// Write the problems for other solvers, one JSON file per flight
     #[arg(long, value_name = "DIR")]
     pub export: Option<PathBuf>,
-    /// Solve the same problems with DAQP, PIQP and OSQP: a Python that has them (PyPI: daqp piqp osqp numpy scipy)
+    /// Solve the same problems with DAQP, PIQP and OSQP: a Python that has them (packages daqp piqp osqp numpy scipy)
     #[arg(long, value_name = "PYTHON")]
     pub compare: Option<PathBuf>,
     /// Print JSON
@@ -139,12 +142,7 @@ fn results(args: &MpcArgs, out: &Path, sequences: &[Sequence]) -> anyhow::Result
 }
 
 /// The polygon problems: solved by us, exported, and solved by others, as far as the arguments ask for it.
-fn rivals(
-    args: &MpcArgs,
-    out: &Path,
-    sequences: &[Sequence],
-    problems: &[Problems],
-) -> anyhow::Result<Vec<Rival>> {
+fn rivals(args: &MpcArgs, out: &Path, sequences: &[Sequence], problems: &[Problems]) -> anyhow::Result<Vec<Rival>> {
     let named = sequences.iter().zip(problems);
     let polygons: Vec<Polygon> = named.filter_map(|(s, problems)| Polygon::of(&s.name, problems)).collect();
     let max_iterations = sequences[0].scenario.mpc.max_iterations;

@@ -17,7 +17,7 @@ use contract::timed;
 use nalgebra::{DMatrix, DVector, RowDVector, Vector4};
 use serde_json::{Value, json};
 
-use super::agreement::Problems;
+use super::matrices::Problems;
 
 /// Chords of the half circle.
 const CHORDS: u32 = 16;
@@ -90,7 +90,8 @@ impl Polygon {
     pub fn to_json(&self, solved: &Solved) -> Value {
         let matrix = |of: &DMatrix<f64>| of.row_iter().map(|row| row.iter().copied().collect()).collect();
         let (hessian, rows): (Vec<Vec<f64>>, Vec<Vec<f64>>) = (matrix(&self.hessian), matrix(&self.rows));
-        let f: Vec<Vec<f64>> = self.centres.iter().map(|centre| (-&self.hessian * centre).as_slice().to_vec()).collect();
+        let f: Vec<Vec<f64>> =
+            self.centres.iter().map(|centre| (-&self.hessian * centre).as_slice().to_vec()).collect();
         json!({
             "problem": "minimise 1/2 x'Hx + f'x so that rows x + offsets >= 0; one f per tick",
             "name": self.name,

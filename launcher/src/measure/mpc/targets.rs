@@ -34,8 +34,8 @@ pub fn targets(results: &Results) -> Vec<Target> {
         never_over(clarabel, results.longest_stall_us),
         at_most("active-set, p50", active_set.map(|r| r.step.p50_us), 2.0, "us").noting(solves("active-set")),
         at_most("active-set, p99", active_set.map(|r| r.step.p99_us), 25.0, "us"),
-        allocations("explicit path, allocations per step", explicit().collect()),
-        allocations("active-set, allocations per step", active_set.into_iter().collect()),
+        allocations("explicit path, allocations per step", explicit()),
+        allocations("active-set, allocations per step", active_set.into_iter()),
     ];
     for (solver, row) in [("clarabel", clarabel), ("active-set", active_set)] {
         let share = row.map(|r| r.step.mean_us * 1e-6 * RATE_HZ * 100.0);
@@ -66,8 +66,8 @@ fn never_over(row: Option<&Row>, longest_stall_us: f64) -> Target {
     if usual_us <= NEVER_OVER_US && usual_us + longest_stall_us > NEVER_OVER_US { target.in_doubt(why) } else { target }
 }
 
-fn allocations(figure: &str, rows: Vec<&Row>) -> Target {
-    let counts: Option<Vec<u64>> = rows.iter().map(|row| row.allocations_max).collect();
+fn allocations<'a>(figure: &str, rows: impl Iterator<Item = &'a Row>) -> Target {
+    let counts: Option<Vec<u64>> = rows.map(|row| row.allocations_max).collect();
     let most = counts.and_then(|counts| counts.into_iter().max());
     let target = at_most(figure, most.map(|most| most as f64), 0.0, "");
     if most.is_none() { target.noting("not counted in this program") } else { target }
@@ -85,7 +85,8 @@ fn random(random: Option<&Random>) -> [Target; 4] {
     let checked = random.map_or(note.clone(), |r| format!("of {} optima checked", r.checked));
     [
         at_most("random problems, failures", random.map(|r| r.failures as f64), 0.0, "").noting(note.clone()),
-        at_most("random problems, most iterations", random.map(|r| f64::from(r.most_iterations)), bound, "").noting(note),
+        at_most("random problems, most iterations", random.map(|r| f64::from(r.most_iterations)), bound, "")
+            .noting(note),
         at_most("random problems, cost above the optimum", random.map(|r| r.worst_gap), AGREES, "")
             .noting(checked.clone()),
         at_most("random problems, outside the limits", random.map(|r| r.worst_violation), AGREES, "").noting(checked),
@@ -97,12 +98,12 @@ fn rival(rivals: &[Rival]) -> [Target; 3] {
     let find = |name: &str| rivals.iter().find(|rival| rival.solver.starts_with(name));
     let (ours, theirs) = (find("active-set, warm"), find("daqp"));
     let agrees = theirs.is_some_and(|rival| rival.unsolved == 0 && rival.worst_difference.is_some_and(|d| d <= AGREES));
-    let figures: [(&str, fn(&Distribution) -> f64); 3] =
-        [("mean", |all| all.mean_us), ("p50", |all| all.p50_us), ("p99", |all| all.p99_us)];
-    figures.map(|(name, of)| {
+    let mean: fn(&Distribution) -> f64 = |all| all.mean_us;
+    [("mean", mean), ("p50", |all| all.p50_us), ("p99", |all| all.p99_us)].map(|(name, of)| {
         let time = |rival: Option<&Rival>| rival?.all_us.as_ref().map(of);
         let ratio = time(ours).zip(time(theirs)).map(|(ours, theirs)| ours / theirs);
-        let target = at_most(&format!("active-set over DAQP, same problems, {name}"), ratio.filter(|_| agrees), 1.0, "");
+        let target =
+            at_most(&format!("active-set over DAQP, same problems, {name}"), ratio.filter(|_| agrees), 1.0, "");
         match theirs {
             None => target.noting("needs --compare PYTHON, a Python with daqp, piqp, osqp, numpy and scipy"),
             Some(_) if !agrees => target.noting("it found other optima"),

@@ -1,21 +1,43 @@
 //! What gives way first, then the border, then the optimum against another solver.
 
-use airframe::MixingMatrix;
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SecondOrderConeT, SolverStatus};
-use contract::scenario::Profile;
 use nalgebra::Matrix4;
 use proptest::prelude::*;
 
 use super::*;
-use crate::allocation::allocate;
-use crate::tests::{moderate_demand, scenario};
+use crate::envelope::Envelope;
+use crate::{Actuation, Limits, Parameters};
 
-/// The nearest demand to one that is outside, by the default scenario.
+fn envelope(idle: f64, ratio: f64, tilt_max_deg: f64, tilt_reaction: bool) -> Envelope {
+    let vehicle = Parameters::default();
+    Envelope::new(&vehicle, tilt_reaction, Limits::new(&vehicle, idle, ratio, tilt_max_deg.to_radians()))
+}
+
+/// Vehicles of different strength, with and without idle speed and tilt reaction.
+fn vehicle() -> impl Strategy<Value = Envelope> {
+    let idle = prop_oneof![Just(0.0), 0.0..600.0_f64];
+    (idle, 1.15..3.0_f64, 35.0..=90.0_f64, any::<bool>())
+        .prop_map(|(idle, ratio, tilt_max_deg, tilt_reaction)| envelope(idle, ratio, tilt_max_deg, tilt_reaction))
+}
+
+/// Demands inside, near and well beyond what the actuators can do.
+fn moderate_demand() -> impl Strategy<Value = Vector4<f64>> {
+    (prop::array::uniform4(-1.0..1.0_f64), -1.0..3.0_f64).prop_map(|(direction, decades)| {
+        let size = 10_f64.powf(decades);
+        Vector4::from(direction.map(|share| share * size))
+    })
+}
+
+fn onto(envelope: &Envelope) -> Projection {
+    Projection::new(DemandSet::exact(envelope))
+}
+
+/// The nearest demand to one that is outside, with the limits of profile robust.
 #[track_caller]
 fn nearest(demand: [f64; 4]) -> Vector4<f64> {
     let demand = Vector4::from(demand);
-    Projection::new(&Scenario::of(Profile::Robust)).nearest(&demand).expect("the demand is outside")
+    onto(&envelope(200.0, 2.0, 60.0, false)).nearest(&demand).expect("the demand is outside")
 }
 
 fn bits(demand: &Vector4<f64>) -> [u64; 4] {
@@ -89,24 +111,22 @@ fn reference(set: &DemandSet, demand: &Vector4<f64>) -> Vector4<f64> {
 proptest! {
     #[test]
     fn inside_passes_bit_for_bit(
-        scenario in scenario(), shares in prop::array::uniform3(0.0..=1.0_f64), tilt in -1.0..=1.0_f64,
+        envelope in vehicle(), shares in prop::array::uniform3(0.0..=1.0_f64), tilt in -1.0..=1.0_f64,
     ) {
-        let limits = scenario.limits();
+        let limits = envelope.limits;
         let speed = |rotor: usize| limits.rotor_speed_min
             + shares[rotor] * (limits.rotor_speed_max[rotor] - limits.rotor_speed_min);
         let position =
-            airframe::Actuation { rotor_speed: [speed(0), speed(1), speed(2)], tilt_rad: tilt * limits.tilt_max_rad };
-        let mixing = MixingMatrix::new(&scenario.airframe, scenario.mixer.tilt_reaction);
-        let demand = mixing.deviation(&position) * 0.999;
-        let mut projection = Projection::new(&scenario);
+            Actuation { rotor_speed: [speed(0), speed(1), speed(2)], tilt_rad: tilt * limits.tilt_max_rad };
+        let demand = envelope.mixing.deviation(&position) * 0.999;
+        let mut projection = onto(&envelope);
         prop_assume!(projection.set.violation(&demand) < 0.0); // rotor 1 has a slow corner outside the idle cut
         prop_assert_eq!(projection.nearest(&demand), None);
     }
 
     #[test]
-    fn outside_lands_on_the_border(scenario in scenario(), demand in moderate_demand()) {
-        let mut projection = Projection::new(&scenario);
-        let demand = Vector4::from(demand);
+    fn outside_lands_on_the_border(envelope in vehicle(), demand in moderate_demand()) {
+        let mut projection = onto(&envelope);
         match projection.nearest(&demand) {
             None => prop_assert!(projection.set.violation(&demand) <= 0.0),
             Some(nearest) => {
@@ -118,9 +138,8 @@ proptest! {
     }
 
     #[test]
-    fn nothing_inside_is_nearer(scenario in scenario(), demand in moderate_demand()) {
-        let mut projection = Projection::new(&scenario);
-        let demand = Vector4::from(demand);
+    fn nothing_inside_is_nearer(envelope in vehicle(), demand in moderate_demand()) {
+        let mut projection = onto(&envelope);
         if let Some(nearest) = projection.nearest(&demand) {
             let (ours, theirs) = (miss(&demand, &nearest), miss(&demand, &reference(&projection.set, &demand)));
             prop_assert!((ours - theirs).abs() <= 1e-6 * theirs.max(1.0), "{ours} is not {theirs}");
@@ -128,32 +147,18 @@ proptest! {
     }
 
     #[test]
-    fn clipping_never_comes_nearer(scenario in scenario(), demand in moderate_demand()) {
-        let mut projection = Projection::new(&scenario);
-        let demand = Vector4::from(demand);
-        let mixing = MixingMatrix::new(&scenario.airframe, scenario.mixer.tilt_reaction);
-        let clipped = mixing.deviation(&scenario.limits().clip(&allocate(&mixing, &demand).0));
-        prop_assume!(projection.set.violation(&clipped) <= 1e-12);
-        if let Some(nearest) = projection.nearest(&demand) {
-            let (ours, theirs) = (miss(&demand, &nearest), miss(&demand, &clipped));
-            prop_assert!(ours <= theirs + 1e-6 * theirs.max(1.0), "{ours} is more than {theirs}");
-        }
-    }
-
-    #[test]
-    fn earlier_demands_leave_no_trace(scenario in scenario(), demands in prop::collection::vec(moderate_demand(), 2..8)) {
-        let mut projection = Projection::new(&scenario);
-        for demand in demands.into_iter().map(Vector4::from) {
-            let fresh = Projection::new(&scenario).nearest(&demand);
+    fn earlier_demands_leave_no_trace(envelope in vehicle(), demands in prop::collection::vec(moderate_demand(), 2..8)) {
+        let mut projection = onto(&envelope);
+        for demand in demands {
+            let fresh = onto(&envelope).nearest(&demand);
             prop_assert_eq!(projection.nearest(&demand).as_ref().map(bits), fresh.as_ref().map(bits));
         }
     }
 
     #[test]
-    fn without_a_solution_the_way_from_hover_ends_at_the_border(scenario in scenario(), demand in moderate_demand()) {
-        let mut projection = Projection::new(&scenario);
+    fn without_a_solution_the_way_from_hover_ends_at_the_border(envelope in vehicle(), demand in moderate_demand()) {
+        let mut projection = onto(&envelope);
         projection.solver.grant(1);
-        let demand = Vector4::from(demand);
         let mut ignored = [0.0; 4];
         let outcome = projection.solver.solve(demand.as_slice(), &projection.offsets, &mut ignored);
         prop_assume!(outcome.verdict == Verdict::IterationLimit);

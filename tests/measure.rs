@@ -1,0 +1,121 @@
+//! `launcher measure mpc`: every promise has a verdict, the raw samples are kept, and the problems are whole. No time is
+//! judged here.
+
+use std::path::Path;
+use std::process::Output;
+
+use serde_json::Value;
+
+use crate::harness::launcher;
+
+const QUICK: [&str; 4] = ["--rounds", "1", "--random", "1000"];
+
+fn measure(arguments: &[&str], out: &Path) -> Output {
+    launcher().args(["measure", "mpc"]).args(arguments).arg("--out").arg(out).output().expect("the launcher starts")
+}
+
+fn read(path: &Path) -> Value {
+    let text = std::fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    serde_json::from_str(&text).expect("the file is JSON")
+}
+
+fn numbers(of: &Value) -> Vec<f64> {
+    of.as_array().expect("a list").iter().map(|number| number.as_f64().expect("a number")).collect()
+}
+
+#[test]
+fn every_target_has_a_verdict() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let output = measure(&[QUICK.as_slice(), &["--json"]].concat(), folder.path());
+    let printed: Value = serde_json::from_slice(&output.stdout).expect("stdout is JSON");
+    assert_eq!(printed, read(&folder.path().join("measure.json")));
+
+    let targets = printed["targets"].as_array().expect("targets");
+    let verdict = |figure: &str| {
+        let target = targets.iter().find(|t| t["figure"].as_str().is_some_and(|f| f.starts_with(figure)));
+        target.unwrap_or_else(|| panic!("no target '{figure}'"))["verdict"].as_str().expect("a verdict").to_owned()
+    };
+    // What does not depend on the machine is kept.
+    for figure in [
+        "explicit path, allocations",
+        "active-set, allocations",
+        "clarabel, steps without an optimum",
+        "active-set, steps without an optimum",
+        "objectives of the two solvers",
+        "random problems, failures",
+        "random problems, most iterations",
+        "random problems, cost above the optimum",
+        "random problems, outside the limits",
+    ] {
+        assert_eq!(verdict(figure), "ok", "{figure}: {printed}");
+    }
+    for figure in ["explicit path, p99", "clarabel, p99", "active-set, p50", "active-set, p99", "active-set, share"] {
+        assert!(["ok", "short"].contains(&verdict(figure).as_str()), "{figure} is measured");
+    }
+    assert_eq!(verdict("active-set over DAQP"), "inconclusive");
+    let short = targets.iter().any(|target| target["verdict"] == "short");
+    assert_eq!(output.status.code(), Some(i32::from(short)), "the exit code is the verdict");
+}
+
+#[test]
+fn the_samples_are_kept() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let output = measure(&["--rounds", "2", "--random", "0"], folder.path());
+    let table = String::from_utf8_lossy(&output.stdout).into_owned();
+    let csv = std::fs::read_to_string(folder.path().join("samples.csv")).expect("samples.csv");
+    for flight in ["survey", "upset", "yaw", "weak"] {
+        let log = launcher::log::read(&folder.path().join(flight).with_extension("mcap")).expect("the log reads");
+        let lines = csv.lines().filter(|line| line.starts_with(&format!("{flight},"))).count();
+        assert_eq!(lines, 2 * 2 * log.references.len(), "two solvers, two rounds");
+        assert!(table.contains(flight), "{table}");
+    }
+    assert!(table.contains("floor") && table.contains("inconclusive"), "{table}");
+}
+
+#[test]
+fn a_flight_of_ones_own_is_measured_and_exported() {
+    let flown =
+        crate::harness::fly(&["scenarios/aggressive/upset.toml", "--mode", "inprocess", "--set", "run.duration_s=1"]);
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let problems = folder.path().join("problems");
+    let run = flown.out.to_str().expect("a plain path");
+    let export = problems.to_str().expect("a plain path");
+    let output = measure(&[run, "--rounds", "1", "--random", "0", "--export", export], folder.path());
+    assert!(output.status.code().is_some_and(|code| code < 2), "{}", String::from_utf8_lossy(&output.stderr));
+
+    let file = read(&problems.join("00-run.json"));
+    let (h, offsets) = (file["H"].as_array().expect("H"), numbers(&file["offsets"]));
+    assert_eq!(file["rows"].as_array().map(Vec::len), Some(offsets.len()));
+    let (ticks, f) = (file["tick"].as_array().expect("ticks"), file["f"].as_array().expect("f"));
+    assert_eq!([ticks.len(), f.len()], [101; 2]);
+    for ((f, objective), constrained) in
+        f.iter().zip(numbers(&file["objective"])).zip(file["constrained"].as_array().expect("flags"))
+    {
+        assert_eq!(numbers(f).len(), h.len());
+        // Hover costs nothing and is inside, so the optimum costs no more.
+        assert!(objective <= 0.0 && constrained.is_boolean(), "{objective}");
+    }
+    assert!(file["constrained"].as_array().expect("flags").iter().any(|flag| flag == true));
+}
+
+#[test]
+fn what_cannot_be_measured_is_told() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let file = folder.path().join("occupied");
+    std::fs::write(&file, "no log").expect("can be written");
+    let occupied = file.to_str().expect("a plain path");
+    let check = |arguments: &[&str], out: &Path, parts: &[&str]| {
+        let output = measure(arguments, out);
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {stderr}");
+        assert!(parts.iter().all(|part| stderr.contains(part)), "{arguments:?} should say {parts:?}: {stderr}");
+    };
+    let out = folder.path().join("out");
+    check(&["no/such.mcap"], &out, &["no/such.mcap"]);
+    check(&[occupied], &out, &["occupied", "not a flight log"]);
+    check(&["--rounds", "0"], &out, &["--rounds", "0"]);
+    check(&["--fast"], &out, &["--fast"]);
+    check(&QUICK, &file, &["occupied", "--out"]);
+    check(&["--rounds", "1", "--random", "0", "--export", occupied], &out, &["occupied", "--export"]);
+    check(&["--rounds", "1", "--random", "0", "--compare", "no-such-python"], &out, &["no-such-python"]);
+}
