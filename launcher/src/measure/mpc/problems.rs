@@ -67,6 +67,9 @@ pub fn shipped(folder: &Path) -> anyhow::Result<Vec<Sequence>> {
 pub fn recorded(path: &Path) -> anyhow::Result<Sequence> {
     let file = if path.is_dir() { path.join("flight.mcap") } else { path.to_owned() };
     let log = log::read(&file)?;
+    if let Some(defect) = &log.defect {
+        eprintln!("note: {} is not whole, what was read before is measured: {defect}", file.display());
+    }
     let origin = format!("the settings in {}", file.display());
     let scenario = scenario::from_merged(&log.scenario_toml, &origin)?;
     let states: HashMap<u64, &State> = log.states.iter().map(|state| (state.stamp.tick, state)).collect();
