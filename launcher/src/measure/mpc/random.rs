@@ -1,14 +1,15 @@
 //! Random problems by the million: does the active-set solver ever fail, and is what it finds the optimum?
 //!
-//! For a sample of them the answer is checked from the outside. With `a_i` the slopes of the limits that `x` touches, `s_i`
-//! what is left to each, and whatever `lambda_i >= 0`, the cost of `x` is above the optimum's by no more than
+//! For a sample of them the answer is checked from the outside. Let `x` touch rows with slopes `a_i` and slacks `s_i`, and
+//! discs with slopes `D_k` and points `p_k`. Whatever the shares `lambda_i >= 0` and `mu_k`, the optimum is cheaper than `x`
+//! by no more than
 //!
 //! ```text
-//! 1/2 r'H^-1 r + sum lambda_i |s_i|,   r = H (x - c) + soft - sum lambda_i a_i
+//! 1/2 r'H^-1 r + sum lambda_i |s_i| + sum (|mu_k| - mu_k p_k),   r = g - sum lambda_i a_i + sum D_k'mu_k
 //! ```
 //!
-//! where `soft` is the pull of the soft limits, `w e` along each slope for its excess `e`. The shares `lambda_i` come from
-//! a least-squares fit: nothing of the solver's own account is believed.
+//! where `g` is the gradient of the cost at `x`. The shares come from a least-squares fit: nothing of the solver's own
+//! account is believed.
 
 use airframe::active_set::random::Problem;
 use airframe::active_set::{ActiveSet, Verdict};
@@ -25,6 +26,8 @@ const PER_CHECK: u64 = 97;
 const MAX_ITERATIONS: u32 = 100;
 /// A limit with no more than this to it counts as touched.
 const TOUCHED: f64 = 1e-7;
+/// A disc carries what is outward. It is given a little room across, for a solver's tangent is never quite at the point.
+const ACROSS: f64 = 1e-4;
 /// The same problems every time.
 const SEED: u64 = 20160;
 
@@ -41,7 +44,7 @@ pub struct Random {
     pub iteration_bound: u32,
     /// Problems whose optimum was checked.
     pub checked: u64,
-    /// The most that one can cost above the optimum, as a share of its objective `1/2 x'H x - c'H x`.
+    /// The most by which the optimum can be cheaper than one, as a share of its objective `1/2 x'H x - c'H x`.
     pub worst_gap: f64,
     /// The most by which one leaves a limit, in units of the limits.
     pub worst_violation: f64,
@@ -88,53 +91,72 @@ impl Random {
     }
 }
 
-/// A limit that is touched: its slope, and what is left to it.
-type Touched = (DVector<f64>, f64);
+/// The limits that a point touches.
+#[derive(Default)]
+struct Touched {
+    /// Slope and slack of each row.
+    rows: Vec<(DVector<f64>, f64)>,
+    /// Slopes of each disc, outward and across, and how far the point is from its middle.
+    discs: Vec<([DVector<f64>; 2], f64)>,
+}
 
-/// By how much `x` can cost more than the optimum, as a share of its objective, and by how much it leaves the limits.
+/// By how much the optimum can be cheaper than `x`, as a share of its objective, and by how much `x` leaves the limits.
 fn examine(problem: &Problem, x: &DVector<f64>) -> (f64, f64) {
     let Problem { hessian, rows, softness, discs, centre, offsets } = problem;
     let centre = DVector::from_column_slice(centre);
     let mut gradient = hessian * (x - &centre);
-    let mut touched: Vec<Touched> = vec![];
-    let mut violation = 0.0_f64;
+    let (mut touched, mut violation) = (Touched::default(), 0.0_f64);
 
     let slacks = rows * x + DVector::from_column_slice(&offsets[..rows.nrows()]);
     for ((slack, softness), row) in slacks.iter().zip(softness).zip(rows.row_iter()) {
         if *softness > 0.0 {
-            gradient -= row.transpose() * ((-slack).max(0.0) / softness);
+            gradient -= row.transpose() * ((-slack).max(0.0) / softness); // the price of its excess
         } else {
             violation = violation.max(-slack);
-            touched.extend((*slack < TOUCHED).then(|| (row.transpose(), slack.abs())));
+            touched.rows.extend((*slack < TOUCHED).then(|| (row.transpose(), slack.abs())));
         }
     }
-    let pairs = discs * x + DVector::from_column_slice(&offsets[rows.nrows()..]);
-    for (i, pair) in pairs.as_slice().chunks_exact(2).enumerate() {
-        let length = pair[0].hypot(pair[1]);
+    let points = discs * x + DVector::from_column_slice(&offsets[rows.nrows()..]);
+    for (first, point) in (0..).step_by(2).zip(points.as_slice().chunks_exact(2)) {
+        let length = point[0].hypot(point[1]);
         violation = violation.max(length - 1.0);
-        let inward = discs.rows(2 * i, 2).transpose() * DVector::from_column_slice(pair) / -length;
-        touched.extend((1.0 - length < TOUCHED).then_some((inward, (1.0 - length).abs())));
+        if 1.0 - length < TOUCHED {
+            let [side, ahead] = [0, 1].map(|i| discs.row(first + i).transpose());
+            let [cos, sin] = [point[0] / length, point[1] / length];
+            touched.discs.push(([&side * cos + &ahead * sin, (ahead * cos - side * sin) * ACROSS], length));
+        }
     }
     let objective = (hessian * x).dot(&(x * 0.5 - centre));
     (gap(hessian, &gradient, touched) / objective.abs(), violation)
 }
 
-/// The bound above, for the best shares that are not negative.
-fn gap(hessian: &DMatrix<f64>, gradient: &DVector<f64>, mut touched: Vec<Touched>) -> f64 {
-    let factor = hessian.clone().cholesky().expect("the matrix was drawn positive definite");
-    let cost = |left: DVector<f64>| 0.5 * left.dot(&factor.solve(&left));
-    while !touched.is_empty() {
-        let slopes: Vec<DVector<f64>> = touched.iter().map(|(slope, _)| slope.clone()).collect();
-        let slopes = DMatrix::from_columns(&slopes);
-        let shares = slopes.clone().svd(true, true).solve(gradient, 1e-12).expect("both bases were asked for");
-        let (worst, least) = shares.argmin();
-        if least >= 0.0 {
-            let left: f64 = shares.iter().zip(&touched).map(|(share, (_, slack))| share * slack).sum();
-            return cost(gradient - slopes * shares) + left;
+/// The bound above, for the shares that fit best.
+fn gap(hessian: &DMatrix<f64>, gradient: &DVector<f64>, mut touched: Touched) -> f64 {
+    let factor = hessian.clone().cholesky().expect("the matrix was drawn positive definite").unpack();
+    let scaled = |of: &DMatrix<f64>| factor.solve_lower_triangular(of).expect("its factor has no zero on the diagonal");
+    let pull = scaled(&DMatrix::from_columns(std::slice::from_ref(gradient)));
+    loop {
+        let Touched { rows, discs } = &touched;
+        let of_rows = rows.iter().map(|(slope, _)| slope.clone());
+        let of_discs = discs.iter().flat_map(|(slopes, _)| slopes).map(|slope| -slope);
+        let slopes: Vec<DVector<f64>> = of_rows.chain(of_discs).collect();
+        if slopes.is_empty() {
+            return 0.5 * pull.norm_squared();
         }
-        touched.swap_remove(worst);
+        let slopes = scaled(&DMatrix::from_columns(&slopes));
+        let shares = slopes.clone().svd(true, true).solve(&pull, 1e-12).expect("both bases were asked for");
+        let negative = (0..rows.len()).filter(|row| shares[*row] < 0.0);
+        if let Some(worst) = negative.min_by(|a, b| shares[*a].total_cmp(&shares[*b])) {
+            touched.rows.swap_remove(worst);
+            continue;
+        }
+        let by_rows: f64 = rows.iter().zip(&shares).map(|((_, slack), share)| share * slack).sum();
+        let by_discs = discs.iter().enumerate().map(|(k, (_, length))| {
+            let [outward, across] = [0, 1].map(|i| shares[rows.len() + 2 * k + i]);
+            outward.hypot(across * ACROSS) - outward * length
+        });
+        return 0.5 * (pull - &slopes * &shares).norm_squared() + by_rows + by_discs.map(f64::abs).sum::<f64>();
     }
-    cost(gradient.clone())
 }
 
 #[cfg(test)]
@@ -157,6 +179,22 @@ mod tests {
         assert!((of(1.0, 0.6).0 - 0.005 / 1.62).abs() < 1e-12);
         assert!(of(0.9, 0.5).0 > 0.105 / 1.52, "no limit is touched");
         assert!((of(1.1, 0.5).1 - 0.1).abs() < 1e-12, "a limit is violated");
+    }
+
+    #[test]
+    fn a_point_on_a_disc_is_the_optimum_when_the_pull_is_outward() {
+        let problem = Problem {
+            hessian: DMatrix::identity(2, 2),
+            rows: DMatrix::zeros(0, 2),
+            softness: vec![],
+            discs: DMatrix::identity(2, 2),
+            centre: vec![3.0, 4.0],
+            offsets: vec![0.0, 0.0],
+        };
+        let gap = |x0: f64, x1: f64| examine(&problem, &DVector::from_vec(vec![x0, x1])).0;
+        assert!(gap(0.6, 0.8) < 1e-14);
+        assert!(gap(0.8, 0.6) > 0.02, "on the disc, but elsewhere: {}", gap(0.8, 0.6));
+        assert!(gap(-0.6, -0.8) > 1.0, "on the far side: {}", gap(-0.6, -0.8));
     }
 
     #[test]

@@ -54,7 +54,7 @@ fn rival_line(rival: &Rival) -> String {
     };
     let differs = rival.worst_difference.map_or("-".to_owned(), |difference| format!("{difference:.0e}"));
     format!(
-        "{:<20}{:>6}{:>9.2}{:>9.2}{:>9.2}{:>9.2}{:>9.2}{:>15}{differs:>10}{:>10}   {}",
+        "{:<26}{:>6}{:>9.2}{:>9.2}{:>9.2}{:>9.2}{:>9.2}{:>15}{differs:>10}{:>10}   {}",
         rival.solver,
         all.n,
         all.mean_us,
