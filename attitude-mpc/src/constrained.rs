@@ -27,6 +27,8 @@ pub struct Constrained {
     solver: Solver,
     hessian: DMatrix<f64>,
     faults: Vec<Fault>,
+    /// Sample time \[s\].
+    sample_s: f64,
     projection: Projection,
     /// The solver's plan, 4Nu.
     solved: DVector<f64>,
@@ -53,6 +55,7 @@ impl Constrained {
         Some(Self {
             solver: Solver::new(scenario, &hessian, &set),
             faults: scenario.fault.iter().filter(|fault| fault.target == FaultTarget::Mpc).cloned().collect(),
+            sample_s: scenario.sample_s(),
             projection: Projection::new(set.moves.clone()),
             set,
             hessian,
@@ -71,7 +74,7 @@ impl Constrained {
         plan: &mut DVector<f64>,
     ) -> (SolveStatus, Account) {
         self.set.start(given);
-        let fault = self.faults.iter().find(|fault| fault.strikes(tick)).map(|fault| fault.kind);
+        let fault = self.faults.iter().find(|fault| fault.strikes(tick, self.sample_s)).map(|fault| fault.kind);
         let mut account = Account::default();
         let inside = self.set.violation(unconstrained) <= 0.0 && self.set.excess(unconstrained) <= 0.0;
         let status = if inside && fault.is_none() {

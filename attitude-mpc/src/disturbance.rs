@@ -9,7 +9,6 @@
 //! Pannocchia and Rawlings, *Disturbance models for offset-free model-predictive control*, AIChE Journal 49 (2003).
 
 use airframe::Parameters;
-use contract::Scenario;
 use nalgebra::{DVector, Vector4};
 
 /// States that the inputs col, lon, lat, ped drive: w, q, p, r.
@@ -23,10 +22,10 @@ pub struct DisturbanceLaw {
 }
 
 impl DisturbanceLaw {
-    /// The law with gain `L`; `None` for the gain 0, which leaves the estimate at rest.
-    pub fn new(vehicle: &Parameters, gain: f64) -> Option<Self> {
+    /// The law with gain `L` at a sample time \[s\]; `None` for the gain 0, which leaves the estimate at rest.
+    pub fn new(vehicle: &Parameters, gain: f64, sample_s: f64) -> Option<Self> {
         let inertia = Vector4::new(vehicle.mass_kg, vehicle.iyy_kgm2, vehicle.ixx_kgm2, vehicle.izz_kgm2);
-        (gain > 0.0).then(|| Self { gain: inertia * gain / Scenario::SAMPLE_S })
+        (gain > 0.0).then(|| Self { gain: inertia * gain / sample_s })
     }
 
     /// The estimate after the state `x` was observed where `predicted` was expected.
@@ -38,6 +37,7 @@ impl DisturbanceLaw {
 
 #[cfg(test)]
 mod tests {
+    use contract::Scenario;
     use contract::scenario::Profile;
 
     use super::*;
@@ -46,7 +46,7 @@ mod tests {
     /// Runs the model with a disturbance that the estimate does not know, and the estimate beside it.
     fn converges(profile: Profile) {
         let model = PredictionModel::new(&Scenario::of(profile));
-        let law = DisturbanceLaw::new(&Scenario::default().airframe, 0.2).unwrap();
+        let law = DisturbanceLaw::new(&Scenario::default().airframe, 0.2, 0.01).unwrap();
         let truth = Vector4::new(1.0, -0.1, 0.2, 0.05);
         let u = Vector4::new(-0.5, 0.03, 0.0, 0.01);
         let mut d = Vector4::zeros();
@@ -69,11 +69,11 @@ mod tests {
 
     #[test]
     fn falling_faster_than_predicted_is_a_force_down() {
-        let law = DisturbanceLaw::new(&Scenario::default().airframe, 0.5).unwrap();
+        let law = DisturbanceLaw::new(&Scenario::default().airframe, 0.5, 0.01).unwrap();
         let mut x = DVector::zeros(7);
         x[0] = 0.01; // 1.1 kg gained 0.01 m/s in 10 ms: 1.1 N, of which half is believed
         let d = law.update(&Vector4::zeros(), &x, &DVector::zeros(7));
         assert!((d - Vector4::new(0.55, 0.0, 0.0, 0.0)).amax() < 1e-12);
-        assert!(DisturbanceLaw::new(&Scenario::default().airframe, 0.0).is_none());
+        assert!(DisturbanceLaw::new(&Scenario::default().airframe, 0.0, 0.01).is_none());
     }
 }

@@ -102,7 +102,7 @@ impl AttitudeMpc {
                 (Wish::Gain(gain), Constrained::new(scenario, hessian, &course, model.trim.roll_rad))
             }
             Law::Lqr => (Wish::Gain(condensed::regulator(&model, weights)), None),
-            Law::Pid => (Wish::Pid(Pid::new(&scenario.airframe)), None),
+            Law::Pid => (Wish::Pid(Pid::new(&scenario.airframe, scenario.sample_s())), None),
         };
         let moves = INPUTS * if weights.law == Law::Mpc { weights.nu } else { 1 };
         Self {
@@ -114,7 +114,7 @@ impl AttitudeMpc {
                 unconstrained: DVector::zeros(moves),
                 plan: DVector::zeros(moves),
             },
-            law: DisturbanceLaw::new(&scenario.airframe, scenario.mpc.disturbance_gain),
+            law: DisturbanceLaw::new(&scenario.airframe, scenario.mpc.disturbance_gain, scenario.sample_s()),
             delay_compensation: scenario.mpc.delay_compensation,
             model,
             wish,

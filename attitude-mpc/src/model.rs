@@ -36,6 +36,8 @@ pub struct PredictionModel {
     pub mixing: MixingMatrix,
     /// The controller's idea of rotors and servo.
     actuators: ActuatorLaw,
+    /// Sample time \[s\].
+    sample_s: f64,
 }
 
 impl PredictionModel {
@@ -43,11 +45,11 @@ impl PredictionModel {
     pub fn new(scenario: &Scenario) -> Self {
         let vehicle = &scenario.airframe;
         let lag_s = scenario.mpc.actuator_lag_model_s;
+        let sample_s = scenario.sample_s();
         let trim = Trim::solve(vehicle, scenario.mixer.tilt_reaction);
         let continuous = Continuous::hover(vehicle, &trim);
-        let direct = continuous.discretise(Scenario::SAMPLE_S);
-        let discrete =
-            if lag_s > 0.0 { continuous.discretise_with_lag(lag_s, Scenario::SAMPLE_S) } else { direct.clone() };
+        let direct = continuous.discretise(sample_s);
+        let discrete = if lag_s > 0.0 { continuous.discretise_with_lag(lag_s, sample_s) } else { direct.clone() };
         let mut e = DMatrix::zeros(discrete.a.nrows(), INPUTS);
         e.rows_mut(0, STATES).copy_from(&direct.b);
         Self {
@@ -57,6 +59,7 @@ impl PredictionModel {
             trim,
             mixing: MixingMatrix::new(vehicle, scenario.mixer.tilt_reaction),
             actuators: ActuatorLaw { rotor_lag_s: lag_s, servo_lag_s: lag_s, ..scenario.actuator_law() },
+            sample_s,
         }
     }
 
@@ -95,7 +98,7 @@ impl PredictionModel {
 
     /// Where the actuators are after obeying `command` for a number of samples.
     pub fn actuate(&self, actuation: &Actuation, command: &Actuation, samples: u64) -> Actuation {
-        self.actuators.advance(actuation, command, samples as f64 * Scenario::SAMPLE_S)
+        self.actuators.advance(actuation, command, samples as f64 * self.sample_s)
     }
 
     /// The inputs a command asks for, after the limits of the actuators.
@@ -144,7 +147,7 @@ mod tests {
         let goal = model.inputs_of(&command)[0];
         assert!(goal < x[STATES] && x[STATES] < 0.0, "{} between {goal} and 0", x[STATES]);
         // The linear lag agrees with the one that acts on speeds, to first order in the step.
-        let share = 1.0 - (-Scenario::SAMPLE_S / 0.03).exp();
+        let share = 1.0 - (-0.01_f64 / 0.03).exp();
         assert!((x[STATES] / goal - share).abs() < 0.01);
         assert_eq!(model.actuate(&once, &command, 0), once);
     }

@@ -9,7 +9,6 @@
 //! poles at `-a`, has `b = 2a`, `c = a^2`.
 
 use airframe::Parameters;
-use contract::Scenario;
 use nalgebra::{DVector, Vector4};
 
 /// Poles of the attitude loops \[rad/s\]: what a loop of 30 ms of lag and 20 ms of delay bears with a margin.
@@ -22,12 +21,15 @@ const CLIMB_POLE: f64 = 2.0;
 pub struct Pid {
     /// m, Iyy, Ixx, Izz: what turns an acceleration into an input.
     inertia: Vector4<f64>,
+    /// Sample time \[s\].
+    sample_s: f64,
 }
 
 impl Pid {
-    /// The law for a vehicle.
-    pub fn new(vehicle: &Parameters) -> Self {
-        Self { inertia: Vector4::new(vehicle.mass_kg, vehicle.iyy_kgm2, vehicle.ixx_kgm2, vehicle.izz_kgm2) }
+    /// The law for a vehicle, at a sample time \[s\].
+    pub fn new(vehicle: &Parameters, sample_s: f64) -> Self {
+        let inertia = Vector4::new(vehicle.mass_kg, vehicle.iyy_kgm2, vehicle.ixx_kgm2, vehicle.izz_kgm2);
+        Self { inertia, sample_s }
     }
 
     /// col, lon, lat, ped \[N, N m, N m, N m\] for a state and its reference, both (w, phi, theta, psi, p, q, r, ...);
@@ -36,7 +38,7 @@ impl Pid {
         let error = |i: usize| r[i] - x[i];
         // col, lon, lat, ped drive w; theta and q; phi and p; psi and r.
         let errors = Vector4::new(error(0), error(2), error(1), error(3));
-        *integral += errors * Scenario::SAMPLE_S;
+        *integral += errors * self.sample_s;
         let a = ATTITUDE_POLE;
         let turn = |i: usize, rate: usize| 3.0 * a * a * errors[i] + 3.0 * a * error(rate) + a.powi(3) * integral[i];
         let climb = 2.0 * CLIMB_POLE * errors[0] + CLIMB_POLE.powi(2) * integral[0];
@@ -50,7 +52,7 @@ mod tests {
 
     #[test]
     fn each_error_pushes_its_own_axis() {
-        let pid = Pid::new(&Parameters::default());
+        let pid = Pid::new(&Parameters::default(), 0.01);
         for (state, axis) in [(0, 0), (1, 2), (2, 1), (3, 3), (4, 2), (5, 1), (6, 3)] {
             let mut r = [0.0; 7];
             r[state] = 0.1;
@@ -61,7 +63,7 @@ mod tests {
 
     #[test]
     fn an_error_that_stays_is_pushed_ever_harder() {
-        let pid = Pid::new(&Parameters::default());
+        let pid = Pid::new(&Parameters::default(), 0.01);
         let mut integral = Vector4::zeros();
         let mut push = || pid.step(&DVector::zeros(7), &[0.1; 7], &mut integral);
         let (first, second) = (push(), push());

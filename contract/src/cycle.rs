@@ -19,14 +19,15 @@ use std::sync::Arc;
 use crate::message::{Message, Stamp};
 use crate::port::{Receive, Send};
 use crate::realtime::{Board, now_ns, phase, thread_cpu_ns};
-use crate::scenario::Scenario;
 
 /// Longest sleep without a look around: a lost wake-up costs no more than this.
 pub(crate) const LOOK_AROUND_NS: u64 = 100_000_000;
 
 /// Timing of the cycle under way, shared by a node's ports.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Punctuality {
+    /// Latest response that is no miss \[ns\].
+    deadline_ns: u64,
     release_ns: Cell<u64>,
     start_ns: Cell<u64>,
     start_cpu_ns: Cell<u64>,
@@ -36,6 +37,19 @@ pub struct Punctuality {
 }
 
 impl Punctuality {
+    /// Nothing done yet; a response beyond `deadline_ns` will be a miss.
+    pub(crate) fn new(deadline_ns: u64) -> Self {
+        Self {
+            deadline_ns,
+            release_ns: Cell::default(),
+            start_ns: Cell::default(),
+            start_cpu_ns: Cell::default(),
+            last_cpu_ns: Cell::default(),
+            misses: Cell::default(),
+            slips: Cell::default(),
+        }
+    }
+
     /// That many periods passed without a cycle.
     pub(crate) fn slip(&self, periods: u64) {
         self.slips.set(self.slips.get() + periods);
@@ -51,7 +65,7 @@ impl Punctuality {
 
     /// Writes this cycle's timing into the `stamp` of its message.
     fn report(&self, stamp: &mut Stamp, publish_ns: u64) {
-        if publish_ns.saturating_sub(stamp.sample_ns) > Scenario::SAMPLE_NS {
+        if publish_ns.saturating_sub(stamp.sample_ns) > self.deadline_ns {
             self.misses.set(self.misses.get() + 1);
         }
         stamp.release_ns = self.release_ns.get();
@@ -185,11 +199,11 @@ mod tests {
 
     #[test]
     fn a_late_message_says_so_itself() {
-        let punctuality = Punctuality::default();
+        let punctuality = Punctuality::new(10_000_000);
         let mut stamp = Stamp { sample_ns: 1_000, ..Stamp::default() };
-        punctuality.report(&mut stamp, 1_000 + Scenario::SAMPLE_NS);
+        punctuality.report(&mut stamp, 1_000 + 10_000_000);
         assert_eq!(stamp.misses, 0, "just in time");
-        punctuality.report(&mut stamp, 1_001 + Scenario::SAMPLE_NS);
+        punctuality.report(&mut stamp, 1_001 + 10_000_000);
         punctuality.slip(3);
         punctuality.report(&mut stamp, 1_000);
         assert_eq!((stamp.misses, stamp.slips), (4, 3));

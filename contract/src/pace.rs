@@ -21,6 +21,8 @@ const LEAD_TICKS: u64 = OBSERVER_DEPTH as u64 / 2;
 /// What releases the plant.
 pub struct Pace {
     kind: Kind,
+    /// Period \[ns\].
+    period_ns: u64,
     board: Arc<Board>,
     punctuality: Rc<Punctuality>,
 }
@@ -44,14 +46,14 @@ pub enum Turn {
 }
 
 impl Pace {
-    /// The pace of `mode`; the first sample is due shortly after this call.
-    pub(crate) fn new(mode: Mode, board: Arc<Board>, punctuality: Rc<Punctuality>) -> Self {
+    /// The pace of a scenario; the first sample is due shortly after this call.
+    pub(crate) fn new(scenario: &Scenario, board: Arc<Board>, punctuality: Rc<Punctuality>) -> Self {
         const LEAD_IN_NS: u64 = 5_000_000;
-        let kind = match mode {
+        let kind = match scenario.run.mode {
             Mode::Realtime => Kind::Clock { t0_ns: now_ns() + LEAD_IN_NS },
             Mode::Lockstep | Mode::Inprocess => Kind::Ring,
         };
-        let pace = Self { kind, board, punctuality };
+        let pace = Self { kind, period_ns: scenario.sample_ns(), board, punctuality };
         if let Kind::Clock { t0_ns } = pace.kind {
             // Nobody rings the bell of the phase before the end, so this is a sleep until the first release.
             pace.board.phase().wait(pace.board.phase().count(), t0_ns);
@@ -65,7 +67,7 @@ impl Pace {
     /// Lineage of a STATE message: a new sample begins a new chain.
     pub fn sample(&self, tick: u64) -> Stamp {
         let sample_ns = match self.kind {
-            Kind::Clock { t0_ns } => t0_ns + tick * Scenario::SAMPLE_NS,
+            Kind::Clock { t0_ns } => t0_ns + tick * self.period_ns,
             Kind::Ring => now_ns(),
         };
         Stamp { tick, sample_ns, ..Stamp::default() }
@@ -75,8 +77,8 @@ impl Pace {
     pub fn turn<M: Message>(&mut self, tick: u64, inlet: &mut Inlet<M>, mut heard: impl FnMut(&M, u64)) -> Turn {
         match self.kind {
             Kind::Clock { t0_ns } => {
-                let sample_ns = t0_ns + tick * Scenario::SAMPLE_NS;
-                let release_ns = sample_ns + Scenario::SAMPLE_NS;
+                let sample_ns = t0_ns + tick * self.period_ns;
+                let release_ns = sample_ns + self.period_ns;
                 while let Some(message) = inlet.arrived(release_ns) {
                     heard(&message, now_ns().saturating_sub(sample_ns));
                 }
@@ -84,10 +86,10 @@ impl Pace {
                     return Turn::Over;
                 }
                 // The next release is never derived from this wake-up: slots that passed meanwhile are skipped.
-                let periods = slots_passed(now_ns(), sample_ns);
+                let periods = slots_passed(now_ns(), sample_ns, self.period_ns);
                 let p = &self.punctuality;
                 p.slip(periods - 1);
-                p.begin(sample_ns + periods * Scenario::SAMPLE_NS);
+                p.begin(sample_ns + periods * self.period_ns);
                 Turn::Periods(periods)
             }
             Kind::Ring => {
@@ -123,8 +125,8 @@ impl Pace {
 }
 
 /// Whole periods from `sample_ns` to `now_ns`, at least one.
-fn slots_passed(now_ns: u64, sample_ns: u64) -> u64 {
-    (now_ns.saturating_sub(sample_ns) / Scenario::SAMPLE_NS).max(1)
+fn slots_passed(now_ns: u64, sample_ns: u64, period_ns: u64) -> u64 {
+    (now_ns.saturating_sub(sample_ns) / period_ns).max(1)
 }
 
 #[cfg(test)]
@@ -133,11 +135,11 @@ mod tests {
 
     #[test]
     fn a_stall_skips_the_slots_it_covered() {
-        let period = Scenario::SAMPLE_NS;
-        assert_eq!(slots_passed(1_000 + period, 1_000), 1, "on time");
-        assert_eq!(slots_passed(1_000 + period + period / 2, 1_000), 1, "late within the slot");
-        assert_eq!(slots_passed(1_000 + 3 * period + 5, 1_000), 3, "a stall over three slots");
-        assert_eq!(slots_passed(1_000 + period - 7, 1_000), 1, "woken early");
-        assert_eq!(slots_passed(0, 1_000), 1, "a clock behind the sample");
+        let period = 10_000_000;
+        assert_eq!(slots_passed(1_000 + period, 1_000, period), 1, "on time");
+        assert_eq!(slots_passed(1_000 + period + period / 2, 1_000, period), 1, "late within the slot");
+        assert_eq!(slots_passed(1_000 + 3 * period + 5, 1_000, period), 3, "a stall over three slots");
+        assert_eq!(slots_passed(1_000 + period - 7, 1_000, period), 1, "woken early");
+        assert_eq!(slots_passed(0, 1_000, period), 1, "a clock behind the sample");
     }
 }

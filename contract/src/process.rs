@@ -85,7 +85,8 @@ impl Seat {
         let bus = Bus::attach(&domain)?;
         // Downstream first: whoever is woken runs before the one that woke it goes on.
         let rank = NODES.iter().position(|node| *node == name).unwrap_or(0);
-        Ok(Self { scenario, board, bus, punctuality: Rc::default(), priority: 70 + rank as i32 })
+        let punctuality = Rc::new(Punctuality::new(scenario.sample_ns()));
+        Ok(Self { scenario, board, bus, punctuality, priority: 70 + rank as i32 })
     }
 
     /// Where this node gets `M` from.
@@ -119,7 +120,7 @@ impl Seat {
             self.board.phase().wait(phase::JOIN, now_ns() + LOOK.as_nanos() as u64);
         }
         let going = self.board.phase().count() == phase::GO;
-        going.then(|| Pace::new(self.scenario.run.mode, self.board.clone(), self.punctuality.clone()))
+        going.then(|| Pace::new(&self.scenario, self.board.clone(), self.punctuality.clone()))
     }
 }
 

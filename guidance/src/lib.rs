@@ -35,6 +35,8 @@ pub use trajectory::{Setpoint, Trajectory};
 #[derive(Debug, Clone)]
 pub struct Guidance {
     settings: Settings,
+    /// Sample time \[s\].
+    sample_s: f64,
     trajectory: Trajectory,
     roll_trim_rad: f64,
     g_mps2: f64,
@@ -67,6 +69,7 @@ impl Guidance {
         };
         Self {
             settings: scenario.guidance.clone(),
+            sample_s: scenario.sample_s(),
             trajectory,
             roll_trim_rad,
             g_mps2: scenario.airframe.g_mps2,
@@ -103,8 +106,8 @@ impl Guidance {
 
     /// The answer to a new sample, `periods` after the last one; 0 at the first.
     fn follow(&mut self, state: &State, periods: u64) -> Reference {
-        let t_s = state.stamp.tick as f64 * Scenario::SAMPLE_S;
-        let elapsed_s = periods as f64 * Scenario::SAMPLE_S;
+        let t_s = state.stamp.tick as f64 * self.sample_s;
+        let elapsed_s = periods as f64 * self.sample_s;
         let setpoint = self.trajectory.at(t_s);
         let heading_rad = self.trajectory.heading_rad(t_s);
         let attitude = Vector3::from(state.measured.attitude_rad);
@@ -165,7 +168,7 @@ impl Guidance {
             Derivative::Error => Vector3::zeros(),
         };
         // The first sample counts as one period, like every other: the sum of rectangles begins with it.
-        let weight_s = if elapsed_s > 0.0 { elapsed_s } else { Scenario::SAMPLE_S };
+        let weight_s = if elapsed_s > 0.0 { elapsed_s } else { self.sample_s };
         let clamp = self.settings.integral_limit;
         let free = self.memory.integral_ms + error * weight_s;
         self.memory.integral_ms = free.map(|i| i.clamp(-clamp, clamp));

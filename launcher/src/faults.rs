@@ -9,7 +9,6 @@
 //! Only messages are looked at, of each fault those that its target sends: their order between topics does not matter.
 //! A tick that nobody saw counts as the next one seen.
 
-use contract::Scenario;
 use contract::message::SolveStatus;
 use contract::scenario::{Fault, FaultTarget};
 use serde::Serialize;
@@ -22,6 +21,7 @@ pub struct Faults(Vec<Watched>);
 
 /// One fault, and the ticks on which something became of it.
 struct Watched {
+    rate_hz: u32,
     fault: Fault,
     injected: Option<u64>,
     ended: Option<u64>,
@@ -38,8 +38,9 @@ enum Condition {
 
 impl Faults {
     /// The faults of a scenario, none of which has struck yet.
-    pub fn new(faults: &[Fault]) -> Self {
+    pub fn new(faults: &[Fault], rate_hz: u32) -> Self {
         let watch = |fault: &Fault| Watched {
+            rate_hz,
             fault: fault.clone(),
             injected: None,
             ended: None,
@@ -85,7 +86,7 @@ fn condition(target: FaultTarget, record: &Record) -> Option<Condition> {
 
 impl Watched {
     fn observe(&mut self, tick: u64, condition: Condition) {
-        let strikes = self.fault.strikes(tick);
+        let strikes = self.fault.strikes(tick, 1.0 / f64::from(self.rate_hz));
         if strikes {
             self.injected.get_or_insert(tick);
         }
@@ -106,12 +107,17 @@ impl Watched {
         }
     }
 
+    /// Ticks as time \[s\], to the nearest number, so that it prints as short as it is.
+    fn seconds(&self, ticks: u64) -> f64 {
+        ticks as f64 / f64::from(self.rate_hz)
+    }
+
     fn detected_after_s(&self) -> Option<f64> {
-        Some(seconds(self.detected?.saturating_sub(self.injected?)))
+        Some(self.seconds(self.detected?.saturating_sub(self.injected?)))
     }
 
     fn recovered_after_s(&self) -> Option<f64> {
-        Some(seconds(self.recovered?.saturating_sub(self.ended?)))
+        Some(self.seconds(self.recovered?.saturating_sub(self.ended?)))
     }
 
     fn to_json(&self) -> Value {
@@ -120,7 +126,7 @@ impl Watched {
             "kind": self.fault.kind,
             "at_s": self.fault.at_s,
             "for_s": self.fault.for_s,
-            "injected_at_s": self.injected.map(seconds),
+            "injected_at_s": self.injected.map(|tick| self.seconds(tick)),
             "detected_after_s": self.detected_after_s(),
             "recovered_after_s": self.recovered_after_s(),
         })
@@ -137,16 +143,11 @@ impl Watched {
         };
         format!(
             "{what} from {:.2} s {lasts}: {}, {}",
-            seconds(injected),
+            self.seconds(injected),
             after("detected", self.detected_after_s()),
             after("recovered", self.recovered_after_s()),
         )
     }
-}
-
-/// Ticks as time \[s\], to the nearest number, so that it prints as short as it is.
-fn seconds(ticks: u64) -> f64 {
-    ticks as f64 * Scenario::SAMPLE_NS as f64 / 1e9
 }
 
 /// A target or kind as the scenario file spells it.
@@ -163,7 +164,7 @@ mod tests {
     /// A solver fault at 0.1 s, after CONTROLS of these statuses, one per tick from 0 on.
     fn flown(for_s: Option<f64>, statuses: &[SolveStatus]) -> Faults {
         let fault = Fault { at_s: 0.1, for_s, target: FaultTarget::Mpc, kind: FaultKind::IterationCap };
-        let mut faults = Faults::new(&[fault]);
+        let mut faults = Faults::new(&[fault], 100);
         for (tick, status) in statuses.iter().enumerate() {
             faults.observe(&at(tick as u64, State::default()).into());
             faults.observe(&at(tick as u64, Controls { status: *status as u64, ..Controls::default() }).into());
@@ -241,7 +242,7 @@ mod tests {
     #[test]
     fn missed_ticks_count_as_the_next_one_seen() {
         let fault = Fault { at_s: 0.1, for_s: Some(0.05), target: FaultTarget::Mpc, kind: FaultKind::Nan };
-        let mut faults = Faults::new(&[fault]);
+        let mut faults = Faults::new(&[fault], 100);
         for (tick, status) in [(9, SolveStatus::Explicit), (12, SolveStatus::Fallback), (20, SolveStatus::Solved)] {
             faults.observe(&at(tick, Controls { status: status as u64, ..Controls::default() }).into());
         }

@@ -123,7 +123,7 @@ fn fly_inprocess(
     summary: &mut Summary,
     interrupts: &AtomicU32,
 ) -> anyhow::Result<Circumstances> {
-    let mut log = log.map(|path| Log::create(path, &scenario::to_toml(scenario))).transpose()?;
+    let mut log = log.map(|path| Log::create(path, scenario)).transpose()?;
     let started = Instant::now();
     inprocess::fly(scenario, |record| {
         summary.observe(&record);

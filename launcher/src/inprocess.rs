@@ -23,7 +23,7 @@ pub fn fly(scenario: &Scenario, mut watch: impl FnMut(Record) -> bool) {
         sequence += 1;
         let mut state = plant.sample();
         let tick = state.stamp.tick;
-        let sample = Stamp { tick, sample_ns: tick * Scenario::SAMPLE_NS, ..Stamp::default() };
+        let sample = Stamp { tick, sample_ns: tick * scenario.sample_ns(), ..Stamp::default() };
         stamp(&mut state, sample, sequence);
         let mut reference = guidance.step(&state);
         stamp(&mut reference, Stamp::of(&state), sequence);

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, bail};
 use contract::domain::Domain;
 use contract::realtime::{Board, phase};
-use contract::scenario::{self, Scenario};
+use contract::scenario;
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::{Value, json};
 
@@ -40,14 +40,16 @@ pub fn status(as_json: bool) -> anyhow::Result<()> {
 fn look(domain: &Domain) -> Value {
     let mut view = json!({ "namespace": domain.namespace(), "launcher_pid": domain.launcher_pid() });
     let settings = std::fs::read_to_string(domain.file("scenario.toml")).ok();
+    let mut rate_hz = None;
     if let Some(scenario) = settings.and_then(|text| scenario::from_merged(&text, "settings").ok()) {
         view["name"] = json!(scenario.name);
         view["mode"] = json!(scenario.run.mode);
         view["profile"] = json!(scenario.profile);
         view["duration_s"] = json!(scenario.run.duration_s);
+        rate_hz = Some(scenario.run.rate_hz);
     }
     if let Ok(board) = Board::open(&domain.file("board")) {
-        view["time_s"] = json!(f64::from(board.watched().count()) * Scenario::SAMPLE_S);
+        view["time_s"] = json!(rate_hz.map(|rate_hz| f64::from(board.watched().count()) / f64::from(rate_hz)));
         view["phase"] = json!(match board.phase().count() {
             phase::JOIN => "starting",
             phase::GO => "flying",

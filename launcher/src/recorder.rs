@@ -12,7 +12,7 @@ use contract::message::{Actuators, Controls, Reference, State};
 use contract::port::{Receive, Wire};
 use contract::process::{Seat, SeatError, exit};
 use contract::realtime::phase;
-use contract::scenario;
+use contract::scenario::{self, Scenario};
 use rustix::process::Signal;
 use serde::{Deserialize, Serialize};
 
@@ -81,7 +81,7 @@ pub fn main(namespace: &str, path: &Path) -> ExitCode {
 fn record(namespace: &str, path: &Path) -> anyhow::Result<LogOutcome> {
     let seat = Seat::join(namespace, "recorder")?;
     // The file first: a recorder that has joined is one that can write.
-    let mut log = Log::create(path, &scenario::to_toml(&seat.scenario))?;
+    let mut log = Log::create(path, &seat.scenario)?;
     let observers = Observers::join(&seat)?;
     loop {
         let closing = seat.board.phase().count() >= phase::CLOSE;
@@ -112,8 +112,8 @@ pub struct Log {
 
 impl Log {
     /// Begins the file.
-    pub fn create(path: &Path, scenario_toml: &str) -> anyhow::Result<Self> {
-        let writer = Some(LogWriter::create(path, scenario_toml)?);
+    pub fn create(path: &Path, scenario: &Scenario) -> anyhow::Result<Self> {
+        let writer = Some(LogWriter::create(path, &scenario::to_toml(scenario), scenario.sample_ns())?);
         Ok(Self { writer, written: None, next_sequence: [1; 4], outcome: LogOutcome::default() })
     }
 

@@ -47,6 +47,8 @@ pub struct Metrics {
 /// Gathers a flight, message by message; the order between topics does not matter.
 pub struct Summary {
     trajectory: Trajectory,
+    /// Sample time \[s\].
+    sample_s: f64,
     metrics: Metrics,
     square_sum_m2: f64,
     samples: u64,
@@ -67,6 +69,7 @@ impl Summary {
     pub fn new(scenario: &Scenario) -> Self {
         Self {
             trajectory: Trajectory::new(&scenario.mission),
+            sample_s: scenario.sample_s(),
             metrics: Metrics {
                 max_position_error_m: 0.0,
                 rms_position_error_m: 0.0,
@@ -88,8 +91,8 @@ impl Summary {
             missed: 0,
             last: State::default(),
             solves: Solves::new(),
-            faults: Faults::new(&scenario.fault),
-            timing: (scenario.run.mode != Mode::Inprocess).then(Timing::new),
+            faults: Faults::new(&scenario.fault, scenario.run.rate_hz),
+            timing: (scenario.run.mode != Mode::Inprocess).then(|| Timing::new(scenario)),
         }
     }
 
@@ -116,14 +119,14 @@ impl Summary {
 
     fn state(&mut self, state: &State) {
         state.payload(|bytes| self.hash.update(bytes));
-        let t = state.stamp.tick as f64 * Scenario::SAMPLE_S;
+        let t = state.stamp.tick as f64 * self.sample_s;
         let wanted = self.trajectory.at(t).position_m;
         let error = std::array::from_fn::<f64, 3, _>(|i| wanted[i] - state.actual.position_m[i]);
         let distance = error.iter().map(|e| e * e).sum::<f64>().sqrt();
         let m = &mut self.metrics;
         m.max_position_error_m = m.max_position_error_m.max(distance);
         m.final_position_error_m = distance;
-        m.position_error_integral_ms += distance * Scenario::SAMPLE_S;
+        m.position_error_integral_ms += distance * self.sample_s;
         let leg = if (10.0..=50.0).contains(&t) {
             &mut m.max_altitude_error_horizontal_m
         } else {
@@ -165,7 +168,7 @@ impl Summary {
 
     /// Simulated time of the newest state \[s\].
     pub fn time_s(&self) -> f64 {
-        self.last.stamp.tick as f64 * Scenario::SAMPLE_S
+        self.last.stamp.tick as f64 * self.sample_s
     }
 
     /// How the plant says the flight stands.

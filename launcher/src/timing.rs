@@ -36,6 +36,7 @@ pub struct Timing {
     nodes: [NodeTiming; Topic::COUNT],
     age: Histogram<u64>,
     last_applied: u64,
+    period_ms: f64,
 }
 
 struct NodeTiming {
@@ -48,11 +49,15 @@ struct NodeTiming {
 
 impl Timing {
     /// Nothing seen yet.
-    #[expect(clippy::new_without_default, reason = "an empty record is made on purpose, never by default")]
-    pub fn new() -> Self {
+    pub fn new(scenario: &Scenario) -> Self {
         let node =
             || NodeTiming { wake: histogram(), execution: histogram(), response: histogram(), misses: 0, slips: 0 };
-        Self { nodes: std::array::from_fn(|_| node()), age: histogram(), last_applied: 0 }
+        Self {
+            nodes: std::array::from_fn(|_| node()),
+            age: histogram(),
+            last_applied: 0,
+            period_ms: scenario.sample_s() * 1e3,
+        }
     }
 
     /// Takes one message in.
@@ -91,7 +96,7 @@ impl Timing {
                 }),
             );
         }
-        json!({ "deadline_ms": Scenario::SAMPLE_S * 1e3, "nodes": nodes, "age_at_actuator": self.age() })
+        json!({ "deadline_ms": self.period_ms, "nodes": nodes, "age_at_actuator": self.age() })
     }
 }
 

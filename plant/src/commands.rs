@@ -50,6 +50,7 @@ pub struct CommandLine {
     /// Rising in effect time and in order: of two, the later one is always the newer.
     waiting: VecDeque<Command>,
     capacity: usize,
+    sample_ns: u64,
     delay_ns: u64,
     jitter_ns: u64,
     drop_probability: f64,
@@ -63,12 +64,13 @@ impl CommandLine {
         let run = &scenario.run;
         let nanoseconds = |ms: f64| (ms * 1e6).round() as u64;
         let (delay_ns, jitter_ns) = (nanoseconds(run.command_delay_ms), nanoseconds(run.command_jitter_ms));
-        let samples_on_the_way = 2 + (delay_ns + jitter_ns) / Scenario::SAMPLE_NS;
+        let samples_on_the_way = 2 + (delay_ns + jitter_ns) / scenario.sample_ns();
         let capacity = (WAITING_PER_SAMPLE * samples_on_the_way) as usize;
         Self {
             in_force: Command { actuation: trim, sequence: 0, epoch: 0, effect_ns: 0, age_ns: 0 },
             waiting: VecDeque::with_capacity(capacity),
             capacity,
+            sample_ns: scenario.sample_ns(),
             delay_ns,
             jitter_ns,
             drop_probability: run.command_drop_probability,
@@ -84,7 +86,7 @@ impl CommandLine {
         let lost = self.draw_loss();
         let effect_ns = arrival_ns.saturating_add(self.delay_ns).saturating_add(self.draw_jitter_ns());
         let Stamp { tick, sequence, epoch, .. } = actuators.stamp;
-        let age_ns = effect_ns.saturating_sub(tick.saturating_mul(Scenario::SAMPLE_NS));
+        let age_ns = effect_ns.saturating_sub(tick.saturating_mul(self.sample_ns));
         let actuation = Actuation::from(actuators.command);
         if !lost && is_finite(&actuation) {
             self.insert(Command { actuation, sequence, epoch, effect_ns, age_ns });

@@ -50,6 +50,7 @@ pub struct Plant {
     schedule: Schedule,
     commands: CommandLine,
     sensors: Sensors,
+    sample_ns: u64,
     substep_ns: u64,
     last_tick: u64,
     tick: u64,
@@ -76,7 +77,8 @@ impl Plant {
             schedule: Schedule::new(scenario),
             commands: CommandLine::new(scenario, trim.actuation),
             sensors: Sensors::new(scenario),
-            substep_ns: ((scenario.plant.substep_s * 1e9).round() as u64).max(1),
+            sample_ns: scenario.sample_ns(),
+            substep_ns: scenario.substep_ns(),
             last_tick: scenario.ticks(),
             tick: 0,
             x,
@@ -132,7 +134,7 @@ impl Plant {
     }
 
     fn now_ns(&self) -> u64 {
-        self.tick * Scenario::SAMPLE_NS
+        self.tick * self.sample_ns
     }
 
     fn status(&self) -> PlantStatus {

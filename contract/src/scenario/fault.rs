@@ -2,8 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Scenario;
-
 /// One `[[fault]]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -41,16 +39,13 @@ pub enum FaultKind {
 }
 
 impl Fault {
-    /// Whether it is at work on `tick`.
-    pub fn strikes(&self, tick: u64) -> bool {
-        let first = Self::tick_of(self.at_s);
-        let end = self.for_s.map_or(u64::MAX, |for_s| Self::tick_of(self.at_s + for_s));
+    /// Whether it is at work on `tick`, at a sample time \[s\].
+    pub fn strikes(&self, tick: u64, sample_s: f64) -> bool {
+        // The first tick at or after a time; a time that is a tick but for rounding is that tick.
+        let tick_of = |time_s: f64| (time_s / sample_s - 1e-6).ceil() as u64;
+        let first = tick_of(self.at_s);
+        let end = self.for_s.map_or(u64::MAX, |for_s| tick_of(self.at_s + for_s));
         (first..end).contains(&tick)
-    }
-
-    /// The first tick at or after a time \[s\]; a time that is a tick but for rounding is that tick.
-    fn tick_of(time_s: f64) -> u64 {
-        (time_s / Scenario::SAMPLE_S - 1e-6).ceil() as u64
     }
 }
 
@@ -61,7 +56,7 @@ mod tests {
     #[test]
     fn a_fault_strikes_from_its_first_tick_to_before_its_end() {
         let fault = |at_s, for_s| Fault { at_s, for_s, target: FaultTarget::Mpc, kind: FaultKind::Nan };
-        let struck = |fault: &Fault| (0..1000).filter(|tick| fault.strikes(*tick)).collect::<Vec<_>>();
+        let struck = |fault: &Fault| (0..1000).filter(|tick| fault.strikes(*tick, 0.01)).collect::<Vec<_>>();
         assert_eq!(struck(&fault(0.29, Some(0.03))), [29, 30, 31]);
         assert_eq!(struck(&fault(0.291, Some(0.01))), [30]);
         assert_eq!(struck(&fault(9.98, None)), [998, 999]);

@@ -37,6 +37,7 @@ fn paper() -> Scenario {
         run: Run {
             mode: Mode::Realtime,
             duration_s: 60.0,
+            rate_hz: 100,
             seed: 0,
             command_delay_ms: 0.0,
             command_jitter_ms: 0.0,

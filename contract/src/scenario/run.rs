@@ -67,6 +67,8 @@ pub struct Run {
     pub mode: Mode,
     /// Simulated time \[s\].
     pub duration_s: f64,
+    /// Rate of the ring \[Hz\]: sampling, control and deadlines follow.
+    pub rate_hz: u32,
     /// Seed of every random stream.
     pub seed: u64,
     /// Dead time between mixer output and actuators \[ms\]; the held command acts meanwhile.
@@ -123,14 +125,27 @@ impl Default for Scenario {
 }
 
 impl Scenario {
-    /// Sample time of the ring \[ns\].
-    pub const SAMPLE_NS: u64 = 10_000_000;
+    /// Sample time of the ring \[ns\]; scenario validation sees to it that this is a whole number.
+    pub fn sample_ns(&self) -> u64 {
+        1_000_000_000 / u64::from(self.run.rate_hz)
+    }
+
     /// Sample time of the ring \[s\].
-    pub const SAMPLE_S: f64 = 0.01;
+    pub fn sample_s(&self) -> f64 {
+        1.0 / f64::from(self.run.rate_hz)
+    }
 
     /// Number of periods in the run.
     pub fn ticks(&self) -> u64 {
-        (self.run.duration_s / Self::SAMPLE_S).round() as u64
+        (self.run.duration_s * f64::from(self.run.rate_hz)).round().max(1.0) as u64
+    }
+
+    /// Integration step \[ns\]: the longest within `plant.substep_s` that divides the sample.
+    pub fn substep_ns(&self) -> u64 {
+        let sample_ns = self.sample_ns();
+        let longest_ns = (self.plant.substep_s * 1e9).round().max(1.0) as u64;
+        let steps = (sample_ns.div_ceil(longest_ns)..=sample_ns).find(|steps| sample_ns.is_multiple_of(*steps));
+        sample_ns / steps.unwrap_or(sample_ns)
     }
 
     /// Amplitude limits of the actuators.

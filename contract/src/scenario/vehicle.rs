@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Plant {
-    /// RK4 step \[s\].
+    /// Longest RK4 step \[s\]; a sample is divided into equal ones.
     pub substep_s: f64,
     /// Rotor time constant \[s\].
     pub rotor_lag_s: f64,

@@ -3,7 +3,7 @@
 use std::{fs, path::PathBuf, thread::sleep, time::Duration};
 
 use contract::{
-    Scenario, Topic,
+    Topic,
     message::{ActuationMsg, Actuators, Controls, Kinematics, Message, Reference, Stamp, State},
 };
 use mcap::{MessageStream, WriteOptions};
@@ -106,7 +106,7 @@ fn write_states(log: &mut LogWriter, ticks: std::ops::Range<u64>) {
 /// The log of 1000 states, finished, as bytes.
 fn thousand_states() -> Vec<u8> {
     let (_folder, path) = place();
-    let mut log = LogWriter::create(&path, SCENARIO).unwrap();
+    let mut log = LogWriter::create(&path, SCENARIO, 10_000_000).unwrap();
     write_states(&mut log, 0..1000);
     log.finish().unwrap();
     fs::read(&path).unwrap()
@@ -132,14 +132,14 @@ proptest! {
     #[test]
     fn messages_return_bit_for_bit(records in proptest::collection::vec(any_record(), 0..20)) {
         let (_folder, path) = place();
-        let mut writer = LogWriter::create(&path, SCENARIO).unwrap();
+        let mut writer = LogWriter::create(&path, SCENARIO, 10_000_000).unwrap();
         for record in &records {
             writer.write(record).unwrap();
         }
         writer.finish().unwrap();
         let log = read(&path).unwrap();
         prop_assert!(log.complete(), "{:?}", log.defect);
-        prop_assert_eq!(&log.scenario_toml, SCENARIO);
+        prop_assert_eq!(&log.scenario_toml, SCENARIO, 10_000_000);
         let written = |topic| records.iter().filter(move |r| r.topic() == topic).map(|r| bits(*r)).collect::<Vec<_>>();
         let states: Vec<_> = log.states.iter().map(|m| bits((*m).into())).collect();
         prop_assert_eq!(states, written(Topic::State));
@@ -204,7 +204,7 @@ fn what_is_not_a_flight_log_is_told_apart() {
 #[test]
 fn times_are_simulated_and_published() {
     let (_folder, path) = place();
-    let mut log = LogWriter::create(&path, SCENARIO).unwrap();
+    let mut log = LogWriter::create(&path, SCENARIO, 10_000_000).unwrap();
     let mut message = Controls::default();
     *message.stamp_mut() =
         Stamp { tick: 250, sequence: 7, publish_ns: [1, 2, 3_000_000_000_000, 4], ..Default::default() };
@@ -214,7 +214,7 @@ fn times_are_simulated_and_published() {
     let logged: Vec<_> = MessageStream::new(&bytes).unwrap().map(Result::unwrap).collect();
     assert_eq!(logged.len(), 1);
     assert_eq!(logged[0].channel.topic, "/controls");
-    assert_eq!(logged[0].log_time, 250 * Scenario::SAMPLE_NS);
+    assert_eq!(logged[0].log_time, 2_500_000_000);
     assert_eq!(logged[0].publish_time, 3_000_000_000_000);
     assert_eq!(logged[0].sequence, 7);
 }
@@ -222,7 +222,7 @@ fn times_are_simulated_and_published() {
 #[test]
 fn a_killed_writer_loses_at_most_a_second() {
     let (_folder, path) = place();
-    let mut log = LogWriter::create(&path, SCENARIO).unwrap();
+    let mut log = LogWriter::create(&path, SCENARIO, 10_000_000).unwrap();
     // What the file holds while its writer is alive is what a kill would leave.
     let so_far = || read(&path).unwrap();
     assert_eq!(so_far().scenario_toml, SCENARIO, "from the first moment");
@@ -241,13 +241,13 @@ fn a_killed_writer_loses_at_most_a_second() {
 
 #[test]
 fn a_full_disk_costs_only_what_is_not_yet_written() {
-    let full = LogWriter::create("/dev/full".as_ref(), SCENARIO).err().unwrap();
+    let full = LogWriter::create("/dev/full".as_ref(), SCENARIO, 10_000_000).err().unwrap();
     assert!(format!("{full:#}").contains("/dev/full") && format!("{full:#}").contains("No space left"), "{full:#}");
 
     // A file in memory, later sealed so that it cannot grow: a disk that is full in the middle of a chunk.
     let disk = memfd_create("flight", MemfdFlags::ALLOW_SEALING).unwrap();
     let path = PathBuf::from(format!("/proc/self/fd/{}", std::os::fd::AsRawFd::as_raw_fd(&disk)));
-    let mut log = LogWriter::create(&path, SCENARIO).unwrap();
+    let mut log = LogWriter::create(&path, SCENARIO, 10_000_000).unwrap();
     write_states(&mut log, 0..150);
     log.flush().unwrap();
     let whole_bytes = fs::metadata(&path).unwrap().len();

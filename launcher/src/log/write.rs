@@ -9,7 +9,7 @@ use std::{
 };
 
 use anyhow::Context;
-use contract::{Scenario, Topic};
+use contract::Topic;
 use mcap::{
     McapError, McapResult, WriteOptions, Writer,
     records::{MessageHeader, Metadata},
@@ -38,6 +38,8 @@ pub struct LogWriter {
     file: File,
     /// MCAP's channel number of each topic.
     channels: [u16; Topic::COUNT],
+    /// Sample time \[ns\].
+    sample_ns: u64,
     /// The bytes of one message.
     buffer: Vec<u8>,
     /// Bytes of messages in the open chunk, and its newest log time.
@@ -50,8 +52,8 @@ pub struct LogWriter {
 }
 
 impl LogWriter {
-    /// Creates or replaces the file at `path`; the run's merged settings are its first record.
-    pub fn create(path: &Path, scenario_toml: &str) -> anyhow::Result<Self> {
+    /// Creates or replaces the file at `path`; the run's merged settings are its first record. Log time is simulated: ticks times `sample_ns`.
+    pub fn create(path: &Path, scenario_toml: &str, sample_ns: u64) -> anyhow::Result<Self> {
         let cannot_create = || format!("cannot create {}", path.display());
         let file = File::create(path).with_context(cannot_create)?;
         let sink = BufWriter::with_capacity(2 * CHUNK_BYTES, file.try_clone().with_context(cannot_create)?);
@@ -61,6 +63,7 @@ impl LogWriter {
             mcap: Some(mcap),
             file,
             channels,
+            sample_ns,
             buffer: Vec::new(),
             open_bytes: 0,
             newest_ns: 0,
@@ -79,7 +82,7 @@ impl LogWriter {
         let header = MessageHeader {
             channel_id: self.channels[topic],
             sequence: stamp.sequence as u32,
-            log_time: stamp.tick.saturating_mul(Scenario::SAMPLE_NS),
+            log_time: stamp.tick.saturating_mul(self.sample_ns),
             publish_time: stamp.publish_ns[topic],
         };
         schema::encode(record, &mut self.buffer);

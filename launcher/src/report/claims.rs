@@ -123,7 +123,7 @@ impl Extent {
             Self::Other
         } else if run["diverged"].as_bool() == Some(true) {
             Self::Lost
-        } else if flown_s > DURATION_S - 2.0 * Scenario::SAMPLE_S {
+        } else if flown_s > DURATION_S - 2.0 * scenario.sample_s() {
             Self::Whole
         } else {
             Self::Other

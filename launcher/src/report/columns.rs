@@ -75,7 +75,7 @@ pub fn document(rows: &[Row], scenario: &Scenario) -> Value {
     }
     json!({
         "rows": length,
-        "dt_s": step * Scenario::SAMPLE_S,
+        "dt_s": step * scenario.sample_s(),
         "realtime": scenario.run.mode == Mode::Realtime,
         "columns": columns,
         "lines": lines(scenario),

@@ -143,7 +143,7 @@ fn holes_and_torn_ends_become_nan_at_their_ticks() {
 fn a_minute_stays_below_a_megabyte_and_a_half_and_so_does_an_hour() {
     for ticks in [6001, 360_001] {
         let mut scenario = Scenario::of(Profile::Robust);
-        scenario.run.duration_s = ticks as f64 * Scenario::SAMPLE_S;
+        scenario.run.duration_s = ticks as f64 * scenario.sample_s();
         let page = render(&Hover::of(ticks).flight(), &survey(), &scenario);
         assert!(page.len() < 1_500_000, "{} bytes", page.len());
         let rows = data(&page)["rows"].as_u64();
