@@ -30,6 +30,8 @@ pub struct Constrained {
     /// Sample time \[s\].
     sample_s: f64,
     projection: Projection,
+    /// Do without the solver: see [`AttitudeMpc::hurry`](crate::AttitudeMpc::spare).
+    pub hurried: bool,
     /// The solver's plan, 4Nu.
     solved: DVector<f64>,
     /// Room for another, 4Nu.
@@ -56,6 +58,7 @@ impl Constrained {
             solver: Solver::new(scenario, &hessian, &set),
             faults: scenario.fault.iter().filter(|fault| fault.target == FaultTarget::Mpc).cloned().collect(),
             sample_s: scenario.sample_s(),
+            hurried: false,
             projection: Projection::new(set.moves.clone()),
             set,
             hessian,
@@ -80,6 +83,8 @@ impl Constrained {
         let status = if inside && fault.is_none() {
             plan.copy_from(unconstrained);
             SolveStatus::Explicit
+        } else if self.hurried {
+            self.fall_back(unconstrained, Verdict::Failed, plan)
         } else {
             let Self { set, solver, solved, .. } = self;
             let (outcome, solve_ns) = contract::timed(|| solver.solve(unconstrained, set, fault, solved));

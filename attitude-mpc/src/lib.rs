@@ -150,6 +150,13 @@ impl AttitudeMpc {
         self.publish(status, &account)
     }
 
+    /// Whether the next steps shall do without the solver, because a deadline was missed.
+    pub fn hurry(&mut self, hurried: bool) {
+        if let Some(constrained) = &mut self.constrained {
+            constrained.hurried = hurried;
+        }
+    }
+
     /// The disturbance estimate, after a look at what the model failed to predict for this sample.
     fn estimate(&mut self, command: &Actuation, samples: u64) -> Vector4<f64> {
         let before = self.memory.disturbance;

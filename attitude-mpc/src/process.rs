@@ -15,7 +15,9 @@ pub fn run(seat: &Seat) -> Result<(), SeatError> {
     seat.settle();
     while let Some(reference) = references.wait() {
         let state = states.catch_up(reference.stamp.inputs[Topic::State as usize]);
-        controls.send(mpc.step(state, &reference), Stamp::of(&reference).with(state));
+        let lineage = Stamp::of(&reference).with(state);
+        let late = controls.send(mpc.step(state, &reference), lineage);
+        mpc.hurry(late);
     }
     Ok(())
 }

@@ -7,6 +7,8 @@
 //!                                              response  = publish - sample time;  miss = response > deadline
 //! slip      a period without a cycle: a release the plant slept through, an input that a newer one overtook;
 //!           counted as a miss too, and never made up for in a burst
+//! late      a message that misses its deadline is counted, and sent, skipped, replaced by the last timely one, or the
+//!           end of the run, as the scenario's `[deadline]` says
 //! ```
 //!
 //! A node's loop is `while let Some(input) = inlet.wait() { outlet.send(...) }` in every mode; only the plant, which
@@ -19,6 +21,7 @@ use std::sync::Arc;
 use crate::message::{Message, Stamp};
 use crate::port::{Receive, Send};
 use crate::realtime::{Board, now_ns, phase, thread_cpu_ns};
+use crate::scenario::{Late, NodeDeadline};
 
 /// Longest sleep without a look around: a lost wake-up costs no more than this.
 pub(crate) const LOOK_AROUND_NS: u64 = 100_000_000;
@@ -26,8 +29,9 @@ pub(crate) const LOOK_AROUND_NS: u64 = 100_000_000;
 /// Timing of the cycle under way, shared by a node's ports.
 #[derive(Debug)]
 pub struct Punctuality {
-    /// Latest response that is no miss \[ns\].
-    deadline_ns: u64,
+    deadline: NodeDeadline,
+    /// The response that ended the run by the policy `stop` \[ns\], and its tick.
+    broken: Cell<Option<(u64, u64)>>,
     release_ns: Cell<u64>,
     start_ns: Cell<u64>,
     start_cpu_ns: Cell<u64>,
@@ -37,10 +41,11 @@ pub struct Punctuality {
 }
 
 impl Punctuality {
-    /// Nothing done yet; a response beyond `deadline_ns` will be a miss.
-    pub(crate) fn new(deadline_ns: u64) -> Self {
+    /// Nothing done yet.
+    pub(crate) fn new(deadline: NodeDeadline) -> Self {
         Self {
-            deadline_ns,
+            deadline,
+            broken: Cell::default(),
             release_ns: Cell::default(),
             start_ns: Cell::default(),
             start_cpu_ns: Cell::default(),
@@ -63,11 +68,26 @@ impl Punctuality {
         self.start_cpu_ns.set(thread_cpu_ns());
     }
 
-    /// Writes this cycle's timing into the `stamp` of its message.
-    fn report(&self, stamp: &mut Stamp, publish_ns: u64) {
-        if publish_ns.saturating_sub(stamp.sample_ns) > self.deadline_ns {
-            self.misses.set(self.misses.get() + 1);
+    /// What becomes of a message of `sample_ns` that is ready at `publish_ns`; `None` when it is on time.
+    fn late(&self, tick: u64, sample_ns: u64, publish_ns: u64) -> Option<Late> {
+        let response_ns = publish_ns.saturating_sub(sample_ns);
+        if response_ns <= self.deadline.deadline_ns {
+            return None;
         }
+        self.misses.set(self.misses.get() + 1);
+        if self.deadline.late == Late::Stop {
+            self.broken.set(Some((tick, response_ns)));
+        }
+        Some(self.deadline.late)
+    }
+
+    /// The tick and the response \[ns\] that ended the run, by the policy `stop`.
+    pub(crate) fn broken(&self) -> Option<(u64, u64)> {
+        self.broken.get()
+    }
+
+    /// Writes this cycle's timing into the `stamp` of its message.
+    fn report(&self, stamp: &mut Stamp) {
         stamp.release_ns = self.release_ns.get();
         stamp.start_ns = self.start_ns.get();
         stamp.cpu_ns = self.last_cpu_ns.get();
@@ -94,12 +114,12 @@ impl<M: Message> Inlet<M> {
         Self { port, board, punctuality, newest: M::default() }
     }
 
-    /// Sleeps until a message comes, and begins a cycle with it; `None` when the run is over.
+    /// Sleeps until a message comes, and begins a cycle with it; `None` when the run is over, or this node's budget broken.
     ///
     /// When several have come the newest wins, and the others count as slips.
     pub fn wait(&mut self) -> Option<M> {
         let before = *self.newest.stamp();
-        loop {
+        while self.punctuality.broken().is_none() {
             if let Some(message) = self.arrived(now_ns() + LOOK_AROUND_NS) {
                 self.punctuality.slip(overtaken(&before, message.stamp()));
                 self.punctuality.begin(message.stamp().publish_ns[M::TOPIC as usize]);
@@ -109,6 +129,7 @@ impl<M: Message> Inlet<M> {
                 return None;
             }
         }
+        None
     }
 
     /// The newest message there is, without waiting; the default (sequence 0) before the first.
@@ -155,24 +176,37 @@ pub struct Outlet<M> {
     punctuality: Rc<Punctuality>,
     epoch: u64,
     sequence: u64,
+    timely: Option<M>,
 }
 
 impl<M: Message> Outlet<M> {
     pub(crate) fn new(port: Box<dyn Send<M>>, board: Arc<Board>, punctuality: Rc<Punctuality>, epoch: u64) -> Self {
-        Self { port, board, punctuality, epoch, sequence: 0 }
+        Self { port, board, punctuality, epoch, sequence: 0, timely: None }
     }
 
-    /// Stamps `message` with its `lineage` and this cycle's timing, sends it and wakes whoever waits for it.
-    pub fn send(&mut self, mut message: M, lineage: Stamp) {
-        self.sequence += 1;
+    /// Stamps `message` with its `lineage` and this cycle's timing, sends it and wakes whoever waits for it; late ones as
+    /// the deadline's policy says. True when the next cycle shall do less.
+    pub fn send(&mut self, mut message: M, lineage: Stamp) -> bool {
         let publish_ns = now_ns();
+        let late = self.punctuality.late(lineage.tick, lineage.sample_ns, publish_ns);
+        match late {
+            None => self.timely = Some(message),
+            Some(Late::Hold) => message = self.timely.unwrap_or(message),
+            Some(Late::Send | Late::Degrade) => {}
+            Some(Late::Skip | Late::Stop) => {
+                self.punctuality.end();
+                return false;
+            }
+        }
+        self.sequence += 1;
         let stamp = message.stamp_mut();
         *stamp = lineage.published(M::TOPIC, self.sequence, publish_ns);
         stamp.epoch = self.epoch;
-        self.punctuality.report(stamp, publish_ns);
+        self.punctuality.report(stamp);
         self.port.send(&message);
         self.board.bell(M::TOPIC).ring();
         self.punctuality.end();
+        late == Some(Late::Degrade)
     }
 }
 
@@ -197,15 +231,29 @@ mod tests {
         assert_eq!(overtaken(&numbered(1, 4), &numbered(2, 9)), 0, "another incarnation");
     }
 
+    fn due_in_ten_ms(late: Late) -> Punctuality {
+        Punctuality::new(NodeDeadline { deadline_ns: 10_000_000, late })
+    }
+
     #[test]
-    fn a_late_message_says_so_itself() {
-        let punctuality = Punctuality::new(10_000_000);
-        let mut stamp = Stamp { sample_ns: 1_000, ..Stamp::default() };
-        punctuality.report(&mut stamp, 1_000 + 10_000_000);
-        assert_eq!(stamp.misses, 0, "just in time");
-        punctuality.report(&mut stamp, 1_001 + 10_000_000);
+    fn a_late_message_is_a_miss_and_so_is_a_slot_slept_through() {
+        let punctuality = due_in_ten_ms(Late::Skip);
+        let mut stamp = Stamp::default();
+        assert_eq!(punctuality.late(7, 1_000, 10_001_000), None, "just in time");
+        assert_eq!(punctuality.late(7, 1_000, 900), None, "woken early");
+        punctuality.report(&mut stamp);
+        assert_eq!((stamp.misses, stamp.slips), (0, 0));
+        assert_eq!(punctuality.late(7, 1_000, 10_001_001), Some(Late::Skip));
         punctuality.slip(3);
-        punctuality.report(&mut stamp, 1_000);
+        punctuality.report(&mut stamp);
         assert_eq!((stamp.misses, stamp.slips), (4, 3));
+        assert_eq!(punctuality.broken(), None);
+    }
+
+    #[test]
+    fn the_policy_stop_remembers_what_broke_the_budget() {
+        let punctuality = due_in_ten_ms(Late::Stop);
+        assert_eq!(punctuality.late(7, 1_000, 20_001_000), Some(Late::Stop));
+        assert_eq!(punctuality.broken(), Some((7, 20_000_000)));
     }
 }

@@ -82,7 +82,7 @@ impl Pace {
                 while let Some(message) = inlet.arrived(release_ns) {
                     heard(&message, now_ns().saturating_sub(sample_ns));
                 }
-                if self.board.phase().count() >= phase::LEAVE {
+                if self.board.phase().count() >= phase::LEAVE || self.punctuality.broken().is_some() {
                     return Turn::Over;
                 }
                 // The next release is never derived from this wake-up: slots that passed meanwhile are skipped.

@@ -15,7 +15,7 @@ use crate::domain::{Domain, DomainError};
 use crate::pace::Pace;
 use crate::port::{Bus, NODE_DEPTH, OBSERVER_DEPTH, PortError, Receive, Wire};
 use crate::realtime::{self, Board, now_ns, phase};
-use crate::scenario::{self, Mode, Scenario, ScenarioError};
+use crate::scenario::{self, Late, Mode, Scenario, ScenarioError};
 use crate::topic::NODES;
 
 /// Exit codes of the stack's programs.
@@ -28,6 +28,8 @@ pub mod exit {
     pub const USAGE: u8 = 2;
     /// A process or the log was lost.
     pub const PROCESS_LOST: u8 = 3;
+    /// A node whose deadline has the policy `stop` missed it.
+    pub const BUDGET_BROKEN: u8 = 4;
     /// Interrupted.
     pub const INTERRUPTED: u8 = 130;
 }
@@ -52,6 +54,18 @@ pub enum SeatError {
         /// Why.
         source: std::io::Error,
     },
+    /// A deadline with the policy `stop` was missed.
+    #[error(
+        "tick {tick}: the message was ready {response_ms:.3} ms after the sample, past its deadline of {deadline_ms} ms"
+    )]
+    Late {
+        /// Which tick.
+        tick: u64,
+        /// When it was ready \[ms\].
+        response_ms: f64,
+        /// When it was due \[ms\].
+        deadline_ms: f64,
+    },
     /// In lockstep the ring did not come round.
     #[error("tick {tick}: no ACTUATORS for it within 5 s; a process of the ring is stopped or stuck")]
     Stuck {
@@ -68,7 +82,7 @@ pub struct Seat {
     pub board: Arc<Board>,
     bus: Bus,
     punctuality: Rc<Punctuality>,
-    priority: i32,
+    rank: usize,
 }
 
 impl Seat {
@@ -83,10 +97,13 @@ impl Seat {
         let scenario = scenario::from_merged(&text, "the run's merged scenario")?;
         let board = Arc::new(Board::open(&domain.file("board")).map_err(io("board"))?);
         let bus = Bus::attach(&domain)?;
-        // Downstream first: whoever is woken runs before the one that woke it goes on.
         let rank = NODES.iter().position(|node| *node == name).unwrap_or(0);
-        let punctuality = Rc::new(Punctuality::new(scenario.sample_ns()));
-        Ok(Self { scenario, board, bus, punctuality, priority: 70 + rank as i32 })
+        let mut deadline = scenario.deadline_of(rank);
+        if scenario.run.mode != Mode::Realtime {
+            deadline.late = Late::Send; // without a clock nothing is due
+        }
+        let punctuality = Rc::new(Punctuality::new(deadline));
+        Ok(Self { scenario, board, bus, punctuality, rank })
     }
 
     /// Where this node gets `M` from.
@@ -109,8 +126,15 @@ impl Seat {
     /// In lockstep there is no deadline to keep, and a ring that never sleeps would only starve who watches it.
     pub fn settle(&self) {
         if self.scenario.run.mode == Mode::Realtime {
-            realtime::enter(&self.scenario.realtime, self.priority);
+            realtime::enter(&self.scenario.realtime.of(self.rank));
         }
+    }
+
+    /// Whether the node kept its budget, at the end of its loop.
+    fn verdict(&self) -> Result<(), SeatError> {
+        let deadline_ms = self.scenario.deadline_of(self.rank).deadline_ns as f64 / 1e6;
+        let late = |(tick, response_ns)| SeatError::Late { tick, response_ms: response_ns as f64 / 1e6, deadline_ms };
+        self.punctuality.broken().map_or(Ok(()), |broken| Err(late(broken)))
     }
 
     /// The plant's clock: waits until everybody has joined, then starts; `None` when the run was called off.
@@ -137,11 +161,12 @@ pub fn main(name: &str, run: fn(&Seat) -> Result<(), SeatError>) -> ExitCode {
 pub fn run_as(name: &str, namespace: &str, run: fn(&Seat) -> Result<(), SeatError>) -> ExitCode {
     // Fails only for a signal number that does not exist.
     let _ = rustix::process::set_parent_process_death_signal(Some(Signal::KILL));
-    match Seat::join(namespace, name).and_then(|seat| run(&seat)) {
+    match Seat::join(namespace, name).and_then(|seat| run(&seat).and_then(|()| seat.verdict())) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("{name}: {error}");
-            ExitCode::from(exit::PROCESS_LOST)
+            let late = matches!(error, SeatError::Late { .. });
+            ExitCode::from(if late { exit::BUDGET_BROKEN } else { exit::PROCESS_LOST })
         }
     }
 }

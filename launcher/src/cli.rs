@@ -14,7 +14,7 @@ use crate::{fly, manage, print, recorder, report};
 #[derive(Parser)]
 #[command(name = "launcher", version, about = "Flies a tilt-rotor tricopter through separate real-time processes")]
 #[command(after_help = "Exit codes: 0 flown; 1 flown, but outside the scenario's bounds or diverged; \
-2 usage or scenario error; 3 a process or the log was lost; 130 interrupted.")]
+2 usage or scenario error; 3 a process or the log was lost; 4 a deadline with the policy `stop` was missed; 130 interrupted.")]
 struct Cli {
     #[command(subcommand)]
     command: Command,

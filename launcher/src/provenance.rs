@@ -14,8 +14,12 @@ pub struct Scheduling {
     pub policy: &'static str,
     /// `SCHED_FIFO` priority, 0 for `other`.
     pub priority: u32,
+    /// CPUs it may run on, as the kernel lists them.
+    pub affinity: String,
     /// Locked memory \[kB\].
     pub locked_kb: u64,
+    /// CPU time without sleeping \[us\]; absent = unlimited.
+    pub rttime_us: Option<u64>,
 }
 
 /// What the kernel says of process `pid`.
@@ -25,11 +29,15 @@ pub fn scheduling_of(pid: u32) -> Scheduling {
     let fields: Vec<&str> = stat.rsplit_once(')').map_or(vec![], |(_, rest)| rest.split_whitespace().collect());
     let field = |i: usize| fields.get(i - 3).and_then(|f| f.parse::<u32>().ok()).unwrap_or(0);
     let status = read_to_string(format!("/proc/{pid}/status")).unwrap_or_default();
-    let locked = status.lines().find_map(|l| l.strip_prefix("VmLck:")?.split_whitespace().next()?.parse().ok());
+    let first = |prefix: &str| status.lines().find_map(|line| line.strip_prefix(prefix)?.split_whitespace().next());
+    let limits = read_to_string(format!("/proc/{pid}/limits")).unwrap_or_default();
+    let rttime = limits.lines().find_map(|line| line.strip_prefix("Max realtime timeout")?.split_whitespace().next());
     Scheduling {
         policy: if field(41) == 1 { "fifo" } else { "other" },
         priority: field(40),
-        locked_kb: locked.unwrap_or(0),
+        affinity: first("Cpus_allowed_list:").unwrap_or_default().into(),
+        locked_kb: first("VmLck:").and_then(|kb| kb.parse().ok()).unwrap_or(0),
+        rttime_us: rttime.and_then(|us| us.parse().ok()),
     }
 }
 

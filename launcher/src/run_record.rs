@@ -27,6 +27,7 @@ pub fn exit_code(summary: &Summary, scenario: &Scenario, how: &Circumstances) ->
     match how.ended {
         Ended::Interrupted => exit::INTERRUPTED,
         Ended::Lost(_) => exit::PROCESS_LOST,
+        Ended::Late(_) => exit::BUDGET_BROKEN,
         Ended::Flown if log_lost => exit::PROCESS_LOST,
         Ended::Flown if summary.status().diverged() => exit::OUT_OF_BOUNDS,
         Ended::Flown if verdicts(&scenario.bounds, &summary.metrics()).iter().any(|v| !v.ok) => exit::OUT_OF_BOUNDS,
@@ -40,6 +41,7 @@ pub fn describe_end(summary: &Summary, how: &Circumstances) -> String {
     match &how.ended {
         Ended::Interrupted => format!("interrupted at {t:.2} s"),
         Ended::Lost(name) => format!("lost {name} at {t:.2} s"),
+        Ended::Late(name) => format!("stopped at {t:.2} s: {name} missed its deadline"),
         Ended::Flown if summary.status().diverged() => format!("diverged at {t:.2} s: {}", summary.status().describe()),
         Ended::Flown => format!("flown to the end, {t:.2} s"),
     }

@@ -6,6 +6,8 @@
 //! plant has left, or Ctrl-C, or a child died -> LEAVE -> nodes gone -> CLOSE -> recorder gone -> wipe
 //! ```
 
+mod end;
+
 use std::io::Read;
 use std::os::unix::process::CommandExt;
 use std::path::Path;
@@ -17,9 +19,12 @@ use anyhow::Context;
 use contract::Scenario;
 use contract::domain::Hold;
 use contract::port::{Bus, Services, config_toml};
-use contract::process::{Seat, exit};
+use contract::process::Seat;
 use contract::realtime::{Board, phase};
 use contract::topic::{NODES, Topic};
+
+use end::Departure;
+pub use end::{Ended, StartError};
 
 use crate::log::Record;
 use crate::provenance::{Scheduling, scheduling_of};
@@ -32,47 +37,6 @@ const LEAVE_LIMIT: Duration = Duration::from_secs(1);
 const CLOSE_LIMIT: Duration = Duration::from_secs(30);
 /// How often the queues and the children are looked at.
 const POLL: Duration = Duration::from_millis(5);
-
-/// How the processes' part of a flight ended.
-#[derive(Debug)]
-pub enum Ended {
-    /// The plant flew to the end.
-    Flown,
-    /// Ctrl-C, or `stop`.
-    Interrupted,
-    /// A process died, and how.
-    Lost(String),
-}
-
-/// Why a stack did not come up.
-#[derive(Debug)]
-pub enum StartError {
-    /// A process ended or hung before everybody had joined.
-    Lost(String),
-    /// Ctrl-C.
-    Interrupted,
-}
-
-impl StartError {
-    /// Exit code of a launcher that could not start its stack.
-    pub fn exit_code(&self) -> u8 {
-        match self {
-            Self::Lost(_) => exit::PROCESS_LOST,
-            Self::Interrupted => exit::INTERRUPTED,
-        }
-    }
-}
-
-impl std::fmt::Display for StartError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Lost(how) => write!(f, "the stack did not come up: {how}"),
-            Self::Interrupted => write!(f, "interrupted while the stack was starting"),
-        }
-    }
-}
-
-impl std::error::Error for StartError {}
 
 /// What a flight through processes leaves behind, beside the messages.
 pub struct Flown {
@@ -145,8 +109,10 @@ impl Stack {
             }
             match self.departed() {
                 None => std::thread::sleep(POLL),
-                Some((name, true)) if name == "plant" => break Ended::Flown,
-                Some((name, _)) => break Ended::Lost(name),
+                Some((name, Departure::Well)) if name == "plant" => break Ended::Flown,
+                Some((name, Departure::Late)) => break Ended::Late(name),
+                Some((name, Departure::Well)) => break Ended::Lost(name),
+                Some((name, Departure::Badly(how))) => break Ended::Lost(format!("{name} ({how})")),
             }
         };
         let wall = started.elapsed();
@@ -154,7 +120,7 @@ impl Stack {
         // A node that fails while leaving has still failed.
         let ended = match (ended, lost) {
             (Ended::Lost(name), Some(other)) if name != other => Ended::Lost(format!("{name}; {other}")),
-            (Ended::Lost(name), _) | (Ended::Flown, Some(name)) => Ended::Lost(name),
+            (Ended::Lost(name), _) | (Ended::Flown | Ended::Late(_), Some(name)) => Ended::Lost(name),
             (other, _) => other,
         };
         Flown { ended, log, wall, scheduling }
@@ -210,13 +176,13 @@ impl Stack {
         newest
     }
 
-    /// A child that has ended, and whether it ended well; one that did not is named first.
-    fn departed(&mut self) -> Option<(String, bool)> {
+    /// A child that has ended, and how; one that did not end well is named first.
+    fn departed(&mut self) -> Option<(String, Departure)> {
         let ended = self.children.iter_mut().filter_map(|(name, child)| {
             let status = child.try_wait().ok().flatten()?;
-            Some(if status.success() { (name.clone(), true) } else { (format!("{name} ({status})"), false) })
+            Some((name.clone(), Departure::of(status)))
         });
-        ended.min_by_key(|(_, well)| *well)
+        ended.max_by_key(|(_, how)| how.gravity())
     }
 
     /// Nodes first, then the recorder, so that the log has their last messages. A second Ctrl-C kills.
@@ -226,7 +192,8 @@ impl Stack {
         let nodes = self.children.iter().filter(|(name, _)| name != "recorder").count();
         for (name, child) in &mut self.children[..nodes] {
             match wait(child, LEAVE_LIMIT, interrupts) {
-                Some(status) if status.success() => {}
+                // One that broke its budget has been named already, and another that did so meanwhile is no worse.
+                Some(status) if !matches!(Departure::of(status), Departure::Badly(_)) => {}
                 Some(status) => _ = lost.get_or_insert_with(|| format!("{name} ({status})")),
                 None => _ = lost.get_or_insert_with(|| format!("{name} (did not leave within 1 s and was killed)")),
             }

@@ -11,17 +11,25 @@ mod clock;
 use std::num::NonZeroU64;
 
 use rustix::mm::MlockAllFlags;
+use rustix::process::{Resource, Rlimit};
+use rustix::thread::CpuSet;
 
 pub use board::{Bell, Board, phase};
 pub use clock::{now_ns, thread_cpu_ns, timed};
 
-use crate::scenario::{Policy, Realtime};
+use crate::scenario::{Policy, Scheduling};
 
 /// Asks for what the scenario wants; takes what it gets. The launcher reads from `/proc` what that was.
 ///
 /// With `SCHED_FIFO` the kernel gives exact timer wake-ups; without it the timer slack is lowered from 50 us to 1 ns.
-pub fn enter(wanted: &Realtime, priority: i32) {
-    let fifo = wanted.policy == Policy::Fifo && set_fifo(priority);
+pub fn enter(wanted: &Scheduling) {
+    pin(&wanted.affinity);
+    if wanted.rttime_ms > 0.0 {
+        // Lowering one's own limit needs no privilege; it counts for SCHED_FIFO only. The signal is SIGXCPU.
+        let limit = Some((wanted.rttime_ms * 1e3) as u64);
+        let _ = rustix::process::setrlimit(Resource::Rttime, Rlimit { current: limit, maximum: limit });
+    }
+    let fifo = wanted.policy == Policy::Fifo && set_fifo(wanted.priority as i32);
     if !fifo {
         // Fails only on kernels without the call; the flight then has 50 us more jitter.
         let _ = rustix::thread::set_current_timer_slack(NonZeroU64::new(1));
@@ -32,6 +40,15 @@ pub fn enter(wanted: &Realtime, priority: i32) {
         let _ = rustix::mm::mlockall(flags);
     }
     touch_stack();
+}
+
+/// Keeps this process on the given CPUs; where the kernel refuses (a CPU that is not there) it stays where it may be.
+fn pin(affinity: &[usize]) {
+    if !affinity.is_empty() {
+        let mut cpus = CpuSet::new();
+        affinity.iter().filter(|cpu| **cpu < CpuSet::MAX_CPU).for_each(|cpu| cpus.set(*cpu));
+        let _ = rustix::thread::sched_setaffinity(None, &cpus);
+    }
 }
 
 fn set_fifo(priority: i32) -> bool {

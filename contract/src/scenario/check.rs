@@ -1,12 +1,13 @@
 //! What settings mean together: ranges of single numbers, and what must hold between them.
 
-use std::ops::Bound::{self, Excluded, Included, Unbounded};
-use std::ops::RangeBounds;
+mod ranges;
+#[cfg(test)]
+mod tests;
 
 use airframe::Trim;
 use toml::{Table, Value};
 
-use super::{Constraints, Heading, Law, Mission, Ramp, Scenario, TrajectoryKind};
+use super::{Constraints, Heading, Late, Law, Mission, Ramp, Scenario, TrajectoryKind};
 
 /// One rule broken.
 pub struct Violation {
@@ -21,7 +22,7 @@ pub struct Violation {
 /// Every rule that `scenario` breaks; `merged` is the same settings as a table.
 pub fn violations(scenario: &Scenario, merged: Table) -> Vec<Violation> {
     let mut settings = vec![];
-    collect_numbers("", Value::Table(merged), &mut settings);
+    ranges::collect("", Value::Table(merged), &mut settings);
     let mut found = Found(vec![]);
     for (key, numbers) in &settings {
         if let Some(x) = numbers.iter().find(|x| !x.is_finite()) {
@@ -29,74 +30,18 @@ pub fn violations(scenario: &Scenario, merged: Table) -> Vec<Violation> {
         }
     }
     if found.0.is_empty() {
-        check_ranges(&settings, &mut found);
+        ranges::check(&settings, &mut found);
         check_vehicle(scenario, &mut found);
         check_mission(&scenario.mission, &mut found);
         check_controller(scenario, &mut found);
         check_faults(scenario, &mut found);
+        check_deadlines(scenario, &mut found);
     }
     found.0
 }
 
-type Range = (Bound<f64>, Bound<f64>);
-const POSITIVE: Range = (Excluded(0.0), Unbounded);
-const NOT_NEGATIVE: Range = (Included(0.0), Unbounded);
-
 /// Each leg of the survey takes this long.
 const SURVEY_LEG_S: f64 = 10.0;
-
-/// Allowed range of each number under a key; arrays are judged number by number, tables key by key.
-const RANGES: [(&str, Range); 37] = [
-    ("run.duration_s", (Included(0.01), Included(86_400.0))),
-    ("run.rate_hz", (Included(50.0), Included(2000.0))),
-    ("run.command_delay_ms", (Included(0.0), Included(1000.0))),
-    ("run.command_jitter_ms", (Included(0.0), Included(1000.0))),
-    ("run.command_drop_probability", (Included(0.0), Included(1.0))),
-    ("mission.step_at_s", NOT_NEGATIVE),
-    ("mission.times_s", NOT_NEGATIVE),
-    ("mission.ramp_s", NOT_NEGATIVE),
-    ("airframe", POSITIVE),
-    ("plant.substep_s", (Excluded(0.0), Included(0.01))),
-    ("plant.rotor_lag_s", POSITIVE),
-    ("plant.servo_lag_s", POSITIVE),
-    ("plant.rotor_rate_limit", POSITIVE),
-    ("plant.servo_rate_limit_radps", POSITIVE),
-    ("plant.rotor_speed_min", NOT_NEGATIVE),
-    ("plant.rotor_speed_max_ratio", (Excluded(1.0), Unbounded)),
-    ("plant.tilt_max_deg", (Excluded(0.0), Included(90.0))),
-    ("plant.drag_linear_nspm", NOT_NEGATIVE),
-    ("plant.drag_quadratic_ns2pm2", NOT_NEGATIVE),
-    ("plant.rotor_effectiveness", (Included(0.0), Included(2.0))),
-    ("plant.noise", NOT_NEGATIVE),
-    ("guidance.disturbance_observer_radps", NOT_NEGATIVE),
-    ("guidance.angle_limit_deg", (Excluded(0.0), Included(80.0))),
-    ("guidance.w_limit_mps", POSITIVE),
-    ("guidance.integral_limit", NOT_NEGATIVE),
-    ("mpc.q", NOT_NEGATIVE),
-    ("mpc.r", POSITIVE),
-    ("mpc.np", (Included(1.0), Included(200.0))),
-    ("mpc.nu", (Included(1.0), Included(200.0))),
-    ("mpc.actuator_lag_model_s", NOT_NEGATIVE),
-    ("mpc.max_iterations", (Included(1.0), Included(10_000.0))),
-    ("mpc.time_limit_ms", NOT_NEGATIVE),
-    ("mpc.state_penalty", POSITIVE),
-    ("mpc.attitude_limit_deg", POSITIVE),
-    ("mpc.rates_limit_dps", POSITIVE),
-    ("mpc.disturbance_gain", (Included(0.0), Included(1.0))),
-    ("bounds", POSITIVE),
-];
-
-fn check_ranges(settings: &[(String, Vec<f64>)], found: &mut Found) {
-    for (key, numbers) in settings {
-        let under =
-            |prefix: &str| key.strip_prefix(prefix).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'));
-        for (_, range) in RANGES.iter().filter(|(prefix, _)| under(prefix)) {
-            if let Some(x) = numbers.iter().find(|x| !range.contains(*x)) {
-                found.require(false, &[key], format!("`{key}` = {x:?} is out of range"), &describe(*range));
-            }
-        }
-    }
-}
 
 fn check_vehicle(scenario: &Scenario, found: &mut Found) {
     let plant = &scenario.plant;
@@ -227,6 +172,21 @@ fn check_faults(scenario: &Scenario, found: &mut Found) {
     }
 }
 
+fn check_deadlines(scenario: &Scenario, found: &mut Found) {
+    for (rank, key) in ["plant_policy", "guidance_policy", "attitude_mpc_policy", "mixer_policy"].iter().enumerate() {
+        let late = scenario.deadline_of(rank).late;
+        let (refused, allowed) = match (rank, late) {
+            (0, Late::Hold | Late::Degrade) => {
+                (true, "\"send\", \"skip\" or \"stop\": a sample is what was measured, now")
+            }
+            (1 | 3, Late::Degrade) => (true, "\"send\", \"skip\", \"hold\" or \"stop\": it has nothing cheaper to do"),
+            _ => (false, ""),
+        };
+        let keys = [&format!("deadline.{key}"), "deadline.policy"];
+        found.require(!refused, &keys, format!("`deadline.{key}` cannot be {late:?}").to_lowercase(), allowed);
+    }
+}
+
 /// Steps over time stand in order.
 fn check_steps(key: &str, times_s: &[f64], found: &mut Found) {
     found.require(
@@ -245,37 +205,5 @@ impl Found {
             let keys = keys.iter().map(|key| (*key).to_string()).collect();
             self.0.push(Violation { keys, what, allowed: format!("allowed: {allowed}") });
         }
-    }
-}
-
-fn describe((low, high): Range) -> String {
-    let side = |bound, inclusive, exclusive| match bound {
-        Included(x) => Some(format!("{inclusive} {x}")),
-        Excluded(x) => Some(format!("{exclusive} {x}")),
-        Unbounded => None,
-    };
-    let sides = [side(low, "at least", "above"), side(high, "at most", "below")];
-    sides.into_iter().flatten().collect::<Vec<_>>().join(", ")
-}
-
-/// All numbers of `value` with the dotted key they stand under.
-fn collect_numbers(path: &str, value: Value, found: &mut Vec<(String, Vec<f64>)>) {
-    match value {
-        Value::Table(table) => {
-            for (name, value) in table {
-                let key = if path.is_empty() { name } else { format!("{path}.{name}") };
-                collect_numbers(&key, value, found);
-            }
-        }
-        value => found.push((path.into(), numbers(&value))),
-    }
-}
-
-fn numbers(value: &Value) -> Vec<f64> {
-    match value {
-        Value::Integer(x) => vec![*x as f64],
-        Value::Float(x) => vec![*x],
-        Value::Array(values) => values.iter().flat_map(numbers).collect(),
-        _ => vec![],
     }
 }

@@ -6,7 +6,8 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | `run` | the whole, `[run]`, `[bounds]`, `[realtime]` |
+//! | `run` | the whole, `[run]`, `[bounds]` |
+//! | `timing` | `[realtime]`, `[deadline]` |
 //! | `mission` | `[mission]`, `[initial]` |
 //! | `vehicle` | `[plant]`; `[airframe]` is [`airframe::Parameters`] |
 //! | `control` | `[guidance]`, `[mpc]`, `[mixer]` |
@@ -25,6 +26,7 @@ mod run;
 mod shape;
 #[cfg(test)]
 mod tests;
+mod timing;
 mod vehicle;
 
 pub use control::*;
@@ -33,4 +35,5 @@ pub use load::{from_merged, load, to_toml};
 pub use mission::*;
 pub use report::ScenarioError;
 pub use run::*;
+pub use timing::*;
 pub use vehicle::*;

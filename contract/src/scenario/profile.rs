@@ -6,9 +6,9 @@
 use airframe::Parameters;
 
 use super::{
-    Bounds, Constraints, Derivative, Guidance, Heading, Initial, Law, Mission, Mixer, Mode, Mpc, Noise, Plant, Policy,
-    Profile, Ramp, RateReference, Realtime, RollReference, Run, Scenario, Solver, StateConstraints, Terminal,
-    TrajectoryKind,
+    Bounds, Constraints, Deadline, Derivative, Guidance, Heading, Initial, Late, Law, Mission, Mixer, Mode, Mpc,
+    NodeRealtime, Noise, Plant, Policy, Profile, Ramp, RateReference, Realtime, RollReference, Run, Scenario, Solver,
+    StateConstraints, Terminal, TrajectoryKind,
 };
 
 impl Scenario {
@@ -28,7 +28,7 @@ macro_rules! default_is_robust {
         }
     )*};
 }
-default_is_robust!(Run: run, Mission: mission, Plant: plant, Guidance: guidance, Mpc: mpc, Mixer: mixer, Realtime: realtime);
+default_is_robust!(Run: run, Mission: mission, Plant: plant, Guidance: guidance, Mpc: mpc, Mixer: mixer, Realtime: realtime, Deadline: deadline);
 
 fn paper() -> Scenario {
     Scenario {
@@ -115,7 +115,29 @@ fn paper() -> Scenario {
         mixer: Mixer { tilt_reaction: false, projection: false },
         bounds: Bounds::default(),
         fault: vec![],
-        realtime: Realtime { policy: Policy::Fifo, lock_memory: true },
+        realtime: Realtime {
+            policy: Policy::Fifo,
+            priority: 70,
+            affinity: vec![],
+            lock_memory: true,
+            rttime_ms: 500.0,
+            plant: NodeRealtime::default(),
+            guidance: NodeRealtime::default(),
+            attitude_mpc: NodeRealtime::default(),
+            mixer: NodeRealtime::default(),
+        },
+        deadline: Deadline {
+            end_to_end_ms: None,
+            plant_ms: None,
+            guidance_ms: None,
+            attitude_mpc_ms: None,
+            mixer_ms: None,
+            policy: Late::Send,
+            plant_policy: None,
+            guidance_policy: None,
+            attitude_mpc_policy: None,
+            mixer_policy: None,
+        },
     }
 }
 

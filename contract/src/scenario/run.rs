@@ -1,9 +1,9 @@
-//! The scenario as a whole, `[run]`, `[bounds]` and `[realtime]`. Names and units are the file's.
+//! The scenario as a whole, `[run]` and `[bounds]`. Names and units are the file's.
 
 use airframe::{ActuatorLaw, Limits, Parameters};
 use serde::{Deserialize, Serialize};
 
-use super::{Fault, Guidance, Initial, Mission, Mixer, Mpc, Plant};
+use super::{Deadline, Fault, Guidance, Initial, Mission, Mixer, Mpc, Plant, Realtime};
 
 /// Everything that decides a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -33,6 +33,8 @@ pub struct Scenario {
     pub bounds: Bounds,
     /// How the processes are scheduled.
     pub realtime: Realtime,
+    /// When their work is due.
+    pub deadline: Deadline,
     /// What goes wrong, and when.
     pub fault: Vec<Fault>,
 }
@@ -95,26 +97,6 @@ pub struct Bounds {
     /// \[m\]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub final_position_error_m: Option<f64>,
-}
-
-/// `[realtime]`
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Realtime {
-    /// Scheduling class asked for; without the privilege the stack runs as `other` and says so.
-    pub policy: Policy,
-    /// Lock the processes' memory.
-    pub lock_memory: bool,
-}
-
-/// `realtime.policy`
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Policy {
-    /// `SCHED_FIFO`, priorities rising downstream.
-    Fifo,
-    /// `SCHED_OTHER`.
-    Other,
 }
 
 impl Default for Scenario {

@@ -6,7 +6,10 @@ use toml::de::{DeString, DeTable, DeValue};
 use toml::{Spanned, Table, Value};
 
 use super::report::{Problem, Source};
-use super::{Bounds, Fault, FaultKind, FaultTarget, Heading, Mission, Plant, Profile, Scenario};
+use super::{
+    Bounds, Deadline, Fault, FaultKind, FaultTarget, Heading, Late, Mission, NodeRealtime, Plant, Policy, Profile,
+    Realtime, Scenario,
+};
 
 const SET_HELP: &str = "write `--set key=value`, for instance `--set run.duration_s=20`";
 
@@ -45,6 +48,13 @@ pub fn find<'a>(sources: &'a [Source], key: &str) -> Option<(&'a Source, Range<u
 /// A scenario that sets every key there is.
 fn example() -> Table {
     let robust = Scenario::of(Profile::Robust);
+    let node = NodeRealtime {
+        policy: Some(Policy::Fifo),
+        priority: Some(70),
+        affinity: Some(vec![0, 1]),
+        lock_memory: Some(true),
+        rttime_ms: Some(500.0),
+    };
     let all = Scenario {
         mission: Mission { heading_deg: Heading::Steps(vec![(0.0, 0.0), (15.0, 90.0)]), ..robust.mission },
         plant: Plant {
@@ -57,6 +67,25 @@ fn example() -> Table {
             max_altitude_error_horizontal_m: Some(0.1),
             max_altitude_error_vertical_m: Some(0.2),
             final_position_error_m: Some(0.1),
+        },
+        realtime: Realtime {
+            plant: node.clone(),
+            guidance: node.clone(),
+            attitude_mpc: node.clone(),
+            mixer: node,
+            ..robust.realtime
+        },
+        deadline: Deadline {
+            end_to_end_ms: Some(10.0),
+            plant_ms: Some(2.0),
+            guidance_ms: Some(4.0),
+            attitude_mpc_ms: Some(8.0),
+            mixer_ms: Some(10.0),
+            plant_policy: Some(Late::Skip),
+            guidance_policy: Some(Late::Hold),
+            attitude_mpc_policy: Some(Late::Degrade),
+            mixer_policy: Some(Late::Stop),
+            ..robust.deadline
         },
         fault: vec![Fault { at_s: 20.0, for_s: Some(0.3), target: FaultTarget::Mpc, kind: FaultKind::Infeasible }],
         ..robust

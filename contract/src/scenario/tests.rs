@@ -67,7 +67,7 @@ fn wrong_shapes_are_named_with_the_way_out() {
         ("mpc.np=2.5", &["`mpc.np`", "expected a whole number"]),
         ("run.mode=lockstpe", &["`run.mode`", "expected one of `realtime`, `lockstep`, `inprocess`"]),
         ("run.mode.x=1", &["`run.mode` is not a table", "run.mode = \"realtime\""]),
-        ("run=3", &["`run` is a table", "duration_s, mode, seed"]),
+        ("run=3", &["`run` is a table", "duration_s, mode, rate_hz, seed"]),
         ("mission.step_m=[1, 2]", &["`mission.step_m`", "invalid length 2, expected an array of length 3"]),
         ("mission.step_m=[1, 2, 3, 4]", &["`mission.step_m`", "invalid length 4, expected 3", "[10.0, 10.0, -10.0]"]),
         ("plant.wind_ned_mps=[[1, [2, 3, 4], 5]]", &["`plant.wind_ned_mps`", "invalid length 3, expected 2"]),
@@ -82,108 +82,6 @@ fn wrong_shapes_are_named_with_the_way_out() {
     ];
     for (set, expected) in cases {
         check_refused(set, expected);
-    }
-}
-
-#[test]
-fn numbers_out_of_range_are_refused_with_the_range() {
-    let cases = [
-        ("run.duration_s=0", "at least 0.01, at most 86400"),
-        ("run.duration_s=86401", "at least 0.01, at most 86400"),
-        ("run.rate_hz=49", "at least 50, at most 2000"),
-        ("run.command_delay_ms=-1", "at least 0, at most 1000"),
-        ("run.command_jitter_ms=1001", "at least 0, at most 1000"),
-        ("run.command_drop_probability=1.1", "at least 0, at most 1"),
-        ("mission.step_at_s=-1", "at least 0"),
-        ("mission.ramp_s=-0.1", "at least 0"),
-        ("mission.times_s=[-1, 10]", "at least 0"),
-        ("airframe.mass_kg=0", "above 0"),
-        ("airframe.km=-1", "above 0"),
-        ("plant.substep_s=0", "above 0, at most 0.01"),
-        ("plant.substep_s=0.02", "above 0, at most 0.01"),
-        ("plant.rotor_lag_s=0", "above 0"),
-        ("plant.rotor_rate_limit=0", "above 0"),
-        ("plant.servo_rate_limit_radps=0", "above 0"),
-        ("plant.rotor_speed_min=-1", "at least 0"),
-        ("plant.rotor_speed_max_ratio=1", "above 1"),
-        ("plant.tilt_max_deg=90.1", "above 0, at most 90"),
-        ("plant.drag_linear_nspm=[0, -1, 0]", "at least 0"),
-        ("plant.drag_quadratic_ns2pm2=-1", "at least 0"),
-        ("plant.rotor_effectiveness=[1, 2.1, 1]", "at least 0, at most 2"),
-        ("plant.noise.position_m=-1", "at least 0"),
-        ("guidance.angle_limit_deg=81", "above 0, at most 80"),
-        ("guidance.w_limit_mps=0", "above 0"),
-        ("guidance.integral_limit=-1", "at least 0"),
-        ("mpc.q=[-1, 0, 0, 0, 0, 0, 0]", "at least 0"),
-        ("mpc.r=[1, 1, 1, 0]", "above 0"),
-        ("mpc.np=201", "at least 1, at most 200"),
-        ("mpc.nu=0", "at least 1, at most 200"),
-        ("mpc.actuator_lag_model_s=-1", "at least 0"),
-        ("mpc.disturbance_gain=1.1", "at least 0, at most 1"),
-        ("mpc.max_iterations=0", "at least 1, at most 10000"),
-        ("mpc.time_limit_ms=-1", "at least 0"),
-        ("mpc.state_penalty=0", "above 0"),
-        ("mpc.attitude_limit_deg=[90, 0, 360]", "above 0"),
-        ("mpc.rates_limit_dps=[0, 360, 360]", "above 0"),
-        ("bounds.max_position_error_m=0", "above 0"),
-    ];
-    for (set, range) in cases {
-        let key = set.split_once('=').unwrap().0;
-        check_refused(set, &[&format!("`{key}` = "), "out of range", &format!("allowed: {range}\n")]);
-    }
-}
-
-#[test]
-fn settings_that_contradict_are_refused() {
-    let waypoints = "mission={trajectory=\"waypoints\", waypoints_m=[[0,0,0],[0,0,-1],[1,0,-1]], ";
-    let cases = [
-        ("name=\" \"", "`name` is empty"),
-        ("guidance.kp_w=nan", "`guidance.kp_w` = NaN is not finite"),
-        ("mission.waypoints_m=[[0, 0, 0], [0, 0, -inf]]", "`mission.waypoints_m` = -inf is not finite"),
-        ("guidance.disturbance_observer_radps=100", "at least 0, below 100"),
-        ("run.rate_hz=300", "`run.rate_hz` = 300 has no sample time in whole nanoseconds"),
-        ("plant.rotor_lag_s=0.0004", "`plant.rotor_lag_s` = 0.0004 is too short for `plant.substep_s` = 0.001"),
-        ("plant.servo_lag_s=0.0004", "`plant.servo_lag_s` = 0.0004 is too short"),
-        ("plant.rotor_speed_min=1339", "below the slowest rotor at trim, 1338.6"),
-        ("plant.tilt_max_deg=30", "above the tilt at trim, 30.49"),
-        ("plant.wind_ned_mps=[[2, [0, 0, 0]], [1, [0, 0, 0]]]", "`plant.wind_ned_mps` are out of order"),
-        ("plant.disturbance=[[-1, [0, 0, 0], [0, 0, 0]]]", "`plant.disturbance` are out of order"),
-        ("mission.heading_deg=[[2, 0], [1, 0]]", "`mission.heading_deg` are out of order"),
-        ("initial.position_m=[400, 400, 0]", "within 500 m"),
-        ("initial.attitude_deg=[0, -88, 0]", "a pitch between -88 and 88"),
-        ("mission.times_s=[0, 10, 20]", "2 waypoints and 3 times"),
-        ("mission={waypoints_m=[[0, 0, 0]], times_s=[0]}", "1 waypoints and 1 times"),
-        ("mission.times_s=[10, 10]", "`mission.times_s` does not rise"),
-        ("mission.ramp_s=5.1", "`mission.ramp_s` = 5.1 does not fit the shortest leg of 10.0 s"),
-        (&format!("{waypoints}times_s=[0, 9, 11]}}"), "does not fit the shortest leg of 2.0 s"),
-        ("mpc.nu=21", "`mpc.nu` = 21 is longer than `mpc.np` = 20"),
-        ("mpc.np=4", "`mpc.nu` = 5 is longer than `mpc.np` = 4"),
-        ("mpc.actuator_lag_model_s=0.0009", "0 for no lag, or at least 0.001"),
-        ("fault=[{at_s=1}]", "missing field `target`"),
-        ("fault=[{at_s=1, target=\"mpc\", kind=\"nan\", for=1}]", "unknown field `for`"),
-        ("fault=[{at_s=1, target=\"mpc\", kind=\"kill\"}]", "unknown variant `kill`"),
-        ("fault=[{at_s=-1, target=\"mpc\", kind=\"nan\"}]", "a fault at -1.0 s for 0.0 s"),
-        ("fault=[{at_s=nan, target=\"mpc\", kind=\"nan\"}]", "a fault at NaN s for 0.0 s"),
-    ];
-    for (set, expected) in cases {
-        check_refused(set, &[expected, "--set ", "^"]);
-    }
-}
-
-#[test]
-fn the_edges_of_the_ranges_fly() {
-    for set in [
-        "run.command_drop_probability=1",
-        "plant.substep_s=0.01",
-        "plant.rotor_lag_s=0.0005",
-        "plant.tilt_max_deg=90",
-        "plant.rotor_effectiveness=[0, 1, 2]",
-        "mpc={np=200, nu=200}",
-        "mpc.actuator_lag_model_s=0.001",
-        "mission.ramp_s=5",
-        "mission={trajectory=\"hover\", ramp_s=60}",
-    ] {
-        from_set(&[set]).unwrap_or_else(|error| panic!("{set}: {error}"));
     }
 }
 
@@ -290,14 +188,14 @@ fn check_returns(scenario: &Scenario) {
     assert_eq!(to_toml(&returned), text);
 }
 
-fn check_refused(set: &str, expected: &[&str]) {
+pub fn check_refused(set: &str, expected: &[&str]) {
     let message = from_set(&[set]).expect_err(set).to_string() + "\n";
     for part in expected {
         assert!(message.contains(part), "`{part}` is missing for `{set}` in:\n{message}");
     }
 }
 
-fn from_set(overrides: &[&str]) -> Result<Scenario, ScenarioError> {
+pub fn from_set(overrides: &[&str]) -> Result<Scenario, ScenarioError> {
     load(None, &overrides.iter().map(ToString::to_string).collect::<Vec<_>>())
 }
 

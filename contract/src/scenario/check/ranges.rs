@@ -1,0 +1,113 @@
+//! The range of every single number.
+
+use std::ops::Bound::{self, Excluded, Included, Unbounded};
+use std::ops::RangeBounds;
+
+use toml::Value;
+
+use super::Found;
+
+type Range = (Bound<f64>, Bound<f64>);
+const POSITIVE: Range = (Excluded(0.0), Unbounded);
+const NOT_NEGATIVE: Range = (Included(0.0), Unbounded);
+/// `SCHED_FIFO` has 1 to 99; the three nodes downstream of the plant add up to 3, the highest belong to the kernel.
+const PRIORITY: Range = (Included(1.0), Included(95.0));
+const CPU: Range = (Included(0.0), Included(1023.0));
+
+/// Allowed range of each number under a key; arrays are judged number by number, tables key by key.
+const RANGES: [(&str, Range); 49] = [
+    ("run.duration_s", (Included(0.01), Included(86_400.0))),
+    ("run.rate_hz", (Included(50.0), Included(2000.0))),
+    ("run.command_delay_ms", (Included(0.0), Included(1000.0))),
+    ("run.command_jitter_ms", (Included(0.0), Included(1000.0))),
+    ("run.command_drop_probability", (Included(0.0), Included(1.0))),
+    ("mission.step_at_s", NOT_NEGATIVE),
+    ("mission.times_s", NOT_NEGATIVE),
+    ("mission.ramp_s", NOT_NEGATIVE),
+    ("airframe", POSITIVE),
+    ("plant.substep_s", (Excluded(0.0), Included(0.01))),
+    ("plant.rotor_lag_s", POSITIVE),
+    ("plant.servo_lag_s", POSITIVE),
+    ("plant.rotor_rate_limit", POSITIVE),
+    ("plant.servo_rate_limit_radps", POSITIVE),
+    ("plant.rotor_speed_min", NOT_NEGATIVE),
+    ("plant.rotor_speed_max_ratio", (Excluded(1.0), Unbounded)),
+    ("plant.tilt_max_deg", (Excluded(0.0), Included(90.0))),
+    ("plant.drag_linear_nspm", NOT_NEGATIVE),
+    ("plant.drag_quadratic_ns2pm2", NOT_NEGATIVE),
+    ("plant.rotor_effectiveness", (Included(0.0), Included(2.0))),
+    ("plant.noise", NOT_NEGATIVE),
+    ("guidance.disturbance_observer_radps", NOT_NEGATIVE),
+    ("guidance.angle_limit_deg", (Excluded(0.0), Included(80.0))),
+    ("guidance.w_limit_mps", POSITIVE),
+    ("guidance.integral_limit", NOT_NEGATIVE),
+    ("mpc.q", NOT_NEGATIVE),
+    ("mpc.r", POSITIVE),
+    ("mpc.np", (Included(1.0), Included(200.0))),
+    ("mpc.nu", (Included(1.0), Included(200.0))),
+    ("mpc.actuator_lag_model_s", NOT_NEGATIVE),
+    ("mpc.max_iterations", (Included(1.0), Included(10_000.0))),
+    ("mpc.time_limit_ms", NOT_NEGATIVE),
+    ("mpc.state_penalty", POSITIVE),
+    ("mpc.attitude_limit_deg", POSITIVE),
+    ("mpc.rates_limit_dps", POSITIVE),
+    ("mpc.disturbance_gain", (Included(0.0), Included(1.0))),
+    ("bounds", POSITIVE),
+    ("realtime.priority", PRIORITY),
+    ("realtime.plant.priority", PRIORITY),
+    ("realtime.guidance.priority", PRIORITY),
+    ("realtime.attitude-mpc.priority", PRIORITY),
+    ("realtime.mixer.priority", PRIORITY),
+    ("realtime.affinity", CPU),
+    ("realtime.rttime_ms", NOT_NEGATIVE),
+    ("deadline.end_to_end_ms", POSITIVE),
+    ("deadline.plant_ms", POSITIVE),
+    ("deadline.guidance_ms", POSITIVE),
+    ("deadline.attitude_mpc_ms", POSITIVE),
+    ("deadline.mixer_ms", POSITIVE),
+];
+
+/// Judges every number by the range of its key.
+pub fn check(settings: &[(String, Vec<f64>)], found: &mut Found) {
+    for (key, numbers) in settings {
+        let under =
+            |prefix: &str| key.strip_prefix(prefix).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'));
+        for (_, range) in RANGES.iter().filter(|(prefix, _)| under(prefix)) {
+            if let Some(x) = numbers.iter().find(|x| !range.contains(*x)) {
+                found.require(false, &[key], format!("`{key}` = {x:?} is out of range"), &describe(*range));
+            }
+        }
+    }
+}
+
+fn describe((low, high): Range) -> String {
+    let side = |bound, inclusive, exclusive| match bound {
+        Included(x) => Some(format!("{inclusive} {x}")),
+        Excluded(x) => Some(format!("{exclusive} {x}")),
+        Unbounded => None,
+    };
+    let sides = [side(low, "at least", "above"), side(high, "at most", "below")];
+    sides.into_iter().flatten().collect::<Vec<_>>().join(", ")
+}
+
+/// All numbers of `value` with the dotted key they stand under.
+pub fn collect(path: &str, value: Value, found: &mut Vec<(String, Vec<f64>)>) {
+    match value {
+        Value::Table(table) => {
+            for (name, value) in table {
+                let key = if path.is_empty() { name } else { format!("{path}.{name}") };
+                collect(&key, value, found);
+            }
+        }
+        value => found.push((path.into(), numbers(&value))),
+    }
+}
+
+fn numbers(value: &Value) -> Vec<f64> {
+    match value {
+        Value::Integer(x) => vec![*x as f64],
+        Value::Float(x) => vec![*x],
+        Value::Array(values) => values.iter().flat_map(numbers).collect(),
+        _ => vec![],
+    }
+}
