@@ -1,101 +1,125 @@
-//! Cholesky factor of a Gram matrix that grows at its end.
+//! Cholesky factor of the Gram matrix of a working set: it grows at its end, one row at a time.
 
-/// `L` with `L L' = M`, and `y` with `L y = right`.
+/// `L` with `L L' = M`, in tiles of four rows by four columns.
 pub struct Factor {
-    stride: usize,
     len: usize,
-    /// `L`, one column after the other.
-    lower: Vec<f64>,
+    /// The tiles on and below the diagonal, one column of tiles after the other, each `stride` long; a tile is four
+    /// columns. Left of the diagonal `L` is as it should be, on it 0, elsewhere what was left there.
+    tiles: Vec<[[f64; 4]; 4]>,
+    stride: usize,
     /// `1 / L_ii`
-    inverse_diagonal: Vec<f64>,
-    /// `y`
-    forward: Vec<f64>,
-    /// Row under construction.
-    row: Vec<f64>,
+    inverse_diagonal: Vec<[f64; 4]>,
+    /// The row that joins: `L^-1` times its entries.
+    row: Vec<[f64; 4]>,
 }
-
-/// A row whose square loses more than this share to the rows before it depends on them.
-const INDEPENDENT: f64 = 1e-12;
 
 impl Factor {
     /// Room for `capacity` rows.
     pub fn new(capacity: usize) -> Self {
+        let stride = capacity.div_ceil(4);
         Self {
-            stride: capacity,
             len: 0,
-            lower: vec![0.0; capacity * capacity],
-            inverse_diagonal: vec![0.0; capacity],
-            forward: vec![0.0; capacity],
-            row: vec![0.0; capacity],
+            tiles: vec![[[0.0; 4]; 4]; stride * stride],
+            stride,
+            inverse_diagonal: vec![[0.0; 4]; stride],
+            row: vec![[0.0; 4]; stride],
         }
     }
 
     /// Forgets all rows but the first `len`.
     pub fn truncate(&mut self, len: usize) {
-        self.len = self.len.min(len);
+        self.len = len.min(self.len);
     }
 
-    /// Appends a row of `M` by its entries left of the diagonal, its `diagonal` and its `right` side; false when it
-    /// depends on the rows before it, and then it is left out.
-    pub fn append(&mut self, entry: impl Fn(usize) -> f64, diagonal: f64, right: f64) -> bool {
-        let last = self.len;
-        let row = &mut self.row[..last];
-        for (j, value) in row.iter_mut().enumerate() {
-            *value = entry(j);
+    /// Prepares to append a row of `M`, given its `entries` left of the diagonal. Returns what the rows before it leave of
+    /// its `diagonal`.
+    pub fn reduce(&mut self, entries: impl Fn(usize) -> f64, diagonal: f64) -> f64 {
+        let mut row = std::mem::take(&mut self.row);
+        for (j, entry) in row.as_flattened_mut()[..self.len].iter_mut().enumerate() {
+            *entry = entries(j);
         }
-        let (mut pivot, mut forward) = (diagonal, right);
-        for j in 0..last {
-            let value = row[j] * self.inverse_diagonal[j];
-            row[j] = value;
-            pivot -= value * value;
-            forward -= value * self.forward[j];
-            let column = &self.lower[j * self.stride + j + 1..][..last - j - 1];
-            for (rest, l) in row[j + 1..].iter_mut().zip(column) {
-                *rest -= value * l;
+        self.forward(&mut row);
+        self.row = row;
+        diagonal - self.row.as_flattened()[..self.len].iter().map(|l| l * l).sum::<f64>()
+    }
+
+    /// Appends the row [reduced](Self::reduce) last, with `left` of its diagonal.
+    pub fn append(&mut self, left: f64) {
+        let last = self.len;
+        for (j, l) in self.row.as_flattened()[..last].iter().enumerate() {
+            self.tiles[j / 4 * self.stride + last / 4][j % 4][last % 4] = *l;
+        }
+        self.inverse_diagonal[last / 4][last % 4] = 1.0 / left.sqrt();
+        self.len += 1;
+    }
+
+    /// Replaces `right` by the solution of `M x = right`. Returns `x . right`.
+    pub fn solve(&self, right: &mut [[f64; 4]]) -> f64 {
+        self.forward(right);
+        let square = right.as_flattened()[..self.len].iter().map(|y| y * y).sum();
+        self.backward(right);
+        square
+    }
+
+    /// Writes how the row reduced last is composed of the rows before it.
+    pub fn composition(&self, shares: &mut [[f64; 4]]) {
+        shares.copy_from_slice(&self.row);
+        self.backward(shares);
+    }
+
+    /// Solves `L y = x` in place. The rest of the last block comes to nothing.
+    fn forward(&self, x: &mut [[f64; 4]]) {
+        for (block, inverse) in self.inverse_diagonal[..self.blocks()].iter().enumerate() {
+            let [diagonal, below @ ..] = self.column(block) else { return };
+            let [y, rest @ ..] = &mut x[block..] else { return };
+            for lane in 0..4 {
+                y[lane] *= inverse[lane];
+                for row in lane + 1..4 {
+                    y[row] -= diagonal[lane][row] * y[lane];
+                }
+            }
+            for (x, tile) in rest.iter_mut().zip(below) {
+                for (column, y) in tile.iter().zip(*y) {
+                    for lane in 0..4 {
+                        x[lane] -= column[lane] * y;
+                    }
+                }
             }
         }
-        // Written so that NaN counts as dependent.
-        if !(pivot > INDEPENDENT * diagonal) {
-            return false;
-        }
-        for (j, value) in row.iter().enumerate() {
-            self.lower[j * self.stride + last] = *value;
-        }
-        let inverse = 1.0 / pivot.sqrt();
-        self.inverse_diagonal[last] = inverse;
-        self.forward[last] = forward * inverse;
-        self.len += 1;
-        true
     }
 
-    /// Writes the solution of `M x = right`.
-    pub fn solve(&self, x: &mut [f64]) {
-        self.backward(&self.forward[..self.len], x);
-    }
-
-    /// Writes how the row that [`append`](Self::append) just refused is composed of the rows before it.
-    pub fn composition(&self, x: &mut [f64]) {
-        self.backward(&self.row[..self.len], x);
-    }
-
-    /// `|y|^2`, that is `right' M^-1 right`.
-    pub fn square(&self) -> f64 {
-        self.forward[..self.len].iter().map(|y| y * y).sum()
-    }
-
-    /// Solves `L' x = y`.
-    fn backward(&self, y: &[f64], x: &mut [f64]) {
-        for i in (0..self.len).rev() {
-            let column = &self.lower[i * self.stride + i + 1..][..self.len - i - 1];
-            x[i] = (y[i] - dot(column, &x[i + 1..self.len])) * self.inverse_diagonal[i];
+    /// Solves `L' x = y` in place.
+    fn backward(&self, x: &mut [[f64; 4]]) {
+        let blocks = self.blocks();
+        x.as_flattened_mut()[self.len..4 * blocks].fill(0.0);
+        for (block, inverse) in self.inverse_diagonal[..blocks].iter().enumerate().rev() {
+            let [diagonal, below @ ..] = self.column(block) else { return };
+            let [y, rest @ ..] = &mut x[block..] else { return };
+            let mut sums = [[0.0; 4]; 4];
+            for (x, tile) in rest.iter().zip(below) {
+                for (sums, column) in sums.iter_mut().zip(tile) {
+                    for lane in 0..4 {
+                        sums[lane] += column[lane] * x[lane];
+                    }
+                }
+            }
+            for lane in (0..4).rev() {
+                let [a, b, c, d] = sums[lane];
+                let mut sum = (a + b) + (c + d);
+                for row in lane + 1..4 {
+                    sum += diagonal[lane][row] * y[row];
+                }
+                y[lane] = (y[lane] - sum) * inverse[lane];
+            }
         }
     }
-}
 
-/// Dot product in two lanes, one operation each.
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let (a, b) = (a.chunks_exact(2), b.chunks_exact(2));
-    let rest: f64 = a.remainder().iter().zip(b.remainder()).map(|(a, b)| a * b).sum();
-    let lanes = a.zip(b).fold([0.0; 2], |[even, odd], (a, b)| [even + a[0] * b[0], odd + a[1] * b[1]]);
-    lanes[0] + lanes[1] + rest
+    fn blocks(&self) -> usize {
+        self.len.div_ceil(4)
+    }
+
+    /// The tiles in use of one column, from the diagonal down.
+    fn column(&self, block: usize) -> &[[[f64; 4]; 4]] {
+        &self.tiles[block * self.stride..][block..self.blocks()]
+    }
 }

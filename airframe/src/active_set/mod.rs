@@ -1,34 +1,44 @@
 //! draft
-mod dual;
+mod basis;
 mod factor;
 pub mod random;
+mod steps;
 mod working_set;
 
-pub use working_set::{Member, WorkingSet};
-
-use dual::{Combination, Dual};
+use basis::{Basis, Combination};
 use factor::Factor;
 use nalgebra::DMatrix;
+pub use working_set::{Member, WorkingSet};
 
 /// Violation that is left alone, in units of the slacks.
-const TOLERANCE: f64 = 1e-10;
+const TOLERANCE: f64 = 5e-10;
 
 /// The solver of one set-up.
 pub struct ActiveSet {
-    dual: Dual,
     /// Iterations granted to a solve.
     pub max_iterations: u32,
-    kept: WorkingSet,
+    basis: Basis,
+    working_set: WorkingSet,
+    /// The constraints its members stand for.
     held: Vec<Combination>,
+    /// Their multipliers, never negative.
     multipliers: Vec<f64>,
-    target: Vec<f64>,
+    /// Factor of their Gram matrix.
     factor: Factor,
-    start: Vec<f64>,
-    slack: Vec<f64>,
-    /// per basis row: whether a row is held; discs: member index+1
-    places: Vec<usize>,
-    variables: usize,
-    value: f64,
+    /// Where the multipliers go.
+    step: Vec<[f64; 4]>,
+    /// Which rows, and then which discs, are held.
+    is_held: Vec<bool>,
+    /// The variables under the multipliers.
+    x: Vec<[f64; 4]>,
+    /// The basis rows at `x`.
+    slacks: Vec<[f64; 4]>,
+    at_centre: Vec<[f64; 4]>,
+    first: f64,
+    left: f64,
+    /// Held cuts that turn.
+    turning: Vec<usize>,
+    turned: Vec<(Member, f64)>,
     #[allow(missing_docs)]
     pub stats: [u64; 8],
 }
@@ -36,24 +46,24 @@ pub struct ActiveSet {
 /// How a solve went.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Outcome {
-    /// What `x` is.
+    /// What was found.
     pub verdict: Verdict,
-    /// Iterations.
+    /// Steps taken: each solves the equations of one working set.
     pub iterations: u32,
-    /// Members.
+    /// Constraints held at the end.
     pub active: u32,
 }
 
-/// What `x` is.
+/// What a solve found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
-    /// Optimum.
+    /// `x` is the optimum.
     Optimal,
-    /// The last iterate: not feasible.
+    /// `x` is the last iterate: not feasible.
     IterationLimit,
-    /// No point.
+    /// No `x` obeys all hard constraints.
     Infeasible,
-    /// Bad numbers.
+    /// A number given is none, or so large that the solution overflows.
     NotFinite,
 }
 
@@ -66,134 +76,93 @@ impl ActiveSet {
         discs: &DMatrix<f64>,
         max_iterations: u32,
     ) -> Self {
-        let dual = Dual::new(hessian, rows, softness, discs);
-        let soft = softness.iter().filter(|s| **s != 0.0).count();
-        let members = (hessian.nrows() + soft).min(dual.rows + dual.discs()) + 1;
-        let capacity = members + dual.discs();
+        let basis = Basis::new(hessian, rows, softness, discs);
+        // Hard members are independent; a soft row needs no such thing.
+        let soft = softness.iter().filter(|softness| **softness > 0.0).count();
+        let members = (basis.variables + soft).min(basis.rows + basis.discs);
+        let capacity = members + basis.discs;
         Self {
             max_iterations,
-            kept: WorkingSet { members: Vec::with_capacity(members) },
+            working_set: WorkingSet { members: Vec::with_capacity(members) },
             held: Vec::with_capacity(capacity),
             multipliers: Vec::with_capacity(capacity),
-            target: vec![0.0; capacity],
             factor: Factor::new(capacity),
-            start: vec![0.0; dual.basis],
-            slack: vec![0.0; dual.basis],
-            places: vec![0; dual.basis],
-            variables: hessian.nrows(),
-            value: 0.0,
+            step: vec![[0.0; 4]; capacity.div_ceil(4)],
+            is_held: vec![false; basis.rows + basis.discs],
+            x: vec![[0.0; 4]; basis.blocks],
+            slacks: vec![[0.0; 4]; basis.len().div_ceil(4)],
+            at_centre: vec![[0.0; 4]; basis.len().div_ceil(4)],
+            first: 0.0,
+            left: 0.0,
+            turning: Vec::with_capacity(basis.discs),
+            turned: Vec::with_capacity(basis.discs),
             stats: [0; 8],
-            dual,
+            basis,
         }
     }
 
     /// W
     pub fn working_set(&self) -> &WorkingSet {
-        &self.kept
+        &self.working_set
     }
 
     /// W
     pub fn warm_start(&mut self, from: &WorkingSet) {
-        self.kept.members.clear();
-        self.kept.members.extend_from_slice(&from.members);
+        self.working_set.members.clear();
+        self.working_set.members.extend_from_slice(&from.members);
     }
 
     /// W
     pub fn forget(&mut self) {
-        self.kept.members.clear();
-    }
-
-    /// Grants solves from now on another number of iterations.
-    pub fn grant(&mut self, max_iterations: u32) {
-        self.max_iterations = max_iterations;
+        self.working_set.members.clear();
     }
 
     /// Solve
     pub fn solve(&mut self, centre: &[f64], offsets: &[f64], x: &mut [f64]) -> Outcome {
-        self.dual.start(centre, offsets, &mut self.start);
-        if !centre.iter().chain(&self.start).all(|v| v.is_finite()) {
-            return Outcome { verdict: Verdict::NotFinite, iterations: 0, active: 0 };
+        let is_finite = |numbers: &[f64]| numbers.iter().all(|number| number.is_finite());
+        let mut outcome = Outcome { verdict: Verdict::NotFinite, iterations: 0, active: 0 };
+        if !is_finite(centre) || !is_finite(offsets) {
+            return outcome;
         }
-        self.slack.copy_from_slice(&self.start);
-        self.places.fill(0);
-        self.held.clear();
-        self.multipliers.clear();
-        self.factor.truncate(0);
-        let (verdict, iterations) = if self.worst().is_none() {
-            self.kept.members.clear();
-            (Verdict::Optimal, 0)
+        self.x.as_flattened_mut()[..centre.len()].copy_from_slice(centre);
+        self.basis.slacks(&self.x, offsets, &mut self.slacks);
+        if self.worst().is_none() {
+            self.forget();
+            outcome.verdict = Verdict::Optimal;
         } else {
+            self.at_centre.copy_from_slice(&self.slacks);
+            self.first = 0.5 * self.worst_size().powi(2);
             self.resume();
-            self.ascend()
-        };
-        if matches!(verdict, Verdict::Optimal | Verdict::IterationLimit) {
-            self.dual.variables(centre, &self.held, &self.multipliers, x);
+            (outcome.verdict, outcome.iterations) = self.ascend(offsets);
+            outcome.active = self.held.len() as u32;
         }
-        Outcome { verdict, iterations, active: self.held.len() as u32 }
-    }
-
-    fn resume(&mut self) {
-        let mut i = 0;
-        while i < self.kept.members.len() {
-            if self.append(self.kept.members[i], 0.0) {
-                i += 1;
-            } else {
-                self.kept.members.remove(i);
-            }
+        if !is_finite(self.x.as_flattened()) {
+            self.forget();
+            outcome.verdict = Verdict::NotFinite;
         }
-    }
-
-    fn place(&self, member: Member) -> usize {
-        match member {
-            Member::Row(row) => row,
-            Member::Cut { disc, .. } => self.dual.rows + disc,
+        if matches!(outcome.verdict, Verdict::Optimal | Verdict::IterationLimit) {
+            x.copy_from_slice(&self.x.as_flattened()[..x.len()]);
         }
+        outcome
     }
 
-    fn append(&mut self, member: Member, multiplier: f64) -> bool {
-        let combination = self.dual.combination(member);
-        if !self.factor_in(&combination) {
-            return false;
-        }
-        self.held.push(combination);
-        self.multipliers.push(multiplier);
-        let place = self.place(member);
-        self.places[place] = self.held.len();
-        true
-    }
-
-    fn factor_in(&mut self, combination: &Combination) -> bool {
-        let Self { factor, dual, held, start, .. } = self;
-        factor.append(|j| dual.entry(&held[j], combination), dual.diagonal(combination), -combination.slack(start))
-    }
-
-    fn ascend(&mut self) -> (Verdict, u32) {
-        self.value = 0.0;
+    fn ascend(&mut self, offsets: &[f64]) -> (Verdict, u32) {
         for iteration in 1..=self.max_iterations {
-            self.factor.solve(&mut self.target);
-            if let Some((share, blocking)) = self.blocking() {
-                for (multiplier, target) in self.multipliers.iter_mut().zip(&self.target) {
-                    *multiplier += share * (target - *multiplier);
-                }
-                self.stats[0] += 1;
-                self.release(blocking);
+            let arrived = self.step(offsets);
+
+            if std::env::var("TRACE").is_ok() { println!("{iteration} held {} arrived {arrived} D/D1 {:e} {:?} stats {:?}", self.held.len(), self.value() / self.first, self.worst(), self.stats); }
+            if !arrived {
                 continue;
             }
-            self.multipliers.copy_from_slice(&self.target[..self.held.len()]);
-            let value = self.factor.square();
-            if value < self.value * (1.0 - 1e-9) {
-                self.stats[1] += 1;
-            }
-            self.value = value;
-            self.dual.slacks(&self.start, &self.held, &self.multipliers, &mut self.slack);
+            if self.value() > 1e12 * self.first { return (Verdict::Infeasible, iteration) }
+            { let v = (self.value() / self.first).log10() as i32; if v > self.stats[7] as i32 { self.stats[7] = v as u64; } }
             match self.worst() {
                 None => return (Verdict::Optimal, iteration),
+                Some(Member::Cut { disc, .. }) if self.is_held[self.basis.rows + disc] => { if !self.turn(offsets) { return (Verdict::Infeasible, iteration); } }
+                Some(Member::Row(row)) if self.is_held[row] => { self.stats[1] += 1; }
                 Some(member) => {
-                    let turned = matches!(member, Member::Cut { disc, .. } if self.places[self.dual.rows + disc] > 0);
-                    if turned {
-                        self.stats[2] += 1;
-                        self.turn();
-                    } else if !self.hold(member) {
+                    
+                    if !self.hold(member, offsets) {
                         return (Verdict::Infeasible, iteration);
                     }
                 }
@@ -202,193 +171,31 @@ impl ActiveSet {
         (Verdict::IterationLimit, self.max_iterations)
     }
 
-    fn blocking(&self) -> Option<(f64, usize)> {
-        let mut first: Option<(f64, usize)> = None;
-        for (j, (multiplier, target)) in self.multipliers.iter().zip(&self.target).enumerate() {
-            if *target <= 0.0 {
-                let share = if *multiplier > 0.0 { multiplier / (multiplier - target) } else { 0.0 };
-                if first.is_none_or(|(s, i)| share < s || (share == s && *target < self.target[i])) {
-                    first = Some((share, j));
-                }
+    /// The constraint violated most. A disc is told by its tangent towards the present point.
+    fn worst(&self) -> Option<Member> { self.worst2().0 }
+    fn worst_size(&self) -> f64 { self.worst2().1 }
+    fn value(&self) -> f64 { -0.5 * self.held.iter().zip(&self.multipliers).map(|(h, l)| l * (h.slack(self.at_centre.as_flattened()) + h.slack(self.slacks.as_flattened()))).sum::<f64>() }
+    fn worst2(&self) -> (Option<Member>, f64) {
+        let (rows, pairs) = self.slacks.as_flattened()[..self.basis.len()].split_at(self.basis.rows);
+        let (mut worst, mut most) = (None, 0.0);
+        for (row, (slack, scale)) in rows.iter().zip(&self.basis.scale).enumerate() {
+            if *slack < -TOLERANCE && -slack * scale > most {
+                (worst, most) = (Some(Member::Row(row)), -slack * scale);
             }
         }
-        first
-    }
-
-    fn release(&mut self, member: usize) {
-        let place = self.place(self.kept.members[member]);
-        self.places[place] = 0;
-        self.kept.members.remove(member);
-        self.held.remove(member);
-        self.multipliers.remove(member);
-        self.rebuild(member);
-    }
-
-    fn rebuild(&mut self, from: usize) {
-        self.factor.truncate(from);
-        let mut i = from;
-        while i < self.held.len() {
-            let combination = self.held[i];
-            if self.factor_in(&combination) {
-                let place = self.place(self.kept.members[i]);
-                self.places[place] = i + 1;
-                i += 1;
-            } else {
-                self.stats[3] += 1;
-                let place = self.place(self.kept.members[i]);
-                self.places[place] = 0;
-                self.kept.members.remove(i);
-                self.held.remove(i);
-                self.multipliers.remove(i);
-            }
-        }
-    }
-
-    fn hold(&mut self, member: Member) -> bool {
-        let mut multiplier = 0.0;
-        while self.hard() >= self.variables && self.dual.combination(member).is_hard() && {
-            let c = self.dual.combination(member);
-            self.factor_in(&c);
-            self.factor.truncate(self.held.len());
-            true
-        } || !self.append(member, multiplier)
-        {
-            self.stats[4] += 1;
-            self.factor.composition(&mut self.target);
-            let mut first: Option<(f64, usize)> = None;
-            for (j, (multiplier, share)) in self.multipliers.iter().zip(&self.target).enumerate() {
-                if *share
-                    > 1e-9
-                        * (self.dual.diagonal(&self.dual.combination(member)) / self.dual.diagonal(&self.held[j]))
-                            .sqrt()
-                {
-                    let step = multiplier / share;
-                    if first.is_none_or(|(s, _)| step < s) {
-                        first = Some((step, j));
-                    }
-                }
-            }
-            let Some((step, blocking)) = first else { return false };
-            for (multiplier, share) in self.multipliers.iter_mut().zip(&self.target) {
-                *multiplier -= step * share;
-            }
-            multiplier += step;
-            self.release(blocking);
-        }
-        self.kept.members.push(member);
-        true
-    }
-
-    fn hard(&self) -> usize {
-        self.held.iter().filter(|h| h.is_hard()).count()
-    }
-
-    fn turn(&mut self) {
-        let count = self.held.len();
-        let mut first_cut = count;
-        for i in (0..count).rev() {
-            if let Member::Cut { disc, towards } = self.kept.members[i] {
-                let tangent = self.dual.tangent(disc, towards, self.multipliers[i]);
-                if self.factor_in(&tangent) {
-                    self.held.push(tangent);
-                    first_cut = i;
-                } else {
-                    self.stats[5] += 1;
-                    return;
-                }
-            }
-        }
-        self.factor.solve(&mut self.target);
-        // direction, slope and curvature
-        let mut limit = 1.0_f64;
-        let mut blocking = None;
-        for i in 0..count {
-            let target = self.target[i];
-            if target <= 0.0 {
-                let share = self.multipliers[i] / (self.multipliers[i] - target);
-                match self.kept.members[i] {
-                    Member::Row(_) if share < limit => {
-                        limit = share;
-                        blocking = Some(i);
-                    }
-                    Member::Cut { .. } if 0.9 * share < limit => {
-                        limit = 0.9 * share;
-                        blocking = None;
-                    }
-                    _ => {}
-                }
-            }
-        }
-        let mut slope = 0.0;
-        let mut spring = 0.0;
-        for j in count..self.held.len() {
-            let beta = self.target[j];
-            slope -= self.held[j].slack(&self.slack) * beta;
-            spring += beta * beta * self.held[j].softness();
-        }
-        let cuts = || (0..count).rev().filter(|i| matches!(self.kept.members[*i], Member::Cut { .. }));
-        let mut share = limit;
-        loop {
-            let mut rise = share * slope - 0.5 * share * share * (slope - spring);
-            for (j, i) in (count..).zip(cuts()) {
-                let beta = share * self.target[j];
-                let along = self.multipliers[i] + share * (self.target[i] - self.multipliers[i]);
-                rise -= beta * beta / (along.hypot(beta) + along);
-            }
-            if rise >= 0.1 * share * slope || share < 1e-9 {
-                break;
-            }
-            self.stats[6] += 1;
-            share *= 0.5;
-            blocking = None;
-        }
-        let mut j = count;
-        for i in (0..count).rev() {
-            let along = self.multipliers[i] + share * (self.target[i] - self.multipliers[i]);
-            self.multipliers[i] = along;
-            if let Member::Cut { disc, towards: [cos, sin] } = self.kept.members[i] {
-                let beta = share * self.target[j];
-                j += 1;
-                let length = (along * along + beta * beta).sqrt();
-                // -(length) u' = -along u + beta (sin, -cos)
-                let towards = [(along * cos - beta * sin) / length, (along * sin + beta * cos) / length];
-                self.multipliers[i] = length;
-                self.kept.members[i] = Member::Cut { disc, towards };
-                self.held[i] = self.dual.combination(self.kept.members[i]);
-            }
-        }
-        self.held.truncate(count);
-        self.factor.truncate(first_cut);
-        if let Some(blocking) = blocking {
-            let place = self.place(self.kept.members[blocking]);
-            self.places[place] = 0;
-            self.kept.members.remove(blocking);
-            self.held.remove(blocking);
-            self.multipliers.remove(blocking);
-            first_cut = first_cut.min(blocking);
-        }
-        self.rebuild(first_cut);
-    }
-
-    /// The most violated.
-    fn worst(&self) -> Option<Member> {
-        let mut worst = TOLERANCE;
-        let mut found = None;
-        let rows = self.dual.rows;
-        for (i, (slack, place)) in self.slack[..rows].iter().zip(&self.places).enumerate() {
-            if -slack > worst && *place == 0 {
-                worst = -slack;
-                found = Some(Member::Row(i));
-            }
-        }
-        for (disc, pair) in self.slack[rows..].chunks_exact(2).enumerate() {
+        for (disc, pair) in pairs.chunks_exact(2).enumerate() {
             let length = (pair[0] * pair[0] + pair[1] * pair[1]).sqrt();
-            if length - 1.0 > worst {
-                worst = length - 1.0;
-                found = Some(Member::Cut { disc, towards: [pair[0] / length, pair[1] / length] });
+            if length - 1.0 > TOLERANCE {
+                let towards = [pair[0] / length, pair[1] / length];
+                let member = Member::Cut { disc, towards };
+                let c = self.basis.constraint(member);
+                let size = (length - 1.0) / self.basis.square(&c).sqrt();
+                if size > most {
+                    (worst, most) = (Some(member), size);
+                }
             }
         }
-        found
+        (worst, most)
     }
 }
 #[cfg(test)]

@@ -39,8 +39,8 @@ impl Problem {
 
     /// Draws another centre and other offsets, as the next tick of a controller would bring.
     pub fn redraw(&mut self, uniform: &mut impl FnMut() -> f64) {
-        let (m, scale) = (self.rows.nrows(), 10_f64.powf(3.0 * uniform() - 1.0));
-        self.centre.fill_with(|| scale * (2.0 * uniform() - 1.0));
+        let m = self.rows.nrows();
+        self.centre.fill_with(|| 2.0 * uniform() - 1.0);
         for (offset, row) in self.offsets.iter_mut().zip(self.rows.row_iter()) {
             *offset = row.norm() * uniform();
         }
@@ -48,6 +48,17 @@ impl Problem {
             let (radius, angle) = (0.99 * uniform(), std::f64::consts::TAU * uniform());
             pair.copy_from_slice(&[radius * angle.cos(), radius * angle.sin()]);
         }
+        let far = self.far() / 10_f64.powf(4.0 * uniform() - 2.0);
+        self.centre.iter_mut().for_each(|c| *c /= far);
+    }
+}
+
+impl Problem {
+    fn far(&self) -> f64 {
+        let c = DVector::from_column_slice(&self.centre);
+        let r = &self.rows * &c;
+        let d = &self.discs * &c;
+        r.iter().chain(d.iter()).fold(1e-9_f64, |w, s| w.max(s.abs()))
     }
 }
 

@@ -158,7 +158,7 @@ proptest! {
     #[test]
     fn without_a_solution_the_way_from_hover_ends_at_the_border(envelope in vehicle(), demand in moderate_demand()) {
         let mut projection = onto(&envelope);
-        projection.solver.grant(1);
+        projection.solver.max_iterations = 1;
         let mut ignored = [0.0; 4];
         let outcome = projection.solver.solve(demand.as_slice(), &projection.offsets, &mut ignored);
         prop_assume!(outcome.verdict == Verdict::IterationLimit);

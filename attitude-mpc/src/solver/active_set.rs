@@ -81,7 +81,7 @@ impl ActiveSetSolver {
         if fault == Some(FaultKind::Infeasible) {
             self.offsets[0] -= CONTRADICTION;
         }
-        self.solver.grant(if fault == Some(FaultKind::IterationCap) { 1 } else { self.max_iterations });
+        self.solver.max_iterations = if fault == Some(FaultKind::IterationCap) { 1 } else { self.max_iterations };
         let outcome = self.solver.solve(&self.centre, &self.offsets, plan.as_mut_slice());
         self.offsets[0] = honest;
 
