@@ -10,3 +10,4 @@ mod processes;
 mod recorded;
 mod solver;
 mod tidy;
+mod timing;

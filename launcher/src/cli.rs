@@ -9,7 +9,7 @@ use contract::scenario;
 
 use crate::measure::Measure;
 use crate::stack::StartError;
-use crate::{fly, manage, print, recorder, report};
+use crate::{fly, manage, print, recorder, report, trace};
 
 #[derive(Parser)]
 #[command(name = "launcher", version, about = "Flies a tilt-rotor tricopter through separate real-time processes")]
@@ -37,6 +37,8 @@ enum Command {
         /// Folder of the run
         run: PathBuf,
     },
+    /// Export some ticks of a run for the trace viewer Perfetto
+    Trace(trace::TraceArgs),
     /// List the stacks that are flying
     Status {
         /// Print JSON
@@ -80,6 +82,7 @@ pub fn main() -> ExitCode {
         Command::Fly(args) => fly::fly(&args),
         Command::Check { scenario, set } => check(&scenario, &set),
         Command::Report { run } => report::rewrite(&run).map(|()| exit::FLOWN),
+        Command::Trace(args) => trace::trace(&args).map(|()| exit::FLOWN),
         Command::Status { json } => manage::status(json).map(|()| exit::FLOWN),
         Command::Stop { namespace } => manage::stop(&namespace).map(|()| exit::FLOWN),
         Command::Measure(what) => what.run(),

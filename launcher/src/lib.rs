@@ -12,6 +12,7 @@
 //! | [`solves`], [`faults`] | what the solver did, and what came of the scenario's faults |
 //! | [`run_record`] | `run.json` |
 //! | [`report`] | `report.html` |
+//! | [`trace`] | `trace`: ticks of a run for a trace viewer |
 //! | [`manage`] | `status` and `stop` |
 //! | [`measure`] | `measure`: figures with targets |
 
@@ -30,6 +31,7 @@ pub mod solves;
 pub mod stack;
 pub mod summary;
 pub mod timing;
+pub mod trace;
 
 /// Prints to stdout. A reader that has gone, as in `launcher check FILE | head`, is no error.
 pub(crate) fn print(text: &str) {

@@ -4,12 +4,14 @@
 //! |---|---|
 //! | [`mpc`] | `measure mpc`: how long a step of the controller takes, by path and solver |
 //! | [`laws`] | `measure laws`: the aggressive scenarios under every inner loop |
+//! | [`sensitivity`] | `measure sensitivity`: tracking error over delay, jitter and misses |
 //!
 //! Every measurement ends with one line per target: figure, measured value, target, and the verdict `ok`, `short` or
 //! `inconclusive`, the last where this machine could not tell. The exit code is 0 only when none is short.
 
 pub mod laws;
 pub mod mpc;
+pub mod sensitivity;
 
 use std::fmt::Write;
 
@@ -27,6 +29,8 @@ pub enum Measure {
     Mpc(mpc::MpcArgs),
     /// Fly the aggressive scenarios under every inner loop and compare
     Laws(laws::LawsArgs),
+    /// Map the tracking error over delay, jitter and misses, for both profiles
+    Sensitivity(sensitivity::SensitivityArgs),
 }
 
 impl Measure {
@@ -35,6 +39,7 @@ impl Measure {
         match self {
             Self::Mpc(args) => mpc::measure(args),
             Self::Laws(args) => laws::measure(args),
+            Self::Sensitivity(args) => sensitivity::measure(args),
         }
     }
 }

@@ -1,0 +1,77 @@
+//! Which ticks are traced, and when commands acted. The trace itself is read back in the integration tests.
+
+use super::*;
+use contract::Topic;
+use contract::message::{Actuators, Stamp, State};
+
+use super::acted::acted;
+use crate::report::Row;
+
+fn command(tick: u64, sequence: u64, epoch: u64) -> Actuators {
+    let stamp = Stamp { tick, sample_ns: tick * 1_000, sequence, epoch, ..Stamp::default() };
+    Actuators { stamp: stamp.published(Topic::Actuators, sequence, tick * 1_000 + 100), ..Actuators::default() }
+}
+
+fn state(tick: u64, applied_sequence: u64, applied_age_ns: u64) -> State {
+    let stamp = Stamp { tick, sample_ns: tick * 1_000, ..Stamp::default() };
+    State { stamp, applied_sequence, applied_age_ns, ..State::default() }
+}
+
+/// (tick, from, until) of every command that acted.
+fn spans(log: &Log, mode: Mode) -> Vec<(u64, u64, u64)> {
+    acted(log, mode).iter().map(|a| (a.command.stamp.tick, a.from_ns, a.until_ns)).collect()
+}
+
+#[test]
+fn a_command_acts_until_the_next_one() {
+    let log = Log {
+        states: vec![state(0, 0, 0), state(1, 1, 300), state(2, 1, 300), state(3, 3, 400)],
+        actuators: (0..3).map(|tick| command(tick, tick + 1, 1)).collect(),
+        ..Log::default()
+    };
+    assert_eq!(spans(&log, Mode::Realtime), [(0, 300, 2_400), (2, 2_400, 3_000)]);
+    assert_eq!(spans(&log, Mode::Lockstep), [(0, 100, 2_100), (2, 2_100, 3_000)], "on the wall clock");
+}
+
+#[test]
+fn a_restarted_mixer_is_not_taken_for_its_predecessor() {
+    let log = Log {
+        states: vec![state(0, 0, 0), state(1, 1, 200), state(2, 2, 200), state(3, 1, 200), state(4, 9, 200)],
+        actuators: vec![command(0, 1, 1), command(1, 2, 1), command(2, 1, 2)],
+        ..Log::default()
+    };
+    let expected = [(0, 200, 1_200), (1, 1_200, 2_200), (2, 2_200, 4_000)];
+    assert_eq!(spans(&log, Mode::Realtime), expected, "and a number that nobody sent is left out");
+}
+
+fn window(from_s: f64, for_s: f64) -> Window {
+    Window::new(from_s, for_s, 0.01)
+}
+
+#[test]
+fn a_window_takes_the_ticks_that_begin_in_it() {
+    assert_eq!(window(0.5, 0.1).ticks(1_000), 50..60);
+    assert_eq!(window(0.501, 0.1).ticks(1_000), 51..61);
+    assert_eq!(window(-1.0, 1.05).ticks(1_000), 0..5);
+    assert_eq!(window(9.95, 1.0).ticks(1_000), 995..1_000);
+    for (from_s, for_s) in [(70.0, 1.0), (1.0, 0.0), (1.0, -5.0), (f64::NAN, 1.0), (f64::INFINITY, 1.0)] {
+        assert!(window(from_s, for_s).ticks(1_000).is_empty(), "{from_s} {for_s}");
+    }
+}
+
+#[test]
+fn the_worst_tick_is_the_latest_response_or_the_oldest_command() {
+    let states: Vec<State> = (0..500).map(|tick| state(tick, 0, 0)).collect();
+    let mut rows: Vec<Row> = states.iter().map(|state| Row { state: Some(state), ..Row::default() }).collect();
+    let slow = command(300, 301, 1);
+    rows[300].actuators = Some(&slow);
+    let window = Window::around_worst(&rows, &[], 1.0, 0.01);
+    assert_eq!(window.ticks(500), 250..350);
+    assert!(window.why.contains("tick 300") && window.why.contains("response of the mixer"), "{}", window.why);
+
+    let log = Log { states: vec![state(31, 31, 5_000)], actuators: vec![command(30, 31, 1)], ..Log::default() };
+    let window = Window::around_worst(&rows, &acted(&log, Mode::Realtime), 1.0, 0.01);
+    assert_eq!(window.ticks(500), 0..100, "no window begins before the flight");
+    assert!(window.why.contains("tick 30 with the worst age at the actuator, 0.005 ms"), "{}", window.why);
+    assert_eq!(Window::around_worst(&[], &[], 2.0, 0.01).ticks(500), 0..200);
+}

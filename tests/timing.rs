@@ -1,0 +1,316 @@
+//! `launcher trace` and `launcher measure sensitivity`: a trace that a viewer can read, a map that tells where the limits
+//! are. No time is judged here.
+
+use std::collections::HashMap;
+use std::path::Path;
+use std::process::Output;
+
+use contract::message::{Actuators, Controls, Message, Reference, Stamp, State};
+use contract::scenario::Mode;
+use contract::{Scenario, Topic};
+use launcher::log::Log;
+use launcher::trace::document;
+use serde_json::Value;
+
+use crate::harness::{fly, launcher};
+
+const LANES: [&str; 5] = ["plant", "guidance", "attitude-mpc", "mixer", "actuators"];
+
+fn run(arguments: &[&str]) -> Output {
+    launcher().args(arguments).output().expect("the launcher starts")
+}
+
+fn read(path: &Path) -> Value {
+    let text = std::fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    serde_json::from_str(&text).expect("the file is JSON")
+}
+
+fn plain(path: &Path) -> &str {
+    path.to_str().expect("a plain path")
+}
+
+/// Events of one phase.
+fn events<'a>(trace: &'a Value, phase: &str) -> Vec<&'a Value> {
+    let events = trace["traceEvents"].as_array().expect("a list of events");
+    events.iter().filter(|event| event["ph"] == phase).collect()
+}
+
+/// An instant or duration, from the viewer's microseconds \[ns\].
+fn ns(us: &Value) -> i64 {
+    (us.as_f64().expect("a number") * 1e3).round() as i64
+}
+
+fn lane(event: &Value) -> u64 {
+    assert_eq!(event["pid"], event["tid"], "one thread for each process: {event}");
+    event["pid"].as_u64().expect("a lane")
+}
+
+/// What a viewer relies on.
+fn check_trace(trace: &Value) {
+    let names = events(trace, "M").into_iter().filter(|event| event["name"] == "process_name");
+    let names: HashMap<u64, &str> = names.map(|e| (lane(e), e["args"]["name"].as_str().expect("a name"))).collect();
+    assert_eq!((1..=5).map(|lane| names[&lane]).collect::<Vec<_>>(), LANES);
+
+    let mut newest = HashMap::new();
+    for event in trace["traceEvents"].as_array().expect("a list of events") {
+        if event["ph"] != "M" {
+            let before = newest.insert(lane(event), ns(&event["ts"])).unwrap_or(0);
+            assert!(names.contains_key(&lane(event)) && ns(&event["ts"]) >= before, "out of order: {event}");
+        }
+    }
+    let mut slices: HashMap<u64, Vec<(i64, i64)>> = HashMap::new();
+    for slice in events(trace, "X") {
+        let (start, duration) = (ns(&slice["ts"]), ns(&slice["dur"]));
+        let lane = slices.entry(lane(slice)).or_default();
+        assert!(duration >= 0 && lane.last().is_none_or(|(_, end)| *end <= start), "overlaps: {slice}");
+        lane.push((start, start + duration));
+    }
+    let mut flows: HashMap<u64, Vec<(&str, i64)>> = HashMap::new();
+    for phase in ["s", "t", "f"] {
+        for event in events(trace, phase) {
+            let at = ns(&event["ts"]);
+            let tied = slices[&lane(event)].iter().any(|(start, end)| (*start..=*end).contains(&at));
+            assert!(tied, "an arrow in the air: {event}");
+            flows.entry(event["id"].as_u64().expect("a number")).or_default().push((phase, at));
+        }
+    }
+    for (id, stations) in flows {
+        let phases: String = stations.iter().map(|(phase, _)| *phase).collect();
+        assert!(phases.starts_with('s') && phases.ends_with('f') && phases.len() >= 2, "{id}: {phases}");
+        assert_eq!(phases.trim_matches('t').len(), phases.len(), "{id}: {phases}");
+        assert_eq!(phases.replace('t', ""), "sf", "{id}: {phases}");
+        assert!(stations.is_sorted_by_key(|(_, at)| at), "{id} goes back in time: {stations:?}");
+    }
+}
+
+#[test]
+fn a_flight_in_lockstep_is_traced_with_a_warning() {
+    let flown = fly(&["--mode", "lockstep", "--set", "run.duration_s=2.0"]);
+    let output = run(&["trace", plain(&flown.out), "--from-s", "0.5", "--for-s", "0.5"]);
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("lockstep"), "times mean little there, and it says so");
+    let trace = read(&flown.out.join("trace.json"));
+    check_trace(&trace);
+    assert_eq!(events(&trace, "X").len(), 5 * 50);
+    assert_eq!(events(&trace, "t").len(), 3 * 50, "each arrow passes three nodes on its way");
+}
+
+#[test]
+fn a_flight_in_real_time_is_traced_around_its_worst_tick() {
+    let flown = fly(&["--mode", "realtime", "--set", "run.duration_s=1.0"]);
+    let file = flown.out.join("elsewhere.json");
+    let output = run(&["trace", plain(&flown.out.join("flight.mcap")), "--out", plain(&file)]);
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(String::from_utf8_lossy(&output.stdout).contains("worst"));
+    let trace = read(&file);
+    check_trace(&trace);
+    assert!(trace["otherData"]["note"] == "" && trace["otherData"]["mode"] == "realtime");
+    for state in events(&trace, "X").into_iter().filter(|slice| lane(slice) == 1) {
+        let tick = state["args"]["tick"].as_i64().expect("a tick");
+        let late = ns(&state["ts"]) - tick * 10_000_000;
+        assert!(late >= 0, "time zero is the first sample: {state}");
+    }
+}
+
+#[test]
+fn what_cannot_be_traced_is_told() {
+    let unlogged = fly(&["--mode", "inprocess", "--set", "run.duration_s=0.1", "--no-log"]);
+    let in_process = fly(&["--mode", "inprocess", "--set", "run.duration_s=0.1"]);
+    let lockstep = fly(&["--mode", "lockstep", "--set", "run.duration_s=0.1"]);
+    let check = |arguments: &[&str], parts: &[&str]| {
+        let output = run(&[&["trace"], arguments].concat());
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {stderr}");
+        assert!(parts.iter().all(|part| stderr.contains(part)), "{arguments:?} should say {parts:?}: {stderr}");
+    };
+    check(&["no/such/run"], &["no/such/run", "folder of a run"]);
+    check(&[plain(&unlogged.out)], &["flight.mcap", "--no-log"]);
+    check(&[plain(&in_process.out)], &["no clock", "--mode realtime"]);
+    check(&[plain(&lockstep.out), "--from-s", "7"], &["7.00 to 8.00 s", "covers 0.10 s", "--from-s"]);
+    check(&[plain(&lockstep.out), "--for-s", "0"], &["--for-s"]);
+    check(&[plain(&lockstep.out), "--from-s", "0", "--worst"], &["--worst"]);
+    check(&[plain(&lockstep.out), "--out", "/no/such/folder/x"], &["/no/such/folder", "--out"]);
+}
+
+/// A flight of so many ticks as a real-time ring would stamp it, 10 ms apart: each node takes 100 us.
+fn ring(ticks: u64) -> Log {
+    fn stamped<M: Message>(tick: u64) -> M {
+        let sample_ns = 1_000_000_000 + tick * 10_000_000;
+        let lane = M::TOPIC as usize;
+        let start_ns = sample_ns + 20_000 + lane as u64 * 120_000;
+        let lineage = Stamp { tick, sample_ns, release_ns: start_ns - 20_000, start_ns, ..Stamp::default() };
+        let mut message = M::default();
+        *message.stamp_mut() = Stamp { epoch: 1, ..lineage.published(M::TOPIC, tick + 1, start_ns + 100_000) };
+        message
+    }
+    let mut log = Log::default();
+    for tick in 0..ticks {
+        let state: State = stamped(tick);
+        log.states.push(State { applied_sequence: tick, applied_age_ns: 510_000, ..state });
+        log.references.push(stamped(tick));
+        log.controls.push(stamped(tick));
+        log.actuators.push(stamped(tick));
+    }
+    log
+}
+
+fn traced(log: &Log) -> Value {
+    let mut scenario = Scenario::default();
+    scenario.run.mode = Mode::Realtime;
+    let (_, trace) = document(log, &scenario, Some(0.0), 60.0).expect("a window with ticks");
+    check_trace(&trace);
+    trace
+}
+
+#[test]
+fn an_arrow_goes_from_the_sample_to_the_moment_its_command_acts() {
+    let trace = traced(&ring(10));
+    let of = |phase| events(&trace, phase).into_iter().filter(|e| e["id"] == 4).collect::<Vec<_>>();
+    let at: Vec<_> = [of("s"), of("t"), of("f")].concat().into_iter().map(|e| (lane(e), ns(&e["ts"]))).collect();
+    let sample = 30_000_000;
+    let expected = [(1, 20_000), (2, 140_000), (3, 260_000), (4, 380_000), (5, 510_000)];
+    assert_eq!(at, expected.map(|(lane, after)| (lane, sample + after)));
+    let ages: Vec<_> = events(&trace, "C").into_iter().filter_map(|event| event["args"]["ms"].as_f64()).collect();
+    assert_eq!(ages, [0.51; 9], "the last command had no sample left to be seen at");
+}
+
+#[test]
+fn cpu_time_is_that_of_the_cycle_it_was_spent_in() {
+    let mut log = ring(3);
+    for (i, state) in log.states.iter_mut().enumerate() {
+        state.stamp.cpu_ns = [0, 70_000, 80_000][i];
+    }
+    let trace = traced(&log);
+    let states = events(&trace, "X").into_iter().filter(|slice| lane(slice) == 1);
+    let cpu: Vec<_> = states.map(|slice| slice["args"]["cpu_us"].as_f64()).collect();
+    assert_eq!(cpu, [Some(70.0), Some(80.0), None]);
+}
+
+#[test]
+fn misses_and_slips_are_marked_where_they_happened() {
+    let mut log = ring(6);
+    for controls in &mut log.controls[2..] {
+        controls.stamp.misses = 1;
+    }
+    for controls in &mut log.controls[4..] {
+        (controls.stamp.misses, controls.stamp.slips) = (4, 2);
+    }
+    let trace = traced(&log);
+    let marks: Vec<_> =
+        events(&trace, "i").into_iter().map(|e| (ns(&e["ts"]), lane(e), &e["name"], &e["args"])).collect();
+    let texts: Vec<_> = marks.iter().map(|(at, lane, name, args)| format!("{at} {lane} {name} {args}")).collect();
+    let expected =
+        ["20360000 3 \"miss\" {\"count\":1}", "40260000 3 \"slip\" {\"count\":2}", "40360000 3 \"miss\" {\"count\":1}"];
+    assert_eq!(texts, expected);
+}
+
+#[test]
+fn holes_and_restarts_break_no_arrow() {
+    let mut log = ring(20);
+    log.references.remove(3); // overtaken: nobody downstream knows tick 3
+    log.controls.remove(3);
+    log.actuators.remove(3);
+    log.states.remove(7);
+    log.states[3].applied_sequence = 3;
+    // The mixer was restarted: it counts from 1 again, and not all of its commands came through.
+    for actuators in &mut log.actuators[9..] {
+        actuators.stamp.epoch = 2;
+        actuators.stamp.sequence -= 10;
+    }
+    for state in &mut log.states[11..] {
+        state.applied_sequence = state.stamp.tick - 10;
+    }
+    log.controls.truncate(15);
+    let trace = traced(&log);
+    assert_eq!(events(&trace, "s").len(), events(&trace, "f").len());
+    assert_eq!(events(&trace, "s").len(), 19, "all ticks but the one that ended at the plant");
+    assert!(traced(&Log { actuators: vec![], ..ring(4) })["traceEvents"].is_array());
+    let message_of_one: Vec<Controls> = ring(1).controls;
+    let mut lonely = ring(1);
+    (lonely.references, lonely.actuators) = (Vec::<Reference>::new(), Vec::<Actuators>::new());
+    assert_eq!(message_of_one[0].stamp.publish_ns[Topic::Controls as usize], 1_000_360_000);
+    assert_eq!(events(&traced(&lonely), "s").len(), 1, "from the plant straight to what is there");
+}
+
+/// A run.json as far as the operating point needs it.
+fn realtime_run(folder: &Path, mode: &str) {
+    let run = serde_json::json!({ "mode": mode, "timing": {
+        "age_at_actuator": { "p50_us": 240.0, "p99_us": 1350.0 },
+        "nodes": { "mixer": { "response": { "n": 498 }, "misses": 5, "slips": 2 } },
+    } });
+    std::fs::write(folder.join("run.json"), run.to_string()).expect("can be written");
+}
+
+fn sensitivity(arguments: &[&str], folder: &Path) -> Output {
+    let out = folder.join("map");
+    run(&[&["measure", "sensitivity", "--out", plain(&out), "--run", plain(folder)], arguments].concat())
+}
+
+#[test]
+fn the_map_finds_the_limit_of_the_papers_controller() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    realtime_run(folder.path(), "realtime");
+    let grid = ["--delays", "0,4,10,58", "--jitters", "0", "--misses", "0", "--json"];
+    let output = sensitivity(&grid, folder.path());
+    let printed: Value = serde_json::from_slice(&output.stdout).expect("stdout is JSON");
+    let map = folder.path().join("map");
+    assert_eq!(printed, read(&map.join("sensitivity.json")));
+
+    let cells = printed["results"]["cells"].as_array().expect("cells");
+    let of = |profile: &str, field: &str| {
+        let cells = cells.iter().filter(|cell| cell["profile"] == profile);
+        cells.map(|cell| cell[field].as_f64()).collect::<Vec<_>>()
+    };
+    assert_eq!(of("paper", "lost"), [0.0, 0.0, 1.0, 1.0].map(Some));
+    let paper = of("paper", "max_position_error_m");
+    assert!(paper[0] < paper[1] && paper[2..] == [None, None], "more delay is not better: {paper:?}");
+    assert_eq!(of("robust", "lost"), [0.0; 4].map(Some));
+    let robust = of("robust", "max_position_error_m");
+    assert!(robust[2] < paper[0] && robust.is_sorted(), "{robust:?}");
+
+    let targets = printed["targets"].as_array().expect("targets");
+    let verdicts: Vec<_> = targets.iter().map(|target| target["verdict"].as_str().expect("a verdict")).collect();
+    assert_eq!(verdicts, ["ok", "ok", "ok", "inconclusive"], "misses are not on this map");
+    assert_eq!(output.status.code(), Some(0), "none is short");
+    let csv = std::fs::read_to_string(map.join("sensitivity.csv")).expect("sensitivity.csv");
+    assert_eq!(csv.lines().count(), 1 + 8);
+    let page = std::fs::read_to_string(map.join("sensitivity.html")).expect("sensitivity.html");
+    assert!(page.contains("p50 0.24 ms, p99 1.35 ms, 1.00 % missed") && page.matches("class=\"point\"").count() == 2);
+}
+
+#[test]
+fn the_map_is_the_same_every_time() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    realtime_run(folder.path(), "realtime");
+    let short = folder.path().join("short.toml");
+    std::fs::write(&short, "name = \"short\"\n[run]\nduration_s = 3.0\n").expect("can be written");
+    let [first, again] = [(); 2].map(|()| {
+        let arguments = [plain(&short), "--delays", "5,0", "--jitters", "5", "--misses", "0.2,0", "--seeds", "2"];
+        let output = sensitivity(&arguments, folder.path());
+        assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+        let table = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(table.contains("promised of the survey only") && table.contains("20 % missed"), "{table}");
+        std::fs::read_to_string(folder.path().join("map/sensitivity.csv")).expect("sensitivity.csv")
+    });
+    assert_eq!(first, again);
+    assert_eq!(first.lines().count(), 1 + 2 * 4 * 2);
+}
+
+#[test]
+fn what_cannot_be_mapped_is_told() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    realtime_run(folder.path(), "lockstep");
+    let check = |arguments: &[&str], parts: &[&str]| {
+        let output = sensitivity(arguments, folder.path());
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {stderr}");
+        assert!(parts.iter().all(|part| stderr.contains(part)), "{arguments:?} should say {parts:?}: {stderr}");
+    };
+    check(&[], &["run.json", "lockstep", "--mode realtime"]);
+    check(&["no/such.toml"], &["no/such.toml"]);
+    check(&["--delays", "-1,2"], &["--delays"]);
+    check(&["--misses", "0.5,1.5"], &["run.command_drop_probability", "1.5"]);
+    check(&["--seeds", "0"], &["--seeds"]);
+    std::fs::remove_file(folder.path().join("run.json")).expect("was there");
+    check(&[], &["run.json", "--run"]);
+}
