@@ -8,6 +8,7 @@ mod measure;
 mod paper;
 mod processes;
 mod recorded;
+mod sensitivity;
 mod solver;
 mod tidy;
-mod timing;
+mod trace;

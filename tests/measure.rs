@@ -1,8 +1,8 @@
-//! `launcher measure mpc`: every promise has a verdict, the raw samples are kept, and the problems are whole. No time is
-//! judged here.
+//! `launcher measure mpc` and `timing`: every promise has a verdict, the raw samples are kept, and the problems are whole.
+//! No time is judged here.
 
 use std::path::Path;
-use std::process::Output;
+use std::process::{Output, Stdio};
 
 use serde_json::Value;
 
@@ -118,4 +118,83 @@ fn what_cannot_be_measured_is_told() {
     check(&QUICK, &file, &["occupied", "--out"]);
     check(&["--rounds", "1", "--random", "0", "--export", occupied], &out, &["occupied", "--export"]);
     check(&["--rounds", "1", "--random", "0", "--compare", "no-such-python"], &out, &["no-such-python"]);
+}
+
+#[test]
+fn timing_gives_every_promise_a_verdict_and_leaves_nothing_behind() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let mut command = launcher();
+    command.args(["measure", "timing", "--quick", "--json", "--out"]).arg(folder.path());
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the launcher starts");
+    let namespace = format!("measure-{}-", child.id());
+    let output = child.wait_with_output().expect("the launcher ends");
+    let said = String::from_utf8_lossy(&output.stderr);
+    let printed: Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{e}: {said}"));
+    assert_eq!(printed, read(&folder.path().join("measure.json")));
+
+    let targets = printed["targets"].as_array().expect("targets");
+    for figure in [
+        "1 kHz loop over cyclictest, p50",
+        "1 kHz loop over cyclictest, p99",
+        "1 kHz loop over cyclictest, max",
+        "ring over raw futex ring, one CPU, p50",
+        "ring over raw futex ring, all CPUs, p99",
+        "age at the actuator, 100 Hz, p50",
+        "age at the actuator, 100 Hz, p99",
+        "profile paper in real time",
+        "idle, SCHED_FIFO, 100 Hz: misses not explained",
+        "misses under stress-ng --cpu 4, SCHED_FIFO over SCHED_OTHER",
+        "lockstep through four processes, times real time",
+        "in process, times real time",
+        "stamping over the ring's time, one CPU",
+    ] {
+        assert!(targets.iter().any(|target| target["figure"] == figure), "no verdict on '{figure}': {printed}");
+    }
+    let short = targets.iter().any(|target| target["verdict"] == "short");
+    assert_eq!(output.status.code(), Some(i32::from(short)), "the exit code is the verdict");
+
+    // Every ring came round, in both placements, and every flight at every rate has its slots.
+    let results = &printed["results"];
+    for ring in ["stack", "raw futex", "raw futex, clocks read", "unix socket", "pipe"] {
+        for placement in ["one CPU", "all CPUs"] {
+            let n = results["series"][format!("{ring}, {placement}")]["n"].as_u64();
+            assert!(n > Some(0), "no turn of '{ring}, {placement}': {results}");
+        }
+    }
+    let rates: Vec<u64> = results["flights"]
+        .as_array()
+        .expect("flights")
+        .iter()
+        .filter(|flight| flight["slots"].as_u64() > Some(0))
+        .filter_map(|flight| flight["rate_hz"].as_u64())
+        .collect();
+    for rate in [100, 250, 500, 1000, 2000] {
+        assert!(rates.contains(&rate), "{rates:?}");
+    }
+    let csv = std::fs::read_to_string(folder.path().join("histograms.csv")).expect("histograms.csv");
+    assert!(csv.lines().any(|line| line.starts_with("canary,")), "the canary's histogram is kept");
+    let page = std::fs::read_to_string(folder.path().join("timing.html")).expect("timing.html");
+    assert!(page.contains("<svg") && !page.contains("http"), "the page needs nothing else");
+
+    let left = std::fs::read_dir("/dev/shm").expect("/dev/shm can be listed").flatten();
+    let left: Vec<_> = left.filter(|entry| entry.file_name().to_string_lossy().contains(&namespace)).collect();
+    assert!(left.is_empty(), "{left:?}");
+}
+
+#[test]
+fn timing_ends_its_processes_when_it_is_interrupted() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let mut command = launcher();
+    command.args(["measure", "timing", "--out"]).arg(folder.path()).stderr(Stdio::piped());
+    let mut child = command.stdout(Stdio::null()).spawn().expect("the launcher starts");
+    let namespace = format!("measure-{}-", child.id());
+    let in_memory = || {
+        let all = std::fs::read_dir("/dev/shm").expect("/dev/shm can be listed").flatten();
+        all.filter(|entry| entry.file_name().to_string_lossy().contains(&namespace)).count()
+    };
+    crate::harness::wait_until("it measures", || in_memory() > 0);
+    let pid = child.id().to_string();
+    std::process::Command::new("kill").args(["-INT", &pid]).status().expect("kill runs");
+    assert_eq!(child.wait().expect("the launcher ends").code(), Some(130));
+    assert_eq!(in_memory(), 0);
 }

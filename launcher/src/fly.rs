@@ -167,7 +167,7 @@ fn fly_processes(
 
 /// Counts Ctrl-C, SIGTERM and SIGHUP: the first stops the flight cleanly, the second kills the processes, the third
 /// ends the launcher on the spot (the next flight then wipes what it left in shared memory).
-fn catch_interrupts() -> anyhow::Result<Arc<AtomicU32>> {
+pub(crate) fn catch_interrupts() -> anyhow::Result<Arc<AtomicU32>> {
     let count = Arc::new(AtomicU32::new(0));
     let handler = count.clone();
     ctrlc::set_handler(move || {

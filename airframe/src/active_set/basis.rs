@@ -24,7 +24,7 @@ pub struct Basis {
     gram: Vec<f64>,
     /// `1/w` of each linear row; 0 is hard.
     softness: Vec<f64>,
-    /// inverse length of each row
+    /// Inverse length of each linear row, in the norm of `H^-1` with its softness.
     pub scale: Vec<f64>,
 }
 
@@ -115,7 +115,7 @@ impl Basis {
         }
     }
 
-    /// Square
+    /// Its square in the norm of `H^-1`.
     pub fn square(&self, a: &Combination) -> f64 {
         self.entries(a)(a)
     }

@@ -1,5 +1,7 @@
 //! Cholesky factor of the Gram matrix of a working set: it grows at its end, one row at a time.
 
+use std::cmp::Ordering;
+
 /// `L` with `L L' = M`, in tiles of four rows by four columns.
 pub struct Factor {
     len: usize,
@@ -121,5 +123,19 @@ impl Factor {
     /// The tiles in use of one column, from the diagonal down.
     fn column(&self, block: usize) -> &[[[f64; 4]; 4]] {
         &self.tiles[block * self.stride..][block..self.blocks()]
+    }
+
+    /// By how much `L L'` misses a matrix with these entries, as a share of its diagonal: an invariant.
+    pub fn misfit(&self, entry: impl Fn(usize, usize) -> f64) -> f64 {
+        let l = |i: usize, j: usize| match i.cmp(&j) {
+            Ordering::Less => 0.0,
+            Ordering::Equal => 1.0 / self.inverse_diagonal[i / 4][i % 4],
+            Ordering::Greater => self.tiles[j / 4 * self.stride + i / 4][j % 4][i % 4],
+        };
+        let miss = |i: usize, j: usize| {
+            let product: f64 = (0..=j).map(|k| l(i, k) * l(j, k)).sum();
+            (product - entry(i, j)).abs() / (entry(i, i) * entry(j, j)).sqrt()
+        };
+        (0..self.len).flat_map(|i| (0..=i).map(move |j| (i, j))).map(|(i, j)| miss(i, j)).fold(0.0, f64::max)
     }
 }

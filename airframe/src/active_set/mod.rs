@@ -1,4 +1,68 @@
-//! draft
+//! The nearest point of a convex set in a quadratic norm, by a dual active-set method: what the controller's plan and the
+//! mixer's demand are when the actuators set limits.
+//!
+//! # The problem
+//!
+//! ```text
+//! minimise    1/2 (x - c)'H(x - c) + 1/2 sum w_i e_i^2        over x (n) and the excesses e >= 0
+//! so that     s_i(x) >= 0                                      hard rows,   s = b + G x
+//!             s_i(x) + e_i >= 0                                soft rows, at the price w_i
+//!             |(s_a(x), s_b(x))| <= 1                          discs, pairs of rows (a, b)
+//! ```
+//!
+//! `H` and `G` are known when the solver is built; the centre `c` and the offsets `b` change from solve to solve.
+//!
+//! # The dual
+//!
+//! A disc is all its tangents: `1 - cos a s_a - sin a s_b >= 0` for every angle `a`. So every constraint is a combination of
+//! the *basis rows* `s`, with a gradient `g` and a multiplier `l >= 0`. The optimum for given multipliers is
+//!
+//! ```text
+//! x(l) = c + H^-1 sum l_i g_i          e_i(l) = l_i / w_i for a soft row
+//! D(l) = -l's(c) - 1/2 l'(M + W^-1)l   M_ij = g_i'H^-1 g_j        the dual objective, to be maximised over l >= 0
+//! dD/dl_i = -(s_i(x(l)) + l_i / w_i)
+//! ```
+//!
+//! `D` never exceeds the cost of any point inside, so it grows towards the optimum from below, and without bound when
+//! nothing is inside. A soft row only adds `1/w` to the diagonal of the Gram matrix `M`: it never depends on others.
+//!
+//! # The ascent
+//!
+//! The method is that of Goldfarb and Idnani, *A numerically stable dual method for solving strictly convex quadratic
+//! programs*, Mathematical Programming 27 (1983), with the tangents of the discs as lazy cuts after Kelley, *The
+//! cutting-plane method for solving convex programs*, SIAM Journal 8 (1960). It keeps a *working set* of constraints held
+//! as equations, their multipliers, and the Cholesky factor of their block of `M + W^-1`:
+//!
+//! 1. **Step** to the optimum of the working set, `(M + W^-1) dl = -(s + l/w)`. Where a multiplier would turn negative, go
+//!    as far as it lasts and drop its constraint.
+//! 2. **Join**: when every multiplier holds, add the constraint violated most in the norm of `H^-1`; of a disc the tangent
+//!    towards the present point. One that depends on those held takes the place of the one that blocks it first; when none
+//!    does, no point is inside.
+//! 3. **Turn**: a disc that is held and still violated is touched at the wrong angle. Kelley would add a tangent and
+//!    converge slowly; here the angles of all held tangents become unknowns. Turning by `da` moves the constraint by
+//!    `l da (sin a g_a - cos a g_b)`, and the curvature of the disc makes that a row with the softness `1/l`: one Newton step on multipliers and
+//!    angles together, shortened until `D` rises by its share (Armijo).
+//!
+//! Nothing violated by more than 5e-10 is the optimum. All of it happens on multipliers and basis rows, whose Gram matrix
+//! is computed once; only `x` and its slacks are formed anew after each step.
+//!
+//! # From solve to solve
+//!
+//! Only the working set is kept, and the factor of its Gram block is computed anew: it is small, nothing drifts, and a solver
+//! that is given a copy of the working set finds the same bits. What `solve` promises:
+//!
+//! - it allocates nothing, and takes at most [`ActiveSet::max_iterations`] steps;
+//! - the same numbers and the same working set give the same bits;
+//! - numbers that are none are told before anything is computed with them.
+//!
+//! | module | holds |
+//! |---|---|
+//! | `basis` | `G`, `H^-1 G'` and the Gram matrix of the basis rows; constraints as combinations of them |
+//! | `factor` | the Cholesky factor of the working set |
+//! | `steps` | step, join, turn |
+//! | `working_set` | what one solve leaves to the next |
+//! | [`random`] | problems to test with |
+
 mod basis;
 mod factor;
 pub mod random;
@@ -12,10 +76,12 @@ pub use working_set::{Member, WorkingSet};
 
 /// Violation that is left alone, in units of the slacks.
 const TOLERANCE: f64 = 5e-10;
+/// A dual objective this many times that of the first violated constraint alone grows without bound: nothing is inside.
+const UNBOUNDED: f64 = 1e12;
 
 /// The solver of one set-up.
 pub struct ActiveSet {
-    /// Iterations granted to a solve.
+    /// Steps granted to a solve.
     pub max_iterations: u32,
     basis: Basis,
     working_set: WorkingSet,
@@ -33,14 +99,12 @@ pub struct ActiveSet {
     x: Vec<[f64; 4]>,
     /// The basis rows at `x`.
     slacks: Vec<[f64; 4]>,
+    /// The basis rows at the centre.
     at_centre: Vec<[f64; 4]>,
-    first: f64,
-    left: f64,
-    /// Held cuts that turn.
+    /// Places of the held tangents that turn.
     turning: Vec<usize>,
+    /// Those that have turned and join again, with their multipliers.
     turned: Vec<(Member, f64)>,
-    #[allow(missing_docs)]
-    pub stats: [u64; 8],
 }
 
 /// How a solve went.
@@ -68,7 +132,11 @@ pub enum Verdict {
 }
 
 impl ActiveSet {
-    /// new
+    /// Sets up the problem: the Hessian `H` (n x n, positive definite), the linear `rows` (m x n) with their `softness`
+    /// (m numbers: 0 is hard, else `1/w`), and the rows of the `discs` (2k x n, one pair each).
+    ///
+    /// # Panics
+    /// When the sizes do not match, or `H` is not positive definite.
     pub fn new(
         hessian: &DMatrix<f64>,
         rows: &DMatrix<f64>,
@@ -92,32 +160,30 @@ impl ActiveSet {
             x: vec![[0.0; 4]; basis.blocks],
             slacks: vec![[0.0; 4]; basis.len().div_ceil(4)],
             at_centre: vec![[0.0; 4]; basis.len().div_ceil(4)],
-            first: 0.0,
-            left: 0.0,
             turning: Vec::with_capacity(basis.discs),
             turned: Vec::with_capacity(basis.discs),
-            stats: [0; 8],
             basis,
         }
     }
 
-    /// W
+    /// What the last solve left for the next to start from.
     pub fn working_set(&self) -> &WorkingSet {
         &self.working_set
     }
 
-    /// W
+    /// Lets the next solve start from the working set of another solver of the same set-up.
     pub fn warm_start(&mut self, from: &WorkingSet) {
         self.working_set.members.clear();
         self.working_set.members.extend_from_slice(&from.members);
     }
 
-    /// W
+    /// Lets the next solve start from nothing.
     pub fn forget(&mut self) {
         self.working_set.members.clear();
     }
 
-    /// Solve
+    /// Solves for a `centre` (n) and `offsets` (m + 2k: the rows, then the pairs of the discs). Writes `x` (n) at the
+    /// optimum, and where the steps ran out; leaves it alone otherwise.
     pub fn solve(&mut self, centre: &[f64], offsets: &[f64], x: &mut [f64]) -> Outcome {
         let is_finite = |numbers: &[f64]| numbers.iter().all(|number| number.is_finite());
         let mut outcome = Outcome { verdict: Verdict::NotFinite, iterations: 0, active: 0 };
@@ -126,15 +192,14 @@ impl ActiveSet {
         }
         self.x.as_flattened_mut()[..centre.len()].copy_from_slice(centre);
         self.basis.slacks(&self.x, offsets, &mut self.slacks);
-        if self.worst().is_none() {
+        if let Some((_, most)) = self.worst() {
+            self.at_centre.copy_from_slice(&self.slacks);
+            self.resume();
+            (outcome.verdict, outcome.iterations) = self.ascend(offsets, 0.5 * most * most);
+            outcome.active = self.held.len() as u32;
+        } else {
             self.forget();
             outcome.verdict = Verdict::Optimal;
-        } else {
-            self.at_centre.copy_from_slice(&self.slacks);
-            self.first = 0.5 * self.worst_size().powi(2);
-            self.resume();
-            (outcome.verdict, outcome.iterations) = self.ascend(offsets);
-            outcome.active = self.held.len() as u32;
         }
         if !is_finite(self.x.as_flattened()) {
             self.forget();
@@ -146,36 +211,40 @@ impl ActiveSet {
         outcome
     }
 
-    fn ascend(&mut self, offsets: &[f64]) -> (Verdict, u32) {
+    /// Climbs until nothing is violated; `first` is the dual objective of the first violated constraint alone.
+    fn ascend(&mut self, offsets: &[f64], first: f64) -> (Verdict, u32) {
         for iteration in 1..=self.max_iterations {
+            let before = if cfg!(debug_assertions) { self.objective() } else { f64::NEG_INFINITY };
             let arrived = self.step(offsets);
-
-            if std::env::var("TRACE").is_ok() { println!("{iteration} held {} arrived {arrived} D/D1 {:e} {:?} stats {:?}", self.held.len(), self.value() / self.first, self.worst(), self.stats); }
+            self.check_invariants();
             if !arrived {
                 continue;
             }
-            if self.value() > 1e12 * self.first { return (Verdict::Infeasible, iteration) }
-            { let v = (self.value() / self.first).log10() as i32; if v > self.stats[7] as i32 { self.stats[7] = v as u64; } }
-            match self.worst() {
+            let objective = self.objective();
+            let slack = 1e-6 * before.abs().max(first);
+            debug_assert!(
+                slack.is_infinite() || objective >= before - slack,
+                "a step fell to {objective} from {before}"
+            );
+            if objective > UNBOUNDED * first {
+                return (Verdict::Infeasible, iteration);
+            }
+            let possible = match self.worst() {
                 None => return (Verdict::Optimal, iteration),
-                Some(Member::Cut { disc, .. }) if self.is_held[self.basis.rows + disc] => { if !self.turn(offsets) { return (Verdict::Infeasible, iteration); } }
-                Some(Member::Row(row)) if self.is_held[row] => { self.stats[1] += 1; }
-                Some(member) => {
-                    
-                    if !self.hold(member, offsets) {
-                        return (Verdict::Infeasible, iteration);
-                    }
-                }
+                Some((Member::Cut { disc, .. }, _)) if self.is_held[self.basis.rows + disc] => self.turn(offsets),
+                Some((Member::Row(row), _)) if self.is_held[row] => true, // rounding: the next step mends it
+                Some((member, _)) => self.join(member, 0.0, offsets),
+            };
+            if !possible {
+                return (Verdict::Infeasible, iteration);
             }
         }
         (Verdict::IterationLimit, self.max_iterations)
     }
 
-    /// The constraint violated most. A disc is told by its tangent towards the present point.
-    fn worst(&self) -> Option<Member> { self.worst2().0 }
-    fn worst_size(&self) -> f64 { self.worst2().1 }
-    fn value(&self) -> f64 { -0.5 * self.held.iter().zip(&self.multipliers).map(|(h, l)| l * (h.slack(self.at_centre.as_flattened()) + h.slack(self.slacks.as_flattened()))).sum::<f64>() }
-    fn worst2(&self) -> (Option<Member>, f64) {
+    /// The constraint violated most, in the norm of `H^-1`, and by how much. A disc is told by its tangent towards the
+    /// present point.
+    fn worst(&self) -> Option<(Member, f64)> {
         let (rows, pairs) = self.slacks.as_flattened()[..self.basis.len()].split_at(self.basis.rows);
         let (mut worst, mut most) = (None, 0.0);
         for (row, (slack, scale)) in rows.iter().zip(&self.basis.scale).enumerate() {
@@ -186,17 +255,37 @@ impl ActiveSet {
         for (disc, pair) in pairs.chunks_exact(2).enumerate() {
             let length = (pair[0] * pair[0] + pair[1] * pair[1]).sqrt();
             if length - 1.0 > TOLERANCE {
-                let towards = [pair[0] / length, pair[1] / length];
-                let member = Member::Cut { disc, towards };
-                let c = self.basis.constraint(member);
-                let size = (length - 1.0) / self.basis.square(&c).sqrt();
+                let member = Member::Cut { disc, towards: [pair[0] / length, pair[1] / length] };
+                let size = (length - 1.0) / self.basis.square(&self.basis.constraint(member)).sqrt();
                 if size > most {
                     (worst, most) = (Some(member), size);
                 }
             }
         }
-        (worst, most)
+        worst.map(|member| (member, most))
+    }
+
+    /// `D` of the present multipliers.
+    fn objective(&self) -> f64 {
+        let slack =
+            |held: &Combination| held.slack(self.at_centre.as_flattened()) + held.slack(self.slacks.as_flattened());
+        -0.5 * self.held.iter().zip(&self.multipliers).map(|(held, multiplier)| multiplier * slack(held)).sum::<f64>()
+    }
+
+    /// What must hold between two steps.
+    fn check_invariants(&self) {
+        debug_assert!(self.held.len() == self.working_set.members.len() && self.held.len() == self.multipliers.len());
+        debug_assert!(self.held.len() <= self.held.capacity(), "the working set outgrew its room");
+        debug_assert!(self.multipliers.iter().all(|multiplier| *multiplier >= 0.0), "{:?}", self.multipliers);
+        debug_assert!(self.factor.misfit(|i, j| self.entry(i, j)) < 1e-6, "the factor is not that of the Gram block");
+    }
+
+    /// The entry of the working set's Gram block, softness included.
+    fn entry(&self, i: usize, j: usize) -> f64 {
+        let softness = if i == j { self.held[i].softness } else { 0.0 };
+        self.basis.entries(&self.held[i])(&self.held[j]) + softness
     }
 }
+
 #[cfg(test)]
 mod tests;

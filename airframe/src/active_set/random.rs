@@ -51,14 +51,12 @@ impl Problem {
         let far = self.far() / 10_f64.powf(4.0 * uniform() - 2.0);
         self.centre.iter_mut().for_each(|c| *c /= far);
     }
-}
 
-impl Problem {
+    /// The largest slack that the centre changes, so that it can be scaled to leave the set by any measure.
     fn far(&self) -> f64 {
-        let c = DVector::from_column_slice(&self.centre);
-        let r = &self.rows * &c;
-        let d = &self.discs * &c;
-        r.iter().chain(d.iter()).fold(1e-9_f64, |w, s| w.max(s.abs()))
+        let centre = DVector::from_column_slice(&self.centre);
+        let (rows, discs) = (&self.rows * &centre, &self.discs * &centre);
+        rows.iter().chain(&discs).fold(1e-9, |most, slack| most.max(slack.abs()))
     }
 }
 

@@ -1,13 +1,15 @@
-//! The steps of an ascent.
+//! The steps of an ascent: step, join, turn.
 
 use super::basis::Combination;
 use super::{ActiveSet, Member};
 
 /// A constraint depends on the others when they leave no more than this share of its square.
 const INDEPENDENT: f64 = 1e-11;
+/// Squared share of a dependent constraint, in its own size, that is rounding.
+const ROUNDING: f64 = 1e-20;
 /// Share of the promised ascent that a turn must keep.
 const ARMIJO: f64 = 0.1;
-/// Halvings.
+/// Times a turn is shortened at most.
 const HALVINGS: u32 = 40;
 
 impl ActiveSet {
@@ -34,27 +36,24 @@ impl ActiveSet {
 
     /// Goes to the optimum of the working set; false when a multiplier vanished on the way, and its member was dropped.
     pub(super) fn step(&mut self, offsets: &[f64]) -> bool {
-        let count = self.held.len();
-        for (right, held) in self.step.as_flattened_mut().iter_mut().zip(&self.held) {
-            *right = -held.slack(self.slacks.as_flattened());
-        }
-        self.factor.solve(&mut self.step);
+        self.aim();
+        let steps = self.step.as_flattened();
         let mut first: Option<(f64, usize)> = None;
-        for (j, (multiplier, step)) in self.multipliers.iter().zip(self.step.as_flattened()).enumerate() {
+        for (j, (multiplier, step)) in self.multipliers.iter().zip(steps).enumerate() {
             if multiplier + step <= 0.0 {
                 let share = if *step < 0.0 { -multiplier / step } else { 0.0 };
-                if first.is_none_or(|(s, i)| share < s || (share == s && *step < self.step.as_flattened()[i])) {
+                if first.is_none_or(|(s, i)| share < s || (share == s && *step < steps[i])) {
                     first = Some((share, j));
                 }
             }
         }
         let (share, blocking) = first.map_or((1.0, None), |(share, j)| (share, Some(j)));
         if share > 0.0 {
-            self.advance(share, count);
+            self.advance(share);
         }
         if let Some(j) = blocking {
-            self.stats[0] += 1;
-            self.release(j);
+            self.remove(j);
+            self.rebuild(j);
         }
         if share > 0.0 {
             self.observe(offsets);
@@ -62,14 +61,23 @@ impl ActiveSet {
         blocking.is_none()
     }
 
-    /// Moves multipliers and x along the step.
-    fn advance(&mut self, share: f64, count: usize) {
-        for j in 0..count {
-            self.basis.push(&mut self.x, &self.held[j], share * self.step.as_flattened()[j]);
-            self.multipliers[j] = (self.multipliers[j] + share * self.step.as_flattened()[j]).max(0.0);
+    /// Writes the step that brings every held slack to zero; returns how steeply the dual rises along it.
+    fn aim(&mut self) -> f64 {
+        for (right, held) in self.step.as_flattened_mut().iter_mut().zip(&self.held) {
+            *right = -held.slack(self.slacks.as_flattened());
+        }
+        self.factor.solve(&mut self.step)
+    }
+
+    /// Moves the multipliers, and `x` with them, by a share of the step.
+    fn advance(&mut self, share: f64) {
+        for ((held, multiplier), step) in self.held.iter().zip(&mut self.multipliers).zip(self.step.as_flattened()) {
+            self.basis.push(&mut self.x, held, share * step);
+            *multiplier = (*multiplier + share * step).max(0.0);
         }
     }
 
+    /// Takes a look at the slacks at `x`; a held soft row is where its excess puts it.
     fn observe(&mut self, offsets: &[f64]) {
         self.basis.slacks(&self.x, offsets, &mut self.slacks);
         for ((member, held), multiplier) in self.working_set.members.iter().zip(&self.held).zip(&self.multipliers) {
@@ -79,40 +87,29 @@ impl ActiveSet {
         }
     }
 
-    /// Adds a violated constraint to the working set. False when that is infeasible.
-    pub(super) fn hold(&mut self, member: Member, offsets: &[f64]) -> bool {
-        self.join(member, 0.0, offsets)
-    }
-
-    fn join(&mut self, member: Member, mut multiplier: f64, offsets: &[f64]) -> bool {
+    /// Adds a constraint that does not hold, with the multiplier it has; false when no point obeys it and those it depends on.
+    ///
+    /// One that depends on those held takes their place: its own force grows at their expense until the first of them has
+    /// none left and drops out.
+    pub(super) fn join(&mut self, member: Member, mut multiplier: f64, offsets: &[f64]) -> bool {
         let constraint = self.basis.constraint(member);
         let size = self.basis.square(&constraint);
         let mut moved = false;
         while !self.extend(&constraint) {
-            self.stats[4] += 1;
             if constraint.slack(self.slacks.as_flattened()) >= -super::TOLERANCE {
-                self.stats[3] += 1;
                 self.basis.push(&mut self.x, &constraint, -multiplier);
                 self.observe(offsets);
                 return true;
             }
             self.factor.composition(&mut self.step);
-            let mut first: Option<(f64, usize)> = None;
-            for (j, share) in self.step.as_flattened()[..self.held.len()].iter().enumerate() {
-                let of = self.basis.square(&self.held[j]);
-                if *share > 0.0 && share * share * of > 1e-20 * size {
-                    let step = self.multipliers[j] / share;
-                    if first.is_none_or(|(s, _)| step < s) {
-                        first = Some((step, j));
-                    }
-                }
-            }
+            let first = self.first_exhausted(size);
             let Some((step, blocking)) = first else { return false };
-            self.advance(-step, self.held.len());
+            self.advance(-step);
             self.basis.push(&mut self.x, &constraint, step);
             multiplier += step;
             moved = true;
-            self.release(blocking);
+            self.remove(blocking);
+            self.rebuild(blocking);
         }
         let place = self.place(member);
         self.is_held[place] = true;
@@ -125,12 +122,22 @@ impl ActiveSet {
         true
     }
 
-    /// Drops a member.
-    fn release(&mut self, member: usize) {
-        self.remove(member);
-        self.rebuild(member);
+    /// Of the members whose force the joining constraint replaces, the one that is exhausted first, and how far the joining
+    /// one has grown by then. `size` is the square of the joining constraint: shares that are rounding to it do not count.
+    fn first_exhausted(&self, size: f64) -> Option<(f64, usize)> {
+        let mut first: Option<(f64, usize)> = None;
+        for (j, (share, held)) in self.step.as_flattened().iter().zip(&self.held).enumerate() {
+            if *share > 0.0 && share * share * self.basis.square(held) > ROUNDING * size {
+                let step = self.multipliers[j] / share;
+                if first.is_none_or(|(s, _)| step < s) {
+                    first = Some((step, j));
+                }
+            }
+        }
+        first
     }
 
+    /// Drops a member, and takes its force off `x`.
     fn remove(&mut self, j: usize) {
         let member = self.working_set.members.remove(j);
         let place = self.place(member);
@@ -142,6 +149,7 @@ impl ActiveSet {
         }
     }
 
+    /// Computes the factor anew from a member on; one that has come to depend on those before it is dropped.
     fn rebuild(&mut self, from: usize) {
         self.factor.truncate(from);
         let mut next = from;
@@ -150,17 +158,17 @@ impl ActiveSet {
             if self.extend_at(next, &constraint) {
                 next += 1;
             } else {
-                self.stats[3] += 1;
                 self.remove(next);
             }
         }
     }
 
+    /// Lets the factor grow by a constraint; false when that depends on the members, or there are as many as variables.
     fn extend(&mut self, constraint: &Combination) -> bool {
         self.extend_at(self.held.len(), constraint)
     }
 
-    /// Appends to the factor.
+    /// The same behind the first `count` members.
     fn extend_at(&mut self, count: usize, constraint: &Combination) -> bool {
         let Self { factor, basis, held, .. } = self;
         let entry = basis.entries(constraint);
@@ -170,10 +178,13 @@ impl ActiveSet {
         let floor = if full { f64::INFINITY } else { INDEPENDENT * diagonal };
         let left = factor.reduce(|j| entry(&held[j]), diagonal);
         let independent = left > floor;
-        if independent { factor.append(left); }
+        if independent {
+            factor.append(left);
+        }
         independent
     }
 
+    /// Where a member stands in `is_held`.
     fn place(&self, member: Member) -> usize {
         match member {
             Member::Row(row) => row,
@@ -181,73 +192,30 @@ impl ActiveSet {
         }
     }
 
-    /// Turns the cuts.
+    /// One Newton step on the multipliers and the angles of all held tangents; false when no point is inside.
     pub(super) fn turn(&mut self, offsets: &[f64]) -> bool {
-        self.stats[2] += 1;
         let count = self.held.len();
-        self.turning.clear();
-        for j in 0..count {
-            if let Member::Cut { disc, towards } = self.working_set.members[j] {
-                let row = self.basis.turning(disc, towards, self.multipliers[j]);
-                let Self { factor, basis, held, .. } = self;
-                let entry = basis.entries(&row);
-                let left = factor.reduce(|j| entry(&held[j]), entry(&row) + row.softness);
-                if left < row.softness { self.stats[5] += 1; }
-                factor.append(left.max(row.softness));
-                self.held.push(row);
-                self.multipliers.push(0.0);
-                self.turning.push(j);
-            }
+        self.hold_angles();
+        let slope = self.aim();
+        let (share, mut blocking) = self.search(count, slope);
+        for ((held, multiplier), step) in self.held.iter().zip(&mut self.multipliers).zip(self.step.as_flattened()) {
+            self.basis.push(&mut self.x, held, share * step);
+            *multiplier += share * step;
         }
-        for (right, held) in self.step.as_flattened_mut().iter_mut().zip(&self.held) {
-            *right = -held.slack(self.slacks.as_flattened());
-        }
-        let slope = self.factor.solve(&mut self.step);
-        // A row may only go as far as its multiplier lasts.
-        let (mut share, mut blocking) = (1.0, None);
-        for j in 0..count {
-            if matches!(self.working_set.members[j], Member::Row(_)) && self.multipliers[j] + share * self.step.as_flattened()[j] < 0.0 {
-                (share, blocking) = (-self.multipliers[j] / self.step.as_flattened()[j], Some(j));
-            }
-        }
-        for _ in 0..HALVINGS {
-            if self.rise(share, slope) >= ARMIJO * share * slope {
-                break;
-            }
-            self.stats[6] += 1;
-            let mut next = 0.5 * share;
-            for cut in &self.turning {
-                let kink = -self.multipliers[*cut] / self.step.as_flattened()[*cut];
-                if kink < share && kink > next { next = kink; }
-            }
-            (share, blocking) = (next, None);
-        }
-        for j in 0..self.held.len() {
-            self.basis.push(&mut self.x, &self.held[j], share * self.step.as_flattened()[j]);
-            self.multipliers[j] += share * self.step.as_flattened()[j];
-        }
-        for (sideways, cut) in (count..).zip(&self.turning) {
-            let (along, across) = (self.multipliers[*cut], self.multipliers[sideways]);
-            let Member::Cut { disc, towards: [cos, sin] } = self.working_set.members[*cut] else { continue };
-            let length = (along * along + across * across).sqrt();
-            if length == 0.0 { continue; }
-            let towards = [(along * cos - across * sin) / length, (along * sin + across * cos) / length];
-            self.multipliers[*cut] = length;
-            self.working_set.members[*cut] = Member::Cut { disc, towards };
-        }
+        self.read_angles(count);
         self.held.truncate(count);
         self.multipliers.truncate(count);
+
         let mut from = self.turning.first().copied().unwrap_or(count);
         self.turned.clear();
         for t in (0..self.turning.len()).rev() {
             let j = self.turning[t];
-            self.turned.push((self.working_set.members[j], self.multipliers[j]));
-            let place = self.place(self.working_set.members[j]);
+            let member = self.working_set.members.remove(j);
+            let place = self.place(member);
             self.is_held[place] = false;
-            self.working_set.members.remove(j);
             self.held.remove(j);
-            self.multipliers.remove(j);
-            if let Some(b) = &mut blocking { if *b > j { *b -= 1; } }
+            self.turned.push((member, self.multipliers.remove(j)));
+            blocking = blocking.map(|b| if b > j { b - 1 } else { b });
         }
         if let Some(j) = blocking {
             self.remove(j);
@@ -255,14 +223,64 @@ impl ActiveSet {
         }
         self.rebuild(from);
         self.observe(offsets);
-        for t in 0..self.turned.len() {
+        (0..self.turned.len()).all(|t| {
             let (member, multiplier) = self.turned[t];
-            if !self.join(member, multiplier, offsets) { return false; }
-        }
-        true
+            self.join(member, multiplier, offsets)
+        })
     }
 
-    /// Rise of the dual objective
+    /// Adds, behind the members, one row for the angle of each held tangent.
+    fn hold_angles(&mut self) {
+        self.turning.clear();
+        for j in 0..self.held.len() {
+            if let Member::Cut { disc, towards } = self.working_set.members[j] {
+                let row = self.basis.turning(disc, towards, self.multipliers[j]);
+                let Self { factor, basis, held, .. } = self;
+                let entry = basis.entries(&row);
+                let left = factor.reduce(|j| entry(&held[j]), entry(&row) + row.softness);
+                factor.append(left.max(row.softness));
+                self.held.push(row);
+                self.multipliers.push(0.0);
+                self.turning.push(j);
+            }
+        }
+    }
+
+    /// How far to go along the step, and the row whose multiplier ends it: no row beyond its multiplier, and no farther
+    /// than the dual rises by its share. Where a tangent's force would turn over, the dual has a kink: looked at too.
+    fn search(&self, count: usize, slope: f64) -> (f64, Option<usize>) {
+        let steps = self.step.as_flattened();
+        let (mut share, mut blocking) = (1.0, None);
+        for (j, member) in self.working_set.members[..count].iter().enumerate() {
+            if matches!(member, Member::Row(_)) && self.multipliers[j] + share * steps[j] < 0.0 {
+                (share, blocking) = (-self.multipliers[j] / steps[j], Some(j));
+            }
+        }
+        for _ in 0..HALVINGS {
+            if self.rise(share, slope) >= ARMIJO * share * slope {
+                break;
+            }
+            let kinks = self.turning.iter().map(|cut| -self.multipliers[*cut] / steps[*cut]);
+            (share, blocking) = (kinks.filter(|kink| *kink < share).fold(0.5 * share, f64::max), None);
+        }
+        (share, blocking)
+    }
+
+    /// Gives the tangents the angle and the multiplier that their two rows come to.
+    fn read_angles(&mut self, count: usize) {
+        for (sideways, cut) in (count..).zip(&self.turning) {
+            let (along, across) = (self.multipliers[*cut], self.multipliers[sideways]);
+            let Member::Cut { disc, towards: [cos, sin] } = self.working_set.members[*cut] else { continue };
+            let length = (along * along + across * across).sqrt();
+            if length > 0.0 {
+                let towards = [(along * cos - across * sin) / length, (along * sin + across * cos) / length];
+                self.multipliers[*cut] = length;
+                self.working_set.members[*cut] = Member::Cut { disc, towards };
+            }
+        }
+    }
+
+    /// By how much the dual objective rises over a share of the step, the true length of the turned forces included.
     fn rise(&self, share: f64, slope: f64) -> f64 {
         let count = self.working_set.members.len();
         let mut rise = share * slope - 0.5 * share * share * slope;

@@ -141,8 +141,8 @@ proptest! {
     fn the_two_agree(
         given in prop::collection::vec(-1.0..1.0_f64, 22), ratio in 1.15..2.5_f64, soft in prop::bool::ANY,
     ) {
-        let mut plans = vec![];
         let mut costs = vec![];
+        let mut size_of_objective = 0.0;
         for choice in SOLVERS {
             let mut set_up = set_up(choice, |scenario| {
                 scenario.plant.rotor_speed_max_ratio = ratio;
@@ -160,9 +160,10 @@ proptest! {
             prop_assert_eq!(set_up.solve(&wanted, &mut plan), Verdict::Solved, "{:?}", choice);
             prop_assert!(set_up.set.violation(&plan) < 1e-6);
             costs.push(set_up.cost(&plan, &wanted));
-            plans.push(plan);
+            // As the problem is posed the objective lacks the constant 1/2 U*'H U*, and that is what solvers measure by.
+            size_of_objective = 0.5 * (&set_up.hessian * &wanted).dot(&wanted);
         }
-        let miss = (costs[0] - costs[1]).abs() / costs[0].max(1e-3);
+        let miss = (costs[0] - costs[1]).abs() / f64::max(costs[0], size_of_objective);
         prop_assert!(miss < 1e-6, "{miss:e}: {:?}", costs);
     }
 }

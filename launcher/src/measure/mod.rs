@@ -5,6 +5,7 @@
 //! | [`mpc`] | `measure mpc`: how long a step of the controller takes, by path and solver |
 //! | [`laws`] | `measure laws`: the aggressive scenarios under every inner loop |
 //! | [`sensitivity`] | `measure sensitivity`: tracking error over delay, jitter and misses |
+//! | [`timing`] | `measure timing`: how late the stack is, beside the kernel's own wake-up |
 //!
 //! Every measurement ends with one line per target: figure, measured value, target, and the verdict `ok`, `short` or
 //! `inconclusive`, the last where this machine could not tell. The exit code is 0 only when none is short.
@@ -12,6 +13,7 @@
 pub mod laws;
 pub mod mpc;
 pub mod sensitivity;
+pub mod timing;
 
 use std::fmt::Write;
 
@@ -31,6 +33,11 @@ pub enum Measure {
     Laws(laws::LawsArgs),
     /// Map the tracking error over delay, jitter and misses, for both profiles
     Sensitivity(sensitivity::SensitivityArgs),
+    /// Time the stack against cyclictest, raw rings, load and rates
+    Timing(timing::TimingArgs),
+    /// One process of a ring that `timing` compares with (it starts these itself)
+    #[command(hide = true)]
+    Station(timing::station::StationArgs),
 }
 
 impl Measure {
@@ -40,6 +47,8 @@ impl Measure {
             Self::Mpc(args) => mpc::measure(args),
             Self::Laws(args) => laws::measure(args),
             Self::Sensitivity(args) => sensitivity::measure(args),
+            Self::Timing(args) => timing::measure(args),
+            Self::Station(args) => timing::station::run(args),
         }
     }
 }
@@ -133,7 +142,7 @@ pub fn conclude(json: bool, results: Value, table: &str, targets: &[Target]) -> 
 }
 
 /// A number with four figures, without an exponent where it can be read without.
-fn plain(value: f64) -> String {
+pub(crate) fn plain(value: f64) -> String {
     match value.abs() {
         0.0 => "0".to_owned(),
         size if !(1e-3..1e7).contains(&size) => format!("{value:.2e}"),

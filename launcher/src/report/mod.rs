@@ -15,7 +15,7 @@ mod claims;
 mod columns;
 mod flight;
 mod folder;
-mod html;
+pub(crate) mod html;
 mod sections;
 #[cfg(test)]
 mod tests;

@@ -67,7 +67,7 @@ impl Trace {
             if self.ticks.contains(&tick) {
                 let end_ns = acted.until_ns.saturating_sub(APART_NS).max(acted.from_ns);
                 let args = json!({ "tick": tick, "sequence": sequence, "age_us": micros(acted.age_ns) });
-                self.slice(ACTUATORS, &format!("command {tick}"), acted.from_ns, end_ns, args);
+                self.slice(ACTUATORS, &format!("command {tick}"), acted.from_ns, end_ns, &args);
             }
         }
     }
@@ -98,19 +98,19 @@ impl Trace {
         for row in rows {
             if let (Some(state), Some(error)) = (row.state, row.position_error_m()) {
                 let error_m = error.iter().map(|e| e * e).sum::<f64>().sqrt();
-                self.counter(0, "position error", state.stamp.sample_ns, json!({ "m": error_m }));
+                self.counter(0, "position error", state.stamp.sample_ns, &json!({ "m": error_m }));
             }
         }
         for acted in acted {
             if self.ticks.contains(&acted.command.stamp.tick) {
                 let age_ms = acted.age_ns as f64 / 1e6;
-                self.counter(ACTUATORS, "age at the actuator", acted.from_ns, json!({ "ms": age_ms }));
+                self.counter(ACTUATORS, "age at the actuator", acted.from_ns, &json!({ "ms": age_ms }));
             }
         }
     }
 
     /// The whole trace, in the order of time; `about` says what of.
-    pub fn document(mut self, about: Value) -> Value {
+    pub fn document(mut self, about: &Value) -> Value {
         self.events.append(&mut self.marks);
         self.events.sort_by_key(|(ns, _)| *ns); // stable: what was pushed first stays first
         let names = NODES.into_iter().chain(["actuators"]).enumerate().flat_map(|(lane, name)| {
@@ -142,7 +142,7 @@ impl Trace {
                 args.extend(details);
             }
             let end_ns = stamp.publish_ns[lane];
-            self.slice(lane, &format!("{} {}", M::TOPIC.name(), stamp.tick), stamp.start_ns, end_ns, args.into());
+            self.slice(lane, &format!("{} {}", M::TOPIC.name(), stamp.tick), stamp.start_ns, end_ns, &args.into());
             // Skipped periods are found on waking and count as misses too; a late message is known when it is sent.
             let before = before.unwrap_or_default();
             let slips = stamp.slips.saturating_sub(before.slips);
@@ -152,7 +152,7 @@ impl Trace {
         }
     }
 
-    fn slice(&mut self, lane: usize, name: &str, start_ns: u64, end_ns: u64, args: Value) {
+    fn slice(&mut self, lane: usize, name: &str, start_ns: u64, end_ns: u64, args: &Value) {
         let duration_us = micros(end_ns.saturating_sub(start_ns));
         let more = json!({ "cat": "cycle", "dur": duration_us, "args": args });
         self.events.push(self.event("X", lane, name, start_ns, more));
@@ -183,7 +183,7 @@ impl Trace {
         }
     }
 
-    fn counter(&mut self, lane: usize, name: &str, at_ns: u64, args: Value) {
+    fn counter(&mut self, lane: usize, name: &str, at_ns: u64, args: &Value) {
         self.events.push(self.event("C", lane, name, at_ns, json!({ "args": args })));
     }
 

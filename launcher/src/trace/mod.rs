@@ -1,4 +1,4 @@
-//! `trace`: some ticks of a recorded flight as a trace that Perfetto (ui.perfetto.dev) and chrome://tracing open.
+//! `trace`: some ticks of a recorded flight as a trace that the viewer Perfetto opens (<https://ui.perfetto.dev>).
 //!
 //! | module | holds |
 //! |---|---|
@@ -114,7 +114,7 @@ pub fn document(log: &Log, scenario: &Scenario, from_s: Option<f64>, for_s: f64)
         "window": window.describe(),
         "note": if scenario.run.mode == Mode::Lockstep { LOCKSTEP } else { "" },
     });
-    Ok((window, trace.document(about)))
+    Ok((window, trace.document(&about)))
 }
 
 #[cfg(test)]

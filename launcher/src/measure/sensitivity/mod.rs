@@ -102,19 +102,23 @@ fn table(cells: &[Cell], point: Option<&Point>, out: &Path) -> String {
     for profile in cell::PROFILES {
         let cells: Vec<&Cell> = cells.iter().filter(|cell| cell.profile == profile).collect();
         let [_, jitters, misses] = cell::axes(&cells);
-        text += &format!("{:<28}", format!("{} flies with up to", cell::name(profile)));
-        text.extend(misses.iter().map(|p| format!("{:>20}", format!("{:.0} % missed", p * 100.0))));
+        let heads = misses.iter().map(|miss| format!("{:.0} % missed", miss * 100.0));
+        text += &line(&format!("{} flies with up to", cell::name(profile)), heads);
         for jitter in jitters {
-            text += &format!("\n{:<28}", format!("  jitter {jitter} ms"));
-            text.extend(misses.iter().map(|miss| format!("{:>20}", last_flown(&cells, jitter, *miss))));
+            let flown = misses.iter().map(|miss| last_flown(&cells, jitter, *miss));
+            text += &line(&format!("  jitter {jitter} ms"), flown);
         }
-        text += "\n\n";
+        text += "\n";
     }
     let point = point.map_or("no operating point".into(), Point::describe);
     text + &format!(
         "largest delay up to which no flight was lost, and the largest error there\n{point}\nwritten to {}\n",
         out.join("sensitivity.html").display()
     )
+}
+
+fn line(head: &str, cells: impl Iterator<Item = String>) -> String {
+    cells.fold(format!("{head:<28}"), |line, cell| line + &format!("{cell:>18}")) + "\n"
 }
 
 /// The last cell of a row before the first with a lost flight.

@@ -31,20 +31,11 @@ const CIVIDIS: [[f64; 3]; 9] = [
 /// The page of a map of the scenario `title`.
 pub fn page(title: &str, cells: &[Cell], point: Option<&Point>) -> String {
     let title = title.replace('&', "&amp;").replace('<', "&lt;");
-    let mut maps = String::new();
-    for profile in PROFILES {
+    let sections = PROFILES.into_iter().map(|profile| {
         let cells: Vec<&Cell> = cells.iter().filter(|cell| cell.profile == profile).collect();
-        let [.., misses] = axes(&cells);
-        maps += &format!("<section><h2>Profile {}</h2><div class=\"maps\">", name(profile));
-        // The point belongs to the map whose probability is nearest to its own.
-        let off = |p: &Point, miss: f64| (p.miss_probability - miss).abs();
-        let nearest = |p: &&Point, miss: f64| misses.iter().all(|other| off(p, miss) <= off(p, *other));
-        for miss in &misses {
-            let cells: Vec<&Cell> = cells.iter().copied().filter(|cell| cell.miss_probability == *miss).collect();
-            maps += &heat_map(&cells, point.filter(|p| nearest(p, *miss)));
-        }
-        maps += "</div></section>";
-    }
+        section(name(profile), &cells, point)
+    });
+    let sections: String = sections.collect();
     let point = point.map_or("No operating point was measured.".into(), Point::describe);
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
@@ -55,9 +46,23 @@ pub fn page(title: &str, cells: &[Cell], point: Option<&Point>) -> String {
          after its sample as <em>delay</em> says, plus a random time up to <em>jitter</em>, and is lost with the \
          probability above each map. Of flights with different random numbers the worst one counts.</p>\
          <p>{point} <span class=\"hint\">The dot is drawn at the median age, with jitter from there to the 99th \
-         percentile, where its line ends; between two columns or rows the scale is even.</span></p>{}\n{maps}\n</main></body></html>\n",
+         percentile, where its line ends; between two columns or rows the scale is even.</span></p>{}\n{sections}</main></body></html>\n",
         legend()
     )
+}
+
+/// The maps of one profile.
+fn section(name: &str, cells: &[&Cell], point: Option<&Point>) -> String {
+    let [.., misses] = axes(cells);
+    // The point belongs to the map whose probability is nearest to its own.
+    let off = |p: &Point, miss: f64| (p.miss_probability - miss).abs();
+    let nearest = |p: &&Point, miss: f64| misses.iter().all(|other| off(p, miss) <= off(p, *other));
+    let map = |miss: &f64| {
+        let cells: Vec<&Cell> = cells.iter().copied().filter(|cell| cell.miss_probability == *miss).collect();
+        heat_map(&cells, point.filter(|p| nearest(p, *miss)))
+    };
+    let maps: String = misses.iter().map(map).collect();
+    format!("<section><h2>Profile {name}</h2><div class=\"maps\">{maps}</div></section>\n")
 }
 
 /// The cells of one profile and probability of a miss.
