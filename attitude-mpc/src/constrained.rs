@@ -30,7 +30,7 @@ pub struct Constrained {
     /// Sample time \[s\].
     sample_s: f64,
     projection: Projection,
-    /// Do without the solver: see [`AttitudeMpc::hurry`](crate::AttitudeMpc::spare).
+    /// Do without the solver: see [`AttitudeMpc::hurry`](crate::AttitudeMpc::hurry).
     pub hurried: bool,
     /// The solver's plan, 4Nu.
     solved: DVector<f64>,

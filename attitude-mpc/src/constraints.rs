@@ -105,7 +105,9 @@ impl PlanSet {
             let wanted = Vector4::from_column_slice(u);
             if self.moves.violation(&wanted) > INSIDE - 1.0 {
                 let share = self.moves.reach(&Vector4::zeros(), &wanted) * INSIDE;
-                u.iter_mut().for_each(|u| *u *= share);
+                for u in u {
+                    *u *= share;
+                }
             }
         }
     }

@@ -34,7 +34,7 @@ pub struct Punctuality {
     broken: Cell<Option<(u64, u64)>>,
     release_ns: Cell<u64>,
     start_ns: Cell<u64>,
-    start_cpu_ns: Cell<u64>,
+    used_cpu_ns: Cell<u64>,
     last_cpu_ns: Cell<u64>,
     misses: Cell<u64>,
     slips: Cell<u64>,
@@ -48,7 +48,7 @@ impl Punctuality {
             broken: Cell::default(),
             release_ns: Cell::default(),
             start_ns: Cell::default(),
-            start_cpu_ns: Cell::default(),
+            used_cpu_ns: Cell::default(),
             last_cpu_ns: Cell::default(),
             misses: Cell::default(),
             slips: Cell::default(),
@@ -65,7 +65,6 @@ impl Punctuality {
     pub(crate) fn begin(&self, release_ns: u64) {
         self.release_ns.set(release_ns);
         self.start_ns.set(now_ns());
-        self.start_cpu_ns.set(thread_cpu_ns());
     }
 
     /// What becomes of a message of `sample_ns` that is ready at `publish_ns`; `None` when it is on time.
@@ -95,9 +94,11 @@ impl Punctuality {
         stamp.slips = self.slips.get();
     }
 
-    /// The cycle is over.
+    /// The cycle is over. The CPU's clock is a system call of a microsecond: it is read once a cycle, after the message is
+    /// on its way, so that a cycle is what the thread used since the end of the one before.
     fn end(&self) {
-        self.last_cpu_ns.set(thread_cpu_ns() - self.start_cpu_ns.get());
+        let used_ns = thread_cpu_ns();
+        self.last_cpu_ns.set(used_ns - self.used_cpu_ns.replace(used_ns));
     }
 }
 

@@ -28,7 +28,7 @@ macro_rules! default_is_robust {
         }
     )*};
 }
-default_is_robust!(Run: run, Mission: mission, Plant: plant, Guidance: guidance, Mpc: mpc, Mixer: mixer, Realtime: realtime, Deadline: deadline);
+default_is_robust!(Run: run, Mission: mission, Plant: plant, Guidance: guidance, Mpc: mpc, Mixer: mixer);
 
 fn paper() -> Scenario {
     Scenario {
@@ -115,29 +115,8 @@ fn paper() -> Scenario {
         mixer: Mixer { tilt_reaction: false, projection: false },
         bounds: Bounds::default(),
         fault: vec![],
-        realtime: Realtime {
-            policy: Policy::Fifo,
-            priority: 70,
-            affinity: vec![],
-            lock_memory: true,
-            rttime_ms: 500.0,
-            plant: NodeRealtime::default(),
-            guidance: NodeRealtime::default(),
-            attitude_mpc: NodeRealtime::default(),
-            mixer: NodeRealtime::default(),
-        },
-        deadline: Deadline {
-            end_to_end_ms: None,
-            plant_ms: None,
-            guidance_ms: None,
-            attitude_mpc_ms: None,
-            mixer_ms: None,
-            policy: Late::Send,
-            plant_policy: None,
-            guidance_policy: None,
-            attitude_mpc_policy: None,
-            mixer_policy: None,
-        },
+        realtime: Realtime::default(),
+        deadline: Deadline::default(),
     }
 }
 
@@ -179,5 +158,38 @@ fn robust() -> Scenario {
         },
         mixer: Mixer { projection: true, ..paper.mixer },
         ..paper
+    }
+}
+
+impl Default for Realtime {
+    fn default() -> Self {
+        Self {
+            policy: Policy::Fifo,
+            priority: 70,
+            affinity: vec![],
+            lock_memory: true,
+            rttime_ms: 500.0,
+            plant: NodeRealtime::default(),
+            guidance: NodeRealtime::default(),
+            attitude_mpc: NodeRealtime::default(),
+            mixer: NodeRealtime::default(),
+        }
+    }
+}
+
+impl Default for Deadline {
+    fn default() -> Self {
+        Self {
+            end_to_end_ms: None,
+            plant_ms: None,
+            guidance_ms: None,
+            attitude_mpc_ms: None,
+            mixer_ms: None,
+            policy: Late::Send,
+            plant_policy: None,
+            guidance_policy: None,
+            attitude_mpc_policy: None,
+            mixer_policy: None,
+        }
     }
 }

@@ -35,7 +35,7 @@ pub struct TraceArgs {
     /// Where the window begins, in simulated seconds
     #[arg(long, value_name = "S")]
     pub from_s: Option<f64>,
-    /// How long it is [s]
+    /// How long it is, in s
     #[arg(long, value_name = "S", default_value_t = 1.0)]
     pub for_s: f64,
     /// Around the tick with the largest response or age, as without --from-s

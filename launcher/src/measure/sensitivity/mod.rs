@@ -42,10 +42,10 @@ use crate::fly::write_whole;
 pub struct SensitivityArgs {
     /// Scenario to fly instead of the survey; its profile, delay, jitter and misses give way to those of the map
     pub scenario: Option<PathBuf>,
-    /// Delays [ms] [default: 0 to 10 for paper, 0 to 64 for robust]
+    /// Delays in ms [default: 0 to 10 for paper, 0 to 64 for robust]
     #[arg(long, value_delimiter = ',', value_name = "MS,...")]
     pub delays: Vec<f64>,
-    /// Jitters [ms]
+    /// Jitters in ms
     #[arg(long, value_delimiter = ',', value_name = "MS,...", default_values_t = [0.0, 2.0, 5.0, 10.0, 20.0])]
     pub jitters: Vec<f64>,
     /// Probabilities that a command is lost
