@@ -91,6 +91,8 @@ pub fn fly(args: &FlyArgs) -> anyhow::Result<u8> {
 
     let run = serde_json::to_string_pretty(&run_json(&summary, &scenario, &how))? + "\n";
     let written = write_whole(&out.path.join("run.json"), run.as_bytes());
+    let histograms = || summary.timing.as_ref().map_or(Ok(()), |timing| timing.write_histograms(&out.path));
+    let written = written.and_then(|()| histograms());
     let written = written.and_then(|()| if log.is_some() { report::rewrite(&out.path) } else { Ok(()) });
     if args.json {
         print(&run);

@@ -138,21 +138,6 @@ pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
     for fault in summary.faults.describe() {
         line("fault", fault);
     }
-    if let Some(timing) = &summary.timing
-        && scenario.run.mode == Mode::Realtime
-    {
-        let age = timing.age();
-        line(
-            "age at the actuator",
-            format!(
-                "p50 {:.2} ms, p99 {:.2} ms, max {:.2} ms; {} deadlines missed",
-                age.p50_us / 1e3,
-                age.p99_us / 1e3,
-                age.max_us / 1e3,
-                timing.misses()
-            ),
-        );
-    }
     for v in verdicts(&scenario.bounds, &m) {
         let ok = if v.ok { "inside" } else { "OUTSIDE" };
         line(ok, format!("{} {:.4} against {}", v.metric, v.measured, v.limit));
@@ -178,6 +163,12 @@ pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
             summary.time_s() / how.wall_s
         ),
     );
+    // Only against the clock is a node punctual or late.
+    if let Some(timing) = &summary.timing
+        && scenario.run.mode == Mode::Realtime
+    {
+        text.push_str(&timing.describe());
+    }
     text
 }
 

@@ -102,9 +102,6 @@ impl Summary {
         let next = &mut self.next_sequence[record.topic() as usize];
         self.missed += stamp.sequence.saturating_sub(*next);
         *next = stamp.sequence + 1;
-        if let Some(timing) = &mut self.timing {
-            timing.observe(record);
-        }
         self.faults.observe(record);
         match record {
             Record::State(state) => self.state(state),
@@ -114,6 +111,9 @@ impl Summary {
                 self.metrics.negative_squares += u64::from(actuators.flags & mixer_flags::NEGATIVE_SQUARE != 0);
             }
             Record::Reference(_) => {}
+        }
+        if let Some(timing) = &mut self.timing {
+            timing.observe(record, self.metrics.final_position_error_m);
         }
     }
 

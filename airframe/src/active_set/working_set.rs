@@ -1,9 +1,9 @@
 //! The working set: all that one solve leaves to the next.
 
-/// The constraints held as equations.
+/// The constraints held as equations, in the order in which they joined.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct WorkingSet {
-    /// In the order they joined.
+    /// No constraint twice.
     pub members: Vec<Member>,
 }
 
@@ -16,7 +16,7 @@ pub enum Member {
     Cut {
         /// Index of the disc.
         disc: usize,
-        /// Cosine and sine of the angle at which it touches.
+        /// The angle at which it touches, as its cosine and sine.
         towards: [f64; 2],
     },
 }

@@ -38,7 +38,10 @@
       { unit: 'N', span: 0.5, series: [series('col', 'col', 'blue')] },
       { unit: 'N m', span: 0.02, series: [series('lon', 'lon', 'blue'), series('lat', 'lat', 'orange'), series('ped', 'ped', 'green')] },
     ],
-    age: [{ unit: 'ms', span: 0.5, floor: true, series: [series('age', 'age_ms', 'blue')] }],
+    age: [
+      { unit: 'ms', span: 0.5, floor: true, series: [series('age', 'age_ms', 'blue')] },
+      { unit: 'm', span: 0.02, floor: true, lines: 'error', series: [series('position error', 'error', 'orange')] },
+    ],
   };
 
   const root = document.documentElement;

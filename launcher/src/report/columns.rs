@@ -10,6 +10,7 @@ use serde_json::{Map, Value, json};
 
 use super::claims;
 use super::flight::Row;
+use crate::timing::Holding;
 
 /// Longer columns are thinned: a 60 s flight is shown tick by tick.
 const MAX_ROWS: usize = 6400;
@@ -18,7 +19,7 @@ const MAX_ROWS: usize = 6400;
 type Quantity = fn(&Row) -> Option<f64>;
 
 /// Every column by its name in the page's script. SI units and radians, NED and body axes.
-const COLUMNS: [(&str, Quantity); 39] = [
+const COLUMNS: [(&str, Quantity); 38] = [
     ("x", |row| Some(actual(row)?.position_m[0])),
     ("y", |row| Some(actual(row)?.position_m[1])),
     ("z", |row| Some(actual(row)?.position_m[2])),
@@ -57,7 +58,6 @@ const COLUMNS: [(&str, Quantity); 39] = [
     ("lon", |row| Some(row.controls?.demand[1])),
     ("lat", |row| Some(row.controls?.demand[2])),
     ("ped", |row| Some(row.controls?.demand[3])),
-    ("age_ms", |row| Some(row.state?.applied_age_ns as f64 / 1e6)),
 ];
 
 /// The script's whole input: `rows`, `dt_s`, `realtime`, `columns` and the horizontal `lines` of the figures.
@@ -66,8 +66,12 @@ pub fn document(rows: &[Row], scenario: &Scenario) -> Value {
     let step = if bucket == 1 { 1.0 } else { bucket as f64 / 2.0 };
     let mut columns = Map::new();
     let mut length = 0;
-    for (name, quantity) in COLUMNS {
-        let values: Vec<f32> = rows.iter().map(|row| quantity(row).map_or(f32::NAN, |value| value as f32)).collect();
+    let single = |value: Option<f64>| value.map_or(f32::NAN, |value| value as f32);
+    let of_rows =
+        COLUMNS.iter().map(|(name, quantity)| (*name, rows.iter().map(|row| single(quantity(row))).collect()));
+    let ages = held_ages_ms(rows, scenario).into_iter().map(single).collect();
+    for (name, values) in of_rows.chain([("age_ms", ages)]) {
+        let values: Vec<f32> = values;
         let thinned = thin(&values, bucket);
         length = thinned.len();
         let bytes: Vec<u8> = thinned.into_iter().flat_map(f32::to_le_bytes).collect();
@@ -89,6 +93,21 @@ pub fn bucket(rows: usize) -> usize {
 
 fn actual<'a>(row: &Row<'a>) -> Option<&'a Kinematics> {
     Some(&row.state?.actual)
+}
+
+/// Age at the actuator in the slot before each row \[ms\].
+fn held_ages_ms(rows: &[Row], scenario: &Scenario) -> Vec<Option<f64>> {
+    let mut holding = Holding::new(scenario.sample_ns());
+    let mut ages = vec![None; rows.len()];
+    for (i, row) in rows.iter().enumerate() {
+        let mut slots = Vec::new();
+        if let Some(state) = row.state {
+            holding.observe(state, |age_ns| slots.push(Some(age_ns as f64 / 1e6)));
+        }
+        let first = (i + 1).saturating_sub(slots.len());
+        ages[first..].iter_mut().zip(slots).for_each(|(age, slot)| *age = slot);
+    }
+    ages
 }
 
 /// Keeps the smallest and the largest value of every `bucket` values, in the order in which they occurred.

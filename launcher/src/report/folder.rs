@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use anyhow::Context;
-use contract::scenario;
+use contract::{Topic, scenario};
 use serde_json::Value;
 
 use super::{Flight, render};
@@ -34,11 +34,26 @@ pub fn rewrite(folder: &Path) -> anyhow::Result<()> {
 
 fn summary_of(log: &Log, scenario: &contract::Scenario) -> Value {
     let mut summary = Summary::new(scenario);
-    log.states.iter().for_each(|m| summary.observe(&Record::State(*m)));
-    log.references.iter().for_each(|m| summary.observe(&Record::Reference(*m)));
-    log.controls.iter().for_each(|m| summary.observe(&Record::Controls(*m)));
-    log.actuators.iter().for_each(|m| summary.observe(&Record::Actuators(*m)));
+    tick_by_tick(log).for_each(|record| summary.observe(&record));
     let ended = Ended::Lost("the launcher (no run.json; this summary is made from the log)".into());
     let wall_s = f64::NAN; // unknown, and shown as such
     run_json(&summary, scenario, &Circumstances { ended, wall_s, log: None, provenance: Value::Null })
+}
+
+/// Every message, in the order in which the ring turned.
+fn tick_by_tick(log: &Log) -> impl Iterator<Item = Record> {
+    let ticks = |ticks: &mut dyn Iterator<Item = u64>, topic: Topic| -> Vec<_> {
+        ticks.enumerate().map(|(i, tick)| (tick, topic as usize, i)).collect()
+    };
+    let mut order = ticks(&mut log.states.iter().map(|m| m.stamp.tick), Topic::State);
+    order.extend(ticks(&mut log.references.iter().map(|m| m.stamp.tick), Topic::Reference));
+    order.extend(ticks(&mut log.controls.iter().map(|m| m.stamp.tick), Topic::Controls));
+    order.extend(ticks(&mut log.actuators.iter().map(|m| m.stamp.tick), Topic::Actuators));
+    order.sort_unstable();
+    order.into_iter().map(|(_, topic, i)| match Topic::ALL[topic] {
+        Topic::State => log.states[i].into(),
+        Topic::Reference => log.references[i].into(),
+        Topic::Controls => log.controls[i].into(),
+        Topic::Actuators => log.actuators[i].into(),
+    })
 }

@@ -7,6 +7,8 @@
 //! | `columns` | the figures' data and the lines they are read against |
 //! | `claims` | the paper's claims and their verdicts |
 //! | `sections` | head, tables, settings, provenance |
+//! | `punctuality` | the timing section |
+//! | `histograms`, `gantt` | its pictures, drawn without a script |
 //! | `html` | escaping, numbers, tables |
 //!
 //! The page itself stands in `assets/report/`: template, style, scripts, and uPlot, which draws the time plots.
@@ -15,7 +17,10 @@ mod claims;
 mod columns;
 mod flight;
 mod folder;
+mod gantt;
+mod histograms;
 pub(crate) mod html;
+mod punctuality;
 mod sections;
 #[cfg(test)]
 mod tests;
@@ -57,7 +62,8 @@ pub fn render(log: &Flight, run: &Value, scenario: &Scenario) -> String {
         ("bounds", sections::bounds(run)),
         ("metrics", sections::metrics(run)),
         ("sampling", sampling(rows.len())),
-        ("timing", sections::timing(run)),
+        ("timing", punctuality::tables(run)),
+        ("timing_pictures", punctuality::pictures(log, run, scenario)),
         ("faults", sections::faults(run)),
         ("settings", sections::settings(run, scenario)),
         ("provenance", sections::provenance(run)),

@@ -1,7 +1,7 @@
 //! The parts of the page that are text and tables. Every value may be missing from the summary; then a dash stands there.
 
+use contract::Scenario;
 use contract::scenario::to_toml;
-use contract::{Scenario, Topic};
 use serde_json::Value;
 
 use super::claims;
@@ -118,34 +118,6 @@ pub fn bounds(run: &Value) -> String {
         vec![format!("<code>{metric}</code>"), number(&b["limit"], 3), number(measured, 3), verdict(ok)]
     };
     table(&["metric", "bound", "measured", "verdict"], bounds.iter().map(row))
-}
-
-/// When each node ran, in microseconds.
-pub fn timing(run: &Value) -> String {
-    let timing = &run["timing"];
-    if !timing.is_object() {
-        return "<p>Not measured: in process, one thread calls the four steps in order.</p>".into();
-    }
-    let row = |node: &str, what: &str, times: &Value, counted: [&Value; 2]| {
-        let percentiles = ["p50_us", "p90_us", "p99_us", "p999_us", "max_us"].map(|key| number(&times[key], 0));
-        let [misses, slips] = counted.map(|n| if n.is_null() { String::new() } else { number(n, 0) });
-        let mut cells = vec![node.to_owned(), what.to_owned(), number(&times["n"], 0)];
-        cells.extend(percentiles);
-        cells.extend([misses, slips]);
-        cells
-    };
-    let mut rows = Vec::new();
-    for topic in Topic::ALL {
-        let node = &timing["nodes"][topic.publisher()];
-        let arrival = if node["jitter"].is_null() { "hop" } else { "jitter" };
-        rows.push(row(topic.publisher(), arrival, &node[arrival], [&node["misses"], &node["slips"]]));
-        for what in ["execution", "response"] {
-            rows.push(row("", what, &node[what], [&Value::Null; 2]));
-        }
-    }
-    rows.push(row("whole ring", "age", &timing["age_at_actuator"], [&Value::Null; 2]));
-    let headings = ["node", "µs", "n", "p50", "p90", "p99", "p99.9", "max", "misses", "slips"];
-    format!("<p>Deadline {} ms.</p>{}", number(&timing["deadline_ms"], 1), table(&headings, rows))
 }
 
 /// What was injected and what came of it; empty without faults.

@@ -8,6 +8,8 @@ use serde_json::{Value, json};
 use super::claims::{Claims, Verdict, judge};
 use super::{Flight, TEMPLATE, render};
 
+mod timing;
+
 /// A hover with its reference, tick by tick.
 struct Hover {
     states: Vec<State>,
@@ -111,6 +113,7 @@ fn what_outsiders_wrote_cannot_become_markup() {
     run["provenance"] = json!({ "scenario": evil, "cpu": evil, evil: 1, "scheduling": { "policy": evil } });
     run["bounds"] = json!([{ "metric": evil, "limit": 1.0, "measured": 2.0, "ok": false }]);
     run["faults"] = json!([{ "target": evil, evil: evil }]);
+    run["timing"] = json!({ "worst_ticks": [{ "in_words": evil, "node": evil, "tick": evil }] });
     let mut scenario = Scenario::of(Profile::Robust);
     scenario.name = evil.into();
     for run in [run, Value::Null] {

@@ -1,0 +1,113 @@
+//! The timing section: the table, the histograms and the worst ticks.
+
+use contract::{Scenario, Topic};
+use serde_json::Value;
+
+use super::html::{DASH, any, escape, number, table};
+use super::{Flight, gantt, histograms};
+
+/// Keys of a figure's percentiles in run.json, and their headings.
+const PERCENTILES: [(&str, &str); 5] =
+    [("p50_us", "p50"), ("p90_us", "p90"), ("p99_us", "p99"), ("p999_us", "p99.9"), ("max_us", "max")];
+/// A node's figures in run.json, and what people call them.
+const FIGURES: [(&str, &str); 7] = [
+    ("jitter", "release jitter"),
+    ("hop", "hop"),
+    ("execution", "execution"),
+    ("cpu", "CPU time"),
+    ("input_age", "age of the input"),
+    ("response", "response"),
+    ("response_per_slot", "response, per slot"),
+];
+
+/// When each node ran: one table for the eye, one with every percentile.
+pub fn tables(run: &Value) -> String {
+    let timing = &run["timing"];
+    if !timing.is_object() {
+        return "<p>Not measured: in process, one thread calls the four steps in order.</p>".into();
+    }
+    let headings = [
+        "node",
+        "deadline ms",
+        "policy",
+        "misses",
+        "late",
+        "slips",
+        "longest run",
+        "jitter or hop",
+        "execution",
+        "response",
+    ];
+    let rows = Topic::ALL.map(|topic| {
+        let node = &timing["nodes"][topic.publisher()];
+        let wake = if node["jitter"].is_null() { "hop" } else { "jitter" };
+        let mut cells = vec![topic.publisher().to_owned(), number(&node["deadline_ms"], 1), any(&node["policy"])];
+        cells.extend(["misses", "late", "slips", "longest_run_of_misses"].map(|key| number(&node[key], 0)));
+        cells.extend([wake, "execution", "response"].map(|figure| in_short(&node[figure])));
+        cells
+    });
+    let ages =
+        [("age_at_actuator", "commands applied"), ("age_at_actuator_per_slot", "slots held")].map(|(key, of_what)| {
+            let age = &timing[key];
+            format!("<b>{}</b> µs over {} {of_what}", in_short(age), number(&age["n"], 0))
+        });
+    format!(
+        "{}<p class=\"hint\">Times: p50 / p99 / max in µs. Late: responses beyond the deadline, for which the policy says what becomes of them. Slips: periods without a \
+         cycle. Misses: both. Longest run: misses one after the other.</p>\
+         <p>Age at the actuator: {}.</p><details><summary>Every percentile</summary>{}</details>",
+        table(&headings, rows),
+        ages.join("; "),
+        all_percentiles(timing)
+    )
+}
+
+/// Histograms of the log's stamps, and the ten worst ticks of the summary; against the clock only.
+pub fn pictures(flight: &Flight, run: &Value, scenario: &Scenario) -> String {
+    let worst = run["timing"]["worst_ticks"].as_array().filter(|all| !all.is_empty());
+    let Some(worst) = worst else { return String::new() };
+    let ticks: String = worst.iter().map(|tick| worst_tick(tick, scenario.sample_s() * 1e6)).collect();
+    format!(
+        "<h3>Histograms</h3><p class=\"hint\">Time runs logarithmically, the same way in every picture; the height of a \
+         bar is the logarithm of its count, the lowest is one. The dashed line is the deadline. In full, as \
+         HdrHistogram logs, they stand in the run’s folder.</p>{}\
+         <h3>The ten worst ticks</h3><p class=\"hint\">Each process from its release to its publication, in ms from the \
+         sample: hollow while it waits to run, solid while it runs, orange where the delay arose. A stall is charged \
+         to the tick that ended it.</p><div class=\"ticks\">{ticks}</div>",
+        histograms::grid(flight, scenario)
+    )
+}
+
+fn worst_tick(tick: &Value, period_us: f64) -> String {
+    let late_ms = tick["late_us"].as_f64().map_or(DASH.into(), |us| format!("{:.2}", us / 1e3));
+    format!(
+        "<div class=\"tick\"><p><b>{late_ms} ms</b> tick {}, {} s, position error {}&nbsp;m</p><p class=\"hint\">{}</p>{}</div>",
+        number(&tick["tick"], 0),
+        number(&tick["time_s"], 2),
+        number(&tick["position_error_m"], 3),
+        any(&tick["in_words"]),
+        gantt::draw(tick, period_us)
+    )
+}
+
+fn in_short(figure: &Value) -> String {
+    ["p50_us", "p99_us", "max_us"].map(|key| number(&figure[key], 0)).join(" / ")
+}
+
+fn all_percentiles(timing: &Value) -> String {
+    let row = |node: &str, what: &str, figure: &Value| {
+        let mut cells = vec![escape(node), what.to_owned(), number(&figure["n"], 0)];
+        cells.extend(PERCENTILES.map(|(key, _)| number(&figure[key], 1)));
+        cells
+    };
+    let mut rows = Vec::new();
+    for topic in Topic::ALL {
+        let node = &timing["nodes"][topic.publisher()];
+        let known = FIGURES.into_iter().filter(|(key, _)| !node[*key].is_null());
+        rows.extend(known.map(|(key, what)| row(topic.publisher(), what, &node[key])));
+    }
+    rows.push(row("whole ring", "age, per command", &timing["age_at_actuator"]));
+    rows.push(row("whole ring", "age, per slot", &timing["age_at_actuator_per_slot"]));
+    let mut headings = vec!["node", "µs", "n"];
+    headings.extend(PERCENTILES.map(|(_, heading)| heading));
+    table(&headings, rows)
+}

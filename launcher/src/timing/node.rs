@@ -1,0 +1,193 @@
+//! Punctuality of one node: a histogram per figure, and the misses.
+
+use contract::message::Stamp;
+use contract::scenario::NodeDeadline;
+use contract::{Scenario, Topic};
+use hdrhistogram::Histogram;
+use serde_json::{Value, json};
+
+use super::figures::{histogram, percentiles};
+
+/// A stall is recorded for at most so many slots: a damaged stamp must not decide how long that takes.
+pub const LONGEST_STALL_SLOTS: u64 = 100_000;
+
+/// One cycle of a node, as its message tells it. Times are `CLOCK_MONOTONIC` nanoseconds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Cycle {
+    /// When it was due.
+    pub release_ns: u64,
+    /// When the process began.
+    pub start_ns: u64,
+    /// When it sent.
+    pub publish_ns: u64,
+    /// When it had sent the message before; 0 if that one is not known.
+    pub free_ns: u64,
+    /// Periods without a cycle just before this one.
+    pub slips: u64,
+    /// Cycles just before this one whose messages came too late and were not sent, by the deadline's policy.
+    pub withheld: u64,
+    /// CPU time of its thread; it travels with the node's next message, so that is when it is known.
+    pub cpu_ns: Option<u64>,
+    /// CPU time of the cycle before this one, if that is known.
+    pub cpu_before_ns: Option<u64>,
+}
+
+impl Cycle {
+    /// Release jitter or hop \[ns\]; an early start counts as punctual.
+    pub fn wake_ns(&self) -> u64 {
+        self.start_ns.saturating_sub(self.release_ns)
+    }
+
+    /// Wall time \[ns\].
+    pub fn execution_ns(&self) -> u64 {
+        self.publish_ns.saturating_sub(self.start_ns)
+    }
+
+    /// Periods without a message just before this one.
+    pub fn silent(&self) -> u64 {
+        self.slips.saturating_add(self.withheld)
+    }
+}
+
+/// Histograms \[ns\] and counts of one node.
+pub struct NodeTiming {
+    topic: Topic,
+    period_ns: u64,
+    deadline: NodeDeadline,
+    pub(super) wake: Histogram<u64>,
+    pub(super) execution: Histogram<u64>,
+    cpu: Histogram<u64>,
+    input_age: Histogram<u64>,
+    pub(super) response: Histogram<u64>,
+    response_per_slot: Histogram<u64>,
+    /// Responses beyond the deadline, those not sent included.
+    pub late: u64,
+    /// Those not sent.
+    pub withheld: u64,
+    /// Periods without a cycle.
+    pub slips: u64,
+    /// Both.
+    pub misses: u64,
+    /// The most of them one after the other.
+    pub longest_run: u64,
+    run: u64,
+    last: Stamp,
+}
+
+impl NodeTiming {
+    /// Nothing seen yet of the publisher of `topic`.
+    pub fn new(topic: Topic, scenario: &Scenario) -> Self {
+        Self {
+            topic,
+            period_ns: scenario.sample_ns(),
+            deadline: scenario.deadline_of(topic as usize),
+            wake: histogram(),
+            execution: histogram(),
+            cpu: histogram(),
+            input_age: histogram(),
+            response: histogram(),
+            response_per_slot: histogram(),
+            late: 0,
+            withheld: 0,
+            slips: 0,
+            misses: 0,
+            longest_run: 0,
+            run: 0,
+            last: Stamp::default(),
+        }
+    }
+
+    /// Takes the stamp of one message in; messages come in the order of sending.
+    pub fn observe(&mut self, stamp: &Stamp) -> Cycle {
+        let before = if stamp.epoch == self.last.epoch { self.last } else { Stamp::default() };
+        let own = self.topic as usize;
+        let publish_ns = stamp.publish_ns[own];
+        let late = publish_ns.saturating_sub(stamp.sample_ns) > self.deadline.deadline_ns;
+        let slips = stamp.slips.saturating_sub(before.slips);
+        let misses = stamp.misses.saturating_sub(before.misses);
+        let withheld = misses.saturating_sub(slips + u64::from(late));
+        let follows = before.sequence > 0 && stamp.sequence == before.sequence + 1 && withheld == 0;
+        let cycle = Cycle {
+            release_ns: stamp.release_ns,
+            start_ns: stamp.start_ns,
+            publish_ns,
+            free_ns: if follows { before.publish_ns[own] } else { 0 },
+            slips,
+            withheld,
+            cpu_ns: None,
+            // That of the first cycle is that of the whole start-up.
+            cpu_before_ns: (follows && before.sequence > 1).then_some(stamp.cpu_ns),
+        };
+        self.last = *stamp;
+        self.count(&cycle, misses, late);
+        self.record(&cycle, stamp.sample_ns);
+        cycle
+    }
+
+    /// What the wake-up of this node is called: the clock releases the plant, a message everybody else.
+    pub fn wake_name(&self) -> &'static str {
+        if self.topic == Topic::State { "jitter" } else { "hop" }
+    }
+
+    /// Every histogram \[ns\] under its name in run.json. The plant has no input: it makes the sample.
+    pub fn figures(&self) -> Vec<(&'static str, &Histogram<u64>)> {
+        let mut figures = vec![
+            (self.wake_name(), &self.wake),
+            ("execution", &self.execution),
+            ("cpu", &self.cpu),
+            ("response", &self.response),
+            ("response_per_slot", &self.response_per_slot),
+        ];
+        if self.topic != Topic::State {
+            figures.push(("input_age", &self.input_age));
+        }
+        figures
+    }
+
+    /// Medians of wake-up and execution \[ns\].
+    pub fn usual(&self) -> [u64; 2] {
+        [&self.wake, &self.execution].map(|histogram| histogram.value_at_quantile(0.5))
+    }
+
+    /// Its part of run.json.
+    pub fn to_json(&self) -> Value {
+        let mut node = json!({
+            "jitter": null, "hop": null, "input_age": null,
+            "deadline_ms": self.deadline.deadline_ns as f64 / 1e6, "policy": self.deadline.late,
+            "misses": self.misses, "late": self.late, "withheld": self.withheld, "slips": self.slips,
+            "longest_run_of_misses": self.longest_run,
+        });
+        for (figure, histogram) in self.figures() {
+            node[figure] = json!(percentiles(histogram));
+        }
+        node
+    }
+
+    /// Slips and messages withheld come before the cycle, so a punctual cycle ends the run they belong to.
+    fn count(&mut self, cycle: &Cycle, misses: u64, late: bool) {
+        self.late += cycle.withheld + u64::from(late);
+        self.withheld += cycle.withheld;
+        self.slips += cycle.slips;
+        self.misses += misses;
+        self.run += misses;
+        self.longest_run = self.longest_run.max(self.run);
+        if !late {
+            self.run = 0;
+        }
+    }
+
+    fn record(&mut self, cycle: &Cycle, sample_ns: u64) {
+        let response_ns = cycle.publish_ns.saturating_sub(sample_ns);
+        self.wake.saturating_record(cycle.wake_ns());
+        self.execution.saturating_record(cycle.execution_ns());
+        self.input_age.saturating_record(cycle.start_ns.saturating_sub(sample_ns));
+        self.response.saturating_record(response_ns);
+        if let Some(cpu_ns) = cycle.cpu_before_ns {
+            self.cpu.saturating_record(cpu_ns);
+        }
+        // The slot before waited one period longer, the one before that two, ...
+        for slots in 0..=cycle.silent().min(LONGEST_STALL_SLOTS) {
+            self.response_per_slot.saturating_record(response_ns.saturating_add(slots * self.period_ns));
+        }
+    }
+}

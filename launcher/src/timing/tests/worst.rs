@@ -1,0 +1,107 @@
+//! The worst ticks and their causes, the files, the terminal.
+
+use super::*;
+
+/// Twenty punctual ticks, then number 20 with `delay`, then a punctual one whose stamps tell the CPU time of that.
+fn late_tick(delay: [(u64, u64); 4], cpu_us: u64, solve_us: u64) -> Ring {
+    let mut ring = Ring::new();
+    (0..20).for_each(|tick| ring.turn(tick, PUNCTUAL));
+    ring.solve_us = solve_us;
+    ring.turn(20, delay);
+    ring.cpu_us = cpu_us;
+    ring.turn(21, PUNCTUAL);
+    ring
+}
+
+#[test]
+fn the_worst_tick_names_the_part_and_its_cause() {
+    const MPC_EXECUTION: [(u64, u64); 4] = [(0, 0), (0, 0), (0, 7_000), (0, 0)];
+    let of = |delay, cpu_us, solve_us| {
+        let worst = late_tick(delay, cpu_us, solve_us).worst();
+        assert_eq!((&worst["tick"], &worst["position_error_m"]), (&20.into(), &0.25.into()));
+        ["node", "part", "cause"].map(|key| worst[key].as_str().unwrap().to_owned())
+    };
+    let asleep = "not scheduled (preempted, stopped, or the host took the CPU)";
+    assert_eq!(of([(4_000, 0), (0, 0), (0, 0), (0, 0)], 90, 0), ["plant", "jitter", asleep]);
+    assert_eq!(of([(0, 0), (0, 0), (0, 0), (4_000, 0)], 90, 0), ["mixer", "hop", asleep]);
+    assert_eq!(of(MPC_EXECUTION, 90, 80), ["attitude-mpc", "execution", "preempted while it ran"]);
+    assert_eq!(of(MPC_EXECUTION, 7_050, 6_900), ["attitude-mpc", "execution", "the solver"]);
+    assert_eq!(of(MPC_EXECUTION, 7_050, 80), ["attitude-mpc", "execution", "its own work"]);
+    assert_eq!(of([(0, 0), (0, 7_000), (0, 0), (0, 0)], 7_050, 6_900), ["guidance", "execution", "its own work"]);
+}
+
+#[test]
+fn a_node_still_at_work_is_late_for_its_next_input() {
+    let mut ring = late_tick(PUNCTUAL, 90, 80);
+    ring.turn(22, [(0, 0), (0, 0), (0, 0), (0, 14_000)]); // the mixer sends 14.48 ms after the sample
+    ring.turn(23, [(0, 0), (0, 0), (0, 0), (4_100, 0)]); // and begins the next when it has
+    let worst = ring.timing.worst_ticks();
+    let told = |i: usize| (worst[i].0.number, worst[i].1.node(), worst[i].1.cause.name());
+    assert_eq!(told(0), (22, "mixer", "preempted while it ran"));
+    assert_eq!(told(1), (23, "mixer", "the cycle before was not over"));
+}
+
+#[test]
+fn the_cpu_time_of_the_last_cycle_is_not_known() {
+    let mut ring = late_tick(PUNCTUAL, 90, 80);
+    ring.turn(22, [(0, 0), (0, 0), (0, 0), (0, 14_000)]);
+    assert_eq!(ring.worst()["cause"], "CPU time not known");
+    assert_eq!(ring.worst()["nodes"]["mixer"]["cpu_us"], Value::Null);
+    let mut lost = late_tick(PUNCTUAL, 90, 80);
+    lost.turn(22, [(0, 0), (0, 0), (0, 0), (0, 14_000)]);
+    lost.last[3].sequence += 1; // a message nobody saw: the next one tells the CPU time of that
+    lost.turn(23, PUNCTUAL);
+    assert_eq!(lost.worst()["nodes"]["mixer"]["cpu_us"], Value::Null);
+}
+
+#[test]
+fn the_ten_worst_outlive_a_long_flight_and_a_late_answer_finds_its_tick() {
+    let mut ring = Ring::new();
+    for tick in 0..9_000 {
+        let delay = if tick % 500 == 7 { 1_000 + tick / 10 } else { 0 };
+        ring.turn(tick, [(0, 0), (delay, 0), (0, 0), (0, 0)]);
+    }
+    ring.now_us = 9_000 * PERIOD_US;
+    ring.cycle(Topic::Actuators, 7, 20, 100, 0); // the answer to tick 7, ninety seconds later
+    let worst = ring.timing.to_json()["worst_ticks"].clone();
+    let ticks: Vec<_> = worst.as_array().unwrap().iter().map(|tick| tick["tick"].as_u64().unwrap()).collect();
+    assert_eq!(ticks, [7, 8507, 8007, 7507, 7007, 6507, 6007, 5507, 5007, 4507]);
+    near(&worst[1], "late_us", 480.0 + 1_850.0);
+}
+
+#[test]
+fn outside_real_time_no_tick_is_late() {
+    let mut scenario = Scenario::default();
+    scenario.run.mode = Mode::Lockstep;
+    let mut ring = Ring { timing: Timing::new(&scenario), ..Ring::new() };
+    (0..10).for_each(|tick| ring.turn(tick, PUNCTUAL));
+    assert_eq!(ring.timing.to_json()["worst_ticks"], serde_json::json!([]));
+}
+
+#[test]
+fn histograms_on_disk_are_whole() {
+    use hdrhistogram::serialization::interval_log::{IntervalLogIterator, LogEntry};
+    let ring = late_tick([(0, 0), (0, 0), (0, 7_000), (0, 0)], 90, 80);
+    let folder = tempfile::tempdir().unwrap();
+    ring.timing.write_histograms(folder.path()).unwrap();
+    assert_eq!(std::fs::read_dir(folder.path().join(HISTOGRAMS)).unwrap().count(), 4 * 5 + 3 + 2);
+    let text = std::fs::read(folder.path().join("histograms/attitude-mpc-execution.hlog")).unwrap();
+    let entries: Vec<_> = IntervalLogIterator::new(&text).map(Result::unwrap).collect();
+    let [LogEntry::Interval(interval)] = &entries[..] else { panic!("one interval: {}", entries.len()) };
+    assert!((interval.max() - 7_100.0).abs() < 8.0, "the largest, in us: {}", interval.max());
+    assert!(interval.encoded_histogram().starts_with("HIST"), "version 2, compressed");
+}
+
+#[test]
+fn the_terminal_shows_every_node_both_ages_and_the_worst_tick() {
+    let text = late_tick([(0, 0), (0, 0), (0, 7_000), (0, 0)], 90, 80).timing.describe();
+    for told in [
+        "attitude-mpc       20     20      20      100   7102    7102      360   7361    7361       0    0",
+        "age at the actuator   p50 0.48 ms, p99 7.48 ms, max 7.48 ms over 21 commands applied",
+        "max 7.48 ms over 21 slots held",
+        "worst tick            7.48 ms, tick 20 at 0.20 s; position error 0.250 m",
+        "attitude-mpc: execution of 7.10 ms on 0.09 ms of CPU: preempted while it ran",
+    ] {
+        assert!(text.contains(told), "{told}\n{text}");
+    }
+}
