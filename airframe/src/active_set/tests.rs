@@ -90,7 +90,8 @@ fn check_optimal(problem: &Problem, members: &[Member], x: &DVector<f64>) -> f64
     }
     let (mut left, mut worth) = (right.clone(), 0.0);
     if !members.is_empty() {
-        let multipliers = columns.clone().svd(true, true).solve(&right, 1e-15).unwrap();
+        let qr = columns.clone().qr(); // nalgebra's SVD is wrong on a few of a million of these
+        let multipliers = qr.r().solve_upper_triangular(&qr.q().tr_mul(&right)).unwrap();
         left -= &columns * &multipliers;
         worth = multipliers.sum();
         for (column, multiplier) in columns.column_iter().zip(&multipliers) {
