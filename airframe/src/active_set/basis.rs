@@ -1,15 +1,12 @@
-//! The constants of a set-up. All constraints are combinations of *basis rows*: the linear rows first, then two rows for
-//! each disc. What can be known of those beforehand is worked out once.
+//! The constants of a set-up: every constraint is a combination of *basis rows*, and what is known of those beforehand.
 //!
-//! ```text
-//! K = H^-1 G',   G K = V'V,   V = L^-1 G',   H = L L'
-//! ```
+//! The basis rows are the linear rows, followed by two rows for each disc.
 
 use nalgebra::DMatrix;
 
 use super::Member;
 
-/// `G`, `K` and the Gram matrix `G K` of all basis rows.
+/// `G`, `K = H^-1 G'` and the Gram matrix `G K` of all basis rows.
 pub struct Basis {
     /// Linear rows; the basis rows after them belong to the discs.
     pub rows: usize,
@@ -17,33 +14,36 @@ pub struct Basis {
     pub discs: usize,
     /// Variables, n.
     pub variables: usize,
-    /// `1 / sqrt((G K)_ii + 1/w_i)` of each linear row: from a slack to its distance in the metric of `H`.
-    pub scales: Vec<f64>,
-    /// `1/w` of each linear row; 0 is hard.
-    softness: Vec<f64>,
+    /// Blocks of them.
+    pub blocks: usize,
     /// `G` in tiles; those of zeros are left out.
-    slopes: Vec<Tile>,
-    /// `K`, one column after the other, in blocks of four variables.
+    tiles: Vec<Tile>,
+    /// `K`, one column after the other, in the same blocks.
     lift: Vec<[f64; 4]>,
     /// `G K`, one column after the other.
     gram: Vec<f64>,
+    /// `1/w` of each linear row; 0 is hard.
+    softness: Vec<f64>,
+    /// Inverse length of each linear row, in the norm of `H^-1` with its softness.
+    pub scale: Vec<f64>,
 }
 
-/// Four rows by four variables.
+/// Four rows by four variables of a matrix.
 struct Tile {
     rows: usize,
     variables: usize,
+    /// One column after the other.
     columns: [[f64; 4]; 4],
 }
 
 /// A constraint as a combination of two basis rows: its slack is `constant + weights . (basis rows)`.
-#[derive(Clone, Copy)]
+#[derive(Debug, Clone, Copy)]
 pub struct Combination {
-    /// `1/w`; 0 is hard.
-    pub softness: f64,
     basis: [usize; 2],
     weights: [f64; 2],
     constant: f64,
+    /// `1/w`; 0 is hard.
+    pub softness: f64,
 }
 
 impl Basis {
@@ -54,19 +54,22 @@ impl Basis {
         slopes.rows_mut(0, rows.nrows()).copy_from(rows);
         slopes.rows_mut(rows.nrows(), discs.nrows()).copy_from(discs);
 
+        // With H = L L', the Gram matrix is the one of the columns of L^-1 G': symmetric to the last bit.
         let lower = hessian.clone().cholesky().expect("the Hessian is positive definite").unpack();
-        let whitened = lower.solve_lower_triangular(&slopes.transpose()).expect("no zero on its diagonal");
-        let lift = lower.tr_solve_lower_triangular(&whitened).expect("no zero on its diagonal");
+        let whitened = lower.solve_lower_triangular(&slopes.transpose()).expect("and so is its factor");
+        let lift = lower.tr_solve_lower_triangular(&whitened).expect("and so is its factor");
         let gram = whitened.tr_mul(&whitened);
+        let scale = softness.iter().enumerate().map(|(i, s)| 1.0 / (gram[(i, i)] + s).sqrt()).collect();
         Self {
+            scale,
             rows: rows.nrows(),
             discs: discs.nrows() / 2,
             variables: hessian.nrows(),
-            scales: softness.iter().enumerate().map(|(i, softness)| 1.0 / (gram[(i, i)] + softness).sqrt()).collect(),
-            softness: softness.to_vec(),
-            slopes: tiles(&slopes),
-            lift: lift.column_iter().flat_map(|column| blocks(column.as_slice())).collect(),
+            blocks: hessian.nrows().div_ceil(4),
             gram: gram.as_slice().to_vec(),
+            tiles: tiles(&slopes),
+            lift: lift.column_iter().flat_map(|column| blocks(column.iter())).collect(),
+            softness: softness.to_vec(),
         }
     }
 
@@ -78,7 +81,7 @@ impl Basis {
     /// Writes the basis rows at `x`: `offsets + G x`.
     pub fn slacks(&self, x: &[[f64; 4]], offsets: &[f64], slacks: &mut [[f64; 4]]) {
         slacks.as_flattened_mut()[..offsets.len()].copy_from_slice(offsets);
-        for Tile { rows, variables, columns } in &self.slopes {
+        for Tile { rows, variables, columns } in &self.tiles {
             let slacks = &mut slacks[*rows];
             for (column, x) in columns.iter().zip(x[*variables]) {
                 for lane in 0..4 {
@@ -88,59 +91,50 @@ impl Basis {
         }
     }
 
-    /// Moves `x` as the force `multiplier` of a constraint does: `x += K a multiplier`.
+    /// Moves `x` by the force `multiplier` of a constraint: `x += K a multiplier`.
     pub fn push(&self, x: &mut [[f64; 4]], constraint: &Combination, multiplier: f64) {
-        for (row, weight) in constraint.basis.into_iter().zip(constraint.weights).filter(|(_, weight)| *weight != 0.0) {
-            for (x, lift) in x.iter_mut().zip(&self.lift[row * self.variables.div_ceil(4)..]) {
-                for lane in 0..4 {
-                    x[lane] += weight * multiplier * lift[lane];
+        for (row, weight) in constraint.basis.into_iter().zip(constraint.weights) {
+            if weight != 0.0 {
+                let factor = weight * multiplier;
+                for (x, lift) in x.iter_mut().zip(&self.lift[row * self.blocks..]) {
+                    for lane in 0..4 {
+                        x[lane] += factor * lift[lane];
+                    }
                 }
             }
         }
     }
 
-    /// The entries of the Gram matrix between `a` and others, softness left out.
+    /// Entries of the Gram matrix between `a` and others, without softness.
     pub fn entries<'a>(&'a self, a: &Combination) -> impl Fn(&Combination) -> f64 + use<'a> {
         let [first, second] = a.basis.map(|row| &self.gram[row * self.len()..][..self.len()]);
         let weights = a.weights;
-        move |b| {
+        move |b: &Combination| {
             weights[0] * (b.weights[0] * first[b.basis[0]] + b.weights[1] * first[b.basis[1]])
                 + weights[1] * (b.weights[0] * second[b.basis[0]] + b.weights[1] * second[b.basis[1]])
         }
     }
 
-    /// The diagonal entry of `a`, softness included.
-    pub fn diagonal(&self, a: &Combination) -> f64 {
-        self.entries(a)(a) + a.softness
+    /// Its square in the norm of `H^-1`.
+    pub fn square(&self, a: &Combination) -> f64 {
+        self.entries(a)(a)
     }
 
-    /// The constraint a member of a working set stands for: `1 - cos s_a - sin s_b` for a cut.
+    /// The constraint a member of the working set stands for.
     pub fn constraint(&self, member: Member) -> Combination {
         match member {
             Member::Row(row) => {
-                Combination { softness: self.softness[row], basis: [row; 2], weights: [1.0, 0.0], constant: 0.0 }
+                Combination { basis: [row; 2], weights: [1.0, 0.0], constant: 0.0, softness: self.softness[row] }
             }
             Member::Cut { disc, towards: [cos, sin] } => {
-                Combination { softness: 0.0, basis: self.pair(disc), weights: [-cos, -sin], constant: 1.0 }
+                Combination { basis: self.pair(disc), weights: [-cos, -sin], constant: 1.0, softness: 0.0 }
             }
         }
     }
 
-    /// How the slack of a cut changes with its angle, `sin s_a - cos s_b`: a row that is to become zero, as soft as the
-    /// disc is round.
+    /// How the slack of a cut changes with its angle, as a row that is to become zero.
     pub fn turning(&self, disc: usize, [cos, sin]: [f64; 2], multiplier: f64) -> Combination {
-        Combination { softness: 1.0 / multiplier, basis: self.pair(disc), weights: [sin, -cos], constant: 0.0 }
-    }
-
-    /// Where a member stands among all rows and then all discs; `None` when it is not of this problem.
-    pub fn place(&self, member: Member) -> Option<usize> {
-        match member {
-            Member::Row(row) => (row < self.rows).then_some(row),
-            Member::Cut { disc, towards: [cos, sin] } => {
-                let is_unit = (cos * cos + sin * sin - 1.0).abs() < 1e-9;
-                (disc < self.discs && is_unit).then_some(self.rows + disc)
-            }
-        }
+        Combination { basis: self.pair(disc), weights: [sin, -cos], constant: 0.0, softness: 1.0 / multiplier }
     }
 
     fn pair(&self, disc: usize) -> [usize; 2] {
@@ -149,23 +143,10 @@ impl Basis {
 }
 
 impl Combination {
-    /// Its slack, from the basis rows.
-    pub fn slack(&self, basis: &[[f64; 4]]) -> f64 {
-        let basis = basis.as_flattened();
+    /// Its slack, from those of the basis rows.
+    pub fn slack(&self, basis: &[f64]) -> f64 {
         self.constant + self.weights[0] * basis[self.basis[0]] + self.weights[1] * basis[self.basis[1]]
     }
-
-    /// Whether nothing may violate it.
-    pub fn is_hard(&self) -> bool {
-        self.softness == 0.0
-    }
-}
-
-/// Numbers in blocks of four, filled up with zeros.
-pub fn blocks(numbers: &[f64]) -> Vec<[f64; 4]> {
-    let mut blocks = vec![[0.0; 4]; numbers.len().div_ceil(4)];
-    blocks.as_flattened_mut()[..numbers.len()].copy_from_slice(numbers);
-    blocks
 }
 
 /// The tiles of a matrix that are not zero.
@@ -173,13 +154,23 @@ fn tiles(matrix: &DMatrix<f64>) -> Vec<Tile> {
     let mut tiles = vec![];
     for rows in 0..matrix.nrows().div_ceil(4) {
         for variables in 0..matrix.ncols().div_ceil(4) {
-            let entry =
-                |row: usize, column: usize| matrix.get((4 * rows + row, 4 * variables + column)).map_or(0.0, |e| *e);
-            let columns = [0, 1, 2, 3].map(|column| [0, 1, 2, 3].map(|row| entry(row, column)));
+            let mut columns = [[0.0; 4]; 4];
+            for (column, entries) in columns.iter_mut().enumerate() {
+                for (row, entry) in entries.iter_mut().enumerate() {
+                    *entry = matrix.get((4 * rows + row, 4 * variables + column)).copied().unwrap_or_default();
+                }
+            }
             if columns != [[0.0; 4]; 4] {
                 tiles.push(Tile { rows, variables, columns });
             }
         }
     }
     tiles
+}
+
+/// Numbers in blocks of four, filled up with zeros.
+pub fn blocks<'a>(numbers: impl ExactSizeIterator<Item = &'a f64>) -> Vec<[f64; 4]> {
+    let mut blocks = vec![[0.0; 4]; numbers.len().div_ceil(4)];
+    numbers.enumerate().for_each(|(i, number)| blocks[i / 4][i % 4] = *number);
+    blocks
 }

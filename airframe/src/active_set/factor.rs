@@ -1,17 +1,17 @@
-//! Cholesky factor of a Gram matrix that grows at its end, one row at a time.
-//!
-//! Numbers go in blocks of four: at twenty rows, memory and loops cost more than arithmetic.
+//! Cholesky factor of the Gram matrix of a working set: it grows at its end, one row at a time.
 
-/// `L` with `L L' = M`.
+use std::cmp::Ordering;
+
+/// `L` with `L L' = M`, in tiles of four rows by four columns.
 pub struct Factor {
     len: usize,
-    /// `L` in tiles of four columns, one column of tiles after the other, each `stride` tiles long. Below the diagonal
-    /// `L` is as it should be; on it stands 0; elsewhere, what was left there.
+    /// The tiles on and below the diagonal, one column of tiles after the other, each `stride` long; a tile is four
+    /// columns. Left of the diagonal `L` is as it should be, on it 0, elsewhere what was left there.
     tiles: Vec<[[f64; 4]; 4]>,
     stride: usize,
     /// `1 / L_ii`
     inverse_diagonal: Vec<[f64; 4]>,
-    /// The row to be appended: `L^-1` times its entries.
+    /// The row that joins: `L^-1` times its entries.
     row: Vec<[f64; 4]>,
 }
 
@@ -28,18 +28,13 @@ impl Factor {
         }
     }
 
-    /// Rows in it.
-    pub fn len(&self) -> usize {
-        self.len
-    }
-
     /// Forgets all rows but the first `len`.
     pub fn truncate(&mut self, len: usize) {
         self.len = len.min(self.len);
     }
 
-    /// Prepares to append a row of `M` with the `entries` left of its `diagonal`. Returns what the rows before it leave
-    /// of the diagonal: nothing, when it depends on them.
+    /// Prepares to append a row of `M`, given its `entries` left of the diagonal. Returns what the rows before it leave of
+    /// its `diagonal`.
     pub fn reduce(&mut self, entries: impl Fn(usize) -> f64, diagonal: f64) -> f64 {
         let mut row = std::mem::take(&mut self.row);
         for (j, entry) in row.as_flattened_mut()[..self.len].iter_mut().enumerate() {
@@ -60,36 +55,25 @@ impl Factor {
         self.len += 1;
     }
 
-    /// Writes how the row [reduced](Self::reduce) last is composed of the rows before it.
+    /// Replaces `right` by the solution of `M x = right`. Returns `x . right`.
+    pub fn solve(&self, right: &mut [[f64; 4]]) -> f64 {
+        self.forward(right);
+        let square = right.as_flattened()[..self.len].iter().map(|y| y * y).sum();
+        self.backward(right);
+        square
+    }
+
+    /// Writes how the row reduced last is composed of the rows before it.
     pub fn composition(&self, shares: &mut [[f64; 4]]) {
         shares.copy_from_slice(&self.row);
         self.backward(shares);
     }
 
-    /// Replaces `right` by the solution of `M x = right`. Returns `right . x`.
-    pub fn solve(&self, right: &mut [[f64; 4]]) -> f64 {
-        self.forward(right);
-        let product = right.as_flattened()[..self.len].iter().map(|y| y * y).sum();
-        self.backward(right);
-        product
-    }
-
-    /// `(L L')_ij` for `i >= j`, to check it.
-    pub fn product(&self, i: usize, j: usize) -> f64 {
-        let l = |i: usize, j: usize| {
-            if i == j {
-                1.0 / self.inverse_diagonal[i / 4][i % 4]
-            } else {
-                self.tiles[j / 4 * self.stride + i / 4][j % 4][i % 4]
-            }
-        };
-        (0..=j).map(|k| l(i, k) * l(j, k)).sum()
-    }
-
-    /// Solves `L y = x` in place. What follows the last row comes to nothing, and does no harm.
+    /// Solves `L y = x` in place. The rest of the last block comes to nothing.
     fn forward(&self, x: &mut [[f64; 4]]) {
         for (block, inverse) in self.inverse_diagonal[..self.blocks()].iter().enumerate() {
-            let ([diagonal, below @ ..], [y, rest @ ..]) = (self.column(block), &mut x[block..]) else { return };
+            let [diagonal, below @ ..] = self.column(block) else { return };
+            let [y, rest @ ..] = &mut x[block..] else { return };
             for lane in 0..4 {
                 y[lane] *= inverse[lane];
                 for row in lane + 1..4 {
@@ -108,9 +92,11 @@ impl Factor {
 
     /// Solves `L' x = y` in place.
     fn backward(&self, x: &mut [[f64; 4]]) {
-        x.as_flattened_mut()[self.len..4 * self.blocks()].fill(0.0);
-        for (block, inverse) in self.inverse_diagonal[..self.blocks()].iter().enumerate().rev() {
-            let ([diagonal, below @ ..], [y, rest @ ..]) = (self.column(block), &mut x[block..]) else { return };
+        let blocks = self.blocks();
+        x.as_flattened_mut()[self.len..4 * blocks].fill(0.0);
+        for (block, inverse) in self.inverse_diagonal[..blocks].iter().enumerate().rev() {
+            let [diagonal, below @ ..] = self.column(block) else { return };
+            let [y, rest @ ..] = &mut x[block..] else { return };
             let mut sums = [[0.0; 4]; 4];
             for (x, tile) in rest.iter().zip(below) {
                 for (sums, column) in sums.iter_mut().zip(tile) {
@@ -137,5 +123,19 @@ impl Factor {
     /// The tiles in use of one column, from the diagonal down.
     fn column(&self, block: usize) -> &[[[f64; 4]; 4]] {
         &self.tiles[block * self.stride..][block..self.blocks()]
+    }
+
+    /// By how much `L L'` misses a matrix with these entries, as a share of its diagonal: an invariant.
+    pub fn misfit(&self, entry: impl Fn(usize, usize) -> f64) -> f64 {
+        let l = |i: usize, j: usize| match i.cmp(&j) {
+            Ordering::Less => 0.0,
+            Ordering::Equal => 1.0 / self.inverse_diagonal[i / 4][i % 4],
+            Ordering::Greater => self.tiles[j / 4 * self.stride + i / 4][j % 4][i % 4],
+        };
+        let miss = |i: usize, j: usize| {
+            let product: f64 = (0..=j).map(|k| l(i, k) * l(j, k)).sum();
+            (product - entry(i, j)).abs() / (entry(i, i) * entry(j, j)).sqrt()
+        };
+        (0..self.len).flat_map(|i| (0..=i).map(move |j| (i, j))).map(|(i, j)| miss(i, j)).fold(0.0, f64::max)
     }
 }

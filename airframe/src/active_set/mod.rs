@@ -1,74 +1,83 @@
-//! Quadratic programs with discs, by our own dual active-set method: the attitude controller's plan and the mixer's
-//! projection, in microseconds, without allocation.
+//! The nearest point of a convex set in a quadratic norm, by a dual active-set method: what the controller's plan and the
+//! mixer's demand are when the actuators set limits.
+//!
+//! # The problem
 //!
 //! ```text
-//! minimise   1/2 (x - c)'H (x - c) + 1/2 sum w_i e_i^2      over x and e >= 0
-//! so that    b_i + g_i x       >= 0       hard rows
-//!            b_i + g_i x + e_i >= 0       soft rows
-//!            |(b_a + g_a x, b_b + g_b x)| <= 1     discs
+//! minimise    1/2 (x - c)'H(x - c) + 1/2 sum w_i e_i^2        over x (n) and the excesses e >= 0
+//! so that     s_i(x) >= 0                                      hard rows,   s = b + G x
+//!             s_i(x) + e_i >= 0                                soft rows, at the price w_i
+//!             |(s_a(x), s_b(x))| <= 1                          discs, pairs of rows (a, b)
 //! ```
 //!
-//! `H` and all `g` are fixed when the solver is built; `c`, the unconstrained optimum, and `b` come with each solve.
+//! `H` and `G` are known when the solver is built; the centre `c` and the offsets `b` change from solve to solve.
 //!
 //! # The dual
-//! Let the constraints held as equations, the *working set*, have slacks `s = s0 + A (x - c)`, and multipliers
-//! `lambda >= 0`. Then the best `x` and `e`, and what they cost at least, are
+//!
+//! A disc is all its tangents: `1 - cos a s_a - sin a s_b >= 0` for every angle `a`. So every constraint is a combination of
+//! the *basis rows* `s`, with a gradient `g` and a multiplier `l >= 0`. The optimum for given multipliers is
 //!
 //! ```text
-//! x = c + H^-1 A' lambda,   e_i = lambda_i / w_i
-//! D(lambda) = -1/2 lambda'M lambda - s0'lambda,   M = A H^-1 A' + diag(1/w)       to be maximised
+//! x(l) = c + H^-1 sum l_i g_i          e_i(l) = l_i / w_i for a soft row
+//! D(l) = -l's(c) - 1/2 l'(M + W^-1)l   M_ij = g_i'H^-1 g_j        the dual objective, to be maximised over l >= 0
+//! dD/dl_i = -(s_i(x(l)) + l_i / w_i)
 //! ```
 //!
-//! A soft row is `1/w` on the diagonal, and no variable. `H^-1 G'` and `G H^-1 G'` of all rows are worked out once
-//! (`basis`), so that `M` is only picked together, and factored as `L L'` (`factor`).
+//! `D` never exceeds the cost of any point inside, so it grows towards the optimum from below, and without bound when
+//! nothing is inside. A soft row only adds `1/w` to the diagonal of the Gram matrix `M`: it never depends on others.
 //!
 //! # The ascent
-//! (Goldfarb and Idnani 1983, *A numerically stable dual method for solving strictly convex quadratic programs*, Math.
-//! Programming 27.) From `x = c`, with no multipliers and the working set of the last solve:
 //!
-//! 1. Step to the maximum of `D` on the working set, where its slacks vanish: `M d = -s`. If a multiplier would turn
-//!    negative, go only so far that it vanishes, drop its constraint, and step again.
-//! 2. Where nothing is violated, `x` is the optimum. Otherwise add the constraint that is violated by most in the metric
-//!    of `H`, `-s_i / sqrt(M_ii)`, and step again.
-//! 3. A constraint that depends on those held cannot be added. It takes over force from them along its composition,
-//!    which moves no `x`, until the first has none left and gives way to it. Where none can give way, nothing is feasible.
+//! The method is that of Goldfarb and Idnani, *A numerically stable dual method for solving strictly convex quadratic
+//! programs*, Mathematical Programming 27 (1983), with the tangents of the discs as lazy cuts after Kelley, *The
+//! cutting-plane method for solving convex programs*, SIAM Journal 8 (1960). It keeps a *working set* of constraints held
+//! as equations, their multipliers, and the Cholesky factor of their block of `M + W^-1`:
 //!
-//! `D` never falls from step to step, so that no working set comes twice. All of it is bounded by `max_iterations`.
+//! 1. **Step** to the optimum of the working set, `(M + W^-1) dl = -(s + l/w)`. Where a multiplier would turn negative, go
+//!    as far as it lasts and drop its constraint.
+//! 2. **Join**: when every multiplier holds, add the constraint violated most in the norm of `H^-1`; of a disc the tangent
+//!    towards the present point. One that depends on those held takes the place of the one that blocks it first; when none
+//!    does, no point is inside.
+//! 3. **Turn**: a disc that is held and still violated is touched at the wrong angle. Kelley would add a tangent and
+//!    converge slowly; here the angles of all held tangents become unknowns. Turning by `da` moves the constraint by
+//!    `l da (sin a g_a - cos a g_b)`, and the curvature of the disc makes that a row with the softness `1/l`: one Newton step on multipliers and
+//!    angles together, shortened until `D` rises by its share (Armijo).
 //!
-//! We differ from the paper in two points of numerics. Rows behind one that is dropped are factored anew, which costs no
-//! more than rotations do at twenty rows, and forgets rounding. And each step starts from the slacks of the `x` that was
-//! reached, worked out from `x` itself: what is called feasible is what will be returned, and rounding of one step is
-//! mended by the next. (The Gram matrix has the condition number of the rows squared.)
+//! Nothing violated by more than 5e-10 is the optimum. All of it happens on multipliers and basis rows, whose Gram matrix
+//! is computed once; only `x` and its slacks are formed anew after each step.
 //!
-//! # Discs
-//! A disc is the intersection of its tangents, `1 - cos s_a - sin s_b >= 0` (Kelley 1960, *The cutting-plane method for
-//! solving convex programs*, J. SIAM 8). Such a *cut* is a combination of two basis rows and joins the working set as a
-//! row does: at the angle of the present point. One cut a disc is enough, because it turns (`turn`): all cuts held are
-//! turned at once by Newton's method whenever a held disc is violated most. A cut that is off by an angle `t` leaves its
-//! disc violated by `t^2 / 2` only, so two or three turns do where cutting planes would take dozens.
+//! # From solve to solve
 //!
-//! # What remains
-//! A solve leaves its [`WorkingSet`] behind, and nothing else. With the same working set, the same numbers give the same
-//! bits.
+//! Only the working set is kept, and the factor of its Gram block is computed anew: it is small, nothing drifts, and a solver
+//! that is given a copy of the working set finds the same bits. What `solve` promises:
+//!
+//! - it allocates nothing, and takes at most [`ActiveSet::max_iterations`] steps;
+//! - the same numbers and the same working set give the same bits;
+//! - numbers that are none are told before anything is computed with them.
+//!
+//! | module | holds |
+//! |---|---|
+//! | `basis` | `G`, `H^-1 G'` and the Gram matrix of the basis rows; constraints as combinations of them |
+//! | `factor` | the Cholesky factor of the working set |
+//! | `steps` | step, join, turn |
+//! | `working_set` | what one solve leaves to the next |
+//! | [`random`] | problems to test with |
 
 mod basis;
 mod factor;
 pub mod random;
 mod steps;
-mod turn;
 mod working_set;
-
-pub use working_set::{Member, WorkingSet};
-
-#[cfg(test)]
-mod tests;
 
 use basis::{Basis, Combination};
 use factor::Factor;
 use nalgebra::DMatrix;
+pub use working_set::{Member, WorkingSet};
 
 /// Violation that is left alone, in units of the slacks.
 const TOLERANCE: f64 = 5e-10;
+/// A dual objective this many times that of the first violated constraint alone grows without bound: nothing is inside.
+const UNBOUNDED: f64 = 1e12;
 
 /// The solver of one set-up.
 pub struct ActiveSet {
@@ -76,26 +85,26 @@ pub struct ActiveSet {
     pub max_iterations: u32,
     basis: Basis,
     working_set: WorkingSet,
-    /// The constraints its members stand for; while cuts turn, their turning rows behind them.
+    /// The constraints its members stand for.
     held: Vec<Combination>,
-    /// Their multipliers.
+    /// Their multipliers, never negative.
     multipliers: Vec<f64>,
-    /// Where these go.
-    step: Vec<[f64; 4]>,
     /// Factor of their Gram matrix.
     factor: Factor,
-    /// Which rows, and behind them which discs, are held.
+    /// Where the multipliers go.
+    step: Vec<[f64; 4]>,
+    /// Which rows, and then which discs, are held.
     is_held: Vec<bool>,
-    /// Cuts on their way back into the working set.
-    turned: Vec<(Member, f64)>,
     /// The variables under the multipliers.
     x: Vec<[f64; 4]>,
-    /// `b` of this solve.
-    offsets: Vec<f64>,
-    /// The basis rows at `x`, with what soft rows have given way.
+    /// The basis rows at `x`.
     slacks: Vec<[f64; 4]>,
-    /// The basis rows at `c`.
-    slacks_at_centre: Vec<[f64; 4]>,
+    /// The basis rows at the centre.
+    at_centre: Vec<[f64; 4]>,
+    /// Places of the held tangents that turn.
+    turning: Vec<usize>,
+    /// Those that have turned and join again, with their multipliers.
+    turned: Vec<(Member, f64)>,
 }
 
 /// How a solve went.
@@ -103,7 +112,7 @@ pub struct ActiveSet {
 pub struct Outcome {
     /// What was found.
     pub verdict: Verdict,
-    /// Steps taken; 0 when the unconstrained optimum obeys all constraints.
+    /// Steps taken: each solves the equations of one working set.
     pub iterations: u32,
     /// Constraints held at the end.
     pub active: u32,
@@ -118,16 +127,16 @@ pub enum Verdict {
     IterationLimit,
     /// No `x` obeys all hard constraints.
     Infeasible,
-    /// A given number is none, or so large that the solution overflows.
+    /// A number given is none, or so large that the solution overflows.
     NotFinite,
 }
 
 impl ActiveSet {
-    /// Sets up the problem with the `hessian` H (n x n), linear `rows` (m x n) and their `softness` (m: 0 for a hard row,
-    /// else `1/w`), and `discs` (2k x n: rows 2j and 2j + 1 make the pair of disc j). Takes all memory it will use.
+    /// Sets up the problem: the Hessian `H` (n x n, positive definite), the linear `rows` (m x n) with their `softness`
+    /// (m numbers: 0 is hard, else `1/w`), and the rows of the `discs` (2k x n, one pair each).
     ///
     /// # Panics
-    /// When the sizes do not match or the Hessian is not positive definite.
+    /// When the sizes do not match, or `H` is not positive definite.
     pub fn new(
         hessian: &DMatrix<f64>,
         rows: &DMatrix<f64>,
@@ -136,49 +145,61 @@ impl ActiveSet {
         max_iterations: u32,
     ) -> Self {
         let basis = Basis::new(hessian, rows, softness, discs);
-        // No more hard constraints than variables are independent, and no constraint is held twice.
-        let soft = softness.iter().filter(|softness| **softness != 0.0).count();
+        // Hard members are independent; a soft row needs no such thing.
+        let soft = softness.iter().filter(|softness| **softness > 0.0).count();
         let members = (basis.variables + soft).min(basis.rows + basis.discs);
         let capacity = members + basis.discs;
-        let slacks = vec![[0.0; 4]; basis.len().div_ceil(4)];
         Self {
             max_iterations,
             working_set: WorkingSet { members: Vec::with_capacity(members) },
             held: Vec::with_capacity(capacity),
             multipliers: Vec::with_capacity(capacity),
-            step: vec![[0.0; 4]; capacity.div_ceil(4)],
             factor: Factor::new(capacity),
+            step: vec![[0.0; 4]; capacity.div_ceil(4)],
             is_held: vec![false; basis.rows + basis.discs],
+            x: vec![[0.0; 4]; basis.blocks],
+            slacks: vec![[0.0; 4]; basis.len().div_ceil(4)],
+            at_centre: vec![[0.0; 4]; basis.len().div_ceil(4)],
+            turning: Vec::with_capacity(basis.discs),
             turned: Vec::with_capacity(basis.discs),
-            x: vec![[0.0; 4]; basis.variables.div_ceil(4)],
-            offsets: vec![0.0; basis.len()],
-            slacks_at_centre: slacks.clone(),
-            slacks,
             basis,
         }
     }
 
-    /// Solves for the unconstrained optimum `centre` (n) and `offsets` b (m + 2k: the rows, then the pairs of the discs).
-    /// Writes `x` (n) when the verdict is `Optimal` or `IterationLimit`, and leaves it alone otherwise.
-    ///
-    /// # Panics
-    /// When a slice is not as long as said.
+    /// What the last solve left for the next to start from.
+    pub fn working_set(&self) -> &WorkingSet {
+        &self.working_set
+    }
+
+    /// Lets the next solve start from the working set of another solver of the same set-up.
+    pub fn warm_start(&mut self, from: &WorkingSet) {
+        self.working_set.members.clear();
+        self.working_set.members.extend_from_slice(&from.members);
+    }
+
+    /// Lets the next solve start from nothing.
+    pub fn forget(&mut self) {
+        self.working_set.members.clear();
+    }
+
+    /// Solves for a `centre` (n) and `offsets` (m + 2k: the rows, then the pairs of the discs). Writes `x` (n) at the
+    /// optimum, and where the steps ran out; leaves it alone otherwise.
     pub fn solve(&mut self, centre: &[f64], offsets: &[f64], x: &mut [f64]) -> Outcome {
+        let is_finite = |numbers: &[f64]| numbers.iter().all(|number| number.is_finite());
         let mut outcome = Outcome { verdict: Verdict::NotFinite, iterations: 0, active: 0 };
         if !is_finite(centre) || !is_finite(offsets) {
             return outcome;
         }
-        self.x.as_flattened_mut()[..x.len()].copy_from_slice(centre);
-        self.offsets.copy_from_slice(offsets);
+        self.x.as_flattened_mut()[..centre.len()].copy_from_slice(centre);
         self.basis.slacks(&self.x, offsets, &mut self.slacks);
-        if self.worst().is_none() {
+        if let Some((_, most)) = self.worst() {
+            self.at_centre.copy_from_slice(&self.slacks);
+            self.resume();
+            (outcome.verdict, outcome.iterations) = self.ascend(offsets, 0.5 * most * most);
+            outcome.active = self.held.len() as u32;
+        } else {
             self.forget();
             outcome.verdict = Verdict::Optimal;
-        } else {
-            self.slacks_at_centre.copy_from_slice(&self.slacks);
-            self.resume();
-            (outcome.verdict, outcome.iterations) = self.ascend();
-            outcome.active = self.working_set.members.len() as u32;
         }
         if !is_finite(self.x.as_flattened()) {
             self.forget();
@@ -190,66 +211,81 @@ impl ActiveSet {
         outcome
     }
 
-    /// The constraints the last solve ended with: the next one starts from them.
-    pub fn working_set(&self) -> &WorkingSet {
-        &self.working_set
-    }
-
-    /// Lets the next solve start from the working set of another. What is not of this problem is passed over.
-    pub fn warm_start(&mut self, from: &WorkingSet) {
-        let Self { working_set: WorkingSet { members }, basis, .. } = self;
-        let room = members.capacity();
-        members.clear();
-        members.extend(from.members.iter().filter(|member| basis.place(**member).is_some()).take(room));
-    }
-
-    /// Lets the next solve start from nothing.
-    pub fn forget(&mut self) {
-        self.working_set.members.clear();
-    }
-
-    /// Climbs from the unconstrained optimum; the verdict, and the steps it took.
-    fn ascend(&mut self) -> (Verdict, u32) {
+    /// Climbs until nothing is violated; `first` is the dual objective of the first violated constraint alone.
+    fn ascend(&mut self, offsets: &[f64], first: f64) -> (Verdict, u32) {
         for iteration in 1..=self.max_iterations {
-            if !self.step() {
+            let before = if cfg!(debug_assertions) { self.objective() } else { f64::NEG_INFINITY };
+            let arrived = self.step(offsets);
+            self.check_invariants();
+            if !arrived {
                 continue;
             }
-            let can_go_on = match self.worst() {
+            let objective = self.objective();
+            let slack = 1e-6 * before.abs().max(first);
+            debug_assert!(
+                slack.is_infinite() || objective >= before - slack,
+                "a step fell to {objective} from {before}"
+            );
+            if objective > UNBOUNDED * first {
+                return (Verdict::Infeasible, iteration);
+            }
+            let possible = match self.worst() {
                 None => return (Verdict::Optimal, iteration),
-                Some(Member::Row(row)) if self.is_held[row] => true, // by rounding, which the next step mends
-                Some(Member::Cut { disc, .. }) if self.is_held[self.basis.rows + disc] => self.turn(),
-                Some(member) => self.join(member, 0.0),
+                Some((Member::Cut { disc, .. }, _)) if self.is_held[self.basis.rows + disc] => self.turn(offsets),
+                Some((Member::Row(row), _)) if self.is_held[row] => true, // rounding: the next step mends it
+                Some((member, _)) => self.join(member, 0.0, offsets),
             };
-            if !can_go_on {
+            if !possible {
                 return (Verdict::Infeasible, iteration);
             }
         }
         (Verdict::IterationLimit, self.max_iterations)
     }
 
-    /// The constraint violated by most in the metric of `H`; a disc as its tangent towards the present point.
-    fn worst(&self) -> Option<Member> {
+    /// The constraint violated most, in the norm of `H^-1`, and by how much. A disc is told by its tangent towards the
+    /// present point.
+    fn worst(&self) -> Option<(Member, f64)> {
         let (rows, pairs) = self.slacks.as_flattened()[..self.basis.len()].split_at(self.basis.rows);
         let (mut worst, mut most) = (None, 0.0);
-        for (row, (slack, scale)) in rows.iter().zip(&self.basis.scales).enumerate() {
+        for (row, (slack, scale)) in rows.iter().zip(&self.basis.scale).enumerate() {
             if *slack < -TOLERANCE && -slack * scale > most {
                 (worst, most) = (Some(Member::Row(row)), -slack * scale);
             }
         }
         for (disc, pair) in pairs.chunks_exact(2).enumerate() {
             let length = (pair[0] * pair[0] + pair[1] * pair[1]).sqrt();
-            if length > 1.0 + TOLERANCE {
-                let cut = Member::Cut { disc, towards: [pair[0] / length, pair[1] / length] };
-                let depth = (length - 1.0) / self.basis.diagonal(&self.basis.constraint(cut)).sqrt();
-                if depth > most {
-                    (worst, most) = (Some(cut), depth);
+            if length - 1.0 > TOLERANCE {
+                let member = Member::Cut { disc, towards: [pair[0] / length, pair[1] / length] };
+                let size = (length - 1.0) / self.basis.square(&self.basis.constraint(member)).sqrt();
+                if size > most {
+                    (worst, most) = (Some(member), size);
                 }
             }
         }
-        worst
+        worst.map(|member| (member, most))
+    }
+
+    /// `D` of the present multipliers.
+    fn objective(&self) -> f64 {
+        let slack =
+            |held: &Combination| held.slack(self.at_centre.as_flattened()) + held.slack(self.slacks.as_flattened());
+        -0.5 * self.held.iter().zip(&self.multipliers).map(|(held, multiplier)| multiplier * slack(held)).sum::<f64>()
+    }
+
+    /// What must hold between two steps.
+    fn check_invariants(&self) {
+        debug_assert!(self.held.len() == self.working_set.members.len() && self.held.len() == self.multipliers.len());
+        debug_assert!(self.held.len() <= self.held.capacity(), "the working set outgrew its room");
+        debug_assert!(self.multipliers.iter().all(|multiplier| *multiplier >= 0.0), "{:?}", self.multipliers);
+        debug_assert!(self.factor.misfit(|i, j| self.entry(i, j)) < 1e-6, "the factor is not that of the Gram block");
+    }
+
+    /// The entry of the working set's Gram block, softness included.
+    fn entry(&self, i: usize, j: usize) -> f64 {
+        let softness = if i == j { self.held[i].softness } else { 0.0 };
+        self.basis.entries(&self.held[i])(&self.held[j]) + softness
     }
 }
 
-fn is_finite(numbers: &[f64]) -> bool {
-    numbers.iter().all(|number| number.is_finite())
-}
+#[cfg(test)]
+mod tests;

@@ -1,9 +1,9 @@
 //! The working set: all that one solve leaves to the next.
 
-/// The constraints held as equations, in the order in which they joined.
+/// The constraints held as equations.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct WorkingSet {
-    /// No constraint twice.
+    /// In the order they joined.
     pub members: Vec<Member>,
 }
 
@@ -16,7 +16,7 @@ pub enum Member {
     Cut {
         /// Index of the disc.
         disc: usize,
-        /// The angle at which it touches, as its cosine and sine.
+        /// Cosine and sine of the angle at which it touches.
         towards: [f64; 2],
     },
 }
