@@ -21,15 +21,18 @@ use std::sync::Arc;
 use crate::message::{Message, Stamp};
 use crate::port::{Receive, Send};
 use crate::realtime::{Board, now_ns, phase, thread_cpu_ns};
+use crate::rehearsal::Rehearsal;
 use crate::scenario::{Late, NodeDeadline};
 
 /// Longest sleep without a look around: a lost wake-up costs no more than this.
 pub(crate) const LOOK_AROUND_NS: u64 = 100_000_000;
 
 /// Timing of the cycle under way, shared by a node's ports.
-#[derive(Debug)]
 pub struct Punctuality {
     deadline: NodeDeadline,
+    rehearsal: Rehearsal,
+    /// Whether this cycle's CPU time is still to be read.
+    open: Cell<bool>,
     /// The response that ended the run by the policy `stop` \[ns\], and its tick.
     broken: Cell<Option<(u64, u64)>>,
     release_ns: Cell<u64>,
@@ -42,9 +45,11 @@ pub struct Punctuality {
 
 impl Punctuality {
     /// Nothing done yet.
-    pub(crate) fn new(deadline: NodeDeadline) -> Self {
+    pub(crate) fn new(deadline: NodeDeadline, rehearsal: Rehearsal) -> Self {
         Self {
             deadline,
+            rehearsal,
+            open: Cell::default(),
             broken: Cell::default(),
             release_ns: Cell::default(),
             start_ns: Cell::default(),
@@ -61,8 +66,20 @@ impl Punctuality {
         self.misses.set(self.misses.get() + periods);
     }
 
+    /// When the node is to rehearse the cycle of the sample after that of `sample_ns`, if that is still to come.
+    pub(crate) fn rehearsal_ns(&self, sample_ns: u64) -> Option<u64> {
+        self.rehearsal.due_ns(sample_ns, now_ns())
+    }
+
+    /// Closes the cycle before and rehearses the next.
+    pub(crate) fn rehearse(&self) {
+        self.close();
+        self.rehearsal.run();
+    }
+
     /// A cycle that was due at `release_ns` begins now.
     pub(crate) fn begin(&self, release_ns: u64) {
+        self.close();
         self.release_ns.set(release_ns);
         self.start_ns.set(now_ns());
     }
@@ -94,11 +111,13 @@ impl Punctuality {
         stamp.slips = self.slips.get();
     }
 
-    /// The cycle is over. The CPU's clock is a system call of a microsecond: it is read once a cycle, after the message is
-    /// on its way, so that a cycle is what the thread used since the end of the one before.
-    fn end(&self) {
-        let used_ns = thread_cpu_ns();
-        self.last_cpu_ns.set(used_ns - self.used_cpu_ns.replace(used_ns));
+    /// Reads the CPU's clock for the cycle before, once. It is a system call of a microsecond, so this comes with the
+    /// rehearsal when there is one: a cycle is what the thread used from one closing to the next.
+    fn close(&self) {
+        if self.open.replace(false) {
+            let used_ns = thread_cpu_ns();
+            self.last_cpu_ns.set(used_ns - self.used_cpu_ns.replace(used_ns));
+        }
     }
 }
 
@@ -121,13 +140,17 @@ impl<M: Message> Inlet<M> {
     pub fn wait(&mut self) -> Option<M> {
         let before = *self.newest.stamp();
         while self.punctuality.broken().is_none() {
-            if let Some(message) = self.arrived(now_ns() + LOOK_AROUND_NS) {
+            let rehearsal_ns = self.punctuality.rehearsal_ns(before.sample_ns);
+            if let Some(message) = self.arrived(rehearsal_ns.unwrap_or_else(|| now_ns() + LOOK_AROUND_NS)) {
                 self.punctuality.slip(overtaken(&before, message.stamp()));
                 self.punctuality.begin(message.stamp().publish_ns[M::TOPIC as usize]);
                 return Some(message);
             }
             if self.board.phase().count() >= phase::LEAVE {
                 return None;
+            }
+            if rehearsal_ns.is_some() {
+                self.punctuality.rehearse();
             }
         }
         None
@@ -172,7 +195,7 @@ impl<M: Message> Inlet<M> {
 
 /// Where a node sends one topic to.
 pub struct Outlet<M> {
-    port: Box<dyn Send<M>>,
+    port: Rc<dyn Send<M>>,
     board: Arc<Board>,
     punctuality: Rc<Punctuality>,
     epoch: u64,
@@ -181,7 +204,8 @@ pub struct Outlet<M> {
 }
 
 impl<M: Message> Outlet<M> {
-    pub(crate) fn new(port: Box<dyn Send<M>>, board: Arc<Board>, punctuality: Rc<Punctuality>, epoch: u64) -> Self {
+    pub(crate) fn new(port: Rc<dyn Send<M>>, board: Arc<Board>, punctuality: Rc<Punctuality>, epoch: u64) -> Self {
+        punctuality.rehearsal.add(port.clone());
         Self { port, board, punctuality, epoch, sequence: 0, timely: None }
     }
 
@@ -189,15 +213,13 @@ impl<M: Message> Outlet<M> {
     /// the deadline's policy says. True when the next cycle shall do less.
     pub fn send(&mut self, mut message: M, lineage: Stamp) -> bool {
         let publish_ns = now_ns();
+        self.punctuality.open.set(true);
         let late = self.punctuality.late(lineage.tick, lineage.sample_ns, publish_ns);
         match late {
             None => self.timely = Some(message),
             Some(Late::Hold) => message = self.timely.unwrap_or(message),
             Some(Late::Send | Late::Degrade) => {}
-            Some(Late::Skip | Late::Stop) => {
-                self.punctuality.end();
-                return false;
-            }
+            Some(Late::Skip | Late::Stop) => return false,
         }
         self.sequence += 1;
         let stamp = message.stamp_mut();
@@ -206,7 +228,6 @@ impl<M: Message> Outlet<M> {
         self.punctuality.report(stamp);
         self.port.send(&message);
         self.board.bell(M::TOPIC).ring();
-        self.punctuality.end();
         late == Some(Late::Degrade)
     }
 }
@@ -233,7 +254,7 @@ mod tests {
     }
 
     fn due_in_ten_ms(late: Late) -> Punctuality {
-        Punctuality::new(NodeDeadline { deadline_ns: 10_000_000, late })
+        Punctuality::new(NodeDeadline { deadline_ns: 10_000_000, late }, Rehearsal::new(None))
     }
 
     #[test]

@@ -8,6 +8,7 @@
 //! | [`port`] | how messages travel; the only file that names iceoryx2 |
 //! | [`stamp`] | which plant sample a message descends from, through whom, and when |
 //! | [`cycle`] | wake, step, send, and the punctuality of it |
+//! | [`rehearsal`] | what a node does shortly before its cycle, so that the cycle is quick |
 //! | [`pace`] | what releases the plant, the only node with a clock |
 //! | [`domain`] | what a run owns in shared memory, by namespace |
 //! | [`realtime`] | time, priority, the shared page of bells; the only `unsafe` |
@@ -20,6 +21,7 @@ pub mod pace;
 pub mod port;
 pub mod process;
 pub mod realtime;
+pub mod rehearsal;
 pub mod scenario;
 pub mod stamp;
 pub mod topic;

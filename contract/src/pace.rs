@@ -79,9 +79,16 @@ impl Pace {
             Kind::Clock { t0_ns } => {
                 let sample_ns = t0_ns + tick * self.period_ns;
                 let release_ns = sample_ns + self.period_ns;
-                while let Some(message) = inlet.arrived(release_ns) {
-                    heard(&message, now_ns().saturating_sub(sample_ns));
+                let mut listen = |until_ns| {
+                    while let Some(message) = inlet.arrived(until_ns) {
+                        heard(&message, now_ns().saturating_sub(sample_ns));
+                    }
+                };
+                if let Some(rehearsal_ns) = self.punctuality.rehearsal_ns(sample_ns) {
+                    listen(rehearsal_ns);
+                    self.punctuality.rehearse();
                 }
+                listen(release_ns);
                 if self.board.phase().count() >= phase::LEAVE || self.punctuality.broken().is_some() {
                     return Turn::Over;
                 }

@@ -7,6 +7,7 @@
 //! The generic ports stay behind two small traits, so that only this crate pays for compiling them.
 
 use std::path::Path;
+use std::rc::Rc;
 
 /// Marks a type that may travel: fixed layout, no pointers.
 pub use iceoryx2::prelude::ZeroCopySend;
@@ -20,6 +21,7 @@ use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 use crate::Topic;
 use crate::domain::Domain;
 use crate::message::{Actuators, Controls, Message, Reference, State};
+use crate::rehearsal::Rehearse;
 
 /// Queue of a node: the newest value wins, one more in case it arrives between two looks.
 pub const NODE_DEPTH: usize = 2;
@@ -48,7 +50,7 @@ pub enum PortError {
 }
 
 /// Sends one kind of message.
-pub trait Send<M> {
+pub trait Send<M>: Rehearse {
     /// Hands `message` to every subscriber; the number of those, 0 when it could not be sent.
     fn send(&self, message: &M) -> usize;
 }
@@ -95,7 +97,7 @@ impl Bus {
     }
 
     /// Opens the sending side of `M`'s topic.
-    pub fn sender<M: Wire>(&self) -> Result<Box<dyn Send<M>>, PortError> {
+    pub fn sender<M: Wire>(&self) -> Result<Rc<dyn Send<M>>, PortError> {
         M::sender(&self.node)
     }
 
@@ -126,7 +128,7 @@ pub fn config_toml(domain: &Domain) -> String {
 /// A message that can travel: the four of [`crate::message`], and no other.
 pub trait Wire: Message {
     #[doc(hidden)]
-    fn sender(node: &Node<ipc::Service>) -> Result<Box<dyn Send<Self>>, PortError>;
+    fn sender(node: &Node<ipc::Service>) -> Result<Rc<dyn Send<Self>>, PortError>;
     #[doc(hidden)]
     fn receiver(node: &Node<ipc::Service>, depth: usize) -> Result<Box<dyn Receive<Self>>, PortError>;
 }
@@ -134,9 +136,9 @@ pub trait Wire: Message {
 macro_rules! wire {
     ($($name:ident),*) => {$(
         impl Wire for $name {
-            fn sender(node: &Node<ipc::Service>) -> Result<Box<dyn Send<Self>>, PortError> {
+            fn sender(node: &Node<ipc::Service>) -> Result<Rc<dyn Send<Self>>, PortError> {
                 let port = open::<Self>(node)?.publisher_builder().create().map_err(refused::<Self>)?;
-                Ok(Box::new(port))
+                Ok(Rc::new(port))
             }
             fn receiver(node: &Node<ipc::Service>, depth: usize) -> Result<Box<dyn Receive<Self>>, PortError> {
                 let builder = open::<Self>(node)?;
@@ -151,6 +153,12 @@ wire!(State, Reference, Controls, Actuators);
 impl<M: Message + ZeroCopySend> Send<M> for Publisher<ipc::Service, M, ()> {
     fn send(&self, message: &M) -> usize {
         self.send_copy(*message).unwrap_or(0)
+    }
+}
+
+impl<M: Message + ZeroCopySend> Rehearse for Publisher<ipc::Service, M, ()> {
+    fn rehearse(&self) {
+        drop(self.loan_uninit()); // the better half of a send
     }
 }
 

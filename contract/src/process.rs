@@ -15,6 +15,7 @@ use crate::domain::{Domain, DomainError};
 use crate::pace::Pace;
 use crate::port::{Bus, NODE_DEPTH, OBSERVER_DEPTH, PortError, Receive, Wire};
 use crate::realtime::{self, Board, now_ns, phase};
+use crate::rehearsal::Rehearsal;
 use crate::scenario::{self, Late, Mode, Scenario, ScenarioError};
 use crate::topic::NODES;
 
@@ -99,10 +100,12 @@ impl Seat {
         let bus = Bus::attach(&domain)?;
         let rank = NODES.iter().position(|node| *node == name).unwrap_or(0);
         let mut deadline = scenario.deadline_of(rank);
-        if scenario.run.mode != Mode::Realtime {
+        let clocked = scenario.run.mode == Mode::Realtime;
+        if !clocked {
             deadline.late = Late::Send; // without a clock nothing is due
         }
-        let punctuality = Rc::new(Punctuality::new(deadline));
+        let rehearsal = Rehearsal::new(clocked.then(|| scenario.sample_ns()));
+        let punctuality = Rc::new(Punctuality::new(deadline, rehearsal));
         Ok(Self { scenario, board, bus, punctuality, rank })
     }
 

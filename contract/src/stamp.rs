@@ -24,7 +24,7 @@ pub struct Stamp {
     pub release_ns: u64,
     /// When the publisher began to work on it.
     pub start_ns: u64,
-    /// CPU time its thread spent on the previous cycle, from the end of the one before it \[ns\].
+    /// CPU time its thread used for the previous cycle, rehearsal included ([`crate::rehearsal`]) \[ns\].
     pub cpu_ns: u64,
     /// Deadlines the publisher has missed so far.
     pub misses: u64,

@@ -15,17 +15,15 @@ use crate::measure::mpc::distribution::median;
 const CALLS: u64 = 200;
 const BATCHES: usize = 101;
 
-/// Readings of the clock that a node's cycle notes: start and publication, twice the thread's processor time.
-pub const CLOCK_READINGS: f64 = 2.0;
-/// Readings of the thread's processor time in a cycle; the second comes when the message is on its way.
-pub const CPU_READINGS: f64 = 2.0;
+/// Readings of the clock that a node's cycle notes: start and publication.
+const CLOCK_READINGS: f64 = 2.0;
 
 /// Time of one call each \[ns\].
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct Costs {
     /// Reading `CLOCK_MONOTONIC`.
     pub clock_ns: f64,
-    /// Reading the thread's processor time.
+    /// Reading the thread's processor time; once a cycle, at the rehearsal, when nobody waits.
     pub cpu_clock_ns: f64,
     /// Loan, copy and send of one message to two subscribers, as in a ring that the launcher watches.
     pub send_ns: f64,
@@ -70,9 +68,9 @@ impl Costs {
         })
     }
 
-    /// All that a node's cycle notes of time \[ns\].
+    /// All that a node's cycle notes of time while somebody waits \[ns\].
     pub fn stamps_ns(&self) -> f64 {
-        CLOCK_READINGS * self.clock_ns + CPU_READINGS * self.cpu_clock_ns
+        CLOCK_READINGS * self.clock_ns
     }
 }
 

@@ -53,8 +53,11 @@ pub struct TimingArgs {
     /// Rounds of what is compared
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u8).range(1..=100))]
     pub rounds: u8,
+    /// Length of the paper's survey [s]: misses are rare, so they take long to count
+    #[arg(long, default_value_t = 60.0, value_parser = seconds)]
+    pub survey_s: f64,
     /// One short round: shows that everything works, and no figure to rely on
-    #[arg(long, conflicts_with = "rounds")]
+    #[arg(long, conflicts_with_all = ["rounds", "survey_s"])]
     pub quick: bool,
     /// Folder for the histograms and the results [default: runs/measure-timing-TIME]
     #[arg(long)]
@@ -70,7 +73,7 @@ pub fn measure(args: &TimingArgs) -> anyhow::Result<u8> {
     let cannot = || format!("cannot write to the folder {}; choose another with --out", out.display());
     std::fs::create_dir_all(&out).with_context(cannot)?;
     let interrupts = catch_interrupts()?;
-    let plan = if args.quick { Plan::quick() } else { Plan::full(usize::from(args.rounds)) };
+    let plan = if args.quick { Plan::quick() } else { Plan::full(usize::from(args.rounds), args.survey_s) };
     let raw = Raw::measure(&plan, &interrupts)?;
 
     let mut host = provenance(&Scenario::default(), &[]);
@@ -100,6 +103,11 @@ fn figures<'a>(raw: &'a Raw, canary: &'a Series) -> Vec<Figure<'a>> {
     figures.push(figure("Age at the actuator by scheduling class", raw.policies.iter().map(|f| &f.ages).collect()));
     figures.push(figure("Age at the actuator by rate", raw.rates.iter().map(|f| &f.ages).collect()));
     figures
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    let value = text.parse().ok().filter(|s| (1.0..=3600.0).contains(s));
+    value.ok_or_else(|| "expected seconds from 1 to 3600".to_owned())
 }
 
 fn default_folder() -> PathBuf {

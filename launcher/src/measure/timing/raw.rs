@@ -12,9 +12,10 @@ use super::cycles::WARM_UP_NS;
 use super::cyclictest;
 use super::flight::{self, Flight, fly};
 use super::machine::{Placement, Stress, installed, measured_cpu, on_cpu};
-use super::plan::{FLIGHT_HZ, LOOP_PRIORITY, Plan, RATES_HZ, RING_HZ};
+use super::plan::{FLIGHT_HZ, LOADED_HZ, LOOP_PRIORITY, Plan, RATES_HZ, RING_HZ};
 use super::rings::{Kind, Noted, Releases, Stations};
 use super::series::Series;
+use super::station::stamped;
 
 /// Everything measured.
 pub struct Raw {
@@ -54,6 +55,8 @@ pub struct Rings {
     pub executions: Series,
     /// The others, in the order of [`Kind::ALL`].
     pub others: Vec<Series>,
+    /// Of [`Kind::Stamped`], the laps without and with the clock read.
+    pub laps: [Series; 2],
 }
 
 /// Flights under the same circumstances.
@@ -100,7 +103,8 @@ impl Raw {
         for loaded in [false, true] {
             for policy in [Policy::Fifo, Policy::Other] {
                 let name = format!("{} {}", policy_name(policy), if loaded { "under load" } else { "idle" });
-                raw.policies.push(Flown::new(&name, FLIGHT_HZ, policy, loaded));
+                let rate_hz = if loaded { LOADED_HZ } else { FLIGHT_HZ };
+                raw.policies.push(Flown::new(&name, rate_hz, policy, loaded));
             }
         }
         for round in 0..plan.rounds {
@@ -171,6 +175,7 @@ impl Rings {
             hops: series("stack's hops"),
             executions: series("stack's executions"),
             others: Kind::ALL.iter().map(|kind| series(kind.name())).collect(),
+            laps: [series("clock not read"), series("clock read")],
         }
     }
 
@@ -188,10 +193,17 @@ impl Rings {
         self.hops.rounds.push(flight.cycles.hops_ns());
         self.executions.rounds.push(flight.cycles.executions_ns());
         for (kind, series) in Kind::ALL.into_iter().zip(&mut self.others) {
-            let seconds = if matches!(kind, Kind::Raw | Kind::Stamped) { plan.ring_s } else { plan.scale_s };
+            let scale = matches!(kind, Kind::Socket | Kind::Pipe);
+            let seconds = if scale { plan.scale_s } else { plan.ring_s };
             let releases = Releases { period_ns, count: (seconds * f64::from(RING_HZ)) as usize };
-            let stations = self.placement.during(|| Stations::ring(kind, releases))?;
-            series.rounds.push(warm(stations.finish(interrupts)?));
+            let noted = self.placement.during(|| Stations::ring(kind, releases))?.finish(interrupts)?;
+            if kind == Kind::Stamped {
+                for (laps, read) in self.laps.iter_mut().zip([false, true]) {
+                    let of = noted.iter().enumerate().filter(|(lap, _)| stamped(*lap) == read);
+                    laps.rounds.push(warm(of.map(|(_, noted)| *noted).collect()));
+                }
+            }
+            series.rounds.push(warm(noted));
         }
         Ok(())
     }

@@ -53,10 +53,10 @@ pub struct Ring {
     pub p50_over_raw: Option<Ratio>,
     /// The same: p99.
     pub p99_over_raw: Option<Ratio>,
-    /// What the raw ring takes longer when its stations read the clocks as nodes do, over the stack's time with
-    /// execution \[%\].
+    /// What a raw ring takes longer in the laps in which its stations read the clock as nodes do, over the stack's time
+    /// with execution \[%\].
     pub stamps_percent: Option<Ratio>,
-    /// The readings of the clocks by themselves, over the same \[%\].
+    /// The readings of the clock by themselves, over the same \[%\].
     pub stamps_counted_percent: Option<f64>,
     /// Where a quarter of the ring's time goes.
     pub hop: Option<Hop>,
@@ -67,7 +67,7 @@ pub struct Ring {
 pub struct Hop {
     /// All of it.
     pub all_ns: f64,
-    /// The kernel's wake-up: a quarter of the raw ring.
+    /// The kernel's wake-up: a quarter of the raw ring that rehearses as the stack does.
     pub kernel_ns: f64,
     /// One reading of the clock: half of the start's, half of the publication's. The others fall into execution.
     pub clock_ns: f64,
@@ -141,8 +141,8 @@ impl Ring {
         let p50: fn(&Distribution) -> f64 = |d| d.p50_us;
         let with_execution_us =
             || rings.stack.each(p50).into_iter().zip(rings.executions.each(p50)).map(|(t, e)| t + e);
-        let added_us =
-            rings.of(Kind::Stamped).each(p50).into_iter().zip(raw.each(p50)).map(|(with, without)| with - without);
+        let [without, with] = &rings.laps;
+        let added_us = with.each(p50).into_iter().zip(without.each(p50)).map(|(with, without)| with - without);
         let usual_us = Ratio::of(with_execution_us()).map(|ratio| ratio.median);
         Self {
             placement: rings.placement,
@@ -159,7 +159,7 @@ impl Hop {
     fn of(rings: &Rings, costs: &Costs) -> Option<Self> {
         let quarter_ns = |median_us: f64| median_us * 1e3 / HOPS;
         let all_ns = quarter_ns(rings.stack.all()?.p50_us);
-        let kernel_ns = quarter_ns(rings.of(Kind::Raw).all()?.p50_us);
+        let kernel_ns = quarter_ns(rings.of(Kind::Rehearsed).all()?.p50_us);
         let Costs { clock_ns, send_ns, receive_ns, .. } = *costs;
         let rest_ns = all_ns - kernel_ns - clock_ns - send_ns - receive_ns;
         Some(Self { all_ns, kernel_ns, clock_ns, send_ns, receive_ns, rest_ns })

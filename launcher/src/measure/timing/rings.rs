@@ -23,8 +23,10 @@ use crate::stack::StartError;
 pub enum Kind {
     /// Bare futexes: the kernel's own wake-up.
     Raw,
-    /// The same, and every station reads the clocks as a node of the stack does.
+    /// The same, and in every second lap the stations read the clock as the nodes of the stack do.
     Stamped,
+    /// Bare futexes after a rehearsal: the kernel's wake-up when it has not forgotten the process.
+    Rehearsed,
     /// Unix sockets.
     Socket,
     /// Pipes.
@@ -33,13 +35,14 @@ pub enum Kind {
 
 impl Kind {
     /// All of them.
-    pub const ALL: [Self; 4] = [Self::Raw, Self::Stamped, Self::Socket, Self::Pipe];
+    pub const ALL: [Self; 5] = [Self::Raw, Self::Stamped, Self::Rehearsed, Self::Socket, Self::Pipe];
 
     /// What the tables call it.
     pub fn name(self) -> &'static str {
         match self {
             Self::Raw => "raw futex",
-            Self::Stamped => "raw futex, clocks read",
+            Self::Stamped => "raw futex, clock read every second lap",
+            Self::Rehearsed => "raw futex, rehearsed",
             Self::Socket => "unix socket",
             Self::Pipe => "pipe",
         }
@@ -77,7 +80,7 @@ impl Stations {
     /// A station alone, with `priority`.
     pub fn alone(releases: Releases, priority: u32) -> anyhow::Result<Self> {
         let mut stations = Self::none(releases)?;
-        stations.spawn(0, Link::None, false, priority, None)?;
+        stations.spawn(0, Link::None, None, priority, None)?;
         Ok(stations)
     }
 
@@ -85,7 +88,7 @@ impl Stations {
     pub fn ring(kind: Kind, releases: Releases) -> anyhow::Result<Self> {
         let mut stations = Self::none(releases)?;
         let (link, ends) = match kind {
-            Kind::Raw | Kind::Stamped => (Link::Bell, vec![]),
+            Kind::Raw | Kind::Stamped | Kind::Rehearsed => (Link::Bell, vec![]),
             Kind::Socket => (Link::Stream, closed(socket)?),
             Kind::Pipe => (Link::Stream, closed(|| pipe().map(|(inlet, outlet)| (inlet.into(), outlet.into())))?),
         };
@@ -94,7 +97,7 @@ impl Stations {
         // The one with the clock last: the others wait for it then.
         for rank in (0..Topic::COUNT as u8).rev() {
             let priority = wanted.of(usize::from(rank)).priority;
-            stations.spawn(rank, link, kind == Kind::Stamped, priority, ends.next())?;
+            stations.spawn(rank, link, Some(kind), priority, ends.next())?;
         }
         Ok(stations)
     }
@@ -139,7 +142,7 @@ impl Stations {
         &mut self,
         rank: u8,
         link: Link,
-        stamps: bool,
+        kind: Option<Kind>,
         priority: u32,
         ends: Option<(OwnedFd, OwnedFd)>,
     ) -> anyhow::Result<()> {
@@ -147,7 +150,8 @@ impl Stations {
             namespace: self.hold.domain.namespace().to_owned(),
             rank,
             link,
-            stamps,
+            stamps: kind == Some(Kind::Stamped),
+            rehearse: kind == Some(Kind::Rehearsed),
             period_ns: self.releases.period_ns,
             count: self.releases.count,
             priority,

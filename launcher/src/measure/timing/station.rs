@@ -20,7 +20,8 @@ use clap::ValueEnum;
 use contract::Topic;
 use contract::domain::Domain;
 use contract::process::exit;
-use contract::realtime::{Bell, Board, enter, now_ns, phase, thread_cpu_ns};
+use contract::realtime::{Bell, Board, enter, now_ns, phase};
+use contract::rehearsal::Rehearsal;
 use contract::scenario::{Policy, Scenario, Scheduling};
 use rustix::process::Signal;
 
@@ -41,9 +42,12 @@ pub struct StationArgs {
     /// What carries the token
     #[arg(long)]
     pub link: Link,
-    /// Read the clocks as a node of the stack does in a cycle
+    /// Read the clock as a node of the stack does in a cycle, every second time the token comes
     #[arg(long)]
     pub stamps: bool,
+    /// Wake once before the token is due, as a node of the stack does
+    #[arg(long)]
+    pub rehearse: bool,
     /// Between two releases
     #[arg(long)]
     pub period_ns: u64,
@@ -86,6 +90,7 @@ impl StationArgs {
         .collect();
         words.extend(["--samples".into(), self.samples.clone().into()]);
         words.extend(self.stamps.then(|| "--stamps".into()));
+        words.extend(self.rehearse.then(|| "--rehearse".into()));
         words
     }
 }
@@ -100,7 +105,7 @@ pub fn run(args: &StationArgs) -> anyhow::Result<u8> {
     enter(&Scheduling { policy: Policy::Fifo, priority: args.priority, ..Scenario::default().realtime.of(0) });
     if args.rank > 0 {
         while token.wait() {
-            token.begin();
+            token.read_clock();
             token.pass();
         }
         return Ok(exit::FLOWN);
@@ -121,11 +126,12 @@ fn turn(args: &StationArgs, board: &Board, token: &mut Token, samples: &mut Vec<
     let mut slot = 0;
     while samples.len() < args.count {
         let release_ns = t0_ns + slot * args.period_ns;
+        token.rehearse(release_ns - args.period_ns, |due_ns| board.phase().wait(phase::JOIN, due_ns));
         board.phase().wait(phase::JOIN, release_ns);
         if board.phase().count() >= phase::LEAVE {
             return;
         }
-        token.begin();
+        token.read_clock();
         token.pass();
         if !token.wait() {
             return;
@@ -137,14 +143,24 @@ fn turn(args: &StationArgs, board: &Board, token: &mut Token, samples: &mut Vec<
     }
 }
 
+/// Whether the clock is read in lap `lap` of a ring that compares reading it with not reading it.
+pub fn stamped(lap: usize) -> bool {
+    lap % 2 == 1
+}
+
 /// The token, as this station sees it.
 struct Token<'a> {
     link: Link,
     stamps: bool,
+    rehearsal: Rehearsal,
     board: &'a Board,
     inlet: &'a Bell,
     outlet: &'a Bell,
     seen: u32,
+    /// When it came the last time.
+    came_ns: u64,
+    /// How often it was passed on.
+    passed: usize,
 }
 
 impl<'a> Token<'a> {
@@ -154,10 +170,20 @@ impl<'a> Token<'a> {
         Self {
             link: args.link,
             stamps: args.stamps,
+            rehearsal: Rehearsal::new(args.rehearse.then_some(args.period_ns)),
             board,
             inlet: bell(rank + Topic::COUNT - 1),
             outlet: bell(rank),
             seen: 0,
+            came_ns: 0,
+            passed: 0,
+        }
+    }
+
+    /// Sleeps until it is time to rehearse what follows `before_ns`, if this station does.
+    fn rehearse(&self, before_ns: u64, sleep_until: impl FnOnce(u64)) {
+        if let Some(due_ns) = self.rehearsal.due_ns(before_ns, now_ns()) {
+            sleep_until(due_ns);
         }
     }
 
@@ -171,33 +197,31 @@ impl<'a> Token<'a> {
     }
 
     fn wait_for_bell(&mut self) -> bool {
+        self.rehearse(self.came_ns, |due_ns| self.inlet.wait(self.seen, due_ns));
         while self.inlet.count() == self.seen {
             self.inlet.wait(self.seen, now_ns() + LOOK_AROUND_NS);
         }
         self.seen = self.inlet.count();
+        self.came_ns = now_ns();
         self.board.phase().count() < phase::LEAVE
     }
 
     /// Passes it on.
-    fn pass(&self) {
-        if self.stamps {
-            std::hint::black_box(now_ns());
-        }
+    fn pass(&mut self) {
+        self.read_clock();
+        self.passed += 1;
         match self.link {
             Link::None => {}
             Link::Bell => self.outlet.ring(),
             // Whoever has left is noticed when reading.
             Link::Stream => _ = rustix::io::write(stdout(), &[0_u8; 8]),
         }
-        if self.stamps {
-            std::hint::black_box(thread_cpu_ns());
-        }
     }
 
-    /// What a cycle of the stack notes when it begins.
-    fn begin(&self) {
-        if self.stamps {
-            std::hint::black_box((now_ns(), thread_cpu_ns()));
+    /// What a cycle of the stack notes when it begins, and again when it sends.
+    fn read_clock(&self) {
+        if self.stamps && stamped(self.passed) {
+            std::hint::black_box(now_ns());
         }
     }
 }
