@@ -33,6 +33,12 @@ impl Series {
         Self { name: name.into(), rounds: vec![] }
     }
 
+    /// The same times in rounds of `length`; what does not fill one is left out.
+    pub fn split(&self, length: usize) -> Self {
+        let rounds = self.rounds.iter().flat_map(|times| times.chunks_exact(length)).map(<[u64]>::to_vec).collect();
+        Self { name: self.name.clone(), rounds }
+    }
+
     /// The distribution of all rounds together.
     pub fn all(&self) -> Option<Distribution> {
         Distribution::of(self.rounds.iter().flatten().copied())
@@ -101,6 +107,11 @@ mod tests {
         assert_eq!(ratio, Ratio { median: 2.0, min: 2.0, max: 3.0 });
         assert_eq!(ours.over(&series(&[]), |d| d.p50_us), None);
         assert_eq!(Ratio::of([1.0, 4.0, f64::INFINITY]).map(|r| r.median), Some(2.5));
+    }
+
+    #[test]
+    fn splitting_keeps_the_order_and_whole_rounds_only() {
+        assert_eq!(series(&[&[1, 2, 3, 4, 5], &[6, 7]]).split(2).rounds, [[1, 2], [3, 4], [6, 7]]);
     }
 
     #[test]
