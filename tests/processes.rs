@@ -20,11 +20,13 @@ fn processes_of(namespace: &str) -> Vec<i32> {
 
 /// The process that runs `node` in `namespace`.
 fn process_of(namespace: &str, node: &str) -> i32 {
-    let runs = |pid: &i32| {
-        let line = std::fs::read_to_string(format!("/proc/{pid}/cmdline")).unwrap_or_default();
-        line.split('\0').any(|word| word == node)
-    };
-    processes_of(namespace).into_iter().find(runs).unwrap_or_else(|| panic!("{node} does not run"))
+    processes_of(namespace).into_iter().find(|pid| runs(*pid, node)).unwrap_or_else(|| panic!("{node} does not run"))
+}
+
+/// Whether process `pid` runs `node`.
+fn runs(pid: i32, node: &str) -> bool {
+    let line = std::fs::read_to_string(format!("/proc/{pid}/cmdline")).unwrap_or_default();
+    line.split('\0').any(|word| word == node)
 }
 
 fn kill(signal: &str, pids: &[i32]) {
@@ -82,15 +84,50 @@ fn stop_ends_a_flight() {
     assert!(String::from_utf8_lossy(&again.stderr).contains("no stack runs"));
 }
 
+/// What happened to `node`, in order.
+fn events(run: &serde_json::Value, node: &str) -> Vec<String> {
+    let all = run["events"].as_array().expect("events");
+    let of_node = all.iter().filter(|event| event["node"] == node);
+    of_node.map(|event| event["what"].as_str().expect("what").to_owned()).collect()
+}
+
+fn position_error_m(outcome: &crate::harness::Outcome) -> f64 {
+    outcome.metric("max_position_error_m")
+}
+
 #[test]
-fn a_process_that_dies_ends_the_run_with_its_name() {
-    for victim in ["plant", "guidance", "attitude-mpc", "mixer"] {
+fn without_the_plant_the_run_ends_with_its_name() {
+    let ns = namespace();
+    let flight = start_flying(&ns);
+    kill("-KILL", &[process_of(&ns, "plant")]);
+    let outcome = flight.finish();
+    assert_eq!(outcome.code(), Some(3), "{}", outcome.stderr);
+    assert!(outcome.stderr.contains("plant"), "{}", outcome.stderr);
+    assert_eq!(shared_memory_of(&ns), Vec::<String>::new());
+}
+
+#[test]
+fn a_process_that_dies_or_hangs_is_replaced_in_flight() {
+    for (signal, first) in [("-KILL", "died"), ("-STOP", "hung")] {
         let ns = namespace();
         let flight = start_flying(&ns);
-        kill("-KILL", &[process_of(&ns, victim)]);
+        for victim in ["guidance", "attitude-mpc", "mixer"] {
+            let before = process_of(&ns, victim);
+            kill(signal, &[before]);
+            let others = || processes_of(&ns).into_iter().filter(|pid| *pid != before && runs(*pid, victim)).count();
+            wait_until("another process is there", || others() > 0 && !processes_of(&ns).contains(&before));
+        }
+        std::thread::sleep(std::time::Duration::from_secs(2));
+        kill("-INT", &[flight.child.id() as i32]);
         let outcome = flight.finish();
-        assert_eq!(outcome.code(), Some(3), "{victim}: {}", outcome.stderr);
-        assert!(outcome.stderr.contains(victim), "{}", outcome.stderr);
+        assert_eq!(outcome.code(), Some(130), "{}", outcome.stderr);
+        let run = outcome.run();
+        for victim in ["guidance", "attitude-mpc", "mixer"] {
+            let events = events(&run, victim);
+            assert!(events.starts_with(&[first.to_owned()]), "{signal} {victim}: {events:?}");
+            assert_eq!(events.last().map(String::as_str), Some("took-over"), "{signal} {victim}: {events:?}");
+        }
+        assert!(position_error_m(&outcome) < 1.0, "{signal}: {}", position_error_m(&outcome));
         assert_eq!(shared_memory_of(&ns), Vec::<String>::new());
     }
 }
@@ -133,14 +170,14 @@ fn a_namespace_holds_one_stack() {
 fn a_node_that_was_stopped_counts_what_it_slept_through() {
     let ns = namespace();
     let flight = start_flying(&ns);
-    let mixer = process_of(&ns, "mixer");
-    kill("-STOP", &[mixer]);
+    let plant = process_of(&ns, "plant"); // anybody else would be replaced
+    kill("-STOP", &[plant]);
     std::thread::sleep(std::time::Duration::from_millis(300));
-    kill("-CONT", &[mixer]);
+    kill("-CONT", &[plant]);
     std::thread::sleep(std::time::Duration::from_millis(300));
     kill("-INT", &[flight.child.id() as i32]);
     let run = flight.finish().run();
-    let mixer = &run["timing"]["nodes"]["mixer"];
-    assert!(mixer["slips"].as_u64() > Some(10), "{mixer}");
-    assert!(mixer["misses"].as_u64() >= mixer["slips"].as_u64(), "{mixer}");
+    let plant = &run["timing"]["nodes"]["plant"];
+    assert!(plant["slips"].as_u64() > Some(10), "{plant}");
+    assert!(plant["misses"].as_u64() >= plant["slips"].as_u64(), "{plant}");
 }

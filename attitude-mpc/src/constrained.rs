@@ -24,7 +24,8 @@ const NEAR: f64 = 1e-6;
 /// The set of the plans, and the solver that keeps them inside.
 pub struct Constrained {
     set: PlanSet,
-    solver: Solver,
+    /// See [`crate::solver`].
+    pub solver: Solver,
     hessian: DMatrix<f64>,
     faults: Vec<Fault>,
     /// Sample time \[s\].

@@ -1,7 +1,7 @@
 //! Tests only: the values of the independent simulator.
 
 use contract::Scenario;
-use contract::message::{Reference, State};
+use contract::message::{Reference, Stamp, State};
 use contract::scenario::{Constraints, Fault, FaultKind, FaultTarget, Profile, Terminal};
 use nalgebra::{DMatrix, DVector};
 use serde_json::Value;
@@ -19,7 +19,7 @@ pub fn vector(value: &Value) -> DVector<f64> {
 
 /// A fault of the solver.
 pub fn fault(kind: FaultKind, at_s: f64, for_s: Option<f64>) -> Fault {
-    Fault { at_s, for_s, target: FaultTarget::Mpc, kind }
+    Fault::new(FaultTarget::Mpc, kind, at_s, for_s)
 }
 
 /// A reference matrix by name.
@@ -73,13 +73,15 @@ pub fn cases() -> Vec<Case> {
 fn case(case: &Value) -> Case {
     let scenario = scenario(&case["cfg"]);
     let (x, r, act) = (vector(&case["x_abs"]), vector(&case["ref_abs"]), vector(&case["act"]));
-    let mut state = State::default();
+    let stamp = Stamp { sequence: 1, ..Stamp::default() };
+    let mut state = State { stamp, ..State::default() };
     state.measured.velocity_mps[2] = x[0];
     state.measured.attitude_rad = [x[1], x[2], x[3]];
     state.measured.rates_radps = [x[4], x[5], x[6]];
     state.command_in_force.rotor_speed = [act[0], act[1], act[2]];
     state.command_in_force.tilt_rad = act[3];
     let reference = Reference {
+        stamp,
         w_mps: r[0],
         attitude_rad: [r[1], r[2], r[3]],
         rates_radps: [r[4], r[5], r[6]],

@@ -17,17 +17,22 @@
 //! | [`solver`] | the constrained problem, by Clarabel or by our own active-set method | |
 //! | [`disturbance`] | estimate of a constant disturbance on the inputs | |
 //! | [`pid`] | another law, to compare with | |
+//! | [`goal`] | what to follow when references stop coming | |
 //! | [`memory`] | all that survives a tick | |
 //! | `process` | the process around it | |
 //!
-//! In nominal flight no constraint is active: the plan is one matrix-vector product, and it is checked, not solved. Only
-//! a plan that leaves the set goes to the solver. A solve that fails leaves no gap: every move of the unconstrained plan
-//! then gives way to the nearest one inside the set.
+//! In nominal flight no constraint is active: the plan is one matrix-vector product, and it is checked, not solved.
+//! Only a plan that leaves the set goes to the solver. A solve that fails leaves no gap: every move of the
+//! unconstrained plan then gives way to the nearest one inside the set.
+//!
+//! Without a fresh state there is no plan at all: the last demand is repeated, and says so. What the vehicle needs then
+//! is nearer to the actuators, in the mixer.
 
 pub mod condensed;
 pub mod constrained;
 pub mod constraints;
 pub mod disturbance;
+pub mod goal;
 pub mod memory;
 pub mod model;
 pub mod pid;
@@ -47,14 +52,19 @@ use airframe::linear::{INPUTS, STATES};
 use contract::Scenario;
 use contract::message::{Controls, Reference, SolveStatus, State};
 use contract::scenario::Law;
+use contract::snapshot::{Reader, Snapshot, Writer};
 use nalgebra::{DMatrix, DVector, Vector4};
 
 use condensed::Condensed;
 use constrained::{Account, Constrained};
 use disturbance::DisturbanceLaw;
+use goal::Goal;
 use memory::Memory;
 use model::PredictionModel;
 use pid::Pid;
+
+/// No plan is this large \[N, N m\]: the fourth power, which the solvers come near to, is still a number.
+const FAR: f64 = 1e50;
 
 /// The attitude controller.
 pub struct AttitudeMpc {
@@ -63,6 +73,7 @@ pub struct AttitudeMpc {
     constrained: Option<Constrained>,
     law: Option<DisturbanceLaw>,
     delay_compensation: bool,
+    sample_ns: u64,
     memory: Memory,
     work: Work,
 }
@@ -116,18 +127,28 @@ impl AttitudeMpc {
             },
             law: DisturbanceLaw::new(&scenario.airframe, scenario.mpc.disturbance_gain, scenario.sample_s()),
             delay_compensation: scenario.mpc.delay_compensation,
+            sample_ns: scenario.sample_ns(),
             model,
             wish,
             constrained,
         }
     }
 
-    /// The demand for a measured state and the reference it shall follow: deviations of col, lon, lat, ped from trim
-    /// \[N, N m, N m, N m\]. Of the state it uses the tick, what was measured, and the command in force.
-    pub fn step(&mut self, state: &State, reference: &Reference) -> Controls {
-        if !is_finite(state, reference) {
-            return self.repeat();
+    /// The demand at `tick` for the newest measured state and the newest reference to follow: deviations of col, lon,
+    /// lat, ped from trim \[N, N m, N m, N m\]. Of the state it uses the tick, what was measured, and the command in
+    /// force.
+    ///
+    /// For a state of an earlier tick, or none, the last demand is repeated; what an old reference becomes, [`goal`]
+    /// tells.
+    pub fn step(&mut self, tick: u64, state: &State, reference: &Reference) -> Controls {
+        if state.stamp.sequence == 0 || state.stamp.tick < tick {
+            return self.repeat(SolveStatus::Stale);
         }
+        if !is_finite(state, reference) {
+            return self.repeat(SolveStatus::BadInput);
+        }
+        let newest = self.memory.goal.renewed(reference);
+        let goal = newest.at(tick, self.sample_ns, state, self.model.trim.roll_rad);
         let tick = state.stamp.tick;
         let samples = self.memory.samples_until(tick);
         let command = Actuation::from(state.command_in_force);
@@ -136,18 +157,46 @@ impl AttitudeMpc {
         self.model.observe(&state.measured, &actuation, &mut self.work.x);
         let disturbance = self.estimate(&command, samples);
         let mut integral = self.memory.integral;
-        self.optimise(reference, &disturbance, &mut integral);
-        if !self.work.unconstrained.iter().all(|u| u.is_finite()) {
-            return self.repeat(); // finite, but so large that the plan overflowed
+        self.optimise(&goal, &disturbance, &mut integral);
+        if !self.work.unconstrained.iter().all(|u| u.abs() < FAR) {
+            return self.repeat(SolveStatus::BadInput); // finite, but so large that the plan overflowed, or a solver would
         }
 
         self.memory.tick = Some(tick);
+        self.memory.goal = newest;
         self.memory.x.copy_from(&self.work.x);
         self.memory.actuation = actuation;
         self.memory.disturbance = disturbance;
         self.memory.integral = integral;
         let (status, account) = self.decide(tick);
         self.publish(status, &account)
+    }
+
+    /// The whole memory, for whoever continues this flight; not whether it is in a [`hurry`](Self::hurry), which is of
+    /// the process. Constraints that the solver would start from are left out when they are too many for a snapshot.
+    pub fn snapshot(&self) -> Snapshot {
+        let mut writer = Writer::new(memory::LAYOUT);
+        self.memory.pack(&mut writer);
+        if let Some(constrained) = &self.constrained {
+            constrained.solver.pack(&mut writer);
+        }
+        writer.seal()
+    }
+
+    /// Continues from a snapshot; one that is foreign, torn, not finite or of another model is refused, and nothing
+    /// changes.
+    pub fn restore(&mut self, snapshot: &Snapshot) -> bool {
+        self.unpack(snapshot).is_some()
+    }
+
+    fn unpack(&mut self, snapshot: &Snapshot) -> Option<()> {
+        let mut reader = Reader::open(memory::LAYOUT, snapshot)?;
+        let memory = Memory::unpack(&mut reader, self.model.states())?;
+        if let Some(constrained) = &mut self.constrained {
+            constrained.solver.unpack(&mut reader)?;
+        }
+        self.memory = memory;
+        Some(())
     }
 
     /// Whether the next steps shall do without the solver, because a deadline was missed.
@@ -172,7 +221,7 @@ impl AttitudeMpc {
     }
 
     /// Finds the unconstrained plan from this sample, or from the next, when the demand of this tick will act.
-    fn optimise(&mut self, reference: &Reference, disturbance: &Vector4<f64>, integral: &mut Vector4<f64>) {
+    fn optimise(&mut self, goal: &Goal, disturbance: &Vector4<f64>, integral: &mut Vector4<f64>) {
         let Work { x, predicted, given, unconstrained, .. } = &mut self.work;
         let n = self.model.states();
         let start = if self.delay_compensation {
@@ -181,8 +230,7 @@ impl AttitudeMpc {
         } else {
             x
         };
-        let Reference { w_mps, attitude_rad, rates_radps, .. } = reference;
-        let r = self.model.deviation(*w_mps, attitude_rad, rates_radps);
+        let r = self.model.deviation(goal.w_mps, &goal.attitude_rad, &goal.rates_radps);
         given.rows_mut(0, n).copy_from(start);
         given.rows_mut(n, STATES).copy_from_slice(&r);
         given.rows_mut(n + STATES, INPUTS).copy_from(disturbance);
@@ -221,8 +269,8 @@ impl AttitudeMpc {
     }
 
     /// The answer to an input that cannot be used: the demand stays what it was.
-    fn repeat(&self) -> Controls {
-        self.publish(SolveStatus::BadInput, &Account::default())
+    fn repeat(&self, status: SolveStatus) -> Controls {
+        self.publish(status, &Account::default())
     }
 }
 

@@ -1,23 +1,25 @@
-//! The attitude controller as a process: wakes on REFERENCE, takes the newest STATE, at least the one behind that.
+//! The attitude controller as a process: its turn comes with REFERENCE.
 
-use contract::Topic;
-use contract::message::{Controls, Reference, Stamp, State};
+use contract::message::{Controls, Reference, State};
 use contract::process::{Seat, SeatError};
 
 use crate::AttitudeMpc;
 
-/// Answers every REFERENCE with CONTROLS until the run is over.
+/// Answers every sample with CONTROLS until the run is over.
 pub fn run(seat: &Seat) -> Result<(), SeatError> {
     let mut mpc = AttitudeMpc::new(&seat.scenario);
+    if let Some(memory) = seat.memory() {
+        mpc.restore(&memory); // one that does not fit is as good as none
+    }
     let mut states = seat.inlet::<State>()?;
     let mut references = seat.inlet::<Reference>()?;
     let mut controls = seat.outlet::<Controls>()?;
-    seat.settle();
-    while let Some(reference) = references.wait() {
-        let state = states.catch_up(reference.stamp.inputs[Topic::State as usize]);
-        let lineage = Stamp::of(&reference).with(state);
-        let late = controls.send(mpc.step(state, &reference), lineage);
+    let mut turns = seat.settle();
+    while let Some(tick) = turns.next(&mut references) {
+        let (reference, state) = (references.newest(), states.newest());
+        let late = controls.send(mpc.step(tick, state, reference), turns.lineage(tick).with(reference).with(state));
         mpc.hurry(late);
+        turns.done(tick, &mpc.snapshot());
     }
     Ok(())
 }

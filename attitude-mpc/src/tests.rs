@@ -1,19 +1,22 @@
 //! The whole controller: directions, fallbacks, properties, and the problems of the independent simulator.
 
 use airframe::envelope::Envelope;
+use contract::message::Stamp;
 use contract::scenario::{Constraints, FaultKind, Law, Profile, Solver, StateConstraints};
 use proptest::prelude::*;
 
 use super::*;
 use crate::fixture::{self, Case};
 
+mod silence;
+
 /// A sample at hover trim.
 pub fn hover(mpc: &AttitudeMpc, tick: u64) -> (State, Reference) {
-    let mut state = State::default();
-    state.stamp.tick = tick;
+    let stamp = Stamp { tick, sequence: 1, ..Stamp::default() };
+    let mut state = State { stamp, ..State::default() };
     state.measured.attitude_rad[0] = mpc.model.trim.roll_rad;
     state.command_in_force = mpc.model.trim.actuation.into();
-    let reference = Reference { attitude_rad: state.measured.attitude_rad, ..Reference::default() };
+    let reference = Reference { stamp: state.stamp, attitude_rad: state.measured.attitude_rad, ..Reference::default() };
     (state, reference)
 }
 
@@ -35,7 +38,7 @@ fn hover_asks_for_nothing() {
         let mut mpc = AttitudeMpc::new(&Scenario::of(profile));
         for tick in 0..10 {
             let (state, reference) = hover(&mpc, tick);
-            let controls = mpc.step(&state, &reference);
+            let controls = mpc.step(state.stamp.tick, &state, &reference);
             assert!(controls.demand.iter().all(|u| u.abs() < 1e-9), "{:?}", controls.demand);
             assert_eq!((controls.status, controls.active_constraints), (SolveStatus::Explicit as u64, 0));
         }
@@ -57,7 +60,7 @@ fn check_directions(law: Law) {
         let mut mpc = AttitudeMpc::new(&scenario);
         let (state, mut reference) = hover(&mpc, 0);
         change(&mut reference);
-        mpc.step(&state, &reference).demand
+        mpc.step(state.stamp.tick, &state, &reference).demand
     };
     let [col, lon, lat, ped] = [0, 1, 2, 3];
     assert!(demand(|r| r.w_mps = -1.0)[col] < -0.1, "climbing needs a force up");
@@ -78,7 +81,7 @@ fn val_problems_of_the_independent_simulator() {
         scenario.mpc.solver = solver;
         let mut mpc = AttitudeMpc::new(&scenario);
         mpc.memory.demand = Vector4::from(*previous);
-        let controls = mpc.step(state, reference);
+        let controls = mpc.step(0, state, reference);
         let status = if *active { SolveStatus::Solved } else { SolveStatus::Explicit };
         assert_eq!(controls.status, status as u64, "{name}");
         assert_eq!(controls.active_constraints > 0, *active, "{name}");
@@ -103,7 +106,7 @@ fn a_bad_input_repeats_the_demand_and_leaves_no_trace() {
     let mut mpc = AttitudeMpc::new(&Scenario::default());
     let (state, mut reference) = hover(&mpc, 0);
     reference.w_mps = -0.5;
-    let good = mpc.step(&state, &reference);
+    let good = mpc.step(state.stamp.tick, &state, &reference);
     let memory = mpc.memory.clone();
     let spoil: [fn(&mut State, &mut Reference); 8] = [
         |state, _| state.measured.velocity_mps[2] = f64::NAN,
@@ -118,12 +121,12 @@ fn a_bad_input_repeats_the_demand_and_leaves_no_trace() {
     for spoil in spoil {
         let (mut state, mut reference) = hover(&mpc, 1);
         spoil(&mut state, &mut reference);
-        let bad = mpc.step(&state, &reference);
+        let bad = mpc.step(state.stamp.tick, &state, &reference);
         assert_eq!((bad.status, bad.demand), (SolveStatus::BadInput as u64, good.demand));
         assert_eq!(mpc.memory, memory);
     }
     let (state, reference) = hover(&mpc, 1);
-    assert_eq!(mpc.step(&state, &reference).status, SolveStatus::Explicit as u64);
+    assert_eq!(mpc.step(state.stamp.tick, &state, &reference).status, SolveStatus::Explicit as u64);
 }
 
 #[test]
@@ -138,7 +141,7 @@ fn delay_compensation_plans_from_the_next_sample() {
         if let Some(x) = x {
             mpc.work.x.copy_from(x);
         }
-        mpc.optimise(&reference, &Vector4::zeros(), &mut Vector4::zeros());
+        mpc.optimise(&Goal::default().renewed(&reference), &Vector4::zeros(), &mut Vector4::zeros());
         let mut next = mpc.work.x.clone();
         mpc.model.predict(&mpc.work.x, &mpc.memory.demand, &Vector4::zeros(), &mut next);
         (mpc.work.unconstrained, next)
@@ -158,7 +161,7 @@ fn the_estimate_waits_for_two_samples_in_a_row() {
         let before = mpc.memory.disturbance;
         let (mut state, reference) = hover(&mpc, tick);
         state.measured.velocity_mps[2] = 0.1 * tick as f64; // it falls, and no command told it to
-        let controls = mpc.step(&state, &reference);
+        let controls = mpc.step(state.stamp.tick, &state, &reference);
         assert_eq!(mpc.memory.disturbance != before, learns, "sample {tick}");
         assert_eq!(controls.disturbance[0] > 0.1, learns, "sample {tick}");
     }
@@ -177,13 +180,13 @@ fn settle(disturbance_gain: f64) -> (DVector<f64>, Controls) {
     let mut x = DVector::zeros(11);
     let mut next = x.clone();
     let mut controls = Controls::default();
-    let (mut state, reference) = hover(&mpc, 0);
+    let (mut state, mut reference) = hover(&mpc, 0);
     for tick in 0..1000 {
-        state.stamp.tick = tick;
+        (state.stamp.tick, reference.stamp.tick) = (tick, tick);
         state.measured.velocity_mps[2] = x[0];
         state.measured.attitude_rad = [x[1] + mpc.model.trim.roll_rad, x[2], x[3]];
         state.measured.rates_radps = [x[4], x[5], x[6]];
-        controls = mpc.step(&state, &reference);
+        controls = mpc.step(state.stamp.tick, &state, &reference);
         let demand = Vector4::from(controls.demand);
         mpc.model.predict(&x, &demand, &push, &mut next);
         x.copy_from(&next);
@@ -234,7 +237,7 @@ proptest! {
         state.measured.rates_radps = [p, q, r];
         reference.attitude_rad = [phi_ref, theta_ref, psi_ref];
         reference.rates_radps = [p_ref, q_ref, r_ref];
-        let controls = mpc.step(&state, &reference);
+        let controls = mpc.step(state.stamp.tick, &state, &reference);
         let worst = if broken { SolveStatus::Fallback } else { SolveStatus::Solved };
         prop_assert!(controls.status <= worst as u64, "status {}", controls.status);
         prop_assert!(demand_violation(&scenario, controls.demand) <= 0.0);
@@ -253,7 +256,7 @@ proptest! {
         scenario.mpc.state_constraints = if soft { StateConstraints::Soft } else { StateConstraints::None };
         let mut mpc = AttitudeMpc::new(&scenario);
         let (state, reference) = hover(&mpc, tick.saturating_sub(1));
-        mpc.step(&state, &reference);
+        mpc.step(state.stamp.tick, &state, &reference);
         let (mut state, mut reference) = hover(&mpc, tick);
         state.measured.velocity_mps[2] = numbers[0];
         state.measured.attitude_rad.copy_from_slice(&numbers[1..4]);
@@ -263,7 +266,7 @@ proptest! {
         reference.w_mps = numbers[11];
         reference.attitude_rad.copy_from_slice(&numbers[12..15]);
         reference.rates_radps[0] = numbers[15];
-        let controls = mpc.step(&state, &reference);
+        let controls = mpc.step(state.stamp.tick, &state, &reference);
         prop_assert!(controls.demand.iter().chain(&controls.disturbance).all(|u| u.is_finite()));
     }
 }

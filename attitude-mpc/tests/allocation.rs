@@ -3,17 +3,22 @@
 use airframe::Trim;
 use attitude_mpc::AttitudeMpc;
 use contract::Scenario;
-use contract::message::{Controls, Reference, SolveStatus, State};
+use contract::message::{Controls, Reference, SolveStatus, Stamp, State};
 use contract::scenario::{Constraints, Fault, FaultKind, FaultTarget, Profile, Solver, StateConstraints};
 
 /// Steps once with a heading error; the answer, and how often it allocated.
 fn step(mpc: &mut AttitudeMpc, scenario: &Scenario, heading_rad: f64) -> (Controls, u64) {
     let trim = Trim::solve(&scenario.airframe, scenario.mixer.tilt_reaction);
-    let mut state = State { command_in_force: trim.actuation.into(), ..State::default() };
+    let stamp = Stamp { sequence: 1, ..Stamp::default() };
+    let mut state = State { stamp, command_in_force: trim.actuation.into(), ..State::default() };
     state.measured.attitude_rad[0] = trim.roll_rad;
-    let reference = Reference { attitude_rad: [trim.roll_rad, 0.0, heading_rad], ..Reference::default() };
+    let reference = Reference { stamp, attitude_rad: [trim.roll_rad, 0.0, heading_rad], ..Reference::default() };
     let mut controls = Controls::default();
-    let count = allocation_counter::measure(|| controls = mpc.step(&state, &reference));
+    let count = allocation_counter::measure(|| controls = mpc.step(0, &state, &reference));
+    let snapshot = allocation_counter::measure(|| {
+        std::hint::black_box(mpc.snapshot());
+    });
+    assert_eq!(snapshot.count_total, 0);
     (controls, count.count_total)
 }
 
@@ -60,7 +65,7 @@ fn a_failing_solver_allocates_no_more() {
     for (solver, expected) in [(Solver::Clarabel, 1), (Solver::ActiveSet, 0)] {
         let mut scenario = Scenario::of(Profile::Robust);
         scenario.mpc.solver = solver;
-        scenario.fault = vec![Fault { at_s: 0.0, for_s: None, target: FaultTarget::Mpc, kind: FaultKind::Infeasible }];
+        scenario.fault = vec![Fault::new(FaultTarget::Mpc, FaultKind::Infeasible, 0.0, None)];
         let mut mpc = AttitudeMpc::new(&scenario);
         for _ in 0..3 {
             let (controls, allocations) = step(&mut mpc, &scenario, 1.6);

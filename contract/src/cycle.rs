@@ -5,22 +5,18 @@
 //! start     when the process began;            release jitter (plant) or hop (others) = start - release
 //! publish   when it sent;                      execution = publish - start
 //!                                              response  = publish - sample time;  miss = response > deadline
-//! slip      a period without a cycle: a release the plant slept through, an input that a newer one overtook;
-//!           counted as a miss too, and never made up for in a burst
+//! slip      a period without a cycle: a sample or an answer slept through; counted as a miss too, and never made up for in a burst
 //! late      a message that misses its deadline is counted, and sent, skipped, replaced by the last timely one, or the
 //!           end of the run, as the scenario's `[deadline]` says
 //! ```
 //!
-//! A node's loop is `while let Some(input) = inlet.wait() { outlet.send(...) }` in every mode; only the plant, which
-//! turns the ring, knows what releases it ([`crate::pace`]).
+//! A node's loop is `while let Some(tick) = turns.next(..) { outlet.send(..); turns.done(..) }` in every mode
+//! ([`crate::turn`], [`crate::inlet`], [`crate::outlet`]); only the plant, which turns the ring, knows what releases it ([`crate::pace`]).
 
 use std::cell::Cell;
-use std::rc::Rc;
-use std::sync::Arc;
 
-use crate::message::{Message, Stamp};
-use crate::port::{Receive, Send};
-use crate::realtime::{Board, now_ns, phase, thread_cpu_ns};
+use crate::message::Stamp;
+use crate::realtime::{now_ns, thread_cpu_ns};
 use crate::rehearsal::Rehearsal;
 use crate::scenario::{Late, NodeDeadline};
 
@@ -30,9 +26,9 @@ pub(crate) const LOOK_AROUND_NS: u64 = 100_000_000;
 /// Timing of the cycle under way, shared by a node's ports.
 pub struct Punctuality {
     deadline: NodeDeadline,
-    rehearsal: Rehearsal,
+    pub(crate) rehearsal: Rehearsal,
     /// Whether this cycle's CPU time is still to be read.
-    open: Cell<bool>,
+    pub(crate) open: Cell<bool>,
     /// The response that ended the run by the policy `stop` \[ns\], and its tick.
     broken: Cell<Option<(u64, u64)>>,
     release_ns: Cell<u64>,
@@ -85,7 +81,7 @@ impl Punctuality {
     }
 
     /// What becomes of a message of `sample_ns` that is ready at `publish_ns`; `None` when it is on time.
-    fn late(&self, tick: u64, sample_ns: u64, publish_ns: u64) -> Option<Late> {
+    pub(crate) fn late(&self, tick: u64, sample_ns: u64, publish_ns: u64) -> Option<Late> {
         let response_ns = publish_ns.saturating_sub(sample_ns);
         if response_ns <= self.deadline.deadline_ns {
             return None;
@@ -103,7 +99,7 @@ impl Punctuality {
     }
 
     /// Writes this cycle's timing into the `stamp` of its message.
-    fn report(&self, stamp: &mut Stamp) {
+    pub(crate) fn report(&self, stamp: &mut Stamp) {
         stamp.release_ns = self.release_ns.get();
         stamp.start_ns = self.start_ns.get();
         stamp.cpu_ns = self.last_cpu_ns.get();
@@ -121,137 +117,9 @@ impl Punctuality {
     }
 }
 
-/// Where a node gets one topic from.
-pub struct Inlet<M> {
-    port: Box<dyn Receive<M>>,
-    board: Arc<Board>,
-    punctuality: Rc<Punctuality>,
-    newest: M,
-}
-
-impl<M: Message> Inlet<M> {
-    pub(crate) fn new(port: Box<dyn Receive<M>>, board: Arc<Board>, punctuality: Rc<Punctuality>) -> Self {
-        Self { port, board, punctuality, newest: M::default() }
-    }
-
-    /// Sleeps until a message comes, and begins a cycle with it; `None` when the run is over, or this node's budget broken.
-    ///
-    /// When several have come the newest wins, and the others count as slips.
-    pub fn wait(&mut self) -> Option<M> {
-        let before = *self.newest.stamp();
-        while self.punctuality.broken().is_none() {
-            let rehearsal_ns = self.punctuality.rehearsal_ns(before.sample_ns);
-            if let Some(message) = self.arrived(rehearsal_ns.unwrap_or_else(|| now_ns() + LOOK_AROUND_NS)) {
-                self.punctuality.slip(overtaken(&before, message.stamp()));
-                self.punctuality.begin(message.stamp().publish_ns[M::TOPIC as usize]);
-                return Some(message);
-            }
-            if self.board.phase().count() >= phase::LEAVE {
-                return None;
-            }
-            if rehearsal_ns.is_some() {
-                self.punctuality.rehearse();
-            }
-        }
-        None
-    }
-
-    /// The newest message there is, without waiting; the default (sequence 0) before the first.
-    pub fn newest(&mut self) -> &M {
-        while let Some(message) = self.port.receive() {
-            self.newest = message;
-        }
-        &self.newest
-    }
-
-    /// The newest message, once number `sequence` is among those that came.
-    ///
-    /// A publisher fills the queues of a topic one after another: who wakes on a message downstream of it may be
-    /// quicker than its own queue. The message is on its way then, so this waits; only the end of the run cuts it short.
-    pub fn catch_up(&mut self, sequence: u64) -> &M {
-        while self.newest().stamp().sequence < sequence && self.board.phase().count() < phase::LEAVE {
-            self.arrived(now_ns() + LOOK_AROUND_NS);
-        }
-        &self.newest
-    }
-
-    /// The newest message that came since the last look, waiting for one until `deadline_ns` or the end of the run.
-    pub(crate) fn arrived(&mut self, deadline_ns: u64) -> Option<M> {
-        let board = self.board.clone();
-        let bell = board.bell(M::TOPIC);
-        loop {
-            let rung = bell.count(); // before the look, so that a message after it is not slept through
-            let before = *self.newest.stamp();
-            if *self.newest().stamp() != before {
-                return Some(self.newest);
-            }
-            if now_ns() >= deadline_ns || board.phase().count() >= phase::LEAVE {
-                return None;
-            }
-            bell.wait(rung, deadline_ns);
-        }
-    }
-}
-
-/// Where a node sends one topic to.
-pub struct Outlet<M> {
-    port: Rc<dyn Send<M>>,
-    board: Arc<Board>,
-    punctuality: Rc<Punctuality>,
-    epoch: u64,
-    sequence: u64,
-    timely: Option<M>,
-}
-
-impl<M: Message> Outlet<M> {
-    pub(crate) fn new(port: Rc<dyn Send<M>>, board: Arc<Board>, punctuality: Rc<Punctuality>, epoch: u64) -> Self {
-        punctuality.rehearsal.add(port.clone());
-        Self { port, board, punctuality, epoch, sequence: 0, timely: None }
-    }
-
-    /// Stamps `message` with its `lineage` and this cycle's timing, sends it and wakes whoever waits for it; late ones as
-    /// the deadline's policy says. True when the next cycle shall do less.
-    pub fn send(&mut self, mut message: M, lineage: Stamp) -> bool {
-        let publish_ns = now_ns();
-        self.punctuality.open.set(true);
-        let late = self.punctuality.late(lineage.tick, lineage.sample_ns, publish_ns);
-        match late {
-            None => self.timely = Some(message),
-            Some(Late::Hold) => message = self.timely.unwrap_or(message),
-            Some(Late::Send | Late::Degrade) => {}
-            Some(Late::Skip | Late::Stop) => return false,
-        }
-        self.sequence += 1;
-        let stamp = message.stamp_mut();
-        *stamp = lineage.published(M::TOPIC, self.sequence, publish_ns);
-        stamp.epoch = self.epoch;
-        self.punctuality.report(stamp);
-        self.port.send(&message);
-        self.board.bell(M::TOPIC).ring();
-        late == Some(Late::Degrade)
-    }
-}
-
-/// How many messages lie between two of the same publisher; none before the first, or from another incarnation.
-fn overtaken(before: &Stamp, after: &Stamp) -> u64 {
-    if before.sequence == 0 || before.epoch != after.epoch {
-        return 0;
-    }
-    after.sequence.saturating_sub(before.sequence + 1)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn messages_that_a_newer_one_overtook_are_counted() {
-        let numbered = |epoch, sequence| Stamp { sequence, epoch, ..Stamp::default() };
-        assert_eq!(overtaken(&numbered(1, 4), &numbered(1, 5)), 0, "the next one");
-        assert_eq!(overtaken(&numbered(1, 4), &numbered(1, 305)), 300, "a process that was stopped for three seconds");
-        assert_eq!(overtaken(&Stamp::default(), &numbered(1, 9)), 0, "joined late");
-        assert_eq!(overtaken(&numbered(1, 4), &numbered(2, 9)), 0, "another incarnation");
-    }
 
     fn due_in_ten_ms(late: Late) -> Punctuality {
         Punctuality::new(NodeDeadline { deadline_ns: 10_000_000, late }, Rehearsal::new(None))

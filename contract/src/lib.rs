@@ -6,25 +6,40 @@
 //! | [`topic`] | the four topics and who speaks on each |
 //! | [`scenario`] | the run's settings: profiles, file, overrides, checks |
 //! | [`port`] | how messages travel; the only file that names iceoryx2 |
+//! | [`snapshot`] | what a node remembers, as plain numbers, for the one that continues its work |
 //! | [`stamp`] | which plant sample a message descends from, through whom, and when |
+//! | [`inlet`], [`outlet`] | where a node hears and speaks |
 //! | [`cycle`] | wake, step, send, and the punctuality of it |
 //! | [`rehearsal`] | what a node does shortly before its cycle, so that the cycle is quick |
 //! | [`pace`] | what releases the plant, the only node with a clock |
+//! | [`turn`] | when a node is to answer to which sample |
+//! | [`guard`], [`integrity`] | which messages are taken for true |
+//! | [`link`] | what faults do to messages on their way |
+//! | [`office`], [`plan`] | which process speaks for a node |
 //! | [`domain`] | what a run owns in shared memory, by namespace |
 //! | [`realtime`] | time, priority, the shared page of bells; the only `unsafe` |
 //! | [`process`] | a process of the stack: join, run, leave |
 
 pub mod cycle;
 pub mod domain;
+pub mod guard;
+pub mod inlet;
+pub mod integrity;
+pub mod link;
 pub mod message;
+pub mod office;
+pub mod outlet;
 pub mod pace;
+pub mod plan;
 pub mod port;
 pub mod process;
 pub mod realtime;
 pub mod rehearsal;
 pub mod scenario;
+pub mod snapshot;
 pub mod stamp;
 pub mod topic;
+pub mod turn;
 
 pub use realtime::timed;
 pub use scenario::Scenario;

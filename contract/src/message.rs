@@ -9,6 +9,7 @@ use airframe::Actuation;
 use bytemuck::{Pod, Zeroable};
 
 use crate::Topic;
+use crate::integrity::{Plausible, checksum};
 use crate::port::ZeroCopySend;
 pub use crate::stamp::Stamp;
 
@@ -49,8 +50,8 @@ impl From<ActuationMsg> for Actuation {
 }
 
 /// STATE: what the plant measures, what it truly does, and the command it obeys.
-#[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-#[type_name("trefoil.State.v1")]
+#[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend, Pod, Zeroable)]
+#[type_name("trefoil.State.v2")]
 #[repr(C)]
 pub struct State {
     /// Provenance and timing.
@@ -72,8 +73,8 @@ pub struct State {
 }
 
 /// REFERENCE: what the attitude loop shall follow.
-#[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-#[type_name("trefoil.Reference.v1")]
+#[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend, Pod, Zeroable)]
+#[type_name("trefoil.Reference.v2")]
 #[repr(C)]
 pub struct Reference {
     /// Provenance and timing.
@@ -95,8 +96,8 @@ pub struct Reference {
 }
 
 /// CONTROLS: the conventional inputs wanted, as deviations from trim.
-#[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-#[type_name("trefoil.Controls.v1")]
+#[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend, Pod, Zeroable)]
+#[type_name("trefoil.Controls.v2")]
 #[repr(C)]
 pub struct Controls {
     /// Provenance and timing.
@@ -118,8 +119,8 @@ pub struct Controls {
 }
 
 /// ACTUATORS: what the rotors and the servo are told.
-#[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend)]
-#[type_name("trefoil.Actuators.v1")]
+#[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend, Pod, Zeroable)]
+#[type_name("trefoil.Actuators.v2")]
 #[repr(C)]
 pub struct Actuators {
     /// Provenance and timing.
@@ -188,6 +189,15 @@ pub enum SolveStatus {
     Fallback = 3,
     /// An input was not finite: the previous demand was repeated.
     BadInput = 4,
+    /// No fresh state: the previous demand was repeated.
+    Stale = 5,
+}
+
+impl SolveStatus {
+    /// Whether the wire value `status` tells of an earlier demand, repeated.
+    pub fn repeated(status: u64) -> bool {
+        status == Self::BadInput as u64 || status == Self::Stale as u64
+    }
 }
 
 /// Bits of [`Reference::flags`].
@@ -202,6 +212,13 @@ pub mod guidance_flags {
     pub const INTEGRAL_CLAMPED: u64 = 1 << 3;
     /// The measured state was not finite: the previous reference was repeated.
     pub const BAD_INPUT: u64 = 1 << 4;
+    /// No fresh state: the previous reference was repeated.
+    pub const STALE: u64 = 1 << 5;
+
+    /// Whether the reference is an earlier one, repeated.
+    pub const fn repeated(flags: u64) -> bool {
+        flags & (BAD_INPUT | STALE) != 0
+    }
 }
 
 /// Bits of [`Actuators::flags`].
@@ -212,10 +229,22 @@ pub mod mixer_flags {
     pub const TILT_SATURATED: u64 = 1 << 3;
     /// (42) or (43) asked for the root of a negative number.
     pub const NEGATIVE_SQUARE: u64 = 1 << 4;
-    /// The demand was not finite: trim was commanded.
+    /// The demand was not finite: it counts as missing.
     pub const BAD_INPUT: u64 = 1 << 5;
     /// The demand was outside the exact actuator set: the nearest one inside was taken.
     pub const PROJECTED: u64 = 1 << 6;
+    /// No new demand: the last one was taken once more.
+    pub const HELD: u64 = 1 << 7;
+    /// No demand for too long: level, from the measured state.
+    pub const LEVELLED: u64 = 1 << 8;
+    /// The same, and down.
+    pub const DESCENDING: u64 = 1 << 9;
+    /// No state either: the trim command.
+    pub const TRIM_ONLY: u64 = 1 << 10;
+    /// No thrust.
+    pub const CUT: u64 = 1 << 11;
+    /// A rotor is dead: no thrust, for good.
+    pub const TERMINATED: u64 = 1 << 12;
 
     /// Whether any clamp acted.
     pub const fn saturated(flags: u64) -> bool {
@@ -224,13 +253,26 @@ pub mod mixer_flags {
 }
 
 /// What all four messages have in common.
-pub trait Message: Copy + Default + std::fmt::Debug + Send + 'static {
+pub trait Message: Pod + Plausible + Default + std::fmt::Debug + Send {
     /// The topic it travels on.
     const TOPIC: Topic;
     /// Provenance and timing.
     fn stamp(&self) -> &Stamp;
     /// The same, for whoever turns the ring.
     fn stamp_mut(&mut self) -> &mut Stamp;
+
+    /// The message with the checksum that its bits have.
+    #[must_use]
+    fn sealed(mut self) -> Self {
+        self.stamp_mut().checksum = 0;
+        self.stamp_mut().checksum = checksum(&self);
+        self
+    }
+
+    /// Whether the bits are those that were sealed.
+    fn is_whole(&self) -> bool {
+        self.sealed().stamp().checksum == self.stamp().checksum
+    }
 }
 
 macro_rules! message {
@@ -244,7 +286,7 @@ macro_rules! message {
         const _: () = assert!(size_of::<$name>() == $bytes && align_of::<$name>() == 8);
     )*};
 }
-message!(State: 416, Reference: 264, Controls: 240, Actuators: 176);
+message!(State: 440, Reference: 288, Controls: 264, Actuators: 200);
 
 impl State {
     /// Feeds the payload's bits to `sink`, in field order and without the stamp: what `state_hash` is made of.

@@ -1,22 +1,29 @@
-//! The pace: what releases the plant, the only node with a clock.
+//! The pace: what releases the plant, the only node with a clock, and the boundary between two ticks.
 //!
 //! In real time that is `CLOCK_MONOTONIC`: sample `k` stands for the instant `t0 + k T` whatever happens, and commands
-//! act from the moment they arrive. In lockstep it is the ring itself: the next sample is due when this one's
-//! ACTUATORS have come back. In process nobody waits, and this file is not used.
+//! act from the moment they arrive. In lockstep it is the ring itself: the next sample is due when everybody who works
+//! is done with this one. In process nobody waits, and this file is not used.
+//!
+//! Between two ticks the offices change hands: as the launcher wants it, and in lockstep as the scenario's faults want it.
 
 use std::rc::Rc;
 use std::sync::Arc;
 
-use crate::cycle::{Inlet, LOOK_AROUND_NS, Punctuality};
+use crate::Topic;
+use crate::cycle::{LOOK_AROUND_NS, Punctuality};
+use crate::inlet::Inlet;
 use crate::message::{Message, Stamp};
+use crate::plan::Plan;
 use crate::port::OBSERVER_DEPTH;
 use crate::realtime::{Board, now_ns, phase};
 use crate::scenario::{Mode, Scenario};
 
-/// In lockstep, how long the plant waits on the wall clock for the ring to come round.
-const WATCHDOG_NS: u64 = 5_000_000_000;
+/// In lockstep, how long the plant waits on the wall clock for the ring to come round, or for a process to come back.
+const WATCHDOG_NS: u64 = 10_000_000_000;
 /// In lockstep, how many ticks the plant may be ahead of launcher and recorder, who see them all: half a queue.
 const LEAD_TICKS: u64 = OBSERVER_DEPTH as u64 / 2;
+/// The nodes that answer to the plant.
+const OTHERS: [Topic; 3] = [Topic::Reference, Topic::Controls, Topic::Actuators];
 
 /// What releases the plant.
 pub struct Pace {
@@ -30,8 +37,8 @@ pub struct Pace {
 enum Kind {
     /// The clock: sample `k` stands for the instant `t0 + k T`, whatever happens.
     Clock { t0_ns: u64 },
-    /// The ring: the next sample is due when this one's ACTUATORS have come back.
-    Ring,
+    /// The ring: the next sample is due when everybody is done with this one.
+    Ring(Plan),
 }
 
 /// How a turn of the ring ended.
@@ -51,10 +58,11 @@ impl Pace {
         const LEAD_IN_NS: u64 = 5_000_000;
         let kind = match scenario.run.mode {
             Mode::Realtime => Kind::Clock { t0_ns: now_ns() + LEAD_IN_NS },
-            Mode::Lockstep | Mode::Inprocess => Kind::Ring,
+            Mode::Lockstep | Mode::Inprocess => Kind::Ring(Plan::new(scenario)),
         };
         let pace = Self { kind, period_ns: scenario.sample_ns(), board, punctuality };
         if let Kind::Clock { t0_ns } = pace.kind {
+            pace.board.set_origin_ns(t0_ns);
             // Nobody rings the bell of the phase before the end, so this is a sleep until the first release.
             pace.board.phase().wait(pace.board.phase().count(), t0_ns);
             pace.punctuality.begin(t0_ns);
@@ -64,56 +72,107 @@ impl Pace {
         pace
     }
 
-    /// Lineage of a STATE message: a new sample begins a new chain.
-    pub fn sample(&self, tick: u64) -> Stamp {
-        let sample_ns = match self.kind {
+    /// Begins tick `tick`: lets in who takes over with it, and gives the lineage of its STATE: a new chain. `None` when
+    /// a process that is to come back does not.
+    pub fn sample(&self, tick: u64) -> Option<Stamp> {
+        let sample_ns = match &self.kind {
             Kind::Clock { t0_ns } => t0_ns + tick * self.period_ns,
-            Kind::Ring => now_ns(),
+            Kind::Ring(plan) => {
+                (plan.epoch(Topic::State, tick) == 1).then_some(())?; // the plant's own end
+                OTHERS.iter().try_for_each(|topic| self.follow(plan, *topic, tick))?;
+                let now_ns = now_ns();
+                self.board.set_origin_ns(now_ns);
+                now_ns
+            }
         };
-        Stamp { tick, sample_ns, ..Stamp::default() }
+        for topic in OTHERS {
+            self.board.office(topic).turn_over(tick as u32);
+        }
+        Some(Stamp::at(tick, sample_ns))
+    }
+
+    /// STATE of `tick` is out.
+    pub fn sampled(&self, tick: u64) {
+        let office = self.board.office(Topic::State);
+        office.done(1).set(tick as u32 + 1);
+        if let Kind::Ring(_) = self.kind {
+            self.board.bell(Topic::State).ring();
+        }
     }
 
     /// Hands every command that comes in to `heard`, with its arrival after the sample \[ns\], until the next release.
     pub fn turn<M: Message>(&mut self, tick: u64, inlet: &mut Inlet<M>, mut heard: impl FnMut(&M, u64)) -> Turn {
-        match self.kind {
-            Kind::Clock { t0_ns } => {
-                let sample_ns = t0_ns + tick * self.period_ns;
-                let release_ns = sample_ns + self.period_ns;
-                let mut listen = |until_ns| {
-                    while let Some(message) = inlet.arrived(until_ns) {
-                        heard(&message, now_ns().saturating_sub(sample_ns));
-                    }
-                };
-                if let Some(rehearsal_ns) = self.punctuality.rehearsal_ns(sample_ns) {
-                    listen(rehearsal_ns);
-                    self.punctuality.rehearse();
-                }
-                listen(release_ns);
-                if self.board.phase().count() >= phase::LEAVE || self.punctuality.broken().is_some() {
-                    return Turn::Over;
-                }
-                // The next release is never derived from this wake-up: slots that passed meanwhile are skipped.
-                let periods = slots_passed(now_ns(), sample_ns, self.period_ns);
-                let p = &self.punctuality;
-                p.slip(periods - 1);
-                p.begin(sample_ns + periods * self.period_ns);
-                Turn::Periods(periods)
+        let Kind::Clock { t0_ns } = self.kind else { return self.turn_in_lockstep(tick, inlet, heard) };
+        let sample_ns = t0_ns + tick * self.period_ns;
+        let release_ns = sample_ns + self.period_ns;
+        let mut listen = |until_ns| {
+            while inlet.arrived(until_ns) {
+                heard(inlet.newest(), now_ns().saturating_sub(sample_ns));
             }
-            Kind::Ring => {
-                let deadline_ns = now_ns() + WATCHDOG_NS;
-                while let Some(message) = inlet.arrived(deadline_ns) {
-                    if message.stamp().tick == tick {
-                        heard(&message, 0);
-                        return self.next_in_lockstep(tick);
-                    }
-                }
-                if self.board.phase().count() >= phase::LEAVE { Turn::Over } else { Turn::Stuck }
+        };
+        if let Some(rehearsal_ns) = self.punctuality.rehearsal_ns(sample_ns) {
+            listen(rehearsal_ns);
+            self.punctuality.rehearse();
+        }
+        listen(release_ns);
+        if self.board.phase().count() >= phase::LEAVE || self.punctuality.broken().is_some() {
+            return Turn::Over;
+        }
+        // The next release is never derived from this wake-up: slots that passed meanwhile are skipped.
+        let periods = slots_passed(now_ns(), sample_ns, self.period_ns);
+        let p = &self.punctuality;
+        p.slip(periods - 1);
+        p.begin(sample_ns + periods * self.period_ns);
+        Turn::Periods(periods)
+    }
+
+    fn turn_in_lockstep<M: Message>(&self, tick: u64, inlet: &mut Inlet<M>, mut heard: impl FnMut(&M, u64)) -> Turn {
+        for topic in OTHERS {
+            let office = self.board.office(topic);
+            let done = || office.staff().all(|epoch| u64::from(office.done(epoch).get()) > tick);
+            if !self.wait_for(topic, done) {
+                return if self.board.phase().count() >= phase::LEAVE { Turn::Over } else { Turn::Stuck };
             }
+        }
+        if inlet.arrived(0) {
+            let command = inlet.newest();
+            heard(command, command.stamp().held_ns);
+        }
+        self.let_the_watchers_follow(tick)
+    }
+
+    /// Lockstep: makes the office of `topic` what the plan says for `tick`.
+    fn follow(&self, plan: &Plan, topic: Topic, tick: u64) -> Option<()> {
+        let office = self.board.office(topic);
+        let planned = plan.epoch(topic, tick);
+        if planned == 0 {
+            office.holder.set(0);
+        } else if tick > 0 && plan.epoch(topic, tick - 1) == 0 {
+            let ready = self.wait_for(topic, || office.ready.get() >= planned);
+            ready.then_some(())?;
+            office.heir.set(planned);
+        }
+        Some(())
+    }
+
+    /// Waits on the wall clock by the bell of `topic`; false when the run is over first, or the watchdog barks.
+    fn wait_for(&self, topic: Topic, is_so: impl Fn() -> bool) -> bool {
+        let bell = self.board.bell(topic);
+        let watchdog_ns = now_ns() + WATCHDOG_NS;
+        loop {
+            let rung = bell.count(); // before the look, so that a change after it is not slept through
+            if is_so() {
+                return true;
+            }
+            if self.board.phase().count() >= phase::LEAVE || now_ns() > watchdog_ns {
+                return false;
+            }
+            bell.wait(rung, now_ns() + LOOK_AROUND_NS);
         }
     }
 
     /// Waits until launcher and recorder are close enough behind. Wall time only: the flight does not notice.
-    fn next_in_lockstep(&self, tick: u64) -> Turn {
+    fn let_the_watchers_follow(&self, tick: u64) -> Turn {
         for seen in [self.board.watched(), self.board.recorded()] {
             loop {
                 let newest = seen.count();

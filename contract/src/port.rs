@@ -27,11 +27,11 @@ use crate::rehearsal::Rehearse;
 pub const NODE_DEPTH: usize = 2;
 /// Queue of the recorder and of the launcher, who want every message: 20 s at 100 Hz.
 pub const OBSERVER_DEPTH: usize = 2048;
-/// Publishers per topic: the node, and room for one that takes over from it.
-const MAX_PUBLISHERS: usize = 2;
+/// Publishers per topic: the node, who takes over from it, and dead ones that are not cleaned away yet.
+const MAX_PUBLISHERS: usize = 16;
 /// Subscribers per topic: three nodes, recorder, launcher, and spare slots for tools.
-const MAX_SUBSCRIBERS: usize = 10;
-const MAX_NODES: usize = 16;
+const MAX_SUBSCRIBERS: usize = 32;
+const MAX_NODES: usize = 48;
 
 /// Why a port cannot be had. The text names the topic and what to do.
 #[derive(Debug, thiserror::Error)]
@@ -84,6 +84,12 @@ impl Bus {
             .create::<ipc::Service>()
             .map_err(|e| PortError::Domain(e.to_string()))?;
         Ok(Self { node })
+    }
+
+    /// Removes what processes that died have left in the services; the launcher's part. May take tens of milliseconds.
+    pub fn bury_the_dead(&self) {
+        // What cannot be removed now is left for the wiping at the end of the run.
+        let _ = self.node.try_cleanup_dead_nodes();
     }
 
     /// Creates the four services; the launcher's part.

@@ -10,14 +10,18 @@ use std::time::Duration;
 
 use rustix::process::Signal;
 
-use crate::cycle::{Inlet, Outlet, Punctuality};
+use crate::cycle::Punctuality;
 use crate::domain::{Domain, DomainError};
+use crate::inlet::Inlet;
+use crate::outlet::Outlet;
 use crate::pace::Pace;
 use crate::port::{Bus, NODE_DEPTH, OBSERVER_DEPTH, PortError, Receive, Wire};
 use crate::realtime::{self, Board, now_ns, phase};
 use crate::rehearsal::Rehearsal;
-use crate::scenario::{self, Late, Mode, Scenario, ScenarioError};
-use crate::topic::NODES;
+use crate::scenario::{self, Fault, FaultKind, FaultTarget, Late, Mode, Scenario, ScenarioError};
+use crate::snapshot::Snapshot;
+use crate::topic::{NODES, Topic};
+use crate::turn::{Clock, Seizure, Turns};
 
 /// Exit codes of the stack's programs.
 pub mod exit {
@@ -84,11 +88,12 @@ pub struct Seat {
     bus: Bus,
     punctuality: Rc<Punctuality>,
     rank: usize,
+    epoch: u32,
 }
 
 impl Seat {
-    /// Joins the run of `namespace` as `name`.
-    pub fn join(namespace: &str, name: &str) -> Result<Self, SeatError> {
+    /// Joins the run of `namespace` as the process number `epoch`, from 1, that is started as `name`.
+    pub fn join(namespace: &str, name: &str, epoch: u32) -> Result<Self, SeatError> {
         let domain = Domain::find(namespace)?;
         let io = |what: &str| {
             let what = domain.file(what).display().to_string();
@@ -106,17 +111,19 @@ impl Seat {
         }
         let rehearsal = Rehearsal::new(clocked.then(|| scenario.sample_ns()));
         let punctuality = Rc::new(Punctuality::new(deadline, rehearsal));
-        Ok(Self { scenario, board, bus, punctuality, rank })
+        Ok(Self { scenario, board, bus, punctuality, rank, epoch })
     }
 
     /// Where this node gets `M` from.
     pub fn inlet<M: Wire>(&self) -> Result<Inlet<M>, SeatError> {
-        Ok(Inlet::new(self.bus.receiver(NODE_DEPTH)?, self.board.clone(), self.punctuality.clone()))
+        let by_bell = self.scenario.run.mode == Mode::Realtime;
+        Ok(Inlet::new(self.bus.receiver(NODE_DEPTH)?, self.board.clone(), self.topic(), by_bell))
     }
 
     /// Where this node sends `M` to.
     pub fn outlet<M: Wire>(&self) -> Result<Outlet<M>, SeatError> {
-        Ok(Outlet::new(self.bus.sender()?, self.board.clone(), self.punctuality.clone(), 1))
+        let port = self.bus.sender()?;
+        Ok(Outlet::new(port, self.board.clone(), self.punctuality.clone(), &self.scenario, self.epoch))
     }
 
     /// A queue deep enough to see every message, for those who watch and record.
@@ -124,13 +131,39 @@ impl Seat {
         Ok(self.bus.receiver(OBSERVER_DEPTH)?)
     }
 
-    /// Enters the real-time class: call it last before the loop, when everything is allocated.
+    /// What the process before this one remembered; `None` for the first, which begins with nothing.
+    pub fn memory(&self) -> Option<Snapshot> {
+        let memory = &self.board.office(self.topic()).memory;
+        // One that is torn is being written: the next look finds it whole.
+        (self.epoch > 1).then(|| (0..100).find_map(|_| memory.read())).flatten()
+    }
+
+    /// Enters the real-time class and says that this process is ready: call it last before the loop, when everything is
+    /// allocated.
     ///
     /// In lockstep there is no deadline to keep, and a ring that never sleeps would only starve who watches it.
-    pub fn settle(&self) {
-        if self.scenario.run.mode == Mode::Realtime {
+    pub fn settle(&self) -> Turns {
+        let clocked = self.scenario.run.mode == Mode::Realtime;
+        if clocked {
             realtime::enter(&self.scenario.realtime.of(self.rank));
         }
+        self.board.office(self.topic()).ready.set(self.epoch);
+        self.board.bell(self.topic()).ring();
+        let clock = clocked.then(|| Clock {
+            period_ns: self.scenario.sample_ns(),
+            patience_ns: self.scenario.deadline_of(self.rank.saturating_sub(1)).deadline_ns,
+        });
+        let mine = FaultTarget::process(self.topic());
+        let of_itself = |fault: &&Fault| matches!(fault.kind, FaultKind::Exit | FaultKind::Hog) && fault.target == mine;
+        let struck = self.scenario.fault.iter().filter(of_itself);
+        let seizure = |fault: &Fault| Seizure { ticks: fault.ticks(self.scenario.sample_s()), kind: fault.kind };
+        let seizures = struck.map(seizure).collect();
+        Turns::new(clock, self.board.clone(), self.punctuality.clone(), self.topic(), self.epoch, seizures)
+    }
+
+    /// The topic this node speaks on.
+    fn topic(&self) -> Topic {
+        Topic::ALL[self.rank]
     }
 
     /// Whether the node kept its budget, at the end of its loop.
@@ -156,15 +189,22 @@ impl Seat {
 /// The process dies with its parent, the launcher.
 pub fn main(name: &str, run: fn(&Seat) -> Result<(), SeatError>) -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [flag, namespace] = arguments.as_slice() else { return usage(name) };
-    if flag == "--namespace" { run_as(name, namespace, run) } else { usage(name) }
+    let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    match words.as_slice() {
+        ["--namespace", namespace] => run_as(name, namespace, 1, run),
+        ["--namespace", namespace, "--epoch", epoch] => match epoch.parse() {
+            Ok(epoch) => run_as(name, namespace, epoch, run),
+            Err(_) => usage(name),
+        },
+        _ => usage(name),
+    }
 }
 
-/// The same with the namespace given.
-pub fn run_as(name: &str, namespace: &str, run: fn(&Seat) -> Result<(), SeatError>) -> ExitCode {
+/// The same with the arguments given.
+pub fn run_as(name: &str, namespace: &str, epoch: u32, run: fn(&Seat) -> Result<(), SeatError>) -> ExitCode {
     // Fails only for a signal number that does not exist.
     let _ = rustix::process::set_parent_process_death_signal(Some(Signal::KILL));
-    match Seat::join(namespace, name).and_then(|seat| run(&seat).and_then(|()| seat.verdict())) {
+    match Seat::join(namespace, name, epoch).and_then(|seat| run(&seat).and_then(|()| seat.verdict())) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("{name}: {error}");
@@ -176,7 +216,7 @@ pub fn run_as(name: &str, namespace: &str, run: fn(&Seat) -> Result<(), SeatErro
 
 fn usage(name: &str) -> ExitCode {
     eprintln!(
-        "usage: {name} --namespace NAME\nThe launcher starts this program; by itself it joins a stack that runs."
+        "usage: {name} --namespace NAME [--epoch NUMBER]\nThe launcher starts this program; by itself it joins a stack that runs."
     );
     ExitCode::from(exit::USAGE)
 }

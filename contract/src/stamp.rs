@@ -1,11 +1,13 @@
 //! The stamp: which plant sample a message descends from, through whom, and when.
 
+use bytemuck::{Pod, Zeroable};
+
 use crate::Topic;
 use crate::message::Message;
 use crate::port::ZeroCopySend;
 
 /// Provenance and timing of one message. All times are `CLOCK_MONOTONIC` nanoseconds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ZeroCopySend)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ZeroCopySend, Pod, Zeroable)]
 #[repr(C)]
 pub struct Stamp {
     /// Number of the plant sample; its simulated time is `tick` times the sample time.
@@ -30,22 +32,40 @@ pub struct Stamp {
     pub misses: u64,
     /// Periods the publisher has skipped so far.
     pub slips: u64,
+    /// In lockstep and in process: how long faults held the chain up on its way from the sample, all stations \[ns\].
+    pub held_ns: u64,
+    /// Why nobody acts on this message: see [`unheard`].
+    pub unheard: u64,
+    /// See [`Message::sealed`].
+    pub checksum: u64,
+}
+
+/// Meaning of [`Stamp::unheard`].
+pub mod unheard {
+    /// It is heard.
+    pub const HEARD: u64 = 0;
+    /// The publisher works in the shadow of another.
+    pub const SHADOW: u64 = 1;
+    /// A fault lost it, or changed it: what came of it, if anything, is another message with the same number.
+    pub const FAULT: u64 = 2;
 }
 
 impl Stamp {
-    /// Lineage of a message computed from `parent`: the same sample, one station further.
-    pub fn of<M: Message>(parent: &M) -> Self {
-        let p = parent.stamp();
-        Self { tick: p.tick, sample_ns: p.sample_ns, ..Self::default() }.with(parent)
+    /// Lineage of a message that answers to sample `tick`, from nothing yet.
+    pub fn at(tick: u64, sample_ns: u64) -> Self {
+        Self { tick, sample_ns, ..Self::default() }
     }
 
-    /// The same, computed from `other` too.
+    /// The same, computed from `parent`. One of an older sample was used too, but its times are not this chain's.
     #[must_use]
-    pub fn with<M: Message>(mut self, other: &M) -> Self {
-        let o = other.stamp();
-        self.inputs[M::TOPIC as usize] = o.sequence;
-        for (mine, theirs) in self.publish_ns.iter_mut().zip(o.publish_ns) {
-            *mine = (*mine).max(theirs);
+    pub fn with<M: Message>(mut self, parent: &M) -> Self {
+        let p = parent.stamp();
+        self.inputs[M::TOPIC as usize] = p.sequence;
+        if p.tick == self.tick {
+            for (mine, theirs) in self.publish_ns.iter_mut().zip(p.publish_ns) {
+                *mine = (*mine).max(theirs);
+            }
+            self.held_ns = self.held_ns.max(p.held_ns);
         }
         self
     }
@@ -68,11 +88,13 @@ mod tests {
     fn lineage_keeps_the_sample_and_collects_the_inputs() {
         let sample = Stamp { tick: 7, sample_ns: 70, ..Stamp::default() };
         let state = State { stamp: sample.published(Topic::State, 8, 71), ..State::default() };
-        let stamp = Stamp::of(&state).published(Topic::Reference, 9, 72);
+        let stamp = Stamp::at(7, 70).with(&state).published(Topic::Reference, 9, 72);
         let reference = Reference { stamp, ..Reference::default() };
-        let stamp = Stamp::of(&reference).with(&state).published(Topic::Controls, 10, 73);
+        let stamp = Stamp::at(7, 70).with(&reference).with(&state).published(Topic::Controls, 10, 73);
         assert_eq!((stamp.tick, stamp.sample_ns, stamp.sequence), (7, 70, 10));
         assert_eq!(stamp.inputs, [8, 9, 0, 0]);
         assert_eq!(stamp.publish_ns, [71, 72, 73, 0]);
+        let late = Stamp::at(8, 80).with(&reference).published(Topic::Controls, 11, 83);
+        assert_eq!((late.inputs, late.publish_ns), ([0, 9, 0, 0], [0, 0, 83, 0]), "an input of the sample before");
     }
 }

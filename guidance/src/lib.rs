@@ -6,6 +6,7 @@
 //! | [`pid`] | position error to angles and climb | (45)-(47) |
 //! | [`observer`] | outer disturbance observer | |
 //! | [`rates`] | references of the body rates | |
+//! | [`memory`] | all that survives a tick | |
 //!
 //! ```text
 //! STATE -> error in the heading frame -> PID + feed-forward - disturbance -> limits -> + trim -> REFERENCE
@@ -14,7 +15,11 @@
 //! Departure: profile `robust` switches on what the paper has not: velocity feedback in place of the differenced
 //! error, errors in the heading frame, feed-forward, and a w reference that is exact at any attitude. Each is a
 //! setting; with all of them off this is the paper's controller. Test `val_closed_loop_cases` flies both.
+//!
+//! Without a usable state of the tick the last reference is repeated, integrators and observer stand still, and the
+//! first state afterwards counts as one period: however long the silence, it comes back without a bump.
 
+pub mod memory;
 pub mod observer;
 pub mod pid;
 mod process;
@@ -25,9 +30,10 @@ use airframe::Trim;
 use contract::Scenario;
 use contract::message::{Reference, State, guidance_flags};
 use contract::scenario::{Derivative, Guidance as Settings, RateReference, RollReference};
+use contract::snapshot::Snapshot;
 use nalgebra::{Rotation3, Vector2, Vector3};
 
-use observer::Observer;
+use memory::Memory;
 pub use process::run;
 pub use trajectory::{Setpoint, Trajectory};
 
@@ -43,18 +49,13 @@ pub struct Guidance {
     memory: Memory,
 }
 
-/// Everything that survives a tick.
-#[derive(Debug, Clone, Copy, Default)]
-struct Memory {
-    /// Tick of the newest state answered, if any.
-    tick: Option<u64>,
-    /// Position error of that tick, NED \[m\].
-    error_m: Vector3<f64>,
-    /// Integral of the position error, NED \[m s\].
-    integral_ms: Vector3<f64>,
-    observer: Observer,
-    /// The answer itself.
-    reference: Reference,
+/// How time went on since the last sample used.
+#[derive(Debug, Clone, Copy)]
+struct Lapse {
+    /// As the stamps tell; 0 at the first sample \[s\].
+    elapsed_s: f64,
+    /// As integrals count it: a silence is one period, and so is the first sample \[s\].
+    counted_s: f64,
 }
 
 impl Guidance {
@@ -73,20 +74,23 @@ impl Guidance {
             trajectory,
             roll_trim_rad,
             g_mps2: scenario.airframe.g_mps2,
-            memory: Memory { reference: hover, ..Memory::default() },
+            memory: Memory::new(hover),
         }
     }
 
-    /// REFERENCE for a measured `state`.
+    /// REFERENCE at `tick` for the newest measured `state`.
     ///
-    /// A state that is not finite, or so large that the answer would not be, repeats the previous answer with a flag
-    /// (hover before the first) and leaves no trace; a tick already answered repeats it without.
-    pub fn step(&mut self, state: &State) -> Reference {
+    /// A state of an earlier tick or none, one that is not finite, or so large that the answer would not be, repeats
+    /// the previous answer with a flag (hover before the first); a tick already answered repeats it without.
+    pub fn step(&mut self, tick: u64, state: &State) -> Reference {
         let before = self.memory;
+        if state.stamp.sequence == 0 || state.stamp.tick < tick {
+            return self.repeat(&before, guidance_flags::STALE);
+        }
         let m = &state.measured;
         let measured = [m.position_m, m.velocity_mps, m.attitude_rad, m.rates_radps];
         if !all_finite(&measured) {
-            return bad_input(&before.reference);
+            return self.repeat(&before, guidance_flags::BAD_INPUT);
         }
         let periods = match before.tick {
             Some(last) if state.stamp.tick <= last => return before.reference,
@@ -96,18 +100,36 @@ impl Guidance {
         let reference = self.follow(state, periods);
         let [d_x, d_y] = reference.disturbance_mps2;
         if !all_finite(&[reference.attitude_rad, reference.rates_radps, [reference.w_mps, d_x, d_y]]) {
-            self.memory = before;
-            return bad_input(&before.reference);
+            return self.repeat(&before, guidance_flags::BAD_INPUT);
         }
         self.memory.tick = Some(state.stamp.tick);
+        self.memory.silent = false;
         self.memory.reference = reference;
         reference
+    }
+
+    /// The whole memory, for whoever continues this flight.
+    pub fn snapshot(&self) -> Snapshot {
+        self.memory.pack()
+    }
+
+    /// Continues from a snapshot; one that is foreign, torn or not finite is refused, and nothing changes.
+    pub fn restore(&mut self, snapshot: &Snapshot) -> bool {
+        Memory::unpack(snapshot).map(|memory| self.memory = memory).is_some()
+    }
+
+    /// The previous answer with `flag`; all that is remembered beside `before` is that there was nothing to use.
+    fn repeat(&mut self, before: &Memory, flag: u64) -> Reference {
+        self.memory = Memory { silent: true, ..*before };
+        Reference { flags: before.reference.flags | flag, ..before.reference }
     }
 
     /// The answer to a new sample, `periods` after the last one; 0 at the first.
     fn follow(&mut self, state: &State, periods: u64) -> Reference {
         let t_s = state.stamp.tick as f64 * self.sample_s;
         let elapsed_s = periods as f64 * self.sample_s;
+        let counts = periods > 0 && !self.memory.silent;
+        let lapse = Lapse { elapsed_s, counted_s: if counts { elapsed_s } else { self.sample_s } };
         let setpoint = self.trajectory.at(t_s);
         let heading_rad = self.trajectory.heading_rad(t_s);
         let attitude = Vector3::from(state.measured.attitude_rad);
@@ -115,10 +137,10 @@ impl Guidance {
         let velocity_ned = Rotation3::from_euler_angles(phi, theta, psi) * Vector3::from(state.measured.velocity_mps);
         let frame_rad = if self.settings.heading_frame { psi } else { 0.0 };
 
-        let (errors, integral_clamped) = self.errors(&setpoint, state, &velocity_ned, elapsed_s);
+        let (errors, integral_clamped) = self.errors(&setpoint, state, &velocity_ned, lapse);
         let wanted = pid::wanted(&self.settings, &errors.map(|e| to_frame(&e, frame_rad)));
         let acceleration = to_frame(&Vector3::from(setpoint.acceleration_mps2), frame_rad);
-        let disturbance = self.disturbance(&velocity_ned, &attitude, elapsed_s);
+        let disturbance = self.disturbance(&velocity_ned, &attitude, lapse);
 
         let mut angles = Vector2::new(wanted.phi_rad, wanted.theta_rad);
         if self.settings.acceleration_feedforward {
@@ -159,7 +181,7 @@ impl Guidance {
         setpoint: &Setpoint,
         state: &State,
         velocity_ned: &Vector3<f64>,
-        elapsed_s: f64,
+        Lapse { elapsed_s, counted_s }: Lapse,
     ) -> ([Vector3<f64>; 3], bool) {
         let error = Vector3::from(setpoint.position_m) - Vector3::from(state.measured.position_m);
         let derivative = match self.settings.derivative {
@@ -167,22 +189,21 @@ impl Guidance {
             Derivative::Error if elapsed_s > 0.0 => (error - self.memory.error_m) / elapsed_s,
             Derivative::Error => Vector3::zeros(),
         };
-        // The first sample counts as one period, like every other: the sum of rectangles begins with it.
-        let weight_s = if elapsed_s > 0.0 { elapsed_s } else { self.sample_s };
         let clamp = self.settings.integral_limit;
-        let free = self.memory.integral_ms + error * weight_s;
+        let free = self.memory.integral_ms + error * counted_s;
         self.memory.integral_ms = free.map(|i| i.clamp(-clamp, clamp));
         self.memory.error_m = error;
         ([error, self.memory.integral_ms, derivative], free != self.memory.integral_ms)
     }
 
-    fn disturbance(&mut self, velocity_ned: &Vector3<f64>, attitude: &Vector3<f64>, elapsed_s: f64) -> Vector2<f64> {
+    fn disturbance(&mut self, velocity_ned: &Vector3<f64>, attitude: &Vector3<f64>, lapse: Lapse) -> Vector2<f64> {
         let bandwidth = self.settings.disturbance_observer_radps;
         if bandwidth <= 0.0 {
             return Vector2::zeros();
         }
         let tilt = Vector2::new(attitude.x - self.roll_trim_rad, attitude.y);
-        self.memory.observer.update(velocity_ned, &tilt, attitude.z, self.g_mps2, bandwidth, elapsed_s)
+        let gain = (bandwidth * lapse.counted_s).min(1.0);
+        self.memory.observer.update(velocity_ned, &tilt, attitude.z, self.g_mps2, gain, lapse.elapsed_s)
     }
 
     fn rates(&self, wanted: &Vector3<f64>, measured: &Vector3<f64>, elapsed_s: f64) -> Vector3<f64> {
@@ -194,11 +215,6 @@ impl Guidance {
             RateReference::Difference | RateReference::Zero => Vector3::zeros(),
         }
     }
-}
-
-/// `previous`, repeated because the state could not be used.
-fn bad_input(previous: &Reference) -> Reference {
-    Reference { flags: previous.flags | guidance_flags::BAD_INPUT, ..*previous }
 }
 
 fn all_finite(vectors: &[[f64; 3]]) -> bool {

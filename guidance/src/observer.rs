@@ -12,28 +12,29 @@
 use nalgebra::{Vector2, Vector3};
 
 /// Estimate and what it needs of the previous sample.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Observer {
-    velocity_ned_mps: Vector3<f64>,
-    estimate_mps2: Vector2<f64>,
+    /// Velocity of the last sample, NED \[m/s\].
+    pub velocity_ned_mps: Vector3<f64>,
+    /// The disturbance ahead and to the right \[m/s2\].
+    pub estimate_mps2: Vector2<f64>,
 }
 
 impl Observer {
-    /// Takes in a sample `elapsed_s` after the last (0 at the first), `tilt_rad` being roll about trim and pitch; the
-    /// disturbance ahead and to the right \[m/s2\].
+    /// Takes in a sample `elapsed_s` after the last (0 at the first), `tilt_rad` being roll about trim and pitch,
+    /// `gain` the share b Ts of the gap to close; the disturbance ahead and to the right \[m/s2\].
     pub fn update(
         &mut self,
         velocity_ned_mps: &Vector3<f64>,
         tilt_rad: &Vector2<f64>,
         psi_rad: f64,
         g_mps2: f64,
-        bandwidth_radps: f64,
+        gain: f64,
         elapsed_s: f64,
     ) -> Vector2<f64> {
         if elapsed_s > 0.0 {
             let acceleration = super::to_frame(&((velocity_ned_mps - self.velocity_ned_mps) / elapsed_s), psi_rad);
             let explained = Vector2::new(-g_mps2 * tilt_rad.y.tan(), g_mps2 * tilt_rad.x.tan());
-            let gain = (bandwidth_radps * elapsed_s).min(1.0);
             self.estimate_mps2 += (acceleration.xy() - explained - self.estimate_mps2) * gain;
         }
         self.velocity_ned_mps = *velocity_ned_mps;

@@ -1,18 +1,23 @@
-//! Guidance as a process: wakes on STATE.
+//! Guidance as a process: its turn comes with STATE.
 
-use contract::message::{Reference, Stamp, State};
+use contract::message::{Reference, State};
 use contract::process::{Seat, SeatError};
 
 use crate::Guidance;
 
-/// Answers every STATE with a REFERENCE until the run is over.
+/// Answers every sample with a REFERENCE until the run is over.
 pub fn run(seat: &Seat) -> Result<(), SeatError> {
     let mut guidance = Guidance::new(&seat.scenario);
+    if let Some(memory) = seat.memory() {
+        guidance.restore(&memory); // one that does not fit is as good as none
+    }
     let mut states = seat.inlet::<State>()?;
     let mut references = seat.outlet::<Reference>()?;
-    seat.settle();
-    while let Some(state) = states.wait() {
-        references.send(guidance.step(&state), Stamp::of(&state));
+    let mut turns = seat.settle();
+    while let Some(tick) = turns.next(&mut states) {
+        let state = states.newest();
+        references.send(guidance.step(tick, state), turns.lineage(tick).with(state));
+        turns.done(tick, &guidance.snapshot());
     }
     Ok(())
 }

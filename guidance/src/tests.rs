@@ -7,6 +7,8 @@ use proptest::prelude::*;
 
 use crate::{Guidance, Trajectory};
 
+mod silence;
+
 fn scenario(profile: Profile, trajectory: TrajectoryKind) -> Scenario {
     let mut scenario = Scenario::of(profile);
     scenario.mission.trajectory = trajectory;
@@ -19,7 +21,7 @@ fn roll_trim() -> f64 {
 
 fn hovering(tick: u64) -> State {
     let measured = Kinematics { attitude_rad: [roll_trim(), 0.0, 0.0], ..Kinematics::default() };
-    State { stamp: Stamp { tick, ..Stamp::default() }, measured, ..State::default() }
+    State { stamp: Stamp { tick, sequence: 1, ..Stamp::default() }, measured, ..State::default() }
 }
 
 /// The answer to a hover displaced to `position_m`, with heading `psi`, at the first tick.
@@ -27,7 +29,7 @@ fn answer(profile: Profile, position_m: [f64; 3], psi: f64) -> Reference {
     let mut state = hovering(0);
     state.measured.position_m = position_m;
     state.measured.attitude_rad[2] = psi;
-    Guidance::new(&scenario(profile, TrajectoryKind::Hover)).step(&state)
+    Guidance::new(&scenario(profile, TrajectoryKind::Hover)).step(state.stamp.tick, &state)
 }
 
 #[test]
@@ -71,12 +73,12 @@ fn the_integral_is_added_before_use_and_clamped() {
     let mut guidance = Guidance::new(&s);
     let mut state = hovering(0);
     state.measured.position_m = [0.0, 0.0, 1.0];
-    let first = guidance.step(&state);
+    let first = guidance.step(state.stamp.tick, &state);
     assert!((first.w_mps - (-5.0 - 0.1 * 0.01)).abs() < 1e-12, "one rectangle of 10 ms, and no derivative yet");
     let mut last = first;
     for tick in 1..100 {
         state.stamp.tick = tick;
-        last = guidance.step(&state);
+        last = guidance.step(state.stamp.tick, &state);
     }
     assert!((last.w_mps - (-5.0 - 0.1 * 0.05)).abs() < 1e-12);
     assert_ne!(last.flags & guidance_flags::INTEGRAL_CLAMPED, 0);
@@ -89,7 +91,7 @@ fn a_gap_in_the_samples_counts_as_the_time_it_took() {
         let answers = ticks.iter().map(|tick| {
             let mut state = hovering(*tick);
             state.measured.position_m = [0.0, 0.0, 1.0];
-            guidance.step(&state).w_mps
+            guidance.step(state.stamp.tick, &state).w_mps
         });
         answers.last().unwrap()
     };
@@ -99,12 +101,12 @@ fn a_gap_in_the_samples_counts_as_the_time_it_took() {
 #[test]
 fn bad_and_repeated_samples_repeat_the_answer() {
     let mut guidance = Guidance::new(&scenario(Profile::Robust, TrajectoryKind::Survey));
-    let good = guidance.step(&hovering(0));
+    let good = guidance.step(0, &hovering(0));
     let mut bad = hovering(1);
     bad.measured.rates_radps[1] = f64::NAN;
-    let answer = guidance.step(&bad);
+    let answer = guidance.step(bad.stamp.tick, &bad);
     assert_eq!(answer, Reference { flags: good.flags | guidance_flags::BAD_INPUT, ..good });
-    assert_eq!(guidance.step(&hovering(0)), good);
+    assert_eq!(guidance.step(0, &hovering(0)), good);
 }
 
 #[test]
@@ -112,9 +114,9 @@ fn a_bad_first_sample_is_answered_by_hover() {
     let mut guidance = Guidance::new(&scenario(Profile::Robust, TrajectoryKind::Hover));
     let mut bad = hovering(0);
     bad.measured.position_m[0] = f64::INFINITY;
-    let answer = guidance.step(&bad);
+    let answer = guidance.step(bad.stamp.tick, &bad);
     assert_eq!(answer.flags, guidance_flags::BAD_INPUT);
-    let good = guidance.step(&hovering(1));
+    let good = guidance.step(1, &hovering(1));
     assert_eq!(answer, Reference { flags: guidance_flags::BAD_INPUT, ..good });
 }
 
@@ -131,7 +133,7 @@ fn the_observer_leans_against_a_push_and_settles_on_it() {
         let (sin, cos) = roll_trim().sin_cos();
         state.measured.attitude_rad[2] = std::f64::consts::FRAC_PI_2;
         state.measured.velocity_mps = [0.0, -north_mps * cos, north_mps * sin];
-        last = guidance.step(&state);
+        last = guidance.step(state.stamp.tick, &state);
         let expected = 1.0 - 0.95f64.powf(tick as f64);
         assert!(last.disturbance_mps2[0].abs() < 1e-9);
         assert!((last.disturbance_mps2[1] + expected).abs() < 1e-9, "5 % of the gap closes every sample");
@@ -139,7 +141,7 @@ fn the_observer_leans_against_a_push_and_settles_on_it() {
     s.guidance.disturbance_observer_radps = 0.0;
     let mut state = hovering(0);
     state.measured.attitude_rad[2] = std::f64::consts::FRAC_PI_2;
-    let still = Guidance::new(&s).step(&state);
+    let still = Guidance::new(&s).step(state.stamp.tick, &state);
     assert!(last.attitude_rad[0] > still.attitude_rad[0], "right side down against a push to the left");
 }
 
@@ -261,16 +263,17 @@ proptest! {
         let mut s = scenario(if paper { Profile::Paper } else { Profile::Robust }, TrajectoryKind::Survey);
         s.guidance.disturbance_observer_radps = if observer { 5.0 } else { 0.0 };
         let (mut disturbed, mut quiet) = (Guidance::new(&s), Guidance::new(&s));
-        quiet.step(&hovering(0));
-        disturbed.step(&hovering(0));
+        quiet.step(0, &hovering(0));
+        disturbed.step(0, &hovering(0));
         let mut state = hovering(1);
         let [a, b, c, d] = std::array::from_fn(|i| std::array::from_fn(|j| f64::from_bits(bits[3 * i + j])));
         state.measured = Kinematics { position_m: a, velocity_mps: b, attitude_rad: c, rates_radps: d };
-        let answer = disturbed.step(&state);
+        let answer = disturbed.step(state.stamp.tick, &state);
         let numbers = [answer.attitude_rad, answer.rates_radps, [answer.w_mps, 0.0, 0.0]];
         prop_assert!(numbers.as_flattened().iter().all(|x| x.is_finite()));
         if answer.flags & guidance_flags::BAD_INPUT != 0 {
-            prop_assert_eq!(disturbed.step(&hovering(2)), quiet.step(&hovering(2)));
+            quiet.step(1, &hovering(0)); // as if nothing had come
+            prop_assert_eq!(disturbed.step(2, &hovering(2)), quiet.step(2, &hovering(2)));
         }
     }
 
@@ -284,7 +287,7 @@ proptest! {
         state.measured.position_m = position;
         state.measured.velocity_mps = velocity;
         state.measured.attitude_rad = [roll, pitch, yaw];
-        let answer = Guidance::new(&scenario(Profile::Robust, TrajectoryKind::Survey)).step(&state);
+        let answer = Guidance::new(&scenario(Profile::Robust, TrajectoryKind::Survey)).step(state.stamp.tick, &state);
         let limit = 30_f64.to_radians() + 1e-12;
         prop_assert!((answer.attitude_rad[0] - roll_trim()).abs() <= limit && answer.attitude_rad[1].abs() <= limit);
         prop_assert!(answer.w_mps.abs() <= 4.0);

@@ -61,6 +61,9 @@ enum Command {
         /// Which stack to join
         #[arg(long, default_value = "default")]
         namespace: String,
+        /// Which incarnation of the node this is
+        #[arg(long, default_value_t = 1)]
+        epoch: u32,
         /// recorder: where to write the log
         #[arg(long, required_if_eq("name", "recorder"))]
         log: Option<PathBuf>,
@@ -86,7 +89,7 @@ pub fn main() -> ExitCode {
         Command::Status { json } => manage::status(json).map(|()| exit::FLOWN),
         Command::Stop { namespace } => manage::stop(&namespace).map(|()| exit::FLOWN),
         Command::Measure(what) => what.run(),
-        Command::Node { name, namespace, log } => return node(name, &namespace, log),
+        Command::Node { name, namespace, epoch, log } => return node(name, &namespace, epoch, log),
     };
     match result {
         Ok(code) => ExitCode::from(code),
@@ -106,12 +109,12 @@ fn check(scenario: &std::path::Path, set: &[String]) -> anyhow::Result<u8> {
     Ok(exit::FLOWN)
 }
 
-fn node(name: NodeName, namespace: &str, log: Option<PathBuf>) -> ExitCode {
+fn node(name: NodeName, namespace: &str, epoch: u32, log: Option<PathBuf>) -> ExitCode {
     match (name, log) {
-        (NodeName::Plant, _) => run_as("plant", namespace, plant::run),
-        (NodeName::Guidance, _) => run_as("guidance", namespace, guidance::run),
-        (NodeName::AttitudeMpc, _) => run_as("attitude-mpc", namespace, attitude_mpc::run),
-        (NodeName::Mixer, _) => run_as("mixer", namespace, mixer::run),
+        (NodeName::Plant, _) => run_as("plant", namespace, epoch, plant::run),
+        (NodeName::Guidance, _) => run_as("guidance", namespace, epoch, guidance::run),
+        (NodeName::AttitudeMpc, _) => run_as("attitude-mpc", namespace, epoch, attitude_mpc::run),
+        (NodeName::Mixer, _) => run_as("mixer", namespace, epoch, mixer::run),
         (NodeName::Recorder, Some(log)) => recorder::main(namespace, &log),
         (NodeName::Recorder, None) => unreachable!("clap requires --log for the recorder"),
     }

@@ -80,7 +80,7 @@ fn condition(target: FaultTarget, record: &Record) -> Option<Condition> {
                 Condition::Harmed
             })
         }
-        (FaultTarget::Mpc, _) => None,
+        _ => None,
     }
 }
 
@@ -163,7 +163,7 @@ mod tests {
 
     /// A solver fault at 0.1 s, after CONTROLS of these statuses, one per tick from 0 on.
     fn flown(for_s: Option<f64>, statuses: &[SolveStatus]) -> Faults {
-        let fault = Fault { at_s: 0.1, for_s, target: FaultTarget::Mpc, kind: FaultKind::IterationCap };
+        let fault = Fault::new(FaultTarget::Mpc, FaultKind::IterationCap, 0.1, for_s);
         let mut faults = Faults::new(&[fault], 100);
         for (tick, status) in statuses.iter().enumerate() {
             faults.observe(&at(tick as u64, State::default()).into());
@@ -241,7 +241,7 @@ mod tests {
 
     #[test]
     fn missed_ticks_count_as_the_next_one_seen() {
-        let fault = Fault { at_s: 0.1, for_s: Some(0.05), target: FaultTarget::Mpc, kind: FaultKind::Nan };
+        let fault = Fault::new(FaultTarget::Mpc, FaultKind::Nan, 0.1, Some(0.05));
         let mut faults = Faults::new(&[fault], 100);
         for (tick, status) in [(9, SolveStatus::Explicit), (12, SolveStatus::Fallback), (20, SolveStatus::Solved)] {
             faults.observe(&at(tick, Controls { status: status as u64, ..Controls::default() }).into());

@@ -19,7 +19,7 @@ use crate::log::Record;
 use crate::provenance::provenance;
 use crate::recorder::Log;
 use crate::run_record::{Circumstances, describe, exit_code, run_json};
-use crate::stack::{Ended, Stack};
+use crate::stack::{Ended, Flown, Stack};
 use crate::summary::Summary;
 use crate::{print, report};
 
@@ -127,7 +127,7 @@ fn fly_inprocess(
 ) -> anyhow::Result<Circumstances> {
     let mut log = log.map(|path| Log::create(path, scenario)).transpose()?;
     let started = Instant::now();
-    inprocess::fly(scenario, |record| {
+    let ended = inprocess::fly(scenario, |record| {
         summary.observe(&record);
         if let Some(log) = &mut log {
             log.write(&record);
@@ -136,8 +136,8 @@ fn fly_inprocess(
     });
     let log = log.map(Log::finish);
     let wall_s = started.elapsed().as_secs_f64();
-    let ended = if interrupts.load(Ordering::Relaxed) > 0 { Ended::Interrupted } else { Ended::Flown };
-    Ok(Circumstances { ended, wall_s, log, provenance: provenance(scenario, &[]) })
+    let ended = if interrupts.load(Ordering::Relaxed) > 0 { Ended::Interrupted } else { ended };
+    Ok(Circumstances { ended, wall_s, log, provenance: provenance(scenario, &[]), events: vec![], refused: vec![] })
 }
 
 fn fly_processes(
@@ -164,7 +164,8 @@ fn fly_processes(
         eprintln!("error: lost {name}; the stack was stopped");
     }
     let provenance = provenance(scenario, &flown.scheduling);
-    Ok(Circumstances { ended: flown.ended, wall_s: flown.wall.as_secs_f64(), log: flown.log, provenance })
+    let Flown { ended, log, wall, events, refused, .. } = flown;
+    Ok(Circumstances { ended, wall_s: wall.as_secs_f64(), log, provenance, events, refused })
 }
 
 /// Counts Ctrl-C, SIGTERM and SIGHUP: the first stops the flight cleanly, the second kills the processes, the third

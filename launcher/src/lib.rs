@@ -30,6 +30,7 @@ pub mod run_record;
 pub mod solves;
 pub mod stack;
 pub mod summary;
+mod supervisor;
 pub mod timing;
 pub mod trace;
 

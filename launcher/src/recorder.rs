@@ -16,7 +16,7 @@ use contract::scenario::{self, Scenario};
 use rustix::process::Signal;
 use serde::{Deserialize, Serialize};
 
-use crate::log::{LogWriter, Record};
+use crate::log::{Count, LogWriter, Record};
 
 /// How often the queues are emptied.
 const POLL: Duration = Duration::from_millis(2);
@@ -79,7 +79,7 @@ pub fn main(namespace: &str, path: &Path) -> ExitCode {
 }
 
 fn record(namespace: &str, path: &Path) -> anyhow::Result<LogOutcome> {
-    let seat = Seat::join(namespace, "recorder")?;
+    let seat = Seat::join(namespace, "recorder", 1)?;
     // The file first: a recorder that has joined is one that can write.
     let mut log = Log::create(path, &seat.scenario)?;
     let observers = Observers::join(&seat)?;
@@ -87,7 +87,9 @@ fn record(namespace: &str, path: &Path) -> anyhow::Result<LogOutcome> {
         let closing = seat.board.phase().count() >= phase::CLOSE;
         let mut newest = 0;
         let count = observers.drain(|record| {
-            newest = newest.max(record.stamp().tick);
+            if record.is_whole() {
+                newest = newest.max(record.stamp().tick);
+            }
             log.write(&record);
         });
         seat.board.recorded().raise(newest as u32);
@@ -106,7 +108,7 @@ pub struct Log {
     writer: Option<LogWriter>,
     /// When the newest message was written, unless it was flushed since.
     written: Option<Instant>,
-    next_sequence: [u64; 4],
+    count: Count,
     outcome: LogOutcome,
 }
 
@@ -114,15 +116,12 @@ impl Log {
     /// Begins the file.
     pub fn create(path: &Path, scenario: &Scenario) -> anyhow::Result<Self> {
         let writer = Some(LogWriter::create(path, &scenario::to_toml(scenario), scenario.sample_ns())?);
-        Ok(Self { writer, written: None, next_sequence: [1; 4], outcome: LogOutcome::default() })
+        Ok(Self { writer, written: None, count: Count::default(), outcome: LogOutcome::default() })
     }
 
     /// Writes one message, or counts it as dropped.
     pub fn write(&mut self, record: &Record) {
-        let sequence = record.stamp().sequence;
-        let next = &mut self.next_sequence[record.topic() as usize];
-        self.outcome.dropped += sequence.saturating_sub(*next);
-        *next = sequence + 1;
+        self.outcome.dropped += self.count.gap(record).unwrap_or(0);
         match self.writer.as_mut().map(|writer| writer.write(record)) {
             Some(Ok(())) => {
                 self.outcome.records += 1;

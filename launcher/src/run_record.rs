@@ -1,6 +1,7 @@
 //! `run.json`: the summary of a run, for programs.
 
 use contract::Scenario;
+use contract::guard::Refusal;
 use contract::process::exit;
 use contract::scenario::{Bounds, Mode};
 use serde_json::{Value, json};
@@ -8,6 +9,7 @@ use serde_json::{Value, json};
 use crate::recorder::LogOutcome;
 use crate::stack::Ended;
 use crate::summary::{Metrics, Summary};
+use crate::supervisor::Event;
 
 /// What is known of a run besides its messages.
 pub struct Circumstances {
@@ -19,6 +21,10 @@ pub struct Circumstances {
     pub log: Option<LogOutcome>,
     /// Versions, host, settings.
     pub provenance: Value,
+    /// What happened to the processes.
+    pub events: Vec<Event>,
+    /// Messages refused, by listener and cause.
+    pub refused: Vec<(&'static str, [u32; 5])>,
 }
 
 /// Exit code of a run: the gravest of what happened.
@@ -69,8 +75,27 @@ pub fn run_json(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
         "log": how.log,
         "unobserved": summary.missed(),
         "faults": summary.faults.to_json(),
+        "events": events(scenario, &how.events),
+        "refused": refused(&how.refused),
         "provenance": how.provenance,
     })
+}
+
+/// What happened to the processes, by the time of the flight.
+fn events(scenario: &Scenario, events: &[Event]) -> Value {
+    let one = |event: &Event| {
+        let at_s = event.tick as f64 / f64::from(scenario.run.rate_hz);
+        json!({ "at_s": at_s, "node": event.node, "epoch": event.epoch, "what": event.what })
+    };
+    events.iter().map(one).collect()
+}
+
+/// Refused messages by listener and cause.
+fn refused(counts: &[(&'static str, [u32; 5])]) -> Value {
+    let causes = |counts: &[u32; 5]| -> Value {
+        Refusal::ALL.iter().zip(counts).map(|(refusal, count)| (refusal.name().to_owned(), json!(count))).collect()
+    };
+    counts.iter().map(|(node, counts)| ((*node).to_owned(), causes(counts))).collect()
 }
 
 /// One bound of the scenario against the flight.

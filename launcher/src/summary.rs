@@ -11,7 +11,7 @@ use serde::Serialize;
 use sha2::{Digest, Sha256};
 
 use crate::faults::Faults;
-use crate::log::Record;
+use crate::log::{Count, Record};
 use crate::solves::Solves;
 use crate::timing::Timing;
 
@@ -53,7 +53,7 @@ pub struct Summary {
     square_sum_m2: f64,
     samples: u64,
     hash: Sha256,
-    next_sequence: [u64; 4],
+    count: Count,
     missed: u64,
     last: State,
     /// What the solver did.
@@ -87,7 +87,7 @@ impl Summary {
             square_sum_m2: 0.0,
             samples: 0,
             hash: Sha256::new(),
-            next_sequence: [1; 4],
+            count: Count::default(),
             missed: 0,
             last: State::default(),
             solves: Solves::new(),
@@ -98,10 +98,8 @@ impl Summary {
 
     /// Takes one message in.
     pub fn observe(&mut self, record: &Record) {
-        let stamp = record.stamp();
-        let next = &mut self.next_sequence[record.topic() as usize];
-        self.missed += stamp.sequence.saturating_sub(*next);
-        *next = stamp.sequence + 1;
+        let Some(gap) = self.count.gap(record) else { return };
+        self.missed += gap;
         self.faults.observe(record);
         match record {
             Record::State(state) => self.state(state),

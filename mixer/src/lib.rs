@@ -3,23 +3,34 @@
 //! | module | holds | paper |
 //! |---|---|---|
 //! | [`allocation`] | demand to rotor speeds and tilt | (31)-(32), (39)-(44) |
+//! | [`fallback`] | what is flown without a demand | |
+//! | [`rotors`] | whether every rotor follows | |
+//! | [`memory`] | all that survives a tick | |
 //!
 //! With `mixer.projection` a demand the actuators cannot produce becomes the nearest one they can
 //! ([`airframe::projection`]) before it is allocated.
 //!
-//! The mixer never emits a NaN and never leaves the actuators' limits, whatever it is sent.
+//! The mixer never emits a NaN and never leaves the actuators' limits, whatever it is sent; only no thrust at all is
+//! below their idle speed.
 
 pub mod allocation;
+pub mod fallback;
+pub mod memory;
 mod process;
+pub mod rotors;
 
 use airframe::envelope::Envelope;
 use airframe::projection::Projection;
 use airframe::{Actuation, DemandSet, Limits, MixingMatrix, Trim};
 use contract::Scenario;
-use contract::message::{Actuators, Controls, mixer_flags};
+use contract::message::{Actuators, Controls, SolveStatus, State, mixer_flags};
+use contract::snapshot::Snapshot;
 use nalgebra::Vector4;
 
+use fallback::{Level, Rung};
+use memory::Memory;
 pub use process::run;
+use rotors::Rotors;
 
 /// The control allocation of one vehicle.
 pub struct Mixer {
@@ -28,36 +39,125 @@ pub struct Mixer {
     trim: Actuation,
     /// The safety net, where the scenario asks for it.
     projection: Option<Projection>,
+    level: Level,
+    rotors: Rotors,
+    sample_ns: u64,
+    memory: Memory,
 }
 
 impl Mixer {
     /// The allocation of `scenario`; with `mixer.tilt_reaction` exact for a plant that has that moment.
     pub fn new(scenario: &Scenario) -> Self {
         let tilt_reaction = scenario.mixer.tilt_reaction;
+        let mixing = MixingMatrix::new(&scenario.airframe, tilt_reaction);
+        let trim = Trim::solve(&scenario.airframe, tilt_reaction);
+        let rotors = Rotors::new(scenario, mixing, &trim.actuation);
         Self {
-            mixing: MixingMatrix::new(&scenario.airframe, tilt_reaction),
+            mixing,
             limits: scenario.limits(),
-            trim: Trim::solve(&scenario.airframe, tilt_reaction).actuation,
+            trim: trim.actuation,
             projection: scenario.mixer.projection.then(|| {
                 let envelope = Envelope::new(&scenario.airframe, tilt_reaction, scenario.limits());
                 Projection::new(DemandSet::exact(&envelope))
             }),
+            level: Level::new(&scenario.airframe, trim.roll_rad),
+            sample_ns: scenario.sample_ns(),
+            memory: Memory::new(rotors.unknown(&trim.actuation)),
+            rotors,
         }
     }
 
-    /// ACTUATORS for a demand: finite and inside the limits, with flags for what had to give.
+    /// ACTUATORS at `tick` for the newest demand and the newest state, with flags for what had to give: finite, and
+    /// inside the limits or without thrust.
     ///
-    /// A demand that is not finite gets the trim command. With the projection nothing is left for the limits to clip.
-    pub fn step(&mut self, controls: &Controls) -> Actuators {
-        let demand = Vector4::from(controls.demand);
-        if !demand.iter().all(|value| value.is_finite()) {
-            let command = self.limits.clip(&self.trim).into();
-            return Actuators { command, flags: mixer_flags::BAD_INPUT, ..Actuators::default() };
+    /// A demand that is not finite, and one that its controller only repeated, count as missing; so does a state that
+    /// is not finite. What is flown without them, [`fallback`] tells. With the projection nothing is left for the
+    /// limits to clip.
+    pub fn step(&mut self, tick: u64, controls: &Controls, state: &State) -> Actuators {
+        self.hear(controls);
+        self.look(state);
+        let Memory { demand_tick, demand, disturbance, state_tick, measured, terminated, .. } = self.memory;
+        let rung = Rung::of(self.age_ns(tick, demand_tick), self.age_ns(tick, state_tick));
+        let mut actuators = match rung {
+            _ if terminated => self.cut(mixer_flags::TERMINATED),
+            Rung::Used => self.allocate(&demand, 0),
+            Rung::Held => self.allocate(&demand, mixer_flags::HELD),
+            Rung::Levelled => {
+                self.allocate(&(self.level.demand(&measured, false) - disturbance), mixer_flags::LEVELLED)
+            }
+            Rung::Descending => {
+                self.allocate(&(self.level.demand(&measured, true) - disturbance), mixer_flags::DESCENDING)
+            }
+            Rung::TrimOnly => self.trim(mixer_flags::TRIM_ONLY),
+            Rung::Cut => self.cut(0),
+        };
+        if !is_finite(&controls.demand) {
+            actuators.flags |= mixer_flags::BAD_INPUT;
         }
-        let nearest = self.projection.as_mut().and_then(|projection| projection.nearest(&demand));
-        let (wanted, negative_square) = allocation::allocate(&self.mixing, &nearest.unwrap_or(demand));
+        actuators
+    }
+
+    /// The whole memory, for whoever continues this flight.
+    pub fn snapshot(&self) -> Snapshot {
+        self.memory.pack()
+    }
+
+    /// Continues from a snapshot; one that is foreign, torn or not finite is refused, and nothing changes.
+    pub fn restore(&mut self, snapshot: &Snapshot) -> bool {
+        Memory::unpack(snapshot).map(|memory| self.memory = memory).is_some()
+    }
+
+    /// Remembers a demand that says something.
+    fn hear(&mut self, controls: &Controls) {
+        let Controls { stamp, demand, disturbance, status, .. } = controls;
+        if stamp.sequence > 0 && is_finite(demand) && !SolveStatus::repeated(*status) {
+            self.memory.demand_tick = Some(stamp.tick);
+            self.memory.demand = Vector4::from(*demand);
+            if is_finite(disturbance) {
+                self.memory.disturbance = Vector4::from(*disturbance);
+            }
+        }
+    }
+
+    /// Remembers a state that is new, and judges the rotors by it.
+    fn look(&mut self, state: &State) {
+        let m = &state.measured;
+        let finite = [m.position_m, m.velocity_mps, m.attitude_rad, m.rates_radps].iter().all(|v| is_finite(v));
+        let tick = state.stamp.tick;
+        if state.stamp.sequence == 0 || !finite || self.memory.state_tick.is_some_and(|last| tick <= last) {
+            return;
+        }
+        let command = Actuation::from(state.command_in_force);
+        let evidence = match self.memory.state_tick {
+            Some(last) => {
+                let rates = [self.memory.measured.rates_radps.into(), m.rates_radps.into()];
+                let elapsed_s = (tick - last).saturating_mul(self.sample_ns) as f64 / 1e9;
+                self.rotors.observe(&self.memory.evidence, rates, &command, elapsed_s)
+            }
+            None => self.rotors.unknown(&command),
+        };
+        self.memory.state_tick = Some(tick);
+        self.memory.measured = *m;
+        self.memory.evidence = evidence;
+        self.memory.terminated |= evidence.is_certain();
+    }
+
+    /// How old something of tick `of` is at `tick` \[ns\]; what never came is infinitely old.
+    fn age_ns(&self, tick: u64, of: Option<u64>) -> u64 {
+        of.map_or(u64::MAX, |of| tick.saturating_sub(of).saturating_mul(self.sample_ns))
+    }
+
+    /// The command for a demand \[N, N m, N m, N m\], with `flags` and those of what had to give.
+    fn allocate(&mut self, demand: &Vector4<f64>, mut flags: u64) -> Actuators {
+        if !is_finite(demand.as_slice()) {
+            return self.trim(flags | mixer_flags::TRIM_ONLY); // levelled from a state so large that it overflowed
+        }
+        let nearest = self.projection.as_mut().and_then(|projection| projection.nearest(demand));
+        let (wanted, negative_square) = allocation::allocate(&self.mixing, &nearest.unwrap_or(*demand));
         let command = self.limits.clip(&wanted);
-        let mut flags = if nearest.is_some() { mixer_flags::PROJECTED } else { 0 };
+        if nearest.is_some() {
+            flags |= mixer_flags::PROJECTED;
+        }
         if negative_square {
             flags |= mixer_flags::NEGATIVE_SQUARE;
         }
@@ -71,6 +171,22 @@ impl Mixer {
         }
         Actuators { command: command.into(), flags, ..Actuators::default() }
     }
+
+    /// The trim command.
+    fn trim(&self, flags: u64) -> Actuators {
+        Actuators { command: self.limits.clip(&self.trim).into(), flags, ..Actuators::default() }
+    }
+
+    /// No thrust, with the tilt at trim.
+    fn cut(&self, flags: u64) -> Actuators {
+        let still = Actuation { rotor_speed: [0.0; 3], ..self.trim };
+        Actuators { command: still.into(), flags: flags | mixer_flags::CUT, ..Actuators::default() }
+    }
+}
+
+/// Whether every number is one.
+fn is_finite(numbers: &[f64]) -> bool {
+    numbers.iter().all(|number| number.is_finite())
 }
 
 #[cfg(test)]

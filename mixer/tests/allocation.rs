@@ -1,7 +1,7 @@
-//! A step allocates nothing, whatever becomes of the demand.
+//! A step allocates nothing, whatever becomes of the demand, and no more does a snapshot.
 
 use contract::Scenario;
-use contract::message::{Actuators, Controls, mixer_flags};
+use contract::message::{Actuators, Controls, Stamp, State, mixer_flags};
 use contract::scenario::Profile;
 use mixer::Mixer;
 
@@ -13,12 +13,18 @@ fn a_step_allocates_nothing() {
         ([-50.0, 1.0, -1.0, 5.0], mixer_flags::PROJECTED),
         ([0.0, 0.0, 5.0, 0.0], mixer_flags::PROJECTED),
         ([1e300, -1e300, 1e300, 0.0], mixer_flags::PROJECTED),
-        ([f64::NAN, 0.0, 0.0, 0.0], mixer_flags::BAD_INPUT),
+        ([f64::NAN, 0.0, 0.0, 0.0], mixer_flags::BAD_INPUT | mixer_flags::LEVELLED),
     ];
-    for (demand, flags) in cases {
+    for (tick, (demand, flags)) in (1..).map(|n| 10 * n).zip(cases) {
         let mut actuators = Actuators::default();
-        let controls = Controls { demand, ..Controls::default() };
-        let count = allocation_counter::measure(|| actuators = mixer.step(&controls));
+        let stamp = Stamp { tick, sequence: tick, ..Stamp::default() };
+        let (controls, state) =
+            (Controls { stamp, demand, ..Controls::default() }, State { stamp, ..State::default() });
+        let count = allocation_counter::measure(|| actuators = mixer.step(tick, &controls, &state));
         assert_eq!((actuators.flags, count.count_total), (flags, 0), "{demand:?}");
+        let count = allocation_counter::measure(|| {
+            std::hint::black_box(mixer.snapshot());
+        });
+        assert_eq!(count.count_total, 0);
     }
 }

@@ -7,6 +7,9 @@
 //!
 //! All times are integer nanoseconds since the start of the run, so that delays that are multiples of the
 //! integration step fall exactly on its boundaries.
+//!
+//! A command in force longer than [`CUT_NS`] is cut: the rotors are told to stop, below idle, and the tilt stays where it
+//! was told to be. A new command ends that. The plant helps in no other way.
 
 use std::collections::VecDeque;
 
@@ -21,6 +24,13 @@ use crate::random::Stream;
 /// Commands per sample that the time line holds while they wait; a flood beyond that is lost like a dropped command.
 const WAITING_PER_SAMPLE: u64 = 4;
 
+/// How long a command stays in force without a successor \[ns\].
+///
+/// A motor controller that hears nothing stops its motor: a vehicle nobody steers shall come down and not fly away.
+/// Half a second is beyond every silence that the stack is meant to bridge, and beyond what a vehicle survives
+/// on a held command.
+pub const CUT_NS: u64 = 500_000_000;
+
 /// One command on the time line.
 #[derive(Debug, Clone, Copy)]
 pub struct Command {
@@ -34,6 +44,8 @@ pub struct Command {
     effect_ns: u64,
     /// Time from the sample it was computed from to its effect \[ns\].
     pub age_ns: u64,
+    /// Whether the motor controllers cut it: the rotors stop, whatever their idle speed.
+    pub cut: bool,
 }
 
 impl Command {
@@ -67,7 +79,7 @@ impl CommandLine {
         let samples_on_the_way = 2 + (delay_ns + jitter_ns) / scenario.sample_ns();
         let capacity = (WAITING_PER_SAMPLE * samples_on_the_way) as usize;
         Self {
-            in_force: Command { actuation: trim, sequence: 0, epoch: 0, effect_ns: 0, age_ns: 0 },
+            in_force: Command { actuation: trim, sequence: 0, epoch: 0, effect_ns: 0, age_ns: 0, cut: false },
             waiting: VecDeque::with_capacity(capacity),
             capacity,
             sample_ns: scenario.sample_ns(),
@@ -89,26 +101,35 @@ impl CommandLine {
         let age_ns = effect_ns.saturating_sub(tick.saturating_mul(self.sample_ns));
         let actuation = Actuation::from(actuators.command);
         if !lost && is_finite(&actuation) {
-            self.insert(Command { actuation, sequence, epoch, effect_ns, age_ns });
+            self.insert(Command { actuation, sequence, epoch, effect_ns, age_ns, cut: false });
         }
     }
 
-    /// Puts into force what takes effect up to and including `now_ns`.
+    /// Puts into force what takes effect up to and including `now_ns`, and cuts what has been in force too long.
     pub fn switch(&mut self, now_ns: u64) {
         while let Some(next) = self.waiting.front().filter(|c| c.effect_ns <= now_ns) {
             self.in_force = *next;
             self.waiting.pop_front();
         }
+        if self.cut_ns() <= now_ns {
+            self.in_force.actuation.rotor_speed = [0.0; 3];
+            self.in_force.cut = true;
+        }
     }
 
-    /// The command in force since the last [`switch`](Self::switch).
+    /// The command in force since the last [`switch`](Self::switch); a cut one says 0 for the rotors.
     pub fn in_force(&self) -> &Command {
         &self.in_force
     }
 
-    /// When the next command takes effect \[ns\]; never, if none is on its way.
+    /// When the next command takes effect or the present one is cut \[ns\]; never, if neither will happen.
     pub fn next_switch_ns(&self) -> u64 {
-        self.waiting.front().map_or(u64::MAX, |c| c.effect_ns)
+        let cut_ns = if self.in_force.cut { u64::MAX } else { self.cut_ns() };
+        self.waiting.front().map_or(cut_ns, |c| c.effect_ns.min(cut_ns))
+    }
+
+    fn cut_ns(&self) -> u64 {
+        self.in_force.effect_ns.saturating_add(CUT_NS)
     }
 
     fn insert(&mut self, new: Command) {

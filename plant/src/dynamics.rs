@@ -28,7 +28,8 @@
 //!
 //! Departure: what the paper neglects can be switched on: drag in moving air, a disturbance, the pitching moment
 //! `M1 sin mu` of the tilted rotor, a loss of thrust and torque. All are off unless the scenario says otherwise.
-//! Test `val_plant_cases`, and one test of direction for each.
+//! Test `val_plant_cases`, and one test of direction for each. What a fault does to the vehicle enters here too, as its
+//! [`Condition`] and as payload.
 
 use airframe::{Actuation, ActuatorLaw, Parameters};
 use contract::Scenario;
@@ -47,6 +48,23 @@ pub struct Surroundings {
     pub force_n: Vector3<f64>,
     /// Disturbing moment, body \[N m\].
     pub moment_nm: Vector3<f64>,
+    /// Mass carried at the centre of mass, in addition to the vehicle's \[kg\].
+    pub payload_kg: f64,
+}
+
+/// How the actuators are at one instant; by default sound.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Condition {
+    /// Factor on thrust and torque of each rotor, beside the scenario's.
+    pub effectiveness: [f64; 3],
+    /// Time constants of rotor 1, 2, 3 and the tilt where a fault prolongs them \[s\].
+    pub slow_s: [Option<f64>; 4],
+}
+
+impl Default for Condition {
+    fn default() -> Self {
+        Self { effectiveness: [1.0; 3], slow_s: [None; 4] }
+    }
 }
 
 /// The vehicle as it really is.
@@ -80,15 +98,22 @@ impl Dynamics {
     }
 
     /// Rate of change of `x`, per second, under an already clipped `command`.
-    pub fn derivative(&self, x: &StateVector, command: &Actuation, outside: &Surroundings) -> StateVector {
-        let Parameters { g_mps2: g, mass_kg: m, ixx_kgm2: ixx, iyy_kgm2: iyy, izz_kgm2: izz, .. } = self.vehicle;
+    pub fn derivative(
+        &self,
+        x: &StateVector,
+        command: &Actuation,
+        condition: &Condition,
+        outside: &Surroundings,
+    ) -> StateVector {
+        let Parameters { g_mps2: g, ixx_kgm2: ixx, iyy_kgm2: iyy, izz_kgm2: izz, .. } = self.vehicle;
+        let m = self.vehicle.mass_kg + outside.payload_kg;
         let [_, _, _, u, v, w, phi, theta, psi, p, q, r, ..] = *x;
         let (sin_phi, cos_phi) = phi.sin_cos();
         let (sin_theta, cos_theta) = theta.sin_cos();
         let cbn = direction_cosines((sin_phi, cos_phi), (sin_theta, cos_theta), psi.sin_cos());
 
         let actuators = actuation(x);
-        let (thrust, torque) = self.rotors(&actuators);
+        let (thrust, torque) = self.rotors(&actuators, condition);
         let air_velocity = Vector3::new(u, v, w) - cbn * outside.wind_mps;
         let [fx, fy, fz]: [f64; 3] = (thrust + self.drag(&air_velocity) + cbn * outside.force_n).into();
         let [mx, my, mz]: [f64; 3] = (torque + outside.moment_nm).into();
@@ -104,15 +129,16 @@ impl Dynamics {
         let dp = ((iyy - izz) * q * r + mx) / ixx; // (12)
         let dq = ((izz - ixx) * p * r + my) / iyy; // (13)
         let dr = ((ixx - iyy) * p * q + mz) / izz; // (14)
-        let Actuation { rotor_speed: [do1, do2, do3], tilt_rad: dmu } = self.law.rate(&actuators, command);
+        let [do1, do2, do3, dmu] = self.actuator_rates(&actuators, command, condition);
         [dx, dy, dz, du, dv, dw, dphi, dtheta, dpsi, dp, dq, dr, do1, do2, do3, dmu]
     }
 
     /// Force \[N\] and moment \[N m\] of the three rotors, body frame.
-    fn rotors(&self, actuators: &Actuation) -> (Vector3<f64>, Vector3<f64>) {
+    fn rotors(&self, actuators: &Actuation, condition: &Condition) -> (Vector3<f64>, Vector3<f64>) {
         let Parameters { l1_m: l1, l2_m: l2, l3_m: l3, kf, km, .. } = self.vehicle;
         let (sin_mu, cos_mu) = actuators.tilt_rad.sin_cos();
-        let square = |i: usize| self.effectiveness[i] * actuators.rotor_speed[i] * actuators.rotor_speed[i];
+        let effectiveness = |i: usize| self.effectiveness[i] * condition.effectiveness[i];
+        let square = |i: usize| effectiveness(i) * actuators.rotor_speed[i] * actuators.rotor_speed[i];
         let [f1, f2, f3] = [kf * square(0), kf * square(1), kf * square(2)]; // (15)
         let [m1, m2, m3] = [km * square(0), km * square(1), km * square(2)]; // (16)
         let reaction = if self.tilt_reaction { m1 * sin_mu } else { 0.0 };
@@ -124,6 +150,21 @@ impl Dynamics {
         let my = -l2 * (f2 + f3) + l1 * f1 * cos_mu + reaction; // (21)
         let mz = l1 * f1 * sin_mu - m1 * cos_mu + m2 - m3; // (22)
         (Vector3::new(fx, fy, fz), Vector3::new(mx, my, mz))
+    }
+
+    /// Rates of change of `Omega_1..3` and mu, per second.
+    fn actuator_rates(&self, position: &Actuation, command: &Actuation, condition: &Condition) -> [f64; 4] {
+        let rates = |law: &ActuatorLaw| {
+            let Actuation { rotor_speed: [o1, o2, o3], tilt_rad } = law.rate(position, command);
+            [o1, o2, o3, tilt_rad]
+        };
+        let mut all = rates(&self.law);
+        for (i, slow_s) in condition.slow_s.iter().enumerate() {
+            if let Some(lag_s) = *slow_s {
+                all[i] = rates(&ActuatorLaw { rotor_lag_s: lag_s, servo_lag_s: lag_s, ..self.law })[i];
+            }
+        }
+        all
     }
 
     /// Drag \[N\] against the body velocity relative to the air \[m/s\].

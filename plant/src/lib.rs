@@ -4,9 +4,10 @@
 //! |---|---|---|
 //! | [`dynamics`] | forces, moments, equations of motion | (7)-(22) |
 //! | [`integrator`] | one Runge-Kutta step | |
-//! | [`commands`] | delay, jitter and loss between mixer and actuators | |
+//! | [`commands`] | delay, jitter and loss between mixer and actuators; the cut when none comes | |
 //! | [`schedule`] | wind and disturbance as steps in time | |
 //! | [`sensors`] | measurement noise | |
+//! | [`faults`] | what the scenario breaks: sensors, actuators, air, payload | |
 //! | [`random`] | the random streams | |
 //!
 //! ```text
@@ -20,18 +21,20 @@
 
 pub mod commands;
 pub mod dynamics;
+pub mod faults;
 pub mod integrator;
 mod process;
 pub mod random;
 pub mod schedule;
 pub mod sensors;
 
-use airframe::Trim;
+use airframe::{Actuation, Trim};
 use contract::Scenario;
 use contract::message::{Actuators, Kinematics, PlantStatus, Stamp, State};
 
 use commands::CommandLine;
 use dynamics::{Dynamics, StateVector};
+use faults::Faults;
 pub use process::run;
 use schedule::Schedule;
 use sensors::Sensors;
@@ -50,6 +53,7 @@ pub struct Plant {
     schedule: Schedule,
     commands: CommandLine,
     sensors: Sensors,
+    faults: Faults,
     sample_ns: u64,
     substep_ns: u64,
     last_tick: u64,
@@ -77,6 +81,7 @@ impl Plant {
             schedule: Schedule::new(scenario),
             commands: CommandLine::new(scenario, trim.actuation),
             sensors: Sensors::new(scenario),
+            faults: Faults::new(scenario),
             sample_ns: scenario.sample_ns(),
             substep_ns: scenario.substep_ns(),
             last_tick: scenario.ticks(),
@@ -91,12 +96,14 @@ impl Plant {
     /// The command it names is the one in force up to this instant, not one that takes effect at it.
     pub fn sample(&mut self) -> State {
         let actual = dynamics::kinematics(&self.x);
+        let mut measured = self.sensors.measure(&actual);
+        self.faults.sensors.strike(self.tick, &mut measured);
         let command = self.commands.in_force();
         State {
             stamp: Stamp { tick: self.tick, ..Stamp::default() },
             applied_sequence: command.sequence,
             applied_age_ns: command.age_ns,
-            measured: self.sensors.measure(&actual),
+            measured,
             actual,
             actuators: dynamics::actuation(&self.x).into(),
             command_in_force: command.actuation.into(),
@@ -126,11 +133,23 @@ impl Plant {
     }
 
     fn integrate(&mut self, from_ns: u64, until_ns: u64) {
-        let command = self.dynamics.clip(&self.commands.in_force().actuation);
-        let outside = self.schedule.at(from_ns);
+        let position = dynamics::actuation(&self.x);
+        let (command, condition) = self.faults.actuators.strike(from_ns / self.sample_ns, &position, &self.demand());
+        let scheduled = self.schedule.at(from_ns);
         let dt_s = (until_ns - from_ns) as f64 / 1e9;
-        self.x = integrator::step(&self.x, dt_s, |x| self.dynamics.derivative(x, &command, &outside));
+        self.x = integrator::step(&self.x, dt_s, |t_s, x| {
+            let outside = self.faults.environment.strike(from_ns, t_s, &scheduled);
+            self.dynamics.derivative(x, &command, &condition, &outside)
+        });
         self.lost = loss(&self.x);
+    }
+
+    /// What the motor controllers and the servo are to follow: the command in force within the limits, which hold for
+    /// commands and not for a cut.
+    fn demand(&self) -> Actuation {
+        let command = self.commands.in_force();
+        let clipped = self.dynamics.clip(&command.actuation);
+        if command.cut { Actuation { rotor_speed: [0.0; 3], ..clipped } } else { clipped }
     }
 
     fn now_ns(&self) -> u64 {

@@ -19,7 +19,9 @@ pub fn run(seat: &Seat) -> Result<(), SeatError> {
     loop {
         let state = plant.sample();
         let tick = state.stamp.tick;
-        states.send(state, pace.sample(tick));
+        let Some(lineage) = pace.sample(tick) else { return Err(SeatError::Stuck { tick }) };
+        states.send(state, lineage);
+        pace.sampled(tick);
         match pace.turn(tick, &mut commands, |command, arrival_ns| plant.command(command, arrival_ns)) {
             Turn::Periods(periods) if state.status == PlantStatus::Flying as u64 => {
                 plant.advance(periods);

@@ -1,25 +1,38 @@
-//! Random streams: one per feature, all from the run's seed, so that switching one feature on leaves the others alone.
+//! Random streams: one per feature and fault, all from the run's seed, so that switching one on leaves the others alone.
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
+/// Faults count from here on, so that there is room below for features to come.
+const FAULTS: u64 = 1 << 32;
+
 /// Who draws.
 #[derive(Debug, Clone, Copy)]
-#[repr(u64)]
 pub enum Stream {
     /// Measurement noise.
-    Noise = 1,
+    Noise,
     /// Which commands are lost.
-    Drops = 2,
+    Drops,
     /// How late the others are.
-    Jitter = 3,
+    Jitter,
+    /// The fault at this place in the scenario.
+    Fault(usize),
 }
 
 impl Stream {
     /// The stream's generator in the run with this `seed`.
     pub fn open(self, seed: u64) -> ChaCha8Rng {
         let mut generator = ChaCha8Rng::seed_from_u64(seed);
-        generator.set_stream(self as u64);
+        generator.set_stream(self.number());
         generator
+    }
+
+    fn number(self) -> u64 {
+        match self {
+            Self::Noise => 1,
+            Self::Drops => 2,
+            Self::Jitter => 3,
+            Self::Fault(index) => FAULTS + index as u64,
+        }
     }
 }

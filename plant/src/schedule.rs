@@ -35,7 +35,7 @@ impl Schedule {
     /// The values in force at `now_ns`; calm before the first entry.
     pub fn at(&self, now_ns: u64) -> Surroundings {
         let [force_n, moment_nm] = held(&self.disturbance, now_ns);
-        Surroundings { wind_mps: held(&self.wind, now_ns), force_n, moment_nm }
+        Surroundings { wind_mps: held(&self.wind, now_ns), force_n, moment_nm, payload_kg: 0.0 }
     }
 }
 

@@ -58,9 +58,11 @@ fn val_plant_cases() {
         scenario.plant.wind_ned_mps = vec![(0.0, numbers(&case["wind_ned"]))];
         let mut plant = Plant::new(&scenario);
         plant.x = numbers(&case["x0"]);
-        plant.command(&message(1, numbers(&case["cmd"])), 0);
         let duration_s = case["T"].as_f64().expect("a duration");
-        plant.advance((duration_s / 0.01).round() as u64);
+        for period in 1..=(duration_s / 0.01).round() as u64 {
+            plant.command(&message(period, numbers(&case["cmd"])), 0);
+            plant.advance(1);
+        }
 
         let name = case["name"].as_str().expect("a name");
         let same_method = difference(&plant.x, &numbers(&case["x_rk4_1ms"]));
@@ -78,7 +80,10 @@ fn hover_stays_put() {
         scenario.plant.tilt_reaction = tilt_reaction;
         let mut plant = Plant::new(&scenario);
         let start = plant.x;
-        assert_eq!(plant.advance(200), PlantStatus::Flying);
+        for period in 1..=200 {
+            plant.command(&message(period, [start[12], start[13], start[14], start[15]]), 0);
+            assert_eq!(plant.advance(1), PlantStatus::Flying);
+        }
         assert!(difference(&plant.x, &start) < 1e-9);
     }
 }

@@ -26,7 +26,7 @@ fn turn(scenario: &Scenario, ticks: u64) -> Vec<Controls> {
     let mut mpc = AttitudeMpc::new(scenario);
     let answer = |tick| {
         let (state, reference) = violent_turn(&mpc, tick);
-        mpc.step(&state, &reference)
+        mpc.step(state.stamp.tick, &state, &reference)
     };
     (0..ticks).map(answer).collect()
 }
@@ -62,7 +62,7 @@ fn a_fault_strikes_though_nothing_needs_solving() {
         let mut mpc = AttitudeMpc::new(&scenario);
         let (state, mut reference) = hover(&mpc, 0);
         reference.w_mps = -0.1;
-        let controls = mpc.step(&state, &reference);
+        let controls = mpc.step(state.stamp.tick, &state, &reference);
         assert_eq!(controls.status, status as u64);
         // The unconstrained optimum is inside: the way to it goes all the way.
         let miss = Vector4::from(controls.demand) - mpc.work.unconstrained.fixed_rows::<4>(0);
@@ -122,7 +122,7 @@ fn spin(solver: Solver, limits: StateConstraints, r_radps: f64) -> (Controls, At
     let (mut state, mut reference) = hover(&mpc, 0);
     state.measured.rates_radps[2] = r_radps;
     reference.attitude_rad[2] = 1.6; // and a heading that asks for more of it
-    (mpc.step(&state, &reference), mpc)
+    (mpc.step(state.stamp.tick, &state, &reference), mpc)
 }
 
 #[test]

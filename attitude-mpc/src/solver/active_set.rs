@@ -1,7 +1,8 @@
 //! The problem by our own dual active-set method, which [`airframe::active_set`] explains.
 
-use airframe::active_set::{self, ActiveSet};
+use airframe::active_set::{self, ActiveSet, Member, WorkingSet};
 use contract::scenario::FaultKind;
+use contract::snapshot::{Reader, Writer};
 use nalgebra::{DMatrix, DVector};
 
 use super::{Outcome, Verdict};
@@ -20,6 +21,8 @@ pub struct ActiveSetSolver {
     offsets: Vec<f64>,
     /// Where the rows of the states begin.
     first_state: usize,
+    /// Where those of the discs begin.
+    first_disc: usize,
 }
 
 impl ActiveSetSolver {
@@ -57,7 +60,14 @@ impl ActiveSetSolver {
             }
         }
         let solver = ActiveSet::new(hessian, &rows, &softness, &discs, max_iterations);
-        Self { solver, max_iterations, centre: vec![0.0; variables], offsets, first_state: linear }
+        Self {
+            solver,
+            max_iterations,
+            centre: vec![0.0; variables],
+            offsets,
+            first_state: linear,
+            first_disc: linear + states,
+        }
     }
 
     /// See [`super::Solver::solve`].
@@ -91,5 +101,43 @@ impl ActiveSetSolver {
             active_set::Verdict::Infeasible | active_set::Verdict::NotFinite => Verdict::Failed,
         };
         Outcome { verdict, iterations: u64::from(outcome.iterations) }
+    }
+
+    /// Adds the constraints that the next solve starts from to a snapshot; none when they do not fit.
+    pub fn pack(&self, writer: &mut Writer) {
+        let members = &self.solver.working_set().members;
+        let words = |member: &Member| if matches!(member, Member::Row(_)) { 1 } else { 3 };
+        if 1 + members.iter().map(words).sum::<usize>() > writer.room() {
+            return writer.word(0);
+        }
+        writer.word(members.len() as u64);
+        for member in members {
+            match member {
+                Member::Row(row) => writer.word(*row as u64),
+                Member::Cut { disc, towards } => {
+                    writer.word((self.first_disc + disc) as u64);
+                    writer.numbers(towards);
+                }
+            }
+        }
+    }
+
+    /// Starts the next solve from the constraints of a snapshot; `None` where they are not those of this set-up.
+    pub fn unpack(&mut self, reader: &mut Reader) -> Option<()> {
+        let discs = (self.offsets.len() - self.first_disc) / 2;
+        let mut free = vec![true; self.first_disc + discs];
+        let mut from = WorkingSet::default();
+        for _ in 0..reader.word()? {
+            let place = reader.word()? as usize;
+            if !std::mem::replace(free.get_mut(place)?, false) {
+                return None;
+            }
+            from.members.push(match place.checked_sub(self.first_disc) {
+                None => Member::Row(place),
+                Some(disc) => Member::Cut { disc, towards: reader.numbers()? },
+            });
+        }
+        self.solver.warm_start(&from);
+        Some(())
     }
 }

@@ -17,6 +17,7 @@ pub mod clarabel;
 
 use contract::Scenario;
 use contract::scenario::{FaultKind, Mode, Solver as Choice};
+use contract::snapshot::{Reader, Writer};
 use nalgebra::{DMatrix, DVector};
 
 use self::active_set::ActiveSetSolver;
@@ -91,6 +92,21 @@ impl Solver {
         match self {
             Self::Clarabel(solver) => solver.solve(unconstrained, set, fault, plan),
             Self::ActiveSet(solver) => solver.solve(unconstrained, set, fault, plan),
+        }
+    }
+
+    /// Adds what one solve leaves to the next to a snapshot: Clarabel starts from nothing.
+    pub fn pack(&self, writer: &mut Writer) {
+        if let Self::ActiveSet(solver) = self {
+            solver.pack(writer);
+        }
+    }
+
+    /// Takes it from a snapshot; `None` where it is not of this set-up.
+    pub fn unpack(&mut self, reader: &mut Reader) -> Option<()> {
+        match self {
+            Self::Clarabel(_) => Some(()),
+            Self::ActiveSet(solver) => solver.unpack(reader),
         }
     }
 }

@@ -11,7 +11,7 @@ use std::io;
 use std::num::NonZeroU32;
 use std::path::Path;
 use std::ptr::NonNull;
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
 use rustix::io::Errno;
 use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
@@ -19,9 +19,10 @@ use rustix::thread::futex;
 
 use super::clock::to_timespec;
 use crate::Topic;
+use crate::office::Office;
 
-const PAGE_BYTES: usize = 4096;
-const MAGIC: u32 = 0x7EF0_1103;
+const PAGE_BYTES: usize = 4096 * 4;
+const MAGIC: u32 = 0x7EF0_1104;
 
 #[repr(C)]
 struct Page {
@@ -30,6 +31,8 @@ struct Page {
     watched: Bell,
     recorded: Bell,
     bells: [Bell; Topic::COUNT],
+    offices: [Office; Topic::COUNT],
+    origin_ns: AtomicU64,
 }
 const _: () = assert!(size_of::<Page>() <= PAGE_BYTES);
 
@@ -59,6 +62,11 @@ impl Bell {
     pub fn ring(&self) {
         self.0.fetch_add(1, Ordering::Release);
         self.wake();
+    }
+
+    /// Raises the counter and wakes nobody.
+    pub fn mark(&self) {
+        self.0.fetch_add(1, Ordering::Release);
     }
 
     /// Raises the counter to `count`, unless it stands there already, and wakes everybody who waits.
@@ -116,6 +124,21 @@ impl Board {
     /// The bell of a topic.
     pub fn bell(&self, topic: Topic) -> &Bell {
         &self.page().bells[topic as usize]
+    }
+
+    /// The office of the node that publishes `topic`.
+    pub fn office(&self, topic: Topic) -> &Office {
+        &self.page().offices[topic as usize]
+    }
+
+    /// The instant of sample 0 \[ns\]; 0 before there is one. In lockstep it is that of the present sample.
+    pub fn origin_ns(&self) -> u64 {
+        self.page().origin_ns.load(Ordering::Acquire)
+    }
+
+    /// Sets that instant; the plant's part.
+    pub fn set_origin_ns(&self, origin_ns: u64) {
+        self.page().origin_ns.store(origin_ns, Ordering::Release);
     }
 
     /// Where the run stands: see [`phase`]. Rung at every change.

@@ -1,6 +1,19 @@
 //! `[[fault]]`: what goes wrong, and when. A function of the tick and the run's seed, so that a faulty run repeats.
+//!
+//! | group | target | kinds |
+//! |---|---|---|
+//! | process | plant guidance attitude-mpc mixer | kill stop slow hog exit |
+//! | topic | state reference controls actuators | drop burst delay duplicate reorder corrupt garbage stale rate |
+//! | sensor | position velocity attitude rates | off stuck garbage wrong slow delayed intermittent noise |
+//! | actuator | rotor1 rotor2 rotor3 tilt | off stuck wrong slow saturated |
+//! | environment | wind, payload | step gust, mass |
+//! | solver | mpc | infeasible, nan, iteration cap |
+//!
+//! A kind that a target cannot suffer is refused. The size of a fault has a default ([`Fault::ms`] and its neighbours).
 
 use serde::{Deserialize, Serialize};
+
+use crate::Topic;
 
 /// One `[[fault]]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -9,26 +22,130 @@ pub struct Fault {
     /// When it begins \[s\].
     pub at_s: f64,
     /// How long it lasts \[s\]; absent = until the end.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub for_s: Option<f64>,
     /// What it strikes.
     pub target: FaultTarget,
     /// What happens to it.
     pub kind: FaultKind,
+    /// A time \[ms\]: how late (slow, delay, delayed), how old (stale), the time constant (slow sensor or actuator).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ms: Option<f64>,
+    /// A size: standard deviation (noise), bias or factor (wrong), share of the range (saturated), mass \[kg\].
+    /// Degrees for angles.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub value: Option<f64>,
+    /// Wind NED \[m/s\].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub vector: Option<[f64; 3]>,
+    /// Share of the ticks struck (drop, duplicate, reorder, corrupt, garbage, intermittent).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub probability: Option<f64>,
+    /// Messages lost in a row (burst), bits flipped (corrupt), every how many-th message passes (rate).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub count: Option<u64>,
+    /// In which way a sensor is wrong.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub how: Option<Wrong>,
 }
 
 /// `fault.target`
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum FaultTarget {
+    /// The process that turns the ring.
+    Plant,
+    /// The process of the position controller.
+    Guidance,
+    /// The process of the attitude controller.
+    AttitudeMpc,
+    /// The process of the control allocation.
+    Mixer,
+    /// Topic of the plant.
+    State,
+    /// Topic of guidance.
+    Reference,
+    /// Topic of attitude-mpc.
+    Controls,
+    /// Topic of the mixer.
+    Actuators,
+    /// What is measured of X, Y, Z.
+    Position,
+    /// What is measured of u, v, w.
+    Velocity,
+    /// What is measured of phi, theta, psi.
+    Attitude,
+    /// What is measured of p, q, r.
+    Rates,
+    /// The rotor that tilts.
+    Rotor1,
+    /// The rear rotor at the right.
+    Rotor2,
+    /// The rear rotor at the left.
+    Rotor3,
+    /// The servo that tilts rotor 1.
+    Tilt,
+    /// The air.
+    Wind,
+    /// What is carried, at the centre of mass.
+    Payload,
     /// The solver inside attitude-mpc.
-    #[serde(rename = "mpc", alias = "solver")]
+    #[serde(alias = "solver")]
     Mpc,
 }
 
 /// `fault.kind`
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[serde(rename_all = "kebab-case")]
 pub enum FaultKind {
+    /// SIGKILL.
+    Kill,
+    /// SIGSTOP: it hangs.
+    Stop,
+    /// It takes longer: a process to answer, a sensor or an actuator to follow.
+    Slow,
+    /// It burns its processor at its own priority.
+    Hog,
+    /// It ends by itself, and not well.
+    Exit,
+    /// Messages are lost, each by itself.
+    Drop,
+    /// Messages are lost in a row, once, at the fault's beginning.
+    Burst,
+    /// Messages come late.
+    Delay,
+    /// Messages come twice.
+    Duplicate,
+    /// A message comes after the one that follows it.
+    Reorder,
+    /// Bits are flipped.
+    Corrupt,
+    /// The numbers are none.
+    Garbage,
+    /// The stamps tell an older time.
+    Stale,
+    /// Only some of the messages come.
+    Rate,
+    /// Nothing comes of it.
+    Off,
+    /// It stays as it was when the fault began.
+    Stuck,
+    /// A sensor with a bias, a factor or the wrong sign; an actuator with less effect.
+    Wrong,
+    /// A sensor that tells what was true some time ago.
+    Delayed,
+    /// A sensor that is off now and then.
+    Intermittent,
+    /// A sensor with more noise.
+    Noise,
+    /// An actuator that reaches only a part of its range.
+    Saturated,
+    /// Wind that sets in at once.
+    Step,
+    /// Wind that comes and goes as one minus cosine over the fault's duration (MIL-F-8785C).
+    Gust,
+    /// More mass.
+    Mass,
     /// The solver is given constraints that contradict each other.
     Infeasible,
     /// The solver is given numbers that are none.
@@ -38,14 +155,79 @@ pub enum FaultKind {
     IterationCap,
 }
 
+/// `fault.how`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Wrong {
+    /// `value` is added.
+    Bias,
+    /// `value` multiplies.
+    Scale,
+    /// The sign is turned.
+    Sign,
+}
+
+impl FaultTarget {
+    /// The target that is this topic.
+    pub fn topic(topic: Topic) -> Self {
+        [Self::State, Self::Reference, Self::Controls, Self::Actuators][topic as usize]
+    }
+
+    /// The target that is the process speaking on this topic.
+    pub fn process(topic: Topic) -> Self {
+        [Self::Plant, Self::Guidance, Self::AttitudeMpc, Self::Mixer][topic as usize]
+    }
+
+    /// The kinds it can suffer.
+    pub fn kinds(self) -> &'static [FaultKind] {
+        use FaultKind as K;
+        match self {
+            Self::Plant | Self::Guidance | Self::AttitudeMpc | Self::Mixer => {
+                &[K::Kill, K::Stop, K::Slow, K::Hog, K::Exit]
+            }
+            Self::State | Self::Reference | Self::Controls | Self::Actuators => {
+                &[K::Drop, K::Burst, K::Delay, K::Duplicate, K::Reorder, K::Corrupt, K::Garbage, K::Stale, K::Rate]
+            }
+            Self::Position | Self::Velocity | Self::Attitude | Self::Rates => {
+                &[K::Off, K::Stuck, K::Garbage, K::Wrong, K::Slow, K::Delayed, K::Intermittent, K::Noise]
+            }
+            Self::Rotor1 | Self::Rotor2 | Self::Rotor3 | Self::Tilt => {
+                &[K::Off, K::Stuck, K::Wrong, K::Slow, K::Saturated]
+            }
+            Self::Wind => &[K::Step, K::Gust],
+            Self::Payload => &[K::Mass],
+            Self::Mpc => &[K::Infeasible, K::Nan, K::IterationCap],
+        }
+    }
+}
+
 impl Fault {
+    /// A fault of the default size.
+    pub fn new(target: FaultTarget, kind: FaultKind, at_s: f64, for_s: Option<f64>) -> Self {
+        Self {
+            at_s,
+            for_s,
+            target,
+            kind,
+            ms: None,
+            value: None,
+            vector: None,
+            probability: None,
+            count: None,
+            how: None,
+        }
+    }
+
+    /// The ticks on which it is at work: from the first at or after its beginning to before the first at or after its end.
+    pub fn ticks(&self, sample_s: f64) -> std::ops::Range<u64> {
+        // A time that is a tick but for rounding is that tick.
+        let tick_of = |time_s: f64| (time_s / sample_s - 1e-6).ceil() as u64;
+        tick_of(self.at_s)..self.for_s.map_or(u64::MAX, |for_s| tick_of(self.at_s + for_s))
+    }
+
     /// Whether it is at work on `tick`, at a sample time \[s\].
     pub fn strikes(&self, tick: u64, sample_s: f64) -> bool {
-        // The first tick at or after a time; a time that is a tick but for rounding is that tick.
-        let tick_of = |time_s: f64| (time_s / sample_s - 1e-6).ceil() as u64;
-        let first = tick_of(self.at_s);
-        let end = self.for_s.map_or(u64::MAX, |for_s| tick_of(self.at_s + for_s));
-        (first..end).contains(&tick)
+        self.ticks(sample_s).contains(&tick)
     }
 }
 
@@ -55,7 +237,7 @@ mod tests {
 
     #[test]
     fn a_fault_strikes_from_its_first_tick_to_before_its_end() {
-        let fault = |at_s, for_s| Fault { at_s, for_s, target: FaultTarget::Mpc, kind: FaultKind::Nan };
+        let fault = |at_s, for_s| Fault::new(FaultTarget::Mpc, FaultKind::Nan, at_s, for_s);
         let struck = |fault: &Fault| (0..1000).filter(|tick| fault.strikes(*tick, 0.01)).collect::<Vec<_>>();
         assert_eq!(struck(&fault(0.29, Some(0.03))), [29, 30, 31]);
         assert_eq!(struck(&fault(0.291, Some(0.01))), [30]);

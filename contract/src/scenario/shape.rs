@@ -8,7 +8,7 @@ use toml::{Spanned, Table, Value};
 use super::report::{Problem, Source};
 use super::{
     Bounds, Deadline, Fault, FaultKind, FaultTarget, Heading, Late, Mission, NodeRealtime, Plant, Policy, Profile,
-    Realtime, Scenario,
+    Realtime, Scenario, Wrong,
 };
 
 const SET_HELP: &str = "write `--set key=value`, for instance `--set run.duration_s=20`";
@@ -87,7 +87,16 @@ fn example() -> Table {
             mixer_policy: Some(Late::Stop),
             ..robust.deadline
         },
-        fault: vec![Fault { at_s: 20.0, for_s: Some(0.3), target: FaultTarget::Mpc, kind: FaultKind::Infeasible }],
+        fault: vec![Fault {
+            for_s: Some(0.3),
+            ms: Some(20.0),
+            value: Some(0.5),
+            vector: Some([5.0, 0.0, 0.0]),
+            probability: Some(0.5),
+            count: Some(3),
+            how: Some(Wrong::Bias),
+            ..Fault::new(FaultTarget::AttitudeMpc, FaultKind::Kill, 20.0, None)
+        }],
         ..robust
     };
     Table::try_from(all).expect("profiles have a form in TOML")

@@ -11,6 +11,7 @@
 //! The log survives its writer: [`LogWriter`] closes a chunk every 64 KiB and every second, a killed process loses
 //! no more than that, and [`read()`] takes what is there. No node writes a log: one write can take milliseconds.
 
+mod count;
 mod read;
 mod schema;
 #[cfg(test)]
@@ -22,6 +23,7 @@ use contract::{
     message::{Actuators, Controls, Message, Reference, Stamp, State},
 };
 
+pub use count::Count;
 pub use read::{Log, read};
 pub use write::LogWriter;
 
@@ -56,6 +58,16 @@ impl Record {
             Self::Reference(message) => message.stamp(),
             Self::Controls(message) => message.stamp(),
             Self::Actuators(message) => message.stamp(),
+        }
+    }
+
+    /// Whether the bits are those that were sent.
+    pub fn is_whole(&self) -> bool {
+        match self {
+            Self::State(message) => message.is_whole(),
+            Self::Reference(message) => message.is_whole(),
+            Self::Controls(message) => message.is_whole(),
+            Self::Actuators(message) => message.is_whole(),
         }
     }
 }

@@ -92,7 +92,8 @@ macro_rules! same_fields {
 }
 same_fields! {
     Stamp as Stamp {
-        tick, sample_ns, sequence, epoch, inputs, publish_ns, release_ns, start_ns, cpu_ns, misses, slips
+        tick, sample_ns, sequence, epoch, inputs, publish_ns, release_ns, start_ns, cpu_ns, misses, slips,
+        held_ns, unheard, checksum
     }
     Kinematics as Kinematics { position_m, velocity_mps, attitude_rad, rates_radps }
     ActuationMsg as Actuation { rotor_speed, tilt_rad }
@@ -146,6 +147,6 @@ mod tests {
         assert_eq!(name(1 << 32), None, "not FLYING");
         let name = |status| wire::Controls::from(Controls { status, ..Controls::default() }).status_name;
         assert_eq!(name(SolveStatus::BadInput as u64), Some(wire::SolveStatus::BadInput as i32));
-        assert_eq!(name(5), None);
+        assert_eq!(name(6), None);
     }
 }

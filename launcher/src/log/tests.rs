@@ -58,9 +58,25 @@ fn numbers(record: &mut Record) -> (Vec<&mut u64>, Vec<&mut f64>) {
             &mut m.stamp
         }
     };
-    let Stamp { tick, sample_ns, sequence, epoch, inputs, publish_ns, release_ns, start_ns, cpu_ns, misses, slips } =
-        stamp;
-    integers.extend([tick, sample_ns, sequence, epoch, release_ns, start_ns, cpu_ns, misses, slips]);
+    let Stamp {
+        tick,
+        sample_ns,
+        sequence,
+        epoch,
+        inputs,
+        publish_ns,
+        release_ns,
+        start_ns,
+        cpu_ns,
+        misses,
+        slips,
+        held_ns,
+        unheard,
+        checksum,
+    } = stamp;
+    integers.extend([
+        tick, sample_ns, sequence, epoch, release_ns, start_ns, cpu_ns, misses, slips, held_ns, unheard, checksum,
+    ]);
     integers.extend([inputs, publish_ns].into_iter().flatten());
     (integers, floats)
 }

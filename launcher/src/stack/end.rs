@@ -67,6 +67,14 @@ impl Departure {
         }
     }
 
+    /// For people: who ended, and how.
+    pub fn tell(&self, name: &str) -> String {
+        match self {
+            Self::Well | Self::Late => name.into(),
+            Self::Badly(how) => format!("{name} ({how})"),
+        }
+    }
+
     /// Which of two is to be told first.
     pub fn gravity(&self) -> u8 {
         match self {

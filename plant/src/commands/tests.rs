@@ -2,6 +2,7 @@ use contract::message::ActuationMsg;
 use proptest::prelude::*;
 
 use super::*;
+use crate::Plant;
 
 const MS: u64 = 1_000_000;
 
@@ -35,7 +36,7 @@ fn a_command_takes_effect_after_arrival_and_delay_and_not_before() {
     assert_eq!(at(&mut line, 35 * MS + MS / 2), 1);
     assert_eq!(line.in_force().actuation, message(3, 1).command.into());
     assert_eq!(line.in_force().age_ns, 5 * MS + MS / 2, "from sample 3, at 30 ms");
-    assert_eq!(line.next_switch_ns(), u64::MAX);
+    assert_eq!(line.next_switch_ns(), 35 * MS + MS / 2 + CUT_NS, "nothing but the cut is to come");
 }
 
 #[test]
@@ -55,7 +56,7 @@ fn an_older_command_never_replaces_a_newer_one() {
     line.receive(&message(0, 1), 6 * MS);
     assert_eq!(at(&mut line, 7 * MS), 2);
     line.receive(&message(0, 2), 8 * MS);
-    assert_eq!(line.next_switch_ns(), u64::MAX, "the same one again is no news");
+    assert_eq!(line.next_switch_ns(), 5 * MS + CUT_NS, "the same one again is no news");
 }
 
 #[test]
@@ -87,6 +88,61 @@ fn a_restarted_mixer_counts_from_one_again_and_is_heard() {
     assert_eq!(at(&mut line, 91 * MS), 1);
     line.receive(&message(9, 901), 92 * MS);
     assert_eq!(at(&mut line, 93 * MS), 1, "the former incarnation is not");
+}
+
+#[test]
+fn a_command_without_a_successor_is_cut() {
+    let mut line = line(0.0, 0.0, 0.0, 0);
+    line.receive(&message(10, 7), 100 * MS);
+    line.switch(100 * MS);
+    let given = line.in_force().actuation;
+    assert_eq!(line.next_switch_ns(), 100 * MS + CUT_NS);
+    line.switch(99 * MS + CUT_NS);
+    assert_eq!((line.in_force().actuation, line.in_force().cut), (given, false));
+    line.switch(100 * MS + CUT_NS);
+    assert_eq!(line.in_force().actuation, Actuation { rotor_speed: [0.0; 3], ..given }, "the tilt is held");
+    assert_eq!((line.in_force().cut, line.in_force().sequence), (true, 7));
+    assert_eq!(line.next_switch_ns(), u64::MAX, "it is cut once");
+    line.receive(&message(10, 7), 700 * MS);
+    line.switch(700 * MS);
+    assert!(line.in_force().cut, "the same one again does not revive it");
+    line.receive(&message(70, 8), 710 * MS);
+    assert_eq!(line.next_switch_ns(), 710 * MS);
+    line.switch(710 * MS);
+    assert_eq!((line.in_force().actuation, line.in_force().cut), (message(70, 8).command.into(), false));
+    assert_eq!(line.next_switch_ns(), 710 * MS + CUT_NS, "and the time counts again");
+}
+
+#[test]
+fn the_first_command_is_waited_for_just_as_long() {
+    let cut_at = |delay_ms: f64, time_ns: u64| {
+        let mut line = line(delay_ms, 0.0, 0.0, 0);
+        line.receive(&message(0, 1), 0);
+        line.switch(time_ns);
+        line.in_force().cut
+    };
+    assert!(!cut_at(600.0, CUT_NS - 1) && cut_at(600.0, CUT_NS) && !cut_at(600.0, 600 * MS));
+    assert!(!cut_at(500.0, CUT_NS), "what takes effect at that instant is in time");
+}
+
+#[test]
+fn without_commands_the_vehicle_hovers_half_a_second_and_then_falls() {
+    let mut scenario = Scenario::default();
+    scenario.plant.rotor_speed_min = 200.0;
+    let mut plant = Plant::new(&scenario);
+    let trim = plant.sample().command_in_force;
+    plant.advance(50);
+    let held = plant.sample();
+    assert!(held.actual.position_m[2].abs() < 1e-9);
+    plant.advance(40);
+    let cut = plant.sample();
+    assert!(cut.actuators.rotor_speed.iter().all(|omega| *omega < 1.0), "not even the idle speed is left");
+    assert_eq!(cut.actuators.tilt_rad.to_bits(), held.actuators.tilt_rad.to_bits(), "the tilt is held");
+    assert_eq!((cut.command_in_force.rotor_speed, cut.applied_sequence), ([0.0; 3], 0));
+    assert!(cut.actual.position_m[2] > 0.5, "it falls");
+    plant.command(&Actuators { command: trim, ..message(90, 1) }, 0);
+    plant.advance(20);
+    assert!(plant.sample().actuators.rotor_speed.iter().all(|omega| *omega > 1000.0), "a command revives it");
 }
 
 #[test]
@@ -138,7 +194,7 @@ fn jitter_is_uniform_and_does_not_depend_on_drops() {
                 line.receive(&message(k, k), arrival_ns);
                 let effect_ns = line.next_switch_ns();
                 line.switch(arrival_ns + 10 * MS);
-                effect_ns.checked_sub(arrival_ns).filter(|&d| d < 10 * MS)
+                effect_ns.checked_sub(arrival_ns).filter(|_| line.in_force().sequence == k)
             })
             .collect()
     };

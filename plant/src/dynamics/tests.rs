@@ -7,6 +7,7 @@ use super::*;
 use crate::integrator;
 
 const CALM: fn() -> Surroundings = Surroundings::default;
+const SOUND: fn() -> Condition = Condition::default;
 /// Rows of the state vector that (48) keeps: w, phi, theta, psi, p, q, r.
 const LINEAR: [usize; 7] = [5, 6, 7, 8, 9, 10, 11];
 
@@ -25,7 +26,7 @@ fn rate_after(change: impl Fn(&mut Scenario, &mut StateVector, &mut Surroundings
     let (mut scenario, mut outside) = (scenario(), CALM());
     let (mut x, command) = trim(&scenario);
     change(&mut scenario, &mut x, &mut outside);
-    Dynamics::new(&scenario).derivative(&x, &command, &outside)
+    Dynamics::new(&scenario).derivative(&x, &command, &SOUND(), &outside)
 }
 
 #[test]
@@ -34,7 +35,7 @@ fn hover_is_an_equilibrium() {
         let mut scenario = scenario();
         scenario.plant.tilt_reaction = tilt_reaction;
         let (x, command) = trim(&scenario);
-        for rate in Dynamics::new(&scenario).derivative(&x, &command, &CALM()) {
+        for rate in Dynamics::new(&scenario).derivative(&x, &command, &SOUND(), &CALM()) {
             assert!(rate.abs() < 1e-12);
         }
     }
@@ -153,7 +154,8 @@ fn a_free_tumble_keeps_energy_and_angular_momentum() {
     };
     let command = Actuation::default();
     let start = assemble(&motion, &command);
-    let end = (0..700).fold(start, |x, _| integrator::step(&x, 1e-3, |x| dynamics.derivative(x, &command, &CALM())));
+    let end = (0..700)
+        .fold(start, |x, _| integrator::step(&x, 1e-3, |_, x| dynamics.derivative(x, &command, &SOUND(), &CALM())));
     assert!(end[2].abs() > 0.1, "it did fall");
     for (before, after) in kept(&start).into_iter().zip(kept(&end)) {
         assert!((before - after).abs() < 1e-9, "{before} became {after}");
@@ -168,7 +170,7 @@ fn val_linear_model_is_the_linearisation_of_the_equations_of_motion() {
     let mixing = MixingMatrix::new(&scenario.airframe, false);
     let linear = Continuous::hover(&scenario.airframe, &Trim::solve(&scenario.airframe, false));
     let rates = |x: &StateVector| {
-        let rates = dynamics.derivative(x, &command, &CALM());
+        let rates = dynamics.derivative(x, &command, &SOUND(), &CALM());
         SVector::<f64, 7>::from_fn(|i, _| rates[LINEAR[i]])
     };
 

@@ -87,7 +87,7 @@ fn settings_that_contradict_are_refused() {
         ("deadline.policy=late", "expected one of `send`, `skip`, `hold`, `degrade`, `stop`"),
         ("fault=[{at_s=1}]", "missing field `target`"),
         ("fault=[{at_s=1, target=\"mpc\", kind=\"nan\", for=1}]", "unknown field `for`"),
-        ("fault=[{at_s=1, target=\"mpc\", kind=\"kill\"}]", "unknown variant `kill`"),
+        ("fault=[{at_s=1, target=\"mpc\", kind=\"kill\"}]", "mpc cannot suffer kill"),
         ("fault=[{at_s=-1, target=\"mpc\", kind=\"nan\"}]", "a fault at -1.0 s for 0.0 s"),
         ("fault=[{at_s=nan, target=\"mpc\", kind=\"nan\"}]", "a fault at NaN s for 0.0 s"),
     ];

@@ -56,7 +56,7 @@ impl Problems {
             let demand = last.map_or(Vector4::zeros(), |(_, demand)| demand);
             actuation = model.actuate(&actuation, &state.command_in_force.into(), samples);
             model.observe(&state.measured, &actuation, &mut x);
-            let controls = mpc.step(state, reference);
+            let controls = mpc.step(state.stamp.tick, state, reference);
             let d = Vector4::from(controls.disturbance);
             let mut start = x.clone();
             if scenario.mpc.delay_compensation {

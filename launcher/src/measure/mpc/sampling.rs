@@ -11,6 +11,7 @@ use std::fmt::Write;
 use std::hint::black_box;
 
 use attitude_mpc::AttitudeMpc;
+use contract::message::{Reference, State};
 use contract::realtime::now_ns;
 use contract::scenario::Solver;
 use contract::timed;
@@ -93,7 +94,7 @@ pub fn sample(sequences: &[Sequence], rounds: u32) -> Samples {
             let mut mpc = AttitudeMpc::new(&sequence.scenario_for(solver));
             let mut total_ns = CANARY_NS;
             for ((state, reference), step) in sequence.samples.iter().zip(&mut series.steps) {
-                let (_, ns) = timed(|| black_box(mpc.step(black_box(state), black_box(reference))));
+                let (_, ns) = timed(|| black_box(mpc.step(state.stamp.tick, black_box(state), black_box(reference))));
                 step.rounds_ns.push(ns);
                 total_ns += ns;
             }
@@ -125,8 +126,8 @@ pub fn floor_ns(gain: &DMatrix<f64>, given: &DVector<f64>) -> f64 {
 fn look(sequence: &Sequence, solver: Solver, name: &'static str) -> Series {
     let mut mpc = AttitudeMpc::new(&sequence.scenario_for(solver));
     let counts = allocations_of(|| black_box(Box::new(0_u8))).1 > 0;
-    let look = |(state, reference): &(_, contract::message::Reference)| {
-        let (controls, allocations) = allocations_of(|| mpc.step(state, reference));
+    let look = |(state, reference): &(State, Reference)| {
+        let (controls, allocations) = allocations_of(|| mpc.step(state.stamp.tick, state, reference));
         Step {
             tick: reference.stamp.tick,
             status: controls.status,

@@ -1,0 +1,104 @@
+//! What to follow, and for how long when references stop coming.
+//!
+//! | newest reference | what is followed |
+//! |---|---|
+//! | below 500 ms old | the reference |
+//! | below 2 s | level: the attitude of trim, the heading kept, no vertical velocity |
+//! | older, or none came | level, and 0.7 m/s down |
+//!
+//! The heading kept is that of the last reference; where none came, the measured one. The world has no ground: a
+//! descent goes on until somebody takes over. A reference that guidance only repeated, for want of a state, is as old
+//! as its original.
+
+use contract::message::{Reference, State, guidance_flags};
+
+/// Below this age a reference is followed \[ns\].
+const FOLLOWED_NS: u64 = 500_000_000;
+/// Beyond this age nobody is coming back soon: down \[ns\].
+const LEVELLED_NS: u64 = 2_000_000_000;
+/// Vertical velocity of a descent, down positive \[m/s\]: a touch-down that legs bear.
+const DESCENT_MPS: f64 = 0.7;
+
+/// The part of a reference that the controller follows.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Goal {
+    /// Tick of the reference; `None` before the first.
+    pub tick: Option<u64>,
+    /// w \[m/s\].
+    pub w_mps: f64,
+    /// phi, theta, psi \[rad\].
+    pub attitude_rad: [f64; 3],
+    /// p, q, r \[rad/s\].
+    pub rates_radps: [f64; 3],
+}
+
+impl Goal {
+    /// The newest of two: `reference` where it says something, else `self`.
+    #[must_use]
+    pub fn renewed(&self, reference: &Reference) -> Self {
+        let Reference { stamp, w_mps, attitude_rad, rates_radps, flags, .. } = *reference;
+        if stamp.sequence == 0 || guidance_flags::repeated(flags) {
+            return *self;
+        }
+        Self { tick: Some(stamp.tick), w_mps, attitude_rad, rates_radps }
+    }
+
+    /// What to follow at `tick`, by samples of `sample_ns`, for a measured `state`.
+    #[must_use]
+    pub fn at(&self, tick: u64, sample_ns: u64, state: &State, roll_trim_rad: f64) -> Self {
+        let age_ns = self.tick.map_or(u64::MAX, |of| tick.saturating_sub(of).saturating_mul(sample_ns));
+        if age_ns < FOLLOWED_NS {
+            return *self;
+        }
+        let heading_rad = if self.tick.is_some() { self.attitude_rad[2] } else { state.measured.attitude_rad[2] };
+        let w_mps = if age_ns < LEVELLED_NS { 0.0 } else { DESCENT_MPS };
+        Self { tick: self.tick, w_mps, attitude_rad: [roll_trim_rad, 0.0, heading_rad], rates_radps: [0.0; 3] }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use contract::message::{Kinematics, Stamp};
+
+    use super::*;
+
+    const SAMPLE_NS: u64 = 10_000_000;
+    const ROLL_TRIM_RAD: f64 = -0.05;
+
+    fn reference(tick: u64) -> Reference {
+        let stamp = Stamp { tick, sequence: tick + 1, ..Stamp::default() };
+        Reference { stamp, w_mps: -1.0, attitude_rad: [0.2, 0.3, 0.4], rates_radps: [0.1; 3], ..Reference::default() }
+    }
+
+    #[test]
+    fn a_reference_is_followed_then_levelled_then_descended_from() {
+        let goal = Goal::default().renewed(&reference(7));
+        let at = |age: u64| goal.at(7 + age, SAMPLE_NS, &State::default(), ROLL_TRIM_RAD);
+        for age in [0, 1, 49] {
+            assert_eq!(at(age), goal);
+        }
+        for (age, w_mps) in [(50, 0.0), (199, 0.0), (200, DESCENT_MPS), (u64::MAX - 7, DESCENT_MPS)] {
+            let level = at(age);
+            assert_eq!((level.w_mps, level.attitude_rad), (w_mps, [ROLL_TRIM_RAD, 0.0, 0.4]), "at {age} samples");
+            assert_eq!(level.rates_radps, [0.0; 3]);
+        }
+    }
+
+    #[test]
+    fn what_only_repeats_ages_on() {
+        let goal = Goal::default().renewed(&reference(7));
+        for flags in [guidance_flags::STALE, guidance_flags::BAD_INPUT | guidance_flags::ROLL_LIMITED] {
+            assert_eq!(goal.renewed(&Reference { flags, ..reference(90) }), goal);
+        }
+        assert_eq!(goal.renewed(&Reference { flags: guidance_flags::ROLL_LIMITED, ..reference(90) }).tick, Some(90));
+        assert_eq!(goal.renewed(&Reference::default()), goal, "none came");
+    }
+
+    #[test]
+    fn without_any_reference_it_descends_with_the_nose_where_it_is() {
+        let measured = Kinematics { attitude_rad: [0.5, 0.5, 2.0], ..Kinematics::default() };
+        let state = State { measured, ..State::default() };
+        let goal = Goal::default().at(0, SAMPLE_NS, &state, ROLL_TRIM_RAD);
+        assert_eq!((goal.w_mps, goal.attitude_rad), (DESCENT_MPS, [ROLL_TRIM_RAD, 0.0, 2.0]));
+    }
+}

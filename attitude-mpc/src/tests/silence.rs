@@ -1,0 +1,160 @@
+//! States and references that do not come, and the snapshot.
+
+use contract::Scenario;
+use contract::message::{Controls, Reference, SolveStatus, State, guidance_flags};
+use contract::scenario::{Constraints, Law, Profile, Solver, StateConstraints};
+use contract::snapshot::{SNAPSHOT_WORDS, Snapshot, Writer};
+use proptest::prelude::*;
+
+use super::{hover, violent_turn};
+use crate::AttitudeMpc;
+
+#[test]
+fn without_a_fresh_state_the_demand_is_repeated_and_says_so() {
+    for profile in [Profile::Paper, Profile::Robust] {
+        let mut mpc = AttitudeMpc::new(&Scenario::of(profile));
+        let (state, mut reference) = hover(&mpc, 0);
+        let none = mpc.step(0, &State::default(), &reference);
+        assert_eq!((none.status, none.demand), (SolveStatus::Stale as u64, [0.0; 4]));
+        reference.w_mps = -0.5;
+        let good = mpc.step(0, &state, &reference);
+        let memory = mpc.memory.clone();
+        for tick in 1..100 {
+            reference.stamp.tick = tick;
+            let stale = mpc.step(tick, &state, &reference);
+            assert_eq!(stale, Controls { status: SolveStatus::Stale as u64, ..good });
+            assert_eq!(mpc.memory, memory, "and nothing is remembered");
+        }
+        let (state, _) = hover(&mpc, 100);
+        assert_eq!(mpc.step(100, &state, &reference).status, SolveStatus::Explicit as u64);
+    }
+}
+
+/// Hovers with a reference that leans and climbs, and ends after tick 0; the demands.
+fn without_references(flags: u64) -> Vec<[f64; 4]> {
+    let mut scenario = Scenario::default();
+    scenario.mpc.delay_compensation = false; // what is asked for depends on nothing before
+    let mut mpc = AttitudeMpc::new(&scenario);
+    let answer = |tick| {
+        let (state, mut reference) = hover(&mpc, tick);
+        (reference.w_mps, reference.attitude_rad[1]) = (-0.5, 0.1);
+        if flags == 0 {
+            reference.stamp.tick = 0;
+        } else if tick > 0 {
+            reference.flags = flags;
+        }
+        mpc.step(tick, &state, &reference).demand
+    };
+    (0..300).map(answer).collect()
+}
+
+#[test]
+fn without_references_it_holds_then_levels_then_descends() {
+    for flags in [0, guidance_flags::STALE, guidance_flags::BAD_INPUT] {
+        let demands = without_references(flags);
+        let [col, lon] = [0, 1];
+        assert!(demands[0][col] < -0.1 && demands[0][lon] > 0.01, "up, and nose up");
+        for (tick, demand) in demands.iter().enumerate() {
+            match tick {
+                ..50 => assert_eq!(*demand, demands[0], "tick {tick}"),
+                50..200 => assert!(demand.iter().all(|u| u.abs() < 1e-9), "level at tick {tick}: {demand:?}"),
+                _ => assert!(demand[col] > 0.1 && demand[lon].abs() < 1e-9, "down at tick {tick}: {demand:?}"),
+            }
+        }
+    }
+}
+
+#[test]
+fn a_reference_leads_back() {
+    let mut scenario = Scenario::default();
+    scenario.mpc.delay_compensation = false; // as above
+    let mut mpc = AttitudeMpc::new(&scenario);
+    let (state, reference) = hover(&mpc, 400);
+    assert!(mpc.step(400, &state, &Reference::default()).demand[0] > 0.1, "none came: down");
+    let (state, _) = hover(&mpc, 401);
+    assert!(mpc.step(401, &state, &reference).demand[0].abs() < 1e-9);
+}
+
+#[test]
+fn a_bad_snapshot_changes_nothing() {
+    let mut mpc = AttitudeMpc::new(&Scenario::default());
+    let (state, reference) = violent_turn(&mpc, 0);
+    mpc.step(0, &state, &reference);
+    let memory = mpc.memory.clone();
+    let mut torn = mpc.snapshot();
+    torn[20] ^= 1;
+    let mut foreign = Writer::new(*b"mixer  1");
+    foreign.numbers(&[1.0; 60]);
+    let mut bad = Writer::new(crate::memory::LAYOUT);
+    bad.optional(None);
+    bad.numbers(&[f64::NAN; 60]);
+    let other_model = AttitudeMpc::new(&Scenario::of(Profile::Paper)).snapshot();
+    for snapshot in [torn, foreign.seal(), bad.seal(), other_model, [0; SNAPSHOT_WORDS]] {
+        assert!(!mpc.restore(&snapshot));
+        assert_eq!(mpc.memory, memory);
+    }
+}
+
+#[test]
+fn constraints_to_start_from_that_cannot_be_are_refused() {
+    let mut scenario = Scenario::default();
+    scenario.mpc.solver = Solver::ActiveSet;
+    let mut mpc = AttitudeMpc::new(&scenario);
+    for members in [&[9999][..], &[3, 3], &[u64::MAX]] {
+        let mut writer = Writer::new(crate::memory::LAYOUT);
+        mpc.memory.pack(&mut writer);
+        writer.word(members.len() as u64);
+        for member in members {
+            writer.word(*member);
+        }
+        assert!(!mpc.restore(&writer.seal()), "{members:?}");
+    }
+    let (state, reference) = violent_turn(&mpc, 0);
+    assert_eq!(mpc.step(0, &state, &reference).status, SolveStatus::Solved as u64);
+}
+
+/// Flies `path` of (w, phi, theta, p, q, r, heading reference) with a controller; from tick `until` on a newcomer that
+/// was given a snapshot answers beside it. The pairs of answers from there on.
+fn continued(scenario: &Scenario, path: &[([f64; 7], u64)], until: usize) -> Vec<[Controls; 2]> {
+    let (mut mpc, mut newcomer) = (AttitudeMpc::new(scenario), None);
+    let mut pairs = vec![];
+    for (tick, ([w, phi, theta, p, q, r, heading], late)) in path.iter().enumerate() {
+        if tick == until {
+            let snapshot: Snapshot = mpc.snapshot();
+            let mut other = AttitudeMpc::new(scenario);
+            assert!(other.restore(&snapshot));
+            newcomer = Some(other);
+        }
+        let tick = tick as u64;
+        let (mut state, mut reference) = hover(&mpc, tick.saturating_sub(late / 2)); // some come too late
+        state.measured.velocity_mps[2] = *w;
+        state.measured.attitude_rad = [*phi, *theta, 0.0];
+        state.measured.rates_radps = [*p, *q, *r];
+        reference.attitude_rad[2] = *heading;
+        let [one, other] = [Some(&mut mpc), newcomer.as_mut()]
+            .map(|mpc| mpc.map(|mpc| Controls { solve_ns: 0, ..mpc.step(tick, &state, &reference) }));
+        pairs.extend(one.zip(other).map(|(one, other)| [one, other]));
+    }
+    pairs
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    #[test]
+    fn one_that_continues_answers_bit_by_bit_like_one_that_was_never_interrupted(
+        path in prop::collection::vec((prop::array::uniform7(-1.5..1.5_f64), 0_u64..3), 4..30), until in 1_usize..4,
+        [paper, own, soft, pid] in prop::array::uniform4(prop::bool::ANY),
+    ) {
+        let mut scenario = Scenario::of(if paper { Profile::Paper } else { Profile::Robust });
+        scenario.mpc.solver = if own { Solver::ActiveSet } else { Solver::Clarabel };
+        scenario.mpc.state_constraints = if soft { StateConstraints::Soft } else { StateConstraints::None };
+        scenario.mpc.constraints = Constraints::Cone;
+        scenario.mpc.disturbance_gain = 0.1;
+        scenario.mpc.time_limit_ms = 0.0;
+        scenario.mpc.law = if pid && paper { Law::Pid } else { Law::Mpc };
+        for [one, other] in continued(&scenario, &path, until) {
+            prop_assert_eq!(one, other);
+        }
+    }
+}

@@ -1,0 +1,139 @@
+//! The guard: which of the messages that come in are taken for true.
+//!
+//! ```text
+//! layout -> epoch -> order -> age -> range -> checksum -> newest
+//!   |         |        |       |       |         |
+//!   port      |        |       |       |         bits fell over on the way
+//!   refuses   |        |       |       not finite, or beyond anything that flies
+//!             |        |       not later than what is known already
+//!             |        came before, or twice
+//!             not from the process that holds the office
+//! ```
+//!
+//! The layout is compared when a port is opened ([`crate::port`]). What is refused is counted by cause, and leaves no
+//! other trace: to its receiver a bad message is a missing one.
+
+use crate::message::Message;
+
+/// Why a message is not taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(usize)]
+pub enum Refusal {
+    /// From another incarnation than the one in office.
+    Epoch = 0,
+    /// Its number is not later than that of the newest from the same publisher.
+    Order = 1,
+    /// Its sample is not later than the newest.
+    Age = 2,
+    /// A number is not finite, or out of all proportion.
+    Range = 3,
+    /// The checksum does not fit.
+    Checksum = 4,
+}
+
+impl Refusal {
+    /// All of them, in the order in which they are looked for.
+    pub const ALL: [Self; 5] = [Self::Epoch, Self::Order, Self::Age, Self::Range, Self::Checksum];
+
+    /// For people and run.json.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Epoch => "epoch",
+            Self::Order => "order",
+            Self::Age => "age",
+            Self::Range => "range",
+            Self::Checksum => "checksum",
+        }
+    }
+}
+
+/// The newest message of one topic that was taken, and the judge of the next.
+#[derive(Debug, Clone)]
+pub struct Guard<M> {
+    newest: M,
+}
+
+impl<M: Message> Default for Guard<M> {
+    /// Nothing came yet: the newest has sequence 0.
+    fn default() -> Self {
+        Self { newest: M::default() }
+    }
+}
+
+impl<M: Message> Guard<M> {
+    /// The newest message taken; the default (sequence 0) before the first.
+    pub fn newest(&self) -> &M {
+        &self.newest
+    }
+
+    /// Takes `message` if it stands up to everything; `holder` is the epoch in office.
+    ///
+    /// # Errors
+    /// The first thing that speaks against it.
+    pub fn take(&mut self, message: &M, holder: u32) -> Result<(), Refusal> {
+        let (stamp, newest) = (message.stamp(), self.newest.stamp());
+        let first = newest.sequence == 0;
+        if stamp.epoch != u64::from(holder) {
+            Err(Refusal::Epoch)
+        } else if !first && stamp.epoch == newest.epoch && stamp.sequence <= newest.sequence {
+            Err(Refusal::Order)
+        } else if !first && stamp.tick <= newest.tick {
+            Err(Refusal::Age)
+        } else if !message.plausible() {
+            Err(Refusal::Range)
+        } else if !message.is_whole() {
+            Err(Refusal::Checksum)
+        } else {
+            self.newest = *message;
+            Ok(())
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::message::{Controls, Stamp, State};
+    use proptest::prelude::*;
+
+    fn demand(epoch: u64, sequence: u64, tick: u64) -> Controls {
+        let stamp = Stamp { tick, sequence, epoch, ..Stamp::default() };
+        Controls { stamp, demand: [0.1; 4], ..Controls::default() }.sealed()
+    }
+
+    #[test]
+    fn what_speaks_against_a_message_is_looked_for_in_order() {
+        let mut guard = Guard::default();
+        assert_eq!(guard.take(&demand(2, 1, 5), 1), Err(Refusal::Epoch));
+        assert_eq!(guard.take(&demand(1, 1, 5), 1), Ok(()));
+        assert_eq!(guard.take(&demand(1, 1, 5), 1), Err(Refusal::Order), "twice");
+        assert_eq!(guard.take(&demand(1, 2, 5), 1), Err(Refusal::Age), "another answer to the same sample");
+        assert_eq!(guard.take(&demand(1, 3, 4), 1), Err(Refusal::Age));
+        let garbage = Controls { demand: [f64::NAN, 0.0, 0.0, 0.0], ..demand(1, 3, 6) };
+        assert_eq!(guard.take(&garbage, 1), Err(Refusal::Range));
+        let bent = Controls { demand: [0.2; 4], ..demand(1, 3, 6) };
+        assert_eq!(guard.take(&bent, 1), Err(Refusal::Checksum));
+        assert_eq!(guard.take(&demand(1, 3, 6), 1), Ok(()));
+        assert_eq!(guard.newest(), &demand(1, 3, 6));
+        assert_eq!(guard.take(&demand(2, 1, 7), 2), Ok(()), "a new process counts from one again");
+        assert_eq!(guard.take(&demand(2, 2, 8), 0), Err(Refusal::Epoch), "a vacant office says nothing");
+    }
+
+    #[test]
+    fn the_first_sample_may_be_number_zero() {
+        assert_eq!(Guard::default().take(&demand(1, 1, 0), 1), Ok(()));
+    }
+
+    proptest! {
+        /// Whatever the bits are, what is taken is whole and plausible.
+        #[test]
+        fn nothing_but_the_message_itself_is_taken(word in 0..size_of::<State>() / 8, bits: u64) {
+            let stamp = Stamp { epoch: 1, sequence: 1, tick: 3, ..Stamp::default() };
+            let good = State { stamp, ..State::default() }.sealed();
+            let mut bad = good;
+            bytemuck::cast_slice_mut::<u8, u64>(bytemuck::bytes_of_mut(&mut bad))[word] = bits;
+            let taken = Guard::default().take(&bad, 1).is_ok();
+            prop_assert_eq!(taken, bytemuck::bytes_of(&bad) == bytemuck::bytes_of(&good));
+        }
+    }
+}

@@ -1,0 +1,172 @@
+//! The offices: which process speaks for which node, and how far it is.
+//!
+//! Every process that ever runs a node is an incarnation of its own, its epoch: 1 for the first, one more for each that
+//! was started since. Two of them may run at once, but one holds the office, and only the holder is heard.
+//!
+//! ```text
+//! started -> ready --heir--> holder --> retired            heir      takes over when the next tick begins
+//!               \--shadow--/    \--> vacant (died)         shadow    works on the same inputs, unheard
+//! ```
+//!
+//! The plant changes holders, between two ticks ([`Office::turn_over`]), so that a tick has one. The launcher names heir
+//! and shadow, and vacates the office of a process that died. Everything is an atomic word of the shared board.
+
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering, fence};
+
+use crate::snapshot::{SNAPSHOT_WORDS, Snapshot};
+
+/// The office of one node.
+#[repr(C, align(64))]
+pub struct Office {
+    /// The epoch that is heard; 0 = vacant.
+    pub holder: Word,
+    /// The newest epoch whose process is ready to work.
+    pub ready: Word,
+    /// The epoch that holds the office from the next tick on; 0 = no change.
+    pub heir: Word,
+    /// The epoch that works unheard; 0 = none.
+    pub shadow: Word,
+    /// The newest epoch that the launcher has started.
+    pub started: Word,
+    /// The first tick of the newest epoch that was let in, as holder or as shadow.
+    pub since: Word,
+    /// Ticks done, counted from the first of the run, by the last bit of the epoch: holder and shadow differ in it.
+    done: [Word; 2],
+    /// What the holder remembers after its newest tick.
+    pub memory: Cell,
+    /// Messages that the node has refused, by cause: see [`crate::guard::Refusal`].
+    pub refused: [Word; 8],
+}
+
+impl Office {
+    /// Ticks that `epoch` has done.
+    pub fn done(&self, epoch: u32) -> &Word {
+        &self.done[epoch as usize % 2]
+    }
+
+    /// Lets the heir in, if one is named, for the tick that begins; whether the holder changed.
+    pub fn turn_over(&self, tick: u32) -> bool {
+        let heir = self.heir.get();
+        if heir == 0 {
+            return false;
+        }
+        self.done(heir).set(tick);
+        self.since.set(tick);
+        self.holder.set(heir);
+        self.heir.set(0);
+        true
+    }
+
+    /// Whether `epoch` works on this tick, heard or unheard.
+    pub fn employs(&self, epoch: u32) -> bool {
+        epoch != 0 && (self.holder.get() == epoch || self.shadow.get() == epoch)
+    }
+
+    /// Those who work: holder and shadow.
+    pub fn staff(&self) -> impl Iterator<Item = u32> {
+        [self.holder.get(), self.shadow.get()].into_iter().filter(|epoch| *epoch != 0)
+    }
+}
+
+/// A number of the board.
+#[repr(transparent)]
+pub struct Word(AtomicU32);
+
+impl Word {
+    /// What it is.
+    pub fn get(&self) -> u32 {
+        self.0.load(Ordering::Acquire)
+    }
+
+    /// Makes it `value`.
+    pub fn set(&self, value: u32) {
+        self.0.store(value, Ordering::Release);
+    }
+
+    /// One more.
+    pub fn count(&self) {
+        self.0.fetch_add(1, Ordering::Relaxed);
+    }
+}
+
+/// A [`Snapshot`] that one process writes and others read, whole or not at all.
+///
+/// Two copies, written in turn: a writer that dies in the middle leaves the other one good.
+#[repr(C, align(64))]
+pub struct Cell {
+    /// Times written.
+    written: AtomicU64,
+    copies: [[AtomicU64; SNAPSHOT_WORDS]; 2],
+}
+
+impl Cell {
+    /// Puts `snapshot` in. One writer at a time.
+    pub fn write(&self, snapshot: &Snapshot) {
+        let count = self.written.load(Ordering::Relaxed) + 1;
+        fence(Ordering::Release); // who sees a word of this copy sees that the other one was finished
+        for (word, value) in self.copies[count as usize % 2].iter().zip(snapshot) {
+            word.store(*value, Ordering::Relaxed);
+        }
+        self.written.store(count, Ordering::Release);
+    }
+
+    /// The newest snapshot; `None` when there is none, or when it was overwritten while it was read.
+    pub fn read(&self) -> Option<Snapshot> {
+        let count = self.written.load(Ordering::Acquire);
+        let copy = &self.copies[count as usize % 2];
+        let snapshot = std::array::from_fn(|i| copy[i].load(Ordering::Relaxed));
+        fence(Ordering::Acquire);
+        // This copy is the next but one to be written, which begins when the count is one higher.
+        (count > 0 && self.written.load(Ordering::Relaxed) == count).then_some(snapshot)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn office() -> Box<Office> {
+        let word = || Word(AtomicU32::new(0));
+        Box::new(Office {
+            holder: word(),
+            ready: word(),
+            heir: word(),
+            shadow: word(),
+            started: word(),
+            since: word(),
+            done: [word(), word()],
+            memory: Cell {
+                written: AtomicU64::new(0),
+                copies: std::array::from_fn(|_| std::array::from_fn(|_| AtomicU64::new(0))),
+            },
+            refused: std::array::from_fn(|_| word()),
+        })
+    }
+
+    #[test]
+    fn an_heir_takes_over_when_a_tick_begins() {
+        let office = office();
+        assert!(!office.turn_over(7), "nobody is named");
+        office.holder.set(1);
+        office.heir.set(2);
+        assert!(office.employs(1) && !office.employs(2) && !office.employs(0));
+        assert!(office.turn_over(8));
+        assert_eq!((office.holder.get(), office.since.get(), office.done(2).get()), (2, 8, 8));
+        assert!(!office.turn_over(9), "once");
+    }
+
+    #[test]
+    fn a_snapshot_is_read_whole() {
+        let cell = &office().memory;
+        assert_eq!(cell.read(), None, "nothing was written yet");
+        std::thread::scope(|scope| {
+            scope.spawn(|| (1..=200_000).for_each(|i| cell.write(&[i; SNAPSHOT_WORDS])));
+            for _ in 0..100_000 {
+                if let Some(snapshot) = cell.read() {
+                    assert!(snapshot.iter().all(|word| *word == snapshot[0]), "torn: {snapshot:?}");
+                }
+            }
+        });
+        assert_eq!(cell.read(), Some([200_000; SNAPSHOT_WORDS]));
+    }
+}

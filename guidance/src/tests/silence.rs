@@ -1,0 +1,132 @@
+//! States that do not come, and the snapshot.
+
+use contract::Scenario;
+use contract::message::{Reference, State, guidance_flags};
+use contract::scenario::{Profile, TrajectoryKind};
+use contract::snapshot::{Snapshot, Writer};
+use proptest::prelude::*;
+
+use super::{hovering, scenario};
+use crate::Guidance;
+
+/// Hovering beside the place to be, at a tick.
+fn beside(tick: u64, east_m: f64) -> State {
+    let mut state = hovering(tick);
+    state.measured.position_m = [0.0, east_m, 0.0];
+    state
+}
+
+#[test]
+fn a_stale_state_repeats_the_answer_with_a_flag() {
+    let mut guidance = Guidance::new(&scenario(Profile::Robust, TrajectoryKind::Survey));
+    let nothing = State::default();
+    let first = guidance.step(0, &nothing);
+    assert_eq!(first.flags, guidance_flags::STALE, "before the first state: hover");
+    assert_eq!(Reference { flags: 0, ..first }.attitude_rad, guidance.step(0, &hovering(0)).attitude_rad);
+    let answer = guidance.step(1, &beside(1, 0.3));
+    for tick in 2..500 {
+        let repeated = guidance.step(tick, &beside(1, 0.3));
+        assert_eq!(repeated, Reference { flags: answer.flags | guidance_flags::STALE, ..answer });
+    }
+    assert_eq!(guidance.step(500, &hovering(500)).flags & guidance_flags::STALE, 0);
+}
+
+/// The answers before and after a silence of `silent` ticks, beside the place to be.
+fn around_a_silence(s: &Scenario, silent: u64) -> (Reference, Reference) {
+    let mut guidance = Guidance::new(s);
+    let before = (0..20).map(|tick| guidance.step(tick, &beside(tick, 0.3))).last().unwrap();
+    for tick in 20..20 + silent {
+        guidance.step(tick, &beside(19, 0.3));
+    }
+    (before, guidance.step(20 + silent, &beside(20 + silent, 0.3)))
+}
+
+#[test]
+fn the_integral_stands_still_in_a_silence() {
+    for profile in [Profile::Paper, Profile::Robust] {
+        let s = scenario(profile, TrajectoryKind::Hover);
+        let (before, next) = around_a_silence(&s, 0);
+        let period = next.attitude_rad[0] - before.attitude_rad[0];
+        assert!(period < 0.0, "one more rectangle of an error to the left");
+        for silent in [1, 10, 300] {
+            let (before, after) = around_a_silence(&s, silent);
+            let bump = after.attitude_rad[0] - before.attitude_rad[0];
+            assert!((bump - period).abs() < 1e-15, "{profile:?}: {bump} after {silent} ticks is not {period}");
+        }
+    }
+}
+
+#[test]
+fn after_a_silence_differences_are_over_the_whole_of_it() {
+    // The paper's derivative: 3 cm in 30 ticks is 0.1 m/s, not 3 m/s.
+    let s = scenario(Profile::Paper, TrajectoryKind::Hover);
+    let mut guidance = Guidance::new(&s);
+    guidance.step(0, &hovering(0));
+    for tick in 1..30 {
+        guidance.step(tick, &hovering(0));
+    }
+    let back = guidance.step(30, &beside(30, 0.03));
+    let k = &s.guidance;
+    let expected = -0.03 * k.kp_phi - 0.03 * 0.01 * k.ki_phi - 0.1 * k.kd_phi;
+    let lean = back.attitude_rad[0] - super::roll_trim();
+    assert!((lean - expected).abs() < 1e-12, "{lean} is not {expected}");
+}
+
+#[test]
+fn the_observer_believes_a_silence_no_more_than_a_period() {
+    let mut s = scenario(Profile::Robust, TrajectoryKind::Hover);
+    s.guidance.disturbance_observer_radps = 5.0;
+    let mut guidance = Guidance::new(&s);
+    guidance.step(0, &hovering(0));
+    for tick in 1..100 {
+        guidance.step(tick, &hovering(0));
+    }
+    let mut pushed = hovering(100);
+    pushed.measured.velocity_mps[0] = 1.0; // 1 m/s in a second: 1 m/s2, of which 5 % is believed
+    let back = guidance.step(100, &pushed);
+    assert!((back.disturbance_mps2[0] - 0.05).abs() < 1e-12, "{:?}", back.disturbance_mps2);
+}
+
+#[test]
+fn a_bad_snapshot_changes_nothing() {
+    let s = scenario(Profile::Robust, TrajectoryKind::Survey);
+    let (mut guidance, mut twin) = (Guidance::new(&s), Guidance::new(&s));
+    let mut foreign = Writer::new(*b"mixer  1");
+    foreign.numbers(&[1.0; 40]);
+    let mut torn = guidance.snapshot();
+    torn[7] ^= 1;
+    let mut bad = Writer::new(*b"guidanc1");
+    bad.numbers(&[f64::NAN; 40]);
+    for snapshot in [foreign.seal(), torn, bad.seal(), [0; contract::snapshot::SNAPSHOT_WORDS]] {
+        assert!(!guidance.restore(&snapshot));
+    }
+    assert_eq!(guidance.step(1, &beside(1, 0.3)), twin.step(1, &beside(1, 0.3)));
+}
+
+proptest! {
+    #[test]
+    fn one_that_continues_answers_bit_by_bit_like_one_that_was_never_interrupted(
+        path in prop::collection::vec((prop::array::uniform3(-2.0..2.0_f64), prop::array::uniform3(-0.5..0.5_f64), 0_u64..3), 2..60),
+        until in 0_usize..60, paper: bool,
+    ) {
+        let mut s = scenario(if paper { Profile::Paper } else { Profile::Robust }, TrajectoryKind::Survey);
+        s.guidance.disturbance_observer_radps = if paper { 0.0 } else { 5.0 };
+        let mut guidance = Guidance::new(&s);
+        let mut continued = None;
+        for (tick, (position_m, velocity_mps, late)) in (0..).zip(path) {
+            if tick == until as u64 {
+                let snapshot: Snapshot = guidance.snapshot();
+                let mut newcomer = Guidance::new(&s);
+                prop_assert!(newcomer.restore(&snapshot));
+                continued = Some(newcomer);
+            }
+            let mut state = hovering(tick.saturating_sub(late / 2)); // a third of them come too late
+            state.measured.position_m = position_m;
+            state.measured.velocity_mps = velocity_mps;
+            let answer = guidance.step(tick, &state);
+            if let Some(continued) = &mut continued {
+                prop_assert_eq!(continued.step(tick, &state), answer);
+            }
+        }
+    }
+}

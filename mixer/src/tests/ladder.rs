@@ -1,0 +1,223 @@
+//! The rungs of the ladder as the mixer walks them, and the snapshot.
+
+use airframe::{Actuation, Trim};
+use contract::Scenario;
+use contract::message::{Actuators, Controls, SolveStatus, Stamp, State, mixer_flags as flags};
+use contract::scenario::Profile;
+use contract::snapshot::{SNAPSHOT_WORDS, Writer};
+use proptest::prelude::*;
+
+use super::any_demand;
+use crate::Mixer;
+
+/// A demand to climb, of a tick.
+fn climb(tick: u64) -> Controls {
+    let stamp = Stamp { tick, sequence: tick + 1, ..Stamp::default() };
+    Controls { stamp, demand: [-1.0, 0.0, 0.0, 0.0], ..Controls::default() }
+}
+
+/// Hover at trim, at a tick.
+fn hover(scenario: &Scenario, tick: u64) -> State {
+    let trim = Trim::solve(&scenario.airframe, false);
+    let stamp = Stamp { tick, sequence: tick + 1, ..Stamp::default() };
+    let mut state = State { stamp, command_in_force: trim.actuation.into(), ..State::default() };
+    state.measured.attitude_rad[0] = trim.roll_rad;
+    state
+}
+
+/// Demands end after tick 10, states after tick `states_until`; the answers from tick 10 on.
+fn silence(rate_hz: u32, states_until: u64, ticks: u64) -> Vec<Actuators> {
+    let mut scenario = Scenario::default();
+    scenario.run.rate_hz = rate_hz;
+    let mut mixer = Mixer::new(&scenario);
+    let answer = |tick: u64| mixer.step(tick, &climb(tick.min(10)), &hover(&scenario, tick.min(states_until)));
+    let answers: Vec<Actuators> = (0..10 + ticks).map(answer).collect();
+    answers[10..].to_vec()
+}
+
+#[test]
+fn without_demands_it_holds_then_levels_then_descends() {
+    for rate_hz in [50, 100, 500, 2000] {
+        let answers = silence(rate_hz, u64::MAX, 3 * u64::from(rate_hz));
+        let climbing = answers[0].command;
+        for (age, answer) in answers.iter().enumerate() {
+            let age_s = age as f64 / f64::from(rate_hz);
+            let rung = match age_s {
+                ..0.015 => 0,
+                ..0.03 => flags::HELD,
+                ..2.0 => flags::LEVELLED,
+                _ => flags::DESCENDING,
+            };
+            assert_eq!(answer.flags, rung, "{age_s} s at {rate_hz} Hz");
+            let thrust = |command: Actuation| command.rotor_speed.map(|omega| omega * omega).iter().sum::<f64>();
+            let ours = thrust(answer.command.into());
+            let level = thrust(Trim::solve(&Scenario::default().airframe, false).actuation);
+            match rung {
+                0 | flags::HELD => assert_eq!(answer.command, climbing),
+                flags::LEVELLED => assert!((ours / level - 1.0).abs() < 1e-12, "hover thrust"),
+                _ => assert!(ours < level, "less than hover"),
+            }
+        }
+    }
+}
+
+#[test]
+fn without_states_either_it_goes_to_trim_and_then_cuts() {
+    let trim = Trim::solve(&Scenario::default().airframe, false).actuation;
+    for (age, answer) in silence(100, 10, 100).iter().enumerate() {
+        let expected = match age {
+            0 | 1 => 0,
+            2 => flags::HELD,
+            3 | 4 => flags::LEVELLED,
+            5..50 => flags::TRIM_ONLY,
+            _ => flags::CUT,
+        };
+        assert_eq!(answer.flags, expected, "{age} ticks");
+        match answer.flags {
+            flags::TRIM_ONLY => assert_eq!(Actuation::from(answer.command), trim),
+            flags::CUT => assert_eq!(Actuation::from(answer.command), Actuation { rotor_speed: [0.0; 3], ..trim }),
+            _ => (),
+        }
+    }
+}
+
+#[test]
+fn a_demand_alone_is_flown_without_a_state() {
+    let scenario = Scenario::default();
+    let mut mixer = Mixer::new(&scenario);
+    for tick in 0..300 {
+        assert_eq!(mixer.step(tick, &climb(tick), &State::default()).flags, 0);
+    }
+}
+
+#[test]
+fn before_anything_came_nothing_turns() {
+    let mut mixer = Mixer::new(&Scenario::default());
+    let nothing = (Controls::default(), State::default());
+    assert_eq!(mixer.step(0, &nothing.0, &nothing.1).flags, flags::CUT);
+    let state = hover(&Scenario::default(), 1);
+    assert_eq!(mixer.step(1, &nothing.0, &state).flags, flags::DESCENDING, "no demand ever came");
+    assert_eq!(mixer.step(2, &climb(2), &state).flags, 0);
+}
+
+#[test]
+fn a_fresh_demand_leads_back_to_the_top() {
+    let scenario = Scenario::default();
+    let mut mixer = Mixer::new(&scenario);
+    mixer.step(0, &climb(0), &hover(&scenario, 0));
+    assert_eq!(mixer.step(400, &climb(0), &hover(&scenario, 0)).flags, flags::CUT);
+    assert_eq!(mixer.step(401, &climb(0), &hover(&scenario, 401)).flags, flags::DESCENDING);
+    assert_eq!(mixer.step(402, &climb(402), &hover(&scenario, 402)).flags, 0);
+}
+
+#[test]
+fn what_is_no_number_or_no_news_ages_on() {
+    let scenario = Scenario::default();
+    let spoil: [fn(&mut Controls); 4] = [
+        |controls| controls.demand[1] = f64::NAN,
+        |controls| controls.demand[3] = f64::NEG_INFINITY,
+        |controls| controls.status = SolveStatus::BadInput as u64,
+        |controls| controls.status = SolveStatus::Stale as u64,
+    ];
+    for spoil in spoil {
+        let mut mixer = Mixer::new(&scenario);
+        let good = mixer.step(0, &climb(0), &hover(&scenario, 0));
+        for tick in 1..10 {
+            let mut controls = climb(tick);
+            spoil(&mut controls);
+            let answer = mixer.step(tick, &controls, &hover(&scenario, tick));
+            let bad = if controls.demand.iter().all(|u| u.is_finite()) { 0 } else { flags::BAD_INPUT };
+            let rung = [0, flags::HELD, flags::LEVELLED][(tick as usize - 1).min(2)];
+            assert_eq!(answer.flags, rung | bad, "tick {tick}");
+            assert!(tick > 2 || answer.command == good.command);
+        }
+    }
+}
+
+#[test]
+fn a_known_disturbance_is_still_fought_when_levelling() {
+    let scenario = Scenario::default();
+    let mut mixer = Mixer::new(&scenario);
+    let mut controls = climb(0);
+    controls.disturbance = [0.0, -0.1, 0.0, 0.0]; // it pitches the nose down
+    mixer.step(0, &controls, &hover(&scenario, 0));
+    let answer = mixer.step(10, &controls, &hover(&scenario, 10));
+    let trim = Trim::solve(&scenario.airframe, false).actuation.rotor_speed;
+    assert_eq!(answer.flags, flags::LEVELLED);
+    assert!(answer.command.rotor_speed[0] > trim[0] && answer.command.rotor_speed[1] < trim[1], "nose up");
+}
+
+#[test]
+fn a_bad_snapshot_changes_nothing() {
+    let scenario = Scenario::default();
+    let mut mixer = Mixer::new(&scenario);
+    mixer.step(0, &climb(0), &hover(&scenario, 0));
+    let memory = mixer.memory;
+    let mut torn = mixer.snapshot();
+    torn[9] ^= 1;
+    let mut foreign = Writer::new(*b"guidanc1");
+    foreign.numbers(&[1.0; 50]);
+    let mut bad = Writer::new(*b"mixer  1");
+    bad.optional(None);
+    bad.numbers(&[f64::INFINITY; 50]);
+    for snapshot in [torn, foreign.seal(), bad.seal(), [0; SNAPSHOT_WORDS]] {
+        assert!(!mixer.restore(&snapshot));
+        assert_eq!(mixer.memory, memory);
+    }
+}
+
+proptest! {
+    #[test]
+    fn any_bits_of_any_age_give_a_command_inside_the_limits_or_none(
+        messages in prop::collection::vec((any_demand(), prop::array::uniform12(prop::num::f64::ANY), 0_u64..300, 0_u64..60), 1..20),
+        paper: bool,
+    ) {
+        let scenario = Scenario::of(if paper { Profile::Paper } else { Profile::Robust });
+        let (limits, mut mixer) = (scenario.limits(), Mixer::new(&scenario));
+        let mut tick = 0;
+        for (demand, numbers, demand_age, state_age) in messages {
+            tick += state_age;
+            let mut controls = climb(tick.saturating_sub(demand_age));
+            controls.demand = demand;
+            let mut state = hover(&scenario, tick.saturating_sub(state_age / 2));
+            state.measured.velocity_mps.copy_from_slice(&numbers[..3]);
+            state.measured.attitude_rad.copy_from_slice(&numbers[3..6]);
+            state.measured.rates_radps.copy_from_slice(&numbers[6..9]);
+            state.command_in_force.rotor_speed.copy_from_slice(&numbers[9..]);
+            let Actuators { command, flags, .. } = mixer.step(tick, &controls, &state);
+            prop_assert!(command.tilt_rad.abs() <= limits.tilt_max_rad);
+            for (omega, max) in command.rotor_speed.iter().zip(limits.rotor_speed_max) {
+                let inside = (limits.rotor_speed_min..=max).contains(omega);
+                let cut = flags & flags::CUT != 0;
+                prop_assert!((cut && *omega == 0.0) || (!cut && inside), "{}", omega);
+            }
+        }
+    }
+
+    #[test]
+    fn one_that_continues_answers_bit_by_bit_like_one_that_was_never_interrupted(
+        path in prop::collection::vec((prop::array::uniform9(-1.0..1.0_f64), prop::array::uniform4(-3.0..3.0_f64), 0_u64..8), 2..60),
+        until in 0_usize..60, paper: bool,
+    ) {
+        let scenario = Scenario::of(if paper { Profile::Paper } else { Profile::Robust });
+        let (mut mixer, mut continued) = (Mixer::new(&scenario), None);
+        for (tick, (numbers, demand, late)) in (0..).zip(path) {
+            if tick == until as u64 {
+                let mut newcomer = Mixer::new(&scenario);
+                prop_assert!(newcomer.restore(&mixer.snapshot()));
+                continued = Some(newcomer);
+            }
+            let mut controls = climb(tick.saturating_sub(late));
+            (controls.demand, controls.disturbance) = (demand, demand.map(|u| 0.1 * u));
+            let mut state = hover(&scenario, tick.saturating_sub(late / 2));
+            state.measured.velocity_mps.copy_from_slice(&numbers[..3]);
+            state.measured.attitude_rad.copy_from_slice(&numbers[3..6]);
+            state.measured.rates_radps.copy_from_slice(&numbers[6..]);
+            let answer = mixer.step(tick, &controls, &state);
+            if let Some(continued) = &mut continued {
+                prop_assert_eq!(continued.step(tick, &controls, &state), answer);
+                prop_assert_eq!(continued.memory, mixer.memory);
+            }
+        }
+    }
+}

@@ -1,0 +1,153 @@
+//! Without the controller, and without a rotor: the mixer alone with the true equations of motion.
+
+use airframe::{Actuation, Trim};
+use contract::Scenario;
+use contract::message::{Actuators, Controls, Kinematics, Stamp, State, mixer_flags as flags};
+use contract::scenario::Profile;
+use mixer::Mixer;
+use nalgebra::Vector3;
+use plant::dynamics::{self, Condition, Dynamics, StateVector, Surroundings};
+use plant::integrator;
+
+/// A vehicle that only the mixer flies.
+struct Flight {
+    scenario: Scenario,
+    mixer: Mixer,
+    vehicle: Dynamics,
+    x: StateVector,
+    command: Actuation,
+    tick: u64,
+}
+
+impl Flight {
+    /// At trim but for an attitude \[rad\] and rates \[rad/s\], after one demand to hover.
+    fn start(profile: Profile, rate_hz: u32, attitude_rad: [f64; 3], rates_radps: [f64; 3]) -> Self {
+        let mut scenario = Scenario::of(profile);
+        scenario.run.rate_hz = rate_hz;
+        let Trim { roll_rad, actuation } = Trim::solve(&scenario.airframe, false);
+        let mut motion = Kinematics { attitude_rad, rates_radps, ..Kinematics::default() };
+        motion.attitude_rad[0] += roll_rad;
+        Self {
+            mixer: Mixer::new(&scenario),
+            vehicle: Dynamics::new(&scenario),
+            x: dynamics::assemble(&motion, &actuation),
+            command: actuation,
+            tick: 0,
+            scenario,
+        }
+    }
+
+    /// One period under an outside influence; with `hover` a demand to hover comes on every tick, else only on the
+    /// first.
+    fn turn(&mut self, hover: bool, outside: &Surroundings) -> Actuators {
+        let stamp = |tick| Stamp { tick, sequence: tick + 1, ..Stamp::default() };
+        let mut state = State { measured: dynamics::kinematics(&self.x), ..State::default() };
+        (state.stamp, state.command_in_force) = (stamp(self.tick), self.command.into());
+        let heard = Controls { stamp: stamp(if hover { self.tick } else { 0 }), ..Controls::default() };
+        let actuators = self.mixer.step(self.tick, &heard, &state);
+        self.command = actuators.command.into();
+        let clipped = self.vehicle.clip(&self.command);
+        let steps = self.scenario.sample_ns() / self.scenario.substep_ns();
+        for _ in 0..steps {
+            let whole = Condition::default();
+            let derivative = |_: f64, x: &StateVector| self.vehicle.derivative(x, &clipped, &whole, outside);
+            self.x = integrator::step(&self.x, self.scenario.substep_ns() as f64 / 1e9, derivative);
+        }
+        self.tick += 1;
+        actuators
+    }
+
+    fn time_s(&self) -> f64 {
+        self.tick as f64 * self.scenario.sample_s()
+    }
+
+    fn tilt_deg(&self) -> f64 {
+        let [phi, theta, _] = dynamics::kinematics(&self.x).attitude_rad;
+        (phi.cos() * theta.cos()).acos().to_degrees()
+    }
+
+    fn down_mps(&self) -> f64 {
+        let [phi, theta, psi] = dynamics::kinematics(&self.x).attitude_rad;
+        let rotation = nalgebra::Rotation3::from_euler_angles(phi, theta, psi);
+        (rotation * Vector3::from(dynamics::kinematics(&self.x).velocity_mps)).z
+    }
+
+    /// A rotor loses its thrust.
+    fn kill(&mut self, rotor: usize) {
+        self.scenario.plant.rotor_effectiveness[rotor] = 0.0;
+        self.vehicle = Dynamics::new(&self.scenario);
+    }
+}
+
+const PROFILES: [Profile; 2] = [Profile::Paper, Profile::Robust];
+const RATES_HZ: [u32; 4] = [50, 100, 500, 2000];
+
+#[test]
+fn a_second_without_demands_in_gusts_never_tilts_far() {
+    for (profile, rate_hz) in PROFILES.into_iter().flat_map(|profile| RATES_HZ.map(|rate_hz| (profile, rate_hz))) {
+        for turn in 0..8 {
+            let (sin, cos) = (f64::from(turn) * std::f64::consts::FRAC_PI_4).sin_cos();
+            let mut flight =
+                Flight::start(profile, rate_hz, [0.15 * cos, 0.15 * sin, 0.0], [0.5 * cos, 0.5 * sin, 0.3]);
+            let mut worst_deg = 0.0_f64;
+            while flight.time_s() < 1.0 {
+                // A push that turns its sign every 250 ms, on force and moments.
+                let sign = if ((flight.time_s() * 4.0) as u64).is_multiple_of(2) { 1.0 } else { -1.0 };
+                let gust = Surroundings {
+                    force_n: Vector3::new(2.0 * cos, 2.0 * sin, 1.0) * sign,
+                    moment_nm: Vector3::new(0.05 * cos, 0.05 * sin, 0.02) * sign,
+                    ..Surroundings::default()
+                };
+                flight.turn(false, &gust);
+                worst_deg = worst_deg.max(flight.tilt_deg());
+            }
+            assert!(worst_deg < 35.0, "{profile:?} {rate_hz} Hz: {worst_deg} deg");
+            assert!(flight.down_mps().abs() < 1.0, "{profile:?} {rate_hz} Hz: {} m/s", flight.down_mps());
+        }
+    }
+}
+
+#[test]
+fn it_levels_holds_its_height_and_then_comes_down() {
+    for (profile, rate_hz) in PROFILES.into_iter().flat_map(|profile| RATES_HZ.map(|rate_hz| (profile, rate_hz))) {
+        let mut flight = Flight::start(profile, rate_hz, [0.3, -0.3, 0.5], [1.0, -1.0, 1.0]);
+        while flight.time_s() < 1.99 {
+            flight.turn(false, &Surroundings::default());
+        }
+        let Kinematics { position_m, attitude_rad, rates_radps, .. } = dynamics::kinematics(&flight.x);
+        let roll_trim_rad = Trim::solve(&flight.scenario.airframe, false).roll_rad;
+        let miss = (attitude_rad[0] - roll_trim_rad).hypot(attitude_rad[1]);
+        assert!(
+            miss < 0.01 && rates_radps[2].abs() < 0.01,
+            "{profile:?} {rate_hz} Hz: {attitude_rad:?} {rates_radps:?}"
+        );
+        assert!(position_m[2].abs() < 0.3, "{profile:?} {rate_hz} Hz: {} m", position_m[2]);
+        while flight.time_s() < 6.0 {
+            assert_eq!(flight.turn(false, &Surroundings::default()).flags & flags::CUT, 0);
+        }
+        assert!((flight.down_mps() - 0.7).abs() < 0.01, "{profile:?} {rate_hz} Hz: {} m/s", flight.down_mps());
+    }
+}
+
+#[test]
+fn a_dead_rotor_ends_the_flight_within_300_ms_and_for_good() {
+    for (profile, rate_hz) in PROFILES.into_iter().flat_map(|profile| RATES_HZ.map(|rate_hz| (profile, rate_hz))) {
+        for rotor in 0..3 {
+            let mut flight = Flight::start(profile, rate_hz, [0.0; 3], [0.0; 3]);
+            while flight.time_s() < 0.5 {
+                assert_eq!(flight.turn(true, &Surroundings::default()).flags, 0);
+            }
+            flight.kill(rotor);
+            while flight.turn(true, &Surroundings::default()).flags & flags::TERMINATED == 0 {
+                assert!(flight.time_s() < 0.8, "{profile:?} {rate_hz} Hz rotor {rotor} was not noticed");
+            }
+            let after = flight.turn(true, &Surroundings::default());
+            assert_eq!((after.flags, after.command.rotor_speed), (flags::CUT | flags::TERMINATED, [0.0; 3]));
+
+            let mut newcomer = Mixer::new(&flight.scenario);
+            assert!(newcomer.restore(&flight.mixer.snapshot()));
+            flight.mixer = newcomer;
+            assert_eq!(flight.turn(true, &Surroundings::default()).flags, flags::CUT | flags::TERMINATED);
+        }
+    }
+}

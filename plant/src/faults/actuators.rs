@@ -1,0 +1,128 @@
+//! Faults of rotors and tilt servo. They strike the actuator itself, whatever it was commanded.
+//!
+//! | kind | rotor | tilt |
+//! |---|---|---|
+//! | off | unpowered: it spins down to 0 with its lag, and its thrust with it | its spring returns it to 0 with its lag |
+//! | stuck | keeps the speed it had at the onset | keeps its angle |
+//! | wrong | `value` of its thrust and torque | stands `value` degrees beside its command, within its range |
+//! | slow | its lag is `ms` | likewise |
+//! | saturated | reaches `value` of its highest speed | reaches `value` of its range, either way |
+//!
+//! An unpowered rotor keeps its effectiveness: what still turns still lifts. An unpowered servo is centred, because
+//! one that stays where it was is stuck. An actuator outside of what a fault lets it reach goes there with its lag. A
+//! lag never becomes shorter than the actuator's own, and of two the longer one counts.
+
+use std::ops::Range;
+
+use airframe::Actuation;
+use contract::Scenario;
+use contract::scenario::{Fault, FaultKind, FaultTarget};
+
+use crate::dynamics::Condition;
+
+/// Share of thrust and torque that a wrong rotor has left.
+const EFFECTIVENESS: f64 = 0.7;
+/// How far a wrong tilt stands beside its command \[deg\].
+const TILT_BIAS_DEG: f64 = 5.0;
+/// Lag of a slow actuator \[ms\]: five times the sound one.
+const SLOW_MS: f64 = 150.0;
+/// Share of its range that a saturated actuator reaches.
+const REACH: f64 = 0.8;
+
+/// Index of the tilt servo, after the three rotors.
+const TILT: usize = 3;
+
+/// The faults of the actuators, and the positions in which they are stuck.
+#[derive(Debug, Clone)]
+pub struct ActuatorFaults(Vec<ActuatorFault>);
+
+#[derive(Debug, Clone)]
+struct ActuatorFault {
+    /// 0 to 2 for the rotors, or [`TILT`].
+    actuator: usize,
+    ticks: Range<u64>,
+    effect: Effect,
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Effect {
+    Off,
+    /// Position at the onset, once it has been seen.
+    Stuck(Option<f64>),
+    /// Factor on thrust and torque.
+    Weak(f64),
+    /// Offset of the tilt, and largest tilt \[rad\].
+    Bias(f64, f64),
+    /// Time constant \[s\].
+    Slow(f64),
+    /// Largest position, in the actuator's unit.
+    Saturated(f64),
+}
+
+impl ActuatorFaults {
+    /// Those of `scenario`.
+    pub fn new(scenario: &Scenario) -> Self {
+        Self(scenario.fault.iter().filter_map(|fault| ActuatorFault::new(scenario, fault)).collect())
+    }
+
+    /// What becomes, in the period after sample `tick`, of actuators in `position` under an already clipped command:
+    /// the command they follow, and how they follow it.
+    pub fn strike(&mut self, tick: u64, position: &Actuation, command: &Actuation) -> (Actuation, Condition) {
+        let position = as_array(position);
+        let mut targets = as_array(command);
+        let mut condition = Condition::default();
+        for ActuatorFault { actuator, effect, .. } in self.0.iter_mut().filter(|fault| fault.ticks.contains(&tick)) {
+            let target = &mut targets[*actuator];
+            match effect {
+                Effect::Off => *target = 0.0,
+                // An actuator that is told to be where it is does not move at all.
+                Effect::Stuck(onset) => *target = *onset.get_or_insert(position[*actuator]),
+                Effect::Weak(factor) => condition.effectiveness[*actuator] *= *factor,
+                Effect::Bias(by, limit) => *target = (*target + *by).min(*limit).max(-*limit),
+                Effect::Slow(lag_s) => {
+                    let slow_s = &mut condition.slow_s[*actuator];
+                    *slow_s = Some(slow_s.map_or(*lag_s, |other_s| other_s.max(*lag_s)));
+                }
+                Effect::Saturated(limit) => *target = target.min(*limit).max(-*limit),
+            }
+        }
+        let [o1, o2, o3, tilt_rad] = targets;
+        (Actuation { rotor_speed: [o1, o2, o3], tilt_rad }, condition)
+    }
+}
+
+impl ActuatorFault {
+    /// `None` for a fault of something else.
+    fn new(scenario: &Scenario, fault: &Fault) -> Option<Self> {
+        let limits = scenario.limits();
+        let [max1, max2, max3] = limits.rotor_speed_max;
+        let (rotor_lag_s, servo_lag_s) = (scenario.plant.rotor_lag_s, scenario.plant.servo_lag_s);
+        let (actuator, reach, own_lag_s) = match fault.target {
+            FaultTarget::Rotor1 => (0, max1, rotor_lag_s),
+            FaultTarget::Rotor2 => (1, max2, rotor_lag_s),
+            FaultTarget::Rotor3 => (2, max3, rotor_lag_s),
+            FaultTarget::Tilt => (TILT, limits.tilt_max_rad, servo_lag_s),
+            _ => return None,
+        };
+        let effect = match fault.kind {
+            FaultKind::Off => Effect::Off,
+            FaultKind::Stuck => Effect::Stuck(None),
+            FaultKind::Wrong if actuator == TILT => {
+                Effect::Bias(fault.value.unwrap_or(TILT_BIAS_DEG).to_radians(), limits.tilt_max_rad)
+            }
+            FaultKind::Wrong => Effect::Weak(fault.value.unwrap_or(EFFECTIVENESS)),
+            FaultKind::Slow => Effect::Slow((fault.ms.unwrap_or(SLOW_MS) / 1e3).max(own_lag_s)),
+            FaultKind::Saturated => Effect::Saturated(reach * fault.value.unwrap_or(REACH).max(0.0)),
+            _ => return None,
+        };
+        Some(Self { actuator, ticks: fault.ticks(scenario.sample_s()), effect })
+    }
+}
+
+fn as_array(actuation: &Actuation) -> [f64; 4] {
+    let [o1, o2, o3] = actuation.rotor_speed;
+    [o1, o2, o3, actuation.tilt_rad]
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,50 @@
+//! `[[fault]]`, as far as it is the plant's: sensors, actuators, air and payload.
+//!
+//! | module | targets | kinds | acts on |
+//! |---|---|---|---|
+//! | [`sensors`] | position velocity attitude rates | off stuck garbage wrong slow delayed intermittent noise | what is measured |
+//! | [`actuators`] | rotor1 rotor2 rotor3 tilt | off stuck wrong slow saturated | the true actuators |
+//! | [`environment`] | wind, payload | step gust, mass | the true vehicle |
+//!
+//! A fault begins and ends with a sample. It is a function of the tick and of the run's seed, each with a random stream
+//! of its own ([`Stream::Fault`](crate::random::Stream)): a faulty flight repeats bit for bit, one fault does not change
+//! another's draws, and outside its time a fault leaves the flight as it would be without it.
+//!
+//! Faults of one sensor or one actuator act in the order of the file, each on what the one before it makes of it.
+//! Pairs of target and kind that are not in the table are refused by the scenario's check.
+
+pub mod actuators;
+pub mod environment;
+mod memory;
+pub mod sensors;
+
+use contract::Scenario;
+
+use actuators::ActuatorFaults;
+use environment::EnvironmentFaults;
+use sensors::SensorFaults;
+
+/// The plant's faults in a run.
+#[derive(Debug, Clone)]
+pub struct Faults {
+    /// Those of what is measured.
+    pub sensors: SensorFaults,
+    /// Those of rotors and servo.
+    pub actuators: ActuatorFaults,
+    /// Those of air and payload.
+    pub environment: EnvironmentFaults,
+}
+
+impl Faults {
+    /// The faults of `scenario`.
+    pub fn new(scenario: &Scenario) -> Self {
+        Self {
+            sensors: SensorFaults::new(scenario),
+            actuators: ActuatorFaults::new(scenario),
+            environment: EnvironmentFaults::new(scenario),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,188 @@
+//! Faults of what is measured; what is true does not change.
+//!
+//! ```text
+//! off            NaN: no measurement
+//! stuck          what was measured last before the fault
+//! garbage        NaN, infinite or random bits, on the share `probability` of the ticks
+//! wrong          m + value (bias, on every axis), m value (scale), -m (sign)
+//! slow           y = y + (1 - exp(-Ts / tau)) (m - y), with tau = `ms`, from what was measured last before the fault
+//! delayed        what was measured `ms` ago, rounded up to whole samples
+//! intermittent   off, on the share `probability` of the ticks
+//! noise          m + value n, n white, normal and independent on every axis
+//! ```
+//!
+//! What is measured, m, includes the scenario's noise and what earlier faults of the same sensor make of it.
+
+use std::ops::Range;
+
+use contract::Scenario;
+use contract::message::Kinematics;
+use contract::scenario::{Fault, FaultKind, FaultTarget, Wrong};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
+
+use super::memory::{Filter, History};
+use crate::random::Stream;
+
+/// Share of the ticks on which garbage comes.
+const GARBAGE_SHARE: f64 = 1.0;
+/// Share of the ticks on which an intermittent sensor is off.
+const OFF_SHARE: f64 = 0.5;
+/// Factor of a sensor that is wrong by scale.
+const SCALE: f64 = 1.5;
+/// Time constant of a slow sensor \[ms\].
+const SLOW_MS: f64 = 200.0;
+/// Age of what a delayed sensor tells \[ms\].
+const DELAYED_MS: f64 = 100.0;
+
+/// Bias and standard deviation of noise where the fault gives none: far above a good sensor, yet not absurd.
+struct Sizes {
+    bias: f64,
+    noise: f64,
+}
+/// \[m\]
+const POSITION: Sizes = Sizes { bias: 1.0, noise: 0.3 };
+/// \[m/s\]
+const VELOCITY: Sizes = Sizes { bias: 0.5, noise: 0.2 };
+/// \[deg\]
+const ATTITUDE: Sizes = Sizes { bias: 5.0, noise: 2.0 };
+/// \[deg/s\]
+const RATES: Sizes = Sizes { bias: 10.0, noise: 10.0 };
+
+/// Random words that each tick has to itself; a tick draws about ten.
+const WORDS_PER_TICK: u128 = 256;
+
+/// What one sensor tells, on its three axes.
+type Reading = [f64; 3];
+const NOTHING: Reading = [f64::NAN; 3];
+
+/// The faults of the sensors, with what they remember.
+#[derive(Debug, Clone)]
+pub struct SensorFaults(Vec<SensorFault>);
+
+#[derive(Debug, Clone)]
+struct SensorFault {
+    /// Which quantity of [`Kinematics`], in its order.
+    sensor: usize,
+    ticks: Range<u64>,
+    effect: Effect,
+    random: ChaCha8Rng,
+}
+
+/// Sizes in the units of [`Kinematics`].
+#[derive(Debug, Clone)]
+enum Effect {
+    Off,
+    /// The last reading before the fault.
+    Stuck(Option<Reading>),
+    /// Share of the ticks.
+    Garbage(f64),
+    Bias(f64),
+    Scale(f64),
+    Slow(Filter),
+    Delayed(History),
+    /// Share of the ticks.
+    Intermittent(f64),
+    /// Standard deviation.
+    Noise(f64),
+}
+
+impl SensorFaults {
+    /// Those of `scenario`.
+    pub fn new(scenario: &Scenario) -> Self {
+        let those = |(index, fault)| SensorFault::new(scenario, index, fault);
+        Self(scenario.fault.iter().enumerate().filter_map(those).collect())
+    }
+
+    /// Turns what is measured at sample `tick` into what the sensors tell.
+    pub fn strike(&mut self, tick: u64, measured: &mut Kinematics) {
+        let Kinematics { position_m, velocity_mps, attitude_rad, rates_radps } = measured;
+        let readings = [position_m, velocity_mps, attitude_rad, rates_radps];
+        for fault in &mut self.0 {
+            let reading = &mut *readings[fault.sensor];
+            if fault.ticks.contains(&tick) {
+                *reading = fault.tell(tick, *reading);
+            } else {
+                fault.watch(tick, *reading);
+            }
+        }
+    }
+}
+
+impl SensorFault {
+    /// `None` for a fault of something else.
+    fn new(scenario: &Scenario, index: usize, fault: &Fault) -> Option<Self> {
+        let degree = 1f64.to_radians();
+        let (sensor, unit, sizes) = match fault.target {
+            FaultTarget::Position => (0, 1.0, POSITION),
+            FaultTarget::Velocity => (1, 1.0, VELOCITY),
+            FaultTarget::Attitude => (2, degree, ATTITUDE),
+            FaultTarget::Rates => (3, degree, RATES),
+            _ => return None,
+        };
+        let sample_s = scenario.sample_s();
+        let effect = match (fault.kind, fault.how.unwrap_or(Wrong::Bias)) {
+            (FaultKind::Off, _) => Effect::Off,
+            (FaultKind::Stuck, _) => Effect::Stuck(None),
+            (FaultKind::Garbage, _) => Effect::Garbage(fault.probability.unwrap_or(GARBAGE_SHARE)),
+            (FaultKind::Wrong, Wrong::Bias) => Effect::Bias(fault.value.unwrap_or(sizes.bias) * unit),
+            (FaultKind::Wrong, Wrong::Scale) => Effect::Scale(fault.value.unwrap_or(SCALE)),
+            (FaultKind::Wrong, Wrong::Sign) => Effect::Scale(-1.0),
+            (FaultKind::Slow, _) => Effect::Slow(Filter::new(fault.ms.unwrap_or(SLOW_MS) / 1e3, sample_s)),
+            (FaultKind::Delayed, _) => Effect::Delayed(History::new(fault.ms.unwrap_or(DELAYED_MS) / 1e3, sample_s)),
+            (FaultKind::Intermittent, _) => Effect::Intermittent(fault.probability.unwrap_or(OFF_SHARE)),
+            (FaultKind::Noise, _) => Effect::Noise(fault.value.unwrap_or(sizes.noise) * unit),
+            _ => return None,
+        };
+        let random = Stream::Fault(index).open(scenario.run.seed);
+        Some(Self { sensor, ticks: fault.ticks(sample_s), effect, random })
+    }
+
+    /// Before the fault and after it.
+    fn watch(&mut self, tick: u64, measured: Reading) {
+        match &mut self.effect {
+            Effect::Stuck(last) => *last = Some(measured),
+            Effect::Slow(filter) => filter.settle(tick, measured),
+            Effect::Delayed(history) => {
+                history.at_delay(tick, measured);
+            }
+            _ => {}
+        }
+    }
+
+    /// During the fault.
+    fn tell(&mut self, tick: u64, measured: Reading) -> Reading {
+        // Its draws depend on the tick alone, even if samples before it were left out.
+        self.random.set_word_pos(u128::from(tick) * WORDS_PER_TICK);
+        let random = &mut self.random;
+        match &mut self.effect {
+            Effect::Off => NOTHING,
+            Effect::Stuck(last) => *last.get_or_insert(measured),
+            Effect::Garbage(share) if random.random::<f64>() < *share => measured.map(|_| garbage(random)),
+            Effect::Intermittent(share) if random.random::<f64>() < *share => NOTHING,
+            Effect::Garbage(_) | Effect::Intermittent(_) => measured,
+            Effect::Bias(by) => measured.map(|value| value + *by),
+            Effect::Scale(factor) => measured.map(|value| value * *factor),
+            Effect::Slow(filter) => filter.follow(tick, measured),
+            Effect::Delayed(history) => history.at_delay(tick, measured),
+            Effect::Noise(deviation) => measured.map(|value| {
+                let normal: f64 = random.sample(StandardNormal);
+                value + *deviation * normal
+            }),
+        }
+    }
+}
+
+/// Random bits are hardly ever NaN and never infinite: each gets a quarter of its own.
+fn garbage(random: &mut ChaCha8Rng) -> f64 {
+    let bits = random.random::<u64>();
+    match random.random::<u64>() % 4 {
+        0 => f64::NAN,
+        1 => f64::INFINITY.copysign(f64::from_bits(bits)),
+        _ => f64::from_bits(bits),
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,161 @@
+use contract::message::{Actuators, Stamp, State};
+use contract::scenario::{Fault, FaultKind, FaultTarget, Profile};
+use proptest::prelude::*;
+
+use super::*;
+use crate::Plant;
+
+const SENSORS: [FaultTarget; 4] =
+    [FaultTarget::Position, FaultTarget::Velocity, FaultTarget::Attitude, FaultTarget::Rates];
+const TRUE_ONES: [FaultTarget; 6] = [
+    FaultTarget::Rotor1,
+    FaultTarget::Rotor2,
+    FaultTarget::Rotor3,
+    FaultTarget::Tilt,
+    FaultTarget::Wind,
+    FaultTarget::Payload,
+];
+
+/// All faults of `targets` from 0.2 s to 0.3 s, saturation where it bites at hover.
+fn all(targets: &[FaultTarget]) -> Vec<Fault> {
+    let fault = |target: FaultTarget, kind: FaultKind| Fault {
+        value: (kind == FaultKind::Saturated).then_some(0.3),
+        ..Fault::new(target, kind, 0.2, Some(0.1))
+    };
+    targets.iter().flat_map(|target| target.kinds().iter().map(|kind| fault(*target, *kind))).collect()
+}
+
+/// A restless flight with every random stream in use.
+fn scenario(faults: &[Fault], seed: u64) -> Scenario {
+    let mut scenario = Scenario::of(Profile::Paper);
+    scenario.run.seed = seed;
+    scenario.run.command_jitter_ms = 8.0;
+    scenario.run.command_drop_probability = 0.2;
+    scenario.plant.noise.position_m = 0.01;
+    scenario.plant.drag_linear_nspm = [0.1; 3];
+    scenario.fault = faults.to_vec();
+    scenario
+}
+
+/// Flies `scenario` for 0.4 s, rocking about hover.
+fn fly(scenario: &Scenario) -> Vec<State> {
+    let mut plant = Plant::new(scenario);
+    let trim = plant.sample().actuators;
+    let rate_hz = u64::from(scenario.run.rate_hz);
+    (1..=rate_hz * 2 / 5)
+        .map(|k| {
+            let share = 1.0 + 0.05 * (k as f64 * 40.0 / rate_hz as f64).sin();
+            let mut command = trim;
+            command.rotor_speed.iter_mut().for_each(|omega| *omega *= share);
+            command.tilt_rad *= share;
+            plant.command(&Actuators { stamp: Stamp { sequence: k, ..Stamp::default() }, command, flags: 0 }, 0);
+            plant.advance(1);
+            plant.sample()
+        })
+        .collect()
+}
+
+/// All bits of a state but those of NaN.
+fn written(state: &State) -> String {
+    format!("{state:?}")
+}
+
+#[test]
+fn before_it_begins_no_fault_leaves_a_trace() {
+    let sound = fly(&scenario(&[], 7));
+    for fault in all(&[&SENSORS[..], &TRUE_ONES[..]].concat()) {
+        let struck = fly(&scenario(std::slice::from_ref(&fault), 7));
+        let same = |k: usize| written(&struck[k]) == written(&sound[k]);
+        // Element k is sample k + 1; what strikes the true vehicle at sample 20 shows at sample 21.
+        assert!((0..19).all(same), "{fault:?} acts too early");
+        assert!(!(19..30).all(same), "{fault:?} does nothing");
+    }
+}
+
+#[test]
+fn a_sensor_fault_changes_what_is_measured_and_nothing_else_ever() {
+    let sound = fly(&scenario(&[], 7));
+    for fault in all(&SENSORS) {
+        let struck = fly(&scenario(std::slice::from_ref(&fault), 7));
+        for (k, (mut struck, sound)) in struck.into_iter().zip(&sound).enumerate() {
+            if (19..29).contains(&k) {
+                struck.measured = sound.measured;
+            }
+            assert_eq!(written(&struck), written(sound), "{fault:?} in element {k}");
+        }
+    }
+}
+
+#[test]
+fn a_faulty_flight_repeats_with_its_seed() {
+    for fault in all(&[&SENSORS[..], &TRUE_ONES[..]].concat()) {
+        let fly = |seed: u64| -> Vec<String> {
+            fly(&scenario(std::slice::from_ref(&fault), seed)).iter().map(written).collect()
+        };
+        assert_eq!(fly(1), fly(1), "{fault:?}");
+        assert_ne!(fly(1), fly(2), "{fault:?}");
+    }
+}
+
+#[test]
+fn left_out_samples_do_not_change_a_fault_of_the_true_vehicle() {
+    for fault in all(&TRUE_ONES) {
+        let mut scenario = Scenario::of(Profile::Paper);
+        scenario.fault = vec![fault];
+        let mut one_by_one = Plant::new(&scenario);
+        let mut at_once = one_by_one.clone();
+        for _ in 0..40 {
+            one_by_one.advance(1);
+        }
+        at_once.advance(40);
+        assert_eq!(one_by_one.sample(), at_once.sample());
+    }
+}
+
+#[test]
+fn at_every_rate_and_step_a_fault_strikes_alike() {
+    for kind in [(FaultTarget::Rotor1, FaultKind::Off), (FaultTarget::Wind, FaultKind::Gust)] {
+        let height = |rate_hz: u32, substep_s: f64| {
+            let mut scenario = Scenario::of(Profile::Paper);
+            scenario.run.rate_hz = rate_hz;
+            scenario.plant.substep_s = substep_s;
+            scenario.plant.drag_linear_nspm = [0.1; 3];
+            scenario.fault = vec![Fault::new(kind.0, kind.1, 0.1, Some(0.1))];
+            let mut plant = Plant::new(&scenario);
+            plant.advance(u64::from(rate_hz) * 3 / 10);
+            plant.sample().actual.velocity_mps
+        };
+        let expected = height(100, 0.001);
+        for (rate_hz, substep_s) in [(50, 0.001), (50, 0.02), (100, 0.003), (250, 0.001), (2000, 0.001)] {
+            let got = height(rate_hz, substep_s);
+            let off = got.iter().zip(expected).map(|(g, e)| (g - e).abs()).fold(0.0, f64::max);
+            assert!(off < 1e-3, "{kind:?} at {rate_hz} Hz in steps of {substep_s} s is off by {off}");
+        }
+    }
+}
+
+proptest! {
+    /// Whatever the faults and their sizes, at whatever rate: no panic, and no flight that claims to go on without
+    /// finite numbers.
+    #[test]
+    fn it_is_total(
+        value in prop::num::f64::ANY,
+        vector in prop::array::uniform3(prop::num::f64::ANY),
+        ms in 0.0..60_000.0,
+        rate_hz in prop::sample::select(vec![50u32, 100, 250, 2000]),
+        substep_s in 0.0002..0.02,
+        chosen in prop::sample::subsequence(all(&[&SENSORS[..], &TRUE_ONES[..]].concat()), 0..5),
+    ) {
+        let mut scenario = scenario(&chosen, 3);
+        scenario.run.rate_hz = rate_hz;
+        scenario.plant.substep_s = substep_s;
+        for fault in &mut scenario.fault {
+            (fault.value, fault.vector, fault.ms) = (Some(value), Some(vector), Some(ms));
+        }
+        for state in fly(&scenario) {
+            let motion = state.actual;
+            let groups = [motion.position_m, motion.velocity_mps, motion.attitude_rad, motion.rates_radps];
+            prop_assert!(groups.iter().flatten().all(|value| value.is_finite()) || state.status >= 2);
+        }
+    }
+}
