@@ -2,6 +2,7 @@
 
 mod bad_input;
 mod deadlines;
+mod faults;
 mod harness;
 mod lockstep;
 mod measure;

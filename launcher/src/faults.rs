@@ -2,38 +2,62 @@
 //!
 //! ```text
 //! injected    the first tick it struck
-//! detected    the first tick from then on whose message shows the harm
-//! recovered   the first tick after the fault's end, and after the detection, whose message shows none
+//! detected    the first tick from then on that shows the harm
+//! recovered   the first tick after the fault's end, and after the detection, from which no witness shows harm
 //! ```
 //!
-//! Only messages are looked at, of each fault those that its target sends: their order between topics does not matter.
-//! A tick that nobody saw counts as the next one seen.
+//! Only messages are looked at, and of each topic by itself: their order between topics does not matter.
+//!
+//! | target | struck are | witnesses | harm is |
+//! |---|---|---|---|
+//! | process | the ticks of its time | its own topic | a tick without a message |
+//! | STATE | its marked messages | REFERENCE, CONTROLS, ACTUATORS | an input that was old, missing or bad |
+//! | REFERENCE | its marked messages | CONTROLS, ACTUATORS | the same |
+//! | CONTROLS | its marked messages | ACTUATORS | the same |
+//! | ACTUATORS | its marked messages | STATE | still under the command of the sample before |
+//! | sensor | the ticks of its time | REFERENCE, CONTROLS, ACTUATORS | an input that was old, missing or bad |
+//! | actuator | the ticks of its time | ACTUATORS | the flight is terminated |
+//! | wind, payload | the ticks of its time | | |
+//! | mpc | the ticks of its time | CONTROLS | no optimum |
+//!
+//! A process is back when somebody speaks in its place: its recovery is counted from the detection, all others from the
+//! end of the fault.
 
-use contract::message::SolveStatus;
-use contract::scenario::{Fault, FaultTarget};
+mod signs;
+
+use contract::plan::HANG_TICKS;
+use contract::scenario::{Fault, FaultKind};
+use contract::topic::Topic;
 use serde::Serialize;
 use serde_json::{Value, json};
 
 use crate::log::Record;
+pub(crate) use signs::reacts;
 
 /// All faults of a flight.
 pub struct Faults(Vec<Watched>);
 
-/// One fault, and the ticks on which something became of it.
+/// One fault, and what was seen since.
 struct Watched {
     rate_hz: u32,
     fault: Fault,
-    injected: Option<u64>,
-    ended: Option<u64>,
-    detected: Option<u64>,
-    recovered: Option<u64>,
+    /// The newest tick of any message.
+    newest: u64,
+    /// First and last marked message of the topic.
+    marked: Option<(u64, u64)>,
+    /// The command that the newest STATE was under.
+    obeyed: u64,
+    /// What each topic shows of it.
+    courses: [Course; Topic::COUNT],
 }
 
-/// What a message shows of its sender.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Condition {
-    Sound,
-    Harmed,
+/// How one topic went on, tick by tick.
+#[derive(Default)]
+struct Course {
+    /// Ticks on which it began to show harm, or ceased to.
+    changes: Vec<(u64, bool)>,
+    /// The newest tick.
+    last: Option<u64>,
 }
 
 impl Faults {
@@ -42,21 +66,17 @@ impl Faults {
         let watch = |fault: &Fault| Watched {
             rate_hz,
             fault: fault.clone(),
-            injected: None,
-            ended: None,
-            detected: None,
-            recovered: None,
+            newest: 0,
+            marked: None,
+            obeyed: 0,
+            courses: Default::default(),
         };
         Self(faults.iter().map(watch).collect())
     }
 
     /// Takes one message in.
     pub fn observe(&mut self, record: &Record) {
-        for watched in &mut self.0 {
-            if let Some(condition) = condition(watched.fault.target, record) {
-                watched.observe(record.stamp().tick, condition);
-            }
-        }
+        self.0.iter_mut().for_each(|watched| watched.observe(record));
     }
 
     /// The `faults` array of run.json.
@@ -70,41 +90,91 @@ impl Faults {
     }
 }
 
-/// What `record` says of `target`; nothing when another node sent it.
-fn condition(target: FaultTarget, record: &Record) -> Option<Condition> {
-    match (target, record) {
-        (FaultTarget::Mpc, Record::Controls(controls)) => {
-            Some(if [SolveStatus::Explicit, SolveStatus::Solved].iter().any(|sound| *sound as u64 == controls.status) {
-                Condition::Sound
-            } else {
-                Condition::Harmed
-            })
+impl Course {
+    /// The topic shows harm on `tick`, or none.
+    fn note(&mut self, tick: u64, harmed: bool) {
+        if self.changes.last().is_some_and(|change| change.1) != harmed {
+            self.changes.push((tick, harmed));
         }
-        _ => None,
+        self.last = Some(tick);
+    }
+
+    /// The topic has spoken on `tick`: between that and the last time there was nobody.
+    fn speak(&mut self, tick: u64) {
+        let expected = self.last.map_or(tick, |last| last + 1);
+        if tick > expected {
+            self.note(expected, true);
+        }
+        self.note(tick, false);
+    }
+
+    /// The first tick from `from` on that is `harmed`, or not.
+    fn first(&self, from: u64, harmed: bool) -> Option<u64> {
+        let so_far = self.changes.iter().take_while(|change| change.0 <= from).last().is_some_and(|change| change.1);
+        if so_far == harmed {
+            return self.last.filter(|last| *last >= from).map(|_| from);
+        }
+        self.changes.iter().find(|change| change.0 > from && change.1 == harmed).map(|change| change.0)
     }
 }
 
 impl Watched {
-    fn observe(&mut self, tick: u64, condition: Condition) {
-        let strikes = self.fault.strikes(tick, 1.0 / f64::from(self.rate_hz));
-        if strikes {
-            self.injected.get_or_insert(tick);
+    fn observe(&mut self, record: &Record) {
+        let tick = record.stamp().tick;
+        let course = &mut self.courses[record.topic() as usize];
+        self.newest = self.newest.max(tick);
+        if signs::process(self.fault.target) == Some(record.topic()) {
+            course.speak(tick);
+        } else if let Some(harmed) = signs::harm(self.fault.target, record, self.obeyed) {
+            course.note(tick, harmed);
         }
-        if self.injected.is_none() {
-            return;
+        if signs::struck(&self.fault, record) && self.ticks().contains(&tick) {
+            self.marked = Some((self.marked.map_or(tick, |(first, _)| first), tick));
         }
-        if !strikes {
-            self.ended.get_or_insert(tick);
+        if let Record::State(state) = record {
+            self.obeyed = state.applied_sequence;
         }
-        match condition {
-            Condition::Harmed => {
-                self.detected.get_or_insert(tick);
-            }
-            Condition::Sound if self.ended.is_some() && self.detected.is_some() => {
-                self.recovered.get_or_insert(tick);
-            }
-            Condition::Sound => {}
+    }
+
+    fn ticks(&self) -> std::ops::Range<u64> {
+        self.fault.ticks(1.0 / f64::from(self.rate_hz))
+    }
+
+    fn injected(&self) -> Option<u64> {
+        if signs::topic(self.fault.target).is_some() {
+            return self.marked.map(|(first, _)| first);
         }
+        let ticks = self.ticks();
+        (!ticks.is_empty() && ticks.start <= self.newest).then_some(ticks.start)
+    }
+
+    /// The first tick after the fault.
+    fn ended(&self) -> Option<u64> {
+        let ends = self.fault.for_s.is_some() || self.fault.kind == FaultKind::Burst;
+        match self.marked {
+            Some((_, last)) => ends.then_some(last + 1),
+            None => self.fault.for_s.map(|_| self.ticks().end),
+        }
+    }
+
+    fn detected(&self) -> Option<u64> {
+        let injected = self.injected()?;
+        if let Some(topic) = signs::process(self.fault.target) {
+            let course = &self.courses[topic as usize];
+            let silent = course.last.filter(|last| self.newest >= last + HANG_TICKS).map(|last| last + 1);
+            return course.first(injected, true).or(silent);
+        }
+        self.courses.iter().filter_map(|course| course.first(injected, true)).min()
+    }
+
+    fn recovered(&self) -> Option<u64> {
+        let (injected, detected) = (self.injected()?, self.detected()?);
+        if let Some(topic) = signs::process(self.fault.target) {
+            return self.courses[topic as usize].first(detected, false);
+        }
+        let from = self.ended()?.max(detected);
+        let mut harmed = self.courses.iter().filter(|course| course.first(injected, true).is_some());
+        harmed.try_fold(from, |latest, course| Some(latest.max(course.first(from, false)?)))
     }
 
     /// Ticks as time \[s\], to the nearest number, so that it prints as short as it is.
@@ -113,11 +183,12 @@ impl Watched {
     }
 
     fn detected_after_s(&self) -> Option<f64> {
-        Some(self.seconds(self.detected?.saturating_sub(self.injected?)))
+        Some(self.seconds(self.detected()?.saturating_sub(self.injected()?)))
     }
 
     fn recovered_after_s(&self) -> Option<f64> {
-        Some(self.seconds(self.recovered?.saturating_sub(self.ended?)))
+        let since = if signs::process(self.fault.target).is_some() { self.detected() } else { self.ended() };
+        Some(self.seconds(self.recovered()?.saturating_sub(since?)))
     }
 
     fn to_json(&self) -> Value {
@@ -126,7 +197,7 @@ impl Watched {
             "kind": self.fault.kind,
             "at_s": self.fault.at_s,
             "for_s": self.fault.for_s,
-            "injected_at_s": self.injected.map(|tick| self.seconds(tick)),
+            "injected_at_s": self.injected().map(|tick| self.seconds(tick)),
             "detected_after_s": self.detected_after_s(),
             "recovered_after_s": self.recovered_after_s(),
         })
@@ -134,7 +205,7 @@ impl Watched {
 
     fn describe(&self) -> String {
         let what = format!("{} {}", name(self.fault.target), name(self.fault.kind));
-        let Some(injected) = self.injected else {
+        let Some(injected) = self.injected() else {
             return format!("{what} at {} s: never struck", self.fault.at_s);
         };
         let lasts = self.fault.for_s.map_or("to the end".into(), |for_s| format!("for {for_s} s"));
@@ -156,97 +227,4 @@ fn name(word: impl Serialize) -> String {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use contract::message::{Controls, Message, State};
-    use contract::scenario::FaultKind;
-
-    /// A solver fault at 0.1 s, after CONTROLS of these statuses, one per tick from 0 on.
-    fn flown(for_s: Option<f64>, statuses: &[SolveStatus]) -> Faults {
-        let fault = Fault::new(FaultTarget::Mpc, FaultKind::IterationCap, 0.1, for_s);
-        let mut faults = Faults::new(&[fault], 100);
-        for (tick, status) in statuses.iter().enumerate() {
-            faults.observe(&at(tick as u64, State::default()).into());
-            faults.observe(&at(tick as u64, Controls { status: *status as u64, ..Controls::default() }).into());
-        }
-        faults
-    }
-
-    fn at<M: Message>(tick: u64, mut message: M) -> M {
-        message.stamp_mut().tick = tick;
-        message
-    }
-
-    /// Statuses in runs: so many ticks of each.
-    fn runs(runs: &[(usize, SolveStatus)]) -> Vec<SolveStatus> {
-        runs.iter().flat_map(|(count, status)| std::iter::repeat_n(*status, *count)).collect()
-    }
-
-    #[test]
-    fn a_fault_is_followed_from_its_first_tick_to_the_recovery() {
-        use SolveStatus::{Explicit, Fallback, LimitReached, Solved};
-        // Struck on ticks 10 to 12, seen from 11, healthy again on 15.
-        let statuses = runs(&[(10, Explicit), (1, Solved), (2, LimitReached), (2, Fallback), (20, Explicit)]);
-        let faults = flown(Some(0.03), &statuses);
-        let expected = json!([{
-            "target": "mpc", "kind": "iteration cap", "at_s": 0.1, "for_s": 0.03,
-            "injected_at_s": 0.1, "detected_after_s": 0.01, "recovered_after_s": 0.02,
-        }]);
-        assert_eq!(faults.to_json(), expected);
-        let line = "mpc iteration cap from 0.10 s for 0.03 s: detected after 0.01 s, recovered after 0.02 s";
-        assert_eq!(faults.describe(), [line]);
-    }
-
-    #[test]
-    fn harm_before_the_fault_is_not_its_doing() {
-        use SolveStatus::{BadInput, Explicit, Fallback};
-        let faults = flown(Some(0.02), &runs(&[(5, BadInput), (5, Explicit), (2, Fallback), (5, Explicit)]));
-        let json = &faults.to_json()[0];
-        assert_eq!([&json["detected_after_s"], &json["recovered_after_s"]], [0.0, 0.0]);
-    }
-
-    #[test]
-    fn a_good_tick_within_the_fault_is_no_recovery() {
-        use SolveStatus::{Explicit, Fallback, Solved};
-        let faults =
-            flown(Some(0.03), &runs(&[(10, Explicit), (1, Fallback), (1, Solved), (2, Fallback), (1, Solved)]));
-        assert_eq!(faults.to_json()[0]["recovered_after_s"], 0.01);
-    }
-
-    #[test]
-    fn what_is_detected_after_the_end_recovers_after_the_detection() {
-        use SolveStatus::{Explicit, Fallback};
-        let faults = flown(Some(0.01), &runs(&[(13, Explicit), (1, Fallback), (3, Explicit)]));
-        let json = &faults.to_json()[0];
-        assert_eq!([&json["detected_after_s"], &json["recovered_after_s"]], [0.03, 0.03]);
-    }
-
-    #[test]
-    fn what_never_happened_is_null() {
-        use SolveStatus::{Explicit, Fallback};
-        let keys = ["injected_at_s", "detected_after_s", "recovered_after_s"];
-        let of = |faults: &Faults| keys.map(|key| faults.to_json()[0][key].as_f64());
-        let early_end = flown(Some(0.01), &runs(&[(10, Explicit)]));
-        assert_eq!(of(&early_end), [None; 3]);
-        assert_eq!(early_end.describe(), ["mpc iteration cap at 0.1 s: never struck"]);
-        let endless = flown(None, &runs(&[(10, Explicit), (20, Fallback), (20, Explicit)]));
-        assert_eq!(of(&endless), [Some(0.1), Some(0.0), None]);
-        let line = "mpc iteration cap from 0.10 s to the end: detected after 0.00 s, not recovered";
-        assert_eq!(endless.describe(), [line]);
-        let harmless = flown(Some(0.05), &runs(&[(30, Explicit)]));
-        assert_eq!(of(&harmless), [Some(0.1), None, None]);
-        let empty = flown(Some(0.0), &runs(&[(30, Fallback)]));
-        assert_eq!(of(&empty), [None; 3]);
-    }
-
-    #[test]
-    fn missed_ticks_count_as_the_next_one_seen() {
-        let fault = Fault::new(FaultTarget::Mpc, FaultKind::Nan, 0.1, Some(0.05));
-        let mut faults = Faults::new(&[fault], 100);
-        for (tick, status) in [(9, SolveStatus::Explicit), (12, SolveStatus::Fallback), (20, SolveStatus::Solved)] {
-            faults.observe(&at(tick, Controls { status: status as u64, ..Controls::default() }).into());
-        }
-        let json = &faults.to_json()[0];
-        assert_eq!([&json["injected_at_s"], &json["detected_after_s"], &json["recovered_after_s"]], [0.12, 0.0, 0.0]);
-    }
-}
+mod tests;

@@ -240,7 +240,8 @@ impl Supervisor {
             node.progress = (done, now);
         }
         node.holder = holder;
-        let behind = node.topic == Topic::State || tick >= u64::from(done) + HANG_TICKS;
+        // The sample after the newest it has done is number `done`: that many have come since without an answer.
+        let behind = node.topic == Topic::State || tick + 1 >= u64::from(done) + HANG_TICKS;
         if holder != 0 && tick > 0 && behind && now.duration_since(node.progress.1) > hang {
             self.events.push(event(holder, What::Hung));
             node.progress.1 = now;

@@ -3,6 +3,7 @@
 //! | module | holds |
 //! |---|---|
 //! | [`mpc`] | `measure mpc`: how long a step of the controller takes, by path and solver |
+//! | [`faults`] | `measure faults`: every fault of the catalogue, and what the flight bears |
 //! | [`laws`] | `measure laws`: the aggressive scenarios under every inner loop |
 //! | [`sensitivity`] | `measure sensitivity`: tracking error over delay, jitter and misses |
 //! | [`timing`] | `measure timing`: how late the stack is, beside the kernel's own wake-up |
@@ -10,6 +11,7 @@
 //! Every measurement ends with one line per target: figure, measured value, target, and the verdict `ok`, `short` or
 //! `inconclusive`, the last where this machine could not tell. The exit code is 0 only when none is short.
 
+pub mod faults;
 pub mod laws;
 pub mod mpc;
 pub mod sensitivity;
@@ -29,6 +31,8 @@ use crate::print;
 pub enum Measure {
     /// Time a step of the controller on recorded problems, by path and solver
     Mpc(mpc::MpcArgs),
+    /// Fly through every fault of the catalogue, and strike processes in real time
+    Faults(faults::FaultsArgs),
     /// Fly the aggressive scenarios under every inner loop and compare
     Laws(laws::LawsArgs),
     /// Map the tracking error over delay, jitter and misses, for both profiles
@@ -45,6 +49,7 @@ impl Measure {
     pub fn run(&self) -> anyhow::Result<u8> {
         match self {
             Self::Mpc(args) => mpc::measure(args),
+            Self::Faults(args) => faults::measure(args),
             Self::Laws(args) => laws::measure(args),
             Self::Sensitivity(args) => sensitivity::measure(args),
             Self::Timing(args) => timing::measure(args),

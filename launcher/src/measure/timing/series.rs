@@ -34,6 +34,7 @@ impl Series {
     }
 
     /// The same times in rounds of `length`; what does not fill one is left out.
+    #[must_use]
     pub fn split(&self, length: usize) -> Self {
         let rounds = self.rounds.iter().flat_map(|times| times.chunks_exact(length)).map(<[u64]>::to_vec).collect();
         Self { name: self.name.clone(), rounds }

@@ -1,0 +1,81 @@
+//! The matrix: every target with every kind that it can suffer, and what is to be expected.
+//!
+//! The rule, for all alike: a fault is **recoverable** when, all the while,
+//!
+//! ```text
+//! the plant lives               it is the vehicle; nobody can take its place
+//! every actuator obeys          late or weakly perhaps, but it moves where it is told
+//! no sensor lies                stuck and wrong are nothing that a stack without a second sensor can know
+//! the state is known            a STATE that can be taken is never older than 50 ms: measured, flight by flight
+//! ```
+//!
+//! A rotor that is off is to be terminated. Of the rest nothing is promised, and the table says what came of it.
+
+use contract::scenario::{Fault, FaultKind, FaultTarget};
+use serde::Serialize;
+
+/// When every fault begins \[s\].
+pub const AT_S: f64 = 5.0;
+/// How long it lasts \[s\].
+pub const FOR_S: f64 = 1.0;
+/// The oldest state that can be flown from \[s\]: where the mixer gives up levelling.
+pub const KNOWN_S: f64 = 0.05;
+
+/// One fault of the matrix.
+#[derive(Debug, Clone)]
+pub struct Case(pub Fault);
+
+/// What is to be expected of a flight.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Promise {
+    /// It flies on within the limits.
+    Recover,
+    /// It is terminated in time.
+    Terminate,
+    /// Nothing: the plant is gone.
+    NoPlant,
+    /// Nothing: an actuator does not obey.
+    NoActuator,
+    /// Nothing: a sensor lies.
+    Lie,
+    /// Nothing: nobody knew the state.
+    Blind,
+}
+
+impl Case {
+    /// All of them; without a plant that hangs or leaves, which only the clock would outlast.
+    pub fn all() -> Vec<Self> {
+        use FaultTarget as T;
+        let targets = [
+            [T::Plant, T::Guidance, T::AttitudeMpc, T::Mixer],
+            [T::State, T::Reference, T::Controls, T::Actuators],
+            [T::Position, T::Velocity, T::Attitude, T::Rates],
+            [T::Rotor1, T::Rotor2, T::Rotor3, T::Tilt],
+        ];
+        let targets = targets.into_iter().flatten().chain([T::Wind, T::Payload, T::Mpc]);
+        let of = |target: T| target.kinds().iter().map(move |kind| Self(Fault::new(target, *kind, AT_S, Some(FOR_S))));
+        let needs_a_clock =
+            |case: &Self| case.0.target == T::Plant && !matches!(case.0.kind, FaultKind::Kill | FaultKind::Slow);
+        targets.flat_map(of).filter(|case| !needs_a_clock(case)).collect()
+    }
+
+    /// Whether it strikes a process.
+    pub fn is_of_a_process(&self) -> bool {
+        use FaultTarget as T;
+        matches!(self.0.target, T::Plant | T::Guidance | T::AttitudeMpc | T::Mixer)
+    }
+
+    /// What is promised when the state was unknown for `blind_s` at most.
+    pub fn promise(&self, blind_s: f64) -> Promise {
+        use {FaultKind as K, FaultTarget as T};
+        match (self.0.target, self.0.kind) {
+            (T::Plant, K::Kill) => Promise::NoPlant,
+            (T::Rotor1 | T::Rotor2 | T::Rotor3, K::Off) => Promise::Terminate,
+            (T::Rotor1 | T::Rotor2 | T::Rotor3 | T::Tilt, K::Off | K::Stuck) => Promise::NoActuator,
+            (T::Position | T::Velocity | T::Attitude | T::Rates, K::Stuck | K::Wrong) => Promise::Lie,
+            _ if blind_s > KNOWN_S + 1e-9 => Promise::Blind,
+            _ => Promise::Recover,
+        }
+    }
+}

@@ -1,0 +1,97 @@
+//! `measure faults`: every fault of the catalogue, and what the flight bears.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`case`] | the matrix, and which faults count as recoverable |
+//! | [`flight`] | one flight through its fault, by processes and by one thread |
+//! | [`strike`] | processes killed and stopped in real time, against the clock |
+//! | [`targets`], [`table`] | what is printed |
+//!
+//! Every case is `scenarios/faults/hover-gusts.toml` with one fault of the default size from 5 s to 6 s. It is flown in
+//! lockstep, by real processes that really die, and by one thread: the two must be the same flight, bit for bit. The
+//! profile is the robust one: the paper's does not bear the gusts, with or without a fault.
+
+pub mod case;
+pub mod flight;
+pub mod strike;
+pub mod table;
+pub mod targets;
+
+use std::path::PathBuf;
+use std::sync::atomic::AtomicU32;
+
+use anyhow::Context;
+use contract::Scenario;
+use contract::scenario::from_merged;
+use serde::Serialize;
+use serde_json::json;
+
+use self::case::Case;
+use self::flight::{Quiet, Row};
+use self::strike::Strikes;
+use super::conclude;
+use crate::fly::{catch_interrupts, write_whole};
+
+/// Arguments of `measure faults`.
+#[derive(clap::Args)]
+pub struct FaultsArgs {
+    /// Only the process faults and one flight of each sort in real time: shows that everything works
+    #[arg(long)]
+    pub quick: bool,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+    /// Folder to write the results to, as measure.json
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+}
+
+/// Everything measured.
+#[derive(Debug, Serialize)]
+pub struct Results {
+    /// One row per case.
+    pub rows: Vec<Row>,
+    /// Flights without a fault.
+    pub quiet: Vec<Quiet>,
+    /// Strikes in real time.
+    pub strikes: Strikes,
+}
+
+/// Measures as the arguments say; the exit code.
+pub fn measure(args: &FaultsArgs) -> anyhow::Result<u8> {
+    let interrupts = catch_interrupts()?;
+    let results = Results::measure(args.quick, &interrupts)?;
+    let targets = targets::targets(&results);
+    let table = table::table(&results);
+    let results = serde_json::to_value(&results)?;
+    if let Some(out) = &args.out {
+        let cannot = || format!("cannot write to the folder {}; choose another with --out", out.display());
+        std::fs::create_dir_all(out).with_context(cannot)?;
+        let file = serde_json::to_string_pretty(&json!({ "results": results, "targets": targets }))? + "\n";
+        write_whole(&out.join("measure.json"), file.as_bytes()).with_context(cannot)?;
+    }
+    conclude(args.json, results, &table, &targets)
+}
+
+impl Results {
+    fn measure(quick: bool, interrupts: &AtomicU32) -> anyhow::Result<Self> {
+        let base = hover_in_gusts()?;
+        let cases = Case::all().into_iter().filter(|case| !quick || case.is_of_a_process());
+        let rows = cases.map(|case| Row::fly(&base, &case, interrupts)).collect::<Result<_, _>>()?;
+        let quiet = [Scenario::default(), base].into_iter().map(|calm| Quiet::fly(calm, interrupts));
+        Ok(Self {
+            rows,
+            quiet: quiet.collect::<Result<_, _>>()?,
+            strikes: Strikes::measure(if quick { 1 } else { 5 }, interrupts)?,
+        })
+    }
+}
+
+/// What every fault is put into, aboard so that the command works anywhere.
+fn hover_in_gusts() -> anyhow::Result<Scenario> {
+    let text = include_str!("../../../../scenarios/faults/hover-gusts.toml");
+    Ok(from_merged(text, "scenarios/faults/hover-gusts.toml")?)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,79 @@
+//! The promises, and what became of them.
+
+use super::Results;
+use super::case::Promise;
+use super::flight::{BACK_M, Row, TERMINATE_S, TILT_DEG};
+use super::strike::Strike;
+use crate::measure::Target;
+
+/// One line each.
+pub fn targets(results: &Results) -> Vec<Target> {
+    let mut targets = of_the_matrix(&results.rows);
+    let alarms: u64 = results.quiet.iter().map(|quiet| quiet.flagged + quiet.refused + quiet.events).sum();
+    targets.push(Target::at_most("false alarms in 60 quiet seconds, two flights", Some(alarms as f64), 0.0, ""));
+    targets.extend(in_real_time(results));
+    targets
+}
+
+fn of_the_matrix(rows: &[Row]) -> Vec<Target> {
+    let those = |promise| rows.iter().filter(move |row| row.promise == promise);
+    let recoverable = those(Promise::Recover).count();
+    let broken = |fails: fn(&Row) -> bool| {
+        let names: Vec<&str> = those(Promise::Recover).filter(|row| fails(row)).map(|row| row.fault.as_str()).collect();
+        names.join(", ")
+    };
+    let worst = |of: fn(&Row) -> f64| those(Promise::Recover).map(of).reduce(f64::max);
+    let tilt = |row: &Row| row.course.tilt_deg;
+    let back = |row: &Row| row.course.back_m.unwrap_or(f64::INFINITY);
+    let silent = rows.iter().find(|row| row.fault == "attitude-mpc kill").map(tilt);
+    let terminated = |row: &Row| row.course.terminated_after_s.unwrap_or(f64::INFINITY);
+    let different: Vec<&str> = rows.iter().filter(|row| !row.same).map(|row| row.fault.as_str()).collect();
+    vec![
+        Target::at_most(format!("worst tilt in {recoverable} recoverable faults"), worst(tilt), TILT_DEG, "deg")
+            .noting(broken(|row| row.course.tilt_deg > TILT_DEG)),
+        Target::at_most("worst tilt, 1 s without attitude-mpc in gusts", silent, TILT_DEG, "deg"),
+        Target::at_most(format!("farthest 5 s after {recoverable} recoverable faults"), worst(back), BACK_M, "m")
+            .noting(broken(|row| row.course.back_m.is_none_or(|back_m| back_m > BACK_M))),
+        Target::at_most(
+            "dead rotor, until the flight is terminated",
+            those(Promise::Terminate).map(terminated).reduce(f64::max),
+            TERMINATE_S,
+            "s",
+        ),
+        Target::at_most(
+            format!("flights of {} that differ between lockstep and one thread", rows.len()),
+            Some(different.len() as f64),
+            0.0,
+            "",
+        )
+        .noting(different.join(", ")),
+    ]
+}
+
+fn in_real_time(results: &Results) -> Vec<Target> {
+    let strikes = &results.strikes;
+    let target = |figure: &str, strikes: &[Strike], of: fn(&Strike) -> Option<f64>, limit_ms: f64| {
+        let target = Target::at_most(format!("{figure}, median"), median(strikes, of), limit_ms, "ms");
+        match &results.strikes.canary.doubt {
+            Some(why) => target.in_doubt(why.as_str()),
+            None => target,
+        }
+    };
+    let mut targets = vec![
+        target("crash noticed", &strikes.kills, |strike| strike.noticed_ms, 5.0),
+        target("hang noticed", &strikes.hangs, |strike| strike.noticed_ms, 30.0),
+        target("hang, until a command without attitude-mpc", &strikes.hangs, |strike| strike.fallback_ms, 30.0),
+        target("crash, until the restarted node's first message", &strikes.kills, |strike| strike.restarted_ms, 150.0),
+    ];
+    // A strike without effect is no slow one.
+    let missing = strikes.kills.iter().chain(&strikes.hangs).filter(|s| s.restarted_ms.is_none()).count();
+    targets.push(Target::at_most("strikes that nobody came back from", Some(missing as f64), 0.0, ""));
+    targets
+}
+
+/// The one in the middle, of those that have one.
+pub fn median(strikes: &[Strike], of: fn(&Strike) -> Option<f64>) -> Option<f64> {
+    let mut times: Vec<f64> = strikes.iter().filter_map(of).collect();
+    times.sort_by(f64::total_cmp);
+    times.get(times.len() / 2).copied()
+}

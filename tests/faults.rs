@@ -1,0 +1,122 @@
+//! Faults of processes and topics: the same flight in every mode, an account of it in run.json, and survival.
+
+use contract::Topic;
+use serde_json::{Value, json};
+
+use crate::harness::{Flight, Outcome, fly, namespace, shared_memory_of};
+
+const HOVER: &str = "scenarios/faults/hover-gusts.toml";
+const NODES: [&str; 3] = ["guidance", "attitude-mpc", "mixer"];
+
+/// The hover in gusts with one fault from 1 s on for 0.3 s.
+fn faulty(target: &str, kind: &str, mode: &str) -> Outcome {
+    let fault = format!("fault=[{{at_s=1.0, for_s=0.3, target=\"{target}\", kind=\"{kind}\"}}]");
+    fly(&[HOVER, "--mode", mode, "--no-log", "--set", "run.duration_s=3.0", "--set", &fault])
+}
+
+/// Flies it in both deterministic modes; the lockstep flight.
+fn check_same(target: &str, kind: &str) -> Outcome {
+    let (inprocess, lockstep) = (faulty(target, kind, "inprocess"), faulty(target, kind, "lockstep"));
+    assert_eq!(lockstep.code(), Some(0), "{target} {kind}: {}", lockstep.stderr);
+    assert_eq!(inprocess.state_hash(), lockstep.state_hash(), "{target} {kind}");
+    let account = |outcome: &Outcome| outcome.run()["faults"].clone();
+    assert_eq!(account(&inprocess), account(&lockstep), "{target} {kind}");
+    lockstep
+}
+
+/// What happened to whom, without when: in lockstep the supervisor looks around on the wall clock.
+fn events(run: &Value) -> Vec<(String, u64, String)> {
+    let word = |value: &Value| value.as_str().expect("a word").to_owned();
+    let all = run["events"].as_array().expect("events").iter();
+    all.map(|event| (word(&event["node"]), event["epoch"].as_u64().expect("an epoch"), word(&event["what"]))).collect()
+}
+
+fn expected(node: &str, story: &[(u64, &str)]) -> Vec<(String, u64, String)> {
+    story.iter().map(|(epoch, what)| (node.to_owned(), *epoch, (*what).to_owned())).collect()
+}
+
+#[test]
+fn a_killed_node_is_replaced_on_the_same_tick_in_every_mode() {
+    for node in NODES {
+        let run = check_same(node, "kill").run();
+        assert_eq!(events(&run), expected(node, &[(1, "killed"), (2, "started"), (2, "took-over")]));
+        let fault = &run["faults"][0];
+        let times = ["injected_at_s", "detected_after_s", "recovered_after_s"].map(|key| fault[key].as_f64());
+        assert_eq!(times, [Some(1.0), Some(0.0), Some(0.3)], "{node}");
+    }
+}
+
+#[test]
+fn a_hung_node_is_replaced_on_the_same_tick_in_every_mode() {
+    for node in NODES {
+        let run = check_same(node, "stop").run();
+        assert_eq!(events(&run), expected(node, &[(1, "killed"), (2, "started"), (2, "took-over")]));
+        assert_eq!(run["faults"][0]["recovered_after_s"], 0.13, "{node}: three ticks until noticed, and a restart");
+    }
+}
+
+#[test]
+fn a_slow_node_is_the_same_flight_in_every_mode() {
+    for node in ["plant", "guidance", "attitude-mpc", "mixer"] {
+        let run = check_same(node, "slow").run();
+        assert_eq!(events(&run), []);
+        assert_eq!(run["faults"][0]["injected_at_s"], 1.0);
+    }
+}
+
+#[test]
+fn a_plant_that_dies_ends_the_flight_in_every_mode() {
+    for mode in ["inprocess", "lockstep"] {
+        let outcome = faulty("plant", "kill", mode);
+        assert_eq!(outcome.code(), Some(3), "{mode}: {}", outcome.stderr);
+        assert!(outcome.run()["ended"].as_str().is_some_and(|ended| ended.contains("plant")), "{mode}");
+    }
+}
+
+#[test]
+fn every_fault_of_a_topic_is_the_same_flight_in_every_mode() {
+    let kinds = ["drop", "burst", "delay", "duplicate", "reorder", "corrupt", "garbage", "stale", "rate"];
+    for (i, kind) in kinds.into_iter().enumerate() {
+        let topic = Topic::ALL[1 + i % 3].name().to_lowercase(); // a hover without STATE is another matter
+        let fault = check_same(&topic, kind).run()["faults"][0].clone();
+        assert!(fault["injected_at_s"].as_f64() >= Some(1.0), "{fault}");
+    }
+}
+
+#[test]
+fn lost_demands_are_noticed_and_got_over() {
+    let fault = check_same("controls", "corrupt").run()["faults"][0].clone();
+    let expected = json!({
+        "target": "controls", "kind": "corrupt", "at_s": 1.0, "for_s": 0.3,
+        "injected_at_s": 1.0, "detected_after_s": 0.01, "recovered_after_s": 0.0,
+    });
+    assert_eq!(fault, expected, "the first tick is flown with the demand before");
+}
+
+#[test]
+fn a_kill_in_real_time_is_survived() {
+    for node in NODES {
+        let ns = namespace();
+        let fault = format!("fault=[{{at_s=1.0, target=\"{node}\", kind=\"kill\"}}]");
+        let settings = ["--mode", "realtime", "--set", "run.duration_s=4.0", "--set", &fault];
+        let outcome = Flight::start(&ns, &settings).finish();
+        assert_eq!(outcome.code(), Some(0), "{node}: {}", outcome.stderr);
+        let run = outcome.run();
+        assert_eq!(events(&run), expected(node, &[(1, "died"), (2, "started"), (2, "took-over")]));
+        assert!(run["faults"][0]["detected_after_s"].is_number(), "{}", run["faults"]);
+        assert!(run["faults"][0]["recovered_after_s"].is_number(), "{}", run["faults"]);
+        assert_eq!(shared_memory_of(&ns), Vec::<String>::new());
+    }
+}
+
+#[test]
+fn a_flight_without_a_fault_raises_no_alarm() {
+    let run = fly(&[HOVER, "--mode", "lockstep", "--no-log"]).run();
+    assert_eq!(events(&run), []);
+    let counts = run["refused"]
+        .as_object()
+        .expect("counts")
+        .values()
+        .flat_map(|node| node.as_object().expect("causes").values());
+    assert_eq!(counts.map(|count| count.as_u64().expect("a count")).sum::<u64>(), 0, "{}", run["refused"]);
+}
