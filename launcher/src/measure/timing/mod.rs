@@ -53,7 +53,7 @@ pub struct TimingArgs {
     /// Rounds of what is compared
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u8).range(1..=100))]
     pub rounds: u8,
-    /// Length of the paper's survey [s]: misses are rare, so they take long to count
+    /// Seconds of the paper's survey: misses are rare, so they take long to count
     #[arg(long, default_value_t = 60.0, value_parser = seconds)]
     pub survey_s: f64,
     /// One short round: shows that everything works, and no figure to rely on
