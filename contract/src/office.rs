@@ -13,6 +13,7 @@
 
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering, fence};
 
+use crate::guard::Refusal;
 use crate::snapshot::{SNAPSHOT_WORDS, Snapshot};
 
 /// The office of one node.
@@ -26,8 +27,6 @@ pub struct Office {
     pub heir: Word,
     /// The epoch that works unheard; 0 = none.
     pub shadow: Word,
-    /// The newest epoch that the launcher has started.
-    pub started: Word,
     /// The first tick of the newest epoch that was let in, as holder or as shadow.
     pub since: Word,
     /// Ticks done, counted from the first of the run, by the last bit of the epoch: holder and shadow differ in it.
@@ -35,7 +34,7 @@ pub struct Office {
     /// What the holder remembers after its newest tick.
     pub memory: Cell,
     /// Messages that the node has refused, by cause: see [`crate::guard::Refusal`].
-    pub refused: [Word; 8],
+    pub refused: [Word; Refusal::ALL.len()],
 }
 
 impl Office {
@@ -132,7 +131,6 @@ mod tests {
             ready: word(),
             heir: word(),
             shadow: word(),
-            started: word(),
             since: word(),
             done: [word(), word()],
             memory: Cell {

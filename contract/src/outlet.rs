@@ -81,8 +81,8 @@ impl<M: Message> Outlet<M> {
         if self.clocked {
             bell.ring();
         } else {
-            bell.mark();
-        } // in lockstep nobody is due before this node is done
+            bell.mark(); // nobody is due before this node is done
+        }
         late == Some(Late::Degrade)
     }
 }

@@ -72,7 +72,7 @@ pub enum SeatError {
         deadline_ms: f64,
     },
     /// In lockstep the ring did not come round.
-    #[error("tick {tick}: no ACTUATORS for it within 5 s; a process of the ring is stopped or stuck")]
+    #[error("tick {tick}: the ring stands still: a process of it is stuck, or the scenario takes the plant away")]
     Stuck {
         /// Which tick.
         tick: u64,

@@ -109,7 +109,7 @@ impl Stack {
         Ok(stack)
     }
 
-    /// Flies: `watch` sees every message, `tick` is called at every look around.
+    /// Flies: `watch` sees every message, `tick` is called at every look around, while all are there.
     pub fn fly(mut self, interrupts: &AtomicU32, mut watch: impl FnMut(Record), mut tick: impl FnMut()) -> Flown {
         let mut scheduling = vec![];
         let started = Instant::now();
@@ -121,13 +121,13 @@ impl Stack {
                 scheduling =
                     self.children.all.iter().map(|p| (p.name.to_owned(), scheduling_of(p.child.id()))).collect();
             }
-            tick();
             if interrupts.load(Ordering::Relaxed) > 0 {
                 break Ended::Interrupted;
             }
             if let Some(ended) = self.supervise() {
                 break ended;
             }
+            tick();
             self.children.sleep();
         };
         let given_up = self.supervisor.given_up();
