@@ -143,6 +143,12 @@ impl Supervisor {
         if held {
             office.holder.set(0);
         }
+        // Nor can it take the office any more, should it have been about to.
+        for word in [&office.ready, &office.heir] {
+            if word.get() == epoch {
+                word.set(0);
+            }
+        }
         board.bell(topic).ring();
         let event = |what| Event { tick, node: topic.publisher(), epoch, what };
         if epoch < node.epoch {
