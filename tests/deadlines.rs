@@ -30,7 +30,7 @@ fn late_messages_are_sent_and_counted() {
 #[test]
 fn skipped_messages_never_arrive() {
     let run = fly(&[IMPOSSIBLE, "deadline.mixer_policy=skip"]).run();
-    assert_eq!(run["timing"]["age_at_actuator"]["n"], 0, "the trim command stays in force");
+    assert_eq!(run["timing"]["age_at_actuator"]["n"], 0, "no command of the mixer is ever applied");
     assert_eq!(run["diverged"], Value::Bool(false));
 }
 

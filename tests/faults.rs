@@ -110,6 +110,22 @@ fn a_kill_in_real_time_is_survived() {
 }
 
 #[test]
+fn a_process_that_goes_wrong_by_itself_in_real_time_is_replaced() {
+    for (kind, first) in [("exit", "died"), ("hog", "hung")] {
+        let ns = namespace();
+        let fault = format!("fault=[{{at_s=1.0, for_s=2.0, target=\"attitude-mpc\", kind=\"{kind}\"}}]");
+        let settings = ["--mode", "realtime", "--set", "run.duration_s=4.0", "--set", &fault];
+        let outcome = Flight::start(&ns, &settings).finish();
+        assert_eq!(outcome.code(), Some(0), "{kind}: {}", outcome.stderr);
+        let events = events(&outcome.run());
+        let struck: Vec<_> = events.iter().filter(|(node, _, _)| node == "attitude-mpc").collect();
+        assert_eq!((struck[0].1, struck[0].2.as_str()), (1, first), "{kind}: {events:?}");
+        assert!(struck.iter().any(|(_, epoch, what)| *epoch > 1 && what == "took-over"), "{kind}: {events:?}");
+        assert_eq!(shared_memory_of(&ns), Vec::<String>::new());
+    }
+}
+
+#[test]
 fn a_flight_without_a_fault_raises_no_alarm() {
     let run = fly(&[HOVER, "--mode", "lockstep", "--no-log"]).run();
     assert_eq!(events(&run), []);

@@ -108,7 +108,7 @@ fn without_the_plant_the_run_ends_with_its_name() {
 
 #[test]
 fn a_process_that_dies_or_hangs_is_replaced_in_flight() {
-    for (signal, first) in [("-KILL", "died"), ("-STOP", "hung")] {
+    for (signal, seen) in [("-KILL", "died"), ("-STOP", "hung")] {
         let ns = namespace();
         let flight = start_flying(&ns);
         for victim in ["guidance", "attitude-mpc", "mixer", "guidance", "mixer"] {
@@ -125,7 +125,8 @@ fn a_process_that_dies_or_hangs_is_replaced_in_flight() {
         let run = outcome.run();
         for victim in ["guidance", "attitude-mpc", "mixer"] {
             let events = events(&run, victim);
-            assert!(events.starts_with(&[first.to_owned()]), "{signal} {victim}: {events:?}");
+            // Not only that: a loaded machine may have held another one up for so long that it counted as hung.
+            assert!(events.contains(&seen.to_owned()), "{signal} {victim}: {events:?}");
             assert_eq!(events.last().map(String::as_str), Some("took-over"), "{signal} {victim}: {events:?}");
         }
         assert!(position_error_m(&outcome) < 1.0, "{signal}: {}", position_error_m(&outcome));

@@ -3,7 +3,7 @@
 //! ```text
 //! /dev/shm/trefoil.<namespace>.lock               held (flock) by the launcher while the run lives
 //! /dev/shm/trefoil.<namespace>.<pid>.<start>/     this run's folder, mode 0700
-//!     scenario.toml   the merged settings          board       bells and phase
+//!     scenario.toml   the merged settings          board       bells, offices, phase
 //!     iox/            iceoryx2's root              iceoryx2.toml   lets the iox2 tool and Python attach
 //! /dev/shm/trefoil.<namespace>.<pid>.<start>.*    iceoryx2's segments, by prefix
 //! ```

@@ -10,7 +10,7 @@
 //! ```
 
 use crate::message::Message;
-use crate::scenario::{Fault, FaultKind, FaultTarget, Scenario};
+use crate::scenario::{Fault, FaultKind, Scenario};
 use crate::stamp::unheard;
 
 /// Messages that may be on their way at once; the oldest is lost beyond that.
@@ -34,7 +34,7 @@ pub struct Link<M> {
 impl<M: Message> Link<M> {
     /// The link of `M`'s topic in `scenario`.
     pub fn new(scenario: &Scenario) -> Self {
-        let of_topic = |fault: &Fault| fault.target == FaultTarget::topic(M::TOPIC);
+        let of_topic = |fault: &Fault| fault.target.topic() == Some(M::TOPIC);
         let numbered = (0..).zip(scenario.fault.iter().cloned());
         let faults: Vec<_> = numbered.filter(|(_, fault)| of_topic(fault)).collect();
         let held = Vec::with_capacity(if faults.is_empty() { 0 } else { HELD });

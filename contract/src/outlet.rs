@@ -9,7 +9,7 @@ use crate::link::Link;
 use crate::message::{Message, Stamp};
 use crate::port::Send;
 use crate::realtime::{Board, now_ns};
-use crate::scenario::{Fault, FaultKind, FaultTarget, Late, Mode, Scenario};
+use crate::scenario::{Fault, FaultKind, Late, Mode, Scenario};
 use crate::stamp::unheard;
 
 /// Where a node speaks on one topic.
@@ -89,7 +89,7 @@ impl<M: Message> Outlet<M> {
 
 /// The faults of `scenario` that make the process slow that speaks on `topic`.
 pub fn slowness(scenario: &Scenario, topic: Topic) -> Vec<Fault> {
-    let slow = |fault: &&Fault| fault.target == FaultTarget::process(topic) && fault.kind == FaultKind::Slow;
+    let slow = |fault: &&Fault| fault.target.process() == Some(topic) && fault.kind == FaultKind::Slow;
     scenario.fault.iter().filter(slow).cloned().collect()
 }
 

@@ -9,7 +9,7 @@
 //! ```
 
 use crate::Topic;
-use crate::scenario::{Fault, FaultKind, FaultTarget, Scenario};
+use crate::scenario::{Fault, FaultKind, Scenario};
 
 /// From a death that was noticed to the replacement's first tick \[s\].
 pub const RESTART_S: f64 = 0.1;
@@ -36,7 +36,7 @@ impl Plan {
     pub fn new(scenario: &Scenario) -> Self {
         let sample_s = scenario.sample_s();
         let of = |topic| {
-            let struck = scenario.fault.iter().filter(|fault| fault.target == FaultTarget::process(topic));
+            let struck = scenario.fault.iter().filter(|fault| fault.target.process() == Some(topic));
             struck.filter_map(|fault| Absence::of(fault, sample_s)).collect()
         };
         Self { absences: Topic::ALL.map(of) }
@@ -77,6 +77,7 @@ impl Absence {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scenario::FaultTarget;
 
     /// Epochs of attitude-mpc from tick 8 on, under a fault at tick 10.
     fn epochs(kind: FaultKind, for_s: Option<f64>, count: usize) -> Vec<u32> {

@@ -18,7 +18,7 @@ use crate::pace::Pace;
 use crate::port::{Bus, NODE_DEPTH, OBSERVER_DEPTH, PortError, Receive, Wire};
 use crate::realtime::{self, Board, now_ns, phase};
 use crate::rehearsal::Rehearsal;
-use crate::scenario::{self, Fault, FaultKind, FaultTarget, Late, Mode, Scenario, ScenarioError};
+use crate::scenario::{self, Fault, FaultKind, Late, Mode, Scenario, ScenarioError};
 use crate::snapshot::Snapshot;
 use crate::topic::{NODES, Topic};
 use crate::turn::{Clock, Seizure, Turns};
@@ -153,8 +153,9 @@ impl Seat {
             period_ns: self.scenario.sample_ns(),
             patience_ns: self.scenario.deadline_of(self.rank.saturating_sub(1)).deadline_ns,
         });
-        let mine = FaultTarget::process(self.topic());
-        let of_itself = |fault: &&Fault| matches!(fault.kind, FaultKind::Exit | FaultKind::Hog) && fault.target == mine;
+        let of_itself = |fault: &&Fault| {
+            matches!(fault.kind, FaultKind::Exit | FaultKind::Hog) && fault.target.process() == Some(self.topic())
+        };
         let struck = self.scenario.fault.iter().filter(of_itself);
         let seizure = |fault: &Fault| Seizure { ticks: fault.ticks(self.scenario.sample_s()), kind: fault.kind };
         let seizures = struck.map(seizure).collect();

@@ -6,8 +6,8 @@
 //! ```
 //!
 //! A node answers to every sample once, however little it knows: what it makes of an input that is old or missing is the
-//! business of its core. A slot that was slept through is skipped and counted. Only against the clock an input that comes
-//! after all gets a second answer.
+//! business of its core. A slot that was slept through is skipped and counted. An input that comes after its sample was
+//! answered is known at the next.
 
 use std::rc::Rc;
 use std::sync::Arc;
@@ -115,31 +115,30 @@ impl Turns {
 
     fn by_the_clock<M: Message>(&self, clock: Clock, inlet: &mut Inlet<M>) -> Option<u64> {
         while !self.is_over() {
-            let now_ns = now_ns();
+            let now = now_ns();
             let sampled = self.board.bell(Topic::State);
             let rung = sampled.count(); // before the look, so that a tick after it is not slept through
             if !self.board.office(self.topic).employs(self.epoch) {
-                sampled.wait(rung, now_ns + LOOK_AROUND_NS); // who is let in is let in with a tick
+                sampled.wait(rung, now + LOOK_AROUND_NS); // who is let in is let in with a tick
                 continue;
             }
             let origin_ns = self.board.origin_ns();
             // The sample that is due next, or for one that slept or has only just come the present one.
-            let present = now_ns.saturating_sub(origin_ns + clock.patience_ns) / clock.period_ns;
+            let present = now.saturating_sub(origin_ns + clock.patience_ns) / clock.period_ns;
             let due = if origin_ns > 0 { self.next.max(present) } else { 0 };
             let sample_ns = origin_ns + due * clock.period_ns;
             let late_ns = sample_ns + clock.patience_ns;
             let rehearsal_ns = self.punctuality.rehearsal_ns(sample_ns.saturating_sub(clock.period_ns));
             let wake_ns = if origin_ns > 0 { rehearsal_ns.unwrap_or(late_ns) } else { u64::MAX };
 
-            if inlet.arrived(wake_ns.min(now_ns + LOOK_AROUND_NS)) {
+            if inlet.arrived(wake_ns.min(now + LOOK_AROUND_NS)) {
                 let stamp = inlet.newest().stamp();
-                return Some(
-                    self.begin(stamp.tick.max(self.next.saturating_sub(1)), stamp.publish_ns[M::TOPIC as usize]),
-                );
-            }
-            if rehearsal_ns.is_some_and(|due_ns| wake_ns == due_ns) {
+                if stamp.tick >= self.next {
+                    return Some(self.begin(stamp.tick, stamp.publish_ns[M::TOPIC as usize]));
+                }
+            } else if rehearsal_ns.is_some_and(|due_ns| wake_ns == due_ns) {
                 self.punctuality.rehearse();
-            } else if wake_ns == late_ns && crate::realtime::now_ns() >= late_ns {
+            } else if wake_ns == late_ns && now_ns() >= late_ns {
                 return Some(self.begin(due, late_ns));
             }
         }

@@ -123,7 +123,7 @@ impl Watched {
         let tick = record.stamp().tick;
         let course = &mut self.courses[record.topic() as usize];
         self.newest = self.newest.max(tick);
-        if signs::process(self.fault.target) == Some(record.topic()) {
+        if self.fault.target.process() == Some(record.topic()) {
             course.speak(tick);
         } else if let Some(harmed) = signs::harm(self.fault.target, record, self.obeyed) {
             course.note(tick, harmed);
@@ -141,7 +141,7 @@ impl Watched {
     }
 
     fn injected(&self) -> Option<u64> {
-        if signs::topic(self.fault.target).is_some() {
+        if self.fault.target.topic().is_some() {
             return self.marked.map(|(first, _)| first);
         }
         let ticks = self.ticks();
@@ -159,7 +159,7 @@ impl Watched {
 
     fn detected(&self) -> Option<u64> {
         let injected = self.injected()?;
-        if let Some(topic) = signs::process(self.fault.target) {
+        if let Some(topic) = self.fault.target.process() {
             let course = &self.courses[topic as usize];
             let silent = course.last.filter(|last| self.newest >= last + HANG_TICKS).map(|last| last + 1);
             return course.first(injected, true).or(silent);
@@ -169,7 +169,7 @@ impl Watched {
 
     fn recovered(&self) -> Option<u64> {
         let (injected, detected) = (self.injected()?, self.detected()?);
-        if let Some(topic) = signs::process(self.fault.target) {
+        if let Some(topic) = self.fault.target.process() {
             return self.courses[topic as usize].first(detected, false);
         }
         let from = self.ended()?.max(detected);
@@ -187,7 +187,7 @@ impl Watched {
     }
 
     fn recovered_after_s(&self) -> Option<f64> {
-        let since = if signs::process(self.fault.target).is_some() { self.detected() } else { self.ended() };
+        let since = if self.fault.target.process().is_some() { self.detected() } else { self.ended() };
         Some(self.seconds(self.recovered()?.saturating_sub(since?)))
     }
 

@@ -1,27 +1,25 @@
 //! The supervisor: keeps somebody in every office.
 //!
 //! ```text
-//! died  -> office vacant at once -> another process, at once; then after 50, 100, 200, 400 ms
-//! hangs -> killed: see above                           more than 3 in 5 s: given up, the vehicle lands
+//! died  -> office vacant at once -> another process: at once, the next time after 50 ms, then after 100 ms
+//! hangs -> killed: see above                           the fourth time in 5 s: given up, the vehicle lands
 //! ```
 //!
 //! A death is seen through a pidfd, a hang by the progress of the ticks themselves: no heartbeat that could outlive the
 //! work. Who is started continues from its predecessor's memory. Nobody can take the plant's place: without it the flight
 //! ends. A node that is given up leaves the vehicle to the reactions of the others, which bring it down.
 
-use std::collections::VecDeque;
+use std::ops::Range;
 use std::time::{Duration, Instant};
 
 use contract::plan::{HANG_TICKS, Plan};
 use contract::realtime::Board;
-use contract::scenario::{Fault, FaultKind, FaultTarget, Mode, Scenario};
+use contract::scenario::{Fault, FaultKind, Mode, Scenario};
 use contract::topic::Topic;
 use serde::Serialize;
 
-/// Waits before the second, third, ... start.
-const BACK_OFF_MS: [u64; 5] = [0, 50, 100, 200, 400];
-/// Starts within `WINDOW` after which a node is given up.
-const MOST_STARTS: usize = 3;
+/// Waits before the first, second, third new start within `WINDOW`; after that the node is given up.
+const BACK_OFF_MS: [u64; 3] = [0, 50, 100];
 const WINDOW: Duration = Duration::from_secs(5);
 /// At high rates a few ticks are no longer than the machine may hold a process up for reasons of its own.
 const LEAST_HANG: Duration = Duration::from_millis(20);
@@ -79,18 +77,27 @@ pub struct Supervisor {
     plan: Plan,
     mode: Mode,
     sample_s: f64,
-    /// Process faults that are done by signals, and whether each has struck and ended.
-    signals: Vec<(Fault, bool, bool)>,
+    strikes: Vec<Strike>,
     nodes: Vec<Node>,
     /// Everything that happened.
     pub events: Vec<Event>,
+}
+
+/// A fault that is done to a process by signals.
+struct Strike {
+    topic: Topic,
+    kind: FaultKind,
+    ticks: Range<u64>,
+    struck: bool,
+    ended: bool,
 }
 
 struct Node {
     topic: Topic,
     /// The newest epoch started.
     epoch: u32,
-    starts: VecDeque<Instant>,
+    /// New starts within the window.
+    starts: Vec<Instant>,
     restart_at: Option<Instant>,
     given_up: bool,
     /// Ticks it had done when it last made progress, and when that was.
@@ -106,21 +113,27 @@ impl Supervisor {
         let node = |topic| Node {
             topic,
             epoch: 1,
-            starts: VecDeque::new(),
+            starts: vec![],
             restart_at: None,
             given_up: false,
             progress: (0, now),
             holder: 1,
         };
-        let by_signal = |fault: &&Fault| {
-            let process = Topic::ALL.iter().any(|topic| fault.target == FaultTarget::process(*topic));
-            process && matches!(fault.kind, FaultKind::Kill | FaultKind::Stop)
+        let by_signal = |fault: &Fault| {
+            let topic = fault.target.process().filter(|_| matches!(fault.kind, FaultKind::Kill | FaultKind::Stop))?;
+            Some(Strike {
+                topic,
+                kind: fault.kind,
+                ticks: fault.ticks(scenario.sample_s()),
+                struck: false,
+                ended: false,
+            })
         };
         Self {
             plan: Plan::new(scenario),
             mode: scenario.run.mode,
             sample_s: scenario.sample_s(),
-            signals: scenario.fault.iter().filter(by_signal).map(|fault| (fault.clone(), false, false)).collect(),
+            strikes: scenario.fault.iter().filter_map(by_signal).collect(),
             nodes: Topic::ALL.map(node).into(),
             events: vec![],
         }
@@ -157,13 +170,12 @@ impl Supervisor {
         self.events.push(event(What::Died));
         let now = Instant::now();
         node.starts.retain(|start| now.duration_since(*start) < WINDOW);
-        if node.starts.len() >= MOST_STARTS {
+        if let Some(wait_ms) = BACK_OFF_MS.get(node.starts.len()) {
+            node.starts.push(now);
+            node.restart_at = Some(now + Duration::from_millis(*wait_ms));
+        } else {
             node.given_up = true;
             self.events.push(event(What::GivenUp));
-        } else {
-            let wait = Duration::from_millis(BACK_OFF_MS[node.starts.len()]);
-            node.starts.push_back(now);
-            node.restart_at = Some(now + wait);
         }
         true
     }
@@ -185,18 +197,14 @@ impl Supervisor {
 
     /// Real time: the scenario's kills and stops, when their time has come.
     fn strike(&mut self, tick: u64, orders: &mut Vec<Order>) {
-        for (fault, struck, ended) in &mut self.signals {
-            let Some(topic) = Topic::ALL.into_iter().find(|topic| fault.target == FaultTarget::process(*topic)) else {
-                continue;
-            };
-            let ticks = fault.ticks(self.sample_s);
+        for Strike { topic, kind, ticks, struck, ended } in &mut self.strikes {
             if tick >= ticks.start && !*struck {
                 *struck = true;
-                orders.push(if fault.kind == FaultKind::Kill { Order::Kill(topic) } else { Order::Stop(topic) });
+                orders.push(if *kind == FaultKind::Kill { Order::Kill(*topic) } else { Order::Stop(*topic) });
             }
-            if tick >= ticks.end && !*ended && fault.kind == FaultKind::Stop {
+            if tick >= ticks.end && !*ended && *kind == FaultKind::Stop {
                 *ended = true;
-                orders.push(Order::Continue(topic));
+                orders.push(Order::Continue(*topic));
             }
         }
     }

@@ -1,6 +1,7 @@
 use super::*;
 use crate::guard::{Guard, Refusal};
 use crate::message::{Controls, Stamp};
+use crate::scenario::FaultTarget;
 
 /// Ticks on which CONTROLS of ticks 0 to 39 arrive, under one fault from tick 10 to 29, and what they carry.
 fn arrivals(kind: FaultKind, size: impl Fn(&mut Fault)) -> Vec<(u64, Controls)> {

@@ -1,4 +1,4 @@
-//! The board: one shared page with a bell per topic and the words every process looks at.
+//! The board: shared memory with a bell per topic, the offices, and the words every process looks at.
 //!
 //! iceoryx2 carries the messages; the bells only wake. A bell is a counter with a futex on it: a publisher raises it
 //! after it has sent, a waiter sleeps until it moves or a deadline passes. iceoryx2's own event is a datagram with

@@ -168,14 +168,16 @@ pub enum Wrong {
 }
 
 impl FaultTarget {
-    /// The target that is this topic.
-    pub fn topic(topic: Topic) -> Self {
-        [Self::State, Self::Reference, Self::Controls, Self::Actuators][topic as usize]
+    /// The topic that it is, if it is one.
+    pub fn topic(self) -> Option<Topic> {
+        let topics = [Self::State, Self::Reference, Self::Controls, Self::Actuators];
+        topics.iter().position(|topic| *topic == self).map(|i| Topic::ALL[i])
     }
 
-    /// The target that is the process speaking on this topic.
-    pub fn process(topic: Topic) -> Self {
-        [Self::Plant, Self::Guidance, Self::AttitudeMpc, Self::Mixer][topic as usize]
+    /// The topic on which the process speaks that it is, if it is one.
+    pub fn process(self) -> Option<Topic> {
+        let processes = [Self::Plant, Self::Guidance, Self::AttitudeMpc, Self::Mixer];
+        processes.iter().position(|process| *process == self).map(|i| Topic::ALL[i])
     }
 
     /// The kinds it can suffer.

@@ -16,20 +16,10 @@ const REACTIONS: u64 = mixer_flags::BAD_INPUT
     | mixer_flags::CUT
     | mixer_flags::TERMINATED;
 
-/// The topic whose process `target` is.
-pub fn process(target: FaultTarget) -> Option<Topic> {
-    Topic::ALL.into_iter().find(|topic| FaultTarget::process(*topic) == target)
-}
-
-/// The topic that `target` is.
-pub fn topic(target: FaultTarget) -> Option<Topic> {
-    Topic::ALL.into_iter().find(|topic| FaultTarget::topic(*topic) == target)
-}
-
 /// Whether `record` is a message of the topic that `fault` has struck; what is only doubled bears no mark.
 pub fn struck(fault: &Fault, record: &Record) -> bool {
     let marked = record.stamp().unheard == unheard::FAULT || fault.kind == FaultKind::Duplicate;
-    marked && topic(fault.target) == Some(record.topic())
+    marked && fault.target.topic() == Some(record.topic())
 }
 
 /// Whether `record` shows harm done by a fault of `target`; nothing when it is no witness. `obeyed` is the command that
@@ -43,7 +33,7 @@ pub fn harm(target: FaultTarget, record: &Record, obeyed: u64) -> Option<bool> {
         }
         (T::Actuators, Record::State(state)) => Some(state.applied_sequence == obeyed),
         (T::State | T::Reference | T::Controls | T::Position | T::Velocity | T::Attitude | T::Rates, _) => {
-            let first = topic(target).unwrap_or(Topic::State); // what sensors say travels in STATE
+            let first = target.topic().unwrap_or(Topic::State); // what sensors say travels in STATE
             if record.topic() as usize > first as usize { Some(reacts(record)) } else { None }
         }
         _ => None,

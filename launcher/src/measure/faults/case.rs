@@ -62,8 +62,7 @@ impl Case {
 
     /// Whether it strikes a process.
     pub fn is_of_a_process(&self) -> bool {
-        use FaultTarget as T;
-        matches!(self.0.target, T::Plant | T::Guidance | T::AttitudeMpc | T::Mixer)
+        self.0.target.process().is_some()
     }
 
     /// What is promised when the state was unknown for `blind_s` at most.
