@@ -56,7 +56,7 @@ impl<M: Message> Inlet<M> {
             return false;
         }
         self.seen = rung;
-        let holder = self.board.office(M::TOPIC).holder.get();
+        let holder = self.board.office(M::TOPIC).holder();
         let mut taken = false;
         while let Some(message) = self.port.receive() {
             if message.stamp().unheard != unheard::HEARD {

@@ -1,15 +1,16 @@
 //! The offices: which process speaks for which node, and how far it is.
 //!
-//! Every process that ever runs a node is an incarnation of its own, its epoch: 1 for the first, one more for each that
-//! was started since. Two of them may run at once, but one holds the office, and only the holder is heard.
+//! Every process that ever runs a node is an incarnation of its own, its epoch: 1 for the first, later ones higher. Two
+//! of them may work at once, but one holds the office, and only the holder is heard.
 //!
 //! ```text
-//! started -> ready --heir--> holder --> retired            heir      takes over when the next tick begins
-//!               \--shadow--/    \--> vacant (died)         shadow    works on the same inputs, unheard
+//! started -> ready --> shadow <--> holder    shadow    works on the same inputs, unheard
+//!               \---------------->/          heir      takes over when the next tick begins; a shadow changes places
 //! ```
 //!
-//! The plant changes holders, between two ticks ([`Office::turn_over`]), so that a tick has one. The launcher names heir
-//! and shadow, and vacates the office of a process that died. Everything is an atomic word of the shared board.
+//! Against the clock the launcher names the heir, and the plant lets it in between two ticks ([`Office::turn_over`]), so
+//! that a tick has one holder. In lockstep the launcher makes the appointments itself, while the plant waits for them.
+//! Everything is an atomic word of the shared board.
 
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering, fence};
 
@@ -19,17 +20,15 @@ use crate::snapshot::{SNAPSHOT_WORDS, Snapshot};
 /// The office of one node.
 #[repr(C, align(64))]
 pub struct Office {
-    /// The epoch that is heard; 0 = vacant.
-    pub holder: Word,
+    /// Who works, in one word so that two change places at once.
+    staff: AtomicU64,
     /// The newest epoch whose process is ready to work.
     pub ready: Word,
     /// The epoch that holds the office from the next tick on; 0 = no change.
     pub heir: Word,
-    /// The epoch that works unheard; 0 = none.
-    pub shadow: Word,
-    /// The first tick of the newest epoch that was let in, as holder or as shadow.
-    pub since: Word,
-    /// Ticks done, counted from the first of the run, by the last bit of the epoch: holder and shadow differ in it.
+    /// The first tick of an epoch since it was let in, by the epoch's last bit: holder and shadow differ in it.
+    since: [Word; 2],
+    /// Ticks done, counted from the first of the run, likewise.
     done: [Word; 2],
     /// What the holder remembers after its newest tick.
     pub memory: Cell,
@@ -37,33 +36,85 @@ pub struct Office {
     pub refused: [Word; Refusal::ALL.len()],
 }
 
+/// The epochs that work for a node; 0 = nobody.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Staff {
+    /// Who is heard.
+    pub holder: u32,
+    /// Who works unheard.
+    pub shadow: u32,
+}
+
+impl Staff {
+    /// Whether `epoch` works, heard or unheard.
+    pub fn employs(self, epoch: u32) -> bool {
+        epoch != 0 && (self.holder == epoch || self.shadow == epoch)
+    }
+
+    /// Those who work.
+    pub fn epochs(self) -> impl Iterator<Item = u32> {
+        [self.holder, self.shadow].into_iter().filter(|epoch| *epoch != 0)
+    }
+
+    /// Without `epoch`.
+    #[must_use]
+    pub fn without(self, epoch: u32) -> Self {
+        let unless = |other: u32| if other == epoch { 0 } else { other };
+        Self { holder: unless(self.holder), shadow: unless(self.shadow) }
+    }
+
+    fn to_word(self) -> u64 {
+        u64::from(self.shadow) << 32 | u64::from(self.holder)
+    }
+
+    fn from_word(word: u64) -> Self {
+        Self { holder: word as u32, shadow: (word >> 32) as u32 }
+    }
+}
+
 impl Office {
+    /// Who works.
+    pub fn staff(&self) -> Staff {
+        Staff::from_word(self.staff.load(Ordering::Acquire))
+    }
+
+    /// The epoch that is heard; 0 = vacant.
+    pub fn holder(&self) -> u32 {
+        self.staff().holder
+    }
+
+    /// Changes who works. Those who are new begin with `tick`.
+    pub fn appoint(&self, tick: u32, change: impl Fn(Staff) -> Staff) {
+        let before = self.staff();
+        for epoch in change(before).epochs().filter(|epoch| !before.employs(*epoch)) {
+            self.done(epoch).set(tick);
+            self.since(epoch).set(tick);
+        }
+        let changed = |word| Some(change(Staff::from_word(word)).to_word());
+        let _ = self.staff.fetch_update(Ordering::AcqRel, Ordering::Acquire, changed); // the change is never refused
+    }
+
     /// Ticks that `epoch` has done.
     pub fn done(&self, epoch: u32) -> &Word {
         &self.done[epoch as usize % 2]
     }
 
-    /// Lets the heir in, if one is named, for the tick that begins; whether the holder changed.
-    pub fn turn_over(&self, tick: u32) -> bool {
+    /// The first tick of `epoch` since it was let in.
+    pub fn since(&self, epoch: u32) -> &Word {
+        &self.since[epoch as usize % 2]
+    }
+
+    /// Lets the heir in, if one is named, for the tick that begins; one that was the shadow changes places.
+    pub fn turn_over(&self, tick: u32) {
         let heir = self.heir.get();
-        if heir == 0 {
-            return false;
+        if heir != 0 {
+            let succeed = |Staff { holder, shadow }: Staff| Staff {
+                holder: heir,
+                shadow: if shadow == heir { holder } else { shadow },
+            };
+            self.appoint(tick, succeed);
+            self.heir.set(0);
         }
-        self.done(heir).set(tick);
-        self.since.set(tick);
-        self.holder.set(heir);
-        self.heir.set(0);
-        true
-    }
-
-    /// Whether `epoch` works on this tick, heard or unheard.
-    pub fn employs(&self, epoch: u32) -> bool {
-        epoch != 0 && (self.holder.get() == epoch || self.shadow.get() == epoch)
-    }
-
-    /// Those who work: holder and shadow.
-    pub fn staff(&self) -> impl Iterator<Item = u32> {
-        [self.holder.get(), self.shadow.get()].into_iter().filter(|epoch| *epoch != 0)
     }
 }
 
@@ -87,7 +138,6 @@ impl Word {
         self.0.fetch_add(1, Ordering::Relaxed);
     }
 }
-
 /// A [`Snapshot`] that one process writes and others read, whole or not at all.
 ///
 /// Two copies, written in turn: a writer that dies in the middle leaves the other one good.
@@ -127,11 +177,10 @@ mod tests {
     fn office() -> Box<Office> {
         let word = || Word(AtomicU32::new(0));
         Box::new(Office {
-            holder: word(),
+            staff: AtomicU64::new(0),
             ready: word(),
             heir: word(),
-            shadow: word(),
-            since: word(),
+            since: [word(), word()],
             done: [word(), word()],
             memory: Cell {
                 written: AtomicU64::new(0),
@@ -144,13 +193,31 @@ mod tests {
     #[test]
     fn an_heir_takes_over_when_a_tick_begins() {
         let office = office();
-        assert!(!office.turn_over(7), "nobody is named");
-        office.holder.set(1);
+        office.turn_over(7);
+        assert_eq!(office.staff(), Staff::default(), "nobody is named");
+        office.appoint(0, |_| Staff { holder: 1, shadow: 0 });
         office.heir.set(2);
-        assert!(office.employs(1) && !office.employs(2) && !office.employs(0));
-        assert!(office.turn_over(8));
-        assert_eq!((office.holder.get(), office.since.get(), office.done(2).get()), (2, 8, 8));
-        assert!(!office.turn_over(9), "once");
+        assert!(office.staff().employs(1) && !office.staff().employs(2) && !office.staff().employs(0));
+        office.turn_over(8);
+        assert_eq!(office.staff(), Staff { holder: 2, shadow: 0 });
+        assert_eq!((office.since(2).get(), office.done(2).get(), office.heir.get()), (8, 8, 0));
+    }
+
+    #[test]
+    fn a_shadow_and_its_holder_change_places_and_back() {
+        let office = office();
+        office.appoint(0, |_| Staff { holder: 1, shadow: 0 });
+        office.done(1).set(20);
+        office.appoint(20, |staff| Staff { shadow: 2, ..staff });
+        office.heir.set(2);
+        office.turn_over(30);
+        assert_eq!(office.staff(), Staff { holder: 2, shadow: 1 });
+        assert_eq!((office.since(1).get(), office.since(2).get()), (0, 20), "who worked before goes on where it is");
+        office.heir.set(1);
+        office.turn_over(40);
+        assert_eq!(office.staff(), Staff { holder: 1, shadow: 2 });
+        office.appoint(41, |staff| staff.without(2));
+        assert_eq!(office.staff().epochs().collect::<Vec<_>>(), [1]);
     }
 
     #[test]

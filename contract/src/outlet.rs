@@ -73,7 +73,7 @@ impl<M: Message> Outlet<M> {
         let stamp = message.stamp_mut();
         *stamp = lineage.published(M::TOPIC, self.sequence, publish_ns);
         stamp.epoch = u64::from(self.epoch);
-        let heard = self.board.office(M::TOPIC).holder.get() == self.epoch;
+        let heard = self.board.office(M::TOPIC).holder() == self.epoch;
         stamp.unheard = if heard { unheard::HEARD } else { unheard::SHADOW };
         self.punctuality.report(stamp);
         self.link.pass(tick, &message.sealed(), |message| _ = self.port.send(message));

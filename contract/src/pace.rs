@@ -4,7 +4,8 @@
 //! act from the moment they arrive. In lockstep it is the ring itself: the next sample is due when everybody who works
 //! is done with this one. In process nobody waits, and this file is not used.
 //!
-//! Between two ticks the offices change hands: as the launcher wants it, and in lockstep as the scenario's faults want it.
+//! Between two ticks the offices change hands. Against the clock the plant lets in whom the launcher has named; in lockstep
+//! it waits until the launcher has said who works on the tick that begins, whenever that may change.
 
 use std::rc::Rc;
 use std::sync::Arc;
@@ -15,7 +16,7 @@ use crate::inlet::Inlet;
 use crate::message::{Message, Stamp};
 use crate::plan::Plan;
 use crate::port::OBSERVER_DEPTH;
-use crate::realtime::{Board, now_ns, phase};
+use crate::realtime::{Bell, Board, now_ns, phase};
 use crate::scenario::{Mode, Scenario};
 
 /// In lockstep, how long the plant waits on the wall clock for the ring to come round, or for a process to come back.
@@ -76,18 +77,20 @@ impl Pace {
     /// a process that is to come back does not.
     pub fn sample(&self, tick: u64) -> Option<Stamp> {
         let sample_ns = match &self.kind {
-            Kind::Clock { t0_ns } => t0_ns + tick * self.period_ns,
+            Kind::Clock { t0_ns } => {
+                OTHERS.iter().for_each(|topic| self.board.office(*topic).turn_over(tick as u32));
+                t0_ns + tick * self.period_ns
+            }
             Kind::Ring(plan) => {
-                (plan.epoch(Topic::State, tick) == 1).then_some(())?; // the plant's own end
-                OTHERS.iter().try_for_each(|topic| self.follow(plan, *topic, tick))?;
+                let vacant = OTHERS.iter().any(|topic| self.board.office(*topic).holder() == 0);
+                if vacant || plan.decides(tick) {
+                    self.ask(tick)?;
+                }
                 let now_ns = now_ns();
                 self.board.set_origin_ns(now_ns);
                 now_ns
             }
         };
-        for topic in OTHERS {
-            self.board.office(topic).turn_over(tick as u32);
-        }
         Some(Stamp::at(tick, sample_ns))
     }
 
@@ -129,8 +132,8 @@ impl Pace {
     fn turn_in_lockstep<M: Message>(&self, tick: u64, inlet: &mut Inlet<M>, mut heard: impl FnMut(&M, u64)) -> Turn {
         for topic in OTHERS {
             let office = self.board.office(topic);
-            let done = || office.staff().all(|epoch| u64::from(office.done(epoch).get()) > tick);
-            if !self.wait_for(topic, done) {
+            let done = || office.staff().epochs().all(|epoch| u64::from(office.done(epoch).get()) > tick);
+            if !self.wait_for(self.board.bell(topic), done) {
                 return if self.board.phase().count() >= phase::LEAVE { Turn::Over } else { Turn::Stuck };
             }
         }
@@ -141,23 +144,15 @@ impl Pace {
         self.let_the_watchers_follow(tick)
     }
 
-    /// Lockstep: makes the office of `topic` what the plan says for `tick`.
-    fn follow(&self, plan: &Plan, topic: Topic, tick: u64) -> Option<()> {
-        let office = self.board.office(topic);
-        let planned = plan.epoch(topic, tick);
-        if planned == 0 {
-            office.holder.set(0);
-        } else if tick > 0 && plan.epoch(topic, tick - 1) == 0 {
-            let ready = self.wait_for(topic, || office.ready.get() >= planned);
-            ready.then_some(())?;
-            office.heir.set(planned);
-        }
-        Some(())
+    /// Lockstep: has the launcher say who works on `tick`.
+    fn ask(&self, tick: u64) -> Option<()> {
+        let ruled = self.board.ruled();
+        self.board.asked().raise(tick as u32 + 1);
+        self.wait_for(ruled, || u64::from(ruled.count()) > tick).then_some(())
     }
 
-    /// Waits on the wall clock by the bell of `topic`; false when the run is over first, or the watchdog barks.
-    fn wait_for(&self, topic: Topic, is_so: impl Fn() -> bool) -> bool {
-        let bell = self.board.bell(topic);
+    /// Waits on the wall clock by `bell`; false when the run is over first, or the watchdog barks.
+    fn wait_for(&self, bell: &Bell, is_so: impl Fn() -> bool) -> bool {
         let watchdog_ns = now_ns() + WATCHDOG_NS;
         loop {
             let rung = bell.count(); // before the look, so that a change after it is not slept through

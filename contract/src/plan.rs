@@ -1,4 +1,4 @@
-//! The plan: who works on which tick, as far as the scenario decides it.
+//! The plan: who is away on which tick, as far as the scenario decides it.
 //!
 //! In lockstep and in process a scripted death takes effect between two ticks, and so does the replacement, however long
 //! that takes on the wall clock: the same flight every time.
@@ -16,50 +16,54 @@ pub const RESTART_S: f64 = 0.1;
 /// Ticks without progress after which a process counts as hung.
 pub const HANG_TICKS: u64 = 3;
 
-/// Who works when.
+/// Who is away when, and when somebody new may come or go.
 #[derive(Debug, Clone, Default)]
 pub struct Plan {
     absences: [Vec<Absence>; Topic::COUNT],
+    /// From the newcomer's first tick to the first without the one before it.
+    swaps: Vec<std::ops::RangeInclusive<u64>>,
 }
 
 /// Ticks on which a node is not there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Absence {
-    from: u64,
-    until: u64,
+pub struct Absence {
+    /// The first.
+    pub from: u64,
+    /// The first on which somebody is there again.
+    pub until: u64,
     /// Whether it is another process that comes back.
-    replaced: bool,
+    pub replaced: bool,
 }
 
 impl Plan {
-    /// What the process faults of `scenario` come to.
+    /// What the process faults and swaps of `scenario` come to.
     pub fn new(scenario: &Scenario) -> Self {
         let sample_s = scenario.sample_s();
         let of = |topic| {
             let struck = scenario.fault.iter().filter(|fault| fault.target.process() == Some(topic));
             struck.filter_map(|fault| Absence::of(fault, sample_s)).collect()
         };
-        Self { absences: Topic::ALL.map(of) }
+        let in_ring = scenario.swap.iter().filter(|swap| swap.node.topic().is_some());
+        let swaps = in_ring.map(|swap| swap.ticks(sample_s)).map(|ticks| ticks.from..=ticks.until).collect();
+        Self { absences: Topic::ALL.map(of), swaps }
     }
 
-    /// The epoch of the process that works as the publisher of `topic` on `tick`; 0 when there is none.
-    pub fn epoch(&self, topic: Topic, tick: u64) -> u32 {
-        let absences = &self.absences[topic as usize];
-        if absences.iter().any(|absence| (absence.from..absence.until).contains(&tick)) {
-            return 0;
-        }
-        1 + absences.iter().filter(|absence| absence.replaced && absence.until <= tick).count() as u32
+    /// Why the publisher of `topic` is away on `tick`, if it is: of several reasons the one that lasts longest.
+    pub fn absence(&self, topic: Topic, tick: u64) -> Option<Absence> {
+        let here = |absence: &&Absence| (absence.from..absence.until).contains(&tick);
+        self.absences[topic as usize].iter().filter(here).max_by_key(|absence| absence.until).copied()
     }
 
-    /// The epoch of the process that is to be there after all that has happened up to `tick`: it may be started then.
-    pub fn successor(&self, topic: Topic, tick: u64) -> u32 {
-        let gone = |absence: &&Absence| absence.replaced && absence.from <= tick;
-        1 + self.absences[topic as usize].iter().filter(gone).count() as u32
+    /// Whether somebody may come or go as `tick` begins.
+    pub fn decides(&self, tick: u64) -> bool {
+        let turns = |absence: &Absence| absence.from == tick || absence.until == tick;
+        self.absences.iter().flatten().any(turns) || self.swaps.iter().any(|swap| swap.contains(&tick))
     }
 }
 
 impl Absence {
-    fn of(fault: &Fault, sample_s: f64) -> Option<Self> {
+    /// What a fault of a process comes to; `None` when the process is there all the time.
+    pub fn of(fault: &Fault, sample_s: f64) -> Option<Self> {
         let ticks = |time_s: f64| (time_s / sample_s - 1e-6).ceil() as u64;
         let from = fault.ticks(sample_s).start;
         let (length, replaced) = match fault.kind {
@@ -77,38 +81,38 @@ impl Absence {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scenario::FaultTarget;
+    use crate::scenario::{FaultTarget, Swap, SwapNode};
 
-    /// Epochs of attitude-mpc from tick 8 on, under a fault at tick 10.
-    fn epochs(kind: FaultKind, for_s: Option<f64>, count: usize) -> Vec<u32> {
+    /// From which tick to which, and whether another comes back, under a fault of attitude-mpc at tick 10.
+    fn absence(kind: FaultKind, for_s: Option<f64>) -> (u64, u64, bool) {
         let fault = Fault::new(FaultTarget::AttitudeMpc, kind, 0.1, for_s);
         let scenario = Scenario { fault: vec![fault], ..Scenario::default() };
         let plan = Plan::new(&scenario);
-        assert!((0..100).all(|tick| plan.epoch(Topic::Actuators, tick) == 1), "nobody else is struck");
-        (8..).take(count).map(|tick| plan.epoch(Topic::Controls, tick)).collect()
+        assert!((0..100).all(|tick| plan.absence(Topic::Actuators, tick).is_none()), "nobody else is struck");
+        let away: Vec<u64> = (0..100).filter(|tick| plan.absence(Topic::Controls, *tick).is_some()).collect();
+        let until = away[0] + away.len() as u64;
+        assert_eq!((0..100).filter(|tick| plan.decides(*tick)).collect::<Vec<_>>(), [away[0], until]);
+        (away[0], until, plan.absence(Topic::Controls, away[0]).unwrap().replaced)
     }
 
     #[test]
     fn who_is_killed_comes_back_as_another() {
-        assert_eq!(epochs(FaultKind::Kill, Some(0.03), 7), [1, 1, 0, 0, 0, 2, 2]);
-        assert_eq!(epochs(FaultKind::Exit, None, 14), [1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 2, 2], "0.1 s later");
+        assert_eq!(absence(FaultKind::Kill, Some(0.03)), (10, 13, true));
+        assert_eq!(absence(FaultKind::Exit, None), (10, 20, true), "0.1 s later");
     }
 
     #[test]
     fn who_hangs_is_replaced_when_it_is_noticed() {
-        assert_eq!(epochs(FaultKind::Stop, Some(0.03), 7), [1, 1, 0, 0, 0, 1, 1], "it came back by itself");
-        let replaced = epochs(FaultKind::Stop, Some(5.0), 17);
-        assert_eq!(replaced, [[1; 2].as_slice(), &[0; 13], &[2; 2]].concat());
-        assert_eq!(replaced, epochs(FaultKind::Hog, None, 17));
+        assert_eq!(absence(FaultKind::Stop, Some(0.03)), (10, 13, false), "it came back by itself");
+        assert_eq!(absence(FaultKind::Stop, Some(5.0)), (10, 23, true));
+        assert_eq!(absence(FaultKind::Hog, None), (10, 23, true));
     }
 
     #[test]
-    fn two_deaths_make_a_third_process() {
-        let kill = |at_s| Fault::new(FaultTarget::Mixer, FaultKind::Kill, at_s, Some(0.02));
-        let scenario = Scenario { fault: vec![kill(0.1), kill(0.2)], ..Scenario::default() };
+    fn a_swap_may_be_decided_on_any_of_its_ticks() {
+        let swap = Swap { shadow_s: 0.05, watch_s: 0.1, ..Swap::new(SwapNode::Mixer, 0.2) };
+        let scenario = Scenario { swap: vec![swap], ..Scenario::default() };
         let plan = Plan::new(&scenario);
-        let ticks = [5, 10, 12, 19, 20, 22];
-        assert_eq!(ticks.map(|tick| plan.epoch(Topic::Actuators, tick)), [1, 0, 2, 2, 0, 3]);
-        assert_eq!(ticks.map(|tick| plan.successor(Topic::Actuators, tick)), [1, 2, 2, 2, 3, 3]);
+        assert_eq!((0..100).filter(|tick| plan.decides(*tick)).collect::<Vec<_>>(), (20..=35).collect::<Vec<_>>());
     }
 }

@@ -3,6 +3,7 @@
 //! Every node's `main.rs` is the same three lines around [`main`]; the launcher starts the same code as
 //! `launcher node NAME`.
 
+use std::path::Path;
 use std::process::ExitCode;
 use std::rc::Rc;
 use std::sync::Arc;
@@ -89,18 +90,32 @@ pub struct Seat {
     punctuality: Rc<Punctuality>,
     rank: usize,
     epoch: u32,
+    /// Whether its own faults are the run's, and the launcher acts them out.
+    scripted: bool,
 }
 
 impl Seat {
     /// Joins the run of `namespace` as the process number `epoch`, from 1, that is started as `name`.
     pub fn join(namespace: &str, name: &str, epoch: u32) -> Result<Self, SeatError> {
+        Self::join_with(namespace, name, epoch, None)
+    }
+
+    /// The same with settings of its own, the merged ones of a file.
+    pub fn join_with(namespace: &str, name: &str, epoch: u32, own: Option<&Path>) -> Result<Self, SeatError> {
         let domain = Domain::find(namespace)?;
         let io = |what: &str| {
             let what = domain.file(what).display().to_string();
             move |source| SeatError::Io { what, source }
         };
         let text = std::fs::read_to_string(domain.file("scenario.toml")).map_err(io("scenario.toml"))?;
-        let scenario = scenario::from_merged(&text, "the run's merged scenario")?;
+        let run = scenario::from_merged(&text, "the run's merged scenario")?;
+        let scenario = own.map_or(Ok(run.clone()), |path| {
+            let what = path.display().to_string();
+            let text = std::fs::read_to_string(path);
+            let text = text.map_err(|source| SeatError::Io { what: what.clone(), source })?;
+            Ok::<_, SeatError>(scenario::from_merged(&text, &what)?)
+        })?;
+        let scripted = scenario.run.mode != Mode::Realtime && scenario.fault == run.fault;
         let board = Arc::new(Board::open(&domain.file("board")).map_err(io("board"))?);
         let bus = Bus::attach(&domain)?;
         let rank = NODES.iter().position(|node| *node == name).unwrap_or(0);
@@ -111,7 +126,7 @@ impl Seat {
         }
         let rehearsal = Rehearsal::new(clocked.then(|| scenario.sample_ns()));
         let punctuality = Rc::new(Punctuality::new(deadline, rehearsal));
-        Ok(Self { scenario, board, bus, punctuality, rank, epoch })
+        Ok(Self { scenario, board, bus, punctuality, rank, epoch, scripted })
     }
 
     /// Where this node gets `M` from.
@@ -158,7 +173,7 @@ impl Seat {
         };
         let struck = self.scenario.fault.iter().filter(of_itself);
         let seizure = |fault: &Fault| Seizure { ticks: fault.ticks(self.scenario.sample_s()), kind: fault.kind };
-        let seizures = struck.map(seizure).collect();
+        let seizures = if self.scripted { vec![] } else { struck.map(seizure).collect() };
         Turns::new(clock, self.board.clone(), self.punctuality.clone(), self.topic(), self.epoch, seizures)
     }
 
@@ -191,21 +206,27 @@ impl Seat {
 pub fn main(name: &str, run: fn(&Seat) -> Result<(), SeatError>) -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
-    match words.as_slice() {
-        ["--namespace", namespace] => run_as(name, namespace, 1, run),
-        ["--namespace", namespace, "--epoch", epoch] => match epoch.parse() {
-            Ok(epoch) => run_as(name, namespace, epoch, run),
-            Err(_) => usage(name),
-        },
-        _ => usage(name),
-    }
+    let epoch_of = |word: &str| word.parse().ok().filter(|epoch| *epoch > 0);
+    let (namespace, epoch, own) = match words.as_slice() {
+        ["--namespace", namespace] => (namespace, Some(1), None),
+        ["--namespace", namespace, "--epoch", epoch] => (namespace, epoch_of(epoch), None),
+        ["--namespace", namespace, "--epoch", epoch, "--settings", own] => (namespace, epoch_of(epoch), Some(own)),
+        _ => return usage(name),
+    };
+    epoch.map_or_else(|| usage(name), |epoch| run_as(name, namespace, epoch, own.map(Path::new), run))
 }
 
 /// The same with the arguments given.
-pub fn run_as(name: &str, namespace: &str, epoch: u32, run: fn(&Seat) -> Result<(), SeatError>) -> ExitCode {
+pub fn run_as(
+    name: &str,
+    namespace: &str,
+    epoch: u32,
+    own: Option<&Path>,
+    run: fn(&Seat) -> Result<(), SeatError>,
+) -> ExitCode {
     // Fails only for a signal number that does not exist.
     let _ = rustix::process::set_parent_process_death_signal(Some(Signal::KILL));
-    match Seat::join(namespace, name, epoch).and_then(|seat| run(&seat).and_then(|()| seat.verdict())) {
+    match Seat::join_with(namespace, name, epoch, own).and_then(|seat| run(&seat).and_then(|()| seat.verdict())) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("{name}: {error}");
@@ -217,7 +238,7 @@ pub fn run_as(name: &str, namespace: &str, epoch: u32, run: fn(&Seat) -> Result<
 
 fn usage(name: &str) -> ExitCode {
     eprintln!(
-        "usage: {name} --namespace NAME [--epoch NUMBER]\nThe launcher starts this program; by itself it joins a stack that runs."
+        "usage: {name} --namespace NAME [--epoch NUMBER [--settings FILE]]\nThe launcher starts this program; by itself it joins a stack that runs."
     );
     ExitCode::from(exit::USAGE)
 }

@@ -16,7 +16,6 @@ use crate::Topic;
 use crate::cycle::{LOOK_AROUND_NS, Punctuality};
 use crate::inlet::Inlet;
 use crate::message::{Message, Stamp};
-use crate::office::Office;
 use crate::realtime::{Board, now_ns, phase};
 use crate::scenario::FaultKind;
 use crate::snapshot::Snapshot;
@@ -33,7 +32,7 @@ pub struct Turns {
     let_in: bool,
     /// The sample to answer to next.
     next: u64,
-    /// Against the clock: faults in which the process itself goes wrong.
+    /// Faults in which the process itself goes wrong; in lockstep only those of its own settings.
     seizures: Vec<Seizure>,
 }
 
@@ -76,17 +75,17 @@ impl Turns {
             Some(clock) => self.by_the_clock(clock, inlet),
             None => self.by_the_ring(M::TOPIC),
         }?;
-        let healthy = self.clock.is_none_or(|clock| self.survives(tick, clock));
+        let healthy = self.survives(tick);
         self.next = tick + 1;
         healthy.then_some(tick)
     }
 
     /// Lets a scripted fault of the process itself have its way; false when the process is to leave.
-    fn survives(&self, tick: u64, clock: Clock) -> bool {
+    fn survives(&self, tick: u64) -> bool {
         // Whoever was started after the beginning has no part in it.
         let seized = |s: &&Seizure| s.ticks.contains(&tick) && (self.next <= s.ticks.start && self.next > 0);
         let Some(Seizure { ticks, kind }) = self.seizures.iter().find(seized) else { return true };
-        if *kind == FaultKind::Hog {
+        if let (FaultKind::Hog, Some(clock)) = (kind, self.clock) {
             let until_ns = self.board.origin_ns().saturating_add(ticks.end.saturating_mul(clock.period_ns));
             while now_ns() < until_ns && self.board.phase().count() < phase::LEAVE {
                 std::hint::spin_loop();
@@ -104,7 +103,7 @@ impl Turns {
     /// The answer to `tick` is out, and `memory` is what the node has to remember for the next.
     pub fn done(&self, tick: u64, memory: &Snapshot) {
         let office = self.board.office(self.topic);
-        if office.holder.get() == self.epoch {
+        if office.holder() == self.epoch {
             office.memory.write(memory);
         }
         office.done(self.epoch).set(tick as u32 + 1);
@@ -118,7 +117,7 @@ impl Turns {
             let now = now_ns();
             let sampled = self.board.bell(Topic::State);
             let rung = sampled.count(); // before the look, so that a tick after it is not slept through
-            if !self.board.office(self.topic).employs(self.epoch) {
+            if !self.board.office(self.topic).staff().employs(self.epoch) {
                 sampled.wait(rung, now + LOOK_AROUND_NS); // who is let in is let in with a tick
                 continue;
             }
@@ -159,15 +158,15 @@ impl Turns {
         let mine = board.office(self.topic);
         let sampled = |tick: u64| u64::from(board.office(Topic::State).done(1).get()) > tick;
         self.wait(Topic::State, |turns| {
-            let employed = mine.employs(turns.epoch);
+            let employed = mine.staff().employs(turns.epoch);
             if employed && !turns.let_in {
-                turns.next = u64::from(mine.since.get());
+                turns.next = u64::from(mine.since(turns.epoch).get());
             }
             turns.let_in = employed;
             employed && sampled(turns.next)
         })?;
         let before = board.office(upstream);
-        self.wait(upstream, |turns| match before.holder.get() {
+        self.wait(upstream, |turns| match before.holder() {
             0 => true,
             holder => u64::from(before.done(holder).get()) > turns.next,
         })?;
@@ -192,8 +191,8 @@ impl Turns {
     }
 
     fn is_over(&self) -> bool {
-        let office: &Office = self.board.office(self.topic);
-        let retired = office.holder.get() > self.epoch && !office.employs(self.epoch);
+        let staff = self.board.office(self.topic).staff();
+        let retired = staff.holder > self.epoch && !staff.employs(self.epoch);
         retired || self.board.phase().count() >= phase::LEAVE || self.punctuality.broken().is_some()
     }
 }

@@ -22,7 +22,7 @@ use crate::Topic;
 use crate::office::Office;
 
 const PAGE_BYTES: usize = 4096 * 4;
-const MAGIC: u32 = 0x7EF0_1104;
+const MAGIC: u32 = 0x7EF0_1105;
 
 #[repr(C)]
 struct Page {
@@ -30,8 +30,11 @@ struct Page {
     phase: Bell,
     watched: Bell,
     recorded: Bell,
+    asked: Bell,
+    ruled: Bell,
     bells: [Bell; Topic::COUNT],
     offices: [Office; Topic::COUNT],
+    archive: Office,
     origin_ns: AtomicU64,
 }
 const _: () = assert!(size_of::<Page>() <= PAGE_BYTES);
@@ -131,6 +134,11 @@ impl Board {
         &self.page().offices[topic as usize]
     }
 
+    /// The office of the recorder.
+    pub fn archive(&self) -> &Office {
+        &self.page().archive
+    }
+
     /// The instant of sample 0 \[ns\]; 0 before there is one. In lockstep it is that of the present sample.
     pub fn origin_ns(&self) -> u64 {
         self.page().origin_ns.load(Ordering::Acquire)
@@ -154,6 +162,16 @@ impl Board {
     /// The newest tick that the recorder has seen; at its highest when nothing is recorded.
     pub fn recorded(&self) -> &Bell {
         &self.page().recorded
+    }
+
+    /// Lockstep: ticks for which the plant has asked the launcher who works on them.
+    pub fn asked(&self) -> &Bell {
+        &self.page().asked
+    }
+
+    /// Lockstep: ticks for which the launcher has said it.
+    pub fn ruled(&self) -> &Bell {
+        &self.page().ruled
     }
 
     /// Moves the run on to `phase` and wakes every waiter, whatever it waits for.

@@ -1,6 +1,7 @@
 //! What settings mean together: ranges of single numbers, and what must hold between them.
 
 mod ranges;
+mod swaps;
 #[cfg(test)]
 mod tests;
 
@@ -36,6 +37,7 @@ pub fn violations(scenario: &Scenario, merged: Table) -> Vec<Violation> {
         check_controller(scenario, &mut found);
         check_faults(scenario, &mut found);
         check_deadlines(scenario, &mut found);
+        swaps::check(scenario, &mut found);
     }
     found.0
 }

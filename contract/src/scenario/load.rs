@@ -5,7 +5,7 @@ use std::path::Path;
 use toml::{Table, Value};
 
 use super::report::{Problem, ScenarioError, Source};
-use super::{Scenario, check, shape};
+use super::{Scenario, Swap, check, shape};
 
 /// The scenario of `file` with `overrides` on top (`key=value`, the value in TOML or a bare word), on the defaults of
 /// the profile they choose. Without a file: the defaults alone.
@@ -23,6 +23,14 @@ pub fn from_merged(text: &str, origin: &str) -> Result<Scenario, ScenarioError> 
 /// All settings as a scenario file, exact to the last bit.
 pub fn to_toml(scenario: &Scenario) -> String {
     toml::to_string(scenario).expect("every setting has a form in TOML")
+}
+
+/// The settings of a newcomer: those of `run` with its own on top.
+pub fn newcomer(run: &Scenario, swap: &Swap) -> Result<Scenario, ScenarioError> {
+    let base = Scenario { swap: vec![], ..run.clone() };
+    let base = Source { path: Some("the run's settings".into()), text: to_toml(&base) };
+    let sources: Vec<Source> = std::iter::once(base).chain(swap.set.iter().map(|text| set(text))).collect();
+    resolve(&sources)
 }
 
 /// Lays the sources over each other, later ones above, and checks the result.

@@ -12,6 +12,7 @@
 //! | `vehicle` | `[plant]`; `[airframe]` is [`airframe::Parameters`] |
 //! | `control` | `[guidance]`, `[mpc]`, `[mixer]` |
 //! | `fault` | `[[fault]]` |
+//! | `swap` | `[[swap]]` |
 //! | `profile` | every default |
 //! | `load`, `shape`, `check`, `report` | merging, the form of a file, ranges, messages with their place |
 
@@ -24,6 +25,7 @@ mod profile;
 mod report;
 mod run;
 mod shape;
+mod swap;
 #[cfg(test)]
 mod tests;
 mod timing;
@@ -31,9 +33,10 @@ mod vehicle;
 
 pub use control::*;
 pub use fault::*;
-pub use load::{from_merged, load, to_toml};
+pub use load::{from_merged, load, newcomer, to_toml};
 pub use mission::*;
 pub use report::ScenarioError;
 pub use run::*;
+pub use swap::*;
 pub use timing::*;
 pub use vehicle::*;

@@ -115,6 +115,7 @@ fn paper() -> Scenario {
         mixer: Mixer { tilt_reaction: false, projection: false },
         bounds: Bounds::default(),
         fault: vec![],
+        swap: vec![],
         realtime: Realtime::default(),
         deadline: Deadline::default(),
     }

@@ -3,7 +3,7 @@
 use airframe::{ActuatorLaw, Limits, Parameters};
 use serde::{Deserialize, Serialize};
 
-use super::{Deadline, Fault, Guidance, Initial, Mission, Mixer, Mpc, Plant, Realtime};
+use super::{Deadline, Fault, Guidance, Initial, Mission, Mixer, Mpc, Plant, Realtime, Swap};
 
 /// Everything that decides a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -37,6 +37,8 @@ pub struct Scenario {
     pub deadline: Deadline,
     /// What goes wrong, and when.
     pub fault: Vec<Fault>,
+    /// Who is replaced in flight, and when.
+    pub swap: Vec<Swap>,
 }
 
 /// The two sets of defaults.

@@ -8,7 +8,7 @@ use toml::{Spanned, Table, Value};
 use super::report::{Problem, Source};
 use super::{
     Bounds, Deadline, Fault, FaultKind, FaultTarget, Heading, Late, Mission, NodeRealtime, Plant, Policy, Profile,
-    Realtime, Scenario, Wrong,
+    Realtime, Scenario, Swap, SwapNode, Wrong,
 };
 
 const SET_HELP: &str = "write `--set key=value`, for instance `--set run.duration_s=20`";
@@ -96,6 +96,11 @@ fn example() -> Table {
             count: Some(3),
             how: Some(Wrong::Bias),
             ..Fault::new(FaultTarget::AttitudeMpc, FaultKind::Kill, 20.0, None)
+        }],
+        swap: vec![Swap {
+            exec: Some("my-controller".into()),
+            set: vec!["mpc.law=lqr".into()],
+            ..Swap::new(SwapNode::AttitudeMpc, 20.0)
         }],
         ..robust
     };

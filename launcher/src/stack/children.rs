@@ -18,9 +18,24 @@ use rustix::time::Timespec;
 
 use super::end::Departure;
 
-/// How often the queues and the children are looked at; a child that ends is noticed at once.
-const POLL: Timespec = Timespec { tv_sec: 0, tv_nsec: 5_000_000 };
 const BURIAL_LIMIT: Duration = Duration::from_millis(500);
+
+/// What a child is to be.
+#[derive(Clone, Copy, Default)]
+pub struct Birth<'a> {
+    /// Node or recorder.
+    pub name: &'static str,
+    /// The topic it speaks on; none for the recorder.
+    pub topic: Option<Topic>,
+    /// Which incarnation.
+    pub epoch: u32,
+    /// Recorder: where it writes.
+    pub log: Option<&'a Path>,
+    /// Another program than this one.
+    pub program: Option<&'a str>,
+    /// Settings of its own, beside the run's.
+    pub settings: Option<&'a Path>,
+}
 
 /// A child.
 pub struct Process {
@@ -53,22 +68,23 @@ impl Children {
     }
 
     /// Starts one.
-    pub fn spawn(
-        &mut self,
-        name: &'static str,
-        topic: Option<Topic>,
-        epoch: u32,
-        log: Option<&Path>,
-    ) -> anyhow::Result<()> {
-        let program = std::env::current_exe().context("cannot find this program's own file")?;
-        let mut command = Command::new(program);
-        command.args(["node", name, "--namespace", self.domain.namespace(), "--epoch", &epoch.to_string()]);
-        command.stdin(Stdio::null()).stdout(Stdio::piped());
-        if let Some(path) = log {
-            command.arg("--log").arg(path);
+    pub fn spawn(&mut self, birth: &Birth) -> anyhow::Result<()> {
+        let Birth { name, topic, epoch, log, program, settings } = *birth;
+        let mut command = if let Some(program) = program {
+            Command::new(program)
+        } else {
+            let mut own = Command::new(std::env::current_exe().context("cannot find this program's own file")?);
+            own.args(["node", name]);
+            own
+        };
+        command.args(["--namespace", self.domain.namespace(), "--epoch", &epoch.to_string()]);
+        command.stdin(Stdio::null()).stdout(if topic.is_none() { Stdio::piped() } else { Stdio::null() });
+        for (option, path) in [("--log", log), ("--settings", settings)] {
+            path.into_iter().for_each(|path| _ = command.arg(option).arg(path));
         }
         // A group of its own: a Ctrl-C in the terminal reaches the launcher only, which then stops the nodes in order.
-        let child = command.process_group(0).spawn().with_context(|| format!("cannot start {name}"))?;
+        let cannot = || format!("cannot start {}", program.unwrap_or(name));
+        let child = command.process_group(0).spawn().with_context(cannot)?;
         let pidfd = Pid::from_raw(child.id() as i32).and_then(|pid| pidfd_open(pid, PidfdFlags::empty()).ok());
         self.all.push(Process { name, topic, epoch, child, condemned: false, pidfd });
         Ok(())
@@ -97,20 +113,22 @@ impl Children {
         self.undertakers.extend(std::thread::Builder::new().name("undertaker".into()).spawn(bury).ok());
     }
 
-    /// Signals every process of a node that is there now.
-    pub fn signal(&mut self, topic: Topic, signal: Signal) {
-        for process in self.all.iter_mut().filter(|process| process.topic == Some(topic)) {
+    /// Signals the process `epoch` of a node, if it is there.
+    pub fn signal(&mut self, topic: Topic, epoch: u32, signal: Signal) {
+        let is = |process: &&mut Process| process.topic == Some(topic) && process.epoch == epoch;
+        for process in self.all.iter_mut().filter(is) {
             process.condemned |= signal == Signal::KILL;
             // Fails for one that has just ended, which the next look around finds.
             let _ = Pid::from_raw(process.child.id() as i32).map(|pid| kill_process(pid, signal));
         }
     }
 
-    /// Sleeps until one ends, or until it is time to look around.
-    pub fn sleep(&self) {
+    /// Sleeps until one ends, or for `longest`.
+    pub fn sleep(&self, longest: Duration) {
         let mut ends: Vec<PollFd> =
             self.all.iter().filter_map(|p| p.pidfd.as_ref()).map(|fd| PollFd::new(fd, PollFlags::IN)).collect();
-        let _ = poll(&mut ends, Some(&POLL)); // an early return is a look around too soon
+        let longest = Timespec::try_from(longest).ok();
+        let _ = poll(&mut ends, longest.as_ref()); // an early return is a look around too soon
     }
 }
 

@@ -112,3 +112,43 @@ fn the_edges_of_the_ranges_fly() {
         from_set(&[set]).unwrap_or_else(|error| panic!("{set}: {error}"));
     }
 }
+
+#[test]
+fn a_swap_that_cannot_be_is_refused() {
+    let cases = [
+        ("swap=[{at_s=1, node=\"plant\"}]", "it is the vehicle"),
+        ("swap=[{at_s=-1, node=\"mixer\"}]", "of 0 to 86400"),
+        ("swap=[{at_s=1, node=\"mixer\", bounds={ticks=0}}]", "above 0"),
+        ("swap=[{at_s=1, node=\"mixer\"}, {at_s=2, node=\"mixer\"}]", "one after the other"),
+        ("swap=[{at_s=1, node=\"mixer\", set=[\"run.seed=3\"]}]", "everything but `run`"),
+        ("swap=[{at_s=1, node=\"mixer\", set=[\"mpc.np=0\"]}]", "`swap.set`: `mpc.np` = 0"),
+        ("swap=[{at_s=1, node=\"mixer\", set=[\"nonsense\"]}]", "`swap.set`: not TOML"),
+        ("swap=[{at_s=1, node=\"recorder\", set=[\"mpc.np=20\"]}]", "without `set`"),
+        (
+            "swap=[{at_s=1, node=\"mixer\", set=[\"fault=[{at_s=0, target=\\\"wind\\\", kind=\\\"step\\\"}]\"]}]",
+            "of its topic",
+        ),
+    ];
+    for (set, reason) in cases {
+        check_refused(set, &[reason]);
+    }
+    let lockstep = "run.mode=lockstep";
+    let struck = ["fault=[{at_s=2, target=\"mixer\", kind=\"kill\"}]", "swap=[{at_s=1, node=\"mixer\"}]"];
+    from_set(&struck).unwrap();
+    let error = from_set(&[lockstep, struck[0], struck[1]]).unwrap_err().to_string();
+    assert!(error.contains("struck by a fault while it is swapped"), "{error}");
+    let inprocess = "run.mode=inprocess";
+    for swap in ["swap=[{at_s=1, node=\"recorder\"}]", "swap=[{at_s=1, node=\"mixer\", exec=\"x\"}]"] {
+        let error = from_set(&[inprocess, swap]).unwrap_err().to_string();
+        assert!(error.contains("in process there is no"), "{error}");
+    }
+}
+
+#[test]
+fn a_swap_with_settings_of_its_own_is_fine() {
+    let scenario = from_set(&["swap=[{at_s=1, node=\"attitude-mpc\", set=[\"mpc.law=lqr\"]}]"]).unwrap();
+    let own = crate::scenario::newcomer(&scenario, &scenario.swap[0]).unwrap();
+    assert_eq!(own.mpc.law, crate::scenario::Law::Lqr);
+    assert_eq!(own.mpc.np, scenario.mpc.np);
+    assert!(own.swap.is_empty());
+}

@@ -1,0 +1,120 @@
+//! What a swap may be.
+
+use super::{Found, word};
+use crate::plan::Absence;
+use crate::scenario::{FaultKind, FaultTarget, Mode, Scenario, Swap, SwapNode, newcomer};
+
+const KEYS: [&str; 1] = ["swap"];
+
+/// Every rule that the swaps of `scenario` break.
+pub fn check(scenario: &Scenario, found: &mut Found) {
+    for (i, swap) in scenario.swap.iter().enumerate() {
+        check_sizes(swap, found);
+        if !check_node(scenario, swap, found) {
+            continue;
+        }
+        let others = scenario.swap[..i].iter().filter(|other| other.node == swap.node);
+        let span = |swap: &Swap| swap.at_s..=swap.at_s + swap.shadow_s.max(0.01) + swap.watch_s;
+        found.require(
+            others
+                .clone()
+                .all(|other| span(other).end() < span(swap).start() || span(swap).end() < span(other).start()),
+            &KEYS,
+            format!("two swaps of {} at once", word(swap.node)),
+            "one after the other: from `at_s` to `at_s` + `shadow_s` + `watch_s` the node is taken",
+        );
+        check_absences(scenario, swap, found);
+        check_newcomer(scenario, swap, found);
+    }
+}
+
+fn check_sizes(swap: &Swap, found: &mut Found) {
+    found.require(
+        [swap.at_s, swap.shadow_s, swap.watch_s].iter().all(|time_s| (0.0..=86_400.0).contains(time_s)),
+        &KEYS,
+        format!("a swap at {:?} s, {:?} s in the shadow, watched for {:?} s", swap.at_s, swap.shadow_s, swap.watch_s),
+        "`at_s`, `shadow_s` and `watch_s` of 0 to 86400",
+    );
+    let bounds = &swap.bounds;
+    found.require(
+        bounds.difference > 0.0 && bounds.tilt_deg > 0.0 && bounds.error_m > 0.0 && bounds.ticks > 0,
+        &KEYS,
+        "a swap with a bound that is none".into(),
+        "`difference`, `ticks`, `tilt_deg` and `error_m` above 0",
+    );
+}
+
+/// Whether the node can be swapped at all.
+fn check_node(scenario: &Scenario, swap: &Swap, found: &mut Found) -> bool {
+    let inprocess = scenario.run.mode == Mode::Inprocess;
+    let refusal = match swap.node {
+        SwapNode::Plant => Some((
+            "the plant cannot be swapped: it is the vehicle, and there is no second one to take over from it",
+            "guidance, attitude-mpc, mixer, recorder; to fly another plant, start it with the run",
+        )),
+        SwapNode::Recorder if inprocess => {
+            Some(("in process there is no recorder to swap", "`run.mode` = \"lockstep\" or \"realtime\""))
+        }
+        SwapNode::Recorder if !swap.set.is_empty() => {
+            Some(("the recorder has no settings", "a swap of the recorder without `set`"))
+        }
+        _ if inprocess && swap.exec.is_some() => {
+            Some(("in process there is no other program", "`run.mode` = \"lockstep\" or \"realtime\", or no `exec`"))
+        }
+        _ => None,
+    };
+    if let Some((what, allowed)) = refusal {
+        found.require(false, &["swap", "run.mode"], what.into(), allowed);
+    }
+    refusal.is_none()
+}
+
+/// Against the clock a process may die whenever it likes; where time follows the script, one thing at a time.
+fn check_absences(scenario: &Scenario, swap: &Swap, found: &mut Found) {
+    let Some(topic) = swap.node.topic() else { return };
+    let sample_s = scenario.sample_s();
+    let ticks = swap.ticks(sample_s);
+    let of_node = scenario.fault.iter().filter(|fault| fault.target.process() == Some(topic));
+    let apart = |absence: Absence| absence.until < ticks.from || absence.from > ticks.until;
+    found.require(
+        scenario.run.mode == Mode::Realtime || of_node.filter_map(|fault| Absence::of(fault, sample_s)).all(apart),
+        &["swap", "fault"],
+        format!("{} is struck by a fault while it is swapped", word(swap.node)),
+        "faults of the process before `at_s` or after `at_s` + `shadow_s` + `watch_s`, or `run.mode` = \"realtime\"",
+    );
+}
+
+/// The newcomer's own settings.
+fn check_newcomer(scenario: &Scenario, swap: &Swap, found: &mut Found) {
+    let own = match newcomer(scenario, swap) {
+        Ok(own) => own,
+        Err(error) => {
+            let text = error.to_string();
+            let what = text.lines().next().unwrap_or_default().trim_start_matches("error: ").to_owned();
+            return found.require(false, &KEYS, format!("`swap.set`: {what}"), "settings as after `--set`");
+        }
+    };
+    found.require(
+        own.run == scenario.run,
+        &KEYS,
+        "`swap.set` changes the run".into(),
+        "settings of the newcomer: everything but `run`",
+    );
+    if own.fault == scenario.fault {
+        return;
+    }
+    let topic = swap.node.topic();
+    let clocked = scenario.run.mode == Mode::Realtime;
+    for fault in &own.fault {
+        let of_itself = fault.target.process() == topic && matches!(fault.kind, FaultKind::Slow | FaultKind::Exit)
+            || fault.target.process() == topic && fault.kind == FaultKind::Hog && clocked;
+        let of_its_word = fault.target.topic() == topic;
+        let of_its_solver = fault.target == FaultTarget::Mpc && swap.node == SwapNode::AttitudeMpc;
+        found.require(
+            of_itself || of_its_word || of_its_solver,
+            &KEYS,
+            format!("a fault of the newcomer: {} {}", word(fault.target), word(fault.kind)),
+            "faults of the process itself (slow, exit, in real time hog), of its topic, of its solver",
+        );
+    }
+}

@@ -1,0 +1,139 @@
+//! `[[swap]]`: another process for a node, in flight.
+//!
+//! ```text
+//! at_s        the newcomer begins, in the shadow of the one in office: same inputs, unheard
+//!  + shadow_s it takes the office, if it has kept within its bounds; the old one goes on in its shadow
+//!  + watch_s  the newcomer stays, and the old one leaves; if it left its bounds before, the old one had it back
+//! ```
+
+use serde::{Deserialize, Serialize};
+
+use crate::Topic;
+
+/// One `[[swap]]`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Swap {
+    /// When the newcomer begins \[s\].
+    pub at_s: f64,
+    /// Whom it is to replace.
+    pub node: SwapNode,
+    /// Its program; absent = the launcher's own. It is started as `PROGRAM --namespace NAME --epoch N --settings FILE`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub exec: Option<String>,
+    /// Its settings, each as after `--set`, on top of the run's.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub set: Vec<String>,
+    /// How long it works in the shadow \[s\].
+    #[serde(default = "Swap::usual_shadow_s")]
+    pub shadow_s: f64,
+    /// How long the old one stands by after that \[s\].
+    #[serde(default = "Swap::usual_watch_s")]
+    pub watch_s: f64,
+    /// What it may not do.
+    #[serde(default)]
+    pub bounds: SwapBounds,
+}
+
+/// `swap.bounds`: what a newcomer may not do, in the shadow and in office.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SwapBounds {
+    /// Largest difference between its answer and the old one's to the same sample, as a share of what is commonly the
+    /// largest answer.
+    pub difference: f64,
+    /// Ticks in a row on which its answer may be missing, late, implausible, or too different.
+    pub ticks: u64,
+    /// Largest tilt of the vehicle while it is in office \[deg\].
+    pub tilt_deg: f64,
+    /// Farthest from the trajectory while it is in office \[m\].
+    pub error_m: f64,
+}
+
+impl Default for SwapBounds {
+    fn default() -> Self {
+        Self { difference: 0.25, ticks: 3, tilt_deg: 40.0, error_m: 2.0 }
+    }
+}
+
+/// `swap.node`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SwapNode {
+    /// Refused: it is the vehicle.
+    Plant,
+    /// The position controller.
+    Guidance,
+    /// The attitude controller.
+    AttitudeMpc,
+    /// The control allocation.
+    Mixer,
+    /// Who writes the log.
+    Recorder,
+}
+
+/// The ticks of a swap of one node.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SwapTicks {
+    /// The newcomer's first, in the shadow.
+    pub from: u64,
+    /// Its first in office.
+    pub hand_over: u64,
+    /// The first without the old one.
+    pub until: u64,
+}
+
+impl Swap {
+    /// A swap of `node` with the defaults.
+    pub fn new(node: SwapNode, at_s: f64) -> Self {
+        let (shadow_s, watch_s) = (Self::usual_shadow_s(), Self::usual_watch_s());
+        Self { at_s, node, exec: None, set: vec![], shadow_s, watch_s, bounds: SwapBounds::default() }
+    }
+
+    /// Its ticks at a sample time \[s\], when it is of a node in the ring. At least one of them is spent in the shadow.
+    pub fn ticks(&self, sample_s: f64) -> SwapTicks {
+        let ticks = |time_s: f64| (time_s / sample_s - 1e-6).ceil() as u64;
+        let from = ticks(self.at_s);
+        let hand_over = from + ticks(self.shadow_s).max(1);
+        SwapTicks { from, hand_over, until: hand_over + ticks(self.watch_s) }
+    }
+
+    fn usual_shadow_s() -> f64 {
+        1.0
+    }
+
+    fn usual_watch_s() -> f64 {
+        3.0
+    }
+}
+
+impl SwapNode {
+    /// The topic it speaks on; `None` for the recorder.
+    pub fn topic(self) -> Option<Topic> {
+        match self {
+            Self::Plant => Some(Topic::State),
+            Self::Guidance => Some(Topic::Reference),
+            Self::AttitudeMpc => Some(Topic::Controls),
+            Self::Mixer => Some(Topic::Actuators),
+            Self::Recorder => None,
+        }
+    }
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        self.topic().map_or("recorder", Topic::publisher)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_newcomer_works_in_the_shadow_first() {
+        let swap = Swap { shadow_s: 0.5, watch_s: 2.0, ..Swap::new(SwapNode::Mixer, 0.29) };
+        assert_eq!(swap.ticks(0.01), SwapTicks { from: 29, hand_over: 79, until: 279 });
+        let hasty = Swap { shadow_s: 0.0, watch_s: 0.0, ..swap };
+        assert_eq!(hasty.ticks(0.01), SwapTicks { from: 29, hand_over: 30, until: 30 });
+    }
+}

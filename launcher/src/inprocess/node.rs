@@ -1,0 +1,126 @@
+//! What the three cores that answer to the plant have in common.
+
+use attitude_mpc::AttitudeMpc;
+use contract::message::{Actuators, Controls, Message, Reference, Stamp, State};
+use contract::scenario::Scenario;
+use contract::snapshot::Snapshot;
+use guidance::Guidance;
+use mixer::Mixer;
+
+use super::speech::{Ear, Heard};
+
+/// A node's core, and what it hears.
+pub trait Node: Sized {
+    /// Where it hears.
+    type Ears;
+    /// What it says.
+    type Says: Message;
+
+    /// As at the beginning of a run.
+    fn new(scenario: &Scenario) -> Self;
+    /// The ears of one that joins after the `last` words; the holders by topic.
+    fn ears(last: &Heard, holders: [u32; 4]) -> Self::Ears;
+    /// Its answer to sample `tick`, and where that comes from.
+    fn answer(&mut self, ears: &Self::Ears, sample: Stamp) -> (Self::Says, Stamp);
+    /// Its memory.
+    fn memory(&self) -> Snapshot;
+    /// Goes on from another's memory.
+    fn inherit(&mut self, memory: &Snapshot);
+    /// What its ears have refused, by cause.
+    fn refused(ears: &Self::Ears) -> [u32; 5];
+}
+
+impl Node for Guidance {
+    type Ears = Ear<State>;
+    type Says = Reference;
+
+    fn new(scenario: &Scenario) -> Self {
+        Self::new(scenario)
+    }
+
+    fn ears(last: &Heard, [plant, ..]: [u32; 4]) -> Self::Ears {
+        Ear::after(&last.state, plant)
+    }
+
+    fn answer(&mut self, ears: &Self::Ears, sample: Stamp) -> (Reference, Stamp) {
+        let state = ears.newest();
+        (self.step(sample.tick, state), sample.with(state))
+    }
+
+    fn memory(&self) -> Snapshot {
+        self.snapshot()
+    }
+
+    fn inherit(&mut self, memory: &Snapshot) {
+        self.restore(memory);
+    }
+
+    fn refused(ears: &Self::Ears) -> [u32; 5] {
+        ears.refused
+    }
+}
+
+impl Node for AttitudeMpc {
+    type Ears = (Ear<State>, Ear<Reference>);
+    type Says = Controls;
+
+    fn new(scenario: &Scenario) -> Self {
+        Self::new(scenario)
+    }
+
+    fn ears(last: &Heard, [plant, guidance, ..]: [u32; 4]) -> Self::Ears {
+        (Ear::after(&last.state, plant), Ear::after(&last.reference, guidance))
+    }
+
+    fn answer(&mut self, (states, references): &Self::Ears, sample: Stamp) -> (Controls, Stamp) {
+        let (state, reference) = (states.newest(), references.newest());
+        (self.step(sample.tick, state, reference), sample.with(reference).with(state))
+    }
+
+    fn memory(&self) -> Snapshot {
+        self.snapshot()
+    }
+
+    fn inherit(&mut self, memory: &Snapshot) {
+        self.restore(memory);
+    }
+
+    fn refused((states, references): &Self::Ears) -> [u32; 5] {
+        sum(states.refused, references.refused)
+    }
+}
+
+impl Node for Mixer {
+    type Ears = (Ear<State>, Ear<Controls>);
+    type Says = Actuators;
+
+    fn new(scenario: &Scenario) -> Self {
+        Self::new(scenario)
+    }
+
+    fn ears(last: &Heard, [plant, _, mpc, _]: [u32; 4]) -> Self::Ears {
+        (Ear::after(&last.state, plant), Ear::after(&last.controls, mpc))
+    }
+
+    fn answer(&mut self, (states, demands): &Self::Ears, sample: Stamp) -> (Actuators, Stamp) {
+        let (state, demand) = (states.newest(), demands.newest());
+        (self.step(sample.tick, demand, state), sample.with(demand).with(state))
+    }
+
+    fn memory(&self) -> Snapshot {
+        self.snapshot()
+    }
+
+    fn inherit(&mut self, memory: &Snapshot) {
+        self.restore(memory);
+    }
+
+    fn refused((states, demands): &Self::Ears) -> [u32; 5] {
+        sum(states.refused, demands.refused)
+    }
+}
+
+/// Counts by cause, of two ears.
+pub fn sum(a: [u32; 5], b: [u32; 5]) -> [u32; 5] {
+    std::array::from_fn(|i| a[i] + b[i])
+}

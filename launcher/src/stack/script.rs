@@ -1,0 +1,111 @@
+//! Lockstep: the plant asks who works on a tick, and this says it.
+//!
+//! ```text
+//! plant: asked = tick + 1 -> launcher: all messages of the ticks before are here -> succession -> processes ended,
+//! started, ready -> appointed -> ruled = tick + 1 -> plant: STATE of that tick
+//! ```
+//!
+//! Everything stands still meanwhile, so it does not matter how long that takes.
+
+use std::time::{Duration, Instant};
+
+use contract::realtime::Board;
+use contract::scenario::Scenario;
+use contract::topic::Topic;
+
+use crate::succession::{Step, Succession};
+use crate::supervisor::{Order, plant_tick};
+
+/// On the wall clock, a process that works on the same sample for so long hangs.
+const HANG: Duration = Duration::from_secs(2);
+
+/// The succession of a lockstep run, and what it waits for.
+pub struct Script {
+    /// Who works when.
+    pub succession: Succession,
+    /// The tick that is asked for, once it has been decided, and who is to be ready for it.
+    awaited: Option<(u64, Vec<(Topic, u32)>)>,
+    /// What the ring had done when it last moved, and when that was.
+    progress: ([u32; Topic::COUNT], Instant),
+}
+
+impl Script {
+    /// For a run of `scenario`.
+    pub fn new(scenario: &Scenario) -> Self {
+        let progress = ([0; Topic::COUNT], Instant::now());
+        Self { succession: Succession::new(scenario), awaited: None, progress }
+    }
+
+    /// The tick that the plant asks for, unless that was answered: all messages of the ticks before have been sent.
+    pub fn question(board: &Board) -> Option<u64> {
+        let asked = board.asked().count();
+        (asked > board.ruled().count()).then(|| u64::from(asked) - 1)
+    }
+
+    /// Decides the `question`, when all of the messages before it have been observed; what is to be done.
+    pub fn orders(&mut self, board: &Board, question: Option<u64>) -> Vec<Order> {
+        let mut orders = vec![];
+        if let Some(tick) = question
+            && self.awaited.is_none()
+        {
+            let mut starting = vec![];
+            for step in self.succession.begin(tick) {
+                orders.push(match step {
+                    Step::End(topic, epoch) => Order::Kill(topic, epoch),
+                    Step::Begin(topic, epoch, origin) => {
+                        starting.push((topic, epoch));
+                        Order::Start(topic, epoch, origin)
+                    }
+                });
+            }
+            self.awaited = Some((tick, starting));
+        }
+        orders.extend(self.hung(board));
+        orders
+    }
+
+    /// Answers the plant, when everybody is ready and all orders have been carried out.
+    pub fn answer(&mut self, board: &Board) {
+        let ready = |(topic, epoch): &(Topic, u32)| board.office(*topic).ready.get() == *epoch;
+        let Some((tick, starting)) = &self.awaited else { return };
+        if !starting.iter().all(ready) || self.succession.staff(Topic::State).holder == 0 {
+            return; // without a plant nobody hears it
+        }
+        for topic in Topic::ALL {
+            let staff = self.succession.staff(topic);
+            board.office(topic).appoint(*tick as u32, |_| staff);
+        }
+        board.ruled().raise(*tick as u32 + 1);
+        self.awaited = None;
+    }
+
+    /// A process has ended that was not asked to. False when the run cannot go on without it.
+    pub fn died(&mut self, board: &Board, topic: Topic, epoch: u32) -> bool {
+        let tick = plant_tick(board);
+        if topic == Topic::State {
+            return false;
+        }
+        self.succession.lost(topic, epoch, tick);
+        if let Some((_, starting)) = &mut self.awaited {
+            starting.retain(|started| *started != (topic, epoch));
+        }
+        board.office(topic).appoint(tick as u32, |staff| staff.without(epoch));
+        board.bell(topic).ring();
+        true
+    }
+
+    /// Who keeps the ring waiting for too long.
+    fn hung(&mut self, board: &Board) -> Option<Order> {
+        let done = Topic::ALL.map(|topic| board.office(topic).done(board.office(topic).holder()).get());
+        if done != self.progress.0 || self.awaited.is_some() {
+            self.progress = (done, Instant::now());
+        }
+        if self.progress.1.elapsed() < HANG || done[0] == 0 {
+            return None;
+        }
+        self.progress.1 = Instant::now();
+        let late = |topic: &Topic| done[*topic as usize] < done[0] && board.office(*topic).holder() != 0;
+        let topic = Topic::ALL.into_iter().find(late)?;
+        Some(Order::Kill(topic, board.office(topic).holder()))
+    }
+}

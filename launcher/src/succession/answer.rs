@@ -1,0 +1,116 @@
+//! One answer of a node to one sample, as far as two processes of that node can be compared.
+
+use std::f64::consts::PI;
+
+use airframe::envelope::Envelope;
+use contract::Scenario;
+use contract::message::{Actuators, Controls, Message, Reference};
+use contract::scenario::Mode;
+use contract::topic::{NODES, Topic};
+
+use crate::log::Record;
+
+/// Reference of w that counts as the largest \[m/s\], unless the limit is lower.
+const W_MPS: f64 = 5.0;
+
+/// One answer.
+#[derive(Debug, Clone, Copy)]
+pub struct Answer {
+    /// The sample.
+    pub tick: u64,
+    /// Who gave it.
+    pub epoch: u64,
+    /// From the sample to the answer \[ns\].
+    pub response_ns: u64,
+    /// Whether it is whole, and its numbers can be true.
+    pub usable: bool,
+    /// Its numbers, each as a share of what is commonly the largest.
+    shares: [f64; 4],
+}
+
+/// What makes answers of one node comparable.
+#[derive(Debug, Clone)]
+pub struct Scale {
+    /// The topic it speaks on.
+    pub topic: Topic,
+    /// When its answer is due after the sample \[ns\].
+    pub due_ns: u64,
+    /// The largest common value of each number.
+    largest: [f64; 4],
+    /// Against the clock a response is what it took; otherwise how long faults held it up.
+    clocked: bool,
+}
+
+impl Scale {
+    /// For the publisher of `topic` in a run of `scenario`.
+    pub fn new(scenario: &Scenario, topic: Topic) -> Self {
+        let largest = match topic {
+            Topic::State => [f64::INFINITY; 4], // nobody compares plants
+            Topic::Reference => {
+                let angle_rad = scenario.guidance.angle_limit_deg.to_radians();
+                [scenario.guidance.w_limit_mps.min(W_MPS), angle_rad, angle_rad, PI]
+            }
+            Topic::Controls => {
+                let envelope = Envelope::new(&scenario.airframe, scenario.mixer.tilt_reaction, scenario.limits());
+                let (low, high) = envelope.bounding_box();
+                std::array::from_fn(|i| low[i].abs().max(high[i].abs()))
+            }
+            Topic::Actuators => {
+                let limits = scenario.limits();
+                let [o1, o2, o3] = limits.rotor_speed_max;
+                [o1, o2, o3, limits.tilt_max_rad]
+            }
+        };
+        let rank = NODES.iter().position(|node| *node == topic.publisher()).unwrap_or(0);
+        let clocked = scenario.run.mode == Mode::Realtime;
+        Self { topic, due_ns: scenario.deadline_of(rank).deadline_ns, largest, clocked }
+    }
+
+    /// The answer that `record` is; `None` for one of another node.
+    pub fn read(&self, record: &Record) -> Option<Answer> {
+        if record.topic() != self.topic {
+            return None;
+        }
+        let stamp = record.stamp();
+        let publish_ns = stamp.publish_ns[self.topic as usize];
+        let response_ns = if self.clocked { publish_ns.saturating_sub(stamp.sample_ns) } else { stamp.held_ns };
+        let (numbers, plausible) = match record {
+            Record::State(_) => return None,
+            Record::Reference(message) => (reference(message), is_plausible(message)),
+            Record::Controls(message) => (controls(message), is_plausible(message)),
+            Record::Actuators(message) => (actuators(message), is_plausible(message)),
+        };
+        Some(Answer {
+            tick: stamp.tick,
+            epoch: stamp.epoch,
+            response_ns,
+            usable: plausible && record.is_whole(),
+            shares: std::array::from_fn(|i| numbers[i] / self.largest[i]),
+        })
+    }
+}
+
+impl Answer {
+    /// How far another answer to the same sample is away: the largest difference of a number, as a share.
+    pub fn difference(&self, other: &Self) -> f64 {
+        self.shares.iter().zip(other.shares).map(|(mine, theirs)| (mine - theirs).abs()).fold(0.0, f64::max)
+    }
+}
+
+fn reference(message: &Reference) -> [f64; 4] {
+    let [phi, theta, psi] = message.attitude_rad;
+    [message.w_mps, phi, theta, psi]
+}
+
+fn controls(message: &Controls) -> [f64; 4] {
+    message.demand
+}
+
+fn actuators(message: &Actuators) -> [f64; 4] {
+    let [o1, o2, o3] = message.command.rotor_speed;
+    [o1, o2, o3, message.command.tilt_rad]
+}
+
+fn is_plausible<M: Message>(message: &M) -> bool {
+    message.plausible()
+}

@@ -1,0 +1,255 @@
+//! Succession: who works for each node on each tick, where time follows the script: in lockstep and in process.
+//!
+//! ```text
+//! scripted death   away from its tick on, then another process
+//! death by itself  noticed at once, another process RESTART later; the fourth within 5 s is the last
+//! swap             newcomer in the shadow -> in office -> kept, or sent away: see [`trial`]
+//! ```
+//!
+//! It knows no process, no clock and no shared memory: whoever turns the ring asks before each tick that may change
+//! something, and does what it says. Against the clock the [`crate::supervisor`] decides, from what it sees.
+
+mod answer;
+pub mod event;
+pub mod trial;
+
+use contract::office::Staff;
+use contract::plan::{Plan, RESTART_S};
+use contract::scenario::Scenario;
+use contract::topic::Topic;
+
+use crate::log::Record;
+use event::{Event, What};
+use trial::{Ruling, Trial};
+
+/// Deaths of a node within [`DEATHS_S`] after which nobody is started any more.
+pub const MOST_DEATHS: usize = 4;
+/// See [`MOST_DEATHS`] \[s\].
+pub const DEATHS_S: f64 = 5.0;
+
+/// Who works when, as the script and the flight have it.
+pub struct Succession {
+    scenario: Scenario,
+    plan: Plan,
+    posts: [Post; Topic::COUNT],
+    /// Everything that happened.
+    pub events: Vec<Event>,
+}
+
+/// One node.
+struct Post {
+    topic: Topic,
+    holder: Option<Worker>,
+    shadow: Option<Worker>,
+    /// The newest epoch.
+    newest: u32,
+    away: Option<Away>,
+    /// The ticks of the newest deaths.
+    deaths: Vec<u64>,
+    trial: Option<Trial>,
+}
+
+/// A process that works.
+#[derive(Clone, Copy)]
+struct Worker {
+    epoch: u32,
+    /// The swap that it came with.
+    origin: Option<usize>,
+}
+
+/// Nobody is there.
+#[derive(Clone, Copy)]
+struct Away {
+    until: u64,
+    who: Worker,
+    /// Whether another comes in its place.
+    replaced: bool,
+}
+
+/// What is to be done before a tick.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Step {
+    /// End the process of this epoch.
+    End(Topic, u32),
+    /// Start one of this epoch, with the program and settings of this swap, or those of the run.
+    Begin(Topic, u32, Option<usize>),
+}
+
+impl Succession {
+    /// For a run of `scenario`, in which every node has its first process.
+    pub fn new(scenario: &Scenario) -> Self {
+        let first = Worker { epoch: 1, origin: None };
+        let post = |topic| Post {
+            topic,
+            holder: Some(first),
+            shadow: None,
+            newest: 1,
+            away: None,
+            deaths: vec![],
+            trial: None,
+        };
+        Self { scenario: scenario.clone(), plan: Plan::new(scenario), posts: Topic::ALL.map(post), events: vec![] }
+    }
+
+    /// Who works for the node that speaks on `topic`.
+    pub fn staff(&self, topic: Topic) -> Staff {
+        let post = &self.posts[topic as usize];
+        let epoch = |worker: Option<Worker>| worker.map_or(0, |worker| worker.epoch);
+        Staff { holder: epoch(post.holder), shadow: epoch(post.shadow) }
+    }
+
+    /// A node for which nobody is started any more.
+    pub fn given_up(&self) -> Option<&'static str> {
+        let given_up = |post: &&Post| post.away.is_some_and(|away| away.until == u64::MAX);
+        self.posts.iter().find(given_up).map(|post| post.topic.publisher())
+    }
+
+    /// Takes one message in: trials are decided by them.
+    pub fn observe(&mut self, record: &Record) {
+        self.posts.iter_mut().filter_map(|post| post.trial.as_mut()).for_each(|trial| trial.observe(record));
+    }
+
+    /// Decides who works on `tick`; what is to be done before it begins.
+    pub fn begin(&mut self, tick: u64) -> Vec<Step> {
+        let Self { scenario, plan, posts, events } = self;
+        let mut steps = vec![];
+        for post in posts {
+            let mut happened = |epoch, what| events.push(Event::new(tick, post.topic, epoch, what));
+            if let Some(absence) = plan.absence(post.topic, tick).filter(|absence| absence.from == tick)
+                && let Some(who) = post.holder.take()
+            {
+                happened(who.epoch, if absence.replaced { What::Killed } else { What::Hung });
+                steps.extend(absence.replaced.then_some(Step::End(post.topic, who.epoch)));
+                post.away = Some(Away { until: absence.until, who, replaced: absence.replaced });
+                post.mourn(tick, absence.replaced, scenario, events);
+            }
+            post.fill(tick, events, &mut steps);
+            post.judge(tick, events, &mut steps);
+            for (i, swap) in scenario.swap.iter().enumerate().filter(|(_, swap)| swap.node.topic() == Some(post.topic)) {
+                if swap.ticks(scenario.sample_s()).from == tick {
+                    post.try_newcomer(tick, scenario, i, events, &mut steps);
+                }
+            }
+        }
+        steps
+    }
+
+    /// The process `epoch` has ended by itself, on `tick`.
+    pub fn lost(&mut self, topic: Topic, epoch: u32, tick: u64) {
+        let Self { scenario, posts, events, .. } = self;
+        let post = &mut posts[topic as usize];
+        let is = |worker: &mut Worker| worker.epoch == epoch;
+        let Some(who) = post.holder.take_if(is).or_else(|| post.shadow.take_if(is)) else { return };
+        events.push(Event::new(tick, topic, epoch, What::Died));
+        if let Some(trial) = post.trial.take() {
+            let what = match epoch == trial.newcomer {
+                true if trial.in_office => What::Returned,
+                true => What::Rejected,
+                false => What::Kept,
+            };
+            events.push(Event::new(tick, topic, trial.newcomer, what).because(format!("epoch {epoch} died")));
+        }
+        if post.holder.is_none() && post.shadow.is_none() {
+            let restart = (RESTART_S / scenario.sample_s() - 1e-6).ceil() as u64;
+            post.away = Some(Away { until: tick + restart, who, replaced: true });
+            post.mourn(tick, true, scenario, events);
+        }
+    }
+}
+
+impl Post {
+    /// Counts a death; after too many of them nobody comes back.
+    fn mourn(&mut self, tick: u64, died: bool, scenario: &Scenario, events: &mut Vec<Event>) {
+        if !died {
+            return;
+        }
+        self.deaths.retain(|at| (tick - at) as f64 * scenario.sample_s() < DEATHS_S);
+        self.deaths.push(tick);
+        if self.deaths.len() >= MOST_DEATHS
+            && let Some(away) = &mut self.away
+        {
+            away.until = u64::MAX;
+            events.push(Event::new(tick, self.topic, away.who.epoch, What::GivenUp));
+        }
+    }
+
+    /// Puts somebody in an office that is vacant: who works in the shadow, or who was to come back on this tick.
+    fn fill(&mut self, tick: u64, events: &mut Vec<Event>, steps: &mut Vec<Step>) {
+        if self.holder.is_some() {
+            return;
+        }
+        self.holder = self.shadow.take();
+        if let Some(away) = self.away.take_if(|away| tick >= away.until) {
+            let mut who = away.who;
+            if away.replaced {
+                self.newest += 1;
+                who.epoch = self.newest;
+                events.push(Event::new(tick, self.topic, who.epoch, What::Started));
+                steps.push(Step::Begin(self.topic, who.epoch, who.origin));
+            }
+            self.holder = Some(who);
+        }
+        if let Some(holder) = self.holder {
+            events.push(Event::new(tick, self.topic, holder.epoch, What::TookOver));
+        }
+    }
+
+    /// Does what the trial of a newcomer has come to.
+    fn judge(&mut self, tick: u64, events: &mut Vec<Event>, steps: &mut Vec<Step>) {
+        let Some(trial) = &mut self.trial else { return };
+        let Some((ruling, why)) = trial.rule(tick) else { return };
+        let (newcomer, old) = (trial.newcomer, trial.old);
+        let (what, leaves) = match ruling {
+            Ruling::HandOver => {
+                trial.in_office = true;
+                (What::TookOver, None)
+            }
+            Ruling::Keep => (What::Kept, Some(old)),
+            Ruling::Reject => (What::Rejected, Some(newcomer)),
+            Ruling::Return => (What::Returned, Some(newcomer)),
+        };
+        if matches!(ruling, Ruling::HandOver | Ruling::Return) {
+            std::mem::swap(&mut self.holder, &mut self.shadow);
+        }
+        if let Some(leaves) = leaves {
+            self.trial = None;
+            self.shadow = None;
+            steps.push(Step::End(self.topic, leaves));
+        }
+        events.push(Event::new(tick, self.topic, newcomer, what).because(why));
+    }
+
+    /// Begins the swap number `i` of the scenario.
+    fn try_newcomer(
+        &mut self,
+        tick: u64,
+        scenario: &Scenario,
+        i: usize,
+        events: &mut Vec<Event>,
+        steps: &mut Vec<Step>,
+    ) {
+        let Some(holder) = self.holder else {
+            events.push(Event::new(tick, self.topic, self.newest, What::Rejected).because("nobody to take over from"));
+            return;
+        };
+        self.newest = successor(self.newest, holder.epoch);
+        let newcomer = Worker { epoch: self.newest, origin: Some(i) };
+        let swap = &scenario.swap[i];
+        let ticks = swap.ticks(scenario.sample_s());
+        self.trial = Some(Trial::new(scenario, swap, self.topic, ticks, (holder.epoch, newcomer.epoch)));
+        self.shadow = Some(newcomer);
+        steps.push(Step::Begin(self.topic, newcomer.epoch, newcomer.origin));
+        for what in [What::Started, What::InShadow] {
+            events.push(Event::new(tick, self.topic, newcomer.epoch, what));
+        }
+    }
+}
+
+/// The epoch of who is started after `newest` beside `holder`: the two must differ in the last bit ([`contract::office`]).
+pub fn successor(newest: u32, holder: u32) -> u32 {
+    let next = newest + 1;
+    if next % 2 == holder % 2 { next + 1 } else { next }
+}
+
+#[cfg(test)]
+mod tests;
