@@ -16,7 +16,8 @@ use contract::plan::{HANG_TICKS, Plan};
 use contract::realtime::Board;
 use contract::scenario::{Fault, FaultKind, Mode, Scenario};
 use contract::topic::Topic;
-use serde::Serialize;
+
+use crate::event::{Event, What};
 
 /// Waits before the first, second, third new start within `WINDOW`; after that the node is given up.
 const BACK_OFF_MS: [u64; 3] = [0, 50, 100];
@@ -27,37 +28,6 @@ const LEAST_HANG: Duration = Duration::from_millis(20);
 const LOCKSTEP_HANG: Duration = Duration::from_secs(2);
 /// The plant has nobody to answer for it: its motors are off after this time, so it is the end of the flight.
 const PLANT_HANG: Duration = Duration::from_millis(500);
-
-/// Something that happened to a process.
-#[derive(Debug, Clone, Serialize)]
-pub struct Event {
-    /// The tick of the plant then.
-    pub tick: u64,
-    /// Which node.
-    pub node: &'static str,
-    /// Which incarnation.
-    pub epoch: u32,
-    /// What.
-    pub what: What,
-}
-
-/// What can happen to a process.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum What {
-    /// It died.
-    Died,
-    /// It made no progress, and was killed.
-    Hung,
-    /// The scenario had it killed.
-    Killed,
-    /// It was started.
-    Started,
-    /// It holds the office.
-    TookOver,
-    /// It is not started any more.
-    GivenUp,
-}
 
 /// What is to be done to a process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -163,7 +133,7 @@ impl Supervisor {
             }
         }
         board.bell(topic).ring();
-        let event = |what| Event { tick, node: topic.publisher(), epoch, what };
+        let event = |what| Event::new(tick, topic.publisher(), epoch, what);
         if epoch < node.epoch {
             return true; // its successor is on the way already
         }
@@ -215,7 +185,7 @@ impl Supervisor {
             let successor = self.plan.successor(node.topic, tick);
             let vacated = board.office(node.topic).holder.get() == 0 || node.topic == Topic::State;
             if successor > node.epoch && vacated {
-                let event = |epoch, what| Event { tick, node: node.topic.publisher(), epoch, what };
+                let event = |epoch, what| Event::new(tick, node.topic.publisher(), epoch, what);
                 self.events.push(event(node.epoch, What::Killed));
                 orders.push(Order::Kill(node.topic));
                 if node.topic != Topic::State {
@@ -233,7 +203,7 @@ impl Supervisor {
         let hang = self.hang(i);
         let node = &mut self.nodes[i];
         let office = board.office(node.topic);
-        let event = |epoch, what| Event { tick, node: node.topic.publisher(), epoch, what };
+        let event = |epoch, what| Event::new(tick, node.topic.publisher(), epoch, what);
         let holder = office.holder.get();
         if node.restart_at.is_some_and(|at| now >= at) {
             node.restart_at = None;

@@ -17,6 +17,7 @@ use rustix::process::{Pid, PidfdFlags, Signal, kill_process, pidfd_open};
 use rustix::time::Timespec;
 
 use super::end::Departure;
+use crate::event::{self, Event};
 
 /// How often the queues and the children are looked at; a child that ends is noticed at once.
 const POLL: Timespec = Timespec { tv_sec: 0, tv_nsec: 5_000_000 };
@@ -43,13 +44,15 @@ pub struct Children {
     domain: Domain,
     /// Those that have not been seen to end.
     pub all: Vec<Process>,
+    /// How many events the recorder was told of.
+    pub told: usize,
     undertakers: Vec<JoinHandle<()>>,
 }
 
 impl Children {
     /// None yet.
     pub fn new(domain: Domain) -> Self {
-        Self { domain, all: vec![], undertakers: vec![] }
+        Self { domain, all: vec![], told: 0, undertakers: vec![] }
     }
 
     /// Starts one.
@@ -65,13 +68,14 @@ impl Children {
         command.args(["node", name, "--namespace", self.domain.namespace(), "--epoch", &epoch.to_string()]);
         command.stdin(Stdio::null()).stdout(Stdio::piped());
         if let Some(path) = log {
-            command.arg("--log").arg(path);
+            command.arg("--log").arg(path).stdin(Stdio::piped());
         }
         // A group of its own: a Ctrl-C in the terminal reaches the launcher only, which then stops the nodes in order.
         let child = command.process_group(0).spawn().with_context(|| format!("cannot start {name}"))?;
         let pidfd = Pid::from_raw(child.id() as i32).and_then(|pid| pidfd_open(pid, PidfdFlags::empty()).ok());
+        let never_waits = child.stdin.as_ref().map_or(Ok(()), event::never_wait);
         self.all.push(Process { name, topic, epoch, child, condemned: false, pidfd });
-        Ok(())
+        never_waits.with_context(|| format!("cannot set up the pipe to {name}"))
     }
 
     /// One that has ended, and how; one that did not end well is told first.
@@ -81,6 +85,12 @@ impl Children {
             Some((i, Departure::of(status)))
         });
         ended.max_by_key(|(_, how)| how.gravity())
+    }
+
+    /// Tells the recorder of those `events` that it has not been told of, as far as it listens.
+    pub fn tell(&mut self, events: &[Event]) {
+        let Some(pipe) = self.all.iter().find_map(|process| process.child.stdin.as_ref()) else { return };
+        self.told += events.iter().skip(self.told).take_while(|event| event::send(pipe, event)).count();
     }
 
     /// Forgets one that has ended, and has what it left removed from the services: by a thread of its own, because that
