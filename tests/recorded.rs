@@ -4,6 +4,7 @@ use std::process::Command;
 
 use crate::harness::{fly, top};
 use launcher::log;
+use serde_json::json;
 
 #[test]
 fn the_log_holds_every_message() {
@@ -23,6 +24,35 @@ fn the_log_holds_every_message() {
     }
 }
 
+/// Guidance is killed.
+const STRUCK: [&str; 6] = [
+    "scenarios/faults/hover-gusts.toml",
+    "--mode",
+    "lockstep",
+    "--set",
+    "run.duration_s=2.0",
+    "--set=fault=[{ at_s = 0.5, for_s = 0.3, target = \"guidance\", kind = \"kill\" }]",
+];
+
+#[test]
+fn the_log_holds_every_event() {
+    let outcome = fly(&STRUCK);
+    assert_eq!(outcome.code(), Some(0), "{}", outcome.stderr);
+    let log = log::read(&outcome.out.join("flight.mcap")).expect("the log reads");
+    let run = outcome.run();
+    assert!(log.complete() && log.events.len() >= 3, "{:?}", log.events);
+    assert_eq!(run["log"]["dropped"], 0);
+    let told: Vec<_> = log.events.iter().map(|event| (event.node.as_str(), event.epoch, json!(event.what))).collect();
+    let events = run["events"].as_array().expect("a list of events");
+    let expected = events.iter().map(|event| {
+        let epoch = event["epoch"].as_u64().and_then(|epoch| u32::try_from(epoch).ok()).expect("an epoch");
+        (event["node"].as_str().expect("a node"), epoch, event["what"].clone())
+    });
+    assert_eq!(told, expected.collect::<Vec<_>>());
+    let messages = log.states.len() + log.references.len() + log.controls.len() + log.actuators.len();
+    assert_eq!(run["log"]["records"].as_u64(), Some((messages + log.events.len()) as u64));
+}
+
 #[test]
 fn the_python_reader_reads_it() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -39,10 +69,11 @@ fn the_python_reader_reads_it() {
         eprintln!("skipped: the readers cannot be had from PyPI: {}", String::from_utf8_lossy(&installed.stderr));
         return;
     }
-    let outcome = fly(&["--mode", "inprocess", "--set", "run.duration_s=2.0"]);
+    let outcome = fly(&STRUCK);
     let script = top().join("tests/python/read_log.py");
     let read = Command::new(&python).arg(script).arg(outcome.out.join("flight.mcap")).output().expect("python runs");
     assert!(read.status.success(), "{}", String::from_utf8_lossy(&read.stderr));
     let seen: serde_json::Value = serde_json::from_slice(&read.stdout).expect("one line of JSON");
     assert_eq!(seen["counts"]["/state"], 201, "{seen}");
+    assert!(seen["counts"]["/events"].as_u64() >= Some(3), "{seen}");
 }

@@ -6,6 +6,7 @@
 //! | [`fly`] | one flight from scenario to report |
 //! | [`inprocess`] | the ring turned by one thread |
 //! | [`stack`] | the ring as processes: start, watch, stop |
+//! | [`event`] | what happens to processes, and how the recorder hears of it |
 //! | [`recorder`] | the fifth process: every message to `flight.mcap` |
 //! | [`log`] | the flight log's format |
 //! | [`summary`], [`timing`] | what a flight amounts to: metrics, state hash, punctuality |
@@ -17,6 +18,7 @@
 //! | [`measure`] | `measure`: figures with targets |
 
 pub mod cli;
+pub mod event;
 pub mod faults;
 pub mod fly;
 pub mod inprocess;

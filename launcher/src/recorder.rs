@@ -1,4 +1,4 @@
-//! The recorder: a process that writes every message of every topic to `flight.mcap`.
+//! The recorder: a process that writes every message of every topic to `flight.mcap`, and every event it is told of.
 //!
 //! It never holds the ring back: its queues overflow before a publisher would wait, and what they lost is counted by
 //! the gaps in the sequence numbers. When the disk fails it says so once, keeps the good part of the file and goes on
@@ -16,6 +16,7 @@ use contract::scenario::{self, Scenario};
 use rustix::process::Signal;
 use serde::{Deserialize, Serialize};
 
+use crate::event::{Event, Hearing};
 use crate::log::{Count, LogWriter, Record};
 
 /// How often the queues are emptied.
@@ -24,9 +25,9 @@ const POLL: Duration = Duration::from_millis(2);
 /// The recorder's last word.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct LogOutcome {
-    /// Messages written.
+    /// Messages and events written.
     pub records: u64,
-    /// Messages lost before they could be written.
+    /// Those lost before they could be written.
     pub dropped: u64,
     /// Why the log ends early, if it does.
     pub error: Option<String>,
@@ -83,6 +84,7 @@ fn record(namespace: &str, path: &Path) -> anyhow::Result<LogOutcome> {
     // The file first: a recorder that has joined is one that can write.
     let mut log = Log::create(path, &seat.scenario)?;
     let observers = Observers::join(&seat)?;
+    let mut hearing = Hearing::new(std::io::stdin());
     loop {
         let closing = seat.board.phase().count() >= phase::CLOSE;
         let mut newest = 0;
@@ -93,6 +95,11 @@ fn record(namespace: &str, path: &Path) -> anyhow::Result<LogOutcome> {
             log.write(&record);
         });
         seat.board.recorded().raise(newest as u32);
+        let count = count
+            + hearing.drain(|event| match event {
+                Ok(event) => log.event(&event),
+                Err(_) => log.outcome.dropped += 1,
+            });
         if count == 0 {
             if closing {
                 return Ok(log.finish());
@@ -122,7 +129,18 @@ impl Log {
     /// Writes one message, or counts it as dropped.
     pub fn write(&mut self, record: &Record) {
         self.outcome.dropped += self.count.gap(record).unwrap_or(0);
-        match self.writer.as_mut().map(|writer| writer.write(record)) {
+        let written = self.writer.as_mut().map(|writer| writer.write(record));
+        self.note(written);
+    }
+
+    /// Writes one event, or counts it as dropped.
+    pub fn event(&mut self, event: &Event) {
+        let written = self.writer.as_mut().map(|writer| writer.event(event));
+        self.note(written);
+    }
+
+    fn note(&mut self, written: Option<anyhow::Result<()>>) {
+        match written {
             Some(Ok(())) => {
                 self.outcome.records += 1;
                 self.written = Some(Instant::now());

@@ -6,10 +6,10 @@ use contract::process::exit;
 use contract::scenario::{Bounds, Mode};
 use serde_json::{Value, json};
 
+use crate::event::Event;
 use crate::recorder::LogOutcome;
 use crate::stack::Ended;
 use crate::summary::{Metrics, Summary};
-use crate::supervisor::Event;
 
 /// What is known of a run besides its messages.
 pub struct Circumstances {
@@ -85,7 +85,11 @@ pub fn run_json(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
 fn events(scenario: &Scenario, events: &[Event]) -> Value {
     let one = |event: &Event| {
         let at_s = event.tick as f64 / f64::from(scenario.run.rate_hz);
-        json!({ "at_s": at_s, "node": event.node, "epoch": event.epoch, "what": event.what })
+        let mut told = json!({ "at_s": at_s, "node": event.node, "epoch": event.epoch, "what": event.what });
+        if let Some(why) = &event.why {
+            told["why"] = json!(why);
+        }
+        told
     };
     events.iter().map(one).collect()
 }

@@ -28,10 +28,11 @@ use children::{Children, Process, wait};
 use end::Departure;
 pub use end::{Ended, StartError};
 
+use crate::event::Event;
 use crate::log::Record;
 use crate::provenance::{Scheduling, scheduling_of};
 use crate::recorder::{LogOutcome, Observers};
-use crate::supervisor::{Event, Order, Supervisor};
+use crate::supervisor::{Order, Supervisor};
 
 /// How long children may take to join, and nodes to leave.
 const JOIN_LIMIT: Duration = Duration::from_secs(10);
@@ -127,6 +128,7 @@ impl Stack {
             if let Some(ended) = self.supervise() {
                 break ended;
             }
+            self.children.tell(&self.supervisor.events);
             tick();
             self.children.sleep();
         };
@@ -230,6 +232,8 @@ impl Stack {
             }
         }
         self.drain(watch);
+        self.children.tell(&self.supervisor.events);
+        let untold = self.supervisor.events.len() - self.children.told;
         self.board.set_phase(phase::CLOSE);
         let recorder = self.children.all.iter_mut().find(|process| process.name == RECORDER).map(|p| &mut p.child);
         let log = recorder.map(|child| {
@@ -237,10 +241,12 @@ impl Stack {
             let mut text = String::new();
             let read = child.stdout.take().map(|mut out| out.read_to_string(&mut text));
             let word = read.and_then(|_| serde_json::from_str(&text).ok()).filter(|_| done);
-            word.unwrap_or_else(|| LogOutcome {
+            let mut outcome: LogOutcome = word.unwrap_or_else(|| LogOutcome {
                 error: Some("the recorder ended before it could close the log".into()),
                 ..LogOutcome::default()
-            })
+            });
+            outcome.dropped += untold as u64;
+            outcome
         });
         (lost, log)
     }

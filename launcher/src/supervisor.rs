@@ -20,7 +20,7 @@ use contract::scenario::{Fault, FaultKind, Scenario, Swap};
 use contract::topic::Topic;
 
 use crate::log::Record;
-use crate::succession::event::Event;
+use crate::event::Event;
 use node::Node;
 
 /// What is to be done to a process.

@@ -23,7 +23,7 @@ use plant::Plant;
 
 use crate::log::Record;
 use crate::stack::{Ended, Refused};
-use crate::succession::event::Event;
+use crate::event::Event;
 use crate::succession::{Step, Succession};
 use post::Post;
 use speech::{Ear, Heard, Voice};

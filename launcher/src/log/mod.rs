@@ -1,10 +1,11 @@
-//! The flight log: every message of every topic in one MCAP file that Foxglove, `PlotJuggler` and Python read.
+//! The flight log: every message of every topic, and every event, in one MCAP file that Foxglove, `PlotJuggler` and Python read.
 //!
 //! | in the file | is |
 //! |---|---|
 //! | topics `/state` `/reference` `/controls` `/actuators` | the messages, as the protobuf of `proto/trefoil.proto` |
+//! | topic `/events` | what happened to the processes, as the JSON of `proto/event.schema.json` ([`crate::event`]) |
 //! | `log_time` | simulated time: the stamp's tick times 10 ms, so that runs of every mode lie on one axis |
-//! | `publish_time` | when it was published, `CLOCK_MONOTONIC`; 0 in process, where there is no clock |
+//! | `publish_time` | when it was published, `CLOCK_MONOTONIC`; 0 in process, where there is no clock, and of an event |
 //! | metadata `scenario`, key `toml` | the run's merged settings, the first record of the file |
 //! | metadata `trefoil` | the version that wrote it, and the two time rules above |
 //!
@@ -85,3 +86,5 @@ record_from!(State, Reference, Controls, Actuators);
 
 /// Name of the metadata record that holds the scenario, and the key it stands under.
 const SCENARIO: (&str, &str) = ("scenario", "toml");
+/// The topic of the events.
+const EVENTS: &str = "/events";

@@ -18,7 +18,8 @@ use mcap::{
     sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions},
 };
 
-use super::{Record, SCENARIO, schema};
+use super::{EVENTS, Record, SCENARIO, schema};
+use crate::event::Event;
 
 /// A flight log in memory, each topic in the order of writing.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -33,6 +34,8 @@ pub struct Log {
     pub controls: Vec<Controls>,
     /// From the mixer.
     pub actuators: Vec<Actuators>,
+    /// What happened to the processes; logs of earlier versions tell of nothing.
+    pub events: Vec<Event>,
     /// Why reading stopped before the footer: the log's writer was killed, or the file is damaged. What stands here
     /// was read before that, and checked.
     pub defect: Option<String>,
@@ -88,6 +91,8 @@ struct Contents {
     has_scenario: bool,
     schemas: HashMap<u16, Topic>,
     channels: HashMap<u16, Topic>,
+    /// The channel of the events.
+    events: Option<u16>,
 }
 
 impl Contents {
@@ -108,10 +113,15 @@ impl Contents {
             McapRecord::Channel(channel) => {
                 let topic = self.schemas.get(&channel.schema_id);
                 self.channels.extend(topic.map(|&topic| (channel.id, topic)));
+                if channel.topic == EVENTS {
+                    self.events = Some(channel.id);
+                }
             }
             McapRecord::Message { header, data } => {
                 if let Some(&topic) = self.channels.get(&header.channel_id) {
                     self.push(&schema::decode(topic, &data)?);
+                } else if self.events == Some(header.channel_id) {
+                    self.log.events.push(serde_json::from_slice(&data).context("an event cannot be read")?);
                 }
             }
             _ => {}

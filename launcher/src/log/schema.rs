@@ -1,4 +1,4 @@
-//! The protobuf form of the messages: field for field, bit for bit, both ways.
+//! The protobuf form of the messages: field for field, bit for bit, both ways. And the schema of the events, which are JSON.
 
 use contract::{
     Topic,
@@ -16,6 +16,9 @@ mod wire {
 
 /// The schema as readers want it: a serialised `FileDescriptorSet`.
 pub const DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/trefoil.fds"));
+
+/// Name and text of the events' JSON Schema.
+pub const EVENT: (&str, &[u8]) = ("trefoil.v1.Event", include_bytes!("../../proto/event.schema.json"));
 
 /// Full name of the protobuf message of a topic.
 pub const fn message_name(topic: Topic) -> &'static str {

@@ -12,6 +12,7 @@ use rustix::fs::{MemfdFlags, SealFlags, fcntl_add_seals, memfd_create};
 use tempfile::TempDir;
 
 use super::{Log, LogWriter, Record, read};
+use crate::event::{Event, What};
 
 const SCENARIO: &str = "name = \"hover \u{3bc}\"\n";
 
@@ -233,6 +234,33 @@ fn times_are_simulated_and_published() {
     assert_eq!(logged[0].log_time, 2_500_000_000);
     assert_eq!(logged[0].publish_time, 3_000_000_000_000);
     assert_eq!(logged[0].sequence, 7);
+}
+
+#[test]
+fn events_stand_at_their_ticks_beside_the_messages() {
+    let (_folder, path) = place();
+    let mut log = LogWriter::create(&path, SCENARIO, 2_000_000).unwrap();
+    let events = [
+        Event::new(3, "mixer", 1, What::Died),
+        Event::new(5, "mixer", 2, What::TookOver).because("the \u{3bc} of \"it\"\n"),
+    ];
+    write_states(&mut log, 0..4);
+    events.iter().for_each(|event| log.event(event).unwrap());
+    log.finish().unwrap();
+    let returned = read(&path).unwrap();
+    assert!(returned.complete());
+    assert_eq!((returned.states.len(), &returned.events[..]), (4, &events[..]));
+
+    let bytes = fs::read(&path).unwrap();
+    let logged: Vec<_> = MessageStream::new(&bytes).unwrap().map(Result::unwrap).collect();
+    let schema = logged[4].channel.schema.clone().unwrap();
+    assert_eq!((logged[4].channel.topic.as_str(), schema.encoding.as_str()), ("/events", "jsonschema"));
+    assert_eq!([logged[4].log_time, logged[5].log_time], [6_000_000, 10_000_000]);
+    // Every key of an event is told of in the schema, and the other way round.
+    let schema: serde_json::Value = serde_json::from_slice(&schema.data).unwrap();
+    let event: serde_json::Value = serde_json::from_slice(&logged[5].data).unwrap();
+    let keys = |value: &serde_json::Value| value.as_object().unwrap().keys().cloned().collect::<Vec<_>>();
+    assert_eq!(keys(&schema["properties"]), keys(&event));
 }
 
 #[test]

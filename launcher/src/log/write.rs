@@ -16,7 +16,8 @@ use mcap::{
     write::NoSeek,
 };
 
-use super::{Record, SCENARIO, schema};
+use super::{EVENTS, Record, SCENARIO, schema};
+use crate::event::Event;
 
 /// A chunk is closed and handed to the system when it holds this many bytes of messages...
 const CHUNK_BYTES: usize = 64 * 1024;
@@ -38,6 +39,8 @@ pub struct LogWriter {
     file: File,
     /// MCAP's channel number of each topic.
     channels: [u16; Topic::COUNT],
+    /// That of the events.
+    events: u16,
     /// Sample time \[ns\].
     sample_ns: u64,
     /// The bytes of one message.
@@ -57,12 +60,13 @@ impl LogWriter {
         let cannot_create = || format!("cannot create {}", path.display());
         let file = File::create(path).with_context(cannot_create)?;
         let sink = BufWriter::with_capacity(2 * CHUNK_BYTES, file.try_clone().with_context(cannot_create)?);
-        let (mcap, channels) = open(sink, scenario_toml).map_err(plain).with_context(cannot_create)?;
+        let (mcap, channels, events) = open(sink, scenario_toml).map_err(plain).with_context(cannot_create)?;
         let mut writer = Self {
             path: path.into(),
             mcap: Some(mcap),
             file,
             channels,
+            events,
             sample_ns,
             buffer: Vec::new(),
             open_bytes: 0,
@@ -77,16 +81,31 @@ impl LogWriter {
 
     /// Appends one message.
     pub fn write(&mut self, record: &Record) -> anyhow::Result<()> {
-        let Some(mcap) = &mut self.mcap else { return Ok(()) };
         let (topic, stamp) = (record.topic() as usize, record.stamp());
-        let header = MessageHeader {
+        schema::encode(record, &mut self.buffer);
+        self.append(&MessageHeader {
             channel_id: self.channels[topic],
             sequence: stamp.sequence as u32,
             log_time: stamp.tick.saturating_mul(self.sample_ns),
             publish_time: stamp.publish_ns[topic],
-        };
-        schema::encode(record, &mut self.buffer);
-        if let Err(error) = mcap.write_to_known_channel(&header, &self.buffer) {
+        })
+    }
+
+    /// Appends one event.
+    pub fn event(&mut self, event: &Event) -> anyhow::Result<()> {
+        self.buffer = serde_json::to_vec(event)?;
+        self.append(&MessageHeader {
+            channel_id: self.events,
+            sequence: 0,
+            log_time: event.tick.saturating_mul(self.sample_ns),
+            publish_time: 0,
+        })
+    }
+
+    /// Appends what is in the buffer.
+    fn append(&mut self, header: &MessageHeader) -> anyhow::Result<()> {
+        let Some(mcap) = &mut self.mcap else { return Ok(()) };
+        if let Err(error) = mcap.write_to_known_channel(header, &self.buffer) {
             return Err(self.give_up(plain(error)));
         }
         self.open_bytes += self.buffer.len();
@@ -132,8 +151,8 @@ impl LogWriter {
     }
 }
 
-/// Starts the file: settings first, then the schemas and channels (in the first chunk).
-fn open(sink: BufWriter<File>, scenario_toml: &str) -> McapResult<(Mcap, [u16; Topic::COUNT])> {
+/// Starts the file: settings first, then the schemas and channels (in the first chunk), that of the events last.
+fn open(sink: BufWriter<File>, scenario_toml: &str) -> McapResult<(Mcap, [u16; Topic::COUNT], u16)> {
     let mut mcap = WriteOptions::new()
         .compression(None)
         .chunk_size(None) // `LogWriter` closes the chunks
@@ -156,7 +175,11 @@ fn open(sink: BufWriter<File>, scenario_toml: &str) -> McapResult<(Mcap, [u16; T
         let publisher = BTreeMap::from([("publisher".into(), topic.publisher().into())]);
         channels[topic as usize] = mcap.add_channel(schema, &format!("/{}", topic.name()), "protobuf", &publisher)?;
     }
-    Ok((mcap, channels))
+    let (name, text) = schema::EVENT;
+    let schema = mcap.add_schema(name, "jsonschema", text)?;
+    let events =
+        mcap.add_channel(schema, EVENTS, "json", &BTreeMap::from([("publisher".into(), "launcher".into())]))?;
+    Ok((mcap, channels, events))
 }
 
 fn metadata(name: &str, entries: &[(&str, &str)]) -> Metadata {

@@ -37,11 +37,9 @@ fn summary_of(log: &Log, scenario: &contract::Scenario) -> Value {
     tick_by_tick(log).for_each(|record| summary.observe(&record));
     let ended = Ended::Lost("the launcher (no run.json; this summary is made from the log)".into());
     let wall_s = f64::NAN; // unknown, and shown as such
-    run_json(
-        &summary,
-        scenario,
-        &Circumstances { ended, wall_s, log: None, provenance: Value::Null, events: vec![], refused: vec![] },
-    )
+    let events = log.events.clone();
+    let how = Circumstances { ended, wall_s, log: None, provenance: Value::Null, events, refused: vec![] };
+    run_json(&summary, scenario, &how)
 }
 
 /// Every message, in the order in which the ring turned.

@@ -17,6 +17,7 @@ use rustix::process::{Pid, PidfdFlags, Signal, kill_process, pidfd_open};
 use rustix::time::Timespec;
 
 use super::end::Departure;
+use crate::event::{self, Event};
 
 const BURIAL_LIMIT: Duration = Duration::from_millis(500);
 
@@ -58,13 +59,15 @@ pub struct Children {
     domain: Domain,
     /// Those that have not been seen to end.
     pub all: Vec<Process>,
+    /// How many events the recorder was told of.
+    pub told: usize,
     undertakers: Vec<JoinHandle<()>>,
 }
 
 impl Children {
     /// None yet.
     pub fn new(domain: Domain) -> Self {
-        Self { domain, all: vec![], undertakers: vec![] }
+        Self { domain, all: vec![], told: 0, undertakers: vec![] }
     }
 
     /// Starts one.
@@ -78,7 +81,8 @@ impl Children {
             own
         };
         command.args(["--namespace", self.domain.namespace(), "--epoch", &epoch.to_string()]);
-        command.stdin(Stdio::null()).stdout(if topic.is_none() { Stdio::piped() } else { Stdio::null() });
+        let talks = || if topic.is_none() { Stdio::piped() } else { Stdio::null() }; // the recorder, both ways
+        command.stdin(talks()).stdout(talks());
         for (option, path) in [("--log", log), ("--settings", settings)] {
             path.into_iter().for_each(|path| _ = command.arg(option).arg(path));
         }
@@ -86,8 +90,9 @@ impl Children {
         let cannot = || format!("cannot start {}", program.unwrap_or(name));
         let child = command.process_group(0).spawn().with_context(cannot)?;
         let pidfd = Pid::from_raw(child.id() as i32).and_then(|pid| pidfd_open(pid, PidfdFlags::empty()).ok());
+        let never_waits = child.stdin.as_ref().map_or(Ok(()), event::never_wait);
         self.all.push(Process { name, topic, epoch, child, condemned: false, pidfd });
-        Ok(())
+        never_waits.with_context(|| format!("cannot set up the pipe to {name}"))
     }
 
     /// One that has ended, and how; one that did not end well is told first.
@@ -97,6 +102,12 @@ impl Children {
             Some((i, Departure::of(status)))
         });
         ended.max_by_key(|(_, how)| how.gravity())
+    }
+
+    /// Tells the newest recorder of those `events` that none has been told of, as far as it listens.
+    pub fn tell(&mut self, events: &[Event]) {
+        let Some(pipe) = self.all.iter().rev().find_map(|process| process.child.stdin.as_ref()) else { return };
+        self.told += events.iter().skip(self.told).take_while(|event| event::send(pipe, event)).count();
     }
 
     /// Forgets one that has ended, and has what it left removed from the services: by a thread of its own, because that

@@ -10,7 +10,6 @@
 //! something, and does what it says. Against the clock the [`crate::supervisor`] decides, from what it sees.
 
 mod answer;
-pub mod event;
 pub mod trial;
 
 use contract::office::Staff;
@@ -19,7 +18,7 @@ use contract::scenario::Scenario;
 use contract::topic::Topic;
 
 use crate::log::Record;
-use event::{Event, What};
+use crate::event::{Event, What};
 use trial::{Ruling, Trial};
 
 /// Deaths of a node within [`DEATHS_S`] after which nobody is started any more.
@@ -114,7 +113,7 @@ impl Succession {
         let Self { scenario, plan, posts, events } = self;
         let mut steps = vec![];
         for post in posts {
-            let mut happened = |epoch, what| events.push(Event::new(tick, post.topic, epoch, what));
+            let mut happened = |epoch, what| events.push(Event::new(tick, post.topic.publisher(), epoch, what));
             if let Some(absence) = plan.absence(post.topic, tick).filter(|absence| absence.from == tick)
                 && let Some(who) = post.holder.take()
             {
@@ -140,14 +139,14 @@ impl Succession {
         let post = &mut posts[topic as usize];
         let is = |worker: &mut Worker| worker.epoch == epoch;
         let Some(who) = post.holder.take_if(is).or_else(|| post.shadow.take_if(is)) else { return };
-        events.push(Event::new(tick, topic, epoch, What::Died));
+        events.push(Event::new(tick, topic.publisher(), epoch, What::Died));
         if let Some(trial) = post.trial.take() {
             let what = match epoch == trial.newcomer {
                 true if trial.in_office => What::Returned,
                 true => What::Rejected,
                 false => What::Kept,
             };
-            events.push(Event::new(tick, topic, trial.newcomer, what).because(format!("epoch {epoch} died")));
+            events.push(Event::new(tick, topic.publisher(), trial.newcomer, what).because(format!("epoch {epoch} died")));
         }
         if post.holder.is_none() && post.shadow.is_none() {
             let restart = (RESTART_S / scenario.sample_s() - 1e-6).ceil() as u64;
@@ -169,7 +168,7 @@ impl Post {
             && let Some(away) = &mut self.away
         {
             away.until = u64::MAX;
-            events.push(Event::new(tick, self.topic, away.who.epoch, What::GivenUp));
+            events.push(Event::new(tick, self.topic.publisher(), away.who.epoch, What::GivenUp));
         }
     }
 
@@ -184,13 +183,13 @@ impl Post {
             if away.replaced {
                 self.newest += 1;
                 who.epoch = self.newest;
-                events.push(Event::new(tick, self.topic, who.epoch, What::Started));
+                events.push(Event::new(tick, self.topic.publisher(), who.epoch, What::Started));
                 steps.push(Step::Begin(self.topic, who.epoch, who.origin));
             }
             self.holder = Some(who);
         }
         if let Some(holder) = self.holder {
-            events.push(Event::new(tick, self.topic, holder.epoch, What::TookOver));
+            events.push(Event::new(tick, self.topic.publisher(), holder.epoch, What::TookOver));
         }
     }
 
@@ -216,7 +215,7 @@ impl Post {
             self.shadow = None;
             steps.push(Step::End(self.topic, leaves));
         }
-        events.push(Event::new(tick, self.topic, newcomer, what).because(why));
+        events.push(Event::new(tick, self.topic.publisher(), newcomer, what).because(why));
     }
 
     /// Begins the swap number `i` of the scenario.
@@ -229,7 +228,7 @@ impl Post {
         steps: &mut Vec<Step>,
     ) {
         let Some(holder) = self.holder else {
-            events.push(Event::new(tick, self.topic, self.newest, What::Rejected).because("nobody to take over from"));
+            events.push(Event::new(tick, self.topic.publisher(), self.newest, What::Rejected).because("nobody to take over from"));
             return;
         };
         self.newest = successor(self.newest, holder.epoch);
@@ -240,7 +239,7 @@ impl Post {
         self.shadow = Some(newcomer);
         steps.push(Step::Begin(self.topic, newcomer.epoch, newcomer.origin));
         for what in [What::Started, What::InShadow] {
-            events.push(Event::new(tick, self.topic, newcomer.epoch, what));
+            events.push(Event::new(tick, self.topic.publisher(), newcomer.epoch, what));
         }
     }
 }

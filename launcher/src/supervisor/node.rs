@@ -8,7 +8,7 @@ use contract::scenario::{Scenario, SwapTicks};
 use contract::topic::Topic;
 
 use super::Order;
-use crate::succession::event::{Event, What};
+use crate::event::{Event, What};
 use crate::succession::successor;
 use crate::succession::trial::{Ruling, Trial};
 
@@ -107,10 +107,10 @@ impl Node {
             return; // it was sent away, or its time was over
         }
         if epoch != self.dismissed {
-            events.push(Event::new(tick, self.topic, epoch, What::Died));
+            events.push(Event::new(tick, self.topic.publisher(), epoch, What::Died));
         }
         if started.is_some_and(|started| started.swap.is_some()) {
-            events.push(Event::new(tick, self.topic, epoch, What::Rejected).because("it died before it was ready"));
+            events.push(Event::new(tick, self.topic.publisher(), epoch, What::Rejected).because("it died before it was ready"));
             return;
         }
         if let Some(trial) = self.trial.take() {
@@ -119,7 +119,7 @@ impl Node {
                 true => What::Rejected,
                 false => What::Kept,
             };
-            events.push(Event::new(tick, self.topic, trial.newcomer, what).because(format!("epoch {epoch} died")));
+            events.push(Event::new(tick, self.topic.publisher(), trial.newcomer, what).because(format!("epoch {epoch} died")));
         }
         let stand_in = office.staff().without(epoch);
         if stand_in.holder == 0 && stand_in.shadow != 0 {
@@ -140,7 +140,7 @@ impl Node {
             self.restart_at = Some(now + Duration::from_millis(*wait_ms));
         } else {
             self.given_up = true;
-            events.push(Event::new(tick, self.topic, epoch, What::GivenUp));
+            events.push(Event::new(tick, self.topic.publisher(), epoch, What::GivenUp));
         }
     }
 
@@ -176,7 +176,7 @@ impl Node {
         orders: &mut Vec<Order>,
     ) {
         if let Err(why) = self.vacancy_for_newcomer(board) {
-            events.push(Event::new(tick, self.topic, self.newest, What::Rejected).because(why));
+            events.push(Event::new(tick, self.topic.publisher(), self.newest, What::Rejected).because(why));
             return;
         }
         self.newest = successor(self.newest, board.office(self.topic).holder());
@@ -192,7 +192,7 @@ impl Node {
         orders: &mut Vec<Order>,
     ) {
         self.started = Some(Started { epoch: self.newest, at: now, swap });
-        events.push(Event::new(tick, self.topic, self.newest, What::Started));
+        events.push(Event::new(tick, self.topic.publisher(), self.newest, What::Started));
         orders.push(Order::Start(self.topic, self.newest, swap.or(self.origins.0)));
     }
 
@@ -217,7 +217,7 @@ impl Node {
                 self.trial = Some(Trial::new(scenario, swap, self.topic, ticks, (holder, epoch)));
                 self.origins.1 = Some(i);
                 office.appoint(tick as u32, |staff| contract::office::Staff { shadow: epoch, ..staff });
-                events.push(Event::new(tick, self.topic, epoch, What::InShadow));
+                events.push(Event::new(tick, self.topic.publisher(), epoch, What::InShadow));
             }
             _ => {
                 if swap.is_some() {
@@ -241,7 +241,7 @@ impl Node {
         let office = board.office(self.topic);
         let holder = office.holder();
         if holder != self.holder && holder != 0 {
-            let mut event = Event::new(tick, self.topic, holder, What::TookOver);
+            let mut event = Event::new(tick, self.topic.publisher(), holder, What::TookOver);
             if let Some(trial) = self.trial.as_mut().filter(|trial| trial.newcomer == holder) {
                 trial.in_office = true;
                 event = event.because(trial.describe());
@@ -257,7 +257,7 @@ impl Node {
         // The sample after the newest it has done is number `done`: that many have come since without an answer.
         let behind = self.topic == Topic::State || tick + 1 >= u64::from(done) + HANG_TICKS;
         if holder != 0 && tick > 0 && behind && now.duration_since(self.progress.1) > self.hang {
-            events.push(Event::new(tick, self.topic, holder, What::Hung));
+            events.push(Event::new(tick, self.topic.publisher(), holder, What::Hung));
             self.progress.1 = now;
             orders.push(Order::Kill(self.topic, holder));
         }
@@ -296,6 +296,6 @@ impl Node {
             }
         };
         self.trial = None;
-        events.push(Event::new(tick, self.topic, newcomer, what).because(why));
+        events.push(Event::new(tick, self.topic.publisher(), newcomer, what).because(why));
     }
 }
