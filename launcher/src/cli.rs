@@ -39,12 +39,8 @@ enum Command {
     },
     /// Export some ticks of a run for the trace viewer Perfetto
     Trace(trace::TraceArgs),
-    /// List the stacks that are flying
-    Status {
-        /// Print JSON
-        #[arg(long)]
-        json: bool,
-    },
+    /// List the stacks that are flying, and how their nodes are
+    Status(manage::StatusArgs),
     /// Stop a flying stack, cleanly
     Stop {
         /// Which stack
@@ -86,7 +82,7 @@ pub fn main() -> ExitCode {
         Command::Check { scenario, set } => check(&scenario, &set),
         Command::Report { run } => report::rewrite(&run).map(|()| exit::FLOWN),
         Command::Trace(args) => trace::trace(&args).map(|()| exit::FLOWN),
-        Command::Status { json } => manage::status(json).map(|()| exit::FLOWN),
+        Command::Status(args) => manage::status(&args).map(|()| exit::FLOWN),
         Command::Stop { namespace } => manage::stop(&namespace).map(|()| exit::FLOWN),
         Command::Measure(what) => what.run(),
         Command::Node { name, namespace, epoch, log } => return node(name, &namespace, epoch, log),

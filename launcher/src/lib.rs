@@ -13,10 +13,12 @@
 //! | [`run_record`] | `run.json` |
 //! | [`report`] | `report.html` |
 //! | [`trace`] | `trace`: ticks of a run for a trace viewer |
+//! | [`control`] | the socket on which a flying stack is asked and told |
 //! | [`manage`] | `status` and `stop` |
 //! | [`measure`] | `measure`: figures with targets |
 
 pub mod cli;
+pub mod control;
 pub mod faults;
 pub mod fly;
 pub mod inprocess;

@@ -6,6 +6,7 @@
 //! plant has left, or Ctrl-C, or nobody can go on -> LEAVE -> nodes gone -> CLOSE -> recorder gone -> wipe
 //! ```
 
+mod answer;
 mod children;
 mod end;
 
@@ -28,6 +29,7 @@ use children::{Children, Process, wait};
 use end::Departure;
 pub use end::{Ended, StartError};
 
+use crate::control::Server;
 use crate::log::Record;
 use crate::provenance::{Scheduling, scheduling_of};
 use crate::recorder::{LogOutcome, Observers};
@@ -62,6 +64,10 @@ pub struct Stack {
     supervisor: Supervisor,
     board: std::sync::Arc<Board>,
     observers: Observers,
+    scenario: Scenario,
+    control: Server,
+    /// When the newest message of each topic was sent.
+    newest_ns: [u64; Topic::COUNT],
     // Dropped in this order: the services before the domain that holds their files.
     services: Services,
     _bus: Bus,
@@ -93,6 +99,9 @@ impl Stack {
             supervisor,
             board: seat.board,
             observers,
+            scenario: scenario.clone(),
+            control: Server::open(domain).with_context(shm("the control socket"))?,
+            newest_ns: [0; Topic::COUNT],
             services,
             _bus: bus,
             _hold: hold,
@@ -127,8 +136,9 @@ impl Stack {
             if let Some(ended) = self.supervise() {
                 break ended;
             }
+            self.attend();
             tick();
-            self.children.sleep();
+            self.children.sleep(self.control.sources());
         };
         let given_up = self.supervisor.given_up();
         let wall = started.elapsed();
@@ -198,17 +208,21 @@ impl Stack {
                 let counts = format!("{publishers} publishers and {subscribers} subscribers");
                 return Err(StartError::Lost(format!("after 10 s topic '{}' has {counts}", topic.name())));
             }
+            self.attend();
             std::thread::sleep(Duration::from_millis(1));
         }
         Ok(())
     }
 
     /// Shows `watch` every message that has come, and tells the plant, which waits for it in lockstep; the newest tick.
-    fn drain(&self, watch: &mut impl FnMut(Record)) -> u64 {
+    fn drain(&mut self, watch: &mut impl FnMut(Record)) -> u64 {
         let mut newest = 0;
+        let newest_ns = &mut self.newest_ns;
         self.observers.drain(|record| {
             if record.is_whole() {
-                newest = newest.max(record.stamp().tick);
+                let (stamp, topic) = (record.stamp(), record.topic() as usize);
+                newest = newest.max(stamp.tick);
+                newest_ns[topic] = newest_ns[topic].max(stamp.publish_ns[topic]);
             }
             watch(record);
         });

@@ -1,6 +1,6 @@
 //! The launcher's children: start, signal, wait, and clear away what they leave.
 
-use std::os::fd::OwnedFd;
+use std::os::fd::{BorrowedFd, OwnedFd};
 use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -106,11 +106,11 @@ impl Children {
         }
     }
 
-    /// Sleeps until one ends, or until it is time to look around.
-    pub fn sleep(&self) {
-        let mut ends: Vec<PollFd> =
-            self.all.iter().filter_map(|p| p.pidfd.as_ref()).map(|fd| PollFd::new(fd, PollFlags::IN)).collect();
-        let _ = poll(&mut ends, Some(&POLL)); // an early return is a look around too soon
+    /// Sleeps until one ends, one of `others` is readable, or it is time to look around.
+    pub fn sleep<'a>(&'a self, others: impl Iterator<Item = BorrowedFd<'a>>) {
+        let ends = self.all.iter().filter_map(|p| p.pidfd.as_ref()).map(|fd| PollFd::new(fd, PollFlags::IN));
+        let others = others.map(|fd| PollFd::from_borrowed_fd(fd, PollFlags::IN));
+        let _ = poll(&mut ends.chain(others).collect::<Vec<_>>(), Some(&POLL)); // an early return is a look around too soon
     }
 }
 
