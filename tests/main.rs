@@ -1,6 +1,7 @@
 //! The stack as a whole: flights in process, in lockstep and in real time, and the promises of the repository itself.
 
 mod bad_input;
+mod control;
 mod deadlines;
 mod faults;
 mod harness;

@@ -1,6 +1,6 @@
 //! The command line. Data goes to stdout, talk to stderr.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand, ValueEnum};
@@ -9,7 +9,7 @@ use contract::scenario;
 
 use crate::measure::Measure;
 use crate::stack::StartError;
-use crate::{fly, manage, print, recorder, report, trace};
+use crate::{fly, manage, print, recorder, report, swap, trace};
 
 #[derive(Parser)]
 #[command(name = "launcher", version, about = "Flies a tilt-rotor tricopter through separate real-time processes")]
@@ -39,12 +39,10 @@ enum Command {
     },
     /// Export some ticks of a run for the trace viewer Perfetto
     Trace(trace::TraceArgs),
-    /// List the stacks that are flying
-    Status {
-        /// Print JSON
-        #[arg(long)]
-        json: bool,
-    },
+    /// List the stacks that are flying, and how their nodes are
+    Status(manage::StatusArgs),
+    /// Replace a process of a flying stack: in the shadow first, back again if it does not do
+    Swap(swap::SwapArgs),
     /// Stop a flying stack, cleanly
     Stop {
         /// Which stack
@@ -64,6 +62,9 @@ enum Command {
         /// Which incarnation of the node this is
         #[arg(long, default_value_t = 1)]
         epoch: u32,
+        /// Its own settings, a merged scenario file; without it: the run's
+        #[arg(long)]
+        settings: Option<PathBuf>,
         /// recorder: where to write the log
         #[arg(long, required_if_eq("name", "recorder"))]
         log: Option<PathBuf>,
@@ -86,10 +87,13 @@ pub fn main() -> ExitCode {
         Command::Check { scenario, set } => check(&scenario, &set),
         Command::Report { run } => report::rewrite(&run).map(|()| exit::FLOWN),
         Command::Trace(args) => trace::trace(&args).map(|()| exit::FLOWN),
-        Command::Status { json } => manage::status(json).map(|()| exit::FLOWN),
+        Command::Status(args) => manage::status(&args).map(|()| exit::FLOWN),
+        Command::Swap(args) => swap::swap(&args),
         Command::Stop { namespace } => manage::stop(&namespace).map(|()| exit::FLOWN),
         Command::Measure(what) => what.run(),
-        Command::Node { name, namespace, epoch, log } => return node(name, &namespace, epoch, log),
+        Command::Node { name, namespace, epoch, settings, log } => {
+            return node(name, &namespace, epoch, settings.as_deref(), log);
+        }
     };
     match result {
         Ok(code) => ExitCode::from(code),
@@ -109,13 +113,13 @@ fn check(scenario: &std::path::Path, set: &[String]) -> anyhow::Result<u8> {
     Ok(exit::FLOWN)
 }
 
-fn node(name: NodeName, namespace: &str, epoch: u32, log: Option<PathBuf>) -> ExitCode {
+fn node(name: NodeName, namespace: &str, epoch: u32, own: Option<&Path>, log: Option<PathBuf>) -> ExitCode {
     match (name, log) {
-        (NodeName::Plant, _) => run_as("plant", namespace, epoch, plant::run),
-        (NodeName::Guidance, _) => run_as("guidance", namespace, epoch, guidance::run),
-        (NodeName::AttitudeMpc, _) => run_as("attitude-mpc", namespace, epoch, attitude_mpc::run),
-        (NodeName::Mixer, _) => run_as("mixer", namespace, epoch, mixer::run),
-        (NodeName::Recorder, Some(log)) => recorder::main(namespace, &log),
+        (NodeName::Plant, _) => run_as("plant", namespace, epoch, own, plant::run),
+        (NodeName::Guidance, _) => run_as("guidance", namespace, epoch, own, guidance::run),
+        (NodeName::AttitudeMpc, _) => run_as("attitude-mpc", namespace, epoch, own, attitude_mpc::run),
+        (NodeName::Mixer, _) => run_as("mixer", namespace, epoch, own, mixer::run),
+        (NodeName::Recorder, Some(log)) => recorder::main(namespace, epoch, &log),
         (NodeName::Recorder, None) => unreachable!("clap requires --log for the recorder"),
     }
 }

@@ -127,17 +127,21 @@ fn fly_inprocess(
 ) -> anyhow::Result<Circumstances> {
     let mut log = log.map(|path| Log::create(path, scenario)).transpose()?;
     let started = Instant::now();
-    let ended = inprocess::fly(scenario, |record| {
+    let flown = inprocess::fly(scenario, |record| {
         summary.observe(&record);
         if let Some(log) = &mut log {
             log.write(&record);
         }
         interrupts.load(Ordering::Relaxed) == 0
     });
-    let log = log.map(Log::finish);
     let wall_s = started.elapsed().as_secs_f64();
+    let inprocess::Flown { ended, events, refused } = flown;
+    let log = log.map(|mut log| {
+        events.iter().for_each(|event| log.event(event));
+        log.finish()
+    });
     let ended = if interrupts.load(Ordering::Relaxed) > 0 { Ended::Interrupted } else { ended };
-    Ok(Circumstances { ended, wall_s, log, provenance: provenance(scenario, &[]), events: vec![], refused: vec![] })
+    Ok(Circumstances { ended, wall_s, log, provenance: provenance(scenario, &[]), events, refused })
 }
 
 fn fly_processes(

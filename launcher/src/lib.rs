@@ -7,6 +7,8 @@
 //! | [`inprocess`] | the ring turned by one thread |
 //! | [`stack`] | the ring as processes: start, watch, stop |
 //! | [`event`] | what happens to processes, and how the recorder hears of it |
+//! | [`succession`] | who works for each node when time follows the script, and the trial of newcomers |
+//! | `supervisor` | who works for each node against the clock |
 //! | [`recorder`] | the fifth process: every message to `flight.mcap` |
 //! | [`log`] | the flight log's format |
 //! | [`summary`], [`timing`] | what a flight amounts to: metrics, state hash, punctuality |
@@ -14,10 +16,13 @@
 //! | [`run_record`] | `run.json` |
 //! | [`report`] | `report.html` |
 //! | [`trace`] | `trace`: ticks of a run for a trace viewer |
+//! | [`control`] | the socket on which a flying stack is asked and told |
 //! | [`manage`] | `status` and `stop` |
+//! | [`swap`] | `swap`: another process for a node of a flying stack |
 //! | [`measure`] | `measure`: figures with targets |
 
 pub mod cli;
+pub mod control;
 pub mod event;
 pub mod faults;
 pub mod fly;
@@ -31,8 +36,10 @@ pub mod report;
 pub mod run_record;
 pub mod solves;
 pub mod stack;
+pub mod succession;
 pub mod summary;
 mod supervisor;
+pub mod swap;
 pub mod timing;
 pub mod trace;
 

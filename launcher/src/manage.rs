@@ -1,5 +1,7 @@
 //! `status` and `stop`: look at stacks that fly, and end one.
 
+mod table;
+
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
@@ -9,30 +11,41 @@ use contract::scenario;
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::{Value, json};
 
+use crate::control::{Request, ask};
 use crate::print;
+use table::describe;
 
-/// Lists the stacks that fly, and how far they are.
-pub fn status(as_json: bool) -> anyhow::Result<()> {
-    let stacks: Vec<Value> = Domain::list().iter().map(look).collect();
-    if as_json {
-        print(&(serde_json::to_string_pretty(&stacks)? + "\n"));
-    } else if stacks.is_empty() {
-        print("no stack is flying\n");
+/// How often `status --watch` looks.
+const WATCH: Duration = Duration::from_millis(500);
+
+/// Arguments of `status`.
+#[derive(clap::Args)]
+pub struct StatusArgs {
+    /// Print JSON
+    #[arg(long, conflicts_with = "watch")]
+    json: bool,
+    /// Look again twice a second, until Ctrl-C
+    #[arg(long)]
+    watch: bool,
+}
+
+/// Lists the stacks that fly: how far they are, how their nodes are, what is broken, and what happened last.
+pub fn status(args: &StatusArgs) -> anyhow::Result<()> {
+    loop {
+        let stacks: Vec<Value> = Domain::list().iter().map(look).collect();
+        if args.json {
+            print(&(serde_json::to_string_pretty(&stacks)? + "\n"));
+        } else if stacks.is_empty() {
+            print("no stack is flying\n");
+        } else {
+            print(&stacks.iter().map(describe).collect::<Vec<_>>().join("\n"));
+        }
+        if !args.watch {
+            return Ok(());
+        }
+        std::thread::sleep(WATCH);
+        print("\x1b[H\x1b[J"); // an empty screen, from the top
     }
-    for s in stacks.iter().filter(|_| !as_json) {
-        let text = |key: &str| s[key].as_str().unwrap_or("?").to_owned();
-        print(&format!(
-            "{:<16} {:<12} {:<10} {:<9} t = {:.2} s of {:.0} s   launcher {}\n",
-            text("namespace"),
-            text("name"),
-            text("mode"),
-            text("phase"),
-            s["time_s"].as_f64().unwrap_or(0.0),
-            s["duration_s"].as_f64().unwrap_or(0.0),
-            s["launcher_pid"],
-        ));
-    }
-    Ok(())
 }
 
 /// What can be seen of one stack without joining it: settings and board. A guest that joins while the stack ends would
@@ -55,6 +68,10 @@ fn look(domain: &Domain) -> Value {
             phase::GO => "flying",
             _ => "ending",
         });
+    }
+    // What only the launcher knows; one that is ending tells nothing any more.
+    if let (Some(view), Ok(Value::Object(told))) = (view.as_object_mut(), ask(domain, &Request::Status)) {
+        view.extend(told);
     }
     view
 }

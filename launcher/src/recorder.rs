@@ -65,9 +65,9 @@ impl Observers {
 }
 
 /// Runs the recorder as this process.
-pub fn main(namespace: &str, path: &Path) -> ExitCode {
+pub fn main(namespace: &str, epoch: u32, path: &Path) -> ExitCode {
     let _ = rustix::process::set_parent_process_death_signal(Some(Signal::KILL));
-    match record(namespace, path) {
+    match record(namespace, epoch, path) {
         Ok(outcome) => {
             println!("{}", serde_json::to_string(&outcome).unwrap_or_default());
             ExitCode::SUCCESS
@@ -79,14 +79,16 @@ pub fn main(namespace: &str, path: &Path) -> ExitCode {
     }
 }
 
-fn record(namespace: &str, path: &Path) -> anyhow::Result<LogOutcome> {
-    let seat = Seat::join(namespace, "recorder", 1)?;
+fn record(namespace: &str, epoch: u32, path: &Path) -> anyhow::Result<LogOutcome> {
+    let seat = Seat::join(namespace, "recorder", epoch)?;
     // The file first: a recorder that has joined is one that can write.
     let mut log = Log::create(path, &seat.scenario)?;
     let observers = Observers::join(&seat)?;
     let mut hearing = Hearing::new(std::io::stdin());
+    let office = seat.board.archive();
+    office.ready.set(epoch);
     loop {
-        let closing = seat.board.phase().count() >= phase::CLOSE;
+        let closing = seat.board.phase().count() >= phase::CLOSE || office.holder() > epoch;
         let mut newest = 0;
         let count = observers.drain(|record| {
             if record.is_whole() {

@@ -76,13 +76,13 @@ pub fn run_json(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
         "unobserved": summary.missed(),
         "faults": summary.faults.to_json(),
         "events": events(scenario, &how.events),
-        "refused": refused(&how.refused),
+        "refused": how.refused.iter().map(|(node, counts)| ((*node).to_owned(), refused(counts))).collect::<Value>(),
         "provenance": how.provenance,
     })
 }
 
-/// What happened to the processes, by the time of the flight.
-fn events(scenario: &Scenario, events: &[Event]) -> Value {
+/// What happened, by the time of the flight.
+pub fn events(scenario: &Scenario, events: &[Event]) -> Value {
     let one = |event: &Event| {
         let at_s = event.tick as f64 / f64::from(scenario.run.rate_hz);
         let mut told = json!({ "at_s": at_s, "node": event.node, "epoch": event.epoch, "what": event.what });
@@ -94,12 +94,9 @@ fn events(scenario: &Scenario, events: &[Event]) -> Value {
     events.iter().map(one).collect()
 }
 
-/// Refused messages by listener and cause.
-fn refused(counts: &[(&'static str, [u32; 5])]) -> Value {
-    let causes = |counts: &[u32; 5]| -> Value {
-        Refusal::ALL.iter().zip(counts).map(|(refusal, count)| (refusal.name().to_owned(), json!(count))).collect()
-    };
-    counts.iter().map(|(node, counts)| ((*node).to_owned(), causes(counts))).collect()
+/// Refused messages by cause.
+pub fn refused(counts: &[u32; 5]) -> Value {
+    Refusal::ALL.iter().zip(counts).map(|(refusal, count)| (refusal.name().to_owned(), json!(count))).collect()
 }
 
 /// One bound of the scenario against the flight.

@@ -6,10 +6,14 @@
 //! plant has left, or Ctrl-C, or nobody can go on -> LEAVE -> nodes gone -> CLOSE -> recorder gone -> wipe
 //! ```
 
+mod answer;
+mod archive;
 mod children;
 mod end;
+mod regime;
+mod script;
+mod staffing;
 
-use std::io::Read;
 use std::path::Path;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
@@ -18,28 +22,32 @@ use anyhow::Context;
 use contract::Scenario;
 use contract::domain::Hold;
 use contract::guard::Refusal;
+use contract::office::Staff;
 use contract::port::{Bus, Services, config_toml};
 use contract::process::Seat;
 use contract::realtime::{Board, phase};
 use contract::topic::Topic;
-use rustix::process::Signal;
 
-use children::{Children, Process, wait};
+use children::{Birth, Children, wait};
 use end::Departure;
 pub use end::{Ended, StartError};
 
+use crate::control::Server;
 use crate::event::Event;
 use crate::log::Record;
 use crate::provenance::{Scheduling, scheduling_of};
 use crate::recorder::{LogOutcome, Observers};
-use crate::supervisor::{Order, Supervisor};
+use archive::{Archive, RECORDER};
+use regime::Regime;
 
 /// How long children may take to join, and nodes to leave.
 const JOIN_LIMIT: Duration = Duration::from_secs(10);
 const LEAVE_LIMIT: Duration = Duration::from_secs(1);
 /// The recorder may have a slow disk to empty its last chunk to.
 const CLOSE_LIMIT: Duration = Duration::from_secs(30);
-const RECORDER: &str = "recorder";
+
+/// Messages refused, by listener and cause.
+pub type Refused = Vec<(&'static str, [u32; Refusal::ALL.len()])>;
 
 /// What a flight through processes leaves behind, beside the messages.
 pub struct Flown {
@@ -54,19 +62,24 @@ pub struct Flown {
     /// What happened to the processes.
     pub events: Vec<Event>,
     /// Messages refused, by listener and cause.
-    pub refused: Vec<(&'static str, [u32; 5])>,
+    pub refused: Refused,
 }
 
 /// A stack whose processes are all there. Dropping it kills what is left and wipes shared memory.
 pub struct Stack {
     children: Children,
-    supervisor: Supervisor,
+    regime: Regime,
+    archive: Option<Archive>,
     board: std::sync::Arc<Board>,
     observers: Observers,
+    scenario: Scenario,
+    control: Server,
+    /// When the newest message of each topic was sent.
+    newest_ns: [u64; Topic::COUNT],
     // Dropped in this order: the services before the domain that holds their files.
     services: Services,
     _bus: Bus,
-    _hold: Hold,
+    hold: Hold,
 }
 
 impl Stack {
@@ -88,24 +101,25 @@ impl Stack {
         let services = bus.create_services()?;
         let seat = Seat::join(namespace, "launcher", 1)?;
         let observers = Observers::join(&seat)?;
-        let supervisor = Supervisor::new(scenario);
         let mut stack = Self {
             children: Children::new(domain.clone()),
-            supervisor,
+            regime: Regime::new(scenario),
+            archive: log.map(Archive::new),
             board: seat.board,
             observers,
+            scenario: scenario.clone(),
+            control: Server::open(domain).with_context(shm("the control socket"))?,
+            newest_ns: [0; Topic::COUNT],
             services,
             _bus: bus,
-            _hold: hold,
+            hold,
         };
         for topic in Topic::ALL {
-            stack.board.office(topic).holder.set(1);
-            stack.children.spawn(topic.publisher(), Some(topic), 1, None)?;
+            stack.board.office(topic).appoint(0, |_| Staff { holder: 1, shadow: 0 });
+            let name = topic.publisher();
+            stack.children.spawn(&Birth { name, topic: Some(topic), epoch: 1, ..Birth::default() })?;
         }
-        match log {
-            Some(path) => stack.children.spawn(RECORDER, None, 1, Some(path))?,
-            None => stack.board.recorded().raise(u32::MAX), // nobody records, so nobody is to be waited for
-        }
+        stack.start_recorder()?;
         stack.wait_until_joined(1 + usize::from(log.is_some()), interrupts)?;
         Ok(stack)
     }
@@ -116,6 +130,7 @@ impl Stack {
         let started = Instant::now();
         self.board.set_phase(phase::GO);
         let ended = loop {
+            let question = self.regime.question(&self.board); // before the look: all that was sent before it is here
             let newest = self.drain(&mut watch);
             if scheduling.is_empty() && newest > 0 {
                 // Everybody has been round once, and so has long settled into the class it got.
@@ -125,14 +140,15 @@ impl Stack {
             if interrupts.load(Ordering::Relaxed) > 0 {
                 break Ended::Interrupted;
             }
-            if let Some(ended) = self.supervise() {
+            if let Some(ended) = self.supervise(question) {
                 break ended;
             }
-            self.children.tell(&self.supervisor.events);
+            self.children.tell(self.regime.events());
+            self.attend();
             tick();
-            self.children.sleep();
+            self.children.sleep(self.control.sources(), self.regime.rest(&self.board));
         };
-        let given_up = self.supervisor.given_up();
+        let given_up = self.regime.given_up();
         let wall = started.elapsed();
         let (lost, log) = self.stop(interrupts, &mut watch);
         // A node that fails while leaving has still failed.
@@ -145,38 +161,7 @@ impl Stack {
             (topic.publisher(), Refusal::ALL.map(|r| self.board.office(topic).refused[r as usize].get()))
         };
         let refused = Topic::ALL.map(count).into();
-        Flown { ended, log, wall, scheduling, events: std::mem::take(&mut self.supervisor.events), refused }
-    }
-
-    /// Sees to it that everybody is there who should be; how the flight has ended, if it has.
-    fn supervise(&mut self) -> Option<Ended> {
-        while let Some((i, how)) = self.children.departed() {
-            let Process { name, topic, epoch, .. } = self.children.all[i];
-            match (topic, how) {
-                (Some(Topic::State), Departure::Well) => return Some(Ended::Flown),
-                (_, Departure::Late) => return Some(Ended::Late(name.into())),
-                (Some(topic), how) => {
-                    if !self.supervisor.died(&self.board, topic, epoch) {
-                        return Some(Ended::Lost(how.tell(name)));
-                    }
-                    self.children.bury(i);
-                }
-                (None, how) => return Some(Ended::Lost(how.tell(name))),
-            }
-        }
-        for order in self.supervisor.orders(&self.board) {
-            match order {
-                Order::Start(topic, epoch) => {
-                    if let Err(error) = self.children.spawn(topic.publisher(), Some(topic), epoch, None) {
-                        return Some(Ended::Lost(format!("{} ({error:#})", topic.publisher())));
-                    }
-                }
-                Order::Kill(topic) => self.children.signal(topic, Signal::KILL),
-                Order::Stop(topic) => self.children.signal(topic, Signal::STOP),
-                Order::Continue(topic) => self.children.signal(topic, Signal::CONT),
-            }
-        }
-        None
+        Flown { ended, log, wall, scheduling, events: std::mem::take(self.regime.events()), refused }
     }
 
     /// Waits until every topic has its publisher and all its subscribers; `observers` of them are not nodes.
@@ -200,18 +185,23 @@ impl Stack {
                 let counts = format!("{publishers} publishers and {subscribers} subscribers");
                 return Err(StartError::Lost(format!("after 10 s topic '{}' has {counts}", topic.name())));
             }
+            self.attend();
             std::thread::sleep(Duration::from_millis(1));
         }
         Ok(())
     }
 
     /// Shows `watch` every message that has come, and tells the plant, which waits for it in lockstep; the newest tick.
-    fn drain(&self, watch: &mut impl FnMut(Record)) -> u64 {
+    fn drain(&mut self, watch: &mut impl FnMut(Record)) -> u64 {
         let mut newest = 0;
-        self.observers.drain(|record| {
+        let Self { newest_ns, regime, observers, .. } = self;
+        observers.drain(|record| {
             if record.is_whole() {
-                newest = newest.max(record.stamp().tick);
+                let (stamp, topic) = (record.stamp(), record.topic() as usize);
+                newest = newest.max(stamp.tick);
+                newest_ns[topic] = newest_ns[topic].max(stamp.publish_ns[topic]);
             }
+            regime.observe(&record);
             watch(record);
         });
         self.board.watched().raise(newest as u32);
@@ -232,19 +222,15 @@ impl Stack {
             }
         }
         self.drain(watch);
-        self.children.tell(&self.supervisor.events);
-        let untold = self.supervisor.events.len() - self.children.told;
+        self.children.tell(self.regime.events());
+        let untold = self.regime.events().len() - self.children.told;
         self.board.set_phase(phase::CLOSE);
-        let recorder = self.children.all.iter_mut().find(|process| process.name == RECORDER).map(|p| &mut p.child);
-        let log = recorder.map(|child| {
-            let done = wait(child, CLOSE_LIMIT, interrupts).is_some();
-            let mut text = String::new();
-            let read = child.stdout.take().map(|mut out| out.read_to_string(&mut text));
-            let word = read.and_then(|_| serde_json::from_str(&text).ok()).filter(|_| done);
-            let mut outcome: LogOutcome = word.unwrap_or_else(|| LogOutcome {
-                error: Some("the recorder ended before it could close the log".into()),
-                ..LogOutcome::default()
-            });
+        let log = self.archive.take().map(|mut archive| {
+            for process in self.children.all.iter_mut().filter(|process| process.name == RECORDER) {
+                let closed = wait(&mut process.child, CLOSE_LIMIT, interrupts).is_some();
+                archive.ended(process, closed);
+            }
+            let mut outcome = archive.close(&self.scenario, self.regime.events());
             outcome.dropped += untold as u64;
             outcome
         });

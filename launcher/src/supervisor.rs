@@ -13,14 +13,14 @@
 mod node;
 
 use std::ops::Range;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use contract::realtime::Board;
-use contract::scenario::{Fault, FaultKind, Scenario, Swap};
+use contract::scenario::{Fault, FaultKind, Scenario};
 use contract::topic::Topic;
 
-use crate::log::Record;
 use crate::event::Event;
+use crate::log::Record;
 use node::Node;
 
 /// What is to be done to a process.
@@ -38,10 +38,9 @@ pub enum Order {
 
 /// The supervisor of one run.
 pub struct Supervisor {
-    scenario: Scenario,
     strikes: Vec<Strike>,
     nodes: Vec<Node>,
-    /// Which of the scenario's swaps have begun.
+    /// Which of the swaps have begun.
     begun: Vec<bool>,
     /// The newest sample seen: everything that answers to the ones before has been seen too, or is late.
     seen: u64,
@@ -70,16 +69,10 @@ impl Supervisor {
         Self {
             strikes: scenario.fault.iter().filter_map(by_signal).collect(),
             nodes: Topic::ALL.map(|topic| Node::new(topic, scenario.sample_s())).into(),
-            begun: vec![false; scenario.swap.len()],
+            begun: vec![],
             seen: 0,
-            scenario: scenario.clone(),
             events: vec![],
         }
-    }
-
-    /// The run's settings, and the swaps that were ordered since.
-    pub fn scenario(&self) -> &Scenario {
-        &self.scenario
     }
 
     /// Whether a node was given up, and which.
@@ -97,14 +90,9 @@ impl Supervisor {
         self.nodes.iter_mut().filter_map(|node| node.trial.as_mut()).for_each(|trial| trial.observe(record));
     }
 
-    /// Adds a swap that is due at once; an error when the node is taken by another.
-    pub fn swap(&mut self, board: &Board, swap: Swap) -> Result<(), String> {
-        if let Some(topic) = swap.node.topic() {
-            self.nodes[topic as usize].vacancy_for_newcomer(board)?;
-        }
-        self.scenario.swap.push(swap);
-        self.begun.push(false);
-        Ok(())
+    /// Whether a newcomer may come for the node that speaks on `topic`; why not.
+    pub fn may_swap(&self, board: &Board, topic: Topic) -> Result<(), String> {
+        self.nodes[topic as usize].may_swap(board)
     }
 
     /// A process has ended that was not asked to. False when the run cannot go on without it.
@@ -116,26 +104,23 @@ impl Supervisor {
         }
     }
 
-    /// What is to be done now.
-    pub fn orders(&mut self, board: &Board) -> Vec<Order> {
+    /// What is to be done now; swaps may have been added to `scenario` since the last time.
+    pub fn orders(&mut self, board: &Board, scenario: &Scenario) -> Vec<Order> {
         let tick = plant_tick(board);
         let now = Instant::now();
         let mut orders = vec![];
         self.strike(board, tick, &mut orders);
-        for i in 0..self.begun.len() {
-            let swap = &self.scenario.swap[i];
-            if let Some(topic) = swap.node.topic()
-                && !self.begun[i]
-                && tick > 0
-                && tick >= swap.ticks(self.scenario.sample_s()).from
-            {
-                self.begun[i] = true;
+        self.begun.resize(scenario.swap.len(), false);
+        for (i, (swap, begun)) in scenario.swap.iter().zip(&mut self.begun).enumerate() {
+            let is_due = tick > 0 && tick >= swap.ticks(scenario.sample_s()).from && !*begun;
+            if let Some(topic) = swap.node.topic().filter(|_| is_due) {
+                *begun = true;
                 self.nodes[topic as usize].invite(board, i, tick, now, &mut self.events, &mut orders);
             }
         }
         for node in &mut self.nodes {
             node.restart(board, tick, now, &mut self.events, &mut orders);
-            node.welcome(board, &self.scenario, tick, &mut self.events);
+            node.welcome(board, scenario, tick, &mut self.events);
             node.notice(board, tick, now, &mut self.events, &mut orders);
             node.judge(board, self.seen, &mut self.events, &mut orders);
         }
@@ -148,7 +133,11 @@ impl Supervisor {
             let holder = board.office(*topic).holder();
             if tick >= ticks.start && struck.is_none() && holder != 0 {
                 *struck = Some(holder);
-                orders.push(if *kind == FaultKind::Kill { Order::Kill(*topic, holder) } else { Order::Stop(*topic, holder) });
+                orders.push(if *kind == FaultKind::Kill {
+                    Order::Kill(*topic, holder)
+                } else {
+                    Order::Stop(*topic, holder)
+                });
             }
             if let Some(victim) = struck
                 && tick >= ticks.end

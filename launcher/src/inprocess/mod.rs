@@ -21,9 +21,9 @@ use guidance::Guidance;
 use mixer::Mixer;
 use plant::Plant;
 
+use crate::event::Event;
 use crate::log::Record;
 use crate::stack::{Ended, Refused};
-use crate::event::Event;
 use crate::succession::{Step, Succession};
 use post::Post;
 use speech::{Ear, Heard, Voice};

@@ -49,7 +49,7 @@ impl<N: Node> Post<N> {
     /// `last` word of each topic.
     pub fn begin(&mut self, run: &Scenario, epoch: u32, origin: Option<usize>, last: &Heard, holders: [u32; 4]) {
         let own = origin.and_then(|i| newcomer(run, &run.swap[i]).ok()); // what is wrong with it was said before
-        let mut worker = Worker::new(own.unwrap_or_else(|| run.clone()), epoch, N::ears(last, holders));
+        let mut worker: Worker<N> = Worker::new(own.unwrap_or_else(|| run.clone()), epoch, N::ears(last, holders));
         worker.exit = worker.leaves_at(run);
         let holder = self.workers.iter().find(|worker| worker.epoch == holders[N::Says::TOPIC as usize]);
         if let Some(memory) = holder.map(|holder| holder.core.memory()).or(self.memory) {
@@ -101,9 +101,8 @@ impl<N: Node> Worker<N> {
         if self.scenario.fault == run.fault {
             return None;
         }
-        let of_itself = |fault: &&Fault| {
-            fault.kind == FaultKind::Exit && fault.target.process() == Some(N::Says::TOPIC)
-        };
+        let of_itself =
+            |fault: &&Fault| fault.kind == FaultKind::Exit && fault.target.process() == Some(N::Says::TOPIC);
         let exits = self.scenario.fault.iter().filter(of_itself);
         exits.map(|fault| fault.ticks(self.scenario.sample_s()).start).min()
     }

@@ -91,7 +91,14 @@ impl<M: Message> Voice<M> {
     }
 
     /// Stamps `message` and sends it on its way; `to` gets what arrives. Only who is in office is heard.
-    pub fn speak(&mut self, scenario: &Scenario, in_office: bool, mut message: M, mut lineage: Stamp, to: impl FnMut(&M)) {
+    pub fn speak(
+        &mut self,
+        scenario: &Scenario,
+        in_office: bool,
+        mut message: M,
+        mut lineage: Stamp,
+        to: impl FnMut(&M),
+    ) {
         self.sequence += 1;
         lineage.held_ns += held_up_ns(&self.slow, lineage.tick, scenario.sample_s());
         let unheard = if in_office { unheard::HEARD } else { unheard::SHADOW };

@@ -13,6 +13,7 @@
 //! no more than that, and [`read()`] takes what is there. No node writes a log: one write can take milliseconds.
 
 mod count;
+mod join;
 mod read;
 mod schema;
 #[cfg(test)]
@@ -25,6 +26,7 @@ use contract::{
 };
 
 pub use count::Count;
+pub use join::join;
 pub use read::{Log, read};
 pub use write::LogWriter;
 

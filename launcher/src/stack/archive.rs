@@ -17,7 +17,8 @@ use contract::office::Staff;
 use contract::realtime::Board;
 use contract::scenario::{Swap, SwapNode};
 
-use super::children::{Birth, Process};
+use super::children::Process;
+use crate::event::Event;
 use crate::log;
 use crate::recorder::LogOutcome;
 
@@ -34,12 +35,14 @@ pub struct Archive {
     parts: Vec<Option<LogOutcome>>,
     deaths: Vec<Instant>,
     given_up: bool,
+    /// How many of the scenario's swaps have begun.
+    pub swaps: usize,
 }
 
 impl Archive {
     /// For a log at `path`; nobody records yet.
     pub fn new(path: &Path) -> Self {
-        Self { path: path.into(), parts: vec![], deaths: vec![], given_up: false }
+        Self { path: path.into(), parts: vec![], deaths: vec![], given_up: false, swaps: 0 }
     }
 
     /// The next recorder: its epoch, and the file that it is to write.
@@ -52,6 +55,12 @@ impl Archive {
     /// The newest one's epoch.
     pub fn newest(&self) -> u32 {
         self.parts.len() as u32
+    }
+
+    /// The program of the next: that of the newest swap.
+    pub fn program<'a>(&self, scenario: &'a Scenario) -> Option<&'a str> {
+        let mut swaps = scenario.swap.iter().filter(|swap| swap.node == SwapNode::Recorder);
+        self.swaps.checked_sub(1).and_then(|i| swaps.nth(i)).and_then(|swap| swap.exec.as_deref())
     }
 
     /// Lets the newest one have the office as soon as it records; the others close their files.
@@ -82,7 +91,7 @@ impl Archive {
     }
 
     /// All have ended: makes one log of what they have written, and says how it went.
-    pub fn close(self, scenario: &Scenario) -> LogOutcome {
+    pub fn close(self, scenario: &Scenario, events: &[Event]) -> LogOutcome {
         let lost = || LogOutcome {
             error: Some("the recorder ended before it could close the log".into()),
             ..LogOutcome::default()
@@ -92,7 +101,7 @@ impl Archive {
         }
         let files: Vec<PathBuf> = (1..=self.newest()).map(|epoch| self.part(epoch)).collect();
         let failed = self.parts.iter().flatten().find_map(|part| part.error.clone());
-        match log::join(&files, scenario) {
+        match log::join(&files, scenario, events) {
             Ok(mut outcome) => {
                 outcome.error = failed.or_else(|| self.given_up.then(|| "nobody was left to record the flight".into()));
                 outcome

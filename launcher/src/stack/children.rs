@@ -1,6 +1,6 @@
 //! The launcher's children: start, signal, wait, and clear away what they leave.
 
-use std::os::fd::OwnedFd;
+use std::os::fd::{BorrowedFd, OwnedFd};
 use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -134,12 +134,12 @@ impl Children {
         }
     }
 
-    /// Sleeps until one ends, or for `longest`.
-    pub fn sleep(&self, longest: Duration) {
-        let mut ends: Vec<PollFd> =
-            self.all.iter().filter_map(|p| p.pidfd.as_ref()).map(|fd| PollFd::new(fd, PollFlags::IN)).collect();
+    /// Sleeps until one ends, one of `others` is readable, or for `longest`.
+    pub fn sleep<'a>(&'a self, others: impl Iterator<Item = BorrowedFd<'a>>, longest: Duration) {
+        let ends = self.all.iter().filter_map(|p| p.pidfd.as_ref()).map(|fd| PollFd::new(fd, PollFlags::IN));
+        let others = others.map(|fd| PollFd::from_borrowed_fd(fd, PollFlags::IN));
         let longest = Timespec::try_from(longest).ok();
-        let _ = poll(&mut ends, longest.as_ref()); // an early return is a look around too soon
+        let _ = poll(&mut ends.chain(others).collect::<Vec<_>>(), longest.as_ref()); // an early return is a look around too soon
     }
 }
 

@@ -17,8 +17,8 @@ use contract::plan::{Plan, RESTART_S};
 use contract::scenario::Scenario;
 use contract::topic::Topic;
 
-use crate::log::Record;
 use crate::event::{Event, What};
+use crate::log::Record;
 use trial::{Ruling, Trial};
 
 /// Deaths of a node within [`DEATHS_S`] after which nobody is started any more.
@@ -124,8 +124,8 @@ impl Succession {
             }
             post.fill(tick, events, &mut steps);
             post.judge(tick, events, &mut steps);
-            for (i, swap) in scenario.swap.iter().enumerate().filter(|(_, swap)| swap.node.topic() == Some(post.topic)) {
-                if swap.ticks(scenario.sample_s()).from == tick {
+            for (i, swap) in scenario.swap.iter().enumerate() {
+                if swap.node.topic() == Some(post.topic) && swap.ticks(scenario.sample_s()).from == tick {
                     post.try_newcomer(tick, scenario, i, events, &mut steps);
                 }
             }
@@ -146,7 +146,8 @@ impl Succession {
                 true => What::Rejected,
                 false => What::Kept,
             };
-            events.push(Event::new(tick, topic.publisher(), trial.newcomer, what).because(format!("epoch {epoch} died")));
+            events
+                .push(Event::new(tick, topic.publisher(), trial.newcomer, what).because(format!("epoch {epoch} died")));
         }
         if post.holder.is_none() && post.shadow.is_none() {
             let restart = (RESTART_S / scenario.sample_s() - 1e-6).ceil() as u64;
@@ -228,7 +229,10 @@ impl Post {
         steps: &mut Vec<Step>,
     ) {
         let Some(holder) = self.holder else {
-            events.push(Event::new(tick, self.topic.publisher(), self.newest, What::Rejected).because("nobody to take over from"));
+            events.push(
+                Event::new(tick, self.topic.publisher(), self.newest, What::Rejected)
+                    .because("nobody to take over from"),
+            );
             return;
         };
         self.newest = successor(self.newest, holder.epoch);

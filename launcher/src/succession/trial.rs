@@ -177,8 +177,7 @@ impl Trial {
         let tilt_deg = (phi.cos() * theta.cos()).clamp(-1.0, 1.0).acos().to_degrees();
         let time_s = state.stamp.tick as f64 * self.sample_s;
         let wanted = self.trajectory.at(time_s).position_m;
-        let error_m =
-            wanted.iter().zip(state.actual.position_m).map(|(w, p)| (w - p) * (w - p)).sum::<f64>().sqrt();
+        let error_m = wanted.iter().zip(state.actual.position_m).map(|(w, p)| (w - p) * (w - p)).sum::<f64>().sqrt();
         let (tilt_limit, error_limit) = (self.bounds.tilt_deg, self.bounds.error_m);
         if tilt_deg > tilt_limit {
             self.strayed = Some(format!("the vehicle tilted {tilt_deg:.1} deg at {time_s:.2} s, limit {tilt_limit}"));

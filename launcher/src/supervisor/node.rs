@@ -80,7 +80,7 @@ impl Node {
     }
 
     /// Whether a newcomer may come; why not.
-    pub fn vacancy_for_newcomer(&self, board: &Board) -> Result<(), String> {
+    pub fn may_swap(&self, board: &Board) -> Result<(), String> {
         let name = self.topic.publisher();
         if self.trial.is_some() || self.started.is_some() {
             return Err(format!("{name} has a newcomer already; wait until its trial is over"));
@@ -110,7 +110,9 @@ impl Node {
             events.push(Event::new(tick, self.topic.publisher(), epoch, What::Died));
         }
         if started.is_some_and(|started| started.swap.is_some()) {
-            events.push(Event::new(tick, self.topic.publisher(), epoch, What::Rejected).because("it died before it was ready"));
+            events.push(
+                Event::new(tick, self.topic.publisher(), epoch, What::Rejected).because("it died before it was ready"),
+            );
             return;
         }
         if let Some(trial) = self.trial.take() {
@@ -119,7 +121,9 @@ impl Node {
                 true => What::Rejected,
                 false => What::Kept,
             };
-            events.push(Event::new(tick, self.topic.publisher(), trial.newcomer, what).because(format!("epoch {epoch} died")));
+            events.push(
+                Event::new(tick, self.topic.publisher(), trial.newcomer, what).because(format!("epoch {epoch} died")),
+            );
         }
         let stand_in = office.staff().without(epoch);
         if stand_in.holder == 0 && stand_in.shadow != 0 {
@@ -175,7 +179,7 @@ impl Node {
         events: &mut Vec<Event>,
         orders: &mut Vec<Order>,
     ) {
-        if let Err(why) = self.vacancy_for_newcomer(board) {
+        if let Err(why) = self.may_swap(board) {
             events.push(Event::new(tick, self.topic.publisher(), self.newest, What::Rejected).because(why));
             return;
         }
@@ -230,14 +234,7 @@ impl Node {
     }
 
     /// Offices that changed hands, holders that hang.
-    pub fn notice(
-        &mut self,
-        board: &Board,
-        tick: u64,
-        now: Instant,
-        events: &mut Vec<Event>,
-        orders: &mut Vec<Order>,
-    ) {
+    pub fn notice(&mut self, board: &Board, tick: u64, now: Instant, events: &mut Vec<Event>, orders: &mut Vec<Order>) {
         let office = board.office(self.topic);
         let holder = office.holder();
         if holder != self.holder && holder != 0 {

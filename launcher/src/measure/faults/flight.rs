@@ -100,11 +100,11 @@ impl Row {
 
 fn in_process(scenario: &Scenario) -> Course {
     let mut watch = Watch::new(scenario);
-    let ended = inprocess::fly(scenario, |record| {
+    let flown = inprocess::fly(scenario, |record| {
         watch.observe(&record);
         true
     });
-    watch.course(matches!(ended, Ended::Lost(_)))
+    watch.course(matches!(flown.ended, Ended::Lost(_)))
 }
 
 fn lockstep(scenario: &Scenario, interrupts: &AtomicU32) -> anyhow::Result<Course> {

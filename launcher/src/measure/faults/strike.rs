@@ -127,12 +127,12 @@ fn strike_all(signal: Signal, namespace: &str, board: &Board, over: &AtomicBool)
 /// Strikes the process that speaks on `topic`, and looks on until its office is vacant.
 fn strike(signal: Signal, topic: Topic, namespace: &str, board: &Board) -> Option<Strike> {
     let office = board.office(topic);
-    let epoch = office.holder.get();
+    let epoch = office.holder();
     let pid = process_of(namespace, topic.publisher(), epoch)?;
     let at_ns = now_ns();
     kill_process(pid, signal).ok()?;
     let noticed_ns = loop {
-        if office.holder.get() != epoch {
+        if office.holder() != epoch {
             break Some(now_ns());
         }
         if now_ns() > at_ns + LIMIT_NS {

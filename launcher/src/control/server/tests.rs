@@ -1,0 +1,74 @@
+use std::io::{BufRead, BufReader};
+
+use serde_json::json;
+
+use super::*;
+
+/// A server in a folder of its own.
+fn open() -> (tempfile::TempDir, Domain, Server) {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let domain = Domain { folder: folder.path().to_owned() };
+    let server = Server::open(&domain).expect("a socket");
+    (folder, domain, server)
+}
+
+fn enter(domain: &Domain) -> UnixStream {
+    UnixStream::connect(domain.file(SOCKET)).expect("the door is open")
+}
+
+fn told(stream: UnixStream) -> Response {
+    let mut line = String::new();
+    BufReader::new(stream).read_line(&mut line).expect("an answer");
+    serde_json::from_str(&line).expect("an answer is JSON")
+}
+
+#[test]
+fn a_request_may_come_in_pieces_and_is_answered_to_whom_it_came_from() {
+    let (_folder, domain, mut server) = open();
+    assert!(server.request().is_none());
+    let (silent, mut guest) = (enter(&domain), enter(&domain));
+    guest.write_all(b"\"sta").expect("written");
+    assert!(server.request().is_none());
+    guest.write_all(b"tus\"\nmore").expect("written");
+    let (request, reply) = server.request().expect("a request");
+    assert_eq!(request, Request::Status);
+    reply.send(&Response::Ok(json!(7)));
+    assert_eq!(told(guest), Response::Ok(json!(7)));
+    assert_eq!(server.sources().count(), 2, "the door, and who has not spoken yet");
+    drop(silent);
+    assert!(server.request().is_none());
+    assert_eq!(server.sources().count(), 1);
+}
+
+#[test]
+fn what_is_no_request_gets_an_error() {
+    for (line, expected) in [
+        (&b"\n"[..], "not a request"),
+        (b"{\"fly\":1}\n", "unknown variant `fly`"),
+        (b"\xff\xfe\x00\n", "not a request"),
+        (&[b'x'; LINE_BYTES + 1], "a line of more than 4096 bytes"),
+    ] {
+        let (_folder, domain, mut server) = open();
+        let mut guest = enter(&domain);
+        guest.write_all(line).expect("written");
+        assert!(server.request().is_none());
+        let Response::Error(why) = told(guest) else { panic!("{line:?} was taken") };
+        assert!(why.contains(expected), "{why}");
+    }
+}
+
+#[test]
+fn who_says_nothing_is_shown_out_and_others_wait_outside_meanwhile() {
+    let (_folder, domain, mut server) = open();
+    let silent: Vec<_> = (0..GUESTS).map(|_| enter(&domain)).collect();
+    let mut late = enter(&domain);
+    late.write_all(b"\"status\"\n").expect("written");
+    assert!(server.request().is_none());
+    assert_eq!(server.sources().count(), GUESTS, "the door is shut: it would only wake");
+    server.guests.iter_mut().for_each(|guest| guest.since -= PATIENCE);
+    assert!(server.request().is_none());
+    assert!(server.request().is_some_and(|(request, _)| request == Request::Status));
+    for guest in silent {
+        assert_eq!(told(guest), Response::Error("no request within 1 s".into()));
+    }
+}

@@ -1,0 +1,63 @@
+//! `status` for people: a line for the stack, one for each node, for each fault at work, and for what happened last.
+
+use std::fmt::Write;
+
+use serde_json::Value;
+
+/// One stack.
+pub fn describe(view: &Value) -> String {
+    let time = format!("t = {:.2} s of {:.0} s", number(&view["time_s"]), number(&view["duration_s"]));
+    let [namespace, name, mode, phase] = ["namespace", "name", "mode", "phase"].map(|key| word(&view[key]));
+    let pid = word(&view["launcher_pid"]);
+    let mut text = format!("{namespace:<16} {name:<12} {mode:<10} {phase:<9} {time}   launcher {pid}\n");
+    let mut line = |line: String| _ = writeln!(text, "  {line}"); // a String takes everything
+    let nodes = list(&view["nodes"]);
+    if !nodes.is_empty() {
+        line(row(["node", "epoch", "pid", "ticks", "behind", "age ms", "restarts", "refused"].map(str::to_owned)));
+    }
+    for view in nodes {
+        line(node(view));
+    }
+    for event in list(&view["events"]) {
+        let [who, epoch, what] = ["node", "epoch", "what"].map(|key| word(&event[key]));
+        line(format!("{:>9.2} s  {who} {epoch} {what}", number(&event["at_s"])));
+    }
+    text
+}
+
+fn node(view: &Value) -> String {
+    if view["epoch"] == 0 {
+        return format!("{:<14}nobody", word(&view["node"]));
+    }
+    let age = format!("{:.1}", number(&view["age_ms"]));
+    let [node, epoch, pid, tick, behind, restarts] =
+        ["node", "epoch", "pid", "tick", "behind", "restarts"].map(|key| word(&view[key]));
+    row([node, epoch, pid, tick, behind, age, restarts, refused(&view["refused"])])
+}
+
+fn row([node, epoch, pid, tick, behind, age, restarts, refused]: [String; 8]) -> String {
+    format!("{node:<14}{epoch:>6}{pid:>9}{tick:>9}{behind:>8}{age:>8}{restarts:>10}   {refused}")
+}
+
+/// The causes that have happened, and how often.
+fn refused(causes: &Value) -> String {
+    let counts = causes.as_object().into_iter().flatten().filter(|(_, count)| **count != 0);
+    let told: Vec<String> = counts.map(|(cause, count)| format!("{cause} {count}")).collect();
+    if told.is_empty() { "none".into() } else { told.join(", ") }
+}
+
+fn list(value: &Value) -> &[Value] {
+    value.as_array().map_or(&[], Vec::as_slice)
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or(0.0)
+}
+
+fn word(value: &Value) -> String {
+    match value {
+        Value::String(word) => word.clone(),
+        Value::Null => "?".into(),
+        other => other.to_string(),
+    }
+}

@@ -1,0 +1,107 @@
+//! Who decides on the staff: against the clock the supervisor, from what it sees; in lockstep the script.
+
+use std::time::Duration;
+
+use contract::Scenario;
+use contract::realtime::Board;
+use contract::scenario::Mode;
+use contract::topic::Topic;
+
+use super::script::Script;
+use crate::event::Event;
+use crate::log::Record;
+use crate::supervisor::{Order, Supervisor};
+
+/// How often the queues and the children are looked at; a child that ends is noticed at once.
+const LOOK: Duration = Duration::from_millis(5);
+/// The same while everybody waits for an answer, or soon may.
+const QUICK_LOOK: Duration = Duration::from_micros(100);
+
+/// The one or the other.
+pub enum Regime {
+    /// Against the clock.
+    Clock(Supervisor),
+    /// In lockstep.
+    Script(Script),
+}
+
+impl Regime {
+    /// That of a run of `scenario`.
+    pub fn new(scenario: &Scenario) -> Self {
+        match scenario.run.mode {
+            Mode::Realtime => Self::Clock(Supervisor::new(scenario)),
+            Mode::Lockstep | Mode::Inprocess => Self::Script(Script::new(scenario)),
+        }
+    }
+
+    /// Lockstep: the tick that the plant asks for.
+    pub fn question(&self, board: &Board) -> Option<u64> {
+        match self {
+            Self::Clock(_) => None,
+            Self::Script(_) => Script::question(board),
+        }
+    }
+
+    /// Takes one message in.
+    pub fn observe(&mut self, record: &Record) {
+        match self {
+            Self::Clock(supervisor) => supervisor.observe(record),
+            Self::Script(script) => script.succession.observe(record),
+        }
+    }
+
+    /// What is to be done now.
+    pub fn orders(&mut self, board: &Board, scenario: &Scenario, question: Option<u64>) -> Vec<Order> {
+        match self {
+            Self::Clock(supervisor) => supervisor.orders(board, scenario),
+            Self::Script(script) => script.orders(board, question),
+        }
+    }
+
+    /// The orders have been carried out.
+    pub fn answer(&mut self, board: &Board) {
+        if let Self::Script(script) = self {
+            script.answer(board);
+        }
+    }
+
+    /// A process has ended that was not asked to. False when the run cannot go on without it.
+    pub fn died(&mut self, board: &Board, topic: Topic, epoch: u32) -> bool {
+        match self {
+            Self::Clock(supervisor) => supervisor.died(board, topic, epoch),
+            Self::Script(script) => script.died(board, topic, epoch),
+        }
+    }
+
+    /// Whether somebody may take over now from who speaks on `topic`, or from the recorder; why not.
+    pub fn may_swap(&self, board: &Board, topic: Option<Topic>) -> Result<(), String> {
+        match self {
+            Self::Clock(supervisor) => topic.map_or(Ok(()), |topic| supervisor.may_swap(board, topic)),
+            Self::Script(_) => Err("a lockstep flight is to repeat: write the swap into its scenario".into()),
+        }
+    }
+
+    /// A node for which nobody is started any more.
+    pub fn given_up(&self) -> Option<&'static str> {
+        match self {
+            Self::Clock(supervisor) => supervisor.given_up(),
+            Self::Script(script) => script.succession.given_up(),
+        }
+    }
+
+    /// Everything that happened.
+    pub fn events(&mut self) -> &mut Vec<Event> {
+        match self {
+            Self::Clock(supervisor) => &mut supervisor.events,
+            Self::Script(script) => &mut script.succession.events,
+        }
+    }
+
+    /// How long nobody needs to be looked at.
+    pub fn rest(&self, board: &Board) -> Duration {
+        match self {
+            Self::Script(_) if board.asked().count() > 0 => QUICK_LOOK,
+            _ => LOOK,
+        }
+    }
+}

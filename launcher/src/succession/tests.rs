@@ -1,0 +1,163 @@
+use contract::message::{Controls, Message, Stamp, State};
+use contract::scenario::{Fault, FaultKind, FaultTarget, Swap, SwapNode};
+use contract::stamp::unheard;
+
+use super::*;
+
+const CONTROLS: Topic = Topic::Controls;
+
+fn scenario(fault: Vec<Fault>, swap: Vec<Swap>) -> Scenario {
+    Scenario { fault, swap, ..Scenario::default() }
+}
+
+/// What `succession` does before each tick up to `until`, by tick, when nobody says anything.
+fn steps(succession: &mut Succession, until: u64) -> Vec<(u64, Step)> {
+    (0..until).flat_map(|tick| succession.begin(tick).into_iter().map(move |step| (tick, step))).collect()
+}
+
+fn told(succession: &Succession) -> Vec<(u64, u32, What)> {
+    succession.events.iter().map(|event| (event.tick, event.epoch, event.what)).collect()
+}
+
+#[test]
+fn a_scripted_death_takes_effect_on_its_tick_and_so_does_the_replacement() {
+    let kill = Fault::new(FaultTarget::AttitudeMpc, FaultKind::Kill, 0.1, Some(0.03));
+    let mut succession = Succession::new(&scenario(vec![kill], vec![]));
+    assert_eq!(steps(&mut succession, 12), [(10, Step::End(CONTROLS, 1))]);
+    assert_eq!(succession.staff(CONTROLS), Staff::default());
+    assert_eq!(succession.begin(13), [Step::Begin(CONTROLS, 2, None)]);
+    assert_eq!(succession.staff(CONTROLS), Staff { holder: 2, shadow: 0 });
+    assert_eq!(told(&succession), [(10, 1, What::Killed), (13, 2, What::Started), (13, 2, What::TookOver)]);
+}
+
+#[test]
+fn who_hangs_for_a_moment_goes_on() {
+    let stop = Fault::new(FaultTarget::Mixer, FaultKind::Stop, 0.1, Some(0.02));
+    let mut succession = Succession::new(&scenario(vec![stop], vec![]));
+    assert_eq!(steps(&mut succession, 20), []);
+    assert_eq!(told(&succession), [(10, 1, What::Hung), (12, 1, What::TookOver)]);
+}
+
+#[test]
+fn the_fourth_death_in_five_seconds_is_the_last() {
+    let mut succession = Succession::new(&Scenario::default());
+    for (epoch, tick) in [(1, 100), (2, 200), (3, 300)] {
+        succession.lost(CONTROLS, epoch, tick);
+        assert_eq!(succession.begin(tick + 9), []);
+        assert_eq!(succession.begin(tick + 10), [Step::Begin(CONTROLS, epoch + 1, None)]);
+    }
+    succession.lost(CONTROLS, 4, 400);
+    assert_eq!(succession.begin(5000), []);
+    assert_eq!(succession.given_up(), Some("attitude-mpc"));
+}
+
+#[test]
+fn deaths_far_apart_are_forgiven() {
+    let mut succession = Succession::new(&Scenario::default());
+    for epoch in 1..10 {
+        let tick = u64::from(epoch) * 200;
+        succession.lost(CONTROLS, epoch, tick);
+        assert_eq!(succession.begin(tick + 10), [Step::Begin(CONTROLS, epoch + 1, None)]);
+    }
+}
+
+/// A swap of attitude-mpc: shadow from tick 10, office from 20, alone from 40.
+fn swapping() -> Succession {
+    let swap = Swap { shadow_s: 0.1, watch_s: 0.2, ..Swap::new(SwapNode::AttitudeMpc, 0.1) };
+    Succession::new(&scenario(vec![], vec![swap]))
+}
+
+/// What `epoch` demands on `tick`.
+fn demand(epoch: u32, tick: u64, lon_nm: f64) -> Record {
+    let stamp = Stamp { tick, sequence: tick + 1, epoch: u64::from(epoch), ..Stamp::default() };
+    Controls { stamp, demand: [0.0, lon_nm, 0.0, 0.0], ..Controls::default() }.sealed().into()
+}
+
+/// Ticks until `until` with both at work; the newcomer demands `lon_nm` of the tick. What was to be done.
+fn fly(succession: &mut Succession, until: u64, lon_nm: impl Fn(u64) -> f64) -> Vec<(u64, Step)> {
+    let mut done = vec![];
+    for tick in 0..until {
+        done.extend(succession.begin(tick).into_iter().map(|step| (tick, step)));
+        for epoch in succession.staff(CONTROLS).epochs() {
+            succession.observe(&demand(epoch, tick, if epoch == 2 { lon_nm(tick) } else { 0.1 }));
+        }
+    }
+    done
+}
+
+#[test]
+fn a_good_newcomer_is_kept() {
+    let mut succession = swapping();
+    let done = fly(&mut succession, 60, |_| 0.1);
+    assert_eq!(done, [(10, Step::Begin(CONTROLS, 2, Some(0))), (40, Step::End(CONTROLS, 1))]);
+    let story = [(10, 2, What::Started), (10, 2, What::InShadow), (20, 2, What::TookOver), (40, 2, What::Kept)];
+    assert_eq!(told(&succession), story);
+    assert_eq!(succession.staff(CONTROLS), Staff { holder: 2, shadow: 0 });
+    assert!(succession.events[3].why.as_ref().is_some_and(|why| why.starts_with("30 answers, at most 0.00 %")));
+    succession.lost(CONTROLS, 2, 100);
+    assert_eq!(succession.begin(110), [Step::Begin(CONTROLS, 3, Some(0))], "who comes after it is like it");
+}
+
+#[test]
+fn a_newcomer_that_differs_in_the_shadow_is_rejected() {
+    let mut succession = swapping();
+    let done = fly(&mut succession, 60, |tick| if tick < 15 { 0.1 } else { 100.0 });
+    assert_eq!(done, [(10, Step::Begin(CONTROLS, 2, Some(0))), (18, Step::End(CONTROLS, 2))], "three ticks in a row");
+    assert_eq!(told(&succession).last(), Some(&(18, 2, What::Rejected)));
+    assert_eq!(succession.staff(CONTROLS), Staff { holder: 1, shadow: 0 });
+}
+
+#[test]
+fn a_newcomer_that_differs_in_office_returns_it() {
+    let mut succession = swapping();
+    fly(&mut succession, 60, |tick| if tick < 30 { 0.1 } else { f64::NAN });
+    assert_eq!(told(&succession).last(), Some(&(33, 2, What::Returned)));
+    assert!(succession.events.last().is_some_and(|event| event.why.as_ref().unwrap().contains("cannot be used")));
+    assert_eq!(succession.staff(CONTROLS), Staff { holder: 1, shadow: 0 });
+}
+
+#[test]
+fn a_vehicle_that_tilts_under_a_newcomer_gets_the_old_one_back() {
+    let mut succession = swapping();
+    fly(&mut succession, 25, |_| 0.1);
+    let mut state = State { stamp: Stamp { tick: 25, epoch: 1, ..Stamp::default() }, ..State::default() };
+    state.actual.attitude_rad = [0.8, 0.0, 0.0];
+    succession.begin(25);
+    succession.observe(&state.sealed().into());
+    [1, 2].into_iter().for_each(|epoch| succession.observe(&demand(epoch, 25, 0.1)));
+    succession.begin(26);
+    assert_eq!(told(&succession).last(), Some(&(26, 2, What::Returned)));
+}
+
+#[test]
+fn what_was_only_meant_is_not_judged() {
+    let mut succession = swapping();
+    for tick in 0..60 {
+        succession.begin(tick);
+        let Record::Controls(mut meant) = demand(2, tick, 0.1) else { unreachable!("a demand") };
+        meant.stamp.unheard = unheard::FAULT;
+        succession.observe(&meant.sealed().into());
+        succession.observe(&demand(1, tick, 0.1));
+    }
+    assert_eq!(told(&succession).last(), Some(&(13, 2, What::Rejected)), "all that it said was lost");
+}
+
+#[test]
+fn who_dies_during_a_swap_leaves_the_office_to_the_other() {
+    for (dead, at, ending, holder) in
+        [(2, 15, What::Rejected, 1), (1, 15, What::Kept, 2), (2, 30, What::Returned, 1), (1, 30, What::Kept, 2)]
+    {
+        let mut succession = swapping();
+        fly(&mut succession, at, |_| 0.1);
+        succession.lost(CONTROLS, dead, at);
+        succession.begin(at + 1);
+        assert_eq!(succession.staff(CONTROLS), Staff { holder, shadow: 0 }, "{dead} at {at}");
+        assert!(told(&succession).contains(&(at, 2, ending)), "{dead} at {at}: {:?}", told(&succession));
+        assert!((at + 2..100).all(|tick| succession.begin(tick).is_empty()), "{dead} at {at}: nobody is missing");
+    }
+}
+
+#[test]
+fn two_at_once_differ_in_the_last_bit_of_their_epochs() {
+    assert_eq!((successor(1, 1), successor(2, 1), successor(2, 2), successor(3, 0)), (2, 4, 3, 5));
+}
