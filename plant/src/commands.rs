@@ -38,8 +38,8 @@ pub struct Command {
     pub actuation: Actuation,
     /// Sequence number of its message; 0 = the trim command of the start.
     pub sequence: u64,
-    /// Incarnation of its publisher: a restarted publisher counts its messages from 1 again.
-    epoch: u64,
+    /// Samples up to the one that it answers to; 0 for none. A process that takes over counts its messages anew.
+    samples: u64,
     /// When it takes effect \[ns\].
     effect_ns: u64,
     /// Time from the sample it was computed from to its effect \[ns\].
@@ -51,7 +51,7 @@ pub struct Command {
 impl Command {
     /// What decides which of two commands is newer.
     fn order(&self) -> (u64, u64) {
-        (self.epoch, self.sequence)
+        (self.samples, self.sequence)
     }
 }
 
@@ -79,7 +79,7 @@ impl CommandLine {
         let samples_on_the_way = 2 + (delay_ns + jitter_ns) / scenario.sample_ns();
         let capacity = (WAITING_PER_SAMPLE * samples_on_the_way) as usize;
         Self {
-            in_force: Command { actuation: trim, sequence: 0, epoch: 0, effect_ns: 0, age_ns: 0, cut: false },
+            in_force: Command { actuation: trim, sequence: 0, samples: 0, effect_ns: 0, age_ns: 0, cut: false },
             waiting: VecDeque::with_capacity(capacity),
             capacity,
             sample_ns: scenario.sample_ns(),
@@ -97,11 +97,12 @@ impl CommandLine {
         // Both are drawn for every command: how late one is must not depend on whether another was lost.
         let lost = self.draw_loss();
         let effect_ns = arrival_ns.saturating_add(self.delay_ns).saturating_add(self.draw_jitter_ns());
-        let Stamp { tick, sequence, epoch, .. } = actuators.stamp;
+        let Stamp { tick, sequence, .. } = actuators.stamp;
         let age_ns = effect_ns.saturating_sub(tick.saturating_mul(self.sample_ns));
         let actuation = Actuation::from(actuators.command);
         if !lost && is_finite(&actuation) {
-            self.insert(Command { actuation, sequence, epoch, effect_ns, age_ns, cut: false });
+            let samples = tick.saturating_add(1);
+            self.insert(Command { actuation, sequence, samples, effect_ns, age_ns, cut: false });
         }
     }
 

@@ -217,6 +217,9 @@ impl Post {
             steps.push(Step::End(self.topic, leaves));
         }
         events.push(Event::new(tick, self.topic.publisher(), newcomer, what).because(why));
+        if ruling == Ruling::Return {
+            events.push(Event::new(tick, self.topic.publisher(), old, What::TookOver));
+        }
     }
 
     /// Begins the swap number `i` of the scenario.
@@ -248,10 +251,11 @@ impl Post {
     }
 }
 
-/// The epoch of who is started after `newest` beside `holder`: the two must differ in the last bit ([`contract::office`]).
+/// The epoch of who is started after `newest` beside `holder`, if there is one: the two must differ in the last bit
+/// ([`contract::office`]).
 pub fn successor(newest: u32, holder: u32) -> u32 {
     let next = newest + 1;
-    if next % 2 == holder % 2 { next + 1 } else { next }
+    if holder > 0 && next % 2 == holder % 2 { next + 1 } else { next }
 }
 
 #[cfg(test)]

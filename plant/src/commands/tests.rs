@@ -78,7 +78,7 @@ fn a_newer_command_that_is_faster_removes_the_older_one() {
 }
 
 #[test]
-fn a_restarted_mixer_counts_from_one_again_and_is_heard() {
+fn who_takes_over_counts_anew_and_is_heard() {
     let mut line = line(0.0, 0.0, 0.0, 0);
     line.receive(&message(8, 900), 80 * MS);
     assert_eq!(at(&mut line, 81 * MS), 900);
@@ -86,8 +86,10 @@ fn a_restarted_mixer_counts_from_one_again_and_is_heard() {
     reborn.stamp.epoch = 1;
     line.receive(&reborn, 90 * MS);
     assert_eq!(at(&mut line, 91 * MS), 1);
-    line.receive(&message(9, 901), 92 * MS);
-    assert_eq!(at(&mut line, 93 * MS), 1, "the former incarnation is not");
+    line.receive(&message(8, 901), 92 * MS);
+    assert_eq!(at(&mut line, 93 * MS), 1, "a late word of the one before is not");
+    line.receive(&message(10, 902), 100 * MS);
+    assert_eq!(at(&mut line, 101 * MS), 902, "but it is when it has the office back");
 }
 
 #[test]
