@@ -128,7 +128,7 @@ impl Stack {
                 break ended;
             }
             tick();
-            self.children.sleep();
+            self.children.sleep(self.supervisor.due());
         };
         let given_up = self.supervisor.given_up();
         let wall = started.elapsed();

@@ -9,24 +9,28 @@
 //! work. Who is started continues from its predecessor's memory. Nobody can take the plant's place: without it the flight
 //! ends. A node that is given up leaves the vehicle to the reactions of the others, which bring it down.
 
-use std::ops::Range;
+mod progress;
+mod strike;
+
 use std::time::{Duration, Instant};
 
-use contract::plan::{HANG_TICKS, Plan};
+use contract::plan::Plan;
 use contract::realtime::Board;
-use contract::scenario::{Fault, FaultKind, Mode, Scenario};
+use contract::scenario::{Mode, Scenario};
 use contract::topic::Topic;
+use progress::Progress;
 use serde::Serialize;
+use strike::Strike;
 
+/// How often everybody is looked at, at least.
+const LOOK: Duration = Duration::from_millis(5);
+/// How soon again when somebody may hang.
+const LOOK_AGAIN: Duration = Duration::from_millis(1);
 /// Waits before the first, second, third new start within `WINDOW`; after that the node is given up.
 const BACK_OFF_MS: [u64; 3] = [0, 50, 100];
 const WINDOW: Duration = Duration::from_secs(5);
-/// At high rates a few ticks are no longer than the machine may hold a process up for reasons of its own.
-const LEAST_HANG: Duration = Duration::from_millis(20);
-/// In lockstep time stands still while a process hangs; on the wall clock this is long.
-const LOCKSTEP_HANG: Duration = Duration::from_secs(2);
-/// The plant has nobody to answer for it: its motors are off after this time, so it is the end of the flight.
-const PLANT_HANG: Duration = Duration::from_millis(500);
+/// A process that is not ready by then never will be: it waits for what another has left half made, or was stopped.
+const START_LIMIT: Duration = Duration::from_secs(1);
 
 /// Something that happened to a process.
 #[derive(Debug, Clone, Serialize)]
@@ -79,17 +83,10 @@ pub struct Supervisor {
     sample_s: f64,
     strikes: Vec<Strike>,
     nodes: Vec<Node>,
+    /// When to look around next.
+    due: Instant,
     /// Everything that happened.
     pub events: Vec<Event>,
-}
-
-/// A fault that is done to a process by signals.
-struct Strike {
-    topic: Topic,
-    kind: FaultKind,
-    ticks: Range<u64>,
-    struck: bool,
-    ended: bool,
 }
 
 struct Node {
@@ -100,8 +97,7 @@ struct Node {
     starts: Vec<Instant>,
     restart_at: Option<Instant>,
     given_up: bool,
-    /// Ticks it had done when it last made progress, and when that was.
-    progress: (u32, Instant),
+    progress: Progress,
     /// The holder when last looked at.
     holder: u32,
 }
@@ -116,25 +112,16 @@ impl Supervisor {
             starts: vec![],
             restart_at: None,
             given_up: false,
-            progress: (0, now),
+            progress: Progress::new(now),
             holder: 1,
-        };
-        let by_signal = |fault: &Fault| {
-            let topic = fault.target.process().filter(|_| matches!(fault.kind, FaultKind::Kill | FaultKind::Stop))?;
-            Some(Strike {
-                topic,
-                kind: fault.kind,
-                ticks: fault.ticks(scenario.sample_s()),
-                struck: false,
-                ended: false,
-            })
         };
         Self {
             plan: Plan::new(scenario),
             mode: scenario.run.mode,
             sample_s: scenario.sample_s(),
-            strikes: scenario.fault.iter().filter_map(by_signal).collect(),
+            strikes: Strike::all(scenario),
             nodes: Topic::ALL.map(node).into(),
+            due: now,
             events: vec![],
         }
     }
@@ -150,19 +137,8 @@ impl Supervisor {
         if topic == Topic::State {
             return false;
         }
-        let office = board.office(topic);
+        vacate(board, topic, epoch);
         let node = &mut self.nodes[topic as usize];
-        let held = office.holder.get() == epoch;
-        if held {
-            office.holder.set(0);
-        }
-        // Nor can it take the office any more, should it have been about to.
-        for word in [&office.ready, &office.heir] {
-            if word.get() == epoch {
-                word.set(0);
-            }
-        }
-        board.bell(topic).ring();
         let event = |what| Event { tick, node: topic.publisher(), epoch, what };
         if epoch < node.epoch {
             return true; // its successor is on the way already
@@ -185,28 +161,22 @@ impl Supervisor {
         let tick = plant_tick(board);
         let mut orders = vec![];
         match self.mode {
-            Mode::Realtime => self.strike(tick, &mut orders),
+            Mode::Realtime => self.strikes.iter_mut().for_each(|strike| strike.at(tick, &mut orders)),
             Mode::Lockstep | Mode::Inprocess => self.follow(board, tick, &mut orders),
         }
         let now = Instant::now();
+        let absent = now.saturating_duration_since(self.due);
         for i in 0..self.nodes.len() {
+            self.nodes[i].progress.excuse(absent);
             self.look_after(i, board, tick, now, &mut orders);
         }
+        self.due = self.next_look(board, now);
         orders
     }
 
-    /// Real time: the scenario's kills and stops, when their time has come.
-    fn strike(&mut self, tick: u64, orders: &mut Vec<Order>) {
-        for Strike { topic, kind, ticks, struck, ended } in &mut self.strikes {
-            if tick >= ticks.start && !*struck {
-                *struck = true;
-                orders.push(if *kind == FaultKind::Kill { Order::Kill(*topic) } else { Order::Stop(*topic) });
-            }
-            if tick >= ticks.end && !*ended && *kind == FaultKind::Stop {
-                *ended = true;
-                orders.push(Order::Continue(*topic));
-            }
-        }
+    /// When to ask for orders again.
+    pub fn due(&self) -> Instant {
+        self.due
     }
 
     /// Lockstep: the plan says who is gone; the process is ended for real, and its successor started.
@@ -230,14 +200,15 @@ impl Supervisor {
 
     /// Restarts that are due, processes that hang, offices that changed hands.
     fn look_after(&mut self, i: usize, board: &Board, tick: u64, now: Instant, orders: &mut Vec<Order>) {
-        let hang = self.hang(i);
         let node = &mut self.nodes[i];
+        let limit = progress::limit(self.mode, node.topic, self.sample_s);
         let office = board.office(node.topic);
         let event = |epoch, what| Event { tick, node: node.topic.publisher(), epoch, what };
         let holder = office.holder.get();
         if node.restart_at.is_some_and(|at| now >= at) {
             node.restart_at = None;
             node.epoch += 1;
+            node.progress.begin(0, now);
             self.events.push(event(node.epoch, What::Started));
             orders.push(Order::Start(node.topic, node.epoch));
         }
@@ -249,29 +220,57 @@ impl Supervisor {
         if holder != node.holder && holder != 0 {
             self.events.push(event(holder, What::TookOver));
         }
-        let done = office.done(holder).get();
-        if holder == 0 || holder != node.holder || done != node.progress.0 {
-            node.progress = (done, now);
+        let done = u64::from(office.done(holder).get());
+        if holder != node.holder {
+            node.progress.begin(done, now);
         }
+        node.progress.note(done, now);
         node.holder = holder;
-        // The sample after the newest it has done is number `done`: that many have come since without an answer.
-        let behind = node.topic == Topic::State || tick + 1 >= u64::from(done) + HANG_TICKS;
-        if holder != 0 && tick > 0 && behind && now.duration_since(node.progress.1) > hang {
-            self.events.push(event(holder, What::Hung));
-            node.progress.1 = now;
+        // Nobody samples for the plant, nor for a newcomer that is not ready yet: time alone tells.
+        let newcomer = holder == 0 && node.is_started() && office.ready.get() != node.epoch;
+        let (epoch, samples, limit) = match (node.topic, newcomer) {
+            (_, true) => (node.epoch, u64::MAX, START_LIMIT),
+            (Topic::State, _) => (holder, u64::MAX, limit),
+            _ => (holder, tick + 1, limit),
+        };
+        if epoch != 0 && tick > 0 && node.progress.hangs(samples, limit, now) {
+            self.events.push(event(epoch, What::Hung));
+            node.progress.begin(done, now);
             orders.push(Order::Kill(node.topic));
+            if node.topic != Topic::State {
+                vacate(board, node.topic, epoch); // dying takes milliseconds, for which nobody is to wait
+            }
         }
     }
 
-    /// How long a node may make no progress.
-    fn hang(&self, i: usize) -> Duration {
-        match (self.mode, self.nodes[i].topic) {
-            (Mode::Realtime, Topic::State) => PLANT_HANG,
-            // A little less than the ticks say, because the look around comes late too.
-            (Mode::Realtime, _) => Duration::from_secs_f64(self.sample_s * (HANG_TICKS as f64 - 1.0)).max(LEAST_HANG),
-            _ => LOCKSTEP_HANG,
+    /// The next look around: soon enough for a new start that is due, and for who may hang by then.
+    fn next_look(&self, board: &Board, now: Instant) -> Instant {
+        let starts = self.nodes.iter().filter_map(|node| node.restart_at);
+        let origin = progress::origin(board, now).filter(|_| self.mode == Mode::Realtime);
+        let in_office = self.nodes.iter().filter(|node| board.office(node.topic).holder.get() != 0);
+        let limit = |topic| progress::limit(self.mode, topic, self.sample_s);
+        let hangs =
+            in_office.filter_map(|node| Some(node.progress.deadline(origin?, self.sample_s, limit(node.topic))));
+        starts.chain(hangs).map(|at| at.max(now + LOOK_AGAIN)).fold(now + LOOK, Instant::min)
+    }
+}
+
+impl Node {
+    /// Whether a successor of the first process is there or on its way up.
+    fn is_started(&self) -> bool {
+        self.epoch > 1 && self.restart_at.is_none() && !self.given_up
+    }
+}
+
+/// Leaves the office of `topic` to nobody, if `epoch` holds it or is about to.
+fn vacate(board: &Board, topic: Topic, epoch: u32) {
+    let office = board.office(topic);
+    for word in [&office.holder, &office.ready, &office.heir] {
+        if word.get() == epoch {
+            word.set(0);
         }
     }
+    board.bell(topic).ring();
 }
 
 /// Ticks that the plant has sampled.

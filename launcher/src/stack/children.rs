@@ -18,8 +18,6 @@ use rustix::time::Timespec;
 
 use super::end::Departure;
 
-/// How often the queues and the children are looked at; a child that ends is noticed at once.
-const POLL: Timespec = Timespec { tv_sec: 0, tv_nsec: 5_000_000 };
 const BURIAL_LIMIT: Duration = Duration::from_millis(500);
 
 /// A child.
@@ -106,11 +104,12 @@ impl Children {
         }
     }
 
-    /// Sleeps until one ends, or until it is time to look around.
-    pub fn sleep(&self) {
+    /// Sleeps until one ends, which is noticed at once, or until it is time to look around.
+    pub fn sleep(&self, until: Instant) {
         let mut ends: Vec<PollFd> =
             self.all.iter().filter_map(|p| p.pidfd.as_ref()).map(|fd| PollFd::new(fd, PollFlags::IN)).collect();
-        let _ = poll(&mut ends, Some(&POLL)); // an early return is a look around too soon
+        let left = Timespec::try_from(until.saturating_duration_since(Instant::now())).ok();
+        let _ = poll(&mut ends, left.as_ref()); // an early return is a look around too soon
     }
 }
 
