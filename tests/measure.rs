@@ -200,3 +200,31 @@ fn timing_ends_its_processes_when_it_is_interrupted() {
     assert_eq!(child.wait().expect("the launcher ends").code(), Some(130));
     assert_eq!(in_memory(), 0);
 }
+
+#[test]
+fn kills_are_survived_told_of_and_leave_nothing_behind() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let mut command = launcher();
+    command.args(["measure", "kills", "--kills", "10", "--json", "--out"]).arg(folder.path());
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the launcher starts");
+    let namespace = format!("measure-{}-", child.id());
+    let output = child.wait_with_output().expect("the launcher ends");
+    let said = String::from_utf8_lossy(&output.stderr);
+    let printed: Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{e}: {said}"));
+    assert_eq!(printed, read(&folder.path().join("measure.json")));
+
+    let rows = printed["results"]["rows"].as_array().expect("rows");
+    let kills: usize = rows.iter().map(|row| row["kills"].as_array().expect("kills").len()).sum();
+    assert!(kills >= 10, "{printed}");
+    assert!(rows.iter().any(|row| row["code"] == 0), "somebody flew on: {printed}");
+    let targets = printed["targets"].as_array().expect("targets");
+    let short = targets.iter().any(|target| target["verdict"] == "short");
+    assert_eq!(output.status.code(), Some(i32::from(short)), "the exit code is the verdict");
+    // How quick anything is and how far it flies may be the machine's doing; that nothing is left is not.
+    let left = targets.iter().find(|target| target["figure"].as_str().is_some_and(|figure| figure.starts_with("left")));
+    assert_eq!(left.expect("a target")["verdict"], "ok", "{printed}");
+    let in_memory = std::fs::read_dir("/dev/shm").expect("/dev/shm can be listed").flatten();
+    assert!(!in_memory.into_iter().any(|entry| entry.file_name().to_string_lossy().contains(&namespace)));
+    let files = std::fs::read_dir(std::env::temp_dir()).expect("it can be listed").flatten();
+    assert!(!files.into_iter().any(|entry| entry.file_name().to_string_lossy().starts_with(&namespace)));
+}

@@ -135,16 +135,63 @@ fn a_process_that_dies_or_hangs_is_replaced_in_flight() {
 }
 
 #[test]
-fn after_killing_everything_the_next_flight_starts_clean() {
+fn a_successor_that_hangs_while_it_starts_is_replaced_too() {
     let ns = namespace();
     let flight = start_flying(&ns);
-    kill("-KILL", &processes_of(&ns));
-    drop(flight);
-    wait_until("every process is gone", || processes_of(&ns).is_empty());
-    assert!(!shared_memory_of(&ns).is_empty(), "killed processes wipe nothing");
-    let outcome = Flight::start(&ns, &["--mode", "realtime", "--set", "run.duration_s=0.5"]).finish();
-    assert_eq!(outcome.code(), Some(0), "{}", outcome.stderr);
+    let first = process_of(&ns, "guidance");
+    kill("-KILL", &[first]);
+    let successor = || processes_of(&ns).into_iter().find(|pid| *pid != first && runs(*pid, "guidance"));
+    wait_until("its successor is there", || successor().is_some());
+    kill("-STOP", &[successor().expect("nobody ends it")]);
+    std::thread::sleep(std::time::Duration::from_secs(2));
+    kill("-INT", &[flight.child.id() as i32]);
+    let outcome = flight.finish();
+    assert_eq!(outcome.code(), Some(130), "{}", outcome.stderr);
+    let events = events(&outcome.run(), "guidance");
+    assert!(events.contains(&"hung".to_owned()), "{events:?}");
+    assert_eq!(events.last().map(String::as_str), Some("took-over"), "{events:?}");
     assert_eq!(shared_memory_of(&ns), Vec::<String>::new());
+}
+
+#[test]
+fn a_node_that_dies_too_often_is_given_up_and_the_vehicle_comes_down() {
+    let start = |node| {
+        let kill = |at_s| format!("{{at_s={at_s:?}, target=\"{node}\", kind=\"kill\"}}");
+        let faults = format!("fault=[{}]", [0.5, 0.9, 1.3, 1.7, 2.1].map(kill).join(","));
+        Flight::start(&namespace(), &["--mode", "realtime", "--set", "run.duration_s=5.5", "--set", &faults])
+    };
+    let flights = ["guidance", "attitude-mpc"].map(|node| (node, start(node)));
+    for (node, flight) in flights {
+        let outcome = flight.finish();
+        assert_eq!(outcome.code(), Some(3), "{node}: {}", outcome.stderr);
+        assert!(outcome.stderr.contains(node), "{}", outcome.stderr);
+        let run = outcome.run();
+        assert_eq!(run["diverged"], false, "{node}");
+        let events = events(&run, node);
+        assert_eq!(events.iter().filter(|what| *what == "died").count(), 4, "{node}: {events:?}");
+        assert_eq!(events.last().map(String::as_str), Some("given-up"), "{node}: {events:?}");
+        let log = launcher::log::read(&outcome.out.join("flight.mcap")).expect("the log reads");
+        let last = log.states.last().expect("states").actual;
+        let [roll, pitch, _] = last.attitude_rad;
+        assert!(roll.abs().max(pitch.abs()) < 0.2, "{node}: it is level, {roll} {pitch}");
+        assert!((0.4..1.0).contains(&last.velocity_mps[2]), "{node}: it sinks at {} m/s", last.velocity_mps[2]);
+    }
+}
+
+#[test]
+fn after_killing_everything_or_the_launcher_alone_the_next_flight_starts_clean() {
+    for alone in [false, true] {
+        let ns = namespace();
+        let flight = start_flying(&ns);
+        let launcher = flight.child.id() as i32;
+        kill("-KILL", &if alone { vec![launcher] } else { processes_of(&ns) });
+        drop(flight);
+        wait_until("every process is gone", || processes_of(&ns).is_empty());
+        assert!(!shared_memory_of(&ns).is_empty(), "killed processes wipe nothing");
+        let outcome = Flight::start(&ns, &["--mode", "realtime", "--set", "run.duration_s=0.5"]).finish();
+        assert_eq!(outcome.code(), Some(0), "{}", outcome.stderr);
+        assert_eq!(shared_memory_of(&ns), Vec::<String>::new());
+    }
 }
 
 #[test]
@@ -164,6 +211,10 @@ fn a_namespace_holds_one_stack() {
     assert_eq!(second.code(), Some(2));
     assert!(second.stderr.contains("in use"), "{}", second.stderr);
     assert!(!second.out.exists(), "a refused flight leaves no folder");
+    // Nor has a process a place in it that its launcher did not start.
+    let stray = launcher().args(["node", "mixer", "--namespace", &ns]).output().expect("the launcher starts");
+    assert_eq!(stray.status.code(), Some(3));
+    assert!(String::from_utf8_lossy(&stray.stderr).contains("did not start it"));
     kill("-INT", &[flight.child.id() as i32]);
     assert_eq!(flight.finish().code(), Some(130), "the first flight goes on undisturbed");
 }

@@ -46,6 +46,9 @@ pub enum SeatError {
     /// The run is not there.
     #[error(transparent)]
     Domain(#[from] DomainError),
+    /// Its parent is not the launcher of the run.
+    #[error("it belongs to the launcher of namespace '{0}', which did not start it, or has died since")]
+    Orphan(String),
     /// A port is refused.
     #[error(transparent)]
     Port(#[from] PortError),
@@ -224,9 +227,8 @@ pub fn run_as(
     own: Option<&Path>,
     run: fn(&Seat) -> Result<(), SeatError>,
 ) -> ExitCode {
-    // Fails only for a signal number that does not exist.
-    let _ = rustix::process::set_parent_process_death_signal(Some(Signal::KILL));
-    match Seat::join_with(namespace, name, epoch, own).and_then(|seat| run(&seat).and_then(|()| seat.verdict())) {
+    let seat = die_with_launcher(namespace).and_then(|()| Seat::join_with(namespace, name, epoch, own));
+    match seat.and_then(|seat| run(&seat).and_then(|()| seat.verdict())) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("{name}: {error}");
@@ -236,9 +238,19 @@ pub fn run_as(
     }
 }
 
+/// From now on this process does not outlive its parent, which must be the launcher of `namespace`.
+pub fn die_with_launcher(namespace: &str) -> Result<(), SeatError> {
+    // Fails only for a signal number that does not exist.
+    let _ = rustix::process::set_parent_process_death_signal(Some(Signal::KILL));
+    // A launcher that died before that sends no signal any more: then the parent is another.
+    let parent = rustix::process::getppid().map(|pid| pid.as_raw_nonzero().get());
+    let launcher = Domain::find(namespace)?.launcher_pid();
+    if parent == launcher { Ok(()) } else { Err(SeatError::Orphan(namespace.into())) }
+}
+
 fn usage(name: &str) -> ExitCode {
     eprintln!(
-        "usage: {name} --namespace NAME [--epoch NUMBER [--settings FILE]]\nThe launcher starts this program; by itself it joins a stack that runs."
+        "usage: {name} --namespace NAME [--epoch NUMBER [--settings FILE]]\nThe launcher starts this program, which ends with it."
     );
     ExitCode::from(exit::USAGE)
 }

@@ -10,10 +10,9 @@ use std::time::{Duration, Instant};
 
 use contract::message::{Actuators, Controls, Reference, State};
 use contract::port::{Receive, Wire};
-use contract::process::{Seat, SeatError, exit};
+use contract::process::{Seat, SeatError, die_with_launcher, exit};
 use contract::realtime::phase;
 use contract::scenario::{self, Scenario};
-use rustix::process::Signal;
 use serde::{Deserialize, Serialize};
 
 use crate::event::{Event, Hearing};
@@ -66,7 +65,6 @@ impl Observers {
 
 /// Runs the recorder as this process.
 pub fn main(namespace: &str, epoch: u32, path: &Path) -> ExitCode {
-    let _ = rustix::process::set_parent_process_death_signal(Some(Signal::KILL));
     match record(namespace, epoch, path) {
         Ok(outcome) => {
             println!("{}", serde_json::to_string(&outcome).unwrap_or_default());
@@ -80,6 +78,7 @@ pub fn main(namespace: &str, epoch: u32, path: &Path) -> ExitCode {
 }
 
 fn record(namespace: &str, epoch: u32, path: &Path) -> anyhow::Result<LogOutcome> {
+    die_with_launcher(namespace)?;
     let seat = Seat::join(namespace, "recorder", epoch)?;
     // The file first: a recorder that has joined is one that can write.
     let mut log = Log::create(path, &seat.scenario)?;

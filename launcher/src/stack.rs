@@ -146,7 +146,7 @@ impl Stack {
             self.children.tell(self.regime.events());
             self.attend();
             tick();
-            self.children.sleep(self.control.sources(), self.regime.rest(&self.board));
+            self.children.sleep(self.control.sources(), self.regime.due(&self.board));
         };
         let given_up = self.regime.given_up();
         let wall = started.elapsed();

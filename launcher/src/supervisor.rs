@@ -11,17 +11,24 @@
 //! ends. A node that is given up leaves the vehicle to the reactions of the others, which bring it down.
 
 mod node;
+mod progress;
+mod strike;
 
-use std::ops::Range;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use contract::realtime::Board;
-use contract::scenario::{Fault, FaultKind, Scenario};
+use contract::scenario::Scenario;
 use contract::topic::Topic;
 
 use crate::event::Event;
 use crate::log::Record;
 use node::Node;
+use strike::Strike;
+
+/// How often everybody is looked at, at least.
+const LOOK: Duration = Duration::from_millis(5);
+/// How soon again when somebody may hang.
+const LOOK_AGAIN: Duration = Duration::from_millis(1);
 
 /// What is to be done to a process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,33 +51,21 @@ pub struct Supervisor {
     begun: Vec<bool>,
     /// The newest sample seen: everything that answers to the ones before has been seen too, or is late.
     seen: u64,
+    /// When to look around next.
+    due: Instant,
     /// Everything that happened.
     pub events: Vec<Event>,
-}
-
-/// A fault that is done to a process by signals.
-struct Strike {
-    topic: Topic,
-    kind: FaultKind,
-    ticks: Range<u64>,
-    /// Who was struck.
-    struck: Option<u32>,
-    ended: bool,
 }
 
 impl Supervisor {
     /// For a run of `scenario` whose first processes have been started.
     pub fn new(scenario: &Scenario) -> Self {
-        let by_signal = |fault: &Fault| {
-            let topic = fault.target.process().filter(|_| matches!(fault.kind, FaultKind::Kill | FaultKind::Stop))?;
-            let ticks = fault.ticks(scenario.sample_s());
-            Some(Strike { topic, kind: fault.kind, ticks, struck: None, ended: false })
-        };
         Self {
-            strikes: scenario.fault.iter().filter_map(by_signal).collect(),
+            strikes: Strike::all(scenario),
             nodes: Topic::ALL.map(|topic| Node::new(topic, scenario.sample_s())).into(),
             begun: vec![],
             seen: 0,
+            due: Instant::now(),
             events: vec![],
         }
     }
@@ -109,7 +104,8 @@ impl Supervisor {
         let tick = plant_tick(board);
         let now = Instant::now();
         let mut orders = vec![];
-        self.strike(board, tick, &mut orders);
+        self.strikes.iter_mut().for_each(|strike| strike.at(board, tick, &mut orders));
+        let absent = now.saturating_duration_since(self.due);
         self.begun.resize(scenario.swap.len(), false);
         for (i, (swap, begun)) in scenario.swap.iter().zip(&mut self.begun).enumerate() {
             let is_due = tick > 0 && tick >= swap.ticks(scenario.sample_s()).from && !*begun;
@@ -121,33 +117,25 @@ impl Supervisor {
         for node in &mut self.nodes {
             node.restart(board, tick, now, &mut self.events, &mut orders);
             node.welcome(board, scenario, tick, &mut self.events);
+            node.progress.excuse(absent);
             node.notice(board, tick, now, &mut self.events, &mut orders);
             node.judge(board, self.seen, &mut self.events, &mut orders);
         }
+        self.due = self.next_look(board, now);
         orders
     }
 
-    /// The scenario's kills and stops, when their time has come.
-    fn strike(&mut self, board: &Board, tick: u64, orders: &mut Vec<Order>) {
-        for Strike { topic, kind, ticks, struck, ended } in &mut self.strikes {
-            let holder = board.office(*topic).holder();
-            if tick >= ticks.start && struck.is_none() && holder != 0 {
-                *struck = Some(holder);
-                orders.push(if *kind == FaultKind::Kill {
-                    Order::Kill(*topic, holder)
-                } else {
-                    Order::Stop(*topic, holder)
-                });
-            }
-            if let Some(victim) = struck
-                && tick >= ticks.end
-                && !*ended
-                && *kind == FaultKind::Stop
-            {
-                *ended = true;
-                orders.push(Order::Continue(*topic, *victim));
-            }
-        }
+    /// When to ask for orders again.
+    pub fn due(&self) -> Instant {
+        self.due
+    }
+
+    /// The next look around: soon enough for a new start that is due, and for who may hang by then.
+    fn next_look(&self, board: &Board, now: Instant) -> Instant {
+        let origin = progress::origin(board, now);
+        let starts = self.nodes.iter().filter_map(|node| node.restart_at);
+        let hangs = self.nodes.iter().filter_map(|node| node.hangs_at(board, origin?));
+        starts.chain(hangs).map(|at| at.max(now + LOOK_AGAIN)).fold(now + LOOK, Instant::min)
     }
 }
 

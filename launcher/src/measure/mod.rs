@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`mpc`] | `measure mpc`: how long a step of the controller takes, by path and solver |
 //! | [`faults`] | `measure faults`: every fault of the catalogue, and what the flight bears |
+//! | [`kills`] | `measure kills`: any process killed at any moment, a thousand times
 //! | [`laws`] | `measure laws`: the aggressive scenarios under every inner loop |
 //! | [`sensitivity`] | `measure sensitivity`: tracking error over delay, jitter and misses |
 //! | [`timing`] | `measure timing`: how late the stack is, beside the kernel's own wake-up |
@@ -12,6 +13,7 @@
 //! `inconclusive`, the last where this machine could not tell. The exit code is 0 only when none is short.
 
 pub mod faults;
+pub mod kills;
 pub mod laws;
 pub mod mpc;
 pub mod sensitivity;
@@ -33,6 +35,8 @@ pub enum Measure {
     Mpc(mpc::MpcArgs),
     /// Fly through every fault of the catalogue, and strike processes in real time
     Faults(faults::FaultsArgs),
+    /// Kill any process of short flights at any moment, again and again
+    Kills(kills::KillsArgs),
     /// Fly the aggressive scenarios under every inner loop and compare
     Laws(laws::LawsArgs),
     /// Map the tracking error over delay, jitter and misses, for both profiles
@@ -50,6 +54,7 @@ impl Measure {
         match self {
             Self::Mpc(args) => mpc::measure(args),
             Self::Faults(args) => faults::measure(args),
+            Self::Kills(args) => kills::measure(args),
             Self::Laws(args) => laws::measure(args),
             Self::Sensitivity(args) => sensitivity::measure(args),
             Self::Timing(args) => timing::measure(args),

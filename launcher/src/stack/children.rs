@@ -134,12 +134,12 @@ impl Children {
         }
     }
 
-    /// Sleeps until one ends, one of `others` is readable, or for `longest`.
-    pub fn sleep<'a>(&'a self, others: impl Iterator<Item = BorrowedFd<'a>>, longest: Duration) {
+    /// Sleeps until one ends, which is noticed at once, one of `others` is readable, or it is time to look around.
+    pub fn sleep<'a>(&'a self, others: impl Iterator<Item = BorrowedFd<'a>>, due: Instant) {
         let ends = self.all.iter().filter_map(|p| p.pidfd.as_ref()).map(|fd| PollFd::new(fd, PollFlags::IN));
         let others = others.map(|fd| PollFd::from_borrowed_fd(fd, PollFlags::IN));
-        let longest = Timespec::try_from(longest).ok();
-        let _ = poll(&mut ends.chain(others).collect::<Vec<_>>(), longest.as_ref()); // an early return is a look around too soon
+        let left = Timespec::try_from(due.saturating_duration_since(Instant::now())).ok();
+        let _ = poll(&mut ends.chain(others).collect::<Vec<_>>(), left.as_ref()); // an early return is a look too soon
     }
 }
 

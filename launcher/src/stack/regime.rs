@@ -1,6 +1,6 @@
 //! Who decides on the staff: against the clock the supervisor, from what it sees; in lockstep the script.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use contract::Scenario;
 use contract::realtime::Board;
@@ -12,7 +12,7 @@ use crate::event::Event;
 use crate::log::Record;
 use crate::supervisor::{Order, Supervisor};
 
-/// How often the queues and the children are looked at; a child that ends is noticed at once.
+/// How often the queues and the children are looked at in lockstep.
 const LOOK: Duration = Duration::from_millis(5);
 /// The same while everybody waits for an answer, or soon may.
 const QUICK_LOOK: Duration = Duration::from_micros(100);
@@ -97,11 +97,12 @@ impl Regime {
         }
     }
 
-    /// How long nobody needs to be looked at.
-    pub fn rest(&self, board: &Board) -> Duration {
+    /// When to ask for orders again.
+    pub fn due(&self, board: &Board) -> Instant {
         match self {
-            Self::Script(_) if board.asked().count() > 0 => QUICK_LOOK,
-            _ => LOOK,
+            Self::Clock(supervisor) => supervisor.due(),
+            Self::Script(_) if board.asked().count() > 0 => Instant::now() + QUICK_LOOK,
+            Self::Script(_) => Instant::now() + LOOK,
         }
     }
 }

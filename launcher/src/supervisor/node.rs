@@ -2,12 +2,13 @@
 
 use std::time::{Duration, Instant};
 
-use contract::plan::HANG_TICKS;
+use contract::office::Staff;
 use contract::realtime::Board;
 use contract::scenario::{Scenario, SwapTicks};
 use contract::topic::Topic;
 
 use super::Order;
+use super::progress::{Progress, limit};
 use crate::event::{Event, What};
 use crate::succession::successor;
 use crate::succession::trial::{Ruling, Trial};
@@ -15,12 +16,8 @@ use crate::succession::trial::{Ruling, Trial};
 /// Waits before the first, second, third new start within `WINDOW`; after that the node is given up.
 const BACK_OFF_MS: [u64; 3] = [0, 50, 100];
 const WINDOW: Duration = Duration::from_secs(5);
-/// At high rates a few ticks are no longer than the machine may hold a process up for reasons of its own.
-const LEAST_HANG: Duration = Duration::from_millis(20);
-/// The plant has nobody to answer for it: its motors are off after this time, so it is the end of the flight.
-const PLANT_HANG: Duration = Duration::from_millis(500);
-/// Who has been started is to be ready by then.
-const START_LIMIT: Duration = Duration::from_secs(5);
+/// A process that is not ready by then never will be: it waits for what another has left half made, or was stopped.
+const START_LIMIT: Duration = Duration::from_secs(1);
 
 /// One node.
 pub struct Node {
@@ -30,21 +27,21 @@ pub struct Node {
     pub trial: Option<Trial>,
     /// Nobody is started any more.
     pub given_up: bool,
-    /// How long it may make no progress.
-    hang: Duration,
+    /// What the holder has done.
+    pub progress: Progress,
+    sample_s: f64,
     /// The newest epoch.
     newest: u32,
     /// Who has been started and does not work yet.
     started: Option<Started>,
     /// New starts within the window.
     starts: Vec<Instant>,
-    restart_at: Option<Instant>,
-    /// A newcomer that was sent away.
-    dismissed: u32,
+    /// When the next is to be started.
+    pub restart_at: Option<Instant>,
+    /// The epochs that work, or are about to, and are to be replaced when they die.
+    wanted: Vec<u32>,
     /// The swaps that the holder and the shadow came with.
     origins: (Option<usize>, Option<usize>),
-    /// Ticks the holder had done when it last made progress, and when that was.
-    progress: (u32, Instant),
     /// The holder when last looked at.
     holder: u32,
 }
@@ -60,21 +57,18 @@ struct Started {
 impl Node {
     /// With its first process.
     pub fn new(topic: Topic, sample_s: f64) -> Self {
-        let now = Instant::now();
-        // A little less than the ticks say, because the look around comes late too.
-        let ticks = Duration::from_secs_f64(sample_s * (HANG_TICKS as f64 - 1.0));
         Self {
             topic,
             trial: None,
             given_up: false,
-            hang: if topic == Topic::State { PLANT_HANG } else { ticks.max(LEAST_HANG) },
+            progress: Progress::new(Instant::now()),
+            sample_s,
             newest: 1,
             started: None,
             starts: vec![],
             restart_at: None,
-            dismissed: 0,
+            wanted: vec![1],
             origins: (None, None),
-            progress: (0, now),
             holder: 1,
         }
     }
@@ -93,46 +87,36 @@ impl Node {
 
     /// A process of it has ended.
     pub fn died(&mut self, board: &Board, epoch: u32, tick: u64, events: &mut Vec<Event>) {
-        let office = board.office(self.topic);
-        let staff = office.staff();
-        office.appoint(tick as u32, |staff| staff.without(epoch));
-        // Nor can it take the office any more, should it have been about to.
-        for word in [&office.ready, &office.heir] {
-            if word.get() == epoch {
-                word.set(0);
-            }
-        }
-        let started = self.started.take_if(|started| started.epoch == epoch);
-        if started.is_none() && !staff.employs(epoch) {
-            return; // it was sent away, or its time was over
-        }
-        if epoch != self.dismissed {
-            events.push(Event::new(tick, self.topic.publisher(), epoch, What::Died));
-        }
-        if started.is_some_and(|started| started.swap.is_some()) {
-            events.push(
-                Event::new(tick, self.topic.publisher(), epoch, What::Rejected).because("it died before it was ready"),
-            );
+        let was_wanted = self.dismiss(epoch);
+        self.vacate(board, epoch, tick);
+        if !was_wanted {
             return;
         }
-        if let Some(trial) = self.trial.take() {
-            let what = match epoch == trial.newcomer {
-                true if trial.in_office => What::Returned,
-                true => What::Rejected,
-                false => What::Kept,
+        let name = self.topic.publisher();
+        events.push(Event::new(tick, name, epoch, What::Died));
+        if self.started.take_if(|started| started.epoch == epoch).is_some_and(|started| started.swap.is_some()) {
+            events.push(Event::new(tick, name, epoch, What::Rejected).because("it died before it was ready"));
+        } else if let Some(trial) = self.trial.take() {
+            let is_newcomer = epoch == trial.newcomer;
+            let what = match (is_newcomer, trial.in_office) {
+                (true, true) => What::Returned,
+                (true, false) => What::Rejected,
+                (false, _) => What::Kept,
             };
-            events.push(
-                Event::new(tick, self.topic.publisher(), trial.newcomer, what).because(format!("epoch {epoch} died")),
-            );
+            events.push(Event::new(tick, name, trial.newcomer, what).because(format!("epoch {epoch} died")));
+            let stays = if is_newcomer == trial.in_office { self.origins.1 } else { self.origins.0 };
+            self.origins = (stays, None);
         }
-        let stand_in = office.staff().without(epoch);
-        if stand_in.holder == 0 && stand_in.shadow != 0 {
-            office.heir.set(stand_in.shadow);
-            self.origins = (self.origins.1, None);
-        } else if stand_in.holder == 0 {
+        if self.wanted.is_empty() {
             self.mourn(epoch, tick, events);
         }
-        board.bell(self.topic).ring();
+    }
+
+    /// Forgets a process; whether it was wanted.
+    fn dismiss(&mut self, epoch: u32) -> bool {
+        let wanted = self.wanted.len();
+        self.wanted.retain(|other| *other != epoch);
+        self.wanted.len() < wanted
     }
 
     /// Sees to it that another is started; after too many deaths nobody is.
@@ -157,14 +141,15 @@ impl Node {
         events: &mut Vec<Event>,
         orders: &mut Vec<Order>,
     ) {
-        // Somebody who is on the way already has the office when it arrives.
-        if self.started.is_none() && self.restart_at.take_if(|at| now >= *at).is_some() {
+        if self.restart_at.take_if(|at| now >= *at).is_some() {
             self.newest = successor(self.newest, board.office(self.topic).staff().shadow);
             self.start(None, tick, now, events, orders);
         }
         if let Some(started) = self.started
             && now.duration_since(started.at) > START_LIMIT
         {
+            events.push(Event::new(tick, self.topic.publisher(), started.epoch, What::Hung));
+            self.started = Some(Started { at: now, ..started }); // it is dead soon
             orders.push(Order::Kill(self.topic, started.epoch));
         }
     }
@@ -196,6 +181,7 @@ impl Node {
         orders: &mut Vec<Order>,
     ) {
         self.started = Some(Started { epoch: self.newest, at: now, swap });
+        self.wanted.push(self.newest);
         events.push(Event::new(tick, self.topic.publisher(), self.newest, What::Started));
         orders.push(Order::Start(self.topic, self.newest, swap.or(self.origins.0)));
     }
@@ -220,14 +206,13 @@ impl Node {
                 let ticks = SwapTicks { from: from + late, hand_over: hand_over + late, until: until + late };
                 self.trial = Some(Trial::new(scenario, swap, self.topic, ticks, (holder, epoch)));
                 self.origins.1 = Some(i);
-                office.appoint(tick as u32, |staff| contract::office::Staff { shadow: epoch, ..staff });
+                office.appoint(tick as u32, |staff| Staff { shadow: epoch, ..staff });
                 events.push(Event::new(tick, self.topic.publisher(), epoch, What::InShadow));
             }
             _ => {
                 if swap.is_some() {
                     self.origins.0 = swap;
                 }
-                self.restart_at = None;
                 office.heir.set(epoch);
             }
         }
@@ -246,18 +231,44 @@ impl Node {
             }
             events.push(event);
         }
-        let done = office.done(holder).get();
-        if holder == 0 || holder != self.holder || done != self.progress.0 {
-            self.progress = (done, now);
+        let done = u64::from(office.done(holder).get());
+        if holder == 0 || holder != self.holder {
+            self.progress.begin(done, now);
         }
+        self.progress.note(done, now);
         self.holder = holder;
-        // The sample after the newest it has done is number `done`: that many have come since without an answer.
-        let behind = self.topic == Topic::State || tick + 1 >= u64::from(done) + HANG_TICKS;
-        if holder != 0 && tick > 0 && behind && now.duration_since(self.progress.1) > self.hang {
+        // Nobody samples for the plant: time alone tells.
+        let samples = if self.topic == Topic::State { u64::MAX } else { tick + 1 };
+        if holder != 0 && tick > 0 && self.progress.hangs(samples, limit(self.topic, self.sample_s), now) {
             events.push(Event::new(tick, self.topic.publisher(), holder, What::Hung));
-            self.progress.1 = now;
+            self.progress.begin(done, now);
             orders.push(Order::Kill(self.topic, holder));
+            if self.topic != Topic::State {
+                self.vacate(board, holder, tick); // dying takes milliseconds, for which nobody is to wait
+            }
         }
+    }
+
+    /// When the holder will count as hung if it makes no more progress; the first sample was taken at `origin`.
+    pub fn hangs_at(&self, board: &Board, origin: Instant) -> Option<Instant> {
+        let in_office = board.office(self.topic).holder() != 0;
+        in_office.then(|| self.progress.deadline(origin, self.sample_s, limit(self.topic, self.sample_s)))
+    }
+
+    /// Leaves the office to nobody but a shadow, if `epoch` holds it or is about to.
+    fn vacate(&mut self, board: &Board, epoch: u32, tick: u64) {
+        let office = board.office(self.topic);
+        office.appoint(tick as u32, |staff| staff.without(epoch));
+        for word in [&office.ready, &office.heir] {
+            if word.get() == epoch {
+                word.set(0);
+            }
+        }
+        let Staff { holder, shadow } = office.staff();
+        if holder == 0 && shadow != 0 {
+            office.heir.set(shadow);
+        }
+        board.bell(self.topic).ring();
     }
 
     /// Does what the trial of a newcomer has come to; all messages of the ticks before `tick` are known.
@@ -273,6 +284,7 @@ impl Node {
             }
             Ruling::Keep => {
                 office.appoint(tick as u32, |staff| staff.without(old)); // and so it leaves
+                self.dismiss(old);
                 self.origins.1 = None;
                 What::Kept
             }
@@ -280,14 +292,14 @@ impl Node {
                 office.heir.set(0);
                 office.appoint(tick as u32, |staff| staff.without(newcomer));
                 self.origins.1 = None;
-                self.dismissed = newcomer;
+                self.dismiss(newcomer);
                 orders.push(Order::Kill(self.topic, newcomer));
                 What::Rejected
             }
             Ruling::Return => {
                 office.heir.set(old);
                 self.origins = (self.origins.1, None);
-                self.dismissed = newcomer;
+                self.dismiss(newcomer);
                 orders.push(Order::Kill(self.topic, newcomer));
                 What::Returned
             }
