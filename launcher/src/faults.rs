@@ -198,6 +198,7 @@ impl Watched {
             "at_s": self.fault.at_s,
             "for_s": self.fault.for_s,
             "injected_at_s": self.injected().map(|tick| self.seconds(tick)),
+            "ended_at_s": self.ended().map(|tick| self.seconds(tick)),
             "detected_after_s": self.detected_after_s(),
             "recovered_after_s": self.recovered_after_s(),
         })
@@ -221,8 +222,8 @@ impl Watched {
     }
 }
 
-/// A target or kind as the scenario file spells it.
-fn name(word: impl Serialize) -> String {
+/// A target or kind as the scenario file spells it, an event as run.json does.
+pub(crate) fn name(word: impl Serialize) -> String {
     json!(word).as_str().unwrap_or_default().to_owned()
 }
 
