@@ -3,6 +3,7 @@
 mod bad_input;
 mod deadlines;
 mod faults;
+mod fuzz;
 mod harness;
 mod lockstep;
 mod measure;
