@@ -1,6 +1,6 @@
 //! Whatever arrives on a topic: nothing panics, and what is taken is whole, plausible and from the process in office.
 //!
-//! Few cases by default; `PROPTEST_CASES=100000 cargo test --release -p contract --test fuzz` looks longer.
+//! `PROPTEST_CASES=100000 cargo test -p contract --test fuzz` looks longer; in the dev profile, where overflow panics.
 
 use contract::guard::Guard;
 use contract::message::{Actuators, Controls, Message, Reference, Stamp, State};

@@ -101,7 +101,7 @@ impl Course {
 
     /// The topic has spoken on `tick`: between that and the last time there was nobody.
     fn speak(&mut self, tick: u64) {
-        let expected = self.last.map_or(tick, |last| last + 1);
+        let expected = self.last.map_or(tick, |last| last.saturating_add(1));
         if tick > expected {
             self.note(expected, true);
         }
@@ -152,7 +152,7 @@ impl Watched {
     fn ended(&self) -> Option<u64> {
         let ends = self.fault.for_s.is_some() || self.fault.kind == FaultKind::Burst;
         match self.marked {
-            Some((_, last)) => ends.then_some(last + 1),
+            Some((_, last)) => ends.then(|| last.saturating_add(1)),
             None => self.fault.for_s.map(|_| self.ticks().end),
         }
     }
@@ -161,7 +161,8 @@ impl Watched {
         let injected = self.injected()?;
         if let Some(topic) = self.fault.target.process() {
             let course = &self.courses[topic as usize];
-            let silent = course.last.filter(|last| self.newest >= last + HANG_TICKS).map(|last| last + 1);
+            let silent =
+                course.last.filter(|last| self.newest.saturating_sub(*last) >= HANG_TICKS).map(|last| last + 1);
             return course.first(injected, true).or(silent);
         }
         self.courses.iter().filter_map(|course| course.first(injected, true)).min()

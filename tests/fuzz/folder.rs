@@ -1,7 +1,6 @@
 //! Folders of runs whose files were damaged or forged: `report` and `trace` end with an error or a page.
 
 use std::fs;
-use std::path::Path;
 use std::sync::LazyLock;
 
 use contract::message::Message;
@@ -25,18 +24,17 @@ static FLOWN: LazyLock<(Vec<u8>, String)> = LazyLock::new(|| {
 
 /// A folder with these two files, looked at in every way there is.
 fn look(flight: &[u8], run: Option<&[u8]>) {
-    let folder = tempfile::tempdir().expect("a temporary folder");
+    // In memory: a report is not finished before the disk has it.
+    let folder = tempfile::tempdir_in("/dev/shm").expect("a temporary folder");
     let path = folder.path().join("flight.mcap");
     fs::write(&path, flight).expect("can be written");
-    run.iter().for_each(|run| fs::write(folder.path().join("run.json"), run).expect("can be written"));
-    look_at(folder.path(), &path);
-}
-
-fn look_at(folder: &Path, path: &Path) {
-    let Ok(log) = log::read(path) else { return };
+    if let Some(run) = run {
+        fs::write(folder.path().join("run.json"), run).expect("can be written");
+    }
+    let page = report::rewrite(folder.path());
+    assert_eq!(page.is_ok(), folder.path().join("report.html").exists());
+    let Ok(log) = log::read(&path) else { return };
     let Ok(scenario) = from_merged(&log.scenario_toml, "the log") else { return };
-    let page = report::rewrite(folder);
-    assert_eq!(page.is_ok(), folder.join("report.html").exists());
     for (from_s, for_s) in [(None, 1.0), (Some(0.05), 1e300)] {
         let _ = trace::document(&log, &scenario, from_s, for_s);
     }
@@ -44,32 +42,31 @@ fn look_at(folder: &Path, path: &Path) {
 
 /// The log of the flight with some words of some messages replaced, every checksum of the file right.
 fn forged(words: &[(prop::sample::Index, usize, u64)]) -> Vec<u8> {
-    fn forge<M: Message + Into<Record>>(messages: &mut [M], which: &prop::sample::Index, word: usize, bits: u64) {
-        let message = which.get(messages);
-        let mut message = *message;
-        let words: &mut [u64] = bytemuck::cast_slice_mut(bytemuck::bytes_of_mut(&mut message));
-        let place = word % words.len();
-        words[place] = bits;
-        messages[which.index(messages.len())] = message;
+    fn forge<M: Message>(messages: &mut [M], which: prop::sample::Index, word: usize, bits: u64) {
+        let message = &mut messages[which.index(messages.len())];
+        let words: &mut [u64] = bytemuck::cast_slice_mut(bytemuck::bytes_of_mut(message));
+        words[word % words.len()] = bits;
     }
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("flight.mcap");
     fs::write(&path, &FLOWN.0).expect("can be written");
     let Log { scenario_toml, mut states, mut references, mut controls, mut actuators, events, .. } =
         log::read(&path).expect("a whole log");
-    for (i, (which, word, bits)) in words.iter().enumerate() {
+    for (i, &(which, word, bits)) in words.iter().enumerate() {
         match i % 4 {
-            0 => forge(&mut states, which, *word, *bits),
-            1 => forge(&mut references, which, *word, *bits),
-            2 => forge(&mut controls, which, *word, *bits),
-            _ => forge(&mut actuators, which, *word, *bits),
+            0 => forge(&mut states, which, word, bits),
+            1 => forge(&mut references, which, word, bits),
+            2 => forge(&mut controls, which, word, bits),
+            _ => forge(&mut actuators, which, word, bits),
         }
     }
     let mut writer = LogWriter::create(&path, &scenario_toml, 10_000_000).expect("can be created");
     let all = states.into_iter().map(Record::from).chain(references.into_iter().map(Record::from));
     let all = all.chain(controls.into_iter().map(Record::from)).chain(actuators.into_iter().map(Record::from));
     all.for_each(|record| writer.write(&record).expect("can be written"));
-    events.iter().for_each(|event| writer.event(event).expect("can be written"));
+    for event in events {
+        writer.event(&event).expect("can be written");
+    }
     writer.finish().expect("can be finished");
     fs::read(&path).expect("can be read")
 }

@@ -194,7 +194,9 @@ fn events_stand_at_their_ticks_beside_the_messages() {
         Event::new(5, "mixer", 2, What::TookOver).because("the \u{3bc} of \"it\"\n"),
     ];
     write_states(&mut log, 0..4);
-    events.iter().for_each(|event| log.event(event).unwrap());
+    for event in &events {
+        log.event(event).unwrap();
+    }
     log.finish().unwrap();
     let returned = read(&path).unwrap();
     assert!(returned.complete());
