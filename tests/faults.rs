@@ -88,7 +88,7 @@ fn lost_demands_are_noticed_and_got_over() {
     let fault = check_same("controls", "corrupt").run()["faults"][0].clone();
     let expected = json!({
         "target": "controls", "kind": "corrupt", "at_s": 1.0, "for_s": 0.3,
-        "injected_at_s": 1.0, "detected_after_s": 0.01, "recovered_after_s": 0.0,
+        "injected_at_s": 1.0, "ended_at_s": 1.3, "detected_after_s": 0.01, "recovered_after_s": 0.0,
     });
     assert_eq!(fault, expected, "the first tick is flown with the demand before");
 }

@@ -4,6 +4,7 @@ mod bad_input;
 mod control;
 mod deadlines;
 mod faults;
+mod fuzz;
 mod harness;
 mod lockstep;
 mod measure;

@@ -36,7 +36,7 @@ fn check_flies_on(kind: &str, solver: &str) {
     assert!(!failures.is_empty() && failures == expected, "{kind}, {solver}: {failures:?}");
 
     let expected = json!([{
-        "target": "mpc", "kind": kind, "at_s": 0.3, "for_s": 0.1, "injected_at_s": 0.3,
+        "target": "mpc", "kind": kind, "at_s": 0.3, "for_s": 0.1, "injected_at_s": 0.3, "ended_at_s": 0.4,
         "detected_after_s": (failures[0] - STRUCK.start) as f64 / 100.0, "recovered_after_s": 0.0,
     }]);
     assert_eq!(outcome.run()["faults"], expected, "{solver}");

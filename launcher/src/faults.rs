@@ -101,7 +101,7 @@ impl Course {
 
     /// The topic has spoken on `tick`: between that and the last time there was nobody.
     fn speak(&mut self, tick: u64) {
-        let expected = self.last.map_or(tick, |last| last + 1);
+        let expected = self.last.map_or(tick, |last| last.saturating_add(1));
         if tick > expected {
             self.note(expected, true);
         }
@@ -152,7 +152,7 @@ impl Watched {
     fn ended(&self) -> Option<u64> {
         let ends = self.fault.for_s.is_some() || self.fault.kind == FaultKind::Burst;
         match self.marked {
-            Some((_, last)) => ends.then_some(last + 1),
+            Some((_, last)) => ends.then(|| last.saturating_add(1)),
             None => self.fault.for_s.map(|_| self.ticks().end),
         }
     }
@@ -161,7 +161,8 @@ impl Watched {
         let injected = self.injected()?;
         if let Some(topic) = self.fault.target.process() {
             let course = &self.courses[topic as usize];
-            let silent = course.last.filter(|last| self.newest >= last + HANG_TICKS).map(|last| last + 1);
+            let silent =
+                course.last.filter(|last| self.newest.saturating_sub(*last) >= HANG_TICKS).map(|last| last + 1);
             return course.first(injected, true).or(silent);
         }
         self.courses.iter().filter_map(|course| course.first(injected, true)).min()
@@ -198,6 +199,7 @@ impl Watched {
             "at_s": self.fault.at_s,
             "for_s": self.fault.for_s,
             "injected_at_s": self.injected().map(|tick| self.seconds(tick)),
+            "ended_at_s": self.ended().map(|tick| self.seconds(tick)),
             "detected_after_s": self.detected_after_s(),
             "recovered_after_s": self.recovered_after_s(),
         })
@@ -221,8 +223,8 @@ impl Watched {
     }
 }
 
-/// A target or kind as the scenario file spells it.
-fn name(word: impl Serialize) -> String {
+/// A target or kind as the scenario file spells it, an event as run.json does.
+pub(crate) fn name(word: impl Serialize) -> String {
     json!(word).as_str().unwrap_or_default().to_owned()
 }
 

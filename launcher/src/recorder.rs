@@ -129,7 +129,8 @@ impl Log {
 
     /// Writes one message, or counts it as dropped.
     pub fn write(&mut self, record: &Record) {
-        self.outcome.dropped += self.count.gap(record).unwrap_or(0);
+        let missed = self.count.gap(record).unwrap_or(0);
+        self.outcome.dropped = self.outcome.dropped.saturating_add(missed);
         let written = self.writer.as_mut().map(|writer| writer.write(record));
         self.note(written);
     }

@@ -6,7 +6,8 @@ use contract::process::exit;
 use contract::scenario::{Bounds, Mode};
 use serde_json::{Value, json};
 
-use crate::event::Event;
+use crate::event::{Event, What};
+use crate::faults::name;
 use crate::recorder::LogOutcome;
 use crate::stack::Ended;
 use crate::summary::{Metrics, Summary};
@@ -164,6 +165,9 @@ pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
     for fault in summary.faults.describe() {
         line("fault", fault);
     }
+    for events in describe_events(&how.events, scenario.sample_s()) {
+        line("events", events);
+    }
     for v in verdicts(&scenario.bounds, &m) {
         let ok = if v.ok { "inside" } else { "OUTSIDE" };
         line(ok, format!("{} {:.4} against {}", v.metric, v.measured, v.limit));
@@ -198,6 +202,61 @@ pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
     text
 }
 
+/// One line on every process to which something happened: what, how often, when, and the last reason told.
+fn describe_events(events: &[Event], sample_s: f64) -> Vec<String> {
+    let mut groups: Vec<Vec<&Event>> = vec![];
+    for event in events {
+        match groups.iter_mut().find(|group| group[0].node == event.node) {
+            Some(group) => group.push(event),
+            None => groups.push(vec![event]),
+        }
+    }
+    let describe = |group: &Vec<&Event>| {
+        let mut counts: Vec<(What, u32)> = vec![];
+        for event in group {
+            match counts.iter_mut().find(|(what, _)| *what == event.what) {
+                Some((_, count)) => *count += 1,
+                None => counts.push((event.what, 1)),
+            }
+        }
+        let words = counts.iter().map(|(what, count)| {
+            let word = name(what).replace('-', " ");
+            if *count == 1 { word } else { format!("{word} {count} times") }
+        });
+        let at_s = |event: &Event| event.tick as f64 * sample_s;
+        let why =
+            group.iter().rev().find_map(|event| event.why.as_ref()).map_or(String::new(), |why| format!(": {why}"));
+        let (first_s, last_s) = (at_s(group[0]), at_s(group[group.len() - 1]));
+        format!("{} {} from {first_s:.2} to {last_s:.2} s{why}", group[0].node, words.collect::<Vec<_>>().join(", "))
+    };
+    groups.iter().map(describe).collect()
+}
+
 fn metres(value: f64) -> String {
     if value.is_nan() { "not reached".into() } else { format!("{value:.4} m") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn events_are_told_process_by_process() {
+        let events = [
+            Event::new(200, "mixer", 1, What::Died),
+            Event::new(200, "mixer", 2, What::Started),
+            Event::new(201, "guidance", 1, What::Hung),
+            Event::new(204, "mixer", 2, What::TookOver),
+            Event::new(300, "mixer", 2, What::Died).because("signal 9"),
+        ];
+        let told = describe_events(&events, 0.01);
+        assert_eq!(
+            told,
+            [
+                "mixer died 2 times, started, took over from 2.00 to 3.00 s: signal 9",
+                "guidance hung from 2.01 to 2.01 s"
+            ]
+        );
+        assert!(describe_events(&[], 0.01).is_empty());
+    }
 }

@@ -36,7 +36,7 @@ impl Solves {
         }
         if controls.status == SolveStatus::Solved as u64 {
             self.iterations_max = self.iterations_max.max(controls.iterations);
-            self.iterations += controls.iterations;
+            self.iterations = self.iterations.saturating_add(controls.iterations);
         }
         self.touching += u64::from(controls.active_constraints > 0);
         if controls.solve_ns > 0 {

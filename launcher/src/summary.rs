@@ -99,7 +99,7 @@ impl Summary {
     /// Takes one message in.
     pub fn observe(&mut self, record: &Record) {
         let Some(gap) = self.count.gap(record) else { return };
-        self.missed += gap;
+        self.missed = self.missed.saturating_add(gap);
         self.faults.observe(record);
         match record {
             Record::State(state) => self.state(state),

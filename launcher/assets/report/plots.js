@@ -128,7 +128,7 @@
         label: s.label, stroke: colour(s.colour), width: s.width || 1.5, dash: s.dash, show: s.show !== false,
         points: { show: false }, value: (_, v) => (v === null ? '–' : quantity(v.toFixed(plot.digits ?? 3), plot)),
       }))),
-      hooks: { draw: [u => drawLines(u, lines, plot, colour)] },
+      hooks: { drawClear: [u => drawHappenings(u, colour)], draw: [u => drawLines(u, lines, plot, colour)] },
     }, [time, ...plot.series.map(s => scaled(columns[s.column], plot.scale || 1))], element);
     if (lines.length && (plot.all || hidden(plot, lines))) element.append(limitsButton(u, plot));
     return u;
@@ -179,6 +179,32 @@
     button.onclick = () => { plot.all = !plot.all; name(); u.redraw(false, true); u.setScale('x', { ...u.scales.x }); };
     name();
     return button;
+  }
+
+  // Behind everything else: a band while a fault acts, a line where something happened to a process.
+  function drawHappenings(u, colour) {
+    const { ctx, bbox } = u;
+    const px = uPlot.pxRatio;
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+    ctx.clip();
+    ctx.fillStyle = colour('band');
+    for (const [from, to] of flight.bands) {
+      const left = u.valToPos(from, 'x', true);
+      const right = to === null ? bbox.left + bbox.width : u.valToPos(to, 'x', true);
+      ctx.fillRect(left, bbox.top, Math.max(right - left, px), bbox.height);
+    }
+    ctx.strokeStyle = colour('event');
+    ctx.lineWidth = px;
+    ctx.beginPath();
+    for (const at of flight.marks) {
+      const x = Math.round(u.valToPos(at, 'x', true)) + px / 2;
+      ctx.moveTo(x, bbox.top);
+      ctx.lineTo(x, bbox.top + bbox.height);
+    }
+    ctx.stroke();
+    ctx.restore();
   }
 
   // Claims, bounds and limits; those out of sight are named at the edge they lie beyond.

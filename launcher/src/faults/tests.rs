@@ -32,7 +32,7 @@ fn a_fault_is_followed_from_its_first_tick_to_the_recovery() {
     let faults = flown(Some(0.03), &statuses);
     let expected = json!([{
         "target": "mpc", "kind": "iteration cap", "at_s": 0.1, "for_s": 0.03,
-        "injected_at_s": 0.1, "detected_after_s": 0.01, "recovered_after_s": 0.02,
+        "injected_at_s": 0.1, "ended_at_s": 0.13, "detected_after_s": 0.01, "recovered_after_s": 0.02,
     }]);
     assert_eq!(faults.to_json(), expected);
     let line = "mpc iteration cap from 0.10 s for 0.03 s: detected after 0.01 s, recovered after 0.02 s";

@@ -27,7 +27,7 @@ impl Count {
             (*epoch, *newest) = (stamp.epoch, stamp.sequence);
             return Some(gap);
         }
-        let gap = stamp.sequence.checked_sub(*newest + 1)?;
+        let gap = stamp.sequence.checked_sub(newest.checked_add(1)?)?;
         *newest = stamp.sequence;
         Some(gap)
     }

@@ -14,6 +14,8 @@ use tempfile::TempDir;
 use super::{Log, LogWriter, Record, read};
 use crate::event::{Event, What};
 
+mod damage;
+
 const SCENARIO: &str = "name = \"hover \u{3bc}\"\n";
 
 /// A path for a log, in a folder that goes with it.
@@ -120,21 +122,6 @@ fn write_states(log: &mut LogWriter, ticks: std::ops::Range<u64>) {
     ticks.for_each(|tick| log.write(&state(tick).into()).unwrap());
 }
 
-/// The log of 1000 states, finished, as bytes.
-fn thousand_states() -> Vec<u8> {
-    let (_folder, path) = place();
-    let mut log = LogWriter::create(&path, SCENARIO, 10_000_000).unwrap();
-    write_states(&mut log, 0..1000);
-    log.finish().unwrap();
-    fs::read(&path).unwrap()
-}
-
-fn read_bytes(bytes: &[u8]) -> anyhow::Result<Log> {
-    let (_folder, path) = place();
-    fs::write(&path, bytes).unwrap();
-    read(&path)
-}
-
 #[test]
 fn every_number_of_a_message_is_visited() {
     let sizes = [size_of::<State>(), size_of::<Reference>(), size_of::<Controls>(), size_of::<Actuators>()];
@@ -166,44 +153,6 @@ proptest! {
         prop_assert_eq!(controls, written(Topic::Controls));
         let actuators: Vec<_> = log.actuators.iter().map(|m| bits((*m).into())).collect();
         prop_assert_eq!(actuators, written(Topic::Actuators));
-    }
-
-    #[test]
-    fn a_torn_log_reads_to_the_tear(share in 0.0..1.0_f64) {
-        let whole = thousand_states();
-        let torn = &whole[..(whole.len() as f64 * share) as usize];
-        let Ok(log) = read_bytes(torn) else {
-            prop_assert!(torn.len() < 200, "the scenario comes first");
-            return Ok(());
-        };
-        prop_assert!(!log.complete());
-        prop_assert!(log.states.iter().copied().eq((0..log.states.len() as u64).map(state)));
-        // No more is lost than the chunk that was torn (64 KiB of 350 bytes each).
-        let bytes_each = whole.len() as f64 / 1000.0;
-        prop_assert!(log.states.len() as f64 > torn.len() as f64 / bytes_each - 300.0);
-    }
-
-    #[test]
-    fn damage_never_passes_for_data(flips in proptest::collection::vec((0.0..1.0_f64, 0..8_u32), 1..4)) {
-        let whole = thousand_states();
-        let mut damaged = whole.clone();
-        for (share, bit) in flips {
-            damaged[(whole.len() as f64 * share) as usize] ^= 1 << bit;
-        }
-        let Ok(log) = read_bytes(&damaged) else { return Ok(()) };
-        prop_assert!(!log.complete() || damaged == whole);
-        let ticks: Vec<u64> = log.states.iter().map(|m| m.stamp.tick).collect();
-        prop_assert!(ticks.is_sorted_by(|a, b| a < b));
-        prop_assert!(log.states.iter().copied().eq(ticks.into_iter().map(state)));
-    }
-
-    #[test]
-    fn garbage_is_refused_by_name(mut bytes in proptest::collection::vec(any::<u8>(), 0..2000), magic: bool) {
-        if magic {
-            bytes.splice(0..0, mcap::MAGIC.iter().copied());
-        }
-        let error = read_bytes(&bytes).unwrap_err().to_string();
-        prop_assert!(error.contains("flight.mcap is not a flight log"), "{}", error);
     }
 }
 
@@ -245,7 +194,9 @@ fn events_stand_at_their_ticks_beside_the_messages() {
         Event::new(5, "mixer", 2, What::TookOver).because("the \u{3bc} of \"it\"\n"),
     ];
     write_states(&mut log, 0..4);
-    events.iter().for_each(|event| log.event(event).unwrap());
+    for event in &events {
+        log.event(event).unwrap();
+    }
     log.finish().unwrap();
     let returned = read(&path).unwrap();
     assert!(returned.complete());

@@ -6,6 +6,7 @@
 //! | `flight` | the recorded messages, joined by tick |
 //! | `columns` | the figures' data and the lines they are read against |
 //! | `claims` | the paper's claims and their verdicts |
+//! | `faults` | what went wrong: faults, events, refused messages |
 //! | `sections` | head, tables, settings, provenance |
 //! | `punctuality` | the timing section |
 //! | `histograms`, `gantt` | its pictures, drawn without a script |
@@ -15,6 +16,7 @@
 
 mod claims;
 mod columns;
+mod faults;
 mod flight;
 mod folder;
 mod gantt;
@@ -46,8 +48,12 @@ pub fn render(log: &Flight, run: &Value, scenario: &Scenario) -> String {
     let rows = log.rows(scenario.ticks());
     let claims = claims::judge(run, &rows, scenario);
     let (result_class, result) = sections::result(run);
+    let faults = faults::section(run);
+    let mut data = columns::document(&rows, scenario);
+    data["bands"] = faults::bands(run);
+    data["marks"] = faults::marks(run);
     // Inside a script element only `<` could end it.
-    let data = columns::document(&rows, scenario).to_string().replace('<', "\\u003c");
+    let data = data.to_string().replace('<', "\\u003c");
     let slots = [
         ("name", html::escape(run["name"].as_str().unwrap_or(&scenario.name))),
         ("result_class", result_class.into()),
@@ -64,7 +70,9 @@ pub fn render(log: &Flight, run: &Value, scenario: &Scenario) -> String {
         ("sampling", sampling(rows.len())),
         ("timing", punctuality::tables(run)),
         ("timing_pictures", punctuality::pictures(log, run, scenario)),
-        ("faults", sections::faults(run)),
+        ("faults", faults.html),
+        ("faults_link", faults.link.into()),
+        ("faults_hint", faults.hint.into()),
         ("settings", sections::settings(run, scenario)),
         ("provenance", sections::provenance(run)),
         ("data", data),

@@ -120,24 +120,6 @@ pub fn bounds(run: &Value) -> String {
     table(&["metric", "bound", "measured", "verdict"], bounds.iter().map(row))
 }
 
-/// What was injected and what came of it; empty without faults.
-pub fn faults(run: &Value) -> String {
-    let Some(faults) = run["faults"].as_array().filter(|all| !all.is_empty()) else {
-        return String::new();
-    };
-    // The scenario's own keys first, then what came of it in the order of events, then whatever else the summary tells.
-    let mut names = vec!["at_s", "for_s", "target", "kind", "injected_at_s", "detected_after_s", "recovered_after_s"];
-    for name in faults.iter().filter_map(Value::as_object).flat_map(|fault| fault.keys()) {
-        if !names.contains(&name.as_str()) {
-            names.push(name);
-        }
-    }
-    let headings: Vec<String> = names.iter().map(|name| name.replace('_', " ")).collect();
-    let headings: Vec<&str> = headings.iter().map(String::as_str).collect();
-    let rows = faults.iter().map(|fault| names.iter().map(|name| any(&fault[*name])).collect());
-    format!("<section id=\"faults\"><h2>Faults</h2>{}</section>", table(&headings, rows))
-}
-
 /// Versions and host.
 pub fn provenance(run: &Value) -> String {
     let mut facts = Vec::new();

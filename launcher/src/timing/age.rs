@@ -65,7 +65,7 @@ impl Holding {
     pub fn observe(&mut self, state: &State, mut each: impl FnMut(u64)) {
         let to = state.stamp.tick;
         let (newest, number) = self.newest.unwrap_or((to, state.stamp.sequence));
-        let stalled = state.stamp.sequence == number + 1;
+        let stalled = state.stamp.sequence.checked_sub(number) == Some(1);
         let from = newest.max(to.saturating_sub(if stalled { LONGEST_STALL_SLOTS } else { 1 }));
         self.age_ns = self.age_ns.saturating_add(from.saturating_sub(newest).saturating_mul(self.period_ns));
         let applied_in = if self.is_new(state) {

@@ -91,7 +91,7 @@ impl Timing {
 
     /// Deadlines missed so far, all nodes.
     pub fn misses(&self) -> u64 {
-        self.nodes.iter().map(|node| node.misses).sum()
+        self.nodes.iter().fold(0, |sum, node| sum.saturating_add(node.misses))
     }
 
     /// The `timing` table of run.json.

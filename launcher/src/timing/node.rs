@@ -105,8 +105,8 @@ impl NodeTiming {
         let late = publish_ns.saturating_sub(stamp.sample_ns) > self.deadline.deadline_ns;
         let slips = stamp.slips.saturating_sub(before.slips);
         let misses = stamp.misses.saturating_sub(before.misses);
-        let withheld = misses.saturating_sub(slips + u64::from(late));
-        let follows = before.sequence > 0 && stamp.sequence == before.sequence + 1 && withheld == 0;
+        let withheld = misses.saturating_sub(slips).saturating_sub(u64::from(late));
+        let follows = before.sequence > 0 && stamp.sequence.checked_sub(before.sequence) == Some(1) && withheld == 0;
         let cycle = Cycle {
             release_ns: stamp.release_ns,
             start_ns: stamp.start_ns,
@@ -165,11 +165,13 @@ impl NodeTiming {
 
     /// Slips and messages withheld come before the cycle, so a punctual cycle ends the run they belong to.
     fn count(&mut self, cycle: &Cycle, misses: u64, late: bool) {
-        self.late += cycle.withheld + u64::from(late);
-        self.withheld += cycle.withheld;
-        self.slips += cycle.slips;
-        self.misses += misses;
-        self.run += misses;
+        // A forged stamp counts whatever it likes.
+        let add = |sum: &mut u64, count| *sum = sum.saturating_add(count);
+        add(&mut self.late, cycle.withheld.saturating_add(u64::from(late)));
+        add(&mut self.withheld, cycle.withheld);
+        add(&mut self.slips, cycle.slips);
+        add(&mut self.misses, misses);
+        add(&mut self.run, misses);
         self.longest_run = self.longest_run.max(self.run);
         if !late {
             self.run = 0;

@@ -43,13 +43,13 @@ impl Tick {
     pub fn late_ns(&self) -> u64 {
         let cycles = || self.cycles.iter().flatten();
         let answered_ns = cycles().map(|cycle| cycle.publish_ns).max().unwrap_or(0);
-        let silent: u64 = cycles().map(Cycle::silent).sum();
+        let silent = cycles().map(Cycle::silent).fold(0, u64::saturating_add);
         answered_ns.saturating_sub(self.sample_ns).saturating_add(silent.saturating_mul(self.period_ns))
     }
 
     /// Simulated time of the sample \[s\].
     pub fn time_s(&self) -> f64 {
-        (self.number * self.period_ns) as f64 / 1e9
+        self.number as f64 * self.period_ns as f64 / 1e9
     }
 
     /// Its entry in run.json; times of the nodes count from the sample.

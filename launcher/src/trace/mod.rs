@@ -100,7 +100,7 @@ pub fn document(log: &Log, scenario: &Scenario, from_s: Option<f64>, for_s: f64)
     );
     let first = &log.states[0].stamp;
     let origin_ns = match scenario.run.mode {
-        Mode::Realtime => first.sample_ns.saturating_sub(first.tick * scenario.sample_ns()),
+        Mode::Realtime => first.sample_ns.saturating_sub(first.tick.saturating_mul(scenario.sample_ns())),
         Mode::Lockstep | Mode::Inprocess => first.sample_ns,
     };
     let mut trace = Trace::new(origin_ns, &window);

@@ -1,6 +1,7 @@
-//! What the parts of a hop cost by themselves, each called again and again by one thread.
+//! What the parts of a hop cost by themselves: called again and again by one thread, and called after a sleep.
 
 use std::hint::black_box;
+use std::time::Duration;
 
 use contract::domain::Hold;
 use contract::message::Controls;
@@ -14,6 +15,10 @@ use crate::measure::mpc::distribution::median;
 /// Calls in a row of which the mean is taken, and how many such means the median is of.
 const CALLS: u64 = 200;
 const BATCHES: usize = 101;
+
+/// As long as a node sleeps at 100 Hz: by then the processor has forgotten it.
+const COLD: Duration = Duration::from_millis(10);
+const COLD_CALLS: usize = 101;
 
 /// Readings of the clock that a node's cycle notes: start and publication.
 const CLOCK_READINGS: f64 = 2.0;
@@ -29,6 +34,10 @@ pub struct Costs {
     pub send_ns: f64,
     /// Receive and copy of one message.
     pub receive_ns: f64,
+    /// The send, once after a sleep of 10 ms.
+    pub cold_send_ns: f64,
+    /// The receive, once after a sleep of 10 ms.
+    pub cold_receive_ns: f64,
 }
 
 impl Costs {
@@ -58,6 +67,13 @@ impl Costs {
             sends.push(sending_ns);
             receives.push(receiving_ns);
         }
+        let mut cold_sends = vec![];
+        let mut cold_receives = vec![];
+        for _ in 0..COLD_CALLS {
+            cold_sends.push(cold(|| _ = black_box(sender.send(&message))));
+            cold_receives.push(cold(|| _ = black_box(receivers[0].receive())));
+            black_box(receivers[1].receive());
+        }
         let clock_ns = per_call(|| _ = black_box(now_ns()));
         let one = |batches: &[u64]| median(batches) as f64 / CALLS as f64 - clock_ns;
         Ok(Self {
@@ -65,6 +81,8 @@ impl Costs {
             cpu_clock_ns: per_call(|| _ = black_box(thread_cpu_ns())),
             send_ns: one(&sends),
             receive_ns: one(&receives) / receivers.len() as f64,
+            cold_send_ns: median(&cold_sends) as f64 - clock_ns,
+            cold_receive_ns: median(&cold_receives) as f64 - clock_ns,
         })
     }
 
@@ -72,6 +90,14 @@ impl Costs {
     pub fn stamps_ns(&self) -> f64 {
         CLOCK_READINGS * self.clock_ns
     }
+}
+
+/// One call after a sleep \[ns\].
+fn cold(call: impl FnOnce()) -> u64 {
+    std::thread::sleep(COLD);
+    let start_ns = now_ns();
+    call();
+    now_ns() - start_ns
 }
 
 fn per_call(mut call: impl FnMut()) -> f64 {

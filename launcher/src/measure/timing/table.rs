@@ -1,5 +1,6 @@
-//! The tables: loops and rings, a hop's parts, flights.
+//! The tables: loops and rings, a hop's parts, what their calls cost, flights.
 
+use super::costs::Costs;
 use super::results::{Flights, Hop, Results, Ring};
 use crate::measure::mpc::distribution::Distribution;
 
@@ -15,7 +16,7 @@ pub struct Table {
 
 /// All results as tables.
 pub fn tables(results: &Results) -> Vec<Table> {
-    vec![times(results), hops(results), flights(results)]
+    vec![times(results), hops(results), calls(&results.costs), flights(results)]
 }
 
 /// Tables as text.
@@ -52,6 +53,20 @@ fn hops(results: &Results) -> Table {
         title: "Where a quarter of the ring's time goes [ns], without execution",
         headings: vec!["", "all", "kernel", "clock", "send", "receive", "rest"],
         rows: results.rings.iter().filter_map(row).collect(),
+    }
+}
+
+fn calls(costs: &Costs) -> Table {
+    let row = |name: &str, send_ns: f64, receive_ns: f64| {
+        [name.to_owned()].into_iter().chain([send_ns, receive_ns].map(|ns| format!("{ns:.0}"))).collect()
+    };
+    Table {
+        title: "What one call costs a thread [ns]",
+        headings: vec!["", "send", "receive"],
+        rows: vec![
+            row("one after the other", costs.send_ns, costs.receive_ns),
+            row("after 10 ms asleep", costs.cold_send_ns, costs.cold_receive_ns),
+        ],
     }
 }
 

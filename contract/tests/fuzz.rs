@@ -1,0 +1,130 @@
+//! Whatever arrives on a topic: nothing panics, and what is taken is whole, plausible and from the process in office.
+//!
+//! `PROPTEST_CASES=100000 cargo test -p contract --test fuzz` looks longer; in the dev profile, where overflow panics.
+
+use contract::guard::Guard;
+use contract::message::{Actuators, Controls, Message, Reference, Stamp, State};
+use proptest::prelude::*;
+
+/// What is done to the bytes of a message before it arrives.
+#[derive(Debug, Clone)]
+enum Forgery {
+    /// It is nothing but these bytes.
+    Bytes(Vec<u8>),
+    /// These bytes with a stamp that fits and a checksum that holds: only the numbers can speak against it.
+    Sealed(Vec<u8>),
+    /// A good message with some words replaced.
+    Words(Vec<(usize, u64)>),
+    /// A good message with some bits turned over.
+    Bits(Vec<usize>),
+    /// A good message with a part of an older one.
+    Torn(usize),
+}
+
+/// Bytes enough for any message, among them many numbers that are none or out of all proportion.
+fn bytes() -> impl Strategy<Value = Vec<u8>> {
+    let odd = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, -1e7, 0.0, 0.5, 5e-324].map(f64::to_bits);
+    let any_word = prop_oneof![any::<u64>(), proptest::sample::select(odd.to_vec())].boxed();
+    let mostly_good = prop_oneof![60 => Just(0.1_f64.to_bits()), 1 => any_word.clone()].boxed();
+    let words = |word| proptest::collection::vec(word, size_of::<State>() / 8);
+    prop_oneof![words(any_word), words(mostly_good)].prop_map(|words| bytemuck::cast_slice(&words).to_vec())
+}
+
+fn forgery() -> impl Strategy<Value = Forgery> {
+    let words = size_of::<State>() / 8;
+    prop_oneof![
+        bytes().prop_map(Forgery::Bytes),
+        bytes().prop_map(Forgery::Sealed),
+        proptest::collection::vec((0..words, any::<u64>()), 1..4).prop_map(Forgery::Words),
+        proptest::collection::vec(0..words * 64, 1..9).prop_map(Forgery::Bits),
+        (0..words * 8).prop_map(Forgery::Torn),
+    ]
+}
+
+impl Forgery {
+    /// The message that arrives in the place of `good`.
+    fn of<M: Message>(&self, good: &M, older: &M) -> M {
+        let mut message = *good;
+        let size = size_of::<M>();
+        let bytes = bytemuck::bytes_of_mut(&mut message);
+        match self {
+            Self::Bytes(forged) => bytes.copy_from_slice(&forged[..size]),
+            Self::Sealed(forged) => {
+                bytes.copy_from_slice(&forged[..size]);
+                *message.stamp_mut() = *good.stamp();
+                return message.sealed();
+            }
+            Self::Words(words) => {
+                for (place, word) in words {
+                    let at = place * 8 % size;
+                    bytes[at..at + 8].copy_from_slice(&word.to_ne_bytes());
+                }
+            }
+            Self::Bits(places) => places.iter().for_each(|place| bytes[place / 8 % size] ^= 1 << (place % 8)),
+            Self::Torn(at) => bytes[at % size..].copy_from_slice(&bytemuck::bytes_of(older)[at % size..]),
+        }
+        message
+    }
+}
+
+/// Lets `forgeries` of a message arrive one after the other; `numbers` are those that somebody computes with.
+fn check<M: Message>(forgeries: &[Forgery], numbers: impl Fn(&M) -> Vec<f64>) {
+    let at = |tick: u64| {
+        let mut good = M::default();
+        *good.stamp_mut() = Stamp { tick, sequence: tick + 1, epoch: 3, ..Stamp::default() };
+        good.sealed()
+    };
+    let mut guard = Guard::default();
+    for (tick, forgery) in (1..).zip(forgeries) {
+        let (good, older, before) = (at(tick), at(tick - 1), *guard.newest());
+        let message = forgery.of(&good, &older);
+        let taken = guard.take(&message, 3).is_ok();
+        let newest = if taken { message } else { before };
+        assert_eq!(bytemuck::bytes_of(guard.newest()), bytemuck::bytes_of(&newest), "taken: {taken}");
+        if taken {
+            assert!(message.is_whole() && message.stamp().epoch == 3);
+            assert!(numbers(&message).into_iter().all(|number| number.abs() <= 1e6), "{message:?}");
+        }
+        if !matches!(forgery, Forgery::Sealed(_)) {
+            let is = |sent: &M| bytemuck::bytes_of(&message) == bytemuck::bytes_of(sent);
+            assert!(taken || !is(&good), "{message:?}");
+            assert!(!taken || is(&good) || is(&older), "{message:?}");
+        }
+        assert!(guard.take(&message, 0).is_err(), "a vacant office says nothing");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn states(forgeries in proptest::collection::vec(forgery(), 1..6)) {
+        check::<State>(&forgeries, |state| {
+            let command = state.command_in_force;
+            let places = [state.measured.position_m, state.measured.velocity_mps].concat();
+            // A position or velocity that is none is a sensor that is off, and for the nodes to see.
+            let places = places.into_iter().filter(|number| !number.is_nan());
+            let turned = [state.measured.attitude_rad, state.measured.rates_radps, command.rotor_speed].concat();
+            places.chain(turned).chain([command.tilt_rad]).collect()
+        });
+    }
+
+    #[test]
+    fn references(forgeries in proptest::collection::vec(forgery(), 1..6)) {
+        check::<Reference>(&forgeries, |reference| {
+            [&reference.attitude_rad[..], &reference.rates_radps, &[reference.w_mps]].concat()
+        });
+    }
+
+    #[test]
+    fn controls(forgeries in proptest::collection::vec(forgery(), 1..6)) {
+        check::<Controls>(&forgeries, |controls| controls.demand.to_vec());
+    }
+
+    #[test]
+    fn actuators(forgeries in proptest::collection::vec(forgery(), 1..6)) {
+        check::<Actuators>(&forgeries, |actuators| {
+            [&actuators.command.rotor_speed[..], &[actuators.command.tilt_rad]].concat()
+        });
+    }
+}
