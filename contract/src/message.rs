@@ -191,6 +191,9 @@ pub enum SolveStatus {
     BadInput = 4,
     /// No fresh state: the previous demand was repeated.
     Stale = 5,
+    /// The optimum, but not for a reference of this tick: the last one is held, and after a while the vehicle levelled
+    /// and brought down.
+    NoReference = 6,
 }
 
 impl SolveStatus {
@@ -212,7 +215,7 @@ pub mod guidance_flags {
     pub const INTEGRAL_CLAMPED: u64 = 1 << 3;
     /// The measured state was not finite: the previous reference was repeated.
     pub const BAD_INPUT: u64 = 1 << 4;
-    /// No fresh state: the previous reference was repeated.
+    /// No fresh state, or one of a vehicle without thrust: the previous reference was repeated.
     pub const STALE: u64 = 1 << 5;
 
     /// Whether the reference is an earlier one, repeated.
