@@ -91,6 +91,15 @@ fn a_moment_that_is_missing_while_the_lift_is_there_is_no_dead_rotor() {
 }
 
 #[test]
+fn a_tilt_that_fails_is_no_dead_rotor() {
+    let (rotors, trim, _) = hovering();
+    for tilt_rad in [0.0, 0.2, 1.0] {
+        let does = rotors.expected(&Actuation { tilt_rad, ..trim }).column_sum();
+        assert_eq!(certain_after(does, 100.0, 30), None, "a tilt of {tilt_rad} rad");
+    }
+}
+
+#[test]
 fn a_jump_of_the_rates_is_no_dead_rotor() {
     let (rotors, trim, hover) = hovering();
     for jump in [1.0, -1.0] {
