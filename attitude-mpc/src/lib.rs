@@ -139,7 +139,7 @@ impl AttitudeMpc {
     /// force.
     ///
     /// For a state of an earlier tick, or none, the last demand is repeated; what an old reference becomes, [`goal`]
-    /// tells.
+    /// tells. Either is said in the status.
     pub fn step(&mut self, tick: u64, state: &State, reference: &Reference) -> Controls {
         if state.stamp.sequence == 0 || state.stamp.tick < tick {
             return self.repeat(SolveStatus::Stale);
@@ -169,6 +169,8 @@ impl AttitudeMpc {
         self.memory.disturbance = disturbance;
         self.memory.integral = integral;
         let (status, account) = self.decide(tick);
+        let led = newest.tick.is_some_and(|of| of >= tick);
+        let status = if status <= SolveStatus::Solved && !led { SolveStatus::NoReference } else { status };
         self.publish(status, &account)
     }
 

@@ -1,7 +1,6 @@
 //! The messages of the ring: fixed layout, plain numbers, newest value wins.
 //!
-//! Every message opens with a [`Stamp`] that names the plant sample it descends from. A node core fills in the rest
-//! and leaves the stamp at its default; whoever turns the ring stamps it.
+//! Every message opens with a [`Stamp`], left to whoever turns the ring: it names the plant sample it descends from.
 //!
 //! Frames: NED for the world, forward-right-down for the body. SI units and radians; rotor speeds in the paper's unit.
 
@@ -152,9 +151,8 @@ pub enum PlantStatus {
 impl PlantStatus {
     /// Reads the wire value; anything unknown is `None`.
     pub fn from_wire(value: u64) -> Option<Self> {
-        [Self::Flying, Self::Finished, Self::NonFinite, Self::TooFar, Self::Singular, Self::TooFast]
-            .into_iter()
-            .find(|s| *s as u64 == value)
+        let all = [Self::Flying, Self::Finished, Self::NonFinite, Self::TooFar, Self::Singular, Self::TooFast];
+        all.into_iter().find(|s| *s as u64 == value)
     }
 
     /// Whether the run ended because the vehicle was lost.
@@ -191,6 +189,8 @@ pub enum SolveStatus {
     BadInput = 4,
     /// No fresh state: the previous demand was repeated.
     Stale = 5,
+    /// The optimum without a reference of this tick: for the last one, then for level flight, then for a descent.
+    NoReference = 6,
 }
 
 impl SolveStatus {
@@ -212,7 +212,7 @@ pub mod guidance_flags {
     pub const INTEGRAL_CLAMPED: u64 = 1 << 3;
     /// The measured state was not finite: the previous reference was repeated.
     pub const BAD_INPUT: u64 = 1 << 4;
-    /// No fresh state: the previous reference was repeated.
+    /// No fresh state, or one of a vehicle without thrust: the previous reference was repeated.
     pub const STALE: u64 = 1 << 5;
 
     /// Whether the reference is an earlier one, repeated.

@@ -6,6 +6,7 @@
 //! | [`pid`] | position error to angles and climb | (45)-(47) |
 //! | [`observer`] | outer disturbance observer | |
 //! | [`rates`] | references of the body rates | |
+//! | [`reentry`] | the way back after a silence | |
 //! | [`memory`] | all that survives a tick | |
 //!
 //! ```text
@@ -17,13 +18,16 @@
 //! setting; with all of them off this is the paper's controller. Test `val_closed_loop_cases` flies both.
 //!
 //! Without a usable state of the tick the last reference is repeated, integrators and observer stand still, and the
-//! first state afterwards counts as one period: however long the silence, it comes back without a bump.
+//! first state afterwards counts as one period: however long the silence, it comes back without a bump, and after a long
+//! one by small steps ([`reentry`]). A state of a vehicle whose thrust is cut is no more usable than none: no reference
+//! moves it, and neither integrators nor observer have anything to learn.
 
 pub mod memory;
 pub mod observer;
 pub mod pid;
 mod process;
 pub mod rates;
+pub mod reentry;
 pub mod trajectory;
 
 use airframe::Trim;
@@ -35,6 +39,7 @@ use nalgebra::{Rotation3, Vector2, Vector3};
 
 use memory::Memory;
 pub use process::run;
+use reentry::Limits;
 pub use trajectory::{Setpoint, Trajectory};
 
 /// The position controller.
@@ -80,11 +85,12 @@ impl Guidance {
 
     /// REFERENCE at `tick` for the newest measured `state`.
     ///
-    /// A state of an earlier tick or none, one that is not finite, or so large that the answer would not be, repeats
-    /// the previous answer with a flag (hover before the first); a tick already answered repeats it without.
+    /// A state of an earlier tick or none, one without thrust, one that is not finite, or so large that the answer would
+    /// not be, repeats the previous answer with a flag (hover before the first); a tick already answered repeats it
+    /// without.
     pub fn step(&mut self, tick: u64, state: &State) -> Reference {
         let before = self.memory;
-        if state.stamp.sequence == 0 || state.stamp.tick < tick {
+        if state.stamp.sequence == 0 || state.stamp.tick < tick || falls(state) {
             return self.repeat(&before, guidance_flags::STALE);
         }
         let m = &state.measured;
@@ -128,7 +134,10 @@ impl Guidance {
     fn follow(&mut self, state: &State, periods: u64) -> Reference {
         let t_s = state.stamp.tick as f64 * self.sample_s;
         let elapsed_s = periods as f64 * self.sample_s;
-        let counts = periods > 0 && !self.memory.silent;
+        let counts = periods > 0 && !self.memory.silent && !reentry::is_silence(elapsed_s);
+        if reentry::is_silence(elapsed_s) {
+            self.memory.back = Some(state.stamp.tick);
+        }
         let lapse = Lapse { elapsed_s, counted_s: if counts { elapsed_s } else { self.sample_s } };
         let setpoint = self.trajectory.at(t_s);
         let heading_rad = self.trajectory.heading_rad(t_s);
@@ -154,10 +163,10 @@ impl Guidance {
         let w_mps = if self.settings.exact_w { pid::exact_w(climb_mps, state) } else { climb_mps };
 
         let mut flags = if integral_clamped { guidance_flags::INTEGRAL_CLAMPED } else { 0 };
-        let angle_limit = self.settings.angle_limit_deg.to_radians();
-        let phi_ref = limit(angles.x, angle_limit, guidance_flags::ROLL_LIMITED, &mut flags);
-        let theta_ref = limit(angles.y, angle_limit, guidance_flags::PITCH_LIMITED, &mut flags);
-        let w_mps = limit(w_mps, self.settings.w_limit_mps, guidance_flags::W_LIMITED, &mut flags);
+        let limits = self.limits(state.stamp.tick);
+        let phi_ref = limit(angles.x, limits.angle_rad, guidance_flags::ROLL_LIMITED, &mut flags);
+        let theta_ref = limit(angles.y, limits.angle_rad, guidance_flags::PITCH_LIMITED, &mut flags);
+        let w_mps = limit(w_mps, limits.w_mps, guidance_flags::W_LIMITED, &mut flags);
         let roll_zero = match self.settings.roll_reference {
             RollReference::Trim => self.roll_trim_rad,
             RollReference::Absolute => 0.0,
@@ -206,6 +215,13 @@ impl Guidance {
         self.memory.observer.update(velocity_ned, &tilt, attitude.z, self.g_mps2, gain, lapse.elapsed_s)
     }
 
+    /// What the reference of `tick` may be.
+    fn limits(&self, tick: u64) -> Limits {
+        let Settings { angle_limit_deg, w_limit_mps, .. } = self.settings;
+        let since_s = self.memory.back.map(|back| tick.saturating_sub(back) as f64 * self.sample_s);
+        Limits { angle_rad: angle_limit_deg.to_radians(), w_mps: w_limit_mps }.after_silence(since_s)
+    }
+
     fn rates(&self, wanted: &Vector3<f64>, measured: &Vector3<f64>, elapsed_s: f64) -> Vector3<f64> {
         match self.settings.rate_reference {
             RateReference::Difference if elapsed_s > 0.0 => {
@@ -215,6 +231,11 @@ impl Guidance {
             RateReference::Difference | RateReference::Zero => Vector3::zeros(),
         }
     }
+}
+
+/// Whether the rotors are told to stand still.
+fn falls(state: &State) -> bool {
+    state.command_in_force.rotor_speed == [0.0; 3]
 }
 
 fn all_finite(vectors: &[[f64; 3]]) -> bool {

@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 use crate::observer::Observer;
 
 /// Node and version of the snapshots.
-const LAYOUT: [u8; 8] = *b"guidanc1";
+const LAYOUT: [u8; 8] = *b"guidanc2";
 
 /// The controller's whole memory: a controller that gets a copy of it continues the same flight.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -16,6 +16,8 @@ pub struct Memory {
     pub tick: Option<u64>,
     /// Whether the last step had no state to use.
     pub silent: bool,
+    /// Tick of the first state after the last silence to come back from, if any.
+    pub back: Option<u64>,
     /// Position error of that tick, NED \[m\].
     pub error_m: Vector3<f64>,
     /// Integral of the position error, NED \[m s\].
@@ -37,6 +39,7 @@ impl Memory {
         let mut writer = Writer::new(LAYOUT);
         writer.optional(self.tick);
         writer.word(u64::from(self.silent));
+        writer.optional(self.back);
         writer.numbers(self.error_m.as_slice());
         writer.numbers(self.integral_ms.as_slice());
         writer.numbers(self.observer.velocity_ned_mps.as_slice());
@@ -58,6 +61,7 @@ impl Memory {
         Some(Self {
             tick: reader.optional()?,
             silent: reader.word()? != 0,
+            back: reader.optional()?,
             error_m: reader.numbers()?.into(),
             integral_ms: reader.numbers()?.into(),
             observer: Observer { velocity_ned_mps: reader.numbers()?.into(), estimate_mps2: reader.numbers()?.into() },

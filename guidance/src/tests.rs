@@ -7,6 +7,7 @@ use proptest::prelude::*;
 
 use crate::{Guidance, Trajectory};
 
+mod reentry;
 mod silence;
 
 fn scenario(profile: Profile, trajectory: TrajectoryKind) -> Scenario {
@@ -21,7 +22,8 @@ fn roll_trim() -> f64 {
 
 fn hovering(tick: u64) -> State {
     let measured = Kinematics { attitude_rad: [roll_trim(), 0.0, 0.0], ..Kinematics::default() };
-    State { stamp: Stamp { tick, sequence: 1, ..Stamp::default() }, measured, ..State::default() }
+    let command_in_force = airframe::Trim::solve(&airframe::Parameters::default(), false).actuation.into();
+    State { stamp: Stamp { tick, sequence: 1, ..Stamp::default() }, measured, command_in_force, ..State::default() }
 }
 
 /// The answer to a hover displaced to `position_m`, with heading `psi`, at the first tick.

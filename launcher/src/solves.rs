@@ -12,7 +12,7 @@ use crate::timing::{histogram, percentiles};
 /// Counts of a flight's CONTROLS.
 pub struct Solves {
     /// Ticks by status, in the order of [`SolveStatus`].
-    ticks: [u64; 6],
+    ticks: [u64; 7],
     iterations_max: u64,
     /// Sum over the solved ticks.
     iterations: u64,
@@ -26,7 +26,7 @@ impl Solves {
     /// Nothing seen yet.
     #[expect(clippy::new_without_default, reason = "an empty record is made on purpose, never by default")]
     pub fn new() -> Self {
-        Self { ticks: [0; 6], iterations_max: 0, iterations: 0, touching: 0, times: histogram() }
+        Self { ticks: [0; 7], iterations_max: 0, iterations: 0, touching: 0, times: histogram() }
     }
 
     /// Takes one message in. A status that the contract does not know is not counted.
@@ -60,6 +60,7 @@ impl Solves {
             "fallback": self.ticks(SolveStatus::Fallback),
             "bad_input": self.ticks(SolveStatus::BadInput),
             "stale": self.ticks(SolveStatus::Stale),
+            "no_reference": self.ticks(SolveStatus::NoReference),
             "iterations": { "max": self.iterations_max, "mean": mean },
             "ticks_with_active_constraints": self.touching,
             "solve_us": (!self.times.is_empty()).then(|| percentiles(&self.times)),
@@ -68,14 +69,15 @@ impl Solves {
 
     /// One line for people; what is rare is told only when it happened.
     pub fn describe(&self) -> String {
-        let [explicit, solved, limit_reached, fallback, bad_input, stale] = self.ticks;
+        let [explicit, solved, limit_reached, fallback, bad_input, stale, no_reference] = self.ticks;
         let told = |count: u64, text: String| if count > 0 { text } else { String::new() };
         let iterations = told(solved, format!(" (max {} iterations)", self.iterations_max));
         let limit_reached = told(limit_reached, format!(", {limit_reached} stopped at a limit"));
         let bad_input = told(bad_input, format!(", {bad_input} with bad input"));
         let stale = told(stale, format!(", {stale} without a fresh state"));
+        let no_reference = told(no_reference, format!(", {no_reference} without a fresh reference"));
         format!(
-            "{explicit} explicit, {solved} solved{iterations}{limit_reached}{bad_input}{stale}, {fallback} fallbacks"
+            "{explicit} explicit, {solved} solved{iterations}{limit_reached}{bad_input}{stale}{no_reference}, {fallback} fallbacks"
         )
     }
 }

@@ -130,9 +130,8 @@ impl Mixer {
         let command = Actuation::from(state.command_in_force);
         let evidence = match self.memory.state_tick {
             Some(last) => {
-                let rates = [self.memory.measured.rates_radps.into(), m.rates_radps.into()];
                 let elapsed_s = (tick - last).saturating_mul(self.sample_ns) as f64 / 1e9;
-                self.rotors.observe(&self.memory.evidence, rates, &command, elapsed_s)
+                self.rotors.observe(&self.memory.evidence, [&self.memory.measured, m], &command, elapsed_s)
             }
             None => self.rotors.unknown(&command),
         };

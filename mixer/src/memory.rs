@@ -3,12 +3,12 @@
 use airframe::Actuation;
 use contract::message::Kinematics;
 use contract::snapshot::{Reader, Snapshot, Writer};
-use nalgebra::{Matrix3, Vector4};
+use nalgebra::{Matrix4x3, Vector4};
 
 use crate::rotors::Evidence;
 
 /// Node and version of the snapshots.
-const LAYOUT: [u8; 8] = *b"mixer  1";
+const LAYOUT: [u8; 8] = *b"mixer  2";
 
 /// The mixer's whole memory: a mixer that gets a copy of it continues the same flight.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -81,7 +81,7 @@ impl Memory {
             evidence: Evidence {
                 actuation: Actuation { rotor_speed: reader.numbers()?, tilt_rad: reader.number()? },
                 unexplained: reader.numbers()?.into(),
-                expected: Matrix3::from_column_slice(&reader.numbers::<9>()?),
+                expected: Matrix4x3::from_column_slice(&reader.numbers::<12>()?),
                 dead_s: reader.numbers()?.into(),
             },
             terminated: reader.word()? != 0,

@@ -1,19 +1,25 @@
-//! Whether every rotor follows: what the rates should do under the commands, and what they do.
+//! Whether every rotor follows: what the vehicle should do under the commands, and what it does.
 //!
 //! The mixer sees neither rotor speeds nor thrust. It knows the command in force, and so where the rotors should be;
-//! what each of them should add to the angular acceleration, and what all of it left unexplained:
+//! what each of them should add to the acceleration along the body's z axis and to the angular accelerations, and what
+//! all of it left unexplained:
 //!
 //! ```text
-//! m_i  = J^-1 (moment of rotor i, by command, lag and limits)
-//! e    = d omega / dt + J^-1 (omega x J omega) - sum m_i
+//! a_i  = (force / m along z,  J^-1 moment) of rotor i, by command, lag and limits
+//! e    = (dw/dt + (omega x v - gravity) along z,  d omega / dt + J^-1 (omega x J omega))  -  sum a_i
 //! ```
 //!
-//! A rotor that does nothing leaves `e = -m_i`. Both are averaged over 30 ms, which noise does not survive. A rotor is
-//! dead when for 50 ms in a row most of its moment is missing, in its direction, and it was meant to do something:
+//! A rotor that does nothing leaves `e = -a_i`. Both are averaged over 30 ms, which noise does not survive. A rotor is dead
+//! when for 50 ms in a row most of its moment is missing, in its direction, some of its lift too, and it was meant to do
+//! something; with `m` for the moments and `f` for the force in `a` and `e`:
 //!
 //! ```text
-//! -e . m_i >= 0.7 |m_i|^2,     (e . m_i)^2 >= 0.8 |e|^2 |m_i|^2,     |m_i| >= 0.4 |m_i at hover|
+//! -e_m . m_i >= 0.7 |m_i|^2,     (e_m . m_i)^2 >= 0.8 |e_m|^2 |m_i|^2,     |m_i| >= 0.4 |m_i at hover|
+//! -e_f f_i   >= 0.5 f_i^2
 //! ```
+//!
+//! Two sensors must agree on it: rates that come late, or lie, show moments that nobody made, but no lift that is
+//! missing. Nor is it when the servo of the tilt fails: that thrust points elsewhere.
 //!
 //! With one rotor dead no demand holds pitch, roll and height together: the flight is over, and only its energy is left
 //! to decide about. A weak rotor, a push, a wrong inertia or a late command is another size, another direction, or over
@@ -22,7 +28,8 @@
 use airframe::mixing::intermediate;
 use airframe::{Actuation, ActuatorLaw, MixingMatrix};
 use contract::Scenario;
-use nalgebra::{Matrix3, Vector3, Vector4};
+use contract::message::Kinematics;
+use nalgebra::{Matrix4x3, Vector3, Vector4};
 
 /// Time constant of the averages \[s\].
 const AVERAGE_S: f64 = 0.03;
@@ -30,6 +37,8 @@ const AVERAGE_S: f64 = 0.03;
 const CERTAIN_S: f64 = 0.05;
 /// Share of a rotor's moment that is missing when it is dead; the estimate of attitude-mpc makes up for 20 %.
 const MISSING: f64 = 0.7;
+/// Share of its lift that is missing then: less, because velocity is measured worse than rates, and wind lifts too.
+const LIFT_MISSING: f64 = 0.5;
 /// Square of the cosine between what is missing and what the rotor should do.
 const ALIGNED: f64 = 0.8;
 /// Share of its moment at hover below which nothing can be told of a rotor.
@@ -44,6 +53,8 @@ pub struct Rotors {
     law: ActuatorLaw,
     /// Ixx, Iyy, Izz \[kg m2\].
     inertia_kgm2: Vector3<f64>,
+    mass_kg: f64,
+    g_mps2: f64,
     /// `|m_i|^2` at hover.
     hover: [f64; 3],
 }
@@ -53,10 +64,10 @@ pub struct Rotors {
 pub struct Evidence {
     /// Where the actuators should be at the newest sample.
     pub actuation: Actuation,
-    /// Average of `e` \[rad/s2\].
-    pub unexplained: Vector3<f64>,
-    /// Averages of `m_i`, a column per rotor \[rad/s2\].
-    pub expected: Matrix3<f64>,
+    /// Average of `e` \[m/s2, rad/s2\].
+    pub unexplained: Vector4<f64>,
+    /// Averages of `a_i`, a column per rotor \[m/s2, rad/s2\].
+    pub expected: Matrix4x3<f64>,
     /// For how long each rotor has seemed dead \[s\].
     pub dead_s: Vector3<f64>,
 }
@@ -66,9 +77,10 @@ impl Rotors {
     pub fn new(scenario: &Scenario, mixing: MixingMatrix, trim: &Actuation) -> Self {
         let vehicle = &scenario.airframe;
         let inertia_kgm2 = Vector3::new(vehicle.ixx_kgm2, vehicle.iyy_kgm2, vehicle.izz_kgm2);
-        let mut rotors = Self { mixing, law: scenario.actuator_law(), inertia_kgm2, hover: [0.0; 3] };
+        let (mass_kg, g_mps2) = (vehicle.mass_kg, vehicle.g_mps2);
+        let mut rotors = Self { mixing, law: scenario.actuator_law(), inertia_kgm2, mass_kg, g_mps2, hover: [0.0; 3] };
         let hover = rotors.expected(trim);
-        rotors.hover = std::array::from_fn(|rotor| hover.column(rotor).norm_squared());
+        rotors.hover = std::array::from_fn(|rotor| hover.fixed_view::<3, 1>(1, rotor).norm_squared());
         rotors
     }
 
@@ -76,18 +88,17 @@ impl Rotors {
     pub fn unknown(&self, command: &Actuation) -> Evidence {
         Evidence {
             actuation: self.law.limits.clip(command),
-            unexplained: Vector3::zeros(),
-            expected: Matrix3::zeros(),
+            unexplained: Vector4::zeros(),
+            expected: Matrix4x3::zeros(),
             dead_s: Vector3::zeros(),
         }
     }
 
-    /// Takes in a sample `elapsed_s` after the one before: the rates of both \[rad/s\], and the command in force
-    /// between.
+    /// Takes in a sample `elapsed_s` after the one before: what was measured at both, and the command in force between.
     pub fn observe(
         &self,
         before: &Evidence,
-        rates: [Vector3<f64>; 2],
+        measured: [&Kinematics; 2],
         command: &Actuation,
         elapsed_s: f64,
     ) -> Evidence {
@@ -96,10 +107,7 @@ impl Rotors {
         }
         let actuation = self.law.advance(&before.actuation, command, elapsed_s);
         let expected = (self.expected(&before.actuation) + self.expected(&actuation)) * 0.5;
-        let [rates_before, rates] = rates;
-        let mean = (rates_before + rates) * 0.5;
-        let gyroscopic = mean.cross(&self.inertia_kgm2.component_mul(&mean)).component_div(&self.inertia_kgm2);
-        let unexplained = (rates - rates_before) / elapsed_s + gyroscopic - expected.column_sum();
+        let unexplained = self.acceleration(measured, elapsed_s) - expected.column_sum();
 
         let share = 1.0 - (-elapsed_s / AVERAGE_S).exp();
         let mut evidence = Evidence {
@@ -120,20 +128,38 @@ impl Rotors {
 
     fn seems_dead(&self, evidence: &Evidence, rotor: usize) -> bool {
         let (missing, expected) = (-evidence.unexplained, evidence.expected.column(rotor));
-        let (size, along) = (expected.norm_squared(), missing.dot(&expected));
+        let (missing_m, expected_m) = (missing.fixed_rows::<3>(1), expected.fixed_rows::<3>(1));
+        let (size, along) = (expected_m.norm_squared(), missing_m.dot(&expected_m));
         size >= TELLING * TELLING * self.hover[rotor]
             && along >= MISSING * size
-            && along * along >= ALIGNED * size * missing.norm_squared()
+            && along * along >= ALIGNED * size * missing_m.norm_squared()
+            && missing[0] * expected[0] >= LIFT_MISSING * expected[0] * expected[0]
     }
 
-    /// `m_i`, a column per rotor.
-    fn expected(&self, actuation: &Actuation) -> Matrix3<f64> {
+    /// The accelerations that the actuators must have made between two samples.
+    fn acceleration(&self, [before, after]: [&Kinematics; 2], elapsed_s: f64) -> Vector4<f64> {
+        let vector = |of: fn(&Kinematics) -> [f64; 3]| [before, after].map(|measured| Vector3::from(of(measured)));
+        let mean = |[before, after]: [Vector3<f64>; 2]| (before + after) * 0.5;
+        let (velocity, rates) = (vector(|m| m.velocity_mps), vector(|m| m.rates_radps));
+        let [phi, theta, _]: [f64; 3] = mean(vector(|m| m.attitude_rad)).into();
+        let omega = mean(rates);
+
+        let carried = omega.cross(&mean(velocity)).z - self.g_mps2 * theta.cos() * phi.cos();
+        let gyroscopic = omega.cross(&self.inertia_kgm2.component_mul(&omega)).component_div(&self.inertia_kgm2);
+        let linear = (velocity[1].z - velocity[0].z) / elapsed_s + carried;
+        let angular = (rates[1] - rates[0]) / elapsed_s + gyroscopic;
+        Vector4::new(linear, angular.x, angular.y, angular.z)
+    }
+
+    /// `a_i`, a column per rotor.
+    fn expected(&self, actuation: &Actuation) -> Matrix4x3<f64> {
         let u = intermediate(actuation);
         let rotor = |u: Vector4<f64>| {
-            let [_, lon, lat, ped]: [f64; 4] = (self.mixing.forward * u).into();
-            Vector3::new(lat, lon, ped).component_div(&self.inertia_kgm2)
+            let [col, lon, lat, ped]: [f64; 4] = (self.mixing.forward * u).into();
+            let [ixx, iyy, izz]: [f64; 3] = self.inertia_kgm2.into();
+            Vector4::new(col / self.mass_kg, lat / ixx, lon / iyy, ped / izz)
         };
-        Matrix3::from_columns(&[
+        Matrix4x3::from_columns(&[
             rotor(Vector4::new(u[0], u[1], 0.0, 0.0)),
             rotor(Vector4::new(0.0, 0.0, u[2], 0.0)),
             rotor(Vector4::new(0.0, 0.0, 0.0, u[3])),

@@ -79,6 +79,12 @@ const TOLERANCE: f64 = 5e-10;
 /// A dual objective this many times that of the first violated constraint alone grows without bound: nothing is inside.
 const UNBOUNDED: f64 = 1e12;
 
+/// Numbers beyond this are none: the dual objective is their square, and a turn has the square of that.
+const FAR: f64 = 1e50;
+
+/// A dual objective beyond this is rounding for the most part, and may fall.
+const BLURRED: f64 = 1e10;
+
 /// The solver of one set-up.
 pub struct ActiveSet {
     /// Steps granted to a solve.
@@ -127,7 +133,7 @@ pub enum Verdict {
     IterationLimit,
     /// No `x` obeys all hard constraints.
     Infeasible,
-    /// A number given is none, or so large that the solution overflows.
+    /// A number given is none, or so large that nothing can be computed with it.
     NotFinite,
 }
 
@@ -185,23 +191,29 @@ impl ActiveSet {
     /// Solves for a `centre` (n) and `offsets` (m + 2k: the rows, then the pairs of the discs). Writes `x` (n) at the
     /// optimum, and where the steps ran out; leaves it alone otherwise.
     pub fn solve(&mut self, centre: &[f64], offsets: &[f64], x: &mut [f64]) -> Outcome {
-        let is_finite = |numbers: &[f64]| numbers.iter().all(|number| number.is_finite());
+        let is_near = |numbers: &[f64]| numbers.iter().all(|number| number.abs() < FAR); // false for NaN
         let mut outcome = Outcome { verdict: Verdict::NotFinite, iterations: 0, active: 0 };
-        if !is_finite(centre) || !is_finite(offsets) {
+        if !is_near(centre) || !is_near(offsets) {
             return outcome;
         }
-        self.x.as_flattened_mut()[..centre.len()].copy_from_slice(centre);
+        let (variables, filling) = self.x.as_flattened_mut().split_at_mut(centre.len());
+        variables.copy_from_slice(centre);
+        filling.fill(0.0); // an overflow of the last solve may have left something there
         self.basis.slacks(&self.x, offsets, &mut self.slacks);
         if let Some((_, most)) = self.worst() {
             self.at_centre.copy_from_slice(&self.slacks);
             self.resume();
-            (outcome.verdict, outcome.iterations) = self.ascend(offsets, 0.5 * most * most);
+            let first = 0.5 * most * most;
+            (outcome.verdict, outcome.iterations) = self.ascend(offsets, first);
             outcome.active = self.held.len() as u32;
+            if first > BLURRED {
+                self.forget(); // what was held among rounding is nothing to start from
+            }
         } else {
             self.forget();
             outcome.verdict = Verdict::Optimal;
         }
-        if !is_finite(self.x.as_flattened()) {
+        if !is_near(self.x.as_flattened()) {
             self.forget();
             outcome.verdict = Verdict::NotFinite;
         }
@@ -222,10 +234,7 @@ impl ActiveSet {
             }
             let objective = self.objective();
             let slack = 1e-6 * before.abs().max(first);
-            debug_assert!(
-                slack.is_infinite() || objective >= before - slack,
-                "a step fell to {objective} from {before}"
-            );
+            debug_assert!(first > BLURRED || objective >= before - slack, "a step fell to {objective} from {before}");
             if objective > UNBOUNDED * first {
                 return (Verdict::Infeasible, iteration);
             }

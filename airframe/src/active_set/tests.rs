@@ -173,6 +173,32 @@ proptest! {
         }
     }
 
+    /// Whatever the numbers are: no panic, and nothing that is none in the answer.
+    #[test]
+    fn any_numbers_get_an_answer(
+        seed: u64, decades in -320.0..320.0_f64, of in 0_usize..3,
+        wild in prop::collection::vec((any::<prop::sample::Index>(), prop::num::f64::ANY), 0..4),
+    ) {
+        let mut uniform = uniform(seed);
+        let mut problem = Problem::draw(&mut uniform);
+        let mut solver = solver(&problem);
+        let scaled = |numbers: &mut Vec<f64>| numbers.iter_mut().for_each(|x| *x *= 10_f64.powf(decades));
+        if of != 0 { scaled(&mut problem.centre) }
+        if of != 1 { scaled(&mut problem.offsets) }
+        for (index, number) in wild {
+            let numbers = if problem.offsets.is_empty() || number > 0.0 { &mut problem.centre } else { &mut problem.offsets };
+            let place = index.index(numbers.len());
+            numbers[place] = number;
+        }
+        let mut x = vec![0.0; problem.centre.len()];
+        for _ in 0..2 {
+            solver.solve(&problem.centre, &problem.offsets, &mut x);
+            prop_assert!(x.iter().all(|x| x.is_finite()), "{x:?}");
+        }
+        problem.redraw(&mut uniform);
+        prop_assert_eq!(solver.solve(&problem.centre, &problem.offsets, &mut x).verdict, Verdict::Optimal, "afterwards");
+    }
+
     #[test]
     fn out_of_steps_is_said(seed: u64) {
         let mut uniform = uniform(seed);

@@ -25,9 +25,25 @@ fn without_a_fresh_state_the_demand_is_repeated_and_says_so() {
             assert_eq!(stale, Controls { status: SolveStatus::Stale as u64, ..good });
             assert_eq!(mpc.memory, memory, "and nothing is remembered");
         }
-        let (state, _) = hover(&mpc, 100);
+        let (state, reference) = hover(&mpc, 100);
         assert_eq!(mpc.step(100, &state, &reference).status, SolveStatus::Explicit as u64);
     }
+}
+
+#[test]
+fn a_reference_that_does_not_come_is_told_from_the_first_tick_on() {
+    let mut mpc = AttitudeMpc::new(&Scenario::default());
+    let (_, reference) = hover(&mpc, 3);
+    for (tick, status) in [(3, SolveStatus::Explicit), (4, SolveStatus::NoReference), (300, SolveStatus::NoReference)] {
+        let (state, _) = hover(&mpc, tick);
+        assert_eq!(mpc.step(tick, &state, &reference).status, status as u64, "tick {tick}");
+    }
+    let (state, repeated) = hover(&mpc, 301);
+    let repeated = Reference { flags: guidance_flags::STALE, ..repeated };
+    assert_eq!(mpc.step(301, &state, &repeated).status, SolveStatus::NoReference as u64, "one that only repeats");
+    let (state, reference) = hover(&mpc, 302);
+    assert_eq!(mpc.step(302, &state, &reference).status, SolveStatus::Explicit as u64);
+    assert!(!SolveStatus::repeated(SolveStatus::NoReference as u64), "the demand is a new one all the same");
 }
 
 /// Hovers with a reference that leans and climbs, and ends after tick 0; the demands.
@@ -83,7 +99,7 @@ fn a_bad_snapshot_changes_nothing() {
     let memory = mpc.memory.clone();
     let mut torn = mpc.snapshot();
     torn[20] ^= 1;
-    let mut foreign = Writer::new(*b"mixer  1");
+    let mut foreign = Writer::new(*b"mixer  2");
     foreign.numbers(&[1.0; 60]);
     let mut bad = Writer::new(crate::memory::LAYOUT);
     bad.optional(None);

@@ -8,7 +8,10 @@ mod tests;
 use airframe::Trim;
 use toml::{Table, Value};
 
-use super::{Constraints, FaultKind, FaultTarget, Heading, Late, Law, Mission, Mode, Ramp, Scenario, TrajectoryKind};
+use super::{
+    Constraints, Fault, FaultKind, FaultTarget, Heading, Late, Law, Mission, Mode, Plant, Ramp, Scenario,
+    TrajectoryKind,
+};
 
 /// One rule broken.
 pub struct Violation {
@@ -158,6 +161,8 @@ fn check_controller(scenario: &Scenario, found: &mut Found) {
 
 fn check_faults(scenario: &Scenario, found: &mut Found) {
     for fault in &scenario.fault {
+        check_size(fault, found);
+        check_air(fault, &scenario.plant, found);
         let (at_s, for_s) = (fault.at_s, fault.for_s.unwrap_or(0.0));
         found.require(
             (0.0..=86_400.0).contains(&at_s) && (0.0..=86_400.0).contains(&for_s),
@@ -207,6 +212,30 @@ fn check_faults(scenario: &Scenario, found: &mut Found) {
             "target \"mpc\" with `mpc.law` = \"mpc\" and `mpc.constraints` = \"box\" or \"cone\"",
         );
     }
+}
+
+/// A fault has no size that means nothing to it.
+fn check_size(fault: &Fault, found: &mut Found) {
+    let keys = fault.keys();
+    for given in fault.given() {
+        let uses = if keys.is_empty() { "none of the sizes".to_owned() } else { format!("`{}`", keys.join("` and `")) };
+        found.require(
+            keys.contains(&given),
+            &["fault"],
+            format!("a fault with a `{given}` that {} {} has no use for", word(fault.target), word(fault.kind)),
+            &format!("without it; this one uses {uses}"),
+        );
+    }
+}
+
+/// Wind is felt through drag.
+fn check_air(fault: &Fault, plant: &Plant, found: &mut Found) {
+    found.require(
+        fault.target != FaultTarget::Wind || plant.drag_quadratic_ns2pm2 > 0.0 || plant.drag_linear_nspm != [0.0; 3],
+        &["fault", "plant.drag_linear_nspm", "plant.drag_quadratic_ns2pm2"],
+        "a wind that a vehicle without drag does not feel".into(),
+        "drag, for instance `plant.drag_linear_nspm` = [0.2, 0.2, 0.1]",
+    );
 }
 
 fn check_deadlines(scenario: &Scenario, found: &mut Found) {

@@ -9,7 +9,8 @@
 //! | environment | wind, payload | step gust, mass |
 //! | solver | mpc | infeasible, nan, iteration cap |
 //!
-//! A kind that a target cannot suffer is refused. The size of a fault has a default ([`Fault::ms`] and its neighbours).
+//! A kind that a target cannot suffer is refused, and so is a size that its kind has no use for ([`Fault::keys`]). Every
+//! size has a default ([`Fault::ms`] and its neighbours).
 
 use serde::{Deserialize, Serialize};
 
@@ -180,6 +181,11 @@ impl FaultTarget {
         processes.iter().position(|process| *process == self).map(|i| Topic::ALL[i])
     }
 
+    /// Whether it is a rotor or the tilt.
+    pub fn is_an_actuator(self) -> bool {
+        matches!(self, Self::Rotor1 | Self::Rotor2 | Self::Rotor3 | Self::Tilt)
+    }
+
     /// The kinds it can suffer.
     pub fn kinds(self) -> &'static [FaultKind] {
         use FaultKind as K;
@@ -218,6 +224,36 @@ impl Fault {
             count: None,
             how: None,
         }
+    }
+
+    /// The keys of its size that mean something to its kind.
+    pub fn keys(&self) -> &'static [&'static str] {
+        use FaultKind as K;
+        match self.kind {
+            K::Kill | K::Stop | K::Hog | K::Exit | K::Off | K::Stuck | K::Infeasible | K::Nan | K::IterationCap => &[],
+            K::Slow | K::Delay | K::Stale | K::Delayed => &["ms"],
+            K::Drop | K::Duplicate | K::Reorder | K::Garbage | K::Intermittent => &["probability"],
+            K::Burst | K::Rate => &["count"],
+            K::Corrupt => &["count", "probability"],
+            K::Wrong if self.target.is_an_actuator() => &["value"],
+            K::Wrong if self.how == Some(Wrong::Sign) => &["how"],
+            K::Wrong => &["how", "value"],
+            K::Noise | K::Saturated | K::Mass => &["value"],
+            K::Step | K::Gust => &["vector"],
+        }
+    }
+
+    /// The keys of a size that were given.
+    pub fn given(&self) -> impl Iterator<Item = &'static str> {
+        let given = [
+            ("ms", self.ms.is_some()),
+            ("value", self.value.is_some()),
+            ("vector", self.vector.is_some()),
+            ("probability", self.probability.is_some()),
+            ("count", self.count.is_some()),
+            ("how", self.how.is_some()),
+        ];
+        given.into_iter().filter(|(_, is_given)| *is_given).map(|(key, _)| key)
     }
 
     /// The ticks on which it is at work: from the first at or after its beginning to before the first at or after its end.

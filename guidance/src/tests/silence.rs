@@ -91,11 +91,11 @@ fn the_observer_believes_a_silence_no_more_than_a_period() {
 fn a_bad_snapshot_changes_nothing() {
     let s = scenario(Profile::Robust, TrajectoryKind::Survey);
     let (mut guidance, mut twin) = (Guidance::new(&s), Guidance::new(&s));
-    let mut foreign = Writer::new(*b"mixer  1");
+    let mut foreign = Writer::new(*b"mixer  2");
     foreign.numbers(&[1.0; 40]);
     let mut torn = guidance.snapshot();
     torn[7] ^= 1;
-    let mut bad = Writer::new(*b"guidanc1");
+    let mut bad = Writer::new(*b"guidanc2");
     bad.numbers(&[f64::NAN; 40]);
     for snapshot in [foreign.seal(), torn, bad.seal(), [0; contract::snapshot::SNAPSHOT_WORDS]] {
         assert!(!guidance.restore(&snapshot));

@@ -1,6 +1,6 @@
 //! What a message shows of a fault: the table of [`super`] in code.
 
-use contract::message::{SolveStatus, guidance_flags, mixer_flags};
+use contract::message::{Controls, SolveStatus, guidance_flags, mixer_flags};
 use contract::scenario::{Fault, FaultKind, FaultTarget};
 use contract::stamp::unheard;
 use contract::topic::Topic;
@@ -45,7 +45,9 @@ pub fn reacts(record: &Record) -> bool {
     match record {
         Record::State(_) => false,
         Record::Reference(reference) => guidance_flags::repeated(reference.flags),
-        Record::Controls(controls) => SolveStatus::repeated(controls.status),
+        Record::Controls(Controls { status, .. }) => {
+            SolveStatus::repeated(*status) || *status == SolveStatus::NoReference as u64
+        }
         Record::Actuators(actuators) => actuators.flags & REACTIONS != 0,
     }
 }

@@ -167,3 +167,20 @@ fn sensors_and_rotors_are_struck_by_the_clock() {
     assert_eq!(seen(FaultTarget::Rotor2, FaultKind::Off, &over), [Some(0.1), Some(0.06), None]);
     assert_eq!(seen(FaultTarget::Wind, FaultKind::Gust, &over), [Some(0.1), None, None], "nobody tells of wind");
 }
+
+#[test]
+fn lost_references_show_in_controls() {
+    let fault = Fault::new(FaultTarget::Reference, FaultKind::Drop, 0.1, Some(0.02));
+    let mut faults = Faults::new(&[fault], 100);
+    for tick in 0..20 {
+        let lost = (10..12).contains(&tick);
+        let mut reference = at(tick, contract::message::Reference::default());
+        reference.stamp.unheard = if lost { unheard::FAULT } else { unheard::HEARD };
+        let status = if lost { SolveStatus::NoReference } else { SolveStatus::Explicit } as u64;
+        faults.observe(&reference.into());
+        faults.observe(&at(tick, Controls { status, ..Controls::default() }).into());
+        faults.observe(&at(tick, Actuators::default()).into());
+    }
+    let json = &faults.to_json()[0];
+    assert_eq!([&json["detected_after_s"], &json["recovered_after_s"]], [0.0, 0.0]);
+}

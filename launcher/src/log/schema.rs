@@ -136,6 +136,8 @@ mod tests {
             SolveStatus::LimitReached,
             SolveStatus::Fallback,
             SolveStatus::BadInput,
+            SolveStatus::Stale,
+            SolveStatus::NoReference,
         ];
         for ours in solve {
             let theirs = wire::SolveStatus::try_from(ours as i32).unwrap();
@@ -150,6 +152,6 @@ mod tests {
         assert_eq!(name(1 << 32), None, "not FLYING");
         let name = |status| wire::Controls::from(Controls { status, ..Controls::default() }).status_name;
         assert_eq!(name(SolveStatus::BadInput as u64), Some(wire::SolveStatus::BadInput as i32));
-        assert_eq!(name(6), None);
+        assert_eq!(name(7), None);
     }
 }

@@ -214,8 +214,9 @@ fn timing(topic: Topic, stamp: &Stamp, after: Option<&Stamp>) -> Map<String, Val
 }
 
 fn solve_status(wire: u64) -> String {
-    use SolveStatus::{BadInput, Explicit, Fallback, LimitReached, Solved};
-    let known = [Explicit, Solved, LimitReached, Fallback, BadInput].into_iter().find(|s| *s as u64 == wire);
+    use SolveStatus::{BadInput, Explicit, Fallback, LimitReached, NoReference, Solved, Stale};
+    let all = [Explicit, Solved, LimitReached, Fallback, BadInput, Stale, NoReference];
+    let known = all.into_iter().find(|s| *s as u64 == wire);
     known.map_or_else(|| wire.to_string(), |status| format!("{status:?}"))
 }
 

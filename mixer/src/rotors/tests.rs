@@ -1,37 +1,61 @@
-//! Evidence for and against a dead rotor, on rates made up for it; whole flights are in `tests/fallback.rs`.
+//! Evidence for and against a dead rotor, on motions made up for it; whole flights are in `tests/fallback.rs`.
 
 use airframe::Trim;
 use nalgebra::Vector3;
 
 use super::*;
 
-/// Hovers for `ticks`, with rotors of an effectiveness and a push \[rad/s2\]; when a rotor is dead beyond doubt \[s\].
-fn certain_after(effect: [f64; 3], push: [f64; 3], rate_hz: f64, ticks: usize) -> Option<f64> {
+/// The paper's vehicle, its trim, and a hover at it.
+fn hovering() -> (Rotors, Actuation, Kinematics) {
     let scenario = Scenario::default();
-    let trim = Trim::solve(&scenario.airframe, false).actuation;
-    let rotors = Rotors::new(&scenario, MixingMatrix::new(&scenario.airframe, false), &trim);
-    let does = rotors.expected(&trim) * Vector3::from(effect) + Vector3::from(push);
-    let (mut evidence, mut rates) = (rotors.unknown(&trim), Vector3::zeros());
+    let Trim { roll_rad, actuation } = Trim::solve(&scenario.airframe, false);
+    let rotors = Rotors::new(&scenario, MixingMatrix::new(&scenario.airframe, false), &actuation);
+    (rotors, actuation, Kinematics { attitude_rad: [roll_rad, 0.0, 0.0], ..Kinematics::default() })
+}
+
+/// When a rotor of a vehicle with these accelerations is dead beyond doubt \[s\]; the attitude stays that of the hover.
+fn certain_after(does: Vector4<f64>, rate_hz: f64, ticks: usize) -> Option<f64> {
+    let (rotors, trim, mut before) = hovering();
+    let (mut evidence, dt) = (rotors.unknown(&trim), 1.0 / rate_hz);
     for tick in 1..=ticks {
-        let inertia = rotors.inertia_kgm2;
-        let gyroscopic = rates.cross(&inertia.component_mul(&rates)).component_div(&inertia);
-        let next = rates + (does - gyroscopic) / rate_hz;
-        evidence = rotors.observe(&evidence, [rates, next], &trim, 1.0 / rate_hz);
+        let carried = rotors.acceleration([&before, &before], dt);
+        let d = (does - carried) * dt;
+        let mut after = before;
+        after.velocity_mps[2] += d[0];
+        (0..3).for_each(|axis| after.rates_radps[axis] += d[1 + axis]);
+        evidence = rotors.observe(&evidence, [&before, &after], &trim, dt);
         if evidence.is_certain() {
-            return Some(tick as f64 / rate_hz);
+            return Some(tick as f64 * dt);
         }
-        rates = next;
+        before = after;
     }
     None
+}
+
+/// Accelerations under rotors of an effectiveness and a push \[m/s2, rad/s2\].
+fn with(effect: [f64; 3], push: [f64; 4]) -> Vector4<f64> {
+    let (rotors, trim, _) = hovering();
+    rotors.expected(&trim) * Vector3::from(effect) + Vector4::from(push)
+}
+
+/// All sound but one.
+fn one_at(rotor: usize, effect: f64) -> [f64; 3] {
+    std::array::from_fn(|other| if other == rotor { effect } else { 1.0 })
+}
+
+#[test]
+fn a_hover_leaves_nothing_unexplained() {
+    let (rotors, trim, hover) = hovering();
+    let missing = rotors.acceleration([&hover, &hover], 0.01) - rotors.expected(&trim).column_sum();
+    assert!(missing.amax() < 1e-9, "{missing}");
+    assert!(rotors.expected(&trim).row(0).iter().all(|lift| *lift < 0.0), "every rotor lifts");
 }
 
 #[test]
 fn each_rotor_can_be_seen_to_be_dead() {
     for rate_hz in [50.0, 100.0, 500.0, 2000.0] {
         for rotor in 0..3 {
-            let mut effect = [1.0; 3];
-            effect[rotor] = 0.0;
-            let after = certain_after(effect, [0.0; 3], rate_hz, 2000).expect("it is seen");
+            let after = certain_after(with(one_at(rotor, 0.0), [0.0; 4]), rate_hz, 2000).expect("it is seen");
             assert!((0.05..0.15).contains(&after), "rotor {rotor} at {rate_hz} Hz: after {after} s");
         }
     }
@@ -39,29 +63,53 @@ fn each_rotor_can_be_seen_to_be_dead() {
 
 #[test]
 fn healthy_weak_and_pushed_vehicles_are_let_fly() {
-    assert_eq!(certain_after([1.0; 3], [0.0; 3], 100.0, 1000), None);
+    assert_eq!(certain_after(with([1.0; 3], [0.0; 4]), 100.0, 1000), None);
     for rotor in 0..3 {
-        let mut effect = [1.0; 3];
-        effect[rotor] = 0.6;
-        assert_eq!(certain_after(effect, [0.0; 3], 100.0, 20), None, "rotor {rotor} at 60 %");
+        assert_eq!(certain_after(with(one_at(rotor, 0.6), [0.0; 4]), 100.0, 20), None, "rotor {rotor} at 60 %");
     }
-    // 0.2 N m on pitch and on roll, a fifth of what rotor 1 does.
-    for push in [[8.0, 0.0, 0.0], [-8.0, 0.0, 0.0], [0.0, 16.0, 0.0], [0.0, -16.0, 0.0], [0.0, 0.0, -16.0]] {
-        assert_eq!(certain_after([1.0; 3], push, 100.0, 20), None, "{push:?}");
+    // 0.2 N m on pitch and on roll, a fifth of what rotor 1 does; and a fall.
+    for push in [
+        [0.0, 8.0, 0.0, 0.0],
+        [0.0, -8.0, 0.0, 0.0],
+        [0.0, 0.0, 16.0, 0.0],
+        [0.0, 0.0, -16.0, 0.0],
+        [9.8, 0.0, 0.0, 0.0],
+    ] {
+        assert_eq!(certain_after(with([1.0; 3], push), 100.0, 20), None, "{push:?}");
+    }
+}
+
+#[test]
+fn a_moment_that_is_missing_while_the_lift_is_there_is_no_dead_rotor() {
+    for rotor in 0..3 {
+        let mut does = with(one_at(rotor, 0.0), [0.0; 4]);
+        does[0] = with([1.0; 3], [0.0; 4])[0];
+        assert_eq!(certain_after(does, 100.0, 20), None, "rotor {rotor}: the rates lie, or a moment acts");
+        does[0] = with(one_at(rotor, 2.0), [0.0; 4])[0];
+        assert_eq!(certain_after(does, 100.0, 20), None, "rotor {rotor}: the more so");
+    }
+}
+
+#[test]
+fn a_tilt_that_fails_is_no_dead_rotor() {
+    let (rotors, trim, _) = hovering();
+    for tilt_rad in [0.0, 0.2, 1.0] {
+        let does = rotors.expected(&Actuation { tilt_rad, ..trim }).column_sum();
+        assert_eq!(certain_after(does, 100.0, 30), None, "a tilt of {tilt_rad} rad");
     }
 }
 
 #[test]
 fn a_jump_of_the_rates_is_no_dead_rotor() {
-    let scenario = Scenario::default();
-    let trim = Trim::solve(&scenario.airframe, false).actuation;
-    let rotors = Rotors::new(&scenario, MixingMatrix::new(&scenario.airframe, false), &trim);
+    let (rotors, trim, hover) = hovering();
     for jump in [1.0, -1.0] {
         let mut evidence = rotors.unknown(&trim);
         // What rotor 1 would do in 30 ms, at once: a sensor that fell out, and came back.
-        let there = rotors.expected(&trim).column(0) * (0.03 * jump);
-        let mut path = [Vector3::zeros(); 40];
-        path[10..20].fill(there);
+        let mut there = hover;
+        let change = rotors.expected(&trim).column(0) * (0.03 * jump);
+        there.velocity_mps[2] = change[0];
+        there.rates_radps = [change[1], change[2], change[3]];
+        let path: Vec<&Kinematics> = (0..40).map(|i| if (10..20).contains(&i) { &there } else { &hover }).collect();
         for pair in path.windows(2) {
             evidence = rotors.observe(&evidence, [pair[0], pair[1]], &trim, 0.01);
             assert!(!evidence.is_certain());
@@ -71,13 +119,12 @@ fn a_jump_of_the_rates_is_no_dead_rotor() {
 
 #[test]
 fn gaps_and_numbers_that_overflow_leave_no_evidence() {
-    let scenario = Scenario::default();
-    let trim = Trim::solve(&scenario.airframe, false).actuation;
-    let rotors = Rotors::new(&scenario, MixingMatrix::new(&scenario.airframe, false), &trim);
+    let (rotors, trim, hover) = hovering();
+    let turning = |rate: f64| Kinematics { rates_radps: [rate; 3], ..hover };
     let nothing = rotors.unknown(&trim);
-    let some = rotors.observe(&nothing, [Vector3::zeros(), Vector3::repeat(0.1)], &trim, 0.01);
+    let some = rotors.observe(&nothing, [&hover, &turning(0.1)], &trim, 0.01);
     assert_ne!(some, nothing);
-    assert_eq!(rotors.observe(&some, [Vector3::zeros(), Vector3::repeat(0.1)], &trim, 0.06), nothing);
-    assert_eq!(rotors.observe(&some, [Vector3::zeros(), Vector3::repeat(f64::MAX)], &trim, 0.01), nothing);
-    assert_eq!(rotors.observe(&some, [Vector3::zeros(), Vector3::repeat(0.1)], &trim, 0.0), some);
+    assert_eq!(rotors.observe(&some, [&hover, &turning(0.1)], &trim, 0.06), nothing);
+    assert_eq!(rotors.observe(&some, [&hover, &turning(f64::MAX)], &trim, 0.01), nothing);
+    assert_eq!(rotors.observe(&some, [&hover, &turning(0.1)], &trim, 0.0), some);
 }

@@ -155,9 +155,9 @@ fn a_bad_snapshot_changes_nothing() {
     let memory = mixer.memory;
     let mut torn = mixer.snapshot();
     torn[9] ^= 1;
-    let mut foreign = Writer::new(*b"guidanc1");
+    let mut foreign = Writer::new(*b"guidanc2");
     foreign.numbers(&[1.0; 50]);
-    let mut bad = Writer::new(*b"mixer  1");
+    let mut bad = Writer::new(*b"mixer  2");
     bad.optional(None);
     bad.numbers(&[f64::INFINITY; 50]);
     for snapshot in [torn, foreign.seal(), bad.seal(), [0; SNAPSHOT_WORDS]] {

@@ -90,6 +90,13 @@ fn settings_that_contradict_are_refused() {
         ("fault=[{at_s=1, target=\"mpc\", kind=\"kill\"}]", "mpc cannot suffer kill"),
         ("fault=[{at_s=-1, target=\"mpc\", kind=\"nan\"}]", "a fault at -1.0 s for 0.0 s"),
         ("fault=[{at_s=nan, target=\"mpc\", kind=\"nan\"}]", "a fault at NaN s for 0.0 s"),
+        ("fault=[{at_s=1, target=\"tilt\", kind=\"off\", ms=1}]", "`ms` that tilt off has no use for"),
+        ("fault=[{at_s=1, target=\"tilt\", kind=\"off\", ms=1}]", "this one uses none of the sizes"),
+        ("fault=[{at_s=1, target=\"tilt\", kind=\"wrong\", how=\"bias\"}]", "uses `value`"),
+        ("fault=[{at_s=1, target=\"rates\", kind=\"wrong\", count=1}]", "uses `how` and `value`"),
+        ("fault=[{at_s=1, target=\"state\", kind=\"drop\", vector=[1, 0, 0]}]", "uses `probability`"),
+        ("fault=[{at_s=1, target=\"wind\", kind=\"step\"}]", "a wind that a vehicle without drag does not feel"),
+        ("fault=[{at_s=1, target=\"wind\", kind=\"step\"}]", "`plant.drag_linear_nspm` = [0.2, 0.2, 0.1]"),
     ];
     for (set, expected) in cases {
         check_refused(set, &[expected, "--set ", "^"]);
@@ -107,6 +114,8 @@ fn the_edges_of_the_ranges_fly() {
         "mpc={np=200, nu=200}",
         "mpc.actuator_lag_model_s=0.001",
         "mission.ramp_s=5",
+        "fault=[{at_s=1, target=\"rates\", kind=\"wrong\", how=\"scale\", value=2}]",
+        "fault=[{at_s=1, target=\"state\", kind=\"corrupt\", count=1, probability=0.5}]",
         "mission={trajectory=\"hover\", ramp_s=60}",
     ] {
         from_set(&[set]).unwrap_or_else(|error| panic!("{set}: {error}"));

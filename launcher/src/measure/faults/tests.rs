@@ -28,4 +28,6 @@ fn what_is_promised_follows_from_the_fault_and_the_blindness() {
     assert_eq!(promise(FaultTarget::Rotor2, FaultKind::Off, 0.0), Promise::Terminate);
     assert_eq!(promise(FaultTarget::Tilt, FaultKind::Off, 0.0), Promise::NoActuator);
     assert_eq!(promise(FaultTarget::Rates, FaultKind::Wrong, 0.0), Promise::Lie);
+    assert_eq!(promise(FaultTarget::Rates, FaultKind::Delayed, 0.0), Promise::Late);
+    assert_eq!(promise(FaultTarget::Tilt, FaultKind::Slow, 0.0), Promise::Recover, "late, but it obeys");
 }
