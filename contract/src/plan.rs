@@ -70,7 +70,7 @@ impl Absence {
             }
             _ => return None,
         };
-        Some(Self { from, until: from + length, replaced })
+        (length > 0).then_some(Self { from, until: from + length, replaced })
     }
 }
 
@@ -91,6 +91,7 @@ mod tests {
     #[test]
     fn who_is_killed_comes_back_as_another() {
         assert_eq!(epochs(FaultKind::Kill, Some(0.03), 7), [1, 1, 0, 0, 0, 2, 2]);
+        assert_eq!(epochs(FaultKind::Kill, Some(0.0), 4), [1, 1, 1, 1], "gone for no tick");
         assert_eq!(epochs(FaultKind::Exit, None, 14), [1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 2, 2], "0.1 s later");
     }
 

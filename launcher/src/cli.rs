@@ -9,7 +9,7 @@ use contract::scenario;
 
 use crate::measure::Measure;
 use crate::stack::StartError;
-use crate::{fly, manage, print, recorder, report, trace};
+use crate::{control, fly, manage, print, recorder, report, trace};
 
 #[derive(Parser)]
 #[command(name = "launcher", version, about = "Flies a tilt-rotor tricopter through separate real-time processes")]
@@ -41,6 +41,10 @@ enum Command {
     Trace(trace::TraceArgs),
     /// List the stacks that are flying, and how their nodes are
     Status(manage::StatusArgs),
+    /// Break something in a stack that flies in real time
+    Inject(control::InjectArgs),
+    /// End what is broken in a stack that flies in real time
+    Clear(control::ClearArgs),
     /// Stop a flying stack, cleanly
     Stop {
         /// Which stack
@@ -83,6 +87,8 @@ pub fn main() -> ExitCode {
         Command::Report { run } => report::rewrite(&run).map(|()| exit::FLOWN),
         Command::Trace(args) => trace::trace(&args).map(|()| exit::FLOWN),
         Command::Status(args) => manage::status(&args).map(|()| exit::FLOWN),
+        Command::Inject(args) => control::inject(&args).map(|()| exit::FLOWN),
+        Command::Clear(args) => control::clear(&args).map(|()| exit::FLOWN),
         Command::Stop { namespace } => manage::stop(&namespace).map(|()| exit::FLOWN),
         Command::Measure(what) => what.run(),
         Command::Node { name, namespace, epoch, log } => return node(name, &namespace, epoch, log),

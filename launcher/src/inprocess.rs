@@ -7,9 +7,9 @@ use attitude_mpc::AttitudeMpc;
 use contract::guard::Guard;
 use contract::link::Link;
 use contract::message::{Actuators, Controls, Message, PlantStatus, Reference, Stamp, State};
-use contract::outlet::{held_up_ns, slowness};
+use contract::outlet::Slowness;
 use contract::plan::Plan;
-use contract::scenario::{Fault, Scenario};
+use contract::scenario::Scenario;
 use contract::stamp::unheard;
 use contract::topic::Topic;
 use guidance::Guidance;
@@ -164,7 +164,7 @@ impl<M: Message> Ear<M> {
 /// Where a node speaks on one topic: what an outlet is to a process.
 struct Voice<M> {
     link: Link<M>,
-    slow: Vec<Fault>,
+    slow: Slowness,
     epoch: u32,
     sequence: u64,
     /// The last word that anybody could hear.
@@ -173,7 +173,7 @@ struct Voice<M> {
 
 impl<M: Message> Voice<M> {
     fn new(scenario: &Scenario) -> Self {
-        Self { link: Link::new(scenario), slow: slowness(scenario, M::TOPIC), epoch: 1, sequence: 0, last: None }
+        Self { link: Link::new(scenario), slow: Slowness::new(scenario, M::TOPIC), epoch: 1, sequence: 0, last: None }
     }
 
     fn speak(&mut self, scenario: &Scenario, epoch: u32, mut message: M, mut lineage: Stamp, mut to: impl FnMut(&M)) {
@@ -181,7 +181,7 @@ impl<M: Message> Voice<M> {
             *self = Self { epoch, last: self.last, ..Self::new(scenario) };
         }
         self.sequence += 1;
-        lineage.held_ns += held_up_ns(&self.slow, lineage.tick, scenario.sample_s());
+        lineage.held_ns += self.slow.held_up_ns(lineage.tick);
         *message.stamp_mut() = Stamp { epoch: u64::from(epoch), ..lineage.published(M::TOPIC, self.sequence, 0) };
         let last = &mut self.last;
         self.link.pass(lineage.tick, &message.sealed(), |message| {

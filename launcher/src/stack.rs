@@ -9,6 +9,7 @@
 mod answer;
 mod children;
 mod end;
+mod live;
 
 use std::io::Read;
 use std::path::Path;
@@ -22,6 +23,7 @@ use contract::guard::Refusal;
 use contract::port::{Bus, Services, config_toml};
 use contract::process::Seat;
 use contract::realtime::{Board, phase};
+use contract::scenario::Fault;
 use contract::topic::Topic;
 use rustix::process::Signal;
 
@@ -52,8 +54,10 @@ pub struct Flown {
     pub wall: Duration,
     /// What every node obtained from the kernel.
     pub scheduling: Vec<(String, Scheduling)>,
-    /// What happened to the processes.
+    /// What happened.
     pub events: Vec<Event>,
+    /// The faults as they were: those of the scenario, then those given while it flew.
+    pub faults: Vec<Fault>,
     /// Messages refused, by listener and cause.
     pub refused: Vec<(&'static str, [u32; 5])>,
 }
@@ -64,6 +68,7 @@ pub struct Stack {
     supervisor: Supervisor,
     board: std::sync::Arc<Board>,
     observers: Observers,
+    /// As it is by now: with the faults that it was given while it flies.
     scenario: Scenario,
     control: Server,
     /// When the newest message of each topic was sent.
@@ -118,8 +123,14 @@ impl Stack {
         Ok(stack)
     }
 
-    /// Flies: `watch` sees every message, `tick` is called at every look around, while all are there.
-    pub fn fly(mut self, interrupts: &AtomicU32, mut watch: impl FnMut(Record), mut tick: impl FnMut()) -> Flown {
+    /// Flies: `watch` sees every message; `tick` is called at every look around, while all are there, with the faults as
+    /// they are by then.
+    pub fn fly(
+        mut self,
+        interrupts: &AtomicU32,
+        mut watch: impl FnMut(Record),
+        mut tick: impl FnMut(&[Fault]),
+    ) -> Flown {
         let mut scheduling = vec![];
         let started = Instant::now();
         self.board.set_phase(phase::GO);
@@ -137,7 +148,7 @@ impl Stack {
                 break ended;
             }
             self.attend();
-            tick();
+            tick(&self.scenario.fault);
             self.children.sleep(self.control.sources());
         };
         let given_up = self.supervisor.given_up();
@@ -153,7 +164,9 @@ impl Stack {
             (topic.publisher(), Refusal::ALL.map(|r| self.board.office(topic).refused[r as usize].get()))
         };
         let refused = Topic::ALL.map(count).into();
-        Flown { ended, log, wall, scheduling, events: std::mem::take(&mut self.supervisor.events), refused }
+        let events = std::mem::take(&mut self.supervisor.events);
+        let faults = std::mem::take(&mut self.scenario.fault);
+        Flown { ended, log, wall, scheduling, events, faults, refused }
     }
 
     /// Sees to it that everybody is there who should be; how the flight has ended, if it has.

@@ -9,11 +9,11 @@
 //! work. Who is started continues from its predecessor's memory. Nobody can take the plant's place: without it the flight
 //! ends. A node that is given up leaves the vehicle to the reactions of the others, which bring it down.
 
-use std::ops::Range;
 use std::time::{Duration, Instant};
 
 use contract::plan::{HANG_TICKS, Plan};
 use contract::realtime::Board;
+use contract::roll::{Entry, Roll};
 use contract::scenario::{Fault, FaultKind, Mode, Scenario};
 use contract::topic::Topic;
 use serde::Serialize;
@@ -28,14 +28,14 @@ const LOCKSTEP_HANG: Duration = Duration::from_secs(2);
 /// The plant has nobody to answer for it: its motors are off after this time, so it is the end of the flight.
 const PLANT_HANG: Duration = Duration::from_millis(500);
 
-/// Something that happened to a process.
+/// Something that happened to a process, or that was done from outside.
 #[derive(Debug, Clone, Serialize)]
 pub struct Event {
     /// The tick of the plant then.
     pub tick: u64,
-    /// Which node.
+    /// Which node, or target of a fault.
     pub node: &'static str,
-    /// Which incarnation.
+    /// Which incarnation; 0 for a fault.
     pub epoch: u32,
     /// What.
     pub what: What,
@@ -57,6 +57,10 @@ pub enum What {
     TookOver,
     /// It is not started any more.
     GivenUp,
+    /// A fault was given to it, whatever it is: a node, a topic, a part of the vehicle.
+    Injected,
+    /// A fault of it was ended.
+    Cleared,
 }
 
 /// What is to be done to a process.
@@ -77,7 +81,7 @@ pub struct Supervisor {
     plan: Plan,
     mode: Mode,
     sample_s: f64,
-    strikes: Vec<Strike>,
+    strikes: Roll<Strike>,
     nodes: Vec<Node>,
     /// Everything that happened.
     pub events: Vec<Event>,
@@ -87,7 +91,6 @@ pub struct Supervisor {
 struct Strike {
     topic: Topic,
     kind: FaultKind,
-    ticks: Range<u64>,
     struck: bool,
     ended: bool,
 }
@@ -119,21 +122,11 @@ impl Supervisor {
             progress: (0, now),
             holder: 1,
         };
-        let by_signal = |fault: &Fault| {
-            let topic = fault.target.process().filter(|_| matches!(fault.kind, FaultKind::Kill | FaultKind::Stop))?;
-            Some(Strike {
-                topic,
-                kind: fault.kind,
-                ticks: fault.ticks(scenario.sample_s()),
-                struck: false,
-                ended: false,
-            })
-        };
         Self {
             plan: Plan::new(scenario),
             mode: scenario.run.mode,
             sample_s: scenario.sample_s(),
-            strikes: scenario.fault.iter().filter_map(by_signal).collect(),
+            strikes: Roll::new(scenario, |_, fault| Strike::of(fault)),
             nodes: Topic::ALL.map(node).into(),
             events: vec![],
         }
@@ -142,6 +135,11 @@ impl Supervisor {
     /// Whether a node was given up, and which.
     pub fn given_up(&self) -> Option<&'static str> {
         self.nodes.iter().find(|node| node.given_up).map(|node| node.topic.publisher())
+    }
+
+    /// Takes fault `number` as it is from now on: see [`Roll::suffer`].
+    pub fn suffer(&mut self, number: usize, fault: &Fault) {
+        self.strikes.suffer(number, fault, Strike::of(fault));
     }
 
     /// A process has ended that was not asked to. False when the run cannot go on without it.
@@ -195,10 +193,10 @@ impl Supervisor {
         orders
     }
 
-    /// Real time: the scenario's kills and stops, when their time has come.
+    /// Real time: kills and stops, when their time has come.
     fn strike(&mut self, tick: u64, orders: &mut Vec<Order>) {
-        for Strike { topic, kind, ticks, struck, ended } in &mut self.strikes {
-            if tick >= ticks.start && !*struck {
+        for Entry { ticks, effect: Strike { topic, kind, struck, ended }, .. } in self.strikes.all_mut() {
+            if tick >= ticks.start && !*struck && !ticks.is_empty() {
                 *struck = true;
                 orders.push(if *kind == FaultKind::Kill { Order::Kill(*topic) } else { Order::Stop(*topic) });
             }
@@ -274,7 +272,15 @@ impl Supervisor {
     }
 }
 
-/// Ticks that the plant has sampled.
-fn plant_tick(board: &Board) -> u64 {
+impl Strike {
+    /// `None` for a fault that needs no signal.
+    fn of(fault: &Fault) -> Option<Self> {
+        let topic = fault.target.process().filter(|_| matches!(fault.kind, FaultKind::Kill | FaultKind::Stop))?;
+        Some(Self { topic, kind: fault.kind, struck: false, ended: false })
+    }
+}
+
+/// The newest sample of the plant.
+pub fn plant_tick(board: &Board) -> u64 {
     u64::from(board.office(Topic::State).done(1).get()).saturating_sub(1)
 }

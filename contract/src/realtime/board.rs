@@ -19,10 +19,11 @@ use rustix::thread::futex;
 
 use super::clock::to_timespec;
 use crate::Topic;
+use crate::ledger::Ledger;
 use crate::office::Office;
 
-const PAGE_BYTES: usize = 4096 * 4;
-const MAGIC: u32 = 0x7EF0_1104;
+const PAGE_BYTES: usize = 4096 * 8;
+const MAGIC: u32 = 0x7EF0_1105;
 
 #[repr(C)]
 struct Page {
@@ -32,6 +33,7 @@ struct Page {
     recorded: Bell,
     bells: [Bell; Topic::COUNT],
     offices: [Office; Topic::COUNT],
+    ledger: Ledger,
     origin_ns: AtomicU64,
 }
 const _: () = assert!(size_of::<Page>() <= PAGE_BYTES);
@@ -129,6 +131,11 @@ impl Board {
     /// The office of the node that publishes `topic`.
     pub fn office(&self, topic: Topic) -> &Office {
         &self.page().offices[topic as usize]
+    }
+
+    /// The faults that this flight is given while it flies.
+    pub fn ledger(&self) -> &Ledger {
+        &self.page().ledger
     }
 
     /// The instant of sample 0 \[ns\]; 0 before there is one. In lockstep it is that of the present sample.

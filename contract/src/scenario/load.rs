@@ -5,7 +5,7 @@ use std::path::Path;
 use toml::{Table, Value};
 
 use super::report::{Problem, ScenarioError, Source};
-use super::{Scenario, check, shape};
+use super::{Fault, Scenario, check, shape};
 
 /// The scenario of `file` with `overrides` on top (`key=value`, the value in TOML or a bare word), on the defaults of
 /// the profile they choose. Without a file: the defaults alone.
@@ -23,6 +23,14 @@ pub fn from_merged(text: &str, origin: &str) -> Result<Scenario, ScenarioError> 
 /// All settings as a scenario file, exact to the last bit.
 pub fn to_toml(scenario: &Scenario) -> String {
     toml::to_string(scenario).expect("every setting has a form in TOML")
+}
+
+/// Whether `scenario` could have `fault` too: the rules for its own, in the same words.
+pub fn check_fault(scenario: &Scenario, fault: &Fault) -> Result<(), ScenarioError> {
+    let violations = check::violations_of(fault, scenario).into_iter();
+    let problems: Vec<Problem> =
+        violations.map(|violation| Problem { title: violation.what, place: None, help: violation.allowed }).collect();
+    if problems.is_empty() { Ok(()) } else { Err(ScenarioError::new(&problems)) }
 }
 
 /// Lays the sources over each other, later ones above, and checks the result.

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use anyhow::{Context, anyhow};
 use contract::domain::Domain;
+use contract::scenario::{Fault, FaultTarget};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -20,6 +21,16 @@ const PATIENCE: Duration = Duration::from_secs(2);
 pub enum Request {
     /// How the nodes are, what is broken, what happened last.
     Status,
+    /// This fault is to happen; it begins `at_s` after the next sample.
+    Inject {
+        /// As in a scenario.
+        fault: Fault,
+    },
+    /// Faults are to end, and those that have not begun are not to.
+    Clear {
+        /// Those of what; of everything, when absent.
+        target: Option<FaultTarget>,
+    },
 }
 
 /// The response to a request.

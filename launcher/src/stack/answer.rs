@@ -23,16 +23,20 @@ impl Stack {
 
     /// Does what `request` asks for.
     fn answer(&mut self, request: &Request) -> Response {
-        match request {
-            Request::Status => Response::Ok(self.view()),
-        }
+        let done = match request {
+            Request::Status => Ok(self.view()),
+            Request::Inject { fault } => self.inject(*fault),
+            Request::Clear { target } => self.clear(*target),
+        };
+        done.map_or_else(Response::Error, Response::Ok)
     }
 
-    /// How the nodes are, and what happened last.
+    /// How the nodes are, what is broken, and what happened last.
     fn view(&self) -> Value {
         let told = &self.supervisor.events;
         json!({
             "nodes": Topic::ALL.map(|topic| self.node(topic)),
+            "faults": self.at_work().collect::<Vec<_>>(),
             "events": events(&self.scenario, &told[told.len().saturating_sub(EVENTS)..]),
         })
     }
