@@ -234,8 +234,12 @@ impl Watched {
 
 /// A fault for people: what, from when \[s\], how long.
 pub fn course(fault: &Fault, from_s: f64) -> String {
-    let lasts = fault.for_s.map_or("to the end".into(), |for_s| format!("for {for_s} s"));
-    format!("{} from {from_s:.2} s {lasts}", what(fault))
+    let what = what(fault);
+    match fault.for_s {
+        Some(for_s) => format!("{what} from {from_s:.2} s for {for_s} s"),
+        None if fault.is_momentary() => format!("{what} at {from_s:.2} s"),
+        None => format!("{what} from {from_s:.2} s to the end"),
+    }
 }
 
 /// Target and kind as the scenario file spells them.
