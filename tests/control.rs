@@ -1,8 +1,12 @@
-//! A flying stack asked from outside.
+//! A flying stack asked, broken and mended from outside.
 
+use contract::domain::Domain;
+use contract::ledger::ROOM;
+use contract::scenario::{Fault, FaultKind, FaultTarget, from_merged};
+use launcher::control::{Request, ask};
 use serde_json::Value;
 
-use crate::harness::{Flight, launcher, namespace, wait_until};
+use crate::harness::{Flight, launcher, namespace, shared_memory_of, wait_until};
 
 /// What `status --json` says of a stack.
 fn status(namespace: &str) -> Value {
@@ -11,9 +15,19 @@ fn status(namespace: &str) -> Value {
     stacks.as_array().into_iter().flatten().find(|stack| stack["namespace"] == namespace).cloned().unwrap_or_default()
 }
 
-/// A flight in real time that is under way.
+/// What a command says to a stack: on stdout when it is done, on stderr when it is refused.
+fn tell(namespace: &str, words: &[&str]) -> Result<String, String> {
+    let output = launcher().args(words).args(["--namespace", namespace]).output().expect("the command runs");
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("text");
+    match output.status.code() {
+        Some(0) => Ok(text(output.stdout)),
+        code => Err(format!("{code:?} {}", text(output.stderr))),
+    }
+}
+
+/// A flight that is under way.
 fn flying(namespace: &str, settings: &[&str]) -> Flight {
-    let flight = Flight::start(namespace, &[&["--mode", "realtime", "--no-log"], settings].concat());
+    let flight = Flight::start(namespace, &[&["--no-log"], settings].concat());
     wait_until("the stack flies", || status(namespace)["time_s"].as_f64() > Some(0.2));
     flight
 }
@@ -35,4 +49,83 @@ fn status_shows_every_node_of_a_flight() {
     let text = String::from_utf8(text).expect("text");
     assert!(text.contains(&ns) && text.contains("attitude-mpc") && text.contains("restarts"), "{text}");
     assert_eq!(flight.finish().code(), Some(0));
+}
+
+#[test]
+fn a_flight_is_broken_and_mended_from_outside() {
+    let ns = namespace();
+    let settings = ["--set", "run.duration_s=5.0", "--set", "bounds.max_position_error_m=10.0"];
+    let flight = flying(&ns, &[&["scenarios/faults/hover-gusts.toml"], &settings[..]].concat());
+    let done = |words: &[&str]| tell(&ns, words).unwrap_or_else(|error| panic!("{words:?}: {error}"));
+    assert!(done(&["inject", "wind", "step", "--vector", "-1,0,0", "--for", "inf"]).contains("to the end"));
+    assert!(done(&["inject", "controls", "garbage"]).starts_with("injected: controls garbage from"));
+    wait_until("the mixer refuses", || status(&ns)["nodes"][3]["refused"]["range"].as_u64() >= Some(5));
+    done(&["inject", "position", "wrong", "--value", "-0.1", "--for", "60", "--in", "0.05"]);
+    wait_until("the position is wrong", || status(&ns)["faults"].to_string().contains("position"));
+    done(&["inject", "guidance", "kill"]);
+    done(&["inject", "payload", "mass", "--in", "3600"]);
+    wait_until("somebody took guidance over", || status(&ns)["nodes"][1]["restarts"].as_u64() >= Some(1));
+    assert!(done(&["clear", "wind"]).starts_with("cleared: wind step from"));
+    assert!(done(&["clear"]).contains("payload mass"));
+    assert_eq!(done(&["clear", "wind"]), "nothing is broken\n");
+    for (words, expected) in [
+        (["inject", "mpc", "kill"], "mpc cannot suffer kill"),
+        (["inject", "rudder", "kill"], "unknown variant `rudder`, expected one of `plant`"),
+        (["inject", "wind", "breeze"], "unknown variant `breeze`"),
+    ] {
+        let error = tell(&ns, &words).expect_err("refused");
+        assert!(error.starts_with("Some(2)") && error.contains(expected), "{error}");
+    }
+
+    let outcome = flight.finish();
+    assert_eq!(outcome.code(), Some(0), "{}", outcome.stderr);
+    let run = outcome.run();
+    let [wind, garbage, position, kill, mass] = std::array::from_fn(|i| &run["faults"][i]);
+    for struck in [garbage, kill] {
+        assert!(struck["injected_at_s"].is_number() && struck["recovered_after_s"].is_number(), "{struck}");
+    }
+    assert!(wind["injected_at_s"].is_number() && wind["for_s"].as_f64() < Some(5.0), "{wind}");
+    assert!(position["injected_at_s"].is_number(), "{position}");
+    assert_eq!([&mass["injected_at_s"], &mass["for_s"]], [&Value::Null, &Value::from(0.0)]);
+    assert!(run["refused"]["mixer"]["range"].as_u64() > Some(0), "{}", run["refused"]);
+    let events = run["events"].as_array().expect("events");
+    let count = |what: &str| events.iter().filter(|event| event["what"] == what).count();
+    assert!(count("injected") == 5 && count("cleared") >= 3 && count("took-over") >= 1, "{events:?}");
+    let settings = std::fs::read_to_string(outcome.out.join("scenario.toml")).expect("the settings");
+    let flown = from_merged(&settings, "scenario.toml").expect("it can be flown again").fault;
+    assert_eq!(flown.len(), 5);
+    assert_eq!(flown[0].for_s, wind["for_s"].as_f64());
+    assert_eq!(shared_memory_of(&ns), Vec::<String>::new());
+}
+
+#[test]
+fn what_cannot_be_done_is_refused_with_the_reason() {
+    let error = tell(&namespace(), &["inject", "wind", "step"]).expect_err("nobody flies");
+    assert!(error.contains("no stack runs"), "{error}");
+
+    let ns = namespace();
+    let flight = flying(&ns, &["--mode", "lockstep", "--set", "run.duration_s=86400.0"]);
+    for words in [&["inject", "wind", "step"][..], &["clear"]] {
+        let error = tell(&ns, words).expect_err("it must repeat");
+        assert!(error.starts_with("Some(2)") && error.contains("write the fault into its scenario"), "{error}");
+    }
+    tell(&ns, &["stop"]).expect("it ends");
+    assert_eq!(flight.finish().code(), Some(130));
+}
+
+#[test]
+fn a_flight_takes_so_many_faults_and_no_more() {
+    let ns = namespace();
+    let flight = flying(&ns, &["--set", "run.duration_s=3600.0"]);
+    let domain = Domain::find(&ns).expect("it flies");
+    let later = Request::Inject { fault: Fault::new(FaultTarget::Wind, FaultKind::Step, 3600.0, None) };
+    for _ in 0..ROOM {
+        ask(&domain, &later).expect("there is room");
+    }
+    let error = ask(&domain, &later).expect_err("no room").to_string();
+    assert!(error.contains("128 faults") && error.contains("fly again"), "{error}");
+    let cleared = ask(&domain, &Request::Clear { target: None }).expect("those that stand can end");
+    assert_eq!(cleared.as_array().map(Vec::len), Some(ROOM));
+    tell(&ns, &["stop"]).expect("it ends");
+    assert_eq!(flight.finish().code(), Some(130));
 }

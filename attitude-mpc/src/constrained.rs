@@ -10,7 +10,8 @@ use airframe::linear::INPUTS;
 use airframe::projection::Projection;
 use contract::Scenario;
 use contract::message::SolveStatus;
-use contract::scenario::{Fault, FaultTarget};
+use contract::roll::Roll;
+use contract::scenario::{Fault, FaultKind, FaultTarget};
 use nalgebra::{DMatrix, DVector};
 
 use crate::condensed::Course;
@@ -27,9 +28,7 @@ pub struct Constrained {
     /// See [`crate::solver`].
     pub solver: Solver,
     hessian: DMatrix<f64>,
-    faults: Vec<Fault>,
-    /// Sample time \[s\].
-    sample_s: f64,
+    faults: Roll<FaultKind>,
     projection: Projection,
     /// Do without the solver: see [`AttitudeMpc::hurry`](crate::AttitudeMpc::hurry).
     pub hurried: bool,
@@ -57,8 +56,7 @@ impl Constrained {
         let room = DVector::zeros(hessian.nrows());
         Some(Self {
             solver: Solver::new(scenario, &hessian, &set),
-            faults: scenario.fault.iter().filter(|fault| fault.target == FaultTarget::Mpc).cloned().collect(),
-            sample_s: scenario.sample_s(),
+            faults: Roll::new(scenario, |_, fault| of_the_solver(fault)),
             hurried: false,
             projection: Projection::new(set.moves.clone()),
             set,
@@ -66,6 +64,11 @@ impl Constrained {
             solved: room.clone(),
             spare: room,
         })
+    }
+
+    /// Takes fault `number` as it is from now on: see [`Roll::suffer`].
+    pub fn suffer(&mut self, number: usize, fault: &Fault) {
+        self.faults.suffer(number, fault, of_the_solver(fault));
     }
 
     /// Writes the `plan` to follow, given the `unconstrained` one and where this tick starts, `given` = (x; r; d). While a
@@ -78,7 +81,7 @@ impl Constrained {
         plan: &mut DVector<f64>,
     ) -> (SolveStatus, Account) {
         self.set.start(given);
-        let fault = self.faults.iter().find(|fault| fault.strikes(tick, self.sample_s)).map(|fault| fault.kind);
+        let fault = self.faults.on(tick).next().map(|fault| fault.effect);
         let mut account = Account::default();
         let inside = self.set.violation(unconstrained) <= 0.0 && self.set.excess(unconstrained) <= 0.0;
         let status = if inside && fault.is_none() {
@@ -124,6 +127,10 @@ impl Constrained {
         }
         SolveStatus::LimitReached
     }
+}
+
+fn of_the_solver(fault: &Fault) -> Option<FaultKind> {
+    (fault.target == FaultTarget::Mpc).then_some(fault.kind)
 }
 
 #[cfg(test)]

@@ -51,7 +51,7 @@ use airframe::Actuation;
 use airframe::linear::{INPUTS, STATES};
 use contract::Scenario;
 use contract::message::{Controls, Reference, SolveStatus, State};
-use contract::scenario::Law;
+use contract::scenario::{Fault, Law};
 use contract::snapshot::{Reader, Snapshot, Writer};
 use nalgebra::{DMatrix, DVector, Vector4};
 
@@ -132,6 +132,11 @@ impl AttitudeMpc {
             wish,
             constrained,
         }
+    }
+
+    /// Takes fault `number` as it is from now on, if it is one of the solver.
+    pub fn suffer(&mut self, number: usize, fault: &Fault) {
+        self.constrained.iter_mut().for_each(|constrained| constrained.suffer(number, fault));
     }
 
     /// The demand at `tick` for the newest measured state and the newest reference to follow: deviations of col, lon,

@@ -14,8 +14,10 @@ pub fn run(seat: &Seat) -> Result<(), SeatError> {
     let mut states = seat.inlet::<State>()?;
     let mut references = seat.inlet::<Reference>()?;
     let mut controls = seat.outlet::<Controls>()?;
+    let mut news = seat.news();
     let mut turns = seat.settle();
     while let Some(tick) = turns.next(&mut references) {
+        news.tell(|number, fault| mpc.suffer(number, fault));
         let (reference, state) = (references.newest(), states.newest());
         let late = controls.send(mpc.step(tick, state, reference), turns.lineage(tick).with(reference).with(state));
         mpc.hurry(late);

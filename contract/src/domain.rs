@@ -3,7 +3,8 @@
 //! ```text
 //! /dev/shm/trefoil.<namespace>.lock               held (flock) by the launcher while the run lives
 //! /dev/shm/trefoil.<namespace>.<pid>.<start>/     this run's folder, mode 0700
-//!     scenario.toml   the merged settings          board       bells, offices, phase
+//!     scenario.toml   the merged settings          board       bells, offices, phase, faults given while flying
+//!     control         the socket on which the launcher answers
 //!     iox/            iceoryx2's root              iceoryx2.toml   lets the iox2 tool and Python attach
 //! /dev/shm/trefoil.<namespace>.<pid>.<start>.*    iceoryx2's segments, by prefix
 //! ```

@@ -16,6 +16,7 @@
 //! | [`guard`], [`integrity`] | which messages are taken for true |
 //! | [`link`] | what faults do to messages on their way |
 //! | [`office`], [`plan`] | which process speaks for a node |
+//! | [`ledger`], [`roll`] | faults given while flying, and who suffers which |
 //! | [`domain`] | what a run owns in shared memory, by namespace |
 //! | [`realtime`] | time, priority, the shared page of bells; the only `unsafe` |
 //! | [`process`] | a process of the stack: join, run, leave |
@@ -25,6 +26,7 @@ pub mod domain;
 pub mod guard;
 pub mod inlet;
 pub mod integrity;
+pub mod ledger;
 pub mod link;
 pub mod message;
 pub mod office;
@@ -35,6 +37,7 @@ pub mod port;
 pub mod process;
 pub mod realtime;
 pub mod rehearsal;
+pub mod roll;
 pub mod scenario;
 pub mod snapshot;
 pub mod stamp;

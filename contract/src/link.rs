@@ -9,7 +9,9 @@
 //! sealed message -> drop? burst? rate? -> garbage, stale (sealed anew) -> corrupt (not sealed) -> late, twice, in turn
 //! ```
 
+use crate::Topic;
 use crate::message::Message;
+use crate::roll::{Entry, Roll};
 use crate::scenario::{Fault, FaultKind, Scenario};
 use crate::stamp::unheard;
 
@@ -20,8 +22,7 @@ const STAMP_WORDS: usize = size_of::<crate::message::Stamp>() / 8;
 
 /// One topic's faults and what they hold back.
 pub struct Link<M> {
-    /// With their place in the scenario, which their draws depend on.
-    faults: Vec<(u64, Fault)>,
+    faults: Roll<Fault>,
     seed: u64,
     /// Sample time \[s\].
     sample_s: f64,
@@ -34,22 +35,25 @@ pub struct Link<M> {
 impl<M: Message> Link<M> {
     /// The link of `M`'s topic in `scenario`.
     pub fn new(scenario: &Scenario) -> Self {
-        let of_topic = |fault: &Fault| fault.target.topic() == Some(M::TOPIC);
-        let numbered = (0..).zip(scenario.fault.iter().cloned());
-        let faults: Vec<_> = numbered.filter(|(_, fault)| of_topic(fault)).collect();
-        let held = Vec::with_capacity(if faults.is_empty() { 0 } else { HELD });
+        let faults = Roll::new(scenario, |_, fault| of_topic(M::TOPIC, fault));
+        let held = Vec::with_capacity(if faults.may_strike() { HELD } else { 0 });
         Self { faults, seed: scenario.run.seed, sample_s: scenario.sample_s(), held, overtaken: None }
+    }
+
+    /// Takes fault `number` as it is from now on: see [`Roll::suffer`].
+    pub fn suffer(&mut self, number: usize, fault: &Fault) {
+        self.faults.suffer(number, fault, of_topic(M::TOPIC, fault));
     }
 
     /// Sends `message`, which answers to sample `tick`, on its way: `deliver` gets what arrives on this tick.
     pub fn pass(&mut self, tick: u64, message: &M, mut deliver: impl FnMut(&M)) {
-        if self.faults.is_empty() {
+        if self.faults.all().is_empty() {
             return deliver(message);
         }
         while let Some(i) = self.held.iter().position(|(due, _)| *due <= tick) {
             deliver(&self.held.remove(i).1);
         }
-        let passed = self.suffer(tick, message);
+        let passed = self.fare(tick, message);
         let unharmed =
             |passed: &Passed<M>| passed.ticks_late == 0 && !passed.overtaken && bits(&passed.message) == bits(message);
         if !passed.as_ref().is_some_and(unharmed) {
@@ -75,12 +79,12 @@ impl<M: Message> Link<M> {
     }
 
     /// What becomes of a message; `None` when it is lost.
-    fn suffer(&self, tick: u64, message: &M) -> Option<Passed<M>> {
+    fn fare(&self, tick: u64, message: &M) -> Option<Passed<M>> {
         let mut passed = Passed { message: *message, ticks_late: 0, twice: false, overtaken: false };
-        for (index, fault) in self.faults.iter().filter(|(_, fault)| fault.strikes(tick, self.sample_s)) {
-            let random = |salt| draw(self.seed, *index, tick, salt);
+        for Entry { number, ticks, effect: fault } in self.faults.on(tick) {
+            let random = |salt| draw(self.seed, *number as u64, tick, salt);
             let happens = |usual: f64| share(random(0)) < fault.probability.unwrap_or(usual);
-            let since = tick - fault.ticks(self.sample_s).start;
+            let since = tick - ticks.start;
             let ticks = |usual_ms: f64| (fault.ms.unwrap_or(usual_ms) / 1e3 / self.sample_s - 1e-6).ceil() as u64;
             match fault.kind {
                 FaultKind::Drop if happens(0.5) => return None,
@@ -97,6 +101,11 @@ impl<M: Message> Link<M> {
         }
         Some(passed)
     }
+}
+
+/// What a fault of `topic` is to its link: itself.
+fn of_topic(topic: Topic, fault: &Fault) -> Option<Fault> {
+    (fault.target.topic() == Some(topic)).then_some(*fault)
 }
 
 /// A message that is not lost.

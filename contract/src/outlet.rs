@@ -5,10 +5,12 @@ use std::sync::Arc;
 
 use crate::Topic;
 use crate::cycle::Punctuality;
+use crate::ledger::News;
 use crate::link::Link;
 use crate::message::{Message, Stamp};
 use crate::port::Send;
 use crate::realtime::{Board, now_ns};
+use crate::roll::Roll;
 use crate::scenario::{Fault, FaultKind, Late, Mode, Scenario};
 use crate::stamp::unheard;
 
@@ -18,9 +20,8 @@ pub struct Outlet<M> {
     board: Arc<Board>,
     punctuality: Rc<Punctuality>,
     link: Link<M>,
-    /// Faults that make this process slow, and the sample time they go by \[s\].
-    slow: Vec<Fault>,
-    sample_s: f64,
+    slow: Slowness,
+    news: News,
     clocked: bool,
     epoch: u32,
     sequence: u64,
@@ -38,11 +39,11 @@ impl<M: Message> Outlet<M> {
         punctuality.rehearsal.add(port.clone());
         Self {
             port,
+            news: News::new(board.clone()),
             board,
             punctuality,
             link: Link::new(scenario),
-            slow: slowness(scenario, M::TOPIC),
-            sample_s: scenario.sample_s(),
+            slow: Slowness::new(scenario, M::TOPIC),
             clocked: scenario.run.mode == Mode::Realtime,
             epoch,
             sequence: 0,
@@ -54,7 +55,11 @@ impl<M: Message> Outlet<M> {
     /// the deadline's policy says. True when the next cycle shall do less.
     pub fn send(&mut self, mut message: M, mut lineage: Stamp) -> bool {
         let tick = lineage.tick;
-        let held_ns = held_up_ns(&self.slow, tick, self.sample_s);
+        self.news.tell(|number, fault| {
+            self.slow.suffer(number, fault);
+            self.link.suffer(number, fault);
+        });
+        let held_ns = self.slow.held_up_ns(tick);
         if self.clocked && held_ns > 0 {
             self.board.phase().wait(self.board.phase().count(), now_ns() + held_ns);
         } else {
@@ -87,15 +92,32 @@ impl<M: Message> Outlet<M> {
     }
 }
 
-/// The faults of `scenario` that make the process slow that speaks on `topic`.
-pub fn slowness(scenario: &Scenario, topic: Topic) -> Vec<Fault> {
-    let slow = |fault: &&Fault| fault.target.process() == Some(topic) && fault.kind == FaultKind::Slow;
-    scenario.fault.iter().filter(slow).cloned().collect()
+/// The faults that make a process slow.
+pub struct Slowness {
+    topic: Topic,
+    /// Each holds it up for so long \[ns\].
+    faults: Roll<u64>,
 }
 
-/// How long `faults` hold up the answer to sample `tick` \[ns\].
-pub fn held_up_ns(faults: &[Fault], tick: u64, sample_s: f64) -> u64 {
+impl Slowness {
+    /// For the process that speaks on `topic`.
+    pub fn new(scenario: &Scenario, topic: Topic) -> Self {
+        Self { topic, faults: Roll::new(scenario, |_, fault| hold_up_ns(topic, fault)) }
+    }
+
+    /// How long the answer to sample `tick` is held up \[ns\].
+    pub fn held_up_ns(&self, tick: u64) -> u64 {
+        self.faults.on(tick).map(|fault| fault.effect).sum()
+    }
+
+    fn suffer(&mut self, number: usize, fault: &Fault) {
+        self.faults.suffer(number, fault, hold_up_ns(self.topic, fault));
+    }
+}
+
+/// How long `fault` holds up the process that speaks on `topic`; nothing if it is not that kind of fault.
+fn hold_up_ns(topic: Topic, fault: &Fault) -> Option<u64> {
     const USUAL_MS: f64 = 5.0;
-    let at_work = faults.iter().filter(|fault| fault.strikes(tick, sample_s));
-    at_work.map(|fault| (fault.ms.unwrap_or(USUAL_MS) * 1e6) as u64).sum()
+    let slows = fault.target.process() == Some(topic) && fault.kind == FaultKind::Slow;
+    slows.then(|| (fault.ms.unwrap_or(USUAL_MS) * 1e6) as u64)
 }

@@ -74,7 +74,7 @@ impl Absence {
             }
             _ => return None,
         };
-        Some(Self { from, until: from + length, replaced })
+        (length > 0).then_some(Self { from, until: from + length, replaced })
     }
 }
 

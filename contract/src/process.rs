@@ -14,15 +14,16 @@ use rustix::process::Signal;
 use crate::cycle::Punctuality;
 use crate::domain::{Domain, DomainError};
 use crate::inlet::Inlet;
+use crate::ledger::News;
 use crate::outlet::Outlet;
 use crate::pace::Pace;
 use crate::port::{Bus, NODE_DEPTH, OBSERVER_DEPTH, PortError, Receive, Wire};
 use crate::realtime::{self, Board, now_ns, phase};
 use crate::rehearsal::Rehearsal;
-use crate::scenario::{self, Fault, FaultKind, Late, Mode, Scenario, ScenarioError};
+use crate::scenario::{self, Late, Mode, Scenario, ScenarioError};
 use crate::snapshot::Snapshot;
 use crate::topic::{NODES, Topic};
-use crate::turn::{Clock, Seizure, Turns};
+use crate::turn::{Clock, Turns};
 
 /// Exit codes of the stack's programs.
 pub mod exit {
@@ -149,6 +150,11 @@ impl Seat {
         Ok(self.bus.receiver(OBSERVER_DEPTH)?)
     }
 
+    /// Where a node hears of faults that it is given while it flies.
+    pub fn news(&self) -> News {
+        News::new(self.board.clone())
+    }
+
     /// What the process before this one remembered; `None` for the first, which begins with nothing.
     pub fn memory(&self) -> Option<Snapshot> {
         let memory = &self.board.office(self.topic()).memory;
@@ -171,13 +177,10 @@ impl Seat {
             period_ns: self.scenario.sample_ns(),
             patience_ns: self.scenario.deadline_of(self.rank.saturating_sub(1)).deadline_ns,
         });
-        let of_itself = |fault: &&Fault| {
-            matches!(fault.kind, FaultKind::Exit | FaultKind::Hog) && fault.target.process() == Some(self.topic())
-        };
-        let struck = self.scenario.fault.iter().filter(of_itself);
-        let seizure = |fault: &Fault| Seizure { ticks: fault.ticks(self.scenario.sample_s()), kind: fault.kind };
-        let seizures = if self.scripted { vec![] } else { struck.map(seizure).collect() };
-        Turns::new(clock, self.board.clone(), self.punctuality.clone(), self.topic(), self.epoch, seizures)
+        // Those that the launcher acts out, the process has no part in.
+        let scenario =
+            if self.scripted { &Scenario { fault: vec![], ..self.scenario.clone() } } else { &self.scenario };
+        Turns::new(clock, self.board.clone(), self.punctuality.clone(), self.topic(), self.epoch, scenario)
     }
 
     /// The topic this node speaks on.

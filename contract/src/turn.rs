@@ -15,9 +15,11 @@ use std::sync::Arc;
 use crate::Topic;
 use crate::cycle::{LOOK_AROUND_NS, Punctuality};
 use crate::inlet::Inlet;
+use crate::ledger::News;
 use crate::message::{Message, Stamp};
 use crate::realtime::{Board, now_ns, phase};
-use crate::scenario::FaultKind;
+use crate::roll::{Entry, Roll};
+use crate::scenario::{Fault, FaultKind, Scenario};
 use crate::snapshot::Snapshot;
 
 /// The turns of one process of a node.
@@ -33,16 +35,8 @@ pub struct Turns {
     /// The sample to answer to next.
     next: u64,
     /// Faults in which the process itself goes wrong; in lockstep only those of its own settings.
-    seizures: Vec<Seizure>,
-}
-
-/// A scripted fault of the process itself; it strikes the one that was there before it began.
-#[derive(Debug, Clone)]
-pub(crate) struct Seizure {
-    /// On these samples.
-    pub ticks: std::ops::Range<u64>,
-    /// Leaves, or burns its processor.
-    pub kind: FaultKind,
+    seizures: Roll<FaultKind>,
+    news: News,
 }
 
 /// The ring's clock, as a node sees it.
@@ -61,9 +55,11 @@ impl Turns {
         punctuality: Rc<Punctuality>,
         topic: Topic,
         epoch: u32,
-        seizures: Vec<Seizure>,
+        scenario: &Scenario,
     ) -> Self {
-        Self { clock, board, punctuality, topic, epoch, let_in: false, next: 0, seizures }
+        let seizures = Roll::new(scenario, |_, fault| seizure(topic, fault));
+        let news = News::new(board.clone());
+        Self { clock, board, punctuality, topic, epoch, let_in: false, next: 0, seizures, news }
     }
 
     /// Sleeps until it is this node's turn, and begins the cycle: the sample to answer to. `None` when there is nothing
@@ -75,16 +71,17 @@ impl Turns {
             Some(clock) => self.by_the_clock(clock, inlet),
             None => self.by_the_ring(M::TOPIC),
         }?;
+        self.news.tell(|number, fault| self.seizures.suffer(number, fault, seizure(self.topic, fault)));
         let healthy = self.survives(tick);
         self.next = tick + 1;
         healthy.then_some(tick)
     }
 
-    /// Lets a scripted fault of the process itself have its way; false when the process is to leave.
+    /// Lets a fault of the process itself have its way; false when the process is to leave.
     fn survives(&self, tick: u64) -> bool {
         // Whoever was started after the beginning has no part in it.
-        let seized = |s: &&Seizure| s.ticks.contains(&tick) && (self.next <= s.ticks.start && self.next > 0);
-        let Some(Seizure { ticks, kind }) = self.seizures.iter().find(seized) else { return true };
+        let begins = |seizure: &&Entry<FaultKind>| self.next <= seizure.ticks.start && self.next > 0;
+        let Some(Entry { ticks, effect: kind, .. }) = self.seizures.on(tick).find(begins) else { return true };
         if let (FaultKind::Hog, Some(clock)) = (kind, self.clock) {
             let until_ns = self.board.origin_ns().saturating_add(ticks.end.saturating_mul(clock.period_ns));
             while now_ns() < until_ns && self.board.phase().count() < phase::LEAVE {
@@ -195,4 +192,10 @@ impl Turns {
         let retired = staff.holder > self.epoch && !staff.employs(self.epoch);
         retired || self.board.phase().count() >= phase::LEAVE || self.punctuality.broken().is_some()
     }
+}
+
+/// What a fault of the process itself is to the one that speaks on `topic`: it leaves, or burns its processor.
+fn seizure(topic: Topic, fault: &Fault) -> Option<FaultKind> {
+    let of_itself = matches!(fault.kind, FaultKind::Exit | FaultKind::Hog) && fault.target.process() == Some(topic);
+    of_itself.then_some(fault.kind)
 }

@@ -9,7 +9,7 @@ use contract::scenario;
 
 use crate::measure::Measure;
 use crate::stack::StartError;
-use crate::{fly, manage, print, recorder, report, swap, trace};
+use crate::{control, fly, manage, print, recorder, report, swap, trace};
 
 #[derive(Parser)]
 #[command(name = "launcher", version, about = "Flies a tilt-rotor tricopter through separate real-time processes")]
@@ -43,6 +43,10 @@ enum Command {
     Status(manage::StatusArgs),
     /// Replace a process of a flying stack: in the shadow first, back again if it does not do
     Swap(swap::SwapArgs),
+    /// Break something in a stack that flies in real time
+    Inject(control::InjectArgs),
+    /// End what is broken in a stack that flies in real time
+    Clear(control::ClearArgs),
     /// Stop a flying stack, cleanly
     Stop {
         /// Which stack
@@ -89,6 +93,8 @@ pub fn main() -> ExitCode {
         Command::Trace(args) => trace::trace(&args).map(|()| exit::FLOWN),
         Command::Status(args) => manage::status(&args).map(|()| exit::FLOWN),
         Command::Swap(args) => swap::swap(&args),
+        Command::Inject(args) => control::inject(&args).map(|()| exit::FLOWN),
+        Command::Clear(args) => control::clear(&args).map(|()| exit::FLOWN),
         Command::Stop { namespace } => manage::stop(&namespace).map(|()| exit::FLOWN),
         Command::Measure(what) => what.run(),
         Command::Node { name, namespace, epoch, settings, log } => {

@@ -58,6 +58,10 @@ pub enum What {
     Kept,
     /// A newcomer had to give the office back.
     Returned,
+    /// A fault was given to it, whatever it is: a node, a topic, a part of the vehicle.
+    Injected,
+    /// A fault of it was ended.
+    Cleared,
 }
 
 impl Event {

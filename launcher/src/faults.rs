@@ -1,4 +1,4 @@
-//! What came of each `[[fault]]`: the `faults` section of run.json.
+//! What came of each fault, of the scenario or given while flying: the `faults` section of run.json.
 //!
 //! ```text
 //! injected    the first tick it struck
@@ -35,7 +35,10 @@ use crate::log::Record;
 pub(crate) use signs::reacts;
 
 /// All faults of a flight.
-pub struct Faults(Vec<Watched>);
+pub struct Faults {
+    watched: Vec<Watched>,
+    rate_hz: u32,
+}
 
 /// One fault, and what was seen since.
 struct Watched {
@@ -63,30 +66,41 @@ struct Course {
 impl Faults {
     /// The faults of a scenario, none of which has struck yet.
     pub fn new(faults: &[Fault], rate_hz: u32) -> Self {
+        let mut none = Self { watched: vec![], rate_hz };
+        none.follow(faults);
+        none
+    }
+
+    /// The faults as they are now: some may have another end than before, and more may have come.
+    pub fn follow(&mut self, faults: &[Fault]) {
+        for (watched, fault) in self.watched.iter_mut().zip(faults) {
+            watched.fault = *fault;
+        }
+        let come = faults.get(self.watched.len()..).unwrap_or_default();
         let watch = |fault: &Fault| Watched {
-            rate_hz,
-            fault: fault.clone(),
+            rate_hz: self.rate_hz,
+            fault: *fault,
             newest: 0,
             marked: None,
             obeyed: 0,
             courses: Default::default(),
         };
-        Self(faults.iter().map(watch).collect())
+        self.watched.extend(come.iter().map(watch));
     }
 
     /// Takes one message in.
     pub fn observe(&mut self, record: &Record) {
-        self.0.iter_mut().for_each(|watched| watched.observe(record));
+        self.watched.iter_mut().for_each(|watched| watched.observe(record));
     }
 
     /// The `faults` array of run.json.
     pub fn to_json(&self) -> Value {
-        self.0.iter().map(Watched::to_json).collect()
+        self.watched.iter().map(Watched::to_json).collect()
     }
 
     /// One line for people on each.
     pub fn describe(&self) -> Vec<String> {
-        self.0.iter().map(Watched::describe).collect()
+        self.watched.iter().map(Watched::describe).collect()
     }
 }
 
@@ -206,17 +220,15 @@ impl Watched {
     }
 
     fn describe(&self) -> String {
-        let what = format!("{} {}", name(self.fault.target), name(self.fault.kind));
         let Some(injected) = self.injected() else {
-            return format!("{what} at {} s: never struck", self.fault.at_s);
+            return format!("{} at {} s: never struck", what(&self.fault), self.fault.at_s);
         };
-        let lasts = self.fault.for_s.map_or("to the end".into(), |for_s| format!("for {for_s} s"));
         let after = |what: &str, time_s: Option<f64>| {
             time_s.map_or(format!("not {what}"), |time_s| format!("{what} after {time_s:.2} s"))
         };
         format!(
-            "{what} from {:.2} s {lasts}: {}, {}",
-            self.seconds(injected),
+            "{}: {}, {}",
+            course(&self.fault, self.seconds(injected)),
             after("detected", self.detected_after_s()),
             after("recovered", self.recovered_after_s()),
         )
@@ -226,6 +238,21 @@ impl Watched {
 /// A target or kind as the scenario file spells it, an event as run.json does.
 pub(crate) fn name(word: impl Serialize) -> String {
     json!(word).as_str().unwrap_or_default().to_owned()
+}
+
+/// A fault for people: what, from when \[s\], how long.
+pub fn course(fault: &Fault, from_s: f64) -> String {
+    let what = what(fault);
+    match fault.for_s {
+        Some(for_s) => format!("{what} from {from_s:.2} s for {for_s} s"),
+        None if fault.is_momentary() => format!("{what} at {from_s:.2} s"),
+        None => format!("{what} from {from_s:.2} s to the end"),
+    }
+}
+
+/// Target and kind as the scenario file spells them.
+fn what(fault: &Fault) -> String {
+    format!("{} {}", fault.target.name(), json!(fault.kind).as_str().unwrap_or_default())
 }
 
 #[cfg(test)]

@@ -71,15 +71,18 @@ impl From<ModeArg> for Mode {
 
 /// Flies as the arguments say; the exit code.
 pub fn fly(args: &FlyArgs) -> anyhow::Result<u8> {
-    let scenario = settings(args)?;
+    let mut scenario = settings(args)?;
     let out = Folder::prepare(&args.out.clone().unwrap_or_else(|| default_folder(&scenario)), &scenario)?;
     let interrupts = catch_interrupts()?;
     let log = (!args.no_log).then(|| out.path.join("flight.mcap"));
 
+    let ordered = scenario.clone();
     let mut summary = Summary::new(&scenario);
     let flown = match scenario.run.mode {
         Mode::Inprocess => fly_inprocess(&scenario, log.as_deref(), &mut summary, &interrupts),
-        Mode::Realtime | Mode::Lockstep => fly_processes(args, &scenario, log.as_deref(), &mut summary, &interrupts),
+        Mode::Realtime | Mode::Lockstep => {
+            fly_processes(args, &mut scenario, log.as_deref(), &mut summary, &interrupts)
+        }
     };
     let how = match flown {
         Ok(how) => how,
@@ -89,8 +92,11 @@ pub fn fly(args: &FlyArgs) -> anyhow::Result<u8> {
         }
     };
 
+    let settings = || write_whole(&out.path.join("scenario.toml"), scenario::to_toml(&scenario).as_bytes());
+    let written = if scenario == ordered { Ok(()) } else { settings() };
+
     let run = serde_json::to_string_pretty(&run_json(&summary, &scenario, &how))? + "\n";
-    let written = write_whole(&out.path.join("run.json"), run.as_bytes());
+    let written = written.and_then(|()| write_whole(&out.path.join("run.json"), run.as_bytes()));
     let histograms = || summary.timing.as_ref().map_or(Ok(()), |timing| timing.write_histograms(&out.path));
     let written = written.and_then(|()| histograms());
     let written = written.and_then(|()| if log.is_some() { report::rewrite(&out.path) } else { Ok(()) });
@@ -144,9 +150,10 @@ fn fly_inprocess(
     Ok(Circumstances { ended, wall_s, log, provenance: provenance(scenario, &[]), events, refused })
 }
 
+/// Flies through processes; `scenario` gets what was ordered meanwhile.
 fn fly_processes(
     args: &FlyArgs,
-    scenario: &Scenario,
+    scenario: &mut Scenario,
     log: Option<&Path>,
     summary: &mut Summary,
     interrupts: &AtomicU32,
@@ -157,7 +164,10 @@ fn fly_processes(
     let flown = stack.fly(
         interrupts,
         |record: Record| summary.borrow_mut().observe(&record),
-        || progress.show(&summary.borrow(), scenario),
+        |faults| {
+            summary.borrow_mut().faults.follow(faults);
+            progress.show(&summary.borrow(), scenario);
+        },
     );
     progress.bar.finish_and_clear();
     let fifo = flown.scheduling.iter().all(|(name, s)| name == "recorder" || s.policy == "fifo");
@@ -167,8 +177,9 @@ fn fly_processes(
     if let Ended::Lost(name) = &flown.ended {
         eprintln!("error: lost {name}; the stack was stopped");
     }
-    let provenance = provenance(scenario, &flown.scheduling);
-    let Flown { ended, log, wall, events, refused, .. } = flown;
+    let Flown { ended, log, wall, scheduling, events, scenario: flown_scenario, refused } = flown;
+    *scenario = flown_scenario;
+    let provenance = provenance(scenario, &scheduling);
     Ok(Circumstances { ended, wall_s: wall.as_secs_f64(), log, provenance, events, refused })
 }
 

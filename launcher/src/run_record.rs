@@ -22,7 +22,7 @@ pub struct Circumstances {
     pub log: Option<LogOutcome>,
     /// Versions, host, settings.
     pub provenance: Value,
-    /// What happened to the processes.
+    /// What happened.
     pub events: Vec<Event>,
     /// Messages refused, by listener and cause.
     pub refused: Vec<(&'static str, [u32; 5])>,

@@ -10,6 +10,7 @@ mod answer;
 mod archive;
 mod children;
 mod end;
+mod live;
 mod regime;
 mod script;
 mod staffing;
@@ -26,6 +27,7 @@ use contract::office::Staff;
 use contract::port::{Bus, Services, config_toml};
 use contract::process::Seat;
 use contract::realtime::{Board, phase};
+use contract::scenario::Fault;
 use contract::topic::Topic;
 
 use children::{Birth, Children, wait};
@@ -59,8 +61,10 @@ pub struct Flown {
     pub wall: Duration,
     /// What every node obtained from the kernel.
     pub scheduling: Vec<(String, Scheduling)>,
-    /// What happened to the processes.
+    /// What happened.
     pub events: Vec<Event>,
+    /// The settings as they were in the end: with the faults and swaps that were ordered while it flew.
+    pub scenario: Scenario,
     /// Messages refused, by listener and cause.
     pub refused: Refused,
 }
@@ -72,6 +76,7 @@ pub struct Stack {
     archive: Option<Archive>,
     board: std::sync::Arc<Board>,
     observers: Observers,
+    /// As it is by now: with what was ordered while it flies.
     scenario: Scenario,
     control: Server,
     /// When the newest message of each topic was sent.
@@ -124,8 +129,14 @@ impl Stack {
         Ok(stack)
     }
 
-    /// Flies: `watch` sees every message, `tick` is called at every look around, while all are there.
-    pub fn fly(mut self, interrupts: &AtomicU32, mut watch: impl FnMut(Record), mut tick: impl FnMut()) -> Flown {
+    /// Flies: `watch` sees every message; `tick` is called at every look around, while all are there, with the faults as
+    /// they are by then.
+    pub fn fly(
+        mut self,
+        interrupts: &AtomicU32,
+        mut watch: impl FnMut(Record),
+        mut tick: impl FnMut(&[Fault]),
+    ) -> Flown {
         let mut scheduling = vec![];
         let started = Instant::now();
         self.board.set_phase(phase::GO);
@@ -145,7 +156,7 @@ impl Stack {
             }
             self.children.tell(self.regime.events());
             self.attend();
-            tick();
+            tick(&self.scenario.fault);
             self.children.sleep(self.control.sources(), self.regime.due(&self.board));
         };
         let given_up = self.regime.given_up();
@@ -161,7 +172,8 @@ impl Stack {
             (topic.publisher(), Refusal::ALL.map(|r| self.board.office(topic).refused[r as usize].get()))
         };
         let refused = Topic::ALL.map(count).into();
-        Flown { ended, log, wall, scheduling, events: std::mem::take(self.regime.events()), refused }
+        let events = std::mem::take(self.regime.events());
+        Flown { ended, log, wall, scheduling, events, scenario: self.scenario.clone(), refused }
     }
 
     /// Waits until every topic has its publisher and all its subscribers; `observers` of them are not nodes.

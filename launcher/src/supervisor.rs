@@ -17,7 +17,8 @@ mod strike;
 use std::time::{Duration, Instant};
 
 use contract::realtime::Board;
-use contract::scenario::Scenario;
+use contract::roll::{Entry, Roll};
+use contract::scenario::{Fault, Scenario};
 use contract::topic::Topic;
 
 use crate::event::Event;
@@ -45,7 +46,7 @@ pub enum Order {
 
 /// The supervisor of one run.
 pub struct Supervisor {
-    strikes: Vec<Strike>,
+    strikes: Roll<Strike>,
     nodes: Vec<Node>,
     /// Which of the swaps have begun.
     begun: Vec<bool>,
@@ -61,7 +62,7 @@ impl Supervisor {
     /// For a run of `scenario` whose first processes have been started.
     pub fn new(scenario: &Scenario) -> Self {
         Self {
-            strikes: Strike::all(scenario),
+            strikes: Roll::new(scenario, |_, fault| Strike::of(fault)),
             nodes: Topic::ALL.map(|topic| Node::new(topic, scenario.sample_s())).into(),
             begun: vec![],
             seen: 0,
@@ -90,6 +91,11 @@ impl Supervisor {
         self.nodes[topic as usize].may_swap(board)
     }
 
+    /// Takes fault `number` as it is from now on: see [`Roll::suffer`].
+    pub fn suffer(&mut self, number: usize, fault: &Fault) {
+        self.strikes.suffer(number, fault, Strike::of(fault));
+    }
+
     /// A process has ended that was not asked to. False when the run cannot go on without it.
     pub fn died(&mut self, board: &Board, topic: Topic, epoch: u32) -> bool {
         let tick = plant_tick(board);
@@ -104,7 +110,9 @@ impl Supervisor {
         let tick = plant_tick(board);
         let now = Instant::now();
         let mut orders = vec![];
-        self.strikes.iter_mut().for_each(|strike| strike.at(board, tick, &mut orders));
+        for Entry { ticks, effect, .. } in self.strikes.all_mut() {
+            effect.at(board, ticks, tick, &mut orders);
+        }
         let absent = now.saturating_duration_since(self.due);
         self.begun.resize(scenario.swap.len(), false);
         for (i, (swap, begun)) in scenario.swap.iter().zip(&mut self.begun).enumerate() {

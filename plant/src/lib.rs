@@ -31,6 +31,7 @@ pub mod sensors;
 use airframe::{Actuation, Trim};
 use contract::Scenario;
 use contract::message::{Actuators, Kinematics, PlantStatus, Stamp, State};
+use contract::scenario::Fault;
 
 use commands::CommandLine;
 use dynamics::{Dynamics, StateVector};
@@ -89,6 +90,11 @@ impl Plant {
             x,
             lost: loss(&x),
         }
+    }
+
+    /// Takes fault `number` as it is from now on, if it is one of vehicle, sensors or air.
+    pub fn suffer(&mut self, number: usize, fault: &Fault) {
+        self.faults.suffer(number, fault);
     }
 
     /// STATE at the present instant; every call is a measurement of its own and draws its own noise.

@@ -14,9 +14,11 @@ pub fn run(seat: &Seat) -> Result<(), SeatError> {
     let mut plant = Plant::new(&seat.scenario);
     let mut states = seat.outlet::<State>()?;
     let mut commands = seat.inlet::<Actuators>()?;
+    let mut news = seat.news();
     seat.settle();
     let Some(mut pace) = seat.pace() else { return Ok(()) };
     loop {
+        news.tell(|number, fault| plant.suffer(number, fault));
         let state = plant.sample();
         let tick = state.stamp.tick;
         let Some(lineage) = pace.sample(tick) else { return Err(SeatError::Stuck { tick }) };

@@ -25,10 +25,20 @@ fn a_flight_with_every_fault_allocates_nothing() {
     let mut scenario = Scenario { fault: faults.collect(), ..Scenario::default() };
     scenario.plant.noise.position_m = 0.01;
     scenario.run.command_delay_ms = 35.0;
-    let mut plant = Plant::new(&scenario);
+    let given = std::mem::take(&mut scenario.fault);
+    for live in [false, true] {
+        scenario.fault = if live { vec![] } else { given.clone() };
+        check_allocates_nothing(&scenario, if live { &given } else { &[] });
+    }
+}
+
+/// Flies `scenario` with the faults that are `given` on the way.
+fn check_allocates_nothing(scenario: &Scenario, given: &[Fault]) {
+    let mut plant = Plant::new(scenario);
     let command = plant.sample().command_in_force;
     let count = allocation_counter::measure(|| {
         for sequence in 1..=50 {
+            given.iter().enumerate().for_each(|(number, fault)| plant.suffer(number, fault));
             plant.command(&Actuators { stamp: Stamp { sequence, ..Stamp::default() }, command, flags: 0 }, 0);
             plant.advance(1);
             plant.sample();

@@ -117,3 +117,25 @@ fn a_message_that_is_let_pass_is_not_lost() {
     }
     assert_eq!(arrived, [1, 0, 3, 2, 5, 4]);
 }
+
+#[test]
+fn a_fault_that_comes_while_flying_is_like_one_of_the_scenario() {
+    let fault = Fault::new(FaultTarget::Controls, FaultKind::Drop, 0.1, Some(0.2));
+    let arrived = |given: bool| -> Vec<(u64, u64)> {
+        let scenario = Scenario { fault: if given { vec![] } else { vec![fault] }, ..Scenario::default() };
+        let mut link = Link::new(&scenario);
+        let mut all = vec![];
+        for tick in 0..40 {
+            if given && tick == 9 {
+                link.suffer(0, &fault);
+            }
+            if tick == 24 {
+                link.suffer(0, &Fault { for_s: Some(0.15), ..fault });
+            }
+            link.pass(tick, &demand(tick), |message| all.push((tick, message.stamp.unheard)));
+        }
+        all
+    };
+    assert_eq!(arrived(true), arrived(false));
+    assert!(arrived(true).iter().all(|(tick, mark)| *mark == unheard::HEARD || (10..25).contains(tick)));
+}

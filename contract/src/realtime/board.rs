@@ -19,9 +19,10 @@ use rustix::thread::futex;
 
 use super::clock::to_timespec;
 use crate::Topic;
+use crate::ledger::Ledger;
 use crate::office::Office;
 
-const PAGE_BYTES: usize = 4096 * 4;
+const PAGE_BYTES: usize = 4096 * 8;
 const MAGIC: u32 = 0x7EF0_1105;
 
 #[repr(C)]
@@ -35,6 +36,7 @@ struct Page {
     bells: [Bell; Topic::COUNT],
     offices: [Office; Topic::COUNT],
     archive: Office,
+    ledger: Ledger,
     origin_ns: AtomicU64,
 }
 const _: () = assert!(size_of::<Page>() <= PAGE_BYTES);
@@ -137,6 +139,11 @@ impl Board {
     /// The office of the recorder.
     pub fn archive(&self) -> &Office {
         &self.page().archive
+    }
+
+    /// The faults that this flight is given while it flies.
+    pub fn ledger(&self) -> &Ledger {
+        &self.page().ledger
     }
 
     /// The instant of sample 0 \[ns\]; 0 before there is one. In lockstep it is that of the present sample.

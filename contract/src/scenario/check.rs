@@ -1,5 +1,6 @@
 //! What settings mean together: ranges of single numbers, and what must hold between them.
 
+mod faults;
 mod ranges;
 mod swaps;
 #[cfg(test)]
@@ -8,10 +9,7 @@ mod tests;
 use airframe::Trim;
 use toml::{Table, Value};
 
-use super::{
-    Constraints, Fault, FaultKind, FaultTarget, Heading, Late, Law, Mission, Mode, Plant, Ramp, Scenario,
-    TrajectoryKind,
-};
+use super::{Fault, Heading, Late, Mission, Ramp, Scenario, TrajectoryKind};
 
 /// One rule broken.
 pub struct Violation {
@@ -38,10 +36,19 @@ pub fn violations(scenario: &Scenario, merged: Table) -> Vec<Violation> {
         check_vehicle(scenario, &mut found);
         check_mission(&scenario.mission, &mut found);
         check_controller(scenario, &mut found);
-        check_faults(scenario, &mut found);
+        for fault in &scenario.fault {
+            faults::check(scenario, fault, &mut found);
+        }
         check_deadlines(scenario, &mut found);
         swaps::check(scenario, &mut found);
     }
+    found.0
+}
+
+/// Every rule that `fault` breaks as one of `scenario`.
+pub fn violations_of(fault: &Fault, scenario: &Scenario) -> Vec<Violation> {
+    let mut found = Found(vec![]);
+    faults::check(scenario, fault, &mut found);
     found.0
 }
 
@@ -159,85 +166,6 @@ fn check_controller(scenario: &Scenario, found: &mut Found) {
     found.require(!scenario.name.trim().is_empty(), &["name"], "`name` is empty".into(), "what the run is called");
 }
 
-fn check_faults(scenario: &Scenario, found: &mut Found) {
-    for fault in &scenario.fault {
-        check_size(fault, found);
-        check_air(fault, &scenario.plant, found);
-        let (at_s, for_s) = (fault.at_s, fault.for_s.unwrap_or(0.0));
-        found.require(
-            (0.0..=86_400.0).contains(&at_s) && (0.0..=86_400.0).contains(&for_s),
-            &["fault"],
-            format!("a fault at {at_s:?} s for {for_s:?} s"),
-            "`at_s` and `for_s` of 0 to 86400",
-        );
-        let kinds = fault.target.kinds();
-        found.require(
-            kinds.contains(&fault.kind),
-            &["fault"],
-            format!("{} cannot suffer {}", word(fault.target), word(fault.kind)),
-            &format!("{} suffers {}", word(fault.target), kinds.iter().map(word).collect::<Vec<_>>().join(", ")),
-        );
-        let hangs = matches!(fault.kind, FaultKind::Stop | FaultKind::Hog | FaultKind::Exit);
-        found.require(
-            !(fault.target == FaultTarget::Plant && hangs && scenario.run.mode != Mode::Realtime),
-            &["fault", "run.mode"],
-            format!("the plant cannot suffer {} where it is what makes time go on", word(fault.kind)),
-            "`run.mode` = \"realtime\", or kill",
-        );
-        let sizes = fault.vector.into_iter().flatten().chain(fault.value);
-        let is_mass = fault.target == FaultTarget::Payload;
-        found.require(
-            sizes.clone().all(f64::is_finite) && !(is_mass && fault.value.is_some_and(|mass| mass < 0.0)),
-            &["fault"],
-            "a fault with a `value` or `vector` that cannot be".into(),
-            "finite numbers; a mass of 0 or more",
-        );
-        found.require(
-            fault.probability.is_none_or(|share| (0.0..=1.0).contains(&share)),
-            &["fault"],
-            "a fault with a `probability` that is none".into(),
-            "0 to 1",
-        );
-        found.require(
-            fault.ms.is_none_or(|ms| (0.0..=60_000.0).contains(&ms)) && fault.count != Some(0),
-            &["fault"],
-            "a fault with a time or a count out of range".into(),
-            "`ms` of 0 to 60000, `count` of 1 or more",
-        );
-        found.require(
-            fault.target != FaultTarget::Mpc
-                || scenario.mpc.law == Law::Mpc && scenario.mpc.constraints != Constraints::None,
-            &["fault", "mpc.law", "mpc.constraints"],
-            "a fault of the solver where nothing is solved".into(),
-            "target \"mpc\" with `mpc.law` = \"mpc\" and `mpc.constraints` = \"box\" or \"cone\"",
-        );
-    }
-}
-
-/// A fault has no size that means nothing to it.
-fn check_size(fault: &Fault, found: &mut Found) {
-    let keys = fault.keys();
-    for given in fault.given() {
-        let uses = if keys.is_empty() { "none of the sizes".to_owned() } else { format!("`{}`", keys.join("` and `")) };
-        found.require(
-            keys.contains(&given),
-            &["fault"],
-            format!("a fault with a `{given}` that {} {} has no use for", word(fault.target), word(fault.kind)),
-            &format!("without it; this one uses {uses}"),
-        );
-    }
-}
-
-/// Wind is felt through drag.
-fn check_air(fault: &Fault, plant: &Plant, found: &mut Found) {
-    found.require(
-        fault.target != FaultTarget::Wind || plant.drag_quadratic_ns2pm2 > 0.0 || plant.drag_linear_nspm != [0.0; 3],
-        &["fault", "plant.drag_linear_nspm", "plant.drag_quadratic_ns2pm2"],
-        "a wind that a vehicle without drag does not feel".into(),
-        "drag, for instance `plant.drag_linear_nspm` = [0.2, 0.2, 0.1]",
-    );
-}
-
 fn check_deadlines(scenario: &Scenario, found: &mut Found) {
     for (rank, key) in ["plant_policy", "guidance_policy", "attitude_mpc_policy", "mixer_policy"].iter().enumerate() {
         let late = scenario.deadline_of(rank).late;
@@ -251,11 +179,6 @@ fn check_deadlines(scenario: &Scenario, found: &mut Found) {
         let keys = [&format!("deadline.{key}"), "deadline.policy"];
         found.require(!refused, &keys, format!("`deadline.{key}` cannot be {late:?}").to_lowercase(), allowed);
     }
-}
-
-/// A target or kind as the file spells it.
-fn word(word: impl serde::Serialize) -> String {
-    Value::try_from(word).ok().and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default()
 }
 
 /// Steps over time stand in order.

@@ -16,8 +16,13 @@ use serde::{Deserialize, Serialize};
 
 use crate::Topic;
 
+/// No fault begins later than this, or lasts longer \[s\].
+pub const LONGEST_S: f64 = 86_400.0;
+/// No time of [`Fault::ms`] is longer \[ms\].
+pub const LONGEST_MS: f64 = 60_000.0;
+
 /// One `[[fault]]`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Fault {
     /// When it begins \[s\].
@@ -169,6 +174,34 @@ pub enum Wrong {
 }
 
 impl FaultTarget {
+    /// All of them in their order, as the file spells them.
+    pub const ALL: [(Self, &'static str); 19] = [
+        (Self::Plant, "plant"),
+        (Self::Guidance, "guidance"),
+        (Self::AttitudeMpc, "attitude-mpc"),
+        (Self::Mixer, "mixer"),
+        (Self::State, "state"),
+        (Self::Reference, "reference"),
+        (Self::Controls, "controls"),
+        (Self::Actuators, "actuators"),
+        (Self::Position, "position"),
+        (Self::Velocity, "velocity"),
+        (Self::Attitude, "attitude"),
+        (Self::Rates, "rates"),
+        (Self::Rotor1, "rotor1"),
+        (Self::Rotor2, "rotor2"),
+        (Self::Rotor3, "rotor3"),
+        (Self::Tilt, "tilt"),
+        (Self::Wind, "wind"),
+        (Self::Payload, "payload"),
+        (Self::Mpc, "mpc"),
+    ];
+
+    /// As the file spells it.
+    pub fn name(self) -> &'static str {
+        Self::ALL[self as usize].1
+    }
+
     /// The topic that it is, if it is one.
     pub fn topic(self) -> Option<Topic> {
         let topics = [Self::State, Self::Reference, Self::Controls, Self::Actuators];
@@ -263,6 +296,11 @@ impl Fault {
         tick_of(self.at_s)..self.for_s.map_or(u64::MAX, |for_s| tick_of(self.at_s + for_s))
     }
 
+    /// Whether it is done at once and has no end: a process that dies.
+    pub fn is_momentary(&self) -> bool {
+        matches!(self.kind, FaultKind::Kill | FaultKind::Exit)
+    }
+
     /// Whether it is at work on `tick`, at a sample time \[s\].
     pub fn strikes(&self, tick: u64, sample_s: f64) -> bool {
         self.ticks(sample_s).contains(&tick)
@@ -272,6 +310,15 @@ impl Fault {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_list_of_targets_has_all_under_their_names() {
+        for (i, (target, name)) in FaultTarget::ALL.into_iter().enumerate() {
+            assert_eq!((target as usize, target.name()), (i, name));
+            assert_eq!(toml::Value::try_from(target), Ok(name.into()));
+        }
+        assert_eq!(FaultTarget::ALL.len(), FaultTarget::Mpc as usize + 1, "the last one");
+    }
 
     #[test]
     fn a_fault_strikes_from_its_first_tick_to_before_its_end() {

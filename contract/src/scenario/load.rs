@@ -5,7 +5,7 @@ use std::path::Path;
 use toml::{Table, Value};
 
 use super::report::{Problem, ScenarioError, Source};
-use super::{Scenario, Swap, check, shape};
+use super::{Fault, Scenario, Swap, check, shape};
 
 /// The scenario of `file` with `overrides` on top (`key=value`, the value in TOML or a bare word), on the defaults of
 /// the profile they choose. Without a file: the defaults alone.
@@ -31,6 +31,14 @@ pub fn newcomer(run: &Scenario, swap: &Swap) -> Result<Scenario, ScenarioError> 
     let base = Source { path: Some("the run's settings".into()), text: to_toml(&base) };
     let sources: Vec<Source> = std::iter::once(base).chain(swap.set.iter().map(|text| set(text))).collect();
     resolve(&sources)
+}
+
+/// Whether `scenario` could have `fault` too: the rules for its own, in the same words.
+pub fn check_fault(scenario: &Scenario, fault: &Fault) -> Result<(), ScenarioError> {
+    let violations = check::violations_of(fault, scenario).into_iter();
+    let problems: Vec<Problem> =
+        violations.map(|violation| Problem { title: violation.what, place: None, help: violation.allowed }).collect();
+    if problems.is_empty() { Ok(()) } else { Err(ScenarioError::new(&problems)) }
 }
 
 /// Lays the sources over each other, later ones above, and checks the result.

@@ -1,15 +1,17 @@
 //! Control of a stack that flies: a socket in the run's folder, on which its launcher answers.
 //!
 //! ```text
-//! launcher status, ...  -- one line of JSON: a request -->   launcher fly
-//!                       <-- one line of JSON: the response --
+//! launcher status, inject, clear  -- a request, one line of JSON -->    launcher fly
+//!                                <-- the response, one line of JSON --
 //! ```
 //!
 //! The folder lets in nobody but the user who flies. The launcher answers in the loop in which it supervises, and never
 //! waits for a guest: one that says nothing is shown out after a second.
 
+mod command;
 mod request;
 mod server;
 
+pub use command::{ClearArgs, InjectArgs, clear, inject};
 pub use request::{Request, Response, ask};
 pub use server::Server;

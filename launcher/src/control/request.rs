@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use anyhow::{Context, anyhow};
 use contract::domain::Domain;
-use contract::scenario::Swap;
+use contract::scenario::{Fault, FaultTarget, Swap};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -25,6 +25,16 @@ pub enum Request {
     Events,
     /// Replace a process, beginning now.
     Swap(Swap),
+    /// This fault is to happen; it begins `at_s` after the next sample.
+    Inject {
+        /// As in a scenario.
+        fault: Fault,
+    },
+    /// Faults are to end, and those that have not begun are not to.
+    Clear {
+        /// Those of what; of everything, when absent.
+        target: Option<FaultTarget>,
+    },
 }
 
 /// The response to a request.

@@ -91,6 +91,24 @@ fn missed_ticks_count_as_the_next_one_seen() {
     assert_eq!([&json["injected_at_s"], &json["detected_after_s"], &json["recovered_after_s"]], [0.1, 0.02, 0.05]);
 }
 
+#[test]
+fn a_fault_that_comes_or_ends_while_flying_is_followed_too() {
+    let scripted = Fault::new(FaultTarget::Wind, FaultKind::Step, 0.0, None);
+    let given = Fault::new(FaultTarget::Mpc, FaultKind::Nan, 0.1, Some(0.5));
+    let mut faults = Faults::new(&[scripted], 100);
+    for tick in 0..30 {
+        match tick {
+            8 => faults.follow(&[scripted, given]),
+            18 => faults.follow(&[scripted, Fault { for_s: Some(0.1), ..given }]),
+            _ => {}
+        }
+        let status = if (10..20).contains(&tick) { SolveStatus::Fallback } else { SolveStatus::Explicit } as u64;
+        faults.observe(&at(tick, Controls { status, ..Controls::default() }).into());
+    }
+    let line = "mpc nan from 0.10 s for 0.1 s: detected after 0.00 s, recovered after 0.00 s";
+    assert_eq!(faults.describe()[1], line);
+}
+
 /// A fault from 0.1 s to 0.15 s after these messages.
 fn seen(target: FaultTarget, kind: FaultKind, records: &[Record]) -> Vec<Option<f64>> {
     let mut faults = Faults::new(&[Fault::new(target, kind, 0.1, Some(0.05))], 100);

@@ -129,7 +129,7 @@ impl Ring {
     ) {
         let Self { states, guidance, mpc, mixer, last } = self;
         let sample = state.stamp;
-        states.speak(scenario, true, *state, sample, |message: &State| {
+        states.speak(true, *state, sample, |message: &State| {
             guidance.ears().for_each(|ear| ear.hear(message, 1));
             mpc.ears().for_each(|(ear, _)| ear.hear(message, 1));
             mixer.ears().for_each(|(ear, _)| ear.hear(message, 1));

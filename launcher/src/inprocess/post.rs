@@ -85,7 +85,7 @@ impl<N: Node> Post<N> {
             if staff.employs(*epoch) {
                 let (answer, lineage) = core.answer(ears, sample);
                 let in_office = staff.holder == *epoch;
-                voice.speak(scenario, in_office, answer, lineage, |message| each(message, staff.holder, succession));
+                voice.speak(in_office, answer, lineage, |message| each(message, staff.holder, succession));
             }
         }
     }

@@ -3,8 +3,8 @@
 use contract::guard::{Guard, Refusal};
 use contract::link::Link;
 use contract::message::{Controls, Message, Reference, Stamp, State};
-use contract::outlet::{held_up_ns, slowness};
-use contract::scenario::{Fault, Scenario};
+use contract::outlet::Slowness;
+use contract::scenario::Scenario;
 use contract::stamp::unheard;
 
 /// Where a node hears one topic.
@@ -79,7 +79,7 @@ fn keep<M: Message>(last: &mut M, message: &M) {
 /// Where a node speaks on one topic.
 pub struct Voice<M> {
     link: Link<M>,
-    slow: Vec<Fault>,
+    slow: Slowness,
     epoch: u32,
     sequence: u64,
 }
@@ -87,20 +87,13 @@ pub struct Voice<M> {
 impl<M: Message> Voice<M> {
     /// The voice of the process `epoch`, which has not spoken yet.
     pub fn new(scenario: &Scenario, epoch: u32) -> Self {
-        Self { link: Link::new(scenario), slow: slowness(scenario, M::TOPIC), epoch, sequence: 0 }
+        Self { link: Link::new(scenario), slow: Slowness::new(scenario, M::TOPIC), epoch, sequence: 0 }
     }
 
     /// Stamps `message` and sends it on its way; `to` gets what arrives. Only who is in office is heard.
-    pub fn speak(
-        &mut self,
-        scenario: &Scenario,
-        in_office: bool,
-        mut message: M,
-        mut lineage: Stamp,
-        to: impl FnMut(&M),
-    ) {
+    pub fn speak(&mut self, in_office: bool, mut message: M, mut lineage: Stamp, to: impl FnMut(&M)) {
         self.sequence += 1;
-        lineage.held_ns += held_up_ns(&self.slow, lineage.tick, scenario.sample_s());
+        lineage.held_ns += self.slow.held_up_ns(lineage.tick);
         let unheard = if in_office { unheard::HEARD } else { unheard::SHADOW };
         let stamp = lineage.published(M::TOPIC, self.sequence, 0);
         *message.stamp_mut() = Stamp { epoch: u64::from(self.epoch), unheard, ..stamp };

@@ -2,7 +2,10 @@
 
 use std::fmt::Write;
 
+use contract::scenario::Fault;
 use serde_json::Value;
+
+use crate::faults::course;
 
 /// One stack.
 pub fn describe(view: &Value) -> String {
@@ -18,9 +21,12 @@ pub fn describe(view: &Value) -> String {
     for view in nodes {
         line(node(view));
     }
+    for fault in list(&view["faults"]).iter().filter_map(|fault| serde_json::from_value::<Fault>(fault.clone()).ok()) {
+        line(format!("broken: {}", course(&fault, fault.at_s)));
+    }
     for event in list(&view["events"]) {
-        let [who, epoch, what] = ["node", "epoch", "what"].map(|key| word(&event[key]));
-        line(format!("{:>9.2} s  {who} {epoch} {what}", number(&event["at_s"])));
+        let epoch = if event["epoch"] == 0 { String::new() } else { format!(" {}", event["epoch"]) };
+        line(format!("{:.2} s: {}{epoch} {}", number(&event["at_s"]), word(&event["node"]), word(&event["what"])));
     }
     text
 }

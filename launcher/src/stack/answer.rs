@@ -1,9 +1,7 @@
 //! What the launcher answers to those who ask it while it flies.
 
-use contract::Scenario;
 use contract::guard::Refusal;
-use contract::realtime::{now_ns, phase};
-use contract::scenario::{Swap, from_merged, to_toml};
+use contract::realtime::now_ns;
 use contract::topic::Topic;
 use serde_json::{Value, json};
 
@@ -11,7 +9,6 @@ use super::Stack;
 use crate::control::{Request, Response};
 use crate::event::{Event, What};
 use crate::run_record::{events, refused};
-use crate::supervisor::plant_tick;
 
 /// Of the events the last so many are told.
 const EVENTS: usize = 8;
@@ -26,37 +23,24 @@ impl Stack {
 
     /// Does what `request` asks for.
     fn answer(&mut self, request: &Request) -> Response {
-        match request {
-            Request::Status => Response::Ok(self.view()),
-            Request::Events => Response::Ok(events(&self.scenario, self.regime.events())),
-            Request::Swap(swap) => match self.order_swap(swap.clone()) {
-                Ok(told) => Response::Ok(told),
-                Err(why) => Response::Error(why),
-            },
-        }
+        let done = match request {
+            Request::Status => Ok(self.view()),
+            Request::Events => Ok(events(&self.scenario, self.regime.events())),
+            Request::Inject { fault } => self.inject(*fault),
+            Request::Clear { target } => self.clear(*target),
+            Request::Swap(swap) => self.order_swap(swap.clone()),
+        };
+        done.map_or_else(Response::Error, Response::Ok)
     }
 
-    /// Begins a swap with the next sample, if it stands up to the rules of the scenario.
-    fn order_swap(&mut self, swap: Swap) -> Result<Value, String> {
-        if self.board.phase().count() != phase::GO {
-            return Err("the stack is starting or ending".into());
-        }
-        self.regime.may_swap(&self.board, swap.node.topic())?;
-        let at_s = (plant_tick(&self.board) + 1) as f64 * self.scenario.sample_s();
-        let swap = Swap { at_s, ..swap };
-        let alone = Scenario { swap: vec![swap.clone()], ..self.scenario.clone() };
-        from_merged(&to_toml(&alone), "the swap").map_err(|error| error.to_string())?;
-        let node = swap.node.name();
-        self.scenario.swap.push(swap);
-        Ok(json!({ "node": node, "at_s": at_s }))
-    }
-
-    /// How the nodes are, and what happened last.
+    /// How the nodes are, what is broken, and what happened last.
     fn view(&mut self) -> Value {
         let nodes = Topic::ALL.map(|topic| self.node(topic));
+        let faults = json!(self.at_work().collect::<Vec<_>>());
         let told = self.regime.events();
         json!({
             "nodes": nodes,
+            "faults": faults,
             "events": events(&self.scenario, &told[told.len().saturating_sub(EVENTS)..]),
         })
     }

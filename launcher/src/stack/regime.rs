@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use contract::Scenario;
 use contract::realtime::Board;
-use contract::scenario::Mode;
+use contract::scenario::{Fault, Mode};
 use contract::topic::Topic;
 
 use super::script::Script;
@@ -78,6 +78,13 @@ impl Regime {
         match self {
             Self::Clock(supervisor) => topic.map_or(Ok(()), |topic| supervisor.may_swap(board, topic)),
             Self::Script(_) => Err("a lockstep flight is to repeat: write the swap into its scenario".into()),
+        }
+    }
+
+    /// Takes fault `number` as it is from now on.
+    pub fn suffer(&mut self, number: usize, fault: &Fault) {
+        if let Self::Clock(supervisor) = self {
+            supervisor.suffer(number, fault); // lockstep takes no others than the scenario's
         }
     }
 

@@ -12,10 +12,9 @@
 //! one that stays where it was is stuck. An actuator outside of what a fault lets it reach goes there with its lag. A
 //! lag never becomes shorter than the actuator's own, and of two the longer one counts.
 
-use std::ops::Range;
-
 use airframe::Actuation;
 use contract::Scenario;
+use contract::roll::Roll;
 use contract::scenario::{Fault, FaultKind, FaultTarget};
 
 use crate::dynamics::Condition;
@@ -34,13 +33,23 @@ const TILT: usize = 3;
 
 /// The faults of the actuators, and the positions in which they are stuck.
 #[derive(Debug, Clone)]
-pub struct ActuatorFaults(Vec<ActuatorFault>);
+pub struct ActuatorFaults {
+    faults: Roll<ActuatorFault>,
+    sound: [Sound; 4],
+}
+
+/// What an actuator can do without a fault.
+#[derive(Debug, Clone, Copy)]
+struct Sound {
+    /// Largest position, in its unit.
+    reach: f64,
+    lag_s: f64,
+}
 
 #[derive(Debug, Clone)]
 struct ActuatorFault {
     /// 0 to 2 for the rotors, or [`TILT`].
     actuator: usize,
-    ticks: Range<u64>,
     effect: Effect,
 }
 
@@ -62,7 +71,17 @@ enum Effect {
 impl ActuatorFaults {
     /// Those of `scenario`.
     pub fn new(scenario: &Scenario) -> Self {
-        Self(scenario.fault.iter().filter_map(|fault| ActuatorFault::new(scenario, fault)).collect())
+        let limits = scenario.limits();
+        let rotor = |reach| Sound { reach, lag_s: scenario.plant.rotor_lag_s };
+        let tilt = Sound { reach: limits.tilt_max_rad, lag_s: scenario.plant.servo_lag_s };
+        let [rotor1, rotor2, rotor3] = limits.rotor_speed_max.map(rotor);
+        let sound = [rotor1, rotor2, rotor3, tilt];
+        Self { faults: Roll::new(scenario, |_, fault| ActuatorFault::new(&sound, fault)), sound }
+    }
+
+    /// Takes fault `number` as it is from now on.
+    pub fn suffer(&mut self, number: usize, fault: &Fault) {
+        self.faults.suffer(number, fault, ActuatorFault::new(&self.sound, fault));
     }
 
     /// What becomes, in the period after sample `tick`, of actuators in `position` under an already clipped command:
@@ -71,7 +90,7 @@ impl ActuatorFaults {
         let position = as_array(position);
         let mut targets = as_array(command);
         let mut condition = Condition::default();
-        for ActuatorFault { actuator, effect, .. } in self.0.iter_mut().filter(|fault| fault.ticks.contains(&tick)) {
+        for ActuatorFault { actuator, effect } in self.faults.on_mut(tick) {
             let target = &mut targets[*actuator];
             match effect {
                 Effect::Off => *target = 0.0,
@@ -93,29 +112,27 @@ impl ActuatorFaults {
 
 impl ActuatorFault {
     /// `None` for a fault of something else.
-    fn new(scenario: &Scenario, fault: &Fault) -> Option<Self> {
-        let limits = scenario.limits();
-        let [max1, max2, max3] = limits.rotor_speed_max;
-        let (rotor_lag_s, servo_lag_s) = (scenario.plant.rotor_lag_s, scenario.plant.servo_lag_s);
-        let (actuator, reach, own_lag_s) = match fault.target {
-            FaultTarget::Rotor1 => (0, max1, rotor_lag_s),
-            FaultTarget::Rotor2 => (1, max2, rotor_lag_s),
-            FaultTarget::Rotor3 => (2, max3, rotor_lag_s),
-            FaultTarget::Tilt => (TILT, limits.tilt_max_rad, servo_lag_s),
+    fn new(sound: &[Sound; 4], fault: &Fault) -> Option<Self> {
+        let actuator = match fault.target {
+            FaultTarget::Rotor1 => 0,
+            FaultTarget::Rotor2 => 1,
+            FaultTarget::Rotor3 => 2,
+            FaultTarget::Tilt => TILT,
             _ => return None,
         };
+        let Sound { reach, lag_s } = sound[actuator];
         let effect = match fault.kind {
             FaultKind::Off => Effect::Off,
             FaultKind::Stuck => Effect::Stuck(None),
             FaultKind::Wrong if actuator == TILT => {
-                Effect::Bias(fault.value.unwrap_or(TILT_BIAS_DEG).to_radians(), limits.tilt_max_rad)
+                Effect::Bias(fault.value.unwrap_or(TILT_BIAS_DEG).to_radians(), reach)
             }
             FaultKind::Wrong => Effect::Weak(fault.value.unwrap_or(EFFECTIVENESS)),
-            FaultKind::Slow => Effect::Slow((fault.ms.unwrap_or(SLOW_MS) / 1e3).max(own_lag_s)),
+            FaultKind::Slow => Effect::Slow((fault.ms.unwrap_or(SLOW_MS) / 1e3).max(lag_s)),
             FaultKind::Saturated => Effect::Saturated(reach * fault.value.unwrap_or(REACH).max(0.0)),
             _ => return None,
         };
-        Some(Self { actuator, ticks: fault.ticks(scenario.sample_s()), effect })
+        Some(Self { actuator, effect })
     }
 }
 

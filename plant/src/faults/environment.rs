@@ -10,9 +10,9 @@
 //! at which the vehicle flies when it is taken up. Several faults add up.
 
 use std::f64::consts::TAU;
-use std::ops::Range;
 
 use contract::Scenario;
+use contract::roll::{Entry, Roll};
 use contract::scenario::{Fault, FaultKind, FaultTarget};
 use nalgebra::Vector3;
 
@@ -27,20 +27,17 @@ const PAYLOAD_KG: f64 = 0.2;
 
 /// The faults of the surroundings.
 #[derive(Debug, Clone)]
-pub struct EnvironmentFaults(Vec<EnvironmentFault>);
-
-#[derive(Debug, Clone)]
-struct EnvironmentFault {
-    lasts_ns: Range<u64>,
-    effect: Effect,
+pub struct EnvironmentFaults {
+    faults: Roll<Effect>,
+    sample_ns: u64,
 }
 
 #[derive(Debug, Clone, Copy)]
 enum Effect {
     /// \[m/s\]
     Step(Vector3<f64>),
-    /// \[m/s\]
-    Gust(Vector3<f64>),
+    /// At its peak \[m/s\], and its duration \[ns\].
+    Gust(Vector3<f64>, u64),
     /// \[kg\]
     Mass(f64),
 }
@@ -48,19 +45,27 @@ enum Effect {
 impl EnvironmentFaults {
     /// Those of `scenario`.
     pub fn new(scenario: &Scenario) -> Self {
-        Self(scenario.fault.iter().filter_map(|fault| EnvironmentFault::new(scenario, fault)).collect())
+        let sample_ns = scenario.sample_ns();
+        Self { faults: Roll::new(scenario, |_, fault| Effect::of(fault, sample_ns)), sample_ns }
+    }
+
+    /// Takes fault `number` as it is from now on.
+    pub fn suffer(&mut self, number: usize, fault: &Fault) {
+        self.faults.suffer(number, fault, Effect::of(fault, self.sample_ns));
     }
 
     /// What becomes of `calm` at `offset_s` after `from_ns`, the beginning of an integration step.
     pub fn strike(&self, from_ns: u64, offset_s: f64, calm: &Surroundings) -> Surroundings {
         let mut outside = *calm;
-        for EnvironmentFault { lasts_ns, effect } in self.0.iter().filter(|fault| fault.lasts_ns.contains(&from_ns)) {
+        for Entry { ticks, effect, .. } in self.faults.on(from_ns / self.sample_ns) {
             match effect {
                 Effect::Step(wind_mps) => outside.wind_mps += wind_mps,
-                Effect::Gust(peak_mps) => {
-                    let since_s = (from_ns - lasts_ns.start) as f64 / 1e9 + offset_s;
-                    let duration_s = (lasts_ns.end - lasts_ns.start) as f64 / 1e9;
-                    outside.wind_mps += peak_mps * ((1.0 - (TAU * since_s / duration_s).cos()) / 2.0);
+                Effect::Gust(peak_mps, duration_ns) => {
+                    let since_ns = from_ns - ticks.start * self.sample_ns;
+                    if since_ns < *duration_ns {
+                        let (since_s, duration_s) = (since_ns as f64 / 1e9 + offset_s, *duration_ns as f64 / 1e9);
+                        outside.wind_mps += peak_mps * ((1.0 - (TAU * since_s / duration_s).cos()) / 2.0);
+                    }
                 }
                 Effect::Mass(mass_kg) => outside.payload_kg += mass_kg,
             }
@@ -69,19 +74,19 @@ impl EnvironmentFaults {
     }
 }
 
-impl EnvironmentFault {
+impl Effect {
     /// `None` for a fault of something else.
-    fn new(scenario: &Scenario, fault: &Fault) -> Option<Self> {
+    fn of(fault: &Fault, sample_ns: u64) -> Option<Self> {
         let wind_mps = fault.vector.unwrap_or(WIND_MPS).into();
-        let (effect, for_s) = match (fault.target, fault.kind) {
-            (FaultTarget::Wind, FaultKind::Step) => (Effect::Step(wind_mps), fault.for_s),
-            (FaultTarget::Wind, FaultKind::Gust) => (Effect::Gust(wind_mps), fault.for_s.or(Some(GUST_S))),
-            (FaultTarget::Payload, FaultKind::Mass) => (Effect::Mass(fault.value.unwrap_or(PAYLOAD_KG)), fault.for_s),
-            _ => return None,
-        };
-        let ticks = Fault { for_s, ..fault.clone() }.ticks(scenario.sample_s());
-        let nanoseconds = |tick: u64| tick.saturating_mul(scenario.sample_ns());
-        Some(Self { lasts_ns: nanoseconds(ticks.start)..nanoseconds(ticks.end), effect })
+        match (fault.target, fault.kind) {
+            (FaultTarget::Wind, FaultKind::Step) => Some(Self::Step(wind_mps)),
+            (FaultTarget::Wind, FaultKind::Gust) => {
+                let ticks = Fault { for_s: fault.for_s.or(Some(GUST_S)), ..*fault }.ticks(sample_ns as f64 / 1e9);
+                Some(Self::Gust(wind_mps, (ticks.end - ticks.start) * sample_ns))
+            }
+            (FaultTarget::Payload, FaultKind::Mass) => Some(Self::Mass(fault.value.unwrap_or(PAYLOAD_KG))),
+            _ => None,
+        }
     }
 }
 

@@ -1,4 +1,4 @@
-//! What a slow and a delayed sensor remember: three numbers, sample by sample. Samples may be left out.
+//! What a slow sensor remembers, and what was measured for those that tell it late. Samples may be left out.
 
 use std::collections::VecDeque;
 
@@ -34,34 +34,38 @@ impl Filter {
     }
 }
 
-/// The readings of the recent past.
+/// What was measured in the recent past, by all sensors.
 #[derive(Debug, Clone)]
-pub struct History {
-    delay_ticks: u64,
-    /// Rising in tick. The first is as old as the delay, or else the oldest there is; no other is that old.
-    readings: VecDeque<(u64, [f64; 3])>,
+pub struct Past {
+    /// As far as it goes back.
+    ticks: u64,
+    /// Rising in tick. The first is as old as that, or else the oldest there is; no other is that old.
+    readings: VecDeque<(u64, [[f64; 3]; 4])>,
 }
 
-impl History {
-    /// For a delay \[s\], rounded up to whole samples of `sample_s`.
-    pub fn new(delay_s: f64, sample_s: f64) -> Self {
-        let delay_ticks = (delay_s / sample_s - 1e-6).ceil() as u64;
-        // One per tick of the delay, the present one, and the one it displaces.
-        Self { delay_ticks, readings: VecDeque::with_capacity(delay_ticks as usize + 2) }
+impl Past {
+    /// Goes back by so many `ticks`.
+    pub fn new(ticks: u64) -> Self {
+        // One per tick, the present one, and the one it displaces.
+        Self { ticks, readings: VecDeque::with_capacity(ticks as usize + 2) }
     }
 
-    /// Remembers `reading` at sample `tick` and tells the newest one that is as old as the delay; in the beginning the
-    /// first there was.
-    pub fn at_delay(&mut self, tick: u64, reading: [f64; 3]) -> [f64; 3] {
+    /// Remembers the `readings` of sample `tick`.
+    pub fn remember(&mut self, tick: u64, readings: [[f64; 3]; 4]) {
         // A sample taken twice replaces itself.
         if self.readings.back().is_some_and(|(at, _)| *at >= tick) {
             self.readings.pop_back();
         }
-        self.readings.push_back((tick, reading));
-        while self.readings.get(1).is_some_and(|(at, _)| at + self.delay_ticks <= tick) {
+        self.readings.push_back((tick, readings));
+        while self.readings.get(1).is_some_and(|(at, _)| at + self.ticks <= tick) {
             self.readings.pop_front();
         }
-        self.readings.front().map_or(reading, |&(_, old)| old)
+    }
+
+    /// The newest readings that are `age` ticks old at sample `tick`; the oldest there are, when none is that old.
+    pub fn before(&self, tick: u64, age: u64) -> [[f64; 3]; 4] {
+        let old_enough = self.readings.partition_point(|(at, _)| at + age <= tick);
+        self.readings.get(old_enough.saturating_sub(1)).map_or([[f64::NAN; 3]; 4], |(_, readings)| *readings)
     }
 }
 
@@ -97,25 +101,31 @@ mod tests {
         assert!(z > 0.0 && z < 1.0, "the sound axis is filtered all the same");
     }
 
-    #[test]
-    fn a_history_tells_what_was_and_never_grows() {
-        let mut history = History::new(0.1, 0.01);
-        let room = history.readings.capacity();
-        for tick in 0..1000u64 {
-            let expected = tick.saturating_sub(10) as f64;
-            for _ in 0..2 {
-                assert_eq!(history.at_delay(tick, [tick as f64; 3]), [expected; 3]);
-            }
-        }
-        assert_eq!(history.readings.capacity(), room);
-        assert_eq!(history.readings.len(), 11);
+    /// What a past of `ticks` tells at `tick` of `age` ticks before, when every sample was remembered as its number.
+    fn told(past: &mut Past, tick: u64, age: u64) -> f64 {
+        past.remember(tick, [[tick as f64; 3]; 4]);
+        past.before(tick, age)[3][2]
     }
 
     #[test]
-    fn a_history_with_gaps_tells_the_newest_that_is_old_enough() {
-        let mut history = History::new(0.025, 0.01);
-        let told = [0, 1, 2, 5, 6, 7, 20].map(|tick| history.at_delay(tick, [tick as f64; 3])[0]);
-        assert_eq!(told, [0.0, 0.0, 0.0, 2.0, 2.0, 2.0, 7.0]);
-        assert_eq!(History::new(0.0, 0.01).at_delay(3, [3.0; 3]), [3.0; 3]);
+    fn the_past_is_as_it_was_and_never_grows() {
+        let mut past = Past::new(10);
+        let room = past.readings.capacity();
+        for tick in 0..1000u64 {
+            for age in [10, 0, 7] {
+                assert_eq!(told(&mut past, tick, age), tick.saturating_sub(age) as f64);
+            }
+        }
+        assert_eq!(told(&mut past, 1000, 50), 990.0, "the oldest there is");
+        assert_eq!(past.readings.capacity(), room);
+        assert_eq!(past.readings.len(), 11);
+    }
+
+    #[test]
+    fn of_a_past_with_gaps_the_newest_counts_that_is_old_enough() {
+        let mut past = Past::new(3);
+        assert!(past.before(0, 0)[0][0].is_nan(), "nothing was measured yet");
+        assert_eq!([0, 1, 2, 5, 6, 7, 20].map(|tick| told(&mut past, tick, 3)), [0.0, 0.0, 0.0, 2.0, 2.0, 2.0, 7.0]);
+        assert_eq!(told(&mut Past::new(0), 3, 0), 3.0);
     }
 }

@@ -10,7 +10,8 @@
 //! of its own ([`Stream::Fault`](crate::random::Stream)): a faulty flight repeats bit for bit, one fault does not change
 //! another's draws, and outside its time a fault leaves the flight as it would be without it.
 //!
-//! Faults of one sensor or one actuator act in the order of the file, each on what the one before it makes of it.
+//! Faults of one sensor or one actuator act in the order of the file, each on what the one before it makes of it; those
+//! given while the stack flies come after.
 //! Pairs of target and kind that are not in the table are refused by the scenario's check.
 
 pub mod actuators;
@@ -19,6 +20,7 @@ mod memory;
 pub mod sensors;
 
 use contract::Scenario;
+use contract::scenario::Fault;
 
 use actuators::ActuatorFaults;
 use environment::EnvironmentFaults;
@@ -43,6 +45,13 @@ impl Faults {
             actuators: ActuatorFaults::new(scenario),
             environment: EnvironmentFaults::new(scenario),
         }
+    }
+
+    /// Takes fault `number` as it is from now on: see [`contract::roll::Roll::suffer`].
+    pub fn suffer(&mut self, number: usize, fault: &Fault) {
+        self.sensors.suffer(number, fault);
+        self.actuators.suffer(number, fault);
+        self.environment.suffer(number, fault);
     }
 }
 

@@ -6,23 +6,23 @@
 //! garbage        NaN, infinite or random bits, on the share `probability` of the ticks
 //! wrong          m + value (bias, on every axis), m value (scale), -m (sign)
 //! slow           y = y + (1 - exp(-Ts / tau)) (m - y), with tau = `ms`, from what was measured last before the fault
-//! delayed        what was measured `ms` ago, rounded up to whole samples
+//! delayed        what was measured `ms` ago, rounded up to whole samples, before any fault
 //! intermittent   off, on the share `probability` of the ticks
 //! noise          m + value n, n white, normal and independent on every axis
 //! ```
 //!
 //! What is measured, m, includes the scenario's noise and what earlier faults of the same sensor make of it.
 
-use std::ops::Range;
-
 use contract::Scenario;
+use contract::ledger::LONGEST_DELAY_MS;
 use contract::message::Kinematics;
-use contract::scenario::{Fault, FaultKind, FaultTarget, Wrong};
+use contract::roll::{Entry, Roll};
+use contract::scenario::{Fault, FaultKind, FaultTarget, Mode, Wrong};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
-use super::memory::{Filter, History};
+use super::memory::{Filter, Past};
 use crate::random::Stream;
 
 /// Share of the ticks on which garbage comes.
@@ -59,13 +59,17 @@ const NOTHING: Reading = [f64::NAN; 3];
 
 /// The faults of the sensors, with what they remember.
 #[derive(Debug, Clone)]
-pub struct SensorFaults(Vec<SensorFault>);
+pub struct SensorFaults {
+    faults: Roll<SensorFault>,
+    past: Past,
+    seed: u64,
+    sample_s: f64,
+}
 
 #[derive(Debug, Clone)]
 struct SensorFault {
     /// Which quantity of [`Kinematics`], in its order.
     sensor: usize,
-    ticks: Range<u64>,
     effect: Effect,
     random: ChaCha8Rng,
 }
@@ -81,7 +85,8 @@ enum Effect {
     Bias(f64),
     Scale(f64),
     Slow(Filter),
-    Delayed(History),
+    /// By so many ticks.
+    Delayed(u64),
     /// Share of the ticks.
     Intermittent(f64),
     /// Standard deviation.
@@ -91,18 +96,28 @@ enum Effect {
 impl SensorFaults {
     /// Those of `scenario`.
     pub fn new(scenario: &Scenario) -> Self {
-        let those = |(index, fault)| SensorFault::new(scenario, index, fault);
-        Self(scenario.fault.iter().enumerate().filter_map(those).collect())
+        let (seed, sample_s) = (scenario.run.seed, scenario.sample_s());
+        let faults = Roll::new(scenario, |number, fault| SensorFault::new(seed, sample_s, number, fault));
+        let delays =
+            faults.all().iter().map(|fault| if let Effect::Delayed(by) = fault.effect.effect { by } else { 0 });
+        let of_live = if scenario.run.mode == Mode::Realtime { ticks(LONGEST_DELAY_MS, sample_s) } else { 0 };
+        Self { past: Past::new(delays.fold(of_live, u64::max)), faults, seed, sample_s }
+    }
+
+    /// Takes fault `number` as it is from now on.
+    pub fn suffer(&mut self, number: usize, fault: &Fault) {
+        self.faults.suffer(number, fault, SensorFault::new(self.seed, self.sample_s, number, fault));
     }
 
     /// Turns what is measured at sample `tick` into what the sensors tell.
     pub fn strike(&mut self, tick: u64, measured: &mut Kinematics) {
         let Kinematics { position_m, velocity_mps, attitude_rad, rates_radps } = measured;
+        self.past.remember(tick, [*position_m, *velocity_mps, *attitude_rad, *rates_radps]);
         let readings = [position_m, velocity_mps, attitude_rad, rates_radps];
-        for fault in &mut self.0 {
+        for Entry { ticks, effect: fault, .. } in self.faults.all_mut() {
             let reading = &mut *readings[fault.sensor];
-            if fault.ticks.contains(&tick) {
-                *reading = fault.tell(tick, *reading);
+            if ticks.contains(&tick) {
+                *reading = fault.tell(tick, *reading, &self.past);
             } else {
                 fault.watch(tick, *reading);
             }
@@ -112,7 +127,7 @@ impl SensorFaults {
 
 impl SensorFault {
     /// `None` for a fault of something else.
-    fn new(scenario: &Scenario, index: usize, fault: &Fault) -> Option<Self> {
+    fn new(seed: u64, sample_s: f64, number: usize, fault: &Fault) -> Option<Self> {
         let degree = 1f64.to_radians();
         let (sensor, unit, sizes) = match fault.target {
             FaultTarget::Position => (0, 1.0, POSITION),
@@ -121,7 +136,6 @@ impl SensorFault {
             FaultTarget::Rates => (3, degree, RATES),
             _ => return None,
         };
-        let sample_s = scenario.sample_s();
         let effect = match (fault.kind, fault.how.unwrap_or(Wrong::Bias)) {
             (FaultKind::Off, _) => Effect::Off,
             (FaultKind::Stuck, _) => Effect::Stuck(None),
@@ -130,13 +144,12 @@ impl SensorFault {
             (FaultKind::Wrong, Wrong::Scale) => Effect::Scale(fault.value.unwrap_or(SCALE)),
             (FaultKind::Wrong, Wrong::Sign) => Effect::Scale(-1.0),
             (FaultKind::Slow, _) => Effect::Slow(Filter::new(fault.ms.unwrap_or(SLOW_MS) / 1e3, sample_s)),
-            (FaultKind::Delayed, _) => Effect::Delayed(History::new(fault.ms.unwrap_or(DELAYED_MS) / 1e3, sample_s)),
+            (FaultKind::Delayed, _) => Effect::Delayed(ticks(fault.ms.unwrap_or(DELAYED_MS), sample_s)),
             (FaultKind::Intermittent, _) => Effect::Intermittent(fault.probability.unwrap_or(OFF_SHARE)),
             (FaultKind::Noise, _) => Effect::Noise(fault.value.unwrap_or(sizes.noise) * unit),
             _ => return None,
         };
-        let random = Stream::Fault(index).open(scenario.run.seed);
-        Some(Self { sensor, ticks: fault.ticks(sample_s), effect, random })
+        Some(Self { sensor, effect, random: Stream::Fault(number).open(seed) })
     }
 
     /// Before the fault and after it.
@@ -144,15 +157,12 @@ impl SensorFault {
         match &mut self.effect {
             Effect::Stuck(last) => *last = Some(measured),
             Effect::Slow(filter) => filter.settle(tick, measured),
-            Effect::Delayed(history) => {
-                history.at_delay(tick, measured);
-            }
             _ => {}
         }
     }
 
     /// During the fault.
-    fn tell(&mut self, tick: u64, measured: Reading) -> Reading {
+    fn tell(&mut self, tick: u64, measured: Reading, past: &Past) -> Reading {
         // Its draws depend on the tick alone, even if samples before it were left out.
         self.random.set_word_pos(u128::from(tick) * WORDS_PER_TICK);
         let random = &mut self.random;
@@ -165,13 +175,18 @@ impl SensorFault {
             Effect::Bias(by) => measured.map(|value| value + *by),
             Effect::Scale(factor) => measured.map(|value| value * *factor),
             Effect::Slow(filter) => filter.follow(tick, measured),
-            Effect::Delayed(history) => history.at_delay(tick, measured),
+            Effect::Delayed(by) => past.before(tick, *by)[self.sensor],
             Effect::Noise(deviation) => measured.map(|value| {
                 let normal: f64 = random.sample(StandardNormal);
                 value + *deviation * normal
             }),
         }
     }
+}
+
+/// A time as whole samples, rounded up.
+fn ticks(time_ms: f64, sample_s: f64) -> u64 {
+    (time_ms / 1e3 / sample_s - 1e-6).ceil() as u64
 }
 
 /// Random bits are hardly ever NaN and never infinite: each gets a quarter of its own.

@@ -39,6 +39,11 @@ fn scenario(faults: &[Fault], seed: u64) -> Scenario {
 
 /// Flies `scenario` for 0.4 s, rocking about hover.
 fn fly(scenario: &Scenario) -> Vec<State> {
+    fly_told(scenario, |_, _| ())
+}
+
+/// The same while the plant is told something before each sample.
+fn fly_told(scenario: &Scenario, tell: impl Fn(u64, &mut Plant)) -> Vec<State> {
     let mut plant = Plant::new(scenario);
     let trim = plant.sample().actuators;
     let rate_hz = u64::from(scenario.run.rate_hz);
@@ -50,6 +55,7 @@ fn fly(scenario: &Scenario) -> Vec<State> {
             command.tilt_rad *= share;
             plant.command(&Actuators { stamp: Stamp { sequence: k, ..Stamp::default() }, command, flags: 0 }, 0);
             plant.advance(1);
+            tell(k, &mut plant);
             plant.sample()
         })
         .collect()
@@ -94,6 +100,29 @@ fn a_faulty_flight_repeats_with_its_seed() {
         };
         assert_eq!(fly(1), fly(1), "{fault:?}");
         assert_ne!(fly(1), fly(2), "{fault:?}");
+    }
+}
+
+#[test]
+fn a_fault_given_or_ended_while_flying_is_the_same_as_one_of_the_scenario() {
+    let of = |states: Vec<State>| -> Vec<String> { states.iter().map(written).collect() };
+    for fault in all(&[&SENSORS[..], &TRUE_ONES[..]].concat()) {
+        let cut = Fault { for_s: Some(0.05), ..fault };
+        let given = |tick, plant: &mut Plant| {
+            if tick == 19 {
+                plant.suffer(0, &fault);
+            }
+        };
+        let ended = |tick, plant: &mut Plant| {
+            given(tick, plant);
+            if tick == 24 {
+                plant.suffer(0, &cut);
+            }
+        };
+        assert_eq!(of(fly_told(&scenario(&[], 7), given)), of(fly(&scenario(&[fault], 7))), "{fault:?}");
+        let (shorter, ended) = (of(fly(&scenario(&[cut], 7))), of(fly_told(&scenario(&[], 7), ended)));
+        // A gust that is cut off has had the shape of a longer one.
+        assert_eq!(shorter == ended, fault.kind != FaultKind::Gust, "{fault:?}");
     }
 }
 

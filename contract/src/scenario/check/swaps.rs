@@ -1,6 +1,7 @@
 //! What a swap may be.
 
-use super::{Found, word};
+use super::Found;
+use super::faults::word;
 use crate::plan::Absence;
 use crate::scenario::{FaultKind, FaultTarget, Mode, Scenario, Swap, SwapNode, newcomer};
 
@@ -20,7 +21,7 @@ pub fn check(scenario: &Scenario, found: &mut Found) {
                 .clone()
                 .all(|other| span(other).end() < span(swap).start() || span(swap).end() < span(other).start()),
             &KEYS,
-            format!("two swaps of {} at once", word(swap.node)),
+            format!("two swaps of {} at once", swap.node.name()),
             "one after the other: from `at_s` to `at_s` + `shadow_s` + `watch_s` the node is taken",
         );
         check_absences(scenario, swap, found);
@@ -79,7 +80,7 @@ fn check_absences(scenario: &Scenario, swap: &Swap, found: &mut Found) {
     found.require(
         scenario.run.mode == Mode::Realtime || of_node.filter_map(|fault| Absence::of(fault, sample_s)).all(apart),
         &["swap", "fault"],
-        format!("{} is struck by a fault while it is swapped", word(swap.node)),
+        format!("{} is struck by a fault while it is swapped", swap.node.name()),
         "faults of the process before `at_s` or after `at_s` + `shadow_s` + `watch_s`, or `run.mode` = \"realtime\"",
     );
 }
@@ -113,7 +114,7 @@ fn check_newcomer(scenario: &Scenario, swap: &Swap, found: &mut Found) {
         found.require(
             of_itself || of_its_word || of_its_solver,
             &KEYS,
-            format!("a fault of the newcomer: {} {}", word(fault.target), word(fault.kind)),
+            format!("a fault of the newcomer: {} {}", fault.target.name(), word(fault.kind)),
             "faults of the process itself (slow, exit, in real time hog), of its topic, of its solver",
         );
     }

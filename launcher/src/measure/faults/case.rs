@@ -49,18 +49,12 @@ pub enum Promise {
 impl Case {
     /// All of them; without a plant that hangs or leaves, which only the clock would outlast.
     pub fn all() -> Vec<Self> {
-        use FaultTarget as T;
-        let targets = [
-            [T::Plant, T::Guidance, T::AttitudeMpc, T::Mixer],
-            [T::State, T::Reference, T::Controls, T::Actuators],
-            [T::Position, T::Velocity, T::Attitude, T::Rates],
-            [T::Rotor1, T::Rotor2, T::Rotor3, T::Tilt],
-        ];
-        let targets = targets.into_iter().flatten().chain([T::Wind, T::Payload, T::Mpc]);
-        let of = |target: T| target.kinds().iter().map(move |kind| Self(Fault::new(target, *kind, AT_S, Some(FOR_S))));
-        let needs_a_clock =
-            |case: &Self| case.0.target == T::Plant && !matches!(case.0.kind, FaultKind::Kill | FaultKind::Slow);
-        targets.flat_map(of).filter(|case| !needs_a_clock(case)).collect()
+        let fault = |target, kind: &FaultKind| Self(Fault::new(target, *kind, AT_S, Some(FOR_S)));
+        let of = |(target, _): (FaultTarget, _)| target.kinds().iter().map(move |kind| fault(target, kind));
+        let needs_a_clock = |case: &Self| {
+            case.0.target == FaultTarget::Plant && !matches!(case.0.kind, FaultKind::Kill | FaultKind::Slow)
+        };
+        FaultTarget::ALL.into_iter().flat_map(of).filter(|case| !needs_a_clock(case)).collect()
     }
 
     /// Whether it strikes a process.

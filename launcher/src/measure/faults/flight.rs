@@ -71,7 +71,7 @@ impl Row {
     /// Flies `case` both ways.
     pub fn fly(base: &Scenario, case: &Case, interrupts: &AtomicU32) -> anyhow::Result<Self> {
         let mut scenario = base.clone();
-        scenario.fault = vec![case.0.clone()];
+        scenario.fault = vec![case.0];
         scenario.run.mode = Mode::Inprocess; // in real time the solver has a time limit
         let alone = in_process(&scenario);
         scenario.run.mode = Mode::Lockstep;
@@ -114,7 +114,7 @@ fn lockstep(scenario: &Scenario, interrupts: &AtomicU32) -> anyhow::Result<Cours
 }
 
 fn through_processes(scenario: &Scenario, interrupts: &AtomicU32, watch: impl FnMut(Record)) -> anyhow::Result<Flown> {
-    let flown = Stack::start(&namespace(), scenario, None, interrupts)?.fly(interrupts, watch, || {});
+    let flown = Stack::start(&namespace(), scenario, None, interrupts)?.fly(interrupts, watch, |_| {});
     if matches!(flown.ended, Ended::Interrupted) {
         bail!(StartError::Interrupted);
     }

@@ -100,7 +100,7 @@ fn strikes(signal: Signal, interrupts: &AtomicU32) -> anyhow::Result<Vec<Strike>
     let (flown, mut strikes) = std::thread::scope(|scope| {
         let striker = scope.spawn(|| strike_all(signal, &namespace, &board, &over));
         let watch = |record: Record| heard.lock().expect("nobody panics with it").observe(&record);
-        let flown = stack.fly(interrupts, watch, || {});
+        let flown = stack.fly(interrupts, watch, |_| {});
         over.store(true, Ordering::Relaxed);
         (flown, striker.join().expect("striking does not panic"))
     });

@@ -12,7 +12,7 @@ fn the_matrix_is_the_whole_catalogue_and_every_case_is_a_scenario() {
     assert_ne!(base.run.mode, Mode::Inprocess);
     for case in cases {
         let mut scenario = base.clone();
-        scenario.fault = vec![case.0.clone()];
+        scenario.fault = vec![case.0];
         contract::scenario::from_merged(&to_toml(&scenario), "case").unwrap_or_else(|e| panic!("{case:?}: {e}"));
     }
 }

@@ -58,7 +58,7 @@ pub fn fly(scenario: &Scenario, placement: Placement, interrupts: &AtomicU32) ->
         cycles.observe(&record);
         summary.observe(&record);
     };
-    let flown = stack.fly(interrupts, watch, || meter.read(&namespace));
+    let flown = stack.fly(interrupts, watch, |_| meter.read(&namespace));
     match &flown.ended {
         Ended::Flown => {}
         Ended::Interrupted => bail!(StartError::Interrupted),

@@ -158,8 +158,8 @@ fn faults_of_one_actuator_act_in_the_order_of_the_file() {
         .map(|(kind, value)| fault(FaultTarget::Tilt, kind, value));
     let tilt = |faults: &[Fault]| struck(faults, 10).0[TILT];
     let reach = 0.1 * Scenario::default().limits().tilt_max_rad;
-    assert_eq!(tilt(&[bias.clone(), low.clone()]), reach);
-    assert_eq!(tilt(&[low.clone(), bias.clone()]), reach + 10f64.to_radians());
+    assert_eq!(tilt(&[bias, low]), reach);
+    assert_eq!(tilt(&[low, bias]), reach + 10f64.to_radians());
     assert_eq!(tilt(&[bias, low, off]), 0.0);
     let weak = |value| fault(FaultTarget::Rotor2, FaultKind::Wrong, Some(value));
     assert_eq!(struck(&[weak(0.5), weak(0.5)], 10).1.effectiveness, [1.0, 0.25, 1.0]);

@@ -206,10 +206,12 @@ fn faults_of_one_sensor_act_in_the_order_of_the_file() {
     let stuck = fault(FaultKind::Stuck, |_| ());
     let at_15 = |faults: &[Fault]| told(faults, 0, 0..16)[15].position_m;
     let truth = measured(15).position_m;
-    assert_eq!(at_15(&[bias.clone(), sign.clone()]), truth.map(|m| -(m + 1.0)));
-    assert_eq!(at_15(&[sign, bias.clone()]), truth.map(|m| -m + 1.0));
-    assert_eq!(at_15(&[bias.clone(), stuck.clone()]), measured(9).position_m, "the bias comes too late to be kept");
-    assert_eq!(at_15(&[stuck.clone(), bias]), measured(9).position_m.map(|m| m + 1.0));
+    assert_eq!(at_15(&[bias, sign]), truth.map(|m| -(m + 1.0)));
+    assert_eq!(at_15(&[sign, bias]), truth.map(|m| -m + 1.0));
+    assert_eq!(at_15(&[bias, stuck]), measured(9).position_m, "the bias comes too late to be kept");
+    assert_eq!(at_15(&[stuck, bias]), measured(9).position_m.map(|m| m + 1.0));
+    let delayed = fault(FaultKind::Delayed, |fault| fault.ms = Some(30.0));
+    assert_eq!(at_15(&[bias, delayed]), measured(12).position_m, "what was measured is known before any fault");
     assert!(at_15(&[off_before, stuck]).iter().all(|value| value.is_nan()), "stuck with nothing");
 }
 

@@ -1,0 +1,116 @@
+//! What is ordered while the stack flies: faults given and ended, which are entered into the ledger, where every process
+//! hears of them, and swaps.
+
+use contract::Scenario;
+use contract::ledger::{LONGEST_DELAY_MS, ROOM};
+use contract::realtime::phase;
+use contract::scenario::{Fault, FaultKind, FaultTarget, Mode, Swap, check_fault, from_merged, to_toml};
+use serde_json::{Value, json};
+
+use super::Stack;
+use crate::event::{Event, What};
+use crate::supervisor::plant_tick;
+
+impl Stack {
+    /// Gives the flight `fault`, which begins `at_s` after the next sample; the fault with its time in the flight.
+    pub(super) fn inject(&mut self, mut fault: Fault) -> Result<Value, String> {
+        self.needs_a_clock()?;
+        self.check(&fault)?;
+        if fault.kind == FaultKind::Delayed && fault.ms.is_some_and(|ms| ms > LONGEST_DELAY_MS) {
+            return Err(format!(
+                "a sensor can be delayed by {LONGEST_DELAY_MS} ms at most while it flies; write more into the scenario"
+            ));
+        }
+        fault.at_s += self.time_s(self.next_tick());
+        fault.at_s = self.time_s(fault.ticks(self.scenario.sample_s()).start);
+        self.check(&fault)?; // nor may it begin too late
+        let number = self.scenario.fault.len();
+        if !self.board.ledger().enter(number, &fault) {
+            return Err(format!(
+                "a flight takes {ROOM} faults, and this one has had them; `launcher stop` it and fly again"
+            ));
+        }
+        self.regime.suffer(number, &fault);
+        self.scenario.fault.push(fault);
+        self.note(&fault, What::Injected);
+        Ok(json!([fault]))
+    }
+
+    /// Ends the faults of `target`, or all; those that were not over, with the time they have had.
+    pub(super) fn clear(&mut self, target: Option<FaultTarget>) -> Result<Value, String> {
+        self.needs_a_clock()?;
+        let end = self.next_tick();
+        let sought = |fault: &Fault| target.is_none_or(|target| target == fault.target) && !self.is_over(fault);
+        let had = |fault: &Fault| end.saturating_sub(fault.ticks(self.scenario.sample_s()).start);
+        let cut = |fault: &Fault| Fault { for_s: Some(self.time_s(had(fault))), ..*fault };
+        let faults = self.scenario.fault.iter().enumerate().filter(|(_, fault)| sought(fault));
+        let cleared: Vec<(usize, Fault)> = faults.map(|(number, fault)| (number, cut(fault))).collect();
+        if !self.board.ledger().has_room_for(cleared.iter().map(|(number, _)| *number)) {
+            return Err(format!(
+                "a flight takes {ROOM} changes to its faults; name a target, or `launcher stop` it and fly again"
+            ));
+        }
+        for (number, fault) in &cleared {
+            self.board.ledger().enter(*number, fault);
+            self.regime.suffer(*number, fault);
+            self.scenario.fault[*number] = *fault;
+            self.note(fault, What::Cleared);
+        }
+        Ok(cleared.iter().map(|(_, fault)| json!(fault)).collect())
+    }
+
+    /// Begins a swap with the next sample, if it stands up to the rules of the scenario.
+    pub(super) fn order_swap(&mut self, swap: Swap) -> Result<Value, String> {
+        if self.board.phase().count() != phase::GO {
+            return Err("the stack is starting or ending".into());
+        }
+        self.regime.may_swap(&self.board, swap.node.topic())?;
+        let at_s = (plant_tick(&self.board) + 1) as f64 * self.scenario.sample_s();
+        let swap = Swap { at_s, ..swap };
+        let alone = Scenario { swap: vec![swap.clone()], ..self.scenario.clone() };
+        from_merged(&to_toml(&alone), "the swap").map_err(|error| error.to_string())?;
+        let node = swap.node.name();
+        self.scenario.swap.push(swap);
+        Ok(json!({ "node": node, "at_s": at_s }))
+    }
+
+    /// The faults that are at work now.
+    pub(super) fn at_work(&self) -> impl Iterator<Item = &Fault> {
+        let (tick, sample_s) = (plant_tick(&self.board), self.scenario.sample_s());
+        self.scenario.fault.iter().filter(move |fault| fault.strikes(tick, sample_s) && !fault.is_momentary())
+    }
+
+    fn check(&self, fault: &Fault) -> Result<(), String> {
+        check_fault(&self.scenario, fault).map_err(|error| error.to_string())
+    }
+
+    fn needs_a_clock(&self) -> Result<(), String> {
+        match self.scenario.run.mode {
+            Mode::Realtime => Ok(()),
+            _ => {
+                Err("a flight in lockstep is over in a blink and must repeat: write the fault into its scenario".into())
+            }
+        }
+    }
+
+    /// The first sample before which every process is sure to hear of what is entered now: the one after the next.
+    fn next_tick(&self) -> u64 {
+        plant_tick(&self.board) + 2
+    }
+
+    fn time_s(&self, tick: u64) -> f64 {
+        tick as f64 / f64::from(self.scenario.run.rate_hz)
+    }
+
+    /// Whether nothing of `fault` is to come.
+    fn is_over(&self, fault: &Fault) -> bool {
+        let ticks = fault.ticks(self.scenario.sample_s());
+        let last = if fault.is_momentary() { ticks.start.saturating_add(1) } else { ticks.end };
+        ticks.is_empty() || last <= self.next_tick()
+    }
+
+    fn note(&mut self, fault: &Fault, what: What) {
+        let tick = plant_tick(&self.board);
+        self.regime.events().push(Event::new(tick, fault.target.name(), 0, what));
+    }
+}
