@@ -8,6 +8,10 @@
 //!               \--shadow--/    \--> vacant (died)         shadow    works on the same inputs, unheard
 //! ```
 //!
+//! Who is started finds a place offered to it, and takes it by naming the port through which it will speak
+//! ([`Office::claim`]). One process gets it: a second one of the same epoch is turned away, and one that speaks without
+//! a place is refused wherever it is heard.
+//!
 //! The plant changes holders, between two ticks ([`Office::turn_over`]), so that a tick has one. The launcher names heir
 //! and shadow, and vacates the office of a process that died. Everything is an atomic word of the shared board.
 
@@ -15,6 +19,11 @@ use std::sync::atomic::{AtomicU32, AtomicU64, Ordering, fence};
 
 use crate::guard::Refusal;
 use crate::snapshot::{SNAPSHOT_WORDS, Snapshot};
+
+/// Epochs whose ports are known: a recorder may be behind by some of them.
+const VOICES: usize = 64;
+/// A place that is offered.
+const VACANT: u64 = 1;
 
 /// The office of one node.
 #[repr(C, align(64))]
@@ -33,6 +42,8 @@ pub struct Office {
     done: [Word; 2],
     /// What the holder remembers after its newest tick.
     pub memory: Cell,
+    /// The place of each of the newest epochs: not offered (0), vacant, or the port that its process speaks through.
+    voices: [AtomicU64; VOICES],
     /// Messages that the node has refused, by cause: see [`crate::guard::Refusal`].
     pub refused: [Word; Refusal::ALL.len()],
 }
@@ -41,6 +52,30 @@ impl Office {
     /// Ticks that `epoch` has done.
     pub fn done(&self, epoch: u32) -> &Word {
         &self.done[epoch as usize % 2]
+    }
+
+    /// Offers the place of `epoch` to the process that is about to be started for it; the launcher's part.
+    pub fn offer(&self, epoch: u32) {
+        self.voice(epoch).store(VACANT, Ordering::Release);
+    }
+
+    /// Takes the place of `epoch` for the process that speaks through `port`; false when it is not to be had.
+    pub fn claim(&self, epoch: u32, port: u64) -> bool {
+        self.voice(epoch).compare_exchange(VACANT, port, Ordering::AcqRel, Ordering::Relaxed).is_ok()
+    }
+
+    /// Whether the process that has the place of `epoch` speaks through `port`.
+    pub fn speaks_through(&self, epoch: u32, port: u64) -> bool {
+        self.voice(epoch).load(Ordering::Acquire) == port
+    }
+
+    /// Whether anybody who has or had a place speaks through `port`.
+    pub fn knows(&self, port: u64) -> bool {
+        self.voices.iter().any(|voice| voice.load(Ordering::Acquire) == port)
+    }
+
+    fn voice(&self, epoch: u32) -> &AtomicU64 {
+        &self.voices[epoch as usize % VOICES]
     }
 
     /// Lets the heir in, if one is named, for the tick that begins; whether the holder changed.
@@ -137,8 +172,21 @@ mod tests {
                 written: AtomicU64::new(0),
                 copies: std::array::from_fn(|_| std::array::from_fn(|_| AtomicU64::new(0))),
             },
+            voices: std::array::from_fn(|_| AtomicU64::new(0)),
             refused: std::array::from_fn(|_| word()),
         })
+    }
+
+    #[test]
+    fn a_place_that_is_offered_goes_to_one_process() {
+        let office = office();
+        assert!(!office.claim(1, 71), "nobody was asked for");
+        office.offer(1);
+        assert!(!office.claim(2, 72), "it is another's");
+        assert!(office.claim(1, 71));
+        assert!(!office.claim(1, 72), "it is taken");
+        assert!(office.speaks_through(1, 71) && !office.speaks_through(1, 72));
+        assert!(office.knows(71) && !office.knows(72));
     }
 
     #[test]

@@ -12,6 +12,7 @@ use std::rc::Rc;
 /// Marks a type that may travel: fixed layout, no pointers.
 pub use iceoryx2::prelude::ZeroCopySend;
 
+use iceoryx2::identifiers::UniquePublisherId;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::{PortFactory as _, *};
@@ -20,6 +21,7 @@ use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
 use crate::Topic;
 use crate::domain::Domain;
+use crate::integrity::checksum;
 use crate::message::{Actuators, Controls, Message, Reference, State};
 use crate::rehearsal::Rehearse;
 
@@ -53,12 +55,14 @@ pub enum PortError {
 pub trait Send<M>: Rehearse {
     /// Hands `message` to every subscriber; the number of those, 0 when it could not be sent.
     fn send(&self, message: &M) -> usize;
+    /// The number of this port, which no other one has, and which every message carries that goes through it.
+    fn number(&self) -> u64;
 }
 
 /// Receives one kind of message.
 pub trait Receive<M> {
-    /// The oldest message not yet seen, if any.
-    fn receive(&self) -> Option<M>;
+    /// The oldest message not yet seen, if any, and the number of the port that it was sent through.
+    fn receive(&self) -> Option<(M, u64)>;
 }
 
 /// A process's attachment to a domain.
@@ -160,6 +164,10 @@ impl<M: Message + ZeroCopySend> Send<M> for Publisher<ipc::Service, M, ()> {
     fn send(&self, message: &M) -> usize {
         self.send_copy(*message).unwrap_or(0)
     }
+
+    fn number(&self) -> u64 {
+        number(self.id())
+    }
 }
 
 impl<M: Message + ZeroCopySend> Rehearse for Publisher<ipc::Service, M, ()> {
@@ -169,10 +177,17 @@ impl<M: Message + ZeroCopySend> Rehearse for Publisher<ipc::Service, M, ()> {
 }
 
 impl<M: Message + ZeroCopySend> Receive<M> for Subscriber<ipc::Service, M, ()> {
-    fn receive(&self) -> Option<M> {
+    fn receive(&self) -> Option<(M, u64)> {
         // A failed connection reads as silence: the age of the data is what every receiver judges.
-        <Subscriber<ipc::Service, M, ()>>::receive(self).ok().flatten().map(|sample| *sample)
+        let sample = <Subscriber<ipc::Service, M, ()>>::receive(self).ok().flatten()?;
+        Some((*sample, number(sample.header().publisher_id())))
     }
+}
+
+/// A publisher's identity (process, time, count) as one word.
+fn number(id: UniquePublisherId) -> u64 {
+    let value = id.value();
+    checksum(&[value as u64, (value >> 64) as u64])
 }
 
 fn create<M: Message + ZeroCopySend>(node: &Node<ipc::Service>) -> Result<PortFactory<ipc::Service, M, ()>, PortError> {

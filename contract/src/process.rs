@@ -71,6 +71,16 @@ pub enum SeatError {
         /// When it was due \[ms\].
         deadline_ms: f64,
     },
+    /// No place was offered to this process, or another one has it.
+    #[error(
+        "no place for a {node} of epoch {epoch}: the launcher starts the processes of its run itself, one for each place"
+    )]
+    Taken {
+        /// Which node.
+        node: &'static str,
+        /// Which incarnation.
+        epoch: u32,
+    },
     /// In lockstep the ring did not come round.
     #[error("tick {tick}: the ring stands still: a process of it is stuck, or the scenario takes the plant away")]
     Stuck {
@@ -120,9 +130,12 @@ impl Seat {
         Ok(Inlet::new(self.bus.receiver(NODE_DEPTH)?, self.board.clone(), self.topic(), by_bell))
     }
 
-    /// Where this node sends `M` to.
+    /// Where this node sends `M` to. With it the process takes its place in the office.
     pub fn outlet<M: Wire>(&self) -> Result<Outlet<M>, SeatError> {
         let port = self.bus.sender()?;
+        if !self.board.office(M::TOPIC).claim(self.epoch, port.number()) {
+            return Err(SeatError::Taken { node: M::TOPIC.publisher(), epoch: self.epoch });
+        }
         Ok(Outlet::new(port, self.board.clone(), self.punctuality.clone(), &self.scenario, self.epoch))
     }
 

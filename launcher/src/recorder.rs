@@ -6,12 +6,13 @@
 
 use std::path::Path;
 use std::process::ExitCode;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use contract::message::{Actuators, Controls, Reference, State};
 use contract::port::{Receive, Wire};
 use contract::process::{Seat, SeatError, exit};
-use contract::realtime::phase;
+use contract::realtime::{Board, phase};
 use contract::scenario::{self, Scenario};
 use rustix::process::Signal;
 use serde::{Deserialize, Serialize};
@@ -34,6 +35,7 @@ pub struct LogOutcome {
 
 /// The four topics as one stream of records.
 pub struct Observers {
+    board: Arc<Board>,
     states: Box<dyn Receive<State>>,
     references: Box<dyn Receive<Reference>>,
     controls: Box<dyn Receive<Controls>>,
@@ -44,6 +46,7 @@ impl Observers {
     /// Joins all four topics.
     pub fn join(seat: &Seat) -> Result<Self, SeatError> {
         Ok(Self {
+            board: seat.board.clone(),
             states: seat.observer()?,
             references: seat.observer()?,
             controls: seat.observer()?,
@@ -51,15 +54,18 @@ impl Observers {
         })
     }
 
-    /// Empties the queues into `each`, every topic in its own order; how many there were.
+    /// Empties the queues into `each`, every topic in its own order; how many there were. What comes from a process that
+    /// has no place in the run is no part of the flight.
     pub fn drain(&self, mut each: impl FnMut(Record)) -> usize {
-        fn one<M: Wire + Into<Record>>(port: &dyn Receive<M>, each: &mut impl FnMut(Record)) -> usize {
-            std::iter::from_fn(|| port.receive()).map(|message| each(message.into())).count()
+        fn one<M: Wire + Into<Record>>(board: &Board, port: &dyn Receive<M>, each: &mut impl FnMut(Record)) -> usize {
+            let office = board.office(M::TOPIC);
+            let received = std::iter::from_fn(|| port.receive()).filter(|(_, port)| office.knows(*port));
+            received.map(|(message, _)| each(message.into())).count()
         }
-        one(&*self.states, &mut each)
-            + one(&*self.references, &mut each)
-            + one(&*self.controls, &mut each)
-            + one(&*self.actuators, &mut each)
+        one(&self.board, &*self.states, &mut each)
+            + one(&self.board, &*self.references, &mut each)
+            + one(&self.board, &*self.controls, &mut each)
+            + one(&self.board, &*self.actuators, &mut each)
     }
 }
 

@@ -24,7 +24,7 @@ pub struct Circumstances {
     /// What happened to the processes.
     pub events: Vec<Event>,
     /// Messages refused, by listener and cause.
-    pub refused: Vec<(&'static str, [u32; 5])>,
+    pub refused: Vec<(&'static str, [u32; Refusal::ALL.len()])>,
 }
 
 /// Exit code of a run: the gravest of what happened.
@@ -91,8 +91,8 @@ fn events(scenario: &Scenario, events: &[Event]) -> Value {
 }
 
 /// Refused messages by listener and cause.
-fn refused(counts: &[(&'static str, [u32; 5])]) -> Value {
-    let causes = |counts: &[u32; 5]| -> Value {
+fn refused(counts: &[(&'static str, [u32; Refusal::ALL.len()])]) -> Value {
+    let causes = |counts: &[u32; Refusal::ALL.len()]| -> Value {
         Refusal::ALL.iter().zip(counts).map(|(refusal, count)| (refusal.name().to_owned(), json!(count))).collect()
     };
     counts.iter().map(|(node, counts)| ((*node).to_owned(), causes(counts))).collect()

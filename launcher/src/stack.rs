@@ -53,7 +53,7 @@ pub struct Flown {
     /// What happened to the processes.
     pub events: Vec<Event>,
     /// Messages refused, by listener and cause.
-    pub refused: Vec<(&'static str, [u32; 5])>,
+    pub refused: Vec<(&'static str, [u32; Refusal::ALL.len()])>,
 }
 
 /// A stack whose processes are all there. Dropping it kills what is left and wipes shared memory.
@@ -99,7 +99,7 @@ impl Stack {
         };
         for topic in Topic::ALL {
             stack.board.office(topic).holder.set(1);
-            stack.children.spawn(topic.publisher(), Some(topic), 1, None)?;
+            stack.hire(topic, 1)?;
         }
         match log {
             Some(path) => stack.children.spawn(RECORDER, None, 1, Some(path))?,
@@ -165,7 +165,7 @@ impl Stack {
         for order in self.supervisor.orders(&self.board) {
             match order {
                 Order::Start(topic, epoch) => {
-                    if let Err(error) = self.children.spawn(topic.publisher(), Some(topic), epoch, None) {
+                    if let Err(error) = self.hire(topic, epoch) {
                         return Some(Ended::Lost(format!("{} ({error:#})", topic.publisher())));
                     }
                 }
@@ -175,6 +175,12 @@ impl Stack {
             }
         }
         None
+    }
+
+    /// Starts the process number `epoch` of the node that speaks on `topic`, and keeps a place for it.
+    fn hire(&mut self, topic: Topic, epoch: u32) -> anyhow::Result<()> {
+        self.board.office(topic).offer(epoch);
+        self.children.spawn(topic.publisher(), Some(topic), epoch, None)
     }
 
     /// Waits until every topic has its publisher and all its subscribers; `observers` of them are not nodes.

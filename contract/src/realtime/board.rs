@@ -22,7 +22,7 @@ use crate::Topic;
 use crate::office::Office;
 
 const PAGE_BYTES: usize = 4096 * 4;
-const MAGIC: u32 = 0x7EF0_1104;
+const MAGIC: u32 = 0x7EF0_1105;
 
 #[repr(C)]
 struct Page {

@@ -1,6 +1,7 @@
 //! What settings mean together: ranges of single numbers, and what must hold between them.
 
 mod ranges;
+mod surroundings;
 #[cfg(test)]
 mod tests;
 
@@ -192,10 +193,10 @@ fn check_faults(scenario: &Scenario, found: &mut Found) {
             "0 to 1",
         );
         found.require(
-            fault.ms.is_none_or(|ms| (0.0..=60_000.0).contains(&ms)) && fault.count != Some(0),
+            fault.ms.is_none_or(|ms| (least_ms(fault.kind)..=60_000.0).contains(&ms)) && fault.count != Some(0),
             &["fault"],
             "a fault with a time or a count out of range".into(),
-            "`ms` of 0 to 60000, `count` of 1 or more",
+            "`ms` of 0 to 60000 (offset: from -60000), `count` of 1 or more",
         );
         found.require(
             fault.target != FaultTarget::Mpc
@@ -204,7 +205,13 @@ fn check_faults(scenario: &Scenario, found: &mut Found) {
             "a fault of the solver where nothing is solved".into(),
             "target \"mpc\" with `mpc.law` = \"mpc\" and `mpc.constraints` = \"box\" or \"cone\"",
         );
+        surroundings::check(fault, scenario.run.mode, found);
     }
+}
+
+/// Only a clock can be off either way.
+fn least_ms(kind: FaultKind) -> f64 {
+    if kind == FaultKind::Offset { -60_000.0 } else { 0.0 }
 }
 
 fn check_deadlines(scenario: &Scenario, found: &mut Found) {

@@ -8,6 +8,8 @@
 //! | actuator | rotor1 rotor2 rotor3 tilt | off stuck wrong slow saturated |
 //! | environment | wind, payload | step gust, mass |
 //! | solver | mpc | infeasible, nan, iteration cap |
+//! | clock, host | clock, host | offset, disk-full shm-removed |
+//! | intruder | a topic | second-publisher wrong-layout wrong-user |
 //!
 //! A kind that a target cannot suffer is refused. The size of a fault has a default ([`Fault::ms`] and its neighbours).
 
@@ -28,7 +30,11 @@ pub struct Fault {
     pub target: FaultTarget,
     /// What happens to it.
     pub kind: FaultKind,
-    /// A time \[ms\]: how late (slow, delay, delayed), how old (stale), the time constant (slow sensor or actuator).
+    /// Whose clock is off, whose segments are removed: a process.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub process: Option<FaultTarget>,
+    /// A time \[ms\]: how late (slow, delay, delayed), how old (stale), the time constant (slow sensor or actuator), how
+    /// far ahead (offset; behind when negative).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ms: Option<f64>,
     /// A size: standard deviation (noise), bias or factor (wrong), share of the range (saturated), mass \[kg\].
@@ -92,6 +98,10 @@ pub enum FaultTarget {
     /// The solver inside attitude-mpc.
     #[serde(alias = "solver")]
     Mpc,
+    /// What one process reads of `CLOCK_MONOTONIC`.
+    Clock,
+    /// The machine.
+    Host,
 }
 
 /// `fault.kind`
@@ -153,6 +163,18 @@ pub enum FaultKind {
     /// The solver is granted a single iteration.
     #[serde(rename = "iteration cap", alias = "iteration-cap", alias = "iteration_cap")]
     IterationCap,
+    /// The clock is ahead, or behind.
+    Offset,
+    /// The log cannot be written any more.
+    DiskFull,
+    /// The names of a process's segments are gone from shared memory.
+    ShmRemoved,
+    /// Another process of the same user sends well-formed messages, with an epoch made up or stolen.
+    SecondPublisher,
+    /// A process with another idea of the messages wants to join.
+    WrongLayout,
+    /// A process of another user wants to join.
+    WrongUser,
 }
 
 /// `fault.how`
@@ -188,7 +210,12 @@ impl FaultTarget {
                 &[K::Kill, K::Stop, K::Slow, K::Hog, K::Exit]
             }
             Self::State | Self::Reference | Self::Controls | Self::Actuators => {
-                &[K::Drop, K::Burst, K::Delay, K::Duplicate, K::Reorder, K::Corrupt, K::Garbage, K::Stale, K::Rate]
+                #[rustfmt::skip]
+                const KINDS: [K; 12] = [
+                    K::Drop, K::Burst, K::Delay, K::Duplicate, K::Reorder, K::Corrupt, K::Garbage, K::Stale, K::Rate,
+                    K::SecondPublisher, K::WrongLayout, K::WrongUser,
+                ];
+                &KINDS
             }
             Self::Position | Self::Velocity | Self::Attitude | Self::Rates => {
                 &[K::Off, K::Stuck, K::Garbage, K::Wrong, K::Slow, K::Delayed, K::Intermittent, K::Noise]
@@ -199,7 +226,16 @@ impl FaultTarget {
             Self::Wind => &[K::Step, K::Gust],
             Self::Payload => &[K::Mass],
             Self::Mpc => &[K::Infeasible, K::Nan, K::IterationCap],
+            Self::Clock => &[K::Offset],
+            Self::Host => &[K::DiskFull, K::ShmRemoved],
         }
+    }
+}
+
+impl FaultKind {
+    /// Whether it is a process that does not belong to the run.
+    pub fn is_intrusion(self) -> bool {
+        matches!(self, Self::SecondPublisher | Self::WrongLayout | Self::WrongUser)
     }
 }
 
@@ -211,6 +247,7 @@ impl Fault {
             for_s,
             target,
             kind,
+            process: None,
             ms: None,
             value: None,
             vector: None,
