@@ -111,6 +111,14 @@ impl Bus {
         M::sender(&self.node)
     }
 
+    /// Tries to open `M`'s topic as a process does that was built when the message was laid out otherwise.
+    ///
+    /// # Errors
+    /// Always, as long as layouts are compared.
+    pub fn open_as_another_version<M: Wire>(&self) -> Result<(), PortError> {
+        M::open_as_another_version(&self.node)
+    }
+
     /// Opens the receiving side of `M`'s topic with a queue of `depth`.
     pub fn receiver<M: Wire>(&self, depth: usize) -> Result<Box<dyn Receive<M>>, PortError> {
         M::receiver(&self.node, depth)
@@ -130,6 +138,13 @@ impl Services {
     }
 }
 
+/// Numbers of the processes that made a segment, read from its name: those of its ports end in time, process and count.
+pub fn makers(segment: &str) -> impl Iterator<Item = u32> {
+    // Everything else that stands between dots and underscores is shorter, or no number.
+    let numbers = segment.split(['.', '_']).filter(|part| part.len() > 20).filter_map(|part| part.parse::<u128>().ok());
+    numbers.map(|id| (id >> 64) as u32)
+}
+
 /// The text of an iceoryx2 configuration file for `domain`, with which its own tools can attach.
 pub fn config_toml(domain: &Domain) -> String {
     format!("[global]\nroot-path = \"{}\"\nprefix = \"{}\"\n", domain.file("iox").display(), domain.prefix())
@@ -141,19 +156,24 @@ pub trait Wire: Message {
     fn sender(node: &Node<ipc::Service>) -> Result<Rc<dyn Send<Self>>, PortError>;
     #[doc(hidden)]
     fn receiver(node: &Node<ipc::Service>, depth: usize) -> Result<Box<dyn Receive<Self>>, PortError>;
+    #[doc(hidden)]
+    fn open_as_another_version(node: &Node<ipc::Service>) -> Result<(), PortError>;
 }
 
 macro_rules! wire {
     ($($name:ident),*) => {$(
         impl Wire for $name {
             fn sender(node: &Node<ipc::Service>) -> Result<Rc<dyn Send<Self>>, PortError> {
-                let port = open::<Self>(node)?.publisher_builder().create().map_err(refused::<Self>)?;
+                let port = open::<Self>(node, &layout::<Self>())?.publisher_builder().create().map_err(refused::<Self>)?;
                 Ok(Rc::new(port))
             }
             fn receiver(node: &Node<ipc::Service>, depth: usize) -> Result<Box<dyn Receive<Self>>, PortError> {
-                let builder = open::<Self>(node)?;
+                let builder = open::<Self>(node, &layout::<Self>())?;
                 let port = builder.subscriber_builder().buffer_size(depth).create().map_err(refused::<Self>)?;
                 Ok(Box::new(port))
+            }
+            fn open_as_another_version(node: &Node<ipc::Service>) -> Result<(), PortError> {
+                open::<Self>(node, &"0".repeat(16)).map(drop)
             }
         }
     )*};
@@ -192,7 +212,7 @@ fn number(id: UniquePublisherId) -> u64 {
 
 fn create<M: Message + ZeroCopySend>(node: &Node<ipc::Service>) -> Result<PortFactory<ipc::Service, M, ()>, PortError> {
     let mut attributes = AttributeSpecifier::new();
-    attributes = attributes.define(&layout_key()?, &layout_value::<M>()?).map_err(refused::<M>)?;
+    attributes = attributes.define(&layout_key()?, &attribute(&layout::<M>())?).map_err(refused::<M>)?;
     node.service_builder(&service_name::<M>()?)
         .publish_subscribe::<M>()
         .enable_safe_overflow(true)
@@ -205,9 +225,12 @@ fn create<M: Message + ZeroCopySend>(node: &Node<ipc::Service>) -> Result<PortFa
         .map_err(refused::<M>)
 }
 
-fn open<M: Message + ZeroCopySend>(node: &Node<ipc::Service>) -> Result<PortFactory<ipc::Service, M, ()>, PortError> {
+fn open<M: Message + ZeroCopySend>(
+    node: &Node<ipc::Service>,
+    layout: &str,
+) -> Result<PortFactory<ipc::Service, M, ()>, PortError> {
     let mut attributes = AttributeVerifier::new();
-    attributes = attributes.require(&layout_key()?, &layout_value::<M>()?).map_err(refused::<M>)?;
+    attributes = attributes.require(&layout_key()?, &attribute(layout)?).map_err(refused::<M>)?;
     node.service_builder(&service_name::<M>()?)
         .publish_subscribe::<M>()
         .open_with_attributes(&attributes)
@@ -242,10 +265,14 @@ fn layout_key() -> Result<AttributeKey, PortError> {
 
 /// iceoryx2 compares name, size and alignment of a type; two layouts of one size would pass. This attribute tells
 /// them apart: a hash of the default message as printed, which shows names, order, nesting, lengths and number kinds.
-fn layout_value<M: Message>() -> Result<AttributeValue, PortError> {
+fn layout<M: Message>() -> String {
     let fnv = |hash: u64, byte: u8| (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
     let hash = format!("{:?}", M::default()).bytes().fold(0xcbf2_9ce4_8422_2325, fnv);
-    AttributeValue::new(format!("{hash:016x}").as_bytes()).map_err(|e| PortError::Domain(format!("{e:?}")))
+    format!("{hash:016x}")
+}
+
+fn attribute(value: &str) -> Result<AttributeValue, PortError> {
+    AttributeValue::new(value.as_bytes()).map_err(|e| PortError::Domain(format!("{e:?}")))
 }
 
 fn refused<M: Message>(error: impl std::fmt::Debug) -> PortError {

@@ -9,7 +9,7 @@ use contract::scenario;
 
 use crate::measure::Measure;
 use crate::stack::StartError;
-use crate::{fly, manage, print, recorder, report, trace};
+use crate::{fly, intruder, manage, print, recorder, report, trace};
 
 #[derive(Parser)]
 #[command(name = "launcher", version, about = "Flies a tilt-rotor tricopter through separate real-time processes")]
@@ -68,6 +68,9 @@ enum Command {
         #[arg(long, required_if_eq("name", "recorder"))]
         log: Option<PathBuf>,
     },
+    /// Try to get into a stack as somebody who does not belong there (the launcher starts this as a fault)
+    #[command(hide = true)]
+    Intrude(intruder::IntrudeArgs),
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -89,6 +92,7 @@ pub fn main() -> ExitCode {
         Command::Status { json } => manage::status(json).map(|()| exit::FLOWN),
         Command::Stop { namespace } => manage::stop(&namespace).map(|()| exit::FLOWN),
         Command::Measure(what) => what.run(),
+        Command::Intrude(args) => intruder::intrude(&args),
         Command::Node { name, namespace, epoch, log } => return node(name, &namespace, epoch, log),
     };
     match result {

@@ -137,7 +137,15 @@ fn fly_inprocess(
     let log = log.map(Log::finish);
     let wall_s = started.elapsed().as_secs_f64();
     let ended = if interrupts.load(Ordering::Relaxed) > 0 { Ended::Interrupted } else { ended };
-    Ok(Circumstances { ended, wall_s, log, provenance: provenance(scenario, &[]), events: vec![], refused: vec![] })
+    Ok(Circumstances {
+        ended,
+        wall_s,
+        log,
+        provenance: provenance(scenario, &[]),
+        events: vec![],
+        host: vec![],
+        refused: vec![],
+    })
 }
 
 fn fly_processes(
@@ -164,8 +172,8 @@ fn fly_processes(
         eprintln!("error: lost {name}; the stack was stopped");
     }
     let provenance = provenance(scenario, &flown.scheduling);
-    let Flown { ended, log, wall, events, refused, .. } = flown;
-    Ok(Circumstances { ended, wall_s: wall.as_secs_f64(), log, provenance, events, refused })
+    let Flown { ended, log, wall, events, host, refused, .. } = flown;
+    Ok(Circumstances { ended, wall_s: wall.as_secs_f64(), log, provenance, events, host, refused })
 }
 
 /// Counts Ctrl-C, SIGTERM and SIGHUP: the first stops the flight cleanly, the second kills the processes, the third

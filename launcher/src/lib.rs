@@ -6,6 +6,7 @@
 //! | [`fly`] | one flight from scenario to report |
 //! | [`inprocess`] | the ring turned by one thread |
 //! | [`stack`] | the ring as processes: start, watch, stop |
+//! | `intruder` | a process that does not belong to a run, as a fault |
 //! | [`recorder`] | the fifth process: every message to `flight.mcap` |
 //! | [`log`] | the flight log's format |
 //! | [`summary`], [`timing`] | what a flight amounts to: metrics, state hash, punctuality |
@@ -20,6 +21,7 @@ pub mod cli;
 pub mod faults;
 pub mod fly;
 pub mod inprocess;
+mod intruder;
 pub mod log;
 pub mod manage;
 pub mod measure;

@@ -7,7 +7,7 @@ use contract::scenario::{Bounds, Mode};
 use serde_json::{Value, json};
 
 use crate::recorder::LogOutcome;
-use crate::stack::Ended;
+use crate::stack::{Ended, HostEvent};
 use crate::summary::{Metrics, Summary};
 use crate::supervisor::Event;
 
@@ -23,6 +23,8 @@ pub struct Circumstances {
     pub provenance: Value,
     /// What happened to the processes.
     pub events: Vec<Event>,
+    /// What happened around them.
+    pub host: Vec<HostEvent>,
     /// Messages refused, by listener and cause.
     pub refused: Vec<(&'static str, [u32; Refusal::ALL.len()])>,
 }
@@ -75,19 +77,23 @@ pub fn run_json(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
         "log": how.log,
         "unobserved": summary.missed(),
         "faults": summary.faults.to_json(),
-        "events": events(scenario, &how.events),
+        "events": events(scenario, how),
         "refused": refused(&how.refused),
         "provenance": how.provenance,
     })
 }
 
-/// What happened to the processes, by the time of the flight.
-fn events(scenario: &Scenario, events: &[Event]) -> Value {
-    let one = |event: &Event| {
-        let at_s = event.tick as f64 / f64::from(scenario.run.rate_hz);
-        json!({ "at_s": at_s, "node": event.node, "epoch": event.epoch, "what": event.what })
+/// What happened to the processes and around them, by the time of the flight.
+fn events(scenario: &Scenario, how: &Circumstances) -> Value {
+    let at_s = |tick: u64| tick as f64 / f64::from(scenario.run.rate_hz);
+    let of_a_process =
+        |e: &Event| (e.tick, json!({ "at_s": at_s(e.tick), "node": e.node, "epoch": e.epoch, "what": e.what }));
+    let around = |e: &HostEvent| {
+        (e.tick, json!({ "at_s": at_s(e.tick), "node": "host", "epoch": 0, "what": e.what, "detail": e.detail }))
     };
-    events.iter().map(one).collect()
+    let mut all: Vec<_> = how.events.iter().map(of_a_process).chain(how.host.iter().map(around)).collect();
+    all.sort_by_key(|(tick, _)| *tick);
+    all.into_iter().map(|(_, event)| event).collect()
 }
 
 /// Refused messages by listener and cause.
@@ -162,6 +168,10 @@ pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
     line("solver", summary.solves.describe());
     for fault in summary.faults.describe() {
         line("fault", fault);
+    }
+    for event in &how.host {
+        let what = serde_json::to_value(event.what).unwrap_or_default();
+        line("host", format!("{} {}", what.as_str().unwrap_or_default(), event.detail));
     }
     for v in verdicts(&scenario.bounds, &m) {
         let ok = if v.ok { "inside" } else { "OUTSIDE" };

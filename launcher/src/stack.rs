@@ -8,6 +8,8 @@
 
 mod children;
 mod end;
+mod files;
+mod host;
 
 use std::io::Read;
 use std::path::Path;
@@ -27,11 +29,13 @@ use rustix::process::Signal;
 use children::{Children, Process, wait};
 use end::Departure;
 pub use end::{Ended, StartError};
+use host::Host;
+pub use host::HostEvent;
 
 use crate::log::Record;
 use crate::provenance::{Scheduling, scheduling_of};
 use crate::recorder::{LogOutcome, Observers};
-use crate::supervisor::{Event, Order, Supervisor};
+use crate::supervisor::{Event, Order, Supervisor, plant_tick};
 
 /// How long children may take to join, and nodes to leave.
 const JOIN_LIMIT: Duration = Duration::from_secs(10);
@@ -52,6 +56,8 @@ pub struct Flown {
     pub scheduling: Vec<(String, Scheduling)>,
     /// What happened to the processes.
     pub events: Vec<Event>,
+    /// What happened around them.
+    pub host: Vec<HostEvent>,
     /// Messages refused, by listener and cause.
     pub refused: Vec<(&'static str, [u32; Refusal::ALL.len()])>,
 }
@@ -60,6 +66,7 @@ pub struct Flown {
 pub struct Stack {
     children: Children,
     supervisor: Supervisor,
+    host: Host,
     board: std::sync::Arc<Board>,
     observers: Observers,
     // Dropped in this order: the services before the domain that holds their files.
@@ -85,12 +92,15 @@ impl Stack {
         Board::create(&domain.file("board")).with_context(shm("the board"))?;
         let bus = Bus::attach(domain)?;
         let services = bus.create_services()?;
+        hold.tighten()?;
         let seat = Seat::join(namespace, "launcher", 1)?;
         let observers = Observers::join(&seat)?;
         let supervisor = Supervisor::new(scenario);
+        let host = Host::new(domain.clone(), scenario)?;
         let mut stack = Self {
             children: Children::new(domain.clone()),
             supervisor,
+            host,
             board: seat.board,
             observers,
             services,
@@ -127,12 +137,14 @@ impl Stack {
             if let Some(ended) = self.supervise() {
                 break ended;
             }
+            self.host.look(plant_tick(&self.board), &self.children);
             tick();
             self.children.sleep();
         };
         let given_up = self.supervisor.given_up();
         let wall = started.elapsed();
         let (lost, log) = self.stop(interrupts, &mut watch);
+        self.host.finish(plant_tick(&self.board), interrupts);
         // A node that fails while leaving has still failed.
         let ended = match (ended, lost.or(given_up.map(str::to_owned))) {
             (Ended::Lost(name), Some(other)) if name != other => Ended::Lost(format!("{name}; {other}")),
@@ -143,7 +155,8 @@ impl Stack {
             (topic.publisher(), Refusal::ALL.map(|r| self.board.office(topic).refused[r as usize].get()))
         };
         let refused = Topic::ALL.map(count).into();
-        Flown { ended, log, wall, scheduling, events: std::mem::take(&mut self.supervisor.events), refused }
+        let (events, host) = (std::mem::take(&mut self.supervisor.events), std::mem::take(&mut self.host.events));
+        Flown { ended, log, wall, scheduling, events, host, refused }
     }
 
     /// Sees to it that everybody is there who should be; how the flight has ended, if it has.

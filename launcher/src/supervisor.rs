@@ -275,6 +275,6 @@ impl Supervisor {
 }
 
 /// Ticks that the plant has sampled.
-fn plant_tick(board: &Board) -> u64 {
+pub fn plant_tick(board: &Board) -> u64 {
     u64::from(board.office(Topic::State).done(1).get()).saturating_sub(1)
 }

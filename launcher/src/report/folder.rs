@@ -40,7 +40,15 @@ fn summary_of(log: &Log, scenario: &contract::Scenario) -> Value {
     run_json(
         &summary,
         scenario,
-        &Circumstances { ended, wall_s, log: None, provenance: Value::Null, events: vec![], refused: vec![] },
+        &Circumstances {
+            ended,
+            wall_s,
+            log: None,
+            provenance: Value::Null,
+            events: vec![],
+            host: vec![],
+            refused: vec![],
+        },
     )
 }
 

@@ -90,7 +90,10 @@ fn settings_that_contradict_are_refused() {
         ("fault=[{at_s=1, target=\"mpc\", kind=\"kill\"}]", "mpc cannot suffer kill"),
         ("fault=[{at_s=1, target=\"host\", kind=\"offset\"}]", "host cannot suffer offset"),
         ("fault=[{at_s=1, target=\"clock\", kind=\"offset\"}]", "offset without the name of a process"),
-        ("fault=[{at_s=1, target=\"clock\", kind=\"offset\", process=\"tilt\"}]", "offset without the name of a process"),
+        (
+            "fault=[{at_s=1, target=\"clock\", kind=\"offset\", process=\"tilt\"}]",
+            "offset without the name of a process",
+        ),
         ("fault=[{at_s=1, target=\"mixer\", kind=\"kill\", process=\"mixer\"}]", "kill with a `process`"),
         ("fault=[{at_s=1, for_s=1, target=\"host\", kind=\"disk-full\"}]", "disk-full with an end"),
         ("fault=[{at_s=1, target=\"mixer\", kind=\"slow\", ms=-1}]", "a time or a count out of range"),
