@@ -4,6 +4,7 @@ mod bad_input;
 mod deadlines;
 mod faults;
 mod harness;
+mod isolation;
 mod lockstep;
 mod measure;
 mod paper;

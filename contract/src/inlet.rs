@@ -63,7 +63,7 @@ impl<M: Message> Inlet<M> {
             if message.stamp().unheard != unheard::HEARD {
                 continue;
             }
-            let posing = message.stamp().epoch == u64::from(holder) && !office.speaks_through(holder, port);
+            let posing = message.stamp().epoch == u64::from(holder) && office.port(holder) != port;
             let judged = if posing { Err(Refusal::Publisher) } else { self.guard.take(&message, holder) };
             match judged {
                 Ok(()) => taken = true,

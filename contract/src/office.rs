@@ -64,9 +64,9 @@ impl Office {
         self.voice(epoch).compare_exchange(VACANT, port, Ordering::AcqRel, Ordering::Relaxed).is_ok()
     }
 
-    /// Whether the process that has the place of `epoch` speaks through `port`.
-    pub fn speaks_through(&self, epoch: u32, port: u64) -> bool {
-        self.voice(epoch).load(Ordering::Acquire) == port
+    /// The port that the process speaks through that has the place of `epoch`; no port's number if nobody has it.
+    pub fn port(&self, epoch: u32) -> u64 {
+        self.voice(epoch).load(Ordering::Acquire)
     }
 
     /// Whether anybody who has or had a place speaks through `port`.
@@ -185,7 +185,7 @@ mod tests {
         assert!(!office.claim(2, 72), "it is another's");
         assert!(office.claim(1, 71));
         assert!(!office.claim(1, 72), "it is taken");
-        assert!(office.speaks_through(1, 71) && !office.speaks_through(1, 72));
+        assert!(office.port(1) == 71);
         assert!(office.knows(71) && !office.knows(72));
     }
 

@@ -10,6 +10,7 @@ use crate::message::{Message, Stamp};
 use crate::port::Send;
 use crate::realtime::{Board, now_ns};
 use crate::scenario::{Fault, FaultKind, Late, Mode, Scenario};
+use crate::skew::Skew;
 use crate::stamp::unheard;
 
 /// Where a node speaks on one topic.
@@ -21,6 +22,7 @@ pub struct Outlet<M> {
     /// Faults that make this process slow, and the sample time they go by \[s\].
     slow: Vec<Fault>,
     sample_s: f64,
+    skew: Skew,
     clocked: bool,
     epoch: u32,
     sequence: u64,
@@ -43,6 +45,7 @@ impl<M: Message> Outlet<M> {
             link: Link::new(scenario),
             slow: slowness(scenario, M::TOPIC),
             sample_s: scenario.sample_s(),
+            skew: Skew::new(scenario, M::TOPIC),
             clocked: scenario.run.mode == Mode::Realtime,
             epoch,
             sequence: 0,
@@ -60,7 +63,7 @@ impl<M: Message> Outlet<M> {
         } else {
             lineage.held_ns += held_ns;
         }
-        let publish_ns = now_ns();
+        let publish_ns = self.skew.read_ns(tick, now_ns());
         self.punctuality.open.set(true);
         let late = self.punctuality.late(tick, lineage.sample_ns, publish_ns);
         match late {
@@ -76,6 +79,7 @@ impl<M: Message> Outlet<M> {
         let heard = self.board.office(M::TOPIC).holder.get() == self.epoch;
         stamp.unheard = if heard { unheard::HEARD } else { unheard::SHADOW };
         self.punctuality.report(stamp);
+        stamp.start_ns = self.skew.read_ns(tick, stamp.start_ns);
         self.link.pass(tick, &message.sealed(), |message| _ = self.port.send(message));
         let bell = self.board.bell(M::TOPIC);
         if self.clocked {

@@ -8,13 +8,15 @@
 
 use std::path::Path;
 use std::rc::Rc;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Marks a type that may travel: fixed layout, no pointers.
 pub use iceoryx2::prelude::ZeroCopySend;
 
-use iceoryx2::identifiers::UniquePublisherId;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::port::{DegradationAction, DegradationInfo};
 use iceoryx2::prelude::{PortFactory as _, *};
 use iceoryx2::service::attribute::{AttributeKey, AttributeValue};
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
@@ -45,6 +47,12 @@ pub enum PortError {
         topic: &'static str,
         /// What iceoryx2 said.
         reason: String,
+    },
+    /// Who speaks there cannot be heard.
+    #[error("topic '{topic}': its publisher cannot be heard, for its files in shared memory are gone; fly again")]
+    Deaf {
+        /// Which topic.
+        topic: &'static str,
     },
     /// The domain itself.
     #[error("shared memory of this run: {0}")]
@@ -111,17 +119,15 @@ impl Bus {
         M::sender(&self.node)
     }
 
-    /// Tries to open `M`'s topic as a process does that was built when the message was laid out otherwise.
-    ///
-    /// # Errors
-    /// Always, as long as layouts are compared.
+    /// Tries to open `M`'s topic as a process that was built when messages were laid out otherwise: to be refused.
     pub fn open_as_another_version<M: Wire>(&self) -> Result<(), PortError> {
         M::open_as_another_version(&self.node)
     }
 
-    /// Opens the receiving side of `M`'s topic with a queue of `depth`.
-    pub fn receiver<M: Wire>(&self, depth: usize) -> Result<Box<dyn Receive<M>>, PortError> {
-        M::receiver(&self.node, depth)
+    /// Opens the receiving side of `M`'s topic with a queue of `depth`; refused if it cannot hear the port number
+    /// `speaker` (0 = nobody in particular), as when the segments of that one have been removed.
+    pub fn receiver<M: Wire>(&self, depth: usize, speaker: u64) -> Result<Box<dyn Receive<M>>, PortError> {
+        M::receiver(&self.node, depth, speaker)
     }
 }
 
@@ -155,7 +161,7 @@ pub trait Wire: Message {
     #[doc(hidden)]
     fn sender(node: &Node<ipc::Service>) -> Result<Rc<dyn Send<Self>>, PortError>;
     #[doc(hidden)]
-    fn receiver(node: &Node<ipc::Service>, depth: usize) -> Result<Box<dyn Receive<Self>>, PortError>;
+    fn receiver(node: &Node<ipc::Service>, depth: usize, speaker: u64) -> Result<Box<dyn Receive<Self>>, PortError>;
     #[doc(hidden)]
     fn open_as_another_version(node: &Node<ipc::Service>) -> Result<(), PortError>;
 }
@@ -167,10 +173,23 @@ macro_rules! wire {
                 let port = open::<Self>(node, &layout::<Self>())?.publisher_builder().create().map_err(refused::<Self>)?;
                 Ok(Rc::new(port))
             }
-            fn receiver(node: &Node<ipc::Service>, depth: usize) -> Result<Box<dyn Receive<Self>>, PortError> {
+            fn receiver(
+                node: &Node<ipc::Service>,
+                depth: usize,
+                speaker: u64,
+            ) -> Result<Box<dyn Receive<Self>>, PortError> {
+                let deaf = Arc::new(AtomicBool::new(false));
+                let note = deaf.clone();
+                let failed = move |_, info: &DegradationInfo| {
+                    // Of anybody else it reads as silence, which every receiver judges.
+                    note.fetch_or(numbered(info.sender_port_id) == speaker, Ordering::Relaxed);
+                    DegradationAction::Ignore
+                };
                 let builder = open::<Self>(node, &layout::<Self>())?;
-                let port = builder.subscriber_builder().buffer_size(depth).create().map_err(refused::<Self>)?;
-                Ok(Box::new(port))
+                let builder = builder.subscriber_builder().buffer_size(depth).set_degradation_handler(failed);
+                let port = builder.create().map_err(refused::<Self>)?;
+                let deaf = deaf.load(Ordering::Relaxed);
+                if deaf { Err(PortError::Deaf { topic: Self::TOPIC.name() }) } else { Ok(Box::new(port)) }
             }
             fn open_as_another_version(node: &Node<ipc::Service>) -> Result<(), PortError> {
                 open::<Self>(node, &"0".repeat(16)).map(drop)
@@ -186,7 +205,7 @@ impl<M: Message + ZeroCopySend> Send<M> for Publisher<ipc::Service, M, ()> {
     }
 
     fn number(&self) -> u64 {
-        number(self.id())
+        numbered(self.id().value())
     }
 }
 
@@ -200,14 +219,13 @@ impl<M: Message + ZeroCopySend> Receive<M> for Subscriber<ipc::Service, M, ()> {
     fn receive(&self) -> Option<(M, u64)> {
         // A failed connection reads as silence: the age of the data is what every receiver judges.
         let sample = <Subscriber<ipc::Service, M, ()>>::receive(self).ok().flatten()?;
-        Some((*sample, number(sample.header().publisher_id())))
+        Some((*sample, numbered(sample.header().publisher_id().value())))
     }
 }
 
 /// A publisher's identity (process, time, count) as one word.
-fn number(id: UniquePublisherId) -> u64 {
-    let value = id.value();
-    checksum(&[value as u64, (value >> 64) as u64])
+fn numbered(id: u128) -> u64 {
+    checksum(&[id as u64, (id >> 64) as u64])
 }
 
 fn create<M: Message + ZeroCopySend>(node: &Node<ipc::Service>) -> Result<PortFactory<ipc::Service, M, ()>, PortError> {

@@ -127,7 +127,9 @@ impl Seat {
     /// Where this node gets `M` from.
     pub fn inlet<M: Wire>(&self) -> Result<Inlet<M>, SeatError> {
         let by_bell = self.scenario.run.mode == Mode::Realtime;
-        Ok(Inlet::new(self.bus.receiver(NODE_DEPTH)?, self.board.clone(), self.topic(), by_bell))
+        let office = self.board.office(M::TOPIC);
+        let port = self.bus.receiver(NODE_DEPTH, office.port(office.holder.get()))?;
+        Ok(Inlet::new(port, self.board.clone(), self.topic(), by_bell))
     }
 
     /// Where this node sends `M` to. With it the process takes its place in the office.
@@ -141,7 +143,7 @@ impl Seat {
 
     /// A queue deep enough to see every message, for those who watch and record.
     pub fn observer<M: Wire>(&self) -> Result<Box<dyn Receive<M>>, SeatError> {
-        Ok(self.bus.receiver(OBSERVER_DEPTH)?)
+        Ok(self.bus.receiver(OBSERVER_DEPTH, 0)?)
     }
 
     /// What the process before this one remembered; `None` for the first, which begins with nothing.
@@ -216,6 +218,7 @@ pub fn main(name: &str, run: fn(&Seat) -> Result<(), SeatError>) -> ExitCode {
 
 /// The same with the arguments given.
 pub fn run_as(name: &str, namespace: &str, epoch: u32, run: fn(&Seat) -> Result<(), SeatError>) -> ExitCode {
+    realtime::tell_of_bus_errors();
     // Fails only for a signal number that does not exist.
     let _ = rustix::process::set_parent_process_death_signal(Some(Signal::KILL));
     match Seat::join(namespace, name, epoch).and_then(|seat| run(&seat).and_then(|()| seat.verdict())) {

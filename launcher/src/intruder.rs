@@ -24,12 +24,12 @@ use rustix::process::{Gid, Signal, Uid};
 
 use crate::{print, supervisor};
 
-/// What it says once it is in place.
-pub const READY: &str = "ready";
-/// How its report begins when it was refused, and when it was not.
+/// How its last line begins when it was refused.
 pub const REFUSED: &str = "refused: ";
-/// The same when it was not.
+/// How it begins when it was not.
 pub const LET_IN: &str = "let in: ";
+/// How it begins when it has spoken.
+pub const SENT: &str = "sent ";
 /// The user `nobody`.
 const NOBODY: u32 = 65534;
 const LOOK_NS: u64 = 20_000_000;
@@ -90,8 +90,8 @@ fn speak<M: Wire>(namespace: &str, until: u64) -> anyhow::Result<String> {
     let domain = Domain::find(namespace)?;
     let board = Board::open(&domain.file("board"))?;
     let bus = Bus::attach(&domain)?;
-    let (port, ear) = (bus.sender::<M>()?, bus.receiver::<M>(NODE_DEPTH)?);
-    print(&format!("{READY}\n"));
+    let (port, ear) = (bus.sender::<M>()?, bus.receiver::<M>(NODE_DEPTH, 0)?);
+    print("ready\n");
     let bell = board.bell(M::TOPIC);
     let mut sent = 0;
     while supervisor::plant_tick(&board) < until && board.phase().count() < phase::LEAVE {
@@ -105,7 +105,7 @@ fn speak<M: Wire>(namespace: &str, until: u64) -> anyhow::Result<String> {
         }
         bell.wait(rung, now_ns() + LOOK_NS);
     }
-    Ok(format!("sent {sent} messages"))
+    Ok(format!("{SENT}{sent} messages"))
 }
 
 /// A message that nothing speaks against but where it comes from: newer than `heard`, whole, and all zero.
@@ -126,9 +126,8 @@ fn become_nobody() -> anyhow::Result<()> {
 
 /// Tries to get in by the door, and then by every window.
 fn knock(namespace: &str) -> String {
-    let refusal = match Seat::join(namespace, Topic::Actuators.publisher(), 1) {
-        Ok(_) => return format!("{LET_IN}it joined"),
-        Err(why) => why,
+    let Err(refusal) = Seat::join(namespace, Topic::Actuators.publisher(), 1) else {
+        return format!("{LET_IN}it joined");
     };
     let prefix = format!("trefoil.{namespace}.");
     let all = std::fs::read_dir("/dev/shm").into_iter().flatten().flatten();

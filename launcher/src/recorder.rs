@@ -13,7 +13,8 @@ use contract::message::{Actuators, Controls, Reference, State};
 use contract::port::{Receive, Wire};
 use contract::process::{Seat, SeatError, exit};
 use contract::realtime::{Board, phase};
-use contract::scenario::{self, Scenario};
+use contract::scenario::{self, FaultKind, Scenario};
+use rustix::io::Errno;
 use rustix::process::Signal;
 use serde::{Deserialize, Serialize};
 
@@ -116,19 +117,27 @@ pub struct Log {
     written: Option<Instant>,
     count: Count,
     outcome: LogOutcome,
+    /// From this tick on there is no space left, as a fault of the scenario wants it.
+    full_from: Option<u64>,
 }
 
 impl Log {
     /// Begins the file.
     pub fn create(path: &Path, scenario: &Scenario) -> anyhow::Result<Self> {
         let writer = Some(LogWriter::create(path, &scenario::to_toml(scenario), scenario.sample_ns())?);
-        Ok(Self { writer, written: None, count: Count::default(), outcome: LogOutcome::default() })
+        let full = scenario.fault.iter().filter(|fault| fault.kind == FaultKind::DiskFull);
+        let full_from = full.map(|fault| fault.ticks(scenario.sample_s()).start).min();
+        Ok(Self { writer, written: None, count: Count::default(), outcome: LogOutcome::default(), full_from })
     }
 
     /// Writes one message, or counts it as dropped.
     pub fn write(&mut self, record: &Record) {
         self.outcome.dropped += self.count.gap(record).unwrap_or(0);
-        match self.writer.as_mut().map(|writer| writer.write(record)) {
+        let full = self.full_from.is_some_and(|from| record.is_whole() && record.stamp().tick >= from);
+        let write = |writer: &mut LogWriter| {
+            if full { Err(writer.give_up(std::io::Error::from(Errno::NOSPC).into())) } else { writer.write(record) }
+        };
+        match self.writer.as_mut().map(write) {
             Some(Ok(())) => {
                 self.outcome.records += 1;
                 self.written = Some(Instant::now());

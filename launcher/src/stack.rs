@@ -22,7 +22,7 @@ use contract::domain::Hold;
 use contract::guard::Refusal;
 use contract::port::{Bus, Services, config_toml};
 use contract::process::Seat;
-use contract::realtime::{Board, phase};
+use contract::realtime::{Board, phase, tell_of_bus_errors};
 use contract::topic::Topic;
 use rustix::process::Signal;
 
@@ -83,6 +83,7 @@ impl Stack {
         log: Option<&Path>,
         interrupts: &AtomicU32,
     ) -> anyhow::Result<Self> {
+        tell_of_bus_errors();
         let hold = Hold::take(namespace)?;
         let domain = &hold.domain;
         let shm = |what| move || format!("cannot write {what} in shared memory");
@@ -134,10 +135,10 @@ impl Stack {
             if interrupts.load(Ordering::Relaxed) > 0 {
                 break Ended::Interrupted;
             }
+            self.host.look(plant_tick(&self.board), &self.children);
             if let Some(ended) = self.supervise() {
                 break ended;
             }
-            self.host.look(plant_tick(&self.board), &self.children);
             tick();
             self.children.sleep();
         };

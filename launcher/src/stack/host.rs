@@ -19,7 +19,7 @@ use serde_json::json;
 
 use super::children::{Children, wait};
 use super::files::{Files, Loss};
-use crate::intruder::{LET_IN, REFUSED};
+use crate::intruder::{LET_IN, REFUSED, SENT};
 
 /// How long an intruder may take to leave at the end of the run.
 const LEAVE_LIMIT: Duration = Duration::from_secs(1);
@@ -172,7 +172,7 @@ impl Host {
         let what = match last {
             word if word.starts_with(REFUSED) => Incident::IntruderRefused,
             word if word.starts_with(LET_IN) => Incident::IntruderLetIn,
-            word if word.starts_with("sent ") => Incident::IntruderSpoke,
+            word if word.starts_with(SENT) => Incident::IntruderSpoke,
             _ => Incident::IntruderFailed,
         };
         self.events.push(HostEvent { tick, what, detail: format!("{}: {last}", intruder.who) });
