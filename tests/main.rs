@@ -6,6 +6,7 @@ mod deadlines;
 mod faults;
 mod fuzz;
 mod harness;
+mod isolation;
 mod lockstep;
 mod measure;
 mod paper;

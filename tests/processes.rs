@@ -7,7 +7,7 @@ use std::process::Command;
 use crate::harness::{Flight, fly, launcher, namespace, shared_memory_of, wait_until};
 
 /// Numbers of the processes whose command line names `namespace`.
-fn processes_of(namespace: &str) -> Vec<i32> {
+pub fn processes_of(namespace: &str) -> Vec<i32> {
     let all = std::fs::read_dir("/proc").expect("/proc can be listed");
     all.flatten()
         .filter_map(|entry| entry.file_name().to_str()?.parse().ok())
@@ -29,13 +29,13 @@ fn runs(pid: i32, node: &str) -> bool {
     line.split('\0').any(|word| word == node)
 }
 
-fn kill(signal: &str, pids: &[i32]) {
+pub fn kill(signal: &str, pids: &[i32]) {
     for pid in pids {
         let _ = Command::new("kill").args([signal, &pid.to_string()]).stderr(std::process::Stdio::null()).status();
     }
 }
 
-fn start_flying(namespace: &str) -> Flight {
+pub fn start_flying(namespace: &str) -> Flight {
     let flight = Flight::start(namespace, &["--mode", "realtime"]);
     wait_until("the stack flies", || {
         let status = launcher().args(["status", "--json"]).output().expect("status runs");

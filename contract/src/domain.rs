@@ -9,12 +9,14 @@
 //! /dev/shm/trefoil.<namespace>.<pid>.<start>.*    iceoryx2's segments, by prefix
 //! ```
 //!
+//! All of it is its user's alone: folders 0700, files 0600. A folder of such a name that another user made is passed over.
+//!
 //! `<pid>` and `<start>` (the kernel's start time) name the launcher's process beyond reuse of the number. A launcher
 //! that was killed wipes nothing; the next one, of any namespace, wipes what dead launchers left.
 
 use std::fs::{self, File, OpenOptions};
 use std::io;
-use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -35,6 +37,11 @@ pub enum DomainError {
     /// Nobody flies there.
     #[error("no stack runs in namespace '{0}'; `launcher status` lists those that do")]
     NotRunning(String),
+    /// Somebody else flies there.
+    #[error(
+        "the stack in namespace '{0}' is another user's, and a stack is for its own user only; fly under another --namespace"
+    )]
+    NotYours(String),
     /// A name that cannot stand in a file name.
     #[error("'{0}' cannot be a namespace: use 1 to 40 letters, digits, '-' or '_'")]
     BadName(String),
@@ -68,16 +75,25 @@ impl Domain {
     /// The live domain of `namespace`.
     pub fn find(namespace: &str) -> Result<Self, DomainError> {
         check_name(namespace)?;
-        Self::list()
-            .into_iter()
-            .find(|d| d.namespace() == namespace)
-            .ok_or_else(|| DomainError::NotRunning(namespace.into()))
+        let named = Self::of_anybody().into_iter().filter(|domain| domain.namespace() == namespace);
+        let (own, others): (Vec<_>, Vec<_>) = named.partition(Self::is_own);
+        let none = if others.is_empty() { DomainError::NotRunning } else { DomainError::NotYours };
+        own.into_iter().next().ok_or_else(|| none(namespace.into()))
     }
 
-    /// All domains whose launcher is alive.
+    /// All domains of this user whose launcher is alive.
     pub fn list() -> Vec<Self> {
+        Self::of_anybody().into_iter().filter(Self::is_own).collect()
+    }
+
+    fn of_anybody() -> Vec<Self> {
         let folders = entries().into_iter().filter(|path| path.is_dir());
         folders.filter(|path| Owner::of(path).is_some_and(|o| o.alive())).map(|folder| Self { folder }).collect()
+    }
+
+    /// Whether this user made it: anybody can make a folder of such a name.
+    fn is_own(&self) -> bool {
+        fs::symlink_metadata(&self.folder).is_ok_and(|m| m.uid() == rustix::process::geteuid().as_raw())
     }
 
     /// The namespace.
@@ -93,6 +109,16 @@ impl Domain {
     /// Prefix of this run's segments in `/dev/shm`.
     pub fn prefix(&self) -> String {
         format!("{}.", file_name(&self.folder))
+    }
+
+    /// Every file that the run has in shared memory now, and its length \[bytes\]; of iceoryx2's root only the services.
+    pub fn files(&self) -> Vec<(PathBuf, u64)> {
+        let prefix = self.prefix();
+        let segments = entries().into_iter().filter(|path| file_name(path).starts_with(&prefix));
+        let own = [self.folder.clone(), self.file("iox/services")];
+        let own = own.iter().flat_map(|folder| fs::read_dir(folder).into_iter().flatten().flatten()).map(|e| e.path());
+        let length = |path: PathBuf| fs::metadata(&path).ok().filter(fs::Metadata::is_file).map(|m| (path, m.len()));
+        segments.chain(own).filter_map(length).collect()
     }
 
     /// A file of the run's folder.
@@ -125,6 +151,15 @@ impl Hold {
         let made = fs::DirBuilder::new().mode(0o700).create(&folder);
         made.map_err(|source| DomainError::Io { path: folder.clone(), source })?;
         Ok(Self { domain: Domain { folder }, lock, _lock_file: lock_file })
+    }
+
+    /// Takes from other users what they may do with the files that are there: iceoryx2 makes one that anybody can write.
+    pub fn tighten(&self) -> Result<(), DomainError> {
+        self.domain.files().into_iter().try_for_each(|(path, _)| {
+            let mode = fs::metadata(&path).map(|m| m.mode() & 0o700);
+            let done = mode.and_then(|mode| fs::set_permissions(&path, fs::Permissions::from_mode(mode)));
+            done.map_err(|source| DomainError::Io { path, source })
+        })
     }
 }
 

@@ -1,17 +1,18 @@
 //! The guard: which of the messages that come in are taken for true.
 //!
 //! ```text
-//! layout -> epoch -> order -> age -> range -> checksum -> newest
-//!   |         |        |       |       |         |
-//!   port      |        |       |       |         bits fell over on the way
-//!   refuses   |        |       |       not finite, or beyond anything that flies
-//!             |        |       not later than what is known already
-//!             |        came before, or twice
-//!             not from the process that holds the office
+//! layout -> epoch -> publisher -> order -> age -> range -> checksum -> newest
+//!   |         |        |            |       |       |         |
+//!   port      |        inlet        |       |       |         bits fell over on the way
+//!   refuses   |        refuses      |       |       not finite, or beyond anything that flies
+//!             |                     |       not later than what is known already
+//!             |                     came before, or twice
+//!             not from the incarnation that holds the office
 //! ```
 //!
-//! The layout is compared when a port is opened ([`crate::port`]). What is refused is counted by cause, and leaves no
-//! other trace: to its receiver a bad message is a missing one.
+//! The layout is compared when a port is opened ([`crate::port`]), the publisher where a message comes in
+//! ([`crate::inlet`]): in process there are none. What is refused is counted by cause, and leaves no other trace: to its
+//! receiver a bad message is a missing one.
 
 use crate::message::Message;
 
@@ -21,24 +22,27 @@ use crate::message::Message;
 pub enum Refusal {
     /// From another incarnation than the one in office.
     Epoch = 0,
+    /// It says that it is from the one in office, but came through the port of another process.
+    Publisher = 1,
     /// Its number is not later than that of the newest from the same publisher.
-    Order = 1,
+    Order = 2,
     /// Its sample is not later than the newest.
-    Age = 2,
+    Age = 3,
     /// A number is not finite, or out of all proportion.
-    Range = 3,
+    Range = 4,
     /// The checksum does not fit.
-    Checksum = 4,
+    Checksum = 5,
 }
 
 impl Refusal {
     /// All of them, in the order in which they are looked for.
-    pub const ALL: [Self; 5] = [Self::Epoch, Self::Order, Self::Age, Self::Range, Self::Checksum];
+    pub const ALL: [Self; 6] = [Self::Epoch, Self::Publisher, Self::Order, Self::Age, Self::Range, Self::Checksum];
 
     /// For people and run.json.
     pub fn name(self) -> &'static str {
         match self {
             Self::Epoch => "epoch",
+            Self::Publisher => "publisher",
             Self::Order => "order",
             Self::Age => "age",
             Self::Range => "range",

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::Topic;
-use crate::guard::Guard;
+use crate::guard::{Guard, Refusal};
 use crate::message::Message;
 use crate::port::Receive;
 use crate::realtime::{Board, now_ns, phase};
@@ -56,13 +56,16 @@ impl<M: Message> Inlet<M> {
             return false;
         }
         self.seen = rung;
-        let holder = self.board.office(M::TOPIC).holder();
+        let office = self.board.office(M::TOPIC);
+        let holder = office.holder();
         let mut taken = false;
-        while let Some(message) = self.port.receive() {
+        while let Some((message, port)) = self.port.receive() {
             if message.stamp().unheard != unheard::HEARD {
                 continue;
             }
-            match self.guard.take(&message, holder) {
+            let posing = message.stamp().epoch == u64::from(holder) && office.port(holder) != port;
+            let judged = if posing { Err(Refusal::Publisher) } else { self.guard.take(&message, holder) };
+            match judged {
                 Ok(()) => taken = true,
                 Err(refusal) => self.board.office(self.listener).refused[refusal as usize].count(),
             }

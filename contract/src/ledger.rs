@@ -127,6 +127,7 @@ fn unpack(words: &[u64; WORDS]) -> Option<(usize, Fault)> {
         for_s: given(FOR_S),
         target,
         kind,
+        process: None,
         ms: given(4),
         value: given(5),
         vector: given(6).zip(given(7)).zip(given(8)).map(|((north, east), down)| [north, east, down]),
@@ -161,7 +162,7 @@ mod tests {
             count in prop::option::of(1u64..),
             how in prop::option::of(prop::sample::select(vec![Wrong::Bias, Wrong::Scale, Wrong::Sign])),
         ) -> Fault {
-            Fault { at_s, for_s, target, kind: *kind.get(target.kinds()), ms, value, vector, probability, count, how }
+            Fault { at_s, for_s, target, kind: *kind.get(target.kinds()), process: None, ms, value, vector, probability, count, how }
         }
     }
 

@@ -15,6 +15,7 @@
 //! | [`turn`] | when a node is to answer to which sample |
 //! | [`guard`], [`integrity`] | which messages are taken for true |
 //! | [`link`] | what faults do to messages on their way |
+//! | [`skew`] | what a fault does to the clock of one process |
 //! | [`office`], [`plan`] | which process speaks for a node |
 //! | [`ledger`], [`roll`] | faults given while flying, and who suffers which |
 //! | [`domain`] | what a run owns in shared memory, by namespace |
@@ -39,6 +40,7 @@ pub mod realtime;
 pub mod rehearsal;
 pub mod roll;
 pub mod scenario;
+pub mod skew;
 pub mod snapshot;
 pub mod stamp;
 pub mod topic;

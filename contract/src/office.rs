@@ -8,6 +8,10 @@
 //!               \---------------->/          heir      takes over when the next tick begins; a shadow changes places
 //! ```
 //!
+//! Who is started finds a place offered to it, and takes it by naming the port through which it will speak
+//! ([`Office::claim`]). One process gets it: a second one of the same epoch is turned away, and one that speaks without
+//! a place is refused wherever it is heard.
+//!
 //! Against the clock the launcher names the heir, and the plant lets it in between two ticks ([`Office::turn_over`]), so
 //! that a tick has one holder. In lockstep the launcher makes the appointments itself, while the plant waits for them.
 //! Everything is an atomic word of the shared board.
@@ -16,6 +20,11 @@ use std::sync::atomic::{AtomicU32, AtomicU64, Ordering, fence};
 
 use crate::guard::Refusal;
 use crate::snapshot::{SNAPSHOT_WORDS, Snapshot};
+
+/// Epochs whose ports are known: a recorder may be behind by some of them.
+const VOICES: usize = 64;
+/// A place that is offered.
+const VACANT: u64 = 1;
 
 /// The office of one node.
 #[repr(C, align(64))]
@@ -32,6 +41,8 @@ pub struct Office {
     done: [Word; 2],
     /// What the holder remembers after its newest tick.
     pub memory: Cell,
+    /// The place of each of the newest epochs: not offered (0), vacant, or the port that its process speaks through.
+    voices: [AtomicU64; VOICES],
     /// Messages that the node has refused, by cause: see [`crate::guard::Refusal`].
     pub refused: [Word; Refusal::ALL.len()],
 }
@@ -102,6 +113,30 @@ impl Office {
     /// The first tick of `epoch` since it was let in.
     pub fn since(&self, epoch: u32) -> &Word {
         &self.since[epoch as usize % 2]
+    }
+
+    /// Offers the place of `epoch` to the process that is about to be started for it; the launcher's part.
+    pub fn offer(&self, epoch: u32) {
+        self.voice(epoch).store(VACANT, Ordering::Release);
+    }
+
+    /// Takes the place of `epoch` for the process that speaks through `port`; false when it is not to be had.
+    pub fn claim(&self, epoch: u32, port: u64) -> bool {
+        self.voice(epoch).compare_exchange(VACANT, port, Ordering::AcqRel, Ordering::Relaxed).is_ok()
+    }
+
+    /// The port that the process speaks through that has the place of `epoch`; no port's number if nobody has it.
+    pub fn port(&self, epoch: u32) -> u64 {
+        self.voice(epoch).load(Ordering::Acquire)
+    }
+
+    /// Whether anybody who has or had a place speaks through `port`.
+    pub fn knows(&self, port: u64) -> bool {
+        self.voices.iter().any(|voice| voice.load(Ordering::Acquire) == port)
+    }
+
+    fn voice(&self, epoch: u32) -> &AtomicU64 {
+        &self.voices[epoch as usize % VOICES]
     }
 
     /// Lets the heir in, if one is named, for the tick that begins; one that was the shadow changes places.
@@ -186,8 +221,21 @@ mod tests {
                 written: AtomicU64::new(0),
                 copies: std::array::from_fn(|_| std::array::from_fn(|_| AtomicU64::new(0))),
             },
+            voices: std::array::from_fn(|_| AtomicU64::new(0)),
             refused: std::array::from_fn(|_| word()),
         })
+    }
+
+    #[test]
+    fn a_place_that_is_offered_goes_to_one_process() {
+        let office = office();
+        assert!(!office.claim(1, 71), "nobody was asked for");
+        office.offer(1);
+        assert!(!office.claim(2, 72), "it is another's");
+        assert!(office.claim(1, 71));
+        assert!(!office.claim(1, 72), "it is taken");
+        assert!(office.port(1) == 71);
+        assert!(office.knows(71) && !office.knows(72));
     }
 
     #[test]

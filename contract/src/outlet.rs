@@ -12,6 +12,7 @@ use crate::port::Send;
 use crate::realtime::{Board, now_ns};
 use crate::roll::Roll;
 use crate::scenario::{Fault, FaultKind, Late, Mode, Scenario};
+use crate::skew::Skew;
 use crate::stamp::unheard;
 
 /// Where a node speaks on one topic.
@@ -22,6 +23,7 @@ pub struct Outlet<M> {
     link: Link<M>,
     slow: Slowness,
     news: News,
+    skew: Skew,
     clocked: bool,
     epoch: u32,
     sequence: u64,
@@ -44,6 +46,7 @@ impl<M: Message> Outlet<M> {
             punctuality,
             link: Link::new(scenario),
             slow: Slowness::new(scenario, M::TOPIC),
+            skew: Skew::new(scenario, M::TOPIC),
             clocked: scenario.run.mode == Mode::Realtime,
             epoch,
             sequence: 0,
@@ -65,7 +68,7 @@ impl<M: Message> Outlet<M> {
         } else {
             lineage.held_ns += held_ns;
         }
-        let publish_ns = now_ns();
+        let publish_ns = self.skew.read_ns(tick, now_ns());
         self.punctuality.open.set(true);
         let late = self.punctuality.late(tick, lineage.sample_ns, publish_ns);
         match late {
@@ -81,6 +84,7 @@ impl<M: Message> Outlet<M> {
         let heard = self.board.office(M::TOPIC).holder() == self.epoch;
         stamp.unheard = if heard { unheard::HEARD } else { unheard::SHADOW };
         self.punctuality.report(stamp);
+        stamp.start_ns = self.skew.read_ns(tick, stamp.start_ns);
         self.link.pass(tick, &message.sealed(), |message| _ = self.port.send(message));
         let bell = self.board.bell(M::TOPIC);
         if self.clocked {

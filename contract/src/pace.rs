@@ -78,7 +78,9 @@ impl Pace {
     pub fn sample(&self, tick: u64) -> Option<Stamp> {
         let sample_ns = match &self.kind {
             Kind::Clock { t0_ns } => {
-                OTHERS.iter().for_each(|topic| self.board.office(*topic).turn_over(tick as u32));
+                for topic in OTHERS {
+                    self.board.office(topic).turn_over(tick as u32);
+                }
                 t0_ns + tick * self.period_ns
             }
             Kind::Ring(plan) => {

@@ -8,18 +8,22 @@
 
 use std::path::Path;
 use std::rc::Rc;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Marks a type that may travel: fixed layout, no pointers.
 pub use iceoryx2::prelude::ZeroCopySend;
 
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::port::{DegradationAction, DegradationInfo};
 use iceoryx2::prelude::{PortFactory as _, *};
 use iceoryx2::service::attribute::{AttributeKey, AttributeValue};
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
 use crate::Topic;
 use crate::domain::Domain;
+use crate::integrity::checksum;
 use crate::message::{Actuators, Controls, Message, Reference, State};
 use crate::rehearsal::Rehearse;
 
@@ -44,6 +48,12 @@ pub enum PortError {
         /// What iceoryx2 said.
         reason: String,
     },
+    /// Who speaks there cannot be heard.
+    #[error("topic '{topic}': its publisher cannot be heard, for its files in shared memory are gone; fly again")]
+    Deaf {
+        /// Which topic.
+        topic: &'static str,
+    },
     /// The domain itself.
     #[error("shared memory of this run: {0}")]
     Domain(String),
@@ -53,12 +63,14 @@ pub enum PortError {
 pub trait Send<M>: Rehearse {
     /// Hands `message` to every subscriber; the number of those, 0 when it could not be sent.
     fn send(&self, message: &M) -> usize;
+    /// The number of this port, which no other one has, and which every message carries that goes through it.
+    fn number(&self) -> u64;
 }
 
 /// Receives one kind of message.
 pub trait Receive<M> {
-    /// The oldest message not yet seen, if any.
-    fn receive(&self) -> Option<M>;
+    /// The oldest message not yet seen, if any, and the number of the port that it was sent through.
+    fn receive(&self) -> Option<(M, u64)>;
 }
 
 /// A process's attachment to a domain.
@@ -107,9 +119,15 @@ impl Bus {
         M::sender(&self.node)
     }
 
-    /// Opens the receiving side of `M`'s topic with a queue of `depth`.
-    pub fn receiver<M: Wire>(&self, depth: usize) -> Result<Box<dyn Receive<M>>, PortError> {
-        M::receiver(&self.node, depth)
+    /// Tries to open `M`'s topic as a process that was built when messages were laid out otherwise: to be refused.
+    pub fn open_as_another_version<M: Wire>(&self) -> Result<(), PortError> {
+        M::open_as_another_version(&self.node)
+    }
+
+    /// Opens the receiving side of `M`'s topic with a queue of `depth`; refused if it cannot hear the port number
+    /// `speaker` (0 = nobody in particular), as when the segments of that one have been removed.
+    pub fn receiver<M: Wire>(&self, depth: usize, speaker: u64) -> Result<Box<dyn Receive<M>>, PortError> {
+        M::receiver(&self.node, depth, speaker)
     }
 }
 
@@ -126,6 +144,13 @@ impl Services {
     }
 }
 
+/// Numbers of the processes that made a segment, read from its name: those of its ports end in time, process and count.
+pub fn makers(segment: &str) -> impl Iterator<Item = u32> {
+    // Everything else that stands between dots and underscores is shorter, or no number.
+    let numbers = segment.split(['.', '_']).filter(|part| part.len() > 20).filter_map(|part| part.parse::<u128>().ok());
+    numbers.map(|id| (id >> 64) as u32)
+}
+
 /// The text of an iceoryx2 configuration file for `domain`, with which its own tools can attach.
 pub fn config_toml(domain: &Domain) -> String {
     format!("[global]\nroot-path = \"{}\"\nprefix = \"{}\"\n", domain.file("iox").display(), domain.prefix())
@@ -136,20 +161,38 @@ pub trait Wire: Message {
     #[doc(hidden)]
     fn sender(node: &Node<ipc::Service>) -> Result<Rc<dyn Send<Self>>, PortError>;
     #[doc(hidden)]
-    fn receiver(node: &Node<ipc::Service>, depth: usize) -> Result<Box<dyn Receive<Self>>, PortError>;
+    fn receiver(node: &Node<ipc::Service>, depth: usize, speaker: u64) -> Result<Box<dyn Receive<Self>>, PortError>;
+    #[doc(hidden)]
+    fn open_as_another_version(node: &Node<ipc::Service>) -> Result<(), PortError>;
 }
 
 macro_rules! wire {
     ($($name:ident),*) => {$(
         impl Wire for $name {
             fn sender(node: &Node<ipc::Service>) -> Result<Rc<dyn Send<Self>>, PortError> {
-                let port = open::<Self>(node)?.publisher_builder().create().map_err(refused::<Self>)?;
+                let port = open::<Self>(node, &layout::<Self>())?.publisher_builder().create().map_err(refused::<Self>)?;
                 Ok(Rc::new(port))
             }
-            fn receiver(node: &Node<ipc::Service>, depth: usize) -> Result<Box<dyn Receive<Self>>, PortError> {
-                let builder = open::<Self>(node)?;
-                let port = builder.subscriber_builder().buffer_size(depth).create().map_err(refused::<Self>)?;
-                Ok(Box::new(port))
+            fn receiver(
+                node: &Node<ipc::Service>,
+                depth: usize,
+                speaker: u64,
+            ) -> Result<Box<dyn Receive<Self>>, PortError> {
+                let deaf = Arc::new(AtomicBool::new(false));
+                let note = deaf.clone();
+                let failed = move |_, info: &DegradationInfo| {
+                    // Of anybody else it reads as silence, which every receiver judges.
+                    note.fetch_or(numbered(info.sender_port_id) == speaker, Ordering::Relaxed);
+                    DegradationAction::Ignore
+                };
+                let builder = open::<Self>(node, &layout::<Self>())?;
+                let builder = builder.subscriber_builder().buffer_size(depth).set_degradation_handler(failed);
+                let port = builder.create().map_err(refused::<Self>)?;
+                let deaf = deaf.load(Ordering::Relaxed);
+                if deaf { Err(PortError::Deaf { topic: Self::TOPIC.name() }) } else { Ok(Box::new(port)) }
+            }
+            fn open_as_another_version(node: &Node<ipc::Service>) -> Result<(), PortError> {
+                open::<Self>(node, &"0".repeat(16)).map(drop)
             }
         }
     )*};
@@ -160,6 +203,10 @@ impl<M: Message + ZeroCopySend> Send<M> for Publisher<ipc::Service, M, ()> {
     fn send(&self, message: &M) -> usize {
         self.send_copy(*message).unwrap_or(0)
     }
+
+    fn number(&self) -> u64 {
+        numbered(self.id().value())
+    }
 }
 
 impl<M: Message + ZeroCopySend> Rehearse for Publisher<ipc::Service, M, ()> {
@@ -169,15 +216,21 @@ impl<M: Message + ZeroCopySend> Rehearse for Publisher<ipc::Service, M, ()> {
 }
 
 impl<M: Message + ZeroCopySend> Receive<M> for Subscriber<ipc::Service, M, ()> {
-    fn receive(&self) -> Option<M> {
+    fn receive(&self) -> Option<(M, u64)> {
         // A failed connection reads as silence: the age of the data is what every receiver judges.
-        <Subscriber<ipc::Service, M, ()>>::receive(self).ok().flatten().map(|sample| *sample)
+        let sample = <Subscriber<ipc::Service, M, ()>>::receive(self).ok().flatten()?;
+        Some((*sample, numbered(sample.header().publisher_id().value())))
     }
+}
+
+/// A publisher's identity (process, time, count) as one word.
+fn numbered(id: u128) -> u64 {
+    checksum(&[id as u64, (id >> 64) as u64])
 }
 
 fn create<M: Message + ZeroCopySend>(node: &Node<ipc::Service>) -> Result<PortFactory<ipc::Service, M, ()>, PortError> {
     let mut attributes = AttributeSpecifier::new();
-    attributes = attributes.define(&layout_key()?, &layout_value::<M>()?).map_err(refused::<M>)?;
+    attributes = attributes.define(&layout_key()?, &attribute(&layout::<M>())?).map_err(refused::<M>)?;
     node.service_builder(&service_name::<M>()?)
         .publish_subscribe::<M>()
         .enable_safe_overflow(true)
@@ -190,9 +243,12 @@ fn create<M: Message + ZeroCopySend>(node: &Node<ipc::Service>) -> Result<PortFa
         .map_err(refused::<M>)
 }
 
-fn open<M: Message + ZeroCopySend>(node: &Node<ipc::Service>) -> Result<PortFactory<ipc::Service, M, ()>, PortError> {
+fn open<M: Message + ZeroCopySend>(
+    node: &Node<ipc::Service>,
+    layout: &str,
+) -> Result<PortFactory<ipc::Service, M, ()>, PortError> {
     let mut attributes = AttributeVerifier::new();
-    attributes = attributes.require(&layout_key()?, &layout_value::<M>()?).map_err(refused::<M>)?;
+    attributes = attributes.require(&layout_key()?, &attribute(layout)?).map_err(refused::<M>)?;
     node.service_builder(&service_name::<M>()?)
         .publish_subscribe::<M>()
         .open_with_attributes(&attributes)
@@ -227,10 +283,14 @@ fn layout_key() -> Result<AttributeKey, PortError> {
 
 /// iceoryx2 compares name, size and alignment of a type; two layouts of one size would pass. This attribute tells
 /// them apart: a hash of the default message as printed, which shows names, order, nesting, lengths and number kinds.
-fn layout_value<M: Message>() -> Result<AttributeValue, PortError> {
+fn layout<M: Message>() -> String {
     let fnv = |hash: u64, byte: u8| (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
     let hash = format!("{:?}", M::default()).bytes().fold(0xcbf2_9ce4_8422_2325, fnv);
-    AttributeValue::new(format!("{hash:016x}").as_bytes()).map_err(|e| PortError::Domain(format!("{e:?}")))
+    format!("{hash:016x}")
+}
+
+fn attribute(value: &str) -> Result<AttributeValue, PortError> {
+    AttributeValue::new(value.as_bytes()).map_err(|e| PortError::Domain(format!("{e:?}")))
 }
 
 fn refused<M: Message>(error: impl std::fmt::Debug) -> PortError {

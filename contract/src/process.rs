@@ -76,6 +76,16 @@ pub enum SeatError {
         /// When it was due \[ms\].
         deadline_ms: f64,
     },
+    /// No place was offered to this process, or another one has it.
+    #[error(
+        "no place for a {node} of epoch {epoch}: the launcher starts the processes of its run itself, one for each place"
+    )]
+    Taken {
+        /// Which node.
+        node: &'static str,
+        /// Which incarnation.
+        epoch: u32,
+    },
     /// In lockstep the ring did not come round.
     #[error("tick {tick}: the ring stands still: a process of it is stuck, or the scenario takes the plant away")]
     Stuck {
@@ -136,18 +146,23 @@ impl Seat {
     /// Where this node gets `M` from.
     pub fn inlet<M: Wire>(&self) -> Result<Inlet<M>, SeatError> {
         let by_bell = self.scenario.run.mode == Mode::Realtime;
-        Ok(Inlet::new(self.bus.receiver(NODE_DEPTH)?, self.board.clone(), self.topic(), by_bell))
+        let office = self.board.office(M::TOPIC);
+        let port = self.bus.receiver(NODE_DEPTH, office.port(office.holder()))?;
+        Ok(Inlet::new(port, self.board.clone(), self.topic(), by_bell))
     }
 
-    /// Where this node sends `M` to.
+    /// Where this node sends `M` to. With it the process takes its place in the office.
     pub fn outlet<M: Wire>(&self) -> Result<Outlet<M>, SeatError> {
         let port = self.bus.sender()?;
+        if !self.board.office(M::TOPIC).claim(self.epoch, port.number()) {
+            return Err(SeatError::Taken { node: M::TOPIC.publisher(), epoch: self.epoch });
+        }
         Ok(Outlet::new(port, self.board.clone(), self.punctuality.clone(), &self.scenario, self.epoch))
     }
 
     /// A queue deep enough to see every message, for those who watch and record.
     pub fn observer<M: Wire>(&self) -> Result<Box<dyn Receive<M>>, SeatError> {
-        Ok(self.bus.receiver(OBSERVER_DEPTH)?)
+        Ok(self.bus.receiver(OBSERVER_DEPTH, 0)?)
     }
 
     /// Where a node hears of faults that it is given while it flies.
@@ -230,6 +245,7 @@ pub fn run_as(
     own: Option<&Path>,
     run: fn(&Seat) -> Result<(), SeatError>,
 ) -> ExitCode {
+    realtime::tell_of_bus_errors();
     let seat = die_with_launcher(namespace).and_then(|()| Seat::join_with(namespace, name, epoch, own));
     match seat.and_then(|seat| run(&seat).and_then(|()| seat.verdict())) {
         Ok(()) => ExitCode::SUCCESS,

@@ -9,7 +9,7 @@ use contract::scenario;
 
 use crate::measure::Measure;
 use crate::stack::StartError;
-use crate::{control, fly, manage, print, recorder, report, swap, trace};
+use crate::{control, fly, intruder, manage, print, recorder, report, swap, trace};
 
 #[derive(Parser)]
 #[command(name = "launcher", version, about = "Flies a tilt-rotor tricopter through separate real-time processes")]
@@ -73,6 +73,9 @@ enum Command {
         #[arg(long, required_if_eq("name", "recorder"))]
         log: Option<PathBuf>,
     },
+    /// Try to get into a stack as somebody who does not belong there (the launcher starts this as a fault)
+    #[command(hide = true)]
+    Intrude(intruder::IntrudeArgs),
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -97,6 +100,7 @@ pub fn main() -> ExitCode {
         Command::Clear(args) => control::clear(&args).map(|()| exit::FLOWN),
         Command::Stop { namespace } => manage::stop(&namespace).map(|()| exit::FLOWN),
         Command::Measure(what) => what.run(),
+        Command::Intrude(args) => intruder::intrude(&args),
         Command::Node { name, namespace, epoch, settings, log } => {
             return node(name, &namespace, epoch, settings.as_deref(), log);
         }

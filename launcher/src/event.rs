@@ -62,6 +62,18 @@ pub enum What {
     Injected,
     /// A fault of it was ended.
     Cleared,
+    /// A file of a process that lives is gone from shared memory.
+    ShmRemoved,
+    /// A file of a process that lives was cut short.
+    ShmCutShort,
+    /// An intruder could not get in.
+    IntruderRefused,
+    /// An intruder got in.
+    IntruderLetIn,
+    /// An intruder has spoken.
+    IntruderSpoke,
+    /// An intruder could not try.
+    IntruderFailed,
 }
 
 impl Event {
@@ -171,7 +183,7 @@ mod tests {
     #[test]
     fn a_pipe_that_nobody_reads_takes_no_half_lines() {
         let (speaks, mut hearing) = ends();
-        let longest = event(7).because(&"\u{1}".repeat(9999));
+        let longest = event(7).because("\u{1}".repeat(9999));
         let sent = (0..1000).take_while(|_| send(&speaks, &longest)).count();
         assert!((10..1000).contains(&sent), "full after {sent}");
         assert_eq!(heard(&mut hearing), vec![longest.clone(); sent]);

@@ -19,6 +19,8 @@
 //! | actuator | the ticks of its time | ACTUATORS | the flight is terminated |
 //! | wind, payload | the ticks of its time | | |
 //! | mpc | the ticks of its time | CONTROLS | no optimum |
+//! | clock, host | the ticks of its time | | |
+//! | an intruder on a topic | the ticks of its time | those of the topic | the same |
 //!
 //! A process is back when somebody speaks in its place: its recovery is counted from the detection, all others from the
 //! end of the fault.
@@ -155,7 +157,7 @@ impl Watched {
     }
 
     fn injected(&self) -> Option<u64> {
-        if self.fault.target.topic().is_some() {
+        if self.fault.target.topic().is_some() && !self.fault.kind.is_intrusion() {
             return self.marked.map(|(first, _)| first);
         }
         let ticks = self.ticks();

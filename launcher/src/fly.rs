@@ -143,7 +143,9 @@ fn fly_inprocess(
     let wall_s = started.elapsed().as_secs_f64();
     let inprocess::Flown { ended, events, refused } = flown;
     let log = log.map(|mut log| {
-        events.iter().for_each(|event| log.event(event));
+        for event in &events {
+            log.event(event);
+        }
         log.finish()
     });
     let ended = if interrupts.load(Ordering::Relaxed) > 0 { Ended::Interrupted } else { ended };

@@ -9,6 +9,7 @@
 //! | [`event`] | what happens to processes, and how the recorder hears of it |
 //! | [`succession`] | who works for each node when time follows the script, and the trial of newcomers |
 //! | `supervisor` | who works for each node against the clock |
+//! | `intruder` | a process that does not belong to a run, as a fault |
 //! | [`recorder`] | the fifth process: every message to `flight.mcap` |
 //! | [`log`] | the flight log's format |
 //! | [`summary`], [`timing`] | what a flight amounts to: metrics, state hash, punctuality |
@@ -27,6 +28,7 @@ pub mod event;
 pub mod faults;
 pub mod fly;
 pub mod inprocess;
+mod intruder;
 pub mod log;
 pub mod manage;
 pub mod measure;

@@ -6,13 +6,15 @@
 
 use std::path::Path;
 use std::process::ExitCode;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use contract::message::{Actuators, Controls, Reference, State};
 use contract::port::{Receive, Wire};
 use contract::process::{Seat, SeatError, die_with_launcher, exit};
-use contract::realtime::phase;
-use contract::scenario::{self, Scenario};
+use contract::realtime::{Board, phase};
+use contract::scenario::{self, FaultKind, Scenario};
+use rustix::io::Errno;
 use serde::{Deserialize, Serialize};
 
 use crate::event::{Event, Hearing};
@@ -34,6 +36,7 @@ pub struct LogOutcome {
 
 /// The four topics as one stream of records.
 pub struct Observers {
+    board: Arc<Board>,
     states: Box<dyn Receive<State>>,
     references: Box<dyn Receive<Reference>>,
     controls: Box<dyn Receive<Controls>>,
@@ -44,6 +47,7 @@ impl Observers {
     /// Joins all four topics.
     pub fn join(seat: &Seat) -> Result<Self, SeatError> {
         Ok(Self {
+            board: seat.board.clone(),
             states: seat.observer()?,
             references: seat.observer()?,
             controls: seat.observer()?,
@@ -51,15 +55,18 @@ impl Observers {
         })
     }
 
-    /// Empties the queues into `each`, every topic in its own order; how many there were.
+    /// Empties the queues into `each`, every topic in its own order; how many there were. What comes from a process that
+    /// has no place in the run is no part of the flight.
     pub fn drain(&self, mut each: impl FnMut(Record)) -> usize {
-        fn one<M: Wire + Into<Record>>(port: &dyn Receive<M>, each: &mut impl FnMut(Record)) -> usize {
-            std::iter::from_fn(|| port.receive()).map(|message| each(message.into())).count()
+        fn one<M: Wire + Into<Record>>(board: &Board, port: &dyn Receive<M>, each: &mut impl FnMut(Record)) -> usize {
+            let office = board.office(M::TOPIC);
+            let received = std::iter::from_fn(|| port.receive()).filter(|(_, port)| office.knows(*port));
+            received.map(|(message, _)| each(message.into())).count()
         }
-        one(&*self.states, &mut each)
-            + one(&*self.references, &mut each)
-            + one(&*self.controls, &mut each)
-            + one(&*self.actuators, &mut each)
+        one(&self.board, &*self.states, &mut each)
+            + one(&self.board, &*self.references, &mut each)
+            + one(&self.board, &*self.controls, &mut each)
+            + one(&self.board, &*self.actuators, &mut each)
     }
 }
 
@@ -118,20 +125,28 @@ pub struct Log {
     written: Option<Instant>,
     count: Count,
     outcome: LogOutcome,
+    /// From this tick on there is no space left, as a fault of the scenario wants it.
+    full_from: Option<u64>,
 }
 
 impl Log {
     /// Begins the file.
     pub fn create(path: &Path, scenario: &Scenario) -> anyhow::Result<Self> {
         let writer = Some(LogWriter::create(path, &scenario::to_toml(scenario), scenario.sample_ns())?);
-        Ok(Self { writer, written: None, count: Count::default(), outcome: LogOutcome::default() })
+        let full = scenario.fault.iter().filter(|fault| fault.kind == FaultKind::DiskFull);
+        let full_from = full.map(|fault| fault.ticks(scenario.sample_s()).start).min();
+        Ok(Self { writer, written: None, count: Count::default(), outcome: LogOutcome::default(), full_from })
     }
 
     /// Writes one message, or counts it as dropped.
     pub fn write(&mut self, record: &Record) {
         let missed = self.count.gap(record).unwrap_or(0);
         self.outcome.dropped = self.outcome.dropped.saturating_add(missed);
-        let written = self.writer.as_mut().map(|writer| writer.write(record));
+        let full = self.full_from.is_some_and(|from| record.is_whole() && record.stamp().tick >= from);
+        let write = |writer: &mut LogWriter| {
+            if full { Err(writer.give_up(std::io::Error::from(Errno::NOSPC).into())) } else { writer.write(record) }
+        };
+        let written = self.writer.as_mut().map(write);
         self.note(written);
     }
 

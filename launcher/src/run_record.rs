@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use crate::event::{Event, What};
 use crate::faults::name;
 use crate::recorder::LogOutcome;
-use crate::stack::Ended;
+use crate::stack::{Ended, Refused};
 use crate::summary::{Metrics, Summary};
 
 /// What is known of a run besides its messages.
@@ -25,7 +25,7 @@ pub struct Circumstances {
     /// What happened.
     pub events: Vec<Event>,
     /// Messages refused, by listener and cause.
-    pub refused: Vec<(&'static str, [u32; 5])>,
+    pub refused: Refused,
 }
 
 /// Exit code of a run: the gravest of what happened.
@@ -96,7 +96,7 @@ pub fn events(scenario: &Scenario, events: &[Event]) -> Value {
 }
 
 /// Refused messages by cause.
-pub fn refused(counts: &[u32; 5]) -> Value {
+pub fn refused(counts: &[u32; Refusal::ALL.len()]) -> Value {
     Refusal::ALL.iter().zip(counts).map(|(refusal, count)| (refusal.name().to_owned(), json!(count))).collect()
 }
 

@@ -10,6 +10,8 @@ mod answer;
 mod archive;
 mod children;
 mod end;
+mod files;
+mod host;
 mod live;
 mod regime;
 mod script;
@@ -26,13 +28,14 @@ use contract::guard::Refusal;
 use contract::office::Staff;
 use contract::port::{Bus, Services, config_toml};
 use contract::process::Seat;
-use contract::realtime::{Board, phase};
+use contract::realtime::{Board, phase, tell_of_bus_errors};
 use contract::scenario::Fault;
 use contract::topic::Topic;
 
-use children::{Birth, Children, wait};
+use children::{Children, wait};
 use end::Departure;
 pub use end::{Ended, StartError};
+use host::Host;
 
 use crate::control::Server;
 use crate::event::Event;
@@ -41,6 +44,8 @@ use crate::provenance::{Scheduling, scheduling_of};
 use crate::recorder::{LogOutcome, Observers};
 use archive::{Archive, RECORDER};
 use regime::Regime;
+
+use crate::supervisor::plant_tick;
 
 /// How long children may take to join, and nodes to leave.
 const JOIN_LIMIT: Duration = Duration::from_secs(10);
@@ -74,6 +79,7 @@ pub struct Stack {
     children: Children,
     regime: Regime,
     archive: Option<Archive>,
+    host: Host,
     board: std::sync::Arc<Board>,
     observers: Observers,
     /// As it is by now: with what was ordered while it flies.
@@ -95,6 +101,7 @@ impl Stack {
         log: Option<&Path>,
         interrupts: &AtomicU32,
     ) -> anyhow::Result<Self> {
+        tell_of_bus_errors();
         let hold = Hold::take(namespace)?;
         let domain = &hold.domain;
         let shm = |what| move || format!("cannot write {what} in shared memory");
@@ -104,12 +111,15 @@ impl Stack {
         Board::create(&domain.file("board")).with_context(shm("the board"))?;
         let bus = Bus::attach(domain)?;
         let services = bus.create_services()?;
+        hold.tighten()?;
         let seat = Seat::join(namespace, "launcher", 1)?;
         let observers = Observers::join(&seat)?;
+        let host = Host::new(domain.clone(), scenario)?;
         let mut stack = Self {
             children: Children::new(domain.clone()),
             regime: Regime::new(scenario),
             archive: log.map(Archive::new),
+            host,
             board: seat.board,
             observers,
             scenario: scenario.clone(),
@@ -121,8 +131,7 @@ impl Stack {
         };
         for topic in Topic::ALL {
             stack.board.office(topic).appoint(0, |_| Staff { holder: 1, shadow: 0 });
-            let name = topic.publisher();
-            stack.children.spawn(&Birth { name, topic: Some(topic), epoch: 1, ..Birth::default() })?;
+            stack.start_node(topic, 1, None)?;
         }
         stack.start_recorder()?;
         stack.wait_until_joined(1 + usize::from(log.is_some()), interrupts)?;
@@ -151,6 +160,8 @@ impl Stack {
             if interrupts.load(Ordering::Relaxed) > 0 {
                 break Ended::Interrupted;
             }
+            let events = self.host.look(plant_tick(&self.board), &self.children);
+            self.regime.events().extend(events);
             if let Some(ended) = self.supervise(question) {
                 break ended;
             }
@@ -162,6 +173,8 @@ impl Stack {
         let given_up = self.regime.given_up();
         let wall = started.elapsed();
         let (lost, log) = self.stop(interrupts, &mut watch);
+        let events = self.host.finish(plant_tick(&self.board), interrupts);
+        self.regime.events().extend(events);
         // A node that fails while leaving has still failed.
         let ended = match (ended, lost.or(given_up.map(str::to_owned))) {
             (Ended::Lost(name), Some(other)) if name != other => Ended::Lost(format!("{name}; {other}")),

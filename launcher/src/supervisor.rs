@@ -10,6 +10,7 @@
 //! work. Who is started continues from its predecessor's memory. Nobody can take the plant's place: without it the flight
 //! ends. A node that is given up leaves the vehicle to the reactions of the others, which bring it down.
 
+mod newcomer;
 mod node;
 mod progress;
 mod strike;

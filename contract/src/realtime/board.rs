@@ -9,6 +9,7 @@
 use std::fs::OpenOptions;
 use std::io;
 use std::num::NonZeroU32;
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::Path;
 use std::ptr::NonNull;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
@@ -106,7 +107,7 @@ pub struct Board {
 impl Board {
     /// Makes the page as a new file; the launcher does this once per run.
     pub fn create(path: &Path) -> io::Result<Self> {
-        let file = OpenOptions::new().read(true).write(true).create_new(true).open(path)?;
+        let file = OpenOptions::new().read(true).write(true).create_new(true).mode(0o600).open(path)?;
         file.set_len(PAGE_BYTES as u64)?;
         let board = Self::map(&file)?;
         board.page().magic.store(MAGIC, Ordering::Release);

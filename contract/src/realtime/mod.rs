@@ -1,11 +1,12 @@
 //! What a process asks of the kernel: time, priority, locked memory, one shared page.
 //!
-//! This is the only module with `unsafe`: two calls that rustix does not offer in safe form, each with its argument.
+//! This is the only module with `unsafe`: calls that rustix does not offer in safe form, each with its argument.
 //! Everything here is optional for a flight: without privilege the stack runs as `SCHED_OTHER` and says so.
 
-#![expect(unsafe_code, reason = "sched_setscheduler and mmap; the only unsafe of the stack")]
+#![expect(unsafe_code, reason = "sched_setscheduler, mmap and sigaction; the only unsafe of the stack")]
 
 mod board;
+mod bus_error;
 mod clock;
 
 use std::num::NonZeroU64;
@@ -15,6 +16,7 @@ use rustix::process::{Resource, Rlimit};
 use rustix::thread::CpuSet;
 
 pub use board::{Bell, Board, phase};
+pub use bus_error::tell_of_bus_errors;
 pub use clock::{now_ns, thread_cpu_ns, timed};
 
 use crate::scenario::{Policy, Scheduling};
@@ -34,10 +36,13 @@ pub fn enter(wanted: &Scheduling) {
         // Fails only on kernels without the call; the flight then has 50 us more jitter.
         let _ = rustix::thread::set_current_timer_slack(NonZeroU64::new(1));
     }
-    let flags = MlockAllFlags::CURRENT | MlockAllFlags::FUTURE;
     if wanted.lock_memory {
+        // What is mapped now is brought in now. The segment of a process that joins later, tens of megabytes, page by page
+        // as it is used: all of it at once would take 35 ms out of the loop that maps it.
         // Without the privilege the memory stays pageable; run.json says how much was locked.
-        let _ = rustix::mm::mlockall(flags);
+        for flags in [MlockAllFlags::CURRENT, MlockAllFlags::FUTURE | MlockAllFlags::ONFAULT] {
+            let _ = rustix::mm::mlockall(flags);
+        }
     }
     touch_stack();
 }

@@ -2,6 +2,7 @@
 
 mod faults;
 mod ranges;
+mod surroundings;
 mod swaps;
 #[cfg(test)]
 mod tests;

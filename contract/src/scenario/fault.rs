@@ -1,20 +1,12 @@
 //! `[[fault]]`: what goes wrong, and when. A function of the tick and the run's seed, so that a faulty run repeats.
 //!
-//! | group | target | kinds |
-//! |---|---|---|
-//! | process | plant guidance attitude-mpc mixer | kill stop slow hog exit |
-//! | topic | state reference controls actuators | drop burst delay duplicate reorder corrupt garbage stale rate |
-//! | sensor | position velocity attitude rates | off stuck garbage wrong slow delayed intermittent noise |
-//! | actuator | rotor1 rotor2 rotor3 tilt | off stuck wrong slow saturated |
-//! | environment | wind, payload | step gust, mass |
-//! | solver | mpc | infeasible, nan, iteration cap |
-//!
 //! A kind that a target cannot suffer is refused, and so is a size that its kind has no use for ([`Fault::keys`]). Every
 //! size has a default ([`Fault::ms`] and its neighbours).
 
-use serde::{Deserialize, Serialize};
+mod catalogue;
 
-use crate::Topic;
+pub use catalogue::{FaultKind, FaultTarget, Wrong};
+use serde::{Deserialize, Serialize};
 
 /// No fault begins later than this, or lasts longer \[s\].
 pub const LONGEST_S: f64 = 86_400.0;
@@ -34,7 +26,11 @@ pub struct Fault {
     pub target: FaultTarget,
     /// What happens to it.
     pub kind: FaultKind,
-    /// A time \[ms\]: how late (slow, delay, delayed), how old (stale), the time constant (slow sensor or actuator).
+    /// Whose clock is off, whose segments are removed: a process.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub process: Option<FaultTarget>,
+    /// A time \[ms\]: how late (slow, delay, delayed), how old (stale), the time constant (slow sensor or actuator), how
+    /// far ahead (offset; behind when negative).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ms: Option<f64>,
     /// A size: standard deviation (noise), bias or factor (wrong), share of the range (saturated), mass \[kg\].
@@ -55,193 +51,6 @@ pub struct Fault {
     pub how: Option<Wrong>,
 }
 
-/// `fault.target`
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum FaultTarget {
-    /// The process that turns the ring.
-    Plant,
-    /// The process of the position controller.
-    Guidance,
-    /// The process of the attitude controller.
-    AttitudeMpc,
-    /// The process of the control allocation.
-    Mixer,
-    /// Topic of the plant.
-    State,
-    /// Topic of guidance.
-    Reference,
-    /// Topic of attitude-mpc.
-    Controls,
-    /// Topic of the mixer.
-    Actuators,
-    /// What is measured of X, Y, Z.
-    Position,
-    /// What is measured of u, v, w.
-    Velocity,
-    /// What is measured of phi, theta, psi.
-    Attitude,
-    /// What is measured of p, q, r.
-    Rates,
-    /// The rotor that tilts.
-    Rotor1,
-    /// The rear rotor at the right.
-    Rotor2,
-    /// The rear rotor at the left.
-    Rotor3,
-    /// The servo that tilts rotor 1.
-    Tilt,
-    /// The air.
-    Wind,
-    /// What is carried, at the centre of mass.
-    Payload,
-    /// The solver inside attitude-mpc.
-    #[serde(alias = "solver")]
-    Mpc,
-}
-
-/// `fault.kind`
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum FaultKind {
-    /// SIGKILL.
-    Kill,
-    /// SIGSTOP: it hangs.
-    Stop,
-    /// It takes longer: a process to answer, a sensor or an actuator to follow.
-    Slow,
-    /// It burns its processor at its own priority.
-    Hog,
-    /// It ends by itself, and not well.
-    Exit,
-    /// Messages are lost, each by itself.
-    Drop,
-    /// Messages are lost in a row, once, at the fault's beginning.
-    Burst,
-    /// Messages come late.
-    Delay,
-    /// Messages come twice.
-    Duplicate,
-    /// A message comes after the one that follows it.
-    Reorder,
-    /// Bits are flipped.
-    Corrupt,
-    /// The numbers are none.
-    Garbage,
-    /// The stamps tell an older time.
-    Stale,
-    /// Only some of the messages come.
-    Rate,
-    /// Nothing comes of it.
-    Off,
-    /// It stays as it was when the fault began.
-    Stuck,
-    /// A sensor with a bias, a factor or the wrong sign; an actuator with less effect.
-    Wrong,
-    /// A sensor that tells what was true some time ago.
-    Delayed,
-    /// A sensor that is off now and then.
-    Intermittent,
-    /// A sensor with more noise.
-    Noise,
-    /// An actuator that reaches only a part of its range.
-    Saturated,
-    /// Wind that sets in at once.
-    Step,
-    /// Wind that comes and goes as one minus cosine over the fault's duration (MIL-F-8785C).
-    Gust,
-    /// More mass.
-    Mass,
-    /// The solver is given constraints that contradict each other.
-    Infeasible,
-    /// The solver is given numbers that are none.
-    Nan,
-    /// The solver is granted a single iteration.
-    #[serde(rename = "iteration cap", alias = "iteration-cap", alias = "iteration_cap")]
-    IterationCap,
-}
-
-/// `fault.how`
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Wrong {
-    /// `value` is added.
-    Bias,
-    /// `value` multiplies.
-    Scale,
-    /// The sign is turned.
-    Sign,
-}
-
-impl FaultTarget {
-    /// All of them in their order, as the file spells them.
-    pub const ALL: [(Self, &'static str); 19] = [
-        (Self::Plant, "plant"),
-        (Self::Guidance, "guidance"),
-        (Self::AttitudeMpc, "attitude-mpc"),
-        (Self::Mixer, "mixer"),
-        (Self::State, "state"),
-        (Self::Reference, "reference"),
-        (Self::Controls, "controls"),
-        (Self::Actuators, "actuators"),
-        (Self::Position, "position"),
-        (Self::Velocity, "velocity"),
-        (Self::Attitude, "attitude"),
-        (Self::Rates, "rates"),
-        (Self::Rotor1, "rotor1"),
-        (Self::Rotor2, "rotor2"),
-        (Self::Rotor3, "rotor3"),
-        (Self::Tilt, "tilt"),
-        (Self::Wind, "wind"),
-        (Self::Payload, "payload"),
-        (Self::Mpc, "mpc"),
-    ];
-
-    /// As the file spells it.
-    pub fn name(self) -> &'static str {
-        Self::ALL[self as usize].1
-    }
-
-    /// The topic that it is, if it is one.
-    pub fn topic(self) -> Option<Topic> {
-        let topics = [Self::State, Self::Reference, Self::Controls, Self::Actuators];
-        topics.iter().position(|topic| *topic == self).map(|i| Topic::ALL[i])
-    }
-
-    /// The topic on which the process speaks that it is, if it is one.
-    pub fn process(self) -> Option<Topic> {
-        let processes = [Self::Plant, Self::Guidance, Self::AttitudeMpc, Self::Mixer];
-        processes.iter().position(|process| *process == self).map(|i| Topic::ALL[i])
-    }
-
-    /// Whether it is a rotor or the tilt.
-    pub fn is_an_actuator(self) -> bool {
-        matches!(self, Self::Rotor1 | Self::Rotor2 | Self::Rotor3 | Self::Tilt)
-    }
-
-    /// The kinds it can suffer.
-    pub fn kinds(self) -> &'static [FaultKind] {
-        use FaultKind as K;
-        match self {
-            Self::Plant | Self::Guidance | Self::AttitudeMpc | Self::Mixer => {
-                &[K::Kill, K::Stop, K::Slow, K::Hog, K::Exit]
-            }
-            Self::State | Self::Reference | Self::Controls | Self::Actuators => {
-                &[K::Drop, K::Burst, K::Delay, K::Duplicate, K::Reorder, K::Corrupt, K::Garbage, K::Stale, K::Rate]
-            }
-            Self::Position | Self::Velocity | Self::Attitude | Self::Rates => {
-                &[K::Off, K::Stuck, K::Garbage, K::Wrong, K::Slow, K::Delayed, K::Intermittent, K::Noise]
-            }
-            Self::Rotor1 | Self::Rotor2 | Self::Rotor3 | Self::Tilt => {
-                &[K::Off, K::Stuck, K::Wrong, K::Slow, K::Saturated]
-            }
-            Self::Wind => &[K::Step, K::Gust],
-            Self::Payload => &[K::Mass],
-            Self::Mpc => &[K::Infeasible, K::Nan, K::IterationCap],
-        }
-    }
-}
-
 impl Fault {
     /// A fault of the default size.
     pub fn new(target: FaultTarget, kind: FaultKind, at_s: f64, for_s: Option<f64>) -> Self {
@@ -250,6 +59,7 @@ impl Fault {
             for_s,
             target,
             kind,
+            process: None,
             ms: None,
             value: None,
             vector: None,
@@ -263,8 +73,7 @@ impl Fault {
     pub fn keys(&self) -> &'static [&'static str] {
         use FaultKind as K;
         match self.kind {
-            K::Kill | K::Stop | K::Hog | K::Exit | K::Off | K::Stuck | K::Infeasible | K::Nan | K::IterationCap => &[],
-            K::Slow | K::Delay | K::Stale | K::Delayed => &["ms"],
+            K::Slow | K::Delay | K::Stale | K::Delayed | K::Offset => &["ms"],
             K::Drop | K::Duplicate | K::Reorder | K::Garbage | K::Intermittent => &["probability"],
             K::Burst | K::Rate => &["count"],
             K::Corrupt => &["count", "probability"],
@@ -273,6 +82,7 @@ impl Fault {
             K::Wrong => &["how", "value"],
             K::Noise | K::Saturated | K::Mass => &["value"],
             K::Step | K::Gust => &["vector"],
+            _ => &[],
         }
     }
 

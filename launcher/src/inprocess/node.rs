@@ -7,7 +7,7 @@ use contract::snapshot::Snapshot;
 use guidance::Guidance;
 use mixer::Mixer;
 
-use super::speech::{Ear, Heard};
+use super::speech::{Counts, Ear, Heard};
 
 /// A node's core, and what it hears.
 pub trait Node: Sized {
@@ -27,7 +27,7 @@ pub trait Node: Sized {
     /// Goes on from another's memory.
     fn inherit(&mut self, memory: &Snapshot);
     /// What its ears have refused, by cause.
-    fn refused(ears: &Self::Ears) -> [u32; 5];
+    fn refused(ears: &Self::Ears) -> Counts;
 }
 
 impl Node for Guidance {
@@ -55,7 +55,7 @@ impl Node for Guidance {
         self.restore(memory);
     }
 
-    fn refused(ears: &Self::Ears) -> [u32; 5] {
+    fn refused(ears: &Self::Ears) -> Counts {
         ears.refused
     }
 }
@@ -85,7 +85,7 @@ impl Node for AttitudeMpc {
         self.restore(memory);
     }
 
-    fn refused((states, references): &Self::Ears) -> [u32; 5] {
+    fn refused((states, references): &Self::Ears) -> Counts {
         sum(states.refused, references.refused)
     }
 }
@@ -115,12 +115,12 @@ impl Node for Mixer {
         self.restore(memory);
     }
 
-    fn refused((states, demands): &Self::Ears) -> [u32; 5] {
+    fn refused((states, demands): &Self::Ears) -> Counts {
         sum(states.refused, demands.refused)
     }
 }
 
 /// Counts by cause, of two ears.
-pub fn sum(a: [u32; 5], b: [u32; 5]) -> [u32; 5] {
+pub fn sum(a: Counts, b: Counts) -> Counts {
     std::array::from_fn(|i| a[i] + b[i])
 }

@@ -3,9 +3,10 @@
 use contract::message::{Message, Stamp};
 use contract::scenario::{Fault, FaultKind, Scenario, newcomer};
 use contract::snapshot::Snapshot;
+use contract::topic::Topic;
 
 use super::node::{Node, sum};
-use super::speech::{Heard, Voice};
+use super::speech::{Counts, Heard, Voice};
 use crate::succession::Succession;
 
 /// All that work for one node.
@@ -14,13 +15,12 @@ pub struct Post<N: Node> {
     /// What the last one remembered who left the office vacant.
     memory: Option<Snapshot>,
     /// What those who have left had refused, by cause.
-    refused: [u32; 5],
+    refused: Counts,
 }
 
 /// What a process of the node would be.
 struct Worker<N: Node> {
     epoch: u32,
-    scenario: Scenario,
     /// The tick on which it leaves by itself.
     exit: Option<u64>,
     core: N,
@@ -31,8 +31,8 @@ struct Worker<N: Node> {
 impl<N: Node> Post<N> {
     /// With the first process of a run.
     pub fn new(scenario: &Scenario) -> Self {
-        let first = Worker::new(scenario.clone(), 1, N::ears(&Heard::default(), [1; 4]));
-        Self { workers: vec![first], memory: None, refused: [0; 5] }
+        let first = Worker::new(scenario, 1, N::ears(&Heard::default(), [1; 4]));
+        Self { workers: vec![first], memory: None, refused: Counts::default() }
     }
 
     /// The ears of all.
@@ -41,7 +41,7 @@ impl<N: Node> Post<N> {
     }
 
     /// Messages refused so far, by cause.
-    pub fn refused(&self) -> [u32; 5] {
+    pub fn refused(&self) -> Counts {
         self.workers.iter().map(|worker| N::refused(&worker.ears)).fold(self.refused, sum)
     }
 
@@ -49,8 +49,9 @@ impl<N: Node> Post<N> {
     /// `last` word of each topic.
     pub fn begin(&mut self, run: &Scenario, epoch: u32, origin: Option<usize>, last: &Heard, holders: [u32; 4]) {
         let own = origin.and_then(|i| newcomer(run, &run.swap[i]).ok()); // what is wrong with it was said before
-        let mut worker: Worker<N> = Worker::new(own.unwrap_or_else(|| run.clone()), epoch, N::ears(last, holders));
-        worker.exit = worker.leaves_at(run);
+        let scenario = own.as_ref().unwrap_or(run);
+        let mut worker: Worker<N> = Worker::new(scenario, epoch, N::ears(last, holders));
+        worker.exit = own.as_ref().and_then(|own| exit_of(own, run, N::Says::TOPIC));
         let holder = self.workers.iter().find(|worker| worker.epoch == holders[N::Says::TOPIC as usize]);
         if let Some(memory) = holder.map(|holder| holder.core.memory()).or(self.memory) {
             worker.core.inherit(&memory);
@@ -81,7 +82,7 @@ impl<N: Node> Post<N> {
             succession.lost(N::Says::TOPIC, epoch, sample.tick);
         }
         let staff = succession.staff(N::Says::TOPIC);
-        for Worker { epoch, scenario, core, ears, voice, .. } in &mut self.workers {
+        for Worker { epoch, core, ears, voice, .. } in &mut self.workers {
             if staff.employs(*epoch) {
                 let (answer, lineage) = core.answer(ears, sample);
                 let in_office = staff.holder == *epoch;
@@ -92,18 +93,15 @@ impl<N: Node> Post<N> {
 }
 
 impl<N: Node> Worker<N> {
-    fn new(scenario: Scenario, epoch: u32, ears: N::Ears) -> Self {
-        Self { epoch, exit: None, core: N::new(&scenario), ears, voice: Voice::new(&scenario, epoch), scenario }
+    fn new(scenario: &Scenario, epoch: u32, ears: N::Ears) -> Self {
+        Self { epoch, exit: None, core: N::new(scenario), ears, voice: Voice::new(scenario, epoch) }
     }
+}
 
-    /// The tick on which a fault of its own settings makes it leave; those of the run are the succession's matter.
-    fn leaves_at(&self, run: &Scenario) -> Option<u64> {
-        if self.scenario.fault == run.fault {
-            return None;
-        }
-        let of_itself =
-            |fault: &&Fault| fault.kind == FaultKind::Exit && fault.target.process() == Some(N::Says::TOPIC);
-        let exits = self.scenario.fault.iter().filter(of_itself);
-        exits.map(|fault| fault.ticks(self.scenario.sample_s()).start).min()
-    }
+/// The tick on which a fault of its `own` settings makes who speaks on `topic` leave; those of the run are the
+/// succession's matter.
+fn exit_of(own: &Scenario, run: &Scenario, topic: Topic) -> Option<u64> {
+    let of_itself = |fault: &&Fault| fault.kind == FaultKind::Exit && fault.target.process() == Some(topic);
+    let exits = own.fault.iter().filter(of_itself).filter(|_| own.fault != run.fault);
+    exits.map(|fault| fault.ticks(own.sample_s()).start).min()
 }

@@ -7,13 +7,16 @@ use contract::outlet::Slowness;
 use contract::scenario::Scenario;
 use contract::stamp::unheard;
 
+/// Messages refused, by cause.
+pub type Counts = [u32; Refusal::ALL.len()];
+
 /// Where a node hears one topic.
 #[derive(Default)]
 pub struct Ear<M: Message> {
     guard: Guard<M>,
     fresh: bool,
     /// Messages refused, by cause.
-    pub refused: [u32; Refusal::ALL.len()],
+    pub refused: Counts,
 }
 
 impl<M: Message> Ear<M> {

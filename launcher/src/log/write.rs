@@ -140,7 +140,7 @@ impl LogWriter {
     }
 
     /// Ends the log at its last whole chunk, and says so.
-    fn give_up(&mut self, error: anyhow::Error) -> anyhow::Error {
+    pub fn give_up(&mut self, error: anyhow::Error) -> anyhow::Error {
         drop(self.mcap.take()); // it may still write: the rest of a torn chunk, a footer; so cut after it
         let torn = match self.file.set_len(self.whole_bytes) {
             Ok(()) => "",

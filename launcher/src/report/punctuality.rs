@@ -51,8 +51,20 @@ pub fn tables(run: &Value) -> String {
             let age = &timing[key];
             format!("<b>{}</b> µs over {} {of_what}", in_short(age), number(&age["n"], 0))
         });
+    let contradictions = timing["clock_contradictions"].as_object().into_iter().flatten();
+    let contradict = contradictions.filter(|(_, count)| count.as_u64() > Some(0));
+    let counts: Vec<_> = contradict.map(|(node, count)| format!("{} of {}", number(count, 0), escape(node))).collect();
+    let differ = if counts.is_empty() {
+        String::new()
+    } else {
+        let counts = counts.join(", ");
+        format!(
+            "<p><b>The clocks differ</b>: messages that contradict the times of others: {counts}. Times across processes \
+             are not to be trusted.</p>"
+        )
+    };
     format!(
-        "{}<p class=\"hint\">Times: p50 / p99 / max in µs. Late: responses beyond the deadline, for which the policy says what becomes of them. Slips: periods without a \
+        "{differ}{}<p class=\"hint\">Times: p50 / p99 / max in µs. Late: responses beyond the deadline, for which the policy says what becomes of them. Slips: periods without a \
          cycle. Misses: both. Longest run: misses one after the other.</p>\
          <p>Age at the actuator: {}.</p><details><summary>Every percentile</summary>{}</details>",
         table(&headings, rows),

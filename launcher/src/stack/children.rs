@@ -84,7 +84,9 @@ impl Children {
         let talks = || if topic.is_none() { Stdio::piped() } else { Stdio::null() }; // the recorder, both ways
         command.stdin(talks()).stdout(talks());
         for (option, path) in [("--log", log), ("--settings", settings)] {
-            path.into_iter().for_each(|path| _ = command.arg(option).arg(path));
+            if let Some(path) = path {
+                command.arg(option).arg(path);
+            }
         }
         // A group of its own: a Ctrl-C in the terminal reaches the launcher only, which then stops the nodes in order.
         let cannot = || format!("cannot start {}", program.unwrap_or(name));

@@ -15,6 +15,11 @@ impl Stack {
     /// Gives the flight `fault`, which begins `at_s` after the next sample; the fault with its time in the flight.
     pub(super) fn inject(&mut self, mut fault: Fault) -> Result<Value, String> {
         self.needs_a_clock()?;
+        if matches!(fault.target, FaultTarget::Clock | FaultTarget::Host) || fault.kind.is_intrusion() {
+            return Err(
+                "faults of clock, host and intruders are not given while it flies: write them into the scenario".into(),
+            );
+        }
         self.check(&fault)?;
         if fault.kind == FaultKind::Delayed && fault.ms.is_some_and(|ms| ms > LONGEST_DELAY_MS) {
             return Err(format!(

@@ -22,7 +22,7 @@ pub enum Regime {
     /// Against the clock.
     Clock(Supervisor),
     /// In lockstep.
-    Script(Script),
+    Script(Box<Script>),
 }
 
 impl Regime {
@@ -30,7 +30,7 @@ impl Regime {
     pub fn new(scenario: &Scenario) -> Self {
         match scenario.run.mode {
             Mode::Realtime => Self::Clock(Supervisor::new(scenario)),
-            Mode::Lockstep | Mode::Inprocess => Self::Script(Script::new(scenario)),
+            Mode::Lockstep | Mode::Inprocess => Self::Script(Box::new(Script::new(scenario))),
         }
     }
 

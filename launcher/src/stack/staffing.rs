@@ -54,8 +54,9 @@ impl Stack {
         }
     }
 
-    /// Starts a process of a node, with what the swap `origin` says of it.
-    fn start_node(&mut self, topic: Topic, epoch: u32, origin: Option<usize>) -> anyhow::Result<()> {
+    /// Starts a process of a node, with what the swap `origin` says of it, and keeps a place for it.
+    pub(super) fn start_node(&mut self, topic: Topic, epoch: u32, origin: Option<usize>) -> anyhow::Result<()> {
+        self.board.office(topic).offer(epoch);
         let birth = Birth { name: topic.publisher(), topic: Some(topic), epoch, ..Birth::default() };
         let Some(swap) = origin.and_then(|i| self.scenario.swap.get(i)) else { return self.children.spawn(&birth) };
         let settings = self.hold.domain.file(&format!("{}.{epoch}.toml", birth.name));

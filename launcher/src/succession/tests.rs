@@ -124,7 +124,9 @@ fn a_vehicle_that_tilts_under_a_newcomer_gets_the_old_one_back() {
     state.actual.attitude_rad = [0.8, 0.0, 0.0];
     succession.begin(25);
     succession.observe(&state.sealed().into());
-    [1, 2].into_iter().for_each(|epoch| succession.observe(&demand(epoch, 25, 0.1)));
+    for epoch in [1, 2] {
+        succession.observe(&demand(epoch, 25, 0.1));
+    }
     succession.begin(26);
     assert_eq!(told(&succession)[3..], [(26, 2, What::Returned), (26, 1, What::TookOver)]);
 }

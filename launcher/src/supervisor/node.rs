@@ -4,14 +4,13 @@ use std::time::{Duration, Instant};
 
 use contract::office::Staff;
 use contract::realtime::Board;
-use contract::scenario::{Scenario, SwapTicks};
 use contract::topic::Topic;
 
 use super::Order;
 use super::progress::{Progress, limit};
 use crate::event::{Event, What};
 use crate::succession::successor;
-use crate::succession::trial::{Ruling, Trial};
+use crate::succession::trial::Trial;
 
 /// Waits before the first, second, third new start within `WINDOW`; after that the node is given up.
 const BACK_OFF_MS: [u64; 3] = [0, 50, 100];
@@ -31,9 +30,9 @@ pub struct Node {
     pub progress: Progress,
     sample_s: f64,
     /// The newest epoch.
-    newest: u32,
+    pub newest: u32,
     /// Who has been started and does not work yet.
-    started: Option<Started>,
+    pub started: Option<Started>,
     /// New starts within the window.
     starts: Vec<Instant>,
     /// When the next is to be started.
@@ -41,17 +40,20 @@ pub struct Node {
     /// The epochs that work, or are about to, and are to be replaced when they die.
     wanted: Vec<u32>,
     /// The swaps that the holder and the shadow came with.
-    origins: (Option<usize>, Option<usize>),
+    pub origins: (Option<usize>, Option<usize>),
     /// The holder when last looked at.
     holder: u32,
 }
 
+/// Who has been started.
 #[derive(Clone, Copy)]
-struct Started {
-    epoch: u32,
-    at: Instant,
+pub struct Started {
+    /// Which incarnation.
+    pub epoch: u32,
+    /// When.
+    pub at: Instant,
     /// The swap that it comes with, when it is a newcomer.
-    swap: Option<usize>,
+    pub swap: Option<usize>,
 }
 
 impl Node {
@@ -71,18 +73,6 @@ impl Node {
             origins: (None, None),
             holder: 1,
         }
-    }
-
-    /// Whether a newcomer may come; why not.
-    pub fn may_swap(&self, board: &Board) -> Result<(), String> {
-        let name = self.topic.publisher();
-        if self.trial.is_some() || self.started.is_some() {
-            return Err(format!("{name} has a newcomer already; wait until its trial is over"));
-        }
-        if board.office(self.topic).holder() == 0 {
-            return Err(format!("{name} has nobody in office to take over from"));
-        }
-        Ok(())
     }
 
     /// A process of it has ended.
@@ -113,7 +103,7 @@ impl Node {
     }
 
     /// Forgets a process; whether it was wanted.
-    fn dismiss(&mut self, epoch: u32) -> bool {
+    pub fn dismiss(&mut self, epoch: u32) -> bool {
         let wanted = self.wanted.len();
         self.wanted.retain(|other| *other != epoch);
         self.wanted.len() < wanted
@@ -154,25 +144,8 @@ impl Node {
         }
     }
 
-    /// Starts the newcomer of swap number `i`.
-    pub fn invite(
-        &mut self,
-        board: &Board,
-        i: usize,
-        tick: u64,
-        now: Instant,
-        events: &mut Vec<Event>,
-        orders: &mut Vec<Order>,
-    ) {
-        if let Err(why) = self.may_swap(board) {
-            events.push(Event::new(tick, self.topic.publisher(), self.newest, What::Rejected).because(why));
-            return;
-        }
-        self.newest = successor(self.newest, board.office(self.topic).holder());
-        self.start(Some(i), tick, now, events, orders);
-    }
-
-    fn start(
+    /// Has another process started, with what a swap says of it or its predecessor was like.
+    pub fn start(
         &mut self,
         swap: Option<usize>,
         tick: u64,
@@ -184,38 +157,6 @@ impl Node {
         self.wanted.push(self.newest);
         events.push(Event::new(tick, self.topic.publisher(), self.newest, What::Started));
         orders.push(Order::Start(self.topic, self.newest, swap.or(self.origins.0)));
-    }
-
-    /// Gives work to who was started and is ready.
-    pub fn welcome(&mut self, board: &Board, scenario: &Scenario, tick: u64, events: &mut Vec<Event>) {
-        let office = board.office(self.topic);
-        if tick == 0 {
-            return;
-        }
-        let Some(Started { epoch, swap, .. }) = self.started.take_if(|started| office.ready.get() == started.epoch)
-        else {
-            return;
-        };
-        let holder = office.holder();
-        match swap {
-            Some(i) if holder != 0 => {
-                let swap = &scenario.swap[i];
-                let SwapTicks { from, hand_over, until } = swap.ticks(scenario.sample_s());
-                // The sample under way is answered already, or by the one in office.
-                let late = tick + 2 - from.min(tick + 2);
-                let ticks = SwapTicks { from: from + late, hand_over: hand_over + late, until: until + late };
-                self.trial = Some(Trial::new(scenario, swap, self.topic, ticks, (holder, epoch)));
-                self.origins.1 = Some(i);
-                office.appoint(tick as u32, |staff| Staff { shadow: epoch, ..staff });
-                events.push(Event::new(tick, self.topic.publisher(), epoch, What::InShadow));
-            }
-            _ => {
-                if swap.is_some() {
-                    self.origins.0 = swap;
-                }
-                office.heir.set(epoch);
-            }
-        }
     }
 
     /// Offices that changed hands, holders that hang.
@@ -269,42 +210,5 @@ impl Node {
             office.heir.set(shadow);
         }
         board.bell(self.topic).ring();
-    }
-
-    /// Does what the trial of a newcomer has come to; all messages of the ticks before `tick` are known.
-    pub fn judge(&mut self, board: &Board, tick: u64, events: &mut Vec<Event>, orders: &mut Vec<Order>) {
-        let Some(trial) = &mut self.trial else { return };
-        let Some((ruling, why)) = trial.rule(tick) else { return };
-        let office = board.office(self.topic);
-        let (newcomer, old) = (trial.newcomer, trial.old);
-        let what = match ruling {
-            Ruling::HandOver => {
-                office.heir.set(newcomer); // until it is let in, this is said again and again
-                return;
-            }
-            Ruling::Keep => {
-                office.appoint(tick as u32, |staff| staff.without(old)); // and so it leaves
-                self.dismiss(old);
-                self.origins.1 = None;
-                What::Kept
-            }
-            Ruling::Reject => {
-                office.heir.set(0);
-                office.appoint(tick as u32, |staff| staff.without(newcomer));
-                self.origins.1 = None;
-                self.dismiss(newcomer);
-                orders.push(Order::Kill(self.topic, newcomer));
-                What::Rejected
-            }
-            Ruling::Return => {
-                office.heir.set(old);
-                self.origins = (self.origins.1, None);
-                self.dismiss(newcomer);
-                orders.push(Order::Kill(self.topic, newcomer));
-                What::Returned
-            }
-        };
-        self.trial = None;
-        events.push(Event::new(tick, self.topic.publisher(), newcomer, what).because(why));
     }
 }

@@ -20,6 +20,7 @@
 //! |---|---|
 //! | `node` | one node's histograms and counts |
 //! | `age` | the age at the actuator, per command and per slot |
+//! | `clocks` | whether all processes read the same time |
 //! | `ticks` | the worst ticks of a flight |
 //! | `cause` | the rules that say what made a tick late |
 //! | `figures` | histograms, percentiles, and their files |
@@ -27,6 +28,7 @@
 
 mod age;
 mod cause;
+mod clocks;
 mod figures;
 mod node;
 mod table;
@@ -44,6 +46,7 @@ use serde_json::{Map, Value, json};
 
 use crate::log::Record;
 pub use age::{Age, Holding};
+use clocks::Clocks;
 pub(crate) use figures::{Percentiles, histogram, percentiles};
 pub use node::NodeTiming;
 use ticks::Ticks;
@@ -57,6 +60,7 @@ pub struct Timing {
     deadline_ns: u64,
     nodes: [NodeTiming; Topic::COUNT],
     age: Age,
+    clocks: Clocks,
     /// Only against the clock is a tick late.
     ticks: Option<Ticks>,
 }
@@ -69,12 +73,14 @@ impl Timing {
             deadline_ns: scenario.deadline_of(Topic::Actuators as usize).deadline_ns,
             nodes: Topic::ALL.map(|topic| NodeTiming::new(topic, scenario)),
             age: Age::new(period_ns),
+            clocks: Clocks::new(scenario.run.mode),
             ticks: (scenario.run.mode == Mode::Realtime).then(|| Ticks::new(period_ns)),
         }
     }
 
     /// Takes one message in; `position_error_m` is that of the newest sample.
     pub fn observe(&mut self, record: &Record, position_error_m: f64) {
+        self.clocks.observe(record);
         let cycle = self.nodes[record.topic() as usize].observe(record.stamp());
         if let Record::State(state) = record {
             self.age.observe(state);
@@ -98,9 +104,12 @@ impl Timing {
     pub fn to_json(&self) -> Value {
         let nodes: Map<_, _> =
             NODES.iter().zip(&self.nodes).map(|(name, node)| ((*name).into(), node.to_json())).collect();
+        let contradictions: Map<_, _> =
+            NODES.iter().zip(self.clocks.contradictions).map(|(name, n)| ((*name).into(), n.into())).collect();
         json!({
             "deadline_ms": self.deadline_ns as f64 / 1e6,
             "nodes": nodes,
+            "clock_contradictions": contradictions,
             "age_at_actuator": self.age(),
             "age_at_actuator_per_slot": percentiles(&self.age.per_slot),
             "worst_ticks": self.worst_ticks().iter().map(|(tick, culprit)| tick.to_json(culprit)).collect::<Vec<_>>(),

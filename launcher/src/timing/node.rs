@@ -6,6 +6,7 @@ use contract::{Scenario, Topic};
 use hdrhistogram::Histogram;
 use serde_json::{Value, json};
 
+use super::clocks;
 use super::figures::{histogram, percentiles};
 
 /// A stall is recorded for at most so many slots: a damaged stamp must not decide how long that takes.
@@ -97,7 +98,8 @@ impl NodeTiming {
         }
     }
 
-    /// Takes the stamp of one message in; messages come in the order of sending.
+    /// Takes the stamp of one message in; messages come in the order of sending. One whose times cannot be true is in
+    /// the counts of its sender and in no figure.
     pub fn observe(&mut self, stamp: &Stamp) -> Cycle {
         let before = if stamp.epoch == self.last.epoch { self.last } else { Stamp::default() };
         let own = self.topic as usize;
@@ -120,7 +122,9 @@ impl NodeTiming {
         };
         self.last = *stamp;
         self.count(&cycle, misses, late);
-        self.record(&cycle, stamp.sample_ns);
+        if clocks::possible(self.topic, stamp) {
+            self.record(&cycle, stamp.sample_ns);
+        }
         cycle
     }
 

@@ -21,6 +21,9 @@ pub fn describe(timing: &Timing) -> String {
         let cells = [&node.wake, &node.execution, &node.response].map(|histogram| cell(&percentiles(histogram)));
         line(&format!("{name:<14}{}{:>6}{:>5}", cells.concat(), node.misses, node.longest_run));
     }
+    for contradiction in timing.clocks.describe() {
+        line(&format!("{:<22}{contradiction}", "clocks differ"));
+    }
     let [commands, slots] = [&timing.age.per_command, &timing.age.per_slot].map(percentiles);
     line(&format!("{:<22}{}", "age at the actuator", age(&commands, "commands applied")));
     line(&format!("{:<22}{}", "", age(&slots, "slots held")));

@@ -121,6 +121,34 @@ fn a_punctual_ring_shows_its_parts_and_no_miss() {
 }
 
 #[test]
+fn a_clock_that_is_off_is_flagged_and_not_measured() {
+    let mut ring = Ring::new();
+    ring.turn(0, PUNCTUAL);
+    assert_eq!(ring.timing.clocks.describe(), Vec::<String>::new());
+    ring.turn(1, PUNCTUAL);
+    // Controls says that it was sent 1 ms before the state that it was made from.
+    ring.now_us = 2 * PERIOD_US;
+    ring.cycle(Topic::State, 2, 20, 100, 0);
+    let state = ring.last[Topic::State as usize];
+    let mut stamp = Stamp { sequence: ring.last[2].sequence + 1, ..state };
+    stamp.publish_ns[Topic::Controls as usize] = state.publish_ns[Topic::State as usize] - 1_000 * US;
+    ring.send(Topic::Controls, stamp);
+    // And the mixer that its command of tick 1 was sent 2 ms later than the plant says it came.
+    ring.now_us = 3 * PERIOD_US;
+    ring.applied = (ring.last[3].sequence, 400 * US);
+    ring.last[3].tick = 2;
+    let mut stamp = Stamp { tick: 2, sequence: ring.last[3].sequence, ..ring.last[3] };
+    stamp.sample_ns += PERIOD_US * US;
+    stamp.publish_ns[Topic::Actuators as usize] = stamp.sample_ns + 2_400 * US;
+    ring.send(Topic::Actuators, stamp);
+    ring.cycle(Topic::State, 3, 20, 100, 0);
+    let json = ring.timing.to_json();
+    assert_eq!(json["clock_contradictions"]["attitude-mpc"], 1);
+    assert_eq!(json["clock_contradictions"]["mixer"], 1);
+    assert_eq!(json["nodes"]["attitude-mpc"]["response"]["n"], 2, "the third is no figure");
+}
+
+#[test]
 fn a_late_wake_is_jitter_and_an_early_one_is_none() {
     let mut ring = Ring::new();
     ring.turn(0, PUNCTUAL);

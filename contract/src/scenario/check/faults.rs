@@ -2,13 +2,14 @@
 
 use toml::Value;
 
-use super::Found;
+use super::{Found, surroundings};
 use crate::scenario::{Constraints, Fault, FaultKind, FaultTarget, LONGEST_MS, LONGEST_S, Law, Mode, Plant, Scenario};
 
 /// Every rule that `fault` breaks as one of `scenario`.
 pub fn check(scenario: &Scenario, fault: &Fault, found: &mut Found) {
     check_size(fault, found);
     check_air(fault, &scenario.plant, found);
+    surroundings::check(fault, scenario.run.mode, found);
     let (at_s, for_s) = (fault.at_s, fault.for_s.unwrap_or(0.0));
     found.require(
         (0.0..=LONGEST_S).contains(&at_s) && (0.0..=LONGEST_S).contains(&for_s),
@@ -49,10 +50,10 @@ pub fn check(scenario: &Scenario, fault: &Fault, found: &mut Found) {
         "0 to 1",
     );
     found.require(
-        fault.ms.is_none_or(|ms| (0.0..=LONGEST_MS).contains(&ms)) && fault.count != Some(0),
+        fault.ms.is_none_or(|ms| (least_ms(fault.kind)..=LONGEST_MS).contains(&ms)) && fault.count != Some(0),
         &["fault"],
         "a fault with a time or a count out of range".into(),
-        "`ms` of 0 to 60000, `count` of 1 or more",
+        "`ms` of 0 to 60000 (offset: from -60000), `count` of 1 or more",
     );
     found.require(
         fault.target != FaultTarget::Mpc
@@ -61,6 +62,11 @@ pub fn check(scenario: &Scenario, fault: &Fault, found: &mut Found) {
         "a fault of the solver where nothing is solved".into(),
         "target \"mpc\" with `mpc.law` = \"mpc\" and `mpc.constraints` = \"box\" or \"cone\"",
     );
+}
+
+/// Only a clock can be off either way.
+fn least_ms(kind: FaultKind) -> f64 {
+    if kind == FaultKind::Offset { -LONGEST_MS } else { 0.0 }
 }
 
 /// A fault has no size that means nothing to it.

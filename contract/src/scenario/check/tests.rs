@@ -88,6 +88,15 @@ fn settings_that_contradict_are_refused() {
         ("fault=[{at_s=1}]", "missing field `target`"),
         ("fault=[{at_s=1, target=\"mpc\", kind=\"nan\", for=1}]", "unknown field `for`"),
         ("fault=[{at_s=1, target=\"mpc\", kind=\"kill\"}]", "mpc cannot suffer kill"),
+        ("fault=[{at_s=1, target=\"host\", kind=\"offset\"}]", "host cannot suffer offset"),
+        ("fault=[{at_s=1, target=\"clock\", kind=\"offset\"}]", "offset without the name of a process"),
+        (
+            "fault=[{at_s=1, target=\"clock\", kind=\"offset\", process=\"tilt\"}]",
+            "offset without the name of a process",
+        ),
+        ("fault=[{at_s=1, target=\"mixer\", kind=\"kill\", process=\"mixer\"}]", "kill with a `process`"),
+        ("fault=[{at_s=1, for_s=1, target=\"host\", kind=\"disk-full\"}]", "disk-full with an end"),
+        ("fault=[{at_s=1, target=\"mixer\", kind=\"slow\", ms=-1}]", "a time or a count out of range"),
         ("fault=[{at_s=-1, target=\"mpc\", kind=\"nan\"}]", "a fault at -1.0 s for 0.0 s"),
         ("fault=[{at_s=nan, target=\"mpc\", kind=\"nan\"}]", "a fault at NaN s for 0.0 s"),
         ("fault=[{at_s=1, target=\"tilt\", kind=\"off\", ms=1}]", "`ms` that tilt off has no use for"),
@@ -100,6 +109,20 @@ fn settings_that_contradict_are_refused() {
     ];
     for (set, expected) in cases {
         check_refused(set, &[expected, "--set ", "^"]);
+    }
+}
+
+#[test]
+fn what_needs_processes_is_refused_without_them() {
+    for fault in [
+        "{at_s=1, target=\"controls\", kind=\"second-publisher\"}",
+        "{at_s=1, target=\"clock\", kind=\"offset\", process=\"mixer\", ms=-5}",
+        "{at_s=1, target=\"host\", kind=\"shm-removed\", process=\"mixer\"}",
+    ] {
+        let fault = format!("fault=[{fault}]");
+        from_set(&[&fault, "run.mode=lockstep"]).unwrap_or_else(|error| panic!("{fault}: {error}"));
+        let error = from_set(&[&fault, "run.mode=inprocess"]).expect_err("there are no processes").to_string();
+        assert!(error.contains("where one thread flies"), "{error}");
     }
 }
 

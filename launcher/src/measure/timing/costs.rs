@@ -47,7 +47,7 @@ impl Costs {
         let bus = Bus::attach(&hold.domain)?;
         let _services = bus.create_services()?;
         let sender = bus.sender::<Controls>()?;
-        let receivers = [bus.receiver::<Controls>(2)?, bus.receiver::<Controls>(2)?];
+        let receivers = [bus.receiver::<Controls>(2, 0)?, bus.receiver::<Controls>(2, 0)?];
         let message = Controls::default();
         // A turn is send and twice receive; the receiving alone is told apart by a second look at the same clock.
         let mut sends = vec![];

@@ -1,0 +1,114 @@
+//! Newcomers of a node against the clock: invited, let into the shadow, judged.
+
+use std::time::Instant;
+
+use contract::office::Staff;
+use contract::realtime::Board;
+use contract::scenario::{Scenario, SwapTicks};
+
+use super::Order;
+use super::node::{Node, Started};
+use crate::event::{Event, What};
+use crate::succession::successor;
+use crate::succession::trial::{Ruling, Trial};
+
+impl Node {
+    /// Whether a newcomer may come; why not.
+    pub fn may_swap(&self, board: &Board) -> Result<(), String> {
+        let name = self.topic.publisher();
+        if self.trial.is_some() || self.started.is_some() {
+            return Err(format!("{name} has a newcomer already; wait until its trial is over"));
+        }
+        if board.office(self.topic).holder() == 0 {
+            return Err(format!("{name} has nobody in office to take over from"));
+        }
+        Ok(())
+    }
+
+    /// Starts the newcomer of swap number `i`.
+    pub fn invite(
+        &mut self,
+        board: &Board,
+        i: usize,
+        tick: u64,
+        now: Instant,
+        events: &mut Vec<Event>,
+        orders: &mut Vec<Order>,
+    ) {
+        if let Err(why) = self.may_swap(board) {
+            events.push(Event::new(tick, self.topic.publisher(), self.newest, What::Rejected).because(why));
+            return;
+        }
+        self.newest = successor(self.newest, board.office(self.topic).holder());
+        self.start(Some(i), tick, now, events, orders);
+    }
+
+    /// Gives work to who was started and is ready.
+    pub fn welcome(&mut self, board: &Board, scenario: &Scenario, tick: u64, events: &mut Vec<Event>) {
+        let office = board.office(self.topic);
+        if tick == 0 {
+            return;
+        }
+        let Some(Started { epoch, swap, .. }) = self.started.take_if(|started| office.ready.get() == started.epoch)
+        else {
+            return;
+        };
+        let holder = office.holder();
+        match swap {
+            Some(i) if holder != 0 => {
+                let swap = &scenario.swap[i];
+                let SwapTicks { from, hand_over, until } = swap.ticks(scenario.sample_s());
+                // The sample under way is answered already, or by the one in office.
+                let late = tick + 2 - from.min(tick + 2);
+                let ticks = SwapTicks { from: from + late, hand_over: hand_over + late, until: until + late };
+                self.trial = Some(Trial::new(scenario, swap, self.topic, ticks, (holder, epoch)));
+                self.origins.1 = Some(i);
+                office.appoint(tick as u32, |staff| Staff { shadow: epoch, ..staff });
+                events.push(Event::new(tick, self.topic.publisher(), epoch, What::InShadow));
+            }
+            _ => {
+                if swap.is_some() {
+                    self.origins.0 = swap;
+                }
+                office.heir.set(epoch);
+            }
+        }
+    }
+
+    /// Does what the trial of a newcomer has come to; all messages of the ticks before `tick` are known.
+    pub fn judge(&mut self, board: &Board, tick: u64, events: &mut Vec<Event>, orders: &mut Vec<Order>) {
+        let Some(trial) = &mut self.trial else { return };
+        let Some((ruling, why)) = trial.rule(tick) else { return };
+        let office = board.office(self.topic);
+        let (newcomer, old) = (trial.newcomer, trial.old);
+        let what = match ruling {
+            Ruling::HandOver => {
+                office.heir.set(newcomer); // until it is let in, this is said again and again
+                return;
+            }
+            Ruling::Keep => {
+                office.appoint(tick as u32, |staff| staff.without(old)); // and so it leaves
+                self.dismiss(old);
+                self.origins.1 = None;
+                What::Kept
+            }
+            Ruling::Reject => {
+                office.heir.set(0);
+                office.appoint(tick as u32, |staff| staff.without(newcomer));
+                self.origins.1 = None;
+                self.dismiss(newcomer);
+                orders.push(Order::Kill(self.topic, newcomer));
+                What::Rejected
+            }
+            Ruling::Return => {
+                office.heir.set(old);
+                self.origins = (self.origins.1, None);
+                self.dismiss(newcomer);
+                orders.push(Order::Kill(self.topic, newcomer));
+                What::Returned
+            }
+        };
+        self.trial = None;
+        events.push(Event::new(tick, self.topic.publisher(), newcomer, what).because(why));
+    }
+}
