@@ -13,5 +13,6 @@ mod processes;
 mod recorded;
 mod sensitivity;
 mod solver;
+mod swap;
 mod tidy;
 mod trace;

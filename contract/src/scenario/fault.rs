@@ -3,7 +3,7 @@
 //! | group | target | kinds |
 //! |---|---|---|
 //! | process | plant guidance attitude-mpc mixer | kill stop slow hog exit |
-//! | topic | state reference controls actuators | drop burst delay duplicate reorder corrupt garbage stale rate |
+//! | topic | state reference controls actuators | drop burst delay duplicate reorder corrupt garbage stale rate; wrong but for state |
 //! | sensor | position velocity attitude rates | off stuck garbage wrong slow delayed intermittent noise |
 //! | actuator | rotor1 rotor2 rotor3 tilt | off stuck wrong slow saturated |
 //! | environment | wind, payload | step gust, mass |
@@ -50,7 +50,7 @@ pub struct Fault {
     /// Messages lost in a row (burst), bits flipped (corrupt), every how many-th message passes (rate).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub count: Option<u64>,
-    /// In which way a sensor is wrong.
+    /// In which way a sensor or a topic is wrong; absent = bias for a sensor, sign for a topic.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub how: Option<Wrong>,
 }
@@ -136,7 +136,7 @@ pub enum FaultKind {
     Off,
     /// It stays as it was when the fault began.
     Stuck,
-    /// A sensor with a bias, a factor or the wrong sign; an actuator with less effect.
+    /// A sensor, or what a node demands, with a bias, a factor or the wrong sign; an actuator with less effect.
     Wrong,
     /// A sensor that tells what was true some time ago.
     Delayed,
@@ -226,9 +226,21 @@ impl FaultTarget {
             Self::Plant | Self::Guidance | Self::AttitudeMpc | Self::Mixer => {
                 &[K::Kill, K::Stop, K::Slow, K::Hog, K::Exit]
             }
-            Self::State | Self::Reference | Self::Controls | Self::Actuators => {
+            Self::State => {
                 &[K::Drop, K::Burst, K::Delay, K::Duplicate, K::Reorder, K::Corrupt, K::Garbage, K::Stale, K::Rate]
             }
+            Self::Reference | Self::Controls | Self::Actuators => &[
+                K::Drop,
+                K::Burst,
+                K::Delay,
+                K::Duplicate,
+                K::Reorder,
+                K::Corrupt,
+                K::Garbage,
+                K::Stale,
+                K::Rate,
+                K::Wrong,
+            ],
             Self::Position | Self::Velocity | Self::Attitude | Self::Rates => {
                 &[K::Off, K::Stuck, K::Garbage, K::Wrong, K::Slow, K::Delayed, K::Intermittent, K::Noise]
             }
@@ -269,11 +281,16 @@ impl Fault {
             K::Burst | K::Rate => &["count"],
             K::Corrupt => &["count", "probability"],
             K::Wrong if self.target.is_an_actuator() => &["value"],
-            K::Wrong if self.how == Some(Wrong::Sign) => &["how"],
+            K::Wrong if self.wrong() == Wrong::Sign => &["how"],
             K::Wrong => &["how", "value"],
             K::Noise | K::Saturated | K::Mass => &["value"],
             K::Step | K::Gust => &["vector"],
         }
+    }
+
+    /// In which way it is wrong.
+    pub fn wrong(&self) -> Wrong {
+        self.how.unwrap_or(if self.target.topic().is_some() { Wrong::Sign } else { Wrong::Bias })
     }
 
     /// The keys of a size that were given.

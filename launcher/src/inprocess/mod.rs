@@ -59,7 +59,7 @@ pub fn fly(scenario: &Scenario, mut watch: impl FnMut(Record) -> bool) -> Flown 
             succession.observe(&record);
             go_on &= watch(record);
         };
-        ring.turn(scenario, &mut succession, &state, &mut commands, &mut each);
+        ring.turn(&mut succession, &state, &mut commands, &mut each);
         if !go_on || state.status != PlantStatus::Flying as u64 {
             break succession.given_up().map_or(Ended::Flown, |name| Ended::Lost(name.into()));
         }
@@ -121,7 +121,6 @@ impl Ring {
     /// is heard by `commands`.
     fn turn(
         &mut self,
-        scenario: &Scenario,
         succession: &mut Succession,
         state: &State,
         commands: &mut Ear<Actuators>,

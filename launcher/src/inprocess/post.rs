@@ -81,7 +81,7 @@ impl<N: Node> Post<N> {
             succession.lost(N::Says::TOPIC, epoch, sample.tick);
         }
         let staff = succession.staff(N::Says::TOPIC);
-        for Worker { epoch, scenario, core, ears, voice, .. } in &mut self.workers {
+        for Worker { epoch, core, ears, voice, .. } in &mut self.workers {
             if staff.employs(*epoch) {
                 let (answer, lineage) = core.answer(ears, sample);
                 let in_office = staff.holder == *epoch;
