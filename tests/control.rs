@@ -118,7 +118,7 @@ fn a_flight_takes_so_many_faults_and_no_more() {
     let ns = namespace();
     let flight = flying(&ns, &["--set", "run.duration_s=3600.0"]);
     let domain = Domain::find(&ns).expect("it flies");
-    let later = Request::Inject { fault: Fault::new(FaultTarget::Wind, FaultKind::Step, 3600.0, None) };
+    let later = Request::Inject { fault: Fault::new(FaultTarget::Payload, FaultKind::Mass, 3600.0, None) };
     for _ in 0..ROOM {
         ask(&domain, &later).expect("there is room");
     }

@@ -14,5 +14,6 @@ mod processes;
 mod recorded;
 mod sensitivity;
 mod solver;
+mod swap;
 mod tidy;
 mod trace;

@@ -6,13 +6,17 @@
 //! the publisher (only what it held back is lost with it).
 //!
 //! ```text
-//! sealed message -> drop? burst? rate? -> garbage, stale (sealed anew) -> corrupt (not sealed) -> late, twice, in turn
+//! sealed message -> drop? burst? rate? -> garbage, wrong, stale (sealed anew) -> corrupt (not sealed) -> late, twice, in
+//! turn
 //! ```
 
+use std::mem::offset_of;
+use std::ops::Range;
+
 use crate::Topic;
-use crate::message::Message;
+use crate::message::{Actuators, Controls, Message, Reference};
 use crate::roll::{Entry, Roll};
-use crate::scenario::{Fault, FaultKind, Scenario};
+use crate::scenario::{Fault, FaultKind, Scenario, Wrong};
 use crate::stamp::unheard;
 
 /// Messages that may be on their way at once; the oldest is lost beyond that.
@@ -91,6 +95,7 @@ impl<M: Message> Link<M> {
                 FaultKind::Burst if since < fault.count.unwrap_or(10) => return None,
                 FaultKind::Rate if !since.is_multiple_of(fault.count.unwrap_or(5)) => return None,
                 FaultKind::Garbage if happens(1.0) => garble(&mut passed.message, random),
+                FaultKind::Wrong => demand_otherwise(&mut passed.message, fault),
                 FaultKind::Stale => grow_old(&mut passed.message, ticks(100.0)),
                 FaultKind::Corrupt if happens(1.0) => flip(&mut passed.message, fault.count.unwrap_or(3), random),
                 FaultKind::Delay => passed.ticks_late += ticks(20.0),
@@ -127,6 +132,31 @@ fn garble<M: Message>(message: &mut M, random: impl Fn(u64) -> u64) {
         };
     }
     *message = message.sealed();
+}
+
+/// What the message demands is something else: finite, and the seal fits.
+fn demand_otherwise<M: Message>(message: &mut M, fault: &Fault) {
+    for word in &mut payload(message)[demands(M::TOPIC)] {
+        let value = f64::from_bits(*word);
+        let wrong = match fault.wrong() {
+            Wrong::Sign => -value,
+            Wrong::Scale => value * fault.value.unwrap_or(1.5),
+            Wrong::Bias => value + fault.value.unwrap_or(0.2),
+        };
+        *word = wrong.to_bits();
+    }
+    *message = message.sealed();
+}
+
+/// The words of a payload that somebody is to obey: climb, attitude and rates; lift and moments; rotors and tilt.
+fn demands(topic: Topic) -> Range<usize> {
+    let bytes = match topic {
+        Topic::State => return 0..0,
+        Topic::Reference => offset_of!(Reference, w_mps)..offset_of!(Reference, disturbance_mps2),
+        Topic::Controls => offset_of!(Controls, demand)..offset_of!(Controls, disturbance),
+        Topic::Actuators => offset_of!(Actuators, command)..offset_of!(Actuators, flags),
+    };
+    bytes.start / 8 - STAMP_WORDS..bytes.end / 8 - STAMP_WORDS
 }
 
 /// The stamp tells of a sample that many ticks ago.

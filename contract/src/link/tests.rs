@@ -1,6 +1,6 @@
 use super::*;
 use crate::guard::{Guard, Refusal};
-use crate::message::{Controls, Stamp};
+use crate::message::{ActuationMsg, Actuators, Controls, Reference, Stamp};
 use crate::scenario::FaultTarget;
 
 /// Ticks on which CONTROLS of ticks 0 to 39 arrive, under one fault from tick 10 to 29, and what they carry.
@@ -138,4 +138,38 @@ fn a_fault_that_comes_while_flying_is_like_one_of_the_scenario() {
     };
     assert_eq!(arrived(true), arrived(false));
     assert!(arrived(true).iter().all(|(tick, mark)| *mark == unheard::HEARD || (10..25).contains(tick)));
+}
+
+/// What becomes of a message on its way under a fault of its topic.
+fn struck<M: Message>(message: M, how: Option<Wrong>, value: Option<f64>) -> M {
+    let target = [FaultTarget::State, FaultTarget::Reference, FaultTarget::Controls, FaultTarget::Actuators];
+    let fault = Fault { value, how, ..Fault::new(target[M::TOPIC as usize], FaultKind::Wrong, 0.0, None) };
+    let mut link = Link::new(&Scenario { fault: vec![fault], ..Scenario::default() });
+    let mut heard = None;
+    link.pass(0, &message.sealed(), |message| {
+        if message.stamp().unheard == unheard::HEARD {
+            heard = Some(*message);
+        }
+    });
+    let heard = heard.expect("it arrives");
+    assert!(heard.is_whole(), "nobody can tell from the seal");
+    heard
+}
+
+#[test]
+fn a_wrong_message_demands_something_else_and_nothing_more_is_changed() {
+    let controls = Controls { demand: [-9.0, 0.1, 0.2, 0.0], disturbance: [1.0; 4], ..Controls::default() };
+    let expected = |demand| Controls { demand, ..controls }.sealed();
+    assert_eq!(struck(controls, None, None), expected([9.0, -0.1, -0.2, -0.0]), "the sign, unless told otherwise");
+    assert_eq!(struck(controls, Some(Wrong::Scale), Some(2.0)), expected([-18.0, 0.2, 0.4, 0.0]));
+    assert_eq!(struck(controls, Some(Wrong::Bias), Some(1.0)), expected([-8.0, 1.1, 1.2, 1.0]));
+
+    let reference = Reference { position_m: [1.0; 3], w_mps: 0.5, attitude_rad: [0.1; 3], ..Reference::default() };
+    let expected = Reference { w_mps: -0.5, attitude_rad: [-0.1; 3], rates_radps: [-0.0; 3], ..reference };
+    assert_eq!(struck(reference, None, None), expected.sealed());
+
+    let command = |rotor_speed, tilt_rad| ActuationMsg { rotor_speed, tilt_rad };
+    let actuators = Actuators { command: command([5.0; 3], 0.1), flags: 3, ..Actuators::default() };
+    let expected = Actuators { command: command([-5.0; 3], -0.1), ..actuators };
+    assert_eq!(struck(actuators, Some(Wrong::Sign), None), expected.sealed());
 }

@@ -46,7 +46,7 @@ pub struct Fault {
     /// Messages lost in a row (burst), bits flipped (corrupt), every how many-th message passes (rate).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub count: Option<u64>,
-    /// In which way a sensor is wrong.
+    /// In which way a sensor or a topic is wrong; absent = bias for a sensor, sign for a topic.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub how: Option<Wrong>,
 }
@@ -78,12 +78,17 @@ impl Fault {
             K::Burst | K::Rate => &["count"],
             K::Corrupt => &["count", "probability"],
             K::Wrong if self.target.is_an_actuator() => &["value"],
-            K::Wrong if self.how == Some(Wrong::Sign) => &["how"],
+            K::Wrong if self.wrong() == Wrong::Sign => &["how"],
             K::Wrong => &["how", "value"],
             K::Noise | K::Saturated | K::Mass => &["value"],
             K::Step | K::Gust => &["vector"],
             _ => &[],
         }
+    }
+
+    /// In which way it is wrong.
+    pub fn wrong(&self) -> Wrong {
+        self.how.unwrap_or(if self.target.topic().is_some() { Wrong::Sign } else { Wrong::Bias })
     }
 
     /// The keys of a size that were given.
@@ -127,7 +132,7 @@ mod tests {
             assert_eq!((target as usize, target.name()), (i, name));
             assert_eq!(toml::Value::try_from(target), Ok(name.into()));
         }
-        assert_eq!(FaultTarget::ALL.len(), FaultTarget::Mpc as usize + 1, "the last one");
+        assert_eq!(FaultTarget::ALL.len(), FaultTarget::Host as usize + 1, "the last one");
     }
 
     #[test]

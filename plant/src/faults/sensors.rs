@@ -136,7 +136,7 @@ impl SensorFault {
             FaultTarget::Rates => (3, degree, RATES),
             _ => return None,
         };
-        let effect = match (fault.kind, fault.how.unwrap_or(Wrong::Bias)) {
+        let effect = match (fault.kind, fault.wrong()) {
             (FaultKind::Off, _) => Effect::Off,
             (FaultKind::Stuck, _) => Effect::Stuck(None),
             (FaultKind::Garbage, _) => Effect::Garbage(fault.probability.unwrap_or(GARBAGE_SHARE)),

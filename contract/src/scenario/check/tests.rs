@@ -157,7 +157,7 @@ fn a_swap_that_cannot_be_is_refused() {
         ("swap=[{at_s=1, node=\"mixer\", set=[\"nonsense\"]}]", "`swap.set`: not TOML"),
         ("swap=[{at_s=1, node=\"recorder\", set=[\"mpc.np=20\"]}]", "without `set`"),
         (
-            "swap=[{at_s=1, node=\"mixer\", set=[\"fault=[{at_s=0, target=\\\"wind\\\", kind=\\\"step\\\"}]\"]}]",
+            "swap=[{at_s=1, node=\"mixer\", set=[\"fault=[{at_s=0, target=\\\"payload\\\", kind=\\\"mass\\\"}]\"]}]",
             "of its topic",
         ),
     ];

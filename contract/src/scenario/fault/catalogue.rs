@@ -4,6 +4,7 @@
 //! |---|---|---|
 //! | process | plant guidance attitude-mpc mixer | kill stop slow hog exit |
 //! | topic | state reference controls actuators | drop burst delay duplicate reorder corrupt garbage stale rate |
+//! | demand | reference controls actuators | wrong |
 //! | sensor | position velocity attitude rates | off stuck garbage wrong slow delayed intermittent noise |
 //! | actuator | rotor1 rotor2 rotor3 tilt | off stuck wrong slow saturated |
 //! | environment | wind, payload | step gust, mass |
@@ -100,7 +101,7 @@ pub enum FaultKind {
     Off,
     /// It stays as it was when the fault began.
     Stuck,
-    /// A sensor with a bias, a factor or the wrong sign; an actuator with less effect.
+    /// A sensor, or what a node demands, with a bias, a factor or the wrong sign; an actuator with less effect.
     Wrong,
     /// A sensor that tells what was true some time ago.
     Delayed,
@@ -148,6 +149,16 @@ pub enum Wrong {
     /// The sign is turned.
     Sign,
 }
+
+/// The kinds that a topic can suffer. The first is not for STATE: it demands nothing.
+#[rustfmt::skip]
+const TOPIC_KINDS: [FaultKind; 13] = {
+    use FaultKind as K;
+    [
+        K::Wrong, K::Drop, K::Burst, K::Delay, K::Duplicate, K::Reorder, K::Corrupt, K::Garbage, K::Stale, K::Rate,
+        K::SecondPublisher, K::WrongLayout, K::WrongUser,
+    ]
+};
 
 impl FaultTarget {
     /// All of them in their order, as the file spells them.
@@ -204,14 +215,8 @@ impl FaultTarget {
             Self::Plant | Self::Guidance | Self::AttitudeMpc | Self::Mixer => {
                 &[K::Kill, K::Stop, K::Slow, K::Hog, K::Exit]
             }
-            Self::State | Self::Reference | Self::Controls | Self::Actuators => {
-                #[rustfmt::skip]
-                const KINDS: [K; 12] = [
-                    K::Drop, K::Burst, K::Delay, K::Duplicate, K::Reorder, K::Corrupt, K::Garbage, K::Stale, K::Rate,
-                    K::SecondPublisher, K::WrongLayout, K::WrongUser,
-                ];
-                &KINDS
-            }
+            Self::State => &TOPIC_KINDS[1..],
+            Self::Reference | Self::Controls | Self::Actuators => &TOPIC_KINDS,
             Self::Position | Self::Velocity | Self::Attitude | Self::Rates => {
                 &[K::Off, K::Stuck, K::Garbage, K::Wrong, K::Slow, K::Delayed, K::Intermittent, K::Noise]
             }

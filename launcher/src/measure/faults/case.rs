@@ -6,6 +6,7 @@
 //! the plant lives               it is the vehicle; nobody can take its place
 //! every actuator obeys          late or weakly perhaps, but it moves where it is told
 //! no sensor lies                stuck and wrong are nothing that a stack without a second sensor can know
+//! no node errs                  a demand that could be right is obeyed; where it is a newcomer's, a swap is ended by it
 //! no sensor is late             slow and delayed, by default 200 and 100 ms: the loop bears 50 ms of the rates
 //! the state is known            a STATE that can be taken is never older than 50 ms: measured, flight by flight
 //! ```
@@ -40,6 +41,8 @@ pub enum Promise {
     NoActuator,
     /// Nothing: a sensor lies.
     Lie,
+    /// Nothing: a node demands what is wrong.
+    Error,
     /// Nothing: a sensor tells of the past.
     Late,
     /// Nothing: nobody knew the state.
@@ -76,6 +79,7 @@ impl Case {
             (T::Rotor1 | T::Rotor2 | T::Rotor3, K::Off) => Promise::Terminate,
             (T::Rotor1 | T::Rotor2 | T::Rotor3 | T::Tilt, K::Off | K::Stuck) => Promise::NoActuator,
             (T::Position | T::Velocity | T::Attitude | T::Rates, K::Stuck | K::Wrong) => Promise::Lie,
+            (T::Reference | T::Controls | T::Actuators, K::Wrong) => Promise::Error,
             (T::Position | T::Velocity | T::Attitude | T::Rates, K::Slow | K::Delayed) => Promise::Late,
             _ if blind_s > KNOWN_S + 1e-9 => Promise::Blind,
             _ => Promise::Recover,

@@ -49,6 +49,7 @@ fn verdict(row: &Row) -> String {
         (Promise::NoPlant, _) => "lost: no plant".into(),
         (Promise::NoActuator, _) => format!("{fate}: an actuator that does not obey"),
         (Promise::Lie, _) => format!("{fate}: a sensor that lies"),
+        (Promise::Error, _) => format!("{fate}: a node that errs"),
         (Promise::Late, _) => format!("{fate}: a sensor that is late"),
         (Promise::Blind, _) => format!("{fate}: state unknown for {:.2} s", row.course.blind_s),
     }

@@ -6,7 +6,7 @@ use super::{flight, hover_in_gusts};
 #[test]
 fn the_matrix_is_the_whole_catalogue_and_every_case_is_a_scenario() {
     let cases = Case::all();
-    assert_eq!(cases.len(), 2 + 3 * 5 + 4 * 9 + 4 * 8 + 4 * 5 + 2 + 1 + 3);
+    assert_eq!(cases.len(), 2 + 3 * 5 + 4 * 9 + 3 + 4 * 8 + 4 * 5 + 2 + 1 + 3);
     let base = hover_in_gusts().expect("a scenario");
     assert!(base.run.duration_s > AT_S + FOR_S + flight::BACK_S, "there is time to come back");
     assert_ne!(base.run.mode, Mode::Inprocess);
@@ -28,6 +28,7 @@ fn what_is_promised_follows_from_the_fault_and_the_blindness() {
     assert_eq!(promise(FaultTarget::Rotor2, FaultKind::Off, 0.0), Promise::Terminate);
     assert_eq!(promise(FaultTarget::Tilt, FaultKind::Off, 0.0), Promise::NoActuator);
     assert_eq!(promise(FaultTarget::Rates, FaultKind::Wrong, 0.0), Promise::Lie);
+    assert_eq!(promise(FaultTarget::Controls, FaultKind::Wrong, 0.0), Promise::Error);
     assert_eq!(promise(FaultTarget::Rates, FaultKind::Delayed, 0.0), Promise::Late);
     assert_eq!(promise(FaultTarget::Tilt, FaultKind::Slow, 0.0), Promise::Recover, "late, but it obeys");
 }

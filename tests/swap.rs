@@ -1,0 +1,100 @@
+//! Hot swap: who is good is kept, who is not is sent away, and the flight does not notice.
+
+use std::path::PathBuf;
+
+use contract::scenario::{Mode, from_merged};
+use serde_json::Value;
+
+use crate::harness::{Flight, Outcome, fly, launcher, namespace, shared_memory_of, top, wait_until};
+
+const HOVER: &str = "scenarios/faults/hover-gusts.toml";
+/// Each node with the topic it speaks on.
+const NODES: [(&str, &str); 3] = [("guidance", "reference"), ("attitude-mpc", "controls"), ("mixer", "actuators")];
+/// Time in the shadow, and watched, of the swaps in lockstep \[s\].
+const SHADOW_S: f64 = 0.2;
+const WATCH_S: f64 = 0.3;
+
+/// One swap, as a setting spells it; what is `set` is one setting of the newcomer.
+fn swap(at_s: f64, node: &str, set: Option<&str>) -> String {
+    let set = set.map_or(String::new(), |set| format!(", set=['{set}']"));
+    format!("{{at_s={at_s}, node=\"{node}\", shadow_s={SHADOW_S}, watch_s={WATCH_S}{set}}}")
+}
+
+/// One fault of a newcomer from `at_s` on, by the way in which it is wrong.
+fn wrong(way: &str, at_s: f64, node: &str, topic: &str) -> String {
+    let fault = match way {
+        "nan" => format!("target=\"{topic}\", kind=\"garbage\""),
+        "silent" => format!("target=\"{topic}\", kind=\"drop\", probability=1.0"),
+        "sign" => format!("target=\"{topic}\", kind=\"wrong\""),
+        "slow" => format!("target=\"{node}\", kind=\"slow\", ms=30"),
+        _ => format!("target=\"{node}\", kind=\"exit\""),
+    };
+    format!("fault=[{{at_s={at_s}, {fault}}}]")
+}
+
+/// Flies the hover with these swaps.
+fn flown(swaps: &[String], mode: &str) -> Outcome {
+    let swaps = format!("swap=[{}]", swaps.join(", "));
+    fly(&[HOVER, "--mode", mode, "--no-log", "--set", "run.duration_s=7.0", "--set", &swaps])
+}
+
+/// Flies them by one thread and by processes, which must be the same flight; run.json.
+fn check_same(swaps: &[String]) -> Value {
+    let [inprocess, lockstep] = ["inprocess", "lockstep"].map(|mode| flown(swaps, mode));
+    for outcome in [&inprocess, &lockstep] {
+        assert_eq!(outcome.code(), Some(0), "{swaps:?}: {}", outcome.stderr);
+    }
+    assert_eq!(inprocess.run()["events"], lockstep.run()["events"], "{swaps:?}");
+    assert_eq!(inprocess.state_hash(), lockstep.state_hash(), "{swaps:?}");
+    assert_eq!(inprocess.run()["refused"], lockstep.run()["refused"], "{swaps:?}");
+    lockstep.run()
+}
+
+/// What became of the newcomers of `node`, one by one.
+fn endings(run: &Value, node: &str) -> Vec<String> {
+    let of_node = run["events"].as_array().expect("events").iter().filter(|event| event["node"] == node);
+    let what = of_node.map(|event| event["what"].as_str().expect("a word").to_owned());
+    what.filter(|what| ["kept", "rejected", "returned", "given-up"].contains(&what.as_str())).collect()
+}
+
+#[test]
+fn a_newcomer_like_the_old_one_is_kept_and_the_flight_is_the_same() {
+    let swaps = NODES.map(|(node, _)| swap(1.0, node, None));
+    let run = check_same(&swaps);
+    NODES.iter().for_each(|(node, _)| assert_eq!(endings(&run, node), ["kept"]));
+    assert_eq!(run["state_hash"], flown(&[], "lockstep").run()["state_hash"]);
+}
+
+#[test]
+fn another_law_is_kept_and_flies_otherwise() {
+    let run = check_same(&[swap(1.0, "attitude-mpc", Some("mpc.law=\"lqr\""))]);
+    assert_eq!(endings(&run, "attitude-mpc"), ["kept"]);
+    assert_ne!(run["state_hash"], flown(&[], "inprocess").run()["state_hash"]);
+}
+
+/// One swap of each node after the other, wrong in each way from `after_s` after its beginning on.
+fn wrong_newcomers(after_s: f64) -> Vec<String> {
+    let ways = ["nan", "silent", "sign", "slow", "exit"];
+    let at = |way: usize, node: usize| 1.0 + way as f64 + 0.3 * node as f64;
+    let one = |(i, way)| {
+        let of_node = move |(j, (node, topic)): (usize, (&str, &str))| {
+            let at_s = at(i, j);
+            swap(at_s, node, Some(&wrong(way, at_s + after_s, node, topic)))
+        };
+        NODES.into_iter().enumerate().map(of_node).collect::<Vec<_>>()
+    };
+    ways.into_iter().enumerate().flat_map(one).collect()
+}
+
+#[test]
+fn who_is_wrong_in_the_shadow_is_sent_away_and_the_flight_is_the_same() {
+    let run = check_same(&wrong_newcomers(0.05));
+    NODES.iter().for_each(|(node, _)| assert_eq!(endings(&run, node), ["rejected"; 5], "{}", run["events"]));
+    assert_eq!(run["state_hash"], flown(&[], "inprocess").run()["state_hash"]);
+}
+
+#[test]
+fn who_is_wrong_in_office_gives_it_back() {
+    let run = check_same(&wrong_newcomers(SHADOW_S + 0.05));
+    NODES.iter().for_each(|(node, _)| assert_eq!(endings(&run, node), ["returned"; 5], "{}", run["events"]));
+}
