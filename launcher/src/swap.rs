@@ -33,7 +33,7 @@ pub struct SwapArgs {
     /// How long the old one stands by after the hand-over
     #[arg(long, default_value = "3s", value_parser = seconds)]
     pub watch: f64,
-    /// What the newcomer may not do: `--bounds difference=0.25,ticks=3,tilt_deg=40,error_m=2`
+    /// What the newcomer may not do: `--bounds difference=0.25,accord=-0.5,ticks=3,tilt_deg=40,error_m=2`
     #[arg(long, value_name = "KEY=VALUE,...", default_value = "", value_parser = bounds)]
     pub bounds: SwapBounds,
     /// Which stack

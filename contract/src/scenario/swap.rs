@@ -42,7 +42,9 @@ pub struct SwapBounds {
     /// Largest difference between its answer and the old one's to the same sample, as a share of what is commonly the
     /// largest answer.
     pub difference: f64,
-    /// Ticks in a row on which its answer may be missing, late, implausible, or too different.
+    /// Least accord of its answers with the old one's: 1 the same up to a factor, 0 nothing in common, -1 the opposite.
+    pub accord: f64,
+    /// Ticks in a row on which its answer may be missing, late, implausible, too different, or opposite.
     pub ticks: u64,
     /// Largest tilt of the vehicle while it is in office \[deg\].
     pub tilt_deg: f64,
@@ -52,7 +54,7 @@ pub struct SwapBounds {
 
 impl Default for SwapBounds {
     fn default() -> Self {
-        Self { difference: 0.25, ticks: 3, tilt_deg: 40.0, error_m: 2.0 }
+        Self { difference: 0.25, accord: -0.5, ticks: 3, tilt_deg: 40.0, error_m: 2.0 }
     }
 }
 

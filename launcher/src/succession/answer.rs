@@ -13,8 +13,11 @@ use crate::log::Record;
 /// Reference of w that counts as the largest \[m/s\], unless the limit is lower.
 const W_MPS: f64 = 5.0;
 
+/// Numbers in an answer.
+pub const NUMBERS: usize = 4;
+
 /// One answer.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct Answer {
     /// The sample.
     pub tick: u64,
@@ -25,7 +28,7 @@ pub struct Answer {
     /// Whether it is whole, and its numbers can be true.
     pub usable: bool,
     /// Its numbers, each as a share of what is commonly the largest.
-    shares: [f64; 4],
+    pub shares: [f64; NUMBERS],
 }
 
 /// What makes answers of one node comparable.
@@ -36,7 +39,7 @@ pub struct Scale {
     /// When its answer is due after the sample \[ns\].
     pub due_ns: u64,
     /// The largest common value of each number.
-    largest: [f64; 4],
+    largest: [f64; NUMBERS],
     /// Against the clock a response is what it took; otherwise how long faults held it up.
     clocked: bool,
 }
@@ -45,7 +48,7 @@ impl Scale {
     /// For the publisher of `topic` in a run of `scenario`.
     pub fn new(scenario: &Scenario, topic: Topic) -> Self {
         let largest = match topic {
-            Topic::State => [f64::INFINITY; 4], // nobody compares plants
+            Topic::State => [f64::INFINITY; NUMBERS], // nobody compares plants
             Topic::Reference => {
                 let angle_rad = scenario.guidance.angle_limit_deg.to_radians();
                 [scenario.guidance.w_limit_mps.min(W_MPS), angle_rad, angle_rad, PI]
@@ -97,16 +100,16 @@ impl Answer {
     }
 }
 
-fn reference(message: &Reference) -> [f64; 4] {
+fn reference(message: &Reference) -> [f64; NUMBERS] {
     let [phi, theta, psi] = message.attitude_rad;
     [message.w_mps, phi, theta, psi]
 }
 
-fn controls(message: &Controls) -> [f64; 4] {
+fn controls(message: &Controls) -> [f64; NUMBERS] {
     message.demand
 }
 
-fn actuators(message: &Actuators) -> [f64; 4] {
+fn actuators(message: &Actuators) -> [f64; NUMBERS] {
     let [o1, o2, o3] = message.command.rotor_speed;
     [o1, o2, o3, message.command.tilt_rad]
 }

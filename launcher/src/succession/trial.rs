@@ -5,8 +5,9 @@
 //!       \--> rejected              \--> returned: the old one has the office back
 //! ```
 //!
-//! A tick counts against the newcomer when its answer is missing, not usable, late, or too far from the old one's: both
-//! answer to the same inputs, whoever of them is heard. In office the vehicle itself is watched too. All of it is judged
+//! A tick counts against the newcomer when its answer is missing, not usable, late, too far from the old one's, or the
+//! opposite of it ([`super::accord`]): both answer to the same inputs, whoever of them is heard. Nobody takes or keeps the
+//! office on a tick that counts against it. In office the vehicle itself is watched too. All of it is judged
 //! from messages alone, so that a trial ends the same way whoever turns the ring.
 
 use std::collections::VecDeque;
@@ -18,6 +19,7 @@ use contract::stamp::unheard;
 use contract::topic::Topic;
 use guidance::Trajectory;
 
+use super::accord::Accord;
 use super::answer::{Answer, Scale};
 use crate::log::Record;
 
@@ -40,6 +42,7 @@ pub struct Trial {
     answers: VecDeque<Answer>,
     /// The next tick to judge.
     next: u64,
+    accord: Accord,
     /// Ticks in a row that count against it.
     bad_ticks: u64,
     /// What the vehicle did that it may not do.
@@ -82,6 +85,7 @@ impl Trial {
             sample_s: scenario.sample_s(),
             answers: VecDeque::with_capacity(REMEMBERED),
             next: ticks.from,
+            accord: Accord::default(),
             bad_ticks: 0,
             strayed: None,
             seen: Seen::default(),
@@ -118,6 +122,7 @@ impl Trial {
             return Some((Ruling::Return, why));
         }
         match self.in_office {
+            _ if self.bad_ticks > 0 => None,
             false if tick >= self.ticks.hand_over => Some((Ruling::HandOver, self.describe())),
             true if tick >= self.ticks.until => Some((Ruling::Keep, self.describe())),
             _ => None,
@@ -155,7 +160,10 @@ impl Trial {
         if !mine.usable {
             return Some(format!("an answer {at} that cannot be used"));
         }
-        let difference = theirs.map_or(0.0, |theirs| mine.difference(&theirs));
+        let (difference, accord) = theirs.map_or((0.0, 1.0), |theirs| {
+            self.accord.note(&mine, &theirs);
+            (mine.difference(&theirs), self.accord.least())
+        });
         self.seen = Seen {
             ticks: self.seen.ticks + 1,
             difference: self.seen.difference.max(difference),
@@ -165,10 +173,13 @@ impl Trial {
         if mine.response_ns > self.scale.due_ns {
             return Some(format!("late {at}: {:.2} ms, due at {:.2} ms", ms(mine.response_ns), ms(self.scale.due_ns)));
         }
-        (difference > self.bounds.difference).then(|| {
+        if difference > self.bounds.difference {
             let (percent, limit) = (difference * 100.0, self.bounds.difference * 100.0);
-            format!("{percent:.1} % of the range from the old one's answer {at}, limit {limit:.1} %")
-        })
+            return Some(format!("{percent:.1} % of the range from the old one's answer {at}, limit {limit:.1} %"));
+        }
+        let limit = self.bounds.accord;
+        (accord < limit)
+            .then(|| format!("the opposite of the old one's answers {at}: accord {accord:.2}, limit {limit}"))
     }
 
     /// The vehicle under the newcomer.

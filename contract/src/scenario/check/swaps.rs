@@ -43,6 +43,12 @@ fn check_sizes(swap: &Swap, found: &mut Found) {
         "a swap with a bound that is none".into(),
         "`difference`, `ticks`, `tilt_deg` and `error_m` above 0",
     );
+    found.require(
+        (-1.0..=1.0).contains(&bounds.accord),
+        &KEYS,
+        format!("a swap with an accord of {:?}", bounds.accord),
+        "`accord` of -1 to 1",
+    );
 }
 
 /// Whether the node can be swapped at all.

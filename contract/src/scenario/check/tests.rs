@@ -151,6 +151,7 @@ fn a_swap_that_cannot_be_is_refused() {
         ("swap=[{at_s=1, node=\"plant\"}]", "it is the vehicle"),
         ("swap=[{at_s=-1, node=\"mixer\"}]", "of 0 to 86400"),
         ("swap=[{at_s=1, node=\"mixer\", bounds={ticks=0}}]", "above 0"),
+        ("swap=[{at_s=1, node=\"mixer\", bounds={accord=-1.5}}]", "of -1 to 1"),
         ("swap=[{at_s=1, node=\"mixer\"}, {at_s=2, node=\"mixer\"}]", "one after the other"),
         ("swap=[{at_s=1, node=\"mixer\", set=[\"run.seed=3\"]}]", "everything but `run`"),
         ("swap=[{at_s=1, node=\"mixer\", set=[\"mpc.np=0\"]}]", "`swap.set`: `mpc.np` = 0"),

@@ -113,12 +113,23 @@ fn lockstep(scenario: &Scenario, interrupts: &AtomicU32) -> anyhow::Result<Cours
     Ok(watch.course(matches!(flown.ended, Ended::Lost(_))))
 }
 
-fn through_processes(scenario: &Scenario, interrupts: &AtomicU32, watch: impl FnMut(Record)) -> anyhow::Result<Flown> {
+/// Flies `scenario` by processes; `watch` sees every message.
+pub fn through_processes(
+    scenario: &Scenario,
+    interrupts: &AtomicU32,
+    watch: impl FnMut(Record),
+) -> anyhow::Result<Flown> {
     let flown = Stack::start(&namespace(), scenario, None, interrupts)?.fly(interrupts, watch, |_| {});
     if matches!(flown.ended, Ended::Interrupted) {
         bail!(StartError::Interrupted);
     }
     Ok(flown)
+}
+
+/// True roll or pitch, whichever is larger \[deg\].
+pub fn lean_deg(state: &State) -> f64 {
+    let [roll, pitch, _] = state.actual.attitude_rad.map(|angle| angle.abs().to_degrees());
+    roll.max(pitch)
 }
 
 /// Who looks at a flight with one fault.
@@ -173,8 +184,7 @@ impl Watch {
         let course = &mut self.course;
         course.blind_s = course.blind_s.max(stamp.tick.saturating_sub(self.taken) as f64 * self.sample_s);
         if stamp.tick >= self.struck {
-            let [roll, pitch, _] = state.actual.attitude_rad.map(|angle| angle.abs().to_degrees());
-            course.tilt_deg = course.tilt_deg.max(roll).max(pitch);
+            course.tilt_deg = course.tilt_deg.max(lean_deg(state));
             let error_m = state.actual.position_m.iter().map(|x| x * x).sum::<f64>().sqrt();
             course.position_error_m = course.position_error_m.max(error_m);
             if stamp.tick == self.back {

@@ -5,6 +5,7 @@
 //! | [`case`] | the matrix, and which faults count as recoverable |
 //! | [`flight`] | one flight through its fault, by processes and by one thread |
 //! | [`strike`] | processes killed and stopped in real time, against the clock |
+//! | [`relay`] | newcomers in flight, good and wrong ones |
 //! | [`targets`], [`table`] | what is printed |
 //!
 //! Every case is `scenarios/faults/hover-gusts.toml` with one fault of the default size from 5 s to 6 s. It is flown in
@@ -13,6 +14,7 @@
 
 pub mod case;
 pub mod flight;
+pub mod relay;
 pub mod strike;
 pub mod table;
 pub mod targets;
@@ -28,6 +30,7 @@ use serde_json::json;
 
 use self::case::Case;
 use self::flight::{Quiet, Row};
+use self::relay::Relay;
 use self::strike::Strikes;
 use super::conclude;
 use crate::fly::{catch_interrupts, write_whole};
@@ -35,7 +38,7 @@ use crate::fly::{catch_interrupts, write_whole};
 /// Arguments of `measure faults`.
 #[derive(clap::Args)]
 pub struct FaultsArgs {
-    /// Only the process faults and one flight of each sort in real time: shows that everything works
+    /// Only the process faults, one swap of each node and one flight of each sort in real time: shows that everything works
     #[arg(long)]
     pub quick: bool,
     /// Print JSON
@@ -53,6 +56,8 @@ pub struct Results {
     pub rows: Vec<Row>,
     /// Flights without a fault.
     pub quiet: Vec<Quiet>,
+    /// Newcomers.
+    pub relays: Vec<Relay>,
     /// Strikes in real time.
     pub strikes: Strikes,
 }
@@ -82,6 +87,7 @@ impl Results {
         Ok(Self {
             rows,
             quiet: quiet.collect::<Result<_, _>>()?,
+            relays: Relay::fly_all(if quick { 1 } else { relay::ROUNDS }, interrupts)?,
             strikes: Strikes::measure(if quick { 1 } else { 5 }, interrupts)?,
         })
     }

@@ -1,16 +1,23 @@
 //! The promises, and what became of them.
 
+use contract::scenario::Mode;
+
 use super::Results;
 use super::case::Promise;
 use super::flight::{BACK_M, Row, TERMINATE_S, TILT_DEG};
+use super::relay::Relay;
 use super::strike::Strike;
 use crate::measure::Target;
+
+/// Farthest from the trajectory that good newcomers may take the vehicle \[m\].
+const SWAP_M: f64 = 0.1;
 
 /// One line each.
 pub fn targets(results: &Results) -> Vec<Target> {
     let mut targets = of_the_matrix(&results.rows);
     let alarms: u64 = results.quiet.iter().map(|quiet| quiet.flagged + quiet.refused + quiet.events).sum();
     targets.push(Target::at_most("false alarms in 60 quiet seconds, two flights", Some(alarms as f64), 0.0, ""));
+    targets.extend(results.relays.iter().flat_map(of_a_relay));
     targets.extend(in_real_time(results));
     targets
 }
@@ -48,6 +55,35 @@ fn of_the_matrix(rows: &[Row]) -> Vec<Target> {
         )
         .noting(different.join(", ")),
     ]
+}
+
+fn of_a_relay(relay: &Relay) -> Vec<Target> {
+    let mode = match relay.mode {
+        Mode::Realtime => "real time",
+        _ => "lockstep",
+    };
+    let Relay { swaps, kept, tilt_deg, position_error_m, lost_ticks, explained, .. } = *relay;
+    let count = |figure: String, count: usize| Target::at_most(figure, Some(count as f64), 0.0, "");
+    let mut targets = if relay.good {
+        let explains = if explained > 0 { format!("the canary explains {explained} more") } else { String::new() };
+        vec![
+            count(format!("{mode}, {swaps} good newcomers: not kept"), swaps - kept),
+            count(format!("{mode}, {swaps} good newcomers: ticks lost"), lost_ticks - explained).noting(explains),
+            Target::at_most(format!("{mode}, {swaps} good newcomers: error"), Some(position_error_m), SWAP_M, "m"),
+        ]
+    } else {
+        let tilt_deg = if relay.lost { f64::INFINITY } else { tilt_deg };
+        vec![
+            count(format!("{mode}, {swaps} wrong newcomers: kept"), kept)
+                .noting(format!("{} sent away from the shadow, {} from office", relay.rejected, relay.returned)),
+            Target::at_most(format!("{mode}, {swaps} wrong newcomers: worst tilt"), Some(tilt_deg), TILT_DEG, "deg"),
+        ]
+    };
+    targets.extend(relay.same.map(|same| {
+        let sort = if relay.good { "good" } else { "wrong" };
+        count(format!("flight with {swaps} {sort} newcomers, other by one thread"), usize::from(!same))
+    }));
+    targets
 }
 
 fn in_real_time(results: &Results) -> Vec<Target> {

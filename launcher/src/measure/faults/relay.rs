@@ -1,0 +1,219 @@
+//! Many swaps in one flight: twenty good newcomers of each node, or its wrong ones, and whether the flight noticed.
+//!
+//! The good ones come in the survey; every other one has settings of its own. The wrong ones come in the gusts, and each
+//! goes wrong in the shadow or, if it got there, in office, in one of these ways:
+//!
+//! | way | what its answers are |
+//! |---|---|
+//! | garbage | numbers that are none, well sealed |
+//! | drop | none |
+//! | wrong | finite and plausible, times -1 |
+//! | slow | 30 ms late |
+//! | exit | none, and it has ended |
+//!
+//! In lockstep, where one thread must fly the same, and in real time, where slow takes its time and exit is a crash.
+
+use std::collections::BTreeMap;
+use std::sync::atomic::AtomicU32;
+
+use contract::Scenario;
+use contract::scenario::{Mode, Swap, SwapNode};
+use contract::stamp::unheard;
+use contract::topic::Topic;
+use serde::Serialize;
+
+use super::flight::{lean_deg, through_processes};
+use super::hover_in_gusts;
+use crate::event::What;
+use crate::faults::reacts;
+use crate::inprocess;
+use crate::log::Record;
+use crate::measure::timing::canary::{Canary, Watch};
+use crate::summary::Summary;
+
+/// Who is swapped, and the settings of every other good newcomer.
+const NODES: [(SwapNode, Topic, &str); 3] = [
+    (SwapNode::Guidance, Topic::Reference, "guidance.disturbance_observer_radps=4.0"),
+    (SwapNode::AttitudeMpc, Topic::Controls, "mpc.law=\"lqr\""),
+    (SwapNode::Mixer, Topic::Actuators, "mixer.projection=true"),
+];
+const WAYS: [&str; 5] = [
+    "kind=\"garbage\"",
+    "kind=\"drop\", probability=1.0",
+    "kind=\"wrong\", how=\"sign\"",
+    "kind=\"slow\", ms=30.0",
+    "kind=\"exit\"",
+];
+/// Good newcomers of each node, in full.
+pub const ROUNDS: usize = 20;
+/// When the first swap begins \[s\].
+const FIRST_S: f64 = 1.0;
+/// How long a newcomer is in the shadow, and from one swap to the next \[s\].
+const GOOD_S: (f64, f64) = (0.1, 0.4);
+/// The same of wrong ones, long enough for the error to show.
+const WRONG_S: (f64, f64) = (0.2, 1.0);
+/// From the end of one swap to the next \[s\].
+const REST_S: f64 = 0.1;
+/// From the beginning of a swap to when its newcomer goes wrong: in the shadow, in office. In real time it is not there at
+/// once \[s\].
+const WRONG_AFTER_S: [f64; 2] = [0.15, 0.4];
+/// From one gust to the next \[s\].
+const GUST_S: f64 = 2.0;
+
+/// One flight, the nodes swapped in turn.
+#[derive(Debug, Clone, Serialize)]
+pub struct Relay {
+    /// Whether the newcomers were good.
+    pub good: bool,
+    /// Which regime.
+    pub mode: Mode,
+    /// Newcomers.
+    pub swaps: usize,
+    /// Those that were kept, sent away from the shadow, and sent away from office.
+    pub kept: usize,
+    /// See `kept`.
+    pub rejected: usize,
+    /// See `kept`.
+    pub returned: usize,
+    /// Ticks that some node did not answer to once, from fresh inputs.
+    pub lost_ticks: usize,
+    /// Those of them that the host explains.
+    pub explained: usize,
+    /// Largest true roll or pitch \[deg\].
+    pub tilt_deg: f64,
+    /// Farthest from the trajectory \[m\].
+    pub position_error_m: f64,
+    /// Whether the vehicle was lost.
+    pub lost: bool,
+    /// Whether one thread flew the same; nothing in real time.
+    pub same: Option<bool>,
+}
+
+/// The answers to one sample.
+#[derive(Default)]
+struct Answers {
+    sample_ns: u64,
+    heard: [u32; Topic::COUNT],
+    /// Somebody did without what it should have heard.
+    reacted: bool,
+}
+
+impl Relay {
+    /// All of them: `rounds` good newcomers of each node and every wrong one, in lockstep and in real time.
+    pub fn fly_all(rounds: usize, interrupts: &AtomicU32) -> anyhow::Result<Vec<Self>> {
+        let flights = [(true, good_newcomers(rounds)), (false, wrong_newcomers(hover_in_gusts()?))];
+        let modes = [Mode::Lockstep, Mode::Realtime].into_iter();
+        let each = modes.flat_map(|mode| flights.clone().map(|(good, scenario)| (good, scenario, mode)));
+        each.map(|(good, scenario, mode)| Self::fly(good, scenario, mode, interrupts)).collect()
+    }
+
+    fn fly(good: bool, mut scenario: Scenario, mode: Mode, interrupts: &AtomicU32) -> anyhow::Result<Self> {
+        scenario.run.mode = Mode::Inprocess;
+        let alone = (mode == Mode::Lockstep).then(|| hash_alone(&scenario));
+        scenario.run.mode = mode;
+        let canary = if mode == Mode::Realtime { Some(Canary::start()?) } else { None };
+        let (mut summary, mut tilt_deg) = (Summary::new(&scenario), 0.0_f64);
+        let mut ticks = BTreeMap::<u64, Answers>::new();
+        let flown = through_processes(&scenario, interrupts, |record| {
+            summary.observe(&record);
+            note(&mut ticks, &record);
+            if let Record::State(state) = &record {
+                tilt_deg = tilt_deg.max(lean_deg(state));
+            }
+        })?;
+        let host = canary.map(Canary::stop).transpose()?.unwrap_or_default();
+        let tick = |time_s: f64| (time_s / scenario.sample_s()) as u64;
+        let lost = ticks.range(tick(FIRST_S)..tick(scenario.run.duration_s - REST_S));
+        let lost: Vec<&Answers> = lost.map(|(_, answers)| answers).filter(|a| a.is_lost()).collect();
+        let ended = |what| flown.events.iter().filter(|event| event.what == what).count();
+        Ok(Self {
+            good,
+            mode,
+            swaps: scenario.swap.len(),
+            kept: ended(What::Kept),
+            rejected: ended(What::Rejected),
+            returned: ended(What::Returned),
+            lost_ticks: lost.len(),
+            explained: lost.iter().filter(|answers| answers.is_explained(&host, scenario.sample_ns())).count(),
+            tilt_deg,
+            position_error_m: summary.metrics().max_position_error_m,
+            lost: summary.status().diverged(),
+            same: alone.map(|alone| alone.is_some() && alone == summary.state_hash()),
+        })
+    }
+}
+
+/// The survey, and `rounds` newcomers of each node.
+fn good_newcomers(rounds: usize) -> Scenario {
+    let each = (0..rounds).flat_map(|round| NODES.map(|(node, _, other)| (node, (round % 2 == 1).then_some(other))));
+    let swap = |(i, (node, other)): (usize, (SwapNode, Option<&str>))| {
+        let set = other.map(str::to_owned).into_iter().collect();
+        swap(i, GOOD_S, node, set)
+    };
+    with_swaps(Scenario::default(), each.enumerate().map(swap).collect())
+}
+
+/// One gust after the other, and every node's newcomer wrong in every way, in the shadow and in office.
+fn wrong_newcomers(mut gusts: Scenario) -> Scenario {
+    let each = WAYS.into_iter().flat_map(|way| WRONG_AFTER_S.map(|after_s| (way, after_s)));
+    let each = each.flat_map(|(way, after_s)| NODES.map(|(node, topic, _)| (node, topic, way, after_s)));
+    let swap = |(i, (node, topic, way, after_s)): (usize, (SwapNode, Topic, &str, f64))| {
+        let (of_process, at_s) = (way.contains("slow") || way.contains("exit"), begins_s(i, WRONG_S) + after_s);
+        let target = if of_process { topic.publisher() } else { topic.name() };
+        swap(i, WRONG_S, node, vec![format!("fault=[{{at_s={at_s:?}, target=\"{target}\", {way}}}]")])
+    };
+    let swaps: Vec<Swap> = each.enumerate().map(swap).collect();
+    let gust = gusts.plant.wind_ned_mps.split_off(1); // the first entry is the steady wind
+    for i in 1..(begins_s(swaps.len(), WRONG_S) / GUST_S) as usize {
+        let later_s = FIRST_S + GUST_S * i as f64 - gust[0].0;
+        gusts.plant.wind_ned_mps.extend(gust.iter().map(|(at_s, wind_mps)| (at_s + later_s, *wind_mps)));
+    }
+    with_swaps(gusts, swaps)
+}
+
+fn begins_s(i: usize, (_, apart_s): (f64, f64)) -> f64 {
+    FIRST_S + apart_s * i as f64
+}
+
+/// The swap number `i`, of newcomers that take `times_s`.
+fn swap(i: usize, times_s: (f64, f64), node: SwapNode, set: Vec<String>) -> Swap {
+    let (shadow_s, apart_s) = times_s;
+    Swap { set, shadow_s, watch_s: apart_s - shadow_s - REST_S, ..Swap::new(node, begins_s(i, times_s)) }
+}
+
+fn with_swaps(mut scenario: Scenario, swaps: Vec<Swap>) -> Scenario {
+    let end_s = swaps.last().map_or(0.0, |last| last.at_s + last.shadow_s + last.watch_s);
+    scenario.run.duration_s = (end_s + 1.0).ceil();
+    scenario.swap = swaps;
+    scenario
+}
+
+/// The state hash of the flight by one thread.
+fn hash_alone(scenario: &Scenario) -> Option<String> {
+    let mut summary = Summary::new(scenario);
+    inprocess::fly(scenario, |record| {
+        summary.observe(&record);
+        true
+    });
+    summary.state_hash()
+}
+
+fn note(ticks: &mut BTreeMap<u64, Answers>, record: &Record) {
+    let stamp = record.stamp();
+    let answers = ticks.entry(stamp.tick).or_default();
+    answers.sample_ns = stamp.sample_ns;
+    if stamp.unheard == unheard::HEARD {
+        answers.heard[record.topic() as usize] += 1;
+        answers.reacted |= reacts(record);
+    }
+}
+
+impl Answers {
+    fn is_lost(&self) -> bool {
+        self.reacted || self.heard != [1; Topic::COUNT]
+    }
+
+    fn is_explained(&self, host: &Watch, sample_ns: u64) -> bool {
+        host.explains(self.sample_ns, self.sample_ns + 2 * sample_ns)
+    }
+}

@@ -1,0 +1,103 @@
+//! Accord: how alike the answers of two processes have been of late, number by number.
+//!
+//! A number's accord is the cosine of the angle between its last values from the one and from the other, with values
+//! forgotten by and by: 1 when they are the same up to a factor, 0 when they have nothing in common, -1 when one is the
+//! opposite of the other. It tells a wrong sign while the values are still small, in the shadow.
+
+use super::answer::{Answer, NUMBERS};
+
+/// Share of what is remembered that stays from one answer to the next: about twenty answers count.
+const STAYS: f64 = 0.95;
+/// Answers before which nothing can be said.
+const FEW: u32 = 10;
+/// Root mean square below which a number says nothing, as a share of what is commonly its largest value.
+const SILENCE: f64 = 1e-3;
+
+/// Two processes that answer to the same samples.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Accord {
+    answers: u32,
+    weight: f64,
+    mine: [f64; NUMBERS],
+    theirs: [f64; NUMBERS],
+    both: [f64; NUMBERS],
+}
+
+impl Accord {
+    /// Takes their answers to one sample in.
+    pub fn note(&mut self, mine: &Answer, theirs: &Answer) {
+        self.answers = self.answers.saturating_add(1);
+        self.weight = STAYS * self.weight + 1.0;
+        for (i, (m, t)) in mine.shares.into_iter().zip(theirs.shares).enumerate() {
+            self.mine[i] = STAYS * self.mine[i] + m * m;
+            self.theirs[i] = STAYS * self.theirs[i] + t * t;
+            self.both[i] = STAYS * self.both[i] + m * t;
+        }
+    }
+
+    /// The accord of the number that has the least of it; 1 when nothing can be said.
+    pub fn least(&self) -> f64 {
+        if self.answers < FEW {
+            return 1.0;
+        }
+        let floor = SILENCE * SILENCE * self.weight;
+        let says = |i: &usize| self.mine[*i] > floor && self.theirs[*i] > floor;
+        let of = |i: usize| self.both[i] / (self.mine[i] * self.theirs[i]).sqrt();
+        (0..NUMBERS).filter(says).map(of).fold(1.0, f64::min)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The accord after so many answers, of which the newcomer makes `mine` of the old one's.
+    fn accord(answers: u32, theirs: impl Fn(f64) -> f64, mine: impl Fn(f64) -> f64) -> f64 {
+        let mut accord = Accord::default();
+        for i in 0..answers {
+            let value = theirs(f64::from(i));
+            let answer = |share: f64| Answer { shares: [0.3, share, 0.0, 0.0], ..Answer::default() };
+            accord.note(&answer(mine(value)), &answer(value));
+        }
+        accord.least()
+    }
+
+    #[test]
+    fn the_opposite_is_told_while_it_is_small() {
+        let swing = |t: f64| 0.002 * (0.3 * t).sin();
+        assert!((accord(30, swing, |x| -x) + 1.0).abs() < 1e-12);
+        assert!((accord(30, swing, |x| 3.0 * x) - 1.0).abs() < 1e-12, "a factor is no opposition");
+        assert!((accord(30, |_| 0.002, |x| -x) + 1.0).abs() < 1e-12, "of what stands still too");
+    }
+
+    #[test]
+    fn what_is_unlike_without_being_opposite_is_let_be() {
+        let noise = |t: f64| 0.1 * (12.9898 * t).sin();
+        assert!(accord(200, noise, |x| (7e4 * x).sin()) > -0.5);
+    }
+
+    #[test]
+    fn of_little_nothing_is_said() {
+        assert_eq!(accord(FEW - 1, |_| 0.1, |x| -x), 1.0, "few answers");
+        assert_eq!(accord(100, |_| 0.000_9, |x| -x), 1.0, "next to nothing");
+        assert_eq!(accord(100, |_| 0.1, |_| 0.0), 1.0, "one of them says nothing");
+    }
+
+    #[test]
+    fn what_was_long_ago_is_forgotten() {
+        let mut changed = 0;
+        for turned in 1..40 {
+            let mine = |t: f64| if t < 100.0 { 0.1 } else { -0.1 };
+            let mut accord = Accord::default();
+            for i in 0..100 + turned {
+                let answer = |share: f64| Answer { shares: [share, 0.0, 0.0, 0.0], ..Answer::default() };
+                accord.note(&answer(mine(f64::from(i))), &answer(0.1));
+            }
+            if accord.least() < -0.5 {
+                changed = turned;
+                break;
+            }
+        }
+        assert!((20..30).contains(&changed), "told after {changed} answers");
+    }
+}
