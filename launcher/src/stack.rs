@@ -240,7 +240,9 @@ impl Stack {
         for process in self.children.all.iter_mut().filter(|process| process.topic.is_some()) {
             let name = process.name;
             match wait(&mut process.child, LEAVE_LIMIT, interrupts) {
-                // One that was killed on purpose is an event already; one that broke its budget has been named already, and another that did so meanwhile is no worse.
+                // A newcomer, or who stood by, leaves as it likes; one that was killed on purpose is an event already; one that
+                // broke its budget has been named already, and another that did so meanwhile is no worse.
+                _ if process.topic.is_none_or(|topic| self.board.office(topic).holder() != process.epoch) => {}
                 Some(status) if process.condemned || !matches!(Departure::of(status), Departure::Badly(_)) => {}
                 Some(status) => _ = lost.get_or_insert_with(|| format!("{name} ({status})")),
                 None => _ = lost.get_or_insert_with(|| format!("{name} (did not leave within 1 s and was killed)")),

@@ -87,6 +87,11 @@ impl Supervisor {
         self.nodes.iter_mut().filter_map(|node| node.trial.as_mut()).for_each(|trial| trial.observe(record));
     }
 
+    /// Whether the process `epoch` of a node is in office, and there is nobody to have it back.
+    pub fn is_alone(&self, board: &Board, topic: Topic, epoch: u32) -> bool {
+        board.office(topic).holder() == epoch && self.nodes[topic as usize].trial.is_none()
+    }
+
     /// Whether a newcomer may come for the node that speaks on `topic`; why not.
     pub fn may_swap(&self, board: &Board, topic: Topic) -> Result<(), String> {
         self.nodes[topic as usize].may_swap(board)
@@ -118,7 +123,9 @@ impl Supervisor {
         self.begun.resize(scenario.swap.len(), false);
         for (i, (swap, begun)) in scenario.swap.iter().zip(&mut self.begun).enumerate() {
             let is_due = tick > 0 && tick >= swap.ticks(scenario.sample_s()).from && !*begun;
-            if let Some(topic) = swap.node.topic().filter(|_| is_due) {
+            // One newcomer after the other: against the clock a trial begins when the newcomer is ready.
+            let has_room = |topic: &Topic| !self.nodes[*topic as usize].has_newcomer();
+            if let Some(topic) = swap.node.topic().filter(|_| is_due).filter(has_room) {
                 *begun = true;
                 self.nodes[topic as usize].invite(board, i, tick, now, &mut self.events, &mut orders);
             }

@@ -73,6 +73,14 @@ impl Regime {
         }
     }
 
+    /// Whether the process `epoch` is in office, and there is nobody to have it back.
+    pub fn is_alone(&self, board: &Board, topic: Topic, epoch: u32) -> bool {
+        match self {
+            Self::Clock(supervisor) => supervisor.is_alone(board, topic, epoch),
+            Self::Script(script) => script.succession.is_alone(topic, epoch),
+        }
+    }
+
     /// Whether somebody may take over now from who speaks on `topic`, or from the recorder; why not.
     pub fn may_swap(&self, board: &Board, topic: Option<Topic>) -> Result<(), String> {
         match self {

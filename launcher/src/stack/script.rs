@@ -9,6 +9,7 @@
 
 use std::time::{Duration, Instant};
 
+use contract::office::Staff;
 use contract::realtime::Board;
 use contract::scenario::Scenario;
 use contract::topic::Topic;
@@ -18,21 +19,31 @@ use crate::supervisor::{Order, plant_tick};
 
 /// On the wall clock, a process that works on the same sample for so long hangs.
 const HANG: Duration = Duration::from_secs(2);
+/// On the wall clock, a process that is not ready by then never will be.
+const START_LIMIT: Duration = Duration::from_secs(5);
 
 /// The succession of a lockstep run, and what it waits for.
 pub struct Script {
     /// Who works when.
     pub succession: Succession,
-    /// The tick that is asked for, once it has been decided, and who is to be ready for it.
-    awaited: Option<(u64, Vec<(Topic, u32)>)>,
+    awaited: Option<Awaited>,
     /// What the ring had done when it last moved, and when that was.
-    progress: ([u32; Topic::COUNT], Instant),
+    progress: ([[u32; 2]; Topic::COUNT], Instant),
+}
+
+/// The tick that is asked for, once it has been decided.
+struct Awaited {
+    tick: u64,
+    /// Who is to be ready for it.
+    starting: Vec<(Topic, u32)>,
+    /// Since when.
+    since: Instant,
 }
 
 impl Script {
     /// For a run of `scenario`.
     pub fn new(scenario: &Scenario) -> Self {
-        let progress = ([0; Topic::COUNT], Instant::now());
+        let progress = ([[0; 2]; Topic::COUNT], Instant::now());
         Self { succession: Succession::new(scenario), awaited: None, progress }
     }
 
@@ -58,7 +69,7 @@ impl Script {
                     }
                 });
             }
-            self.awaited = Some((tick, starting));
+            self.awaited = Some(Awaited { tick, starting, since: Instant::now() });
         }
         orders.extend(self.hung(board));
         orders
@@ -67,7 +78,7 @@ impl Script {
     /// Answers the plant, when everybody is ready and all orders have been carried out.
     pub fn answer(&mut self, board: &Board) {
         let ready = |(topic, epoch): &(Topic, u32)| board.office(*topic).ready.get() == *epoch;
-        let Some((tick, starting)) = &self.awaited else { return };
+        let Some(Awaited { tick, starting, .. }) = &self.awaited else { return };
         if !starting.iter().all(ready) || self.succession.staff(Topic::State).holder == 0 {
             return; // without a plant nobody hears it
         }
@@ -86,7 +97,7 @@ impl Script {
             return false;
         }
         self.succession.lost(topic, epoch, tick);
-        if let Some((_, starting)) = &mut self.awaited {
+        if let Some(Awaited { starting, .. }) = &mut self.awaited {
             starting.retain(|started| *started != (topic, epoch));
         }
         board.office(topic).appoint(tick as u32, |staff| staff.without(epoch));
@@ -96,16 +107,30 @@ impl Script {
 
     /// Who keeps the ring waiting for too long.
     fn hung(&mut self, board: &Board) -> Option<Order> {
-        let done = Topic::ALL.map(|topic| board.office(topic).done(board.office(topic).holder()).get());
-        if done != self.progress.0 || self.awaited.is_some() {
-            self.progress = (done, Instant::now());
+        if let Some(Awaited { starting, since, .. }) = &mut self.awaited {
+            self.progress.1 = Instant::now();
+            let ready = |(topic, epoch): &&(Topic, u32)| board.office(*topic).ready.get() == *epoch;
+            let never = starting.iter().find(|started| !ready(started));
+            let (topic, epoch) = *never.filter(|_| since.elapsed() > START_LIMIT)?;
+            *since = Instant::now(); // it is dead soon
+            return Some(Order::Kill(topic, epoch));
         }
-        if self.progress.1.elapsed() < HANG || done[0] == 0 {
+        let employed = |topic: Topic| {
+            let Staff { holder, shadow } = self.succession.staff(topic);
+            [holder, shadow]
+        };
+        let done = |topic: Topic| employed(topic).map(|epoch| board.office(topic).done(epoch).get());
+        let all = Topic::ALL.map(done);
+        if all != self.progress.0 {
+            self.progress = (all, Instant::now());
+        }
+        let sampled = all[Topic::State as usize][0];
+        if self.progress.1.elapsed() < HANG || sampled == 0 {
             return None;
         }
         self.progress.1 = Instant::now();
-        let late = |topic: &Topic| done[*topic as usize] < done[0] && board.office(*topic).holder() != 0;
-        let topic = Topic::ALL.into_iter().find(late)?;
-        Some(Order::Kill(topic, board.office(topic).holder()))
+        let late = |topic: Topic| (0..2).find(|i| employed(topic)[*i] != 0 && done(topic)[*i] < sampled);
+        let (topic, i) = Topic::ALL.into_iter().find_map(|topic| Some((topic, late(topic)?)))?;
+        Some(Order::Kill(topic, employed(topic)[i]))
     }
 }

@@ -19,7 +19,9 @@ impl Stack {
             let Process { name, topic, epoch, .. } = self.children.all[i];
             match (topic, how) {
                 (Some(Topic::State), Departure::Well) => return Some(Ended::Flown),
-                (_, Departure::Late) => return Some(Ended::Late(name.into())),
+                (Some(topic), Departure::Late) if self.regime.is_alone(&self.board, topic, epoch) => {
+                    return Some(Ended::Late(name.into()));
+                }
                 (Some(topic), how) => {
                     if !self.regime.died(&self.board, topic, epoch) {
                         return Some(Ended::Lost(how.tell(name)));

@@ -94,6 +94,11 @@ impl Scale {
 }
 
 impl Answer {
+    /// Whether it can be used, and is not later than `due_ns` after the sample.
+    pub fn is_good(&self, due_ns: u64) -> bool {
+        self.usable && self.response_ns <= due_ns
+    }
+
     /// How far another answer to the same sample is away: the largest difference of a number, as a share.
     pub fn difference(&self, other: &Self) -> f64 {
         self.shares.iter().zip(other.shares).map(|(mine, theirs)| (mine - theirs).abs()).fold(0.0, f64::max)

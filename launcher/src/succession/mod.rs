@@ -46,7 +46,8 @@ struct Post {
     away: Option<Away>,
     /// The ticks of the newest deaths.
     deaths: Vec<u64>,
-    trial: Option<Trial>,
+    /// A newcomer's, and who was there before it.
+    trial: Option<(Trial, Worker)>,
 }
 
 /// A process that works.
@@ -106,7 +107,7 @@ impl Succession {
 
     /// Takes one message in: trials are decided by them.
     pub fn observe(&mut self, record: &Record) {
-        self.posts.iter_mut().filter_map(|post| post.trial.as_mut()).for_each(|trial| trial.observe(record));
+        self.posts.iter_mut().filter_map(|post| post.trial.as_mut()).for_each(|(trial, _)| trial.observe(record));
     }
 
     /// Decides who works on `tick`; what is to be done before it begins.
@@ -124,7 +125,7 @@ impl Succession {
                 post.mourn(tick, absence.replaced, scenario, events);
             }
             post.fill(tick, events, &mut steps);
-            post.judge(tick, events, &mut steps);
+            post.judge(tick, scenario, events, &mut steps);
             for (i, swap) in scenario.swap.iter().enumerate() {
                 if swap.node.topic() == Some(post.topic) && swap.ticks(scenario.sample_s()).from == tick {
                     post.try_newcomer(tick, scenario, i, events, &mut steps);
@@ -139,26 +140,35 @@ impl Succession {
         let Self { scenario, posts, events, .. } = self;
         let post = &mut posts[topic as usize];
         let is = |worker: &mut Worker| worker.epoch == epoch;
-        let Some(who) = post.holder.take_if(is).or_else(|| post.shadow.take_if(is)) else { return };
+        let Some(mut who) = post.holder.take_if(is).or_else(|| post.shadow.take_if(is)) else { return };
         events.push(Event::new(tick, topic.publisher(), epoch, What::Died));
-        if let Some(trial) = post.trial.take() {
-            let what = match epoch == trial.newcomer {
-                true if trial.in_office => What::Returned,
-                true => What::Rejected,
-                false => What::Kept,
-            };
-            events
-                .push(Event::new(tick, topic.publisher(), trial.newcomer, what).because(format!("epoch {epoch} died")));
+        if let Some((trial, _)) = post.trial.as_mut().filter(|(trial, _)| trial.old == Some(epoch)) {
+            trial.old = None; // it goes on without
+        } else if let Some((trial, old)) = post.trial.take() {
+            who = old;
+            let what = trial.ending_by_death();
+            events.push(Event::new(tick, topic.publisher(), epoch, what).because("it died"));
         }
         if post.holder.is_none() && post.shadow.is_none() {
-            let restart = (RESTART_S / scenario.sample_s() - 1e-6).ceil() as u64;
-            post.away = Some(Away { until: tick + restart, who, replaced: true });
-            post.mourn(tick, true, scenario, events);
+            post.replace(who, tick, scenario, events);
         }
+    }
+
+    /// Whether `epoch` is in office, and there is nobody to have it back.
+    pub fn is_alone(&self, topic: Topic, epoch: u32) -> bool {
+        let post = &self.posts[topic as usize];
+        post.holder.is_some_and(|holder| holder.epoch == epoch) && post.trial.is_none()
     }
 }
 
 impl Post {
+    /// Sees to it that another comes for `who`, who is no more.
+    fn replace(&mut self, who: Worker, tick: u64, scenario: &Scenario, events: &mut Vec<Event>) {
+        let restart = (RESTART_S / scenario.sample_s() - 1e-6).ceil() as u64;
+        self.away = Some(Away { until: tick + restart, who, replaced: true });
+        self.mourn(tick, true, scenario, events);
+    }
+
     /// Counts a death; after too many of them nobody comes back.
     fn mourn(&mut self, tick: u64, died: bool, scenario: &Scenario, events: &mut Vec<Event>) {
         if !died {
@@ -191,35 +201,40 @@ impl Post {
             self.holder = Some(who);
         }
         if let Some(holder) = self.holder {
+            if let Some((trial, _)) = self.trial.as_mut().filter(|(trial, _)| trial.newcomer == holder.epoch) {
+                trial.in_office = true;
+            }
             events.push(Event::new(tick, self.topic.publisher(), holder.epoch, What::TookOver));
         }
     }
 
     /// Does what the trial of a newcomer has come to.
-    fn judge(&mut self, tick: u64, events: &mut Vec<Event>, steps: &mut Vec<Step>) {
-        let Some(trial) = &mut self.trial else { return };
+    fn judge(&mut self, tick: u64, scenario: &Scenario, events: &mut Vec<Event>, steps: &mut Vec<Step>) {
+        let Some((trial, old)) = &mut self.trial else { return };
         let Some((ruling, why)) = trial.rule(tick) else { return };
-        let (newcomer, old) = (trial.newcomer, trial.old);
-        let (what, leaves) = match ruling {
-            Ruling::HandOver => {
-                trial.in_office = true;
-                (What::TookOver, None)
-            }
-            Ruling::Keep => (What::Kept, Some(old)),
-            Ruling::Reject => (What::Rejected, Some(newcomer)),
-            Ruling::Return => (What::Returned, Some(newcomer)),
-        };
+        let (newcomer, old, old_lives) = (trial.newcomer, *old, trial.old.is_some());
+        let happened = |epoch, what| Event::new(tick, self.topic.publisher(), epoch, what);
         if matches!(ruling, Ruling::HandOver | Ruling::Return) {
             std::mem::swap(&mut self.holder, &mut self.shadow);
         }
-        if let Some(leaves) = leaves {
-            self.trial = None;
-            self.shadow = None;
-            steps.push(Step::End(self.topic, leaves));
-        }
-        events.push(Event::new(tick, self.topic.publisher(), newcomer, what).because(why));
-        if ruling == Ruling::Return {
-            events.push(Event::new(tick, self.topic.publisher(), old, What::TookOver));
+        let (what, leaves) = match ruling {
+            Ruling::HandOver => {
+                trial.in_office = true;
+                events.push(happened(newcomer, What::TookOver).because(why));
+                return;
+            }
+            Ruling::Keep => (What::Kept, Some(old.epoch).filter(|_| old_lives)),
+            Ruling::Reject => (What::Rejected, Some(newcomer)),
+            Ruling::Return => (What::Returned, Some(newcomer)),
+        };
+        self.trial = None;
+        self.shadow = None;
+        steps.extend(leaves.map(|epoch| Step::End(self.topic, epoch)));
+        events.push(happened(newcomer, what).because(why));
+        match self.holder {
+            Some(holder) if ruling == Ruling::Return => events.push(happened(holder.epoch, What::TookOver)),
+            Some(_) => {}
+            None => self.replace(old, tick, scenario, events),
         }
     }
 
@@ -232,18 +247,22 @@ impl Post {
         events: &mut Vec<Event>,
         steps: &mut Vec<Step>,
     ) {
-        let Some(holder) = self.holder else {
-            events.push(
-                Event::new(tick, self.topic.publisher(), self.newest, What::Rejected)
-                    .because("nobody to take over from"),
-            );
+        let has_begun = steps.iter().any(|step| matches!(step, Step::Begin(topic, ..) if *topic == self.topic));
+        let (holder, why) = match self.holder {
+            _ if self.trial.is_some() => (None, "another newcomer is on trial"),
+            holder if !has_begun => (holder, "nobody to take over from"),
+            _ => (None, "who is in office has only just begun"),
+        };
+        let Some(holder) = holder else {
+            let rejected = Event::new(tick, self.topic.publisher(), self.newest, What::Rejected);
+            events.push(rejected.because(why));
             return;
         };
         self.newest = successor(self.newest, holder.epoch);
         let newcomer = Worker { epoch: self.newest, origin: Some(i) };
         let swap = &scenario.swap[i];
         let ticks = swap.ticks(scenario.sample_s());
-        self.trial = Some(Trial::new(scenario, swap, self.topic, ticks, (holder.epoch, newcomer.epoch)));
+        self.trial = Some((Trial::new(scenario, swap, self.topic, ticks, (holder.epoch, newcomer.epoch)), holder));
         self.shadow = Some(newcomer);
         steps.push(Step::Begin(self.topic, newcomer.epoch, newcomer.origin));
         for what in [What::Started, What::InShadow] {

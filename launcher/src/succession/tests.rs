@@ -1,3 +1,5 @@
+use std::ops::Range;
+
 use contract::message::{Controls, Message, Stamp, State};
 use contract::scenario::{Fault, FaultKind, FaultTarget, Swap, SwapNode};
 use contract::stamp::unheard;
@@ -73,11 +75,17 @@ fn demand(epoch: u32, tick: u64, lon_nm: f64) -> Record {
     Controls { stamp, demand: [0.0, lon_nm, 0.0, 0.0], ..Controls::default() }.sealed().into()
 }
 
-/// Ticks until `until` with both at work; the newcomer demands `lon_nm` of the tick. What was to be done.
-fn fly(succession: &mut Succession, until: u64, lon_nm: impl Fn(u64) -> f64) -> Vec<(u64, Step)> {
+/// The plant's word on `tick`.
+fn sample(tick: u64) -> State {
+    State { stamp: Stamp { tick, sequence: tick + 1, epoch: 1, ..Stamp::default() }, ..State::default() }
+}
+
+/// These ticks, with all at work who are there; the newcomer demands `lon_nm` of the tick. What was to be done.
+fn fly(succession: &mut Succession, ticks: Range<u64>, lon_nm: impl Fn(u64) -> f64) -> Vec<(u64, Step)> {
     let mut done = vec![];
-    for tick in 0..until {
+    for tick in ticks {
         done.extend(succession.begin(tick).into_iter().map(|step| (tick, step)));
+        succession.observe(&sample(tick).sealed().into());
         for epoch in succession.staff(CONTROLS).epochs() {
             succession.observe(&demand(epoch, tick, if epoch == 2 { lon_nm(tick) } else { 0.1 }));
         }
@@ -88,7 +96,7 @@ fn fly(succession: &mut Succession, until: u64, lon_nm: impl Fn(u64) -> f64) -> 
 #[test]
 fn a_good_newcomer_is_kept() {
     let mut succession = swapping();
-    let done = fly(&mut succession, 60, |_| 0.1);
+    let done = fly(&mut succession, 0..60, |_| 0.1);
     assert_eq!(done, [(10, Step::Begin(CONTROLS, 2, Some(0))), (40, Step::End(CONTROLS, 1))]);
     let story = [(10, 2, What::Started), (10, 2, What::InShadow), (20, 2, What::TookOver), (40, 2, What::Kept)];
     assert_eq!(told(&succession), story);
@@ -101,7 +109,7 @@ fn a_good_newcomer_is_kept() {
 #[test]
 fn a_newcomer_that_differs_in_the_shadow_is_rejected() {
     let mut succession = swapping();
-    let done = fly(&mut succession, 60, |tick| if tick < 15 { 0.1 } else { 100.0 });
+    let done = fly(&mut succession, 0..60, |tick| if tick < 15 { 0.1 } else { 100.0 });
     assert_eq!(done, [(10, Step::Begin(CONTROLS, 2, Some(0))), (18, Step::End(CONTROLS, 2))], "three ticks in a row");
     assert_eq!(told(&succession).last(), Some(&(18, 2, What::Rejected)));
     assert_eq!(succession.staff(CONTROLS), Staff { holder: 1, shadow: 0 });
@@ -110,7 +118,7 @@ fn a_newcomer_that_differs_in_the_shadow_is_rejected() {
 #[test]
 fn a_newcomer_that_differs_in_office_returns_it() {
     let mut succession = swapping();
-    fly(&mut succession, 60, |tick| if tick < 30 { 0.1 } else { f64::NAN });
+    fly(&mut succession, 0..60, |tick| if tick < 30 { 0.1 } else { f64::NAN });
     assert_eq!(told(&succession)[3..], [(33, 2, What::Returned), (33, 1, What::TookOver)]);
     assert!(succession.events[3].why.as_ref().is_some_and(|why| why.contains("cannot be used")));
     assert_eq!(succession.staff(CONTROLS), Staff { holder: 1, shadow: 0 });
@@ -119,8 +127,8 @@ fn a_newcomer_that_differs_in_office_returns_it() {
 #[test]
 fn a_vehicle_that_tilts_under_a_newcomer_gets_the_old_one_back() {
     let mut succession = swapping();
-    fly(&mut succession, 25, |_| 0.1);
-    let mut state = State { stamp: Stamp { tick: 25, epoch: 1, ..Stamp::default() }, ..State::default() };
+    fly(&mut succession, 0..25, |_| 0.1);
+    let mut state = sample(25);
     state.actual.attitude_rad = [0.8, 0.0, 0.0];
     succession.begin(25);
     succession.observe(&state.sealed().into());
@@ -136,6 +144,7 @@ fn what_was_only_meant_is_not_judged() {
     let mut succession = swapping();
     for tick in 0..60 {
         succession.begin(tick);
+        succession.observe(&sample(tick).sealed().into());
         let Record::Controls(mut meant) = demand(2, tick, 0.1) else { unreachable!("a demand") };
         meant.stamp.unheard = unheard::FAULT;
         succession.observe(&meant.sealed().into());
@@ -145,18 +154,63 @@ fn what_was_only_meant_is_not_judged() {
 }
 
 #[test]
-fn who_dies_during_a_swap_leaves_the_office_to_the_other() {
-    for (dead, at, ending, holder) in
-        [(2, 15, What::Rejected, 1), (1, 15, What::Kept, 2), (2, 30, What::Returned, 1), (1, 30, What::Kept, 2)]
-    {
+fn a_newcomer_that_dies_leaves_the_office_to_the_old_one() {
+    for (at, ending) in [(15, What::Rejected), (30, What::Returned)] {
         let mut succession = swapping();
-        fly(&mut succession, at, |_| 0.1);
-        succession.lost(CONTROLS, dead, at);
-        succession.begin(at + 1);
-        assert_eq!(succession.staff(CONTROLS), Staff { holder, shadow: 0 }, "{dead} at {at}");
-        assert!(told(&succession).contains(&(at, 2, ending)), "{dead} at {at}: {:?}", told(&succession));
-        assert!((at + 2..100).all(|tick| succession.begin(tick).is_empty()), "{dead} at {at}: nobody is missing");
+        fly(&mut succession, 0..at, |_| 0.1);
+        succession.lost(CONTROLS, 2, at);
+        assert_eq!(fly(&mut succession, at + 1..100, |_| 0.1), [], "{at}: nobody is missing");
+        assert_eq!(succession.staff(CONTROLS), Staff { holder: 1, shadow: 0 }, "{at}");
+        assert!(told(&succession).contains(&(at, 2, ending)), "{at}: {:?}", told(&succession));
     }
+}
+
+#[test]
+fn a_trial_goes_on_when_the_old_one_dies() {
+    for at in [15, 30] {
+        let mut good = swapping();
+        fly(&mut good, 0..at, |_| 0.1);
+        good.lost(CONTROLS, 1, at);
+        assert_eq!(fly(&mut good, at + 1..100, |_| 0.1), [], "{at}: nobody is missing, nobody is to go");
+        assert_eq!(good.staff(CONTROLS), Staff { holder: 2, shadow: 0 }, "{at}");
+        assert_eq!(told(&good).last(), Some(&(40, 2, What::Kept)), "{at}");
+
+        let mut wrong = swapping();
+        fly(&mut wrong, 0..at, |_| 0.1);
+        wrong.lost(CONTROLS, 1, at);
+        let done = fly(&mut wrong, at + 1..100, |_| f64::NAN);
+        let gone = at + 4;
+        let expected = [(gone, Step::End(CONTROLS, 2)), (gone + 10, Step::Begin(CONTROLS, 3, None))];
+        assert_eq!(done, expected, "{at}: one like the old one comes");
+        assert!(told(&wrong).contains(&(gone, 2, What::Returned)), "{at}: {:?}", told(&wrong));
+    }
+}
+
+#[test]
+fn what_both_suffer_is_held_against_nobody() {
+    let mut succession = swapping();
+    for tick in 0..60 {
+        succession.begin(tick);
+        if tick % 7 > 0 {
+            succession.observe(&sample(tick).sealed().into()); // the plant slept
+        }
+        for epoch in succession.staff(CONTROLS).epochs().filter(|_| tick % 7 > 0 && !(12..18).contains(&tick)) {
+            succession.observe(&demand(epoch, tick, 0.1));
+        }
+    }
+    assert_eq!(told(&succession).last(), Some(&(40, 2, What::Kept)));
+}
+
+#[test]
+fn one_newcomer_comes_after_the_other() {
+    let swap = |at_s| Swap { shadow_s: 0.1, watch_s: 0.2, ..Swap::new(SwapNode::AttitudeMpc, at_s) };
+    let mut succession = Succession::new(&scenario(vec![], vec![swap(0.1), swap(0.2), swap(0.7)]));
+    fly(&mut succession, 0..50, |_| 0.1);
+    assert!(told(&succession).contains(&(20, 2, What::Rejected)), "the second; the first goes on");
+    assert_eq!(told(&succession).last(), Some(&(40, 2, What::Kept)));
+    succession.lost(CONTROLS, 2, 60);
+    assert_eq!(fly(&mut succession, 61..72, |_| 0.1), [(70, Step::Begin(CONTROLS, 3, Some(0)))]);
+    assert_eq!(told(&succession).last(), Some(&(70, 3, What::Rejected)), "who replaces another has no time for it");
 }
 
 #[test]

@@ -7,7 +7,8 @@
 //!
 //! A tick counts against the newcomer when its answer is missing, not usable, late, too far from the old one's, or the
 //! opposite of it ([`super::accord`]): both answer to the same inputs, whoever of them is heard. Nobody takes or keeps the
-//! office on a tick that counts against it. In office the vehicle itself is watched too. All of it is judged
+//! office on a tick that counts against it. A tick that the plant skipped counts for nothing, nor does one on which the old
+//! one fares no better: a fault of both is none of the newcomer's. Should the old one die, the trial goes on. In office the vehicle itself is watched too. All of it is judged
 //! from messages alone, so that a trial ends the same way whoever turns the ring.
 
 use std::collections::VecDeque;
@@ -21,17 +22,18 @@ use guidance::Trajectory;
 
 use super::accord::Accord;
 use super::answer::{Answer, Scale};
+use crate::event::What;
 use crate::log::Record;
 
-/// Answers that are remembered until they are judged: against the clock the launcher may look late.
-const REMEMBERED: usize = 512;
+/// How long answers are remembered until they are judged: against the clock the launcher may look late \[s\].
+const REMEMBERED_S: f64 = 2.0;
 
 /// A newcomer under trial.
 pub struct Trial {
     /// Who it is.
     pub newcomer: u32,
-    /// Who was there before.
-    pub old: u32,
+    /// Who was there before, while it lives.
+    pub old: Option<u32>,
     /// Whether it has the office.
     pub in_office: bool,
     bounds: SwapBounds,
@@ -40,6 +42,10 @@ pub struct Trial {
     trajectory: Trajectory,
     sample_s: f64,
     answers: VecDeque<Answer>,
+    /// Ticks that the plant has sampled and nobody has judged yet.
+    sampled: VecDeque<u64>,
+    /// How many of both are remembered.
+    room: usize,
     /// The next tick to judge.
     next: u64,
     accord: Accord,
@@ -76,14 +82,16 @@ impl Trial {
     pub fn new(scenario: &Scenario, swap: &Swap, topic: Topic, ticks: SwapTicks, (old, newcomer): (u32, u32)) -> Self {
         Self {
             newcomer,
-            old,
+            old: Some(old),
             in_office: false,
             bounds: swap.bounds,
             ticks,
             scale: Scale::new(scenario, topic),
             trajectory: Trajectory::new(&scenario.mission),
             sample_s: scenario.sample_s(),
-            answers: VecDeque::with_capacity(REMEMBERED),
+            answers: VecDeque::new(),
+            sampled: VecDeque::new(),
+            room: (REMEMBERED_S / scenario.sample_s()) as usize * 2,
             next: ticks.from,
             accord: Accord::default(),
             bad_ticks: 0,
@@ -92,30 +100,46 @@ impl Trial {
         }
     }
 
+    /// How it ends if the newcomer dies.
+    pub fn ending_by_death(&self) -> What {
+        if self.in_office { What::Returned } else { What::Rejected }
+    }
+
     /// Takes one message in.
     pub fn observe(&mut self, record: &Record) {
+        if let Record::State(state) = record
+            && state.stamp.tick >= self.next
+            && self.sampled.back().is_none_or(|newest| *newest < state.stamp.tick)
+            && record.is_whole()
+        {
+            remember(&mut self.sampled, state.stamp.tick, self.room);
+        }
         if record.stamp().unheard == unheard::FAULT {
             return; // what was meant; what came of it is another message
         }
         match record {
             Record::State(state) if self.in_office => self.watch(state),
-            _ => self.remember(record),
+            _ => self.note(record),
         }
     }
 
     /// What becomes of the newcomer before `tick` begins, and why: all messages of the ticks before are known.
     pub fn rule(&mut self, tick: u64) -> Option<(Ruling, String)> {
         let ending = if self.in_office { Ruling::Return } else { Ruling::Reject };
-        while self.next < tick {
-            let judged = self.next;
-            self.next += 1;
-            let Some(complaint) = self.complaint(judged) else {
-                self.bad_ticks = 0;
-                continue;
-            };
-            self.bad_ticks += 1;
-            if self.bad_ticks >= self.bounds.ticks {
-                return Some((ending, complaint));
+        self.next = self.next.max(tick);
+        while let Some(judged) = self.sampled.front().copied().filter(|sampled| *sampled < tick) {
+            self.sampled.pop_front();
+            let (mine, theirs) = self.answers_to(judged);
+            let no_worse = self.old.is_some() && !theirs.is_some_and(|theirs| theirs.is_good(self.scale.due_ns));
+            match self.against(judged, mine, theirs) {
+                None => self.bad_ticks = 0,
+                Some(_) if no_worse => {}
+                Some(complaint) => {
+                    self.bad_ticks += 1;
+                    if self.bad_ticks >= self.bounds.ticks {
+                        return Some((ending, complaint));
+                    }
+                }
             }
         }
         if let Some(why) = self.strayed.take() {
@@ -139,28 +163,30 @@ impl Trial {
         )
     }
 
-    fn remember(&mut self, record: &Record) {
+    fn note(&mut self, record: &Record) {
         let Some(answer) = self.scale.read(record) else { return };
-        let known = answer.epoch == u64::from(self.newcomer) || answer.epoch == u64::from(self.old);
-        if known && answer.tick >= self.next {
-            if self.answers.len() == REMEMBERED {
-                self.answers.pop_front();
-            }
-            self.answers.push_back(answer);
+        let mut known = std::iter::once(self.newcomer).chain(self.old).map(u64::from);
+        if known.any(|epoch| epoch == answer.epoch) && answer.tick >= self.next {
+            remember(&mut self.answers, answer, self.room);
         }
     }
 
-    /// What speaks against the newcomer on `tick`.
-    fn complaint(&mut self, tick: u64) -> Option<String> {
+    /// The newcomer's answer to `tick`, and the old one's.
+    fn answers_to(&mut self, tick: u64) -> (Option<Answer>, Option<Answer>) {
         let of = |epoch: u32| self.answers.iter().rfind(|a| a.tick == tick && a.epoch == u64::from(epoch)).copied();
-        let (mine, theirs) = (of(self.newcomer), of(self.old).filter(|theirs| theirs.usable));
+        let both = (of(self.newcomer), self.old.and_then(of));
         self.answers.retain(|answer| answer.tick > tick);
+        both
+    }
+
+    /// What speaks against the newcomer's answer to `tick`, for people.
+    fn against(&mut self, tick: u64, mine: Option<Answer>, theirs: Option<Answer>) -> Option<String> {
         let at = format!("at {:.2} s", tick as f64 * self.sample_s);
         let Some(mine) = mine else { return Some(format!("no answer {at}")) };
         if !mine.usable {
             return Some(format!("an answer {at} that cannot be used"));
         }
-        let (difference, accord) = theirs.map_or((0.0, 1.0), |theirs| {
+        let (difference, accord) = theirs.filter(|theirs| theirs.usable).map_or((0.0, 1.0), |theirs| {
             self.accord.note(&mine, &theirs);
             (mine.difference(&theirs), self.accord.least())
         });
@@ -196,4 +222,12 @@ impl Trial {
             self.strayed = Some(format!("the vehicle was {error_m:.2} m off at {time_s:.2} s, limit {error_limit}"));
         }
     }
+}
+
+/// Adds the newest; the oldest gives way when there is no room.
+fn remember<T>(all: &mut VecDeque<T>, newest: T, room: usize) {
+    if all.len() >= room {
+        all.pop_front();
+    }
+    all.push_back(newest);
 }

@@ -13,10 +13,15 @@ use crate::succession::successor;
 use crate::succession::trial::{Ruling, Trial};
 
 impl Node {
+    /// Whether somebody is on trial, or was started and does not work yet.
+    pub fn has_newcomer(&self) -> bool {
+        self.trial.is_some() || self.started.is_some()
+    }
+
     /// Whether a newcomer may come; why not.
     pub fn may_swap(&self, board: &Board) -> Result<(), String> {
         let name = self.topic.publisher();
-        if self.trial.is_some() || self.started.is_some() {
+        if self.has_newcomer() {
             return Err(format!("{name} has a newcomer already; wait until its trial is over"));
         }
         if board.office(self.topic).holder() == 0 {
@@ -87,28 +92,42 @@ impl Node {
                 return;
             }
             Ruling::Keep => {
-                office.appoint(tick as u32, |staff| staff.without(old)); // and so it leaves
-                self.dismiss(old);
+                if let Some(old) = old {
+                    self.end(board, old, tick, orders);
+                }
                 self.origins.1 = None;
                 What::Kept
             }
             Ruling::Reject => {
-                office.heir.set(0);
-                office.appoint(tick as u32, |staff| staff.without(newcomer));
+                self.end(board, newcomer, tick, orders);
                 self.origins.1 = None;
-                self.dismiss(newcomer);
-                orders.push(Order::Kill(self.topic, newcomer));
                 What::Rejected
             }
             Ruling::Return => {
-                office.heir.set(old);
                 self.origins = (self.origins.1, None);
-                self.dismiss(newcomer);
-                orders.push(Order::Kill(self.topic, newcomer));
+                match old {
+                    // Until it is let in, the newcomer has the office.
+                    Some(old) => {
+                        office.heir.set(old);
+                        self.dismiss(newcomer);
+                        orders.push(Order::Kill(self.topic, newcomer));
+                    }
+                    None => self.end(board, newcomer, tick, orders),
+                }
                 What::Returned
             }
         };
         self.trial = None;
         events.push(Event::new(tick, self.topic.publisher(), newcomer, what).because(why));
+        if self.wanted.is_empty() {
+            self.mourn(newcomer, tick, events);
+        }
+    }
+
+    /// Sends a process away, from office or shadow.
+    fn end(&mut self, board: &Board, epoch: u32, tick: u64, orders: &mut Vec<Order>) {
+        self.dismiss(epoch);
+        self.vacate(board, epoch, tick);
+        orders.push(Order::Kill(self.topic, epoch));
     }
 }

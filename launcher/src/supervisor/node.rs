@@ -37,8 +37,10 @@ pub struct Node {
     starts: Vec<Instant>,
     /// When the next is to be started.
     pub restart_at: Option<Instant>,
+    /// A newcomer that is not wanted any more.
+    superfluous: Option<u32>,
     /// The epochs that work, or are about to, and are to be replaced when they die.
-    wanted: Vec<u32>,
+    pub wanted: Vec<u32>,
     /// The swaps that the holder and the shadow came with.
     pub origins: (Option<usize>, Option<usize>),
     /// The holder when last looked at.
@@ -69,6 +71,7 @@ impl Node {
             started: None,
             starts: vec![],
             restart_at: None,
+            superfluous: None,
             wanted: vec![1],
             origins: (None, None),
             holder: 1,
@@ -86,16 +89,19 @@ impl Node {
         events.push(Event::new(tick, name, epoch, What::Died));
         if self.started.take_if(|started| started.epoch == epoch).is_some_and(|started| started.swap.is_some()) {
             events.push(Event::new(tick, name, epoch, What::Rejected).because("it died before it was ready"));
+        } else if let Some(trial) = self.trial.as_mut().filter(|trial| trial.old == Some(epoch)) {
+            trial.old = None; // it goes on without
         } else if let Some(trial) = self.trial.take() {
-            let is_newcomer = epoch == trial.newcomer;
-            let what = match (is_newcomer, trial.in_office) {
-                (true, true) => What::Returned,
-                (true, false) => What::Rejected,
-                (false, _) => What::Kept,
-            };
-            events.push(Event::new(tick, name, trial.newcomer, what).because(format!("epoch {epoch} died")));
-            let stays = if is_newcomer == trial.in_office { self.origins.1 } else { self.origins.0 };
-            self.origins = (stays, None);
+            events.push(Event::new(tick, name, epoch, trial.ending_by_death()).because("it died"));
+            self.origins = (if trial.in_office { self.origins.1 } else { self.origins.0 }, None);
+        }
+        // Nobody in office waits for a newcomer that is not ready and has shown nothing.
+        if let Some(late) = self.started.filter(|started| started.swap.is_some() && self.wanted == [started.epoch]) {
+            self.dismiss(late.epoch);
+            self.started = None;
+            self.superfluous = Some(late.epoch);
+            let rejected = Event::new(tick, name, late.epoch, What::Rejected);
+            events.push(rejected.because("nobody was in office any more before it was ready"));
         }
         if self.wanted.is_empty() {
             self.mourn(epoch, tick, events);
@@ -110,7 +116,7 @@ impl Node {
     }
 
     /// Sees to it that another is started; after too many deaths nobody is.
-    fn mourn(&mut self, epoch: u32, tick: u64, events: &mut Vec<Event>) {
+    pub fn mourn(&mut self, epoch: u32, tick: u64, events: &mut Vec<Event>) {
         let now = Instant::now();
         self.starts.retain(|start| now.duration_since(*start) < WINDOW);
         if let Some(wait_ms) = BACK_OFF_MS.get(self.starts.len()) {
@@ -131,6 +137,7 @@ impl Node {
         events: &mut Vec<Event>,
         orders: &mut Vec<Order>,
     ) {
+        orders.extend(self.superfluous.take().map(|epoch| Order::Kill(self.topic, epoch)));
         if self.restart_at.take_if(|at| now >= *at).is_some() {
             self.newest = successor(self.newest, board.office(self.topic).staff().shadow);
             self.start(None, tick, now, events, orders);
@@ -197,7 +204,7 @@ impl Node {
     }
 
     /// Leaves the office to nobody but a shadow, if `epoch` holds it or is about to.
-    fn vacate(&mut self, board: &Board, epoch: u32, tick: u64) {
+    pub fn vacate(&mut self, board: &Board, epoch: u32, tick: u64) {
         let office = board.office(self.topic);
         office.appoint(tick as u32, |staff| staff.without(epoch));
         for word in [&office.ready, &office.heir] {
