@@ -92,7 +92,7 @@ impl Script {
 
     /// A process has ended that was not asked to. False when the run cannot go on without it.
     pub fn died(&mut self, board: &Board, topic: Topic, epoch: u32) -> bool {
-        let tick = plant_tick(board);
+        let tick = self.awaited.as_ref().map_or_else(|| plant_tick(board), |awaited| awaited.tick);
         if topic == Topic::State {
             return false;
         }

@@ -41,7 +41,7 @@ pub struct Scale {
     /// The largest common value of each number.
     largest: [f64; NUMBERS],
     /// Against the clock a response is what it took; otherwise how long faults held it up.
-    clocked: bool,
+    pub clocked: bool,
 }
 
 impl Scale {

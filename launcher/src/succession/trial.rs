@@ -156,11 +156,13 @@ impl Trial {
     /// What it has shown, for people.
     pub fn describe(&self) -> String {
         let Seen { ticks, difference, response_ns } = self.seen;
-        format!(
-            "{ticks} answers, at most {:.2} % of the range from the old one's, ready within {:.2} ms",
-            difference * 100.0,
-            response_ns as f64 / 1e6
-        )
+        let percent = difference * 100.0;
+        let ready = if self.scale.clocked {
+            format!(", ready within {:.2} ms", response_ns as f64 / 1e6)
+        } else {
+            String::new()
+        };
+        format!("{ticks} answers, at most {percent:.2} % of the range from the old one's{ready}")
     }
 
     fn note(&mut self, record: &Record) {
