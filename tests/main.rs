@@ -15,5 +15,6 @@ mod recorded;
 mod sensitivity;
 mod solver;
 mod swap;
+mod swap_recorder;
 mod tidy;
 mod trace;

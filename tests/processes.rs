@@ -19,7 +19,7 @@ pub fn processes_of(namespace: &str) -> Vec<i32> {
 }
 
 /// The process that runs `node` in `namespace`.
-fn process_of(namespace: &str, node: &str) -> i32 {
+pub fn process_of(namespace: &str, node: &str) -> i32 {
     processes_of(namespace).into_iter().find(|pid| runs(*pid, node)).unwrap_or_else(|| panic!("{node} does not run"))
 }
 
@@ -37,12 +37,17 @@ pub fn kill(signal: &str, pids: &[i32]) {
 
 pub fn start_flying(namespace: &str) -> Flight {
     let flight = Flight::start(namespace, &["--mode", "realtime"]);
+    wait_until_it_flies(namespace);
+    flight
+}
+
+/// Waits until the plant has sampled for a tenth of a second.
+pub fn wait_until_it_flies(namespace: &str) {
     wait_until("the stack flies", || {
         let status = launcher().args(["status", "--json"]).output().expect("status runs");
         let stacks: serde_json::Value = serde_json::from_slice(&status.stdout).expect("status prints JSON");
         stacks.as_array().into_iter().flatten().any(|s| s["namespace"] == namespace && s["time_s"].as_f64() > Some(0.1))
     });
-    flight
 }
 
 #[test]

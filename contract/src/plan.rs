@@ -9,7 +9,7 @@
 //! ```
 
 use crate::Topic;
-use crate::scenario::{Fault, FaultKind, Scenario};
+use crate::scenario::{Fault, FaultKind, Scenario, Swap, SwapNode, SwapTicks};
 
 /// From a death that was noticed to the replacement's first tick \[s\].
 pub const RESTART_S: f64 = 0.1;
@@ -43,9 +43,11 @@ impl Plan {
             let struck = scenario.fault.iter().filter(|fault| fault.target.process() == Some(topic));
             struck.filter_map(|fault| Absence::of(fault, sample_s)).collect()
         };
-        let in_ring = scenario.swap.iter().filter(|swap| swap.node.topic().is_some());
-        let swaps = in_ring.map(|swap| swap.ticks(sample_s)).map(|ticks| ticks.from..=ticks.until).collect();
-        Self { absences: Topic::ALL.map(of), swaps }
+        let span = |swap: &Swap| {
+            let SwapTicks { from, until, .. } = swap.ticks(sample_s);
+            from..=if swap.node == SwapNode::Recorder { from } else { until } // it takes over at once
+        };
+        Self { absences: Topic::ALL.map(of), swaps: scenario.swap.iter().map(span).collect() }
     }
 
     /// Why the publisher of `topic` is away on `tick`, if it is: of several reasons the one that lasts longest.
@@ -81,7 +83,7 @@ impl Absence {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scenario::{FaultTarget, Swap, SwapNode};
+    use crate::scenario::FaultTarget;
 
     /// From which tick to which, and whether another comes back, under a fault of attitude-mpc at tick 10.
     fn absence(kind: FaultKind, for_s: Option<f64>) -> (u64, u64, bool) {
@@ -111,8 +113,10 @@ mod tests {
     #[test]
     fn a_swap_may_be_decided_on_any_of_its_ticks() {
         let swap = Swap { shadow_s: 0.05, watch_s: 0.1, ..Swap::new(SwapNode::Mixer, 0.2) };
-        let scenario = Scenario { swap: vec![swap], ..Scenario::default() };
+        let recorder = Swap { node: SwapNode::Recorder, at_s: 0.4, ..swap.clone() };
+        let scenario = Scenario { swap: vec![swap, recorder], ..Scenario::default() };
         let plan = Plan::new(&scenario);
-        assert_eq!((0..100).filter(|tick| plan.decides(*tick)).collect::<Vec<_>>(), (20..=35).collect::<Vec<_>>());
+        let decided: Vec<u64> = (0..100).filter(|tick| plan.decides(*tick)).collect();
+        assert_eq!(decided, (20..=35).chain([40]).collect::<Vec<_>>(), "a recorder takes over at once");
     }
 }

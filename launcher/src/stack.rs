@@ -133,7 +133,7 @@ impl Stack {
             stack.board.office(topic).appoint(0, |_| Staff { holder: 1, shadow: 0 });
             stack.start_node(topic, 1, None)?;
         }
-        stack.start_recorder()?;
+        stack.start_recorder(None)?;
         stack.wait_until_joined(1 + usize::from(log.is_some()), interrupts)?;
         Ok(stack)
     }
@@ -219,7 +219,7 @@ impl Stack {
     /// Shows `watch` every message that has come, and tells the plant, which waits for it in lockstep; the newest tick.
     fn drain(&mut self, watch: &mut impl FnMut(Record)) -> u64 {
         let mut newest = 0;
-        let Self { newest_ns, regime, observers, .. } = self;
+        let Self { newest_ns, regime, archive, observers, .. } = self;
         observers.drain(|record| {
             if record.is_whole() {
                 let (stamp, topic) = (record.stamp(), record.topic() as usize);
@@ -227,6 +227,9 @@ impl Stack {
                 newest_ns[topic] = newest_ns[topic].max(stamp.publish_ns[topic]);
             }
             regime.observe(&record);
+            if let Some(archive) = archive {
+                archive.observe(&record);
+            }
             watch(record);
         });
         self.board.watched().raise(newest as u32);
@@ -254,12 +257,10 @@ impl Stack {
         self.board.set_phase(phase::CLOSE);
         let log = self.archive.take().map(|mut archive| {
             for process in self.children.all.iter_mut().filter(|process| process.name == RECORDER) {
-                let closed = wait(&mut process.child, CLOSE_LIMIT, interrupts).is_some();
-                archive.ended(process, closed);
+                wait(&mut process.child, CLOSE_LIMIT, interrupts);
+                archive.take_word(process);
             }
-            let mut outcome = archive.close(&self.scenario, self.regime.events());
-            outcome.dropped += untold as u64;
-            outcome
+            archive.close(&self.scenario, self.regime.events(), untold)
         });
         (lost, log)
     }

@@ -56,7 +56,8 @@ pub fn swap(args: &SwapArgs) -> anyhow::Result<u8> {
     ask(&domain, &Request::Swap(swap))?;
     let ending = |event: &Value| {
         let what = event["what"].as_str().unwrap_or_default();
-        let ends: &[&str] = if node == SwapNode::Recorder { &["took-over"] } else { &["kept", "rejected", "returned"] };
+        let ends: &[&str] =
+            if node == SwapNode::Recorder { &["took-over", "rejected"] } else { &["kept", "rejected", "returned"] };
         ends.contains(&what).then(|| what.to_owned())
     };
     let mut told = before;

@@ -5,6 +5,8 @@
 //!  + shadow_s it takes the office, if it has kept within its bounds; the old one goes on in its shadow
 //!  + watch_s  the newcomer stays, and the old one leaves; if it left its bounds before, the old one had it back
 //! ```
+//!
+//! The recorder has no shadow and no trial: who records takes over, and the old one closes its file.
 
 use serde::{Deserialize, Serialize};
 

@@ -15,6 +15,7 @@ use super::{Log, LogWriter, Record, read};
 use crate::event::{Event, What};
 
 mod damage;
+mod join;
 
 const SCENARIO: &str = "name = \"hover \u{3bc}\"\n";
 

@@ -6,7 +6,8 @@
 //! ```
 //!
 //! Who takes over records already when the one before closes its file, so that nothing is missing in between; one that
-//! died leaves a file without its last moments. No node notices either.
+//! died leaves a file without its last moments, a second at most, and what was sent until the next one records is in no
+//! file. A newcomer that dies while the one before still records is not replaced. No node notices any of it.
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -18,8 +19,8 @@ use contract::realtime::Board;
 use contract::scenario::{Swap, SwapNode};
 
 use super::children::Process;
-use crate::event::Event;
-use crate::log;
+use crate::event::{Event, What};
+use crate::log::{self, Count, Record};
 use crate::recorder::LogOutcome;
 
 /// Name of the process.
@@ -33,22 +34,53 @@ pub struct Archive {
     path: PathBuf,
     /// What each recorder has said at its end.
     parts: Vec<Option<LogOutcome>>,
+    /// Who records.
+    holder: Option<Writer>,
+    /// Who has been started and does not record yet.
+    started: Option<Writer>,
+    /// The swap that the newest in office came with: whoever comes after it is like it.
+    origin: Option<usize>,
+    /// The swaps that have begun.
+    begun: Vec<usize>,
     deaths: Vec<Instant>,
     given_up: bool,
-    /// How many of the scenario's swaps have begun.
-    pub swaps: usize,
+    /// What the launcher has seen.
+    count: Count,
+    /// Messages sent, as far as that tells.
+    sent: u64,
+}
+
+/// A recorder.
+#[derive(Clone, Copy)]
+struct Writer {
+    epoch: u32,
+    /// The swap that it comes with.
+    swap: Option<usize>,
 }
 
 impl Archive {
     /// For a log at `path`; nobody records yet.
     pub fn new(path: &Path) -> Self {
-        Self { path: path.into(), parts: vec![], deaths: vec![], given_up: false, swaps: 0 }
+        Self {
+            path: path.into(),
+            parts: vec![],
+            holder: None,
+            started: None,
+            origin: None,
+            begun: vec![],
+            deaths: vec![],
+            given_up: false,
+            count: Count::default(),
+            sent: 0,
+        }
     }
 
-    /// The next recorder: its epoch, and the file that it is to write.
-    pub fn next(&mut self) -> (u32, PathBuf) {
+    /// The next recorder, that of `swap` or one like the last: its epoch, and the file that it is to write.
+    pub fn begin(&mut self, swap: Option<usize>) -> (u32, PathBuf) {
+        self.begun.extend(swap);
         self.parts.push(None);
-        let epoch = self.parts.len() as u32;
+        let epoch = self.newest();
+        self.started = Some(Writer { epoch, swap: swap.or(self.origin) });
         (epoch, self.part(epoch))
     }
 
@@ -57,32 +89,69 @@ impl Archive {
         self.parts.len() as u32
     }
 
-    /// The program of the next: that of the newest swap.
+    /// The program of who has been started.
     pub fn program<'a>(&self, scenario: &'a Scenario) -> Option<&'a str> {
-        let mut swaps = scenario.swap.iter().filter(|swap| swap.node == SwapNode::Recorder);
-        self.swaps.checked_sub(1).and_then(|i| swaps.nth(i)).and_then(|swap| swap.exec.as_deref())
+        scenario.swap.get(self.started?.swap?)?.exec.as_deref()
     }
 
-    /// Lets the newest one have the office as soon as it records; the others close their files.
-    pub fn welcome(&self, board: &Board) -> bool {
+    /// Lets who has been started have the office as soon as it records; the one before closes its file.
+    pub fn welcome(&mut self, board: &Board) -> Option<u32> {
         let office = board.archive();
-        let welcome = office.ready.get() == self.newest() && office.holder() != self.newest();
-        if welcome {
-            office.appoint(0, |_| Staff { holder: self.newest(), shadow: 0 });
-        }
-        welcome
+        let Writer { epoch, swap } = self.started.take_if(|started| office.ready.get() == started.epoch)?;
+        self.holder = Some(Writer { epoch, swap });
+        self.origin = swap;
+        office.appoint(0, |_| Staff { holder: epoch, shadow: 0 });
+        Some(epoch)
     }
 
-    /// One has ended; true when another is to be started.
-    pub fn ended(&mut self, process: &mut Process, well: bool) -> bool {
-        self.parts[process.epoch as usize - 1] = last_word(process);
-        if well || process.epoch < self.newest() {
-            return false;
+    /// The swap that is to begin at `tick`.
+    pub fn due(&self, tick: u64, scenario: &Scenario) -> Option<usize> {
+        let is_due = |(i, swap): &(usize, &Swap)| {
+            let begins = swap.node == SwapNode::Recorder && tick >= swap.ticks(scenario.sample_s()).from;
+            begins && !self.begun.contains(i)
+        };
+        let due = scenario.swap.iter().enumerate().find(is_due).map(|(i, _)| i);
+        due.filter(|_| self.is_settled() && !self.given_up)
+    }
+
+    /// Whether a newcomer may come, for the sample after `tick`; why not.
+    pub fn may_swap(&self, tick: u64, scenario: &Scenario) -> Result<(), String> {
+        if self.given_up {
+            return Err("nobody records any more: the recorder died too often".into());
         }
-        self.deaths.retain(|death| death.elapsed() < WINDOW);
-        self.deaths.push(Instant::now());
-        self.given_up = self.deaths.len() >= MOST_DEATHS;
-        !self.given_up
+        if self.holder.is_none() || !self.is_settled() || self.due(tick + 1, scenario).is_some() {
+            return Err("the recorder has a newcomer already; wait until it has taken over".into());
+        }
+        Ok(())
+    }
+
+    /// Whether nobody is awaited.
+    pub fn is_settled(&self) -> bool {
+        self.started.is_none()
+    }
+
+    /// One has ended in flight; what that comes to, in order.
+    pub fn ended(&mut self, epoch: u32, well: bool) -> Vec<What> {
+        let is = |writer: &mut Writer| writer.epoch == epoch;
+        let (newcomer, holder) = (self.started.take_if(is), self.holder.take_if(is));
+        let Some(_) = newcomer.or(holder) else {
+            return if well { vec![] } else { vec![What::Died] }; // while it closed its file: another records
+        };
+        let mut what = vec![What::Died];
+        if self.holder.is_some() {
+            what.push(What::Rejected);
+        } else if self.is_settled() {
+            self.deaths.retain(|death| death.elapsed() < WINDOW);
+            self.deaths.push(Instant::now());
+            self.given_up = self.deaths.len() >= MOST_DEATHS;
+            what.extend(self.given_up.then_some(What::GivenUp));
+        }
+        what
+    }
+
+    /// Whether another is to be started in the place of who died.
+    pub fn is_vacant(&self) -> bool {
+        self.holder.is_none() && self.is_settled() && !self.given_up
     }
 
     /// Whether nobody records any more.
@@ -90,23 +159,34 @@ impl Archive {
         self.given_up
     }
 
-    /// All have ended: makes one log of what they have written, and says how it went.
-    pub fn close(self, scenario: &Scenario, events: &[Event]) -> LogOutcome {
-        let lost = || LogOutcome {
-            error: Some("the recorder ended before it could close the log".into()),
-            ..LogOutcome::default()
-        };
+    /// Takes one message in that was sent.
+    pub fn observe(&mut self, record: &Record) {
+        let more = self.count.gap(record).map_or(0, |gap| gap.saturating_add(1));
+        self.sent = self.sent.saturating_add(more);
+    }
+
+    /// Hears what a recorder that has ended said of its file.
+    pub fn take_word(&mut self, process: &mut Process) {
+        self.parts[process.epoch as usize - 1] = last_word(process);
+    }
+
+    /// All have ended: makes one log of what they have written, and says how it went. The last of them has not been told
+    /// of so many of the `events` as are `untold`.
+    pub fn close(self, scenario: &Scenario, events: &[Event], untold: usize) -> LogOutcome {
+        let word = |writer: Writer| self.parts[writer.epoch as usize - 1].as_ref();
+        let unclosed = self.holder.or(self.started).is_some_and(|writer| word(writer).is_none());
+        let failed = self.parts.iter().flatten().find_map(|part| part.error.clone());
+        let failed = failed.or_else(|| self.given_up.then(|| "nobody was left to record the flight".into()));
+        let failed = failed.or_else(|| unclosed.then(|| "the recorder ended before it could close the log".into()));
         if let [only] = self.parts.as_slice() {
-            return only.clone().unwrap_or_else(lost);
+            let mut outcome = only.clone().unwrap_or_default();
+            outcome.dropped += untold as u64;
+            return LogOutcome { error: failed, ..outcome };
         }
         let files: Vec<PathBuf> = (1..=self.newest()).map(|epoch| self.part(epoch)).collect();
-        let failed = self.parts.iter().flatten().find_map(|part| part.error.clone());
-        match log::join(&files, scenario, events) {
-            Ok(mut outcome) => {
-                outcome.error = failed.or_else(|| self.given_up.then(|| "nobody was left to record the flight".into()));
-                outcome
-            }
-            Err(error) => LogOutcome { error: Some(format!("{error:#}")), ..lost() },
+        match log::join(&files, scenario, events, self.sent) {
+            Ok(outcome) => LogOutcome { error: failed, ..outcome },
+            Err(error) => LogOutcome { error: Some(format!("{error:#}")), ..LogOutcome::default() },
         }
     }
 
@@ -116,13 +196,8 @@ impl Archive {
 }
 
 /// What a recorder that has ended said of its file.
-pub fn last_word(process: &mut Process) -> Option<LogOutcome> {
+fn last_word(process: &mut Process) -> Option<LogOutcome> {
     let mut text = String::new();
     process.child.stdout.take()?.read_to_string(&mut text).ok()?;
     serde_json::from_str(&text).ok()
-}
-
-/// Whether `swap` is of the recorder, and due at `tick`.
-pub fn is_due(swap: &Swap, tick: u64, scenario: &Scenario) -> bool {
-    swap.node == SwapNode::Recorder && tick >= swap.ticks(scenario.sample_s()).from
 }

@@ -5,7 +5,7 @@ use contract::topic::Topic;
 use rustix::process::Signal;
 
 use super::Stack;
-use super::archive::{RECORDER, is_due};
+use super::archive::{Archive, RECORDER};
 use super::children::{Birth, Process};
 use super::end::{Departure, Ended};
 use crate::event::{Event, What};
@@ -13,8 +13,9 @@ use crate::supervisor::{Order, plant_tick};
 
 impl Stack {
     /// Sees to it that everybody is there who should be; how the flight has ended, if it has. In lockstep the plant's
-    /// `question` is answered.
+    /// `question` is answered, once all who come with that tick are there.
     pub(super) fn supervise(&mut self, question: Option<u64>) -> Option<Ended> {
+        let tick = question.unwrap_or_else(|| plant_tick(&self.board));
         while let Some((i, how)) = self.children.departed() {
             let Process { name, topic, epoch, .. } = self.children.all[i];
             match (topic, how) {
@@ -28,9 +29,10 @@ impl Stack {
                     }
                 }
                 (None, how) => {
-                    if let Some(ended) = self.replace_recorder(i, matches!(how, Departure::Well)) {
-                        return Some(ended);
+                    if let Some(archive) = &mut self.archive {
+                        archive.take_word(&mut self.children.all[i]);
                     }
+                    self.recorder_ended(epoch, matches!(how, Departure::Well), tick);
                 }
             }
             self.children.bury(i);
@@ -38,8 +40,11 @@ impl Stack {
         for order in self.regime.orders(&self.board, &self.scenario, question) {
             self.obey(order);
         }
-        self.regime.answer(&self.board);
-        self.swap_recorder()
+        self.swap_recorder(tick);
+        if self.archive.as_ref().is_none_or(Archive::is_settled) {
+            self.regime.answer(&self.board);
+        }
+        None
     }
 
     fn obey(&mut self, order: Order) {
@@ -66,64 +71,58 @@ impl Stack {
         self.children.spawn(&Birth { program: swap.exec.as_deref(), settings: Some(&settings), ..birth })
     }
 
-    /// Starts the first recorder, or the next.
-    pub(super) fn start_recorder(&mut self) -> anyhow::Result<()> {
+    /// Starts the first recorder, or the next, which may come with a swap.
+    pub(super) fn start_recorder(&mut self, swap: Option<usize>) -> anyhow::Result<()> {
         let Some(archive) = &mut self.archive else {
             self.board.recorded().raise(u32::MAX); // nobody records, so nobody is to be waited for
             return Ok(());
         };
-        let (epoch, path) = archive.next();
+        let (epoch, path) = archive.begin(swap);
         let program = archive.program(&self.scenario);
         self.children.spawn(&Birth { name: RECORDER, epoch, log: Some(&path), program, ..Birth::default() })
     }
 
     /// A recorder has ended, whether it was asked to or not.
-    fn replace_recorder(&mut self, i: usize, well: bool) -> Option<Ended> {
-        let archive = self.archive.as_mut()?;
-        let process = &mut self.children.all[i];
-        let epoch = process.epoch;
-        let again = archive.ended(process, well);
-        if !well {
-            self.tell_of_recorder(epoch, What::Died);
+    fn recorder_ended(&mut self, epoch: u32, well: bool, tick: u64) {
+        let Some(archive) = &mut self.archive else { return };
+        let happened = archive.ended(epoch, well);
+        let (vacant, given_up) = (archive.is_vacant(), archive.given_up());
+        for what in happened {
+            self.tell_of_recorder(epoch, what, tick);
         }
-        if self.archive.as_ref()?.given_up() {
-            self.tell_of_recorder(epoch, What::GivenUp);
+        if given_up {
             self.board.recorded().raise(u32::MAX);
         }
-        again.then(|| self.begin_recorder()).flatten()
+        if vacant {
+            self.begin_recorder(None, tick);
+        }
     }
 
-    /// The scenario's swaps of the recorder, and recorders that are ready to take over.
-    fn swap_recorder(&mut self) -> Option<Ended> {
-        let tick = plant_tick(&self.board);
-        let archive = self.archive.as_mut()?;
-        if archive.welcome(&self.board) {
-            let epoch = archive.newest();
-            if epoch > 1 {
-                self.tell_of_recorder(epoch, What::TookOver);
-            }
+    /// Recorders that are ready to take over, and swaps of the recorder.
+    fn swap_recorder(&mut self, tick: u64) {
+        let Some(archive) = &mut self.archive else { return };
+        let welcome = archive.welcome(&self.board).filter(|epoch| *epoch > 1);
+        let due = archive.due(tick, &self.scenario);
+        if let Some(epoch) = welcome {
+            self.tell_of_recorder(epoch, What::TookOver, tick);
         }
-        let archive = self.archive.as_mut()?;
-        let due = self.scenario.swap.iter().filter(|swap| is_due(swap, tick, &self.scenario)).count();
-        if tick > 0 && due > archive.swaps {
-            archive.swaps += 1;
-            return self.begin_recorder();
+        if due.is_some() {
+            self.begin_recorder(due, tick);
         }
-        None
     }
 
-    fn begin_recorder(&mut self) -> Option<Ended> {
-        if let Err(error) = self.start_recorder() {
+    /// Starts one in flight. The flight is worth more than its log: one that cannot be started has died.
+    fn begin_recorder(&mut self, swap: Option<usize>, tick: u64) {
+        let begun = self.start_recorder(swap);
+        let epoch = self.archive.as_ref().map_or(0, Archive::newest);
+        self.tell_of_recorder(epoch, What::Started, tick);
+        if let Err(error) = begun {
             eprintln!("error: {error:#}");
-            return None; // the flight is worth more than its log, whose loss is told at the end
+            self.recorder_ended(epoch, false, tick);
         }
-        let epoch = self.archive.as_ref()?.newest();
-        self.tell_of_recorder(epoch, What::Started);
-        None
     }
 
-    fn tell_of_recorder(&mut self, epoch: u32, what: What) {
-        let tick = plant_tick(&self.board);
+    fn tell_of_recorder(&mut self, epoch: u32, what: What, tick: u64) {
         self.regime.events().push(Event::new(tick, RECORDER, epoch, what));
     }
 }

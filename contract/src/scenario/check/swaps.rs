@@ -15,7 +15,11 @@ pub fn check(scenario: &Scenario, found: &mut Found) {
             continue;
         }
         let others = scenario.swap[..i].iter().filter(|other| other.node == swap.node);
-        let span = |swap: &Swap| swap.at_s..=swap.at_s + swap.shadow_s.max(0.01) + swap.watch_s;
+        let taken_s = |swap: &Swap| match swap.node {
+            SwapNode::Recorder => 0.0, // who takes over at once
+            _ => swap.shadow_s.max(0.01) + swap.watch_s,
+        };
+        let span = |swap: &Swap| swap.at_s..=swap.at_s + taken_s(swap);
         found.require(
             others
                 .clone()

@@ -153,6 +153,7 @@ fn a_swap_that_cannot_be_is_refused() {
         ("swap=[{at_s=1, node=\"mixer\", bounds={ticks=0}}]", "above 0"),
         ("swap=[{at_s=1, node=\"mixer\", bounds={accord=-1.5}}]", "of -1 to 1"),
         ("swap=[{at_s=1, node=\"mixer\"}, {at_s=2, node=\"mixer\"}]", "one after the other"),
+        ("swap=[{at_s=1, node=\"recorder\"}, {at_s=1, node=\"recorder\"}]", "two swaps of recorder at once"),
         ("swap=[{at_s=1, node=\"mixer\", set=[\"run.seed=3\"]}]", "everything but `run`"),
         ("swap=[{at_s=1, node=\"mixer\", set=[\"mpc.np=0\"]}]", "`swap.set`: `mpc.np` = 0"),
         ("swap=[{at_s=1, node=\"mixer\", set=[\"nonsense\"]}]", "`swap.set`: not TOML"),
@@ -165,6 +166,7 @@ fn a_swap_that_cannot_be_is_refused() {
     for (set, reason) in cases {
         check_refused(set, &[reason]);
     }
+    from_set(&["swap=[{at_s=1, node=\"recorder\"}, {at_s=1.1, node=\"recorder\"}]"]).unwrap();
     let lockstep = "run.mode=lockstep";
     let struck = ["fault=[{at_s=2, target=\"mixer\", kind=\"kill\"}]", "swap=[{at_s=1, node=\"mixer\"}]"];
     from_set(&struck).unwrap();

@@ -8,18 +8,20 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use contract::Topic;
 use contract::domain::Domain;
-use contract::message::Message;
+use contract::message::State;
 use contract::realtime::{Board, now_ns};
-use contract::stamp::unheard;
 use serde::Serialize;
 use serde_json::Value;
 
 use super::draw::{Blow, Moment, Victim};
+use super::logged::{contains, holes, sent_ns};
 use super::processes::{Process, left};
-use crate::log::{self, Log};
+use crate::log;
 
 /// How long every flight is \[s\].
 pub const DURATION_S: f64 = 3.0;
+/// Between two samples \[s\].
+const SAMPLE_S: f64 = 0.01;
 /// For a process to be there that is to be killed: longer than any wait before a new start.
 const PATIENCE: Duration = Duration::from_secs(1);
 /// A flight that takes longer on the wall clock does not end by itself.
@@ -46,9 +48,13 @@ pub struct Row {
     pub position_error_m: Option<f64>,
     /// Nodes that died too often.
     pub given_up: Vec<String>,
-    /// When the log ends \[ns\].
+    /// When the flight ended \[ns\].
     #[serde(skip)]
     pub end_ns: u64,
+    /// Why the log cannot be read to its end.
+    pub log_defect: Option<String>,
+    /// Holes in the log that no killed recorder explains.
+    pub holes: usize,
     /// Launcher killed: until its last process was gone \[ms\].
     pub gone_ms: Option<f64>,
     /// Launcher killed: exit code of the next flight.
@@ -69,8 +75,14 @@ pub struct Kill {
     /// When it was \[ns\].
     #[serde(skip)]
     pub at_ns: u64,
-    /// Until the first message of the next incarnation \[ms\]; nothing when that was killed before, or the log ends before.
+    /// Until the first message of the next incarnation, or the first that it recorded \[ms\]; nothing when that was killed
+    /// before, or the log ends before.
     pub successor_ms: Option<f64>,
+    /// Whether the log has a hole where that message may have been.
+    #[serde(skip)]
+    pub unseen: bool,
+    /// A recorder: what it had not brought into safety yet \[ms\]; nothing when nobody can tell since when it recorded.
+    pub lost_ms: Option<f64>,
 }
 
 impl Row {
@@ -104,14 +116,19 @@ impl Row {
         let events = json["events"].as_array().into_iter().flatten();
         let given_up = events.filter(|event| event["what"] == "given-up").filter_map(|event| event["node"].as_str());
         self.given_up = given_up.map(str::to_owned).collect();
-        let log = log::read(&run.join("flight.mcap")).unwrap_or_default();
-        self.end_ns = log.states.last().map_or(0, |state| state.stamp.publish_ns[0]);
-        let successor = |kill: Kill| first_ns(&log, kill.victim, kill.epoch + 1);
-        let told = |kill: Kill| Kill {
-            successor_ms: successor(kill).map(|ns| ns.saturating_sub(kill.at_ns) as f64 / 1e6),
-            ..kill
-        };
-        self.kills = kills.into_iter().map(told).collect();
+        let log = log::read(&run.join("flight.mcap"));
+        self.log_defect = log.as_ref().map_or_else(|error| Some(format!("{error:#}")), |log| log.defect.clone());
+        let log = log.unwrap_or_default();
+        let unrecorded_s =
+            |state: &State| self.flown_s.map_or(0.0, |flown_s| flown_s - state.stamp.tick as f64 * SAMPLE_S);
+        let end_ns = |state: &State| sent_ns(state) + (unrecorded_s(state) * 1e9).round() as u64;
+        self.end_ns = log.states.last().map_or(0, end_ns);
+        let recorders = kills.iter().filter(|kill| kill.victim == Victim::Recorder);
+        let deaths_ns: Vec<u64> = recorders.map(|kill| kill.at_ns).collect();
+        let holes = holes(&log, self.end_ns);
+        let unexplained = |hole: &&(u64, u64)| !deaths_ns.iter().any(|at_ns| contains(hole, *at_ns));
+        self.holes = holes.iter().filter(unexplained).count();
+        self.kills = kills.into_iter().map(|kill| kill.told(&log, &holes, &deaths_ns)).collect();
     }
 }
 
@@ -164,7 +181,15 @@ impl<'a> Flight<'a> {
         }
         let process = self.wait_for(|| Process::newest(namespace, name))?;
         let at_ns = now_ns();
-        let kill = Kill { victim: blow.victim, epoch: process.epoch, moment: blow.moment, at_ns, successor_ms: None };
+        let kill = Kill {
+            victim: blow.victim,
+            epoch: process.epoch,
+            moment: blow.moment,
+            at_ns,
+            successor_ms: None,
+            unseen: false,
+            lost_ms: None,
+        };
         process.kill(namespace).then_some(kill)
     }
 
@@ -229,19 +254,4 @@ impl Drop for Folder {
 fn flies(namespace: &str) -> bool {
     let board = Domain::find(namespace).ok().and_then(|domain| Board::open(&domain.file("board")).ok());
     board.is_some_and(|board| board.office(Topic::State).done(1).get() > 0)
-}
-
-/// When epoch `epoch` of `victim` first spoke \[ns\].
-fn first_ns(log: &Log, victim: Victim, epoch: u32) -> Option<u64> {
-    fn first<M: Message>(messages: &[M], epoch: u32) -> Option<u64> {
-        let mut stamps = messages.iter().map(Message::stamp);
-        let spoke = stamps.find(|stamp| stamp.epoch == u64::from(epoch) && stamp.unheard == unheard::HEARD);
-        spoke.map(|stamp| stamp.publish_ns[M::TOPIC as usize])
-    }
-    match victim {
-        Victim::Guidance => first(&log.references, epoch),
-        Victim::AttitudeMpc => first(&log.controls, epoch),
-        Victim::Mixer => first(&log.actuators, epoch),
-        Victim::Plant | Victim::Recorder | Victim::Launcher => None,
-    }
 }

@@ -3,10 +3,13 @@
 //! | killed | must |
 //! |---|---|
 //! | launcher | every process is gone within 1 s, and the next flight in the namespace flies |
-//! | plant, recorder | exit 3, and the launcher names it |
-//! | a node, in flight | exit 0, near the trajectory, and who was killed is back within 1 s |
-//! | a node, too often | exit 3, and the vehicle is not lost |
-//! | a node, before the first tick or after the last | exit 3, and the launcher names it |
+//! | plant | exit 3, and the launcher names it |
+//! | a node or the recorder, in flight | exit 0, near the trajectory, and who was killed is back within 1 s |
+//! | one of them too often | exit 3, and the vehicle is not lost |
+//! | one of them before the first tick or after the last | exit 3, and the launcher names it |
+//!
+//! After exit 0 the log reads to its end. What is missing in it was sent around the death of a recorder: about a second
+//! before it at most ([`crate::log`]), and until the next one recorded.
 //!
 //! And whatever was killed: nothing is left.
 
@@ -20,7 +23,10 @@ use super::flight::{DURATION_S, Kill, Row};
 pub const NEAR_M: f64 = 0.3;
 /// Within which the processes of a dead launcher end \[ms\].
 pub const GONE_MS: f64 = 1_000.0;
-/// Within which a node is back for certain \[ns\].
+/// So much of the log may die with a recorder \[ms\]: it brings what it has written into safety with the first message
+/// that comes a second after the last time, and has to get the processor for that.
+pub const LOST_MS: f64 = 1_200.0;
+/// Within which a process is back for certain \[ns\].
 const BACK_NS: u64 = 1_000_000_000;
 
 impl Row {
@@ -57,10 +63,21 @@ impl Row {
         if let Some(error_m) = self.position_error_m.filter(|error_m| *error_m > NEAR_M) {
             return Some(format!("{error_m:.2} m from the trajectory"));
         }
-        self.kills
-            .iter()
-            .find(|kill| self.is_missed(kill))
-            .map(|kill| format!("{} did not come back", kill.victim.name()))
+        if let Some(kill) = self.kills.iter().find(|kill| self.is_missed(kill)) {
+            return Some(format!("{} did not come back", kill.victim.name()));
+        }
+        self.unlogged()
+    }
+
+    fn unlogged(&self) -> Option<String> {
+        if let Some(defect) = &self.log_defect {
+            return Some(format!("the log cannot be read to its end: {defect}"));
+        }
+        if self.holes > 0 {
+            return Some(format!("{} holes in the log that nobody's death explains", self.holes));
+        }
+        let lost_ms = self.kills.iter().filter_map(|kill| kill.lost_ms).find(|lost_ms| *lost_ms > LOST_MS);
+        lost_ms.map(|lost_ms| format!("{lost_ms:.0} ms of the log died with the recorder"))
     }
 
     fn lost(&self) -> Option<String> {
@@ -80,7 +97,7 @@ impl Row {
     fn is_missed(&self, kill: &Kill) -> bool {
         let again = self.kills.iter().any(|other| other.victim == kill.victim && other.epoch > kill.epoch);
         let in_time = kill.successor_ms.is_some_and(|ms| ms < BACK_NS as f64 / 1e6);
-        kill.victim.is_replaced() && !again && !in_time && self.end_ns > kill.at_ns + BACK_NS
+        kill.victim.is_replaced() && !again && !in_time && !kill.unseen && self.end_ns > kill.at_ns + BACK_NS
     }
 }
 
@@ -90,7 +107,15 @@ mod tests {
     use crate::measure::kills::draw::Moment;
 
     fn kill(victim: Victim, successor_ms: Option<f64>) -> Kill {
-        Kill { victim, epoch: 1, moment: Moment::Flying, at_ns: 1_000_000_000, successor_ms }
+        Kill {
+            victim,
+            epoch: 1,
+            moment: Moment::Flying,
+            at_ns: 1_000_000_000,
+            successor_ms,
+            unseen: false,
+            lost_ms: None,
+        }
     }
 
     fn flown(victim: Victim) -> Row {
@@ -131,12 +156,22 @@ mod tests {
     }
 
     #[test]
+    fn a_recorder_is_replaced_and_costs_about_a_second_of_the_log() {
+        let row = flown(Victim::Recorder);
+        let losing = |lost_ms| Kill { lost_ms: Some(lost_ms), ..kill(Victim::Recorder, Some(30.0)) };
+        check(&Row { kills: vec![losing(1_199.0)], ..row.clone() }, None);
+        check(&Row { kills: vec![losing(1_201.0)], ..row.clone() }, Some("1201 ms of the log"));
+        check(&Row { kills: vec![kill(Victim::Recorder, None)], ..row.clone() }, Some("recorder did not come back"));
+        check(&Row { holes: 1, ..row.clone() }, Some("1 holes"));
+        check(&Row { log_defect: Some("torn".into()), ..row.clone() }, Some("torn"));
+        check(&Row { code: Some(3), given_up: vec!["recorder".into()], ..row }, None);
+    }
+
+    #[test]
     fn what_nobody_replaces_ends_the_flight_by_name() {
-        for victim in [Victim::Plant, Victim::Recorder] {
-            check(&ended(victim, &format!("error: lost {}", victim.name())), None);
-            check(&ended(victim, "error: lost"), Some("exit 3"));
-            check(&Row { flown_s: Some(1.0), ..flown(victim) }, Some("exit 0 without"));
-        }
+        check(&ended(Victim::Plant, "error: lost plant"), None);
+        check(&ended(Victim::Plant, "error: lost"), Some("exit 3"));
+        check(&Row { flown_s: Some(1.0), ..flown(Victim::Plant) }, Some("exit 0 without"));
     }
 
     #[test]

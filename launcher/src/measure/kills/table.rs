@@ -7,15 +7,29 @@ use super::draw::{Moment, Victim};
 use super::flight::Row;
 use super::targets::{farthest, median, times};
 
-const HEAD: [&str; 12] =
-    ["victim", "kills", "flights", "exit 0", "exit 3", "other", "error", "successor", "max", "gone", "max", "left"];
+const HEAD: [&str; 13] = [
+    "victim",
+    "kills",
+    "flights",
+    "exit 0",
+    "exit 3",
+    "other",
+    "error",
+    "successor",
+    "max",
+    "lost",
+    "gone",
+    "max",
+    "left",
+];
 
 /// The table, with how long it took.
 pub fn table(results: &Results) -> String {
     let at = |moment| results.kills().filter(|kill| kill.moment == moment).count();
     let mut text = format!(
-        "{} kills in {} flights, {:.0} s: {} at start-up, {} within the first ticks, {} of newcomers; {} nodes given up\n\
+        "{} kills in {} flights, {:.0} s: {} at start-up, {} within the first ticks, {} of newcomers; {} given up\n\
          exit codes and worst error [m] are of the flights with such a kill; successor: until its first message [ms];\n\
+         lost: of the log, before its recorder was killed, at most [ms];\n\
          gone: until the last process of a dead launcher was [ms]\n\n",
         results.kills().count(),
         results.rows.len(),
@@ -32,7 +46,7 @@ pub fn table(results: &Results) -> String {
     text
 }
 
-fn line(text: &mut String, cells: &[String; 12]) {
+fn line(text: &mut String, cells: &[String; 13]) {
     let _ = write!(text, "{:<14}", cells[0]); // a String takes everything
     for cell in &cells[1..] {
         let _ = write!(text, "{cell:>10}");
@@ -40,12 +54,13 @@ fn line(text: &mut String, cells: &[String; 12]) {
     text.push('\n');
 }
 
-fn cells(results: &Results, victim: Victim) -> [String; 12] {
+fn cells(results: &Results, victim: Victim) -> [String; 13] {
     let struck = |row: &&Row| row.kills.iter().any(|kill| kill.victim == victim);
     let flights: Vec<&Row> = results.rows.iter().filter(struck).collect();
     let coded = |code| flights.iter().filter(|row| row.code == Some(code)).count();
     let kills = || results.kills().filter(|kill| kill.victim == victim);
     let successors = times(kills().filter_map(|kill| kill.successor_ms));
+    let lost = times(kills().filter_map(|kill| kill.lost_ms));
     let gone = times(flights.iter().filter(|_| victim == Victim::Launcher).filter_map(|row| row.gone_ms));
     let number = |value: Option<f64>, places: usize| value.map_or("-".to_owned(), |value| format!("{value:.places$}"));
     [
@@ -58,6 +73,7 @@ fn cells(results: &Results, victim: Victim) -> [String; 12] {
         number(farthest(flights.iter().copied()), 3),
         number(median(&successors), 1),
         number(successors.last().copied(), 1),
+        number(lost.last().copied(), 1),
         number(median(&gone), 1),
         number(gone.last().copied(), 1),
         flights.iter().map(|row| row.left.len()).sum::<usize>().to_string(),

@@ -2,7 +2,7 @@
 
 use super::Results;
 use super::flight::Row;
-use super::judge::{GONE_MS, NEAR_M};
+use super::judge::{GONE_MS, LOST_MS, NEAR_M};
 use crate::measure::Target;
 
 /// Flights that are told of by number when they went wrong.
@@ -16,6 +16,7 @@ pub fn targets(results: &Results) -> Vec<Target> {
         rows.iter().filter_map(|row| Some(format!("flight {}: {}", row.flight, row.complaint()?))).collect();
     let left = rows.iter().map(|row| row.left.len()).sum::<usize>();
     let successors = times(results.kills().filter_map(|kill| kill.successor_ms));
+    let lost = times(results.kills().filter_map(|kill| kill.lost_ms));
     let gone = times(rows.iter().filter_map(|row| row.gone_ms));
     vec![
         Target::at_most(
@@ -27,7 +28,8 @@ pub fn targets(results: &Results) -> Vec<Target> {
         .noting(wrong[..wrong.len().min(TOLD)].join("; ")),
         Target::at_most(format!("left in memory or running after {kills} kills"), Some(left as f64), 0.0, ""),
         Target::at_most("farthest from the trajectory, flights that went on", farthest(rows), NEAR_M, "m"),
-        Target::at_most("killed node, until its successor's first message, median", median(&successors), 150.0, "ms"),
+        Target::at_most("killed, until its successor's first message, median", median(&successors), 150.0, "ms"),
+        Target::at_most("recorder killed, lost of the log before, max", lost.last().copied(), LOST_MS, "ms"),
         Target::at_most("launcher killed, until its last process is gone, median", median(&gone), GONE_MS, "ms"),
         Target::at_most("launcher killed, until its last process is gone, max", gone.last().copied(), GONE_MS, "ms"),
     ]

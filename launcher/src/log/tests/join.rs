@@ -1,0 +1,56 @@
+//! Several recorders of one flight.
+
+use super::super::join;
+use super::*;
+
+fn sealed(tick: u64) -> State {
+    state(tick).sealed()
+}
+
+/// Writes `states` to a part of the log, and closes it or not.
+fn part(path: &std::path::Path, states: impl IntoIterator<Item = State>, closed: bool) {
+    let mut log = LogWriter::create(path, SCENARIO, 10_000_000).unwrap();
+    states.into_iter().for_each(|state| log.write(&state.into()).unwrap());
+    log.flush().unwrap();
+    if closed {
+        log.finish().unwrap();
+    } else {
+        std::mem::forget(log); // its writer was killed
+    }
+}
+
+#[test]
+fn what_several_have_recorded_stands_in_the_log_once_and_in_order() {
+    let (folder, first) = place();
+    let parts =
+        [first.clone(), folder.path().join("2.mcap"), folder.path().join("3.mcap"), folder.path().join("4.mcap")];
+    // Message 3 was sent twice; a stale one came after 7, and a bent one after that.
+    let stale = State { stamp: Stamp { tick: 2, sequence: 8, ..Stamp::default() }, ..State::default() }.sealed();
+    let mut bent = sealed(8);
+    bent.stamp.tick = u64::MAX;
+    let odd = [stale, bent];
+    part(&parts[0], (0..4).chain(3..6).map(sealed), false);
+    part(&parts[1], (3..4).chain(3..8).map(sealed).chain(odd), true);
+    part(&parts[2], odd.into_iter().chain((8..10).chain(15..20).map(sealed)), true);
+
+    let event = Event::new(5, "recorder", 2, What::Started);
+    let outcome = join(&parts, &contract::Scenario::default(), std::slice::from_ref(&event), 20).unwrap();
+    let log = read(&first).unwrap();
+    let expected = (0..4).chain(3..8).map(sealed).chain(odd).chain((8..10).chain(15..20).map(sealed));
+    assert_eq!(log.states, expected.collect::<Vec<_>>());
+    assert!(log.complete() && log.events == [event]);
+    assert_eq!((outcome.records, outcome.dropped, outcome.error), (19, 5, None), "10 to 14 are missing");
+    assert!(parts[1..].iter().all(|part| !part.exists()));
+}
+
+#[test]
+fn what_cannot_be_joined_stays_as_it_is() {
+    let (folder, first) = place();
+    let second = folder.path().join("2.mcap");
+    part(&first, (0..4).map(sealed), false);
+    part(&second, (4..8).map(sealed), true);
+    std::fs::create_dir(first.with_extension("joined")).unwrap();
+    let error = join(&[first.clone(), second.clone()], &contract::Scenario::default(), &[], 8).unwrap_err();
+    assert!(format!("{error:#}").contains("joined"), "{error:#}");
+    assert_eq!((read(&first).unwrap().states.len(), read(&second).unwrap().states.len()), (4, 4));
+}
