@@ -70,7 +70,7 @@ impl Node {
                 if swap.is_some() {
                     self.origins.0 = swap;
                 }
-                office.heir.set(epoch);
+                office.name_heir(epoch);
             }
         }
     }
@@ -83,25 +83,24 @@ impl Node {
         let (newcomer, old) = (trial.newcomer, trial.old);
         let what = match ruling {
             Ruling::HandOver => {
-                office.heir.set(newcomer); // until it is let in, this is said again and again
+                office.name_heir(newcomer); // until it is let in, this is said again and again
                 return;
             }
             Ruling::Keep => {
-                office.appoint(tick as u32, |staff| staff.without(old)); // and so it leaves
+                office.dismiss(old); // and so it leaves
                 self.dismiss(old);
                 self.origins.1 = None;
                 What::Kept
             }
             Ruling::Reject => {
-                office.heir.set(0);
-                office.appoint(tick as u32, |staff| staff.without(newcomer));
+                office.dismiss(newcomer);
                 self.origins.1 = None;
                 self.dismiss(newcomer);
                 orders.push(Order::Kill(self.topic, newcomer));
                 What::Rejected
             }
             Ruling::Return => {
-                office.heir.set(old);
+                office.name_heir(old);
                 self.origins = (self.origins.1, None);
                 self.dismiss(newcomer);
                 orders.push(Order::Kill(self.topic, newcomer));
