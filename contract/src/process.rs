@@ -258,6 +258,8 @@ pub fn run_as(
 }
 
 /// From now on this process does not outlive its parent, which must be the launcher of `namespace`.
+///
+/// Programs other than ours the launcher binds before they begin ([`realtime::die_with_parent`]).
 pub fn die_with_launcher(namespace: &str) -> Result<(), SeatError> {
     // Fails only for a signal number that does not exist.
     let _ = rustix::process::set_parent_process_death_signal(Some(Signal::KILL));
