@@ -2,6 +2,7 @@
 //!
 //! Nothing here asserts how quick anything is.
 
+use std::os::unix::fs::PermissionsExt;
 use std::process::Command;
 
 use crate::harness::{Flight, fly, launcher, namespace, shared_memory_of, wait_until};
@@ -197,6 +198,44 @@ fn after_killing_everything_or_the_launcher_alone_the_next_flight_starts_clean()
         assert_eq!(outcome.code(), Some(0), "{}", outcome.stderr);
         assert_eq!(shared_memory_of(&ns), Vec::<String>::new());
     }
+}
+
+/// Whether process `pid` is no more; one that nobody has waited for has no words left.
+fn is_gone(pid: i32) -> bool {
+    std::fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default().is_empty()
+}
+
+#[test]
+fn a_foreign_program_and_whom_it_starts_do_not_outlive_the_run() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    // Neither joins. One starts another process, and looks who may read its settings; each says its numbers.
+    let program = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, format!("#!/bin/sh\n{text}\n")).expect("it can be written");
+        std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o700)).expect("it is ours");
+        path.display().to_string()
+    };
+    let family = program("family", "sleep 60 & echo $$ $! $(stat -c %a $6) > $0.says; wait");
+    let loner = program("loner", "echo $$ > $0.says; exec sleep 60");
+    let says = |program: &str| -> Vec<i32> {
+        let text = std::fs::read_to_string(format!("{program}.says")).unwrap_or_default();
+        text.split_whitespace().map(|word| word.parse().expect("a number")).collect()
+    };
+
+    let ns = namespace();
+    let swap = |at_s: f64, node, program| format!("{{at_s={at_s:?}, node=\"{node}\", exec=\"{program}\"}}");
+    let swaps = format!("swap=[{}, {}]", swap(0.5, "mixer", &family), swap(3.0, "guidance", &loner));
+    let flight = Flight::start(&ns, &["--mode", "realtime", "--set", &swaps]);
+    wait_until("a script and its child are there", || says(&family).len() == 3);
+    let [parent, child, mode] = says(&family).try_into().expect("three numbers");
+    assert_eq!(mode, 600, "its settings are for its user only");
+    wait_until("it is sent away with its child", || is_gone(parent) && is_gone(child));
+
+    wait_until("another is there", || says(&loner).len() == 1);
+    kill("-KILL", &[flight.child.id() as i32]);
+    wait_until("it goes with the launcher", || is_gone(says(&loner)[0]));
+    drop(flight);
+    wait_until("every process is gone", || processes_of(&ns).is_empty());
 }
 
 #[test]

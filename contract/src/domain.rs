@@ -5,6 +5,7 @@
 //! /dev/shm/trefoil.<namespace>.<pid>.<start>/     this run's folder, mode 0700
 //!     scenario.toml   the merged settings          board       bells, offices, phase, faults given while flying
 //!     control         the socket on which the launcher answers
+//!     <node>.<epoch>.toml                          settings of a newcomer
 //!     iox/            iceoryx2's root              iceoryx2.toml   lets the iox2 tool and Python attach
 //! /dev/shm/trefoil.<namespace>.<pid>.<start>.*    iceoryx2's segments, by prefix
 //! ```
@@ -15,7 +16,7 @@
 //! that was killed wipes nothing; the next one, of any namespace, wipes what dead launchers left.
 
 use std::fs::{self, File, OpenOptions};
-use std::io;
+use std::io::{self, Write};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -124,6 +125,14 @@ impl Domain {
     /// A file of the run's folder.
     pub fn file(&self, name: &str) -> PathBuf {
         self.folder.join(name)
+    }
+
+    /// Makes a new file of the run's folder that says `text`.
+    pub fn write(&self, name: &str, text: &str) -> io::Result<PathBuf> {
+        let path = self.file(name);
+        let mut file = OpenOptions::new().write(true).create_new(true).mode(0o600).open(&path)?;
+        file.write_all(text.as_bytes())?;
+        Ok(path)
     }
 }
 

@@ -5,7 +5,7 @@
 //!   |         |        |            |       |       |         |
 //!   port      |        inlet        |       |       |         bits fell over on the way
 //!   refuses   |        refuses      |       |       not finite, or beyond anything that flies
-//!             |                     |       not later than what is known already
+//!             |                     |       not later than what is known already, or of a sample that is yet to come
 //!             |                     came before, or twice
 //!             not from the incarnation that holds the office
 //! ```
@@ -26,7 +26,7 @@ pub enum Refusal {
     Publisher = 1,
     /// Its number is not later than that of the newest from the same publisher.
     Order = 2,
-    /// Its sample is not later than the newest.
+    /// Its sample is not later than the newest, or is yet to come.
     Age = 3,
     /// A number is not finite, or out of all proportion.
     Range = 4,
@@ -70,18 +70,18 @@ impl<M: Message> Guard<M> {
         &self.newest
     }
 
-    /// Takes `message` if it stands up to everything; `holder` is the epoch in office.
+    /// Takes `message` if it stands up to everything; `holder` is the epoch in office, and there are `samples` by now.
     ///
     /// # Errors
     /// The first thing that speaks against it.
-    pub fn take(&mut self, message: &M, holder: u32) -> Result<(), Refusal> {
+    pub fn take(&mut self, message: &M, holder: u32, samples: u64) -> Result<(), Refusal> {
         let (stamp, newest) = (message.stamp(), self.newest.stamp());
         let first = newest.sequence == 0;
         if stamp.epoch != u64::from(holder) {
             Err(Refusal::Epoch)
         } else if !first && stamp.epoch == newest.epoch && stamp.sequence <= newest.sequence {
             Err(Refusal::Order)
-        } else if !first && stamp.tick <= newest.tick {
+        } else if !first && stamp.tick <= newest.tick || stamp.tick >= samples {
             Err(Refusal::Age)
         } else if !message.plausible() {
             Err(Refusal::Range)
@@ -108,24 +108,33 @@ mod tests {
     #[test]
     fn what_speaks_against_a_message_is_looked_for_in_order() {
         let mut guard = Guard::default();
-        assert_eq!(guard.take(&demand(2, 1, 5), 1), Err(Refusal::Epoch));
-        assert_eq!(guard.take(&demand(1, 1, 5), 1), Ok(()));
-        assert_eq!(guard.take(&demand(1, 1, 5), 1), Err(Refusal::Order), "twice");
-        assert_eq!(guard.take(&demand(1, 2, 5), 1), Err(Refusal::Age), "another answer to the same sample");
-        assert_eq!(guard.take(&demand(1, 3, 4), 1), Err(Refusal::Age));
+        assert_eq!(guard.take(&demand(2, 1, 5), 1, 7), Err(Refusal::Epoch));
+        assert_eq!(guard.take(&demand(1, 1, 5), 1, 7), Ok(()));
+        assert_eq!(guard.take(&demand(1, 1, 5), 1, 7), Err(Refusal::Order), "twice");
+        assert_eq!(guard.take(&demand(1, 2, 5), 1, 7), Err(Refusal::Age), "another answer to the same sample");
+        assert_eq!(guard.take(&demand(1, 3, 4), 1, 7), Err(Refusal::Age));
         let garbage = Controls { demand: [f64::NAN, 0.0, 0.0, 0.0], ..demand(1, 3, 6) };
-        assert_eq!(guard.take(&garbage, 1), Err(Refusal::Range));
+        assert_eq!(guard.take(&garbage, 1, 7), Err(Refusal::Range));
         let bent = Controls { demand: [0.2; 4], ..demand(1, 3, 6) };
-        assert_eq!(guard.take(&bent, 1), Err(Refusal::Checksum));
-        assert_eq!(guard.take(&demand(1, 3, 6), 1), Ok(()));
+        assert_eq!(guard.take(&bent, 1, 7), Err(Refusal::Checksum));
+        assert_eq!(guard.take(&demand(1, 3, 6), 1, 7), Ok(()));
         assert_eq!(guard.newest(), &demand(1, 3, 6));
-        assert_eq!(guard.take(&demand(2, 1, 7), 2), Ok(()), "a new process counts from one again");
-        assert_eq!(guard.take(&demand(2, 2, 8), 0), Err(Refusal::Epoch), "a vacant office says nothing");
+        assert_eq!(guard.take(&demand(2, 1, 7), 2, 8), Ok(()), "a new process counts from one again");
+        assert_eq!(guard.take(&demand(2, 2, 8), 0, 9), Err(Refusal::Epoch), "a vacant office says nothing");
+    }
+
+    #[test]
+    fn nobody_answers_to_a_sample_that_is_yet_to_come() {
+        let mut guard = Guard::default();
+        assert_eq!(guard.take(&demand(1, 1, 6), 1, 6), Err(Refusal::Age), "there are samples 0 to 5");
+        assert_eq!(guard.take(&demand(1, 1, u64::MAX), 1, 6), Err(Refusal::Age));
+        assert_eq!(guard.take(&demand(1, 2, 5), 1, 6), Ok(()), "and the next that is true is taken");
+        assert_eq!(guard.take(&demand(1, 3, 6), 1, 7), Ok(()));
     }
 
     #[test]
     fn the_first_sample_may_be_number_zero() {
-        assert_eq!(Guard::default().take(&demand(1, 1, 0), 1), Ok(()));
+        assert_eq!(Guard::default().take(&demand(1, 1, 0), 1, 1), Ok(()));
     }
 
     proptest! {
@@ -136,7 +145,7 @@ mod tests {
             let good = State { stamp, ..State::default() }.sealed();
             let mut bad = good;
             bytemuck::cast_slice_mut::<u8, u64>(bytemuck::bytes_of_mut(&mut bad))[word] = bits;
-            let taken = Guard::default().take(&bad, 1).is_ok();
+            let taken = Guard::default().take(&bad, 1, 4).is_ok();
             prop_assert_eq!(taken, bytemuck::bytes_of(&bad) == bytemuck::bytes_of(&good));
         }
     }

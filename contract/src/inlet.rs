@@ -18,13 +18,13 @@ pub struct Inlet<M> {
     listener: Topic,
     /// How often the bell had rung at the last look.
     seen: u32,
-    /// Whether to look only when the bell has rung: a message is there for everybody then, not for some.
-    by_bell: bool,
+    /// Between two samples \[ns\]; `None` in lockstep.
+    period_ns: Option<u64>,
 }
 
 impl<M: Message> Inlet<M> {
-    pub(crate) fn new(port: Box<dyn Receive<M>>, board: Arc<Board>, listener: Topic, by_bell: bool) -> Self {
-        Self { port, board, guard: Guard::default(), listener, seen: 0, by_bell }
+    pub(crate) fn new(port: Box<dyn Receive<M>>, board: Arc<Board>, listener: Topic, period_ns: Option<u64>) -> Self {
+        Self { port, board, guard: Guard::default(), listener, seen: 0, period_ns }
     }
 
     /// The newest message that was taken, without waiting; the default (sequence 0) before the first.
@@ -52,8 +52,8 @@ impl<M: Message> Inlet<M> {
     /// Judges what has come since the last look; whether something was taken.
     fn look(&mut self) -> bool {
         let rung = self.board.bell(M::TOPIC).count();
-        if self.by_bell && rung == self.seen {
-            return false;
+        if self.period_ns.is_some() && rung == self.seen {
+            return false; // against the clock a message is there when the bell has rung: for everybody, not for some
         }
         self.seen = rung;
         let office = self.board.office(M::TOPIC);
@@ -64,12 +64,86 @@ impl<M: Message> Inlet<M> {
                 continue;
             }
             let posing = message.stamp().epoch == u64::from(holder) && office.port(holder) != port;
-            let judged = if posing { Err(Refusal::Publisher) } else { self.guard.take(&message, holder) };
+            let samples = self.samples(message.stamp().tick);
+            let judged = if posing { Err(Refusal::Publisher) } else { self.guard.take(&message, holder, samples) };
             match judged {
                 Ok(()) => taken = true,
                 Err(refusal) => self.board.office(self.listener).refused[refusal as usize].count(),
             }
         }
         taken
+    }
+
+    /// How many samples there are when one that tells of sample `tick` is to be judged: those that the plant has taken,
+    /// and against the clock those that it has overslept, to which the nodes answer all the same.
+    fn samples(&self, tick: u64) -> u64 {
+        let taken = u64::from(self.board.office(Topic::State).done(1).get());
+        match self.period_ns {
+            Some(period_ns) if tick >= taken && self.board.origin_ns() > 0 => {
+                taken.max(now_ns().saturating_sub(self.board.origin_ns()) / period_ns + 1)
+            }
+            _ => taken,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::RefCell;
+    use std::rc::Rc;
+
+    use super::*;
+    use crate::message::{Controls, Stamp};
+    use crate::office::Staff;
+
+    const PORT: u64 = 71;
+
+    /// What is sent through the only port there is.
+    impl Receive<Controls> for Rc<RefCell<Vec<Controls>>> {
+        fn receive(&self) -> Option<(Controls, u64)> {
+            self.borrow_mut().pop().map(|message| (message, PORT))
+        }
+    }
+
+    /// What comes of answers to the samples `ticks`, when the plant has taken five and the first was taken so long ago
+    /// \[ns\]: the ticks that are taken, and how many were refused for their age.
+    fn taken(period_ns: Option<u64>, since_ns: u64, ticks: &[u64]) -> (Vec<u64>, u32) {
+        let folder = tempfile::tempdir().unwrap();
+        let board = Arc::new(Board::create(&folder.path().join("board")).unwrap());
+        board.office(Topic::State).done(1).set(5);
+        board.set_origin_ns(now_ns() - since_ns);
+        let office = board.office(Topic::Controls);
+        office.appoint(0, |_| Staff { holder: 1, shadow: 0 });
+        office.offer(1);
+        assert!(office.claim(1, PORT));
+        let line = Rc::new(RefCell::new(vec![]));
+        let mut inlet = Inlet::new(Box::new(line.clone()), board.clone(), Topic::Actuators, period_ns);
+        let mut heard = vec![];
+        for (sequence, tick) in (1..).zip(ticks) {
+            let stamp = Stamp { tick: *tick, sequence, epoch: 1, ..Stamp::default() };
+            line.borrow_mut().push(Controls { stamp, ..Controls::default() }.sealed());
+            board.bell(Topic::Controls).mark();
+            heard.extend(inlet.arrived(0).then(|| inlet.newest().stamp.tick));
+        }
+        (heard, board.office(Topic::Actuators).refused[Refusal::Age as usize].get())
+    }
+
+    #[test]
+    fn an_answer_to_a_sample_that_is_yet_to_come_is_refused() {
+        assert_eq!(taken(None, 0, &[4, 5, u64::MAX, 6]), (vec![4], 3));
+        let ten_s_ns = 10_000_000_000;
+        assert_eq!(taken(Some(ten_s_ns), 0, &[3, 5, u64::MAX, 4]), (vec![3, 4], 2), "nobody is the worse for it");
+    }
+
+    #[test]
+    fn an_answer_to_a_sample_that_the_plant_has_overslept_is_taken() {
+        let ten_s_ns = 10_000_000_000;
+        let ticks = [4, 5, 6, 7, 8];
+        assert_eq!(taken(Some(ten_s_ns), 6 * ten_s_ns + ten_s_ns / 2, &ticks), (vec![4, 5, 6], 2));
+        assert_eq!(
+            taken(None, 6 * ten_s_ns + ten_s_ns / 2, &ticks),
+            (vec![4], 4),
+            "in lockstep it sleeps no sample through"
+        );
     }
 }

@@ -14,7 +14,8 @@
 //!
 //! Against the clock the launcher names the heir, and the plant lets it in between two ticks ([`Office::turn_over`]), so
 //! that a tick has one holder. In lockstep the launcher makes the appointments itself, while the plant waits for them.
-//! Everything is an atomic word of the shared board.
+//! Everything is an atomic word of the shared board; holder, shadow and heir are one, so that whatever the launcher and
+//! the plant do at the same time is done one after the other.
 
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering, fence};
 
@@ -29,12 +30,10 @@ const VACANT: u64 = 1;
 /// The office of one node.
 #[repr(C, align(64))]
 pub struct Office {
-    /// Who works, in one word so that two change places at once.
-    staff: AtomicU64,
+    /// Who works, and who is to: a [`Roster`].
+    roster: AtomicU64,
     /// The newest epoch whose process is ready to work.
     pub ready: Word,
-    /// The epoch that holds the office from the next tick on; 0 = no change.
-    pub heir: Word,
     /// The first tick of an epoch since it was let in, by the epoch's last bit: holder and shadow differ in it.
     since: [Word; 2],
     /// Ticks done, counted from the first of the run, likewise.
@@ -73,20 +72,35 @@ impl Staff {
         let unless = |other: u32| if other == epoch { 0 } else { other };
         Self { holder: unless(self.holder), shadow: unless(self.shadow) }
     }
+}
+
+/// Who works, and who is to.
+#[derive(Clone, Copy, PartialEq, Eq)]
+struct Roster {
+    staff: Staff,
+    /// The epoch that holds the office from the next tick on; 0 = no change.
+    heir: u32,
+}
+
+impl Roster {
+    /// Bits of an epoch: three fit into a word, and no run has two million processes of a node.
+    const BITS: u32 = 21;
 
     fn to_word(self) -> u64 {
-        u64::from(self.shadow) << 32 | u64::from(self.holder)
+        let Self { staff: Staff { holder, shadow }, heir } = self;
+        [heir, shadow, holder].into_iter().fold(0, |word, epoch| word << Self::BITS | u64::from(epoch))
     }
 
     fn from_word(word: u64) -> Self {
-        Self { holder: word as u32, shadow: (word >> 32) as u32 }
+        let epoch = |place: u32| (word >> (place * Self::BITS)) as u32 & ((1 << Self::BITS) - 1);
+        Self { staff: Staff { holder: epoch(0), shadow: epoch(1) }, heir: epoch(2) }
     }
 }
 
 impl Office {
     /// Who works.
     pub fn staff(&self) -> Staff {
-        Staff::from_word(self.staff.load(Ordering::Acquire))
+        self.roster().staff
     }
 
     /// The epoch that is heard; 0 = vacant.
@@ -96,13 +110,34 @@ impl Office {
 
     /// Changes who works. Those who are new begin with `tick`.
     pub fn appoint(&self, tick: u32, change: impl Fn(Staff) -> Staff) {
-        let before = self.staff();
-        for epoch in change(before).epochs().filter(|epoch| !before.employs(*epoch)) {
-            self.done(epoch).set(tick);
-            self.since(epoch).set(tick);
-        }
-        let changed = |word| Some(change(Staff::from_word(word)).to_word());
-        let _ = self.staff.fetch_update(Ordering::AcqRel, Ordering::Acquire, changed); // the change is never refused
+        self.update(|Roster { staff, heir }| Roster { staff: self.begin(tick, staff, change(staff)), heir });
+    }
+
+    /// Names who holds the office from the next tick on; 0 = no change.
+    pub fn name_heir(&self, heir: u32) {
+        self.update(|roster| Roster { heir, ..roster });
+    }
+
+    /// `epoch` neither works nor is to work any more; a shadow that is left alone becomes the heir.
+    pub fn dismiss(&self, epoch: u32) {
+        self.update(|Roster { staff, heir }| {
+            let staff = staff.without(epoch);
+            let alone = staff.holder == 0 && staff.shadow != 0;
+            let heir = if heir == epoch { 0 } else { heir };
+            Roster { staff, heir: if alone { staff.shadow } else { heir } }
+        });
+    }
+
+    /// Lets the heir in, if one is named, for the tick that begins; one that was the shadow changes places.
+    pub fn turn_over(&self, tick: u32) {
+        self.update(|roster| {
+            let Roster { staff: Staff { holder, shadow }, heir } = roster;
+            if heir == 0 {
+                return roster;
+            }
+            let staff = Staff { holder: heir, shadow: if shadow == heir { holder } else { shadow } };
+            Roster { staff: self.begin(tick, roster.staff, staff), heir: 0 }
+        });
     }
 
     /// Ticks that `epoch` has done.
@@ -135,21 +170,30 @@ impl Office {
         self.voices.iter().any(|voice| voice.load(Ordering::Acquire) == port)
     }
 
-    fn voice(&self, epoch: u32) -> &AtomicU64 {
-        &self.voices[epoch as usize % VOICES]
+    fn roster(&self) -> Roster {
+        Roster::from_word(self.roster.load(Ordering::Acquire))
     }
 
-    /// Lets the heir in, if one is named, for the tick that begins; one that was the shadow changes places.
-    pub fn turn_over(&self, tick: u32) {
-        let heir = self.heir.get();
-        if heir != 0 {
-            let succeed = |Staff { holder, shadow }: Staff| Staff {
-                holder: heir,
-                shadow: if shadow == heir { holder } else { shadow },
-            };
-            self.appoint(tick, succeed);
-            self.heir.set(0);
+    /// The one way in which the roster changes: at once, or anew from what another has made of it meanwhile.
+    fn update(&self, change: impl Fn(Roster) -> Roster) {
+        let changed = |word| {
+            let before = Roster::from_word(word);
+            Some(change(before)).filter(|after| *after != before).map(Roster::to_word)
+        };
+        let _ = self.roster.fetch_update(Ordering::AcqRel, Ordering::Acquire, changed); // fails where nothing changes
+    }
+
+    /// Has those begin with `tick` who are new in `after`, and gives it back.
+    fn begin(&self, tick: u32, before: Staff, after: Staff) -> Staff {
+        for epoch in after.epochs().filter(|epoch| !before.employs(*epoch)) {
+            self.done(epoch).set(tick);
+            self.since(epoch).set(tick);
         }
+        after
+    }
+
+    fn voice(&self, epoch: u32) -> &AtomicU64 {
+        &self.voices[epoch as usize % VOICES]
     }
 }
 
@@ -173,6 +217,7 @@ impl Word {
         self.0.fetch_add(1, Ordering::Relaxed);
     }
 }
+
 /// A [`Snapshot`] that one process writes and others read, whole or not at all.
 ///
 /// Two copies, written in turn: a writer that dies in the middle leaves the other one good.
@@ -206,80 +251,4 @@ impl Cell {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn office() -> Box<Office> {
-        let word = || Word(AtomicU32::new(0));
-        Box::new(Office {
-            staff: AtomicU64::new(0),
-            ready: word(),
-            heir: word(),
-            since: [word(), word()],
-            done: [word(), word()],
-            memory: Cell {
-                written: AtomicU64::new(0),
-                copies: std::array::from_fn(|_| std::array::from_fn(|_| AtomicU64::new(0))),
-            },
-            voices: std::array::from_fn(|_| AtomicU64::new(0)),
-            refused: std::array::from_fn(|_| word()),
-        })
-    }
-
-    #[test]
-    fn a_place_that_is_offered_goes_to_one_process() {
-        let office = office();
-        assert!(!office.claim(1, 71), "nobody was asked for");
-        office.offer(1);
-        assert!(!office.claim(2, 72), "it is another's");
-        assert!(office.claim(1, 71));
-        assert!(!office.claim(1, 72), "it is taken");
-        assert!(office.port(1) == 71);
-        assert!(office.knows(71) && !office.knows(72));
-    }
-
-    #[test]
-    fn an_heir_takes_over_when_a_tick_begins() {
-        let office = office();
-        office.turn_over(7);
-        assert_eq!(office.staff(), Staff::default(), "nobody is named");
-        office.appoint(0, |_| Staff { holder: 1, shadow: 0 });
-        office.heir.set(2);
-        assert!(office.staff().employs(1) && !office.staff().employs(2) && !office.staff().employs(0));
-        office.turn_over(8);
-        assert_eq!(office.staff(), Staff { holder: 2, shadow: 0 });
-        assert_eq!((office.since(2).get(), office.done(2).get(), office.heir.get()), (8, 8, 0));
-    }
-
-    #[test]
-    fn a_shadow_and_its_holder_change_places_and_back() {
-        let office = office();
-        office.appoint(0, |_| Staff { holder: 1, shadow: 0 });
-        office.done(1).set(20);
-        office.appoint(20, |staff| Staff { shadow: 2, ..staff });
-        office.heir.set(2);
-        office.turn_over(30);
-        assert_eq!(office.staff(), Staff { holder: 2, shadow: 1 });
-        assert_eq!((office.since(1).get(), office.since(2).get()), (0, 20), "who worked before goes on where it is");
-        office.heir.set(1);
-        office.turn_over(40);
-        assert_eq!(office.staff(), Staff { holder: 1, shadow: 2 });
-        office.appoint(41, |staff| staff.without(2));
-        assert_eq!(office.staff().epochs().collect::<Vec<_>>(), [1]);
-    }
-
-    #[test]
-    fn a_snapshot_is_read_whole() {
-        let cell = &office().memory;
-        assert_eq!(cell.read(), None, "nothing was written yet");
-        std::thread::scope(|scope| {
-            scope.spawn(|| (1..=200_000).for_each(|i| cell.write(&[i; SNAPSHOT_WORDS])));
-            for _ in 0..100_000 {
-                if let Some(snapshot) = cell.read() {
-                    assert!(snapshot.iter().all(|word| *word == snapshot[0]), "torn: {snapshot:?}");
-                }
-            }
-        });
-        assert_eq!(cell.read(), Some([200_000; SNAPSHOT_WORDS]));
-    }
-}
+mod tests;

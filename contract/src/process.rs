@@ -145,10 +145,10 @@ impl Seat {
 
     /// Where this node gets `M` from.
     pub fn inlet<M: Wire>(&self) -> Result<Inlet<M>, SeatError> {
-        let by_bell = self.scenario.run.mode == Mode::Realtime;
+        let period_ns = (self.scenario.run.mode == Mode::Realtime).then(|| self.scenario.sample_ns());
         let office = self.board.office(M::TOPIC);
         let port = self.bus.receiver(NODE_DEPTH, office.port(office.holder()))?;
-        Ok(Inlet::new(port, self.board.clone(), self.topic(), by_bell))
+        Ok(Inlet::new(port, self.board.clone(), self.topic(), period_ns))
     }
 
     /// Where this node sends `M` to. With it the process takes its place in the office.
@@ -258,6 +258,8 @@ pub fn run_as(
 }
 
 /// From now on this process does not outlive its parent, which must be the launcher of `namespace`.
+///
+/// Programs other than ours the launcher binds before they begin ([`realtime::die_with_parent`]).
 pub fn die_with_launcher(namespace: &str) -> Result<(), SeatError> {
     // Fails only for a signal number that does not exist.
     let _ = rustix::process::set_parent_process_death_signal(Some(Signal::KILL));

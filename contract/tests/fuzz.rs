@@ -78,7 +78,7 @@ fn check<M: Message>(forgeries: &[Forgery], numbers: impl Fn(&M) -> Vec<f64>) {
     for (tick, forgery) in (1..).zip(forgeries) {
         let (good, older, before) = (at(tick), at(tick - 1), *guard.newest());
         let message = forgery.of(&good, &older);
-        let taken = guard.take(&message, 3).is_ok();
+        let taken = guard.take(&message, 3, tick + 1).is_ok();
         let newest = if taken { message } else { before };
         assert_eq!(bytemuck::bytes_of(guard.newest()), bytemuck::bytes_of(&newest), "taken: {taken}");
         if taken {
@@ -90,7 +90,7 @@ fn check<M: Message>(forgeries: &[Forgery], numbers: impl Fn(&M) -> Vec<f64>) {
             assert!(taken || !is(&good), "{message:?}");
             assert!(!taken || is(&good) || is(&older), "{message:?}");
         }
-        assert!(guard.take(&message, 0).is_err(), "a vacant office says nothing");
+        assert!(guard.take(&message, 0, tick + 1).is_err(), "a vacant office says nothing");
     }
 }
 

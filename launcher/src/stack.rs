@@ -105,9 +105,8 @@ impl Stack {
         let hold = Hold::take(namespace)?;
         let domain = &hold.domain;
         let shm = |what| move || format!("cannot write {what} in shared memory");
-        std::fs::write(domain.file("scenario.toml"), contract::scenario::to_toml(scenario))
-            .with_context(shm("settings"))?;
-        std::fs::write(domain.file("iceoryx2.toml"), config_toml(domain)).with_context(shm("iceoryx2.toml"))?;
+        domain.write("scenario.toml", &contract::scenario::to_toml(scenario)).with_context(shm("settings"))?;
+        domain.write("iceoryx2.toml", &config_toml(domain)).with_context(shm("iceoryx2.toml"))?;
         Board::create(&domain.file("board")).with_context(shm("the board"))?;
         let bus = Bus::attach(domain)?;
         let services = bus.create_services()?;

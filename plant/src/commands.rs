@@ -91,16 +91,17 @@ impl CommandLine {
         }
     }
 
-    /// A command arrives at `arrival_ns`. Lost ones, those that are not finite, and those that a newer one overtakes
-    /// leave no trace.
+    /// A command arrives at `arrival_ns`. Lost ones, those that are not finite, those that answer to a sample yet to
+    /// come, and those that a newer one overtakes leave no trace.
     pub fn receive(&mut self, actuators: &Actuators, arrival_ns: u64) {
         // Both are drawn for every command: how late one is must not depend on whether another was lost.
         let lost = self.draw_loss();
         let effect_ns = arrival_ns.saturating_add(self.delay_ns).saturating_add(self.draw_jitter_ns());
         let Stamp { tick, sequence, .. } = actuators.stamp;
-        let age_ns = effect_ns.saturating_sub(tick.saturating_mul(self.sample_ns));
+        let sample_ns = tick.saturating_mul(self.sample_ns);
+        let age_ns = effect_ns.saturating_sub(sample_ns);
         let actuation = Actuation::from(actuators.command);
-        if !lost && is_finite(&actuation) {
+        if !lost && is_finite(&actuation) && sample_ns <= arrival_ns {
             let samples = tick.saturating_add(1);
             self.insert(Command { actuation, sequence, samples, effect_ns, age_ns, cut: false });
         }

@@ -35,7 +35,7 @@ fn numbers(all: &[(u64, Controls)]) -> Vec<(u64, u64)> {
 /// What a guard says of the messages of ticks 10 to 29.
 fn judged(all: &[(u64, Controls)]) -> Vec<Result<(), Refusal>> {
     let mut guard = Guard::default();
-    let judge = |(tick, message): &(u64, Controls)| (*tick, guard.take(message, 1));
+    let judge = |(tick, message): &(u64, Controls)| (*tick, guard.take(message, 1, *tick + 1));
     all.iter().map(judge).filter(|(tick, _)| (10..30).contains(tick)).map(|(_, verdict)| verdict).collect()
 }
 

@@ -1,12 +1,13 @@
-//! What a process asks of the kernel: time, priority, locked memory, one shared page.
+//! What a process asks of the kernel: time, priority, locked memory, one shared page, children that die with it.
 //!
 //! This is the only module with `unsafe`: calls that rustix does not offer in safe form, each with its argument.
 //! Everything here is optional for a flight: without privilege the stack runs as `SCHED_OTHER` and says so.
 
-#![expect(unsafe_code, reason = "sched_setscheduler, mmap and sigaction; the only unsafe of the stack")]
+#![expect(unsafe_code, reason = "sched_setscheduler, mmap, sigaction and pre_exec; the only unsafe of the stack")]
 
 mod board;
 mod bus_error;
+mod child;
 mod clock;
 
 use std::num::NonZeroU64;
@@ -17,6 +18,7 @@ use rustix::thread::CpuSet;
 
 pub use board::{Bell, Board, phase};
 pub use bus_error::tell_of_bus_errors;
+pub use child::die_with_parent;
 pub use clock::{now_ns, thread_cpu_ns, timed};
 
 use crate::scenario::{Policy, Scheduling};

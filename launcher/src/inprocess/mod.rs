@@ -48,6 +48,7 @@ pub fn fly(scenario: &Scenario, mut watch: impl FnMut(Record) -> bool) -> Flown 
         let mut go_on = true;
         let mut state = plant.sample();
         let tick = state.stamp.tick;
+        ring.last.samples = tick + 1;
         for step in succession.begin(tick) {
             ring.obey(scenario, step, &succession);
         }
@@ -127,26 +128,26 @@ impl Ring {
         each: &mut impl FnMut(Record, &mut Succession),
     ) {
         let Self { states, guidance, mpc, mixer, last } = self;
-        let sample = state.stamp;
+        let (sample, samples) = (state.stamp, last.samples);
         states.speak(true, *state, sample, |message: &State| {
-            guidance.ears().for_each(|ear| ear.hear(message, 1));
-            mpc.ears().for_each(|(ear, _)| ear.hear(message, 1));
-            mixer.ears().for_each(|(ear, _)| ear.hear(message, 1));
+            guidance.ears().for_each(|ear| ear.hear(message, 1, samples));
+            mpc.ears().for_each(|(ear, _)| ear.hear(message, 1, samples));
+            mixer.ears().for_each(|(ear, _)| ear.hear(message, 1, samples));
             last.state = *message;
             each((*message).into(), succession);
         });
         guidance.answer(sample, succession, |message: &Reference, holder, succession| {
-            mpc.ears().for_each(|(_, ear)| ear.hear(message, holder));
+            mpc.ears().for_each(|(_, ear)| ear.hear(message, holder, samples));
             last.keep_reference(message);
             each((*message).into(), succession);
         });
         mpc.answer(sample, succession, |message: &Controls, holder, succession| {
-            mixer.ears().for_each(|(_, ear)| ear.hear(message, holder));
+            mixer.ears().for_each(|(_, ear)| ear.hear(message, holder, samples));
             last.keep_controls(message);
             each((*message).into(), succession);
         });
         mixer.answer(sample, succession, |message: &Actuators, holder, succession| {
-            commands.hear(message, holder);
+            commands.hear(message, holder, samples);
             each((*message).into(), succession);
         });
     }

@@ -39,7 +39,7 @@ impl Node for Guidance {
     }
 
     fn ears(last: &Heard, [plant, ..]: [u32; 4]) -> Self::Ears {
-        Ear::after(&last.state, plant)
+        Ear::after(&last.state, plant, last.samples)
     }
 
     fn answer(&mut self, ears: &Self::Ears, sample: Stamp) -> (Reference, Stamp) {
@@ -69,7 +69,7 @@ impl Node for AttitudeMpc {
     }
 
     fn ears(last: &Heard, [plant, guidance, ..]: [u32; 4]) -> Self::Ears {
-        (Ear::after(&last.state, plant), Ear::after(&last.reference, guidance))
+        (Ear::after(&last.state, plant, last.samples), Ear::after(&last.reference, guidance, last.samples))
     }
 
     fn answer(&mut self, (states, references): &Self::Ears, sample: Stamp) -> (Controls, Stamp) {
@@ -99,7 +99,7 @@ impl Node for Mixer {
     }
 
     fn ears(last: &Heard, [plant, _, mpc, _]: [u32; 4]) -> Self::Ears {
-        (Ear::after(&last.state, plant), Ear::after(&last.controls, mpc))
+        (Ear::after(&last.state, plant, last.samples), Ear::after(&last.controls, mpc, last.samples))
     }
 
     fn answer(&mut self, (states, demands): &Self::Ears, sample: Stamp) -> (Actuators, Stamp) {

@@ -20,19 +20,19 @@ pub struct Ear<M: Message> {
 }
 
 impl<M: Message> Ear<M> {
-    /// One that has just joined: the `last` word on the topic is all that it has heard.
-    pub fn after(last: &M, holder: u32) -> Self {
+    /// One that has just joined: the `last` word on the topic is all that it has heard. There are `samples` by now.
+    pub fn after(last: &M, holder: u32, samples: u64) -> Self {
         let mut ear = Self::default();
         if last.stamp().sequence > 0 {
-            ear.hear(last, holder);
+            ear.hear(last, holder, samples);
         }
         ear
     }
 
-    /// Judges what `holder`, or somebody else, has said.
-    pub fn hear(&mut self, message: &M, holder: u32) {
+    /// Judges what `holder`, or somebody else, has said, when there are `samples`.
+    pub fn hear(&mut self, message: &M, holder: u32, samples: u64) {
         if message.stamp().unheard == unheard::HEARD {
-            match self.guard.take(message, holder) {
+            match self.guard.take(message, holder, samples) {
                 Ok(()) => self.fresh = true,
                 Err(refusal) => self.refused[refusal as usize] += 1,
             }
@@ -53,6 +53,8 @@ impl<M: Message> Ear<M> {
 /// The last word on each topic, which whoever joins hears first.
 #[derive(Default)]
 pub struct Heard {
+    /// How many samples there are, with the one that whoever joins is to answer first.
+    pub samples: u64,
     /// From the plant.
     pub state: State,
     /// From guidance.

@@ -1,4 +1,7 @@
 //! The launcher's children: start, signal, wait, and clear away what they leave.
+//!
+//! Each has a process group of its own, in which everybody is whom it starts in turn: they get the same signals, and do
+//! not outlive it.
 
 use std::os::fd::{BorrowedFd, OwnedFd};
 use std::os::unix::process::CommandExt;
@@ -11,9 +14,10 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use contract::domain::Domain;
 use contract::port::Bus;
+use contract::realtime::die_with_parent;
 use contract::topic::Topic;
 use rustix::event::{PollFd, PollFlags, poll};
-use rustix::process::{Pid, PidfdFlags, Signal, kill_process, pidfd_open};
+use rustix::process::{Pid, PidfdFlags, Signal, WaitId, WaitIdOptions, kill_process_group, pidfd_open, waitid};
 use rustix::time::Timespec;
 
 use super::end::Departure;
@@ -74,7 +78,9 @@ impl Children {
     pub fn spawn(&mut self, birth: &Birth) -> anyhow::Result<()> {
         let Birth { name, topic, epoch, log, program, settings } = *birth;
         let mut command = if let Some(program) = program {
-            Command::new(program)
+            let mut foreign = Command::new(program);
+            die_with_parent(&mut foreign); // ours see to that themselves
+            foreign
         } else {
             let mut own = Command::new(std::env::current_exe().context("cannot find this program's own file")?);
             own.args(["node", name]);
@@ -88,7 +94,7 @@ impl Children {
                 command.arg(option).arg(path);
             }
         }
-        // A group of its own: a Ctrl-C in the terminal reaches the launcher only, which then stops the nodes in order.
+        // In a group of its own a Ctrl-C in the terminal does not reach it: the launcher then stops the nodes in order.
         let cannot = || format!("cannot start {}", program.unwrap_or(name));
         let child = command.process_group(0).spawn().with_context(cannot)?;
         let pidfd = Pid::from_raw(child.id() as i32).and_then(|pid| pidfd_open(pid, PidfdFlags::empty()).ok());
@@ -100,7 +106,7 @@ impl Children {
     /// One that has ended, and how; one that did not end well is told first.
     pub fn departed(&mut self) -> Option<(usize, Departure)> {
         let ended = self.all.iter_mut().enumerate().filter_map(|(i, process)| {
-            let status = process.child.try_wait().ok().flatten()?;
+            let status = ended(&mut process.child)?;
             Some((i, Departure::of(status)))
         });
         ended.max_by_key(|(_, how)| how.gravity())
@@ -132,7 +138,7 @@ impl Children {
         for process in self.all.iter_mut().filter(is) {
             process.condemned |= signal == Signal::KILL;
             // Fails for one that has just ended, which the next look around finds.
-            let _ = Pid::from_raw(process.child.id() as i32).map(|pid| kill_process(pid, signal));
+            let _ = kill_process_group(Pid::from_child(&process.child), signal);
         }
     }
 
@@ -147,11 +153,7 @@ impl Children {
 
 impl Drop for Children {
     fn drop(&mut self) {
-        for Process { child, .. } in &mut self.all {
-            // Fails for those that have ended already, which is what is wanted.
-            let _ = child.kill();
-            let _ = child.wait();
-        }
+        self.all.iter_mut().for_each(|process| kill(&mut process.child));
         // Whoever is at it still would leave traces of its own in what is wiped next; one that is stuck is not waited for.
         let deadline = Instant::now() + BURIAL_LIMIT;
         while self.undertakers.iter().any(|undertaker| !undertaker.is_finished()) && Instant::now() < deadline {
@@ -164,14 +166,34 @@ impl Drop for Children {
 pub fn wait(child: &mut Child, limit: Duration, interrupts: &AtomicU32) -> Option<ExitStatus> {
     let deadline = Instant::now() + limit;
     loop {
-        if let Ok(Some(status)) = child.try_wait() {
+        if let Some(status) = ended(child) {
             return Some(status);
         }
         if Instant::now() > deadline || interrupts.load(Ordering::Relaxed) > 1 {
-            let _ = child.kill();
-            let _ = child.wait();
+            kill(child);
             return None;
         }
         std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+/// How `child` ended, if it has; whom it has left behind in its group is killed.
+fn ended(child: &mut Child) -> Option<ExitStatus> {
+    let pid = Pid::from_child(child);
+    match waitid(WaitId::Pid(pid), WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT) {
+        Ok(None) => return None,
+        // Nobody else can have its number before it is waited for. Fails for one that has no group.
+        Ok(Some(_)) => _ = kill_process_group(pid, Signal::KILL),
+        Err(_) => {} // it was waited for
+    }
+    child.try_wait().ok().flatten()
+}
+
+/// Kills `child` with its group, if it has one, and waits for its end.
+fn kill(child: &mut Child) {
+    if ended(child).is_none() {
+        let _ = kill_process_group(Pid::from_child(child), Signal::KILL);
+        let _ = child.kill();
+        let _ = child.wait();
     }
 }

@@ -100,7 +100,7 @@ impl Script {
         if let Some(Awaited { starting, .. }) = &mut self.awaited {
             starting.retain(|started| *started != (topic, epoch));
         }
-        board.office(topic).appoint(tick as u32, |staff| staff.without(epoch));
+        board.office(topic).dismiss(epoch);
         board.bell(topic).ring();
         true
     }

@@ -66,8 +66,8 @@ impl Stack {
         self.board.office(topic).offer(epoch);
         let birth = Birth { name: topic.publisher(), topic: Some(topic), epoch, ..Birth::default() };
         let Some(swap) = origin.and_then(|i| self.scenario.swap.get(i)) else { return self.children.spawn(&birth) };
-        let settings = self.hold.domain.file(&format!("{}.{epoch}.toml", birth.name));
-        std::fs::write(&settings, to_toml(&newcomer(&self.scenario, swap)?))?;
+        let text = to_toml(&newcomer(&self.scenario, swap)?);
+        let settings = self.hold.domain.write(&format!("{}.{epoch}.toml", birth.name), &text)?;
         self.children.spawn(&Birth { program: swap.exec.as_deref(), settings: Some(&settings), ..birth })
     }
 

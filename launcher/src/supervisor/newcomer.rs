@@ -75,7 +75,7 @@ impl Node {
                 if swap.is_some() {
                     self.origins.0 = swap;
                 }
-                office.heir.set(epoch);
+                office.name_heir(epoch);
             }
         }
     }
@@ -88,18 +88,18 @@ impl Node {
         let (newcomer, old) = (trial.newcomer, trial.old);
         let what = match ruling {
             Ruling::HandOver => {
-                office.heir.set(newcomer); // until it is let in, this is said again and again
+                office.name_heir(newcomer); // until it is let in, this is said again and again
                 return;
             }
             Ruling::Keep => {
                 if let Some(old) = old {
-                    self.end(board, old, tick, orders);
+                    self.end(board, old, orders);
                 }
                 self.origins.1 = None;
                 What::Kept
             }
             Ruling::Reject => {
-                self.end(board, newcomer, tick, orders);
+                self.end(board, newcomer, orders);
                 self.origins.1 = None;
                 What::Rejected
             }
@@ -108,11 +108,11 @@ impl Node {
                 match old {
                     // Until it is let in, the newcomer has the office.
                     Some(old) => {
-                        office.heir.set(old);
+                        office.name_heir(old);
                         self.dismiss(newcomer);
                         orders.push(Order::Kill(self.topic, newcomer));
                     }
-                    None => self.end(board, newcomer, tick, orders),
+                    None => self.end(board, newcomer, orders),
                 }
                 What::Returned
             }
@@ -125,9 +125,9 @@ impl Node {
     }
 
     /// Sends a process away, from office or shadow.
-    fn end(&mut self, board: &Board, epoch: u32, tick: u64, orders: &mut Vec<Order>) {
+    fn end(&mut self, board: &Board, epoch: u32, orders: &mut Vec<Order>) {
         self.dismiss(epoch);
-        self.vacate(board, epoch, tick);
+        self.vacate(board, epoch);
         orders.push(Order::Kill(self.topic, epoch));
     }
 }

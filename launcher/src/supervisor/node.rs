@@ -2,7 +2,6 @@
 
 use std::time::{Duration, Instant};
 
-use contract::office::Staff;
 use contract::realtime::Board;
 use contract::topic::Topic;
 
@@ -81,7 +80,7 @@ impl Node {
     /// A process of it has ended.
     pub fn died(&mut self, board: &Board, epoch: u32, tick: u64, events: &mut Vec<Event>) {
         let was_wanted = self.dismiss(epoch);
-        self.vacate(board, epoch, tick);
+        self.vacate(board, epoch);
         if !was_wanted {
             return;
         }
@@ -192,7 +191,7 @@ impl Node {
             self.progress.begin(done, now);
             orders.push(Order::Kill(self.topic, holder));
             if self.topic != Topic::State {
-                self.vacate(board, holder, tick); // dying takes milliseconds, for which nobody is to wait
+                self.vacate(board, holder); // dying takes milliseconds, for which nobody is to wait
             }
         }
     }
@@ -204,17 +203,11 @@ impl Node {
     }
 
     /// Leaves the office to nobody but a shadow, if `epoch` holds it or is about to.
-    pub fn vacate(&mut self, board: &Board, epoch: u32, tick: u64) {
+    pub fn vacate(&mut self, board: &Board, epoch: u32) {
         let office = board.office(self.topic);
-        office.appoint(tick as u32, |staff| staff.without(epoch));
-        for word in [&office.ready, &office.heir] {
-            if word.get() == epoch {
-                word.set(0);
-            }
-        }
-        let Staff { holder, shadow } = office.staff();
-        if holder == 0 && shadow != 0 {
-            office.heir.set(shadow);
+        office.dismiss(epoch);
+        if office.ready.get() == epoch {
+            office.ready.set(0);
         }
         board.bell(self.topic).ring();
     }

@@ -50,6 +50,17 @@ fn with_a_long_delay_several_commands_are_on_their_way() {
 }
 
 #[test]
+fn an_answer_to_a_sample_yet_to_come_leaves_no_trace() {
+    let mut line = line(0.0, 0.0, 0.0, 0);
+    for tick in [4, 5, u64::MAX] {
+        line.receive(&message(tick, 1), 35 * MS);
+    }
+    assert_eq!(at(&mut line, 35 * MS), 0);
+    line.receive(&message(3, 2), 36 * MS);
+    assert_eq!(at(&mut line, 36 * MS), 2, "and stands in nobody's way");
+}
+
+#[test]
 fn an_older_command_never_replaces_a_newer_one() {
     let mut line = line(0.0, 0.0, 0.0, 0);
     line.receive(&message(0, 2), 5 * MS);
@@ -178,8 +189,8 @@ fn drops_come_with_their_probability_and_the_others_are_untouched() {
     let n = 10_000;
     let mut lossy = line(0.0, 0.0, 0.4, 11);
     let lost = (1..=n).filter(|&k| {
-        lossy.receive(&message(k, k), k * MS);
-        at(&mut lossy, k * MS) != k
+        lossy.receive(&message(k, k), 10 * k * MS);
+        at(&mut lossy, 10 * k * MS) != k
     });
     let share = lost.count() as f64 / n as f64;
     assert!((share - 0.4).abs() < 5.0 * (0.4 * 0.6 / n as f64).sqrt(), "{share}");
