@@ -7,12 +7,13 @@ use anyhow::Context;
 use contract::Scenario;
 use contract::scenario;
 
-use super::{Count, Log, LogWriter, Record, read};
+use super::read::read_in_order;
+use super::{Count, LogWriter, Record};
 use crate::event::Event;
 use crate::recorder::LogOutcome;
 
 /// Makes one log of `parts` in the place of the first, with all `events`; the others are removed. What two of them
-/// have recorded stands in it once.
+/// have recorded stands in it once: each adds what is new, in the order in which it was written.
 ///
 /// # Errors
 /// When the log cannot be written; then the parts stay as they are.
@@ -21,13 +22,15 @@ pub fn join(parts: &[PathBuf], scenario: &Scenario, events: &[Event]) -> anyhow:
     let mut records = vec![];
     let mut known = HashSet::new();
     for part in parts {
-        // One that was killed before it wrote anything has nothing to add.
-        let fresh: Vec<Record> = read(part).map(messages).unwrap_or_default();
-        let fresh: Vec<Record> = fresh.into_iter().filter(|record| !known.contains(&identity(record))).collect();
-        known.extend(fresh.iter().map(identity));
-        records.extend(fresh);
+        let before = records.len();
+        let add = |record| {
+            if !known.contains(&identity(&record)) {
+                records.push(record);
+            }
+        };
+        let _ = read_in_order(part, add); // one that was killed before it wrote anything has nothing to add
+        known.extend(records[before..].iter().map(identity));
     }
-    records.sort_by_key(|record| (record.stamp().tick, record.topic() as usize));
     let whole = first.with_extension("joined");
     let written = write(&whole, scenario, &records, events);
     let outcome = written.inspect_err(|_| _ = std::fs::remove_file(&whole))?;
@@ -59,8 +62,44 @@ fn identity(record: &Record) -> [u64; 6] {
     [record.topic() as u64, stamp.epoch, stamp.sequence, stamp.tick, stamp.unheard, stamp.checksum]
 }
 
-fn messages(log: Log) -> Vec<Record> {
-    let Log { states, references, controls, actuators, .. } = log;
-    let others = references.into_iter().map(Record::from).chain(controls.into_iter().map(Record::from));
-    states.into_iter().map(Record::from).chain(others).chain(actuators.into_iter().map(Record::from)).collect()
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::event::What;
+    use contract::message::{Message, Reference, Stamp, State};
+
+    fn sent<M: Message + Into<Record>>(tick: u64, sequence: u64) -> Record {
+        let mut message = M::default();
+        *message.stamp_mut() = Stamp { tick, sequence, epoch: 1, ..Stamp::default() };
+        message.sealed().into()
+    }
+
+    fn written(path: &Path, records: &[Record]) {
+        let mut log = LogWriter::create(path, "", 10_000_000).unwrap();
+        for record in records {
+            log.write(record).unwrap();
+        }
+        log.finish().unwrap();
+    }
+
+    #[test]
+    fn parts_become_one_log_in_the_order_in_which_they_were_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let parts = ["flight.mcap", "flight.2.mcap", "flight.3.mcap"].map(|name| folder.path().join(name));
+        // Late, and with a tick that a fault has bent.
+        let (late, bent) = (sent::<State>(1, 2), sent::<Reference>(1 << 60, 3));
+        let first = [sent::<State>(0, 1), sent::<Reference>(0, 1), sent::<State>(2, 3), late, bent];
+        let news = [sent::<State>(3, 4), sent::<Reference>(3, 4)];
+        written(&parts[0], &first);
+        written(&parts[1], &[first[3], first[4], news[0], news[1]]); // the third was killed before it wrote
+        let events = [Event::new(1, "recorder", 2, What::TookOver)];
+
+        let outcome = join(&parts, &Scenario::default(), &events).unwrap();
+
+        let mut joined = vec![];
+        let log = read_in_order(&parts[0], |record| joined.push(record)).unwrap();
+        assert_eq!(joined, [&first[..], &news].concat());
+        assert_eq!((outcome.records, &log.events[..]), (8, &events[..]));
+        assert!(!parts[1].exists());
+    }
 }
