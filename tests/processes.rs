@@ -19,7 +19,7 @@ pub fn processes_of(namespace: &str) -> Vec<i32> {
 }
 
 /// The process that runs `node` in `namespace`.
-fn process_of(namespace: &str, node: &str) -> i32 {
+pub fn process_of(namespace: &str, node: &str) -> i32 {
     processes_of(namespace).into_iter().find(|pid| runs(*pid, node)).unwrap_or_else(|| panic!("{node} does not run"))
 }
 
@@ -85,7 +85,7 @@ fn stop_ends_a_flight() {
 }
 
 /// What happened to `node`, in order.
-fn events(run: &serde_json::Value, node: &str) -> Vec<String> {
+pub fn events(run: &serde_json::Value, node: &str) -> Vec<String> {
     let all = run["events"].as_array().expect("events");
     let of_node = all.iter().filter(|event| event["node"] == node);
     of_node.map(|event| event["what"].as_str().expect("what").to_owned()).collect()

@@ -24,7 +24,7 @@ use crate::log::{Count, LogWriter, Record};
 const POLL: Duration = Duration::from_millis(2);
 
 /// The recorder's last word.
-#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LogOutcome {
     /// Messages and events written.
     pub records: u64,

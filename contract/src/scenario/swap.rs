@@ -5,6 +5,9 @@
 //!  + shadow_s it takes the office, if it has kept within its bounds; the old one goes on in its shadow
 //!  + watch_s  the newcomer stays, and the old one leaves; if it left its bounds before, the old one had it back
 //! ```
+//!
+//! The recorder is not tried like that: the newcomer records beside the old one from when it is ready, and the old one leaves
+//! at once. `shadow_s`, `watch_s` and `bounds` mean nothing to it.
 
 use serde::{Deserialize, Serialize};
 
@@ -18,7 +21,8 @@ pub struct Swap {
     pub at_s: f64,
     /// Whom it is to replace.
     pub node: SwapNode,
-    /// Its program; absent = the launcher's own. It is started as `PROGRAM --namespace NAME --epoch N --settings FILE`.
+    /// Its program; absent = the launcher's own. It is started as `PROGRAM --namespace NAME --epoch N --settings FILE`,
+    /// a recorder with `--log FILE` instead of settings.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exec: Option<String>,
     /// Its settings, each as after `--set`, on top of the run's.

@@ -1,4 +1,4 @@
-//! The recorders of a flight: one at a time, and what each of them has written.
+//! The log of a flight: what each of its recorders has written, and at the end one file of it.
 //!
 //! ```text
 //! recorder 1 -> flight.mcap          \
@@ -8,121 +8,133 @@
 //! Who takes over records already when the one before closes its file, so that nothing is missing in between; one that
 //! died leaves a file without its last moments. No node notices either.
 
+use std::collections::BTreeMap;
 use std::io::Read;
+use std::os::fd::AsFd;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
 
 use contract::Scenario;
-use contract::office::Staff;
-use contract::realtime::Board;
-use contract::scenario::{Swap, SwapNode};
 
-use super::children::Process;
-use crate::event::Event;
+use super::recorders::Recorders;
+use crate::event::{self, Event};
 use crate::log;
 use crate::recorder::LogOutcome;
 
-/// Name of the process.
-pub const RECORDER: &str = "recorder";
-/// Deaths within `WINDOW` after which nobody records any more.
-const MOST_DEATHS: usize = 4;
-const WINDOW: Duration = Duration::from_secs(5);
+/// No last word is longer \[bytes\]: what a pipe holds.
+const LONGEST_WORD: u64 = 65_536;
 
 /// The log of a flight, and who writes it.
 pub struct Archive {
+    /// Who writes it.
+    pub recorders: Recorders,
     path: PathBuf,
-    /// What each recorder has said at its end.
-    parts: Vec<Option<LogOutcome>>,
-    deaths: Vec<Instant>,
-    given_up: bool,
-    /// How many of the scenario's swaps have begun.
-    pub swaps: usize,
+    /// What each recorder that had the office has said at its end.
+    words: BTreeMap<u32, LogOutcome>,
 }
 
 impl Archive {
-    /// For a log at `path`; nobody records yet.
+    /// For a log at `path`.
     pub fn new(path: &Path) -> Self {
-        Self { path: path.into(), parts: vec![], deaths: vec![], given_up: false, swaps: 0 }
+        Self { recorders: Recorders::new(), path: path.into(), words: BTreeMap::new() }
     }
 
-    /// The next recorder: its epoch, and the file that it is to write.
-    pub fn next(&mut self) -> (u32, PathBuf) {
-        self.parts.push(None);
-        let epoch = self.parts.len() as u32;
-        (epoch, self.part(epoch))
-    }
-
-    /// The newest one's epoch.
-    pub fn newest(&self) -> u32 {
-        self.parts.len() as u32
-    }
-
-    /// The program of the next: that of the newest swap.
-    pub fn program<'a>(&self, scenario: &'a Scenario) -> Option<&'a str> {
-        let mut swaps = scenario.swap.iter().filter(|swap| swap.node == SwapNode::Recorder);
-        self.swaps.checked_sub(1).and_then(|i| swaps.nth(i)).and_then(|swap| swap.exec.as_deref())
-    }
-
-    /// Lets the newest one have the office as soon as it records; the others close their files.
-    pub fn welcome(&self, board: &Board) -> bool {
-        let office = board.archive();
-        let welcome = office.ready.get() == self.newest() && office.holder() != self.newest();
-        if welcome {
-            office.appoint(0, |_| Staff { holder: self.newest(), shadow: 0 });
-        }
-        welcome
-    }
-
-    /// One has ended; true when another is to be started.
-    pub fn ended(&mut self, process: &mut Process, well: bool) -> bool {
-        self.parts[process.epoch as usize - 1] = last_word(process);
-        if well || process.epoch < self.newest() {
-            return false;
-        }
-        self.deaths.retain(|death| death.elapsed() < WINDOW);
-        self.deaths.push(Instant::now());
-        self.given_up = self.deaths.len() >= MOST_DEATHS;
-        !self.given_up
-    }
-
-    /// Whether nobody records any more.
-    pub fn given_up(&self) -> bool {
-        self.given_up
-    }
-
-    /// All have ended: makes one log of what they have written, and says how it went.
-    pub fn close(self, scenario: &Scenario, events: &[Event]) -> LogOutcome {
-        let lost = || LogOutcome {
-            error: Some("the recorder ended before it could close the log".into()),
-            ..LogOutcome::default()
-        };
-        if let [only] = self.parts.as_slice() {
-            return only.clone().unwrap_or_else(lost);
-        }
-        let files: Vec<PathBuf> = (1..=self.newest()).map(|epoch| self.part(epoch)).collect();
-        let failed = self.parts.iter().flatten().find_map(|part| part.error.clone());
-        match log::join(&files, scenario, events) {
-            Ok(mut outcome) => {
-                outcome.error = failed.or_else(|| self.given_up.then(|| "nobody was left to record the flight".into()));
-                outcome
-            }
-            Err(error) => LogOutcome { error: Some(format!("{error:#}")), ..lost() },
-        }
-    }
-
-    fn part(&self, epoch: u32) -> PathBuf {
+    /// The file that the recorder `epoch` is to write.
+    pub fn part(&self, epoch: u32) -> PathBuf {
         if epoch == 1 { self.path.clone() } else { self.path.with_extension(format!("{epoch}.mcap")) }
     }
+
+    /// Keeps what the recorder `epoch`, which has ended, has said on `stdout`.
+    pub fn keep(&mut self, epoch: u32, stdout: impl Read + AsFd) {
+        self.words.extend(last_word(stdout).map(|word| (epoch, word)));
+    }
+
+    /// All have ended, the recorder `holder` in office: makes one log of what they have written, and says how it went.
+    /// `untold` of the `events` did not reach a recorder.
+    pub fn close(mut self, holder: u32, scenario: &Scenario, events: &[Event], untold: usize) -> LogOutcome {
+        let why = if self.recorders.given_up {
+            "nobody was left to record the flight"
+        } else {
+            "the recorder ended before it could close the log"
+        };
+        let lost = || LogOutcome { error: Some(why.into()), ..LogOutcome::default() };
+        let last = self.words.remove(&holder).unwrap_or_else(lost);
+        if self.recorders.newest == 1 {
+            return LogOutcome { dropped: last.dropped + untold as u64, ..last };
+        }
+        let files: Vec<PathBuf> = (1..=self.recorders.newest).map(|epoch| self.part(epoch)).collect();
+        let failed = last.error.or_else(|| self.words.into_values().find_map(|word| word.error));
+        match log::join(&files, scenario, events) {
+            Ok(outcome) => LogOutcome { error: failed, ..outcome },
+            Err(error) => LogOutcome { error: Some(format!("{error:#}")), ..LogOutcome::default() },
+        }
+    }
 }
 
-/// What a recorder that has ended said of its file.
-pub fn last_word(process: &mut Process) -> Option<LogOutcome> {
-    let mut text = String::new();
-    process.child.stdout.take()?.read_to_string(&mut text).ok()?;
-    serde_json::from_str(&text).ok()
+/// What a recorder that has ended said of its file. Others may still hold the pipe: nobody waits for them.
+fn last_word(stdout: impl Read + AsFd) -> Option<LogOutcome> {
+    event::never_wait(&stdout).ok()?;
+    let mut text = vec![];
+    let _ = stdout.take(LONGEST_WORD).read_to_end(&mut text); // an error where the end of the pipe is not to be seen
+    serde_json::from_slice(&text).ok()
 }
 
-/// Whether `swap` is of the recorder, and due at `tick`.
-pub fn is_due(swap: &Swap, tick: u64, scenario: &Scenario) -> bool {
-    swap.node == SwapNode::Recorder && tick >= swap.ticks(scenario.sample_s()).from
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::event::What;
+    use crate::log::LogWriter;
+    use rustix::pipe::{PipeFlags, pipe_with};
+    use std::fs::File;
+
+    /// The end of a pipe into which one has said its last word; the other end too, which somebody else still has.
+    fn said(outcome: &LogOutcome) -> (File, File) {
+        let (hears, speaks) = pipe_with(PipeFlags::CLOEXEC).unwrap();
+        rustix::io::write(&speaks, &serde_json::to_vec(outcome).unwrap()).unwrap();
+        (hears.into(), speaks.into())
+    }
+
+    fn archive(path: &Path, newest: u32) -> Archive {
+        let mut archive = Archive::new(path);
+        for epoch in 1..=newest {
+            LogWriter::create(&archive.part(epoch), "", 10_000_000).unwrap().finish().unwrap();
+            let (hears, _speaks) = said(&LogOutcome { records: 7, ..LogOutcome::default() });
+            archive.keep(epoch, hears);
+        }
+        archive.recorders.newest = newest;
+        archive
+    }
+
+    #[test]
+    fn nobody_waits_for_the_end_of_a_last_word() {
+        let outcome = LogOutcome { records: 7, dropped: 1, error: None };
+        let (hears, _speaks) = said(&outcome);
+        assert_eq!(last_word(hears), Some(outcome));
+    }
+
+    #[test]
+    fn events_that_nobody_was_told_of_are_missing_unless_the_log_is_joined() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("flight.mcap");
+        let events = [Event::new(1, "mixer", 1, What::Died)];
+        for (newest, records, dropped) in [(1, 7, 1), (2, 1, 0)] {
+            let outcome = archive(&path, newest).close(newest, &Scenario::default(), &events, 1);
+            assert_eq!(outcome, LogOutcome { records, dropped, error: None });
+        }
+    }
+
+    #[test]
+    fn a_log_whose_last_recorder_did_not_close_it_is_lost_in_part() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("flight.mcap");
+        for newest in [1, 2] {
+            let mut archive = archive(&path, newest);
+            archive.words.remove(&newest);
+            let error = archive.close(newest, &Scenario::default(), &[], 0).error;
+            assert_eq!(error.as_deref(), Some("the recorder ended before it could close the log"));
+        }
+        let mut archive = archive(&path, 2);
+        archive.recorders.given_up = true;
+        let error = archive.close(0, &Scenario::default(), &[], 0).error;
+        assert_eq!(error.as_deref(), Some("nobody was left to record the flight"));
+    }
 }

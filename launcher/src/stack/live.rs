@@ -4,7 +4,7 @@
 use contract::Scenario;
 use contract::ledger::{LONGEST_DELAY_MS, ROOM};
 use contract::realtime::phase;
-use contract::scenario::{Fault, FaultKind, FaultTarget, Mode, Swap, check_fault, from_merged, to_toml};
+use contract::scenario::{Fault, FaultKind, FaultTarget, Mode, Swap, SwapNode, check_fault, from_merged, to_toml};
 use serde_json::{Value, json};
 
 use super::Stack;
@@ -70,6 +70,9 @@ impl Stack {
             return Err("the stack is starting or ending".into());
         }
         self.regime.may_swap(&self.board, swap.node.topic())?;
+        if swap.node == SwapNode::Recorder {
+            self.may_swap_recorder()?;
+        }
         let at_s = (plant_tick(&self.board) + 1) as f64 * self.scenario.sample_s();
         let swap = Swap { at_s, ..swap };
         let alone = Scenario { swap: vec![swap.clone()], ..self.scenario.clone() };

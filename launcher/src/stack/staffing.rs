@@ -1,15 +1,23 @@
 //! Who works in a flight through processes: what became of them, and what is done about it.
 
+use std::sync::atomic::AtomicU32;
+use std::time::{Duration, Instant};
+
+use contract::office::Staff;
 use contract::scenario::{newcomer, to_toml};
 use contract::topic::Topic;
 use rustix::process::Signal;
 
 use super::Stack;
-use super::archive::{RECORDER, is_due};
-use super::children::{Birth, Process};
+use super::archive::Archive;
+use super::children::{Birth, Process, wait};
 use super::end::{Departure, Ended};
-use crate::event::{Event, What};
-use crate::supervisor::{Order, plant_tick};
+use super::recorders::{self, RECORDER};
+use crate::recorder::LogOutcome;
+use crate::supervisor::Order;
+
+/// The recorder may have a slow disk to empty its last chunk to.
+const CLOSE_LIMIT: Duration = Duration::from_secs(30);
 
 impl Stack {
     /// Sees to it that everybody is there who should be; how the flight has ended, if it has. In lockstep the plant's
@@ -18,16 +26,12 @@ impl Stack {
         while let Some((i, how)) = self.children.departed() {
             let Process { name, topic, epoch, .. } = self.children.all[i];
             match (topic, how) {
+                (None, how) => self.recorder_ended(i, matches!(how, Departure::Well)),
                 (Some(Topic::State), Departure::Well) => return Some(Ended::Flown),
                 (_, Departure::Late) => return Some(Ended::Late(name.into())),
                 (Some(topic), how) => {
                     if !self.regime.died(&self.board, topic, epoch) {
                         return Some(Ended::Lost(how.tell(name)));
-                    }
-                }
-                (None, how) => {
-                    if let Some(ended) = self.replace_recorder(i, matches!(how, Departure::Well)) {
-                        return Some(ended);
                     }
                 }
             }
@@ -37,7 +41,8 @@ impl Stack {
             self.obey(order);
         }
         self.regime.answer(&self.board);
-        self.swap_recorder()
+        self.see_to_recorders();
+        None
     }
 
     fn obey(&mut self, order: Order) {
@@ -64,64 +69,70 @@ impl Stack {
         self.children.spawn(&Birth { program: swap.exec.as_deref(), settings: Some(&settings), ..birth })
     }
 
-    /// Starts the first recorder, or the next.
+    /// Starts the first recorder, which has its office at once.
     pub(super) fn start_recorder(&mut self) -> anyhow::Result<()> {
-        let Some(archive) = &mut self.archive else {
+        if self.archive.is_none() {
             self.board.recorded().raise(u32::MAX); // nobody records, so nobody is to be waited for
             return Ok(());
-        };
-        let (epoch, path) = archive.next();
-        let program = archive.program(&self.scenario);
-        self.children.spawn(&Birth { name: RECORDER, epoch, log: Some(&path), program, ..Birth::default() })
+        }
+        self.board.archive().appoint(0, |_| Staff { holder: 1, shadow: 0 });
+        self.spawn_recorder(1, None)
+    }
+
+    /// Whether another recorder may take over now; why not.
+    pub(super) fn may_swap_recorder(&self) -> Result<(), String> {
+        let archive =
+            self.archive.as_ref().ok_or("nobody records this flight, so there is nobody to take over from")?;
+        archive.recorders.may_swap(&self.board)
+    }
+
+    /// All nodes have left: waits until the log is closed, and says how it went.
+    pub(super) fn close_log(&mut self, interrupts: &AtomicU32) -> Option<LogOutcome> {
+        let mut archive = self.archive.take()?;
+        let events = self.regime.events();
+        let untold = events.len() - self.children.told;
+        archive.recorders.welcome(&self.board, Instant::now(), events);
+        for Process { epoch, child, .. } in self.children.all.iter_mut().filter(|process| process.name == RECORDER) {
+            let starts = archive.recorders.awaits(*epoch);
+            wait(child, if starts { Duration::ZERO } else { CLOSE_LIMIT }, interrupts);
+            if let Some(stdout) = child.stdout.take().filter(|_| !starts) {
+                archive.keep(*epoch, stdout);
+            }
+        }
+        Some(archive.close(self.board.archive().holder(), &self.scenario, events, untold))
+    }
+
+    fn spawn_recorder(&mut self, epoch: u32, origin: Option<usize>) -> anyhow::Result<()> {
+        let Some(archive) = &self.archive else { return Ok(()) };
+        let log = archive.part(epoch);
+        let program = origin.and_then(|i| self.scenario.swap.get(i)).and_then(|swap| swap.exec.as_deref());
+        self.children.spawn(&Birth { name: RECORDER, epoch, log: Some(&log), program, ..Birth::default() })
     }
 
     /// A recorder has ended, whether it was asked to or not.
-    fn replace_recorder(&mut self, i: usize, well: bool) -> Option<Ended> {
-        let archive = self.archive.as_mut()?;
-        let process = &mut self.children.all[i];
-        let epoch = process.epoch;
-        let again = archive.ended(process, well);
-        if !well {
-            self.tell_of_recorder(epoch, What::Died);
+    fn recorder_ended(&mut self, i: usize, well: bool) {
+        let Some(archive) = &mut self.archive else { return };
+        let Process { epoch, child, .. } = &mut self.children.all[i];
+        let has_recorded = archive.recorders.ended(&self.board, *epoch, well, Instant::now(), self.regime.events());
+        if let Some(stdout) = child.stdout.take().filter(|_| has_recorded) {
+            archive.keep(*epoch, stdout);
         }
-        if self.archive.as_ref()?.given_up() {
-            self.tell_of_recorder(epoch, What::GivenUp);
-            self.board.recorded().raise(u32::MAX);
-        }
-        again.then(|| self.begin_recorder()).flatten()
     }
 
-    /// The scenario's swaps of the recorder, and recorders that are ready to take over.
-    fn swap_recorder(&mut self) -> Option<Ended> {
-        let tick = plant_tick(&self.board);
-        let archive = self.archive.as_mut()?;
-        if archive.welcome(&self.board) {
-            let epoch = archive.newest();
-            if epoch > 1 {
-                self.tell_of_recorder(epoch, What::TookOver);
+    /// Sees to it that somebody records. The flight is worth more than its log, whose loss is told at the end.
+    fn see_to_recorders(&mut self) {
+        let Some(Archive { recorders, .. }) = &mut self.archive else { return };
+        match recorders.look(&self.board, &self.scenario, Instant::now(), self.regime.events()) {
+            Some(recorders::Order::Kill(epoch)) => self.children.signal(None, epoch, Signal::KILL),
+            Some(recorders::Order::Start(epoch, origin)) => {
+                if let Err(error) = self.spawn_recorder(epoch, origin) {
+                    eprintln!("error: {error:#}");
+                    if let Some(Archive { recorders, .. }) = &mut self.archive {
+                        recorders.ended(&self.board, epoch, false, Instant::now(), self.regime.events());
+                    }
+                }
             }
+            None => {}
         }
-        let archive = self.archive.as_mut()?;
-        let due = self.scenario.swap.iter().filter(|swap| is_due(swap, tick, &self.scenario)).count();
-        if tick > 0 && due > archive.swaps {
-            archive.swaps += 1;
-            return self.begin_recorder();
-        }
-        None
-    }
-
-    fn begin_recorder(&mut self) -> Option<Ended> {
-        if let Err(error) = self.start_recorder() {
-            eprintln!("error: {error:#}");
-            return None; // the flight is worth more than its log, whose loss is told at the end
-        }
-        let epoch = self.archive.as_ref()?.newest();
-        self.tell_of_recorder(epoch, What::Started);
-        None
-    }
-
-    fn tell_of_recorder(&mut self, epoch: u32, what: What) {
-        let tick = plant_tick(&self.board);
-        self.regime.events().push(Event::new(tick, RECORDER, epoch, what));
     }
 }
