@@ -12,6 +12,7 @@ mod measure;
 mod paper;
 mod processes;
 mod recorded;
+mod recorder;
 mod sensitivity;
 mod solver;
 mod swap;

@@ -91,7 +91,7 @@ fn stop_ends_a_flight() {
 }
 
 /// What happened to `node`, in order.
-fn events(run: &serde_json::Value, node: &str) -> Vec<String> {
+pub fn events(run: &serde_json::Value, node: &str) -> Vec<String> {
     let all = run["events"].as_array().expect("events");
     let of_node = all.iter().filter(|event| event["node"] == node);
     of_node.map(|event| event["what"].as_str().expect("what").to_owned()).collect()

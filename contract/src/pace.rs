@@ -19,7 +19,8 @@ use crate::port::OBSERVER_DEPTH;
 use crate::realtime::{Bell, Board, now_ns, phase};
 use crate::scenario::{Mode, Scenario};
 
-/// In lockstep, how long the plant waits on the wall clock for the ring to come round, or for a process to come back.
+/// In lockstep, how long the plant waits on the wall clock for the ring to come round, or for a process to come back
+/// or to follow.
 const WATCHDOG_NS: u64 = 10_000_000_000;
 /// In lockstep, how many ticks the plant may be ahead of launcher and recorder, who see them all: half a queue.
 const LEAD_TICKS: u64 = OBSERVER_DEPTH as u64 / 2;
@@ -136,7 +137,7 @@ impl Pace {
             let office = self.board.office(topic);
             let done = || office.staff().epochs().all(|epoch| u64::from(office.done(epoch).get()) > tick);
             if !self.wait_for(self.board.bell(topic), done) {
-                return if self.board.phase().count() >= phase::LEAVE { Turn::Over } else { Turn::Stuck };
+                return self.over_or_stuck();
             }
         }
         if inlet.arrived(0) {
@@ -171,19 +172,17 @@ impl Pace {
     /// Waits until launcher and recorder are close enough behind. Wall time only: the flight does not notice.
     fn let_the_watchers_follow(&self, tick: u64) -> Turn {
         for seen in [self.board.watched(), self.board.recorded()] {
-            loop {
-                let newest = seen.count();
-                if tick < u64::from(newest) + LEAD_TICKS {
-                    break;
-                }
-                if self.board.phase().count() >= phase::LEAVE {
-                    return Turn::Over;
-                }
-                seen.wait(newest, now_ns() + LOOK_AROUND_NS);
+            if !self.wait_for(seen, || tick < u64::from(seen.count()) + LEAD_TICKS) {
+                return self.over_or_stuck();
             }
         }
         self.punctuality.begin(now_ns());
         Turn::Periods(1)
+    }
+
+    /// What it means that [`Self::wait_for`] waited in vain.
+    fn over_or_stuck(&self) -> Turn {
+        if self.board.phase().count() >= phase::LEAVE { Turn::Over } else { Turn::Stuck }
     }
 }
 

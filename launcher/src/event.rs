@@ -21,7 +21,7 @@ const LONGEST_REASON: usize = 500;
 /// Something that happened to a process.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Event {
-    /// The tick of the plant then.
+    /// The tick of the plant then; where a recorder died, that of the launcher's look.
     pub tick: u64,
     /// Which node.
     pub node: String,
@@ -89,7 +89,7 @@ impl Event {
     }
 }
 
-/// Makes writing to `pipe` never wait.
+/// Makes reading from and writing to `pipe` never wait.
 pub fn never_wait(pipe: impl AsFd) -> rustix::io::Result<()> {
     fcntl_setfl(pipe, OFlags::NONBLOCK)
 }

@@ -19,13 +19,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::event::{Event, Hearing};
 use crate::log::{Count, LogWriter, Record};
-use crate::supervisor::plant_tick;
 
 /// How often the queues are emptied.
 const POLL: Duration = Duration::from_millis(2);
 
 /// The recorder's last word.
-#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LogOutcome {
     /// Messages and events written.
     pub records: u64,
@@ -94,8 +93,6 @@ fn record(namespace: &str, epoch: u32, path: &Path) -> anyhow::Result<LogOutcome
     let mut hearing = Hearing::new(std::io::stdin());
     let office = seat.board.archive();
     office.ready.set(epoch);
-    // What was sent before it came it never hears: nobody may wait for that.
-    seat.board.recorded().raise(plant_tick(&seat.board) as u32);
     loop {
         let closing = seat.board.phase().count() >= phase::CLOSE || office.holder() > epoch;
         let mut newest = 0;

@@ -13,6 +13,7 @@ mod end;
 mod files;
 mod host;
 mod live;
+mod recorders;
 mod regime;
 mod script;
 mod staffing;
@@ -42,7 +43,7 @@ use crate::event::Event;
 use crate::log::Record;
 use crate::provenance::{Scheduling, scheduling_of};
 use crate::recorder::{LogOutcome, Observers};
-use archive::{Archive, RECORDER};
+use archive::Archive;
 use regime::Regime;
 
 use crate::supervisor::plant_tick;
@@ -50,8 +51,6 @@ use crate::supervisor::plant_tick;
 /// How long children may take to join, and nodes to leave.
 const JOIN_LIMIT: Duration = Duration::from_secs(10);
 const LEAVE_LIMIT: Duration = Duration::from_secs(1);
-/// The recorder may have a slow disk to empty its last chunk to.
-const CLOSE_LIMIT: Duration = Duration::from_secs(30);
 
 /// Messages refused, by listener and cause.
 pub type Refused = Vec<(&'static str, [u32; Refusal::ALL.len()])>;
@@ -132,7 +131,7 @@ impl Stack {
             stack.board.office(topic).appoint(0, |_| Staff { holder: 1, shadow: 0 });
             stack.start_node(topic, 1, None)?;
         }
-        stack.start_recorder(None)?;
+        stack.start_recorder()?;
         stack.wait_until_joined(1 + usize::from(log.is_some()), interrupts)?;
         Ok(stack)
     }
@@ -252,15 +251,8 @@ impl Stack {
         }
         self.drain(watch);
         self.children.tell(self.regime.events());
-        let untold = self.regime.events().len() - self.children.told;
         self.board.set_phase(phase::CLOSE);
-        let log = self.archive.take().map(|mut archive| {
-            for process in self.children.all.iter_mut().filter(|process| process.name == RECORDER) {
-                wait(&mut process.child, CLOSE_LIMIT, interrupts);
-                archive.take_word(process);
-            }
-            archive.close(&self.scenario, self.regime.events(), untold)
-        });
+        let log = self.close_log(interrupts);
         (lost, log)
     }
 }

@@ -6,7 +6,8 @@
 //!  + watch_s  the newcomer stays, and the old one leaves; if it left its bounds before, the old one had it back
 //! ```
 //!
-//! The recorder has no shadow and no trial: who records takes over, and the old one closes its file.
+//! The recorder is not tried like that: the newcomer records beside the old one from when it is ready, and the old one leaves
+//! at once. `shadow_s`, `watch_s` and `bounds` mean nothing to it.
 
 use serde::{Deserialize, Serialize};
 
@@ -20,7 +21,8 @@ pub struct Swap {
     pub at_s: f64,
     /// Whom it is to replace.
     pub node: SwapNode,
-    /// Its program; absent = the launcher's own. It is started as `PROGRAM --namespace NAME --epoch N --settings FILE`.
+    /// Its program; absent = the launcher's own. It is started as `PROGRAM --namespace NAME --epoch N --settings FILE`,
+    /// a recorder with `--log FILE` instead of settings.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exec: Option<String>,
     /// Its settings, each as after `--set`, on top of the run's.

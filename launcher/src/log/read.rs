@@ -46,10 +46,26 @@ impl Log {
     pub fn complete(&self) -> bool {
         self.defect.is_none()
     }
+
+    fn push(&mut self, record: &Record) {
+        match *record {
+            Record::State(message) => self.states.push(message),
+            Record::Reference(message) => self.references.push(message),
+            Record::Controls(message) => self.controls.push(message),
+            Record::Actuators(message) => self.actuators.push(message),
+        }
+    }
 }
 
 /// Reads the log at `path` as far as it is whole; an error if that is not even as far as the scenario.
 pub fn read(path: &Path) -> anyhow::Result<Log> {
+    let mut messages = Log::default();
+    let Log { scenario_toml, events, defect, .. } = read_in_order(path, |record| messages.push(&record))?;
+    Ok(Log { scenario_toml, events, defect, ..messages })
+}
+
+/// The same, but for the messages, which `each` gets one by one in the order of writing.
+pub fn read_in_order(path: &Path, each: impl FnMut(Record)) -> anyhow::Result<Log> {
     let cannot_read = || format!("cannot read {}", path.display());
     let file = File::open(path).with_context(cannot_read)?;
     let file_bytes = file.metadata().with_context(cannot_read)?.len() as usize;
@@ -61,7 +77,14 @@ pub fn read(path: &Path) -> anyhow::Result<Log> {
             .with_validate_data_section_crc(true)
             .with_validate_summary_section_crc(true),
     );
-    let mut contents = Contents::default();
+    let mut contents = Contents {
+        each,
+        log: Log::default(),
+        has_scenario: false,
+        schemas: HashMap::new(),
+        channels: HashMap::new(),
+        events: None,
+    };
     contents.log.defect = loop {
         match mcap.next_event() {
             None => break None,
@@ -85,8 +108,10 @@ pub fn read(path: &Path) -> anyhow::Result<Log> {
 }
 
 /// What has been read so far, and what the channel numbers mean.
-#[derive(Default)]
-struct Contents {
+struct Contents<F> {
+    /// Gets the messages.
+    each: F,
+    /// Everything else.
     log: Log,
     has_scenario: bool,
     schemas: HashMap<u16, Topic>,
@@ -95,7 +120,7 @@ struct Contents {
     events: Option<u16>,
 }
 
-impl Contents {
+impl<F: FnMut(Record)> Contents<F> {
     /// Takes in one record; those of no interest are left unparsed.
     fn take(&mut self, opcode: u8, data: &[u8]) -> anyhow::Result<()> {
         if !matches!(opcode, op::METADATA | op::SCHEMA | op::CHANNEL | op::MESSAGE) {
@@ -119,7 +144,7 @@ impl Contents {
             }
             McapRecord::Message { header, data } => {
                 if let Some(&topic) = self.channels.get(&header.channel_id) {
-                    self.push(&schema::decode(topic, &data)?);
+                    (self.each)(schema::decode(topic, &data)?);
                 } else if self.events == Some(header.channel_id) {
                     self.log.events.push(serde_json::from_slice(&data).context("an event cannot be read")?);
                 }
@@ -127,14 +152,5 @@ impl Contents {
             _ => {}
         }
         Ok(())
-    }
-
-    fn push(&mut self, record: &Record) {
-        match *record {
-            Record::State(message) => self.log.states.push(message),
-            Record::Reference(message) => self.log.references.push(message),
-            Record::Controls(message) => self.log.controls.push(message),
-            Record::Actuators(message) => self.log.actuators.push(message),
-        }
     }
 }

@@ -204,6 +204,7 @@ fn events_stand_at_their_ticks_beside_the_messages() {
     assert_eq!((returned.states.len(), &returned.events[..]), (4, &events[..]));
 
     let bytes = fs::read(&path).unwrap();
+    assert!(String::from_utf8_lossy(&bytes).contains("stamp.tick times 2000000 ns"), "its rate is told");
     let logged: Vec<_> = MessageStream::new(&bytes).unwrap().map(Result::unwrap).collect();
     let schema = logged[4].channel.schema.clone().unwrap();
     assert_eq!((logged[4].channel.topic.as_str(), schema.encoding.as_str()), ("/events", "jsonschema"));

@@ -60,7 +60,8 @@ impl LogWriter {
         let cannot_create = || format!("cannot create {}", path.display());
         let file = File::create(path).with_context(cannot_create)?;
         let sink = BufWriter::with_capacity(2 * CHUNK_BYTES, file.try_clone().with_context(cannot_create)?);
-        let (mcap, channels, events) = open(sink, scenario_toml).map_err(plain).with_context(cannot_create)?;
+        let (mcap, channels, events) =
+            open(sink, scenario_toml, sample_ns).map_err(plain).with_context(cannot_create)?;
         let mut writer = Self {
             path: path.into(),
             mcap: Some(mcap),
@@ -152,7 +153,7 @@ impl LogWriter {
 }
 
 /// Starts the file: settings first, then the schemas and channels (in the first chunk), that of the events last.
-fn open(sink: BufWriter<File>, scenario_toml: &str) -> McapResult<(Mcap, [u16; Topic::COUNT], u16)> {
+fn open(sink: BufWriter<File>, scenario_toml: &str, sample_ns: u64) -> McapResult<(Mcap, [u16; Topic::COUNT], u16)> {
     let mut mcap = WriteOptions::new()
         .compression(None)
         .chunk_size(None) // `LogWriter` closes the chunks
@@ -164,7 +165,7 @@ fn open(sink: BufWriter<File>, scenario_toml: &str) -> McapResult<(Mcap, [u16; T
         "trefoil",
         &[
             ("version", env!("CARGO_PKG_VERSION")),
-            ("log_time", "simulated time: stamp.tick times 10 ms"),
+            ("log_time", &format!("simulated time: stamp.tick times {sample_ns} ns")),
             ("publish_time", "CLOCK_MONOTONIC of the publication; 0 in process"),
         ],
     ))?;

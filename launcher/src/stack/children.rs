@@ -132,9 +132,10 @@ impl Children {
         self.undertakers.extend(std::thread::Builder::new().name("undertaker".into()).spawn(bury).ok());
     }
 
-    /// Signals the process `epoch` of a node, if it is there.
-    pub fn signal(&mut self, topic: Topic, epoch: u32, signal: Signal) {
-        let is = |process: &&mut Process| process.topic == Some(topic) && process.epoch == epoch;
+    /// Signals the process `epoch` of a node, or without a topic of the recorder, if it is there.
+    pub fn signal(&mut self, topic: impl Into<Option<Topic>>, epoch: u32, signal: Signal) {
+        let topic = topic.into();
+        let is = |process: &&mut Process| process.topic == topic && process.epoch == epoch;
         for process in self.all.iter_mut().filter(is) {
             process.condemned |= signal == Signal::KILL;
             // Fails for one that has just ended, which the next look around finds.

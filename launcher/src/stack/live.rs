@@ -71,8 +71,7 @@ impl Stack {
         }
         self.regime.may_swap(&self.board, swap.node.topic())?;
         if swap.node == SwapNode::Recorder {
-            let archive = self.archive.as_ref().ok_or("nobody records this flight; fly without --no-log")?;
-            archive.may_swap(plant_tick(&self.board), &self.scenario)?;
+            self.may_swap_recorder()?;
         }
         let at_s = (plant_tick(&self.board) + 1) as f64 * self.scenario.sample_s();
         let swap = Swap { at_s, ..swap };

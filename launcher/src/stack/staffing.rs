@@ -1,24 +1,33 @@
 //! Who works in a flight through processes: what became of them, and what is done about it.
 
+use std::sync::atomic::AtomicU32;
+use std::time::{Duration, Instant};
+
+use contract::office::Staff;
 use contract::scenario::{newcomer, to_toml};
 use contract::topic::Topic;
 use rustix::process::Signal;
 
 use super::Stack;
-use super::archive::{Archive, RECORDER};
-use super::children::{Birth, Process};
+use super::archive::Archive;
+use super::children::{Birth, Process, wait};
 use super::end::{Departure, Ended};
-use crate::event::{Event, What};
+use super::recorders::{self, At, RECORDER};
+use crate::recorder::LogOutcome;
 use crate::supervisor::{Order, plant_tick};
+
+/// The recorder may have a slow disk to empty its last chunk to.
+const CLOSE_LIMIT: Duration = Duration::from_secs(30);
 
 impl Stack {
     /// Sees to it that everybody is there who should be; how the flight has ended, if it has. In lockstep the plant's
     /// `question` is answered, once all who come with that tick are there.
     pub(super) fn supervise(&mut self, question: Option<u64>) -> Option<Ended> {
-        let tick = question.unwrap_or_else(|| plant_tick(&self.board));
+        let at = At { tick: question.unwrap_or_else(|| plant_tick(&self.board)), now: Instant::now() };
         while let Some((i, how)) = self.children.departed() {
             let Process { name, topic, epoch, .. } = self.children.all[i];
             match (topic, how) {
+                (None, how) => self.recorder_ended(i, matches!(how, Departure::Well), at),
                 (Some(Topic::State), Departure::Well) => return Some(Ended::Flown),
                 (Some(topic), Departure::Late) if self.regime.is_alone(&self.board, topic, epoch) => {
                     return Some(Ended::Late(name.into()));
@@ -28,20 +37,14 @@ impl Stack {
                         return Some(Ended::Lost(how.tell(name)));
                     }
                 }
-                (None, how) => {
-                    if let Some(archive) = &mut self.archive {
-                        archive.take_word(&mut self.children.all[i]);
-                    }
-                    self.recorder_ended(epoch, matches!(how, Departure::Well), tick);
-                }
             }
             self.children.bury(i);
         }
         for order in self.regime.orders(&self.board, &self.scenario, question) {
             self.obey(order);
         }
-        self.swap_recorder(tick);
-        if self.archive.as_ref().is_none_or(Archive::is_settled) {
+        self.see_to_recorders(at);
+        if self.archive.as_ref().is_none_or(|archive| archive.recorders.is_settled()) {
             self.regime.answer(&self.board);
         }
         None
@@ -71,58 +74,71 @@ impl Stack {
         self.children.spawn(&Birth { program: swap.exec.as_deref(), settings: Some(&settings), ..birth })
     }
 
-    /// Starts the first recorder, or the next, which may come with a swap.
-    pub(super) fn start_recorder(&mut self, swap: Option<usize>) -> anyhow::Result<()> {
-        let Some(archive) = &mut self.archive else {
+    /// Starts the first recorder, which has its office at once.
+    pub(super) fn start_recorder(&mut self) -> anyhow::Result<()> {
+        if self.archive.is_none() {
             self.board.recorded().raise(u32::MAX); // nobody records, so nobody is to be waited for
             return Ok(());
-        };
-        let (epoch, path) = archive.begin(swap);
-        let program = archive.program(&self.scenario);
-        self.children.spawn(&Birth { name: RECORDER, epoch, log: Some(&path), program, ..Birth::default() })
+        }
+        self.board.archive().appoint(0, |_| Staff { holder: 1, shadow: 0 });
+        self.spawn_recorder(1, None)
+    }
+
+    /// Whether another recorder may take over now; why not.
+    pub(super) fn may_swap_recorder(&self) -> Result<(), String> {
+        let archive =
+            self.archive.as_ref().ok_or("nobody records this flight, so there is nobody to take over from")?;
+        archive.recorders.may_swap(&self.board)
+    }
+
+    /// All nodes have left: waits until the log is closed, and says how it went.
+    pub(super) fn close_log(&mut self, interrupts: &AtomicU32) -> Option<LogOutcome> {
+        let mut archive = self.archive.take()?;
+        let events = self.regime.events();
+        let untold = events.len() - self.children.told;
+        let at = At { tick: plant_tick(&self.board), now: Instant::now() };
+        archive.recorders.welcome(&self.board, at, events);
+        for Process { epoch, child, .. } in self.children.all.iter_mut().filter(|process| process.name == RECORDER) {
+            let starts = archive.recorders.awaits(*epoch);
+            wait(child, if starts { Duration::ZERO } else { CLOSE_LIMIT }, interrupts);
+            if let Some(stdout) = child.stdout.take().filter(|_| !starts) {
+                archive.keep(*epoch, stdout);
+            }
+        }
+        Some(archive.close(self.board.archive().holder(), &self.scenario, events, untold))
+    }
+
+    fn spawn_recorder(&mut self, epoch: u32, origin: Option<usize>) -> anyhow::Result<()> {
+        let Some(archive) = &self.archive else { return Ok(()) };
+        let log = archive.part(epoch);
+        let program = origin.and_then(|i| self.scenario.swap.get(i)).and_then(|swap| swap.exec.as_deref());
+        self.children.spawn(&Birth { name: RECORDER, epoch, log: Some(&log), program, ..Birth::default() })
     }
 
     /// A recorder has ended, whether it was asked to or not.
-    fn recorder_ended(&mut self, epoch: u32, well: bool, tick: u64) {
+    fn recorder_ended(&mut self, i: usize, well: bool, at: At) {
         let Some(archive) = &mut self.archive else { return };
-        let happened = archive.ended(epoch, well);
-        let (vacant, given_up) = (archive.is_vacant(), archive.given_up());
-        for what in happened {
-            self.tell_of_recorder(epoch, what, tick);
-        }
-        if given_up {
-            self.board.recorded().raise(u32::MAX);
-        }
-        if vacant {
-            self.begin_recorder(None, tick);
+        let Process { epoch, child, .. } = &mut self.children.all[i];
+        let has_recorded = archive.recorders.ended(&self.board, *epoch, well, at, self.regime.events());
+        if let Some(stdout) = child.stdout.take().filter(|_| has_recorded) {
+            archive.keep(*epoch, stdout);
         }
     }
 
-    /// Recorders that are ready to take over, and swaps of the recorder.
-    fn swap_recorder(&mut self, tick: u64) {
-        let Some(archive) = &mut self.archive else { return };
-        let welcome = archive.welcome(&self.board).filter(|epoch| *epoch > 1);
-        let due = archive.due(tick, &self.scenario);
-        if let Some(epoch) = welcome {
-            self.tell_of_recorder(epoch, What::TookOver, tick);
+    /// Sees to it that somebody records. The flight is worth more than its log, whose loss is told at the end.
+    fn see_to_recorders(&mut self, at: At) {
+        let Some(Archive { recorders, .. }) = &mut self.archive else { return };
+        match recorders.look(&self.board, &self.scenario, at, self.regime.events()) {
+            Some(recorders::Order::Kill(epoch)) => self.children.signal(None, epoch, Signal::KILL),
+            Some(recorders::Order::Start(epoch, origin)) => {
+                if let Err(error) = self.spawn_recorder(epoch, origin) {
+                    eprintln!("error: {error:#}");
+                    if let Some(Archive { recorders, .. }) = &mut self.archive {
+                        recorders.ended(&self.board, epoch, false, at, self.regime.events());
+                    }
+                }
+            }
+            None => {}
         }
-        if due.is_some() {
-            self.begin_recorder(due, tick);
-        }
-    }
-
-    /// Starts one in flight. The flight is worth more than its log: one that cannot be started has died.
-    fn begin_recorder(&mut self, swap: Option<usize>, tick: u64) {
-        let begun = self.start_recorder(swap);
-        let epoch = self.archive.as_ref().map_or(0, Archive::newest);
-        self.tell_of_recorder(epoch, What::Started, tick);
-        if let Err(error) = begun {
-            eprintln!("error: {error:#}");
-            self.recorder_ended(epoch, false, tick);
-        }
-    }
-
-    fn tell_of_recorder(&mut self, epoch: u32, what: What, tick: u64) {
-        self.regime.events().push(Event::new(tick, RECORDER, epoch, what));
     }
 }

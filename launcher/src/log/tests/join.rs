@@ -1,6 +1,7 @@
 //! Several recorders of one flight.
 
 use super::super::join;
+use super::super::read::read_in_order;
 use super::*;
 
 fn sealed(tick: u64) -> State {
@@ -41,6 +42,30 @@ fn what_several_have_recorded_stands_in_the_log_once_and_in_order() {
     assert!(log.complete() && log.events == [event]);
     assert_eq!((outcome.records, outcome.dropped, outcome.error), (19, 5, None), "10 to 14 are missing");
     assert!(parts[1..].iter().all(|part| !part.exists()));
+}
+
+#[test]
+fn the_order_of_writing_stays_across_topics() {
+    let (folder, first) = place();
+    let second = folder.path().join("2.mcap");
+    let reference = |tick: u64| {
+        let stamp = Stamp { tick, sequence: tick + 1, epoch: 1, ..Stamp::default() };
+        Record::from(Reference { stamp, ..Reference::default() }.sealed())
+    };
+    let bent = reference(1 << 60);
+    let one = [sealed(0).into(), reference(0), sealed(1).into(), bent];
+    let other = [one[2], bent, reference(2), sealed(2).into()];
+    for (path, records) in [(&first, one), (&second, other)] {
+        let mut log = LogWriter::create(path, SCENARIO, 10_000_000).unwrap();
+        for record in &records {
+            log.write(record).unwrap();
+        }
+        log.finish().unwrap();
+    }
+    join(&[first.clone(), second], &contract::Scenario::default(), &[], 6).unwrap();
+    let mut joined = vec![];
+    read_in_order(&first, |record| joined.push(record)).unwrap();
+    assert_eq!(joined, [&one[..], &other[2..]].concat());
 }
 
 #[test]
