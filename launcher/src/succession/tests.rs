@@ -137,7 +137,7 @@ fn what_was_only_meant_is_not_judged() {
     for tick in 0..60 {
         succession.begin(tick);
         let Record::Controls(mut meant) = demand(2, tick, 0.1) else { unreachable!("a demand") };
-        meant.stamp.unheard = unheard::FAULT;
+        meant.stamp.unheard = unheard::SHADOW | unheard::FAULT;
         succession.observe(&meant.sealed().into());
         succession.observe(&demand(1, tick, 0.1));
     }

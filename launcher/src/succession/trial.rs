@@ -15,7 +15,6 @@ use std::collections::VecDeque;
 use contract::Scenario;
 use contract::message::State;
 use contract::scenario::{Swap, SwapBounds, SwapTicks};
-use contract::stamp::unheard;
 use contract::topic::Topic;
 use guidance::Trajectory;
 
@@ -94,7 +93,7 @@ impl Trial {
 
     /// Takes one message in.
     pub fn observe(&mut self, record: &Record) {
-        if record.stamp().unheard == unheard::FAULT {
+        if record.stamp().is_struck() {
             return; // what was meant; what came of it is another message
         }
         match record {
