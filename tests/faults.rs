@@ -19,7 +19,7 @@ fn check_same(target: &str, kind: &str) -> Outcome {
     let (inprocess, lockstep) = (faulty(target, kind, "inprocess"), faulty(target, kind, "lockstep"));
     assert_eq!(lockstep.code(), Some(0), "{target} {kind}: {}", lockstep.stderr);
     assert_eq!(inprocess.state_hash(), lockstep.state_hash(), "{target} {kind}");
-    let account = |outcome: &Outcome| outcome.run()["faults"].clone();
+    let account = |outcome: &Outcome| ["faults", "refused"].map(|part| outcome.run()[part].clone());
     assert_eq!(account(&inprocess), account(&lockstep), "{target} {kind}");
     lockstep
 }

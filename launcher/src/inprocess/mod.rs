@@ -60,10 +60,11 @@ pub fn fly(scenario: &Scenario, mut watch: impl FnMut(Record) -> bool) -> Flown 
             go_on &= watch(record);
         };
         ring.turn(&mut succession, &state, &mut commands, &mut each);
+        let command = commands.fresh();
         if !go_on || state.status != PlantStatus::Flying as u64 {
             break succession.given_up().map_or(Ended::Flown, |name| Ended::Lost(name.into()));
         }
-        if let Some(command) = commands.fresh() {
+        if let Some(command) = command {
             plant.command(command, command.stamp.held_ns);
         }
         plant.advance(1);
@@ -99,20 +100,20 @@ impl Ring {
 
     /// Does what is to be done before a tick.
     fn obey(&mut self, scenario: &Scenario, step: Step, succession: &Succession) {
-        let holders = Topic::ALL.map(|topic| succession.staff(topic).holder);
+        let holder = |topic| succession.staff(topic).holder;
         match step {
             Step::End(Topic::State, _) | Step::Begin(Topic::State, ..) => {}
             Step::End(Topic::Reference, epoch) => self.guidance.end(epoch),
             Step::End(Topic::Controls, epoch) => self.mpc.end(epoch),
             Step::End(Topic::Actuators, epoch) => self.mixer.end(epoch),
             Step::Begin(Topic::Reference, epoch, origin) => {
-                self.guidance.begin(scenario, epoch, origin, &self.last, holders);
+                self.guidance.begin(scenario, epoch, origin, &self.last, holder(Topic::Reference));
             }
             Step::Begin(Topic::Controls, epoch, origin) => {
-                self.mpc.begin(scenario, epoch, origin, &self.last, holders);
+                self.mpc.begin(scenario, epoch, origin, &self.last, holder(Topic::Controls));
             }
             Step::Begin(Topic::Actuators, epoch, origin) => {
-                self.mixer.begin(scenario, epoch, origin, &self.last, holders);
+                self.mixer.begin(scenario, epoch, origin, &self.last, holder(Topic::Actuators));
             }
         }
     }
