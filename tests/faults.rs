@@ -19,9 +19,8 @@ fn check_same(target: &str, kind: &str) -> Outcome {
     let (inprocess, lockstep) = (faulty(target, kind, "inprocess"), faulty(target, kind, "lockstep"));
     assert_eq!(lockstep.code(), Some(0), "{target} {kind}: {}", lockstep.stderr);
     assert_eq!(inprocess.state_hash(), lockstep.state_hash(), "{target} {kind}");
-    for account in ["faults", "refused"] {
-        assert_eq!(inprocess.run()[account], lockstep.run()[account], "{target} {kind}");
-    }
+    let account = |outcome: &Outcome| ["faults", "refused"].map(|part| outcome.run()[part].clone());
+    assert_eq!(account(&inprocess), account(&lockstep), "{target} {kind}");
     lockstep
 }
 

@@ -1,6 +1,6 @@
 //! Hot swap: who is good is kept, who is not is sent away, and the flight does not notice.
 
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use crate::harness::{Outcome, fly};
 
@@ -30,13 +30,24 @@ fn wrong(way: &str, at_s: f64, node: &str, topic: &str) -> String {
 
 /// Flies the hover with these swaps.
 fn flown(swaps: &[String], mode: &str) -> Outcome {
-    let swaps = format!("swap=[{}]", swaps.join(", "));
-    fly(&[HOVER, "--mode", mode, "--no-log", "--set", "run.duration_s=7.0", "--set", &swaps])
+    faulty("", swaps, mode)
+}
+
+/// The same with a fault of the run.
+fn faulty(fault: &str, swaps: &[String], mode: &str) -> Outcome {
+    let (fault, swaps) = (format!("fault=[{fault}]"), format!("swap=[{}]", swaps.join(", ")));
+    let settings = ["--set", "run.duration_s=7.0", "--set", &fault, "--set", &swaps];
+    fly(&[&[HOVER, "--mode", mode, "--no-log"], &settings[..]].concat())
 }
 
 /// Flies them by one thread and by processes, which must be the same flight; run.json.
 fn check_same(swaps: &[String]) -> Value {
-    let [inprocess, lockstep] = ["inprocess", "lockstep"].map(|mode| flown(swaps, mode));
+    check_same_faulty("", swaps)
+}
+
+/// The same with a fault of the run.
+fn check_same_faulty(fault: &str, swaps: &[String]) -> Value {
+    let [inprocess, lockstep] = ["inprocess", "lockstep"].map(|mode| faulty(fault, swaps, mode));
     for outcome in [&inprocess, &lockstep] {
         assert_eq!(outcome.code(), Some(0), "{swaps:?}: {}", outcome.stderr);
     }
@@ -100,4 +111,48 @@ fn who_is_wrong_in_office_gives_it_back() {
     for (node, _) in NODES {
         assert_eq!(endings(&run, node), ["returned"; 5], "{}", run["events"]);
     }
+}
+
+/// What a flight is by its messages and those of its solver, without the wall clock.
+fn accounts(run: &Value) -> Value {
+    let mut solver = run["solver"].clone();
+    solver["solve_us"] = Value::Null;
+    json!([run["state_hash"], run["metrics"], solver, run["refused"], run["faults"]])
+}
+
+#[test]
+fn what_strikes_a_topic_is_counted_once_whoever_works_in_the_shadow() {
+    for kind in ["drop", "garbage", "duplicate"] {
+        let fault = format!("{{at_s=0.9, for_s=1.0, target=\"controls\", kind=\"{kind}\", probability=0.3}}");
+        let run = check_same_faulty(&fault, &[swap(1.0, "attitude-mpc", ", bounds={ticks=50}")]);
+        assert_eq!(endings(&run, "attitude-mpc"), ["kept"], "{kind}");
+        assert_eq!(accounts(&run), accounts(&faulty(&fault, &[], "inprocess").run()), "{kind}");
+        let cycles = |node: &str| run["timing"]["nodes"][node]["response"]["n"].clone();
+        assert!(NODES.into_iter().all(|(node, _)| cycles(node) == cycles("plant")), "{kind}: {}", run["timing"]);
+    }
+}
+
+#[test]
+fn a_newcomer_hears_the_last_word_from_who_said_it() {
+    let killed = "{at_s=1.0, for_s=0.2, target=\"attitude-mpc\", kind=\"kill\"}";
+    let run = check_same_faulty(killed, &[swap(1.1, "mixer", "")]);
+    assert_eq!(run["refused"]["mixer"]["epoch"], 0, "nobody spoke when it came");
+}
+
+#[test]
+fn what_is_refused_is_the_same_in_every_mode_when_queues_overflow_and_to_the_last_tick() {
+    let garbage = |at_s, topic| format!("{{at_s={at_s}, for_s=0.2, target=\"{topic}\", kind=\"garbage\"}}");
+    let faults = [garbage(1.0, "controls"), garbage(6.9, "actuators")].join(", ");
+    let run = check_same_faulty(&faults, &[swap(1.1, "mixer", ", bounds={ticks=50}")]);
+    assert_eq!(run["refused"]["mixer"]["range"], 20 + 10, "by the one in office, and by the newcomer");
+    assert_eq!(run["refused"]["plant"]["range"], 11);
+}
+
+#[test]
+fn a_newcomer_leaves_when_its_own_settings_say_so_and_not_before_it_has_come() {
+    let exit = |at_s: f64, more: &str| format!("{{at_s={at_s}, target=\"mixer\", kind=\"exit\"{more}}}");
+    let exits = [exit(0.5, ""), exit(2.0, ", for_s=0.0"), exit(3.0, "")].join(", ");
+    let run = check_same(&[swap(1.0, "mixer", &format!(", set=['fault=[{exits}]']"))]);
+    let died: Vec<_> = run["events"].as_array().expect("events").iter().filter(|e| e["what"] == "died").collect();
+    assert_eq!(died.iter().map(|event| event["at_s"].as_f64()).collect::<Vec<_>>(), [Some(3.0)]);
 }

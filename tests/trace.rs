@@ -5,8 +5,9 @@ use std::path::Path;
 use std::process::Output;
 
 use contract::Scenario;
-use contract::message::{Message, Stamp, State};
+use contract::message::{Actuators, Message, Stamp, State};
 use contract::scenario::Mode;
+use contract::stamp::unheard;
 use launcher::log::Log;
 use launcher::trace::document;
 use serde_json::Value;
@@ -154,9 +155,19 @@ fn ring(ticks: u64) -> Log {
 }
 
 fn traced(log: &Log) -> Value {
+    fn sealed<M: Message>(messages: &[M]) -> Vec<M> {
+        messages.iter().map(|message| message.sealed()).collect()
+    }
+    let log = Log {
+        states: sealed(&log.states),
+        references: sealed(&log.references),
+        controls: sealed(&log.controls),
+        actuators: sealed(&log.actuators),
+        ..log.clone()
+    };
     let mut scenario = Scenario::default();
     scenario.run.mode = Mode::Realtime;
-    let (_, trace) = document(log, &scenario, Some(0.0), 60.0).expect("a window with ticks");
+    let (_, trace) = document(&log, &scenario, Some(0.0), 60.0).expect("a window with ticks");
     check_trace(&trace);
     trace
 }
@@ -201,6 +212,28 @@ fn misses_and_slips_are_marked_where_they_happened() {
     let expected =
         ["20360000 3 \"miss\" {\"count\":1}", "40260000 3 \"slip\" {\"count\":2}", "40360000 3 \"miss\" {\"count\":1}"];
     assert_eq!(texts, expected);
+}
+
+#[test]
+fn a_newcomer_in_the_shadow_is_not_drawn_and_what_it_missed_there_is_not_marked() {
+    let mut log = ring(8);
+    let two = |command: &Actuators| {
+        let tick = command.stamp.tick;
+        [1, 2].map(|epoch| {
+            let mut command = *command;
+            let newcomer = epoch == 2;
+            let heard = (3..6).contains(&tick) == newcomer;
+            command.stamp.unheard = if heard { unheard::HEARD } else { unheard::SHADOW };
+            command.stamp.epoch = epoch;
+            command.stamp.misses = if newcomer { 3 * tick.min(2) } else { tick.clamp(2, 5) - 2 };
+            command
+        })
+    };
+    log.actuators = log.actuators.iter().flat_map(two).collect();
+    let trace = traced(&log);
+    assert_eq!(events(&trace, "X").into_iter().filter(|slice| lane(slice) == 4).count(), 8);
+    assert_eq!(events(&trace, "f").len(), 8);
+    assert_eq!(events(&trace, "i").len(), 0);
 }
 
 #[test]

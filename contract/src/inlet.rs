@@ -7,7 +7,6 @@ use crate::guard::{Guard, Refusal};
 use crate::message::Message;
 use crate::port::Receive;
 use crate::realtime::{Board, now_ns, phase};
-use crate::stamp::unheard;
 
 /// Where a node hears one topic.
 pub struct Inlet<M> {
@@ -60,7 +59,7 @@ impl<M: Message> Inlet<M> {
         let holder = office.holder();
         let mut taken = false;
         while let Some((message, port)) = self.port.receive() {
-            if message.stamp().unheard != unheard::HEARD {
+            if !message.stamp().is_heard() {
                 continue;
             }
             let posing = message.stamp().epoch == u64::from(holder) && office.port(holder) != port;

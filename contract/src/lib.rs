@@ -15,6 +15,7 @@
 //! | [`turn`] | when a node is to answer to which sample |
 //! | [`guard`], [`integrity`] | which messages are taken for true |
 //! | [`link`] | what faults do to messages on their way |
+//! | [`seizure`] | what a fault makes a process do by itself |
 //! | [`skew`] | what a fault does to the clock of one process |
 //! | [`office`], [`plan`] | which process speaks for a node |
 //! | [`ledger`], [`roll`] | faults given while flying, and who suffers which |
@@ -40,6 +41,7 @@ pub mod realtime;
 pub mod rehearsal;
 pub mod roll;
 pub mod scenario;
+pub mod seizure;
 pub mod skew;
 pub mod snapshot;
 pub mod stamp;

@@ -62,7 +62,7 @@ impl<M: Message> Link<M> {
             |passed: &Passed<M>| passed.ticks_late == 0 && !passed.overtaken && bits(&passed.message) == bits(message);
         if !passed.as_ref().is_some_and(unharmed) {
             let mut meant = *message;
-            meant.stamp_mut().unheard = unheard::FAULT;
+            meant.stamp_mut().unheard |= unheard::FAULT;
             deliver(&meant.sealed());
         }
         let Some(Passed { message, ticks_late, twice, overtaken }) = passed else { return };
@@ -85,7 +85,7 @@ impl<M: Message> Link<M> {
     /// What becomes of a message; `None` when it is lost.
     fn fare(&self, tick: u64, message: &M) -> Option<Passed<M>> {
         let mut passed = Passed { message: *message, ticks_late: 0, twice: false, overtaken: false };
-        for Entry { number, ticks, effect: fault } in self.faults.on(tick) {
+        for Entry { number, ticks, effect: fault, .. } in self.faults.on(tick) {
             let random = |salt| draw(self.seed, *number as u64, tick, salt);
             let happens = |usual: f64| share(random(0)) < fault.probability.unwrap_or(usual);
             let since = tick - ticks.start;

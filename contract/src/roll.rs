@@ -6,7 +6,7 @@
 use std::ops::Range;
 
 use crate::ledger::ROOM;
-use crate::scenario::{Fault, Mode, Scenario};
+use crate::scenario::{Fault, FaultKind, FaultTarget, Mode, Scenario};
 
 /// The faults of one part of the stack, in the order of their numbers; `E` is what a fault is to it.
 #[derive(Debug, Clone)]
@@ -20,6 +20,8 @@ pub struct Roll<E> {
 pub struct Entry<E> {
     /// Its place among all faults of the run, which its random draws depend on.
     pub number: usize,
+    /// Where it strikes, how, and from when on \[s\]: the same number with another of these is another fault.
+    what: (FaultTarget, FaultKind, f64),
     /// When it is at work.
     pub ticks: Range<u64>,
     /// What it does.
@@ -39,15 +41,17 @@ impl<E> Roll<E> {
     }
 
     /// Takes fault `number` as it is from now on: one that stands here already may have another end; one that is new is
-    /// taken if it has an `effect`.
+    /// taken if it has an `effect`. A process may have faults of its own in place of the run's, so that one that is given
+    /// while flying finds its number taken.
     pub fn suffer(&mut self, number: usize, fault: &Fault, effect: Option<E>) {
-        let ticks = fault.ticks(self.sample_s);
-        if let Some(entry) = self.entries.iter_mut().find(|entry| entry.number == number) {
+        let (what, ticks) = ((fault.target, fault.kind, fault.at_s), fault.ticks(self.sample_s));
+        let known = |entry: &&mut Entry<E>| entry.number == number && entry.what == what;
+        if let Some(entry) = self.entries.iter_mut().find(known) {
             entry.ticks = ticks;
         } else if let Some(effect) = effect
             && self.entries.len() < self.entries.capacity()
         {
-            self.entries.push(Entry { number, ticks, effect });
+            self.entries.push(Entry { number, what, ticks, effect });
         }
     }
 
@@ -80,7 +84,6 @@ impl<E> Roll<E> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scenario::{FaultKind, FaultTarget};
 
     fn fault(at_s: f64, for_s: Option<f64>) -> Fault {
         Fault::new(FaultTarget::Mpc, FaultKind::Nan, at_s, for_s)
@@ -111,6 +114,15 @@ mod tests {
         }
         assert_eq!(roll.entries.capacity(), room, "what is too much is left out");
         assert_eq!(on(&roll, 500).len(), room - 1, "but the one that is over");
+    }
+
+    #[test]
+    fn one_given_while_flying_leaves_another_of_its_number_as_it_is() {
+        let mut roll = roll(Mode::Realtime);
+        roll.suffer(1, &fault(3.0, Some(1.0)), Some(7));
+        assert_eq!([20, 310, 420].map(|tick| on(&roll, tick)), [vec![1], vec![1, 7], vec![1]]);
+        roll.suffer(1, &fault(3.0, Some(0.1)), Some(7));
+        assert_eq!([20, 309, 310].map(|tick| on(&roll, tick)), [vec![1], vec![1, 7], vec![1]]);
     }
 
     #[test]

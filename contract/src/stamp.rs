@@ -40,7 +40,7 @@ pub struct Stamp {
     pub checksum: u64,
 }
 
-/// Meaning of [`Stamp::unheard`].
+/// The marks in [`Stamp::unheard`]; a message may bear both.
 pub mod unheard {
     /// It is heard.
     pub const HEARD: u64 = 0;
@@ -70,6 +70,21 @@ impl Stamp {
         self
     }
 
+    /// Whether somebody is to act on the message.
+    pub fn is_heard(&self) -> bool {
+        self.unheard == unheard::HEARD
+    }
+
+    /// Whether its publisher worked in the shadow of another.
+    pub fn in_shadow(&self) -> bool {
+        self.unheard & unheard::SHADOW != 0
+    }
+
+    /// Whether a fault struck it, so that it shows only what was meant.
+    pub fn is_struck(&self) -> bool {
+        self.unheard & unheard::FAULT != 0
+    }
+
     /// The stamp of the message itself, once it is numbered and on its way.
     #[must_use]
     pub fn published(mut self, topic: Topic, sequence: u64, publish_ns: u64) -> Self {
@@ -83,6 +98,18 @@ impl Stamp {
 mod tests {
     use super::*;
     use crate::message::{Reference, State};
+
+    #[test]
+    fn a_message_may_bear_both_marks() {
+        let marks = |unheard| {
+            let stamp = Stamp { unheard, ..Stamp::default() };
+            (stamp.is_heard(), stamp.in_shadow(), stamp.is_struck())
+        };
+        assert_eq!(marks(unheard::HEARD), (true, false, false));
+        assert_eq!(marks(unheard::SHADOW), (false, true, false));
+        assert_eq!(marks(unheard::FAULT), (false, false, true));
+        assert_eq!(marks(unheard::SHADOW | unheard::FAULT), (false, true, true));
+    }
 
     #[test]
     fn lineage_keeps_the_sample_and_collects_the_inputs() {

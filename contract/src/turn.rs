@@ -18,8 +18,8 @@ use crate::inlet::Inlet;
 use crate::ledger::News;
 use crate::message::{Message, Stamp};
 use crate::realtime::{Board, now_ns, phase};
-use crate::roll::{Entry, Roll};
-use crate::scenario::{Fault, FaultKind, Scenario};
+use crate::scenario::Scenario;
+use crate::seizure::Seizures;
 use crate::snapshot::Snapshot;
 
 /// The turns of one process of a node.
@@ -35,7 +35,7 @@ pub struct Turns {
     /// The sample to answer to next.
     next: u64,
     /// Faults in which the process itself goes wrong; in lockstep only those of its own settings.
-    seizures: Roll<FaultKind>,
+    seizures: Seizures,
     news: News,
 }
 
@@ -57,7 +57,7 @@ impl Turns {
         epoch: u32,
         scenario: &Scenario,
     ) -> Self {
-        let seizures = Roll::new(scenario, |_, fault| seizure(topic, fault));
+        let seizures = Seizures::new(scenario, topic);
         let news = News::new(board.clone());
         Self { clock, board, punctuality, topic, epoch, let_in: false, next: 0, seizures, news }
     }
@@ -71,7 +71,7 @@ impl Turns {
             Some(clock) => self.by_the_clock(clock, inlet),
             None => self.by_the_ring(M::TOPIC),
         }?;
-        self.news.tell(|number, fault| self.seizures.suffer(number, fault, seizure(self.topic, fault)));
+        self.news.tell(|number, fault| self.seizures.suffer(number, fault));
         let healthy = self.survives(tick);
         self.next = tick + 1;
         healthy.then_some(tick)
@@ -79,16 +79,14 @@ impl Turns {
 
     /// Lets a fault of the process itself have its way; false when the process is to leave.
     fn survives(&self, tick: u64) -> bool {
-        // Whoever was started after the beginning has no part in it.
-        let begins = |seizure: &&Entry<FaultKind>| self.next <= seizure.ticks.start && self.next > 0;
-        let Some(Entry { ticks, effect: kind, .. }) = self.seizures.on(tick).find(begins) else { return true };
-        if let (FaultKind::Hog, Some(clock)) = (kind, self.clock) {
-            let until_ns = self.board.origin_ns().saturating_add(ticks.end.saturating_mul(clock.period_ns));
+        let burns_until = self.seizures.burns_until(self.next, tick);
+        if let (Some(until), Some(clock)) = (burns_until, self.clock) {
+            let until_ns = self.board.origin_ns().saturating_add(until.saturating_mul(clock.period_ns));
             while now_ns() < until_ns && self.board.phase().count() < phase::LEAVE {
                 std::hint::spin_loop();
             }
         }
-        *kind != FaultKind::Exit
+        !self.seizures.leaves(self.next, tick)
     }
 
     /// Lineage of the answer to sample `tick`.
@@ -192,10 +190,4 @@ impl Turns {
         let retired = staff.holder > self.epoch && !staff.employs(self.epoch);
         retired || self.board.phase().count() >= phase::LEAVE || self.punctuality.broken().is_some()
     }
-}
-
-/// What a fault of the process itself is to the one that speaks on `topic`: it leaves, or burns its processor.
-fn seizure(topic: Topic, fault: &Fault) -> Option<FaultKind> {
-    let of_itself = matches!(fault.kind, FaultKind::Exit | FaultKind::Hog) && fault.target.process() == Some(topic);
-    of_itself.then_some(fault.kind)
 }

@@ -98,8 +98,8 @@ impl Summary {
 
     /// Takes one message in.
     pub fn observe(&mut self, record: &Record) {
-        let Some(gap) = self.count.gap(record) else { return };
-        self.missed = self.missed.saturating_add(gap);
+        let Some(before) = self.count.before(record) else { return };
+        self.missed = self.missed.saturating_add(record.stamp().sequence - before.sequence - 1);
         self.faults.observe(record);
         match record {
             Record::State(state) => self.state(state),
@@ -111,7 +111,7 @@ impl Summary {
             Record::Reference(_) => {}
         }
         if let Some(timing) = &mut self.timing {
-            timing.observe(record, self.metrics.final_position_error_m);
+            timing.observe(record, &before, self.metrics.final_position_error_m);
         }
     }
 

@@ -106,6 +106,23 @@ fn bad_contents_are_refused_for_the_right_reason() {
 }
 
 #[test]
+fn who_works_in_the_shadow_stays_unheard_whatever_strikes_it() {
+    for kind in [FaultKind::Drop, FaultKind::Garbage, FaultKind::Delay, FaultKind::Reorder] {
+        let fault = Fault { probability: Some(1.0), ..Fault::new(FaultTarget::Controls, kind, 0.0, None) };
+        let mut link = Link::new(&Scenario { fault: vec![fault], ..Scenario::default() });
+        let mut marks = vec![];
+        for tick in 0..10 {
+            let mut message = demand(tick);
+            message.stamp.unheard = unheard::SHADOW;
+            link.pass(tick, &message.sealed(), |message| marks.push(message.stamp.unheard));
+        }
+        let struck = unheard::SHADOW | unheard::FAULT;
+        assert!(marks.iter().all(|mark| [unheard::SHADOW, struck].contains(mark)), "{kind:?}: {marks:?}");
+        assert!(marks.contains(&struck), "{kind:?}");
+    }
+}
+
+#[test]
 fn a_message_that_is_let_pass_is_not_lost() {
     let fault = Fault::new(FaultTarget::Controls, FaultKind::Reorder, 0.0, None);
     let scenario = Scenario { fault: vec![Fault { probability: Some(1.0), ..fault }], ..Scenario::default() };

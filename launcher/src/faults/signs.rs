@@ -2,7 +2,6 @@
 
 use contract::message::{Controls, SolveStatus, guidance_flags, mixer_flags};
 use contract::scenario::{Fault, FaultKind, FaultTarget};
-use contract::stamp::unheard;
 use contract::topic::Topic;
 
 use crate::log::Record;
@@ -18,7 +17,7 @@ const REACTIONS: u64 = mixer_flags::BAD_INPUT
 
 /// Whether `record` is a message of the topic that `fault` has struck; what is only doubled bears no mark.
 pub fn struck(fault: &Fault, record: &Record) -> bool {
-    let marked = record.stamp().unheard == unheard::FAULT || fault.kind == FaultKind::Duplicate;
+    let marked = record.stamp().is_struck() || fault.kind == FaultKind::Duplicate;
     marked && fault.target.topic() == Some(record.topic())
 }
 

@@ -48,7 +48,6 @@ pub fn fly(scenario: &Scenario, mut watch: impl FnMut(Record) -> bool) -> Flown 
         let mut go_on = true;
         let mut state = plant.sample();
         let tick = state.stamp.tick;
-        ring.last.samples = tick + 1;
         for step in succession.begin(tick) {
             ring.obey(scenario, step, &succession);
         }
@@ -61,10 +60,11 @@ pub fn fly(scenario: &Scenario, mut watch: impl FnMut(Record) -> bool) -> Flown 
             go_on &= watch(record);
         };
         ring.turn(&mut succession, &state, &mut commands, &mut each);
+        let command = commands.fresh(tick + 1);
         if !go_on || state.status != PlantStatus::Flying as u64 {
             break succession.given_up().map_or(Ended::Flown, |name| Ended::Lost(name.into()));
         }
-        if let Some(command) = commands.fresh() {
+        if let Some(command) = command {
             plant.command(command, command.stamp.held_ns);
         }
         plant.advance(1);
@@ -100,20 +100,20 @@ impl Ring {
 
     /// Does what is to be done before a tick.
     fn obey(&mut self, scenario: &Scenario, step: Step, succession: &Succession) {
-        let holders = Topic::ALL.map(|topic| succession.staff(topic).holder);
+        let holder = |topic| succession.staff(topic).holder;
         match step {
             Step::End(Topic::State, _) | Step::Begin(Topic::State, ..) => {}
             Step::End(Topic::Reference, epoch) => self.guidance.end(epoch),
             Step::End(Topic::Controls, epoch) => self.mpc.end(epoch),
             Step::End(Topic::Actuators, epoch) => self.mixer.end(epoch),
             Step::Begin(Topic::Reference, epoch, origin) => {
-                self.guidance.begin(scenario, epoch, origin, &self.last, holders);
+                self.guidance.begin(scenario, epoch, origin, &self.last, holder(Topic::Reference));
             }
             Step::Begin(Topic::Controls, epoch, origin) => {
-                self.mpc.begin(scenario, epoch, origin, &self.last, holders);
+                self.mpc.begin(scenario, epoch, origin, &self.last, holder(Topic::Controls));
             }
             Step::Begin(Topic::Actuators, epoch, origin) => {
-                self.mixer.begin(scenario, epoch, origin, &self.last, holders);
+                self.mixer.begin(scenario, epoch, origin, &self.last, holder(Topic::Actuators));
             }
         }
     }
@@ -128,26 +128,26 @@ impl Ring {
         each: &mut impl FnMut(Record, &mut Succession),
     ) {
         let Self { states, guidance, mpc, mixer, last } = self;
-        let (sample, samples) = (state.stamp, last.samples);
+        let sample = state.stamp;
         states.speak(true, *state, sample, |message: &State| {
-            guidance.ears().for_each(|ear| ear.hear(message, 1, samples));
-            mpc.ears().for_each(|(ear, _)| ear.hear(message, 1, samples));
-            mixer.ears().for_each(|(ear, _)| ear.hear(message, 1, samples));
+            guidance.ears().for_each(|ear| ear.hear(message, 1));
+            mpc.ears().for_each(|(ear, _)| ear.hear(message, 1));
+            mixer.ears().for_each(|(ear, _)| ear.hear(message, 1));
             last.state = *message;
             each((*message).into(), succession);
         });
         guidance.answer(sample, succession, |message: &Reference, holder, succession| {
-            mpc.ears().for_each(|(_, ear)| ear.hear(message, holder, samples));
+            mpc.ears().for_each(|(_, ear)| ear.hear(message, holder));
             last.keep_reference(message);
             each((*message).into(), succession);
         });
         mpc.answer(sample, succession, |message: &Controls, holder, succession| {
-            mixer.ears().for_each(|(_, ear)| ear.hear(message, holder, samples));
+            mixer.ears().for_each(|(_, ear)| ear.hear(message, holder));
             last.keep_controls(message);
             each((*message).into(), succession);
         });
         mixer.answer(sample, succession, |message: &Actuators, holder, succession| {
-            commands.hear(message, holder, samples);
+            commands.hear(message, holder);
             each((*message).into(), succession);
         });
     }

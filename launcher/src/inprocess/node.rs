@@ -18,10 +18,10 @@ pub trait Node: Sized {
 
     /// As at the beginning of a run.
     fn new(scenario: &Scenario) -> Self;
-    /// The ears of one that joins after the `last` words; the holders by topic.
-    fn ears(last: &Heard, holders: [u32; 4]) -> Self::Ears;
+    /// The ears of one that joins after the `last` words.
+    fn ears(last: &Heard) -> Self::Ears;
     /// Its answer to sample `tick`, and where that comes from.
-    fn answer(&mut self, ears: &Self::Ears, sample: Stamp) -> (Self::Says, Stamp);
+    fn answer(&mut self, ears: &mut Self::Ears, sample: Stamp) -> (Self::Says, Stamp);
     /// Its memory.
     fn memory(&self) -> Snapshot;
     /// Goes on from another's memory.
@@ -38,12 +38,12 @@ impl Node for Guidance {
         Self::new(scenario)
     }
 
-    fn ears(last: &Heard, [plant, ..]: [u32; 4]) -> Self::Ears {
-        Ear::after(&last.state, plant, last.samples)
+    fn ears(last: &Heard) -> Self::Ears {
+        Ear::after(&last.state)
     }
 
-    fn answer(&mut self, ears: &Self::Ears, sample: Stamp) -> (Reference, Stamp) {
-        let state = ears.newest();
+    fn answer(&mut self, ears: &mut Self::Ears, sample: Stamp) -> (Reference, Stamp) {
+        let state = ears.newest(sample.tick + 1);
         (self.step(sample.tick, state), sample.with(state))
     }
 
@@ -68,12 +68,12 @@ impl Node for AttitudeMpc {
         Self::new(scenario)
     }
 
-    fn ears(last: &Heard, [plant, guidance, ..]: [u32; 4]) -> Self::Ears {
-        (Ear::after(&last.state, plant, last.samples), Ear::after(&last.reference, guidance, last.samples))
+    fn ears(last: &Heard) -> Self::Ears {
+        (Ear::after(&last.state), Ear::after(&last.reference))
     }
 
-    fn answer(&mut self, (states, references): &Self::Ears, sample: Stamp) -> (Controls, Stamp) {
-        let (state, reference) = (states.newest(), references.newest());
+    fn answer(&mut self, (states, references): &mut Self::Ears, sample: Stamp) -> (Controls, Stamp) {
+        let (state, reference) = (states.newest(sample.tick + 1), references.newest(sample.tick + 1));
         (self.step(sample.tick, state, reference), sample.with(reference).with(state))
     }
 
@@ -98,12 +98,12 @@ impl Node for Mixer {
         Self::new(scenario)
     }
 
-    fn ears(last: &Heard, [plant, _, mpc, _]: [u32; 4]) -> Self::Ears {
-        (Ear::after(&last.state, plant, last.samples), Ear::after(&last.controls, mpc, last.samples))
+    fn ears(last: &Heard) -> Self::Ears {
+        (Ear::after(&last.state), Ear::after(&last.controls))
     }
 
-    fn answer(&mut self, (states, demands): &Self::Ears, sample: Stamp) -> (Actuators, Stamp) {
-        let (state, demand) = (states.newest(), demands.newest());
+    fn answer(&mut self, (states, demands): &mut Self::Ears, sample: Stamp) -> (Actuators, Stamp) {
+        let (state, demand) = (states.newest(sample.tick + 1), demands.newest(sample.tick + 1));
         (self.step(sample.tick, demand, state), sample.with(demand).with(state))
     }
 

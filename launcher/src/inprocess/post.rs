@@ -1,9 +1,9 @@
 //! Those who work for one node when one thread runs them all: one in office, and now and then one in its shadow.
 
 use contract::message::{Message, Stamp};
-use contract::scenario::{Fault, FaultKind, Scenario, newcomer};
+use contract::scenario::{Scenario, newcomer};
+use contract::seizure::Seizures;
 use contract::snapshot::Snapshot;
-use contract::topic::Topic;
 
 use super::node::{Node, sum};
 use super::speech::{Counts, Heard, Voice};
@@ -21,8 +21,8 @@ pub struct Post<N: Node> {
 /// What a process of the node would be.
 struct Worker<N: Node> {
     epoch: u32,
-    /// The tick on which it leaves by itself.
-    exit: Option<u64>,
+    /// Those of its own settings; those of the run are the succession's matter.
+    seizures: Seizures,
     core: N,
     ears: N::Ears,
     voice: Voice<N::Says>,
@@ -31,7 +31,7 @@ struct Worker<N: Node> {
 impl<N: Node> Post<N> {
     /// With the first process of a run.
     pub fn new(scenario: &Scenario) -> Self {
-        let first = Worker::new(scenario, 1, N::ears(&Heard::default(), [1; 4]));
+        let first = Worker::new(scenario, scenario, 1, N::ears(&Heard::default()));
         Self { workers: vec![first], memory: None, refused: Counts::default() }
     }
 
@@ -47,12 +47,10 @@ impl<N: Node> Post<N> {
 
     /// Another begins: the run's settings or those of the swap `origin`, the memory of who is or was in office, and the
     /// `last` word of each topic.
-    pub fn begin(&mut self, run: &Scenario, epoch: u32, origin: Option<usize>, last: &Heard, holders: [u32; 4]) {
+    pub fn begin(&mut self, run: &Scenario, epoch: u32, origin: Option<usize>, last: &Heard, holder: u32) {
         let own = origin.and_then(|i| newcomer(run, &run.swap[i]).ok()); // what is wrong with it was said before
-        let scenario = own.as_ref().unwrap_or(run);
-        let mut worker: Worker<N> = Worker::new(scenario, epoch, N::ears(last, holders));
-        worker.exit = own.as_ref().and_then(|own| exit_of(own, run, N::Says::TOPIC));
-        let holder = self.workers.iter().find(|worker| worker.epoch == holders[N::Says::TOPIC as usize]);
+        let mut worker: Worker<N> = Worker::new(own.as_ref().unwrap_or(run), run, epoch, N::ears(last));
+        let holder = self.workers.iter().find(|worker| worker.epoch == holder);
         if let Some(memory) = holder.map(|holder| holder.core.memory()).or(self.memory) {
             worker.core.inherit(&memory);
         }
@@ -75,8 +73,8 @@ impl<N: Node> Post<N> {
         succession: &mut Succession,
         mut each: impl FnMut(&N::Says, u32, &mut Succession),
     ) {
-        let leaving: Vec<u32> =
-            self.workers.iter().filter(|worker| worker.exit == Some(sample.tick)).map(|worker| worker.epoch).collect();
+        let leaves = |worker: &&Worker<N>| worker.seizures.leaves(sample.tick, sample.tick);
+        let leaving: Vec<u32> = self.workers.iter().filter(leaves).map(|worker| worker.epoch).collect();
         for epoch in leaving {
             self.end(epoch);
             succession.lost(N::Says::TOPIC, epoch, sample.tick);
@@ -93,15 +91,11 @@ impl<N: Node> Post<N> {
 }
 
 impl<N: Node> Worker<N> {
-    fn new(scenario: &Scenario, epoch: u32, ears: N::Ears) -> Self {
-        Self { epoch, exit: None, core: N::new(scenario), ears, voice: Voice::new(scenario, epoch) }
+    /// With settings of its `own`, which may be those of the `run`.
+    fn new(own: &Scenario, run: &Scenario, epoch: u32, ears: N::Ears) -> Self {
+        let scripted = own.fault == run.fault;
+        let fault = if scripted { vec![] } else { own.fault.clone() };
+        let seizures = Seizures::new(&Scenario { fault, ..own.clone() }, N::Says::TOPIC);
+        Self { epoch, seizures, core: N::new(own), ears, voice: Voice::new(own, epoch) }
     }
-}
-
-/// The tick on which a fault of its `own` settings makes who speaks on `topic` leave; those of the run are the
-/// succession's matter.
-fn exit_of(own: &Scenario, run: &Scenario, topic: Topic) -> Option<u64> {
-    let of_itself = |fault: &&Fault| fault.kind == FaultKind::Exit && fault.target.process() == Some(topic);
-    let exits = own.fault.iter().filter(of_itself).filter(|_| own.fault != run.fault);
-    exits.map(|fault| fault.ticks(own.sample_s()).start).min()
 }

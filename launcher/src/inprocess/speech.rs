@@ -1,9 +1,12 @@
 //! How nodes hear and speak when one thread runs them all: what inlet and outlet are to a process.
 
+use std::collections::VecDeque;
+
 use contract::guard::{Guard, Refusal};
 use contract::link::Link;
 use contract::message::{Controls, Message, Reference, Stamp, State};
 use contract::outlet::Slowness;
+use contract::port::NODE_DEPTH;
 use contract::scenario::Scenario;
 use contract::stamp::unheard;
 
@@ -13,6 +16,10 @@ pub type Counts = [u32; Refusal::ALL.len()];
 /// Where a node hears one topic.
 #[derive(Default)]
 pub struct Ear<M: Message> {
+    /// What was said last before it listened: it comes from who said it, when that one speaks again.
+    before: Option<M>,
+    /// What has come since the last look, as much as a port holds, each with who was in office.
+    queue: VecDeque<(M, u32)>,
     guard: Guard<M>,
     fresh: bool,
     /// Messages refused, by cause.
@@ -20,41 +27,48 @@ pub struct Ear<M: Message> {
 }
 
 impl<M: Message> Ear<M> {
-    /// One that has just joined: the `last` word on the topic is all that it has heard. There are `samples` by now.
-    pub fn after(last: &M, holder: u32, samples: u64) -> Self {
-        let mut ear = Self::default();
-        if last.stamp().sequence > 0 {
-            ear.hear(last, holder, samples);
-        }
-        ear
+    /// One that has just joined, after the `last` word on the topic.
+    pub fn after(last: &M) -> Self {
+        Self { before: Some(*last), ..Self::default() }
     }
 
-    /// Judges what `holder`, or somebody else, has said, when there are `samples`.
-    pub fn hear(&mut self, message: &M, holder: u32, samples: u64) {
-        if message.stamp().unheard == unheard::HEARD {
-            match self.guard.take(message, holder, samples) {
-                Ok(()) => self.fresh = true,
-                Err(refusal) => self.refused[refusal as usize] += 1,
+    /// Keeps what `holder`, or somebody else, has said; who works in the shadow speaks through a port of its own.
+    pub fn hear(&mut self, message: &M, holder: u32) {
+        let before = self.before.take_if(|before| before.stamp().epoch == message.stamp().epoch);
+        for message in before.iter().chain([message]).filter(|message| !message.stamp().in_shadow()) {
+            if self.queue.len() == NODE_DEPTH {
+                self.queue.pop_front();
             }
+            self.queue.push_back((*message, holder));
         }
     }
 
-    /// The newest message that was taken.
-    pub fn newest(&self) -> &M {
+    /// The newest message that was taken, when there are `samples`.
+    pub fn newest(&mut self, samples: u64) -> &M {
+        self.look(samples);
         self.guard.newest()
     }
 
     /// The same, if it came since the last call.
-    pub fn fresh(&mut self) -> Option<&M> {
+    pub fn fresh(&mut self, samples: u64) -> Option<&M> {
+        self.look(samples);
         std::mem::take(&mut self.fresh).then(|| self.guard.newest())
+    }
+
+    /// Judges what has come since the last look.
+    fn look(&mut self, samples: u64) {
+        for (message, holder) in self.queue.drain(..).filter(|(message, _)| message.stamp().is_heard()) {
+            match self.guard.take(&message, holder, samples) {
+                Ok(()) => self.fresh = true,
+                Err(refusal) => self.refused[refusal as usize] += 1,
+            }
+        }
     }
 }
 
 /// The last word on each topic, which whoever joins hears first.
 #[derive(Default)]
 pub struct Heard {
-    /// How many samples there are, with the one that whoever joins is to answer first.
-    pub samples: u64,
     /// From the plant.
     pub state: State,
     /// From guidance.
@@ -76,7 +90,7 @@ impl Heard {
 }
 
 fn keep<M: Message>(last: &mut M, message: &M) {
-    if message.stamp().unheard != unheard::SHADOW {
+    if !message.stamp().in_shadow() {
         *last = *message;
     }
 }

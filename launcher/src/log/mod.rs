@@ -25,7 +25,7 @@ use contract::{
     message::{Actuators, Controls, Message, Reference, Stamp, State},
 };
 
-pub use count::Count;
+pub use count::{Count, counted};
 pub use join::join;
 pub use read::{Log, read};
 pub use write::LogWriter;

@@ -2,6 +2,8 @@
 
 use contract::message::{Actuators, Controls, Message, Reference, State};
 
+use crate::log::{Record, counted};
+
 /// The recorded messages, one slice per topic. Any of them may have holes, be torn off, or be empty.
 #[derive(Debug, Clone, Copy)]
 pub struct Flight<'a> {
@@ -31,8 +33,9 @@ pub struct Row<'a> {
 impl<'a> Flight<'a> {
     /// One row for every tick from 0 to the last recorded one, holes included.
     ///
-    /// Ticks beyond `last_tick` are ignored: a corrupt stamp must not decide how much memory this takes. Of several
-    /// messages with one tick the last counts.
+    /// Ticks beyond `last_tick` are ignored: a corrupt stamp must not decide how much memory this takes. A row has what
+    /// was said in office, as it was meant: what a fault made of it on its way is not drawn. Of several messages with one
+    /// tick the last counts.
     pub fn rows(&self, last_tick: u64) -> Vec<Row<'a>> {
         let ends = [
             end(self.states, last_tick),
@@ -58,14 +61,20 @@ impl Row<'_> {
 }
 
 /// How many rows these messages need.
-fn end<M: Message>(messages: &[M], last_tick: u64) -> usize {
-    let ticks = messages.iter().map(|message| message.stamp().tick);
+fn end<M: Message>(messages: &[M], last_tick: u64) -> usize
+where
+    Record: From<M>,
+{
+    let ticks = counted(messages).map(|(message, _)| message.stamp().tick);
     ticks.filter(|tick| *tick <= last_tick).max().map_or(0, |tick| tick as usize + 1)
 }
 
 /// Puts every message into the row of its tick.
-fn place<'a, M: Message>(rows: &mut [Row<'a>], messages: &'a [M], put: impl Fn(&mut Row<'a>, &'a M)) {
-    for message in messages {
+fn place<'a, M: Message>(rows: &mut [Row<'a>], messages: &'a [M], put: impl Fn(&mut Row<'a>, &'a M))
+where
+    Record: From<M>,
+{
+    for (message, _) in counted(messages) {
         if let Some(row) = rows.get_mut(message.stamp().tick as usize) {
             put(row, message);
         }

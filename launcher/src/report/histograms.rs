@@ -4,12 +4,13 @@
 
 use std::fmt::Write;
 
-use contract::message::{Message, Stamp};
+use contract::message::Message;
 use contract::{Scenario, Topic};
 use hdrhistogram::Histogram;
 
 use super::Flight;
 use super::html::escape;
+use crate::log::{Record, counted};
 use crate::timing::{Age, NodeTiming};
 
 /// Bars per decade.
@@ -39,7 +40,7 @@ pub fn grid(flight: &Flight, scenario: &Scenario) -> String {
         node(Topic::Actuators, flight.actuators, scenario),
     ];
     let mut age = Age::new(period_ns);
-    flight.states.iter().for_each(|state| age.observe(state));
+    counted(flight.states).for_each(|(state, _)| age.observe(state));
     let aged =
         |caption: &str, histogram| Picture { caption: caption.into(), style: "age", histogram, deadline_ns: None };
     let ages = vec![aged("per command applied", age.per_command), aged("per slot held", age.per_slot)];
@@ -57,9 +58,12 @@ pub fn grid(flight: &Flight, scenario: &Scenario) -> String {
     html + "</div>"
 }
 
-fn node<M: Message>(topic: Topic, messages: &[M], scenario: &Scenario) -> (&'static str, Vec<Picture>) {
+fn node<M: Message>(topic: Topic, messages: &[M], scenario: &Scenario) -> (&'static str, Vec<Picture>)
+where
+    Record: From<M>,
+{
     let mut timing = NodeTiming::new(topic, scenario);
-    messages.iter().map(Message::stamp).for_each(|stamp: &Stamp| _ = timing.observe(stamp));
+    counted(messages).for_each(|(message, before)| _ = timing.observe(message.stamp(), &before));
     let picture = |(figure, histogram): (&str, &Histogram<u64>)| {
         let (_, style) = DRAWN.into_iter().find(|(name, _)| *name == figure)?;
         let caption = match (figure, topic) {

@@ -1,8 +1,9 @@
 //! Whole pages, from invented flights.
 
 use contract::Scenario;
-use contract::message::{ActuationMsg, Actuators, Controls, Message, Reference, State};
+use contract::message::{ActuationMsg, Actuators, Controls, Message, Reference, Stamp, State};
 use contract::scenario::{Profile, TrajectoryKind};
+use contract::stamp::unheard;
 use serde_json::{Value, json};
 
 use super::claims::{Claims, Verdict, judge};
@@ -47,8 +48,9 @@ impl Hover {
 }
 
 fn at<M: Message>(tick: u64, mut message: M) -> M {
-    message.stamp_mut().tick = tick;
-    message
+    let stamp = message.stamp_mut();
+    (stamp.tick, stamp.sequence, stamp.epoch) = (tick, tick.saturating_add(1), 1);
+    message.sealed()
 }
 
 /// A summary in which every claim holds, by a little.
@@ -144,6 +146,24 @@ fn holes_and_torn_ends_become_nan_at_their_ticks() {
 }
 
 #[test]
+fn what_is_said_in_the_shadow_or_made_of_a_message_on_its_way_is_not_drawn() {
+    let mut hover = Hover::of(3);
+    let marked = |sequence, epoch, unheard, col| {
+        let mut message = Controls { demand: [col, 0.0, 0.0, 0.0], ..Controls::default() };
+        message.stamp = Stamp { tick: 1, sequence, epoch, unheard, ..Stamp::default() };
+        message.sealed()
+    };
+    hover.controls[1] = marked(2, 1, unheard::FAULT, -1.0);
+    hover.controls.extend([
+        marked(2, 1, unheard::HEARD, f64::NAN),
+        marked(1, 2, unheard::SHADOW, 7.0),
+        marked(1, 2, unheard::SHADOW | unheard::FAULT, 8.0),
+    ]);
+    let rows = hover.flight().rows(6000);
+    assert_eq!(rows[1].controls, Some(&hover.controls[1]), "what was meant in office");
+}
+
+#[test]
 fn a_minute_stays_below_a_megabyte_and_a_half_and_so_does_an_hour() {
     for ticks in [6001, 360_001] {
         let mut scenario = Scenario::of(Profile::Robust);
@@ -180,7 +200,7 @@ fn a_command_at_its_limit_breaks_the_constraint_claim() {
     ];
     for command in at_limit {
         let mut hover = Hover::of(100);
-        hover.actuators[50].command = command;
+        hover.actuators[50] = at(50, Actuators { command, ..Actuators::default() });
         assert_eq!(hover.claims(&survey(), &scenario).actuators.verdict, Verdict::DoesNotHold, "{command:?}");
     }
 }

@@ -146,7 +146,7 @@ fn what_was_only_meant_is_not_judged() {
         succession.begin(tick);
         succession.observe(&sample(tick).sealed().into());
         let Record::Controls(mut meant) = demand(2, tick, 0.1) else { unreachable!("a demand") };
-        meant.stamp.unheard = unheard::FAULT;
+        meant.stamp.unheard = unheard::SHADOW | unheard::FAULT;
         succession.observe(&meant.sealed().into());
         succession.observe(&demand(1, tick, 0.1));
     }

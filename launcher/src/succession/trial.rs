@@ -16,7 +16,6 @@ use std::collections::VecDeque;
 use contract::Scenario;
 use contract::message::State;
 use contract::scenario::{Swap, SwapBounds, SwapTicks};
-use contract::stamp::unheard;
 use contract::topic::Topic;
 use guidance::Trajectory;
 
@@ -114,7 +113,7 @@ impl Trial {
         {
             remember(&mut self.sampled, state.stamp.tick, self.room);
         }
-        if record.stamp().unheard == unheard::FAULT {
+        if record.stamp().is_struck() {
             return; // what was meant; what came of it is another message
         }
         match record {

@@ -38,6 +38,7 @@ mod ticks;
 
 use std::path::Path;
 
+use contract::message::Stamp;
 use contract::scenario::Mode;
 use contract::topic::NODES;
 use contract::{Scenario, Topic};
@@ -78,10 +79,11 @@ impl Timing {
         }
     }
 
-    /// Takes one message in; `position_error_m` is that of the newest sample.
-    pub fn observe(&mut self, record: &Record, position_error_m: f64) {
+    /// Takes one message in that counts, with the stamp `before` it of the same process ([`crate::log::Count`]);
+    /// `position_error_m` is that of the newest sample.
+    pub fn observe(&mut self, record: &Record, before: &Stamp, position_error_m: f64) {
         self.clocks.observe(record);
-        let cycle = self.nodes[record.topic() as usize].observe(record.stamp());
+        let cycle = self.nodes[record.topic() as usize].observe(record.stamp(), before);
         if let Record::State(state) = record {
             self.age.observe(state);
         }

@@ -72,7 +72,6 @@ pub struct NodeTiming {
     /// The most of them one after the other.
     pub longest_run: u64,
     run: u64,
-    last: Stamp,
 }
 
 impl NodeTiming {
@@ -94,14 +93,13 @@ impl NodeTiming {
             misses: 0,
             longest_run: 0,
             run: 0,
-            last: Stamp::default(),
         }
     }
 
-    /// Takes the stamp of one message in; messages come in the order of sending. One whose times cannot be true is in
-    /// the counts of its sender and in no figure.
-    pub fn observe(&mut self, stamp: &Stamp) -> Cycle {
-        let before = if stamp.epoch == self.last.epoch { self.last } else { Stamp::default() };
+    /// Takes the stamp of one message in, with the one `before` it of the same process, which may have worked in the
+    /// shadow then; messages come in the order of sending. One whose times cannot be true is in the counts of its sender
+    /// and in no figure.
+    pub fn observe(&mut self, stamp: &Stamp, before: &Stamp) -> Cycle {
         let own = self.topic as usize;
         let publish_ns = stamp.publish_ns[own];
         let late = publish_ns.saturating_sub(stamp.sample_ns) > self.deadline.deadline_ns;
@@ -117,10 +115,9 @@ impl NodeTiming {
             slips,
             withheld,
             cpu_ns: None,
-            // That of the first cycle is that of the whole start-up.
-            cpu_before_ns: (follows && before.sequence > 1).then_some(stamp.cpu_ns),
+            // That of the first cycle is that of the whole start-up, and one in the shadow is no cycle of the flight.
+            cpu_before_ns: (follows && before.sequence > 1 && !before.in_shadow()).then_some(stamp.cpu_ns),
         };
-        self.last = *stamp;
         self.count(&cycle, misses, late);
         if clocks::possible(self.topic, stamp) {
             self.record(&cycle, stamp.sample_ns);

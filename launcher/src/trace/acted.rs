@@ -6,7 +6,7 @@ use contract::Topic;
 use contract::message::Actuators;
 use contract::scenario::Mode;
 
-use crate::log::Log;
+use crate::log::{Log, counted};
 
 /// A command that was in force at a sample.
 #[derive(Debug, Clone, Copy)]
@@ -28,9 +28,9 @@ pub fn acted(log: &Log, mode: Mode) -> Vec<Acted<'_>> {
     let mut acted: Vec<Acted> = vec![];
     // A restarted mixer numbers its messages from 1 again: the newest of a number is meant.
     let mut sent = HashMap::new();
-    let mut commands = log.actuators.iter().peekable();
+    let mut commands = counted(&log.actuators).map(|(command, _)| command).peekable();
     let mut in_force = 0;
-    for state in &log.states {
+    for (state, _) in counted(&log.states) {
         while let Some(command) = commands.next_if(|command| command.stamp.tick < state.stamp.tick) {
             sent.insert(command.stamp.sequence, command);
         }

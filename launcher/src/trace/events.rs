@@ -20,7 +20,7 @@ use serde_json::{Map, Value, json};
 
 use super::acted::Acted;
 use super::window::Window;
-use crate::log::Log;
+use crate::log::{Log, Record, counted};
 use crate::report::Row;
 
 /// The lane below those of the nodes: which command the actuators obey.
@@ -45,7 +45,7 @@ impl Trace {
         Self { origin_ns, ticks: ticks.start as u64..ticks.end as u64, events: vec![], marks: vec![] }
     }
 
-    /// A slice for every message, in the lane of its node, and marks for what its counters say.
+    /// A slice for every message of who was in office, in the lane of its node, and marks for what its counters say.
     pub fn nodes(&mut self, log: &Log) {
         self.node(&log.states, |state| json!({ "applied_sequence": state.applied_sequence }));
         self.node(&log.references, |_| json!({}));
@@ -72,7 +72,8 @@ impl Trace {
         }
     }
 
-    /// An arrow for every sample, through the messages that descend from it to the moment its command took effect.
+    /// An arrow for every sample, through the messages that descend from it to the moment its command took effect; past
+    /// those that a fault struck on their way.
     pub fn flows(&mut self, rows: &[Row], acted: &[Acted]) {
         // By tick and number: a restarted mixer may send a second command for a tick, or use a number again.
         let key = |command: &Actuators| (command.stamp.tick, command.stamp.sequence);
@@ -84,7 +85,8 @@ impl Trace {
                 row.controls.map(Message::stamp),
                 row.actuators.map(Message::stamp),
             ];
-            let nodes = stamps.into_iter().enumerate().filter_map(|(lane, stamp)| Some((lane, stamp?.start_ns)));
+            let heard = stamps.map(|stamp| stamp.filter(|stamp| stamp.is_heard()));
+            let nodes = heard.into_iter().enumerate().filter_map(|(lane, stamp)| Some((lane, stamp?.start_ns)));
             let mut stations: Vec<(usize, u64)> = nodes.collect();
             let command = row.actuators.and_then(|command| acted.get(&key(command)));
             stations.extend(command.map(|acted| (ACTUATORS, acted.from_ns)));
@@ -127,24 +129,25 @@ impl Trace {
         json!({ "traceEvents": events, "displayTimeUnit": "ns", "otherData": about })
     }
 
-    fn node<M: Message>(&mut self, messages: &[M], details: impl Fn(&M) -> Value) {
+    fn node<M: Message>(&mut self, messages: &[M], details: impl Fn(&M) -> Value)
+    where
+        Record: From<M>,
+    {
         let lane = M::TOPIC as usize;
-        for (i, message) in messages.iter().enumerate() {
+        let mut cycles = counted(messages).peekable();
+        while let Some((message, before)) = cycles.next() {
             let stamp = message.stamp();
             if !self.ticks.contains(&stamp.tick) {
                 continue;
             }
-            let of_the_same = |other: Option<&M>| other.map(|m| *m.stamp()).filter(|s| s.epoch == stamp.epoch);
-            let before = of_the_same(i.checked_sub(1).and_then(|i| messages.get(i)));
-            let after = of_the_same(messages.get(i + 1));
-            let mut args = timing(M::TOPIC, stamp, after.as_ref());
+            let after = cycles.peek().map(|(after, _)| after.stamp()).filter(|after| after.epoch == stamp.epoch);
+            let mut args = timing(M::TOPIC, stamp, after);
             if let Value::Object(details) = details(message) {
                 args.extend(details);
             }
             let end_ns = stamp.publish_ns[lane];
             self.slice(lane, &format!("{} {}", M::TOPIC.name(), stamp.tick), stamp.start_ns, end_ns, &args.into());
             // Skipped periods are found on waking and count as misses too; a late message is known when it is sent.
-            let before = before.unwrap_or_default();
             let slips = stamp.slips.saturating_sub(before.slips);
             let late = stamp.misses.saturating_sub(before.misses).saturating_sub(slips);
             self.mark(lane, "slip", stamp.start_ns, slips);
@@ -205,6 +208,7 @@ fn timing(topic: Topic, stamp: &Stamp, after: Option<&Stamp>) -> Map<String, Val
     Map::from_iter([
         ("tick".to_owned(), json!(stamp.tick)),
         ("sequence".to_owned(), json!(stamp.sequence)),
+        ("heard".to_owned(), json!(stamp.is_heard())),
         ("release_us".to_owned(), json!(since(stamp.sample_ns, stamp.release_ns))),
         ("wake_us".to_owned(), json!(since(stamp.release_ns, stamp.start_ns))),
         ("execution_us".to_owned(), json!(since(stamp.start_ns, publish_ns))),

@@ -2,7 +2,7 @@
 
 use super::*;
 use contract::Topic;
-use contract::message::{Actuators, Stamp, State};
+use contract::message::{Actuators, Message, Stamp, State};
 
 use super::acted::acted;
 use crate::report::Row;
@@ -10,11 +10,12 @@ use crate::report::Row;
 fn command(tick: u64, sequence: u64, epoch: u64) -> Actuators {
     let stamp = Stamp { tick, sample_ns: tick * 1_000, sequence, epoch, ..Stamp::default() };
     Actuators { stamp: stamp.published(Topic::Actuators, sequence, tick * 1_000 + 100), ..Actuators::default() }
+        .sealed()
 }
 
 fn state(tick: u64, applied_sequence: u64, applied_age_ns: u64) -> State {
-    let stamp = Stamp { tick, sample_ns: tick * 1_000, ..Stamp::default() };
-    State { stamp, applied_sequence, applied_age_ns, ..State::default() }
+    let stamp = Stamp { tick, sample_ns: tick * 1_000, sequence: tick + 1, epoch: 1, ..Stamp::default() };
+    State { stamp, applied_sequence, applied_age_ns, ..State::default() }.sealed()
 }
 
 /// (tick, from, until) of every command that acted.
