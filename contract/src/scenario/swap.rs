@@ -18,7 +18,8 @@ pub struct Swap {
     pub at_s: f64,
     /// Whom it is to replace.
     pub node: SwapNode,
-    /// Its program; absent = the launcher's own. It is started as `PROGRAM --namespace NAME --epoch N --settings FILE`.
+    /// Its program; absent = the launcher's own. It is started as `PROGRAM --namespace NAME --epoch N --settings FILE`,
+    /// a recorder with `--log FILE` instead of settings.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exec: Option<String>,
     /// Its settings, each as after `--set`, on top of the run's.

@@ -88,7 +88,7 @@ impl Stack {
             self.tell_of_recorder(epoch, What::GivenUp);
             self.board.recorded().raise(u32::MAX);
         }
-        again.then(|| self.begin_recorder()).flatten()
+        again.then(|| self.begin_recorder(None)).flatten()
     }
 
     /// The scenario's swaps of the recorder, and recorders that are ready to take over.
@@ -102,21 +102,24 @@ impl Stack {
             }
         }
         let archive = self.archive.as_mut()?;
-        let due = self.scenario.swap.iter().filter(|swap| is_due(swap, tick, &self.scenario)).count();
-        if tick > 0 && due > archive.swaps {
+        let mut due = self.scenario.swap.iter().enumerate().filter(|(_, swap)| is_due(swap, tick, &self.scenario));
+        if tick > 0
+            && let Some((i, _)) = due.nth(archive.swaps)
+        {
             archive.swaps += 1;
-            return self.begin_recorder();
+            return self.begin_recorder(Some(i));
         }
         None
     }
 
-    fn begin_recorder(&mut self) -> Option<Ended> {
+    fn begin_recorder(&mut self, swap: Option<usize>) -> Option<Ended> {
         if let Err(error) = self.start_recorder() {
             eprintln!("error: {error:#}");
             return None; // the flight is worth more than its log, whose loss is told at the end
         }
         let epoch = self.archive.as_ref()?.newest();
-        self.tell_of_recorder(epoch, What::Started);
+        let tick = plant_tick(&self.board);
+        self.regime.events().push(Event::new(tick, RECORDER, epoch, What::Started).begins(swap));
         None
     }
 

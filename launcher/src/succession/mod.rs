@@ -233,10 +233,8 @@ impl Post {
         steps: &mut Vec<Step>,
     ) {
         let Some(holder) = self.holder else {
-            events.push(
-                Event::new(tick, self.topic.publisher(), self.newest, What::Rejected)
-                    .because("nobody to take over from"),
-            );
+            let rejected = Event::new(tick, self.topic.publisher(), self.newest, What::Rejected);
+            events.push(rejected.because("nobody to take over from").begins(Some(i)));
             return;
         };
         self.newest = successor(self.newest, holder.epoch);
@@ -246,9 +244,8 @@ impl Post {
         self.trial = Some(Trial::new(scenario, swap, self.topic, ticks, (holder.epoch, newcomer.epoch)));
         self.shadow = Some(newcomer);
         steps.push(Step::Begin(self.topic, newcomer.epoch, newcomer.origin));
-        for what in [What::Started, What::InShadow] {
-            events.push(Event::new(tick, self.topic.publisher(), newcomer.epoch, what));
-        }
+        let happened = |what| Event::new(tick, self.topic.publisher(), newcomer.epoch, what);
+        events.extend([happened(What::Started).begins(Some(i)), happened(What::InShadow)]);
     }
 }
 
