@@ -15,5 +15,6 @@ mod recorded;
 mod sensitivity;
 mod solver;
 mod swap;
+mod swap_live;
 mod tidy;
 mod trace;
