@@ -6,7 +6,7 @@
 
 use contract::Scenario;
 use contract::realtime::phase;
-use contract::scenario::{Mode, Swap, SwapNode, from_merged, to_toml};
+use contract::scenario::{Mode, Swap, SwapNode, check_swaps};
 use contract::topic::Topic;
 use serde_json::{Value, json};
 
@@ -24,7 +24,7 @@ impl Stack {
         let mut with_it = self.scenario.clone();
         settle(&mut with_it, self.regime.events());
         with_it.swap.push(swap.clone());
-        from_merged(&to_toml(&with_it), "the swap").map_err(|error| error.to_string())?;
+        check_swaps(&with_it).map_err(|error| error.to_string())?;
         self.scenario.swap.push(swap);
         Ok(json!({ "swap": self.scenario.swap.len() - 1, "since": self.regime.events().len() }))
     }
@@ -85,7 +85,7 @@ mod tests {
         scenario.swap = at_s.iter().map(|at_s| Swap::new(SwapNode::Mixer, *at_s)).collect();
         let one = |(tick, epoch, what, swap)| Event::new(tick, "mixer", epoch, what).begins(swap);
         settle(&mut scenario, &events.iter().copied().map(one).collect::<Vec<_>>());
-        from_merged(&to_toml(&scenario), "settled").unwrap();
+        check_swaps(&scenario).unwrap();
         scenario.swap.iter().map(|swap| [swap.at_s, swap.shadow_s, swap.watch_s]).collect()
     }
 
