@@ -16,6 +16,6 @@ mod recorder;
 mod sensitivity;
 mod solver;
 mod swap;
-mod swap_recorder;
+mod swap_live;
 mod tidy;
 mod trace;

@@ -1,9 +1,157 @@
-//! Recorders that are swapped, die or stand still: the flight goes on, and its log is whole where somebody recorded.
+//! Recorders that are swapped, die or stand still: the flight goes on, and of its log nothing is missing that was not said
+//! to be.
 
-use launcher::log;
+use contract::message::Message;
+use contract::stamp::unheard;
+use launcher::log::{self, Log};
+use serde_json::{Value, json};
 
-use crate::harness::{Flight, launcher, namespace, shared_memory_of, wait_until};
-use crate::processes::{events, kill, process_of, processes_of};
+use crate::harness::{Flight, Outcome, fly, launcher, namespace, shared_memory_of, wait_until};
+use crate::processes::{kill, process_of, processes_of, wait_until_it_flies};
+
+/// Messages that come twice, out of order, bent and old.
+const FAULTS: &str = "fault=[\
+    {at_s=0.2, target=\"reference\", kind=\"duplicate\"}, {at_s=0.4, for_s=0.2, target=\"state\", kind=\"reorder\"}, \
+    {at_s=0.7, for_s=0.6, target=\"controls\", kind=\"corrupt\"}, {at_s=0.9, for_s=0.3, target=\"state\", kind=\"stale\"}]";
+
+/// What a flight has logged.
+fn log_of(outcome: &Outcome) -> Log {
+    let log = log::read(&outcome.out.join("flight.mcap")).expect("the log reads");
+    assert!(log.complete(), "{:?}", log.defect);
+    log
+}
+
+/// Who sent what when, in the order of the log: all of a message but the times it took.
+fn sent<M: Message>(messages: &[M]) -> Vec<(u64, u64, u64, u64, [u64; 4])> {
+    let stamps = messages.iter().map(Message::stamp);
+    stamps.map(|stamp| (stamp.epoch, stamp.sequence, stamp.tick, stamp.unheard, stamp.inputs)).collect()
+}
+
+/// Epoch, event, and time of what happened to the recorder.
+fn events(run: &Value) -> Vec<(u64, String, f64)> {
+    let all = run["events"].as_array().expect("events").iter().filter(|event| event["node"] == "recorder");
+    let told = |event: &Value| {
+        let what = event["what"].as_str().expect("a word").to_owned();
+        (event["epoch"].as_u64().expect("an epoch"), what, event["at_s"].as_f64().expect("a time"))
+    };
+    all.map(told).collect()
+}
+
+#[test]
+fn in_lockstep_the_log_is_the_same_with_and_without_swaps() {
+    let flown = |swaps: &str| {
+        let settings = ["--set", "run.duration_s=1.5", "--set", FAULTS, "--set", swaps];
+        let outcome = fly(&[&["scenarios/faults/hover-gusts.toml", "--mode", "lockstep"], &settings[..]].concat());
+        assert_eq!(outcome.code(), Some(0), "{swaps}: {}", outcome.stderr);
+        assert_eq!(outcome.run()["log"]["dropped"], 0, "{swaps}");
+        outcome
+    };
+    let plain = flown("swap=[]");
+    let swapped = flown(
+        "swap=[{at_s=0.0, node=\"recorder\"}, {at_s=0.5, node=\"recorder\"}, {at_s=0.8, node=\"recorder\", exec=\"false\"}, \
+         {at_s=1.0, node=\"recorder\"}]",
+    );
+    assert_eq!(plain.state_hash(), swapped.state_hash());
+    let (one, other) = (log_of(&plain), log_of(&swapped));
+    assert_eq!(sent(&one.states), sent(&other.states));
+    assert_eq!(sent(&one.references), sent(&other.references));
+    assert_eq!(sent(&one.controls), sent(&other.controls));
+    assert_eq!(sent(&one.actuators), sent(&other.actuators));
+    let story = [
+        (2, "started", 0.0),
+        (2, "took-over", 0.0),
+        (3, "started", 0.5),
+        (3, "took-over", 0.5),
+        (4, "started", 0.8),
+        (4, "died", 0.8),
+        (4, "rejected", 0.8),
+        (5, "started", 1.0),
+        (5, "took-over", 1.0),
+    ];
+    assert_eq!(events(&swapped.run()), story.map(|(epoch, what, at_s)| (epoch, what.to_owned(), at_s)));
+    let logged: Vec<_> = other.events.iter().map(|event| (event.epoch, json!(event.what))).collect();
+    assert_eq!(logged, story.map(|(epoch, what, _)| (epoch as u32, json!(what))));
+}
+
+/// `launcher swap` of the recorder of a stack; its exit code, and what it says.
+fn swap(namespace: &str, more: &[&str]) -> (Option<i32>, String) {
+    let mut command = launcher();
+    command.args(["swap", "recorder", "--namespace", namespace]).args(more);
+    let output = command.output().expect("swap runs");
+    (output.status.code(), String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned())
+}
+
+/// Every message of each epoch once, and none missing.
+fn check_whole<M: Message>(messages: &[M]) {
+    let stamps = messages.iter().map(Message::stamp).filter(|stamp| stamp.unheard == unheard::HEARD);
+    let numbers: Vec<(u64, u64)> = stamps.map(|stamp| (stamp.epoch, stamp.sequence)).collect();
+    assert_eq!(numbers.first().map(|(epoch, number)| (*epoch, *number)), Some((1, 1)), "{}", M::TOPIC.name());
+    for pair in numbers.windows(2).filter(|pair| pair[0].0 == pair[1].0) {
+        assert_eq!(pair[1].1, pair[0].1 + 1, "{}", M::TOPIC.name());
+    }
+}
+
+#[test]
+fn in_real_time_nothing_is_lost_by_swaps() {
+    let ns = namespace();
+    let flight = Flight::start(&ns, &["--mode", "realtime", "--set", "run.duration_s=2.5"]);
+    wait_until_it_flies(&ns);
+    for epoch in [2, 3] {
+        let (code, said) = swap(&ns, &[]);
+        assert!(code == Some(0) && said.contains(&format!("recorder epoch {epoch} took-over")), "{code:?} {said}");
+    }
+    let (code, said) = swap(&ns, &["--exec", "/bin/false"]);
+    assert!(code == Some(1) && said.contains("recorder epoch 4 rejected"), "{code:?} {said}");
+    let outcome = flight.finish();
+    assert_eq!(outcome.code(), Some(0), "{}", outcome.stderr);
+    let log = log_of(&outcome);
+    check_whole(&log.states);
+    check_whole(&log.references);
+    check_whole(&log.controls);
+    check_whole(&log.actuators);
+    assert!(log.states.len() > 100, "{}", log.states.len());
+    assert_eq!(outcome.run()["log"]["dropped"], 0);
+    let files = std::fs::read_dir(&outcome.out).expect("a folder").flatten().map(|entry| entry.file_name());
+    assert_eq!(files.filter(|name| name.to_string_lossy().contains("mcap")).count(), 1);
+    let scenario = outcome.out.join("scenario.toml");
+    let check = launcher().arg("check").arg(scenario).output().expect("check runs");
+    assert!(check.status.success(), "{}", String::from_utf8_lossy(&check.stderr));
+    assert_eq!(shared_memory_of(&ns), Vec::<String>::new());
+}
+
+#[test]
+fn where_nobody_records_nobody_takes_over() {
+    let ns = namespace();
+    let flight = Flight::start(&ns, &["--mode", "realtime", "--no-log"]);
+    wait_until("the swap is refused", || {
+        let swap = launcher().args(["swap", "recorder", "--namespace", &ns]).output().expect("swap runs");
+        swap.status.code() == Some(2) && String::from_utf8_lossy(&swap.stderr).contains("nobody records this flight")
+    });
+    kill("-INT", &[flight.child.id() as i32]);
+    assert_eq!(flight.finish().code(), Some(130));
+}
+
+#[test]
+fn a_dead_recorder_is_replaced_and_what_died_with_it_is_counted() {
+    let ns = namespace();
+    let flight = Flight::start(&ns, &["--mode", "lockstep", "--set", "run.duration_s=120.0"]);
+    wait_until_it_flies(&ns);
+    // While it hangs the plant waits for it, with all of its queue unread; nobody hears of that any more.
+    let recorder = process_of(&ns, "recorder");
+    kill("-STOP", &[recorder]);
+    std::thread::sleep(std::time::Duration::from_millis(200));
+    kill("-KILL", &[recorder]);
+    let outcome = flight.finish();
+    assert_eq!(outcome.code(), Some(0), "{}", outcome.stderr);
+    let run = outcome.run();
+    let told: Vec<(u64, String)> = events(&run).into_iter().map(|(epoch, what, _)| (epoch, what)).collect();
+    assert_eq!(told, [(1, "died"), (2, "started"), (2, "took-over")].map(|(epoch, what)| (epoch, what.to_owned())));
+    let log = log_of(&outcome);
+    let there = log.states.len() + log.references.len() + log.controls.len() + log.actuators.len();
+    let dropped = run["log"]["dropped"].as_u64().expect("a number");
+    assert!(dropped > 0);
+    assert_eq!(there as u64 + dropped, 4 * 12_001);
+}
 
 #[test]
 fn programs_that_do_not_record_are_rejected_and_nothing_is_missing() {
@@ -17,7 +165,7 @@ fn programs_that_do_not_record_are_rejected_and_nothing_is_missing() {
     let programs = ["/bin/false", "/bin/true", "/dev/null", "", never_ready];
     let swap = |(i, program): (usize, &&str)| {
         let exec = if program.is_empty() { String::new() } else { format!(", exec={program:?}") };
-        format!("{{at_s={}, node=\"recorder\", shadow_s=0.0, watch_s=0.0{exec}}}", i + 1)
+        format!("{{at_s={}, node=\"recorder\"{exec}}}", i + 1)
     };
     let swaps = format!("swap=[{}]", programs.iter().enumerate().map(swap).collect::<Vec<_>>().join(", "));
     let ns = namespace();
@@ -25,8 +173,8 @@ fn programs_that_do_not_record_are_rejected_and_nothing_is_missing() {
 
     assert_eq!(outcome.code(), Some(0), "{}", outcome.stderr);
     let run = outcome.run();
-    let endings: Vec<String> =
-        events(&run, "recorder").into_iter().filter(|what| !["started", "died", "hung"].contains(&&**what)).collect();
+    let all = events(&run).into_iter().map(|(_, what, _)| what);
+    let endings: Vec<String> = all.filter(|what| !["started", "died", "hung"].contains(&&**what)).collect();
     assert!(endings.join(" ").starts_with("rejected rejected rejected took-over"), "{}", run["events"]);
     assert_eq!(run["log"]["dropped"], 0);
     let log = log::read(&outcome.out.join("flight.mcap")).expect("the log reads");
@@ -46,19 +194,8 @@ fn a_recorder_that_stands_still_holds_up_no_lockstep_flight() {
     let outcome = flight.finish();
     assert_eq!(outcome.code(), Some(0), "{}", outcome.stderr);
     let run = outcome.run();
-    assert_eq!(events(&run, "recorder"), ["hung", "died", "started", "took-over"]);
+    let told: Vec<String> = events(&run).into_iter().map(|(_, what, _)| what).collect();
+    assert_eq!(told, ["hung", "died", "started", "took-over"]);
     assert!(run["log"]["dropped"].as_u64() > Some(0), "{}", run["log"]);
     assert!(log::read(&outcome.out.join("flight.mcap")).expect("the log reads").complete());
-}
-
-#[test]
-fn where_nobody_records_nobody_takes_over() {
-    let ns = namespace();
-    let flight = Flight::start(&ns, &["--mode", "realtime", "--no-log"]);
-    wait_until("the swap is refused", || {
-        let swap = launcher().args(["swap", "recorder", "--namespace", &ns]).output().expect("swap runs");
-        swap.status.code() == Some(2) && String::from_utf8_lossy(&swap.stderr).contains("nobody records this flight")
-    });
-    kill("-INT", &[flight.child.id() as i32]);
-    assert_eq!(flight.finish().code(), Some(130));
 }

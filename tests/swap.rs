@@ -58,7 +58,7 @@ fn check_same_faulty(fault: &str, swaps: &[String]) -> Value {
 }
 
 /// What became of the newcomers of `node`, one by one.
-fn endings(run: &Value, node: &str) -> Vec<String> {
+pub fn endings(run: &Value, node: &str) -> Vec<String> {
     let of_node = run["events"].as_array().expect("events").iter().filter(|event| event["node"] == node);
     let what = of_node.map(|event| event["what"].as_str().expect("a word").to_owned());
     what.filter(|what| ["kept", "rejected", "returned", "given-up"].contains(&what.as_str())).collect()

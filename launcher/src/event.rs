@@ -32,6 +32,9 @@ pub struct Event {
     /// The reason, where there is one to tell.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub why: Option<String>,
+    /// The number of the swap that begins with it, where one does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub swap: Option<usize>,
 }
 
 /// What can happen to a process.
@@ -79,13 +82,19 @@ pub enum What {
 impl Event {
     /// An event without a reason.
     pub fn new(tick: u64, node: &str, epoch: u32, what: What) -> Self {
-        Self { tick, node: node.into(), epoch, what, why: None }
+        Self { tick, node: node.into(), epoch, what, why: None, swap: None }
     }
 
     /// The same, with its reason.
     #[must_use]
     pub fn because(self, why: impl AsRef<str>) -> Self {
         Self { why: Some(why.as_ref().chars().take(LONGEST_REASON).collect()), ..self }
+    }
+
+    /// The same, with which swap number `swap` begins; none, when it is none.
+    #[must_use]
+    pub fn begins(self, swap: Option<usize>) -> Self {
+        Self { swap, ..self }
     }
 }
 

@@ -90,6 +90,9 @@ pub fn events(scenario: &Scenario, events: &[Event]) -> Value {
         if let Some(why) = &event.why {
             told["why"] = json!(why);
         }
+        if let Some(swap) = event.swap {
+            told["swap"] = json!(swap);
+        }
         told
     };
     events.iter().map(one).collect()

@@ -17,6 +17,7 @@ mod recorders;
 mod regime;
 mod script;
 mod staffing;
+mod swaps;
 
 use std::path::Path;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -170,6 +171,7 @@ impl Stack {
         };
         let given_up = self.regime.given_up();
         let wall = started.elapsed();
+        self.settle_swaps();
         let (lost, log) = self.stop(interrupts, &mut watch);
         let events = self.host.finish(plant_tick(&self.board), interrupts);
         self.regime.events().extend(events);

@@ -5,6 +5,7 @@ use std::time::Duration;
 use anyhow::Context;
 use contract::domain::Domain;
 use contract::process::exit;
+use contract::realtime::{Board, phase};
 use contract::scenario::{Swap, SwapBounds, SwapNode};
 use serde_json::{Map, Value, json};
 
@@ -16,12 +17,14 @@ const LOOK: Duration = Duration::from_millis(50);
 
 /// Arguments of `swap`.
 #[derive(clap::Args)]
-#[command(after_help = "Exit codes: 0 the newcomer stays; 1 it was sent away, and the old one has the office; \
-2 the swap is refused; 3 the flight ended first.")]
+#[command(after_help = "A recorder has neither settings nor a trial: it takes over as soon as it records, and --set, \
+--shadow, --watch and --bounds are refused for it.\n\nExit codes: 0 the newcomer stays; 1 it was sent away, and the old one \
+has the office; 2 the swap is refused; 3 the flight ended first.")]
 pub struct SwapArgs {
     /// guidance, attitude-mpc, mixer or recorder
     pub node: String,
-    /// Another program; it is started as PROGRAM --namespace NAME --epoch N --settings FILE
+    /// Another program; it is started as PROGRAM --namespace NAME --epoch N --settings FILE, a recorder with --log FILE
+    /// instead of --settings
     #[arg(long, value_name = "PATH")]
     pub exec: Option<String>,
     /// A setting of the newcomer, on top of the run's, value in TOML: --set mpc.law=lqr
@@ -52,38 +55,54 @@ pub fn swap(args: &SwapArgs) -> anyhow::Result<u8> {
     let (set, shadow_s, watch_s) = (args.set.clone(), args.shadow, args.watch);
     let swap = Swap { exec, set, shadow_s, watch_s, bounds: args.bounds, ..Swap::new(node, 0.0) };
     let domain = Domain::find(&args.namespace)?;
-    let before = events_of(&domain, node)?.len();
-    ask(&domain, &Request::Swap(swap))?;
-    let ending = |event: &Value| {
-        let what = event["what"].as_str().unwrap_or_default();
-        let ends: &[&str] =
-            if node == SwapNode::Recorder { &["took-over", "rejected"] } else { &["kept", "rejected", "returned"] };
-        ends.contains(&what).then(|| what.to_owned())
-    };
-    let mut told = before;
-    let what = loop {
-        let Ok(events) = events_of(&domain, node) else {
+    let ordered = ask(&domain, &Request::Swap(swap))?;
+    let mut told = ordered["since"].as_u64().context("the launcher does not say which events are to come")? as usize;
+    let mut story = vec![];
+    let ending = loop {
+        let Some(news) = news(&domain, told)? else {
             eprintln!("the flight ended before the swap did");
             return Ok(exit::PROCESS_LOST);
         };
-        events.iter().skip(told).filter(|_| !args.json).for_each(|event| print(&line(event)));
-        told = events.len();
-        if let Some(what) = events.iter().skip(before).find_map(ending) {
-            if args.json {
-                print(&(serde_json::to_string_pretty(&events[before..])? + "\n"));
-            }
-            break what;
+        told += news.len();
+        let known = story.len();
+        story.extend(news.into_iter().filter(|event| event["node"] == node.name()));
+        story[known..].iter().filter(|_| !args.json).for_each(|event| print(&line(event)));
+        if let Some(ending) = ending(&story, &ordered["swap"]) {
+            break ending;
         }
         std::thread::sleep(LOOK);
     };
-    Ok(if ["kept", "took-over"].contains(&what.as_str()) { exit::FLOWN } else { exit::OUT_OF_BOUNDS })
+    if args.json {
+        print(&(serde_json::to_string_pretty(&story)? + "\n"));
+    }
+    Ok(if ["kept", "took-over"].contains(&ending) { exit::FLOWN } else { exit::OUT_OF_BOUNDS })
 }
 
-/// What has happened to `node` so far.
-fn events_of(domain: &Domain, node: SwapNode) -> anyhow::Result<Vec<Value>> {
-    let view = ask(domain, &Request::Events)?;
-    let all = view.as_array().context("the launcher tells of no events")?;
-    Ok(all.iter().filter(|event| event["node"] == node.name()).cloned().collect())
+/// What has happened from event number `since` on; `None` when the flight is over.
+fn news(domain: &Domain, since: usize) -> anyhow::Result<Option<Vec<Value>>> {
+    match ask(domain, &Request::Events { since }) {
+        Ok(events) => Ok(Some(serde_json::from_value(events).context("the launcher tells of no events")?)),
+        Err(_) if !flies(domain) => Ok(None),
+        Err(error) => Err(error),
+    }
+}
+
+fn flies(domain: &Domain) -> bool {
+    let lives = Domain::list().iter().any(|other| other.folder == domain.folder);
+    lives && Board::open(&domain.file("board")).is_ok_and(|board| board.phase().count() == phase::GO)
+}
+
+/// What has become of swap number `swap`, by the `story` of its node, when it is over.
+fn ending<'a>(story: &'a [Value], swap: &Value) -> Option<&'a str> {
+    let begun = story.iter().position(|event| event["swap"] == *swap)?;
+    let (node, epoch) = (&story[begun]["node"], &story[begun]["epoch"]);
+    // A recorder has no trial.
+    let ends: &[&str] = if node == "recorder" { &["took-over", "rejected"] } else { &["kept", "rejected", "returned"] };
+    let is_end = |event: &&Value| {
+        let what = event["what"].as_str().unwrap_or_default();
+        event["epoch"] == *epoch && ends.contains(&what) || what == "given-up"
+    };
+    story[begun..].iter().find(is_end)?["what"].as_str()
 }
 
 /// The whole path of a program: the launcher that starts it may stand in another folder.
@@ -132,6 +151,24 @@ mod tests {
         for text in ["", "s", "-1s", "1h", "NaN"] {
             assert!(seconds(text).is_err(), "{text}");
         }
+    }
+
+    #[test]
+    fn a_swap_ends_with_its_own_newcomer() {
+        let told = |node: &str, events: &[(u32, &str, Option<u32>)]| {
+            let one = |(epoch, what, swap): &(u32, &str, Option<u32>)| json!({ "node": node, "epoch": epoch, "what": what, "swap": swap });
+            let story: Vec<Value> = events.iter().map(one).collect();
+            ending(&story, &json!(1)).map(str::to_owned)
+        };
+        let before = [(2, "kept", None), (3, "started", Some(0)), (3, "rejected", None)];
+        assert_eq!(told("mixer", &before), None, "another swap's");
+        let begun = [&before[..], &[(4, "started", Some(1)), (1, "died", None), (4, "took-over", None)]].concat();
+        assert_eq!(told("mixer", &begun), None);
+        assert_eq!(told("recorder", &begun).as_deref(), Some("took-over"));
+        let over = [&begun[..], &[(4, "returned", None), (5, "started", Some(2)), (5, "kept", None)]].concat();
+        assert_eq!(told("mixer", &over).as_deref(), Some("returned"));
+        let lost = [&begun[..], &[(5, "given-up", None)]].concat();
+        assert_eq!(told("mixer", &lost).as_deref(), Some("given-up"));
     }
 
     #[test]

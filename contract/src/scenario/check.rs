@@ -53,6 +53,13 @@ pub fn violations_of(fault: &Fault, scenario: &Scenario) -> Vec<Violation> {
     found.0
 }
 
+/// Every rule that the swaps of `scenario` break.
+pub fn violations_of_swaps(scenario: &Scenario) -> Vec<Violation> {
+    let mut found = Found(vec![]);
+    swaps::check(scenario, &mut found);
+    found.0
+}
+
 /// Each leg of the survey takes this long.
 const SURVEY_LEG_S: f64 = 10.0;
 

@@ -35,9 +35,18 @@ pub fn newcomer(run: &Scenario, swap: &Swap) -> Result<Scenario, ScenarioError> 
 
 /// Whether `scenario` could have `fault` too: the rules for its own, in the same words.
 pub fn check_fault(scenario: &Scenario, fault: &Fault) -> Result<(), ScenarioError> {
-    let violations = check::violations_of(fault, scenario).into_iter();
-    let problems: Vec<Problem> =
-        violations.map(|violation| Problem { title: violation.what, place: None, help: violation.allowed }).collect();
+    without_place(check::violations_of(fault, scenario))
+}
+
+/// Whether `scenario` may have the swaps that it has, in the same words too.
+pub fn check_swaps(scenario: &Scenario) -> Result<(), ScenarioError> {
+    without_place(check::violations_of_swaps(scenario))
+}
+
+/// Violations of what stands in no file.
+fn without_place(violations: Vec<check::Violation>) -> Result<(), ScenarioError> {
+    let problem = |violation: check::Violation| Problem { title: violation.what, place: None, help: violation.allowed };
+    let problems: Vec<Problem> = violations.into_iter().map(problem).collect();
     if problems.is_empty() { Ok(()) } else { Err(ScenarioError::new(&problems)) }
 }
 

@@ -7,7 +7,7 @@
 //! ```
 //!
 //! The recorder is not tried like that: the newcomer records beside the old one from when it is ready, and the old one leaves
-//! at once. `shadow_s`, `watch_s` and `bounds` mean nothing to it.
+//! at once. `set`, `shadow_s`, `watch_s` and `bounds` are refused for it.
 
 use serde::{Deserialize, Serialize};
 

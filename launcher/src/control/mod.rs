@@ -1,8 +1,8 @@
 //! Control of a stack that flies: a socket in the run's folder, on which its launcher answers.
 //!
 //! ```text
-//! launcher status, inject, clear  -- a request, one line of JSON -->    launcher fly
-//!                                <-- the response, one line of JSON --
+//! launcher status, swap, inject, clear   -- a request, one line of JSON -->    launcher fly
+//!                                       <-- the response, one line of JSON --
 //! ```
 //!
 //! The folder lets in nobody but the user who flies. The launcher answers in the loop in which it supervises, and never

@@ -21,9 +21,12 @@ const PATIENCE: Duration = Duration::from_secs(2);
 pub enum Request {
     /// How the nodes are, what is broken, what happened last.
     Status,
-    /// Everything that has happened to the processes.
-    Events,
-    /// Replace a process, beginning now.
+    /// What has happened to the processes.
+    Events {
+        /// From this event on, counted from 0.
+        since: usize,
+    },
+    /// Replace a process, beginning now. The answer has the number of the swap, and of the next event.
     Swap(Swap),
     /// This fault is to happen; it begins `at_s` after the next sample.
     Inject {

@@ -192,7 +192,7 @@ fn events_stand_at_their_ticks_beside_the_messages() {
     let mut log = LogWriter::create(&path, SCENARIO, 2_000_000).unwrap();
     let events = [
         Event::new(3, "mixer", 1, What::Died),
-        Event::new(5, "mixer", 2, What::TookOver).because("the \u{3bc} of \"it\"\n"),
+        Event::new(5, "mixer", 2, What::TookOver).because("the \u{3bc} of \"it\"\n").begins(Some(0)),
     ];
     write_states(&mut log, 0..4);
     for event in &events {

@@ -16,7 +16,9 @@ pub fn describe(view: &Value) -> String {
     let mut line = |line: String| _ = writeln!(text, "  {line}"); // a String takes everything
     let nodes = list(&view["nodes"]);
     if !nodes.is_empty() {
-        line(row(["node", "epoch", "pid", "ticks", "behind", "age ms", "restarts", "refused"].map(str::to_owned)));
+        line(row(
+            ["node", "epoch", "shadow", "pid", "ticks", "behind", "age ms", "restarts", "refused"].map(str::to_owned)
+        ));
     }
     for view in nodes {
         line(node(view));
@@ -36,13 +38,14 @@ fn node(view: &Value) -> String {
         return format!("{:<14}nobody", word(&view["node"]));
     }
     let age = format!("{:.1}", number(&view["age_ms"]));
+    let shadow = if view["shadow"].is_null() { "-".into() } else { word(&view["shadow"]) };
     let [node, epoch, pid, tick, behind, restarts] =
         ["node", "epoch", "pid", "tick", "behind", "restarts"].map(|key| word(&view[key]));
-    row([node, epoch, pid, tick, behind, age, restarts, refused(&view["refused"])])
+    row([node, epoch, shadow, pid, tick, behind, age, restarts, refused(&view["refused"])])
 }
 
-fn row([node, epoch, pid, tick, behind, age, restarts, refused]: [String; 8]) -> String {
-    format!("{node:<14}{epoch:>6}{pid:>9}{tick:>9}{behind:>8}{age:>8}{restarts:>10}   {refused}")
+fn row([node, epoch, shadow, pid, tick, behind, age, restarts, refused]: [String; 9]) -> String {
+    format!("{node:<14}{epoch:>6}{shadow:>8}{pid:>9}{tick:>9}{behind:>8}{age:>8}{restarts:>10}   {refused}")
 }
 
 /// The causes that have happened, and how often.

@@ -12,6 +12,8 @@ use crate::run_record::{events, refused};
 
 /// Of the events the last so many are told.
 const EVENTS: usize = 8;
+/// No more are told at once, so that what is answered fits into the socket.
+const MOST_EVENTS: usize = 100;
 
 impl Stack {
     /// Answers to everybody who has asked.
@@ -25,12 +27,19 @@ impl Stack {
     fn answer(&mut self, request: &Request) -> Response {
         let done = match request {
             Request::Status => Ok(self.view()),
-            Request::Events => Ok(events(&self.scenario, self.regime.events())),
+            Request::Events { since } => Ok(self.tale(*since)),
             Request::Inject { fault } => self.inject(*fault),
             Request::Clear { target } => self.clear(*target),
             Request::Swap(swap) => self.order_swap(swap.clone()),
         };
         done.map_or_else(Response::Error, Response::Ok)
+    }
+
+    /// The events from number `since` on, or the first of them.
+    fn tale(&mut self, since: usize) -> Value {
+        let all = self.regime.events();
+        let since = since.min(all.len());
+        events(&self.scenario, &all[since..all.len().min(since + MOST_EVENTS)])
     }
 
     /// How the nodes are, what is broken, and what happened last.
@@ -53,7 +62,8 @@ impl Stack {
         let done = (epoch > 0).then(|| office.done(epoch).get());
         let shadow = office.staff().shadow;
         let sent_ns = self.newest_ns[topic as usize];
-        let started = |event: &&Event| event.what == What::Started && event.node == topic.publisher();
+        let again = |event: &&Event| event.what == What::Started && event.swap.is_none();
+        let restart = |event: &&Event| event.node == topic.publisher() && again(event);
         json!({
             "node": topic.publisher(),
             "epoch": epoch,
@@ -62,7 +72,7 @@ impl Stack {
             "tick": done,
             "behind": done.map(|done| sampled.saturating_sub(done)),
             "age_ms": (sent_ns > 0).then(|| now_ns().saturating_sub(sent_ns) as f64 / 1e6),
-            "restarts": self.regime.events().iter().filter(started).count(),
+            "restarts": self.regime.events().iter().filter(restart).count(),
             "refused": refused(&Refusal::ALL.map(|r| office.refused[r as usize].get())),
         })
     }

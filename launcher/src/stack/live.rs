@@ -1,10 +1,7 @@
-//! What is ordered while the stack flies: faults given and ended, which are entered into the ledger, where every process
-//! hears of them, and swaps.
+//! Faults given and ended while the stack flies: they are entered into the ledger, where every process hears of them.
 
-use contract::Scenario;
 use contract::ledger::{LONGEST_DELAY_MS, ROOM};
-use contract::realtime::phase;
-use contract::scenario::{Fault, FaultKind, FaultTarget, Mode, Swap, SwapNode, check_fault, from_merged, to_toml};
+use contract::scenario::{Fault, FaultKind, FaultTarget, Mode, check_fault};
 use serde_json::{Value, json};
 
 use super::Stack;
@@ -64,24 +61,6 @@ impl Stack {
         Ok(cleared.iter().map(|(_, fault)| json!(fault)).collect())
     }
 
-    /// Begins a swap with the next sample, if it stands up to the rules of the scenario.
-    pub(super) fn order_swap(&mut self, swap: Swap) -> Result<Value, String> {
-        if self.board.phase().count() != phase::GO {
-            return Err("the stack is starting or ending".into());
-        }
-        self.regime.may_swap(&self.board, swap.node.topic())?;
-        if swap.node == SwapNode::Recorder {
-            self.may_swap_recorder()?;
-        }
-        let at_s = (plant_tick(&self.board) + 1) as f64 * self.scenario.sample_s();
-        let swap = Swap { at_s, ..swap };
-        let alone = Scenario { swap: vec![swap.clone()], ..self.scenario.clone() };
-        from_merged(&to_toml(&alone), "the swap").map_err(|error| error.to_string())?;
-        let node = swap.node.name();
-        self.scenario.swap.push(swap);
-        Ok(json!({ "node": node, "at_s": at_s }))
-    }
-
     /// The faults that are at work now.
     pub(super) fn at_work(&self) -> impl Iterator<Item = &Fault> {
         let (tick, sample_s) = (plant_tick(&self.board), self.scenario.sample_s());
@@ -102,11 +81,12 @@ impl Stack {
     }
 
     /// The first sample before which every process is sure to hear of what is entered now: the one after the next.
-    fn next_tick(&self) -> u64 {
+    pub(super) fn next_tick(&self) -> u64 {
         plant_tick(&self.board) + 2
     }
 
-    fn time_s(&self, tick: u64) -> f64 {
+    /// When `tick` is \[s\].
+    pub(super) fn time_s(&self, tick: u64) -> f64 {
         tick as f64 / f64::from(self.scenario.run.rate_hz)
     }
 

@@ -201,7 +201,7 @@ impl Recorders {
     fn start(&mut self, swap: Option<usize>, at: At, events: &mut Vec<Event>) -> Order {
         self.newest += 1;
         self.starting = Some(Started { epoch: self.newest, at: at.now, swap });
-        events.push(at.event(self.newest, What::Started));
+        events.push(at.event(self.newest, What::Started).begins(swap));
         Order::Start(self.newest, swap.or(self.programs.last().copied()))
     }
 }

@@ -255,7 +255,7 @@ impl Post {
         };
         let Some(holder) = holder else {
             let rejected = Event::new(tick, self.topic.publisher(), self.newest, What::Rejected);
-            events.push(rejected.because(why));
+            events.push(rejected.because(why).begins(Some(i)));
             return;
         };
         self.newest = successor(self.newest, holder.epoch);
@@ -265,9 +265,8 @@ impl Post {
         self.trial = Some((Trial::new(scenario, swap, self.topic, ticks, (holder.epoch, newcomer.epoch)), holder));
         self.shadow = Some(newcomer);
         steps.push(Step::Begin(self.topic, newcomer.epoch, newcomer.origin));
-        for what in [What::Started, What::InShadow] {
-            events.push(Event::new(tick, self.topic.publisher(), newcomer.epoch, what));
-        }
+        let happened = |what| Event::new(tick, self.topic.publisher(), newcomer.epoch, what);
+        events.extend([happened(What::Started).begins(Some(i)), happened(What::InShadow)]);
     }
 }
 

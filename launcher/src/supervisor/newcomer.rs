@@ -41,7 +41,8 @@ impl Node {
         orders: &mut Vec<Order>,
     ) {
         if let Err(why) = self.may_swap(board) {
-            events.push(Event::new(tick, self.topic.publisher(), self.newest, What::Rejected).because(why));
+            let rejected = Event::new(tick, self.topic.publisher(), self.newest, What::Rejected);
+            events.push(rejected.because(why).begins(Some(i)));
             return;
         }
         self.newest = successor(self.newest, board.office(self.topic).holder());

@@ -161,7 +161,7 @@ impl Node {
     ) {
         self.started = Some(Started { epoch: self.newest, at: now, swap });
         self.wanted.push(self.newest);
-        events.push(Event::new(tick, self.topic.publisher(), self.newest, What::Started));
+        events.push(Event::new(tick, self.topic.publisher(), self.newest, What::Started).begins(swap));
         orders.push(Order::Start(self.topic, self.newest, swap.or(self.origins.0)));
     }
 

@@ -3,7 +3,7 @@
 use super::Found;
 use super::faults::word;
 use crate::plan::Absence;
-use crate::scenario::{FaultKind, FaultTarget, Mode, Scenario, Swap, SwapNode, newcomer};
+use crate::scenario::{FaultKind, FaultTarget, Mode, Scenario, Swap, SwapNode, SwapTicks, newcomer};
 
 const KEYS: [&str; 1] = ["swap"];
 
@@ -14,16 +14,11 @@ pub fn check(scenario: &Scenario, found: &mut Found) {
         if !check_node(scenario, swap, found) {
             continue;
         }
-        let others = scenario.swap[..i].iter().filter(|other| other.node == swap.node);
-        let taken_s = |swap: &Swap| match swap.node {
-            SwapNode::Recorder => 0.0, // who takes over at once
-            _ => swap.shadow_s.max(0.01) + swap.watch_s,
-        };
-        let span = |swap: &Swap| swap.at_s..=swap.at_s + taken_s(swap);
+        let mut others = scenario.swap[..i].iter().filter(|other| other.node == swap.node);
+        let (from, until) = span(swap, scenario);
+        let apart = |(other_from, other_until)| other_until < from || until < other_from;
         found.require(
-            others
-                .clone()
-                .all(|other| span(other).end() < span(swap).start() || span(swap).end() < span(other).start()),
+            others.all(|other| apart(span(other, scenario))),
             &KEYS,
             format!("two swaps of {} at once", swap.node.name()),
             "one after the other: from `at_s` to `at_s` + `shadow_s` + `watch_s` the node is taken",
@@ -31,6 +26,12 @@ pub fn check(scenario: &Scenario, found: &mut Found) {
         check_absences(scenario, swap, found);
         check_newcomer(scenario, swap, found);
     }
+}
+
+/// The first and the last tick on which the node is taken; a recorder has no trial.
+fn span(swap: &Swap, scenario: &Scenario) -> (u64, u64) {
+    let SwapTicks { from, until, .. } = swap.ticks(scenario.sample_s());
+    (from, if swap.node == SwapNode::Recorder { from } else { until })
 }
 
 fn check_sizes(swap: &Swap, found: &mut Found) {
@@ -58,6 +59,7 @@ fn check_sizes(swap: &Swap, found: &mut Found) {
 /// Whether the node can be swapped at all.
 fn check_node(scenario: &Scenario, swap: &Swap, found: &mut Found) -> bool {
     let inprocess = scenario.run.mode == Mode::Inprocess;
+    let plain = || Swap { exec: swap.exec.clone(), ..Swap::new(swap.node, swap.at_s) };
     let refusal = match swap.node {
         SwapNode::Plant => Some((
             "the plant cannot be swapped: it is the vehicle, and there is no second one to take over from it",
@@ -66,9 +68,10 @@ fn check_node(scenario: &Scenario, swap: &Swap, found: &mut Found) -> bool {
         SwapNode::Recorder if inprocess => {
             Some(("in process there is no recorder to swap", "`run.mode` = \"lockstep\" or \"realtime\""))
         }
-        SwapNode::Recorder if !swap.set.is_empty() => {
-            Some(("the recorder has no settings", "a swap of the recorder without `set`"))
-        }
+        SwapNode::Recorder if *swap != plain() => Some((
+            "the recorder has neither settings nor a trial",
+            "a swap of the recorder without `set`, `shadow_s`, `watch_s` and `bounds`",
+        )),
         _ if inprocess && swap.exec.is_some() => {
             Some(("in process there is no other program", "`run.mode` = \"lockstep\" or \"realtime\", or no `exec`"))
         }

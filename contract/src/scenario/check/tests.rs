@@ -157,7 +157,10 @@ fn a_swap_that_cannot_be_is_refused() {
         ("swap=[{at_s=1, node=\"mixer\", set=[\"run.seed=3\"]}]", "everything but `run`"),
         ("swap=[{at_s=1, node=\"mixer\", set=[\"mpc.np=0\"]}]", "`swap.set`: `mpc.np` = 0"),
         ("swap=[{at_s=1, node=\"mixer\", set=[\"nonsense\"]}]", "`swap.set`: not TOML"),
+        ("swap=[{at_s=1, node=\"mixer\"}, {at_s=5, node=\"mixer\"}]", "one after the other"),
         ("swap=[{at_s=1, node=\"recorder\", set=[\"mpc.np=20\"]}]", "without `set`"),
+        ("swap=[{at_s=1, node=\"recorder\", watch_s=1}]", "nor a trial"),
+        ("swap=[{at_s=1, node=\"recorder\"}, {at_s=1, node=\"recorder\"}]", "two swaps of recorder at once"),
         (
             "swap=[{at_s=1, node=\"mixer\", set=[\"fault=[{at_s=0, target=\\\"payload\\\", kind=\\\"mass\\\"}]\"]}]",
             "of its topic",
@@ -177,6 +180,20 @@ fn a_swap_that_cannot_be_is_refused() {
         let error = from_set(&[inprocess, swap]).unwrap_err().to_string();
         assert!(error.contains("in process there is no"), "{error}");
     }
+}
+
+#[test]
+fn swaps_of_a_node_are_apart_by_ticks() {
+    for rate_hz in [50, 1000] {
+        let sample_s = 1.0 / f64::from(rate_hz);
+        let pair = |apart: f64| {
+            let second = format!("{{at_s={}, node=\"mixer\"}}", 1.0 + apart * sample_s);
+            let first = "{at_s=1, node=\"mixer\", shadow_s=0.0, watch_s=0.0}"; // one tick in the shadow it is
+            from_set(&[&format!("run.rate_hz={rate_hz}"), &format!("swap=[{first}, {second}]")])
+        };
+        assert!(pair(1.0).is_err() && pair(1.1).is_ok(), "{rate_hz} Hz");
+    }
+    from_set(&["swap=[{at_s=1, node=\"recorder\"}, {at_s=1.01, node=\"recorder\"}]"]).unwrap();
 }
 
 #[test]

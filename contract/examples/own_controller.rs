@@ -1,7 +1,7 @@
 //! A controller of your own in the place of attitude-mpc: one PD law per axis, and all that a process needs to fly it.
 //!
 //! ```text
-//! cargo build --release -p attitude-mpc --example own_controller
+//! cargo build --release --workspace --example own_controller
 //! launcher swap attitude-mpc --exec target/release/examples/own_controller        while a flight is under way
 //! ```
 

@@ -1,0 +1,164 @@
+//! `launcher swap`, against the clock: who is good is kept, who is not is sent away, the flight goes on, and what was done
+//! can be flown again.
+
+use std::fs;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::thread;
+
+use contract::domain::Domain;
+use contract::scenario::{Swap, SwapNode, from_merged};
+use launcher::control::{Request, ask};
+use serde_json::{Value, json};
+
+use crate::control::{flying, status, tell};
+use crate::harness::{Flight, Outcome, fly, launcher, namespace, shared_memory_of, wait_until};
+use crate::swap::endings;
+
+const HOVER: &str = "scenarios/faults/hover-gusts.toml";
+/// On a busy machine everybody is late now and then.
+const PATIENT: &str = "ticks=100";
+
+/// `launcher swap` in a stack: its exit code, and what it said.
+fn swap(namespace: &str, words: &[&str]) -> (Option<i32>, String) {
+    let mut command = launcher();
+    command.arg("swap").args(words).args(["--shadow", "0.2", "--watch", "0.3", "--namespace", namespace]);
+    let output = command.output().expect("swap runs");
+    let said = [output.stdout, output.stderr].concat();
+    (output.status.code(), String::from_utf8(said).expect("text"))
+}
+
+/// A swap that ends with this exit code; what it said.
+fn swapped(namespace: &str, words: &[&str], code: i32) -> String {
+    let (ended, said) = swap(namespace, words);
+    assert_eq!(ended, Some(code), "{words:?}: {said}");
+    said
+}
+
+/// The settings that the flight left in its folder.
+fn settings(outcome: &Outcome) -> PathBuf {
+    outcome.out.join("scenario.toml")
+}
+
+fn swaps(outcome: &Outcome) -> Vec<Swap> {
+    let text = fs::read_to_string(settings(outcome)).expect("the settings");
+    from_merged(&text, "scenario.toml").expect("they can be flown").swap
+}
+
+/// A program that does nothing, for ever.
+fn sleeper(folder: &Path) -> String {
+    let path = folder.join("sleeper");
+    fs::write(&path, "#!/bin/sh\nexec sleep 1000\n").expect("written");
+    fs::set_permissions(&path, fs::Permissions::from_mode(0o755)).expect("a program");
+    path.to_str().expect("text").into()
+}
+
+/// The controller among the examples of `contract`, as built beside the launcher.
+fn own_controller() -> String {
+    let path = Path::new(env!("CARGO_BIN_EXE_launcher")).with_file_name("examples").join("own_controller");
+    let how = "cargo build --workspace --example own_controller (cargo test --workspace does it too)";
+    assert!(path.exists(), "{} is missing; build it: {how}", path.display());
+    path.to_str().expect("text").into()
+}
+
+#[test]
+fn what_was_swapped_by_hand_can_be_flown_again() {
+    let ns = namespace();
+    let flight = flying(&ns, &[HOVER, "--set", "run.duration_s=6.0"]);
+    let said = swapped(&ns, &["attitude-mpc", "--set", "mpc.law=lqr", "--bounds", PATIENT], 0);
+    assert!(said.contains("epoch 2 in-shadow") && said.contains("epoch 2 kept"), "{said}");
+    let garbage = "fault=[{at_s=0, target=\"controls\", kind=\"garbage\"}]";
+    let said = swapped(&ns, &["attitude-mpc", "--set", garbage], 1);
+    assert!(said.contains("cannot be used"), "{said}");
+    swapped(&ns, &["mixer", "--exec", "/bin/false"], 1);
+    let said = swapped(&ns, &["mixer", "--bounds", PATIENT, "--json"], 0);
+    let story: Value = serde_json::from_str(&said).expect("JSON");
+    assert_eq!(story.as_array().and_then(|story| story.last()).map(|event| &event["what"]), Some(&json!("kept")));
+    let restarts = || [2, 3].map(|i| status(&ns)["nodes"][i]["restarts"].clone());
+    assert_eq!(restarts(), [json!(0), json!(0)], "a newcomer is no restart");
+
+    let outcome = flight.finish();
+    assert_eq!(outcome.code(), Some(0), "{}", outcome.stderr);
+    let run = outcome.run();
+    let [law, wrong, ended, again] = swaps(&outcome).try_into().expect("four of them");
+    assert!(law.shadow_s > 0.2, "ordered before it was ready: {law:?}");
+    assert_eq!(wrong.watch_s, 0.0, "never in office");
+    assert!(ended.at_s < again.at_s && again.shadow_s > 0.2, "{ended:?} {again:?}");
+
+    let file = settings(&outcome);
+    let file = file.to_str().expect("text");
+    assert_eq!(launcher().args(["check", file]).output().expect("check runs").status.code(), Some(0));
+    let repeated = fly(&[file, "--mode", "lockstep", "--no-log"]);
+    assert_eq!(repeated.code(), Some(0), "{}", repeated.stderr);
+    for (node, expected) in [("attitude-mpc", ["kept", "rejected"]), ("mixer", ["rejected", "kept"])] {
+        for run in [&run, &repeated.run()] {
+            assert_eq!(endings(run, node), expected, "{}", run["events"]);
+        }
+    }
+}
+
+#[test]
+fn another_program_may_take_over_if_it_does_its_work() {
+    let ns = namespace();
+    let flight = flying(&ns, &[HOVER, "--set", "run.duration_s=6.0"]);
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let said = swapped(&ns, &["attitude-mpc", "--exec", &sleeper(folder.path())], 1);
+    assert!(said.contains("rejected"), "{said}");
+    let bounds = format!("{PATIENT},difference=1,accord=-1,error_m=10");
+    let said = swapped(&ns, &["attitude-mpc", "--exec", &own_controller(), "--bounds", &bounds], 0);
+    assert!(said.contains("kept"), "{said}");
+    let outcome = flight.finish();
+    assert_eq!(outcome.code(), Some(0), "{}", outcome.stderr);
+    assert_eq!(endings(&outcome.run(), "attitude-mpc"), ["rejected", "kept"]);
+    assert_eq!(shared_memory_of(&ns), Vec::<String>::new());
+}
+
+#[test]
+fn a_swap_is_seen_while_it_lasts_and_others_are_refused_meanwhile() {
+    let ns = namespace();
+    let later = "swap=[{at_s=2000, node=\"mixer\"}]";
+    let flight = flying(&ns, &["--set", "run.duration_s=3600.0", "--set", later]);
+    let said = swapped(&ns, &["plant"], 2);
+    assert!(said.contains("it is the vehicle"), "{said}");
+    let said = swapped(&ns, &["recorder"], 2);
+    assert!(said.contains("nor a trial"), "{said}");
+    let error = tell(&ns, &["swap", "mixer", "--exec", "/no/such/program"]).expect_err("there is none");
+    assert!(error.starts_with("Some(2)") && error.contains("cannot find the program"), "{error}");
+    let error = tell(&ns, &["swap", "mixer", "--watch", "3000"]).expect_err("the scenario's is in its way");
+    assert!(error.starts_with("Some(2)") && error.contains("two swaps of mixer at once"), "{error}");
+    let domain = Domain::find(&ns).expect("it flies");
+    let order = Request::Swap(Swap::new(SwapNode::Mixer, 0.0));
+    ask(&domain, &order).expect("the first order");
+    ask(&domain, &order).expect_err("whether the first has begun or not");
+    let waiting = ["swap", "guidance", "--shadow", "3000", "--bounds", "ticks=100000"];
+    thread::scope(|scope| {
+        let waiting = scope.spawn(|| tell(&ns, &waiting).expect_err("it does not come to an end"));
+        wait_until("somebody works in the shadow", || status(&ns)["nodes"][1]["shadow"] == 2);
+        let table = launcher().arg("status").output().expect("status runs").stdout;
+        let table = String::from_utf8(table).expect("text");
+        let row = |line: &str| line.split_whitespace().take(3).eq(["guidance", "1", "2"]);
+        assert!(table.contains("shadow") && table.lines().any(row), "{table}");
+        let said = swapped(&ns, &["guidance"], 2);
+        assert!(said.contains("guidance has a newcomer already"), "{said}");
+        tell(&ns, &["stop"]).expect("it ends");
+        let error = waiting.join().expect("it waited");
+        assert!(error.starts_with("Some(3)") && error.contains("the flight ended before the swap did"), "{error}");
+    });
+    let outcome = flight.finish();
+    assert_eq!(outcome.code(), Some(130), "{}", outcome.stderr);
+    assert_eq!(swaps(&outcome).len(), 3);
+}
+
+#[test]
+fn one_recorder_after_the_other_leaves_one_log_and_a_report() {
+    let ns = namespace();
+    let flight = Flight::start(&ns, &["--set", "run.duration_s=4.0"]);
+    wait_until("the stack flies", || status(&ns)["time_s"].as_f64() > Some(0.2));
+    for _ in 0..2 {
+        tell(&ns, &["swap", "recorder"]).unwrap_or_else(|error| panic!("{error}"));
+    }
+    let outcome = flight.finish();
+    assert_eq!(outcome.code(), Some(0), "{}", outcome.stderr);
+    assert!(outcome.out.join("report.html").exists(), "{}", outcome.stderr);
+    assert_eq!(swaps(&outcome).len(), 2);
+}
