@@ -38,6 +38,7 @@ use contract::snapshot::Snapshot;
 use nalgebra::{Rotation3, Vector2, Vector3};
 
 use memory::Memory;
+use observer::Observer;
 pub use process::run;
 use reentry::Limits;
 pub use trajectory::{Setpoint, Trajectory};
@@ -208,6 +209,8 @@ impl Guidance {
     fn disturbance(&mut self, velocity_ned: &Vector3<f64>, attitude: &Vector3<f64>, lapse: Lapse) -> Vector2<f64> {
         let bandwidth = self.settings.disturbance_observer_radps;
         if bandwidth <= 0.0 {
+            // Whoever continues with an observer begins it from here.
+            self.memory.observer = Observer { velocity_ned_mps: *velocity_ned, ..Observer::default() };
             return Vector2::zeros();
         }
         let tilt = Vector2::new(attitude.x - self.roll_trim_rad, attitude.y);

@@ -130,3 +130,22 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn who_continues_with_an_observer_feels_no_push_that_is_not_there() {
+    let mut s = scenario(Profile::Robust, TrajectoryKind::Hover);
+    let northward = |tick: u64| {
+        let mut state = hovering(tick);
+        state.measured.velocity_mps[0] = 3.0;
+        state
+    };
+    let mut without = Guidance::new(&s);
+    for tick in 0..5 {
+        without.step(tick, &northward(tick));
+    }
+    s.guidance.disturbance_observer_radps = 5.0;
+    let mut with = Guidance::new(&s);
+    assert!(with.restore(&without.snapshot()));
+    let answer = with.step(5, &northward(5));
+    assert!(answer.disturbance_mps2.iter().all(|push| push.abs() < 1e-12), "{:?}", answer.disturbance_mps2);
+}

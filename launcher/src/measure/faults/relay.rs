@@ -24,7 +24,7 @@ use serde::Serialize;
 
 use super::flight::{lean_deg, through_processes};
 use super::hover_in_gusts;
-use crate::event::What;
+use crate::event::{Event, What};
 use crate::faults::reacts;
 use crate::inprocess;
 use crate::log::Record;
@@ -69,12 +69,12 @@ pub struct Relay {
     pub mode: Mode,
     /// Newcomers.
     pub swaps: usize,
-    /// Those that were kept, sent away from the shadow, and sent away from office.
+    /// Those that were kept.
     pub kept: usize,
-    /// See `kept`.
-    pub rejected: usize,
-    /// See `kept`.
-    pub returned: usize,
+    /// Those that were sent away from the shadow, and why.
+    pub rejected: Vec<String>,
+    /// Those that were sent away from office, and why.
+    pub returned: Vec<String>,
     /// Ticks that some node did not answer to once, from fresh inputs.
     pub lost_ticks: usize,
     /// Those of them that the host explains.
@@ -125,14 +125,15 @@ impl Relay {
         let tick = |time_s: f64| (time_s / scenario.sample_s()) as u64;
         let lost = ticks.range(tick(FIRST_S)..tick(scenario.run.duration_s - REST_S));
         let lost: Vec<&Answers> = lost.map(|(_, answers)| answers).filter(|a| a.is_lost()).collect();
-        let ended = |what| flown.events.iter().filter(|event| event.what == what).count();
+        let ended = |what| flown.events.iter().filter(move |event| event.what == what);
+        let told = |event: &Event| format!("{}: {}", event.node, event.why.as_deref().unwrap_or_default());
         Ok(Self {
             good,
             mode,
             swaps: scenario.swap.len(),
-            kept: ended(What::Kept),
-            rejected: ended(What::Rejected),
-            returned: ended(What::Returned),
+            kept: ended(What::Kept).count(),
+            rejected: ended(What::Rejected).map(told).collect(),
+            returned: ended(What::Returned).map(told).collect(),
             lost_ticks: lost.len(),
             explained: lost.iter().filter(|answers| answers.is_explained(&host, scenario.sample_ns())).count(),
             tilt_deg,

@@ -63,19 +63,24 @@ fn of_a_relay(relay: &Relay) -> Vec<Target> {
         _ => "lockstep",
     };
     let Relay { swaps, kept, tilt_deg, position_error_m, lost_ticks, explained, .. } = *relay;
+    let Relay { rejected, returned, .. } = relay;
+    let sent_away = || rejected.iter().chain(returned).map(String::as_str).collect::<Vec<_>>().join("; ");
     let count = |figure: String, count: usize| Target::at_most(figure, Some(count as f64), 0.0, "");
     let mut targets = if relay.good {
         let explains = if explained > 0 { format!("the canary explains {explained} more") } else { String::new() };
         vec![
-            count(format!("{mode}, {swaps} good newcomers: not kept"), swaps - kept),
+            count(format!("{mode}, {swaps} good newcomers: not kept"), swaps - kept).noting(sent_away()),
             count(format!("{mode}, {swaps} good newcomers: ticks lost"), lost_ticks - explained).noting(explains),
             Target::at_most(format!("{mode}, {swaps} good newcomers: error"), Some(position_error_m), SWAP_M, "m"),
         ]
     } else {
         let tilt_deg = if relay.lost { f64::INFINITY } else { tilt_deg };
         vec![
-            count(format!("{mode}, {swaps} wrong newcomers: kept"), kept)
-                .noting(format!("{} sent away from the shadow, {} from office", relay.rejected, relay.returned)),
+            count(format!("{mode}, {swaps} wrong newcomers: kept"), kept).noting(format!(
+                "{} sent away from the shadow, {} from office",
+                rejected.len(),
+                returned.len()
+            )),
             Target::at_most(format!("{mode}, {swaps} wrong newcomers: worst tilt"), Some(tilt_deg), TILT_DEG, "deg"),
         ]
     };
