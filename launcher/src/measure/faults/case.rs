@@ -9,6 +9,7 @@
 //! no node errs                  a demand that could be right is obeyed; where it is a newcomer's, a swap is ended by it
 //! no sensor is late             slow and delayed, by default 200 and 100 ms: the loop bears 50 ms of the rates
 //! the state is known            a STATE that can be taken is never older than 50 ms: measured, flight by flight
+//! nobody falls                  only of the paper's profile, which does not catch a vehicle that had no thrust: measured too
 //! ```
 //!
 //! A rotor that is off is to be terminated. Of the rest nothing is promised, and the table says what came of it.
@@ -45,6 +46,8 @@ pub enum Promise {
     Error,
     /// Nothing: a sensor tells of the past.
     Late,
+    /// Nothing: thrust was cut, and the paper's controller does not catch what falls.
+    Fall,
     /// Nothing: nobody knew the state.
     Blind,
 }
@@ -71,8 +74,14 @@ impl Case {
         self.0.target.process().is_some()
     }
 
-    /// What is promised when the state was unknown for `blind_s` at most.
-    pub fn promise(&self, blind_s: f64) -> Promise {
+    /// Whether it strikes a process or what one says.
+    pub fn is_of_software(&self) -> bool {
+        self.is_of_a_process() || self.0.target.topic().is_some()
+    }
+
+    /// What is promised when the state was unknown for `blind_s` at most, and whether the paper's controller had no thrust
+    /// for a while, and `fell`.
+    pub fn promise(&self, blind_s: f64, fell: bool) -> Promise {
         use {FaultKind as K, FaultTarget as T};
         match (self.0.target, self.0.kind) {
             (T::Plant, K::Kill) => Promise::NoPlant,
@@ -82,6 +91,7 @@ impl Case {
             (T::Reference | T::Controls | T::Actuators, K::Wrong) => Promise::Error,
             (T::Position | T::Velocity | T::Attitude | T::Rates, K::Slow | K::Delayed) => Promise::Late,
             _ if blind_s > KNOWN_S + 1e-9 => Promise::Blind,
+            _ if fell => Promise::Fall,
             _ => Promise::Recover,
         }
     }

@@ -6,7 +6,7 @@ use anyhow::bail;
 use contract::Scenario;
 use contract::integrity::Plausible;
 use contract::message::{Message, SolveStatus, State, mixer_flags};
-use contract::scenario::Mode;
+use contract::scenario::{Mode, Profile};
 use contract::stamp::unheard;
 use serde::Serialize;
 use serde_json::Value;
@@ -25,6 +25,8 @@ pub const BACK_S: f64 = 5.0;
 pub const TILT_DEG: f64 = 35.0;
 /// Farthest from the hover that it may be then \[m\].
 pub const BACK_M: f64 = 0.5;
+/// Rotors slower than this all but stand still \[rotor speed unit\].
+const CUT_SPEED: f64 = 0.1;
 /// Within which a dead rotor ends the flight \[s\].
 pub const TERMINATE_S: f64 = 0.3;
 
@@ -57,8 +59,10 @@ pub struct Course {
     pub position_error_m: f64,
     /// The same [`BACK_S`] after the fault; nothing when the flight ended before.
     pub back_m: Option<f64>,
-    /// Longest time for which nobody had a state to take \[s\].
+    /// Longest time for which nobody had a state to take, while the fault lasted \[s\].
     pub blind_s: f64,
+    /// Whether the rotors all but stood still.
+    pub cut: bool,
     /// Whether the vehicle was lost, or its plant.
     pub lost: bool,
     /// Messages that the watcher missed: without all of them there is no hash.
@@ -81,7 +85,7 @@ impl Row {
             format!("{} {}", told(serde_json::to_value(case.0.target)?), told(serde_json::to_value(case.0.kind)?));
         Ok(Self {
             fault,
-            promise: case.promise(course.blind_s),
+            promise: case.promise(course.blind_s, course.cut && scenario.profile == Profile::Paper),
             same: course.state_hash.is_some() && course.state_hash == alone.state_hash,
             course,
         })
@@ -135,8 +139,9 @@ pub fn lean_deg(state: &State) -> f64 {
 /// Who looks at a flight with one fault.
 struct Watch {
     summary: Summary,
-    /// First tick of the fault, and the one at which the vehicle is to be back.
+    /// First tick of the fault, first after it, and the one at which the vehicle is to be back.
     struck: u64,
+    ended: u64,
     back: u64,
     sample_s: f64,
     /// Newest tick of any STATE, and of one that could be taken.
@@ -151,6 +156,7 @@ impl Watch {
         Self {
             summary: Summary::new(scenario),
             struck: tick(AT_S),
+            ended: tick(AT_S + FOR_S),
             back: tick(AT_S + FOR_S + BACK_S),
             sample_s: scenario.sample_s(),
             newest: None,
@@ -182,9 +188,12 @@ impl Watch {
         }
         self.newest = Some(stamp.tick);
         let course = &mut self.course;
-        course.blind_s = course.blind_s.max(stamp.tick.saturating_sub(self.taken) as f64 * self.sample_s);
+        if stamp.tick <= self.ended {
+            course.blind_s = course.blind_s.max(stamp.tick.saturating_sub(self.taken) as f64 * self.sample_s);
+        }
         if stamp.tick >= self.struck {
             course.tilt_deg = course.tilt_deg.max(lean_deg(state));
+            course.cut |= state.actuators.rotor_speed.iter().all(|speed| *speed < CUT_SPEED);
             let error_m = state.actual.position_m.iter().map(|x| x * x).sum::<f64>().sqrt();
             course.position_error_m = course.position_error_m.max(error_m);
             if stamp.tick == self.back {

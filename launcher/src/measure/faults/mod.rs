@@ -10,7 +10,8 @@
 //!
 //! Every case is `scenarios/faults/hover-gusts.toml` with one fault of the default size from 5 s to 6 s. It is flown in
 //! lockstep, by real processes that really die, and by one thread: the two must be the same flight, bit for bit. The
-//! profile is the robust one: the paper's does not bear the gusts, with or without a fault.
+//! profile is the robust one: the paper's does not bear the gusts, with or without a fault. That one has the faults of
+//! processes and topics in a calm hover.
 
 pub mod case;
 pub mod flight;
@@ -24,7 +25,7 @@ use std::sync::atomic::AtomicU32;
 
 use anyhow::Context;
 use contract::Scenario;
-use contract::scenario::from_merged;
+use contract::scenario::{from_merged, load};
 use serde::Serialize;
 use serde_json::json;
 
@@ -54,6 +55,8 @@ pub struct FaultsArgs {
 pub struct Results {
     /// One row per case.
     pub rows: Vec<Row>,
+    /// The same of processes and topics, profile paper, in calm.
+    pub paper: Vec<Row>,
     /// Flights without a fault.
     pub quiet: Vec<Quiet>,
     /// Newcomers.
@@ -80,12 +83,17 @@ pub fn measure(args: &FaultsArgs) -> anyhow::Result<u8> {
 
 impl Results {
     fn measure(quick: bool, interrupts: &AtomicU32) -> anyhow::Result<Self> {
-        let base = hover_in_gusts()?;
-        let cases = Case::all().into_iter().filter(|case| !quick || case.is_of_a_process());
-        let rows = cases.map(|case| Row::fly(&base, &case, interrupts)).collect::<Result<_, _>>()?;
+        let (base, calm) = (hover_in_gusts()?, hover_of_the_paper()?);
+        let fly = |base: &Scenario, wanted: fn(&Case) -> bool| -> anyhow::Result<Vec<Row>> {
+            let cases = Case::all().into_iter().filter(wanted);
+            cases.map(|case| Row::fly(base, &case, interrupts)).collect()
+        };
+        let rows = fly(&base, if quick { Case::is_of_a_process } else { |_| true })?;
+        let paper = fly(&calm, if quick { |_| false } else { Case::is_of_software })?;
         let quiet = [Scenario::default(), base].into_iter().map(|calm| Quiet::fly(calm, interrupts));
         Ok(Self {
             rows,
+            paper,
             quiet: quiet.collect::<Result<_, _>>()?,
             relays: Relay::fly_all(if quick { 1 } else { relay::ROUNDS }, interrupts)?,
             strikes: Strikes::measure(if quick { 1 } else { 5 }, interrupts)?,
@@ -97,6 +105,12 @@ impl Results {
 fn hover_in_gusts() -> anyhow::Result<Scenario> {
     let text = include_str!("../../../../scenarios/faults/hover-gusts.toml");
     Ok(from_merged(text, "scenarios/faults/hover-gusts.toml")?)
+}
+
+/// A hover in calm with the paper's controller.
+fn hover_of_the_paper() -> anyhow::Result<Scenario> {
+    let settings = ["profile=paper", "mission.trajectory=hover", "run.duration_s=12.0"].map(str::to_owned);
+    Ok(load(None, &settings)?)
 }
 
 #[cfg(test)]

@@ -12,14 +12,21 @@ pub fn table(results: &Results) -> String {
     let mut text = String::from(
         "detected and recovered [s], worst roll or pitch [deg], worst and remaining position error [m]\n\n",
     );
-    line(&mut text, &head.map(str::to_owned));
-    results.rows.iter().for_each(|row| line(&mut text, &cells(row)));
+    for (title, rows) in [("", &results.rows), ("\nprofile paper, in calm\n\n", &results.paper)] {
+        if !rows.is_empty() {
+            text += title;
+            line(&mut text, &head.map(str::to_owned));
+            for row in rows {
+                line(&mut text, &cells(row));
+            }
+        }
+    }
     text
 }
 
 fn line(text: &mut String, [fault, detected, recovered, tilt, error, back, verdict]: &[String; 7]) {
     // A String takes everything.
-    let _ = writeln!(text, "{fault:<24}{detected:>9}{recovered:>11}{tilt:>7}{error:>9}{back:>11}  {verdict}");
+    let _ = writeln!(text, "{fault:<24}{detected:>9}{recovered:>11}{tilt:>9}{error:>9}{back:>11}  {verdict}");
 }
 
 fn cells(row: &Row) -> [String; 7] {
@@ -29,7 +36,7 @@ fn cells(row: &Row) -> [String; 7] {
         row.fault.clone(),
         time(course.detected_after_s),
         time(course.recovered_after_s),
-        format!("{:.1}", course.tilt_deg),
+        if course.tilt_deg > 90.0 { "over 90".into() } else { format!("{:.1}", course.tilt_deg) },
         format!("{:.2}", course.position_error_m),
         time(course.back_m),
         verdict(row),
@@ -43,7 +50,7 @@ fn verdict(row: &Row) -> String {
         (Promise::Recover, Some(true)) => "ok".into(),
         (Promise::Recover, _) => format!("SHORT: {fate}"),
         (Promise::Terminate, Some(true)) => {
-            format!("terminated after {:.2} s, as it must", row.course.terminated_after_s.unwrap_or_default())
+            format!("terminated after {:.2} s", row.course.terminated_after_s.unwrap_or_default())
         }
         (Promise::Terminate, _) => format!("SHORT: {fate}, not terminated"),
         (Promise::NoPlant, _) => "lost: no plant".into(),
@@ -51,6 +58,7 @@ fn verdict(row: &Row) -> String {
         (Promise::Lie, _) => format!("{fate}: a sensor that lies"),
         (Promise::Error, _) => format!("{fate}: a node that errs"),
         (Promise::Late, _) => format!("{fate}: a sensor that is late"),
+        (Promise::Fall, _) => format!("{fate}: no thrust for a while"),
         (Promise::Blind, _) => format!("{fate}: state unknown for {:.2} s", row.course.blind_s),
     }
 }

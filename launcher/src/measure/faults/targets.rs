@@ -15,6 +15,7 @@ const SWAP_M: f64 = 0.1;
 /// One line each.
 pub fn targets(results: &Results) -> Vec<Target> {
     let mut targets = of_the_matrix(&results.rows);
+    targets.extend(of_the_paper(&results.paper));
     let alarms: u64 = results.quiet.iter().map(|quiet| quiet.flagged + quiet.refused + quiet.events).sum();
     targets.push(Target::at_most("false alarms in 60 quiet seconds, two flights", Some(alarms as f64), 0.0, ""));
     targets.extend(results.relays.iter().flat_map(of_a_relay));
@@ -55,6 +56,14 @@ fn of_the_matrix(rows: &[Row]) -> Vec<Target> {
         )
         .noting(different.join(", ")),
     ]
+}
+
+fn of_the_paper(rows: &[Row]) -> Option<Target> {
+    let short: Vec<&str> =
+        rows.iter().filter(|row| row.kept() == Some(false) || !row.same).map(|row| row.fault.as_str()).collect();
+    let figure = format!("profile paper in calm, {} faults: promises broken", rows.len());
+    let target = Target::at_most(figure, Some(short.len() as f64), 0.0, "").noting(short.join(", "));
+    (!rows.is_empty()).then_some(target)
 }
 
 fn of_a_relay(relay: &Relay) -> Vec<Target> {

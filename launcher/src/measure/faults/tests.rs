@@ -19,7 +19,7 @@ fn the_matrix_is_the_whole_catalogue_and_every_case_is_a_scenario() {
 
 #[test]
 fn what_is_promised_follows_from_the_fault_and_the_blindness() {
-    let promise = |target, kind, blind_s| Case(Fault::new(target, kind, AT_S, Some(FOR_S))).promise(blind_s);
+    let promise = |target, kind, blind_s| Case(Fault::new(target, kind, AT_S, Some(FOR_S))).promise(blind_s, false);
     assert_eq!(promise(FaultTarget::AttitudeMpc, FaultKind::Kill, 0.0), Promise::Recover);
     assert_eq!(promise(FaultTarget::State, FaultKind::Drop, 0.05), Promise::Recover);
     assert_eq!(promise(FaultTarget::State, FaultKind::Drop, 0.06), Promise::Blind);
