@@ -20,12 +20,15 @@ pub mod sensitivity;
 pub mod timing;
 
 use std::fmt::Write;
+use std::path::Path;
 
+use anyhow::Context;
 use clap::Subcommand;
 use contract::process::exit;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
+use crate::fly::write_whole;
 use crate::print;
 
 /// What can be measured.
@@ -133,6 +136,14 @@ impl Target {
         let note = if self.note.is_empty() { String::new() } else { format!("  ({})", self.note) };
         format!("{verdict:<12}  {:<58} {:>14}   {}{note}", self.figure, measured.trim_end(), self.target)
     }
+}
+
+/// Writes all of it to the folder `out`, which is made if need be, as measure.json: `{results, targets}`.
+pub fn save(out: &Path, results: &Value, targets: &[Target]) -> anyhow::Result<()> {
+    let cannot = || format!("cannot write to the folder {}; choose another with --out", out.display());
+    std::fs::create_dir_all(out).with_context(cannot)?;
+    let file = serde_json::to_string_pretty(&json!({ "results": results, "targets": targets }))? + "\n";
+    write_whole(&out.join("measure.json"), file.as_bytes()).with_context(cannot)
 }
 
 /// Prints `table` and one line per target, or all of it as one JSON object `{results, targets}`; the exit code.

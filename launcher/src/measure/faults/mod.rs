@@ -23,18 +23,16 @@ pub mod targets;
 use std::path::PathBuf;
 use std::sync::atomic::AtomicU32;
 
-use anyhow::Context;
 use contract::Scenario;
 use contract::scenario::{from_merged, load};
 use serde::Serialize;
-use serde_json::json;
 
 use self::case::Case;
 use self::flight::{Quiet, Row};
 use self::relay::Relay;
 use self::strike::Strikes;
-use super::conclude;
-use crate::fly::{catch_interrupts, write_whole};
+use super::{conclude, save};
+use crate::fly::catch_interrupts;
 
 /// Arguments of `measure faults`.
 #[derive(clap::Args)]
@@ -73,10 +71,7 @@ pub fn measure(args: &FaultsArgs) -> anyhow::Result<u8> {
     let table = table::table(&results);
     let results = serde_json::to_value(&results)?;
     if let Some(out) = &args.out {
-        let cannot = || format!("cannot write to the folder {}; choose another with --out", out.display());
-        std::fs::create_dir_all(out).with_context(cannot)?;
-        let file = serde_json::to_string_pretty(&json!({ "results": results, "targets": targets }))? + "\n";
-        write_whole(&out.join("measure.json"), file.as_bytes()).with_context(cannot)?;
+        save(out, &results, &targets)?;
     }
     conclude(args.json, results, &table, &targets)
 }

@@ -25,14 +25,13 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU32, AtomicU64, AtomicUsize, Ordering};
 use std::time::Instant;
 
-use anyhow::{Context, bail, ensure};
+use anyhow::{bail, ensure};
 use serde::Serialize;
-use serde_json::json;
 
 use self::flight::{Kill, Row};
-use super::conclude;
 use super::timing::rings::namespace;
-use crate::fly::{catch_interrupts, write_whole};
+use super::{conclude, save};
+use crate::fly::catch_interrupts;
 use crate::stack::StartError;
 
 /// Flights at once.
@@ -73,10 +72,7 @@ pub fn measure(args: &KillsArgs) -> anyhow::Result<u8> {
     let table = table::table(&results);
     let results = serde_json::to_value(&results)?;
     if let Some(out) = &args.out {
-        let cannot = || format!("cannot write to the folder {}; choose another with --out", out.display());
-        std::fs::create_dir_all(out).with_context(cannot)?;
-        let file = serde_json::to_string_pretty(&json!({ "results": results, "targets": targets }))? + "\n";
-        write_whole(&out.join("measure.json"), file.as_bytes()).with_context(cannot)?;
+        save(out, &results, &targets)?;
     }
     conclude(args.json, results, &table, &targets)
 }

@@ -29,7 +29,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use anyhow::Context;
 use serde::Serialize;
-use serde_json::{Value, json};
+use serde_json::Value;
 
 use self::agreement::Agreement;
 use self::compare::Rival;
@@ -38,7 +38,7 @@ use self::matrices::Problems;
 use self::polygon::{Polygon, Solved};
 use self::problems::Sequence;
 use self::random::Random;
-use super::conclude;
+use super::{conclude, save};
 use crate::fly::write_whole;
 use crate::provenance::provenance;
 
@@ -104,8 +104,7 @@ pub fn measure(args: &MpcArgs) -> anyhow::Result<u8> {
     let targets = targets::targets(&results);
     let table = format!("{}\nwritten to {}\n", table::table(&results), out.display());
     let results = serde_json::to_value(&results)?;
-    let file = serde_json::to_string_pretty(&json!({ "results": results, "targets": targets }))? + "\n";
-    write_whole(&out.join("measure.json"), file.as_bytes())?;
+    save(&out, &results, &targets)?;
     conclude(args.json, results, &table, &targets)
 }
 

@@ -36,14 +36,13 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use anyhow::Context;
 use contract::Scenario;
-use serde_json::json;
 
 use self::page::Figure;
 use self::plan::Plan;
 use self::raw::Raw;
 use self::results::Results;
 use self::series::Series;
-use super::conclude;
+use super::{conclude, save};
 use crate::fly::{catch_interrupts, write_whole};
 use crate::provenance::provenance;
 
@@ -86,10 +85,10 @@ pub fn measure(args: &TimingArgs) -> anyhow::Result<u8> {
     let page = page::page(&results, &targets, &tables, &figures(&raw, &canary));
     let table = format!("{}\nwritten to {}\n", table::text(&tables), out.display());
     let results = serde_json::to_value(&results)?;
-    let file = serde_json::to_string_pretty(&json!({ "results": results, "targets": targets }))? + "\n";
-    for (name, text) in [("histograms.csv", &csv), ("timing.html", &page), ("measure.json", &file)] {
+    for (name, text) in [("histograms.csv", &csv), ("timing.html", &page)] {
         write_whole(&out.join(name), text.as_bytes()).with_context(cannot)?;
     }
+    save(&out, &results, &targets)?;
     conclude(args.json, results, &table, &targets)
 }
 
