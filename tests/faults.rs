@@ -110,6 +110,15 @@ fn a_kill_in_real_time_is_survived() {
 }
 
 #[test]
+fn a_plant_that_ends_by_itself_ends_the_flight() {
+    let fault = "fault=[{at_s=0.3, target=\"plant\", kind=\"exit\"}]";
+    let outcome = fly(&["--mode", "realtime", "--no-log", "--set", "run.duration_s=2.0", "--set", fault]);
+    assert_eq!(outcome.code(), Some(3), "{}", outcome.stderr);
+    assert!(outcome.stderr.contains("a fault has it end by itself"), "{}", outcome.stderr);
+    assert!(outcome.run()["flown_s"].as_f64().is_some_and(|flown_s| flown_s < 1.0));
+}
+
+#[test]
 fn a_process_that_goes_wrong_by_itself_in_real_time_is_replaced() {
     for (kind, first) in [("exit", "died"), ("hog", "hung")] {
         let ns = namespace();

@@ -17,7 +17,8 @@ use crate::message::{Message, Stamp};
 use crate::plan::Plan;
 use crate::port::OBSERVER_DEPTH;
 use crate::realtime::{Bell, Board, now_ns, phase};
-use crate::scenario::{Mode, Scenario};
+use crate::scenario::{Fault, Mode, Scenario};
+use crate::seizure::{Seizures, burn};
 
 /// In lockstep, how long the plant waits on the wall clock for the ring to come round, or for a process to come back
 /// or to follow.
@@ -34,6 +35,7 @@ pub struct Pace {
     period_ns: u64,
     board: Arc<Board>,
     punctuality: Rc<Punctuality>,
+    seizures: Seizures,
 }
 
 enum Kind {
@@ -52,6 +54,8 @@ pub enum Turn {
     Over,
     /// Lockstep: the ring has not come round within the watchdog's time.
     Stuck,
+    /// Against the clock: a fault has the plant end by itself.
+    Seized,
 }
 
 impl Pace {
@@ -62,7 +66,8 @@ impl Pace {
             Mode::Realtime => Kind::Clock { t0_ns: now_ns() + LEAD_IN_NS },
             Mode::Lockstep | Mode::Inprocess => Kind::Ring(Plan::new(scenario)),
         };
-        let pace = Self { kind, period_ns: scenario.sample_ns(), board, punctuality };
+        let seizures = Seizures::new(scenario, Topic::State);
+        let pace = Self { kind, period_ns: scenario.sample_ns(), board, punctuality, seizures };
         if let Kind::Clock { t0_ns } = pace.kind {
             pace.board.set_origin_ns(t0_ns);
             // Nobody rings the bell of the phase before the end, so this is a sleep until the first release.
@@ -72,6 +77,11 @@ impl Pace {
             pace.punctuality.begin(now_ns());
         }
         pace
+    }
+
+    /// Takes fault `number` as it is from now on: see [`crate::roll::Roll::suffer`].
+    pub fn suffer(&mut self, number: usize, fault: &Fault) {
+        self.seizures.suffer(number, fault);
     }
 
     /// Begins tick `tick`: lets in who takes over with it, and gives the lineage of its STATE: a new chain. `None` when
@@ -123,6 +133,13 @@ impl Pace {
         listen(release_ns);
         if self.board.phase().count() >= phase::LEAVE || self.punctuality.broken().is_some() {
             return Turn::Over;
+        }
+        let due = tick + slots_passed(now_ns(), sample_ns, self.period_ns);
+        if self.seizures.leaves(tick + 1, due) {
+            return Turn::Seized;
+        }
+        if let Some(until) = self.seizures.burns_until(tick + 1, due) {
+            burn(&self.board, t0_ns.saturating_add(until.saturating_mul(self.period_ns)));
         }
         // The next release is never derived from this wake-up: slots that passed meanwhile are skipped.
         let periods = slots_passed(now_ns(), sample_ns, self.period_ns);

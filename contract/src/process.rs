@@ -78,13 +78,19 @@ pub enum SeatError {
     },
     /// No place was offered to this process, or another one has it.
     #[error(
-        "no place for a {node} of epoch {epoch}: the launcher starts the processes of its run itself, one for each place"
+        "no place for {node} of epoch {epoch}: the launcher starts the processes of its run itself, one for each place"
     )]
     Taken {
         /// Which node.
         node: &'static str,
         /// Which incarnation.
         epoch: u32,
+    },
+    /// A fault has it end by itself.
+    #[error("tick {tick}: a fault has it end by itself")]
+    Seized {
+        /// Which tick.
+        tick: u64,
     },
     /// In lockstep the ring did not come round.
     #[error("tick {tick}: the ring stands still: a process of it is stuck, or the scenario takes the plant away")]
@@ -127,7 +133,7 @@ impl Seat {
             let what = path.display().to_string();
             let text = std::fs::read_to_string(path);
             let text = text.map_err(|source| SeatError::Io { what: what.clone(), source })?;
-            Ok::<_, SeatError>(scenario::from_merged(&text, &what)?)
+            Ok::<_, SeatError>(scenario::newcomer_from(&text, &what)?)
         })?;
         let scripted = scenario.run.mode != Mode::Realtime && scenario.fault == run.fault;
         let board = Arc::new(Board::open(&domain.file("board")).map_err(io("board"))?);

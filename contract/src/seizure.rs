@@ -3,6 +3,7 @@
 //! It begins on one tick, for who is there by then: whoever was started later has no part in it.
 
 use crate::Topic;
+use crate::realtime::{Board, now_ns, phase};
 use crate::roll::{Entry, Roll};
 use crate::scenario::{Fault, FaultKind, Scenario};
 
@@ -37,6 +38,13 @@ impl Seizures {
     /// Those that begin with `tick`, or since the sample `next`; 0 is that of a process that waits for its first.
     fn begin(&self, next: u64, tick: u64) -> impl Iterator<Item = &Entry<FaultKind>> {
         self.faults.on(tick).filter(move |seizure| next > 0 && next <= seizure.ticks.start)
+    }
+}
+
+/// Burns this thread's processor until then, or until the run is over.
+pub fn burn(board: &Board, until_ns: u64) {
+    while now_ns() < until_ns && board.phase().count() < phase::LEAVE {
+        std::hint::spin_loop();
     }
 }
 

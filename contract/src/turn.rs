@@ -19,7 +19,7 @@ use crate::ledger::News;
 use crate::message::{Message, Stamp};
 use crate::realtime::{Board, now_ns, phase};
 use crate::scenario::Scenario;
-use crate::seizure::Seizures;
+use crate::seizure::{Seizures, burn};
 use crate::snapshot::Snapshot;
 
 /// The turns of one process of a node.
@@ -82,9 +82,7 @@ impl Turns {
         let burns_until = self.seizures.burns_until(self.next, tick);
         if let (Some(until), Some(clock)) = (burns_until, self.clock) {
             let until_ns = self.board.origin_ns().saturating_add(until.saturating_mul(clock.period_ns));
-            while now_ns() < until_ns && self.board.phase().count() < phase::LEAVE {
-                std::hint::spin_loop();
-            }
+            burn(&self.board, until_ns);
         }
         !self.seizures.leaves(self.next, tick)
     }

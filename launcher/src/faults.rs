@@ -42,6 +42,9 @@ pub struct Faults {
     rate_hz: u32,
 }
 
+/// Harm that shows later than this after the end of a fault has another cause \[s\].
+const GRACE_S: f64 = 0.5;
+
 /// One fault, and what was seen since.
 struct Watched {
     rate_hz: u32,
@@ -181,7 +184,9 @@ impl Watched {
                 course.last.filter(|last| self.newest.saturating_sub(*last) >= HANG_TICKS).map(|last| last + 1);
             return course.first(injected, true).or(silent);
         }
-        self.courses.iter().filter_map(|course| course.first(injected, true)).min()
+        let first = self.courses.iter().filter_map(|course| course.first(injected, true)).min();
+        let grace = (GRACE_S * f64::from(self.rate_hz)) as u64;
+        first.filter(|first| self.ended().is_none_or(|ended| *first < ended.saturating_add(grace)))
     }
 
     fn recovered(&self) -> Option<u64> {

@@ -18,7 +18,10 @@ pub fn run(seat: &Seat) -> Result<(), SeatError> {
     seat.settle();
     let Some(mut pace) = seat.pace() else { return Ok(()) };
     loop {
-        news.tell(|number, fault| plant.suffer(number, fault));
+        news.tell(|number, fault| {
+            plant.suffer(number, fault);
+            pace.suffer(number, fault);
+        });
         let state = plant.sample();
         let tick = state.stamp.tick;
         let Some(lineage) = pace.sample(tick) else { return Err(SeatError::Stuck { tick }) };
@@ -30,6 +33,7 @@ pub fn run(seat: &Seat) -> Result<(), SeatError> {
             }
             Turn::Periods(_) | Turn::Over => return Ok(()),
             Turn::Stuck => return Err(SeatError::Stuck { tick }),
+            Turn::Seized => return Err(SeatError::Seized { tick: tick + 1 }),
         }
     }
 }

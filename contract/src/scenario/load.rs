@@ -25,12 +25,20 @@ pub fn to_toml(scenario: &Scenario) -> String {
     toml::to_string(scenario).expect("every setting has a form in TOML")
 }
 
-/// The settings of a newcomer: those of `run` with its own on top.
+/// The settings of a newcomer: those of `run` with its own on top. Faults of its own stand in the place of the run's,
+/// which need not be such that they could strike it.
 pub fn newcomer(run: &Scenario, swap: &Swap) -> Result<Scenario, ScenarioError> {
-    let base = Scenario { swap: vec![], ..run.clone() };
+    let base = Scenario { swap: vec![], fault: vec![], ..run.clone() };
     let base = Source { path: Some("the run's settings".into()), text: to_toml(&base) };
     let sources: Vec<Source> = std::iter::once(base).chain(swap.set.iter().map(|text| set(text))).collect();
-    resolve(&sources)
+    let own = resolve(&sources)?;
+    let fault = if own.fault.is_empty() { run.fault.clone() } else { own.fault };
+    Ok(Scenario { fault, ..own })
+}
+
+/// The settings of a [`newcomer`] that [`to_toml`] wrote as `text`; `origin` names the text in errors.
+pub fn newcomer_from(text: &str, origin: &str) -> Result<Scenario, ScenarioError> {
+    merge(&[Source { path: Some(origin.into()), text: text.into() }]).map(|(scenario, _)| scenario)
 }
 
 /// Whether `scenario` could have `fault` too: the rules for its own, in the same words.
@@ -52,6 +60,20 @@ fn without_place(violations: Vec<check::Violation>) -> Result<(), ScenarioError>
 
 /// Lays the sources over each other, later ones above, and checks the result.
 fn resolve(sources: &[Source]) -> Result<Scenario, ScenarioError> {
+    let (scenario, merged) = merge(sources)?;
+    let problems: Vec<Problem> = check::violations(&scenario, merged)
+        .into_iter()
+        .map(|violation| Problem {
+            title: violation.what,
+            place: violation.keys.iter().find_map(|key| shape::find(sources, key)),
+            help: violation.allowed,
+        })
+        .collect();
+    if problems.is_empty() { Ok(scenario) } else { Err(ScenarioError::new(&problems)) }
+}
+
+/// Lays the sources over each other: the scenario, and as a table.
+fn merge(sources: &[Source]) -> Result<(Scenario, Table), ScenarioError> {
     let mut given = Table::new();
     let mut problems = vec![];
     for source in sources {
@@ -67,17 +89,7 @@ fn resolve(sources: &[Source]) -> Result<Scenario, ScenarioError> {
     let profile = typed(given.clone()).profile;
     let mut merged = Table::try_from(Scenario::of(profile)).expect("profiles have a form in TOML");
     overlay(&mut merged, given);
-    let scenario = typed(merged.clone());
-
-    let problems: Vec<Problem> = check::violations(&scenario, merged)
-        .into_iter()
-        .map(|violation| Problem {
-            title: violation.what,
-            place: violation.keys.iter().find_map(|key| shape::find(sources, key)),
-            help: violation.allowed,
-        })
-        .collect();
-    if problems.is_empty() { Ok(scenario) } else { Err(ScenarioError::new(&problems)) }
+    Ok((typed(merged.clone()), merged))
 }
 
 fn typed(settings: Table) -> Scenario {

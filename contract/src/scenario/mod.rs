@@ -33,7 +33,7 @@ mod vehicle;
 
 pub use control::*;
 pub use fault::*;
-pub use load::{check_fault, check_swaps, from_merged, load, newcomer, to_toml};
+pub use load::{check_fault, check_swaps, from_merged, load, newcomer, newcomer_from, to_toml};
 pub use mission::*;
 pub use report::ScenarioError;
 pub use run::*;

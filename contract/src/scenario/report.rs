@@ -53,6 +53,7 @@ impl Problem<'_> {
                 .annotation(AnnotationKind::Primary.span(span))
         });
         let title = Level::ERROR.primary_title(&self.title);
-        Renderer::plain().render(&[title.elements(snippet).element(Level::HELP.message(&self.help))])
+        let help = Some(Level::HELP.message(&self.help)).filter(|_| !self.help.is_empty());
+        Renderer::plain().render(&[title.elements(snippet).elements(help)])
     }
 }

@@ -166,7 +166,7 @@ fn wrong_type<'a>(source: &'a Source, tree: &DeTable, message: &str, span: Optio
                 text.replace(&format!("expected {rust}"), &format!("expected {plain}"))
             });
     Problem {
-        title: format!("`{key}`: {message}"),
+        title: if key.is_empty() { message } else { format!("`{key}`: {message}") },
         place: Some((source, span)),
         help: value.map_or(String::new(), |value| format!("for example `{key} = {value}`")),
     }

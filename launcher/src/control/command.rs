@@ -17,7 +17,7 @@ const USUAL_S: f64 = 0.5;
 #[derive(clap::Args)]
 #[command(
     after_help = "Targets: plant guidance attitude-mpc mixer (kill stop slow hog exit); state reference controls actuators \
-(drop burst delay duplicate reorder corrupt garbage stale rate); position velocity attitude rates (off stuck garbage wrong \
+(drop burst delay duplicate reorder corrupt garbage stale rate; wrong, but for state); position velocity attitude rates (off stuck garbage wrong \
 slow delayed intermittent noise); rotor1 rotor2 rotor3 tilt (off stuck wrong slow saturated); wind (step gust); payload \
 (mass); mpc (infeasible, nan, iteration-cap). Sizes have defaults: see docs/faults.md."
 )]
@@ -50,7 +50,7 @@ pub struct InjectArgs {
     /// Messages, or bits
     #[arg(long)]
     count: Option<u64>,
-    /// In which way a sensor is wrong: bias, scale or sign
+    /// In which way a sensor or a topic is wrong: bias, scale or sign
     #[arg(long)]
     how: Option<String>,
 }
@@ -81,8 +81,8 @@ pub fn inject(args: &InjectArgs) -> anyhow::Result<()> {
         fault.for_s = Some(USUAL_S);
     }
     fault.for_s = fault.for_s.filter(|for_s| *for_s != f64::INFINITY);
-    if !fault.at_s.is_finite() || fault.for_s.is_some_and(f64::is_nan) {
-        bail!("a fault in {} s for {} s: give numbers", args.in_s, args.for_s.unwrap_or_default());
+    if !fault.at_s.is_finite() || fault.for_s.is_some_and(|for_s| for_s.is_nan() || for_s <= 0.0) {
+        bail!("a fault in {} s for {} s: give numbers, a time above 0", args.in_s, args.for_s.unwrap_or_default());
     }
     tell("injected", &ask(&domain, &Request::Inject { fault })?)
 }

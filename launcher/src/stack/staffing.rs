@@ -53,7 +53,16 @@ impl Stack {
     fn obey(&mut self, order: Order) {
         match order {
             Order::Start(topic, epoch, origin) => {
-                if let Err(error) = self.start_node(topic, epoch, origin) {
+                let mut started = self.start_node(topic, epoch, origin);
+                if let Err(error) = started.as_ref()
+                    && origin.is_some()
+                    && self.board.office(topic).holder() == 0
+                {
+                    // The program that was swapped in is gone by now: the launcher's own is better than nobody.
+                    eprintln!("error: {error:#}; {} goes on as at the beginning", topic.publisher());
+                    started = self.start_node(topic, epoch, None);
+                }
+                if let Err(error) = started {
                     eprintln!("error: {error:#}");
                     self.regime.died(&self.board, topic, epoch);
                 }

@@ -169,6 +169,11 @@ fn a_swap_that_cannot_be_is_refused() {
     for (set, reason) in cases {
         check_refused(set, &[reason]);
     }
+    from_set(&[
+        "fault=[{at_s=9, target=\"mpc\", kind=\"nan\"}]",
+        "swap=[{at_s=1, node=\"mixer\", set=[\"mpc.law=lqr\"]}]",
+    ])
+    .unwrap_or_else(|error| panic!("a fault of the run that could not strike the newcomer: {error}"));
     from_set(&["swap=[{at_s=1, node=\"recorder\"}, {at_s=1.1, node=\"recorder\"}]"]).unwrap();
     let lockstep = "run.mode=lockstep";
     let struck = ["fault=[{at_s=2, target=\"mixer\", kind=\"kill\"}]", "swap=[{at_s=1, node=\"mixer\"}]"];
