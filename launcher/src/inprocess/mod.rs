@@ -2,9 +2,9 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`node`] | what the three cores that answer to the plant have in common |
-//! | [`post`] | those who work for one node, heard and unheard |
-//! | [`speech`] | how they hear and speak |
+//! | `node` | what the three cores that answer to the plant have in common |
+//! | `post` | those who work for one node, heard and unheard |
+//! | `speech` | how they hear and speak |
 //!
 //! Bit-identical to lockstep, because the same cores see the same messages in the same order, through the same guards,
 //! links and succession. Nothing here reads a clock: the stamps carry sample numbers and sequence numbers only.

@@ -7,7 +7,7 @@
 //! ```
 //!
 //! It knows no process, no clock and no shared memory: whoever turns the ring asks before each tick that may change
-//! something, and does what it says. Against the clock the [`crate::supervisor`] decides, from what it sees.
+//! something, and does what it says. Against the clock the supervisor decides, from what it sees.
 
 mod accord;
 mod answer;

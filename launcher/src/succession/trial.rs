@@ -6,10 +6,11 @@
 //! ```
 //!
 //! A tick counts against the newcomer when its answer is missing, not usable, late, too far from the old one's, or the
-//! opposite of it ([`super::accord`]): both answer to the same inputs, whoever of them is heard. Nobody takes or keeps the
-//! office on a tick that counts against it. A tick that the plant skipped counts for nothing, nor does one on which the old
-//! one fares no better: a fault of both is none of the newcomer's. Should the old one die, the trial goes on. In office the vehicle itself is watched too. All of it is judged
-//! from messages alone, so that a trial ends the same way whoever turns the ring.
+//! opposite of it (`accord.rs`): both answer to the same inputs, whoever of them is heard. Nobody takes or keeps the
+//! office on a tick that counts against it. A tick that the plant skipped counts for nothing, nor does one on which the
+//! old one fares no better: a fault of both is none of the newcomer's. Should the old one die, the trial goes on. In
+//! office the vehicle itself is watched too. All of it is judged from messages alone, so that a trial ends the same way
+//! whoever turns the ring.
 
 use std::collections::VecDeque;
 
