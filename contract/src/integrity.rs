@@ -56,12 +56,38 @@ fn within(values: &[f64], bound: f64) -> bool {
     values.iter().all(|value| value.abs() <= bound) // false for NaN
 }
 
-/// A checksum over the words of `message`: two that differ in one word never agree, and others hardly ever.
+/// A checksum over the words of `message`: two that differ in one word, or in two bits, never agree, and others hardly ever.
 ///
-/// Each step is invertible in the word and in what came before, so a single wrong word always shows. It guards against
-/// accidents, not against an enemy.
+/// Each step is invertible in the word and in what came before, so a single wrong word always shows. The shift between
+/// two multiplications spreads the upper bits too, which a multiplication alone would leave where one bit of the next
+/// word takes them back. It guards against accidents, not against an enemy.
 pub fn checksum<M: Pod>(message: &M) -> u64 {
     const ODD: u64 = 0x9E37_79B9_7F4A_7C15;
     let words: &[u64] = bytemuck::cast_slice(bytemuck::bytes_of(message));
-    words.iter().fold(ODD, |hash, word| (hash.rotate_left(29) ^ word).wrapping_mul(ODD))
+    words.iter().fold(ODD, |hash, word| {
+        let mixed = (hash ^ word).wrapping_mul(ODD);
+        (mixed ^ mixed >> 32).wrapping_mul(ODD)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_two_flipped_bits_go_unnoticed() {
+        let good = [0.1_f64.to_bits(); 6];
+        let flipped = |words: &[u64; 6], bit: usize| {
+            let mut words = *words;
+            words[bit / 64] ^= 1 << (bit % 64);
+            words
+        };
+        for first in 0..6 * 64 {
+            let one = flipped(&good, first);
+            assert_ne!(checksum(&one), checksum(&good), "{first}");
+            for second in 0..first {
+                assert_ne!(checksum(&flipped(&one, second)), checksum(&good), "{second} and {first}");
+            }
+        }
+    }
 }
