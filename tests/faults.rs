@@ -19,12 +19,12 @@ fn check_same(target: &str, kind: &str) -> Outcome {
     let (inprocess, lockstep) = (faulty(target, kind, "inprocess"), faulty(target, kind, "lockstep"));
     assert_eq!(lockstep.code(), Some(0), "{target} {kind}: {}", lockstep.stderr);
     assert_eq!(inprocess.state_hash(), lockstep.state_hash(), "{target} {kind}");
-    let account = |outcome: &Outcome| ["faults", "refused"].map(|part| outcome.run()[part].clone());
+    let account = |outcome: &Outcome| ["faults", "refused", "events"].map(|part| outcome.run()[part].clone());
     assert_eq!(account(&inprocess), account(&lockstep), "{target} {kind}");
     lockstep
 }
 
-/// What happened to whom, without when: in lockstep the supervisor looks around on the wall clock.
+/// What happened to whom, without when: against the clock nobody can say.
 fn events(run: &Value) -> Vec<(String, u64, String)> {
     let word = |value: &Value| value.as_str().expect("a word").to_owned();
     let all = run["events"].as_array().expect("events").iter();

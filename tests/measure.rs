@@ -120,17 +120,24 @@ fn what_cannot_be_measured_is_told() {
     check(&["--rounds", "1", "--random", "0", "--compare", "no-such-python"], &out, &["no-such-python"]);
 }
 
-#[test]
-fn timing_gives_every_promise_a_verdict_and_leaves_nothing_behind() {
-    let folder = tempfile::tempdir().expect("a temporary folder");
+/// `launcher measure` with `arguments`: what it printed, which it wrote into `folder` too, the beginning of its namespaces,
+/// and how it ended.
+fn measured(arguments: &[&str], folder: &Path) -> (Value, String, Output) {
     let mut command = launcher();
-    command.args(["measure", "timing", "--quick", "--json", "--out"]).arg(folder.path());
+    command.arg("measure").args(arguments).args(["--json", "--out"]).arg(folder);
     let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the launcher starts");
     let namespace = format!("measure-{}-", child.id());
     let output = child.wait_with_output().expect("the launcher ends");
     let said = String::from_utf8_lossy(&output.stderr);
     let printed: Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{e}: {said}"));
-    assert_eq!(printed, read(&folder.path().join("measure.json")));
+    assert_eq!(printed, read(&folder.join("measure.json")));
+    (printed, namespace, output)
+}
+
+#[test]
+fn timing_gives_every_promise_a_verdict_and_leaves_nothing_behind() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (printed, namespace, output) = measured(&["timing", "--quick"], folder.path());
 
     let targets = printed["targets"].as_array().expect("targets");
     for figure in [
@@ -204,14 +211,7 @@ fn timing_ends_its_processes_when_it_is_interrupted() {
 #[test]
 fn kills_are_survived_told_of_and_leave_nothing_behind() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let mut command = launcher();
-    command.args(["measure", "kills", "--kills", "10", "--json", "--out"]).arg(folder.path());
-    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the launcher starts");
-    let namespace = format!("measure-{}-", child.id());
-    let output = child.wait_with_output().expect("the launcher ends");
-    let said = String::from_utf8_lossy(&output.stderr);
-    let printed: Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{e}: {said}"));
-    assert_eq!(printed, read(&folder.path().join("measure.json")));
+    let (printed, namespace, output) = measured(&["kills", "--kills", "10"], folder.path());
 
     let rows = printed["results"]["rows"].as_array().expect("rows");
     let kills: usize = rows.iter().map(|row| row["kills"].as_array().expect("kills").len()).sum();

@@ -6,8 +6,8 @@
 //! the publisher (only what it held back is lost with it).
 //!
 //! ```text
-//! sealed message -> drop? burst? rate? -> garbage, wrong, stale (sealed anew) -> corrupt (not sealed) -> late, twice, in
-//! turn
+//! sealed message -> drop? burst? rate? -> garbage, wrong, stale (sealed anew)
+//!                -> corrupt (not sealed) -> late, twice, in turn
 //! ```
 
 use std::mem::offset_of;

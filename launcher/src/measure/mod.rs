@@ -4,8 +4,9 @@
 //! |---|---|
 //! | [`mpc`] | `measure mpc`: how long a step of the controller takes, by path and solver |
 //! | [`faults`] | `measure faults`: every fault of the catalogue, and what the flight bears |
-//! | [`kills`] | `measure kills`: any process killed at any moment, a thousand times
+//! | [`kills`] | `measure kills`: any process killed at any moment, a thousand times |
 //! | [`laws`] | `measure laws`: the aggressive scenarios under every inner loop |
+//! | [`processes`] | the processes of a stack, seen from outside |
 //! | [`sensitivity`] | `measure sensitivity`: tracking error over delay, jitter and misses |
 //! | [`timing`] | `measure timing`: how late the stack is, beside the kernel's own wake-up |
 //!
@@ -16,6 +17,7 @@ pub mod faults;
 pub mod kills;
 pub mod laws;
 pub mod mpc;
+pub mod processes;
 pub mod sensitivity;
 pub mod timing;
 

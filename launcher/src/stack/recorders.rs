@@ -17,12 +17,10 @@ use contract::realtime::Board;
 use contract::scenario::SwapNode;
 
 use crate::event::{Event, What};
+use crate::succession::{DEATHS_WITHIN, MOST_DEATHS};
 
 /// Name of the process.
 pub const RECORDER: &str = "recorder";
-/// Deaths within `WINDOW` after which nobody records any more.
-const MOST_DEATHS: usize = 4;
-const WINDOW: Duration = Duration::from_secs(5);
 /// A recorder that is not ready by then never will be.
 const START_LIMIT: Duration = Duration::from_secs(3);
 /// One in office that has not come one tick further by then, though there are some, stands still; a disk may be slow.
@@ -160,7 +158,7 @@ impl Recorders {
 
     /// Nobody is in office: too often in a short time, and nobody will be.
     fn mourn(&mut self, board: &Board, epoch: u32, at: At, events: &mut Vec<Event>) {
-        self.deaths.retain(|death| at.now.duration_since(*death) < WINDOW);
+        self.deaths.retain(|death| at.now.duration_since(*death) < DEATHS_WITHIN);
         self.deaths.push(at.now);
         if self.deaths.len() >= MOST_DEATHS {
             self.given_up = true;

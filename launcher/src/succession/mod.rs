@@ -13,6 +13,8 @@ mod accord;
 mod answer;
 pub mod trial;
 
+use std::time::Duration;
+
 use contract::office::Staff;
 use contract::plan::{Plan, RESTART_S};
 use contract::scenario::Scenario;
@@ -22,10 +24,10 @@ use crate::event::{Event, What};
 use crate::log::Record;
 use trial::{Ruling, Trial};
 
-/// Deaths of a node within [`DEATHS_S`] after which nobody is started any more.
+/// Deaths of a node, or of the recorder, within [`DEATHS_WITHIN`] after which nobody is started any more.
 pub const MOST_DEATHS: usize = 4;
-/// See [`MOST_DEATHS`] \[s\].
-pub const DEATHS_S: f64 = 5.0;
+/// See [`MOST_DEATHS`].
+pub const DEATHS_WITHIN: Duration = Duration::from_secs(5);
 
 /// Who works when, as the script and the flight have it.
 pub struct Succession {
@@ -174,7 +176,7 @@ impl Post {
         if !died {
             return;
         }
-        self.deaths.retain(|at| (tick - at) as f64 * scenario.sample_s() < DEATHS_S);
+        self.deaths.retain(|at| (tick - at) as f64 * scenario.sample_s() < DEATHS_WITHIN.as_secs_f64());
         self.deaths.push(tick);
         if self.deaths.len() >= MOST_DEATHS
             && let Some(away) = &mut self.away

@@ -55,13 +55,13 @@ impl Node {
         if tick == 0 {
             return;
         }
-        let Some(Started { epoch, swap, .. }) = self.started.take_if(|started| office.ready.get() == started.epoch)
-        else {
-            return;
-        };
         let holder = office.holder();
+        // Who comes by a swap is tried beside somebody, or not at all: see `Node::died`.
+        let has_work = |swap: Option<usize>| swap.is_none() || holder != 0;
+        let is_ready = |started: &mut Started| office.ready.get() == started.epoch && has_work(started.swap);
+        let Some(Started { epoch, swap, .. }) = self.started.take_if(is_ready) else { return };
         match swap {
-            Some(i) if holder != 0 => {
+            Some(i) => {
                 let swap = &scenario.swap[i];
                 let SwapTicks { from, hand_over, until } = swap.ticks(scenario.sample_s());
                 // The sample under way is answered already, or by the one in office.
@@ -72,12 +72,7 @@ impl Node {
                 office.appoint(tick as u32, |staff| Staff { shadow: epoch, ..staff });
                 events.push(Event::new(tick, self.topic.publisher(), epoch, What::InShadow));
             }
-            _ => {
-                if swap.is_some() {
-                    self.origins.0 = swap;
-                }
-                office.name_heir(epoch);
-            }
+            None => office.name_heir(epoch),
         }
     }
 

@@ -8,12 +8,11 @@ use contract::topic::Topic;
 use super::Order;
 use super::progress::{Progress, limit};
 use crate::event::{Event, What};
-use crate::succession::successor;
 use crate::succession::trial::Trial;
+use crate::succession::{DEATHS_WITHIN, MOST_DEATHS, successor};
 
-/// Waits before the first, second, third new start within `WINDOW`; after that the node is given up.
-const BACK_OFF_MS: [u64; 3] = [0, 50, 100];
-const WINDOW: Duration = Duration::from_secs(5);
+/// Waits before the first, second, third new start within [`DEATHS_WITHIN`]; after that the node is given up.
+const BACK_OFF_MS: [u64; MOST_DEATHS - 1] = [0, 50, 100];
 /// A process that is not ready by then never will be: it waits for what another has left half made, or was stopped.
 const START_LIMIT: Duration = Duration::from_secs(1);
 
@@ -117,7 +116,7 @@ impl Node {
     /// Sees to it that another is started; after too many deaths nobody is.
     pub fn mourn(&mut self, epoch: u32, tick: u64, events: &mut Vec<Event>) {
         let now = Instant::now();
-        self.starts.retain(|start| now.duration_since(*start) < WINDOW);
+        self.starts.retain(|start| now.duration_since(*start) < DEATHS_WITHIN);
         if let Some(wait_ms) = BACK_OFF_MS.get(self.starts.len()) {
             self.starts.push(now);
             self.restart_at = Some(now + Duration::from_millis(*wait_ms));

@@ -37,13 +37,16 @@ const NODES: [(SwapNode, Topic, &str); 3] = [
     (SwapNode::AttitudeMpc, Topic::Controls, "mpc.law=\"lqr\""),
     (SwapNode::Mixer, Topic::Actuators, "mixer.projection=true"),
 ];
-const WAYS: [&str; 5] = [
-    "kind=\"garbage\"",
-    "kind=\"drop\", probability=1.0",
-    "kind=\"wrong\", how=\"sign\"",
-    "kind=\"slow\", ms=30.0",
-    "kind=\"exit\"",
+/// In which way a newcomer is wrong: what it says, or the process itself.
+const WAYS: [(Struck, &str); 5] = [
+    (Topic::name, "kind=\"garbage\""),
+    (Topic::name, "kind=\"drop\", probability=1.0"),
+    (Topic::name, "kind=\"wrong\", how=\"sign\""),
+    (Topic::publisher, "kind=\"slow\", ms=30.0"),
+    (Topic::publisher, "kind=\"exit\""),
 ];
+/// The target of a fault, for the newcomer that speaks on a topic.
+type Struck = fn(Topic) -> &'static str;
 /// Good newcomers of each node, in full.
 pub const ROUNDS: usize = 20;
 /// When the first swap begins \[s\].
@@ -146,24 +149,26 @@ impl Relay {
 
 /// The survey, and `rounds` newcomers of each node.
 fn good_newcomers(rounds: usize) -> Scenario {
-    let each = (0..rounds).flat_map(|round| NODES.map(|(node, _, other)| (node, (round % 2 == 1).then_some(other))));
-    let swap = |(i, (node, other)): (usize, (SwapNode, Option<&str>))| {
-        let set = other.map(str::to_owned).into_iter().collect();
-        swap(i, GOOD_S, node, set)
-    };
-    with_swaps(Scenario::default(), each.enumerate().map(swap).collect())
+    let mut swaps = vec![];
+    for round in 0..rounds {
+        for (node, _, other) in NODES {
+            let set = if round % 2 == 1 { vec![other.to_owned()] } else { vec![] };
+            swaps.push(swap(swaps.len(), GOOD_S, node, set));
+        }
+    }
+    with_swaps(Scenario::default(), swaps)
 }
 
 /// One gust after the other, and every node's newcomer wrong in every way, in the shadow and in office.
 fn wrong_newcomers(mut gusts: Scenario) -> Scenario {
-    let each = WAYS.into_iter().flat_map(|way| WRONG_AFTER_S.map(|after_s| (way, after_s)));
-    let each = each.flat_map(|(way, after_s)| NODES.map(|(node, topic, _)| (node, topic, way, after_s)));
-    let swap = |(i, (node, topic, way, after_s)): (usize, (SwapNode, Topic, &str, f64))| {
-        let (of_process, at_s) = (way.contains("slow") || way.contains("exit"), begins_s(i, WRONG_S) + after_s);
-        let target = if of_process { topic.publisher() } else { topic.name() };
-        swap(i, WRONG_S, node, vec![format!("fault=[{{at_s={at_s:?}, target=\"{target}\", {way}}}]")])
-    };
-    let swaps: Vec<Swap> = each.enumerate().map(swap).collect();
+    let mut swaps = vec![];
+    for ((target, fault), after_s) in WAYS.into_iter().flat_map(|way| WRONG_AFTER_S.map(|after_s| (way, after_s))) {
+        for (node, topic, _) in NODES {
+            let at_s = begins_s(swaps.len(), WRONG_S) + after_s;
+            let set = format!("fault=[{{at_s={at_s:?}, target=\"{}\", {fault}}}]", target(topic));
+            swaps.push(swap(swaps.len(), WRONG_S, node, vec![set]));
+        }
+    }
     let gust = gusts.plant.wind_ned_mps.split_off(1); // the first entry is the steady wind
     for i in 1..(begins_s(swaps.len(), WRONG_S) / GUST_S) as usize {
         let later_s = FIRST_S + GUST_S * i as f64 - gust[0].0;

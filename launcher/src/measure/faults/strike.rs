@@ -19,11 +19,12 @@ use contract::process::Seat;
 use contract::realtime::{Board, now_ns};
 use contract::scenario::Mode;
 use contract::topic::Topic;
-use rustix::process::{Pid, Signal, kill_process};
+use rustix::process::Signal;
 use serde::Serialize;
 
 use crate::faults::reacts;
 use crate::log::Record;
+use crate::measure::processes::Process;
 use crate::measure::timing::canary::{Canary, Verdict};
 use crate::measure::timing::rings::namespace;
 use crate::stack::{Ended, Stack, StartError};
@@ -128,9 +129,10 @@ fn strike_all(signal: Signal, namespace: &str, board: &Board, over: &AtomicBool)
 fn strike(signal: Signal, topic: Topic, namespace: &str, board: &Board) -> Option<Strike> {
     let office = board.office(topic);
     let epoch = office.holder();
-    let pid = process_of(namespace, topic.publisher(), epoch)?;
+    let is_holder = |process: &Process| (process.name.as_str(), process.epoch) == (topic.publisher(), epoch);
+    let holder = Process::all(namespace).into_iter().find(is_holder)?;
     let at_ns = now_ns();
-    kill_process(pid, signal).ok()?;
+    holder.signal(namespace, signal).then_some(())?;
     let noticed_ns = loop {
         if office.holder() != epoch {
             break Some(now_ns());
@@ -143,18 +145,6 @@ fn strike(signal: Signal, topic: Topic, namespace: &str, board: &Board) -> Optio
     let noticed_ms = noticed_ns.map(|ns| milliseconds(ns - at_ns));
     let node = topic.publisher();
     Some(Strike { node, at_ns, successor: epoch + 1, noticed_ms, fallback_ms: None, restarted_ms: None })
-}
-
-/// The process started as `launcher node NODE --namespace NAMESPACE --epoch EPOCH`.
-fn process_of(namespace: &str, node: &str, epoch: u32) -> Option<Pid> {
-    let all = std::fs::read_dir("/proc").into_iter().flatten().flatten();
-    let mut pids = all.filter_map(|entry| entry.file_name().to_str()?.parse().ok());
-    let wanted = ["node", node, "--namespace", namespace, "--epoch", &epoch.to_string()].map(str::to_owned);
-    let pid = pids.find(|pid: &i32| {
-        let line = std::fs::read_to_string(format!("/proc/{pid}/cmdline")).unwrap_or_default();
-        line.split('\0').skip(1).take(wanted.len()).eq(wanted.iter().map(String::as_str))
-    });
-    pid.and_then(Pid::from_raw)
 }
 
 impl Heard {

@@ -10,13 +10,14 @@ use contract::Topic;
 use contract::domain::Domain;
 use contract::message::State;
 use contract::realtime::{Board, now_ns};
+use rustix::process::Signal;
 use serde::Serialize;
 use serde_json::Value;
 
 use super::draw::{Blow, Moment, Victim};
 use super::logged::{contains, holes, sent_ns};
-use super::processes::{Process, left};
 use crate::log;
+use crate::measure::processes::{Process, left};
 
 /// How long every flight is \[s\].
 pub const DURATION_S: f64 = 3.0;
@@ -190,7 +191,7 @@ impl<'a> Flight<'a> {
             unseen: false,
             lost_ms: None,
         };
-        process.kill(namespace).then_some(kill)
+        process.signal(namespace, Signal::KILL).then_some(kill)
     }
 
     /// What `look` finds, as soon as it finds something; nothing when the flight ends first, or patience.

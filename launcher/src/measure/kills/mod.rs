@@ -3,7 +3,6 @@
 //! | module | holds |
 //! |---|---|
 //! | [`draw`] | who is to be killed when: a function of the seed and the flight's number |
-//! | [`processes`] | the processes of a stack, seen from outside |
 //! | [`flight`] | one `launcher fly` through its kills, and what was seen of it |
 //! | [`logged`] | what the flight's log tells of the kills, and what is missing in it |
 //! | [`judge`] | what must come of a flight, and whether it did |
@@ -16,7 +15,6 @@ pub mod draw;
 pub mod flight;
 pub mod judge;
 pub mod logged;
-pub mod processes;
 pub mod table;
 pub mod targets;
 

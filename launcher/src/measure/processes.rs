@@ -25,11 +25,11 @@ impl Process {
         Self::all(namespace).into_iter().filter(|process| process.name == name).max_by_key(|process| process.epoch)
     }
 
-    /// SIGKILL; whether it reached this process and no other that was given its number since.
-    pub fn kill(&self, namespace: &str) -> bool {
+    /// Sends `signal`; whether it reached this process and no other that was given its number since.
+    pub fn signal(&self, namespace: &str, signal: Signal) -> bool {
         let Ok(pidfd) = pidfd_open(self.pid, PidfdFlags::empty()) else { return false };
         let still = Self::look(self.pid, namespace).is_some_and(|now| now == *self);
-        still && pidfd_send_signal(pidfd, Signal::KILL).is_ok()
+        still && pidfd_send_signal(pidfd, signal).is_ok()
     }
 
     /// Process `pid`, if it belongs to `namespace`: what its command line says.
