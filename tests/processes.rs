@@ -19,9 +19,14 @@ pub fn processes_of(namespace: &str) -> Vec<i32> {
         .collect()
 }
 
+/// The processes that run `node` in `namespace`.
+pub fn processes_named(namespace: &str, node: &str) -> Vec<i32> {
+    processes_of(namespace).into_iter().filter(|pid| runs(*pid, node)).collect()
+}
+
 /// The process that runs `node` in `namespace`.
 pub fn process_of(namespace: &str, node: &str) -> i32 {
-    processes_of(namespace).into_iter().find(|pid| runs(*pid, node)).unwrap_or_else(|| panic!("{node} does not run"))
+    *processes_named(namespace, node).first().unwrap_or_else(|| panic!("{node} does not run"))
 }
 
 /// Whether process `pid` runs `node`.

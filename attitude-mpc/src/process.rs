@@ -15,7 +15,7 @@ pub fn run(seat: &Seat) -> Result<(), SeatError> {
     let mut references = seat.inlet::<Reference>()?;
     let mut controls = seat.outlet::<Controls>()?;
     let mut news = seat.news();
-    let mut turns = seat.settle();
+    let mut turns = seat.settle()?;
     while let Some(tick) = turns.next(&mut references) {
         news.tell(|number, fault| mpc.suffer(number, fault));
         let (reference, state) = (references.newest(), states.newest());

@@ -28,7 +28,7 @@ fn fly(seat: &Seat) -> Result<(), SeatError> {
     let vehicle = &seat.scenario.airframe;
     let inertia = [vehicle.mass_kg, vehicle.iyy_kgm2, vehicle.ixx_kgm2, vehicle.izz_kgm2];
     let nothing_to_remember = Writer::new(*b"own    1").seal();
-    let mut turns = seat.settle();
+    let mut turns = seat.settle()?;
     while let Some(tick) = turns.next(&mut references) {
         let (reference, state) = (references.newest(), states.newest());
         let fresh = state.stamp.sequence > 0 && state.stamp.tick >= tick;

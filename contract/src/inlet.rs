@@ -1,5 +1,6 @@
 //! The inlet: where a node hears one topic. What the guard refuses is counted and forgotten.
 
+use std::rc::Rc;
 use std::sync::Arc;
 
 use crate::Topic;
@@ -10,11 +11,13 @@ use crate::realtime::{Board, now_ns, phase};
 
 /// Where a node hears one topic.
 pub struct Inlet<M> {
-    port: Box<dyn Receive<M>>,
+    port: Rc<dyn Receive<M>>,
     board: Arc<Board>,
     guard: Guard<M>,
     /// Where refusals are counted: the office of who listens.
     listener: Topic,
+    /// Which process of it listens.
+    epoch: u32,
     /// How often the bell had rung at the last look.
     seen: u32,
     /// Between two samples \[ns\]; `None` in lockstep.
@@ -22,8 +25,13 @@ pub struct Inlet<M> {
 }
 
 impl<M: Message> Inlet<M> {
-    pub(crate) fn new(port: Box<dyn Receive<M>>, board: Arc<Board>, listener: Topic, period_ns: Option<u64>) -> Self {
-        Self { port, board, guard: Guard::default(), listener, seen: 0, period_ns }
+    pub(crate) fn new(
+        port: Rc<dyn Receive<M>>,
+        board: Arc<Board>,
+        (listener, epoch): (Topic, u32),
+        period_ns: Option<u64>,
+    ) -> Self {
+        Self { port, board, guard: Guard::default(), listener, epoch, seen: 0, period_ns }
     }
 
     /// The newest message that was taken, without waiting; the default (sequence 0) before the first.
@@ -56,18 +64,31 @@ impl<M: Message> Inlet<M> {
         }
         self.seen = rung;
         let office = self.board.office(M::TOPIC);
+        let own = self.board.office(self.listener);
         let holder = office.holder();
         let mut taken = false;
-        while let Some((message, port)) = self.port.receive() {
+        loop {
+            let (message, port) = match self.port.receive() {
+                Ok(Some(received)) => received,
+                Ok(None) => break,
+                Err(failure) => {
+                    own.port_failures[failure as usize].count();
+                    break;
+                }
+            };
+            let from_holder = office.port(holder) == port;
+            if from_holder {
+                own.received(self.epoch, M::TOPIC).count();
+            }
             if !message.stamp().is_heard() {
                 continue;
             }
-            let posing = message.stamp().epoch == u64::from(holder) && office.port(holder) != port;
+            let posing = message.stamp().epoch == u64::from(holder) && !from_holder;
             let samples = self.samples(message.stamp().tick);
             let judged = if posing { Err(Refusal::Publisher) } else { self.guard.take(&message, holder, samples) };
             match judged {
                 Ok(()) => taken = true,
-                Err(refusal) => self.board.office(self.listener).refused[refusal as usize].count(),
+                Err(refusal) => own.refused[refusal as usize].count(),
             }
         }
         taken
@@ -89,18 +110,26 @@ impl<M: Message> Inlet<M> {
 #[cfg(test)]
 mod tests {
     use std::cell::RefCell;
-    use std::rc::Rc;
 
     use super::*;
     use crate::message::{Controls, Stamp};
     use crate::office::Staff;
+    use crate::port::{PortError, PortFailure};
 
     const PORT: u64 = 71;
 
     /// What is sent through the only port there is.
-    impl Receive<Controls> for Rc<RefCell<Vec<Controls>>> {
-        fn receive(&self) -> Option<(Controls, u64)> {
-            self.borrow_mut().pop().map(|message| (message, PORT))
+    impl Receive<Controls> for RefCell<Vec<Controls>> {
+        fn receive(&self) -> Result<Option<(Controls, u64)>, PortFailure> {
+            Ok(self.borrow_mut().pop().map(|message| (message, PORT)))
+        }
+
+        fn cannot_reach(&self, _port: u64) -> bool {
+            false
+        }
+
+        fn reconnect(&self) -> Result<(), PortError> {
+            Ok(())
         }
     }
 
@@ -116,7 +145,7 @@ mod tests {
         office.offer(1);
         assert!(office.claim(1, PORT));
         let line = Rc::new(RefCell::new(vec![]));
-        let mut inlet = Inlet::new(Box::new(line.clone()), board.clone(), Topic::Actuators, period_ns);
+        let mut inlet = Inlet::new(line.clone(), board.clone(), (Topic::Actuators, 1), period_ns);
         let mut heard = vec![];
         for (sequence, tick) in (1..).zip(ticks) {
             let stamp = Stamp { tick: *tick, sequence, epoch: 1, ..Stamp::default() };
@@ -124,7 +153,9 @@ mod tests {
             board.bell(Topic::Controls).mark();
             heard.extend(inlet.arrived(0).then(|| inlet.newest().stamp.tick));
         }
-        (heard, board.office(Topic::Actuators).refused[Refusal::Age as usize].get())
+        let listener = board.office(Topic::Actuators);
+        assert_eq!(listener.received(1, Topic::Controls).get() as usize, ticks.len(), "taken or not");
+        (heard, listener.refused[Refusal::Age as usize].get())
     }
 
     #[test]

@@ -246,6 +246,11 @@ pub mod mixer_flags {
     /// A rotor is dead: no thrust, for good.
     pub const TERMINATED: u64 = 1 << 12;
 
+    /// Whether the command owes nothing to a demand: the mixer flew by itself.
+    pub const fn fallback(flags: u64) -> bool {
+        flags & (LEVELLED | DESCENDING | TRIM_ONLY | CUT | TERMINATED) != 0
+    }
+
     /// Whether any clamp acted.
     pub const fn saturated(flags: u64) -> bool {
         flags & ((0b111 * ROTOR_SATURATED) | TILT_SATURATED | NEGATIVE_SQUARE) != 0
@@ -260,6 +265,13 @@ pub trait Message: Pod + Plausible + Default + std::fmt::Debug + Send {
     fn stamp(&self) -> &Stamp;
     /// The same, for whoever turns the ring.
     fn stamp_mut(&mut self) -> &mut Stamp;
+
+    /// The message with this stamp.
+    #[must_use]
+    fn with_stamp(mut self, stamp: Stamp) -> Self {
+        *self.stamp_mut() = stamp;
+        self
+    }
 
     /// The message with the checksum that its bits have.
     #[must_use]

@@ -19,13 +19,15 @@
 
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering, fence};
 
+use crate::Topic;
 use crate::guard::Refusal;
+use crate::port::PortFailure;
 use crate::snapshot::{SNAPSHOT_WORDS, Snapshot};
 
 /// Epochs whose ports are known: a recorder may be behind by some of them.
 const VOICES: usize = 64;
 /// A place that is offered.
-const VACANT: u64 = 1;
+pub(crate) const VACANT: u64 = 1;
 
 /// The office of one node.
 #[repr(C, align(64))]
@@ -38,6 +40,12 @@ pub struct Office {
     since: [Word; 2],
     /// Ticks done, counted from the first of the run, likewise.
     done: [Word; 2],
+    /// Messages that it has sent, likewise.
+    sent: [Word; 2],
+    /// Messages that have reached it from the active process of each topic, whatever became of them, likewise.
+    received: [[Word; Topic::COUNT]; 2],
+    /// How often its ports have failed, by cause: see [`PortFailure`].
+    pub port_failures: [Word; PortFailure::ALL.len()],
     /// What the holder remembers after its newest tick.
     pub memory: Cell,
     /// The place of each of the newest epochs: not offered (0), vacant, or the port that its process speaks through.
@@ -143,6 +151,21 @@ impl Office {
     /// Ticks that `epoch` has done.
     pub fn done(&self, epoch: u32) -> &Word {
         &self.done[epoch as usize % 2]
+    }
+
+    /// Messages that `epoch` has sent.
+    pub fn sent(&self, epoch: u32) -> &Word {
+        &self.sent[epoch as usize % 2]
+    }
+
+    /// Messages that all processes of the node have sent.
+    pub fn sent_by_all(&self) -> u64 {
+        self.sent.iter().map(|sent| u64::from(sent.get())).sum()
+    }
+
+    /// Messages on `topic` that have reached `epoch` from the active process there.
+    pub fn received(&self, epoch: u32, topic: Topic) -> &Word {
+        &self.received[epoch as usize % 2][topic as usize]
     }
 
     /// The first tick of `epoch` since it was let in.

@@ -81,11 +81,15 @@ impl<M: Message> Outlet<M> {
         let stamp = message.stamp_mut();
         *stamp = lineage.published(M::TOPIC, self.sequence, publish_ns);
         stamp.epoch = u64::from(self.epoch);
-        let heard = self.board.office(M::TOPIC).holder() == self.epoch;
+        let office = self.board.office(M::TOPIC);
+        let heard = office.holder() == self.epoch;
         stamp.unheard = if heard { unheard::HEARD } else { unheard::SHADOW };
         self.punctuality.report(stamp);
         stamp.start_ns = self.skew.read_ns(tick, stamp.start_ns);
-        self.link.pass(tick, &message.sealed(), |message| _ = self.port.send(message));
+        self.link.pass(tick, &message.sealed(), |message| match self.port.send(message) {
+            Ok(()) => office.sent(self.epoch).count(),
+            Err(failure) => office.port_failures[failure as usize].count(),
+        });
         let bell = self.board.bell(M::TOPIC);
         if self.clocked {
             bell.ring();

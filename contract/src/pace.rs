@@ -24,7 +24,7 @@ use crate::seizure::{Seizures, burn};
 /// or to follow.
 const WATCHDOG_NS: u64 = 10_000_000_000;
 /// In lockstep, how many ticks the plant may be ahead of launcher and recorder, who see them all: half a queue.
-const LEAD_TICKS: u64 = OBSERVER_DEPTH as u64 / 2;
+pub const LEAD_TICKS: u64 = OBSERVER_DEPTH as u64 / 2;
 /// The nodes that answer to the plant.
 const OTHERS: [Topic; 3] = [Topic::Reference, Topic::Controls, Topic::Actuators];
 

@@ -6,10 +6,11 @@
 //!
 //! The generic ports stay behind two small traits, so that only this crate pays for compiling them.
 
+use std::cell::RefCell;
 use std::path::Path;
 use std::rc::Rc;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
 /// Marks a type that may travel: fixed layout, no pointers.
 pub use iceoryx2::prelude::ZeroCopySend;
@@ -17,11 +18,10 @@ pub use iceoryx2::prelude::ZeroCopySend;
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::port::{DegradationAction, DegradationInfo};
-use iceoryx2::prelude::{PortFactory as _, *};
+use iceoryx2::prelude::*;
 use iceoryx2::service::attribute::{AttributeKey, AttributeValue};
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
-use crate::Topic;
 use crate::domain::Domain;
 use crate::integrity::checksum;
 use crate::message::{Actuators, Controls, Message, Reference, State};
@@ -48,21 +48,49 @@ pub enum PortError {
         /// What iceoryx2 said.
         reason: String,
     },
-    /// Who speaks there cannot be heard.
-    #[error("topic '{topic}': its publisher cannot be heard, for its files in shared memory are gone; fly again")]
-    Deaf {
+    /// Nothing that is sent there arrives.
+    #[error("topic '{topic}': its publisher cannot be heard: {reason}")]
+    Unheard {
         /// Which topic.
         topic: &'static str,
+        /// What this process is short of, as far as can be told.
+        reason: String,
     },
     /// The domain itself.
     #[error("shared memory of this run: {0}")]
     Domain(String),
 }
 
+/// What a port can fail at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(usize)]
+pub enum PortFailure {
+    /// A message was not sent.
+    Send = 0,
+    /// A queue could not be read.
+    Receive = 1,
+}
+
+impl PortFailure {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Send, Self::Receive];
+
+    /// For people and run.json.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Send => "send",
+            Self::Receive => "receive",
+        }
+    }
+}
+
 /// Sends one kind of message.
 pub trait Send<M>: Rehearse {
-    /// Hands `message` to every subscriber; the number of those, 0 when it could not be sent.
-    fn send(&self, message: &M) -> usize;
+    /// Hands `message` to every subscriber that can be reached.
+    ///
+    /// # Errors
+    /// It could not be handed to anybody.
+    fn send(&self, message: &M) -> Result<(), PortFailure>;
     /// The number of this port, which no other one has, and which every message carries that goes through it.
     fn number(&self) -> u64;
 }
@@ -70,7 +98,14 @@ pub trait Send<M>: Rehearse {
 /// Receives one kind of message.
 pub trait Receive<M> {
     /// The oldest message not yet seen, if any, and the number of the port that it was sent through.
-    fn receive(&self) -> Option<(M, u64)>;
+    ///
+    /// # Errors
+    /// The queue could not be read. A publisher that cannot be reached at all reads as one that is silent.
+    fn receive(&self) -> Result<Option<(M, u64)>, PortFailure>;
+    /// Whether the publisher behind `port` was there, and no connection to it could be made.
+    fn cannot_reach(&self, port: u64) -> bool;
+    /// Connects to every publisher anew, with an empty queue. Not for the loop.
+    fn reconnect(&self) -> Result<(), PortError>;
 }
 
 /// A process's attachment to a domain.
@@ -78,12 +113,12 @@ pub struct Bus {
     node: Node<ipc::Service>,
 }
 
-/// Keeps the four services of a run in being, and counts who has joined them.
+/// Keeps the four services of a run in being.
 pub struct Services {
-    state: PortFactory<ipc::Service, State, ()>,
-    reference: PortFactory<ipc::Service, Reference, ()>,
-    controls: PortFactory<ipc::Service, Controls, ()>,
-    actuators: PortFactory<ipc::Service, Actuators, ()>,
+    _state: PortFactory<ipc::Service, State, ()>,
+    _reference: PortFactory<ipc::Service, Reference, ()>,
+    _controls: PortFactory<ipc::Service, Controls, ()>,
+    _actuators: PortFactory<ipc::Service, Actuators, ()>,
 }
 
 impl Bus {
@@ -107,10 +142,10 @@ impl Bus {
     /// Creates the four services; the launcher's part.
     pub fn create_services(&self) -> Result<Services, PortError> {
         Ok(Services {
-            state: create(&self.node)?,
-            reference: create(&self.node)?,
-            controls: create(&self.node)?,
-            actuators: create(&self.node)?,
+            _state: create(&self.node)?,
+            _reference: create(&self.node)?,
+            _controls: create(&self.node)?,
+            _actuators: create(&self.node)?,
         })
     }
 
@@ -124,23 +159,9 @@ impl Bus {
         M::open_as_another_version(&self.node)
     }
 
-    /// Opens the receiving side of `M`'s topic with a queue of `depth`; refused if it cannot hear the port number
-    /// `speaker` (0 = nobody in particular), as when the segments of that one have been removed.
-    pub fn receiver<M: Wire>(&self, depth: usize, speaker: u64) -> Result<Box<dyn Receive<M>>, PortError> {
-        M::receiver(&self.node, depth, speaker)
-    }
-}
-
-impl Services {
-    /// How many publishers and subscribers a topic has now: what readiness is judged by.
-    pub fn joined(&self, topic: Topic) -> (usize, usize) {
-        let config = match topic {
-            Topic::State => self.state.dynamic_config(),
-            Topic::Reference => self.reference.dynamic_config(),
-            Topic::Controls => self.controls.dynamic_config(),
-            Topic::Actuators => self.actuators.dynamic_config(),
-        };
-        (config.number_of_publishers(), config.number_of_subscribers())
+    /// Opens the receiving side of `M`'s topic with a queue of `depth`.
+    pub fn receiver<M: Wire>(&self, depth: usize) -> Result<Rc<dyn Receive<M>>, PortError> {
+        M::receiver(&self.node, depth)
     }
 }
 
@@ -161,7 +182,7 @@ pub trait Wire: Message {
     #[doc(hidden)]
     fn sender(node: &Node<ipc::Service>) -> Result<Rc<dyn Send<Self>>, PortError>;
     #[doc(hidden)]
-    fn receiver(node: &Node<ipc::Service>, depth: usize, speaker: u64) -> Result<Box<dyn Receive<Self>>, PortError>;
+    fn receiver(node: &Node<ipc::Service>, depth: usize) -> Result<Rc<dyn Receive<Self>>, PortError>;
     #[doc(hidden)]
     fn open_as_another_version(node: &Node<ipc::Service>) -> Result<(), PortError>;
 }
@@ -173,23 +194,11 @@ macro_rules! wire {
                 let port = open::<Self>(node, &layout::<Self>())?.publisher_builder().create().map_err(refused::<Self>)?;
                 Ok(Rc::new(port))
             }
-            fn receiver(
-                node: &Node<ipc::Service>,
-                depth: usize,
-                speaker: u64,
-            ) -> Result<Box<dyn Receive<Self>>, PortError> {
-                let deaf = Arc::new(AtomicBool::new(false));
-                let note = deaf.clone();
-                let failed = move |_, info: &DegradationInfo| {
-                    // Of anybody else it reads as silence, which every receiver judges.
-                    note.fetch_or(numbered(info.sender_port_id) == speaker, Ordering::Relaxed);
-                    DegradationAction::Ignore
-                };
-                let builder = open::<Self>(node, &layout::<Self>())?;
-                let builder = builder.subscriber_builder().buffer_size(depth).set_degradation_handler(failed);
-                let port = builder.create().map_err(refused::<Self>)?;
-                let deaf = deaf.load(Ordering::Relaxed);
-                if deaf { Err(PortError::Deaf { topic: Self::TOPIC.name() }) } else { Ok(Box::new(port)) }
+            fn receiver(node: &Node<ipc::Service>, depth: usize) -> Result<Rc<dyn Receive<Self>>, PortError> {
+                let topic = open::<Self>(node, &layout::<Self>())?;
+                let unreachable = Arc::new(Unreachable::default());
+                let port = RefCell::new(subscriber(&topic, depth, &unreachable)?);
+                Ok(Rc::new(Queue { port, topic, depth, unreachable }))
             }
             fn open_as_another_version(node: &Node<ipc::Service>) -> Result<(), PortError> {
                 open::<Self>(node, &"0".repeat(16)).map(drop)
@@ -200,8 +209,11 @@ macro_rules! wire {
 wire!(State, Reference, Controls, Actuators);
 
 impl<M: Message + ZeroCopySend> Send<M> for Publisher<ipc::Service, M, ()> {
-    fn send(&self, message: &M) -> usize {
-        self.send_copy(*message).unwrap_or(0)
+    fn send(&self, message: &M) -> Result<(), PortFailure> {
+        match self.send_copy(*message) {
+            Ok(1..) => Ok(()),
+            Ok(0) | Err(_) => Err(PortFailure::Send),
+        }
     }
 
     fn number(&self) -> u64 {
@@ -215,12 +227,57 @@ impl<M: Message + ZeroCopySend> Rehearse for Publisher<ipc::Service, M, ()> {
     }
 }
 
-impl<M: Message + ZeroCopySend> Receive<M> for Subscriber<ipc::Service, M, ()> {
-    fn receive(&self) -> Option<(M, u64)> {
-        // A failed connection reads as silence: the age of the data is what every receiver judges.
-        let sample = <Subscriber<ipc::Service, M, ()>>::receive(self).ok().flatten()?;
-        Some((*sample, numbered(sample.header().publisher_id().value())))
+/// A subscriber, and the publishers that it could not connect to.
+struct Queue<M: Message + ZeroCopySend> {
+    port: RefCell<Subscriber<ipc::Service, M, ()>>,
+    topic: PortFactory<ipc::Service, M, ()>,
+    depth: usize,
+    unreachable: Arc<Unreachable>,
+}
+
+/// Ports of the newest publishers that could not be connected to.
+#[derive(Default)]
+struct Unreachable {
+    ports: [AtomicU64; MAX_PUBLISHERS],
+    count: AtomicUsize,
+}
+
+impl Unreachable {
+    fn note(&self, port: u64) {
+        let place = self.count.fetch_add(1, Ordering::Relaxed) % MAX_PUBLISHERS;
+        self.ports[place].store(port, Ordering::Relaxed);
     }
+}
+
+impl<M: Message + ZeroCopySend> Receive<M> for Queue<M> {
+    fn receive(&self) -> Result<Option<(M, u64)>, PortFailure> {
+        let sample = self.port.borrow().receive().map_err(|_| PortFailure::Receive)?;
+        Ok(sample.map(|sample| (*sample, numbered(sample.header().publisher_id().value()))))
+    }
+
+    fn cannot_reach(&self, port: u64) -> bool {
+        self.unreachable.ports.iter().any(|noted| noted.load(Ordering::Relaxed) == port)
+    }
+
+    fn reconnect(&self) -> Result<(), PortError> {
+        self.unreachable.ports.iter().for_each(|noted| noted.store(0, Ordering::Relaxed));
+        let port = subscriber(&self.topic, self.depth, &self.unreachable)?;
+        drop(self.port.replace(port));
+        Ok(())
+    }
+}
+
+fn subscriber<M: Message + ZeroCopySend>(
+    topic: &PortFactory<ipc::Service, M, ()>,
+    depth: usize,
+    unreachable: &Arc<Unreachable>,
+) -> Result<Subscriber<ipc::Service, M, ()>, PortError> {
+    let unreachable = unreachable.clone();
+    let failed = move |_, info: &DegradationInfo| {
+        unreachable.note(numbered(info.sender_port_id));
+        DegradationAction::Ignore
+    };
+    topic.subscriber_builder().buffer_size(depth).set_degradation_handler(failed).create().map_err(refused::<M>)
 }
 
 /// A publisher's identity (process, time, count) as one word.

@@ -3,11 +3,11 @@
 //! Every node's `main.rs` is the same three lines around [`main`]; the launcher starts the same code as
 //! `launcher node NAME`.
 
+use std::cell::{Cell, RefCell};
 use std::path::Path;
 use std::process::ExitCode;
 use std::rc::Rc;
 use std::sync::Arc;
-use std::time::Duration;
 
 use rustix::process::Signal;
 
@@ -15,6 +15,8 @@ use crate::cycle::Punctuality;
 use crate::domain::{Domain, DomainError};
 use crate::inlet::Inlet;
 use crate::ledger::News;
+use crate::message::Stamp;
+use crate::office::VACANT;
 use crate::outlet::Outlet;
 use crate::pace::Pace;
 use crate::port::{Bus, NODE_DEPTH, OBSERVER_DEPTH, PortError, Receive, Wire};
@@ -86,6 +88,12 @@ pub enum SeatError {
         /// Which incarnation.
         epoch: u32,
     },
+    /// Before the start, a process was silent, or heard by nobody.
+    #[error("no message of {node} has arrived within 9 s: it has not started, or is stuck")]
+    Silent {
+        /// Which node.
+        node: &'static str,
+    },
     /// A fault has it end by itself.
     #[error("tick {tick}: a fault has it end by itself")]
     Seized {
@@ -100,6 +108,23 @@ pub enum SeatError {
     },
 }
 
+/// How long a process waits before the start for a message of everybody it listens to: less than the launcher does, so that it can say whose.
+const PROBE_LIMIT_NS: u64 = 9_000_000_000;
+/// How often it sends a probe meanwhile, and looks for those of others.
+const PROBE_PERIOD_NS: u64 = 2_000_000;
+
+/// A publisher that is there and not heard for so long before the start is connected to anew.
+const RETRY_NS: u64 = 300_000_000;
+/// How often that is tried.
+const TRIES: u32 = 10;
+
+/// Shows, before the run begins, that a port works.
+struct Probe {
+    /// The node that is silent, or is heard by nobody, while it does not.
+    node: &'static str,
+    works: Box<dyn Fn() -> Result<bool, PortError>>,
+}
+
 /// A process's place at the ring.
 pub struct Seat {
     /// The run's settings.
@@ -107,6 +132,7 @@ pub struct Seat {
     /// Bells and phase.
     pub board: Arc<Board>,
     bus: Bus,
+    probes: RefCell<Vec<Probe>>,
     punctuality: Rc<Punctuality>,
     rank: usize,
     epoch: u32,
@@ -146,15 +172,14 @@ impl Seat {
         }
         let rehearsal = Rehearsal::new(clocked.then(|| scenario.sample_ns()));
         let punctuality = Rc::new(Punctuality::new(deadline, rehearsal));
-        Ok(Self { scenario, board, bus, punctuality, rank, epoch, scripted })
+        Ok(Self { scenario, board, bus, probes: RefCell::default(), punctuality, rank, epoch, scripted })
     }
 
     /// Where this node gets `M` from.
     pub fn inlet<M: Wire>(&self) -> Result<Inlet<M>, SeatError> {
         let period_ns = (self.scenario.run.mode == Mode::Realtime).then(|| self.scenario.sample_ns());
-        let office = self.board.office(M::TOPIC);
-        let port = self.bus.receiver(NODE_DEPTH, office.port(office.holder()))?;
-        Ok(Inlet::new(port, self.board.clone(), self.topic(), period_ns))
+        let port = self.receiver(NODE_DEPTH)?;
+        Ok(Inlet::new(port, self.board.clone(), (self.topic(), self.epoch), period_ns))
     }
 
     /// Where this node sends `M` to. With it the process takes its place in the office.
@@ -163,12 +188,48 @@ impl Seat {
         if !self.board.office(M::TOPIC).claim(self.epoch, port.number()) {
             return Err(SeatError::Taken { node: M::TOPIC.publisher(), epoch: self.epoch });
         }
+        let (prober, probe) = (port.clone(), M::default().with_stamp(Stamp::probe(self.epoch)).sealed());
+        let works = move || Ok(prober.send(&probe).is_ok());
+        self.probes.borrow_mut().push(Probe { node: M::TOPIC.publisher(), works: Box::new(works) });
         Ok(Outlet::new(port, self.board.clone(), self.punctuality.clone(), &self.scenario, self.epoch))
     }
 
     /// A queue deep enough to see every message, for those who watch and record.
-    pub fn observer<M: Wire>(&self) -> Result<Box<dyn Receive<M>>, SeatError> {
-        Ok(self.bus.receiver(OBSERVER_DEPTH, 0)?)
+    pub fn observer<M: Wire>(&self) -> Result<Rc<dyn Receive<M>>, SeatError> {
+        self.receiver(OBSERVER_DEPTH)
+    }
+
+    fn receiver<M: Wire>(&self, depth: usize) -> Result<Rc<dyn Receive<M>>, SeatError> {
+        let port = self.bus.receiver::<M>(depth)?;
+        let (board, queue) = (self.board.clone(), port.clone());
+        let unheard = || PortError::Unheard { topic: M::TOPIC.name(), reason: realtime::shortage() };
+        let speaker = move || {
+            let office = board.office(M::TOPIC);
+            office.port(office.holder())
+        };
+        if self.board.phase().count() != phase::JOIN && port.cannot_reach(speaker()) {
+            return Err(unheard().into()); // who joins a run under way waits for nobody
+        }
+        let (heard, tries, retry_ns) = (Cell::new(false), Cell::new(0), Cell::new(u64::MAX));
+        let works = move || {
+            while let Ok(Some((_, from))) = queue.receive() {
+                heard.set(heard.get() || from == speaker());
+            }
+            let now_ns = now_ns();
+            if speaker() <= VACANT || heard.get() {
+                retry_ns.set(now_ns + RETRY_NS);
+            } else if queue.cannot_reach(speaker()) || now_ns > retry_ns.get() {
+                // Two that connect to each other at the same instant may both fail.
+                if tries.replace(tries.get() + 1) == TRIES {
+                    return Err(unheard());
+                }
+                queue.reconnect()?;
+                retry_ns.set(now_ns + RETRY_NS);
+            }
+            Ok(heard.get())
+        };
+        self.probes.borrow_mut().push(Probe { node: M::TOPIC.publisher(), works: Box::new(works) });
+        Ok(port)
     }
 
     /// Where a node hears of faults that it is given while it flies.
@@ -183,16 +244,20 @@ impl Seat {
         (self.epoch > 1).then(|| (0..100).find_map(|_| memory.read())).flatten()
     }
 
-    /// Enters the real-time class and says that this process is ready: call it last before the loop, when everything is
-    /// allocated.
+    /// Enters the real-time class, says that this process is ready, and waits for the run to begin: call it last before
+    /// the loop, when everything is allocated.
     ///
     /// In lockstep there is no deadline to keep, and a ring that never sleeps would only starve who watches it.
-    pub fn settle(&self) -> Turns {
+    ///
+    /// # Errors
+    /// Somebody whom it is to hear cannot be heard.
+    pub fn settle(&self) -> Result<Turns, SeatError> {
         let clocked = self.scenario.run.mode == Mode::Realtime;
         if clocked {
             realtime::enter(&self.scenario.realtime.of(self.rank));
         }
-        self.board.office(self.topic()).ready.set(self.epoch);
+        let office = self.board.office(self.topic());
+        self.probe(|| office.ready.set(self.epoch))?;
         self.board.bell(self.topic()).ring();
         let clock = clocked.then(|| Clock {
             period_ns: self.scenario.sample_ns(),
@@ -201,7 +266,42 @@ impl Seat {
         // Those that the launcher acts out, the process has no part in.
         let scenario =
             if self.scripted { &Scenario { fault: vec![], ..self.scenario.clone() } } else { &self.scenario };
-        Turns::new(clock, self.board.clone(), self.punctuality.clone(), self.topic(), self.epoch, scenario)
+        Ok(Turns::new(clock, self.board.clone(), self.punctuality.clone(), self.topic(), self.epoch, scenario))
+    }
+
+    /// Before the run begins, shows that every port works, and says that this process is `ready` when that is so; from
+    /// then on until the run begins its probes let the others see the same. In a run that is under way it is ready at
+    /// once: nobody waits for it there, and a process that cannot hear or be heard is replaced.
+    pub fn probe(&self, ready: impl Fn()) -> Result<(), SeatError> {
+        let limit_ns = now_ns() + PROBE_LIMIT_NS;
+        let mut said = false;
+        while self.board.phase().count() == phase::JOIN {
+            match self.probe_once()? {
+                None if said => {}
+                None => {
+                    ready();
+                    said = true;
+                }
+                Some(node) if now_ns() > limit_ns => return Err(SeatError::Silent { node }),
+                Some(_) => {}
+            }
+            self.board.phase().wait(phase::JOIN, now_ns() + PROBE_PERIOD_NS);
+        }
+        if !said {
+            ready();
+        }
+        Ok(())
+    }
+
+    /// Sends a probe through every sending port, and looks whether every receiving one has received something: a node
+    /// that is silent, or heard by nobody.
+    pub fn probe_once(&self) -> Result<Option<&'static str>, SeatError> {
+        let mut silent = None;
+        for probe in self.probes.borrow().iter() {
+            let works = (probe.works)()?;
+            silent = silent.or((!works).then_some(probe.node));
+        }
+        Ok(silent)
     }
 
     /// The topic this node speaks on.
@@ -216,12 +316,8 @@ impl Seat {
         self.punctuality.broken().map_or(Ok(()), |broken| Err(late(broken)))
     }
 
-    /// The plant's clock: waits until everybody has joined, then starts; `None` when the run was called off.
+    /// The plant's clock, which starts here; `None` when the run was called off.
     pub fn pace(&self) -> Option<Pace> {
-        const LOOK: Duration = Duration::from_millis(100);
-        while self.board.phase().count() < phase::GO {
-            self.board.phase().wait(phase::JOIN, now_ns() + LOOK.as_nanos() as u64);
-        }
         let going = self.board.phase().count() == phase::GO;
         going.then(|| Pace::new(&self.scenario, self.board.clone(), self.punctuality.clone()))
     }
@@ -251,7 +347,7 @@ pub fn run_as(
     own: Option<&Path>,
     run: fn(&Seat) -> Result<(), SeatError>,
 ) -> ExitCode {
-    realtime::tell_of_bus_errors();
+    realtime::tell_of_crashes();
     let seat = die_with_launcher(namespace).and_then(|()| Seat::join_with(namespace, name, epoch, own));
     match seat.and_then(|seat| run(&seat).and_then(|()| seat.verdict())) {
         Ok(()) => ExitCode::SUCCESS,

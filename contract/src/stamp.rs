@@ -48,6 +48,8 @@ pub mod unheard {
     pub const SHADOW: u64 = 1;
     /// A fault lost it, or changed it: what came of it, if anything, is another message with the same number.
     pub const FAULT: u64 = 2;
+    /// It says nothing: the publisher has joined, and whoever receives it can hear it.
+    pub const PROBE: u64 = 4;
 }
 
 impl Stamp {
@@ -83,6 +85,16 @@ impl Stamp {
     /// Whether a fault struck it, so that it shows only what was meant.
     pub fn is_struck(&self) -> bool {
         self.unheard & unheard::FAULT != 0
+    }
+
+    /// The stamp of a publisher's first message, which only shows that it can be heard.
+    pub fn probe(epoch: u32) -> Self {
+        Self { epoch: u64::from(epoch), unheard: unheard::PROBE, ..Self::default() }
+    }
+
+    /// Whether it is that of a probe.
+    pub fn is_probe(&self) -> bool {
+        self.unheard == unheard::PROBE
     }
 
     /// The stamp of the message itself, once it is numbered and on its way.

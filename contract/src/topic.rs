@@ -39,6 +39,16 @@ impl Topic {
             Self::Actuators => "mixer",
         }
     }
+
+    /// The topics of the nodes that listen to this one.
+    pub const fn listeners(self) -> &'static [Self] {
+        match self {
+            Self::State => &[Self::Reference, Self::Controls, Self::Actuators],
+            Self::Reference => &[Self::Controls],
+            Self::Controls => &[Self::Actuators],
+            Self::Actuators => &[Self::State],
+        }
+    }
 }
 
 /// The nodes of the ring, in the order a sample travels: publisher `i` speaks on topic `i`.

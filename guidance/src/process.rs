@@ -13,7 +13,7 @@ pub fn run(seat: &Seat) -> Result<(), SeatError> {
     }
     let mut states = seat.inlet::<State>()?;
     let mut references = seat.outlet::<Reference>()?;
-    let mut turns = seat.settle();
+    let mut turns = seat.settle()?;
     while let Some(tick) = turns.next(&mut states) {
         let state = states.newest();
         references.send(guidance.step(tick, state), turns.lineage(tick).with(state));

@@ -87,8 +87,12 @@ enum NodeName {
     Recorder,
 }
 
-/// Parses the arguments and does what they say.
+/// Parses the arguments and does what they say. A panic has said why; the run is lost with it.
 pub fn main() -> ExitCode {
+    std::panic::catch_unwind(run).unwrap_or(ExitCode::from(exit::PROCESS_LOST))
+}
+
+fn run() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Fly(args) => fly::fly(&args),
         Command::Check { scenario, set } => check(&scenario, &set),

@@ -11,7 +11,7 @@ use anyhow::Context;
 use clap::ValueEnum;
 use contract::Scenario;
 use contract::process::exit;
-use contract::scenario::{self, Mode, Policy};
+use contract::scenario::{self, Mode};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::inprocess;
@@ -149,7 +149,7 @@ fn fly_inprocess(
         log.finish()
     });
     let ended = if interrupts.load(Ordering::Relaxed) > 0 { Ended::Interrupted } else { ended };
-    Ok(Circumstances { ended, wall_s, log, provenance: provenance(scenario, &[]), events, refused })
+    Ok(Circumstances { ended, wall_s, log, provenance: provenance(scenario, &[]), events, refused, port_failures: vec![] })
 }
 
 /// Flies through processes; `scenario` gets what was ordered meanwhile.
@@ -172,17 +172,13 @@ fn fly_processes(
         },
     );
     progress.bar.finish_and_clear();
-    let fifo = flown.scheduling.iter().all(|(name, s)| name == "recorder" || s.policy == "fifo");
-    if scenario.run.mode == Mode::Realtime && scenario.realtime.policy == Policy::Fifo && !fifo {
-        eprintln!("note: flew as SCHED_OTHER, without the privilege for SCHED_FIFO; timing is worse for it");
-    }
     if let Ended::Lost(name) = &flown.ended {
         eprintln!("error: lost {name}; the stack was stopped");
     }
-    let Flown { ended, log, wall, scheduling, events, scenario: flown_scenario, refused } = flown;
+    let Flown { ended, log, wall, scheduling, events, scenario: flown_scenario, refused, port_failures } = flown;
     *scenario = flown_scenario;
     let provenance = provenance(scenario, &scheduling);
-    Ok(Circumstances { ended, wall_s: wall.as_secs_f64(), log, provenance, events, refused })
+    Ok(Circumstances { ended, wall_s: wall.as_secs_f64(), log, provenance, events, refused, port_failures })
 }
 
 /// Counts Ctrl-C, SIGTERM and SIGHUP: the first stops the flight cleanly, the second kills the processes, the third

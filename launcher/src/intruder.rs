@@ -90,16 +90,16 @@ fn speak<M: Wire>(namespace: &str, until: u64) -> anyhow::Result<String> {
     let domain = Domain::find(namespace)?;
     let board = Board::open(&domain.file("board"))?;
     let bus = Bus::attach(&domain)?;
-    let (port, ear) = (bus.sender::<M>()?, bus.receiver::<M>(NODE_DEPTH, 0)?);
+    let (port, ear) = (bus.sender::<M>()?, bus.receiver::<M>(NODE_DEPTH)?);
     print("ready\n");
     let bell = board.bell(M::TOPIC);
     let mut sent = 0;
     while supervisor::plant_tick(&board) < until && board.phase().count() < phase::LEAVE {
         let rung = bell.count(); // before the look, so that a message after it is not slept through
-        while let Some((heard, from)) = ear.receive() {
+        while let Ok(Some((heard, from))) = ear.receive() {
             if from != port.number() {
                 let epoch = heard.stamp().epoch;
-                sent += [epoch, epoch + 1].map(|epoch| port.send(&forge(&heard, epoch))).len();
+                sent += [epoch, epoch + 1].map(|epoch| port.send(&forge(&heard, epoch)).is_ok()).into_iter().filter(|sent| *sent).count();
                 bell.ring();
             }
         }

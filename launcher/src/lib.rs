@@ -14,6 +14,7 @@
 //! | [`log`] | the flight log's format |
 //! | [`summary`], [`timing`] | what a flight amounts to: metrics, state hash, punctuality |
 //! | [`solves`], [`faults`] | what the solver did, and what came of the scenario's faults |
+//! | [`bounds`] | what a flight must stay inside of |
 //! | [`run_record`] | `run.json` |
 //! | [`report`] | `report.html` |
 //! | [`trace`] | `trace`: ticks of a run for a trace viewer |
@@ -22,6 +23,7 @@
 //! | [`swap`] | `swap`: another process for a node of a flying stack |
 //! | [`measure`] | `measure`: figures with targets |
 
+pub mod bounds;
 pub mod cli;
 pub mod control;
 pub mod event;

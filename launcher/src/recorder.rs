@@ -4,8 +4,10 @@
 //! the gaps in the sequence numbers. When the disk fails it says so once, keeps the good part of the file and goes on
 //! counting. Its last word, one line of JSON on stdout, tells the launcher how it went.
 
+use std::cell::Cell;
 use std::path::Path;
 use std::process::ExitCode;
+use std::rc::Rc;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -14,6 +16,7 @@ use contract::port::{Receive, Wire};
 use contract::process::{Seat, SeatError, die_with_launcher, exit};
 use contract::realtime::{Board, phase};
 use contract::scenario::{self, FaultKind, Scenario};
+use contract::topic::Topic;
 use rustix::io::Errno;
 use serde::{Deserialize, Serialize};
 
@@ -37,10 +40,12 @@ pub struct LogOutcome {
 /// The four topics as one stream of records.
 pub struct Observers {
     board: Arc<Board>,
-    states: Box<dyn Receive<State>>,
-    references: Box<dyn Receive<Reference>>,
-    controls: Box<dyn Receive<Controls>>,
-    actuators: Box<dyn Receive<Actuators>>,
+    states: Rc<dyn Receive<State>>,
+    references: Rc<dyn Receive<Reference>>,
+    controls: Rc<dyn Receive<Controls>>,
+    actuators: Rc<dyn Receive<Actuators>>,
+    received: [Cell<u32>; Topic::COUNT],
+    failures: Cell<u32>,
 }
 
 impl Observers {
@@ -52,21 +57,50 @@ impl Observers {
             references: seat.observer()?,
             controls: seat.observer()?,
             actuators: seat.observer()?,
+            received: Default::default(),
+            failures: Cell::default(),
         })
     }
 
     /// Empties the queues into `each`, every topic in its own order; how many there were. What comes from a process that
-    /// has no place in the run is no part of the flight.
+    /// has no place in the run is no part of the flight, and neither is a probe.
     pub fn drain(&self, mut each: impl FnMut(Record)) -> usize {
-        fn one<M: Wire + Into<Record>>(board: &Board, port: &dyn Receive<M>, each: &mut impl FnMut(Record)) -> usize {
-            let office = board.office(M::TOPIC);
-            let received = std::iter::from_fn(|| port.receive()).filter(|(_, port)| office.knows(*port));
-            received.map(|(message, _)| each(message.into())).count()
+        self.one(&*self.states, &mut each)
+            + self.one(&*self.references, &mut each)
+            + self.one(&*self.controls, &mut each)
+            + self.one(&*self.actuators, &mut each)
+    }
+
+    /// How many messages of the active process on `topic` have reached this one.
+    pub fn received(&self, topic: Topic) -> u32 {
+        self.received[topic as usize].get()
+    }
+
+    /// How often a queue could not be read.
+    pub fn failures(&self) -> u32 {
+        self.failures.get()
+    }
+
+    fn one<M: Wire + Into<Record>>(&self, port: &dyn Receive<M>, each: &mut impl FnMut(Record)) -> usize {
+        let office = self.board.office(M::TOPIC);
+        let received = &self.received[M::TOPIC as usize];
+        let mut count = 0;
+        loop {
+            match port.receive() {
+                Ok(Some((message, from))) => {
+                    received.set(received.get() + u32::from(from == office.port(office.holder())));
+                    if office.knows(from) && !message.stamp().is_probe() {
+                        each(message.into());
+                        count += 1;
+                    }
+                }
+                Ok(None) => return count,
+                Err(_) => {
+                    self.failures.set(self.failures.get() + 1);
+                    return count;
+                }
+            }
         }
-        one(&self.board, &*self.states, &mut each)
-            + one(&self.board, &*self.references, &mut each)
-            + one(&self.board, &*self.controls, &mut each)
-            + one(&self.board, &*self.actuators, &mut each)
     }
 }
 
@@ -92,7 +126,7 @@ fn record(namespace: &str, epoch: u32, path: &Path) -> anyhow::Result<LogOutcome
     let observers = Observers::join(&seat)?;
     let mut hearing = Hearing::new(std::io::stdin());
     let office = seat.board.archive();
-    office.ready.set(epoch);
+    seat.probe(|| office.ready.set(epoch))?;
     loop {
         let closing = seat.board.phase().count() >= phase::CLOSE || office.holder() > epoch;
         let mut newest = 0;

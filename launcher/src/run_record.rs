@@ -2,15 +2,19 @@
 
 use contract::Scenario;
 use contract::guard::Refusal;
+use contract::message::PlantStatus;
+use contract::port::PortFailure;
 use contract::process::exit;
-use contract::scenario::{Bounds, Mode};
+use contract::scenario::Mode;
+use contract::topic::NODES;
 use serde_json::{Value, json};
 
+use crate::bounds::verdicts;
 use crate::event::{Event, What};
 use crate::faults::name;
 use crate::recorder::LogOutcome;
-use crate::stack::{Ended, Refused};
-use crate::summary::{Metrics, Summary};
+use crate::stack::{Ended, PortFailures, Refused};
+use crate::summary::Summary;
 
 /// What is known of a run besides its messages.
 pub struct Circumstances {
@@ -26,6 +30,8 @@ pub struct Circumstances {
     pub events: Vec<Event>,
     /// Messages refused, by listener and cause.
     pub refused: Refused,
+    /// How often ports have failed, by node.
+    pub port_failures: PortFailures,
 }
 
 /// Exit code of a run: the gravest of what happened.
@@ -35,9 +41,9 @@ pub fn exit_code(summary: &Summary, scenario: &Scenario, how: &Circumstances) ->
         Ended::Interrupted => exit::INTERRUPTED,
         Ended::Lost(_) => exit::PROCESS_LOST,
         Ended::Late(_) => exit::BUDGET_BROKEN,
-        Ended::Flown if log_lost => exit::PROCESS_LOST,
+        Ended::Flown if log_lost || summary.status() == PlantStatus::Flying => exit::PROCESS_LOST,
         Ended::Flown if summary.status().diverged() => exit::OUT_OF_BOUNDS,
-        Ended::Flown if verdicts(&scenario.bounds, &summary.metrics()).iter().any(|v| !v.ok) => exit::OUT_OF_BOUNDS,
+        Ended::Flown if verdicts(scenario, &summary.metrics()).iter().any(|v| !v.ok) => exit::OUT_OF_BOUNDS,
         Ended::Flown => exit::FLOWN,
     }
 }
@@ -50,8 +56,39 @@ pub fn describe_end(summary: &Summary, how: &Circumstances) -> String {
         Ended::Lost(name) => format!("lost {name} at {t:.2} s"),
         Ended::Late(name) => format!("stopped at {t:.2} s: {name} missed its deadline"),
         Ended::Flown if summary.status().diverged() => format!("diverged at {t:.2} s: {}", summary.status().describe()),
+        Ended::Flown if summary.status() == PlantStatus::Flying => format!("seen no further than {t:.2} s"),
         Ended::Flown => format!("flown to the end, {t:.2} s"),
     }
+}
+
+/// What a reader must know beside how the run ended, the gravest first; nothing when all went well.
+pub fn reservations(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> Vec<String> {
+    let outside = verdicts(scenario, &summary.metrics()).into_iter().filter(|verdict| !verdict.ok);
+    let mut told: Vec<String> = outside
+        .map(|verdict| {
+            let (what, unit) = verdict.words();
+            format!("{what} {:.3} {unit} (bound {} {unit})", verdict.measured, verdict.limit)
+        })
+        .collect();
+    let fallback_s = summary.metrics().fallback_s;
+    if fallback_s > 0.0 && !told.iter().any(|text| text.starts_with("mixer")) {
+        told.push(format!("mixer on its fallback for {fallback_s:.2} s"));
+    }
+    let failed = |event: &&Event| matches!(event.what, What::Died | What::Hung | What::Killed | What::GivenUp);
+    let mut nodes: Vec<&str> = how.events.iter().filter(failed).map(|event| event.node.as_str()).collect();
+    nodes.sort_unstable();
+    nodes.dedup();
+    if !nodes.is_empty() {
+        told.push(format!("{} failed in flight", nodes.join(" and ")));
+    }
+    if let Some(log) = &how.log {
+        told.extend((log.dropped > 0).then(|| format!("{} records are missing in the log", log.dropped)));
+        told.extend(log.error.is_some().then(|| "the log is not whole".to_owned()));
+    }
+    let failing = how.port_failures.iter().filter(|(_, counts)| counts.iter().any(|count| *count > 0));
+    told.extend(failing.map(|(node, counts)| format!("ports of {node} failed {} times", counts.iter().sum::<u32>())));
+    told.extend((summary.missed() > 0).then(|| format!("{} messages were not seen", summary.missed())));
+    told
 }
 
 /// The whole of run.json.
@@ -66,11 +103,12 @@ pub fn run_json(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
         "flown_s": flown_s,
         "diverged": summary.status().diverged(),
         "ended": describe_end(summary, how),
+        "but": reservations(summary, scenario, how),
         "exit_code": exit_code(summary, scenario, how),
         "metrics": metrics,
         "solver": summary.solves.to_json(),
         "state_hash": summary.state_hash(),
-        "bounds": verdicts(&scenario.bounds, &metrics),
+        "bounds": verdicts(scenario, &metrics),
         "speed": { "wall_s": how.wall_s, "times_realtime": flown_s / how.wall_s },
         "timing": summary.timing.as_ref().map(crate::timing::Timing::to_json),
         "log": how.log,
@@ -78,6 +116,7 @@ pub fn run_json(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
         "faults": summary.faults.to_json(),
         "events": events(scenario, &how.events),
         "refused": how.refused.iter().map(|(node, counts)| ((*node).to_owned(), refused(counts))).collect::<Value>(),
+        "port_failures": port_failures(&how.port_failures),
         "provenance": how.provenance,
     })
 }
@@ -98,47 +137,47 @@ pub fn events(scenario: &Scenario, events: &[Event]) -> Value {
     events.iter().map(one).collect()
 }
 
+/// Failures of the ports of each node, by cause.
+fn port_failures(failures: &PortFailures) -> Value {
+    let by_cause = |counts: &[u32]| -> Value {
+        PortFailure::ALL.iter().zip(counts).map(|(failure, count)| (failure.name().to_owned(), json!(count))).collect()
+    };
+    failures.iter().map(|(node, counts)| ((*node).to_owned(), by_cause(counts))).collect()
+}
+
+/// What class and memory the processes got from the kernel; nothing where they asked for nothing.
+fn granted(scenario: &Scenario, provenance: &Value) -> Option<String> {
+    let nodes: Vec<&Value> = NODES.iter().filter_map(|node| provenance["scheduling"].get(node)).collect();
+    if scenario.run.mode != Mode::Realtime || nodes.is_empty() {
+        return None;
+    }
+    let fifo = nodes.iter().filter(|node| node["policy"] == "fifo").count();
+    let locked = nodes.iter().filter(|node| node["locked_kb"].as_u64() > Some(0)).count();
+    let class = match fifo {
+        0 => "SCHED_OTHER, for want of privilege or by the scenario".to_owned(),
+        4 => "SCHED_FIFO".to_owned(),
+        some => format!("SCHED_FIFO for {some} of 4 nodes"),
+    };
+    let memory = if locked == nodes.len() { "locked" } else { "not locked (needs `ulimit -l unlimited`)" };
+    Some(format!("{class}; memory {memory}"))
+}
+
 /// Refused messages by cause.
 pub fn refused(counts: &[u32; Refusal::ALL.len()]) -> Value {
     Refusal::ALL.iter().zip(counts).map(|(refusal, count)| (refusal.name().to_owned(), json!(count))).collect()
-}
-
-/// One bound of the scenario against the flight.
-#[derive(Debug, serde::Serialize)]
-pub struct Verdict {
-    /// Which metric.
-    pub metric: &'static str,
-    /// What it may not exceed.
-    pub limit: f64,
-    /// What it was.
-    pub measured: f64,
-    /// Whether it was inside.
-    pub ok: bool,
-}
-
-/// Every bound that the scenario sets.
-pub fn verdicts(bounds: &Bounds, metrics: &Metrics) -> Vec<Verdict> {
-    let all = [
-        ("max_position_error_m", bounds.max_position_error_m, metrics.max_position_error_m),
-        (
-            "max_altitude_error_horizontal_m",
-            bounds.max_altitude_error_horizontal_m,
-            metrics.max_altitude_error_horizontal_m,
-        ),
-        ("max_altitude_error_vertical_m", bounds.max_altitude_error_vertical_m, metrics.max_altitude_error_vertical_m),
-        ("final_position_error_m", bounds.final_position_error_m, metrics.final_position_error_m),
-    ];
-    let judged = all.into_iter().filter_map(|(metric, limit, measured)| Some((metric, limit?, measured)));
-    // A metric without a sample, such as the altitude error of a leg not reached, is not judged.
-    let sampled = judged.filter(|(_, _, measured)| !measured.is_nan());
-    sampled.map(|(metric, limit, measured)| Verdict { metric, limit, measured, ok: measured <= limit }).collect()
 }
 
 /// For people: what the flight amounted to.
 pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> String {
     use std::fmt::Write;
     let m = summary.metrics();
-    let mut text = format!("{}: {}\n", scenario.name, describe_end(summary, how));
+    let but = reservations(summary, scenario, how);
+    let but = match (&how.ended, but.as_slice()) {
+        (Ended::Flown, []) => ", inside its bounds".to_owned(),
+        (_, []) => String::new(),
+        (_, but) => format!(", but {}", but.join("; ")),
+    };
+    let mut text = format!("{}: {}{but}\n", scenario.name, describe_end(summary, how));
     let mut line = |label: &str, value: String| {
         let _ = writeln!(text, "  {label:<22}{value}"); // a String takes everything
     };
@@ -171,7 +210,7 @@ pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
     for events in describe_events(&how.events, scenario.sample_s()) {
         line("events", events);
     }
-    for v in verdicts(&scenario.bounds, &m) {
+    for v in verdicts(scenario, &m) {
         let ok = if v.ok { "inside" } else { "OUTSIDE" };
         line(ok, format!("{} {:.4} against {}", v.metric, v.measured, v.limit));
     }
@@ -185,6 +224,9 @@ pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
                 log.error.as_ref().map_or(String::new(), |e| format!("; {e}"))
             ),
         );
+    }
+    if let Some(granted) = granted(scenario, &how.provenance) {
+        line("real time", granted);
     }
     line("state hash", summary.state_hash().unwrap_or_else(|| "none: the watcher missed messages".into()));
     line(

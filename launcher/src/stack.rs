@@ -28,9 +28,9 @@ use contract::Scenario;
 use contract::domain::Hold;
 use contract::guard::Refusal;
 use contract::office::Staff;
-use contract::port::{Bus, Services, config_toml};
+use contract::port::{Bus, PortFailure, Services, config_toml};
 use contract::process::Seat;
-use contract::realtime::{Board, phase, tell_of_bus_errors};
+use contract::realtime::{Board, phase, tell_of_crashes};
 use contract::scenario::Fault;
 use contract::topic::Topic;
 
@@ -47,7 +47,9 @@ use crate::recorder::{LogOutcome, Observers};
 use archive::Archive;
 use regime::Regime;
 
+use crate::supervisor::hearing::Hearing;
 use crate::supervisor::plant_tick;
+use recorders::RECORDER;
 
 /// How long children may take to join, and nodes to leave.
 const JOIN_LIMIT: Duration = Duration::from_secs(10);
@@ -55,6 +57,9 @@ const LEAVE_LIMIT: Duration = Duration::from_secs(1);
 
 /// Messages refused, by listener and cause.
 pub type Refused = Vec<(&'static str, [u32; Refusal::ALL.len()])>;
+
+/// How often the ports of each node have failed, by cause; the launcher's own too.
+pub type PortFailures = Vec<(&'static str, [u32; PortFailure::ALL.len()])>;
 
 /// What a flight through processes leaves behind, beside the messages.
 pub struct Flown {
@@ -72,6 +77,8 @@ pub struct Flown {
     pub scenario: Scenario,
     /// Messages refused, by listener and cause.
     pub refused: Refused,
+    /// How often ports have failed, by node.
+    pub port_failures: PortFailures,
 }
 
 /// A stack whose processes are all there. Dropping it kills what is left and wipes shared memory.
@@ -82,13 +89,16 @@ pub struct Stack {
     host: Host,
     board: std::sync::Arc<Board>,
     observers: Observers,
+    hearing: Hearing,
+    /// Topics that the launcher itself does not hear.
+    blind: [bool; Topic::COUNT],
     /// As it is by now: with what was ordered while it flies.
     scenario: Scenario,
     control: Server,
     /// When the newest message of each topic was sent.
     newest_ns: [u64; Topic::COUNT],
     // Dropped in this order: the services before the domain that holds their files.
-    services: Services,
+    _services: Services,
     _bus: Bus,
     hold: Hold,
 }
@@ -101,7 +111,7 @@ impl Stack {
         log: Option<&Path>,
         interrupts: &AtomicU32,
     ) -> anyhow::Result<Self> {
-        tell_of_bus_errors();
+        tell_of_crashes();
         let hold = Hold::take(namespace)?;
         let domain = &hold.domain;
         let shm = |what| move || format!("cannot write {what} in shared memory");
@@ -119,12 +129,14 @@ impl Stack {
             regime: Regime::new(scenario),
             archive: log.map(Archive::new),
             host,
-            board: seat.board,
+            board: seat.board.clone(),
             observers,
+            hearing: Hearing::default(),
+            blind: [false; Topic::COUNT],
             scenario: scenario.clone(),
             control: Server::open(domain).with_context(shm("the control socket"))?,
             newest_ns: [0; Topic::COUNT],
-            services,
+            _services: services,
             _bus: bus,
             hold,
         };
@@ -133,7 +145,7 @@ impl Stack {
             stack.start_node(topic, 1, None)?;
         }
         stack.start_recorder()?;
-        stack.wait_until_joined(1 + usize::from(log.is_some()), interrupts)?;
+        stack.wait_until_ready(&seat, interrupts)?;
         Ok(stack)
     }
 
@@ -161,6 +173,7 @@ impl Stack {
             }
             let events = self.host.look(plant_tick(&self.board), &self.children);
             self.regime.events().extend(events);
+            self.listen();
             if let Some(ended) = self.supervise(question) {
                 break ended;
             }
@@ -185,35 +198,45 @@ impl Stack {
             (topic.publisher(), Refusal::ALL.map(|r| self.board.office(topic).refused[r as usize].get()))
         };
         let refused = Topic::ALL.map(count).into();
+        let port_failures = self.port_failures();
         let events = std::mem::take(self.regime.events());
-        Flown { ended, log, wall, scheduling, events, scenario: self.scenario.clone(), refused }
+        Flown { ended, log, wall, scheduling, events, scenario: self.scenario.clone(), refused, port_failures }
     }
 
-    /// Waits until every topic has its publisher and all its subscribers; `observers` of them are not nodes.
-    fn wait_until_joined(&mut self, observers: usize, interrupts: &AtomicU32) -> Result<(), StartError> {
-        let deadline = Instant::now() + JOIN_LIMIT;
-        let missing = |services: &Services, topic: Topic| {
-            // Three nodes listen to STATE, one to each other topic.
-            let listeners = observers + if topic == Topic::State { 3 } else { 1 };
-            let (publishers, subscribers) = services.joined(topic);
-            publishers < 1 || subscribers < listeners
+    fn port_failures(&self) -> PortFailures {
+        let count = |topic: Topic| {
+            let failures = &self.board.office(topic).port_failures;
+            (topic.publisher(), PortFailure::ALL.map(|failure| failures[failure as usize].get()))
         };
-        while let Some(topic) = Topic::ALL.into_iter().find(|topic| missing(&self.services, *topic)) {
+        Topic::ALL.map(count).into_iter().chain([("launcher", [0, self.observers.failures()])]).collect()
+    }
+
+    /// Waits until everybody is ready: every process has received something of everybody it listens to.
+    fn wait_until_ready(&mut self, seat: &Seat, interrupts: &AtomicU32) -> anyhow::Result<()> {
+        let deadline = Instant::now() + JOIN_LIMIT;
+        loop {
+            let silent = seat.probe_once().map_err(|error| StartError::Lost(error.to_string()))?;
+            let Some(name) = silent.or_else(|| self.unready()) else { return Ok(()) };
             if interrupts.load(Ordering::Relaxed) > 0 {
-                return Err(StartError::Interrupted);
+                return Err(StartError::Interrupted.into());
             }
-            if let Some((i, _)) = self.children.departed() {
-                return Err(StartError::Lost(format!("{} ended", self.children.all[i].name)));
+            if let Some((i, how)) = self.children.departed() {
+                return Err(StartError::Lost(how.tell(self.children.all[i].name)).into());
             }
             if Instant::now() > deadline {
-                let (publishers, subscribers) = self.services.joined(topic);
-                let counts = format!("{publishers} publishers and {subscribers} subscribers");
-                return Err(StartError::Lost(format!("after 10 s topic '{}' has {counts}", topic.name())));
+                let why = format!("after {} s {name} is not ready", JOIN_LIMIT.as_secs());
+                return Err(StartError::Lost(why).into());
             }
             self.attend();
             std::thread::sleep(Duration::from_millis(1));
         }
-        Ok(())
+    }
+
+    /// A process that is not ready yet.
+    fn unready(&self) -> Option<&'static str> {
+        let topic = Topic::ALL.into_iter().find(|topic| self.board.office(*topic).ready.get() == 0);
+        let recorder = || (self.archive.is_some() && self.board.archive().ready.get() == 0).then_some(RECORDER);
+        topic.map(Topic::publisher).or_else(recorder)
     }
 
     /// Shows `watch` every message that has come, and tells the plant, which waits for it in lockstep; the newest tick.

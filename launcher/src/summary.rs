@@ -42,6 +42,8 @@ pub struct Metrics {
     pub commands_saturated: u64,
     /// Commands for which (42) or (43) asked for the root of a negative number.
     pub negative_squares: u64,
+    /// Time the mixer flew without a demand \[s\].
+    pub fallback_s: f64,
 }
 
 /// Gathers a flight, message by message; the order between topics does not matter.
@@ -52,6 +54,8 @@ pub struct Summary {
     metrics: Metrics,
     square_sum_m2: f64,
     samples: u64,
+    /// Ticks on which the mixer flew without a demand.
+    fallback_ticks: u64,
     hash: Sha256,
     count: Count,
     missed: u64,
@@ -83,9 +87,11 @@ impl Summary {
                 tilt_max_deg: 0.0,
                 commands_saturated: 0,
                 negative_squares: 0,
+                fallback_s: 0.0,
             },
             square_sum_m2: 0.0,
             samples: 0,
+            fallback_ticks: 0,
             hash: Sha256::new(),
             count: Count::default(),
             missed: 0,
@@ -106,6 +112,7 @@ impl Summary {
             Record::Controls(controls) => self.solves.observe(controls),
             Record::Actuators(actuators) => {
                 self.metrics.commands_saturated += u64::from(mixer_flags::saturated(actuators.flags));
+                self.fallback_ticks += u64::from(mixer_flags::fallback(actuators.flags));
                 self.metrics.negative_squares += u64::from(actuators.flags & mixer_flags::NEGATIVE_SQUARE != 0);
             }
             Record::Reference(_) => {}
@@ -145,7 +152,8 @@ impl Summary {
     /// The metrics so far.
     pub fn metrics(&self) -> Metrics {
         let rms_position_error_m = (self.square_sum_m2 / self.samples.max(1) as f64).sqrt();
-        Metrics { rms_position_error_m, ..self.metrics }
+        let fallback_s = self.fallback_ticks as f64 * self.sample_s;
+        Metrics { rms_position_error_m, fallback_s, ..self.metrics }
     }
 
     /// SHA-256 over every state's payload bits in order; `None` when a message was missed or none came.

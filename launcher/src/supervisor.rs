@@ -10,6 +10,7 @@
 //! work. Who is started continues from its predecessor's memory. Nobody can take the plant's place: without it the flight
 //! ends. A node that is given up leaves the vehicle to the reactions of the others, which bring it down.
 
+pub mod hearing;
 mod newcomer;
 mod node;
 mod progress;
@@ -22,7 +23,7 @@ use contract::roll::{Entry, Roll};
 use contract::scenario::{Fault, Scenario};
 use contract::topic::Topic;
 
-use crate::event::Event;
+use crate::event::{Event, What};
 use crate::log::Record;
 use node::Node;
 use strike::Strike;
@@ -109,6 +110,16 @@ impl Supervisor {
             self.nodes[topic as usize].died(board, epoch, tick, &mut self.events);
             true
         }
+    }
+
+    /// The process `epoch` of a node works, but not with the others, and `why`: it counts as hung.
+    pub fn unheard(&mut self, board: &Board, topic: Topic, epoch: u32, why: &str) -> Option<Order> {
+        let event = Event::new(plant_tick(board), topic.publisher(), epoch, What::Hung).because(why);
+        self.events.push(event);
+        if topic != Topic::State {
+            self.nodes[topic as usize].vacate(board, epoch); // dying takes milliseconds, for which nobody is to wait
+        }
+        Some(Order::Kill(topic, epoch))
     }
 
     /// What is to be done now; swaps may have been added to `scenario` since the last time.

@@ -14,7 +14,7 @@ pub fn run(seat: &Seat) -> Result<(), SeatError> {
     let mut states = seat.inlet::<State>()?;
     let mut demands = seat.inlet::<Controls>()?;
     let mut actuators = seat.outlet::<Actuators>()?;
-    let mut turns = seat.settle();
+    let mut turns = seat.settle()?;
     while let Some(tick) = turns.next(&mut demands) {
         let (demand, state) = (demands.newest(), states.newest());
         actuators.send(mixer.step(tick, demand, state), turns.lineage(tick).with(demand).with(state));

@@ -15,7 +15,7 @@ pub fn run(seat: &Seat) -> Result<(), SeatError> {
     let mut states = seat.outlet::<State>()?;
     let mut commands = seat.inlet::<Actuators>()?;
     let mut news = seat.news();
-    seat.settle();
+    seat.settle()?;
     let Some(mut pace) = seat.pace() else { return Ok(()) };
     loop {
         news.tell(|number, fault| {

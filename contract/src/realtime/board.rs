@@ -24,7 +24,7 @@ use crate::ledger::Ledger;
 use crate::office::Office;
 
 const PAGE_BYTES: usize = 4096 * 8;
-const MAGIC: u32 = 0x7EF0_1106;
+const MAGIC: u32 = 0x7EF0_1107;
 
 #[repr(C)]
 struct Page {

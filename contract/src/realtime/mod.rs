@@ -6,22 +6,30 @@
 #![expect(unsafe_code, reason = "sched_setscheduler, mmap, sigaction and pre_exec; the only unsafe of the stack")]
 
 mod board;
-mod bus_error;
 mod child;
 mod clock;
+mod crash;
 
+use std::fs::File;
 use std::num::NonZeroU64;
 
-use rustix::mm::MlockAllFlags;
-use rustix::process::{Resource, Rlimit};
+use rustix::io::Errno;
+use rustix::mm::{MapFlags, MlockAllFlags, ProtFlags, mlockall, mmap_anonymous, munlockall, munmap};
+use rustix::process::{Resource, Rlimit, getrlimit};
 use rustix::thread::CpuSet;
 
 pub use board::{Bell, Board, phase};
-pub use bus_error::tell_of_bus_errors;
 pub use child::die_with_parent;
 pub use clock::{now_ns, thread_cpu_ns, timed};
+pub use crash::tell_of_crashes;
 
 use crate::scenario::{Policy, Scheduling};
+
+/// More than a process of the stack maps after it has settled \[bytes\]: the segments of all processes that may join.
+const LATER_BYTES: usize = 1 << 30;
+
+/// More files than a connection to one publisher opens.
+const FILES_OF_A_CONNECTION: usize = 16;
 
 /// Asks for what the scenario wants; takes what it gets. The launcher reads from `/proc` what that was.
 ///
@@ -39,14 +47,50 @@ pub fn enter(wanted: &Scheduling) {
         let _ = rustix::thread::set_current_timer_slack(NonZeroU64::new(1));
     }
     if wanted.lock_memory {
-        // What is mapped now is brought in now. The segment of a process that joins later, tens of megabytes, page by page
-        // as it is used: all of it at once would take 35 ms out of the loop that maps it.
-        // Without the privilege the memory stays pageable; run.json says how much was locked.
-        for flags in [MlockAllFlags::CURRENT, MlockAllFlags::FUTURE | MlockAllFlags::ONFAULT] {
-            let _ = rustix::mm::mlockall(flags);
-        }
+        lock_memory();
     }
     touch_stack();
+}
+
+/// Locks the memory of this process, what it will map later included, or none of it.
+///
+/// What is mapped now is brought in now. The segment of a process that joins later, tens of megabytes, page by page as it
+/// is used: all of it at once would take 35 ms out of the loop that maps it. Under a limit (`RLIMIT_MEMLOCK`) that does
+/// not bind at once, a later map would fail for want of lockable memory, and with it the connection to a publisher; so
+/// the memory stays pageable unless there is room for [`LATER_BYTES`] more. run.json says how much was locked.
+fn lock_memory() {
+    let later = MlockAllFlags::CURRENT | MlockAllFlags::FUTURE | MlockAllFlags::ONFAULT;
+    let locked = mlockall(MlockAllFlags::CURRENT).and_then(|()| mlockall(later)).is_ok() && can_map(LATER_BYTES);
+    if !locked {
+        let _ = munlockall(); // fails on no kernel that knows the call
+    }
+}
+
+/// Whether this process may map so much more; none of it is used.
+fn can_map(bytes: usize) -> bool {
+    // SAFETY: the address is the kernel's choice, so no existing mapping is replaced, and nothing is ever read or written
+    // through it; it is unmapped before anybody else knows of it.
+    unsafe {
+        let map = mmap_anonymous(std::ptr::null_mut(), bytes, ProtFlags::empty(), MapFlags::PRIVATE);
+        map.is_ok_and(|address| munmap(address, bytes).is_ok())
+    }
+}
+
+/// What this process is short of, as far as the kernel tells: why it cannot open or map a file of the run.
+pub fn shortage() -> String {
+    let limit = |resource| getrlimit(resource).current.map_or("unlimited".to_owned(), |limit| limit.to_string());
+    // A connection needs several files; one that failed has closed those that it had got.
+    let files: Vec<_> = (0..FILES_OF_A_CONNECTION).map(|_| File::open("/")).collect();
+    let cannot_open = |file: &std::io::Result<File>| {
+        file.as_ref().is_err_and(|error| error.raw_os_error() == Some(Errno::MFILE.raw_os_error()))
+    };
+    if files.iter().any(cannot_open) {
+        format!("no more files can be opened (limit {}; raise it: ulimit -n)", limit(Resource::Nofile))
+    } else if !can_map(LATER_BYTES / 8) {
+        format!("no more memory can be mapped (limit {} bytes; raise it: ulimit -v)", limit(Resource::As))
+    } else {
+        "its files in shared memory are gone or damaged; fly again".into()
+    }
 }
 
 /// Keeps this process on the given CPUs; where the kernel refuses (a CPU that is not there) it stays where it may be.

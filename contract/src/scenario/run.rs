@@ -83,7 +83,8 @@ pub struct Run {
     pub command_drop_probability: f64,
 }
 
-/// `[bounds]`: metrics of the run (see run.json) that must not be exceeded; absent = not judged.
+/// `[bounds]`: metrics of the run (see run.json) that must not be exceeded; `inf` = not judged. Position error and fallback
+/// have defaults of profile and mission (`launcher/src/bounds.rs`), the others are not judged when absent.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Bounds {
@@ -99,6 +100,9 @@ pub struct Bounds {
     /// \[m\]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub final_position_error_m: Option<f64>,
+    /// Time the mixer flew without a demand \[s\].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_fallback_s: Option<f64>,
 }
 
 impl Default for Scenario {

@@ -65,8 +65,8 @@ impl Archive {
     }
 
     /// All have ended, the recorder `holder` in office: makes one log of what they have written, and says how it went.
-    /// `untold` of the `events` did not reach a recorder.
-    pub fn close(mut self, holder: u32, scenario: &Scenario, events: &[Event], untold: usize) -> LogOutcome {
+    /// `untold` of the `events` did not reach a recorder; the processes have sent so many messages.
+    pub fn close(mut self, holder: u32, scenario: &Scenario, events: &[Event], untold: usize, sent: u64) -> LogOutcome {
         let why = if self.recorders.given_up {
             "nobody was left to record the flight"
         } else {
@@ -75,7 +75,9 @@ impl Archive {
         let lost = || LogOutcome { error: Some(why.into()), ..LogOutcome::default() };
         let last = self.words.remove(&holder).unwrap_or_else(lost);
         if self.recorders.newest == 1 {
-            return LogOutcome { dropped: last.dropped + untold as u64, ..last };
+            // What never reached it leaves no gap that it could have counted.
+            let missing = (sent + events.len() as u64).saturating_sub(last.records);
+            return LogOutcome { dropped: missing.max(last.dropped + untold as u64), ..last };
         }
         let files: Vec<PathBuf> = (1..=self.recorders.newest).map(|epoch| self.part(epoch)).collect();
         let failed = last.error.or_else(|| self.words.into_values().find_map(|word| word.error));
@@ -133,7 +135,7 @@ mod tests {
         let path = folder.path().join("flight.mcap");
         let events = [Event::new(1, "mixer", 1, What::Died)];
         for (newest, records, dropped) in [(1, 7, 1), (2, 1, 0)] {
-            let outcome = archive(&path, newest).close(newest, &Scenario::default(), &events, 1);
+            let outcome = archive(&path, newest).close(newest, &Scenario::default(), &events, 1, 0);
             assert_eq!(outcome, LogOutcome { records, dropped, error: None });
         }
     }
@@ -145,12 +147,12 @@ mod tests {
         for newest in [1, 2] {
             let mut archive = archive(&path, newest);
             archive.words.remove(&newest);
-            let error = archive.close(newest, &Scenario::default(), &[], 0).error;
+            let error = archive.close(newest, &Scenario::default(), &[], 0, 0).error;
             assert_eq!(error.as_deref(), Some("the recorder ended before it could close the log"));
         }
         let mut archive = archive(&path, 2);
         archive.recorders.given_up = true;
-        let error = archive.close(0, &Scenario::default(), &[], 0).error;
+        let error = archive.close(0, &Scenario::default(), &[], 0, 0).error;
         assert_eq!(error.as_deref(), Some("nobody was left to record the flight"));
     }
 }

@@ -73,6 +73,14 @@ impl Regime {
         }
     }
 
+    /// The process `epoch` of a node works, but not with the others, and `why`.
+    pub fn unheard(&mut self, board: &Board, topic: Topic, epoch: u32, why: &str) -> Option<Order> {
+        match self {
+            Self::Clock(supervisor) => supervisor.unheard(board, topic, epoch, why),
+            Self::Script(script) => script.unheard(board, topic, epoch, why),
+        }
+    }
+
     /// Whether the process `epoch` is in office, and there is nobody to have it back.
     pub fn is_alone(&self, board: &Board, topic: Topic, epoch: u32) -> bool {
         match self {

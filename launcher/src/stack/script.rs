@@ -10,10 +10,12 @@
 use std::time::{Duration, Instant};
 
 use contract::office::Staff;
+use contract::pace::LEAD_TICKS;
 use contract::realtime::Board;
 use contract::scenario::Scenario;
 use contract::topic::Topic;
 
+use crate::event::{Event, What};
 use crate::succession::{Step, Succession};
 use crate::supervisor::{Order, plant_tick};
 
@@ -43,7 +45,7 @@ struct Awaited {
 impl Script {
     /// For a run of `scenario`.
     pub fn new(scenario: &Scenario) -> Self {
-        let progress = ([[0; 2]; Topic::COUNT], Instant::now());
+        let progress = ([[u32::MAX; 2]; Topic::COUNT], Instant::now()); // the first look is a change
         Self { succession: Succession::new(scenario), awaited: None, progress }
     }
 
@@ -105,6 +107,13 @@ impl Script {
         true
     }
 
+    /// The process `epoch` of a node works, but not with the others, and `why`: it counts as hung.
+    pub fn unheard(&mut self, board: &Board, topic: Topic, epoch: u32, why: &str) -> Option<Order> {
+        let event = Event::new(plant_tick(board), topic.publisher(), epoch, What::Hung).because(why);
+        self.succession.events.push(event);
+        Some(Order::Kill(topic, epoch))
+    }
+
     /// Who keeps the ring waiting for too long.
     fn hung(&mut self, board: &Board) -> Option<Order> {
         if let Some(Awaited { starting, since, .. }) = &mut self.awaited {
@@ -125,12 +134,16 @@ impl Script {
             self.progress = (all, Instant::now());
         }
         let sampled = all[Topic::State as usize][0];
-        if self.progress.1.elapsed() < HANG || sampled == 0 {
+        if self.progress.1.elapsed() < if sampled == 0 { START_LIMIT } else { HANG } {
             return None;
         }
         self.progress.1 = Instant::now();
         let late = |topic: Topic| (0..2).find(|i| employed(topic)[*i] != 0 && done(topic)[*i] < sampled);
-        let (topic, i) = Topic::ALL.into_iter().find_map(|topic| Some((topic, late(topic)?)))?;
-        Some(Order::Kill(topic, employed(topic)[i]))
+        let late = Topic::ALL.into_iter().find_map(|topic| Some((topic, employed(topic)[late(topic)?])));
+        // When all have answered it is for the plant to go on, unless it waits for a recorder that is behind.
+        let behind = u64::from(sampled) > u64::from(board.recorded().count()) + LEAD_TICKS;
+        let plant = || (!behind).then_some((Topic::State, employed(Topic::State)[0]));
+        let (topic, epoch) = late.or_else(plant)?;
+        self.unheard(board, topic, epoch, "it stands still")
     }
 }

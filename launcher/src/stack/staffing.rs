@@ -13,7 +13,9 @@ use super::archive::Archive;
 use super::children::{Birth, Process, wait};
 use super::end::{Departure, Ended};
 use super::recorders::{self, At, RECORDER};
+use crate::event::{Event, What};
 use crate::recorder::LogOutcome;
+use crate::supervisor::hearing::Silence;
 use crate::supervisor::{Order, plant_tick};
 
 /// The recorder may have a slow disk to empty its last chunk to.
@@ -48,6 +50,27 @@ impl Stack {
             self.regime.answer(&self.board);
         }
         None
+    }
+
+    /// Sees to it that everybody hears everybody: who is mute or deaf is replaced as if it hung.
+    pub(super) fn listen(&mut self) {
+        let received = Topic::ALL.map(|topic| self.observers.received(topic));
+        for silence in self.hearing.look(&self.board, received) {
+            let (topic, epoch, why) = match silence {
+                Silence::Mute(topic, epoch) => (topic, epoch, "its messages do not arrive".to_owned()),
+                Silence::Deaf(topic, epoch, of) => (topic, epoch, format!("it hears nothing of {}", of.publisher())),
+                Silence::Blind(of) => {
+                    if !std::mem::replace(&mut self.blind[of as usize], true) {
+                        let event = Event::new(plant_tick(&self.board), "launcher", 0, What::Hung);
+                        self.regime.events().push(event.because(format!("it hears nothing of {}", of.publisher())));
+                    }
+                    continue;
+                }
+            };
+            if let Some(order) = self.regime.unheard(&self.board, topic, epoch, &why) {
+                self.obey(order);
+            }
+        }
     }
 
     fn obey(&mut self, order: Order) {
@@ -114,7 +137,8 @@ impl Stack {
                 archive.keep(*epoch, stdout);
             }
         }
-        Some(archive.close(self.board.archive().holder(), &self.scenario, events, untold))
+        let sent = Topic::ALL.map(|topic| self.board.office(topic).sent_by_all()).iter().sum();
+        Some(archive.close(self.board.archive().holder(), &self.scenario, events, untold, sent))
     }
 
     fn spawn_recorder(&mut self, epoch: u32, origin: Option<usize>) -> anyhow::Result<()> {

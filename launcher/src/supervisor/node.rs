@@ -183,9 +183,13 @@ impl Node {
         }
         self.progress.note(done, now);
         self.holder = holder;
-        // Nobody samples for the plant: time alone tells.
-        let samples = if self.topic == Topic::State { u64::MAX } else { tick + 1 };
-        if holder != 0 && tick > 0 && self.progress.hangs(samples, limit(self.topic, self.sample_s), now) {
+        // Nobody samples for the plant: time alone tells, from the start of the run on.
+        let samples = match self.topic {
+            Topic::State => u64::MAX,
+            _ if tick == 0 => 0,
+            _ => tick + 1,
+        };
+        if holder != 0 && self.progress.hangs(samples, limit(self.topic, self.sample_s), now) {
             events.push(Event::new(tick, self.topic.publisher(), holder, What::Hung));
             self.progress.begin(done, now);
             orders.push(Order::Kill(self.topic, holder));

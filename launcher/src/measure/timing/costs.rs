@@ -47,7 +47,7 @@ impl Costs {
         let bus = Bus::attach(&hold.domain)?;
         let _services = bus.create_services()?;
         let sender = bus.sender::<Controls>()?;
-        let receivers = [bus.receiver::<Controls>(2, 0)?, bus.receiver::<Controls>(2, 0)?];
+        let receivers = [bus.receiver::<Controls>(2)?, bus.receiver::<Controls>(2)?];
         let message = Controls::default();
         // A turn is send and twice receive; the receiving alone is told apart by a second look at the same clock.
         let mut sends = vec![];
@@ -56,10 +56,10 @@ impl Costs {
             let (mut sending_ns, mut receiving_ns) = (0, 0);
             for _ in 0..CALLS {
                 let start_ns = now_ns();
-                black_box(sender.send(&message));
+                _ = black_box(sender.send(&message));
                 let sent_ns = now_ns();
                 for receiver in &receivers {
-                    black_box(receiver.receive());
+                    _ = black_box(receiver.receive());
                 }
                 sending_ns += sent_ns - start_ns;
                 receiving_ns += now_ns() - sent_ns;
@@ -72,7 +72,7 @@ impl Costs {
         for _ in 0..COLD_CALLS {
             cold_sends.push(cold(|| _ = black_box(sender.send(&message))));
             cold_receives.push(cold(|| _ = black_box(receivers[0].receive())));
-            black_box(receivers[1].receive());
+            _ = black_box(receivers[1].receive());
         }
         let clock_ns = per_call(|| _ = black_box(now_ns()));
         let one = |batches: &[u64]| median(batches) as f64 / CALLS as f64 - clock_ns;

@@ -10,7 +10,7 @@ use super::cycles::Cycles;
 use super::machine::{CpuMeter, Placement};
 use super::rings::namespace;
 use crate::inprocess;
-use crate::run_record::verdicts;
+use crate::bounds::verdicts;
 use crate::stack::{Ended, Stack, StartError};
 use crate::summary::Summary;
 
@@ -70,7 +70,7 @@ pub fn fly(scenario: &Scenario, placement: Placement, interrupts: &AtomicU32) ->
         cpu_percent: meter.share_percent(),
         as_asked: flown.scheduling.iter().all(|(_, got)| got.policy == asked),
         times_realtime: summary.time_s() / flown.wall.as_secs_f64(),
-        inside: !summary.status().diverged() && verdicts(&scenario.bounds, &summary.metrics()).iter().all(|v| v.ok),
+        inside: !summary.status().diverged() && verdicts(&scenario, &summary.metrics()).iter().all(|v| v.ok),
     })
 }
 

@@ -1,0 +1,130 @@
+//! What a flight must stay inside of to count as flown: the scenario's `[bounds]`, and where it sets none, these.
+//!
+//! | bound | default |
+//! |---|---|
+//! | `max_position_error_m` | 1.5 m for profile robust, 2 m for paper; and what the mission itself asks for: the largest step of its trajectory, the distance of the start from it, and 3 m for a start that is no hover |
+//! | `max_fallback_s` | 2 s: from then on the mixer brings the vehicle down |
+//!
+//! `inf` lifts a bound.
+
+use contract::Scenario;
+use contract::scenario::{Bounds, Initial, Profile};
+use guidance::Trajectory;
+use serde::Serialize;
+
+use crate::summary::Metrics;
+
+/// A start that is no hover may take the vehicle so far off \[m\].
+const UPSET_M: f64 = 3.0;
+/// What moves faster than this is a step \[m/s\].
+const STEP_MPS: f64 = 20.0;
+/// The mixer flies so long without a demand before it brings the vehicle down \[s\].
+const FALLBACK_S: f64 = 2.0;
+
+/// One bound against the flight.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Verdict {
+    /// Which metric.
+    pub metric: &'static str,
+    /// What it may not exceed.
+    pub limit: f64,
+    /// What it was.
+    pub measured: f64,
+    /// Whether it was inside.
+    pub ok: bool,
+}
+
+impl Verdict {
+    /// For people: what the metric is, and its unit.
+    pub fn words(&self) -> (&'static str, &'static str) {
+        match self.metric {
+            "max_position_error_m" => ("position error", "m"),
+            "max_altitude_error_horizontal_m" => ("altitude error in 10-50 s", "m"),
+            "max_altitude_error_vertical_m" => ("altitude error", "m"),
+            "final_position_error_m" => ("position error at the end", "m"),
+            _ => ("mixer on its fallback", "s"),
+        }
+    }
+}
+
+/// The bounds of a flight of `scenario`: its own, and the defaults.
+pub fn bounds(scenario: &Scenario) -> Bounds {
+    let own = &scenario.bounds;
+    Bounds {
+        max_position_error_m: own.max_position_error_m.or_else(|| Some(position_error_m(scenario))),
+        max_fallback_s: own.max_fallback_s.or(Some(FALLBACK_S)),
+        ..own.clone()
+    }
+}
+
+/// Every bound of `scenario` against the flight's `metrics`. One without a sample, such as the altitude error of a leg not
+/// reached, is not judged.
+pub fn verdicts(scenario: &Scenario, metrics: &Metrics) -> Vec<Verdict> {
+    let bounds = bounds(scenario);
+    let all = [
+        ("max_position_error_m", bounds.max_position_error_m, metrics.max_position_error_m),
+        (
+            "max_altitude_error_horizontal_m",
+            bounds.max_altitude_error_horizontal_m,
+            metrics.max_altitude_error_horizontal_m,
+        ),
+        ("max_altitude_error_vertical_m", bounds.max_altitude_error_vertical_m, metrics.max_altitude_error_vertical_m),
+        ("final_position_error_m", bounds.final_position_error_m, metrics.final_position_error_m),
+        ("max_fallback_s", bounds.max_fallback_s, metrics.fallback_s),
+    ];
+    let judged = all.into_iter().filter_map(|(metric, limit, measured)| Some((metric, limit?, measured)));
+    let sampled = judged.filter(|(_, limit, measured)| !measured.is_nan() && limit.is_finite());
+    sampled.map(|(metric, limit, measured)| Verdict { metric, limit, measured, ok: measured <= limit }).collect()
+}
+
+/// How far off a flight may be that sets no bound of its own \[m\].
+fn position_error_m(scenario: &Scenario) -> f64 {
+    let usual_m = match scenario.profile {
+        Profile::Robust => 1.5,
+        Profile::Paper => 2.0,
+    };
+    let trajectory = Trajectory::new(&scenario.mission);
+    let wanted = |tick: u64| trajectory.at(tick as f64 * scenario.sample_s()).position_m;
+    let moves = (0..scenario.ticks()).map(|tick| distance_m(wanted(tick), wanted(tick + 1)));
+    let steps = moves.filter(|move_m| *move_m > STEP_MPS * scenario.sample_s());
+    let Initial { position_m, velocity_mps, attitude_deg, rates_radps } = scenario.initial;
+    let hovers = [velocity_mps, attitude_deg, rates_radps] == [[0.0; 3]; 3];
+    let upset_m = if hovers { 0.0 } else { UPSET_M };
+    usual_m + steps.fold(0.0, f64::max) + distance_m(wanted(0), position_m) + upset_m
+}
+
+fn distance_m(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use contract::scenario::load;
+
+    fn error_m(set: &[&str]) -> f64 {
+        let set: Vec<String> = set.iter().map(|&set| set.to_owned()).collect();
+        bounds(&load(None, &set).unwrap()).max_position_error_m.unwrap()
+    }
+
+    #[test]
+    fn profile_and_mission_decide_where_the_scenario_does_not() {
+        assert_eq!(error_m(&[]), 1.5, "a smooth mission asks for no more");
+        assert_eq!(error_m(&["profile=\"paper\""]), 2.0);
+        let step = ["mission.trajectory=\"step\"", "mission.step_m=[3.0,4.0,0.0]"];
+        assert_eq!(error_m(&step), 1.5 + 5.0);
+        assert_eq!(error_m(&["initial.position_m=[0.0,2.0,0.0]"]), 3.5);
+        assert_eq!(error_m(&["initial.rates_radps=[3.0,0.0,0.0]"]), 4.5);
+        assert_eq!(error_m(&["bounds.max_position_error_m=0.1"]), 0.1);
+    }
+
+    #[test]
+    fn a_bound_can_be_lifted() {
+        let scenario = load(None, &["bounds.max_position_error_m=inf".into()]).unwrap();
+        let mut metrics = crate::summary::Summary::new(&scenario).metrics();
+        metrics.max_position_error_m = 400.0;
+        metrics.fallback_s = 2.5;
+        let outside: Vec<_> = verdicts(&scenario, &metrics).into_iter().filter(|v| !v.ok).map(|v| v.metric).collect();
+        assert_eq!(outside, ["max_fallback_s"]);
+    }
+}

@@ -1,0 +1,181 @@
+//! The promise of exit code 0: the flight was seen whole, stayed inside its bounds, and what was done to it stands in
+//! run.json; whatever a process of the same user writes into the files that the run shares.
+
+use std::fs::{self, OpenOptions};
+use std::os::unix::fs::FileExt;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+use rustix::process::{Pid, Resource, Rlimit, getrlimit, prlimit};
+use serde_json::Value;
+
+use crate::harness::{Flight, Outcome, fly, namespace, shared_memory_of, wait_until};
+use crate::processes::{kill, process_of, processes_named, start_flying};
+
+/// Flights into whose files something is written; `cargo test --test stack promise` takes as many.
+const FLIGHTS: u64 = 48;
+
+/// Every regular file below `folder`, and what the run has beside it.
+fn files_of(ns: &str) -> Vec<PathBuf> {
+    fn walk(path: &Path, found: &mut Vec<PathBuf>) {
+        match fs::read_dir(path) {
+            Ok(entries) => entries.flatten().for_each(|entry| walk(&entry.path(), found)),
+            Err(_) if fs::metadata(path).is_ok_and(|m| m.is_file() && m.len() > 0) => found.push(path.into()),
+            Err(_) => {}
+        }
+    }
+    let mut found = vec![];
+    for name in shared_memory_of(ns) {
+        walk(&Path::new("/dev/shm").join(name), &mut found);
+    }
+    found.sort();
+    found
+}
+
+/// The next of a row of random numbers: `SplitMix64`.
+fn draw(state: &mut u64) -> u64 {
+    *state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
+    let z = (*state ^ (*state >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    z ^ (z >> 31)
+}
+
+/// Writes something into a file of the run; what, and into which.
+fn scribble(ns: &str, seed: u64) -> Option<String> {
+    let mut random = seed;
+    let files = files_of(ns);
+    if files.is_empty() {
+        return None;
+    }
+    // The page with the control words is one file of many, and the most telling.
+    let board = files.iter().find(|path| path.file_name().is_some_and(|name| name == "board"));
+    let path = if seed.is_multiple_of(2) { board? } else { files.get(draw(&mut random) as usize % files.len())? };
+    let words = fs::metadata(path).ok()?.len() / 8;
+    let (count, of) = match seed % 3 {
+        0 => (1, words.min(1)),             // the first word
+        1 => (1, words.max(1)),             // any word
+        _ => (words / 64 + 1, words.max(1)) // many of them
+    };
+    let file = OpenOptions::new().write(true).open(path).ok()?;
+    for _ in 0..count {
+        let value = [0, u64::MAX, 1, draw(&mut random)][draw(&mut random) as usize % 4];
+        let _ = file.write_at(&value.to_ne_bytes(), draw(&mut random) % of.max(1) * 8);
+    }
+    Some(format!("{count} words of {}", path.display()))
+}
+
+/// What speaks against a flight's exit code.
+fn broken_promise(outcome: &Outcome, duration_s: f64) -> Option<String> {
+    match outcome.code() {
+        Some(0) => {
+            let run = outcome.run();
+            let seen = run["flown_s"].as_f64() >= Some(duration_s) && run["unobserved"] == 0;
+            let count = |value: &Value| value.as_u64().unwrap_or(0);
+            let logged = count(&run["log"]["records"]) + count(&run["log"]["dropped"]);
+            let nodes = run["timing"]["nodes"].as_object().into_iter().flatten();
+            let slept: u64 = nodes.map(|(_, node)| count(&node["slips"])).sum();
+            let inside = run["bounds"].as_array().is_some_and(|all| !all.is_empty() && all.iter().all(|b| b["ok"] == true));
+            let whole = (logged + slept) as f64 >= 4.0 * duration_s * 100.0;
+            (!(seen && inside && whole)).then(|| format!("exit 0, but {}: {} {}", run["ended"], run["but"], run["log"]))
+        }
+        Some(1) => outcome.run()["but"].as_array().is_none_or(Vec::is_empty).then(|| "exit 1 without a reason".into()),
+        Some(3) => {
+            let told = ["error", "lost"].iter().any(|word| outcome.stderr.contains(word));
+            (!told).then(|| format!("exit 3 without a reason: {}", outcome.stderr))
+        }
+        other => Some(format!("exit {other:?}: {}", outcome.stderr)),
+    }
+}
+
+#[test]
+fn whatever_is_written_into_shared_files_no_lost_vehicle_exits_0() {
+    const DURATION_S: f64 = 1.5;
+    let next = AtomicU64::new(0);
+    let broken = std::sync::Mutex::new(vec![]);
+    std::thread::scope(|scope| {
+        for _ in 0..6 {
+            scope.spawn(|| {
+                loop {
+                    let seed = next.fetch_add(1, Ordering::Relaxed);
+                    if seed >= FLIGHTS {
+                        return;
+                    }
+                    let ns = namespace();
+                    let set = format!("run.duration_s={DURATION_S:?}");
+                    let flight = Flight::start(&ns, &["--mode", "realtime", "--set", &set]);
+                    std::thread::sleep(Duration::from_millis(600));
+                    let what = scribble(&ns, seed).unwrap_or_else(|| "nothing: it was not there yet".into());
+                    if let Some(why) = broken_promise(&flight.finish(), DURATION_S) {
+                        broken.lock().expect("no test panics there").push(format!("seed {seed}, {what}: {why}"));
+                    }
+                }
+            });
+        }
+    });
+    let broken = broken.into_inner().expect("no test panics there");
+    assert!(broken.is_empty(), "{broken:#?}");
+}
+
+fn but(run: &Value) -> String {
+    run["but"].to_string()
+}
+
+#[test]
+fn a_vehicle_that_is_far_off_is_not_flown() {
+    // The mixer is away for so long that the vehicle falls; it comes back to its path.
+    let fault = "fault=[{at_s=2,target=\"mixer\",kind=\"kill\",for_s=2}]";
+    let outcome = fly(&["--mode", "inprocess", "--set", "run.duration_s=20.0", "--set", fault]);
+    assert_eq!(outcome.code(), Some(1), "{}", outcome.stderr);
+    assert!(but(&outcome.run()).contains("position error"), "{}", but(&outcome.run()));
+}
+
+#[test]
+fn a_mixer_that_flies_by_itself_for_long_is_not_flown() {
+    let hover = "mission.trajectory=\"hover\"";
+    let fault = |for_s: f64| format!("fault=[{{at_s=1,target=\"attitude-mpc\",kind=\"kill\",for_s={for_s:?}}}]");
+    for (for_s, code) in [(1.0, 0), (2.5, 1)] {
+        let outcome = fly(&["--mode", "inprocess", "--set", "run.duration_s=6.0", "--set", hover, "--set", &fault(for_s)]);
+        assert_eq!(outcome.code(), Some(code), "{for_s} s: {}", but(&outcome.run()));
+        assert!(but(&outcome.run()).contains("mixer on its fallback"), "{}", but(&outcome.run()));
+    }
+}
+
+/// Ends a flight by hand; its run.json.
+fn land(flight: Flight) -> Value {
+    kill("-INT", &[flight.child.id() as i32]);
+    let outcome = flight.finish();
+    assert_eq!(outcome.code(), Some(130), "{}", outcome.stderr);
+    outcome.run()
+}
+
+#[test]
+fn a_node_that_can_open_no_more_files_is_replaced_when_it_goes_deaf() {
+    let ns = namespace();
+    let flight = start_flying(&ns);
+    let mixer = process_of(&ns, "mixer");
+    let limit = Rlimit { current: Some(3), ..getrlimit(Resource::Nofile) };
+    prlimit(Pid::from_raw(mixer), Resource::Nofile, limit).expect("it is ours");
+    kill("-KILL", &[process_of(&ns, "attitude-mpc")]);
+    std::thread::sleep(Duration::from_secs(1));
+    let run = land(flight);
+    let deaf = |event: &&Value| event["what"] == "hung" && event["why"] == "it hears nothing of attitude-mpc";
+    let events = run["events"].as_array().expect("events");
+    assert!(events.iter().any(|event| event["node"] == "mixer" && deaf(&event)), "{events:?}");
+    assert!(run["metrics"]["max_position_error_m"].as_f64() < Some(0.5), "{}", but(&run));
+}
+
+#[test]
+fn a_plant_that_hangs_before_its_second_sample_is_noticed() {
+    for mode in ["realtime", "lockstep"] {
+        let ns = namespace();
+        let flight = Flight::start(&ns, &["--mode", mode, "--set", "run.duration_s=2.0"]);
+        // It is stopped as soon as it is there: before its first sample, or after it.
+        wait_until("the plant is there", || !processes_named(&ns, "plant").is_empty());
+        kill("-STOP", &processes_named(&ns, "plant"));
+        let outcome = flight.finish();
+        assert_eq!(outcome.code(), Some(3), "{mode}: {}", outcome.stderr);
+        assert!(outcome.stderr.contains("plant"), "{mode}: {}", outcome.stderr);
+        assert_eq!(shared_memory_of(&ns), Vec::<String>::new());
+    }
+}
