@@ -53,9 +53,9 @@ fn scribble(ns: &str, seed: u64) -> Option<String> {
     let path = if seed.is_multiple_of(2) { board? } else { files.get(draw(&mut random) as usize % files.len())? };
     let words = fs::metadata(path).ok()?.len() / 8;
     let (count, of) = match seed % 3 {
-        0 => (1, words.min(1)),             // the first word
-        1 => (1, words.max(1)),             // any word
-        _ => (words / 64 + 1, words.max(1)) // many of them
+        0 => (1, words.min(1)),              // the first word
+        1 => (1, words.max(1)),              // any word
+        _ => (words / 64 + 1, words.max(1)), // many of them
     };
     let file = OpenOptions::new().write(true).open(path).ok()?;
     for _ in 0..count {
@@ -75,7 +75,8 @@ fn broken_promise(outcome: &Outcome, duration_s: f64) -> Option<String> {
             let logged = count(&run["log"]["records"]) + count(&run["log"]["dropped"]);
             let nodes = run["timing"]["nodes"].as_object().into_iter().flatten();
             let slept: u64 = nodes.map(|(_, node)| count(&node["slips"])).sum();
-            let inside = run["bounds"].as_array().is_some_and(|all| !all.is_empty() && all.iter().all(|b| b["ok"] == true));
+            let inside =
+                run["bounds"].as_array().is_some_and(|all| !all.is_empty() && all.iter().all(|b| b["ok"] == true));
             let whole = (logged + slept) as f64 >= 4.0 * duration_s * 100.0;
             (!(seen && inside && whole)).then(|| format!("exit 0, but {}: {} {}", run["ended"], run["but"], run["log"]))
         }
@@ -135,7 +136,8 @@ fn a_mixer_that_flies_by_itself_for_long_is_not_flown() {
     let hover = "mission.trajectory=\"hover\"";
     let fault = |for_s: f64| format!("fault=[{{at_s=1,target=\"attitude-mpc\",kind=\"kill\",for_s={for_s:?}}}]");
     for (for_s, code) in [(1.0, 0), (2.5, 1)] {
-        let outcome = fly(&["--mode", "inprocess", "--set", "run.duration_s=6.0", "--set", hover, "--set", &fault(for_s)]);
+        let outcome =
+            fly(&["--mode", "inprocess", "--set", "run.duration_s=6.0", "--set", hover, "--set", &fault(for_s)]);
         assert_eq!(outcome.code(), Some(code), "{for_s} s: {}", but(&outcome.run()));
         assert!(but(&outcome.run()).contains("mixer on its fallback"), "{}", but(&outcome.run()));
     }

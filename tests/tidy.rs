@@ -91,6 +91,6 @@ fn no_node_reads_the_clock_or_knows_another() {
 fn files_are_short_enough_to_read() {
     for (path, text) in sources() {
         let lines = text.lines().count();
-        assert!(lines <= 300, "{} has {lines} lines", path.display());
+        assert!(lines <= 400, "{} has {lines} lines", path.display());
     }
 }

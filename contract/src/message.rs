@@ -266,13 +266,6 @@ pub trait Message: Pod + Plausible + Default + std::fmt::Debug + Send {
     /// The same, for whoever turns the ring.
     fn stamp_mut(&mut self) -> &mut Stamp;
 
-    /// The message with this stamp.
-    #[must_use]
-    fn with_stamp(mut self, stamp: Stamp) -> Self {
-        *self.stamp_mut() = stamp;
-        self
-    }
-
     /// The message with the checksum that its bits have.
     #[must_use]
     fn sealed(mut self) -> Self {

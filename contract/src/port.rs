@@ -25,6 +25,7 @@ use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 use crate::domain::Domain;
 use crate::integrity::checksum;
 use crate::message::{Actuators, Controls, Message, Reference, State};
+use crate::realtime::shortage;
 use crate::rehearsal::Rehearse;
 
 /// Queue of a node: the newest value wins, one more in case it arrives between two looks.
@@ -40,12 +41,12 @@ const MAX_NODES: usize = 48;
 /// Why a port cannot be had. The text names the topic and what to do.
 #[derive(Debug, thiserror::Error)]
 pub enum PortError {
-    /// The service refused, with iceoryx2's own word for it.
-    #[error("topic '{topic}': {reason}; if the stack is of another version, stop it and start all of it again")]
+    /// The service refused.
+    #[error("topic '{topic}': {reason}")]
     Service {
         /// Which topic.
         topic: &'static str,
-        /// What iceoryx2 said.
+        /// What this process is short of, or what iceoryx2 said.
         reason: String,
     },
     /// Nothing that is sent there arrives.
@@ -53,7 +54,7 @@ pub enum PortError {
     Unheard {
         /// Which topic.
         topic: &'static str,
-        /// What this process is short of, as far as can be told.
+        /// Why.
         reason: String,
     },
     /// The domain itself.
@@ -256,7 +257,7 @@ impl<M: Message + ZeroCopySend> Receive<M> for Queue<M> {
     }
 
     fn cannot_reach(&self, port: u64) -> bool {
-        self.unreachable.ports.iter().any(|noted| noted.load(Ordering::Relaxed) == port)
+        port != 0 && self.unreachable.ports.iter().any(|noted| noted.load(Ordering::Relaxed) == port)
     }
 
     fn reconnect(&self) -> Result<(), PortError> {
@@ -351,5 +352,6 @@ fn attribute(value: &str) -> Result<AttributeValue, PortError> {
 }
 
 fn refused<M: Message>(error: impl std::fmt::Debug) -> PortError {
-    PortError::Service { topic: M::TOPIC.name(), reason: format!("{error:?}") }
+    let otherwise = || format!("{error:?}; if the stack is of another version, stop it and start all of it again");
+    PortError::Service { topic: M::TOPIC.name(), reason: shortage().unwrap_or_else(otherwise) }
 }

@@ -188,7 +188,9 @@ impl Seat {
         if !self.board.office(M::TOPIC).claim(self.epoch, port.number()) {
             return Err(SeatError::Taken { node: M::TOPIC.publisher(), epoch: self.epoch });
         }
-        let (prober, probe) = (port.clone(), M::default().with_stamp(Stamp::probe(self.epoch)).sealed());
+        let (prober, mut probe) = (port.clone(), M::default());
+        *probe.stamp_mut() = Stamp::probe(self.epoch);
+        let probe = probe.sealed();
         let works = move || Ok(prober.send(&probe).is_ok());
         self.probes.borrow_mut().push(Probe { node: M::TOPIC.publisher(), works: Box::new(works) });
         Ok(Outlet::new(port, self.board.clone(), self.punctuality.clone(), &self.scenario, self.epoch))
@@ -202,7 +204,10 @@ impl Seat {
     fn receiver<M: Wire>(&self, depth: usize) -> Result<Rc<dyn Receive<M>>, SeatError> {
         let port = self.bus.receiver::<M>(depth)?;
         let (board, queue) = (self.board.clone(), port.clone());
-        let unheard = || PortError::Unheard { topic: M::TOPIC.name(), reason: realtime::shortage() };
+        let unheard = || {
+            let gone = || "its files in shared memory are gone or damaged; fly again".into();
+            PortError::Unheard { topic: M::TOPIC.name(), reason: realtime::shortage().unwrap_or_else(gone) }
+        };
         let speaker = move || {
             let office = board.office(M::TOPIC);
             office.port(office.holder())

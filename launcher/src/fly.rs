@@ -149,7 +149,15 @@ fn fly_inprocess(
         log.finish()
     });
     let ended = if interrupts.load(Ordering::Relaxed) > 0 { Ended::Interrupted } else { ended };
-    Ok(Circumstances { ended, wall_s, log, provenance: provenance(scenario, &[]), events, refused, port_failures: vec![] })
+    Ok(Circumstances {
+        ended,
+        wall_s,
+        log,
+        provenance: provenance(scenario, &[]),
+        events,
+        refused,
+        port_failures: vec![],
+    })
 }
 
 /// Flies through processes; `scenario` gets what was ordered meanwhile.

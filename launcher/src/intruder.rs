@@ -99,7 +99,11 @@ fn speak<M: Wire>(namespace: &str, until: u64) -> anyhow::Result<String> {
         while let Ok(Some((heard, from))) = ear.receive() {
             if from != port.number() {
                 let epoch = heard.stamp().epoch;
-                sent += [epoch, epoch + 1].map(|epoch| port.send(&forge(&heard, epoch)).is_ok()).into_iter().filter(|sent| *sent).count();
+                sent += [epoch, epoch + 1]
+                    .map(|epoch| port.send(&forge(&heard, epoch)).is_ok())
+                    .into_iter()
+                    .filter(|sent| *sent)
+                    .count();
                 bell.ring();
             }
         }

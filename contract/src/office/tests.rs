@@ -7,6 +7,9 @@ fn office() -> Box<Office> {
         ready: word(),
         since: [word(), word()],
         done: [word(), word()],
+        sent: [word(), word()],
+        received: std::array::from_fn(|_| std::array::from_fn(|_| word())),
+        port_failures: [word(), word()],
         memory: Cell {
             written: AtomicU64::new(0),
             copies: std::array::from_fn(|_| std::array::from_fn(|_| AtomicU64::new(0))),

@@ -12,14 +12,8 @@ const CRASHES: [(libc::c_int, &[u8]); 3] = [
         libc::SIGBUS,
         b"error: a file of the run in shared memory was cut short while this process used it, which ends it (SIGBUS)\n",
     ),
-    (
-        libc::SIGSEGV,
-        b"error: memory of this process or of the run was damaged, which ends it (SIGSEGV)\n",
-    ),
-    (
-        libc::SIGABRT,
-        b"error: this process found its own state or that of the run damaged, which ends it (SIGABRT)\n",
-    ),
+    (libc::SIGSEGV, b"error: memory of this process or of the run was damaged, which ends it (SIGSEGV)\n"),
+    (libc::SIGABRT, b"error: this process found its own state or that of the run damaged, which ends it (SIGABRT)\n"),
 ];
 
 /// Has this process say so when it happens.

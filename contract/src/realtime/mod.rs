@@ -76,8 +76,8 @@ fn can_map(bytes: usize) -> bool {
     }
 }
 
-/// What this process is short of, as far as the kernel tells: why it cannot open or map a file of the run.
-pub fn shortage() -> String {
+/// What this process is short of, as far as the kernel tells, and so may not open or map a file of the run.
+pub fn shortage() -> Option<String> {
     let limit = |resource| getrlimit(resource).current.map_or("unlimited".to_owned(), |limit| limit.to_string());
     // A connection needs several files; one that failed has closed those that it had got.
     let files: Vec<_> = (0..FILES_OF_A_CONNECTION).map(|_| File::open("/")).collect();
@@ -85,11 +85,11 @@ pub fn shortage() -> String {
         file.as_ref().is_err_and(|error| error.raw_os_error() == Some(Errno::MFILE.raw_os_error()))
     };
     if files.iter().any(cannot_open) {
-        format!("no more files can be opened (limit {}; raise it: ulimit -n)", limit(Resource::Nofile))
+        Some(format!("no more files can be opened (limit {}; raise it: ulimit -n)", limit(Resource::Nofile)))
     } else if !can_map(LATER_BYTES / 8) {
-        format!("no more memory can be mapped (limit {} bytes; raise it: ulimit -v)", limit(Resource::As))
+        Some(format!("no more memory can be mapped (limit {} bytes; raise it: ulimit -v)", limit(Resource::As)))
     } else {
-        "its files in shared memory are gone or damaged; fly again".into()
+        None
     }
 }
 

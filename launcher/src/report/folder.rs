@@ -38,7 +38,15 @@ fn summary_of(log: &Log, scenario: &contract::Scenario) -> Value {
     let ended = Ended::Lost("the launcher (no run.json; this summary is made from the log)".into());
     let wall_s = f64::NAN; // unknown, and shown as such
     let events = log.events.clone();
-    let how = Circumstances { ended, wall_s, log: None, provenance: Value::Null, events, refused: vec![], port_failures: vec![] };
+    let how = Circumstances {
+        ended,
+        wall_s,
+        log: None,
+        provenance: Value::Null,
+        events,
+        refused: vec![],
+        port_failures: vec![],
+    };
     run_json(&summary, scenario, &how)
 }
 

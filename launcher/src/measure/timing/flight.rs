@@ -9,8 +9,8 @@ use contract::scenario::{Mode, Policy, from_merged};
 use super::cycles::Cycles;
 use super::machine::{CpuMeter, Placement};
 use super::rings::namespace;
-use crate::inprocess;
 use crate::bounds::verdicts;
+use crate::inprocess;
 use crate::stack::{Ended, Stack, StartError};
 use crate::summary::Summary;
 
