@@ -3,12 +3,17 @@
 //! This is the only module with `unsafe`: calls that rustix does not offer in safe form, each with its argument.
 //! Everything here is optional for a flight: without privilege the stack runs as `SCHED_OTHER` and says so.
 
-#![expect(unsafe_code, reason = "sched_setscheduler, mmap, sigaction and pre_exec; the only unsafe of the stack")]
+#![expect(
+    unsafe_code,
+    reason = "sched_setscheduler, mmap, sigaction, sigprocmask, getsockopt and pre_exec; the only unsafe of the stack"
+)]
 
 mod board;
 mod bus_error;
 mod child;
 mod clock;
+mod peer;
+mod signals;
 
 use std::num::NonZeroU64;
 
@@ -20,6 +25,8 @@ pub use board::{Bell, Board, phase};
 pub use bus_error::tell_of_bus_errors;
 pub use child::die_with_parent;
 pub use clock::{now_ns, thread_cpu_ns, timed};
+pub use peer::peer_of;
+pub use signals::{keep_nohup, reset_signals};
 
 use crate::scenario::{Policy, Scheduling};
 
