@@ -9,11 +9,13 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use contract::console;
 use contract::message::{Actuators, Controls, Reference, State};
 use contract::port::{Receive, Wire};
 use contract::process::{Seat, SeatError, die_with_launcher, exit};
 use contract::realtime::{Board, phase};
 use contract::scenario::{self, FaultKind, Scenario};
+use contract::topic::Topic;
 use rustix::io::Errno;
 use serde::{Deserialize, Serialize};
 
@@ -32,6 +34,9 @@ pub struct LogOutcome {
     pub dropped: u64,
     /// Why the log ends early, if it does.
     pub error: Option<String>,
+    /// Messages that were sent, as far as the recorder can tell; in its last word only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sent: Option<u64>,
 }
 
 /// The four topics as one stream of records.
@@ -74,12 +79,12 @@ impl Observers {
 pub fn main(namespace: &str, epoch: u32, path: &Path) -> ExitCode {
     match record(namespace, epoch, path) {
         Ok(outcome) => {
-            println!("{}", serde_json::to_string(&outcome).unwrap_or_default());
-            ExitCode::SUCCESS
+            console::print(&(serde_json::to_string(&outcome).unwrap_or_default() + "\n"));
+            console::finish(exit::FLOWN)
         }
         Err(error) => {
-            eprintln!("recorder: {error:#}");
-            ExitCode::from(exit::PROCESS_LOST)
+            console::eprint_line(&format!("recorder: {error:#}"));
+            console::finish(exit::PROCESS_LOST)
         }
     }
 }
@@ -92,8 +97,10 @@ fn record(namespace: &str, epoch: u32, path: &Path) -> anyhow::Result<LogOutcome
     let observers = Observers::join(&seat)?;
     let mut hearing = Hearing::new(std::io::stdin());
     let office = seat.board.archive();
-    office.ready.set(epoch);
+    let mut is_ready = false;
     loop {
+        // What a node has sent reaches those who have looked since it opened its port, though it may be gone by now.
+        let all_are_here = Topic::ALL.iter().all(|topic| seat.board.office(*topic).ready.get() > 0);
         let closing = seat.board.phase().count() >= phase::CLOSE || office.holder() > epoch;
         let mut newest = 0;
         let count = observers.drain(|record| {
@@ -103,6 +110,10 @@ fn record(namespace: &str, epoch: u32, path: &Path) -> anyhow::Result<LogOutcome
             log.write(&record);
         });
         seat.board.recorded().raise(newest as u32);
+        if all_are_here && !is_ready {
+            office.ready.set(epoch);
+            is_ready = true;
+        }
         let count = count
             + hearing.drain(|event| match event {
                 Ok(event) => log.event(&event),
@@ -110,7 +121,8 @@ fn record(namespace: &str, epoch: u32, path: &Path) -> anyhow::Result<LogOutcome
             });
         if count == 0 {
             if closing {
-                return Ok(log.finish());
+                let sent = Some(log.sent);
+                return Ok(LogOutcome { sent, ..log.finish() });
             }
             log.idle();
             std::thread::sleep(POLL);
@@ -124,6 +136,8 @@ pub struct Log {
     /// When the newest message was written, unless it was flushed since.
     written: Option<Instant>,
     count: Count,
+    /// Messages sent, as far as that tells.
+    sent: u64,
     outcome: LogOutcome,
     /// From this tick on there is no space left, as a fault of the scenario wants it.
     full_from: Option<u64>,
@@ -135,12 +149,14 @@ impl Log {
         let writer = Some(LogWriter::create(path, &scenario::to_toml(scenario), scenario.sample_ns())?);
         let full = scenario.fault.iter().filter(|fault| fault.kind == FaultKind::DiskFull);
         let full_from = full.map(|fault| fault.ticks(scenario.sample_s()).start).min();
-        Ok(Self { writer, written: None, count: Count::default(), outcome: LogOutcome::default(), full_from })
+        Ok(Self { writer, written: None, count: Count::default(), sent: 0, outcome: LogOutcome::default(), full_from })
     }
 
     /// Writes one message, or counts it as dropped.
     pub fn write(&mut self, record: &Record) {
-        let missed = self.count.gap(record).unwrap_or(0);
+        let gap = self.count.gap(record);
+        let missed = gap.unwrap_or(0);
+        self.sent = self.sent.saturating_add(gap.map_or(0, |gap| gap.saturating_add(1)));
         self.outcome.dropped = self.outcome.dropped.saturating_add(missed);
         let full = self.full_from.is_some_and(|from| record.is_whole() && record.stamp().tick >= from);
         let write = |writer: &mut LogWriter| {

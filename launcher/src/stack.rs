@@ -16,9 +16,11 @@ mod live;
 mod recorders;
 mod regime;
 mod script;
+mod seen;
 mod staffing;
 mod swaps;
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
@@ -40,12 +42,13 @@ pub use end::{Ended, StartError};
 use host::Host;
 
 use crate::control::Server;
-use crate::event::Event;
+use crate::event::{Event, Sender};
 use crate::log::Record;
 use crate::provenance::{Scheduling, scheduling_of};
 use crate::recorder::{LogOutcome, Observers};
 use archive::Archive;
 use regime::Regime;
+use seen::Seen;
 
 use crate::supervisor::plant_tick;
 
@@ -85,8 +88,11 @@ pub struct Stack {
     /// As it is by now: with what was ordered while it flies.
     scenario: Scenario,
     control: Server,
+    /// Who ordered which of the swaps by hand.
+    orderers: BTreeMap<usize, Sender>,
     /// When the newest message of each topic was sent.
     newest_ns: [u64; Topic::COUNT],
+    seen: Seen,
     // Dropped in this order: the services before the domain that holds their files.
     services: Services,
     _bus: Bus,
@@ -123,7 +129,9 @@ impl Stack {
             observers,
             scenario: scenario.clone(),
             control: Server::open(domain).with_context(shm("the control socket"))?,
+            orderers: BTreeMap::new(),
             newest_ns: [0; Topic::COUNT],
+            seen: Seen::default(),
             services,
             _bus: bus,
             hold,
@@ -146,6 +154,9 @@ impl Stack {
         mut tick: impl FnMut(&[Fault]),
     ) -> Flown {
         let mut scheduling = vec![];
+        // Who has not looked once since a process opened its port gets nothing of one that has ended by the next look.
+        self.drain(&mut watch);
+        self.wait_for_recorder(|board| board.archive().ready.get() > 0);
         let started = Instant::now();
         self.board.set_phase(phase::GO);
         let ended = loop {
@@ -164,7 +175,7 @@ impl Stack {
             if let Some(ended) = self.supervise(question) {
                 break ended;
             }
-            self.children.tell(self.regime.events());
+            self.tell_events();
             self.attend();
             tick(&self.scenario.fault);
             self.children.sleep(self.control.sources(), self.regime.due(&self.board));
@@ -179,6 +190,7 @@ impl Stack {
         let ended = match (ended, lost.or(given_up.map(str::to_owned))) {
             (Ended::Lost(name), Some(other)) if name != other => Ended::Lost(format!("{name}; {other}")),
             (Ended::Lost(name), _) | (Ended::Flown | Ended::Late(_), Some(name)) => Ended::Lost(name),
+            (Ended::Flown, None) => self.seen.missing(&self.scenario, &self.board).map_or(Ended::Flown, Ended::Unseen),
             (other, _) => other,
         };
         let count = |topic: Topic| {
@@ -219,7 +231,7 @@ impl Stack {
     /// Shows `watch` every message that has come, and tells the plant, which waits for it in lockstep; the newest tick.
     fn drain(&mut self, watch: &mut impl FnMut(Record)) -> u64 {
         let mut newest = 0;
-        let Self { newest_ns, regime, archive, observers, .. } = self;
+        let Self { newest_ns, regime, archive, observers, seen, .. } = self;
         observers.drain(|record| {
             if record.is_whole() {
                 let (stamp, topic) = (record.stamp(), record.topic() as usize);
@@ -227,6 +239,7 @@ impl Stack {
                 newest_ns[topic] = newest_ns[topic].max(stamp.publish_ns[topic]);
             }
             regime.observe(&record);
+            seen.observe(&record);
             if let Some(archive) = archive {
                 archive.observe(&record);
             }
@@ -239,10 +252,12 @@ impl Stack {
     /// Nodes first, then the recorder, so that the log has their last messages. A second Ctrl-C kills.
     fn stop(&mut self, interrupts: &AtomicU32, watch: &mut impl FnMut(Record)) -> (Option<String>, Option<LogOutcome>) {
         let mut lost = None;
+        self.drain(watch); // nodes that are still here are not gone by the next look
+        self.wait_for_recorder(|board| board.recorded().count() >= board.watched().count());
         self.board.set_phase(phase::LEAVE);
         for process in self.children.all.iter_mut().filter(|process| process.topic.is_some()) {
             let name = process.name;
-            match wait(&mut process.child, LEAVE_LIMIT, interrupts) {
+            match wait(&mut process.child, name, LEAVE_LIMIT, interrupts) {
                 // A newcomer, or who stood by, leaves as it likes; one that was killed on purpose is an event already; one that
                 // broke its budget has been named already, and another that did so meanwhile is no worse.
                 _ if process.topic.is_none_or(|topic| self.board.office(topic).holder() != process.epoch) => {}
@@ -252,7 +267,7 @@ impl Stack {
             }
         }
         self.drain(watch);
-        self.children.tell(self.regime.events());
+        self.tell_events();
         self.board.set_phase(phase::CLOSE);
         let log = self.close_log(interrupts);
         (lost, log)
