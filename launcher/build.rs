@@ -1,5 +1,7 @@
 //! Compiles the flight log's schema twice: to Rust types, and to the descriptor set that every log carries.
 
+#![expect(clippy::disallowed_macros, reason = "it is how a build script speaks to cargo")]
+
 use std::{env, error::Error, fs, path::Path};
 
 fn main() -> Result<(), Box<dyn Error>> {

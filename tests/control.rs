@@ -67,7 +67,9 @@ fn a_flight_is_broken_and_mended_from_outside() {
     wait_until("somebody took guidance over", || status(&ns)["nodes"][1]["restarts"].as_u64() >= Some(1));
     assert!(done(&["clear", "wind"]).starts_with("cleared: wind step from"));
     assert!(done(&["clear"]).contains("payload mass"));
-    assert_eq!(done(&["clear", "wind"]), "nothing is broken\n");
+    let nothing = done(&["clear", "wind"]);
+    let named = format!("in 'hover-gusts' in namespace '{ns}', process {}, flying for ", flight.child.id());
+    assert!(nothing.starts_with("nothing is broken\n") && nothing.contains(&named), "{nothing}");
     for (words, expected) in [
         (["inject", "mpc", "kill"], "mpc cannot suffer kill"),
         (["inject", "rudder", "kill"], "unknown variant `rudder`, expected one of `plant`"),
@@ -89,6 +91,12 @@ fn a_flight_is_broken_and_mended_from_outside() {
     assert_eq!([&mass["injected_at_s"], &mass["for_s"]], [&Value::Null, &Value::from(0.0)]);
     assert!(run["refused"]["mixer"]["range"].as_u64() > Some(0), "{}", run["refused"]);
     let events = run["events"].as_array().expect("events");
+    let user = rustix::process::getuid().as_raw();
+    let by_hand = |event: &Value| event["by"]["user"] == user && event["by"]["pid"].as_u64() > Some(1);
+    for event in events {
+        let what = event["what"].as_str().expect("a word");
+        assert_eq!(by_hand(event), ["injected", "cleared"].contains(&what), "{event}");
+    }
     let count = |what: &str| events.iter().filter(|event| event["what"] == what).count();
     assert!(count("injected") == 5 && count("cleared") >= 3 && count("took-over") >= 1, "{events:?}");
     let settings = std::fs::read_to_string(outcome.out.join("scenario.toml")).expect("the settings");

@@ -1,14 +1,18 @@
 //! The stack as a whole: flights in process, in lockstep and in real time, and the promises of the repository itself.
 
+#![expect(clippy::disallowed_macros, reason = "a test that is skipped says so")]
+
 mod bad_input;
 mod control;
 mod deadlines;
 mod faults;
 mod fuzz;
 mod harness;
+mod inherited;
 mod isolation;
 mod lockstep;
 mod measure;
+mod output;
 mod paper;
 mod processes;
 mod promise;

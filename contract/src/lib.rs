@@ -21,8 +21,10 @@
 //! | [`ledger`], [`roll`] | faults given while flying, and who suffers which |
 //! | [`domain`] | what a run owns in shared memory, by namespace |
 //! | [`realtime`] | time, priority, the shared page of bells; the only `unsafe` |
+//! | [`console`] | what a process says on stdout and stderr |
 //! | [`process`] | a process of the stack: join, run, leave |
 
+pub mod console;
 pub mod cycle;
 pub mod domain;
 pub mod guard;

@@ -11,6 +11,7 @@ use std::sync::Arc;
 
 use rustix::process::Signal;
 
+use crate::console;
 use crate::cycle::Punctuality;
 use crate::domain::{Domain, DomainError};
 use crate::inlet::Inlet;
@@ -35,7 +36,7 @@ pub mod exit {
     pub const OUT_OF_BOUNDS: u8 = 1;
     /// Usage or scenario error.
     pub const USAGE: u8 = 2;
-    /// A process or the log was lost.
+    /// A process or the log was lost, messages were missed, or the results cannot be written or printed.
     pub const PROCESS_LOST: u8 = 3;
     /// A node whose deadline has the policy `stop` missed it.
     pub const BUDGET_BROKEN: u8 = 4;
@@ -59,12 +60,12 @@ pub enum SeatError {
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
     /// The run's board or settings file cannot be opened.
-    #[error("{what}: {source}")]
+    #[error("{what}: {why}")]
     Io {
         /// Which file.
         what: String,
         /// Why.
-        source: std::io::Error,
+        why: std::io::Error,
     },
     /// A deadline with the policy `stop` was missed.
     #[error(
@@ -151,14 +152,14 @@ impl Seat {
         let domain = Domain::find(namespace)?;
         let io = |what: &str| {
             let what = domain.file(what).display().to_string();
-            move |source| SeatError::Io { what, source }
+            move |why| SeatError::Io { what, why }
         };
         let text = std::fs::read_to_string(domain.file("scenario.toml")).map_err(io("scenario.toml"))?;
         let run = scenario::from_merged(&text, "the run's merged scenario")?;
         let scenario = own.map_or(Ok(run.clone()), |path| {
             let what = path.display().to_string();
             let text = std::fs::read_to_string(path);
-            let text = text.map_err(|source| SeatError::Io { what: what.clone(), source })?;
+            let text = text.map_err(|why| SeatError::Io { what: what.clone(), why })?;
             Ok::<_, SeatError>(scenario::newcomer_from(&text, &what)?)
         })?;
         let scripted = scenario.run.mode != Mode::Realtime && scenario.fault == run.fault;
@@ -357,9 +358,9 @@ pub fn run_as(
     match seat.and_then(|seat| run(&seat).and_then(|()| seat.verdict())) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("{name}: {error}");
+            console::eprint_line(&format!("{name}: {error}"));
             let late = matches!(error, SeatError::Late { .. });
-            ExitCode::from(if late { exit::BUDGET_BROKEN } else { exit::PROCESS_LOST })
+            console::finish(if late { exit::BUDGET_BROKEN } else { exit::PROCESS_LOST })
         }
     }
 }
@@ -377,8 +378,8 @@ pub fn die_with_launcher(namespace: &str) -> Result<(), SeatError> {
 }
 
 fn usage(name: &str) -> ExitCode {
-    eprintln!(
+    console::eprint_line(&format!(
         "usage: {name} --namespace NAME [--epoch NUMBER [--settings FILE]]\nThe launcher starts this program, which ends with it."
-    );
-    ExitCode::from(exit::USAGE)
+    ));
+    console::finish(exit::USAGE)
 }

@@ -1,20 +1,23 @@
 //! The command line. Data goes to stdout, talk to stderr.
 
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand, ValueEnum};
+use contract::console;
 use contract::process::{exit, run_as};
+use contract::realtime::reset_signals;
 use contract::scenario;
 
 use crate::measure::Measure;
 use crate::stack::StartError;
-use crate::{control, fly, intruder, manage, print, recorder, report, swap, trace};
+use crate::{control, eprint_line, fly, intruder, manage, print, recorder, report, swap, trace};
 
 #[derive(Parser)]
 #[command(name = "launcher", version, about = "Flies a tilt-rotor tricopter through separate real-time processes")]
 #[command(after_help = "Exit codes: 0 flown; 1 flown, but outside the scenario's bounds or diverged; \
-2 usage or scenario error; 3 a process or the log was lost; 4 a deadline with the policy `stop` was missed; 130 interrupted.")]
+2 usage or scenario error; 3 a process or the log was lost, messages were missed, or results could not be written; 4 a deadline with the policy `stop` was missed; 130 interrupted.")]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -48,11 +51,7 @@ enum Command {
     /// End what is broken in a stack that flies in real time
     Clear(control::ClearArgs),
     /// Stop a flying stack, cleanly
-    Stop {
-        /// Which stack
-        #[arg(long, default_value = "default")]
-        namespace: String,
-    },
+    Stop(control::TargetArgs),
     /// Measure what the stack promises, and say which promises are kept
     #[command(subcommand)]
     Measure(Measure),
@@ -93,7 +92,14 @@ pub fn main() -> ExitCode {
 }
 
 fn run() -> ExitCode {
-    let result = match Cli::parse().command {
+    reset_signals();
+    // Started as the file that runs, the kernel would call it `exe`. Fails for no name of this length.
+    let _ = rustix::thread::set_name(c"launcher");
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(usage) => return tell(&usage),
+    };
+    let result = match cli.command {
         Command::Fly(args) => fly::fly(&args),
         Command::Check { scenario, set } => check(&scenario, &set),
         Command::Report { run } => report::rewrite(&run).map(|()| exit::FLOWN),
@@ -102,7 +108,7 @@ fn run() -> ExitCode {
         Command::Swap(args) => swap::swap(&args),
         Command::Inject(args) => control::inject(&args).map(|()| exit::FLOWN),
         Command::Clear(args) => control::clear(&args).map(|()| exit::FLOWN),
-        Command::Stop { namespace } => manage::stop(&namespace).map(|()| exit::FLOWN),
+        Command::Stop(args) => manage::stop(&args).map(|()| exit::FLOWN),
         Command::Measure(what) => what.run(),
         Command::Intrude(args) => intruder::intrude(&args),
         Command::Node { name, namespace, epoch, settings, log } => {
@@ -110,20 +116,38 @@ fn run() -> ExitCode {
         }
     };
     match result {
-        Ok(code) => ExitCode::from(code),
+        Ok(code) => console::finish(code),
         Err(error) => {
-            let text = format!("{error:#}");
+            let text = with_causes(&error);
             // Scenario errors open with the word themselves, in front of the lines they quote.
-            eprintln!("error: {}", text.strip_prefix("error: ").unwrap_or(&text));
-            ExitCode::from(error.downcast_ref::<StartError>().map_or(exit::USAGE, StartError::exit_code))
+            console::eprint_line(&format!("error: {}", text.strip_prefix("error: ").unwrap_or(&text)));
+            console::finish(error.downcast_ref::<StartError>().map_or(exit::USAGE, StartError::exit_code))
         }
     }
+}
+
+/// Prints what was asked for with `--help`, or what is wrong with the arguments.
+fn tell(usage: &clap::Error) -> ExitCode {
+    match usage.print() {
+        _ if usage.use_stderr() => ExitCode::from(exit::USAGE),
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => ExitCode::from(exit::PROCESS_LOST),
+        _ => ExitCode::from(exit::FLOWN),
+    }
+}
+
+/// The error with its causes, each of them once: some errors name theirs themselves.
+fn with_causes(error: &anyhow::Error) -> String {
+    error.chain().map(ToString::to_string).fold(String::new(), |text, cause| match text.as_str() {
+        "" => cause,
+        text if text.ends_with(&cause) => text.to_owned(),
+        text => format!("{text}: {cause}"),
+    })
 }
 
 fn check(scenario: &std::path::Path, set: &[String]) -> anyhow::Result<u8> {
     let merged = scenario::load(Some(scenario), set)?;
     print(&scenario::to_toml(&merged));
-    eprintln!("{}: fine", scenario.display());
+    eprint_line(&format!("{}: fine", scenario.display()));
     Ok(exit::FLOWN)
 }
 
@@ -135,5 +159,21 @@ fn node(name: NodeName, namespace: &str, epoch: u32, own: Option<&Path>, log: Op
         (NodeName::Mixer, _) => run_as("mixer", namespace, epoch, own, mixer::run),
         (NodeName::Recorder, Some(log)) => recorder::main(namespace, epoch, &log),
         (NodeName::Recorder, None) => unreachable!("clap requires --log for the recorder"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use anyhow::Context;
+    use contract::domain::DomainError;
+
+    #[test]
+    fn a_cause_is_told_once() {
+        let io = || std::io::Error::other("no space");
+        let error: anyhow::Result<()> = Err(DomainError::Io { path: "/dev/shm/x".into(), source: io() }.into());
+        let error = error.context("cannot fly").expect_err("an error");
+        assert_eq!(with_causes(&error), "cannot fly: shared memory at /dev/shm/x: no space");
+        assert_eq!(with_causes(&io().into()), "no space");
     }
 }

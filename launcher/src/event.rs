@@ -35,6 +35,18 @@ pub struct Event {
     /// The number of the swap that begins with it, where one does.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub swap: Option<usize>,
+    /// Who ordered it by hand.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub by: Option<Sender>,
+}
+
+/// Who gave a command to a flight.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Sender {
+    /// The process; 0 for one that is not to be seen from here.
+    pub pid: i32,
+    /// Number of the user.
+    pub user: u32,
 }
 
 /// What can happen to a process.
@@ -82,7 +94,7 @@ pub enum What {
 impl Event {
     /// An event without a reason.
     pub fn new(tick: u64, node: &str, epoch: u32, what: What) -> Self {
-        Self { tick, node: node.into(), epoch, what, why: None, swap: None }
+        Self { tick, node: node.into(), epoch, what, why: None, swap: None, by: None }
     }
 
     /// The same, with its reason.

@@ -1,27 +1,29 @@
 //! One flight, from scenario to report.
 
-use std::fs;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
-use std::time::{Instant, SystemTime, UNIX_EPOCH};
+use std::time::Instant;
 
 use anyhow::Context;
 use clap::ValueEnum;
 use contract::Scenario;
 use contract::process::exit;
+use contract::realtime::keep_nohup;
 use contract::scenario::{self, Mode};
-use indicatif::{ProgressBar, ProgressStyle};
+use rustix::process::{Resource, getrlimit};
 
+use crate::files::write_whole;
+use crate::folder::Folder;
 use crate::inprocess;
 use crate::log::Record;
+use crate::progress::Progress;
 use crate::provenance::provenance;
 use crate::recorder::Log;
 use crate::run_record::{Circumstances, describe, exit_code, run_json};
 use crate::stack::{Ended, Flown, Stack};
 use crate::summary::Summary;
-use crate::{print, report};
+use crate::{eprint_line, print, report};
 
 /// Arguments of `fly`.
 #[derive(clap::Args)]
@@ -72,7 +74,7 @@ impl From<ModeArg> for Mode {
 /// Flies as the arguments say; the exit code.
 pub fn fly(args: &FlyArgs) -> anyhow::Result<u8> {
     let mut scenario = settings(args)?;
-    let out = Folder::prepare(&args.out.clone().unwrap_or_else(|| default_folder(&scenario)), &scenario)?;
+    let out = Folder::prepare(args.out.as_deref(), &scenario)?;
     let interrupts = catch_interrupts()?;
     let log = (!args.no_log).then(|| out.path.join("flight.mcap"));
 
@@ -109,7 +111,7 @@ pub fn fly(args: &FlyArgs) -> anyhow::Result<u8> {
     let log_error = how.log.as_ref().and_then(|log| log.error.clone());
     let write_error = written.as_ref().err().map(|error| format!("{error:#}"));
     for error in [log_error, write_error].into_iter().flatten() {
-        eprintln!("error: {error}");
+        eprint_line(&format!("error: {error}"));
     }
     // What the flight came to is graver than what could not be written of it.
     let code = exit_code(&summary, &scenario, &how);
@@ -168,20 +170,22 @@ fn fly_processes(
     summary: &mut Summary,
     interrupts: &AtomicU32,
 ) -> anyhow::Result<Circumstances> {
-    let stack = Stack::start(&args.namespace, scenario, log, interrupts)?;
-    let progress = Progress::new();
+    let stack = Stack::start(&args.namespace, scenario, log, interrupts).map_err(with_file_limit)?;
+    let progress = Progress::start();
     let summary = std::cell::RefCell::new(summary);
     let flown = stack.fly(
         interrupts,
         |record: Record| summary.borrow_mut().observe(&record),
         |faults| {
             summary.borrow_mut().faults.follow(faults);
-            progress.show(&summary.borrow(), scenario);
+            progress.show(|| describe_now(&summary.borrow(), scenario));
         },
     );
-    progress.bar.finish_and_clear();
-    if let Ended::Lost(name) = &flown.ended {
-        eprintln!("error: lost {name}; the stack was stopped");
+    progress.finish();
+    match &flown.ended {
+        Ended::Lost(name) => eprint_line(&format!("error: lost {name}; the stack was stopped")),
+        Ended::Unseen(what) => eprint_line(&format!("error: {what}")),
+        Ended::Flown | Ended::Interrupted | Ended::Late(_) => {}
     }
     let Flown { ended, log, wall, scheduling, events, scenario: flown_scenario, refused, port_failures } = flown;
     *scenario = flown_scenario;
@@ -189,112 +193,36 @@ fn fly_processes(
     Ok(Circumstances { ended, wall_s: wall.as_secs_f64(), log, provenance, events, refused, port_failures })
 }
 
+/// The kernel refuses a file that is too large in words that do not say why.
+fn with_file_limit(error: anyhow::Error) -> anyhow::Error {
+    match getrlimit(Resource::Fsize).current {
+        Some(bytes) => error.context(format!("no file may be larger than {} kB here (`ulimit -f`)", bytes / 1024)),
+        None => error,
+    }
+}
+
+/// How the flight is going, in one line.
+fn describe_now(summary: &Summary, scenario: &Scenario) -> String {
+    let error_m = summary.metrics().final_position_error_m;
+    let (age_us, misses) = summary.timing.as_ref().map_or((0.0, 0), |t| (t.age().p50_us, t.misses()));
+    format!(
+        "{:5.1} of {:.0} s   error {error_m:.3} m   age at actuator {:.2} ms   misses {misses}",
+        summary.time_s(),
+        scenario.run.duration_s,
+        age_us / 1e3,
+    )
+}
+
 /// Counts Ctrl-C, SIGTERM and SIGHUP: the first stops the flight cleanly, the second kills the processes, the third
 /// ends the launcher on the spot (the next flight then wipes what it left in shared memory).
 pub(crate) fn catch_interrupts() -> anyhow::Result<Arc<AtomicU32>> {
     let count = Arc::new(AtomicU32::new(0));
     let handler = count.clone();
-    ctrlc::set_handler(move || {
+    let interrupt = move || {
         if handler.fetch_add(1, Ordering::Relaxed) >= 2 {
             std::process::exit(i32::from(exit::INTERRUPTED));
         }
-    })
-    .context("cannot catch Ctrl-C")?;
+    };
+    keep_nohup(|| ctrlc::set_handler(interrupt)).context("cannot catch Ctrl-C")?;
     Ok(count)
-}
-
-/// The line shown while flying, on a terminal only.
-struct Progress {
-    bar: ProgressBar,
-}
-
-impl Progress {
-    fn new() -> Self {
-        let bar = ProgressBar::new_spinner();
-        bar.set_style(ProgressStyle::with_template("{spinner} {msg}").expect("the template is a constant"));
-        Self { bar }
-    }
-
-    fn show(&self, summary: &Summary, scenario: &Scenario) {
-        let error_m = summary.metrics().final_position_error_m;
-        let (age_us, misses) = summary.timing.as_ref().map_or((0.0, 0), |t| (t.age().p50_us, t.misses()));
-        self.bar.set_message(format!(
-            "{:5.1} of {:.0} s   error {error_m:.3} m   age at actuator {:.2} ms   misses {misses}",
-            summary.time_s(),
-            scenario.run.duration_s,
-            age_us / 1e3,
-        ));
-        self.bar.tick();
-    }
-}
-
-/// The folder of a run.
-struct Folder {
-    path: PathBuf,
-    /// Whether it was there before.
-    found: bool,
-    /// Where an earlier run went.
-    aside: Option<PathBuf>,
-}
-
-impl Folder {
-    /// Makes the folder, moves an earlier run in it aside, and proves that it can be written to.
-    fn prepare(path: &Path, scenario: &Scenario) -> anyhow::Result<Self> {
-        let path: PathBuf = path.components().collect(); // without a slash at the end
-        let holds_a_run = ["run.json", "flight.mcap", "scenario.toml"].iter().any(|name| path.join(name).exists());
-        let aside = if holds_a_run { Some(move_aside(&path)?) } else { None };
-        let folder = Self { found: path.exists(), aside, path };
-        let path = &folder.path;
-        let made = fs::create_dir_all(path).map_err(anyhow::Error::from);
-        let written =
-            made.and_then(|()| write_whole(&path.join("scenario.toml"), scenario::to_toml(scenario).as_bytes()));
-        let cannot = || format!("cannot write to the output folder {}; choose another with --out", path.display());
-        written.with_context(cannot).inspect_err(|_| folder.withdraw())?;
-        if let Some(aside) = &folder.aside {
-            eprintln!("note: {} held an earlier run; it is now {}", path.display(), aside.display());
-        }
-        Ok(folder)
-    }
-
-    /// Takes back what a run that never flew has written, and puts an earlier run where it was.
-    fn withdraw(&self) {
-        // Each may not be there, and a folder stays when somebody else put a file into it.
-        for name in ["scenario.toml", "flight.mcap"] {
-            let _ = fs::remove_file(self.path.join(name));
-        }
-        if !self.found {
-            let _ = fs::remove_dir(&self.path);
-        }
-        if let Some(aside) = &self.aside {
-            let _ = fs::rename(aside, &self.path);
-        }
-    }
-}
-
-/// Renames the folder of an earlier run to the first free of `<path>.1`, `<path>.2`, ...
-fn move_aside(path: &Path) -> anyhow::Result<PathBuf> {
-    let numbered = |i: u32| PathBuf::from(format!("{}.{i}", path.display()));
-    let aside = (1..=9999).map(numbered).find(|p| !p.exists()).context("no free name for the earlier run")?;
-    fs::rename(path, &aside).with_context(|| format!("cannot move the earlier run in {}", path.display()))?;
-    Ok(aside)
-}
-
-/// Writes a file whole or not at all.
-pub fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
-    let part = path.with_extension("part");
-    let written = fs::File::create(&part).and_then(|mut file| {
-        file.write_all(bytes)?;
-        file.sync_all()?;
-        fs::rename(&part, path)
-    });
-    written.map_err(|error| {
-        let _ = fs::remove_file(&part); // may not have been made
-        anyhow::Error::new(error).context(format!("cannot write {}", path.display()))
-    })
-}
-
-fn default_folder(scenario: &Scenario) -> PathBuf {
-    let name: String = scenario.name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect();
-    let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    Path::new("runs").join(format!("{name}-{}", since_epoch.as_millis()))
 }

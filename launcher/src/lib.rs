@@ -4,6 +4,8 @@
 //! |---|---|
 //! | [`cli`] | the command line |
 //! | [`fly`] | one flight from scenario to report |
+//! | `folder`, `files` | the folder of a run, and what is written into it |
+//! | `progress` | the line shown while flying |
 //! | [`inprocess`] | the ring turned by one thread |
 //! | [`stack`] | the ring as processes: start, watch, stop |
 //! | [`event`] | what happens to processes, and how the recorder hears of it |
@@ -23,17 +25,23 @@
 //! | [`swap`] | `swap`: another process for a node of a flying stack |
 //! | [`measure`] | `measure`: figures with targets |
 
+use std::os::unix::process::CommandExt;
+use std::process::Command;
+
 pub mod bounds;
 pub mod cli;
 pub mod control;
 pub mod event;
 pub mod faults;
+mod files;
 pub mod fly;
+mod folder;
 pub mod inprocess;
 mod intruder;
 pub mod log;
 pub mod manage;
 pub mod measure;
+mod progress;
 pub mod provenance;
 pub mod recorder;
 pub mod report;
@@ -47,8 +55,11 @@ pub mod swap;
 pub mod timing;
 pub mod trace;
 
-/// Prints to stdout. A reader that has gone, as in `launcher check FILE | head`, is no error.
-pub(crate) fn print(text: &str) {
-    use std::io::Write;
-    let _ = std::io::stdout().write_all(text.as_bytes());
+pub(crate) use contract::console::{eprint_line, print};
+
+/// This program, for another process of it: the file that runs here, whoever has its name by now.
+pub(crate) fn own_program() -> Command {
+    let mut command = Command::new("/proc/self/exe");
+    command.arg0("launcher");
+    command
 }

@@ -5,13 +5,12 @@ mod table;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
+use contract::console::is_read;
 use contract::domain::Domain;
-use contract::realtime::{Board, phase};
-use contract::scenario;
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::{Value, json};
 
-use crate::control::{Request, ask};
+use crate::control::{Request, TargetArgs, ask, target};
 use crate::print;
 use table::describe;
 
@@ -40,7 +39,7 @@ pub fn status(args: &StatusArgs) -> anyhow::Result<()> {
         } else {
             print(&stacks.iter().map(describe).collect::<Vec<_>>().join("\n"));
         }
-        if !args.watch {
+        if !args.watch || !is_read() {
             return Ok(());
         }
         std::thread::sleep(WATCH);
@@ -52,22 +51,15 @@ pub fn status(args: &StatusArgs) -> anyhow::Result<()> {
 /// leave its own traces in the shared memory being wiped. What is gone already is absent.
 fn look(domain: &Domain) -> Value {
     let mut view = json!({ "namespace": domain.namespace(), "launcher_pid": domain.launcher_pid() });
-    let settings = std::fs::read_to_string(domain.file("scenario.toml")).ok();
-    let mut rate_hz = None;
-    if let Some(scenario) = settings.and_then(|text| scenario::from_merged(&text, "settings").ok()) {
+    if let Some(scenario) = target::settings(domain) {
         view["name"] = json!(scenario.name);
         view["mode"] = json!(scenario.run.mode);
         view["profile"] = json!(scenario.profile);
         view["duration_s"] = json!(scenario.run.duration_s);
-        rate_hz = Some(scenario.run.rate_hz);
     }
-    if let Ok(board) = Board::open(&domain.file("board")) {
-        view["time_s"] = json!(rate_hz.map(|rate_hz| f64::from(board.watched().count()) / f64::from(rate_hz)));
-        view["phase"] = json!(match board.phase().count() {
-            phase::JOIN => "starting",
-            phase::GO => "flying",
-            _ => "ending",
-        });
+    if let Some(phase) = target::phase(domain) {
+        view["time_s"] = json!(target::time_s(domain));
+        view["phase"] = json!(phase);
     }
     // What only the launcher knows; one that is ending tells nothing any more.
     if let (Some(view), Ok(Value::Object(told))) = (view.as_object_mut(), ask(domain, &Request::Status)) {
@@ -76,10 +68,12 @@ fn look(domain: &Domain) -> Value {
     view
 }
 
-/// Asks the launcher of `namespace` to end its flight, and waits until it has.
-pub fn stop(namespace: &str) -> anyhow::Result<()> {
+/// Asks the launcher of a flight to end it, and waits until it has.
+pub fn stop(args: &TargetArgs) -> anyhow::Result<()> {
     const LIMIT: Duration = Duration::from_secs(30);
-    let domain = Domain::find(namespace)?;
+    let domain = args.find()?;
+    let flight = target::describe(&domain);
+    let namespace = domain.namespace();
     let pid = domain.launcher_pid().and_then(Pid::from_raw).context("the stack's folder names no process")?;
     kill_process(pid, Signal::INT).with_context(|| format!("cannot signal the launcher of '{namespace}'"))?;
     let deadline = Instant::now() + LIMIT;
@@ -92,6 +86,6 @@ pub fn stop(namespace: &str) -> anyhow::Result<()> {
         }
         std::thread::sleep(Duration::from_millis(5));
     }
-    print(&format!("stack '{namespace}' has ended\n"));
+    print(&format!("stopped: {flight}\n"));
     Ok(())
 }

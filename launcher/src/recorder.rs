@@ -11,6 +11,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use contract::console;
 use contract::message::{Actuators, Controls, Reference, State};
 use contract::port::{Receive, Wire};
 use contract::process::{Seat, SeatError, die_with_launcher, exit};
@@ -45,6 +46,7 @@ pub struct Observers {
     controls: Rc<dyn Receive<Controls>>,
     actuators: Rc<dyn Receive<Actuators>>,
     received: [Cell<u32>; Topic::COUNT],
+    drained: [Cell<u64>; Topic::COUNT],
     failures: Cell<u32>,
 }
 
@@ -58,6 +60,7 @@ impl Observers {
             controls: seat.observer()?,
             actuators: seat.observer()?,
             received: Default::default(),
+            drained: Default::default(),
             failures: Cell::default(),
         })
     }
@@ -69,6 +72,11 @@ impl Observers {
             + self.one(&*self.references, &mut each)
             + self.one(&*self.controls, &mut each)
             + self.one(&*self.actuators, &mut each)
+    }
+
+    /// How many messages on `topic` were handed out.
+    pub fn drained(&self, topic: Topic) -> u64 {
+        self.drained[topic as usize].get()
     }
 
     /// How many messages of the active process on `topic` have reached this one.
@@ -83,7 +91,7 @@ impl Observers {
 
     fn one<M: Wire + Into<Record>>(&self, port: &dyn Receive<M>, each: &mut impl FnMut(Record)) -> usize {
         let office = self.board.office(M::TOPIC);
-        let received = &self.received[M::TOPIC as usize];
+        let (received, drained) = (&self.received[M::TOPIC as usize], &self.drained[M::TOPIC as usize]);
         let mut count = 0;
         loop {
             match port.receive() {
@@ -91,6 +99,7 @@ impl Observers {
                     received.set(received.get() + u32::from(from == office.port(office.holder())));
                     if office.knows(from) && !message.stamp().is_probe() {
                         each(message.into());
+                        drained.set(drained.get() + 1);
                         count += 1;
                     }
                 }
@@ -108,12 +117,12 @@ impl Observers {
 pub fn main(namespace: &str, epoch: u32, path: &Path) -> ExitCode {
     match record(namespace, epoch, path) {
         Ok(outcome) => {
-            println!("{}", serde_json::to_string(&outcome).unwrap_or_default());
-            ExitCode::SUCCESS
+            console::print(&(serde_json::to_string(&outcome).unwrap_or_default() + "\n"));
+            console::finish(exit::FLOWN)
         }
         Err(error) => {
-            eprintln!("recorder: {error:#}");
-            ExitCode::from(exit::PROCESS_LOST)
+            console::eprint_line(&format!("recorder: {error:#}"));
+            console::finish(exit::PROCESS_LOST)
         }
     }
 }
@@ -174,7 +183,8 @@ impl Log {
 
     /// Writes one message, or counts it as dropped.
     pub fn write(&mut self, record: &Record) {
-        let missed = self.count.gap(record).unwrap_or(0);
+        let gap = self.count.gap(record);
+        let missed = gap.unwrap_or(0);
         self.outcome.dropped = self.outcome.dropped.saturating_add(missed);
         let full = self.full_from.is_some_and(|from| record.is_whole() && record.stamp().tick >= from);
         let write = |writer: &mut LogWriter| {

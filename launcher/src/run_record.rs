@@ -39,7 +39,7 @@ pub fn exit_code(summary: &Summary, scenario: &Scenario, how: &Circumstances) ->
     let log_lost = how.log.as_ref().is_some_and(|log| log.error.is_some());
     match how.ended {
         Ended::Interrupted => exit::INTERRUPTED,
-        Ended::Lost(_) => exit::PROCESS_LOST,
+        Ended::Lost(_) | Ended::Unseen(_) => exit::PROCESS_LOST,
         Ended::Late(_) => exit::BUDGET_BROKEN,
         Ended::Flown if log_lost || summary.status() == PlantStatus::Flying => exit::PROCESS_LOST,
         Ended::Flown if summary.status().diverged() => exit::OUT_OF_BOUNDS,
@@ -55,6 +55,7 @@ pub fn describe_end(summary: &Summary, how: &Circumstances) -> String {
         Ended::Interrupted => format!("interrupted at {t:.2} s"),
         Ended::Lost(name) => format!("lost {name} at {t:.2} s"),
         Ended::Late(name) => format!("stopped at {t:.2} s: {name} missed its deadline"),
+        Ended::Unseen(what) => format!("flown, but not seen whole: {what}"),
         Ended::Flown if summary.status().diverged() => format!("diverged at {t:.2} s: {}", summary.status().describe()),
         Ended::Flown if summary.status() == PlantStatus::Flying => format!("seen no further than {t:.2} s"),
         Ended::Flown => format!("flown to the end, {t:.2} s"),
@@ -131,6 +132,9 @@ pub fn events(scenario: &Scenario, events: &[Event]) -> Value {
         }
         if let Some(swap) = event.swap {
             told["swap"] = json!(swap);
+        }
+        if let Some(by) = event.by {
+            told["by"] = json!(by);
         }
         told
     };
@@ -221,7 +225,7 @@ pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
             format!(
                 "{} records{dropped}{}",
                 log.records,
-                log.error.as_ref().map_or(String::new(), |e| format!("; {e}"))
+                if log.error.is_some() { "; it ends early" } else { "" } // why is told on stderr
             ),
         );
     }

@@ -19,6 +19,7 @@ mod script;
 mod staffing;
 mod swaps;
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
@@ -40,16 +41,16 @@ pub use end::{Ended, StartError};
 use host::Host;
 
 use crate::control::Server;
-use crate::event::Event;
+use crate::event::{Event, Sender};
 use crate::log::Record;
 use crate::provenance::{Scheduling, scheduling_of};
 use crate::recorder::{LogOutcome, Observers};
 use archive::Archive;
+use recorders::RECORDER;
 use regime::Regime;
 
 use crate::supervisor::hearing::Hearing;
 use crate::supervisor::plant_tick;
-use recorders::RECORDER;
 
 /// How long children may take to join, and nodes to leave.
 const JOIN_LIMIT: Duration = Duration::from_secs(10);
@@ -95,6 +96,8 @@ pub struct Stack {
     /// As it is by now: with what was ordered while it flies.
     scenario: Scenario,
     control: Server,
+    /// Who ordered which of the swaps by hand.
+    orderers: BTreeMap<usize, Sender>,
     /// When the newest message of each topic was sent.
     newest_ns: [u64; Topic::COUNT],
     // Dropped in this order: the services before the domain that holds their files.
@@ -135,6 +138,7 @@ impl Stack {
             blind: [false; Topic::COUNT],
             scenario: scenario.clone(),
             control: Server::open(domain).with_context(shm("the control socket"))?,
+            orderers: BTreeMap::new(),
             newest_ns: [0; Topic::COUNT],
             _services: services,
             _bus: bus,
@@ -177,7 +181,7 @@ impl Stack {
             if let Some(ended) = self.supervise(question) {
                 break ended;
             }
-            self.children.tell(self.regime.events());
+            self.tell_events();
             self.attend();
             tick(&self.scenario.fault);
             self.children.sleep(self.control.sources(), self.regime.due(&self.board));
@@ -192,6 +196,7 @@ impl Stack {
         let ended = match (ended, lost.or(given_up.map(str::to_owned))) {
             (Ended::Lost(name), Some(other)) if name != other => Ended::Lost(format!("{name}; {other}")),
             (Ended::Lost(name), _) | (Ended::Flown | Ended::Late(_), Some(name)) => Ended::Lost(name),
+            (Ended::Flown, None) => self.unseen().map_or(Ended::Flown, Ended::Unseen),
             (other, _) => other,
         };
         let count = |topic: Topic| {
@@ -201,6 +206,16 @@ impl Stack {
         let port_failures = self.port_failures();
         let events = std::mem::take(self.regime.events());
         Flown { ended, log, wall, scheduling, events, scenario: self.scenario.clone(), refused, port_failures }
+    }
+
+    /// What the launcher has not seen of the messages that were sent: without them a flight has no figures to be trusted.
+    fn unseen(&self) -> Option<String> {
+        let missing = |topic: Topic| {
+            let sent = self.board.office(topic).sent_by_all();
+            Some((topic, sent.saturating_sub(self.observers.drained(topic)))).filter(|(_, missing)| *missing > 0)
+        };
+        let (topic, missing) = Topic::ALL.into_iter().find_map(missing)?;
+        Some(format!("{missing} messages on topic '{}' were sent that the launcher did not see", topic.name()))
     }
 
     fn port_failures(&self) -> PortFailures {
@@ -262,10 +277,12 @@ impl Stack {
     /// Nodes first, then the recorder, so that the log has their last messages. A second Ctrl-C kills.
     fn stop(&mut self, interrupts: &AtomicU32, watch: &mut impl FnMut(Record)) -> (Option<String>, Option<LogOutcome>) {
         let mut lost = None;
+        self.drain(watch); // nodes that are still here are not gone by the next look
+        self.wait_for_recorder(|board| board.recorded().count() >= board.watched().count());
         self.board.set_phase(phase::LEAVE);
         for process in self.children.all.iter_mut().filter(|process| process.topic.is_some()) {
             let name = process.name;
-            match wait(&mut process.child, LEAVE_LIMIT, interrupts) {
+            match wait(&mut process.child, name, LEAVE_LIMIT, interrupts) {
                 // A newcomer, or who stood by, leaves as it likes; one that was killed on purpose is an event already; one that
                 // broke its budget has been named already, and another that did so meanwhile is no worse.
                 _ if process.topic.is_none_or(|topic| self.board.office(topic).holder() != process.epoch) => {}
@@ -275,7 +292,7 @@ impl Stack {
             }
         }
         self.drain(watch);
-        self.children.tell(self.regime.events());
+        self.tell_events();
         self.board.set_phase(phase::CLOSE);
         let log = self.close_log(interrupts);
         (lost, log)

@@ -2,15 +2,15 @@
 
 use std::time::Duration;
 
-use anyhow::Context;
+use anyhow::{Context, anyhow};
 use contract::domain::Domain;
 use contract::process::exit;
 use contract::realtime::{Board, phase};
 use contract::scenario::{Swap, SwapBounds, SwapNode};
 use serde_json::{Map, Value, json};
 
-use crate::control::{Request, ask};
-use crate::print;
+use crate::control::{Request, TargetArgs, ask, target};
+use crate::{eprint_line, print};
 
 /// How often the launcher of the stack is asked how it goes.
 const LOOK: Duration = Duration::from_millis(50);
@@ -39,9 +39,8 @@ pub struct SwapArgs {
     /// What the newcomer may not do: `--bounds difference=0.25,accord=-0.5,ticks=3,tilt_deg=40,error_m=2`
     #[arg(long, value_name = "KEY=VALUE,...", default_value = "", value_parser = bounds)]
     pub bounds: SwapBounds,
-    /// Which stack
-    #[arg(long, default_value = "default")]
-    pub namespace: String,
+    #[command(flatten)]
+    stack: TargetArgs,
     /// Print JSON: the events of the swap
     #[arg(long)]
     pub json: bool,
@@ -50,17 +49,21 @@ pub struct SwapArgs {
 /// Swaps as the arguments say, and waits for what becomes of it; the exit code.
 pub fn swap(args: &SwapArgs) -> anyhow::Result<u8> {
     let node: SwapNode = serde_json::from_value(json!(args.node))
-        .map_err(|_| anyhow::anyhow!("'{}' is no process: guidance, attitude-mpc, mixer, recorder", args.node))?;
+        .map_err(|_| anyhow!("'{}' is no process: guidance, attitude-mpc, mixer, recorder", args.node))?;
     let exec = args.exec.as_deref().map(program).transpose()?;
     let (set, shadow_s, watch_s) = (args.set.clone(), args.shadow, args.watch);
     let swap = Swap { exec, set, shadow_s, watch_s, bounds: args.bounds, ..Swap::new(node, 0.0) };
-    let domain = Domain::find(&args.namespace)?;
-    let ordered = ask(&domain, &Request::Swap(swap))?;
+    let domain = args.stack.find()?;
+    let flight = target::describe(&domain);
+    let ordered = ask(&domain, &Request::Swap(swap)).map_err(|error| anyhow!("{error:#}\nin {flight}"))?;
+    if !args.json {
+        print(&format!("{} of {flight}\n", node.name()));
+    }
     let mut told = ordered["since"].as_u64().context("the launcher does not say which events are to come")? as usize;
     let mut story = vec![];
     let ending = loop {
         let Some(news) = news(&domain, told)? else {
-            eprintln!("the flight ended before the swap did");
+            eprint_line("the flight ended before the swap did");
             return Ok(exit::PROCESS_LOST);
         };
         told += news.len();

@@ -3,12 +3,17 @@
 //! This is the only module with `unsafe`: calls that rustix does not offer in safe form, each with its argument.
 //! Everything here is optional for a flight: without privilege the stack runs as `SCHED_OTHER` and says so.
 
-#![expect(unsafe_code, reason = "sched_setscheduler, mmap, sigaction and pre_exec; the only unsafe of the stack")]
+#![expect(
+    unsafe_code,
+    reason = "sched_setscheduler, mmap, sigaction, sigprocmask, getsockopt and pre_exec; the only unsafe of the stack"
+)]
 
 mod board;
 mod child;
 mod clock;
 mod crash;
+mod peer;
+mod signals;
 
 use std::fs::File;
 use std::num::NonZeroU64;
@@ -22,6 +27,8 @@ pub use board::{Bell, Board, phase};
 pub use child::die_with_parent;
 pub use clock::{now_ns, thread_cpu_ns, timed};
 pub use crash::tell_of_crashes;
+pub use peer::peer_of;
+pub use signals::{keep_nohup, reset_signals};
 
 use crate::scenario::{Policy, Scheduling};
 

@@ -1,12 +1,13 @@
 //! `inject` and `clear`: break something in a flying stack, and end it.
 
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow, bail};
 use contract::domain::Domain;
 use contract::scenario::{Fault, FaultTarget};
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
 use super::request::{Request, ask};
+use super::target::{self, TargetArgs};
 use crate::faults::course;
 use crate::print;
 
@@ -26,9 +27,8 @@ pub struct InjectArgs {
     target: String,
     /// How: see below
     kind: String,
-    /// Which stack
-    #[arg(long, default_value = "default")]
-    namespace: String,
+    #[command(flatten)]
+    stack: TargetArgs,
     /// How long it lasts [s]; inf = until it is cleared [default: 0.5, and no end for kill and exit]
     #[arg(long = "for", value_name = "S")]
     for_s: Option<f64>,
@@ -60,14 +60,13 @@ pub struct InjectArgs {
 pub struct ClearArgs {
     /// End the faults of this target only
     target: Option<String>,
-    /// Which stack
-    #[arg(long, default_value = "default")]
-    namespace: String,
+    #[command(flatten)]
+    stack: TargetArgs,
 }
 
 /// Gives a flying stack a fault.
 pub fn inject(args: &InjectArgs) -> anyhow::Result<()> {
-    let domain = Domain::find(&args.namespace)?;
+    let domain = args.stack.find()?;
     let mut fault = Fault {
         ms: args.ms,
         value: args.value,
@@ -75,7 +74,7 @@ pub fn inject(args: &InjectArgs) -> anyhow::Result<()> {
         probability: args.probability,
         count: args.count,
         how: args.how.as_ref().map(|word| read("how", json!(word))).transpose()?,
-        ..Fault::new(target(&args.target)?, read("kind", json!(args.kind))?, args.in_s, args.for_s)
+        ..Fault::new(part(&args.target)?, read("kind", json!(args.kind))?, args.in_s, args.for_s)
     };
     if fault.for_s.is_none() && !fault.is_momentary() {
         fault.for_s = Some(USUAL_S);
@@ -84,29 +83,32 @@ pub fn inject(args: &InjectArgs) -> anyhow::Result<()> {
     if !fault.at_s.is_finite() || fault.for_s.is_some_and(|for_s| for_s.is_nan() || for_s <= 0.0) {
         bail!("a fault in {} s for {} s: give numbers, a time above 0", args.in_s, args.for_s.unwrap_or_default());
     }
-    tell("injected", &ask(&domain, &Request::Inject { fault })?)
+    tell("injected", &domain, &Request::Inject { fault })
 }
 
 /// Ends faults of a flying stack.
 pub fn clear(args: &ClearArgs) -> anyhow::Result<()> {
-    let domain = Domain::find(&args.namespace)?;
-    let target = args.target.as_deref().map(target).transpose()?;
-    tell("cleared", &ask(&domain, &Request::Clear { target })?)
+    let domain = args.stack.find()?;
+    let target = args.target.as_deref().map(part).transpose()?;
+    tell("cleared", &domain, &Request::Clear { target })
 }
 
-/// Prints the faults to which something was `done`, as they are now.
-fn tell(done: &str, faults: &Value) -> anyhow::Result<()> {
-    let faults: Vec<Fault> = read("response", faults.clone())?;
+/// Makes the `request`, and prints the faults to which something was `done`, as they are now, and in which flight.
+fn tell(done: &str, domain: &Domain, request: &Request) -> anyhow::Result<()> {
+    let flight = target::describe(domain);
+    let told = ask(domain, request).map_err(|error| anyhow!("{error:#}\nin {flight}"))?;
+    let faults: Vec<Fault> = read("response", told)?;
     if faults.is_empty() {
         print("nothing is broken\n");
     }
     for fault in faults {
         print(&format!("{done}: {}\n", course(&fault, fault.at_s)));
     }
+    print(&format!("in {flight}\n"));
     Ok(())
 }
 
-fn target(word: &str) -> anyhow::Result<FaultTarget> {
+fn part(word: &str) -> anyhow::Result<FaultTarget> {
     read("target", json!(word))
 }
 

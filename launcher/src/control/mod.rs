@@ -5,13 +5,15 @@
 //!                                       <-- the response, one line of JSON --
 //! ```
 //!
-//! The folder lets in nobody but the user who flies. The launcher answers in the loop in which it supervises, and never
-//! waits for a guest: one that says nothing is shown out after a second.
+//! The folder lets in nobody but the user who flies. The launcher answers in the loop in which it supervises, one
+//! request at a look, and never waits for a guest: one that says nothing is shown out after a second.
 
 mod command;
 mod request;
 mod server;
+pub mod target;
 
 pub use command::{ClearArgs, InjectArgs, clear, inject};
 pub use request::{Request, Response, ask};
 pub use server::Server;
+pub use target::TargetArgs;

@@ -1,4 +1,5 @@
-//! The launcher's side of the socket. Nothing here waits: what cannot be done at once is left for the next look around.
+//! The launcher's side of the socket. Nothing here waits, and nothing takes long: there is one request at a look around,
+//! and whoever connects and says nothing gives way to those who come later.
 
 use std::io::{self, Read, Write};
 use std::os::fd::{AsFd, BorrowedFd};
@@ -6,20 +7,26 @@ use std::os::unix::net::{UnixListener, UnixStream};
 use std::time::{Duration, Instant};
 
 use contract::domain::Domain;
+use contract::realtime::peer_of;
 
 use super::request::{Request, Response, SOCKET};
+use crate::event::Sender;
 
 /// A request is no longer than this.
 const LINE_BYTES: usize = 4096;
 /// A guest may take this long for one.
 const PATIENCE: Duration = Duration::from_secs(1);
-/// Guests at once; others wait outside.
-const GUESTS: usize = 8;
+/// Guests at once; one more, and the one that has said nothing for the longest is shown out.
+const GUESTS: usize = 32;
+/// Guests who are let in at one look around.
+const NEW_GUESTS: usize = 8;
 
 /// The socket, and who is at it.
 pub struct Server {
     listener: UnixListener,
     guests: Vec<Guest>,
+    /// Whether a request came at this look.
+    served: bool,
 }
 
 /// Somebody who has not finished a line yet.
@@ -29,7 +36,7 @@ struct Guest {
     since: Instant,
 }
 
-/// What a guest is to be told.
+/// Where the answer goes.
 pub struct Reply(UnixStream);
 
 impl Server {
@@ -37,27 +44,32 @@ impl Server {
     pub fn open(domain: &Domain) -> io::Result<Self> {
         let listener = UnixListener::bind(domain.file(SOCKET))?;
         listener.set_nonblocking(true)?;
-        Ok(Self { listener, guests: vec![] })
+        Ok(Self { listener, guests: vec![], served: false })
     }
 
-    /// What becomes readable when there is something to do.
+    /// What becomes readable when there is something to do. After a request there is nothing: the next is taken when the
+    /// processes are due to be looked at anyway, so that guests do not set the pace.
     pub fn sources(&self) -> impl Iterator<Item = BorrowedFd<'_>> {
-        let door = (self.guests.len() < GUESTS).then(|| self.listener.as_fd());
-        door.into_iter().chain(self.guests.iter().map(|guest| guest.stream.as_fd()))
+        let all = [self.listener.as_fd()].into_iter().chain(self.guests.iter().map(|guest| guest.stream.as_fd()));
+        all.filter(|_| !self.served)
     }
 
-    /// A request that has come, and whom to answer. Who brings none is told so here, and shown out.
+    /// A request that has come, and where the answer goes. Who brings none is told so here, and shown out.
     pub fn request(&mut self) -> Option<(Request, Reply)> {
         self.let_in();
+        self.served = false;
         let mut i = 0;
         while let Some(guest) = self.guests.get_mut(i) {
             let Some(heard) = guest.listen() else {
                 i += 1;
                 continue;
             };
-            let reply = Reply(self.guests.swap_remove(i).stream);
+            let reply = Reply(self.guests.remove(i).stream);
             match heard {
-                Ok(request) => return Some((request, reply)),
+                Ok(request) => {
+                    self.served = true;
+                    return Some((request, reply));
+                }
                 Err(why) => reply.send(&Response::Error(why)),
             }
         }
@@ -65,12 +77,16 @@ impl Server {
     }
 
     fn let_in(&mut self) {
-        while self.guests.len() < GUESTS
-            && let Ok((stream, _)) = self.listener.accept()
-        {
-            if stream.set_nonblocking(true).is_ok() {
-                self.guests.push(Guest { stream, line: vec![], since: Instant::now() });
+        for _ in 0..NEW_GUESTS {
+            let Ok((stream, _)) = self.listener.accept() else { break };
+            if stream.set_nonblocking(true).is_err() {
+                continue;
             }
+            if self.guests.len() == GUESTS {
+                let oldest = Reply(self.guests.remove(0).stream);
+                oldest.send(&Response::Error(format!("no request, and {GUESTS} others have come since")));
+            }
+            self.guests.push(Guest { stream, line: vec![], since: Instant::now() });
         }
     }
 }
@@ -97,6 +113,11 @@ impl Guest {
 }
 
 impl Reply {
+    /// Who has asked.
+    pub fn sender(&self) -> Option<Sender> {
+        peer_of(&self.0).map(|(pid, user)| Sender { pid, user })
+    }
+
     /// Tells the guest, and shows it out.
     pub fn send(mut self, response: &Response) {
         let line = serde_json::to_string(response).unwrap_or_default() + "\n";

@@ -1,6 +1,11 @@
 //! What goes in comes out; what is torn or damaged is told from what is whole.
 
-use std::{fs, path::PathBuf, thread::sleep, time::Duration};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    thread::sleep,
+    time::Duration,
+};
 
 use contract::{
     Topic,
@@ -12,7 +17,7 @@ use rustix::fs::{MemfdFlags, SealFlags, fcntl_add_seals, memfd_create};
 use tempfile::TempDir;
 
 use super::{Log, LogWriter, Record, read};
-use crate::event::{Event, What};
+use crate::event::{Event, Sender, What};
 
 mod damage;
 mod join;
@@ -190,10 +195,11 @@ fn times_are_simulated_and_published() {
 fn events_stand_at_their_ticks_beside_the_messages() {
     let (_folder, path) = place();
     let mut log = LogWriter::create(&path, SCENARIO, 2_000_000).unwrap();
-    let events = [
+    let mut events = [
         Event::new(3, "mixer", 1, What::Died),
         Event::new(5, "mixer", 2, What::TookOver).because("the \u{3bc} of \"it\"\n").begins(Some(0)),
     ];
+    events[1].by = Some(Sender { pid: 7, user: 1000 });
     write_states(&mut log, 0..4);
     for event in &events {
         log.event(event).unwrap();
@@ -238,13 +244,17 @@ fn a_killed_writer_loses_at_most_a_second() {
 
 #[test]
 fn a_full_disk_costs_only_what_is_not_yet_written() {
-    let full = LogWriter::create("/dev/full".as_ref(), SCENARIO, 10_000_000).err().unwrap();
+    let begin = |path: &Path| {
+        let file = fs::File::options().write(true).open(path).unwrap();
+        LogWriter::begin(file, path, SCENARIO, 10_000_000)
+    };
+    let full = begin("/dev/full".as_ref()).err().unwrap();
     assert!(format!("{full:#}").contains("/dev/full") && format!("{full:#}").contains("No space left"), "{full:#}");
 
     // A file in memory, later sealed so that it cannot grow: a disk that is full in the middle of a chunk.
     let disk = memfd_create("flight", MemfdFlags::ALLOW_SEALING).unwrap();
     let path = PathBuf::from(format!("/proc/self/fd/{}", std::os::fd::AsRawFd::as_raw_fd(&disk)));
-    let mut log = LogWriter::create(&path, SCENARIO, 10_000_000).unwrap();
+    let mut log = begin(&path).unwrap();
     write_states(&mut log, 0..150);
     log.flush().unwrap();
     let whole_bytes = fs::metadata(&path).unwrap().len();

@@ -2,8 +2,9 @@
 
 use std::{
     collections::BTreeMap,
-    fs::File,
+    fs::{File, OpenOptions},
     io::{BufWriter, Seek},
+    os::unix::fs::OpenOptionsExt,
     path::{Path, PathBuf},
     time::{Duration, Instant},
 };
@@ -15,9 +16,11 @@ use mcap::{
     records::{MessageHeader, Metadata},
     write::NoSeek,
 };
+use rustix::fs::OFlags;
 
 use super::{EVENTS, Record, SCENARIO, schema};
 use crate::event::Event;
+use crate::files::check_target;
 
 /// A chunk is closed and handed to the system when it holds this many bytes of messages...
 const CHUNK_BYTES: usize = 64 * 1024;
@@ -58,7 +61,15 @@ impl LogWriter {
     /// Creates or replaces the file at `path`; the run's merged settings are its first record. Log time is simulated: ticks times `sample_ns`.
     pub fn create(path: &Path, scenario_toml: &str, sample_ns: u64) -> anyhow::Result<Self> {
         let cannot_create = || format!("cannot create {}", path.display());
-        let file = File::create(path).with_context(cannot_create)?;
+        check_target(path).with_context(cannot_create)?;
+        let mut file = OpenOptions::new();
+        let file = file.write(true).create(true).truncate(true).custom_flags(OFlags::NOFOLLOW.bits() as i32);
+        Self::begin(file.open(path).with_context(cannot_create)?, path, scenario_toml, sample_ns)
+    }
+
+    /// The same in a `file` that is open, and empty; errors call it `path`.
+    pub(super) fn begin(file: File, path: &Path, scenario_toml: &str, sample_ns: u64) -> anyhow::Result<Self> {
+        let cannot_create = || format!("cannot create {}", path.display());
         let sink = BufWriter::with_capacity(2 * CHUNK_BYTES, file.try_clone().with_context(cannot_create)?);
         let (mcap, channels, events) =
             open(sink, scenario_toml, sample_ns).map_err(plain).with_context(cannot_create)?;

@@ -14,7 +14,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::{Target, Verdict, conclude};
-use crate::fly::write_whole;
+use crate::files::write_whole;
 use crate::inprocess;
 use crate::summary::{Metrics, Summary};
 

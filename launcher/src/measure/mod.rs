@@ -30,7 +30,7 @@ use contract::process::exit;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
-use crate::fly::write_whole;
+use crate::files::write_whole;
 use crate::print;
 
 /// What can be measured.

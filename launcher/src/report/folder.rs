@@ -8,7 +8,7 @@ use contract::{Topic, scenario};
 use serde_json::Value;
 
 use super::{Flight, render};
-use crate::fly::write_whole;
+use crate::files::write_whole;
 use crate::log::{self, Log, Record};
 use crate::run_record::{Circumstances, run_json};
 use crate::stack::Ended;

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use super::Stack;
 use crate::control::{Request, Response};
-use crate::event::{Event, What};
+use crate::event::{Event, Sender, What};
 use crate::run_record::{events, refused};
 
 /// Of the events the last so many are told.
@@ -16,21 +16,22 @@ const EVENTS: usize = 8;
 const MOST_EVENTS: usize = 100;
 
 impl Stack {
-    /// Answers to everybody who has asked.
+    /// Answers one request, if there is any: the next has to wait until the processes have been looked at again.
     pub(super) fn attend(&mut self) {
-        while let Some((request, reply)) = self.control.request() {
-            reply.send(&self.answer(&request));
+        if let Some((request, reply)) = self.control.request() {
+            let response = self.answer(&request, reply.sender());
+            reply.send(&response);
         }
     }
 
-    /// Does what `request` asks for.
-    fn answer(&mut self, request: &Request) -> Response {
+    /// Does what `request` asks for, which came from `sender`.
+    fn answer(&mut self, request: &Request, sender: Option<Sender>) -> Response {
         let done = match request {
             Request::Status => Ok(self.view()),
             Request::Events { since } => Ok(self.tale(*since)),
-            Request::Inject { fault } => self.inject(*fault),
-            Request::Clear { target } => self.clear(*target),
-            Request::Swap(swap) => self.order_swap(swap.clone()),
+            Request::Inject { fault } => self.inject(*fault, sender),
+            Request::Clear { target } => self.clear(*target, sender),
+            Request::Swap(swap) => self.order_swap(swap.clone(), sender),
         };
         done.map_or_else(Response::Error, Response::Ok)
     }

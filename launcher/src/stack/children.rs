@@ -22,8 +22,11 @@ use rustix::time::Timespec;
 
 use super::end::Departure;
 use crate::event::{self, Event};
+use crate::{eprint_line, own_program};
 
 const BURIAL_LIMIT: Duration = Duration::from_millis(500);
+/// After this long it is said what is waited for.
+const SILENCE: Duration = Duration::from_secs(1);
 
 /// What a child is to be.
 #[derive(Clone, Copy, Default)]
@@ -82,7 +85,7 @@ impl Children {
             die_with_parent(&mut foreign); // ours see to that themselves
             foreign
         } else {
-            let mut own = Command::new(std::env::current_exe().context("cannot find this program's own file")?);
+            let mut own = own_program();
             own.args(["node", name]);
             own
         };
@@ -163,12 +166,19 @@ impl Drop for Children {
     }
 }
 
-/// Waits for `child` to end by itself and says how; kills it after `limit` or at a second interrupt.
-pub fn wait(child: &mut Child, limit: Duration, interrupts: &AtomicU32) -> Option<ExitStatus> {
-    let deadline = Instant::now() + limit;
+/// Waits for `child`, called `name`, to end by itself and says how; kills it after `limit` or at a second interrupt.
+pub fn wait(child: &mut Child, name: &str, limit: Duration, interrupts: &AtomicU32) -> Option<ExitStatus> {
+    let started = Instant::now();
+    let deadline = started + limit;
+    let mut told = limit <= SILENCE;
     loop {
         if let Some(status) = ended(child) {
             return Some(status);
+        }
+        if !told && started.elapsed() > SILENCE {
+            told = true;
+            let limit_s = limit.as_secs();
+            eprint_line(&format!("waiting up to {limit_s} s for the {name} to end; Ctrl-C twice kills it"));
         }
         if Instant::now() > deadline || interrupts.load(Ordering::Relaxed) > 1 {
             kill(child);

@@ -15,6 +15,8 @@ pub enum Ended {
     Lost(String),
     /// A node missed a deadline whose policy is `stop`.
     Late(String),
+    /// The plant flew to the end, but messages were missed, and which.
+    Unseen(String),
 }
 
 /// Why a stack did not come up.

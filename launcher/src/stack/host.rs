@@ -4,7 +4,7 @@
 
 use std::io::{BufRead, BufReader, Read};
 use std::ops::Range;
-use std::process::{Child, ChildStdout, Command, Stdio};
+use std::process::{Child, ChildStdout, Stdio};
 use std::sync::atomic::AtomicU32;
 use std::time::Duration;
 
@@ -20,6 +20,7 @@ use super::children::{Children, wait};
 use super::files::{Files, Loss};
 use crate::event::{Event, What};
 use crate::intruder::{LET_IN, REFUSED, SENT};
+use crate::own_program;
 
 /// How long an intruder may take to leave at the end of the run.
 const LEAVE_LIMIT: Duration = Duration::from_secs(1);
@@ -90,7 +91,7 @@ impl Host {
     /// Waits for the intruders, who leave with the run: what they had to say.
     pub fn finish(&mut self, tick: u64, interrupts: &AtomicU32) -> Vec<Event> {
         for mut intruder in std::mem::take(&mut self.intruders) {
-            let _ = wait(&mut intruder.child, LEAVE_LIMIT, interrupts); // one that is killed has said nothing
+            let _ = wait(&mut intruder.child, &intruder.who, LEAVE_LIMIT, interrupts); // one that is killed has said nothing
             self.hear(tick, intruder);
         }
         std::mem::take(&mut self.events)
@@ -131,8 +132,7 @@ impl Host {
     /// Starts an intruder. In lockstep, where a flight may be over before a process has begun, it is waited for until it
     /// is in place: time stands still meanwhile.
     fn send_in(&self, who: &str, topic: Topic, kind: &str, until: u64) -> anyhow::Result<Intruder> {
-        let program = std::env::current_exe().context("cannot find this program's own file")?;
-        let mut command = Command::new(program);
+        let mut command = own_program();
         command.args(["intrude", "--namespace", self.domain.namespace(), "--topic", topic.name(), "--kind", kind]);
         command.args(["--until", &until.to_string()]).stdin(Stdio::null()).stdout(Stdio::piped());
         let mut child = command.spawn().context("cannot start it")?;

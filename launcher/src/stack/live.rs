@@ -5,12 +5,12 @@ use contract::scenario::{Fault, FaultKind, FaultTarget, Mode, check_fault};
 use serde_json::{Value, json};
 
 use super::Stack;
-use crate::event::{Event, What};
+use crate::event::{Event, Sender, What};
 use crate::supervisor::plant_tick;
 
 impl Stack {
     /// Gives the flight `fault`, which begins `at_s` after the next sample; the fault with its time in the flight.
-    pub(super) fn inject(&mut self, mut fault: Fault) -> Result<Value, String> {
+    pub(super) fn inject(&mut self, mut fault: Fault, sender: Option<Sender>) -> Result<Value, String> {
         self.needs_a_clock()?;
         if matches!(fault.target, FaultTarget::Clock | FaultTarget::Host) || fault.kind.is_intrusion() {
             return Err(
@@ -34,12 +34,12 @@ impl Stack {
         }
         self.regime.suffer(number, &fault);
         self.scenario.fault.push(fault);
-        self.note(&fault, What::Injected);
+        self.note(&fault, What::Injected, sender);
         Ok(json!([fault]))
     }
 
     /// Ends the faults of `target`, or all; those that were not over, with the time they have had.
-    pub(super) fn clear(&mut self, target: Option<FaultTarget>) -> Result<Value, String> {
+    pub(super) fn clear(&mut self, target: Option<FaultTarget>, sender: Option<Sender>) -> Result<Value, String> {
         self.needs_a_clock()?;
         let end = self.next_tick();
         let sought = |fault: &Fault| target.is_none_or(|target| target == fault.target) && !self.is_over(fault);
@@ -56,7 +56,7 @@ impl Stack {
             self.board.ledger().enter(*number, fault);
             self.regime.suffer(*number, fault);
             self.scenario.fault[*number] = *fault;
-            self.note(fault, What::Cleared);
+            self.note(fault, What::Cleared, sender);
         }
         Ok(cleared.iter().map(|(_, fault)| json!(fault)).collect())
     }
@@ -97,8 +97,8 @@ impl Stack {
         ticks.is_empty() || last <= self.next_tick()
     }
 
-    fn note(&mut self, fault: &Fault, what: What) {
+    fn note(&mut self, fault: &Fault, what: What, by: Option<Sender>) {
         let tick = plant_tick(&self.board);
-        self.regime.events().push(Event::new(tick, fault.target.name(), 0, what));
+        self.regime.events().push(Event { by, ..Event::new(tick, fault.target.name(), 0, what) });
     }
 }

@@ -4,6 +4,7 @@ use std::sync::atomic::AtomicU32;
 use std::time::{Duration, Instant};
 
 use contract::office::Staff;
+use contract::realtime::Board;
 use contract::scenario::{newcomer, to_toml};
 use contract::topic::Topic;
 use rustix::process::Signal;
@@ -13,6 +14,7 @@ use super::archive::Archive;
 use super::children::{Birth, Process, wait};
 use super::end::{Departure, Ended};
 use super::recorders::{self, At, RECORDER};
+use crate::eprint_line;
 use crate::event::{Event, What};
 use crate::recorder::LogOutcome;
 use crate::supervisor::hearing::Silence;
@@ -20,6 +22,8 @@ use crate::supervisor::{Order, plant_tick};
 
 /// The recorder may have a slow disk to empty its last chunk to.
 const CLOSE_LIMIT: Duration = Duration::from_secs(30);
+/// It looks every two milliseconds; one that is stopped is not waited for.
+const CATCH_UP_LIMIT: Duration = Duration::from_secs(1);
 
 impl Stack {
     /// Sees to it that everybody is there who should be; how the flight has ended, if it has. In lockstep the plant's
@@ -82,11 +86,11 @@ impl Stack {
                     && self.board.office(topic).holder() == 0
                 {
                     // The program that was swapped in is gone by now: the launcher's own is better than nobody.
-                    eprintln!("error: {error:#}; {} goes on as at the beginning", topic.publisher());
+                    eprint_line(&format!("error: {error:#}; {} goes on as at the beginning", topic.publisher()));
                     started = self.start_node(topic, epoch, None);
                 }
                 if let Err(error) = started {
-                    eprintln!("error: {error:#}");
+                    eprint_line(&format!("error: {error:#}"));
                     self.regime.died(&self.board, topic, epoch);
                 }
             }
@@ -123,6 +127,16 @@ impl Stack {
         archive.recorders.may_swap(&self.board)
     }
 
+    /// Waits a moment until the recorder is as far as `is_there` says. One that does not get there loses messages, which
+    /// are counted.
+    pub(super) fn wait_for_recorder(&self, is_there: impl Fn(&Board) -> bool) {
+        let deadline = Instant::now() + CATCH_UP_LIMIT;
+        let records = || self.archive.is_some() && self.board.archive().holder() > 0;
+        while records() && !is_there(&self.board) && Instant::now() < deadline {
+            std::thread::sleep(Duration::from_micros(200));
+        }
+    }
+
     /// All nodes have left: waits until the log is closed, and says how it went.
     pub(super) fn close_log(&mut self, interrupts: &AtomicU32) -> Option<LogOutcome> {
         let mut archive = self.archive.take()?;
@@ -132,7 +146,7 @@ impl Stack {
         archive.recorders.welcome(&self.board, at, events);
         for Process { epoch, child, .. } in self.children.all.iter_mut().filter(|process| process.name == RECORDER) {
             let starts = archive.recorders.awaits(*epoch);
-            wait(child, if starts { Duration::ZERO } else { CLOSE_LIMIT }, interrupts);
+            wait(child, RECORDER, if starts { Duration::ZERO } else { CLOSE_LIMIT }, interrupts);
             if let Some(stdout) = child.stdout.take().filter(|_| !starts) {
                 archive.keep(*epoch, stdout);
             }
@@ -165,7 +179,7 @@ impl Stack {
             Some(recorders::Order::Kill(epoch)) => self.children.signal(None, epoch, Signal::KILL),
             Some(recorders::Order::Start(epoch, origin)) => {
                 if let Err(error) = self.spawn_recorder(epoch, origin) {
-                    eprintln!("error: {error:#}");
+                    eprint_line(&format!("error: {error:#}"));
                     if let Some(Archive { recorders, .. }) = &mut self.archive {
                         recorders.ended(&self.board, epoch, false, at, self.regime.events());
                     }

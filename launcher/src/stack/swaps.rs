@@ -11,11 +11,11 @@ use contract::topic::Topic;
 use serde_json::{Value, json};
 
 use super::Stack;
-use crate::event::{Event, What};
+use crate::event::{Event, Sender, What};
 
 impl Stack {
     /// Begins a swap with the next sample but one, if it stands up to the rules of the scenario.
-    pub(super) fn order_swap(&mut self, swap: Swap) -> Result<Value, String> {
+    pub(super) fn order_swap(&mut self, swap: Swap, sender: Option<Sender>) -> Result<Value, String> {
         if self.board.phase().count() != phase::GO {
             return Err("the stack is starting or ending".into());
         }
@@ -28,8 +28,18 @@ impl Stack {
         settle(&mut with_it, self.regime.events());
         with_it.swap.push(swap.clone());
         check_swaps(&with_it).map_err(|error| error.to_string())?;
+        self.orderers.extend(sender.map(|sender| (self.scenario.swap.len(), sender)));
         self.scenario.swap.push(swap);
         Ok(json!({ "swap": self.scenario.swap.len() - 1, "since": self.regime.events().len() }))
+    }
+
+    /// Tells the recorder what has happened; where a swap begins that was ordered by hand, with who ordered it.
+    pub(super) fn tell_events(&mut self) {
+        let events = self.regime.events();
+        for event in events.iter_mut().skip(self.children.told) {
+            event.by = event.by.or_else(|| self.orderers.get(&event.swap?).copied());
+        }
+        self.children.tell(events);
     }
 
     /// The flight is over: gives its swaps the times that they took. Where time follows the script they are those they had.

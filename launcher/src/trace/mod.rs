@@ -22,10 +22,10 @@ use serde_json::{Value, json};
 
 use self::events::Trace;
 use self::window::Window;
-use crate::fly::write_whole;
+use crate::files::write_whole;
 use crate::log::{self, Log};
-use crate::print;
 use crate::report::Flight;
+use crate::{eprint_line, print};
 
 /// Arguments of `trace`.
 #[derive(clap::Args)]
@@ -58,7 +58,7 @@ pub fn trace(args: &TraceArgs) -> anyhow::Result<()> {
     );
     let log = log::read(&path)?;
     if let Some(defect) = &log.defect {
-        eprintln!("note: {} is not whole, what was read before is traced: {defect}", path.display());
+        eprint_line(&format!("note: {} is not whole, what was read before is traced: {defect}", path.display()));
     }
     let scenario = scenario::from_merged(&log.scenario_toml, &format!("the settings in {}", path.display()))?;
     if scenario.run.mode == Mode::Inprocess {
@@ -70,7 +70,7 @@ pub fn trace(args: &TraceArgs) -> anyhow::Result<()> {
     }
     let (window, document) = document(&log, &scenario, args.from_s, args.for_s)?;
     if scenario.run.mode == Mode::Lockstep {
-        eprintln!("note: {LOCKSTEP}");
+        eprint_line(&format!("note: {LOCKSTEP}"));
     }
     let out = args.out.clone().unwrap_or_else(|| path.with_file_name("trace.json"));
     write_whole(&out, document.to_string().as_bytes()).context("choose another file with --out")?;

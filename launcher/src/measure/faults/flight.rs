@@ -124,10 +124,11 @@ pub fn through_processes(
     watch: impl FnMut(Record),
 ) -> anyhow::Result<Flown> {
     let flown = Stack::start(&namespace(), scenario, None, interrupts)?.fly(interrupts, watch, |_| {});
-    if matches!(flown.ended, Ended::Interrupted) {
-        bail!(StartError::Interrupted);
+    match flown.ended {
+        Ended::Interrupted => bail!(StartError::Interrupted),
+        Ended::Unseen(what) => bail!(StartError::Lost(what)),
+        Ended::Flown | Ended::Lost(_) | Ended::Late(_) => Ok(flown),
     }
-    Ok(flown)
 }
 
 /// True roll or pitch, whichever is larger \[deg\].

@@ -109,6 +109,7 @@ fn strikes(signal: Signal, interrupts: &AtomicU32) -> anyhow::Result<Vec<Strike>
         Ended::Flown => {}
         Ended::Interrupted => bail!(StartError::Interrupted),
         Ended::Lost(name) | Ended::Late(name) => bail!(StartError::Lost(format!("lost {name}"))),
+        Ended::Unseen(what) => bail!(StartError::Lost(what)),
     }
     let heard = heard.into_inner().expect("nobody panics with it");
     for strike in &mut strikes {

@@ -2,7 +2,7 @@
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::process::{Child, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
@@ -18,6 +18,7 @@ use super::draw::{Blow, Moment, Victim};
 use super::logged::{contains, holes, sent_ns};
 use crate::log;
 use crate::measure::processes::{Process, left};
+use crate::own_program;
 
 /// How long every flight is \[s\].
 pub const DURATION_S: f64 = 3.0;
@@ -146,8 +147,7 @@ impl<'a> Flight<'a> {
         let cannot = || format!("cannot write to {}", folder.display());
         fs::create_dir_all(folder).with_context(cannot)?;
         let stderr = File::create(folder.join("stderr")).with_context(cannot)?;
-        let program = std::env::current_exe().context("cannot find this program's own file")?;
-        let mut command = Command::new(program);
+        let mut command = own_program();
         command.args(["fly", "--namespace", namespace, "--set", &format!("run.duration_s={duration_s:?}")]);
         command.arg("--out").arg(folder.join("run")).stdin(Stdio::null()).stdout(Stdio::null()).stderr(stderr);
         Ok(Self { namespace, started: Instant::now(), child: command.spawn().context("cannot start a flight")? })

@@ -39,7 +39,8 @@ use self::polygon::{Polygon, Solved};
 use self::problems::Sequence;
 use self::random::Random;
 use super::{conclude, save};
-use crate::fly::write_whole;
+use crate::eprint_line;
+use crate::files::write_whole;
 use crate::provenance::provenance;
 
 /// Arguments of `measure mpc`.
@@ -109,7 +110,7 @@ pub fn measure(args: &MpcArgs) -> anyhow::Result<u8> {
 }
 
 fn results(args: &MpcArgs, out: &Path, sequences: &[Sequence]) -> anyhow::Result<Results> {
-    eprintln!("timing {} flights, {} rounds", sequences.len(), args.rounds);
+    eprint_line(&format!("timing {} flights, {} rounds", sequences.len(), args.rounds));
     let samples = sampling::sample(sequences, args.rounds);
     write_whole(&out.join("samples.csv"), samples.to_csv().as_bytes())?;
 
@@ -122,7 +123,7 @@ fn results(args: &MpcArgs, out: &Path, sequences: &[Sequence]) -> anyhow::Result
     }
     let rivals = rivals(args, out, sequences, &problems)?;
     let random = (args.random > 0).then(|| {
-        eprintln!("solving {} random problems", args.random);
+        eprint_line(&format!("solving {} random problems", args.random));
         Random::solve(args.random)
     });
     let mut host = provenance(&sequences[0].scenario, &[]);
@@ -158,7 +159,7 @@ fn rivals(args: &MpcArgs, out: &Path, sequences: &[Sequence], problems: &[Proble
         write_whole(&path, polygon.to_json(solved).to_string().as_bytes())?;
     }
     if let Some(python) = &args.compare {
-        eprintln!("solving the same problems with {}", python.display());
+        eprint_line(&format!("solving the same problems with {}", python.display()));
         rivals.extend(compare::others(python, &folder, args.rounds, &solved)?);
     }
     Ok(rivals)

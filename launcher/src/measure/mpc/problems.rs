@@ -19,6 +19,7 @@ use contract::Scenario;
 use contract::message::{Reference, State};
 use contract::scenario::{self, Law, Mode, Solver};
 
+use crate::eprint_line;
 use crate::log;
 
 /// The flights that come with the program.
@@ -68,7 +69,7 @@ pub fn recorded(path: &Path) -> anyhow::Result<Sequence> {
     let file = if path.is_dir() { path.join("flight.mcap") } else { path.to_owned() };
     let log = log::read(&file)?;
     if let Some(defect) = &log.defect {
-        eprintln!("note: {} is not whole, what was read before is measured: {defect}", file.display());
+        eprint_line(&format!("note: {} is not whole, what was read before is measured: {defect}", file.display()));
     }
     let origin = format!("the settings in {}", file.display());
     let scenario = scenario::from_merged(&log.scenario_toml, &origin)?;

@@ -35,7 +35,8 @@ use self::cell::Cell;
 use self::grid::Grid;
 use self::point::Point;
 use super::conclude;
-use crate::fly::write_whole;
+use crate::eprint_line;
+use crate::files::write_whole;
 
 /// Arguments of `measure sensitivity`.
 #[derive(clap::Args)]
@@ -73,7 +74,7 @@ pub fn measure(args: &SensitivityArgs) -> anyhow::Result<u8> {
     fs::create_dir_all(&out).with_context(cannot)?;
     let point = operating_point(args, &out)?;
 
-    eprintln!("flying {} flights", grid.scenarios.len());
+    eprint_line(&format!("flying {} flights", grid.scenarios.len()));
     let flights = grid.fly();
     let cells = cell::gather(&flights);
     let targets = targets::targets(args.scenario.is_none(), &cells);
@@ -91,9 +92,9 @@ fn operating_point(args: &SensitivityArgs, out: &Path) -> anyhow::Result<Option<
     if let Some(run) = &args.run {
         return Point::read(run).map(Some);
     }
-    eprintln!("flying 5 s in real time for the operating point");
+    eprint_line("flying 5 s in real time for the operating point");
     let point = Point::fly(&out.join("realtime"));
-    Ok(point.inspect_err(|error| eprintln!("note: the map has no operating point: {error:#}")).ok())
+    Ok(point.inspect_err(|error| eprint_line(&format!("note: the map has no operating point: {error:#}"))).ok())
 }
 
 /// For people: up to which delay every flight survived, by jitter and probability of a miss.

@@ -2,11 +2,13 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 
 use anyhow::{Context, bail, ensure};
 use serde::Serialize;
 use serde_json::Value;
+
+use crate::own_program;
 
 /// Age at the actuator and misses of a real-time flight.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -40,8 +42,7 @@ impl Point {
     pub fn fly(out: &Path) -> anyhow::Result<Self> {
         let namespace = format!("sensitivity-{}", std::process::id());
         let fly = ["fly", "--mode", "realtime", "--no-log", "--json", "--set", "run.duration_s=5.0", "--namespace"];
-        let launcher = std::env::current_exe().context("cannot find the launcher's own program")?;
-        let flown = Command::new(launcher)
+        let flown = own_program()
             .args(fly)
             .arg(namespace)
             .arg("--out")

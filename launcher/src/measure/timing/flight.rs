@@ -63,6 +63,7 @@ pub fn fly(scenario: &Scenario, placement: Placement, interrupts: &AtomicU32) ->
         Ended::Flown => {}
         Ended::Interrupted => bail!(StartError::Interrupted),
         Ended::Lost(name) | Ended::Late(name) => bail!(StartError::Lost(format!("lost {name}"))),
+        Ended::Unseen(what) => bail!(StartError::Lost(what.clone())),
     }
     let asked = if scenario.realtime.policy == Policy::Fifo { "fifo" } else { "other" };
     Ok(Flight {

@@ -43,7 +43,8 @@ use self::raw::Raw;
 use self::results::Results;
 use self::series::Series;
 use super::{conclude, save};
-use crate::fly::{catch_interrupts, write_whole};
+use crate::files::write_whole;
+use crate::fly::catch_interrupts;
 use crate::provenance::provenance;
 
 /// Arguments of `measure timing`.

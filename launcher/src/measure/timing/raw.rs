@@ -16,6 +16,7 @@ use super::plan::{FLIGHT_HZ, LOADED_HZ, LOOP_PRIORITY, Plan, RATES_HZ, RING_HZ};
 use super::rings::{Kind, Noted, Releases, Stations};
 use super::series::Series;
 use super::station::stamped;
+use crate::eprint_line;
 
 /// Everything measured.
 pub struct Raw {
@@ -108,7 +109,7 @@ impl Raw {
             }
         }
         for round in 0..plan.rounds {
-            eprintln!("round {} of {}: loops, rings, scheduling classes", round + 1, plan.rounds);
+            eprint_line(&format!("round {} of {}: loops, rings, scheduling classes", round + 1, plan.rounds));
             raw.loops(plan, round, interrupts)?;
             for rings in &mut raw.rings {
                 rings.round(plan, interrupts)?;
@@ -117,13 +118,13 @@ impl Raw {
             raw.lockstep.push(flight::lockstep(plan.lockstep_s, interrupts)?);
             raw.in_process.push(flight::in_process(plan.in_process_s));
         }
-        eprintln!("flying at {RATES_HZ:?} Hz");
+        eprint_line(&format!("flying at {RATES_HZ:?} Hz"));
         for rate_hz in RATES_HZ {
             let mut flown = Flown::new(&format!("{rate_hz} Hz"), rate_hz, Policy::Fifo, false);
             flown.add(&fly(&flight::realtime(rate_hz, Policy::Fifo, plan.rate_s), Placement::AllCpus, interrupts)?);
             raw.rates.push(flown);
         }
-        eprintln!("flying the paper's survey, {} s", plan.paper_s);
+        eprint_line(&format!("flying the paper's survey, {} s", plan.paper_s));
         raw.paper.add(&fly(&flight::paper(plan.paper_s)?, Placement::AllCpus, interrupts)?);
         raw.watch = canary.stop()?;
         Ok(raw)

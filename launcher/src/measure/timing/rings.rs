@@ -4,7 +4,7 @@ use std::fs;
 use std::io::pipe;
 use std::os::fd::OwnedFd;
 use std::os::unix::net::UnixStream;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
@@ -15,6 +15,7 @@ use contract::{Scenario, Topic};
 use serde::Serialize;
 
 use super::station::{Link, StationArgs};
+use crate::own_program;
 use crate::stack::StartError;
 
 /// What a ring of stations is made of.
@@ -157,8 +158,7 @@ impl Stations {
             priority,
             samples: self.hold.domain.file("samples"),
         };
-        let program = std::env::current_exe().context("cannot find this program's own file")?;
-        let mut command = Command::new(program);
+        let mut command = own_program();
         command.args(["measure", "station"]).args(args.to_words());
         match ends {
             Some((inlet, outlet)) => command.stdin(inlet).stdout(outlet),

@@ -1,0 +1,87 @@
+//! What a process says to people: data on stdout, everything else on stderr. Neither can end the process.
+//!
+//! Stderr may be full, closed, a terminal that was stopped, or a pipe that is not read. A thread writes there, so that
+//! no flight waits for it. What is written to stdout was asked for: when it cannot be written, the exit code says so.
+
+use std::io::{self, ErrorKind, Write, stderr, stdout};
+use std::process::ExitCode;
+use std::sync::OnceLock;
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::thread;
+use std::time::Duration;
+
+use crate::process::exit;
+
+/// Lines for stderr that wait to be written; more are dropped.
+const WAITING_LINES: usize = 256;
+/// How long a process that ends waits until its lines are written.
+const LAST_LINES: Duration = Duration::from_secs(1);
+
+/// The way to the thread that writes to stderr; `None` when it could not be started.
+static WRITER: OnceLock<Option<SyncSender<Word>>> = OnceLock::new();
+/// The first error of stdout.
+static STDOUT_ERROR: OnceLock<io::Error> = OnceLock::new();
+
+enum Word {
+    Line(String),
+    /// Everything before it is written when this is answered.
+    Flush(SyncSender<()>),
+}
+
+/// Prints `text` to stdout. [`finish`] tells of an error.
+pub fn print(text: &str) {
+    let mut stdout = stdout().lock();
+    if let Err(error) = stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
+        let _ = STDOUT_ERROR.set(error); // the first is kept
+    }
+}
+
+/// Whether everything could be printed so far.
+pub fn is_read() -> bool {
+    STDOUT_ERROR.get().is_none()
+}
+
+/// Prints a line to stderr, without waiting for it to be written.
+pub fn eprint_line(line: &str) {
+    let line = format!("{line}\n");
+    match WRITER.get_or_init(start_writer) {
+        Some(writer) => _ = writer.try_send(Word::Line(line)), // full: it is not read
+        None => write_line(&line),
+    }
+}
+
+/// Waits a moment until all lines are written to stderr. The exit code for a process whose own is `code`.
+///
+/// A reader of stdout that has gone, as in `launcher check FILE | head`, is no error.
+pub fn finish(code: u8) -> ExitCode {
+    let error = STDOUT_ERROR.get().filter(|error| error.kind() != ErrorKind::BrokenPipe);
+    if let Some(error) = error {
+        eprint_line(&format!("error: cannot write to stdout: {error}"));
+    }
+    if let Some(Some(writer)) = WRITER.get() {
+        let (written, all) = sync_channel(1);
+        if writer.try_send(Word::Flush(written)).is_ok() {
+            let _ = all.recv_timeout(LAST_LINES); // too late: it is not read
+        }
+    }
+    ExitCode::from(if error.is_some() { code.max(exit::PROCESS_LOST) } else { code })
+}
+
+fn start_writer() -> Option<SyncSender<Word>> {
+    let (writer, words) = sync_channel(WAITING_LINES);
+    let write = move || write_all(&words);
+    thread::Builder::new().name("stderr".into()).spawn(write).ok().map(|_| writer)
+}
+
+fn write_all(words: &Receiver<Word>) {
+    for word in words {
+        match word {
+            Word::Line(line) => write_line(&line),
+            Word::Flush(written) => _ = written.send(()), // the process may have ended its wait
+        }
+    }
+}
+
+fn write_line(line: &str) {
+    let _ = stderr().write_all(line.as_bytes()); // there is no other place to say so
+}
