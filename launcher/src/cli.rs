@@ -92,7 +92,7 @@ pub fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Fly(args) => fly::fly(&args),
         Command::Check { scenario, set } => check(&scenario, &set),
-        Command::Report { run } => report::rewrite(&run).map(|()| exit::FLOWN),
+        Command::Report { run } => report(&run),
         Command::Trace(args) => trace::trace(&args).map(|()| exit::FLOWN),
         Command::Status(args) => manage::status(&args).map(|()| exit::FLOWN),
         Command::Swap(args) => swap::swap(&args),
@@ -114,6 +114,13 @@ pub fn main() -> ExitCode {
             ExitCode::from(error.downcast_ref::<StartError>().map_or(exit::USAGE, StartError::exit_code))
         }
     }
+}
+
+fn report(run: &Path) -> anyhow::Result<u8> {
+    if let Some(missing) = report::rewrite(run)? {
+        eprintln!("note: {missing}");
+    }
+    Ok(exit::FLOWN)
 }
 
 fn check(scenario: &std::path::Path, set: &[String]) -> anyhow::Result<u8> {
