@@ -14,6 +14,7 @@
 //! | [`log`] | the flight log's format |
 //! | [`summary`], [`timing`] | what a flight amounts to: metrics, state hash, punctuality |
 //! | [`solves`], [`faults`] | what the solver did, and what came of the scenario's faults |
+//! | `happenings` | what is known to have happened in a flight, for its timing, trace and report |
 //! | [`run_record`] | `run.json` |
 //! | [`report`] | `report.html` |
 //! | [`trace`] | `trace`: ticks of a run for a trace viewer |
@@ -27,6 +28,7 @@ pub mod control;
 pub mod event;
 pub mod faults;
 pub mod fly;
+mod happenings;
 pub mod inprocess;
 mod intruder;
 pub mod log;
