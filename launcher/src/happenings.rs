@@ -155,7 +155,9 @@ fn absences(topic: Topic, events: &Value) -> Vec<Span> {
         match What::deserialize(&event["what"]) {
             Ok(What::TookOver) => {
                 holders.push(epoch);
-                open.into_iter().for_each(|span| span.to_s = Some(at_s));
+                if let Some(span) = open {
+                    span.to_s = Some(at_s);
+                }
             }
             Ok(What::Returned) => {
                 holders.pop();

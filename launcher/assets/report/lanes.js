@@ -65,7 +65,7 @@ function happenedLanes(happened) {
     const lanes = [];
     let svg = '';
     const pack = (items, first) => {
-      for (const item of items.map(item => placed(item, right)).sort((a, b) => a.from - b.from)) {
+      for (const item of items.map(item => placed(item, right)).sort((a, b) => a.x0 - b.x0)) {
         let lane = first;
         while (lane < MOST - 1 && lane < lanes.length && lanes[lane] + GAP > item.from) lane++;
         const full = lanes[lane] + GAP > item.from;

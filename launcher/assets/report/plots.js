@@ -123,7 +123,7 @@
       axes: [
         last ? { ...axis, values: numbers, size: 24, label: 'time [s]', labelSize: 18 }
              : { ...axis, values: (_, splits) => splits.map(() => ''), size: 8 },
-        { ...axis, values: numbers, size: 42, label: plot.unit, labelSize: 16, space: stacked ? 26 : 36 },
+        { ...axis, values: numbers, size: 50, label: plot.unit, labelSize: 16, space: stacked ? 26 : 36 },
       ],
       legend: { markers: { dash: (u, i) => (u.series[i].dash ? 'dashed' : 'solid') } },
       series: [{ label: 'time', value: (_, t) => (t === null ? '–' : `${t.toFixed(2)} s`) }].concat(plot.series.map(s => ({

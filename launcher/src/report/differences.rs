@@ -54,7 +54,9 @@ fn compare(
             let mut names: Vec<_> = default.keys().chain(here.keys()).collect();
             names.sort();
             names.dedup();
-            names.iter().for_each(|name| compare(&below(name), default.get(*name), here.get(*name), rows));
+            for name in names {
+                compare(&below(name), default.get(name), here.get(name), rows);
+            }
         }
         (None | Some(Array(_)), Some(Array(all))) if !all.is_empty() && all.iter().all(toml::Value::is_table) => {
             let one = |(i, each): (usize, &toml::Value)| (format!("{key} {}", i + 1), DASH.into(), words(Some(each)));

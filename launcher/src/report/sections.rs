@@ -145,8 +145,9 @@ pub fn bounds(run: &Value) -> String {
         let [measured, ok] = if flown { [&b["measured"], &b["ok"]] } else { [&Value::Null; 2] };
         vec![format!("<code>{metric}</code>"), number(&b["limit"], 3), number(measured, 3), verdict(ok)]
     };
+    let told = !whole && bounds.iter().any(|bound| bound["ok"] != Value::Bool(false));
     let hint = "<p class=\"hint\">The flight ended early: what it had not exceeded until then is not judged.</p>";
-    table(&["metric", "bound", "measured", "verdict"], bounds.iter().map(row)) + if whole { "" } else { hint }
+    table(&["metric", "bound", "measured", "verdict"], bounds.iter().map(row)) + if told { hint } else { "" }
 }
 
 /// Whether the flight was shorter than its scenario.

@@ -57,7 +57,7 @@ impl Tick {
     }
 
     /// Its entry in run.json; times of the nodes count from the sample.
-    pub fn to_json(&self, culprit: &Culprit) -> Value {
+    pub fn to_json(self, culprit: &Culprit) -> Value {
         let from_sample = |ns: u64| ns.saturating_sub(self.sample_ns) as f64 / 1e3;
         let node = |cycle: &Cycle| {
             json!({
