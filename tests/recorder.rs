@@ -199,3 +199,33 @@ fn a_recorder_that_stands_still_holds_up_no_lockstep_flight() {
     assert!(run["log"]["dropped"].as_u64() > Some(0), "{}", run["log"]);
     assert!(log::read(&outcome.out.join("flight.mcap")).expect("the log reads").complete());
 }
+
+#[test]
+fn a_flight_whose_recorder_and_launcher_were_killed_is_reported_from_all_that_was_recorded() {
+    let ns = namespace();
+    let flight = Flight::start(&ns, &["--mode", "realtime"]);
+    wait_until_it_flies(&ns);
+    kill("-KILL", &[process_of(&ns, "recorder")]);
+    let second = flight.out.join("flight.2.mcap");
+    wait_until("the next recorder has written", || second.metadata().is_ok_and(|part| part.len() > 150_000));
+    kill("-KILL", &processes_of(&ns));
+    let outcome = flight.finish();
+
+    let report = launcher().arg("report").arg(&outcome.out).output().expect("the launcher starts");
+    let told = String::from_utf8_lossy(&report.stderr);
+    assert_eq!(report.status.code(), Some(0), "{told}");
+    let last = log::read(&second).expect("the part reads").states.last().expect("a state").stamp.tick as f64 * 0.01;
+    let ends = format!("what was read ends at {last:.2} s");
+    for part in ["flight.mcap: ", "flight.2.mcap: ", &ends, "messages before that are missing"] {
+        assert!(told.contains(part), "{part}: {told}");
+    }
+    let page = std::fs::read_to_string(outcome.out.join("report.html")).expect("the page reads");
+    for part in [format!("this summary is made from the log) at {last:.2} s"), "The log is not whole".into()] {
+        assert!(page.contains(&part), "{part}");
+    }
+    assert!(second.exists(), "the parts stay as they are");
+
+    // What the killed launcher left in shared memory the next one wipes.
+    Flight::start(&ns, &["--mode", "lockstep", "--set", "run.duration_s=0.5"]).finish();
+    assert_eq!(shared_memory_of(&ns), Vec::<String>::new());
+}

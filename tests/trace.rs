@@ -14,6 +14,8 @@ use serde_json::Value;
 
 use crate::harness::{fly, launcher};
 
+mod happened;
+
 const LANES: [&str; 5] = ["plant", "guidance", "attitude-mpc", "mixer", "actuators"];
 
 fn run(arguments: &[&str]) -> Output {
@@ -41,7 +43,7 @@ fn ns(us: &Value) -> i64 {
 }
 
 fn lane(event: &Value) -> u64 {
-    assert_eq!(event["pid"], event["tid"], "one thread for each process: {event}");
+    assert!(event["pid"] == event["tid"] || event["pid"].as_u64() > Some(5), "one thread for each process: {event}");
     event["pid"].as_u64().expect("a lane")
 }
 
@@ -50,6 +52,7 @@ fn check_trace(trace: &Value) {
     let names = events(trace, "M").into_iter().filter(|event| event["name"] == "process_name");
     let names: HashMap<u64, &str> = names.map(|e| (lane(e), e["args"]["name"].as_str().expect("a name"))).collect();
     assert_eq!((1..=5).map(|lane| names[&lane]).collect::<Vec<_>>(), LANES);
+    let thread = |event: &Value| (lane(event), event["tid"].as_u64());
 
     let mut newest = HashMap::new();
     for event in trace["traceEvents"].as_array().expect("a list of events") {
@@ -58,18 +61,18 @@ fn check_trace(trace: &Value) {
             assert!(names.contains_key(&lane(event)) && ns(&event["ts"]) >= before, "out of order: {event}");
         }
     }
-    let mut slices: HashMap<u64, Vec<(i64, i64)>> = HashMap::new();
+    let mut slices: HashMap<_, Vec<(i64, i64)>> = HashMap::new();
     for slice in events(trace, "X") {
         let (start, duration) = (ns(&slice["ts"]), ns(&slice["dur"]));
-        let lane = slices.entry(lane(slice)).or_default();
-        assert!(duration >= 0 && lane.last().is_none_or(|(_, end)| *end <= start), "overlaps: {slice}");
-        lane.push((start, start + duration));
+        let thread = slices.entry(thread(slice)).or_default();
+        assert!(duration >= 0 && thread.last().is_none_or(|(_, end)| *end <= start), "overlaps: {slice}");
+        thread.push((start, start + duration));
     }
     let mut flows: HashMap<u64, Vec<(&str, i64)>> = HashMap::new();
     for phase in ["s", "t", "f"] {
         for event in events(trace, phase) {
             let at = ns(&event["ts"]);
-            let tied = slices[&lane(event)].iter().any(|(start, end)| (*start..=*end).contains(&at));
+            let tied = slices[&thread(event)].iter().any(|(start, end)| (*start..=*end).contains(&at));
             assert!(tied, "an arrow in the air: {event}");
             flows.entry(event["id"].as_u64().expect("a number")).or_default().push((phase, at));
         }
@@ -101,7 +104,11 @@ fn a_flight_in_real_time_is_traced_around_its_worst_tick() {
     let file = flown.out.join("elsewhere.json");
     let output = run(&["trace", plain(&flown.out.join("flight.mcap")), "--out", plain(&file)]);
     assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
-    assert!(String::from_utf8_lossy(&output.stdout).contains("worst"));
+    let worst = &flown.run()["timing"]["worst_ticks"][0];
+    let told =
+        format!("the worst tick, {}: {:.2} ms late", worst["tick"], worst["late_us"].as_f64().expect("us") / 1e3);
+    let stdout = String::from_utf8_lossy(&output.stdout);
+    assert!(stdout.contains(&told), "{told}: {stdout}");
     let trace = read(&file);
     check_trace(&trace);
     assert!(trace["otherData"]["note"] == "" && trace["otherData"]["mode"] == "realtime");
@@ -155,6 +162,11 @@ fn ring(ticks: u64) -> Log {
 }
 
 fn traced(log: &Log) -> Value {
+    traced_with(log, &Value::Null)
+}
+
+/// The trace of a flight of this summary.
+fn traced_with(log: &Log, run: &Value) -> Value {
     fn sealed<M: Message>(messages: &[M]) -> Vec<M> {
         messages.iter().map(|message| message.sealed()).collect()
     }
@@ -167,7 +179,7 @@ fn traced(log: &Log) -> Value {
     };
     let mut scenario = Scenario::default();
     scenario.run.mode = Mode::Realtime;
-    let (_, trace) = document(&log, &scenario, Some(0.0), 60.0).expect("a window with ticks");
+    let (_, trace) = document(&log, &scenario, run, Some(0.0), 60.0).expect("a window with ticks");
     check_trace(&trace);
     trace
 }

@@ -102,7 +102,7 @@ fn run() -> ExitCode {
     let result = match cli.command {
         Command::Fly(args) => fly::fly(&args),
         Command::Check { scenario, set } => check(&scenario, &set),
-        Command::Report { run } => report::rewrite(&run).map(|()| exit::FLOWN),
+        Command::Report { run } => report(&run),
         Command::Trace(args) => trace::trace(&args).map(|()| exit::FLOWN),
         Command::Status(args) => manage::status(&args).map(|()| exit::FLOWN),
         Command::Swap(args) => swap::swap(&args),
@@ -142,6 +142,13 @@ fn with_causes(error: &anyhow::Error) -> String {
         text if text.ends_with(&cause) => text.to_owned(),
         text => format!("{text}: {cause}"),
     })
+}
+
+fn report(run: &Path) -> anyhow::Result<u8> {
+    if let Some(missing) = report::rewrite(run)? {
+        eprint_line(&format!("note: {missing}"));
+    }
+    Ok(exit::FLOWN)
 }
 
 fn check(scenario: &std::path::Path, set: &[String]) -> anyhow::Result<u8> {

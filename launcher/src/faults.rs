@@ -230,15 +230,12 @@ impl Watched {
         let Some(injected) = self.injected() else {
             return format!("{} at {} s: never struck", what(&self.fault), self.fault.at_s);
         };
-        let after = |what: &str, time_s: Option<f64>| {
-            time_s.map_or(format!("not {what}"), |time_s| format!("{what} after {time_s:.2} s"))
-        };
-        format!(
-            "{}: {}, {}",
-            course(&self.fault, self.seconds(injected)),
-            after("detected", self.detected_after_s()),
-            after("recovered", self.recovered_after_s()),
-        )
+        let course = course(&self.fault, self.seconds(injected));
+        // Wind, or a fault that the flight tolerates: there is nothing to recover from.
+        let Some(detected_s) = self.detected_after_s() else { return format!("{course}: no message shows harm") };
+        let recovered =
+            self.recovered_after_s().map_or("not recovered".into(), |s| format!("recovered after {s:.2} s"));
+        format!("{course}: detected after {detected_s:.2} s, {recovered}")
     }
 }
 

@@ -101,7 +101,7 @@ pub fn fly(args: &FlyArgs) -> anyhow::Result<u8> {
     let written = written.and_then(|()| write_whole(&out.path.join("run.json"), run.as_bytes()));
     let histograms = || summary.timing.as_ref().map_or(Ok(()), |timing| timing.write_histograms(&out.path));
     let written = written.and_then(|()| histograms());
-    let written = written.and_then(|()| if log.is_some() { report::rewrite(&out.path) } else { Ok(()) });
+    let written = written.and_then(|()| if log.is_some() { report::rewrite(&out.path).map(drop) } else { Ok(()) });
     if args.json {
         print(&run);
     } else {

@@ -17,6 +17,7 @@
 //! | [`summary`], [`timing`] | what a flight amounts to: metrics, state hash, punctuality |
 //! | [`solves`], [`faults`] | what the solver did, and what came of the scenario's faults |
 //! | [`bounds`] | what a flight must stay inside of |
+//! | `happenings` | what is known to have happened in a flight, for its timing, trace and report |
 //! | [`run_record`] | `run.json` |
 //! | [`report`] | `report.html` |
 //! | [`trace`] | `trace`: ticks of a run for a trace viewer |
@@ -36,6 +37,7 @@ pub mod faults;
 mod files;
 pub mod fly;
 mod folder;
+mod happenings;
 pub mod inprocess;
 mod intruder;
 pub mod log;

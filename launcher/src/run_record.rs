@@ -5,13 +5,14 @@ use contract::guard::Refusal;
 use contract::message::PlantStatus;
 use contract::port::PortFailure;
 use contract::process::exit;
-use contract::scenario::Mode;
+use contract::scenario::{Mode, TrajectoryKind};
 use contract::topic::NODES;
 use serde_json::{Value, json};
 
 use crate::bounds::verdicts;
 use crate::event::{Event, What};
 use crate::faults::name;
+use crate::happenings::Happenings;
 use crate::recorder::LogOutcome;
 use crate::stack::{Ended, PortFailures, Refused};
 use crate::summary::Summary;
@@ -96,6 +97,8 @@ pub fn reservations(summary: &Summary, scenario: &Scenario, how: &Circumstances)
 pub fn run_json(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> Value {
     let metrics = summary.metrics();
     let flown_s = summary.time_s();
+    let (faults, events) = (summary.faults.to_json(), events(scenario, &how.events));
+    let happened = Happenings::new(&faults, &events);
     json!({
         "name": scenario.name,
         "mode": scenario.run.mode,
@@ -111,11 +114,11 @@ pub fn run_json(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
         "state_hash": summary.state_hash(),
         "bounds": verdicts(scenario, &metrics),
         "speed": { "wall_s": how.wall_s, "times_realtime": flown_s / how.wall_s },
-        "timing": summary.timing.as_ref().map(crate::timing::Timing::to_json),
+        "timing": summary.timing.as_ref().map(|timing| timing.to_json(&happened)),
         "log": how.log,
         "unobserved": summary.missed(),
-        "faults": summary.faults.to_json(),
-        "events": events(scenario, &how.events),
+        "faults": faults,
+        "events": events,
         "refused": how.refused.iter().map(|(node, counts)| ((*node).to_owned(), refused(counts))).collect::<Value>(),
         "port_failures": port_failures(&how.port_failures),
         "provenance": how.provenance,
@@ -194,11 +197,14 @@ pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
     );
     line(
         "altitude error",
-        format!(
-            "{} in 10-50 s, {} otherwise",
-            metres(m.max_altitude_error_horizontal_m),
-            metres(m.max_altitude_error_vertical_m)
-        ),
+        match scenario.mission.trajectory {
+            TrajectoryKind::Survey => format!(
+                "{} in 10-50 s, {} otherwise",
+                metres(m.max_altitude_error_horizontal_m),
+                metres(m.max_altitude_error_vertical_m)
+            ),
+            _ => format!("{} max", metres(m.max_altitude_error_horizontal_m.max(m.max_altitude_error_vertical_m))),
+        },
     );
     line(
         "actuators",
@@ -232,7 +238,10 @@ pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
     if let Some(granted) = granted(scenario, &how.provenance) {
         line("real time", granted);
     }
-    line("state hash", summary.state_hash().unwrap_or_else(|| "none: the watcher missed messages".into()));
+    // Against the clock no flight repeats another, and its hash says nothing.
+    if scenario.run.mode != Mode::Realtime {
+        line("state hash", summary.state_hash().unwrap_or_else(|| "none: the watcher missed messages".into()));
+    }
     line(
         "speed",
         format!(
@@ -246,7 +255,8 @@ pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
     if let Some(timing) = &summary.timing
         && scenario.run.mode == Mode::Realtime
     {
-        text.push_str(&timing.describe());
+        let happened = Happenings::new(&summary.faults.to_json(), &events(scenario, &how.events));
+        text.push_str(&timing.describe(&happened));
     }
     text
 }

@@ -126,7 +126,7 @@ impl Summary {
         state.payload(|bytes| self.hash.update(bytes));
         let t = state.stamp.tick as f64 * self.sample_s;
         let wanted = self.trajectory.at(t).position_m;
-        let error = std::array::from_fn::<f64, 3, _>(|i| wanted[i] - state.actual.position_m[i]);
+        let error = position_error_m(wanted, state);
         let distance = error.iter().map(|e| e * e).sum::<f64>().sqrt();
         let m = &mut self.metrics;
         m.max_position_error_m = m.max_position_error_m.max(distance);
@@ -186,4 +186,9 @@ impl Summary {
     pub fn missed(&self) -> u64 {
         self.missed
     }
+}
+
+/// Position error of a sample: where the mission wants the vehicle minus where it truly is, NED \[m\].
+pub fn position_error_m(wanted_m: [f64; 3], state: &State) -> [f64; 3] {
+    std::array::from_fn(|axis| wanted_m[axis] - state.actual.position_m[axis])
 }

@@ -4,9 +4,9 @@ use std::fs;
 use std::sync::LazyLock;
 
 use contract::message::Message;
-use contract::scenario::from_merged;
 use launcher::log::{self, Log, LogWriter, Record};
-use launcher::{report, trace};
+use launcher::report::{self, Recorded};
+use launcher::trace;
 use proptest::collection::vec;
 use proptest::prelude::*;
 use serde_json::{Value, json};
@@ -33,10 +33,9 @@ fn look(flight: &[u8], run: Option<&[u8]>) {
     }
     let page = report::rewrite(folder.path());
     assert_eq!(page.is_ok(), folder.path().join("report.html").exists());
-    let Ok(log) = log::read(&path) else { return };
-    let Ok(scenario) = from_merged(&log.scenario_toml, "the log") else { return };
+    let Ok(Recorded { log, scenario, run, .. }) = Recorded::read(&path) else { return };
     for (from_s, for_s) in [(None, 1.0), (Some(0.05), 1e300)] {
-        let _ = trace::document(&log, &scenario, from_s, for_s);
+        let _ = trace::document(&log, &scenario, &run, from_s, for_s);
     }
 }
 

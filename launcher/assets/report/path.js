@@ -1,15 +1,21 @@
 // The flight path as SVG: in space (orthographic, drag to turn) and from above. Lengths are equal along all axes.
 // Points are [north, east, up] in metres, or null where the log has a hole.
 
-function flightPaths(time, columns) {
+function flightPaths(time, columns, happened) {
   'use strict';
   const points = (x, y, z) => columns[x].map((north, i) => {
     const point = [north, columns[y][i], columns[z][i]];
     return point.includes(null) ? null : [north, point[1], -point[2]];
   });
   const actual = points('x', 'y', 'z');
-  const reference = points('x_ref', 'y_ref', 'z_ref');
-  const box = surround(actual.concat(reference));
+  const mission = points('x_wanted', 'y_wanted', 'z_wanted');
+  const dt = time.length > 1 ? time[1] : 1;
+  const sample = at => Math.min(Math.max(Math.round(at / dt), 0), time.length - 1);
+  const struck = actual.map(() => null);
+  for (const { from_s, to_s } of happened.faults) {
+    for (let i = sample(from_s); i <= sample(to_s ?? Infinity); i++) struck[i] = actual[i];
+  }
+  const box = surround(actual.concat(mission));
 
   const turn = { azimuth: -0.6, elevation: 0.5 };
   const fromAbove = ([north, east]) => [east, -north];
@@ -35,10 +41,31 @@ function flightPaths(time, columns) {
       view.element.innerHTML = `<svg width="${width}" height="${height}" viewBox="0 0 ${width} ${height}" role="img" aria-label="flight path">
         ${view.backdrop(box, view.place)}
         ${view.project === inSpace ? line('shadow', actual.map(ground), view.place) : ''}
-        ${line('whole', actual, view.place)}${line('shown', inWindow, view.place)}
-        ${line('reference', reference, view.place)}<circle class="now" r="5"/></svg>`;
+        ${line('whole', actual, view.place)}${line('shown', inWindow, view.place)}${line('struck', struck, view.place)}
+        ${line('mission', mission, view.place)}${marks(view.place)}<circle class="now" r="5"/></svg>`;
     }
     mark(marked);
+  }
+
+  // A ring where something happened to a process, a dot with the number of a fault where it begins; what would lie on one
+  // spot is one.
+  function marks(place) {
+    const spots = [];
+    const add = (at, words) => {
+      const point = actual[sample(at)];
+      if (!point) return;
+      const [x, y] = place(point);
+      const near = spots.find(spot => Math.hypot(spot.x - x, spot.y - y) < 14);
+      const spot = near ?? { x, y, words: new Set(), event: false };
+      if (!near) spots.push(spot);
+      if (words) spot.words.add(words);
+      else spot.event = true;
+    };
+    for (const fault of happened.faults) add(fault.from_s, fault.number);
+    for (const event of happened.events) add(event.at_s);
+    const dot = ({ x, y, event }) => `<circle class="${event ? 'event' : 'start'}" cx="${x.toFixed(1)}" cy="${y.toFixed(1)}" r="${event ? 4 : 3}"/>`;
+    const number = ({ x, y, words }) => (words.size ? text(x + 7, y - 7, 'start', [...words].join(', '), 'number') : '');
+    return spots.map(dot).concat(spots.map(number)).join('');
   }
 
   // Puts the dot at sample `i`; null hides it.
@@ -129,8 +156,8 @@ function ticks(box, axis) {
   return Array.from({ length: count + 1 }, (_, i) => +(box.low[axis] + i * box.step).toFixed(6));
 }
 
-function text(x, y, anchor, words) {
-  return `<text x="${x.toFixed(1)}" y="${y.toFixed(1)}" text-anchor="${anchor}">${String(words).replace('-', '−')}</text>`;
+function text(x, y, anchor, words, name = 'tick') {
+  return `<text class="${name}" x="${x.toFixed(1)}" y="${y.toFixed(1)}" text-anchor="${anchor}">${String(words).replace('-', '−')}</text>`;
 }
 
 // North and east lines at height `up`.

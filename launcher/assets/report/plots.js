@@ -19,7 +19,7 @@
   const GREEK = { phi: 'φ', theta: 'θ', psi: 'ψ' };
 
   const FIGURES = {
-    fig5: [{ unit: 'm', scale: -1, span: 0.5, series: [series('altitude', 'z', 'blue'), reference('z_ref')] }],
+    fig5: [{ unit: 'm', scale: -1, span: 0.5, series: [series('altitude', 'z', 'blue'), series('mission', 'z_wanted', 'ink', { dash: [5, 4], width: 1 })] }],
     fig6: [{ unit: 'm', span: 0.02, floor: true, lines: 'error', series: [series('position error', 'error', 'blue')] }],
     fig7: ['x', 'y', 'z'].map(error),
     fig8: ['phi', 'theta', 'psi'].map(angle),
@@ -45,7 +45,9 @@
   };
 
   const root = document.documentElement;
-  const paths = flight.rows ? flightPaths(time, columns) : null;
+  const { faults, absences, events } = flight.happened;
+  const lanes = faults.length + absences.length + events.length ? happenedLanes(flight.happened) : null;
+  const paths = flight.rows ? flightPaths(time, columns, flight.happened) : null;
   let plots = [];
   let zoom = null;
 
@@ -98,13 +100,13 @@
 
   // The path views follow cursor and zoom of this plot, and so of all.
   function follow(u) {
-    u.hooks.setCursor = [() => paths.mark(u.cursor.idx)];
-    u.hooks.setScale = [(_, key) => {
+    (u.hooks.setCursor ||= []).push(() => paths.mark(u.cursor.idx));
+    (u.hooks.setScale ||= []).push((_, key) => {
       if (key !== 'x') return;
       const { min, max } = u.scales.x;
       zoom = min <= time[0] && max >= time[time.length - 1] ? null : { min, max };
       paths.highlight(min, max);
-    }];
+    });
   }
 
   function timePlot(element, plot, stacked, last, colour, width) {
@@ -121,15 +123,22 @@
       axes: [
         last ? { ...axis, values: numbers, size: 24, label: 'time [s]', labelSize: 18 }
              : { ...axis, values: (_, splits) => splits.map(() => ''), size: 8 },
-        { ...axis, values: numbers, size: 42, label: plot.unit, labelSize: 16, space: stacked ? 26 : 36 },
+        { ...axis, values: numbers, size: 50, label: plot.unit, labelSize: 16, space: stacked ? 26 : 36 },
       ],
       legend: { markers: { dash: (u, i) => (u.series[i].dash ? 'dashed' : 'solid') } },
       series: [{ label: 'time', value: (_, t) => (t === null ? '–' : `${t.toFixed(2)} s`) }].concat(plot.series.map(s => ({
         label: s.label, stroke: colour(s.colour), width: s.width || 1.5, dash: s.dash, show: s.show !== false,
         points: { show: false }, value: (_, v) => (v === null ? '–' : quantity(v.toFixed(plot.digits ?? 3), plot)),
       }))),
-      hooks: { drawClear: [u => drawHappenings(u, colour)], draw: [u => drawLines(u, lines, plot, colour)] },
+      // After the grid, which would hide it, and before the lines of the data.
+      hooks: { drawAxes: [u => drawHappened(u, colour)], draw: [u => drawLines(u, lines, plot, colour)] },
     }, [time, ...plot.series.map(s => scaled(columns[s.column], plot.scale || 1))], element);
+    if (lanes && last) {
+      const below = element.appendChild(document.createElement('div'));
+      below.className = 'lanes';
+      u.hooks.draw.push(() => lanes(u, below));
+      lanes(u, below);
+    }
     if (lines.length && (plot.all || hidden(plot, lines))) element.append(limitsButton(u, plot));
     return u;
   }
@@ -181,25 +190,28 @@
     return button;
   }
 
-  // Behind everything else: a band while a fault acts, a line where something happened to a process.
-  function drawHappenings(u, colour) {
+  // Behind the data: a tint while a fault acts, deeper where several do, and a line where something happened to a process.
+  function drawHappened(u, colour) {
     const { ctx, bbox } = u;
     const px = uPlot.pxRatio;
     ctx.save();
     ctx.beginPath();
     ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
     ctx.clip();
-    ctx.fillStyle = colour('band');
-    for (const [from, to] of flight.bands) {
-      const left = u.valToPos(from, 'x', true);
-      const right = to === null ? bbox.left + bbox.width : u.valToPos(to, 'x', true);
+    ctx.fillStyle = colour('orange');
+    ctx.globalAlpha = 0.1;
+    for (const { from_s, to_s } of faults) {
+      const left = u.valToPos(from_s, 'x', true);
+      const right = to_s === null ? bbox.left + bbox.width : u.valToPos(to_s, 'x', true);
       ctx.fillRect(left, bbox.top, Math.max(right - left, px), bbox.height);
     }
+    ctx.globalAlpha = 1;
     ctx.strokeStyle = colour('event');
     ctx.lineWidth = px;
+    ctx.setLineDash([]);
     ctx.beginPath();
-    for (const at of flight.marks) {
-      const x = Math.round(u.valToPos(at, 'x', true)) + px / 2;
+    for (const { at_s } of events) {
+      const x = Math.round(u.valToPos(at_s, 'x', true)) + px / 2;
       ctx.moveTo(x, bbox.top);
       ctx.lineTo(x, bbox.top + bbox.height);
     }

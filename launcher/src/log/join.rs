@@ -1,4 +1,5 @@
-//! Joining the logs of several recorders of one flight.
+//! The logs of several recorders of one flight: `flight.mcap`, `flight.2.mcap`, ... They are joined into the first at the end
+//! of the flight; where nobody was left to do that, they are read together.
 
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -8,7 +9,7 @@ use contract::Scenario;
 use contract::scenario;
 
 use super::read::read_in_order;
-use super::{Count, LogWriter, Record};
+use super::{Count, Log, LogWriter, Record};
 use crate::event::Event;
 use crate::recorder::LogOutcome;
 
@@ -21,17 +22,7 @@ use crate::recorder::LogOutcome;
 pub fn join(parts: &[PathBuf], scenario: &Scenario, events: &[Event], sent: u64) -> anyhow::Result<LogOutcome> {
     let first = parts.first().context("no recorder has begun a log")?;
     let mut records = vec![];
-    let mut known = HashSet::new();
-    for part in parts {
-        let mut times = HashMap::new(); // a fault may have sent a message twice
-        let add = |record| {
-            let nth = times.entry(identity(&record)).and_modify(|nth| *nth += 1).or_insert(1);
-            if known.insert((identity(&record), *nth)) {
-                records.push(record);
-            }
-        };
-        let _ = read_in_order(part, add); // one that was killed before it wrote anything has nothing to add
-    }
+    gather(parts, |record| records.push(record)); // one that was killed before it wrote anything has nothing to add
     let whole = first.with_extension("joined");
     let written = write(&whole, scenario, &records, events, sent);
     let outcome = written.inspect_err(|_| _ = std::fs::remove_file(&whole))?;
@@ -61,6 +52,72 @@ fn write(
     }
     log.finish()?;
     Ok(outcome)
+}
+
+/// The file that the recorder `epoch` writes of the log at `first`.
+pub fn part(first: &Path, epoch: u32) -> PathBuf {
+    if epoch == 1 { first.into() } else { first.with_extension(format!("{epoch}.mcap")) }
+}
+
+/// Reads the log at `first` with all parts that lie beside it, as one; the defect names every part that is missing, not
+/// finished or not to be read. The folder stays as it is.
+///
+/// # Errors
+/// When no part can be read.
+pub fn read_parts(first: &Path) -> anyhow::Result<Log> {
+    let last = others(first).into_iter().max().unwrap_or(1);
+    let parts: Vec<PathBuf> = (1..=last).map(|epoch| part(first, epoch)).collect();
+    let mut messages = Log::default();
+    let mut read = gather(&parts, |record| messages.push(&record));
+    if read.len() == 1 || read.iter().all(Result::is_err) {
+        let Log { scenario_toml, events, defect, .. } = read.swap_remove(0)?;
+        return Ok(Log { scenario_toml, events, defect, ..messages });
+    }
+    let mut defects = vec![];
+    for (path, part) in parts.iter().zip(read) {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        match part {
+            Ok(part) => {
+                let new = |event: &Event| !messages.events.contains(event);
+                let events: Vec<Event> = part.events.into_iter().filter(new).collect();
+                messages.events.extend(events);
+                if messages.scenario_toml.is_empty() {
+                    messages.scenario_toml = part.scenario_toml;
+                }
+                defects.extend(part.defect.map(|defect| format!("{name}: {defect}")));
+            }
+            Err(_) if !path.exists() => defects.push(format!("{name} is missing")),
+            Err(error) => defects.push(format!("{name}: {error:#}")),
+        }
+    }
+    messages.defect = (!defects.is_empty()).then(|| defects.join("; "));
+    Ok(messages)
+}
+
+/// Epochs of the parts beside the log at `first`.
+fn others(first: &Path) -> Vec<u32> {
+    /// A file of any name may lie in the folder: no flight has more recorders than this.
+    const MOST: u32 = 10_000;
+    let folder = first.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let stem = first.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let epoch = |name: &str| name.strip_prefix(&stem)?.strip_prefix('.')?.strip_suffix(".mcap")?.parse().ok();
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    entries.filter_map(|entry| epoch(&entry.file_name().to_string_lossy())).filter(|epoch| *epoch <= MOST).collect()
+}
+
+/// Reads `parts` one after the other; `each` gets every message once. Everything else of each part is returned.
+fn gather(parts: &[PathBuf], mut each: impl FnMut(Record)) -> Vec<anyhow::Result<Log>> {
+    let mut known = HashSet::new();
+    let read = |part: &PathBuf| {
+        let mut times = HashMap::new(); // a fault may have sent a message twice
+        read_in_order(part, |record| {
+            let nth = times.entry(identity(&record)).and_modify(|nth| *nth += 1).or_insert(1);
+            if known.insert((identity(&record), *nth)) {
+                each(record);
+            }
+        })
+    };
+    parts.iter().map(read).collect()
 }
 
 /// What tells one message from all others, but for those that a fault has sent twice.

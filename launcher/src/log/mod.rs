@@ -26,7 +26,7 @@ use contract::{
 };
 
 pub use count::{Count, counted};
-pub use join::join;
+pub use join::{join, part, read_parts};
 pub use read::{Log, read};
 pub use write::LogWriter;
 

@@ -42,12 +42,33 @@ pub struct Log {
 }
 
 impl Log {
+    /// Every message. Each topic keeps its order of writing; between topics they come tick by tick, as the ring turned.
+    pub fn tick_by_tick(&self) -> impl Iterator<Item = Record> {
+        let mut states = self.states.iter().map(|m| Record::from(*m)).peekable();
+        let mut references = self.references.iter().map(|m| Record::from(*m)).peekable();
+        let mut controls = self.controls.iter().map(|m| Record::from(*m)).peekable();
+        let mut actuators = self.actuators.iter().map(|m| Record::from(*m)).peekable();
+        // One that is not whole tells no tick, and nobody waits for it.
+        let tick =
+            |record: Option<&Record>| record.map(|record| if record.is_whole() { record.stamp().tick } else { 0 });
+        std::iter::from_fn(move || {
+            let ticks = [tick(states.peek()), tick(references.peek()), tick(controls.peek()), tick(actuators.peek())];
+            let first = Topic::ALL.into_iter().filter(|topic| ticks[*topic as usize].is_some());
+            match first.min_by_key(|topic| ticks[*topic as usize])? {
+                Topic::State => states.next(),
+                Topic::Reference => references.next(),
+                Topic::Controls => controls.next(),
+                Topic::Actuators => actuators.next(),
+            }
+        })
+    }
+
     /// Whether the log was finished and every checksum holds.
     pub fn complete(&self) -> bool {
         self.defect.is_none()
     }
 
-    fn push(&mut self, record: &Record) {
+    pub(super) fn push(&mut self, record: &Record) {
         match *record {
             Record::State(message) => self.states.push(message),
             Record::Reference(message) => self.references.push(message),

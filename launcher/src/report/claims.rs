@@ -1,13 +1,15 @@
 //! The paper's claims about its simulation results, held against a run.
 //!
-//! They are made for one flight: the whole minute of the `survey` trajectory. Anything else is `not applicable`.
+//! They are made for one flight: the whole minute of the `survey` trajectory. Anything else is `not applicable`, and a page
+//! on which none applies does not speak of them.
 
 use contract::Scenario;
 use contract::scenario::TrajectoryKind;
 use serde_json::Value;
 
 use super::flight::Row;
-use super::html::number;
+use super::html::{escape, number, table};
+use super::sections;
 
 /// The position error stays below this \[m\].
 pub const POSITION_M: f64 = 0.7;
@@ -51,6 +53,34 @@ pub struct Claims {
     pub altitude_vertical: Claim,
     /// Hard constraints of the actuators.
     pub actuators: Claim,
+}
+
+impl Claims {
+    /// The section of the page, and its entry in the list of sections; both empty where none applies.
+    pub fn section(&self) -> (String, &'static str) {
+        let rows = [
+            ("maximum position error", "below 0.7 m", &self.position),
+            ("altitude error, 10 to 50 s", "below 0.1 m", &self.altitude_horizontal),
+            ("altitude error in vertical flight", "not above 0.2 m", &self.altitude_vertical),
+            (
+                "actuator constraints (52), (53)",
+                "0&nbsp;&lt;&nbsp;Ω<sub>i</sub>&nbsp;&lt;&nbsp;2&nbsp;Ω<sub>i,trim</sub>, |μ|&nbsp;&lt;&nbsp;90°",
+                &self.actuators,
+            ),
+        ];
+        if rows.iter().all(|(_, _, claim)| claim.verdict == Verdict::NotApplicable) {
+            return (String::new(), "");
+        }
+        let cells = |(what, paper, claim): (&str, &str, &Claim)| {
+            vec![what.into(), paper.into(), escape(&claim.measured), sections::verdict(claim.verdict.describe())]
+        };
+        let html = format!(
+            "<section id=\"claims\"><h2>The paper’s claims, and this run</h2><p>Section 5 of Prach and Kayacan claims these \
+             for one flight: a minute of the <code>survey</code> trajectory, horizontal from 10 to 50 s.</p>{}</section>",
+            table(&["claim", "paper", "measured", "verdict"], rows.map(cells))
+        );
+        (html, "<a href=\"#claims\">Claims</a>")
+    }
 }
 
 /// Whether the claims are about this scenario's trajectory.

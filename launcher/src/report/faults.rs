@@ -1,4 +1,4 @@
-//! What went wrong in a flight and what was done about it: a section of the page, bands and marks in the figures.
+//! What went wrong in a flight and what was done about it: a section of the page, lanes and marks in the figures.
 //!
 //! All of it comes from the summary; a flight in which nothing happened has neither.
 
@@ -6,6 +6,10 @@ use contract::guard::Refusal;
 use serde_json::{Value, json};
 
 use super::html::{DASH, any, number, table};
+use crate::happenings::{Happenings, Mark, Span};
+
+/// More of them are shown when they are asked for.
+const MOST_EVENTS: usize = 12;
 
 /// What the page says of faults, events and refused messages; empty where nothing happened.
 #[derive(Debug, Default)]
@@ -25,33 +29,48 @@ pub fn section(run: &Value) -> Section {
         return Section::default();
     }
     Section {
-        html: format!("<section id=\"faults\"><h2>Faults</h2>{parts}</section>"),
-        link: "<a href=\"#faults\">Faults</a>",
-        hint: "A band is a fault while it acts, a vertical line an <a href=\"#faults\">event</a>.",
+        html: format!("<section id=\"faults\"><h2>What happened</h2>{parts}</section>"),
+        link: "<a href=\"#faults\">What happened</a>",
+        hint: "A tinted stretch is a fault while it acts, a vertical line an event; the lanes under the time axes name them. \
+               On the paths the stretches flown under a fault are orange, with the fault’s number where it begins, and \
+               events are rings.",
     }
 }
 
-/// When a fault acts, as spans of time \[s\]; one that lasts to the end has no second number.
-pub fn bands(run: &Value) -> Value {
-    let struck = list(&run["faults"]).iter().filter(|fault| fault["injected_at_s"].is_number());
-    struck.map(|fault| json!([fault["injected_at_s"], fault["ended_at_s"].as_f64()])).collect()
+/// What the figures show of it \[s\]: `faults` and `absences` are spans, whose end is null when they last to the end of the
+/// flight; `events` are instants.
+pub fn happened(run: &Value) -> Value {
+    let happened = Happenings::new(&run["faults"], &run["events"]);
+    let span =
+        |span: &Span| json!({ "number": span.number, "what": span.what, "from_s": span.from_s, "to_s": span.to_s });
+    let mark = |mark: &Mark| json!({ "at_s": mark.at_s, "node": mark.node, "what": mark.what, "why": mark.why });
+    json!({
+        "faults": happened.faults.iter().map(span).collect::<Value>(),
+        "absences": happened.absences.iter().map(span).collect::<Value>(),
+        "events": happened.events.iter().map(mark).collect::<Value>(),
+    })
 }
 
-/// When something happened to a process \[s\].
-pub fn marks(run: &Value) -> Value {
-    list(&run["events"]).iter().filter_map(|event| event["at_s"].as_f64()).collect()
-}
-
+/// A fault that no message shows any harm of, such as wind, has nothing to recover from.
 fn faults(run: &Value) -> String {
-    let row = |fault: &Value| {
+    let row = |(number, fault): (usize, &Value)| {
         let (injected, ended) = (&fault["injected_at_s"], &fault["ended_at_s"]);
-        let from = if injected.is_null() { "not struck".into() } else { number(injected, 2) };
-        let to = if ended.is_null() && !injected.is_null() { "the end".into() } else { number(ended, 2) };
-        let after = ["detected_after_s", "recovered_after_s"].map(|key| number(&fault[key], 2));
-        [vec![any(&fault["target"]), any(&fault["kind"]), from, to], after.into()].concat()
+        let from = if injected.is_null() { "not struck".into() } else { number_of(injected) };
+        let to = if ended.is_null() && !injected.is_null() { "the end".into() } else { number_of(ended) };
+        let [detected, recovered] = match (&fault["detected_after_s"], &fault["recovered_after_s"]) {
+            _ if injected.is_null() => [DASH.into(), DASH.into()],
+            (Value::Null, _) => ["no message shows harm".into(), DASH.into()],
+            (detected, Value::Null) => [number_of(detected), "not recovered".into()],
+            (detected, recovered) => [number_of(detected), number_of(recovered)],
+        };
+        vec![number.to_string(), any(&fault["target"]), any(&fault["kind"]), from, to, detected, recovered]
     };
-    let headings = ["target", "kind", "from [s]", "to [s]", "detected after [s]", "recovered after [s]"];
-    part("", &headings, list(&run["faults"]).iter().map(row))
+    let headings = ["fault", "target", "kind", "from [s]", "to [s]", "detected after [s]", "recovered after [s]"];
+    part("", &headings, (1..).zip(list(&run["faults"])).map(row))
+}
+
+fn number_of(seconds: &Value) -> String {
+    number(seconds, 2)
 }
 
 fn events(run: &Value) -> String {
@@ -59,7 +78,12 @@ fn events(run: &Value) -> String {
         let words = ["node", "epoch", "what", "why"].map(|key| any(&event[key]));
         [vec![number(&event["at_s"], 2)], words.into()].concat()
     };
-    part("Events", &["time [s]", "process", "incarnation", "what", "why"], list(&run["events"]).iter().map(row))
+    let table = part("", &["time [s]", "process", "incarnation", "what", "why"], list(&run["events"]).iter().map(row));
+    match list(&run["events"]).len() {
+        0 => String::new(),
+        1..=MOST_EVENTS => format!("<h3>Events</h3>{table}"),
+        count => format!("<h3>Events</h3><details><summary>{count} events</summary>{table}</details>"),
+    }
 }
 
 /// Only processes that refused something.

@@ -1,8 +1,11 @@
 //! What was flown: the recorded messages of a run, joined by the plant sample they descend from.
 
+use contract::Scenario;
 use contract::message::{Actuators, Controls, Message, Reference, State};
+use guidance::Trajectory;
 
 use crate::log::{Record, counted};
+use crate::summary;
 
 /// The recorded messages, one slice per topic. Any of them may have holes, be torn off, or be empty.
 #[derive(Debug, Clone, Copy)]
@@ -20,6 +23,8 @@ pub struct Flight<'a> {
 /// What is known of one tick.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Row<'a> {
+    /// Where the mission wants the vehicle, NED \[m\].
+    pub wanted_m: [f64; 3],
     /// The sample itself.
     pub state: Option<&'a State>,
     /// What guidance made of it.
@@ -33,17 +38,21 @@ pub struct Row<'a> {
 impl<'a> Flight<'a> {
     /// One row for every tick from 0 to the last recorded one, holes included.
     ///
-    /// Ticks beyond `last_tick` are ignored: a corrupt stamp must not decide how much memory this takes. A row has what
+    /// Ticks beyond the last of the scenario are ignored: a corrupt stamp must not decide how much memory this takes. A row has what
     /// was said in office, as it was meant: what a fault made of it on its way is not drawn. Of several messages with one
     /// tick the last counts.
-    pub fn rows(&self, last_tick: u64) -> Vec<Row<'a>> {
+    pub fn rows(&self, scenario: &Scenario) -> Vec<Row<'a>> {
+        let last_tick = scenario.ticks();
         let ends = [
             end(self.states, last_tick),
             end(self.references, last_tick),
             end(self.controls, last_tick),
             end(self.actuators, last_tick),
         ];
-        let mut rows = vec![Row::default(); ends.into_iter().max().unwrap_or(0)];
+        let trajectory = Trajectory::new(&scenario.mission);
+        let wanted_m = |tick: usize| trajectory.at(tick as f64 * scenario.sample_s()).position_m;
+        let empty = |tick| Row { wanted_m: wanted_m(tick), ..Row::default() };
+        let mut rows: Vec<Row> = (0..ends.into_iter().max().unwrap_or(0)).map(empty).collect();
         place(&mut rows, self.states, |row, message| row.state = Some(message));
         place(&mut rows, self.references, |row, message| row.reference = Some(message));
         place(&mut rows, self.controls, |row, message| row.controls = Some(message));
@@ -53,10 +62,9 @@ impl<'a> Flight<'a> {
 }
 
 impl Row<'_> {
-    /// Position error, reference minus actual as in the position controller, NED \[m\].
+    /// Position error against the mission, as in run.json: no message of guidance, which may be old or missing, is in it.
     pub fn position_error_m(&self) -> Option<[f64; 3]> {
-        let (reference, actual) = (self.reference?.position_m, self.state?.actual.position_m);
-        Some(std::array::from_fn(|axis| reference[axis] - actual[axis]))
+        Some(summary::position_error_m(self.wanted_m, self.state?))
     }
 }
 

@@ -5,6 +5,8 @@ use std::fmt::Write;
 use contract::Topic;
 use serde_json::Value;
 
+use crate::timing::Part;
+
 /// Height of one process, of its bar, and of the words below \[px\].
 const ROW_PX: f64 = 17.0;
 const BAR_PX: f64 = 11.0;
@@ -74,9 +76,13 @@ fn lane(tick: &Value, topic: Topic, period_us: f64) -> Option<Lane> {
     let node = topic.publisher();
     let cycle = &tick["nodes"][node];
     let [release, start, publish] = ["release_us", "start_us", "publish_us"].map(|key| cycle[key].as_f64());
-    let silent = ["slips", "withheld"].iter().filter_map(|key| cycle[*key].as_f64()).sum::<f64>();
     let release = release?;
-    Some(Lane { node, silent_from: release - silent * period_us, release, start: start?, publish: publish? })
+    let waited_for_input = tick["node"] == node && tick["part"] == Part::Input.name();
+    let waited_us = match cycle["silent"].as_f64() {
+        _ if waited_for_input => tick["part_us"].as_f64().unwrap_or(0.0),
+        silent => silent.unwrap_or(0.0) * period_us,
+    };
+    Some(Lane { node, silent_from: release - waited_us, release, start: start?, publish: publish? })
 }
 
 /// Round numbers \[us\] along the axis: steps of 1, 2 or 5, three to seven of them.
@@ -106,7 +112,7 @@ mod tests {
 
     #[test]
     fn a_process_waits_from_the_slots_it_skipped_to_its_start_and_then_runs() {
-        let plant = json!({ "release_us": 0.0, "start_us": 5_000.0, "publish_us": 10_000.0, "slips": 1 });
+        let plant = json!({ "release_us": 0.0, "start_us": 5_000.0, "publish_us": 10_000.0, "silent": 1 });
         let svg = draw(&json!({ "node": "plant", "part": "jitter", "nodes": { "plant": plant } }), 10_000.0);
         assert!(svg.contains("<rect class=\"waits fault\" x=\"0.00%\" width=\"75.00%\""), "{svg}");
         assert!(svg.contains("<rect class=\"runs\" x=\"75.00%\" width=\"25.00%\""), "{svg}");

@@ -61,17 +61,19 @@ pub fn leaves<'a>(prefix: &str, value: &'a Value, out: &mut Vec<(String, &'a Val
     }
 }
 
-/// A table that may scroll sideways by itself. Headings are text; cells are HTML already.
+/// A table; where the page is narrow, its rows become blocks of headings and values. Headings are text; cells are HTML
+/// already.
 pub fn table(headings: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> String {
-    let mut html = String::from("<div class=\"scroll\"><table><thead><tr>");
+    let mut html = String::from("<div class=\"table\"><table><thead><tr>");
     for heading in headings {
         let _ = write!(html, "<th scope=\"col\">{}</th>", escape(heading));
     }
     html.push_str("</tr></thead><tbody>");
     for row in rows {
         html.push_str("<tr>");
-        for cell in row {
-            let _ = write!(html, "<td>{cell}</td>");
+        for (i, cell) in row.iter().enumerate() {
+            let heading = escape(headings.get(i).unwrap_or(&""));
+            let _ = write!(html, "<td data-label=\"{heading}\">{cell}</td>");
         }
         html.push_str("</tr>");
     }

@@ -5,6 +5,7 @@
 //! | `folder` | from a run's folder to its page |
 //! | `flight` | the recorded messages, joined by tick |
 //! | `columns` | the figures' data and the lines they are read against |
+//! | `differences` | which settings are not the defaults |
 //! | `claims` | the paper's claims and their verdicts |
 //! | `faults` | what went wrong: faults, events, refused messages |
 //! | `sections` | head, tables, settings, provenance |
@@ -16,6 +17,7 @@
 
 mod claims;
 mod columns;
+mod differences;
 mod faults;
 mod flight;
 mod folder;
@@ -30,13 +32,13 @@ mod tests;
 use contract::Scenario;
 use serde_json::Value;
 
-use claims::Claim;
 pub use flight::{Flight, Row};
-pub use folder::rewrite;
+pub use folder::{Recorded, rewrite};
 
 const TEMPLATE: &str = include_str!("../../assets/report/template.html");
 const STYLE: &str = include_str!("../../assets/report/report.css");
 const PATH_SCRIPT: &str = include_str!("../../assets/report/path.js");
+const LANE_SCRIPT: &str = include_str!("../../assets/report/lanes.js");
 const PLOT_SCRIPT: &str = include_str!("../../assets/report/plots.js");
 const UPLOT: &str = include_str!("../../assets/report/uPlot.iife.min.js");
 const UPLOT_STYLE: &str = include_str!("../../assets/report/uPlot.min.css");
@@ -45,13 +47,12 @@ const UPLOT_STYLE: &str = include_str!("../../assets/report/uPlot.min.css");
 ///
 /// Holes in the log are holes in the figures; anything the summary lacks is a dash.
 pub fn render(log: &Flight, run: &Value, scenario: &Scenario) -> String {
-    let rows = log.rows(scenario.ticks());
-    let claims = claims::judge(run, &rows, scenario);
+    let rows = log.rows(scenario);
+    let (claims, claims_link) = claims::judge(run, &rows, scenario).section();
     let (result_class, result) = sections::result(run);
     let faults = faults::section(run);
     let mut data = columns::document(&rows, scenario);
-    data["bands"] = faults::bands(run);
-    data["marks"] = faults::marks(run);
+    data["happened"] = faults::happened(run);
     // Inside a script element only `<` could end it.
     let data = data.to_string().replace('<', "\\u003c");
     let slots = [
@@ -60,13 +61,14 @@ pub fn render(log: &Flight, run: &Value, scenario: &Scenario) -> String {
         ("ended", sections::ended(run, &result)),
         ("result", result),
         ("facts", sections::facts(run, scenario)),
-        ("key_figures", sections::key_figures(run)),
-        ("claim_position", cells(&claims.position)),
-        ("claim_altitude_horizontal", cells(&claims.altitude_horizontal)),
-        ("claim_altitude_vertical", cells(&claims.altitude_vertical)),
-        ("claim_actuators", cells(&claims.actuators)),
+        ("key_figures", sections::key_figures(run, scenario)),
+        ("log_defect", sections::log_defect(run)),
+        ("differences", differences::section(run, scenario)),
+        ("claims", claims),
+        ("claims_link", claims_link.into()),
         ("bounds", sections::bounds(run)),
         ("metrics", sections::metrics(run)),
+        ("repeat", sections::repeat(scenario).into()),
         ("sampling", sampling(rows.len())),
         ("timing", punctuality::tables(run)),
         ("timing_pictures", punctuality::pictures(log, run, scenario)),
@@ -77,7 +79,7 @@ pub fn render(log: &Flight, run: &Value, scenario: &Scenario) -> String {
         ("provenance", sections::provenance(run)),
         ("data", data),
         ("style", [UPLOT_STYLE, STYLE].concat()),
-        ("scripts", [UPLOT, PATH_SCRIPT, PLOT_SCRIPT].join("\n")),
+        ("scripts", [UPLOT, PATH_SCRIPT, LANE_SCRIPT, PLOT_SCRIPT].join("\n")),
     ];
     fill(TEMPLATE, &slots)
 }
@@ -99,12 +101,6 @@ fn fill(template: &str, slots: &[(&str, String)]) -> String {
         }
     }
     page
-}
-
-/// The last two cells of a claim's row.
-fn cells(claim: &Claim) -> String {
-    let mark = sections::verdict(claim.verdict.describe());
-    format!("<td>{}</td><td>{mark}</td>", html::escape(&claim.measured))
 }
 
 /// How the figures relate to the samples.

@@ -83,19 +83,24 @@ pub fn pictures(flight: &Flight, run: &Value, scenario: &Scenario) -> String {
          bar is the logarithm of its count, the lowest is one. The dashed line is the deadline. In full, as \
          HdrHistogram logs, they stand in the run’s folder.</p>{}\
          <h3>The ten worst ticks</h3><p class=\"hint\">Each process from its release to its publication, in ms from the \
-         sample: hollow while it waits to run, solid while it runs, orange where the delay arose. A stall is charged \
-         to the tick that ended it.</p><div class=\"ticks\">{ticks}</div>",
+         sample: hollow while it waits to run, solid while it runs, orange where the delay arose. \
+         A tick is as late as the largest response of its nodes, and a period more for every slot of the stall before it. \
+         A stall is charged to the tick that ended it; slots that several nodes slept through are one stall.</p><div class=\"ticks\">{ticks}</div>",
         histograms::grid(flight, scenario)
     )
 }
 
 fn worst_tick(tick: &Value, period_us: f64) -> String {
+    // A tick that the plant slept through has no sample.
+    let error = match &tick["position_error_m"] {
+        Value::Null => String::new(),
+        error => format!(", position error {}&nbsp;m", number(error, 3)),
+    };
     let late_ms = tick["late_us"].as_f64().map_or(DASH.into(), |us| format!("{:.2}", us / 1e3));
     format!(
-        "<div class=\"tick\"><p><b>{late_ms} ms</b> tick {}, {} s, position error {}&nbsp;m</p><p class=\"hint\">{}</p>{}</div>",
+        "<div class=\"tick\"><p><b>{late_ms} ms</b> tick {}, {} s{error}</p><p class=\"hint\">{}</p>{}</div>",
         number(&tick["tick"], 0),
         number(&tick["time_s"], 2),
-        number(&tick["position_error_m"], 3),
         any(&tick["in_words"]),
         gantt::draw(tick, period_us)
     )

@@ -1,8 +1,8 @@
 //! The parts of the page that are text and tables. Every value may be missing from the summary; then a dash stands there.
 
 use contract::Scenario;
-use contract::scenario::to_toml;
-use serde_json::Value;
+use contract::scenario::{Mode, to_toml};
+use serde_json::{Value, json};
 
 use super::claims;
 use super::html::{DASH, any, escape, leaves, list, number, table};
@@ -63,15 +63,20 @@ pub fn facts(run: &Value, scenario: &Scenario) -> String {
 }
 
 /// The five figures people ask for first, and how old samples were when they acted.
-pub fn key_figures(run: &Value) -> String {
+pub fn key_figures(run: &Value, scenario: &Scenario) -> String {
     let tile = |name: &str, value: String, unit: &str| (name.to_owned(), format!("{value} <small>{unit}</small>"));
-    let errors = METRICS[..KEY_FIGURES]
-        .iter()
-        .map(|(key, name, unit, decimals)| tile(name, number(claims::metric(run, key), *decimals), unit));
+    // The time from 10 to 50 s means something in the survey alone.
+    let altitude = |key: &str| key.starts_with("max_altitude_error");
+    let survey = claims::concerns(scenario);
+    let shown = METRICS[..KEY_FIGURES].iter().filter(|(key, ..)| survey || !altitude(key));
+    let errors = shown.map(|(key, name, unit, decimals)| tile(name, number(claims::metric(run, key), *decimals), unit));
+    let keys = ["max_altitude_error_horizontal_m", "max_altitude_error_vertical_m"];
+    let highest = keys.iter().filter_map(|key| run["metrics"][*key].as_f64()).reduce(f64::max);
+    let whole = (!survey).then(|| tile("altitude error, maximum", number(&json!(highest), 3), "m"));
     // Only against the clock is an age an age.
     let age = if run["mode"] == "realtime" { &run["timing"]["age_at_actuator"]["p99_us"] } else { &Value::Null };
     let age_ms = age.as_f64().map_or(DASH.into(), |us| format!("{:.2}", us / 1e3));
-    list(errors.chain([tile("age at the actuator, p99", age_ms, "ms")]))
+    list(errors.chain(whole).chain([tile("age at the actuator, p99", age_ms, "ms")]))
 }
 
 /// Everything else that was measured.
@@ -96,28 +101,60 @@ pub fn metrics(run: &Value) -> String {
         ("times real time", number(&speed["times_realtime"], 1)),
         ("log records", number(&run["log"]["records"], 0)),
         ("log records dropped", number(&run["log"]["dropped"], 0)),
-        ("state hash", any(&run["state_hash"])),
     ];
-    list(measured.chain(more.map(|(name, value)| (name.to_owned(), value))))
+    // Against the clock no flight repeats another, and its hash says nothing.
+    let hash = (run["mode"] != "realtime").then(|| ("state hash", any(&run["state_hash"])));
+    list(measured.chain(more.into_iter().chain(hash).map(|(name, value)| (name.to_owned(), value))))
 }
 
-/// The scenario's own bounds.
+/// What of the log is missing, as the summary tells it.
+pub fn log_defect(run: &Value) -> String {
+    let error = run["log"]["error"].as_str().unwrap_or_default();
+    if error.is_empty() {
+        String::new()
+    } else {
+        format!("<p class=\"warn\">The log is not whole: {}.</p>", escape(error))
+    }
+}
+
+/// How a repeat of the flight compares.
+pub fn repeat(scenario: &Scenario) -> &'static str {
+    match scenario.run.mode {
+        Mode::Realtime => {
+            "Against the clock no two flights are alike; in lockstep and in process they are, bit for bit."
+        }
+        Mode::Lockstep | Mode::Inprocess => "Every repeat gives the same flight, bit for bit: compare the state hash.",
+    }
+}
+
+/// The scenario's own bounds. A flight that ended early can have exceeded one, but not kept it.
 pub fn bounds(run: &Value) -> String {
     let Some(bounds) = run["bounds"].as_array().filter(|all| !all.is_empty()) else {
         return "<p>The scenario sets no bounds.</p>".into();
     };
+    let whole = !ended_early(run);
     let verdict = |ok: &Value| match ok.as_bool() {
-        Some(true) => verdict("kept"),
         Some(false) => verdict("exceeded"),
+        Some(true) if whole => verdict("kept"),
+        Some(true) => verdict("not judged"),
         None => DASH.into(),
     };
     let row = |b: &Value| {
         let metric = any(&b["metric"]);
-        let flown = !claims::never_flown(run, &metric);
+        let flown = !claims::never_flown(run, &metric) && (whole || metric != "final_position_error_m");
         let [measured, ok] = if flown { [&b["measured"], &b["ok"]] } else { [&Value::Null; 2] };
         vec![format!("<code>{metric}</code>"), number(&b["limit"], 3), number(measured, 3), verdict(ok)]
     };
-    table(&["metric", "bound", "measured", "verdict"], bounds.iter().map(row))
+    let told = !whole && bounds.iter().any(|bound| bound["ok"] != Value::Bool(false));
+    let hint = "<p class=\"hint\">The flight ended early: what it had not exceeded until then is not judged.</p>";
+    table(&["metric", "bound", "measured", "verdict"], bounds.iter().map(row)) + if told { hint } else { "" }
+}
+
+/// Whether the flight was shorter than its scenario.
+fn ended_early(run: &Value) -> bool {
+    let [flown_s, duration_s] = ["flown_s", "duration_s"].map(|key| run[key].as_f64().unwrap_or(0.0));
+    let cut_short = matches!(run["exit_code"].as_i64(), Some(3 | 4 | 130)) && flown_s < duration_s - 0.001;
+    cut_short || run["diverged"] == Value::Bool(true)
 }
 
 /// Versions and host.

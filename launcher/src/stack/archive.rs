@@ -50,7 +50,7 @@ impl Archive {
 
     /// The file that the recorder `epoch` is to write.
     pub fn part(&self, epoch: u32) -> PathBuf {
-        if epoch == 1 { self.path.clone() } else { self.path.with_extension(format!("{epoch}.mcap")) }
+        log::part(&self.path, epoch)
     }
 
     /// Takes one message in that was sent.

@@ -10,11 +10,17 @@
 //! withheld           a late response that was not sent, as the deadline's policy says
 //! miss               a late response, sent or not, or a slip;  run: misses one after the other
 //! age at actuator    the command takes effect - the sample behind it
+//! stall              slots in a row without a message of a node, because its process slept, waited or was gone
+//! late (of a tick)   the largest over its nodes of: response + period x slots of the stall just before it
+//! worst tick         the one that is latest: as late as the largest `response_per_slot` of all nodes
 //! ```
 //!
 //! A stall makes one bad cycle and no others, because none ran: percentiles over the cycles hide how long it was. So
 //! every stall is also recorded for each slot it covered, and both counts are told: `response` over the cycles and
-//! `response_per_slot` over the periods, the age over the commands applied and over the slots in which one was held.
+//! `response_per_slot` over the periods, the age over the commands applied and over the slots in which one was held. When
+//! the host takes the processors, several nodes sleep through the same slots: that is one stall, as long as the longest of
+//! them, and its slots are never added up over the nodes. The terminal, run.json, the report and the window of the trace
+//! all mean this worst tick.
 //!
 //! | file | holds |
 //! |---|---|
@@ -45,8 +51,10 @@ use contract::{Scenario, Topic};
 use hdrhistogram::Histogram;
 use serde_json::{Map, Value, json};
 
+use crate::happenings::Happenings;
 use crate::log::Record;
 pub use age::{Age, Holding};
+pub use cause::Part;
 use clocks::Clocks;
 pub(crate) use figures::{Percentiles, histogram, percentiles};
 pub use node::NodeTiming;
@@ -87,7 +95,7 @@ impl Timing {
         if let Record::State(state) = record {
             self.age.observe(state);
         }
-        if let Some(ticks) = &mut self.ticks {
+        if let (Some(ticks), Some(cycle)) = (&mut self.ticks, cycle) {
             ticks.observe(record, cycle, position_error_m);
         }
     }
@@ -102,8 +110,8 @@ impl Timing {
         self.nodes.iter().fold(0, |sum, node| sum.saturating_add(node.misses))
     }
 
-    /// The `timing` table of run.json.
-    pub fn to_json(&self) -> Value {
+    /// The `timing` table of run.json of a flight in which this `happened`.
+    pub fn to_json(&self, happened: &Happenings) -> Value {
         let nodes: Map<_, _> =
             NODES.iter().zip(&self.nodes).map(|(name, node)| ((*name).into(), node.to_json())).collect();
         let contradictions: Map<_, _> =
@@ -114,14 +122,14 @@ impl Timing {
             "clock_contradictions": contradictions,
             "age_at_actuator": self.age(),
             "age_at_actuator_per_slot": percentiles(&self.age.per_slot),
-            "worst_ticks": self.worst_ticks().iter().map(|(tick, culprit)| tick.to_json(culprit)).collect::<Vec<_>>(),
+            "worst_ticks": self.worst_ticks(happened).iter().map(|(tick, culprit)| tick.to_json(culprit)).collect::<Vec<_>>(),
             "histograms": format!("{HISTOGRAMS}/*.hlog: HdrHistogram interval logs, nanoseconds, one file per figure"),
         })
     }
 
     /// Table, age and worst tick for people.
-    pub fn describe(&self) -> String {
-        table::describe(self)
+    pub fn describe(&self, happened: &Happenings) -> String {
+        table::describe(self, happened)
     }
 
     /// Writes every histogram in full to `folder`/histograms.
@@ -138,9 +146,9 @@ impl Timing {
     }
 
     /// The ten worst ticks, the worst first, each with what made it late.
-    fn worst_ticks(&self) -> Vec<(ticks::Tick, cause::Culprit)> {
+    fn worst_ticks(&self, happened: &Happenings) -> Vec<(ticks::Tick, cause::Culprit)> {
         let usual = self.nodes.each_ref().map(NodeTiming::usual);
         let worst = self.ticks.as_ref().map(Ticks::worst).unwrap_or_default();
-        worst.into_iter().filter_map(|tick| Some((tick, cause::culprit(&tick, &usual)?))).collect()
+        worst.into_iter().filter_map(|tick| Some((tick, cause::culprit(&tick, &usual, happened)?))).collect()
     }
 }

@@ -27,6 +27,9 @@ pub struct Cycle {
     pub slips: u64,
     /// Cycles just before this one whose messages came too late and were not sent, by the deadline's policy.
     pub withheld: u64,
+    /// Periods just before this one without a message of the node: those two, or all since the last message of the process
+    /// before this one, where it replaces another. At most [`LONGEST_STALL_SLOTS`].
+    pub silent: u64,
     /// CPU time of its thread; it travels with the node's next message, so that is when it is known.
     pub cpu_ns: Option<u64>,
     /// CPU time of the cycle before this one, if that is known.
@@ -44,9 +47,11 @@ impl Cycle {
         self.publish_ns.saturating_sub(self.start_ns)
     }
 
-    /// Periods without a message just before this one.
-    pub fn silent(&self) -> u64 {
-        self.slips.saturating_add(self.withheld)
+    /// How long the slot waited that waited longest for this message: the response to the sample, and a period for every
+    /// silent slot before it \[ns\].
+    pub fn wait_ns(&self, sample_ns: u64, period_ns: u64) -> u64 {
+        let silent_ns = self.silent.saturating_mul(period_ns);
+        self.publish_ns.saturating_sub(sample_ns).saturating_add(silent_ns)
     }
 }
 
@@ -72,6 +77,8 @@ pub struct NodeTiming {
     /// The most of them one after the other.
     pub longest_run: u64,
     run: u64,
+    /// Epoch and tick of the newest message.
+    newest: Option<(u64, u64)>,
 }
 
 impl NodeTiming {
@@ -93,19 +100,24 @@ impl NodeTiming {
             misses: 0,
             longest_run: 0,
             run: 0,
+            newest: None,
         }
     }
 
     /// Takes the stamp of one message in, with the one `before` it of the same process, which may have worked in the
     /// shadow then; messages come in the order of sending. One whose times cannot be true is in the counts of its sender
-    /// and in no figure.
-    pub fn observe(&mut self, stamp: &Stamp, before: &Stamp) -> Cycle {
+    /// and in no figure: then there is no cycle to return.
+    pub fn observe(&mut self, stamp: &Stamp, before: &Stamp) -> Option<Cycle> {
         let own = self.topic as usize;
         let publish_ns = stamp.publish_ns[own];
         let late = publish_ns.saturating_sub(stamp.sample_ns) > self.deadline.deadline_ns;
         let slips = stamp.slips.saturating_sub(before.slips);
         let misses = stamp.misses.saturating_sub(before.misses);
         let withheld = misses.saturating_sub(slips).saturating_sub(u64::from(late));
+        let vacant = match self.newest.replace((stamp.epoch, stamp.tick)) {
+            Some((epoch, tick)) if epoch != stamp.epoch => stamp.tick.saturating_sub(tick).saturating_sub(1),
+            _ => 0,
+        };
         let follows = before.sequence > 0 && stamp.sequence.checked_sub(before.sequence) == Some(1) && withheld == 0;
         let cycle = Cycle {
             release_ns: stamp.release_ns,
@@ -114,15 +126,16 @@ impl NodeTiming {
             free_ns: if follows { before.publish_ns[own] } else { 0 },
             slips,
             withheld,
+            silent: slips.saturating_add(withheld).max(vacant).min(LONGEST_STALL_SLOTS),
             cpu_ns: None,
             // That of the first cycle is that of the whole start-up, and one in the shadow is no cycle of the flight.
             cpu_before_ns: (follows && before.sequence > 1 && !before.in_shadow()).then_some(stamp.cpu_ns),
         };
         self.count(&cycle, misses, late);
-        if clocks::possible(self.topic, stamp) {
+        clocks::possible(self.topic, stamp).then(|| {
             self.record(&cycle, stamp.sample_ns);
-        }
-        cycle
+            cycle
+        })
     }
 
     /// What the wake-up of this node is called: the clock releases the plant, a message everybody else.
@@ -189,7 +202,7 @@ impl NodeTiming {
             self.cpu.saturating_record(cpu_ns);
         }
         // The slot before waited one period longer, the one before that two, ...
-        for slots in 0..=cycle.silent().min(LONGEST_STALL_SLOTS) {
+        for slots in 0..=cycle.silent {
             self.response_per_slot.saturating_record(response_ns.saturating_add(slots * self.period_ns));
         }
     }

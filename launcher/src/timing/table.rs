@@ -6,9 +6,10 @@ use contract::topic::NODES;
 
 use super::Timing;
 use super::figures::{Percentiles, percentiles};
+use crate::happenings::Happenings;
 
 /// The table and the two lines below it, indented as the rest of the summary.
-pub fn describe(timing: &Timing) -> String {
+pub fn describe(timing: &Timing, happened: &Happenings) -> String {
     let mut text = String::new();
     let mut line = |words: &str| {
         let _ = writeln!(text, "  {}", words.trim_end()); // a String takes everything
@@ -27,7 +28,7 @@ pub fn describe(timing: &Timing) -> String {
     let [commands, slots] = [&timing.age.per_command, &timing.age.per_slot].map(percentiles);
     line(&format!("{:<22}{}", "age at the actuator", age(&commands, "commands applied")));
     line(&format!("{:<22}{}", "", age(&slots, "slots held")));
-    if let Some((tick, culprit)) = timing.worst_ticks().first() {
+    if let Some((tick, culprit)) = timing.worst_ticks(happened).first() {
         let error = tick.position_error_m.map_or(String::new(), |m| format!("; position error {m:.3} m"));
         let late_ms = tick.late_ns() as f64 / 1e6;
         line(&format!("{:<22}{late_ms:.2} ms, tick {} at {:.2} s{error}", "worst tick", tick.number, tick.time_s()));

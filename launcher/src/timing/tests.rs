@@ -28,6 +28,7 @@ struct Ring {
     /// CPU time of the cycles before \[us\].
     cpu_us: u64,
     solve_us: u64,
+    happened: Happenings,
 }
 
 impl Ring {
@@ -37,8 +38,17 @@ impl Ring {
         let d = &mut scenario.deadline;
         (d.plant_ms, d.guidance_ms, d.attitude_mpc_ms) = (Some(10.0), Some(10.0), Some(10.0));
         let timing = Timing::new(&scenario);
-        let count = Count::default();
-        Self { timing, count, now_us: 0, last: [Stamp::default(); 4], applied: (0, 0), cpu_us: 90, solve_us: 80 }
+        let (count, happened) = (Count::default(), Happenings::default());
+        Self {
+            timing,
+            count,
+            now_us: 0,
+            last: [Stamp::default(); 4],
+            applied: (0, 0),
+            cpu_us: 90,
+            solve_us: 80,
+            happened,
+        }
     }
 
     /// A tick with nothing unusual, but for what `delay` adds to each node's (wake-up, execution) \[us\].
@@ -89,11 +99,11 @@ impl Ring {
     }
 
     fn node(&self, name: &str) -> Value {
-        self.timing.to_json()["nodes"][name].clone()
+        self.timing.to_json(&self.happened)["nodes"][name].clone()
     }
 
     fn worst(&self) -> Value {
-        self.timing.to_json()["worst_ticks"][0].clone()
+        self.timing.to_json(&self.happened)["worst_ticks"][0].clone()
     }
 }
 
@@ -147,7 +157,7 @@ fn a_clock_that_is_off_is_flagged_and_not_measured() {
     stamp.publish_ns[Topic::Actuators as usize] = stamp.sample_ns + 2_400 * US;
     ring.send(Topic::Actuators, stamp);
     ring.cycle(Topic::State, 3, 20, 100, 0);
-    let json = ring.timing.to_json();
+    let json = ring.timing.to_json(&ring.happened);
     assert_eq!(json["clock_contradictions"]["attitude-mpc"], 1);
     assert_eq!(json["clock_contradictions"]["mixer"], 1);
     assert_eq!(json["nodes"]["attitude-mpc"]["response"]["n"], 2, "the third is no figure");
@@ -236,7 +246,7 @@ fn an_age_held_grows_by_a_period_per_slot() {
     ring.applied = (9, 35_000 * US);
     ring.now_us = 6 * PERIOD_US;
     ring.cycle(Topic::State, 6, 20, 100, 0);
-    let timing = ring.timing.to_json();
+    let timing = ring.timing.to_json(&ring.happened);
     let [commands, slots] = [&timing["age_at_actuator"], &timing["age_at_actuator_per_slot"]];
     assert_eq!((&commands["n"], &slots["n"]), (&4.into(), &6.into()));
     near(commands, "p50_us", 480.0);

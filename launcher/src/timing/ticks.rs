@@ -1,8 +1,4 @@
-//! The worst ticks of a flight: how late each answer was, node by node.
-//!
-//! ```text
-//! late = response of the last node that answered + period x slots without a message on the way
-//! ```
+//! The worst ticks of a flight: how late each was, as [`super`] defines it.
 //!
 //! A stall is charged to the tick that ended it; the ticks it swallowed are no entries of their own.
 
@@ -39,12 +35,20 @@ pub struct Tick {
 }
 
 impl Tick {
-    /// See the module's equation \[ns\].
+    /// See the definition \[ns\].
     pub fn late_ns(&self) -> u64 {
+        let waits = self.cycles.iter().flatten().map(|cycle| cycle.wait_ns(self.sample_ns, self.period_ns));
+        waits.max().unwrap_or(0)
+    }
+
+    /// From the last slot before the longest stall to the last answer, in simulated time \[s\].
+    pub fn stretch_s(&self) -> [f64; 2] {
         let cycles = || self.cycles.iter().flatten();
-        let answered_ns = cycles().map(|cycle| cycle.publish_ns).max().unwrap_or(0);
-        let silent = cycles().map(Cycle::silent).fold(0, u64::saturating_add);
-        answered_ns.saturating_sub(self.sample_ns).saturating_add(silent.saturating_mul(self.period_ns))
+        let silent = cycles().map(|cycle| cycle.silent).max().unwrap_or(0);
+        let answered_ns = cycles().map(|cycle| cycle.publish_ns.saturating_sub(self.sample_ns)).max().unwrap_or(0);
+        let period_s = self.period_ns as f64 / 1e9;
+        let before = if silent == 0 { 0 } else { silent + 1 };
+        [self.number.saturating_sub(before) as f64 * period_s, self.time_s() + answered_ns as f64 / 1e9]
     }
 
     /// Simulated time of the sample \[s\].
@@ -63,6 +67,7 @@ impl Tick {
                 "cpu_us": cycle.cpu_ns.map(|ns| ns as f64 / 1e3),
                 "slips": cycle.slips,
                 "withheld": cycle.withheld,
+                "silent": cycle.silent,
             })
         };
         let named = NODES.iter().zip(&self.cycles);
@@ -77,6 +82,7 @@ impl Tick {
             "part_us": culprit.part_ns as f64 / 1e3,
             "cause": culprit.cause.name(),
             "in_words": culprit.describe(),
+            "known": culprit.known,
             "position_error_m": self.position_error_m,
             "nodes": nodes,
         })

@@ -8,6 +8,8 @@
 //! | counter | `C` | position error; age at the actuator |
 //! | name | `M` | what a lane is |
 //!
+//! Below those lanes stand the faults, as slices, and the events of the flight, as marks ([`super::happened`]).
+//!
 //! Viewers count in microseconds, with a fraction. An arrow is tied to the slice that is open where its event lies, of
 //! two at one instant the one that stands first: so slices come before arrows, and arrows before marks.
 
@@ -36,13 +38,15 @@ pub struct Trace {
     events: Vec<(u64, Value)>,
     /// Those that stand behind others of the same instant.
     marks: Vec<(u64, Value)>,
+    /// Names of the lanes that only some flights have.
+    pub(super) names: Vec<Value>,
 }
 
 impl Trace {
     /// An empty trace of the ticks in `window`; time zero is `origin_ns`.
     pub fn new(origin_ns: u64, window: &Window) -> Self {
         let ticks = window.ticks(usize::MAX);
-        Self { origin_ns, ticks: ticks.start as u64..ticks.end as u64, events: vec![], marks: vec![] }
+        Self { origin_ns, ticks: ticks.start as u64..ticks.end as u64, events: vec![], marks: vec![], names: vec![] }
     }
 
     /// A slice for every message of who was in office, in the lane of its node, and marks for what its counters say.
@@ -87,9 +91,14 @@ impl Trace {
             ];
             let heard = stamps.map(|stamp| stamp.filter(|stamp| stamp.is_heard()));
             let nodes = heard.into_iter().enumerate().filter_map(|(lane, stamp)| Some((lane, stamp?.start_ns)));
-            let mut stations: Vec<(usize, u64)> = nodes.collect();
             let command = row.actuators.and_then(|command| acted.get(&key(command)));
-            stations.extend(command.map(|acted| (ACTUATORS, acted.from_ns)));
+            let mut stations: Vec<(usize, u64)> = vec![];
+            for station in nodes.chain(command.map(|acted| (ACTUATORS, acted.from_ns))) {
+                // Who ran out of patience and began before the one before it has not heard it.
+                if stations.last().is_none_or(|before| before.1 <= station.1) {
+                    stations.push(station);
+                }
+            }
             let tick = stamps.into_iter().flatten().map(|stamp| stamp.tick).next().unwrap_or_default();
             self.flow(tick, &stations);
         }
@@ -115,17 +124,13 @@ impl Trace {
     pub fn document(mut self, about: &Value) -> Value {
         self.events.append(&mut self.marks);
         self.events.sort_by_key(|(ns, _)| *ns); // stable: what was pushed first stays first
-        let names = NODES.into_iter().chain(["actuators"]).enumerate().flat_map(|(lane, name)| {
-            let named = |what: &str, args: Value| {
-                json!({ "ph": "M", "name": what, "pid": lane + 1, "tid": lane + 1, "args": args })
-            };
-            [
-                named("process_name", json!({ "name": name })),
-                named("process_sort_index", json!({ "sort_index": lane })),
-                named("thread_name", json!({ "name": name })),
-            ]
-        });
-        let events: Vec<Value> = names.chain(self.events.into_iter().map(|(_, event)| event)).collect();
+        let names = NODES
+            .into_iter()
+            .chain(["actuators"])
+            .enumerate()
+            .flat_map(|(lane, name)| lane_names(lane, lane, name, name));
+        let events: Vec<Value> =
+            names.chain(self.names).chain(self.events.into_iter().map(|(_, event)| event)).collect();
         json!({ "traceEvents": events, "displayTimeUnit": "ns", "otherData": about })
     }
 
@@ -179,6 +184,11 @@ impl Trace {
         }
     }
 
+    /// Adds an event that stands behind others of the same instant.
+    pub(super) fn add(&mut self, event: (u64, Value)) {
+        self.marks.push(event);
+    }
+
     fn mark(&mut self, lane: usize, name: &str, at_ns: u64, count: u64) {
         if count > 0 {
             let more = json!({ "cat": "deadline", "s": "t", "args": { "count": count } });
@@ -191,7 +201,7 @@ impl Trace {
     }
 
     /// An event of a lane with what is particular to it.
-    fn event(&self, phase: &str, lane: usize, name: &str, at_ns: u64, more: Value) -> (u64, Value) {
+    pub(super) fn event(&self, phase: &str, lane: usize, name: &str, at_ns: u64, more: Value) -> (u64, Value) {
         let ts = micros(at_ns.saturating_sub(self.origin_ns));
         let mut event = json!({ "ph": phase, "pid": lane + 1, "tid": lane + 1, "name": name, "ts": ts });
         if let (Some(event), Value::Object(more)) = (event.as_object_mut(), more) {
@@ -224,6 +234,16 @@ fn solve_status(wire: u64) -> String {
     known.map_or_else(|| wire.to_string(), |status| format!("{status:?}"))
 }
 
-fn micros(ns: u64) -> f64 {
+/// What a lane is called: a process of the viewer, and in it a thread.
+pub(super) fn lane_names(process: usize, thread: usize, name: &str, thread_name: &str) -> [Value; 3] {
+    let named = |what: &str, args: Value| json!({ "ph": "M", "name": what, "pid": process + 1, "tid": thread + 1, "args": args });
+    [
+        named("process_name", json!({ "name": name })),
+        named("process_sort_index", json!({ "sort_index": process })),
+        named("thread_name", json!({ "name": thread_name })),
+    ]
+}
+
+pub(super) fn micros(ns: u64) -> f64 {
     ns as f64 / 1e3
 }

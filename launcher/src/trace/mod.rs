@@ -5,26 +5,29 @@
 //! | [`acted`] | when each command took effect |
 //! | [`window`] | which ticks |
 //! | [`events`] | lanes, slices, arrows, marks and counters |
+//! | [`happened`] | faults and events of the flight, in lanes of their own |
 //!
 //! Only a flight through processes has times. In lockstep they are those of a ring turned as fast as it goes: the trace
 //! shows who waited for whom, not how punctual anybody was.
 
 pub mod acted;
 pub mod events;
+pub mod happened;
 pub mod window;
 
 use std::path::PathBuf;
 
 use anyhow::{Context, bail, ensure};
 use contract::Scenario;
-use contract::scenario::{self, Mode};
+use contract::scenario::Mode;
 use serde_json::{Value, json};
 
 use self::events::Trace;
 use self::window::Window;
 use crate::files::write_whole;
-use crate::log::{self, Log};
-use crate::report::Flight;
+use crate::happenings::Happenings;
+use crate::log::Log;
+use crate::report::{Flight, Recorded};
 use crate::{eprint_line, print};
 
 /// Arguments of `trace`.
@@ -38,7 +41,7 @@ pub struct TraceArgs {
     /// How long it is, in s
     #[arg(long, value_name = "S", default_value_t = 1.0)]
     pub for_s: f64,
-    /// Around the tick with the largest response or age, as without --from-s
+    /// Around the worst tick of the flight, as without --from-s; in lockstep no tick is late: the beginning
     #[arg(long, conflicts_with = "from_s")]
     pub worst: bool,
     /// File to write [default: trace.json beside the log]
@@ -56,11 +59,11 @@ pub fn trace(args: &TraceArgs) -> anyhow::Result<()> {
         "there is no {}; give the folder of a run that was flown without --no-log, or its flight.mcap",
         path.display()
     );
-    let log = log::read(&path)?;
-    if let Some(defect) = &log.defect {
-        eprint_line(&format!("note: {} is not whole, what was read before is traced: {defect}", path.display()));
+    let recorded = Recorded::read(&path)?;
+    if let Some(missing) = recorded.missing() {
+        eprint_line(&format!("note: {missing}"));
     }
-    let scenario = scenario::from_merged(&log.scenario_toml, &format!("the settings in {}", path.display()))?;
+    let scenario = &recorded.scenario;
     if scenario.run.mode == Mode::Inprocess {
         bail!(
             "{} is of a flight in process, where there is no clock and so nothing to trace; \
@@ -68,7 +71,7 @@ pub fn trace(args: &TraceArgs) -> anyhow::Result<()> {
             path.display()
         );
     }
-    let (window, document) = document(&log, &scenario, args.from_s, args.for_s)?;
+    let (window, document) = document(&recorded.log, scenario, &recorded.run, args.from_s, args.for_s)?;
     if scenario.run.mode == Mode::Lockstep {
         eprint_line(&format!("note: {LOCKSTEP}"));
     }
@@ -78,22 +81,29 @@ pub fn trace(args: &TraceArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The trace of a flight through processes, in the window that begins at `from_s` or lies around the worst tick.
+/// The trace of a flight through processes, in the window that begins at `from_s` or lies around the worst tick; `run` is
+/// the summary of the flight, which knows that tick and what happened.
 ///
 /// Time zero is the first sample, so that in real time the viewer's axis is simulated time.
-pub fn document(log: &Log, scenario: &Scenario, from_s: Option<f64>, for_s: f64) -> anyhow::Result<(Window, Value)> {
+pub fn document(
+    log: &Log,
+    scenario: &Scenario,
+    run: &Value,
+    from_s: Option<f64>,
+    for_s: f64,
+) -> anyhow::Result<(Window, Value)> {
     let flight =
         Flight { states: &log.states, references: &log.references, controls: &log.controls, actuators: &log.actuators };
     let sample_s = scenario.sample_s();
-    let rows = flight.rows(scenario.ticks());
+    let rows = flight.rows(scenario);
     let acted = acted::acted(log, scenario.run.mode);
     let window = match from_s {
         Some(from_s) => Window::new(from_s, for_s, sample_s),
-        None => Window::around_worst(&rows, &acted, for_s, sample_s),
+        None => Window::around_worst(run, for_s, sample_s),
     };
-    let rows = rows.get(window.ticks(rows.len())).unwrap_or_default();
+    let traced = rows.get(window.ticks(rows.len())).unwrap_or_default();
     ensure!(
-        rows.iter().any(|row| row.state.is_some()),
+        traced.iter().any(|row| row.state.is_some()),
         "no tick in {}: the log covers {:.2} s; choose another window with --from-s and --for-s",
         window.describe(),
         log.states.last().map_or(0.0, |state| state.stamp.tick as f64 * sample_s)
@@ -106,8 +116,9 @@ pub fn document(log: &Log, scenario: &Scenario, from_s: Option<f64>, for_s: f64)
     let mut trace = Trace::new(origin_ns, &window);
     trace.nodes(log);
     trace.commands(&acted);
-    trace.flows(rows, &acted);
-    trace.counters(rows, &acted);
+    trace.flows(traced, &acted);
+    trace.counters(traced, &acted);
+    trace.happened(&Happenings::new(&run["faults"], &run["events"]), traced, sample_s);
     let about = json!({
         "flight": scenario.name,
         "mode": scenario.run.mode,

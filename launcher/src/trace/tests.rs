@@ -5,7 +5,6 @@ use contract::Topic;
 use contract::message::{Actuators, Message, Stamp, State};
 
 use super::acted::acted;
-use crate::report::Row;
 
 fn command(tick: u64, sequence: u64, epoch: u64) -> Actuators {
     let stamp = Stamp { tick, sample_ns: tick * 1_000, sequence, epoch, ..Stamp::default() };
@@ -61,18 +60,12 @@ fn a_window_takes_the_ticks_that_begin_in_it() {
 }
 
 #[test]
-fn the_worst_tick_is_the_latest_response_or_the_oldest_command() {
-    let states: Vec<State> = (0..500).map(|tick| state(tick, 0, 0)).collect();
-    let mut rows: Vec<Row> = states.iter().map(|state| Row { state: Some(state), ..Row::default() }).collect();
-    let slow = command(300, 301, 1);
-    rows[300].actuators = Some(&slow);
-    let window = Window::around_worst(&rows, &[], 1.0, 0.01);
+fn the_worst_tick_is_that_of_the_summary() {
+    let run =
+        |tick: u64| json!({ "timing": { "worst_ticks": [{ "tick": tick, "late_us": 9_830.0, "in_words": "why" }] } });
+    let window = Window::around_worst(&run(300), 1.0, 0.01);
     assert_eq!(window.ticks(500), 250..350);
-    assert!(window.why.contains("tick 300") && window.why.contains("response of the mixer"), "{}", window.why);
-
-    let log = Log { states: vec![state(31, 31, 5_000)], actuators: vec![command(30, 31, 1)], ..Log::default() };
-    let window = Window::around_worst(&rows, &acted(&log, Mode::Realtime), 1.0, 0.01);
-    assert_eq!(window.ticks(500), 0..100, "no window begins before the flight");
-    assert!(window.why.contains("tick 30 with the worst age at the actuator, 0.005 ms"), "{}", window.why);
-    assert_eq!(Window::around_worst(&[], &[], 2.0, 0.01).ticks(500), 0..200);
+    assert!(window.why.contains("the worst tick, 300: 9.83 ms late; why"), "{}", window.why);
+    assert_eq!(Window::around_worst(&run(30), 1.0, 0.01).ticks(500), 0..100, "no window begins before the flight");
+    assert_eq!(Window::around_worst(&Value::Null, 2.0, 0.01).ticks(500), 0..200);
 }

@@ -2,11 +2,7 @@
 
 use std::ops::Range;
 
-use contract::Topic;
-use contract::message::Stamp;
-
-use super::acted::Acted;
-use crate::report::Row;
+use serde_json::Value;
 
 /// A stretch of simulated time.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,15 +23,16 @@ impl Window {
         Self { from_s, for_s, sample_s, why: String::new() }
     }
 
-    /// The window with the largest response or age in its middle.
-    pub fn around_worst(rows: &[Row], acted: &[Acted], for_s: f64, sample_s: f64) -> Self {
-        let responses = rows.iter().flat_map(responses);
-        let ages = acted.iter().map(|acted| (acted.age_ns, acted.command.stamp.tick, "age at the actuator"));
-        let Some((worst_ns, tick, what)) = responses.chain(ages).max_by_key(|(ns, ..)| *ns) else {
+    /// The window with the worst tick of the flight in its middle, the one that its summary `run` names first; the
+    /// beginning where no tick was late.
+    pub fn around_worst(run: &Value, for_s: f64, sample_s: f64) -> Self {
+        let worst = &run["timing"]["worst_ticks"][0];
+        let (Some(tick), Some(late_us)) = (worst["tick"].as_u64(), worst["late_us"].as_f64()) else {
             return Self::new(0.0, for_s, sample_s);
         };
         let from_s = (tick as f64 * sample_s - for_s / 2.0).max(0.0);
-        let why = format!(", around tick {tick} with the worst {what}, {:.3} ms", worst_ns as f64 / 1e6);
+        let what = worst["in_words"].as_str().unwrap_or_default();
+        let why = format!(", around the worst tick, {tick}: {:.2} ms late; {what}", late_us / 1e3);
         Self { from_s, for_s, sample_s, why }
     }
 
@@ -51,18 +48,4 @@ impl Window {
     pub fn describe(&self) -> String {
         format!("{:.2} to {:.2} s{}", self.from_s, self.from_s + self.for_s, self.why)
     }
-}
-
-/// Response of every node to this tick's sample \[ns\], with the tick and the figure's name.
-fn responses<'a>(row: &'a Row) -> impl Iterator<Item = (u64, u64, &'static str)> + 'a {
-    let stamps = [
-        row.state.map(|m| (&m.stamp, Topic::State, "response of the plant")),
-        row.reference.map(|m| (&m.stamp, Topic::Reference, "response of guidance")),
-        row.controls.map(|m| (&m.stamp, Topic::Controls, "response of attitude-mpc")),
-        row.actuators.map(|m| (&m.stamp, Topic::Actuators, "response of the mixer")),
-    ];
-    let response = |(stamp, topic, what): (&Stamp, Topic, _)| {
-        (stamp.publish_ns[topic as usize].saturating_sub(stamp.sample_ns), stamp.tick, what)
-    };
-    stamps.into_iter().flatten().map(response)
 }

@@ -1,7 +1,7 @@
 //! Several recorders of one flight.
 
-use super::super::join;
 use super::super::read::read_in_order;
+use super::super::{Log, join, read_parts};
 use super::*;
 
 fn sealed(tick: u64) -> State {
@@ -78,4 +78,42 @@ fn what_cannot_be_joined_stays_as_it_is() {
     let error = join(&[first.clone(), second.clone()], &contract::Scenario::default(), &[], 8).unwrap_err();
     assert!(format!("{error:#}").contains("joined"), "{error:#}");
     assert_eq!((read(&first).unwrap().states.len(), read(&second).unwrap().states.len()), (4, 4));
+}
+
+#[test]
+fn what_several_have_recorded_is_read_together_where_nobody_joined_it() {
+    let (folder, first) = place();
+    let third = folder.path().join("flight.3.mcap");
+    part(&first, (0..4).map(sealed), false);
+    part(&third, (3..8).map(sealed), false);
+    std::fs::write(folder.path().join("flight.x.mcap"), "no part").unwrap();
+    let log = read_parts(&first).unwrap();
+    assert!(log.states.iter().copied().eq((0..8).map(sealed)));
+    let defect = log.defect.unwrap();
+    for told in ["flight.mcap: ", "flight.2.mcap is missing", "flight.3.mcap: "] {
+        assert!(defect.contains(told), "{told}: {defect}");
+    }
+    assert!(first.exists() && third.exists(), "the folder stays as it is");
+    std::fs::remove_file(&first).unwrap();
+    assert_eq!(read_parts(&first).unwrap().scenario_toml, SCENARIO, "from a later part");
+    std::fs::remove_file(&third).unwrap();
+    assert!(format!("{:#}", read_parts(&first).unwrap_err()).contains("flight.mcap"));
+}
+
+#[test]
+fn a_log_is_told_tick_by_tick_in_the_order_of_writing() {
+    let stale = State { stamp: Stamp { tick: 0, sequence: 9, ..Stamp::default() }, ..State::default() }.sealed();
+    let mut bent = sealed(1);
+    bent.stamp.tick = u64::MAX;
+    let reference = |tick| {
+        let stamp = Stamp { tick, sequence: tick + 1, ..Stamp::default() };
+        Reference { stamp, ..Reference::default() }.sealed()
+    };
+    let log = Log {
+        states: vec![sealed(0), sealed(1), stale, bent, sealed(2)],
+        references: (0..3).map(reference).collect(),
+        ..Log::default()
+    };
+    let told: Vec<_> = log.tick_by_tick().map(|record| (record.topic() as usize, record.stamp().tick)).collect();
+    assert_eq!(told, [(0, 0), (1, 0), (0, 1), (0, 0), (0, u64::MAX), (1, 1), (0, 2), (1, 2)]);
 }

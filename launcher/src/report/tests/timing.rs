@@ -20,7 +20,7 @@ fn punctuality_is_told_and_drawn() {
             "in_words": "plant: its own work", "position_error_m": 5.0, "nodes": { "plant": node },
         }],
     });
-    let page = render(&hover.flight(), &run, &Scenario::of(Profile::Robust));
+    let page = unlabelled(&render(&hover.flight(), &run, &Scenario::of(Profile::Robust)));
     for told in [
         "<td>plant</td><td>–</td><td>–</td><td>4</td><td>3</td><td>1</td><td>2</td><td>50 / 60 / 70</td><td>– / – / –</td>",
         "<b>800 / 60 / 70</b> µs over 3 commands applied; <b>– / – / –</b> µs over – slots held",
