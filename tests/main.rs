@@ -14,6 +14,7 @@ mod processes;
 mod recorded;
 mod recorder;
 mod sensitivity;
+mod shared_memory;
 mod solver;
 mod swap;
 mod swap_live;

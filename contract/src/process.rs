@@ -17,7 +17,7 @@ use crate::inlet::Inlet;
 use crate::ledger::News;
 use crate::outlet::Outlet;
 use crate::pace::Pace;
-use crate::port::{Bus, NODE_DEPTH, OBSERVER_DEPTH, PortError, Receive, Wire};
+use crate::port::{Bus, NODE_DEPTH, PortError, Receive, Wire, observer_depth};
 use crate::realtime::{self, Board, now_ns, phase};
 use crate::rehearsal::Rehearsal;
 use crate::scenario::{self, Late, Mode, Scenario, ScenarioError};
@@ -168,7 +168,7 @@ impl Seat {
 
     /// A queue deep enough to see every message, for those who watch and record.
     pub fn observer<M: Wire>(&self) -> Result<Box<dyn Receive<M>>, SeatError> {
-        Ok(self.bus.receiver(OBSERVER_DEPTH, 0)?)
+        Ok(self.bus.receiver(observer_depth(self.scenario.run.rate_hz), 0)?)
     }
 
     /// Where a node hears of faults that it is given while it flies.

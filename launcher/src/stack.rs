@@ -17,6 +17,7 @@ mod recorders;
 mod regime;
 mod script;
 mod staffing;
+mod surroundings;
 mod swaps;
 
 use std::path::Path;
@@ -25,10 +26,10 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use contract::Scenario;
-use contract::domain::Hold;
+use contract::domain::{Hold, check_room};
 use contract::guard::Refusal;
 use contract::office::Staff;
-use contract::port::{Bus, Services, config_toml};
+use contract::port::{Bus, Services, bytes_needed, observer_depth};
 use contract::process::Seat;
 use contract::realtime::{Board, phase, tell_of_bus_errors};
 use contract::scenario::Fault;
@@ -102,15 +103,15 @@ impl Stack {
         interrupts: &AtomicU32,
     ) -> anyhow::Result<Self> {
         tell_of_bus_errors();
+        surroundings::check(scenario.run.rate_hz)?;
         let hold = Hold::take(namespace)?;
+        check_room(bytes_needed(scenario.run.rate_hz))?; // what a killed launcher has left is wiped by now
         let domain = &hold.domain;
         let shm = |what| move || format!("cannot write {what} in shared memory");
         domain.write("scenario.toml", &contract::scenario::to_toml(scenario)).with_context(shm("settings"))?;
-        domain.write("iceoryx2.toml", &config_toml(domain)).with_context(shm("iceoryx2.toml"))?;
         Board::create(&domain.file("board")).with_context(shm("the board"))?;
         let bus = Bus::attach(domain)?;
-        let services = bus.create_services()?;
-        hold.tighten()?;
+        let services = bus.create_services(observer_depth(scenario.run.rate_hz))?;
         let seat = Seat::join(namespace, "launcher", 1)?;
         let observers = Observers::join(&seat)?;
         let host = Host::new(domain.clone(), scenario)?;
