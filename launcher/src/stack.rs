@@ -86,6 +86,8 @@ pub struct Stack {
     /// As it is by now: with what was ordered while it flies.
     scenario: Scenario,
     control: Server,
+    /// Whether it was asked to end.
+    stopped: bool,
     /// When the newest message of each topic was sent.
     newest_ns: [u64; Topic::COUNT],
     // Dropped in this order: the services before the domain that holds their files.
@@ -124,6 +126,7 @@ impl Stack {
             observers,
             scenario: scenario.clone(),
             control: Server::open(domain).with_context(shm("the control socket"))?,
+            stopped: false,
             newest_ns: [0; Topic::COUNT],
             services,
             _bus: bus,
@@ -157,7 +160,7 @@ impl Stack {
                 scheduling =
                     self.children.all.iter().map(|p| (p.name.to_owned(), scheduling_of(p.child.id()))).collect();
             }
-            if interrupts.load(Ordering::Relaxed) > 0 {
+            if interrupts.load(Ordering::Relaxed) > 0 || self.stopped {
                 break Ended::Interrupted;
             }
             let events = self.host.look(plant_tick(&self.board), &self.children);
@@ -200,7 +203,7 @@ impl Stack {
             publishers < 1 || subscribers < listeners
         };
         while let Some(topic) = Topic::ALL.into_iter().find(|topic| missing(&self.services, *topic)) {
-            if interrupts.load(Ordering::Relaxed) > 0 {
+            if interrupts.load(Ordering::Relaxed) > 0 || self.stopped {
                 return Err(StartError::Interrupted);
             }
             if let Some((i, _)) = self.children.departed() {

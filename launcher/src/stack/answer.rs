@@ -31,6 +31,10 @@ impl Stack {
             Request::Inject { fault } => self.inject(*fault),
             Request::Clear { target } => self.clear(*target),
             Request::Swap(swap) => self.order_swap(swap.clone()),
+            Request::Stop => {
+                self.stopped = true;
+                Ok(Value::Null)
+            }
         };
         done.map_or_else(Response::Error, Response::Ok)
     }
