@@ -138,14 +138,16 @@ fn another_pid_namespace_neither_wipes_a_flight_nor_misses_it() {
 #[test]
 fn what_a_killed_launcher_leaves_the_next_of_any_namespace_wipes() {
     let (dead, live) = (namespace(), namespace());
-    let flights = [start_flying(&dead), start_flying(&live)];
-    kill("-KILL", &[flights[0].child.id() as i32]);
+    let (killed, living) = (start_flying(&dead), start_flying(&live));
+    kill("-KILL", &[killed.child.id() as i32]);
     wait_until("the lock is free", || Domain::find(&dead).is_err());
     assert!(!shared_memory_of(&dead).is_empty(), "killed processes wipe nothing");
     let flown = Flight::start(&namespace(), &["--mode", "lockstep", "--set", "run.duration_s=0.5"]).finish();
     assert_eq!(flown.code(), Some(0), "{}", flown.stderr);
     assert_eq!(shared_memory_of(&dead), Vec::<String>::new());
     assert!(shared_memory_of(&live).len() > 10, "who lives keeps it all");
+    kill("-INT", &[living.child.id() as i32]);
+    assert_eq!(living.finish().code(), Some(130));
 }
 
 #[test]
