@@ -5,6 +5,7 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
+use contract::domain::Domain;
 use serde_json::Value;
 
 /// No flight of the tests may last longer on the wall clock.
@@ -120,9 +121,16 @@ pub fn wait_until(what: &str, condition: impl Fn() -> bool) {
     }
 }
 
-/// What a namespace has in shared memory.
+/// What a namespace has in shared memory: its folder, and the files in it.
 pub fn shared_memory_of(namespace: &str) -> Vec<String> {
-    let all = std::fs::read_dir("/dev/shm").expect("/dev/shm can be listed");
-    let names = all.flatten().map(|e| e.file_name().to_string_lossy().into_owned());
-    names.filter(|name| name.starts_with(&format!("trefoil.{namespace}."))).collect()
+    let Some(domain) = Domain::left(namespace) else { return vec![] };
+    let files = domain.files().into_iter().map(|(path, _)| path);
+    [domain.folder.clone()].into_iter().chain(files).map(|path| path.display().to_string()).collect()
+}
+
+/// Namespaces with `part` in their names that have anything in shared memory, alive or left behind.
+pub fn in_memory(part: &str) -> Vec<String> {
+    let folder = format!("/dev/shm/trefoil-{}", rustix::process::geteuid().as_raw());
+    let all = std::fs::read_dir(folder).into_iter().flatten().flatten(); // no folder: nothing in memory
+    all.map(|entry| entry.file_name().to_string_lossy().into_owned()).filter(|name| name.contains(part)).collect()
 }

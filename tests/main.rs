@@ -19,6 +19,7 @@ mod promise;
 mod recorded;
 mod recorder;
 mod sensitivity;
+mod shared_memory;
 mod solver;
 mod surroundings;
 mod swap;

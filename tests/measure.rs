@@ -6,7 +6,7 @@ use std::process::{Output, Stdio};
 
 use serde_json::Value;
 
-use crate::harness::launcher;
+use crate::harness::{in_memory, launcher};
 
 const QUICK: [&str; 4] = ["--rounds", "1", "--random", "1000"];
 
@@ -185,9 +185,7 @@ fn timing_gives_every_promise_a_verdict_and_leaves_nothing_behind() {
     let page = std::fs::read_to_string(folder.path().join("timing.html")).expect("timing.html");
     assert!(page.contains("<svg") && !page.contains("http"), "the page needs nothing else");
 
-    let left = std::fs::read_dir("/dev/shm").expect("/dev/shm can be listed").flatten();
-    let left: Vec<_> = left.filter(|entry| entry.file_name().to_string_lossy().contains(&namespace)).collect();
-    assert!(left.is_empty(), "{left:?}");
+    assert_eq!(in_memory(&namespace), Vec::<String>::new());
 }
 
 #[test]
@@ -197,15 +195,11 @@ fn timing_ends_its_processes_when_it_is_interrupted() {
     command.args(["measure", "timing", "--out"]).arg(folder.path()).stderr(Stdio::piped());
     let mut child = command.stdout(Stdio::null()).spawn().expect("the launcher starts");
     let namespace = format!("measure-{}-", child.id());
-    let in_memory = || {
-        let all = std::fs::read_dir("/dev/shm").expect("/dev/shm can be listed").flatten();
-        all.filter(|entry| entry.file_name().to_string_lossy().contains(&namespace)).count()
-    };
-    crate::harness::wait_until("it measures", || in_memory() > 0);
+    crate::harness::wait_until("it measures", || !in_memory(&namespace).is_empty());
     let pid = child.id().to_string();
     std::process::Command::new("kill").args(["-INT", &pid]).status().expect("kill runs");
     assert_eq!(child.wait().expect("the launcher ends").code(), Some(130));
-    assert_eq!(in_memory(), 0);
+    assert_eq!(in_memory(&namespace), Vec::<String>::new());
 }
 
 #[test]
@@ -223,8 +217,7 @@ fn kills_are_survived_told_of_and_leave_nothing_behind() {
     // How quick anything is and how far it flies may be the machine's doing; that nothing is left is not.
     let left = targets.iter().find(|target| target["figure"].as_str().is_some_and(|figure| figure.starts_with("left")));
     assert_eq!(left.expect("a target")["verdict"], "ok", "{printed}");
-    let in_memory = std::fs::read_dir("/dev/shm").expect("/dev/shm can be listed").flatten();
-    assert!(!in_memory.into_iter().any(|entry| entry.file_name().to_string_lossy().contains(&namespace)));
+    assert_eq!(in_memory(&namespace), Vec::<String>::new());
     let files = std::fs::read_dir(std::env::temp_dir()).expect("it can be listed").flatten();
     assert!(!files.into_iter().any(|entry| entry.file_name().to_string_lossy().starts_with(&namespace)));
 }

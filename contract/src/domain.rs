@@ -1,31 +1,42 @@
 //! The domain: everything one run owns in shared memory, found by its namespace and wiped as a whole.
 //!
 //! ```text
-//! /dev/shm/trefoil.<namespace>.lock               held (flock) by the launcher while the run lives
-//! /dev/shm/trefoil.<namespace>.<pid>.<start>/     this run's folder, mode 0700
-//!     scenario.toml   the merged settings          board       bells, offices, phase, faults given while flying
-//!     control         the socket on which the launcher answers
-//!     <node>.<epoch>.toml                          settings of a newcomer
-//!     iox/            iceoryx2's root              iceoryx2.toml   lets the iox2 tool and Python attach
-//! /dev/shm/trefoil.<namespace>.<pid>.<start>.*    iceoryx2's segments, by prefix
+//! /dev/shm/trefoil-<user>/        the user's folder, mode 0700; <user> is a number
+//!     <namespace>/                a run's folder, locked (flock) by its launcher while the run lives
+//!         launcher        process number of the launcher, as its own PID namespace has it
+//!         scenario.toml   the merged settings          board       bells, offices, phase, faults given while flying
+//!         control         the socket on which the launcher answers
+//!         <node>.<epoch>.toml                          settings of a newcomer
+//!         iox/            iceoryx2's root, with all its segments
 //! ```
 //!
-//! All of it is its user's alone: folders 0700, files 0600. A folder of such a name that another user made is passed over.
+//! A run lives as long as its folder is locked. The kernel takes the lock from a launcher that ends, however it ends, and
+//! the lock is seen from every PID namespace and without `/proc`. A launcher that was killed wipes nothing; the user's
+//! next one wipes every folder whose lock it gets.
 //!
-//! `<pid>` and `<start>` (the kernel's start time) name the launcher's process beyond reuse of the number. A launcher
-//! that was killed wipes nothing; the next one, of any namespace, wipes what dead launchers left.
+//! In `/dev/shm` anybody can put anything under any name. So it is never listed, and one folder of it is used, opened without
+//! following links: one that is this user's and that nobody else may enter. A name under which something else stands is
+//! passed over for the next of [`NAMES`]. Nobody else can do anything below the user's folder, whatever the modes there.
 
-use std::fs::{self, File, OpenOptions};
-use std::io::{self, Write};
-use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt, PermissionsExt};
+mod shm;
+
+use std::fs::{self, DirBuilder, OpenOptions};
+use std::io::{self, ErrorKind, Write};
+use std::os::fd::OwnedFd;
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use rustix::fs::{FlockOperation, flock};
+use rustix::fs::{FlockOperation, flock, fstat};
 use rustix::io::Errno;
 
-const SHM: &str = "/dev/shm";
-const MARK: &str = "trefoil.";
+use shm::{FILES_NEEDED, NAMES, SHM, homes, make_home, open_folder};
+pub use shm::{allocate, check_room};
+
+/// A folder is locked for a moment by those who look whether it lives, and gone when it was wiped: how often to try again.
+const TRIES: usize = 20;
+/// How long to wait between tries.
+const PAUSE: Duration = Duration::from_millis(5);
 
 /// Why a domain cannot be had.
 #[derive(Debug, thiserror::Error)]
@@ -36,18 +47,38 @@ pub enum DomainError {
     )]
     InUse(String),
     /// Nobody flies there.
-    #[error("no stack runs in namespace '{0}'; `launcher status` lists those that do")]
+    #[error("no stack runs in namespace '{0}' of this user; `launcher status` lists those that do")]
     NotRunning(String),
-    /// Somebody else flies there.
-    #[error(
-        "the stack in namespace '{0}' is another user's, and a stack is for its own user only; fly under another --namespace"
-    )]
-    NotYours(String),
     /// A name that cannot stand in a file name.
     #[error("'{0}' cannot be a namespace: use 1 to 40 letters, digits, '-' or '_'")]
     BadName(String),
+    /// Other users' files stand wherever this user's folder could.
+    #[error(
+        "files of other users stand under all names that this user's folder can have, {0} to {0}.{last}; remove one of them, as root", last = NAMES - 1
+    )]
+    Crowded(PathBuf),
+    /// Too little memory.
+    #[error(
+        "a flight needs {need_mb} MB of shared memory, and {SHM} has {free_mb} MB free; end other flights, or make it larger \
+(as root: `mount -o remount,size=256M {SHM}`; Docker: `--shm-size 256m`), or fly with --mode inprocess"
+    )]
+    Full {
+        /// What the flight needs.
+        need_mb: u64,
+        /// What there is.
+        free_mb: u64,
+    },
+    /// Too few names.
+    #[error(
+        "a flight makes up to {FILES_NEEDED} files in shared memory, and {SHM} has room for {0}; end other flights, or allow more \
+(as root: `mount -o remount,nr_inodes=100k {SHM}`), or fly with --mode inprocess"
+    )]
+    NoFiles(u64),
     /// Shared memory refused.
-    #[error("shared memory at {path}: {source}")]
+    #[error(
+        "shared memory at {path}: {source}; a flight through processes needs a file system in memory at {SHM} that this user may \
+write to (--mode inprocess needs none)"
+    )]
     Io {
         /// Where.
         path: PathBuf,
@@ -68,58 +99,54 @@ pub struct Domain {
 pub struct Hold {
     /// What is held.
     pub domain: Domain,
-    lock: PathBuf,
-    _lock_file: File,
+    _lock: OwnedFd,
 }
 
 impl Domain {
     /// The live domain of `namespace`.
     pub fn find(namespace: &str) -> Result<Self, DomainError> {
         check_name(namespace)?;
-        let named = Self::of_anybody().into_iter().filter(|domain| domain.namespace() == namespace);
-        let (own, others): (Vec<_>, Vec<_>) = named.partition(Self::is_own);
-        let none = if others.is_empty() { DomainError::NotRunning } else { DomainError::NotYours };
-        own.into_iter().next().ok_or_else(|| none(namespace.into()))
+        let live = Self::all(namespace).find(Self::is_live);
+        live.ok_or_else(|| DomainError::NotRunning(namespace.into()))
     }
 
     /// All domains of this user whose launcher is alive.
     pub fn list() -> Vec<Self> {
-        Self::of_anybody().into_iter().filter(Self::is_own).collect()
+        homes().flat_map(|home| folders(&home)).filter(Self::is_live).collect()
     }
 
-    fn of_anybody() -> Vec<Self> {
-        let folders = entries().into_iter().filter(|path| path.is_dir());
-        folders.filter(|path| Owner::of(path).is_some_and(|o| o.alive())).map(|folder| Self { folder }).collect()
+    /// What there is of `namespace`, whether it lives or was left by a launcher that was killed.
+    pub fn left(namespace: &str) -> Option<Self> {
+        Self::all(namespace).find(|domain| domain.folder.is_dir())
     }
 
-    /// Whether this user made it: anybody can make a folder of such a name.
-    fn is_own(&self) -> bool {
-        fs::symlink_metadata(&self.folder).is_ok_and(|m| m.uid() == rustix::process::geteuid().as_raw())
+    /// Where it can be.
+    fn all(namespace: &str) -> impl Iterator<Item = Self> {
+        homes().map(move |home| Self { folder: home.join(namespace) })
+    }
+
+    /// Whether its launcher is alive, which has it locked.
+    pub fn is_live(&self) -> bool {
+        let locked = |folder| flock(folder, FlockOperation::NonBlockingLockShared) == Err(Errno::WOULDBLOCK);
+        open_folder(&self.folder).is_ok_and(locked)
     }
 
     /// The namespace.
     pub fn namespace(&self) -> &str {
-        Owner::of(&self.folder).map_or("", |o| o.namespace)
+        self.folder.file_name().and_then(|name| name.to_str()).unwrap_or_default()
     }
 
     /// Process number of the launcher.
     pub fn launcher_pid(&self) -> Option<i32> {
-        Owner::of(&self.folder).and_then(|o| o.pid.parse().ok())
+        fs::read_to_string(self.file("launcher")).ok()?.parse().ok()
     }
 
-    /// Prefix of this run's segments in `/dev/shm`.
-    pub fn prefix(&self) -> String {
-        format!("{}.", file_name(&self.folder))
-    }
-
-    /// Every file that the run has in shared memory now, and its length \[bytes\]; of iceoryx2's root only the services.
+    /// Every file that the run has in shared memory now, and its length \[bytes\]; of iceoryx2's root not the nodes' marks.
     pub fn files(&self) -> Vec<(PathBuf, u64)> {
-        let prefix = self.prefix();
-        let segments = entries().into_iter().filter(|path| file_name(path).starts_with(&prefix));
-        let own = [self.folder.clone(), self.file("iox/services")];
-        let own = own.iter().flat_map(|folder| fs::read_dir(folder).into_iter().flatten().flatten()).map(|e| e.path());
+        let folders = [self.folder.clone(), self.file("iox"), self.file("iox/services")];
+        let entries = folders.iter().flat_map(|folder| fs::read_dir(folder).into_iter().flatten().flatten());
         let length = |path: PathBuf| fs::metadata(&path).ok().filter(fs::Metadata::is_file).map(|m| (path, m.len()));
-        segments.chain(own).filter_map(length).collect()
+        entries.filter_map(|entry| length(entry.path())).collect()
     }
 
     /// A file of the run's folder.
@@ -140,131 +167,79 @@ impl Hold {
     /// Takes `namespace` for this process, after wiping what dead launchers left.
     pub fn take(namespace: &str) -> Result<Self, DomainError> {
         check_name(namespace)?;
-        sweep();
-        let lock = Path::new(SHM).join(format!("{MARK}{namespace}.lock"));
-        let lock_file = loop {
-            let file = open_lock(&lock).map_err(|source| DomainError::Io { path: lock.clone(), source })?;
-            match lock_patiently(&file) {
-                Ok(()) => {}
-                Err(Errno::WOULDBLOCK) => return Err(DomainError::InUse(namespace.into())),
-                Err(error) => return Err(DomainError::Io { path: lock, source: error.into() }),
+        for _ in 0..TRIES {
+            if let Some(hold) = Self::try_to_take(namespace)? {
+                return Ok(hold);
             }
-            // Somebody may have unlinked the file between open and lock: then this lock locks nothing.
-            if same_file(&file, &lock) {
-                break file;
-            }
-        };
-        let pid = std::process::id().to_string();
-        let start = start_time(&pid).unwrap_or_default();
-        let folder = Path::new(SHM).join(format!("{MARK}{namespace}.{pid}.{start}"));
-        let made = fs::DirBuilder::new().mode(0o700).create(&folder);
-        made.map_err(|source| DomainError::Io { path: folder.clone(), source })?;
-        Ok(Self { domain: Domain { folder }, lock, _lock_file: lock_file })
+            std::thread::sleep(PAUSE);
+        }
+        Err(DomainError::InUse(namespace.into()))
     }
 
-    /// Takes from other users what they may do with the files that are there: iceoryx2 makes one that anybody can write.
-    pub fn tighten(&self) -> Result<(), DomainError> {
-        self.domain.files().into_iter().try_for_each(|(path, _)| {
-            let mode = fs::metadata(&path).map(|m| m.mode() & 0o700);
-            let done = mode.and_then(|mode| fs::set_permissions(&path, fs::Permissions::from_mode(mode)));
-            done.map_err(|source| DomainError::Io { path, source })
-        })
+    /// Nothing when the folder is locked, or was wiped before it could be locked.
+    fn try_to_take(namespace: &str) -> Result<Option<Self>, DomainError> {
+        let home = make_home()?;
+        wipe_the_dead();
+        if Domain::left(namespace).is_some() {
+            return Ok(None);
+        }
+        let folder = home.join(namespace);
+        let domain = Domain { folder: folder.clone() };
+        let failed = |source| DomainError::Io { path: folder.clone(), source };
+        match DirBuilder::new().mode(0o700).create(&folder) {
+            Ok(()) => {}
+            // The user's folder was empty and has just been removed; or another launcher was quicker.
+            Err(error) if [ErrorKind::NotFound, ErrorKind::AlreadyExists].contains(&error.kind()) => return Ok(None),
+            Err(error) => return Err(failed(error)),
+        }
+        let Some(lock) = lock(&folder).map_err(|error| failed(error.into()))? else { return Ok(None) };
+        domain.write("launcher", &std::process::id().to_string()).map_err(failed)?;
+        Ok(Some(Self { domain, _lock: lock }))
     }
 }
 
 impl Drop for Hold {
     fn drop(&mut self) {
-        for path in entries() {
-            if file_name(&path).starts_with(&self.domain.prefix()) {
-                remove(&path);
-            }
-        }
-        remove(&self.lock);
-        // Last, because `stop` takes its absence for the end.
         remove(&self.domain.folder);
     }
 }
 
-/// Wipes what launchers that are no more have left in shared memory.
-pub fn sweep() {
-    for path in entries() {
-        match Owner::of(&path) {
-            Some(owner) if !owner.alive() => remove(&path),
-            // A lock file that nobody holds: unlinked while held, so that nobody can lock it in between.
-            None if path.extension().is_some_and(|e| e == "lock") => {
-                if let Ok(file) = File::open(&path)
-                    && flock(&file, FlockOperation::NonBlockingLockExclusive).is_ok()
-                    && same_file(&file, &path)
-                {
-                    remove(&path);
-                }
-            }
-            _ => {}
+/// Runs' folders in a user's folder.
+fn folders(home: &Path) -> Vec<Domain> {
+    let entries = fs::read_dir(home).into_iter().flatten().flatten();
+    entries.map(|entry| Domain { folder: entry.path() }).filter(|domain| domain.folder.is_dir()).collect()
+}
+
+/// Wipes the folders of this user that nobody has locked.
+fn wipe_the_dead() {
+    for Domain { folder } in homes().flat_map(|home| folders(&home)) {
+        if let Ok(Some(_lock)) = lock(&folder) {
+            remove(&folder);
         }
     }
 }
 
-/// Who made an entry, read from its name.
-struct Owner<'a> {
-    namespace: &'a str,
-    pid: &'a str,
-    start: &'a str,
+/// Removes a run's folder, and the user's when it was the last in it.
+fn remove(folder: &Path) {
+    // What is gone already is as it should be.
+    let _ = fs::remove_dir_all(folder);
+    let _ = folder.parent().map(fs::remove_dir);
 }
 
-impl<'a> Owner<'a> {
-    fn of(path: &'a Path) -> Option<Self> {
-        let mut parts = path.file_name()?.to_str()?.strip_prefix(MARK)?.split('.');
-        let (namespace, pid, start) = (parts.next()?, parts.next()?, parts.next()?);
-        pid.parse::<u32>().ok()?;
-        Some(Self { namespace, pid, start })
+/// Locks a run's folder; nothing when somebody else has, or the folder is gone.
+fn lock(folder: &Path) -> Result<Option<OwnedFd>, Errno> {
+    let lock = match open_folder(folder) {
+        Err(Errno::NOENT) => return Ok(None),
+        opened => opened?,
+    };
+    match flock(&lock, FlockOperation::NonBlockingLockExclusive) {
+        Err(Errno::WOULDBLOCK) => return Ok(None),
+        locked => locked?,
     }
-
-    fn alive(&self) -> bool {
-        start_time(self.pid).as_deref() == Some(self.start)
-    }
-}
-
-/// Start time of a process in clock ticks since boot: field 22 of `/proc/<pid>/stat`. A zombie counts as dead.
-fn start_time(pid: &str) -> Option<String> {
-    let stat = fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
-    // The name in field 2 may hold blanks; fields are counted after its closing bracket.
-    let mut fields = stat.rsplit_once(')')?.1.split_whitespace();
-    let state = fields.next()?;
-    if state == "Z" || state == "X" { None } else { fields.nth(18).map(Into::into) }
-}
-
-fn entries() -> Vec<PathBuf> {
-    let Ok(all) = fs::read_dir(SHM) else { return vec![] };
-    all.flatten().map(|e| e.path()).filter(|p| file_name(p).starts_with(MARK)).collect()
-}
-
-fn remove(path: &Path) {
-    // What is gone already, or is another user's, is left as it is.
-    let _ = if path.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
-}
-
-fn open_lock(path: &Path) -> io::Result<File> {
-    OpenOptions::new().read(true).write(true).create(true).truncate(false).mode(0o600).open(path)
-}
-
-/// Locks, or waits a moment for somebody who only looked whether the lock is held ([`sweep`]).
-fn lock_patiently(file: &File) -> Result<(), Errno> {
-    let mut tries = 0;
-    loop {
-        match flock(file, FlockOperation::NonBlockingLockExclusive) {
-            Err(Errno::WOULDBLOCK) if tries < 20 => std::thread::sleep(Duration::from_millis(5)),
-            result => return result,
-        }
-        tries += 1;
-    }
-}
-
-fn same_file(file: &File, path: &Path) -> bool {
-    matches!((file.metadata(), fs::metadata(path)), (Ok(a), Ok(b)) if a.ino() == b.ino() && a.dev() == b.dev())
-}
-
-fn file_name(path: &Path) -> String {
-    path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
+    // Somebody may have removed it between open and lock: then this lock locks nothing.
+    let still_there = fs::symlink_metadata(folder)
+        .is_ok_and(|now| fstat(&lock).is_ok_and(|locked| (locked.st_ino, locked.st_dev) == (now.ino(), now.dev())));
+    Ok(still_there.then_some(lock))
 }
 
 fn check_name(namespace: &str) -> Result<(), DomainError> {

@@ -5,7 +5,7 @@
 //! | [`message`] | the four messages: fixed layout, stamped, plain numbers |
 //! | [`topic`] | the four topics and who speaks on each |
 //! | [`scenario`] | the run's settings: profiles, file, overrides, checks |
-//! | [`port`] | how messages travel; the only file that names iceoryx2 |
+//! | [`port`] | how messages travel; the only room that names iceoryx2 |
 //! | [`snapshot`] | what a node remembers, as plain numbers, for the one that continues its work |
 //! | [`stamp`] | which plant sample a message descends from, through whom, and when |
 //! | [`inlet`], [`outlet`] | where a node hears and speaks |

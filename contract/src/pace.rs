@@ -15,7 +15,7 @@ use crate::cycle::{LOOK_AROUND_NS, Punctuality};
 use crate::inlet::Inlet;
 use crate::message::{Message, Stamp};
 use crate::plan::Plan;
-use crate::port::OBSERVER_DEPTH;
+use crate::port::LEAST_DEPTH;
 use crate::realtime::{Bell, Board, now_ns, phase};
 use crate::scenario::{Fault, Mode, Scenario};
 use crate::seizure::{Seizures, burn};
@@ -24,7 +24,7 @@ use crate::seizure::{Seizures, burn};
 /// or to follow.
 const WATCHDOG_NS: u64 = 10_000_000_000;
 /// In lockstep, how many ticks the plant may be ahead of launcher and recorder, who see them all: half a queue.
-pub const LEAD_TICKS: u64 = OBSERVER_DEPTH as u64 / 2;
+pub const LEAD_TICKS: u64 = LEAST_DEPTH as u64 / 2;
 /// The nodes that answer to the plant.
 const OTHERS: [Topic; 3] = [Topic::Reference, Topic::Controls, Topic::Actuators];
 

@@ -1,4 +1,4 @@
-//! Ports: how messages travel. The only file that names iceoryx2.
+//! Ports: how messages travel. Only this room names iceoryx2.
 //!
 //! Publish-subscribe with safe overflow: a publisher never waits, a slow subscriber loses the oldest. The launcher
 //! creates every service and keeps it; the nodes only open. A process that dies in the middle of creating a service
@@ -6,8 +6,9 @@
 //!
 //! The generic ports stay behind two small traits, so that only this crate pays for compiling them.
 
+mod storage;
+
 use std::cell::RefCell;
-use std::path::Path;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
@@ -22,6 +23,9 @@ use iceoryx2::prelude::*;
 use iceoryx2::service::attribute::{AttributeKey, AttributeValue};
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
+use storage::{FileService, allocate_own, config, reason};
+pub use storage::{LEAST_DEPTH, bytes_needed, makers, observer_depth};
+
 use crate::domain::Domain;
 use crate::integrity::checksum;
 use crate::message::{Actuators, Controls, Message, Reference, State};
@@ -30,12 +34,11 @@ use crate::rehearsal::Rehearse;
 
 /// Queue of a node: the newest value wins, one more in case it arrives between two looks.
 pub const NODE_DEPTH: usize = 2;
-/// Queue of the recorder and of the launcher, who want every message: 20 s at 100 Hz.
-pub const OBSERVER_DEPTH: usize = 2048;
 /// Publishers per topic: the node, who takes over from it, and dead ones that are not cleaned away yet.
 const MAX_PUBLISHERS: usize = 16;
-/// Subscribers per topic: three nodes, recorder, launcher, and spare slots for tools.
-const MAX_SUBSCRIBERS: usize = 32;
+/// Subscribers per topic: three nodes and who stands by each, two recorders, launcher; of each node and of the recorder as
+/// many dead ones as it takes to give it up, if none is cleaned away yet. A publisher sets memory aside for each.
+const MAX_SUBSCRIBERS: usize = 24;
 const MAX_NODES: usize = 48;
 
 /// Why a port cannot be had. The text names the topic and what to do.
@@ -111,15 +114,16 @@ pub trait Receive<M> {
 
 /// A process's attachment to a domain.
 pub struct Bus {
-    node: Node<ipc::Service>,
+    node: Node<FileService>,
+    domain: Domain,
 }
 
 /// Keeps the four services of a run in being.
 pub struct Services {
-    _state: PortFactory<ipc::Service, State, ()>,
-    _reference: PortFactory<ipc::Service, Reference, ()>,
-    _controls: PortFactory<ipc::Service, Controls, ()>,
-    _actuators: PortFactory<ipc::Service, Actuators, ()>,
+    _state: PortFactory<FileService, State, ()>,
+    _reference: PortFactory<FileService, Reference, ()>,
+    _controls: PortFactory<FileService, Controls, ()>,
+    _actuators: PortFactory<FileService, Actuators, ()>,
 }
 
 impl Bus {
@@ -129,9 +133,9 @@ impl Bus {
         let node = NodeBuilder::new()
             .config(&config(domain)?)
             .signal_handling_mode(SignalHandlingMode::Disabled)
-            .create::<ipc::Service>()
-            .map_err(|e| PortError::Domain(e.to_string()))?;
-        Ok(Self { node })
+            .create::<FileService>()
+            .map_err(|e| PortError::Domain(reason(e)))?;
+        Ok(Self { node, domain: domain.clone() })
     }
 
     /// Removes what processes that died have left in the services; the launcher's part. May take tens of milliseconds.
@@ -140,19 +144,21 @@ impl Bus {
         let _ = self.node.try_cleanup_dead_nodes();
     }
 
-    /// Creates the four services; the launcher's part.
-    pub fn create_services(&self) -> Result<Services, PortError> {
+    /// Creates the four services, with queues of up to `depth`; the launcher's part.
+    pub fn create_services(&self, depth: usize) -> Result<Services, PortError> {
         Ok(Services {
-            _state: create(&self.node)?,
-            _reference: create(&self.node)?,
-            _controls: create(&self.node)?,
-            _actuators: create(&self.node)?,
+            _state: create(&self.node, depth)?,
+            _reference: create(&self.node, depth)?,
+            _controls: create(&self.node, depth)?,
+            _actuators: create(&self.node, depth)?,
         })
     }
 
     /// Opens the sending side of `M`'s topic.
     pub fn sender<M: Wire>(&self) -> Result<Rc<dyn Send<M>>, PortError> {
-        M::sender(&self.node)
+        let port = M::sender(&self.node)?;
+        allocate_own(&self.domain)?;
+        Ok(port)
     }
 
     /// Tries to open `M`'s topic as a process that was built when messages were laid out otherwise: to be refused.
@@ -162,46 +168,36 @@ impl Bus {
 
     /// Opens the receiving side of `M`'s topic with a queue of `depth`.
     pub fn receiver<M: Wire>(&self, depth: usize) -> Result<Rc<dyn Receive<M>>, PortError> {
-        M::receiver(&self.node, depth)
+        let port = M::receiver(&self.node, depth)?;
+        allocate_own(&self.domain)?;
+        Ok(port)
     }
-}
-
-/// Numbers of the processes that made a segment, read from its name: those of its ports end in time, process and count.
-pub fn makers(segment: &str) -> impl Iterator<Item = u32> {
-    // Everything else that stands between dots and underscores is shorter, or no number.
-    let numbers = segment.split(['.', '_']).filter(|part| part.len() > 20).filter_map(|part| part.parse::<u128>().ok());
-    numbers.map(|id| (id >> 64) as u32)
-}
-
-/// The text of an iceoryx2 configuration file for `domain`, with which its own tools can attach.
-pub fn config_toml(domain: &Domain) -> String {
-    format!("[global]\nroot-path = \"{}\"\nprefix = \"{}\"\n", domain.file("iox").display(), domain.prefix())
 }
 
 /// A message that can travel: the four of [`crate::message`], and no other.
 pub trait Wire: Message {
     #[doc(hidden)]
-    fn sender(node: &Node<ipc::Service>) -> Result<Rc<dyn Send<Self>>, PortError>;
+    fn sender(node: &Node<FileService>) -> Result<Rc<dyn Send<Self>>, PortError>;
     #[doc(hidden)]
-    fn receiver(node: &Node<ipc::Service>, depth: usize) -> Result<Rc<dyn Receive<Self>>, PortError>;
+    fn receiver(node: &Node<FileService>, depth: usize) -> Result<Rc<dyn Receive<Self>>, PortError>;
     #[doc(hidden)]
-    fn open_as_another_version(node: &Node<ipc::Service>) -> Result<(), PortError>;
+    fn open_as_another_version(node: &Node<FileService>) -> Result<(), PortError>;
 }
 
 macro_rules! wire {
     ($($name:ident),*) => {$(
         impl Wire for $name {
-            fn sender(node: &Node<ipc::Service>) -> Result<Rc<dyn Send<Self>>, PortError> {
+            fn sender(node: &Node<FileService>) -> Result<Rc<dyn Send<Self>>, PortError> {
                 let port = open::<Self>(node, &layout::<Self>())?.publisher_builder().create().map_err(refused::<Self>)?;
                 Ok(Rc::new(port))
             }
-            fn receiver(node: &Node<ipc::Service>, depth: usize) -> Result<Rc<dyn Receive<Self>>, PortError> {
+            fn receiver(node: &Node<FileService>, depth: usize) -> Result<Rc<dyn Receive<Self>>, PortError> {
                 let topic = open::<Self>(node, &layout::<Self>())?;
                 let unreachable = Arc::new(Unreachable::default());
                 let port = RefCell::new(subscriber(&topic, depth, &unreachable)?);
                 Ok(Rc::new(Queue { port, topic, depth, unreachable }))
             }
-            fn open_as_another_version(node: &Node<ipc::Service>) -> Result<(), PortError> {
+            fn open_as_another_version(node: &Node<FileService>) -> Result<(), PortError> {
                 open::<Self>(node, &"0".repeat(16)).map(drop)
             }
         }
@@ -209,7 +205,7 @@ macro_rules! wire {
 }
 wire!(State, Reference, Controls, Actuators);
 
-impl<M: Message + ZeroCopySend> Send<M> for Publisher<ipc::Service, M, ()> {
+impl<M: Message + ZeroCopySend> Send<M> for Publisher<FileService, M, ()> {
     fn send(&self, message: &M) -> Result<(), PortFailure> {
         match self.send_copy(*message) {
             Ok(1..) => Ok(()),
@@ -222,7 +218,7 @@ impl<M: Message + ZeroCopySend> Send<M> for Publisher<ipc::Service, M, ()> {
     }
 }
 
-impl<M: Message + ZeroCopySend> Rehearse for Publisher<ipc::Service, M, ()> {
+impl<M: Message + ZeroCopySend> Rehearse for Publisher<FileService, M, ()> {
     fn rehearse(&self) {
         drop(self.loan_uninit()); // the better half of a send
     }
@@ -230,8 +226,8 @@ impl<M: Message + ZeroCopySend> Rehearse for Publisher<ipc::Service, M, ()> {
 
 /// A subscriber, and the publishers that it could not connect to.
 struct Queue<M: Message + ZeroCopySend> {
-    port: RefCell<Subscriber<ipc::Service, M, ()>>,
-    topic: PortFactory<ipc::Service, M, ()>,
+    port: RefCell<Subscriber<FileService, M, ()>>,
+    topic: PortFactory<FileService, M, ()>,
     depth: usize,
     unreachable: Arc<Unreachable>,
 }
@@ -269,10 +265,10 @@ impl<M: Message + ZeroCopySend> Receive<M> for Queue<M> {
 }
 
 fn subscriber<M: Message + ZeroCopySend>(
-    topic: &PortFactory<ipc::Service, M, ()>,
+    topic: &PortFactory<FileService, M, ()>,
     depth: usize,
     unreachable: &Arc<Unreachable>,
-) -> Result<Subscriber<ipc::Service, M, ()>, PortError> {
+) -> Result<Subscriber<FileService, M, ()>, PortError> {
     let unreachable = unreachable.clone();
     let failed = move |_, info: &DegradationInfo| {
         unreachable.note(numbered(info.sender_port_id));
@@ -286,14 +282,17 @@ fn numbered(id: u128) -> u64 {
     checksum(&[id as u64, (id >> 64) as u64])
 }
 
-fn create<M: Message + ZeroCopySend>(node: &Node<ipc::Service>) -> Result<PortFactory<ipc::Service, M, ()>, PortError> {
+fn create<M: Message + ZeroCopySend>(
+    node: &Node<FileService>,
+    depth: usize,
+) -> Result<PortFactory<FileService, M, ()>, PortError> {
     let mut attributes = AttributeSpecifier::new();
     attributes = attributes.define(&layout_key()?, &attribute(&layout::<M>())?).map_err(refused::<M>)?;
     node.service_builder(&service_name::<M>()?)
         .publish_subscribe::<M>()
         .enable_safe_overflow(true)
         .history_size(1)
-        .subscriber_max_buffer_size(OBSERVER_DEPTH)
+        .subscriber_max_buffer_size(depth)
         .max_publishers(MAX_PUBLISHERS)
         .max_subscribers(MAX_SUBSCRIBERS)
         .max_nodes(MAX_NODES)
@@ -302,33 +301,15 @@ fn create<M: Message + ZeroCopySend>(node: &Node<ipc::Service>) -> Result<PortFa
 }
 
 fn open<M: Message + ZeroCopySend>(
-    node: &Node<ipc::Service>,
+    node: &Node<FileService>,
     layout: &str,
-) -> Result<PortFactory<ipc::Service, M, ()>, PortError> {
+) -> Result<PortFactory<FileService, M, ()>, PortError> {
     let mut attributes = AttributeVerifier::new();
     attributes = attributes.require(&layout_key()?, &attribute(layout)?).map_err(refused::<M>)?;
     node.service_builder(&service_name::<M>()?)
         .publish_subscribe::<M>()
         .open_with_attributes(&attributes)
         .map_err(refused::<M>)
-}
-
-fn config(domain: &Domain) -> Result<Config, PortError> {
-    let bad = |what: String| PortError::Domain(format!("{what} does not fit iceoryx2's limits"));
-    let root = domain.file("iox");
-    let mut config = Config::default();
-    let root = iceoryx2::prelude::Path::new(as_bytes(&root)).map_err(|_| bad(root.display().to_string()))?;
-    config.global.set_root_path(&root);
-    config.global.prefix = FileName::new(domain.prefix().as_bytes()).map_err(|_| bad(domain.prefix()))?;
-    // The launcher watches its children itself; a node that met a corpse here would clean up inside its loop.
-    config.global.node.cleanup_dead_nodes_on_creation = false;
-    config.global.node.cleanup_dead_nodes_on_destruction = false;
-    config.global.service.cleanup_dead_nodes_on_open = false;
-    Ok(config)
-}
-
-fn as_bytes(path: &Path) -> &[u8] {
-    path.as_os_str().as_encoded_bytes()
 }
 
 fn service_name<M: Message>() -> Result<ServiceName, PortError> {
@@ -352,6 +333,7 @@ fn attribute(value: &str) -> Result<AttributeValue, PortError> {
 }
 
 fn refused<M: Message>(error: impl std::fmt::Debug) -> PortError {
-    let otherwise = || format!("{error:?}; if the stack is of another version, stop it and start all of it again");
+    let reason = reason(error);
+    let otherwise = || format!("{reason}; if the stack is of another version, stop it and start all of it again");
     PortError::Service { topic: M::TOPIC.name(), reason: shortage().unwrap_or_else(otherwise) }
 }

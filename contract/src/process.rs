@@ -20,7 +20,7 @@ use crate::message::Stamp;
 use crate::office::VACANT;
 use crate::outlet::Outlet;
 use crate::pace::Pace;
-use crate::port::{Bus, NODE_DEPTH, OBSERVER_DEPTH, PortError, Receive, Wire};
+use crate::port::{Bus, NODE_DEPTH, PortError, Receive, Wire, observer_depth};
 use crate::realtime::{self, Board, now_ns, phase};
 use crate::rehearsal::Rehearsal;
 use crate::scenario::{self, Late, Mode, Scenario, ScenarioError};
@@ -199,7 +199,7 @@ impl Seat {
 
     /// A queue deep enough to see every message, for those who watch and record.
     pub fn observer<M: Wire>(&self) -> Result<Rc<dyn Receive<M>>, SeatError> {
-        self.receiver(OBSERVER_DEPTH)
+        self.receiver(observer_depth(self.scenario.run.rate_hz))
     }
 
     fn receiver<M: Wire>(&self, depth: usize) -> Result<Rc<dyn Receive<M>>, SeatError> {

@@ -4,7 +4,7 @@
 //! second-publisher   opens the topic and answers every message that it hears with two of its own: well-formed, sealed,
 //!                    newer, empty; one with the epoch in office, one with an epoch that nobody has
 //! wrong-layout       opens the topic with another idea of what its messages look like
-//! wrong-user         becomes `nobody`, joins as a node does, and then tries every file of the run by itself
+//! wrong-user         becomes `nobody`, joins as a node does, and then tries the run's files by their names
 //! ```
 //!
 //! Its last line on stdout is how it went. The launcher starts it and writes that down as an event.
@@ -78,8 +78,9 @@ fn on<M: Wire>(args: &IntrudeArgs) -> anyhow::Result<String> {
             })
         }
         FaultKind::WrongUser => {
+            let domain = Domain::find(&args.namespace)?;
             become_nobody()?;
-            Ok(knock(&args.namespace))
+            Ok(knock(&domain))
         }
         _ => bail!("an intruder does not do that"),
     }
@@ -129,14 +130,12 @@ fn become_nobody() -> anyhow::Result<()> {
 }
 
 /// Tries to get in by the door, and then by every window.
-fn knock(namespace: &str) -> String {
-    let Err(refusal) = Seat::join(namespace, Topic::Actuators.publisher(), 1) else {
+fn knock(domain: &Domain) -> String {
+    let Err(refusal) = Seat::join(domain.namespace(), Topic::Actuators.publisher(), 1) else {
         return format!("{LET_IN}it joined");
     };
-    let prefix = format!("trefoil.{namespace}.");
-    let all = std::fs::read_dir("/dev/shm").into_iter().flatten().flatten();
-    let of_the_run = all.filter(|entry| entry.file_name().to_string_lossy().starts_with(&prefix));
-    let files = of_the_run.flat_map(|entry| [entry.path(), entry.path().join("board"), entry.path().join("iox")]);
+    let inside = ["scenario.toml", "board", "iox"].map(|name| domain.file(name));
+    let files = domain.folder.ancestors().take(2).map(PathBuf::from).chain(inside);
     match files.into_iter().find(|file: &PathBuf| File::open(file).is_ok()) {
         Some(file) => format!("{LET_IN}it opened {}", file.display()),
         None => format!("{REFUSED}{refusal}"),

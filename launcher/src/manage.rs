@@ -4,10 +4,9 @@ mod table;
 
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, bail};
+use anyhow::bail;
 use contract::console::is_read;
 use contract::domain::Domain;
-use rustix::process::{Pid, Signal, kill_process};
 use serde_json::{Value, json};
 
 use crate::control::{Request, TargetArgs, ask, target};
@@ -69,20 +68,19 @@ fn look(domain: &Domain) -> Value {
 }
 
 /// Asks the launcher of a flight to end it, and waits until it has.
+///
+/// It is asked by its socket: its process number may be another process's in the PID namespace of who asks.
 pub fn stop(args: &TargetArgs) -> anyhow::Result<()> {
     const LIMIT: Duration = Duration::from_secs(30);
     let domain = args.find()?;
     let flight = target::describe(&domain);
     let namespace = domain.namespace();
-    let pid = domain.launcher_pid().and_then(Pid::from_raw).context("the stack's folder names no process")?;
-    kill_process(pid, Signal::INT).with_context(|| format!("cannot signal the launcher of '{namespace}'"))?;
+    ask(&domain, &Request::Stop)?;
     let deadline = Instant::now() + LIMIT;
-    while domain.folder.exists() {
+    while domain.is_live() {
         if Instant::now() > deadline {
-            bail!(
-                "the stack in '{namespace}' did not end within 30 s; kill process {} to force it",
-                pid.as_raw_nonzero()
-            );
+            let pid = domain.launcher_pid().map_or("its launcher".into(), |pid| format!("process {pid}"));
+            bail!("the stack in '{namespace}' did not end within 30 s; kill {pid} to force it");
         }
         std::thread::sleep(Duration::from_millis(5));
     }

@@ -17,6 +17,7 @@ mod recorders;
 mod regime;
 mod script;
 mod staffing;
+mod surroundings;
 mod swaps;
 
 use std::collections::BTreeMap;
@@ -26,10 +27,10 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use contract::Scenario;
-use contract::domain::Hold;
+use contract::domain::{Hold, check_room};
 use contract::guard::Refusal;
 use contract::office::Staff;
-use contract::port::{Bus, PortFailure, Services, config_toml};
+use contract::port::{Bus, PortFailure, Services, bytes_needed, observer_depth};
 use contract::process::Seat;
 use contract::realtime::{Board, phase, tell_of_crashes};
 use contract::scenario::Fault;
@@ -98,6 +99,8 @@ pub struct Stack {
     control: Server,
     /// Who ordered which of the swaps by hand.
     orderers: BTreeMap<usize, Sender>,
+    /// Whether it was asked to end.
+    stopped: bool,
     /// When the newest message of each topic was sent.
     newest_ns: [u64; Topic::COUNT],
     // Dropped in this order: the services before the domain that holds their files.
@@ -115,15 +118,15 @@ impl Stack {
         interrupts: &AtomicU32,
     ) -> anyhow::Result<Self> {
         tell_of_crashes();
+        surroundings::check(scenario.run.rate_hz)?;
         let hold = Hold::take(namespace)?;
+        check_room(bytes_needed(scenario.run.rate_hz))?; // what a killed launcher has left is wiped by now
         let domain = &hold.domain;
         let shm = |what| move || format!("cannot write {what} in shared memory");
         domain.write("scenario.toml", &contract::scenario::to_toml(scenario)).with_context(shm("settings"))?;
-        domain.write("iceoryx2.toml", &config_toml(domain)).with_context(shm("iceoryx2.toml"))?;
         Board::create(&domain.file("board")).with_context(shm("the board"))?;
         let bus = Bus::attach(domain)?;
-        let services = bus.create_services()?;
-        hold.tighten()?;
+        let services = bus.create_services(observer_depth(scenario.run.rate_hz))?;
         let seat = Seat::join(namespace, "launcher", 1)?;
         let observers = Observers::join(&seat)?;
         let host = Host::new(domain.clone(), scenario)?;
@@ -139,6 +142,7 @@ impl Stack {
             scenario: scenario.clone(),
             control: Server::open(domain).with_context(shm("the control socket"))?,
             orderers: BTreeMap::new(),
+            stopped: false,
             newest_ns: [0; Topic::COUNT],
             _services: services,
             _bus: bus,
@@ -172,7 +176,7 @@ impl Stack {
                 scheduling =
                     self.children.all.iter().map(|p| (p.name.to_owned(), scheduling_of(p.child.id()))).collect();
             }
-            if interrupts.load(Ordering::Relaxed) > 0 {
+            if interrupts.load(Ordering::Relaxed) > 0 || self.stopped {
                 break Ended::Interrupted;
             }
             let events = self.host.look(plant_tick(&self.board), &self.children);
@@ -232,7 +236,7 @@ impl Stack {
         loop {
             let silent = seat.probe_once().map_err(|error| StartError::Lost(error.to_string()))?;
             let Some(name) = silent.or_else(|| self.unready()) else { return Ok(()) };
-            if interrupts.load(Ordering::Relaxed) > 0 {
+            if interrupts.load(Ordering::Relaxed) > 0 || self.stopped {
                 return Err(StartError::Interrupted.into());
             }
             if let Some((i, how)) = self.children.departed() {

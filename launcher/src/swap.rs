@@ -91,8 +91,7 @@ fn news(domain: &Domain, since: usize) -> anyhow::Result<Option<Vec<Value>>> {
 }
 
 fn flies(domain: &Domain) -> bool {
-    let lives = Domain::list().iter().any(|other| other.folder == domain.folder);
-    lives && Board::open(&domain.file("board")).is_ok_and(|board| board.phase().count() == phase::GO)
+    domain.is_live() && Board::open(&domain.file("board")).is_ok_and(|board| board.phase().count() == phase::GO)
 }
 
 /// What has become of swap number `swap`, by the `story` of its node, when it is over.

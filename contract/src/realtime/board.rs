@@ -20,6 +20,7 @@ use rustix::thread::futex;
 
 use super::clock::to_timespec;
 use crate::Topic;
+use crate::domain::allocate;
 use crate::ledger::Ledger;
 use crate::office::Office;
 
@@ -108,7 +109,7 @@ impl Board {
     /// Makes the page as a new file; the launcher does this once per run.
     pub fn create(path: &Path) -> io::Result<Self> {
         let file = OpenOptions::new().read(true).write(true).create_new(true).mode(0o600).open(path)?;
-        file.set_len(PAGE_BYTES as u64)?;
+        allocate(&file, PAGE_BYTES as u64)?;
         let board = Self::map(&file)?;
         board.page().magic.store(MAGIC, Ordering::Release);
         Ok(board)

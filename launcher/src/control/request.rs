@@ -38,6 +38,8 @@ pub enum Request {
         /// Those of what; of everything, when absent.
         target: Option<FaultTarget>,
     },
+    /// The flight is to end, as by Ctrl-C.
+    Stop,
 }
 
 /// The response to a request.

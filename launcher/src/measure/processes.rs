@@ -1,5 +1,6 @@
 //! The processes of a stack and its shared memory, seen from outside: by namespace, as a user sees them.
 
+use contract::domain::Domain;
 use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
 
 /// A process of a stack.
@@ -46,8 +47,6 @@ impl Process {
 
 /// What a stack has left when it is over: names in shared memory, and processes.
 pub fn left(namespace: &str) -> Vec<String> {
-    let entries = std::fs::read_dir("/dev/shm").into_iter().flatten().flatten();
-    let names = entries.map(|entry| entry.file_name().to_string_lossy().into_owned());
-    let of_it = names.filter(|name| name.starts_with(&format!("trefoil.{namespace}.")));
-    of_it.chain(Process::all(namespace).into_iter().map(|process| process.name)).collect()
+    let folder = Domain::left(namespace).map(|domain| domain.folder.display().to_string());
+    folder.into_iter().chain(Process::all(namespace).into_iter().map(|process| process.name)).collect()
 }

@@ -32,6 +32,10 @@ impl Stack {
             Request::Inject { fault } => self.inject(*fault, sender),
             Request::Clear { target } => self.clear(*target, sender),
             Request::Swap(swap) => self.order_swap(swap.clone(), sender),
+            Request::Stop => {
+                self.stopped = true;
+                Ok(Value::Null)
+            }
         };
         done.map_or_else(Response::Error, Response::Ok)
     }

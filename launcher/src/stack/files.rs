@@ -95,9 +95,10 @@ mod tests {
         let domain = hold.domain.clone();
         let segment = |pid: u128, number: u128| {
             let id = (1_u128 << 96) + (pid << 64) + number;
-            PathBuf::from(format!("/dev/shm/{}hash_{id}.data", domain.prefix()))
+            domain.file(&format!("iox/hash_{id}.data"))
         };
         let (kept, removed, cut, dead) = (segment(41, 1), segment(41, 2), domain.file("board"), segment(42, 3));
+        std::fs::create_dir(domain.file("iox")).expect("the run's folder is ours");
         for path in [&kept, &removed, &cut, &dead] {
             std::fs::write(path, [0; 64]).expect("shared memory can be written");
         }

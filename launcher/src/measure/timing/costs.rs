@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use contract::domain::Hold;
 use contract::message::Controls;
-use contract::port::Bus;
+use contract::port::{Bus, LEAST_DEPTH};
 use contract::realtime::{now_ns, thread_cpu_ns};
 use serde::Serialize;
 
@@ -45,7 +45,7 @@ impl Costs {
     pub fn measure() -> anyhow::Result<Self> {
         let hold = Hold::take(&namespace())?;
         let bus = Bus::attach(&hold.domain)?;
-        let _services = bus.create_services()?;
+        let _services = bus.create_services(LEAST_DEPTH)?;
         let sender = bus.sender::<Controls>()?;
         let receivers = [bus.receiver::<Controls>(2)?, bus.receiver::<Controls>(2)?];
         let message = Controls::default();

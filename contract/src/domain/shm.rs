@@ -1,0 +1,82 @@
+//! Shared memory as the system has it: `/dev/shm`, the user's folder in it, and how much there is.
+
+use std::fs::{self, DirBuilder, File};
+use std::io::{self, ErrorKind};
+use std::os::fd::OwnedFd;
+use std::os::unix::fs::{DirBuilderExt, MetadataExt};
+use std::path::{Path, PathBuf};
+
+use rustix::fs::{FallocateFlags, Mode, OFlags, StatVfs, fallocate, fstat, open, statvfs};
+use rustix::io::Errno;
+
+use super::DomainError;
+
+/// Where shared memory is.
+pub const SHM: &str = "/dev/shm";
+/// How many names a user's folder can have; another user's file can stand under some.
+pub const NAMES: usize = 8;
+/// A flight makes about a hundred files; some more for processes that are replaced.
+pub const FILES_NEEDED: u64 = 300;
+const MEGABYTE: u64 = 1 << 20;
+
+/// Whether shared memory has room for a flight of `bytes`.
+pub fn check_room(bytes: u64) -> Result<(), DomainError> {
+    let StatVfs { f_bavail, f_frsize, f_files, f_favail, .. } =
+        statvfs(SHM).map_err(|error| DomainError::Io { path: SHM.into(), source: error.into() })?;
+    let free = f_bavail * f_frsize;
+    if free < bytes {
+        return Err(DomainError::Full { need_mb: bytes.div_ceil(MEGABYTE), free_mb: free / MEGABYTE });
+    }
+    // A file system that counts no files says 0.
+    if f_files > 0 && f_favail < FILES_NEEDED { Err(DomainError::NoFiles(f_favail)) } else { Ok(()) }
+}
+
+/// Gives a file in shared memory its length, and all its memory: a page that is not to be had when it is first written to
+/// would end the process (SIGBUS).
+pub fn allocate(file: &File, bytes: u64) -> io::Result<()> {
+    match fallocate(file, FallocateFlags::empty(), 0, bytes) {
+        Err(Errno::OPNOTSUPP) => file.set_len(bytes), // in a file system that is no tmpfs
+        done => Ok(done?),
+    }
+}
+
+/// Where the user's folder can be.
+fn names() -> impl Iterator<Item = PathBuf> {
+    let first = format!("{SHM}/trefoil-{}", rustix::process::geteuid().as_raw());
+    (0..NAMES).map(move |i| if i == 0 { first.clone() } else { format!("{first}.{i}") }.into())
+}
+
+/// The user's folder, or several, when another user's file has stood in the way at times.
+pub fn homes() -> impl Iterator<Item = PathBuf> {
+    names().filter(|path| is_private(path))
+}
+
+/// Whether `path` is a folder, this user's, and nobody else may enter it.
+fn is_private(path: &Path) -> bool {
+    let own = rustix::process::geteuid().as_raw();
+    let stat = open_folder(path).and_then(fstat);
+    stat.is_ok_and(|stat| stat.st_uid == own && stat.st_mode & 0o777 == 0o700)
+}
+
+/// The user's folder, made if it is not there.
+pub fn make_home() -> Result<PathBuf, DomainError> {
+    let failed = |path: &Path, source| DomainError::Io { path: path.into(), source };
+    let mode = fs::metadata(SHM).map_err(|error| failed(Path::new(SHM), error))?.mode();
+    if mode & 0o022 != 0 && mode & 0o1000 == 0 {
+        let why = "other users may rename what is in it; forbid it, as root: `chmod +t /dev/shm`";
+        return Err(failed(Path::new(SHM), io::Error::other(why)));
+    }
+    for path in names() {
+        match DirBuilder::new().mode(0o700).create(&path) {
+            Err(error) if error.kind() != ErrorKind::AlreadyExists => return Err(failed(&path, error)),
+            _ if is_private(&path) => return Ok(path),
+            _ => {}
+        }
+    }
+    Err(DomainError::Crowded(names().next().unwrap_or_default()))
+}
+
+/// Opens a folder, and nothing else: neither waits for a fifo's other end nor follows a link.
+pub fn open_folder(path: &Path) -> Result<OwnedFd, Errno> {
+    open(path, OFlags::RDONLY | OFlags::DIRECTORY | OFlags::NOFOLLOW | OFlags::CLOEXEC, Mode::empty())
+}
