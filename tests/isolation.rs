@@ -155,7 +155,7 @@ fn who_cannot_hear_for_want_of_a_segment_is_lost_by_name() {
     let killed = "{at_s=1, target=\"guidance\", kind=\"kill\"}";
     let outcome = fly_with("realtime", 2.5, &format!("{removed},{killed}"));
     assert_eq!(outcome.code(), Some(3), "{}", outcome.stderr);
-    assert!(outcome.stderr.contains("topic 'state': its publisher cannot be heard"), "{}", outcome.stderr);
+    assert!(outcome.stderr.contains("topic 'state': plant cannot be heard"), "{}", outcome.stderr);
     assert!(outcome.stderr.contains("lost guidance"), "{}", outcome.stderr);
 }
 

@@ -15,12 +15,14 @@ use crate::harness::{namespace, top};
 #[derive(Clone, Copy)]
 enum Must {
     Fly,
+    /// Fly, and end with exit code 3 because its words cannot be printed.
+    FlyUnprinted,
     /// Not begin, with one of these words in what it says; or fly.
     FlyOrSay(&'static [&'static str]),
     /// Not begin, with this word in what it says.
     Say(&'static str),
 }
-use Must::{Fly, FlyOrSay, Say};
+use Must::{Fly, FlyOrSay, FlyUnprinted, Say};
 
 /// The user `nobody`.
 const USER: &[&str] = &["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups"];
@@ -52,7 +54,7 @@ fn cases() -> Vec<(&'static str, Vec<&'static str>, Must)> {
         ("/dev/shm of 1 MB", sh("mount -t tmpfs -o size=1m none /dev/shm && exec \"$@\""), Say("/dev/shm")),
         ("HOME unset", vec!["env", "-u", "HOME"], Fly),
         ("stdout and stderr closed", sh("exec \"$@\" >&- 2>&-"), Fly),
-        ("stdout and stderr full", sh("exec \"$@\" >/dev/full 2>/dev/full"), Fly),
+        ("stdout and stderr full", sh("exec \"$@\" >/dev/full 2>/dev/full"), FlyUnprinted),
         ("stdout and stderr slow", sh("(\"$@\" 2>&1; echo $? >&3) 3>\"$OUT.code\" | (sleep 3; cat >/dev/null)"), Fly),
         ("SIGCHLD ignored", sh("trap '' CHLD; exec \"$@\""), Fly),
         ("SIGHUP ignored", vec!["nohup"], Fly),
@@ -100,11 +102,11 @@ fn fly(program: &Path, wrap: &[&str]) -> Came {
 
 /// What speaks against how it came; nothing when it is as it must be.
 fn judge(must: Must, came: &Came) -> Result<String, String> {
-    let flown = || -> Result<String, String> {
+    let flown = |code: i32| -> Result<String, String> {
         let run = came.run.as_ref().ok_or_else(|| format!("no run.json, exit {:?}: {}", came.code, came.said))?;
         let error_m = run["metrics"]["max_position_error_m"].as_f64().unwrap_or(f64::NAN);
         let whole = run["flown_s"].as_f64() >= Some(2.0) && run["unobserved"] == 0 && run["log"]["dropped"] == 0;
-        if came.code != Some(0) || !whole || error_m.is_nan() || error_m > 0.2 {
+        if came.code != Some(code) || !whole || error_m.is_nan() || error_m > 0.2 {
             return Err(format!("exit {:?}, {error_m} m, {}: {}", came.code, run["ended"], came.said));
         }
         let mixer = &run["provenance"]["scheduling"]["mixer"];
@@ -118,9 +120,10 @@ fn judge(must: Must, came: &Came) -> Result<String, String> {
         if told { Ok(format!("refused: {first}")) } else { Err(format!("exit {:?}: {}", came.code, came.said)) }
     };
     match must {
-        Fly => flown(),
+        Fly => flown(0),
+        FlyUnprinted => flown(3),
         Say(word) => refused(&[word]),
-        FlyOrSay(words) => flown().or_else(|_| refused(words)),
+        FlyOrSay(words) => flown(0).or_else(|_| refused(words)),
     }
 }
 

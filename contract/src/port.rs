@@ -26,6 +26,7 @@ use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 use storage::{FileService, allocate_own, config, reason};
 pub use storage::{LEAST_DEPTH, bytes_needed, makers, observer_depth};
 
+use crate::Topic;
 use crate::domain::Domain;
 use crate::integrity::checksum;
 use crate::message::{Actuators, Controls, Message, Reference, State};
@@ -53,10 +54,10 @@ pub enum PortError {
         reason: String,
     },
     /// Nothing that is sent there arrives.
-    #[error("topic '{topic}': its publisher cannot be heard: {reason}")]
+    #[error("topic '{}': {} cannot be heard: {reason}", .topic.name(), .topic.publisher())]
     Unheard {
         /// Which topic.
-        topic: &'static str,
+        topic: Topic,
         /// Why.
         reason: String,
     },

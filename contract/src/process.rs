@@ -207,7 +207,7 @@ impl Seat {
         let (board, queue) = (self.board.clone(), port.clone());
         let unheard = || {
             let gone = || "its files in shared memory are gone or damaged; fly again".into();
-            PortError::Unheard { topic: M::TOPIC.name(), reason: realtime::shortage().unwrap_or_else(gone) }
+            PortError::Unheard { topic: M::TOPIC, reason: realtime::shortage().unwrap_or_else(gone) }
         };
         let speaker = move || {
             let office = board.office(M::TOPIC);

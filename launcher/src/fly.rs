@@ -196,6 +196,7 @@ fn fly_processes(
 /// The kernel refuses a file that is too large in words that do not say why.
 fn with_file_limit(error: anyhow::Error) -> anyhow::Error {
     match getrlimit(Resource::Fsize).current {
+        Some(_) if error.to_string().contains("ulimit -f") => error,
         Some(bytes) => error.context(format!("no file may be larger than {} kB here (`ulimit -f`)", bytes / 1024)),
         None => error,
     }
