@@ -113,13 +113,13 @@ impl Supervisor {
     }
 
     /// The process `epoch` of a node works, but not with the others, and `why`: it counts as hung.
-    pub fn unheard(&mut self, board: &Board, topic: Topic, epoch: u32, why: &str) -> Option<Order> {
+    pub fn unheard(&mut self, board: &Board, topic: Topic, epoch: u32, why: &str) -> Order {
         let event = Event::new(plant_tick(board), topic.publisher(), epoch, What::Hung).because(why);
         self.events.push(event);
         if topic != Topic::State {
             self.nodes[topic as usize].vacate(board, epoch); // dying takes milliseconds, for which nobody is to wait
         }
-        Some(Order::Kill(topic, epoch))
+        Order::Kill(topic, epoch)
     }
 
     /// What is to be done now; swaps may have been added to `scenario` since the last time.

@@ -74,7 +74,7 @@ impl Regime {
     }
 
     /// The process `epoch` of a node works, but not with the others, and `why`.
-    pub fn unheard(&mut self, board: &Board, topic: Topic, epoch: u32, why: &str) -> Option<Order> {
+    pub fn unheard(&mut self, board: &Board, topic: Topic, epoch: u32, why: &str) -> Order {
         match self {
             Self::Clock(supervisor) => supervisor.unheard(board, topic, epoch, why),
             Self::Script(script) => script.unheard(board, topic, epoch, why),

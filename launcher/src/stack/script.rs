@@ -108,10 +108,10 @@ impl Script {
     }
 
     /// The process `epoch` of a node works, but not with the others, and `why`: it counts as hung.
-    pub fn unheard(&mut self, board: &Board, topic: Topic, epoch: u32, why: &str) -> Option<Order> {
+    pub fn unheard(&mut self, board: &Board, topic: Topic, epoch: u32, why: &str) -> Order {
         let event = Event::new(plant_tick(board), topic.publisher(), epoch, What::Hung).because(why);
         self.succession.events.push(event);
-        Some(Order::Kill(topic, epoch))
+        Order::Kill(topic, epoch)
     }
 
     /// Who keeps the ring waiting for too long.
@@ -144,6 +144,6 @@ impl Script {
         let behind = u64::from(sampled) > u64::from(board.recorded().count()) + LEAD_TICKS;
         let plant = || (!behind).then_some((Topic::State, employed(Topic::State)[0]));
         let (topic, epoch) = late.or_else(plant)?;
-        self.unheard(board, topic, epoch, "it stands still")
+        Some(self.unheard(board, topic, epoch, "it stands still"))
     }
 }

@@ -71,9 +71,8 @@ impl Stack {
                     continue;
                 }
             };
-            if let Some(order) = self.regime.unheard(&self.board, topic, epoch, &why) {
-                self.obey(order);
-            }
+            let order = self.regime.unheard(&self.board, topic, epoch, &why);
+            self.obey(order);
         }
     }
 

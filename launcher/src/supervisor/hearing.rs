@@ -192,7 +192,9 @@ mod tests {
     #[test]
     fn who_is_heard_by_nobody_is_mute() {
         let silent = |tick: u32, nodes: &mut [Counts; Topic::COUNT], launcher: &mut Counts| {
-            nodes.iter_mut().for_each(|node| node.received[0] = tick.min(9));
+            for node in nodes {
+                node.received[0] = tick.min(9);
+            }
             launcher.received[0] = tick.min(9);
         };
         assert_eq!(found(silent), [Silence::Mute(Topic::State, 1)]);

@@ -71,7 +71,7 @@ pub fn fly(scenario: &Scenario, placement: Placement, interrupts: &AtomicU32) ->
         cpu_percent: meter.share_percent(),
         as_asked: flown.scheduling.iter().all(|(_, got)| got.policy == asked),
         times_realtime: summary.time_s() / flown.wall.as_secs_f64(),
-        inside: !summary.status().diverged() && verdicts(&scenario, &summary.metrics()).iter().all(|v| v.ok),
+        inside: !summary.status().diverged() && verdicts(scenario, &summary.metrics()).iter().all(|v| v.ok),
     })
 }
 
