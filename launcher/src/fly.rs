@@ -8,6 +8,7 @@ use std::time::Instant;
 use anyhow::Context;
 use clap::ValueEnum;
 use contract::Scenario;
+use contract::message::PlantStatus;
 use contract::process::exit;
 use contract::realtime::keep_nohup;
 use contract::scenario::{self, Mode};
@@ -86,13 +87,21 @@ pub fn fly(args: &FlyArgs) -> anyhow::Result<u8> {
             fly_processes(args, &mut scenario, log.as_deref(), &mut summary, &interrupts)
         }
     };
-    let how = match flown {
+    let mut how = match flown {
         Ok(how) => how,
         Err(error) => {
             out.withdraw();
             return Err(error);
         }
     };
+    if matches!(how.ended, Ended::Flown) && summary.status() == PlantStatus::Flying {
+        how.ended = Ended::Unseen(format!("at {:.2} s, the last that was seen, the plant was flying", summary.time_s()));
+    }
+    match &how.ended {
+        Ended::Lost(name) => eprint_line(&format!("error: lost {name}; the stack was stopped")),
+        Ended::Unseen(what) => eprint_line(&format!("error: {what}")),
+        Ended::Flown | Ended::Interrupted | Ended::Late(_) => {}
+    }
 
     let settings = || write_whole(&out.path.join("scenario.toml"), scenario::to_toml(&scenario).as_bytes());
     let written = if scenario == ordered { Ok(()) } else { settings() };
@@ -182,11 +191,6 @@ fn fly_processes(
         },
     );
     progress.finish();
-    match &flown.ended {
-        Ended::Lost(name) => eprint_line(&format!("error: lost {name}; the stack was stopped")),
-        Ended::Unseen(what) => eprint_line(&format!("error: {what}")),
-        Ended::Flown | Ended::Interrupted | Ended::Late(_) => {}
-    }
     let Flown { ended, log, wall, scheduling, events, scenario: flown_scenario, refused, port_failures } = flown;
     *scenario = flown_scenario;
     let provenance = provenance(scenario, &scheduling);

@@ -2,7 +2,6 @@
 
 use contract::Scenario;
 use contract::guard::Refusal;
-use contract::message::PlantStatus;
 use contract::port::PortFailure;
 use contract::process::exit;
 use contract::scenario::{Mode, TrajectoryKind};
@@ -42,7 +41,7 @@ pub fn exit_code(summary: &Summary, scenario: &Scenario, how: &Circumstances) ->
         Ended::Interrupted => exit::INTERRUPTED,
         Ended::Lost(_) | Ended::Unseen(_) => exit::PROCESS_LOST,
         Ended::Late(_) => exit::BUDGET_BROKEN,
-        Ended::Flown if log_lost || summary.status() == PlantStatus::Flying => exit::PROCESS_LOST,
+        Ended::Flown if log_lost => exit::PROCESS_LOST,
         Ended::Flown if summary.status().diverged() => exit::OUT_OF_BOUNDS,
         Ended::Flown if verdicts(scenario, &summary.metrics()).iter().any(|v| !v.ok) => exit::OUT_OF_BOUNDS,
         Ended::Flown => exit::FLOWN,
@@ -58,7 +57,6 @@ pub fn describe_end(summary: &Summary, how: &Circumstances) -> String {
         Ended::Late(name) => format!("stopped at {t:.2} s: {name} missed its deadline"),
         Ended::Unseen(what) => format!("flown, but not seen whole: {what}"),
         Ended::Flown if summary.status().diverged() => format!("diverged at {t:.2} s: {}", summary.status().describe()),
-        Ended::Flown if summary.status() == PlantStatus::Flying => format!("seen no further than {t:.2} s"),
         Ended::Flown => format!("flown to the end, {t:.2} s"),
     }
 }
