@@ -20,11 +20,13 @@
 //! | [`office`], [`plan`] | which process speaks for a node |
 //! | [`ledger`], [`roll`] | faults given while flying, and who suffers which |
 //! | [`domain`] | what a run owns in shared memory, by namespace |
+//! | [`file`] | reading files that come from outside |
 //! | [`realtime`] | time, priority, the shared page of bells; the only `unsafe` |
 //! | [`process`] | a process of the stack: join, run, leave |
 
 pub mod cycle;
 pub mod domain;
+pub mod file;
 pub mod guard;
 pub mod inlet;
 pub mod integrity;
