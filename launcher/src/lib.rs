@@ -18,12 +18,14 @@
 //! | [`report`] | `report.html` |
 //! | [`trace`] | `trace`: ticks of a run for a trace viewer |
 //! | [`control`] | the socket on which a flying stack is asked and told |
+//! | `duration` | durations on the command line |
 //! | [`manage`] | `status` and `stop` |
 //! | [`swap`] | `swap`: another process for a node of a flying stack |
 //! | [`measure`] | `measure`: figures with targets |
 
 pub mod cli;
 pub mod control;
+mod duration;
 pub mod event;
 pub mod faults;
 pub mod fly;

@@ -2,10 +2,12 @@
 
 mod table;
 
+use std::io::{IsTerminal, Write};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use contract::domain::Domain;
+use contract::file::{self, LARGEST_TEXT};
 use contract::realtime::{Board, phase};
 use contract::scenario;
 use rustix::process::{Pid, Signal, kill_process};
@@ -18,11 +20,14 @@ use table::describe;
 /// How often `status --watch` looks.
 const WATCH: Duration = Duration::from_millis(500);
 
+/// What makes an empty screen of a terminal, and begins at its top.
+const CLEAR: &str = "\x1b[H\x1b[J";
+
 /// Arguments of `status`.
 #[derive(clap::Args)]
 pub struct StatusArgs {
-    /// Print JSON
-    #[arg(long, conflicts_with = "watch")]
+    /// Print JSON; with --watch, one document per line
+    #[arg(long)]
     json: bool,
     /// Look again twice a second, until Ctrl-C
     #[arg(long)]
@@ -31,20 +36,24 @@ pub struct StatusArgs {
 
 /// Lists the stacks that fly: how far they are, how their nodes are, what is broken, and what happened last.
 pub fn status(args: &StatusArgs) -> anyhow::Result<()> {
+    let mut out = std::io::stdout();
+    let between = if out.is_terminal() { CLEAR } else { "\n" };
+    let mut looked = false;
     loop {
         let stacks: Vec<Value> = Domain::list().iter().map(look).collect();
-        if args.json {
-            print(&(serde_json::to_string_pretty(&stacks)? + "\n"));
-        } else if stacks.is_empty() {
-            print("no stack is flying\n");
-        } else {
-            print(&stacks.iter().map(describe).collect::<Vec<_>>().join("\n"));
+        let text = match args {
+            StatusArgs { json: true, watch: true } => serde_json::to_string(&stacks)? + "\n",
+            StatusArgs { json: true, .. } => serde_json::to_string_pretty(&stacks)? + "\n",
+            _ if stacks.is_empty() => "no stack is flying\n".to_owned(),
+            _ => stacks.iter().map(describe).collect::<Vec<_>>().join("\n"),
+        };
+        let between = if looked && !args.json { between } else { "" };
+        let told = out.write_all((between.to_owned() + &text).as_bytes()).and_then(|()| out.flush());
+        if !args.watch || told.is_err() {
+            return Ok(()); // a reader that has gone, as in `launcher status --watch | head`, is no error
         }
-        if !args.watch {
-            return Ok(());
-        }
+        looked = true;
         std::thread::sleep(WATCH);
-        print("\x1b[H\x1b[J"); // an empty screen, from the top
     }
 }
 
@@ -52,7 +61,7 @@ pub fn status(args: &StatusArgs) -> anyhow::Result<()> {
 /// leave its own traces in the shared memory being wiped. What is gone already is absent.
 fn look(domain: &Domain) -> Value {
     let mut view = json!({ "namespace": domain.namespace(), "launcher_pid": domain.launcher_pid() });
-    let settings = std::fs::read_to_string(domain.file("scenario.toml")).ok();
+    let settings = file::read_text(&domain.file("scenario.toml"), LARGEST_TEXT).ok();
     let mut rate_hz = None;
     if let Some(scenario) = settings.and_then(|text| scenario::from_merged(&text, "settings").ok()) {
         view["name"] = json!(scenario.name);

@@ -12,6 +12,6 @@ mod command;
 mod request;
 mod server;
 
-pub use command::{ClearArgs, InjectArgs, clear, inject};
+pub use command::{ClearArgs, InjectArgs, clear, inject, word};
 pub use request::{Request, Response, ask};
 pub use server::Server;

@@ -2,7 +2,6 @@
 
 use std::{
     collections::HashMap,
-    fs::File,
     io::{BufReader, Read},
     path::Path,
 };
@@ -10,6 +9,7 @@ use std::{
 use anyhow::{Context, bail};
 use contract::{
     Topic,
+    file::{self, LARGEST_LOG},
     message::{Actuators, Controls, Reference, State},
 };
 use mcap::{
@@ -67,12 +67,11 @@ pub fn read(path: &Path) -> anyhow::Result<Log> {
 /// The same, but for the messages, which `each` gets one by one in the order of writing.
 pub fn read_in_order(path: &Path, each: impl FnMut(Record)) -> anyhow::Result<Log> {
     let cannot_read = || format!("cannot read {}", path.display());
-    let file = File::open(path).with_context(cannot_read)?;
-    let file_bytes = file.metadata().with_context(cannot_read)?.len() as usize;
+    let (file, file_bytes) = file::open(path, LARGEST_LOG).with_context(cannot_read)?;
     let mut file = BufReader::new(file);
     let mut mcap = LinearReader::new_with_options(
         LinearReaderOptions::default()
-            .with_record_length_limit(file_bytes) // a length beyond the file is damage, not a reason to allocate
+            .with_record_length_limit(file_bytes as usize) // a length beyond the file is damage, not a reason to allocate
             .with_prevalidate_chunk_crcs(true)
             .with_validate_data_section_crc(true)
             .with_validate_summary_section_crc(true),

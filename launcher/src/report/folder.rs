@@ -1,9 +1,10 @@
 //! From a run's folder to its page: `flight.mcap` and `run.json` in, `report.html` out.
 
-use std::fs;
+use std::io::ErrorKind;
 use std::path::Path;
 
 use anyhow::Context;
+use contract::file::{self, LARGEST_RESULTS};
 use contract::{Topic, scenario};
 use serde_json::Value;
 
@@ -21,11 +22,11 @@ pub fn rewrite(folder: &Path) -> anyhow::Result<()> {
     let path = folder.join("flight.mcap");
     let log = log::read(&path)?;
     let scenario = scenario::from_merged(&log.scenario_toml, &format!("the settings in {}", path.display()))?;
-    let run = match fs::read_to_string(folder.join("run.json")) {
-        Ok(text) => {
-            serde_json::from_str(&text).with_context(|| format!("{} is not JSON", folder.join("run.json").display()))?
-        }
-        Err(_) => summary_of(&log, &scenario),
+    let run_json = folder.join("run.json");
+    let run = match file::read_text(&run_json, LARGEST_RESULTS) {
+        Ok(text) => serde_json::from_str(&text).with_context(|| format!("{} is not JSON", run_json.display()))?,
+        Err(error) if error.kind() == ErrorKind::NotFound => summary_of(&log, &scenario),
+        Err(error) => return Err(error).with_context(|| format!("cannot read {}", run_json.display())),
     };
     let flight =
         Flight { states: &log.states, references: &log.references, controls: &log.controls, actuators: &log.actuators };

@@ -22,6 +22,7 @@ use serde_json::{Value, json};
 
 use self::events::Trace;
 use self::window::Window;
+use crate::duration::seconds;
 use crate::fly::write_whole;
 use crate::log::{self, Log};
 use crate::print;
@@ -32,13 +33,13 @@ use crate::report::Flight;
 pub struct TraceArgs {
     /// Folder of the run, or its flight.mcap
     pub run: PathBuf,
-    /// Where the window begins, in simulated seconds
-    #[arg(long, value_name = "S")]
+    /// Where the window begins in simulated time: 500ms, 2s, 1min, plain seconds
+    #[arg(long = "from", alias = "from-s", value_name = "TIME", value_parser = seconds)]
     pub from_s: Option<f64>,
-    /// How long it is, in s
-    #[arg(long, value_name = "S", default_value_t = 1.0)]
+    /// How long it is
+    #[arg(long = "for", alias = "for-s", value_name = "TIME", default_value = "1s", value_parser = seconds)]
     pub for_s: f64,
-    /// Around the tick with the largest response or age, as without --from-s
+    /// Around the tick with the largest response or age, as without --from
     #[arg(long, conflicts_with = "from_s")]
     pub worst: bool,
     /// File to write [default: trace.json beside the log]
@@ -94,7 +95,7 @@ pub fn document(log: &Log, scenario: &Scenario, from_s: Option<f64>, for_s: f64)
     let rows = rows.get(window.ticks(rows.len())).unwrap_or_default();
     ensure!(
         rows.iter().any(|row| row.state.is_some()),
-        "no tick in {}: the log covers {:.2} s; choose another window with --from-s and --for-s",
+        "no tick in {}: the log covers {:.2} s; choose another window with --from and --for",
         window.describe(),
         log.states.last().map_or(0.0, |state| state.stamp.tick as f64 * sample_s)
     );
