@@ -9,7 +9,7 @@ use contract::scenario;
 
 use crate::measure::Measure;
 use crate::stack::StartError;
-use crate::{control, fly, intruder, manage, print, recorder, report, swap, trace};
+use crate::{control, fly, intruder, manage, print, recorder, report, settings, swap, trace};
 
 #[derive(Parser)]
 #[command(name = "launcher", version, about = "Flies a tilt-rotor tricopter through separate real-time processes")]
@@ -117,7 +117,7 @@ pub fn main() -> ExitCode {
 }
 
 fn check(scenario: &std::path::Path, set: &[String]) -> anyhow::Result<u8> {
-    let merged = scenario::load(Some(scenario), set)?;
+    let merged = settings::load(Some(scenario), set)?;
     print(&scenario::to_toml(&merged));
     eprintln!("{}: fine", scenario.display());
     Ok(exit::FLOWN)

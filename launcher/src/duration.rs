@@ -64,7 +64,7 @@ mod tests {
     fn some_have_no_end_and_some_are_milliseconds() {
         assert_eq!([seconds_or_inf("inf"), seconds_or_inf("1s")], [Ok(f64::INFINITY), Ok(1.0)]);
         assert!(seconds_or_inf("nan").unwrap_err().contains("or inf"));
-        assert_eq!(["20", "20ms", "0.02s"].map(milliseconds), [Ok(20.0); 3]);
+        assert_eq!(["20", "20ms", "0.02s"].map(milliseconds), [Ok(20.0), Ok(20.0), Ok(20.0)]);
         assert_eq!(["-5", "-5ms", "5"].map(signed_milliseconds), [Ok(-5.0), Ok(-5.0), Ok(5.0)]);
     }
 }

@@ -122,7 +122,7 @@ fn settings(args: &FlyArgs) -> anyhow::Result<Scenario> {
         let mode = Mode::from(mode);
         overrides.push(format!("run.mode={}", serde_json::to_value(mode)?.as_str().unwrap_or_default()));
     }
-    Ok(scenario::load(args.scenario.as_deref(), &overrides)?)
+    Ok(crate::settings::load(args.scenario.as_deref(), &overrides)?)
 }
 
 fn fly_inprocess(

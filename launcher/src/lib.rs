@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`cli`] | the command line |
 //! | [`fly`] | one flight from scenario to report |
+//! | [`settings`] | the settings of a flight, checked before it |
 //! | [`inprocess`] | the ring turned by one thread |
 //! | [`stack`] | the ring as processes: start, watch, stop |
 //! | [`event`] | what happens to processes, and how the recorder hears of it |
@@ -38,6 +39,7 @@ pub mod provenance;
 pub mod recorder;
 pub mod report;
 pub mod run_record;
+pub mod settings;
 pub mod solves;
 pub mod stack;
 pub mod succession;

@@ -212,3 +212,16 @@ proptest! {
         prop_assert!(x.iter().all(|x| x.is_finite()));
     }
 }
+
+#[test]
+fn zz_suspect() {
+    let mut uniform = uniform(6_100_534_943_901_768_181);
+    let mut problem = Problem::draw(&mut uniform);
+    problem.offsets.iter_mut().for_each(|x| *x *= 10_f64.powf(4.252015350575705));
+    let mut solver = solver(&problem);
+    let mut x = problem.centre.clone();
+    for _ in 0..2 {
+        let o = solver.solve(&problem.centre, &problem.offsets, &mut x);
+        eprintln!("{o:?}");
+    }
+}

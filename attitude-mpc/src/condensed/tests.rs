@@ -9,7 +9,7 @@ use crate::fixture;
 
 fn condensed(scenario: &Scenario) -> (PredictionModel, Condensed) {
     let model = PredictionModel::new(scenario);
-    let condensed = Condensed::new(&model, &scenario.mpc);
+    let condensed = Condensed::new(&model, &scenario.mpc).unwrap();
     (model, condensed)
 }
 
@@ -17,7 +17,7 @@ fn condensed(scenario: &Scenario) -> (PredictionModel, Condensed) {
 fn cost(model: &PredictionModel, weights: &Mpc, given: &DVector<f64>, plan: &DVector<f64>) -> f64 {
     let n = model.states();
     let (q, r) = stage_weights(n, weights);
-    let p = terminal_weight(model, weights, &q, &r);
+    let p = terminal_weight(model, weights, &q, &r).unwrap();
     let d = Vector4::from_column_slice(given.rows(n + STATES, INPUTS).as_slice());
     let mut target = DVector::zeros(n);
     target.rows_mut(0, STATES).copy_from(&given.rows(n, STATES));

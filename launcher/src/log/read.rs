@@ -137,7 +137,8 @@ impl<F: FnMut(Record)> Contents<F> {
             McapRecord::Channel(channel) => {
                 let topic = self.schemas.get(&channel.schema_id);
                 self.channels.extend(topic.map(|&topic| (channel.id, topic)));
-                if channel.topic == EVENTS {
+                // Logs of earlier versions have their events in JSON, and are read without.
+                if channel.topic == EVENTS && channel.message_encoding == "protobuf" {
                     self.events = Some(channel.id);
                 }
             }
@@ -145,7 +146,7 @@ impl<F: FnMut(Record)> Contents<F> {
                 if let Some(&topic) = self.channels.get(&header.channel_id) {
                     (self.each)(schema::decode(topic, &data)?);
                 } else if self.events == Some(header.channel_id) {
-                    self.log.events.push(serde_json::from_slice(&data).context("an event cannot be read")?);
+                    self.log.events.push(schema::decode_event(&data).context("an event cannot be read")?);
                 }
             }
             _ => {}

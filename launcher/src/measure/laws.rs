@@ -14,6 +14,7 @@ use serde_json::{Value, json};
 
 use super::{Findings, SURVIVED_M, Target, Verdict, lost_at_s};
 use crate::inprocess;
+use crate::settings;
 use crate::summary::{Metrics, Summary};
 
 /// The shipped scenarios, aboard so that the command works anywhere.
@@ -113,7 +114,7 @@ struct Flight {
 /// Flies all, prints the table and the verdicts; the exit code.
 pub fn measure(args: &LawsArgs) -> anyhow::Result<u8> {
     let shipped = AGGRESSIVE.iter().map(|(path, text)| scenario::from_merged(text, path));
-    let more = args.scenario.iter().map(|path| scenario::load(Some(path), &[]));
+    let more = args.scenario.iter().map(|path| settings::load(Some(path), &[]));
     let scenarios: Vec<Scenario> = shipped.chain(more).collect::<Result<_, _>>()?;
     let rows: Vec<Vec<Flight>> = InnerLoop::ALL
         .iter()

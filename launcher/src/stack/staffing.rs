@@ -13,6 +13,7 @@ use super::archive::Archive;
 use super::children::{Birth, Process, wait};
 use super::end::{Departure, Ended};
 use super::recorders::{self, At, RECORDER};
+use crate::event::not_started;
 use crate::recorder::LogOutcome;
 use crate::supervisor::{Order, plant_tick};
 
@@ -63,8 +64,10 @@ impl Stack {
                     started = self.start_node(topic, epoch, None);
                 }
                 if let Err(error) = started {
-                    eprintln!("error: {error:#}");
+                    let (why, before) = (format!("{error:#}"), self.regime.events().len());
+                    eprintln!("error: {why}");
                     self.regime.died(&self.board, topic, epoch);
+                    not_started(&mut self.regime.events()[before..], epoch, &why);
                 }
             }
             Order::Kill(topic, epoch) => self.children.signal(topic, epoch, Signal::KILL),
@@ -141,9 +144,13 @@ impl Stack {
             Some(recorders::Order::Kill(epoch)) => self.children.signal(None, epoch, Signal::KILL),
             Some(recorders::Order::Start(epoch, origin)) => {
                 if let Err(error) = self.spawn_recorder(epoch, origin) {
-                    eprintln!("error: {error:#}");
+                    let why = format!("{error:#}");
+                    eprintln!("error: {why}");
                     if let Some(Archive { recorders, .. }) = &mut self.archive {
-                        recorders.ended(&self.board, epoch, false, at, self.regime.events());
+                        let events = self.regime.events();
+                        let before = events.len();
+                        recorders.ended(&self.board, epoch, false, at, events);
+                        not_started(&mut events[before..], epoch, &why);
                     }
                 }
             }

@@ -109,7 +109,7 @@ fn results(args: &MpcArgs, out: &Path, sequences: &[Sequence]) -> anyhow::Result
     let samples = sampling::sample(sequences, args.rounds);
     write_whole(&out.join("samples.csv"), samples.to_csv().as_bytes())?;
 
-    let problems: Vec<Problems> = sequences.iter().map(Problems::of).collect();
+    let problems: Vec<Problems> = sequences.iter().map(Problems::of).collect::<Result<_, _>>()?;
     let first = &problems[0];
     let floor_us = sampling::floor_ns(&first.gain, &first.ticks[0].given) / 1e3;
     let mut agreement = Agreement::default();

@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use contract::Scenario;
-use contract::scenario::{self, Profile, ScenarioError};
+use contract::scenario::{Profile, ScenarioError};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -12,6 +12,7 @@ use super::SensitivityArgs;
 use super::cell::{PROFILES, name};
 use crate::inprocess;
 use crate::measure::lost_at_s;
+use crate::settings;
 use crate::summary::Summary;
 
 /// Delays of the map \[ms\]: finer where the paper's controller has its limit.
@@ -77,7 +78,7 @@ impl Grid {
         profile: Profile,
         [delay, jitter, miss]: [f64; 3],
     ) -> Result<(), ScenarioError> {
-        let mut first = scenario::load(
+        let mut first = settings::load(
             file,
             &[
                 format!("profile={}", name(profile)),
