@@ -58,14 +58,20 @@ fn check_refuses_what_fly_refuses() {
     let path = folder.path().join("scenario.toml");
     let path = path.to_str().expect("a plain path");
     for (text, expected) in [
-        ("mpc.r = [1e-12, 1e-12, 1e-12, 1e-12]\nmpc.nu = 20", "`mpc.r` is so small beside `mpc.q`"),
+        (
+            "[mpc]\nq = [0, 0, 0, 1e12, 0, 0, 0]\nr = [1e-12, 1e-12, 1e-12, 1e-12]\nterminal = \"zero\"",
+            "`mpc.r` is so small beside `mpc.q`",
+        ),
         ("airframe.g_mps2 = 1e308", "`airframe.g_mps2` = 1e308 is out of range"),
         ("[[swap]]\nat_s = 1.0\nnode = \"mixer\"\nexec = \"./no-such-mixer\"", "`./no-such-mixer`"),
     ] {
         std::fs::write(path, text).expect("can be written");
         let flown = check_refused(&[path], &[expected]);
         let checked = crate::harness::launcher().args(["check", path]).output().expect("the launcher runs");
-        assert_eq!((checked.status.code(), String::from_utf8_lossy(&checked.stderr).into_owned()), (Some(2), flown.stderr));
+        assert_eq!(
+            (checked.status.code(), String::from_utf8_lossy(&checked.stderr).into_owned()),
+            (Some(2), flown.stderr)
+        );
     }
 }
 

@@ -36,7 +36,10 @@ fn a_run_tells_when_where_and_by_what_it_was_made() {
     assert!(command.contains(&json!("run.duration_s=0.1")), "{command:?}");
     if top().join(".git").exists() {
         let git = &provenance["git"];
-        assert!(git["commit"].as_str().is_some_and(|commit| commit.len() == 40) && git["changed"].is_boolean(), "{git}");
+        assert!(
+            git["commit"].as_str().is_some_and(|commit| commit.len() == 40) && git["changed"].is_boolean(),
+            "{git}"
+        );
     }
 }
 

@@ -173,7 +173,10 @@ fn a_swap_whose_program_cannot_be_started_is_rejected_with_the_reason_and_spoils
         assert!(why.contains("cannot start /") && why.contains("No such file"), "{told:?}");
     }
     assert!(told.iter().all(|event| event.0 != "died"), "{told:?}");
-    assert!(run["ended"].as_str().is_some_and(|ended| ended.contains("without the swap of mixer: cannot start")), "{run}");
+    assert!(
+        run["ended"].as_str().is_some_and(|ended| ended.contains("without the swap of mixer: cannot start")),
+        "{run}"
+    );
     assert_eq!(outcome.code(), Some(1), "{}", outcome.stderr);
     assert_eq!(run["state_hash"], self::flown(&[], "lockstep").run()["state_hash"], "flown on by the old one");
 }

@@ -28,8 +28,8 @@ use crate::riccati;
 /// Makes `Q` definite for the Riccati equation, where states without weight would leave it semidefinite.
 const DARE_REGULARISATION: f64 = 1e-9;
 
-/// Least share of a diagonal element of the Hessian that its Cholesky factor must leave: the shipped profiles leave
-/// 1e-3, and 200 moves of them 1e-6; rounding begins at 1e-14.
+/// Least share of a diagonal element of the Hessian that its Cholesky factor must leave: the shipped profiles leave 0.05,
+/// and with 200 moves 1e-3; rounding begins at 1e-13.
 const INDEPENDENT: f64 = 1e-11;
 
 /// The quadratic in the moves, and its minimiser as a gain.
@@ -135,7 +135,8 @@ fn dare(model: &PredictionModel, q: &DMatrix<f64>, r: &DMatrix<f64>) -> Result<D
 /// moves cannot be told apart.
 fn factor(hessian: &DMatrix<f64>) -> Result<Cholesky<f64, Dyn>, ScenarioError> {
     let cholesky = hessian.clone().cholesky().ok_or_else(blurred)?;
-    let left = cholesky.l_dirty().diagonal().component_mul(&cholesky.l_dirty().diagonal()).component_div(&hessian.diagonal());
+    let left =
+        cholesky.l_dirty().diagonal().component_mul(&cholesky.l_dirty().diagonal()).component_div(&hessian.diagonal());
     if left.iter().all(|share| *share > INDEPENDENT) { Ok(cholesky) } else { Err(blurred()) }
 }
 

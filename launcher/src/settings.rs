@@ -27,7 +27,10 @@ fn check_swap(scenario: &Scenario, swap: &Swap) -> Result<(), ScenarioError> {
     let refused = |what: String, help: &str| Err(ScenarioError::of(what, help.into()));
     match &swap.exec {
         Some(program) if find(program).is_none() => refused(
-            format!("the program `{program}` of a `[[swap]]` of {} is not there, or cannot be executed", swap.node.name()),
+            format!(
+                "the program `{program}` of a `[[swap]]` of {} is not there, or cannot be executed",
+                swap.node.name()
+            ),
             "give `exec` the path of a program, seen from where the launcher is started; `chmod +x` it if need be",
         ),
         None if swap.node == SwapNode::AttitudeMpc => match AttitudeMpc::try_new(&newcomer(scenario, swap)?) {
@@ -62,15 +65,14 @@ mod tests {
 
     #[test]
     fn settings_without_a_controller_are_refused_with_their_keys() {
-        for set in [
-            &["mpc.q=[1e12, 1e12, 1e12, 1e12, 1e12, 1e12, 1e12]", "mpc.r=[1e-12, 1e-12, 1e-12, 1e-12]", "mpc.nu=10"][..],
-            &["mpc.r=[1e-12, 1e-12, 1e-12, 1e-12]", "mpc.nu=20", "mpc.terminal=zero"],
-        ] {
-            let message = refused(set);
-            assert!(message.contains("`mpc.r`") && message.contains("`mpc.q`"), "{set:?}: {message}");
+        let [q, r] = ["mpc.q=[0, 0, 0, 1e12, 0, 0, 0]", "mpc.r=[1e-12, 1e-12, 1e-12, 1e-12]"];
+        for law in ["mpc", "lqr"] {
+            let message = refused(&[q, r, &format!("mpc.law={law}")]);
+            assert!(message.contains("`mpc.r`") && message.contains("`mpc.q`"), "{law}: {message}");
         }
-        let newcomer = "swap=[{at_s=1, node='attitude-mpc', set=['mpc.r=[1e-12, 1e-12, 1e-12, 1e-12]', 'mpc.nu=20']}]";
-        assert!(refused(&[newcomer]).contains("`swap.set`: `mpc.r`"), "{}", refused(&[newcomer]));
+        let newcomer = format!("swap=[{{at_s=1, node='attitude-mpc', set=['{q}', '{r}']}}]");
+        let message = refused(&[&newcomer]);
+        assert!(message.contains("`swap.set`: `mpc."), "{message}");
         load(None, &["mpc={np=200, nu=50}".into()]).unwrap();
     }
 

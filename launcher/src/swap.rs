@@ -156,7 +156,12 @@ mod tests {
         assert_eq!(bounds(""), Ok(SwapBounds::default()));
         let expected = SwapBounds { difference: 0.5, ticks: 7, ..SwapBounds::default() };
         assert_eq!(bounds("difference=0.5, ticks=7"), Ok(expected));
-        for (text, reason) in [("tilt=3", "unknown field `tilt`"), ("ticks", "KEY=VALUE"), ("ticks=x", "no finite number"), ("tilt_deg=nan", "no finite number")] {
+        for (text, reason) in [
+            ("tilt=3", "unknown field `tilt`"),
+            ("ticks", "KEY=VALUE"),
+            ("ticks=x", "no finite number"),
+            ("tilt_deg=nan", "no finite number"),
+        ] {
             assert!(bounds(text).unwrap_err().contains(reason), "{text}");
         }
     }

@@ -94,7 +94,10 @@ fn changed(key: &str, value: &Value, (_, size, which): Change) -> Value {
             let one = which.index(all.len() + 1);
             let is_meant = |i: usize| i == one || one == all.len();
             let each = all.iter().enumerate();
-            Value::Array(each.map(|(i, x)| if is_meant(i) { changed(key, x, (which, size, which)) } else { x.clone() }).collect())
+            Value::Array(
+                each.map(|(i, x)| if is_meant(i) { changed(key, x, (which, size, which)) } else { x.clone() })
+                    .collect(),
+            )
         }
         Value::String(word) => {
             let words = WORDS.iter().find(|(known, _)| *known == key).map_or(&[][..], |(_, words)| words);
@@ -129,8 +132,8 @@ fn fault() -> impl Strategy<Value = Fault> {
                     "value" => fault.value = Some(size.of(0.5)),
                     "vector" => fault.vector = Some([size.of(5.0), -1.0, 0.5]),
                     "probability" => fault.probability = Some(size.of(0.5)),
-                    "count" => fault.count = Some(size.of(5.0) as u64),
-                    _ => fault.how = Some(serde_json::from_value(json!(how.get(&["bias", "scale", "sign"]))).expect("a word")),
+                    "count" => fault.count = Some(u64::from(size.of(5.0) as u32)),
+                    _ => fault.how = serde_json::from_value(json!(how.get(&["bias", "scale", "sign"]))).ok(),
                 }
             }
             fault

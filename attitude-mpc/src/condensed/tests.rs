@@ -105,3 +105,22 @@ fn the_longest_horizon_is_still_finite() {
     let (_, condensed) = condensed(&scenario);
     assert!(condensed.gain.iter().all(|k| k.is_finite()));
 }
+
+#[test]
+fn what_rounding_leaves_no_moves_of_is_refused() {
+    let share = |profile: Profile, set: fn(&mut Mpc)| {
+        let mut scenario = Scenario::of(profile);
+        set(&mut scenario.mpc);
+        let hessian = Condensed::new(&PredictionModel::new(&scenario), &scenario.mpc).ok()?.hessian;
+        let lower = hessian.clone().cholesky()?.l();
+        lower.diagonal().iter().zip(&hessian.diagonal()).map(|(left, whole)| left * left / whole).reduce(f64::min)
+    };
+    for profile in [Profile::Paper, Profile::Robust] {
+        assert!(share(profile, |_| {}) > Some(0.05), "as shipped");
+        assert!(share(profile, |mpc| (mpc.np, mpc.nu) = (200, 200)) > Some(1e-3), "with as many moves as there may be");
+        assert!(share(profile, |mpc| mpc.r = [1e-12; 4]) > Some(1e-5));
+        // Two moves that turn the nose, and nothing that tells them apart.
+        let alike = share(profile, |mpc| (mpc.q, mpc.r) = ([0.0, 0.0, 0.0, 1e12, 0.0, 0.0, 0.0], [1e-12; 4]));
+        assert_eq!(alike, None);
+    }
+}

@@ -121,7 +121,8 @@ fn check_vehicle(scenario: &Scenario, found: &mut Found) {
 /// The hover exists, as the plant and as the mixer have it, and the actuators' limits leave room for it.
 fn check_hover(scenario: &Scenario, found: &mut Found) {
     let plant = &scenario.plant;
-    for (reaction, key) in [(plant.tilt_reaction, "plant.tilt_reaction"), (scenario.mixer.tilt_reaction, "mixer.tilt_reaction")]
+    for (reaction, key) in
+        [(plant.tilt_reaction, "plant.tilt_reaction"), (scenario.mixer.tilt_reaction, "mixer.tilt_reaction")]
     {
         let trim = Trim::solve(&scenario.airframe, reaction).actuation;
         let slowest = trim.rotor_speed.into_iter().fold(f64::INFINITY, f64::min);

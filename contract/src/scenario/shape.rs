@@ -126,7 +126,7 @@ struct Keys<'a, 'e> {
     problems: Vec<Problem<'a>>,
 }
 
-impl<'a> Keys<'a, '_> {
+impl Keys<'_, '_> {
     /// Every key must be known, and a table where a table is known.
     fn check(&mut self, path: &str, given: &DeTable, known: &Table) {
         for (name, value) in given {

@@ -101,7 +101,7 @@ fn the_message_points_into_the_file_and_tells_all() {
 
 #[test]
 fn of_a_million_wrong_keys_the_first_are_told() {
-    let keys: String = (0..60_000).map(|i| format!("key_{i} = 1\n")).collect();
+    let keys = (0..60_000).map(|i| format!("key_{i} = 1\n")).collect::<Vec<_>>().concat();
     let message = from_merged(&keys, "keys.toml").unwrap_err().to_string();
     assert_eq!(message.matches("error: unknown key").count(), 8, "{message}");
     assert!(message.ends_with("there is more: these are the first 8 problems"), "{message}");
@@ -117,8 +117,12 @@ fn of_a_million_wrong_keys_the_first_are_told() {
 fn unknown_words_get_the_nearest_known_one() {
     check_refused("fault=[{at_s=1, target=\"rotr2\", kind=\"off\"}]", &["did you mean `rotor2`?"]);
     check_refused("mpc.law=lqrr", &["did you mean `lqr`?"]);
-    let kind = |word| from_set(&[&format!("fault=[{{at_s=1, target=\"mpc\", kind=\"{word}\"}}]")]).unwrap().fault[0].kind;
-    assert_eq!(["iteration cap", "iteration-cap", "iteration_cap"].map(kind), [crate::scenario::FaultKind::IterationCap; 3]);
+    for kind in ["iteration cap", "iteration_cap"] {
+        check_refused(
+            &format!("fault=[{{at_s=1, target=\"mpc\", kind=\"{kind}\"}}]"),
+            &["did you mean `iteration-cap`?"],
+        );
+    }
 }
 
 #[test]

@@ -108,7 +108,10 @@ mod tests {
         });
         let text = describe(&view);
         assert!(text.lines().all(|line| line.chars().count() <= WIDTH), "{text}");
-        assert!(text.contains("attitude-mpc refused: range 5, late 12\n") || text.contains("late 12, range 5"), "{text}");
+        assert!(
+            text.contains("attitude-mpc refused: range 5, late 12\n") || text.contains("late 12, range 5"),
+            "{text}"
+        );
         assert_eq!(text.lines().count(), 1 + 1 + 2 + 2 + 1 + 1, "{text}");
         assert!(text.contains("...\n") && !text.contains('\x1b'), "{text}");
     }

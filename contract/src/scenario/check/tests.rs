@@ -103,7 +103,10 @@ fn settings_that_contradict_are_refused() {
         ),
         ("fault=[{at_s=1, target=\"mixer\", kind=\"kill\", process=\"mixer\"}]", "kill with a `process`"),
         ("fault=[{at_s=1, for_s=1, target=\"host\", kind=\"disk-full\"}]", "disk-full with an end"),
-        ("fault=[{at_s=1, target=\"mixer\", kind=\"slow\", ms=-1}]", "mixer slow with `ms` = -1.0, which is out of range"),
+        (
+            "fault=[{at_s=1, target=\"mixer\", kind=\"slow\", ms=-1}]",
+            "mixer slow with `ms` = -1.0, which is out of range",
+        ),
         ("fault=[{at_s=1, target=\"mixer\", kind=\"slow\", ms=nan}]", "`ms` of 0 to 60000"),
         ("fault=[{at_s=1, target=\"state\", kind=\"corrupt\", count=1_000_000_000_000}]", "`count` of 1 to 10000"),
         ("fault=[{at_s=1, target=\"state\", kind=\"burst\", count=0}]", "`count` of 1 to 1000000"),

@@ -122,7 +122,6 @@ pub enum FaultKind {
     /// The solver is given numbers that are none.
     Nan,
     /// The solver is granted a single iteration.
-    #[serde(alias = "iteration cap", alias = "iteration_cap")]
     IterationCap,
     /// The clock is ahead, or behind.
     Offset,

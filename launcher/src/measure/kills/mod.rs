@@ -27,8 +27,8 @@ use anyhow::{bail, ensure};
 use serde::Serialize;
 
 use self::flight::{Kill, Row};
-use super::timing::rings::namespace;
 use super::Findings;
+use super::timing::rings::namespace;
 use crate::fly::catch_interrupts;
 use crate::stack::StartError;
 
