@@ -100,10 +100,7 @@ struct Work {
 }
 
 impl AttitudeMpc {
-    /// Builds the controller of a scenario for which [`try_new`](Self::try_new) can.
-    ///
-    /// # Panics
-    /// When it cannot.
+    /// The same as [`try_new`](Self::try_new), for a scenario that was checked.
     pub fn new(scenario: &Scenario) -> Self {
         Self::try_new(scenario).unwrap_or_else(|error| panic!("{error}"))
     }

@@ -13,7 +13,8 @@ use crate::{control, fly, intruder, manage, print, recorder, report, settings, s
 
 #[derive(Parser)]
 #[command(name = "launcher", version, about = "Flies a tilt-rotor tricopter through separate real-time processes")]
-#[command(after_help = "Exit codes: 0 flown; 1 flown, but outside the scenario's bounds or diverged; \
+#[command(after_help = "Exit codes: 0 flown; 1 flown, but outside the scenario's bounds, diverged, or without \
+a swap that could not be tried; \
 2 usage or scenario error; 3 a process or the log was lost; 4 a deadline with the policy `stop` was missed; 130 interrupted.")]
 struct Cli {
     #[command(subcommand)]

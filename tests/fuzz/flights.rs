@@ -1,6 +1,6 @@
 //! Any settings and faults that are accepted fly: no panic, no hang. Those that are not are refused by their key.
 //!
-//! A minute of it is in `.ci/run`; an hour is `PROPTEST_CASES=90000 cargo test --workspace fuzz::flights`.
+//! A minute of it is in `.ci/run`; an hour is `PROPTEST_CASES=400000 cargo test --workspace fuzz::flights`.
 
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::thread;
@@ -173,7 +173,7 @@ fn is_small(overrides: &[String]) -> bool {
 }
 
 proptest! {
-    #![proptest_config(cases(48))]
+    #![proptest_config(cases(300))]
 
     #[test]
     fn what_is_accepted_flies(
