@@ -1,8 +1,13 @@
-//! Compiles the flight log's schema twice: to Rust types, and to the descriptor set that every log carries.
+//! Compiles the flight log's schema twice: to Rust types, and to the descriptor set that every log carries. Asks git which
+//! commit this is.
 
 #![expect(clippy::disallowed_macros, reason = "it is how a build script speaks to cargo")]
 
-use std::{env, error::Error, fs, path::Path};
+use std::{env, error::Error, fs, path::Path, process::Command};
+
+/// What the launcher is built from, seen from the top of the repository.
+const SOURCES: [&str; 9] =
+    ["Cargo.toml", "Cargo.lock", "airframe", "attitude-mpc", "contract", "guidance", "launcher", "mixer", "plant"];
 
 fn main() -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-changed=proto");
@@ -11,5 +16,29 @@ fn main() -> Result<(), Box<dyn Error>> {
     fs::write(Path::new(&env::var("OUT_DIR")?).join("trefoil.fds"), compiler.encode_file_descriptor_set())?;
     compiler.include_source_info(true); // the comments of the schema become the docs of the types
     prost_build::Config::new().compile_fds(compiler.file_descriptor_set())?;
+    tell_commit();
     Ok(())
+}
+
+/// Tells the commit, and whether the sources differ from it; nothing where this is no checkout of the repository.
+fn tell_commit() {
+    let top = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("launcher/ lies in the repository");
+    let git = |arguments: &[&str]| {
+        // Without the lock: a refreshed index would have this run again.
+        let told = Command::new("git").arg("--no-optional-locks").arg("-C").arg(top).args(arguments).output().ok()?;
+        told.status.success().then(|| String::from_utf8_lossy(&told.stdout).trim().to_owned())
+    };
+    // Sources that were unpacked within another repository are not of its commit.
+    let is_ours = |found: &String| Path::new(found).canonicalize().ok() == top.canonicalize().ok();
+    let Some(_) = git(&["rev-parse", "--show-toplevel"]).filter(is_ours) else { return };
+    let Some(commit) = git(&["rev-parse", "HEAD"]) else { return };
+    let changed = git(&[&["status", "--porcelain", "--"], &SOURCES[..]].concat()).is_none_or(|list| !list.is_empty());
+    println!("cargo::rustc-env=TREFOIL_COMMIT={commit}");
+    println!("cargo::rustc-env=TREFOIL_CHANGED={changed}");
+    let heads = ["HEAD", "logs/HEAD"].iter().filter_map(|name| git(&["rev-parse", "--git-path", name]));
+    for path in heads.map(|path| top.join(path)).chain(SOURCES.iter().map(|name| top.join(name))) {
+        if path.exists() {
+            println!("cargo::rerun-if-changed={}", path.display());
+        }
+    }
 }

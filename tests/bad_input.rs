@@ -33,6 +33,49 @@ fn a_file_is_named_with_its_line() {
 }
 
 #[test]
+fn what_is_no_regular_file_of_sane_size_is_refused_at_once() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let at = |name: &str| folder.path().join(name).to_str().expect("a plain path").to_owned();
+    let (fifo, log, large) = (at("fifo"), at("flight.mcap"), at("large.toml"));
+    for path in [&fifo, &log] {
+        rustix::fs::mkfifoat(rustix::fs::CWD, path, rustix::fs::Mode::RUSR).expect("a FIFO");
+    }
+    std::fs::write(&large, "key = 1\n".repeat(200_000)).expect("can be written");
+    check_refused(&[&fifo], &["it is a FIFO; give a regular file"]);
+    check_refused(&["/dev/zero"], &["/dev/zero", "it is a device"]);
+    check_refused(&[&at("")], &["it is a directory"]);
+    check_refused(&[&large], &["it has 1600000 bytes, and 1048576 are the most that is read"]);
+    for arguments in [["check", &fifo], ["report", &at("")], ["trace", &log]] {
+        let output = crate::harness::launcher().args(arguments).output().expect("the launcher runs");
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.code() == Some(2) && stderr.contains("it is a FIFO"), "{arguments:?}: {stderr}");
+    }
+}
+
+#[test]
+fn check_refuses_what_fly_refuses() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("scenario.toml");
+    let path = path.to_str().expect("a plain path");
+    for (text, expected) in [
+        (
+            "[mpc]\nq = [0, 0, 0, 1e12, 0, 0, 0]\nr = [1e-12, 1e-12, 1e-12, 1e-12]\nterminal = \"zero\"",
+            "`mpc.r` is so small beside `mpc.q`",
+        ),
+        ("airframe.g_mps2 = 1e308", "`airframe.g_mps2` = 1e308 is out of range"),
+        ("[[swap]]\nat_s = 1.0\nnode = \"mixer\"\nexec = \"./no-such-mixer\"", "`./no-such-mixer`"),
+    ] {
+        std::fs::write(path, text).expect("can be written");
+        let flown = check_refused(&[path], &[expected]);
+        let checked = crate::harness::launcher().args(["check", path]).output().expect("the launcher runs");
+        assert_eq!(
+            (checked.status.code(), String::from_utf8_lossy(&checked.stderr).into_owned()),
+            (Some(2), flown.stderr)
+        );
+    }
+}
+
+#[test]
 fn an_output_folder_that_cannot_be_written() {
     // A file in place of the folder: root could write into any folder of any mode.
     let folder = tempfile::tempdir().expect("a temporary folder");

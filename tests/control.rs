@@ -52,6 +52,32 @@ fn status_shows_every_node_of_a_flight() {
 }
 
 #[test]
+fn a_watched_status_is_lines_for_a_pipe_and_ends_with_its_reader() {
+    use std::io::{BufRead, BufReader, Read};
+    let watch = |arguments: &[&str]| {
+        let mut command = launcher();
+        command.args(["status", "--watch"]).args(arguments).stdout(std::process::Stdio::piped());
+        let mut child = command.spawn().expect("status runs");
+        (BufReader::new(child.stdout.take().expect("a pipe")), child)
+    };
+    let (mut lines, mut child) = watch(&["--json"]);
+    for _ in 0..2 {
+        let mut line = String::new();
+        lines.read_line(&mut line).expect("a line");
+        assert!(serde_json::from_str::<Value>(&line).expect("a document").is_array(), "{line}");
+    }
+    drop(lines);
+    assert!(child.wait().expect("it ends").success());
+
+    let (mut text, mut child) = watch(&[]);
+    let mut first = [0; 40];
+    text.read_exact(&mut first).expect("two looks");
+    assert!(!first.contains(&0x1b), "no escapes for a pipe");
+    drop(text);
+    assert!(child.wait().expect("it ends").success());
+}
+
+#[test]
 fn a_flight_is_broken_and_mended_from_outside() {
     let ns = namespace();
     let settings = ["--set", "run.duration_s=5.0", "--set", "bounds.max_position_error_m=10.0"];
@@ -110,6 +136,24 @@ fn a_flight_is_broken_and_mended_from_outside() {
 fn what_cannot_be_done_is_refused_with_the_reason() {
     let error = tell(&namespace(), &["inject", "wind", "step"]).expect_err("nobody flies");
     assert!(error.contains("no stack runs"), "{error}");
+
+    // What is wrong whoever flies is refused before anybody is asked.
+    for (words, expected) in [
+        (&["inject", "rates", "wrong", "--value", "nan"][..], "`value` = NaN, which is out of range"),
+        (&["inject", "wind", "step", "--vector", "1,inf,0"], "`vector` of -200 to 200"),
+        (&["inject", "wind", "step", "--vector", "1,2"], "give three"),
+        (&["inject", "state", "corrupt", "--count", "1000000000000"], "`count` of 1 to 10000"),
+        (&["inject", "mixer", "slow", "--ms", "2min"], "`ms` of 0 to 60000"),
+        (&["inject", "mixer", "slow", "--for", "nan"], "'nan' is no duration"),
+        (&["inject", "mixer", "slow", "--for", "0s"], "a time above 0"),
+        (&["inject", "rotr1", "off"], "did you mean `rotor1`?"),
+        (&["inject", "mpc", "iteration_cop"], "did you mean `iteration-cap`?"),
+        (&["clear", "mixr"], "did you mean `mixer`?"),
+        (&["swap", "mixr"], "did you mean `mixer`?"),
+    ] {
+        let error = tell(&namespace(), words).expect_err("refused");
+        assert!(error.starts_with("Some(2)") && error.contains(expected), "{words:?}: {error}");
+    }
 
     let ns = namespace();
     let flight = flying(&ns, &["--mode", "lockstep", "--set", "run.duration_s=86400.0"]);

@@ -3,6 +3,7 @@
 //! Few cases by default; `PROPTEST_CASES=100000 cargo test -p launcher --test stack fuzz::` looks longer; in the dev
 //! profile, where overflow panics.
 
+mod flights;
 mod folder;
 mod snapshots;
 
@@ -13,6 +14,7 @@ use attitude_mpc::AttitudeMpc;
 use contract::Scenario;
 use contract::scenario::{from_merged, load, to_toml};
 use guidance::Guidance;
+use launcher::settings;
 use mixer::Mixer;
 use plant::Plant;
 use proptest::collection::vec;
@@ -125,7 +127,7 @@ fn check_accepted(scenario: &Scenario) {
     let again = from_merged(&to_toml(scenario), "merged").unwrap_or_else(|error| panic!("{error}\n{scenario:?}"));
     assert_eq!(&again, scenario);
     // Larger controllers take seconds to build.
-    if scenario.mpc.np * scenario.mpc.nu <= 500 {
+    if scenario.mpc.np * scenario.mpc.nu <= 500 && settings::check(scenario).is_ok() {
         let _ = (Plant::new(scenario), Guidance::new(scenario), AttitudeMpc::new(scenario), Mixer::new(scenario));
     }
 }

@@ -24,6 +24,25 @@ fn the_log_holds_every_message() {
     }
 }
 
+#[test]
+fn a_run_tells_when_where_and_by_what_it_was_made() {
+    let outcome = fly(&["--mode", "inprocess", "--no-log", "--set", "run.duration_s=0.1"]);
+    let provenance = outcome.run()["provenance"].clone();
+    assert_eq!(provenance["schema_version"], 2);
+    let date = provenance["date"].as_str().expect("a date");
+    assert!(date.len() == 20 && date.starts_with("20") && date.ends_with('Z') && date.as_bytes()[10] == b'T', "{date}");
+    assert!(provenance["host"].as_str().is_some_and(|host| !host.is_empty()), "{provenance}");
+    let command = provenance["command"].as_array().expect("the command line");
+    assert!(command.contains(&json!("run.duration_s=0.1")), "{command:?}");
+    if top().join(".git").exists() {
+        let git = &provenance["git"];
+        assert!(
+            git["commit"].as_str().is_some_and(|commit| commit.len() == 40) && git["changed"].is_boolean(),
+            "{git}"
+        );
+    }
+}
+
 /// Guidance is killed.
 const STRUCK: [&str; 6] = [
     "scenarios/faults/hover-gusts.toml",

@@ -156,13 +156,17 @@ fn a_dead_recorder_is_replaced_and_what_died_with_it_is_counted() {
 #[test]
 fn programs_that_do_not_record_are_rejected_and_nothing_is_missing() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let script = folder.path().join("never-ready");
-    std::fs::write(&script, "#!/bin/sh\nexec sleep 100\n").expect("a script can be written");
-    let mode = std::os::unix::fs::PermissionsExt::from_mode(0o700);
-    std::fs::set_permissions(&script, mode).expect("it can be made a program");
-    let never_ready = script.to_str().expect("its path is text");
+    let script = |name: &str, text: &str| {
+        let script = folder.path().join(name);
+        std::fs::write(&script, text).expect("a script can be written");
+        let mode = std::os::unix::fs::PermissionsExt::from_mode(0o700);
+        std::fs::set_permissions(&script, mode).expect("it can be made a program");
+        script.to_str().expect("its path is text").to_owned()
+    };
+    let cannot_start = script("cannot-start", "#!/no/such/interpreter\n");
+    let never_ready = script("never-ready", "#!/bin/sh\nexec sleep 100\n");
     // The last is our own program, then one that is still waited for when the flight ends, or was killed.
-    let programs = ["/bin/false", "/bin/true", "/dev/null", "", never_ready];
+    let programs = ["/bin/false", "/bin/true", &cannot_start, "", &never_ready];
     let swap = |(i, program): (usize, &&str)| {
         let exec = if program.is_empty() { String::new() } else { format!(", exec={program:?}") };
         format!("{{at_s={}, node=\"recorder\"{exec}}}", i + 1)
@@ -171,11 +175,11 @@ fn programs_that_do_not_record_are_rejected_and_nothing_is_missing() {
     let ns = namespace();
     let outcome = Flight::start(&ns, &["--mode", "lockstep", "--set", "run.duration_s=40.0", "--set", &swaps]).finish();
 
-    assert_eq!(outcome.code(), Some(0), "{}", outcome.stderr);
+    assert_eq!(outcome.code(), Some(1), "one could not be tried: {}", outcome.stderr);
     let run = outcome.run();
     let all = events(&run).into_iter().map(|(_, what, _)| what);
     let endings: Vec<String> = all.filter(|what| !["started", "died", "hung"].contains(&&**what)).collect();
-    assert!(endings.join(" ").starts_with("rejected rejected rejected took-over"), "{}", run["events"]);
+    assert!(endings.join(" ").starts_with("rejected rejected not-started rejected took-over"), "{}", run["events"]);
     assert_eq!(run["log"]["dropped"], 0);
     let log = log::read(&outcome.out.join("flight.mcap")).expect("the log reads");
     assert!(log.complete());

@@ -92,7 +92,8 @@ fn what_cannot_be_mapped_is_told() {
     };
     check(&[], &["run.json", "lockstep", "--mode realtime"]);
     check(&["no/such.toml"], &["no/such.toml"]);
-    check(&["--delays=-1,2"], &["run.command_delay_ms", "-1.0"]);
+    check(&["--delays=-1,2"], &["--delays", "'-1' is no duration"]);
+    check(&["--delays=2s"], &["run.command_delay_ms", "2000.0"]);
     check(&["--misses", "0.5,1.5"], &["run.command_drop_probability", "1.5"]);
     check(&["--seeds", "0"], &["--seeds"]);
     std::fs::remove_file(folder.path().join("run.json")).expect("was there");

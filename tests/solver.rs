@@ -7,7 +7,7 @@ use crate::harness::{Outcome, fly, launcher};
 use launcher::log;
 
 const UPSET: &str = "scenarios/aggressive/upset.toml";
-const KINDS: [&str; 3] = ["nan", "infeasible", "iteration cap"];
+const KINDS: [&str; 3] = ["nan", "infeasible", "iteration-cap"];
 const SOLVERS: [&str; 2] = ["mpc.solver=clarabel", "mpc.solver=active-set"];
 /// The ticks that the faults here strike.
 const STRUCK: std::ops::Range<usize> = 30..40;
@@ -32,7 +32,7 @@ fn check_flies_on(kind: &str, solver: &str) {
     let failed = |tick: &usize| log.controls[*tick].status >= SolveStatus::LimitReached as u64;
     let failures: Vec<usize> = (0..log.controls.len()).filter(failed).collect();
     // A single iteration is now and then enough.
-    let expected: Vec<usize> = STRUCK.filter(|tick| kind != "iteration cap" || failed(tick)).collect();
+    let expected: Vec<usize> = STRUCK.filter(|tick| kind != "iteration-cap" || failed(tick)).collect();
     assert!(!failures.is_empty() && failures == expected, "{kind}, {solver}: {failures:?}");
 
     let expected = json!([{

@@ -156,3 +156,27 @@ fn a_newcomer_leaves_when_its_own_settings_say_so_and_not_before_it_has_come() {
     let died: Vec<_> = run["events"].as_array().expect("events").iter().filter(|e| e["what"] == "died").collect();
     assert_eq!(died.iter().map(|event| event["at_s"].as_f64()).collect::<Vec<_>>(), [Some(3.0)]);
 }
+
+#[test]
+fn a_swap_whose_program_cannot_be_started_is_rejected_with_the_reason_and_spoils_the_exit_code() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let program = folder.path().join("program"); // is there, and can be executed, but for its interpreter
+    std::fs::write(&program, "#!/no/such/interpreter\n").expect("can be written");
+    std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).expect("they can be set");
+    let outcome = flown(&[swap(1.0, "mixer", &format!(", exec='{}'", program.display()))], "lockstep");
+    let run = outcome.run();
+    let events = run["events"].as_array().expect("events").iter().filter(|event| event["node"] == "mixer");
+    let told: Vec<_> = events.map(|event| (event["what"].as_str().expect("a word"), event["why"].as_str())).collect();
+    for what in ["not-started", "rejected"] {
+        let why = told.iter().find(|event| event.0 == what).and_then(|event| event.1).unwrap_or_default();
+        assert!(why.contains("cannot start /") && why.contains("No such file"), "{told:?}");
+    }
+    assert!(told.iter().all(|event| event.0 != "died"), "{told:?}");
+    assert!(
+        run["ended"].as_str().is_some_and(|ended| ended.contains("without the swap of mixer: cannot start")),
+        "{run}"
+    );
+    assert_eq!(outcome.code(), Some(1), "{}", outcome.stderr);
+    assert_eq!(run["state_hash"], self::flown(&[], "lockstep").run()["state_hash"], "flown on by the old one");
+}

@@ -89,7 +89,7 @@ fn check_trace(trace: &Value) {
 #[test]
 fn a_flight_in_lockstep_is_traced_with_a_warning() {
     let flown = fly(&["--mode", "lockstep", "--set", "run.duration_s=2.0"]);
-    let output = run(&["trace", plain(&flown.out), "--from-s", "0.5", "--for-s", "0.5"]);
+    let output = run(&["trace", plain(&flown.out), "--from", "0.5s", "--for", "500ms"]);
     assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
     assert!(String::from_utf8_lossy(&output.stderr).contains("lockstep"), "times mean little there, and it says so");
     let trace = read(&flown.out.join("trace.json"));
@@ -133,9 +133,9 @@ fn what_cannot_be_traced_is_told() {
     check(&["no/such/run"], &["no/such/run", "folder of a run"]);
     check(&[plain(&unlogged.out)], &["flight.mcap", "--no-log"]);
     check(&[plain(&in_process.out)], &["no clock", "--mode realtime"]);
-    check(&[plain(&lockstep.out), "--from-s", "7"], &["7.00 to 8.00 s", "covers 0.10 s", "--from-s"]);
-    check(&[plain(&lockstep.out), "--for-s", "0"], &["--for-s"]);
-    check(&[plain(&lockstep.out), "--from-s", "0", "--worst"], &["--worst"]);
+    check(&[plain(&lockstep.out), "--from", "7"], &["7.00 to 8.00 s", "covers 0.10 s", "--from"]);
+    check(&[plain(&lockstep.out), "--for-s", "0"], &["--for"]);
+    check(&[plain(&lockstep.out), "--from", "0", "--worst"], &["--worst"]);
     check(&[plain(&lockstep.out), "--out", "/no/such/folder/x"], &["/no/such/folder", "--out"]);
 }
 

@@ -51,7 +51,7 @@ use airframe::Actuation;
 use airframe::linear::{INPUTS, STATES};
 use contract::Scenario;
 use contract::message::{Controls, Reference, SolveStatus, State};
-use contract::scenario::{Fault, Law};
+use contract::scenario::{Fault, Law, ScenarioError};
 use contract::snapshot::{Reader, Snapshot, Writer};
 use nalgebra::{DMatrix, DVector, Vector4};
 
@@ -100,23 +100,25 @@ struct Work {
 }
 
 impl AttitudeMpc {
-    /// Builds the controller of a checked scenario.
-    ///
-    /// # Panics
-    /// When weights or vehicle make the problem singular; scenario validation refuses those.
+    /// The same as [`try_new`](Self::try_new), for a scenario that was checked.
     pub fn new(scenario: &Scenario) -> Self {
+        Self::try_new(scenario).unwrap_or_else(|error| panic!("{error}"))
+    }
+
+    /// Builds the controller of a scenario; an error names the settings that leave nothing to compute with.
+    pub fn try_new(scenario: &Scenario) -> Result<Self, ScenarioError> {
         let model = PredictionModel::new(scenario);
         let (states, weights) = (model.states(), &scenario.mpc);
         let (wish, constrained) = match weights.law {
             Law::Mpc => {
-                let Condensed { hessian, gain, course } = Condensed::new(&model, weights);
+                let Condensed { hessian, gain, course } = Condensed::new(&model, weights)?;
                 (Wish::Gain(gain), Constrained::new(scenario, hessian, &course, model.trim.roll_rad))
             }
-            Law::Lqr => (Wish::Gain(condensed::regulator(&model, weights)), None),
+            Law::Lqr => (Wish::Gain(condensed::regulator(&model, weights)?), None),
             Law::Pid => (Wish::Pid(Pid::new(&scenario.airframe, scenario.sample_s())), None),
         };
         let moves = INPUTS * if weights.law == Law::Mpc { weights.nu } else { 1 };
-        Self {
+        Ok(Self {
             memory: Memory::new(states, model.trim.actuation),
             work: Work {
                 x: DVector::zeros(states),
@@ -131,7 +133,7 @@ impl AttitudeMpc {
             model,
             wish,
             constrained,
-        }
+        })
     }
 
     /// Takes fault `number` as it is from now on, if it is one of the solver.

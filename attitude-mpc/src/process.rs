@@ -7,7 +7,7 @@ use crate::AttitudeMpc;
 
 /// Answers every sample with CONTROLS until the run is over.
 pub fn run(seat: &Seat) -> Result<(), SeatError> {
-    let mut mpc = AttitudeMpc::new(&seat.scenario);
+    let mut mpc = AttitudeMpc::try_new(&seat.scenario)?;
     if let Some(memory) = seat.memory() {
         mpc.restore(&memory); // one that does not fit is as good as none
     }

@@ -19,30 +19,28 @@ const PASSES: usize = 60;
 /// Relative change of `H` at which it has converged.
 const TOLERANCE: f64 = 1e-15;
 
-/// The stabilising solution `S` for `x[k+1] = A x + B u` with stage cost `x'Qx + u'Ru`, n x n.
-///
-/// # Panics
-/// When `R` is not positive definite; scenario validation refuses that.
-pub fn solve(a: &DMatrix<f64>, b: &DMatrix<f64>, q: &DMatrix<f64>, r: &DMatrix<f64>) -> DMatrix<f64> {
+/// The stabilising solution `S` for `x[k+1] = A x + B u` with stage cost `x'Qx + u'Ru`, n x n. `None` when `R` is not
+/// positive definite, and where rounding keeps the doubling from a finite end.
+pub fn solve(a: &DMatrix<f64>, b: &DMatrix<f64>, q: &DMatrix<f64>, r: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let identity = DMatrix::identity(a.nrows(), a.nrows());
-    let cholesky = r.clone().cholesky().expect("R is positive definite, scenario validation sees to that");
+    let cholesky = r.clone().cholesky()?;
     let mut a = a.clone();
     let mut g = b * cholesky.solve(&b.transpose());
     let mut h = q.clone();
     for _ in 0..PASSES {
         let w = (&identity + &g * &h).lu();
-        let invertible = "I + GH of two positive semidefinite matrices is invertible";
-        let w_a = w.solve(&a).expect(invertible);
-        let w_g = w.solve(&g).expect(invertible);
+        let w_a = w.solve(&a)?;
+        let w_g = w.solve(&g)?;
         let growth = a.transpose() * &h * &w_a;
         g += &a * w_g * a.transpose();
         a *= w_a;
         h += &growth;
         if growth.amax() <= TOLERANCE * h.amax() {
-            break;
+            let solution = (&h + h.transpose()) * 0.5;
+            return solution.iter().all(|x| x.is_finite()).then_some(solution);
         }
     }
-    (&h + h.transpose()) * 0.5
+    None
 }
 
 #[cfg(test)]
@@ -56,13 +54,13 @@ mod tests {
     fn a_scalar_has_a_closed_form() {
         let one = DMatrix::from_element(1, 1, 1.0);
         let golden = f64::midpoint(1.0, 5.0_f64.sqrt()); // S^2 = S + 1
-        assert!((solve(&one, &one, &one, &one)[0] - golden).abs() < 1e-14);
+        assert!((solve(&one, &one, &one, &one).unwrap()[0] - golden).abs() < 1e-14);
     }
 
     #[test]
     fn without_dynamics_only_the_stage_counts() {
         let one = DMatrix::from_element(1, 1, 1.0);
-        assert_eq!(solve(&DMatrix::zeros(1, 1), &one, &one, &one), one);
+        assert_eq!(solve(&DMatrix::zeros(1, 1), &one, &one, &one), Some(one));
     }
 
     #[test]
@@ -72,7 +70,7 @@ mod tests {
         let mut q = DMatrix::identity(11, 11) * 1e-9;
         scenario.mpc.q.iter().enumerate().for_each(|(i, weight)| q[(i, i)] += weight);
         let r = DMatrix::from_diagonal(&nalgebra::DVector::from_row_slice(&scenario.mpc.r));
-        let s = solve(&model.a, &model.b, &q, &r);
+        let s = solve(&model.a, &model.b, &q, &r).unwrap();
         fixture::assert_matrix(&s, &fixture::matrix("S_dare_B2"));
 
         let (bs, inner) = (model.b.transpose() * &s, &r + model.b.transpose() * &s * &model.b);

@@ -14,6 +14,7 @@ use rustix::process::Signal;
 use crate::console;
 use crate::cycle::Punctuality;
 use crate::domain::{Domain, DomainError};
+use crate::file::{self, LARGEST_TEXT};
 use crate::inlet::Inlet;
 use crate::ledger::News;
 use crate::message::Stamp;
@@ -154,11 +155,11 @@ impl Seat {
             let what = domain.file(what).display().to_string();
             move |why| SeatError::Io { what, why }
         };
-        let text = std::fs::read_to_string(domain.file("scenario.toml")).map_err(io("scenario.toml"))?;
+        let text = file::read_text(&domain.file("scenario.toml"), LARGEST_TEXT).map_err(io("scenario.toml"))?;
         let run = scenario::from_merged(&text, "the run's merged scenario")?;
         let scenario = own.map_or(Ok(run.clone()), |path| {
             let what = path.display().to_string();
-            let text = std::fs::read_to_string(path);
+            let text = file::read_text(path, LARGEST_TEXT);
             let text = text.map_err(|why| SeatError::Io { what: what.clone(), why })?;
             Ok::<_, SeatError>(scenario::newcomer_from(&text, &what)?)
         })?;

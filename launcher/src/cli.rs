@@ -12,12 +12,13 @@ use contract::scenario;
 
 use crate::measure::Measure;
 use crate::stack::StartError;
-use crate::{control, eprint_line, fly, intruder, manage, print, recorder, report, swap, trace};
+use crate::{control, eprint_line, fly, intruder, manage, print, recorder, report, settings, swap, trace};
 
 #[derive(Parser)]
 #[command(name = "launcher", version, about = "Flies a tilt-rotor tricopter through separate real-time processes")]
-#[command(after_help = "Exit codes: 0 flown; 1 flown, but outside the scenario's bounds or diverged; \
-2 usage or scenario error; 3 a process or the log was lost, messages were missed, or results could not be written; 4 a deadline with the policy `stop` was missed; 130 interrupted.")]
+#[command(after_help = "Exit codes: 0 flown; 1 flown, but outside the flight's bounds, diverged, or without \
+a swap that could not be tried; 2 usage or scenario error; 3 a process or the log was lost, messages were missed, or results \
+could not be written; 4 a deadline with the policy `stop` was missed; 130 interrupted.")]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -152,7 +153,7 @@ fn report(run: &Path) -> anyhow::Result<u8> {
 }
 
 fn check(scenario: &std::path::Path, set: &[String]) -> anyhow::Result<u8> {
-    let merged = scenario::load(Some(scenario), set)?;
+    let merged = settings::load(Some(scenario), set)?;
     print(&scenario::to_toml(&merged));
     eprint_line(&format!("{}: fine", scenario.display()));
     Ok(exit::FLOWN)

@@ -61,6 +61,8 @@ pub enum What {
     Killed,
     /// It was started.
     Started,
+    /// It could not be started.
+    NotStarted,
     /// It holds the office.
     TookOver,
     /// It is not started any more.
@@ -108,6 +110,25 @@ impl Event {
     pub fn begins(self, swap: Option<usize>) -> Self {
         Self { swap, ..self }
     }
+}
+
+/// Tells of process `epoch`, which counts as dead in the newest `events`, that it could not be started, and `why`.
+pub fn not_started(events: &mut [Event], epoch: u32, why: &str) {
+    for event in events.iter_mut().filter(|event| event.epoch == epoch) {
+        let told = Event { why: None, ..event.clone() };
+        match event.what {
+            What::Died => *event = Event { what: What::NotStarted, ..told }.because(why),
+            What::Rejected => *event = told.because(why),
+            _ => {}
+        }
+    }
+}
+
+/// The first newcomer that could not even be tried.
+pub fn untried(events: &[Event]) -> Option<&Event> {
+    let of = |event: &Event, what| (event.what == what).then_some((event.node.clone(), event.epoch));
+    let missing: Vec<_> = events.iter().filter_map(|event| of(event, What::NotStarted)).collect();
+    events.iter().find(|event| of(event, What::Rejected).is_some_and(|who| missing.contains(&who)))
 }
 
 /// Makes reading from and writing to `pipe` never wait.

@@ -95,7 +95,8 @@ pub fn fly(args: &FlyArgs) -> anyhow::Result<u8> {
         }
     };
     if matches!(how.ended, Ended::Flown) && summary.status() == PlantStatus::Flying {
-        how.ended = Ended::Unseen(format!("at {:.2} s, the last that was seen, the plant was flying", summary.time_s()));
+        how.ended =
+            Ended::Unseen(format!("at {:.2} s, the last that was seen, the plant was flying", summary.time_s()));
     }
     match &how.ended {
         Ended::Lost(name) => eprint_line(&format!("error: lost {name}; the stack was stopped")),
@@ -133,7 +134,7 @@ fn settings(args: &FlyArgs) -> anyhow::Result<Scenario> {
         let mode = Mode::from(mode);
         overrides.push(format!("run.mode={}", serde_json::to_value(mode)?.as_str().unwrap_or_default()));
     }
-    Ok(scenario::load(args.scenario.as_deref(), &overrides)?)
+    Ok(crate::settings::load(args.scenario.as_deref(), &overrides)?)
 }
 
 fn fly_inprocess(

@@ -6,6 +6,7 @@
 //! | [`fly`] | one flight from scenario to report |
 //! | `folder`, `files` | the folder of a run, and what is written into it |
 //! | `progress` | the line shown while flying |
+//! | [`settings`] | the settings of a flight, checked before it |
 //! | [`inprocess`] | the ring turned by one thread |
 //! | [`stack`] | the ring as processes: start, watch, stop |
 //! | [`event`] | what happens to processes, and how the recorder hears of it |
@@ -22,6 +23,7 @@
 //! | [`report`] | `report.html` |
 //! | [`trace`] | `trace`: ticks of a run for a trace viewer |
 //! | [`control`] | the socket on which a flying stack is asked and told |
+//! | `duration` | durations on the command line |
 //! | [`manage`] | `status` and `stop` |
 //! | [`swap`] | `swap`: another process for a node of a flying stack |
 //! | [`measure`] | `measure`: figures with targets |
@@ -32,6 +34,7 @@ use std::process::Command;
 pub mod bounds;
 pub mod cli;
 pub mod control;
+mod duration;
 pub mod event;
 pub mod faults;
 mod files;
@@ -48,6 +51,7 @@ pub mod provenance;
 pub mod recorder;
 pub mod report;
 pub mod run_record;
+pub mod settings;
 pub mod solves;
 pub mod stack;
 pub mod succession;

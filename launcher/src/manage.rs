@@ -2,6 +2,7 @@
 
 mod table;
 
+use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
 use anyhow::bail;
@@ -16,11 +17,14 @@ use table::describe;
 /// How often `status --watch` looks.
 const WATCH: Duration = Duration::from_millis(500);
 
+/// What makes an empty screen of a terminal, and begins at its top.
+const CLEAR: &str = "\x1b[H\x1b[J";
+
 /// Arguments of `status`.
 #[derive(clap::Args)]
 pub struct StatusArgs {
-    /// Print JSON
-    #[arg(long, conflicts_with = "watch")]
+    /// Print JSON; with --watch, one document per line
+    #[arg(long)]
     json: bool,
     /// Look again twice a second, until Ctrl-C
     #[arg(long)]
@@ -29,20 +33,22 @@ pub struct StatusArgs {
 
 /// Lists the stacks that fly: how far they are, how their nodes are, what is broken, and what happened last.
 pub fn status(args: &StatusArgs) -> anyhow::Result<()> {
+    let between = if std::io::stdout().is_terminal() { CLEAR } else { "\n" };
+    let mut looked = false;
     loop {
         let stacks: Vec<Value> = Domain::list().iter().map(look).collect();
-        if args.json {
-            print(&(serde_json::to_string_pretty(&stacks)? + "\n"));
-        } else if stacks.is_empty() {
-            print("no stack is flying\n");
-        } else {
-            print(&stacks.iter().map(describe).collect::<Vec<_>>().join("\n"));
-        }
+        let text = match args {
+            StatusArgs { json: true, watch: true } => serde_json::to_string(&stacks)? + "\n",
+            StatusArgs { json: true, .. } => serde_json::to_string_pretty(&stacks)? + "\n",
+            _ if stacks.is_empty() => "no stack is flying\n".to_owned(),
+            _ => stacks.iter().map(describe).collect::<Vec<_>>().join("\n"),
+        };
+        print(&(if looked && !args.json { between.to_owned() + &text } else { text }));
         if !args.watch || !is_read() {
-            return Ok(());
+            return Ok(()); // a reader that has gone, as in `launcher status --watch | head`, is no error
         }
+        looked = true;
         std::thread::sleep(WATCH);
-        print("\x1b[H\x1b[J"); // an empty screen, from the top
     }
 }
 

@@ -1,11 +1,18 @@
-//! Where a run was made: versions, host, and what the kernel granted. Read from `/proc`; what cannot be read is absent.
+//! Where a run was made: date, command, commit, host, and what the kernel granted. Read from `/proc` and, when the launcher
+//! was built, from git (`build.rs`); what cannot be read is absent.
 
 use std::fs::read_to_string;
+use std::time::SystemTime;
 
 use contract::Scenario;
 use contract::scenario::to_toml;
+use rustix::system::uname;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
+
+/// Version of run.json and of the results of measures; grows with every change that a reader must know of. Files without
+/// one are of version 1.
+const SCHEMA_VERSION: u32 = 2;
 
 /// How a process is scheduled.
 #[derive(Debug, Clone, Serialize)]
@@ -41,19 +48,35 @@ pub fn scheduling_of(pid: u32) -> Scheduling {
     }
 }
 
-/// The `provenance` table of run.json.
+/// The `provenance` table of run.json: [`host`], and what was flown how.
 pub fn provenance(scenario: &Scenario, scheduling: &[(String, Scheduling)]) -> Value {
+    let scheduling: Map<String, Value> = scheduling.iter().map(|(name, s)| (name.clone(), json!(s))).collect();
+    let mut provenance = host();
+    provenance["scheduling"] = json!(scheduling);
+    provenance["scenario"] = json!(to_toml(scenario));
+    provenance
+}
+
+/// When, where and by what something was found; each measure has it too.
+pub fn host() -> Value {
     let line = |path: &str| read_to_string(path).ok().map(|text| text.trim().to_owned());
     let cpu = read_to_string("/proc/cpuinfo").unwrap_or_default();
     let cpu = cpu.lines().find_map(|l| l.strip_prefix("model name")?.split_once(": ").map(|(_, name)| name.to_owned()));
-    let scheduling: Map<String, Value> = scheduling.iter().map(|(name, s)| (name.clone(), json!(s))).collect();
+    let git = option_env!("TREFOIL_COMMIT").map(|commit| {
+        let changed = option_env!("TREFOIL_CHANGED") == Some("true");
+        json!({ "commit": commit, "changed": changed })
+    });
+    let command: Vec<String> = std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect();
     json!({
+        "schema_version": SCHEMA_VERSION,
+        "date": humantime::format_rfc3339_seconds(SystemTime::now()).to_string(),
+        "command": command,
+        "git": git,
+        "host": uname().nodename().to_string_lossy(),
         "version": env!("CARGO_PKG_VERSION"),
         "kernel": line("/proc/sys/kernel/osrelease"),
         "cpu": cpu,
         "cores": std::thread::available_parallelism().map(std::num::NonZero::get).ok(),
         "load": line("/proc/loadavg"),
-        "scheduling": scheduling,
-        "scenario": to_toml(scenario),
     })
 }

@@ -9,7 +9,7 @@ use contract::topic::NODES;
 use serde_json::{Value, json};
 
 use crate::bounds::verdicts;
-use crate::event::{Event, What};
+use crate::event::{Event, What, untried};
 use crate::faults::name;
 use crate::happenings::Happenings;
 use crate::recorder::LogOutcome;
@@ -42,7 +42,7 @@ pub fn exit_code(summary: &Summary, scenario: &Scenario, how: &Circumstances) ->
         Ended::Lost(_) | Ended::Unseen(_) => exit::PROCESS_LOST,
         Ended::Late(_) => exit::BUDGET_BROKEN,
         Ended::Flown if log_lost => exit::PROCESS_LOST,
-        Ended::Flown if summary.status().diverged() => exit::OUT_OF_BOUNDS,
+        Ended::Flown if summary.status().diverged() || untried(&how.events).is_some() => exit::OUT_OF_BOUNDS,
         Ended::Flown if verdicts(scenario, &summary.metrics()).iter().any(|v| !v.ok) => exit::OUT_OF_BOUNDS,
         Ended::Flown => exit::FLOWN,
     }
@@ -57,7 +57,13 @@ pub fn describe_end(summary: &Summary, how: &Circumstances) -> String {
         Ended::Late(name) => format!("stopped at {t:.2} s: {name} missed its deadline"),
         Ended::Unseen(what) => format!("flown, but not seen whole: {what}"),
         Ended::Flown if summary.status().diverged() => format!("diverged at {t:.2} s: {}", summary.status().describe()),
-        Ended::Flown => format!("flown to the end, {t:.2} s"),
+        Ended::Flown => match untried(&how.events) {
+            None => format!("flown to the end, {t:.2} s"),
+            Some(Event { node, why, .. }) => {
+                let why = why.as_deref().unwrap_or("it could not be started");
+                format!("flown to the end, {t:.2} s, without the swap of {node}: {why}")
+            }
+        },
     }
 }
 

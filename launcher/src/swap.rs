@@ -6,10 +6,11 @@ use anyhow::{Context, anyhow};
 use contract::domain::Domain;
 use contract::process::exit;
 use contract::realtime::{Board, phase};
-use contract::scenario::{Swap, SwapBounds, SwapNode};
-use serde_json::{Map, Value, json};
+use contract::scenario::{Swap, SwapBounds, SwapNode, suggest};
+use serde_json::{Map, Value};
 
-use crate::control::{Request, TargetArgs, ask, target};
+use crate::control::{Request, TargetArgs, ask, target, word};
+use crate::duration::seconds;
 use crate::{eprint_line, print};
 
 /// How often the launcher of the stack is asked how it goes.
@@ -48,8 +49,7 @@ pub struct SwapArgs {
 
 /// Swaps as the arguments say, and waits for what becomes of it; the exit code.
 pub fn swap(args: &SwapArgs) -> anyhow::Result<u8> {
-    let node: SwapNode = serde_json::from_value(json!(args.node))
-        .map_err(|_| anyhow!("'{}' is no process: guidance, attitude-mpc, mixer, recorder", args.node))?;
+    let node: SwapNode = word("node", &args.node)?;
     let exec = args.exec.as_deref().map(program).transpose()?;
     let (set, shadow_s, watch_s) = (args.set.clone(), args.shadow, args.watch);
     let swap = Swap { exec, set, shadow_s, watch_s, bounds: args.bounds, ..Swap::new(node, 0.0) };
@@ -120,40 +120,20 @@ fn line(event: &Value) -> String {
     format!("{at_s:8.2} s   {} epoch {} {what}{why}\n", event["node"].as_str().unwrap_or_default(), event["epoch"])
 }
 
-/// A time with its unit, in seconds.
-pub(crate) fn seconds(text: &str) -> Result<f64, String> {
-    let (number, factor) = match (text.strip_suffix("ms"), text.strip_suffix('s')) {
-        (Some(number), _) => (number, 1e-3),
-        (None, Some(number)) => (number, 1.0),
-        (None, None) => (text, 1.0),
-    };
-    let value: f64 = number.trim().parse().map_err(|_| format!("'{text}' is no time: 2s, 500ms, 0.5"))?;
-    if value.is_finite() && value >= 0.0 { Ok(value * factor) } else { Err("a time of 0 or more".into()) }
-}
-
 fn bounds(text: &str) -> Result<SwapBounds, String> {
     let mut given = Map::new();
     for part in text.split(',').filter(|part| !part.trim().is_empty()) {
         let (key, value) = part.split_once('=').ok_or_else(|| format!("'{part}' is not KEY=VALUE"))?;
-        let value: Value = serde_json::from_str(value.trim()).map_err(|_| format!("'{value}' is no number"))?;
+        let value: Value = serde_json::from_str(value.trim()).map_err(|_| format!("'{value}' is no finite number"))?;
         given.insert(key.trim().into(), value);
     }
-    serde_json::from_value(Value::Object(given)).map_err(|error| error.to_string())
+    serde_json::from_value(Value::Object(given)).map_err(|error| suggest(&error.to_string()))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn times_have_units() {
-        for (text, expected) in [("2s", 2.0), ("500ms", 0.5), ("0.25", 0.25), ("0s", 0.0)] {
-            assert_eq!(seconds(text), Ok(expected));
-        }
-        for text in ["", "s", "-1s", "1h", "NaN"] {
-            assert!(seconds(text).is_err(), "{text}");
-        }
-    }
+    use serde_json::json;
 
     #[test]
     fn a_swap_ends_with_its_own_newcomer() {
@@ -178,7 +158,12 @@ mod tests {
         assert_eq!(bounds(""), Ok(SwapBounds::default()));
         let expected = SwapBounds { difference: 0.5, ticks: 7, ..SwapBounds::default() };
         assert_eq!(bounds("difference=0.5, ticks=7"), Ok(expected));
-        for (text, reason) in [("tilt=3", "unknown field `tilt`"), ("ticks", "KEY=VALUE"), ("ticks=x", "no number")] {
+        for (text, reason) in [
+            ("tilt=3", "unknown field `tilt`"),
+            ("ticks", "KEY=VALUE"),
+            ("ticks=x", "no finite number"),
+            ("tilt_deg=nan", "no finite number"),
+        ] {
             assert!(bounds(text).unwrap_err().contains(reason), "{text}");
         }
     }

@@ -58,12 +58,14 @@
 //! | module | holds |
 //! |---|---|
 //! | `basis` | `G`, `H^-1 G'` and the Gram matrix of the basis rows; constraints as combinations of them |
+//! | `dual` | its objective, and what must hold of it |
 //! | `factor` | the Cholesky factor of the working set |
 //! | `steps` | step, join, turn |
 //! | `working_set` | what one solve leaves to the next |
 //! | [`random`] | problems to test with |
 
 mod basis;
+mod dual;
 mod factor;
 pub mod random;
 mod steps;
@@ -82,7 +84,7 @@ const UNBOUNDED: f64 = 1e12;
 /// Numbers beyond this are none: the dual objective is their square, and a turn has the square of that.
 const FAR: f64 = 1e50;
 
-/// A dual objective beyond this is rounding for the most part, and may fall.
+/// A dual objective beyond this is rounding for the most part.
 const BLURRED: f64 = 1e10;
 
 /// The solver of one set-up.
@@ -101,6 +103,8 @@ pub struct ActiveSet {
     step: Vec<[f64; 4]>,
     /// Which rows, and then which discs, are held.
     is_held: Vec<bool>,
+    /// The centre.
+    centre: Vec<[f64; 4]>,
     /// The variables under the multipliers.
     x: Vec<[f64; 4]>,
     /// The basis rows at `x`.
@@ -163,6 +167,7 @@ impl ActiveSet {
             factor: Factor::new(capacity),
             step: vec![[0.0; 4]; capacity.div_ceil(4)],
             is_held: vec![false; basis.rows + basis.discs],
+            centre: vec![[0.0; 4]; basis.blocks],
             x: vec![[0.0; 4]; basis.blocks],
             slacks: vec![[0.0; 4]; basis.len().div_ceil(4)],
             at_centre: vec![[0.0; 4]; basis.len().div_ceil(4)],
@@ -196,9 +201,8 @@ impl ActiveSet {
         if !is_near(centre) || !is_near(offsets) {
             return outcome;
         }
-        let (variables, filling) = self.x.as_flattened_mut().split_at_mut(centre.len());
-        variables.copy_from_slice(centre);
-        filling.fill(0.0); // an overflow of the last solve may have left something there
+        self.centre.as_flattened_mut()[..centre.len()].copy_from_slice(centre);
+        self.x.copy_from_slice(&self.centre);
         self.basis.slacks(&self.x, offsets, &mut self.slacks);
         if let Some((_, most)) = self.worst() {
             self.at_centre.copy_from_slice(&self.slacks);
@@ -226,18 +230,16 @@ impl ActiveSet {
     /// Climbs until nothing is violated; `first` is the dual objective of the first violated constraint alone.
     fn ascend(&mut self, offsets: &[f64], first: f64) -> (Verdict, u32) {
         for iteration in 1..=self.max_iterations {
-            let before = if cfg!(debug_assertions) { self.objective() } else { f64::NEG_INFINITY };
+            let before = self.objective();
+            if before > UNBOUNDED * first {
+                return (Verdict::Infeasible, iteration);
+            }
             let arrived = self.step(offsets);
             self.check_invariants();
             if !arrived {
                 continue;
             }
-            let objective = self.objective();
-            let slack = 1e-6 * before.abs().max(first);
-            debug_assert!(first > BLURRED || objective >= before - slack, "a step fell to {objective} from {before}");
-            if objective > UNBOUNDED * first {
-                return (Verdict::Infeasible, iteration);
-            }
+            self.check_rise(before, first);
             let possible = match self.worst() {
                 None => return (Verdict::Optimal, iteration),
                 Some((Member::Cut { disc, .. }, _)) if self.is_held[self.basis.rows + disc] => self.turn(offsets),
@@ -272,27 +274,6 @@ impl ActiveSet {
             }
         }
         worst.map(|member| (member, most))
-    }
-
-    /// `D` of the present multipliers.
-    fn objective(&self) -> f64 {
-        let slack =
-            |held: &Combination| held.slack(self.at_centre.as_flattened()) + held.slack(self.slacks.as_flattened());
-        -0.5 * self.held.iter().zip(&self.multipliers).map(|(held, multiplier)| multiplier * slack(held)).sum::<f64>()
-    }
-
-    /// What must hold between two steps.
-    fn check_invariants(&self) {
-        debug_assert!(self.held.len() == self.working_set.members.len() && self.held.len() == self.multipliers.len());
-        debug_assert!(self.held.len() <= self.held.capacity(), "the working set outgrew its room");
-        debug_assert!(self.multipliers.iter().all(|multiplier| *multiplier >= 0.0), "{:?}", self.multipliers);
-        debug_assert!(self.factor.misfit(|i, j| self.entry(i, j)) < 1e-6, "the factor is not that of the Gram block");
-    }
-
-    /// The entry of the working set's Gram block, softness included.
-    fn entry(&self, i: usize, j: usize) -> f64 {
-        let softness = if i == j { self.held[i].softness } else { 0.0 };
-        self.basis.entries(&self.held[i])(&self.held[j]) + softness
     }
 }
 

@@ -90,23 +90,25 @@ impl ActiveSet {
     /// Adds a constraint that does not hold, with the multiplier it has; false when no point obeys it and those it depends on.
     ///
     /// One that depends on those held takes their place: its own force grows at their expense until the first of them has
-    /// none left and drops out.
+    /// none left and drops out. If it holds, its force goes over to them likewise: taken off, the dual would fall.
     pub(super) fn join(&mut self, member: Member, mut multiplier: f64, offsets: &[f64]) -> bool {
         let constraint = self.basis.constraint(member);
         let size = self.basis.square(&constraint);
         let mut moved = false;
         while !self.extend(&constraint) {
-            if constraint.slack(self.slacks.as_flattened()) >= -super::TOLERANCE {
+            self.factor.composition(&mut self.step);
+            let sign = if constraint.slack(self.slacks.as_flattened()) < -super::TOLERANCE { 1.0 } else { -1.0 };
+            let first = self.first_exhausted(size, sign);
+            if sign < 0.0 && first.is_none_or(|(step, _)| step >= multiplier) {
+                self.advance(multiplier);
                 self.basis.push(&mut self.x, &constraint, -multiplier);
                 self.observe(offsets);
                 return true;
             }
-            self.factor.composition(&mut self.step);
-            let first = self.first_exhausted(size);
             let Some((step, blocking)) = first else { return false };
-            self.advance(-step);
-            self.basis.push(&mut self.x, &constraint, step);
-            multiplier += step;
+            self.advance(-sign * step);
+            self.basis.push(&mut self.x, &constraint, sign * step);
+            multiplier += sign * step;
             moved = true;
             self.remove(blocking);
             self.rebuild(blocking);
@@ -122,12 +124,14 @@ impl ActiveSet {
         true
     }
 
-    /// Of the members whose force the joining constraint replaces, the one that is exhausted first, and how far the joining
-    /// one has grown by then. `size` is the square of the joining constraint: shares that are rounding to it do not count.
-    fn first_exhausted(&self, size: f64) -> Option<(f64, usize)> {
+    /// Of the members whose force goes over to the joining constraint as that grows (`sign` 1) or shrinks (-1), the one that
+    /// is exhausted first, and by how much the joining one has changed by then. `size` is the square of the joining
+    /// constraint: shares that are rounding to it do not count.
+    fn first_exhausted(&self, size: f64, sign: f64) -> Option<(f64, usize)> {
         let mut first: Option<(f64, usize)> = None;
         for (j, (share, held)) in self.step.as_flattened().iter().zip(&self.held).enumerate() {
-            if *share > 0.0 && share * share * self.basis.square(held) > ROUNDING * size {
+            let share = sign * share;
+            if share > 0.0 && share * share * self.basis.square(held) > ROUNDING * size {
                 let step = self.multipliers[j] / share;
                 if first.is_none_or(|(s, _)| step < s) {
                     first = Some((step, j));
@@ -223,10 +227,13 @@ impl ActiveSet {
         }
         self.rebuild(from);
         self.observe(offsets);
-        (0..self.turned.len()).all(|t| {
+        let possible = (0..self.turned.len()).all(|t| {
             let (member, multiplier) = self.turned[t];
             self.join(member, multiplier, offsets)
-        })
+        });
+        self.restore();
+        self.observe(offsets);
+        possible
     }
 
     /// Adds, behind the members, one row for the angle of each held tangent.
@@ -257,7 +264,8 @@ impl ActiveSet {
             }
         }
         for _ in 0..HALVINGS {
-            if self.rise(share, slope) >= ARMIJO * share * slope {
+            // The dual is concave: what rises more steeply than at first is rounding.
+            if (ARMIJO * share * slope..=share * slope).contains(&self.rise(share, slope)) {
                 break;
             }
             let kinks = self.turning.iter().map(|cut| -self.multipliers[*cut] / steps[*cut]);
@@ -278,19 +286,5 @@ impl ActiveSet {
                 self.working_set.members[*cut] = Member::Cut { disc, towards };
             }
         }
-    }
-
-    /// By how much the dual objective rises over a share of the step, the true length of the turned forces included.
-    fn rise(&self, share: f64, slope: f64) -> f64 {
-        let count = self.working_set.members.len();
-        let mut rise = share * slope - 0.5 * share * share * slope;
-        for (sideways, cut) in (count..).zip(&self.turning) {
-            let across = share * self.step.as_flattened()[sideways];
-            let along = self.multipliers[*cut] + share * self.step.as_flattened()[*cut];
-            let length = along.hypot(across);
-            rise += 0.5 * across * across * self.held[sideways].softness;
-            rise -= if along > 0.0 { across * across / (length + along) } else { length - along };
-        }
-        rise
     }
 }

@@ -127,6 +127,19 @@ fn numbers_that_are_none_are_told() {
     assert!(x.iter().all(|x| *x == 7.0));
 }
 
+/// A tangent that turned, holds and depends on the others was dropped with all of its force: the dual fell.
+#[test]
+fn a_turned_tangent_that_depends_on_others_leaves_them_its_force() {
+    let mut uniform = uniform(6_100_534_943_901_768_181);
+    let mut problem = Problem::draw(&mut uniform);
+    problem.offsets.iter_mut().for_each(|offset| *offset *= 10_f64.powf(4.252_015_350_575_705));
+    let (mut solver, mut x) = (solver(&problem), problem.centre.clone());
+    for _ in 0..2 {
+        let verdict = solver.solve(&problem.centre, &problem.offsets, &mut x).verdict; // the dual is looked at on the way
+        assert_eq!(verdict, Verdict::Infeasible);
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
 

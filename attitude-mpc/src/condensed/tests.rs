@@ -9,7 +9,7 @@ use crate::fixture;
 
 fn condensed(scenario: &Scenario) -> (PredictionModel, Condensed) {
     let model = PredictionModel::new(scenario);
-    let condensed = Condensed::new(&model, &scenario.mpc);
+    let condensed = Condensed::new(&model, &scenario.mpc).unwrap();
     (model, condensed)
 }
 
@@ -17,7 +17,7 @@ fn condensed(scenario: &Scenario) -> (PredictionModel, Condensed) {
 fn cost(model: &PredictionModel, weights: &Mpc, given: &DVector<f64>, plan: &DVector<f64>) -> f64 {
     let n = model.states();
     let (q, r) = stage_weights(n, weights);
-    let p = terminal_weight(model, weights, &q, &r);
+    let p = terminal_weight(model, weights, &q, &r).unwrap();
     let d = Vector4::from_column_slice(given.rows(n + STATES, INPUTS).as_slice());
     let mut target = DVector::zeros(n);
     target.rows_mut(0, STATES).copy_from(&given.rows(n, STATES));
@@ -104,4 +104,23 @@ fn the_longest_horizon_is_still_finite() {
     (scenario.mpc.np, scenario.mpc.nu) = (200, 20);
     let (_, condensed) = condensed(&scenario);
     assert!(condensed.gain.iter().all(|k| k.is_finite()));
+}
+
+#[test]
+fn what_rounding_leaves_no_moves_of_is_refused() {
+    let share = |profile: Profile, set: fn(&mut Mpc)| {
+        let mut scenario = Scenario::of(profile);
+        set(&mut scenario.mpc);
+        let hessian = Condensed::new(&PredictionModel::new(&scenario), &scenario.mpc).ok()?.hessian;
+        let lower = hessian.clone().cholesky()?.l();
+        lower.diagonal().iter().zip(&hessian.diagonal()).map(|(left, whole)| left * left / whole).reduce(f64::min)
+    };
+    for profile in [Profile::Paper, Profile::Robust] {
+        assert!(share(profile, |_| {}) > Some(0.05), "as shipped");
+        assert!(share(profile, |mpc| (mpc.np, mpc.nu) = (200, 200)) > Some(1e-3), "with as many moves as there may be");
+        assert!(share(profile, |mpc| mpc.r = [1e-12; 4]) > Some(1e-5));
+        // Two moves that turn the nose, and nothing that tells them apart.
+        let alike = share(profile, |mpc| (mpc.q, mpc.r) = ([0.0, 0.0, 0.0, 1e12, 0.0, 0.0, 0.0], [1e-12; 4]));
+        assert_eq!(alike, None);
+    }
 }

@@ -38,11 +38,13 @@ pub fn violations(scenario: &Scenario, merged: Table) -> Vec<Violation> {
         check_vehicle(scenario, &mut found);
         check_mission(&scenario.mission, &mut found);
         check_controller(scenario, &mut found);
-        for fault in &scenario.fault {
-            faults::check(scenario, fault, &mut found);
-        }
         check_deadlines(scenario, &mut found);
-        swaps::check(scenario, &mut found);
+        if check_counts(scenario, &mut found) {
+            for fault in &scenario.fault {
+                faults::check(scenario, fault, &mut found);
+            }
+            swaps::check(scenario, &mut found);
+        }
     }
     found.0
 }
@@ -54,11 +56,32 @@ pub fn violations_of(fault: &Fault, scenario: &Scenario) -> Vec<Violation> {
     found.0
 }
 
+/// Every rule that the sizes of `fault` break in any scenario.
+pub fn violations_of_sizes(fault: &Fault) -> Vec<Violation> {
+    let mut found = Found(vec![]);
+    faults::check_sizes(fault, &mut found);
+    found.0
+}
+
 /// Every rule that the swaps of `scenario` break.
 pub fn violations_of_swaps(scenario: &Scenario) -> Vec<Violation> {
     let mut found = Found(vec![]);
     swaps::check(scenario, &mut found);
     found.0
+}
+
+/// Faults of one scenario.
+const MOST_FAULTS: usize = 1000;
+/// Swaps of one scenario.
+const MOST_SWAPS: usize = 100;
+
+/// Whether there are no more faults and swaps than can be judged.
+fn check_counts(scenario: &Scenario, found: &mut Found) -> bool {
+    let counts = [("fault", scenario.fault.len(), MOST_FAULTS), ("swap", scenario.swap.len(), MOST_SWAPS)];
+    for (key, count, most) in counts {
+        found.require(count <= most, &[key], format!("{count} of `{key}`"), &format!("at most {most}"));
+    }
+    counts.iter().all(|(_, count, most)| count <= most)
 }
 
 /// Each leg of the survey takes this long.
@@ -75,21 +98,7 @@ fn check_vehicle(scenario: &Scenario, found: &mut Found) {
         );
     }
 
-    let trim = Trim::solve(&scenario.airframe, plant.tilt_reaction).actuation;
-    let slowest = trim.rotor_speed.into_iter().fold(f64::INFINITY, f64::min);
-    found.require(
-        plant.rotor_speed_min < slowest,
-        &["plant.rotor_speed_min", "airframe", "plant.tilt_reaction"],
-        format!("`plant.rotor_speed_min` = {:?} leaves no hover", plant.rotor_speed_min),
-        &format!("below the slowest rotor at trim, {slowest:.1}"),
-    );
-    let tilt_deg = trim.tilt_rad.to_degrees();
-    found.require(
-        plant.tilt_max_deg > tilt_deg,
-        &["plant.tilt_max_deg", "airframe"],
-        format!("`plant.tilt_max_deg` = {:?} leaves no hover", plant.tilt_max_deg),
-        &format!("above the tilt at trim, {tilt_deg:.2}, and at most 90"),
-    );
+    check_hover(scenario, found);
 
     let [north, east, down] = scenario.initial.position_m;
     found.require(
@@ -108,6 +117,46 @@ fn check_vehicle(scenario: &Scenario, found: &mut Found) {
     let disturbance: Vec<f64> = plant.disturbance.iter().map(|step| step.0).collect();
     check_steps("plant.wind_ned_mps", &wind, found);
     check_steps("plant.disturbance", &disturbance, found);
+}
+
+/// The hover exists, as the plant and as the mixer have it, and the actuators' limits leave room for it.
+fn check_hover(scenario: &Scenario, found: &mut Found) {
+    let plant = &scenario.plant;
+    for (reaction, key) in
+        [(plant.tilt_reaction, "plant.tilt_reaction"), (scenario.mixer.tilt_reaction, "mixer.tilt_reaction")]
+    {
+        let trim = Trim::solve(&scenario.airframe, reaction).actuation;
+        let slowest = trim.rotor_speed.into_iter().fold(f64::INFINITY, f64::min);
+        found.require(
+            slowest > 0.0 && trim.rotor_speed.iter().chain([&trim.tilt_rad]).all(|x| x.is_finite()),
+            &["airframe", key],
+            "`airframe` has no hover".into(),
+            "arms, mass and rotor constants of a vehicle that can hover",
+        );
+        found.require(
+            plant.rotor_speed_min < slowest,
+            &["plant.rotor_speed_min", "airframe", key],
+            format!("`plant.rotor_speed_min` = {:?} leaves no hover", plant.rotor_speed_min),
+            &format!("below the slowest rotor at trim, {slowest:.1}"),
+        );
+        let highest = scenario.limits().rotor_speed_max;
+        found.require(
+            trim.rotor_speed.iter().zip(highest).all(|(speed, highest)| *speed < highest),
+            &["plant.rotor_speed_max_ratio", "airframe", key],
+            format!("`plant.rotor_speed_max_ratio` = {:?} leaves no hover", plant.rotor_speed_max_ratio),
+            "so much that every rotor's highest speed is above its trim speed",
+        );
+        let tilt_deg = trim.tilt_rad.to_degrees();
+        found.require(
+            plant.tilt_max_deg > tilt_deg,
+            &["plant.tilt_max_deg", "airframe"],
+            format!("`plant.tilt_max_deg` = {:?} leaves no hover", plant.tilt_max_deg),
+            &format!("above the tilt at trim, {tilt_deg:.2}, and at most 90"),
+        );
+        if plant.tilt_reaction == scenario.mixer.tilt_reaction {
+            break;
+        }
+    }
 }
 
 fn check_mission(mission: &Mission, found: &mut Found) {

@@ -4,8 +4,9 @@ use std::path::Path;
 
 use toml::{Table, Value};
 
-use super::report::{Problem, ScenarioError, Source};
+use super::report::{MOST_TOLD, Problem, ScenarioError, Source};
 use super::{Fault, Scenario, Swap, check, shape};
+use crate::file::{self, LARGEST_TEXT};
 
 /// The scenario of `file` with `overrides` on top (`key=value`, the value in TOML or a bare word), on the defaults of
 /// the profile they choose. Without a file: the defaults alone.
@@ -46,6 +47,11 @@ pub fn check_fault(scenario: &Scenario, fault: &Fault) -> Result<(), ScenarioErr
     without_place(check::violations_of(fault, scenario))
 }
 
+/// Whether the sizes of `fault` are such that any scenario could have it, in the same words.
+pub fn check_sizes(fault: &Fault) -> Result<(), ScenarioError> {
+    without_place(check::violations_of_sizes(fault))
+}
+
 /// Whether `scenario` may have the swaps that it has, in the same words too.
 pub fn check_swaps(scenario: &Scenario) -> Result<(), ScenarioError> {
     without_place(check::violations_of_swaps(scenario))
@@ -63,6 +69,7 @@ fn resolve(sources: &[Source]) -> Result<Scenario, ScenarioError> {
     let (scenario, merged) = merge(sources)?;
     let problems: Vec<Problem> = check::violations(&scenario, merged)
         .into_iter()
+        .take(MOST_TOLD + 1)
         .map(|violation| Problem {
             title: violation.what,
             place: violation.keys.iter().find_map(|key| shape::find(sources, key)),
@@ -110,7 +117,7 @@ fn overlay(below: &mut Table, above: Table) {
 
 fn read(path: &Path) -> Result<Source, ScenarioError> {
     let name = path.display().to_string();
-    let bytes = std::fs::read(path).map_err(|error| {
+    let bytes = file::read(path, LARGEST_TEXT).map_err(|error| {
         ScenarioError::new(&[Problem {
             title: format!("cannot read the scenario `{name}`: {error}"),
             place: None,

@@ -15,6 +15,7 @@
 //! | `swap` | `[[swap]]` |
 //! | `profile` | every default |
 //! | `load`, `shape`, `check`, `report` | merging, the form of a file, ranges, messages with their place |
+//! | `words` | unknown words |
 
 mod check;
 mod control;
@@ -30,13 +31,15 @@ mod swap;
 mod tests;
 mod timing;
 mod vehicle;
+mod words;
 
 pub use control::*;
 pub use fault::*;
-pub use load::{check_fault, check_swaps, from_merged, load, newcomer, newcomer_from, to_toml};
+pub use load::{check_fault, check_sizes, check_swaps, from_merged, load, newcomer, newcomer_from, to_toml};
 pub use mission::*;
 pub use report::ScenarioError;
 pub use run::*;
 pub use swap::*;
 pub use timing::*;
 pub use vehicle::*;
+pub use words::suggest;

@@ -13,15 +13,26 @@ use std::ops::Range;
 
 use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};
 
-/// Why a scenario cannot be flown: all that is wrong with it, as a complete message for people.
+/// Problems that are told one by one.
+pub const MOST_TOLD: usize = 8;
+
+/// Why a scenario cannot be flown: what is wrong with it, as a complete message for people.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct ScenarioError(String);
 
 impl ScenarioError {
-    /// One message of all `problems`.
+    /// One message of the first `problems`.
     pub(super) fn new(problems: &[Problem]) -> Self {
-        Self(problems.iter().map(Problem::render).collect::<Vec<_>>().join("\n\n"))
+        let more = problems.len().saturating_sub(MOST_TOLD);
+        let mut told: Vec<String> = problems.iter().take(MOST_TOLD).map(Problem::render).collect();
+        told.extend((more > 0).then(|| format!("there is more: these are the first {MOST_TOLD} problems")));
+        Self(told.join("\n\n"))
+    }
+
+    /// The message of one reason that stands in no file: what is wrong with which key, and what to do.
+    pub fn of(title: String, help: String) -> Self {
+        Self::new(&[Problem { title, place: None, help }])
     }
 }
 

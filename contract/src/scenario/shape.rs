@@ -2,10 +2,11 @@
 
 use std::ops::Range;
 
-use toml::de::{DeString, DeTable, DeValue};
+use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Table, Value};
 
-use super::report::{Problem, Source};
+use super::report::{MOST_TOLD, Problem, Source};
+use super::words::{nearest, shortened, suggest};
 use super::{
     Bounds, Deadline, Fault, FaultKind, FaultTarget, Heading, Late, Mission, NodeRealtime, Plant, Policy, Profile,
     Realtime, Scenario, Swap, SwapNode, Wrong,
@@ -21,9 +22,11 @@ pub fn read(source: &Source) -> Result<Table, Vec<Problem<'_>>> {
     if source.path.is_none() && settings.is_empty() {
         problems.push(Problem { title: "nothing to set".into(), place: Some((source, 0..0)), help: SET_HELP.into() });
     }
-    check_keys(source, "", &tree, &example(), &mut problems);
-    if !problems.is_empty() {
-        return Err(problems);
+    let example = example();
+    let mut keys = Keys { source, example: &example, problems };
+    keys.check("", &tree, &example);
+    if !keys.problems.is_empty() {
+        return Err(keys.problems);
     }
     let scenario: Scenario =
         toml::from_str(&source.text).map_err(|error| vec![wrong_type(source, &tree, error.message(), error.span())])?;
@@ -117,48 +120,60 @@ fn not_toml<'a>(source: &'a Source, error: &toml::de::Error) -> Problem<'a> {
     Problem { title: format!("not TOML: {}", error.message()), place, help: help.into() }
 }
 
-/// Every key must be known, and a table where a table is known.
-fn check_keys<'a>(source: &'a Source, path: &str, given: &DeTable, known: &Table, problems: &mut Vec<Problem<'a>>) {
-    for (name, value) in given {
-        let key = join(path, name.get_ref());
-        match (known.get(name.get_ref().as_ref()), value.get_ref()) {
-            (None, _) => problems.push(unknown_key(source, path, name, known)),
-            (Some(Value::Table(known)), DeValue::Table(given)) => check_keys(source, &key, given, known, problems),
-            (Some(Value::Table(known)), _) => problems.push(Problem {
-                title: format!("`{key}` is a table"),
-                place: Some((source, value.span())),
-                help: format!("set its keys one by one: {}", list(known)),
-            }),
-            (Some(known), DeValue::Table(_)) => problems.push(Problem {
-                title: format!("`{key}` is not a table"),
-                place: Some((source, name.span())),
-                help: format!("for example `{key} = {known}`"),
-            }),
-            _ => {}
-        }
-    }
+/// The keys of one source, and what is wrong with them, as far as it is told.
+struct Keys<'a, 'e> {
+    source: &'a Source,
+    example: &'e Table,
+    problems: Vec<Problem<'a>>,
 }
 
-fn unknown_key<'a>(source: &'a Source, path: &str, name: &Spanned<DeString>, known: &Table) -> Problem<'a> {
-    let place = Some((source, name.span()));
-    let name: &str = name.get_ref();
-    let key = join(path, name);
-    let elsewhere = example().into_iter().find(|(_, table)| table.get(name).is_some());
-    let nearest =
-        known.keys().map(|other| (strsim::jaro_winkler(name, other), other)).max_by(|a, b| a.0.total_cmp(&b.0));
-    let hint = match (elsewhere, nearest) {
-        (Some((table, _)), _) => format!("did you mean `{table}.{name}`? "),
-        (None, Some((similarity, nearest))) if similarity > 0.7 => format!("did you mean `{}`? ", join(path, nearest)),
-        _ => String::new(),
-    };
-    let table = if path.is_empty() { "at the top".into() } else { format!("in `{path}`") };
-    Problem { title: format!("unknown key `{key}`"), place, help: format!("{hint}known {table}: {}", list(known)) }
+impl Keys<'_, '_> {
+    /// Every key must be known, and a table where a table is known.
+    fn check(&mut self, path: &str, given: &DeTable, known: &Table) {
+        for (name, value) in given {
+            let key = join(path, name.get_ref());
+            let (title, span, help) = match (known.get(name.get_ref().as_ref()), value.get_ref()) {
+                (None, _) => {
+                    let help = self.nearest(path, name.get_ref(), known);
+                    (format!("unknown key `{}`", shortened(&key)), name.span(), help)
+                }
+                (Some(Value::Table(known)), DeValue::Table(given)) => {
+                    self.check(&key, given, known);
+                    continue;
+                }
+                (Some(Value::Table(known)), _) => {
+                    (format!("`{key}` is a table"), value.span(), format!("set its keys one by one: {}", list(known)))
+                }
+                (Some(known), DeValue::Table(_)) => {
+                    (format!("`{key}` is not a table"), name.span(), format!("for example `{key} = {known}`"))
+                }
+                _ => continue,
+            };
+            self.problems.push(Problem { title, place: Some((self.source, span)), help });
+            if self.problems.len() > MOST_TOLD {
+                return; // of a million keys there is no point in judging each
+            }
+        }
+    }
+
+    /// What may have been meant by the unknown key `name`.
+    fn nearest(&self, path: &str, name: &str, known: &Table) -> String {
+        let elsewhere = self.example.iter().find(|(_, table)| table.get(name).is_some());
+        let hint = match (elsewhere, nearest(name, known.keys().map(String::as_str))) {
+            (Some((table, _)), _) => format!("did you mean `{table}.{name}`? "),
+            (None, Some(nearest)) => format!("did you mean `{}`? ", join(path, nearest)),
+            _ => String::new(),
+        };
+        let table = if path.is_empty() { "at the top".into() } else { format!("in `{path}`") };
+        format!("{hint}known {table}: {}", list(known))
+    }
 }
 
 fn wrong_type<'a>(source: &'a Source, tree: &DeTable, message: &str, span: Option<Range<usize>>) -> Problem<'a> {
     let span = span.unwrap_or_default();
     let key = key_at(tree, "", span.start).unwrap_or_default();
     let value = key.split('.').try_fold(&Value::Table(example()), |value, name| value.get(name)).cloned();
+    let message = &suggest(message);
     // Serde speaks of Rust's types.
     let message =
         [("f64", "a number"), ("usize", "a whole number"), ("u64", "a whole number"), ("u32", "a whole number")]

@@ -2,12 +2,13 @@
 
 use anyhow::{Context, anyhow, bail};
 use contract::domain::Domain;
-use contract::scenario::{Fault, FaultTarget};
+use contract::scenario::{Fault, check_sizes, suggest};
 use serde::de::DeserializeOwned;
-use serde_json::{Value, json};
+use serde_json::json;
 
 use super::request::{Request, ask};
 use super::target::{self, TargetArgs};
+use crate::duration::{seconds, seconds_or_inf, signed_milliseconds};
 use crate::faults::course;
 use crate::print;
 
@@ -20,7 +21,7 @@ const USUAL_S: f64 = 0.5;
     after_help = "Targets: plant guidance attitude-mpc mixer (kill stop slow hog exit); state reference controls actuators \
 (drop burst delay duplicate reorder corrupt garbage stale rate; wrong, but for state); position velocity attitude rates (off stuck garbage wrong \
 slow delayed intermittent noise); rotor1 rotor2 rotor3 tilt (off stuck wrong slow saturated); wind (step gust); payload \
-(mass); mpc (infeasible, nan, iteration-cap). Sizes have defaults: see docs/faults.md."
+(mass); mpc (infeasible nan iteration-cap). Sizes have defaults: see docs/faults.md."
 )]
 pub struct InjectArgs {
     /// What to break: see below
@@ -29,14 +30,15 @@ pub struct InjectArgs {
     kind: String,
     #[command(flatten)]
     stack: TargetArgs,
-    /// How long it lasts [s]; inf = until it is cleared [default: 0.5, and no end for kill and exit]
-    #[arg(long = "for", value_name = "S")]
+    /// How long it lasts: 500ms, 2s, 1min, plain seconds; inf = until it is cleared [default: 0.5s, and no end for kill and
+    /// exit]
+    #[arg(long = "for", value_name = "TIME", value_parser = seconds_or_inf)]
     for_s: Option<f64>,
-    /// How long after the next sample it begins [s]
-    #[arg(long = "in", value_name = "S", default_value_t = 0.0)]
+    /// How long after the next sample it begins
+    #[arg(long = "in", value_name = "TIME", default_value = "0s", value_parser = seconds)]
     in_s: f64,
-    /// A delay or a time constant
-    #[arg(long)]
+    /// A delay or a time constant: 20ms, 0.1s, plain milliseconds
+    #[arg(long, value_name = "TIME", allow_hyphen_values = true, value_parser = signed_milliseconds)]
     ms: Option<f64>,
     /// A bias, a factor, a deviation, a mass; degrees for angles
     #[arg(long, allow_negative_numbers = true)]
@@ -66,30 +68,31 @@ pub struct ClearArgs {
 
 /// Gives a flying stack a fault.
 pub fn inject(args: &InjectArgs) -> anyhow::Result<()> {
-    let domain = args.stack.find()?;
     let mut fault = Fault {
         ms: args.ms,
         value: args.value,
-        vector: args.vector.as_ref().map(|axes| read("vector", json!(axes))).transpose()?,
+        vector: args.vector.as_deref().map(vector).transpose()?,
         probability: args.probability,
         count: args.count,
-        how: args.how.as_ref().map(|word| read("how", json!(word))).transpose()?,
-        ..Fault::new(part(&args.target)?, read("kind", json!(args.kind))?, args.in_s, args.for_s)
+        how: args.how.as_deref().map(|how| word("how", how)).transpose()?,
+        ..Fault::new(word("target", &args.target)?, word("kind", &args.kind)?, args.in_s, args.for_s)
     };
     if fault.for_s.is_none() && !fault.is_momentary() {
         fault.for_s = Some(USUAL_S);
     }
     fault.for_s = fault.for_s.filter(|for_s| *for_s != f64::INFINITY);
-    if !fault.at_s.is_finite() || fault.for_s.is_some_and(|for_s| for_s.is_nan() || for_s <= 0.0) {
-        bail!("a fault in {} s for {} s: give numbers, a time above 0", args.in_s, args.for_s.unwrap_or_default());
+    if fault.for_s.is_some_and(|for_s| for_s <= 0.0) {
+        bail!("--for 0: a fault that lasts no time; give a time above 0");
     }
+    check_sizes(&fault)?; // JSON has no word for a number that is none, and would make it the default size
+    let domain = args.stack.find()?;
     tell("injected", &domain, &Request::Inject { fault })
 }
 
 /// Ends faults of a flying stack.
 pub fn clear(args: &ClearArgs) -> anyhow::Result<()> {
+    let target = args.target.as_deref().map(|target| word("target", target)).transpose()?;
     let domain = args.stack.find()?;
-    let target = args.target.as_deref().map(part).transpose()?;
     tell("cleared", &domain, &Request::Clear { target })
 }
 
@@ -97,7 +100,7 @@ pub fn clear(args: &ClearArgs) -> anyhow::Result<()> {
 fn tell(done: &str, domain: &Domain, request: &Request) -> anyhow::Result<()> {
     let flight = target::describe(domain);
     let told = ask(domain, request).map_err(|error| anyhow!("{error:#}\nin {flight}"))?;
-    let faults: Vec<Fault> = read("response", told)?;
+    let faults: Vec<Fault> = serde_json::from_value(told).context("the launcher's answer cannot be read")?;
     if faults.is_empty() {
         print("nothing is broken\n");
     }
@@ -108,11 +111,11 @@ fn tell(done: &str, domain: &Domain, request: &Request) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn part(word: &str) -> anyhow::Result<FaultTarget> {
-    read("target", json!(word))
+/// A `word` of the scenario's language for what is called `what`; the error names those there are, and the nearest.
+pub fn word<T: DeserializeOwned>(what: &str, word: &str) -> anyhow::Result<T> {
+    serde_json::from_value(json!(word)).map_err(|error| anyhow!("{what}: {}", suggest(&error.to_string())))
 }
 
-/// A word of the scenario's language; the error names those there are.
-fn read<T: DeserializeOwned>(what: &str, value: Value) -> anyhow::Result<T> {
-    serde_json::from_value(value).with_context(|| format!("{what} cannot be read"))
+fn vector(axes: &[f64]) -> anyhow::Result<[f64; 3]> {
+    axes.try_into().map_err(|_| anyhow!("--vector has {} numbers; give three, for example 5,0,0", axes.len()))
 }

@@ -13,7 +13,7 @@ mod request;
 mod server;
 pub mod target;
 
-pub use command::{ClearArgs, InjectArgs, clear, inject};
+pub use command::{ClearArgs, InjectArgs, clear, inject, word};
 pub use request::{Request, Response, ask};
 pub use server::Server;
 pub use target::TargetArgs;

@@ -31,11 +31,11 @@ fn a_fault_is_followed_from_its_first_tick_to_the_recovery() {
     let statuses = runs(&[(10, Explicit), (1, Solved), (2, LimitReached), (2, Fallback), (20, Explicit)]);
     let faults = flown(Some(0.03), &statuses);
     let expected = json!([{
-        "target": "mpc", "kind": "iteration cap", "at_s": 0.1, "for_s": 0.03,
+        "target": "mpc", "kind": "iteration-cap", "at_s": 0.1, "for_s": 0.03,
         "injected_at_s": 0.1, "ended_at_s": 0.13, "detected_after_s": 0.01, "recovered_after_s": 0.02,
     }]);
     assert_eq!(faults.to_json(), expected);
-    let line = "mpc iteration cap from 0.10 s for 0.03 s: detected after 0.01 s, recovered after 0.02 s";
+    let line = "mpc iteration-cap from 0.10 s for 0.03 s: detected after 0.01 s, recovered after 0.02 s";
     assert_eq!(faults.describe(), [line]);
 }
 
@@ -69,10 +69,10 @@ fn what_never_happened_is_null() {
     let of = |faults: &Faults| keys.map(|key| faults.to_json()[0][key].as_f64());
     let early_end = flown(Some(0.01), &runs(&[(10, Explicit)]));
     assert_eq!(of(&early_end), [None; 3]);
-    assert_eq!(early_end.describe(), ["mpc iteration cap at 0.1 s: never struck"]);
+    assert_eq!(early_end.describe(), ["mpc iteration-cap at 0.1 s: never struck"]);
     let endless = flown(None, &runs(&[(10, Explicit), (20, Fallback), (20, Explicit)]));
     assert_eq!(of(&endless), [Some(0.1), Some(0.0), None]);
-    let line = "mpc iteration cap from 0.10 s to the end: detected after 0.00 s, not recovered";
+    let line = "mpc iteration-cap from 0.10 s to the end: detected after 0.00 s, not recovered";
     assert_eq!(endless.describe(), [line]);
     let harmless = flown(Some(0.05), &runs(&[(30, Explicit)]));
     assert_eq!(of(&harmless), [Some(0.1), None, None]);

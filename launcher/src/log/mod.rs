@@ -3,7 +3,7 @@
 //! | in the file | is |
 //! |---|---|
 //! | topics `/state` `/reference` `/controls` `/actuators` | the messages, as the protobuf of `proto/trefoil.proto` |
-//! | topic `/events` | what happened to the processes, as the JSON of `proto/event.schema.json` ([`crate::event`]) |
+//! | topic `/events` | what happened to the processes, as protobuf too ([`crate::event`]) |
 //! | `log_time` | simulated time: the stamp's tick times the sample time, so that runs of every mode lie on one axis |
 //! | `publish_time` | when it was published, `CLOCK_MONOTONIC`; 0 in process, where there is no clock, and of an event |
 //! | metadata `scenario`, key `toml` | the run's merged settings, the first record of the file |

@@ -2,7 +2,6 @@
 
 use std::{
     collections::HashMap,
-    fs::File,
     io::{BufReader, Read},
     path::Path,
 };
@@ -10,6 +9,7 @@ use std::{
 use anyhow::{Context, bail};
 use contract::{
     Topic,
+    file::{self, LARGEST_LOG},
     message::{Actuators, Controls, Reference, State},
 };
 use mcap::{
@@ -88,12 +88,11 @@ pub fn read(path: &Path) -> anyhow::Result<Log> {
 /// The same, but for the messages, which `each` gets one by one in the order of writing.
 pub fn read_in_order(path: &Path, each: impl FnMut(Record)) -> anyhow::Result<Log> {
     let cannot_read = || format!("cannot read {}", path.display());
-    let file = File::open(path).with_context(cannot_read)?;
-    let file_bytes = file.metadata().with_context(cannot_read)?.len() as usize;
+    let (file, file_bytes) = file::open(path, LARGEST_LOG).with_context(cannot_read)?;
     let mut file = BufReader::new(file);
     let mut mcap = LinearReader::new_with_options(
         LinearReaderOptions::default()
-            .with_record_length_limit(file_bytes) // a length beyond the file is damage, not a reason to allocate
+            .with_record_length_limit(file_bytes as usize) // a length beyond the file is damage, not a reason to allocate
             .with_prevalidate_chunk_crcs(true)
             .with_validate_data_section_crc(true)
             .with_validate_summary_section_crc(true),
@@ -159,7 +158,8 @@ impl<F: FnMut(Record)> Contents<F> {
             McapRecord::Channel(channel) => {
                 let topic = self.schemas.get(&channel.schema_id);
                 self.channels.extend(topic.map(|&topic| (channel.id, topic)));
-                if channel.topic == EVENTS {
+                // Logs of earlier versions have their events in JSON, and are read without.
+                if channel.topic == EVENTS && channel.message_encoding == "protobuf" {
                     self.events = Some(channel.id);
                 }
             }
@@ -167,7 +167,7 @@ impl<F: FnMut(Record)> Contents<F> {
                 if let Some(&topic) = self.channels.get(&header.channel_id) {
                     (self.each)(schema::decode(topic, &data)?);
                 } else if self.events == Some(header.channel_id) {
-                    self.log.events.push(serde_json::from_slice(&data).context("an event cannot be read")?);
+                    self.log.events.push(schema::decode_event(&data).context("an event cannot be read")?);
                 }
             }
             _ => {}

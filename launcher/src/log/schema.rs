@@ -1,5 +1,6 @@
-//! The protobuf form of the messages: field for field, bit for bit, both ways. And the schema of the events, which are JSON.
+//! The protobuf form of messages and events: field for field, bit for bit, both ways.
 
+use anyhow::Context;
 use contract::{
     Topic,
     message::{ActuationMsg, Actuators, Controls, Kinematics, Reference, Stamp, State},
@@ -7,6 +8,8 @@ use contract::{
 use prost::{DecodeError, Message as _};
 
 use super::Record;
+use crate::event::{Event, Sender};
+use crate::faults::name;
 
 /// Types generated from `proto/trefoil.proto`.
 mod wire {
@@ -17,8 +20,8 @@ mod wire {
 /// The schema as readers want it: a serialised `FileDescriptorSet`.
 pub const DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/trefoil.fds"));
 
-/// Name and text of the events' JSON Schema.
-pub const EVENT: (&str, &[u8]) = ("trefoil.v1.Event", include_bytes!("../../proto/event.schema.json"));
+/// Full name of the protobuf message of an event.
+pub const EVENT: &str = "trefoil.v1.Event";
 
 /// Full name of the protobuf message of a topic.
 pub const fn message_name(topic: Topic) -> &'static str {
@@ -50,6 +53,25 @@ pub fn decode(topic: Topic, bytes: &[u8]) -> Result<Record, DecodeError> {
         Topic::Controls => Controls::from(wire::Controls::decode(bytes)?).into(),
         Topic::Actuators => Actuators::from(wire::Actuators::decode(bytes)?).into(),
     })
+}
+
+/// Replaces the content of `buffer` by the event's bytes.
+pub fn encode_event(event: &Event, buffer: &mut Vec<u8>) {
+    buffer.clear();
+    let Event { tick, ref node, epoch, what, ref why, swap, by } = *event;
+    let swap = swap.map(|swap| swap as u64);
+    let by = by.map(|Sender { pid, user }| wire::Sender { pid, user });
+    wire::Event { tick, node: node.clone(), epoch, what: name(what), why: why.clone(), swap, by }
+        .encode(buffer)
+        .expect("a vector grows as needed");
+}
+
+/// Reads the bytes of an event.
+pub fn decode_event(bytes: &[u8]) -> anyhow::Result<Event> {
+    let wire::Event { tick, node, epoch, what, why, swap, by } = wire::Event::decode(bytes)?;
+    let by = by.map(|wire::Sender { pid, user }| Sender { pid, user });
+    let what = serde_json::from_value(what.into()).context("what happened is unknown")?;
+    Ok(Event { tick, node, epoch, what, why, swap: swap.map(|swap| swap as usize), by })
 }
 
 /// An array on one side, named fields on the other.

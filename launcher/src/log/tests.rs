@@ -213,13 +213,8 @@ fn events_stand_at_their_ticks_beside_the_messages() {
     assert!(String::from_utf8_lossy(&bytes).contains("stamp.tick times 2000000 ns"), "its rate is told");
     let logged: Vec<_> = MessageStream::new(&bytes).unwrap().map(Result::unwrap).collect();
     let schema = logged[4].channel.schema.clone().unwrap();
-    assert_eq!((logged[4].channel.topic.as_str(), schema.encoding.as_str()), ("/events", "jsonschema"));
+    assert_eq!((logged[4].channel.topic.as_str(), schema.encoding.as_str()), ("/events", "protobuf"));
     assert_eq!([logged[4].log_time, logged[5].log_time], [6_000_000, 10_000_000]);
-    // Every key of an event is told of in the schema, and the other way round.
-    let schema: serde_json::Value = serde_json::from_slice(&schema.data).unwrap();
-    let event: serde_json::Value = serde_json::from_slice(&logged[5].data).unwrap();
-    let keys = |value: &serde_json::Value| value.as_object().unwrap().keys().cloned().collect::<Vec<_>>();
-    assert_eq!(keys(&schema["properties"]), keys(&event));
 }
 
 #[test]

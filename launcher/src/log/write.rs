@@ -105,7 +105,7 @@ impl LogWriter {
 
     /// Appends one event.
     pub fn event(&mut self, event: &Event) -> anyhow::Result<()> {
-        self.buffer = serde_json::to_vec(event)?;
+        schema::encode_event(event, &mut self.buffer);
         self.append(&MessageHeader {
             channel_id: self.events,
             sequence: 0,
@@ -187,10 +187,9 @@ fn open(sink: BufWriter<File>, scenario_toml: &str, sample_ns: u64) -> McapResul
         let publisher = BTreeMap::from([("publisher".into(), topic.publisher().into())]);
         channels[topic as usize] = mcap.add_channel(schema, &format!("/{}", topic.name()), "protobuf", &publisher)?;
     }
-    let (name, text) = schema::EVENT;
-    let schema = mcap.add_schema(name, "jsonschema", text)?;
+    let schema = mcap.add_schema(schema::EVENT, "protobuf", schema::DESCRIPTORS)?;
     let events =
-        mcap.add_channel(schema, EVENTS, "json", &BTreeMap::from([("publisher".into(), "launcher".into())]))?;
+        mcap.add_channel(schema, EVENTS, "protobuf", &BTreeMap::from([("publisher".into(), "launcher".into())]))?;
     Ok((mcap, channels, events))
 }
 

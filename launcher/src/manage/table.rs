@@ -7,52 +7,68 @@ use serde_json::Value;
 
 use crate::faults::course;
 
+/// Columns of a terminal.
+const WIDTH: usize = 80;
+
 /// One stack.
 pub fn describe(view: &Value) -> String {
+    let mut text = String::new();
+    let mut line = |line: String| _ = writeln!(text, "{}", fit(&line)); // a String takes everything
     let time = format!("t = {:.2} s of {:.0} s", number(&view["time_s"]), number(&view["duration_s"]));
     let [namespace, name, mode, phase] = ["namespace", "name", "mode", "phase"].map(|key| word(&view[key]));
-    let pid = word(&view["launcher_pid"]);
-    let mut text = format!("{namespace:<16} {name:<12} {mode:<10} {phase:<9} {time}   launcher {pid}\n");
-    let mut line = |line: String| _ = writeln!(text, "  {line}"); // a String takes everything
+    line(format!("{namespace}: {name}, {mode}, {phase}, {time}, launcher {}", word(&view["launcher_pid"])));
     let nodes = list(&view["nodes"]);
     if !nodes.is_empty() {
-        line(row(
-            ["node", "epoch", "shadow", "pid", "ticks", "behind", "age ms", "restarts", "refused"].map(str::to_owned)
-        ));
+        let head = ["node", "epoch", "shadow", "pid", "ticks", "behind", "age ms", "restarts", "refused"];
+        line(row(head.map(str::to_owned)));
     }
     for view in nodes {
         line(node(view));
     }
+    for view in nodes {
+        let causes = refused(&view["refused"]).map(|(cause, count)| format!("{cause} {count}")).collect::<Vec<_>>();
+        if !causes.is_empty() {
+            line(format!("  {} refused: {}", word(&view["node"]), causes.join(", ")));
+        }
+    }
     for fault in list(&view["faults"]).iter().filter_map(|fault| serde_json::from_value::<Fault>(fault.clone()).ok()) {
-        line(format!("broken: {}", course(&fault, fault.at_s)));
+        line(format!("  broken: {}", course(&fault, fault.at_s)));
     }
     for event in list(&view["events"]) {
         let epoch = if event["epoch"] == 0 { String::new() } else { format!(" {}", event["epoch"]) };
-        line(format!("{:.2} s: {}{epoch} {}", number(&event["at_s"]), word(&event["node"]), word(&event["what"])));
+        line(format!("  {:.2} s: {}{epoch} {}", number(&event["at_s"]), word(&event["node"]), word(&event["what"])));
     }
     text
 }
 
 fn node(view: &Value) -> String {
     if view["epoch"] == 0 {
-        return format!("{:<14}nobody", word(&view["node"]));
+        return format!("  {:<13}nobody", word(&view["node"]));
     }
     let age = format!("{:.1}", number(&view["age_ms"]));
     let shadow = if view["shadow"].is_null() { "-".into() } else { word(&view["shadow"]) };
     let [node, epoch, pid, tick, behind, restarts] =
         ["node", "epoch", "pid", "tick", "behind", "restarts"].map(|key| word(&view[key]));
-    row([node, epoch, shadow, pid, tick, behind, age, restarts, refused(&view["refused"])])
+    let refused = refused(&view["refused"]).map(|(_, count)| count).sum::<u64>().to_string();
+    row([node, epoch, shadow, pid, tick, behind, age, restarts, refused])
 }
 
 fn row([node, epoch, shadow, pid, tick, behind, age, restarts, refused]: [String; 9]) -> String {
-    format!("{node:<14}{epoch:>6}{shadow:>8}{pid:>9}{tick:>9}{behind:>8}{age:>8}{restarts:>10}   {refused}")
+    format!("  {node:<13}{epoch:>6}{shadow:>7}{pid:>9}{tick:>9}{behind:>7}{age:>8}{restarts:>9}{refused:>8}")
 }
 
 /// The causes that have happened, and how often.
-fn refused(causes: &Value) -> String {
-    let counts = causes.as_object().into_iter().flatten().filter(|(_, count)| **count != 0);
-    let told: Vec<String> = counts.map(|(cause, count)| format!("{cause} {count}")).collect();
-    if told.is_empty() { "none".into() } else { told.join(", ") }
+fn refused(causes: &Value) -> impl Iterator<Item = (&str, u64)> {
+    let counts = causes.as_object().into_iter().flatten();
+    counts.filter_map(|(cause, count)| Some((cause.as_str(), count.as_u64().filter(|count| *count > 0)?)))
+}
+
+/// As much of a line as a terminal has columns.
+fn fit(line: &str) -> String {
+    if line.chars().count() <= WIDTH {
+        return line.to_owned();
+    }
+    line.chars().take(WIDTH - 3).chain("...".chars()).collect()
 }
 
 fn list(value: &Value) -> &[Value] {
@@ -68,5 +84,35 @@ fn word(value: &Value) -> String {
         Value::String(word) => word.clone(),
         Value::Null => "?".into(),
         other => other.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn the_table_fits_a_terminal_and_tells_what_was_refused() {
+        let node = |name: &str| {
+            json!({ "node": name, "epoch": 12345, "shadow": 12346, "pid": 4_194_304, "tick": 17_280_000, "behind": 123,
+                "age_ms": 10123.4, "restarts": 123, "refused": { "range": 5, "epoch": 0, "late": 12 } })
+        };
+        let event = json!({ "at_s": 86_399.99, "node": "attitude-mpc", "epoch": 12345, "what": "intruder-refused" });
+        let fault = json!({ "at_s": 1.0, "for_s": 0.123_456, "target": "attitude-mpc", "kind": "kill" });
+        let view = json!({
+            "namespace": "n".repeat(60), "name": "survey", "mode": "realtime", "phase": "flying", "time_s": 86_399.99,
+            "duration_s": 86400.0, "launcher_pid": 4_194_304, "nodes": [node("attitude-mpc"), node("plant")],
+            "faults": [fault], "events": [event],
+        });
+        let text = describe(&view);
+        assert!(text.lines().all(|line| line.chars().count() <= WIDTH), "{text}");
+        assert!(
+            text.contains("attitude-mpc refused: range 5, late 12\n") || text.contains("late 12, range 5"),
+            "{text}"
+        );
+        assert_eq!(text.lines().count(), 1 + 1 + 2 + 2 + 1 + 1, "{text}");
+        assert!(text.contains("...\n") && !text.contains('\x1b'), "{text}");
     }
 }

@@ -5,21 +5,17 @@
 //! the last. A flight survives when the vehicle was not lost and is back at its reference in the end.
 
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use anyhow::Context;
 use contract::Scenario;
 use contract::scenario::{self, Constraints, Law, Mode, Solver};
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use super::{Target, Verdict, conclude};
-use crate::files::write_whole;
+use super::{Findings, SURVIVED_M, Target, Verdict, lost_at_s};
 use crate::inprocess;
+use crate::settings;
 use crate::summary::{Metrics, Summary};
-
-/// A surviving flight ends no farther than this from its reference \[m\].
-const BACK_M: f64 = 1.0;
 
 /// The shipped scenarios, aboard so that the command works anywhere.
 const AGGRESSIVE: [(&str, &str); 5] = [
@@ -118,7 +114,7 @@ struct Flight {
 /// Flies all, prints the table and the verdicts; the exit code.
 pub fn measure(args: &LawsArgs) -> anyhow::Result<u8> {
     let shipped = AGGRESSIVE.iter().map(|(path, text)| scenario::from_merged(text, path));
-    let more = args.scenario.iter().map(|path| scenario::load(Some(path), &[]));
+    let more = args.scenario.iter().map(|path| settings::load(Some(path), &[]));
     let scenarios: Vec<Scenario> = shipped.chain(more).collect::<Result<_, _>>()?;
     let rows: Vec<Vec<Flight>> = InnerLoop::ALL
         .iter()
@@ -126,11 +122,12 @@ pub fn measure(args: &LawsArgs) -> anyhow::Result<u8> {
         .collect();
 
     let flights: Vec<&Flight> = rows.iter().flatten().collect();
-    let results = json!({ "survived_within_m": BACK_M, "flights": flights });
+    let results = json!({ "survived_within_m": SURVIVED_M, "flights": flights });
+    let found = Findings::new(results, targets(&rows), false)?;
     if let Some(folder) = &args.out {
-        write(folder, &results)?;
+        found.save(folder, "table.json")?;
     }
-    conclude(args.json, results, &table(&scenarios, &rows), &targets(&rows))
+    found.conclude(args.json, &table(&scenarios, &rows))
 }
 
 fn fly(inner_loop: InnerLoop, scenario: &Scenario) -> Flight {
@@ -140,23 +137,16 @@ fn fly(inner_loop: InnerLoop, scenario: &Scenario) -> Flight {
         summary.observe(&record);
         true
     });
-    let (lost, metrics) = (summary.status().diverged(), summary.metrics());
+    let diverged = summary.status().diverged();
     Flight {
         inner_loop,
         scenario: scenario.name.clone(),
-        survived: !lost && metrics.final_position_error_m <= BACK_M,
-        lost_at_s: lost.then(|| summary.time_s()),
-        metrics,
+        survived: lost_at_s(&summary).is_none(),
+        lost_at_s: diverged.then(|| summary.time_s()),
+        metrics: summary.metrics(),
         solver: summary.solves.to_json(),
         state_hash: summary.state_hash(),
     }
-}
-
-fn write(folder: &Path, results: &Value) -> anyhow::Result<()> {
-    let cannot = || format!("cannot write to the output folder {}; choose another with --out", folder.display());
-    std::fs::create_dir_all(folder).with_context(cannot)?;
-    let text = serde_json::to_string_pretty(results)? + "\n";
-    write_whole(&folder.join("table.json"), text.as_bytes()).with_context(cannot)
 }
 
 /// The promises of the shipped scenarios, for both solvers.
@@ -207,7 +197,7 @@ fn table(scenarios: &[Scenario], rows: &[Vec<Flight>]) -> String {
         let _ = writeln!(text, "{}", padded.join("  ").trim_end()); // a String takes everything
     }
     text + &format!(
-        "\nok: integral of the position error, commands clamped; lost: when; astray: over {BACK_M} m off in the end\n"
+        "\nok: integral of the position error, commands clamped; lost: when; astray: over {SURVIVED_M} m off in the end\n"
     )
 }
 

@@ -11,7 +11,8 @@
 //! | [`timing`] | `measure timing`: how late the stack is, beside the kernel's own wake-up |
 //!
 //! Every measurement ends with one line per target: figure, measured value, target, and the verdict `ok`, `short` or
-//! `inconclusive`, the last where this machine could not tell. The exit code is 0 only when none is short.
+//! `inconclusive`, the last where this machine could not tell. The exit code is 0 only when none is short; a quick run judges nothing. `--json` and the file of the results are one
+//! object `{provenance, quick, results, targets}`.
 
 pub mod faults;
 pub mod kills;
@@ -28,10 +29,12 @@ use anyhow::Context;
 use clap::Subcommand;
 use contract::process::exit;
 use serde::Serialize;
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 
 use crate::files::write_whole;
 use crate::print;
+use crate::provenance::host;
+use crate::summary::Summary;
 
 /// What can be measured.
 #[derive(Subcommand)]
@@ -140,28 +143,60 @@ impl Target {
     }
 }
 
-/// Writes all of it to the folder `out`, which is made if need be, as measure.json: `{results, targets}`.
-pub fn save(out: &Path, results: &Value, targets: &[Target]) -> anyhow::Result<()> {
-    let cannot = || format!("cannot write to the folder {}; choose another with --out", out.display());
-    std::fs::create_dir_all(out).with_context(cannot)?;
-    let file = serde_json::to_string_pretty(&json!({ "results": results, "targets": targets }))? + "\n";
-    write_whole(&out.join("measure.json"), file.as_bytes()).with_context(cannot)
+/// What a measurement has found.
+pub struct Findings {
+    targets: Vec<Target>,
+    /// `{provenance, quick, results, targets}`.
+    json: Value,
+    quick: bool,
 }
 
-/// Prints `table` and one line per target, or all of it as one JSON object `{results, targets}`; the exit code.
-pub fn conclude(json: bool, results: Value, table: &str, targets: &[Target]) -> anyhow::Result<u8> {
-    if json {
-        let all = Map::from_iter([("results".to_owned(), results), ("targets".to_owned(), json!(targets))]);
-        print(&(serde_json::to_string_pretty(&all)? + "\n"));
-    } else {
-        let mut text = format!("{table}\n");
-        for target in targets {
-            writeln!(text, "{}", target.line().trim_end())?;
+impl Findings {
+    /// The `results`, judged by the `targets`; a `quick` run has too little to judge by.
+    pub fn new(results: impl Serialize, mut targets: Vec<Target>, quick: bool) -> anyhow::Result<Self> {
+        for target in targets.iter_mut().filter(|_| quick) {
+            target.verdict = Verdict::Inconclusive;
+            target.note = "not judged: a quick run".into();
         }
-        print(&text);
+        let results = serde_json::to_value(results)?;
+        let json = json!({ "provenance": host(), "quick": quick, "results": results, "targets": targets });
+        Ok(Self { targets, json, quick })
     }
-    let short = targets.iter().any(|target| target.verdict == Verdict::Short);
-    Ok(if short { exit::OUT_OF_BOUNDS } else { exit::FLOWN })
+
+    /// Writes all of it to the file `name` in the folder `out`, which is made if need be.
+    pub fn save(&self, out: &Path, name: &str) -> anyhow::Result<()> {
+        let cannot = || format!("cannot write to the folder {}; choose another with --out", out.display());
+        std::fs::create_dir_all(out).with_context(cannot)?;
+        let file = serde_json::to_string_pretty(&self.json)? + "\n";
+        write_whole(&out.join(name), file.as_bytes()).with_context(cannot)
+    }
+
+    /// Prints `table` and one line per target, or all of it as one JSON object; the exit code.
+    pub fn conclude(&self, json: bool, table: &str) -> anyhow::Result<u8> {
+        if json {
+            print(&(serde_json::to_string_pretty(&self.json)? + "\n"));
+        } else {
+            let mut text = format!("{table}\n");
+            for target in &self.targets {
+                writeln!(text, "{}", target.line().trim_end())?;
+            }
+            if self.quick {
+                text += "a quick run shows that everything works; only a full one is judged by the targets\n";
+            }
+            print(&text);
+        }
+        let short = self.targets.iter().any(|target| target.verdict == Verdict::Short);
+        Ok(if short { exit::OUT_OF_BOUNDS } else { exit::FLOWN })
+    }
+}
+
+/// Farther off than this in the end, a vehicle is lost, whatever its plant says \[m\].
+pub const SURVIVED_M: f64 = 1.0;
+
+/// When the vehicle of a flight that is over was lost \[s\]: when it diverged, or in the end, when it is not back then.
+pub fn lost_at_s(summary: &Summary) -> Option<f64> {
+    let is_back = summary.metrics().final_position_error_m <= SURVIVED_M; // false for NaN
+    (summary.status().diverged() || !is_back).then(|| summary.time_s())
 }
 
 /// A number with four figures, without an exponent where it can be read without.
@@ -197,13 +232,13 @@ mod tests {
 
     #[test]
     fn only_a_short_target_spoils_the_exit_code() {
-        let code = |measured| {
+        let code = |measured, quick| {
             let targets = [Target::at_most("time", measured, 5.0, "us"), Target::at_most("blocks", Some(0.0), 0.0, "")];
-            conclude(true, json!({}), "", &targets).expect("prints")
+            Findings::new(json!({}), targets.into(), quick).and_then(|found| found.conclude(true, "")).expect("prints")
         };
-        assert_eq!(code(Some(4.0)), 0);
-        assert_eq!(code(None), 0);
-        assert_eq!(code(Some(6.0)), 1);
+        assert_eq!([code(Some(4.0), false), code(None, false)], [0; 2]);
+        assert_eq!(code(Some(6.0), false), 1);
+        assert_eq!(code(Some(6.0), true), 0, "a quick run judges nothing");
     }
 
     #[test]

@@ -1,9 +1,10 @@
 //! What a run left behind: `flight.mcap` with the parts beside it and `run.json` in, `report.html` out.
 
-use std::fs;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
+use contract::file::{self, LARGEST_RESULTS};
 use contract::{Scenario, scenario};
 use serde_json::Value;
 
@@ -37,9 +38,10 @@ impl Recorded {
         let log = log::read_parts(&path)?;
         let scenario = scenario::from_merged(&log.scenario_toml, &format!("the settings in {}", path.display()))?;
         let summary = path.with_file_name("run.json");
-        let run = match fs::read_to_string(&summary) {
+        let run = match file::read_text(&summary, LARGEST_RESULTS) {
             Ok(text) => serde_json::from_str(&text).with_context(|| format!("{} is not JSON", summary.display()))?,
-            Err(_) => summary_of(&log, &scenario),
+            Err(error) if error.kind() == ErrorKind::NotFound => summary_of(&log, &scenario),
+            Err(error) => return Err(error).with_context(|| format!("cannot read {}", summary.display())),
         };
         Ok(Self { path, log, scenario, run })
     }

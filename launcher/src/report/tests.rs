@@ -220,7 +220,7 @@ fn the_solver_and_the_faults_are_told_from_the_summary() {
         "iterations": { "max": 14, "mean": 6.25 }, "solve_us": { "p50_us": 91.2, "p99_us": 201.7, "max_us": 234.4 },
     });
     run["faults"] = json!([{
-        "target": "mpc", "kind": "iteration cap", "at_s": 2.0, "for_s": null,
+        "target": "mpc", "kind": "iteration-cap", "at_s": 2.0, "for_s": null,
         "injected_at_s": 2.0, "ended_at_s": null, "detected_after_s": 0.01, "recovered_after_s": null,
     }]);
     let page = unlabelled(&render(&Hover::of(1).flight(), &run, &scenario));
@@ -229,7 +229,7 @@ fn the_solver_and_the_faults_are_told_from_the_summary() {
         "<dt>solves stopped at a limit</dt><dd>1</dd>",
         "<dt>iterations, mean / maximum</dt><dd>6.2 / 14</dd>",
         "<dt>time of a solve, p50 / p99 / maximum</dt><dd>91 / 202 / 234 µs</dd>",
-        "<td>1</td><td>mpc</td><td>iteration cap</td><td>2.00</td><td>the end</td><td>0.01</td><td>not recovered</td>",
+        "<td>1</td><td>mpc</td><td>iteration-cap</td><td>2.00</td><td>the end</td><td>0.01</td><td>not recovered</td>",
     ] {
         assert!(page.contains(told), "{told}");
     }

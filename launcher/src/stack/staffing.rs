@@ -15,7 +15,7 @@ use super::children::{Birth, Process, wait};
 use super::end::{Departure, Ended};
 use super::recorders::{self, At, RECORDER};
 use crate::eprint_line;
-use crate::event::{Event, What};
+use crate::event::{Event, What, not_started};
 use crate::recorder::LogOutcome;
 use crate::supervisor::hearing::Silence;
 use crate::supervisor::{Order, plant_tick};
@@ -89,8 +89,10 @@ impl Stack {
                     started = self.start_node(topic, epoch, None);
                 }
                 if let Err(error) = started {
-                    eprint_line(&format!("error: {error:#}"));
+                    let (why, before) = (format!("{error:#}"), self.regime.events().len());
+                    eprint_line(&format!("error: {why}"));
                     self.regime.died(&self.board, topic, epoch);
+                    not_started(&mut self.regime.events()[before..], epoch, &why);
                 }
             }
             Order::Kill(topic, epoch) => self.children.signal(topic, epoch, Signal::KILL),
@@ -178,9 +180,13 @@ impl Stack {
             Some(recorders::Order::Kill(epoch)) => self.children.signal(None, epoch, Signal::KILL),
             Some(recorders::Order::Start(epoch, origin)) => {
                 if let Err(error) = self.spawn_recorder(epoch, origin) {
-                    eprint_line(&format!("error: {error:#}"));
+                    let why = format!("{error:#}");
+                    eprint_line(&format!("error: {why}"));
                     if let Some(Archive { recorders, .. }) = &mut self.archive {
-                        recorders.ended(&self.board, epoch, false, at, self.regime.events());
+                        let events = self.regime.events();
+                        let before = events.len();
+                        recorders.ended(&self.board, epoch, false, at, events);
+                        not_started(&mut events[before..], epoch, &why);
                     }
                 }
             }

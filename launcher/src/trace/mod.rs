@@ -24,6 +24,7 @@ use serde_json::{Value, json};
 
 use self::events::Trace;
 use self::window::Window;
+use crate::duration::seconds;
 use crate::files::write_whole;
 use crate::happenings::Happenings;
 use crate::log::Log;
@@ -35,13 +36,13 @@ use crate::{eprint_line, print};
 pub struct TraceArgs {
     /// Folder of the run, or its flight.mcap
     pub run: PathBuf,
-    /// Where the window begins, in simulated seconds
-    #[arg(long, value_name = "S")]
+    /// Where the window begins in simulated time: 500ms, 2s, 1min, plain seconds
+    #[arg(long = "from", alias = "from-s", value_name = "TIME", value_parser = seconds)]
     pub from_s: Option<f64>,
-    /// How long it is, in s
-    #[arg(long, value_name = "S", default_value_t = 1.0)]
+    /// How long it is
+    #[arg(long = "for", alias = "for-s", value_name = "TIME", default_value = "1s", value_parser = seconds)]
     pub for_s: f64,
-    /// Around the worst tick of the flight, as without --from-s; in lockstep no tick is late: the beginning
+    /// Around the worst tick of the flight, as without --from; in lockstep no tick is late: the beginning
     #[arg(long, conflicts_with = "from_s")]
     pub worst: bool,
     /// File to write [default: trace.json beside the log]
@@ -104,7 +105,7 @@ pub fn document(
     let traced = rows.get(window.ticks(rows.len())).unwrap_or_default();
     ensure!(
         traced.iter().any(|row| row.state.is_some()),
-        "no tick in {}: the log covers {:.2} s; choose another window with --from-s and --for-s",
+        "no tick in {}: the log covers {:.2} s; choose another window with --from and --for",
         window.describe(),
         log.states.last().map_or(0.0, |state| state.stamp.tick as f64 * sample_s)
     );

@@ -5,9 +5,20 @@ use toml::Value;
 use super::{Found, surroundings};
 use crate::scenario::{Constraints, Fault, FaultKind, FaultTarget, LONGEST_MS, LONGEST_S, Law, Mode, Plant, Scenario};
 
+/// Bits that a corrupt message has flipped at most: more than any message has.
+const MOST_BITS: f64 = 10_000.0;
+/// Messages of a burst, or of which one passes.
+const MOST_MESSAGES: f64 = 1e6;
+/// Wind along one axis \[m/s\].
+const STRONGEST_WIND_MPS: f64 = 200.0;
+/// A payload \[kg\].
+const HEAVIEST_KG: f64 = 1000.0;
+/// Bias, factor or deviation of what is measured or demanded, in its unit.
+const LARGEST_ERROR: f64 = 1e6;
+
 /// Every rule that `fault` breaks as one of `scenario`.
 pub fn check(scenario: &Scenario, fault: &Fault, found: &mut Found) {
-    check_size(fault, found);
+    check_sizes(fault, found);
     check_air(fault, &scenario.plant, found);
     surroundings::check(fault, scenario.run.mode, found);
     let (at_s, for_s) = (fault.at_s, fault.for_s.unwrap_or(0.0));
@@ -35,26 +46,6 @@ pub fn check(scenario: &Scenario, fault: &Fault, found: &mut Found) {
         format!("the plant cannot suffer {} where it is what makes time go on", word(fault.kind)),
         "`run.mode` = \"realtime\", or kill",
     );
-    let sizes = fault.vector.into_iter().flatten().chain(fault.value);
-    let is_mass = fault.target == FaultTarget::Payload;
-    found.require(
-        sizes.clone().all(f64::is_finite) && !(is_mass && fault.value.is_some_and(|mass| mass < 0.0)),
-        &["fault"],
-        "a fault with a `value` or `vector` that cannot be".into(),
-        "finite numbers; a mass of 0 or more",
-    );
-    found.require(
-        fault.probability.is_none_or(|share| (0.0..=1.0).contains(&share)),
-        &["fault"],
-        "a fault with a `probability` that is none".into(),
-        "0 to 1",
-    );
-    found.require(
-        fault.ms.is_none_or(|ms| (least_ms(fault.kind)..=LONGEST_MS).contains(&ms)) && fault.count != Some(0),
-        &["fault"],
-        "a fault with a time or a count out of range".into(),
-        "`ms` of 0 to 60000 (offset: from -60000), `count` of 1 or more",
-    );
     found.require(
         fault.target != FaultTarget::Mpc
             || scenario.mpc.law == Law::Mpc && scenario.mpc.constraints != Constraints::None,
@@ -64,22 +55,54 @@ pub fn check(scenario: &Scenario, fault: &Fault, found: &mut Found) {
     );
 }
 
-/// Only a clock can be off either way.
-fn least_ms(kind: FaultKind) -> f64 {
-    if kind == FaultKind::Offset { -LONGEST_MS } else { 0.0 }
-}
-
-/// A fault has no size that means nothing to it.
-fn check_size(fault: &Fault, found: &mut Found) {
+/// Every rule that the sizes of `fault` break, whatever the scenario: a size that means nothing to its kind, and one out of
+/// its range.
+pub fn check_sizes(fault: &Fault, found: &mut Found) {
     let keys = fault.keys();
+    let what = format!("{} {}", fault.target.name(), word(fault.kind));
     for given in fault.given() {
         let uses = if keys.is_empty() { "none of the sizes".to_owned() } else { format!("`{}`", keys.join("` and `")) };
         found.require(
             keys.contains(&given),
             &["fault"],
-            format!("a fault with a `{given}` that {} {} has no use for", fault.target.name(), word(fault.kind)),
+            format!("a fault with a `{given}` that {what} has no use for"),
             &format!("without it; this one uses {uses}"),
         );
+    }
+    let vector = fault.vector.into_iter().flatten().map(|axis| ("vector", axis));
+    let others = [
+        ("ms", fault.ms),
+        ("value", fault.value),
+        ("probability", fault.probability),
+        ("count", fault.count.map(|count| count as f64)),
+    ];
+    let sizes = others.into_iter().filter_map(|(key, size)| Some((key, size?))).chain(vector);
+    for (key, size) in sizes {
+        let (least, most) = range(fault, key);
+        found.require(
+            (least..=most).contains(&size),
+            &["fault"],
+            format!("{what} with `{key}` = {size:?}, which is out of range"),
+            &format!("`{key}` of {least} to {most}"),
+        );
+    }
+}
+
+/// What a size of `fault` may be, in the unit of its key.
+fn range(fault: &Fault, key: &str) -> (f64, f64) {
+    use FaultKind as K;
+    match (key, fault.kind) {
+        ("ms", K::Offset) => (-LONGEST_MS, LONGEST_MS), // only a clock can be off either way
+        ("ms", _) => (0.0, LONGEST_MS),
+        ("probability", _) | ("value", K::Saturated) => (0.0, 1.0),
+        ("count", K::Corrupt) => (1.0, MOST_BITS),
+        ("count", _) => (1.0, MOST_MESSAGES),
+        ("vector", _) => (-STRONGEST_WIND_MPS, STRONGEST_WIND_MPS),
+        ("value", K::Mass) => (0.0, HEAVIEST_KG),
+        ("value", K::Wrong) if fault.target == FaultTarget::Tilt => (-180.0, 180.0),
+        ("value", K::Wrong) if fault.target.is_an_actuator() => (0.0, 2.0), // as `plant.rotor_effectiveness`
+        ("value", K::Noise) => (0.0, LARGEST_ERROR),
+        _ => (-LARGEST_ERROR, LARGEST_ERROR),
     }
 }
 

@@ -8,14 +8,36 @@ use toml::Value;
 use super::Found;
 
 type Range = (Bound<f64>, Bound<f64>);
-const POSITIVE: Range = (Excluded(0.0), Unbounded);
-const NOT_NEGATIVE: Range = (Included(0.0), Unbounded);
+/// Beyond this no number means anything to a vehicle, and what is derived from it may overflow.
+const LARGE: f64 = 1e9;
+const ANY: Range = (Included(-LARGE), Included(LARGE));
+const POSITIVE: Range = (Included(1e-9), Included(LARGE));
+const NOT_NEGATIVE: Range = (Included(0.0), Included(LARGE));
+/// Shortest integration step \[s\]: 2000 of them in the longest sample.
+const SHORTEST_STEP_S: f64 = 1e-5;
+const INERTIA: Range = (Included(1e-9), Included(1e6));
+const ARM: Range = (Included(1e-3), Included(1e3));
+const ROTOR_CONSTANT: Range = (Included(1e-12), Included(1e3));
 /// `SCHED_FIFO` has 1 to 99; the three nodes downstream of the plant add up to 3, the highest belong to the kernel.
 const PRIORITY: Range = (Included(1.0), Included(95.0));
 const CPU: Range = (Included(0.0), Included(1023.0));
 
 /// Allowed range of each number under a key; arrays are judged number by number, tables key by key.
-const RANGES: [(&str, Range); 49] = [
+const RANGES: [(&str, Range); 62] = [
+    ("mission", ANY),
+    ("initial", ANY),
+    ("plant", ANY),
+    ("guidance", ANY),
+    ("airframe.g_mps2", (Included(0.01), Included(1000.0))),
+    ("airframe.mass_kg", (Included(1e-4), Included(1e6))),
+    ("airframe.ixx_kgm2", INERTIA),
+    ("airframe.iyy_kgm2", INERTIA),
+    ("airframe.izz_kgm2", INERTIA),
+    ("airframe.l1_m", ARM),
+    ("airframe.l2_m", ARM),
+    ("airframe.l3_m", ARM),
+    ("airframe.kf", ROTOR_CONSTANT),
+    ("airframe.km", ROTOR_CONSTANT),
     ("run.duration_s", (Included(0.01), Included(86_400.0))),
     ("run.rate_hz", (Included(50.0), Included(2000.0))),
     ("run.command_delay_ms", (Included(0.0), Included(1000.0))),
@@ -24,14 +46,13 @@ const RANGES: [(&str, Range); 49] = [
     ("mission.step_at_s", NOT_NEGATIVE),
     ("mission.times_s", NOT_NEGATIVE),
     ("mission.ramp_s", NOT_NEGATIVE),
-    ("airframe", POSITIVE),
-    ("plant.substep_s", (Excluded(0.0), Included(0.01))),
+    ("plant.substep_s", (Included(SHORTEST_STEP_S), Included(0.01))),
     ("plant.rotor_lag_s", POSITIVE),
     ("plant.servo_lag_s", POSITIVE),
     ("plant.rotor_rate_limit", POSITIVE),
     ("plant.servo_rate_limit_radps", POSITIVE),
     ("plant.rotor_speed_min", NOT_NEGATIVE),
-    ("plant.rotor_speed_max_ratio", (Excluded(1.0), Unbounded)),
+    ("plant.rotor_speed_max_ratio", (Included(1.001), Included(1000.0))),
     ("plant.tilt_max_deg", (Excluded(0.0), Included(90.0))),
     ("plant.drag_linear_nspm", NOT_NEGATIVE),
     ("plant.drag_quadratic_ns2pm2", NOT_NEGATIVE),
@@ -41,11 +62,11 @@ const RANGES: [(&str, Range); 49] = [
     ("guidance.angle_limit_deg", (Excluded(0.0), Included(80.0))),
     ("guidance.w_limit_mps", POSITIVE),
     ("guidance.integral_limit", NOT_NEGATIVE),
-    ("mpc.q", NOT_NEGATIVE),
-    ("mpc.r", POSITIVE),
+    ("mpc.q", (Included(0.0), Included(1e12))),
+    ("mpc.r", (Included(1e-12), Included(1e12))),
     ("mpc.np", (Included(1.0), Included(200.0))),
     ("mpc.nu", (Included(1.0), Included(200.0))),
-    ("mpc.actuator_lag_model_s", NOT_NEGATIVE),
+    ("mpc.actuator_lag_model_s", (Included(0.0), Included(100.0))),
     ("mpc.max_iterations", (Included(1.0), Included(10_000.0))),
     ("mpc.time_limit_ms", NOT_NEGATIVE),
     ("mpc.state_penalty", POSITIVE),
@@ -81,9 +102,10 @@ pub fn check(settings: &[(String, Vec<f64>)], found: &mut Found) {
 }
 
 fn describe((low, high): Range) -> String {
+    let plain = |x: f64| if x == 0.0 || (1e-3..1e6).contains(&x.abs()) { x.to_string() } else { format!("{x:e}") };
     let side = |bound, inclusive, exclusive| match bound {
-        Included(x) => Some(format!("{inclusive} {x}")),
-        Excluded(x) => Some(format!("{exclusive} {x}")),
+        Included(x) => Some(format!("{inclusive} {}", plain(x))),
+        Excluded(x) => Some(format!("{exclusive} {}", plain(x))),
         Unbounded => None,
     };
     let sides = [side(low, "at least", "above"), side(high, "at most", "below")];

@@ -8,7 +8,7 @@
 //! | sensor | position velocity attitude rates | off stuck garbage wrong slow delayed intermittent noise |
 //! | actuator | rotor1 rotor2 rotor3 tilt | off stuck wrong slow saturated |
 //! | environment | wind, payload | step gust, mass |
-//! | solver | mpc | infeasible, nan, iteration cap |
+//! | solver | mpc | infeasible nan iteration-cap |
 //! | clock, host | clock, host | offset, disk-full shm-removed |
 //! | intruder | a topic | second-publisher wrong-layout wrong-user |
 
@@ -122,7 +122,6 @@ pub enum FaultKind {
     /// The solver is given numbers that are none.
     Nan,
     /// The solver is granted a single iteration.
-    #[serde(rename = "iteration cap", alias = "iteration-cap", alias = "iteration_cap")]
     IterationCap,
     /// The clock is ahead, or behind.
     Offset,

@@ -31,7 +31,7 @@ use self::case::Case;
 use self::flight::{Quiet, Row};
 use self::relay::Relay;
 use self::strike::Strikes;
-use super::{conclude, save};
+use super::Findings;
 use crate::fly::catch_interrupts;
 
 /// Arguments of `measure faults`.
@@ -69,11 +69,11 @@ pub fn measure(args: &FaultsArgs) -> anyhow::Result<u8> {
     let results = Results::measure(args.quick, &interrupts)?;
     let targets = targets::targets(&results);
     let table = table::table(&results);
-    let results = serde_json::to_value(&results)?;
+    let found = Findings::new(&results, targets, args.quick)?;
     if let Some(out) = &args.out {
-        save(out, &results, &targets)?;
+        found.save(out, "measure.json")?;
     }
-    conclude(args.json, results, &table, &targets)
+    found.conclude(args.json, &table)
 }
 
 impl Results {

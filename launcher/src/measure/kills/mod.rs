@@ -27,8 +27,8 @@ use anyhow::{bail, ensure};
 use serde::Serialize;
 
 use self::flight::{Kill, Row};
+use super::Findings;
 use super::timing::rings::namespace;
-use super::{conclude, save};
 use crate::fly::catch_interrupts;
 use crate::stack::StartError;
 
@@ -68,11 +68,11 @@ pub fn measure(args: &KillsArgs) -> anyhow::Result<u8> {
     let results = Results::measure(args.kills, args.seed, &interrupts)?;
     let targets = targets::targets(&results);
     let table = table::table(&results);
-    let results = serde_json::to_value(&results)?;
+    let found = Findings::new(&results, targets, false)?;
     if let Some(out) = &args.out {
-        save(out, &results, &targets)?;
+        found.save(out, "measure.json")?;
     }
-    conclude(args.json, results, &table, &targets)
+    found.conclude(args.json, &table)
 }
 
 impl Results {

@@ -8,7 +8,7 @@ fn flight(inner_loop: InnerLoop, lost_at_s: Option<f64>, final_m: f64, clamped: 
     metrics.final_position_error_m = final_m;
     metrics.commands_saturated = clamped;
     metrics.position_error_integral_ms = 33.14;
-    let survived = lost_at_s.is_none() && final_m <= BACK_M;
+    let survived = lost_at_s.is_none() && final_m <= SURVIVED_M;
     Flight { inner_loop, scenario: "step".into(), survived, lost_at_s, metrics, solver: json!(null), state_hash: None }
 }
 
@@ -83,6 +83,7 @@ fn the_same_flight_comes_out_twice() {
 #[test]
 fn a_folder_that_cannot_be_made_is_named() {
     let file = tempfile::NamedTempFile::new().unwrap();
-    let error = write(&file.path().join("below"), &json!({})).unwrap_err();
+    let found = Findings::new(json!({}), vec![], false).unwrap();
+    let error = found.save(&file.path().join("below"), "table.json").unwrap_err();
     assert!(format!("{error:#}").contains("choose another with --out"), "{error:#}");
 }

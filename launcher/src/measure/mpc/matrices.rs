@@ -9,6 +9,7 @@ use attitude_mpc::condensed::Condensed;
 use attitude_mpc::constraints::PlanSet;
 use attitude_mpc::model::PredictionModel;
 use contract::message::{Controls, Reference};
+use contract::scenario::ScenarioError;
 use nalgebra::{DMatrix, DVector, Vector4};
 
 use super::problems::Sequence;
@@ -39,10 +40,10 @@ pub struct Problem {
 
 impl Problems {
     /// Takes `sequence` through its controller and states the problems it meets.
-    pub fn of(sequence: &Sequence) -> Self {
+    pub fn of(sequence: &Sequence) -> Result<Self, ScenarioError> {
         let scenario = sequence.scenario_for(sequence.scenario.mpc.solver);
         let model = PredictionModel::new(&scenario);
-        let Condensed { hessian, gain, course } = Condensed::new(&model, &scenario.mpc);
+        let Condensed { hessian, gain, course } = Condensed::new(&model, &scenario.mpc)?;
         let set = PlanSet::new(&scenario, &course, model.trim.roll_rad);
 
         let mut mpc = AttitudeMpc::new(&scenario);
@@ -66,7 +67,7 @@ impl Problems {
             ticks.push(Problem { controls, tick, centre: &gain * &given, given });
             last = Some((tick, controls.demand.into()));
         }
-        Self { hessian, gain, set, ticks }
+        Ok(Self { hessian, gain, set, ticks })
     }
 }
 
@@ -86,7 +87,7 @@ mod tests {
     fn the_problems_are_those_of_the_controller() {
         let folder = tempfile::tempdir().expect("a temporary folder");
         for sequence in problems::shipped(folder.path()).expect("the flights are whole") {
-            let problems = Problems::of(&sequence);
+            let problems = Problems::of(&sequence).unwrap();
             let (mut explicit, mut solved) = (0, 0);
             for Problem { controls, centre, .. } in &problems.ticks {
                 let wanted = centre.fixed_rows::<4>(0).into_owned();

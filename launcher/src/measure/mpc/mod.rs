@@ -29,7 +29,6 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use anyhow::Context;
 use serde::Serialize;
-use serde_json::Value;
 
 use self::agreement::Agreement;
 use self::compare::Rival;
@@ -38,10 +37,9 @@ use self::matrices::Problems;
 use self::polygon::{Polygon, Solved};
 use self::problems::Sequence;
 use self::random::Random;
-use super::{conclude, save};
+use super::Findings;
 use crate::eprint_line;
 use crate::files::write_whole;
-use crate::provenance::provenance;
 
 /// Arguments of `measure mpc`.
 #[derive(clap::Args)]
@@ -72,8 +70,6 @@ pub struct MpcArgs {
 /// All that was measured.
 #[derive(Debug, Clone, Serialize)]
 pub struct Results {
-    /// The machine.
-    pub host: Value,
     /// Rounds over every sequence.
     pub rounds: u32,
     /// Rows and columns of the bare matrix-vector product, and its time \[us\].
@@ -104,9 +100,9 @@ pub fn measure(args: &MpcArgs) -> anyhow::Result<u8> {
     let results = results(args, &out, &sequences)?;
     let targets = targets::targets(&results);
     let table = format!("{}\nwritten to {}\n", table::table(&results), out.display());
-    let results = serde_json::to_value(&results)?;
-    save(&out, &results, &targets)?;
-    conclude(args.json, results, &table, &targets)
+    let found = Findings::new(&results, targets, false)?;
+    found.save(&out, "measure.json")?;
+    found.conclude(args.json, &table)
 }
 
 fn results(args: &MpcArgs, out: &Path, sequences: &[Sequence]) -> anyhow::Result<Results> {
@@ -114,7 +110,7 @@ fn results(args: &MpcArgs, out: &Path, sequences: &[Sequence]) -> anyhow::Result
     let samples = sampling::sample(sequences, args.rounds);
     write_whole(&out.join("samples.csv"), samples.to_csv().as_bytes())?;
 
-    let problems: Vec<Problems> = sequences.iter().map(Problems::of).collect();
+    let problems: Vec<Problems> = sequences.iter().map(Problems::of).collect::<Result<_, _>>()?;
     let first = &problems[0];
     let floor_us = sampling::floor_ns(&first.gain, &first.ticks[0].given) / 1e3;
     let mut agreement = Agreement::default();
@@ -126,10 +122,7 @@ fn results(args: &MpcArgs, out: &Path, sequences: &[Sequence]) -> anyhow::Result
         eprint_line(&format!("solving {} random problems", args.random));
         Random::solve(args.random)
     });
-    let mut host = provenance(&sequences[0].scenario, &[]);
-    host.as_object_mut().map(|host| host.remove("scenario"));
     Ok(Results {
-        host,
         rounds: args.rounds,
         floor: (first.gain.nrows(), first.gain.ncols(), floor_us),
         clock_us: sampling::clock_ns() as f64 / 1e3,

@@ -4,13 +4,15 @@ use std::fmt::Write;
 use std::path::Path;
 
 use contract::Scenario;
-use contract::scenario::{self, Profile, ScenarioError};
+use contract::scenario::{Profile, ScenarioError};
 use rayon::prelude::*;
 use serde::Serialize;
 
 use super::SensitivityArgs;
 use super::cell::{PROFILES, name};
 use crate::inprocess;
+use crate::measure::lost_at_s;
+use crate::settings;
 use crate::summary::Summary;
 
 /// Delays of the map \[ms\]: finer where the paper's controller has its limit.
@@ -39,7 +41,7 @@ pub struct Flight {
     pub miss_probability: f64,
     /// Of its random numbers.
     pub seed: u64,
-    /// When the vehicle was lost \[s\].
+    /// When the vehicle was lost \[s\]: see [`lost_at_s`].
     pub lost_at_s: Option<f64>,
     /// Largest position error \[m\], up to the loss.
     pub max_position_error_m: f64,
@@ -76,7 +78,7 @@ impl Grid {
         profile: Profile,
         [delay, jitter, miss]: [f64; 3],
     ) -> Result<(), ScenarioError> {
-        let mut first = scenario::load(
+        let mut first = settings::load(
             file,
             &[
                 format!("profile={}", name(profile)),
@@ -114,7 +116,7 @@ fn fly(scenario: &Scenario) -> Flight {
         jitter_ms: run.command_jitter_ms,
         miss_probability: run.command_drop_probability,
         seed: run.seed,
-        lost_at_s: summary.status().diverged().then(|| summary.time_s()),
+        lost_at_s: lost_at_s(&summary),
         max_position_error_m: metrics.max_position_error_m,
         rms_position_error_m: metrics.rms_position_error_m,
     }

@@ -34,7 +34,8 @@ use serde_json::json;
 use self::cell::Cell;
 use self::grid::Grid;
 use self::point::Point;
-use super::conclude;
+use super::Findings;
+use crate::duration::milliseconds;
 use crate::eprint_line;
 use crate::files::write_whole;
 
@@ -43,11 +44,12 @@ use crate::files::write_whole;
 pub struct SensitivityArgs {
     /// Scenario to fly instead of the survey; its profile, delay, jitter and misses give way to those of the map
     pub scenario: Option<PathBuf>,
-    /// Delays in ms [default: 0 to 10 for paper, 0 to 64 for robust]
-    #[arg(long, value_delimiter = ',', value_name = "MS,...")]
+    /// Delays: 5ms, 0.01s, plain milliseconds [default: 0 to 10 ms for paper, 0 to 64 ms for robust]
+    #[arg(long, value_delimiter = ',', value_name = "TIME,...", value_parser = milliseconds)]
     pub delays: Vec<f64>,
-    /// Jitters in ms
-    #[arg(long, value_delimiter = ',', value_name = "MS,...", default_values_t = [0.0, 2.0, 5.0, 10.0, 20.0])]
+    /// Jitters
+    #[arg(long, value_delimiter = ',', value_name = "TIME,...", value_parser = milliseconds,
+        default_values = ["0ms", "2ms", "5ms", "10ms", "20ms"])]
     pub jitters: Vec<f64>,
     /// Probabilities that a command is lost
     #[arg(long, value_delimiter = ',', value_name = "P,...", default_values_t = [0.0, 0.1, 0.2, 0.4])]
@@ -79,12 +81,12 @@ pub fn measure(args: &SensitivityArgs) -> anyhow::Result<u8> {
     let cells = cell::gather(&flights);
     let targets = targets::targets(args.scenario.is_none(), &cells);
     let results = json!({ "scenario": grid.name, "seeds": args.seeds, "operating_point": point, "cells": cells });
-    let file = serde_json::to_string_pretty(&json!({ "results": results, "targets": targets }))? + "\n";
-    write_whole(&out.join("sensitivity.json"), file.as_bytes())?;
+    let found = Findings::new(results, targets, false)?;
+    found.save(&out, "sensitivity.json")?;
     write_whole(&out.join("sensitivity.csv"), grid::to_csv(&flights).as_bytes())?;
     let page = picture::page(&grid.name, &cells, point.as_ref());
     write_whole(&out.join("sensitivity.html"), page.as_bytes())?;
-    conclude(args.json, results, &table(&cells, point.as_ref(), &out), &targets)
+    found.conclude(args.json, &table(&cells, point.as_ref(), &out))
 }
 
 /// The point of the run that is named, or of five seconds flown now; nothing, and why, where that does not succeed.

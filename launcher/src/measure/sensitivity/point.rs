@@ -1,10 +1,10 @@
 //! The operating point: where on the map this machine flies in real time.
 
-use std::fs;
 use std::path::Path;
 use std::process::Stdio;
 
 use anyhow::{Context, bail, ensure};
+use contract::file::{self, LARGEST_RESULTS};
 use serde::Serialize;
 use serde_json::Value;
 
@@ -24,18 +24,18 @@ pub struct Point {
 impl Point {
     /// The point of the run in the folder `run`, from its run.json.
     pub fn read(run: &Path) -> anyhow::Result<Self> {
-        let file = run.join("run.json");
-        let text = fs::read_to_string(&file)
-            .with_context(|| format!("cannot read {}; give the folder of a run with --run", file.display()))?;
-        let json: Value = serde_json::from_str(&text).with_context(|| format!("{} is not JSON", file.display()))?;
+        let path = run.join("run.json");
+        let text = file::read_text(&path, LARGEST_RESULTS)
+            .with_context(|| format!("cannot read {}; give the folder of a run with --run", path.display()))?;
+        let json: Value = serde_json::from_str(&text).with_context(|| format!("{} is not JSON", path.display()))?;
         let mode = json["mode"].as_str().unwrap_or("no mode");
         ensure!(
             mode == "realtime",
             "{} is of a flight in mode {mode}, whose ages say nothing of the machine; \
              give one flown with --mode realtime",
-            file.display()
+            path.display()
         );
-        Self::of(&json).with_context(|| format!("{} holds no age at the actuator", file.display()))
+        Self::of(&json).with_context(|| format!("{} holds no age at the actuator", path.display()))
     }
 
     /// The point of five seconds flown here and now; the folder of the run is `out`.

@@ -35,17 +35,17 @@ use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use anyhow::Context;
-use contract::Scenario;
 
 use self::page::Figure;
 use self::plan::Plan;
 use self::raw::Raw;
 use self::results::Results;
 use self::series::Series;
-use super::{conclude, save};
+use super::Findings;
+use crate::duration::seconds;
 use crate::files::write_whole;
 use crate::fly::catch_interrupts;
-use crate::provenance::provenance;
+use crate::provenance::host;
 
 /// Arguments of `measure timing`.
 #[derive(clap::Args)]
@@ -53,8 +53,8 @@ pub struct TimingArgs {
     /// Rounds of what is compared
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u8).range(1..=100))]
     pub rounds: u8,
-    /// Seconds of the paper's survey: misses are rare, so they take long to count
-    #[arg(long, default_value_t = 60.0, value_parser = seconds)]
+    /// How much of the paper's survey is flown: misses are rare, so they take long to count
+    #[arg(long = "survey", alias = "survey-s", value_name = "TIME", default_value = "60s", value_parser = survey)]
     pub survey_s: f64,
     /// One short round: shows that everything works, and no figure to rely on
     #[arg(long, conflicts_with_all = ["rounds", "survey_s"])]
@@ -76,21 +76,19 @@ pub fn measure(args: &TimingArgs) -> anyhow::Result<u8> {
     let plan = if args.quick { Plan::quick() } else { Plan::full(usize::from(args.rounds), args.survey_s) };
     let raw = Raw::measure(&plan, &interrupts)?;
 
-    let mut host = provenance(&Scenario::default(), &[]);
-    host.as_object_mut().map(|host| host.remove("scenario"));
-    let results = Results::of(&raw, plan.rounds, host);
+    let results = Results::of(&raw, plan.rounds, host());
     let targets = targets::targets(&results);
     let tables = table::tables(&results);
     let canary = Series { name: "canary".into(), rounds: vec![raw.watch.late_ns()] };
     let csv = series::to_csv(raw.series().into_iter().chain([&canary]));
     let page = page::page(&results, &targets, &tables, &figures(&raw, &canary));
     let table = format!("{}\nwritten to {}\n", table::text(&tables), out.display());
-    let results = serde_json::to_value(&results)?;
+    let found = Findings::new(&results, targets, args.quick)?;
     for (name, text) in [("histograms.csv", &csv), ("timing.html", &page)] {
         write_whole(&out.join(name), text.as_bytes()).with_context(cannot)?;
     }
-    save(&out, &results, &targets)?;
-    conclude(args.json, results, &table, &targets)
+    found.save(&out, "measure.json")?;
+    found.conclude(args.json, &table)
 }
 
 fn figures<'a>(raw: &'a Raw, canary: &'a Series) -> Vec<Figure<'a>> {
@@ -105,9 +103,9 @@ fn figures<'a>(raw: &'a Raw, canary: &'a Series) -> Vec<Figure<'a>> {
     figures
 }
 
-fn seconds(text: &str) -> Result<f64, String> {
-    let value = text.parse().ok().filter(|s| (1.0..=3600.0).contains(s));
-    value.ok_or_else(|| "expected seconds from 1 to 3600".to_owned())
+fn survey(text: &str) -> Result<f64, String> {
+    let survey_s = seconds(text)?;
+    if (1.0..=3600.0).contains(&survey_s) { Ok(survey_s) } else { Err("expected 1s to 1h".to_owned()) }
 }
 
 fn default_folder() -> PathBuf {

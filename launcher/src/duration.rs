@@ -1,0 +1,70 @@
+//! Durations as people write them: `500ms`, `0.5s`, `2min`, or plain seconds.
+
+/// Units and what they are in seconds.
+const UNITS: [(&str, f64); 6] = [("ns", 1e-9), ("us", 1e-6), ("ms", 1e-3), ("min", 60.0), ("h", 3600.0), ("s", 1.0)];
+
+/// A duration in seconds; without a unit the number is of seconds.
+pub fn seconds(text: &str) -> Result<f64, String> {
+    in_seconds(text, 1.0)
+}
+
+/// The same, or `inf`.
+pub fn seconds_or_inf(text: &str) -> Result<f64, String> {
+    if text.trim() == "inf" { Ok(f64::INFINITY) } else { seconds(text).map_err(|error| error + ", or inf") }
+}
+
+/// A duration in milliseconds; without a unit the number is of milliseconds.
+pub fn milliseconds(text: &str) -> Result<f64, String> {
+    in_seconds(text, 1e-3).map(|duration_s| duration_s * 1e3)
+}
+
+/// The same, ahead or behind.
+pub fn signed_milliseconds(text: &str) -> Result<f64, String> {
+    text.trim().strip_prefix('-').map_or_else(|| milliseconds(text), |ahead| milliseconds(ahead).map(|ms| -ms))
+}
+
+fn in_seconds(text: &str, without_unit: f64) -> Result<f64, String> {
+    let text = text.trim();
+    let unit = UNITS.iter().find_map(|(unit, factor)| Some((text.strip_suffix(unit)?, *factor)));
+    let (number, factor) = unit.unwrap_or((text, without_unit));
+    let number: Option<f64> = number.trim().parse().ok();
+    match number.filter(|number| number.is_finite() && *number >= 0.0) {
+        // 500 ms is 0.5 s to the last bit, which 500 times 1e-3 need not be.
+        Some(number) => Ok(if factor < 1.0 { number / (1.0 / factor).round() } else { number * factor }),
+        None => Err(format!("'{text}' is no duration: 0 or more, for instance 500ms, 0.5s, 2min, 0.5")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn durations_have_units_or_are_seconds() {
+        let cases = [
+            ("2s", 2.0),
+            ("500ms", 0.5),
+            ("0.25", 0.25),
+            ("0s", 0.0),
+            (" 2 min ", 120.0),
+            ("1.5h", 5400.0),
+            ("300us", 3e-4),
+            ("20 ns", 2e-8),
+            ("1e-3", 1e-3),
+        ];
+        for (text, expected) in cases {
+            assert_eq!(seconds(text), Ok(expected), "{text}");
+        }
+        for text in ["", "s", "-1s", "1d", "NaN", "inf", "ms", "1 2", "1e999"] {
+            assert!(seconds(text).unwrap_err().contains("500ms, 0.5s, 2min"), "{text}");
+        }
+    }
+
+    #[test]
+    fn some_have_no_end_and_some_are_milliseconds() {
+        assert_eq!([seconds_or_inf("inf"), seconds_or_inf("1s")], [Ok(f64::INFINITY), Ok(1.0)]);
+        assert!(seconds_or_inf("nan").unwrap_err().contains("or inf"));
+        assert_eq!(["20", "20ms", "0.02s"].map(milliseconds), [Ok(20.0), Ok(20.0), Ok(20.0)]);
+        assert_eq!(["-5", "-5ms", "5"].map(signed_milliseconds), [Ok(-5.0), Ok(-5.0), Ok(5.0)]);
+    }
+}

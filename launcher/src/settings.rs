@@ -1,0 +1,94 @@
+//! The settings of a flight, checked as far as they can be before it: what `fly` refuses, `check` refuses too.
+//!
+//! What stands in the file is checked by [`contract::scenario`]; here, whether what is derived from it exists: the
+//! controllers of the run and of its newcomers, and the programs of its swaps.
+
+use std::path::{Path, PathBuf};
+
+use attitude_mpc::AttitudeMpc;
+use contract::Scenario;
+use contract::scenario::{self, ScenarioError, Swap, SwapNode, newcomer};
+use rustix::fs::{Access, access};
+
+/// The scenario of `file` with `overrides` on top, if it can be flown.
+pub fn load(file: Option<&Path>, overrides: &[String]) -> Result<Scenario, ScenarioError> {
+    let scenario = scenario::load(file, overrides)?;
+    check(&scenario)?;
+    Ok(scenario)
+}
+
+/// Whether everything exists that is derived from `scenario`.
+pub fn check(scenario: &Scenario) -> Result<(), ScenarioError> {
+    AttitudeMpc::try_new(scenario)?;
+    scenario.swap.iter().try_for_each(|swap| check_swap(scenario, swap))
+}
+
+fn check_swap(scenario: &Scenario, swap: &Swap) -> Result<(), ScenarioError> {
+    let refused = |what: String, help: &str| Err(ScenarioError::of(what, help.into()));
+    match &swap.exec {
+        Some(program) if find(program).is_none() => refused(
+            format!(
+                "the program `{program}` of a `[[swap]]` of {} is not there, or cannot be executed",
+                swap.node.name()
+            ),
+            "give `exec` the path of a program, seen from where the launcher is started; `chmod +x` it if need be",
+        ),
+        None if swap.node == SwapNode::AttitudeMpc => match AttitudeMpc::try_new(&newcomer(scenario, swap)?) {
+            Ok(_) => Ok(()),
+            Err(error) => refused(format!("`swap.set`: {}", error.to_string().trim_start_matches("error: ")), ""),
+        },
+        _ => Ok(()),
+    }
+}
+
+/// The program that `name` starts: at that path, or without a slash in one of the folders of PATH.
+fn find(name: &str) -> Option<PathBuf> {
+    let is_program = |path: &PathBuf| path.is_file() && access(path, Access::EXEC_OK).is_ok();
+    if name.contains('/') {
+        return Some(PathBuf::from(name)).filter(is_program);
+    }
+    let folders = std::env::var_os("PATH")?;
+    std::env::split_paths(&folders).map(|folder| folder.join(name)).find(is_program)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs::{self, Permissions};
+    use std::os::unix::fs::PermissionsExt;
+
+    use super::*;
+
+    fn refused(set: &[&str]) -> String {
+        let set: Vec<String> = set.iter().map(ToString::to_string).collect();
+        load(None, &set).expect_err("refused").to_string()
+    }
+
+    #[test]
+    fn settings_without_a_controller_are_refused_with_their_keys() {
+        let [q, r] = ["mpc.q=[0, 0, 0, 1e12, 0, 0, 0]", "mpc.r=[1e-12, 1e-12, 1e-12, 1e-12]"];
+        for law in ["mpc", "lqr"] {
+            let message = refused(&[q, r, &format!("mpc.law={law}")]);
+            assert!(message.contains("`mpc.r`") && message.contains("`mpc.q`"), "{law}: {message}");
+        }
+        let newcomer = format!("swap=[{{at_s=1, node='attitude-mpc', set=['{q}', '{r}']}}]");
+        let message = refused(&[&newcomer]);
+        assert!(message.contains("`swap.set`: `mpc."), "{message}");
+        load(None, &["mpc={np=200, nu=50}".into()]).unwrap();
+    }
+
+    #[test]
+    fn a_program_that_is_not_there_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("program");
+        let swap = |exec: &str| format!("swap=[{{at_s=1, node='mixer', exec='{exec}'}}]");
+        let ours = swap(path.to_str().unwrap());
+        assert!(refused(&[&ours]).contains("is not there, or cannot be executed"));
+        fs::write(&path, "#!/bin/sh\n").unwrap();
+        assert!(refused(&[&ours]).contains("chmod +x"), "it is no program yet");
+        fs::set_permissions(&path, Permissions::from_mode(0o755)).unwrap();
+        load(None, &[ours]).unwrap();
+        load(None, &[swap("sh")]).unwrap();
+        assert!(refused(&[&swap("no-such-program-anywhere")]).contains("`no-such-program-anywhere`"));
+        assert!(refused(&[&swap("/")]).contains("is not there"), "a folder is no program");
+    }
+}
