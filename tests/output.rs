@@ -48,7 +48,7 @@ fn stderr_that_takes_nothing_neither_ends_nor_holds_up_a_flight() {
     for (what, stderr) in [("closed", Stdio::from(closed())), ("full", device().into()), ("not read", full.into())] {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let child = talking(folder.path()).stderr(stderr).spawn().expect("the launcher starts");
-        assert_eq!(finish(child), Some(0), "stderr is {what}");
+        assert_eq!(finish(child), Some(1), "without its swap; stderr is {what}");
         assert!(folder.path().join("run/run.json").exists(), "stderr is {what}");
     }
     let folder = tempfile::tempdir().expect("a temporary folder");

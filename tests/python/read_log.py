@@ -30,7 +30,7 @@ TOPICS = {
 }
 # What happened to the processes; no message in a quiet flight.
 EVENTS = "/events"
-EVENT = ("trefoil.v1.Event", "tick node epoch what why swap")
+EVENT = ("trefoil.v1.Event", "tick node epoch what why swap by")
 
 
 class Unexpected(Exception):

@@ -76,7 +76,7 @@ fn what_never_happened_is_null() {
     assert_eq!(endless.describe(), [line]);
     let harmless = flown(Some(0.05), &runs(&[(30, Explicit)]));
     assert_eq!(of(&harmless), [Some(0.1), None, None]);
-    assert_eq!(harmless.describe(), ["mpc iteration cap from 0.10 s for 0.05 s: no message shows harm"]);
+    assert_eq!(harmless.describe(), ["mpc iteration-cap from 0.10 s for 0.05 s: no message shows harm"]);
     let empty = flown(Some(0.0), &runs(&[(30, Fallback)]));
     assert_eq!(of(&empty), [None; 3]);
 }

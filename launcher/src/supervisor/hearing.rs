@@ -19,6 +19,9 @@ use contract::topic::Topic;
 /// The place of the launcher, which listens to every topic, behind those of the nodes.
 const LAUNCHER: usize = Topic::COUNT;
 
+/// A listener may be in the middle of a tick, past its look: with the second it has looked once more.
+const WHOLE_TICKS: u32 = 2;
+
 /// What was found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Silence {
@@ -50,13 +53,15 @@ struct Counts {
     received: [u32; Topic::COUNT],
 }
 
-/// A publisher and a listener when the latter last received something.
+/// A publisher and a listener since the latter last received something.
 #[derive(Debug, Clone, Copy, Default)]
 struct Pair {
     epochs: (u32, u32),
     received: u32,
+    /// Messages that had been sent then.
     sent: u32,
-    done: u32,
+    /// Ticks that the listener had done when enough had been sent for it to have received some of them.
+    due: Option<u32>,
 }
 
 /// A publisher when its port last took something.
@@ -125,14 +130,17 @@ impl Counts {
 }
 
 impl Pair {
-    /// Whether the listener has received nothing while the publisher sent, and it worked itself, for some ticks.
+    /// Whether the listener has received nothing of several messages, and then worked through whole ticks and still not.
     fn is_silent(&mut self, topic: Topic, publisher: &Counts, listener: &Counts) -> bool {
         let epochs = (publisher.epoch, listener.epoch);
         let received = listener.received[topic as usize];
         if (epochs, received) != (self.epochs, self.received) {
-            *self = Self { epochs, received, sent: publisher.sent, done: listener.done };
+            *self = Self { epochs, received, sent: publisher.sent, due: None };
         }
-        since(self.sent, publisher.sent) && since(self.done, listener.done)
+        if self.due.is_none() && grown(self.sent, publisher.sent, HANG_TICKS as u32) {
+            self.due = Some(listener.done);
+        }
+        self.due.is_some_and(|done| grown(done, listener.done, WHOLE_TICKS))
     }
 }
 
@@ -143,13 +151,13 @@ impl Refusing {
         if (epoch, sent) != (self.epoch, self.sent) {
             *self = Self { epoch, sent, failures };
         }
-        since(self.failures, failures)
+        grown(self.failures, failures, HANG_TICKS as u32)
     }
 }
 
-/// Whether a count has grown by as many as a process may leave unanswered.
-fn since(before: u32, now: u32) -> bool {
-    (HANG_TICKS as u32..u32::MAX / 2).contains(&now.wrapping_sub(before))
+/// Whether a count has grown by as many.
+fn grown(before: u32, now: u32, many: u32) -> bool {
+    (many..u32::MAX / 2).contains(&now.wrapping_sub(before))
 }
 
 #[cfg(test)]
@@ -219,6 +227,20 @@ mod tests {
         };
         assert_eq!(found(skips), []);
         assert_eq!(found(|_, nodes, _| nodes[3].epoch = 0), [], "nobody is there");
+    }
+
+    #[test]
+    fn what_was_sent_at_once_waits_until_it_is_looked_at() {
+        let burst = found(|tick, nodes, launcher| {
+            nodes[0].sent = if tick < 10 { 1 } else { 50 }; // many between two looks of the launcher
+            nodes[0].done = nodes[0].sent;
+            let received = if tick < 11 { 1 } else { 50 };
+            for node in nodes {
+                node.received[0] = received;
+            }
+            launcher.received[0] = received;
+        });
+        assert_eq!(burst, []);
     }
 
     #[test]

@@ -11,6 +11,8 @@ type Range = (Bound<f64>, Bound<f64>);
 /// Beyond this no number means anything to a vehicle, and what is derived from it may overflow.
 const LARGE: f64 = 1e9;
 const ANY: Range = (Included(-LARGE), Included(LARGE));
+/// A bound that is infinite is lifted.
+const LIFTED: Range = (Excluded(0.0), Unbounded);
 const POSITIVE: Range = (Included(1e-9), Included(LARGE));
 const NOT_NEGATIVE: Range = (Included(0.0), Included(LARGE));
 /// Shortest integration step \[s\]: 2000 of them in the longest sample.
@@ -73,7 +75,7 @@ const RANGES: [(&str, Range); 62] = [
     ("mpc.attitude_limit_deg", POSITIVE),
     ("mpc.rates_limit_dps", POSITIVE),
     ("mpc.disturbance_gain", (Included(0.0), Included(1.0))),
-    ("bounds", POSITIVE),
+    ("bounds", LIFTED),
     ("realtime.priority", PRIORITY),
     ("realtime.plant.priority", PRIORITY),
     ("realtime.guidance.priority", PRIORITY),

@@ -49,7 +49,7 @@ fn numbers_out_of_range_are_refused_with_the_range() {
         ("mpc.state_penalty=0", "at least 1e-9, at most 1e9"),
         ("mpc.attitude_limit_deg=[90, 0, 360]", "at least 1e-9, at most 1e9"),
         ("mpc.rates_limit_dps=[0, 360, 360]", "at least 1e-9, at most 1e9"),
-        ("bounds.max_position_error_m=0", "at least 1e-9, at most 1e9"),
+        ("bounds.max_position_error_m=0", "above 0"),
         ("realtime.priority=96", "at least 1, at most 95"),
         ("realtime.mixer.priority=0", "at least 1, at most 95"),
         ("realtime.affinity=[1024]", "at least 0, at most 1023"),
