@@ -118,6 +118,34 @@ fn whatever_is_written_into_shared_files_no_lost_vehicle_exits_0() {
     assert!(broken.is_empty(), "{broken:#?}");
 }
 
+#[test]
+fn every_fault_that_struck_stands_in_the_summary() {
+    let fault = |at_s: f64, what: &str| format!("{{at_s={at_s:?},for_s=0.1,{what}}}");
+    let faults = [
+        fault(0.5, "target=\"mixer\",kind=\"kill\""),
+        fault(0.9, "target=\"controls\",kind=\"drop\""),
+        fault(1.2, "target=\"rates\",kind=\"stuck\""),
+    ];
+    for mode in ["inprocess", "lockstep", "realtime"] {
+        let set = format!("fault=[{}]", faults.join(","));
+        let outcome = fly(&["--mode", mode, "--set", "run.duration_s=2.0", "--set", &set]);
+        assert_eq!(outcome.code(), Some(0), "{mode}: {}", outcome.stderr);
+        let run = outcome.run();
+        let struck = run["faults"].as_array().expect("faults").iter();
+        let struck: Vec<_> = struck.map(|fault| (fault["target"].clone(), fault["injected_at_s"].as_f64())).collect();
+        let expected = [("mixer", 0.5), ("controls", 0.9), ("rates", 1.2)].map(|(who, at_s)| (who.into(), Some(at_s)));
+        assert_eq!(struck, expected, "{mode}");
+        let log = launcher::log::read(&outcome.out.join("flight.mcap")).expect("the log reads");
+        let logged = log.states.len() + log.references.len() + log.controls.len() + log.actuators.len();
+        let dropped = run["log"]["dropped"].as_u64().expect("a count");
+        assert_eq!(run["log"]["records"].as_u64(), Some((logged + log.events.len()) as u64), "{mode}: {}", run["log"]);
+        if mode != "realtime" {
+            // The mixer was away for ten ticks; a lost message is there, marked.
+            assert_eq!((logged, dropped), (4 * 201 - 10 - usize::from(logged % 2 == 1), 0), "{mode}");
+        }
+    }
+}
+
 fn but(run: &Value) -> String {
     run["but"].to_string()
 }

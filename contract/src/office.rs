@@ -34,8 +34,10 @@ pub(crate) const VACANT: u64 = 1;
 pub struct Office {
     /// Who works, and who is to: a [`Roster`].
     roster: AtomicU64,
-    /// The newest epoch whose process is ready to work.
+    /// The newest epoch whose process is ready to work; it says so itself.
     pub ready: Word,
+    /// The newest such epoch to whose port the launcher has connected: from then on it misses nothing that is sent there.
+    pub met: Word,
     /// The first tick of an epoch since it was let in, by the epoch's last bit: holder and shadow differ in it.
     since: [Word; 2],
     /// Ticks done, counted from the first of the run, likewise.

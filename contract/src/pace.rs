@@ -23,8 +23,9 @@ use crate::seizure::{Seizures, burn};
 /// In lockstep, how long the plant waits on the wall clock for the ring to come round, or for a process to come back
 /// or to follow.
 const WATCHDOG_NS: u64 = 10_000_000_000;
-/// In lockstep, how many ticks the plant may be ahead of launcher and recorder, who see them all: half a queue.
-pub const LEAD_TICKS: u64 = LEAST_DEPTH as u64 / 2;
+/// In lockstep, how many ticks the plant may be ahead of launcher and recorder, who see them all: a quarter of a queue, for a
+/// fault may send every message twice.
+pub const LEAD_TICKS: u64 = LEAST_DEPTH as u64 / 4;
 /// The nodes that answer to the plant.
 const OTHERS: [Topic; 3] = [Topic::Reference, Topic::Controls, Topic::Actuators];
 

@@ -2,13 +2,13 @@
 //!
 //! | bound | default |
 //! |---|---|
-//! | `max_position_error_m` | 1.5 m for profile robust, 2 m for paper; and what the mission itself asks for: the largest step of its trajectory, the distance of the start from it, and 3 m for a start that is no hover |
+//! | `max_position_error_m` | 1.5 m for profile robust, 2 m for paper; and what the mission itself asks for: the step of its trajectory, the distance of the start from it, and 3 m for a start that is no hover |
 //! | `max_fallback_s` | 2 s: from then on the mixer brings the vehicle down |
 //!
 //! `inf` lifts a bound.
 
 use contract::Scenario;
-use contract::scenario::{Bounds, Initial, Profile};
+use contract::scenario::{Bounds, Initial, Profile, TrajectoryKind};
 use guidance::Trajectory;
 use serde::Serialize;
 
@@ -16,8 +16,6 @@ use crate::summary::Metrics;
 
 /// A start that is no hover may take the vehicle so far off \[m\].
 const UPSET_M: f64 = 3.0;
-/// What moves faster than this is a step \[m/s\].
-const STEP_MPS: f64 = 20.0;
 /// The mixer flies so long without a demand before it brings the vehicle down \[s\].
 const FALLBACK_S: f64 = 2.0;
 
@@ -83,14 +81,13 @@ fn position_error_m(scenario: &Scenario) -> f64 {
         Profile::Robust => 1.5,
         Profile::Paper => 2.0,
     };
-    let trajectory = Trajectory::new(&scenario.mission);
-    let wanted = |tick: u64| trajectory.at(tick as f64 * scenario.sample_s()).position_m;
-    let moves = (0..scenario.ticks()).map(|tick| distance_m(wanted(tick), wanted(tick + 1)));
-    let steps = moves.filter(|move_m| *move_m > STEP_MPS * scenario.sample_s());
+    let mission = &scenario.mission;
+    let step_m = if mission.trajectory == TrajectoryKind::Step { distance_m([0.0; 3], mission.step_m) } else { 0.0 };
+    let begins_m = Trajectory::new(mission).at(0.0).position_m;
     let Initial { position_m, velocity_mps, attitude_deg, rates_radps } = scenario.initial;
     let hovers = [velocity_mps, attitude_deg, rates_radps] == [[0.0; 3]; 3];
     let upset_m = if hovers { 0.0 } else { UPSET_M };
-    usual_m + steps.fold(0.0, f64::max) + distance_m(wanted(0), position_m) + upset_m
+    usual_m + step_m + distance_m(begins_m, position_m) + upset_m
 }
 
 fn distance_m(a: [f64; 3], b: [f64; 3]) -> f64 {

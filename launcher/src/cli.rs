@@ -18,7 +18,7 @@ use crate::{control, eprint_line, fly, intruder, manage, print, recorder, report
 #[command(name = "launcher", version, about = "Flies a tilt-rotor tricopter through separate real-time processes")]
 #[command(after_help = "Exit codes: 0 flown; 1 flown, but outside the flight's bounds, diverged, or without \
 a swap that could not be tried; 2 usage or scenario error; 3 a process or the log was lost, messages were missed, or results \
-could not be written; 4 a deadline with the policy `stop` was missed; 130 interrupted.")]
+could not be written or printed; 4 a deadline with the policy `stop` was missed; 130 interrupted.")]
 struct Cli {
     #[command(subcommand)]
     command: Command,

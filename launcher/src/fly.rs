@@ -12,6 +12,7 @@ use contract::message::PlantStatus;
 use contract::process::exit;
 use contract::realtime::keep_nohup;
 use contract::scenario::{self, Mode};
+use rustix::io::Errno;
 use rustix::process::{Resource, getrlimit};
 
 use crate::files::write_whole;
@@ -75,8 +76,8 @@ impl From<ModeArg> for Mode {
 /// Flies as the arguments say; the exit code.
 pub fn fly(args: &FlyArgs) -> anyhow::Result<u8> {
     let mut scenario = settings(args)?;
-    let out = Folder::prepare(args.out.as_deref(), &scenario)?;
     let interrupts = catch_interrupts()?;
+    let out = Folder::prepare(args.out.as_deref(), &scenario)?;
     let log = (!args.no_log).then(|| out.path.join("flight.mcap"));
 
     let ordered = scenario.clone();
@@ -200,8 +201,11 @@ fn fly_processes(
 
 /// The kernel refuses a file that is too large in words that do not say why.
 fn with_file_limit(error: anyhow::Error) -> anyhow::Error {
-    match getrlimit(Resource::Fsize).current {
-        Some(_) if error.to_string().contains("ulimit -f") => error,
+    let is_too_large = |cause: &(dyn std::error::Error + 'static)| {
+        let io = cause.downcast_ref::<std::io::Error>();
+        io.is_some_and(|io| io.raw_os_error() == Some(Errno::FBIG.raw_os_error()))
+    };
+    match getrlimit(Resource::Fsize).current.filter(|_| error.chain().any(is_too_large)) {
         Some(bytes) => error.context(format!("no file may be larger than {} kB here (`ulimit -f`)", bytes / 1024)),
         None => error,
     }

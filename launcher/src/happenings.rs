@@ -3,6 +3,7 @@
 
 use contract::Topic;
 use contract::scenario::{FaultKind, FaultTarget};
+use contract::topic::NODES;
 use serde::Deserialize;
 use serde_json::Value;
 
@@ -66,7 +67,8 @@ impl Happenings {
             let during = |span: &&Span| span.delays[topic as usize] && span.covers(from_s, to_s);
             all.iter().filter(during).map(Span::describe).collect()
         };
-        let then = self.events.iter().filter(|mark| mark.at_s >= from_s && mark.at_s <= to_s);
+        let of_a_node = |mark: &&Mark| mark.concerns_a_node();
+        let then = self.events.iter().filter(|mark| mark.at_s >= from_s && mark.at_s <= to_s).filter(of_a_node);
         Causes {
             faults: spans(&self.faults),
             absences: spans(&self.absences),
@@ -113,6 +115,12 @@ impl Mark {
     pub fn describe(&self) -> String {
         let why = self.why.as_ref().map_or(String::new(), |why| format!(" ({why})"));
         format!("{} {} at {:.2} s{why}", self.node, self.what, self.at_s)
+    }
+
+    /// Whether a process of a node came, went, or took over: what can delay a cycle.
+    fn concerns_a_node(&self) -> bool {
+        const ORDERED: [&str; 2] = ["injected", "cleared"];
+        NODES.contains(&self.node.as_str()) && !ORDERED.contains(&self.what.as_str())
     }
 
     fn read(event: &Value) -> Option<Self> {

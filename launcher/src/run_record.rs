@@ -69,15 +69,17 @@ pub fn describe_end(summary: &Summary, how: &Circumstances) -> String {
 
 /// What a reader must know beside how the run ended, the gravest first; nothing when all went well.
 pub fn reservations(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> Vec<String> {
-    let outside = verdicts(scenario, &summary.metrics()).into_iter().filter(|verdict| !verdict.ok);
+    let outside: Vec<_> = verdicts(scenario, &summary.metrics()).into_iter().filter(|verdict| !verdict.ok).collect();
+    let exceeded = outside.iter().any(|verdict| verdict.metric == "max_fallback_s");
     let mut told: Vec<String> = outside
+        .iter()
         .map(|verdict| {
             let (what, unit) = verdict.words();
             format!("{what} {:.3} {unit} (bound {} {unit})", verdict.measured, verdict.limit)
         })
         .collect();
     let fallback_s = summary.metrics().fallback_s;
-    if fallback_s > 0.0 && !told.iter().any(|text| text.starts_with("mixer")) {
+    if fallback_s > 0.0 && !exceeded {
         told.push(format!("mixer on its fallback for {fallback_s:.2} s"));
     }
     let failed = |event: &&Event| matches!(event.what, What::Died | What::Hung | What::Killed | What::GivenUp);

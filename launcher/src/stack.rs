@@ -94,6 +94,8 @@ pub struct Stack {
     hearing: Hearing,
     /// Topics that the launcher itself does not hear.
     blind: [bool; Topic::COUNT],
+    /// The newest process of each node that was found mute or deaf.
+    silenced: [u32; Topic::COUNT],
     /// As it is by now: with what was ordered while it flies.
     scenario: Scenario,
     control: Server,
@@ -139,6 +141,7 @@ impl Stack {
             observers,
             hearing: Hearing::default(),
             blind: [false; Topic::COUNT],
+            silenced: [0; Topic::COUNT],
             scenario: scenario.clone(),
             control: Server::open(domain).with_context(shm("the control socket"))?,
             orderers: BTreeMap::new(),
@@ -170,7 +173,9 @@ impl Stack {
         self.board.set_phase(phase::GO);
         let ended = loop {
             let question = self.regime.question(&self.board); // before the look: all that was sent before it is here
+            let ready = Topic::ALL.map(|topic| self.board.office(topic).ready.get());
             let newest = self.drain(&mut watch);
+            Topic::ALL.into_iter().zip(ready).for_each(|(topic, epoch)| self.board.office(topic).met.set(epoch));
             if scheduling.is_empty() && newest > 0 {
                 // Everybody has been round once, and so has long settled into the class it got.
                 scheduling =

@@ -21,10 +21,11 @@ const MEGABYTE: u64 = 1 << 20;
 
 /// Whether shared memory has room for a flight of `bytes`.
 pub fn check_room(bytes: u64) -> Result<(), DomainError> {
-    let StatVfs { f_bavail, f_frsize, f_files, f_favail, .. } =
+    let StatVfs { f_blocks, f_bavail, f_frsize, f_files, f_favail, .. } =
         statvfs(SHM).map_err(|error| DomainError::Io { path: SHM.into(), source: error.into() })?;
     let free = f_bavail * f_frsize;
-    if free < bytes {
+    // A file system without a limit says 0 of all.
+    if f_blocks > 0 && free < bytes {
         return Err(DomainError::Full { need_mb: bytes.div_ceil(MEGABYTE), free_mb: free / MEGABYTE });
     }
     // A file system that counts no files says 0.

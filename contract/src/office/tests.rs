@@ -5,6 +5,7 @@ fn office() -> Box<Office> {
     Box::new(Office {
         roster: AtomicU64::new(0),
         ready: word(),
+        met: word(),
         since: [word(), word()],
         done: [word(), word()],
         sent: [word(), word()],

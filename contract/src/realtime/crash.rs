@@ -19,7 +19,7 @@ const CRASHES: [(libc::c_int, &[u8]); 3] = [
 /// Has this process say so when it happens.
 pub fn tell_of_crashes() {
     for (signal, _) in CRASHES {
-        // SAFETY: `sigaction` is plain data, for which zero is valid (no flags, an empty mask); the handler makes two
+        // SAFETY: `sigaction` is plain data, for which zero is valid (no flags, an empty mask); the handler makes a few
         // system calls that are allowed in handlers, and touches nothing else. With SA_RESETHAND it runs once.
         unsafe {
             let mut action: libc::sigaction = std::mem::zeroed();
@@ -34,8 +34,14 @@ pub fn tell_of_crashes() {
 extern "C" fn say(signal: libc::c_int) {
     for (of, words) in CRASHES {
         if of == signal {
-            // SAFETY: the bytes are a constant, which lives as long as the program.
-            unsafe { libc::write(2, words.as_ptr().cast(), words.len()) };
+            let mut stderr = libc::pollfd { fd: 2, events: libc::POLLOUT, revents: 0 };
+            // SAFETY: `stderr` and the bytes, which are a constant, live across the calls; both calls are allowed in handlers.
+            // Stderr that takes nothing at this moment is not waited for.
+            unsafe {
+                if libc::poll(&raw mut stderr, 1, 0) == 1 {
+                    libc::write(2, words.as_ptr().cast(), words.len());
+                }
+            }
         }
     }
     // SAFETY: ends the process at once, without running anything of it.

@@ -3,6 +3,7 @@
 use anyhow::{Context, bail, ensure};
 use contract::Scenario;
 use contract::domain::Domain;
+use contract::file::{self, LARGEST_TEXT};
 use contract::realtime::{Board, phase};
 use contract::scenario;
 
@@ -50,7 +51,7 @@ pub fn describe(domain: &Domain) -> String {
 
 /// The settings of the flight; `None` when it is starting, or gone.
 pub fn settings(domain: &Domain) -> Option<Scenario> {
-    let text = std::fs::read_to_string(domain.file("scenario.toml")).ok()?;
+    let text = file::read_text(&domain.file("scenario.toml"), LARGEST_TEXT).ok()?;
     scenario::from_merged(&text, "settings").ok()
 }
 

@@ -137,9 +137,23 @@ fn lines(scenario: &Scenario) -> Value {
         altitude.extend(horizontal(claims::ALTITUDE_HORIZONTAL_M, "paper"));
         altitude.extend(vertical(claims::ALTITUDE_VERTICAL_M, "paper"));
     }
-    error.extend(bounds.max_position_error_m.map(|y| line(y, "bound", None)));
-    altitude.extend(bounds.max_altitude_error_horizontal_m.map(|y| horizontal(y, "bound")).into_iter().flatten());
-    altitude.extend(bounds.max_altitude_error_vertical_m.map(|y| vertical(y, "bound")).into_iter().flatten());
+    error.extend(bounds.max_position_error_m.filter(|y| y.is_finite()).map(|y| line(y, "bound", None)));
+    altitude.extend(
+        bounds
+            .max_altitude_error_horizontal_m
+            .filter(|y| y.is_finite())
+            .map(|y| horizontal(y, "bound"))
+            .into_iter()
+            .flatten(),
+    );
+    altitude.extend(
+        bounds
+            .max_altitude_error_vertical_m
+            .filter(|y| y.is_finite())
+            .map(|y| vertical(y, "bound"))
+            .into_iter()
+            .flatten(),
+    );
 
     let limits = scenario.limits();
     let [max1, max2, _] = limits.rotor_speed_max;

@@ -63,6 +63,7 @@ pub fn render(log: &Flight, run: &Value, scenario: &Scenario) -> String {
         ("facts", sections::facts(run, scenario)),
         ("key_figures", sections::key_figures(run, scenario)),
         ("log_defect", sections::log_defect(run)),
+        ("but", sections::reservations(run)),
         ("differences", differences::section(run, scenario)),
         ("claims", claims),
         ("claims_link", claims_link.into()),

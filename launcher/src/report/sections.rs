@@ -31,12 +31,13 @@ pub fn result(run: &Value) -> (&'static str, String) {
     if run["diverged"] == Value::Bool(true) {
         return ("bad", format!("diverged at {} s", number(&run["flown_s"], 2)));
     }
+    let ended = run["ended"].as_str().unwrap_or("its end is unknown").to_owned();
     match exit_code {
-        Some(3) => ("bad", "a process could not be kept alive".into()),
+        Some(3) => ("bad", ended),
         Some(4) => ("bad", "the timing budget was broken".into()),
         Some(130) => ("warn", format!("interrupted at {} s", number(&run["flown_s"], 2))),
-        Some(1) => ("warn", "flown, outside its bounds".into()),
-        _ if out_of_bounds => ("warn", "flown, outside its bounds".into()),
+        Some(0 | 1) | None if out_of_bounds => ("warn", "flown, outside its bounds".into()),
+        Some(1) => ("warn", ended),
         Some(0) => ("good", "flown".into()),
         _ => ("warn", "result unknown".into()),
     }
@@ -46,6 +47,12 @@ pub fn result(run: &Value) -> (&'static str, String) {
 pub fn ended(run: &Value, result: &str) -> String {
     let words = run["ended"].as_str().unwrap_or_default();
     escape(words.strip_prefix(result).unwrap_or(words).trim_start_matches([':', ' ']))
+}
+
+/// What else a reader must know: see [`crate::run_record::reservations`].
+pub fn reservations(run: &Value) -> String {
+    let told: Vec<&str> = run["but"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
+    if told.is_empty() { String::new() } else { format!("<p class=\"warn\">But {}.</p>", escape(&told.join("; "))) }
 }
 
 /// What was flown and how, on one line.
@@ -127,10 +134,10 @@ pub fn repeat(scenario: &Scenario) -> &'static str {
     }
 }
 
-/// The scenario's own bounds. A flight that ended early can have exceeded one, but not kept it.
+/// The flight's bounds. A flight that ended early can have exceeded one, but not kept it.
 pub fn bounds(run: &Value) -> String {
     let Some(bounds) = run["bounds"].as_array().filter(|all| !all.is_empty()) else {
-        return "<p>The scenario sets no bounds.</p>".into();
+        return "<p>All bounds were lifted, or none could be judged.</p>".into();
     };
     let whole = !ended_early(run);
     let verdict = |ok: &Value| match ok.as_bool() {

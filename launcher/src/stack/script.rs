@@ -79,7 +79,7 @@ impl Script {
 
     /// Answers the plant, when everybody is ready and all orders have been carried out.
     pub fn answer(&mut self, board: &Board) {
-        let ready = |(topic, epoch): &(Topic, u32)| board.office(*topic).ready.get() == *epoch;
+        let ready = |(topic, epoch): &(Topic, u32)| board.office(*topic).met.get() == *epoch;
         let Some(Awaited { tick, starting, .. }) = &self.awaited else { return };
         if !starting.iter().all(ready) || self.succession.staff(Topic::State).holder == 0 {
             return; // without a plant nobody hears it
@@ -118,7 +118,7 @@ impl Script {
     fn hung(&mut self, board: &Board) -> Option<Order> {
         if let Some(Awaited { starting, since, .. }) = &mut self.awaited {
             self.progress.1 = Instant::now();
-            let ready = |(topic, epoch): &&(Topic, u32)| board.office(*topic).ready.get() == *epoch;
+            let ready = |(topic, epoch): &&(Topic, u32)| board.office(*topic).met.get() == *epoch;
             let never = starting.iter().find(|started| !ready(started));
             let (topic, epoch) = *never.filter(|_| since.elapsed() > START_LIMIT)?;
             *since = Instant::now(); // it is dead soon

@@ -71,6 +71,9 @@ impl Stack {
                     continue;
                 }
             };
+            if std::mem::replace(&mut self.silenced[topic as usize], epoch) == epoch {
+                continue; // it has been killed, and is about to be seen to end
+            }
             let order = self.regime.unheard(&self.board, topic, epoch, &why);
             self.obey(order);
         }

@@ -58,7 +58,7 @@ impl Node {
         let holder = office.holder();
         // Who comes by a swap is tried beside somebody, or not at all: see `Node::died`.
         let has_work = |swap: Option<usize>| swap.is_none() || holder != 0;
-        let is_ready = |started: &mut Started| office.ready.get() == started.epoch && has_work(started.swap);
+        let is_ready = |started: &mut Started| office.met.get() == started.epoch && has_work(started.swap);
         let Some(Started { epoch, swap, .. }) = self.started.take_if(is_ready) else { return };
         match swap {
             Some(i) => {

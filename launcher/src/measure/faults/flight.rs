@@ -2,7 +2,7 @@
 
 use std::sync::atomic::AtomicU32;
 
-use anyhow::bail;
+use anyhow::{Context, bail};
 use contract::Scenario;
 use contract::integrity::Plausible;
 use contract::message::{Message, SolveStatus, State, mixer_flags};
@@ -79,10 +79,10 @@ impl Row {
         scenario.run.mode = Mode::Inprocess; // in real time the solver has a time limit
         let alone = in_process(&scenario);
         scenario.run.mode = Mode::Lockstep;
-        let course = lockstep(&scenario, interrupts)?;
         let told = |word: Value| word.as_str().unwrap_or_default().to_owned();
         let fault =
             format!("{} {}", told(serde_json::to_value(case.0.target)?), told(serde_json::to_value(case.0.kind)?));
+        let course = lockstep(&scenario, interrupts).with_context(|| format!("the flight with {fault} in lockstep"))?;
         Ok(Self {
             fault,
             promise: case.promise(course.blind_s, course.cut && scenario.profile == Profile::Paper),

@@ -67,7 +67,7 @@ pub fn shipped(folder: &Path) -> anyhow::Result<Vec<Sequence>> {
 /// The flight in the log at `path`, or in the run's folder at `path`.
 pub fn recorded(path: &Path) -> anyhow::Result<Sequence> {
     let file = if path.is_dir() { path.join("flight.mcap") } else { path.to_owned() };
-    let log = log::read(&file)?;
+    let log = log::read_parts(&file)?;
     if let Some(defect) = &log.defect {
         eprint_line(&format!("note: {} is not whole, what was read before is measured: {defect}", file.display()));
     }
