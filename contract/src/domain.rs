@@ -16,7 +16,7 @@
 //!
 //! In `/dev/shm` anybody can put anything under any name. So it is never listed, and one folder of it is used, opened without
 //! following links: one that is this user's and that nobody else may enter. A name under which something else stands is
-//! passed over for the next of [`NAMES`]. Nobody else can do anything below the user's folder, whatever the modes there.
+//! passed over for the next of eight. No other user can do anything below the user's folder, whatever the modes there.
 
 mod shm;
 

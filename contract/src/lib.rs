@@ -20,7 +20,7 @@
 //! | [`office`], [`plan`] | which process speaks for a node |
 //! | [`ledger`], [`roll`] | faults given while flying, and who suffers which |
 //! | [`domain`] | what a run owns in shared memory, by namespace |
-//! | [`file`] | reading files that come from outside |
+//! | [`mod@file`] | reading files that come from outside |
 //! | [`realtime`] | time, priority, the shared page of bells; the only `unsafe` |
 //! | [`console`] | what a process says on stdout and stderr |
 //! | [`process`] | a process of the stack: join, run, leave |

@@ -188,7 +188,8 @@ pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
     let but = match (&how.ended, but.as_slice()) {
         (Ended::Flown, []) => ", inside its bounds".to_owned(),
         (_, []) => String::new(),
-        (_, but) => format!(", but {}", but.join("; ")),
+        (Ended::Flown, but) if !summary.status().diverged() => format!(", but {}", but.join("; ")),
+        (_, told) => format!("; {}", told.join("; ")),
     };
     let mut text = format!("{}: {}{but}\n", scenario.name, describe_end(summary, how));
     let mut line = |label: &str, value: String| {

@@ -35,7 +35,7 @@ use crate::message::{Actuators, Controls, Message, Reference, State};
 const OBSERVER_S: usize = 5;
 /// Its queue, whatever the rate: from `LEAST_DEPTH` up to this.
 const MOST_DEPTH: usize = 2048;
-/// See [`MOST_DEPTH`].
+/// The least that it is, whatever the rate.
 pub const LEAST_DEPTH: usize = 512;
 /// Samples that iceoryx2 sets aside for each subscriber beside its queue, and for each publisher.
 const BORROWED: usize = 2;

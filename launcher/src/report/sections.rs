@@ -52,7 +52,7 @@ pub fn ended(run: &Value, result: &str) -> String {
 /// What else a reader must know: see [`crate::run_record::reservations`].
 pub fn reservations(run: &Value) -> String {
     let told: Vec<&str> = run["but"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
-    if told.is_empty() { String::new() } else { format!("<p class=\"warn\">But {}.</p>", escape(&told.join("; "))) }
+    if told.is_empty() { String::new() } else { format!("<p class=\"warn\">Note: {}.</p>", escape(&told.join("; "))) }
 }
 
 /// What was flown and how, on one line.
