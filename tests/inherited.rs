@@ -1,5 +1,6 @@
 //! What the launcher inherits from who starts it, and what becomes of its own program while it flies.
 
+use std::os::unix::process::ExitStatusExt;
 use std::process::{Command, Stdio};
 
 use rustix::process::{Pid, Signal, kill_process};
@@ -20,13 +21,15 @@ fn fly_by(wrapper: &[&str], namespace: &str, arguments: &[&str], out: &tempfile:
     Some(command)
 }
 
-/// A flight against the clock, started by `wrapper`, is sent `signal`; its exit code.
+/// A flight against the clock, started by `wrapper`, is sent `signal`; its exit code, 128 more than the signal that ended it.
+/// Nothing when that cannot be done here.
 fn signalled(wrapper: &[&str], signal: Signal) -> Option<i32> {
     let (ns, out) = (namespace(), tempfile::tempdir().expect("a temporary folder"));
     let mut flight = fly_by(wrapper, &ns, &["--no-log", "--set", "run.duration_s=2.0"], &out)?.spawn().expect("starts");
     wait_until("the stack flies", || status(&ns)["time_s"].as_f64() > Some(0.1));
     kill_process(Pid::from_child(&flight), signal).expect("signalled");
-    flight.wait().expect("it ends").code()
+    let status = flight.wait().expect("it ends");
+    status.code().or_else(|| status.signal().map(|signal| 128 + signal))
 }
 
 #[test]
