@@ -1,27 +1,26 @@
-//! Compiles the flight log's schema twice: to Rust types, and to the descriptor set that every log carries. Asks git which
-//! commit this is.
+//! Asks git which commit this is.
 
 #![expect(clippy::disallowed_macros, reason = "it is how a build script speaks to cargo")]
 
-use std::{env, error::Error, fs, path::Path, process::Command};
+use std::{path::Path, process::Command};
 
 /// What the launcher is built from, seen from the top of the repository.
-const SOURCES: [&str; 9] =
-    ["Cargo.toml", "Cargo.lock", "airframe", "attitude-mpc", "contract", "guidance", "launcher", "mixer", "plant"];
-
-fn main() -> Result<(), Box<dyn Error>> {
-    println!("cargo::rerun-if-changed=proto");
-    let mut compiler = protox::Compiler::new(["proto"])?;
-    compiler.open_file("trefoil.proto")?;
-    fs::write(Path::new(&env::var("OUT_DIR")?).join("trefoil.fds"), compiler.encode_file_descriptor_set())?;
-    compiler.include_source_info(true); // the comments of the schema become the docs of the types
-    prost_build::Config::new().compile_fds(compiler.file_descriptor_set())?;
-    tell_commit();
-    Ok(())
-}
+const SOURCES: [&str; 11] = [
+    "Cargo.toml",
+    "Cargo.lock",
+    "airframe",
+    "attitude-mpc",
+    "contract",
+    "guidance",
+    "launcher",
+    "mixer",
+    "plant",
+    "qp",
+    "runtime",
+];
 
 /// Tells the commit, and whether the sources differ from it; nothing where this is no checkout of the repository.
-fn tell_commit() {
+fn main() {
     let top = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("launcher/ lies in the repository");
     let git = |arguments: &[&str]| {
         // Without the lock: a refreshed index would have this run again.

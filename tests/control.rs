@@ -1,9 +1,9 @@
 //! A flying stack asked, broken and mended from outside.
 
-use contract::domain::Domain;
-use contract::ledger::ROOM;
+use contract::roll::ROOM;
 use contract::scenario::{Fault, FaultKind, FaultTarget, from_merged};
-use launcher::control::{Request, ask};
+use flight::control::{Request, ask};
+use runtime::domain::Domain;
 use serde_json::Value;
 
 use crate::harness::{Flight, launcher, namespace, shared_memory_of, wait_until};

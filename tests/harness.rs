@@ -5,7 +5,7 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
-use contract::domain::Domain;
+use runtime::domain::Domain;
 use serde_json::Value;
 
 /// No flight of the tests may last longer on the wall clock.

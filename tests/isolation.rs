@@ -214,7 +214,7 @@ fn a_disk_that_is_full_costs_the_log_and_nothing_else() {
 
 /// A page is made from what there is of the log.
 fn check_log_is_readable(out: &std::path::Path) {
-    let log = launcher::log::read(&out.join("flight.mcap")).expect("the good part can be read");
+    let log = flight::log::read(&out.join("flight.mcap")).expect("the good part can be read");
     assert!(log.states.len() > 40, "{} states", log.states.len());
 }
 

@@ -64,7 +64,7 @@ fn the_samples_are_kept() {
     let table = String::from_utf8_lossy(&output.stdout).into_owned();
     let csv = std::fs::read_to_string(folder.path().join("samples.csv")).expect("samples.csv");
     for flight in ["survey", "upset", "yaw", "weak"] {
-        let log = launcher::log::read(&folder.path().join(flight).with_extension("mcap")).expect("the log reads");
+        let log = flight::log::read(&folder.path().join(flight).with_extension("mcap")).expect("the log reads");
         let lines = csv.lines().filter(|line| line.starts_with(&format!("{flight},"))).count();
         assert_eq!(lines, 2 * 2 * log.references.len(), "two solvers, two rounds");
         assert!(table.contains(flight), "{table}");

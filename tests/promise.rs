@@ -135,7 +135,7 @@ fn every_fault_that_struck_stands_in_the_summary() {
         let struck: Vec<_> = struck.map(|fault| (fault["target"].clone(), fault["injected_at_s"].as_f64())).collect();
         let expected = [("mixer", 0.5), ("controls", 0.9), ("rates", 1.2)].map(|(who, at_s)| (who.into(), Some(at_s)));
         assert_eq!(struck, expected, "{mode}");
-        let log = launcher::log::read(&outcome.out.join("flight.mcap")).expect("the log reads");
+        let log = flight::log::read(&outcome.out.join("flight.mcap")).expect("the log reads");
         let logged = log.states.len() + log.references.len() + log.controls.len() + log.actuators.len();
         assert_eq!(run["log"]["records"].as_u64(), Some((logged + log.events.len()) as u64), "{mode}: {}", run["log"]);
         assert_eq!(run["log"]["dropped"], 0, "{mode}: {}", run["log"]);

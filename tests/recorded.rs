@@ -3,7 +3,7 @@
 use std::process::Command;
 
 use crate::harness::{fly, top};
-use launcher::log;
+use flight::log;
 use serde_json::json;
 
 #[test]

@@ -3,7 +3,7 @@
 
 use contract::message::Message;
 use contract::stamp::unheard;
-use launcher::log::{self, Log};
+use flight::log::{self, Log};
 use serde_json::{Value, json};
 
 use crate::harness::{Flight, Outcome, fly, launcher, namespace, shared_memory_of, wait_until};

@@ -6,8 +6,8 @@ use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::process::{Command, Output};
 
-use contract::domain::Domain;
-use contract::port::bytes_needed;
+use runtime::domain::Domain;
+use runtime::port::bytes_needed;
 
 use crate::harness::{Flight, launcher, namespace, shared_memory_of, wait_until};
 use crate::isolation::is_root;

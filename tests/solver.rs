@@ -4,7 +4,7 @@ use contract::message::SolveStatus;
 use serde_json::{Value, json};
 
 use crate::harness::{Outcome, fly, launcher};
-use launcher::log;
+use flight::log;
 
 const UPSET: &str = "scenarios/aggressive/upset.toml";
 const KINDS: [&str; 3] = ["nan", "infeasible", "iteration-cap"];

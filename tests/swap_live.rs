@@ -6,9 +6,9 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::thread;
 
-use contract::domain::Domain;
 use contract::scenario::{Swap, SwapNode, from_merged};
-use launcher::control::{Request, ask};
+use flight::control::{Request, ask};
+use runtime::domain::Domain;
 use serde_json::{Value, json};
 
 use crate::control::{flying, status, tell};

@@ -18,7 +18,9 @@ fn sources() -> Vec<(PathBuf, String)> {
         }
     }
     let mut found = vec![];
-    for member in ["contract", "airframe", "plant", "guidance", "attitude-mpc", "mixer", "launcher", "tests"] {
+    for member in
+        ["qp", "airframe", "contract", "runtime", "plant", "guidance", "attitude-mpc", "mixer", "launcher", "tests"]
+    {
         walk(&top().join(member), &mut found);
     }
     assert!(found.len() > 30, "the walk found the workspace");
@@ -58,7 +60,7 @@ fn cited_equation(line: &str) -> Option<String> {
 fn unsafe_code_stays_in_its_room() {
     for (path, text) in sources() {
         let lifts = text.contains("expect(unsafe_code") || text.contains("allow(unsafe_code");
-        let is_here = path.ends_with("tests/tidy.rs") || path == Path::new("contract/src/realtime/mod.rs");
+        let is_here = path.ends_with("tests/tidy.rs") || path == Path::new("runtime/src/realtime/mod.rs");
         assert!(!lifts || is_here, "{} lifts the ban on unsafe code", path.display());
     }
 }
@@ -66,8 +68,8 @@ fn unsafe_code_stays_in_its_room() {
 #[test]
 fn only_port_names_iceoryx2() {
     for (path, text) in sources() {
-        let names = text.contains("use iceoryx2") && !path.starts_with("contract/src/port");
-        let is_here = path == Path::new("contract/src/port.rs") || path == Path::new("tests/tidy.rs");
+        let names = text.contains("use iceoryx2") && !path.starts_with("runtime/src/port");
+        let is_here = path == Path::new("runtime/src/port.rs") || path == Path::new("tests/tidy.rs");
         assert!(!names || is_here, "{} names iceoryx2", path.display());
     }
 }
@@ -77,7 +79,7 @@ fn no_node_reads_the_clock_or_knows_another() {
     let nodes = ["plant", "guidance", "attitude-mpc", "mixer"];
     for (path, text) in sources() {
         let Some(home) = nodes.iter().find(|node| path.starts_with(Path::new(node).join("src"))) else { continue };
-        for word in ["std::env", "std::time", "Instant::now", "SystemTime", "contract::realtime", "println!", "std::fs"]
+        for word in ["std::env", "std::time", "Instant::now", "SystemTime", "runtime::realtime", "println!", "std::fs"]
         {
             assert!(!text.contains(word), "{} uses {word}", path.display());
         }

@@ -8,9 +8,9 @@ use contract::Scenario;
 use contract::message::{Actuators, Message, Stamp, State};
 use contract::scenario::Mode;
 use contract::stamp::unheard;
-use launcher::log::Log;
-use launcher::trace::document;
+use flight::log::Log;
 use serde_json::Value;
+use view::trace::document;
 
 use crate::harness::{fly, launcher};
 

@@ -17,7 +17,6 @@
 //!
 //! No process, no message, no file: this crate depends on nothing of the stack.
 
-pub mod active_set;
 pub mod actuator;
 pub mod demand_set;
 pub mod envelope;

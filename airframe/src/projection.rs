@@ -12,8 +12,8 @@
 
 use nalgebra::{DMatrix, DVector, Vector4};
 
-use crate::active_set::{ActiveSet, Verdict};
 use crate::demand_set::{DemandSet, Slack};
+use qp::{ActiveSet, Verdict};
 
 /// What a miss of (col, lon, lat, ped) costs, per N^2 and (N m)^2.
 ///

@@ -91,7 +91,7 @@ impl Constrained {
             self.fall_back(unconstrained, Verdict::Failed, plan)
         } else {
             let Self { set, solver, solved, .. } = self;
-            let (outcome, solve_ns) = contract::timed(|| solver.solve(unconstrained, set, fault, solved));
+            let (outcome, solve_ns) = runtime::timed(|| solver.solve(unconstrained, set, fault, solved));
             (account.iterations, account.solve_ns) = (outcome.iterations, solve_ns);
             if outcome.verdict == Verdict::Solved && set.violation(solved) <= NEAR {
                 set.retract(solved);

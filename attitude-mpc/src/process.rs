@@ -1,7 +1,7 @@
 //! The attitude controller as a process: its turn comes with REFERENCE.
 
 use contract::message::{Controls, Reference, State};
-use contract::process::{Seat, SeatError};
+use runtime::process::{Seat, SeatError};
 
 use crate::AttitudeMpc;
 

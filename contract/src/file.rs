@@ -8,6 +8,8 @@ use std::io::{Error, ErrorKind, Read, Result};
 use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
 use std::path::Path;
 
+use rustix::fs::OFlags;
+
 /// No text that people write is larger: scenarios and settings \[bytes\].
 pub const LARGEST_TEXT: u64 = 1 << 20;
 /// No run.json or other file of results is larger \[bytes\].
@@ -18,7 +20,8 @@ pub const LARGEST_LOG: u64 = 64 << 30;
 /// Opens the regular file at `path`, which may have `limit` bytes; never waits. Also how many bytes it has.
 pub fn open(path: &Path, limit: u64) -> Result<(File, u64)> {
     // std adds O_CLOEXEC. O_NONBLOCK means nothing to a regular file, and keeps the open of a FIFO from waiting.
-    let file = OpenOptions::new().read(true).custom_flags(libc::O_NONBLOCK | libc::O_NOCTTY).open(path)?;
+    let flags = OFlags::NONBLOCK | OFlags::NOCTTY;
+    let file = OpenOptions::new().read(true).custom_flags(flags.bits().cast_signed()).open(path)?;
     let metadata = file.metadata()?;
     let kind = metadata.file_type();
     if !kind.is_file() {

@@ -9,8 +9,9 @@ use bytemuck::{Pod, Zeroable};
 
 use crate::Topic;
 use crate::integrity::{Plausible, checksum};
-use crate::port::ZeroCopySend;
 pub use crate::stamp::Stamp;
+use iceoryx2_bb_derive_macros::ZeroCopySend;
+use iceoryx2_bb_elementary_traits::zero_copy_send::ZeroCopySend;
 
 /// Position, velocity, attitude and rates.
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend, Pod, Zeroable)]

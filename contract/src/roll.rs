@@ -1,12 +1,16 @@
 //! The roll: the faults that one part of the stack suffers, with their numbers and their times.
 //!
 //! Those of the scenario stand in it from the start. Against the clock more may come while the stack flies, and some end
-//! earlier than they were to ([`crate::ledger`]): there is room for them, so that nothing is allocated then.
+//! earlier than they were to (`runtime::ledger`): there is room for them, so that nothing is allocated then.
 
 use std::ops::Range;
 
-use crate::ledger::ROOM;
 use crate::scenario::{Fault, FaultKind, FaultTarget, Mode, Scenario};
+
+/// A sensor's delay in it is no longer than this \[ms\]: so much of the past is remembered, for it may be asked for.
+pub const LONGEST_DELAY_MS: f64 = 1000.0;
+/// Faults that a flight takes while it flies.
+pub const ROOM: usize = 128;
 
 /// The faults of one part of the stack, in the order of their numbers; `E` is what a fault is to it.
 #[derive(Debug, Clone)]

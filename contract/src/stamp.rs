@@ -4,7 +4,8 @@ use bytemuck::{Pod, Zeroable};
 
 use crate::Topic;
 use crate::message::Message;
-use crate::port::ZeroCopySend;
+use iceoryx2_bb_derive_macros::ZeroCopySend;
+use iceoryx2_bb_elementary_traits::zero_copy_send::ZeroCopySend;
 
 /// Provenance and timing of one message. All times are `CLOCK_MONOTONIC` nanoseconds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ZeroCopySend, Pod, Zeroable)]

@@ -1,7 +1,7 @@
 //! Guidance as a process: its turn comes with STATE.
 
 use contract::message::{Reference, State};
-use contract::process::{Seat, SeatError};
+use runtime::process::{Seat, SeatError};
 
 use crate::Guidance;
 

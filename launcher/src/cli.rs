@@ -5,14 +5,19 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand, ValueEnum};
-use contract::console;
-use contract::process::{exit, run_as};
-use contract::realtime::reset_signals;
 use contract::scenario;
+use runtime::console;
+use runtime::process::{exit, run_as};
+use runtime::realtime::reset_signals;
 
-use crate::measure::Measure;
-use crate::stack::StartError;
-use crate::{control, eprint_line, fly, intruder, manage, print, recorder, report, settings, swap, trace};
+use flight::stack::StartError;
+use flight::{intruder, recorder, settings};
+use measure::Measure;
+use runtime::console::{eprint_line, print};
+use view::{report, trace};
+
+use crate::target::TargetArgs;
+use crate::{command, fly, manage, swap};
 
 #[derive(Parser)]
 #[command(name = "launcher", version, about = "Flies a tilt-rotor tricopter through separate real-time processes")]
@@ -48,11 +53,11 @@ enum Command {
     /// Replace a process of a flying stack: in the shadow first, back again if it does not do
     Swap(swap::SwapArgs),
     /// Break something in a stack that flies in real time
-    Inject(control::InjectArgs),
+    Inject(command::InjectArgs),
     /// End what is broken in a stack that flies in real time
-    Clear(control::ClearArgs),
+    Clear(command::ClearArgs),
     /// Stop a flying stack, cleanly
-    Stop(control::TargetArgs),
+    Stop(TargetArgs),
     /// Measure what the stack promises, and say which promises are kept
     #[command(subcommand)]
     Measure(Measure),
@@ -107,8 +112,8 @@ fn run() -> ExitCode {
         Command::Trace(args) => trace::trace(&args).map(|()| exit::FLOWN),
         Command::Status(args) => manage::status(&args).map(|()| exit::FLOWN),
         Command::Swap(args) => swap::swap(&args),
-        Command::Inject(args) => control::inject(&args).map(|()| exit::FLOWN),
-        Command::Clear(args) => control::clear(&args).map(|()| exit::FLOWN),
+        Command::Inject(args) => command::inject(&args).map(|()| exit::FLOWN),
+        Command::Clear(args) => command::clear(&args).map(|()| exit::FLOWN),
         Command::Stop(args) => manage::stop(&args).map(|()| exit::FLOWN),
         Command::Measure(what) => what.run(),
         Command::Intrude(args) => intruder::intrude(&args),
@@ -174,7 +179,7 @@ fn node(name: NodeName, namespace: &str, epoch: u32, own: Option<&Path>, log: Op
 mod tests {
     use super::*;
     use anyhow::Context;
-    use contract::domain::DomainError;
+    use runtime::domain::DomainError;
 
     #[test]
     fn a_cause_is_told_once() {

@@ -1,31 +1,30 @@
 //! One flight, from scenario to report.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Instant;
 
-use anyhow::Context;
 use clap::ValueEnum;
 use contract::Scenario;
 use contract::message::PlantStatus;
-use contract::process::exit;
-use contract::realtime::keep_nohup;
 use contract::scenario::{self, Mode};
+use runtime::process::exit;
 use rustix::io::Errno;
 use rustix::process::{Resource, getrlimit};
 
-use crate::files::write_whole;
-use crate::folder::Folder;
-use crate::inprocess;
-use crate::log::Record;
 use crate::progress::Progress;
-use crate::provenance::provenance;
-use crate::recorder::Log;
-use crate::run_record::{Circumstances, describe, exit_code, run_json};
-use crate::stack::{Ended, Flown, Stack};
-use crate::summary::Summary;
-use crate::{eprint_line, print, report};
+use flight::files::write_whole;
+use flight::folder::Folder;
+use flight::inprocess;
+use flight::interrupts::catch_interrupts;
+use flight::log::Record;
+use flight::provenance::provenance;
+use flight::recorder::Log;
+use flight::stack::{Ended, Flown, Stack};
+use runtime::console::{eprint_line, print};
+use view::report;
+use view::run_record::{Circumstances, describe, exit_code, run_json};
+use view::summary::Summary;
 
 /// Arguments of `fly`.
 #[derive(clap::Args)]
@@ -135,7 +134,7 @@ fn settings(args: &FlyArgs) -> anyhow::Result<Scenario> {
         let mode = Mode::from(mode);
         overrides.push(format!("run.mode={}", serde_json::to_value(mode)?.as_str().unwrap_or_default()));
     }
-    Ok(crate::settings::load(args.scenario.as_deref(), &overrides)?)
+    Ok(flight::settings::load(args.scenario.as_deref(), &overrides)?)
 }
 
 fn fly_inprocess(
@@ -221,18 +220,4 @@ fn describe_now(summary: &Summary, scenario: &Scenario) -> String {
         scenario.run.duration_s,
         age_us / 1e3,
     )
-}
-
-/// Counts Ctrl-C, SIGTERM and SIGHUP: the first stops the flight cleanly, the second kills the processes, the third
-/// ends the launcher on the spot (the next flight then wipes what it left in shared memory).
-pub(crate) fn catch_interrupts() -> anyhow::Result<Arc<AtomicU32>> {
-    let count = Arc::new(AtomicU32::new(0));
-    let handler = count.clone();
-    let interrupt = move || {
-        if handler.fetch_add(1, Ordering::Relaxed) >= 2 {
-            std::process::exit(i32::from(exit::INTERRUPTED));
-        }
-    };
-    keep_nohup(|| ctrlc::set_handler(interrupt)).context("cannot catch Ctrl-C")?;
-    Ok(count)
 }

@@ -1,8 +1,27 @@
-//! `launcher`: the program users run.
+//! `launcher`: the program users run. The command line stands on the libraries that fly, look and measure.
+//!
+//! | module | holds |
+//! |---|---|
+//! | `cli` | the commands |
+//! | `fly` | `fly`: one flight from scenario to report |
+//! | `progress` | the line shown while flying |
+//! | `manage` | `status` and `stop` |
+//! | `command` | `inject` and `clear` |
+//! | `swap` | `swap`: another process for a node of a flying stack |
+//! | `target` | which flight a command is for |
+
+mod cli;
+mod command;
+mod fly;
+mod manage;
+mod progress;
+mod swap;
+mod target;
 
 use std::alloc::System;
 use std::process::ExitCode;
 
+use flight::provenance::{BUILT_FROM, BuiltFrom};
 use stats_alloc::{INSTRUMENTED_SYSTEM, StatsAlloc};
 
 /// The system's allocator, counting: `measure mpc` tells how often a step asks for memory. It costs four additions per
@@ -11,5 +30,9 @@ use stats_alloc::{INSTRUMENTED_SYSTEM, StatsAlloc};
 static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
 
 fn main() -> ExitCode {
-    launcher::cli::main()
+    if let Some(commit) = option_env!("TREFOIL_COMMIT") {
+        let changed = option_env!("TREFOIL_CHANGED") == Some("true");
+        let _ = BUILT_FROM.set(BuiltFrom { commit, changed }); // nobody has set it before
+    }
+    cli::main()
 }

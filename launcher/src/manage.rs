@@ -6,12 +6,14 @@ use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
 use anyhow::bail;
-use contract::console::is_read;
-use contract::domain::Domain;
+use runtime::console::is_read;
+use runtime::domain::Domain;
 use serde_json::{Value, json};
 
-use crate::control::{Request, TargetArgs, ask, target};
-use crate::print;
+use flight::control::{Request, ask};
+
+use crate::target::{self, TargetArgs};
+use runtime::console::print;
 use table::describe;
 
 /// How often `status --watch` looks.

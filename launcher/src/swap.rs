@@ -3,15 +3,18 @@
 use std::time::Duration;
 
 use anyhow::{Context, anyhow};
-use contract::domain::Domain;
-use contract::process::exit;
-use contract::realtime::{Board, phase};
 use contract::scenario::{Swap, SwapBounds, SwapNode, suggest};
+use runtime::domain::Domain;
+use runtime::process::exit;
+use runtime::realtime::{Board, phase};
 use serde_json::{Map, Value};
 
-use crate::control::{Request, TargetArgs, ask, target, word};
-use crate::duration::seconds;
-use crate::{eprint_line, print};
+use flight::control::{Request, ask};
+
+use crate::command::word;
+use crate::target::{self, TargetArgs};
+use flight::duration::seconds;
+use runtime::console::{eprint_line, print};
 
 /// How often the launcher of the stack is asked how it goes.
 const LOOK: Duration = Duration::from_millis(50);

@@ -1,7 +1,7 @@
 //! The mixer as a process: its turn comes with CONTROLS.
 
 use contract::message::{Actuators, Controls, State};
-use contract::process::{Seat, SeatError};
+use runtime::process::{Seat, SeatError};
 
 use crate::Mixer;
 

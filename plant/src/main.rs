@@ -1,5 +1,5 @@
 //! `plant` as a program of its own.
 
 fn main() -> std::process::ExitCode {
-    contract::process::main("plant", plant::run)
+    runtime::process::main("plant", plant::run)
 }

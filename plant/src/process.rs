@@ -1,8 +1,8 @@
 //! The plant as a process: the only one with a clock.
 
 use contract::message::{Actuators, PlantStatus, State};
-use contract::pace::Turn;
-use contract::process::{Seat, SeatError};
+use runtime::pace::Turn;
+use runtime::process::{Seat, SeatError};
 
 use crate::Plant;
 

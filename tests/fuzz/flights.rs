@@ -8,14 +8,14 @@ use std::time::Duration;
 
 use contract::Scenario;
 use contract::scenario::{Fault, FaultTarget, Profile, to_toml};
-use launcher::run_record::{Circumstances, run_json};
-use launcher::summary::Summary;
-use launcher::{inprocess, settings};
+use flight::{inprocess, settings};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::{Index, select};
 use serde_json::json;
 use toml::{Table, Value};
+use view::run_record::{Circumstances, run_json};
+use view::summary::Summary;
 
 use super::cases;
 

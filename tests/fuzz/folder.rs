@@ -4,12 +4,12 @@ use std::fs;
 use std::sync::LazyLock;
 
 use contract::message::Message;
-use launcher::log::{self, Log, LogWriter, Record};
-use launcher::report::{self, Recorded};
-use launcher::trace;
+use flight::log::{self, Log, LogWriter, Record};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use serde_json::{Value, json};
+use view::report::{self, Recorded};
+use view::trace;
 
 use super::{cases, edited, edits};
 use crate::harness::fly;

@@ -1,9 +1,9 @@
-//! The problem by our own dual active-set method, which [`airframe::active_set`] explains.
+//! The problem by our own dual active-set method, which [`qp`] explains.
 
-use airframe::active_set::{self, ActiveSet, Member, WorkingSet};
 use contract::scenario::FaultKind;
 use contract::snapshot::{Reader, Writer};
 use nalgebra::{DMatrix, DVector};
+use qp::{ActiveSet, Member, WorkingSet};
 
 use super::{Outcome, Verdict};
 use crate::constraints::PlanSet;
@@ -96,9 +96,9 @@ impl ActiveSetSolver {
         self.offsets[0] = honest;
 
         let verdict = match outcome.verdict {
-            active_set::Verdict::Optimal => Verdict::Solved,
-            active_set::Verdict::IterationLimit => Verdict::LimitReached,
-            active_set::Verdict::Infeasible | active_set::Verdict::NotFinite => Verdict::Failed,
+            qp::Verdict::Optimal => Verdict::Solved,
+            qp::Verdict::IterationLimit => Verdict::LimitReached,
+            qp::Verdict::Infeasible | qp::Verdict::NotFinite => Verdict::Failed,
         };
         Outcome { verdict, iterations: u64::from(outcome.iterations) }
     }

@@ -100,7 +100,7 @@ fn the_time_limit_sees_this_solve_alone() {
     let mut set_up = set_up(Choice::Clarabel, |_| {});
     let mut plan = DVector::zeros(20);
     for _ in 0..20 {
-        let (_, wall_ns) = contract::timed(|| set_up.solve(&violent(), &mut plan));
+        let (_, wall_ns) = runtime::timed(|| set_up.solve(&violent(), &mut plan));
         let Solver::Clarabel(solver) = &set_up.solver else { unreachable!("it was asked for") };
         assert!(solver.seen_s() * 1e9 <= wall_ns as f64, "{} s in {wall_ns} ns", solver.seen_s());
     }

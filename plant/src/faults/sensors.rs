@@ -14,8 +14,8 @@
 //! What is measured, m, includes the scenario's noise and what earlier faults of the same sensor make of it.
 
 use contract::Scenario;
-use contract::ledger::LONGEST_DELAY_MS;
 use contract::message::Kinematics;
+use contract::roll::LONGEST_DELAY_MS;
 use contract::roll::{Entry, Roll};
 use contract::scenario::{Fault, FaultKind, FaultTarget, Mode, Wrong};
 use rand::RngExt;

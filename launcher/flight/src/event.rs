@@ -1,0 +1,284 @@
+//! Events: what happened to the processes of a flight, and the pipe on which the launcher tells the recorder of it.
+//!
+//! ```text
+//! supervisor -> one line of JSON each -> stdin of the recorder -> topic /events of flight.mcap
+//! ```
+//!
+//! Neither side ever waits for the other. A line of up to `PIPE_BUF` bytes goes into a pipe whole or not at all: what
+//! does not go in stays with the launcher, which tries again at its next look around.
+
+use std::os::fd::AsFd;
+
+use contract::Scenario;
+use rustix::event::{PollFd, PollFlags, poll};
+use rustix::fs::{OFlags, fcntl_setfl};
+use rustix::pipe::PIPE_BUF;
+use rustix::time::Timespec;
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+
+/// Longer reasons are cut, so that a line fits into the pipe \[characters\].
+const LONGEST_REASON: usize = 500;
+
+/// Something that happened to a process.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Event {
+    /// The tick of the plant then; where a recorder died, that of the launcher's look.
+    pub tick: u64,
+    /// Which node.
+    pub node: String,
+    /// Which incarnation.
+    pub epoch: u32,
+    /// What.
+    pub what: What,
+    /// The reason, where there is one to tell.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub why: Option<String>,
+    /// The number of the swap that begins with it, where one does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub swap: Option<usize>,
+    /// Who ordered it by hand.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub by: Option<Sender>,
+}
+
+/// Who gave a command to a flight.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Sender {
+    /// The process; 0 for one that is not to be seen from here.
+    pub pid: i32,
+    /// Number of the user.
+    pub user: u32,
+}
+
+/// What can happen to a process.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum What {
+    /// It died.
+    Died,
+    /// It made no progress, and was killed.
+    Hung,
+    /// The scenario had it killed.
+    Killed,
+    /// It was started.
+    Started,
+    /// It could not be started.
+    NotStarted,
+    /// It holds the office.
+    TookOver,
+    /// It is not started any more.
+    GivenUp,
+    /// A newcomer works in the shadow.
+    InShadow,
+    /// A newcomer was sent away before it held the office.
+    Rejected,
+    /// A newcomer holds the office for good.
+    Kept,
+    /// A newcomer had to give the office back.
+    Returned,
+    /// A fault was given to it, whatever it is: a node, a topic, a part of the vehicle.
+    Injected,
+    /// A fault of it was ended.
+    Cleared,
+    /// A file of a process that lives is gone from shared memory.
+    ShmRemoved,
+    /// A file of a process that lives was cut short.
+    ShmCutShort,
+    /// An intruder could not get in.
+    IntruderRefused,
+    /// An intruder got in.
+    IntruderLetIn,
+    /// An intruder has spoken.
+    IntruderSpoke,
+    /// An intruder could not try.
+    IntruderFailed,
+}
+
+impl Event {
+    /// An event without a reason.
+    pub fn new(tick: u64, node: &str, epoch: u32, what: What) -> Self {
+        Self { tick, node: node.into(), epoch, what, why: None, swap: None, by: None }
+    }
+
+    /// The same, with its reason.
+    #[must_use]
+    pub fn because(self, why: impl AsRef<str>) -> Self {
+        Self { why: Some(why.as_ref().chars().take(LONGEST_REASON).collect()), ..self }
+    }
+
+    /// The same, with which swap number `swap` begins; none, when it is none.
+    #[must_use]
+    pub fn begins(self, swap: Option<usize>) -> Self {
+        Self { swap, ..self }
+    }
+}
+
+/// Tells of process `epoch`, which counts as dead in the newest `events`, that it could not be started, and `why`.
+pub fn not_started(events: &mut [Event], epoch: u32, why: &str) {
+    for event in events.iter_mut().filter(|event| event.epoch == epoch) {
+        let told = Event { why: None, ..event.clone() };
+        match event.what {
+            What::Died => *event = Event { what: What::NotStarted, ..told }.because(why),
+            What::Rejected => *event = told.because(why),
+            _ => {}
+        }
+    }
+}
+
+/// The first newcomer that could not even be tried.
+pub fn untried(events: &[Event]) -> Option<&Event> {
+    let of = |event: &Event, what| (event.what == what).then_some((event.node.clone(), event.epoch));
+    let missing: Vec<_> = events.iter().filter_map(|event| of(event, What::NotStarted)).collect();
+    events.iter().find(|event| of(event, What::Rejected).is_some_and(|who| missing.contains(&who)))
+}
+
+/// Makes reading from and writing to `pipe` never wait.
+pub fn never_wait(pipe: impl AsFd) -> rustix::io::Result<()> {
+    fcntl_setfl(pipe, OFlags::NONBLOCK)
+}
+
+/// Writes `event` into a `pipe` that never waits; whether it is in.
+pub fn send(pipe: impl AsFd, event: &Event) -> bool {
+    let Ok(mut line) = serde_json::to_vec(event) else { return false };
+    line.push(b'\n');
+    line.len() <= PIPE_BUF && rustix::io::write(pipe, &line).is_ok()
+}
+
+/// Where the recorder hears of events: its end of the pipe.
+pub struct Hearing<P> {
+    /// `None` when the launcher has closed its end.
+    pipe: Option<P>,
+    /// A line whose end is still to come.
+    rest: Vec<u8>,
+}
+
+impl<P: AsFd> Hearing<P> {
+    /// Nothing heard yet.
+    pub fn new(pipe: P) -> Self {
+        Self { pipe: Some(pipe), rest: vec![] }
+    }
+
+    /// Hands what has come to `each`, without waiting; how many there were. A line that is no event is an error.
+    pub fn drain(&mut self, mut each: impl FnMut(serde_json::Result<Event>)) -> usize {
+        let mut count = 0;
+        while let Some(pipe) = self.pipe.as_ref().filter(|pipe| readable(pipe)) {
+            let mut bytes = [0; PIPE_BUF];
+            let Ok(length @ 1..) = rustix::io::read(pipe, &mut bytes) else {
+                self.pipe = None;
+                break;
+            };
+            self.rest.extend_from_slice(&bytes[..length]);
+            let whole = self.rest.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
+            for line in self.rest[..whole].split_inclusive(|byte| *byte == b'\n') {
+                each(serde_json::from_slice(line));
+                count += 1;
+            }
+            self.rest.drain(..whole);
+            if self.rest.len() > PIPE_BUF {
+                self.rest.clear(); // longer than any line of an event
+            }
+        }
+        count
+    }
+}
+
+/// Whether there is something to read, or an end to find.
+fn readable(pipe: impl AsFd) -> bool {
+    const AT_ONCE: Timespec = Timespec { tv_sec: 0, tv_nsec: 0 };
+    poll(&mut [PollFd::new(&pipe, PollFlags::IN)], Some(&AT_ONCE)).is_ok_and(|ready| ready > 0)
+}
+
+/// What happened, by the time of the flight.
+pub fn events(scenario: &Scenario, events: &[Event]) -> Value {
+    let one = |event: &Event| {
+        let at_s = event.tick as f64 / f64::from(scenario.run.rate_hz);
+        let mut told = json!({ "at_s": at_s, "node": event.node, "epoch": event.epoch, "what": event.what });
+        if let Some(why) = &event.why {
+            told["why"] = json!(why);
+        }
+        if let Some(swap) = event.swap {
+            told["swap"] = json!(swap);
+        }
+        if let Some(by) = event.by {
+            told["by"] = json!(by);
+        }
+        told
+    };
+    events.iter().map(one).collect()
+}
+
+/// A target or kind as the scenario file spells it, an event as run.json does.
+pub fn name(word: impl Serialize) -> String {
+    json!(word).as_str().unwrap_or_default().to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rustix::pipe::{PipeFlags, pipe_with};
+    use std::os::fd::OwnedFd;
+
+    fn event(tick: u64) -> Event {
+        Event::new(tick, "mixer", 2, What::TookOver)
+    }
+
+    /// The launcher's end and the recorder's.
+    fn ends() -> (OwnedFd, Hearing<OwnedFd>) {
+        let (hears, speaks) = pipe_with(PipeFlags::CLOEXEC).unwrap();
+        never_wait(&speaks).unwrap();
+        (speaks, Hearing::new(hears))
+    }
+
+    fn heard(hearing: &mut Hearing<OwnedFd>) -> Vec<Event> {
+        let mut heard = vec![];
+        let count = hearing.drain(|event| heard.push(event.unwrap()));
+        assert_eq!(count, heard.len());
+        heard
+    }
+
+    #[test]
+    fn what_is_sent_is_heard_in_order_and_nobody_waits() {
+        let (speaks, mut hearing) = ends();
+        assert_eq!(heard(&mut hearing), [], "nothing yet");
+        let told = [event(1), event(2).because("3 m \u{3bc} \"off\"\n")];
+        assert!(told.iter().all(|event| send(&speaks, event)));
+        assert_eq!(heard(&mut hearing), told);
+        drop(speaks);
+        assert_eq!([heard(&mut hearing), heard(&mut hearing)], [[], []], "the launcher has gone");
+    }
+
+    #[test]
+    fn a_pipe_that_nobody_reads_takes_no_half_lines() {
+        let (speaks, mut hearing) = ends();
+        let longest = event(7).because("\u{1}".repeat(9999));
+        let sent = (0..1000).take_while(|_| send(&speaks, &longest)).count();
+        assert!((10..1000).contains(&sent), "full after {sent}");
+        assert_eq!(heard(&mut hearing), vec![longest.clone(); sent]);
+        assert!(send(&speaks, &longest), "there is room again");
+    }
+
+    #[test]
+    fn who_does_not_listen_any_more_is_not_told() {
+        let (speaks, hearing) = ends();
+        drop(hearing);
+        assert!(!send(&speaks, &event(1)));
+    }
+
+    #[test]
+    fn what_is_no_event_is_an_error() {
+        let (speaks, mut hearing) = ends();
+        rustix::io::write(&speaks, b"\n{}\n[1, 2\n").unwrap();
+        let mut errors = 0;
+        assert_eq!(hearing.drain(|event| errors += u32::from(event.is_err())), 3);
+        assert_eq!(errors, 3);
+    }
+
+    #[test]
+    fn a_reason_is_there_only_when_there_is_one() {
+        let plain = serde_json::to_string(&event(5)).unwrap();
+        assert_eq!(plain, r#"{"tick":5,"node":"mixer","epoch":2,"what":"took-over"}"#);
+        let reasoned = serde_json::to_value(event(5).because("too slow")).unwrap();
+        assert_eq!(reasoned["why"], "too slow");
+    }
+}

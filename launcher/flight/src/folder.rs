@@ -1,0 +1,217 @@
+//! The folder of a run: made for it, and held by it while it flies.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, ErrorKind};
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use anyhow::{Context, bail};
+use contract::Scenario;
+use contract::scenario;
+use rustix::fs::{CWD, FlockOperation, OFlags, RenameFlags, flock, renameat_with};
+use rustix::io::Errno;
+
+use crate::files::write_whole;
+use runtime::console::eprint_line;
+
+/// What a run has in its folder from the beginning, or at the end.
+const SIGNS_OF_A_RUN: [&str; 3] = ["run.json", "flight.mcap", "scenario.toml"];
+/// How often a folder is made whose parent another run has just removed.
+const TRIES: u32 = 5;
+
+/// The folder of a run.
+pub struct Folder {
+    /// Where it is.
+    pub path: PathBuf,
+    /// Folders that were made for it, the outermost first, itself the last.
+    made: Vec<PathBuf>,
+    /// Where an earlier run went.
+    aside: Option<PathBuf>,
+    /// The folder itself, locked as long as this is open.
+    hold: Option<File>,
+}
+
+impl Folder {
+    /// Takes the folder `out`, or makes a new one below `runs`, and writes the settings into it.
+    ///
+    /// An earlier run in it is moved aside. A folder that another run is writing to is refused.
+    pub fn prepare(out: Option<&Path>, scenario: &Scenario) -> anyhow::Result<Self> {
+        let mut folder = Self { path: PathBuf::new(), made: vec![], aside: None, hold: None };
+        let taken = match out {
+            Some(out) => folder.take(out),
+            None => folder.take_new(&default_name(scenario)),
+        };
+        let settings = || write_whole(&folder.path.join("scenario.toml"), scenario::to_toml(scenario).as_bytes());
+        let written = taken.and_then(|()| settings());
+        let cannot =
+            || format!("cannot write to the output folder {}; choose another with --out", folder.path.display());
+        written.with_context(cannot).inspect_err(|_| folder.withdraw())?;
+        if let Some(aside) = &folder.aside {
+            let (path, aside) = (folder.path.display(), aside.display());
+            eprint_line(&format!("note: {path} held an earlier run; it is now {aside}"));
+        }
+        Ok(folder)
+    }
+
+    /// Takes back what a run that never flew has written, and puts an earlier run where it was.
+    pub fn withdraw(&self) {
+        if self.hold.is_some() {
+            for name in ["scenario.toml", "flight.mcap"] {
+                let _ = fs::remove_file(self.path.join(name)); // may not be there yet
+            }
+        }
+        for made in self.made.iter().rev() {
+            // What another run has taken since stays, as does a folder into which somebody has put a file.
+            let is_ours = *made != self.path || self.hold.is_some();
+            let _ = if is_ours { fs::remove_dir(made) } else { Ok(()) };
+        }
+        if let Some(aside) = &self.aside {
+            let _ = fs::rename(aside, &self.path); // fails when somebody has put a file where it was
+        }
+    }
+
+    fn take(&mut self, out: &Path) -> anyhow::Result<()> {
+        self.path = out.components().collect(); // without a slash at the end
+        loop {
+            make(&self.path, &mut self.made)?;
+            if !self.lock()? {
+                continue; // another run has moved it aside meanwhile
+            }
+            if !SIGNS_OF_A_RUN.iter().any(|name| self.path.join(name).symlink_metadata().is_ok()) {
+                return Ok(());
+            }
+            self.aside = Some(move_aside(&self.path)?);
+            self.hold = None;
+        }
+    }
+
+    /// Makes the first of `name`, `<name>-2`, `<name>-3`, ... that is free.
+    fn take_new(&mut self, name: &str) -> anyhow::Result<()> {
+        let mut number = 1;
+        self.path = name.into();
+        while !make(&self.path, &mut self.made)? {
+            number += 1;
+            self.path = format!("{name}-{number}").into();
+        }
+        self.lock().map(drop)
+    }
+
+    /// Locks the folder; false when it is another one by now.
+    fn lock(&mut self) -> anyhow::Result<bool> {
+        let folder = OpenOptions::new().read(true).custom_flags(OFlags::DIRECTORY.bits() as i32).open(&self.path)?;
+        // A file system without locks is taken as it is.
+        if flock(&folder, FlockOperation::NonBlockingLockExclusive) == Err(Errno::WOULDBLOCK) {
+            bail!("another flight is writing to it");
+        }
+        let (held, named) = (folder.metadata()?, fs::metadata(&self.path));
+        self.hold = Some(folder);
+        Ok(named.is_ok_and(|named| (named.ino(), named.dev()) == (held.ino(), held.dev())))
+    }
+}
+
+fn default_name(scenario: &Scenario) -> String {
+    let name: String = scenario.name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect();
+    let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    format!("runs/{name}-{}", since_epoch.as_millis())
+}
+
+/// Makes the folder `path`, and those above it that are missing, and adds them to `made`; false when it is there already.
+fn make(path: &Path, made: &mut Vec<PathBuf>) -> io::Result<bool> {
+    let mut tries = 0;
+    loop {
+        let error = match fs::create_dir(path) {
+            Ok(()) => {
+                made.push(path.into());
+                return Ok(true);
+            }
+            Err(error) => error,
+        };
+        match (error.kind(), path.parent().filter(|parent| !parent.as_os_str().is_empty())) {
+            (ErrorKind::AlreadyExists, _) => return Ok(false),
+            (ErrorKind::NotFound, Some(parent)) if tries < TRIES => _ = make(parent, made)?,
+            _ => return Err(error),
+        }
+        tries += 1;
+    }
+}
+
+/// Renames the folder of an earlier run to the first free of `<path>.1`, `<path>.2`, ...
+fn move_aside(path: &Path) -> anyhow::Result<PathBuf> {
+    for number in 1..=9999 {
+        let aside = PathBuf::from(format!("{}.{number}", path.display()));
+        let moved = match renameat_with(CWD, path, CWD, &aside, RenameFlags::NOREPLACE) {
+            // A file system that cannot promise it.
+            Err(Errno::INVAL | Errno::NOSYS) if !aside.exists() => fs::rename(path, &aside),
+            Err(Errno::EXIST | Errno::INVAL | Errno::NOSYS) => continue,
+            moved => moved.map_err(io::Error::from),
+        };
+        return moved.map(|()| aside).with_context(|| format!("cannot move the earlier run in {}", path.display()));
+    }
+    bail!("no free name for the earlier run in {}", path.display())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(folder: &Path) -> Vec<String> {
+        let all = fs::read_dir(folder).unwrap().flatten();
+        let mut names: Vec<String> = all.map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn a_folder_is_held_by_one_run_and_free_after_it() {
+        let top = tempfile::tempdir().unwrap();
+        let out = top.path().join("run");
+        let scenario = Scenario::default();
+        let first = Folder::prepare(Some(&out), &scenario).unwrap();
+        let Err(refused) = Folder::prepare(Some(&out), &scenario) else { panic!("two runs have it") };
+        assert!(format!("{refused:#}").ends_with("another flight is writing to it"), "{refused:#}");
+        assert_eq!([names(top.path()), names(&out)], [["run"], ["scenario.toml"]], "nothing was touched");
+        drop(first);
+        let second = Folder::prepare(Some(&out), &scenario).unwrap();
+        assert_eq!(names(top.path()), ["run", "run.1"]);
+        second.withdraw();
+        assert_eq!([names(top.path()), names(&out)], [["run"], ["scenario.toml"]], "the first is where it was");
+    }
+
+    #[test]
+    fn flights_that_begin_at_the_same_time_have_folders_of_their_own() {
+        let top = tempfile::tempdir().unwrap();
+        let name = top.path().join("runs/survey-1").display().to_string();
+        let start = || {
+            let mut folder = Folder { path: PathBuf::new(), made: vec![], aside: None, hold: None };
+            folder.take_new(&name).unwrap();
+            folder
+        };
+        let flights = [start(), start(), start()];
+        flights[1].withdraw();
+        assert_eq!(names(&top.path().join("runs")), ["survey-1", "survey-1-3"], "a neighbour's files are not touched");
+    }
+
+    #[test]
+    fn what_never_flew_leaves_no_folder() {
+        let top = tempfile::tempdir().unwrap();
+        let out = top.path().join("a/b/run");
+        let folder = Folder::prepare(Some(&out), &Scenario::default()).unwrap();
+        fs::write(out.join("flight.mcap"), "begun").unwrap();
+        folder.withdraw();
+        assert!(names(top.path()).is_empty());
+
+        fs::create_dir_all(&out).unwrap();
+        fs::write(out.join("note.txt"), "mine").unwrap();
+        Folder::prepare(Some(&out), &Scenario::default()).unwrap().withdraw();
+        assert_eq!(names(&out), ["note.txt"], "neither the user's folder nor what is in it");
+    }
+
+    #[test]
+    fn a_folder_that_cannot_be_made_leaves_none_of_its_parents() {
+        let top = tempfile::tempdir().unwrap();
+        let long = "x".repeat(300);
+        assert!(Folder::prepare(Some(&top.path().join("a/b").join(long)), &Scenario::default()).is_err());
+        assert!(names(top.path()).is_empty());
+    }
+}

@@ -1,0 +1,101 @@
+//! Those who work for one node when one thread runs them all: one in office, and now and then one in its shadow.
+
+use contract::message::{Message, Stamp};
+use contract::scenario::{Scenario, newcomer};
+use contract::snapshot::Snapshot;
+use runtime::seizure::Seizures;
+
+use super::node::{Node, sum};
+use super::speech::{Counts, Heard, Voice};
+use crate::succession::Succession;
+
+/// All that work for one node.
+pub struct Post<N: Node> {
+    workers: Vec<Worker<N>>,
+    /// What the last one remembered who left the office vacant.
+    memory: Option<Snapshot>,
+    /// What those who have left had refused, by cause.
+    refused: Counts,
+}
+
+/// What a process of the node would be.
+struct Worker<N: Node> {
+    epoch: u32,
+    /// Those of its own settings; those of the run are the succession's matter.
+    seizures: Seizures,
+    core: N,
+    ears: N::Ears,
+    voice: Voice<N::Says>,
+}
+
+impl<N: Node> Post<N> {
+    /// With the first process of a run.
+    pub fn new(scenario: &Scenario) -> Self {
+        let first = Worker::new(scenario, scenario, 1, N::ears(&Heard::default()));
+        Self { workers: vec![first], memory: None, refused: Counts::default() }
+    }
+
+    /// The ears of all.
+    pub fn ears(&mut self) -> impl Iterator<Item = &mut N::Ears> {
+        self.workers.iter_mut().map(|worker| &mut worker.ears)
+    }
+
+    /// Messages refused so far, by cause.
+    pub fn refused(&self) -> Counts {
+        self.workers.iter().map(|worker| N::refused(&worker.ears)).fold(self.refused, sum)
+    }
+
+    /// Another begins: the run's settings or those of the swap `origin`, the memory of who is or was in office, and the
+    /// `last` word of each topic.
+    pub fn begin(&mut self, run: &Scenario, epoch: u32, origin: Option<usize>, last: &Heard, holder: u32) {
+        let own = origin.and_then(|i| newcomer(run, &run.swap[i]).ok()); // what is wrong with it was said before
+        let mut worker: Worker<N> = Worker::new(own.as_ref().unwrap_or(run), run, epoch, N::ears(last));
+        let holder = self.workers.iter().find(|worker| worker.epoch == holder);
+        if let Some(memory) = holder.map(|holder| holder.core.memory()).or(self.memory) {
+            worker.core.inherit(&memory);
+        }
+        self.workers.push(worker);
+    }
+
+    /// One leaves.
+    pub fn end(&mut self, epoch: u32) {
+        if let Some(i) = self.workers.iter().position(|worker| worker.epoch == epoch) {
+            let worker = self.workers.remove(i);
+            self.memory = Some(worker.core.memory());
+            self.refused = sum(self.refused, N::refused(&worker.ears));
+        }
+    }
+
+    /// All who work answer to a sample; `each` gets their messages, with the epoch in office.
+    pub fn answer(
+        &mut self,
+        sample: Stamp,
+        succession: &mut Succession,
+        mut each: impl FnMut(&N::Says, u32, &mut Succession),
+    ) {
+        let leaves = |worker: &&Worker<N>| worker.seizures.leaves(sample.tick, sample.tick);
+        let leaving: Vec<u32> = self.workers.iter().filter(leaves).map(|worker| worker.epoch).collect();
+        for epoch in leaving {
+            self.end(epoch);
+            succession.lost(N::Says::TOPIC, epoch, sample.tick);
+        }
+        let staff = succession.staff(N::Says::TOPIC);
+        for Worker { epoch, core, ears, voice, .. } in &mut self.workers {
+            if staff.employs(*epoch) {
+                let (answer, lineage) = core.answer(ears, sample);
+                let in_office = staff.holder == *epoch;
+                voice.speak(in_office, answer, lineage, |message| each(message, staff.holder, succession));
+            }
+        }
+    }
+}
+
+impl<N: Node> Worker<N> {
+    /// With settings of its `own`, which may be those of the `run`.
+    fn new(own: &Scenario, run: &Scenario, epoch: u32, ears: N::Ears) -> Self {
+        let scripted = own.fault == run.fault;
+        let fault = if scripted { vec![] } else { own.fault.clone() };
+        let seizures = Seizures::new(&Scenario { fault, ..own.clone() }, N::Says::TOPIC);
+        Self { epoch, seizures, core: N::new(own), ears, voice: Voice::new(own, epoch) }
+    }
+}

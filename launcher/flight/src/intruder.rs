@@ -1,0 +1,144 @@
+//! The intruder: a process that does not belong to the run and tries to get in, as a `[[fault]]` of a topic tells it to.
+//!
+//! ```text
+//! second-publisher   opens the topic and answers every message that it hears with two of its own: well-formed, sealed,
+//!                    newer, empty; one with the epoch in office, one with an epoch that nobody has
+//! wrong-layout       opens the topic with another idea of what its messages look like
+//! wrong-user         becomes `nobody`, joins as a node does, and then tries the run's files by their names
+//! ```
+//!
+//! Its last line on stdout is how it went. The launcher starts it and writes that down as an event.
+
+use std::fs::File;
+use std::path::PathBuf;
+
+use anyhow::{Context, bail};
+use contract::Topic;
+use contract::message::{Actuators, Controls, Reference, Stamp, State};
+use contract::scenario::FaultKind;
+use runtime::domain::Domain;
+use runtime::port::{Bus, NODE_DEPTH, Wire};
+use runtime::process::{Seat, exit};
+use runtime::realtime::{Board, now_ns, phase};
+use rustix::process::{Gid, Signal, Uid};
+
+use crate::supervisor;
+use runtime::console::print;
+
+/// How its last line begins when it was refused.
+pub const REFUSED: &str = "refused: ";
+/// How it begins when it was not.
+pub const LET_IN: &str = "let in: ";
+/// How it begins when it has spoken.
+pub const SENT: &str = "sent ";
+/// The user `nobody`.
+const NOBODY: u32 = 65534;
+const LOOK_NS: u64 = 20_000_000;
+
+/// Arguments of `intrude`.
+#[derive(clap::Args)]
+pub struct IntrudeArgs {
+    /// Whose stack
+    #[arg(long)]
+    namespace: String,
+    /// Topic to intrude on
+    #[arg(long)]
+    topic: String,
+    /// second-publisher, wrong-layout or wrong-user
+    #[arg(long)]
+    kind: String,
+    /// Tick at which to leave
+    #[arg(long)]
+    until: u64,
+}
+
+/// Does it, and says how it went.
+pub fn intrude(args: &IntrudeArgs) -> anyhow::Result<u8> {
+    // Fails only for a signal number that does not exist.
+    let _ = rustix::process::set_parent_process_death_signal(Some(Signal::KILL));
+    let topic = Topic::ALL.into_iter().find(|topic| topic.name() == args.topic).context("no such topic")?;
+    let how = match topic {
+        Topic::State => on::<State>(args),
+        Topic::Reference => on::<Reference>(args),
+        Topic::Controls => on::<Controls>(args),
+        Topic::Actuators => on::<Actuators>(args),
+    }?;
+    print(&(how + "\n"));
+    Ok(exit::FLOWN)
+}
+
+fn on<M: Wire>(args: &IntrudeArgs) -> anyhow::Result<String> {
+    let kind: FaultKind = serde_json::from_value(args.kind.clone().into())?;
+    match kind {
+        FaultKind::SecondPublisher => speak::<M>(&args.namespace, args.until),
+        FaultKind::WrongLayout => {
+            let bus = Bus::attach(&Domain::find(&args.namespace)?)?;
+            Ok(match bus.open_as_another_version::<M>() {
+                Err(why) => format!("{REFUSED}{why}"),
+                Ok(()) => format!("{LET_IN}it opened the topic"),
+            })
+        }
+        FaultKind::WrongUser => {
+            let domain = Domain::find(&args.namespace)?;
+            become_nobody()?;
+            Ok(knock(&domain))
+        }
+        _ => bail!("an intruder does not do that"),
+    }
+}
+
+/// Sends forged messages until tick `until` or the end of the run.
+fn speak<M: Wire>(namespace: &str, until: u64) -> anyhow::Result<String> {
+    let domain = Domain::find(namespace)?;
+    let board = Board::open(&domain.file("board"))?;
+    let bus = Bus::attach(&domain)?;
+    let (port, ear) = (bus.sender::<M>()?, bus.receiver::<M>(NODE_DEPTH)?);
+    print("ready\n");
+    let bell = board.bell(M::TOPIC);
+    let mut sent = 0;
+    while supervisor::plant_tick(&board) < until && board.phase().count() < phase::LEAVE {
+        let rung = bell.count(); // before the look, so that a message after it is not slept through
+        while let Ok(Some((heard, from))) = ear.receive() {
+            if from != port.number() {
+                let epoch = heard.stamp().epoch;
+                sent += [epoch, epoch + 1]
+                    .map(|epoch| port.send(&forge(&heard, epoch)).is_ok())
+                    .into_iter()
+                    .filter(|sent| *sent)
+                    .count();
+                bell.ring();
+            }
+        }
+        bell.wait(rung, now_ns() + LOOK_NS);
+    }
+    Ok(format!("{SENT}{sent} messages"))
+}
+
+/// A message that nothing speaks against but where it comes from: newer than `heard`, whole, and all zero.
+fn forge<M: Wire>(heard: &M, epoch: u64) -> M {
+    let mut forged = M::default();
+    let Stamp { tick, sequence, .. } = *heard.stamp();
+    *forged.stamp_mut() = Stamp { tick: tick + 1, sequence: sequence + 1, epoch, ..*heard.stamp() };
+    forged.sealed()
+}
+
+fn become_nobody() -> anyhow::Result<()> {
+    let (uid, gid) = (Uid::from_raw(NOBODY), Gid::from_raw(NOBODY));
+    rustix::thread::set_thread_groups(&[])
+        .and_then(|()| rustix::thread::set_thread_res_gid(gid, gid, gid))
+        .and_then(|()| rustix::thread::set_thread_res_uid(uid, uid, uid))
+        .context("cannot become another user; only root can")
+}
+
+/// Tries to get in by the door, and then by every window.
+fn knock(domain: &Domain) -> String {
+    let Err(refusal) = Seat::join(domain.namespace(), Topic::Actuators.publisher(), 1) else {
+        return format!("{LET_IN}it joined");
+    };
+    let inside = ["scenario.toml", "board", "iox"].map(|name| domain.file(name));
+    let files = domain.folder.ancestors().take(2).map(PathBuf::from).chain(inside);
+    match files.into_iter().find(|file: &PathBuf| File::open(file).is_ok()) {
+        Some(file) => format!("{LET_IN}it opened {}", file.display()),
+        None => format!("{REFUSED}{refusal}"),
+    }
+}

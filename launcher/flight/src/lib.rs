@@ -1,0 +1,44 @@
+//! Flies: starts the ring as processes or turns it in one thread, decides who runs a node, records what is sent.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`settings`] | the settings of a flight, checked before it |
+//! | [`stack`] | the ring as processes: start, watch, stop |
+//! | [`inprocess`] | the ring turned by one thread |
+//! | [`succession`] | who works for each node when time follows the script, and the trial of newcomers |
+//! | `supervisor` | who works for each node against the clock |
+//! | [`intruder`] | a process that does not belong to a run, as a fault |
+//! | [`event`] | what happens to processes, and how the recorder hears of it |
+//! | [`recorder`] | the fifth process: every message to `flight.mcap` |
+//! | [`log`] | the flight log's format |
+//! | [`control`] | the socket on which a flying stack is asked and told |
+//! | [`folder`], [`files`] | the folder of a run, and what is written into it |
+//! | [`provenance`] | where a run was made |
+//! | [`interrupts`] | Ctrl-C |
+//! | [`duration`] | durations on the command line |
+
+use std::os::unix::process::CommandExt;
+use std::process::Command;
+
+pub mod control;
+pub mod duration;
+pub mod event;
+pub mod files;
+pub mod folder;
+pub mod inprocess;
+pub mod interrupts;
+pub mod intruder;
+pub mod log;
+pub mod provenance;
+pub mod recorder;
+pub mod settings;
+pub mod stack;
+pub mod succession;
+mod supervisor;
+
+/// This program, for another process of it: the file that runs here, whoever has its name by now.
+pub fn own_program() -> Command {
+    let mut command = Command::new("/proc/self/exe");
+    command.arg0("launcher");
+    command
+}

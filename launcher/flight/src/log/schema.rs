@@ -1,0 +1,179 @@
+//! The protobuf form of messages and events: field for field, bit for bit, both ways.
+
+use anyhow::Context;
+use contract::{
+    Topic,
+    message::{ActuationMsg, Actuators, Controls, Kinematics, Reference, Stamp, State},
+};
+use prost::{DecodeError, Message as _};
+
+use super::Record;
+use crate::event::name;
+use crate::event::{Event, Sender};
+
+/// Types generated from `proto/trefoil.proto`.
+mod wire {
+    #![expect(clippy::pedantic, reason = "generated code")]
+    include!(concat!(env!("OUT_DIR"), "/trefoil.v1.rs"));
+}
+
+/// The schema as readers want it: a serialised `FileDescriptorSet`.
+pub const DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/trefoil.fds"));
+
+/// Full name of the protobuf message of an event.
+pub const EVENT: &str = "trefoil.v1.Event";
+
+/// Full name of the protobuf message of a topic.
+pub const fn message_name(topic: Topic) -> &'static str {
+    match topic {
+        Topic::State => "trefoil.v1.State",
+        Topic::Reference => "trefoil.v1.Reference",
+        Topic::Controls => "trefoil.v1.Controls",
+        Topic::Actuators => "trefoil.v1.Actuators",
+    }
+}
+
+/// Replaces the content of `buffer` by the record's bytes; allocates only while the buffer grows.
+pub fn encode(record: &Record, buffer: &mut Vec<u8>) {
+    buffer.clear();
+    match *record {
+        Record::State(message) => wire::State::from(message).encode(buffer),
+        Record::Reference(message) => wire::Reference::from(message).encode(buffer),
+        Record::Controls(message) => wire::Controls::from(message).encode(buffer),
+        Record::Actuators(message) => wire::Actuators::from(message).encode(buffer),
+    }
+    .expect("a vector grows as needed");
+}
+
+/// Reads the bytes of a record of `topic`.
+pub fn decode(topic: Topic, bytes: &[u8]) -> Result<Record, DecodeError> {
+    Ok(match topic {
+        Topic::State => State::from(wire::State::decode(bytes)?).into(),
+        Topic::Reference => Reference::from(wire::Reference::decode(bytes)?).into(),
+        Topic::Controls => Controls::from(wire::Controls::decode(bytes)?).into(),
+        Topic::Actuators => Actuators::from(wire::Actuators::decode(bytes)?).into(),
+    })
+}
+
+/// Replaces the content of `buffer` by the event's bytes.
+pub fn encode_event(event: &Event, buffer: &mut Vec<u8>) {
+    buffer.clear();
+    let Event { tick, ref node, epoch, what, ref why, swap, by } = *event;
+    let swap = swap.map(|swap| swap as u64);
+    let by = by.map(|Sender { pid, user }| wire::Sender { pid, user });
+    wire::Event { tick, node: node.clone(), epoch, what: name(what), why: why.clone(), swap, by }
+        .encode(buffer)
+        .expect("a vector grows as needed");
+}
+
+/// Reads the bytes of an event.
+pub fn decode_event(bytes: &[u8]) -> anyhow::Result<Event> {
+    let wire::Event { tick, node, epoch, what, why, swap, by } = wire::Event::decode(bytes)?;
+    let by = by.map(|wire::Sender { pid, user }| Sender { pid, user });
+    let what = serde_json::from_value(what.into()).context("what happened is unknown")?;
+    Ok(Event { tick, node, epoch, what, why, swap: swap.map(|swap| swap as usize), by })
+}
+
+/// An array on one side, named fields on the other.
+macro_rules! named_array {
+    ($([$scalar:ty; $count:literal] as $name:ident { $($field:ident),* })*) => {$(
+        impl From<[$scalar; $count]> for wire::$name {
+            fn from([$($field),*]: [$scalar; $count]) -> Self {
+                Self { $($field),* }
+            }
+        }
+        impl From<wire::$name> for [$scalar; $count] {
+            fn from(wire::$name { $($field),* }: wire::$name) -> Self {
+                [$($field),*]
+            }
+        }
+    )*};
+}
+named_array! {
+    [u64; 4] as PerTopic { state, reference, controls, actuators }
+    [f64; 3] as Ned { x, y, z }
+    [f64; 3] as BodyVelocity { u, v, w }
+    [f64; 3] as Attitude { roll, pitch, yaw }
+    [f64; 3] as BodyRates { p, q, r }
+    [f64; 2] as Heading { x, y }
+    [f64; 3] as RotorSpeed { rotor_1, rotor_2, rotor_3 }
+    [f64; 4] as Inputs { col, lon, lat, ped }
+}
+
+/// The same fields on both sides; `status_name` is written for people and not read back.
+macro_rules! same_fields {
+    ($($ours:ident as $name:ident { $($field:ident),* } $(+ status_name: $status_name:expr)?)*) => {$(
+        impl From<$ours> for wire::$name {
+            fn from($ours { $($field),* }: $ours) -> Self {
+                Self { $(status_name: $status_name,)? $($field: $field.into()),* }
+            }
+        }
+        impl From<wire::$name> for $ours {
+            fn from(wire::$name { $($field,)* .. }: wire::$name) -> Self {
+                Self { $($field: $field.into()),* }
+            }
+        }
+    )*};
+}
+same_fields! {
+    Stamp as Stamp {
+        tick, sample_ns, sequence, epoch, inputs, publish_ns, release_ns, start_ns, cpu_ns, misses, slips,
+        held_ns, unheard, checksum
+    }
+    Kinematics as Kinematics { position_m, velocity_mps, attitude_rad, rates_radps }
+    ActuationMsg as Actuation { rotor_speed, tilt_rad }
+    State as State {
+        stamp, applied_sequence, applied_age_ns, measured, actual, actuators, command_in_force, status
+    } + status_name: named(status, wire::PlantStatus::is_valid)
+    Reference as Reference {
+        stamp, position_m, velocity_mps, w_mps, attitude_rad, rates_radps, disturbance_mps2, flags
+    }
+    Controls as Controls {
+        stamp, demand, disturbance, status, iterations, solve_ns, active_constraints, fallbacks
+    } + status_name: named(status, wire::SolveStatus::is_valid)
+    Actuators as Actuators { stamp, command, flags }
+}
+
+/// The number as an enum value, if the schema has a name for it.
+fn named(status: u64, is_valid: fn(i32) -> bool) -> Option<i32> {
+    i32::try_from(status).ok().filter(|&number| is_valid(number))
+}
+
+#[cfg(test)]
+mod tests {
+    use contract::message::{Controls, PlantStatus, SolveStatus, State};
+
+    use super::wire;
+
+    #[test]
+    fn statuses_have_the_same_names_as_in_the_contract() {
+        for number in 0..10 {
+            let theirs = wire::PlantStatus::try_from(number).ok().map(|status| format!("{status:?}"));
+            let ours = PlantStatus::from_wire(number as u64).map(|status| format!("{status:?}"));
+            assert_eq!(theirs, ours, "{number}");
+        }
+        let solve = [
+            SolveStatus::Explicit,
+            SolveStatus::Solved,
+            SolveStatus::LimitReached,
+            SolveStatus::Fallback,
+            SolveStatus::BadInput,
+            SolveStatus::Stale,
+            SolveStatus::NoReference,
+        ];
+        for ours in solve {
+            let theirs = wire::SolveStatus::try_from(ours as i32).unwrap();
+            assert_eq!(format!("{theirs:?}"), format!("{ours:?}"));
+        }
+    }
+    #[test]
+    fn a_status_is_written_with_its_name_if_it_has_one() {
+        let name = |status| wire::State::from(State { status, ..State::default() }).status_name;
+        assert_eq!(name(PlantStatus::Singular as u64), Some(wire::PlantStatus::Singular as i32));
+        assert_eq!(name(6), None);
+        assert_eq!(name(1 << 32), None, "not FLYING");
+        let name = |status| wire::Controls::from(Controls { status, ..Controls::default() }).status_name;
+        assert_eq!(name(SolveStatus::BadInput as u64), Some(wire::SolveStatus::BadInput as i32));
+        assert_eq!(name(7), None);
+    }
+}

@@ -1,0 +1,92 @@
+//! Where a run was made: date, command, commit, host, and what the kernel granted. Read from `/proc` and, when the launcher
+//! was built, from git (`build.rs`); what cannot be read is absent.
+
+use std::fs::read_to_string;
+use std::sync::OnceLock;
+use std::time::SystemTime;
+
+use contract::Scenario;
+use contract::scenario::to_toml;
+use rustix::system::uname;
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+
+/// Version of run.json and of the results of measures; grows with every change that a reader must know of. Files without
+/// one are of version 1.
+const SCHEMA_VERSION: u32 = 2;
+
+/// How a process is scheduled.
+#[derive(Debug, Clone, Serialize)]
+pub struct Scheduling {
+    /// `fifo` or `other`.
+    pub policy: &'static str,
+    /// `SCHED_FIFO` priority, 0 for `other`.
+    pub priority: u32,
+    /// CPUs it may run on, as the kernel lists them.
+    pub affinity: String,
+    /// Locked memory \[kB\].
+    pub locked_kb: u64,
+    /// CPU time without sleeping \[us\]; absent = unlimited.
+    pub rttime_us: Option<u64>,
+}
+
+/// Which commit the program was built from, if its build knows.
+#[derive(Debug)]
+pub struct BuiltFrom {
+    /// Its hash.
+    pub commit: &'static str,
+    /// Whether the sources differed from it.
+    pub changed: bool,
+}
+
+/// Set once, by the program's `main`.
+pub static BUILT_FROM: OnceLock<BuiltFrom> = OnceLock::new();
+
+/// What the kernel says of process `pid`.
+pub fn scheduling_of(pid: u32) -> Scheduling {
+    let stat = read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
+    // Fields 40 and 41, counted after the name in brackets, which may hold blanks.
+    let fields: Vec<&str> = stat.rsplit_once(')').map_or(vec![], |(_, rest)| rest.split_whitespace().collect());
+    let field = |i: usize| fields.get(i - 3).and_then(|f| f.parse::<u32>().ok()).unwrap_or(0);
+    let status = read_to_string(format!("/proc/{pid}/status")).unwrap_or_default();
+    let first = |prefix: &str| status.lines().find_map(|line| line.strip_prefix(prefix)?.split_whitespace().next());
+    let limits = read_to_string(format!("/proc/{pid}/limits")).unwrap_or_default();
+    let rttime = limits.lines().find_map(|line| line.strip_prefix("Max realtime timeout")?.split_whitespace().next());
+    Scheduling {
+        policy: if field(41) == 1 { "fifo" } else { "other" },
+        priority: field(40),
+        affinity: first("Cpus_allowed_list:").unwrap_or_default().into(),
+        locked_kb: first("VmLck:").and_then(|kb| kb.parse().ok()).unwrap_or(0),
+        rttime_us: rttime.and_then(|us| us.parse().ok()),
+    }
+}
+
+/// The `provenance` table of run.json: [`host`], and what was flown how.
+pub fn provenance(scenario: &Scenario, scheduling: &[(String, Scheduling)]) -> Value {
+    let scheduling: Map<String, Value> = scheduling.iter().map(|(name, s)| (name.clone(), json!(s))).collect();
+    let mut provenance = host();
+    provenance["scheduling"] = json!(scheduling);
+    provenance["scenario"] = json!(to_toml(scenario));
+    provenance
+}
+
+/// When, where and by what something was found; each measure has it too.
+pub fn host() -> Value {
+    let line = |path: &str| read_to_string(path).ok().map(|text| text.trim().to_owned());
+    let cpu = read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let cpu = cpu.lines().find_map(|l| l.strip_prefix("model name")?.split_once(": ").map(|(_, name)| name.to_owned()));
+    let git = BUILT_FROM.get().map(|built| json!({ "commit": built.commit, "changed": built.changed }));
+    let command: Vec<String> = std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect();
+    json!({
+        "schema_version": SCHEMA_VERSION,
+        "date": humantime::format_rfc3339_seconds(SystemTime::now()).to_string(),
+        "command": command,
+        "git": git,
+        "host": uname().nodename().to_string_lossy(),
+        "version": env!("CARGO_PKG_VERSION"),
+        "kernel": line("/proc/sys/kernel/osrelease"),
+        "cpu": cpu,
+        "cores": std::thread::available_parallelism().map(std::num::NonZero::get).ok(),
+        "load": line("/proc/loadavg"),
+    })
+}

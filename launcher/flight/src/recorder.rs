@@ -1,0 +1,239 @@
+//! The recorder: a process that writes every message of every topic to `flight.mcap`, and every event it is told of.
+//!
+//! It never holds the ring back: its queues overflow before a publisher would wait, and what they lost is counted by
+//! the gaps in the sequence numbers. When the disk fails it says so once, keeps the good part of the file and goes on
+//! counting. Its last word, one line of JSON on stdout, tells the launcher how it went.
+
+use std::cell::Cell;
+use std::path::Path;
+use std::process::ExitCode;
+use std::rc::Rc;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use contract::message::{Actuators, Controls, Reference, State};
+use contract::scenario::{self, FaultKind, Scenario};
+use contract::topic::Topic;
+use runtime::console;
+use runtime::port::{Receive, Wire};
+use runtime::process::{Seat, SeatError, die_with_launcher, exit};
+use runtime::realtime::{Board, phase};
+use rustix::io::Errno;
+use serde::{Deserialize, Serialize};
+
+use crate::event::{Event, Hearing};
+use crate::log::{Count, LogWriter, Record};
+
+/// How often the queues are emptied.
+const POLL: Duration = Duration::from_millis(2);
+
+/// The recorder's last word.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct LogOutcome {
+    /// Messages and events written.
+    pub records: u64,
+    /// Those lost before they could be written.
+    pub dropped: u64,
+    /// Why the log ends early, if it does.
+    pub error: Option<String>,
+}
+
+/// The four topics as one stream of records.
+pub struct Observers {
+    board: Arc<Board>,
+    states: Rc<dyn Receive<State>>,
+    references: Rc<dyn Receive<Reference>>,
+    controls: Rc<dyn Receive<Controls>>,
+    actuators: Rc<dyn Receive<Actuators>>,
+    received: [Cell<u32>; Topic::COUNT],
+    drained: [Cell<u64>; Topic::COUNT],
+    failures: Cell<u32>,
+}
+
+impl Observers {
+    /// Joins all four topics.
+    pub fn join(seat: &Seat) -> Result<Self, SeatError> {
+        Ok(Self {
+            board: seat.board.clone(),
+            states: seat.observer()?,
+            references: seat.observer()?,
+            controls: seat.observer()?,
+            actuators: seat.observer()?,
+            received: Default::default(),
+            drained: Default::default(),
+            failures: Cell::default(),
+        })
+    }
+
+    /// Empties the queues into `each`, every topic in its own order; how many there were. What comes from a process that
+    /// has no place in the run is no part of the flight, and neither is a probe.
+    pub fn drain(&self, mut each: impl FnMut(Record)) -> usize {
+        self.one(&*self.states, &mut each)
+            + self.one(&*self.references, &mut each)
+            + self.one(&*self.controls, &mut each)
+            + self.one(&*self.actuators, &mut each)
+    }
+
+    /// How many messages on `topic` were handed out.
+    pub fn drained(&self, topic: Topic) -> u64 {
+        self.drained[topic as usize].get()
+    }
+
+    /// How many messages of the active process on `topic` have reached this one.
+    pub fn received(&self, topic: Topic) -> u32 {
+        self.received[topic as usize].get()
+    }
+
+    /// How often a queue could not be read.
+    pub fn failures(&self) -> u32 {
+        self.failures.get()
+    }
+
+    fn one<M: Wire + Into<Record>>(&self, port: &dyn Receive<M>, each: &mut impl FnMut(Record)) -> usize {
+        let office = self.board.office(M::TOPIC);
+        let (received, drained) = (&self.received[M::TOPIC as usize], &self.drained[M::TOPIC as usize]);
+        let mut count = 0;
+        loop {
+            match port.receive() {
+                Ok(Some((message, from))) => {
+                    received.set(received.get() + u32::from(from == office.port(office.holder())));
+                    // A fault that flips bits can make any message look like one.
+                    let is_probe = message.stamp().is_probe() && message.is_whole();
+                    if office.knows(from) && !is_probe {
+                        each(message.into());
+                        drained.set(drained.get() + 1);
+                        count += 1;
+                    }
+                }
+                Ok(None) => return count,
+                Err(_) => {
+                    self.failures.set(self.failures.get() + 1);
+                    return count;
+                }
+            }
+        }
+    }
+}
+
+/// Runs the recorder as this process.
+pub fn main(namespace: &str, epoch: u32, path: &Path) -> ExitCode {
+    match record(namespace, epoch, path) {
+        Ok(outcome) => {
+            console::print(&(serde_json::to_string(&outcome).unwrap_or_default() + "\n"));
+            console::finish(exit::FLOWN)
+        }
+        Err(error) => {
+            console::eprint_line(&format!("recorder: {error:#}"));
+            console::finish(exit::PROCESS_LOST)
+        }
+    }
+}
+
+fn record(namespace: &str, epoch: u32, path: &Path) -> anyhow::Result<LogOutcome> {
+    die_with_launcher(namespace)?;
+    let seat = Seat::join(namespace, "recorder", epoch)?;
+    // The file first: a recorder that has joined is one that can write.
+    let mut log = Log::create(path, &seat.scenario)?;
+    let observers = Observers::join(&seat)?;
+    let mut hearing = Hearing::new(std::io::stdin());
+    let office = seat.board.archive();
+    seat.probe(|| office.ready.set(epoch))?;
+    loop {
+        let closing = seat.board.phase().count() >= phase::CLOSE || office.holder() > epoch;
+        let mut newest = 0;
+        let count = observers.drain(|record| {
+            if record.is_whole() {
+                newest = newest.max(record.stamp().tick);
+            }
+            log.write(&record);
+        });
+        seat.board.recorded().raise(newest as u32);
+        let count = count
+            + hearing.drain(|event| match event {
+                Ok(event) => log.event(&event),
+                Err(_) => log.outcome.dropped += 1,
+            });
+        if count == 0 {
+            if closing {
+                return Ok(log.finish());
+            }
+            log.idle();
+            std::thread::sleep(POLL);
+        }
+    }
+}
+
+/// A log that counts what it lost and survives a failing disk.
+pub struct Log {
+    writer: Option<LogWriter>,
+    /// When the newest message was written, unless it was flushed since.
+    written: Option<Instant>,
+    count: Count,
+    outcome: LogOutcome,
+    /// From this tick on there is no space left, as a fault of the scenario wants it.
+    full_from: Option<u64>,
+}
+
+impl Log {
+    /// Begins the file.
+    pub fn create(path: &Path, scenario: &Scenario) -> anyhow::Result<Self> {
+        let writer = Some(LogWriter::create(path, &scenario::to_toml(scenario), scenario.sample_ns())?);
+        let full = scenario.fault.iter().filter(|fault| fault.kind == FaultKind::DiskFull);
+        let full_from = full.map(|fault| fault.ticks(scenario.sample_s()).start).min();
+        Ok(Self { writer, written: None, count: Count::default(), outcome: LogOutcome::default(), full_from })
+    }
+
+    /// Writes one message, or counts it as dropped.
+    pub fn write(&mut self, record: &Record) {
+        let gap = self.count.gap(record);
+        let missed = gap.unwrap_or(0);
+        self.outcome.dropped = self.outcome.dropped.saturating_add(missed);
+        let full = self.full_from.is_some_and(|from| record.is_whole() && record.stamp().tick >= from);
+        let write = |writer: &mut LogWriter| {
+            if full { Err(writer.give_up(std::io::Error::from(Errno::NOSPC).into())) } else { writer.write(record) }
+        };
+        let written = self.writer.as_mut().map(write);
+        self.note(written);
+    }
+
+    /// Writes one event, or counts it as dropped.
+    pub fn event(&mut self, event: &Event) {
+        let written = self.writer.as_mut().map(|writer| writer.event(event));
+        self.note(written);
+    }
+
+    fn note(&mut self, written: Option<anyhow::Result<()>>) {
+        match written {
+            Some(Ok(())) => {
+                self.outcome.records += 1;
+                self.written = Some(Instant::now());
+            }
+            Some(Err(error)) => self.fail(&error),
+            None => self.outcome.dropped += 1,
+        }
+    }
+
+    /// Nothing to write just now: what was written a second ago goes out of reach of a kill.
+    fn idle(&mut self) {
+        if self.written.is_some_and(|when| when.elapsed() > Duration::from_secs(1)) {
+            self.written = None;
+            if let Some(Err(error)) = self.writer.as_mut().map(LogWriter::flush) {
+                self.fail(&error);
+            }
+        }
+    }
+
+    /// Closes the file.
+    pub fn finish(mut self) -> LogOutcome {
+        if let Some(Err(error)) = self.writer.take().map(LogWriter::finish) {
+            self.fail(&error);
+        }
+        self.outcome
+    }
+
+    fn fail(&mut self, error: &anyhow::Error) {
+        self.writer = None;
+        self.outcome.dropped += 1;
+        self.outcome.error = Some(format!("{error:#}"));
+    }
+}

@@ -1,0 +1,211 @@
+//! The launcher's children: start, signal, wait, and clear away what they leave.
+//!
+//! Each has a process group of its own, in which everybody is whom it starts in turn: they get the same signals, and do
+//! not outlive it.
+
+use std::os::fd::{BorrowedFd, OwnedFd};
+use std::os::unix::process::CommandExt;
+use std::path::Path;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use anyhow::Context;
+use contract::topic::Topic;
+use runtime::domain::Domain;
+use runtime::port::Bus;
+use runtime::realtime::die_with_parent;
+use rustix::event::{PollFd, PollFlags, poll};
+use rustix::process::{Pid, PidfdFlags, Signal, WaitId, WaitIdOptions, kill_process_group, pidfd_open, waitid};
+use rustix::time::Timespec;
+
+use super::end::Departure;
+use crate::event::{self, Event};
+use crate::own_program;
+use runtime::console::eprint_line;
+
+const BURIAL_LIMIT: Duration = Duration::from_millis(500);
+/// After this long it is said what is waited for.
+const SILENCE: Duration = Duration::from_secs(1);
+
+/// What a child is to be.
+#[derive(Clone, Copy, Default)]
+pub struct Birth<'a> {
+    /// Node or recorder.
+    pub name: &'static str,
+    /// The topic it speaks on; none for the recorder.
+    pub topic: Option<Topic>,
+    /// Which incarnation.
+    pub epoch: u32,
+    /// Recorder: where it writes.
+    pub log: Option<&'a Path>,
+    /// Another program than this one.
+    pub program: Option<&'a str>,
+    /// Settings of its own, beside the run's.
+    pub settings: Option<&'a Path>,
+}
+
+/// A child.
+pub struct Process {
+    /// Node or recorder.
+    pub name: &'static str,
+    /// The topic it speaks on; none for the recorder.
+    pub topic: Option<Topic>,
+    /// Which incarnation of the node.
+    pub epoch: u32,
+    /// Itself.
+    pub child: Child,
+    /// Whether it was killed on purpose.
+    pub condemned: bool,
+    /// Becomes readable when it ends.
+    pidfd: Option<OwnedFd>,
+}
+
+/// All children of a run. Dropping it kills those that are left.
+pub struct Children {
+    domain: Domain,
+    /// Those that have not been seen to end.
+    pub all: Vec<Process>,
+    /// How many events the recorder was told of.
+    pub told: usize,
+    undertakers: Vec<JoinHandle<()>>,
+}
+
+impl Children {
+    /// None yet.
+    pub fn new(domain: Domain) -> Self {
+        Self { domain, all: vec![], told: 0, undertakers: vec![] }
+    }
+
+    /// Starts one.
+    pub fn spawn(&mut self, birth: &Birth) -> anyhow::Result<()> {
+        let Birth { name, topic, epoch, log, program, settings } = *birth;
+        let mut command = if let Some(program) = program {
+            let mut foreign = Command::new(program);
+            die_with_parent(&mut foreign); // ours see to that themselves
+            foreign
+        } else {
+            let mut own = own_program();
+            own.args(["node", name]);
+            own
+        };
+        command.args(["--namespace", self.domain.namespace(), "--epoch", &epoch.to_string()]);
+        let talks = || if topic.is_none() { Stdio::piped() } else { Stdio::null() }; // the recorder, both ways
+        command.stdin(talks()).stdout(talks());
+        for (option, path) in [("--log", log), ("--settings", settings)] {
+            if let Some(path) = path {
+                command.arg(option).arg(path);
+            }
+        }
+        // In a group of its own a Ctrl-C in the terminal does not reach it: the launcher then stops the nodes in order.
+        let cannot = || format!("cannot start {}", program.unwrap_or(name));
+        let child = command.process_group(0).spawn().with_context(cannot)?;
+        let pidfd = Pid::from_raw(child.id() as i32).and_then(|pid| pidfd_open(pid, PidfdFlags::empty()).ok());
+        let never_waits = child.stdin.as_ref().map_or(Ok(()), event::never_wait);
+        self.all.push(Process { name, topic, epoch, child, condemned: false, pidfd });
+        never_waits.with_context(|| format!("cannot set up the pipe to {name}"))
+    }
+
+    /// One that has ended, and how; one that did not end well is told first.
+    pub fn departed(&mut self) -> Option<(usize, Departure)> {
+        let ended = self.all.iter_mut().enumerate().filter_map(|(i, process)| {
+            let status = ended(&mut process.child)?;
+            Some((i, Departure::of(status)))
+        });
+        ended.max_by_key(|(_, how)| how.gravity())
+    }
+
+    /// Tells the newest recorder of those `events` that none has been told of, as far as it listens.
+    pub fn tell(&mut self, events: &[Event]) {
+        let Some(pipe) = self.all.iter().rev().find_map(|process| process.child.stdin.as_ref()) else { return };
+        self.told += events.iter().skip(self.told).take_while(|event| event::send(pipe, event)).count();
+    }
+
+    /// Forgets one that has ended, and has what it left removed from the services: by a thread of its own, because that
+    /// takes longer than a process may be missing.
+    pub fn bury(&mut self, i: usize) {
+        self.all.remove(i);
+        let domain = self.domain.clone();
+        let bury = move || {
+            if let Ok(bus) = Bus::attach(&domain) {
+                bus.bury_the_dead();
+            }
+        };
+        self.undertakers.retain(|undertaker| !undertaker.is_finished());
+        self.undertakers.extend(std::thread::Builder::new().name("undertaker".into()).spawn(bury).ok());
+    }
+
+    /// Signals the process `epoch` of a node, or without a topic of the recorder, if it is there.
+    pub fn signal(&mut self, topic: impl Into<Option<Topic>>, epoch: u32, signal: Signal) {
+        let topic = topic.into();
+        let is = |process: &&mut Process| process.topic == topic && process.epoch == epoch;
+        for process in self.all.iter_mut().filter(is) {
+            process.condemned |= signal == Signal::KILL;
+            // Fails for one that has just ended, which the next look around finds.
+            let _ = kill_process_group(Pid::from_child(&process.child), signal);
+        }
+    }
+
+    /// Sleeps until one ends, which is noticed at once, one of `others` is readable, or it is time to look around.
+    pub fn sleep<'a>(&'a self, others: impl Iterator<Item = BorrowedFd<'a>>, due: Instant) {
+        let ends = self.all.iter().filter_map(|p| p.pidfd.as_ref()).map(|fd| PollFd::new(fd, PollFlags::IN));
+        let others = others.map(|fd| PollFd::from_borrowed_fd(fd, PollFlags::IN));
+        let left = Timespec::try_from(due.saturating_duration_since(Instant::now())).ok();
+        let _ = poll(&mut ends.chain(others).collect::<Vec<_>>(), left.as_ref()); // an early return is a look too soon
+    }
+}
+
+impl Drop for Children {
+    fn drop(&mut self) {
+        self.all.iter_mut().for_each(|process| kill(&mut process.child));
+        // Whoever is at it still would leave traces of its own in what is wiped next; one that is stuck is not waited for.
+        let deadline = Instant::now() + BURIAL_LIMIT;
+        while self.undertakers.iter().any(|undertaker| !undertaker.is_finished()) && Instant::now() < deadline {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    }
+}
+
+/// Waits for `child`, called `name`, to end by itself and says how; kills it after `limit` or at a second interrupt.
+pub fn wait(child: &mut Child, name: &str, limit: Duration, interrupts: &AtomicU32) -> Option<ExitStatus> {
+    let started = Instant::now();
+    let deadline = started + limit;
+    let mut told = limit <= SILENCE;
+    loop {
+        if let Some(status) = ended(child) {
+            return Some(status);
+        }
+        if !told && started.elapsed() > SILENCE {
+            told = true;
+            let limit_s = limit.as_secs();
+            eprint_line(&format!("waiting up to {limit_s} s for the {name} to end; Ctrl-C twice kills it"));
+        }
+        if Instant::now() > deadline || interrupts.load(Ordering::Relaxed) > 1 {
+            kill(child);
+            return None;
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+/// How `child` ended, if it has; whom it has left behind in its group is killed.
+fn ended(child: &mut Child) -> Option<ExitStatus> {
+    let pid = Pid::from_child(child);
+    match waitid(WaitId::Pid(pid), WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT) {
+        Ok(None) => return None,
+        // Nobody else can have its number before it is waited for. Fails for one that has no group.
+        Ok(Some(_)) => _ = kill_process_group(pid, Signal::KILL),
+        Err(_) => {} // it was waited for
+    }
+    child.try_wait().ok().flatten()
+}
+
+/// Kills `child` with its group, if it has one, and waits for its end.
+fn kill(child: &mut Child) {
+    if ended(child).is_none() {
+        let _ = kill_process_group(Pid::from_child(child), Signal::KILL);
+        let _ = child.kill();
+        let _ = child.wait();
+    }
+}

@@ -1,0 +1,95 @@
+//! How a flight through processes can end, and not begin.
+
+use std::process::ExitStatus;
+
+use contract::guard::Refusal;
+use runtime::process::exit;
+use serde_json::{Value, json};
+
+/// How the processes' part of a flight ended.
+#[derive(Debug)]
+pub enum Ended {
+    /// The plant flew to the end.
+    Flown,
+    /// Ctrl-C, or `stop`.
+    Interrupted,
+    /// A process died, and how.
+    Lost(String),
+    /// A node missed a deadline whose policy is `stop`.
+    Late(String),
+    /// The plant flew to the end, but messages were missed, and which.
+    Unseen(String),
+}
+
+/// Why a stack did not come up.
+#[derive(Debug)]
+pub enum StartError {
+    /// A process ended or hung before everybody had joined.
+    Lost(String),
+    /// Ctrl-C.
+    Interrupted,
+}
+
+impl StartError {
+    /// Exit code of a launcher that could not start its stack.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Self::Lost(_) => exit::PROCESS_LOST,
+            Self::Interrupted => exit::INTERRUPTED,
+        }
+    }
+}
+
+impl std::fmt::Display for StartError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Lost(how) => write!(f, "the stack did not come up: {how}"),
+            Self::Interrupted => write!(f, "interrupted while the stack was starting"),
+        }
+    }
+}
+
+impl std::error::Error for StartError {}
+
+/// How a child ended.
+pub enum Departure {
+    /// By itself, and well.
+    Well,
+    /// It broke its timing budget.
+    Late,
+    /// Any other way.
+    Badly(ExitStatus),
+}
+
+impl Departure {
+    /// What an exit status says.
+    pub fn of(status: ExitStatus) -> Self {
+        match status.code() {
+            Some(0) => Self::Well,
+            Some(code) if code == i32::from(exit::BUDGET_BROKEN) => Self::Late,
+            _ => Self::Badly(status),
+        }
+    }
+
+    /// For people: who ended, and how.
+    pub fn tell(&self, name: &str) -> String {
+        match self {
+            Self::Well | Self::Late => name.into(),
+            Self::Badly(how) => format!("{name} ({how})"),
+        }
+    }
+
+    /// Which of two is to be told first.
+    pub fn gravity(&self) -> u8 {
+        match self {
+            Self::Well => 0,
+            Self::Late => 1,
+            Self::Badly(_) => 2,
+        }
+    }
+}
+
+/// Refused messages by cause.
+pub fn refused(counts: &[u32; Refusal::ALL.len()]) -> Value {
+    Refusal::ALL.iter().zip(counts).map(|(refusal, count)| (refusal.name().to_owned(), json!(count))).collect()
+}

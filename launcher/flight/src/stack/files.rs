@@ -1,0 +1,114 @@
+//! What a run has in shared memory, looked at while it flies: a file that is removed, or cut short, is noticed.
+//!
+//! A name that is gone harms nobody who has the file mapped, but who is started later cannot join. A file that is cut
+//! short kills whoever touches what is missing (SIGBUS). Only files of processes that live are looked after: what a dead
+//! one leaves is cleared away, and guests may come and go.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use runtime::domain::Domain;
+use runtime::port;
+
+/// How often the files are looked at.
+const PERIOD: Duration = Duration::from_millis(100);
+
+/// What can happen to a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Loss {
+    /// Its name is gone.
+    Removed,
+    /// It is shorter than it was.
+    CutShort,
+}
+
+/// The files of a run.
+pub struct Files {
+    domain: Domain,
+    looked: Instant,
+    known: BTreeMap<PathBuf, Known>,
+}
+
+struct Known {
+    bytes: u64,
+    /// Missing since the last look; one that is leaving removes its files shortly before it is gone.
+    missing: bool,
+}
+
+impl Files {
+    /// Those of `domain`; none is known yet.
+    pub fn new(domain: Domain) -> Self {
+        Self { domain, looked: Instant::now(), known: BTreeMap::new() }
+    }
+
+    /// What has happened to the files of the processes `living` since the last look.
+    pub fn look(&mut self, living: &[u32]) -> Vec<(Loss, PathBuf)> {
+        if self.looked.elapsed() < PERIOD {
+            return vec![];
+        }
+        self.looked = Instant::now();
+        let of_the_living = |path: &PathBuf| port::makers(&name(path)).all(|pid| living.contains(&pid));
+        let found: BTreeMap<PathBuf, u64> =
+            self.domain.files().into_iter().filter(|(path, _)| of_the_living(path)).collect();
+        let mut losses = vec![];
+        self.known.retain(|path, known| {
+            let loss = match found.get(path) {
+                Some(bytes) if *bytes < known.bytes => Some(Loss::CutShort),
+                None if known.missing => Some(Loss::Removed),
+                _ => None,
+            };
+            known.missing = !found.contains_key(path);
+            known.bytes = found.get(path).copied().unwrap_or(known.bytes);
+            losses.extend(loss.filter(|_| of_the_living(path)).map(|loss| (loss, path.clone())));
+            of_the_living(path) && loss != Some(Loss::Removed)
+        });
+        for (path, bytes) in found {
+            self.known.entry(path).or_insert(Known { bytes, missing: false });
+        }
+        losses
+    }
+}
+
+fn name(path: &std::path::Path) -> String {
+    path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use runtime::domain::Hold;
+
+    /// Looks twice: a removal is believed at the second look.
+    fn look(files: &mut Files, living: &[u32]) -> Vec<(Loss, PathBuf)> {
+        let mut losses = vec![];
+        for _ in 0..2 {
+            std::thread::sleep(PERIOD);
+            losses.extend(files.look(living));
+        }
+        losses
+    }
+
+    #[test]
+    fn what_the_living_lose_is_noticed_once() {
+        let hold = Hold::take(&format!("files-{}", std::process::id())).expect("the namespace is free");
+        let domain = hold.domain.clone();
+        let segment = |pid: u128, number: u128| {
+            let id = (1_u128 << 96) + (pid << 64) + number;
+            domain.file(&format!("iox/hash_{id}.data"))
+        };
+        let (kept, removed, cut, dead) = (segment(41, 1), segment(41, 2), domain.file("board"), segment(42, 3));
+        std::fs::create_dir(domain.file("iox")).expect("the run's folder is ours");
+        for path in [&kept, &removed, &cut, &dead] {
+            std::fs::write(path, [0; 64]).expect("shared memory can be written");
+        }
+        let mut files = Files::new(domain);
+        assert_eq!(look(&mut files, &[41, 42]), []);
+        for path in [&removed, &dead] {
+            std::fs::remove_file(path).expect("it was there");
+        }
+        std::fs::write(&cut, [0; 16]).expect("it was there");
+        assert_eq!(look(&mut files, &[41]), [(Loss::CutShort, cut), (Loss::Removed, removed)]);
+        assert_eq!(look(&mut files, &[41]), []);
+    }
+}

@@ -1,0 +1,169 @@
+//! What happens around the processes of a run: its files in shared memory, and the scenario's faults of host and intruders.
+//!
+//! Nothing here ends a flight. Who cannot go on for want of a file dies or fails to start, which the supervisor sees.
+
+use std::io::{BufRead, BufReader, Read};
+use std::ops::Range;
+use std::process::{Child, ChildStdout, Stdio};
+use std::sync::atomic::AtomicU32;
+use std::time::Duration;
+
+use anyhow::{Context, ensure};
+use contract::Scenario;
+use contract::scenario::{Fault, FaultKind, FaultTarget, Mode};
+use contract::topic::Topic;
+use runtime::domain::Domain;
+use runtime::port;
+use serde_json::json;
+
+use super::children::{Children, wait};
+use super::files::{Files, Loss};
+use crate::event::{Event, What};
+use crate::intruder::{LET_IN, REFUSED, SENT};
+use crate::own_program;
+
+/// How long an intruder may take to leave at the end of the run.
+const LEAVE_LIMIT: Duration = Duration::from_secs(1);
+
+/// What events call what is around the processes.
+const HOST: &str = "host";
+
+/// What is around the processes of one run.
+pub struct Host {
+    domain: Domain,
+    lockstep: bool,
+    strikes: Vec<Strike>,
+    intruders: Vec<Intruder>,
+    files: Files,
+    /// What happened since the last look.
+    events: Vec<Event>,
+}
+
+/// A fault that the launcher itself brings about.
+struct Strike {
+    fault: Fault,
+    ticks: Range<u64>,
+    struck: bool,
+}
+
+struct Intruder {
+    who: String,
+    child: Child,
+    words: BufReader<ChildStdout>,
+}
+
+impl Host {
+    /// For a run of `scenario`.
+    pub fn new(domain: Domain, scenario: &Scenario) -> anyhow::Result<Self> {
+        let ours = |fault: &&Fault| fault.kind.is_intrusion() || fault.kind == FaultKind::ShmRemoved;
+        let strike = |fault: &Fault| Strike { fault: *fault, ticks: fault.ticks(scenario.sample_s()), struck: false };
+        let strikes: Vec<Strike> = scenario.fault.iter().filter(ours).map(strike).collect();
+        let needs_root = strikes.iter().any(|strike| strike.fault.kind == FaultKind::WrongUser);
+        ensure!(
+            !needs_root || rustix::process::geteuid().is_root(),
+            "the fault wrong-user starts a process of another user, which only root can: fly as root or without it"
+        );
+        let lockstep = scenario.run.mode == Mode::Lockstep;
+        Ok(Self { files: Files::new(domain.clone()), domain, lockstep, strikes, intruders: vec![], events: vec![] })
+    }
+
+    /// Looks around at `tick`: what has happened.
+    pub fn look(&mut self, tick: u64, children: &Children) -> Vec<Event> {
+        for i in 0..self.strikes.len() {
+            if tick >= self.strikes[i].ticks.start && !self.strikes[i].struck {
+                self.strikes[i].struck = true;
+                self.strike(i, tick, children);
+            }
+        }
+        while let Some(i) = self.intruders.iter_mut().position(|one| !matches!(one.child.try_wait(), Ok(None))) {
+            let intruder = self.intruders.remove(i);
+            self.hear(tick, intruder);
+        }
+        let living: Vec<u32> =
+            children.all.iter().map(|process| process.child.id()).chain([std::process::id()]).collect();
+        for (loss, path) in self.files.look(&living) {
+            let what = if loss == Loss::Removed { What::ShmRemoved } else { What::ShmCutShort };
+            self.note(tick, what, &path.display().to_string());
+        }
+        std::mem::take(&mut self.events)
+    }
+
+    /// Waits for the intruders, who leave with the run: what they had to say.
+    pub fn finish(&mut self, tick: u64, interrupts: &AtomicU32) -> Vec<Event> {
+        for mut intruder in std::mem::take(&mut self.intruders) {
+            let _ = wait(&mut intruder.child, &intruder.who, LEAVE_LIMIT, interrupts); // one that is killed has said nothing
+            self.hear(tick, intruder);
+        }
+        std::mem::take(&mut self.events)
+    }
+
+    fn note(&mut self, tick: u64, what: What, why: &str) {
+        self.events.push(Event::new(tick, HOST, 0, what).because(why));
+    }
+
+    fn strike(&mut self, i: usize, tick: u64, children: &Children) {
+        let Strike { fault, ticks, .. } = &self.strikes[i];
+        if let Some(topic) = fault.process.and_then(FaultTarget::process) {
+            self.remove_segments_of(topic, children);
+        } else if let Some(topic) = fault.target.topic() {
+            let kind = json!(fault.kind).as_str().unwrap_or_default().to_owned();
+            let who = format!("{} {kind}", topic.name());
+            match self.send_in(&who, topic, &kind, ticks.end) {
+                Ok(intruder) => self.intruders.push(intruder),
+                Err(error) => {
+                    let detail = format!("{who}: {error:#}");
+                    self.note(tick, What::IntruderFailed, &detail);
+                }
+            }
+        }
+    }
+
+    fn remove_segments_of(&self, topic: Topic, children: &Children) {
+        let of_it: Vec<u32> = children.all.iter().filter(|p| p.topic == Some(topic)).map(|p| p.child.id()).collect();
+        for (path, _) in self.domain.files() {
+            let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+            if port::makers(&name).next().is_some_and(|maker| of_it.contains(&maker)) {
+                // One that is gone already is what is wanted.
+                let _ = std::fs::remove_file(path);
+            }
+        }
+    }
+
+    /// Starts an intruder. In lockstep, where a flight may be over before a process has begun, it is waited for until it
+    /// is in place: time stands still meanwhile.
+    fn send_in(&self, who: &str, topic: Topic, kind: &str, until: u64) -> anyhow::Result<Intruder> {
+        let mut command = own_program();
+        command.args(["intrude", "--namespace", self.domain.namespace(), "--topic", topic.name(), "--kind", kind]);
+        command.args(["--until", &until.to_string()]).stdin(Stdio::null()).stdout(Stdio::piped());
+        let mut child = command.spawn().context("cannot start it")?;
+        let mut words = BufReader::new(child.stdout.take().context("it has no stdout")?);
+        if self.lockstep {
+            let _ = words.fill_buf(); // it says that it is ready, or how it went, or its end is the end of its words
+        }
+        Ok(Intruder { who: who.into(), child, words })
+    }
+
+    /// Writes down what one that has ended had to say.
+    fn hear(&mut self, tick: u64, mut intruder: Intruder) {
+        let mut words = String::new();
+        let _ = intruder.words.read_to_string(&mut words); // what cannot be read was not said
+        let last = words.lines().last().unwrap_or("it ended without a word");
+        let what = match last {
+            word if word.starts_with(REFUSED) => What::IntruderRefused,
+            word if word.starts_with(LET_IN) => What::IntruderLetIn,
+            word if word.starts_with(SENT) => What::IntruderSpoke,
+            _ => What::IntruderFailed,
+        };
+        self.note(tick, what, &format!("{}: {last}", intruder.who));
+    }
+}
+
+impl Drop for Host {
+    fn drop(&mut self) {
+        for Intruder { child, .. } in &mut self.intruders {
+            // Fails for those that have ended already, which is what is wanted.
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+}

@@ -1,0 +1,37 @@
+//! What a flight through processes needs of the system around it, looked at before anything is made.
+
+use std::path::Path;
+
+use anyhow::{bail, ensure};
+use runtime::port::bytes_needed;
+use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+
+/// The launcher and the recorder have about fifty files open, and four more for every process that is replaced before
+/// what it left is cleared away.
+const FILES_NEEDED: u64 = 128;
+
+/// Refuses to fly at `rate_hz` where it cannot go well, and says why. Raises the limit on open files where that is enough.
+pub fn check(rate_hz: u32) -> anyhow::Result<()> {
+    ensure!(
+        Path::new("/proc/self").exists(),
+        "/proc is not there, where a process finds its own program; mount it, as root: `mount -t proc proc /proc`"
+    );
+    let segment_bytes = bytes_needed(rate_hz) / 4; // the largest takes a sixth
+    if let Some(most) = getrlimit(Resource::Fsize).current.filter(|most| *most < segment_bytes) {
+        bail!(
+            "a file may have {most} bytes here, and a flight shares files of up to {segment_bytes}; raise the limit (`ulimit -f`), \
+or fly with --mode inprocess"
+        );
+    }
+    let Rlimit { current, maximum } = getrlimit(Resource::Nofile);
+    if current.is_some_and(|files| files < FILES_NEEDED) {
+        if let Some(most) = maximum.filter(|most| *most < FILES_NEEDED) {
+            bail!(
+                "a process may have {most} files open here, and a flight needs {FILES_NEEDED}; raise the limit (`ulimit -Hn`), \
+or fly with --mode inprocess"
+            );
+        }
+        setrlimit(Resource::Nofile, Rlimit { current: Some(FILES_NEEDED), maximum })?;
+    }
+    Ok(())
+}

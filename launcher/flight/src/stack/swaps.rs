@@ -1,0 +1,127 @@
+//! Swaps of a flight against the clock: ordered while it flies, and written down with the times that they took.
+//!
+//! A trial begins when the newcomer is ready, and ends when it is rejected or returns, so that a swap takes other times
+//! than it was given. Those it took are what the `scenario.toml` of the run's folder has, and what a new order must keep
+//! clear of.
+
+use contract::Scenario;
+use contract::scenario::{Mode, Swap, SwapNode, check_swaps};
+use contract::topic::Topic;
+use runtime::realtime::phase;
+use serde_json::{Value, json};
+
+use super::Stack;
+use crate::event::{Event, Sender, What};
+
+impl Stack {
+    /// Begins a swap with the next sample but one, if it stands up to the rules of the scenario.
+    pub(super) fn order_swap(&mut self, swap: Swap, sender: Option<Sender>) -> Result<Value, String> {
+        if self.board.phase().count() != phase::GO {
+            return Err("the stack is starting or ending".into());
+        }
+        self.regime.may_swap(&self.board, swap.node.topic())?;
+        if swap.node == SwapNode::Recorder {
+            self.may_swap_recorder()?;
+        }
+        let swap = Swap { at_s: self.time_s(self.next_tick()), ..swap };
+        let mut with_it = self.scenario.clone();
+        settle(&mut with_it, self.regime.events());
+        with_it.swap.push(swap.clone());
+        check_swaps(&with_it).map_err(|error| error.to_string())?;
+        self.orderers.extend(sender.map(|sender| (self.scenario.swap.len(), sender)));
+        self.scenario.swap.push(swap);
+        Ok(json!({ "swap": self.scenario.swap.len() - 1, "since": self.regime.events().len() }))
+    }
+
+    /// Tells the recorder what has happened; where a swap begins that was ordered by hand, with who ordered it.
+    pub(super) fn tell_events(&mut self) {
+        let events = self.regime.events();
+        for event in events.iter_mut().skip(self.children.told) {
+            event.by = event.by.or_else(|| self.orderers.get(&event.swap?).copied());
+        }
+        self.children.tell(events);
+    }
+
+    /// The flight is over: gives its swaps the times that they took. Where time follows the script they are those they had.
+    pub(super) fn settle_swaps(&mut self) {
+        if self.scenario.run.mode == Mode::Realtime {
+            settle(&mut self.scenario, self.regime.events());
+        }
+    }
+}
+
+/// Gives each swap the times that it took by the `events`; one that is still to come moves behind those it waits for.
+fn settle(scenario: &mut Scenario, events: &[Event]) {
+    let (sample_s, rate_hz) = (scenario.sample_s(), f64::from(scenario.run.rate_hz));
+    let swaps = &mut scenario.swap;
+    for (number, swap) in swaps.iter_mut().enumerate().filter(|(_, swap)| swap.node != SwapNode::Recorder) {
+        note(swap, number, events, rate_hz);
+    }
+    let mut in_order: Vec<&mut Swap> = swaps.iter_mut().collect();
+    in_order.sort_by_key(|swap| swap.ticks(sample_s).from);
+    let mut free = [0; Topic::COUNT];
+    for swap in in_order {
+        let Some(topic) = swap.node.topic() else { continue };
+        let free = &mut free[topic as usize];
+        if swap.ticks(sample_s).from < *free {
+            swap.at_s = *free as f64 / rate_hz;
+        }
+        *free = swap.ticks(sample_s).until + 1;
+    }
+}
+
+/// Gives swap `number` of a node the times that it took, as far as it has come.
+fn note(swap: &mut Swap, number: usize, events: &[Event], rate_hz: f64) {
+    let Some(begun) = events.iter().position(|event| event.swap == Some(number)) else { return };
+    let of_newcomer = |event: &&Event| event.node == events[begun].node && event.epoch == events[begun].epoch;
+    let tick = |what: &[What]| {
+        let mut story = events[begun..].iter().filter(of_newcomer);
+        story.find(|event| what.contains(&event.what)).map(|event| event.tick)
+    };
+    let from = tick(&[What::InShadow]).unwrap_or(events[begun].tick);
+    swap.at_s = from as f64 / rate_hz;
+    if let Some(until) = tick(&[What::Kept, What::Rejected, What::Returned]) {
+        let hand_over = tick(&[What::TookOver]).unwrap_or(until);
+        swap.shadow_s = hand_over.saturating_sub(from) as f64 / rate_hz;
+        swap.watch_s = until.saturating_sub(hand_over) as f64 / rate_hz;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use contract::scenario::load;
+
+    /// The swaps of the mixer at these times, after the `events` of epochs: (tick, epoch, what, swap).
+    fn settled(at_s: &[f64], events: &[(u64, u32, What, Option<usize>)]) -> Vec<[f64; 3]> {
+        let mut scenario = load(None, &[]).unwrap();
+        scenario.swap = at_s.iter().map(|at_s| Swap::new(SwapNode::Mixer, *at_s)).collect();
+        let one = |(tick, epoch, what, swap)| Event::new(tick, "mixer", epoch, what).begins(swap);
+        settle(&mut scenario, &events.iter().copied().map(one).collect::<Vec<_>>());
+        check_swaps(&scenario).unwrap();
+        scenario.swap.iter().map(|swap| [swap.at_s, swap.shadow_s, swap.watch_s]).collect()
+    }
+
+    #[test]
+    fn a_swap_that_is_over_has_the_times_it_took() {
+        use What::{Died, InShadow, Kept, Rejected, Returned, Started, TookOver};
+        let begun = [(100, 2, Started, Some(0)), (110, 2, InShadow, None)];
+        let kept = [&begun[..], &[(212, 2, TookOver, None), (515, 2, Kept, None)]].concat();
+        assert_eq!(settled(&[1.0], &kept), [[1.1, 1.02, 3.03]]);
+        let rejected = [&begun[..], &[(114, 2, Rejected, None)]].concat();
+        assert_eq!(settled(&[1.0], &rejected), [[1.1, 0.04, 0.0]]);
+        let returned = [&begun[..], &[(212, 2, TookOver, None), (220, 2, Returned, None), (221, 1, TookOver, None)]];
+        assert_eq!(settled(&[1.0], &returned.concat()), [[1.1, 1.02, 0.08]]);
+        let never_ready = [begun[0], (101, 2, Died, None), (101, 2, Rejected, None)];
+        assert_eq!(settled(&[1.0], &never_ready), [[1.0, 0.01, 0.0]]);
+        assert_eq!(settled(&[1.0], &[(100, 1, Rejected, Some(0))]), [[1.0, 0.0, 0.0]], "nobody to take over from");
+        assert_eq!(settled(&[1.0], &begun), [[1.1, 1.0, 3.0]], "still under way");
+    }
+
+    #[test]
+    fn a_swap_that_has_to_wait_moves_behind_the_others() {
+        assert_eq!(settled(&[6.0, 1.0], &[]), [[6.0, 1.0, 3.0], [1.0, 1.0, 3.0]]);
+        let late = [(600, 2, What::Started, Some(0)), (630, 2, What::InShadow, None)];
+        assert_eq!(settled(&[6.0, 10.1, 14.2], &late), [[6.3, 1.0, 3.0], [10.31, 1.0, 3.0], [14.32, 1.0, 3.0]]);
+    }
+}

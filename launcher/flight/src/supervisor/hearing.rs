@@ -1,0 +1,265 @@
+//! Hearing: a process that works and cannot be heard, or that hears nothing of one that others hear.
+//!
+//! ```text
+//! sends, and no listener receives anything           mute: its messages do not arrive
+//! sends, and some listeners receive                  each of the others is deaf
+//! works, and its port refuses every message          mute
+//! ```
+//!
+//! Judged by counts on the shared page alone: messages handed to the port, messages that came through another one, ticks
+//! done. A fault of the scenario that loses messages does not matter, for what it loses is sent too, marked; nor does a
+//! process that sends nothing because its deadline's policy says so.
+
+use contract::plan::HANG_TICKS;
+use contract::topic::Topic;
+use runtime::office::Office;
+use runtime::port::PortFailure;
+use runtime::realtime::Board;
+
+/// The place of the launcher, which listens to every topic, behind those of the nodes.
+const LAUNCHER: usize = Topic::COUNT;
+
+/// A listener may be in the middle of a tick, past its look: with the second it has looked once more.
+const WHOLE_TICKS: u32 = 2;
+
+/// What was found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Silence {
+    /// Nothing that the process `epoch` sends on this topic arrives anywhere.
+    Mute(Topic, u32),
+    /// The process `epoch` that answers on the first topic receives nothing of the second.
+    Deaf(Topic, u32, Topic),
+    /// The launcher itself receives nothing of a topic that others hear.
+    Blind(Topic),
+}
+
+/// What is known of every publisher and its listeners.
+#[derive(Debug, Default)]
+pub struct Hearing {
+    pairs: [[Pair; Topic::COUNT + 1]; Topic::COUNT],
+    ports: [Refusing; Topic::COUNT],
+    /// How often the launcher has looked.
+    looks: u32,
+}
+
+/// What one process has done.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+struct Counts {
+    epoch: u32,
+    /// Ticks done; looks of the launcher.
+    done: u32,
+    sent: u32,
+    send_failures: u32,
+    received: [u32; Topic::COUNT],
+}
+
+/// A publisher and a listener since the latter last received something.
+#[derive(Debug, Clone, Copy, Default)]
+struct Pair {
+    epochs: (u32, u32),
+    received: u32,
+    /// Messages that had been sent then.
+    sent: u32,
+    /// Ticks that the listener had done when enough had been sent for it to have received some of them.
+    due: Option<u32>,
+}
+
+/// A publisher when its port last took something.
+#[derive(Debug, Clone, Copy, Default)]
+struct Refusing {
+    epoch: u32,
+    sent: u32,
+    failures: u32,
+}
+
+impl Hearing {
+    /// Looks at everybody; `received` is what has reached the launcher of each topic, counted before this call.
+    pub fn look(&mut self, board: &Board, received: [u32; Topic::COUNT]) -> Vec<Silence> {
+        self.looks = self.looks.wrapping_add(1);
+        // What was received is read last: all that was sent before may have arrived by then.
+        let mut nodes = Topic::ALL.map(|topic| Counts::of(board.office(topic)));
+        for (counts, topic) in nodes.iter_mut().zip(Topic::ALL) {
+            counts.received = Topic::ALL.map(|from| board.office(topic).received(counts.epoch, from).get());
+        }
+        let launcher = Counts { epoch: 1, done: self.looks, received, ..Counts::default() };
+        self.judge(&nodes, &launcher)
+    }
+
+    fn judge(&mut self, nodes: &[Counts; Topic::COUNT], launcher: &Counts) -> Vec<Silence> {
+        let mut found = vec![];
+        for topic in Topic::ALL {
+            let publisher = &nodes[topic as usize];
+            if publisher.epoch == 0 {
+                continue;
+            }
+            let pairs = &mut self.pairs[topic as usize];
+            let blind = pairs[LAUNCHER].is_silent(topic, publisher, launcher);
+            let present = topic.listeners().iter().filter(|listener| nodes[**listener as usize].epoch != 0);
+            let mut deaf = vec![];
+            let mut hears = !blind;
+            for listener in present {
+                let counts = &nodes[*listener as usize];
+                if pairs[*listener as usize].is_silent(topic, publisher, counts) {
+                    deaf.push(Silence::Deaf(*listener, counts.epoch, topic));
+                } else {
+                    hears = true;
+                }
+            }
+            if !hears || self.ports[topic as usize].is_silent(publisher) {
+                found.push(Silence::Mute(topic, publisher.epoch));
+            } else {
+                found.extend(blind.then_some(Silence::Blind(topic)));
+                found.append(&mut deaf);
+            }
+        }
+        found
+    }
+}
+
+impl Counts {
+    fn of(office: &Office) -> Self {
+        let epoch = office.holder();
+        Self {
+            epoch,
+            done: office.done(epoch).get(),
+            sent: office.sent(epoch).get(),
+            send_failures: office.port_failures[PortFailure::Send as usize].get(),
+            received: [0; Topic::COUNT],
+        }
+    }
+}
+
+impl Pair {
+    /// Whether the listener has received nothing of several messages, and then worked through whole ticks and still not.
+    fn is_silent(&mut self, topic: Topic, publisher: &Counts, listener: &Counts) -> bool {
+        let epochs = (publisher.epoch, listener.epoch);
+        let received = listener.received[topic as usize];
+        if (epochs, received) != (self.epochs, self.received) {
+            *self = Self { epochs, received, sent: publisher.sent, due: None };
+        }
+        if self.due.is_none() && grown(self.sent, publisher.sent, HANG_TICKS as u32) {
+            self.due = Some(listener.done);
+        }
+        self.due.is_some_and(|done| grown(done, listener.done, WHOLE_TICKS))
+    }
+}
+
+impl Refusing {
+    /// Whether the port has taken nothing that was sent for some ticks.
+    fn is_silent(&mut self, publisher: &Counts) -> bool {
+        let Counts { epoch, sent, send_failures: failures, .. } = *publisher;
+        if (epoch, sent) != (self.epoch, self.sent) {
+            *self = Self { epoch, sent, failures };
+        }
+        grown(self.failures, failures, HANG_TICKS as u32)
+    }
+}
+
+/// Whether a count has grown by as many.
+fn grown(before: u32, now: u32, many: u32) -> bool {
+    (many..u32::MAX / 2).contains(&now.wrapping_sub(before))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// A ring of which every process has done `ticks`; the launcher likewise.
+    fn ring(ticks: u32) -> ([Counts; Topic::COUNT], Counts) {
+        let node = Counts { epoch: 1, done: ticks, sent: ticks, send_failures: 0, received: [ticks; Topic::COUNT] };
+        ([node; Topic::COUNT], node)
+    }
+
+    /// What is found in a ring of which `change` makes what it is on each tick.
+    fn found(change: impl Fn(u32, &mut [Counts; Topic::COUNT], &mut Counts)) -> Vec<Silence> {
+        let mut hearing = Hearing::default();
+        let on_tick = |tick| {
+            let (mut nodes, mut launcher) = ring(tick);
+            change(tick, &mut nodes, &mut launcher);
+            hearing.judge(&nodes, &launcher)
+        };
+        (0..20).map(on_tick).find(|found| !found.is_empty()).unwrap_or_default()
+    }
+
+    #[test]
+    fn everybody_who_hears_is_left_alone() {
+        assert_eq!(found(|_, _, _| {}), []);
+    }
+
+    #[test]
+    fn who_hears_nothing_while_others_do_is_deaf() {
+        let deaf = found(|tick, nodes, _| nodes[Topic::Actuators as usize].received[0] = tick.min(9));
+        assert_eq!(deaf, [Silence::Deaf(Topic::Actuators, 1, Topic::State)]);
+        let alone = found(|tick, nodes, _| nodes[Topic::Actuators as usize].received[2] = tick.min(9));
+        assert_eq!(alone, [Silence::Deaf(Topic::Actuators, 1, Topic::Controls)], "the launcher hears it");
+        let blind = found(|tick, _, launcher| launcher.received[2] = tick.min(9));
+        assert_eq!(blind, [Silence::Blind(Topic::Controls)]);
+    }
+
+    #[test]
+    fn who_is_heard_by_nobody_is_mute() {
+        let silent = |tick: u32, nodes: &mut [Counts; Topic::COUNT], launcher: &mut Counts| {
+            for node in nodes {
+                node.received[0] = tick.min(9);
+            }
+            launcher.received[0] = tick.min(9);
+        };
+        assert_eq!(found(silent), [Silence::Mute(Topic::State, 1)]);
+        let refused = |tick: u32, nodes: &mut [Counts; Topic::COUNT], _: &mut Counts| {
+            nodes[3].sent = tick.min(9);
+            nodes[3].send_failures = tick.saturating_sub(9);
+        };
+        assert_eq!(found(refused), [Silence::Mute(Topic::Actuators, 1)]);
+    }
+
+    #[test]
+    fn who_sleeps_or_says_nothing_is_neither() {
+        let sleeps = |tick: u32, nodes: &mut [Counts; Topic::COUNT], _: &mut Counts| {
+            nodes[3].received = [tick.min(9); Topic::COUNT];
+            nodes[3].done = tick.min(9);
+        };
+        assert_eq!(found(sleeps), [], "a process that hangs is another matter");
+        let skips = |tick: u32, nodes: &mut [Counts; Topic::COUNT], launcher: &mut Counts| {
+            nodes[2].sent = tick.min(9);
+            nodes[3].received[2] = tick.min(9);
+            launcher.received[2] = tick.min(9);
+        };
+        assert_eq!(found(skips), []);
+        assert_eq!(found(|_, nodes, _| nodes[3].epoch = 0), [], "nobody is there");
+    }
+
+    #[test]
+    fn what_was_sent_at_once_waits_until_it_is_looked_at() {
+        let burst = found(|tick, nodes, launcher| {
+            nodes[0].sent = if tick < 10 { 1 } else { 50 }; // many between two looks of the launcher
+            nodes[0].done = nodes[0].sent;
+            let received = if tick < 11 { 1 } else { 50 };
+            for node in nodes {
+                node.received[0] = received;
+            }
+            launcher.received[0] = received;
+        });
+        assert_eq!(burst, []);
+    }
+
+    #[test]
+    fn a_replacement_begins_anew() {
+        let replaced = found(|tick, nodes, _| {
+            nodes[3].epoch = 1 + tick / 3;
+            nodes[3].received = [0; Topic::COUNT];
+        });
+        assert_eq!(replaced, [], "each had less than three ticks");
+    }
+
+    proptest! {
+        /// A process that receives late, or not everything, is left alone.
+        #[test]
+        fn a_late_listener_is_not_deaf(lag in 0_u32..3, every in 1_u32..3) {
+            let late = found(|tick, nodes, _| nodes[2].received = [tick.saturating_sub(lag); Topic::COUNT]);
+            prop_assert_eq!(late, []);
+            let seldom = found(|tick, nodes, _| nodes[2].received = [tick / every; Topic::COUNT]);
+            prop_assert_eq!(seldom, []);
+        }
+    }
+}

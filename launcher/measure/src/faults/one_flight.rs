@@ -1,0 +1,249 @@
+//! One flight through its fault, and what is to be said of it.
+
+use std::sync::atomic::AtomicU32;
+
+use anyhow::{Context, bail};
+use contract::Scenario;
+use contract::integrity::Plausible;
+use contract::message::{Message, SolveStatus, State, mixer_flags};
+use contract::scenario::{Mode, Profile};
+use contract::stamp::unheard;
+use serde::Serialize;
+use serde_json::Value;
+
+use super::case::{AT_S, Case, FOR_S, Promise};
+use crate::timing::rings::namespace;
+use flight::inprocess;
+use flight::log::Record;
+use flight::stack::{Ended, Flown, Stack, StartError};
+use view::faults::reacts;
+use view::summary::Summary;
+
+/// How long after the fault the vehicle is to be back \[s\].
+pub const BACK_S: f64 = 5.0;
+/// Worst roll and pitch in a recoverable fault \[deg\].
+pub const TILT_DEG: f64 = 35.0;
+/// Farthest from the hover that it may be then \[m\].
+pub const BACK_M: f64 = 0.5;
+/// Rotors slower than this all but stand still \[rotor speed unit\].
+const CUT_SPEED: f64 = 0.1;
+/// Within which a dead rotor ends the flight \[s\].
+pub const TERMINATE_S: f64 = 0.3;
+
+/// One case, flown.
+#[derive(Debug, Clone, Serialize)]
+pub struct Row {
+    /// Target and kind.
+    pub fault: String,
+    /// What the rule promises.
+    pub promise: Promise,
+    /// What the flight was.
+    #[serde(flatten)]
+    pub course: Course,
+    /// Whether lockstep and one thread were the same flight.
+    pub same: bool,
+}
+
+/// What a flight with a fault was.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct Course {
+    /// Until it was noticed \[s\].
+    pub detected_after_s: Option<f64>,
+    /// Until it was over, as run.json counts \[s\].
+    pub recovered_after_s: Option<f64>,
+    /// Until the flight was terminated \[s\].
+    pub terminated_after_s: Option<f64>,
+    /// Largest true roll or pitch from the fault on \[deg\].
+    pub tilt_deg: f64,
+    /// Largest true distance from the hover \[m\].
+    pub position_error_m: f64,
+    /// The same [`BACK_S`] after the fault; nothing when the flight ended before.
+    pub back_m: Option<f64>,
+    /// Longest time for which nobody had a state to take, while the fault lasted \[s\].
+    pub blind_s: f64,
+    /// Whether the rotors all but stood still.
+    pub cut: bool,
+    /// Whether the vehicle was lost, or its plant.
+    pub lost: bool,
+    /// Messages that the watcher missed: without all of them there is no hash.
+    pub missed: u64,
+    /// Over all states.
+    pub state_hash: Option<String>,
+}
+
+impl Row {
+    /// Flies `case` both ways.
+    pub fn fly(base: &Scenario, case: &Case, interrupts: &AtomicU32) -> anyhow::Result<Self> {
+        let mut scenario = base.clone();
+        scenario.fault = vec![case.0];
+        scenario.run.mode = Mode::Inprocess; // in real time the solver has a time limit
+        let alone = in_process(&scenario);
+        scenario.run.mode = Mode::Lockstep;
+        let told = |word: Value| word.as_str().unwrap_or_default().to_owned();
+        let fault =
+            format!("{} {}", told(serde_json::to_value(case.0.target)?), told(serde_json::to_value(case.0.kind)?));
+        let course = lockstep(&scenario, interrupts).with_context(|| format!("the flight with {fault} in lockstep"))?;
+        Ok(Self {
+            fault,
+            promise: case.promise(course.blind_s, course.cut && scenario.profile == Profile::Paper),
+            same: course.state_hash.is_some() && course.state_hash == alone.state_hash,
+            course,
+        })
+    }
+
+    /// Whether the promise is kept; nothing when none was made.
+    pub fn kept(&self) -> Option<bool> {
+        let Course { tilt_deg, back_m, terminated_after_s, lost, .. } = self.course;
+        match self.promise {
+            Promise::Recover => Some(!lost && tilt_deg <= TILT_DEG && back_m.is_some_and(|back_m| back_m <= BACK_M)),
+            Promise::Terminate => Some(terminated_after_s.is_some_and(|after_s| after_s <= TERMINATE_S)),
+            _ => None,
+        }
+    }
+}
+
+fn in_process(scenario: &Scenario) -> Course {
+    let mut watch = Watch::new(scenario);
+    let flown = inprocess::fly(scenario, |record| {
+        watch.observe(&record);
+        true
+    });
+    watch.course(matches!(flown.ended, Ended::Lost(_)))
+}
+
+fn lockstep(scenario: &Scenario, interrupts: &AtomicU32) -> anyhow::Result<Course> {
+    let mut watch = Watch::new(scenario);
+    let flown = through_processes(scenario, interrupts, |record| watch.observe(&record))?;
+    Ok(watch.course(matches!(flown.ended, Ended::Lost(_))))
+}
+
+/// Flies `scenario` by processes; `watch` sees every message.
+pub fn through_processes(
+    scenario: &Scenario,
+    interrupts: &AtomicU32,
+    watch: impl FnMut(Record),
+) -> anyhow::Result<Flown> {
+    let flown = Stack::start(&namespace(), scenario, None, interrupts)?.fly(interrupts, watch, |_| {});
+    match flown.ended {
+        Ended::Interrupted => bail!(StartError::Interrupted),
+        Ended::Unseen(what) => bail!(StartError::Lost(what)),
+        Ended::Flown | Ended::Lost(_) | Ended::Late(_) => Ok(flown),
+    }
+}
+
+/// True roll or pitch, whichever is larger \[deg\].
+pub fn lean_deg(state: &State) -> f64 {
+    let [roll, pitch, _] = state.actual.attitude_rad.map(|angle| angle.abs().to_degrees());
+    roll.max(pitch)
+}
+
+/// Who looks at a flight with one fault.
+struct Watch {
+    summary: Summary,
+    /// First tick of the fault, first after it, and the one at which the vehicle is to be back.
+    struck: u64,
+    ended: u64,
+    back: u64,
+    sample_s: f64,
+    /// Newest tick of any STATE, and of one that could be taken.
+    newest: Option<u64>,
+    taken: u64,
+    course: Course,
+}
+
+impl Watch {
+    fn new(scenario: &Scenario) -> Self {
+        let tick = |time_s: f64| (time_s / scenario.sample_s()).round() as u64;
+        Self {
+            summary: Summary::new(scenario),
+            struck: tick(AT_S),
+            ended: tick(AT_S + FOR_S),
+            back: tick(AT_S + FOR_S + BACK_S),
+            sample_s: scenario.sample_s(),
+            newest: None,
+            taken: 0,
+            course: Course::default(),
+        }
+    }
+
+    fn observe(&mut self, record: &Record) {
+        self.summary.observe(record);
+        match record {
+            Record::State(state) => self.state(state),
+            Record::Actuators(actuators) if actuators.flags & mixer_flags::TERMINATED != 0 => {
+                let after_s = actuators.stamp.tick.saturating_sub(self.struck) as f64 * self.sample_s;
+                self.course.terminated_after_s.get_or_insert(after_s);
+            }
+            _ => {}
+        }
+    }
+
+    fn state(&mut self, state: &State) {
+        let (stamp, measured) = (&state.stamp, &state.measured);
+        let there = measured.position_m.iter().chain(&measured.velocity_mps).all(|value| value.is_finite());
+        if state.is_whole() && stamp.unheard == unheard::HEARD && state.plausible() && there {
+            self.taken = self.taken.max(stamp.tick);
+        }
+        if !state.is_whole() || self.newest.is_some_and(|newest| stamp.tick <= newest) {
+            return; // what a fault made of the sample before it
+        }
+        self.newest = Some(stamp.tick);
+        let course = &mut self.course;
+        if stamp.tick <= self.ended {
+            course.blind_s = course.blind_s.max(stamp.tick.saturating_sub(self.taken) as f64 * self.sample_s);
+        }
+        if stamp.tick >= self.struck {
+            course.tilt_deg = course.tilt_deg.max(lean_deg(state));
+            course.cut |= state.actuators.rotor_speed.iter().all(|speed| *speed < CUT_SPEED);
+            let error_m = state.actual.position_m.iter().map(|x| x * x).sum::<f64>().sqrt();
+            course.position_error_m = course.position_error_m.max(error_m);
+            if stamp.tick == self.back {
+                course.back_m = Some(error_m);
+            }
+        }
+    }
+
+    fn course(self, plant_lost: bool) -> Course {
+        let fault = &self.summary.faults.to_json()[0];
+        Course {
+            detected_after_s: fault["detected_after_s"].as_f64(),
+            recovered_after_s: fault["recovered_after_s"].as_f64(),
+            lost: plant_lost || self.summary.status().diverged(),
+            missed: self.summary.missed(),
+            state_hash: self.summary.state_hash(),
+            ..self.course
+        }
+    }
+}
+
+/// A flight without a fault, and whether anybody thought otherwise.
+#[derive(Debug, Clone, Serialize)]
+pub struct Quiet {
+    /// Which scenario.
+    pub name: String,
+    /// Messages that tell of an input that was old, missing or bad, or of a solve that failed.
+    pub flagged: u64,
+    /// Messages that were refused.
+    pub refused: u64,
+    /// What the supervisor did.
+    pub events: u64,
+}
+
+impl Quiet {
+    /// Flies `scenario` for 60 s in lockstep.
+    pub fn fly(mut scenario: Scenario, interrupts: &AtomicU32) -> anyhow::Result<Self> {
+        scenario.run.mode = Mode::Lockstep;
+        scenario.run.duration_s = 60.0;
+        let mut flagged = 0;
+        let flown = through_processes(&scenario, interrupts, |record| {
+            let failed = matches!(record, Record::Controls(c) if c.status > SolveStatus::Solved as u64);
+            flagged += u64::from(failed || reacts(&record));
+        })?;
+        Ok(Self {
+            name: scenario.name,
+            flagged,
+            refused: flown.refused.iter().flat_map(|(_, counts)| counts).map(|count| u64::from(*count)).sum(),
+            events: flown.events.len() as u64,
+        })
+    }
+}

@@ -1,0 +1,225 @@
+//! Many swaps in one flight: twenty good newcomers of each node, or its wrong ones, and whether the flight noticed.
+//!
+//! The good ones come in the survey; every other one has settings of its own. The wrong ones come in the gusts, and each
+//! goes wrong in the shadow or, if it got there, in office, in one of these ways:
+//!
+//! | way | what its answers are |
+//! |---|---|
+//! | garbage | numbers that are none, well sealed |
+//! | drop | none |
+//! | wrong | finite and plausible, times -1 |
+//! | slow | 30 ms late |
+//! | exit | none, and it has ended |
+//!
+//! In lockstep, where one thread must fly the same, and in real time, where slow takes its time and exit is a crash.
+
+use std::collections::BTreeMap;
+use std::sync::atomic::AtomicU32;
+
+use contract::Scenario;
+use contract::scenario::{Mode, Swap, SwapNode};
+use contract::stamp::unheard;
+use contract::topic::Topic;
+use serde::Serialize;
+
+use super::hover_in_gusts;
+use super::one_flight::{lean_deg, through_processes};
+use crate::timing::canary::{Canary, Watch};
+use flight::event::{Event, What};
+use flight::inprocess;
+use flight::log::Record;
+use view::faults::reacts;
+use view::summary::Summary;
+
+/// Who is swapped, and the settings of every other good newcomer.
+const NODES: [(SwapNode, Topic, &str); 3] = [
+    (SwapNode::Guidance, Topic::Reference, "guidance.disturbance_observer_radps=4.0"),
+    (SwapNode::AttitudeMpc, Topic::Controls, "mpc.law=\"lqr\""),
+    (SwapNode::Mixer, Topic::Actuators, "mixer.projection=true"),
+];
+/// In which way a newcomer is wrong: what it says, or the process itself.
+const WAYS: [(Struck, &str); 5] = [
+    (Topic::name, "kind=\"garbage\""),
+    (Topic::name, "kind=\"drop\", probability=1.0"),
+    (Topic::name, "kind=\"wrong\", how=\"sign\""),
+    (Topic::publisher, "kind=\"slow\", ms=30.0"),
+    (Topic::publisher, "kind=\"exit\""),
+];
+/// The target of a fault, for the newcomer that speaks on a topic.
+type Struck = fn(Topic) -> &'static str;
+/// Good newcomers of each node, in full.
+pub const ROUNDS: usize = 20;
+/// When the first swap begins \[s\].
+const FIRST_S: f64 = 1.0;
+/// How long a newcomer is in the shadow, and from one swap to the next \[s\].
+const GOOD_S: (f64, f64) = (0.1, 0.4);
+/// The same of wrong ones, long enough for the error to show.
+const WRONG_S: (f64, f64) = (0.2, 1.0);
+/// From the end of one swap to the next \[s\].
+const REST_S: f64 = 0.1;
+/// From the beginning of a swap to when its newcomer goes wrong: in the shadow, in office. In real time it is not there at
+/// once \[s\].
+const WRONG_AFTER_S: [f64; 2] = [0.15, 0.4];
+/// From one gust to the next \[s\].
+const GUST_S: f64 = 2.0;
+
+/// One flight, the nodes swapped in turn.
+#[derive(Debug, Clone, Serialize)]
+pub struct Relay {
+    /// Whether the newcomers were good.
+    pub good: bool,
+    /// Which regime.
+    pub mode: Mode,
+    /// Newcomers.
+    pub swaps: usize,
+    /// Those that were kept.
+    pub kept: usize,
+    /// Those that were sent away from the shadow, and why.
+    pub rejected: Vec<String>,
+    /// Those that were sent away from office, and why.
+    pub returned: Vec<String>,
+    /// Ticks that some node did not answer to once, from fresh inputs.
+    pub lost_ticks: usize,
+    /// Those of them that the host explains.
+    pub explained: usize,
+    /// Largest true roll or pitch \[deg\].
+    pub tilt_deg: f64,
+    /// Farthest from the trajectory \[m\].
+    pub position_error_m: f64,
+    /// Whether the vehicle was lost.
+    pub lost: bool,
+    /// Whether one thread flew the same; nothing in real time.
+    pub same: Option<bool>,
+}
+
+/// The answers to one sample.
+#[derive(Default)]
+struct Answers {
+    sample_ns: u64,
+    heard: [u32; Topic::COUNT],
+    /// Somebody did without what it should have heard.
+    reacted: bool,
+}
+
+impl Relay {
+    /// All of them: `rounds` good newcomers of each node and every wrong one, in lockstep and in real time.
+    pub fn fly_all(rounds: usize, interrupts: &AtomicU32) -> anyhow::Result<Vec<Self>> {
+        let flights = [(true, good_newcomers(rounds)), (false, wrong_newcomers(hover_in_gusts()?))];
+        let modes = [Mode::Lockstep, Mode::Realtime].into_iter();
+        let each = modes.flat_map(|mode| flights.clone().map(|(good, scenario)| (good, scenario, mode)));
+        each.map(|(good, scenario, mode)| Self::fly(good, scenario, mode, interrupts)).collect()
+    }
+
+    fn fly(good: bool, mut scenario: Scenario, mode: Mode, interrupts: &AtomicU32) -> anyhow::Result<Self> {
+        scenario.run.mode = Mode::Inprocess;
+        let alone = (mode == Mode::Lockstep).then(|| hash_alone(&scenario));
+        scenario.run.mode = mode;
+        let canary = if mode == Mode::Realtime { Some(Canary::start()?) } else { None };
+        let (mut summary, mut tilt_deg) = (Summary::new(&scenario), 0.0_f64);
+        let mut ticks = BTreeMap::<u64, Answers>::new();
+        let flown = through_processes(&scenario, interrupts, |record| {
+            summary.observe(&record);
+            note(&mut ticks, &record);
+            if let Record::State(state) = &record {
+                tilt_deg = tilt_deg.max(lean_deg(state));
+            }
+        })?;
+        let host = canary.map(Canary::stop).transpose()?.unwrap_or_default();
+        let tick = |time_s: f64| (time_s / scenario.sample_s()) as u64;
+        let lost = ticks.range(tick(FIRST_S)..tick(scenario.run.duration_s - REST_S));
+        let lost: Vec<&Answers> = lost.map(|(_, answers)| answers).filter(|a| a.is_lost()).collect();
+        let ended = |what| flown.events.iter().filter(move |event| event.what == what);
+        let told = |event: &Event| format!("{}: {}", event.node, event.why.as_deref().unwrap_or_default());
+        Ok(Self {
+            good,
+            mode,
+            swaps: scenario.swap.len(),
+            kept: ended(What::Kept).count(),
+            rejected: ended(What::Rejected).map(told).collect(),
+            returned: ended(What::Returned).map(told).collect(),
+            lost_ticks: lost.len(),
+            explained: lost.iter().filter(|answers| answers.is_explained(&host, scenario.sample_ns())).count(),
+            tilt_deg,
+            position_error_m: summary.metrics().max_position_error_m,
+            lost: summary.status().diverged(),
+            same: alone.map(|alone| alone.is_some() && alone == summary.state_hash()),
+        })
+    }
+}
+
+/// The survey, and `rounds` newcomers of each node.
+fn good_newcomers(rounds: usize) -> Scenario {
+    let mut swaps = vec![];
+    for round in 0..rounds {
+        for (node, _, other) in NODES {
+            let set = if round % 2 == 1 { vec![other.to_owned()] } else { vec![] };
+            swaps.push(swap(swaps.len(), GOOD_S, node, set));
+        }
+    }
+    with_swaps(Scenario::default(), swaps)
+}
+
+/// One gust after the other, and every node's newcomer wrong in every way, in the shadow and in office.
+fn wrong_newcomers(mut gusts: Scenario) -> Scenario {
+    let mut swaps = vec![];
+    for ((target, fault), after_s) in WAYS.into_iter().flat_map(|way| WRONG_AFTER_S.map(|after_s| (way, after_s))) {
+        for (node, topic, _) in NODES {
+            let at_s = begins_s(swaps.len(), WRONG_S) + after_s;
+            let set = format!("fault=[{{at_s={at_s:?}, target=\"{}\", {fault}}}]", target(topic));
+            swaps.push(swap(swaps.len(), WRONG_S, node, vec![set]));
+        }
+    }
+    let gust = gusts.plant.wind_ned_mps.split_off(1); // the first entry is the steady wind
+    for i in 1..(begins_s(swaps.len(), WRONG_S) / GUST_S) as usize {
+        let later_s = FIRST_S + GUST_S * i as f64 - gust[0].0;
+        gusts.plant.wind_ned_mps.extend(gust.iter().map(|(at_s, wind_mps)| (at_s + later_s, *wind_mps)));
+    }
+    with_swaps(gusts, swaps)
+}
+
+fn begins_s(i: usize, (_, apart_s): (f64, f64)) -> f64 {
+    FIRST_S + apart_s * i as f64
+}
+
+/// The swap number `i`, of newcomers that take `times_s`.
+fn swap(i: usize, times_s: (f64, f64), node: SwapNode, set: Vec<String>) -> Swap {
+    let (shadow_s, apart_s) = times_s;
+    Swap { set, shadow_s, watch_s: apart_s - shadow_s - REST_S, ..Swap::new(node, begins_s(i, times_s)) }
+}
+
+fn with_swaps(mut scenario: Scenario, swaps: Vec<Swap>) -> Scenario {
+    let end_s = swaps.last().map_or(0.0, |last| last.at_s + last.shadow_s + last.watch_s);
+    scenario.run.duration_s = (end_s + 1.0).ceil();
+    scenario.swap = swaps;
+    scenario
+}
+
+/// The state hash of the flight by one thread.
+fn hash_alone(scenario: &Scenario) -> Option<String> {
+    let mut summary = Summary::new(scenario);
+    inprocess::fly(scenario, |record| {
+        summary.observe(&record);
+        true
+    });
+    summary.state_hash()
+}
+
+fn note(ticks: &mut BTreeMap<u64, Answers>, record: &Record) {
+    let stamp = record.stamp();
+    let answers = ticks.entry(stamp.tick).or_default();
+    answers.sample_ns = stamp.sample_ns;
+    if stamp.unheard == unheard::HEARD {
+        answers.heard[record.topic() as usize] += 1;
+        answers.reacted |= reacts(record);
+    }
+}
+
+impl Answers {
+    fn is_lost(&self) -> bool {
+        self.reacted || self.heard != [1; Topic::COUNT]
+    }
+
+    fn is_explained(&self, host: &Watch, sample_ns: u64) -> bool {
+        host.explains(self.sample_ns, self.sample_ns + 2 * sample_ns)
+    }
+}

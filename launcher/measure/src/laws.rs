@@ -1,0 +1,217 @@
+//! `measure laws`: the same aggressive flights under every inner loop, side by side.
+//!
+//! Every flight is flown in process, so that the table is the same on every machine. Between the rows only the inner
+//! loop changes: law, constraints and solver of attitude-mpc, and the mixer's safety net, which is off in all rows but
+//! the last. A flight survives when the vehicle was not lost and is back at its reference in the end.
+
+use std::fmt::Write;
+use std::path::PathBuf;
+
+use contract::Scenario;
+use contract::scenario::{self, Constraints, Law, Mode, Solver};
+use serde::Serialize;
+use serde_json::{Value, json};
+
+use super::{Findings, SURVIVED_M, Target, Verdict, lost_at_s};
+use flight::inprocess;
+use flight::settings;
+use view::summary::{Metrics, Summary};
+
+/// The shipped scenarios, aboard so that the command works anywhere.
+const AGGRESSIVE: [(&str, &str); 5] = [
+    ("scenarios/aggressive/step.toml", include_str!("../../../scenarios/aggressive/step.toml")),
+    ("scenarios/aggressive/upset.toml", include_str!("../../../scenarios/aggressive/upset.toml")),
+    ("scenarios/aggressive/yaw.toml", include_str!("../../../scenarios/aggressive/yaw.toml")),
+    ("scenarios/aggressive/weak-step.toml", include_str!("../../../scenarios/aggressive/weak-step.toml")),
+    ("scenarios/aggressive/weak-yaw.toml", include_str!("../../../scenarios/aggressive/weak-yaw.toml")),
+];
+
+/// Arguments of `measure laws`.
+#[derive(clap::Args)]
+pub struct LawsArgs {
+    /// Scenario files to fly besides the five aggressive ones
+    pub scenario: Vec<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+    /// Folder to write the results to, as table.json
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+}
+
+/// One row of the table.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+enum InnerLoop {
+    /// MPC on the exact actuator set, by Clarabel: what ships.
+    Cone,
+    /// The same by the active-set solver.
+    ConeActiveSet,
+    /// MPC on the smallest box around the set.
+    Box,
+    /// MPC without constraints; the mixer clamps.
+    Clamp,
+    /// LQR; the mixer clamps.
+    Lqr,
+    /// PID; the mixer clamps.
+    Pid,
+    /// MPC without constraints; the mixer projects onto the exact set.
+    Projection,
+}
+
+impl InnerLoop {
+    const ALL: [Self; 7] =
+        [Self::Cone, Self::ConeActiveSet, Self::Box, Self::Clamp, Self::Lqr, Self::Pid, Self::Projection];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Cone => "cone",
+            Self::ConeActiveSet => "cone, active-set",
+            Self::Box => "box",
+            Self::Clamp => "clamp",
+            Self::Lqr => "lqr",
+            Self::Pid => "pid",
+            Self::Projection => "projection",
+        }
+    }
+
+    /// `scenario` with this inner loop, in process.
+    fn put_into(self, scenario: &Scenario) -> Scenario {
+        let mut flown = scenario.clone();
+        flown.run.mode = Mode::Inprocess;
+        let mpc = &mut flown.mpc;
+        mpc.law = match self {
+            Self::Lqr => Law::Lqr,
+            Self::Pid => Law::Pid,
+            _ => Law::Mpc,
+        };
+        mpc.constraints = match self {
+            Self::Cone | Self::ConeActiveSet => Constraints::Cone,
+            Self::Box => Constraints::Box,
+            Self::Clamp | Self::Lqr | Self::Pid | Self::Projection => Constraints::None,
+        };
+        mpc.solver = if self == Self::ConeActiveSet { Solver::ActiveSet } else { Solver::Clarabel };
+        flown.mixer.projection = self == Self::Projection;
+        flown
+    }
+}
+
+/// What became of one flight.
+#[derive(Serialize)]
+struct Flight {
+    inner_loop: InnerLoop,
+    scenario: String,
+    /// Not lost, and back in the end.
+    survived: bool,
+    /// When the vehicle was lost \[s\].
+    lost_at_s: Option<f64>,
+    #[serde(flatten)]
+    metrics: Metrics,
+    solver: Value,
+    state_hash: Option<String>,
+}
+
+/// Flies all, prints the table and the verdicts; the exit code.
+pub fn measure(args: &LawsArgs) -> anyhow::Result<u8> {
+    let shipped = AGGRESSIVE.iter().map(|(path, text)| scenario::from_merged(text, path));
+    let more = args.scenario.iter().map(|path| settings::load(Some(path), &[]));
+    let scenarios: Vec<Scenario> = shipped.chain(more).collect::<Result<_, _>>()?;
+    let rows: Vec<Vec<Flight>> = InnerLoop::ALL
+        .iter()
+        .map(|inner_loop| scenarios.iter().map(|scenario| fly(*inner_loop, scenario)).collect())
+        .collect();
+
+    let flights: Vec<&Flight> = rows.iter().flatten().collect();
+    let results = json!({ "survived_within_m": SURVIVED_M, "flights": flights });
+    let found = Findings::new(results, targets(&rows), false)?;
+    if let Some(folder) = &args.out {
+        found.save(folder, "table.json")?;
+    }
+    found.conclude(args.json, &table(&scenarios, &rows))
+}
+
+fn fly(inner_loop: InnerLoop, scenario: &Scenario) -> Flight {
+    let flown = inner_loop.put_into(scenario);
+    let mut summary = Summary::new(&flown);
+    inprocess::fly(&flown, |record| {
+        summary.observe(&record);
+        true
+    });
+    let diverged = summary.status().diverged();
+    Flight {
+        inner_loop,
+        scenario: scenario.name.clone(),
+        survived: lost_at_s(&summary).is_none(),
+        lost_at_s: diverged.then(|| summary.time_s()),
+        metrics: summary.metrics(),
+        solver: summary.solves.to_json(),
+        state_hash: summary.state_hash(),
+    }
+}
+
+/// The promises of the shipped scenarios, for both solvers.
+fn targets(rows: &[Vec<Flight>]) -> Vec<Target> {
+    let mut targets = vec![];
+    for row in rows {
+        let shipped = &row[..AGGRESSIVE.len()];
+        let inner_loop = shipped[0].inner_loop;
+        if !matches!(inner_loop, InnerLoop::Cone | InnerLoop::ConeActiveSet) {
+            continue;
+        }
+        let name = inner_loop.name();
+        let survived = shipped.iter().filter(|flight| flight.survived).count();
+        let negative = shipped.iter().map(|flight| flight.metrics.negative_squares).sum::<u64>();
+        let clamped = shipped.iter().map(|flight| flight.metrics.commands_saturated).max();
+        targets.extend([
+            Target {
+                figure: format!("{name}: aggressive flights survived"),
+                measured: Some(survived as f64),
+                unit: "",
+                target: format!("all {}", shipped.len()),
+                verdict: if survived == shipped.len() { Verdict::Ok } else { Verdict::Short },
+                note: String::new(),
+            },
+            Target::at_most(format!("{name}: negative squares in all of them"), Some(negative as f64), 0.0, ""),
+            Target::at_most(format!("{name}: commands clamped in the worst"), clamped.map(|n| n as f64), 1.0, ""),
+        ]);
+    }
+    targets
+}
+
+fn table(scenarios: &[Scenario], rows: &[Vec<Flight>]) -> String {
+    let mut cells = vec![vec![String::new()]];
+    cells[0].extend(scenarios.iter().map(|scenario| scenario.name.clone()));
+    cells[0].push("survived".into());
+    for row in rows {
+        let survived = row.iter().filter(|flight| flight.survived).count();
+        let mut line = vec![row[0].inner_loop.name().to_owned()];
+        line.extend(row.iter().map(Flight::cell));
+        line.push(format!("{survived}/{}", row.len()));
+        cells.push(line);
+    }
+    let widths: Vec<usize> =
+        (0..cells[0].len()).map(|column| cells.iter().map(|line| line[column].len()).max().unwrap_or(0)).collect();
+    let mut text = String::new();
+    for line in &cells {
+        let padded: Vec<String> = line.iter().zip(&widths).map(|(cell, width)| format!("{cell:<width$}")).collect();
+        let _ = writeln!(text, "{}", padded.join("  ").trim_end()); // a String takes everything
+    }
+    text + &format!(
+        "\nok: integral of the position error, commands clamped; lost: when; astray: over {SURVIVED_M} m off in the end\n"
+    )
+}
+
+impl Flight {
+    /// What the table says of it.
+    fn cell(&self) -> String {
+        let m = &self.metrics;
+        match self.lost_at_s {
+            Some(t) => format!("lost at {t:.2} s"),
+            None if self.survived => format!("ok {:.1} m s, {}", m.position_error_integral_ms, m.commands_saturated),
+            None => format!("astray {:.1} m", m.final_position_error_m),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,84 @@
+//! Recorded sequences of problems: what the controller was given on each tick of a flight.
+//!
+//! A flight log holds the scenario and every STATE and REFERENCE. A new controller that is given the same messages meets
+//! the same problems, one after another, as the flight did. Four flights come with the program:
+//!
+//! | sequence | flight |
+//! |---|---|
+//! | `survey` | the paper's mission, nominal |
+//! | `upset` | thrown at 60/-30/45 degrees and 3 rad/s |
+//! | `yaw` | a turn by 90 degrees in one step |
+//! | `weak` | a step of 10 m with a thrust-to-weight ratio of 1.37 |
+
+use std::collections::HashMap;
+use std::fs;
+use std::path::Path;
+
+use anyhow::{Context, bail};
+use contract::Scenario;
+use contract::message::{Reference, State};
+use contract::scenario::{self, Law, Mode, Solver};
+
+use flight::log;
+use runtime::console::eprint_line;
+
+/// The flights that come with the program.
+const SHIPPED: [(&str, &[u8]); 4] = [
+    ("survey", include_bytes!("../../problems/survey.mcap")),
+    ("upset", include_bytes!("../../problems/upset.mcap")),
+    ("yaw", include_bytes!("../../problems/yaw.mcap")),
+    ("weak", include_bytes!("../../problems/weak.mcap")),
+];
+
+/// What the controller was given, tick by tick.
+#[derive(Debug, Clone)]
+pub struct Sequence {
+    /// What to call it.
+    pub name: String,
+    /// The flight's settings.
+    pub scenario: Scenario,
+    /// STATE and REFERENCE of each tick.
+    pub samples: Vec<(State, Reference)>,
+}
+
+impl Sequence {
+    /// The settings for `solver`: those of the flight, without what depends on a clock, without faults, and with the
+    /// law that has something to solve.
+    pub fn scenario_for(&self, solver: Solver) -> Scenario {
+        let mut scenario = self.scenario.clone();
+        scenario.run.mode = Mode::Inprocess;
+        scenario.mpc.law = Law::Mpc;
+        scenario.mpc.solver = solver;
+        scenario.fault.clear();
+        scenario
+    }
+}
+
+/// The flights that come with the program. Their logs are left in `folder`, beside what is measured of them.
+pub fn shipped(folder: &Path) -> anyhow::Result<Vec<Sequence>> {
+    let unpack = |(name, bytes): (&str, &[u8])| {
+        let path = folder.join(name).with_extension("mcap");
+        fs::write(&path, bytes).with_context(|| format!("cannot write {}", path.display()))?;
+        recorded(&path)
+    };
+    SHIPPED.into_iter().map(unpack).collect()
+}
+
+/// The flight in the log at `path`, or in the run's folder at `path`.
+pub fn recorded(path: &Path) -> anyhow::Result<Sequence> {
+    let file = if path.is_dir() { path.join("flight.mcap") } else { path.to_owned() };
+    let log = log::read_parts(&file)?;
+    if let Some(defect) = &log.defect {
+        eprint_line(&format!("note: {} is not whole, what was read before is measured: {defect}", file.display()));
+    }
+    let origin = format!("the settings in {}", file.display());
+    let scenario = scenario::from_merged(&log.scenario_toml, &origin)?;
+    let states: HashMap<u64, &State> = log.states.iter().map(|state| (state.stamp.tick, state)).collect();
+    let pair = |reference: &Reference| states.get(&reference.stamp.tick).map(|state| (**state, *reference));
+    let samples: Vec<_> = log.references.iter().filter_map(pair).collect();
+    if samples.is_empty() {
+        bail!("{} holds no tick with both STATE and REFERENCE", file.display());
+    }
+    let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    Ok(Sequence { name, scenario, samples })
+}

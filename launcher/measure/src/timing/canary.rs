@@ -1,0 +1,143 @@
+//! The canary: on every processor a process that sleeps for a millisecond, again and again, above all others.
+//!
+//! When it wakes late nobody of this machine was in its way: the host was. It wakes every 1.001 ms, so that it meets a ring
+//! of whole milliseconds at all phases and at none for long.
+
+use std::collections::BTreeMap;
+
+use runtime::realtime::now_ns;
+use serde::Serialize;
+
+use super::machine::{cpus, on_cpu};
+use super::rings::{Noted, Releases, Stations};
+use crate::mpc::distribution::Distribution;
+use flight::provenance::scheduling_of;
+
+/// A canary whose p99.9 is beyond this leaves no verdict on time \[us\].
+pub const LIMIT_US: f64 = 5_000.0;
+/// A wake-up later than this is a gap, which explains a miss \[ns\].
+const GAP_NS: u64 = 1_000_000;
+const PERIOD_NS: u64 = 1_001_000;
+/// Above everything that is measured.
+const PRIORITY: u32 = 90;
+/// Half an hour: nothing is noted after that.
+const MOST: usize = 1_800_000;
+
+/// Canaries on their perches.
+pub struct Canary {
+    stations: Vec<Stations>,
+    /// Whether they were given `SCHED_FIFO`.
+    pub fifo: bool,
+}
+
+/// What the canaries noted.
+#[derive(Debug, Default)]
+pub struct Watch {
+    /// When each release should have been, and how late it was, all processors \[ns\].
+    noted: Noted,
+    /// Start and end of the gaps, by start \[ns\].
+    gaps: BTreeMap<u64, u64>,
+}
+
+/// What it comes to.
+#[derive(Debug, Clone, Serialize)]
+pub struct Verdict {
+    /// Wake-ups.
+    pub noted: Option<Distribution>,
+    /// The same with every slot counted that a late wake-up covered.
+    pub covered: Option<Distribution>,
+    /// Wake-ups more than a millisecond late.
+    pub gaps: usize,
+    /// Why no verdict on time can be had, if so.
+    pub doubt: Option<String>,
+}
+
+impl Canary {
+    /// One on every processor.
+    pub fn start() -> anyhow::Result<Self> {
+        let releases = Releases { period_ns: PERIOD_NS, count: MOST };
+        let alone = |cpu| on_cpu(cpu, || Stations::alone(releases, PRIORITY));
+        let stations = cpus().into_iter().map(alone).collect::<Result<Vec<_>, _>>()?;
+        std::thread::sleep(std::time::Duration::from_millis(200)); // until they are settled
+        let fifo = stations.iter().all(|s| scheduling_of(s.clock_pid()).policy == "fifo");
+        Ok(Self { stations, fifo })
+    }
+
+    /// Ends them.
+    pub fn stop(self) -> anyhow::Result<Watch> {
+        let until_ns = now_ns();
+        let noted = self.stations.into_iter().map(Stations::stop).collect::<Result<Vec<_>, _>>()?;
+        // A canary that is told to leave notes nothing more; one that slept through that has noted up to here.
+        Ok(Watch::of(noted.into_iter().flatten().filter(|(release_ns, _)| *release_ns <= until_ns).collect()))
+    }
+}
+
+impl Watch {
+    fn of(noted: Noted) -> Self {
+        let late = noted.iter().filter(|(_, late_ns)| *late_ns > GAP_NS);
+        let mut gaps = BTreeMap::new();
+        for (release_ns, late_ns) in late {
+            let end_ns = gaps.entry(*release_ns).or_insert(0);
+            *end_ns = (release_ns + late_ns).max(*end_ns);
+        }
+        Self { noted, gaps }
+    }
+
+    /// Whether a gap overlaps the time from `from_ns` to `to_ns`.
+    pub fn explains(&self, from_ns: u64, to_ns: u64) -> bool {
+        self.gaps.range(..to_ns).any(|(_, end_ns)| *end_ns > from_ns)
+    }
+
+    /// How late each wake-up was \[ns\].
+    pub fn late_ns(&self) -> Vec<u64> {
+        self.noted.iter().map(|(_, late_ns)| *late_ns).collect()
+    }
+
+    /// How late every slot was, those included that a late wake-up covered \[ns\].
+    fn covered_ns(&self) -> impl Iterator<Item = u64> {
+        self.noted
+            .iter()
+            .flat_map(|(_, late_ns)| (0..=late_ns / PERIOD_NS).map(move |slots| late_ns - slots * PERIOD_NS))
+    }
+
+    /// What it comes to.
+    pub fn verdict(&self) -> Verdict {
+        let covered = Distribution::of(self.covered_ns());
+        let p999_us = covered.map_or(f64::INFINITY, |d| d.p999_us);
+        let doubt =
+            (p999_us > LIMIT_US).then(|| format!("inconclusive (host): the canary's p99.9 is {:.1} ms", p999_us / 1e3));
+        Verdict { noted: Distribution::of(self.late_ns()), covered, gaps: self.gaps.len(), doubt }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_gap_explains_what_it_overlaps() {
+        let watch = Watch::of(vec![(10_000_000, 3_000), (20_000_000, 4_000_000), (24_000_000, 999_999)]);
+        assert!(watch.explains(23_000_000, 33_000_000), "ends in it");
+        assert!(watch.explains(10_000_000, 20_000_001), "begins in it");
+        assert!(watch.explains(21_000_000, 22_000_000), "covers it");
+        assert!(!watch.explains(10_000_000, 20_000_000), "begins after it");
+        assert!(!watch.explains(24_000_000, 34_000_000), "a wake-up within a millisecond is no gap");
+    }
+
+    #[test]
+    fn a_stall_counts_for_every_slot_it_covered() {
+        let watch = Watch::of(vec![(0, 10), (PERIOD_NS, 2 * PERIOD_NS + 5)]);
+        let covered: Vec<u64> = watch.covered_ns().collect();
+        assert_eq!(covered, [10, 2 * PERIOD_NS + 5, PERIOD_NS + 5, 5]);
+        assert_eq!(watch.late_ns().len(), 2);
+    }
+
+    #[test]
+    fn a_host_that_stalls_leaves_no_verdict() {
+        let quiet = vec![(0, 10); 2000];
+        assert_eq!(Watch::of(quiet.clone()).verdict().doubt, None);
+        let stalled = [quiet, vec![(1, 9_000_000); 3]].concat();
+        assert!(Watch::of(stalled).verdict().doubt.is_some());
+        assert!(Watch::default().verdict().doubt.is_some(), "no canary, no verdict");
+    }
+}

@@ -1,0 +1,110 @@
+//! What the parts of a hop cost by themselves: called again and again by one thread, and called after a sleep.
+
+use std::hint::black_box;
+use std::time::Duration;
+
+use contract::message::Controls;
+use runtime::domain::Hold;
+use runtime::port::{Bus, LEAST_DEPTH};
+use runtime::realtime::{now_ns, thread_cpu_ns};
+use serde::Serialize;
+
+use super::rings::namespace;
+use crate::mpc::distribution::median;
+
+/// Calls in a row of which the mean is taken, and how many such means the median is of.
+const CALLS: u64 = 200;
+const BATCHES: usize = 101;
+
+/// As long as a node sleeps at 100 Hz: by then the processor has forgotten it.
+const COLD: Duration = Duration::from_millis(10);
+const COLD_CALLS: usize = 101;
+
+/// Readings of the clock that a node's cycle notes: start and publication.
+const CLOCK_READINGS: f64 = 2.0;
+
+/// Time of one call each \[ns\].
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct Costs {
+    /// Reading `CLOCK_MONOTONIC`.
+    pub clock_ns: f64,
+    /// Reading the thread's processor time; once a cycle, at the rehearsal, when nobody waits.
+    pub cpu_clock_ns: f64,
+    /// Loan, copy and send of one message to two subscribers, as in a ring that the launcher watches.
+    pub send_ns: f64,
+    /// Receive and copy of one message.
+    pub receive_ns: f64,
+    /// The send, once after a sleep of 10 ms.
+    pub cold_send_ns: f64,
+    /// The receive, once after a sleep of 10 ms.
+    pub cold_receive_ns: f64,
+}
+
+impl Costs {
+    /// Measures them.
+    pub fn measure() -> anyhow::Result<Self> {
+        let hold = Hold::take(&namespace())?;
+        let bus = Bus::attach(&hold.domain)?;
+        let _services = bus.create_services(LEAST_DEPTH)?;
+        let sender = bus.sender::<Controls>()?;
+        let receivers = [bus.receiver::<Controls>(2)?, bus.receiver::<Controls>(2)?];
+        let message = Controls::default();
+        // A turn is send and twice receive; the receiving alone is told apart by a second look at the same clock.
+        let mut sends = vec![];
+        let mut receives = vec![];
+        for _ in 0..BATCHES {
+            let (mut sending_ns, mut receiving_ns) = (0, 0);
+            for _ in 0..CALLS {
+                let start_ns = now_ns();
+                _ = black_box(sender.send(&message));
+                let sent_ns = now_ns();
+                for receiver in &receivers {
+                    _ = black_box(receiver.receive());
+                }
+                sending_ns += sent_ns - start_ns;
+                receiving_ns += now_ns() - sent_ns;
+            }
+            sends.push(sending_ns);
+            receives.push(receiving_ns);
+        }
+        let mut cold_sends = vec![];
+        let mut cold_receives = vec![];
+        for _ in 0..COLD_CALLS {
+            cold_sends.push(cold(|| _ = black_box(sender.send(&message))));
+            cold_receives.push(cold(|| _ = black_box(receivers[0].receive())));
+            _ = black_box(receivers[1].receive());
+        }
+        let clock_ns = per_call(|| _ = black_box(now_ns()));
+        let one = |batches: &[u64]| median(batches) as f64 / CALLS as f64 - clock_ns;
+        Ok(Self {
+            clock_ns,
+            cpu_clock_ns: per_call(|| _ = black_box(thread_cpu_ns())),
+            send_ns: one(&sends),
+            receive_ns: one(&receives) / receivers.len() as f64,
+            cold_send_ns: median(&cold_sends) as f64 - clock_ns,
+            cold_receive_ns: median(&cold_receives) as f64 - clock_ns,
+        })
+    }
+
+    /// All that a node's cycle notes of time while somebody waits \[ns\].
+    pub fn stamps_ns(&self) -> f64 {
+        CLOCK_READINGS * self.clock_ns
+    }
+}
+
+/// One call after a sleep \[ns\].
+fn cold(call: impl FnOnce()) -> u64 {
+    std::thread::sleep(COLD);
+    let start_ns = now_ns();
+    call();
+    now_ns() - start_ns
+}
+
+fn per_call(mut call: impl FnMut()) -> f64 {
+    let batch = |_| {
+        let start_ns = now_ns();
+        (0..CALLS).for_each(|_| call());
+        now_ns() - start_ns
+    };
+    median(&(0..BATCHES).map(batch).collect::<Vec<_>>()) as f64 / CALLS as f64
+}

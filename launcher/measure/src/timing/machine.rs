@@ -1,0 +1,139 @@
+//! The machine: where processes may run, what loads it, what they cost.
+
+use std::fs::{read_dir, read_to_string};
+use std::process::{Child, Command, Stdio};
+
+use runtime::realtime::now_ns;
+use rustix::process::{Pid, Signal, kill_process};
+use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
+use serde::Serialize;
+
+/// Which processors a ring may use.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Placement {
+    /// One for all processes.
+    OneCpu,
+    /// All there are; the kernel chooses.
+    AllCpus,
+}
+
+impl Placement {
+    /// What the tables call it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::OneCpu => "one CPU",
+            Self::AllCpus => "all CPUs",
+        }
+    }
+
+    /// Does `work` with this thread so placed: the processes it starts inherit that.
+    pub fn during<T>(self, work: impl FnOnce() -> T) -> T {
+        match self {
+            Self::OneCpu => on_cpu(measured_cpu(), work),
+            Self::AllCpus => work(),
+        }
+    }
+}
+
+/// Processors this process may use.
+pub fn cpus() -> Vec<usize> {
+    let Ok(set) = sched_getaffinity(None) else { return vec![0] };
+    (0..CpuSet::MAX_CPU).filter(|cpu| set.is_set(*cpu)).collect()
+}
+
+/// The one that single-processor figures are taken on: the last, because the first serves most interrupts.
+pub fn measured_cpu() -> usize {
+    cpus().last().copied().unwrap_or(0)
+}
+
+/// Does `work` with this thread on `cpu`; the processes it starts inherit that.
+pub fn on_cpu<T>(cpu: usize, work: impl FnOnce() -> T) -> T {
+    let before = sched_getaffinity(None);
+    let mut only = CpuSet::new();
+    only.set(cpu);
+    // Without the right to choose, the kernel chooses.
+    let _ = sched_setaffinity(None, &only);
+    let result = work();
+    if let Ok(before) = before {
+        let _ = sched_setaffinity(None, &before);
+    }
+    result
+}
+
+/// Whether `program` can be started.
+pub fn installed(program: &str) -> bool {
+    Command::new(program).arg("--help").stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok()
+}
+
+/// `stress-ng --cpu 4`, until dropped.
+pub struct Stress(Child);
+
+impl Stress {
+    /// Starts it; nothing where it is not installed. It ends by itself after `limit_s`, should this process be killed.
+    pub fn start(limit_s: f64) -> Option<Self> {
+        let limit = format!("{}", limit_s.ceil());
+        let mut command = Command::new("stress-ng");
+        command.args(["--quiet", "--cpu", "4", "--timeout", &limit]).stdin(Stdio::null()).stdout(Stdio::null());
+        let child = command.stderr(Stdio::null()).spawn().ok()?;
+        std::thread::sleep(std::time::Duration::from_millis(200)); // until its workers are at it
+        Some(Self(child))
+    }
+}
+
+impl Drop for Stress {
+    fn drop(&mut self) {
+        if let Some(pid) = Pid::from_raw(self.0.id() as i32) {
+            let _ = kill_process(pid, Signal::TERM); // it ends its workers itself; it may have ended already
+        }
+        let _ = self.0.wait();
+    }
+}
+
+/// Reads now and then how much processor time the processes of a stack have used.
+#[derive(Default)]
+pub struct CpuMeter {
+    pids: Vec<u32>,
+    first: Option<(u64, u64)>,
+    last: (u64, u64),
+}
+
+impl CpuMeter {
+    /// Takes a reading, unless the last is recent.
+    pub fn read(&mut self, namespace: &str) {
+        const EVERY_NS: u64 = 200_000_000;
+        let now = now_ns();
+        if now < self.last.0 + EVERY_NS {
+            return;
+        }
+        if self.pids.is_empty() {
+            self.pids = nodes_of(namespace);
+        }
+        self.last = (now, self.pids.iter().map(|pid| run_time_ns(*pid)).sum());
+        self.first.get_or_insert(self.last);
+    }
+
+    /// Share of one processor that they used between the first reading and the last \[%\].
+    pub fn share_percent(&self) -> Option<f64> {
+        let (first_ns, first_used_ns) = self.first?;
+        let elapsed_ns = self.last.0 - first_ns;
+        (elapsed_ns > 0).then(|| 100.0 * self.last.1.saturating_sub(first_used_ns) as f64 / elapsed_ns as f64)
+    }
+}
+
+/// Processes started as `launcher node NAME --namespace <namespace>`.
+fn nodes_of(namespace: &str) -> Vec<u32> {
+    let all = read_dir("/proc").into_iter().flatten().flatten();
+    let pids = all.filter_map(|entry| entry.file_name().to_str()?.parse().ok());
+    pids.filter(|pid| {
+        let line = read_to_string(format!("/proc/{pid}/cmdline")).unwrap_or_default();
+        let mut words = line.split('\0').skip(1);
+        words.next() == Some("node") && words.any(|word| word == namespace)
+    })
+    .collect()
+}
+
+fn run_time_ns(pid: u32) -> u64 {
+    let text = read_to_string(format!("/proc/{pid}/schedstat")).unwrap_or_default();
+    text.split_whitespace().next().and_then(|ns| ns.parse().ok()).unwrap_or(0)
+}

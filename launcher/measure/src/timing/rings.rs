@@ -1,0 +1,199 @@
+//! Rings to compare with: four processes that only pass a token, and one alone that only keeps time.
+
+use std::fs;
+use std::io::pipe;
+use std::os::fd::OwnedFd;
+use std::os::unix::net::UnixStream;
+use std::process::{Child, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, bail};
+use contract::{Scenario, Topic};
+use runtime::domain::Hold;
+use runtime::realtime::{Board, phase};
+use serde::Serialize;
+
+use super::station::{Link, StationArgs};
+use flight::own_program;
+use flight::stack::StartError;
+
+/// What a ring of stations is made of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Kind {
+    /// Bare futexes: the kernel's own wake-up.
+    Raw,
+    /// The same, and in every second lap the stations read the clock as the nodes of the stack do.
+    Stamped,
+    /// Bare futexes after a rehearsal: the kernel's wake-up when it has not forgotten the process.
+    Rehearsed,
+    /// Unix sockets.
+    Socket,
+    /// Pipes.
+    Pipe,
+}
+
+impl Kind {
+    /// All of them.
+    pub const ALL: [Self; 5] = [Self::Raw, Self::Stamped, Self::Rehearsed, Self::Socket, Self::Pipe];
+
+    /// What the tables call it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Raw => "raw futex",
+            Self::Stamped => "raw futex, clock read every second lap",
+            Self::Rehearsed => "raw futex, rehearsed",
+            Self::Socket => "unix socket",
+            Self::Pipe => "pipe",
+        }
+    }
+}
+
+/// How the first station is released.
+#[derive(Debug, Clone, Copy)]
+pub struct Releases {
+    /// Between two \[ns\].
+    pub period_ns: u64,
+    /// How many to note.
+    pub count: usize,
+}
+
+/// What the first station noted, in order: release, and the time from it \[ns\].
+pub type Noted = Vec<(u64, u64)>;
+
+/// The processes of one run and what they own in shared memory. Dropping it ends them and wipes that.
+pub struct Stations {
+    /// The one with the clock is the last.
+    children: Vec<Child>,
+    board: Board,
+    hold: Hold,
+    releases: Releases,
+}
+
+/// A namespace that no other run on this machine has.
+pub fn namespace() -> String {
+    static NEXT: AtomicU32 = AtomicU32::new(0);
+    format!("measure-{}-{}", std::process::id(), NEXT.fetch_add(1, Ordering::Relaxed))
+}
+
+impl Stations {
+    /// A station alone, with `priority`.
+    pub fn alone(releases: Releases, priority: u32) -> anyhow::Result<Self> {
+        let mut stations = Self::none(releases)?;
+        stations.spawn(0, Link::None, None, priority, None)?;
+        Ok(stations)
+    }
+
+    /// A ring of four, with the priorities of the stack's nodes.
+    pub fn ring(kind: Kind, releases: Releases) -> anyhow::Result<Self> {
+        let mut stations = Self::none(releases)?;
+        let (link, ends) = match kind {
+            Kind::Raw | Kind::Stamped | Kind::Rehearsed => (Link::Bell, vec![]),
+            Kind::Socket => (Link::Stream, closed(socket)?),
+            Kind::Pipe => (Link::Stream, closed(|| pipe().map(|(inlet, outlet)| (inlet.into(), outlet.into())))?),
+        };
+        let mut ends = ends.into_iter();
+        let wanted = Scenario::default().realtime;
+        // The one with the clock last: the others wait for it then.
+        for rank in (0..Topic::COUNT as u8).rev() {
+            let priority = wanted.of(usize::from(rank)).priority;
+            stations.spawn(rank, link, Some(kind), priority, ends.next())?;
+        }
+        Ok(stations)
+    }
+
+    /// Waits until all releases are noted.
+    pub fn finish(mut self, interrupts: &AtomicU32) -> anyhow::Result<Noted> {
+        let run = Duration::from_nanos(self.releases.period_ns * self.releases.count as u64);
+        let deadline = Instant::now() + run + Duration::from_secs(20);
+        while self.children.last_mut().is_some_and(|child| matches!(child.try_wait(), Ok(None))) {
+            if interrupts.load(Ordering::Relaxed) > 0 {
+                bail!(StartError::Interrupted);
+            }
+            if Instant::now() > deadline {
+                bail!("a ring to compare with did not come round");
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        self.noted()
+    }
+
+    /// Ends the run before all releases are noted.
+    pub fn stop(mut self) -> anyhow::Result<Noted> {
+        self.board.set_phase(phase::LEAVE);
+        if let Some(child) = self.children.last_mut() {
+            child.wait()?;
+        }
+        self.noted()
+    }
+
+    /// Process number of the one with the clock.
+    pub fn clock_pid(&self) -> u32 {
+        self.children.last().map_or(0, Child::id)
+    }
+
+    fn none(releases: Releases) -> anyhow::Result<Self> {
+        let hold = Hold::take(&namespace())?;
+        let board = Board::create(&hold.domain.file("board")).context("cannot make a board in shared memory")?;
+        Ok(Self { children: vec![], board, hold, releases })
+    }
+
+    fn spawn(
+        &mut self,
+        rank: u8,
+        link: Link,
+        kind: Option<Kind>,
+        priority: u32,
+        ends: Option<(OwnedFd, OwnedFd)>,
+    ) -> anyhow::Result<()> {
+        let args = StationArgs {
+            namespace: self.hold.domain.namespace().to_owned(),
+            rank,
+            link,
+            stamps: kind == Some(Kind::Stamped),
+            rehearse: kind == Some(Kind::Rehearsed),
+            period_ns: self.releases.period_ns,
+            count: self.releases.count,
+            priority,
+            samples: self.hold.domain.file("samples"),
+        };
+        let mut command = own_program();
+        command.args(["measure", "station"]).args(args.to_words());
+        match ends {
+            Some((inlet, outlet)) => command.stdin(inlet).stdout(outlet),
+            None => command.stdin(Stdio::null()).stdout(Stdio::null()),
+        };
+        self.children.push(command.spawn().context("cannot start a process of a ring to compare with")?);
+        Ok(())
+    }
+
+    fn noted(&self) -> anyhow::Result<Noted> {
+        let file = self.hold.domain.file("samples");
+        let text = fs::read_to_string(file).context("a ring to compare with left no samples")?;
+        let pair = |line: &str| line.split_once(',').and_then(|(a, b)| Some((a.parse().ok()?, b.parse().ok()?)));
+        text.lines().map(pair).collect::<Option<_>>().context("the samples of a ring to compare with do not read")
+    }
+}
+
+impl Drop for Stations {
+    fn drop(&mut self) {
+        for child in &mut self.children {
+            // Fails for those that have ended already, which is what is wanted.
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+}
+
+/// Four channels closed to a ring: where each station reads and where it writes, the last station first.
+fn closed(channel: impl FnMut() -> std::io::Result<(OwnedFd, OwnedFd)>) -> anyhow::Result<Vec<(OwnedFd, OwnedFd)>> {
+    let channels = std::iter::repeat_with(channel).take(Topic::COUNT).collect::<Result<Vec<_>, _>>();
+    let (mut inlets, outlets): (Vec<_>, Vec<_>) = channels.context("cannot make a channel")?.into_iter().unzip();
+    inlets.rotate_left(1); // who writes to channel i is read from by the station before in this order, after it in the ring
+    Ok(inlets.into_iter().zip(outlets).collect())
+}
+
+fn socket() -> std::io::Result<(OwnedFd, OwnedFd)> {
+    UnixStream::pair().map(|(inlet, outlet)| (inlet.into(), outlet.into()))
+}

@@ -1,0 +1,123 @@
+//! Series of times, round by round, and how two of them compare.
+
+use std::fmt::Write;
+
+use serde::Serialize;
+
+use crate::mpc::distribution::Distribution;
+use view::timing::histogram;
+
+/// What one thing took, all rounds \[ns\].
+#[derive(Debug, Clone, Default)]
+pub struct Series {
+    /// What it is.
+    pub name: String,
+    /// Its times, one list per round \[ns\].
+    pub rounds: Vec<Vec<u64>>,
+}
+
+/// A ratio taken in every round.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Ratio {
+    /// Its median: the middle round, the mean of two.
+    pub median: f64,
+    /// The smallest.
+    pub min: f64,
+    /// The largest.
+    pub max: f64,
+}
+
+impl Series {
+    /// An empty one.
+    pub fn new(name: impl Into<String>) -> Self {
+        Self { name: name.into(), rounds: vec![] }
+    }
+
+    /// The same times in rounds of `length`; what does not fill one is left out.
+    #[must_use]
+    pub fn split(&self, length: usize) -> Self {
+        let rounds = self.rounds.iter().flat_map(|times| times.chunks_exact(length)).map(<[u64]>::to_vec).collect();
+        Self { name: self.name.clone(), rounds }
+    }
+
+    /// The distribution of all rounds together.
+    pub fn all(&self) -> Option<Distribution> {
+        Distribution::of(self.rounds.iter().flatten().copied())
+    }
+
+    /// `figure` of each round.
+    pub fn each(&self, figure: impl Fn(&Distribution) -> f64) -> Vec<f64> {
+        self.rounds.iter().filter_map(|times| Distribution::of(times.iter().copied())).map(|d| figure(&d)).collect()
+    }
+
+    /// `figure` over that of `reference`, round by round.
+    pub fn over(&self, reference: &Self, figure: impl Fn(&Distribution) -> f64 + Copy) -> Option<Ratio> {
+        let pairs = self.each(figure).into_iter().zip(reference.each(figure));
+        Ratio::of(pairs.map(|(ours, theirs)| ours / theirs))
+    }
+}
+
+impl Ratio {
+    /// Of the rounds' ratios; nothing of none.
+    pub fn of(ratios: impl IntoIterator<Item = f64>) -> Option<Self> {
+        let mut sorted: Vec<f64> = ratios.into_iter().filter(|ratio| ratio.is_finite()).collect();
+        sorted.sort_by(f64::total_cmp);
+        let (min, max) = (*sorted.first()?, *sorted.last()?);
+        let n = sorted.len();
+        Some(Self { median: f64::midpoint(sorted[(n - 1) / 2], sorted[n / 2]), min, max })
+    }
+
+    /// How far the rounds lie apart, for a note.
+    pub fn spread(&self) -> String {
+        format!("{:.2} to {:.2}", self.min, self.max)
+    }
+}
+
+/// The full histograms as CSV: times to three figures and how often each was measured, round by round.
+pub fn to_csv<'a>(series: impl IntoIterator<Item = &'a Series>) -> String {
+    let mut csv = String::from("series,round,value_ns,count\n");
+    for Series { name, rounds } in series {
+        for (round, times) in rounds.iter().enumerate() {
+            let mut counted = histogram();
+            for time in times {
+                counted.saturating_record(*time);
+            }
+            for bin in counted.iter_recorded() {
+                // A String takes everything.
+                let _ =
+                    writeln!(csv, "{name},{round},{},{}", bin.value_iterated_to(), bin.count_since_last_iteration());
+            }
+        }
+    }
+    csv
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn series(rounds: &[&[u64]]) -> Series {
+        Series { name: "s".into(), rounds: rounds.iter().map(|round| round.to_vec()).collect() }
+    }
+
+    #[test]
+    fn ratios_are_taken_within_a_round() {
+        let ours = series(&[&[20], &[200], &[3000]]);
+        let theirs = series(&[&[10], &[100], &[1000]]);
+        let ratio = ours.over(&theirs, |d| d.p50_us).expect("three rounds");
+        assert_eq!(ratio, Ratio { median: 2.0, min: 2.0, max: 3.0 });
+        assert_eq!(ours.over(&series(&[]), |d| d.p50_us), None);
+        assert_eq!(Ratio::of([1.0, 4.0, f64::INFINITY]).map(|r| r.median), Some(2.5));
+    }
+
+    #[test]
+    fn splitting_keeps_the_order_and_whole_rounds_only() {
+        assert_eq!(series(&[&[1, 2, 3, 4, 5], &[6, 7]]).split(2).rounds, [[1, 2], [3, 4], [6, 7]]);
+    }
+
+    #[test]
+    fn the_histogram_keeps_every_time() {
+        let csv = to_csv([&series(&[&[5, 5, 7], &[9]])]);
+        assert_eq!(csv, "series,round,value_ns,count\ns,0,5,2\ns,0,7,1\ns,1,9,1\n");
+    }
+}

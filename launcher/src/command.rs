@@ -1,0 +1,121 @@
+//! `inject` and `clear`: break something in a flying stack, and end it.
+
+use anyhow::{Context, anyhow, bail};
+use contract::scenario::{Fault, check_sizes, suggest};
+use runtime::domain::Domain;
+use serde::de::DeserializeOwned;
+use serde_json::json;
+
+use crate::target::{self, TargetArgs};
+use flight::control::{Request, ask};
+use flight::duration::{seconds, seconds_or_inf, signed_milliseconds};
+use runtime::console::print;
+use view::faults::course;
+
+/// How long a fault lasts that is given no time \[s\].
+const USUAL_S: f64 = 0.5;
+
+/// Arguments of `inject`: a `[[fault]]` of a scenario, word for word.
+#[derive(clap::Args)]
+#[command(
+    after_help = "Targets: plant guidance attitude-mpc mixer (kill stop slow hog exit); state reference controls actuators \
+(drop burst delay duplicate reorder corrupt garbage stale rate; wrong, but for state); position velocity attitude rates (off stuck garbage wrong \
+slow delayed intermittent noise); rotor1 rotor2 rotor3 tilt (off stuck wrong slow saturated); wind (step gust); payload \
+(mass); mpc (infeasible nan iteration-cap). Sizes have defaults: see docs/faults.md."
+)]
+pub struct InjectArgs {
+    /// What to break: see below
+    target: String,
+    /// How: see below
+    kind: String,
+    #[command(flatten)]
+    stack: TargetArgs,
+    /// How long it lasts: 500ms, 2s, 1min, plain seconds; inf = until it is cleared [default: 0.5s, and no end for kill and
+    /// exit]
+    #[arg(long = "for", value_name = "TIME", value_parser = seconds_or_inf)]
+    for_s: Option<f64>,
+    /// How long after the next sample it begins
+    #[arg(long = "in", value_name = "TIME", default_value = "0s", value_parser = seconds)]
+    in_s: f64,
+    /// A delay or a time constant: 20ms, 0.1s, plain milliseconds
+    #[arg(long, value_name = "TIME", allow_hyphen_values = true, value_parser = signed_milliseconds)]
+    ms: Option<f64>,
+    /// A bias, a factor, a deviation, a mass; degrees for angles
+    #[arg(long, allow_negative_numbers = true)]
+    value: Option<f64>,
+    /// Wind NED [m/s], for example 5,0,0
+    #[arg(long, value_name = "N,E,D", value_delimiter = ',', allow_hyphen_values = true)]
+    vector: Option<Vec<f64>>,
+    /// Share of the ticks struck
+    #[arg(long)]
+    probability: Option<f64>,
+    /// Messages, or bits
+    #[arg(long)]
+    count: Option<u64>,
+    /// In which way a sensor or a topic is wrong: bias, scale or sign
+    #[arg(long)]
+    how: Option<String>,
+}
+
+/// Arguments of `clear`.
+#[derive(clap::Args)]
+pub struct ClearArgs {
+    /// End the faults of this target only
+    target: Option<String>,
+    #[command(flatten)]
+    stack: TargetArgs,
+}
+
+/// Gives a flying stack a fault.
+pub fn inject(args: &InjectArgs) -> anyhow::Result<()> {
+    let mut fault = Fault {
+        ms: args.ms,
+        value: args.value,
+        vector: args.vector.as_deref().map(vector).transpose()?,
+        probability: args.probability,
+        count: args.count,
+        how: args.how.as_deref().map(|how| word("how", how)).transpose()?,
+        ..Fault::new(word("target", &args.target)?, word("kind", &args.kind)?, args.in_s, args.for_s)
+    };
+    if fault.for_s.is_none() && !fault.is_momentary() {
+        fault.for_s = Some(USUAL_S);
+    }
+    fault.for_s = fault.for_s.filter(|for_s| *for_s != f64::INFINITY);
+    if fault.for_s.is_some_and(|for_s| for_s <= 0.0) {
+        bail!("--for 0: a fault that lasts no time; give a time above 0");
+    }
+    check_sizes(&fault)?; // JSON has no word for a number that is none, and would make it the default size
+    let domain = args.stack.find()?;
+    tell("injected", &domain, &Request::Inject { fault })
+}
+
+/// Ends faults of a flying stack.
+pub fn clear(args: &ClearArgs) -> anyhow::Result<()> {
+    let target = args.target.as_deref().map(|target| word("target", target)).transpose()?;
+    let domain = args.stack.find()?;
+    tell("cleared", &domain, &Request::Clear { target })
+}
+
+/// Makes the `request`, and prints the faults to which something was `done`, as they are now, and in which flight.
+fn tell(done: &str, domain: &Domain, request: &Request) -> anyhow::Result<()> {
+    let flight = target::describe(domain);
+    let told = ask(domain, request).map_err(|error| anyhow!("{error:#}\nin {flight}"))?;
+    let faults: Vec<Fault> = serde_json::from_value(told).context("the launcher's answer cannot be read")?;
+    if faults.is_empty() {
+        print("nothing is broken\n");
+    }
+    for fault in faults {
+        print(&format!("{done}: {}\n", course(&fault, fault.at_s)));
+    }
+    print(&format!("in {flight}\n"));
+    Ok(())
+}
+
+/// A `word` of the scenario's language for what is called `what`; the error names those there are, and the nearest.
+pub fn word<T: DeserializeOwned>(what: &str, word: &str) -> anyhow::Result<T> {
+    serde_json::from_value(json!(word)).map_err(|error| anyhow!("{what}: {}", suggest(&error.to_string())))
+}
+
+fn vector(axes: &[f64]) -> anyhow::Result<[f64; 3]> {
+    axes.try_into().map_err(|_| anyhow!("--vector has {} numbers; give three, for example 5,0,0", axes.len()))
+}

@@ -1,0 +1,88 @@
+//! Which flight a command is for, and how it is named in the answer.
+
+use anyhow::{Context, bail, ensure};
+use contract::Scenario;
+use contract::file::{self, LARGEST_TEXT};
+use contract::scenario;
+use runtime::domain::Domain;
+use runtime::realtime::{Board, phase};
+
+/// Where a command goes.
+#[derive(clap::Args)]
+pub struct TargetArgs {
+    /// Which stack; needed when several fly
+    #[arg(long)]
+    namespace: Option<String>,
+}
+
+impl TargetArgs {
+    /// The stack that is meant: the one that is named, or the only one that flies.
+    pub fn find(&self) -> anyhow::Result<Domain> {
+        if let Some(namespace) = &self.namespace {
+            return Ok(Domain::find(namespace)?);
+        }
+        let mut flying = Domain::list();
+        let names: Vec<String> = flying.iter().map(describe).collect();
+        check_only(&names)?;
+        flying.pop().context("no stack is flying")
+    }
+}
+
+/// Refuses to choose between the stacks with these `names`.
+fn check_only(names: &[String]) -> anyhow::Result<()> {
+    ensure!(!names.is_empty(), "no stack is flying; `launcher fly` starts one");
+    if names.len() > 1 {
+        bail!("{} stacks fly, say which one with --namespace:\n  {}", names.len(), names.join("\n  "));
+    }
+    Ok(())
+}
+
+/// A flight as the answers to commands name it: its scenario, namespace and process, and for how long it has flown.
+pub fn describe(domain: &Domain) -> String {
+    let name = settings(domain).map_or("a flight".into(), |scenario| format!("'{}'", scenario.name));
+    let pid = domain.launcher_pid().map_or(String::new(), |pid| format!(", process {pid}"));
+    let stands = match (phase(domain), time_s(domain)) {
+        (Some("flying"), Some(time_s)) => format!(", flying for {time_s:.2} s"),
+        (Some(phase), _) => format!(", {phase}"),
+        (None, _) => String::new(),
+    };
+    format!("{name} in namespace '{}'{pid}{stands}", domain.namespace())
+}
+
+/// The settings of the flight; `None` when it is starting, or gone.
+pub fn settings(domain: &Domain) -> Option<Scenario> {
+    let text = file::read_text(&domain.file("scenario.toml"), LARGEST_TEXT).ok()?;
+    scenario::from_merged(&text, "settings").ok()
+}
+
+/// Whether it is starting, flying or ending.
+pub fn phase(domain: &Domain) -> Option<&'static str> {
+    let board = Board::open(&domain.file("board")).ok()?;
+    Some(match board.phase().count() {
+        phase::JOIN => "starting",
+        phase::GO => "flying",
+        _ => "ending",
+    })
+}
+
+/// How far it is \[s\].
+pub fn time_s(domain: &Domain) -> Option<f64> {
+    let board = Board::open(&domain.file("board")).ok()?;
+    Some(f64::from(board.watched().count()) / f64::from(settings(domain)?.run.rate_hz))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_command_that_names_no_stack_is_for_the_only_one() {
+        let names = |names: &[&str]| check_only(&names.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>());
+        assert!(names(&["'survey' in namespace 'a'"]).is_ok());
+        assert!(names(&[]).unwrap_err().to_string().contains("no stack is flying"));
+        let many = names(&["'survey' in namespace 'a'", "'hover' in namespace 'b'"]).unwrap_err().to_string();
+        for part in ["2 stacks fly", "--namespace", "\n  'survey' in namespace 'a'", "\n  'hover' in namespace 'b'"] {
+            assert!(many.contains(part), "{many}");
+        }
+    }
+}

@@ -1,0 +1,257 @@
+//! What came of each fault, of the scenario or given while flying: the `faults` section of run.json.
+//!
+//! ```text
+//! injected    the first tick it struck
+//! detected    the first tick from then on that shows the harm
+//! recovered   the first tick after the fault's end, and after the detection, from which no witness shows harm
+//! ```
+//!
+//! Only messages are looked at, and of each topic by itself: their order between topics does not matter.
+//!
+//! | target | struck are | witnesses | harm is |
+//! |---|---|---|---|
+//! | process | the ticks of its time | its own topic | a tick without a message |
+//! | STATE | its marked messages | REFERENCE, CONTROLS, ACTUATORS | an input that was old, missing or bad |
+//! | REFERENCE | its marked messages | CONTROLS, ACTUATORS | the same |
+//! | CONTROLS | its marked messages | ACTUATORS | the same |
+//! | ACTUATORS | its marked messages | STATE | still under the command of the sample before |
+//! | sensor | the ticks of its time | REFERENCE, CONTROLS, ACTUATORS | an input that was old, missing or bad |
+//! | actuator | the ticks of its time | ACTUATORS | the flight is terminated |
+//! | wind, payload | the ticks of its time | | |
+//! | mpc | the ticks of its time | CONTROLS | no optimum |
+//! | clock, host | the ticks of its time | | |
+//! | an intruder on a topic | the ticks of its time | those of the topic | the same |
+//!
+//! A process is back when somebody speaks in its place: its recovery is counted from the detection, all others from the
+//! end of the fault.
+
+mod signs;
+
+use contract::plan::HANG_TICKS;
+use contract::scenario::{Fault, FaultKind};
+use contract::topic::Topic;
+use serde_json::{Value, json};
+
+use flight::log::Record;
+pub use signs::reacts;
+
+/// All faults of a flight.
+pub struct Faults {
+    watched: Vec<Watched>,
+    rate_hz: u32,
+}
+
+/// Harm that shows later than this after the end of a fault has another cause \[s\].
+const GRACE_S: f64 = 0.5;
+
+/// One fault, and what was seen since.
+struct Watched {
+    rate_hz: u32,
+    fault: Fault,
+    /// The newest tick of any message.
+    newest: u64,
+    /// First and last marked message of the topic.
+    marked: Option<(u64, u64)>,
+    /// The command that the newest STATE was under.
+    obeyed: u64,
+    /// What each topic shows of it.
+    courses: [Course; Topic::COUNT],
+}
+
+/// How one topic went on, tick by tick.
+#[derive(Default)]
+struct Course {
+    /// Ticks on which it began to show harm, or ceased to.
+    changes: Vec<(u64, bool)>,
+    /// The newest tick.
+    last: Option<u64>,
+}
+
+impl Faults {
+    /// The faults of a scenario, none of which has struck yet.
+    pub fn new(faults: &[Fault], rate_hz: u32) -> Self {
+        let mut none = Self { watched: vec![], rate_hz };
+        none.follow(faults);
+        none
+    }
+
+    /// The faults as they are now: some may have another end than before, and more may have come.
+    pub fn follow(&mut self, faults: &[Fault]) {
+        for (watched, fault) in self.watched.iter_mut().zip(faults) {
+            watched.fault = *fault;
+        }
+        let come = faults.get(self.watched.len()..).unwrap_or_default();
+        let watch = |fault: &Fault| Watched {
+            rate_hz: self.rate_hz,
+            fault: *fault,
+            newest: 0,
+            marked: None,
+            obeyed: 0,
+            courses: Default::default(),
+        };
+        self.watched.extend(come.iter().map(watch));
+    }
+
+    /// Takes one message in.
+    pub fn observe(&mut self, record: &Record) {
+        self.watched.iter_mut().for_each(|watched| watched.observe(record));
+    }
+
+    /// The `faults` array of run.json.
+    pub fn to_json(&self) -> Value {
+        self.watched.iter().map(Watched::to_json).collect()
+    }
+
+    /// One line for people on each.
+    pub fn describe(&self) -> Vec<String> {
+        self.watched.iter().map(Watched::describe).collect()
+    }
+}
+
+impl Course {
+    /// The topic shows harm on `tick`, or none.
+    fn note(&mut self, tick: u64, harmed: bool) {
+        if self.changes.last().is_some_and(|change| change.1) != harmed {
+            self.changes.push((tick, harmed));
+        }
+        self.last = Some(tick);
+    }
+
+    /// The topic has spoken on `tick`: between that and the last time there was nobody.
+    fn speak(&mut self, tick: u64) {
+        let expected = self.last.map_or(tick, |last| last.saturating_add(1));
+        if tick > expected {
+            self.note(expected, true);
+        }
+        self.note(tick, false);
+    }
+
+    /// The first tick from `from` on that is `harmed`, or not.
+    fn first(&self, from: u64, harmed: bool) -> Option<u64> {
+        let so_far = self.changes.iter().take_while(|change| change.0 <= from).last().is_some_and(|change| change.1);
+        if so_far == harmed {
+            return self.last.filter(|last| *last >= from).map(|_| from);
+        }
+        self.changes.iter().find(|change| change.0 > from && change.1 == harmed).map(|change| change.0)
+    }
+}
+
+impl Watched {
+    fn observe(&mut self, record: &Record) {
+        let tick = record.stamp().tick;
+        let course = &mut self.courses[record.topic() as usize];
+        self.newest = self.newest.max(tick);
+        if self.fault.target.process() == Some(record.topic()) {
+            course.speak(tick);
+        } else if let Some(harmed) = signs::harm(self.fault.target, record, self.obeyed) {
+            course.note(tick, harmed);
+        }
+        if signs::struck(&self.fault, record) && self.ticks().contains(&tick) {
+            self.marked = Some((self.marked.map_or(tick, |(first, _)| first), tick));
+        }
+        if let Record::State(state) = record {
+            self.obeyed = state.applied_sequence;
+        }
+    }
+
+    fn ticks(&self) -> std::ops::Range<u64> {
+        self.fault.ticks(1.0 / f64::from(self.rate_hz))
+    }
+
+    fn injected(&self) -> Option<u64> {
+        if self.fault.target.topic().is_some() && !self.fault.kind.is_intrusion() {
+            return self.marked.map(|(first, _)| first);
+        }
+        let ticks = self.ticks();
+        (!ticks.is_empty() && ticks.start <= self.newest).then_some(ticks.start)
+    }
+
+    /// The first tick after the fault.
+    fn ended(&self) -> Option<u64> {
+        let ends = self.fault.for_s.is_some() || self.fault.kind == FaultKind::Burst;
+        match self.marked {
+            Some((_, last)) => ends.then(|| last.saturating_add(1)),
+            None => self.fault.for_s.map(|_| self.ticks().end),
+        }
+    }
+
+    fn detected(&self) -> Option<u64> {
+        let injected = self.injected()?;
+        if let Some(topic) = self.fault.target.process() {
+            let course = &self.courses[topic as usize];
+            let silent =
+                course.last.filter(|last| self.newest.saturating_sub(*last) >= HANG_TICKS).map(|last| last + 1);
+            return course.first(injected, true).or(silent);
+        }
+        let first = self.courses.iter().filter_map(|course| course.first(injected, true)).min();
+        let grace = (GRACE_S * f64::from(self.rate_hz)) as u64;
+        first.filter(|first| self.ended().is_none_or(|ended| *first < ended.saturating_add(grace)))
+    }
+
+    fn recovered(&self) -> Option<u64> {
+        let (injected, detected) = (self.injected()?, self.detected()?);
+        if let Some(topic) = self.fault.target.process() {
+            return self.courses[topic as usize].first(detected, false);
+        }
+        let from = self.ended()?.max(detected);
+        let mut harmed = self.courses.iter().filter(|course| course.first(injected, true).is_some());
+        harmed.try_fold(from, |latest, course| Some(latest.max(course.first(from, false)?)))
+    }
+
+    /// Ticks as time \[s\], to the nearest number, so that it prints as short as it is.
+    fn seconds(&self, ticks: u64) -> f64 {
+        ticks as f64 / f64::from(self.rate_hz)
+    }
+
+    fn detected_after_s(&self) -> Option<f64> {
+        Some(self.seconds(self.detected()?.saturating_sub(self.injected()?)))
+    }
+
+    fn recovered_after_s(&self) -> Option<f64> {
+        let since = if self.fault.target.process().is_some() { self.detected() } else { self.ended() };
+        Some(self.seconds(self.recovered()?.saturating_sub(since?)))
+    }
+
+    fn to_json(&self) -> Value {
+        json!({
+            "target": self.fault.target,
+            "kind": self.fault.kind,
+            "at_s": self.fault.at_s,
+            "for_s": self.fault.for_s,
+            "injected_at_s": self.injected().map(|tick| self.seconds(tick)),
+            "ended_at_s": self.ended().map(|tick| self.seconds(tick)),
+            "detected_after_s": self.detected_after_s(),
+            "recovered_after_s": self.recovered_after_s(),
+        })
+    }
+
+    fn describe(&self) -> String {
+        let Some(injected) = self.injected() else {
+            return format!("{} at {} s: never struck", what(&self.fault), self.fault.at_s);
+        };
+        let course = course(&self.fault, self.seconds(injected));
+        // Wind, or a fault that the flight tolerates: there is nothing to recover from.
+        let Some(detected_s) = self.detected_after_s() else { return format!("{course}: no message shows harm") };
+        let recovered =
+            self.recovered_after_s().map_or("not recovered".into(), |s| format!("recovered after {s:.2} s"));
+        format!("{course}: detected after {detected_s:.2} s, {recovered}")
+    }
+}
+
+/// A fault for people: what, from when \[s\], how long.
+pub fn course(fault: &Fault, from_s: f64) -> String {
+    let what = what(fault);
+    match fault.for_s {
+        Some(for_s) => format!("{what} from {from_s:.2} s for {for_s} s"),
+        None if fault.is_momentary() => format!("{what} at {from_s:.2} s"),
+        None => format!("{what} from {from_s:.2} s to the end"),
+    }
+}
+
+/// Target and kind as the scenario file spells them.
+fn what(fault: &Fault) -> String {
+    format!("{} {}", fault.target.name(), json!(fault.kind).as_str().unwrap_or_default())
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,227 @@
+//! What is known to have happened in a flight: its faults, its events, and when a node was without a process. Read from
+//! `faults` and `events` of run.json, whoever wrote it; what cannot be read is left out.
+
+use contract::Topic;
+use contract::scenario::{FaultKind, FaultTarget};
+use contract::topic::NODES;
+use serde::Deserialize;
+use serde_json::Value;
+
+use flight::event::What;
+
+/// All of a flight. Times are simulated \[s\].
+#[derive(Debug, Clone, Default)]
+pub struct Happenings {
+    /// Faults that struck, in the order of the scenario.
+    pub faults: Vec<Span>,
+    /// In the order of their times.
+    pub events: Vec<Mark>,
+    /// From the death of a process in office until the next one took over.
+    pub absences: Vec<Span>,
+}
+
+/// Something that lasts.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Span {
+    /// A fault's place in the scenario, from 1 on; 0 for anything else.
+    pub number: usize,
+    /// What, for people.
+    pub what: String,
+    /// Its first instant.
+    pub from_s: f64,
+    /// Its end; none when the flight ended first.
+    pub to_s: Option<f64>,
+    /// Whose cycles it can delay, by topic.
+    delays: [bool; Topic::COUNT],
+}
+
+/// Something that happened at one instant.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mark {
+    /// When.
+    pub at_s: f64,
+    /// To whom.
+    pub node: String,
+    /// What, for people.
+    pub what: String,
+    /// The reason, where one was told.
+    pub why: Option<String>,
+}
+
+impl Happenings {
+    /// Of the `faults` and `events` arrays of run.json.
+    pub fn new(faults: &Value, events: &Value) -> Self {
+        let list = |value: &Value| value.as_array().cloned().unwrap_or_default();
+        let mut marks: Vec<Mark> = list(events).iter().filter_map(Mark::read).collect();
+        marks.sort_by(|a, b| a.at_s.total_cmp(&b.at_s));
+        Self {
+            faults: list(faults).iter().zip(1..).filter_map(|(fault, number)| Span::of_fault(fault, number)).collect(),
+            events: marks,
+            absences: Topic::ALL.into_iter().flat_map(|topic| absences(topic, events)).collect(),
+        }
+    }
+
+    /// What can have delayed `topic` between two instants: faults, then absences, then events of that time.
+    pub fn causes(&self, topic: Topic, from_s: f64, to_s: f64) -> Causes {
+        let spans = |all: &[Span]| {
+            let during = |span: &&Span| span.delays[topic as usize] && span.covers(from_s, to_s);
+            all.iter().filter(during).map(Span::describe).collect()
+        };
+        let of_a_node = |mark: &&Mark| mark.concerns_a_node();
+        let then = self.events.iter().filter(|mark| mark.at_s >= from_s && mark.at_s <= to_s).filter(of_a_node);
+        Causes {
+            faults: spans(&self.faults),
+            absences: spans(&self.absences),
+            events: then.map(Mark::describe).collect(),
+        }
+    }
+}
+
+/// What can have delayed a cycle, for people.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Causes {
+    /// Faults that acted.
+    pub faults: Vec<String>,
+    /// Nodes without a process.
+    pub absences: Vec<String>,
+    /// What happened to processes.
+    pub events: Vec<String>,
+}
+
+impl Span {
+    /// For people.
+    pub fn describe(&self) -> String {
+        match self.to_s {
+            Some(to_s) => format!("{}, {:.2} to {to_s:.2} s", self.what, self.from_s),
+            None => format!("{}, from {:.2} s", self.what, self.from_s),
+        }
+    }
+
+    fn covers(&self, from_s: f64, to_s: f64) -> bool {
+        self.from_s <= to_s && self.to_s.is_none_or(|end_s| end_s > from_s)
+    }
+
+    fn of_fault(fault: &Value, number: usize) -> Option<Self> {
+        let from_s = fault["injected_at_s"].as_f64()?;
+        let what = format!("{} {}", fault["target"].as_str()?, fault["kind"].as_str()?);
+        let target = FaultTarget::deserialize(&fault["target"]).ok();
+        let kind = FaultKind::deserialize(&fault["kind"]).ok();
+        Some(Self { number, what, from_s, to_s: fault["ended_at_s"].as_f64(), delays: delays(target, kind) })
+    }
+}
+
+impl Mark {
+    /// For people.
+    pub fn describe(&self) -> String {
+        let why = self.why.as_ref().map_or(String::new(), |why| format!(" ({why})"));
+        format!("{} {} at {:.2} s{why}", self.node, self.what, self.at_s)
+    }
+
+    /// Whether a process of a node came, went, or took over: what can delay a cycle.
+    fn concerns_a_node(&self) -> bool {
+        const ORDERED: [&str; 2] = ["injected", "cleared"];
+        NODES.contains(&self.node.as_str()) && !ORDERED.contains(&self.what.as_str())
+    }
+
+    fn read(event: &Value) -> Option<Self> {
+        let text = |key: &str| event[key].as_str().map(str::to_owned);
+        let what = text("what")?.replace('-', " ");
+        Some(Self { at_s: event["at_s"].as_f64()?, node: text("node")?, what, why: text("why") })
+    }
+}
+
+/// Whose cycles a fault can delay: a process fault those of its node, a hog everybody's; a fault of a topic those of the
+/// nodes that wait for it; the solver those of its node; clock and host everybody's. What acts on the vehicle, none.
+fn delays(target: Option<FaultTarget>, kind: Option<FaultKind>) -> [bool; Topic::COUNT] {
+    use FaultTarget as T;
+    let only = |of: &dyn Fn(Topic) -> bool| Topic::ALL.map(of);
+    let Some(target) = target else { return [false; Topic::COUNT] };
+    if let Some(process) = target.process() {
+        return only(&|topic| topic == process || kind == Some(FaultKind::Hog));
+    }
+    match target {
+        T::State => only(&|topic| topic != Topic::State),
+        T::Reference | T::Controls | T::Actuators => {
+            let sent = target.topic().map_or(0, |topic| topic as usize);
+            only(&|topic| topic as usize == (sent + 1) % Topic::COUNT)
+        }
+        T::Mpc => only(&|topic| topic == Topic::Controls),
+        T::Clock | T::Host => [true; Topic::COUNT],
+        _ => [false; Topic::COUNT],
+    }
+}
+
+/// When the node of `topic` was without a process in office.
+fn absences(topic: Topic, events: &Value) -> Vec<Span> {
+    let node = topic.publisher();
+    let of_node = events.as_array().into_iter().flatten().filter(|event| event["node"] == node);
+    let mut spans: Vec<Span> = vec![];
+    let mut holders = vec![1];
+    for event in of_node {
+        let (Some(at_s), Some(epoch)) = (event["at_s"].as_f64(), event["epoch"].as_u64()) else { continue };
+        let open = spans.last_mut().filter(|span| span.to_s.is_none());
+        match What::deserialize(&event["what"]) {
+            Ok(What::TookOver) => {
+                holders.push(epoch);
+                if let Some(span) = open {
+                    span.to_s = Some(at_s);
+                }
+            }
+            Ok(What::Returned) => {
+                holders.pop();
+            }
+            Ok(What::Died | What::Hung | What::Killed) if open.is_none() && holders.last() == Some(&epoch) => {
+                let what = format!("{node} was down");
+                spans.push(Span { number: 0, what, from_s: at_s, to_s: None, delays: [true; Topic::COUNT] });
+            }
+            _ => {}
+        }
+    }
+    spans
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn flown() -> Happenings {
+        let faults = json!([
+            { "target": "wind", "kind": "gust", "injected_at_s": 1.0, "ended_at_s": 9.0 },
+            { "target": "controls", "kind": "drop", "injected_at_s": 1.5, "ended_at_s": 2.5 },
+            { "target": "mixer", "kind": "kill", "injected_at_s": 2.0, "ended_at_s": null },
+            { "target": "tilt", "kind": "off", "injected_at_s": null },
+            { "target": 3 },
+        ]);
+        let events = json!([
+            { "at_s": 2.0, "node": "mixer", "epoch": 1, "what": "died" },
+            { "at_s": 2.0, "node": "mixer", "epoch": 2, "what": "started" },
+            { "at_s": 2.03, "node": "mixer", "epoch": 2, "what": "took-over", "why": "it was next" },
+            { "at_s": 4.0, "node": "mixer", "epoch": 3, "what": "died" },
+            { "at_s": 5.0, "node": "guidance", "epoch": 1, "what": "hung" },
+            "nonsense", { "what": "died" },
+        ]);
+        Happenings::new(&faults, &events)
+    }
+
+    #[test]
+    fn faults_come_first_then_absences_then_events() {
+        let causes = flown().causes(Topic::Actuators, 1.99, 2.04);
+        assert_eq!(causes.faults, ["controls drop, 1.50 to 2.50 s", "mixer kill, from 2.00 s"]);
+        assert_eq!(causes.absences, ["mixer was down, 2.00 to 2.03 s"]);
+        assert_eq!(causes.events[0], "mixer died at 2.00 s");
+        assert_eq!(causes.events[2], "mixer took over at 2.03 s (it was next)");
+    }
+
+    #[test]
+    fn what_acts_on_the_vehicle_or_on_another_node_delays_nobody() {
+        assert_eq!(flown().causes(Topic::Reference, 1.6, 1.9), Causes::default());
+    }
+
+    #[test]
+    fn a_candidate_that_dies_leaves_nobody_without_a_process() {
+        let absences = flown().absences;
+        let told: Vec<_> = absences.iter().map(Span::describe).collect();
+        assert_eq!(told, ["guidance was down, from 5.00 s", "mixer was down, 2.00 to 2.03 s"]);
+    }
+}

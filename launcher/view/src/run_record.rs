@@ -1,0 +1,302 @@
+//! `run.json`: the summary of a run, for programs.
+
+use contract::Scenario;
+use contract::scenario::{Mode, TrajectoryKind};
+use contract::topic::NODES;
+use runtime::port::PortFailure;
+use runtime::process::exit;
+use serde_json::{Value, json};
+
+use crate::bounds::verdicts;
+use crate::happenings::Happenings;
+use crate::summary::Summary;
+use flight::event::{Event, What, events, name, untried};
+use flight::recorder::LogOutcome;
+use flight::stack::{Ended, PortFailures, Refused, refused};
+
+/// What is known of a run besides its messages.
+pub struct Circumstances {
+    /// How it ended.
+    pub ended: Ended,
+    /// Wall time of the flight \[s\], without start and report.
+    pub wall_s: f64,
+    /// The recorder's last word, if there was one.
+    pub log: Option<LogOutcome>,
+    /// Versions, host, settings.
+    pub provenance: Value,
+    /// What happened.
+    pub events: Vec<Event>,
+    /// Messages refused, by listener and cause.
+    pub refused: Refused,
+    /// How often ports have failed, by node.
+    pub port_failures: PortFailures,
+}
+
+/// Exit code of a run: the gravest of what happened.
+pub fn exit_code(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> u8 {
+    let log_lost = how.log.as_ref().is_some_and(|log| log.error.is_some());
+    match how.ended {
+        Ended::Interrupted => exit::INTERRUPTED,
+        Ended::Lost(_) | Ended::Unseen(_) => exit::PROCESS_LOST,
+        Ended::Late(_) => exit::BUDGET_BROKEN,
+        Ended::Flown if log_lost => exit::PROCESS_LOST,
+        Ended::Flown if summary.status().diverged() || untried(&how.events).is_some() => exit::OUT_OF_BOUNDS,
+        Ended::Flown if verdicts(scenario, &summary.metrics()).iter().any(|v| !v.ok) => exit::OUT_OF_BOUNDS,
+        Ended::Flown => exit::FLOWN,
+    }
+}
+
+/// One line on how the run ended.
+pub fn describe_end(summary: &Summary, how: &Circumstances) -> String {
+    let t = summary.time_s();
+    match &how.ended {
+        Ended::Interrupted => format!("interrupted at {t:.2} s"),
+        Ended::Lost(name) => format!("lost {name} at {t:.2} s"),
+        Ended::Late(name) => format!("stopped at {t:.2} s: {name} missed its deadline"),
+        Ended::Unseen(what) => format!("flown, but not seen whole: {what}"),
+        Ended::Flown if summary.status().diverged() => format!("diverged at {t:.2} s: {}", summary.status().describe()),
+        Ended::Flown => match untried(&how.events) {
+            None => format!("flown to the end, {t:.2} s"),
+            Some(Event { node, why, .. }) => {
+                let why = why.as_deref().unwrap_or("it could not be started");
+                format!("flown to the end, {t:.2} s, without the swap of {node}: {why}")
+            }
+        },
+    }
+}
+
+/// What a reader must know beside how the run ended, the gravest first; nothing when all went well.
+pub fn reservations(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> Vec<String> {
+    let outside: Vec<_> = verdicts(scenario, &summary.metrics()).into_iter().filter(|verdict| !verdict.ok).collect();
+    let exceeded = outside.iter().any(|verdict| verdict.metric == "max_fallback_s");
+    let mut told: Vec<String> = outside
+        .iter()
+        .map(|verdict| {
+            let (what, unit) = verdict.words();
+            format!("{what} {:.3} {unit} (bound {} {unit})", verdict.measured, verdict.limit)
+        })
+        .collect();
+    let fallback_s = summary.metrics().fallback_s;
+    if fallback_s > 0.0 && !exceeded {
+        told.push(format!("mixer on its fallback for {fallback_s:.2} s"));
+    }
+    let failed = |event: &&Event| matches!(event.what, What::Died | What::Hung | What::Killed | What::GivenUp);
+    let mut nodes: Vec<&str> = how.events.iter().filter(failed).map(|event| event.node.as_str()).collect();
+    nodes.sort_unstable();
+    nodes.dedup();
+    if !nodes.is_empty() {
+        told.push(format!("{} failed in flight", nodes.join(" and ")));
+    }
+    if let Some(log) = &how.log {
+        told.extend((log.dropped > 0).then(|| format!("{} records are missing in the log", log.dropped)));
+        told.extend(log.error.is_some().then(|| "the log is not whole".to_owned()));
+    }
+    let failing = how.port_failures.iter().filter(|(_, counts)| counts.iter().any(|count| *count > 0));
+    told.extend(failing.map(|(node, counts)| format!("ports of {node} failed {} times", counts.iter().sum::<u32>())));
+    told.extend((summary.missed() > 0).then(|| format!("{} messages were not seen", summary.missed())));
+    told
+}
+
+/// The whole of run.json.
+pub fn run_json(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> Value {
+    let metrics = summary.metrics();
+    let flown_s = summary.time_s();
+    let (faults, events) = (summary.faults.to_json(), events(scenario, &how.events));
+    let happened = Happenings::new(&faults, &events);
+    json!({
+        "name": scenario.name,
+        "mode": scenario.run.mode,
+        "profile": scenario.profile,
+        "duration_s": scenario.run.duration_s,
+        "flown_s": flown_s,
+        "diverged": summary.status().diverged(),
+        "ended": describe_end(summary, how),
+        "but": reservations(summary, scenario, how),
+        "exit_code": exit_code(summary, scenario, how),
+        "metrics": metrics,
+        "solver": summary.solves.to_json(),
+        "state_hash": summary.state_hash(),
+        "bounds": verdicts(scenario, &metrics),
+        "speed": { "wall_s": how.wall_s, "times_realtime": flown_s / how.wall_s },
+        "timing": summary.timing.as_ref().map(|timing| timing.to_json(&happened)),
+        "log": how.log,
+        "unobserved": summary.missed(),
+        "faults": faults,
+        "events": events,
+        "refused": how.refused.iter().map(|(node, counts)| ((*node).to_owned(), refused(counts))).collect::<Value>(),
+        "port_failures": port_failures(&how.port_failures),
+        "provenance": how.provenance,
+    })
+}
+
+/// Failures of the ports of each node, by cause.
+fn port_failures(failures: &PortFailures) -> Value {
+    let by_cause = |counts: &[u32]| -> Value {
+        PortFailure::ALL.iter().zip(counts).map(|(failure, count)| (failure.name().to_owned(), json!(count))).collect()
+    };
+    failures.iter().map(|(node, counts)| ((*node).to_owned(), by_cause(counts))).collect()
+}
+
+/// What class and memory the processes got from the kernel; nothing where they asked for nothing.
+fn granted(scenario: &Scenario, provenance: &Value) -> Option<String> {
+    let nodes: Vec<&Value> = NODES.iter().filter_map(|node| provenance["scheduling"].get(node)).collect();
+    if scenario.run.mode != Mode::Realtime || nodes.is_empty() {
+        return None;
+    }
+    let fifo = nodes.iter().filter(|node| node["policy"] == "fifo").count();
+    let locked = nodes.iter().filter(|node| node["locked_kb"].as_u64() > Some(0)).count();
+    let class = match fifo {
+        0 => "SCHED_OTHER, for want of privilege or by the scenario".to_owned(),
+        4 => "SCHED_FIFO".to_owned(),
+        some => format!("SCHED_FIFO for {some} of 4 nodes"),
+    };
+    let memory = if locked == nodes.len() { "locked" } else { "not locked (needs `ulimit -l unlimited`)" };
+    Some(format!("{class}; memory {memory}"))
+}
+
+/// For people: what the flight amounted to.
+pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> String {
+    use std::fmt::Write;
+    let m = summary.metrics();
+    let but = reservations(summary, scenario, how);
+    let but = match (&how.ended, but.as_slice()) {
+        (Ended::Flown, []) => ", inside its bounds".to_owned(),
+        (_, []) => String::new(),
+        (Ended::Flown, but) if !summary.status().diverged() => format!(", but {}", but.join("; ")),
+        (_, told) => format!("; {}", told.join("; ")),
+    };
+    let mut text = format!("{}: {}{but}\n", scenario.name, describe_end(summary, how));
+    let mut line = |label: &str, value: String| {
+        let _ = writeln!(text, "  {label:<22}{value}"); // a String takes everything
+    };
+    line(
+        "position error",
+        format!(
+            "{:.4} m max, {:.4} m RMS, {:.4} m at the end",
+            m.max_position_error_m, m.rms_position_error_m, m.final_position_error_m
+        ),
+    );
+    line(
+        "altitude error",
+        match scenario.mission.trajectory {
+            TrajectoryKind::Survey => format!(
+                "{} in 10-50 s, {} otherwise",
+                metres(m.max_altitude_error_horizontal_m),
+                metres(m.max_altitude_error_vertical_m)
+            ),
+            _ => format!("{} max", metres(m.max_altitude_error_horizontal_m.max(m.max_altitude_error_vertical_m))),
+        },
+    );
+    line(
+        "actuators",
+        format!(
+            "rotors {:.0} to {:.0}, tilt {:.1} deg max, {} commands saturated",
+            m.rotor_speed_min, m.rotor_speed_max, m.tilt_max_deg, m.commands_saturated
+        ),
+    );
+    line("solver", summary.solves.describe());
+    for fault in summary.faults.describe() {
+        line("fault", fault);
+    }
+    for events in describe_events(&how.events, scenario.sample_s()) {
+        line("events", events);
+    }
+    for v in verdicts(scenario, &m) {
+        let ok = if v.ok { "inside" } else { "OUTSIDE" };
+        line(ok, format!("{} {:.4} against {}", v.metric, v.measured, v.limit));
+    }
+    if let Some(log) = &how.log {
+        let dropped = if log.dropped == 0 { String::new() } else { format!(", {} dropped", log.dropped) };
+        line(
+            "log",
+            format!(
+                "{} records{dropped}{}",
+                log.records,
+                if log.error.is_some() { "; it ends early" } else { "" } // why is told on stderr
+            ),
+        );
+    }
+    if let Some(granted) = granted(scenario, &how.provenance) {
+        line("real time", granted);
+    }
+    // Against the clock no flight repeats another, and its hash says nothing.
+    if scenario.run.mode != Mode::Realtime {
+        line("state hash", summary.state_hash().unwrap_or_else(|| "none: the watcher missed messages".into()));
+    }
+    line(
+        "speed",
+        format!(
+            "{:.2} s flown in {:.2} s: {:.0} x real time",
+            summary.time_s(),
+            how.wall_s,
+            summary.time_s() / how.wall_s
+        ),
+    );
+    // Only against the clock is a node punctual or late.
+    if let Some(timing) = &summary.timing
+        && scenario.run.mode == Mode::Realtime
+    {
+        let happened = Happenings::new(&summary.faults.to_json(), &events(scenario, &how.events));
+        text.push_str(&timing.describe(&happened));
+    }
+    text
+}
+
+/// One line on every process to which something happened: what, how often, when, and the last reason told.
+fn describe_events(events: &[Event], sample_s: f64) -> Vec<String> {
+    let mut groups: Vec<Vec<&Event>> = vec![];
+    for event in events {
+        match groups.iter_mut().find(|group| group[0].node == event.node) {
+            Some(group) => group.push(event),
+            None => groups.push(vec![event]),
+        }
+    }
+    let describe = |group: &Vec<&Event>| {
+        let mut counts: Vec<(What, u32)> = vec![];
+        for event in group {
+            match counts.iter_mut().find(|(what, _)| *what == event.what) {
+                Some((_, count)) => *count += 1,
+                None => counts.push((event.what, 1)),
+            }
+        }
+        let words = counts.iter().map(|(what, count)| {
+            let word = name(what).replace('-', " ");
+            if *count == 1 { word } else { format!("{word} {count} times") }
+        });
+        let at_s = |event: &Event| event.tick as f64 * sample_s;
+        let why =
+            group.iter().rev().find_map(|event| event.why.as_ref()).map_or(String::new(), |why| format!(": {why}"));
+        let (first_s, last_s) = (at_s(group[0]), at_s(group[group.len() - 1]));
+        format!("{} {} from {first_s:.2} to {last_s:.2} s{why}", group[0].node, words.collect::<Vec<_>>().join(", "))
+    };
+    groups.iter().map(describe).collect()
+}
+
+fn metres(value: f64) -> String {
+    if value.is_nan() { "not reached".into() } else { format!("{value:.4} m") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn events_are_told_process_by_process() {
+        let events = [
+            Event::new(200, "mixer", 1, What::Died),
+            Event::new(200, "mixer", 2, What::Started),
+            Event::new(201, "guidance", 1, What::Hung),
+            Event::new(204, "mixer", 2, What::TookOver),
+            Event::new(300, "mixer", 2, What::Died).because("signal 9"),
+        ];
+        let told = describe_events(&events, 0.01);
+        assert_eq!(
+            told,
+            [
+                "mixer died 2 times, started, took over from 2.00 to 3.00 s: signal 9",
+                "guidance hung from 2.01 to 2.01 s"
+            ]
+        );
+        assert!(describe_events(&[], 0.01).is_empty());
+    }
+}

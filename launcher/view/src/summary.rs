@@ -1,0 +1,194 @@
+//! What a flight amounts to: the metrics of run.json and the hash over all states.
+//!
+//! Position error is the true position against the mission's trajectory at the same sample: what was asked for, not
+//! what guidance said it was asked for.
+
+use contract::Scenario;
+use contract::message::{PlantStatus, State, mixer_flags};
+use contract::scenario::Mode;
+use guidance::Trajectory;
+use serde::Serialize;
+use sha2::{Digest, Sha256};
+
+use crate::faults::Faults;
+use crate::solves::Solves;
+use crate::timing::Timing;
+use flight::log::{Count, Record};
+
+/// The metrics of run.json. One without a sample is NaN, which JSON has as null.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct Metrics {
+    /// Largest Euclidean position error \[m\].
+    pub max_position_error_m: f64,
+    /// Root of its mean square \[m\].
+    pub rms_position_error_m: f64,
+    /// Largest altitude error for t in \[10, 50\] s \[m\].
+    pub max_altitude_error_horizontal_m: f64,
+    /// Largest altitude error otherwise \[m\].
+    pub max_altitude_error_vertical_m: f64,
+    /// Position error at the last sample \[m\].
+    pub final_position_error_m: f64,
+    /// Integral of the position error \[m s\].
+    pub position_error_integral_ms: f64,
+    /// Largest body rate about any axis \[rad/s\].
+    pub max_rate_radps: f64,
+    /// Lowest true rotor speed \[rotor speed unit\].
+    pub rotor_speed_min: f64,
+    /// Highest true rotor speed \[rotor speed unit\].
+    pub rotor_speed_max: f64,
+    /// Largest true tilt either way \[deg\].
+    pub tilt_max_deg: f64,
+    /// Commands that a limit cut.
+    pub commands_saturated: u64,
+    /// Commands for which (42) or (43) asked for the root of a negative number.
+    pub negative_squares: u64,
+    /// Time the mixer flew without a demand \[s\].
+    pub fallback_s: f64,
+}
+
+/// Gathers a flight, message by message; the order between topics does not matter.
+pub struct Summary {
+    trajectory: Trajectory,
+    /// Sample time \[s\].
+    sample_s: f64,
+    metrics: Metrics,
+    square_sum_m2: f64,
+    samples: u64,
+    /// Ticks on which the mixer flew without a demand.
+    fallback_ticks: u64,
+    hash: Sha256,
+    count: Count,
+    missed: u64,
+    last: State,
+    /// What the solver did.
+    pub solves: Solves,
+    /// What came of the scenario's faults.
+    pub faults: Faults,
+    /// Punctuality; in process there is none.
+    pub timing: Option<Timing>,
+}
+
+impl Summary {
+    /// An empty flight of `scenario`.
+    pub fn new(scenario: &Scenario) -> Self {
+        Self {
+            trajectory: Trajectory::new(&scenario.mission),
+            sample_s: scenario.sample_s(),
+            metrics: Metrics {
+                max_position_error_m: 0.0,
+                rms_position_error_m: 0.0,
+                max_altitude_error_horizontal_m: f64::NAN,
+                max_altitude_error_vertical_m: f64::NAN,
+                final_position_error_m: 0.0,
+                position_error_integral_ms: 0.0,
+                max_rate_radps: 0.0,
+                rotor_speed_min: f64::INFINITY,
+                rotor_speed_max: 0.0,
+                tilt_max_deg: 0.0,
+                commands_saturated: 0,
+                negative_squares: 0,
+                fallback_s: 0.0,
+            },
+            square_sum_m2: 0.0,
+            samples: 0,
+            fallback_ticks: 0,
+            hash: Sha256::new(),
+            count: Count::default(),
+            missed: 0,
+            last: State::default(),
+            solves: Solves::new(),
+            faults: Faults::new(&scenario.fault, scenario.run.rate_hz),
+            timing: (scenario.run.mode != Mode::Inprocess).then(|| Timing::new(scenario)),
+        }
+    }
+
+    /// Takes one message in.
+    pub fn observe(&mut self, record: &Record) {
+        let Some(before) = self.count.before(record) else { return };
+        self.missed = self.missed.saturating_add(record.stamp().sequence - before.sequence - 1);
+        self.faults.observe(record);
+        match record {
+            Record::State(state) => self.state(state),
+            Record::Controls(controls) => self.solves.observe(controls),
+            Record::Actuators(actuators) => {
+                self.metrics.commands_saturated += u64::from(mixer_flags::saturated(actuators.flags));
+                self.fallback_ticks += u64::from(mixer_flags::fallback(actuators.flags));
+                self.metrics.negative_squares += u64::from(actuators.flags & mixer_flags::NEGATIVE_SQUARE != 0);
+            }
+            Record::Reference(_) => {}
+        }
+        if let Some(timing) = &mut self.timing {
+            timing.observe(record, &before, self.metrics.final_position_error_m);
+        }
+    }
+
+    fn state(&mut self, state: &State) {
+        state.payload(|bytes| self.hash.update(bytes));
+        let t = state.stamp.tick as f64 * self.sample_s;
+        let wanted = self.trajectory.at(t).position_m;
+        let error = position_error_m(wanted, state);
+        let distance = error.iter().map(|e| e * e).sum::<f64>().sqrt();
+        let m = &mut self.metrics;
+        m.max_position_error_m = m.max_position_error_m.max(distance);
+        m.final_position_error_m = distance;
+        m.position_error_integral_ms += distance * self.sample_s;
+        let leg = if (10.0..=50.0).contains(&t) {
+            &mut m.max_altitude_error_horizontal_m
+        } else {
+            &mut m.max_altitude_error_vertical_m
+        };
+        *leg = leg.max(error[2].abs()); // NaN, the start, gives way to any number
+        m.max_rate_radps = state.actual.rates_radps.iter().fold(m.max_rate_radps, |max, rate| max.max(rate.abs()));
+        for omega in state.actuators.rotor_speed {
+            m.rotor_speed_min = m.rotor_speed_min.min(omega);
+            m.rotor_speed_max = m.rotor_speed_max.max(omega);
+        }
+        m.tilt_max_deg = m.tilt_max_deg.max(state.actuators.tilt_rad.abs().to_degrees());
+        self.square_sum_m2 += distance * distance;
+        self.samples += 1;
+        self.last = *state;
+    }
+
+    /// The metrics so far.
+    pub fn metrics(&self) -> Metrics {
+        let rms_position_error_m = (self.square_sum_m2 / self.samples.max(1) as f64).sqrt();
+        let fallback_s = self.fallback_ticks as f64 * self.sample_s;
+        Metrics { rms_position_error_m, fallback_s, ..self.metrics }
+    }
+
+    /// SHA-256 over every state's payload bits in order; `None` when a message was missed or none came.
+    pub fn state_hash(&self) -> Option<String> {
+        use std::fmt::Write;
+        (self.missed == 0 && self.samples > 0).then(|| {
+            self.hash.clone().finalize().iter().fold(String::new(), |mut text, byte| {
+                let _ = write!(text, "{byte:02x}"); // a String takes everything
+                text
+            })
+        })
+    }
+
+    /// The newest state seen; sequence 0 before the first.
+    pub fn last(&self) -> &State {
+        &self.last
+    }
+
+    /// Simulated time of the newest state \[s\].
+    pub fn time_s(&self) -> f64 {
+        self.last.stamp.tick as f64 * self.sample_s
+    }
+
+    /// How the plant says the flight stands.
+    pub fn status(&self) -> PlantStatus {
+        PlantStatus::from_wire(self.last.status).unwrap_or(PlantStatus::NonFinite)
+    }
+
+    /// Messages the observer missed, by gaps in the sequence numbers.
+    pub fn missed(&self) -> u64 {
+        self.missed
+    }
+}
+
+/// Position error of a sample: where the mission wants the vehicle minus where it truly is, NED \[m\].
+pub fn position_error_m(wanted_m: [f64; 3], state: &State) -> [f64; 3] {
+    std::array::from_fn(|axis| wanted_m[axis] - state.actual.position_m[axis])
+}

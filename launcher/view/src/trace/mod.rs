@@ -1,0 +1,133 @@
+//! `trace`: some ticks of a recorded flight as a trace that the viewer Perfetto opens (<https://ui.perfetto.dev>).
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`acted`] | when each command took effect |
+//! | [`window`] | which ticks |
+//! | [`events`] | lanes, slices, arrows, marks and counters |
+//! | [`happened`] | faults and events of the flight, in lanes of their own |
+//!
+//! Only a flight through processes has times. In lockstep they are those of a ring turned as fast as it goes: the trace
+//! shows who waited for whom, not how punctual anybody was.
+
+pub mod acted;
+pub mod events;
+pub mod happened;
+pub mod window;
+
+use std::path::PathBuf;
+
+use anyhow::{Context, bail, ensure};
+use contract::Scenario;
+use contract::scenario::Mode;
+use serde_json::{Value, json};
+
+use self::events::Trace;
+use self::window::Window;
+use crate::happenings::Happenings;
+use crate::report::{Flight, Recorded};
+use flight::duration::seconds;
+use flight::files::write_whole;
+use flight::log::Log;
+use runtime::console::{eprint_line, print};
+
+/// Arguments of `trace`.
+#[derive(clap::Args)]
+pub struct TraceArgs {
+    /// Folder of the run, or its flight.mcap
+    pub run: PathBuf,
+    /// Where the window begins in simulated time: 500ms, 2s, 1min, plain seconds
+    #[arg(long = "from", alias = "from-s", value_name = "TIME", value_parser = seconds)]
+    pub from_s: Option<f64>,
+    /// How long it is
+    #[arg(long = "for", alias = "for-s", value_name = "TIME", default_value = "1s", value_parser = seconds)]
+    pub for_s: f64,
+    /// Around the worst tick of the flight, as without --from; in lockstep no tick is late: the beginning
+    #[arg(long, conflicts_with = "from_s")]
+    pub worst: bool,
+    /// File to write [default: trace.json beside the log]
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+}
+
+const LOCKSTEP: &str = "a lockstep flight: the times show who waited for whom, not how punctual anybody was";
+
+/// Exports as the arguments say.
+pub fn trace(args: &TraceArgs) -> anyhow::Result<()> {
+    let path = if args.run.is_dir() { args.run.join("flight.mcap") } else { args.run.clone() };
+    ensure!(
+        path.exists(),
+        "there is no {}; give the folder of a run that was flown without --no-log, or its flight.mcap",
+        path.display()
+    );
+    let recorded = Recorded::read(&path)?;
+    if let Some(missing) = recorded.missing() {
+        eprint_line(&format!("note: {missing}"));
+    }
+    let scenario = &recorded.scenario;
+    if scenario.run.mode == Mode::Inprocess {
+        bail!(
+            "{} is of a flight in process, where there is no clock and so nothing to trace; \
+             fly it with --mode realtime",
+            path.display()
+        );
+    }
+    let (window, document) = document(&recorded.log, scenario, &recorded.run, args.from_s, args.for_s)?;
+    if scenario.run.mode == Mode::Lockstep {
+        eprint_line(&format!("note: {LOCKSTEP}"));
+    }
+    let out = args.out.clone().unwrap_or_else(|| path.with_file_name("trace.json"));
+    write_whole(&out, document.to_string().as_bytes()).context("choose another file with --out")?;
+    print(&format!("{}\nwritten to {} (open it in ui.perfetto.dev)\n", window.describe(), out.display()));
+    Ok(())
+}
+
+/// The trace of a flight through processes, in the window that begins at `from_s` or lies around the worst tick; `run` is
+/// the summary of the flight, which knows that tick and what happened.
+///
+/// Time zero is the first sample, so that in real time the viewer's axis is simulated time.
+pub fn document(
+    log: &Log,
+    scenario: &Scenario,
+    run: &Value,
+    from_s: Option<f64>,
+    for_s: f64,
+) -> anyhow::Result<(Window, Value)> {
+    let flight =
+        Flight { states: &log.states, references: &log.references, controls: &log.controls, actuators: &log.actuators };
+    let sample_s = scenario.sample_s();
+    let rows = flight.rows(scenario);
+    let acted = acted::acted(log, scenario.run.mode);
+    let window = match from_s {
+        Some(from_s) => Window::new(from_s, for_s, sample_s),
+        None => Window::around_worst(run, for_s, sample_s),
+    };
+    let traced = rows.get(window.ticks(rows.len())).unwrap_or_default();
+    ensure!(
+        traced.iter().any(|row| row.state.is_some()),
+        "no tick in {}: the log covers {:.2} s; choose another window with --from and --for",
+        window.describe(),
+        log.states.last().map_or(0.0, |state| state.stamp.tick as f64 * sample_s)
+    );
+    let first = &log.states[0].stamp;
+    let origin_ns = match scenario.run.mode {
+        Mode::Realtime => first.sample_ns.saturating_sub(first.tick.saturating_mul(scenario.sample_ns())),
+        Mode::Lockstep | Mode::Inprocess => first.sample_ns,
+    };
+    let mut trace = Trace::new(origin_ns, &window);
+    trace.nodes(log);
+    trace.commands(&acted);
+    trace.flows(traced, &acted);
+    trace.counters(traced, &acted);
+    trace.happened(&Happenings::new(&run["faults"], &run["events"]), traced, sample_s);
+    let about = json!({
+        "flight": scenario.name,
+        "mode": scenario.run.mode,
+        "window": window.describe(),
+        "note": if scenario.run.mode == Mode::Lockstep { LOCKSTEP } else { "" },
+    });
+    Ok((window, trace.document(&about)))
+}
+
+#[cfg(test)]
+mod tests;

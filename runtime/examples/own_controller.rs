@@ -1,0 +1,54 @@
+//! A controller of your own in the place of attitude-mpc: one PD law per axis, and all that a process needs to fly it.
+//!
+//! ```text
+//! cargo build --release --workspace --example own_controller
+//! launcher swap attitude-mpc --exec target/release/examples/own_controller        while a flight is under way
+//! ```
+
+use std::process::ExitCode;
+
+use contract::message::{Controls, Reference, SolveStatus, State};
+use contract::snapshot::Writer;
+use runtime::process::{self, Seat, SeatError};
+
+/// Poles of the attitude loops \[rad/s\], both of each in the same place.
+const ATTITUDE_POLE: f64 = 6.0;
+/// Pole of the climb \[rad/s\].
+const CLIMB_POLE: f64 = 4.0;
+
+fn main() -> ExitCode {
+    process::main("attitude-mpc", fly)
+}
+
+/// Answers every sample with CONTROLS until the run is over, or somebody else has the office.
+fn fly(seat: &Seat) -> Result<(), SeatError> {
+    let mut states = seat.inlet::<State>()?;
+    let mut references = seat.inlet::<Reference>()?;
+    let mut controls = seat.outlet::<Controls>()?;
+    let vehicle = &seat.scenario.airframe;
+    let inertia = [vehicle.mass_kg, vehicle.iyy_kgm2, vehicle.ixx_kgm2, vehicle.izz_kgm2];
+    let nothing_to_remember = Writer::new(*b"own    1").seal();
+    let mut turns = seat.settle()?;
+    while let Some(tick) = turns.next(&mut references) {
+        let (reference, state) = (references.newest(), states.newest());
+        let fresh = state.stamp.sequence > 0 && state.stamp.tick >= tick;
+        let status = if fresh { SolveStatus::Explicit } else { SolveStatus::Stale }; // nobody obeys the latter
+        let answer =
+            Controls { demand: demand(inertia, state, reference), status: status as u64, ..Controls::default() };
+        controls.send(answer, turns.lineage(tick).with(reference).with(state));
+        turns.done(tick, &nothing_to_remember);
+    }
+    Ok(())
+}
+
+/// col, lon, lat, ped as deviations from trim \[N, N m, N m, N m\].
+fn demand(inertia: [f64; 4], state: &State, reference: &Reference) -> [f64; 4] {
+    let body = &state.measured;
+    let turn = |axis: usize| {
+        let error_rad = reference.attitude_rad[axis] - body.attitude_rad[axis];
+        let error_radps = reference.rates_radps[axis] - body.rates_radps[axis];
+        ATTITUDE_POLE * ATTITUDE_POLE * error_rad + 2.0 * ATTITUDE_POLE * error_radps
+    };
+    let wanted = [CLIMB_POLE * (reference.w_mps - body.velocity_mps[2]), turn(1), turn(0), turn(2)];
+    std::array::from_fn(|i| inertia[i] * wanted[i])
+}

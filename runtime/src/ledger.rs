@@ -1,0 +1,222 @@
+//! The ledger: faults that a flight is given while it flies, on the board that all its processes share.
+//!
+//! The launcher enters a fault, and every process hears of it at its next sample ([`News`]). Each has a number: those of
+//! the scenario are counted first, and stand here only when they end earlier than the scenario says. Entries are never
+//! taken back, and of one that stands only the end changes, which is one word: nobody can read half of one.
+//!
+//! ```text
+//! word  0       1                   2     3      4   5      6 7 8   9            10
+//!       number  target, kind, how   at_s  for_s  ms  value  vector  probability  count      absent: NaN, or count 0
+//! ```
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use contract::roll::ROOM;
+
+use crate::realtime::Board;
+use contract::scenario::{Fault, FaultTarget, LONGEST_MS, LONGEST_S, Wrong};
+
+const WORDS: usize = 11;
+/// The word that may change.
+const FOR_S: usize = 3;
+
+/// The entries. The launcher writes, everybody reads.
+#[repr(C, align(64))]
+pub struct Ledger {
+    /// Counts changes.
+    generation: AtomicU64,
+    /// Entries that stand.
+    count: AtomicU64,
+    entries: [[AtomicU64; WORDS]; ROOM],
+}
+
+impl Ledger {
+    /// Enters fault `number`, or its new end; whether there was room.
+    pub fn enter(&self, number: usize, fault: &Fault) -> bool {
+        let words = pack(number, fault);
+        if let Some(entry) = self.find(number) {
+            entry[FOR_S].store(words[FOR_S], Ordering::Relaxed);
+        } else {
+            let Some(entry) = self.entries.get(self.standing().len()) else { return false };
+            entry.iter().zip(words).for_each(|(word, value)| word.store(value, Ordering::Relaxed));
+            self.count.fetch_add(1, Ordering::Release);
+        }
+        self.generation.fetch_add(1, Ordering::Release);
+        true
+    }
+
+    /// Whether all those faults could be entered.
+    pub fn has_room_for(&self, numbers: impl Iterator<Item = usize>) -> bool {
+        self.standing().len() + numbers.filter(|number| self.find(*number).is_none()).count() <= ROOM
+    }
+
+    /// Every fault that stands here, with its number; what is none is left out.
+    fn faults(&self) -> impl Iterator<Item = (usize, Fault)> {
+        self.standing().iter().filter_map(|entry| unpack(&std::array::from_fn(|i| entry[i].load(Ordering::Relaxed))))
+    }
+
+    fn find(&self, number: usize) -> Option<&[AtomicU64; WORDS]> {
+        self.standing().iter().find(|entry| entry[0].load(Ordering::Relaxed) == number as u64)
+    }
+
+    fn standing(&self) -> &[[AtomicU64; WORDS]] {
+        &self.entries[..ROOM.min(self.count.load(Ordering::Acquire) as usize)]
+    }
+}
+
+/// One listener's way to hear what is entered.
+pub struct News {
+    board: Arc<Board>,
+    /// The generation that it knows.
+    known: u64,
+}
+
+impl News {
+    /// For one who knows of nothing.
+    pub(crate) fn new(board: Arc<Board>) -> Self {
+        Self { board, known: 0 }
+    }
+
+    /// Tells `suffer` every fault of the ledger, with its number, if there is anything new. To ask costs next to nothing.
+    pub fn tell(&mut self, mut suffer: impl FnMut(usize, &Fault)) {
+        let ledger = self.board.ledger();
+        let generation = ledger.generation.load(Ordering::Acquire);
+        if generation != self.known {
+            self.known = generation;
+            ledger.faults().for_each(|(number, fault)| suffer(number, &fault));
+        }
+    }
+}
+
+fn pack(number: usize, fault: &Fault) -> [u64; WORDS] {
+    let kind = fault.target.kinds().iter().position(|kind| *kind == fault.kind).unwrap_or(usize::MAX);
+    let how = fault.how.map_or(0, |how| 1 + how as u64);
+    let bits = |number: Option<f64>| number.unwrap_or(f64::NAN).to_bits();
+    let [north, east, down] = fault.vector.map_or([None; 3], |vector| vector.map(Some));
+    [
+        number as u64,
+        u64::from_le_bytes([fault.target as u8, kind as u8, how as u8, 0, 0, 0, 0, 0]),
+        fault.at_s.to_bits(),
+        bits(fault.for_s),
+        bits(fault.ms),
+        bits(fault.value),
+        bits(north),
+        bits(east),
+        bits(down),
+        bits(fault.probability),
+        fault.count.unwrap_or(0),
+    ]
+}
+
+/// `None` for words that are no fault.
+fn unpack(words: &[u64; WORDS]) -> Option<(usize, Fault)> {
+    let [target, kind, how, ..] = words[1].to_le_bytes();
+    let (target, _) = *FaultTarget::ALL.get(usize::from(target))?;
+    let kind = *target.kinds().get(usize::from(kind))?;
+    let how = match how {
+        0 => None,
+        how => Some(*[Wrong::Bias, Wrong::Scale, Wrong::Sign].get(usize::from(how - 1))?),
+    };
+    let number = |i: usize| f64::from_bits(words[i]);
+    let given = |i: usize| Some(number(i)).filter(|number| !number.is_nan());
+    let fault = Fault {
+        at_s: number(2),
+        for_s: given(FOR_S),
+        target,
+        kind,
+        process: None,
+        ms: given(4),
+        value: given(5),
+        vector: given(6).zip(given(7)).zip(given(8)).map(|((north, east), down)| [north, east, down]),
+        probability: given(9),
+        count: Some(words[10]).filter(|count| *count > 0),
+        how,
+    };
+    let times = [fault.at_s, fault.for_s.unwrap_or(0.0)];
+    let sizes = fault.vector.into_iter().flatten().chain(fault.value).chain(fault.probability);
+    let is_one = times.iter().all(|time_s| (0.0..=LONGEST_S).contains(time_s))
+        && fault.ms.is_none_or(|ms| (0.0..=LONGEST_MS).contains(&ms))
+        && { sizes }.all(f64::is_finite);
+    is_one.then_some((words[0] as usize, fault))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    prop_compose! {
+        /// Any fault that a scenario may have.
+        fn any_fault()(
+            (target, _) in prop::sample::select(&FaultTarget::ALL[..]),
+            kind: prop::sample::Index,
+            at_s in 0.0..LONGEST_S,
+            for_s in prop::option::of(0.0..LONGEST_S),
+            ms in prop::option::of(0.0..LONGEST_MS),
+            value in prop::option::of(-1e300..1e300),
+            vector in prop::option::of(prop::array::uniform3(-1e3..1e3)),
+            probability in prop::option::of(0.0..1.0),
+            count in prop::option::of(1u64..),
+            how in prop::option::of(prop::sample::select(vec![Wrong::Bias, Wrong::Scale, Wrong::Sign])),
+        ) -> Fault {
+            Fault { at_s, for_s, target, kind: *kind.get(target.kinds()), process: None, ms, value, vector, probability, count, how }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_fault_comes_out_as_it_went_in(number: usize, fault in any_fault()) {
+            prop_assert_eq!(unpack(&pack(number, &fault)), Some((number, fault)));
+        }
+
+        /// Whatever the words: a fault that could have been entered, or none.
+        #[test]
+        fn what_is_no_fault_is_left_out(words: [u64; WORDS], what in 0u64..1 << 21) {
+            for words in [words, { let mut near = words; near[1] = what; near }] {
+                if let Some((number, fault)) = unpack(&words) {
+                    prop_assert!(fault.target.kinds().contains(&fault.kind) && fault.at_s >= 0.0);
+                    prop_assert_eq!(unpack(&pack(number, &fault)), Some((number, fault)));
+                }
+            }
+        }
+    }
+
+    fn board() -> (tempfile::TempDir, Arc<Board>) {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let board = Board::create(&folder.path().join("board")).expect("a board");
+        (folder, Arc::new(board))
+    }
+
+    fn heard(news: &mut News) -> Vec<(usize, Option<f64>)> {
+        let mut heard = vec![];
+        news.tell(|number, fault| heard.push((number, fault.for_s)));
+        heard
+    }
+
+    fn fault(for_s: f64) -> Fault {
+        Fault::new(FaultTarget::Mpc, contract::scenario::FaultKind::Nan, 1.0, Some(for_s))
+    }
+
+    #[test]
+    fn what_is_entered_is_heard_once_and_again_when_it_changes() {
+        let (_folder, board) = board();
+        let mut news = News::new(board.clone());
+        assert_eq!(heard(&mut news), []);
+        assert!(board.ledger().enter(3, &fault(0.5)) && board.ledger().enter(0, &fault(0.1)));
+        assert_eq!(heard(&mut news), [(3, Some(0.5)), (0, Some(0.1))]);
+        assert_eq!(heard(&mut news), []);
+        assert!(board.ledger().enter(3, &fault(0.2)));
+        assert_eq!(heard(&mut news), [(3, Some(0.2)), (0, Some(0.1))]);
+        assert_eq!(heard(&mut News::new(board)).len(), 2, "who comes later hears it all");
+    }
+
+    #[test]
+    fn a_full_ledger_takes_ends_only() {
+        let (_folder, board) = board();
+        assert!((0..ROOM).all(|number| board.ledger().enter(number, &fault(0.5))));
+        assert!(!board.ledger().enter(ROOM, &fault(0.5)) && !board.ledger().has_room_for(0..=ROOM));
+        assert!(board.ledger().has_room_for(0..ROOM) && board.ledger().enter(7, &fault(0.2)));
+        assert_eq!(heard(&mut News::new(board))[7], (7, Some(0.2)));
+    }
+}

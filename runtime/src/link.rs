@@ -1,0 +1,204 @@
+//! The link: what faults do to the messages of one topic on their way.
+//!
+//! It stands behind the publisher: what leaves it is what everybody gets, the recorder included. A message that is lost or
+//! changed leaves it too, marked as unheard: who watches sees what was meant and what came of it. Time is counted in whole
+//! ticks, and every draw is a function of seed, fault and tick alone, so that a flight repeats, also across a restart of
+//! the publisher (only what it held back is lost with it).
+//!
+//! ```text
+//! sealed message -> drop? burst? rate? -> garbage, wrong, stale (sealed anew)
+//!                -> corrupt (not sealed) -> late, twice, in turn
+//! ```
+
+use std::mem::offset_of;
+use std::ops::Range;
+
+use contract::Topic;
+use contract::message::{Actuators, Controls, Message, Reference};
+use contract::roll::{Entry, Roll};
+use contract::scenario::{Fault, FaultKind, Scenario, Wrong};
+use contract::stamp::unheard;
+
+/// Messages that may be on their way at once; the oldest is lost beyond that.
+const HELD: usize = 64;
+/// Words of a message that are its stamp.
+const STAMP_WORDS: usize = size_of::<contract::message::Stamp>() / 8;
+
+/// One topic's faults and what they hold back.
+pub struct Link<M> {
+    faults: Roll<Fault>,
+    seed: u64,
+    /// Sample time \[s\].
+    sample_s: f64,
+    /// Each with the tick on which it arrives.
+    held: Vec<(u64, M)>,
+    /// The one that lets the next pass first.
+    overtaken: Option<M>,
+}
+
+impl<M: Message> Link<M> {
+    /// The link of `M`'s topic in `scenario`.
+    pub fn new(scenario: &Scenario) -> Self {
+        let faults = Roll::new(scenario, |_, fault| of_topic(M::TOPIC, fault));
+        let held = Vec::with_capacity(if faults.may_strike() { HELD } else { 0 });
+        Self { faults, seed: scenario.run.seed, sample_s: scenario.sample_s(), held, overtaken: None }
+    }
+
+    /// Takes fault `number` as it is from now on: see [`Roll::suffer`].
+    pub fn suffer(&mut self, number: usize, fault: &Fault) {
+        self.faults.suffer(number, fault, of_topic(M::TOPIC, fault));
+    }
+
+    /// Sends `message`, which answers to sample `tick`, on its way: `deliver` gets what arrives on this tick.
+    pub fn pass(&mut self, tick: u64, message: &M, mut deliver: impl FnMut(&M)) {
+        if self.faults.all().is_empty() {
+            return deliver(message);
+        }
+        while let Some(i) = self.held.iter().position(|(due, _)| *due <= tick) {
+            deliver(&self.held.remove(i).1);
+        }
+        let passed = self.fare(tick, message);
+        let unharmed =
+            |passed: &Passed<M>| passed.ticks_late == 0 && !passed.overtaken && bits(&passed.message) == bits(message);
+        if !passed.as_ref().is_some_and(unharmed) {
+            let mut meant = *message;
+            meant.stamp_mut().unheard |= unheard::FAULT;
+            deliver(&meant.sealed());
+        }
+        let Some(Passed { message, ticks_late, twice, overtaken }) = passed else { return };
+        if ticks_late > 0 {
+            if self.held.len() == HELD {
+                self.held.remove(0);
+            }
+            self.held.push((tick + ticks_late, message));
+        } else if overtaken && self.overtaken.is_none() {
+            self.overtaken = Some(message);
+        } else {
+            deliver(&message);
+            if twice {
+                deliver(&message);
+            }
+            self.overtaken.take().iter().for_each(deliver);
+        }
+    }
+
+    /// What becomes of a message; `None` when it is lost.
+    fn fare(&self, tick: u64, message: &M) -> Option<Passed<M>> {
+        let mut passed = Passed { message: *message, ticks_late: 0, twice: false, overtaken: false };
+        for Entry { number, ticks, effect: fault, .. } in self.faults.on(tick) {
+            let random = |salt| draw(self.seed, *number as u64, tick, salt);
+            let happens = |usual: f64| share(random(0)) < fault.probability.unwrap_or(usual);
+            let since = tick - ticks.start;
+            let ticks = |usual_ms: f64| (fault.ms.unwrap_or(usual_ms) / 1e3 / self.sample_s - 1e-6).ceil() as u64;
+            match fault.kind {
+                FaultKind::Drop if happens(0.5) => return None,
+                FaultKind::Burst if since < fault.count.unwrap_or(10) => return None,
+                FaultKind::Rate if !since.is_multiple_of(fault.count.unwrap_or(5)) => return None,
+                FaultKind::Garbage if happens(1.0) => garble(&mut passed.message, random),
+                FaultKind::Wrong => demand_otherwise(&mut passed.message, fault),
+                FaultKind::Stale => grow_old(&mut passed.message, ticks(100.0)),
+                FaultKind::Corrupt if happens(1.0) => flip(&mut passed.message, fault.count.unwrap_or(3), random),
+                FaultKind::Delay => passed.ticks_late += ticks(20.0),
+                FaultKind::Duplicate => passed.twice |= happens(1.0),
+                FaultKind::Reorder => passed.overtaken |= happens(0.5),
+                _ => {}
+            }
+        }
+        Some(passed)
+    }
+}
+
+/// What a fault of `topic` is to its link: itself.
+fn of_topic(topic: Topic, fault: &Fault) -> Option<Fault> {
+    (fault.target.topic() == Some(topic)).then_some(*fault)
+}
+
+/// A message that is not lost.
+struct Passed<M> {
+    message: M,
+    ticks_late: u64,
+    twice: bool,
+    overtaken: bool,
+}
+
+/// Every number of the payload becomes none: NaN, infinite, or any bits. The publisher is at fault, so the seal fits.
+fn garble<M: Message>(message: &mut M, random: impl Fn(u64) -> u64) {
+    for (i, word) in payload(message).iter_mut().enumerate() {
+        let bits = random(1 + i as u64);
+        *word = match bits % 3 {
+            0 => f64::NAN.to_bits(),
+            1 => f64::INFINITY.to_bits(),
+            _ => bits,
+        };
+    }
+    *message = message.sealed();
+}
+
+/// What the message demands is something else: finite, and the seal fits.
+fn demand_otherwise<M: Message>(message: &mut M, fault: &Fault) {
+    for word in &mut payload(message)[demands(M::TOPIC)] {
+        let value = f64::from_bits(*word);
+        let wrong = match fault.wrong() {
+            Wrong::Sign => -value,
+            Wrong::Scale => value * fault.value.unwrap_or(1.5),
+            Wrong::Bias => value + fault.value.unwrap_or(0.2),
+        };
+        *word = wrong.to_bits();
+    }
+    *message = message.sealed();
+}
+
+/// The words of a payload that somebody is to obey: climb, attitude and rates; lift and moments; rotors and tilt.
+fn demands(topic: Topic) -> Range<usize> {
+    let bytes = match topic {
+        Topic::State => return 0..0,
+        Topic::Reference => offset_of!(Reference, w_mps)..offset_of!(Reference, disturbance_mps2),
+        Topic::Controls => offset_of!(Controls, demand)..offset_of!(Controls, disturbance),
+        Topic::Actuators => offset_of!(Actuators, command)..offset_of!(Actuators, flags),
+    };
+    bytes.start / 8 - STAMP_WORDS..bytes.end / 8 - STAMP_WORDS
+}
+
+/// The stamp tells of a sample that many ticks ago.
+fn grow_old<M: Message>(message: &mut M, ticks: u64) {
+    let stamp = message.stamp_mut();
+    stamp.tick = stamp.tick.saturating_sub(ticks);
+    *message = message.sealed();
+}
+
+/// That many bits of the whole message fall over.
+fn flip<M: Message>(message: &mut M, bits: u64, random: impl Fn(u64) -> u64) {
+    let bytes = bytemuck::bytes_of_mut(message);
+    for i in 0..bits {
+        let bit = random(1 + i) as usize % (bytes.len() * 8);
+        bytes[bit / 8] ^= 1 << (bit % 8);
+    }
+}
+
+fn bits<M: Message>(message: &M) -> &[u8] {
+    bytemuck::bytes_of(message)
+}
+
+fn payload<M: Message>(message: &mut M) -> &mut [u64] {
+    &mut bytemuck::cast_slice_mut(bytemuck::bytes_of_mut(message))[STAMP_WORDS..]
+}
+
+/// Random bits for one fault on one tick: `SplitMix64` (Steele, Lea, Flood 2014) over all that it depends on.
+fn draw(seed: u64, fault: u64, tick: u64, salt: u64) -> u64 {
+    [fault, tick, salt].into_iter().fold(mix(seed), |state, word| mix(state ^ mix(word)))
+}
+
+fn mix(word: u64) -> u64 {
+    let z = word.wrapping_add(0x9E37_79B9_7F4A_7C15);
+    let z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    z ^ (z >> 31)
+}
+
+/// Random bits as a number from 0 to below 1.
+fn share(bits: u64) -> f64 {
+    (bits >> 11) as f64 / (1_u64 << 53) as f64
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,340 @@
+//! Ports: how messages travel. Only this room names iceoryx2.
+//!
+//! Publish-subscribe with safe overflow: a publisher never waits, a slow subscriber loses the oldest. The launcher
+//! creates every service and keeps it; the nodes only open. A process that dies in the middle of creating a service
+//! would brick it for everyone, and a holder that outlives the nodes makes that impossible.
+//!
+//! The generic ports stay behind two small traits, so that only this crate pays for compiling them.
+
+mod storage;
+
+use std::cell::RefCell;
+use std::rc::Rc;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+
+/// Marks a type that may travel: fixed layout, no pointers.
+pub use iceoryx2::prelude::ZeroCopySend;
+
+use iceoryx2::port::publisher::Publisher;
+use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::port::{DegradationAction, DegradationInfo};
+use iceoryx2::prelude::*;
+use iceoryx2::service::attribute::{AttributeKey, AttributeValue};
+use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
+
+use storage::{FileService, allocate_own, config, reason};
+pub use storage::{LEAST_DEPTH, bytes_needed, makers, observer_depth};
+
+use crate::domain::Domain;
+use crate::realtime::shortage;
+use crate::rehearsal::Rehearse;
+use contract::Topic;
+use contract::integrity::checksum;
+use contract::message::{Actuators, Controls, Message, Reference, State};
+
+/// Queue of a node: the newest value wins, one more in case it arrives between two looks.
+pub const NODE_DEPTH: usize = 2;
+/// Publishers per topic: the node, who takes over from it, and dead ones that are not cleaned away yet.
+const MAX_PUBLISHERS: usize = 16;
+/// Subscribers per topic: three nodes and who stands by each, two recorders, launcher; of each node and of the recorder as
+/// many dead ones as it takes to give it up, if none is cleaned away yet. A publisher sets memory aside for each.
+const MAX_SUBSCRIBERS: usize = 24;
+const MAX_NODES: usize = 48;
+
+/// Why a port cannot be had. The text names the topic and what to do.
+#[derive(Debug, thiserror::Error)]
+pub enum PortError {
+    /// The service refused.
+    #[error("topic '{topic}': {reason}")]
+    Service {
+        /// Which topic.
+        topic: &'static str,
+        /// What this process is short of, or what iceoryx2 said.
+        reason: String,
+    },
+    /// Nothing that is sent there arrives.
+    #[error("topic '{}': {} cannot be heard: {reason}", .topic.name(), .topic.publisher())]
+    Unheard {
+        /// Which topic.
+        topic: Topic,
+        /// Why.
+        reason: String,
+    },
+    /// The domain itself.
+    #[error("shared memory of this run: {0}")]
+    Domain(String),
+}
+
+/// What a port can fail at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(usize)]
+pub enum PortFailure {
+    /// A message was not sent.
+    Send = 0,
+    /// A queue could not be read.
+    Receive = 1,
+}
+
+impl PortFailure {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Send, Self::Receive];
+
+    /// For people and run.json.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Send => "send",
+            Self::Receive => "receive",
+        }
+    }
+}
+
+/// Sends one kind of message.
+pub trait Send<M>: Rehearse {
+    /// Hands `message` to every subscriber that can be reached.
+    ///
+    /// # Errors
+    /// It could not be handed to anybody.
+    fn send(&self, message: &M) -> Result<(), PortFailure>;
+    /// The number of this port, which no other one has, and which every message carries that goes through it.
+    fn number(&self) -> u64;
+}
+
+/// Receives one kind of message.
+pub trait Receive<M> {
+    /// The oldest message not yet seen, if any, and the number of the port that it was sent through.
+    ///
+    /// # Errors
+    /// The queue could not be read. A publisher that cannot be reached at all reads as one that is silent.
+    fn receive(&self) -> Result<Option<(M, u64)>, PortFailure>;
+    /// Whether the publisher behind `port` was there, and no connection to it could be made.
+    fn cannot_reach(&self, port: u64) -> bool;
+    /// Connects to every publisher anew, with an empty queue. Not for the loop.
+    fn reconnect(&self) -> Result<(), PortError>;
+}
+
+/// A process's attachment to a domain.
+pub struct Bus {
+    node: Node<FileService>,
+    domain: Domain,
+}
+
+/// Keeps the four services of a run in being.
+pub struct Services {
+    _state: PortFactory<FileService, State, ()>,
+    _reference: PortFactory<FileService, Reference, ()>,
+    _controls: PortFactory<FileService, Controls, ()>,
+    _actuators: PortFactory<FileService, Actuators, ()>,
+}
+
+impl Bus {
+    /// Attaches this process to `domain`.
+    pub fn attach(domain: &Domain) -> Result<Self, PortError> {
+        set_log_level(LogLevel::Fatal); // errors come back as values; the loop must not print
+        let node = NodeBuilder::new()
+            .config(&config(domain)?)
+            .signal_handling_mode(SignalHandlingMode::Disabled)
+            .create::<FileService>()
+            .map_err(|e| PortError::Domain(reason(e)))?;
+        Ok(Self { node, domain: domain.clone() })
+    }
+
+    /// Removes what processes that died have left in the services; the launcher's part. May take tens of milliseconds.
+    pub fn bury_the_dead(&self) {
+        // What cannot be removed now is left for the wiping at the end of the run.
+        let _ = self.node.try_cleanup_dead_nodes();
+    }
+
+    /// Creates the four services, with queues of up to `depth`; the launcher's part.
+    pub fn create_services(&self, depth: usize) -> Result<Services, PortError> {
+        Ok(Services {
+            _state: create(&self.node, depth)?,
+            _reference: create(&self.node, depth)?,
+            _controls: create(&self.node, depth)?,
+            _actuators: create(&self.node, depth)?,
+        })
+    }
+
+    /// Opens the sending side of `M`'s topic.
+    pub fn sender<M: Wire>(&self) -> Result<Rc<dyn Send<M>>, PortError> {
+        let port = M::sender(&self.node)?;
+        allocate_own(&self.domain)?;
+        Ok(port)
+    }
+
+    /// Tries to open `M`'s topic as a process that was built when messages were laid out otherwise: to be refused.
+    pub fn open_as_another_version<M: Wire>(&self) -> Result<(), PortError> {
+        M::open_as_another_version(&self.node)
+    }
+
+    /// Opens the receiving side of `M`'s topic with a queue of `depth`.
+    pub fn receiver<M: Wire>(&self, depth: usize) -> Result<Rc<dyn Receive<M>>, PortError> {
+        let port = M::receiver(&self.node, depth)?;
+        allocate_own(&self.domain)?;
+        Ok(port)
+    }
+}
+
+/// A message that can travel: the four of [`contract::message`], and no other.
+pub trait Wire: Message {
+    #[doc(hidden)]
+    fn sender(node: &Node<FileService>) -> Result<Rc<dyn Send<Self>>, PortError>;
+    #[doc(hidden)]
+    fn receiver(node: &Node<FileService>, depth: usize) -> Result<Rc<dyn Receive<Self>>, PortError>;
+    #[doc(hidden)]
+    fn open_as_another_version(node: &Node<FileService>) -> Result<(), PortError>;
+}
+
+macro_rules! wire {
+    ($($name:ident),*) => {$(
+        impl Wire for $name {
+            fn sender(node: &Node<FileService>) -> Result<Rc<dyn Send<Self>>, PortError> {
+                let port = open::<Self>(node, &layout::<Self>())?.publisher_builder().create().map_err(refused::<Self>)?;
+                Ok(Rc::new(port))
+            }
+            fn receiver(node: &Node<FileService>, depth: usize) -> Result<Rc<dyn Receive<Self>>, PortError> {
+                let topic = open::<Self>(node, &layout::<Self>())?;
+                let unreachable = Arc::new(Unreachable::default());
+                let port = RefCell::new(subscriber(&topic, depth, &unreachable)?);
+                Ok(Rc::new(Queue { port, topic, depth, unreachable }))
+            }
+            fn open_as_another_version(node: &Node<FileService>) -> Result<(), PortError> {
+                open::<Self>(node, &"0".repeat(16)).map(drop)
+            }
+        }
+    )*};
+}
+wire!(State, Reference, Controls, Actuators);
+
+impl<M: Message + ZeroCopySend> Send<M> for Publisher<FileService, M, ()> {
+    fn send(&self, message: &M) -> Result<(), PortFailure> {
+        match self.send_copy(*message) {
+            Ok(1..) => Ok(()),
+            Ok(0) | Err(_) => Err(PortFailure::Send),
+        }
+    }
+
+    fn number(&self) -> u64 {
+        numbered(self.id().value())
+    }
+}
+
+impl<M: Message + ZeroCopySend> Rehearse for Publisher<FileService, M, ()> {
+    fn rehearse(&self) {
+        drop(self.loan_uninit()); // the better half of a send
+    }
+}
+
+/// A subscriber, and the publishers that it could not connect to.
+struct Queue<M: Message + ZeroCopySend> {
+    port: RefCell<Subscriber<FileService, M, ()>>,
+    topic: PortFactory<FileService, M, ()>,
+    depth: usize,
+    unreachable: Arc<Unreachable>,
+}
+
+/// Ports of the newest publishers that could not be connected to.
+#[derive(Default)]
+struct Unreachable {
+    ports: [AtomicU64; MAX_PUBLISHERS],
+    count: AtomicUsize,
+}
+
+impl Unreachable {
+    fn note(&self, port: u64) {
+        let place = self.count.fetch_add(1, Ordering::Relaxed) % MAX_PUBLISHERS;
+        self.ports[place].store(port, Ordering::Relaxed);
+    }
+}
+
+impl<M: Message + ZeroCopySend> Receive<M> for Queue<M> {
+    fn receive(&self) -> Result<Option<(M, u64)>, PortFailure> {
+        let sample = self.port.borrow().receive().map_err(|_| PortFailure::Receive)?;
+        Ok(sample.map(|sample| (*sample, numbered(sample.header().publisher_id().value()))))
+    }
+
+    fn cannot_reach(&self, port: u64) -> bool {
+        port != 0 && self.unreachable.ports.iter().any(|noted| noted.load(Ordering::Relaxed) == port)
+    }
+
+    fn reconnect(&self) -> Result<(), PortError> {
+        self.unreachable.ports.iter().for_each(|noted| noted.store(0, Ordering::Relaxed));
+        let port = subscriber(&self.topic, self.depth, &self.unreachable)?;
+        drop(self.port.replace(port));
+        Ok(())
+    }
+}
+
+fn subscriber<M: Message + ZeroCopySend>(
+    topic: &PortFactory<FileService, M, ()>,
+    depth: usize,
+    unreachable: &Arc<Unreachable>,
+) -> Result<Subscriber<FileService, M, ()>, PortError> {
+    let unreachable = unreachable.clone();
+    let failed = move |_, info: &DegradationInfo| {
+        unreachable.note(numbered(info.sender_port_id));
+        DegradationAction::Ignore
+    };
+    topic.subscriber_builder().buffer_size(depth).set_degradation_handler(failed).create().map_err(refused::<M>)
+}
+
+/// A publisher's identity (process, time, count) as one word.
+fn numbered(id: u128) -> u64 {
+    checksum(&[id as u64, (id >> 64) as u64])
+}
+
+fn create<M: Message + ZeroCopySend>(
+    node: &Node<FileService>,
+    depth: usize,
+) -> Result<PortFactory<FileService, M, ()>, PortError> {
+    let mut attributes = AttributeSpecifier::new();
+    attributes = attributes.define(&layout_key()?, &attribute(&layout::<M>())?).map_err(refused::<M>)?;
+    node.service_builder(&service_name::<M>()?)
+        .publish_subscribe::<M>()
+        .enable_safe_overflow(true)
+        .history_size(1)
+        .subscriber_max_buffer_size(depth)
+        .max_publishers(MAX_PUBLISHERS)
+        .max_subscribers(MAX_SUBSCRIBERS)
+        .max_nodes(MAX_NODES)
+        .create_with_attributes(&attributes)
+        .map_err(refused::<M>)
+}
+
+fn open<M: Message + ZeroCopySend>(
+    node: &Node<FileService>,
+    layout: &str,
+) -> Result<PortFactory<FileService, M, ()>, PortError> {
+    let mut attributes = AttributeVerifier::new();
+    attributes = attributes.require(&layout_key()?, &attribute(layout)?).map_err(refused::<M>)?;
+    node.service_builder(&service_name::<M>()?)
+        .publish_subscribe::<M>()
+        .open_with_attributes(&attributes)
+        .map_err(refused::<M>)
+}
+
+fn service_name<M: Message>() -> Result<ServiceName, PortError> {
+    ServiceName::new(&format!("trefoil/{}", M::TOPIC.name())).map_err(refused::<M>)
+}
+
+fn layout_key() -> Result<AttributeKey, PortError> {
+    AttributeKey::new(b"layout").map_err(|e| PortError::Domain(format!("{e:?}")))
+}
+
+/// iceoryx2 compares name, size and alignment of a type; two layouts of one size would pass. This attribute tells
+/// them apart: a hash of the default message as printed, which shows names, order, nesting, lengths and number kinds.
+fn layout<M: Message>() -> String {
+    let fnv = |hash: u64, byte: u8| (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
+    let hash = format!("{:?}", M::default()).bytes().fold(0xcbf2_9ce4_8422_2325, fnv);
+    format!("{hash:016x}")
+}
+
+fn attribute(value: &str) -> Result<AttributeValue, PortError> {
+    AttributeValue::new(value.as_bytes()).map_err(|e| PortError::Domain(format!("{e:?}")))
+}
+
+fn refused<M: Message>(error: impl std::fmt::Debug) -> PortError {
+    let reason = reason(error);
+    let otherwise = || format!("{reason}; if the stack is of another version, stop it and start all of it again");
+    PortError::Service { topic: M::TOPIC.name(), reason: shortage().unwrap_or_else(otherwise) }
+}

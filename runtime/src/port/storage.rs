@@ -1,0 +1,146 @@
+//! Where iceoryx2 keeps what it shares: in files of the run's folder, and how much of it a flight needs.
+//!
+//! iceoryx2's own `ipc` makes POSIX shared memory, whose names all stand in `/dev/shm` itself, where every user can put
+//! names too. [`FileService`] differs from it in that: the same structures are files below the root path, which lies in
+//! the same file system, so that they are the same memory. iceoryx2's own tools look for POSIX shared memory and do not
+//! find it.
+
+use std::fmt::Debug;
+use std::fs::OpenOptions;
+use std::io::{self, ErrorKind};
+use std::path::Path;
+
+use iceoryx2::prelude::{Config, SemanticString, ZeroCopySend};
+use iceoryx2::service::header::publish_subscribe::Header;
+use iceoryx2::service::internal::ServiceInternal;
+use iceoryx2::unique_id_generator::unique_system_id::UniqueSystemId;
+use iceoryx2_bb_elementary_traits::testing::abandonable::Abandonable;
+use iceoryx2_cal::arc_sync_policy::single_threaded::SingleThreaded;
+use iceoryx2_cal::resizable_shared_memory::dynamic::DynamicMemory;
+use iceoryx2_cal::shm_allocator::bump_allocator::BumpAllocator;
+use iceoryx2_cal::shm_allocator::pool_allocator::PoolAllocator;
+use iceoryx2_cal::{
+    bag, dynamic_storage, event, hash, monitoring, reactor, serialize, shared_memory, static_storage,
+    zero_copy_connection,
+};
+
+use rustix::io::Errno;
+
+use super::{MAX_SUBSCRIBERS, PortError};
+use crate::domain::{Domain, allocate};
+use contract::Topic;
+use contract::message::{Actuators, Controls, Message, Reference, State};
+
+/// How long an observer may hang before it loses messages \[s\]; a recorder that hangs so long is replaced.
+const OBSERVER_S: usize = 5;
+/// Its queue, whatever the rate: from `LEAST_DEPTH` up to this.
+const MOST_DEPTH: usize = 2048;
+/// The least that it is, whatever the rate.
+pub const LEAST_DEPTH: usize = 512;
+/// Samples that iceoryx2 sets aside for each subscriber beside its queue, and for each publisher.
+const BORROWED: usize = 2;
+/// What a sample takes beside header and message, and in each connection \[bytes\].
+const PER_SAMPLE: usize = 16;
+/// What a place in a queue takes \[bytes\].
+const PER_PLACE: usize = 16;
+/// Services, control page, settings, and what is rounded up to pages \[bytes\].
+const REST: usize = 1 << 20;
+
+/// Queue of the recorder and of the launcher, who want every message, at `rate_hz`.
+pub fn observer_depth(rate_hz: u32) -> usize {
+    (rate_hz as usize * OBSERVER_S).clamp(LEAST_DEPTH, MOST_DEPTH)
+}
+
+/// What a flight at `rate_hz` needs of shared memory \[bytes\]: every node, and for each another one that takes over.
+pub fn bytes_needed(rate_hz: u32) -> u64 {
+    let depth = observer_depth(rate_hz);
+    let topic = |message_bytes: usize, topic: Topic| {
+        let samples = MAX_SUBSCRIBERS * (depth + BORROWED) + BORROWED;
+        let listeners = if topic == Topic::State { 5 } else { 3 }; // nodes, recorder, launcher
+        let connections = listeners * depth * PER_PLACE;
+        samples * (size_of::<Header>() + message_bytes + PER_SAMPLE) + connections
+    };
+    let all = topic(size_of::<State>(), State::TOPIC)
+        + topic(size_of::<Reference>(), Reference::TOPIC)
+        + topic(size_of::<Controls>(), Controls::TOPIC)
+        + topic(size_of::<Actuators>(), Actuators::TOPIC);
+    (2 * all + REST) as u64
+}
+
+/// iceoryx2's `ipc` with files in place of POSIX shared memory.
+#[derive(Debug, Clone)]
+pub struct FileService;
+
+impl iceoryx2::service::Service for FileService {
+    type StaticStorage = static_storage::recommended::Ipc;
+    type ConfigSerializer = serialize::recommended::Recommended;
+    type PersistentDynamicStorage<T: Debug + Send + Sync + ZeroCopySend + 'static> = dynamic_storage::file::Storage<T>;
+    type Bag = bag::recommended::Recommended;
+    type DynamicStorage<T: Debug + Send + Sync + ZeroCopySend + 'static> = dynamic_storage::file::Storage<T>;
+    type ServiceNameHasher = hash::recommended::Recommended;
+    type SharedMemory = shared_memory::file::Memory<PoolAllocator>;
+    type ResizableSharedMemory = DynamicMemory<PoolAllocator, Self::SharedMemory>;
+    type Connection = zero_copy_connection::file::Connection;
+    type Event = event::recommended::Ipc;
+    type Monitoring = monitoring::recommended::Ipc;
+    type Reactor = reactor::recommended::Ipc;
+    type ArcThreadSafetyPolicy<T: Send + Debug + Abandonable> = SingleThreaded<T>;
+    type BlackboardMgmt<T: Send + Sync + Debug + ZeroCopySend + 'static> = dynamic_storage::file::Storage<T>;
+    type BlackboardPayload = shared_memory::file::Memory<BumpAllocator>;
+    type UniqueId = UniqueSystemId;
+}
+
+impl ServiceInternal<Self> for FileService {}
+
+/// iceoryx2's settings for the run of `domain`.
+pub fn config(domain: &Domain) -> Result<Config, PortError> {
+    let root = domain.file("iox");
+    let too_long = |_| PortError::Domain(format!("the path {} is too long for iceoryx2", root.display()));
+    let path = iceoryx2::prelude::Path::new(as_bytes(&root)).map_err(too_long)?;
+    let mut config = Config::default();
+    config.global.set_root_path(&path);
+    // The launcher watches its children itself; a node that met a corpse here would clean up inside its loop.
+    config.global.node.cleanup_dead_nodes_on_creation = false;
+    config.global.node.cleanup_dead_nodes_on_destruction = false;
+    config.global.service.cleanup_dead_nodes_on_open = false;
+    Ok(config)
+}
+
+/// Numbers of the processes that made a segment, read from its name: those of its ports end in time, process and count.
+pub fn makers(segment: &str) -> impl Iterator<Item = u32> {
+    // Everything else that stands between dots and underscores is shorter, or no number.
+    let numbers = segment.split(['.', '_']).filter(|part| part.len() > 20).filter_map(|part| part.parse::<u128>().ok());
+    numbers.map(|id| (id >> 64) as u32)
+}
+
+/// Allocates what this process has a part in of the segments of `domain`, which iceoryx2 makes without.
+pub fn allocate_own(domain: &Domain) -> Result<(), PortError> {
+    let own = std::process::id();
+    for (path, bytes) in domain.files() {
+        let name = path.file_name().map(|name| name.to_string_lossy()).unwrap_or_default();
+        // One without a length is being made at this moment, by the other end of a connection.
+        if bytes == 0 || !makers(&name).any(|pid| pid == own) {
+            continue;
+        }
+        let done = OpenOptions::new().write(true).open(&path).and_then(|file| allocate(&file, bytes));
+        match done {
+            Err(error) if error.kind() != ErrorKind::NotFound => {
+                return Err(PortError::Domain(format!("{}: {error}", path.display())));
+            }
+            _ => {} // the other end of a connection may have gone with it
+        }
+    }
+    Ok(())
+}
+
+/// iceoryx2's word for what went wrong, and the system's if a resource has run out, which iceoryx2 does not pass on.
+pub fn reason(error: impl Debug) -> String {
+    const RUN_OUT: [Errno; 5] = [Errno::MFILE, Errno::NFILE, Errno::NOSPC, Errno::NOMEM, Errno::AGAIN];
+    let last = io::Error::last_os_error();
+    let has_run_out = Errno::from_io_error(&last).is_some_and(|errno| RUN_OUT.contains(&errno));
+    if has_run_out { format!("{error:?}: {last}") } else { format!("{error:?}") }
+}
+
+fn as_bytes(path: &Path) -> &[u8] {
+    path.as_os_str().as_encoded_bytes()
+}

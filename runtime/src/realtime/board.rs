@@ -1,0 +1,220 @@
+//! The board: shared memory with a bell per topic, the offices, and the words every process looks at.
+//!
+//! iceoryx2 carries the messages; the bells only wake. A bell is a counter with a futex on it: a publisher raises it
+//! after it has sent, a waiter sleeps until it moves or a deadline passes. iceoryx2's own event is a datagram with
+//! time-outs in milliseconds; a futex costs one system call a side and times out at the nanosecond.
+//!
+//! A bell holds no state worth losing: whoever dies between sending and ringing costs the others one time-out.
+
+use std::fs::OpenOptions;
+use std::io;
+use std::num::NonZeroU32;
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::Path;
+use std::ptr::NonNull;
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+
+use rustix::io::Errno;
+use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
+use rustix::thread::futex;
+
+use super::clock::to_timespec;
+use crate::domain::allocate;
+use crate::ledger::Ledger;
+use crate::office::Office;
+use contract::Topic;
+
+const PAGE_BYTES: usize = 4096 * 8;
+const MAGIC: u32 = 0x7EF0_1107;
+
+#[repr(C)]
+struct Page {
+    magic: AtomicU32,
+    phase: Bell,
+    watched: Bell,
+    recorded: Bell,
+    asked: Bell,
+    ruled: Bell,
+    bells: [Bell; Topic::COUNT],
+    offices: [Office; Topic::COUNT],
+    archive: Office,
+    ledger: Ledger,
+    origin_ns: AtomicU64,
+}
+const _: () = assert!(size_of::<Page>() <= PAGE_BYTES);
+
+/// Where a run stands: the value of [`Board::phase`].
+pub mod phase {
+    /// Processes are joining.
+    pub const JOIN: u32 = 0;
+    /// All are there: the plant may start.
+    pub const GO: u32 = 1;
+    /// The nodes leave.
+    pub const LEAVE: u32 = 2;
+    /// The nodes have left: the recorder closes its file.
+    pub const CLOSE: u32 = 3;
+}
+
+/// A counter that wakes, on a cache line of its own.
+#[repr(C, align(64))]
+pub struct Bell(AtomicU32);
+
+impl Bell {
+    /// Times rung so far. Read it before looking for a message, then pass it to [`wait`](Self::wait).
+    pub fn count(&self) -> u32 {
+        self.0.load(Ordering::Acquire)
+    }
+
+    /// Raises the counter and wakes everybody who waits.
+    pub fn ring(&self) {
+        self.0.fetch_add(1, Ordering::Release);
+        self.wake();
+    }
+
+    /// Raises the counter and wakes nobody.
+    pub fn mark(&self) {
+        self.0.fetch_add(1, Ordering::Release);
+    }
+
+    /// Raises the counter to `count`, unless it stands there already, and wakes everybody who waits.
+    pub fn raise(&self, count: u32) {
+        if self.0.fetch_max(count, Ordering::Release) < count {
+            self.wake();
+        }
+    }
+
+    /// Sleeps until the counter differs from `seen` or `deadline_ns` (`CLOCK_MONOTONIC`) has passed.
+    pub fn wait(&self, seen: u32, deadline_ns: u64) {
+        let deadline = to_timespec(deadline_ns);
+        while self.count() == seen {
+            match futex::wait_bitset(&self.0, futex::Flags::empty(), seen, Some(&deadline), NonZeroU32::MAX) {
+                Ok(()) | Err(Errno::AGAIN | Errno::INTR) => {}
+                Err(_) => return, // the deadline
+            }
+        }
+    }
+
+    fn wake(&self) {
+        // Only a bad address can make this fail, and a mapped page is none.
+        let _ = futex::wake(&self.0, futex::Flags::empty(), i32::MAX as u32);
+    }
+}
+
+/// The mapped page. Lives as long as the process uses the ring.
+pub struct Board {
+    page: NonNull<Page>,
+}
+
+impl Board {
+    /// Makes the page as a new file; the launcher does this once per run.
+    pub fn create(path: &Path) -> io::Result<Self> {
+        let file = OpenOptions::new().read(true).write(true).create_new(true).mode(0o600).open(path)?;
+        allocate(&file, PAGE_BYTES as u64)?;
+        let board = Self::map(&file)?;
+        board.page().magic.store(MAGIC, Ordering::Release);
+        Ok(board)
+    }
+
+    /// Opens the page of a running stack.
+    pub fn open(path: &Path) -> io::Result<Self> {
+        let file = OpenOptions::new().read(true).write(true).open(path)?;
+        if file.metadata()?.len() != PAGE_BYTES as u64 {
+            return Err(io::Error::new(io::ErrorKind::InvalidData, "not a board: wrong length"));
+        }
+        let board = Self::map(&file)?;
+        if board.page().magic.load(Ordering::Acquire) != MAGIC {
+            return Err(io::Error::new(io::ErrorKind::InvalidData, "a board of another version"));
+        }
+        Ok(board)
+    }
+
+    /// The bell of a topic.
+    pub fn bell(&self, topic: Topic) -> &Bell {
+        &self.page().bells[topic as usize]
+    }
+
+    /// The office of the node that publishes `topic`.
+    pub fn office(&self, topic: Topic) -> &Office {
+        &self.page().offices[topic as usize]
+    }
+
+    /// The office of the recorder.
+    pub fn archive(&self) -> &Office {
+        &self.page().archive
+    }
+
+    /// The faults that this flight is given while it flies.
+    pub fn ledger(&self) -> &Ledger {
+        &self.page().ledger
+    }
+
+    /// The instant of sample 0 \[ns\]; 0 before there is one. In lockstep it is that of the present sample.
+    pub fn origin_ns(&self) -> u64 {
+        self.page().origin_ns.load(Ordering::Acquire)
+    }
+
+    /// Sets that instant; the plant's part.
+    pub fn set_origin_ns(&self, origin_ns: u64) {
+        self.page().origin_ns.store(origin_ns, Ordering::Release);
+    }
+
+    /// Where the run stands: see [`phase`]. Rung at every change.
+    pub fn phase(&self) -> &Bell {
+        &self.page().phase
+    }
+
+    /// The newest tick that the launcher has seen: how far lockstep may run ahead is counted from it.
+    pub fn watched(&self) -> &Bell {
+        &self.page().watched
+    }
+
+    /// The newest tick that the recorder has seen; at its highest when nothing is recorded.
+    pub fn recorded(&self) -> &Bell {
+        &self.page().recorded
+    }
+
+    /// Lockstep: ticks for which the plant has asked the launcher who works on them.
+    pub fn asked(&self) -> &Bell {
+        &self.page().asked
+    }
+
+    /// Lockstep: ticks for which the launcher has said it.
+    pub fn ruled(&self) -> &Bell {
+        &self.page().ruled
+    }
+
+    /// Moves the run on to `phase` and wakes every waiter, whatever it waits for.
+    pub fn set_phase(&self, phase: u32) {
+        self.phase().raise(phase);
+        for topic in Topic::ALL {
+            self.bell(topic).ring();
+        }
+    }
+
+    fn map(file: &std::fs::File) -> io::Result<Self> {
+        let protection = ProtFlags::READ | ProtFlags::WRITE;
+        // SAFETY: the address is the kernel's choice, so no existing mapping is replaced; the length is that of the
+        // file, checked or set by the caller. Nothing but atomics is ever read or written through it.
+        let address = unsafe { mmap(std::ptr::null_mut(), PAGE_BYTES, protection, MapFlags::SHARED, file, 0)? };
+        let page = NonNull::new(address.cast::<Page>()).ok_or_else(|| io::Error::other("mapped at address zero"))?;
+        Ok(Self { page })
+    }
+
+    fn page(&self) -> &Page {
+        // SAFETY: `page` comes from `map`: page-aligned, PAGE_BYTES long, which covers `Page`, and mapped until drop.
+        // `Page` is made of atomics only, for which every bit pattern is valid and shared writes are defined.
+        unsafe { self.page.as_ref() }
+    }
+}
+
+impl Drop for Board {
+    fn drop(&mut self) {
+        // SAFETY: mapped by `map` with this length, and no reference outlives `self`. Failure would leak one page.
+        let _ = unsafe { munmap(self.page.as_ptr().cast(), PAGE_BYTES) };
+    }
+}
+
+// SAFETY: all access goes through atomics behind shared references; the mapping itself never changes.
+unsafe impl Send for Board {}
+// SAFETY: as above.
+unsafe impl Sync for Board {}
