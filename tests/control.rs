@@ -1,6 +1,6 @@
 //! A flying stack asked, broken and mended from outside.
 
-use contract::roll::ROOM;
+use contract::fault_schedule::ROOM;
 use contract::scenario::{Fault, FaultKind, FaultTarget, from_merged};
 use flight::control::{Request, ask};
 use runtime::domain::Domain;

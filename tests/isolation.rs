@@ -53,7 +53,7 @@ fn nothing_of_a_run_is_open_to_other_users() {
     let ns = namespace();
     let flight = start_flying(&ns);
     let paths = shared_memory_of(&ns);
-    assert!(paths.len() > 10, "board and segments: {paths:?}");
+    assert!(paths.len() > 10, "page and segments: {paths:?}");
     let folder = PathBuf::from(&paths[0]);
     assert!(paths.iter().all(|path| PathBuf::from(path).starts_with(&folder)), "{paths:?}");
     for folder in [folder.parent().expect("the user's folder"), &folder] {
@@ -163,8 +163,8 @@ fn who_cannot_hear_for_want_of_a_segment_is_lost_by_name() {
 fn a_board_that_is_cut_short_ends_the_run_with_a_word_and_nothing_hangs() {
     let ns = namespace();
     let flight = start_flying(&ns);
-    let board = shared_memory_of(&ns).into_iter().find(|path| path.ends_with("/board")).expect("a board");
-    fs::OpenOptions::new().write(true).open(board).and_then(|file| file.set_len(0)).expect("it is ours");
+    let page = shared_memory_of(&ns).into_iter().find(|path| path.ends_with("/page")).expect("a page");
+    fs::OpenOptions::new().write(true).open(page).and_then(|file| file.set_len(0)).expect("it is ours");
     let outcome = flight.finish();
     assert_ne!(outcome.code(), Some(0));
     assert!(outcome.stderr.contains("SIGBUS"), "{}", outcome.stderr);

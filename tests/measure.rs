@@ -164,7 +164,7 @@ fn timing_gives_every_promise_a_verdict_and_leaves_nothing_behind() {
     // Every ring came round, in both placements, and every flight at every rate has its slots.
     let results = &printed["results"];
     for ring in
-        ["stack", "raw futex", "raw futex, clock read every second lap", "raw futex, rehearsed", "unix socket", "pipe"]
+        ["stack", "raw futex", "raw futex, clock read every second lap", "raw futex, warmed up", "unix socket", "pipe"]
     {
         for placement in ["one CPU", "all CPUs"] {
             let n = results["series"][format!("{ring}, {placement}")]["n"].as_u64();

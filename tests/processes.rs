@@ -127,7 +127,7 @@ fn a_process_that_dies_or_hangs_is_replaced_in_flight() {
             kill(signal, &[before]);
             let others = || processes_of(&ns).into_iter().filter(|pid| *pid != before && runs(*pid, victim)).count();
             wait_until("another process is there", || others() > 0 && !processes_of(&ns).contains(&before));
-            std::thread::sleep(std::time::Duration::from_millis(500)); // until it holds the office
+            std::thread::sleep(std::time::Duration::from_millis(500)); // until it is active
         }
         std::thread::sleep(std::time::Duration::from_secs(2));
         kill("-INT", &[flight.child.id() as i32]);

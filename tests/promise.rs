@@ -49,8 +49,8 @@ fn scribble(ns: &str, seed: u64) -> Option<String> {
         return None;
     }
     // The page with the control words is one file of many, and the most telling.
-    let board = files.iter().find(|path| path.file_name().is_some_and(|name| name == "board"));
-    let path = if seed.is_multiple_of(2) { board? } else { files.get(draw(&mut random) as usize % files.len())? };
+    let page = files.iter().find(|path| path.file_name().is_some_and(|name| name == "page"));
+    let path = if seed.is_multiple_of(2) { page? } else { files.get(draw(&mut random) as usize % files.len())? };
     let words = fs::metadata(path).ok()?.len() / 8;
     let (count, of) = match seed % 3 {
         0 => (1, words.min(1)),              // the first word

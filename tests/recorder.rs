@@ -2,7 +2,7 @@
 //! to be.
 
 use contract::message::Message;
-use contract::stamp::unheard;
+use contract::stamp::delivery;
 use flight::log::{self, Log};
 use serde_json::{Value, json};
 
@@ -24,7 +24,7 @@ fn log_of(outcome: &Outcome) -> Log {
 /// Who sent what when, in the order of the log: all of a message but the times it took.
 fn sent<M: Message>(messages: &[M]) -> Vec<(u64, u64, u64, u64, [u64; 4])> {
     let stamps = messages.iter().map(Message::stamp);
-    stamps.map(|stamp| (stamp.epoch, stamp.sequence, stamp.tick, stamp.unheard, stamp.inputs)).collect()
+    stamps.map(|stamp| (stamp.epoch, stamp.sequence, stamp.tick, stamp.delivery, stamp.inputs)).collect()
 }
 
 /// Epoch, event, and time of what happened to the recorder.
@@ -83,7 +83,7 @@ fn swap(namespace: &str, more: &[&str]) -> (Option<i32>, String) {
 
 /// Every message of each epoch once, and none missing.
 fn check_whole<M: Message>(messages: &[M]) {
-    let stamps = messages.iter().map(Message::stamp).filter(|stamp| stamp.unheard == unheard::HEARD);
+    let stamps = messages.iter().map(Message::stamp).filter(|stamp| stamp.delivery == delivery::DELIVERED);
     let numbers: Vec<(u64, u64)> = stamps.map(|stamp| (stamp.epoch, stamp.sequence)).collect();
     assert_eq!(numbers.first().map(|(epoch, number)| (*epoch, *number)), Some((1, 1)), "{}", M::TOPIC.name());
     for pair in numbers.windows(2).filter(|pair| pair[0].0 == pair[1].0) {

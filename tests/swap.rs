@@ -7,16 +7,16 @@ use crate::harness::{Outcome, fly};
 const HOVER: &str = "scenarios/faults/hover-gusts.toml";
 /// Each node with the topic it speaks on.
 const NODES: [(&str, &str); 3] = [("guidance", "reference"), ("attitude-mpc", "controls"), ("mixer", "actuators")];
-/// Time in the shadow, and watched, of the swaps in lockstep \[s\].
+/// Time on standby, and watched, of the swaps in lockstep \[s\].
 const SHADOW_S: f64 = 0.2;
 const WATCH_S: f64 = 0.3;
 
 /// One swap, as a setting spells it, with what else it has.
 fn swap(at_s: f64, node: &str, more: &str) -> String {
-    format!("{{at_s={at_s}, node=\"{node}\", shadow_s={SHADOW_S}, watch_s={WATCH_S}{more}}}")
+    format!("{{at_s={at_s}, node=\"{node}\", standby_s={SHADOW_S}, watch_s={WATCH_S}{more}}}")
 }
 
-/// One fault of a newcomer from `at_s` on, by the way in which it is wrong.
+/// One fault of a candidate from `at_s` on, by the way in which it is wrong.
 fn wrong(way: &str, at_s: f64, node: &str, topic: &str) -> String {
     let fault = match way {
         "nan" => format!("target=\"{topic}\", kind=\"garbage\""),
@@ -57,7 +57,7 @@ fn check_same_faulty(fault: &str, swaps: &[String]) -> Value {
     lockstep.run()
 }
 
-/// What became of the newcomers of `node`, one by one.
+/// What became of the candidates of `node`, one by one.
 pub fn endings(run: &Value, node: &str) -> Vec<String> {
     let of_node = run["events"].as_array().expect("events").iter().filter(|event| event["node"] == node);
     let what = of_node.map(|event| event["what"].as_str().expect("a word").to_owned());
@@ -65,7 +65,7 @@ pub fn endings(run: &Value, node: &str) -> Vec<String> {
 }
 
 #[test]
-fn a_newcomer_like_the_old_one_is_kept_and_the_flight_is_the_same() {
+fn a_candidate_like_the_old_one_is_kept_and_the_flight_is_the_same() {
     let swaps = NODES.map(|(node, _)| swap(1.0, node, ""));
     let run = check_same(&swaps);
     for (node, _) in NODES {
@@ -82,7 +82,7 @@ fn another_law_is_kept_and_flies_otherwise() {
 }
 
 /// One swap of each node after the other, wrong in each way from `after_s` after its beginning on.
-fn wrong_newcomers(after_s: f64, difference: f64) -> Vec<String> {
+fn wrong_candidates(after_s: f64, difference: f64) -> Vec<String> {
     let ways = ["nan", "silent", "sign", "slow", "exit"];
     let at = |way: usize, node: usize| 1.0 + way as f64 + 0.3 * node as f64;
     let one = |(i, way)| {
@@ -98,7 +98,7 @@ fn wrong_newcomers(after_s: f64, difference: f64) -> Vec<String> {
 
 #[test]
 fn who_is_wrong_in_the_shadow_is_sent_away_and_the_flight_is_the_same() {
-    let run = check_same(&wrong_newcomers(0.05, 0.01));
+    let run = check_same(&wrong_candidates(0.05, 0.01));
     for (node, _) in NODES {
         assert_eq!(endings(&run, node), ["rejected"; 5], "{}", run["events"]);
     }
@@ -107,7 +107,7 @@ fn who_is_wrong_in_the_shadow_is_sent_away_and_the_flight_is_the_same() {
 
 #[test]
 fn who_is_wrong_in_office_gives_it_back() {
-    let run = check_same(&wrong_newcomers(SHADOW_S + 0.05, 0.25));
+    let run = check_same(&wrong_candidates(SHADOW_S + 0.05, 0.25));
     for (node, _) in NODES {
         assert_eq!(endings(&run, node), ["returned"; 5], "{}", run["events"]);
     }
@@ -133,7 +133,7 @@ fn what_strikes_a_topic_is_counted_once_whoever_works_in_the_shadow() {
 }
 
 #[test]
-fn a_newcomer_hears_the_last_word_from_who_said_it() {
+fn a_candidate_hears_the_last_word_from_who_said_it() {
     let killed = "{at_s=1.0, for_s=0.2, target=\"attitude-mpc\", kind=\"kill\"}";
     let run = check_same_faulty(killed, &[swap(1.1, "mixer", "")]);
     assert_eq!(run["refused"]["mixer"]["epoch"], 0, "nobody spoke when it came");
@@ -144,12 +144,12 @@ fn what_is_refused_is_the_same_in_every_mode_when_queues_overflow_and_to_the_las
     let garbage = |at_s, topic| format!("{{at_s={at_s}, for_s=0.2, target=\"{topic}\", kind=\"garbage\"}}");
     let faults = [garbage(1.0, "controls"), garbage(6.9, "actuators")].join(", ");
     let run = check_same_faulty(&faults, &[swap(1.1, "mixer", ", bounds={ticks=50}")]);
-    assert_eq!(run["refused"]["mixer"]["range"], 20 + 10, "by the one in office, and by the newcomer");
+    assert_eq!(run["refused"]["mixer"]["range"], 20 + 10, "by the one active, and by the candidate");
     assert_eq!(run["refused"]["plant"]["range"], 11);
 }
 
 #[test]
-fn a_newcomer_leaves_when_its_own_settings_say_so_and_not_before_it_has_come() {
+fn a_candidate_leaves_when_its_own_settings_say_so_and_not_before_it_has_come() {
     let exit = |at_s: f64, more: &str| format!("{{at_s={at_s}, target=\"mixer\", kind=\"exit\"{more}}}");
     let exits = [exit(0.5, ""), exit(2.0, ", for_s=0.0"), exit(3.0, "")].join(", ");
     let run = check_same(&[swap(1.0, "mixer", &format!(", set=['fault=[{exits}]']"))]);

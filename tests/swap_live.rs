@@ -22,7 +22,7 @@ const PATIENT: &str = "ticks=100";
 /// `launcher swap` in a stack: its exit code, and what it said.
 fn swap(namespace: &str, words: &[&str]) -> (Option<i32>, String) {
     let mut command = launcher();
-    command.arg("swap").args(words).args(["--shadow", "0.2", "--watch", "0.3", "--namespace", namespace]);
+    command.arg("swap").args(words).args(["--standby", "0.2", "--watch", "0.3", "--namespace", namespace]);
     let output = command.output().expect("swap runs");
     let said = [output.stdout, output.stderr].concat();
     (output.status.code(), String::from_utf8(said).expect("text"))
@@ -66,7 +66,7 @@ fn what_was_swapped_by_hand_can_be_flown_again() {
     let ns = namespace();
     let flight = flying(&ns, &[HOVER, "--set", "run.duration_s=6.0"]);
     let said = swapped(&ns, &["attitude-mpc", "--set", "mpc.law=lqr", "--bounds", PATIENT], 0);
-    assert!(said.contains("epoch 2 in-shadow") && said.contains("epoch 2 kept"), "{said}");
+    assert!(said.contains("epoch 2 on-standby") && said.contains("epoch 2 kept"), "{said}");
     let garbage = "fault=[{at_s=0, target=\"controls\", kind=\"garbage\"}]";
     let said = swapped(&ns, &["attitude-mpc", "--set", garbage], 1);
     assert!(said.contains("cannot be used"), "{said}");
@@ -75,15 +75,15 @@ fn what_was_swapped_by_hand_can_be_flown_again() {
     let story: Value = serde_json::from_str(&said).expect("JSON");
     assert_eq!(story.as_array().and_then(|story| story.last()).map(|event| &event["what"]), Some(&json!("kept")));
     let restarts = || [2, 3].map(|i| status(&ns)["nodes"][i]["restarts"].clone());
-    assert_eq!(restarts(), [json!(0), json!(0)], "a newcomer is no restart");
+    assert_eq!(restarts(), [json!(0), json!(0)], "a candidate is no restart");
 
     let outcome = flight.finish();
     assert_eq!(outcome.code(), Some(0), "{}", outcome.stderr);
     let run = outcome.run();
     let [law, wrong, ended, again] = swaps(&outcome).try_into().expect("four of them");
-    assert!(law.shadow_s > 0.2, "ordered before it was ready: {law:?}");
-    assert_eq!(wrong.watch_s, 0.0, "never in office");
-    assert!(ended.at_s < again.at_s && again.shadow_s > 0.2, "{ended:?} {again:?}");
+    assert!(law.standby_s > 0.2, "ordered before it was ready: {law:?}");
+    assert_eq!(wrong.watch_s, 0.0, "never active");
+    assert!(ended.at_s < again.at_s && again.standby_s > 0.2, "{ended:?} {again:?}");
 
     let file = settings(&outcome);
     let file = file.to_str().expect("text");
@@ -104,7 +104,7 @@ fn another_program_may_take_over_if_it_does_its_work() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let said = swapped(&ns, &["attitude-mpc", "--exec", &sleeper(folder.path())], 1);
     assert!(said.contains("rejected"), "{said}");
-    let bounds = format!("{PATIENT},difference=1,accord=-1,error_m=10");
+    let bounds = format!("{PATIENT},difference=1,similarity=-1,error_m=10");
     let said = swapped(&ns, &["attitude-mpc", "--exec", &own_controller(), "--bounds", &bounds], 0);
     assert!(said.contains("kept"), "{said}");
     let outcome = flight.finish();
@@ -130,19 +130,19 @@ fn a_swap_is_seen_while_it_lasts_and_others_are_refused_meanwhile() {
     let order = Request::Swap(Swap::new(SwapNode::Mixer, 0.0));
     ask(&domain, &order).expect("the first order");
     ask(&domain, &order).expect_err("whether the first has begun or not");
-    let waiting = ["swap", "guidance", "--shadow", "3000", "--bounds", "ticks=100000"];
+    let waiting = ["swap", "guidance", "--standby", "3000", "--bounds", "ticks=100000"];
     thread::scope(|scope| {
         let waiting = scope.spawn(|| tell(&ns, &waiting).expect_err("it does not come to an end"));
         // Which epochs they have, a machine that held a node up for long enough to be replaced decides.
-        let epochs = || ["epoch", "shadow"].map(|who| status(&ns)["nodes"][1][who].as_u64());
+        let epochs = || ["epoch", "standby"].map(|who| status(&ns)["nodes"][1][who].as_u64());
         wait_until("two work for guidance", || epochs().iter().all(Option::is_some) || waiting.is_finished());
-        let [epoch, shadow] = epochs().map(|epoch| epoch.expect("both work").to_string());
+        let [epoch, standby] = epochs().map(|epoch| epoch.expect("both work").to_string());
         let table = launcher().arg("status").output().expect("status runs").stdout;
         let table = String::from_utf8(table).expect("text");
-        let row = |line: &str| line.split_whitespace().take(3).eq(["guidance", &epoch, &shadow]);
-        assert!(table.contains("shadow") && table.lines().any(row), "{table}");
+        let row = |line: &str| line.split_whitespace().take(3).eq(["guidance", &epoch, &standby]);
+        assert!(table.contains("standby") && table.lines().any(row), "{table}");
         let said = swapped(&ns, &["guidance"], 2);
-        assert!(said.contains("guidance has a newcomer already"), "{said}");
+        assert!(said.contains("guidance has a candidate already"), "{said}");
         tell(&ns, &["stop"]).expect("it ends");
         let error = waiting.join().expect("it waited");
         assert!(error.starts_with("Some(3)") && error.contains("the flight ended before the swap did"), "{error}");

@@ -68,7 +68,8 @@ fn unsafe_code_stays_in_its_room() {
 #[test]
 fn only_port_names_iceoryx2() {
     for (path, text) in sources() {
-        let names = text.contains("use iceoryx2") && !path.starts_with("runtime/src/port");
+        let names = (text.contains("use iceoryx2::") || text.contains("use iceoryx2_cal"))
+            && !path.starts_with("runtime/src/port");
         let is_here = path == Path::new("runtime/src/port.rs") || path == Path::new("tests/tidy.rs");
         assert!(!names || is_here, "{} names iceoryx2", path.display());
     }

@@ -7,7 +7,7 @@ use std::process::Output;
 use contract::Scenario;
 use contract::message::{Actuators, Message, Stamp, State};
 use contract::scenario::Mode;
-use contract::stamp::unheard;
+use contract::stamp::delivery;
 use flight::log::Log;
 use serde_json::Value;
 use view::trace::document;
@@ -145,9 +145,9 @@ fn ring(ticks: u64) -> Log {
         let sample_ns = 1_000_000_000 + tick * 10_000_000;
         let lane = M::TOPIC as usize;
         let start_ns = sample_ns + 20_000 + lane as u64 * 120_000;
-        let lineage = Stamp { tick, sample_ns, release_ns: start_ns - 20_000, start_ns, ..Stamp::default() };
+        let provenance = Stamp { tick, sample_ns, release_ns: start_ns - 20_000, start_ns, ..Stamp::default() };
         let mut message = M::default();
-        *message.stamp_mut() = Stamp { epoch: 1, ..lineage.published(M::TOPIC, tick + 1, start_ns + 100_000) };
+        *message.stamp_mut() = Stamp { epoch: 1, ..provenance.published(M::TOPIC, tick + 1, start_ns + 100_000) };
         message
     }
     let mut log = Log::default();
@@ -167,14 +167,14 @@ fn traced(log: &Log) -> Value {
 
 /// The trace of a flight of this summary.
 fn traced_with(log: &Log, run: &Value) -> Value {
-    fn sealed<M: Message>(messages: &[M]) -> Vec<M> {
-        messages.iter().map(|message| message.sealed()).collect()
+    fn with_checksum<M: Message>(messages: &[M]) -> Vec<M> {
+        messages.iter().map(|message| message.with_checksum()).collect()
     }
     let log = Log {
-        states: sealed(&log.states),
-        references: sealed(&log.references),
-        controls: sealed(&log.controls),
-        actuators: sealed(&log.actuators),
+        states: with_checksum(&log.states),
+        references: with_checksum(&log.references),
+        controls: with_checksum(&log.controls),
+        actuators: with_checksum(&log.actuators),
         ..log.clone()
     };
     let mut scenario = Scenario::default();
@@ -227,17 +227,17 @@ fn misses_and_slips_are_marked_where_they_happened() {
 }
 
 #[test]
-fn a_newcomer_in_the_shadow_is_not_drawn_and_what_it_missed_there_is_not_marked() {
+fn a_candidate_in_the_shadow_is_not_drawn_and_what_it_missed_there_is_not_marked() {
     let mut log = ring(8);
     let two = |command: &Actuators| {
         let tick = command.stamp.tick;
         [1, 2].map(|epoch| {
             let mut command = *command;
-            let newcomer = epoch == 2;
-            let heard = (3..6).contains(&tick) == newcomer;
-            command.stamp.unheard = if heard { unheard::HEARD } else { unheard::SHADOW };
+            let candidate = epoch == 2;
+            let heard = (3..6).contains(&tick) == candidate;
+            command.stamp.delivery = if heard { delivery::DELIVERED } else { delivery::STANDBY };
             command.stamp.epoch = epoch;
-            command.stamp.misses = if newcomer { 3 * tick.min(2) } else { tick.clamp(2, 5) - 2 };
+            command.stamp.misses = if candidate { 3 * tick.min(2) } else { tick.clamp(2, 5) - 2 };
             command
         })
     };

@@ -9,8 +9,8 @@
 use airframe::linear::INPUTS;
 use airframe::projection::Projection;
 use contract::Scenario;
+use contract::fault_schedule::FaultSchedule;
 use contract::message::SolveStatus;
-use contract::roll::Roll;
 use contract::scenario::{Fault, FaultKind, FaultTarget};
 use nalgebra::{DMatrix, DVector};
 
@@ -28,7 +28,7 @@ pub struct Constrained {
     /// See [`crate::solver`].
     pub solver: Solver,
     hessian: DMatrix<f64>,
-    faults: Roll<FaultKind>,
+    faults: FaultSchedule<FaultKind>,
     projection: Projection,
     /// Do without the solver: see [`AttitudeMpc::hurry`](crate::AttitudeMpc::hurry).
     pub hurried: bool,
@@ -56,7 +56,7 @@ impl Constrained {
         let room = DVector::zeros(hessian.nrows());
         Some(Self {
             solver: Solver::new(scenario, &hessian, &set),
-            faults: Roll::new(scenario, |_, fault| of_the_solver(fault)),
+            faults: FaultSchedule::new(scenario, |_, fault| of_the_solver(fault)),
             hurried: false,
             projection: Projection::new(set.moves.clone()),
             set,
@@ -66,9 +66,9 @@ impl Constrained {
         })
     }
 
-    /// Takes fault `number` as it is from now on: see [`Roll::suffer`].
-    pub fn suffer(&mut self, number: usize, fault: &Fault) {
-        self.faults.suffer(number, fault, of_the_solver(fault));
+    /// Takes fault `number` as it is from now on: see [`FaultSchedule::apply_fault`].
+    pub fn apply_fault(&mut self, number: usize, fault: &Fault) {
+        self.faults.apply_fault(number, fault, of_the_solver(fault));
     }
 
     /// Writes the `plan` to follow, given the `unconstrained` one and where this tick starts, `given` = (x; r; d). While a

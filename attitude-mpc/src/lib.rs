@@ -69,7 +69,7 @@ const FAR: f64 = 1e50;
 /// The attitude controller.
 pub struct AttitudeMpc {
     model: PredictionModel,
-    wish: Wish,
+    unconstrained: UnconstrainedLaw,
     constrained: Option<Constrained>,
     law: Option<DisturbanceLaw>,
     delay_compensation: bool,
@@ -79,7 +79,7 @@ pub struct AttitudeMpc {
 }
 
 /// What would be asked for if the actuators had no limits.
-enum Wish {
+enum UnconstrainedLaw {
     /// `U = gain (x; r; d)`: the unconstrained plan, or the one move of the regulator.
     Gain(DMatrix<f64>),
     Pid(Pid),
@@ -109,13 +109,13 @@ impl AttitudeMpc {
     pub fn try_new(scenario: &Scenario) -> Result<Self, ScenarioError> {
         let model = PredictionModel::new(scenario);
         let (states, weights) = (model.states(), &scenario.mpc);
-        let (wish, constrained) = match weights.law {
+        let (unconstrained, constrained) = match weights.law {
             Law::Mpc => {
                 let Condensed { hessian, gain, course } = Condensed::new(&model, weights)?;
-                (Wish::Gain(gain), Constrained::new(scenario, hessian, &course, model.trim.roll_rad))
+                (UnconstrainedLaw::Gain(gain), Constrained::new(scenario, hessian, &course, model.trim.roll_rad))
             }
-            Law::Lqr => (Wish::Gain(condensed::regulator(&model, weights)?), None),
-            Law::Pid => (Wish::Pid(Pid::new(&scenario.airframe, scenario.sample_s())), None),
+            Law::Lqr => (UnconstrainedLaw::Gain(condensed::regulator(&model, weights)?), None),
+            Law::Pid => (UnconstrainedLaw::Pid(Pid::new(&scenario.airframe, scenario.sample_s())), None),
         };
         let moves = INPUTS * if weights.law == Law::Mpc { weights.nu } else { 1 };
         Ok(Self {
@@ -131,14 +131,14 @@ impl AttitudeMpc {
             delay_compensation: scenario.mpc.delay_compensation,
             sample_ns: scenario.sample_ns(),
             model,
-            wish,
+            unconstrained,
             constrained,
         })
     }
 
     /// Takes fault `number` as it is from now on, if it is one of the solver.
-    pub fn suffer(&mut self, number: usize, fault: &Fault) {
-        self.constrained.iter_mut().for_each(|constrained| constrained.suffer(number, fault));
+    pub fn apply_fault(&mut self, number: usize, fault: &Fault) {
+        self.constrained.iter_mut().for_each(|constrained| constrained.apply_fault(number, fault));
     }
 
     /// The demand at `tick` for the newest measured state and the newest reference to follow: deviations of col, lon,
@@ -243,9 +243,9 @@ impl AttitudeMpc {
         given.rows_mut(0, n).copy_from(start);
         given.rows_mut(n, STATES).copy_from_slice(&r);
         given.rows_mut(n + STATES, INPUTS).copy_from(disturbance);
-        match &self.wish {
-            Wish::Gain(gain) => unconstrained.gemv(1.0, gain, given, 0.0), // (5)
-            Wish::Pid(pid) => unconstrained.copy_from(&pid.step(start, &r, integral)),
+        match &self.unconstrained {
+            UnconstrainedLaw::Gain(gain) => unconstrained.gemv(1.0, gain, given, 0.0), // (5)
+            UnconstrainedLaw::Pid(pid) => unconstrained.copy_from(&pid.step(start, &r, integral)),
         }
     }
 

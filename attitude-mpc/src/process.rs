@@ -1,27 +1,28 @@
 //! The attitude controller as a process: its turn comes with REFERENCE.
 
 use contract::message::{Controls, Reference, State};
-use runtime::process::{Seat, SeatError};
+use runtime::session::{NodeSession, SessionError};
 
 use crate::AttitudeMpc;
 
 /// Answers every sample with CONTROLS until the run is over.
-pub fn run(seat: &Seat) -> Result<(), SeatError> {
-    let mut mpc = AttitudeMpc::try_new(&seat.scenario)?;
-    if let Some(memory) = seat.memory() {
+pub fn run(session: &NodeSession) -> Result<(), SessionError> {
+    let mut mpc = AttitudeMpc::try_new(&session.scenario)?;
+    if let Some(memory) = session.memory() {
         mpc.restore(&memory); // one that does not fit is as good as none
     }
-    let mut states = seat.inlet::<State>()?;
-    let mut references = seat.inlet::<Reference>()?;
-    let mut controls = seat.outlet::<Controls>()?;
-    let mut news = seat.news();
-    let mut turns = seat.settle()?;
-    while let Some(tick) = turns.next(&mut references) {
-        news.tell(|number, fault| mpc.suffer(number, fault));
+    let mut states = session.input::<State>()?;
+    let mut references = session.input::<Reference>()?;
+    let mut controls = session.output::<Controls>()?;
+    let mut news = session.news();
+    let mut cycle_loop = session.settle()?;
+    while let Some(tick) = cycle_loop.next(&mut references) {
+        news.tell(|number, fault| mpc.apply_fault(number, fault));
         let (reference, state) = (references.newest(), states.newest());
-        let late = controls.send(mpc.step(tick, state, reference), turns.lineage(tick).with(reference).with(state));
+        let late =
+            controls.send(mpc.step(tick, state, reference), cycle_loop.provenance(tick).with(reference).with(state));
         mpc.hurry(late);
-        turns.done(tick, &mpc.snapshot());
+        cycle_loop.done(tick, &mpc.snapshot());
     }
     Ok(())
 }

@@ -3,15 +3,15 @@
 //! ```text
 //! layout -> epoch -> publisher -> order -> age -> range -> checksum -> newest
 //!   |         |        |            |       |       |         |
-//!   port      |        inlet        |       |       |         bits fell over on the way
+//!   port      |        input        |       |       |         bits fell over on the way
 //!   refuses   |        refuses      |       |       not finite, or beyond anything that flies
 //!             |                     |       not later than what is known already, or of a sample that is yet to come
 //!             |                     came before, or twice
-//!             not from the incarnation that holds the office
+//!             not from the incarnation that is active
 //! ```
 //!
 //! The layout is compared when a port is opened ([`crate::port`]), the publisher where a message comes in
-//! ([`crate::inlet`]): in process there are none. What is refused is counted by cause, and leaves no other trace: to its
+//! ([`crate::input`]): in process there are none. What is refused is counted by cause, and leaves no other trace: to its
 //! receiver a bad message is a missing one.
 
 use crate::message::Message;
@@ -20,9 +20,9 @@ use crate::message::Message;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(usize)]
 pub enum Refusal {
-    /// From another incarnation than the one in office.
+    /// From another incarnation than the one active.
     Epoch = 0,
-    /// It says that it is from the one in office, but came through the port of another process.
+    /// It says that it is from the one active, but came through the port of another process.
     Publisher = 1,
     /// Its number is not later than that of the newest from the same publisher.
     Order = 2,
@@ -70,14 +70,14 @@ impl<M: Message> Guard<M> {
         &self.newest
     }
 
-    /// Takes `message` if it stands up to everything; `holder` is the epoch in office, and there are `samples` by now.
+    /// Takes `message` if it stands up to everything; `active` is the epoch active, and there are `samples` by now.
     ///
     /// # Errors
     /// The first thing that speaks against it.
-    pub fn take(&mut self, message: &M, holder: u32, samples: u64) -> Result<(), Refusal> {
+    pub fn take(&mut self, message: &M, active: u32, samples: u64) -> Result<(), Refusal> {
         let (stamp, newest) = (message.stamp(), self.newest.stamp());
         let first = newest.sequence == 0;
-        if stamp.epoch != u64::from(holder) {
+        if stamp.epoch != u64::from(active) {
             Err(Refusal::Epoch)
         } else if !first && stamp.epoch == newest.epoch && stamp.sequence <= newest.sequence {
             Err(Refusal::Order)
@@ -85,7 +85,7 @@ impl<M: Message> Guard<M> {
             Err(Refusal::Age)
         } else if !message.plausible() {
             Err(Refusal::Range)
-        } else if !message.is_whole() {
+        } else if !message.is_intact() {
             Err(Refusal::Checksum)
         } else {
             self.newest = *message;
@@ -102,7 +102,7 @@ mod tests {
 
     fn demand(epoch: u64, sequence: u64, tick: u64) -> Controls {
         let stamp = Stamp { tick, sequence, epoch, ..Stamp::default() };
-        Controls { stamp, demand: [0.1; 4], ..Controls::default() }.sealed()
+        Controls { stamp, demand: [0.1; 4], ..Controls::default() }.with_checksum()
     }
 
     #[test]
@@ -120,7 +120,7 @@ mod tests {
         assert_eq!(guard.take(&demand(1, 3, 6), 1, 7), Ok(()));
         assert_eq!(guard.newest(), &demand(1, 3, 6));
         assert_eq!(guard.take(&demand(2, 1, 7), 2, 8), Ok(()), "a new process counts from one again");
-        assert_eq!(guard.take(&demand(2, 2, 8), 0, 9), Err(Refusal::Epoch), "a vacant office says nothing");
+        assert_eq!(guard.take(&demand(2, 2, 8), 0, 9), Err(Refusal::Epoch), "a vacant role says nothing");
     }
 
     #[test]
@@ -142,7 +142,7 @@ mod tests {
         #[test]
         fn nothing_but_the_message_itself_is_taken(word in 0..size_of::<State>() / 8, bits: u64) {
             let stamp = Stamp { epoch: 1, sequence: 1, tick: 3, ..Stamp::default() };
-            let good = State { stamp, ..State::default() }.sealed();
+            let good = State { stamp, ..State::default() }.with_checksum();
             let mut bad = good;
             bytemuck::cast_slice_mut::<u8, u64>(bytemuck::bytes_of_mut(&mut bad))[word] = bits;
             let taken = Guard::default().take(&bad, 1, 4).is_ok();

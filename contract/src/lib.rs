@@ -12,12 +12,12 @@
 //! | [`roll`] | which faults are at work on a tick |
 //! | [`mod@file`] | reading files that come from outside |
 
+pub mod fault_schedule;
 pub mod file;
 pub mod guard;
 pub mod integrity;
 pub mod message;
 pub mod plan;
-pub mod roll;
 pub mod scenario;
 pub mod snapshot;
 pub mod stamp;

@@ -269,15 +269,15 @@ pub trait Message: Pod + Plausible + Default + std::fmt::Debug + Send {
 
     /// The message with the checksum that its bits have.
     #[must_use]
-    fn sealed(mut self) -> Self {
+    fn with_checksum(mut self) -> Self {
         self.stamp_mut().checksum = 0;
         self.stamp_mut().checksum = checksum(&self);
         self
     }
 
-    /// Whether the bits are those that were sealed.
-    fn is_whole(&self) -> bool {
-        self.sealed().stamp().checksum == self.stamp().checksum
+    /// Whether the bits are those that were with checksum.
+    fn is_intact(&self) -> bool {
+        self.with_checksum().stamp().checksum == self.stamp().checksum
     }
 }
 

@@ -20,7 +20,7 @@ pub const HANG_TICKS: u64 = 3;
 #[derive(Debug, Clone, Default)]
 pub struct Plan {
     absences: [Vec<Absence>; Topic::COUNT],
-    /// From the newcomer's first tick to the first without the one before it.
+    /// From the candidate's first tick to the first without the one before it.
     swaps: Vec<std::ops::RangeInclusive<u64>>,
 }
 
@@ -112,7 +112,7 @@ mod tests {
 
     #[test]
     fn a_swap_may_be_decided_on_any_of_its_ticks() {
-        let swap = Swap { shadow_s: 0.05, watch_s: 0.1, ..Swap::new(SwapNode::Mixer, 0.2) };
+        let swap = Swap { standby_s: 0.05, watch_s: 0.1, ..Swap::new(SwapNode::Mixer, 0.2) };
         let recorder = Swap { node: SwapNode::Recorder, at_s: 0.4, ..swap.clone() };
         let scenario = Scenario { swap: vec![swap, recorder], ..Scenario::default() };
         let plan = Plan::new(&scenario);

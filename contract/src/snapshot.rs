@@ -155,8 +155,8 @@ mod tests {
         for torn_at in 1..SNAPSHOT_WORDS {
             let mut torn = sample();
             torn[torn_at..].copy_from_slice(&later[torn_at..]);
-            let is_whole = torn == sample() || torn == later;
-            assert_eq!(Reader::open(LAYOUT, &torn).is_some(), is_whole, "torn at word {torn_at}");
+            let is_intact = torn == sample() || torn == later;
+            assert_eq!(Reader::open(LAYOUT, &torn).is_some(), is_intact, "torn at word {torn_at}");
         }
     }
 

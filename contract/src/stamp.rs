@@ -27,7 +27,7 @@ pub struct Stamp {
     pub release_ns: u64,
     /// When the publisher began to work on it.
     pub start_ns: u64,
-    /// CPU time its thread used for the previous cycle, rehearsal included ([`crate::rehearsal`]) \[ns\].
+    /// CPU time its thread used for the previous cycle, warm-up included ([`crate::warm_up`]) \[ns\].
     pub cpu_ns: u64,
     /// Deadlines the publisher has missed so far.
     pub misses: u64,
@@ -35,18 +35,18 @@ pub struct Stamp {
     pub slips: u64,
     /// In lockstep and in process: how long faults held the chain up on its way from the sample, all stations \[ns\].
     pub held_ns: u64,
-    /// Why nobody acts on this message: see [`unheard`].
-    pub unheard: u64,
-    /// See [`Message::sealed`].
+    /// Why nobody acts on this message: see [`delivery`].
+    pub delivery: u64,
+    /// See [`Message::with_checksum`].
     pub checksum: u64,
 }
 
-/// The marks in [`Stamp::unheard`]; a message may bear both.
-pub mod unheard {
+/// The marks in [`Stamp::delivery`]; a message may bear both.
+pub mod delivery {
     /// It is heard.
-    pub const HEARD: u64 = 0;
-    /// The publisher works in the shadow of another.
-    pub const SHADOW: u64 = 1;
+    pub const DELIVERED: u64 = 0;
+    /// The publisher works on standby of another.
+    pub const STANDBY: u64 = 1;
     /// A fault lost it, or changed it: what came of it, if anything, is another message with the same number.
     pub const FAULT: u64 = 2;
     /// It says nothing: the publisher has joined, and whoever receives it can hear it.
@@ -74,28 +74,28 @@ impl Stamp {
     }
 
     /// Whether somebody is to act on the message.
-    pub fn is_heard(&self) -> bool {
-        self.unheard == unheard::HEARD
+    pub fn is_delivered(&self) -> bool {
+        self.delivery == delivery::DELIVERED
     }
 
-    /// Whether its publisher worked in the shadow of another.
-    pub fn in_shadow(&self) -> bool {
-        self.unheard & unheard::SHADOW != 0
+    /// Whether its publisher worked on standby of another.
+    pub fn is_standby(&self) -> bool {
+        self.delivery & delivery::STANDBY != 0
     }
 
     /// Whether a fault struck it, so that it shows only what was meant.
-    pub fn is_struck(&self) -> bool {
-        self.unheard & unheard::FAULT != 0
+    pub fn is_faulted(&self) -> bool {
+        self.delivery & delivery::FAULT != 0
     }
 
     /// The stamp of a publisher's first message, which only shows that it can be heard.
     pub fn probe(epoch: u32) -> Self {
-        Self { epoch: u64::from(epoch), unheard: unheard::PROBE, ..Self::default() }
+        Self { epoch: u64::from(epoch), delivery: delivery::PROBE, ..Self::default() }
     }
 
     /// Whether it is that of a probe.
     pub fn is_probe(&self) -> bool {
-        self.unheard == unheard::PROBE
+        self.delivery == delivery::PROBE
     }
 
     /// The stamp of the message itself, once it is numbered and on its way.
@@ -114,14 +114,14 @@ mod tests {
 
     #[test]
     fn a_message_may_bear_both_marks() {
-        let marks = |unheard| {
-            let stamp = Stamp { unheard, ..Stamp::default() };
-            (stamp.is_heard(), stamp.in_shadow(), stamp.is_struck())
+        let marks = |delivery| {
+            let stamp = Stamp { delivery, ..Stamp::default() };
+            (stamp.is_delivered(), stamp.is_standby(), stamp.is_faulted())
         };
-        assert_eq!(marks(unheard::HEARD), (true, false, false));
-        assert_eq!(marks(unheard::SHADOW), (false, true, false));
-        assert_eq!(marks(unheard::FAULT), (false, false, true));
-        assert_eq!(marks(unheard::SHADOW | unheard::FAULT), (false, true, true));
+        assert_eq!(marks(delivery::DELIVERED), (true, false, false));
+        assert_eq!(marks(delivery::STANDBY), (false, true, false));
+        assert_eq!(marks(delivery::FAULT), (false, false, true));
+        assert_eq!(marks(delivery::STANDBY | delivery::FAULT), (false, true, true));
     }
 
     #[test]

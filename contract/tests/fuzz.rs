@@ -1,4 +1,4 @@
-//! Whatever arrives on a topic: nothing panics, and what is taken is whole, plausible and from the process in office.
+//! Whatever arrives on a topic: nothing panics, and what is taken is whole, plausible and from the process active.
 //!
 //! `PROPTEST_CASES=100000 cargo test -p contract --test fuzz` looks longer; in the dev profile, where overflow panics.
 
@@ -52,7 +52,7 @@ impl Forgery {
             Self::Sealed(forged) => {
                 bytes.copy_from_slice(&forged[..size]);
                 *message.stamp_mut() = *good.stamp();
-                return message.sealed();
+                return message.with_checksum();
             }
             Self::Words(words) => {
                 for (place, word) in words {
@@ -72,7 +72,7 @@ fn check<M: Message>(forgeries: &[Forgery], numbers: impl Fn(&M) -> Vec<f64>) {
     let at = |tick: u64| {
         let mut good = M::default();
         *good.stamp_mut() = Stamp { tick, sequence: tick + 1, epoch: 3, ..Stamp::default() };
-        good.sealed()
+        good.with_checksum()
     };
     let mut guard = Guard::default();
     for (tick, forgery) in (1..).zip(forgeries) {
@@ -82,7 +82,7 @@ fn check<M: Message>(forgeries: &[Forgery], numbers: impl Fn(&M) -> Vec<f64>) {
         let newest = if taken { message } else { before };
         assert_eq!(bytemuck::bytes_of(guard.newest()), bytemuck::bytes_of(&newest), "taken: {taken}");
         if taken {
-            assert!(message.is_whole() && message.stamp().epoch == 3);
+            assert!(message.is_intact() && message.stamp().epoch == 3);
             assert!(numbers(&message).into_iter().all(|number| number.abs() <= 1e6), "{message:?}");
         }
         if !matches!(forgery, Forgery::Sealed(_)) {
@@ -90,7 +90,7 @@ fn check<M: Message>(forgeries: &[Forgery], numbers: impl Fn(&M) -> Vec<f64>) {
             assert!(taken || !is(&good), "{message:?}");
             assert!(!taken || is(&good) || is(&older), "{message:?}");
         }
-        assert!(guard.take(&message, 0, tick + 1).is_err(), "a vacant office says nothing");
+        assert!(guard.take(&message, 0, tick + 1).is_err(), "a vacant role says nothing");
     }
 }
 

@@ -1,5 +1,5 @@
 //! `guidance` as a program of its own.
 
 fn main() -> std::process::ExitCode {
-    runtime::process::main("guidance", guidance::run)
+    runtime::session::main("guidance", guidance::run)
 }

@@ -7,8 +7,8 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand, ValueEnum};
 use contract::scenario;
 use runtime::console;
-use runtime::process::{exit, run_as};
 use runtime::realtime::reset_signals;
+use runtime::session::{exit, run_as};
 
 use flight::stack::StartError;
 use flight::{intruder, recorder, settings};
@@ -50,7 +50,7 @@ enum Command {
     Trace(trace::TraceArgs),
     /// List the stacks that are flying, and how their nodes are
     Status(manage::StatusArgs),
-    /// Replace a process of a flying stack: in the shadow first, back again if it does not do
+    /// Replace a process of a flying stack: on standby first, back again if it does not do
     Swap(swap::SwapArgs),
     /// Break something in a stack that flies in real time
     Inject(command::InjectArgs),

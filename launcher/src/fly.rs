@@ -8,7 +8,7 @@ use clap::ValueEnum;
 use contract::Scenario;
 use contract::message::PlantStatus;
 use contract::scenario::{self, Mode};
-use runtime::process::exit;
+use runtime::session::exit;
 use rustix::io::Errno;
 use rustix::process::{Resource, getrlimit};
 

@@ -54,7 +54,7 @@ pub fn status(args: &StatusArgs) -> anyhow::Result<()> {
     }
 }
 
-/// What can be seen of one stack without joining it: settings and board. A guest that joins while the stack ends would
+/// What can be seen of one stack without joining it: settings and page. A guest that joins while the stack ends would
 /// leave its own traces in the shared memory being wiped. What is gone already is absent.
 fn look(domain: &Domain) -> Value {
     let mut view = json!({ "namespace": domain.namespace(), "launcher_pid": domain.launcher_pid() });

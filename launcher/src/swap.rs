@@ -5,8 +5,8 @@ use std::time::Duration;
 use anyhow::{Context, anyhow};
 use contract::scenario::{Swap, SwapBounds, SwapNode, suggest};
 use runtime::domain::Domain;
-use runtime::process::exit;
-use runtime::realtime::{Board, phase};
+use runtime::realtime::{ControlPage, phase};
+use runtime::session::exit;
 use serde_json::{Map, Value};
 
 use flight::control::{Request, ask};
@@ -22,8 +22,8 @@ const LOOK: Duration = Duration::from_millis(50);
 /// Arguments of `swap`.
 #[derive(clap::Args)]
 #[command(after_help = "A recorder has neither settings nor a trial: it takes over as soon as it records, and --set, \
---shadow, --watch and --bounds are refused for it.\n\nExit codes: 0 the newcomer stays; 1 it was sent away, and the old one \
-has the office; 2 the swap is refused; 3 the flight ended first.")]
+--standby, --watch and --bounds are refused for it.\n\nExit codes: 0 the candidate stays; 1 it was sent away, and the old one \
+is active; 2 the swap is refused; 3 the flight ended first.")]
 pub struct SwapArgs {
     /// guidance, attitude-mpc, mixer or recorder
     pub node: String,
@@ -31,16 +31,16 @@ pub struct SwapArgs {
     /// instead of --settings
     #[arg(long, value_name = "PATH")]
     pub exec: Option<String>,
-    /// A setting of the newcomer, on top of the run's, value in TOML: --set mpc.law=lqr
+    /// A setting of the candidate, on top of the run's, value in TOML: --set mpc.law=lqr
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub set: Vec<String>,
-    /// How long it works in the shadow of the old one, unheard: 2s, 500ms
+    /// How long it works on standby of the old one, delivery: 2s, 500ms
     #[arg(long, default_value = "1s", value_parser = seconds)]
-    pub shadow: f64,
+    pub standby: f64,
     /// How long the old one stands by after the hand-over
     #[arg(long, default_value = "3s", value_parser = seconds)]
     pub watch: f64,
-    /// What the newcomer may not do: `--bounds difference=0.25,accord=-0.5,ticks=3,tilt_deg=40,error_m=2`
+    /// What the candidate may not do: `--bounds difference=0.25,similarity=-0.5,ticks=3,tilt_deg=40,error_m=2`
     #[arg(long, value_name = "KEY=VALUE,...", default_value = "", value_parser = bounds)]
     pub bounds: SwapBounds,
     #[command(flatten)]
@@ -54,8 +54,8 @@ pub struct SwapArgs {
 pub fn swap(args: &SwapArgs) -> anyhow::Result<u8> {
     let node: SwapNode = word("node", &args.node)?;
     let exec = args.exec.as_deref().map(program).transpose()?;
-    let (set, shadow_s, watch_s) = (args.set.clone(), args.shadow, args.watch);
-    let swap = Swap { exec, set, shadow_s, watch_s, bounds: args.bounds, ..Swap::new(node, 0.0) };
+    let (set, standby_s, watch_s) = (args.set.clone(), args.standby, args.watch);
+    let swap = Swap { exec, set, standby_s, watch_s, bounds: args.bounds, ..Swap::new(node, 0.0) };
     let domain = args.stack.find()?;
     let flight = target::describe(&domain);
     let ordered = ask(&domain, &Request::Swap(swap)).map_err(|error| anyhow!("{error:#}\nin {flight}"))?;
@@ -94,7 +94,7 @@ fn news(domain: &Domain, since: usize) -> anyhow::Result<Option<Vec<Value>>> {
 }
 
 fn flies(domain: &Domain) -> bool {
-    domain.is_live() && Board::open(&domain.file("board")).is_ok_and(|board| board.phase().count() == phase::GO)
+    domain.is_live() && ControlPage::open(&domain.file("page")).is_ok_and(|page| page.phase().count() == phase::GO)
 }
 
 /// What has become of swap number `swap`, by the `story` of its node, when it is over.
@@ -139,7 +139,7 @@ mod tests {
     use serde_json::json;
 
     #[test]
-    fn a_swap_ends_with_its_own_newcomer() {
+    fn a_swap_ends_with_its_own_candidate() {
         let told = |node: &str, events: &[(u32, &str, Option<u32>)]| {
             let one = |(epoch, what, swap): &(u32, &str, Option<u32>)| json!({ "node": node, "epoch": epoch, "what": what, "swap": swap });
             let story: Vec<Value> = events.iter().map(one).collect();

@@ -5,7 +5,7 @@ use contract::Scenario;
 use contract::file::{self, LARGEST_TEXT};
 use contract::scenario;
 use runtime::domain::Domain;
-use runtime::realtime::{Board, phase};
+use runtime::realtime::{ControlPage, phase};
 
 /// Where a command goes.
 #[derive(clap::Args)]
@@ -57,8 +57,8 @@ pub fn settings(domain: &Domain) -> Option<Scenario> {
 
 /// Whether it is starting, flying or ending.
 pub fn phase(domain: &Domain) -> Option<&'static str> {
-    let board = Board::open(&domain.file("board")).ok()?;
-    Some(match board.phase().count() {
+    let page = ControlPage::open(&domain.file("page")).ok()?;
+    Some(match page.phase().count() {
         phase::JOIN => "starting",
         phase::GO => "flying",
         _ => "ending",
@@ -67,8 +67,8 @@ pub fn phase(domain: &Domain) -> Option<&'static str> {
 
 /// How far it is \[s\].
 pub fn time_s(domain: &Domain) -> Option<f64> {
-    let board = Board::open(&domain.file("board")).ok()?;
-    Some(f64::from(board.watched().count()) / f64::from(settings(domain)?.run.rate_hz))
+    let page = ControlPage::open(&domain.file("page")).ok()?;
+    Some(f64::from(page.watched().count()) / f64::from(settings(domain)?.run.rate_hz))
 }
 
 #[cfg(test)]

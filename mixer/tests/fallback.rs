@@ -144,9 +144,9 @@ fn a_dead_rotor_ends_the_flight_within_300_ms_and_for_good() {
             let after = flight.turn(true, &Surroundings::default());
             assert_eq!((after.flags, after.command.rotor_speed), (flags::CUT | flags::TERMINATED, [0.0; 3]));
 
-            let mut newcomer = Mixer::new(&flight.scenario);
-            assert!(newcomer.restore(&flight.mixer.snapshot()));
-            flight.mixer = newcomer;
+            let mut candidate = Mixer::new(&flight.scenario);
+            assert!(candidate.restore(&flight.mixer.snapshot()));
+            flight.mixer = candidate;
             assert_eq!(flight.turn(true, &Surroundings::default()).flags, flags::CUT | flags::TERMINATED);
         }
     }

@@ -93,8 +93,8 @@ impl Plant {
     }
 
     /// Takes fault `number` as it is from now on, if it is one of vehicle, sensors or air.
-    pub fn suffer(&mut self, number: usize, fault: &Fault) {
-        self.faults.suffer(number, fault);
+    pub fn apply_fault(&mut self, number: usize, fault: &Fault) {
+        self.faults.apply_fault(number, fault);
     }
 
     /// STATE at the present instant; every call is a measurement of its own and draws its own noise.

@@ -1,8 +1,8 @@
 //! The plant as a process: the only one with a clock.
 
 use contract::message::{Actuators, PlantStatus, State};
-use runtime::pace::Turn;
-use runtime::process::{Seat, SeatError};
+use runtime::release::CycleEnd;
+use runtime::session::{NodeSession, SessionError};
 
 use crate::Plant;
 
@@ -10,30 +10,30 @@ use crate::Plant;
 ///
 /// Every sample is published and lives until the next release; the commands that arrive meanwhile act from the moment
 /// they arrived.
-pub fn run(seat: &Seat) -> Result<(), SeatError> {
-    let mut plant = Plant::new(&seat.scenario);
-    let mut states = seat.outlet::<State>()?;
-    let mut commands = seat.inlet::<Actuators>()?;
-    let mut news = seat.news();
-    seat.settle()?;
-    let Some(mut pace) = seat.pace() else { return Ok(()) };
+pub fn run(session: &NodeSession) -> Result<(), SessionError> {
+    let mut plant = Plant::new(&session.scenario);
+    let mut states = session.output::<State>()?;
+    let mut commands = session.input::<Actuators>()?;
+    let mut news = session.news();
+    session.settle()?;
+    let Some(mut release) = session.release() else { return Ok(()) };
     loop {
         news.tell(|number, fault| {
-            plant.suffer(number, fault);
-            pace.suffer(number, fault);
+            plant.apply_fault(number, fault);
+            release.apply_fault(number, fault);
         });
         let state = plant.sample();
         let tick = state.stamp.tick;
-        let Some(lineage) = pace.sample(tick) else { return Err(SeatError::Stuck { tick }) };
-        states.send(state, lineage);
-        pace.sampled(tick);
-        match pace.turn(tick, &mut commands, |command, arrival_ns| plant.command(command, arrival_ns)) {
-            Turn::Periods(periods) if state.status == PlantStatus::Flying as u64 => {
+        let Some(provenance) = release.sample(tick) else { return Err(SessionError::Stuck { tick }) };
+        states.send(state, provenance);
+        release.sampled(tick);
+        match release.turn(tick, &mut commands, |command, arrival_ns| plant.command(command, arrival_ns)) {
+            CycleEnd::Periods(periods) if state.status == PlantStatus::Flying as u64 => {
                 plant.advance(periods);
             }
-            Turn::Periods(_) | Turn::Over => return Ok(()),
-            Turn::Stuck => return Err(SeatError::Stuck { tick }),
-            Turn::Seized => return Err(SeatError::Seized { tick: tick + 1 }),
+            CycleEnd::Periods(_) | CycleEnd::Over => return Ok(()),
+            CycleEnd::Stuck => return Err(SessionError::Stuck { tick }),
+            CycleEnd::FaultExit => return Err(SessionError::FaultExit { tick: tick + 1 }),
         }
     }
 }

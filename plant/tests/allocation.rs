@@ -38,7 +38,7 @@ fn check_allocates_nothing(scenario: &Scenario, given: &[Fault]) {
     let command = plant.sample().command_in_force;
     let count = allocation_counter::measure(|| {
         for sequence in 1..=50 {
-            given.iter().enumerate().for_each(|(number, fault)| plant.suffer(number, fault));
+            given.iter().enumerate().for_each(|(number, fault)| plant.apply_fault(number, fault));
             plant.command(&Actuators { stamp: Stamp { sequence, ..Stamp::default() }, command, flags: 0 }, 0);
             plant.advance(1);
             plant.sample();

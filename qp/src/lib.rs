@@ -38,7 +38,7 @@
 //! 2. **Join**: when every multiplier holds, add the constraint violated most in the norm of `H^-1`; of a disc the tangent
 //!    towards the present point. One that depends on those held takes the place of the one that blocks it first; when none
 //!    does, no point is inside.
-//! 3. **Turn**: a disc that is held and still violated is touched at the wrong angle. Kelley would add a tangent and
+//! 3. **CycleEnd**: a disc that is held and still violated is touched at the wrong angle. Kelley would add a tangent and
 //!    converge slowly; here the angles of all held tangents become unknowns. Turning by `da` moves the constraint by
 //!    `l da (sin a g_a - cos a g_b)`, and the curvature of the disc makes that a row with the softness `1/l`: one Newton step on multipliers and
 //!    angles together, shortened until `D` rises by its share (Armijo).

@@ -10,7 +10,7 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread;
 use std::time::Duration;
 
-use crate::process::exit;
+use crate::session::exit;
 
 /// Lines for stderr that wait to be written; more are dropped.
 const WAITING_LINES: usize = 256;

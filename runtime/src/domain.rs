@@ -4,9 +4,9 @@
 //! /dev/shm/trefoil-<user>/        the user's folder, mode 0700; <user> is a number
 //!     <namespace>/                a run's folder, locked (flock) by its launcher while the run lives
 //!         launcher        process number of the launcher, as its own PID namespace has it
-//!         scenario.toml   the merged settings          board       bells, offices, phase, faults given while flying
+//!         scenario.toml   the merged settings          page       doorbells, roles, phase, faults given while flying
 //!         control         the socket on which the launcher answers
-//!         <node>.<epoch>.toml                          settings of a newcomer
+//!         <node>.<epoch>.toml                          settings of a candidate
 //!         iox/            iceoryx2's root, with all its segments
 //! ```
 //!

@@ -1,23 +1,23 @@
 //! The link: what faults do to the messages of one topic on their way.
 //!
 //! It stands behind the publisher: what leaves it is what everybody gets, the recorder included. A message that is lost or
-//! changed leaves it too, marked as unheard: who watches sees what was meant and what came of it. Time is counted in whole
+//! changed leaves it too, marked as delivery: who watches sees what was meant and what came of it. Time is counted in whole
 //! ticks, and every draw is a function of seed, fault and tick alone, so that a flight repeats, also across a restart of
 //! the publisher (only what it held back is lost with it).
 //!
 //! ```text
-//! sealed message -> drop? burst? rate? -> garbage, wrong, stale (sealed anew)
-//!                -> corrupt (not sealed) -> late, twice, in turn
+//! with checksum message -> drop? burst? rate? -> garbage, wrong, stale (with checksum anew)
+//!                -> corrupt (not with checksum) -> late, twice, in turn
 //! ```
 
 use std::mem::offset_of;
 use std::ops::Range;
 
 use contract::Topic;
+use contract::fault_schedule::{Entry, FaultSchedule};
 use contract::message::{Actuators, Controls, Message, Reference};
-use contract::roll::{Entry, Roll};
 use contract::scenario::{Fault, FaultKind, Scenario, Wrong};
-use contract::stamp::unheard;
+use contract::stamp::delivery;
 
 /// Messages that may be on their way at once; the oldest is lost beyond that.
 const HELD: usize = 64;
@@ -26,7 +26,7 @@ const STAMP_WORDS: usize = size_of::<contract::message::Stamp>() / 8;
 
 /// One topic's faults and what they hold back.
 pub struct Link<M> {
-    faults: Roll<Fault>,
+    faults: FaultSchedule<Fault>,
     seed: u64,
     /// Sample time \[s\].
     sample_s: f64,
@@ -39,14 +39,14 @@ pub struct Link<M> {
 impl<M: Message> Link<M> {
     /// The link of `M`'s topic in `scenario`.
     pub fn new(scenario: &Scenario) -> Self {
-        let faults = Roll::new(scenario, |_, fault| of_topic(M::TOPIC, fault));
+        let faults = FaultSchedule::new(scenario, |_, fault| of_topic(M::TOPIC, fault));
         let held = Vec::with_capacity(if faults.may_strike() { HELD } else { 0 });
         Self { faults, seed: scenario.run.seed, sample_s: scenario.sample_s(), held, overtaken: None }
     }
 
-    /// Takes fault `number` as it is from now on: see [`Roll::suffer`].
-    pub fn suffer(&mut self, number: usize, fault: &Fault) {
-        self.faults.suffer(number, fault, of_topic(M::TOPIC, fault));
+    /// Takes fault `number` as it is from now on: see [`FaultSchedule::apply_fault`].
+    pub fn apply_fault(&mut self, number: usize, fault: &Fault) {
+        self.faults.apply_fault(number, fault, of_topic(M::TOPIC, fault));
     }
 
     /// Sends `message`, which answers to sample `tick`, on its way: `deliver` gets what arrives on this tick.
@@ -62,8 +62,8 @@ impl<M: Message> Link<M> {
             |passed: &Passed<M>| passed.ticks_late == 0 && !passed.overtaken && bits(&passed.message) == bits(message);
         if !passed.as_ref().is_some_and(unharmed) {
             let mut meant = *message;
-            meant.stamp_mut().unheard |= unheard::FAULT;
-            deliver(&meant.sealed());
+            meant.stamp_mut().delivery |= delivery::FAULT;
+            deliver(&meant.with_checksum());
         }
         let Some(Passed { message, ticks_late, twice, overtaken }) = passed else { return };
         if ticks_late > 0 {
@@ -131,7 +131,7 @@ fn garble<M: Message>(message: &mut M, random: impl Fn(u64) -> u64) {
             _ => bits,
         };
     }
-    *message = message.sealed();
+    *message = message.with_checksum();
 }
 
 /// What the message demands is something else: finite, and the seal fits.
@@ -145,7 +145,7 @@ fn demand_otherwise<M: Message>(message: &mut M, fault: &Fault) {
         };
         *word = wrong.to_bits();
     }
-    *message = message.sealed();
+    *message = message.with_checksum();
 }
 
 /// The words of a payload that somebody is to obey: climb, attitude and rates; lift and moments; rotors and tilt.
@@ -163,7 +163,7 @@ fn demands(topic: Topic) -> Range<usize> {
 fn grow_old<M: Message>(message: &mut M, ticks: u64) {
     let stamp = message.stamp_mut();
     stamp.tick = stamp.tick.saturating_sub(ticks);
-    *message = message.sealed();
+    *message = message.with_checksum();
 }
 
 /// That many bits of the whole message fall over.

@@ -2,7 +2,7 @@
 //!
 //! Publish-subscribe with safe overflow: a publisher never waits, a slow subscriber loses the oldest. The launcher
 //! creates every service and keeps it; the nodes only open. A process that dies in the middle of creating a service
-//! would brick it for everyone, and a holder that outlives the nodes makes that impossible.
+//! would brick it for everyone, and a active that outlives the nodes makes that impossible.
 //!
 //! The generic ports stay behind two small traits, so that only this crate pays for compiling them.
 
@@ -28,7 +28,7 @@ pub use storage::{LEAST_DEPTH, bytes_needed, makers, observer_depth};
 
 use crate::domain::Domain;
 use crate::realtime::shortage;
-use crate::rehearsal::Rehearse;
+use crate::warm_up::WarmUp;
 use contract::Topic;
 use contract::integrity::checksum;
 use contract::message::{Actuators, Controls, Message, Reference, State};
@@ -90,7 +90,7 @@ impl PortFailure {
 }
 
 /// Sends one kind of message.
-pub trait Send<M>: Rehearse {
+pub trait Send<M>: WarmUp {
     /// Hands `message` to every subscriber that can be reached.
     ///
     /// # Errors
@@ -140,7 +140,7 @@ impl Bus {
     }
 
     /// Removes what processes that died have left in the services; the launcher's part. May take tens of milliseconds.
-    pub fn bury_the_dead(&self) {
+    pub fn remove_dead_ports(&self) {
         // What cannot be removed now is left for the wiping at the end of the run.
         let _ = self.node.try_cleanup_dead_nodes();
     }
@@ -219,8 +219,8 @@ impl<M: Message + ZeroCopySend> Send<M> for Publisher<FileService, M, ()> {
     }
 }
 
-impl<M: Message + ZeroCopySend> Rehearse for Publisher<FileService, M, ()> {
-    fn rehearse(&self) {
+impl<M: Message + ZeroCopySend> WarmUp for Publisher<FileService, M, ()> {
+    fn warm_up(&self) {
         drop(self.loan_uninit()); // the better half of a send
     }
 }

@@ -188,7 +188,7 @@ proptest! {
         profile in select(vec![Profile::Paper, Profile::Robust]),
         changes in vec(change(), 0..5),
         faults in vec(fault(), 0..3),
-        newcomer in prop::option::of(vec(change(), 0..3)),
+        candidate in prop::option::of(vec(change(), 0..3)),
         duration_s in 0.05..1.0_f64,
         seed in 0..1000_u64,
     ) {
@@ -205,12 +205,12 @@ proptest! {
             let faults: Vec<Value> = faults.iter().map(|fault| Value::try_from(fault).expect("a fault is TOML")).collect();
             overrides.push(format!("fault={}", Value::Array(faults)));
         }
-        if let Some(changes) = newcomer {
+        if let Some(changes) = candidate {
             let mut small = sets(profile, &changes);
             small.retain(|set| is_small(&[&overrides[..], std::slice::from_ref(set)].concat()));
             let set = Value::from(small);
             let node = ["guidance", "attitude-mpc", "mixer"][seed as usize % 3];
-            overrides.push(format!("swap=[{{at_s=0.1, node=\"{node}\", shadow_s=0.1, watch_s=0.2, set={set}}}]"));
+            overrides.push(format!("swap=[{{at_s=0.1, node=\"{node}\", standby_s=0.1, watch_s=0.2, set={set}}}]"));
         }
         if is_small(&overrides) {
             check(&overrides);

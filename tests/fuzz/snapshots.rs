@@ -30,7 +30,7 @@ fn words() -> impl Strategy<Value = Vec<(usize, u64)>> {
     vec((0..SNAPSHOT_WORDS, word), 0..20)
 }
 
-/// `snapshot` with other words, sealed anew unless the seal itself was forged.
+/// `snapshot` with other words, with checksum anew unless the seal itself was forged.
 fn forged(mut snapshot: Snapshot, words: &[(usize, u64)]) -> Snapshot {
     for (place, word) in words {
         snapshot[*place] = *word;

@@ -129,17 +129,17 @@ fn constraints_to_start_from_that_cannot_be_are_refused() {
     assert_eq!(mpc.step(0, &state, &reference).status, SolveStatus::Solved as u64);
 }
 
-/// Flies `path` of (w, phi, theta, p, q, r, heading reference) with a controller; from tick `until` on a newcomer that
+/// Flies `path` of (w, phi, theta, p, q, r, heading reference) with a controller; from tick `until` on a candidate that
 /// was given a snapshot answers beside it. The pairs of answers from there on.
 fn continued(scenario: &Scenario, path: &[([f64; 7], u64)], until: usize) -> Vec<[Controls; 2]> {
-    let (mut mpc, mut newcomer) = (AttitudeMpc::new(scenario), None);
+    let (mut mpc, mut candidate) = (AttitudeMpc::new(scenario), None);
     let mut pairs = vec![];
     for (tick, ([w, phi, theta, p, q, r, heading], late)) in path.iter().enumerate() {
         if tick == until {
             let snapshot: Snapshot = mpc.snapshot();
             let mut other = AttitudeMpc::new(scenario);
             assert!(other.restore(&snapshot));
-            newcomer = Some(other);
+            candidate = Some(other);
         }
         let tick = tick as u64;
         let (mut state, mut reference) = hover(&mpc, tick.saturating_sub(late / 2)); // some come too late
@@ -147,7 +147,7 @@ fn continued(scenario: &Scenario, path: &[([f64; 7], u64)], until: usize) -> Vec
         state.measured.attitude_rad = [*phi, *theta, 0.0];
         state.measured.rates_radps = [*p, *q, *r];
         reference.attitude_rad[2] = *heading;
-        let [one, other] = [Some(&mut mpc), newcomer.as_mut()]
+        let [one, other] = [Some(&mut mpc), candidate.as_mut()]
             .map(|mpc| mpc.map(|mpc| Controls { solve_ns: 0, ..mpc.step(tick, &state, &reference) }));
         pairs.extend(one.zip(other).map(|(one, other)| [one, other]));
     }

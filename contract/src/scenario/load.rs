@@ -26,9 +26,9 @@ pub fn to_toml(scenario: &Scenario) -> String {
     toml::to_string(scenario).expect("every setting has a form in TOML")
 }
 
-/// The settings of a newcomer: those of `run` with its own on top. Faults of its own stand in the place of the run's,
+/// The settings of a candidate: those of `run` with its own on top. Faults of its own stand in the place of the run's,
 /// which need not be such that they could strike it.
-pub fn newcomer(run: &Scenario, swap: &Swap) -> Result<Scenario, ScenarioError> {
+pub fn candidate(run: &Scenario, swap: &Swap) -> Result<Scenario, ScenarioError> {
     let base = Scenario { swap: vec![], fault: vec![], ..run.clone() };
     let base = Source { path: Some("the run's settings".into()), text: to_toml(&base) };
     let sources: Vec<Source> = std::iter::once(base).chain(swap.set.iter().map(|text| set(text))).collect();
@@ -37,8 +37,8 @@ pub fn newcomer(run: &Scenario, swap: &Swap) -> Result<Scenario, ScenarioError> 
     Ok(Scenario { fault, ..own })
 }
 
-/// The settings of a [`newcomer`] that [`to_toml`] wrote as `text`; `origin` names the text in errors.
-pub fn newcomer_from(text: &str, origin: &str) -> Result<Scenario, ScenarioError> {
+/// The settings of a [`candidate`] that [`to_toml`] wrote as `text`; `origin` names the text in errors.
+pub fn candidate_from(text: &str, origin: &str) -> Result<Scenario, ScenarioError> {
     merge(&[Source { path: Some(origin.into()), text: text.into() }]).map(|(scenario, _)| scenario)
 }
 

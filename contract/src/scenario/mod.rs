@@ -35,7 +35,7 @@ mod words;
 
 pub use control::*;
 pub use fault::*;
-pub use load::{check_fault, check_sizes, check_swaps, from_merged, load, newcomer, newcomer_from, to_toml};
+pub use load::{candidate, candidate_from, check_fault, check_sizes, check_swaps, from_merged, load, to_toml};
 pub use mission::*;
 pub use report::ScenarioError;
 pub use run::*;

@@ -1,13 +1,13 @@
 //! `[[swap]]`: another process for a node, in flight.
 //!
 //! ```text
-//! at_s        the newcomer begins, in the shadow of the one in office: same inputs, unheard
-//!  + shadow_s it takes the office, if it has kept within its bounds; the old one goes on in its shadow
-//!  + watch_s  the newcomer stays, and the old one leaves; if it left its bounds before, the old one had it back
+//! at_s        the candidate begins, on standby of the one active: same inputs, delivery
+//!  + standby_s it becomes active, if it has kept within its bounds; the old one goes on beside it on standby
+//!  + watch_s  the candidate stays, and the old one leaves; if it left its bounds before, the old one had it back
 //! ```
 //!
-//! The recorder is not tried like that: the newcomer records beside the old one from when it is ready, and the old one leaves
-//! at once. `set`, `shadow_s`, `watch_s` and `bounds` are refused for it.
+//! The recorder is not tried like that: the candidate records beside the old one from when it is ready, and the old one leaves
+//! at once. `set`, `standby_s`, `watch_s` and `bounds` are refused for it.
 
 use serde::{Deserialize, Serialize};
 
@@ -17,7 +17,7 @@ use crate::Topic;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Swap {
-    /// When the newcomer begins \[s\].
+    /// When the candidate begins \[s\].
     pub at_s: f64,
     /// Whom it is to replace.
     pub node: SwapNode,
@@ -28,9 +28,9 @@ pub struct Swap {
     /// Its settings, each as after `--set`, on top of the run's.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub set: Vec<String>,
-    /// How long it works in the shadow \[s\].
-    #[serde(default = "Swap::usual_shadow_s")]
-    pub shadow_s: f64,
+    /// How long it works on standby \[s\].
+    #[serde(default = "Swap::usual_standby_s")]
+    pub standby_s: f64,
     /// How long the old one stands by after that \[s\].
     #[serde(default = "Swap::usual_watch_s")]
     pub watch_s: f64,
@@ -39,26 +39,26 @@ pub struct Swap {
     pub bounds: SwapBounds,
 }
 
-/// `swap.bounds`: what a newcomer may not do, in the shadow and in office.
+/// `swap.bounds`: what a candidate may not do, on standby and active.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SwapBounds {
     /// Largest difference between its answer and the old one's to the same sample, as a share of what is commonly the
     /// largest answer.
     pub difference: f64,
-    /// Least accord of its answers with the old one's: 1 the same up to a factor, 0 nothing in common, -1 the opposite.
-    pub accord: f64,
+    /// Least similarity of its answers with the old one's: 1 the same up to a factor, 0 nothing in common, -1 the opposite.
+    pub similarity: f64,
     /// Ticks in a row on which its answer may be missing, late, implausible, too different, or opposite.
     pub ticks: u64,
-    /// Largest tilt of the vehicle while it is in office \[deg\].
+    /// Largest tilt of the vehicle while it is active \[deg\].
     pub tilt_deg: f64,
-    /// Farthest from the trajectory while it is in office \[m\].
+    /// Farthest from the trajectory while it is active \[m\].
     pub error_m: f64,
 }
 
 impl Default for SwapBounds {
     fn default() -> Self {
-        Self { difference: 0.25, accord: -0.5, ticks: 3, tilt_deg: 40.0, error_m: 2.0 }
+        Self { difference: 0.25, similarity: -0.5, ticks: 3, tilt_deg: 40.0, error_m: 2.0 }
     }
 }
 
@@ -81,9 +81,9 @@ pub enum SwapNode {
 /// The ticks of a swap of one node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SwapTicks {
-    /// The newcomer's first, in the shadow.
+    /// The candidate's first, on standby.
     pub from: u64,
-    /// Its first in office.
+    /// Its first active.
     pub hand_over: u64,
     /// The first without the old one.
     pub until: u64,
@@ -92,19 +92,19 @@ pub struct SwapTicks {
 impl Swap {
     /// A swap of `node` with the defaults.
     pub fn new(node: SwapNode, at_s: f64) -> Self {
-        let (shadow_s, watch_s) = (Self::usual_shadow_s(), Self::usual_watch_s());
-        Self { at_s, node, exec: None, set: vec![], shadow_s, watch_s, bounds: SwapBounds::default() }
+        let (standby_s, watch_s) = (Self::usual_standby_s(), Self::usual_watch_s());
+        Self { at_s, node, exec: None, set: vec![], standby_s, watch_s, bounds: SwapBounds::default() }
     }
 
-    /// Its ticks at a sample time \[s\], when it is of a node in the ring. At least one of them is spent in the shadow.
+    /// Its ticks at a sample time \[s\], when it is of a node in the ring. At least one of them is spent on standby.
     pub fn ticks(&self, sample_s: f64) -> SwapTicks {
         let ticks = |time_s: f64| (time_s / sample_s - 1e-6).ceil() as u64;
         let from = ticks(self.at_s);
-        let hand_over = from + ticks(self.shadow_s).max(1);
+        let hand_over = from + ticks(self.standby_s).max(1);
         SwapTicks { from, hand_over, until: hand_over + ticks(self.watch_s) }
     }
 
-    fn usual_shadow_s() -> f64 {
+    fn usual_standby_s() -> f64 {
         1.0
     }
 
@@ -136,10 +136,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_newcomer_works_in_the_shadow_first() {
-        let swap = Swap { shadow_s: 0.5, watch_s: 2.0, ..Swap::new(SwapNode::Mixer, 0.29) };
+    fn a_candidate_works_in_the_shadow_first() {
+        let swap = Swap { standby_s: 0.5, watch_s: 2.0, ..Swap::new(SwapNode::Mixer, 0.29) };
         assert_eq!(swap.ticks(0.01), SwapTicks { from: 29, hand_over: 79, until: 279 });
-        let hasty = Swap { shadow_s: 0.0, watch_s: 0.0, ..swap };
+        let hasty = Swap { standby_s: 0.0, watch_s: 0.0, ..swap };
         assert_eq!(hasty.ticks(0.01), SwapTicks { from: 29, hand_over: 30, until: 30 });
     }
 }

@@ -116,9 +116,9 @@ proptest! {
         for (tick, (position_m, velocity_mps, late)) in (0..).zip(path) {
             if tick == until as u64 {
                 let snapshot: Snapshot = guidance.snapshot();
-                let mut newcomer = Guidance::new(&s);
-                prop_assert!(newcomer.restore(&snapshot));
-                continued = Some(newcomer);
+                let mut candidate = Guidance::new(&s);
+                prop_assert!(candidate.restore(&snapshot));
+                continued = Some(candidate);
             }
             let mut state = hovering(tick.saturating_sub(late / 2)); // a third of them come too late
             state.measured.position_m = position_m;

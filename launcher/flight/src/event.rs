@@ -65,17 +65,17 @@ pub enum What {
     Started,
     /// It could not be started.
     NotStarted,
-    /// It holds the office.
+    /// It is active.
     TookOver,
     /// It is not started any more.
     GivenUp,
-    /// A newcomer works in the shadow.
-    InShadow,
-    /// A newcomer was sent away before it held the office.
+    /// A candidate works on standby.
+    OnStandby,
+    /// A candidate was sent away before it held the role.
     Rejected,
-    /// A newcomer holds the office for good.
+    /// A candidate is active for good.
     Kept,
-    /// A newcomer had to give the office back.
+    /// A candidate had to give the role back.
     Returned,
     /// A fault was given to it, whatever it is: a node, a topic, a part of the vehicle.
     Injected,
@@ -126,7 +126,7 @@ pub fn not_started(events: &mut [Event], epoch: u32, why: &str) {
     }
 }
 
-/// The first newcomer that could not even be tried.
+/// The first candidate that could not even be tried.
 pub fn untried(events: &[Event]) -> Option<&Event> {
     let of = |event: &Event, what| (event.what == what).then_some((event.node.clone(), event.epoch));
     let missing: Vec<_> = events.iter().filter_map(|event| of(event, What::NotStarted)).collect();

@@ -1,8 +1,8 @@
 //! The intruder: a process that does not belong to the run and tries to get in, as a `[[fault]]` of a topic tells it to.
 //!
 //! ```text
-//! second-publisher   opens the topic and answers every message that it hears with two of its own: well-formed, sealed,
-//!                    newer, empty; one with the epoch in office, one with an epoch that nobody has
+//! second-publisher   opens the topic and answers every message that it hears with two of its own: well-formed, with checksum,
+//!                    newer, empty; one with the epoch active, one with an epoch that nobody has
 //! wrong-layout       opens the topic with another idea of what its messages look like
 //! wrong-user         becomes `nobody`, joins as a node does, and then tries the run's files by their names
 //! ```
@@ -18,8 +18,8 @@ use contract::message::{Actuators, Controls, Reference, Stamp, State};
 use contract::scenario::FaultKind;
 use runtime::domain::Domain;
 use runtime::port::{Bus, NODE_DEPTH, Wire};
-use runtime::process::{Seat, exit};
-use runtime::realtime::{Board, now_ns, phase};
+use runtime::realtime::{ControlPage, now_ns, phase};
+use runtime::session::{NodeSession, exit};
 use rustix::process::{Gid, Signal, Uid};
 
 use crate::supervisor;
@@ -90,14 +90,14 @@ fn on<M: Wire>(args: &IntrudeArgs) -> anyhow::Result<String> {
 /// Sends forged messages until tick `until` or the end of the run.
 fn speak<M: Wire>(namespace: &str, until: u64) -> anyhow::Result<String> {
     let domain = Domain::find(namespace)?;
-    let board = Board::open(&domain.file("board"))?;
+    let page = ControlPage::open(&domain.file("page"))?;
     let bus = Bus::attach(&domain)?;
     let (port, ear) = (bus.sender::<M>()?, bus.receiver::<M>(NODE_DEPTH)?);
     print("ready\n");
-    let bell = board.bell(M::TOPIC);
+    let doorbell = page.doorbell(M::TOPIC);
     let mut sent = 0;
-    while supervisor::plant_tick(&board) < until && board.phase().count() < phase::LEAVE {
-        let rung = bell.count(); // before the look, so that a message after it is not slept through
+    while supervisor::plant_tick(&page) < until && page.phase().count() < phase::LEAVE {
+        let rung = doorbell.count(); // before the look, so that a message after it is not slept through
         while let Ok(Some((heard, from))) = ear.receive() {
             if from != port.number() {
                 let epoch = heard.stamp().epoch;
@@ -106,10 +106,10 @@ fn speak<M: Wire>(namespace: &str, until: u64) -> anyhow::Result<String> {
                     .into_iter()
                     .filter(|sent| *sent)
                     .count();
-                bell.ring();
+                doorbell.ring();
             }
         }
-        bell.wait(rung, now_ns() + LOOK_NS);
+        doorbell.wait(rung, now_ns() + LOOK_NS);
     }
     Ok(format!("{SENT}{sent} messages"))
 }
@@ -119,7 +119,7 @@ fn forge<M: Wire>(heard: &M, epoch: u64) -> M {
     let mut forged = M::default();
     let Stamp { tick, sequence, .. } = *heard.stamp();
     *forged.stamp_mut() = Stamp { tick: tick + 1, sequence: sequence + 1, epoch, ..*heard.stamp() };
-    forged.sealed()
+    forged.with_checksum()
 }
 
 fn become_nobody() -> anyhow::Result<()> {
@@ -132,10 +132,10 @@ fn become_nobody() -> anyhow::Result<()> {
 
 /// Tries to get in by the door, and then by every window.
 fn knock(domain: &Domain) -> String {
-    let Err(refusal) = Seat::join(domain.namespace(), Topic::Actuators.publisher(), 1) else {
+    let Err(refusal) = NodeSession::join(domain.namespace(), Topic::Actuators.publisher(), 1) else {
         return format!("{LET_IN}it joined");
     };
-    let inside = ["scenario.toml", "board", "iox"].map(|name| domain.file(name));
+    let inside = ["scenario.toml", "page", "iox"].map(|name| domain.file(name));
     let files = domain.folder.ancestors().take(2).map(PathBuf::from).chain(inside);
     match files.into_iter().find(|file: &PathBuf| File::open(file).is_ok()) {
         Some(file) => format!("{LET_IN}it opened {}", file.display()),

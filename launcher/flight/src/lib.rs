@@ -5,7 +5,7 @@
 //! | [`settings`] | the settings of a flight, checked before it |
 //! | [`stack`] | the ring as processes: start, watch, stop |
 //! | [`inprocess`] | the ring turned by one thread |
-//! | [`succession`] | who works for each node when time follows the script, and the trial of newcomers |
+//! | [`succession`] | who works for each node when time follows the script, and the trial of candidates |
 //! | `supervisor` | who works for each node against the clock |
 //! | [`intruder`] | a process that does not belong to a run, as a fault |
 //! | [`event`] | what happens to processes, and how the recorder hears of it |

@@ -16,8 +16,8 @@ use contract::scenario::{self, FaultKind, Scenario};
 use contract::topic::Topic;
 use runtime::console;
 use runtime::port::{Receive, Wire};
-use runtime::process::{Seat, SeatError, die_with_launcher, exit};
-use runtime::realtime::{Board, phase};
+use runtime::realtime::{ControlPage, phase};
+use runtime::session::{NodeSession, SessionError, die_with_launcher, exit};
 use rustix::io::Errno;
 use serde::{Deserialize, Serialize};
 
@@ -40,7 +40,7 @@ pub struct LogOutcome {
 
 /// The four topics as one stream of records.
 pub struct Observers {
-    board: Arc<Board>,
+    page: Arc<ControlPage>,
     states: Rc<dyn Receive<State>>,
     references: Rc<dyn Receive<Reference>>,
     controls: Rc<dyn Receive<Controls>>,
@@ -52,13 +52,13 @@ pub struct Observers {
 
 impl Observers {
     /// Joins all four topics.
-    pub fn join(seat: &Seat) -> Result<Self, SeatError> {
+    pub fn join(session: &NodeSession) -> Result<Self, SessionError> {
         Ok(Self {
-            board: seat.board.clone(),
-            states: seat.observer()?,
-            references: seat.observer()?,
-            controls: seat.observer()?,
-            actuators: seat.observer()?,
+            page: session.page.clone(),
+            states: session.observer()?,
+            references: session.observer()?,
+            controls: session.observer()?,
+            actuators: session.observer()?,
             received: Default::default(),
             drained: Default::default(),
             failures: Cell::default(),
@@ -90,16 +90,16 @@ impl Observers {
     }
 
     fn one<M: Wire + Into<Record>>(&self, port: &dyn Receive<M>, each: &mut impl FnMut(Record)) -> usize {
-        let office = self.board.office(M::TOPIC);
+        let role = self.page.role(M::TOPIC);
         let (received, drained) = (&self.received[M::TOPIC as usize], &self.drained[M::TOPIC as usize]);
         let mut count = 0;
         loop {
             match port.receive() {
                 Ok(Some((message, from))) => {
-                    received.set(received.get() + u32::from(from == office.port(office.holder())));
+                    received.set(received.get() + u32::from(from == role.port(role.active())));
                     // A fault that flips bits can make any message look like one.
-                    let is_probe = message.stamp().is_probe() && message.is_whole();
-                    if office.knows(from) && !is_probe {
+                    let is_probe = message.stamp().is_probe() && message.is_intact();
+                    if role.knows(from) && !is_probe {
                         each(message.into());
                         drained.set(drained.get() + 1);
                         count += 1;
@@ -131,23 +131,23 @@ pub fn main(namespace: &str, epoch: u32, path: &Path) -> ExitCode {
 
 fn record(namespace: &str, epoch: u32, path: &Path) -> anyhow::Result<LogOutcome> {
     die_with_launcher(namespace)?;
-    let seat = Seat::join(namespace, "recorder", epoch)?;
+    let session = NodeSession::join(namespace, "recorder", epoch)?;
     // The file first: a recorder that has joined is one that can write.
-    let mut log = Log::create(path, &seat.scenario)?;
-    let observers = Observers::join(&seat)?;
+    let mut log = Log::create(path, &session.scenario)?;
+    let observers = Observers::join(&session)?;
     let mut hearing = Hearing::new(std::io::stdin());
-    let office = seat.board.archive();
-    seat.probe(|| office.ready.set(epoch))?;
+    let role = session.page.archive();
+    session.probe(|| role.ready.set(epoch))?;
     loop {
-        let closing = seat.board.phase().count() >= phase::CLOSE || office.holder() > epoch;
+        let closing = session.page.phase().count() >= phase::CLOSE || role.active() > epoch;
         let mut newest = 0;
         let count = observers.drain(|record| {
-            if record.is_whole() {
+            if record.is_intact() {
                 newest = newest.max(record.stamp().tick);
             }
             log.write(&record);
         });
-        seat.board.recorded().raise(newest as u32);
+        session.page.recorded().raise(newest as u32);
         let count = count
             + hearing.drain(|event| match event {
                 Ok(event) => log.event(&event),
@@ -188,7 +188,7 @@ impl Log {
         let gap = self.count.gap(record);
         let missed = gap.unwrap_or(0);
         self.outcome.dropped = self.outcome.dropped.saturating_add(missed);
-        let full = self.full_from.is_some_and(|from| record.is_whole() && record.stamp().tick >= from);
+        let full = self.full_from.is_some_and(|from| record.is_intact() && record.stamp().tick >= from);
         let write = |writer: &mut LogWriter| {
             if full { Err(writer.give_up(std::io::Error::from(Errno::NOSPC).into())) } else { writer.write(record) }
         };

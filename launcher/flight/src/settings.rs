@@ -1,13 +1,13 @@
 //! The settings of a flight, checked as far as they can be before it: what `fly` refuses, `check` refuses too.
 //!
 //! What stands in the file is checked by [`contract::scenario`]; here, whether what is derived from it exists: the
-//! controllers of the run and of its newcomers, and the programs of its swaps.
+//! controllers of the run and of its candidates, and the programs of its swaps.
 
 use std::path::{Path, PathBuf};
 
 use attitude_mpc::AttitudeMpc;
 use contract::Scenario;
-use contract::scenario::{self, ScenarioError, Swap, SwapNode, newcomer};
+use contract::scenario::{self, ScenarioError, Swap, SwapNode, candidate};
 use rustix::fs::{Access, access};
 
 /// The scenario of `file` with `overrides` on top, if it can be flown.
@@ -33,7 +33,7 @@ fn check_swap(scenario: &Scenario, swap: &Swap) -> Result<(), ScenarioError> {
             ),
             "give `exec` the path of a program, seen from where the launcher is started; `chmod +x` it if need be",
         ),
-        None if swap.node == SwapNode::AttitudeMpc => match AttitudeMpc::try_new(&newcomer(scenario, swap)?) {
+        None if swap.node == SwapNode::AttitudeMpc => match AttitudeMpc::try_new(&candidate(scenario, swap)?) {
             Ok(_) => Ok(()),
             Err(error) => refused(format!("`swap.set`: {}", error.to_string().trim_start_matches("error: ")), ""),
         },
@@ -70,8 +70,8 @@ mod tests {
             let message = refused(&[q, r, &format!("mpc.law={law}")]);
             assert!(message.contains("`mpc.r`") && message.contains("`mpc.q`"), "{law}: {message}");
         }
-        let newcomer = format!("swap=[{{at_s=1, node='attitude-mpc', set=['{q}', '{r}']}}]");
-        let message = refused(&[&newcomer]);
+        let candidate = format!("swap=[{{at_s=1, node='attitude-mpc', set=['{q}', '{r}']}}]");
+        let message = refused(&[&candidate]);
         assert!(message.contains("`swap.set`: `mpc."), "{message}");
         load(None, &["mpc={np=200, nu=50}".into()]).unwrap();
     }

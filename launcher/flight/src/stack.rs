@@ -1,13 +1,14 @@
 //! The ring as processes: start them, watch them, stop them, leave shared memory clean.
 //!
 //! ```text
-//! take the namespace -> create services and board -> start children -> all joined? -> GO
+//! take the namespace -> create services and page -> start children -> all joined? -> GO
 //!   watch: empty the queues, do what the supervisor orders, show progress
 //! plant has left, or Ctrl-C, or nobody can go on -> LEAVE -> nodes gone -> CLOSE -> recorder gone -> wipe
 //! ```
 
 mod answer;
 mod archive;
+mod assignment;
 mod children;
 mod end;
 mod files;
@@ -16,7 +17,6 @@ mod live;
 mod recorders;
 mod regime;
 mod script;
-mod staffing;
 mod surroundings;
 mod swaps;
 
@@ -31,13 +31,13 @@ use contract::guard::Refusal;
 use contract::scenario::Fault;
 use contract::topic::Topic;
 use runtime::domain::{Hold, check_room};
-use runtime::office::Staff;
 use runtime::port::{Bus, PortFailure, Services, bytes_needed, observer_depth};
-use runtime::process::Seat;
-use runtime::realtime::{Board, phase, tell_of_crashes};
+use runtime::realtime::{ControlPage, phase, tell_of_crashes};
+use runtime::session::NodeSession;
+use runtime::shared_role::Assignment;
 
 use children::{Children, wait};
-use end::Departure;
+use end::ChildExit;
 pub use end::{Ended, StartError, refused};
 use host::Host;
 
@@ -89,7 +89,7 @@ pub struct Stack {
     regime: Regime,
     archive: Option<Archive>,
     host: Host,
-    board: std::sync::Arc<Board>,
+    page: std::sync::Arc<ControlPage>,
     observers: Observers,
     hearing: Hearing,
     /// Topics that the launcher itself does not hear.
@@ -126,18 +126,18 @@ impl Stack {
         let domain = &hold.domain;
         let shm = |what| move || format!("cannot write {what} in shared memory");
         domain.write("scenario.toml", &contract::scenario::to_toml(scenario)).with_context(shm("settings"))?;
-        Board::create(&domain.file("board")).with_context(shm("the board"))?;
+        ControlPage::create(&domain.file("page")).with_context(shm("the page"))?;
         let bus = Bus::attach(domain)?;
         let services = bus.create_services(observer_depth(scenario.run.rate_hz))?;
-        let seat = Seat::join(namespace, "launcher", 1)?;
-        let observers = Observers::join(&seat)?;
+        let session = NodeSession::join(namespace, "launcher", 1)?;
+        let observers = Observers::join(&session)?;
         let host = Host::new(domain.clone(), scenario)?;
         let mut stack = Self {
             children: Children::new(domain.clone()),
             regime: Regime::new(scenario),
             archive: log.map(Archive::new),
             host,
-            board: seat.board.clone(),
+            page: session.page.clone(),
             observers,
             hearing: Hearing::default(),
             blind: [false; Topic::COUNT],
@@ -152,11 +152,11 @@ impl Stack {
             hold,
         };
         for topic in Topic::ALL {
-            stack.board.office(topic).appoint(0, |_| Staff { holder: 1, shadow: 0 });
+            stack.page.role(topic).assign(0, |_| Assignment { active: 1, standby: 0 });
             stack.start_node(topic, 1, None)?;
         }
         stack.start_recorder()?;
-        stack.wait_until_ready(&seat, interrupts)?;
+        stack.wait_until_ready(&session, interrupts)?;
         Ok(stack)
     }
 
@@ -170,12 +170,12 @@ impl Stack {
     ) -> Flown {
         let mut scheduling = vec![];
         let started = Instant::now();
-        self.board.set_phase(phase::GO);
+        self.page.set_phase(phase::GO);
         let ended = loop {
-            let question = self.regime.question(&self.board); // before the look: all that was sent before it is here
-            let ready = Topic::ALL.map(|topic| self.board.office(topic).ready.get());
+            let question = self.regime.question(&self.page); // before the look: all that was sent before it is here
+            let ready = Topic::ALL.map(|topic| self.page.role(topic).ready.get());
             let newest = self.drain(&mut watch);
-            Topic::ALL.into_iter().zip(ready).for_each(|(topic, epoch)| self.board.office(topic).met.set(epoch));
+            Topic::ALL.into_iter().zip(ready).for_each(|(topic, epoch)| self.page.role(topic).met.set(epoch));
             if scheduling.is_empty() && newest > 0 {
                 // Everybody has been round once, and so has long settled into the class it got.
                 scheduling =
@@ -184,7 +184,7 @@ impl Stack {
             if interrupts.load(Ordering::Relaxed) > 0 || self.stopped {
                 break Ended::Interrupted;
             }
-            let events = self.host.look(plant_tick(&self.board), &self.children);
+            let events = self.host.look(plant_tick(&self.page), &self.children);
             self.regime.events().extend(events);
             self.listen();
             if let Some(ended) = self.supervise(question) {
@@ -193,13 +193,13 @@ impl Stack {
             self.tell_events();
             self.attend();
             tick(&self.scenario.fault);
-            self.children.sleep(self.control.sources(), self.regime.due(&self.board));
+            self.children.sleep(self.control.sources(), self.regime.due(&self.page));
         };
         let given_up = self.regime.given_up();
         let wall = started.elapsed();
         self.settle_swaps();
         let (lost, log) = self.stop(interrupts, &mut watch);
-        let events = self.host.finish(plant_tick(&self.board), interrupts);
+        let events = self.host.finish(plant_tick(&self.page), interrupts);
         self.regime.events().extend(events);
         // A node that fails while leaving has still failed.
         let ended = match (ended, lost.or(given_up.map(str::to_owned))) {
@@ -208,9 +208,8 @@ impl Stack {
             (Ended::Flown, None) => self.unseen().map_or(Ended::Flown, Ended::Unseen),
             (other, _) => other,
         };
-        let count = |topic: Topic| {
-            (topic.publisher(), Refusal::ALL.map(|r| self.board.office(topic).refused[r as usize].get()))
-        };
+        let count =
+            |topic: Topic| (topic.publisher(), Refusal::ALL.map(|r| self.page.role(topic).refused[r as usize].get()));
         let refused = Topic::ALL.map(count).into();
         let port_failures = self.port_failures();
         let events = std::mem::take(self.regime.events());
@@ -220,7 +219,7 @@ impl Stack {
     /// What the launcher has not seen of the messages that were sent: without them a flight has no figures to be trusted.
     fn unseen(&self) -> Option<String> {
         let missing = |topic: Topic| {
-            let sent = self.board.office(topic).sent_by_all();
+            let sent = self.page.role(topic).sent_by_all();
             Some((topic, sent.saturating_sub(self.observers.drained(topic)))).filter(|(_, missing)| *missing > 0)
         };
         let (topic, missing) = Topic::ALL.into_iter().find_map(missing)?;
@@ -229,22 +228,22 @@ impl Stack {
 
     fn port_failures(&self) -> PortFailures {
         let count = |topic: Topic| {
-            let failures = &self.board.office(topic).port_failures;
+            let failures = &self.page.role(topic).port_failures;
             (topic.publisher(), PortFailure::ALL.map(|failure| failures[failure as usize].get()))
         };
         Topic::ALL.map(count).into_iter().chain([("launcher", [0, self.observers.failures()])]).collect()
     }
 
     /// Waits until everybody is ready: every process has received something of everybody it listens to.
-    fn wait_until_ready(&mut self, seat: &Seat, interrupts: &AtomicU32) -> anyhow::Result<()> {
+    fn wait_until_ready(&mut self, session: &NodeSession, interrupts: &AtomicU32) -> anyhow::Result<()> {
         let deadline = Instant::now() + JOIN_LIMIT;
         loop {
-            let silent = seat.probe_once().map_err(|error| StartError::Lost(error.to_string()))?;
+            let silent = session.probe_once().map_err(|error| StartError::Lost(error.to_string()))?;
             let Some(name) = silent.or_else(|| self.unready()) else { return Ok(()) };
             if interrupts.load(Ordering::Relaxed) > 0 || self.stopped {
                 return Err(StartError::Interrupted.into());
             }
-            if let Some((i, how)) = self.children.departed() {
+            if let Some((i, how)) = self.children.exited() {
                 return Err(StartError::Lost(how.tell(self.children.all[i].name)).into());
             }
             if Instant::now() > deadline {
@@ -258,8 +257,8 @@ impl Stack {
 
     /// A process that is not ready yet.
     fn unready(&self) -> Option<&'static str> {
-        let topic = Topic::ALL.into_iter().find(|topic| self.board.office(*topic).ready.get() == 0);
-        let recorder = || (self.archive.is_some() && self.board.archive().ready.get() == 0).then_some(RECORDER);
+        let topic = Topic::ALL.into_iter().find(|topic| self.page.role(*topic).ready.get() == 0);
+        let recorder = || (self.archive.is_some() && self.page.archive().ready.get() == 0).then_some(RECORDER);
         topic.map(Topic::publisher).or_else(recorder)
     }
 
@@ -268,7 +267,7 @@ impl Stack {
         let mut newest = 0;
         let Self { newest_ns, regime, archive, observers, .. } = self;
         observers.drain(|record| {
-            if record.is_whole() {
+            if record.is_intact() {
                 let (stamp, topic) = (record.stamp(), record.topic() as usize);
                 newest = newest.max(stamp.tick);
                 newest_ns[topic] = newest_ns[topic].max(stamp.publish_ns[topic]);
@@ -279,7 +278,7 @@ impl Stack {
             }
             watch(record);
         });
-        self.board.watched().raise(newest as u32);
+        self.page.watched().raise(newest as u32);
         newest
     }
 
@@ -287,22 +286,22 @@ impl Stack {
     fn stop(&mut self, interrupts: &AtomicU32, watch: &mut impl FnMut(Record)) -> (Option<String>, Option<LogOutcome>) {
         let mut lost = None;
         self.drain(watch); // nodes that are still here are not gone by the next look
-        self.wait_for_recorder(|board| board.recorded().count() >= board.watched().count());
-        self.board.set_phase(phase::LEAVE);
+        self.wait_for_recorder(|page| page.recorded().count() >= page.watched().count());
+        self.page.set_phase(phase::LEAVE);
         for process in self.children.all.iter_mut().filter(|process| process.topic.is_some()) {
             let name = process.name;
             match wait(&mut process.child, name, LEAVE_LIMIT, interrupts) {
-                // A newcomer, or who stood by, leaves as it likes; one that was killed on purpose is an event already; one that
+                // A candidate, or who stood by, leaves as it likes; one that was killed on purpose is an event already; one that
                 // broke its budget has been named already, and another that did so meanwhile is no worse.
-                _ if process.topic.is_none_or(|topic| self.board.office(topic).holder() != process.epoch) => {}
-                Some(status) if process.condemned || !matches!(Departure::of(status), Departure::Badly(_)) => {}
+                _ if process.topic.is_none_or(|topic| self.page.role(topic).active() != process.epoch) => {}
+                Some(status) if process.condemned || !matches!(ChildExit::of(status), ChildExit::Badly(_)) => {}
                 Some(status) => _ = lost.get_or_insert_with(|| format!("{name} ({status})")),
                 None => _ = lost.get_or_insert_with(|| format!("{name} (did not leave within 1 s and was killed)")),
             }
         }
         self.drain(watch);
         self.tell_events();
-        self.board.set_phase(phase::CLOSE);
+        self.page.set_phase(phase::CLOSE);
         let log = self.close_log(interrupts);
         (lost, log)
     }

@@ -27,7 +27,7 @@ use std::path::Path;
 
 use anyhow::Context;
 use clap::Subcommand;
-use runtime::process::exit;
+use runtime::session::exit;
 use serde::Serialize;
 use serde_json::{Value, json};
 

@@ -19,7 +19,7 @@ pub fn describe(view: &Value) -> String {
     line(format!("{namespace}: {name}, {mode}, {phase}, {time}, launcher {}", word(&view["launcher_pid"])));
     let nodes = list(&view["nodes"]);
     if !nodes.is_empty() {
-        let head = ["node", "epoch", "shadow", "pid", "ticks", "behind", "age ms", "restarts", "refused"];
+        let head = ["node", "epoch", "standby", "pid", "ticks", "behind", "age ms", "restarts", "refused"];
         line(row(head.map(str::to_owned)));
     }
     for view in nodes {
@@ -46,15 +46,15 @@ fn node(view: &Value) -> String {
         return format!("  {:<13}nobody", word(&view["node"]));
     }
     let age = format!("{:.1}", number(&view["age_ms"]));
-    let shadow = if view["shadow"].is_null() { "-".into() } else { word(&view["shadow"]) };
+    let standby = if view["standby"].is_null() { "-".into() } else { word(&view["standby"]) };
     let [node, epoch, pid, tick, behind, restarts] =
         ["node", "epoch", "pid", "tick", "behind", "restarts"].map(|key| word(&view[key]));
     let refused = refused(&view["refused"]).map(|(_, count)| count).sum::<u64>().to_string();
-    row([node, epoch, shadow, pid, tick, behind, age, restarts, refused])
+    row([node, epoch, standby, pid, tick, behind, age, restarts, refused])
 }
 
-fn row([node, epoch, shadow, pid, tick, behind, age, restarts, refused]: [String; 9]) -> String {
-    format!("  {node:<13}{epoch:>6}{shadow:>7}{pid:>9}{tick:>9}{behind:>7}{age:>8}{restarts:>9}{refused:>8}")
+fn row([node, epoch, standby, pid, tick, behind, age, restarts, refused]: [String; 9]) -> String {
+    format!("  {node:<13}{epoch:>6}{standby:>7}{pid:>9}{tick:>9}{behind:>7}{age:>8}{restarts:>9}{refused:>8}")
 }
 
 /// The causes that have happened, and how often.
@@ -96,7 +96,7 @@ mod tests {
     #[test]
     fn the_table_fits_a_terminal_and_tells_what_was_refused() {
         let node = |name: &str| {
-            json!({ "node": name, "epoch": 12345, "shadow": 12346, "pid": 4_194_304, "tick": 17_280_000, "behind": 123,
+            json!({ "node": name, "epoch": 12345, "standby": 12346, "pid": 4_194_304, "tick": 17_280_000, "behind": 123,
                 "age_ms": 10123.4, "restarts": 123, "refused": { "range": 5, "epoch": 0, "late": 12 } })
         };
         let event = json!({ "at_s": 86_399.99, "node": "attitude-mpc", "epoch": 12345, "what": "intruder-refused" });

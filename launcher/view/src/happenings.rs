@@ -16,7 +16,7 @@ pub struct Happenings {
     pub faults: Vec<Span>,
     /// In the order of their times.
     pub events: Vec<Mark>,
-    /// From the death of a process in office until the next one took over.
+    /// From the death of a process active until the next one took over.
     pub absences: Vec<Span>,
 }
 
@@ -151,26 +151,26 @@ fn delays(target: Option<FaultTarget>, kind: Option<FaultKind>) -> [bool; Topic:
     }
 }
 
-/// When the node of `topic` was without a process in office.
+/// When the node of `topic` was without a process active.
 fn absences(topic: Topic, events: &Value) -> Vec<Span> {
     let node = topic.publisher();
     let of_node = events.as_array().into_iter().flatten().filter(|event| event["node"] == node);
     let mut spans: Vec<Span> = vec![];
-    let mut holders = vec![1];
+    let mut active_epochs = vec![1];
     for event in of_node {
         let (Some(at_s), Some(epoch)) = (event["at_s"].as_f64(), event["epoch"].as_u64()) else { continue };
         let open = spans.last_mut().filter(|span| span.to_s.is_none());
         match What::deserialize(&event["what"]) {
             Ok(What::TookOver) => {
-                holders.push(epoch);
+                active_epochs.push(epoch);
                 if let Some(span) = open {
                     span.to_s = Some(at_s);
                 }
             }
             Ok(What::Returned) => {
-                holders.pop();
+                active_epochs.pop();
             }
-            Ok(What::Died | What::Hung | What::Killed) if open.is_none() && holders.last() == Some(&epoch) => {
+            Ok(What::Died | What::Hung | What::Killed) if open.is_none() && active_epochs.last() == Some(&epoch) => {
                 let what = format!("{node} was down");
                 spans.push(Span { number: 0, what, from_s: at_s, to_s: None, delays: [true; Topic::COUNT] });
             }

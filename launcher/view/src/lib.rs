@@ -2,7 +2,7 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`summary`], [`timing`] | what a flight amounts to: metrics, state hash, punctuality |
+//! | [`summary`], [`timing`] | what a flight amounts to: metrics, state hash, cycle timing |
 //! | [`solves`], [`faults`] | what the solver did, and what came of the scenario's faults |
 //! | [`bounds`] | what a flight must stay inside of |
 //! | [`happenings`] | what is known to have happened in a flight, for its timing, trace and report |

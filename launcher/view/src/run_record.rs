@@ -4,7 +4,7 @@ use contract::Scenario;
 use contract::scenario::{Mode, TrajectoryKind};
 use contract::topic::NODES;
 use runtime::port::PortFailure;
-use runtime::process::exit;
+use runtime::session::exit;
 use serde_json::{Value, json};
 
 use crate::bounds::verdicts;

@@ -64,7 +64,7 @@ pub struct Summary {
     pub solves: Solves,
     /// What came of the scenario's faults.
     pub faults: Faults,
-    /// Punctuality; in process there is none.
+    /// CycleTiming; in process there is none.
     pub timing: Option<Timing>,
 }
 

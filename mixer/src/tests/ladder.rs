@@ -203,9 +203,9 @@ proptest! {
         let (mut mixer, mut continued) = (Mixer::new(&scenario), None);
         for (tick, (numbers, demand, late)) in (0..).zip(path) {
             if tick == until as u64 {
-                let mut newcomer = Mixer::new(&scenario);
-                prop_assert!(newcomer.restore(&mixer.snapshot()));
-                continued = Some(newcomer);
+                let mut candidate = Mixer::new(&scenario);
+                prop_assert!(candidate.restore(&mixer.snapshot()));
+                continued = Some(candidate);
             }
             let mut controls = climb(tick.saturating_sub(late));
             (controls.demand, controls.disturbance) = (demand, demand.map(|u| 0.1 * u));

@@ -100,7 +100,7 @@ fn who_takes_over_counts_anew_and_is_heard() {
     line.receive(&message(8, 901), 92 * MS);
     assert_eq!(at(&mut line, 93 * MS), 1, "a late word of the one before is not");
     line.receive(&message(10, 902), 100 * MS);
-    assert_eq!(at(&mut line, 101 * MS), 902, "but it is when it has the office back");
+    assert_eq!(at(&mut line, 101 * MS), 902, "but it is when it is active again");
 }
 
 #[test]

@@ -14,7 +14,7 @@
 
 use airframe::Actuation;
 use contract::Scenario;
-use contract::roll::Roll;
+use contract::fault_schedule::FaultSchedule;
 use contract::scenario::{Fault, FaultKind, FaultTarget};
 
 use crate::dynamics::Condition;
@@ -34,7 +34,7 @@ const TILT: usize = 3;
 /// The faults of the actuators, and the positions in which they are stuck.
 #[derive(Debug, Clone)]
 pub struct ActuatorFaults {
-    faults: Roll<ActuatorFault>,
+    faults: FaultSchedule<ActuatorFault>,
     sound: [Sound; 4],
 }
 
@@ -76,12 +76,12 @@ impl ActuatorFaults {
         let tilt = Sound { reach: limits.tilt_max_rad, lag_s: scenario.plant.servo_lag_s };
         let [rotor1, rotor2, rotor3] = limits.rotor_speed_max.map(rotor);
         let sound = [rotor1, rotor2, rotor3, tilt];
-        Self { faults: Roll::new(scenario, |_, fault| ActuatorFault::new(&sound, fault)), sound }
+        Self { faults: FaultSchedule::new(scenario, |_, fault| ActuatorFault::new(&sound, fault)), sound }
     }
 
     /// Takes fault `number` as it is from now on.
-    pub fn suffer(&mut self, number: usize, fault: &Fault) {
-        self.faults.suffer(number, fault, ActuatorFault::new(&self.sound, fault));
+    pub fn apply_fault(&mut self, number: usize, fault: &Fault) {
+        self.faults.apply_fault(number, fault, ActuatorFault::new(&self.sound, fault));
     }
 
     /// What becomes, in the period after sample `tick`, of actuators in `position` under an already clipped command:

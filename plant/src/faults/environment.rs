@@ -12,7 +12,7 @@
 use std::f64::consts::TAU;
 
 use contract::Scenario;
-use contract::roll::{Entry, Roll};
+use contract::fault_schedule::{Entry, FaultSchedule};
 use contract::scenario::{Fault, FaultKind, FaultTarget};
 use nalgebra::Vector3;
 
@@ -28,7 +28,7 @@ const PAYLOAD_KG: f64 = 0.2;
 /// The faults of the surroundings.
 #[derive(Debug, Clone)]
 pub struct EnvironmentFaults {
-    faults: Roll<Effect>,
+    faults: FaultSchedule<Effect>,
     sample_ns: u64,
 }
 
@@ -46,12 +46,12 @@ impl EnvironmentFaults {
     /// Those of `scenario`.
     pub fn new(scenario: &Scenario) -> Self {
         let sample_ns = scenario.sample_ns();
-        Self { faults: Roll::new(scenario, |_, fault| Effect::of(fault, sample_ns)), sample_ns }
+        Self { faults: FaultSchedule::new(scenario, |_, fault| Effect::of(fault, sample_ns)), sample_ns }
     }
 
     /// Takes fault `number` as it is from now on.
-    pub fn suffer(&mut self, number: usize, fault: &Fault) {
-        self.faults.suffer(number, fault, Effect::of(fault, self.sample_ns));
+    pub fn apply_fault(&mut self, number: usize, fault: &Fault) {
+        self.faults.apply_fault(number, fault, Effect::of(fault, self.sample_ns));
     }
 
     /// What becomes of `calm` at `offset_s` after `from_ns`, the beginning of an integration step.

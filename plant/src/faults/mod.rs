@@ -47,11 +47,11 @@ impl Faults {
         }
     }
 
-    /// Takes fault `number` as it is from now on: see [`contract::roll::Roll::suffer`].
-    pub fn suffer(&mut self, number: usize, fault: &Fault) {
-        self.sensors.suffer(number, fault);
-        self.actuators.suffer(number, fault);
-        self.environment.suffer(number, fault);
+    /// Takes fault `number` as it is from now on: see [`contract::fault_schedule::FaultSchedule::apply_fault`].
+    pub fn apply_fault(&mut self, number: usize, fault: &Fault) {
+        self.sensors.apply_fault(number, fault);
+        self.actuators.apply_fault(number, fault);
+        self.environment.apply_fault(number, fault);
     }
 }
 

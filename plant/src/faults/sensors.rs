@@ -14,9 +14,9 @@
 //! What is measured, m, includes the scenario's noise and what earlier faults of the same sensor make of it.
 
 use contract::Scenario;
+use contract::fault_schedule::LONGEST_DELAY_MS;
+use contract::fault_schedule::{Entry, FaultSchedule};
 use contract::message::Kinematics;
-use contract::roll::LONGEST_DELAY_MS;
-use contract::roll::{Entry, Roll};
 use contract::scenario::{Fault, FaultKind, FaultTarget, Mode, Wrong};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -60,7 +60,7 @@ const NOTHING: Reading = [f64::NAN; 3];
 /// The faults of the sensors, with what they remember.
 #[derive(Debug, Clone)]
 pub struct SensorFaults {
-    faults: Roll<SensorFault>,
+    faults: FaultSchedule<SensorFault>,
     past: Past,
     seed: u64,
     sample_s: f64,
@@ -97,7 +97,7 @@ impl SensorFaults {
     /// Those of `scenario`.
     pub fn new(scenario: &Scenario) -> Self {
         let (seed, sample_s) = (scenario.run.seed, scenario.sample_s());
-        let faults = Roll::new(scenario, |number, fault| SensorFault::new(seed, sample_s, number, fault));
+        let faults = FaultSchedule::new(scenario, |number, fault| SensorFault::new(seed, sample_s, number, fault));
         let delays =
             faults.all().iter().map(|fault| if let Effect::Delayed(by) = fault.effect.effect { by } else { 0 });
         let of_live = if scenario.run.mode == Mode::Realtime { ticks(LONGEST_DELAY_MS, sample_s) } else { 0 };
@@ -105,11 +105,11 @@ impl SensorFaults {
     }
 
     /// Takes fault `number` as it is from now on.
-    pub fn suffer(&mut self, number: usize, fault: &Fault) {
-        self.faults.suffer(number, fault, SensorFault::new(self.seed, self.sample_s, number, fault));
+    pub fn apply_fault(&mut self, number: usize, fault: &Fault) {
+        self.faults.apply_fault(number, fault, SensorFault::new(self.seed, self.sample_s, number, fault));
     }
 
-    /// Turns what is measured at sample `tick` into what the sensors tell.
+    /// CycleLoop what is measured at sample `tick` into what the sensors tell.
     pub fn strike(&mut self, tick: u64, measured: &mut Kinematics) {
         let Kinematics { position_m, velocity_mps, attitude_rad, rates_radps } = measured;
         self.past.remember(tick, [*position_m, *velocity_mps, *attitude_rad, *rates_radps]);

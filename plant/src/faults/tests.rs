@@ -110,13 +110,13 @@ fn a_fault_given_or_ended_while_flying_is_the_same_as_one_of_the_scenario() {
         let cut = Fault { for_s: Some(0.05), ..fault };
         let given = |tick, plant: &mut Plant| {
             if tick == 19 {
-                plant.suffer(0, &fault);
+                plant.apply_fault(0, &fault);
             }
         };
         let ended = |tick, plant: &mut Plant| {
             given(tick, plant);
             if tick == 24 {
-                plant.suffer(0, &cut);
+                plant.apply_fault(0, &cut);
             }
         };
         assert_eq!(of(fly_told(&scenario(&[], 7), given)), of(fly(&scenario(&[fault], 7))), "{fault:?}");

@@ -13,9 +13,9 @@ fn arrivals(kind: FaultKind, size: impl Fn(&mut Fault)) -> Vec<(u64, Controls)> 
     let mut all = vec![];
     for tick in 0..40 {
         let mut marked = 0;
-        link.pass(tick, &demand(tick), |message| match message.stamp.unheard {
-            unheard::HEARD => all.push((tick, *message)),
-            _ => marked += u64::from(message.is_whole()), // a bit of this very mark may be what fell over
+        link.pass(tick, &demand(tick), |message| match message.stamp.delivery {
+            delivery::DELIVERED => all.push((tick, *message)),
+            _ => marked += u64::from(message.is_intact()), // a bit of this very mark may be what fell over
         });
         assert!(marked <= 1, "what was meant is shown once");
     }
@@ -24,7 +24,7 @@ fn arrivals(kind: FaultKind, size: impl Fn(&mut Fault)) -> Vec<(u64, Controls)> 
 
 fn demand(tick: u64) -> Controls {
     let stamp = Stamp { tick, sequence: tick + 1, epoch: 1, ..Stamp::default() };
-    Controls { stamp, demand: [0.1; 4], ..Controls::default() }.sealed()
+    Controls { stamp, demand: [0.1; 4], ..Controls::default() }.with_checksum()
 }
 
 /// For each arrival the tick and the number of the sample.
@@ -113,11 +113,11 @@ fn who_works_in_the_shadow_stays_unheard_whatever_strikes_it() {
         let mut marks = vec![];
         for tick in 0..10 {
             let mut message = demand(tick);
-            message.stamp.unheard = unheard::SHADOW;
-            link.pass(tick, &message.sealed(), |message| marks.push(message.stamp.unheard));
+            message.stamp.delivery = delivery::STANDBY;
+            link.pass(tick, &message.with_checksum(), |message| marks.push(message.stamp.delivery));
         }
-        let struck = unheard::SHADOW | unheard::FAULT;
-        assert!(marks.iter().all(|mark| [unheard::SHADOW, struck].contains(mark)), "{kind:?}: {marks:?}");
+        let struck = delivery::STANDBY | delivery::FAULT;
+        assert!(marks.iter().all(|mark| [delivery::STANDBY, struck].contains(mark)), "{kind:?}: {marks:?}");
         assert!(marks.contains(&struck), "{kind:?}");
     }
 }
@@ -129,7 +129,7 @@ fn a_message_that_is_let_pass_is_not_lost() {
     let mut link = Link::new(&scenario);
     let mut arrived = vec![];
     for tick in 0..6 {
-        let heard = |message: &Controls| message.stamp.unheard == unheard::HEARD;
+        let heard = |message: &Controls| message.stamp.delivery == delivery::DELIVERED;
         link.pass(tick, &demand(tick), |message| arrived.extend(heard(message).then_some(message.stamp.tick)));
     }
     assert_eq!(arrived, [1, 0, 3, 2, 5, 4]);
@@ -144,17 +144,17 @@ fn a_fault_that_comes_while_flying_is_like_one_of_the_scenario() {
         let mut all = vec![];
         for tick in 0..40 {
             if given && tick == 9 {
-                link.suffer(0, &fault);
+                link.apply_fault(0, &fault);
             }
             if tick == 24 {
-                link.suffer(0, &Fault { for_s: Some(0.15), ..fault });
+                link.apply_fault(0, &Fault { for_s: Some(0.15), ..fault });
             }
-            link.pass(tick, &demand(tick), |message| all.push((tick, message.stamp.unheard)));
+            link.pass(tick, &demand(tick), |message| all.push((tick, message.stamp.delivery)));
         }
         all
     };
     assert_eq!(arrived(true), arrived(false));
-    assert!(arrived(true).iter().all(|(tick, mark)| *mark == unheard::HEARD || (10..25).contains(tick)));
+    assert!(arrived(true).iter().all(|(tick, mark)| *mark == delivery::DELIVERED || (10..25).contains(tick)));
 }
 
 /// What becomes of a message on its way under a fault of its topic.
@@ -163,30 +163,30 @@ fn struck<M: Message>(message: M, how: Option<Wrong>, value: Option<f64>) -> M {
     let fault = Fault { value, how, ..Fault::new(target[M::TOPIC as usize], FaultKind::Wrong, 0.0, None) };
     let mut link = Link::new(&Scenario { fault: vec![fault], ..Scenario::default() });
     let mut heard = None;
-    link.pass(0, &message.sealed(), |message| {
-        if message.stamp().unheard == unheard::HEARD {
+    link.pass(0, &message.with_checksum(), |message| {
+        if message.stamp().delivery == delivery::DELIVERED {
             heard = Some(*message);
         }
     });
     let heard = heard.expect("it arrives");
-    assert!(heard.is_whole(), "nobody can tell from the seal");
+    assert!(heard.is_intact(), "nobody can tell from the seal");
     heard
 }
 
 #[test]
 fn a_wrong_message_demands_something_else_and_nothing_more_is_changed() {
     let controls = Controls { demand: [-9.0, 0.1, 0.2, 0.0], disturbance: [1.0; 4], ..Controls::default() };
-    let expected = |demand| Controls { demand, ..controls }.sealed();
+    let expected = |demand| Controls { demand, ..controls }.with_checksum();
     assert_eq!(struck(controls, None, None), expected([9.0, -0.1, -0.2, -0.0]), "the sign, unless told otherwise");
     assert_eq!(struck(controls, Some(Wrong::Scale), Some(2.0)), expected([-18.0, 0.2, 0.4, 0.0]));
     assert_eq!(struck(controls, Some(Wrong::Bias), Some(1.0)), expected([-8.0, 1.1, 1.2, 1.0]));
 
     let reference = Reference { position_m: [1.0; 3], w_mps: 0.5, attitude_rad: [0.1; 3], ..Reference::default() };
     let expected = Reference { w_mps: -0.5, attitude_rad: [-0.1; 3], rates_radps: [-0.0; 3], ..reference };
-    assert_eq!(struck(reference, None, None), expected.sealed());
+    assert_eq!(struck(reference, None, None), expected.with_checksum());
 
     let command = |rotor_speed, tilt_rad| ActuationMsg { rotor_speed, tilt_rad };
     let actuators = Actuators { command: command([5.0; 3], 0.1), flags: 3, ..Actuators::default() };
     let expected = Actuators { command: command([-5.0; 3], -0.1), ..actuators };
-    assert_eq!(struck(actuators, Some(Wrong::Sign), None), expected.sealed());
+    assert_eq!(struck(actuators, Some(Wrong::Sign), None), expected.with_checksum());
 }

@@ -4,7 +4,7 @@
 //! changed (SIGSEGV, SIGABRT), can end whoever uses it. The process says why and ends with the exit code of a process
 //! that was lost: to the supervisor a crash like any other. With the launcher its children die too.
 
-use crate::process::exit;
+use crate::session::exit;
 
 /// The signals, and what a process says that gets one.
 const CRASHES: [(libc::c_int, &[u8]); 3] = [

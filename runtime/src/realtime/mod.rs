@@ -8,9 +8,9 @@
     reason = "sched_setscheduler, mmap, sigaction, sigprocmask, getsockopt and pre_exec; the only unsafe of the stack"
 )]
 
-mod board;
 mod child;
 mod clock;
+mod control_page;
 mod crash;
 mod peer;
 mod signals;
@@ -23,9 +23,9 @@ use rustix::mm::{MapFlags, MlockAllFlags, ProtFlags, mlockall, mmap_anonymous, m
 use rustix::process::{Resource, Rlimit, getrlimit};
 use rustix::thread::CpuSet;
 
-pub use board::{Bell, Board, phase};
 pub use child::die_with_parent;
 pub use clock::{now_ns, thread_cpu_ns, timed};
+pub use control_page::{ControlPage, Doorbell, phase};
 pub use crash::tell_of_crashes;
 pub use peer::peer_of;
 pub use signals::{keep_nohup, reset_signals};

@@ -33,11 +33,7 @@ pub fn check(scenario: &Scenario, fault: &Fault, found: &mut Found) {
         kinds.contains(&fault.kind),
         &["fault"],
         format!("{} cannot suffer {}", fault.target.name(), word(fault.kind)),
-        &format!(
-            "{} suffers {}",
-            fault.target.name(),
-            kinds.iter().map(|kind| word(*kind)).collect::<Vec<_>>().join(", ")
-        ),
+        &format!("{} has {}", fault.target.name(), kinds.iter().map(|kind| word(*kind)).collect::<Vec<_>>().join(", ")),
     );
     let hangs = matches!(fault.kind, FaultKind::Stop | FaultKind::Hog | FaultKind::Exit);
     found.require(

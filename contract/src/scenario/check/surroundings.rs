@@ -12,7 +12,7 @@ pub fn check(fault: &Fault, mode: Mode, found: &mut Found) {
         fault.process.is_some() == of_one && (named || !of_one),
         &["fault"],
         if of_one {
-            format!("{} without the name of a process that suffers it", word(fault.kind))
+            format!("{} without the name of a process that has it", word(fault.kind))
         } else {
             format!("{} with a `process`", word(fault.kind))
         },

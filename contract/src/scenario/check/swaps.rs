@@ -3,7 +3,7 @@
 use super::Found;
 use super::faults::word;
 use crate::plan::Absence;
-use crate::scenario::{FaultKind, FaultTarget, Mode, Scenario, Swap, SwapNode, SwapTicks, newcomer};
+use crate::scenario::{FaultKind, FaultTarget, Mode, Scenario, Swap, SwapNode, SwapTicks, candidate};
 
 const KEYS: [&str; 1] = ["swap"];
 
@@ -21,10 +21,10 @@ pub fn check(scenario: &Scenario, found: &mut Found) {
             others.all(|other| apart(span(other, scenario))),
             &KEYS,
             format!("two swaps of {} at once", swap.node.name()),
-            "one after the other: from `at_s` to `at_s` + `shadow_s` + `watch_s` the node is taken",
+            "one after the other: from `at_s` to `at_s` + `standby_s` + `watch_s` the node is taken",
         );
         check_absences(scenario, swap, found);
-        check_newcomer(scenario, swap, found);
+        check_candidate(scenario, swap, found);
     }
 }
 
@@ -36,10 +36,10 @@ fn span(swap: &Swap, scenario: &Scenario) -> (u64, u64) {
 
 fn check_sizes(swap: &Swap, found: &mut Found) {
     found.require(
-        [swap.at_s, swap.shadow_s, swap.watch_s].iter().all(|time_s| (0.0..=86_400.0).contains(time_s)),
+        [swap.at_s, swap.standby_s, swap.watch_s].iter().all(|time_s| (0.0..=86_400.0).contains(time_s)),
         &KEYS,
-        format!("a swap at {:?} s, {:?} s in the shadow, watched for {:?} s", swap.at_s, swap.shadow_s, swap.watch_s),
-        "`at_s`, `shadow_s` and `watch_s` of 0 to 86400",
+        format!("a swap at {:?} s, {:?} s on standby, watched for {:?} s", swap.at_s, swap.standby_s, swap.watch_s),
+        "`at_s`, `standby_s` and `watch_s` of 0 to 86400",
     );
     let bounds = &swap.bounds;
     found.require(
@@ -49,10 +49,10 @@ fn check_sizes(swap: &Swap, found: &mut Found) {
         "`difference`, `ticks`, `tilt_deg` and `error_m` above 0",
     );
     found.require(
-        (-1.0..=1.0).contains(&bounds.accord),
+        (-1.0..=1.0).contains(&bounds.similarity),
         &KEYS,
-        format!("a swap with an accord of {:?}", bounds.accord),
-        "`accord` of -1 to 1",
+        format!("a swap with an similarity of {:?}", bounds.similarity),
+        "`similarity` of -1 to 1",
     );
 }
 
@@ -70,7 +70,7 @@ fn check_node(scenario: &Scenario, swap: &Swap, found: &mut Found) -> bool {
         }
         SwapNode::Recorder if *swap != plain() => Some((
             "the recorder has neither settings nor a trial",
-            "a swap of the recorder without `set`, `shadow_s`, `watch_s` and `bounds`",
+            "a swap of the recorder without `set`, `standby_s`, `watch_s` and `bounds`",
         )),
         _ if inprocess && swap.exec.is_some() => {
             Some(("in process there is no other program", "`run.mode` = \"lockstep\" or \"realtime\", or no `exec`"))
@@ -94,13 +94,13 @@ fn check_absences(scenario: &Scenario, swap: &Swap, found: &mut Found) {
         scenario.run.mode == Mode::Realtime || of_node.filter_map(|fault| Absence::of(fault, sample_s)).all(apart),
         &["swap", "fault"],
         format!("{} is struck by a fault while it is swapped", swap.node.name()),
-        "faults of the process before `at_s` or after `at_s` + `shadow_s` + `watch_s`, or `run.mode` = \"realtime\"",
+        "faults of the process before `at_s` or after `at_s` + `standby_s` + `watch_s`, or `run.mode` = \"realtime\"",
     );
 }
 
-/// The newcomer's own settings.
-fn check_newcomer(scenario: &Scenario, swap: &Swap, found: &mut Found) {
-    let own = match newcomer(scenario, swap) {
+/// The candidate's own settings.
+fn check_candidate(scenario: &Scenario, swap: &Swap, found: &mut Found) {
+    let own = match candidate(scenario, swap) {
         Ok(own) => own,
         Err(error) => {
             let text = error.to_string();
@@ -112,7 +112,7 @@ fn check_newcomer(scenario: &Scenario, swap: &Swap, found: &mut Found) {
         own.run == scenario.run,
         &KEYS,
         "`swap.set` changes the run".into(),
-        "settings of the newcomer: everything but `run`",
+        "settings of the candidate: everything but `run`",
     );
     if own.fault == scenario.fault {
         return;
@@ -127,7 +127,7 @@ fn check_newcomer(scenario: &Scenario, swap: &Swap, found: &mut Found) {
         found.require(
             of_itself || of_its_word || of_its_solver,
             &KEYS,
-            format!("a fault of the newcomer: {} {}", fault.target.name(), word(fault.kind)),
+            format!("a fault of the candidate: {} {}", fault.target.name(), word(fault.kind)),
             "faults of the process itself (slow, exit, in real time hog), of its topic, of its solver",
         );
     }

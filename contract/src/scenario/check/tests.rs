@@ -172,7 +172,7 @@ fn a_swap_that_cannot_be_is_refused() {
         ("swap=[{at_s=1, node=\"plant\"}]", "it is the vehicle"),
         ("swap=[{at_s=-1, node=\"mixer\"}]", "of 0 to 86400"),
         ("swap=[{at_s=1, node=\"mixer\", bounds={ticks=0}}]", "above 0"),
-        ("swap=[{at_s=1, node=\"mixer\", bounds={accord=-1.5}}]", "of -1 to 1"),
+        ("swap=[{at_s=1, node=\"mixer\", bounds={similarity=-1.5}}]", "of -1 to 1"),
         ("swap=[{at_s=1, node=\"mixer\"}, {at_s=2, node=\"mixer\"}]", "one after the other"),
         ("swap=[{at_s=1, node=\"recorder\"}, {at_s=1, node=\"recorder\"}]", "two swaps of recorder at once"),
         ("swap=[{at_s=1, node=\"mixer\", set=[\"run.seed=3\"]}]", "everything but `run`"),
@@ -194,7 +194,7 @@ fn a_swap_that_cannot_be_is_refused() {
         "fault=[{at_s=9, target=\"mpc\", kind=\"nan\"}]",
         "swap=[{at_s=1, node=\"mixer\", set=[\"mpc.law=lqr\"]}]",
     ])
-    .unwrap_or_else(|error| panic!("a fault of the run that could not strike the newcomer: {error}"));
+    .unwrap_or_else(|error| panic!("a fault of the run that could not strike the candidate: {error}"));
     from_set(&["swap=[{at_s=1, node=\"recorder\"}, {at_s=1.1, node=\"recorder\"}]"]).unwrap();
     let lockstep = "run.mode=lockstep";
     let struck = ["fault=[{at_s=2, target=\"mixer\", kind=\"kill\"}]", "swap=[{at_s=1, node=\"mixer\"}]"];
@@ -214,7 +214,7 @@ fn swaps_of_a_node_are_apart_by_ticks() {
         let sample_s = 1.0 / f64::from(rate_hz);
         let pair = |apart: f64| {
             let second = format!("{{at_s={}, node=\"mixer\"}}", 1.0 + apart * sample_s);
-            let first = "{at_s=1, node=\"mixer\", shadow_s=0.0, watch_s=0.0}"; // one tick in the shadow it is
+            let first = "{at_s=1, node=\"mixer\", standby_s=0.0, watch_s=0.0}"; // one tick on standby it is
             from_set(&[&format!("run.rate_hz={rate_hz}"), &format!("swap=[{first}, {second}]")])
         };
         assert!(pair(1.0).is_err() && pair(1.1).is_ok(), "{rate_hz} Hz");
@@ -225,7 +225,7 @@ fn swaps_of_a_node_are_apart_by_ticks() {
 #[test]
 fn a_swap_with_settings_of_its_own_is_fine() {
     let scenario = from_set(&["swap=[{at_s=1, node=\"attitude-mpc\", set=[\"mpc.law=lqr\"]}]"]).unwrap();
-    let own = crate::scenario::newcomer(&scenario, &scenario.swap[0]).unwrap();
+    let own = crate::scenario::candidate(&scenario, &scenario.swap[0]).unwrap();
     assert_eq!(own.mpc.law, crate::scenario::Law::Lqr);
     assert_eq!(own.mpc.np, scenario.mpc.np);
     assert!(own.swap.is_empty());

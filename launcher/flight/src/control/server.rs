@@ -48,7 +48,7 @@ impl Server {
     }
 
     /// What becomes readable when there is something to do. After a request there is nothing: the next is taken when the
-    /// processes are due to be looked at anyway, so that guests do not set the pace.
+    /// processes are due to be looked at anyway, so that guests do not set the release.
     pub fn sources(&self) -> impl Iterator<Item = BorrowedFd<'_>> {
         let all = [self.listener.as_fd()].into_iter().chain(self.guests.iter().map(|guest| guest.stream.as_fd()));
         all.filter(|_| !self.served)

@@ -3,7 +3,7 @@
 //! | module | holds |
 //! |---|---|
 //! | `node` | what the three cores that answer to the plant have in common |
-//! | `post` | those who work for one node, heard and unheard |
+//! | `post` | those who work for one node, heard and delivery |
 //! | `speech` | how they hear and speak |
 //!
 //! Bit-identical to lockstep, because the same cores see the same messages in the same order, through the same guards,
@@ -51,7 +51,7 @@ pub fn fly(scenario: &Scenario, mut watch: impl FnMut(Record) -> bool) -> Flown 
         for step in succession.begin(tick) {
             ring.obey(scenario, step, &succession);
         }
-        if succession.staff(Topic::State).holder == 0 {
+        if succession.assignment(Topic::State).active == 0 {
             break Ended::Lost("plant".into());
         }
         state.stamp = Stamp::at(tick, tick * scenario.sample_ns());
@@ -100,25 +100,25 @@ impl Ring {
 
     /// Does what is to be done before a tick.
     fn obey(&mut self, scenario: &Scenario, step: Step, succession: &Succession) {
-        let holder = |topic| succession.staff(topic).holder;
+        let active = |topic| succession.assignment(topic).active;
         match step {
             Step::End(Topic::State, _) | Step::Begin(Topic::State, ..) => {}
             Step::End(Topic::Reference, epoch) => self.guidance.end(epoch),
             Step::End(Topic::Controls, epoch) => self.mpc.end(epoch),
             Step::End(Topic::Actuators, epoch) => self.mixer.end(epoch),
             Step::Begin(Topic::Reference, epoch, origin) => {
-                self.guidance.begin(scenario, epoch, origin, &self.last, holder(Topic::Reference));
+                self.guidance.begin(scenario, epoch, origin, &self.last, active(Topic::Reference));
             }
             Step::Begin(Topic::Controls, epoch, origin) => {
-                self.mpc.begin(scenario, epoch, origin, &self.last, holder(Topic::Controls));
+                self.mpc.begin(scenario, epoch, origin, &self.last, active(Topic::Controls));
             }
             Step::Begin(Topic::Actuators, epoch, origin) => {
-                self.mixer.begin(scenario, epoch, origin, &self.last, holder(Topic::Actuators));
+                self.mixer.begin(scenario, epoch, origin, &self.last, active(Topic::Actuators));
             }
         }
     }
 
-    /// Turns the ring once, with `state` as the plant's sample, already numbered with its tick. What reaches the plant
+    /// CycleLoop the ring once, with `state` as the plant's sample, already numbered with its tick. What reaches the plant
     /// is heard by `commands`.
     fn turn(
         &mut self,
@@ -136,18 +136,18 @@ impl Ring {
             last.state = *message;
             each((*message).into(), succession);
         });
-        guidance.answer(sample, succession, |message: &Reference, holder, succession| {
-            mpc.ears().for_each(|(_, ear)| ear.hear(message, holder));
+        guidance.answer(sample, succession, |message: &Reference, active, succession| {
+            mpc.ears().for_each(|(_, ear)| ear.hear(message, active));
             last.keep_reference(message);
             each((*message).into(), succession);
         });
-        mpc.answer(sample, succession, |message: &Controls, holder, succession| {
-            mixer.ears().for_each(|(_, ear)| ear.hear(message, holder));
+        mpc.answer(sample, succession, |message: &Controls, active, succession| {
+            mixer.ears().for_each(|(_, ear)| ear.hear(message, active));
             last.keep_controls(message);
             each((*message).into(), succession);
         });
-        mixer.answer(sample, succession, |message: &Actuators, holder, succession| {
-            commands.hear(message, holder);
+        mixer.answer(sample, succession, |message: &Actuators, active, succession| {
+            commands.hear(message, active);
             each((*message).into(), succession);
         });
     }

@@ -1,9 +1,9 @@
-//! Those who work for one node when one thread runs them all: one in office, and now and then one in its shadow.
+//! Those who work for one node when one thread runs them all: one active, and now and then one beside it on standby.
 
 use contract::message::{Message, Stamp};
-use contract::scenario::{Scenario, newcomer};
+use contract::scenario::{Scenario, candidate};
 use contract::snapshot::Snapshot;
-use runtime::seizure::Seizures;
+use runtime::process_fault::ProcessFaults;
 
 use super::node::{Node, sum};
 use super::speech::{Counts, Heard, Voice};
@@ -12,7 +12,7 @@ use crate::succession::Succession;
 /// All that work for one node.
 pub struct Post<N: Node> {
     workers: Vec<Worker<N>>,
-    /// What the last one remembered who left the office vacant.
+    /// What the last one remembered who left the role vacant.
     memory: Option<Snapshot>,
     /// What those who have left had refused, by cause.
     refused: Counts,
@@ -22,7 +22,7 @@ pub struct Post<N: Node> {
 struct Worker<N: Node> {
     epoch: u32,
     /// Those of its own settings; those of the run are the succession's matter.
-    seizures: Seizures,
+    process_faults: ProcessFaults,
     core: N,
     ears: N::Ears,
     voice: Voice<N::Says>,
@@ -45,13 +45,13 @@ impl<N: Node> Post<N> {
         self.workers.iter().map(|worker| N::refused(&worker.ears)).fold(self.refused, sum)
     }
 
-    /// Another begins: the run's settings or those of the swap `origin`, the memory of who is or was in office, and the
+    /// Another begins: the run's settings or those of the swap `origin`, the memory of who is or was active, and the
     /// `last` word of each topic.
-    pub fn begin(&mut self, run: &Scenario, epoch: u32, origin: Option<usize>, last: &Heard, holder: u32) {
-        let own = origin.and_then(|i| newcomer(run, &run.swap[i]).ok()); // what is wrong with it was said before
+    pub fn begin(&mut self, run: &Scenario, epoch: u32, origin: Option<usize>, last: &Heard, active: u32) {
+        let own = origin.and_then(|i| candidate(run, &run.swap[i]).ok()); // what is wrong with it was said before
         let mut worker: Worker<N> = Worker::new(own.as_ref().unwrap_or(run), run, epoch, N::ears(last));
-        let holder = self.workers.iter().find(|worker| worker.epoch == holder);
-        if let Some(memory) = holder.map(|holder| holder.core.memory()).or(self.memory) {
+        let active = self.workers.iter().find(|worker| worker.epoch == active);
+        if let Some(memory) = active.map(|active| active.core.memory()).or(self.memory) {
             worker.core.inherit(&memory);
         }
         self.workers.push(worker);
@@ -66,25 +66,25 @@ impl<N: Node> Post<N> {
         }
     }
 
-    /// All who work answer to a sample; `each` gets their messages, with the epoch in office.
+    /// All who work answer to a sample; `each` gets their messages, with the epoch active.
     pub fn answer(
         &mut self,
         sample: Stamp,
         succession: &mut Succession,
         mut each: impl FnMut(&N::Says, u32, &mut Succession),
     ) {
-        let leaves = |worker: &&Worker<N>| worker.seizures.leaves(sample.tick, sample.tick);
+        let leaves = |worker: &&Worker<N>| worker.process_faults.leaves(sample.tick, sample.tick);
         let leaving: Vec<u32> = self.workers.iter().filter(leaves).map(|worker| worker.epoch).collect();
         for epoch in leaving {
             self.end(epoch);
             succession.lost(N::Says::TOPIC, epoch, sample.tick);
         }
-        let staff = succession.staff(N::Says::TOPIC);
+        let assignment = succession.assignment(N::Says::TOPIC);
         for Worker { epoch, core, ears, voice, .. } in &mut self.workers {
-            if staff.employs(*epoch) {
-                let (answer, lineage) = core.answer(ears, sample);
-                let in_office = staff.holder == *epoch;
-                voice.speak(in_office, answer, lineage, |message| each(message, staff.holder, succession));
+            if assignment.includes(*epoch) {
+                let (answer, provenance) = core.answer(ears, sample);
+                let active = assignment.active == *epoch;
+                voice.speak(active, answer, provenance, |message| each(message, assignment.active, succession));
             }
         }
     }
@@ -95,7 +95,7 @@ impl<N: Node> Worker<N> {
     fn new(own: &Scenario, run: &Scenario, epoch: u32, ears: N::Ears) -> Self {
         let scripted = own.fault == run.fault;
         let fault = if scripted { vec![] } else { own.fault.clone() };
-        let seizures = Seizures::new(&Scenario { fault, ..own.clone() }, N::Says::TOPIC);
-        Self { epoch, seizures, core: N::new(own), ears, voice: Voice::new(own, epoch) }
+        let process_faults = ProcessFaults::new(&Scenario { fault, ..own.clone() }, N::Says::TOPIC);
+        Self { epoch, process_faults, core: N::new(own), ears, voice: Voice::new(own, epoch) }
     }
 }

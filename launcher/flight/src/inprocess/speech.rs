@@ -1,13 +1,13 @@
-//! How nodes hear and speak when one thread runs them all: what inlet and outlet are to a process.
+//! How nodes hear and speak when one thread runs them all: what input and output are to a process.
 
 use std::collections::VecDeque;
 
 use contract::guard::{Guard, Refusal};
 use contract::message::{Controls, Message, Reference, Stamp, State};
 use contract::scenario::Scenario;
-use contract::stamp::unheard;
+use contract::stamp::delivery;
 use runtime::link::Link;
-use runtime::outlet::Slowness;
+use runtime::output::Slowness;
 use runtime::port::NODE_DEPTH;
 
 /// Messages refused, by cause.
@@ -18,7 +18,7 @@ pub type Counts = [u32; Refusal::ALL.len()];
 pub struct Ear<M: Message> {
     /// What was said last before it listened: it comes from who said it, when that one speaks again.
     before: Option<M>,
-    /// What has come since the last look, as much as a port holds, each with who was in office.
+    /// What has come since the last look, as much as a port holds, each with who was active.
     queue: VecDeque<(M, u32)>,
     guard: Guard<M>,
     fresh: bool,
@@ -32,14 +32,14 @@ impl<M: Message> Ear<M> {
         Self { before: Some(*last), ..Self::default() }
     }
 
-    /// Keeps what `holder`, or somebody else, has said; who works in the shadow speaks through a port of its own.
-    pub fn hear(&mut self, message: &M, holder: u32) {
+    /// Keeps what `active`, or somebody else, has said; who works on standby speaks through a port of its own.
+    pub fn hear(&mut self, message: &M, active: u32) {
         let before = self.before.take_if(|before| before.stamp().epoch == message.stamp().epoch);
-        for message in before.iter().chain([message]).filter(|message| !message.stamp().in_shadow()) {
+        for message in before.iter().chain([message]).filter(|message| !message.stamp().is_standby()) {
             if self.queue.len() == NODE_DEPTH {
                 self.queue.pop_front();
             }
-            self.queue.push_back((*message, holder));
+            self.queue.push_back((*message, active));
         }
     }
 
@@ -57,8 +57,8 @@ impl<M: Message> Ear<M> {
 
     /// Judges what has come since the last look.
     fn look(&mut self, samples: u64) {
-        for (message, holder) in self.queue.drain(..).filter(|(message, _)| message.stamp().is_heard()) {
-            match self.guard.take(&message, holder, samples) {
+        for (message, active) in self.queue.drain(..).filter(|(message, _)| message.stamp().is_delivered()) {
+            match self.guard.take(&message, active, samples) {
                 Ok(()) => self.fresh = true,
                 Err(refusal) => self.refused[refusal as usize] += 1,
             }
@@ -78,7 +78,7 @@ pub struct Heard {
 }
 
 impl Heard {
-    /// Keeps what was not said in a shadow.
+    /// Keeps what was not said in a standby.
     pub fn keep_reference(&mut self, message: &Reference) {
         keep(&mut self.reference, message);
     }
@@ -90,7 +90,7 @@ impl Heard {
 }
 
 fn keep<M: Message>(last: &mut M, message: &M) {
-    if !message.stamp().in_shadow() {
+    if !message.stamp().is_standby() {
         *last = *message;
     }
 }
@@ -109,13 +109,13 @@ impl<M: Message> Voice<M> {
         Self { link: Link::new(scenario), slow: Slowness::new(scenario, M::TOPIC), epoch, sequence: 0 }
     }
 
-    /// Stamps `message` and sends it on its way; `to` gets what arrives. Only who is in office is heard.
-    pub fn speak(&mut self, in_office: bool, mut message: M, mut lineage: Stamp, to: impl FnMut(&M)) {
+    /// Stamps `message` and sends it on its way; `to` gets what arrives. Only who is active is heard.
+    pub fn speak(&mut self, active: bool, mut message: M, mut provenance: Stamp, to: impl FnMut(&M)) {
         self.sequence += 1;
-        lineage.held_ns += self.slow.held_up_ns(lineage.tick);
-        let unheard = if in_office { unheard::HEARD } else { unheard::SHADOW };
-        let stamp = lineage.published(M::TOPIC, self.sequence, 0);
-        *message.stamp_mut() = Stamp { epoch: u64::from(self.epoch), unheard, ..stamp };
-        self.link.pass(lineage.tick, &message.sealed(), to);
+        provenance.held_ns += self.slow.held_up_ns(provenance.tick);
+        let delivery = if active { delivery::DELIVERED } else { delivery::STANDBY };
+        let stamp = provenance.published(M::TOPIC, self.sequence, 0);
+        *message.stamp_mut() = Stamp { epoch: u64::from(self.epoch), delivery, ..stamp };
+        self.link.pass(provenance.tick, &message.with_checksum(), to);
     }
 }

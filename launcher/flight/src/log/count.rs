@@ -1,4 +1,4 @@
-//! The count: every message of the processes in office once, and the gaps between them.
+//! The count: every message of the processes active once, and the gaps between them.
 //!
 //! What faults make of a message bears its number once more, as do late and double ones; a message that was lost on
 //! purpose is there too, marked. So a gap in the numbers is a message that the one who counts has missed.
@@ -8,17 +8,17 @@ use contract::message::{Message, Stamp};
 
 use super::Record;
 
-/// The newest stamp of each process that works for a node: one in office, one in its shadow, whose epochs differ in the
-/// last bit ([`runtime::office`]).
+/// The newest stamp of each process that works for a node: one active, one beside it on standby, whose epochs differ in the
+/// last bit ([`runtime::shared_role`]).
 #[derive(Debug, Default)]
 pub struct Count([[Stamp; 2]; Topic::COUNT]);
 
 impl Count {
     /// The stamp before this one of the same process, number 0 where there is none; `None` when this message is not to be
-    /// counted: unheard because its publisher works in another's shadow, not whole, or counted before.
+    /// counted: delivery because its publisher works in another's standby, not whole, or counted before.
     pub fn before(&mut self, record: &Record) -> Option<Stamp> {
         let stamp = record.stamp();
-        if !record.is_whole() {
+        if !record.is_intact() {
             return None;
         }
         let newest = &mut self.0[record.topic() as usize][stamp.epoch as usize % 2];
@@ -27,7 +27,7 @@ impl Count {
             return None;
         }
         *newest = *stamp;
-        (!stamp.in_shadow()).then_some(before)
+        (!stamp.is_standby()).then_some(before)
     }
 
     /// How many messages were missed just before this one, if it is to be counted.
@@ -49,23 +49,23 @@ where
 mod tests {
     use super::*;
     use contract::message::State;
-    use contract::stamp::unheard;
+    use contract::stamp::delivery;
 
-    fn sent(epoch: u64, sequence: u64, unheard: u64) -> Record {
-        let stamp = Stamp { epoch, sequence, unheard, ..Stamp::default() };
-        State { stamp, ..State::default() }.sealed().into()
+    fn sent(epoch: u64, sequence: u64, delivery: u64) -> Record {
+        let stamp = Stamp { epoch, sequence, delivery, ..Stamp::default() };
+        State { stamp, ..State::default() }.with_checksum().into()
     }
 
     #[test]
     fn every_message_counts_once() {
         let mut count = Count::default();
-        let mut gap = |epoch, sequence, unheard| count.gap(&sent(epoch, sequence, unheard));
-        assert_eq!(gap(1, 1, unheard::HEARD), Some(0));
-        assert_eq!(gap(1, 2, unheard::FAULT), Some(0), "lost on the way, not on us");
-        assert_eq!(gap(1, 2, unheard::HEARD), None, "what came of it");
-        assert_eq!(gap(1, 5, unheard::HEARD), Some(2));
-        assert_eq!(gap(1, 5, unheard::HEARD), None, "twice");
-        let Record::State(mut bent) = sent(1, 6, unheard::HEARD) else { unreachable!("a state") };
+        let mut gap = |epoch, sequence, delivery| count.gap(&sent(epoch, sequence, delivery));
+        assert_eq!(gap(1, 1, delivery::DELIVERED), Some(0));
+        assert_eq!(gap(1, 2, delivery::FAULT), Some(0), "lost on the way, not on us");
+        assert_eq!(gap(1, 2, delivery::DELIVERED), None, "what came of it");
+        assert_eq!(gap(1, 5, delivery::DELIVERED), Some(2));
+        assert_eq!(gap(1, 5, delivery::DELIVERED), None, "twice");
+        let Record::State(mut bent) = sent(1, 6, delivery::DELIVERED) else { unreachable!("a state") };
         bent.status = 7;
         assert_eq!(count.gap(&bent.into()), None);
     }
@@ -73,28 +73,28 @@ mod tests {
     #[test]
     fn who_works_in_the_shadow_is_followed_and_not_counted() {
         let mut count = Count::default();
-        let mut gap = |epoch, sequence, unheard| count.gap(&sent(epoch, sequence, unheard));
-        assert_eq!(gap(1, 1, unheard::HEARD), Some(0));
-        assert_eq!(gap(2, 1, unheard::SHADOW), None);
-        assert_eq!(gap(2, 2, unheard::SHADOW | unheard::FAULT), None, "what a fault has struck neither");
-        assert_eq!(gap(1, 4, unheard::HEARD), Some(2), "the one in office goes on where it was");
-        assert_eq!(gap(2, 5, unheard::HEARD), Some(2), "took over, and two were missed");
-        assert_eq!(gap(1, 5, unheard::SHADOW), None);
-        assert_eq!(gap(1, 6, unheard::HEARD), Some(0), "has it back");
+        let mut gap = |epoch, sequence, delivery| count.gap(&sent(epoch, sequence, delivery));
+        assert_eq!(gap(1, 1, delivery::DELIVERED), Some(0));
+        assert_eq!(gap(2, 1, delivery::STANDBY), None);
+        assert_eq!(gap(2, 2, delivery::STANDBY | delivery::FAULT), None, "what a fault has struck neither");
+        assert_eq!(gap(1, 4, delivery::DELIVERED), Some(2), "the one active goes on where it was");
+        assert_eq!(gap(2, 5, delivery::DELIVERED), Some(2), "took over, and two were missed");
+        assert_eq!(gap(1, 5, delivery::STANDBY), None);
+        assert_eq!(gap(1, 6, delivery::DELIVERED), Some(0), "has it back");
     }
 
     #[test]
     fn the_stamp_before_is_that_of_the_same_process() {
-        let message = |epoch, sequence, unheard, misses| {
-            let stamp = Stamp { epoch, sequence, unheard, misses, ..Stamp::default() };
-            State { stamp, ..State::default() }.sealed()
+        let message = |epoch, sequence, delivery, misses| {
+            let stamp = Stamp { epoch, sequence, delivery, misses, ..Stamp::default() };
+            State { stamp, ..State::default() }.with_checksum()
         };
         let messages = [
-            message(1, 1, unheard::HEARD, 3),
-            message(2, 1, unheard::SHADOW, 20),
-            message(2, 2, unheard::HEARD, 21),
-            message(1, 2, unheard::SHADOW, 4),
-            message(1, 3, unheard::HEARD, 4),
+            message(1, 1, delivery::DELIVERED, 3),
+            message(2, 1, delivery::STANDBY, 20),
+            message(2, 2, delivery::DELIVERED, 21),
+            message(1, 2, delivery::STANDBY, 4),
+            message(1, 3, delivery::DELIVERED, 4),
         ];
         let misses: Vec<_> =
             counted(&messages).map(|(m, before)| (m.stamp.epoch, m.stamp.misses, before.misses)).collect();
@@ -103,6 +103,6 @@ mod tests {
 
     #[test]
     fn who_comes_late_has_missed_the_beginning() {
-        assert_eq!(Count::default().gap(&sent(1, 4, unheard::HEARD)), Some(3));
+        assert_eq!(Count::default().gap(&sent(1, 4, delivery::DELIVERED)), Some(3));
     }
 }

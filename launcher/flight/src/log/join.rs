@@ -123,5 +123,5 @@ fn gather(parts: &[PathBuf], mut each: impl FnMut(Record)) -> Vec<anyhow::Result
 /// What tells one message from all others, but for those that a fault has sent twice.
 fn identity(record: &Record) -> [u64; 6] {
     let stamp = record.stamp();
-    [record.topic() as u64, stamp.epoch, stamp.sequence, stamp.tick, stamp.unheard, stamp.checksum]
+    [record.topic() as u64, stamp.epoch, stamp.sequence, stamp.tick, stamp.delivery, stamp.checksum]
 }

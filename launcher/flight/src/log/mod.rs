@@ -65,12 +65,12 @@ impl Record {
     }
 
     /// Whether the bits are those that were sent.
-    pub fn is_whole(&self) -> bool {
+    pub fn is_intact(&self) -> bool {
         match self {
-            Self::State(message) => message.is_whole(),
-            Self::Reference(message) => message.is_whole(),
-            Self::Controls(message) => message.is_whole(),
-            Self::Actuators(message) => message.is_whole(),
+            Self::State(message) => message.is_intact(),
+            Self::Reference(message) => message.is_intact(),
+            Self::Controls(message) => message.is_intact(),
+            Self::Actuators(message) => message.is_intact(),
         }
     }
 }

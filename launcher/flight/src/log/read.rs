@@ -50,7 +50,7 @@ impl Log {
         let mut actuators = self.actuators.iter().map(|m| Record::from(*m)).peekable();
         // One that is not whole tells no tick, and nobody waits for it.
         let tick =
-            |record: Option<&Record>| record.map(|record| if record.is_whole() { record.stamp().tick } else { 0 });
+            |record: Option<&Record>| record.map(|record| if record.is_intact() { record.stamp().tick } else { 0 });
         std::iter::from_fn(move || {
             let ticks = [tick(states.peek()), tick(references.peek()), tick(controls.peek()), tick(actuators.peek())];
             let first = Topic::ALL.into_iter().filter(|topic| ticks[*topic as usize].is_some());

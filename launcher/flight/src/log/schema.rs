@@ -118,7 +118,7 @@ macro_rules! same_fields {
 same_fields! {
     Stamp as Stamp {
         tick, sample_ns, sequence, epoch, inputs, publish_ns, release_ns, start_ns, cpu_ns, misses, slips,
-        held_ns, unheard, checksum
+        held_ns, delivery, checksum
     }
     Kinematics as Kinematics { position_m, velocity_mps, attitude_rad, rates_radps }
     ActuationMsg as Actuation { rotor_speed, tilt_rad }

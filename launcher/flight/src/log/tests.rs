@@ -80,11 +80,11 @@ fn numbers(record: &mut Record) -> (Vec<&mut u64>, Vec<&mut f64>) {
         misses,
         slips,
         held_ns,
-        unheard,
+        delivery,
         checksum,
     } = stamp;
     integers.extend([
-        tick, sample_ns, sequence, epoch, release_ns, start_ns, cpu_ns, misses, slips, held_ns, unheard, checksum,
+        tick, sample_ns, sequence, epoch, release_ns, start_ns, cpu_ns, misses, slips, held_ns, delivery, checksum,
     ]);
     integers.extend([inputs, publish_ns].into_iter().flatten());
     (integers, floats)
@@ -246,7 +246,7 @@ fn a_full_disk_costs_only_what_is_not_yet_written() {
     let full = begin("/dev/full".as_ref()).err().unwrap();
     assert!(format!("{full:#}").contains("/dev/full") && format!("{full:#}").contains("No space left"), "{full:#}");
 
-    // A file in memory, later sealed so that it cannot grow: a disk that is full in the middle of a chunk.
+    // A file in memory, later with checksum so that it cannot grow: a disk that is full in the middle of a chunk.
     let disk = memfd_create("flight", MemfdFlags::ALLOW_SEALING).unwrap();
     let path = PathBuf::from(format!("/proc/self/fd/{}", std::os::fd::AsRawFd::as_raw_fd(&disk)));
     let mut log = begin(&path).unwrap();

@@ -62,24 +62,24 @@ impl Stack {
 
     /// How one node is: ticks are those it has done, counted from the first of the run.
     fn node(&mut self, topic: Topic) -> Value {
-        let office = self.board.office(topic);
-        let epoch = office.holder();
-        let sampled = self.board.office(Topic::State).done(1).get();
-        let done = (epoch > 0).then(|| office.done(epoch).get());
-        let shadow = office.staff().shadow;
+        let role = self.page.role(topic);
+        let epoch = role.active();
+        let sampled = self.page.role(Topic::State).done(1).get();
+        let done = (epoch > 0).then(|| role.done(epoch).get());
+        let standby = role.assignment().standby;
         let sent_ns = self.newest_ns[topic as usize];
         let again = |event: &&Event| event.what == What::Started && event.swap.is_none();
         let restart = |event: &&Event| event.node == topic.publisher() && again(event);
         json!({
             "node": topic.publisher(),
             "epoch": epoch,
-            "shadow": (shadow > 0).then_some(shadow),
+            "standby": (standby > 0).then_some(standby),
             "pid": self.children.all.iter().find(|p| p.topic == Some(topic) && p.epoch == epoch).map(|p| p.child.id()),
             "tick": done,
             "behind": done.map(|done| sampled.saturating_sub(done)),
             "age_ms": (sent_ns > 0).then(|| now_ns().saturating_sub(sent_ns) as f64 / 1e6),
             "restarts": self.regime.events().iter().filter(restart).count(),
-            "refused": refused(&Refusal::ALL.map(|r| office.refused[r as usize].get())),
+            "refused": refused(&Refusal::ALL.map(|r| role.refused[r as usize].get())),
         })
     }
 }

@@ -28,7 +28,7 @@ pub struct Archive {
     /// Who writes it.
     pub recorders: Recorders,
     path: PathBuf,
-    /// What each recorder that had the office has said at its end.
+    /// What each recorder that had the role has said at its end.
     words: BTreeMap<u32, LogOutcome>,
     /// What the launcher has seen of the messages.
     count: Count,
@@ -64,16 +64,16 @@ impl Archive {
         self.words.extend(last_word(stdout).map(|word| (epoch, word)));
     }
 
-    /// All have ended, the recorder `holder` in office: makes one log of what they have written, and says how it went.
+    /// All have ended, the recorder `active` active: makes one log of what they have written, and says how it went.
     /// `untold` of the `events` did not reach a recorder; the processes have sent so many messages.
-    pub fn close(mut self, holder: u32, scenario: &Scenario, events: &[Event], untold: usize, sent: u64) -> LogOutcome {
+    pub fn close(mut self, active: u32, scenario: &Scenario, events: &[Event], untold: usize, sent: u64) -> LogOutcome {
         let why = if self.recorders.given_up {
             "nobody was left to record the flight"
         } else {
             "the recorder ended before it could close the log"
         };
         let lost = || LogOutcome { error: Some(why.into()), ..LogOutcome::default() };
-        let last = self.words.remove(&holder).unwrap_or_else(lost);
+        let last = self.words.remove(&active).unwrap_or_else(lost);
         if self.recorders.newest == 1 {
             // What never reached it leaves no gap that it could have counted.
             let missing = (sent + events.len() as u64).saturating_sub(last.records);

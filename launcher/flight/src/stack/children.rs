@@ -20,18 +20,18 @@ use rustix::event::{PollFd, PollFlags, poll};
 use rustix::process::{Pid, PidfdFlags, Signal, WaitId, WaitIdOptions, kill_process_group, pidfd_open, waitid};
 use rustix::time::Timespec;
 
-use super::end::Departure;
+use super::end::ChildExit;
 use crate::event::{self, Event};
 use crate::own_program;
 use runtime::console::eprint_line;
 
-const BURIAL_LIMIT: Duration = Duration::from_millis(500);
+const CLEAN_UP_LIMIT: Duration = Duration::from_millis(500);
 /// After this long it is said what is waited for.
 const SILENCE: Duration = Duration::from_secs(1);
 
 /// What a child is to be.
 #[derive(Clone, Copy, Default)]
-pub struct Birth<'a> {
+pub struct SpawnRequest<'a> {
     /// Node or recorder.
     pub name: &'static str,
     /// The topic it speaks on; none for the recorder.
@@ -69,18 +69,18 @@ pub struct Children {
     pub all: Vec<Process>,
     /// How many events the recorder was told of.
     pub told: usize,
-    undertakers: Vec<JoinHandle<()>>,
+    cleaners: Vec<JoinHandle<()>>,
 }
 
 impl Children {
     /// None yet.
     pub fn new(domain: Domain) -> Self {
-        Self { domain, all: vec![], told: 0, undertakers: vec![] }
+        Self { domain, all: vec![], told: 0, cleaners: vec![] }
     }
 
     /// Starts one.
-    pub fn spawn(&mut self, birth: &Birth) -> anyhow::Result<()> {
-        let Birth { name, topic, epoch, log, program, settings } = *birth;
+    pub fn spawn(&mut self, request: &SpawnRequest) -> anyhow::Result<()> {
+        let SpawnRequest { name, topic, epoch, log, program, settings } = *request;
         let mut command = if let Some(program) = program {
             let mut foreign = Command::new(program);
             die_with_parent(&mut foreign); // ours see to that themselves
@@ -108,10 +108,10 @@ impl Children {
     }
 
     /// One that has ended, and how; one that did not end well is told first.
-    pub fn departed(&mut self) -> Option<(usize, Departure)> {
+    pub fn exited(&mut self) -> Option<(usize, ChildExit)> {
         let ended = self.all.iter_mut().enumerate().filter_map(|(i, process)| {
             let status = ended(&mut process.child)?;
-            Some((i, Departure::of(status)))
+            Some((i, ChildExit::of(status)))
         });
         ended.max_by_key(|(_, how)| how.gravity())
     }
@@ -124,16 +124,16 @@ impl Children {
 
     /// Forgets one that has ended, and has what it left removed from the services: by a thread of its own, because that
     /// takes longer than a process may be missing.
-    pub fn bury(&mut self, i: usize) {
+    pub fn clean_up(&mut self, i: usize) {
         self.all.remove(i);
         let domain = self.domain.clone();
-        let bury = move || {
+        let clean_up = move || {
             if let Ok(bus) = Bus::attach(&domain) {
-                bus.bury_the_dead();
+                bus.remove_dead_ports();
             }
         };
-        self.undertakers.retain(|undertaker| !undertaker.is_finished());
-        self.undertakers.extend(std::thread::Builder::new().name("undertaker".into()).spawn(bury).ok());
+        self.cleaners.retain(|cleaner| !cleaner.is_finished());
+        self.cleaners.extend(std::thread::Builder::new().name("cleaner".into()).spawn(clean_up).ok());
     }
 
     /// Signals the process `epoch` of a node, or without a topic of the recorder, if it is there.
@@ -160,8 +160,8 @@ impl Drop for Children {
     fn drop(&mut self) {
         self.all.iter_mut().for_each(|process| kill(&mut process.child));
         // Whoever is at it still would leave traces of its own in what is wiped next; one that is stuck is not waited for.
-        let deadline = Instant::now() + BURIAL_LIMIT;
-        while self.undertakers.iter().any(|undertaker| !undertaker.is_finished()) && Instant::now() < deadline {
+        let deadline = Instant::now() + CLEAN_UP_LIMIT;
+        while self.cleaners.iter().any(|cleaner| !cleaner.is_finished()) && Instant::now() < deadline {
             std::thread::sleep(Duration::from_millis(1));
         }
     }

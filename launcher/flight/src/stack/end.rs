@@ -3,7 +3,7 @@
 use std::process::ExitStatus;
 
 use contract::guard::Refusal;
-use runtime::process::exit;
+use runtime::session::exit;
 use serde_json::{Value, json};
 
 /// How the processes' part of a flight ended.
@@ -52,7 +52,7 @@ impl std::fmt::Display for StartError {
 impl std::error::Error for StartError {}
 
 /// How a child ended.
-pub enum Departure {
+pub enum ChildExit {
     /// By itself, and well.
     Well,
     /// It broke its timing budget.
@@ -61,7 +61,7 @@ pub enum Departure {
     Badly(ExitStatus),
 }
 
-impl Departure {
+impl ChildExit {
     /// What an exit status says.
     pub fn of(status: ExitStatus) -> Self {
         match status.code() {

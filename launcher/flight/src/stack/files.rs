@@ -97,7 +97,7 @@ mod tests {
             let id = (1_u128 << 96) + (pid << 64) + number;
             domain.file(&format!("iox/hash_{id}.data"))
         };
-        let (kept, removed, cut, dead) = (segment(41, 1), segment(41, 2), domain.file("board"), segment(42, 3));
+        let (kept, removed, cut, dead) = (segment(41, 1), segment(41, 2), domain.file("page"), segment(42, 3));
         std::fs::create_dir(domain.file("iox")).expect("the run's folder is ours");
         for path in [&kept, &removed, &cut, &dead] {
             std::fs::write(path, [0; 64]).expect("shared memory can be written");

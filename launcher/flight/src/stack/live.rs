@@ -1,6 +1,6 @@
-//! Faults given and ended while the stack flies: they are entered into the ledger, where every process hears of them.
+//! Faults given and ended while the stack flies: they are entered into the fault table, where every process hears of them.
 
-use contract::roll::{LONGEST_DELAY_MS, ROOM};
+use contract::fault_schedule::{LONGEST_DELAY_MS, ROOM};
 use contract::scenario::{Fault, FaultKind, FaultTarget, Mode, check_fault};
 use serde_json::{Value, json};
 
@@ -27,12 +27,12 @@ impl Stack {
         fault.at_s = self.time_s(fault.ticks(self.scenario.sample_s()).start);
         self.check(&fault)?; // nor may it begin too late
         let number = self.scenario.fault.len();
-        if !self.board.ledger().enter(number, &fault) {
+        if !self.page.fault_table().enter(number, &fault) {
             return Err(format!(
                 "a flight takes {ROOM} faults, and this one has had them; `launcher stop` it and fly again"
             ));
         }
-        self.regime.suffer(number, &fault);
+        self.regime.apply_fault(number, &fault);
         self.scenario.fault.push(fault);
         self.note(&fault, What::Injected, sender);
         Ok(json!([fault]))
@@ -47,14 +47,14 @@ impl Stack {
         let cut = |fault: &Fault| Fault { for_s: Some(self.time_s(had(fault))), ..*fault };
         let faults = self.scenario.fault.iter().enumerate().filter(|(_, fault)| sought(fault));
         let cleared: Vec<(usize, Fault)> = faults.map(|(number, fault)| (number, cut(fault))).collect();
-        if !self.board.ledger().has_room_for(cleared.iter().map(|(number, _)| *number)) {
+        if !self.page.fault_table().has_room_for(cleared.iter().map(|(number, _)| *number)) {
             return Err(format!(
                 "a flight takes {ROOM} changes to its faults; name a target, or `launcher stop` it and fly again"
             ));
         }
         for (number, fault) in &cleared {
-            self.board.ledger().enter(*number, fault);
-            self.regime.suffer(*number, fault);
+            self.page.fault_table().enter(*number, fault);
+            self.regime.apply_fault(*number, fault);
             self.scenario.fault[*number] = *fault;
             self.note(fault, What::Cleared, sender);
         }
@@ -63,7 +63,7 @@ impl Stack {
 
     /// The faults that are at work now.
     pub(super) fn at_work(&self) -> impl Iterator<Item = &Fault> {
-        let (tick, sample_s) = (plant_tick(&self.board), self.scenario.sample_s());
+        let (tick, sample_s) = (plant_tick(&self.page), self.scenario.sample_s());
         self.scenario.fault.iter().filter(move |fault| fault.strikes(tick, sample_s) && !fault.is_momentary())
     }
 
@@ -82,7 +82,7 @@ impl Stack {
 
     /// The first sample before which every process is sure to hear of what is entered now: the one after the next.
     pub(super) fn next_tick(&self) -> u64 {
-        plant_tick(&self.board) + 2
+        plant_tick(&self.page) + 2
     }
 
     /// When `tick` is \[s\].
@@ -98,7 +98,7 @@ impl Stack {
     }
 
     fn note(&mut self, fault: &Fault, what: What, by: Option<Sender>) {
-        let tick = plant_tick(&self.board);
+        let tick = plant_tick(&self.page);
         self.regime.events().push(Event { by, ..Event::new(tick, fault.target.name(), 0, what) });
     }
 }

@@ -1,9 +1,9 @@
-//! Who records: one recorder in office, and now and then one that is about to take over.
+//! Who records: one recorder active, and now and then one that is about to take over.
 //!
 //! ```text
-//! started -> ready: takes the office, and the one before closes its file
-//!         \-> dies, or is not ready in time: rejected, and the one in office never noticed
-//! in office -> dies, or stands still: another one, with the program before its own
+//! started -> ready: becomes active, and the one before closes its file
+//!         \-> dies, or is not ready in time: rejected, and the one active never noticed
+//! active -> dies, or stands still: another one, with the program before its own
 //!                                     the fourth time in 5 s nobody records any more
 //! ```
 //!
@@ -13,8 +13,8 @@ use std::time::{Duration, Instant};
 
 use contract::Scenario;
 use contract::scenario::SwapNode;
-use runtime::office::Staff;
-use runtime::realtime::Board;
+use runtime::realtime::ControlPage;
+use runtime::shared_role::Assignment;
 
 use crate::event::{Event, What};
 use crate::succession::{DEATHS_WITHIN, MOST_DEATHS};
@@ -23,7 +23,7 @@ use crate::succession::{DEATHS_WITHIN, MOST_DEATHS};
 pub const RECORDER: &str = "recorder";
 /// A recorder that is not ready by then never will be.
 const START_LIMIT: Duration = Duration::from_secs(3);
-/// One in office that has not come one tick further by then, though there are some, stands still; a disk may be slow.
+/// One active that has not come one tick further by then, though there are some, stands still; a disk may be slow.
 const HANG: Duration = Duration::from_secs(5);
 
 /// What is to be done to a recorder.
@@ -35,14 +35,14 @@ pub enum Order {
     Kill(u32),
 }
 
-/// The recorders of one run; the first is in office from the beginning.
+/// The recorders of one run; the first is active from the beginning.
 pub struct Recorders {
     /// The newest epoch.
     pub newest: u32,
     /// Nobody is started any more.
     pub given_up: bool,
     starting: Option<Started>,
-    /// The swaps whose programs have had the office, without those that died in it: the last is who has it.
+    /// The swaps whose programs have had the role, without those that died in it: the last is who has it.
     programs: Vec<usize>,
     /// Which of the swaps have begun.
     begun: Vec<bool>,
@@ -89,11 +89,11 @@ impl Recorders {
     }
 
     /// Whether another may take over now; why not.
-    pub fn may_swap(&self, board: &Board) -> Result<(), String> {
+    pub fn may_swap(&self, page: &ControlPage) -> Result<(), String> {
         if self.given_up {
             return Err("the recorder was given up: too many have died".into());
         }
-        if self.starting.is_some() || board.archive().holder() == 0 {
+        if self.starting.is_some() || page.archive().active() == 0 {
             return Err("another recorder is starting already; wait until it has taken over".into());
         }
         Ok(())
@@ -110,9 +110,9 @@ impl Recorders {
     }
 
     /// Looks around: what is to be done. Swaps may have been added to `scenario` since the last time.
-    pub fn look(&mut self, board: &Board, scenario: &Scenario, at: At, events: &mut Vec<Event>) -> Option<Order> {
-        self.welcome(board, at, events);
-        let hangs = self.hangs(board, at.now);
+    pub fn look(&mut self, page: &ControlPage, scenario: &Scenario, at: At, events: &mut Vec<Event>) -> Option<Order> {
+        self.welcome(page, at, events);
+        let hangs = self.hangs(page, at.now);
         if let Some(epoch) = hangs {
             events.push(at.event(epoch, What::Hung));
             return Some(Order::Kill(epoch));
@@ -121,67 +121,67 @@ impl Recorders {
             return None;
         }
         let swap = self.due(at.tick, scenario);
-        (swap.is_some() || board.archive().holder() == 0).then(|| self.start(swap, at, events))
+        (swap.is_some() || page.archive().active() == 0).then(|| self.start(swap, at, events))
     }
 
     /// Lets in who was started and records; the one before closes its file.
-    pub fn welcome(&mut self, board: &Board, at: At, events: &mut Vec<Event>) {
-        let office = board.archive();
-        let Some(started) = self.starting.take_if(|started| office.ready.get() == started.epoch) else { return };
-        office.appoint(0, |_| Staff { holder: started.epoch, shadow: 0 });
-        board.recorded().raise(board.watched().count()); // what was sent before it came it will never have
-        self.progress = (board.recorded().count(), at.now);
+    pub fn welcome(&mut self, page: &ControlPage, at: At, events: &mut Vec<Event>) {
+        let role = page.archive();
+        let Some(started) = self.starting.take_if(|started| role.ready.get() == started.epoch) else { return };
+        role.assign(0, |_| Assignment { active: started.epoch, standby: 0 });
+        page.recorded().raise(page.watched().count()); // what was sent before it came it will never have
+        self.progress = (page.recorded().count(), at.now);
         self.programs.extend(started.swap);
         events.push(at.event(started.epoch, What::TookOver));
     }
 
-    /// One has ended while the flight goes on; whether it has ever had the office.
-    pub fn ended(&mut self, board: &Board, epoch: u32, well: bool, at: At, events: &mut Vec<Event>) -> bool {
-        let office = board.archive();
+    /// One has ended while the flight goes on; whether it has ever had the role.
+    pub fn ended(&mut self, page: &ControlPage, epoch: u32, well: bool, at: At, events: &mut Vec<Event>) -> bool {
+        let role = page.archive();
         let started = self.starting.take_if(|started| started.epoch == epoch);
-        let in_office = office.holder() == epoch;
-        if !well || in_office || started.is_some() {
+        let active = role.active() == epoch;
+        if !well || active || started.is_some() {
             events.push(at.event(epoch, What::Died));
         }
         if started.as_ref().is_some_and(|started| started.swap.is_some()) {
             events.push(at.event(epoch, What::Rejected).because("it ended before it was ready"));
         }
-        if in_office {
+        if active {
             self.programs.pop();
-            office.appoint(0, |staff| staff.without(epoch));
+            role.assign(0, |assignment| assignment.without(epoch));
         }
-        if in_office || (started.is_some() && office.holder() == 0) {
-            self.mourn(board, epoch, at, events);
+        if active || (started.is_some() && role.active() == 0) {
+            self.count_failure(page, epoch, at, events);
         }
         started.is_none()
     }
 
-    /// Nobody is in office: too often in a short time, and nobody will be.
-    fn mourn(&mut self, board: &Board, epoch: u32, at: At, events: &mut Vec<Event>) {
+    /// Nobody is active: too often in a short time, and nobody will be.
+    fn count_failure(&mut self, page: &ControlPage, epoch: u32, at: At, events: &mut Vec<Event>) {
         self.deaths.retain(|death| at.now.duration_since(*death) < DEATHS_WITHIN);
         self.deaths.push(at.now);
         if self.deaths.len() >= MOST_DEATHS {
             self.given_up = true;
             events.push(at.event(epoch, What::GivenUp));
-            board.recorded().raise(u32::MAX); // nobody records, so nobody is to be waited for
+            page.recorded().raise(u32::MAX); // nobody records, so nobody is to be waited for
         }
     }
 
-    /// Who takes too long to get ready, or stands still in office.
-    fn hangs(&mut self, board: &Board, now: Instant) -> Option<u32> {
+    /// Who takes too long to get ready, or stands still active.
+    fn hangs(&mut self, page: &ControlPage, now: Instant) -> Option<u32> {
         if let Some(started) = self.starting.as_mut().filter(|started| now - started.at > START_LIMIT) {
             started.at = now; // it is dead soon
             return Some(started.epoch);
         }
-        let recorded = board.recorded().count();
-        if recorded != self.progress.0 || recorded >= board.watched().count() {
+        let recorded = page.recorded().count();
+        if recorded != self.progress.0 || recorded >= page.watched().count() {
             self.progress = (recorded, now);
         }
-        let holder = board.archive().holder();
-        let hangs = holder != 0 && now - self.progress.1 > HANG;
+        let active = page.archive().active();
+        let hangs = active != 0 && now - self.progress.1 > HANG;
         hangs.then(|| {
             self.progress.1 = now; // likewise
-            holder
+            active
         })
     }
 

@@ -1,11 +1,11 @@
-//! Who decides on the staff: against the clock the supervisor, from what it sees; in lockstep the script.
+//! Who decides on the assignment: against the clock the supervisor, from what it sees; in lockstep the script.
 
 use std::time::{Duration, Instant};
 
 use contract::Scenario;
 use contract::scenario::{Fault, Mode};
 use contract::topic::Topic;
-use runtime::realtime::Board;
+use runtime::realtime::ControlPage;
 
 use super::script::Script;
 use crate::event::Event;
@@ -35,10 +35,10 @@ impl Regime {
     }
 
     /// Lockstep: the tick that the plant asks for.
-    pub fn question(&self, board: &Board) -> Option<u64> {
+    pub fn question(&self, page: &ControlPage) -> Option<u64> {
         match self {
             Self::Clock(_) => None,
-            Self::Script(_) => Script::question(board),
+            Self::Script(_) => Script::question(page),
         }
     }
 
@@ -51,56 +51,56 @@ impl Regime {
     }
 
     /// What is to be done now.
-    pub fn orders(&mut self, board: &Board, scenario: &Scenario, question: Option<u64>) -> Vec<Order> {
+    pub fn orders(&mut self, page: &ControlPage, scenario: &Scenario, question: Option<u64>) -> Vec<Order> {
         match self {
-            Self::Clock(supervisor) => supervisor.orders(board, scenario),
-            Self::Script(script) => script.orders(board, question),
+            Self::Clock(supervisor) => supervisor.orders(page, scenario),
+            Self::Script(script) => script.orders(page, question),
         }
     }
 
     /// The orders have been carried out.
-    pub fn answer(&mut self, board: &Board) {
+    pub fn answer(&mut self, page: &ControlPage) {
         if let Self::Script(script) = self {
-            script.answer(board);
+            script.answer(page);
         }
     }
 
     /// A process has ended that was not asked to. False when the run cannot go on without it.
-    pub fn died(&mut self, board: &Board, topic: Topic, epoch: u32) -> bool {
+    pub fn died(&mut self, page: &ControlPage, topic: Topic, epoch: u32) -> bool {
         match self {
-            Self::Clock(supervisor) => supervisor.died(board, topic, epoch),
-            Self::Script(script) => script.died(board, topic, epoch),
+            Self::Clock(supervisor) => supervisor.died(page, topic, epoch),
+            Self::Script(script) => script.died(page, topic, epoch),
         }
     }
 
     /// The process `epoch` of a node works, but not with the others, and `why`.
-    pub fn unheard(&mut self, board: &Board, topic: Topic, epoch: u32, why: &str) -> Order {
+    pub fn delivery(&mut self, page: &ControlPage, topic: Topic, epoch: u32, why: &str) -> Order {
         match self {
-            Self::Clock(supervisor) => supervisor.unheard(board, topic, epoch, why),
-            Self::Script(script) => script.unheard(board, topic, epoch, why),
+            Self::Clock(supervisor) => supervisor.delivery(page, topic, epoch, why),
+            Self::Script(script) => script.delivery(page, topic, epoch, why),
         }
     }
 
-    /// Whether the process `epoch` is in office, and there is nobody to have it back.
-    pub fn is_alone(&self, board: &Board, topic: Topic, epoch: u32) -> bool {
+    /// Whether the process `epoch` is active, and there is nobody to have it back.
+    pub fn is_alone(&self, page: &ControlPage, topic: Topic, epoch: u32) -> bool {
         match self {
-            Self::Clock(supervisor) => supervisor.is_alone(board, topic, epoch),
+            Self::Clock(supervisor) => supervisor.is_alone(page, topic, epoch),
             Self::Script(script) => script.succession.is_alone(topic, epoch),
         }
     }
 
     /// Whether somebody may take over now from who speaks on `topic`, or from the recorder; why not.
-    pub fn may_swap(&self, board: &Board, topic: Option<Topic>) -> Result<(), String> {
+    pub fn may_swap(&self, page: &ControlPage, topic: Option<Topic>) -> Result<(), String> {
         match self {
-            Self::Clock(supervisor) => topic.map_or(Ok(()), |topic| supervisor.may_swap(board, topic)),
+            Self::Clock(supervisor) => topic.map_or(Ok(()), |topic| supervisor.may_swap(page, topic)),
             Self::Script(_) => Err("a lockstep flight is to repeat: write the swap into its scenario".into()),
         }
     }
 
     /// Takes fault `number` as it is from now on.
-    pub fn suffer(&mut self, number: usize, fault: &Fault) {
+    pub fn apply_fault(&mut self, number: usize, fault: &Fault) {
         if let Self::Clock(supervisor) = self {
-            supervisor.suffer(number, fault); // lockstep takes no others than the scenario's
+            supervisor.apply_fault(number, fault); // lockstep takes no others than the scenario's
         }
     }
 
@@ -121,10 +121,10 @@ impl Regime {
     }
 
     /// When to ask for orders again.
-    pub fn due(&self, board: &Board) -> Instant {
+    pub fn due(&self, page: &ControlPage) -> Instant {
         match self {
             Self::Clock(supervisor) => supervisor.due(),
-            Self::Script(_) if board.asked().count() > 0 => Instant::now() + QUICK_LOOK,
+            Self::Script(_) if page.asked().count() > 0 => Instant::now() + QUICK_LOOK,
             Self::Script(_) => Instant::now() + LOOK,
         }
     }

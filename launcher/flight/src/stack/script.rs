@@ -11,9 +11,9 @@ use std::time::{Duration, Instant};
 
 use contract::scenario::Scenario;
 use contract::topic::Topic;
-use runtime::office::Staff;
-use runtime::pace::LEAD_TICKS;
-use runtime::realtime::Board;
+use runtime::realtime::ControlPage;
+use runtime::release::LEAD_TICKS;
+use runtime::shared_role::Assignment;
 
 use crate::event::{Event, What};
 use crate::succession::{Step, Succession};
@@ -50,13 +50,13 @@ impl Script {
     }
 
     /// The tick that the plant asks for, unless that was answered: all messages of the ticks before have been sent.
-    pub fn question(board: &Board) -> Option<u64> {
-        let asked = board.asked().count();
-        (asked > board.ruled().count()).then(|| u64::from(asked) - 1)
+    pub fn question(page: &ControlPage) -> Option<u64> {
+        let asked = page.asked().count();
+        (asked > page.ruled().count()).then(|| u64::from(asked) - 1)
     }
 
     /// Decides the `question`, when all of the messages before it have been observed; what is to be done.
-    pub fn orders(&mut self, board: &Board, question: Option<u64>) -> Vec<Order> {
+    pub fn orders(&mut self, page: &ControlPage, question: Option<u64>) -> Vec<Order> {
         let mut orders = vec![];
         if let Some(tick) = question
             && self.awaited.is_none()
@@ -73,28 +73,28 @@ impl Script {
             }
             self.awaited = Some(Awaited { tick, starting, since: Instant::now() });
         }
-        orders.extend(self.hung(board));
+        orders.extend(self.hung(page));
         orders
     }
 
     /// Answers the plant, when everybody is ready and all orders have been carried out.
-    pub fn answer(&mut self, board: &Board) {
-        let ready = |(topic, epoch): &(Topic, u32)| board.office(*topic).met.get() == *epoch;
+    pub fn answer(&mut self, page: &ControlPage) {
+        let ready = |(topic, epoch): &(Topic, u32)| page.role(*topic).met.get() == *epoch;
         let Some(Awaited { tick, starting, .. }) = &self.awaited else { return };
-        if !starting.iter().all(ready) || self.succession.staff(Topic::State).holder == 0 {
+        if !starting.iter().all(ready) || self.succession.assignment(Topic::State).active == 0 {
             return; // without a plant nobody hears it
         }
         for topic in Topic::ALL {
-            let staff = self.succession.staff(topic);
-            board.office(topic).appoint(*tick as u32, |_| staff);
+            let assignment = self.succession.assignment(topic);
+            page.role(topic).assign(*tick as u32, |_| assignment);
         }
-        board.ruled().raise(*tick as u32 + 1);
+        page.ruled().raise(*tick as u32 + 1);
         self.awaited = None;
     }
 
     /// A process has ended that was not asked to. False when the run cannot go on without it.
-    pub fn died(&mut self, board: &Board, topic: Topic, epoch: u32) -> bool {
-        let tick = self.awaited.as_ref().map_or_else(|| plant_tick(board), |awaited| awaited.tick);
+    pub fn died(&mut self, page: &ControlPage, topic: Topic, epoch: u32) -> bool {
+        let tick = self.awaited.as_ref().map_or_else(|| plant_tick(page), |awaited| awaited.tick);
         if topic == Topic::State {
             return false;
         }
@@ -102,33 +102,33 @@ impl Script {
         if let Some(Awaited { starting, .. }) = &mut self.awaited {
             starting.retain(|started| *started != (topic, epoch));
         }
-        board.office(topic).dismiss(epoch);
-        board.bell(topic).ring();
+        page.role(topic).dismiss(epoch);
+        page.doorbell(topic).ring();
         true
     }
 
     /// The process `epoch` of a node works, but not with the others, and `why`: it counts as hung.
-    pub fn unheard(&mut self, board: &Board, topic: Topic, epoch: u32, why: &str) -> Order {
-        let event = Event::new(plant_tick(board), topic.publisher(), epoch, What::Hung).because(why);
+    pub fn delivery(&mut self, page: &ControlPage, topic: Topic, epoch: u32, why: &str) -> Order {
+        let event = Event::new(plant_tick(page), topic.publisher(), epoch, What::Hung).because(why);
         self.succession.events.push(event);
         Order::Kill(topic, epoch)
     }
 
     /// Who keeps the ring waiting for too long.
-    fn hung(&mut self, board: &Board) -> Option<Order> {
+    fn hung(&mut self, page: &ControlPage) -> Option<Order> {
         if let Some(Awaited { starting, since, .. }) = &mut self.awaited {
             self.progress.1 = Instant::now();
-            let ready = |(topic, epoch): &&(Topic, u32)| board.office(*topic).met.get() == *epoch;
+            let ready = |(topic, epoch): &&(Topic, u32)| page.role(*topic).met.get() == *epoch;
             let never = starting.iter().find(|started| !ready(started));
             let (topic, epoch) = *never.filter(|_| since.elapsed() > START_LIMIT)?;
             *since = Instant::now(); // it is dead soon
             return Some(Order::Kill(topic, epoch));
         }
         let employed = |topic: Topic| {
-            let Staff { holder, shadow } = self.succession.staff(topic);
-            [holder, shadow]
+            let Assignment { active, standby } = self.succession.assignment(topic);
+            [active, standby]
         };
-        let done = |topic: Topic| employed(topic).map(|epoch| board.office(topic).done(epoch).get());
+        let done = |topic: Topic| employed(topic).map(|epoch| page.role(topic).done(epoch).get());
         let all = Topic::ALL.map(done);
         if all != self.progress.0 {
             self.progress = (all, Instant::now());
@@ -141,9 +141,9 @@ impl Script {
         let late = |topic: Topic| (0..2).find(|i| employed(topic)[*i] != 0 && done(topic)[*i] < sampled);
         let late = Topic::ALL.into_iter().find_map(|topic| Some((topic, employed(topic)[late(topic)?])));
         // When all have answered it is for the plant to go on, unless it waits for a recorder that is behind.
-        let behind = u64::from(sampled) > u64::from(board.recorded().count()) + LEAD_TICKS;
+        let behind = u64::from(sampled) > u64::from(page.recorded().count()) + LEAD_TICKS;
         let plant = || (!behind).then_some((Topic::State, employed(Topic::State)[0]));
         let (topic, epoch) = late.or_else(plant)?;
-        Some(self.unheard(board, topic, epoch, "it stands still"))
+        Some(self.delivery(page, topic, epoch, "it stands still"))
     }
 }

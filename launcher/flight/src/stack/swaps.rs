@@ -1,6 +1,6 @@
 //! Swaps of a flight against the clock: ordered while it flies, and written down with the times that they took.
 //!
-//! A trial begins when the newcomer is ready, and ends when it is rejected or returns, so that a swap takes other times
+//! A trial begins when the candidate is ready, and ends when it is rejected or returns, so that a swap takes other times
 //! than it was given. Those it took are what the `scenario.toml` of the run's folder has, and what a new order must keep
 //! clear of.
 
@@ -16,10 +16,10 @@ use crate::event::{Event, Sender, What};
 impl Stack {
     /// Begins a swap with the next sample but one, if it stands up to the rules of the scenario.
     pub(super) fn order_swap(&mut self, swap: Swap, sender: Option<Sender>) -> Result<Value, String> {
-        if self.board.phase().count() != phase::GO {
+        if self.page.phase().count() != phase::GO {
             return Err("the stack is starting or ending".into());
         }
-        self.regime.may_swap(&self.board, swap.node.topic())?;
+        self.regime.may_swap(&self.page, swap.node.topic())?;
         if swap.node == SwapNode::Recorder {
             self.may_swap_recorder()?;
         }
@@ -73,16 +73,16 @@ fn settle(scenario: &mut Scenario, events: &[Event]) {
 /// Gives swap `number` of a node the times that it took, as far as it has come.
 fn note(swap: &mut Swap, number: usize, events: &[Event], rate_hz: f64) {
     let Some(begun) = events.iter().position(|event| event.swap == Some(number)) else { return };
-    let of_newcomer = |event: &&Event| event.node == events[begun].node && event.epoch == events[begun].epoch;
+    let of_candidate = |event: &&Event| event.node == events[begun].node && event.epoch == events[begun].epoch;
     let tick = |what: &[What]| {
-        let mut story = events[begun..].iter().filter(of_newcomer);
+        let mut story = events[begun..].iter().filter(of_candidate);
         story.find(|event| what.contains(&event.what)).map(|event| event.tick)
     };
-    let from = tick(&[What::InShadow]).unwrap_or(events[begun].tick);
+    let from = tick(&[What::OnStandby]).unwrap_or(events[begun].tick);
     swap.at_s = from as f64 / rate_hz;
     if let Some(until) = tick(&[What::Kept, What::Rejected, What::Returned]) {
         let hand_over = tick(&[What::TookOver]).unwrap_or(until);
-        swap.shadow_s = hand_over.saturating_sub(from) as f64 / rate_hz;
+        swap.standby_s = hand_over.saturating_sub(from) as f64 / rate_hz;
         swap.watch_s = until.saturating_sub(hand_over) as f64 / rate_hz;
     }
 }
@@ -99,13 +99,13 @@ mod tests {
         let one = |(tick, epoch, what, swap)| Event::new(tick, "mixer", epoch, what).begins(swap);
         settle(&mut scenario, &events.iter().copied().map(one).collect::<Vec<_>>());
         check_swaps(&scenario).unwrap();
-        scenario.swap.iter().map(|swap| [swap.at_s, swap.shadow_s, swap.watch_s]).collect()
+        scenario.swap.iter().map(|swap| [swap.at_s, swap.standby_s, swap.watch_s]).collect()
     }
 
     #[test]
     fn a_swap_that_is_over_has_the_times_it_took() {
-        use What::{Died, InShadow, Kept, Rejected, Returned, Started, TookOver};
-        let begun = [(100, 2, Started, Some(0)), (110, 2, InShadow, None)];
+        use What::{Died, Kept, OnStandby, Rejected, Returned, Started, TookOver};
+        let begun = [(100, 2, Started, Some(0)), (110, 2, OnStandby, None)];
         let kept = [&begun[..], &[(212, 2, TookOver, None), (515, 2, Kept, None)]].concat();
         assert_eq!(settled(&[1.0], &kept), [[1.1, 1.02, 3.03]]);
         let rejected = [&begun[..], &[(114, 2, Rejected, None)]].concat();
@@ -121,7 +121,7 @@ mod tests {
     #[test]
     fn a_swap_that_has_to_wait_moves_behind_the_others() {
         assert_eq!(settled(&[6.0, 1.0], &[]), [[6.0, 1.0, 3.0], [1.0, 1.0, 3.0]]);
-        let late = [(600, 2, What::Started, Some(0)), (630, 2, What::InShadow, None)];
+        let late = [(600, 2, What::Started, Some(0)), (630, 2, What::OnStandby, None)];
         assert_eq!(settled(&[6.0, 10.1, 14.2], &late), [[6.3, 1.0, 3.0], [10.31, 1.0, 3.0], [14.32, 1.0, 3.0]]);
     }
 }

@@ -87,7 +87,7 @@ impl Scale {
             tick: stamp.tick,
             epoch: stamp.epoch,
             response_ns,
-            usable: plausible && record.is_whole(),
+            usable: plausible && record.is_intact(),
             shares: std::array::from_fn(|i| numbers[i] / self.largest[i]),
         })
     }

@@ -3,14 +3,14 @@
 //! ```text
 //! scripted death   away from its tick on, then another process
 //! death by itself  noticed at once, another process RESTART later; the fourth within 5 s is the last
-//! swap             newcomer in the shadow -> in office -> kept, or sent away: see [`trial`]
+//! swap             candidate on standby -> active -> kept, or sent away: see [`trial`]
 //! ```
 //!
 //! It knows no process, no clock and no shared memory: whoever turns the ring asks before each tick that may change
 //! something, and does what it says. Against the clock the supervisor decides, from what it sees.
 
-mod accord;
 mod answer;
+mod similarity;
 pub mod trial;
 
 use std::time::Duration;
@@ -18,7 +18,7 @@ use std::time::Duration;
 use contract::plan::{Plan, RESTART_S};
 use contract::scenario::Scenario;
 use contract::topic::Topic;
-use runtime::office::Staff;
+use runtime::shared_role::Assignment;
 
 use crate::event::{Event, What};
 use crate::log::Record;
@@ -41,14 +41,14 @@ pub struct Succession {
 /// One node.
 struct Post {
     topic: Topic,
-    holder: Option<Worker>,
-    shadow: Option<Worker>,
+    active: Option<Worker>,
+    standby: Option<Worker>,
     /// The newest epoch.
     newest: u32,
     away: Option<Away>,
     /// The ticks of the newest deaths.
     deaths: Vec<u64>,
-    /// A newcomer's, and who was there before it.
+    /// A candidate's, and who was there before it.
     trial: Option<(Trial, Worker)>,
 }
 
@@ -84,8 +84,8 @@ impl Succession {
         let first = Worker { epoch: 1, origin: None };
         let post = |topic| Post {
             topic,
-            holder: Some(first),
-            shadow: None,
+            active: Some(first),
+            standby: None,
             newest: 1,
             away: None,
             deaths: vec![],
@@ -95,10 +95,10 @@ impl Succession {
     }
 
     /// Who works for the node that speaks on `topic`.
-    pub fn staff(&self, topic: Topic) -> Staff {
+    pub fn assignment(&self, topic: Topic) -> Assignment {
         let post = &self.posts[topic as usize];
         let epoch = |worker: Option<Worker>| worker.map_or(0, |worker| worker.epoch);
-        Staff { holder: epoch(post.holder), shadow: epoch(post.shadow) }
+        Assignment { active: epoch(post.active), standby: epoch(post.standby) }
     }
 
     /// A node for which nobody is started any more.
@@ -119,18 +119,18 @@ impl Succession {
         for post in posts {
             let mut happened = |epoch, what| events.push(Event::new(tick, post.topic.publisher(), epoch, what));
             if let Some(absence) = plan.absence(post.topic, tick).filter(|absence| absence.from == tick)
-                && let Some(who) = post.holder.take()
+                && let Some(who) = post.active.take()
             {
                 happened(who.epoch, if absence.replaced { What::Killed } else { What::Hung });
                 steps.extend(absence.replaced.then_some(Step::End(post.topic, who.epoch)));
                 post.away = Some(Away { until: absence.until, who, replaced: absence.replaced });
-                post.mourn(tick, absence.replaced, scenario, events);
+                post.count_failure(tick, absence.replaced, scenario, events);
             }
             post.fill(tick, events, &mut steps);
             post.judge(tick, scenario, events, &mut steps);
             for (i, swap) in scenario.swap.iter().enumerate() {
                 if swap.node.topic() == Some(post.topic) && swap.ticks(scenario.sample_s()).from == tick {
-                    post.try_newcomer(tick, scenario, i, events, &mut steps);
+                    post.try_candidate(tick, scenario, i, events, &mut steps);
                 }
             }
         }
@@ -142,7 +142,7 @@ impl Succession {
         let Self { scenario, posts, events, .. } = self;
         let post = &mut posts[topic as usize];
         let is = |worker: &mut Worker| worker.epoch == epoch;
-        let Some(mut who) = post.holder.take_if(is).or_else(|| post.shadow.take_if(is)) else { return };
+        let Some(mut who) = post.active.take_if(is).or_else(|| post.standby.take_if(is)) else { return };
         events.push(Event::new(tick, topic.publisher(), epoch, What::Died));
         if let Some((trial, _)) = post.trial.as_mut().filter(|(trial, _)| trial.old == Some(epoch)) {
             trial.old = None; // it goes on without
@@ -151,15 +151,15 @@ impl Succession {
             let what = trial.ending_by_death();
             events.push(Event::new(tick, topic.publisher(), epoch, what).because("it died"));
         }
-        if post.holder.is_none() && post.shadow.is_none() {
+        if post.active.is_none() && post.standby.is_none() {
             post.replace(who, tick, scenario, events);
         }
     }
 
-    /// Whether `epoch` is in office, and there is nobody to have it back.
+    /// Whether `epoch` is active, and there is nobody to have it back.
     pub fn is_alone(&self, topic: Topic, epoch: u32) -> bool {
         let post = &self.posts[topic as usize];
-        post.holder.is_some_and(|holder| holder.epoch == epoch) && post.trial.is_none()
+        post.active.is_some_and(|active| active.epoch == epoch) && post.trial.is_none()
     }
 }
 
@@ -168,11 +168,11 @@ impl Post {
     fn replace(&mut self, who: Worker, tick: u64, scenario: &Scenario, events: &mut Vec<Event>) {
         let restart = (RESTART_S / scenario.sample_s() - 1e-6).ceil() as u64;
         self.away = Some(Away { until: tick + restart, who, replaced: true });
-        self.mourn(tick, true, scenario, events);
+        self.count_failure(tick, true, scenario, events);
     }
 
     /// Counts a death; after too many of them nobody comes back.
-    fn mourn(&mut self, tick: u64, died: bool, scenario: &Scenario, events: &mut Vec<Event>) {
+    fn count_failure(&mut self, tick: u64, died: bool, scenario: &Scenario, events: &mut Vec<Event>) {
         if !died {
             return;
         }
@@ -186,12 +186,12 @@ impl Post {
         }
     }
 
-    /// Puts somebody in an office that is vacant: who works in the shadow, or who was to come back on this tick.
+    /// Puts somebody in an role that is vacant: who works on standby, or who was to come back on this tick.
     fn fill(&mut self, tick: u64, events: &mut Vec<Event>, steps: &mut Vec<Step>) {
-        if self.holder.is_some() {
+        if self.active.is_some() {
             return;
         }
-        self.holder = self.shadow.take();
+        self.active = self.standby.take();
         if let Some(away) = self.away.take_if(|away| tick >= away.until) {
             let mut who = away.who;
             if away.replaced {
@@ -200,48 +200,48 @@ impl Post {
                 events.push(Event::new(tick, self.topic.publisher(), who.epoch, What::Started));
                 steps.push(Step::Begin(self.topic, who.epoch, who.origin));
             }
-            self.holder = Some(who);
+            self.active = Some(who);
         }
-        if let Some(holder) = self.holder {
-            if let Some((trial, _)) = self.trial.as_mut().filter(|(trial, _)| trial.newcomer == holder.epoch) {
-                trial.in_office = true;
+        if let Some(active) = self.active {
+            if let Some((trial, _)) = self.trial.as_mut().filter(|(trial, _)| trial.candidate == active.epoch) {
+                trial.active = true;
             }
-            events.push(Event::new(tick, self.topic.publisher(), holder.epoch, What::TookOver));
+            events.push(Event::new(tick, self.topic.publisher(), active.epoch, What::TookOver));
         }
     }
 
-    /// Does what the trial of a newcomer has come to.
+    /// Does what the trial of a candidate has come to.
     fn judge(&mut self, tick: u64, scenario: &Scenario, events: &mut Vec<Event>, steps: &mut Vec<Step>) {
         let Some((trial, old)) = &mut self.trial else { return };
         let Some((ruling, why)) = trial.rule(tick) else { return };
-        let (newcomer, old, old_lives) = (trial.newcomer, *old, trial.old.is_some());
+        let (candidate, old, old_lives) = (trial.candidate, *old, trial.old.is_some());
         let happened = |epoch, what| Event::new(tick, self.topic.publisher(), epoch, what);
         if matches!(ruling, Ruling::HandOver | Ruling::Return) {
-            std::mem::swap(&mut self.holder, &mut self.shadow);
+            std::mem::swap(&mut self.active, &mut self.standby);
         }
         let (what, leaves) = match ruling {
             Ruling::HandOver => {
-                trial.in_office = true;
-                events.push(happened(newcomer, What::TookOver).because(why));
+                trial.active = true;
+                events.push(happened(candidate, What::TookOver).because(why));
                 return;
             }
             Ruling::Keep => (What::Kept, Some(old.epoch).filter(|_| old_lives)),
-            Ruling::Reject => (What::Rejected, Some(newcomer)),
-            Ruling::Return => (What::Returned, Some(newcomer)),
+            Ruling::Reject => (What::Rejected, Some(candidate)),
+            Ruling::Return => (What::Returned, Some(candidate)),
         };
         self.trial = None;
-        self.shadow = None;
+        self.standby = None;
         steps.extend(leaves.map(|epoch| Step::End(self.topic, epoch)));
-        events.push(happened(newcomer, what).because(why));
-        match self.holder {
-            Some(holder) if ruling == Ruling::Return => events.push(happened(holder.epoch, What::TookOver)),
+        events.push(happened(candidate, what).because(why));
+        match self.active {
+            Some(active) if ruling == Ruling::Return => events.push(happened(active.epoch, What::TookOver)),
             Some(_) => {}
             None => self.replace(old, tick, scenario, events),
         }
     }
 
     /// Begins the swap number `i` of the scenario.
-    fn try_newcomer(
+    fn try_candidate(
         &mut self,
         tick: u64,
         scenario: &Scenario,
@@ -250,33 +250,33 @@ impl Post {
         steps: &mut Vec<Step>,
     ) {
         let has_begun = steps.iter().any(|step| matches!(step, Step::Begin(topic, ..) if *topic == self.topic));
-        let (holder, why) = match self.holder {
-            _ if self.trial.is_some() => (None, "another newcomer is on trial"),
-            holder if !has_begun => (holder, "nobody to take over from"),
-            _ => (None, "who is in office has only just begun"),
+        let (active, why) = match self.active {
+            _ if self.trial.is_some() => (None, "another candidate is on trial"),
+            active if !has_begun => (active, "nobody to take over from"),
+            _ => (None, "who is active has only just begun"),
         };
-        let Some(holder) = holder else {
+        let Some(active) = active else {
             let rejected = Event::new(tick, self.topic.publisher(), self.newest, What::Rejected);
             events.push(rejected.because(why).begins(Some(i)));
             return;
         };
-        self.newest = successor(self.newest, holder.epoch);
-        let newcomer = Worker { epoch: self.newest, origin: Some(i) };
+        self.newest = successor(self.newest, active.epoch);
+        let candidate = Worker { epoch: self.newest, origin: Some(i) };
         let swap = &scenario.swap[i];
         let ticks = swap.ticks(scenario.sample_s());
-        self.trial = Some((Trial::new(scenario, swap, self.topic, ticks, (holder.epoch, newcomer.epoch)), holder));
-        self.shadow = Some(newcomer);
-        steps.push(Step::Begin(self.topic, newcomer.epoch, newcomer.origin));
-        let happened = |what| Event::new(tick, self.topic.publisher(), newcomer.epoch, what);
-        events.extend([happened(What::Started).begins(Some(i)), happened(What::InShadow)]);
+        self.trial = Some((Trial::new(scenario, swap, self.topic, ticks, (active.epoch, candidate.epoch)), active));
+        self.standby = Some(candidate);
+        steps.push(Step::Begin(self.topic, candidate.epoch, candidate.origin));
+        let happened = |what| Event::new(tick, self.topic.publisher(), candidate.epoch, what);
+        events.extend([happened(What::Started).begins(Some(i)), happened(What::OnStandby)]);
     }
 }
 
-/// The epoch of who is started after `newest` beside `holder`, if there is one: the two must differ in the last bit
-/// ([`runtime::office`]).
-pub fn successor(newest: u32, holder: u32) -> u32 {
+/// The epoch of who is started after `newest` beside `active`, if there is one: the two must differ in the last bit
+/// ([`runtime::shared_role`]).
+pub fn successor(newest: u32, active: u32) -> u32 {
     let next = newest + 1;
-    if holder > 0 && next % 2 == holder % 2 { next + 1 } else { next }
+    if active > 0 && next % 2 == active % 2 { next + 1 } else { next }
 }
 
 #[cfg(test)]

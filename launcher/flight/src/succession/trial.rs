@@ -1,15 +1,15 @@
-//! The trial of a newcomer: in the shadow, in office, and what becomes of it.
+//! The trial of a candidate: on standby, active, and what becomes of it.
 //!
 //! ```text
-//! in the shadow --hand over--> in office --> kept
-//!       \--> rejected              \--> returned: the old one has the office back
+//! on standby --hand over--> active --> kept
+//!       \--> rejected              \--> returned: the old one is active again
 //! ```
 //!
-//! A tick counts against the newcomer when its answer is missing, not usable, late, too far from the old one's, or the
-//! opposite of it (`accord.rs`): both answer to the same inputs, whoever of them is heard. Nobody takes or keeps the
-//! office on a tick that counts against it. A tick that the plant skipped counts for nothing, nor does one on which the
-//! old one fares no better: a fault of both is none of the newcomer's. Should the old one die, the trial goes on. In
-//! office the vehicle itself is watched too. All of it is judged from messages alone, so that a trial ends the same way
+//! A tick counts against the candidate when its answer is missing, not usable, late, too far from the old one's, or the
+//! opposite of it (`similarity.rs`): both answer to the same inputs, whoever of them is heard. Nobody takes or keeps the
+//! role on a tick that counts against it. A tick that the plant skipped counts for nothing, nor does one on which the
+//! old one fares no better: a fault of both is none of the candidate's. Should the old one die, the trial goes on. In
+//! role the vehicle itself is watched too. All of it is judged from messages alone, so that a trial ends the same way
 //! whoever turns the ring.
 
 use std::collections::VecDeque;
@@ -20,22 +20,22 @@ use contract::scenario::{Swap, SwapBounds, SwapTicks};
 use contract::topic::Topic;
 use guidance::Trajectory;
 
-use super::accord::Accord;
 use super::answer::{Answer, Scale};
+use super::similarity::Similarity;
 use crate::event::What;
 use crate::log::Record;
 
 /// How long answers are remembered until they are judged: against the clock the launcher may look late \[s\].
 const REMEMBERED_S: f64 = 2.0;
 
-/// A newcomer under trial.
+/// A candidate under trial.
 pub struct Trial {
     /// Who it is.
-    pub newcomer: u32,
+    pub candidate: u32,
     /// Who was there before, while it lives.
     pub old: Option<u32>,
-    /// Whether it has the office.
-    pub in_office: bool,
+    /// Whether it is active.
+    pub active: bool,
     bounds: SwapBounds,
     ticks: SwapTicks,
     scale: Scale,
@@ -48,7 +48,7 @@ pub struct Trial {
     room: usize,
     /// The next tick to judge.
     next: u64,
-    accord: Accord,
+    similarity: Similarity,
     /// Ticks in a row that count against it.
     bad_ticks: u64,
     /// What the vehicle did that it may not do.
@@ -64,26 +64,26 @@ struct Seen {
     response_ns: u64,
 }
 
-/// What becomes of a newcomer.
+/// What becomes of a candidate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ruling {
-    /// It takes the office.
+    /// It becomes active.
     HandOver,
-    /// It has the office for good.
+    /// It is active for good.
     Keep,
-    /// It goes, from the shadow.
+    /// It goes, from the standby.
     Reject,
-    /// It goes, from the office, which the old one has back.
+    /// It goes, from the role, which the old one has back.
     Return,
 }
 
 impl Trial {
-    /// Of `newcomer` for the office of `old` on `topic`, on the given ticks of a run of `scenario`.
-    pub fn new(scenario: &Scenario, swap: &Swap, topic: Topic, ticks: SwapTicks, (old, newcomer): (u32, u32)) -> Self {
+    /// Of `candidate` for the role of `old` on `topic`, on the given ticks of a run of `scenario`.
+    pub fn new(scenario: &Scenario, swap: &Swap, topic: Topic, ticks: SwapTicks, (old, candidate): (u32, u32)) -> Self {
         Self {
-            newcomer,
+            candidate,
             old: Some(old),
-            in_office: false,
+            active: false,
             bounds: swap.bounds,
             ticks,
             scale: Scale::new(scenario, topic),
@@ -93,16 +93,16 @@ impl Trial {
             sampled: VecDeque::new(),
             room: (REMEMBERED_S / scenario.sample_s()) as usize * 2,
             next: ticks.from,
-            accord: Accord::default(),
+            similarity: Similarity::default(),
             bad_ticks: 0,
             strayed: None,
             seen: Seen::default(),
         }
     }
 
-    /// How it ends if the newcomer dies.
+    /// How it ends if the candidate dies.
     pub fn ending_by_death(&self) -> What {
-        if self.in_office { What::Returned } else { What::Rejected }
+        if self.active { What::Returned } else { What::Rejected }
     }
 
     /// Takes one message in.
@@ -110,22 +110,22 @@ impl Trial {
         if let Record::State(state) = record
             && state.stamp.tick >= self.next
             && self.sampled.back().is_none_or(|newest| *newest < state.stamp.tick)
-            && record.is_whole()
+            && record.is_intact()
         {
             remember(&mut self.sampled, state.stamp.tick, self.room);
         }
-        if record.stamp().is_struck() {
+        if record.stamp().is_faulted() {
             return; // what was meant; what came of it is another message
         }
         match record {
-            Record::State(state) if self.in_office => self.watch(state),
+            Record::State(state) if self.active => self.watch(state),
             _ => self.note(record),
         }
     }
 
-    /// What becomes of the newcomer before `tick` begins, and why: all messages of the ticks before are known.
+    /// What becomes of the candidate before `tick` begins, and why: all messages of the ticks before are known.
     pub fn rule(&mut self, tick: u64) -> Option<(Ruling, String)> {
-        let ending = if self.in_office { Ruling::Return } else { Ruling::Reject };
+        let ending = if self.active { Ruling::Return } else { Ruling::Reject };
         self.next = self.next.max(tick);
         while let Some(judged) = self.sampled.front().copied().filter(|sampled| *sampled < tick) {
             self.sampled.pop_front();
@@ -145,7 +145,7 @@ impl Trial {
         if let Some(why) = self.strayed.take() {
             return Some((Ruling::Return, why));
         }
-        match self.in_office {
+        match self.active {
             _ if self.bad_ticks > 0 => None,
             false if tick >= self.ticks.hand_over => Some((Ruling::HandOver, self.describe())),
             true if tick >= self.ticks.until => Some((Ruling::Keep, self.describe())),
@@ -167,30 +167,30 @@ impl Trial {
 
     fn note(&mut self, record: &Record) {
         let Some(answer) = self.scale.read(record) else { return };
-        let mut known = std::iter::once(self.newcomer).chain(self.old).map(u64::from);
+        let mut known = std::iter::once(self.candidate).chain(self.old).map(u64::from);
         if known.any(|epoch| epoch == answer.epoch) && answer.tick >= self.next {
             remember(&mut self.answers, answer, self.room);
         }
     }
 
-    /// The newcomer's answer to `tick`, and the old one's.
+    /// The candidate's answer to `tick`, and the old one's.
     fn answers_to(&mut self, tick: u64) -> (Option<Answer>, Option<Answer>) {
         let of = |epoch: u32| self.answers.iter().rfind(|a| a.tick == tick && a.epoch == u64::from(epoch)).copied();
-        let both = (of(self.newcomer), self.old.and_then(of));
+        let both = (of(self.candidate), self.old.and_then(of));
         self.answers.retain(|answer| answer.tick > tick);
         both
     }
 
-    /// What speaks against the newcomer's answer to `tick`, for people.
+    /// What speaks against the candidate's answer to `tick`, for people.
     fn against(&mut self, tick: u64, mine: Option<Answer>, theirs: Option<Answer>) -> Option<String> {
         let at = format!("at {:.2} s", tick as f64 * self.sample_s);
         let Some(mine) = mine else { return Some(format!("no answer {at}")) };
         if !mine.usable {
             return Some(format!("an answer {at} that cannot be used"));
         }
-        let (difference, accord) = theirs.filter(|theirs| theirs.usable).map_or((0.0, 1.0), |theirs| {
-            self.accord.note(&mine, &theirs);
-            (mine.difference(&theirs), self.accord.least())
+        let (difference, similarity) = theirs.filter(|theirs| theirs.usable).map_or((0.0, 1.0), |theirs| {
+            self.similarity.note(&mine, &theirs);
+            (mine.difference(&theirs), self.similarity.least())
         });
         self.seen = Seen {
             ticks: self.seen.ticks + 1,
@@ -205,12 +205,12 @@ impl Trial {
             let (percent, limit) = (difference * 100.0, self.bounds.difference * 100.0);
             return Some(format!("{percent:.1} % of the range from the old one's answer {at}, limit {limit:.1} %"));
         }
-        let limit = self.bounds.accord;
-        (accord < limit)
-            .then(|| format!("the opposite of the old one's answers {at}: accord {accord:.2}, limit {limit}"))
+        let limit = self.bounds.similarity;
+        (similarity < limit)
+            .then(|| format!("the opposite of the old one's answers {at}: similarity {similarity:.2}, limit {limit}"))
     }
 
-    /// The vehicle under the newcomer.
+    /// The vehicle under the candidate.
     fn watch(&mut self, state: &State) {
         let [phi, theta, _] = state.actual.attitude_rad;
         let tilt_deg = (phi.cos() * theta.cos()).clamp(-1.0, 1.0).acos().to_degrees();

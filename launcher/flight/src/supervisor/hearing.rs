@@ -12,9 +12,9 @@
 
 use contract::plan::HANG_TICKS;
 use contract::topic::Topic;
-use runtime::office::Office;
 use runtime::port::PortFailure;
-use runtime::realtime::Board;
+use runtime::realtime::ControlPage;
+use runtime::shared_role::SharedRole;
 
 /// The place of the launcher, which listens to every topic, behind those of the nodes.
 const LAUNCHER: usize = Topic::COUNT;
@@ -74,12 +74,12 @@ struct Refusing {
 
 impl Hearing {
     /// Looks at everybody; `received` is what has reached the launcher of each topic, counted before this call.
-    pub fn look(&mut self, board: &Board, received: [u32; Topic::COUNT]) -> Vec<Silence> {
+    pub fn look(&mut self, page: &ControlPage, received: [u32; Topic::COUNT]) -> Vec<Silence> {
         self.looks = self.looks.wrapping_add(1);
         // What was received is read last: all that was sent before may have arrived by then.
-        let mut nodes = Topic::ALL.map(|topic| Counts::of(board.office(topic)));
+        let mut nodes = Topic::ALL.map(|topic| Counts::of(page.role(topic)));
         for (counts, topic) in nodes.iter_mut().zip(Topic::ALL) {
-            counts.received = Topic::ALL.map(|from| board.office(topic).received(counts.epoch, from).get());
+            counts.received = Topic::ALL.map(|from| page.role(topic).received(counts.epoch, from).get());
         }
         let launcher = Counts { epoch: 1, done: self.looks, received, ..Counts::default() };
         self.judge(&nodes, &launcher)
@@ -117,13 +117,13 @@ impl Hearing {
 }
 
 impl Counts {
-    fn of(office: &Office) -> Self {
-        let epoch = office.holder();
+    fn of(role: &SharedRole) -> Self {
+        let epoch = role.active();
         Self {
             epoch,
-            done: office.done(epoch).get(),
-            sent: office.sent(epoch).get(),
-            send_failures: office.port_failures[PortFailure::Send as usize].get(),
+            done: role.done(epoch).get(),
+            sent: role.sent(epoch).get(),
+            send_failures: role.port_failures[PortFailure::Send as usize].get(),
             received: [0; Topic::COUNT],
         }
     }

@@ -1,9 +1,9 @@
-//! One node under supervision: who holds its office, who was started, who is under trial.
+//! One node under supervision: who holds its role, who was started, who is under trial.
 
 use std::time::{Duration, Instant};
 
 use contract::topic::Topic;
-use runtime::realtime::Board;
+use runtime::realtime::ControlPage;
 
 use super::Order;
 use super::progress::{Progress, limit};
@@ -20,11 +20,11 @@ const START_LIMIT: Duration = Duration::from_secs(1);
 pub struct Node {
     /// The topic it speaks on.
     pub topic: Topic,
-    /// A newcomer, once it works.
+    /// A candidate, once it works.
     pub trial: Option<Trial>,
     /// Nobody is started any more.
     pub given_up: bool,
-    /// What the holder has done.
+    /// What the active has done.
     pub progress: Progress,
     sample_s: f64,
     /// The newest epoch.
@@ -35,14 +35,14 @@ pub struct Node {
     starts: Vec<Instant>,
     /// When the next is to be started.
     pub restart_at: Option<Instant>,
-    /// A newcomer that is not wanted any more.
+    /// A candidate that is not wanted any more.
     superfluous: Option<u32>,
     /// The epochs that work, or are about to, and are to be replaced when they die.
     pub wanted: Vec<u32>,
-    /// The swaps that the holder and the shadow came with.
+    /// The swaps that the active and the standby came with.
     pub origins: (Option<usize>, Option<usize>),
-    /// The holder when last looked at.
-    holder: u32,
+    /// The active when last looked at.
+    active: u32,
 }
 
 /// Who has been started.
@@ -52,7 +52,7 @@ pub struct Started {
     pub epoch: u32,
     /// When.
     pub at: Instant,
-    /// The swap that it comes with, when it is a newcomer.
+    /// The swap that it comes with, when it is a candidate.
     pub swap: Option<usize>,
 }
 
@@ -72,14 +72,14 @@ impl Node {
             superfluous: None,
             wanted: vec![1],
             origins: (None, None),
-            holder: 1,
+            active: 1,
         }
     }
 
     /// A process of it has ended.
-    pub fn died(&mut self, board: &Board, epoch: u32, tick: u64, events: &mut Vec<Event>) {
+    pub fn died(&mut self, page: &ControlPage, epoch: u32, tick: u64, events: &mut Vec<Event>) {
         let was_wanted = self.dismiss(epoch);
-        self.vacate(board, epoch);
+        self.vacate(page, epoch);
         if !was_wanted {
             return;
         }
@@ -91,18 +91,18 @@ impl Node {
             trial.old = None; // it goes on without
         } else if let Some(trial) = self.trial.take() {
             events.push(Event::new(tick, name, epoch, trial.ending_by_death()).because("it died"));
-            self.origins = (if trial.in_office { self.origins.1 } else { self.origins.0 }, None);
+            self.origins = (if trial.active { self.origins.1 } else { self.origins.0 }, None);
         }
-        // Nobody in office waits for a newcomer that is not ready and has shown nothing.
+        // Nobody active waits for a candidate that is not ready and has shown nothing.
         if let Some(late) = self.started.filter(|started| started.swap.is_some() && self.wanted == [started.epoch]) {
             self.dismiss(late.epoch);
             self.started = None;
             self.superfluous = Some(late.epoch);
             let rejected = Event::new(tick, name, late.epoch, What::Rejected);
-            events.push(rejected.because("nobody was in office any more before it was ready"));
+            events.push(rejected.because("nobody was active any more before it was ready"));
         }
         if self.wanted.is_empty() {
-            self.mourn(epoch, tick, events);
+            self.count_failure(epoch, tick, events);
         }
     }
 
@@ -114,7 +114,7 @@ impl Node {
     }
 
     /// Sees to it that another is started; after too many deaths nobody is.
-    pub fn mourn(&mut self, epoch: u32, tick: u64, events: &mut Vec<Event>) {
+    pub fn count_failure(&mut self, epoch: u32, tick: u64, events: &mut Vec<Event>) {
         let now = Instant::now();
         self.starts.retain(|start| now.duration_since(*start) < DEATHS_WITHIN);
         if let Some(wait_ms) = BACK_OFF_MS.get(self.starts.len()) {
@@ -129,7 +129,7 @@ impl Node {
     /// Starts who is due.
     pub fn restart(
         &mut self,
-        board: &Board,
+        page: &ControlPage,
         tick: u64,
         now: Instant,
         events: &mut Vec<Event>,
@@ -137,7 +137,7 @@ impl Node {
     ) {
         orders.extend(self.superfluous.take().map(|epoch| Order::Kill(self.topic, epoch)));
         if self.restart_at.take_if(|at| now >= *at).is_some() {
-            self.newest = successor(self.newest, board.office(self.topic).staff().shadow);
+            self.newest = successor(self.newest, page.role(self.topic).assignment().standby);
             self.start(None, tick, now, events, orders);
         }
         if let Some(started) = self.started
@@ -164,54 +164,61 @@ impl Node {
         orders.push(Order::Start(self.topic, self.newest, swap.or(self.origins.0)));
     }
 
-    /// Offices that changed hands, holders that hang.
-    pub fn notice(&mut self, board: &Board, tick: u64, now: Instant, events: &mut Vec<Event>, orders: &mut Vec<Order>) {
-        let office = board.office(self.topic);
-        let holder = office.holder();
-        if holder != self.holder && holder != 0 {
-            let mut event = Event::new(tick, self.topic.publisher(), holder, What::TookOver);
-            if let Some(trial) = self.trial.as_mut().filter(|trial| trial.newcomer == holder) {
-                trial.in_office = true;
+    /// Roles that changed, active epochs that hang.
+    pub fn notice(
+        &mut self,
+        page: &ControlPage,
+        tick: u64,
+        now: Instant,
+        events: &mut Vec<Event>,
+        orders: &mut Vec<Order>,
+    ) {
+        let role = page.role(self.topic);
+        let active = role.active();
+        if active != self.active && active != 0 {
+            let mut event = Event::new(tick, self.topic.publisher(), active, What::TookOver);
+            if let Some(trial) = self.trial.as_mut().filter(|trial| trial.candidate == active) {
+                trial.active = true;
                 event = event.because(trial.describe());
                 self.origins = (self.origins.1, self.origins.0);
             }
             events.push(event);
         }
-        let done = u64::from(office.done(holder).get());
-        if holder == 0 || holder != self.holder {
+        let done = u64::from(role.done(active).get());
+        if active == 0 || active != self.active {
             self.progress.begin(done, now);
         }
         self.progress.note(done, now);
-        self.holder = holder;
+        self.active = active;
         // Nobody samples for the plant: time alone tells, from the start of the run on.
         let samples = match self.topic {
             Topic::State => u64::MAX,
             _ if tick == 0 => 0,
             _ => tick + 1,
         };
-        if holder != 0 && self.progress.hangs(samples, limit(self.topic, self.sample_s), now) {
-            events.push(Event::new(tick, self.topic.publisher(), holder, What::Hung));
+        if active != 0 && self.progress.hangs(samples, limit(self.topic, self.sample_s), now) {
+            events.push(Event::new(tick, self.topic.publisher(), active, What::Hung));
             self.progress.begin(done, now);
-            orders.push(Order::Kill(self.topic, holder));
+            orders.push(Order::Kill(self.topic, active));
             if self.topic != Topic::State {
-                self.vacate(board, holder); // dying takes milliseconds, for which nobody is to wait
+                self.vacate(page, active); // dying takes milliseconds, for which nobody is to wait
             }
         }
     }
 
-    /// When the holder will count as hung if it makes no more progress; the first sample was taken at `origin`.
-    pub fn hangs_at(&self, board: &Board, origin: Instant) -> Option<Instant> {
-        let in_office = board.office(self.topic).holder() != 0;
-        in_office.then(|| self.progress.deadline(origin, self.sample_s, limit(self.topic, self.sample_s)))
+    /// When the active will count as hung if it makes no more progress; the first sample was taken at `origin`.
+    pub fn hangs_at(&self, page: &ControlPage, origin: Instant) -> Option<Instant> {
+        let active = page.role(self.topic).active() != 0;
+        active.then(|| self.progress.deadline(origin, self.sample_s, limit(self.topic, self.sample_s)))
     }
 
-    /// Leaves the office to nobody but a shadow, if `epoch` holds it or is about to.
-    pub fn vacate(&mut self, board: &Board, epoch: u32) {
-        let office = board.office(self.topic);
-        office.dismiss(epoch);
-        if office.ready.get() == epoch {
-            office.ready.set(0);
+    /// Leaves the role to nobody but a standby, if `epoch` holds it or is about to.
+    pub fn vacate(&mut self, page: &ControlPage, epoch: u32) {
+        let role = page.role(self.topic);
+        role.dismiss(epoch);
+        if role.ready.get() == epoch {
+            role.ready.set(0);
         }
-        board.bell(self.topic).ring();
+        page.doorbell(self.topic).ring();
     }
 }

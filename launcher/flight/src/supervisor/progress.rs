@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 use contract::plan::HANG_TICKS;
 use contract::topic::Topic;
-use runtime::realtime::{Board, now_ns};
+use runtime::realtime::{ControlPage, now_ns};
 
 /// At high rates a few ticks are no longer than the machine may hold a process up for reasons of its own.
 const LEAST_HANG: Duration = Duration::from_millis(20);
@@ -73,8 +73,8 @@ pub fn limit(topic: Topic, sample_s: f64) -> Duration {
 }
 
 /// When the first sample was taken, once it was.
-pub fn origin(board: &Board, now: Instant) -> Option<Instant> {
-    let origin_ns = board.origin_ns();
+pub fn origin(page: &ControlPage, now: Instant) -> Option<Instant> {
+    let origin_ns = page.origin_ns();
     let since = Duration::from_nanos(now_ns().saturating_sub(origin_ns));
     now.checked_sub(since).filter(|_| origin_ns > 0)
 }

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use contract::scenario::{Fault, FaultKind};
 use contract::topic::Topic;
-use runtime::realtime::Board;
+use runtime::realtime::ControlPage;
 
 use super::Order;
 
@@ -25,12 +25,12 @@ impl Strike {
     }
 
     /// What is to be done at `tick`, each once, when its time is `ticks`.
-    pub fn at(&mut self, board: &Board, ticks: &Range<u64>, tick: u64, orders: &mut Vec<Order>) {
-        let holder = board.office(self.topic).holder();
-        if tick >= ticks.start && !ticks.is_empty() && self.struck.is_none() && holder > 0 {
-            self.struck = Some(holder);
+    pub fn at(&mut self, page: &ControlPage, ticks: &Range<u64>, tick: u64, orders: &mut Vec<Order>) {
+        let active = page.role(self.topic).active();
+        if tick >= ticks.start && !ticks.is_empty() && self.struck.is_none() && active > 0 {
+            self.struck = Some(active);
             let kill = self.kind == FaultKind::Kill;
-            orders.push(if kill { Order::Kill(self.topic, holder) } else { Order::Stop(self.topic, holder) });
+            orders.push(if kill { Order::Kill(self.topic, active) } else { Order::Stop(self.topic, active) });
         }
         if let Some(victim) = self.struck
             && tick >= ticks.end

@@ -6,7 +6,7 @@
 //! the plant lives               it is the vehicle; nobody can take its place
 //! every actuator obeys          late or weakly perhaps, but it moves where it is told
 //! no sensor lies                stuck and wrong are nothing that a stack without a second sensor can know
-//! no node errs                  a demand that could be right is obeyed; where it is a newcomer's, a swap is ended by it
+//! no node errs                  a demand that could be right is obeyed; where it is a candidate's, a swap is ended by it
 //! no sensor is late             slow and delayed, by default 200 and 100 ms: the loop bears 50 ms of the rates
 //! the state is known            a STATE that can be taken is never older than 50 ms: measured, flight by flight
 //! nobody falls                  only of the paper's profile, which does not catch a vehicle that had no thrust: measured too

@@ -5,7 +5,7 @@
 //! | [`case`] | the matrix, and which faults count as recoverable |
 //! | [`one_flight`] | one flight through its fault, by processes and by one thread |
 //! | [`strike`] | processes killed and stopped in real time, against the clock |
-//! | [`relay`] | newcomers in flight, good and wrong ones |
+//! | [`relay`] | candidates in flight, good and wrong ones |
 //! | [`targets`], [`table`] | what is printed |
 //!
 //! Every case is `scenarios/faults/hover-gusts.toml` with one fault of the default size from 5 s to 6 s. It is flown in
@@ -57,7 +57,7 @@ pub struct Results {
     pub paper: Vec<Row>,
     /// Flights without a fault.
     pub quiet: Vec<Quiet>,
-    /// Newcomers.
+    /// Candidates.
     pub relays: Vec<Relay>,
     /// Strikes in real time.
     pub strikes: Strikes,

@@ -7,7 +7,7 @@ use contract::Scenario;
 use contract::integrity::Plausible;
 use contract::message::{Message, SolveStatus, State, mixer_flags};
 use contract::scenario::{Mode, Profile};
-use contract::stamp::unheard;
+use contract::stamp::delivery;
 use serde::Serialize;
 use serde_json::Value;
 
@@ -181,10 +181,10 @@ impl Watch {
     fn state(&mut self, state: &State) {
         let (stamp, measured) = (&state.stamp, &state.measured);
         let there = measured.position_m.iter().chain(&measured.velocity_mps).all(|value| value.is_finite());
-        if state.is_whole() && stamp.unheard == unheard::HEARD && state.plausible() && there {
+        if state.is_intact() && stamp.delivery == delivery::DELIVERED && state.plausible() && there {
             self.taken = self.taken.max(stamp.tick);
         }
-        if !state.is_whole() || self.newest.is_some_and(|newest| stamp.tick <= newest) {
+        if !state.is_intact() || self.newest.is_some_and(|newest| stamp.tick <= newest) {
             return; // what a fault made of the sample before it
         }
         self.newest = Some(stamp.tick);

@@ -1,11 +1,11 @@
-//! Many swaps in one flight: twenty good newcomers of each node, or its wrong ones, and whether the flight noticed.
+//! Many swaps in one flight: twenty good candidates of each node, or its wrong ones, and whether the flight noticed.
 //!
 //! The good ones come in the survey; every other one has settings of its own. The wrong ones come in the gusts, and each
-//! goes wrong in the shadow or, if it got there, in office, in one of these ways:
+//! goes wrong on standby or, if it got there, active, in one of these ways:
 //!
 //! | way | what its answers are |
 //! |---|---|
-//! | garbage | numbers that are none, well sealed |
+//! | garbage | numbers that are none, well with checksum |
 //! | drop | none |
 //! | wrong | finite and plausible, times -1 |
 //! | slow | 30 ms late |
@@ -18,7 +18,7 @@ use std::sync::atomic::AtomicU32;
 
 use contract::Scenario;
 use contract::scenario::{Mode, Swap, SwapNode};
-use contract::stamp::unheard;
+use contract::stamp::delivery;
 use contract::topic::Topic;
 use serde::Serialize;
 
@@ -31,13 +31,13 @@ use flight::log::Record;
 use view::faults::reacts;
 use view::summary::Summary;
 
-/// Who is swapped, and the settings of every other good newcomer.
+/// Who is swapped, and the settings of every other good candidate.
 const NODES: [(SwapNode, Topic, &str); 3] = [
     (SwapNode::Guidance, Topic::Reference, "guidance.disturbance_observer_radps=4.0"),
     (SwapNode::AttitudeMpc, Topic::Controls, "mpc.law=\"lqr\""),
     (SwapNode::Mixer, Topic::Actuators, "mixer.projection=true"),
 ];
-/// In which way a newcomer is wrong: what it says, or the process itself.
+/// In which way a candidate is wrong: what it says, or the process itself.
 const WAYS: [(Struck, &str); 5] = [
     (Topic::name, "kind=\"garbage\""),
     (Topic::name, "kind=\"drop\", probability=1.0"),
@@ -45,19 +45,19 @@ const WAYS: [(Struck, &str); 5] = [
     (Topic::publisher, "kind=\"slow\", ms=30.0"),
     (Topic::publisher, "kind=\"exit\""),
 ];
-/// The target of a fault, for the newcomer that speaks on a topic.
+/// The target of a fault, for the candidate that speaks on a topic.
 type Struck = fn(Topic) -> &'static str;
-/// Good newcomers of each node, in full.
+/// Good candidates of each node, in full.
 pub const ROUNDS: usize = 20;
 /// When the first swap begins \[s\].
 const FIRST_S: f64 = 1.0;
-/// How long a newcomer is in the shadow, and from one swap to the next \[s\].
+/// How long a candidate is on standby, and from one swap to the next \[s\].
 const GOOD_S: (f64, f64) = (0.1, 0.4);
 /// The same of wrong ones, long enough for the error to show.
 const WRONG_S: (f64, f64) = (0.2, 1.0);
 /// From the end of one swap to the next \[s\].
 const REST_S: f64 = 0.1;
-/// From the beginning of a swap to when its newcomer goes wrong: in the shadow, in office. In real time it is not there at
+/// From the beginning of a swap to when its candidate goes wrong: on standby, active. In real time it is not there at
 /// once \[s\].
 const WRONG_AFTER_S: [f64; 2] = [0.15, 0.4];
 /// From one gust to the next \[s\].
@@ -66,17 +66,17 @@ const GUST_S: f64 = 2.0;
 /// One flight, the nodes swapped in turn.
 #[derive(Debug, Clone, Serialize)]
 pub struct Relay {
-    /// Whether the newcomers were good.
+    /// Whether the candidates were good.
     pub good: bool,
     /// Which regime.
     pub mode: Mode,
-    /// Newcomers.
+    /// Candidates.
     pub swaps: usize,
     /// Those that were kept.
     pub kept: usize,
-    /// Those that were sent away from the shadow, and why.
+    /// Those that were sent away from the standby, and why.
     pub rejected: Vec<String>,
-    /// Those that were sent away from office, and why.
+    /// Those that were sent away from role, and why.
     pub returned: Vec<String>,
     /// Ticks that some node did not answer to once, from fresh inputs.
     pub lost_ticks: usize,
@@ -102,9 +102,9 @@ struct Answers {
 }
 
 impl Relay {
-    /// All of them: `rounds` good newcomers of each node and every wrong one, in lockstep and in real time.
+    /// All of them: `rounds` good candidates of each node and every wrong one, in lockstep and in real time.
     pub fn fly_all(rounds: usize, interrupts: &AtomicU32) -> anyhow::Result<Vec<Self>> {
-        let flights = [(true, good_newcomers(rounds)), (false, wrong_newcomers(hover_in_gusts()?))];
+        let flights = [(true, good_candidates(rounds)), (false, wrong_candidates(hover_in_gusts()?))];
         let modes = [Mode::Lockstep, Mode::Realtime].into_iter();
         let each = modes.flat_map(|mode| flights.clone().map(|(good, scenario)| (good, scenario, mode)));
         each.map(|(good, scenario, mode)| Self::fly(good, scenario, mode, interrupts)).collect()
@@ -147,8 +147,8 @@ impl Relay {
     }
 }
 
-/// The survey, and `rounds` newcomers of each node.
-fn good_newcomers(rounds: usize) -> Scenario {
+/// The survey, and `rounds` candidates of each node.
+fn good_candidates(rounds: usize) -> Scenario {
     let mut swaps = vec![];
     for round in 0..rounds {
         for (node, _, other) in NODES {
@@ -159,8 +159,8 @@ fn good_newcomers(rounds: usize) -> Scenario {
     with_swaps(Scenario::default(), swaps)
 }
 
-/// One gust after the other, and every node's newcomer wrong in every way, in the shadow and in office.
-fn wrong_newcomers(mut gusts: Scenario) -> Scenario {
+/// One gust after the other, and every node's candidate wrong in every way, on standby and active.
+fn wrong_candidates(mut gusts: Scenario) -> Scenario {
     let mut swaps = vec![];
     for ((target, fault), after_s) in WAYS.into_iter().flat_map(|way| WRONG_AFTER_S.map(|after_s| (way, after_s))) {
         for (node, topic, _) in NODES {
@@ -181,14 +181,14 @@ fn begins_s(i: usize, (_, apart_s): (f64, f64)) -> f64 {
     FIRST_S + apart_s * i as f64
 }
 
-/// The swap number `i`, of newcomers that take `times_s`.
+/// The swap number `i`, of candidates that take `times_s`.
 fn swap(i: usize, times_s: (f64, f64), node: SwapNode, set: Vec<String>) -> Swap {
-    let (shadow_s, apart_s) = times_s;
-    Swap { set, shadow_s, watch_s: apart_s - shadow_s - REST_S, ..Swap::new(node, begins_s(i, times_s)) }
+    let (standby_s, apart_s) = times_s;
+    Swap { set, standby_s, watch_s: apart_s - standby_s - REST_S, ..Swap::new(node, begins_s(i, times_s)) }
 }
 
 fn with_swaps(mut scenario: Scenario, swaps: Vec<Swap>) -> Scenario {
-    let end_s = swaps.last().map_or(0.0, |last| last.at_s + last.shadow_s + last.watch_s);
+    let end_s = swaps.last().map_or(0.0, |last| last.at_s + last.standby_s + last.watch_s);
     scenario.run.duration_s = (end_s + 1.0).ceil();
     scenario.swap = swaps;
     scenario
@@ -208,7 +208,7 @@ fn note(ticks: &mut BTreeMap<u64, Answers>, record: &Record) {
     let stamp = record.stamp();
     let answers = ticks.entry(stamp.tick).or_default();
     answers.sample_ns = stamp.sample_ns;
-    if stamp.unheard == unheard::HEARD {
+    if stamp.delivery == delivery::DELIVERED {
         answers.heard[record.topic() as usize] += 1;
         answers.reacted |= reacts(record);
     }

@@ -1,7 +1,7 @@
 //! Processes killed and stopped in real time, against the clock.
 //!
 //! ```text
-//! signal -> office vacant -> another holds it -> its first message
+//! signal -> role vacant -> another holds it -> its first message
 //!           noticed                              restarted
 //!        -> first command that is not from a fresh demand
 //!           fallback
@@ -17,8 +17,8 @@ use std::time::Duration;
 use anyhow::bail;
 use contract::scenario::Mode;
 use contract::topic::Topic;
-use runtime::process::Seat;
-use runtime::realtime::{Board, now_ns};
+use runtime::realtime::{ControlPage, now_ns};
+use runtime::session::NodeSession;
 use rustix::process::Signal;
 use serde::Serialize;
 
@@ -58,7 +58,7 @@ pub struct Strike {
     /// Which epoch came after it.
     #[serde(skip)]
     successor: u32,
-    /// Until its office was vacant \[ms\].
+    /// Until its role was vacant \[ms\].
     pub noticed_ms: Option<f64>,
     /// attitude-mpc: until the first command without it \[ms\].
     pub fallback_ms: Option<f64>,
@@ -95,11 +95,11 @@ fn strikes(signal: Signal, interrupts: &AtomicU32) -> anyhow::Result<Vec<Strike>
     scenario.run.duration_s = (APART * 4).as_secs_f64().ceil() + 1.0;
     let namespace = namespace();
     let stack = Stack::start(&namespace, &scenario, None, interrupts)?;
-    let board = Seat::join(&namespace, "launcher", 1)?.board;
+    let page = NodeSession::join(&namespace, "launcher", 1)?.page;
     let heard = Mutex::new(Heard::default());
     let over = AtomicBool::new(false);
     let (flown, mut strikes) = std::thread::scope(|scope| {
-        let striker = scope.spawn(|| strike_all(signal, &namespace, &board, &over));
+        let striker = scope.spawn(|| strike_all(signal, &namespace, &page, &over));
         let watch = |record: Record| heard.lock().expect("nobody panics with it").observe(&record);
         let flown = stack.fly(interrupts, watch, |_| {});
         over.store(true, Ordering::Relaxed);
@@ -118,24 +118,24 @@ fn strikes(signal: Signal, interrupts: &AtomicU32) -> anyhow::Result<Vec<Strike>
     Ok(strikes)
 }
 
-fn strike_all(signal: Signal, namespace: &str, board: &Board, over: &AtomicBool) -> Vec<Strike> {
+fn strike_all(signal: Signal, namespace: &str, page: &ControlPage, over: &AtomicBool) -> Vec<Strike> {
     let one = |topic| {
         std::thread::sleep(APART);
-        if over.load(Ordering::Relaxed) { None } else { strike(signal, topic, namespace, board) }
+        if over.load(Ordering::Relaxed) { None } else { strike(signal, topic, namespace, page) }
     };
     VICTIMS.into_iter().filter_map(one).collect()
 }
 
-/// Strikes the process that speaks on `topic`, and looks on until its office is vacant.
-fn strike(signal: Signal, topic: Topic, namespace: &str, board: &Board) -> Option<Strike> {
-    let office = board.office(topic);
-    let epoch = office.holder();
+/// Strikes the process that speaks on `topic`, and looks on until its role is vacant.
+fn strike(signal: Signal, topic: Topic, namespace: &str, page: &ControlPage) -> Option<Strike> {
+    let role = page.role(topic);
+    let epoch = role.active();
     let is_holder = |process: &Process| (process.name.as_str(), process.epoch) == (topic.publisher(), epoch);
-    let holder = Process::all(namespace).into_iter().find(is_holder)?;
+    let active = Process::all(namespace).into_iter().find(is_holder)?;
     let at_ns = now_ns();
-    holder.signal(namespace, signal).then_some(())?;
+    active.signal(namespace, signal).then_some(())?;
     let noticed_ns = loop {
-        if office.holder() != epoch {
+        if role.active() != epoch {
             break Some(now_ns());
         }
         if now_ns() > at_ns + LIMIT_NS {
@@ -152,7 +152,7 @@ impl Heard {
     fn observe(&mut self, record: &Record) {
         let (topic, stamp) = (record.topic(), record.stamp());
         let (epoch, publish_ns) = (stamp.epoch as u32, stamp.publish_ns[topic as usize]);
-        if stamp.unheard == 0 && !self.firsts.iter().any(|first| (first.0, first.1) == (topic, epoch)) {
+        if stamp.delivery == 0 && !self.firsts.iter().any(|first| (first.0, first.1) == (topic, epoch)) {
             self.firsts.push((topic, epoch, publish_ns));
         }
         if matches!(record, Record::Actuators(_)) && reacts(record) {

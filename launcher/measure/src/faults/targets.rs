@@ -9,7 +9,7 @@ use super::relay::Relay;
 use super::strike::Strike;
 use crate::Target;
 
-/// Farthest from the trajectory that good newcomers may take the vehicle \[m\].
+/// Farthest from the trajectory that good candidates may take the vehicle \[m\].
 const SWAP_M: f64 = 0.1;
 
 /// One line each.
@@ -78,24 +78,24 @@ fn of_a_relay(relay: &Relay) -> Vec<Target> {
     let mut targets = if relay.good {
         let explains = if explained > 0 { format!("the canary explains {explained} more") } else { String::new() };
         vec![
-            count(format!("{mode}, {swaps} good newcomers: not kept"), swaps - kept).noting(sent_away()),
-            count(format!("{mode}, {swaps} good newcomers: ticks lost"), lost_ticks - explained).noting(explains),
-            Target::at_most(format!("{mode}, {swaps} good newcomers: error"), Some(position_error_m), SWAP_M, "m"),
+            count(format!("{mode}, {swaps} good candidates: not kept"), swaps - kept).noting(sent_away()),
+            count(format!("{mode}, {swaps} good candidates: ticks lost"), lost_ticks - explained).noting(explains),
+            Target::at_most(format!("{mode}, {swaps} good candidates: error"), Some(position_error_m), SWAP_M, "m"),
         ]
     } else {
         let tilt_deg = if relay.lost { f64::INFINITY } else { tilt_deg };
         vec![
-            count(format!("{mode}, {swaps} wrong newcomers: kept"), kept).noting(format!(
-                "{} sent away from the shadow, {} from office",
+            count(format!("{mode}, {swaps} wrong candidates: kept"), kept).noting(format!(
+                "{} sent away from the standby, {} from role",
                 rejected.len(),
                 returned.len()
             )),
-            Target::at_most(format!("{mode}, {swaps} wrong newcomers: worst tilt"), Some(tilt_deg), TILT_DEG, "deg"),
+            Target::at_most(format!("{mode}, {swaps} wrong candidates: worst tilt"), Some(tilt_deg), TILT_DEG, "deg"),
         ]
     };
     targets.extend(relay.same.map(|same| {
         let sort = if relay.good { "good" } else { "wrong" };
-        count(format!("flight with {swaps} {sort} newcomers, other by one thread"), usize::from(!same))
+        count(format!("flight with {swaps} {sort} candidates, other by one thread"), usize::from(!same))
     }));
     targets
 }

@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | starting | up to 0.15 s after the launcher was started | the stack while it comes up |
 //! | first ticks | up to 50 ms after the first tick | who has only just begun |
-//! | newcomer | up to 40 ms after the victim's successor was started | a process before it is ready |
+//! | candidate | up to 40 ms after the victim's successor was started | a process before it is ready |
 //! | flying | up to 0.7 s after the last | anybody |
 
 use std::time::Duration;
@@ -75,7 +75,7 @@ pub enum Moment {
     /// The first ticks.
     FirstTicks,
     /// The successor of the last victim.
-    Newcomer,
+    Candidate,
     /// Anything.
     Flying,
 }
@@ -101,10 +101,10 @@ pub fn blows(seed: u64, number: u64) -> Vec<Blow> {
         let (moment, up_to_ms) = match (last, rng.random_range(0..10)) {
             (None, 0) => (Moment::Starting, 150.0),
             (None, 1..4) => (Moment::FirstTicks, 50.0),
-            (Some(last), 0..3) if last.is_replaced() => (Moment::Newcomer, 40.0),
+            (Some(last), 0..3) if last.is_replaced() => (Moment::Candidate, 40.0),
             _ => (Moment::Flying, 700.0),
         };
-        let victim = last.filter(|_| moment == Moment::Newcomer).unwrap_or_else(|| Victim::draw(&mut rng));
+        let victim = last.filter(|_| moment == Moment::Candidate).unwrap_or_else(|| Victim::draw(&mut rng));
         let after = Duration::from_secs_f64(rng.random_range(0.0..up_to_ms) / 1e3);
         blows.push(Blow { victim, moment, after });
     }
@@ -130,16 +130,16 @@ mod tests {
             let least = if victim.is_replaced() { all.len() / 6 } else { all.len() / 100 };
             assert!(count(victim) > least, "{victim:?}: {} of {}", count(victim), all.len());
         }
-        for moment in [Moment::Starting, Moment::FirstTicks, Moment::Newcomer, Moment::Flying] {
+        for moment in [Moment::Starting, Moment::FirstTicks, Moment::Candidate, Moment::Flying] {
             assert!(all.iter().filter(|blow| blow.moment == moment).count() > all.len() / 100, "{moment:?}");
         }
     }
 
     #[test]
-    fn a_newcomer_comes_in_the_last_victims_place() {
+    fn a_candidate_comes_in_the_last_victims_place() {
         for blows in (0..100).map(|number| blows(3, number)) {
-            assert_ne!(blows[0].moment, Moment::Newcomer);
-            for pair in blows.windows(2).filter(|pair| pair[1].moment == Moment::Newcomer) {
+            assert_ne!(blows[0].moment, Moment::Candidate);
+            for pair in blows.windows(2).filter(|pair| pair[1].moment == Moment::Candidate) {
                 assert!(pair[0].victim == pair[1].victim && pair[1].victim.is_replaced(), "{pair:?}");
             }
         }

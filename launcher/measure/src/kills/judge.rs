@@ -57,7 +57,7 @@ impl Row {
         if self.diverged {
             return Some("diverged".into());
         }
-        if let Some(kill) = self.kills.iter().find(|kill| !kill.victim.is_replaced() && !self.is_whole()) {
+        if let Some(kill) = self.kills.iter().find(|kill| !kill.victim.is_replaced() && !self.is_intact()) {
             return Some(format!("exit 0 without the {}", kill.victim.name()));
         }
         if let Some(error_m) = self.position_error_m.filter(|error_m| *error_m > NEAR_M) {
@@ -83,13 +83,13 @@ impl Row {
     fn lost(&self) -> Option<String> {
         let named = self.kills.iter().any(|kill| self.said.contains(kill.victim.name()));
         let ended = self.kills.iter().any(|kill| !kill.victim.is_replaced());
-        let in_flight = self.flown_s.is_some() && !self.is_whole();
+        let in_flight = self.flown_s.is_some() && !self.is_intact();
         let fine = !self.diverged && (!self.given_up.is_empty() || named && (ended || !in_flight));
         (!fine).then(|| format!("exit 3: {}", self.said.trim()))
     }
 
     /// Whether it flew to its end.
-    fn is_whole(&self) -> bool {
+    fn is_intact(&self) -> bool {
         self.flown_s.is_some_and(|flown_s| flown_s > DURATION_S - 0.05)
     }
 

@@ -2,7 +2,7 @@
 
 use contract::Topic;
 use contract::message::{Message, State};
-use contract::stamp::unheard;
+use contract::stamp::delivery;
 
 use super::draw::Victim;
 use super::one_flight::Kill;
@@ -57,7 +57,7 @@ pub fn contains(hole: &(u64, u64), at_ns: u64) -> bool {
 fn first_ns(log: &Log, victim: Victim, epoch: u32) -> Option<u64> {
     fn first<M: Message>(messages: &[M], epoch: u32) -> Option<u64> {
         let mut stamps = messages.iter().map(Message::stamp);
-        let spoke = stamps.find(|stamp| stamp.epoch == u64::from(epoch) && stamp.unheard == unheard::HEARD);
+        let spoke = stamps.find(|stamp| stamp.epoch == u64::from(epoch) && stamp.delivery == delivery::DELIVERED);
         spoke.map(|stamp| stamp.publish_ns[M::TOPIC as usize])
     }
     match victim {

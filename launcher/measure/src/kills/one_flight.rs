@@ -9,7 +9,7 @@ use anyhow::Context;
 use contract::Topic;
 use contract::message::State;
 use runtime::domain::Domain;
-use runtime::realtime::{Board, now_ns};
+use runtime::realtime::{ControlPage, now_ns};
 use rustix::process::Signal;
 use serde::Serialize;
 use serde_json::Value;
@@ -171,7 +171,7 @@ impl<'a> Flight<'a> {
         let (namespace, name) = (self.namespace, blow.victim.name());
         match (blow.moment, last) {
             (Moment::Starting, _) => std::thread::sleep(blow.after.saturating_sub(self.started.elapsed())),
-            (Moment::Newcomer, Some(last)) => {
+            (Moment::Candidate, Some(last)) => {
                 self.wait_for(|| Process::newest(namespace, name).filter(|process| process.epoch > last.epoch))?;
                 std::thread::sleep(blow.after);
             }
@@ -253,6 +253,6 @@ impl Drop for Folder {
 
 /// Whether the plant of `namespace` has sampled.
 fn flies(namespace: &str) -> bool {
-    let board = Domain::find(namespace).ok().and_then(|domain| Board::open(&domain.file("board")).ok());
-    board.is_some_and(|board| board.office(Topic::State).done(1).get() > 0)
+    let page = Domain::find(namespace).ok().and_then(|domain| ControlPage::open(&domain.file("page")).ok());
+    page.is_some_and(|page| page.role(Topic::State).done(1).get() > 0)
 }

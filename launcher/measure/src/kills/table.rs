@@ -27,7 +27,7 @@ const HEAD: [&str; 13] = [
 pub fn table(results: &Results) -> String {
     let at = |moment| results.kills().filter(|kill| kill.moment == moment).count();
     let mut text = format!(
-        "{} kills in {} flights, {:.0} s: {} at start-up, {} within the first ticks, {} of newcomers; {} given up\n\
+        "{} kills in {} flights, {:.0} s: {} at start-up, {} within the first ticks, {} of candidates; {} given up\n\
          exit codes and worst error [m] are of the flights with such a kill; successor: until its first message [ms];\n\
          lost: of the log, before its recorder was killed, at most [ms];\n\
          gone: until the last process of a dead launcher was [ms]\n\n",
@@ -36,7 +36,7 @@ pub fn table(results: &Results) -> String {
         results.wall_s,
         at(Moment::Starting),
         at(Moment::FirstTicks),
-        at(Moment::Newcomer),
+        at(Moment::Candidate),
         results.rows.iter().map(|row| row.given_up.len()).sum::<usize>(),
     );
     line(&mut text, &HEAD.map(str::to_owned));

@@ -28,7 +28,7 @@ const CLOCK_READINGS: f64 = 2.0;
 pub struct Costs {
     /// Reading `CLOCK_MONOTONIC`.
     pub clock_ns: f64,
-    /// Reading the thread's processor time; once a cycle, at the rehearsal, when nobody waits.
+    /// Reading the thread's processor time; once a cycle, at the warm-up, when nobody waits.
     pub cpu_clock_ns: f64,
     /// Loan, copy and send of one message to two subscribers, as in a ring that the launcher watches.
     pub send_ns: f64,

@@ -69,7 +69,7 @@ pub struct Ring {
 pub struct Hop {
     /// All of it.
     pub all_ns: f64,
-    /// The kernel's wake-up: a quarter of the raw ring that rehearses as the stack does.
+    /// The kernel's wake-up: a quarter of the raw ring that warms up as the stack does.
     pub kernel_ns: f64,
     /// One reading of the clock: half of the start's, half of the publication's. The others fall into execution.
     pub clock_ns: f64,

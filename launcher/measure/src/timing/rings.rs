@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, bail};
 use contract::{Scenario, Topic};
 use runtime::domain::Hold;
-use runtime::realtime::{Board, phase};
+use runtime::realtime::{ControlPage, phase};
 use serde::Serialize;
 
 use super::station::{Link, StationArgs};
@@ -26,7 +26,7 @@ pub enum Kind {
     Raw,
     /// The same, and in every second lap the stations read the clock as the nodes of the stack do.
     Stamped,
-    /// Bare futexes after a rehearsal: the kernel's wake-up when it has not forgotten the process.
+    /// Bare futexes after a warm-up: the kernel's wake-up when it has not forgotten the process.
     Rehearsed,
     /// Unix sockets.
     Socket,
@@ -43,7 +43,7 @@ impl Kind {
         match self {
             Self::Raw => "raw futex",
             Self::Stamped => "raw futex, clock read every second lap",
-            Self::Rehearsed => "raw futex, rehearsed",
+            Self::Rehearsed => "raw futex, warmed up",
             Self::Socket => "unix socket",
             Self::Pipe => "pipe",
         }
@@ -66,7 +66,7 @@ pub type Noted = Vec<(u64, u64)>;
 pub struct Stations {
     /// The one with the clock is the last.
     children: Vec<Child>,
-    board: Board,
+    page: ControlPage,
     hold: Hold,
     releases: Releases,
 }
@@ -89,9 +89,9 @@ impl Stations {
     pub fn ring(kind: Kind, releases: Releases) -> anyhow::Result<Self> {
         let mut stations = Self::none(releases)?;
         let (link, ends) = match kind {
-            Kind::Raw | Kind::Stamped | Kind::Rehearsed => (Link::Bell, vec![]),
+            Kind::Raw | Kind::Stamped | Kind::Rehearsed => (Link::Doorbell, vec![]),
             Kind::Socket => (Link::Stream, closed(socket)?),
-            Kind::Pipe => (Link::Stream, closed(|| pipe().map(|(inlet, outlet)| (inlet.into(), outlet.into())))?),
+            Kind::Pipe => (Link::Stream, closed(|| pipe().map(|(input, output)| (input.into(), output.into())))?),
         };
         let mut ends = ends.into_iter();
         let wanted = Scenario::default().realtime;
@@ -121,7 +121,7 @@ impl Stations {
 
     /// Ends the run before all releases are noted.
     pub fn stop(mut self) -> anyhow::Result<Noted> {
-        self.board.set_phase(phase::LEAVE);
+        self.page.set_phase(phase::LEAVE);
         if let Some(child) = self.children.last_mut() {
             child.wait()?;
         }
@@ -135,8 +135,8 @@ impl Stations {
 
     fn none(releases: Releases) -> anyhow::Result<Self> {
         let hold = Hold::take(&namespace())?;
-        let board = Board::create(&hold.domain.file("board")).context("cannot make a board in shared memory")?;
-        Ok(Self { children: vec![], board, hold, releases })
+        let page = ControlPage::create(&hold.domain.file("page")).context("cannot make a page in shared memory")?;
+        Ok(Self { children: vec![], page, hold, releases })
     }
 
     fn spawn(
@@ -152,7 +152,7 @@ impl Stations {
             rank,
             link,
             stamps: kind == Some(Kind::Stamped),
-            rehearse: kind == Some(Kind::Rehearsed),
+            warm_up: kind == Some(Kind::Rehearsed),
             period_ns: self.releases.period_ns,
             count: self.releases.count,
             priority,
@@ -161,7 +161,7 @@ impl Stations {
         let mut command = own_program();
         command.args(["measure", "station"]).args(args.to_words());
         match ends {
-            Some((inlet, outlet)) => command.stdin(inlet).stdout(outlet),
+            Some((input, output)) => command.stdin(input).stdout(output),
             None => command.stdin(Stdio::null()).stdout(Stdio::null()),
         };
         self.children.push(command.spawn().context("cannot start a process of a ring to compare with")?);
@@ -189,11 +189,11 @@ impl Drop for Stations {
 /// Four channels closed to a ring: where each station reads and where it writes, the last station first.
 fn closed(channel: impl FnMut() -> std::io::Result<(OwnedFd, OwnedFd)>) -> anyhow::Result<Vec<(OwnedFd, OwnedFd)>> {
     let channels = std::iter::repeat_with(channel).take(Topic::COUNT).collect::<Result<Vec<_>, _>>();
-    let (mut inlets, outlets): (Vec<_>, Vec<_>) = channels.context("cannot make a channel")?.into_iter().unzip();
-    inlets.rotate_left(1); // who writes to channel i is read from by the station before in this order, after it in the ring
-    Ok(inlets.into_iter().zip(outlets).collect())
+    let (mut inputs, outputs): (Vec<_>, Vec<_>) = channels.context("cannot make a channel")?.into_iter().unzip();
+    inputs.rotate_left(1); // who writes to channel i is read from by the station before in this order, after it in the ring
+    Ok(inputs.into_iter().zip(outputs).collect())
 }
 
 fn socket() -> std::io::Result<(OwnedFd, OwnedFd)> {
-    UnixStream::pair().map(|(inlet, outlet)| (inlet.into(), outlet.into()))
+    UnixStream::pair().map(|(input, output)| (input.into(), output.into()))
 }

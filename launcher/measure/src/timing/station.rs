@@ -20,9 +20,9 @@ use clap::ValueEnum;
 use contract::Topic;
 use contract::scenario::{Policy, Scenario, Scheduling};
 use runtime::domain::Domain;
-use runtime::process::exit;
-use runtime::realtime::{Bell, Board, enter, now_ns, phase};
-use runtime::rehearsal::Rehearsal;
+use runtime::realtime::{ControlPage, Doorbell, enter, now_ns, phase};
+use runtime::session::exit;
+use runtime::warm_up::WarmUpPlan;
 use rustix::process::Signal;
 
 /// Longest wait for the token without a look whether the run is over.
@@ -33,7 +33,7 @@ const LEAD_IN_NS: u64 = 50_000_000;
 /// Arguments of `measure station`.
 #[derive(Debug, Clone, clap::Args)]
 pub struct StationArgs {
-    /// Namespace of the run's board
+    /// Namespace of the run's page
     #[arg(long)]
     pub namespace: String,
     /// Place in the ring; the first has the clock
@@ -47,7 +47,7 @@ pub struct StationArgs {
     pub stamps: bool,
     /// Wake once before the token is due, as a node of the stack does
     #[arg(long)]
-    pub rehearse: bool,
+    pub warm_up: bool,
     /// Between two releases
     #[arg(long)]
     pub period_ns: u64,
@@ -67,8 +67,8 @@ pub struct StationArgs {
 pub enum Link {
     /// Nothing: a station alone.
     None,
-    /// A bell of the board: the bare futex.
-    Bell,
+    /// A doorbell of the page: the bare futex.
+    Doorbell,
     /// Standard input and output: a pipe or a socket.
     Stream,
 }
@@ -90,7 +90,7 @@ impl StationArgs {
         .collect();
         words.extend(["--samples".into(), self.samples.clone().into()]);
         words.extend(self.stamps.then(|| "--stamps".into()));
-        words.extend(self.rehearse.then(|| "--rehearse".into()));
+        words.extend(self.warm_up.then(|| "--warm_up".into()));
         words
     }
 }
@@ -99,9 +99,9 @@ impl StationArgs {
 pub fn run(args: &StationArgs) -> anyhow::Result<u8> {
     // Fails only for a signal number that does not exist.
     let _ = rustix::process::set_parent_process_death_signal(Some(Signal::KILL));
-    let board = Board::open(&Domain::find(&args.namespace)?.file("board")).context("cannot open the board")?;
+    let page = ControlPage::open(&Domain::find(&args.namespace)?.file("page")).context("cannot open the page")?;
     let mut samples = Vec::with_capacity(args.count);
-    let mut token = Token::of(args, &board);
+    let mut token = Token::of(args, &page);
     enter(&Scheduling { policy: Policy::Fifo, priority: args.priority, ..Scenario::default().realtime.of(0) });
     if args.rank > 0 {
         while token.wait() {
@@ -110,8 +110,8 @@ pub fn run(args: &StationArgs) -> anyhow::Result<u8> {
         }
         return Ok(exit::FLOWN);
     }
-    turn(args, &board, &mut token, &mut samples);
-    board.set_phase(phase::LEAVE);
+    turn(args, &page, &mut token, &mut samples);
+    page.set_phase(phase::LEAVE);
     let lines = samples.iter().fold(String::new(), |mut lines, (release_ns, late_ns)| {
         let _ = writeln!(lines, "{release_ns},{late_ns}"); // a String takes everything
         lines
@@ -120,15 +120,15 @@ pub fn run(args: &StationArgs) -> anyhow::Result<u8> {
     Ok(exit::FLOWN)
 }
 
-/// Turns the ring until it has come round often enough, or the run is over: pairs of (release, time from it) \[ns\].
-fn turn(args: &StationArgs, board: &Board, token: &mut Token, samples: &mut Vec<(u64, u64)>) {
+/// CycleLoop the ring until it has come round often enough, or the run is over: pairs of (release, time from it) \[ns\].
+fn turn(args: &StationArgs, page: &ControlPage, token: &mut Token, samples: &mut Vec<(u64, u64)>) {
     let t0_ns = now_ns() + LEAD_IN_NS;
     let mut slot = 0;
     while samples.len() < args.count {
         let release_ns = t0_ns + slot * args.period_ns;
-        token.rehearse(release_ns - args.period_ns, |due_ns| board.phase().wait(phase::JOIN, due_ns));
-        board.phase().wait(phase::JOIN, release_ns);
-        if board.phase().count() >= phase::LEAVE {
+        token.warm_up(release_ns - args.period_ns, |due_ns| page.phase().wait(phase::JOIN, due_ns));
+        page.phase().wait(phase::JOIN, release_ns);
+        if page.phase().count() >= phase::LEAVE {
             return;
         }
         token.read_clock();
@@ -152,10 +152,10 @@ pub fn stamped(lap: usize) -> bool {
 struct Token<'a> {
     link: Link,
     stamps: bool,
-    rehearsal: Rehearsal,
-    board: &'a Board,
-    inlet: &'a Bell,
-    outlet: &'a Bell,
+    warm_up: WarmUpPlan,
+    page: &'a ControlPage,
+    input: &'a Doorbell,
+    output: &'a Doorbell,
     seen: u32,
     /// When it came the last time.
     came_ns: u64,
@@ -164,25 +164,25 @@ struct Token<'a> {
 }
 
 impl<'a> Token<'a> {
-    fn of(args: &StationArgs, board: &'a Board) -> Self {
+    fn of(args: &StationArgs, page: &'a ControlPage) -> Self {
         let rank = usize::from(args.rank);
-        let bell = |rank: usize| board.bell(Topic::ALL[rank % Topic::COUNT]);
+        let doorbell = |rank: usize| page.doorbell(Topic::ALL[rank % Topic::COUNT]);
         Self {
             link: args.link,
             stamps: args.stamps,
-            rehearsal: Rehearsal::new(args.rehearse.then_some(args.period_ns)),
-            board,
-            inlet: bell(rank + Topic::COUNT - 1),
-            outlet: bell(rank),
+            warm_up: WarmUpPlan::new(args.warm_up.then_some(args.period_ns)),
+            page,
+            input: doorbell(rank + Topic::COUNT - 1),
+            output: doorbell(rank),
             seen: 0,
             came_ns: 0,
             passed: 0,
         }
     }
 
-    /// Sleeps until it is time to rehearse what follows `before_ns`, if this station does.
-    fn rehearse(&self, before_ns: u64, sleep_until: impl FnOnce(u64)) {
-        if let Some(due_ns) = self.rehearsal.due_ns(before_ns, now_ns()) {
+    /// Sleeps until it is time to warm-up what follows `before_ns`, if this station does.
+    fn warm_up(&self, before_ns: u64, sleep_until: impl FnOnce(u64)) {
+        if let Some(due_ns) = self.warm_up.due_ns(before_ns, now_ns()) {
             sleep_until(due_ns);
         }
     }
@@ -191,19 +191,19 @@ impl<'a> Token<'a> {
     fn wait(&mut self) -> bool {
         match self.link {
             Link::None => true,
-            Link::Bell => self.wait_for_bell(),
+            Link::Doorbell => self.wait_for_bell(),
             Link::Stream => rustix::io::read(stdin(), &mut [0_u8; 8]).is_ok_and(|bytes| bytes > 0),
         }
     }
 
     fn wait_for_bell(&mut self) -> bool {
-        self.rehearse(self.came_ns, |due_ns| self.inlet.wait(self.seen, due_ns));
-        while self.inlet.count() == self.seen {
-            self.inlet.wait(self.seen, now_ns() + LOOK_AROUND_NS);
+        self.warm_up(self.came_ns, |due_ns| self.input.wait(self.seen, due_ns));
+        while self.input.count() == self.seen {
+            self.input.wait(self.seen, now_ns() + LOOK_AROUND_NS);
         }
-        self.seen = self.inlet.count();
+        self.seen = self.input.count();
         self.came_ns = now_ns();
-        self.board.phase().count() < phase::LEAVE
+        self.page.phase().count() < phase::LEAVE
     }
 
     /// Passes it on.
@@ -212,7 +212,7 @@ impl<'a> Token<'a> {
         self.passed += 1;
         match self.link {
             Link::None => {}
-            Link::Bell => self.outlet.ring(),
+            Link::Doorbell => self.output.ring(),
             // Whoever has left is noticed when reading.
             Link::Stream => _ = rustix::io::write(stdout(), &[0_u8; 8]),
         }

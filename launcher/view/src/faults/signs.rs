@@ -17,7 +17,7 @@ const REACTIONS: u64 = mixer_flags::BAD_INPUT
 
 /// Whether `record` is a message of the topic that `fault` has struck; what is only doubled bears no mark.
 pub fn struck(fault: &Fault, record: &Record) -> bool {
-    let marked = record.stamp().is_struck() || fault.kind == FaultKind::Duplicate;
+    let marked = record.stamp().is_faulted() || fault.kind == FaultKind::Duplicate;
     marked && fault.target.topic() == Some(record.topic())
 }
 

@@ -1,7 +1,7 @@
 use super::*;
 use contract::message::{Actuators, Controls, Message, SolveStatus, State, mixer_flags};
 use contract::scenario::FaultTarget;
-use contract::stamp::unheard;
+use contract::stamp::delivery;
 
 /// A solver fault at 0.1 s, after CONTROLS of these statuses, one per tick from 0 on.
 fn flown(for_s: Option<f64>, statuses: &[SolveStatus]) -> Faults {
@@ -131,7 +131,7 @@ fn commands(flagged: std::ops::Range<u64>, flags: u64) -> Vec<Record> {
 fn demands(lost: std::ops::Range<u64>) -> Vec<Record> {
     let of = |tick| {
         let mut demand = at(tick, Controls::default());
-        demand.stamp.unheard = if lost.contains(&tick) { unheard::FAULT } else { unheard::HEARD };
+        demand.stamp.delivery = if lost.contains(&tick) { delivery::FAULT } else { delivery::DELIVERED };
         demand.into()
     };
     (0..30).map(of).collect()
@@ -170,7 +170,7 @@ fn a_lost_command_is_seen_by_the_plant_that_has_no_new_one() {
     let states = (0..30).map(|tick| obeying(tick).into());
     let lost = demands(11..14).into_iter().map(|demand| {
         let mut command = at(demand.stamp().tick, Actuators::default());
-        command.stamp.unheard = demand.stamp().unheard;
+        command.stamp.delivery = demand.stamp().delivery;
         command.into()
     });
     let records: Vec<Record> = states.chain(lost).collect();
@@ -194,7 +194,7 @@ fn lost_references_show_in_controls() {
     for tick in 0..20 {
         let lost = (10..12).contains(&tick);
         let mut reference = at(tick, contract::message::Reference::default());
-        reference.stamp.unheard = if lost { unheard::FAULT } else { unheard::HEARD };
+        reference.stamp.delivery = if lost { delivery::FAULT } else { delivery::DELIVERED };
         let status = if lost { SolveStatus::NoReference } else { SolveStatus::Explicit } as u64;
         faults.observe(&reference.into());
         faults.observe(&at(tick, Controls { status, ..Controls::default() }).into());

@@ -39,7 +39,7 @@ impl<'a> Flight<'a> {
     /// One row for every tick from 0 to the last recorded one, holes included.
     ///
     /// Ticks beyond the last of the scenario are ignored: a corrupt stamp must not decide how much memory this takes. A row has what
-    /// was said in office, as it was meant: what a fault made of it on its way is not drawn. Of several messages with one
+    /// was said active, as it was meant: what a fault made of it on its way is not drawn. Of several messages with one
     /// tick the last counts.
     pub fn rows(&self, scenario: &Scenario) -> Vec<Row<'a>> {
         let last_tick = scenario.ticks();

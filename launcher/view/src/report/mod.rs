@@ -9,7 +9,7 @@
 //! | `claims` | the paper's claims and their verdicts |
 //! | `faults` | what went wrong: faults, events, refused messages |
 //! | `sections` | head, tables, settings, provenance |
-//! | `punctuality` | the timing section |
+//! | `cycle_timing` | the timing section |
 //! | `histograms`, `gantt` | its pictures, drawn without a script |
 //! | `html` | escaping, numbers, tables |
 //!
@@ -17,6 +17,7 @@
 
 mod claims;
 mod columns;
+mod cycle_timing;
 mod differences;
 mod faults;
 mod flight;
@@ -24,7 +25,6 @@ mod folder;
 mod gantt;
 mod histograms;
 pub mod html;
-mod punctuality;
 mod sections;
 #[cfg(test)]
 mod tests;
@@ -71,8 +71,8 @@ pub fn render(log: &Flight, run: &Value, scenario: &Scenario) -> String {
         ("metrics", sections::metrics(run)),
         ("repeat", sections::repeat(scenario).into()),
         ("sampling", sampling(rows.len())),
-        ("timing", punctuality::tables(run)),
-        ("timing_pictures", punctuality::pictures(log, run, scenario)),
+        ("timing", cycle_timing::tables(run)),
+        ("timing_pictures", cycle_timing::pictures(log, run, scenario)),
         ("faults", faults.html),
         ("faults_link", faults.link.into()),
         ("faults_hint", faults.hint.into()),

@@ -3,7 +3,7 @@
 use contract::Scenario;
 use contract::message::{ActuationMsg, Actuators, Controls, Message, Reference, Stamp, State};
 use contract::scenario::{Profile, TrajectoryKind};
-use contract::stamp::unheard;
+use contract::stamp::delivery;
 use serde_json::{Value, json};
 
 use super::claims::{Claims, Verdict, judge};
@@ -51,7 +51,7 @@ impl Hover {
 fn at<M: Message>(tick: u64, mut message: M) -> M {
     let stamp = message.stamp_mut();
     (stamp.tick, stamp.sequence, stamp.epoch) = (tick, tick.saturating_add(1), 1);
-    message.sealed()
+    message.with_checksum()
 }
 
 /// A mission that wants the vehicle where it starts.
@@ -149,7 +149,7 @@ fn holes_and_torn_ends_become_nan_at_their_ticks() {
     hover.actuators.push(at(u64::MAX, Actuators::default()));
     hover.states.iter_mut().for_each(|state| {
         state.actual.position_m = [0.0, -3.0, -4.0];
-        *state = state.sealed();
+        *state = state.with_checksum();
     });
     let scenario = hovering();
     let rows = hover.flight().rows(&scenario);
@@ -168,19 +168,19 @@ fn holes_and_torn_ends_become_nan_at_their_ticks() {
 #[test]
 fn what_is_said_in_the_shadow_or_made_of_a_message_on_its_way_is_not_drawn() {
     let mut hover = Hover::of(3);
-    let marked = |sequence, epoch, unheard, col| {
+    let marked = |sequence, epoch, delivery, col| {
         let mut message = Controls { demand: [col, 0.0, 0.0, 0.0], ..Controls::default() };
-        message.stamp = Stamp { tick: 1, sequence, epoch, unheard, ..Stamp::default() };
-        message.sealed()
+        message.stamp = Stamp { tick: 1, sequence, epoch, delivery, ..Stamp::default() };
+        message.with_checksum()
     };
-    hover.controls[1] = marked(2, 1, unheard::FAULT, -1.0);
+    hover.controls[1] = marked(2, 1, delivery::FAULT, -1.0);
     hover.controls.extend([
-        marked(2, 1, unheard::HEARD, f64::NAN),
-        marked(1, 2, unheard::SHADOW, 7.0),
-        marked(1, 2, unheard::SHADOW | unheard::FAULT, 8.0),
+        marked(2, 1, delivery::DELIVERED, f64::NAN),
+        marked(1, 2, delivery::STANDBY, 7.0),
+        marked(1, 2, delivery::STANDBY | delivery::FAULT, 8.0),
     ]);
     let rows = hover.flight().rows(&hovering());
-    assert_eq!(rows[1].controls, Some(&hover.controls[1]), "what was meant in office");
+    assert_eq!(rows[1].controls, Some(&hover.controls[1]), "what was meant active");
 }
 
 #[test]

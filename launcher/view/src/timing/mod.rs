@@ -1,9 +1,9 @@
-//! Punctuality of a flight, from the stamps alone. Words are those of [`runtime::cycle`]; all figures are in `us`.
+//! CycleTiming of a flight, from the stamps alone. Words are those of [`runtime::cycle_timing`]; all figures are in `us`.
 //!
 //! ```text
 //! jitter / hop       start - release                what the process slept too long
 //! execution          publish - start                wall time
-//! cpu                CPU time of the thread         since it was done with the cycle before: sending, bell, wake-up
+//! cpu                CPU time of the thread         since it was done with the cycle before: sending, doorbell, wake-up
 //! input age          start - sample                 how old the sample was when the process began
 //! response           publish - sample               late when beyond the deadline
 //! slip               a period without a cycle

@@ -1,4 +1,4 @@
-//! Punctuality of one node: a histogram per figure, and the misses.
+//! CycleTiming of one node: a histogram per figure, and the misses.
 
 use contract::message::Stamp;
 use contract::scenario::NodeDeadline;
@@ -105,7 +105,7 @@ impl NodeTiming {
     }
 
     /// Takes the stamp of one message in, with the one `before` it of the same process, which may have worked in the
-    /// shadow then; messages come in the order of sending. One whose times cannot be true is in the counts of its sender
+    /// standby then; messages come in the order of sending. One whose times cannot be true is in the counts of its sender
     /// and in no figure: then there is no cycle to return.
     pub fn observe(&mut self, stamp: &Stamp, before: &Stamp) -> Option<Cycle> {
         let own = self.topic as usize;
@@ -128,8 +128,8 @@ impl NodeTiming {
             withheld,
             silent: slips.saturating_add(withheld).max(vacant).min(LONGEST_STALL_SLOTS),
             cpu_ns: None,
-            // That of the first cycle is that of the whole start-up, and one in the shadow is no cycle of the flight.
-            cpu_before_ns: (follows && before.sequence > 1 && !before.in_shadow()).then_some(stamp.cpu_ns),
+            // That of the first cycle is that of the whole start-up, and one on standby is no cycle of the flight.
+            cpu_before_ns: (follows && before.sequence > 1 && !before.is_standby()).then_some(stamp.cpu_ns),
         };
         self.count(&cycle, misses, late);
         clocks::possible(self.topic, stamp).then(|| {

@@ -1,4 +1,4 @@
-//! Punctuality on the terminal: a line per node, the age, the worst tick.
+//! CycleTiming on the terminal: a line per node, the age, the worst tick.
 
 use std::fmt::Write;
 

@@ -88,10 +88,14 @@ impl Ring {
         self.last[topic as usize] = stamp;
         let (applied_sequence, applied_age_ns) = self.applied;
         let record = match topic {
-            Topic::State => State { stamp, applied_sequence, applied_age_ns, ..State::default() }.sealed().into(),
-            Topic::Reference => Reference { stamp, ..Reference::default() }.sealed().into(),
-            Topic::Controls => Controls { stamp, solve_ns: self.solve_us * US, ..Controls::default() }.sealed().into(),
-            Topic::Actuators => Actuators { stamp, ..Actuators::default() }.sealed().into(),
+            Topic::State => {
+                State { stamp, applied_sequence, applied_age_ns, ..State::default() }.with_checksum().into()
+            }
+            Topic::Reference => Reference { stamp, ..Reference::default() }.with_checksum().into(),
+            Topic::Controls => {
+                Controls { stamp, solve_ns: self.solve_us * US, ..Controls::default() }.with_checksum().into()
+            }
+            Topic::Actuators => Actuators { stamp, ..Actuators::default() }.with_checksum().into(),
         };
         if let Some(before) = self.count.before(&record) {
             self.timing.observe(&record, &before, 0.25);

@@ -49,7 +49,7 @@ impl Trace {
         Self { origin_ns, ticks: ticks.start as u64..ticks.end as u64, events: vec![], marks: vec![], names: vec![] }
     }
 
-    /// A slice for every message of who was in office, in the lane of its node, and marks for what its counters say.
+    /// A slice for every message of who was active, in the lane of its node, and marks for what its counters say.
     pub fn nodes(&mut self, log: &Log) {
         self.node(&log.states, |state| json!({ "applied_sequence": state.applied_sequence }));
         self.node(&log.references, |_| json!({}));
@@ -89,7 +89,7 @@ impl Trace {
                 row.controls.map(Message::stamp),
                 row.actuators.map(Message::stamp),
             ];
-            let heard = stamps.map(|stamp| stamp.filter(|stamp| stamp.is_heard()));
+            let heard = stamps.map(|stamp| stamp.filter(|stamp| stamp.is_delivered()));
             let nodes = heard.into_iter().enumerate().filter_map(|(lane, stamp)| Some((lane, stamp?.start_ns)));
             let command = row.actuators.and_then(|command| acted.get(&key(command)));
             let mut stations: Vec<(usize, u64)> = vec![];
@@ -218,7 +218,7 @@ fn timing(topic: Topic, stamp: &Stamp, after: Option<&Stamp>) -> Map<String, Val
     Map::from_iter([
         ("tick".to_owned(), json!(stamp.tick)),
         ("sequence".to_owned(), json!(stamp.sequence)),
-        ("heard".to_owned(), json!(stamp.is_heard())),
+        ("heard".to_owned(), json!(stamp.is_delivered())),
         ("release_us".to_owned(), json!(since(stamp.sample_ns, stamp.release_ns))),
         ("wake_us".to_owned(), json!(since(stamp.release_ns, stamp.start_ns))),
         ("execution_us".to_owned(), json!(since(stamp.start_ns, publish_ns))),

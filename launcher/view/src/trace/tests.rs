@@ -9,12 +9,12 @@ use super::acted::acted;
 fn command(tick: u64, sequence: u64, epoch: u64) -> Actuators {
     let stamp = Stamp { tick, sample_ns: tick * 1_000, sequence, epoch, ..Stamp::default() };
     Actuators { stamp: stamp.published(Topic::Actuators, sequence, tick * 1_000 + 100), ..Actuators::default() }
-        .sealed()
+        .with_checksum()
 }
 
 fn state(tick: u64, applied_sequence: u64, applied_age_ns: u64) -> State {
     let stamp = Stamp { tick, sample_ns: tick * 1_000, sequence: tick + 1, epoch: 1, ..Stamp::default() };
-    State { stamp, applied_sequence, applied_age_ns, ..State::default() }.sealed()
+    State { stamp, applied_sequence, applied_age_ns, ..State::default() }.with_checksum()
 }
 
 /// (tick, from, until) of every command that acted.

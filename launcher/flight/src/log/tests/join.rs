@@ -4,8 +4,8 @@ use super::super::read::read_in_order;
 use super::super::{Log, join, read_parts};
 use super::*;
 
-fn sealed(tick: u64) -> State {
-    state(tick).sealed()
+fn with_checksum(tick: u64) -> State {
+    state(tick).with_checksum()
 }
 
 /// Writes `states` to a part of the log, and closes it or not.
@@ -26,18 +26,18 @@ fn what_several_have_recorded_stands_in_the_log_once_and_in_order() {
     let parts =
         [first.clone(), folder.path().join("2.mcap"), folder.path().join("3.mcap"), folder.path().join("4.mcap")];
     // Message 3 was sent twice; a stale one came after 7, and a bent one after that.
-    let stale = State { stamp: Stamp { tick: 2, sequence: 8, ..Stamp::default() }, ..State::default() }.sealed();
-    let mut bent = sealed(8);
+    let stale = State { stamp: Stamp { tick: 2, sequence: 8, ..Stamp::default() }, ..State::default() }.with_checksum();
+    let mut bent = with_checksum(8);
     bent.stamp.tick = u64::MAX;
     let odd = [stale, bent];
-    part(&parts[0], (0..4).chain(3..6).map(sealed), false);
-    part(&parts[1], (3..4).chain(3..8).map(sealed).chain(odd), true);
-    part(&parts[2], odd.into_iter().chain((8..10).chain(15..20).map(sealed)), true);
+    part(&parts[0], (0..4).chain(3..6).map(with_checksum), false);
+    part(&parts[1], (3..4).chain(3..8).map(with_checksum).chain(odd), true);
+    part(&parts[2], odd.into_iter().chain((8..10).chain(15..20).map(with_checksum)), true);
 
     let event = Event::new(5, "recorder", 2, What::Started);
     let outcome = join(&parts, &contract::Scenario::default(), std::slice::from_ref(&event), 20).unwrap();
     let log = read(&first).unwrap();
-    let expected = (0..4).chain(3..8).map(sealed).chain(odd).chain((8..10).chain(15..20).map(sealed));
+    let expected = (0..4).chain(3..8).map(with_checksum).chain(odd).chain((8..10).chain(15..20).map(with_checksum));
     assert_eq!(log.states, expected.collect::<Vec<_>>());
     assert!(log.complete() && log.events == [event]);
     assert_eq!((outcome.records, outcome.dropped, outcome.error), (19, 5, None), "10 to 14 are missing");
@@ -50,11 +50,11 @@ fn the_order_of_writing_stays_across_topics() {
     let second = folder.path().join("2.mcap");
     let reference = |tick: u64| {
         let stamp = Stamp { tick, sequence: tick + 1, epoch: 1, ..Stamp::default() };
-        Record::from(Reference { stamp, ..Reference::default() }.sealed())
+        Record::from(Reference { stamp, ..Reference::default() }.with_checksum())
     };
     let bent = reference(1 << 60);
-    let one = [sealed(0).into(), reference(0), sealed(1).into(), bent];
-    let other = [one[2], bent, reference(2), sealed(2).into()];
+    let one = [with_checksum(0).into(), reference(0), with_checksum(1).into(), bent];
+    let other = [one[2], bent, reference(2), with_checksum(2).into()];
     for (path, records) in [(&first, one), (&second, other)] {
         let mut log = LogWriter::create(path, SCENARIO, 10_000_000).unwrap();
         for record in &records {
@@ -72,8 +72,8 @@ fn the_order_of_writing_stays_across_topics() {
 fn what_cannot_be_joined_stays_as_it_is() {
     let (folder, first) = place();
     let second = folder.path().join("2.mcap");
-    part(&first, (0..4).map(sealed), false);
-    part(&second, (4..8).map(sealed), true);
+    part(&first, (0..4).map(with_checksum), false);
+    part(&second, (4..8).map(with_checksum), true);
     std::fs::create_dir(first.with_extension("joined")).unwrap();
     let error = join(&[first.clone(), second.clone()], &contract::Scenario::default(), &[], 8).unwrap_err();
     assert!(format!("{error:#}").contains("joined"), "{error:#}");
@@ -84,11 +84,11 @@ fn what_cannot_be_joined_stays_as_it_is() {
 fn what_several_have_recorded_is_read_together_where_nobody_joined_it() {
     let (folder, first) = place();
     let third = folder.path().join("flight.3.mcap");
-    part(&first, (0..4).map(sealed), false);
-    part(&third, (3..8).map(sealed), false);
+    part(&first, (0..4).map(with_checksum), false);
+    part(&third, (3..8).map(with_checksum), false);
     std::fs::write(folder.path().join("flight.x.mcap"), "no part").unwrap();
     let log = read_parts(&first).unwrap();
-    assert!(log.states.iter().copied().eq((0..8).map(sealed)));
+    assert!(log.states.iter().copied().eq((0..8).map(with_checksum)));
     let defect = log.defect.unwrap();
     for told in ["flight.mcap: ", "flight.2.mcap is missing", "flight.3.mcap: "] {
         assert!(defect.contains(told), "{told}: {defect}");
@@ -102,15 +102,15 @@ fn what_several_have_recorded_is_read_together_where_nobody_joined_it() {
 
 #[test]
 fn a_log_is_told_tick_by_tick_in_the_order_of_writing() {
-    let stale = State { stamp: Stamp { tick: 0, sequence: 9, ..Stamp::default() }, ..State::default() }.sealed();
-    let mut bent = sealed(1);
+    let stale = State { stamp: Stamp { tick: 0, sequence: 9, ..Stamp::default() }, ..State::default() }.with_checksum();
+    let mut bent = with_checksum(1);
     bent.stamp.tick = u64::MAX;
     let reference = |tick| {
         let stamp = Stamp { tick, sequence: tick + 1, ..Stamp::default() };
-        Reference { stamp, ..Reference::default() }.sealed()
+        Reference { stamp, ..Reference::default() }.with_checksum()
     };
     let log = Log {
-        states: vec![sealed(0), sealed(1), stale, bent, sealed(2)],
+        states: vec![with_checksum(0), with_checksum(1), stale, bent, with_checksum(2)],
         references: (0..3).map(reference).collect(),
         ..Log::default()
     };

@@ -5,7 +5,7 @@ use contract::scenario::Swap;
 
 /// A flight at its tick 100.
 struct Flight {
-    board: Board,
+    page: ControlPage,
     scenario: Scenario,
     recorders: Recorders,
     now: Instant,
@@ -15,11 +15,11 @@ struct Flight {
 impl Flight {
     fn with_swaps(at_s: &[f64]) -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let board = Board::create(&folder.path().join("board")).unwrap();
-        board.archive().appoint(0, |_| Staff { holder: 1, shadow: 0 });
+        let page = ControlPage::create(&folder.path().join("page")).unwrap();
+        page.archive().assign(0, |_| Assignment { active: 1, standby: 0 });
         let swap = at_s.iter().map(|at_s| Swap::new(SwapNode::Recorder, *at_s)).collect();
         let scenario = Scenario { swap, ..Scenario::default() };
-        Self { board, scenario, recorders: Recorders::new(), now: Instant::now(), events: vec![] }
+        Self { page, scenario, recorders: Recorders::new(), now: Instant::now(), events: vec![] }
     }
 
     fn at(&self) -> At {
@@ -28,12 +28,12 @@ impl Flight {
 
     fn look(&mut self) -> Option<Order> {
         let at = self.at();
-        self.recorders.look(&self.board, &self.scenario, at, &mut self.events)
+        self.recorders.look(&self.page, &self.scenario, at, &mut self.events)
     }
 
     fn ended(&mut self, epoch: u32, well: bool) {
         let at = self.at();
-        self.recorders.ended(&self.board, epoch, well, at, &mut self.events);
+        self.recorders.ended(&self.page, epoch, well, at, &mut self.events);
     }
 
     /// What has happened since the last time.
@@ -42,15 +42,15 @@ impl Flight {
     }
 
     fn may_swap(&self) -> bool {
-        self.recorders.may_swap(&self.board).is_ok()
+        self.recorders.may_swap(&self.page).is_ok()
     }
 
     /// `epoch` is ready, and takes over.
     fn succeeds(&mut self, epoch: u32) {
-        self.board.archive().ready.set(epoch);
+        self.page.archive().ready.set(epoch);
         let at = self.at();
-        self.recorders.welcome(&self.board, at, &mut self.events);
-        assert_eq!(self.board.archive().holder(), epoch);
+        self.recorders.welcome(&self.page, at, &mut self.events);
+        assert_eq!(self.page.archive().active(), epoch);
     }
 }
 
@@ -63,10 +63,10 @@ fn who_dies_before_it_is_ready_is_rejected_and_the_old_one_stays() {
         flight.ended(epoch, epoch % 2 == 0); // some find that they have done well
         assert_eq!(flight.told(), [(epoch, What::Started), (epoch, What::Died), (epoch, What::Rejected)]);
     }
-    assert_eq!((flight.look(), flight.board.archive().holder()), (None, 1));
+    assert_eq!((flight.look(), flight.page.archive().active()), (None, 1));
     assert!(flight.may_swap());
     flight.ended(1, false);
-    assert_eq!(flight.look(), Some(Order::Start(7, None)), "the one in office is replaced as ever");
+    assert_eq!(flight.look(), Some(Order::Start(7, None)), "the one active is replaced as ever");
 }
 
 #[test]
@@ -111,16 +111,16 @@ fn too_many_deaths_and_nobody_records() {
     }
     assert!(flight.recorders.given_up && !flight.may_swap());
     assert_eq!(flight.told().last(), Some(&(4, What::GivenUp)));
-    assert_eq!(flight.board.recorded().count(), u32::MAX, "nobody is waited for");
+    assert_eq!(flight.page.recorded().count(), u32::MAX, "nobody is waited for");
 }
 
 #[test]
 fn who_stands_still_is_killed_and_nobody_waits_for_what_it_missed() {
     let mut flight = Flight::with_swaps(&[]);
-    flight.board.recorded().raise(80);
+    flight.page.recorded().raise(80);
     flight.now += 2 * HANG;
     assert_eq!(flight.look(), None, "there was nothing to record");
-    flight.board.watched().raise(90);
+    flight.page.watched().raise(90);
     flight.now += HANG;
     assert_eq!(flight.look(), None);
     flight.now += Duration::from_millis(1);
@@ -128,5 +128,5 @@ fn who_stands_still_is_killed_and_nobody_waits_for_what_it_missed() {
     flight.ended(1, false);
     assert_eq!(flight.look(), Some(Order::Start(2, None)));
     flight.succeeds(2);
-    assert_eq!(flight.board.recorded().count(), 90);
+    assert_eq!(flight.page.recorded().count(), 90);
 }

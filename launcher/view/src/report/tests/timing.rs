@@ -7,7 +7,7 @@ fn punctuality_is_told_and_drawn() {
     let mut hover = Hover::of(3);
     for state in &mut hover.states {
         state.stamp.start_ns = 50_000;
-        *state = state.sealed();
+        *state = state.with_checksum();
     }
     let mut run = survey();
     let node = json!({ "release_us": 0.0, "start_us": 50.0, "publish_us": 12_000.0, "slips": 0 });
@@ -38,7 +38,7 @@ fn a_command_held_ages_slot_by_slot() {
     let mut hover = Hover::of(5);
     for state in &mut hover.states {
         (state.applied_sequence, state.applied_age_ns) = if state.stamp.tick > 0 { (1, 500_000) } else { (0, 0) };
-        *state = state.sealed();
+        *state = state.with_checksum();
     }
     let page = render(&hover.flight(), &Value::Null, &Scenario::of(Profile::Robust));
     // NaN, then 0.5, 10.5, 20.5, 30.5 ms as f32.

@@ -1,6 +1,6 @@
 //! Several processes of one node, after one another and side by side.
 
-use contract::stamp::unheard;
+use contract::stamp::delivery;
 
 use super::*;
 
@@ -16,26 +16,26 @@ fn counters_begin_anew_with_another_incarnation() {
 #[test]
 fn what_is_missed_in_the_shadow_is_no_miss_of_the_flight() {
     let mut ring = Ring::new();
-    let mut say = |tick: u64, epoch, unheard, slips| {
+    let mut say = |tick: u64, epoch, delivery, slips| {
         let sample_ns = (EPOCH_US + tick * PERIOD_US) * US;
         let (start_ns, release_ns) = (sample_ns, sample_ns);
-        let mut stamp = Stamp { tick, sample_ns, epoch, unheard, release_ns, start_ns, slips, ..Stamp::default() };
+        let mut stamp = Stamp { tick, sample_ns, epoch, delivery, release_ns, start_ns, slips, ..Stamp::default() };
         (stamp.sequence, stamp.misses) = (tick + 1, slips);
         stamp.publish_ns[Topic::Actuators as usize] = sample_ns + 100 * US;
         ring.send(Topic::Actuators, stamp);
     };
     for tick in 0..4 {
-        say(tick, 1, unheard::HEARD, 0);
-        say(tick, 2, unheard::SHADOW, 3 * tick);
+        say(tick, 1, delivery::DELIVERED, 0);
+        say(tick, 2, delivery::STANDBY, 3 * tick);
     }
     for tick in 4..8 {
-        say(tick, 2, unheard::HEARD, 10); // one more than in the shadow
-        say(tick, 1, unheard::SHADOW, tick);
+        say(tick, 2, delivery::DELIVERED, 10); // one more than on standby
+        say(tick, 1, delivery::STANDBY, tick);
     }
-    say(8, 1, unheard::HEARD, 7); // has it back
+    say(8, 1, delivery::DELIVERED, 7); // has it back
     let mixer = ring.node("mixer");
     assert_eq!(["slips", "misses"].map(|key| mixer[key].as_u64().unwrap()), [1, 1]);
     assert_eq!((&mixer["response"]["n"], &mixer["response_per_slot"]["n"]), (&9.into(), &10.into()));
-    assert_eq!(mixer["cpu"]["n"], 2 + 3, "of cycles in office, but for the first and the last of each time");
+    assert_eq!(mixer["cpu"]["n"], 2 + 3, "of cycles active, but for the first and the last of each time");
     assert_eq!((&ring.worst()["tick"], &ring.worst()["late_us"]), (&4.into(), &10_100.0.into()));
 }

@@ -1,4 +1,4 @@
-//! The cycle: wake, step, send, and the punctuality of it.
+//! The cycle: wake, step, send, and the cycle timing of it.
 //!
 //! ```text
 //! release   when the work was due: the clock for the plant, the arrival of its input for everybody else
@@ -10,13 +10,13 @@
 //!           end of the run, as the scenario's `[deadline]` says
 //! ```
 //!
-//! A node's loop is `while let Some(tick) = turns.next(..) { outlet.send(..); turns.done(..) }` in every mode
-//! ([`crate::turn`], [`crate::inlet`], [`crate::outlet`]); only the plant, which turns the ring, knows what releases it ([`crate::pace`]).
+//! A node's loop is `while let Some(tick) = cycle_loop.next(..) { output.send(..); cycle_loop.done(..) }` in every mode
+//! ([`crate::cycle_loop`], [`crate::input`], [`crate::output`]); only the plant, which turns the ring, knows what releases it ([`crate::release`]).
 
 use std::cell::Cell;
 
 use crate::realtime::{now_ns, thread_cpu_ns};
-use crate::rehearsal::Rehearsal;
+use crate::warm_up::WarmUpPlan;
 use contract::message::Stamp;
 use contract::scenario::{Late, NodeDeadline};
 
@@ -24,9 +24,9 @@ use contract::scenario::{Late, NodeDeadline};
 pub(crate) const LOOK_AROUND_NS: u64 = 100_000_000;
 
 /// Timing of the cycle under way, shared by a node's ports.
-pub struct Punctuality {
+pub struct CycleTiming {
     deadline: NodeDeadline,
-    pub(crate) rehearsal: Rehearsal,
+    pub(crate) warm_up: WarmUpPlan,
     /// Whether this cycle's CPU time is still to be read.
     pub(crate) open: Cell<bool>,
     /// The response that ended the run by the policy `stop` \[ns\], and its tick.
@@ -39,12 +39,12 @@ pub struct Punctuality {
     slips: Cell<u64>,
 }
 
-impl Punctuality {
+impl CycleTiming {
     /// Nothing done yet.
-    pub(crate) fn new(deadline: NodeDeadline, rehearsal: Rehearsal) -> Self {
+    pub(crate) fn new(deadline: NodeDeadline, warm_up: WarmUpPlan) -> Self {
         Self {
             deadline,
-            rehearsal,
+            warm_up,
             open: Cell::default(),
             broken: Cell::default(),
             release_ns: Cell::default(),
@@ -62,15 +62,15 @@ impl Punctuality {
         self.misses.set(self.misses.get() + periods);
     }
 
-    /// When the node is to rehearse the cycle of the sample after that of `sample_ns`, if that is still to come.
-    pub(crate) fn rehearsal_ns(&self, sample_ns: u64) -> Option<u64> {
-        self.rehearsal.due_ns(sample_ns, now_ns())
+    /// When the node is to warm-up the cycle of the sample after that of `sample_ns`, if that is still to come.
+    pub(crate) fn warm_up_ns(&self, sample_ns: u64) -> Option<u64> {
+        self.warm_up.due_ns(sample_ns, now_ns())
     }
 
-    /// Closes the cycle before and rehearses the next.
-    pub(crate) fn rehearse(&self) {
+    /// Closes the cycle before and warms up the next.
+    pub(crate) fn warm_up(&self) {
         self.close();
-        self.rehearsal.run();
+        self.warm_up.run();
     }
 
     /// A cycle that was due at `release_ns` begins now.
@@ -108,7 +108,7 @@ impl Punctuality {
     }
 
     /// Reads the CPU's clock for the cycle before, once. It is a system call of a microsecond, so this comes with the
-    /// rehearsal when there is one: a cycle is what the thread used from one closing to the next.
+    /// warm-up when there is one: a cycle is what the thread used from one closing to the next.
     fn close(&self) {
         if self.open.replace(false) {
             let used_ns = thread_cpu_ns();
@@ -121,29 +121,29 @@ impl Punctuality {
 mod tests {
     use super::*;
 
-    fn due_in_ten_ms(late: Late) -> Punctuality {
-        Punctuality::new(NodeDeadline { deadline_ns: 10_000_000, late }, Rehearsal::new(None))
+    fn due_in_ten_ms(late: Late) -> CycleTiming {
+        CycleTiming::new(NodeDeadline { deadline_ns: 10_000_000, late }, WarmUpPlan::new(None))
     }
 
     #[test]
     fn a_late_message_is_a_miss_and_so_is_a_slot_slept_through() {
-        let punctuality = due_in_ten_ms(Late::Skip);
+        let cycle_timing = due_in_ten_ms(Late::Skip);
         let mut stamp = Stamp::default();
-        assert_eq!(punctuality.late(7, 1_000, 10_001_000), None, "just in time");
-        assert_eq!(punctuality.late(7, 1_000, 900), None, "woken early");
-        punctuality.report(&mut stamp);
+        assert_eq!(cycle_timing.late(7, 1_000, 10_001_000), None, "just in time");
+        assert_eq!(cycle_timing.late(7, 1_000, 900), None, "woken early");
+        cycle_timing.report(&mut stamp);
         assert_eq!((stamp.misses, stamp.slips), (0, 0));
-        assert_eq!(punctuality.late(7, 1_000, 10_001_001), Some(Late::Skip));
-        punctuality.slip(3);
-        punctuality.report(&mut stamp);
+        assert_eq!(cycle_timing.late(7, 1_000, 10_001_001), Some(Late::Skip));
+        cycle_timing.slip(3);
+        cycle_timing.report(&mut stamp);
         assert_eq!((stamp.misses, stamp.slips), (4, 3));
-        assert_eq!(punctuality.broken(), None);
+        assert_eq!(cycle_timing.broken(), None);
     }
 
     #[test]
     fn the_policy_stop_remembers_what_broke_the_budget() {
-        let punctuality = due_in_ten_ms(Late::Stop);
-        assert_eq!(punctuality.late(7, 1_000, 20_001_000), Some(Late::Stop));
-        assert_eq!(punctuality.broken(), Some((7, 20_000_000)));
+        let cycle_timing = due_in_ten_ms(Late::Stop);
+        assert_eq!(cycle_timing.late(7, 1_000, 20_001_000), Some(Late::Stop));
+        assert_eq!(cycle_timing.broken(), Some((7, 20_000_000)));
     }
 }

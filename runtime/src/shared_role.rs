@@ -1,20 +1,20 @@
-//! The offices: which process speaks for which node, and how far it is.
+//! The roles: which process speaks for which node, and how far it is.
 //!
 //! Every process that ever runs a node is an incarnation of its own, its epoch: 1 for the first, later ones higher. Two
-//! of them may work at once, but one holds the office, and only the holder is heard.
+//! of them may work at once, but one is active, and only the active is heard.
 //!
 //! ```text
-//! started -> ready --> shadow <--> holder    shadow    works on the same inputs, unheard
-//!               \---------------->/          heir      takes over when the next tick begins; a shadow changes places
+//! started -> ready --> standby <--> active    standby    works on the same inputs, delivery
+//!               \---------------->/          pending      takes over when the next tick begins; a standby changes places
 //! ```
 //!
 //! Who is started finds a place offered to it, and takes it by naming the port through which it will speak
-//! ([`Office::claim`]). One process gets it: a second one of the same epoch is turned away, and one that speaks without
+//! ([`SharedRole::claim`]). One process gets it: a second one of the same epoch is turned away, and one that speaks without
 //! a place is refused wherever it is heard.
 //!
-//! Against the clock the launcher names the heir, and the plant lets it in between two ticks ([`Office::turn_over`]), so
-//! that a tick has one holder. In lockstep the launcher makes the appointments itself, while the plant waits for them.
-//! Everything is an atomic word of the shared board; holder, shadow and heir are one, so that whatever the launcher and
+//! Against the clock the launcher names the pending, and the plant lets it in between two ticks ([`SharedRole::activate_pending`]), so
+//! that a tick has one active. In lockstep the launcher makes the appointments itself, while the plant waits for them.
+//! Everything is an atomic word of the shared page; active, standby and pending are one, so that whatever the launcher and
 //! the plant do at the same time is done one after the other.
 
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering, fence};
@@ -29,16 +29,16 @@ const VOICES: usize = 64;
 /// A place that is offered.
 pub(crate) const VACANT: u64 = 1;
 
-/// The office of one node.
+/// The role of one node.
 #[repr(C, align(64))]
-pub struct Office {
-    /// Who works, and who is to: a [`Roster`].
-    roster: AtomicU64,
+pub struct SharedRole {
+    /// Who works, and who is to: a [`PackedAssignment`].
+    packed: AtomicU64,
     /// The newest epoch whose process is ready to work; it says so itself.
     pub ready: Word,
     /// The newest such epoch to whose port the launcher has connected: from then on it misses nothing that is sent there.
     pub met: Word,
-    /// The first tick of an epoch since it was let in, by the epoch's last bit: holder and shadow differ in it.
+    /// The first tick of an epoch since it was let in, by the epoch's last bit: active and standby differ in it.
     since: [Word; 2],
     /// Ticks done, counted from the first of the run, likewise.
     done: [Word; 2],
@@ -48,7 +48,7 @@ pub struct Office {
     received: [[Word; Topic::COUNT]; 2],
     /// How often its ports have failed, by cause: see [`PortFailure`].
     pub port_failures: [Word; PortFailure::ALL.len()],
-    /// What the holder remembers after its newest tick.
+    /// What the active remembers after its newest tick.
     pub memory: Cell,
     /// The place of each of the newest epochs: not offered (0), vacant, or the port that its process speaks through.
     voices: [AtomicU64; VOICES],
@@ -58,95 +58,98 @@ pub struct Office {
 
 /// The epochs that work for a node; 0 = nobody.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Staff {
+pub struct Assignment {
     /// Who is heard.
-    pub holder: u32,
-    /// Who works unheard.
-    pub shadow: u32,
+    pub active: u32,
+    /// Who works delivery.
+    pub standby: u32,
 }
 
-impl Staff {
-    /// Whether `epoch` works, heard or unheard.
-    pub fn employs(self, epoch: u32) -> bool {
-        epoch != 0 && (self.holder == epoch || self.shadow == epoch)
+impl Assignment {
+    /// Whether `epoch` works, heard or delivery.
+    pub fn includes(self, epoch: u32) -> bool {
+        epoch != 0 && (self.active == epoch || self.standby == epoch)
     }
 
     /// Those who work.
     pub fn epochs(self) -> impl Iterator<Item = u32> {
-        [self.holder, self.shadow].into_iter().filter(|epoch| *epoch != 0)
+        [self.active, self.standby].into_iter().filter(|epoch| *epoch != 0)
     }
 
     /// Without `epoch`.
     #[must_use]
     pub fn without(self, epoch: u32) -> Self {
         let unless = |other: u32| if other == epoch { 0 } else { other };
-        Self { holder: unless(self.holder), shadow: unless(self.shadow) }
+        Self { active: unless(self.active), standby: unless(self.standby) }
     }
 }
 
 /// Who works, and who is to.
 #[derive(Clone, Copy, PartialEq, Eq)]
-struct Roster {
-    staff: Staff,
-    /// The epoch that holds the office from the next tick on; 0 = no change.
-    heir: u32,
+struct PackedAssignment {
+    assignment: Assignment,
+    /// The epoch that is active from the next tick on; 0 = no change.
+    pending: u32,
 }
 
-impl Roster {
+impl PackedAssignment {
     /// Bits of an epoch: three fit into a word, and no run has two million processes of a node.
     const BITS: u32 = 21;
 
     fn to_word(self) -> u64 {
-        let Self { staff: Staff { holder, shadow }, heir } = self;
-        [heir, shadow, holder].into_iter().fold(0, |word, epoch| word << Self::BITS | u64::from(epoch))
+        let Self { assignment: Assignment { active, standby }, pending } = self;
+        [pending, standby, active].into_iter().fold(0, |word, epoch| word << Self::BITS | u64::from(epoch))
     }
 
     fn from_word(word: u64) -> Self {
         let epoch = |place: u32| (word >> (place * Self::BITS)) as u32 & ((1 << Self::BITS) - 1);
-        Self { staff: Staff { holder: epoch(0), shadow: epoch(1) }, heir: epoch(2) }
+        Self { assignment: Assignment { active: epoch(0), standby: epoch(1) }, pending: epoch(2) }
     }
 }
 
-impl Office {
+impl SharedRole {
     /// Who works.
-    pub fn staff(&self) -> Staff {
-        self.roster().staff
+    pub fn assignment(&self) -> Assignment {
+        self.packed().assignment
     }
 
     /// The epoch that is heard; 0 = vacant.
-    pub fn holder(&self) -> u32 {
-        self.staff().holder
+    pub fn active(&self) -> u32 {
+        self.assignment().active
     }
 
     /// Changes who works. Those who are new begin with `tick`.
-    pub fn appoint(&self, tick: u32, change: impl Fn(Staff) -> Staff) {
-        self.update(|Roster { staff, heir }| Roster { staff: self.begin(tick, staff, change(staff)), heir });
-    }
-
-    /// Names who holds the office from the next tick on; 0 = no change.
-    pub fn name_heir(&self, heir: u32) {
-        self.update(|roster| Roster { heir, ..roster });
-    }
-
-    /// `epoch` neither works nor is to work any more; a shadow that is left alone becomes the heir.
-    pub fn dismiss(&self, epoch: u32) {
-        self.update(|Roster { staff, heir }| {
-            let staff = staff.without(epoch);
-            let alone = staff.holder == 0 && staff.shadow != 0;
-            let heir = if heir == epoch { 0 } else { heir };
-            Roster { staff, heir: if alone { staff.shadow } else { heir } }
+    pub fn assign(&self, tick: u32, change: impl Fn(Assignment) -> Assignment) {
+        self.update(|PackedAssignment { assignment, pending }| PackedAssignment {
+            assignment: self.begin(tick, assignment, change(assignment)),
+            pending,
         });
     }
 
-    /// Lets the heir in, if one is named, for the tick that begins; one that was the shadow changes places.
-    pub fn turn_over(&self, tick: u32) {
-        self.update(|roster| {
-            let Roster { staff: Staff { holder, shadow }, heir } = roster;
-            if heir == 0 {
-                return roster;
+    /// Names who is active from the next tick on; 0 = no change.
+    pub fn set_pending(&self, pending: u32) {
+        self.update(|packed| PackedAssignment { pending, ..packed });
+    }
+
+    /// `epoch` neither works nor is to work any more; a standby that is left alone becomes the pending.
+    pub fn dismiss(&self, epoch: u32) {
+        self.update(|PackedAssignment { assignment, pending }| {
+            let assignment = assignment.without(epoch);
+            let alone = assignment.active == 0 && assignment.standby != 0;
+            let pending = if pending == epoch { 0 } else { pending };
+            PackedAssignment { assignment, pending: if alone { assignment.standby } else { pending } }
+        });
+    }
+
+    /// Lets the pending in, if one is named, for the tick that begins; one that was the standby changes places.
+    pub fn activate_pending(&self, tick: u32) {
+        self.update(|packed| {
+            let PackedAssignment { assignment: Assignment { active, standby }, pending } = packed;
+            if pending == 0 {
+                return packed;
             }
-            let staff = Staff { holder: heir, shadow: if shadow == heir { holder } else { shadow } };
-            Roster { staff: self.begin(tick, roster.staff, staff), heir: 0 }
+            let assignment = Assignment { active: pending, standby: if standby == pending { active } else { standby } };
+            PackedAssignment { assignment: self.begin(tick, packed.assignment, assignment), pending: 0 }
         });
     }
 
@@ -195,22 +198,22 @@ impl Office {
         self.voices.iter().any(|voice| voice.load(Ordering::Acquire) == port)
     }
 
-    fn roster(&self) -> Roster {
-        Roster::from_word(self.roster.load(Ordering::Acquire))
+    fn packed(&self) -> PackedAssignment {
+        PackedAssignment::from_word(self.packed.load(Ordering::Acquire))
     }
 
-    /// The one way in which the roster changes: at once, or anew from what another has made of it meanwhile.
-    fn update(&self, change: impl Fn(Roster) -> Roster) {
+    /// The one way in which the packed changes: at once, or anew from what another has made of it meanwhile.
+    fn update(&self, change: impl Fn(PackedAssignment) -> PackedAssignment) {
         let changed = |word| {
-            let before = Roster::from_word(word);
-            Some(change(before)).filter(|after| *after != before).map(Roster::to_word)
+            let before = PackedAssignment::from_word(word);
+            Some(change(before)).filter(|after| *after != before).map(PackedAssignment::to_word)
         };
-        let _ = self.roster.fetch_update(Ordering::AcqRel, Ordering::Acquire, changed); // fails where nothing changes
+        let _ = self.packed.fetch_update(Ordering::AcqRel, Ordering::Acquire, changed); // fails where nothing changes
     }
 
     /// Has those begin with `tick` who are new in `after`, and gives it back.
-    fn begin(&self, tick: u32, before: Staff, after: Staff) -> Staff {
-        for epoch in after.epochs().filter(|epoch| !before.employs(*epoch)) {
+    fn begin(&self, tick: u32, before: Assignment, after: Assignment) -> Assignment {
+        for epoch in after.epochs().filter(|epoch| !before.includes(*epoch)) {
             self.done(epoch).set(tick);
             self.since(epoch).set(tick);
         }
@@ -222,7 +225,7 @@ impl Office {
     }
 }
 
-/// A number of the board.
+/// A number of the page.
 #[repr(transparent)]
 pub struct Word(AtomicU32);
 

@@ -1,10 +1,10 @@
-//! The board: shared memory with a bell per topic, the offices, and the words every process looks at.
+//! The page: shared memory with a doorbell per topic, the roles, and the words every process looks at.
 //!
-//! iceoryx2 carries the messages; the bells only wake. A bell is a counter with a futex on it: a publisher raises it
+//! iceoryx2 carries the messages; the doorbells only wake. A doorbell is a counter with a futex on it: a publisher raises it
 //! after it has sent, a waiter sleeps until it moves or a deadline passes. iceoryx2's own event is a datagram with
 //! time-outs in milliseconds; a futex costs one system call a side and times out at the nanosecond.
 //!
-//! A bell holds no state worth losing: whoever dies between sending and ringing costs the others one time-out.
+//! A doorbell holds no state worth losing: whoever dies between sending and ringing costs the others one time-out.
 
 use std::fs::OpenOptions;
 use std::io;
@@ -20,8 +20,8 @@ use rustix::thread::futex;
 
 use super::clock::to_timespec;
 use crate::domain::allocate;
-use crate::ledger::Ledger;
-use crate::office::Office;
+use crate::fault_table::FaultTable;
+use crate::shared_role::SharedRole;
 use contract::Topic;
 
 const PAGE_BYTES: usize = 4096 * 8;
@@ -30,20 +30,20 @@ const MAGIC: u32 = 0x7EF0_1107;
 #[repr(C)]
 struct Page {
     magic: AtomicU32,
-    phase: Bell,
-    watched: Bell,
-    recorded: Bell,
-    asked: Bell,
-    ruled: Bell,
-    bells: [Bell; Topic::COUNT],
-    offices: [Office; Topic::COUNT],
-    archive: Office,
-    ledger: Ledger,
+    phase: Doorbell,
+    watched: Doorbell,
+    recorded: Doorbell,
+    asked: Doorbell,
+    ruled: Doorbell,
+    doorbells: [Doorbell; Topic::COUNT],
+    roles: [SharedRole; Topic::COUNT],
+    archive: SharedRole,
+    fault_table: FaultTable,
     origin_ns: AtomicU64,
 }
 const _: () = assert!(size_of::<Page>() <= PAGE_BYTES);
 
-/// Where a run stands: the value of [`Board::phase`].
+/// Where a run stands: the value of [`ControlPage::phase`].
 pub mod phase {
     /// Processes are joining.
     pub const JOIN: u32 = 0;
@@ -57,9 +57,9 @@ pub mod phase {
 
 /// A counter that wakes, on a cache line of its own.
 #[repr(C, align(64))]
-pub struct Bell(AtomicU32);
+pub struct Doorbell(AtomicU32);
 
-impl Bell {
+impl Doorbell {
     /// Times rung so far. Read it before looking for a message, then pass it to [`wait`](Self::wait).
     pub fn count(&self) -> u32 {
         self.0.load(Ordering::Acquire)
@@ -101,51 +101,51 @@ impl Bell {
 }
 
 /// The mapped page. Lives as long as the process uses the ring.
-pub struct Board {
+pub struct ControlPage {
     page: NonNull<Page>,
 }
 
-impl Board {
+impl ControlPage {
     /// Makes the page as a new file; the launcher does this once per run.
     pub fn create(path: &Path) -> io::Result<Self> {
         let file = OpenOptions::new().read(true).write(true).create_new(true).mode(0o600).open(path)?;
         allocate(&file, PAGE_BYTES as u64)?;
-        let board = Self::map(&file)?;
-        board.page().magic.store(MAGIC, Ordering::Release);
-        Ok(board)
+        let page = Self::map(&file)?;
+        page.page().magic.store(MAGIC, Ordering::Release);
+        Ok(page)
     }
 
     /// Opens the page of a running stack.
     pub fn open(path: &Path) -> io::Result<Self> {
         let file = OpenOptions::new().read(true).write(true).open(path)?;
         if file.metadata()?.len() != PAGE_BYTES as u64 {
-            return Err(io::Error::new(io::ErrorKind::InvalidData, "not a board: wrong length"));
+            return Err(io::Error::new(io::ErrorKind::InvalidData, "not a page: wrong length"));
         }
-        let board = Self::map(&file)?;
-        if board.page().magic.load(Ordering::Acquire) != MAGIC {
-            return Err(io::Error::new(io::ErrorKind::InvalidData, "a board of another version"));
+        let page = Self::map(&file)?;
+        if page.page().magic.load(Ordering::Acquire) != MAGIC {
+            return Err(io::Error::new(io::ErrorKind::InvalidData, "a page of another version"));
         }
-        Ok(board)
+        Ok(page)
     }
 
-    /// The bell of a topic.
-    pub fn bell(&self, topic: Topic) -> &Bell {
-        &self.page().bells[topic as usize]
+    /// The doorbell of a topic.
+    pub fn doorbell(&self, topic: Topic) -> &Doorbell {
+        &self.page().doorbells[topic as usize]
     }
 
-    /// The office of the node that publishes `topic`.
-    pub fn office(&self, topic: Topic) -> &Office {
-        &self.page().offices[topic as usize]
+    /// The role of the node that publishes `topic`.
+    pub fn role(&self, topic: Topic) -> &SharedRole {
+        &self.page().roles[topic as usize]
     }
 
-    /// The office of the recorder.
-    pub fn archive(&self) -> &Office {
+    /// The role of the recorder.
+    pub fn archive(&self) -> &SharedRole {
         &self.page().archive
     }
 
     /// The faults that this flight is given while it flies.
-    pub fn ledger(&self) -> &Ledger {
-        &self.page().ledger
+    pub fn fault_table(&self) -> &FaultTable {
+        &self.page().fault_table
     }
 
     /// The instant of sample 0 \[ns\]; 0 before there is one. In lockstep it is that of the present sample.
@@ -159,27 +159,27 @@ impl Board {
     }
 
     /// Where the run stands: see [`phase`]. Rung at every change.
-    pub fn phase(&self) -> &Bell {
+    pub fn phase(&self) -> &Doorbell {
         &self.page().phase
     }
 
     /// The newest tick that the launcher has seen: how far lockstep may run ahead is counted from it.
-    pub fn watched(&self) -> &Bell {
+    pub fn watched(&self) -> &Doorbell {
         &self.page().watched
     }
 
     /// The newest tick that the recorder has seen; at its highest when nothing is recorded.
-    pub fn recorded(&self) -> &Bell {
+    pub fn recorded(&self) -> &Doorbell {
         &self.page().recorded
     }
 
     /// Lockstep: ticks for which the plant has asked the launcher who works on them.
-    pub fn asked(&self) -> &Bell {
+    pub fn asked(&self) -> &Doorbell {
         &self.page().asked
     }
 
     /// Lockstep: ticks for which the launcher has said it.
-    pub fn ruled(&self) -> &Bell {
+    pub fn ruled(&self) -> &Doorbell {
         &self.page().ruled
     }
 
@@ -187,7 +187,7 @@ impl Board {
     pub fn set_phase(&self, phase: u32) {
         self.phase().raise(phase);
         for topic in Topic::ALL {
-            self.bell(topic).ring();
+            self.doorbell(topic).ring();
         }
     }
 
@@ -207,7 +207,7 @@ impl Board {
     }
 }
 
-impl Drop for Board {
+impl Drop for ControlPage {
     fn drop(&mut self) {
         // SAFETY: mapped by `map` with this length, and no reference outlives `self`. Failure would leak one page.
         let _ = unsafe { munmap(self.page.as_ptr().cast(), PAGE_BYTES) };
@@ -215,6 +215,6 @@ impl Drop for Board {
 }
 
 // SAFETY: all access goes through atomics behind shared references; the mapping itself never changes.
-unsafe impl Send for Board {}
+unsafe impl Send for ControlPage {}
 // SAFETY: as above.
-unsafe impl Sync for Board {}
+unsafe impl Sync for ControlPage {}

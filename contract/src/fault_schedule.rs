@@ -1,7 +1,7 @@
-//! The roll: the faults that one part of the stack suffers, with their numbers and their times.
+//! The roll: the faults that one part of the stack has, with their numbers and their times.
 //!
 //! Those of the scenario stand in it from the start. Against the clock more may come while the stack flies, and some end
-//! earlier than they were to (`runtime::ledger`): there is room for them, so that nothing is allocated then.
+//! earlier than they were to (`runtime::fault_table`): there is room for them, so that nothing is allocated then.
 
 use std::ops::Range;
 
@@ -14,7 +14,7 @@ pub const ROOM: usize = 128;
 
 /// The faults of one part of the stack, in the order of their numbers; `E` is what a fault is to it.
 #[derive(Debug, Clone)]
-pub struct Roll<E> {
+pub struct FaultSchedule<E> {
     entries: Vec<Entry<E>>,
     sample_s: f64,
 }
@@ -32,14 +32,14 @@ pub struct Entry<E> {
     pub effect: E,
 }
 
-impl<E> Roll<E> {
+impl<E> FaultSchedule<E> {
     /// Those faults of `scenario` that have an `effect`, by number and fault.
     pub fn new(scenario: &Scenario, effect: impl Fn(usize, &Fault) -> Option<E>) -> Self {
         let room = if scenario.run.mode == Mode::Realtime { ROOM } else { 0 };
         let entries = Vec::with_capacity(scenario.fault.len() + room);
         let mut roll = Self { entries, sample_s: scenario.sample_s() };
         for (number, fault) in scenario.fault.iter().enumerate() {
-            roll.suffer(number, fault, effect(number, fault));
+            roll.apply_fault(number, fault, effect(number, fault));
         }
         roll
     }
@@ -47,7 +47,7 @@ impl<E> Roll<E> {
     /// Takes fault `number` as it is from now on: one that stands here already may have another end; one that is new is
     /// taken if it has an `effect`. A process may have faults of its own in place of the run's, so that one that is given
     /// while flying finds its number taken.
-    pub fn suffer(&mut self, number: usize, fault: &Fault, effect: Option<E>) {
+    pub fn apply_fault(&mut self, number: usize, fault: &Fault, effect: Option<E>) {
         let (what, ticks) = ((fault.target, fault.kind, fault.at_s), fault.ticks(self.sample_s));
         let known = |entry: &&mut Entry<E>| entry.number == number && entry.what == what;
         if let Some(entry) = self.entries.iter_mut().find(known) {
@@ -93,14 +93,14 @@ mod tests {
         Fault::new(FaultTarget::Mpc, FaultKind::Nan, at_s, for_s)
     }
 
-    fn roll(mode: Mode) -> Roll<usize> {
+    fn roll(mode: Mode) -> FaultSchedule<usize> {
         let other = Fault::new(FaultTarget::Wind, FaultKind::Step, 0.0, None);
         let mut scenario = Scenario { fault: vec![other, fault(0.1, None)], ..Scenario::default() };
         scenario.run.mode = mode;
-        Roll::new(&scenario, |number, fault| (fault.target == FaultTarget::Mpc).then_some(number))
+        FaultSchedule::new(&scenario, |number, fault| (fault.target == FaultTarget::Mpc).then_some(number))
     }
 
-    fn on(roll: &Roll<usize>, tick: u64) -> Vec<usize> {
+    fn on(roll: &FaultSchedule<usize>, tick: u64) -> Vec<usize> {
         roll.on(tick).map(|entry| entry.effect).collect()
     }
 
@@ -109,12 +109,12 @@ mod tests {
         let mut roll = roll(Mode::Realtime);
         let room = roll.entries.capacity();
         assert_eq!(on(&roll, 500), [1]);
-        roll.suffer(1, &fault(0.1, Some(0.2)), Some(7));
-        roll.suffer(2, &fault(0.3, Some(0.1)), Some(2));
-        roll.suffer(3, &fault(0.3, None), None);
+        roll.apply_fault(1, &fault(0.1, Some(0.2)), Some(7));
+        roll.apply_fault(2, &fault(0.3, Some(0.1)), Some(2));
+        roll.apply_fault(3, &fault(0.3, None), None);
         assert_eq!([29, 30, 40].map(|tick| on(&roll, tick)), [vec![1], vec![2], vec![]]);
         for number in 2..2 * ROOM {
-            roll.suffer(number, &fault(0.3, None), Some(number));
+            roll.apply_fault(number, &fault(0.3, None), Some(number));
         }
         assert_eq!(roll.entries.capacity(), room, "what is too much is left out");
         assert_eq!(on(&roll, 500).len(), room - 1, "but the one that is over");
@@ -123,16 +123,16 @@ mod tests {
     #[test]
     fn one_given_while_flying_leaves_another_of_its_number_as_it_is() {
         let mut roll = roll(Mode::Realtime);
-        roll.suffer(1, &fault(3.0, Some(1.0)), Some(7));
+        roll.apply_fault(1, &fault(3.0, Some(1.0)), Some(7));
         assert_eq!([20, 310, 420].map(|tick| on(&roll, tick)), [vec![1], vec![1, 7], vec![1]]);
-        roll.suffer(1, &fault(3.0, Some(0.1)), Some(7));
+        roll.apply_fault(1, &fault(3.0, Some(0.1)), Some(7));
         assert_eq!([20, 309, 310].map(|tick| on(&roll, tick)), [vec![1], vec![1, 7], vec![1]]);
     }
 
     #[test]
     fn where_none_can_come_there_is_no_room() {
         assert_eq!(roll(Mode::Lockstep).entries.capacity(), 2);
-        assert!(!Roll::<()>::new(&Scenario { fault: vec![], ..lockstep() }, |_, _| Some(())).may_strike());
+        assert!(!FaultSchedule::<()>::new(&Scenario { fault: vec![], ..lockstep() }, |_, _| Some(())).may_strike());
         assert!(roll(Mode::Realtime).may_strike());
     }
 

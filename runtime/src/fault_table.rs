@@ -1,6 +1,6 @@
-//! The ledger: faults that a flight is given while it flies, on the board that all its processes share.
+//! The fault table: faults that a flight is given while it flies, on the page that all its processes share.
 //!
-//! The launcher enters a fault, and every process hears of it at its next sample ([`News`]). Each has a number: those of
+//! The launcher enters a fault, and every process hears of it at its next sample ([`FaultUpdates`]). Each has a number: those of
 //! the scenario are counted first, and stand here only when they end earlier than the scenario says. Entries are never
 //! taken back, and of one that stands only the end changes, which is one word: nobody can read half of one.
 //!
@@ -12,9 +12,9 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use contract::roll::ROOM;
+use contract::fault_schedule::ROOM;
 
-use crate::realtime::Board;
+use crate::realtime::ControlPage;
 use contract::scenario::{Fault, FaultTarget, LONGEST_MS, LONGEST_S, Wrong};
 
 const WORDS: usize = 11;
@@ -23,7 +23,7 @@ const FOR_S: usize = 3;
 
 /// The entries. The launcher writes, everybody reads.
 #[repr(C, align(64))]
-pub struct Ledger {
+pub struct FaultTable {
     /// Counts changes.
     generation: AtomicU64,
     /// Entries that stand.
@@ -31,7 +31,7 @@ pub struct Ledger {
     entries: [[AtomicU64; WORDS]; ROOM],
 }
 
-impl Ledger {
+impl FaultTable {
     /// Enters fault `number`, or its new end; whether there was room.
     pub fn enter(&self, number: usize, fault: &Fault) -> bool {
         let words = pack(number, fault);
@@ -66,25 +66,25 @@ impl Ledger {
 }
 
 /// One listener's way to hear what is entered.
-pub struct News {
-    board: Arc<Board>,
+pub struct FaultUpdates {
+    page: Arc<ControlPage>,
     /// The generation that it knows.
     known: u64,
 }
 
-impl News {
+impl FaultUpdates {
     /// For one who knows of nothing.
-    pub(crate) fn new(board: Arc<Board>) -> Self {
-        Self { board, known: 0 }
+    pub(crate) fn new(page: Arc<ControlPage>) -> Self {
+        Self { page, known: 0 }
     }
 
-    /// Tells `suffer` every fault of the ledger, with its number, if there is anything new. To ask costs next to nothing.
-    pub fn tell(&mut self, mut suffer: impl FnMut(usize, &Fault)) {
-        let ledger = self.board.ledger();
-        let generation = ledger.generation.load(Ordering::Acquire);
+    /// Tells `apply` every fault of the fault table, with its number, if there is anything new. To ask costs next to nothing.
+    pub fn tell(&mut self, mut apply: impl FnMut(usize, &Fault)) {
+        let fault_table = self.page.fault_table();
+        let generation = fault_table.generation.load(Ordering::Acquire);
         if generation != self.known {
             self.known = generation;
-            ledger.faults().for_each(|(number, fault)| suffer(number, &fault));
+            fault_table.faults().for_each(|(number, fault)| apply(number, &fault));
         }
     }
 }
@@ -182,13 +182,13 @@ mod tests {
         }
     }
 
-    fn board() -> (tempfile::TempDir, Arc<Board>) {
+    fn page() -> (tempfile::TempDir, Arc<ControlPage>) {
         let folder = tempfile::tempdir().expect("a temporary folder");
-        let board = Board::create(&folder.path().join("board")).expect("a board");
-        (folder, Arc::new(board))
+        let page = ControlPage::create(&folder.path().join("page")).expect("a page");
+        (folder, Arc::new(page))
     }
 
-    fn heard(news: &mut News) -> Vec<(usize, Option<f64>)> {
+    fn heard(news: &mut FaultUpdates) -> Vec<(usize, Option<f64>)> {
         let mut heard = vec![];
         news.tell(|number, fault| heard.push((number, fault.for_s)));
         heard
@@ -200,23 +200,23 @@ mod tests {
 
     #[test]
     fn what_is_entered_is_heard_once_and_again_when_it_changes() {
-        let (_folder, board) = board();
-        let mut news = News::new(board.clone());
+        let (_folder, page) = page();
+        let mut news = FaultUpdates::new(page.clone());
         assert_eq!(heard(&mut news), []);
-        assert!(board.ledger().enter(3, &fault(0.5)) && board.ledger().enter(0, &fault(0.1)));
+        assert!(page.fault_table().enter(3, &fault(0.5)) && page.fault_table().enter(0, &fault(0.1)));
         assert_eq!(heard(&mut news), [(3, Some(0.5)), (0, Some(0.1))]);
         assert_eq!(heard(&mut news), []);
-        assert!(board.ledger().enter(3, &fault(0.2)));
+        assert!(page.fault_table().enter(3, &fault(0.2)));
         assert_eq!(heard(&mut news), [(3, Some(0.2)), (0, Some(0.1))]);
-        assert_eq!(heard(&mut News::new(board)).len(), 2, "who comes later hears it all");
+        assert_eq!(heard(&mut FaultUpdates::new(page)).len(), 2, "who comes later hears it all");
     }
 
     #[test]
     fn a_full_ledger_takes_ends_only() {
-        let (_folder, board) = board();
-        assert!((0..ROOM).all(|number| board.ledger().enter(number, &fault(0.5))));
-        assert!(!board.ledger().enter(ROOM, &fault(0.5)) && !board.ledger().has_room_for(0..=ROOM));
-        assert!(board.ledger().has_room_for(0..ROOM) && board.ledger().enter(7, &fault(0.2)));
-        assert_eq!(heard(&mut News::new(board))[7], (7, Some(0.2)));
+        let (_folder, page) = page();
+        assert!((0..ROOM).all(|number| page.fault_table().enter(number, &fault(0.5))));
+        assert!(!page.fault_table().enter(ROOM, &fault(0.5)) && !page.fault_table().has_room_for(0..=ROOM));
+        assert!(page.fault_table().has_room_for(0..ROOM) && page.fault_table().enter(7, &fault(0.2)));
+        assert_eq!(heard(&mut FaultUpdates::new(page))[7], (7, Some(0.2)));
     }
 }

@@ -1,37 +1,37 @@
-//! The inlet: where a node hears one topic. What the guard refuses is counted and forgotten.
+//! The input: where a node hears one topic. What the guard refuses is counted and forgotten.
 
 use std::rc::Rc;
 use std::sync::Arc;
 
 use crate::port::Receive;
-use crate::realtime::{Board, now_ns, phase};
+use crate::realtime::{ControlPage, now_ns, phase};
 use contract::Topic;
 use contract::guard::{Guard, Refusal};
 use contract::message::Message;
 
 /// Where a node hears one topic.
-pub struct Inlet<M> {
+pub struct Input<M> {
     port: Rc<dyn Receive<M>>,
-    board: Arc<Board>,
+    page: Arc<ControlPage>,
     guard: Guard<M>,
-    /// Where refusals are counted: the office of who listens.
+    /// Where refusals are counted: the role of who listens.
     listener: Topic,
     /// Which process of it listens.
     epoch: u32,
-    /// How often the bell had rung at the last look.
+    /// How often the doorbell had rung at the last look.
     seen: u32,
     /// Between two samples \[ns\]; `None` in lockstep.
     period_ns: Option<u64>,
 }
 
-impl<M: Message> Inlet<M> {
+impl<M: Message> Input<M> {
     pub(crate) fn new(
         port: Rc<dyn Receive<M>>,
-        board: Arc<Board>,
+        page: Arc<ControlPage>,
         (listener, epoch): (Topic, u32),
         period_ns: Option<u64>,
     ) -> Self {
-        Self { port, board, guard: Guard::default(), listener, epoch, seen: 0, period_ns }
+        Self { port, page, guard: Guard::default(), listener, epoch, seen: 0, period_ns }
     }
 
     /// The newest message that was taken, without waiting; the default (sequence 0) before the first.
@@ -42,30 +42,30 @@ impl<M: Message> Inlet<M> {
 
     /// Waits for a message that is taken until `deadline_ns` or the end of the run; whether one came.
     pub(crate) fn arrived(&mut self, deadline_ns: u64) -> bool {
-        let board = self.board.clone();
-        let bell = board.bell(M::TOPIC);
+        let page = self.page.clone();
+        let doorbell = page.doorbell(M::TOPIC);
         loop {
-            let rung = bell.count(); // before the look, so that a message after it is not slept through
+            let rung = doorbell.count(); // before the look, so that a message after it is not slept through
             if self.look() {
                 return true;
             }
-            if now_ns() >= deadline_ns || board.phase().count() >= phase::LEAVE {
+            if now_ns() >= deadline_ns || page.phase().count() >= phase::LEAVE {
                 return false;
             }
-            bell.wait(rung, deadline_ns);
+            doorbell.wait(rung, deadline_ns);
         }
     }
 
     /// Judges what has come since the last look; whether something was taken.
     fn look(&mut self) -> bool {
-        let rung = self.board.bell(M::TOPIC).count();
+        let rung = self.page.doorbell(M::TOPIC).count();
         if self.period_ns.is_some() && rung == self.seen {
-            return false; // against the clock a message is there when the bell has rung: for everybody, not for some
+            return false; // against the clock a message is there when the doorbell has rung: for everybody, not for some
         }
         self.seen = rung;
-        let office = self.board.office(M::TOPIC);
-        let own = self.board.office(self.listener);
-        let holder = office.holder();
+        let role = self.page.role(M::TOPIC);
+        let own = self.page.role(self.listener);
+        let active = role.active();
         let mut taken = false;
         loop {
             let (message, port) = match self.port.receive() {
@@ -76,16 +76,16 @@ impl<M: Message> Inlet<M> {
                     break;
                 }
             };
-            let from_holder = office.port(holder) == port;
+            let from_holder = role.port(active) == port;
             if from_holder {
                 own.received(self.epoch, M::TOPIC).count();
             }
-            if !message.stamp().is_heard() {
+            if !message.stamp().is_delivered() {
                 continue;
             }
-            let posing = message.stamp().epoch == u64::from(holder) && !from_holder;
+            let posing = message.stamp().epoch == u64::from(active) && !from_holder;
             let samples = self.samples(message.stamp().tick);
-            let judged = if posing { Err(Refusal::Publisher) } else { self.guard.take(&message, holder, samples) };
+            let judged = if posing { Err(Refusal::Publisher) } else { self.guard.take(&message, active, samples) };
             match judged {
                 Ok(()) => taken = true,
                 Err(refusal) => own.refused[refusal as usize].count(),
@@ -97,10 +97,10 @@ impl<M: Message> Inlet<M> {
     /// How many samples there are when one that tells of sample `tick` is to be judged: those that the plant has taken,
     /// and against the clock those that it has overslept, to which the nodes answer all the same.
     fn samples(&self, tick: u64) -> u64 {
-        let taken = u64::from(self.board.office(Topic::State).done(1).get());
+        let taken = u64::from(self.page.role(Topic::State).done(1).get());
         match self.period_ns {
-            Some(period_ns) if tick >= taken && self.board.origin_ns() > 0 => {
-                taken.max(now_ns().saturating_sub(self.board.origin_ns()) / period_ns + 1)
+            Some(period_ns) if tick >= taken && self.page.origin_ns() > 0 => {
+                taken.max(now_ns().saturating_sub(self.page.origin_ns()) / period_ns + 1)
             }
             _ => taken,
         }
@@ -112,8 +112,8 @@ mod tests {
     use std::cell::RefCell;
 
     use super::*;
-    use crate::office::Staff;
     use crate::port::{PortError, PortFailure};
+    use crate::shared_role::Assignment;
     use contract::message::{Controls, Stamp};
 
     const PORT: u64 = 71;
@@ -137,23 +137,23 @@ mod tests {
     /// \[ns\]: the ticks that are taken, and how many were refused for their age.
     fn taken(period_ns: Option<u64>, since_ns: u64, ticks: &[u64]) -> (Vec<u64>, u32) {
         let folder = tempfile::tempdir().unwrap();
-        let board = Arc::new(Board::create(&folder.path().join("board")).unwrap());
-        board.office(Topic::State).done(1).set(5);
-        board.set_origin_ns(now_ns() - since_ns);
-        let office = board.office(Topic::Controls);
-        office.appoint(0, |_| Staff { holder: 1, shadow: 0 });
-        office.offer(1);
-        assert!(office.claim(1, PORT));
+        let page = Arc::new(ControlPage::create(&folder.path().join("page")).unwrap());
+        page.role(Topic::State).done(1).set(5);
+        page.set_origin_ns(now_ns() - since_ns);
+        let role = page.role(Topic::Controls);
+        role.assign(0, |_| Assignment { active: 1, standby: 0 });
+        role.offer(1);
+        assert!(role.claim(1, PORT));
         let line = Rc::new(RefCell::new(vec![]));
-        let mut inlet = Inlet::new(line.clone(), board.clone(), (Topic::Actuators, 1), period_ns);
+        let mut input = Input::new(line.clone(), page.clone(), (Topic::Actuators, 1), period_ns);
         let mut heard = vec![];
         for (sequence, tick) in (1..).zip(ticks) {
             let stamp = Stamp { tick: *tick, sequence, epoch: 1, ..Stamp::default() };
-            line.borrow_mut().push(Controls { stamp, ..Controls::default() }.sealed());
-            board.bell(Topic::Controls).mark();
-            heard.extend(inlet.arrived(0).then(|| inlet.newest().stamp.tick));
+            line.borrow_mut().push(Controls { stamp, ..Controls::default() }.with_checksum());
+            page.doorbell(Topic::Controls).mark();
+            heard.extend(input.arrived(0).then(|| input.newest().stamp.tick));
         }
-        let listener = board.office(Topic::Actuators);
+        let listener = page.role(Topic::Actuators);
         assert_eq!(listener.received(1, Topic::Controls).get() as usize, ticks.len(), "taken or not");
         (heard, listener.refused[Refusal::Age as usize].get())
     }

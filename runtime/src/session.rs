@@ -1,4 +1,4 @@
-//! A process of the stack: joins a run, takes its seat, runs its node, leaves.
+//! A process of the stack: joins a run, takes its session, runs its node, leaves.
 //!
 //! Every node's `main.rs` is the same three lines around [`main`]; the launcher starts the same code as
 //! `launcher node NAME`.
@@ -12,17 +12,17 @@ use std::sync::Arc;
 use rustix::process::Signal;
 
 use crate::console;
-use crate::cycle::Punctuality;
+use crate::cycle_loop::{Clock, CycleLoop};
+use crate::cycle_timing::CycleTiming;
 use crate::domain::{Domain, DomainError};
-use crate::inlet::Inlet;
-use crate::ledger::News;
-use crate::office::VACANT;
-use crate::outlet::Outlet;
-use crate::pace::Pace;
+use crate::fault_table::FaultUpdates;
+use crate::input::Input;
+use crate::output::Output;
 use crate::port::{Bus, NODE_DEPTH, PortError, Receive, Wire, observer_depth};
-use crate::realtime::{self, Board, now_ns, phase};
-use crate::rehearsal::Rehearsal;
-use crate::turn::{Clock, Turns};
+use crate::realtime::{self, ControlPage, now_ns, phase};
+use crate::release::Release;
+use crate::shared_role::VACANT;
+use crate::warm_up::WarmUpPlan;
 use contract::file::{self, LARGEST_TEXT};
 use contract::message::Stamp;
 use contract::scenario::{self, Late, Mode, Scenario, ScenarioError};
@@ -45,9 +45,9 @@ pub mod exit {
     pub const INTERRUPTED: u8 = 130;
 }
 
-/// Why a process cannot take or keep its seat.
+/// Why a process cannot take or keep its session.
 #[derive(Debug, thiserror::Error)]
-pub enum SeatError {
+pub enum SessionError {
     /// The run is not there.
     #[error(transparent)]
     Domain(#[from] DomainError),
@@ -60,7 +60,7 @@ pub enum SeatError {
     /// The run's settings cannot be read.
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
-    /// The run's board or settings file cannot be opened.
+    /// The run's page or settings file cannot be opened.
     #[error("{what}: {why}")]
     Io {
         /// Which file.
@@ -98,7 +98,7 @@ pub enum SeatError {
     },
     /// A fault has it end by itself.
     #[error("tick {tick}: a fault has it end by itself")]
-    Seized {
+    FaultExit {
         /// Which tick.
         tick: u64,
     },
@@ -128,43 +128,43 @@ struct Probe {
 }
 
 /// A process's place at the ring.
-pub struct Seat {
+pub struct NodeSession {
     /// The run's settings.
     pub scenario: Scenario,
     /// Bells and phase.
-    pub board: Arc<Board>,
+    pub page: Arc<ControlPage>,
     bus: Bus,
     probes: RefCell<Vec<Probe>>,
-    punctuality: Rc<Punctuality>,
+    cycle_timing: Rc<CycleTiming>,
     rank: usize,
     epoch: u32,
     /// Whether its own faults are the run's, and the launcher acts them out.
     scripted: bool,
 }
 
-impl Seat {
+impl NodeSession {
     /// Joins the run of `namespace` as the process number `epoch`, from 1, that is started as `name`.
-    pub fn join(namespace: &str, name: &str, epoch: u32) -> Result<Self, SeatError> {
+    pub fn join(namespace: &str, name: &str, epoch: u32) -> Result<Self, SessionError> {
         Self::join_with(namespace, name, epoch, None)
     }
 
     /// The same with settings of its own, the merged ones of a file.
-    pub fn join_with(namespace: &str, name: &str, epoch: u32, own: Option<&Path>) -> Result<Self, SeatError> {
+    pub fn join_with(namespace: &str, name: &str, epoch: u32, own: Option<&Path>) -> Result<Self, SessionError> {
         let domain = Domain::find(namespace)?;
         let io = |what: &str| {
             let what = domain.file(what).display().to_string();
-            move |why| SeatError::Io { what, why }
+            move |why| SessionError::Io { what, why }
         };
         let text = file::read_text(&domain.file("scenario.toml"), LARGEST_TEXT).map_err(io("scenario.toml"))?;
         let run = scenario::from_merged(&text, "the run's merged scenario")?;
         let scenario = own.map_or(Ok(run.clone()), |path| {
             let what = path.display().to_string();
             let text = file::read_text(path, LARGEST_TEXT);
-            let text = text.map_err(|why| SeatError::Io { what: what.clone(), why })?;
-            Ok::<_, SeatError>(scenario::newcomer_from(&text, &what)?)
+            let text = text.map_err(|why| SessionError::Io { what: what.clone(), why })?;
+            Ok::<_, SessionError>(scenario::candidate_from(&text, &what)?)
         })?;
         let scripted = scenario.run.mode != Mode::Realtime && scenario.fault == run.fault;
-        let board = Arc::new(Board::open(&domain.file("board")).map_err(io("board"))?);
+        let page = Arc::new(ControlPage::open(&domain.file("page")).map_err(io("page"))?);
         let bus = Bus::attach(&domain)?;
         let rank = NODES.iter().position(|node| *node == name).unwrap_or(0);
         let mut deadline = scenario.deadline_of(rank);
@@ -172,50 +172,50 @@ impl Seat {
         if !clocked {
             deadline.late = Late::Send; // without a clock nothing is due
         }
-        let rehearsal = Rehearsal::new(clocked.then(|| scenario.sample_ns()));
-        let punctuality = Rc::new(Punctuality::new(deadline, rehearsal));
-        Ok(Self { scenario, board, bus, probes: RefCell::default(), punctuality, rank, epoch, scripted })
+        let warm_up = WarmUpPlan::new(clocked.then(|| scenario.sample_ns()));
+        let cycle_timing = Rc::new(CycleTiming::new(deadline, warm_up));
+        Ok(Self { scenario, page, bus, probes: RefCell::default(), cycle_timing, rank, epoch, scripted })
     }
 
     /// Where this node gets `M` from.
-    pub fn inlet<M: Wire>(&self) -> Result<Inlet<M>, SeatError> {
+    pub fn input<M: Wire>(&self) -> Result<Input<M>, SessionError> {
         let period_ns = (self.scenario.run.mode == Mode::Realtime).then(|| self.scenario.sample_ns());
         let port = self.receiver(NODE_DEPTH)?;
-        Ok(Inlet::new(port, self.board.clone(), (self.topic(), self.epoch), period_ns))
+        Ok(Input::new(port, self.page.clone(), (self.topic(), self.epoch), period_ns))
     }
 
-    /// Where this node sends `M` to. With it the process takes its place in the office.
-    pub fn outlet<M: Wire>(&self) -> Result<Outlet<M>, SeatError> {
+    /// Where this node sends `M` to. With it the process takes its place in the role.
+    pub fn output<M: Wire>(&self) -> Result<Output<M>, SessionError> {
         let port = self.bus.sender()?;
-        if !self.board.office(M::TOPIC).claim(self.epoch, port.number()) {
-            return Err(SeatError::Taken { node: M::TOPIC.publisher(), epoch: self.epoch });
+        if !self.page.role(M::TOPIC).claim(self.epoch, port.number()) {
+            return Err(SessionError::Taken { node: M::TOPIC.publisher(), epoch: self.epoch });
         }
         let (prober, mut probe) = (port.clone(), M::default());
         *probe.stamp_mut() = Stamp::probe(self.epoch);
-        let probe = probe.sealed();
+        let probe = probe.with_checksum();
         let works = move || Ok(prober.send(&probe).is_ok());
         self.probes.borrow_mut().push(Probe { node: M::TOPIC.publisher(), works: Box::new(works) });
-        Ok(Outlet::new(port, self.board.clone(), self.punctuality.clone(), &self.scenario, self.epoch))
+        Ok(Output::new(port, self.page.clone(), self.cycle_timing.clone(), &self.scenario, self.epoch))
     }
 
     /// A queue deep enough to see every message, for those who watch and record.
-    pub fn observer<M: Wire>(&self) -> Result<Rc<dyn Receive<M>>, SeatError> {
+    pub fn observer<M: Wire>(&self) -> Result<Rc<dyn Receive<M>>, SessionError> {
         self.receiver(observer_depth(self.scenario.run.rate_hz))
     }
 
-    fn receiver<M: Wire>(&self, depth: usize) -> Result<Rc<dyn Receive<M>>, SeatError> {
+    fn receiver<M: Wire>(&self, depth: usize) -> Result<Rc<dyn Receive<M>>, SessionError> {
         let port = self.bus.receiver::<M>(depth)?;
-        let (board, queue) = (self.board.clone(), port.clone());
-        let unheard = || {
+        let (page, queue) = (self.page.clone(), port.clone());
+        let delivery = || {
             let gone = || "its files in shared memory are gone or damaged; fly again".into();
             PortError::Unheard { topic: M::TOPIC, reason: realtime::shortage().unwrap_or_else(gone) }
         };
         let speaker = move || {
-            let office = board.office(M::TOPIC);
-            office.port(office.holder())
+            let role = page.role(M::TOPIC);
+            role.port(role.active())
         };
-        if self.board.phase().count() != phase::JOIN && port.cannot_reach(speaker()) {
-            return Err(unheard().into()); // who joins a run under way waits for nobody
+        if self.page.phase().count() != phase::JOIN && port.cannot_reach(speaker()) {
+            return Err(delivery().into()); // who joins a run under way waits for nobody
         }
         let (heard, tries, retry_ns) = (Cell::new(false), Cell::new(0), Cell::new(u64::MAX));
         let works = move || {
@@ -231,7 +231,7 @@ impl Seat {
             } else if queue.cannot_reach(speaker()) || now_ns > retry_ns.get() {
                 // Two that connect to each other at the same instant may both fail.
                 if tries.replace(tries.get() + 1) == TRIES {
-                    return Err(unheard());
+                    return Err(delivery());
                 }
                 queue.reconnect()?;
                 retry_ns.set(now_ns + RETRY_NS);
@@ -243,13 +243,13 @@ impl Seat {
     }
 
     /// Where a node hears of faults that it is given while it flies.
-    pub fn news(&self) -> News {
-        News::new(self.board.clone())
+    pub fn news(&self) -> FaultUpdates {
+        FaultUpdates::new(self.page.clone())
     }
 
     /// What the process before this one remembered; `None` for the first, which begins with nothing.
     pub fn memory(&self) -> Option<Snapshot> {
-        let memory = &self.board.office(self.topic()).memory;
+        let memory = &self.page.role(self.topic()).memory;
         // One that is torn is being written: the next look finds it whole.
         (self.epoch > 1).then(|| (0..100).find_map(|_| memory.read())).flatten()
     }
@@ -261,14 +261,14 @@ impl Seat {
     ///
     /// # Errors
     /// Somebody whom it is to hear cannot be heard.
-    pub fn settle(&self) -> Result<Turns, SeatError> {
+    pub fn settle(&self) -> Result<CycleLoop, SessionError> {
         let clocked = self.scenario.run.mode == Mode::Realtime;
         if clocked {
             realtime::enter(&self.scenario.realtime.of(self.rank));
         }
-        let office = self.board.office(self.topic());
-        self.probe(|| office.ready.set(self.epoch))?;
-        self.board.bell(self.topic()).ring();
+        let role = self.page.role(self.topic());
+        self.probe(|| role.ready.set(self.epoch))?;
+        self.page.doorbell(self.topic()).ring();
         let clock = clocked.then(|| Clock {
             period_ns: self.scenario.sample_ns(),
             patience_ns: self.scenario.deadline_of(self.rank.saturating_sub(1)).deadline_ns,
@@ -276,26 +276,26 @@ impl Seat {
         // Those that the launcher acts out, the process has no part in.
         let scenario =
             if self.scripted { &Scenario { fault: vec![], ..self.scenario.clone() } } else { &self.scenario };
-        Ok(Turns::new(clock, self.board.clone(), self.punctuality.clone(), self.topic(), self.epoch, scenario))
+        Ok(CycleLoop::new(clock, self.page.clone(), self.cycle_timing.clone(), self.topic(), self.epoch, scenario))
     }
 
     /// Before the run begins, shows that every port works, and says that this process is `ready` when that is so; from
     /// then on until the run begins its probes let the others see the same. In a run that is under way it is ready at
     /// once: nobody waits for it there, and a process that cannot hear or be heard is replaced.
-    pub fn probe(&self, ready: impl Fn()) -> Result<(), SeatError> {
+    pub fn probe(&self, ready: impl Fn()) -> Result<(), SessionError> {
         let limit_ns = now_ns() + PROBE_LIMIT_NS;
         let mut said = false;
-        while self.board.phase().count() == phase::JOIN {
+        while self.page.phase().count() == phase::JOIN {
             match self.probe_once()? {
                 None if said => {}
                 None => {
                     ready();
                     said = true;
                 }
-                Some(node) if now_ns() > limit_ns => return Err(SeatError::Silent { node }),
+                Some(node) if now_ns() > limit_ns => return Err(SessionError::Silent { node }),
                 Some(_) => {}
             }
-            self.board.phase().wait(phase::JOIN, now_ns() + PROBE_PERIOD_NS);
+            self.page.phase().wait(phase::JOIN, now_ns() + PROBE_PERIOD_NS);
         }
         if !said {
             ready();
@@ -305,7 +305,7 @@ impl Seat {
 
     /// Sends a probe through every sending port, and looks whether every receiving one has received something: a node
     /// that is silent, or heard by nobody.
-    pub fn probe_once(&self) -> Result<Option<&'static str>, SeatError> {
+    pub fn probe_once(&self) -> Result<Option<&'static str>, SessionError> {
         let mut silent = None;
         for probe in self.probes.borrow().iter() {
             let works = (probe.works)()?;
@@ -320,23 +320,24 @@ impl Seat {
     }
 
     /// Whether the node kept its budget, at the end of its loop.
-    fn verdict(&self) -> Result<(), SeatError> {
+    fn verdict(&self) -> Result<(), SessionError> {
         let deadline_ms = self.scenario.deadline_of(self.rank).deadline_ns as f64 / 1e6;
-        let late = |(tick, response_ns)| SeatError::Late { tick, response_ms: response_ns as f64 / 1e6, deadline_ms };
-        self.punctuality.broken().map_or(Ok(()), |broken| Err(late(broken)))
+        let late =
+            |(tick, response_ns)| SessionError::Late { tick, response_ms: response_ns as f64 / 1e6, deadline_ms };
+        self.cycle_timing.broken().map_or(Ok(()), |broken| Err(late(broken)))
     }
 
     /// The plant's clock, which starts here; `None` when the run was called off.
-    pub fn pace(&self) -> Option<Pace> {
-        let going = self.board.phase().count() == phase::GO;
-        going.then(|| Pace::new(&self.scenario, self.board.clone(), self.punctuality.clone()))
+    pub fn release(&self) -> Option<Release> {
+        let going = self.page.phase().count() == phase::GO;
+        going.then(|| Release::new(&self.scenario, self.page.clone(), self.cycle_timing.clone()))
     }
 }
 
 /// Runs one node as this process: joins the namespace named in the arguments, runs, reports failure on stderr.
 ///
 /// The process dies with its parent, the launcher.
-pub fn main(name: &str, run: fn(&Seat) -> Result<(), SeatError>) -> ExitCode {
+pub fn main(name: &str, run: fn(&NodeSession) -> Result<(), SessionError>) -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
     let epoch_of = |word: &str| word.parse().ok().filter(|epoch| *epoch > 0);
@@ -355,15 +356,15 @@ pub fn run_as(
     namespace: &str,
     epoch: u32,
     own: Option<&Path>,
-    run: fn(&Seat) -> Result<(), SeatError>,
+    run: fn(&NodeSession) -> Result<(), SessionError>,
 ) -> ExitCode {
     realtime::tell_of_crashes();
-    let seat = die_with_launcher(namespace).and_then(|()| Seat::join_with(namespace, name, epoch, own));
-    match seat.and_then(|seat| run(&seat).and_then(|()| seat.verdict())) {
+    let session = die_with_launcher(namespace).and_then(|()| NodeSession::join_with(namespace, name, epoch, own));
+    match session.and_then(|session| run(&session).and_then(|()| session.verdict())) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             console::eprint_line(&format!("{name}: {error}"));
-            let late = matches!(error, SeatError::Late { .. });
+            let late = matches!(error, SessionError::Late { .. });
             console::finish(if late { exit::BUDGET_BROKEN } else { exit::PROCESS_LOST })
         }
     }
@@ -372,13 +373,13 @@ pub fn run_as(
 /// From now on this process does not outlive its parent, which must be the launcher of `namespace`.
 ///
 /// Programs other than ours the launcher binds before they begin ([`realtime::die_with_parent`]).
-pub fn die_with_launcher(namespace: &str) -> Result<(), SeatError> {
+pub fn die_with_launcher(namespace: &str) -> Result<(), SessionError> {
     // Fails only for a signal number that does not exist.
     let _ = rustix::process::set_parent_process_death_signal(Some(Signal::KILL));
     // A launcher that died before that sends no signal any more: then the parent is another.
     let parent = rustix::process::getppid().map(|pid| pid.as_raw_nonzero().get());
     let launcher = Domain::find(namespace)?.launcher_pid();
-    if parent == launcher { Ok(()) } else { Err(SeatError::Orphan(namespace.into())) }
+    if parent == launcher { Ok(()) } else { Err(SessionError::Orphan(namespace.into())) }
 }
 
 fn usage(name: &str) -> ExitCode {

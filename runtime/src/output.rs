@@ -1,28 +1,28 @@
-//! The outlet: where a node speaks on one topic. It stamps, seals, sends and wakes.
+//! The output: where a node speaks on one topic. It stamps, seals, sends and wakes.
 
 use std::rc::Rc;
 use std::sync::Arc;
 
-use crate::cycle::Punctuality;
-use crate::ledger::News;
+use crate::cycle_timing::CycleTiming;
+use crate::fault_table::FaultUpdates;
 use crate::link::Link;
 use crate::port::Send;
-use crate::realtime::{Board, now_ns};
+use crate::realtime::{ControlPage, now_ns};
 use crate::skew::Skew;
 use contract::Topic;
+use contract::fault_schedule::FaultSchedule;
 use contract::message::{Message, Stamp};
-use contract::roll::Roll;
 use contract::scenario::{Fault, FaultKind, Late, Mode, Scenario};
-use contract::stamp::unheard;
+use contract::stamp::delivery;
 
 /// Where a node speaks on one topic.
-pub struct Outlet<M> {
+pub struct Output<M> {
     port: Rc<dyn Send<M>>,
-    board: Arc<Board>,
-    punctuality: Rc<Punctuality>,
+    page: Arc<ControlPage>,
+    cycle_timing: Rc<CycleTiming>,
     link: Link<M>,
     slow: Slowness,
-    news: News,
+    news: FaultUpdates,
     skew: Skew,
     clocked: bool,
     epoch: u32,
@@ -30,20 +30,20 @@ pub struct Outlet<M> {
     timely: Option<M>,
 }
 
-impl<M: Message> Outlet<M> {
+impl<M: Message> Output<M> {
     pub(crate) fn new(
         port: Rc<dyn Send<M>>,
-        board: Arc<Board>,
-        punctuality: Rc<Punctuality>,
+        page: Arc<ControlPage>,
+        cycle_timing: Rc<CycleTiming>,
         scenario: &Scenario,
         epoch: u32,
     ) -> Self {
-        punctuality.rehearsal.add(port.clone());
+        cycle_timing.warm_up.add(port.clone());
         Self {
             port,
-            news: News::new(board.clone()),
-            board,
-            punctuality,
+            news: FaultUpdates::new(page.clone()),
+            page,
+            cycle_timing,
             link: Link::new(scenario),
             slow: Slowness::new(scenario, M::TOPIC),
             skew: Skew::new(scenario, M::TOPIC),
@@ -54,23 +54,23 @@ impl<M: Message> Outlet<M> {
         }
     }
 
-    /// Stamps `message` with its `lineage` and this cycle's timing, sends it and wakes whoever waits for it; late ones as
+    /// Stamps `message` with its `provenance` and this cycle's timing, sends it and wakes whoever waits for it; late ones as
     /// the deadline's policy says. True when the next cycle shall do less.
-    pub fn send(&mut self, mut message: M, mut lineage: Stamp) -> bool {
-        let tick = lineage.tick;
+    pub fn send(&mut self, mut message: M, mut provenance: Stamp) -> bool {
+        let tick = provenance.tick;
         self.news.tell(|number, fault| {
-            self.slow.suffer(number, fault);
-            self.link.suffer(number, fault);
+            self.slow.apply_fault(number, fault);
+            self.link.apply_fault(number, fault);
         });
         let held_ns = self.slow.held_up_ns(tick);
         if self.clocked && held_ns > 0 {
-            self.board.phase().wait(self.board.phase().count(), now_ns() + held_ns);
+            self.page.phase().wait(self.page.phase().count(), now_ns() + held_ns);
         } else {
-            lineage.held_ns += held_ns;
+            provenance.held_ns += held_ns;
         }
         let publish_ns = self.skew.read_ns(tick, now_ns());
-        self.punctuality.open.set(true);
-        let late = self.punctuality.late(tick, lineage.sample_ns, publish_ns);
+        self.cycle_timing.open.set(true);
+        let late = self.cycle_timing.late(tick, provenance.sample_ns, publish_ns);
         match late {
             None => self.timely = Some(message),
             Some(Late::Hold) => message = self.timely.unwrap_or(message),
@@ -79,22 +79,22 @@ impl<M: Message> Outlet<M> {
         }
         self.sequence += 1;
         let stamp = message.stamp_mut();
-        *stamp = lineage.published(M::TOPIC, self.sequence, publish_ns);
+        *stamp = provenance.published(M::TOPIC, self.sequence, publish_ns);
         stamp.epoch = u64::from(self.epoch);
-        let office = self.board.office(M::TOPIC);
-        let heard = office.holder() == self.epoch;
-        stamp.unheard = if heard { unheard::HEARD } else { unheard::SHADOW };
-        self.punctuality.report(stamp);
+        let role = self.page.role(M::TOPIC);
+        let heard = role.active() == self.epoch;
+        stamp.delivery = if heard { delivery::DELIVERED } else { delivery::STANDBY };
+        self.cycle_timing.report(stamp);
         stamp.start_ns = self.skew.read_ns(tick, stamp.start_ns);
-        self.link.pass(tick, &message.sealed(), |message| match self.port.send(message) {
-            Ok(()) => office.sent(self.epoch).count(),
-            Err(failure) => office.port_failures[failure as usize].count(),
+        self.link.pass(tick, &message.with_checksum(), |message| match self.port.send(message) {
+            Ok(()) => role.sent(self.epoch).count(),
+            Err(failure) => role.port_failures[failure as usize].count(),
         });
-        let bell = self.board.bell(M::TOPIC);
+        let doorbell = self.page.doorbell(M::TOPIC);
         if self.clocked {
-            bell.ring();
+            doorbell.ring();
         } else {
-            bell.mark(); // nobody is due before this node is done
+            doorbell.mark(); // nobody is due before this node is done
         }
         late == Some(Late::Degrade)
     }
@@ -104,13 +104,13 @@ impl<M: Message> Outlet<M> {
 pub struct Slowness {
     topic: Topic,
     /// Each holds it up for so long \[ns\].
-    faults: Roll<u64>,
+    faults: FaultSchedule<u64>,
 }
 
 impl Slowness {
     /// For the process that speaks on `topic`.
     pub fn new(scenario: &Scenario, topic: Topic) -> Self {
-        Self { topic, faults: Roll::new(scenario, |_, fault| hold_up_ns(topic, fault)) }
+        Self { topic, faults: FaultSchedule::new(scenario, |_, fault| hold_up_ns(topic, fault)) }
     }
 
     /// How long the answer to sample `tick` is held up \[ns\].
@@ -118,8 +118,8 @@ impl Slowness {
         self.faults.on(tick).map(|fault| fault.effect).sum()
     }
 
-    fn suffer(&mut self, number: usize, fault: &Fault) {
-        self.faults.suffer(number, fault, hold_up_ns(self.topic, fault));
+    fn apply_fault(&mut self, number: usize, fault: &Fault) {
+        self.faults.apply_fault(number, fault, hold_up_ns(self.topic, fault));
     }
 }
 

@@ -1,20 +1,20 @@
-//! The pace: what releases the plant, the only node with a clock, and the boundary between two ticks.
+//! The release: what releases the plant, the only node with a clock, and the boundary between two ticks.
 //!
 //! In real time that is `CLOCK_MONOTONIC`: sample `k` stands for the instant `t0 + k T` whatever happens, and commands
 //! act from the moment they arrive. In lockstep it is the ring itself: the next sample is due when everybody who works
 //! is done with this one. In process nobody waits, and this file is not used.
 //!
-//! Between two ticks the offices change hands. Against the clock the plant lets in whom the launcher has named; in lockstep
+//! Between two ticks the roles change hands. Against the clock the plant lets in whom the launcher has named; in lockstep
 //! it waits until the launcher has said who works on the tick that begins, whenever that may change.
 
 use std::rc::Rc;
 use std::sync::Arc;
 
-use crate::cycle::{LOOK_AROUND_NS, Punctuality};
-use crate::inlet::Inlet;
+use crate::cycle_timing::{CycleTiming, LOOK_AROUND_NS};
+use crate::input::Input;
 use crate::port::LEAST_DEPTH;
-use crate::realtime::{Bell, Board, now_ns, phase};
-use crate::seizure::{Seizures, burn};
+use crate::process_fault::{ProcessFaults, burn};
+use crate::realtime::{ControlPage, Doorbell, now_ns, phase};
 use contract::Topic;
 use contract::message::{Message, Stamp};
 use contract::plan::Plan;
@@ -30,13 +30,13 @@ pub const LEAD_TICKS: u64 = LEAST_DEPTH as u64 / 4;
 const OTHERS: [Topic; 3] = [Topic::Reference, Topic::Controls, Topic::Actuators];
 
 /// What releases the plant.
-pub struct Pace {
+pub struct Release {
     kind: Kind,
     /// Period \[ns\].
     period_ns: u64,
-    board: Arc<Board>,
-    punctuality: Rc<Punctuality>,
-    seizures: Seizures,
+    page: Arc<ControlPage>,
+    cycle_timing: Rc<CycleTiming>,
+    process_faults: ProcessFaults,
 }
 
 enum Kind {
@@ -48,7 +48,7 @@ enum Kind {
 
 /// How a turn of the ring ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Turn {
+pub enum CycleEnd {
     /// The next sample lies this many periods later: one, or more after a stall.
     Periods(u64),
     /// The run is over.
@@ -56,52 +56,52 @@ pub enum Turn {
     /// Lockstep: the ring has not come round within the watchdog's time.
     Stuck,
     /// Against the clock: a fault has the plant end by itself.
-    Seized,
+    FaultExit,
 }
 
-impl Pace {
-    /// The pace of a scenario; the first sample is due shortly after this call.
-    pub(crate) fn new(scenario: &Scenario, board: Arc<Board>, punctuality: Rc<Punctuality>) -> Self {
+impl Release {
+    /// The release of a scenario; the first sample is due shortly after this call.
+    pub(crate) fn new(scenario: &Scenario, page: Arc<ControlPage>, cycle_timing: Rc<CycleTiming>) -> Self {
         const LEAD_IN_NS: u64 = 5_000_000;
         let kind = match scenario.run.mode {
             Mode::Realtime => Kind::Clock { t0_ns: now_ns() + LEAD_IN_NS },
             Mode::Lockstep | Mode::Inprocess => Kind::Ring(Plan::new(scenario)),
         };
-        let seizures = Seizures::new(scenario, Topic::State);
-        let pace = Self { kind, period_ns: scenario.sample_ns(), board, punctuality, seizures };
-        if let Kind::Clock { t0_ns } = pace.kind {
-            pace.board.set_origin_ns(t0_ns);
-            // Nobody rings the bell of the phase before the end, so this is a sleep until the first release.
-            pace.board.phase().wait(pace.board.phase().count(), t0_ns);
-            pace.punctuality.begin(t0_ns);
+        let process_faults = ProcessFaults::new(scenario, Topic::State);
+        let release = Self { kind, period_ns: scenario.sample_ns(), page, cycle_timing, process_faults };
+        if let Kind::Clock { t0_ns } = release.kind {
+            release.page.set_origin_ns(t0_ns);
+            // Nobody rings the doorbell of the phase before the end, so this is a sleep until the first release.
+            release.page.phase().wait(release.page.phase().count(), t0_ns);
+            release.cycle_timing.begin(t0_ns);
         } else {
-            pace.punctuality.begin(now_ns());
+            release.cycle_timing.begin(now_ns());
         }
-        pace
+        release
     }
 
-    /// Takes fault `number` as it is from now on: see [`contract::roll::Roll::suffer`].
-    pub fn suffer(&mut self, number: usize, fault: &Fault) {
-        self.seizures.suffer(number, fault);
+    /// Takes fault `number` as it is from now on: see [`contract::fault_schedule::FaultSchedule::apply_fault`].
+    pub fn apply_fault(&mut self, number: usize, fault: &Fault) {
+        self.process_faults.apply_fault(number, fault);
     }
 
-    /// Begins tick `tick`: lets in who takes over with it, and gives the lineage of its STATE: a new chain. `None` when
+    /// Begins tick `tick`: lets in who takes over with it, and gives the provenance of its STATE: a new chain. `None` when
     /// a process that is to come back does not.
     pub fn sample(&self, tick: u64) -> Option<Stamp> {
         let sample_ns = match &self.kind {
             Kind::Clock { t0_ns } => {
                 for topic in OTHERS {
-                    self.board.office(topic).turn_over(tick as u32);
+                    self.page.role(topic).activate_pending(tick as u32);
                 }
                 t0_ns + tick * self.period_ns
             }
             Kind::Ring(plan) => {
-                let vacant = OTHERS.iter().any(|topic| self.board.office(*topic).holder() == 0);
+                let vacant = OTHERS.iter().any(|topic| self.page.role(*topic).active() == 0);
                 if vacant || plan.decides(tick) {
                     self.ask(tick)?;
                 }
                 let now_ns = now_ns();
-                self.board.set_origin_ns(now_ns);
+                self.page.set_origin_ns(now_ns);
                 now_ns
             }
         };
@@ -110,56 +110,61 @@ impl Pace {
 
     /// STATE of `tick` is out.
     pub fn sampled(&self, tick: u64) {
-        let office = self.board.office(Topic::State);
-        office.done(1).set(tick as u32 + 1);
+        let role = self.page.role(Topic::State);
+        role.done(1).set(tick as u32 + 1);
         if let Kind::Ring(_) = self.kind {
-            self.board.bell(Topic::State).ring();
+            self.page.doorbell(Topic::State).ring();
         }
     }
 
     /// Hands every command that comes in to `heard`, with its arrival after the sample \[ns\], until the next release.
-    pub fn turn<M: Message>(&mut self, tick: u64, inlet: &mut Inlet<M>, mut heard: impl FnMut(&M, u64)) -> Turn {
-        let Kind::Clock { t0_ns } = self.kind else { return self.turn_in_lockstep(tick, inlet, heard) };
+    pub fn turn<M: Message>(&mut self, tick: u64, input: &mut Input<M>, mut heard: impl FnMut(&M, u64)) -> CycleEnd {
+        let Kind::Clock { t0_ns } = self.kind else { return self.turn_in_lockstep(tick, input, heard) };
         let sample_ns = t0_ns + tick * self.period_ns;
         let release_ns = sample_ns + self.period_ns;
         let mut listen = |until_ns| {
-            while inlet.arrived(until_ns) {
-                heard(inlet.newest(), now_ns().saturating_sub(sample_ns));
+            while input.arrived(until_ns) {
+                heard(input.newest(), now_ns().saturating_sub(sample_ns));
             }
         };
-        if let Some(rehearsal_ns) = self.punctuality.rehearsal_ns(sample_ns) {
-            listen(rehearsal_ns);
-            self.punctuality.rehearse();
+        if let Some(warm_up_ns) = self.cycle_timing.warm_up_ns(sample_ns) {
+            listen(warm_up_ns);
+            self.cycle_timing.warm_up();
         }
         listen(release_ns);
-        if self.board.phase().count() >= phase::LEAVE || self.punctuality.broken().is_some() {
-            return Turn::Over;
+        if self.page.phase().count() >= phase::LEAVE || self.cycle_timing.broken().is_some() {
+            return CycleEnd::Over;
         }
         let due = tick + slots_passed(now_ns(), sample_ns, self.period_ns);
-        if self.seizures.leaves(tick + 1, due) {
-            return Turn::Seized;
+        if self.process_faults.leaves(tick + 1, due) {
+            return CycleEnd::FaultExit;
         }
-        if let Some(until) = self.seizures.burns_until(tick + 1, due) {
-            burn(&self.board, t0_ns.saturating_add(until.saturating_mul(self.period_ns)));
+        if let Some(until) = self.process_faults.burns_until(tick + 1, due) {
+            burn(&self.page, t0_ns.saturating_add(until.saturating_mul(self.period_ns)));
         }
         // The next release is never derived from this wake-up: slots that passed meanwhile are skipped.
         let periods = slots_passed(now_ns(), sample_ns, self.period_ns);
-        let p = &self.punctuality;
+        let p = &self.cycle_timing;
         p.slip(periods - 1);
         p.begin(sample_ns + periods * self.period_ns);
-        Turn::Periods(periods)
+        CycleEnd::Periods(periods)
     }
 
-    fn turn_in_lockstep<M: Message>(&self, tick: u64, inlet: &mut Inlet<M>, mut heard: impl FnMut(&M, u64)) -> Turn {
+    fn turn_in_lockstep<M: Message>(
+        &self,
+        tick: u64,
+        input: &mut Input<M>,
+        mut heard: impl FnMut(&M, u64),
+    ) -> CycleEnd {
         for topic in OTHERS {
-            let office = self.board.office(topic);
-            let done = || office.staff().epochs().all(|epoch| u64::from(office.done(epoch).get()) > tick);
-            if !self.wait_for(self.board.bell(topic), done) {
+            let role = self.page.role(topic);
+            let done = || role.assignment().epochs().all(|epoch| u64::from(role.done(epoch).get()) > tick);
+            if !self.wait_for(self.page.doorbell(topic), done) {
                 return self.over_or_stuck();
             }
         }
-        if inlet.arrived(0) {
-            let command = inlet.newest();
+        if input.arrived(0) {
+            let command = input.newest();
             heard(command, command.stamp().held_ns);
         }
         self.let_the_watchers_follow(tick)
@@ -167,40 +172,40 @@ impl Pace {
 
     /// Lockstep: has the launcher say who works on `tick`.
     fn ask(&self, tick: u64) -> Option<()> {
-        let ruled = self.board.ruled();
-        self.board.asked().raise(tick as u32 + 1);
+        let ruled = self.page.ruled();
+        self.page.asked().raise(tick as u32 + 1);
         self.wait_for(ruled, || u64::from(ruled.count()) > tick).then_some(())
     }
 
-    /// Waits on the wall clock by `bell`; false when the run is over first, or the watchdog barks.
-    fn wait_for(&self, bell: &Bell, is_so: impl Fn() -> bool) -> bool {
+    /// Waits on the wall clock by `doorbell`; false when the run is over first, or the watchdog barks.
+    fn wait_for(&self, doorbell: &Doorbell, is_so: impl Fn() -> bool) -> bool {
         let watchdog_ns = now_ns() + WATCHDOG_NS;
         loop {
-            let rung = bell.count(); // before the look, so that a change after it is not slept through
+            let rung = doorbell.count(); // before the look, so that a change after it is not slept through
             if is_so() {
                 return true;
             }
-            if self.board.phase().count() >= phase::LEAVE || now_ns() > watchdog_ns {
+            if self.page.phase().count() >= phase::LEAVE || now_ns() > watchdog_ns {
                 return false;
             }
-            bell.wait(rung, now_ns() + LOOK_AROUND_NS);
+            doorbell.wait(rung, now_ns() + LOOK_AROUND_NS);
         }
     }
 
     /// Waits until launcher and recorder are close enough behind. Wall time only: the flight does not notice.
-    fn let_the_watchers_follow(&self, tick: u64) -> Turn {
-        for seen in [self.board.watched(), self.board.recorded()] {
+    fn let_the_watchers_follow(&self, tick: u64) -> CycleEnd {
+        for seen in [self.page.watched(), self.page.recorded()] {
             if !self.wait_for(seen, || tick < u64::from(seen.count()) + LEAD_TICKS) {
                 return self.over_or_stuck();
             }
         }
-        self.punctuality.begin(now_ns());
-        Turn::Periods(1)
+        self.cycle_timing.begin(now_ns());
+        CycleEnd::Periods(1)
     }
 
     /// What it means that [`Self::wait_for`] waited in vain.
-    fn over_or_stuck(&self) -> Turn {
-        if self.board.phase().count() >= phase::LEAVE { Turn::Over } else { Turn::Stuck }
+    fn over_or_stuck(&self) -> CycleEnd {
+        if self.page.phase().count() >= phase::LEAVE { CycleEnd::Over } else { CycleEnd::Stuck }
     }
 }
 

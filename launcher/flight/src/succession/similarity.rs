@@ -1,8 +1,8 @@
-//! Accord: how alike the answers of two processes have been of late, number by number.
+//! Similarity: how alike the answers of two processes have been of late, number by number.
 //!
-//! A number's accord is the cosine of the angle between its last values from the one and from the other, with values
+//! A number's similarity is the cosine of the angle between its last values from the one and from the other, with values
 //! forgotten by and by: 1 when they are the same up to a factor, 0 when they have nothing in common, -1 when one is the
-//! opposite of the other. It tells a wrong sign while the values are still small, in the shadow.
+//! opposite of the other. It tells a wrong sign while the values are still small, on standby.
 
 use super::answer::{Answer, NUMBERS};
 
@@ -16,7 +16,7 @@ const SILENCE: f64 = 0.02;
 
 /// Two processes that answer to the same samples.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Accord {
+pub struct Similarity {
     answers: u32,
     weight: f64,
     mine: [f64; NUMBERS],
@@ -24,7 +24,7 @@ pub struct Accord {
     both: [f64; NUMBERS],
 }
 
-impl Accord {
+impl Similarity {
     /// Takes their answers to one sample in.
     pub fn note(&mut self, mine: &Answer, theirs: &Answer) {
         self.answers = self.answers.saturating_add(1);
@@ -36,7 +36,7 @@ impl Accord {
         }
     }
 
-    /// The accord of the number that has the least of it; 1 when nothing can be said.
+    /// The similarity of the number that has the least of it; 1 when nothing can be said.
     pub fn least(&self) -> f64 {
         if self.answers < FEW {
             return 1.0;
@@ -52,36 +52,36 @@ impl Accord {
 mod tests {
     use super::*;
 
-    /// The accord after so many answers, of which the newcomer makes `mine` of the old one's.
-    fn accord(answers: u32, theirs: impl Fn(f64) -> f64, mine: impl Fn(f64) -> f64) -> f64 {
-        let mut accord = Accord::default();
+    /// The similarity after so many answers, of which the candidate makes `mine` of the old one's.
+    fn similarity(answers: u32, theirs: impl Fn(f64) -> f64, mine: impl Fn(f64) -> f64) -> f64 {
+        let mut similarity = Similarity::default();
         for i in 0..answers {
             let value = theirs(f64::from(i));
             let answer = |share: f64| Answer { shares: [0.3, share, 0.0, 0.0], ..Answer::default() };
-            accord.note(&answer(mine(value)), &answer(value));
+            similarity.note(&answer(mine(value)), &answer(value));
         }
-        accord.least()
+        similarity.least()
     }
 
     #[test]
     fn the_opposite_is_told_while_it_is_small() {
         let swing = |t: f64| 0.04 * (0.3 * t).sin();
-        assert!((accord(30, swing, |x| -x) + 1.0).abs() < 1e-12);
-        assert!((accord(30, swing, |x| 3.0 * x) - 1.0).abs() < 1e-12, "a factor is no opposition");
-        assert!((accord(30, |_| 0.03, |x| -x) + 1.0).abs() < 1e-12, "of what stands still too");
+        assert!((similarity(30, swing, |x| -x) + 1.0).abs() < 1e-12);
+        assert!((similarity(30, swing, |x| 3.0 * x) - 1.0).abs() < 1e-12, "a factor is no opposition");
+        assert!((similarity(30, |_| 0.03, |x| -x) + 1.0).abs() < 1e-12, "of what stands still too");
     }
 
     #[test]
     fn what_is_unlike_without_being_opposite_is_let_be() {
         let noise = |t: f64| 0.1 * (12.9898 * t).sin();
-        assert!(accord(200, noise, |x| (7e4 * x).sin()) > -0.5);
+        assert!(similarity(200, noise, |x| (7e4 * x).sin()) > -0.5);
     }
 
     #[test]
     fn of_little_nothing_is_said() {
-        assert_eq!(accord(FEW - 1, |_| 0.1, |x| -x), 1.0, "few answers");
-        assert_eq!(accord(100, |_| 0.019, |x| -x), 1.0, "next to nothing");
-        assert_eq!(accord(100, |_| 0.1, |_| 0.0), 1.0, "one of them says nothing");
+        assert_eq!(similarity(FEW - 1, |_| 0.1, |x| -x), 1.0, "few answers");
+        assert_eq!(similarity(100, |_| 0.019, |x| -x), 1.0, "next to nothing");
+        assert_eq!(similarity(100, |_| 0.1, |_| 0.0), 1.0, "one of them says nothing");
     }
 
     #[test]
@@ -89,12 +89,12 @@ mod tests {
         let mut changed = 0;
         for turned in 1..40 {
             let mine = |t: f64| if t < 100.0 { 0.1 } else { -0.1 };
-            let mut accord = Accord::default();
+            let mut similarity = Similarity::default();
             for i in 0..100 + turned {
                 let answer = |share: f64| Answer { shares: [share, 0.0, 0.0, 0.0], ..Answer::default() };
-                accord.note(&answer(mine(f64::from(i))), &answer(0.1));
+                similarity.note(&answer(mine(f64::from(i))), &answer(0.1));
             }
-            if accord.least() < -0.5 {
+            if similarity.least() < -0.5 {
                 changed = turned;
                 break;
             }
