@@ -17,7 +17,7 @@ fn talking(folder: &Path) -> Command {
     let program = folder.join("program");
     fs::write(&program, "#!/nonexistent/interpreter\n").expect("written");
     fs::set_permissions(&program, fs::Permissions::from_mode(0o755)).expect("executable");
-    let swap = "at_s = 0.1\nshadow_s = 0.1\nwatch_s = 0.1\nnode = \"mixer\"";
+    let swap = "at_s = 0.1\nstandby_s = 0.1\nwatch_s = 0.1\nnode = \"mixer\"";
     let text =
         format!("[run]\nmode = \"lockstep\"\nduration_s = 0.5\n[[swap]]\n{swap}\nexec = \"{}\"\n", program.display());
     fs::write(folder.join("scenario.toml"), text).expect("written");

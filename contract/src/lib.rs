@@ -8,7 +8,6 @@
 //! | [`guard`], [`integrity`] | which messages are taken for true |
 //! | [`snapshot`] | what a node remembers, as plain numbers, for the one that continues its work |
 //! | [`scenario`] | the run's settings: profiles, file, overrides, checks |
-//! | [`plan`] | who is away on which tick, as far as the scenario decides it |
 //! | [`roll`] | which faults are at work on a tick |
 //! | [`mod@file`] | reading files that come from outside |
 
@@ -17,7 +16,6 @@ pub mod file;
 pub mod guard;
 pub mod integrity;
 pub mod message;
-pub mod plan;
 pub mod scenario;
 pub mod snapshot;
 pub mod stamp;

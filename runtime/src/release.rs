@@ -17,7 +17,6 @@ use crate::process_fault::{ProcessFaults, burn};
 use crate::realtime::{ControlPage, Doorbell, now_ns, phase};
 use contract::Topic;
 use contract::message::{Message, Stamp};
-use contract::plan::Plan;
 use contract::scenario::{Fault, Mode, Scenario};
 
 /// In lockstep, how long the plant waits on the wall clock for the ring to come round, or for a process to come back
@@ -43,7 +42,7 @@ enum Kind {
     /// The clock: sample `k` stands for the instant `t0 + k T`, whatever happens.
     Clock { t0_ns: u64 },
     /// The ring: the next sample is due when everybody is done with this one.
-    Ring(Plan),
+    Ring,
 }
 
 /// How a turn of the ring ended.
@@ -65,7 +64,7 @@ impl Release {
         const LEAD_IN_NS: u64 = 5_000_000;
         let kind = match scenario.run.mode {
             Mode::Realtime => Kind::Clock { t0_ns: now_ns() + LEAD_IN_NS },
-            Mode::Lockstep | Mode::Inprocess => Kind::Ring(Plan::new(scenario)),
+            Mode::Lockstep | Mode::Inprocess => Kind::Ring,
         };
         let process_faults = ProcessFaults::new(scenario, Topic::State);
         let release = Self { kind, period_ns: scenario.sample_ns(), page, cycle_timing, process_faults };
@@ -95,9 +94,9 @@ impl Release {
                 }
                 t0_ns + tick * self.period_ns
             }
-            Kind::Ring(plan) => {
+            Kind::Ring => {
                 let vacant = OTHERS.iter().any(|topic| self.page.role(*topic).active() == 0);
-                if vacant || plan.decides(tick) {
+                if vacant || tick >= u64::from(self.page.ask_from().get()) {
                     self.ask(tick)?;
                 }
                 let now_ns = now_ns();
@@ -112,7 +111,7 @@ impl Release {
     pub fn sampled(&self, tick: u64) {
         let role = self.page.role(Topic::State);
         role.done(1).set(tick as u32 + 1);
-        if let Kind::Ring(_) = self.kind {
+        if let Kind::Ring = self.kind {
             self.page.doorbell(Topic::State).ring();
         }
     }

@@ -8,7 +8,7 @@ use airframe::Parameters;
 use super::{
     Bounds, Constraints, Deadline, Derivative, Guidance, Heading, Initial, Late, Law, Mission, Mixer, Mode, Mpc,
     NodeRealtime, Noise, Plant, Policy, Profile, Ramp, RateReference, Realtime, RollReference, Run, Scenario, Solver,
-    StateConstraints, Terminal, TrajectoryKind,
+    StateConstraints, Supervision, Terminal, TrajectoryKind,
 };
 
 impl Scenario {
@@ -118,6 +118,7 @@ fn paper() -> Scenario {
         swap: vec![],
         realtime: Realtime::default(),
         deadline: Deadline::default(),
+        supervision: Supervision::default(),
     }
 }
 

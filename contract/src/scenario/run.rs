@@ -3,7 +3,7 @@
 use airframe::{ActuatorLaw, Limits, Parameters};
 use serde::{Deserialize, Serialize};
 
-use super::{Deadline, Fault, Guidance, Initial, Mission, Mixer, Mpc, Plant, Realtime, Swap};
+use super::{Deadline, Fault, Guidance, Initial, Mission, Mixer, Mpc, Plant, Realtime, Supervision, Swap};
 
 /// Everything that decides a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -35,6 +35,8 @@ pub struct Scenario {
     pub realtime: Realtime,
     /// When their work is due.
     pub deadline: Deadline,
+    /// `[supervision]`
+    pub supervision: Supervision,
     /// What goes wrong, and when.
     pub fault: Vec<Fault>,
     /// Who is replaced in flight, and when.

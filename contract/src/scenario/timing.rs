@@ -122,6 +122,45 @@ pub enum Late {
     Stop,
 }
 
+/// `[supervision]`: when a process counts as failed, and when another is started. The same in every mode; what a clock shows
+/// takes as long as `detect_ms` and `start_ms` say where there is none.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Supervision {
+    /// An active process that has answered to none of so many samples hangs,
+    pub hang_ticks: u64,
+    /// if it has not answered for this time either \[ms\].
+    pub hang_ms: f64,
+    /// Waits before the first, second, ... new start within the window \[ms\]; one failure more, and the node is given up.
+    pub restart_ms: Vec<f64>,
+    /// In which failures are counted together \[s\].
+    pub window_s: f64,
+    /// A process that is not ready by then hangs \[s\].
+    pub start_limit_s: f64,
+    /// Without a clock: from the end of a process to when it is seen \[ms\].
+    pub detect_ms: f64,
+    /// Without a clock: from the start of a process to when it is ready \[ms\].
+    pub start_ms: f64,
+    /// In lockstep: a ring that has not moved for this time on the wall clock ends the run \[s\]; 0 = never.
+    pub wall_limit_s: f64,
+}
+
+impl Default for Supervision {
+    /// The delays are the medians that `launcher measure faults` saw.
+    fn default() -> Self {
+        Self {
+            hang_ticks: 3,
+            hang_ms: 20.0,
+            restart_ms: vec![0.0, 50.0, 100.0],
+            window_s: 5.0,
+            start_limit_s: 1.0,
+            detect_ms: 2.0,
+            start_ms: 25.0,
+            wall_limit_s: 30.0,
+        }
+    }
+}
+
 /// When one node's message is due, and what becomes of a late one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct NodeDeadline {

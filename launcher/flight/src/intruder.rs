@@ -22,7 +22,7 @@ use runtime::realtime::{ControlPage, now_ns, phase};
 use runtime::session::{NodeSession, exit};
 use rustix::process::{Gid, Signal, Uid};
 
-use crate::supervisor;
+use crate::roles::realtime::plant_tick;
 use runtime::console::print;
 
 /// How its last line begins when it was refused.
@@ -96,7 +96,7 @@ fn speak<M: Wire>(namespace: &str, until: u64) -> anyhow::Result<String> {
     print("ready\n");
     let doorbell = page.doorbell(M::TOPIC);
     let mut sent = 0;
-    while supervisor::plant_tick(&page) < until && page.phase().count() < phase::LEAVE {
+    while plant_tick(&page) < until && page.phase().count() < phase::LEAVE {
         let rung = doorbell.count(); // before the look, so that a message after it is not slept through
         while let Ok(Some((heard, from))) = ear.receive() {
             if from != port.number() {

@@ -5,8 +5,7 @@
 //! | [`settings`] | the settings of a flight, checked before it |
 //! | [`stack`] | the ring as processes: start, watch, stop |
 //! | [`inprocess`] | the ring turned by one thread |
-//! | [`succession`] | who works for each node when time follows the script, and the trial of candidates |
-//! | `supervisor` | who works for each node against the clock |
+//! | [`roles`] | who runs a node: one state machine, three drivers |
 //! | [`intruder`] | a process that does not belong to a run, as a fault |
 //! | [`event`] | what happens to processes, and how the recorder hears of it |
 //! | [`recorder`] | the fifth process: every message to `flight.mcap` |
@@ -31,10 +30,9 @@ pub mod intruder;
 pub mod log;
 pub mod provenance;
 pub mod recorder;
+pub mod roles;
 pub mod settings;
 pub mod stack;
-pub mod succession;
-mod supervisor;
 
 /// This program, for another process of it: the file that runs here, whoever has its name by now.
 pub fn own_program() -> Command {

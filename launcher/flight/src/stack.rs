@@ -8,15 +8,13 @@
 
 mod answer;
 mod archive;
-mod assignment;
 mod children;
+mod driver;
 mod end;
 mod files;
 mod host;
 mod live;
-mod recorders;
-mod regime;
-mod script;
+mod supervise;
 mod surroundings;
 mod swaps;
 
@@ -47,11 +45,11 @@ use crate::log::Record;
 use crate::provenance::{Scheduling, scheduling_of};
 use crate::recorder::{LogOutcome, Observers};
 use archive::Archive;
-use recorders::RECORDER;
-use regime::Regime;
+use driver::Driver;
+use supervise::RECORDER;
 
-use crate::supervisor::hearing::Hearing;
-use crate::supervisor::plant_tick;
+use crate::roles::hearing::Hearing;
+use crate::roles::realtime::plant_tick;
 
 /// How long children may take to join, and nodes to leave.
 const JOIN_LIMIT: Duration = Duration::from_secs(10);
@@ -86,7 +84,10 @@ pub struct Flown {
 /// A stack whose processes are all there. Dropping it kills what is left and wipes shared memory.
 pub struct Stack {
     children: Children,
-    regime: Regime,
+    driver: Driver,
+    /// Everything that happened.
+    events: Vec<Event>,
+    started: Instant,
     archive: Option<Archive>,
     host: Host,
     page: std::sync::Arc<ControlPage>,
@@ -134,8 +135,10 @@ impl Stack {
         let host = Host::new(domain.clone(), scenario)?;
         let mut stack = Self {
             children: Children::new(domain.clone()),
-            regime: Regime::new(scenario),
-            archive: log.map(Archive::new),
+            driver: Driver::new(scenario),
+            events: vec![],
+            started: Instant::now(),
+            archive: log.map(|path| Archive::new(path, scenario)),
             host,
             page: session.page.clone(),
             observers,
@@ -172,7 +175,7 @@ impl Stack {
         let started = Instant::now();
         self.page.set_phase(phase::GO);
         let ended = loop {
-            let question = self.regime.question(&self.page); // before the look: all that was sent before it is here
+            let question = self.driver.question(&self.page); // before the look: all that was sent before it is here
             let ready = Topic::ALL.map(|topic| self.page.role(topic).ready.get());
             let newest = self.drain(&mut watch);
             Topic::ALL.into_iter().zip(ready).for_each(|(topic, epoch)| self.page.role(topic).met.set(epoch));
@@ -185,7 +188,7 @@ impl Stack {
                 break Ended::Interrupted;
             }
             let events = self.host.look(plant_tick(&self.page), &self.children);
-            self.regime.events().extend(events);
+            self.events.extend(events);
             self.listen();
             if let Some(ended) = self.supervise(question) {
                 break ended;
@@ -193,14 +196,14 @@ impl Stack {
             self.tell_events();
             self.attend();
             tick(&self.scenario.fault);
-            self.children.sleep(self.control.sources(), self.regime.due(&self.page));
+            self.children.sleep(self.control.sources(), self.driver.due(&self.page));
         };
-        let given_up = self.regime.given_up();
+        let given_up = self.driver.given_up();
         let wall = started.elapsed();
         self.settle_swaps();
         let (lost, log) = self.stop(interrupts, &mut watch);
         let events = self.host.finish(plant_tick(&self.page), interrupts);
-        self.regime.events().extend(events);
+        self.events.extend(events);
         // A node that fails while leaving has still failed.
         let ended = match (ended, lost.or(given_up.map(str::to_owned))) {
             (Ended::Lost(name), Some(other)) if name != other => Ended::Lost(format!("{name}; {other}")),
@@ -212,7 +215,7 @@ impl Stack {
             |topic: Topic| (topic.publisher(), Refusal::ALL.map(|r| self.page.role(topic).refused[r as usize].get()));
         let refused = Topic::ALL.map(count).into();
         let port_failures = self.port_failures();
-        let events = std::mem::take(self.regime.events());
+        let events = std::mem::take(&mut self.events);
         Flown { ended, log, wall, scheduling, events, scenario: self.scenario.clone(), refused, port_failures }
     }
 
@@ -265,14 +268,14 @@ impl Stack {
     /// Shows `watch` every message that has come, and tells the plant, which waits for it in lockstep; the newest tick.
     fn drain(&mut self, watch: &mut impl FnMut(Record)) -> u64 {
         let mut newest = 0;
-        let Self { newest_ns, regime, archive, observers, .. } = self;
+        let Self { newest_ns, driver, archive, observers, .. } = self;
         observers.drain(|record| {
             if record.is_intact() {
                 let (stamp, topic) = (record.stamp(), record.topic() as usize);
                 newest = newest.max(stamp.tick);
                 newest_ns[topic] = newest_ns[topic].max(stamp.publish_ns[topic]);
             }
-            regime.observe(&record);
+            driver.observe(&record);
             if let Some(archive) = archive {
                 archive.observe(&record);
             }

@@ -27,13 +27,15 @@
 
 mod signs;
 
-use contract::plan::HANG_TICKS;
 use contract::scenario::{Fault, FaultKind};
 use contract::topic::Topic;
 use serde_json::{Value, json};
 
 use flight::log::Record;
 pub use signs::reacts;
+
+/// A process that has left so many samples without an answer shows its fault.
+const UNANSWERED: u64 = 3;
 
 /// All faults of a flight.
 pub struct Faults {
@@ -180,7 +182,7 @@ impl Watched {
         if let Some(topic) = self.fault.target.process() {
             let course = &self.courses[topic as usize];
             let silent =
-                course.last.filter(|last| self.newest.saturating_sub(*last) >= HANG_TICKS).map(|last| last + 1);
+                course.last.filter(|last| self.newest.saturating_sub(*last) >= UNANSWERED).map(|last| last + 1);
             return course.first(injected, true).or(silent);
         }
         let first = self.courses.iter().filter_map(|course| course.first(injected, true)).min();

@@ -21,7 +21,7 @@ use rustix::thread::futex;
 use super::clock::to_timespec;
 use crate::domain::allocate;
 use crate::fault_table::FaultTable;
-use crate::shared_role::SharedRole;
+use crate::shared_role::{SharedRole, Word};
 use contract::Topic;
 
 const PAGE_BYTES: usize = 4096 * 8;
@@ -35,6 +35,7 @@ struct Page {
     recorded: Doorbell,
     asked: Doorbell,
     ruled: Doorbell,
+    ask_from: Word,
     doorbells: [Doorbell; Topic::COUNT],
     roles: [SharedRole; Topic::COUNT],
     archive: SharedRole,
@@ -171,6 +172,11 @@ impl ControlPage {
     /// The newest tick that the recorder has seen; at its highest when nothing is recorded.
     pub fn recorded(&self) -> &Doorbell {
         &self.page().recorded
+    }
+
+    /// Lockstep: the first tick for which the plant is to ask.
+    pub fn ask_from(&self) -> &Word {
+        &self.page().ask_from
     }
 
     /// Lockstep: ticks for which the plant has asked the launcher who works on them.

@@ -25,7 +25,7 @@ const PRIORITY: Range = (Included(1.0), Included(95.0));
 const CPU: Range = (Included(0.0), Included(1023.0));
 
 /// Allowed range of each number under a key; arrays are judged number by number, tables key by key.
-const RANGES: [(&str, Range); 62] = [
+const RANGES: [(&str, Range); 70] = [
     ("mission", ANY),
     ("initial", ANY),
     ("plant", ANY),
@@ -88,6 +88,14 @@ const RANGES: [(&str, Range); 62] = [
     ("deadline.guidance_ms", POSITIVE),
     ("deadline.attitude_mpc_ms", POSITIVE),
     ("deadline.mixer_ms", POSITIVE),
+    ("supervision.hang_ticks", (Included(1.0), Included(1e6))),
+    ("supervision.hang_ms", (Included(1.0), Included(60_000.0))),
+    ("supervision.restart_ms", (Included(0.0), Included(60_000.0))),
+    ("supervision.window_s", (Included(0.0), Included(86_400.0))),
+    ("supervision.start_limit_s", (Included(0.01), Included(60.0))),
+    ("supervision.detect_ms", (Included(0.0), Included(10_000.0))),
+    ("supervision.start_ms", (Included(0.0), Included(10_000.0))),
+    ("supervision.wall_limit_s", (Included(0.0), Included(86_400.0))),
 ];
 
 /// Judges every number by the range of its key.

@@ -2,7 +2,6 @@
 
 use super::Found;
 use super::faults::word;
-use crate::plan::Absence;
 use crate::scenario::{FaultKind, FaultTarget, Mode, Scenario, Swap, SwapNode, SwapTicks, candidate};
 
 const KEYS: [&str; 1] = ["swap"];
@@ -23,7 +22,6 @@ pub fn check(scenario: &Scenario, found: &mut Found) {
             format!("two swaps of {} at once", swap.node.name()),
             "one after the other: from `at_s` to `at_s` + `standby_s` + `watch_s` the node is taken",
         );
-        check_absences(scenario, swap, found);
         check_candidate(scenario, swap, found);
     }
 }
@@ -81,21 +79,6 @@ fn check_node(scenario: &Scenario, swap: &Swap, found: &mut Found) -> bool {
         found.require(false, &["swap", "run.mode"], what.into(), allowed);
     }
     refusal.is_none()
-}
-
-/// Against the clock a process may die whenever it likes; where time follows the script, one thing at a time.
-fn check_absences(scenario: &Scenario, swap: &Swap, found: &mut Found) {
-    let Some(topic) = swap.node.topic() else { return };
-    let sample_s = scenario.sample_s();
-    let ticks = swap.ticks(sample_s);
-    let of_node = scenario.fault.iter().filter(|fault| fault.target.process() == Some(topic));
-    let apart = |absence: Absence| absence.until < ticks.from || absence.from > ticks.until;
-    found.require(
-        scenario.run.mode == Mode::Realtime || of_node.filter_map(|fault| Absence::of(fault, sample_s)).all(apart),
-        &["swap", "fault"],
-        format!("{} is struck by a fault while it is swapped", swap.node.name()),
-        "faults of the process before `at_s` or after `at_s` + `standby_s` + `watch_s`, or `run.mode` = \"realtime\"",
-    );
 }
 
 /// The candidate's own settings.

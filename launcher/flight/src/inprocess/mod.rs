@@ -7,7 +7,7 @@
 //! | `speech` | how they hear and speak |
 //!
 //! Bit-identical to lockstep, because the same cores see the same messages in the same order, through the same guards,
-//! links and succession. Nothing here reads a clock: the stamps carry sample numbers and sequence numbers only.
+//! links and roles. Nothing here reads a clock: the stamps carry sample numbers and sequence numbers only.
 
 mod node;
 mod post;
@@ -23,8 +23,8 @@ use plant::Plant;
 
 use crate::event::Event;
 use crate::log::Record;
+use crate::roles::simulated::{Simulated, Step};
 use crate::stack::{Ended, Refused};
-use crate::succession::{Step, Succession};
 use post::Post;
 use speech::{Ear, Heard, Voice};
 
@@ -40,7 +40,7 @@ pub struct Flown {
 
 /// Flies `scenario` to its end, or until `watch` says stop by returning false; `watch` sees every message.
 pub fn fly(scenario: &Scenario, mut watch: impl FnMut(Record) -> bool) -> Flown {
-    let mut succession = Succession::new(scenario);
+    let mut roles = Simulated::new(scenario);
     let mut plant = Plant::new(scenario);
     let mut commands = Ear::default();
     let mut ring = Ring::new(scenario);
@@ -48,21 +48,21 @@ pub fn fly(scenario: &Scenario, mut watch: impl FnMut(Record) -> bool) -> Flown 
         let mut go_on = true;
         let mut state = plant.sample();
         let tick = state.stamp.tick;
-        for step in succession.begin(tick) {
-            ring.obey(scenario, step, &succession);
+        for step in roles.begin(tick) {
+            ring.obey(scenario, step, &roles);
         }
-        if succession.assignment(Topic::State).active == 0 {
+        if roles.assignment(Topic::State).active == 0 {
             break Ended::Lost("plant".into());
         }
         state.stamp = Stamp::at(tick, tick * scenario.sample_ns());
-        let mut each = |record: Record, succession: &mut Succession| {
-            succession.observe(&record);
+        let mut each = |record: Record, roles: &mut Simulated| {
+            roles.observe(&record);
             go_on &= watch(record);
         };
-        ring.turn(&mut succession, &state, &mut commands, &mut each);
+        ring.turn(&mut roles, &state, &mut commands, &mut each);
         let command = commands.fresh(tick + 1);
         if !go_on || state.status != PlantStatus::Flying as u64 {
-            break succession.given_up().map_or(Ended::Flown, |name| Ended::Lost(name.into()));
+            break roles.given_up().map_or(Ended::Flown, |name| Ended::Lost(name.into()));
         }
         if let Some(command) = command {
             plant.command(command, command.stamp.held_ns);
@@ -70,11 +70,7 @@ pub fn fly(scenario: &Scenario, mut watch: impl FnMut(Record) -> bool) -> Flown 
         plant.advance(1);
     };
     let refused = [commands.refused, ring.guidance.refused(), ring.mpc.refused(), ring.mixer.refused()];
-    Flown {
-        ended,
-        events: succession.events,
-        refused: Topic::ALL.map(Topic::publisher).into_iter().zip(refused).collect(),
-    }
+    Flown { ended, events: roles.events, refused: Topic::ALL.map(Topic::publisher).into_iter().zip(refused).collect() }
 }
 
 /// The plant's voice, and the nodes that answer to it.
@@ -99,8 +95,8 @@ impl Ring {
     }
 
     /// Does what is to be done before a tick.
-    fn obey(&mut self, scenario: &Scenario, step: Step, succession: &Succession) {
-        let active = |topic| succession.assignment(topic).active;
+    fn obey(&mut self, scenario: &Scenario, step: Step, roles: &Simulated) {
+        let active = |topic| roles.assignment(topic).active;
         match step {
             Step::End(Topic::State, _) | Step::Begin(Topic::State, ..) => {}
             Step::End(Topic::Reference, epoch) => self.guidance.end(epoch),
@@ -122,10 +118,10 @@ impl Ring {
     /// is heard by `commands`.
     fn turn(
         &mut self,
-        succession: &mut Succession,
+        roles: &mut Simulated,
         state: &State,
         commands: &mut Ear<Actuators>,
-        each: &mut impl FnMut(Record, &mut Succession),
+        each: &mut impl FnMut(Record, &mut Simulated),
     ) {
         let Self { states, guidance, mpc, mixer, last } = self;
         let sample = state.stamp;
@@ -134,21 +130,21 @@ impl Ring {
             mpc.ears().for_each(|(ear, _)| ear.hear(message, 1));
             mixer.ears().for_each(|(ear, _)| ear.hear(message, 1));
             last.state = *message;
-            each((*message).into(), succession);
+            each((*message).into(), roles);
         });
-        guidance.answer(sample, succession, |message: &Reference, active, succession| {
+        guidance.answer(sample, roles, |message: &Reference, active, roles| {
             mpc.ears().for_each(|(_, ear)| ear.hear(message, active));
             last.keep_reference(message);
-            each((*message).into(), succession);
+            each((*message).into(), roles);
         });
-        mpc.answer(sample, succession, |message: &Controls, active, succession| {
+        mpc.answer(sample, roles, |message: &Controls, active, roles| {
             mixer.ears().for_each(|(_, ear)| ear.hear(message, active));
             last.keep_controls(message);
-            each((*message).into(), succession);
+            each((*message).into(), roles);
         });
-        mixer.answer(sample, succession, |message: &Actuators, active, succession| {
+        mixer.answer(sample, roles, |message: &Actuators, active, roles| {
             commands.hear(message, active);
-            each((*message).into(), succession);
+            each((*message).into(), roles);
         });
     }
 }

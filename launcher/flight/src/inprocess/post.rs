@@ -7,7 +7,8 @@ use runtime::process_fault::ProcessFaults;
 
 use super::node::{Node, sum};
 use super::speech::{Counts, Heard, Voice};
-use crate::succession::Succession;
+use crate::roles::role::Input;
+use crate::roles::simulated::Simulated;
 
 /// All that work for one node.
 pub struct Post<N: Node> {
@@ -21,7 +22,7 @@ pub struct Post<N: Node> {
 /// What a process of the node would be.
 struct Worker<N: Node> {
     epoch: u32,
-    /// Those of its own settings; those of the run are the succession's matter.
+    /// Those of its own settings; those of the run are the roles's matter.
     process_faults: ProcessFaults,
     core: N,
     ears: N::Ears,
@@ -70,21 +71,21 @@ impl<N: Node> Post<N> {
     pub fn answer(
         &mut self,
         sample: Stamp,
-        succession: &mut Succession,
-        mut each: impl FnMut(&N::Says, u32, &mut Succession),
+        roles: &mut Simulated,
+        mut each: impl FnMut(&N::Says, u32, &mut Simulated),
     ) {
         let leaves = |worker: &&Worker<N>| worker.process_faults.leaves(sample.tick, sample.tick);
         let leaving: Vec<u32> = self.workers.iter().filter(leaves).map(|worker| worker.epoch).collect();
         for epoch in leaving {
             self.end(epoch);
-            succession.lost(N::Says::TOPIC, epoch, sample.tick);
+            roles.exited(N::Says::TOPIC, epoch, sample.tick, Input::Exited(epoch));
         }
-        let assignment = succession.assignment(N::Says::TOPIC);
+        let assignment = roles.assignment(N::Says::TOPIC);
         for Worker { epoch, core, ears, voice, .. } in &mut self.workers {
             if assignment.includes(*epoch) {
                 let (answer, provenance) = core.answer(ears, sample);
                 let active = assignment.active == *epoch;
-                voice.speak(active, answer, provenance, |message| each(message, assignment.active, succession));
+                voice.speak(active, answer, provenance, |message| each(message, assignment.active, roles));
             }
         }
     }

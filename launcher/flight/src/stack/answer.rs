@@ -43,7 +43,7 @@ impl Stack {
 
     /// The events from number `since` on, or the first of them.
     fn tale(&mut self, since: usize) -> Value {
-        let all = self.regime.events();
+        let all = &self.events;
         let since = since.min(all.len());
         events(&self.scenario, &all[since..all.len().min(since + MOST_EVENTS)])
     }
@@ -52,7 +52,7 @@ impl Stack {
     fn view(&mut self) -> Value {
         let nodes = Topic::ALL.map(|topic| self.node(topic));
         let faults = json!(self.at_work().collect::<Vec<_>>());
-        let told = self.regime.events();
+        let told = &self.events;
         json!({
             "nodes": nodes,
             "faults": faults,
@@ -78,7 +78,7 @@ impl Stack {
             "tick": done,
             "behind": done.map(|done| sampled.saturating_sub(done)),
             "age_ms": (sent_ns > 0).then(|| now_ns().saturating_sub(sent_ns) as f64 / 1e6),
-            "restarts": self.regime.events().iter().filter(restart).count(),
+            "restarts": self.events.iter().filter(restart).count(),
             "refused": refused(&Refusal::ALL.map(|r| role.refused[r as usize].get())),
         })
     }

@@ -15,10 +15,11 @@ use std::path::{Path, PathBuf};
 
 use contract::Scenario;
 
-use super::recorders::Recorders;
+use super::supervise::RECORDER;
 use crate::event::{self, Event};
 use crate::log::{self, Count, Record};
 use crate::recorder::LogOutcome;
+use crate::roles::role::{Policy, Role};
 
 /// No last word is longer \[bytes\]: what a pipe holds.
 const LONGEST_WORD: u64 = 65_536;
@@ -26,7 +27,9 @@ const LONGEST_WORD: u64 = 65_536;
 /// The log of a flight, and who writes it.
 pub struct Archive {
     /// Who writes it.
-    pub recorders: Recorders,
+    pub role: Role,
+    /// Which of the swaps have begun.
+    pub begun: Vec<bool>,
     path: PathBuf,
     /// What each recorder that had the role has said at its end.
     words: BTreeMap<u32, LogOutcome>,
@@ -38,9 +41,10 @@ pub struct Archive {
 
 impl Archive {
     /// For a log at `path`.
-    pub fn new(path: &Path) -> Self {
+    pub fn new(path: &Path, scenario: &Scenario) -> Self {
         Self {
-            recorders: Recorders::new(),
+            role: Role::new(RECORDER, Policy::recorder(&scenario.supervision)),
+            begun: vec![],
             path: path.into(),
             words: BTreeMap::new(),
             count: Count::default(),
@@ -67,19 +71,19 @@ impl Archive {
     /// All have ended, the recorder `active` active: makes one log of what they have written, and says how it went.
     /// `untold` of the `events` did not reach a recorder; the processes have sent so many messages.
     pub fn close(mut self, active: u32, scenario: &Scenario, events: &[Event], untold: usize, sent: u64) -> LogOutcome {
-        let why = if self.recorders.given_up {
+        let why = if self.role.given_up() {
             "nobody was left to record the flight"
         } else {
             "the recorder ended before it could close the log"
         };
         let lost = || LogOutcome { error: Some(why.into()), ..LogOutcome::default() };
         let last = self.words.remove(&active).unwrap_or_else(lost);
-        if self.recorders.newest == 1 {
+        if self.role.newest() == 1 {
             // What never reached it leaves no gap that it could have counted.
             let missing = (sent + events.len() as u64).saturating_sub(last.records);
             return LogOutcome { dropped: missing.max(last.dropped + untold as u64), ..last };
         }
-        let files: Vec<PathBuf> = (1..=self.recorders.newest).map(|epoch| self.part(epoch)).collect();
+        let files: Vec<PathBuf> = (1..=self.role.newest()).map(|epoch| self.part(epoch)).collect();
         let failed = last.error.or_else(|| self.words.into_values().find_map(|word| word.error));
         match log::join(&files, scenario, events, self.sent) {
             Ok(outcome) => LogOutcome { error: failed, ..outcome },
@@ -101,6 +105,7 @@ mod tests {
     use super::*;
     use crate::event::What;
     use crate::log::LogWriter;
+    use crate::roles::role::{Input, Now};
     use rustix::pipe::{PipeFlags, pipe_with};
     use std::fs::File;
 
@@ -112,13 +117,15 @@ mod tests {
     }
 
     fn archive(path: &Path, newest: u32) -> Archive {
-        let mut archive = Archive::new(path);
+        let mut archive = Archive::new(path, &Scenario::default());
         for epoch in 1..=newest {
             LogWriter::create(&archive.part(epoch), "", 10_000_000).unwrap().finish().unwrap();
             let (hears, _speaks) = said(&LogOutcome { records: 7, ..LogOutcome::default() });
             archive.keep(epoch, hears);
         }
-        archive.recorders.newest = newest;
+        for swap in 1..newest as usize {
+            archive.role.on(Now { ns: 0, tick: 0 }, Input::SwapRequested(swap));
+        }
         archive
     }
 
@@ -151,7 +158,9 @@ mod tests {
             assert_eq!(error.as_deref(), Some("the recorder ended before it could close the log"));
         }
         let mut archive = archive(&path, 2);
-        archive.recorders.given_up = true;
+        let never = Policy { restart_ns: vec![], ..Policy::recorder(&Scenario::default().supervision) };
+        archive.role = Role::new(RECORDER, never);
+        archive.role.on(Now { ns: 0, tick: 0 }, Input::Exited(1));
         let error = archive.close(0, &Scenario::default(), &[], 0, 0).error;
         assert_eq!(error.as_deref(), Some("nobody was left to record the flight"));
     }

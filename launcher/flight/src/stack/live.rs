@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use super::Stack;
 use crate::event::{Event, Sender, What};
-use crate::supervisor::plant_tick;
+use crate::roles::realtime::plant_tick;
 
 impl Stack {
     /// Gives the flight `fault`, which begins `at_s` after the next sample; the fault with its time in the flight.
@@ -32,7 +32,7 @@ impl Stack {
                 "a flight takes {ROOM} faults, and this one has had them; `launcher stop` it and fly again"
             ));
         }
-        self.regime.apply_fault(number, &fault);
+        self.driver.apply_fault(number, &fault);
         self.scenario.fault.push(fault);
         self.note(&fault, What::Injected, sender);
         Ok(json!([fault]))
@@ -54,7 +54,7 @@ impl Stack {
         }
         for (number, fault) in &cleared {
             self.page.fault_table().enter(*number, fault);
-            self.regime.apply_fault(*number, fault);
+            self.driver.apply_fault(*number, fault);
             self.scenario.fault[*number] = *fault;
             self.note(fault, What::Cleared, sender);
         }
@@ -99,6 +99,6 @@ impl Stack {
 
     fn note(&mut self, fault: &Fault, what: What, by: Option<Sender>) {
         let tick = plant_tick(&self.page);
-        self.regime.events().push(Event { by, ..Event::new(tick, fault.target.name(), 0, what) });
+        self.events.push(Event { by, ..Event::new(tick, fault.target.name(), 0, what) });
     }
 }

@@ -19,23 +19,23 @@ impl Stack {
         if self.page.phase().count() != phase::GO {
             return Err("the stack is starting or ending".into());
         }
-        self.regime.may_swap(&self.page, swap.node.topic())?;
+        self.driver.may_swap(swap.node.topic())?;
         if swap.node == SwapNode::Recorder {
             self.may_swap_recorder()?;
         }
         let swap = Swap { at_s: self.time_s(self.next_tick()), ..swap };
         let mut with_it = self.scenario.clone();
-        settle(&mut with_it, self.regime.events());
+        settle(&mut with_it, &self.events);
         with_it.swap.push(swap.clone());
         check_swaps(&with_it).map_err(|error| error.to_string())?;
         self.orderers.extend(sender.map(|sender| (self.scenario.swap.len(), sender)));
         self.scenario.swap.push(swap);
-        Ok(json!({ "swap": self.scenario.swap.len() - 1, "since": self.regime.events().len() }))
+        Ok(json!({ "swap": self.scenario.swap.len() - 1, "since": self.events.len() }))
     }
 
     /// Tells the recorder what has happened; where a swap begins that was ordered by hand, with who ordered it.
     pub(super) fn tell_events(&mut self) {
-        let events = self.regime.events();
+        let events = &mut self.events;
         for event in events.iter_mut().skip(self.children.told) {
             event.by = event.by.or_else(|| self.orderers.get(&event.swap?).copied());
         }
@@ -45,7 +45,7 @@ impl Stack {
     /// The flight is over: gives its swaps the times that they took. Where time follows the script they are those they had.
     pub(super) fn settle_swaps(&mut self) {
         if self.scenario.run.mode == Mode::Realtime {
-            settle(&mut self.scenario, self.regime.events());
+            settle(&mut self.scenario, &self.events);
         }
     }
 }

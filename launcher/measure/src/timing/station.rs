@@ -90,7 +90,7 @@ impl StationArgs {
         .collect();
         words.extend(["--samples".into(), self.samples.clone().into()]);
         words.extend(self.stamps.then(|| "--stamps".into()));
-        words.extend(self.warm_up.then(|| "--warm_up".into()));
+        words.extend(self.warm_up.then(|| "--warm-up".into()));
         words
     }
 }

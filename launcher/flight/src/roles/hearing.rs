@@ -10,7 +10,6 @@
 //! done. A fault of the scenario that loses messages does not matter, for what it loses is sent too, marked; nor does a
 //! process that sends nothing because its deadline's policy says so.
 
-use contract::plan::HANG_TICKS;
 use contract::topic::Topic;
 use runtime::port::PortFailure;
 use runtime::realtime::ControlPage;
@@ -19,6 +18,8 @@ use runtime::shared_role::SharedRole;
 /// The place of the launcher, which listens to every topic, behind those of the nodes.
 const LAUNCHER: usize = Topic::COUNT;
 
+/// Messages that may be lost on the way before a publisher counts as unheard.
+const SENT: u32 = 3;
 /// A listener may be in the middle of a tick, past its look: with the second it has looked once more.
 const WHOLE_TICKS: u32 = 2;
 
@@ -137,7 +138,7 @@ impl Pair {
         if (epochs, received) != (self.epochs, self.received) {
             *self = Self { epochs, received, sent: publisher.sent, due: None };
         }
-        if self.due.is_none() && grown(self.sent, publisher.sent, HANG_TICKS as u32) {
+        if self.due.is_none() && grown(self.sent, publisher.sent, SENT) {
             self.due = Some(listener.done);
         }
         self.due.is_some_and(|done| grown(done, listener.done, WHOLE_TICKS))
@@ -151,7 +152,7 @@ impl Refusing {
         if (epoch, sent) != (self.epoch, self.sent) {
             *self = Self { epoch, sent, failures };
         }
-        grown(self.failures, failures, HANG_TICKS as u32)
+        grown(self.failures, failures, SENT)
     }
 }
 

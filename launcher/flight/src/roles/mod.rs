@@ -1,0 +1,23 @@
+//! Who runs a node: one state machine, and three drivers that carry its inputs in and its actions out.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`role`] | the state machine: inputs, actions, policy |
+//! | [`supervised`] | a role with the trial of its candidate |
+//! | [`trial`], `answer`, `similarity` | whether a candidate does as well as the process before it |
+//! | [`process_faults`] | faults of processes as inputs |
+//! | [`realtime`] | driver: the control page and the clock |
+//! | [`simulated`] | driver: the delays that `[supervision]` names; in process uses it as it is |
+//! | [`lockstep`] | driver: the same for processes, between two ticks |
+//! | [`hearing`] | processes that work and cannot be heard, or hear nothing |
+
+mod answer;
+pub mod hearing;
+pub mod lockstep;
+pub mod process_faults;
+pub mod realtime;
+pub mod role;
+mod similarity;
+pub mod simulated;
+pub mod supervised;
+pub mod trial;

@@ -1,0 +1,89 @@
+//! Faults of processes, as inputs of their roles when their time has come.
+
+use contract::Scenario;
+use contract::fault_schedule::{Entry, FaultSchedule};
+use contract::scenario::{Fault, FaultKind, Mode};
+use contract::topic::Topic;
+
+use super::role::Input;
+
+/// The faults of all processes.
+pub struct ProcessFaults {
+    faults: FaultSchedule<Injected>,
+    simulated: bool,
+    sample_ns: u64,
+}
+
+/// One fault.
+struct Injected {
+    topic: Topic,
+    kind: FaultKind,
+    /// Until when no other process is started \[ns\].
+    held_until_ns: u64,
+    /// The process that it was given to.
+    victim: Option<u32>,
+    ended: bool,
+}
+
+impl ProcessFaults {
+    /// Those of `scenario`. Against the clock a process that is to end or to burn time does so by itself.
+    pub fn new(scenario: &Scenario) -> Self {
+        let (simulated, sample_ns) = (scenario.run.mode != Mode::Realtime, scenario.sample_ns());
+        let faults = FaultSchedule::new(scenario, |_, fault| Injected::of(fault));
+        Self { faults, simulated, sample_ns }
+    }
+
+    /// Takes fault `number` as it is from now on: see [`FaultSchedule::apply_fault`].
+    pub fn apply_fault(&mut self, number: usize, fault: &Fault) {
+        self.faults.apply_fault(number, fault, Injected::of(fault));
+    }
+
+    /// What begins or ends by `tick`, each once; `active` tells the active process of a node.
+    pub fn due(&mut self, tick: u64, active: impl Fn(Topic) -> Option<u32>) -> Vec<(Topic, Input)> {
+        let mut inputs = vec![];
+        for Entry { ticks, effect: fault, .. } in self.faults.all_mut() {
+            let begins = tick >= ticks.start && !ticks.is_empty() && fault.victim.is_none();
+            if let Some(epoch) = active(fault.topic).filter(|_| begins) {
+                fault.victim = Some(epoch);
+                inputs.extend(fault.input(self.simulated).map(|input| (fault.topic, input)));
+            }
+            let stops = fault.kind == FaultKind::Stop || (self.simulated && fault.kind == FaultKind::Hog);
+            if let Some(victim) = fault.victim.filter(|_| stops && tick >= ticks.end && !fault.ended) {
+                fault.ended = true;
+                inputs.push((fault.topic, Input::Continue(victim)));
+            }
+        }
+        inputs
+    }
+
+    /// The first tick from `tick` on at which a fault begins or ends.
+    pub fn next_tick(&self, tick: u64) -> Option<u64> {
+        let ticks = self.faults.all().iter().flat_map(|Entry { ticks, .. }| [ticks.start, ticks.end]);
+        ticks.filter(|at| *at >= tick).min()
+    }
+
+    /// The time of `tick` \[ns\].
+    pub fn time_ns(&self, tick: u64) -> u64 {
+        tick.saturating_mul(self.sample_ns)
+    }
+}
+
+impl Injected {
+    fn of(fault: &Fault) -> Option<Self> {
+        use FaultKind::{Exit, Hog, Kill, Stop};
+        let topic = fault.target.process().filter(|_| matches!(fault.kind, Kill | Exit | Stop | Hog))?;
+        let held_until_ns = fault.for_s.map_or(0, |for_s| ((fault.at_s + for_s) * 1e9) as u64);
+        Some(Self { topic, kind: fault.kind, held_until_ns, victim: None, ended: false })
+    }
+
+    fn input(&self, simulated: bool) -> Option<Input> {
+        match self.kind {
+            FaultKind::Kill => Some(Input::Kill(self.held_until_ns)),
+            FaultKind::Exit if simulated => Some(Input::Kill(self.held_until_ns)),
+            FaultKind::Exit => Some(Input::Hold(self.held_until_ns)),
+            FaultKind::Stop => Some(Input::Stop),
+            FaultKind::Hog if simulated => Some(Input::Stop),
+            _ => None,
+        }
+    }
+}

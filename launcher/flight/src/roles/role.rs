@@ -1,0 +1,551 @@
+//! Who runs a node: a state machine without a clock, a process, shared memory or I/O.
+//!
+//! ```text
+//!              Spawn            Ready                Activated
+//!  vacant ------------> starting ------> pending -----------------> active --+-- Exited, hung, unheard -> vacant
+//!     ^                    |                                          ^      |
+//!     +--- restart delay --+-- Exited, start limit                    |      +-- SwapRequested: starting beside it
+//!     |                                                               |
+//!     +-- too many failures within the window: given up               +-- standby -- HandOver --> active, the old one stands by
+//!                                                                         (trial)      Keep, Reject, Return end the trial
+//! ```
+//!
+//! The same machine decides in every mode. A driver carries [`Input`]s in and [`Action`]s out: `realtime` from pidfds and
+//! progress words, `simulated` from the delays that the `[supervision]` settings name. Times are nanoseconds since sample 0.
+
+use contract::scenario::Supervision;
+
+use super::trial::Ruling;
+use crate::event::{Event, What};
+
+/// When an input was seen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Now {
+    /// Since sample 0 \[ns\].
+    pub ns: u64,
+    /// The newest sample.
+    pub tick: u64,
+}
+
+/// What is seen, and what is asked for.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Input {
+    /// The process can work.
+    Ready(u32),
+    /// The process works from this tick on as the active one.
+    Activated(u32),
+    /// The process has ended.
+    Exited(u32),
+    /// The process could not be started, and why.
+    NotStarted(u32, String),
+    /// The active process has answered to `done` of `samples` samples; `excused_ns` of the time since the last look count against
+    /// nobody.
+    Progress {
+        /// Ticks done, counted from the first of the run.
+        done: u64,
+        /// Samples that are to be answered.
+        samples: u64,
+        /// Time in which the driver itself did not run \[ns\].
+        excused_ns: u64,
+    },
+    /// The active process works, but not with the others, and why.
+    Unheard(u32, String),
+    /// The trial of the candidate has come to this, and why.
+    Ruled(Ruling, String),
+    /// Swap number `n` of the scenario is due.
+    SwapRequested(usize),
+    /// A fault kills the active process; until the given time no other is started.
+    Kill(u64),
+    /// A fault has the active process end by itself; until the given time no other is started.
+    Hold(u64),
+    /// A fault stops the active process.
+    Stop,
+    /// The fault that stopped this process is over.
+    Continue(u32),
+    /// Time has passed.
+    Tick,
+}
+
+/// What is to be done.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Action {
+    /// Start this epoch, with the program and settings of this swap, or those of the run.
+    Spawn(u32, Option<usize>),
+    /// Signal this epoch.
+    Signal(u32, Signal),
+    /// Make this epoch the active one when the next tick begins; a standby changes places with the active one.
+    Activate(u32),
+    /// Have this epoch work unheard beside the active one.
+    Standby(u32),
+    /// This epoch works no longer, from now on.
+    Vacate(u32),
+    /// Write down what happened.
+    Report(Event),
+}
+
+/// What a process is sent.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Signal {
+    /// SIGKILL.
+    Kill,
+    /// SIGSTOP.
+    Stop,
+    /// SIGCONT.
+    Continue,
+}
+
+/// What differs between roles, from `[supervision]`.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct Policy {
+    /// Waits before the first, second, ... new start within the window \[ns\]; one failure more, and the role is given up.
+    pub restart_ns: Vec<u64>,
+    /// See `restart_ns` \[ns\].
+    pub window_ns: u64,
+    /// A process that is not ready by then counts as hung \[ns\].
+    pub start_limit_ns: u64,
+    /// An active process without progress for this time counts as hung \[ns\],
+    pub hang_ns: u64,
+    /// if it has left that many samples without an answer.
+    pub hang_ticks: u64,
+    /// Whether a candidate is compared with the active process before it takes over.
+    pub tried: bool,
+    /// Whether a program that fails is followed by the program before it.
+    pub falls_back: bool,
+}
+
+/// A process.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+struct Worker {
+    epoch: u32,
+    /// The swap whose program and settings it has.
+    origin: Option<usize>,
+}
+
+/// A process that is not ready yet.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+struct Starting {
+    worker: Worker,
+    since_ns: u64,
+    /// Whether it comes by a swap, not in the place of one that failed.
+    candidate: bool,
+}
+
+/// A candidate beside the process it is to replace.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Contest {
+    /// The candidate.
+    pub candidate: u32,
+    /// The process before it, while it lives.
+    pub old: Option<u32>,
+    /// Whether the candidate is active.
+    pub handed_over: bool,
+}
+
+/// What was done when it last grew.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+struct Progress {
+    done: u64,
+    since_ns: u64,
+}
+
+/// One role: the processes that run one node, or the recorder.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct Role {
+    name: &'static str,
+    policy: Policy,
+    newest: u32,
+    active: Option<Worker>,
+    standby: Option<Worker>,
+    starting: Option<Starting>,
+    /// Ready, and active from the next tick on.
+    pending: Option<Worker>,
+    contest: Option<Contest>,
+    restart_at_ns: Option<u64>,
+    held_until_ns: u64,
+    failures_ns: Vec<u64>,
+    /// Killed by this role: their end is no news.
+    condemned: Vec<u32>,
+    /// The programs that were active for good, the newest last.
+    origins: Vec<Option<usize>>,
+    progress: Progress,
+    given_up: bool,
+}
+
+impl Policy {
+    /// That of a node whose samples are `sample_ns` apart.
+    pub fn node(settings: &Supervision, sample_ns: u64) -> Self {
+        let ns = |ms: f64| (ms * 1e6) as u64;
+        Self {
+            restart_ns: settings.restart_ms.iter().copied().map(ns).collect(),
+            window_ns: (settings.window_s * 1e9) as u64,
+            start_limit_ns: (settings.start_limit_s * 1e9) as u64,
+            // Less than the samples' own time: progress is seen late too.
+            hang_ns: ns(settings.hang_ms).max(sample_ns * settings.hang_ticks.saturating_sub(1)),
+            hang_ticks: settings.hang_ticks,
+            tried: true,
+            falls_back: false,
+        }
+    }
+
+    /// That of the plant: the vehicle has no replacement, and nobody samples for it.
+    pub fn plant(settings: &Supervision, sample_ns: u64) -> Self {
+        Self { restart_ns: vec![], hang_ns: 500_000_000, hang_ticks: 0, ..Self::node(settings, sample_ns) }
+    }
+
+    /// That of the recorder: a disk may be slow, and no answer of its own can be compared.
+    pub fn recorder(settings: &Supervision) -> Self {
+        let node = Self::node(settings, 0);
+        let start_limit_ns = node.start_limit_ns.max(3_000_000_000);
+        Self { start_limit_ns, hang_ns: 5_000_000_000, hang_ticks: 1, tried: false, falls_back: true, ..node }
+    }
+}
+
+impl Role {
+    /// A role called `name` whose first process, epoch 1, is active.
+    pub fn new(name: &'static str, policy: Policy) -> Self {
+        Self {
+            name,
+            policy,
+            newest: 1,
+            active: Some(Worker { epoch: 1, origin: None }),
+            standby: None,
+            starting: None,
+            pending: None,
+            contest: None,
+            restart_at_ns: None,
+            held_until_ns: 0,
+            failures_ns: vec![],
+            condemned: vec![],
+            origins: vec![None],
+            progress: Progress::default(),
+            given_up: false,
+        }
+    }
+
+    /// Takes `input` in; what is to be done, in order.
+    pub fn on(&mut self, now: Now, input: Input) -> Vec<Action> {
+        let mut actions = vec![];
+        let out = &mut actions;
+        match input {
+            Input::Ready(epoch) => self.ready(now, epoch, out),
+            Input::Activated(epoch) => self.activated(now, epoch, out),
+            Input::Exited(epoch) => self.exited(now, epoch, What::Died, None, out),
+            Input::NotStarted(epoch, why) => self.exited(now, epoch, What::NotStarted, Some(&why), out),
+            Input::Progress { done, samples, excused_ns } => self.progressed(now, done, samples, excused_ns, out),
+            Input::Unheard(epoch, why) if self.active.is_some_and(|active| active.epoch == epoch) => {
+                self.hung(now, epoch, Some(&why), out);
+            }
+            Input::Unheard(..) => {}
+            Input::Ruled(ruling, why) => self.ruled(now, ruling, &why, out),
+            Input::SwapRequested(swap) => self.swap_requested(now, swap, out),
+            Input::Kill(until_ns) => {
+                self.held_until_ns = self.held_until_ns.max(until_ns);
+                out.extend(self.active.map(|active| Action::Signal(active.epoch, Signal::Kill)));
+            }
+            Input::Hold(until_ns) => self.held_until_ns = self.held_until_ns.max(until_ns),
+            Input::Stop => out.extend(self.active.map(|active| Action::Signal(active.epoch, Signal::Stop))),
+            Input::Continue(epoch) => out.push(Action::Signal(epoch, Signal::Continue)),
+            Input::Tick => self.tick(now, out),
+        }
+        actions
+    }
+
+    /// Name of the node, or of the recorder.
+    pub fn name(&self) -> &'static str {
+        self.name
+    }
+
+    /// The epoch that is heard.
+    pub fn active(&self) -> Option<u32> {
+        self.active.map(|worker| worker.epoch)
+    }
+
+    /// The epoch that was started and is not ready yet.
+    pub fn starting(&self) -> Option<u32> {
+        self.starting.map(|starting| starting.worker.epoch)
+    }
+
+    /// The candidate that is compared with the process before it.
+    pub fn contest(&self) -> Option<Contest> {
+        self.contest
+    }
+
+    /// The swap that the candidate on trial came with.
+    pub fn swap_on_trial(&self) -> Option<usize> {
+        let candidate = self.contest?.candidate;
+        [self.active, self.standby].into_iter().flatten().find(|worker| worker.epoch == candidate)?.origin
+    }
+
+    /// Whether no other is started any more.
+    pub fn given_up(&self) -> bool {
+        self.given_up
+    }
+
+    /// The newest epoch.
+    pub fn newest(&self) -> u32 {
+        self.newest
+    }
+
+    /// Whether `epoch` is active and no other could take its place.
+    pub fn is_alone(&self, epoch: u32) -> bool {
+        self.active() == Some(epoch) && self.contest.is_none()
+    }
+
+    /// Whether a candidate is starting, or on trial.
+    pub fn has_candidate(&self) -> bool {
+        self.contest.is_some() || self.starting.is_some_and(|starting| starting.candidate)
+    }
+
+    /// Whether a process was started or is about to be, or is compared with another.
+    pub fn is_busy(&self) -> bool {
+        self.starting.is_some() || self.pending.is_some() || self.contest.is_some() || self.restart_at_ns.is_some()
+    }
+
+    /// When to send [`Input::Tick`] at the latest \[ns\].
+    pub fn due_ns(&self) -> Option<u64> {
+        let restart_ns = self.restart_at_ns.map(|at_ns| at_ns.max(self.held_until_ns));
+        let limit_ns = self.starting.map(|starting| starting.since_ns + self.policy.start_limit_ns + 1);
+        restart_ns.into_iter().chain(limit_ns).min()
+    }
+
+    /// When the active process counts as hung if it answers to no sample any more \[ns\]: samples are seen from `origin_ns` on,
+    /// `sample_ns` apart.
+    pub fn hangs_at_ns(&self, sample_ns: u64, origin_ns: u64) -> Option<u64> {
+        let last = (self.progress.done + self.policy.hang_ticks).saturating_sub(1);
+        self.active.map(|_| (origin_ns + last * sample_ns).max(self.progress.since_ns + self.policy.hang_ns))
+    }
+
+    /// Whether another process may be tried, or why not.
+    pub fn may_swap(&self) -> Result<(), String> {
+        let name = self.name;
+        if self.given_up {
+            return Err(format!("{name} was given up: too many of its processes have failed"));
+        }
+        if self.contest.is_some() || self.starting.is_some() || self.pending.is_some() {
+            return Err(format!(
+                "{name} has a candidate already, or another process of it is starting; wait until that is over"
+            ));
+        }
+        if self.active.is_none() {
+            return Err(format!("{name} has no active process to take over from"));
+        }
+        Ok(())
+    }
+
+    fn ready(&mut self, now: Now, epoch: u32, out: &mut Vec<Action>) {
+        let Some(Starting { worker, candidate, .. }) = self.starting.take_if(|s| s.worker.epoch == epoch) else {
+            return;
+        };
+        if candidate && self.policy.tried {
+            self.standby = Some(worker);
+            self.contest = Some(Contest { candidate: epoch, old: self.active(), handed_over: false });
+            out.push(Action::Standby(epoch));
+            self.report(now, epoch, What::OnStandby, None, out);
+        } else {
+            self.pending = Some(worker);
+            out.push(Action::Activate(epoch));
+        }
+    }
+
+    fn activated(&mut self, now: Now, epoch: u32, out: &mut Vec<Action>) {
+        if let Some(pending) = self.pending.take_if(|pending| pending.epoch == epoch) {
+            // Only a process without a trial, a recorder, takes over from one that lives: that one leaves by itself.
+            self.condemned.extend(self.active.map(|before| before.epoch));
+            self.active = Some(pending);
+            self.trust(pending.origin);
+        } else if self.standby.is_some_and(|standby| standby.epoch == epoch) {
+            std::mem::swap(&mut self.active, &mut self.standby);
+        } else {
+            return;
+        }
+        if let Some(contest) = &mut self.contest {
+            contest.handed_over = contest.candidate == epoch;
+        }
+        self.progress = Progress { done: 0, since_ns: now.ns };
+        out.extend(self.condemned.iter().map(|epoch| Action::Vacate(*epoch))); // one of them may have changed places
+        self.report(now, epoch, What::TookOver, None, out);
+    }
+
+    /// The process `epoch` is no more; `what` is reported of it, unless this role has ended it.
+    fn exited(&mut self, now: Now, epoch: u32, what: What, why: Option<&str>, out: &mut Vec<Action>) {
+        let known = self.condemned.len();
+        self.condemned.retain(|other| *other != epoch);
+        if self.condemned.len() < known {
+            out.push(Action::Vacate(epoch));
+        } else if self.knows(epoch) {
+            self.report(now, epoch, what, why, out);
+            self.lost(now, epoch, why.unwrap_or("it died"), out);
+        }
+    }
+
+    fn hung(&mut self, now: Now, epoch: u32, why: Option<&str>, out: &mut Vec<Action>) {
+        self.report(now, epoch, What::Hung, why, out);
+        self.condemn(epoch, out);
+        self.lost(now, epoch, "it hung", out);
+    }
+
+    /// The process `epoch` works no longer: what remains of the role without it.
+    fn lost(&mut self, now: Now, epoch: u32, why: &str, out: &mut Vec<Action>) {
+        out.push(Action::Vacate(epoch));
+        let is = |worker: &mut Worker| worker.epoch == epoch;
+        let was_active = self.active.take_if(is).is_some();
+        self.standby.take_if(is);
+        self.pending.take_if(is);
+        if let Some(starting) = self.starting.take_if(|starting| starting.worker.epoch == epoch)
+            && starting.candidate
+        {
+            let why = if why == "it died" { "it died before it was ready" } else { why };
+            self.report(now, epoch, What::Rejected, Some(why), out);
+        }
+        if let Some(contest) = &mut self.contest {
+            if contest.candidate == epoch {
+                let what = if contest.handed_over { What::Returned } else { What::Rejected };
+                self.contest = None;
+                self.report(now, epoch, what, Some(why), out);
+            } else if contest.old == Some(epoch) {
+                contest.old = None; // the trial goes on without it
+            }
+        } else if was_active && self.policy.falls_back && self.origins.len() > 1 {
+            self.origins.pop();
+        }
+        self.fill(now, epoch, out);
+    }
+
+    /// After `epoch` has gone: a standby takes its place; without one another process is started.
+    fn fill(&mut self, now: Now, epoch: u32, out: &mut Vec<Action>) {
+        if self.active.is_some() || self.pending.is_some() {
+            return;
+        }
+        if let Some(standby) = self.standby {
+            out.push(Action::Activate(standby.epoch));
+            return;
+        }
+        // A candidate that is not ready has shown nothing yet: nobody waits for it.
+        if let Some(late) = self.starting.take_if(|starting| starting.candidate) {
+            let late = late.worker.epoch;
+            self.condemn(late, out);
+            self.report(now, late, What::Rejected, Some("no other was active any more before it was ready"), out);
+        }
+        if self.starting.is_none() && self.restart_at_ns.is_none() && !self.given_up {
+            self.count_failure(now, epoch, out);
+        }
+    }
+
+    fn count_failure(&mut self, now: Now, epoch: u32, out: &mut Vec<Action>) {
+        let window_ns = self.policy.window_ns;
+        self.failures_ns.retain(|at_ns| now.ns.saturating_sub(*at_ns) < window_ns);
+        if let Some(wait_ns) = self.policy.restart_ns.get(self.failures_ns.len()) {
+            self.failures_ns.push(now.ns);
+            self.restart_at_ns = Some(now.ns + wait_ns);
+        } else {
+            self.given_up = true;
+            if !self.policy.restart_ns.is_empty() {
+                self.report(now, epoch, What::GivenUp, None, out);
+            }
+        }
+    }
+
+    fn progressed(&mut self, now: Now, done: u64, samples: u64, excused_ns: u64, out: &mut Vec<Action>) {
+        let Some(active) = self.active else { return };
+        if done == self.progress.done && samples > done {
+            self.progress.since_ns += excused_ns;
+        } else {
+            self.progress = Progress { done, since_ns: now.ns };
+        }
+        let unanswered = samples >= done.saturating_add(self.policy.hang_ticks);
+        if unanswered && now.ns.saturating_sub(self.progress.since_ns) >= self.policy.hang_ns {
+            self.hung(now, active.epoch, None, out);
+        }
+    }
+
+    fn ruled(&mut self, now: Now, ruling: Ruling, why: &str, out: &mut Vec<Action>) {
+        let Some(Contest { candidate, old, handed_over }) = self.contest else { return };
+        let what = match ruling {
+            Ruling::HandOver if !handed_over => {
+                out.push(Action::Activate(candidate));
+                return;
+            }
+            Ruling::Keep if handed_over => What::Kept,
+            Ruling::Reject if !handed_over => What::Rejected,
+            Ruling::Return if handed_over => What::Returned,
+            _ => return, // it was ruled before the last change of places
+        };
+        self.contest = None;
+        self.report(now, candidate, what, Some(why), out);
+        let leaves = if what == What::Kept { old } else { Some(candidate) };
+        if what == What::Kept {
+            self.trust(self.active.and_then(|active| active.origin));
+        }
+        let Some(leaves) = leaves else { return };
+        self.condemn(leaves, out);
+        let returns = what == What::Returned && old.is_some();
+        if returns {
+            // The candidate is heard until the old one is let in.
+            (self.active, self.pending) = (None, self.standby.take());
+            out.extend(old.map(Action::Activate));
+        } else {
+            out.push(Action::Vacate(leaves));
+            self.active.take_if(|worker| worker.epoch == leaves);
+            self.standby.take_if(|worker| worker.epoch == leaves);
+            self.fill(now, leaves, out);
+        }
+    }
+
+    fn swap_requested(&mut self, now: Now, swap: usize, out: &mut Vec<Action>) {
+        match self.may_swap() {
+            Ok(()) => self.spawn(now, Some(swap), out),
+            Err(why) => {
+                let rejected = Event::new(now.tick, self.name, self.newest, What::Rejected);
+                out.push(Action::Report(rejected.because(why).begins(Some(swap))));
+            }
+        }
+    }
+
+    fn tick(&mut self, now: Now, out: &mut Vec<Action>) {
+        let held = now.ns < self.held_until_ns;
+        if self.restart_at_ns.take_if(|at_ns| now.ns >= *at_ns && !held).is_some() {
+            self.spawn(now, None, out);
+        }
+        let limit_ns = self.policy.start_limit_ns;
+        if let Some(late) = self.starting.filter(|starting| now.ns.saturating_sub(starting.since_ns) > limit_ns) {
+            self.hung(now, late.worker.epoch, None, out);
+        }
+    }
+
+    /// Has another process started: the candidate of `swap`, or one like the last that was trusted.
+    fn spawn(&mut self, now: Now, swap: Option<usize>, out: &mut Vec<Action>) {
+        self.newest += 1;
+        let origin = swap.or(self.origins.last().copied().flatten());
+        let worker = Worker { epoch: self.newest, origin };
+        self.starting = Some(Starting { worker, since_ns: now.ns, candidate: swap.is_some() });
+        let started = Event::new(now.tick, self.name, worker.epoch, What::Started);
+        out.push(Action::Report(started.begins(swap)));
+        out.push(Action::Spawn(worker.epoch, origin));
+    }
+
+    /// The program of `origin` is active for good.
+    fn trust(&mut self, origin: Option<usize>) {
+        if self.origins.last() != Some(&origin) {
+            self.origins.push(origin);
+        }
+    }
+
+    fn condemn(&mut self, epoch: u32, out: &mut Vec<Action>) {
+        self.condemned.push(epoch);
+        out.push(Action::Signal(epoch, Signal::Kill));
+    }
+
+    fn knows(&self, epoch: u32) -> bool {
+        let starting = self.starting.map(|starting| starting.worker);
+        let workers = [self.active, self.standby, self.pending, starting];
+        workers.into_iter().flatten().any(|worker| worker.epoch == epoch)
+    }
+
+    fn report(&self, now: Now, epoch: u32, what: What, why: Option<&str>, out: &mut Vec<Action>) {
+        let event = Event::new(now.tick, self.name, epoch, what);
+        out.push(Action::Report(why.map_or(event.clone(), |why| event.because(why))));
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,402 @@
+//! The state machine by examples, by random inputs, and by every sequence of inputs up to a depth.
+
+use std::collections::{HashSet, VecDeque};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use proptest::collection::vec;
+use proptest::prelude::*;
+use proptest::sample::select;
+
+use super::*;
+
+const MS: u64 = 1_000_000;
+
+fn policy(tried: bool) -> Policy {
+    let settings = Supervision { window_s: 0.5, ..Supervision::default() };
+    if tried { Policy::node(&settings, 10 * MS) } else { Policy::recorder(&settings) }
+}
+
+fn now(ms: u64) -> Now {
+    Now { ns: ms * MS, tick: ms / 10 }
+}
+
+/// What happened, of the actions.
+fn told(actions: &[Action]) -> Vec<(u32, What)> {
+    let event =
+        |action: &Action| if let Action::Report(event) = action { Some((event.epoch, event.what)) } else { None };
+    actions.iter().filter_map(event).collect()
+}
+
+/// The actions without what is only written down.
+fn done(actions: Vec<Action>) -> Vec<Action> {
+    actions.into_iter().filter(|action| !matches!(action, Action::Report(_))).collect()
+}
+
+/// A role whose active process ends at these times \[ms\], each followed by one that is ready and active at once.
+fn after_failures(ends_ms: &[u64]) -> Role {
+    let mut role = Role::new("mixer", policy(true));
+    for end_ms in ends_ms {
+        let active = role.active().expect("a process is active");
+        role.on(now(*end_ms), Input::Exited(active));
+        let restart_ns = role.due_ns().expect("another is to be started");
+        let at = Now { ns: restart_ns, tick: 0 };
+        role.on(at, Input::Tick);
+        let epoch = role.starting().expect("another was started");
+        role.on(at, Input::Ready(epoch));
+        role.on(at, Input::Activated(epoch));
+    }
+    role
+}
+
+#[test]
+fn an_exit_is_followed_by_another_process() {
+    let mut role = Role::new("mixer", policy(true));
+    let actions = role.on(now(100), Input::Exited(1));
+    assert_eq!(told(&actions), [(1, What::Died)]);
+    assert_eq!(done(actions), [Action::Vacate(1)]);
+    assert_eq!(role.due_ns(), Some(100 * MS), "at once");
+    let actions = role.on(now(100), Input::Tick);
+    assert_eq!(told(&actions), [(2, What::Started)]);
+    assert_eq!(done(actions), [Action::Spawn(2, None)]);
+    assert_eq!(role.on(now(125), Input::Ready(2)), [Action::Activate(2)]);
+    assert_eq!(told(&role.on(now(130), Input::Activated(2))), [(2, What::TookOver)]);
+}
+
+#[test]
+fn waits_grow_and_the_fourth_failure_in_the_window_is_the_last() {
+    for (ends, wait_ms) in [(&[][..], 0), (&[100], 50), (&[100, 200], 100)] {
+        let mut role = after_failures(ends);
+        role.on(now(400), Input::Exited(role.active().unwrap()));
+        assert_eq!(role.due_ns(), Some((400 + wait_ms) * MS), "after {ends:?}");
+    }
+    let mut role = after_failures(&[100, 200, 300]);
+    assert_eq!(told(&role.on(now(500), Input::Exited(4))), [(4, What::Died), (4, What::GivenUp)]);
+    assert!(role.given_up() && role.due_ns().is_none());
+    let mut role = after_failures(&[100, 200, 300]);
+    assert_eq!(told(&role.on(now(600), Input::Exited(4))), [(4, What::Died)], "the first is out of the window");
+}
+
+#[test]
+fn a_fault_that_kills_keeps_the_program_from_being_started_until_it_is_over() {
+    let mut role = Role::new("mixer", policy(true));
+    assert_eq!(role.on(now(100), Input::Kill(400 * MS)), [Action::Signal(1, Signal::Kill)]);
+    role.on(now(102), Input::Exited(1));
+    assert_eq!(role.due_ns(), Some(400 * MS));
+    assert_eq!(role.on(now(399), Input::Tick), []);
+    assert_eq!(done(role.on(now(400), Input::Tick)), [Action::Spawn(2, None)]);
+}
+
+#[test]
+fn a_process_hangs_after_the_limit_if_samples_wait_for_it() {
+    let mut role = Role::new("mixer", policy(true));
+    let progress = |done, samples| Input::Progress { done, samples, excused_ns: 0 };
+    role.on(now(42), progress(5, 5));
+    assert_eq!(role.hangs_at_ns(10 * MS, 0), Some(70 * MS));
+    assert_eq!(role.on(now(69), progress(5, 7)), [], "two samples are not enough");
+    assert_eq!(role.clone().on(now(61), progress(5, 8)), [], "nor is less than 20 ms");
+    let actions = role.on(now(71), progress(5, 8));
+    assert_eq!(told(&actions), [(1, What::Hung)]);
+    assert_eq!(done(actions), [Action::Signal(1, Signal::Kill), Action::Vacate(1)]);
+    assert_eq!(role.on(now(72), Input::Exited(1)), [Action::Vacate(1)], "its end is no news");
+    assert_eq!(done(role.on(now(72), Input::Tick)), [Action::Spawn(2, None)]);
+}
+
+#[test]
+fn time_in_which_the_driver_did_not_run_counts_against_no_process() {
+    let mut role = Role::new("mixer", policy(true));
+    let progress = |samples, excused_ns| Input::Progress { done: 5, samples, excused_ns };
+    role.on(now(42), progress(5, 0));
+    assert_eq!(role.on(now(96), progress(10, 50 * MS)), []);
+    assert_eq!(told(&role.on(now(112), progress(12, 0))), [(1, What::Hung)]);
+}
+
+#[test]
+fn a_process_that_is_not_ready_in_time_is_replaced() {
+    let mut role = Role::new("mixer", policy(true));
+    role.on(now(100), Input::Exited(1));
+    role.on(now(100), Input::Tick);
+    let actions = role.on(now(1101), Input::Tick);
+    assert_eq!(told(&actions), [(2, What::Hung)]);
+    assert_eq!(
+        done(role.on(now(1101), Input::Tick)),
+        [Action::Spawn(3, None)],
+        "the first failure is out of the window"
+    );
+}
+
+/// A role with a candidate on standby, epoch 2, that came with swap 7.
+fn contest() -> Role {
+    let mut role = Role::new("mixer", policy(true));
+    assert_eq!(done(role.on(now(100), Input::SwapRequested(7))), [Action::Spawn(2, Some(7))]);
+    let actions = role.on(now(125), Input::Ready(2));
+    assert_eq!(told(&actions), [(2, What::OnStandby)]);
+    assert_eq!(done(actions), [Action::Standby(2)]);
+    assert_eq!(role.swap_on_trial(), Some(7));
+    role
+}
+
+/// The same after the hand-over.
+fn handed_over() -> Role {
+    let mut role = contest();
+    assert_eq!(role.on(now(200), Input::Ruled(Ruling::HandOver, String::new())), [Action::Activate(2)]);
+    role.on(now(200), Input::Activated(2));
+    assert_eq!((role.active(), role.contest().map(|c| c.handed_over)), (Some(2), Some(true)));
+    role
+}
+
+#[test]
+fn a_candidate_is_kept_and_what_follows_it_is_like_it() {
+    let mut role = handed_over();
+    let actions = role.on(now(300), Input::Ruled(Ruling::Keep, "well".into()));
+    assert_eq!(told(&actions), [(2, What::Kept)]);
+    assert_eq!(done(actions), [Action::Signal(1, Signal::Kill), Action::Vacate(1)]);
+    assert_eq!(role.on(now(301), Input::Exited(1)), [Action::Vacate(1)]);
+    role.on(now(400), Input::Exited(2));
+    assert_eq!(done(role.on(now(400), Input::Tick)), [Action::Spawn(3, Some(7))]);
+}
+
+#[test]
+fn a_candidate_that_is_rejected_leaves_the_active_process_alone() {
+    let mut role = contest();
+    let actions = role.on(now(150), Input::Ruled(Ruling::Reject, "late".into()));
+    assert_eq!(told(&actions), [(2, What::Rejected)]);
+    assert_eq!(done(actions), [Action::Signal(2, Signal::Kill), Action::Vacate(2)]);
+    assert!(role.is_alone(1));
+    assert_eq!(role.on(now(151), Input::Exited(2)), [Action::Vacate(2)]);
+}
+
+#[test]
+fn a_candidate_that_returns_is_heard_until_the_old_one_is_active() {
+    let mut role = handed_over();
+    let actions = role.on(now(250), Input::Ruled(Ruling::Return, "tilt".into()));
+    assert_eq!(told(&actions), [(2, What::Returned)]);
+    assert_eq!(done(actions), [Action::Signal(2, Signal::Kill), Action::Activate(1)]);
+    role.on(now(260), Input::Activated(1));
+    assert!(role.is_alone(1));
+}
+
+#[test]
+fn a_candidate_that_dies_gives_the_role_back_and_one_whose_old_one_dies_goes_on() {
+    let mut role = handed_over();
+    let actions = role.on(now(250), Input::Exited(2));
+    assert_eq!(told(&actions), [(2, What::Died), (2, What::Returned)]);
+    assert_eq!(done(actions), [Action::Vacate(2), Action::Activate(1)]);
+    let mut role = contest();
+    let actions = role.on(now(150), Input::Exited(1));
+    assert_eq!(done(actions), [Action::Vacate(1), Action::Activate(2)], "the candidate is better than none");
+    assert_eq!(role.contest().map(|contest| contest.old), Some(None));
+}
+
+#[test]
+fn a_candidate_that_is_not_ready_when_the_active_process_dies_is_not_waited_for() {
+    let mut role = Role::new("mixer", policy(true));
+    role.on(now(100), Input::SwapRequested(0));
+    let actions = role.on(now(110), Input::Exited(1));
+    assert_eq!(told(&actions), [(1, What::Died), (2, What::Rejected)]);
+    assert_eq!(done(role.on(now(110), Input::Tick)), [Action::Spawn(3, None)]);
+}
+
+#[test]
+fn a_recorder_takes_over_when_it_is_ready_and_the_one_before_leaves_by_itself() {
+    let mut role = Role::new("recorder", policy(false));
+    role.on(now(100), Input::SwapRequested(3));
+    assert_eq!(role.on(now(200), Input::Ready(2)), [Action::Activate(2)]);
+    assert_eq!(told(&role.on(now(200), Input::Activated(2))), [(2, What::TookOver)]);
+    assert_eq!(role.on(now(201), Input::Exited(1)), [Action::Vacate(1)]);
+    role.on(now(300), Input::Exited(2));
+    assert_eq!(done(role.on(now(300), Input::Tick)), [Action::Spawn(3, None)], "the program before it follows");
+}
+
+/// A role in a world that obeys its actions: which processes live, and which of them the ring hears.
+#[derive(Clone, PartialEq, Eq, Hash)]
+struct World {
+    role: Role,
+    ms: u64,
+    living: Vec<u32>,
+    active: Option<u32>,
+    standby: Option<u32>,
+    pending: Option<u32>,
+    /// Epochs that were rejected, or sent back.
+    refused: Vec<u32>,
+    spawned: u32,
+}
+
+/// What may happen to it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Happening {
+    Exit(usize),
+    Ready,
+    Boundary,
+    Swap,
+    Rule(Ruling),
+    Silence,
+    Fault,
+    Pass(u64),
+}
+
+const HAPPENINGS: [Happening; 13] = [
+    Happening::Exit(0),
+    Happening::Exit(1),
+    Happening::Exit(2),
+    Happening::Ready,
+    Happening::Boundary,
+    Happening::Swap,
+    Happening::Rule(Ruling::HandOver),
+    Happening::Rule(Ruling::Keep),
+    Happening::Rule(Ruling::Reject),
+    Happening::Rule(Ruling::Return),
+    Happening::Silence,
+    Happening::Fault,
+    Happening::Pass(60),
+];
+
+impl World {
+    fn new(tried: bool) -> Self {
+        let role = Role::new("mixer", policy(tried));
+        let (living, active) = (vec![1], Some(1));
+        Self { role, ms: 0, living, active, standby: None, pending: None, refused: vec![], spawned: 1 }
+    }
+
+    /// Has it happen, if it can; panics where the role breaks a promise.
+    fn happen(&mut self, happening: Happening) {
+        let input = match happening {
+            Happening::Exit(i) => {
+                if i >= self.living.len() {
+                    return;
+                }
+                let epoch = self.living.remove(i);
+                Input::Exited(epoch)
+            }
+            Happening::Ready => match self.role.starting().filter(|epoch| self.living.contains(epoch)) {
+                Some(epoch) => Input::Ready(epoch),
+                None => return,
+            },
+            Happening::Boundary => match self.pending.take() {
+                Some(epoch) => {
+                    self.standby = self.active.filter(|_| self.standby == Some(epoch)).or(self.standby);
+                    self.standby.take_if(|standby| *standby == epoch);
+                    self.active = Some(epoch);
+                    Input::Activated(epoch)
+                }
+                None => return,
+            },
+            Happening::Swap => Input::SwapRequested(0),
+            Happening::Rule(ruling) => Input::Ruled(ruling, String::new()),
+            Happening::Silence => Input::Unheard(self.active.unwrap_or(0), String::new()),
+            Happening::Fault => Input::Kill((self.ms + 100) * MS),
+            Happening::Pass(ms) => {
+                self.ms += ms;
+                Input::Tick
+            }
+        };
+        self.on(input);
+        self.on(Input::Tick);
+        self.check();
+    }
+
+    fn on(&mut self, input: Input) {
+        let given_up = self.role.given_up();
+        for action in self.role.on(now(self.ms), input) {
+            match action {
+                Action::Spawn(epoch, _) => {
+                    assert!(epoch > self.spawned, "epochs only grow");
+                    assert!(!given_up, "nothing is spawned after the end");
+                    self.spawned = epoch;
+                    self.living.push(epoch);
+                }
+                Action::Signal(epoch, Signal::Kill) => {
+                    // It is seen to end at some time; the search decides when.
+                    assert!(epoch <= self.spawned);
+                }
+                Action::Signal(..) => {}
+                Action::Activate(epoch) => {
+                    assert!(!self.refused.contains(&epoch), "a rejected candidate never becomes active again");
+                    self.pending = Some(epoch);
+                }
+                Action::Standby(epoch) => self.standby = Some(epoch),
+                Action::Vacate(epoch) => {
+                    for place in [&mut self.active, &mut self.standby, &mut self.pending] {
+                        place.take_if(|other| *other == epoch);
+                    }
+                }
+                Action::Report(event) => {
+                    if matches!(event.what, What::Rejected | What::Returned) && event.swap.is_none() {
+                        self.refused.push(event.epoch);
+                    }
+                }
+            }
+        }
+    }
+
+    fn check(&self) {
+        assert!(self.active.is_none() || self.active != self.standby, "one process has one place");
+        let someone = self.active.or(self.pending).or(self.standby);
+        let coming = self.role.starting().is_some() || self.role.due_ns().is_some();
+        assert!(
+            someone.is_some() || coming || self.role.given_up(),
+            "every exit is followed by a spawn or by giving up"
+        );
+        if self.active.is_none() && self.standby.is_some() {
+            assert!(self.pending.is_some(), "a role with a living candidate is never left empty");
+        }
+        assert!(!self.role.given_up() || self.role.starting().is_none() || self.active.is_some());
+    }
+}
+
+/// Every sequence of so many happenings.
+fn search(tried: bool, depth: usize) -> usize {
+    let mut seen = HashSet::new();
+    let mut open = VecDeque::from([(World::new(tried), vec![])]);
+    while let Some((world, story)) = open.pop_front() {
+        for happening in HAPPENINGS.into_iter().filter(|_| story.len() < depth) {
+            let (mut next, story) = (world.clone(), [&story[..], &[happening]].concat());
+            let holds = catch_unwind(AssertUnwindSafe(|| next.happen(happening))).is_ok();
+            assert!(holds, "after {story:?}");
+            if seen.insert(next.clone()) {
+                open.push_back((next, story));
+            }
+        }
+    }
+    seen.len()
+}
+
+#[test]
+fn no_sequence_of_seven_happenings_breaks_a_promise() {
+    for tried in [true, false] {
+        let worlds = search(tried, 7);
+        assert!(worlds > 1000, "{worlds} states");
+    }
+}
+
+proptest! {
+    #[test]
+    fn no_long_sequence_breaks_a_promise(tried: bool, story in vec(select(HAPPENINGS.to_vec()), 0..200)) {
+        let mut world = World::new(tried);
+        for happening in story {
+            world.happen(happening);
+        }
+        // Once nothing more goes wrong, a process is active, or the role was given up.
+        for _ in 0..50 {
+            for happening in [Happening::Pass(60), Happening::Ready, Happening::Boundary] {
+                world.happen(happening);
+            }
+        }
+        prop_assert!(world.active.is_some() || world.role.given_up());
+    }
+
+    #[test]
+    fn a_trial_ends(rulings in vec(select(vec![Ruling::HandOver, Ruling::Keep, Ruling::Reject, Ruling::Return]), 1..20)) {
+        let mut world = World::new(true);
+        for happening in [Happening::Swap, Happening::Ready] {
+            world.happen(happening);
+        }
+        for ruling in rulings {
+            world.happen(Happening::Rule(ruling));
+            world.happen(Happening::Boundary);
+        }
+        for ruling in [Ruling::Keep, Ruling::Reject] {
+            world.happen(Happening::Rule(ruling));
+        }
+        prop_assert!(world.role.contest().is_none());
+    }
+}

@@ -1,0 +1,79 @@
+//! A role with the trial of its candidate: the trial looks at messages, the role at what the trial has come to.
+
+use contract::Scenario;
+use contract::scenario::SwapTicks;
+use contract::topic::Topic;
+
+use super::role::{Action, Input, Now, Policy, Role};
+use super::trial::Trial;
+use crate::event::What;
+use crate::log::Record;
+
+/// The role of one node.
+pub struct Supervised {
+    /// The topic that the node speaks on.
+    pub topic: Topic,
+    /// Who runs it.
+    pub role: Role,
+    trial: Option<Trial>,
+}
+
+impl Supervised {
+    /// The roles of all nodes, whose first processes are active.
+    pub fn all(scenario: &Scenario) -> [Self; Topic::COUNT] {
+        let (settings, sample_ns) = (&scenario.supervision, scenario.sample_ns());
+        let policy = |topic| match topic {
+            Topic::State => Policy::plant(settings, sample_ns),
+            _ => Policy::node(settings, sample_ns),
+        };
+        let one = |topic: Topic| Self { topic, role: Role::new(topic.publisher(), policy(topic)), trial: None };
+        Topic::ALL.map(one)
+    }
+
+    /// Takes one message in.
+    pub fn observe(&mut self, record: &Record) {
+        if let Some(trial) = &mut self.trial {
+            trial.observe(record);
+        }
+    }
+
+    /// Takes `input` in. A candidate that comes on standby is judged from `first_tick` on.
+    pub fn on(&mut self, scenario: &Scenario, now: Now, first_tick: u64, input: Input) -> Vec<Action> {
+        let mut actions = self.role.on(now, input);
+        self.follow(scenario, first_tick);
+        for action in &mut actions {
+            if let (Action::Report(event), Some(trial)) = (action, &self.trial)
+                && event.what == What::TookOver
+                && event.epoch == trial.candidate
+            {
+                *event = event.clone().because(trial.describe());
+            }
+        }
+        actions
+    }
+
+    /// What the trial has come to, when all messages of the ticks before `tick` have been observed.
+    pub fn ruling(&mut self, tick: u64) -> Option<Input> {
+        self.trial.as_mut()?.rule(tick).map(|(ruling, why)| Input::Ruled(ruling, why))
+    }
+
+    /// Has the trial be that of the role's candidate.
+    fn follow(&mut self, scenario: &Scenario, first_tick: u64) {
+        let Some(contest) = self.role.contest() else {
+            self.trial = None;
+            return;
+        };
+        if self.trial.is_none()
+            && let Some(swap) = self.role.swap_on_trial().and_then(|i| scenario.swap.get(i))
+        {
+            let SwapTicks { from, hand_over, until } = swap.ticks(scenario.sample_s());
+            let late = first_tick.saturating_sub(from);
+            let ticks = SwapTicks { from: from + late, hand_over: hand_over + late, until: until + late };
+            let epochs = (contest.old.unwrap_or(0), contest.candidate);
+            self.trial = Some(Trial::new(scenario, swap, self.topic, ticks, epochs));
+        }
+        if let Some(trial) = &mut self.trial {
+            (trial.old, trial.active) = (contest.old, contest.handed_over);
+        }
+    }
+}
