@@ -1,6 +1,6 @@
 //! A flying stack asked, broken and mended from outside.
 
-use contract::fault_schedule::ROOM;
+use contract::fault_schedule::MAX_LIVE_FAULTS;
 use contract::scenario::{Fault, FaultKind, FaultTarget, from_merged};
 use flight::control::{Request, ask};
 use runtime::domain::Domain;
@@ -35,7 +35,7 @@ pub fn flying(namespace: &str, settings: &[&str]) -> Flight {
 #[test]
 fn status_shows_every_node_of_a_flight() {
     let ns = namespace();
-    let flight = flying(&ns, &["--set", "run.duration_s=2.0"]);
+    let flight = flying(&ns, &["--set", "run.duration_s=2.0", "--set", "supervision.hang_ms=5000"]);
     let view = status(&ns);
     for (i, node) in ["plant", "guidance", "attitude-mpc", "mixer"].into_iter().enumerate() {
         let seen = &view["nodes"][i];
@@ -90,14 +90,14 @@ fn a_flight_is_broken_and_mended_from_outside() {
     wait_until("the position is wrong", || status(&ns)["faults"].to_string().contains("position"));
     done(&["inject", "guidance", "kill"]);
     done(&["inject", "payload", "mass", "--in", "3600"]);
-    wait_until("somebody took guidance over", || status(&ns)["nodes"][1]["restarts"].as_u64() >= Some(1));
+    wait_until("guidance was restarted", || status(&ns)["nodes"][1]["restarts"].as_u64() >= Some(1));
     assert!(done(&["clear", "wind"]).starts_with("cleared: wind step from"));
     assert!(done(&["clear"]).contains("payload mass"));
     let nothing = done(&["clear", "wind"]);
     let named = format!("in 'hover-gusts' in namespace '{ns}', process {}, flying for ", flight.child.id());
     assert!(nothing.starts_with("nothing is broken\n") && nothing.contains(&named), "{nothing}");
     for (words, expected) in [
-        (["inject", "mpc", "kill"], "mpc cannot suffer kill"),
+        (["inject", "mpc", "kill"], "mpc cannot have kill"),
         (["inject", "rudder", "kill"], "unknown variant `rudder`, expected one of `plant`"),
         (["inject", "wind", "breeze"], "unknown variant `breeze`"),
     ] {
@@ -137,7 +137,7 @@ fn what_cannot_be_done_is_refused_with_the_reason() {
     let error = tell(&namespace(), &["inject", "wind", "step"]).expect_err("nobody flies");
     assert!(error.contains("no stack runs"), "{error}");
 
-    // What is wrong whoever flies is refused before anybody is asked.
+    // What is wrong for every flight is refused before a flight is asked.
     for (words, expected) in [
         (&["inject", "rates", "wrong", "--value", "nan"][..], "`value` = NaN, which is out of range"),
         (&["inject", "wind", "step", "--vector", "1,inf,0"], "`vector` of -200 to 200"),
@@ -171,13 +171,13 @@ fn a_flight_takes_so_many_faults_and_no_more() {
     let flight = flying(&ns, &["--set", "run.duration_s=3600.0"]);
     let domain = Domain::find(&ns).expect("it flies");
     let later = Request::Inject { fault: Fault::new(FaultTarget::Payload, FaultKind::Mass, 3600.0, None) };
-    for _ in 0..ROOM {
+    for _ in 0..MAX_LIVE_FAULTS {
         ask(&domain, &later).expect("there is room");
     }
     let error = ask(&domain, &later).expect_err("no room").to_string();
     assert!(error.contains("128 faults") && error.contains("fly again"), "{error}");
     let cleared = ask(&domain, &Request::Clear { target: None }).expect("those that stand can end");
-    assert_eq!(cleared.as_array().map(Vec::len), Some(ROOM));
+    assert_eq!(cleared.as_array().map(Vec::len), Some(MAX_LIVE_FAULTS));
     tell(&ns, &["stop"]).expect("it ends");
     assert_eq!(flight.finish().code(), Some(130));
 }

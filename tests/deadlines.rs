@@ -4,9 +4,9 @@ use serde_json::Value;
 
 use crate::harness::{Flight, Outcome, namespace};
 
-/// A second of real time with settings.
+/// A second of real time with settings. A process that a loaded machine holds up is late, and not replaced.
 fn fly(settings: &[&str]) -> Outcome {
-    let set = ["--mode", "realtime", "--no-log", "--set", "run.duration_s=1.0"].into_iter();
+    let set = ["--mode", "realtime", "--no-log", "--set", "run.duration_s=1.0", "--set", PATIENT].into_iter();
     let arguments: Vec<_> = set.chain(settings.iter().flat_map(|setting| ["--set", setting])).collect();
     Flight::start(&namespace(), &arguments).finish()
 }
@@ -15,6 +15,7 @@ fn count(run: &Value, node: &str, what: &str) -> u64 {
     run["timing"]["nodes"][node][what].as_u64().unwrap_or_else(|| panic!("no {what} of {node}"))
 }
 
+const PATIENT: &str = "supervision.hang_ms=5000";
 /// No message is ready a microsecond after the sample.
 const IMPOSSIBLE: &str = "deadline.mixer_ms=0.001";
 

@@ -1,11 +1,13 @@
 //! Flights for tests: the launcher's own binary, a folder and a namespace per flight, a watchdog.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
 use runtime::domain::Domain;
+use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 
 /// No flight of the tests may last longer on the wall clock.
@@ -39,6 +41,26 @@ impl Outcome {
         let run = self.run();
         run["state_hash"].as_str().unwrap_or_else(|| panic!("no state hash in {run}")).to_owned()
     }
+}
+
+/// The user `nobody`, and what starts a command as that user.
+pub const NOBODY: u32 = 65534;
+pub const AS_NOBODY: &str = "setpriv --reuid=65534 --regid=65534 --clear-groups";
+
+/// Says on the terminal that the present test, or the part of it that is named, is skipped.
+/// Written around the test runner, which keeps what passing tests print to itself.
+pub fn skip(why: &str) {
+    let thread = std::thread::current();
+    let _ = writeln!(std::io::stderr(), "skipped: {why}: {}", thread.name().unwrap_or("a test"));
+}
+
+/// Whether this is root, which alone can make other users, mounts and namespaces; says so if not.
+pub fn has_root() -> bool {
+    let is_root = rustix::process::geteuid().is_root();
+    if !is_root {
+        skip("needs root");
+    }
+    is_root
 }
 
 /// A namespace that no other flight on this machine has.
@@ -96,6 +118,14 @@ impl Flight {
         let folder = self.folder.take().expect("a flight is finished once");
         Outcome { status, stderr, out: self.out.clone(), _folder: folder }
     }
+}
+
+/// Interrupts a flight in real time; its run.json.
+pub fn land(flight: Flight) -> Value {
+    let _ = kill_process(Pid::from_child(&flight.child), Signal::INT); // it may have ended by itself
+    let outcome = flight.finish();
+    assert_eq!(outcome.code(), Some(130), "{}", outcome.stderr);
+    outcome.run()
 }
 
 impl Drop for Flight {

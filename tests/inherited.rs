@@ -1,4 +1,4 @@
-//! What the launcher inherits from who starts it, and what becomes of its own program while it flies.
+//! What the launcher inherits from its parent, and a program file that is replaced in flight.
 
 use std::os::unix::process::ExitStatusExt;
 use std::process::{Command, Stdio};
@@ -6,12 +6,12 @@ use std::process::{Command, Stdio};
 use rustix::process::{Pid, Signal, kill_process};
 
 use crate::control::{status, tell};
-use crate::harness::{launcher, namespace, shared_memory_of, wait_until};
+use crate::harness::{launcher, namespace, shared_memory_of, skip, wait_until};
 
 /// `launcher fly` into `out`, started by `wrapper`; nothing when that cannot be done here.
 fn fly_by(wrapper: &[&str], namespace: &str, arguments: &[&str], out: &tempfile::TempDir) -> Option<Command> {
     if !Command::new(wrapper[0]).args(&wrapper[1..]).arg("true").status().is_ok_and(|status| status.success()) {
-        println!("skipped: {wrapper:?} cannot be run");
+        skip(&format!("{wrapper:?} cannot be run"));
         return None;
     }
     let mut command = Command::new(wrapper[0]);
@@ -78,7 +78,7 @@ fn a_program_that_is_built_anew_in_flight_is_still_the_one_that_flies() {
     std::fs::remove_file(&program).expect("removed");
     std::fs::write(&program, "half a program").expect("written");
     tell(&ns, &["inject", "mixer", "kill"]).expect("a fault");
-    wait_until("somebody took over", || status(&ns)["nodes"][3]["restarts"].as_u64() >= Some(1));
+    wait_until("a restarted process is active", || status(&ns)["nodes"][3]["restarts"].as_u64() >= Some(1));
     wait_until("it works", || status(&ns)["nodes"][3]["tick"].as_u64() > Some(0));
     let stopped = tell(&ns, &["stop"]).expect("it stops");
     assert!(stopped.contains(&format!("namespace '{ns}', process {}", flight.id())), "{stopped}");

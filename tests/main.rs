@@ -1,7 +1,6 @@
 //! The stack as a whole: flights in process, in lockstep and in real time, and the promises of the repository itself.
 
-#![expect(clippy::disallowed_macros, reason = "a test that is skipped says so")]
-
+mod architecture;
 mod bad_input;
 mod control;
 mod deadlines;

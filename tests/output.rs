@@ -10,7 +10,7 @@ use rustix::fs::{OFlags, fcntl_setfl};
 use rustix::process::{Pid, Signal, kill_process};
 
 use crate::control::{flying, status};
-use crate::harness::{Flight, fly, launcher, namespace, wait_until};
+use crate::harness::{Flight, fly, launcher, namespace, skip, wait_until};
 
 /// A flight in lockstep that says something on stderr on its way: the program of its swap cannot be started.
 fn talking(folder: &Path) -> Command {
@@ -115,7 +115,7 @@ fn a_trace_replaces_nothing_but_a_file() {
     let outcome = fly(&["--mode", "lockstep", "--set", "run.duration_s=0.2"]);
     let pipe = outcome.out.join("pipe");
     if !Command::new("mkfifo").arg(&pipe).status().is_ok_and(|made| made.success()) {
-        return println!("skipped: there is no mkfifo");
+        return skip("there is no mkfifo");
     }
     let trace = launcher().arg("trace").arg(&outcome.out).arg("--out").arg(&pipe).output().expect("trace runs");
     let said = String::from_utf8_lossy(&trace.stderr).into_owned();
@@ -141,13 +141,13 @@ fn the_shortest_flights_are_seen_whole() {
 }
 
 #[test]
-fn who_waits_for_a_slow_recorder_says_so() {
+fn a_launcher_that_waits_for_a_slow_recorder_says_so() {
     let ns = namespace();
     let mut flight = Flight::start(&ns, &["--set", "run.duration_s=1.0"]);
     wait_until("the stack flies", || status(&ns)["time_s"].as_f64() > Some(0.1));
     let parent = flight.child.id().to_string();
     let found = Command::new("pgrep").args(["-P", &parent, "-f", "node recorder"]).output();
-    let Ok(found) = found else { return println!("skipped: there is no pgrep") };
+    let Ok(found) = found else { return skip("there is no pgrep") };
     let pid = String::from_utf8_lossy(&found.stdout).trim().parse().ok().and_then(Pid::from_raw).expect("a recorder");
     kill_process(pid, Signal::STOP).expect("stopped");
     let mut lines = BufReader::new(flight.child.stderr.take().expect("a pipe")).lines();

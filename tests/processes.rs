@@ -153,7 +153,7 @@ fn a_successor_that_hangs_while_it_starts_is_replaced_too() {
     kill("-KILL", &[first]);
     let successor = || processes_of(&ns).into_iter().find(|pid| *pid != first && runs(*pid, "guidance"));
     wait_until("its successor is there", || successor().is_some());
-    kill("-STOP", &[successor().expect("nobody ends it")]);
+    kill("-STOP", &[successor().expect("it lives")]);
     std::thread::sleep(std::time::Duration::from_secs(2));
     kill("-INT", &[flight.child.id() as i32]);
     let outcome = flight.finish();
@@ -205,15 +205,15 @@ fn after_killing_everything_or_the_launcher_alone_the_next_flight_starts_clean()
     }
 }
 
-/// Whether process `pid` is no more; one that nobody has waited for has no words left.
+/// Whether process `pid` has ended. A process that is not reaped yet has an empty command line.
 fn is_gone(pid: i32) -> bool {
     std::fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default().is_empty()
 }
 
 #[test]
-fn a_foreign_program_and_whom_it_starts_do_not_outlive_the_run() {
+fn a_foreign_program_and_its_children_do_not_outlive_the_run() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    // Neither joins. One starts another process, and looks who may read its settings; each says its numbers.
+    // Neither joins. One starts another process and reads the mode of its settings; each writes its process numbers.
     let program = |name: &str, text: &str| {
         let path = folder.path().join(name);
         std::fs::write(&path, format!("#!/bin/sh\n{text}\n")).expect("it can be written");

@@ -10,7 +10,7 @@ use std::time::Duration;
 use rustix::process::{Pid, Resource, Rlimit, getrlimit, prlimit};
 use serde_json::Value;
 
-use crate::harness::{Flight, Outcome, fly, namespace, shared_memory_of, wait_until};
+use crate::harness::{Flight, Outcome, fly, land, namespace, shared_memory_of, wait_until};
 use crate::processes::{kill, process_of, processes_named, start_flying};
 
 /// Flights into whose files something is written; `cargo test --test stack promise` takes as many.
@@ -90,7 +90,7 @@ fn broken_promise(outcome: &Outcome, duration_s: f64) -> Option<String> {
 }
 
 #[test]
-fn whatever_is_written_into_shared_files_no_lost_vehicle_exits_0() {
+fn no_lost_vehicle_exits_0_whatever_is_written_into_shared_files() {
     const DURATION_S: f64 = 1.5;
     let next = AtomicU64::new(0);
     let broken = std::sync::Mutex::new(vec![]);
@@ -119,7 +119,7 @@ fn whatever_is_written_into_shared_files_no_lost_vehicle_exits_0() {
 }
 
 #[test]
-fn every_fault_that_struck_stands_in_the_summary() {
+fn every_fault_that_took_effect_stands_in_run_json() {
     let fault = |at_s: f64, what: &str| format!("{{at_s={at_s:?},for_s=0.1,{what}}}");
     let faults = [
         fault(0.5, "target=\"mixer\",kind=\"kill\""),
@@ -131,10 +131,11 @@ fn every_fault_that_struck_stands_in_the_summary() {
         let outcome = fly(&["--mode", mode, "--set", "run.duration_s=2.0", "--set", &set]);
         assert_eq!(outcome.code(), Some(0), "{mode}: {}", outcome.stderr);
         let run = outcome.run();
-        let struck = run["faults"].as_array().expect("faults").iter();
-        let struck: Vec<_> = struck.map(|fault| (fault["target"].clone(), fault["injected_at_s"].as_f64())).collect();
+        let injected = run["faults"].as_array().expect("faults").iter();
+        let injected: Vec<_> =
+            injected.map(|fault| (fault["target"].clone(), fault["injected_at_s"].as_f64())).collect();
         let expected = [("mixer", 0.5), ("controls", 0.9), ("rates", 1.2)].map(|(who, at_s)| (who.into(), Some(at_s)));
-        assert_eq!(struck, expected, "{mode}");
+        assert_eq!(injected, expected, "{mode}");
         let log = flight::log::read(&outcome.out.join("flight.mcap")).expect("the log reads");
         let logged = log.states.len() + log.references.len() + log.controls.len() + log.actuators.len();
         assert_eq!(run["log"]["records"].as_u64(), Some((logged + log.events.len()) as u64), "{mode}: {}", run["log"]);
@@ -147,7 +148,7 @@ fn but(run: &Value) -> String {
 }
 
 #[test]
-fn a_vehicle_that_is_far_off_is_not_flown() {
+fn a_flight_outside_its_position_bound_exits_1() {
     // The mixer is away for so long that the vehicle falls; it comes back to its path.
     let fault = "fault=[{at_s=2,target=\"mixer\",kind=\"kill\",for_s=2}]";
     let outcome = fly(&["--mode", "inprocess", "--set", "run.duration_s=20.0", "--set", fault]);
@@ -156,7 +157,7 @@ fn a_vehicle_that_is_far_off_is_not_flown() {
 }
 
 #[test]
-fn a_mixer_that_flies_by_itself_for_long_is_not_flown() {
+fn a_flight_with_the_mixer_on_its_fallback_for_too_long_exits_1() {
     let hover = "mission.trajectory=\"hover\"";
     let fault = |for_s: f64| format!("fault=[{{at_s=1,target=\"attitude-mpc\",kind=\"kill\",for_s={for_s:?}}}]");
     for (for_s, code) in [(1.0, 0), (2.5, 1)] {
@@ -167,16 +168,8 @@ fn a_mixer_that_flies_by_itself_for_long_is_not_flown() {
     }
 }
 
-/// Ends a flight by hand; its run.json.
-fn land(flight: Flight) -> Value {
-    kill("-INT", &[flight.child.id() as i32]);
-    let outcome = flight.finish();
-    assert_eq!(outcome.code(), Some(130), "{}", outcome.stderr);
-    outcome.run()
-}
-
 #[test]
-fn a_node_that_can_open_no_more_files_is_replaced_when_it_goes_deaf() {
+fn a_node_that_can_open_no_more_files_is_replaced_when_it_receives_nothing() {
     let ns = namespace();
     let flight = start_flying(&ns);
     let mixer = process_of(&ns, "mixer");

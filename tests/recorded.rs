@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-use crate::harness::{fly, top};
+use crate::harness::{fly, skip, top};
 use flight::log;
 use serde_json::json;
 
@@ -44,7 +44,7 @@ fn a_run_tells_when_where_and_by_what_it_was_made() {
 }
 
 /// Guidance is killed.
-const STRUCK: [&str; 6] = [
+const KILLED: [&str; 6] = [
     "scenarios/faults/hover-gusts.toml",
     "--mode",
     "lockstep",
@@ -55,7 +55,7 @@ const STRUCK: [&str; 6] = [
 
 #[test]
 fn the_log_holds_every_event() {
-    let outcome = fly(&STRUCK);
+    let outcome = fly(&KILLED);
     assert_eq!(outcome.code(), Some(0), "{}", outcome.stderr);
     let log = log::read(&outcome.out.join("flight.mcap")).expect("the log reads");
     let run = outcome.run();
@@ -78,17 +78,16 @@ fn the_python_reader_reads_it() {
     let venv = folder.path().join("venv");
     let made = Command::new("python3").args(["-m", "venv"]).arg(&venv).output();
     if !made.as_ref().is_ok_and(|m| m.status.success()) {
-        eprintln!("skipped: python3 with venv is not here: {made:?}");
-        return;
+        return skip(&format!("python3 with venv is not here: {made:?}"));
     }
     let python = venv.join("bin/python");
     let install = ["-m", "pip", "install", "-q", "--disable-pip-version-check", "mcap", "mcap-protobuf-support"];
     let installed = Command::new(&python).args(install).output().expect("pip runs");
     if !installed.status.success() {
-        eprintln!("skipped: the readers cannot be had from PyPI: {}", String::from_utf8_lossy(&installed.stderr));
-        return;
+        let why = String::from_utf8_lossy(&installed.stderr);
+        return skip(&format!("the readers cannot be had from PyPI: {why}"));
     }
-    let outcome = fly(&STRUCK);
+    let outcome = fly(&KILLED);
     let script = top().join("tests/python/read_log.py");
     let read = Command::new(&python).arg(script).arg(outcome.out.join("flight.mcap")).output().expect("python runs");
     assert!(read.status.success(), "{}", String::from_utf8_lossy(&read.stderr));

@@ -9,20 +9,20 @@ use std::process::{Command, Output};
 use runtime::domain::Domain;
 use runtime::port::bytes_needed;
 
-use crate::harness::{Flight, launcher, namespace, shared_memory_of, wait_until};
-use crate::isolation::is_root;
+use crate::harness::{AS_NOBODY, Flight, has_root, launcher, namespace, shared_memory_of, skip, wait_until};
 use crate::processes::{kill, start_flying};
 
-/// What can be run as another user.
-const AS_NOBODY: &str = "setpriv --reuid=65534 --regid=65534 --clear-groups";
 /// A flight that no timing disturbs; `$OUT` is a folder that everybody may write to.
 const FLY: &str = "$LAUNCHER fly --namespace here --mode lockstep --no-log --set run.duration_s=0.5";
 
 /// Whether namespaces can be made; says so if not.
 fn cannot_separate(kind: &str) -> bool {
-    let can = is_root() && Command::new("unshare").args([kind, "true"]).status().is_ok_and(|status| status.success());
+    if !has_root() {
+        return true;
+    }
+    let can = Command::new("unshare").args([kind, "true"]).status().is_ok_and(|status| status.success());
     if !can {
-        println!("skipped: only root with `unshare {kind}` can make a namespace of its own");
+        skip(&format!("`unshare {kind}` is refused"));
     }
     !can
 }
@@ -45,7 +45,7 @@ fn words(output: &Output) -> String {
 }
 
 #[test]
-fn files_that_another_user_plants_keep_nobody_from_flying() {
+fn files_that_another_user_plants_do_not_keep_a_flight_from_starting() {
     if cannot_separate("--mount") {
         return;
     }
@@ -78,7 +78,7 @@ fn files_that_another_user_plants_keep_nobody_from_flying() {
     assert!(!said.contains("run\n"), "a refused flight leaves no folder: {said}");
 }
 
-/// `/dev/shm` can hold any number of foreign files: who may not even list it flies.
+/// `/dev/shm` can hold any number of foreign files. A user who may not list it can fly.
 #[test]
 fn two_users_fly_in_one_namespace_and_neither_lists_what_is_not_theirs() {
     if cannot_separate("--mount") {
@@ -96,7 +96,7 @@ fn two_users_fly_in_one_namespace_and_neither_lists_what_is_not_theirs() {
     let flown = with_memory("mode=1733", &script);
     let said = words(&flown);
     assert!(flown.status.success(), "{said}");
-    assert!(said.contains("no stack is flying"), "of nobody: {said}");
+    assert!(said.contains("no stack is flying"), "the other user's stack is not shown: {said}");
     assert!(said.contains("refused") && said.contains("stopped: 'survey' in namespace 'here'"), "{said}");
 }
 
@@ -123,7 +123,7 @@ fn another_pid_namespace_neither_wipes_a_flight_nor_misses_it() {
     assert!(shared_memory_of(&ns).len() > 10, "it is all there");
     let seen = elsewhere(&["status"]);
     assert!(words(&seen).contains(&ns), "{}", words(&seen));
-    // By its number there, which is another process's here, nobody would find the launcher.
+    // Its process number there belongs to another process here.
     let stopped = elsewhere(&["stop", "--namespace", &ns]);
     assert!(stopped.status.success(), "{}", words(&stopped));
     let outcome = flight.finish();
@@ -132,7 +132,7 @@ fn another_pid_namespace_neither_wipes_a_flight_nor_misses_it() {
 }
 
 #[test]
-fn what_a_killed_launcher_leaves_the_next_of_any_namespace_wipes() {
+fn the_next_launcher_of_any_namespace_removes_what_a_killed_one_left() {
     let (dead, live) = (namespace(), namespace());
     let (killed, living) = (start_flying(&dead), start_flying(&live));
     kill("-KILL", &[killed.child.id() as i32]);
@@ -141,7 +141,7 @@ fn what_a_killed_launcher_leaves_the_next_of_any_namespace_wipes() {
     let flown = Flight::start(&namespace(), &["--mode", "lockstep", "--set", "run.duration_s=0.5"]).finish();
     assert_eq!(flown.code(), Some(0), "{}", flown.stderr);
     assert_eq!(shared_memory_of(&dead), Vec::<String>::new());
-    assert!(shared_memory_of(&live).len() > 10, "who lives keeps it all");
+    assert!(shared_memory_of(&live).len() > 10, "the living flight keeps all of its files");
     kill("-INT", &[living.child.id() as i32]);
     assert_eq!(living.finish().code(), Some(130));
 }

@@ -9,8 +9,8 @@ use flight::log;
 const UPSET: &str = "scenarios/aggressive/upset.toml";
 const KINDS: [&str; 3] = ["nan", "infeasible", "iteration-cap"];
 const SOLVERS: [&str; 2] = ["mpc.solver=clarabel", "mpc.solver=active-set"];
-/// The ticks that the faults here strike.
-const STRUCK: std::ops::Range<usize> = 30..40;
+/// The ticks on which the faults here act.
+const FAULTY: std::ops::Range<usize> = 30..40;
 
 /// The upset with a fault of the solver while the actuators are at their limits.
 fn faulty(kind: &str, solver: &str, mode: &str) -> Outcome {
@@ -32,12 +32,12 @@ fn check_flies_on(kind: &str, solver: &str) {
     let failed = |tick: &usize| log.controls[*tick].status >= SolveStatus::LimitReached as u64;
     let failures: Vec<usize> = (0..log.controls.len()).filter(failed).collect();
     // A single iteration is now and then enough.
-    let expected: Vec<usize> = STRUCK.filter(|tick| kind != "iteration-cap" || failed(tick)).collect();
+    let expected: Vec<usize> = FAULTY.filter(|tick| kind != "iteration-cap" || failed(tick)).collect();
     assert!(!failures.is_empty() && failures == expected, "{kind}, {solver}: {failures:?}");
 
     let expected = json!([{
         "target": "mpc", "kind": kind, "at_s": 0.3, "for_s": 0.1, "injected_at_s": 0.3, "ended_at_s": 0.4,
-        "detected_after_s": (failures[0] - STRUCK.start) as f64 / 100.0, "recovered_after_s": 0.0,
+        "detected_after_s": (failures[0] - FAULTY.start) as f64 / 100.0, "recovered_after_s": 0.0,
     }]);
     assert_eq!(outcome.run()["faults"], expected, "{solver}");
     let page = std::fs::read_to_string(outcome.out.join("report.html")).expect("the report reads");

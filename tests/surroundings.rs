@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use serde_json::Value;
 
-use crate::harness::{namespace, top};
+use crate::harness::{AS_NOBODY, has_root, namespace, top};
 
 /// What must come of a flight.
 #[derive(Clone, Copy)]
@@ -22,16 +22,13 @@ enum Must {
 }
 use Must::{Fly, FlyUnprinted, Say};
 
-/// The user `nobody`.
-const USER: &[&str] = &["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups"];
-
 /// A shell that does something first and then becomes the flight.
 fn sh(script: &'static str) -> Vec<&'static str> {
     vec!["sh", "-c", script, "sh"]
 }
 
 fn as_user(limit: &'static str) -> Vec<&'static str> {
-    [&["prlimit", limit], USER].concat()
+    ["prlimit", limit].into_iter().chain(AS_NOBODY.split(' ')).collect()
 }
 
 fn without(capability: &'static str, dropped: &'static str) -> Vec<&'static str> {
@@ -66,7 +63,7 @@ fn cases() -> Vec<(&'static str, Vec<&'static str>, Must)> {
     ]
 }
 
-/// What a flight came to: its exit code, what it said, and its run.json.
+/// Result of a flight: its exit code, what it printed, and its run.json.
 struct Came {
     code: Option<i32>,
     said: String,
@@ -132,14 +129,11 @@ fn program(folder: &Path) -> PathBuf {
     program
 }
 
-fn is_root() -> bool {
-    rustix::process::geteuid().is_root()
-}
-
 #[test]
+#[expect(clippy::disallowed_macros, reason = "the table is for --nocapture")]
 fn in_every_surrounding_the_vehicle_flies_or_the_reason_is_told() {
-    if !is_root() {
-        return println!("skipped: only root can make other users, limits and namespaces");
+    if !has_root() {
+        return;
     }
     let folder = tempfile::tempdir().expect("a temporary folder");
     let (program, cases) = (program(folder.path()), cases());
@@ -165,18 +159,20 @@ fn in_every_surrounding_the_vehicle_flies_or_the_reason_is_told() {
 
 #[test]
 fn a_working_folder_that_cannot_be_written_is_named() {
-    if !is_root() {
-        return println!("skipped: only root can mount");
+    if !has_root() {
+        return;
     }
     let folder = tempfile::tempdir().expect("a temporary folder");
     let program = program(folder.path());
     let script = "mount -t tmpfs -o ro none \"$0\" && cd \"$0\" && exec \"$@\"";
     let place = folder.path().join("ro");
     fs::create_dir(&place).expect("it is ours");
-    let mut command = Command::new("unshare");
-    command.args(["--mount", "sh", "-c", script]).arg(&place).arg(&program).args(["fly", "--mode", "inprocess"]);
-    let output = command.args(["--namespace", &namespace()]).current_dir(top()).output().expect("unshare runs");
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(2), "{said}");
-    assert!(said.contains("cannot write to the output folder") && said.contains("--out"), "{said}");
+    for mode in ["inprocess", "realtime"] {
+        let mut command = Command::new("unshare");
+        command.args(["--mount", "sh", "-c", script]).arg(&place).arg(&program).args(["fly", "--mode", mode]);
+        let output = command.args(["--namespace", &namespace()]).current_dir(top()).output().expect("unshare runs");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{mode}: {said}");
+        assert!(said.contains("cannot write to the output folder") && said.contains("--out"), "{mode}: {said}");
+    }
 }

@@ -1,4 +1,4 @@
-//! Hot swap: who is good is kept, who is not is sent away, and the flight does not notice.
+//! Hot swap: a good candidate is kept, a bad one rejected, and the flight is undisturbed.
 
 use serde_json::{Value, json};
 
@@ -8,12 +8,12 @@ const HOVER: &str = "scenarios/faults/hover-gusts.toml";
 /// Each node with the topic it speaks on.
 const NODES: [(&str, &str); 3] = [("guidance", "reference"), ("attitude-mpc", "controls"), ("mixer", "actuators")];
 /// Time on standby, and watched, of the swaps in lockstep \[s\].
-const SHADOW_S: f64 = 0.2;
+const STANDBY_S: f64 = 0.2;
 const WATCH_S: f64 = 0.3;
 
 /// One swap, as a setting spells it, with what else it has.
 fn swap(at_s: f64, node: &str, more: &str) -> String {
-    format!("{{at_s={at_s}, node=\"{node}\", standby_s={SHADOW_S}, watch_s={WATCH_S}{more}}}")
+    format!("{{at_s={at_s}, node=\"{node}\", standby_s={STANDBY_S}, watch_s={WATCH_S}{more}}}")
 }
 
 /// One fault of a candidate from `at_s` on, by the way in which it is wrong.
@@ -97,7 +97,7 @@ fn wrong_candidates(after_s: f64, difference: f64) -> Vec<String> {
 }
 
 #[test]
-fn who_is_wrong_in_the_shadow_is_sent_away_and_the_flight_is_the_same() {
+fn a_candidate_that_is_wrong_on_standby_is_rejected_and_the_flight_is_the_same() {
     let run = check_same(&wrong_candidates(0.05, 0.01));
     for (node, _) in NODES {
         assert_eq!(endings(&run, node), ["rejected"; 5], "{}", run["events"]);
@@ -106,8 +106,8 @@ fn who_is_wrong_in_the_shadow_is_sent_away_and_the_flight_is_the_same() {
 }
 
 #[test]
-fn who_is_wrong_in_office_gives_it_back() {
-    let run = check_same(&wrong_candidates(SHADOW_S + 0.05, 0.25));
+fn a_candidate_that_is_wrong_when_active_is_returned() {
+    let run = check_same(&wrong_candidates(STANDBY_S + 0.05, 0.25));
     for (node, _) in NODES {
         assert_eq!(endings(&run, node), ["returned"; 5], "{}", run["events"]);
     }
@@ -121,7 +121,7 @@ fn accounts(run: &Value) -> Value {
 }
 
 #[test]
-fn what_strikes_a_topic_is_counted_once_whoever_works_in_the_shadow() {
+fn a_fault_of_a_topic_is_counted_once_while_a_candidate_is_on_standby() {
     for kind in ["drop", "garbage", "duplicate"] {
         let fault = format!("{{at_s=0.9, for_s=1.0, target=\"controls\", kind=\"{kind}\", probability=0.3}}");
         let run = check_same_faulty(&fault, &[swap(1.0, "attitude-mpc", ", bounds={ticks=50}")]);
@@ -133,10 +133,10 @@ fn what_strikes_a_topic_is_counted_once_whoever_works_in_the_shadow() {
 }
 
 #[test]
-fn a_candidate_hears_the_last_word_from_who_said_it() {
+fn a_candidate_takes_the_last_message_of_a_process_that_is_gone() {
     let killed = "{at_s=1.0, for_s=0.2, target=\"attitude-mpc\", kind=\"kill\"}";
     let run = check_same_faulty(killed, &[swap(1.1, "mixer", "")]);
-    assert_eq!(run["refused"]["mixer"]["epoch"], 0, "nobody spoke when it came");
+    assert_eq!(run["refused"]["mixer"]["epoch"], 0, "no message was sent when it came");
 }
 
 #[test]
@@ -144,7 +144,7 @@ fn what_is_refused_is_the_same_in_every_mode_when_queues_overflow_and_to_the_las
     let garbage = |at_s, topic| format!("{{at_s={at_s}, for_s=0.2, target=\"{topic}\", kind=\"garbage\"}}");
     let faults = [garbage(1.0, "controls"), garbage(6.9, "actuators")].join(", ");
     let run = check_same_faulty(&faults, &[swap(1.1, "mixer", ", bounds={ticks=50}")]);
-    assert_eq!(run["refused"]["mixer"]["range"], 20 + 10, "by the one active, and by the candidate");
+    assert_eq!(run["refused"]["mixer"]["range"], 20 + 10, "by the active process and by the candidate");
     assert_eq!(run["refused"]["plant"]["range"], 11);
 }
 
@@ -178,5 +178,5 @@ fn a_swap_whose_program_cannot_be_started_is_rejected_with_the_reason_and_spoils
         "{run}"
     );
     assert_eq!(outcome.code(), Some(1), "{}", outcome.stderr);
-    assert_eq!(run["state_hash"], self::flown(&[], "lockstep").run()["state_hash"], "flown on by the old one");
+    assert_eq!(run["state_hash"], self::flown(&[], "lockstep").run()["state_hash"], "the old process flies on");
 }

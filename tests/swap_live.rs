@@ -1,4 +1,4 @@
-//! `launcher swap`, against the clock: who is good is kept, who is not is sent away, the flight goes on, and what was done
+//! `launcher swap` in real time: a good candidate is kept, a bad one rejected, the flight goes on, and what was done
 //! can be flown again.
 
 use std::fs;

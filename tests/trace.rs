@@ -227,7 +227,7 @@ fn misses_and_slips_are_marked_where_they_happened() {
 }
 
 #[test]
-fn a_candidate_in_the_shadow_is_not_drawn_and_what_it_missed_there_is_not_marked() {
+fn a_candidate_on_standby_is_not_drawn_and_its_misses_are_not_marked() {
     let mut log = ring(8);
     let two = |command: &Actuators| {
         let tick = command.stamp.tick;
@@ -251,7 +251,7 @@ fn a_candidate_in_the_shadow_is_not_drawn_and_what_it_missed_there_is_not_marked
 #[test]
 fn holes_and_restarts_break_no_arrow() {
     let mut log = ring(20);
-    log.references.remove(3); // overtaken: nobody downstream knows tick 3
+    log.references.remove(3); // overtaken: no node downstream knows tick 3
     log.controls.remove(3);
     log.actuators.remove(3);
     log.states.remove(7);

@@ -7,18 +7,9 @@
 //! ds/dt = clip((clip(command, min, max) - s) / tau, -rate, rate)
 //! ```
 
-use serde::{Deserialize, Serialize};
-
-use crate::{Parameters, Trim};
-
-/// Positions of the four actuators, commanded or actual.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub struct Actuation {
-    /// `Omega_1..3` \[rotor speed unit\].
-    pub rotor_speed: [f64; 3],
-    /// Tilt of rotor 1 about the body x axis, mu \[rad\], positive for thrust along body y.
-    pub tilt_rad: f64,
-}
+use crate::actuation::Actuation;
+use crate::parameters::Parameters;
+use crate::trim::Trim;
 
 /// Amplitude limits (52)-(53). Known to the plant, to the controller and to the mixer alike.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -2,7 +2,7 @@
 //! command obey.
 //!
 //! Every limit of the [envelope](crate::envelope) is a row `s = offset + slope . u` with `s >= 0`, but for the highest
-//! speed of rotor 1: that is a disc, two rows with `|(s1, s2)| <= 1`. Slacks are told in shares of `Omega1max^2`, those
+//! speed of rotor 1: that is a disc, two rows with `|(s1, s2)| <= 1`. Slacks are in shares of `Omega1max^2`, those
 //! of a box in shares of its width.
 
 use nalgebra::Vector4;

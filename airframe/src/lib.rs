@@ -6,6 +6,7 @@
 //! | [`trim`] | hover equilibrium in closed form | (23)-(30) |
 //! | [`mixing`] | conventional inputs to squared rotor speeds and back | (33)-(38) |
 //! | [`linear`] | the controller's model and its discretisation | (48) |
+//! | [`actuation`] | positions of rotors and servo | |
 //! | [`actuator`] | lag, amplitude and rate limits of rotors and servo | (52)-(53) |
 //! | [`envelope`] | what those limits mean for the conventional inputs | |
 //! | [`demand_set`] | the same as rows, for those who optimise inside it | |
@@ -17,6 +18,7 @@
 //!
 //! No process, no message, no file: this crate depends on nothing of the stack.
 
+pub mod actuation;
 pub mod actuator;
 pub mod demand_set;
 pub mod envelope;
@@ -26,7 +28,8 @@ pub mod parameters;
 pub mod projection;
 pub mod trim;
 
-pub use actuator::{Actuation, ActuatorLaw, Limits};
+pub use actuation::Actuation;
+pub use actuator::{ActuatorLaw, Limits};
 pub use demand_set::DemandSet;
 pub use mixing::MixingMatrix;
 pub use parameters::Parameters;

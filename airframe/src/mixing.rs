@@ -16,7 +16,7 @@
 
 use nalgebra::{Matrix4, Vector4};
 
-use crate::actuator::Actuation;
+use crate::actuation::Actuation;
 use crate::{Parameters, Trim};
 
 /// `M` of (38), its inverse, and the trim point both are used around.

@@ -6,14 +6,14 @@
 //!
 //! The safety net of the mixer, for a controller that is late, foreign or plans without limits, and of the controller
 //! itself when its solver fails. Clipped rotor by rotor, such a demand would become whatever forces are left; here it
-//! loses first what matters least. The paper has nothing like it, and profile `paper` flies without.
+//! gives up first what matters least. The paper has no such step, and profile `paper` flies without it.
 //!
-//! The result stands a hair inside the border, so that the allocation clips nothing, rounding included.
+//! The result is slightly inside the border, so that the allocation clips nothing, rounding included.
 
 use nalgebra::{DMatrix, DVector, Vector4};
 
 use crate::demand_set::{DemandSet, Slack};
-use qp::{ActiveSet, Verdict};
+use qp::{ActiveSet, Termination};
 
 /// What a miss of (col, lon, lat, ped) costs, per N^2 and (N m)^2.
 ///
@@ -63,7 +63,7 @@ impl Projection {
         let mut found = Vector4::zeros();
         self.solver.forget(); // what it keeps from solve to solve would make the answer depend on earlier demands
         let outcome = self.solver.solve(wanted.as_slice(), &self.offsets, found.as_mut_slice());
-        let towards = if outcome.verdict == Verdict::Optimal { found } else { wanted };
+        let towards = if outcome.termination == Termination::Optimal { found } else { wanted };
         let share = self.set.reach(&Vector4::zeros(), &towards);
         Some(towards * (share * (1.0 - HAIR)))
     }

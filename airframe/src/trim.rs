@@ -16,7 +16,7 @@
 //! that share as the ratio `a = u2 / (u3 + u4)` keeps one closed form for both. Test `val_trim`.
 
 use crate::Parameters;
-use crate::actuator::Actuation;
+use crate::actuation::Actuation;
 
 /// Hover equilibrium: attitude and actuator positions at which nothing accelerates.
 #[derive(Debug, Clone, Copy, PartialEq)]

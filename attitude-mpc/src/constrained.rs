@@ -18,9 +18,9 @@ use crate::condensed::Course;
 use crate::constraints::PlanSet;
 use crate::solver::{Solver, Verdict};
 
-/// A solver's plan is believed when it leaves the set by no more than this, and then drawn inside. A limit counts as
-/// touched when there is no more than this to it.
-const NEAR: f64 = 1e-6;
+/// Largest violation of a solver's plan that is accepted, and then drawn inside; also the largest slack of a limit that
+/// counts as touched. In the units of the slacks.
+const MAX_VIOLATION: f64 = 1e-6;
 
 /// The set of the plans, and the solver that keeps them inside.
 pub struct Constrained {
@@ -72,7 +72,7 @@ impl Constrained {
     }
 
     /// Writes the `plan` to follow, given the `unconstrained` one and where this tick starts, `given` = (x; r; d). While a
-    /// fault strikes the solver, every plan goes to the solver.
+    /// fault of the solver is active, every plan goes to the solver.
     pub fn choose(
         &mut self,
         unconstrained: &DVector<f64>,
@@ -93,7 +93,7 @@ impl Constrained {
             let Self { set, solver, solved, .. } = self;
             let (outcome, solve_ns) = runtime::timed(|| solver.solve(unconstrained, set, fault, solved));
             (account.iterations, account.solve_ns) = (outcome.iterations, solve_ns);
-            if outcome.verdict == Verdict::Solved && set.violation(solved) <= NEAR {
+            if outcome.verdict == Verdict::Solved && set.violation(solved) <= MAX_VIOLATION {
                 set.retract(solved);
                 plan.copy_from(solved);
                 SolveStatus::Solved
@@ -101,7 +101,7 @@ impl Constrained {
                 self.fall_back(unconstrained, outcome.verdict, plan)
             }
         };
-        account.touching = self.set.touching(plan, NEAR);
+        account.touching = self.set.touching(plan, MAX_VIOLATION);
         (status, account)
     }
 

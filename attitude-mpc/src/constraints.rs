@@ -24,8 +24,8 @@ use crate::condensed::Course;
 
 /// States with a limit: phi, theta, psi, p, q, r.
 const LIMITED: usize = 6;
-/// What is left of each move when it is drawn back from the border, so that the mixer's rounding clips nothing.
-const INSIDE: f64 = 1.0 - 1e-9;
+/// Factor that draws a move back from the border, so that the mixer's rounding clips nothing.
+const RETRACTION: f64 = 1.0 - 1e-9;
 
 /// What a plan may be.
 #[derive(Debug, Clone)]
@@ -103,8 +103,8 @@ impl PlanSet {
     pub fn retract(&self, moves: &mut DVector<f64>) {
         for u in moves.as_mut_slice().chunks_exact_mut(4) {
             let wanted = Vector4::from_column_slice(u);
-            if self.moves.violation(&wanted) > INSIDE - 1.0 {
-                let share = self.moves.reach(&Vector4::zeros(), &wanted) * INSIDE;
+            if self.moves.violation(&wanted) > RETRACTION - 1.0 {
+                let share = self.moves.reach(&Vector4::zeros(), &wanted) * RETRACTION;
                 for u in u {
                     *u *= share;
                 }
@@ -169,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn none_is_no_set_and_hover_is_inside_the_others() {
+    fn hover_is_inside_every_set() {
         assert!(set(&Scenario::of(Profile::Paper)).is_none());
         for constraints in [Constraints::Box, Constraints::Cone] {
             let mut scenario = Scenario::default();

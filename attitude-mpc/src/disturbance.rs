@@ -5,7 +5,7 @@
 //! ```
 //!
 //! `S / Ts` turns a miss of velocity over one sample into the force or moment behind it, so `L` is the share of the
-//! miss that is believed each sample. Predicted with `d` and regulated to `-d`, a constant disturbance leaves no offset:
+//! miss that each sample adds to the estimate. Predicted with `d` and regulated to `-d`, a constant disturbance leaves no offset:
 //! Pannocchia and Rawlings, *Disturbance models for offset-free model-predictive control*, AICHE Journal 49 (2003).
 
 use airframe::Parameters;

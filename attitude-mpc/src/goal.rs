@@ -7,23 +7,26 @@
 //! | older, or none came | level, and 0.7 m/s down |
 //!
 //! The heading kept is that of the last reference; where none came, the measured one. The world has no ground: a
-//! descent goes on until somebody takes over. A reference that guidance only repeated, for want of a state, is as old
+//! descent goes on until references come again. A reference that guidance only repeated, for want of a state, is as old
 //! as its original.
 
+use bytemuck::{Pod, Zeroable};
 use contract::message::{Reference, State, guidance_flags};
+use contract::snapshot::OptionalTick;
 
 /// Below this age a reference is followed \[ns\].
 const FOLLOWED_NS: u64 = 500_000_000;
-/// Beyond this age nobody is coming back soon: down \[ns\].
+/// From this age of the reference on the vehicle descends \[ns\].
 const LEVELLED_NS: u64 = 2_000_000_000;
-/// Vertical velocity of a descent, down positive \[m/s\]: a touch-down that legs bear.
+/// Vertical velocity of a descent, down positive \[m/s\]: slow enough to touch down.
 const DESCENT_MPS: f64 = 0.7;
 
 /// The part of a reference that the controller follows.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
+#[repr(C)]
 pub struct Goal {
-    /// Tick of the reference; `None` before the first.
-    pub tick: Option<u64>,
+    /// Tick of the reference; none before the first.
+    pub tick: OptionalTick,
     /// w \[m/s\].
     pub w_mps: f64,
     /// phi, theta, psi \[rad\].
@@ -33,24 +36,24 @@ pub struct Goal {
 }
 
 impl Goal {
-    /// The newest of two: `reference` where it says something, else `self`.
+    /// The goal of `reference` if that is neither missing nor a repetition, else `self`.
     #[must_use]
     pub fn renewed(&self, reference: &Reference) -> Self {
         let Reference { stamp, w_mps, attitude_rad, rates_radps, flags, .. } = *reference;
         if stamp.sequence == 0 || guidance_flags::repeated(flags) {
             return *self;
         }
-        Self { tick: Some(stamp.tick), w_mps, attitude_rad, rates_radps }
+        Self { tick: OptionalTick::some(stamp.tick), w_mps, attitude_rad, rates_radps }
     }
 
     /// What to follow at `tick`, by samples of `sample_ns`, for a measured `state`.
     #[must_use]
     pub fn at(&self, tick: u64, sample_ns: u64, state: &State, roll_trim_rad: f64) -> Self {
-        let age_ns = self.tick.map_or(u64::MAX, |of| tick.saturating_sub(of).saturating_mul(sample_ns));
+        let age_ns = self.tick.get().map_or(u64::MAX, |of| tick.saturating_sub(of).saturating_mul(sample_ns));
         if age_ns < FOLLOWED_NS {
             return *self;
         }
-        let heading_rad = if self.tick.is_some() { self.attitude_rad[2] } else { state.measured.attitude_rad[2] };
+        let heading_rad = if self.tick.get().is_some() { self.attitude_rad[2] } else { state.measured.attitude_rad[2] };
         let w_mps = if age_ns < LEVELLED_NS { 0.0 } else { DESCENT_MPS };
         Self { tick: self.tick, w_mps, attitude_rad: [roll_trim_rad, 0.0, heading_rad], rates_radps: [0.0; 3] }
     }
@@ -85,12 +88,15 @@ mod tests {
     }
 
     #[test]
-    fn what_only_repeats_ages_on() {
+    fn a_repeated_reference_keeps_its_age() {
         let goal = Goal::default().renewed(&reference(7));
         for flags in [guidance_flags::STALE, guidance_flags::BAD_INPUT | guidance_flags::ROLL_LIMITED] {
             assert_eq!(goal.renewed(&Reference { flags, ..reference(90) }), goal);
         }
-        assert_eq!(goal.renewed(&Reference { flags: guidance_flags::ROLL_LIMITED, ..reference(90) }).tick, Some(90));
+        assert_eq!(
+            goal.renewed(&Reference { flags: guidance_flags::ROLL_LIMITED, ..reference(90) }).tick.get(),
+            Some(90)
+        );
         assert_eq!(goal.renewed(&Reference::default()), goal, "none came");
     }
 

@@ -25,8 +25,8 @@
 //! Only a plan that leaves the set goes to the solver. A solve that fails leaves no gap: every move of the
 //! unconstrained plan then gives way to the nearest one inside the set.
 //!
-//! Without a fresh state there is no plan at all: the last demand is repeated, and says so. What the vehicle needs then
-//! is nearer to the actuators, in the mixer.
+//! Without a fresh state there is no plan: the last demand is repeated, with a status that says so. The fallback for that
+//! is in the mixer, nearer to the actuators.
 
 pub mod condensed;
 pub mod constrained;
@@ -52,19 +52,19 @@ use airframe::linear::{INPUTS, STATES};
 use contract::Scenario;
 use contract::message::{Controls, Reference, SolveStatus, State};
 use contract::scenario::{Fault, Law, ScenarioError};
-use contract::snapshot::{Reader, Snapshot, Writer};
+use contract::snapshot::{self, OptionalTick, Snapshot};
 use nalgebra::{DMatrix, DVector, Vector4};
 
 use condensed::Condensed;
 use constrained::{Account, Constrained};
 use disturbance::DisturbanceLaw;
 use goal::Goal;
-use memory::Memory;
+use memory::{Memory, WarmStart, Whole};
 use model::PredictionModel;
 use pid::Pid;
 
-/// No plan is this large \[N, N m\]: the fourth power, which the solvers come near to, is still a number.
-const FAR: f64 = 1e50;
+/// Largest demand of a plan \[N, N m\]: the solvers compute near its fourth power, which is still finite.
+const MAX_PLAN: f64 = 1e50;
 
 /// The attitude controller.
 pub struct AttitudeMpc {
@@ -78,7 +78,7 @@ pub struct AttitudeMpc {
     work: Work,
 }
 
-/// What would be asked for if the actuators had no limits.
+/// The control law without limits of the actuators.
 enum UnconstrainedLaw {
     /// `U = gain (x; r; d)`: the unconstrained plan, or the one move of the regulator.
     Gain(DMatrix<f64>),
@@ -100,7 +100,7 @@ struct Work {
 }
 
 impl AttitudeMpc {
-    /// The same as [`try_new`](Self::try_new), for a scenario that was checked.
+    /// As [`try_new`](Self::try_new), for a scenario that was checked; panics on an error.
     pub fn new(scenario: &Scenario) -> Self {
         Self::try_new(scenario).unwrap_or_else(|error| panic!("{error}"))
     }
@@ -165,50 +165,45 @@ impl AttitudeMpc {
         let disturbance = self.estimate(&command, samples);
         let mut integral = self.memory.integral;
         self.optimise(&goal, &disturbance, &mut integral);
-        if !self.work.unconstrained.iter().all(|u| u.abs() < FAR) {
+        if !self.work.unconstrained.iter().all(|u| u.abs() < MAX_PLAN) {
             return self.repeat(SolveStatus::BadInput); // finite, but so large that the plan overflowed, or a solver would
         }
 
-        self.memory.tick = Some(tick);
+        self.memory.tick = OptionalTick::some(tick);
         self.memory.goal = newest;
-        self.memory.x.copy_from(&self.work.x);
+        self.memory.x.rows_mut(0, self.work.x.len()).copy_from(&self.work.x);
         self.memory.actuation = actuation;
         self.memory.disturbance = disturbance;
         self.memory.integral = integral;
         let (status, account) = self.decide(tick);
-        let led = newest.tick.is_some_and(|of| of >= tick);
+        let led = newest.tick.get().is_some_and(|of| of >= tick);
         let status = if status <= SolveStatus::Solved && !led { SolveStatus::NoReference } else { status };
         self.publish(status, &account)
     }
 
-    /// The whole memory, for whoever continues this flight; not whether it is in a [`hurry`](Self::hurry), which is of
-    /// the process. Constraints that the solver would start from are left out when they are too many for a snapshot.
+    /// The whole memory, for the process that continues this flight. Whether the controller is in a
+    /// [`hurry`](Self::hurry) belongs to the process and is not part of it. The constraints that the solver starts from
+    /// are left out when they are more than [`memory::MAX_HELD`].
     pub fn snapshot(&self) -> Snapshot {
-        let mut writer = Writer::new(memory::LAYOUT);
-        self.memory.pack(&mut writer);
-        if let Some(constrained) = &self.constrained {
-            constrained.solver.pack(&mut writer);
-        }
-        writer.seal()
+        let warm_start = self.constrained.as_ref().map_or(WarmStart::default(), |it| it.solver.warm_start());
+        snapshot::pack(&Whole { memory: self.memory, warm_start })
     }
 
     /// Continues from a snapshot; one that is foreign, torn, not finite or of another model is refused, and nothing
     /// changes.
     pub fn restore(&mut self, snapshot: &Snapshot) -> bool {
-        self.unpack(snapshot).is_some()
-    }
-
-    fn unpack(&mut self, snapshot: &Snapshot) -> Option<()> {
-        let mut reader = Reader::open(memory::LAYOUT, snapshot)?;
-        let memory = Memory::unpack(&mut reader, self.model.states())?;
-        if let Some(constrained) = &mut self.constrained {
-            constrained.solver.unpack(&mut reader)?;
+        let states = self.model.states() as u64;
+        let Some(whole) = snapshot::unpack::<Whole>(snapshot).filter(|whole| whole.memory.states == states) else {
+            return false;
+        };
+        let fits = self.constrained.as_mut().is_none_or(|it| it.solver.start_from(&whole.warm_start));
+        if fits {
+            self.memory = whole.memory;
         }
-        self.memory = memory;
-        Some(())
+        fits
     }
 
-    /// Whether the next steps shall do without the solver, because a deadline was missed.
+    /// Sets whether the next steps do without the solver, because a deadline was missed.
     pub fn hurry(&mut self, hurried: bool) {
         if let Some(constrained) = &mut self.constrained {
             constrained.hurried = hurried;
@@ -220,9 +215,10 @@ impl AttitudeMpc {
         let before = self.memory.disturbance;
         match &self.law {
             // The prediction is for one sample: a gap in the measurements leaves the estimate as it is.
-            Some(law) if samples == 1 && self.memory.tick.is_some() => {
+            Some(law) if samples == 1 && self.memory.tick.get().is_some() => {
                 let u = self.model.inputs_of(command);
-                self.model.predict(&self.memory.x, &u, &before, &mut self.work.predicted);
+                let x = self.memory.x.rows(0, self.model.states());
+                self.model.predict(&x, &u, &before, &mut self.work.predicted);
                 law.update(&before, &self.work.x, &self.work.predicted)
             }
             _ => before,

@@ -1,4 +1,4 @@
-//! The prediction model: what the controller believes the next sample will be.
+//! The prediction model: the controller's model of the next sample.
 //!
 //! ```text
 //! x[k+1] = Ad x[k] + Bd u[k] + Ed d                                  (1)
@@ -19,7 +19,7 @@ use airframe::linear::{Continuous, INPUTS, STATES};
 use airframe::{Actuation, ActuatorLaw, MixingMatrix, Trim};
 use contract::Scenario;
 use contract::message::Kinematics;
-use nalgebra::{DMatrix, DVector, Vector4};
+use nalgebra::{DMatrix, DVector, Dyn, Storage, Vector, Vector4};
 
 /// The model in use: 7 states, or 11 with the actuator lag.
 #[derive(Debug, Clone)]
@@ -34,7 +34,7 @@ pub struct PredictionModel {
     pub trim: Trim,
     /// From actuator positions to conventional inputs.
     pub mixing: MixingMatrix,
-    /// The controller's idea of rotors and servo.
+    /// The model of rotors and servo.
     actuators: ActuatorLaw,
     /// Sample time \[s\].
     sample_s: f64,
@@ -73,7 +73,7 @@ impl PredictionModel {
         self.states() > STATES
     }
 
-    /// Writes the state `x` of a measurement, with the actuators where the controller believes them.
+    /// Writes the state `x` of a measurement, with the actuators at their modelled positions.
     pub fn observe(&self, measured: &Kinematics, actuation: &Actuation, x: &mut DVector<f64>) {
         let w = measured.velocity_mps[2];
         x.rows_mut(0, STATES).copy_from_slice(&self.deviation(w, &measured.attitude_rad, &measured.rates_radps));
@@ -90,7 +90,13 @@ impl PredictionModel {
     }
 
     /// Writes the state `next`, one sample after `x`, under the inputs `u` and the disturbance `d`.
-    pub fn predict(&self, x: &DVector<f64>, u: &Vector4<f64>, d: &Vector4<f64>, next: &mut DVector<f64>) {
+    pub fn predict<S: Storage<f64, Dyn>>(
+        &self,
+        x: &Vector<f64, Dyn, S>,
+        u: &Vector4<f64>,
+        d: &Vector4<f64>,
+        next: &mut DVector<f64>,
+    ) {
         next.gemv(1.0, &self.a, x, 0.0);
         next.gemv(1.0, &self.b, u, 1.0);
         next.gemv(1.0, &self.e, d, 1.0); // (1)

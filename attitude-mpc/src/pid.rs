@@ -62,7 +62,7 @@ mod tests {
     }
 
     #[test]
-    fn an_error_that_stays_is_pushed_ever_harder() {
+    fn a_constant_error_raises_the_demand_from_tick_to_tick() {
         let pid = Pid::new(&Parameters::default(), 0.01);
         let mut integral = Vector4::zeros();
         let mut push = || pid.step(&DVector::zeros(7), &[0.1; 7], &mut integral);

@@ -1,4 +1,4 @@
-//! The attitude controller as a process: its turn comes with REFERENCE.
+//! The attitude controller as a process: it answers to REFERENCE.
 
 use contract::message::{Controls, Reference, State};
 use runtime::session::{NodeSession, SessionError};
@@ -6,7 +6,7 @@ use runtime::session::{NodeSession, SessionError};
 use crate::AttitudeMpc;
 
 /// Answers every sample with CONTROLS until the run is over.
-pub fn run(session: &NodeSession) -> Result<(), SessionError> {
+pub fn run(mut session: NodeSession) -> Result<(), SessionError> {
     let mut mpc = AttitudeMpc::try_new(&session.scenario)?;
     if let Some(memory) = session.memory() {
         mpc.restore(&memory); // one that does not fit is as good as none
@@ -14,15 +14,13 @@ pub fn run(session: &NodeSession) -> Result<(), SessionError> {
     let mut states = session.input::<State>()?;
     let mut references = session.input::<Reference>()?;
     let mut controls = session.output::<Controls>()?;
-    let mut news = session.news();
-    let mut cycle_loop = session.settle()?;
-    while let Some(tick) = cycle_loop.next(&mut references) {
-        news.tell(|number, fault| mpc.apply_fault(number, fault));
+    let mut cycles = session.ready()?;
+    while let Some(tick) = cycles.next(&mut references)? {
+        cycles.new_faults(|number, fault| mpc.apply_fault(number, fault));
         let (reference, state) = (references.newest(), states.newest());
-        let late =
-            controls.send(mpc.step(tick, state, reference), cycle_loop.provenance(tick).with(reference).with(state));
+        let late = controls.send(mpc.step(tick, state, reference), cycles.provenance(tick).with(reference).with(state));
         mpc.hurry(late);
-        cycle_loop.done(tick, &mpc.snapshot());
+        cycles.done(tick, &mpc.snapshot());
     }
     Ok(())
 }

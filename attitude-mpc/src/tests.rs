@@ -107,7 +107,7 @@ fn a_bad_input_repeats_the_demand_and_leaves_no_trace() {
     let (state, mut reference) = hover(&mpc, 0);
     reference.w_mps = -0.5;
     let good = mpc.step(state.stamp.tick, &state, &reference);
-    let memory = mpc.memory.clone();
+    let memory = mpc.memory;
     let spoil: [fn(&mut State, &mut Reference); 8] = [
         |state, _| state.measured.velocity_mps[2] = f64::NAN,
         |state, _| state.measured.attitude_rad[1] = f64::INFINITY,
@@ -215,7 +215,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(256))]
 
     #[test]
-    fn what_is_published_is_inside_the_exact_set(
+    fn every_published_demand_is_inside_the_exact_set(
         w in prop::array::uniform2(-20.0..20.0_f64), attitude in prop::array::uniform6(-1.6..1.6_f64),
         rates in prop::array::uniform6(-10.0..10.0_f64), ratio in 1.15..2.5_f64,
         [reaction, own, soft, broken] in prop::array::uniform4(prop::bool::ANY),

@@ -1,18 +1,19 @@
-//! The roll: the faults that one part of the stack has, with their numbers and their times.
+//! Which faults of one part of the stack are active on a tick, with their numbers.
 //!
-//! Those of the scenario stand in it from the start. Against the clock more may come while the stack flies, and some end
-//! earlier than they were to (`runtime::fault_table`): there is room for them, so that nothing is allocated then.
+//! The faults of the scenario are in the schedule from the start. In real time, faults can be added and ended early in
+//! flight (`runtime::fault_table`): the schedule reserves room for them, so that nothing is allocated in flight.
 
 use std::ops::Range;
 
 use crate::scenario::{Fault, FaultKind, FaultTarget, Mode, Scenario};
 
-/// A sensor's delay in it is no longer than this \[ms\]: so much of the past is remembered, for it may be asked for.
-pub const LONGEST_DELAY_MS: f64 = 1000.0;
-/// Faults that a flight takes while it flies.
-pub const ROOM: usize = 128;
+/// Longest delay of a sensor that can be given in flight \[ms\]: the plant keeps so much of the past.
+pub const MAX_SENSOR_DELAY_MS: f64 = 1000.0;
+/// Faults that can be given in flight: the room in shared memory and in every schedule.
+pub const MAX_LIVE_FAULTS: usize = 128;
 
-/// The faults of one part of the stack, in the order of their numbers; `E` is what a fault is to it.
+/// The faults of one part of the stack: those of the scenario in the order of their numbers, then those given in flight.
+/// `E` is what a fault does to the part.
 #[derive(Debug, Clone)]
 pub struct FaultSchedule<E> {
     entries: Vec<Entry<E>>,
@@ -24,29 +25,29 @@ pub struct FaultSchedule<E> {
 pub struct Entry<E> {
     /// Its place among all faults of the run, which its random draws depend on.
     pub number: usize,
-    /// Where it strikes, how, and from when on \[s\]: the same number with another of these is another fault.
+    /// Target, kind and beginning \[s\]: the same number with another of these is another fault.
     what: (FaultTarget, FaultKind, f64),
-    /// When it is at work.
+    /// When it is active.
     pub ticks: Range<u64>,
     /// What it does.
     pub effect: E,
 }
 
 impl<E> FaultSchedule<E> {
-    /// Those faults of `scenario` that have an `effect`, by number and fault.
+    /// The faults of `scenario` that have an `effect`, which is called with each fault and its number.
     pub fn new(scenario: &Scenario, effect: impl Fn(usize, &Fault) -> Option<E>) -> Self {
-        let room = if scenario.run.mode == Mode::Realtime { ROOM } else { 0 };
+        let room = if scenario.run.mode == Mode::Realtime { MAX_LIVE_FAULTS } else { 0 };
         let entries = Vec::with_capacity(scenario.fault.len() + room);
-        let mut roll = Self { entries, sample_s: scenario.sample_s() };
+        let mut schedule = Self { entries, sample_s: scenario.sample_s() };
         for (number, fault) in scenario.fault.iter().enumerate() {
-            roll.apply_fault(number, fault, effect(number, fault));
+            schedule.apply_fault(number, fault, effect(number, fault));
         }
-        roll
+        schedule
     }
 
-    /// Takes fault `number` as it is from now on: one that stands here already may have another end; one that is new is
-    /// taken if it has an `effect`. A process may have faults of its own in place of the run's, so that one that is given
-    /// while flying finds its number taken.
+    /// Takes fault `number` as it is from now on: a known one gets its new end; a new one is added if it has an `effect`
+    /// and there is room. A candidate may have faults of its own in place of the run's: then a fault given in flight can
+    /// have the number of another, and both stay.
     pub fn apply_fault(&mut self, number: usize, fault: &Fault, effect: Option<E>) {
         let (what, ticks) = ((fault.target, fault.kind, fault.at_s), fault.ticks(self.sample_s));
         let known = |entry: &&mut Entry<E>| entry.number == number && entry.what == what;
@@ -59,28 +60,28 @@ impl<E> FaultSchedule<E> {
         }
     }
 
-    /// All of them.
+    /// All of them, active or not.
     pub fn all(&self) -> &[Entry<E>] {
         &self.entries
     }
 
-    /// All of them.
+    /// All of them, to change what they do.
     pub fn all_mut(&mut self) -> &mut [Entry<E>] {
         &mut self.entries
     }
 
-    /// What those do that are at work on `tick`.
+    /// The effects of those active on `tick`.
     pub fn on_mut(&mut self, tick: u64) -> impl Iterator<Item = &mut E> {
         self.entries.iter_mut().filter(move |entry| entry.ticks.contains(&tick)).map(|entry| &mut entry.effect)
     }
 
-    /// Those at work on `tick`.
+    /// Those active on `tick`.
     pub fn on(&self, tick: u64) -> impl Iterator<Item = &Entry<E>> {
         self.entries.iter().filter(move |entry| entry.ticks.contains(&tick))
     }
 
-    /// Whether there is, or may come, any.
-    pub fn may_strike(&self) -> bool {
+    /// Whether any fault is known, or can be given in flight.
+    pub fn can_be_active(&self) -> bool {
         self.entries.capacity() > 0
     }
 }
@@ -93,47 +94,47 @@ mod tests {
         Fault::new(FaultTarget::Mpc, FaultKind::Nan, at_s, for_s)
     }
 
-    fn roll(mode: Mode) -> FaultSchedule<usize> {
+    fn schedule(mode: Mode) -> FaultSchedule<usize> {
         let other = Fault::new(FaultTarget::Wind, FaultKind::Step, 0.0, None);
         let mut scenario = Scenario { fault: vec![other, fault(0.1, None)], ..Scenario::default() };
         scenario.run.mode = mode;
         FaultSchedule::new(&scenario, |number, fault| (fault.target == FaultTarget::Mpc).then_some(number))
     }
 
-    fn on(roll: &FaultSchedule<usize>, tick: u64) -> Vec<usize> {
-        roll.on(tick).map(|entry| entry.effect).collect()
+    fn on(schedule: &FaultSchedule<usize>, tick: u64) -> Vec<usize> {
+        schedule.on(tick).map(|entry| entry.effect).collect()
     }
 
     #[test]
-    fn a_fault_ends_when_it_is_told_to_and_others_come() {
-        let mut roll = roll(Mode::Realtime);
-        let room = roll.entries.capacity();
-        assert_eq!(on(&roll, 500), [1]);
-        roll.apply_fault(1, &fault(0.1, Some(0.2)), Some(7));
-        roll.apply_fault(2, &fault(0.3, Some(0.1)), Some(2));
-        roll.apply_fault(3, &fault(0.3, None), None);
-        assert_eq!([29, 30, 40].map(|tick| on(&roll, tick)), [vec![1], vec![2], vec![]]);
-        for number in 2..2 * ROOM {
-            roll.apply_fault(number, &fault(0.3, None), Some(number));
+    fn faults_given_in_flight_are_added_up_to_the_reserved_room() {
+        let mut schedule = schedule(Mode::Realtime);
+        let room = schedule.entries.capacity();
+        assert_eq!(on(&schedule, 500), [1]);
+        schedule.apply_fault(1, &fault(0.1, Some(0.2)), Some(7));
+        schedule.apply_fault(2, &fault(0.3, Some(0.1)), Some(2));
+        schedule.apply_fault(3, &fault(0.3, None), None);
+        assert_eq!([29, 30, 40].map(|tick| on(&schedule, tick)), [vec![1], vec![2], vec![]]);
+        for number in 2..2 * MAX_LIVE_FAULTS {
+            schedule.apply_fault(number, &fault(0.3, None), Some(number));
         }
-        assert_eq!(roll.entries.capacity(), room, "what is too much is left out");
-        assert_eq!(on(&roll, 500).len(), room - 1, "but the one that is over");
+        assert_eq!(schedule.entries.capacity(), room, "beyond the room faults are left out");
+        assert_eq!(on(&schedule, 500).len(), room - 1, "all but the one that is over");
     }
 
     #[test]
-    fn one_given_while_flying_leaves_another_of_its_number_as_it_is() {
-        let mut roll = roll(Mode::Realtime);
-        roll.apply_fault(1, &fault(3.0, Some(1.0)), Some(7));
-        assert_eq!([20, 310, 420].map(|tick| on(&roll, tick)), [vec![1], vec![1, 7], vec![1]]);
-        roll.apply_fault(1, &fault(3.0, Some(0.1)), Some(7));
-        assert_eq!([20, 309, 310].map(|tick| on(&roll, tick)), [vec![1], vec![1, 7], vec![1]]);
+    fn a_fault_given_in_flight_leaves_another_of_its_number_as_it_is() {
+        let mut schedule = schedule(Mode::Realtime);
+        schedule.apply_fault(1, &fault(3.0, Some(1.0)), Some(7));
+        assert_eq!([20, 310, 420].map(|tick| on(&schedule, tick)), [vec![1], vec![1, 7], vec![1]]);
+        schedule.apply_fault(1, &fault(3.0, Some(0.1)), Some(7));
+        assert_eq!([20, 309, 310].map(|tick| on(&schedule, tick)), [vec![1], vec![1, 7], vec![1]]);
     }
 
     #[test]
-    fn where_none_can_come_there_is_no_room() {
-        assert_eq!(roll(Mode::Lockstep).entries.capacity(), 2);
-        assert!(!FaultSchedule::<()>::new(&Scenario { fault: vec![], ..lockstep() }, |_, _| Some(())).may_strike());
-        assert!(roll(Mode::Realtime).may_strike());
+    fn room_is_reserved_in_real_time_only() {
+        assert_eq!(schedule(Mode::Lockstep).entries.capacity(), 2);
+        assert!(!FaultSchedule::<()>::new(&Scenario { fault: vec![], ..lockstep() }, |_, _| Some(())).can_be_active());
+        assert!(schedule(Mode::Realtime).can_be_active());
     }
 
     fn lockstep() -> Scenario {

@@ -1,18 +1,17 @@
-//! The guard: which of the messages that come in are taken for true.
+//! The guard: which of the incoming messages are accepted.
 //!
 //! ```text
 //! layout -> epoch -> publisher -> order -> age -> range -> checksum -> newest
 //!   |         |        |            |       |       |         |
-//!   port      |        input        |       |       |         bits fell over on the way
-//!   refuses   |        refuses      |       |       not finite, or beyond anything that flies
-//!             |                     |       not later than what is known already, or of a sample that is yet to come
-//!             |                     came before, or twice
-//!             not from the incarnation that is active
+//!   port      |        input        |       |       |         bits changed on the way
+//!   refuses   |        refuses      |       |       not finite, or beyond the limits of `Plausible`
+//!             |                     |       not later than the newest, or of a sample yet to come
+//!             |                     older than the newest, or the same again
+//!             not from the active process
 //! ```
 //!
-//! The layout is compared when a port is opened ([`crate::port`]), the publisher where a message comes in
-//! ([`crate::input`]): in process there are none. What is refused is counted by cause, and leaves no other trace: to its
-//! receiver a bad message is a missing one.
+//! The layout is compared when a port is opened (`runtime::port`), the publisher where a message comes in
+//! (`runtime::input`). A refused message is counted by cause and has no other effect: to its receiver it is a missing one.
 
 use crate::message::Message;
 
@@ -20,15 +19,15 @@ use crate::message::Message;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(usize)]
 pub enum Refusal {
-    /// From another incarnation than the one active.
+    /// Not from the active process, by its epoch.
     Epoch = 0,
-    /// It says that it is from the one active, but came through the port of another process.
+    /// It has the epoch of the active process, but came through the port of another.
     Publisher = 1,
     /// Its number is not later than that of the newest from the same publisher.
     Order = 2,
     /// Its sample is not later than the newest, or is yet to come.
     Age = 3,
-    /// A number is not finite, or out of all proportion.
+    /// A number is not finite, or beyond its limit: see [`Plausible`](crate::message::Plausible).
     Range = 4,
     /// The checksum does not fit.
     Checksum = 5,
@@ -51,7 +50,7 @@ impl Refusal {
     }
 }
 
-/// The newest message of one topic that was taken, and the judge of the next.
+/// The newest accepted message of one topic, against which the next is judged.
 #[derive(Debug, Clone)]
 pub struct Guard<M> {
     newest: M,
@@ -70,7 +69,8 @@ impl<M: Message> Guard<M> {
         &self.newest
     }
 
-    /// Takes `message` if it stands up to everything; `active` is the epoch active, and there are `samples` by now.
+    /// Accepts `message` if nothing speaks against it. `active` is the epoch of the active process; there are `samples`
+    /// samples by now.
     ///
     /// # Errors
     /// The first thing that speaks against it.
@@ -106,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn what_speaks_against_a_message_is_looked_for_in_order() {
+    fn a_message_is_refused_for_the_first_reason_in_order() {
         let mut guard = Guard::default();
         assert_eq!(guard.take(&demand(2, 1, 5), 1, 7), Err(Refusal::Epoch));
         assert_eq!(guard.take(&demand(1, 1, 5), 1, 7), Ok(()));
@@ -120,11 +120,11 @@ mod tests {
         assert_eq!(guard.take(&demand(1, 3, 6), 1, 7), Ok(()));
         assert_eq!(guard.newest(), &demand(1, 3, 6));
         assert_eq!(guard.take(&demand(2, 1, 7), 2, 8), Ok(()), "a new process counts from one again");
-        assert_eq!(guard.take(&demand(2, 2, 8), 0, 9), Err(Refusal::Epoch), "a vacant role says nothing");
+        assert_eq!(guard.take(&demand(2, 2, 8), 0, 9), Err(Refusal::Epoch), "no process is active");
     }
 
     #[test]
-    fn nobody_answers_to_a_sample_that_is_yet_to_come() {
+    fn an_answer_to_a_sample_yet_to_come_is_refused() {
         let mut guard = Guard::default();
         assert_eq!(guard.take(&demand(1, 1, 6), 1, 6), Err(Refusal::Age), "there are samples 0 to 5");
         assert_eq!(guard.take(&demand(1, 1, u64::MAX), 1, 6), Err(Refusal::Age));
@@ -138,9 +138,9 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever the bits are, what is taken is whole and plausible.
+        /// Of all messages that differ in one word, only the original is accepted.
         #[test]
-        fn nothing_but_the_message_itself_is_taken(word in 0..size_of::<State>() / 8, bits: u64) {
+        fn a_message_with_any_word_changed_is_refused(word in 0..size_of::<State>() / 8, bits: u64) {
             let stamp = Stamp { epoch: 1, sequence: 1, tick: 3, ..Stamp::default() };
             let good = State { stamp, ..State::default() }.with_checksum();
             let mut bad = good;

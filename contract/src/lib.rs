@@ -3,23 +3,23 @@
 //! | module | holds |
 //! |---|---|
 //! | [`message`] | the four messages: fixed layout, stamped, plain numbers |
-//! | [`topic`] | the four topics and who speaks on each |
-//! | [`stamp`] | which plant sample a message descends from, through whom, and when |
-//! | [`guard`], [`integrity`] | which messages are taken for true |
-//! | [`snapshot`] | what a node remembers, as plain numbers, for the one that continues its work |
+//! | [`topic`] | the four topics, their publishers and their receivers |
+//! | [`stamp`] | which plant sample a message descends from, through which messages, and when |
+//! | [`guard`], [`integrity`] | which messages are accepted |
+//! | [`snapshot`] | what a node remembers, as plain words, for the process that continues its work |
 //! | [`scenario`] | the run's settings: profiles, file, overrides, checks |
-//! | [`roll`] | which faults are at work on a tick |
-//! | [`mod@file`] | reading files that come from outside |
+//! | [`fault_schedule`] | which faults are active on a tick |
+//! | [`exit`] | the exit codes of all processes |
 
+pub mod exit;
 pub mod fault_schedule;
-pub mod file;
 pub mod guard;
 pub mod integrity;
 pub mod message;
 pub mod scenario;
 pub mod snapshot;
-pub mod stamp;
 pub mod topic;
 
+pub use message::stamp;
 pub use scenario::Scenario;
 pub use topic::Topic;

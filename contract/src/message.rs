@@ -1,6 +1,7 @@
 //! The messages of the ring: fixed layout, plain numbers, newest value wins.
 //!
-//! Every message opens with a [`Stamp`], left to whoever turns the ring: it names the plant sample it descends from.
+//! Every message begins with a [`Stamp`], which the process fills in and not the core: it names the plant sample that the
+//! message descends from.
 //!
 //! Frames: NED for the world, forward-right-down for the body. SI units and radians; rotor speeds in the paper's unit.
 
@@ -8,10 +9,15 @@ use airframe::Actuation;
 use bytemuck::{Pod, Zeroable};
 
 use crate::Topic;
-use crate::integrity::{Plausible, checksum};
-pub use crate::stamp::Stamp;
+use crate::integrity::checksum;
 use iceoryx2_bb_derive_macros::ZeroCopySend;
 use iceoryx2_bb_elementary_traits::zero_copy_send::ZeroCopySend;
+
+mod plausible;
+pub mod stamp;
+
+pub use plausible::Plausible;
+pub use stamp::Stamp;
 
 /// Position, velocity, attitude and rates.
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend, Pod, Zeroable)]
@@ -49,9 +55,9 @@ impl From<ActuationMsg> for Actuation {
     }
 }
 
-/// STATE: what the plant measures, what it truly does, and the command it obeys.
+/// STATE: the measured motion, the true motion, and the command in force.
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend, Pod, Zeroable)]
-#[type_name("trefoil.State.v2")]
+#[type_name("trefoil.State.v3")]
 #[repr(C)]
 pub struct State {
     /// Provenance and timing.
@@ -60,7 +66,7 @@ pub struct State {
     pub applied_sequence: u64,
     /// How old the sample behind that command was when the command took effect: the age at the actuator \[ns\].
     pub applied_age_ns: u64,
-    /// What the sensors say: the only part a controller may use, with `command_in_force`.
+    /// What the sensors measured. With `command_in_force` the only part that a controller may use.
     pub measured: Kinematics,
     /// What is true: for the recorder and the report.
     pub actual: Kinematics,
@@ -74,7 +80,7 @@ pub struct State {
 
 /// REFERENCE: what the attitude loop shall follow.
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend, Pod, Zeroable)]
-#[type_name("trefoil.Reference.v2")]
+#[type_name("trefoil.Reference.v3")]
 #[repr(C)]
 pub struct Reference {
     /// Provenance and timing.
@@ -95,9 +101,9 @@ pub struct Reference {
     pub flags: u64,
 }
 
-/// CONTROLS: the conventional inputs wanted, as deviations from trim.
+/// CONTROLS: the demanded conventional inputs, as deviations from trim.
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend, Pod, Zeroable)]
-#[type_name("trefoil.Controls.v2")]
+#[type_name("trefoil.Controls.v3")]
 #[repr(C)]
 pub struct Controls {
     /// Provenance and timing.
@@ -118,9 +124,9 @@ pub struct Controls {
     pub fallbacks: u64,
 }
 
-/// ACTUATORS: what the rotors and the servo are told.
+/// ACTUATORS: the command for rotors and servo.
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend, Pod, Zeroable)]
-#[type_name("trefoil.Actuators.v2")]
+#[type_name("trefoil.Actuators.v3")]
 #[repr(C)]
 pub struct Actuators {
     /// Provenance and timing.
@@ -156,12 +162,12 @@ impl PlantStatus {
         all.into_iter().find(|s| *s as u64 == value)
     }
 
-    /// Whether the run ended because the vehicle was lost.
+    /// Whether the run ended because the vehicle left the bounds of the simulation.
     pub fn diverged(self) -> bool {
         !matches!(self, Self::Flying | Self::Finished)
     }
 
-    /// For people.
+    /// In words, for messages to the user.
     pub fn describe(self) -> &'static str {
         match self {
             Self::Flying => "in flight",
@@ -195,7 +201,7 @@ pub enum SolveStatus {
 }
 
 impl SolveStatus {
-    /// Whether the wire value `status` tells of an earlier demand, repeated.
+    /// Whether the wire value `status` means that an earlier demand was repeated.
     pub fn repeated(status: u64) -> bool {
         status == Self::BadInput as u64 || status == Self::Stale as u64
     }
@@ -247,7 +253,7 @@ pub mod mixer_flags {
     /// A rotor is dead: no thrust, for good.
     pub const TERMINATED: u64 = 1 << 12;
 
-    /// Whether the command owes nothing to a demand: the mixer flew by itself.
+    /// Whether the command was computed without a demand.
     pub const fn fallback(flags: u64) -> bool {
         flags & (LEVELLED | DESCENDING | TRIM_ONLY | CUT | TERMINATED) != 0
     }
@@ -264,7 +270,7 @@ pub trait Message: Pod + Plausible + Default + std::fmt::Debug + Send {
     const TOPIC: Topic;
     /// Provenance and timing.
     fn stamp(&self) -> &Stamp;
-    /// The same, for whoever turns the ring.
+    /// The same, for the process that publishes it.
     fn stamp_mut(&mut self) -> &mut Stamp;
 
     /// The message with the checksum that its bits have.
@@ -275,7 +281,7 @@ pub trait Message: Pod + Plausible + Default + std::fmt::Debug + Send {
         self
     }
 
-    /// Whether the bits are those that were with checksum.
+    /// Whether the checksum fits the bits.
     fn is_intact(&self) -> bool {
         self.with_checksum().stamp().checksum == self.stamp().checksum
     }

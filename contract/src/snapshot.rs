@@ -3,184 +3,129 @@
 //! ```text
 //! word 0   layout    which node, and which version of its layout
 //! word 1   checksum  of all others
-//! word 2.. contents  numbers as their bits, zero after the last
+//! word 2.. contents  the bytes of the node's memory, then zeros
 //! ```
 //!
-//! Nothing of a snapshot is used before all of it was read: one of another node or version, a torn one and one with a
-//! number that is none are refused.
+//! A snapshot is read as a whole or refused: one of another node or version, a torn one, and one with a number that is
+//! not finite.
+
+use bytemuck::{Pod, Zeroable};
 
 use crate::integrity::checksum;
 
-/// Words of a snapshot, enough for every node: attitude-mpc needs 48 and more for the constraints it starts from.
+/// Words of a snapshot: as many as the largest memory has, that of attitude-mpc, and the two before it.
 pub const SNAPSHOT_WORDS: usize = 128;
 
-/// A node's memory.
+/// A node's memory, packed.
 pub type Snapshot = [u64; SNAPSHOT_WORDS];
 
-/// Where the contents begin.
+/// The first word of the contents.
 const CONTENTS: usize = 2;
 
-/// Fills a snapshot, word by word.
-#[derive(Debug, Clone)]
-pub struct Writer {
-    words: Snapshot,
-    next: usize,
+/// A node's memory: a fixed layout of `f64` and of counts below 2^62, so that every word is finite when read as `f64`.
+pub trait Layout: Pod {
+    /// Eight letters that name the node and the version of its layout.
+    const NAME: [u8; 8];
+    /// Words of the contents. The memory fits into a snapshot, and is made of whole words.
+    const WORDS: usize = {
+        assert!(size_of::<Self>().is_multiple_of(8) && size_of::<Self>() / 8 <= SNAPSHOT_WORDS - CONTENTS);
+        size_of::<Self>() / 8
+    };
 }
 
-impl Writer {
-    /// An empty snapshot of a `layout`: eight letters that name node and version.
-    pub fn new(layout: [u8; 8]) -> Self {
-        let mut words = [0; SNAPSHOT_WORDS];
-        words[0] = u64::from_be_bytes(layout);
-        Self { words, next: CONTENTS }
-    }
-
-    /// How many words are free.
-    pub fn room(&self) -> usize {
-        SNAPSHOT_WORDS.saturating_sub(self.next)
-    }
-
-    /// Adds a count, a tick, a set of flags.
-    pub fn word(&mut self, word: u64) {
-        if let Some(place) = self.words.get_mut(self.next) {
-            *place = word;
-        }
-        self.next += 1;
-    }
-
-    /// Adds two words: whether there is one, and which.
-    pub fn optional(&mut self, word: Option<u64>) {
-        self.word(u64::from(word.is_some()));
-        self.word(word.unwrap_or(0));
-    }
-
-    /// Adds numbers.
-    pub fn numbers(&mut self, numbers: &[f64]) {
-        for number in numbers {
-            self.word(number.to_bits());
-        }
-    }
-
-    /// The snapshot; should its words not have sufficed, one that everybody refuses.
-    pub fn seal(mut self) -> Snapshot {
-        if self.next > SNAPSHOT_WORDS {
-            return [0; SNAPSHOT_WORDS];
-        }
-        self.words[1] = sum(&self.words);
-        self.words
-    }
+/// The snapshot of `memory`.
+pub fn pack<M: Layout>(memory: &M) -> Snapshot {
+    let mut words = [0; SNAPSHOT_WORDS];
+    words[0] = u64::from_be_bytes(M::NAME);
+    bytemuck::cast_slice_mut(&mut words[CONTENTS..CONTENTS + M::WORDS]).copy_from_slice(bytemuck::bytes_of(memory));
+    words[1] = checksum(&words);
+    words
 }
 
-/// Reads a snapshot in the order it was written; `None` is what refuses it.
-#[derive(Debug, Clone)]
-pub struct Reader<'a> {
-    words: &'a Snapshot,
-    next: usize,
+/// The memory in a `snapshot`; `None` refuses it.
+pub fn unpack<M: Layout>(snapshot: &Snapshot) -> Option<M> {
+    let contents = &snapshot[CONTENTS..CONTENTS + M::WORDS];
+    let unsigned = {
+        let mut words = *snapshot;
+        words[1] = 0;
+        words
+    };
+    let is_intact = snapshot[0] == u64::from_be_bytes(M::NAME) && snapshot[1] == checksum(&unsigned);
+    let is_finite = contents.iter().all(|word| f64::from_bits(*word).is_finite());
+    (is_intact && is_finite).then(|| bytemuck::pod_read_unaligned(bytemuck::cast_slice(contents)))
 }
 
-impl<'a> Reader<'a> {
-    /// Opens a snapshot of `layout` that is whole.
-    pub fn open(layout: [u8; 8], words: &'a Snapshot) -> Option<Self> {
-        let whole = words[0] == u64::from_be_bytes(layout) && words[1] == sum(words);
-        whole.then_some(Self { words, next: CONTENTS })
+/// A tick, or none, in one word: the tick plus one, 0 for none.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Pod, Zeroable)]
+#[repr(transparent)]
+pub struct OptionalTick(u64);
+
+impl OptionalTick {
+    /// This tick.
+    pub fn some(tick: u64) -> Self {
+        Self(tick.saturating_add(1))
     }
 
-    /// The next word.
-    pub fn word(&mut self) -> Option<u64> {
-        let word = self.words.get(self.next).copied();
-        self.next += 1;
-        word
+    /// The tick, if there is one.
+    pub fn get(self) -> Option<u64> {
+        self.0.checked_sub(1)
     }
-
-    /// The next two words: whether there is one, and which.
-    pub fn optional(&mut self) -> Option<Option<u64>> {
-        let (present, word) = (self.word()?, self.word()?);
-        (present <= 1).then_some((present == 1).then_some(word))
-    }
-
-    /// The next number, if it is one.
-    pub fn number(&mut self) -> Option<f64> {
-        self.word().map(f64::from_bits).filter(|number| number.is_finite())
-    }
-
-    /// The next `N` numbers.
-    pub fn numbers<const N: usize>(&mut self) -> Option<[f64; N]> {
-        let mut numbers = [0.0; N];
-        for number in &mut numbers {
-            *number = self.number()?;
-        }
-        Some(numbers)
-    }
-}
-
-/// Over all words, the place of the checksum itself taken as 0.
-fn sum(words: &Snapshot) -> u64 {
-    let mut words = *words;
-    words[1] = 0;
-    checksum(&words)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const LAYOUT: [u8; 8] = *b"sample 1";
+    #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+    #[repr(C)]
+    struct Sample {
+        tick: OptionalTick,
+        count: u64,
+        numbers: [f64; 3],
+    }
 
-    fn sample() -> Snapshot {
-        let mut writer = Writer::new(LAYOUT);
-        writer.word(7);
-        writer.optional(None);
-        writer.optional(Some(u64::MAX));
-        writer.numbers(&[-0.0, 1.5, f64::MIN_POSITIVE]);
-        writer.seal()
+    impl Layout for Sample {
+        const NAME: [u8; 8] = *b"sample 1";
+    }
+
+    #[derive(Debug, Clone, Copy, Pod, Zeroable)]
+    #[repr(transparent)]
+    struct Other(Sample);
+
+    impl Layout for Other {
+        const NAME: [u8; 8] = *b"sample 2";
+    }
+
+    const SAMPLE: Sample = Sample { tick: OptionalTick(8), count: 3, numbers: [-0.0, 1.5, f64::MIN_POSITIVE] };
+
+    #[test]
+    fn what_was_packed_is_unpacked_bit_by_bit() {
+        let read: Sample = unpack(&pack(&SAMPLE)).unwrap();
+        assert_eq!(bytemuck::bytes_of(&read), bytemuck::bytes_of(&SAMPLE));
+        assert_eq!((read.tick.get(), OptionalTick::some(7), OptionalTick::default().get()), (Some(7), read.tick, None));
     }
 
     #[test]
-    fn what_was_written_is_read() {
-        let snapshot = sample();
-        let mut reader = Reader::open(LAYOUT, &snapshot).unwrap();
-        assert_eq!(reader.word(), Some(7));
-        assert_eq!((reader.optional(), reader.optional()), (Some(None), Some(Some(u64::MAX))));
-        let numbers = reader.numbers::<3>().unwrap();
-        assert_eq!(numbers.map(f64::to_bits), [-0.0_f64, 1.5, f64::MIN_POSITIVE].map(f64::to_bits));
-    }
-
-    #[test]
-    fn foreign_empty_and_torn_ones_are_refused() {
-        assert!(Reader::open(*b"sample 2", &sample()).is_none());
-        assert!(Reader::open(LAYOUT, &[0; SNAPSHOT_WORDS]).is_none());
-        let mut later = Writer::new(LAYOUT);
-        later.word(8);
-        let later = later.seal();
+    fn snapshots_of_another_layout_empty_and_torn_ones_are_refused() {
+        assert!(unpack::<Other>(&pack(&SAMPLE)).is_none());
+        assert!(unpack::<Sample>(&[0; SNAPSHOT_WORDS]).is_none());
+        let later = pack(&Sample { count: 4, ..SAMPLE });
         for torn_at in 1..SNAPSHOT_WORDS {
-            let mut torn = sample();
+            let mut torn = pack(&SAMPLE);
             torn[torn_at..].copy_from_slice(&later[torn_at..]);
-            let is_intact = torn == sample() || torn == later;
-            assert_eq!(Reader::open(LAYOUT, &torn).is_some(), is_intact, "torn at word {torn_at}");
+            let is_intact = torn == pack(&SAMPLE) || torn == later;
+            assert_eq!(unpack::<Sample>(&torn).is_some(), is_intact, "torn at word {torn_at}");
         }
     }
 
     #[test]
-    fn numbers_that_are_none_are_refused() {
+    fn numbers_that_are_not_finite_are_refused() {
         for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-            let mut writer = Writer::new(LAYOUT);
-            writer.numbers(&[1.0, bad]);
-            let snapshot = writer.seal();
-            assert_eq!(Reader::open(LAYOUT, &snapshot).unwrap().numbers::<2>(), None);
+            for place in 0..3 {
+                let mut sample = SAMPLE;
+                sample.numbers[place] = bad;
+                assert_eq!(unpack::<Sample>(&pack(&sample)), None);
+            }
         }
-    }
-
-    #[test]
-    fn too_many_words_are_told_by_a_refusal() {
-        let mut writer = Writer::new(LAYOUT);
-        writer.numbers(&[1.0; SNAPSHOT_WORDS - CONTENTS]);
-        assert_eq!(writer.room(), 0);
-        assert!(Reader::open(LAYOUT, &writer.clone().seal()).is_some());
-        writer.word(1);
-        assert!(Reader::open(LAYOUT, &writer.seal()).is_none());
-        let snapshot = sample();
-        let mut reader = Reader::open(LAYOUT, &snapshot).unwrap();
-        let read = std::iter::repeat_with(|| reader.word()).take_while(Option::is_some).count();
-        assert_eq!(read, SNAPSHOT_WORDS - CONTENTS);
     }
 }

@@ -1,14 +1,14 @@
-//! The four topics of the ring, in the order a sample travels.
+//! The four topics of the ring, in the order in which a sample travels.
 
 /// One topic; the discriminant indexes every per-topic array, [`crate::message::Stamp`]'s included.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[repr(usize)]
 pub enum Topic {
-    /// Plant to everyone: what was measured.
+    /// Plant to all others: what was measured.
     State = 0,
     /// Guidance to attitude-mpc: what to follow.
     Reference = 1,
-    /// attitude-mpc to mixer: forces and moments wanted.
+    /// attitude-mpc to mixer: the demanded force and moments.
     Controls = 2,
     /// Mixer to plant: rotor speeds and tilt commanded.
     Actuators = 3,
@@ -40,7 +40,7 @@ impl Topic {
         }
     }
 
-    /// The topics of the nodes that listen to this one.
+    /// The topics that the receivers of this one publish.
     pub const fn listeners(self) -> &'static [Self] {
         match self {
             Self::State => &[Self::Reference, Self::Controls, Self::Actuators],
@@ -51,6 +51,6 @@ impl Topic {
     }
 }
 
-/// The nodes of the ring, in the order a sample travels: publisher `i` speaks on topic `i`.
+/// The nodes of the ring, in the order a sample travels: node `i` publishes topic `i`.
 pub const NODES: [&str; Topic::COUNT] =
     [Topic::State.publisher(), Topic::Reference.publisher(), Topic::Controls.publisher(), Topic::Actuators.publisher()];

@@ -1,4 +1,4 @@
-//! Whatever arrives on a topic: nothing panics, and what is taken is whole, plausible and from the process active.
+//! Any bytes that arrive on a topic: nothing panics, and what is accepted is intact, plausible and from the active process.
 //!
 //! `PROPTEST_CASES=100000 cargo test -p contract --test fuzz` looks longer; in the dev profile, where overflow panics.
 
@@ -67,7 +67,7 @@ impl Forgery {
     }
 }
 
-/// Lets `forgeries` of a message arrive one after the other; `numbers` are those that somebody computes with.
+/// Lets `forgeries` of a message arrive one after the other; `numbers` are those that the receivers compute with.
 fn check<M: Message>(forgeries: &[Forgery], numbers: impl Fn(&M) -> Vec<f64>) {
     let at = |tick: u64| {
         let mut good = M::default();
@@ -90,7 +90,7 @@ fn check<M: Message>(forgeries: &[Forgery], numbers: impl Fn(&M) -> Vec<f64>) {
             assert!(taken || !is(&good), "{message:?}");
             assert!(!taken || is(&good) || is(&older), "{message:?}");
         }
-        assert!(guard.take(&message, 0, tick + 1).is_err(), "a vacant role says nothing");
+        assert!(guard.take(&message, 0, tick + 1).is_err(), "no process is active");
     }
 }
 

@@ -34,11 +34,11 @@ use airframe::Trim;
 use contract::Scenario;
 use contract::message::{Reference, State, guidance_flags};
 use contract::scenario::{Derivative, Guidance as Settings, RateReference, RollReference};
-use contract::snapshot::Snapshot;
+use contract::snapshot::{self, OptionalTick, Snapshot};
 use nalgebra::{Rotation3, Vector2, Vector3};
 
 use memory::Memory;
-use observer::Observer;
+use observer::{Observer, to_heading_frame};
 pub use process::run;
 use reentry::Limits;
 pub use trajectory::{Setpoint, Trajectory};
@@ -55,10 +55,10 @@ pub struct Guidance {
     memory: Memory,
 }
 
-/// How time went on since the last sample used.
+/// The time since the last sample used.
 #[derive(Debug, Clone, Copy)]
 struct Lapse {
-    /// As the stamps tell; 0 at the first sample \[s\].
+    /// By the stamps; 0 at the first sample \[s\].
     elapsed_s: f64,
     /// As integrals count it: a silence is one period, and so is the first sample \[s\].
     counted_s: f64,
@@ -80,7 +80,7 @@ impl Guidance {
             trajectory,
             roll_trim_rad,
             g_mps2: scenario.airframe.g_mps2,
-            memory: Memory::new(hover),
+            memory: Memory { reference: hover, ..Memory::default() },
         }
     }
 
@@ -91,7 +91,7 @@ impl Guidance {
     /// without.
     pub fn step(&mut self, tick: u64, state: &State) -> Reference {
         let before = self.memory;
-        if state.stamp.sequence == 0 || state.stamp.tick < tick || falls(state) {
+        if state.stamp.sequence == 0 || state.stamp.tick < tick || is_cut(state) {
             return self.repeat(&before, guidance_flags::STALE);
         }
         let m = &state.measured;
@@ -99,7 +99,7 @@ impl Guidance {
         if !all_finite(&measured) {
             return self.repeat(&before, guidance_flags::BAD_INPUT);
         }
-        let periods = match before.tick {
+        let periods = match before.tick.get() {
             Some(last) if state.stamp.tick <= last => return before.reference,
             Some(last) => state.stamp.tick - last,
             None => 0,
@@ -109,25 +109,25 @@ impl Guidance {
         if !all_finite(&[reference.attitude_rad, reference.rates_radps, [reference.w_mps, d_x, d_y]]) {
             return self.repeat(&before, guidance_flags::BAD_INPUT);
         }
-        self.memory.tick = Some(state.stamp.tick);
-        self.memory.silent = false;
+        self.memory.tick = OptionalTick::some(state.stamp.tick);
+        self.memory.silent = 0;
         self.memory.reference = reference;
         reference
     }
 
-    /// The whole memory, for whoever continues this flight.
+    /// The whole memory, for the process that continues this flight.
     pub fn snapshot(&self) -> Snapshot {
-        self.memory.pack()
+        snapshot::pack(&self.memory)
     }
 
     /// Continues from a snapshot; one that is foreign, torn or not finite is refused, and nothing changes.
     pub fn restore(&mut self, snapshot: &Snapshot) -> bool {
-        Memory::unpack(snapshot).map(|memory| self.memory = memory).is_some()
+        snapshot::unpack(snapshot).map(|memory| self.memory = memory).is_some()
     }
 
-    /// The previous answer with `flag`; all that is remembered beside `before` is that there was nothing to use.
+    /// The previous answer with `flag`. The memory stays `before`, except that the step counts as silent.
     fn repeat(&mut self, before: &Memory, flag: u64) -> Reference {
-        self.memory = Memory { silent: true, ..*before };
+        self.memory = Memory { silent: 1, ..*before };
         Reference { flags: before.reference.flags | flag, ..before.reference }
     }
 
@@ -135,9 +135,9 @@ impl Guidance {
     fn follow(&mut self, state: &State, periods: u64) -> Reference {
         let t_s = state.stamp.tick as f64 * self.sample_s;
         let elapsed_s = periods as f64 * self.sample_s;
-        let counts = periods > 0 && !self.memory.silent && !reentry::is_silence(elapsed_s);
+        let counts = periods > 0 && self.memory.silent == 0 && !reentry::is_silence(elapsed_s);
         if reentry::is_silence(elapsed_s) {
-            self.memory.back = Some(state.stamp.tick);
+            self.memory.back = OptionalTick::some(state.stamp.tick);
         }
         let lapse = Lapse { elapsed_s, counted_s: if counts { elapsed_s } else { self.sample_s } };
         let setpoint = self.trajectory.at(t_s);
@@ -148,8 +148,8 @@ impl Guidance {
         let frame_rad = if self.settings.heading_frame { psi } else { 0.0 };
 
         let (errors, integral_clamped) = self.errors(&setpoint, state, &velocity_ned, lapse);
-        let wanted = pid::wanted(&self.settings, &errors.map(|e| to_frame(&e, frame_rad)));
-        let acceleration = to_frame(&Vector3::from(setpoint.acceleration_mps2), frame_rad);
+        let wanted = pid::wanted(&self.settings, &errors.map(|e| to_heading_frame(&e, frame_rad)));
+        let acceleration = to_heading_frame(&Vector3::from(setpoint.acceleration_mps2), frame_rad);
         let disturbance = self.disturbance(&velocity_ned, &attitude, lapse);
 
         let mut angles = Vector2::new(wanted.phi_rad, wanted.theta_rad);
@@ -209,7 +209,7 @@ impl Guidance {
     fn disturbance(&mut self, velocity_ned: &Vector3<f64>, attitude: &Vector3<f64>, lapse: Lapse) -> Vector2<f64> {
         let bandwidth = self.settings.disturbance_observer_radps;
         if bandwidth <= 0.0 {
-            // Whoever continues with an observer begins it from here.
+            // A candidate with an observer starts it from here.
             self.memory.observer = Observer { velocity_ned_mps: *velocity_ned, ..Observer::default() };
             return Vector2::zeros();
         }
@@ -221,7 +221,7 @@ impl Guidance {
     /// What the reference of `tick` may be.
     fn limits(&self, tick: u64) -> Limits {
         let Settings { angle_limit_deg, w_limit_mps, .. } = self.settings;
-        let since_s = self.memory.back.map(|back| tick.saturating_sub(back) as f64 * self.sample_s);
+        let since_s = self.memory.back.get().map(|back| tick.saturating_sub(back) as f64 * self.sample_s);
         Limits { angle_rad: angle_limit_deg.to_radians(), w_mps: w_limit_mps }.after_silence(since_s)
     }
 
@@ -236,19 +236,13 @@ impl Guidance {
     }
 }
 
-/// Whether the rotors are told to stand still.
-fn falls(state: &State) -> bool {
+/// Whether the command in force is no thrust.
+fn is_cut(state: &State) -> bool {
     state.command_in_force.rotor_speed == [0.0; 3]
 }
 
 fn all_finite(vectors: &[[f64; 3]]) -> bool {
     vectors.as_flattened().iter().all(|value| value.is_finite())
-}
-
-/// NED turned by `psi_rad` about the vertical: x ahead, y to the right.
-fn to_frame(ned: &Vector3<f64>, psi_rad: f64) -> Vector3<f64> {
-    let (sin, cos) = psi_rad.sin_cos();
-    Vector3::new(cos * ned.x + sin * ned.y, cos * ned.y - sin * ned.x, ned.z)
 }
 
 /// `value` inside +-`bound`, raising `flag` when that changed it.

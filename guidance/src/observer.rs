@@ -9,10 +9,12 @@
 //! A first-order observer of bandwidth b, as in disturbance-observer based control (Chen et al., IEEE Transactions on
 //! Industrial Electronics 63(2), 2016): wind and drag appear as an acceleration, and are leant against.
 
+use bytemuck::{Pod, Zeroable};
 use nalgebra::{Vector2, Vector3};
 
 /// Estimate and what it needs of the previous sample.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
+#[repr(C)]
 pub struct Observer {
     /// Velocity of the last sample, NED \[m/s\].
     pub velocity_ned_mps: Vector3<f64>,
@@ -33,11 +35,17 @@ impl Observer {
         elapsed_s: f64,
     ) -> Vector2<f64> {
         if elapsed_s > 0.0 {
-            let acceleration = super::to_frame(&((velocity_ned_mps - self.velocity_ned_mps) / elapsed_s), psi_rad);
+            let acceleration = to_heading_frame(&((velocity_ned_mps - self.velocity_ned_mps) / elapsed_s), psi_rad);
             let explained = Vector2::new(-g_mps2 * tilt_rad.y.tan(), g_mps2 * tilt_rad.x.tan());
             self.estimate_mps2 += (acceleration.xy() - explained - self.estimate_mps2) * gain;
         }
         self.velocity_ned_mps = *velocity_ned_mps;
         self.estimate_mps2
     }
+}
+
+/// `ned` turned by `psi_rad` about the vertical: x ahead, y to the right, z down.
+pub fn to_heading_frame(ned: &Vector3<f64>, psi_rad: f64) -> Vector3<f64> {
+    let (sin, cos) = psi_rad.sin_cos();
+    Vector3::new(cos * ned.x + sin * ned.y, cos * ned.y - sin * ned.x, ned.z)
 }

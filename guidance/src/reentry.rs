@@ -1,26 +1,26 @@
-//! The way back after a silence: where the vehicle drifted to meanwhile is no step to be answered with all that the
-//! limits allow.
+//! The way back after a silence: the reference is limited for a while, because the vehicle has drifted off and a step
+//! of that size is not to be answered with all that the limits allow.
 //!
 //! ```text
 //! |angles| <= 15 deg + 5 deg/s t        about trim, t since the first state after a silence of more than 100 ms,
 //! |w|      <= 1 m/s  + 1 m/s2  t        for 3 s; the settings' own limits hold all the while
 //! ```
 //!
-//! A vehicle that comes back falls, turns and stands askew: its rotors run into their limits, and what they give to a far
-//! reference is missing where it is to be levelled.
+//! After a silence the vehicle falls, turns and tilts, and its rotors are near their limits: what they spend on a distant
+//! reference is missing for levelling it.
 
-/// A shorter silence leaves nothing to come back from \[s\].
-const SILENCE_S: f64 = 0.1;
+/// Longest gap between two states that is no silence \[s\].
+const MAX_GAP_S: f64 = 0.1;
 /// How long the way back takes \[s\].
 const REENTRY_S: f64 = 3.0;
 /// Largest angle about trim at its beginning \[deg\].
-const ANGLE_DEG: f64 = 15.0;
+const MAX_ANGLE_DEG: f64 = 15.0;
 /// How fast that grows \[deg/s\].
-const ANGLE_DPS: f64 = 5.0;
+const MAX_ANGLE_DPS: f64 = 5.0;
 /// Largest w at its beginning \[m/s\].
-const W_MPS: f64 = 1.0;
+const MAX_W_MPS: f64 = 1.0;
 /// How fast that grows \[m/s2\].
-const W_MPS2: f64 = 1.0;
+const MAX_W_MPS2: f64 = 1.0;
 
 /// What a reference may be.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -37,13 +37,13 @@ impl Limits {
     pub fn after_silence(self, since_s: Option<f64>) -> Self {
         let Some(t) = since_s.filter(|since_s| *since_s < REENTRY_S) else { return self };
         Self {
-            angle_rad: self.angle_rad.min((ANGLE_DEG + ANGLE_DPS * t).to_radians()),
-            w_mps: self.w_mps.min(W_MPS + W_MPS2 * t),
+            angle_rad: self.angle_rad.min((MAX_ANGLE_DEG + MAX_ANGLE_DPS * t).to_radians()),
+            w_mps: self.w_mps.min(MAX_W_MPS + MAX_W_MPS2 * t),
         }
     }
 }
 
-/// Whether `elapsed_s` without a state to use are a silence to come back from.
+/// Whether a gap of `elapsed_s` between two states is a silence.
 pub fn is_silence(elapsed_s: f64) -> bool {
-    elapsed_s > SILENCE_S
+    elapsed_s > MAX_GAP_S
 }

@@ -58,7 +58,7 @@ fn errors_are_turned_into_the_heading_frame() {
 }
 
 #[test]
-fn limits_hold_and_are_told() {
+fn limits_hold_and_raise_their_flags() {
     let far = answer(Profile::Robust, [-100.0, 100.0, 100.0], 0.0);
     let limit = 30_f64.to_radians();
     assert!((far.attitude_rad[1] + limit).abs() < 1e-12);
@@ -228,13 +228,20 @@ fn a_step_is_at_rest_before_and_after() {
 }
 
 #[test]
-fn the_circle_closes() {
+fn the_circle_goes_clockwise_around_its_centre_5_m_to_the_east_and_closes() {
     let trajectory = Trajectory::new(&scenario(Profile::Robust, TrajectoryKind::Circle).mission);
     for t in [0.0, 60.0, 70.0] {
         assert!(trajectory.at(t).position_m.iter().all(|x| x.abs() < 1e-9), "at the origin at {t} s");
     }
     let side = trajectory.at(30.0).position_m;
     assert!(side[0].abs() < 1e-9 && (side[1] - 10.0).abs() < 1e-9 && (side[2] + 10.0).abs() < 1e-9);
+    for t in [15.0, 20.0, 40.0, 45.0] {
+        let crate::Setpoint { position_m: [north, east, down], velocity_mps: [north_mps, east_mps, _], .. } =
+            trajectory.at(t);
+        assert!(((east - 5.0).hypot(north) - 5.0).abs() < 1e-9 && (down + 10.0).abs() < 1e-9, "at {t} s");
+        assert_eq!(north > 0.0, t < 30.0, "out in the north, back in the south: at {t} s");
+        assert!(north * east_mps - (east - 5.0) * north_mps > 0.0, "clockwise seen from above: at {t} s");
+    }
 }
 
 proptest! {

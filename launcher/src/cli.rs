@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand, ValueEnum};
+use contract::exit;
 use contract::scenario;
 use runtime::console;
+use runtime::process::run_as;
 use runtime::realtime::reset_signals;
-use runtime::session::{exit, run_as};
 
 use flight::stack::StartError;
 use flight::{intruder, recorder, settings};

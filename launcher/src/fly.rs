@@ -6,9 +6,9 @@ use std::time::Instant;
 
 use clap::ValueEnum;
 use contract::Scenario;
+use contract::exit;
 use contract::message::PlantStatus;
 use contract::scenario::{self, Mode};
-use runtime::session::exit;
 use rustix::io::Errno;
 use rustix::process::{Resource, getrlimit};
 

@@ -3,10 +3,10 @@
 use std::time::Duration;
 
 use anyhow::{Context, anyhow};
+use contract::exit;
 use contract::scenario::{Swap, SwapBounds, SwapNode, suggest};
 use runtime::domain::Domain;
 use runtime::realtime::{ControlPage, phase};
-use runtime::session::exit;
 use serde_json::{Map, Value};
 
 use flight::control::{Request, ask};
@@ -34,8 +34,8 @@ pub struct SwapArgs {
     /// A setting of the candidate, on top of the run's, value in TOML: --set mpc.law=lqr
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub set: Vec<String>,
-    /// How long it works on standby of the old one, delivery: 2s, 500ms
-    #[arg(long, default_value = "1s", value_parser = seconds)]
+    /// How long it works on standby beside the old one, not delivered: 2s, 500ms
+    #[arg(long, alias = "shadow", default_value = "1s", value_parser = seconds)]
     pub standby: f64,
     /// How long the old one stands by after the hand-over
     #[arg(long, default_value = "3s", value_parser = seconds)]

@@ -2,8 +2,8 @@
 
 use anyhow::{Context, bail, ensure};
 use contract::Scenario;
-use contract::file::{self, LARGEST_TEXT};
 use contract::scenario;
+use contract::scenario::file::{self, MAX_TEXT_BYTES};
 use runtime::domain::Domain;
 use runtime::realtime::{ControlPage, phase};
 
@@ -51,7 +51,7 @@ pub fn describe(domain: &Domain) -> String {
 
 /// The settings of the flight; `None` when it is starting, or gone.
 pub fn settings(domain: &Domain) -> Option<Scenario> {
-    let text = file::read_text(&domain.file("scenario.toml"), LARGEST_TEXT).ok()?;
+    let text = file::read_text(&domain.file("scenario.toml"), MAX_TEXT_BYTES).ok()?;
     scenario::from_merged(&text, "settings").ok()
 }
 

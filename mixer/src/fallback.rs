@@ -10,8 +10,7 @@
 //! | 30 ms or older | older, or none came | cut | no thrust |
 //!
 //! Every tick finds its rung anew: the first fresh demand leads straight back to the top. Only a dead rotor
-//! ([`crate::rotors`]) ends on a rung of its own, for good. The world has no ground: a descent goes on until somebody
-//! takes over.
+//! ([`crate::rotors`]) ends the flight for good. The world has no ground: a descent goes on until demands come again.
 //!
 //! ```text
 //! lon = Iyy (-a^2 theta             - 2 a q) - d_lon
@@ -33,18 +32,18 @@ use nalgebra::Vector4;
 const BANDWIDTH_RADPS: f64 = 5.0;
 /// Pole of the vertical speed, `a_z` \[rad/s\]: slower than the tilt, which decides where thrust points.
 const CLIMB_BANDWIDTH_RADPS: f64 = 2.0;
-/// Vertical speed of a descent, down positive \[m/s\]: a touch-down that legs bear.
+/// Vertical speed of a descent, down positive \[m/s\]: slow enough to touch down.
 const DESCENT_MPS: f64 = 0.7;
 
-/// A demand below this age is as good as new \[ns\].
+/// Below this age a demand is used as a new one \[ns\].
 const USED_NS: u64 = 15_000_000;
 /// A demand below this age is held \[ns\].
 const HELD_NS: u64 = 30_000_000;
-/// Beyond this age of the demand nobody is coming back soon: down \[ns\].
+/// From this age of the demand on the vehicle descends \[ns\].
 const LEVELLED_NS: u64 = 2_000_000_000;
-/// A state below this age can be levelled from \[ns\].
+/// Below this age a state is recent enough to level the vehicle from \[ns\].
 const STATE_NS: u64 = 50_000_000;
-/// Beyond this age of the state nothing is known of the vehicle: it is not to fly on \[ns\].
+/// From this age of the state on the thrust is cut: nothing is known of the vehicle \[ns\].
 const TRIM_NS: u64 = 500_000_000;
 
 /// One rung of the ladder.

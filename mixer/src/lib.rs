@@ -22,9 +22,10 @@ pub mod rotors;
 use airframe::envelope::Envelope;
 use airframe::projection::Projection;
 use airframe::{Actuation, DemandSet, Limits, MixingMatrix, Trim};
+use bytemuck::Zeroable;
 use contract::Scenario;
 use contract::message::{Actuators, Controls, SolveStatus, State, mixer_flags};
-use contract::snapshot::Snapshot;
+use contract::snapshot::{self, OptionalTick, Snapshot};
 use nalgebra::Vector4;
 
 use fallback::{Level, Rung};
@@ -62,7 +63,7 @@ impl Mixer {
             }),
             level: Level::new(&scenario.airframe, trim.roll_rad),
             sample_ns: scenario.sample_ns(),
-            memory: Memory::new(rotors.unknown(&trim.actuation)),
+            memory: Memory { evidence: rotors.unknown(&trim.actuation), ..Memory::zeroed() },
             rotors,
         }
     }
@@ -79,7 +80,7 @@ impl Mixer {
         let Memory { demand_tick, demand, disturbance, state_tick, measured, terminated, .. } = self.memory;
         let rung = Rung::of(self.age_ns(tick, demand_tick), self.age_ns(tick, state_tick));
         let mut actuators = match rung {
-            _ if terminated => self.cut(mixer_flags::TERMINATED),
+            _ if terminated != 0 => self.cut(mixer_flags::TERMINATED),
             Rung::Used => self.allocate(&demand, 0),
             Rung::Held => self.allocate(&demand, mixer_flags::HELD),
             Rung::Levelled => {
@@ -97,21 +98,21 @@ impl Mixer {
         actuators
     }
 
-    /// The whole memory, for whoever continues this flight.
+    /// The whole memory, for the process that continues this flight.
     pub fn snapshot(&self) -> Snapshot {
-        self.memory.pack()
+        snapshot::pack(&self.memory)
     }
 
     /// Continues from a snapshot; one that is foreign, torn or not finite is refused, and nothing changes.
     pub fn restore(&mut self, snapshot: &Snapshot) -> bool {
-        Memory::unpack(snapshot).map(|memory| self.memory = memory).is_some()
+        snapshot::unpack(snapshot).map(|memory| self.memory = memory).is_some()
     }
 
     /// Remembers a demand that says something.
     fn hear(&mut self, controls: &Controls) {
         let Controls { stamp, demand, disturbance, status, .. } = controls;
         if stamp.sequence > 0 && is_finite(demand) && !SolveStatus::repeated(*status) {
-            self.memory.demand_tick = Some(stamp.tick);
+            self.memory.demand_tick = OptionalTick::some(stamp.tick);
             self.memory.demand = Vector4::from(*demand);
             if is_finite(disturbance) {
                 self.memory.disturbance = Vector4::from(*disturbance);
@@ -124,26 +125,26 @@ impl Mixer {
         let m = &state.measured;
         let finite = [m.position_m, m.velocity_mps, m.attitude_rad, m.rates_radps].iter().all(|v| is_finite(v));
         let tick = state.stamp.tick;
-        if state.stamp.sequence == 0 || !finite || self.memory.state_tick.is_some_and(|last| tick <= last) {
+        if state.stamp.sequence == 0 || !finite || self.memory.state_tick.get().is_some_and(|last| tick <= last) {
             return;
         }
         let command = Actuation::from(state.command_in_force);
-        let evidence = match self.memory.state_tick {
+        let evidence = match self.memory.state_tick.get() {
             Some(last) => {
                 let elapsed_s = (tick - last).saturating_mul(self.sample_ns) as f64 / 1e9;
                 self.rotors.observe(&self.memory.evidence, [&self.memory.measured, m], &command, elapsed_s)
             }
             None => self.rotors.unknown(&command),
         };
-        self.memory.state_tick = Some(tick);
+        self.memory.state_tick = OptionalTick::some(tick);
         self.memory.measured = *m;
         self.memory.evidence = evidence;
-        self.memory.terminated |= evidence.is_certain();
+        self.memory.terminated |= u64::from(evidence.is_certain());
     }
 
     /// How old something of tick `of` is at `tick` \[ns\]; what never came is infinitely old.
-    fn age_ns(&self, tick: u64, of: Option<u64>) -> u64 {
-        of.map_or(u64::MAX, |of| tick.saturating_sub(of).saturating_mul(self.sample_ns))
+    fn age_ns(&self, tick: u64, of: OptionalTick) -> u64 {
+        of.get().map_or(u64::MAX, |of| tick.saturating_sub(of).saturating_mul(self.sample_ns))
     }
 
     /// The command for a demand \[N, N m, N m, N m\], with `flags` and those of what had to give.

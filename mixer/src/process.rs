@@ -1,4 +1,4 @@
-//! The mixer as a process: its turn comes with CONTROLS.
+//! The mixer as a process: it answers to CONTROLS.
 
 use contract::message::{Actuators, Controls, State};
 use runtime::session::{NodeSession, SessionError};
@@ -6,7 +6,7 @@ use runtime::session::{NodeSession, SessionError};
 use crate::Mixer;
 
 /// Answers every sample with ACTUATORS until the run is over.
-pub fn run(session: &NodeSession) -> Result<(), SessionError> {
+pub fn run(mut session: NodeSession) -> Result<(), SessionError> {
     let mut mixer = Mixer::new(&session.scenario);
     if let Some(memory) = session.memory() {
         mixer.restore(&memory); // one that does not fit is as good as none
@@ -14,11 +14,11 @@ pub fn run(session: &NodeSession) -> Result<(), SessionError> {
     let mut states = session.input::<State>()?;
     let mut demands = session.input::<Controls>()?;
     let mut actuators = session.output::<Actuators>()?;
-    let mut cycle_loop = session.settle()?;
-    while let Some(tick) = cycle_loop.next(&mut demands) {
+    let mut cycles = session.ready()?;
+    while let Some(tick) = cycles.next(&mut demands)? {
         let (demand, state) = (demands.newest(), states.newest());
-        actuators.send(mixer.step(tick, demand, state), cycle_loop.provenance(tick).with(demand).with(state));
-        cycle_loop.done(tick, &mixer.snapshot());
+        actuators.send(mixer.step(tick, demand, state), cycles.provenance(tick).with(demand).with(state));
+        cycles.done(tick, &mixer.snapshot());
     }
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! Whether every rotor follows: what the vehicle should do under the commands, and what it does.
+//! Whether every rotor follows its command: the acceleration that the commands should cause against the measured one.
 //!
 //! The mixer sees neither rotor speeds nor thrust. It knows the command in force, and so where the rotors should be;
 //! what each of them should add to the acceleration along the body's z axis and to the angular accelerations, and what
@@ -9,44 +9,44 @@
 //! e    = (dw/dt + (omega x v - gravity) along z,  d omega / dt + J^-1 (omega x J omega))  -  sum a_i
 //! ```
 //!
-//! A rotor that does nothing leaves `e = -a_i`. Both are averaged over 30 ms, which noise does not survive. A rotor is dead
-//! when for 50 ms in a row most of its moment is missing, in its direction, some of its lift too, and it was meant to do
-//! something; with `m` for the moments and `f` for the force in `a` and `e`:
+//! A rotor without thrust leaves `e = -a_i`. Both are averaged over 30 ms, which removes the noise. A rotor is taken for
+//! dead when for 50 ms in a row most of its moment is missing, in the direction of that moment, and half of its lift too,
+//! while its commanded moment is not small. With `m` for the moments and `f` for the force in `a` and `e`:
 //!
 //! ```text
 //! -e_m . m_i >= 0.7 |m_i|^2,     (e_m . m_i)^2 >= 0.8 |e_m|^2 |m_i|^2,     |m_i| >= 0.4 |m_i at hover|
 //! -e_f f_i   >= 0.5 f_i^2
 //! ```
 //!
-//! Two sensors must agree on it: rates that come late, or lie, show moments that nobody made, but no lift that is
-//! missing. Nor is it when the servo of the tilt fails: that thrust points elsewhere.
+//! Two sensors must agree: late or wrong rates show moments that no actuator made, but no missing lift. A failed tilt
+//! servo shows no missing lift either, because the thrust only points elsewhere.
 //!
-//! With one rotor dead no demand holds pitch, roll and height together: the flight is over, and only its energy is left
-//! to decide about. A weak rotor, a push, a wrong inertia or a late command is another size, another direction, or over
-//! soon.
+//! With one rotor dead no demand can hold pitch, roll and height together: the flight is over, and the thrust is cut. A
+//! weak rotor, a push, a wrong inertia or a late command differs in size or direction, or does not last.
 
 use airframe::mixing::intermediate;
 use airframe::{Actuation, ActuatorLaw, MixingMatrix};
+use bytemuck::{Pod, Zeroable};
 use contract::Scenario;
 use contract::message::Kinematics;
 use nalgebra::{Matrix4x3, Vector3, Vector4};
 
 /// Time constant of the averages \[s\].
 const AVERAGE_S: f64 = 0.03;
-/// How long a rotor must seem dead \[s\].
-const CERTAIN_S: f64 = 0.05;
-/// Share of a rotor's moment that is missing when it is dead; the estimate of attitude-mpc makes up for 20 %.
-const MISSING: f64 = 0.7;
-/// Share of its lift that is missing then: less, because velocity is measured worse than rates, and wind lifts too.
-const LIFT_MISSING: f64 = 0.5;
-/// Square of the cosine between what is missing and what the rotor should do.
-const ALIGNED: f64 = 0.8;
-/// Share of its moment at hover below which nothing can be told of a rotor.
-const TELLING: f64 = 0.4;
-/// A longer gap between two samples says nothing of what was between them \[s\].
-const GAP_S: f64 = 0.05;
+/// How long a rotor must seem dead to be taken for it \[s\].
+const MIN_DEAD_S: f64 = 0.05;
+/// Least share of a dead rotor's moment that is missing: not all, because attitude-mpc's estimate makes up for 20 %.
+const MIN_MISSING: f64 = 0.7;
+/// Least share of its lift that is missing: less, because velocity is measured worse than rates, and wind lifts too.
+const MIN_LIFT_MISSING: f64 = 0.5;
+/// Least square of the cosine between the missing moment and the rotor's.
+const MIN_ALIGNMENT: f64 = 0.8;
+/// Least moment of a rotor that can be judged, as a share of its moment at hover.
+const MIN_MOMENT: f64 = 0.4;
+/// Longest gap between two samples that can be judged \[s\].
+const MAX_GAP_S: f64 = 0.05;
 
-/// What is known of the vehicle.
+/// The vehicle as its rotors should move it.
 #[derive(Debug, Clone)]
 pub struct Rotors {
     mixing: MixingMatrix,
@@ -59,8 +59,9 @@ pub struct Rotors {
     hover: [f64; 3],
 }
 
-/// What the samples so far tell.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// What the samples so far show.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
 pub struct Evidence {
     /// Where the actuators should be at the newest sample.
     pub actuation: Actuation,
@@ -116,7 +117,7 @@ impl Rotors {
             expected: before.expected + (expected - before.expected) * share,
             dead_s: before.dead_s,
         };
-        if elapsed_s > GAP_S || !evidence.unexplained.iter().all(|e| e.is_finite()) {
+        if elapsed_s > MAX_GAP_S || !evidence.unexplained.iter().all(|e| e.is_finite()) {
             return self.unknown(command);
         }
         for rotor in 0..3 {
@@ -130,10 +131,10 @@ impl Rotors {
         let (missing, expected) = (-evidence.unexplained, evidence.expected.column(rotor));
         let (missing_m, expected_m) = (missing.fixed_rows::<3>(1), expected.fixed_rows::<3>(1));
         let (size, along) = (expected_m.norm_squared(), missing_m.dot(&expected_m));
-        size >= TELLING * TELLING * self.hover[rotor]
-            && along >= MISSING * size
-            && along * along >= ALIGNED * size * missing_m.norm_squared()
-            && missing[0] * expected[0] >= LIFT_MISSING * expected[0] * expected[0]
+        size >= MIN_MOMENT * MIN_MOMENT * self.hover[rotor]
+            && along >= MIN_MISSING * size
+            && along * along >= MIN_ALIGNMENT * size * missing_m.norm_squared()
+            && missing[0] * expected[0] >= MIN_LIFT_MISSING * expected[0] * expected[0]
     }
 
     /// The accelerations that the actuators must have made between two samples.
@@ -168,9 +169,9 @@ impl Rotors {
 }
 
 impl Evidence {
-    /// Whether a rotor is dead beyond doubt.
+    /// Whether a rotor is taken for dead.
     pub fn is_certain(&self) -> bool {
-        self.dead_s.max() >= CERTAIN_S
+        self.dead_s.max() >= MIN_DEAD_S
     }
 }
 

@@ -6,7 +6,7 @@ use airframe::{Actuation, DemandSet, MixingMatrix, Parameters};
 use contract::Scenario;
 use contract::message::{Actuators, Controls, Stamp, State, mixer_flags};
 use contract::scenario::Profile;
-use nalgebra::Vector4;
+use nalgebra::{Matrix4, Vector4};
 use proptest::prelude::*;
 
 use crate::{Mixer, allocation};
@@ -40,7 +40,7 @@ fn demands_move_the_right_actuators() {
 }
 
 #[test]
-fn limits_hold_and_are_told() {
+fn limits_hold_and_raise_their_flags() {
     let full = mix([-1e3, 0.0, 0.0, 0.0]);
     let limits = Scenario::of(Profile::Paper).limits();
     assert_eq!(full.command.rotor_speed, limits.rotor_speed_max);
@@ -48,6 +48,43 @@ fn limits_hold_and_are_told() {
     let negative = mix([4.0, 1.2, 1.5, 0.0]);
     assert_ne!(negative.flags & mixer_flags::NEGATIVE_SQUARE, 0);
     assert_eq!(mix([0.0; 4]).flags, 0);
+}
+
+#[test]
+fn a_square_of_exactly_zero_stops_its_rotor_and_is_not_negative() {
+    let identity = MixingMatrix {
+        inverse: Matrix4::identity(),
+        trim: Vector4::zeros(),
+        ..MixingMatrix::new(&Parameters::default(), false)
+    };
+    for (u, is_negative) in [
+        ([0.0, 1.0, 0.0, 0.0], false),
+        ([0.0, 1.0, -1e-300, 4.0], true),
+        ([0.0, 1.0, 4.0, -1e-300], true),
+        ([0.0, 1.0, -1.0, -1.0], true),
+    ] {
+        let (actuation, negative) = allocation::allocate(&identity, &Vector4::from(u));
+        let [_, omega2, omega3] = actuation.rotor_speed;
+        assert_eq!((omega2, omega3), (u[2].max(0.0).sqrt(), u[3].max(0.0).sqrt()));
+        assert_eq!(negative, is_negative, "{u:?}");
+    }
+}
+
+#[test]
+fn each_actuator_beyond_its_limit_raises_its_own_flag_beside_those_given() {
+    let mut mixer = Mixer::new(&Scenario::of(Profile::Paper));
+    let mixing = MixingMatrix::new(&Parameters::default(), false);
+    let mut flags = |rotor_speed: [f64; 3], tilt_rad: f64| {
+        mixer.allocate(&mixing.deviation(&Actuation { rotor_speed, tilt_rad }), mixer_flags::HELD).flags
+    };
+    let trim = mix([0.0; 4]).command;
+    assert_eq!(flags(trim.rotor_speed, trim.tilt_rad), mixer_flags::HELD);
+    for rotor in 0..3 {
+        let mut speed = trim.rotor_speed;
+        speed[rotor] *= 2.1; // the limit is 2
+        assert_eq!(flags(speed, trim.tilt_rad), mixer_flags::HELD | mixer_flags::ROTOR_SATURATED << rotor);
+    }
+    assert_eq!(flags(trim.rotor_speed, 1.6), mixer_flags::HELD | mixer_flags::TILT_SATURATED);
 }
 
 #[test]

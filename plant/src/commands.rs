@@ -1,4 +1,4 @@
-//! The time line of commands: what the actuators are told, and from when on.
+//! The time line of commands: which one is in force, and since when.
 //!
 //! ```text
 //! sample      arrival        arrival + delay + jitter
@@ -8,8 +8,8 @@
 //! All times are integer nanoseconds since the start of the run, so that delays that are multiples of the
 //! integration step fall exactly on its boundaries.
 //!
-//! A command in force longer than [`CUT_NS`] is cut: the rotors are told to stop, below idle, and the tilt stays where it
-//! was told to be. A new command ends that. The plant helps in no other way.
+//! A command in force longer than [`CUT_NS`] is cut: the rotors stop, below idle, and the tilt keeps its command.
+//! A new command ends the cut.
 
 use std::collections::VecDeque;
 
@@ -21,24 +21,24 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::random::Stream;
 
-/// Commands per sample that the time line holds while they wait; a flood beyond that is lost like a dropped command.
+/// Commands per sample that wait on the time line; more are lost like dropped commands.
 const WAITING_PER_SAMPLE: u64 = 4;
 
 /// How long a command stays in force without a successor \[ns\].
 ///
-/// A motor controller that hears nothing stops its motor: a vehicle nobody steers shall come down and not fly away.
-/// Half a second is beyond every silence that the stack is meant to bridge, and beyond what a vehicle survives
-/// on a held command.
+/// A motor controller without commands stops its motor: a vehicle without control shall come down and not fly away. Half
+/// a second is longer than every gap that the stack is meant to bridge, and than a vehicle survives on a held command.
 pub const CUT_NS: u64 = 500_000_000;
 
 /// One command on the time line.
 #[derive(Debug, Clone, Copy)]
 pub struct Command {
-    /// What the actuators are told.
+    /// The positions commanded.
     pub actuation: Actuation,
     /// Sequence number of its message; 0 = the trim command of the start.
     pub sequence: u64,
-    /// Samples up to the one that it answers to; 0 for none. A process that takes over counts its messages anew.
+    /// Number of samples up to the one it answers to; 0 for the trim command. It comes before `sequence` in the order,
+    /// because a process that takes over counts its messages from 1.
     samples: u64,
     /// When it takes effect \[ns\].
     effect_ns: u64,
@@ -49,7 +49,7 @@ pub struct Command {
 }
 
 impl Command {
-    /// What decides which of two commands is newer.
+    /// The greater of two is the newer command.
     fn order(&self) -> (u64, u64) {
         (self.samples, self.sequence)
     }
@@ -119,7 +119,7 @@ impl CommandLine {
         }
     }
 
-    /// The command in force since the last [`switch`](Self::switch); a cut one says 0 for the rotors.
+    /// The command in force since the last [`switch`](Self::switch); a cut one has rotor speeds of 0.
     pub fn in_force(&self) -> &Command {
         &self.in_force
     }

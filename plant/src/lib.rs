@@ -7,7 +7,7 @@
 //! | [`commands`] | delay, jitter and loss between mixer and actuators; the cut when none comes | |
 //! | [`schedule`] | wind and disturbance as steps in time | |
 //! | [`sensors`] | measurement noise | |
-//! | [`faults`] | what the scenario breaks: sensors, actuators, air, payload | |
+//! | [`faults`] | faults of sensors, actuators, air and payload | |
 //! | [`random`] | the random streams | |
 //!
 //! ```text
@@ -17,7 +17,7 @@
 //! ```
 //!
 //! The state is the paper's: Euler angles, with their singularity at 90 degrees of pitch. The integration stops before
-//! it, and wherever else the flight is lost (see [`PlantStatus`]); from then on time passes and nothing moves.
+//! it, and wherever else the state diverges (see [`PlantStatus`]); from then on time passes and nothing moves.
 
 pub mod commands;
 pub mod dynamics;
@@ -40,12 +40,12 @@ pub use process::run;
 use schedule::Schedule;
 use sensors::Sensors;
 
-/// Farthest position on any axis \[m\].
-const POSITION_LIMIT_M: f64 = 500.0;
-/// Largest pitch angle either way \[rad\].
-const PITCH_LIMIT_RAD: f64 = 1.55;
-/// Largest body rate on any axis \[rad/s\].
-const RATE_LIMIT_RADPS: f64 = 100.0;
+/// Largest position on any axis \[m\]: far beyond every mission.
+const MAX_POSITION_M: f64 = 500.0;
+/// Largest pitch angle either way \[rad\]: the Euler angles of (8) are singular at 1.571.
+const MAX_PITCH_RAD: f64 = 1.55;
+/// Largest body rate on any axis \[rad/s\]: sixteen turns a second.
+const MAX_RATE_RADPS: f64 = 100.0;
 
 /// The flying vehicle, from sample to sample.
 #[derive(Debug, Clone)]
@@ -60,8 +60,8 @@ pub struct Plant {
     last_tick: u64,
     tick: u64,
     x: StateVector,
-    /// Why the flight was lost, if it was.
-    lost: Option<PlantStatus>,
+    /// Why the integration stopped, if it did.
+    diverged: Option<PlantStatus>,
 }
 
 impl Plant {
@@ -88,11 +88,11 @@ impl Plant {
             last_tick: scenario.ticks(),
             tick: 0,
             x,
-            lost: loss(&x),
+            diverged: divergence(&x),
         }
     }
 
-    /// Takes fault `number` as it is from now on, if it is one of vehicle, sensors or air.
+    /// Takes fault `number` as it is from now on, if it is one of sensors, actuators, air or payload.
     pub fn apply_fault(&mut self, number: usize, fault: &Fault) {
         self.faults.apply_fault(number, fault);
     }
@@ -103,7 +103,7 @@ impl Plant {
     pub fn sample(&mut self) -> State {
         let actual = dynamics::kinematics(&self.x);
         let mut measured = self.sensors.measure(&actual);
-        self.faults.sensors.strike(self.tick, &mut measured);
+        self.faults.sensors.inject(self.tick, &mut measured);
         let command = self.commands.in_force();
         State {
             stamp: Stamp { tick: self.tick, ..Stamp::default() },
@@ -128,7 +128,7 @@ impl Plant {
     pub fn advance(&mut self, periods: u64) -> PlantStatus {
         let mut now_ns = self.now_ns();
         self.tick += periods;
-        while now_ns < self.now_ns() && self.lost.is_none() {
+        while now_ns < self.now_ns() && self.diverged.is_none() {
             self.commands.switch(now_ns);
             let substep_ns = (now_ns / self.substep_ns + 1) * self.substep_ns;
             let until_ns = substep_ns.min(self.commands.next_switch_ns()).min(self.now_ns());
@@ -140,14 +140,14 @@ impl Plant {
 
     fn integrate(&mut self, from_ns: u64, until_ns: u64) {
         let position = dynamics::actuation(&self.x);
-        let (command, condition) = self.faults.actuators.strike(from_ns / self.sample_ns, &position, &self.demand());
+        let (command, condition) = self.faults.actuators.inject(from_ns / self.sample_ns, &position, &self.demand());
         let scheduled = self.schedule.at(from_ns);
         let dt_s = (until_ns - from_ns) as f64 / 1e9;
         self.x = integrator::step(&self.x, dt_s, |t_s, x| {
-            let outside = self.faults.environment.strike(from_ns, t_s, &scheduled);
+            let outside = self.faults.environment.inject(from_ns, t_s, &scheduled);
             self.dynamics.derivative(x, &command, &condition, &outside)
         });
-        self.lost = loss(&self.x);
+        self.diverged = divergence(&self.x);
     }
 
     /// What the motor controllers and the servo are to follow: the command in force within the limits, which hold for
@@ -164,20 +164,20 @@ impl Plant {
 
     fn status(&self) -> PlantStatus {
         let in_time = if self.tick < self.last_tick { PlantStatus::Flying } else { PlantStatus::Finished };
-        self.lost.unwrap_or(in_time)
+        self.diverged.unwrap_or(in_time)
     }
 }
 
-/// Why a flight in state `x` is lost, if it is.
-fn loss(x: &StateVector) -> Option<PlantStatus> {
+/// Which bound of the simulation the state `x` is beyond, if any.
+fn divergence(x: &StateVector) -> Option<PlantStatus> {
     let Kinematics { position_m, attitude_rad: [_, theta, _], rates_radps, .. } = dynamics::kinematics(x);
     if !x.iter().all(|value| value.is_finite()) {
         Some(PlantStatus::NonFinite)
-    } else if position_m.iter().any(|value| value.abs() > POSITION_LIMIT_M) {
+    } else if position_m.iter().any(|value| value.abs() > MAX_POSITION_M) {
         Some(PlantStatus::TooFar)
-    } else if theta.abs() > PITCH_LIMIT_RAD {
+    } else if theta.abs() > MAX_PITCH_RAD {
         Some(PlantStatus::Singular)
-    } else if rates_radps.iter().any(|value| value.abs() > RATE_LIMIT_RADPS) {
+    } else if rates_radps.iter().any(|value| value.abs() > MAX_RATE_RADPS) {
         Some(PlantStatus::TooFast)
     } else {
         None

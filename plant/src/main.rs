@@ -1,5 +1,5 @@
 //! `plant` as a program of its own.
 
 fn main() -> std::process::ExitCode {
-    runtime::session::main("plant", plant::run)
+    runtime::process::main("plant", plant::run)
 }

@@ -1,7 +1,6 @@
-//! The plant as a process: the only one with a clock.
+//! The plant as a process: the one that begins every tick.
 
 use contract::message::{Actuators, PlantStatus, State};
-use runtime::release::CycleEnd;
 use runtime::session::{NodeSession, SessionError};
 
 use crate::Plant;
@@ -10,30 +9,22 @@ use crate::Plant;
 ///
 /// Every sample is published and lives until the next release; the commands that arrive meanwhile act from the moment
 /// they arrived.
-pub fn run(session: &NodeSession) -> Result<(), SessionError> {
+pub fn run(mut session: NodeSession) -> Result<(), SessionError> {
     let mut plant = Plant::new(&session.scenario);
     let mut states = session.output::<State>()?;
     let mut commands = session.input::<Actuators>()?;
-    let mut news = session.news();
-    session.settle()?;
-    let Some(mut release) = session.release() else { return Ok(()) };
-    loop {
-        news.tell(|number, fault| {
-            plant.apply_fault(number, fault);
-            release.apply_fault(number, fault);
-        });
+    let mut cycles = session.ready_to_sample()?;
+    let mut before = 0;
+    while let Some(tick) = cycles.next(&mut commands, |command, arrival_ns| plant.command(command, arrival_ns))? {
+        plant.advance(tick - before);
+        before = tick;
+        cycles.new_faults(|number, fault| plant.apply_fault(number, fault));
         let state = plant.sample();
-        let tick = state.stamp.tick;
-        let Some(provenance) = release.sample(tick) else { return Err(SessionError::Stuck { tick }) };
-        states.send(state, provenance);
-        release.sampled(tick);
-        match release.turn(tick, &mut commands, |command, arrival_ns| plant.command(command, arrival_ns)) {
-            CycleEnd::Periods(periods) if state.status == PlantStatus::Flying as u64 => {
-                plant.advance(periods);
-            }
-            CycleEnd::Periods(_) | CycleEnd::Over => return Ok(()),
-            CycleEnd::Stuck => return Err(SessionError::Stuck { tick }),
-            CycleEnd::FaultExit => return Err(SessionError::FaultExit { tick: tick + 1 }),
+        if state.status != PlantStatus::Flying as u64 {
+            cycles.ends_with(tick);
         }
+        states.send(state, cycles.provenance(tick));
+        cycles.done(tick);
     }
+    Ok(())
 }

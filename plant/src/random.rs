@@ -3,10 +3,10 @@
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-/// Faults count from here on, so that there is room below for features to come.
+/// Streams of faults begin here; those of features are below.
 const FAULTS: u64 = 1 << 32;
 
-/// Who draws.
+/// What the numbers are drawn for.
 #[derive(Debug, Clone, Copy)]
 pub enum Stream {
     /// Measurement noise.

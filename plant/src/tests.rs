@@ -154,7 +154,7 @@ fn a_command_may_arrive_periods_later() {
 }
 
 #[test]
-fn a_dead_time_of_whole_substeps_makes_no_slivers() {
+fn a_delay_of_whole_substeps_adds_no_integration_steps() {
     // Commands at a multiple of the substep leave the grid of steps alone: the flight is bit for bit the same as one
     // whose commands arrive that much later.
     let fly = |delay_ms: u64, arrival_ms: u64| {
@@ -231,11 +231,11 @@ fn near_vertical_pitch_the_flight_ends_and_stays_ended() {
 }
 
 #[test]
-fn every_way_to_be_lost_has_its_name() {
+fn every_divergence_has_its_own_status() {
     let lost = |index: usize, value: f64| {
         let mut x = Plant::new(&scenario()).x;
         x[index] = value;
-        loss(&x)
+        divergence(&x)
     };
     assert_eq!(lost(1, -500.1), Some(PlantStatus::TooFar));
     assert_eq!(lost(1, 499.9), None);

@@ -4,7 +4,7 @@
 
 use nalgebra::DMatrix;
 
-use super::Member;
+use crate::working_set::Member;
 
 /// `G`, `K = H^-1 G'` and the Gram matrix `G K` of all basis rows.
 pub struct Basis {

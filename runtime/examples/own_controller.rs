@@ -8,8 +8,9 @@
 use std::process::ExitCode;
 
 use contract::message::{Controls, Reference, SolveStatus, State};
-use contract::snapshot::Writer;
-use runtime::session::{self, NodeSession, SessionError};
+use contract::snapshot::SNAPSHOT_WORDS;
+use runtime::process;
+use runtime::session::{NodeSession, SessionError};
 
 /// Poles of the attitude loops \[rad/s\], both of each in the same place.
 const ATTITUDE_POLE: f64 = 6.0;
@@ -17,26 +18,26 @@ const ATTITUDE_POLE: f64 = 6.0;
 const CLIMB_POLE: f64 = 4.0;
 
 fn main() -> ExitCode {
-    session::main("attitude-mpc", fly)
+    process::main("attitude-mpc", fly)
 }
 
-/// Answers every sample with CONTROLS until the run is over, or somebody else is active.
-fn fly(session: &NodeSession) -> Result<(), SessionError> {
+/// Answers every sample with CONTROLS until the run is over, or another process is active.
+fn fly(mut session: NodeSession) -> Result<(), SessionError> {
     let mut states = session.input::<State>()?;
     let mut references = session.input::<Reference>()?;
     let mut controls = session.output::<Controls>()?;
-    let vehicle = &session.scenario.airframe;
+    let vehicle = session.scenario.airframe;
     let inertia = [vehicle.mass_kg, vehicle.iyy_kgm2, vehicle.ixx_kgm2, vehicle.izz_kgm2];
-    let nothing_to_remember = Writer::new(*b"own    1").seal();
-    let mut cycle_loop = session.settle()?;
-    while let Some(tick) = cycle_loop.next(&mut references) {
+    let nothing_to_remember = [0; SNAPSHOT_WORDS]; // one that every node refuses
+    let mut cycles = session.ready()?;
+    while let Some(tick) = cycles.next(&mut references)? {
         let (reference, state) = (references.newest(), states.newest());
         let fresh = state.stamp.sequence > 0 && state.stamp.tick >= tick;
-        let status = if fresh { SolveStatus::Explicit } else { SolveStatus::Stale }; // nobody obeys the latter
+        let status = if fresh { SolveStatus::Explicit } else { SolveStatus::Stale }; // the mixer does not use the latter
         let answer =
             Controls { demand: demand(inertia, state, reference), status: status as u64, ..Controls::default() };
-        controls.send(answer, cycle_loop.provenance(tick).with(reference).with(state));
-        cycle_loop.done(tick, &nothing_to_remember);
+        controls.send(answer, cycles.provenance(tick).with(reference).with(state));
+        cycles.done(tick, &nothing_to_remember);
     }
     Ok(())
 }

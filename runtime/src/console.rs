@@ -8,14 +8,9 @@ use std::process::ExitCode;
 use std::sync::OnceLock;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread;
-use std::time::Duration;
 
-use crate::session::exit;
-
-/// Lines for stderr that wait to be written; more are dropped.
-const WAITING_LINES: usize = 256;
-/// How long a process that ends waits until its lines are written.
-const LAST_LINES: Duration = Duration::from_secs(1);
+use crate::limits::{LAST_LINES, WAITING_LINES};
+use contract::exit;
 
 /// The way to the thread that writes to stderr; `None` when it could not be started.
 static WRITER: OnceLock<Option<SyncSender<Word>>> = OnceLock::new();

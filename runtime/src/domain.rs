@@ -15,7 +15,7 @@
 //! next one wipes every folder whose lock it gets.
 //!
 //! In `/dev/shm` anybody can put anything under any name. So it is never listed, and one folder of it is used, opened without
-//! following links: one that is this user's and that nobody else may enter. A name under which something else stands is
+//! following links: one that is this user's and that no other user may enter. A name under which something else stands is
 //! passed over for the next of eight. No other user can do anything below the user's folder, whatever the modes there.
 
 mod shm;
@@ -25,67 +25,14 @@ use std::io::{self, ErrorKind, Write};
 use std::os::fd::OwnedFd;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 use rustix::fs::{FlockOperation, flock, fstat};
 use rustix::io::Errno;
 
-use shm::{FILES_NEEDED, NAMES, SHM, homes, make_home, open_folder};
+pub use crate::error::DomainError;
+use crate::limits::{NAMESPACE_PAUSE, NAMESPACE_TRIES};
 pub use shm::{allocate, check_room};
-
-/// A folder is locked for a moment by those who look whether it lives, and gone when it was wiped: how often to try again.
-const TRIES: usize = 20;
-/// How long to wait between tries.
-const PAUSE: Duration = Duration::from_millis(5);
-
-/// Why a domain cannot be had.
-#[derive(Debug, thiserror::Error)]
-pub enum DomainError {
-    /// Another launcher holds the namespace.
-    #[error(
-        "namespace '{0}' is in use by another stack; stop it with `launcher stop --namespace {0}` or fly under another --namespace"
-    )]
-    InUse(String),
-    /// Nobody flies there.
-    #[error("no stack runs in namespace '{0}' of this user; `launcher status` lists those that do")]
-    NotRunning(String),
-    /// A name that cannot stand in a file name.
-    #[error("'{0}' cannot be a namespace: use 1 to 40 letters, digits, '-' or '_'")]
-    BadName(String),
-    /// Other users' files stand wherever this user's folder could.
-    #[error(
-        "files of other users stand under all names that this user's folder can have, {0} to {0}.{last}; remove one of them, as root", last = NAMES - 1
-    )]
-    Crowded(PathBuf),
-    /// Too little memory.
-    #[error(
-        "a flight needs {need_mb} MB of shared memory, and {SHM} has {free_mb} MB free; end other flights, or make it larger \
-(as root: `mount -o remount,size=256M {SHM}`; Docker: `--shm-size 256m`), or fly with --mode inprocess"
-    )]
-    Full {
-        /// What the flight needs.
-        need_mb: u64,
-        /// What there is.
-        free_mb: u64,
-    },
-    /// Too few names.
-    #[error(
-        "a flight makes up to {FILES_NEEDED} files in shared memory, and {SHM} has room for {0}; end other flights, or allow more \
-(as root: `mount -o remount,nr_inodes=100k {SHM}`), or fly with --mode inprocess"
-    )]
-    NoFiles(u64),
-    /// Shared memory refused.
-    #[error(
-        "shared memory at {path}: {source}; a flight through processes needs a file system in memory at {SHM} that this user may \
-write to (--mode inprocess needs none)"
-    )]
-    Io {
-        /// Where.
-        path: PathBuf,
-        /// Why.
-        source: io::Error,
-    },
-}
+use shm::{homes, make_home, open_folder};
 
 /// A run's place in shared memory, as seen by any of its processes.
 #[derive(Debug, Clone)]
@@ -167,11 +114,11 @@ impl Hold {
     /// Takes `namespace` for this process, after wiping what dead launchers left.
     pub fn take(namespace: &str) -> Result<Self, DomainError> {
         check_name(namespace)?;
-        for _ in 0..TRIES {
+        for _ in 0..NAMESPACE_TRIES {
             if let Some(hold) = Self::try_to_take(namespace)? {
                 return Ok(hold);
             }
-            std::thread::sleep(PAUSE);
+            std::thread::sleep(NAMESPACE_PAUSE);
         }
         Err(DomainError::InUse(namespace.into()))
     }
@@ -210,7 +157,7 @@ fn folders(home: &Path) -> Vec<Domain> {
     entries.map(|entry| Domain { folder: entry.path() }).filter(|domain| domain.folder.is_dir()).collect()
 }
 
-/// Wipes the folders of this user that nobody has locked.
+/// Wipes the folders of this user that no launcher has locked.
 fn wipe_the_dead() {
     for Domain { folder } in homes().flat_map(|home| folders(&home)) {
         if let Ok(Some(_lock)) = lock(&folder) {
@@ -226,7 +173,7 @@ fn remove(folder: &Path) {
     let _ = folder.parent().map(fs::remove_dir);
 }
 
-/// Locks a run's folder; nothing when somebody else has, or the folder is gone.
+/// Locks a run's folder; nothing when another launcher has, or the folder is gone.
 fn lock(folder: &Path) -> Result<Option<OwnedFd>, Errno> {
     let lock = match open_folder(folder) {
         Err(Errno::NOENT) => return Ok(None),
@@ -236,7 +183,7 @@ fn lock(folder: &Path) -> Result<Option<OwnedFd>, Errno> {
         Err(Errno::WOULDBLOCK) => return Ok(None),
         locked => locked?,
     }
-    // Somebody may have removed it between open and lock: then this lock locks nothing.
+    // Another process may have removed it between open and lock: then this lock locks nothing.
     let still_there = fs::symlink_metadata(folder)
         .is_ok_and(|now| fstat(&lock).is_ok_and(|locked| (locked.st_ino, locked.st_dev) == (now.ino(), now.dev())));
     Ok(still_there.then_some(lock))
@@ -247,3 +194,6 @@ fn check_name(namespace: &str) -> Result<(), DomainError> {
         && namespace.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'-' || b == b'_');
     if fits { Ok(()) } else { Err(DomainError::BadName(namespace.into())) }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,34 +1,31 @@
 //! The fault table: faults that a flight is given while it flies, on the page that all its processes share.
 //!
-//! The launcher enters a fault, and every process hears of it at its next sample ([`FaultUpdates`]). Each has a number: those of
-//! the scenario are counted first, and stand here only when they end earlier than the scenario says. Entries are never
-//! taken back, and of one that stands only the end changes, which is one word: nobody can read half of one.
+//! The launcher enters a fault, and every process takes it at its next tick ([`FaultUpdates`]). Each has a number: those of
+//! the scenario are counted first, and stand here only when they end earlier than the scenario says. An entry is never
+//! taken back. Only its end changes, which is one word, so that no reader sees half of an entry.
 //!
 //! ```text
 //! word  0       1                   2     3      4   5      6 7 8   9            10
 //!       number  target, kind, how   at_s  for_s  ms  value  vector  probability  count      absent: NaN, or count 0
 //! ```
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use contract::fault_schedule::ROOM;
-
-use crate::realtime::ControlPage;
-use contract::scenario::{Fault, FaultTarget, LONGEST_MS, LONGEST_S, Wrong};
+use contract::fault_schedule::MAX_LIVE_FAULTS;
+use contract::scenario::{Fault, FaultTarget, MAX_FAULT_MS, MAX_FAULT_S, Wrong};
 
 const WORDS: usize = 11;
 /// The word that may change.
 const FOR_S: usize = 3;
 
-/// The entries. The launcher writes, everybody reads.
+/// The entries. The launcher writes, every process reads.
 #[repr(C, align(64))]
 pub struct FaultTable {
     /// Counts changes.
     generation: AtomicU64,
     /// Entries that stand.
     count: AtomicU64,
-    entries: [[AtomicU64; WORDS]; ROOM],
+    entries: [[AtomicU64; WORDS]; MAX_LIVE_FAULTS],
 }
 
 impl FaultTable {
@@ -48,10 +45,10 @@ impl FaultTable {
 
     /// Whether all those faults could be entered.
     pub fn has_room_for(&self, numbers: impl Iterator<Item = usize>) -> bool {
-        self.standing().len() + numbers.filter(|number| self.find(*number).is_none()).count() <= ROOM
+        self.standing().len() + numbers.filter(|number| self.find(*number).is_none()).count() <= MAX_LIVE_FAULTS
     }
 
-    /// Every fault that stands here, with its number; what is none is left out.
+    /// Every fault that stands here, with its number. Words that are no fault are left out.
     fn faults(&self) -> impl Iterator<Item = (usize, Fault)> {
         self.standing().iter().filter_map(|entry| unpack(&std::array::from_fn(|i| entry[i].load(Ordering::Relaxed))))
     }
@@ -61,30 +58,24 @@ impl FaultTable {
     }
 
     fn standing(&self) -> &[[AtomicU64; WORDS]] {
-        &self.entries[..ROOM.min(self.count.load(Ordering::Acquire) as usize)]
+        &self.entries[..MAX_LIVE_FAULTS.min(self.count.load(Ordering::Acquire) as usize)]
     }
 }
 
-/// One listener's way to hear what is entered.
+/// What one process knows of the table.
+#[derive(Default)]
 pub struct FaultUpdates {
-    page: Arc<ControlPage>,
-    /// The generation that it knows.
+    /// The generation that it has seen.
     known: u64,
 }
 
 impl FaultUpdates {
-    /// For one who knows of nothing.
-    pub(crate) fn new(page: Arc<ControlPage>) -> Self {
-        Self { page, known: 0 }
-    }
-
-    /// Tells `apply` every fault of the fault table, with its number, if there is anything new. To ask costs next to nothing.
-    pub fn tell(&mut self, mut apply: impl FnMut(usize, &Fault)) {
-        let fault_table = self.page.fault_table();
-        let generation = fault_table.generation.load(Ordering::Acquire);
+    /// Hands every fault of `table` to `apply`, with its number, if anything is new. Without news it costs one load.
+    pub fn take(&mut self, table: &FaultTable, mut apply: impl FnMut(usize, &Fault)) {
+        let generation = table.generation.load(Ordering::Acquire);
         if generation != self.known {
             self.known = generation;
-            fault_table.faults().for_each(|(number, fault)| apply(number, &fault));
+            table.faults().for_each(|(number, fault)| apply(number, &fault));
         }
     }
 }
@@ -135,8 +126,8 @@ fn unpack(words: &[u64; WORDS]) -> Option<(usize, Fault)> {
     };
     let times = [fault.at_s, fault.for_s.unwrap_or(0.0)];
     let sizes = fault.vector.into_iter().flatten().chain(fault.value).chain(fault.probability);
-    let is_one = times.iter().all(|time_s| (0.0..=LONGEST_S).contains(time_s))
-        && fault.ms.is_none_or(|ms| (0.0..=LONGEST_MS).contains(&ms))
+    let is_one = times.iter().all(|time_s| (0.0..=MAX_FAULT_S).contains(time_s))
+        && fault.ms.is_none_or(|ms| (0.0..=MAX_FAULT_MS).contains(&ms))
         && { sizes }.all(f64::is_finite);
     is_one.then_some((words[0] as usize, fault))
 }
@@ -144,6 +135,7 @@ fn unpack(words: &[u64; WORDS]) -> Option<(usize, Fault)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::realtime::ControlPage;
     use proptest::prelude::*;
 
     prop_compose! {
@@ -151,9 +143,9 @@ mod tests {
         fn any_fault()(
             (target, _) in prop::sample::select(&FaultTarget::ALL[..]),
             kind: prop::sample::Index,
-            at_s in 0.0..LONGEST_S,
-            for_s in prop::option::of(0.0..LONGEST_S),
-            ms in prop::option::of(0.0..LONGEST_MS),
+            at_s in 0.0..MAX_FAULT_S,
+            for_s in prop::option::of(0.0..MAX_FAULT_S),
+            ms in prop::option::of(0.0..MAX_FAULT_MS),
             value in prop::option::of(-1e300..1e300),
             vector in prop::option::of(prop::array::uniform3(-1e3..1e3)),
             probability in prop::option::of(0.0..1.0),
@@ -172,7 +164,7 @@ mod tests {
 
         /// Whatever the words: a fault that could have been entered, or none.
         #[test]
-        fn what_is_no_fault_is_left_out(words: [u64; WORDS], what in 0u64..1 << 21) {
+        fn words_that_are_no_fault_are_left_out(words: [u64; WORDS], what in 0u64..1 << 21) {
             for words in [words, { let mut near = words; near[1] = what; near }] {
                 if let Some((number, fault)) = unpack(&words) {
                     prop_assert!(fault.target.kinds().contains(&fault.kind) && fault.at_s >= 0.0);
@@ -182,16 +174,14 @@ mod tests {
         }
     }
 
-    fn page() -> (tempfile::TempDir, Arc<ControlPage>) {
-        let folder = tempfile::tempdir().expect("a temporary folder");
-        let page = ControlPage::create(&folder.path().join("page")).expect("a page");
-        (folder, Arc::new(page))
+    fn page() -> ControlPage {
+        ControlPage::private().expect("memory")
     }
 
-    fn heard(news: &mut FaultUpdates) -> Vec<(usize, Option<f64>)> {
-        let mut heard = vec![];
-        news.tell(|number, fault| heard.push((number, fault.for_s)));
-        heard
+    fn taken(updates: &mut FaultUpdates, page: &ControlPage) -> Vec<(usize, Option<f64>)> {
+        let mut taken = vec![];
+        updates.take(page.fault_table(), |number, fault| taken.push((number, fault.for_s)));
+        taken
     }
 
     fn fault(for_s: f64) -> Fault {
@@ -199,24 +189,27 @@ mod tests {
     }
 
     #[test]
-    fn what_is_entered_is_heard_once_and_again_when_it_changes() {
-        let (_folder, page) = page();
-        let mut news = FaultUpdates::new(page.clone());
-        assert_eq!(heard(&mut news), []);
+    fn what_is_entered_is_taken_once_and_again_when_it_changes() {
+        let page = page();
+        let mut updates = FaultUpdates::default();
+        assert_eq!(taken(&mut updates, &page), []);
         assert!(page.fault_table().enter(3, &fault(0.5)) && page.fault_table().enter(0, &fault(0.1)));
-        assert_eq!(heard(&mut news), [(3, Some(0.5)), (0, Some(0.1))]);
-        assert_eq!(heard(&mut news), []);
+        assert_eq!(taken(&mut updates, &page), [(3, Some(0.5)), (0, Some(0.1))]);
+        assert_eq!(taken(&mut updates, &page), []);
         assert!(page.fault_table().enter(3, &fault(0.2)));
-        assert_eq!(heard(&mut news), [(3, Some(0.2)), (0, Some(0.1))]);
-        assert_eq!(heard(&mut FaultUpdates::new(page)).len(), 2, "who comes later hears it all");
+        assert_eq!(taken(&mut updates, &page), [(3, Some(0.2)), (0, Some(0.1))]);
+        assert_eq!(taken(&mut FaultUpdates::default(), &page).len(), 2, "a process that comes later takes them all");
     }
 
     #[test]
-    fn a_full_ledger_takes_ends_only() {
-        let (_folder, page) = page();
-        assert!((0..ROOM).all(|number| page.fault_table().enter(number, &fault(0.5))));
-        assert!(!page.fault_table().enter(ROOM, &fault(0.5)) && !page.fault_table().has_room_for(0..=ROOM));
-        assert!(page.fault_table().has_room_for(0..ROOM) && page.fault_table().enter(7, &fault(0.2)));
-        assert_eq!(heard(&mut FaultUpdates::new(page))[7], (7, Some(0.2)));
+    fn a_full_table_takes_ends_only() {
+        let page = page();
+        assert!((0..MAX_LIVE_FAULTS).all(|number| page.fault_table().enter(number, &fault(0.5))));
+        assert!(
+            !page.fault_table().enter(MAX_LIVE_FAULTS, &fault(0.5))
+                && !page.fault_table().has_room_for(0..=MAX_LIVE_FAULTS)
+        );
+        assert!(page.fault_table().has_room_for(0..MAX_LIVE_FAULTS) && page.fault_table().enter(7, &fault(0.2)));
+        assert_eq!(taken(&mut FaultUpdates::default(), &page)[7], (7, Some(0.2)));
     }
 }

@@ -1,32 +1,30 @@
 //! The link: what faults do to the messages of one topic on their way.
 //!
-//! It stands behind the publisher: what leaves it is what everybody gets, the recorder included. A message that is lost or
-//! changed leaves it too, marked as delivery: who watches sees what was meant and what came of it. Time is counted in whole
+//! It stands behind the publisher: what leaves it is what every subscriber gets, the recorder included. A message that is
+//! lost or changed leaves it too, marked: an observer sees what was meant and what came of it. Time is counted in whole
 //! ticks, and every draw is a function of seed, fault and tick alone, so that a flight repeats, also across a restart of
 //! the publisher (only what it held back is lost with it).
 //!
 //! ```text
-//! with checksum message -> drop? burst? rate? -> garbage, wrong, stale (with checksum anew)
-//!                -> corrupt (not with checksum) -> late, twice, in turn
+//! message with checksum -> drop? burst? rate? -> garbage, wrong, stale (with a new checksum)
+//!                       -> corrupt (without)  -> late, twice, in turn
 //! ```
 
 use std::mem::offset_of;
 use std::ops::Range;
 
+use crate::limits::HELD_MESSAGES;
 use contract::Topic;
 use contract::fault_schedule::{Entry, FaultSchedule};
 use contract::message::{Actuators, Controls, Message, Reference};
-use contract::scenario::{Fault, FaultKind, Scenario, Wrong};
+use contract::scenario::{Fault, FaultKind, Mode, Scenario, Wrong};
 use contract::stamp::delivery;
 
-/// Messages that may be on their way at once; the oldest is lost beyond that.
-const HELD: usize = 64;
 /// Words of a message that are its stamp.
 const STAMP_WORDS: usize = size_of::<contract::message::Stamp>() / 8;
 
-/// One topic's faults and what they hold back.
+/// What the faults of one topic hold back.
 pub struct Link<M> {
-    faults: FaultSchedule<Fault>,
     seed: u64,
     /// Sample time \[s\].
     sample_s: f64,
@@ -39,25 +37,21 @@ pub struct Link<M> {
 impl<M: Message> Link<M> {
     /// The link of `M`'s topic in `scenario`.
     pub fn new(scenario: &Scenario) -> Self {
-        let faults = FaultSchedule::new(scenario, |_, fault| of_topic(M::TOPIC, fault));
-        let held = Vec::with_capacity(if faults.may_strike() { HELD } else { 0 });
-        Self { faults, seed: scenario.run.seed, sample_s: scenario.sample_s(), held, overtaken: None }
+        let may_strike = scenario.run.mode == Mode::Realtime || !scenario.fault.is_empty();
+        let held = Vec::with_capacity(if may_strike { HELD_MESSAGES } else { 0 });
+        Self { seed: scenario.run.seed, sample_s: scenario.sample_s(), held, overtaken: None }
     }
 
-    /// Takes fault `number` as it is from now on: see [`FaultSchedule::apply_fault`].
-    pub fn apply_fault(&mut self, number: usize, fault: &Fault) {
-        self.faults.apply_fault(number, fault, of_topic(M::TOPIC, fault));
-    }
-
-    /// Sends `message`, which answers to sample `tick`, on its way: `deliver` gets what arrives on this tick.
-    pub fn pass(&mut self, tick: u64, message: &M, mut deliver: impl FnMut(&M)) {
-        if self.faults.all().is_empty() {
+    /// Sends `message`, which answers to sample `tick`, on its way under `faults`: `deliver` gets what arrives on this
+    /// tick.
+    pub fn pass(&mut self, tick: u64, message: &M, faults: &FaultSchedule<Fault>, mut deliver: impl FnMut(&M)) {
+        if faults.all().is_empty() {
             return deliver(message);
         }
         while let Some(i) = self.held.iter().position(|(due, _)| *due <= tick) {
             deliver(&self.held.remove(i).1);
         }
-        let passed = self.fare(tick, message);
+        let passed = self.fare(tick, message, faults);
         let unharmed =
             |passed: &Passed<M>| passed.ticks_late == 0 && !passed.overtaken && bits(&passed.message) == bits(message);
         if !passed.as_ref().is_some_and(unharmed) {
@@ -67,7 +61,7 @@ impl<M: Message> Link<M> {
         }
         let Some(Passed { message, ticks_late, twice, overtaken }) = passed else { return };
         if ticks_late > 0 {
-            if self.held.len() == HELD {
+            if self.held.len() == HELD_MESSAGES {
                 self.held.remove(0);
             }
             self.held.push((tick + ticks_late, message));
@@ -83,9 +77,10 @@ impl<M: Message> Link<M> {
     }
 
     /// What becomes of a message; `None` when it is lost.
-    fn fare(&self, tick: u64, message: &M) -> Option<Passed<M>> {
+    fn fare(&self, tick: u64, message: &M, faults: &FaultSchedule<Fault>) -> Option<Passed<M>> {
         let mut passed = Passed { message: *message, ticks_late: 0, twice: false, overtaken: false };
-        for Entry { number, ticks, effect: fault, .. } in self.faults.on(tick) {
+        let of_topic = |entry: &&Entry<Fault>| entry.effect.target.topic() == Some(M::TOPIC);
+        for Entry { number, ticks, effect: fault, .. } in faults.on(tick).filter(of_topic) {
             let random = |salt| draw(self.seed, *number as u64, tick, salt);
             let happens = |usual: f64| share(random(0)) < fault.probability.unwrap_or(usual);
             let since = tick - ticks.start;
@@ -108,11 +103,6 @@ impl<M: Message> Link<M> {
     }
 }
 
-/// What a fault of `topic` is to its link: itself.
-fn of_topic(topic: Topic, fault: &Fault) -> Option<Fault> {
-    (fault.target.topic() == Some(topic)).then_some(*fault)
-}
-
 /// A message that is not lost.
 struct Passed<M> {
     message: M,
@@ -121,7 +111,7 @@ struct Passed<M> {
     overtaken: bool,
 }
 
-/// Every number of the payload becomes none: NaN, infinite, or any bits. The publisher is at fault, so the seal fits.
+/// Every number of the payload becomes none: NaN, infinite, or any bits. The publisher is at fault, so the checksum fits.
 fn garble<M: Message>(message: &mut M, random: impl Fn(u64) -> u64) {
     for (i, word) in payload(message).iter_mut().enumerate() {
         let bits = random(1 + i as u64);
@@ -134,7 +124,7 @@ fn garble<M: Message>(message: &mut M, random: impl Fn(u64) -> u64) {
     *message = message.with_checksum();
 }
 
-/// What the message demands is something else: finite, and the seal fits.
+/// What the message demands is something else: finite, and the checksum fits.
 fn demand_otherwise<M: Message>(message: &mut M, fault: &Fault) {
     for word in &mut payload(message)[demands(M::TOPIC)] {
         let value = f64::from_bits(*word);
@@ -148,7 +138,7 @@ fn demand_otherwise<M: Message>(message: &mut M, fault: &Fault) {
     *message = message.with_checksum();
 }
 
-/// The words of a payload that somebody is to obey: climb, attitude and rates; lift and moments; rotors and tilt.
+/// The words of a payload that the listener acts on: climb, attitude and rates; lift and moments; rotors and tilt.
 fn demands(topic: Topic) -> Range<usize> {
     let bytes = match topic {
         Topic::State => return 0..0,

@@ -1,10 +1,10 @@
-//! Ports: how messages travel. Only this room names iceoryx2.
+//! Ports: how messages travel between processes. Only this file and its child name iceoryx2.
 //!
 //! Publish-subscribe with safe overflow: a publisher never waits, a slow subscriber loses the oldest. The launcher
-//! creates every service and keeps it; the nodes only open. A process that dies in the middle of creating a service
-//! would brick it for everyone, and a active that outlives the nodes makes that impossible.
+//! creates every service and keeps it; the nodes only open. A process that dies while it creates a service makes that
+//! service unusable for all; the launcher creates them before it starts any process.
 //!
-//! The generic ports stay behind two small traits, so that only this crate pays for compiling them.
+//! The two traits are what the rest of the crate knows of a port; [`crate::queue`] has the ports of one thread.
 
 mod storage;
 
@@ -24,69 +24,20 @@ use iceoryx2::service::attribute::{AttributeKey, AttributeValue};
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
 use storage::{FileService, allocate_own, config, reason};
-pub use storage::{LEAST_DEPTH, bytes_needed, makers, observer_depth};
+pub use storage::{bytes_needed, makers, observer_depth};
 
 use crate::domain::Domain;
+pub use crate::error::{PortError, PortFailure};
+pub use crate::limits::{LEAST_DEPTH, NODE_DEPTH};
+use crate::limits::{MAX_NODES, MAX_PUBLISHERS, MAX_SUBSCRIBERS};
 use crate::realtime::shortage;
-use crate::warm_up::WarmUp;
-use contract::Topic;
 use contract::integrity::checksum;
 use contract::message::{Actuators, Controls, Message, Reference, State};
 
-/// Queue of a node: the newest value wins, one more in case it arrives between two looks.
-pub const NODE_DEPTH: usize = 2;
-/// Publishers per topic: the node, who takes over from it, and dead ones that are not cleaned away yet.
-const MAX_PUBLISHERS: usize = 16;
-/// Subscribers per topic: three nodes and who stands by each, two recorders, launcher; of each node and of the recorder as
-/// many dead ones as it takes to give it up, if none is cleaned away yet. A publisher sets memory aside for each.
-const MAX_SUBSCRIBERS: usize = 24;
-const MAX_NODES: usize = 48;
-
-/// Why a port cannot be had. The text names the topic and what to do.
-#[derive(Debug, thiserror::Error)]
-pub enum PortError {
-    /// The service refused.
-    #[error("topic '{topic}': {reason}")]
-    Service {
-        /// Which topic.
-        topic: &'static str,
-        /// What this process is short of, or what iceoryx2 said.
-        reason: String,
-    },
-    /// Nothing that is sent there arrives.
-    #[error("topic '{}': {} cannot be heard: {reason}", .topic.name(), .topic.publisher())]
-    Unheard {
-        /// Which topic.
-        topic: Topic,
-        /// Why.
-        reason: String,
-    },
-    /// The domain itself.
-    #[error("shared memory of this run: {0}")]
-    Domain(String),
-}
-
-/// What a port can fail at.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(usize)]
-pub enum PortFailure {
-    /// A message was not sent.
-    Send = 0,
-    /// A queue could not be read.
-    Receive = 1,
-}
-
-impl PortFailure {
-    /// All of them.
-    pub const ALL: [Self; 2] = [Self::Send, Self::Receive];
-
-    /// For people and run.json.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Send => "send",
-            Self::Receive => "receive",
-        }
-    }
+/// A port that can touch its memory without any effect.
+pub trait WarmUp {
+    /// Does so.
+    fn warm_up(&self);
 }
 
 /// Sends one kind of message.
@@ -94,7 +45,7 @@ pub trait Send<M>: WarmUp {
     /// Hands `message` to every subscriber that can be reached.
     ///
     /// # Errors
-    /// It could not be handed to anybody.
+    /// There was no subscriber to hand it to.
     fn send(&self, message: &M) -> Result<(), PortFailure>;
     /// The number of this port, which no other one has, and which every message carries that goes through it.
     fn number(&self) -> u64;

@@ -1,77 +1,95 @@
-//! The roles: which process speaks for which node, and how far it is.
+//! The shared role: which process runs a node, and how far it is, in shared memory.
 //!
-//! Every process that ever runs a node is an incarnation of its own, its epoch: 1 for the first, later ones higher. Two
-//! of them may work at once, but one is active, and only the active is heard.
+//! Every process that ever runs a node has an epoch of its own: 1 for the first, one more for each later one. Two of
+//! them may work at once; one is active, and only its messages are delivered.
 //!
 //! ```text
-//! started -> ready --> standby <--> active    standby    works on the same inputs, delivery
-//!               \---------------->/          pending      takes over when the next tick begins; a standby changes places
+//! offered -> claimed -> ready --> standby <--> active     standby   answers too, its messages are not delivered
+//!                            \-------------->/            pending   becomes active when the next tick begins
 //! ```
 //!
-//! Who is started finds a place offered to it, and takes it by naming the port through which it will speak
-//! ([`SharedRole::claim`]). One process gets it: a second one of the same epoch is turned away, and one that speaks without
-//! a place is refused wherever it is heard.
+//! The launcher offers a place to the epoch that it is about to start ([`SharedRole::offer`]). The process takes the
+//! place by naming the port that it sends through ([`SharedRole::claim`]). One process gets it; another one of the same
+//! epoch is turned away, and what comes through any other port is refused by every listener.
 //!
-//! Against the clock the launcher names the pending, and the plant lets it in between two ticks ([`SharedRole::activate_pending`]), so
-//! that a tick has one active. In lockstep the launcher makes the appointments itself, while the plant waits for them.
-//! Everything is an atomic word of the shared page; active, standby and pending are one, so that whatever the launcher and
-//! the plant do at the same time is done one after the other.
+//! In real time the launcher names the pending epoch, and the plant activates it between two ticks
+//! ([`SharedRole::activate_pending`]), so that a tick has one active epoch. In lockstep the launcher assigns by itself,
+//! while the plant waits for it. Active, standby and pending are one word, so that what launcher and plant do at the
+//! same time is done one after the other.
+//!
+//! What a process counts stands in the slot of its epoch. There are as many slots as epochs can work or be about to;
+//! [`SharedRole::offer`] takes one that no such epoch has. A process whose slot was taken is no part of the run any more,
+//! and counts in a spare slot that is not read.
 
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering, fence};
 
-use crate::port::PortFailure;
+use crate::error::PortFailure;
+use crate::limits::{ROLE_PORTS, ROLE_SLOTS};
 use contract::Topic;
 use contract::guard::Refusal;
 use contract::snapshot::{SNAPSHOT_WORDS, Snapshot};
 
-/// Epochs whose ports are known: a recorder may be behind by some of them.
-const VOICES: usize = 64;
-/// A place that is offered.
+/// The entry of an epoch that was offered a place which no process has taken.
 pub(crate) const VACANT: u64 = 1;
 
 /// The role of one node.
 #[repr(C, align(64))]
+#[derive(Default)]
 pub struct SharedRole {
-    /// Who works, and who is to: a [`PackedAssignment`].
+    /// Active, standby and pending: a [`PackedAssignment`].
     packed: AtomicU64,
-    /// The newest epoch whose process is ready to work; it says so itself.
+    /// The newest epoch whose process is ready to work; the process says so.
     pub ready: Word,
     /// The newest such epoch to whose port the launcher has connected: from then on it misses nothing that is sent there.
     pub met: Word,
-    /// The first tick of an epoch since it was let in, by the epoch's last bit: active and standby differ in it.
-    since: [Word; 2],
-    /// Ticks done, counted from the first of the run, likewise.
-    done: [Word; 2],
-    /// Messages that it has sent, likewise.
-    sent: [Word; 2],
-    /// Messages that have reached it from the active process of each topic, whatever became of them, likewise.
-    received: [[Word; Topic::COUNT]; 2],
-    /// How often its ports have failed, by cause: see [`PortFailure`].
+    /// The newest epoch whose process is warm and waits for samples; the process says so.
+    pub waiting: Word,
+    /// Messages that all processes of the node have sent.
+    pub sent_by_all: Word,
+    /// How often the node's ports have failed, by cause: see [`PortFailure`].
     pub port_failures: [Word; PortFailure::ALL.len()],
-    /// What the active remembers after its newest tick.
-    pub memory: Cell,
-    /// The place of each of the newest epochs: not offered (0), vacant, or the port that its process speaks through.
-    voices: [AtomicU64; VOICES],
     /// Messages that the node has refused, by cause: see [`contract::guard::Refusal`].
     pub refused: [Word; Refusal::ALL.len()],
+    slots: [Slot; ROLE_SLOTS],
+    spare: Slot,
+    /// By epoch: not offered (0), vacant, or the port that the process sends through.
+    ports: Ports,
+    /// What the active process remembers after its newest tick.
+    pub memory: Cell,
 }
 
-/// The epochs that work for a node; 0 = nobody.
+/// What one process of a node counts.
+#[repr(C)]
+#[derive(Default)]
+struct Slot {
+    /// Whose slot it is; 0 = free.
+    epoch: Word,
+    /// The first tick of the epoch since it was let in.
+    since: Word,
+    /// Ticks done, counted from the first of the run.
+    done: Word,
+    /// Messages sent.
+    sent: Word,
+    /// Messages received from the active process of each topic, whatever became of them.
+    received: [Word; Topic::COUNT],
+}
+
+/// The epochs that work for a node; 0 = none.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Assignment {
-    /// Who is heard.
+    /// Its messages are delivered.
     pub active: u32,
-    /// Who works delivery.
+    /// It answers too, and its messages are not delivered.
     pub standby: u32,
 }
 
 impl Assignment {
-    /// Whether `epoch` works, heard or delivery.
+    /// Whether `epoch` is active or on standby.
     pub fn includes(self, epoch: u32) -> bool {
         epoch != 0 && (self.active == epoch || self.standby == epoch)
     }
 
-    /// Those who work.
+    /// The active and the standby epoch, as far as there are.
     pub fn epochs(self) -> impl Iterator<Item = u32> {
         [self.active, self.standby].into_iter().filter(|epoch| *epoch != 0)
     }
@@ -84,7 +102,7 @@ impl Assignment {
     }
 }
 
-/// Who works, and who is to.
+/// Assignment and pending epoch.
 #[derive(Clone, Copy, PartialEq, Eq)]
 struct PackedAssignment {
     assignment: Assignment,
@@ -108,17 +126,17 @@ impl PackedAssignment {
 }
 
 impl SharedRole {
-    /// Who works.
+    /// The epochs that work.
     pub fn assignment(&self) -> Assignment {
         self.packed().assignment
     }
 
-    /// The epoch that is heard; 0 = vacant.
+    /// The active epoch; 0 = the role is vacant.
     pub fn active(&self) -> u32 {
         self.assignment().active
     }
 
-    /// Changes who works. Those who are new begin with `tick`.
+    /// Changes the assignment. Epochs that are new in it begin with `tick`.
     pub fn assign(&self, tick: u32, change: impl Fn(Assignment) -> Assignment) {
         self.update(|PackedAssignment { assignment, pending }| PackedAssignment {
             assignment: self.begin(tick, assignment, change(assignment)),
@@ -126,12 +144,12 @@ impl SharedRole {
         });
     }
 
-    /// Names who is active from the next tick on; 0 = no change.
+    /// Names the epoch that is active from the next tick on; 0 = no change.
     pub fn set_pending(&self, pending: u32) {
         self.update(|packed| PackedAssignment { pending, ..packed });
     }
 
-    /// `epoch` neither works nor is to work any more; a standby that is left alone becomes the pending.
+    /// `epoch` is neither active, standby nor pending any more; a standby that is left alone becomes pending.
     pub fn dismiss(&self, epoch: u32) {
         self.update(|PackedAssignment { assignment, pending }| {
             let assignment = assignment.without(epoch);
@@ -141,7 +159,8 @@ impl SharedRole {
         });
     }
 
-    /// Lets the pending in, if one is named, for the tick that begins; one that was the standby changes places.
+    /// Makes the pending epoch, if there is one, active for the tick that begins; a standby and the active epoch change
+    /// places.
     pub fn activate_pending(&self, tick: u32) {
         self.update(|packed| {
             let PackedAssignment { assignment: Assignment { active, standby }, pending } = packed;
@@ -155,54 +174,62 @@ impl SharedRole {
 
     /// Ticks that `epoch` has done.
     pub fn done(&self, epoch: u32) -> &Word {
-        &self.done[epoch as usize % 2]
+        &self.slot(epoch).done
     }
 
     /// Messages that `epoch` has sent.
     pub fn sent(&self, epoch: u32) -> &Word {
-        &self.sent[epoch as usize % 2]
+        &self.slot(epoch).sent
     }
 
-    /// Messages that all processes of the node have sent.
-    pub fn sent_by_all(&self) -> u64 {
-        self.sent.iter().map(|sent| u64::from(sent.get())).sum()
-    }
-
-    /// Messages on `topic` that have reached `epoch` from the active process there.
+    /// Messages on `topic` that `epoch` has received from the active process there.
     pub fn received(&self, epoch: u32, topic: Topic) -> &Word {
-        &self.received[epoch as usize % 2][topic as usize]
+        &self.slot(epoch).received[topic as usize]
     }
 
     /// The first tick of `epoch` since it was let in.
     pub fn since(&self, epoch: u32) -> &Word {
-        &self.since[epoch as usize % 2]
+        &self.slot(epoch).since
     }
 
-    /// Offers the place of `epoch` to the process that is about to be started for it; the launcher's part.
+    /// Offers a place to the process that is about to be started as `epoch`; the launcher's part.
+    ///
+    /// Its slot is the one of the oldest epoch that is neither active, standby nor pending.
     pub fn offer(&self, epoch: u32) {
-        self.voice(epoch).store(VACANT, Ordering::Release);
+        let PackedAssignment { assignment, pending } = self.packed();
+        // Epoch 1 is assigned before it is offered, and has no slot yet.
+        let has = |slot: &&Slot| slot.epoch.get() == epoch;
+        let is_free = |slot: &&Slot| !assignment.includes(slot.epoch.get()) && slot.epoch.get() != pending;
+        let free = self.slots.iter().filter(|slot| slot.epoch.get() == 0 || is_free(slot));
+        let slot = self.slots.iter().find(has).or_else(|| free.min_by_key(|slot| slot.epoch.get()));
+        if let Some(slot) = slot {
+            slot.epoch.set(0);
+            slot.counts().for_each(|count| count.set(0));
+            slot.epoch.set(epoch);
+        }
+        self.port_of(epoch).store(VACANT, Ordering::Release);
     }
 
-    /// Takes the place of `epoch` for the process that speaks through `port`; false when it is not to be had.
+    /// Takes the place of `epoch` for the process that sends through `port`; false when it is not to be had.
     pub fn claim(&self, epoch: u32, port: u64) -> bool {
-        self.voice(epoch).compare_exchange(VACANT, port, Ordering::AcqRel, Ordering::Relaxed).is_ok()
+        self.port_of(epoch).compare_exchange(VACANT, port, Ordering::AcqRel, Ordering::Relaxed).is_ok()
     }
 
-    /// The port that the process speaks through that has the place of `epoch`; no port's number if nobody has it.
+    /// The port that the process of `epoch` sends through; no port's number if the place was not taken.
     pub fn port(&self, epoch: u32) -> u64 {
-        self.voice(epoch).load(Ordering::Acquire)
+        self.port_of(epoch).load(Ordering::Acquire)
     }
 
-    /// Whether anybody who has or had a place speaks through `port`.
+    /// Whether a process that has or had a place sends through `port`.
     pub fn knows(&self, port: u64) -> bool {
-        self.voices.iter().any(|voice| voice.load(Ordering::Acquire) == port)
+        self.ports.0.iter().any(|known| known.load(Ordering::Acquire) == port)
     }
 
     fn packed(&self) -> PackedAssignment {
         PackedAssignment::from_word(self.packed.load(Ordering::Acquire))
     }
 
-    /// The one way in which the packed changes: at once, or anew from what another has made of it meanwhile.
+    /// The one way in which `packed` changes: at once, or anew from what another process has made of it meanwhile.
     fn update(&self, change: impl Fn(PackedAssignment) -> PackedAssignment) {
         let changed = |word| {
             let before = PackedAssignment::from_word(word);
@@ -211,7 +238,7 @@ impl SharedRole {
         let _ = self.packed.fetch_update(Ordering::AcqRel, Ordering::Acquire, changed); // fails where nothing changes
     }
 
-    /// Has those begin with `tick` who are new in `after`, and gives it back.
+    /// Has the epochs that are new in `after` begin with `tick`, and gives `after` back.
     fn begin(&self, tick: u32, before: Assignment, after: Assignment) -> Assignment {
         for epoch in after.epochs().filter(|epoch| !before.includes(*epoch)) {
             self.done(epoch).set(tick);
@@ -220,13 +247,34 @@ impl SharedRole {
         after
     }
 
-    fn voice(&self, epoch: u32) -> &AtomicU64 {
-        &self.voices[epoch as usize % VOICES]
+    fn slot(&self, epoch: u32) -> &Slot {
+        self.slots.iter().find(|slot| epoch != 0 && slot.epoch.get() == epoch).unwrap_or(&self.spare)
+    }
+
+    fn port_of(&self, epoch: u32) -> &AtomicU64 {
+        &self.ports.0[epoch as usize % ROLE_PORTS]
     }
 }
 
-/// A number of the page.
+impl Slot {
+    fn counts(&self) -> impl Iterator<Item = &Word> {
+        [&self.since, &self.done, &self.sent].into_iter().chain(&self.received)
+    }
+}
+
+/// The ports of the newest epochs.
 #[repr(transparent)]
+struct Ports([AtomicU64; ROLE_PORTS]);
+
+impl Default for Ports {
+    fn default() -> Self {
+        Self(std::array::from_fn(|_| AtomicU64::default()))
+    }
+}
+
+/// A number of the control page.
+#[repr(transparent)]
+#[derive(Default)]
 pub struct Word(AtomicU32);
 
 impl Word {
@@ -256,11 +304,18 @@ pub struct Cell {
     copies: [[AtomicU64; SNAPSHOT_WORDS]; 2],
 }
 
+impl Default for Cell {
+    fn default() -> Self {
+        let copy = || std::array::from_fn(|_| AtomicU64::default());
+        Self { written: AtomicU64::default(), copies: [copy(), copy()] }
+    }
+}
+
 impl Cell {
     /// Puts `snapshot` in. One writer at a time.
     pub fn write(&self, snapshot: &Snapshot) {
         let count = self.written.load(Ordering::Relaxed) + 1;
-        fence(Ordering::Release); // who sees a word of this copy sees that the other one was finished
+        fence(Ordering::Release); // a reader that sees a word of this copy sees that the other one was finished
         for (word, value) in self.copies[count as usize % 2].iter().zip(snapshot) {
             word.store(*value, Ordering::Relaxed);
         }

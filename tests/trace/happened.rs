@@ -48,7 +48,7 @@ fn the_position_error_is_that_of_run_json() {
 }
 
 #[test]
-fn an_arrow_passes_only_those_who_heard_the_sample() {
+fn an_arrow_passes_only_nodes_that_received_the_sample() {
     let mut log = ring(4);
     log.states[2].stamp.start_ns += 600_000; // the others did not wait for it any longer
     log.states[2].stamp.publish_ns[0] += 600_000;

@@ -161,7 +161,7 @@ proptest! {
         projection.solver.max_iterations = 1;
         let mut ignored = [0.0; 4];
         let outcome = projection.solver.solve(demand.as_slice(), &projection.offsets, &mut ignored);
-        prop_assume!(outcome.verdict == Verdict::IterationLimit);
+        prop_assume!(outcome.termination == Termination::IterationLimit);
         let nearest = projection.nearest(&demand).expect("the solver had work to do");
         let violation = projection.set.violation(&nearest);
         prop_assert!(-1e-8 < violation && violation <= -ROUNDING, "{violation:e}");

@@ -107,7 +107,7 @@ fn the_longest_horizon_is_still_finite() {
 }
 
 #[test]
-fn what_rounding_leaves_no_moves_of_is_refused() {
+fn weights_that_rounding_makes_singular_are_refused() {
     let share = |profile: Profile, set: fn(&mut Mpc)| {
         let mut scenario = Scenario::of(profile);
         set(&mut scenario.mpc);

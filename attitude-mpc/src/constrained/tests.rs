@@ -42,8 +42,8 @@ fn a_failing_solver_costs_no_tick_and_recovers() {
             let mut scenario = scenario(solver);
             scenario.fault = vec![fault(kind, 0.01, Some(0.08))];
             for (tick, controls) in turn(&scenario, 12).iter().enumerate() {
-                let struck = (1..9).contains(&tick);
-                let expected = if struck { status } else { SolveStatus::Solved };
+                let active = (1..9).contains(&tick);
+                let expected = if active { status } else { SolveStatus::Solved };
                 assert_eq!(controls.status, expected as u64, "{solver:?} {kind:?} {tick}");
                 assert_eq!(controls.fallbacks, tick.min(8) as u64, "{solver:?} {kind:?} {tick}");
                 assert!(demand_violation(&scenario, controls.demand) <= 0.0, "{solver:?} {kind:?} {tick}");
@@ -53,7 +53,7 @@ fn a_failing_solver_costs_no_tick_and_recovers() {
 }
 
 #[test]
-fn a_fault_strikes_though_nothing_needs_solving() {
+fn with_a_fault_of_the_solver_every_plan_is_solved() {
     for (kind, status) in
         [(FaultKind::Nan, SolveStatus::Fallback), (FaultKind::IterationCap, SolveStatus::LimitReached)]
     {
@@ -71,7 +71,7 @@ fn a_fault_strikes_though_nothing_needs_solving() {
 }
 
 #[test]
-fn a_fallback_is_what_the_mixer_would_make_of_the_unconstrained_demand() {
+fn a_fallback_is_the_mixer_s_projection_of_the_unconstrained_demand() {
     let mut scenario = scenario(Solver::Clarabel);
     scenario.fault = vec![fault(FaultKind::Nan, 0.0, None)];
     let fallen_back = turn(&scenario, 1)[0];

@@ -1,12 +1,12 @@
 //! The problem by our own dual active-set method, which [`qp`] explains.
 
 use contract::scenario::FaultKind;
-use contract::snapshot::{Reader, Writer};
 use nalgebra::{DMatrix, DVector};
 use qp::{ActiveSet, Member, WorkingSet};
 
 use super::{Outcome, Verdict};
 use crate::constraints::PlanSet;
+use crate::memory::{Held, MAX_HELD, WarmStart};
 
 /// What a fault takes from a slack to leave no plan: more than any plan has.
 const CONTRADICTION: f64 = 1e6;
@@ -95,49 +95,45 @@ impl ActiveSetSolver {
         let outcome = self.solver.solve(&self.centre, &self.offsets, plan.as_mut_slice());
         self.offsets[0] = honest;
 
-        let verdict = match outcome.verdict {
-            qp::Verdict::Optimal => Verdict::Solved,
-            qp::Verdict::IterationLimit => Verdict::LimitReached,
-            qp::Verdict::Infeasible | qp::Verdict::NotFinite => Verdict::Failed,
+        let verdict = match outcome.termination {
+            qp::Termination::Optimal => Verdict::Solved,
+            qp::Termination::IterationLimit => Verdict::LimitReached,
+            qp::Termination::Infeasible | qp::Termination::NotFinite => Verdict::Failed,
         };
         Outcome { verdict, iterations: u64::from(outcome.iterations) }
     }
 
-    /// Adds the constraints that the next solve starts from to a snapshot; none when they do not fit.
-    pub fn pack(&self, writer: &mut Writer) {
+    /// The constraints that the next solve starts from; none when a snapshot has no room for all of them.
+    pub fn warm_start(&self) -> WarmStart {
         let members = &self.solver.working_set().members;
-        let words = |member: &Member| if matches!(member, Member::Row(_)) { 1 } else { 3 };
-        if 1 + members.iter().map(words).sum::<usize>() > writer.room() {
-            return writer.word(0);
-        }
-        writer.word(members.len() as u64);
-        for member in members {
-            match member {
-                Member::Row(row) => writer.word(*row as u64),
-                Member::Cut { disc, towards } => {
-                    writer.word((self.first_disc + disc) as u64);
-                    writer.numbers(towards);
-                }
+        let mut start = WarmStart::default();
+        if members.len() <= MAX_HELD {
+            start.count = members.len() as u64;
+            for (held, member) in start.held.iter_mut().zip(members) {
+                *held = match member {
+                    Member::Row(row) => Held { place: *row as u64, towards: [0.0; 2] },
+                    Member::Cut { disc, towards } => Held { place: (self.first_disc + disc) as u64, towards: *towards },
+                };
             }
         }
+        start
     }
 
-    /// Starts the next solve from the constraints of a snapshot; `None` where they are not those of this set-up.
-    pub fn unpack(&mut self, reader: &mut Reader) -> Option<()> {
+    /// Lets the next solve start from the constraints of `from`. Returns false, and changes nothing, where they are not
+    /// those of this set-up: an unknown one, or one twice.
+    pub fn start_from(&mut self, from: &WarmStart) -> bool {
         let discs = (self.offsets.len() - self.first_disc) / 2;
         let mut free = vec![true; self.first_disc + discs];
-        let mut from = WorkingSet::default();
-        for _ in 0..reader.word()? {
-            let place = reader.word()? as usize;
-            if !std::mem::replace(free.get_mut(place)?, false) {
-                return None;
-            }
-            from.members.push(match place.checked_sub(self.first_disc) {
-                None => Member::Row(place),
-                Some(disc) => Member::Cut { disc, towards: reader.numbers()? },
-            });
+        let Some(held) = from.held.get(..from.count as usize) else { return false };
+        if !held.iter().all(|held| free.get_mut(held.place as usize).is_some_and(std::mem::take)) {
+            return false;
         }
-        self.solver.warm_start(&from);
-        Some(())
+        let member = |Held { place, towards }: &Held| match (*place as usize).checked_sub(self.first_disc) {
+            None => Member::Row(*place as usize),
+            Some(disc) => Member::Cut { disc, towards: *towards },
+        };
+        let members = held.iter().map(member).collect();
+        self.solver.warm_start(&WorkingSet { members });
+        true
     }
 }

@@ -142,7 +142,7 @@ impl Stage {
         Outcome { verdict, iterations: u64::from(solution.iterations) }
     }
 
-    /// Tells Clarabel the numbers of this tick, spoilt when a fault strikes; whether it took them.
+    /// Tells Clarabel the numbers of this tick, changed when a `fault` is active. Returns whether it took them.
     fn tell(&mut self, fault: Option<FaultKind>) -> bool {
         let capped = fault == Some(FaultKind::IterationCap);
         if capped != self.capped {

@@ -17,12 +17,12 @@ pub mod clarabel;
 
 use contract::Scenario;
 use contract::scenario::{FaultKind, Mode, Solver as Choice};
-use contract::snapshot::{Reader, Writer};
 use nalgebra::{DMatrix, DVector};
 
 use self::active_set::ActiveSetSolver;
 use self::clarabel::ConicSolver;
 use crate::constraints::PlanSet;
+use crate::memory::WarmStart;
 
 /// One of the two.
 pub enum Solver {
@@ -80,7 +80,7 @@ impl Solver {
         }
     }
 
-    /// Finds the best plan of `set` for the `unconstrained` optimum, under a `fault` when one strikes. Writes `plan`
+    /// Finds the best plan of `set` for the `unconstrained` optimum, with the `fault` that is active, if any. Writes `plan`
     /// unless it failed.
     pub fn solve(
         &mut self,
@@ -95,18 +95,19 @@ impl Solver {
         }
     }
 
-    /// Adds what one solve leaves to the next to a snapshot: Clarabel starts from nothing.
-    pub fn pack(&self, writer: &mut Writer) {
-        if let Self::ActiveSet(solver) = self {
-            solver.pack(writer);
+    /// What one solve leaves to the next: Clarabel starts from nothing.
+    pub fn warm_start(&self) -> WarmStart {
+        match self {
+            Self::Clarabel(_) => WarmStart::default(),
+            Self::ActiveSet(solver) => solver.warm_start(),
         }
     }
 
-    /// Takes it from a snapshot; `None` where it is not of this set-up.
-    pub fn unpack(&mut self, reader: &mut Reader) -> Option<()> {
+    /// Lets the next solve start from `from`. Returns false, and changes nothing, where it is not of this set-up.
+    pub fn start_from(&mut self, from: &WarmStart) -> bool {
         match self {
-            Self::Clarabel(_) => Some(()),
-            Self::ActiveSet(solver) => solver.unpack(reader),
+            Self::Clarabel(_) => true,
+            Self::ActiveSet(solver) => solver.start_from(from),
         }
     }
 }

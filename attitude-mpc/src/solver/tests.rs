@@ -63,7 +63,7 @@ fn a_plan_inside_the_set_is_its_own_optimum() {
 }
 
 #[test]
-fn what_came_before_does_not_matter() {
+fn a_solve_does_not_depend_on_the_one_before() {
     for choice in SOLVERS {
         let mut set_up = set_up(choice, |_| {});
         let (mut first, mut other, mut again) = (DVector::zeros(20), DVector::zeros(20), DVector::zeros(20));

@@ -3,11 +3,12 @@
 use contract::Scenario;
 use contract::message::{Controls, Reference, SolveStatus, State, guidance_flags};
 use contract::scenario::{Constraints, Law, Profile, Solver, StateConstraints};
-use contract::snapshot::{SNAPSHOT_WORDS, Snapshot, Writer};
+use contract::snapshot::{self, SNAPSHOT_WORDS, Snapshot};
 use proptest::prelude::*;
 
 use super::{hover, violent_turn};
 use crate::AttitudeMpc;
+use crate::memory::{Held, MAX_HELD, Memory, WarmStart, Whole};
 
 #[test]
 fn without_a_fresh_state_the_demand_is_repeated_and_says_so() {
@@ -18,7 +19,7 @@ fn without_a_fresh_state_the_demand_is_repeated_and_says_so() {
         assert_eq!((none.status, none.demand), (SolveStatus::Stale as u64, [0.0; 4]));
         reference.w_mps = -0.5;
         let good = mpc.step(0, &state, &reference);
-        let memory = mpc.memory.clone();
+        let memory = mpc.memory;
         for tick in 1..100 {
             reference.stamp.tick = tick;
             let stale = mpc.step(tick, &state, &reference);
@@ -31,7 +32,7 @@ fn without_a_fresh_state_the_demand_is_repeated_and_says_so() {
 }
 
 #[test]
-fn a_reference_that_does_not_come_is_told_from_the_first_tick_on() {
+fn a_missing_reference_shows_in_the_status_from_its_first_tick_on() {
     let mut mpc = AttitudeMpc::new(&Scenario::default());
     let (_, reference) = hover(&mpc, 3);
     for (tick, status) in [(3, SolveStatus::Explicit), (4, SolveStatus::NoReference), (300, SolveStatus::NoReference)] {
@@ -96,34 +97,33 @@ fn a_bad_snapshot_changes_nothing() {
     let mut mpc = AttitudeMpc::new(&Scenario::default());
     let (state, reference) = violent_turn(&mpc, 0);
     mpc.step(0, &state, &reference);
-    let memory = mpc.memory.clone();
+    let memory = mpc.memory;
     let mut torn = mpc.snapshot();
     torn[20] ^= 1;
-    let mut foreign = Writer::new(*b"mixer  2");
-    foreign.numbers(&[1.0; 60]);
-    let mut bad = Writer::new(crate::memory::LAYOUT);
-    bad.optional(None);
-    bad.numbers(&[f64::NAN; 60]);
+    let bad = Memory { demand: [f64::NAN; 4].into(), ..memory };
+    let bad = snapshot::pack(&Whole { memory: bad, warm_start: WarmStart::default() });
     let other_model = AttitudeMpc::new(&Scenario::of(Profile::Paper)).snapshot();
-    for snapshot in [torn, foreign.seal(), bad.seal(), other_model, [0; SNAPSHOT_WORDS]] {
+    for snapshot in [torn, bad, other_model, [0; SNAPSHOT_WORDS]] {
         assert!(!mpc.restore(&snapshot));
         assert_eq!(mpc.memory, memory);
     }
 }
 
 #[test]
-fn constraints_to_start_from_that_cannot_be_are_refused() {
+fn a_warm_start_with_unknown_or_repeated_constraints_is_refused() {
     let mut scenario = Scenario::default();
     scenario.mpc.solver = Solver::ActiveSet;
     let mut mpc = AttitudeMpc::new(&scenario);
-    for members in [&[9999][..], &[3, 3], &[u64::MAX]] {
-        let mut writer = Writer::new(crate::memory::LAYOUT);
-        mpc.memory.pack(&mut writer);
-        writer.word(members.len() as u64);
-        for member in members {
-            writer.word(*member);
+    let mut restore = |count: u64, places: [u64; 2]| {
+        let mut warm_start = WarmStart { count, ..WarmStart::default() };
+        for (held, place) in warm_start.held.iter_mut().zip(places) {
+            *held = Held { place, ..Held::default() };
         }
-        assert!(!mpc.restore(&writer.seal()), "{members:?}");
+        mpc.restore(&snapshot::pack(&Whole { memory: mpc.memory, warm_start }))
+    };
+    assert!(restore(2, [3, 4]));
+    for (count, places) in [(2, [9999, 3]), (2, [3, 3]), (1, [1 << 60, 3]), (MAX_HELD as u64 + 1, [3, 4])] {
+        assert!(!restore(count, places), "{count} of {places:?}");
     }
     let (state, reference) = violent_turn(&mpc, 0);
     assert_eq!(mpc.step(0, &state, &reference).status, SolveStatus::Solved as u64);
@@ -158,7 +158,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
     #[test]
-    fn one_that_continues_answers_bit_by_bit_like_one_that_was_never_interrupted(
+    fn a_restored_node_answers_bit_by_bit_like_the_one_it_continues(
         path in prop::collection::vec((prop::array::uniform7(-1.5..1.5_f64), 0_u64..3), 4..30), until in 1_usize..4,
         [paper, own, soft, pid] in prop::array::uniform4(prop::bool::ANY),
     ) {

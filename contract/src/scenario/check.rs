@@ -2,7 +2,6 @@
 
 mod faults;
 mod ranges;
-mod surroundings;
 mod swaps;
 #[cfg(test)]
 mod tests;
@@ -10,7 +9,7 @@ mod tests;
 use airframe::Trim;
 use toml::{Table, Value};
 
-use super::{Fault, Heading, Late, Mission, Ramp, Scenario, TrajectoryKind};
+use super::{Fault, Heading, Late, Mission, Ramp, Scenario, ScenarioError, Swap, TrajectoryKind};
 
 /// One rule broken.
 pub struct Violation {
@@ -22,8 +21,11 @@ pub struct Violation {
     pub allowed: String,
 }
 
+/// Loads the settings of a swap's candidate on top of the run's, which checks them too.
+pub type LoadCandidate = fn(&Scenario, &Swap) -> Result<Scenario, ScenarioError>;
+
 /// Every rule that `scenario` breaks; `merged` is the same settings as a table.
-pub fn violations(scenario: &Scenario, merged: Table) -> Vec<Violation> {
+pub fn violations(scenario: &Scenario, merged: Table, candidate: LoadCandidate) -> Vec<Violation> {
     let mut settings = vec![];
     ranges::collect("", Value::Table(merged), &mut settings);
     let mut found = Found(vec![]);
@@ -43,7 +45,7 @@ pub fn violations(scenario: &Scenario, merged: Table) -> Vec<Violation> {
             for fault in &scenario.fault {
                 faults::check(scenario, fault, &mut found);
             }
-            swaps::check(scenario, &mut found);
+            swaps::check(scenario, candidate, &mut found);
         }
     }
     found.0
@@ -64,20 +66,20 @@ pub fn violations_of_sizes(fault: &Fault) -> Vec<Violation> {
 }
 
 /// Every rule that the swaps of `scenario` break.
-pub fn violations_of_swaps(scenario: &Scenario) -> Vec<Violation> {
+pub fn violations_of_swaps(scenario: &Scenario, candidate: LoadCandidate) -> Vec<Violation> {
     let mut found = Found(vec![]);
-    swaps::check(scenario, &mut found);
+    swaps::check(scenario, candidate, &mut found);
     found.0
 }
 
-/// Faults of one scenario.
-const MOST_FAULTS: usize = 1000;
-/// Swaps of one scenario.
-const MOST_SWAPS: usize = 100;
+/// Faults of one scenario: each is checked against the others.
+const MAX_FAULTS: usize = 1000;
+/// Swaps of one scenario: each is checked by loading its candidate's settings.
+const MAX_SWAPS: usize = 100;
 
 /// Whether there are no more faults and swaps than can be judged.
 fn check_counts(scenario: &Scenario, found: &mut Found) -> bool {
-    let counts = [("fault", scenario.fault.len(), MOST_FAULTS), ("swap", scenario.swap.len(), MOST_SWAPS)];
+    let counts = [("fault", scenario.fault.len(), MAX_FAULTS), ("swap", scenario.swap.len(), MAX_SWAPS)];
     for (key, count, most) in counts {
         found.require(count <= most, &[key], format!("{count} of `{key}`"), &format!("at most {most}"));
     }

@@ -1,17 +1,17 @@
 //! `[[fault]]`: what goes wrong, and when. A function of the tick and the run's seed, so that a faulty run repeats.
 //!
-//! A kind that a target cannot suffer is refused, and so is a size that its kind has no use for ([`Fault::keys`]). Every
-//! size has a default ([`Fault::ms`] and its neighbours).
+//! The check refuses a kind that the target does not have, and a size that the kind does not use ([`Fault::keys`]). Every
+//! size has a default, which stands beside the code of the fault.
 
 mod catalogue;
 
 pub use catalogue::{FaultKind, FaultTarget, Wrong};
 use serde::{Deserialize, Serialize};
 
-/// No fault begins later than this, or lasts longer \[s\].
-pub const LONGEST_S: f64 = 86_400.0;
-/// No time of [`Fault::ms`] is longer \[ms\].
-pub const LONGEST_MS: f64 = 60_000.0;
+/// Latest beginning and longest duration of a fault \[s\]: a day, the longest flight.
+pub const MAX_FAULT_S: f64 = 86_400.0;
+/// Largest [`Fault::ms`] \[ms\].
+pub const MAX_FAULT_MS: f64 = 60_000.0;
 
 /// One `[[fault]]`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -22,11 +22,11 @@ pub struct Fault {
     /// How long it lasts \[s\]; absent = until the end.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub for_s: Option<f64>,
-    /// What it strikes.
+    /// Which part has it.
     pub target: FaultTarget,
     /// What happens to it.
     pub kind: FaultKind,
-    /// Whose clock is off, whose segments are removed: a process.
+    /// The process whose clock is off (offset), or whose segments are removed (shm-removed).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub process: Option<FaultTarget>,
     /// A time \[ms\]: how late (slow, delay, delayed), how old (stale), the time constant (slow sensor or actuator), how
@@ -40,7 +40,7 @@ pub struct Fault {
     /// Wind NED \[m/s\].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub vector: Option<[f64; 3]>,
-    /// Share of the ticks struck (drop, duplicate, reorder, corrupt, garbage, intermittent).
+    /// Share of the messages or ticks affected (drop, duplicate, reorder, corrupt, garbage, intermittent).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub probability: Option<f64>,
     /// Messages lost in a row (burst), bits flipped (corrupt), every how many-th message passes (rate).
@@ -69,7 +69,7 @@ impl Fault {
         }
     }
 
-    /// The keys of its size that mean something to its kind.
+    /// The keys of the sizes that its kind uses.
     pub fn keys(&self) -> &'static [&'static str] {
         use FaultKind as K;
         match self.kind {
@@ -86,12 +86,12 @@ impl Fault {
         }
     }
 
-    /// In which way it is wrong.
+    /// In which way it is wrong, the default of its target included.
     pub fn wrong(&self) -> Wrong {
         self.how.unwrap_or(if self.target.topic().is_some() { Wrong::Sign } else { Wrong::Bias })
     }
 
-    /// The keys of a size that were given.
+    /// The keys of the sizes that were given.
     pub fn given(&self) -> impl Iterator<Item = &'static str> {
         let given = [
             ("ms", self.ms.is_some()),
@@ -104,20 +104,20 @@ impl Fault {
         given.into_iter().filter(|(_, is_given)| *is_given).map(|(key, _)| key)
     }
 
-    /// The ticks on which it is at work: from the first at or after its beginning to before the first at or after its end.
+    /// The ticks on which it is active: from the first at or after its beginning to before the first at or after its end.
     pub fn ticks(&self, sample_s: f64) -> std::ops::Range<u64> {
         // A time that is a tick but for rounding is that tick.
         let tick_of = |time_s: f64| (time_s / sample_s - 1e-6).ceil() as u64;
         tick_of(self.at_s)..self.for_s.map_or(u64::MAX, |for_s| tick_of(self.at_s + for_s))
     }
 
-    /// Whether it is done at once and has no end: a process that dies.
+    /// Whether it happens at one instant: the death of a process.
     pub fn is_momentary(&self) -> bool {
         matches!(self.kind, FaultKind::Kill | FaultKind::Exit)
     }
 
-    /// Whether it is at work on `tick`, at a sample time \[s\].
-    pub fn strikes(&self, tick: u64, sample_s: f64) -> bool {
+    /// Whether it is active on `tick`, at a sample time \[s\].
+    pub fn is_active(&self, tick: u64, sample_s: f64) -> bool {
         self.ticks(sample_s).contains(&tick)
     }
 }
@@ -136,12 +136,12 @@ mod tests {
     }
 
     #[test]
-    fn a_fault_strikes_from_its_first_tick_to_before_its_end() {
+    fn a_fault_is_active_from_its_first_tick_to_before_its_end() {
         let fault = |at_s, for_s| Fault::new(FaultTarget::Mpc, FaultKind::Nan, at_s, for_s);
-        let struck = |fault: &Fault| (0..1000).filter(|tick| fault.strikes(*tick, 0.01)).collect::<Vec<_>>();
-        assert_eq!(struck(&fault(0.29, Some(0.03))), [29, 30, 31]);
-        assert_eq!(struck(&fault(0.291, Some(0.01))), [30]);
-        assert_eq!(struck(&fault(9.98, None)), [998, 999]);
-        assert!(struck(&fault(1.0, Some(0.0))).is_empty());
+        let active = |fault: &Fault| (0..1000).filter(|tick| fault.is_active(*tick, 0.01)).collect::<Vec<_>>();
+        assert_eq!(active(&fault(0.29, Some(0.03))), [29, 30, 31]);
+        assert_eq!(active(&fault(0.291, Some(0.01))), [30]);
+        assert_eq!(active(&fault(9.98, None)), [998, 999]);
+        assert!(active(&fault(1.0, Some(0.0))).is_empty());
     }
 }

@@ -4,9 +4,9 @@ use std::path::Path;
 
 use toml::{Table, Value};
 
-use super::report::{MOST_TOLD, Problem, ScenarioError, Source};
+use super::file::{self, MAX_TEXT_BYTES};
+use super::report::{MAX_PROBLEMS, Problem, ScenarioError, Source};
 use super::{Fault, Scenario, Swap, check, shape};
-use crate::file::{self, LARGEST_TEXT};
 
 /// The scenario of `file` with `overrides` on top (`key=value`, the value in TOML or a bare word), on the defaults of
 /// the profile they choose. Without a file: the defaults alone.
@@ -26,8 +26,8 @@ pub fn to_toml(scenario: &Scenario) -> String {
     toml::to_string(scenario).expect("every setting has a form in TOML")
 }
 
-/// The settings of a candidate: those of `run` with its own on top. Faults of its own stand in the place of the run's,
-/// which need not be such that they could strike it.
+/// The settings of a candidate: those of `run` with its own on top. Faults of its own replace the run's, which are not
+/// checked against its settings.
 pub fn candidate(run: &Scenario, swap: &Swap) -> Result<Scenario, ScenarioError> {
     let base = Scenario { swap: vec![], fault: vec![], ..run.clone() };
     let base = Source { path: Some("the run's settings".into()), text: to_toml(&base) };
@@ -42,22 +42,22 @@ pub fn candidate_from(text: &str, origin: &str) -> Result<Scenario, ScenarioErro
     merge(&[Source { path: Some(origin.into()), text: text.into() }]).map(|(scenario, _)| scenario)
 }
 
-/// Whether `scenario` could have `fault` too: the rules for its own, in the same words.
+/// Checks `fault` as if it were one of `scenario`, with the same messages.
 pub fn check_fault(scenario: &Scenario, fault: &Fault) -> Result<(), ScenarioError> {
     without_place(check::violations_of(fault, scenario))
 }
 
-/// Whether the sizes of `fault` are such that any scenario could have it, in the same words.
+/// Checks the sizes of `fault`, which must hold in any scenario, with the same messages.
 pub fn check_sizes(fault: &Fault) -> Result<(), ScenarioError> {
     without_place(check::violations_of_sizes(fault))
 }
 
-/// Whether `scenario` may have the swaps that it has, in the same words too.
+/// Checks the swaps of `scenario`, with the same messages.
 pub fn check_swaps(scenario: &Scenario) -> Result<(), ScenarioError> {
-    without_place(check::violations_of_swaps(scenario))
+    without_place(check::violations_of_swaps(scenario, candidate))
 }
 
-/// Violations of what stands in no file.
+/// Violations of what was written in no file.
 fn without_place(violations: Vec<check::Violation>) -> Result<(), ScenarioError> {
     let problem = |violation: check::Violation| Problem { title: violation.what, place: None, help: violation.allowed };
     let problems: Vec<Problem> = violations.into_iter().map(problem).collect();
@@ -67,9 +67,9 @@ fn without_place(violations: Vec<check::Violation>) -> Result<(), ScenarioError>
 /// Lays the sources over each other, later ones above, and checks the result.
 fn resolve(sources: &[Source]) -> Result<Scenario, ScenarioError> {
     let (scenario, merged) = merge(sources)?;
-    let problems: Vec<Problem> = check::violations(&scenario, merged)
+    let problems: Vec<Problem> = check::violations(&scenario, merged, candidate)
         .into_iter()
-        .take(MOST_TOLD + 1)
+        .take(MAX_PROBLEMS + 1)
         .map(|violation| Problem {
             title: violation.what,
             place: violation.keys.iter().find_map(|key| shape::find(sources, key)),
@@ -117,7 +117,7 @@ fn overlay(below: &mut Table, above: Table) {
 
 fn read(path: &Path) -> Result<Source, ScenarioError> {
     let name = path.display().to_string();
-    let bytes = file::read(path, LARGEST_TEXT).map_err(|error| {
+    let bytes = file::read(path, MAX_TEXT_BYTES).map_err(|error| {
         ScenarioError::new(&[Problem {
             title: format!("cannot read the scenario `{name}`: {error}"),
             place: None,

@@ -15,11 +15,13 @@
 //! | `swap` | `[[swap]]` |
 //! | `profile` | every default |
 //! | `load`, `shape`, `check`, `report` | merging, the form of a file, ranges, messages with their place |
-//! | `words` | unknown words |
+//! | `words` | the known word nearest to an unknown one |
+//! | [`file`](mod@file) | reading files that come from outside |
 
 mod check;
 mod control;
 mod fault;
+pub mod file;
 mod load;
 mod mission;
 mod profile;

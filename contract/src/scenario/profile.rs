@@ -1,4 +1,4 @@
-//! The two profiles: what every setting is when nobody sets it.
+//! The two profiles: the default of every setting.
 //!
 //! `paper` is the paper's Tables III and IV with the openings filled as our reading verified; `robust` is the stack's
 //! own: lag and delay in the model, weights that tolerate them, velocity feedback and feed-forward in guidance.

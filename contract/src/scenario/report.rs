@@ -1,4 +1,4 @@
-//! What a scenario error looks like: what is wrong, where it stands, what to do.
+//! Scenario errors: what is wrong, where it was written, what to do.
 //!
 //! ```text
 //! error: unknown key `plant.rotor_lag`
@@ -13,8 +13,8 @@ use std::ops::Range;
 
 use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};
 
-/// Problems that are told one by one.
-pub const MOST_TOLD: usize = 8;
+/// Problems that one message lists.
+pub const MAX_PROBLEMS: usize = 8;
 
 /// Why a scenario cannot be flown: what is wrong with it, as a complete message for people.
 #[derive(Debug, thiserror::Error)]
@@ -24,13 +24,13 @@ pub struct ScenarioError(String);
 impl ScenarioError {
     /// One message of the first `problems`.
     pub(super) fn new(problems: &[Problem]) -> Self {
-        let more = problems.len().saturating_sub(MOST_TOLD);
-        let mut told: Vec<String> = problems.iter().take(MOST_TOLD).map(Problem::render).collect();
-        told.extend((more > 0).then(|| format!("there is more: these are the first {MOST_TOLD} problems")));
+        let more = problems.len().saturating_sub(MAX_PROBLEMS);
+        let mut told: Vec<String> = problems.iter().take(MAX_PROBLEMS).map(Problem::render).collect();
+        told.extend((more > 0).then(|| format!("there is more: these are the first {MAX_PROBLEMS} problems")));
         Self(told.join("\n\n"))
     }
 
-    /// The message of one reason that stands in no file: what is wrong with which key, and what to do.
+    /// The message of one reason that was written in no file: what is wrong with which key, and what to do.
     pub fn of(title: String, help: String) -> Self {
         Self::new(&[Problem { title, place: None, help }])
     }

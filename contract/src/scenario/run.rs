@@ -3,7 +3,9 @@
 use airframe::{ActuatorLaw, Limits, Parameters};
 use serde::{Deserialize, Serialize};
 
-use super::{Deadline, Fault, Guidance, Initial, Mission, Mixer, Mpc, Plant, Realtime, Supervision, Swap};
+use super::{
+    Deadline, Fault, Guidance, Initial, Mission, Mixer, Mpc, NodeDeadline, Plant, Realtime, Supervision, Swap,
+};
 
 /// Everything that decides a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -136,6 +138,11 @@ impl Scenario {
         let longest_ns = (self.plant.substep_s * 1e9).round().max(1.0) as u64;
         let steps = (sample_ns.div_ceil(longest_ns)..=sample_ns).find(|steps| sample_ns.is_multiple_of(*steps));
         sample_ns / steps.unwrap_or(sample_ns)
+    }
+
+    /// When the message of the node of this `rank` in the ring is due, 0 (plant) to 3 (mixer).
+    pub fn deadline_of(&self, rank: usize) -> NodeDeadline {
+        self.deadline.of(rank, self.sample_s())
     }
 
     /// Amplitude limits of the actuators.

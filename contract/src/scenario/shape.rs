@@ -5,7 +5,7 @@ use std::ops::Range;
 use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Table, Value};
 
-use super::report::{MOST_TOLD, Problem, Source};
+use super::report::{MAX_PROBLEMS, Problem, Source};
 use super::words::{nearest, shortened, suggest};
 use super::{
     Bounds, Deadline, Fault, FaultKind, FaultTarget, Heading, Late, Mission, NodeRealtime, Plant, Policy, Profile,
@@ -120,7 +120,7 @@ fn not_toml<'a>(source: &'a Source, error: &toml::de::Error) -> Problem<'a> {
     Problem { title: format!("not TOML: {}", error.message()), place, help: help.into() }
 }
 
-/// The keys of one source, and what is wrong with them, as far as it is told.
+/// The keys of one source, and the first problems with them.
 struct Keys<'a, 'e> {
     source: &'a Source,
     example: &'e Table,
@@ -150,7 +150,7 @@ impl Keys<'_, '_> {
                 _ => continue,
             };
             self.problems.push(Problem { title, place: Some((self.source, span)), help });
-            if self.problems.len() > MOST_TOLD {
+            if self.problems.len() > MAX_PROBLEMS {
                 return; // of a million keys there is no point in judging each
             }
         }
@@ -174,7 +174,7 @@ fn wrong_type<'a>(source: &'a Source, tree: &DeTable, message: &str, span: Optio
     let key = key_at(tree, "", span.start).unwrap_or_default();
     let value = key.split('.').try_fold(&Value::Table(example()), |value, name| value.get(name)).cloned();
     let message = &suggest(message);
-    // Serde speaks of Rust's types.
+    // Serde's messages name Rust's types.
     let message =
         [("f64", "a number"), ("usize", "a whole number"), ("u64", "a whole number"), ("u32", "a whole number")]
             .iter()

@@ -1,13 +1,13 @@
 //! `[[swap]]`: another process for a node, in flight.
 //!
 //! ```text
-//! at_s        the candidate begins, on standby of the one active: same inputs, delivery
-//!  + standby_s it becomes active, if it has kept within its bounds; the old one goes on beside it on standby
-//!  + watch_s  the candidate stays, and the old one leaves; if it left its bounds before, the old one had it back
+//! at_s          the candidate starts on standby: it has the inputs of the active process, and its messages are not delivered
+//!  + standby_s  the candidate becomes active, if it kept within its bounds; the old process goes on as the standby
+//!  + watch_s    the old process ends; if the candidate left its bounds before, the old process became active again
 //! ```
 //!
-//! The recorder is not tried like that: the candidate records beside the old one from when it is ready, and the old one leaves
-//! at once. `set`, `standby_s`, `watch_s` and `bounds` are refused for it.
+//! A recorder has no trial: the old one ends as soon as the candidate records. `set`, `standby_s`, `watch_s` and `bounds`
+//! are refused for it.
 
 use serde::{Deserialize, Serialize};
 
@@ -19,7 +19,7 @@ use crate::Topic;
 pub struct Swap {
     /// When the candidate begins \[s\].
     pub at_s: f64,
-    /// Whom it is to replace.
+    /// The node whose process is replaced.
     pub node: SwapNode,
     /// Its program; absent = the launcher's own. It is started as `PROGRAM --namespace NAME --epoch N --settings FILE`,
     /// a recorder with `--log FILE` instead of settings.
@@ -28,13 +28,13 @@ pub struct Swap {
     /// Its settings, each as after `--set`, on top of the run's.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub set: Vec<String>,
-    /// How long it works on standby \[s\].
-    #[serde(default = "Swap::usual_standby_s")]
+    /// How long the candidate is on standby \[s\]; `shadow_s` is the old spelling.
+    #[serde(default = "Swap::usual_standby_s", alias = "shadow_s")]
     pub standby_s: f64,
-    /// How long the old one stands by after that \[s\].
+    /// How long the old process stays on standby after that \[s\].
     #[serde(default = "Swap::usual_watch_s")]
     pub watch_s: f64,
-    /// What it may not do.
+    /// What the candidate may not do.
     #[serde(default)]
     pub bounds: SwapBounds,
 }
@@ -43,10 +43,12 @@ pub struct Swap {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SwapBounds {
-    /// Largest difference between its answer and the old one's to the same sample, as a share of what is commonly the
-    /// largest answer.
+    /// Largest difference between its answer and the old one's to the same sample, as a share of the largest answer
+    /// that is common.
     pub difference: f64,
-    /// Least similarity of its answers with the old one's: 1 the same up to a factor, 0 nothing in common, -1 the opposite.
+    /// Least cosine similarity of its answers with the old one's: 1 the same up to a factor, 0 nothing in common, -1 the
+    /// opposite; `accord` is the old spelling.
+    #[serde(alias = "accord")]
     pub similarity: f64,
     /// Ticks in a row on which its answer may be missing, late, implausible, too different, or opposite.
     pub ticks: u64,
@@ -74,7 +76,7 @@ pub enum SwapNode {
     AttitudeMpc,
     /// The control allocation.
     Mixer,
-    /// Who writes the log.
+    /// The process that writes the log.
     Recorder,
 }
 
@@ -83,9 +85,9 @@ pub enum SwapNode {
 pub struct SwapTicks {
     /// The candidate's first, on standby.
     pub from: u64,
-    /// Its first active.
+    /// The candidate's first as the active process.
     pub hand_over: u64,
-    /// The first without the old one.
+    /// The first without the old process.
     pub until: u64,
 }
 
@@ -114,7 +116,7 @@ impl Swap {
 }
 
 impl SwapNode {
-    /// The topic it speaks on; `None` for the recorder.
+    /// The topic it publishes; `None` for the recorder.
     pub fn topic(self) -> Option<Topic> {
         match self {
             Self::Plant => Some(Topic::State),
@@ -125,7 +127,7 @@ impl SwapNode {
         }
     }
 
-    /// Its name.
+    /// As the file spells it.
     pub fn name(self) -> &'static str {
         self.topic().map_or("recorder", Topic::publisher)
     }
@@ -136,10 +138,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_candidate_works_in_the_shadow_first() {
+    fn a_candidate_is_on_standby_for_one_tick_at_least() {
         let swap = Swap { standby_s: 0.5, watch_s: 2.0, ..Swap::new(SwapNode::Mixer, 0.29) };
         assert_eq!(swap.ticks(0.01), SwapTicks { from: 29, hand_over: 79, until: 279 });
         let hasty = Swap { standby_s: 0.0, watch_s: 0.0, ..swap };
         assert_eq!(hasty.ticks(0.01), SwapTicks { from: 29, hand_over: 30, until: 30 });
+    }
+
+    #[test]
+    fn the_old_spellings_are_read() {
+        let text = "at_s = 1\nnode = \"mixer\"\nshadow_s = 0.5\nbounds = { accord = 0.1 }";
+        let swap: Swap = toml::from_str(text).unwrap();
+        assert_eq!((swap.standby_s, swap.bounds.similarity), (0.5, 0.1));
     }
 }

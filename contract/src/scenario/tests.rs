@@ -16,7 +16,7 @@ fn set_wins_over_file_over_profile() {
     let scenario = load(Some(&path), &overrides).unwrap();
     assert_eq!((scenario.plant.rotor_lag_s, scenario.plant.servo_lag_s, scenario.run.seed), (0.04, 0.06, 9));
     let rest = Plant { rotor_lag_s: 0.03, servo_lag_s: 0.03, ..scenario.plant };
-    assert_eq!(rest, Scenario::default().plant, "what nobody sets keeps its default");
+    assert_eq!(rest, Scenario::default().plant, "what is not set keeps its default");
 }
 
 #[test]
@@ -100,7 +100,7 @@ fn the_message_points_into_the_file_and_tells_all() {
 }
 
 #[test]
-fn of_a_million_wrong_keys_the_first_are_told() {
+fn of_many_wrong_keys_only_the_first_are_listed() {
     let keys = (0..60_000).map(|i| format!("key_{i} = 1\n")).collect::<Vec<_>>().concat();
     let message = from_merged(&keys, "keys.toml").unwrap_err().to_string();
     assert_eq!(message.matches("error: unknown key").count(), 8, "{message}");

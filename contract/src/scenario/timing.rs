@@ -2,8 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Scenario;
-
 /// `[realtime]`: what every node asks for; a table of its own, `[realtime.mixer]` say, overrides it for one.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -184,21 +182,21 @@ impl Realtime {
     }
 }
 
-impl Scenario {
-    /// When the message of the node of this `rank` in the ring is due, 0 (plant) to 3 (mixer).
-    pub fn deadline_of(&self, rank: usize) -> NodeDeadline {
-        let d = &self.deadline;
-        let whole_ms = d.end_to_end_ms.unwrap_or(self.sample_s() * 1e3);
-        let own_ms = [d.plant_ms, d.guidance_ms, d.attitude_mpc_ms, d.mixer_ms][rank];
+impl Deadline {
+    /// That of the node of this `rank` in the ring, 0 (plant) to 3 (mixer), at a sample time \[s\].
+    pub fn of(&self, rank: usize, sample_s: f64) -> NodeDeadline {
+        let whole_ms = self.end_to_end_ms.unwrap_or(sample_s * 1e3);
+        let own_ms = [self.plant_ms, self.guidance_ms, self.attitude_mpc_ms, self.mixer_ms][rank];
         let due_ms = own_ms.unwrap_or(whole_ms * [0.2, 0.4, 0.8, 1.0][rank]);
-        let late = [d.plant_policy, d.guidance_policy, d.attitude_mpc_policy, d.mixer_policy][rank];
-        NodeDeadline { deadline_ns: (due_ms * 1e6).round() as u64, late: late.unwrap_or(d.policy) }
+        let late = [self.plant_policy, self.guidance_policy, self.attitude_mpc_policy, self.mixer_policy][rank];
+        NodeDeadline { deadline_ns: (due_ms * 1e6).round() as u64, late: late.unwrap_or(self.policy) }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Scenario;
 
     #[test]
     fn priorities_rise_downstream_and_a_node_has_its_own_say() {

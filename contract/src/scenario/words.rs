@@ -1,17 +1,20 @@
-//! Words that are not known, and the known ones nearest to them.
+//! The known word nearest to an unknown one.
 
-/// Words less alike than this are not taken for each other.
-const ALIKE: f64 = 0.7;
-/// Longer words are not compared, and not told in full \[bytes\].
-const LONGEST: usize = 80;
+/// Least Jaro-Winkler likeness at which a known word is suggested.
+const MIN_LIKENESS: f64 = 0.7;
+/// Longer words are neither compared nor printed in full \[bytes\].
+const MAX_WORD_BYTES: usize = 80;
 
-/// That of the `known` words which `word` is most like, if it is like one at all.
+/// The one of the `known` words most like `word`, if the likeness is large enough.
 pub fn nearest<'a>(word: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
-    if word.len() > LONGEST {
+    if word.len() > MAX_WORD_BYTES {
         return None;
     }
     let rated = known.map(|other| (strsim::jaro_winkler(word, other), other));
-    rated.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|(likeness, _)| *likeness > ALIKE).map(|(_, nearest)| nearest)
+    rated
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .filter(|(likeness, _)| *likeness > MIN_LIKENESS)
+        .map(|(_, nearest)| nearest)
 }
 
 /// An error of Serde on a word that it does not know, "unknown variant `x`, expected one of `y`, `z`", with the nearest of
@@ -25,9 +28,9 @@ pub fn suggest(message: &str) -> String {
     }
 }
 
-/// `word` as it is told.
+/// `word`, cut where it is too long to print.
 pub fn shortened(word: &str) -> String {
-    match word.char_indices().find(|(start, _)| *start >= LONGEST) {
+    match word.char_indices().find(|(start, _)| *start >= MAX_WORD_BYTES) {
         Some((end, _)) => format!("{}...", &word[..end]),
         None => word.to_owned(),
     }

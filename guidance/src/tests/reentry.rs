@@ -35,7 +35,7 @@ fn after_a_long_silence_the_answer_is_small_and_grows() {
 }
 
 #[test]
-fn a_short_silence_is_none() {
+fn a_short_gap_limits_nothing() {
     for (silent, limited) in [(0, false), (9, false), (10, true)] {
         let first = after(Profile::Robust, silent, 1)[0];
         assert_eq!(first.attitude_rad[1].to_degrees() < 29.0, limited, "{silent} ticks");
@@ -43,7 +43,7 @@ fn a_short_silence_is_none() {
 }
 
 #[test]
-fn a_vehicle_without_thrust_teaches_nothing() {
+fn states_without_thrust_leave_integrals_and_observer_alone() {
     let mut s = scenario(Profile::Robust, TrajectoryKind::Hover);
     s.guidance.disturbance_observer_radps = 5.0;
     let mut guidance = Guidance::new(&s);

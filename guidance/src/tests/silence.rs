@@ -3,7 +3,7 @@
 use contract::Scenario;
 use contract::message::{Reference, State, guidance_flags};
 use contract::scenario::{Profile, TrajectoryKind};
-use contract::snapshot::{Snapshot, Writer};
+use contract::snapshot::{self, SNAPSHOT_WORDS, Snapshot};
 use proptest::prelude::*;
 
 use super::{hovering, scenario};
@@ -91,13 +91,11 @@ fn the_observer_believes_a_silence_no_more_than_a_period() {
 fn a_bad_snapshot_changes_nothing() {
     let s = scenario(Profile::Robust, TrajectoryKind::Survey);
     let (mut guidance, mut twin) = (Guidance::new(&s), Guidance::new(&s));
-    let mut foreign = Writer::new(*b"mixer  2");
-    foreign.numbers(&[1.0; 40]);
     let mut torn = guidance.snapshot();
     torn[7] ^= 1;
-    let mut bad = Writer::new(*b"guidanc2");
-    bad.numbers(&[f64::NAN; 40]);
-    for snapshot in [foreign.seal(), torn, bad.seal(), [0; contract::snapshot::SNAPSHOT_WORDS]] {
+    let mut bad = guidance.memory;
+    bad.reference.attitude_rad[2] = f64::NAN;
+    for snapshot in [torn, snapshot::pack(&bad), [0; SNAPSHOT_WORDS]] {
         assert!(!guidance.restore(&snapshot));
     }
     assert_eq!(guidance.step(1, &beside(1, 0.3)), twin.step(1, &beside(1, 0.3)));
@@ -105,7 +103,7 @@ fn a_bad_snapshot_changes_nothing() {
 
 proptest! {
     #[test]
-    fn one_that_continues_answers_bit_by_bit_like_one_that_was_never_interrupted(
+    fn a_restored_node_answers_bit_by_bit_like_the_one_it_continues(
         path in prop::collection::vec((prop::array::uniform3(-2.0..2.0_f64), prop::array::uniform3(-0.5..0.5_f64), 0_u64..3), 2..60),
         until in 0_usize..60, paper: bool,
     ) {
@@ -132,7 +130,7 @@ proptest! {
 }
 
 #[test]
-fn who_continues_with_an_observer_feels_no_push_that_is_not_there() {
+fn a_candidate_with_an_observer_starts_without_a_bump() {
     let mut s = scenario(Profile::Robust, TrajectoryKind::Hover);
     let northward = |tick: u64| {
         let mut state = hovering(tick);

@@ -59,8 +59,6 @@ pub enum What {
     Died,
     /// It made no progress, and was killed.
     Hung,
-    /// The scenario had it killed.
-    Killed,
     /// It was started.
     Started,
     /// It could not be started.

@@ -4,8 +4,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use anyhow::Context;
+use contract::exit;
 use runtime::realtime::keep_nohup;
-use runtime::session::exit;
 
 /// Counts Ctrl-C, SIGTERM and SIGHUP: the first stops the flight cleanly, the second kills the processes, the third
 /// ends the launcher on the spot (the next flight then wipes what it left in shared memory).

@@ -14,12 +14,13 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 use contract::Topic;
+use contract::exit;
 use contract::message::{Actuators, Controls, Reference, Stamp, State};
 use contract::scenario::FaultKind;
 use runtime::domain::Domain;
 use runtime::port::{Bus, NODE_DEPTH, Wire};
 use runtime::realtime::{ControlPage, now_ns, phase};
-use runtime::session::{NodeSession, exit};
+use runtime::session::NodeSession;
 use rustix::process::{Gid, Signal, Uid};
 
 use crate::roles::realtime::plant_tick;
@@ -132,7 +133,7 @@ fn become_nobody() -> anyhow::Result<()> {
 
 /// Tries to get in by the door, and then by every window.
 fn knock(domain: &Domain) -> String {
-    let Err(refusal) = NodeSession::join(domain.namespace(), Topic::Actuators.publisher(), 1) else {
+    let Err(refusal) = NodeSession::join(domain.namespace(), Topic::Actuators.publisher(), 1, None) else {
         return format!("{LET_IN}it joined");
     };
     let inside = ["scenario.toml", "page", "iox"].map(|name| domain.file(name));

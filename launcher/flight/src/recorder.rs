@@ -11,13 +11,16 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use contract::exit;
 use contract::message::{Actuators, Controls, Reference, State};
 use contract::scenario::{self, FaultKind, Scenario};
 use contract::topic::Topic;
 use runtime::console;
+use runtime::error::SessionError;
+use runtime::observer::Observer;
 use runtime::port::{Receive, Wire};
+use runtime::process::die_with_launcher;
 use runtime::realtime::{ControlPage, phase};
-use runtime::session::{NodeSession, SessionError, die_with_launcher, exit};
 use rustix::io::Errno;
 use serde::{Deserialize, Serialize};
 
@@ -52,13 +55,13 @@ pub struct Observers {
 
 impl Observers {
     /// Joins all four topics.
-    pub fn join(session: &NodeSession) -> Result<Self, SessionError> {
+    pub fn join(observer: &mut Observer) -> Result<Self, SessionError> {
         Ok(Self {
-            page: session.page.clone(),
-            states: session.observer()?,
-            references: session.observer()?,
-            controls: session.observer()?,
-            actuators: session.observer()?,
+            page: observer.ports.page.clone(),
+            states: observer.receiver()?,
+            references: observer.receiver()?,
+            controls: observer.receiver()?,
+            actuators: observer.receiver()?,
             received: Default::default(),
             drained: Default::default(),
             failures: Cell::default(),
@@ -131,15 +134,16 @@ pub fn main(namespace: &str, epoch: u32, path: &Path) -> ExitCode {
 
 fn record(namespace: &str, epoch: u32, path: &Path) -> anyhow::Result<LogOutcome> {
     die_with_launcher(namespace)?;
-    let session = NodeSession::join(namespace, "recorder", epoch)?;
+    let mut observer = Observer::join(namespace)?;
     // The file first: a recorder that has joined is one that can write.
-    let mut log = Log::create(path, &session.scenario)?;
-    let observers = Observers::join(&session)?;
+    let mut log = Log::create(path, &observer.scenario)?;
+    let observers = Observers::join(&mut observer)?;
     let mut hearing = Hearing::new(std::io::stdin());
-    let role = session.page.archive();
-    session.probe(|| role.ready.set(epoch))?;
+    let page = observer.ports.page.clone();
+    let role = page.archive();
+    observer.ports.probe(|| role.ready.set(epoch))?;
     loop {
-        let closing = session.page.phase().count() >= phase::CLOSE || role.active() > epoch;
+        let closing = page.phase().count() >= phase::CLOSE || role.active() > epoch;
         let mut newest = 0;
         let count = observers.drain(|record| {
             if record.is_intact() {
@@ -147,7 +151,7 @@ fn record(namespace: &str, epoch: u32, path: &Path) -> anyhow::Result<LogOutcome
             }
             log.write(&record);
         });
-        session.page.recorded().raise(newest as u32);
+        page.recorded().raise(newest as u32);
         let count = count
             + hearing.drain(|event| match event {
                 Ok(event) => log.event(&event),

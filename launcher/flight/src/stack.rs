@@ -29,9 +29,9 @@ use contract::guard::Refusal;
 use contract::scenario::Fault;
 use contract::topic::Topic;
 use runtime::domain::{Hold, check_room};
+use runtime::observer::Observer;
 use runtime::port::{Bus, PortFailure, Services, bytes_needed, observer_depth};
 use runtime::realtime::{ControlPage, phase, tell_of_crashes};
-use runtime::session::NodeSession;
 use runtime::shared_role::Assignment;
 
 use children::{Children, wait};
@@ -130,8 +130,8 @@ impl Stack {
         ControlPage::create(&domain.file("page")).with_context(shm("the page"))?;
         let bus = Bus::attach(domain)?;
         let services = bus.create_services(observer_depth(scenario.run.rate_hz))?;
-        let session = NodeSession::join(namespace, "launcher", 1)?;
-        let observers = Observers::join(&session)?;
+        let mut observer = Observer::join(namespace)?;
+        let observers = Observers::join(&mut observer)?;
         let host = Host::new(domain.clone(), scenario)?;
         let mut stack = Self {
             children: Children::new(domain.clone()),
@@ -140,7 +140,7 @@ impl Stack {
             started: Instant::now(),
             archive: log.map(|path| Archive::new(path, scenario)),
             host,
-            page: session.page.clone(),
+            page: observer.ports.page.clone(),
             observers,
             hearing: Hearing::default(),
             blind: [false; Topic::COUNT],
@@ -159,7 +159,7 @@ impl Stack {
             stack.start_node(topic, 1, None)?;
         }
         stack.start_recorder()?;
-        stack.wait_until_ready(&session, interrupts)?;
+        stack.wait_until_ready(&mut observer, interrupts)?;
         Ok(stack)
     }
 
@@ -171,19 +171,15 @@ impl Stack {
         mut watch: impl FnMut(Record),
         mut tick: impl FnMut(&[Fault]),
     ) -> Flown {
-        let mut scheduling = vec![];
+        // Every process has entered its class before it said that it is ready; reading takes longer than a tick may wait.
+        let scheduling = self.children.all.iter().map(|p| (p.name.to_owned(), scheduling_of(p.child.id()))).collect();
         let started = Instant::now();
         self.page.set_phase(phase::GO);
         let ended = loop {
             let question = self.driver.question(&self.page); // before the look: all that was sent before it is here
             let ready = Topic::ALL.map(|topic| self.page.role(topic).ready.get());
-            let newest = self.drain(&mut watch);
+            self.drain(&mut watch);
             Topic::ALL.into_iter().zip(ready).for_each(|(topic, epoch)| self.page.role(topic).met.set(epoch));
-            if scheduling.is_empty() && newest > 0 {
-                // Everybody has been round once, and so has long settled into the class it got.
-                scheduling =
-                    self.children.all.iter().map(|p| (p.name.to_owned(), scheduling_of(p.child.id()))).collect();
-            }
             if interrupts.load(Ordering::Relaxed) > 0 || self.stopped {
                 break Ended::Interrupted;
             }
@@ -222,7 +218,7 @@ impl Stack {
     /// What the launcher has not seen of the messages that were sent: without them a flight has no figures to be trusted.
     fn unseen(&self) -> Option<String> {
         let missing = |topic: Topic| {
-            let sent = self.page.role(topic).sent_by_all();
+            let sent = u64::from(self.page.role(topic).sent_by_all.get());
             Some((topic, sent.saturating_sub(self.observers.drained(topic)))).filter(|(_, missing)| *missing > 0)
         };
         let (topic, missing) = Topic::ALL.into_iter().find_map(missing)?;
@@ -238,10 +234,10 @@ impl Stack {
     }
 
     /// Waits until everybody is ready: every process has received something of everybody it listens to.
-    fn wait_until_ready(&mut self, session: &NodeSession, interrupts: &AtomicU32) -> anyhow::Result<()> {
+    fn wait_until_ready(&mut self, observer: &mut Observer, interrupts: &AtomicU32) -> anyhow::Result<()> {
         let deadline = Instant::now() + JOIN_LIMIT;
         loop {
-            let silent = session.probe_once().map_err(|error| StartError::Lost(error.to_string()))?;
+            let silent = observer.ports.probe_once().map_err(|error| StartError::Lost(error.to_string()))?;
             let Some(name) = silent.or_else(|| self.unready()) else { return Ok(()) };
             if interrupts.load(Ordering::Relaxed) > 0 || self.stopped {
                 return Err(StartError::Interrupted.into());
@@ -265,8 +261,8 @@ impl Stack {
         topic.map(Topic::publisher).or_else(recorder)
     }
 
-    /// Shows `watch` every message that has come, and tells the plant, which waits for it in lockstep; the newest tick.
-    fn drain(&mut self, watch: &mut impl FnMut(Record)) -> u64 {
+    /// Shows `watch` every message that has come, and tells the plant, which waits for it in lockstep.
+    fn drain(&mut self, watch: &mut impl FnMut(Record)) {
         let mut newest = 0;
         let Self { newest_ns, driver, archive, observers, .. } = self;
         observers.drain(|record| {
@@ -282,7 +278,6 @@ impl Stack {
             watch(record);
         });
         self.page.watched().raise(newest as u32);
-        newest
     }
 
     /// Nodes first, then the recorder, so that the log has their last messages. A second Ctrl-C kills.

@@ -2,9 +2,8 @@
 //!
 //! Every flight is flown in process, so that the table is the same on every machine. Between the rows only the inner
 //! loop changes: law, constraints and solver of attitude-mpc, and the mixer's safety net, which is off in all rows but
-//! the last. A flight survives when the vehicle was not lost and is back at its reference in the end.
+//! the last. A flight survives when the vehicle did not diverge and is back at its reference in the end.
 
-use std::fmt::Write;
 use std::path::PathBuf;
 
 use contract::Scenario;
@@ -12,12 +11,14 @@ use contract::scenario::{self, Constraints, Law, Mode, Solver};
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use super::{Findings, SURVIVED_M, Target, Verdict, lost_at_s};
+use crate::findings::{Findings, Target};
+use crate::survival::{SURVIVED_M, failed_at_s};
+use crate::table::Table;
 use flight::inprocess;
 use flight::settings;
 use view::summary::{Metrics, Summary};
 
-/// The shipped scenarios, aboard so that the command works anywhere.
+/// The shipped scenarios, compiled in so that the command works in any folder.
 const AGGRESSIVE: [(&str, &str); 5] = [
     ("scenarios/aggressive/step.toml", include_str!("../../../scenarios/aggressive/step.toml")),
     ("scenarios/aggressive/upset.toml", include_str!("../../../scenarios/aggressive/upset.toml")),
@@ -26,7 +27,6 @@ const AGGRESSIVE: [(&str, &str); 5] = [
     ("scenarios/aggressive/weak-yaw.toml", include_str!("../../../scenarios/aggressive/weak-yaw.toml")),
 ];
 
-/// Arguments of `measure laws`.
 #[derive(clap::Args)]
 pub struct LawsArgs {
     /// Scenario files to fly besides the five aggressive ones
@@ -96,32 +96,30 @@ impl InnerLoop {
     }
 }
 
-/// What became of one flight.
 #[derive(Serialize)]
-struct Flight {
+struct LawFlight {
     inner_loop: InnerLoop,
     scenario: String,
-    /// Not lost, and back in the end.
+    /// Whether it did not diverge and was back in the end.
     survived: bool,
-    /// When the vehicle was lost \[s\].
-    lost_at_s: Option<f64>,
+    diverged_at_s: Option<f64>,
     #[serde(flatten)]
     metrics: Metrics,
     solver: Value,
     state_hash: Option<String>,
 }
 
-/// Flies all, prints the table and the verdicts; the exit code.
+/// Returns the exit code.
 pub fn measure(args: &LawsArgs) -> anyhow::Result<u8> {
     let shipped = AGGRESSIVE.iter().map(|(path, text)| scenario::from_merged(text, path));
     let more = args.scenario.iter().map(|path| settings::load(Some(path), &[]));
     let scenarios: Vec<Scenario> = shipped.chain(more).collect::<Result<_, _>>()?;
-    let rows: Vec<Vec<Flight>> = InnerLoop::ALL
+    let rows: Vec<Vec<LawFlight>> = InnerLoop::ALL
         .iter()
         .map(|inner_loop| scenarios.iter().map(|scenario| fly(*inner_loop, scenario)).collect())
         .collect();
 
-    let flights: Vec<&Flight> = rows.iter().flatten().collect();
+    let flights: Vec<&LawFlight> = rows.iter().flatten().collect();
     let results = json!({ "survived_within_m": SURVIVED_M, "flights": flights });
     let found = Findings::new(results, targets(&rows), false)?;
     if let Some(folder) = &args.out {
@@ -130,7 +128,7 @@ pub fn measure(args: &LawsArgs) -> anyhow::Result<u8> {
     found.conclude(args.json, &table(&scenarios, &rows))
 }
 
-fn fly(inner_loop: InnerLoop, scenario: &Scenario) -> Flight {
+fn fly(inner_loop: InnerLoop, scenario: &Scenario) -> LawFlight {
     let flown = inner_loop.put_into(scenario);
     let mut summary = Summary::new(&flown);
     inprocess::fly(&flown, |record| {
@@ -138,19 +136,19 @@ fn fly(inner_loop: InnerLoop, scenario: &Scenario) -> Flight {
         true
     });
     let diverged = summary.status().diverged();
-    Flight {
+    LawFlight {
         inner_loop,
         scenario: scenario.name.clone(),
-        survived: lost_at_s(&summary).is_none(),
-        lost_at_s: diverged.then(|| summary.time_s()),
+        survived: failed_at_s(&summary).is_none(),
+        diverged_at_s: diverged.then(|| summary.time_s()),
         metrics: summary.metrics(),
         solver: summary.solves.to_json(),
         state_hash: summary.state_hash(),
     }
 }
 
-/// The promises of the shipped scenarios, for both solvers.
-fn targets(rows: &[Vec<Flight>]) -> Vec<Target> {
+/// Of the shipped scenarios, for both solvers.
+fn targets(rows: &[Vec<LawFlight>]) -> Vec<Target> {
     let mut targets = vec![];
     for row in rows {
         let shipped = &row[..AGGRESSIVE.len()];
@@ -163,14 +161,12 @@ fn targets(rows: &[Vec<Flight>]) -> Vec<Target> {
         let negative = shipped.iter().map(|flight| flight.metrics.negative_squares).sum::<u64>();
         let clamped = shipped.iter().map(|flight| flight.metrics.commands_saturated).max();
         targets.extend([
-            Target {
-                figure: format!("{name}: aggressive flights survived"),
-                measured: Some(survived as f64),
-                unit: "",
-                target: format!("all {}", shipped.len()),
-                verdict: if survived == shipped.len() { Verdict::Ok } else { Verdict::Short },
-                note: String::new(),
-            },
+            Target::when(
+                format!("{name}: aggressive flights survived"),
+                Some(survived as f64),
+                format!("all {}", shipped.len()),
+                |survived| survived == shipped.len() as f64,
+            ),
             Target::at_most(format!("{name}: negative squares in all of them"), Some(negative as f64), 0.0, ""),
             Target::at_most(format!("{name}: commands clamped in the worst"), clamped.map(|n| n as f64), 1.0, ""),
         ]);
@@ -178,37 +174,28 @@ fn targets(rows: &[Vec<Flight>]) -> Vec<Target> {
     targets
 }
 
-fn table(scenarios: &[Scenario], rows: &[Vec<Flight>]) -> String {
-    let mut cells = vec![vec![String::new()]];
-    cells[0].extend(scenarios.iter().map(|scenario| scenario.name.clone()));
-    cells[0].push("survived".into());
-    for row in rows {
+fn table(scenarios: &[Scenario], rows: &[Vec<LawFlight>]) -> String {
+    let names = scenarios.iter().map(|scenario| scenario.name.clone());
+    let headings = [String::new()].into_iter().chain(names).chain(["survived".into()]).collect();
+    let cells = |row: &Vec<LawFlight>| {
         let survived = row.iter().filter(|flight| flight.survived).count();
-        let mut line = vec![row[0].inner_loop.name().to_owned()];
-        line.extend(row.iter().map(Flight::cell));
-        line.push(format!("{survived}/{}", row.len()));
-        cells.push(line);
-    }
-    let widths: Vec<usize> =
-        (0..cells[0].len()).map(|column| cells.iter().map(|line| line[column].len()).max().unwrap_or(0)).collect();
-    let mut text = String::new();
-    for line in &cells {
-        let padded: Vec<String> = line.iter().zip(&widths).map(|(cell, width)| format!("{cell:<width$}")).collect();
-        let _ = writeln!(text, "{}", padded.join("  ").trim_end()); // a String takes everything
-    }
-    text + &format!(
-        "\nok: integral of the position error, commands clamped; lost: when; astray: over {SURVIVED_M} m off in the end\n"
-    )
+        let name = row[0].inner_loop.name().to_owned();
+        let flights = row.iter().map(LawFlight::cell);
+        [name].into_iter().chain(flights).chain([format!("{survived}/{}", row.len())]).collect()
+    };
+    let title = format!(
+        "ok: integral of the position error, commands clamped; out of bounds: over {SURVIVED_M} m from the reference in the end"
+    );
+    Table { title, headings, rows: rows.iter().map(cells).collect() }.text()
 }
 
-impl Flight {
-    /// What the table says of it.
+impl LawFlight {
     fn cell(&self) -> String {
         let m = &self.metrics;
-        match self.lost_at_s {
-            Some(t) => format!("lost at {t:.2} s"),
+        match self.diverged_at_s {
+            Some(t) => format!("diverged at {t:.2} s"),
             None if self.survived => format!("ok {:.1} m s, {}", m.position_error_integral_ms, m.commands_saturated),
-            None => format!("astray {:.1} m", m.final_position_error_m),
+            None => format!("out of bounds, {:.1} m", m.final_position_error_m),
         }
     }
 }

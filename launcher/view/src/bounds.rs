@@ -21,28 +21,14 @@ const FALLBACK_S: f64 = 2.0;
 
 /// One bound against the flight.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Verdict {
-    /// Which metric.
+pub struct BoundCheck {
     pub metric: &'static str,
-    /// What it may not exceed.
     pub limit: f64,
-    /// What it was.
     pub measured: f64,
-    /// Whether it was inside.
     pub ok: bool,
-}
-
-impl Verdict {
     /// For people: what the metric is, and its unit.
-    pub fn words(&self) -> (&'static str, &'static str) {
-        match self.metric {
-            "max_position_error_m" => ("position error", "m"),
-            "max_altitude_error_horizontal_m" => ("altitude error in 10-50 s", "m"),
-            "max_altitude_error_vertical_m" => ("altitude error", "m"),
-            "final_position_error_m" => ("position error at the end", "m"),
-            _ => ("mixer on its fallback", "s"),
-        }
-    }
+    #[serde(skip)]
+    pub words: [&'static str; 2],
 }
 
 /// The bounds of a flight of `scenario`: its own, and the defaults.
@@ -57,22 +43,35 @@ pub fn bounds(scenario: &Scenario) -> Bounds {
 
 /// Every bound of `scenario` against the flight's `metrics`. One without a sample, such as the altitude error of a leg not
 /// reached, is not judged.
-pub fn verdicts(scenario: &Scenario, metrics: &Metrics) -> Vec<Verdict> {
-    let bounds = bounds(scenario);
+pub fn check(scenario: &Scenario, metrics: &Metrics) -> Vec<BoundCheck> {
+    let (b, m) = (bounds(scenario), metrics);
     let all = [
-        ("max_position_error_m", bounds.max_position_error_m, metrics.max_position_error_m),
+        ("max_position_error_m", b.max_position_error_m, m.max_position_error_m, ["position error", "m"]),
         (
             "max_altitude_error_horizontal_m",
-            bounds.max_altitude_error_horizontal_m,
-            metrics.max_altitude_error_horizontal_m,
+            b.max_altitude_error_horizontal_m,
+            m.max_altitude_error_horizontal_m,
+            ["altitude error in 10-50 s", "m"],
         ),
-        ("max_altitude_error_vertical_m", bounds.max_altitude_error_vertical_m, metrics.max_altitude_error_vertical_m),
-        ("final_position_error_m", bounds.final_position_error_m, metrics.final_position_error_m),
-        ("max_fallback_s", bounds.max_fallback_s, metrics.fallback_s),
+        (
+            "max_altitude_error_vertical_m",
+            b.max_altitude_error_vertical_m,
+            m.max_altitude_error_vertical_m,
+            ["altitude error", "m"],
+        ),
+        (
+            "final_position_error_m",
+            b.final_position_error_m,
+            m.final_position_error_m,
+            ["position error at the end", "m"],
+        ),
+        ("max_fallback_s", b.max_fallback_s, m.fallback_s, ["mixer on its fallback", "s"]),
     ];
-    let judged = all.into_iter().filter_map(|(metric, limit, measured)| Some((metric, limit?, measured)));
-    let sampled = judged.filter(|(_, limit, measured)| !measured.is_nan() && limit.is_finite());
-    sampled.map(|(metric, limit, measured)| Verdict { metric, limit, measured, ok: measured <= limit }).collect()
+    let judged = all.into_iter().filter_map(|(metric, limit, measured, words)| {
+        let limit = limit.filter(|limit| limit.is_finite() && !measured.is_nan())?;
+        Some(BoundCheck { metric, limit, measured, ok: measured <= limit, words })
+    });
+    judged.collect()
 }
 
 /// How far off a flight may be that sets no bound of its own \[m\].
@@ -121,7 +120,7 @@ mod tests {
         let mut metrics = crate::summary::Summary::new(&scenario).metrics();
         metrics.max_position_error_m = 400.0;
         metrics.fallback_s = 2.5;
-        let outside: Vec<_> = verdicts(&scenario, &metrics).into_iter().filter(|v| !v.ok).map(|v| v.metric).collect();
+        let outside: Vec<_> = check(&scenario, &metrics).into_iter().filter(|v| !v.ok).map(|v| v.metric).collect();
         assert_eq!(outside, ["max_fallback_s"]);
     }
 }

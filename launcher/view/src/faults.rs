@@ -22,22 +22,19 @@
 //! | clock, host | the ticks of its time | | |
 //! | an intruder on a topic | the ticks of its time | those of the topic | the same |
 //!
-//! A process is back when somebody speaks in its place: its recovery is counted from the detection, all others from the
+//! A process is back when another one sends in its place: its recovery is counted from the detection, all others from the
 //! end of the fault.
 
-mod signs;
-
-use contract::scenario::{Fault, FaultKind};
+use contract::message::{Controls, SolveStatus, guidance_flags, mixer_flags};
+use contract::scenario::{Fault, FaultKind, FaultTarget};
 use contract::topic::Topic;
 use serde_json::{Value, json};
 
 use flight::log::Record;
-pub use signs::reacts;
 
 /// A process that has left so many samples without an answer shows its fault.
 const UNANSWERED: u64 = 3;
 
-/// All faults of a flight.
 pub struct Faults {
     watched: Vec<Watched>,
     rate_hz: u32,
@@ -50,7 +47,6 @@ const GRACE_S: f64 = 0.5;
 struct Watched {
     rate_hz: u32,
     fault: Fault,
-    /// The newest tick of any message.
     newest: u64,
     /// First and last marked message of the topic.
     marked: Option<(u64, u64)>,
@@ -65,7 +61,6 @@ struct Watched {
 struct Course {
     /// Ticks on which it began to show harm, or ceased to.
     changes: Vec<(u64, bool)>,
-    /// The newest tick.
     last: Option<u64>,
 }
 
@@ -94,24 +89,21 @@ impl Faults {
         self.watched.extend(come.iter().map(watch));
     }
 
-    /// Takes one message in.
     pub fn observe(&mut self, record: &Record) {
         self.watched.iter_mut().for_each(|watched| watched.observe(record));
     }
 
-    /// The `faults` array of run.json.
     pub fn to_json(&self) -> Value {
         self.watched.iter().map(Watched::to_json).collect()
     }
 
-    /// One line for people on each.
     pub fn describe(&self) -> Vec<String> {
         self.watched.iter().map(Watched::describe).collect()
     }
 }
 
 impl Course {
-    /// The topic shows harm on `tick`, or none.
+    /// The topic shows harm on `tick`, or does not.
     fn note(&mut self, tick: u64, harmed: bool) {
         if self.changes.last().is_some_and(|change| change.1) != harmed {
             self.changes.push((tick, harmed));
@@ -119,8 +111,8 @@ impl Course {
         self.last = Some(tick);
     }
 
-    /// The topic has spoken on `tick`: between that and the last time there was nobody.
-    fn speak(&mut self, tick: u64) {
+    /// A message of `tick` came: the ticks between it and the one before show harm.
+    fn sent(&mut self, tick: u64) {
         let expected = self.last.map_or(tick, |last| last.saturating_add(1));
         if tick > expected {
             self.note(expected, true);
@@ -144,11 +136,11 @@ impl Watched {
         let course = &mut self.courses[record.topic() as usize];
         self.newest = self.newest.max(tick);
         if self.fault.target.process() == Some(record.topic()) {
-            course.speak(tick);
-        } else if let Some(harmed) = signs::harm(self.fault.target, record, self.obeyed) {
+            course.sent(tick);
+        } else if let Some(harmed) = harm(self.fault.target, record, self.obeyed) {
             course.note(tick, harmed);
         }
-        if signs::struck(&self.fault, record) && self.ticks().contains(&tick) {
+        if struck(&self.fault, record) && self.ticks().contains(&tick) {
             self.marked = Some((self.marked.map_or(tick, |(first, _)| first), tick));
         }
         if let Record::State(state) = record {
@@ -253,6 +245,51 @@ pub fn course(fault: &Fault, from_s: f64) -> String {
 /// Target and kind as the scenario file spells them.
 fn what(fault: &Fault) -> String {
     format!("{} {}", fault.target.name(), json!(fault.kind).as_str().unwrap_or_default())
+}
+
+/// What is known to be wrong with ACTUATORS of these flags, other than a limit.
+const REACTIONS: u64 = mixer_flags::BAD_INPUT
+    | mixer_flags::HELD
+    | mixer_flags::LEVELLED
+    | mixer_flags::DESCENDING
+    | mixer_flags::TRIM_ONLY
+    | mixer_flags::CUT
+    | mixer_flags::TERMINATED;
+
+/// Whether `record` is a message of the topic that `fault` has struck; what is only doubled bears no mark.
+fn struck(fault: &Fault, record: &Record) -> bool {
+    let marked = record.stamp().is_faulted() || fault.kind == FaultKind::Duplicate;
+    marked && fault.target.topic() == Some(record.topic())
+}
+
+/// Whether `record` shows harm done by a fault of `target`; nothing when it is no witness. `obeyed` is the command that
+/// the STATE before it was under.
+fn harm(target: FaultTarget, record: &Record, obeyed: u64) -> Option<bool> {
+    use FaultTarget as T;
+    match (target, record) {
+        (T::Mpc, Record::Controls(controls)) => Some(controls.status > SolveStatus::Solved as u64),
+        (T::Rotor1 | T::Rotor2 | T::Rotor3 | T::Tilt, Record::Actuators(actuators)) => {
+            Some(actuators.flags & mixer_flags::TERMINATED != 0)
+        }
+        (T::Actuators, Record::State(state)) => Some(state.applied_sequence == obeyed),
+        (T::State | T::Reference | T::Controls | T::Position | T::Velocity | T::Attitude | T::Rates, _) => {
+            let first = target.topic().unwrap_or(Topic::State); // what sensors say travels in STATE
+            if record.topic() as usize > first as usize { Some(reacts(record)) } else { None }
+        }
+        _ => None,
+    }
+}
+
+/// Whether the sender of `record` worked without the input it should have had.
+pub fn reacts(record: &Record) -> bool {
+    match record {
+        Record::State(_) => false,
+        Record::Reference(reference) => guidance_flags::repeated(reference.flags),
+        Record::Controls(Controls { status, .. }) => {
+            SolveStatus::repeated(*status) || *status == SolveStatus::NoReference as u64
+        }
+        Record::Actuators(actuators) => actuators.flags & REACTIONS != 0,
+    }
 }
 
 #[cfg(test)]

@@ -1,55 +1,48 @@
 //! What is known to have happened in a flight: its faults, its events, and when a node was without a process. Read from
-//! `faults` and `events` of run.json, whoever wrote it; what cannot be read is left out.
+//! `faults` and `events` of run.json; what cannot be read is left out.
 
 use contract::Topic;
 use contract::scenario::{FaultKind, FaultTarget};
 use contract::topic::NODES;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use flight::event::What;
 
 /// All of a flight. Times are simulated \[s\].
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, Serialize)]
 pub struct Happenings {
-    /// Faults that struck, in the order of the scenario.
     pub faults: Vec<Span>,
-    /// In the order of their times.
     pub events: Vec<Mark>,
-    /// From the death of a process active until the next one took over.
+    /// From the death of an active process until the next one took over.
     pub absences: Vec<Span>,
 }
 
-/// Something that lasts.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Span {
     /// A fault's place in the scenario, from 1 on; 0 for anything else.
     pub number: usize,
-    /// What, for people.
+    /// What it struck: the target of a fault, the node of an absence.
+    #[serde(skip)]
+    pub target: String,
     pub what: String,
-    /// Its first instant.
     pub from_s: f64,
     /// Its end; none when the flight ended first.
     pub to_s: Option<f64>,
-    /// Whose cycles it can delay, by topic.
+    /// Which nodes' cycles it can delay, by topic.
+    #[serde(skip)]
     delays: [bool; Topic::COUNT],
 }
 
-/// Something that happened at one instant.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Mark {
-    /// When.
     pub at_s: f64,
-    /// To whom.
     pub node: String,
-    /// What, for people.
     pub what: String,
-    /// The reason, where one was told.
     pub why: Option<String>,
 }
 
 impl Happenings {
-    /// Of the `faults` and `events` arrays of run.json.
     pub fn new(faults: &Value, events: &Value) -> Self {
         let list = |value: &Value| value.as_array().cloned().unwrap_or_default();
         let mut marks: Vec<Mark> = list(events).iter().filter_map(Mark::read).collect();
@@ -77,19 +70,14 @@ impl Happenings {
     }
 }
 
-/// What can have delayed a cycle, for people.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Causes {
-    /// Faults that acted.
     pub faults: Vec<String>,
-    /// Nodes without a process.
     pub absences: Vec<String>,
-    /// What happened to processes.
     pub events: Vec<String>,
 }
 
 impl Span {
-    /// For people.
     pub fn describe(&self) -> String {
         match self.to_s {
             Some(to_s) => format!("{}, {:.2} to {to_s:.2} s", self.what, self.from_s),
@@ -103,15 +91,22 @@ impl Span {
 
     fn of_fault(fault: &Value, number: usize) -> Option<Self> {
         let from_s = fault["injected_at_s"].as_f64()?;
-        let what = format!("{} {}", fault["target"].as_str()?, fault["kind"].as_str()?);
+        let struck = fault["target"].as_str()?.to_owned();
+        let what = format!("{struck} {}", fault["kind"].as_str()?);
         let target = FaultTarget::deserialize(&fault["target"]).ok();
         let kind = FaultKind::deserialize(&fault["kind"]).ok();
-        Some(Self { number, what, from_s, to_s: fault["ended_at_s"].as_f64(), delays: delays(target, kind) })
+        Some(Self {
+            number,
+            target: struck,
+            what,
+            from_s,
+            to_s: fault["ended_at_s"].as_f64(),
+            delays: delays(target, kind),
+        })
     }
 }
 
 impl Mark {
-    /// For people.
     pub fn describe(&self) -> String {
         let why = self.why.as_ref().map_or(String::new(), |why| format!(" ({why})"));
         format!("{} {} at {:.2} s{why}", self.node, self.what, self.at_s)
@@ -130,8 +125,8 @@ impl Mark {
     }
 }
 
-/// Whose cycles a fault can delay: a process fault those of its node, a hog everybody's; a fault of a topic those of the
-/// nodes that wait for it; the solver those of its node; clock and host everybody's. What acts on the vehicle, none.
+/// Which nodes' cycles a fault can delay. A process fault: those of its node, a hog all. A fault of a topic: those of the nodes
+/// that wait for it. A fault of the solver: those of attitude-mpc. Clock and host: all. What acts on the vehicle: none.
 fn delays(target: Option<FaultTarget>, kind: Option<FaultKind>) -> [bool; Topic::COUNT] {
     use FaultTarget as T;
     let only = |of: &dyn Fn(Topic) -> bool| Topic::ALL.map(of);
@@ -151,7 +146,7 @@ fn delays(target: Option<FaultTarget>, kind: Option<FaultKind>) -> [bool; Topic:
     }
 }
 
-/// When the node of `topic` was without a process active.
+/// When the node of `topic` had no active process.
 fn absences(topic: Topic, events: &Value) -> Vec<Span> {
     let node = topic.publisher();
     let of_node = events.as_array().into_iter().flatten().filter(|event| event["node"] == node);
@@ -170,9 +165,10 @@ fn absences(topic: Topic, events: &Value) -> Vec<Span> {
             Ok(What::Returned) => {
                 active_epochs.pop();
             }
-            Ok(What::Died | What::Hung | What::Killed) if open.is_none() && active_epochs.last() == Some(&epoch) => {
+            Ok(What::Died | What::Hung) if open.is_none() && active_epochs.last() == Some(&epoch) => {
                 let what = format!("{node} was down");
-                spans.push(Span { number: 0, what, from_s: at_s, to_s: None, delays: [true; Topic::COUNT] });
+                let target = node.to_owned();
+                spans.push(Span { number: 0, target, what, from_s: at_s, to_s: None, delays: [true; Topic::COUNT] });
             }
             _ => {}
         }
@@ -214,12 +210,12 @@ mod tests {
     }
 
     #[test]
-    fn what_acts_on_the_vehicle_or_on_another_node_delays_nobody() {
+    fn what_acts_on_the_vehicle_or_on_another_node_delays_no_cycle() {
         assert_eq!(flown().causes(Topic::Reference, 1.6, 1.9), Causes::default());
     }
 
     #[test]
-    fn a_candidate_that_dies_leaves_nobody_without_a_process() {
+    fn the_death_of_a_candidate_is_no_absence() {
         let absences = flown().absences;
         let told: Vec<_> = absences.iter().map(Span::describe).collect();
         assert_eq!(told, ["guidance was down, from 5.00 s", "mixer was down, 2.00 to 2.03 s"]);

@@ -3,19 +3,27 @@
 //! | module | holds |
 //! |---|---|
 //! | [`summary`], [`timing`] | what a flight amounts to: metrics, state hash, cycle timing |
+//! | [`ticks`] | the join of the four messages of a tick, used by everything below and by `measure` |
 //! | [`solves`], [`faults`] | what the solver did, and what came of the scenario's faults |
 //! | [`bounds`] | what a flight must stay inside of |
+//! | [`draw`] | HTML and pictures, for every page |
+//! | [`percentiles`] | percentiles and medians, for everything that measures |
 //! | [`happenings`] | what is known to have happened in a flight, for its timing, trace and report |
 //! | [`run_record`] | `run.json` |
 //! | [`report`] | `report.html` |
 //! | [`trace`] | `trace`: ticks of a run for a trace viewer |
 
+#![allow(missing_docs)]
+
 pub mod bounds;
+pub mod draw;
 pub mod faults;
 pub mod happenings;
+pub mod percentiles;
 pub mod report;
 pub mod run_record;
 pub mod solves;
 pub mod summary;
+pub mod ticks;
 pub mod timing;
 pub mod trace;

@@ -1,13 +1,13 @@
 //! `run.json`: the summary of a run, for programs.
 
 use contract::Scenario;
+use contract::exit;
 use contract::scenario::{Mode, TrajectoryKind};
 use contract::topic::NODES;
 use runtime::port::PortFailure;
-use runtime::session::exit;
 use serde_json::{Value, json};
 
-use crate::bounds::verdicts;
+use crate::bounds;
 use crate::happenings::Happenings;
 use crate::summary::Summary;
 use flight::event::{Event, What, events, name, untried};
@@ -16,15 +16,12 @@ use flight::stack::{Ended, PortFailures, Refused, refused};
 
 /// What is known of a run besides its messages.
 pub struct Circumstances {
-    /// How it ended.
     pub ended: Ended,
     /// Wall time of the flight \[s\], without start and report.
     pub wall_s: f64,
-    /// The recorder's last word, if there was one.
+    /// The recorder's outcome, if there was a recorder.
     pub log: Option<LogOutcome>,
-    /// Versions, host, settings.
     pub provenance: Value,
-    /// What happened.
     pub events: Vec<Event>,
     /// Messages refused, by listener and cause.
     pub refused: Refused,
@@ -32,7 +29,7 @@ pub struct Circumstances {
     pub port_failures: PortFailures,
 }
 
-/// Exit code of a run: the gravest of what happened.
+/// Exit code of a run, by the gravest of what happened.
 pub fn exit_code(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> u8 {
     let log_lost = how.log.as_ref().is_some_and(|log| log.error.is_some());
     match how.ended {
@@ -41,12 +38,11 @@ pub fn exit_code(summary: &Summary, scenario: &Scenario, how: &Circumstances) ->
         Ended::Late(_) => exit::BUDGET_BROKEN,
         Ended::Flown if log_lost => exit::PROCESS_LOST,
         Ended::Flown if summary.status().diverged() || untried(&how.events).is_some() => exit::OUT_OF_BOUNDS,
-        Ended::Flown if verdicts(scenario, &summary.metrics()).iter().any(|v| !v.ok) => exit::OUT_OF_BOUNDS,
+        Ended::Flown if bounds::check(scenario, &summary.metrics()).iter().any(|v| !v.ok) => exit::OUT_OF_BOUNDS,
         Ended::Flown => exit::FLOWN,
     }
 }
 
-/// One line on how the run ended.
 pub fn describe_end(summary: &Summary, how: &Circumstances) -> String {
     let t = summary.time_s();
     match &how.ended {
@@ -65,22 +61,22 @@ pub fn describe_end(summary: &Summary, how: &Circumstances) -> String {
     }
 }
 
-/// What a reader must know beside how the run ended, the gravest first; nothing when all went well.
+/// What else a reader must know, the gravest first; nothing when all went well.
 pub fn reservations(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> Vec<String> {
-    let outside: Vec<_> = verdicts(scenario, &summary.metrics()).into_iter().filter(|verdict| !verdict.ok).collect();
-    let exceeded = outside.iter().any(|verdict| verdict.metric == "max_fallback_s");
+    let outside: Vec<_> = bounds::check(scenario, &summary.metrics()).into_iter().filter(|bound| !bound.ok).collect();
+    let exceeded = outside.iter().any(|bound| bound.metric == "max_fallback_s");
     let mut told: Vec<String> = outside
         .iter()
-        .map(|verdict| {
-            let (what, unit) = verdict.words();
-            format!("{what} {:.3} {unit} (bound {} {unit})", verdict.measured, verdict.limit)
+        .map(|bound| {
+            let [what, unit] = bound.words;
+            format!("{what} {:.3} {unit} (bound {} {unit})", bound.measured, bound.limit)
         })
         .collect();
     let fallback_s = summary.metrics().fallback_s;
     if fallback_s > 0.0 && !exceeded {
         told.push(format!("mixer on its fallback for {fallback_s:.2} s"));
     }
-    let failed = |event: &&Event| matches!(event.what, What::Died | What::Hung | What::Killed | What::GivenUp);
+    let failed = |event: &&Event| matches!(event.what, What::Died | What::Hung | What::GivenUp);
     let mut nodes: Vec<&str> = how.events.iter().filter(failed).map(|event| event.node.as_str()).collect();
     nodes.sort_unstable();
     nodes.dedup();
@@ -92,12 +88,13 @@ pub fn reservations(summary: &Summary, scenario: &Scenario, how: &Circumstances)
         told.extend(log.error.is_some().then(|| "the log is not whole".to_owned()));
     }
     let failing = how.port_failures.iter().filter(|(_, counts)| counts.iter().any(|count| *count > 0));
-    told.extend(failing.map(|(node, counts)| format!("ports of {node} failed {} times", counts.iter().sum::<u32>())));
+    told.extend(failing.map(|(node, counts)| {
+        format!("ports of {node} failed {} times", counts.iter().map(|count| u64::from(*count)).sum::<u64>())
+    }));
     told.extend((summary.missed() > 0).then(|| format!("{} messages were not seen", summary.missed())));
     told
 }
 
-/// The whole of run.json.
 pub fn run_json(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> Value {
     let metrics = summary.metrics();
     let flown_s = summary.time_s();
@@ -116,7 +113,7 @@ pub fn run_json(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
         "metrics": metrics,
         "solver": summary.solves.to_json(),
         "state_hash": summary.state_hash(),
-        "bounds": verdicts(scenario, &metrics),
+        "bounds": bounds::check(scenario, &metrics),
         "speed": { "wall_s": how.wall_s, "times_realtime": flown_s / how.wall_s },
         "timing": summary.timing.as_ref().map(|timing| timing.to_json(&happened)),
         "log": how.log,
@@ -137,7 +134,7 @@ fn port_failures(failures: &PortFailures) -> Value {
     failures.iter().map(|(node, counts)| ((*node).to_owned(), by_cause(counts))).collect()
 }
 
-/// What class and memory the processes got from the kernel; nothing where they asked for nothing.
+/// Scheduling class and memory lock that the kernel gave the processes; `None` where they did not ask for any.
 fn granted(scenario: &Scenario, provenance: &Value) -> Option<String> {
     let nodes: Vec<&Value> = NODES.iter().filter_map(|node| provenance["scheduling"].get(node)).collect();
     if scenario.run.mode != Mode::Realtime || nodes.is_empty() {
@@ -169,31 +166,17 @@ pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
     let mut line = |label: &str, value: String| {
         let _ = writeln!(text, "  {label:<22}{value}"); // a String takes everything
     };
-    line(
-        "position error",
-        format!(
-            "{:.4} m max, {:.4} m RMS, {:.4} m at the end",
-            m.max_position_error_m, m.rms_position_error_m, m.final_position_error_m
-        ),
-    );
-    line(
-        "altitude error",
-        match scenario.mission.trajectory {
-            TrajectoryKind::Survey => format!(
-                "{} in 10-50 s, {} otherwise",
-                metres(m.max_altitude_error_horizontal_m),
-                metres(m.max_altitude_error_vertical_m)
-            ),
-            _ => format!("{} max", metres(m.max_altitude_error_horizontal_m.max(m.max_altitude_error_vertical_m))),
-        },
-    );
-    line(
-        "actuators",
-        format!(
-            "rotors {:.0} to {:.0}, tilt {:.1} deg max, {} commands saturated",
-            m.rotor_speed_min, m.rotor_speed_max, m.tilt_max_deg, m.commands_saturated
-        ),
-    );
+    let [max, rms, last] = [m.max_position_error_m, m.rms_position_error_m, m.final_position_error_m];
+    line("position error", format!("{max:.4} m max, {rms:.4} m RMS, {last:.4} m at the end"));
+    let (horizontal, vertical) = (m.max_altitude_error_horizontal_m, m.max_altitude_error_vertical_m);
+    let altitude = match scenario.mission.trajectory {
+        TrajectoryKind::Survey => format!("{} in 10-50 s, {} otherwise", metres(horizontal), metres(vertical)),
+        _ => format!("{} max", metres(horizontal.max(vertical))),
+    };
+    line("altitude error", altitude);
+    let (low, high, tilt, saturated) = (m.rotor_speed_min, m.rotor_speed_max, m.tilt_max_deg, m.commands_saturated);
+    let actuators = format!("rotors {low:.0} to {high:.0}, tilt {tilt:.1} deg max, {saturated} commands saturated");
+    line("actuators", actuators);
     line("solver", summary.solves.describe());
     for fault in summary.faults.describe() {
         line("fault", fault);
@@ -201,38 +184,25 @@ pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
     for events in describe_events(&how.events, scenario.sample_s()) {
         line("events", events);
     }
-    for v in verdicts(scenario, &m) {
+    for v in bounds::check(scenario, &m) {
         let ok = if v.ok { "inside" } else { "OUTSIDE" };
         line(ok, format!("{} {:.4} against {}", v.metric, v.measured, v.limit));
     }
     if let Some(log) = &how.log {
         let dropped = if log.dropped == 0 { String::new() } else { format!(", {} dropped", log.dropped) };
-        line(
-            "log",
-            format!(
-                "{} records{dropped}{}",
-                log.records,
-                if log.error.is_some() { "; it ends early" } else { "" } // why is told on stderr
-            ),
-        );
+        let error = if log.error.is_some() { "; it ends early" } else { "" }; // the cause stands on stderr
+        line("log", format!("{} records{dropped}{error}", log.records));
     }
     if let Some(granted) = granted(scenario, &how.provenance) {
         line("real time", granted);
     }
-    // Against the clock no flight repeats another, and its hash says nothing.
+    // In real time no flight repeats another, so that its hash says nothing.
     if scenario.run.mode != Mode::Realtime {
-        line("state hash", summary.state_hash().unwrap_or_else(|| "none: the watcher missed messages".into()));
+        line("state hash", summary.state_hash().unwrap_or_else(|| "none: messages were not seen".into()));
     }
-    line(
-        "speed",
-        format!(
-            "{:.2} s flown in {:.2} s: {:.0} x real time",
-            summary.time_s(),
-            how.wall_s,
-            summary.time_s() / how.wall_s
-        ),
-    );
-    // Only against the clock is a node punctual or late.
+    let (flown_s, wall_s) = (summary.time_s(), how.wall_s);
+    line("speed", format!("{flown_s:.2} s flown in {wall_s:.2} s: {:.0} x real time", flown_s / wall_s));
+    // Only in real time is a node late.
     if let Some(timing) = &summary.timing
         && scenario.run.mode == Mode::Realtime
     {

@@ -12,6 +12,7 @@ use sha2::{Digest, Sha256};
 
 use crate::faults::Faults;
 use crate::solves::Solves;
+use crate::ticks::{length_m, position_error_m};
 use crate::timing::Timing;
 use flight::log::{Count, Record};
 
@@ -20,21 +21,16 @@ use flight::log::{Count, Record};
 pub struct Metrics {
     /// Largest Euclidean position error \[m\].
     pub max_position_error_m: f64,
-    /// Root of its mean square \[m\].
     pub rms_position_error_m: f64,
     /// Largest altitude error for t in \[10, 50\] s \[m\].
     pub max_altitude_error_horizontal_m: f64,
     /// Largest altitude error otherwise \[m\].
     pub max_altitude_error_vertical_m: f64,
-    /// Position error at the last sample \[m\].
     pub final_position_error_m: f64,
-    /// Integral of the position error \[m s\].
     pub position_error_integral_ms: f64,
     /// Largest body rate about any axis \[rad/s\].
     pub max_rate_radps: f64,
-    /// Lowest true rotor speed \[rotor speed unit\].
     pub rotor_speed_min: f64,
-    /// Highest true rotor speed \[rotor speed unit\].
     pub rotor_speed_max: f64,
     /// Largest true tilt either way \[deg\].
     pub tilt_max_deg: f64,
@@ -49,7 +45,6 @@ pub struct Metrics {
 /// Gathers a flight, message by message; the order between topics does not matter.
 pub struct Summary {
     trajectory: Trajectory,
-    /// Sample time \[s\].
     sample_s: f64,
     metrics: Metrics,
     square_sum_m2: f64,
@@ -60,16 +55,12 @@ pub struct Summary {
     count: Count,
     missed: u64,
     last: State,
-    /// What the solver did.
     pub solves: Solves,
-    /// What came of the scenario's faults.
     pub faults: Faults,
-    /// CycleTiming; in process there is none.
     pub timing: Option<Timing>,
 }
 
 impl Summary {
-    /// An empty flight of `scenario`.
     pub fn new(scenario: &Scenario) -> Self {
         Self {
             trajectory: Trajectory::new(&scenario.mission),
@@ -102,7 +93,6 @@ impl Summary {
         }
     }
 
-    /// Takes one message in.
     pub fn observe(&mut self, record: &Record) {
         let Some(before) = self.count.before(record) else { return };
         self.missed = self.missed.saturating_add(record.stamp().sequence - before.sequence - 1);
@@ -118,7 +108,7 @@ impl Summary {
             Record::Reference(_) => {}
         }
         if let Some(timing) = &mut self.timing {
-            timing.observe(record, &before, self.metrics.final_position_error_m);
+            timing.observe(record, &before);
         }
     }
 
@@ -127,7 +117,7 @@ impl Summary {
         let t = state.stamp.tick as f64 * self.sample_s;
         let wanted = self.trajectory.at(t).position_m;
         let error = position_error_m(wanted, state);
-        let distance = error.iter().map(|e| e * e).sum::<f64>().sqrt();
+        let distance = length_m(error);
         let m = &mut self.metrics;
         m.max_position_error_m = m.max_position_error_m.max(distance);
         m.final_position_error_m = distance;
@@ -149,7 +139,6 @@ impl Summary {
         self.last = *state;
     }
 
-    /// The metrics so far.
     pub fn metrics(&self) -> Metrics {
         let rms_position_error_m = (self.square_sum_m2 / self.samples.max(1) as f64).sqrt();
         let fallback_s = self.fallback_ticks as f64 * self.sample_s;
@@ -167,17 +156,14 @@ impl Summary {
         })
     }
 
-    /// The newest state seen; sequence 0 before the first.
     pub fn last(&self) -> &State {
         &self.last
     }
 
-    /// Simulated time of the newest state \[s\].
     pub fn time_s(&self) -> f64 {
         self.last.stamp.tick as f64 * self.sample_s
     }
 
-    /// How the plant says the flight stands.
     pub fn status(&self) -> PlantStatus {
         PlantStatus::from_wire(self.last.status).unwrap_or(PlantStatus::NonFinite)
     }
@@ -186,9 +172,4 @@ impl Summary {
     pub fn missed(&self) -> u64 {
         self.missed
     }
-}
-
-/// Position error of a sample: where the mission wants the vehicle minus where it truly is, NED \[m\].
-pub fn position_error_m(wanted_m: [f64; 3], state: &State) -> [f64; 3] {
-    std::array::from_fn(|axis| wanted_m[axis] - state.actual.position_m[axis])
 }

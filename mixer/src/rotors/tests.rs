@@ -61,8 +61,39 @@ fn each_rotor_can_be_seen_to_be_dead() {
     }
 }
 
+/// Whether a rotor seems dead that should give `moment` of its moment and `lift` of its lift at hover, when the shares
+/// `missing` of its moment and `lift_missing` of its lift are missing, and beside its moment one at a right angle, `aside`
+/// times as large as the missing one.
+fn seems_dead(rotor: usize, moment: f64, lift: f64, missing: f64, lift_missing: f64, aside: f64) -> bool {
+    let (rotors, trim, _) = hovering();
+    let mut evidence = rotors.unknown(&trim);
+    let hover: Vector4<f64> = rotors.expected(&trim).column(rotor).into_owned();
+    let m: Vector3<f64> = hover.fixed_rows::<3>(1) * moment;
+    let across = m.cross(&Vector3::new(0.3, -0.8, 0.5)).normalize() * m.norm() * missing * aside;
+    let missing_m = m * missing + across;
+    evidence.expected.set_column(rotor, &Vector4::new(hover[0] * lift, m.x, m.y, m.z));
+    evidence.unexplained = -Vector4::new(hover[0] * lift * lift_missing, missing_m.x, missing_m.y, missing_m.z);
+    rotors.seems_dead(&evidence, rotor)
+}
+
 #[test]
-fn healthy_weak_and_pushed_vehicles_are_let_fly() {
+fn each_threshold_of_a_dead_rotor_is_where_its_constant_says() {
+    for rotor in 0..3 {
+        assert!(seems_dead(rotor, 1.0, 1.0, 1.0, 1.0, 0.0));
+        assert!(seems_dead(rotor, 0.41, 1.0, 1.0, 1.0, 0.0) && !seems_dead(rotor, 0.39, 1.0, 1.0, 1.0, 0.0));
+        assert!(seems_dead(rotor, 0.41, 0.2, 1.0, 1.0, 0.0), "however small its lift is");
+        assert!(seems_dead(rotor, 1.0, 1.0, 0.71, 1.0, 0.0) && !seems_dead(rotor, 1.0, 1.0, 0.69, 1.0, 0.0));
+        assert!(seems_dead(rotor, 3.0, 1.0, 0.71, 1.0, 0.0) && !seems_dead(rotor, 3.0, 1.0, 0.69, 1.0, 0.0));
+        assert!(seems_dead(rotor, 1.0, 1.0, 1.0, 0.51, 0.0) && !seems_dead(rotor, 1.0, 1.0, 1.0, 0.49, 0.0));
+        assert!(seems_dead(rotor, 1.0, 3.0, 1.0, 0.51, 0.0) && !seems_dead(rotor, 1.0, 3.0, 1.0, 0.49, 0.0));
+        // A component half as large at a right angle makes the square of the cosine 0.8.
+        assert!(seems_dead(rotor, 1.0, 1.0, 1.0, 1.0, 0.49) && !seems_dead(rotor, 1.0, 1.0, 1.0, 1.0, 0.51));
+        assert!(!seems_dead(rotor, 1.0, 1.0, -1.0, 1.0, 0.0), "a moment of the other sign");
+    }
+}
+
+#[test]
+fn healthy_weak_and_pushed_vehicles_have_no_dead_rotor() {
     assert_eq!(certain_after(with([1.0; 3], [0.0; 4]), 100.0, 1000), None);
     for rotor in 0..3 {
         assert_eq!(certain_after(with(one_at(rotor, 0.6), [0.0; 4]), 100.0, 20), None, "rotor {rotor} at 60 %");

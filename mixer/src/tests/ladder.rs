@@ -4,7 +4,7 @@ use airframe::{Actuation, Trim};
 use contract::Scenario;
 use contract::message::{Actuators, Controls, SolveStatus, Stamp, State, mixer_flags as flags};
 use contract::scenario::Profile;
-use contract::snapshot::{SNAPSHOT_WORDS, Writer};
+use contract::snapshot::{self, SNAPSHOT_WORDS};
 use proptest::prelude::*;
 
 use super::any_demand;
@@ -91,7 +91,7 @@ fn a_demand_alone_is_flown_without_a_state() {
 }
 
 #[test]
-fn before_anything_came_nothing_turns() {
+fn before_the_first_message_there_is_no_thrust() {
     let mut mixer = Mixer::new(&Scenario::default());
     let nothing = (Controls::default(), State::default());
     assert_eq!(mixer.step(0, &nothing.0, &nothing.1).flags, flags::CUT);
@@ -111,7 +111,7 @@ fn a_fresh_demand_leads_back_to_the_top() {
 }
 
 #[test]
-fn what_is_no_number_or_no_news_ages_on() {
+fn demands_that_are_not_finite_or_repeated_do_not_renew_the_age() {
     let scenario = Scenario::default();
     let spoil: [fn(&mut Controls); 4] = [
         |controls| controls.demand[1] = f64::NAN,
@@ -135,16 +135,45 @@ fn what_is_no_number_or_no_news_ages_on() {
 }
 
 #[test]
-fn a_known_disturbance_is_still_fought_when_levelling() {
+fn levelling_and_descending_take_the_disturbance_estimate_into_account() {
+    let scenario = Scenario::default();
+    let trim = Trim::solve(&scenario.airframe, false).actuation.rotor_speed;
+    for (tick, rung) in [(10, flags::LEVELLED), (300, flags::DESCENDING)] {
+        let mut mixer = Mixer::new(&scenario);
+        let mut controls = climb(0);
+        controls.disturbance = [0.0, -0.1, 0.0, 0.0]; // it pitches the nose down
+        mixer.step(0, &controls, &hover(&scenario, 0));
+        let [front, right, left] = mixer.step(tick, &controls, &hover(&scenario, tick)).command.rotor_speed;
+        assert_eq!(mixer.step(tick, &controls, &hover(&scenario, tick)).flags, rung);
+        assert!(front / right > trim[0] / trim[1] && front / left > trim[0] / trim[2], "nose up: {rung}");
+    }
+}
+
+#[test]
+fn a_terminated_flight_stays_without_thrust_whatever_comes() {
     let scenario = Scenario::default();
     let mut mixer = Mixer::new(&scenario);
-    let mut controls = climb(0);
-    controls.disturbance = [0.0, -0.1, 0.0, 0.0]; // it pitches the nose down
-    mixer.step(0, &controls, &hover(&scenario, 0));
-    let answer = mixer.step(10, &controls, &hover(&scenario, 10));
-    let trim = Trim::solve(&scenario.airframe, false).actuation.rotor_speed;
-    assert_eq!(answer.flags, flags::LEVELLED);
-    assert!(answer.command.rotor_speed[0] > trim[0] && answer.command.rotor_speed[1] < trim[1], "nose up");
+    mixer.memory.terminated = 1;
+    for tick in 0..5 {
+        let answer = mixer.step(tick, &climb(tick), &hover(&scenario, tick));
+        assert_eq!((answer.flags, answer.command.rotor_speed), (flags::CUT | flags::TERMINATED, [0.0; 3]));
+    }
+}
+
+#[test]
+fn evidence_advances_by_the_time_between_two_states() {
+    let scenario = Scenario::default();
+    let mut mixer = Mixer::new(&scenario);
+    let (first, mut second) = (hover(&scenario, 5), hover(&scenario, 7));
+    mixer.step(5, &climb(5), &first);
+    let before = mixer.memory.evidence;
+    second.command_in_force.rotor_speed[0] *= 1.1;
+    second.measured.velocity_mps[2] = 0.1;
+    mixer.step(7, &climb(7), &second);
+    let command = Actuation::from(second.command_in_force);
+    let expected = mixer.rotors.observe(&before, [&first.measured, &second.measured], &command, 0.02);
+    assert_eq!(mixer.memory.evidence, expected);
+    assert_ne!(expected, before);
 }
 
 #[test]
@@ -155,12 +184,9 @@ fn a_bad_snapshot_changes_nothing() {
     let memory = mixer.memory;
     let mut torn = mixer.snapshot();
     torn[9] ^= 1;
-    let mut foreign = Writer::new(*b"guidanc2");
-    foreign.numbers(&[1.0; 50]);
-    let mut bad = Writer::new(*b"mixer  2");
-    bad.optional(None);
-    bad.numbers(&[f64::INFINITY; 50]);
-    for snapshot in [torn, foreign.seal(), bad.seal(), [0; SNAPSHOT_WORDS]] {
+    let mut bad = memory;
+    bad.evidence.dead_s[2] = f64::INFINITY;
+    for snapshot in [torn, snapshot::pack(&bad), [0; SNAPSHOT_WORDS]] {
         assert!(!mixer.restore(&snapshot));
         assert_eq!(mixer.memory, memory);
     }
@@ -195,7 +221,7 @@ proptest! {
     }
 
     #[test]
-    fn one_that_continues_answers_bit_by_bit_like_one_that_was_never_interrupted(
+    fn a_restored_node_answers_bit_by_bit_like_the_one_it_continues(
         path in prop::collection::vec((prop::array::uniform9(-1.0..1.0_f64), prop::array::uniform4(-3.0..3.0_f64), 0_u64..8), 2..60),
         until in 0_usize..60, paper: bool,
     ) {

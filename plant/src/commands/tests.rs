@@ -57,7 +57,7 @@ fn an_answer_to_a_sample_yet_to_come_leaves_no_trace() {
     }
     assert_eq!(at(&mut line, 35 * MS), 0);
     line.receive(&message(3, 2), 36 * MS);
-    assert_eq!(at(&mut line, 36 * MS), 2, "and stands in nobody's way");
+    assert_eq!(at(&mut line, 36 * MS), 2, "and does not block later ones");
 }
 
 #[test]
@@ -67,7 +67,7 @@ fn an_older_command_never_replaces_a_newer_one() {
     line.receive(&message(0, 1), 6 * MS);
     assert_eq!(at(&mut line, 7 * MS), 2);
     line.receive(&message(0, 2), 8 * MS);
-    assert_eq!(line.next_switch_ns(), 5 * MS + CUT_NS, "the same one again is no news");
+    assert_eq!(line.next_switch_ns(), 5 * MS + CUT_NS, "the same one again changes nothing");
 }
 
 #[test]
@@ -89,7 +89,7 @@ fn a_newer_command_that_is_faster_removes_the_older_one() {
 }
 
 #[test]
-fn who_takes_over_counts_anew_and_is_heard() {
+fn commands_of_a_process_that_takes_over_take_effect_though_it_counts_anew() {
     let mut line = line(0.0, 0.0, 0.0, 0);
     line.receive(&message(8, 900), 80 * MS);
     assert_eq!(at(&mut line, 81 * MS), 900);
@@ -127,7 +127,7 @@ fn a_command_without_a_successor_is_cut() {
 }
 
 #[test]
-fn the_first_command_is_waited_for_just_as_long() {
+fn the_trim_command_of_the_start_is_cut_as_late_as_any_other() {
     let cut_at = |delay_ms: f64, time_ns: u64| {
         let mut line = line(delay_ms, 0.0, 0.0, 0);
         line.receive(&message(0, 1), 0);
@@ -159,7 +159,7 @@ fn without_commands_the_vehicle_hovers_half_a_second_and_then_falls() {
 }
 
 #[test]
-fn what_is_not_finite_is_ignored() {
+fn commands_that_are_not_finite_are_ignored() {
     let mut line = line(0.0, 0.0, 0.0, 0);
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         let mut rotor = message(0, 1);
@@ -173,7 +173,7 @@ fn what_is_not_finite_is_ignored() {
 }
 
 #[test]
-fn a_flood_is_bounded_and_allocates_nothing() {
+fn a_flood_of_commands_is_bounded_and_allocates_nothing() {
     let mut line = line(5.0, 0.0, 0.0, 0);
     let room = line.waiting.capacity();
     for sequence in 1..10_000 {
@@ -185,7 +185,7 @@ fn a_flood_is_bounded_and_allocates_nothing() {
 }
 
 #[test]
-fn drops_come_with_their_probability_and_the_others_are_untouched() {
+fn commands_are_dropped_with_their_probability_and_the_others_unchanged() {
     let n = 10_000;
     let mut lossy = line(0.0, 0.0, 0.4, 11);
     let lost = (1..=n).filter(|&k| {

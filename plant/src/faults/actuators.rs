@@ -1,16 +1,16 @@
-//! Faults of rotors and tilt servo. They strike the actuator itself, whatever it was commanded.
+//! Faults of rotors and tilt servo. They act on the true actuator; the command itself is unchanged.
 //!
 //! | kind | rotor | tilt |
 //! |---|---|---|
 //! | off | unpowered: it spins down to 0 with its lag, and its thrust with it | its spring returns it to 0 with its lag |
 //! | stuck | keeps the speed it had at the onset | keeps its angle |
-//! | wrong | `value` of its thrust and torque | stands `value` degrees beside its command, within its range |
+//! | wrong | `value` of its thrust and torque | is `value` degrees off its command, within its range |
 //! | slow | its lag is `ms` | likewise |
 //! | saturated | reaches `value` of its highest speed | reaches `value` of its range, either way |
 //!
-//! An unpowered rotor keeps its effectiveness: what still turns still lifts. An unpowered servo is centred, because
-//! one that stays where it was is stuck. An actuator outside of what a fault lets it reach goes there with its lag. A
-//! lag never becomes shorter than the actuator's own, and of two the longer one counts.
+//! An unpowered rotor keeps its effectiveness: while it turns, it lifts. An unpowered servo returns to the centre; one
+//! that stays where it was is stuck. An actuator outside the range that a fault leaves it returns to it with its lag. A
+//! lag never becomes shorter than the actuator's own, and of several the longest counts.
 
 use airframe::Actuation;
 use contract::Scenario;
@@ -21,9 +21,9 @@ use crate::dynamics::Condition;
 
 /// Share of thrust and torque that a wrong rotor has left.
 const EFFECTIVENESS: f64 = 0.7;
-/// How far a wrong tilt stands beside its command \[deg\].
+/// Offset of a wrong tilt from its command \[deg\].
 const TILT_BIAS_DEG: f64 = 5.0;
-/// Lag of a slow actuator \[ms\]: five times the sound one.
+/// Lag of a slow actuator \[ms\]: five times the healthy one.
 const SLOW_MS: f64 = 150.0;
 /// Share of its range that a saturated actuator reaches.
 const REACH: f64 = 0.8;
@@ -31,16 +31,16 @@ const REACH: f64 = 0.8;
 /// Index of the tilt servo, after the three rotors.
 const TILT: usize = 3;
 
-/// The faults of the actuators, and the positions in which they are stuck.
+/// The faults of the actuators, with the positions in which they are stuck.
 #[derive(Debug, Clone)]
 pub struct ActuatorFaults {
     faults: FaultSchedule<ActuatorFault>,
-    sound: [Sound; 4],
+    healthy: [Healthy; 4],
 }
 
 /// What an actuator can do without a fault.
 #[derive(Debug, Clone, Copy)]
-struct Sound {
+struct Healthy {
     /// Largest position, in its unit.
     reach: f64,
     lag_s: f64,
@@ -69,24 +69,24 @@ enum Effect {
 }
 
 impl ActuatorFaults {
-    /// Those of `scenario`.
+    /// The actuator faults of `scenario`.
     pub fn new(scenario: &Scenario) -> Self {
         let limits = scenario.limits();
-        let rotor = |reach| Sound { reach, lag_s: scenario.plant.rotor_lag_s };
-        let tilt = Sound { reach: limits.tilt_max_rad, lag_s: scenario.plant.servo_lag_s };
+        let rotor = |reach| Healthy { reach, lag_s: scenario.plant.rotor_lag_s };
+        let tilt = Healthy { reach: limits.tilt_max_rad, lag_s: scenario.plant.servo_lag_s };
         let [rotor1, rotor2, rotor3] = limits.rotor_speed_max.map(rotor);
-        let sound = [rotor1, rotor2, rotor3, tilt];
-        Self { faults: FaultSchedule::new(scenario, |_, fault| ActuatorFault::new(&sound, fault)), sound }
+        let healthy = [rotor1, rotor2, rotor3, tilt];
+        Self { faults: FaultSchedule::new(scenario, |_, fault| ActuatorFault::new(&healthy, fault)), healthy }
     }
 
     /// Takes fault `number` as it is from now on.
     pub fn apply_fault(&mut self, number: usize, fault: &Fault) {
-        self.faults.apply_fault(number, fault, ActuatorFault::new(&self.sound, fault));
+        self.faults.apply_fault(number, fault, ActuatorFault::new(&self.healthy, fault));
     }
 
-    /// What becomes, in the period after sample `tick`, of actuators in `position` under an already clipped command:
-    /// the command they follow, and how they follow it.
-    pub fn strike(&mut self, tick: u64, position: &Actuation, command: &Actuation) -> (Actuation, Condition) {
+    /// The faults in the period after sample `tick`, of actuators in `position` under a `command` within the limits: the
+    /// command that they follow, and how they follow it.
+    pub fn inject(&mut self, tick: u64, position: &Actuation, command: &Actuation) -> (Actuation, Condition) {
         let position = as_array(position);
         let mut targets = as_array(command);
         let mut condition = Condition::default();
@@ -94,7 +94,7 @@ impl ActuatorFaults {
             let target = &mut targets[*actuator];
             match effect {
                 Effect::Off => *target = 0.0,
-                // An actuator that is told to be where it is does not move at all.
+                // The target is the position itself, so that the actuator does not move at all.
                 Effect::Stuck(onset) => *target = *onset.get_or_insert(position[*actuator]),
                 Effect::Weak(factor) => condition.effectiveness[*actuator] *= *factor,
                 Effect::Bias(by, limit) => *target = (*target + *by).min(*limit).max(-*limit),
@@ -112,7 +112,7 @@ impl ActuatorFaults {
 
 impl ActuatorFault {
     /// `None` for a fault of something else.
-    fn new(sound: &[Sound; 4], fault: &Fault) -> Option<Self> {
+    fn new(healthy: &[Healthy; 4], fault: &Fault) -> Option<Self> {
         let actuator = match fault.target {
             FaultTarget::Rotor1 => 0,
             FaultTarget::Rotor2 => 1,
@@ -120,7 +120,7 @@ impl ActuatorFault {
             FaultTarget::Tilt => TILT,
             _ => return None,
         };
-        let Sound { reach, lag_s } = sound[actuator];
+        let Healthy { reach, lag_s } = healthy[actuator];
         let effect = match fault.kind {
             FaultKind::Off => Effect::Off,
             FaultKind::Stuck => Effect::Stuck(None),

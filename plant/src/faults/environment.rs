@@ -6,8 +6,8 @@
 //! mass     m = m + value                             while it lasts, at the centre of mass
 //! ```
 //!
-//! A gust is evaluated inside the integration steps. The mass neither changes the moments of inertia nor the velocity
-//! at which the vehicle flies when it is taken up. Several faults add up.
+//! A gust is evaluated inside the integration steps. The mass changes neither the moments of inertia nor the velocity of
+//! the vehicle when it is added. Several faults add up.
 
 use std::f64::consts::TAU;
 
@@ -22,7 +22,7 @@ use crate::dynamics::Surroundings;
 const WIND_MPS: [f64; 3] = [5.0, 0.0, 0.0];
 /// Duration of a gust \[s\].
 const GUST_S: f64 = 2.0;
-/// Mass taken up \[kg\]: almost a fifth of the vehicle's.
+/// Mass added \[kg\]: almost a fifth of the vehicle's.
 const PAYLOAD_KG: f64 = 0.2;
 
 /// The faults of the surroundings.
@@ -43,7 +43,7 @@ enum Effect {
 }
 
 impl EnvironmentFaults {
-    /// Those of `scenario`.
+    /// The faults of wind and payload of `scenario`.
     pub fn new(scenario: &Scenario) -> Self {
         let sample_ns = scenario.sample_ns();
         Self { faults: FaultSchedule::new(scenario, |_, fault| Effect::of(fault, sample_ns)), sample_ns }
@@ -54,8 +54,8 @@ impl EnvironmentFaults {
         self.faults.apply_fault(number, fault, Effect::of(fault, self.sample_ns));
     }
 
-    /// What becomes of `calm` at `offset_s` after `from_ns`, the beginning of an integration step.
-    pub fn strike(&self, from_ns: u64, offset_s: f64, calm: &Surroundings) -> Surroundings {
+    /// `calm` with the faults added, `offset_s` after the beginning `from_ns` of an integration step.
+    pub fn inject(&self, from_ns: u64, offset_s: f64, calm: &Surroundings) -> Surroundings {
         let mut outside = *calm;
         for Entry { ticks, effect, .. } in self.faults.on(from_ns / self.sample_ns) {
             match effect {

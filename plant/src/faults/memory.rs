@@ -1,4 +1,4 @@
-//! What a slow sensor remembers, and what was measured for those that tell it late. Samples may be left out.
+//! The memory of slow and of delayed sensors. Samples may be left out.
 
 use std::collections::VecDeque;
 
@@ -37,14 +37,14 @@ impl Filter {
 /// What was measured in the recent past, by all sensors.
 #[derive(Debug, Clone)]
 pub struct Past {
-    /// As far as it goes back.
+    /// How far it goes back.
     ticks: u64,
-    /// Rising in tick. The first is as old as that, or else the oldest there is; no other is that old.
+    /// Tick and readings, rising in tick. Only the first may be `ticks` old or older.
     readings: VecDeque<(u64, [[f64; 3]; 4])>,
 }
 
 impl Past {
-    /// Goes back by so many `ticks`.
+    /// A memory that goes back by `ticks`.
     pub fn new(ticks: u64) -> Self {
         // One per tick, the present one, and the one it displaces.
         Self { ticks, readings: VecDeque::with_capacity(ticks as usize + 2) }
@@ -62,7 +62,7 @@ impl Past {
         }
     }
 
-    /// The newest readings that are `age` ticks old at sample `tick`; the oldest there are, when none is that old.
+    /// The newest readings that are at least `age` ticks old at sample `tick`; the oldest readings, when none is.
     pub fn before(&self, tick: u64, age: u64) -> [[f64; 3]; 4] {
         let old_enough = self.readings.partition_point(|(at, _)| at + age <= tick);
         self.readings.get(old_enough.saturating_sub(1)).map_or([[f64::NAN; 3]; 4], |(_, readings)| *readings)
@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn the_past_is_as_it_was_and_never_grows() {
+    fn the_past_is_returned_unchanged_in_bounded_room() {
         let mut past = Past::new(10);
         let room = past.readings.capacity();
         for tick in 0..1000u64 {
@@ -122,7 +122,7 @@ mod tests {
     }
 
     #[test]
-    fn of_a_past_with_gaps_the_newest_counts_that_is_old_enough() {
+    fn with_gaps_the_newest_readings_that_are_old_enough_count() {
         let mut past = Past::new(3);
         assert!(past.before(0, 0)[0][0].is_nan(), "nothing was measured yet");
         assert_eq!([0, 1, 2, 5, 6, 7, 20].map(|tick| told(&mut past, tick, 3)), [0.0, 0.0, 0.0, 2.0, 2.0, 2.0, 7.0]);

@@ -1,4 +1,4 @@
-//! `[[fault]]`, as far as it is the plant's: sensors, actuators, air and payload.
+//! The faults of the plant: sensors, actuators, air and payload.
 //!
 //! | module | targets | kinds | acts on |
 //! |---|---|---|---|
@@ -29,11 +29,11 @@ use sensors::SensorFaults;
 /// The plant's faults in a run.
 #[derive(Debug, Clone)]
 pub struct Faults {
-    /// Those of what is measured.
+    /// Faults of the four measured quantities.
     pub sensors: SensorFaults,
-    /// Those of rotors and servo.
+    /// Faults of the three rotors and the tilt servo.
     pub actuators: ActuatorFaults,
-    /// Those of air and payload.
+    /// Faults of wind and payload.
     pub environment: EnvironmentFaults,
 }
 

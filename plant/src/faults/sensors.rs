@@ -1,4 +1,4 @@
-//! Faults of what is measured; what is true does not change.
+//! Faults of the sensors: they change what is measured, and nothing of the true motion.
 //!
 //! ```text
 //! off            NaN: no measurement
@@ -11,11 +11,10 @@
 //! noise          m + value n, n white, normal and independent on every axis
 //! ```
 //!
-//! What is measured, m, includes the scenario's noise and what earlier faults of the same sensor make of it.
+//! The measurement m includes the scenario's noise and the effects of earlier faults of the same sensor.
 
 use contract::Scenario;
-use contract::fault_schedule::LONGEST_DELAY_MS;
-use contract::fault_schedule::{Entry, FaultSchedule};
+use contract::fault_schedule::{Entry, FaultSchedule, MAX_SENSOR_DELAY_MS};
 use contract::message::Kinematics;
 use contract::scenario::{Fault, FaultKind, FaultTarget, Mode, Wrong};
 use rand::RngExt;
@@ -25,7 +24,7 @@ use rand_distr::StandardNormal;
 use super::memory::{Filter, Past};
 use crate::random::Stream;
 
-/// Share of the ticks on which garbage comes.
+/// Share of the ticks on which a garbage sensor returns garbage.
 const GARBAGE_SHARE: f64 = 1.0;
 /// Share of the ticks on which an intermittent sensor is off.
 const OFF_SHARE: f64 = 0.5;
@@ -33,10 +32,10 @@ const OFF_SHARE: f64 = 0.5;
 const SCALE: f64 = 1.5;
 /// Time constant of a slow sensor \[ms\].
 const SLOW_MS: f64 = 200.0;
-/// Age of what a delayed sensor tells \[ms\].
+/// Age of what a delayed sensor returns \[ms\].
 const DELAYED_MS: f64 = 100.0;
 
-/// Bias and standard deviation of noise where the fault gives none: far above a good sensor, yet not absurd.
+/// Bias and standard deviation of noise where the fault gives none: far beyond a good sensor's, within a bad one's.
 struct Sizes {
     bias: f64,
     noise: f64,
@@ -50,12 +49,13 @@ const ATTITUDE: Sizes = Sizes { bias: 5.0, noise: 2.0 };
 /// \[deg/s\]
 const RATES: Sizes = Sizes { bias: 10.0, noise: 10.0 };
 
-/// Random words that each tick has to itself; a tick draws about ten.
+/// Random words reserved for each tick, which uses about ten.
 const WORDS_PER_TICK: u128 = 256;
 
-/// What one sensor tells, on its three axes.
+/// What one sensor returns, on its three axes, in the units of [`Kinematics`].
 type Reading = [f64; 3];
-const NOTHING: Reading = [f64::NAN; 3];
+/// No measurement.
+const NONE: Reading = [f64::NAN; 3];
 
 /// The faults of the sensors, with what they remember.
 #[derive(Debug, Clone)]
@@ -94,13 +94,13 @@ enum Effect {
 }
 
 impl SensorFaults {
-    /// Those of `scenario`.
+    /// The sensor faults of `scenario`.
     pub fn new(scenario: &Scenario) -> Self {
         let (seed, sample_s) = (scenario.run.seed, scenario.sample_s());
         let faults = FaultSchedule::new(scenario, |number, fault| SensorFault::new(seed, sample_s, number, fault));
         let delays =
             faults.all().iter().map(|fault| if let Effect::Delayed(by) = fault.effect.effect { by } else { 0 });
-        let of_live = if scenario.run.mode == Mode::Realtime { ticks(LONGEST_DELAY_MS, sample_s) } else { 0 };
+        let of_live = if scenario.run.mode == Mode::Realtime { ticks(MAX_SENSOR_DELAY_MS, sample_s) } else { 0 };
         Self { past: Past::new(delays.fold(of_live, u64::max)), faults, seed, sample_s }
     }
 
@@ -109,15 +109,15 @@ impl SensorFaults {
         self.faults.apply_fault(number, fault, SensorFault::new(self.seed, self.sample_s, number, fault));
     }
 
-    /// CycleLoop what is measured at sample `tick` into what the sensors tell.
-    pub fn strike(&mut self, tick: u64, measured: &mut Kinematics) {
+    /// Changes what was `measured` at sample `tick` into what the sensors return.
+    pub fn inject(&mut self, tick: u64, measured: &mut Kinematics) {
         let Kinematics { position_m, velocity_mps, attitude_rad, rates_radps } = measured;
         self.past.remember(tick, [*position_m, *velocity_mps, *attitude_rad, *rates_radps]);
         let readings = [position_m, velocity_mps, attitude_rad, rates_radps];
         for Entry { ticks, effect: fault, .. } in self.faults.all_mut() {
             let reading = &mut *readings[fault.sensor];
             if ticks.contains(&tick) {
-                *reading = fault.tell(tick, *reading, &self.past);
+                *reading = fault.read(tick, *reading, &self.past);
             } else {
                 fault.watch(tick, *reading);
             }
@@ -152,7 +152,7 @@ impl SensorFault {
         Some(Self { sensor, effect, random: Stream::Fault(number).open(seed) })
     }
 
-    /// Before the fault and after it.
+    /// Takes note of a reading while the fault is not active.
     fn watch(&mut self, tick: u64, measured: Reading) {
         match &mut self.effect {
             Effect::Stuck(last) => *last = Some(measured),
@@ -161,16 +161,16 @@ impl SensorFault {
         }
     }
 
-    /// During the fault.
-    fn tell(&mut self, tick: u64, measured: Reading, past: &Past) -> Reading {
+    /// What the sensor returns while the fault is active.
+    fn read(&mut self, tick: u64, measured: Reading, past: &Past) -> Reading {
         // Its draws depend on the tick alone, even if samples before it were left out.
         self.random.set_word_pos(u128::from(tick) * WORDS_PER_TICK);
         let random = &mut self.random;
         match &mut self.effect {
-            Effect::Off => NOTHING,
+            Effect::Off => NONE,
             Effect::Stuck(last) => *last.get_or_insert(measured),
             Effect::Garbage(share) if random.random::<f64>() < *share => measured.map(|_| garbage(random)),
-            Effect::Intermittent(share) if random.random::<f64>() < *share => NOTHING,
+            Effect::Intermittent(share) if random.random::<f64>() < *share => NONE,
             Effect::Garbage(_) | Effect::Intermittent(_) => measured,
             Effect::Bias(by) => measured.map(|value| value + *by),
             Effect::Scale(factor) => measured.map(|value| value * *factor),

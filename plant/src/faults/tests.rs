@@ -70,9 +70,9 @@ fn written(state: &State) -> String {
 fn before_it_begins_no_fault_leaves_a_trace() {
     let sound = fly(&scenario(&[], 7));
     for fault in all(&[&SENSORS[..], &TRUE_ONES[..]].concat()) {
-        let struck = fly(&scenario(std::slice::from_ref(&fault), 7));
-        let same = |k: usize| written(&struck[k]) == written(&sound[k]);
-        // Element k is sample k + 1; what strikes the true vehicle at sample 20 shows at sample 21.
+        let faulty = fly(&scenario(std::slice::from_ref(&fault), 7));
+        let same = |k: usize| written(&faulty[k]) == written(&sound[k]);
+        // Element k is sample k + 1; what acts on the true vehicle at sample 20 shows at sample 21.
         assert!((0..19).all(same), "{fault:?} acts too early");
         assert!(!(19..30).all(same), "{fault:?} does nothing");
     }
@@ -82,12 +82,12 @@ fn before_it_begins_no_fault_leaves_a_trace() {
 fn a_sensor_fault_changes_what_is_measured_and_nothing_else_ever() {
     let sound = fly(&scenario(&[], 7));
     for fault in all(&SENSORS) {
-        let struck = fly(&scenario(std::slice::from_ref(&fault), 7));
-        for (k, (mut struck, sound)) in struck.into_iter().zip(&sound).enumerate() {
+        let faulty = fly(&scenario(std::slice::from_ref(&fault), 7));
+        for (k, (mut faulty, sound)) in faulty.into_iter().zip(&sound).enumerate() {
             if (19..29).contains(&k) {
-                struck.measured = sound.measured;
+                faulty.measured = sound.measured;
             }
-            assert_eq!(written(&struck), written(sound), "{fault:?} in element {k}");
+            assert_eq!(written(&faulty), written(sound), "{fault:?} in element {k}");
         }
     }
 }
@@ -142,7 +142,7 @@ fn left_out_samples_do_not_change_a_fault_of_the_true_vehicle() {
 }
 
 #[test]
-fn at_every_rate_and_step_a_fault_strikes_alike() {
+fn a_fault_acts_alike_at_every_rate_and_substep() {
     for kind in [(FaultTarget::Rotor1, FaultKind::Off), (FaultTarget::Wind, FaultKind::Gust)] {
         let height = |rate_hz: u32, substep_s: f64| {
             let mut scenario = Scenario::of(Profile::Paper);

@@ -9,14 +9,11 @@ use std::path::{Path, PathBuf};
 use rustix::fs::{FallocateFlags, Mode, OFlags, StatVfs, fallocate, fstat, open, statvfs};
 use rustix::io::Errno;
 
-use super::DomainError;
+use crate::error::DomainError;
+use crate::limits::{FILES_NEEDED, HOME_NAMES};
 
 /// Where shared memory is.
 pub const SHM: &str = "/dev/shm";
-/// How many names a user's folder can have; another user's file can stand under some.
-pub const NAMES: usize = 8;
-/// A flight makes about a hundred files; some more for processes that are replaced.
-pub const FILES_NEEDED: u64 = 300;
 const MEGABYTE: u64 = 1 << 20;
 
 /// Whether shared memory has room for a flight of `bytes`.
@@ -44,7 +41,7 @@ pub fn allocate(file: &File, bytes: u64) -> io::Result<()> {
 /// Where the user's folder can be.
 fn names() -> impl Iterator<Item = PathBuf> {
     let first = format!("{SHM}/trefoil-{}", rustix::process::geteuid().as_raw());
-    (0..NAMES).map(move |i| if i == 0 { first.clone() } else { format!("{first}.{i}") }.into())
+    (0..HOME_NAMES).map(move |i| if i == 0 { first.clone() } else { format!("{first}.{i}") }.into())
 }
 
 /// The user's folder, or several, when another user's file has stood in the way at times.
@@ -52,7 +49,7 @@ pub fn homes() -> impl Iterator<Item = PathBuf> {
     names().filter(|path| is_private(path))
 }
 
-/// Whether `path` is a folder, this user's, and nobody else may enter it.
+/// Whether `path` is a folder, this user's, and no other user may enter it.
 fn is_private(path: &Path) -> bool {
     let own = rustix::process::geteuid().as_raw();
     let stat = open_folder(path).and_then(fstat);

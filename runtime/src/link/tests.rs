@@ -10,16 +10,21 @@ fn arrivals(kind: FaultKind, size: impl Fn(&mut Fault)) -> Vec<(u64, Controls)> 
     let faults = vec![Fault::new(FaultTarget::State, FaultKind::Drop, 0.0, None), fault];
     let scenario = Scenario { fault: faults, ..Scenario::default() };
     let mut link = Link::new(&scenario);
+    let schedule = schedule(&scenario);
     let mut all = vec![];
     for tick in 0..40 {
         let mut marked = 0;
-        link.pass(tick, &demand(tick), |message| match message.stamp.delivery {
+        link.pass(tick, &demand(tick), &schedule, |message| match message.stamp.delivery {
             delivery::DELIVERED => all.push((tick, *message)),
             _ => marked += u64::from(message.is_intact()), // a bit of this very mark may be what fell over
         });
         assert!(marked <= 1, "what was meant is shown once");
     }
     all
+}
+
+fn schedule(scenario: &Scenario) -> FaultSchedule<Fault> {
+    FaultSchedule::new(scenario, |_, fault| Some(*fault))
 }
 
 fn demand(tick: u64) -> Controls {
@@ -106,15 +111,18 @@ fn bad_contents_are_refused_for_the_right_reason() {
 }
 
 #[test]
-fn who_works_in_the_shadow_stays_unheard_whatever_strikes_it() {
+fn messages_of_a_standby_stay_marked_whatever_fault_strikes_them() {
     for kind in [FaultKind::Drop, FaultKind::Garbage, FaultKind::Delay, FaultKind::Reorder] {
         let fault = Fault { probability: Some(1.0), ..Fault::new(FaultTarget::Controls, kind, 0.0, None) };
-        let mut link = Link::new(&Scenario { fault: vec![fault], ..Scenario::default() });
+        let scenario = Scenario { fault: vec![fault], ..Scenario::default() };
+        let mut link = Link::new(&scenario);
         let mut marks = vec![];
         for tick in 0..10 {
             let mut message = demand(tick);
             message.stamp.delivery = delivery::STANDBY;
-            link.pass(tick, &message.with_checksum(), |message| marks.push(message.stamp.delivery));
+            link.pass(tick, &message.with_checksum(), &schedule(&scenario), |message| {
+                marks.push(message.stamp.delivery);
+            });
         }
         let struck = delivery::STANDBY | delivery::FAULT;
         assert!(marks.iter().all(|mark| [delivery::STANDBY, struck].contains(mark)), "{kind:?}: {marks:?}");
@@ -130,7 +138,9 @@ fn a_message_that_is_let_pass_is_not_lost() {
     let mut arrived = vec![];
     for tick in 0..6 {
         let heard = |message: &Controls| message.stamp.delivery == delivery::DELIVERED;
-        link.pass(tick, &demand(tick), |message| arrived.extend(heard(message).then_some(message.stamp.tick)));
+        link.pass(tick, &demand(tick), &schedule(&scenario), |message| {
+            arrived.extend(heard(message).then_some(message.stamp.tick));
+        });
     }
     assert_eq!(arrived, [1, 0, 3, 2, 5, 4]);
 }
@@ -141,15 +151,16 @@ fn a_fault_that_comes_while_flying_is_like_one_of_the_scenario() {
     let arrived = |given: bool| -> Vec<(u64, u64)> {
         let scenario = Scenario { fault: if given { vec![] } else { vec![fault] }, ..Scenario::default() };
         let mut link = Link::new(&scenario);
+        let mut schedule = schedule(&scenario);
         let mut all = vec![];
         for tick in 0..40 {
             if given && tick == 9 {
-                link.apply_fault(0, &fault);
+                schedule.apply_fault(0, &fault, Some(fault));
             }
             if tick == 24 {
-                link.apply_fault(0, &Fault { for_s: Some(0.15), ..fault });
+                schedule.apply_fault(0, &Fault { for_s: Some(0.15), ..fault }, None);
             }
-            link.pass(tick, &demand(tick), |message| all.push((tick, message.stamp.delivery)));
+            link.pass(tick, &demand(tick), &schedule, |message| all.push((tick, message.stamp.delivery)));
         }
         all
     };
@@ -161,15 +172,16 @@ fn a_fault_that_comes_while_flying_is_like_one_of_the_scenario() {
 fn struck<M: Message>(message: M, how: Option<Wrong>, value: Option<f64>) -> M {
     let target = [FaultTarget::State, FaultTarget::Reference, FaultTarget::Controls, FaultTarget::Actuators];
     let fault = Fault { value, how, ..Fault::new(target[M::TOPIC as usize], FaultKind::Wrong, 0.0, None) };
-    let mut link = Link::new(&Scenario { fault: vec![fault], ..Scenario::default() });
+    let scenario = Scenario { fault: vec![fault], ..Scenario::default() };
+    let mut link = Link::new(&scenario);
     let mut heard = None;
-    link.pass(0, &message.with_checksum(), |message| {
+    link.pass(0, &message.with_checksum(), &schedule(&scenario), |message| {
         if message.stamp().delivery == delivery::DELIVERED {
             heard = Some(*message);
         }
     });
     let heard = heard.expect("it arrives");
-    assert!(heard.is_intact(), "nobody can tell from the seal");
+    assert!(heard.is_intact(), "the checksum does not show it");
     heard
 }
 

@@ -26,17 +26,12 @@ use iceoryx2_cal::{
 
 use rustix::io::Errno;
 
-use super::{MAX_SUBSCRIBERS, PortError};
 use crate::domain::{Domain, allocate};
+use crate::error::PortError;
+use crate::limits::{LEAST_DEPTH, MAX_SUBSCRIBERS, MOST_DEPTH, OBSERVER_S};
 use contract::Topic;
 use contract::message::{Actuators, Controls, Message, Reference, State};
 
-/// How long an observer may hang before it loses messages \[s\]; a recorder that hangs so long is replaced.
-const OBSERVER_S: usize = 5;
-/// Its queue, whatever the rate: from `LEAST_DEPTH` up to this.
-const MOST_DEPTH: usize = 2048;
-/// The least that it is, whatever the rate.
-pub const LEAST_DEPTH: usize = 512;
 /// Samples that iceoryx2 sets aside for each subscriber beside its queue, and for each publisher.
 const BORROWED: usize = 2;
 /// What a sample takes beside header and message, and in each connection \[bytes\].
@@ -46,7 +41,7 @@ const PER_PLACE: usize = 16;
 /// Services, control page, settings, and what is rounded up to pages \[bytes\].
 const REST: usize = 1 << 20;
 
-/// Queue of the recorder and of the launcher, who want every message, at `rate_hz`.
+/// Queue of the recorder and of the launcher, which want every message, at `rate_hz`.
 pub fn observer_depth(rate_hz: u32) -> usize {
     (rate_hz as usize * OBSERVER_S).clamp(LEAST_DEPTH, MOST_DEPTH)
 }

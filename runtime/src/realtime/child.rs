@@ -10,7 +10,7 @@ use rustix::process::{Signal, getpid, getppid, set_parent_process_death_signal};
 /// Has the kernel kill what `command` starts as soon as the thread that started it is no more.
 ///
 /// It holds for that process, whatever it becomes by `exec`, but for a program that has capabilities or a user of its own.
-/// Who is started by it in turn is not killed.
+/// A process that it starts in turn is not killed.
 pub fn die_with_parent(command: &mut Command) {
     let parent = getpid();
     let bind = move || {

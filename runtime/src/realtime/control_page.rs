@@ -1,10 +1,11 @@
-//! The page: shared memory with a doorbell per topic, the roles, and the words every process looks at.
+//! The control page: shared memory with a doorbell per topic, the roles, and the words that every process looks at.
 //!
 //! iceoryx2 carries the messages; the doorbells only wake. A doorbell is a counter with a futex on it: a publisher raises it
 //! after it has sent, a waiter sleeps until it moves or a deadline passes. iceoryx2's own event is a datagram with
 //! time-outs in milliseconds; a futex costs one system call a side and times out at the nanosecond.
 //!
-//! A doorbell holds no state worth losing: whoever dies between sending and ringing costs the others one time-out.
+//! A doorbell holds no state worth losing: a process that dies between sending and ringing costs the others one
+//! time-out.
 
 use std::fs::OpenOptions;
 use std::io;
@@ -15,7 +16,7 @@ use std::ptr::NonNull;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
 use rustix::io::Errno;
-use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
+use rustix::mm::{MapFlags, ProtFlags, mmap, mmap_anonymous, munmap};
 use rustix::thread::futex;
 
 use super::clock::to_timespec;
@@ -25,7 +26,7 @@ use crate::shared_role::{SharedRole, Word};
 use contract::Topic;
 
 const PAGE_BYTES: usize = 4096 * 8;
-const MAGIC: u32 = 0x7EF0_1107;
+const MAGIC: u32 = 0x7EF0_1108;
 
 #[repr(C)]
 struct Page {
@@ -41,6 +42,7 @@ struct Page {
     archive: SharedRole,
     fault_table: FaultTable,
     origin_ns: AtomicU64,
+    samples: AtomicU64,
 }
 const _: () = assert!(size_of::<Page>() <= PAGE_BYTES);
 
@@ -66,18 +68,18 @@ impl Doorbell {
         self.0.load(Ordering::Acquire)
     }
 
-    /// Raises the counter and wakes everybody who waits.
+    /// Raises the counter and wakes every process that waits.
     pub fn ring(&self) {
         self.0.fetch_add(1, Ordering::Release);
         self.wake();
     }
 
-    /// Raises the counter and wakes nobody.
+    /// Raises the counter and wakes no process.
     pub fn mark(&self) {
         self.0.fetch_add(1, Ordering::Release);
     }
 
-    /// Raises the counter to `count`, unless it stands there already, and wakes everybody who waits.
+    /// Raises the counter to `count`, unless it stands there already, and wakes every process that waits.
     pub fn raise(&self, count: u32) {
         if self.0.fetch_max(count, Ordering::Release) < count {
             self.wake();
@@ -114,6 +116,14 @@ impl ControlPage {
         let page = Self::map(&file)?;
         page.page().magic.store(MAGIC, Ordering::Release);
         Ok(page)
+    }
+
+    /// A page in the memory of this process alone, for a ring that one thread turns.
+    pub fn private() -> io::Result<Self> {
+        let protection = ProtFlags::READ | ProtFlags::WRITE;
+        // SAFETY: the address is the kernel's choice, so no existing mapping is replaced; the memory is all zero.
+        let address = unsafe { mmap_anonymous(std::ptr::null_mut(), PAGE_BYTES, protection, MapFlags::PRIVATE)? };
+        Self::at(address)
     }
 
     /// Opens the page of a running stack.
@@ -159,6 +169,16 @@ impl ControlPage {
         self.page().origin_ns.store(origin_ns, Ordering::Release);
     }
 
+    /// Samples of the run; 0 until the plant has taken the last one.
+    pub fn samples(&self) -> u64 {
+        self.page().samples.load(Ordering::Acquire)
+    }
+
+    /// Says how many samples the run has; the plant's part, before it sends the last one.
+    pub fn set_samples(&self, samples: u64) {
+        self.page().samples.store(samples, Ordering::Release);
+    }
+
     /// Where the run stands: see [`phase`]. Rung at every change.
     pub fn phase(&self) -> &Doorbell {
         &self.page().phase
@@ -184,7 +204,7 @@ impl ControlPage {
         &self.page().asked
     }
 
-    /// Lockstep: ticks for which the launcher has said it.
+    /// Lockstep: ticks for which the launcher has answered.
     pub fn ruled(&self) -> &Doorbell {
         &self.page().ruled
     }
@@ -202,12 +222,16 @@ impl ControlPage {
         // SAFETY: the address is the kernel's choice, so no existing mapping is replaced; the length is that of the
         // file, checked or set by the caller. Nothing but atomics is ever read or written through it.
         let address = unsafe { mmap(std::ptr::null_mut(), PAGE_BYTES, protection, MapFlags::SHARED, file, 0)? };
+        Self::at(address)
+    }
+
+    fn at(address: *mut std::ffi::c_void) -> io::Result<Self> {
         let page = NonNull::new(address.cast::<Page>()).ok_or_else(|| io::Error::other("mapped at address zero"))?;
         Ok(Self { page })
     }
 
     fn page(&self) -> &Page {
-        // SAFETY: `page` comes from `map`: page-aligned, PAGE_BYTES long, which covers `Page`, and mapped until drop.
+        // SAFETY: `page` comes from `at`: page-aligned, PAGE_BYTES long, which covers `Page`, and mapped until drop.
         // `Page` is made of atomics only, for which every bit pattern is valid and shared writes are defined.
         unsafe { self.page.as_ref() }
     }
@@ -215,7 +239,7 @@ impl ControlPage {
 
 impl Drop for ControlPage {
     fn drop(&mut self) {
-        // SAFETY: mapped by `map` with this length, and no reference outlives `self`. Failure would leak one page.
+        // SAFETY: mapped with this length, and no reference outlives `self`. Failure would leak one page.
         let _ = unsafe { munmap(self.page.as_ptr().cast(), PAGE_BYTES) };
     }
 }

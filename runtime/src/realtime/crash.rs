@@ -1,10 +1,10 @@
 //! Crashes: this process has touched memory that is not there, or gives itself up.
 //!
-//! The files of a run are shared: one that is cut short while it is mapped (SIGBUS), or whose contents somebody else has
-//! changed (SIGSEGV, SIGABRT), can end whoever uses it. The process says why and ends with the exit code of a process
+//! The files of a run are shared: one that is cut short while it is mapped (SIGBUS), or whose contents another
+//! process has changed (SIGSEGV, SIGABRT), can end a process that uses it. The process says why and ends with the exit code of a process
 //! that was lost: to the supervisor a crash like any other. With the launcher its children die too.
 
-use crate::session::exit;
+use contract::exit;
 
 /// The signals, and what a process says that gets one.
 const CRASHES: [(libc::c_int, &[u8]); 3] = [

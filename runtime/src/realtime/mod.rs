@@ -30,13 +30,8 @@ pub use crash::tell_of_crashes;
 pub use peer::peer_of;
 pub use signals::{keep_nohup, reset_signals};
 
+use crate::limits::{FILES_OF_A_CONNECTION, LATER_BYTES};
 use contract::scenario::{Policy, Scheduling};
-
-/// More than a process of the stack maps after it has settled \[bytes\]: the segments of all processes that may join.
-const LATER_BYTES: usize = 1 << 30;
-
-/// More files than a connection to one publisher opens.
-const FILES_OF_A_CONNECTION: usize = 16;
 
 /// Asks for what the scenario wants; takes what it gets. The launcher reads from `/proc` what that was.
 ///

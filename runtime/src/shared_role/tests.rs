@@ -1,31 +1,15 @@
 use super::*;
 
 fn role() -> Box<SharedRole> {
-    let word = || Word(AtomicU32::new(0));
-    Box::new(SharedRole {
-        packed: AtomicU64::new(0),
-        ready: word(),
-        met: word(),
-        since: [word(), word()],
-        done: [word(), word()],
-        sent: [word(), word()],
-        received: std::array::from_fn(|_| std::array::from_fn(|_| word())),
-        port_failures: [word(), word()],
-        memory: Cell {
-            written: AtomicU64::new(0),
-            copies: std::array::from_fn(|_| std::array::from_fn(|_| AtomicU64::new(0))),
-        },
-        voices: std::array::from_fn(|_| AtomicU64::new(0)),
-        refused: std::array::from_fn(|_| word()),
-    })
+    Box::default()
 }
 
 #[test]
 fn a_place_that_is_offered_goes_to_one_process() {
     let role = role();
-    assert!(!role.claim(1, 71), "nobody was asked for");
+    assert!(!role.claim(1, 71), "no place was offered");
     role.offer(1);
-    assert!(!role.claim(2, 72), "it is another's");
+    assert!(!role.claim(2, 72), "it is that of another epoch");
     assert!(role.claim(1, 71));
     assert!(!role.claim(1, 72), "it is taken");
     assert!(role.port(1) == 71);
@@ -33,10 +17,12 @@ fn a_place_that_is_offered_goes_to_one_process() {
 }
 
 #[test]
-fn an_heir_takes_over_when_a_tick_begins() {
+fn the_pending_epoch_is_active_when_the_next_tick_begins() {
     let role = role();
     role.activate_pending(7);
-    assert_eq!(role.assignment(), Assignment::default(), "nobody is named");
+    assert_eq!(role.assignment(), Assignment::default(), "no epoch is named");
+    role.offer(1);
+    role.offer(2);
     role.assign(0, |_| Assignment { active: 1, standby: 0 });
     role.set_pending(2);
     assert!(role.assignment().includes(1) && !role.assignment().includes(2) && !role.assignment().includes(0));
@@ -46,15 +32,17 @@ fn an_heir_takes_over_when_a_tick_begins() {
 }
 
 #[test]
-fn a_shadow_and_its_holder_change_places_and_back() {
+fn standby_and_active_change_places_and_back() {
     let role = role();
+    role.offer(1);
+    role.offer(2);
     role.assign(0, |_| Assignment { active: 1, standby: 0 });
     role.done(1).set(20);
     role.assign(20, |assignment| Assignment { standby: 2, ..assignment });
     role.set_pending(2);
     role.activate_pending(30);
     assert_eq!(role.assignment(), Assignment { active: 2, standby: 1 });
-    assert_eq!((role.since(1).get(), role.since(2).get()), (0, 20), "who worked before goes on where it is");
+    assert_eq!((role.since(1).get(), role.since(2).get()), (0, 20), "one that worked before goes on where it is");
     role.set_pending(1);
     role.activate_pending(40);
     assert_eq!(role.assignment(), Assignment { active: 1, standby: 2 });
@@ -93,9 +81,9 @@ fn what_launcher_and_plant_do_at_the_same_time_is_done_one_after_the_other() {
             role.dismiss(2);
             wait_for(&done, round);
             let (assignment, pending) = (role.assignment(), role.packed().pending);
-            let who_is_gone_is_gone = !assignment.includes(2) && pending != 2;
-            let who_stays_has_the_office = round % 2 == 0 || assignment.active == 1 || pending == 1;
-            if !(who_is_gone_is_gone && who_stays_has_the_office) {
+            let dismissed_is_gone = !assignment.includes(2) && pending != 2;
+            let other_stays = round % 2 == 0 || assignment.active == 1 || pending == 1;
+            if !(dismissed_is_gone && other_stays) {
                 lost.push((round, assignment, pending));
             }
         }
@@ -104,7 +92,7 @@ fn what_launcher_and_plant_do_at_the_same_time_is_done_one_after_the_other() {
 }
 
 #[test]
-fn who_leaves_is_no_heir_and_leaves_the_office_to_a_shadow() {
+fn an_epoch_that_is_dismissed_leaves_the_role_to_its_standby() {
     let role = role();
     role.assign(0, |_| Assignment { active: 1, standby: 0 });
     role.set_pending(2);
@@ -131,4 +119,63 @@ fn a_snapshot_is_read_whole() {
         }
     });
     assert_eq!(cell.read(), Some([200_000; SNAPSHOT_WORDS]));
+}
+
+#[test]
+fn an_epoch_that_works_keeps_its_slot_whatever_is_offered() {
+    let role = role();
+    role.assign(0, |_| Assignment { active: 1, standby: 0 });
+    role.offer(1);
+    role.done(1).set(7);
+    for epoch in 2..20 {
+        role.offer(epoch);
+        role.sent(epoch).count();
+        assert_eq!((role.done(1).get(), role.sent(epoch).get(), role.done(epoch).get()), (7, 1, 0));
+    }
+    role.assign(9, |assignment| Assignment { standby: 19, ..assignment });
+    role.set_pending(18);
+    role.offer(20);
+    role.offer(21);
+    let counted = [1, 18, 19, 21].map(|epoch| (role.done(epoch).get(), role.sent(epoch).get()));
+    assert_eq!(counted, [(7, 0), (0, 1), (9, 1), (0, 0)]);
+}
+
+#[test]
+fn an_epoch_that_has_no_slot_any_more_changes_the_counts_of_no_other() {
+    let role = role();
+    (1..=6).for_each(|epoch| role.offer(epoch));
+    role.done(1).set(99);
+    role.sent(2).count();
+    let counted = [3, 4, 5, 6].map(|epoch| (role.done(epoch).get(), role.sent(epoch).get()));
+    assert_eq!(counted, [(0, 0); 4]);
+}
+
+proptest::proptest! {
+    /// Whatever is offered, assigned and named: active, standby, pending and the newest offer count apart.
+    #[test]
+    fn epochs_that_work_or_are_about_to_count_apart(steps in proptest::collection::vec((0..4_u8, 0..3_u32), 1..60)) {
+        let role = role();
+        let mut newest = 1_u32;
+        role.offer(1);
+        role.assign(0, |_| Assignment { active: 1, standby: 0 });
+        for (step, back) in steps {
+            let offered = newest.saturating_sub(back).max(1);
+            let known = |epoch: u32| role.slots.iter().any(|slot| slot.epoch.get() == epoch);
+            match step {
+                0 => {
+                    newest += 1;
+                    role.offer(newest);
+                }
+                1 if known(offered) => role.assign(5, |assignment| Assignment { standby: offered, ..assignment }),
+                2 if known(offered) => role.set_pending(offered),
+                _ => role.activate_pending(6),
+            }
+            let PackedAssignment { assignment, pending } = role.packed();
+            let working = assignment.epochs().chain([pending, newest].into_iter().filter(|epoch| *epoch != 0));
+            for epoch in working {
+                let slots = role.slots.iter().filter(|slot| slot.epoch.get() == epoch).count();
+                proptest::prop_assert_eq!(slots, 1, "epoch {}", epoch);
+            }
+        }
+    }
 }

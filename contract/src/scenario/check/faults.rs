@@ -2,28 +2,30 @@
 
 use toml::Value;
 
-use super::{Found, surroundings};
-use crate::scenario::{Constraints, Fault, FaultKind, FaultTarget, LONGEST_MS, LONGEST_S, Law, Mode, Plant, Scenario};
+use super::Found;
+use crate::scenario::{
+    Constraints, Fault, FaultKind, FaultTarget, Law, MAX_FAULT_MS, MAX_FAULT_S, Mode, Plant, Scenario,
+};
 
-/// Bits that a corrupt message has flipped at most: more than any message has.
-const MOST_BITS: f64 = 10_000.0;
-/// Messages of a burst, or of which one passes.
-const MOST_MESSAGES: f64 = 1e6;
-/// Wind along one axis \[m/s\].
-const STRONGEST_WIND_MPS: f64 = 200.0;
-/// A payload \[kg\].
-const HEAVIEST_KG: f64 = 1000.0;
+/// Bits flipped in a corrupt message: more than any message has.
+const MAX_BITS: f64 = 10_000.0;
+/// Messages lost in a burst, or for each one that passes: beyond any flight's.
+const MAX_MESSAGES: f64 = 1e6;
+/// Wind along one axis \[m/s\]: beyond any storm.
+const MAX_WIND_MPS: f64 = 200.0;
+/// Payload \[kg\]: a thousand times the vehicle's mass.
+const MAX_PAYLOAD_KG: f64 = 1000.0;
 /// Bias, factor or deviation of what is measured or demanded, in its unit.
-const LARGEST_ERROR: f64 = 1e6;
+const MAX_ERROR: f64 = 1e6;
 
 /// Every rule that `fault` breaks as one of `scenario`.
 pub fn check(scenario: &Scenario, fault: &Fault, found: &mut Found) {
     check_sizes(fault, found);
     check_air(fault, &scenario.plant, found);
-    surroundings::check(fault, scenario.run.mode, found);
+    check_surroundings(fault, scenario.run.mode, found);
     let (at_s, for_s) = (fault.at_s, fault.for_s.unwrap_or(0.0));
     found.require(
-        (0.0..=LONGEST_S).contains(&at_s) && (0.0..=LONGEST_S).contains(&for_s),
+        (0.0..=MAX_FAULT_S).contains(&at_s) && (0.0..=MAX_FAULT_S).contains(&for_s),
         &["fault"],
         format!("a fault at {at_s:?} s for {for_s:?} s"),
         "`at_s` and `for_s` of 0 to 86400",
@@ -32,14 +34,14 @@ pub fn check(scenario: &Scenario, fault: &Fault, found: &mut Found) {
     found.require(
         kinds.contains(&fault.kind),
         &["fault"],
-        format!("{} cannot suffer {}", fault.target.name(), word(fault.kind)),
+        format!("{} cannot have {}", fault.target.name(), word(fault.kind)),
         &format!("{} has {}", fault.target.name(), kinds.iter().map(|kind| word(*kind)).collect::<Vec<_>>().join(", ")),
     );
     let hangs = matches!(fault.kind, FaultKind::Stop | FaultKind::Hog | FaultKind::Exit);
     found.require(
         !(fault.target == FaultTarget::Plant && hangs && scenario.run.mode != Mode::Realtime),
         &["fault", "run.mode"],
-        format!("the plant cannot suffer {} where it is what makes time go on", word(fault.kind)),
+        format!("the plant cannot have {} where it is what makes time go on", word(fault.kind)),
         "`run.mode` = \"realtime\", or kill",
     );
     found.require(
@@ -51,7 +53,7 @@ pub fn check(scenario: &Scenario, fault: &Fault, found: &mut Found) {
     );
 }
 
-/// Every rule that the sizes of `fault` break, whatever the scenario: a size that means nothing to its kind, and one out of
+/// Every rule that the sizes of `fault` break, whatever the scenario: a size that its kind does not use, and one out of
 /// its range.
 pub fn check_sizes(fault: &Fault, found: &mut Found) {
     let keys = fault.keys();
@@ -88,17 +90,17 @@ pub fn check_sizes(fault: &Fault, found: &mut Found) {
 fn range(fault: &Fault, key: &str) -> (f64, f64) {
     use FaultKind as K;
     match (key, fault.kind) {
-        ("ms", K::Offset) => (-LONGEST_MS, LONGEST_MS), // only a clock can be off either way
-        ("ms", _) => (0.0, LONGEST_MS),
+        ("ms", K::Offset) => (-MAX_FAULT_MS, MAX_FAULT_MS), // only a clock can be off either way
+        ("ms", _) => (0.0, MAX_FAULT_MS),
         ("probability", _) | ("value", K::Saturated) => (0.0, 1.0),
-        ("count", K::Corrupt) => (1.0, MOST_BITS),
-        ("count", _) => (1.0, MOST_MESSAGES),
-        ("vector", _) => (-STRONGEST_WIND_MPS, STRONGEST_WIND_MPS),
-        ("value", K::Mass) => (0.0, HEAVIEST_KG),
+        ("count", K::Corrupt) => (1.0, MAX_BITS),
+        ("count", _) => (1.0, MAX_MESSAGES),
+        ("vector", _) => (-MAX_WIND_MPS, MAX_WIND_MPS),
+        ("value", K::Mass) => (0.0, MAX_PAYLOAD_KG),
         ("value", K::Wrong) if fault.target == FaultTarget::Tilt => (-180.0, 180.0),
         ("value", K::Wrong) if fault.target.is_an_actuator() => (0.0, 2.0), // as `plant.rotor_effectiveness`
-        ("value", K::Noise) => (0.0, LARGEST_ERROR),
-        _ => (-LARGEST_ERROR, LARGEST_ERROR),
+        ("value", K::Noise) => (0.0, MAX_ERROR),
+        _ => (-MAX_ERROR, MAX_ERROR),
     }
 }
 
@@ -109,6 +111,35 @@ fn check_air(fault: &Fault, plant: &Plant, found: &mut Found) {
         &["fault", "plant.drag_linear_nspm", "plant.drag_quadratic_ns2pm2"],
         "a wind that a vehicle without drag does not feel".into(),
         "drag, for instance `plant.drag_linear_nspm` = [0.2, 0.2, 0.1]",
+    );
+}
+
+/// Faults of clock, host and intruders: a process is named where one is needed, and the mode has what they act on.
+fn check_surroundings(fault: &Fault, mode: Mode, found: &mut Found) {
+    let of_one = matches!(fault.kind, FaultKind::Offset | FaultKind::ShmRemoved);
+    let named = fault.process.is_some_and(|target| target.process().is_some());
+    found.require(
+        fault.process.is_some() == of_one && (named || !of_one),
+        &["fault"],
+        if of_one {
+            format!("{} without the name of a process that has it", word(fault.kind))
+        } else {
+            format!("{} with a `process`", word(fault.kind))
+        },
+        "`process` = \"plant\", \"guidance\", \"attitude-mpc\" or \"mixer\" with offset and shm-removed, and with no other",
+    );
+    let needs_processes = of_one || fault.kind.is_intrusion();
+    found.require(
+        !needs_processes || mode != Mode::Inprocess || !fault.target.kinds().contains(&fault.kind),
+        &["fault", "run.mode"],
+        format!("{} where one thread flies, without clock and shared memory", word(fault.kind)),
+        "`run.mode` = \"realtime\" or \"lockstep\"",
+    );
+    found.require(
+        fault.target != FaultTarget::Host || fault.for_s.is_none(),
+        &["fault"],
+        format!("{} with an end", word(fault.kind)),
+        "no `for_s`: a log that has failed once is closed, and a name that is gone does not come back",
     );
 }
 

@@ -8,15 +8,15 @@ use toml::Value;
 use super::Found;
 
 type Range = (Bound<f64>, Bound<f64>);
-/// Beyond this no number means anything to a vehicle, and what is derived from it may overflow.
-const LARGE: f64 = 1e9;
-const ANY: Range = (Included(-LARGE), Included(LARGE));
+/// No setting means anything to a vehicle beyond this, and what is computed from it may overflow.
+const MAX: f64 = 1e9;
+const ANY: Range = (Included(-MAX), Included(MAX));
 /// A bound that is infinite is lifted.
 const LIFTED: Range = (Excluded(0.0), Unbounded);
-const POSITIVE: Range = (Included(1e-9), Included(LARGE));
-const NOT_NEGATIVE: Range = (Included(0.0), Included(LARGE));
+const POSITIVE: Range = (Included(1e-9), Included(MAX));
+const NOT_NEGATIVE: Range = (Included(0.0), Included(MAX));
 /// Shortest integration step \[s\]: 2000 of them in the longest sample.
-const SHORTEST_STEP_S: f64 = 1e-5;
+const MIN_STEP_S: f64 = 1e-5;
 const INERTIA: Range = (Included(1e-9), Included(1e6));
 const ARM: Range = (Included(1e-3), Included(1e3));
 const ROTOR_CONSTANT: Range = (Included(1e-12), Included(1e3));
@@ -48,7 +48,7 @@ const RANGES: [(&str, Range); 70] = [
     ("mission.step_at_s", NOT_NEGATIVE),
     ("mission.times_s", NOT_NEGATIVE),
     ("mission.ramp_s", NOT_NEGATIVE),
-    ("plant.substep_s", (Included(SHORTEST_STEP_S), Included(0.01))),
+    ("plant.substep_s", (Included(MIN_STEP_S), Included(0.01))),
     ("plant.rotor_lag_s", POSITIVE),
     ("plant.servo_lag_s", POSITIVE),
     ("plant.rotor_rate_limit", POSITIVE),

@@ -1,13 +1,13 @@
 //! What a swap may be.
 
-use super::Found;
 use super::faults::word;
-use crate::scenario::{FaultKind, FaultTarget, Mode, Scenario, Swap, SwapNode, SwapTicks, candidate};
+use super::{Found, LoadCandidate};
+use crate::scenario::{FaultKind, FaultTarget, Mode, Scenario, ScenarioError, Swap, SwapNode, SwapTicks};
 
 const KEYS: [&str; 1] = ["swap"];
 
 /// Every rule that the swaps of `scenario` break.
-pub fn check(scenario: &Scenario, found: &mut Found) {
+pub fn check(scenario: &Scenario, candidate: LoadCandidate, found: &mut Found) {
     for (i, swap) in scenario.swap.iter().enumerate() {
         check_sizes(swap, found);
         if !check_node(scenario, swap, found) {
@@ -22,7 +22,7 @@ pub fn check(scenario: &Scenario, found: &mut Found) {
             format!("two swaps of {} at once", swap.node.name()),
             "one after the other: from `at_s` to `at_s` + `standby_s` + `watch_s` the node is taken",
         );
-        check_candidate(scenario, swap, found);
+        check_candidate(scenario, swap, candidate(scenario, swap), found);
     }
 }
 
@@ -49,7 +49,7 @@ fn check_sizes(swap: &Swap, found: &mut Found) {
     found.require(
         (-1.0..=1.0).contains(&bounds.similarity),
         &KEYS,
-        format!("a swap with an similarity of {:?}", bounds.similarity),
+        format!("a swap with a `similarity` of {:?}", bounds.similarity),
         "`similarity` of -1 to 1",
     );
 }
@@ -82,8 +82,8 @@ fn check_node(scenario: &Scenario, swap: &Swap, found: &mut Found) -> bool {
 }
 
 /// The candidate's own settings.
-fn check_candidate(scenario: &Scenario, swap: &Swap, found: &mut Found) {
-    let own = match candidate(scenario, swap) {
+fn check_candidate(scenario: &Scenario, swap: &Swap, own: Result<Scenario, ScenarioError>, found: &mut Found) {
+    let own = match own {
         Ok(own) => own,
         Err(error) => {
             let text = error.to_string();

@@ -1,4 +1,4 @@
-//! The catalogue: what can be struck, and by what.
+//! The catalogue of faults: which targets there are, and which kinds each of them can have.
 //!
 //! | group | target | kinds |
 //! |---|---|---|
@@ -20,7 +20,7 @@ use crate::Topic;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FaultTarget {
-    /// The process that turns the ring.
+    /// The process of the vehicle.
     Plant,
     /// The process of the position controller.
     Guidance,
@@ -77,7 +77,7 @@ pub enum FaultKind {
     Slow,
     /// It burns its processor at its own priority.
     Hog,
-    /// It ends by itself, and not well.
+    /// It ends by itself, with an error.
     Exit,
     /// Messages are lost, each by itself.
     Drop,
@@ -91,19 +91,19 @@ pub enum FaultKind {
     Reorder,
     /// Bits are flipped.
     Corrupt,
-    /// The numbers are none.
+    /// The numbers are NaN, infinite or random.
     Garbage,
-    /// The stamps tell an older time.
+    /// The stamps are of an older time.
     Stale,
     /// Only some of the messages come.
     Rate,
-    /// Nothing comes of it.
+    /// A sensor measures nothing; an actuator is unpowered.
     Off,
     /// It stays as it was when the fault began.
     Stuck,
     /// A sensor, or what a node demands, with a bias, a factor or the wrong sign; an actuator with less effect.
     Wrong,
-    /// A sensor that tells what was true some time ago.
+    /// A sensor that returns what was measured some time ago.
     Delayed,
     /// A sensor that is off now and then.
     Intermittent,
@@ -119,7 +119,7 @@ pub enum FaultKind {
     Mass,
     /// The solver is given constraints that contradict each other.
     Infeasible,
-    /// The solver is given numbers that are none.
+    /// The solver is given NaN.
     Nan,
     /// The solver is granted a single iteration.
     IterationCap,
@@ -131,9 +131,9 @@ pub enum FaultKind {
     ShmRemoved,
     /// Another process of the same user sends well-formed messages, with an epoch made up or stolen.
     SecondPublisher,
-    /// A process with another idea of the messages wants to join.
+    /// A process with another layout of the messages tries to join.
     WrongLayout,
-    /// A process of another user wants to join.
+    /// A process of another user tries to join.
     WrongUser,
 }
 
@@ -149,7 +149,7 @@ pub enum Wrong {
     Sign,
 }
 
-/// The kinds that a topic can suffer. The first is not for STATE: it demands nothing.
+/// The kinds that a topic can have. The first is not for STATE, which demands nothing.
 #[rustfmt::skip]
 const TOPIC_KINDS: [FaultKind; 13] = {
     use FaultKind as K;
@@ -190,13 +190,13 @@ impl FaultTarget {
         Self::ALL[self as usize].1
     }
 
-    /// The topic that it is, if it is one.
+    /// The topic of this name, if it is one.
     pub fn topic(self) -> Option<Topic> {
         let topics = [Self::State, Self::Reference, Self::Controls, Self::Actuators];
         topics.iter().position(|topic| *topic == self).map(|i| Topic::ALL[i])
     }
 
-    /// The topic on which the process speaks that it is, if it is one.
+    /// The topic that the process of this name publishes, if it is one.
     pub fn process(self) -> Option<Topic> {
         let processes = [Self::Plant, Self::Guidance, Self::AttitudeMpc, Self::Mixer];
         processes.iter().position(|process| *process == self).map(|i| Topic::ALL[i])
@@ -207,7 +207,7 @@ impl FaultTarget {
         matches!(self, Self::Rotor1 | Self::Rotor2 | Self::Rotor3 | Self::Tilt)
     }
 
-    /// The kinds it can suffer.
+    /// The kinds it can have.
     pub fn kinds(self) -> &'static [FaultKind] {
         use FaultKind as K;
         match self {

@@ -1,126 +1,122 @@
-//! What the three cores that answer to the plant have in common.
+//! The nodes in process: each core with the ports that a process of it has, over queues.
 
 use attitude_mpc::AttitudeMpc;
-use contract::message::{Actuators, Controls, Message, Reference, Stamp, State};
+use contract::message::{Actuators, Controls, Reference, Stamp, State};
 use contract::scenario::Scenario;
 use contract::snapshot::Snapshot;
+use contract::topic::Topic;
 use guidance::Guidance;
 use mixer::Mixer;
+use runtime::error::SessionError;
+use runtime::input::Input;
+use runtime::member::Member;
+use runtime::output::Output;
+use runtime::ports::Ports;
 
-use super::speech::{Counts, Ear, Heard};
-
-/// A node's core, and what it hears.
+/// A node that answers to the plant.
 pub trait Node: Sized {
-    /// Where it hears.
-    type Ears;
-    /// What it says.
-    type Says: Message;
+    /// The topic that it answers on.
+    const TOPIC: Topic;
 
-    /// As at the beginning of a run.
-    fn new(scenario: &Scenario) -> Self;
-    /// The ears of one that joins after the `last` words.
-    fn ears(last: &Heard) -> Self::Ears;
-    /// Its answer to sample `tick`, and where that comes from.
-    fn answer(&mut self, ears: &mut Self::Ears, sample: Stamp) -> (Self::Says, Stamp);
-    /// Its memory.
+    /// Opens its ports, with a core as at the beginning of a run of `scenario`.
+    fn join(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result<Self, SessionError>;
+    /// Answers to a sample; `sample` is the provenance of a new chain.
+    fn answer(&mut self, sample: Stamp);
+    /// What it remembers.
     fn memory(&self) -> Snapshot;
-    /// Goes on from another's memory.
-    fn inherit(&mut self, memory: &Snapshot);
-    /// What its ears have refused, by cause.
-    fn refused(ears: &Self::Ears) -> Counts;
+    /// Goes on from the memory of another.
+    fn restore(&mut self, memory: &Snapshot);
 }
 
-impl Node for Guidance {
-    type Ears = Ear<State>;
-    type Says = Reference;
+/// Guidance with its ports.
+pub struct GuidanceNode {
+    core: Guidance,
+    states: Input<State>,
+    references: Output<Reference>,
+}
 
-    fn new(scenario: &Scenario) -> Self {
-        Self::new(scenario)
+impl Node for GuidanceNode {
+    const TOPIC: Topic = Topic::Reference;
+
+    fn join(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result<Self, SessionError> {
+        let (states, references) = (Input::open(ports, member)?, Output::open(ports, member, scenario)?);
+        Ok(Self { core: Guidance::new(scenario), states, references })
     }
 
-    fn ears(last: &Heard) -> Self::Ears {
-        Ear::after(&last.state)
-    }
-
-    fn answer(&mut self, ears: &mut Self::Ears, sample: Stamp) -> (Reference, Stamp) {
-        let state = ears.newest(sample.tick + 1);
-        (self.step(sample.tick, state), sample.with(state))
+    fn answer(&mut self, sample: Stamp) {
+        let state = self.states.newest();
+        self.references.send(self.core.step(sample.tick, state), sample.with(state));
     }
 
     fn memory(&self) -> Snapshot {
-        self.snapshot()
+        self.core.snapshot()
     }
 
-    fn inherit(&mut self, memory: &Snapshot) {
-        self.restore(memory);
-    }
-
-    fn refused(ears: &Self::Ears) -> Counts {
-        ears.refused
+    fn restore(&mut self, memory: &Snapshot) {
+        self.core.restore(memory);
     }
 }
 
-impl Node for AttitudeMpc {
-    type Ears = (Ear<State>, Ear<Reference>);
-    type Says = Controls;
+/// The attitude controller with its ports.
+pub struct MpcNode {
+    core: AttitudeMpc,
+    states: Input<State>,
+    references: Input<Reference>,
+    controls: Output<Controls>,
+}
 
-    fn new(scenario: &Scenario) -> Self {
-        Self::new(scenario)
+impl Node for MpcNode {
+    const TOPIC: Topic = Topic::Controls;
+
+    fn join(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result<Self, SessionError> {
+        let (states, references) = (Input::open(ports, member)?, Input::open(ports, member)?);
+        let controls = Output::open(ports, member, scenario)?;
+        Ok(Self { core: AttitudeMpc::try_new(scenario)?, states, references, controls })
     }
 
-    fn ears(last: &Heard) -> Self::Ears {
-        (Ear::after(&last.state), Ear::after(&last.reference))
-    }
-
-    fn answer(&mut self, (states, references): &mut Self::Ears, sample: Stamp) -> (Controls, Stamp) {
-        let (state, reference) = (states.newest(sample.tick + 1), references.newest(sample.tick + 1));
-        (self.step(sample.tick, state, reference), sample.with(reference).with(state))
+    fn answer(&mut self, sample: Stamp) {
+        let (reference, state) = (self.references.newest(), self.states.newest());
+        let provenance = sample.with(reference).with(state);
+        self.controls.send(self.core.step(sample.tick, state, reference), provenance);
     }
 
     fn memory(&self) -> Snapshot {
-        self.snapshot()
+        self.core.snapshot()
     }
 
-    fn inherit(&mut self, memory: &Snapshot) {
-        self.restore(memory);
-    }
-
-    fn refused((states, references): &Self::Ears) -> Counts {
-        sum(states.refused, references.refused)
+    fn restore(&mut self, memory: &Snapshot) {
+        self.core.restore(memory);
     }
 }
 
-impl Node for Mixer {
-    type Ears = (Ear<State>, Ear<Controls>);
-    type Says = Actuators;
+/// The mixer with its ports.
+pub struct MixerNode {
+    core: Mixer,
+    states: Input<State>,
+    demands: Input<Controls>,
+    actuators: Output<Actuators>,
+}
 
-    fn new(scenario: &Scenario) -> Self {
-        Self::new(scenario)
+impl Node for MixerNode {
+    const TOPIC: Topic = Topic::Actuators;
+
+    fn join(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result<Self, SessionError> {
+        let (states, demands) = (Input::open(ports, member)?, Input::open(ports, member)?);
+        let actuators = Output::open(ports, member, scenario)?;
+        Ok(Self { core: Mixer::new(scenario), states, demands, actuators })
     }
 
-    fn ears(last: &Heard) -> Self::Ears {
-        (Ear::after(&last.state), Ear::after(&last.controls))
-    }
-
-    fn answer(&mut self, (states, demands): &mut Self::Ears, sample: Stamp) -> (Actuators, Stamp) {
-        let (state, demand) = (states.newest(sample.tick + 1), demands.newest(sample.tick + 1));
-        (self.step(sample.tick, demand, state), sample.with(demand).with(state))
+    fn answer(&mut self, sample: Stamp) {
+        let (demand, state) = (self.demands.newest(), self.states.newest());
+        let provenance = sample.with(demand).with(state);
+        self.actuators.send(self.core.step(sample.tick, demand, state), provenance);
     }
 
     fn memory(&self) -> Snapshot {
-        self.snapshot()
+        self.core.snapshot()
     }
 
-    fn inherit(&mut self, memory: &Snapshot) {
-        self.restore(memory);
+    fn restore(&mut self, memory: &Snapshot) {
+        self.core.restore(memory);
     }
-
-    fn refused((states, demands): &Self::Ears) -> Counts {
-        sum(states.refused, demands.refused)
-    }
-}
-
-/// Counts by cause, of two ears.
-pub fn sum(a: Counts, b: Counts) -> Counts {
-    std::array::from_fn(|i| a[i] + b[i])
 }

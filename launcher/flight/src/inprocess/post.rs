@@ -1,102 +1,96 @@
-//! Those who work for one node when one thread runs them all: one active, and now and then one beside it on standby.
+//! Those that work for one node when one thread runs them all: one active, and now and then one on standby.
 
-use contract::message::{Message, Stamp};
-use contract::scenario::{Scenario, candidate};
+use std::sync::Arc;
+
+use contract::message::Stamp;
+use contract::scenario::Scenario;
 use contract::snapshot::Snapshot;
-use runtime::process_fault::ProcessFaults;
+use contract::topic::Topic;
+use runtime::error::SessionError;
+use runtime::member::Member;
+use runtime::ports::{Ports, Transport};
+use runtime::queue::Queues;
+use runtime::realtime::ControlPage;
 
-use super::node::{Node, sum};
-use super::speech::{Counts, Heard, Voice};
-use crate::roles::role::Input;
-use crate::roles::simulated::Simulated;
+use super::node::Node;
+
+/// What a ring in process shares: the control page and the queues.
+#[derive(Clone)]
+pub struct Ring {
+    /// Roles and counts.
+    pub page: Arc<ControlPage>,
+    /// What carries the messages.
+    pub queues: Queues,
+}
+
+impl Ring {
+    /// With empty roles.
+    pub fn new() -> std::io::Result<Self> {
+        Ok(Self { page: Arc::new(ControlPage::private()?), queues: Queues::default() })
+    }
+
+    /// A process of the node that answers on `topic`, with its place in the role and its ports. It acts out the exits of
+    /// its own settings if they are not those of the `run`.
+    pub fn member(&self, topic: Topic, epoch: u32, own: &Scenario, run: &Scenario) -> (Member, Ports) {
+        self.page.role(topic).offer(epoch);
+        let member = Member::in_process(self.page.clone(), topic, epoch, own, own.fault != run.fault);
+        (member, Ports::new(self.page.clone(), Transport::Queues(self.queues.clone())))
+    }
+}
 
 /// All that work for one node.
-pub struct Post<N: Node> {
+pub struct Post<N> {
+    ring: Ring,
     workers: Vec<Worker<N>>,
-    /// What the last one remembered who left the role vacant.
+    /// What the last one remembered that left the role vacant.
     memory: Option<Snapshot>,
-    /// What those who have left had refused, by cause.
-    refused: Counts,
 }
 
 /// What a process of the node would be.
-struct Worker<N: Node> {
-    epoch: u32,
-    /// Those of its own settings; those of the run are the roles's matter.
-    process_faults: ProcessFaults,
-    core: N,
-    ears: N::Ears,
-    voice: Voice<N::Says>,
+struct Worker<N> {
+    member: Member,
+    node: N,
 }
 
 impl<N: Node> Post<N> {
     /// With the first process of a run.
-    pub fn new(scenario: &Scenario) -> Self {
-        let first = Worker::new(scenario, scenario, 1, N::ears(&Heard::default()));
-        Self { workers: vec![first], memory: None, refused: Counts::default() }
+    pub fn new(ring: &Ring, run: &Scenario) -> Result<Self, SessionError> {
+        let mut post = Self { ring: ring.clone(), workers: vec![], memory: None };
+        post.begin(1, run, run)?;
+        Ok(post)
     }
 
-    /// The ears of all.
-    pub fn ears(&mut self) -> impl Iterator<Item = &mut N::Ears> {
-        self.workers.iter_mut().map(|worker| &mut worker.ears)
-    }
-
-    /// Messages refused so far, by cause.
-    pub fn refused(&self) -> Counts {
-        self.workers.iter().map(|worker| N::refused(&worker.ears)).fold(self.refused, sum)
-    }
-
-    /// Another begins: the run's settings or those of the swap `origin`, the memory of who is or was active, and the
-    /// `last` word of each topic.
-    pub fn begin(&mut self, run: &Scenario, epoch: u32, origin: Option<usize>, last: &Heard, active: u32) {
-        let own = origin.and_then(|i| candidate(run, &run.swap[i]).ok()); // what is wrong with it was said before
-        let mut worker: Worker<N> = Worker::new(own.as_ref().unwrap_or(run), run, epoch, N::ears(last));
-        let active = self.workers.iter().find(|worker| worker.epoch == active);
-        if let Some(memory) = active.map(|active| active.core.memory()).or(self.memory) {
-            worker.core.inherit(&memory);
+    /// The process `epoch` begins, with settings of its `own` or those of the `run`, and with the memory of the one that is
+    /// or was active.
+    pub fn begin(&mut self, epoch: u32, own: &Scenario, run: &Scenario) -> Result<(), SessionError> {
+        let (member, mut ports) = self.ring.member(N::TOPIC, epoch, own, run);
+        let mut node = N::join(&mut ports, &member, own)?;
+        let active = self.ring.page.role(N::TOPIC).active();
+        let active = self.workers.iter().find(|worker| worker.member.epoch == active);
+        if let Some(memory) = active.map(|active| active.node.memory()).or(self.memory) {
+            node.restore(&memory);
         }
-        self.workers.push(worker);
+        self.workers.push(Worker { member, node });
+        Ok(())
     }
 
-    /// One leaves.
+    /// The process `epoch` ends.
     pub fn end(&mut self, epoch: u32) {
-        if let Some(i) = self.workers.iter().position(|worker| worker.epoch == epoch) {
-            let worker = self.workers.remove(i);
-            self.memory = Some(worker.core.memory());
-            self.refused = sum(self.refused, N::refused(&worker.ears));
+        if let Some(i) = self.workers.iter().position(|worker| worker.member.epoch == epoch) {
+            self.memory = Some(self.workers.remove(i).node.memory());
         }
     }
 
-    /// All who work answer to a sample; `each` gets their messages, with the epoch active.
-    pub fn answer(
-        &mut self,
-        sample: Stamp,
-        roles: &mut Simulated,
-        mut each: impl FnMut(&N::Says, u32, &mut Simulated),
-    ) {
-        let leaves = |worker: &&Worker<N>| worker.process_faults.leaves(sample.tick, sample.tick);
-        let leaving: Vec<u32> = self.workers.iter().filter(leaves).map(|worker| worker.epoch).collect();
-        for epoch in leaving {
-            self.end(epoch);
-            roles.exited(N::Says::TOPIC, epoch, sample.tick, Input::Exited(epoch));
-        }
-        let assignment = roles.assignment(N::Says::TOPIC);
-        for Worker { epoch, core, ears, voice, .. } in &mut self.workers {
-            if assignment.includes(*epoch) {
-                let (answer, provenance) = core.answer(ears, sample);
-                let active = assignment.active == *epoch;
-                voice.speak(active, answer, provenance, |message| each(message, assignment.active, roles));
-            }
-        }
+    /// A process that a fault of its own settings ends instead of its answer to `tick`.
+    pub fn leaves(&self, tick: u64) -> Option<u32> {
+        let leaves = |worker: &&Worker<N>| worker.member.faults.leaves(tick, tick);
+        self.workers.iter().find(leaves).map(|worker| worker.member.epoch)
     }
-}
 
-impl<N: Node> Worker<N> {
-    /// With settings of its `own`, which may be those of the `run`.
-    fn new(own: &Scenario, run: &Scenario, epoch: u32, ears: N::Ears) -> Self {
-        let scripted = own.fault == run.fault;
-        let fault = if scripted { vec![] } else { own.fault.clone() };
-        let process_faults = ProcessFaults::new(&Scenario { fault, ..own.clone() }, N::Says::TOPIC);
-        Self { epoch, process_faults, core: N::new(own), ears, voice: Voice::new(own, epoch) }
+    /// All that work answer to a sample; `sample` is the provenance of a new chain.
+    pub fn answer(&mut self, sample: Stamp) {
+        let assignment = self.ring.page.role(N::TOPIC).assignment();
+        let working = self.workers.iter_mut().filter(|worker| assignment.includes(worker.member.epoch));
+        working.for_each(|worker| worker.node.answer(sample));
     }
 }

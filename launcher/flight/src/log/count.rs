@@ -8,10 +8,12 @@ use contract::message::{Message, Stamp};
 
 use super::Record;
 
-/// The newest stamp of each process that works for a node: one active, one beside it on standby, whose epochs differ in the
-/// last bit ([`runtime::shared_role`]).
+/// The newest stamp of each process of a node, of the last few that have sent.
 #[derive(Debug, Default)]
-pub struct Count([[Stamp; 2]; Topic::COUNT]);
+pub struct Count([[Stamp; PROCESSES]; Topic::COUNT]);
+
+/// One active, one beside it on standby, and the ones before them, of which late messages may still come.
+const PROCESSES: usize = 4;
 
 impl Count {
     /// The stamp before this one of the same process, number 0 where there is none; `None` when this message is not to be
@@ -21,8 +23,11 @@ impl Count {
         if !record.is_intact() {
             return None;
         }
-        let newest = &mut self.0[record.topic() as usize][stamp.epoch as usize % 2];
-        let before = if newest.epoch == stamp.epoch { *newest } else { Stamp::default() };
+        let processes = &mut self.0[record.topic() as usize];
+        let known = processes.iter().position(|newest| newest.epoch == stamp.epoch);
+        let silent = (0..PROCESSES).min_by_key(|i| (processes[*i].tick, processes[*i].epoch)).unwrap_or(0);
+        let newest = &mut processes[known.unwrap_or(silent)];
+        let before = if known.is_some() { *newest } else { Stamp::default() };
         if stamp.sequence <= before.sequence {
             return None;
         }
@@ -71,7 +76,7 @@ mod tests {
     }
 
     #[test]
-    fn who_works_in_the_shadow_is_followed_and_not_counted() {
+    fn a_standby_is_followed_and_not_counted() {
         let mut count = Count::default();
         let mut gap = |epoch, sequence, delivery| count.gap(&sent(epoch, sequence, delivery));
         assert_eq!(gap(1, 1, delivery::DELIVERED), Some(0));

@@ -9,8 +9,8 @@ use std::{
 use anyhow::{Context, bail};
 use contract::{
     Topic,
-    file::{self, LARGEST_LOG},
     message::{Actuators, Controls, Reference, State},
+    scenario::file::{self, MAX_LOG_BYTES},
 };
 use mcap::{
     parse_record,
@@ -88,7 +88,7 @@ pub fn read(path: &Path) -> anyhow::Result<Log> {
 /// The same, but for the messages, which `each` gets one by one in the order of writing.
 pub fn read_in_order(path: &Path, each: impl FnMut(Record)) -> anyhow::Result<Log> {
     let cannot_read = || format!("cannot read {}", path.display());
-    let (file, file_bytes) = file::open(path, LARGEST_LOG).with_context(cannot_read)?;
+    let (file, file_bytes) = file::open(path, MAX_LOG_BYTES).with_context(cannot_read)?;
     let mut file = BufReader::new(file);
     let mut mcap = LinearReader::new_with_options(
         LinearReaderOptions::default()

@@ -43,7 +43,9 @@ impl ProcessFaults {
         let mut inputs = vec![];
         for Entry { ticks, effect: fault, .. } in self.faults.all_mut() {
             let begins = tick >= ticks.start && !ticks.is_empty() && fault.victim.is_none();
-            if let Some(epoch) = active(fault.topic).filter(|_| begins) {
+            // A process that ends by itself may be gone by now.
+            let ends_itself = !self.simulated && fault.kind == FaultKind::Exit;
+            if let Some(epoch) = active(fault.topic).or(ends_itself.then_some(0)).filter(|_| begins) {
                 fault.victim = Some(epoch);
                 inputs.extend(fault.input(self.simulated).map(|input| (fault.topic, input)));
             }

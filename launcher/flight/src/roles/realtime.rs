@@ -156,9 +156,8 @@ impl Realtime {
     /// Soon enough for a start that is due, and for a process that may hang by then.
     fn next_look(&self, page: &ControlPage, at: Instant) -> Instant {
         let origin_ns = (page.origin_ns() > 0).then(|| self.lead_in_ns(page) + GRACE_NS);
-        let roles = || self.nodes.iter().map(|node| &node.role);
-        let starts = roles().filter_map(|role| role.due_ns());
-        let hangs = roles().filter_map(|role| role.hangs_at_ns(self.sample_ns, origin_ns?));
+        let starts = self.nodes.iter().filter_map(|node| node.role.due_ns());
+        let hangs = self.nodes.iter().filter_map(|node| node.role.hangs_at_ns(self.sample_ns, origin_ns?));
         let instants = starts.chain(hangs).map(|ns| self.started + Duration::from_nanos(ns));
         instants.map(|next| next.max(at + LOOK_AGAIN)).fold(at + LOOK, Instant::min)
     }

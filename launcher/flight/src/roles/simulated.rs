@@ -122,7 +122,7 @@ impl Simulated {
     /// The process `epoch` has ended by itself, before it answered to `tick`.
     pub fn exited(&mut self, topic: Topic, epoch: u32, tick: u64, input: Input) {
         self.remove(topic, epoch);
-        let seen_ns = self.faults.time_ns(tick) + self.delay_ns(self.scenario.supervision.detect_ms);
+        let seen_ns = self.faults.time_ns(tick) + self.detect_ns();
         self.ahead.push((seen_ns, topic, input));
         self.next = tick + 1;
     }
@@ -155,7 +155,7 @@ impl Simulated {
             return;
         }
         // The newest sample was seen shortly after it was taken, and the last answer as long after its own.
-        let seen_ns = self.faults.time_ns(now.tick - 1) + self.delay_ns(self.scenario.supervision.detect_ms);
+        let seen_ns = self.faults.time_ns(now.tick - 1) + self.detect_ns();
         let progress = Input::Progress { done: first, samples: now.tick, excused_ns: 0 };
         self.on(topic, self.at(seen_ns), progress);
         self.pass(now.ns);
@@ -174,21 +174,20 @@ impl Simulated {
                 self.steps.push(Step::Begin(topic, epoch, origin));
                 let node = &self.nodes[topic as usize].role;
                 let waited_for = node.active().is_none();
-                let start_ns = if waited_for { self.delay_ns(self.scenario.supervision.start_ms) } else { 0 };
+                let start_ns = if waited_for { (self.scenario.supervision.start_ms * 1e6) as u64 } else { 0 };
                 self.ahead.push((at_ns(start_ns), topic, Input::Ready(epoch)));
             }
             Action::Signal(epoch, Signal::Kill) => {
                 self.steps.push(Step::End(topic, epoch));
                 self.remove(topic, epoch);
-                let seen_ns = at_ns(self.delay_ns(self.scenario.supervision.detect_ms));
+                let seen_ns = at_ns(self.detect_ns());
                 self.ahead.push((seen_ns, topic, Input::Exited(epoch)));
             }
             Action::Signal(epoch, Signal::Stop) => {
                 let first = self.boundary;
                 self.stopped[topic as usize] = Some((epoch, first));
                 // Until now it has answered to everything.
-                let seen_ns =
-                    self.faults.time_ns(first.saturating_sub(1)) + self.delay_ns(self.scenario.supervision.detect_ms);
+                let seen_ns = self.faults.time_ns(first.saturating_sub(1)) + self.detect_ns();
                 let progress = Input::Progress { done: first, samples: first, excused_ns: 0 };
                 self.on(topic, self.at(seen_ns), progress);
             }
@@ -230,8 +229,9 @@ impl Simulated {
         Now { ns, tick: ns / self.scenario.sample_ns() }
     }
 
-    fn delay_ns(&self, ms: f64) -> u64 {
-        (ms * 1e6) as u64
+    /// From the end of a process to when it is seen \[ns\].
+    fn detect_ns(&self) -> u64 {
+        (self.scenario.supervision.detect_ms * 1e6) as u64
     }
 }
 

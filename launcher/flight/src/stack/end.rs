@@ -2,8 +2,8 @@
 
 use std::process::ExitStatus;
 
+use contract::exit;
 use contract::guard::Refusal;
-use runtime::session::exit;
 use serde_json::{Value, json};
 
 /// How the processes' part of a flight ended.

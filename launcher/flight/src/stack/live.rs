@@ -1,6 +1,6 @@
 //! Faults given and ended while the stack flies: they are entered into the fault table, where every process hears of them.
 
-use contract::fault_schedule::{LONGEST_DELAY_MS, ROOM};
+use contract::fault_schedule::{MAX_LIVE_FAULTS, MAX_SENSOR_DELAY_MS};
 use contract::scenario::{Fault, FaultKind, FaultTarget, Mode, check_fault};
 use serde_json::{Value, json};
 
@@ -18,9 +18,9 @@ impl Stack {
             );
         }
         self.check(&fault)?;
-        if fault.kind == FaultKind::Delayed && fault.ms.is_some_and(|ms| ms > LONGEST_DELAY_MS) {
+        if fault.kind == FaultKind::Delayed && fault.ms.is_some_and(|ms| ms > MAX_SENSOR_DELAY_MS) {
             return Err(format!(
-                "a sensor can be delayed by {LONGEST_DELAY_MS} ms at most while it flies; write more into the scenario"
+                "a sensor can be delayed by {MAX_SENSOR_DELAY_MS} ms at most while it flies; write more into the scenario"
             ));
         }
         fault.at_s += self.time_s(self.next_tick());
@@ -29,7 +29,7 @@ impl Stack {
         let number = self.scenario.fault.len();
         if !self.page.fault_table().enter(number, &fault) {
             return Err(format!(
-                "a flight takes {ROOM} faults, and this one has had them; `launcher stop` it and fly again"
+                "a flight takes {MAX_LIVE_FAULTS} faults, and this one has had them; `launcher stop` it and fly again"
             ));
         }
         self.driver.apply_fault(number, &fault);
@@ -49,7 +49,7 @@ impl Stack {
         let cleared: Vec<(usize, Fault)> = faults.map(|(number, fault)| (number, cut(fault))).collect();
         if !self.page.fault_table().has_room_for(cleared.iter().map(|(number, _)| *number)) {
             return Err(format!(
-                "a flight takes {ROOM} changes to its faults; name a target, or `launcher stop` it and fly again"
+                "a flight takes {MAX_LIVE_FAULTS} changes to its faults; name a target, or `launcher stop` it and fly again"
             ));
         }
         for (number, fault) in &cleared {
@@ -64,7 +64,7 @@ impl Stack {
     /// The faults that are at work now.
     pub(super) fn at_work(&self) -> impl Iterator<Item = &Fault> {
         let (tick, sample_s) = (plant_tick(&self.page), self.scenario.sample_s());
-        self.scenario.fault.iter().filter(move |fault| fault.strikes(tick, sample_s) && !fault.is_momentary())
+        self.scenario.fault.iter().filter(move |fault| fault.is_active(tick, sample_s) && !fault.is_momentary())
     }
 
     fn check(&self, fault: &Fault) -> Result<(), String> {

@@ -161,7 +161,7 @@ impl Stack {
                 archive.keep(*epoch, stdout);
             }
         }
-        let sent = Topic::ALL.map(|topic| self.page.role(topic).sent_by_all()).iter().sum();
+        let sent = Topic::ALL.map(|topic| u64::from(self.page.role(topic).sent_by_all.get())).iter().sum();
         Some(archive.close(self.page.archive().active(), &self.scenario, &self.events, untold, sent))
     }
 
@@ -205,7 +205,9 @@ impl Stack {
             begun[swap] = true;
             inputs.push(Input::SwapRequested(swap));
         }
-        inputs.into_iter().for_each(|input| self.on_recorder(tick, input));
+        for input in inputs {
+            self.on_recorder(tick, input);
+        }
     }
 
     /// Takes `input` into the recorder's role, which runs by the wall clock in every mode, and does what it says.

@@ -3,24 +3,27 @@
 //! The rule, for all alike: a fault is **recoverable** when, all the while,
 //!
 //! ```text
-//! the plant lives               it is the vehicle; nobody can take its place
-//! every actuator obeys          late or weakly perhaps, but it moves where it is told
-//! no sensor lies                stuck and wrong are nothing that a stack without a second sensor can know
-//! no node errs                  a demand that could be right is obeyed; where it is a candidate's, a swap is ended by it
+//! the plant lives               it is the vehicle, and is not replaced
+//! every actuator obeys          late or weakly perhaps, but it moves where the command says
+//! no sensor is wrong            without a second sensor the stack cannot detect stuck and wrong ones
+//! no node errs                  a plausible demand is obeyed; that of a candidate ends its swap
 //! no sensor is late             slow and delayed, by default 200 and 100 ms: the loop bears 50 ms of the rates
 //! the state is known            a STATE that can be taken is never older than 50 ms: measured, flight by flight
-//! nobody falls                  only of the paper's profile, which does not catch a vehicle that had no thrust: measured too
+//! the vehicle does not fall     only with the paper's profile, which does not catch a vehicle that had no thrust: measured too
 //! ```
 //!
-//! A rotor that is off is to be terminated. Of the rest nothing is promised, and the table says what came of it.
+//! With a rotor that is off the flight must be terminated. For other faults nothing is promised; the table has the outcome.
 
-use contract::scenario::{Fault, FaultKind, FaultTarget};
+use contract::Scenario;
+use contract::scenario::{Fault, FaultKind, FaultTarget, from_merged, load};
 use serde::Serialize;
 
 /// When every fault begins \[s\].
 pub const AT_S: f64 = 5.0;
 /// How long it lasts \[s\].
 pub const FOR_S: f64 = 1.0;
+/// How long after the fault the vehicle is to be back \[s\].
+pub const BACK_S: f64 = 5.0;
 /// The oldest state that can be flown from \[s\]: where the mixer gives up levelling.
 pub const KNOWN_S: f64 = 0.05;
 
@@ -28,7 +31,7 @@ pub const KNOWN_S: f64 = 0.05;
 #[derive(Debug, Clone)]
 pub struct Case(pub Fault);
 
-/// What is to be expected of a flight.
+/// The promise for a flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Promise {
@@ -36,25 +39,25 @@ pub enum Promise {
     Recover,
     /// It is terminated in time.
     Terminate,
-    /// Nothing: the plant is gone.
+    /// None: the plant is gone.
     NoPlant,
-    /// Nothing: an actuator does not obey.
+    /// None: an actuator does not obey.
     NoActuator,
-    /// Nothing: a sensor lies.
+    /// None: a sensor is wrong.
     Lie,
-    /// Nothing: a node demands what is wrong.
+    /// None: a node's output is wrong.
     Error,
-    /// Nothing: a sensor tells of the past.
+    /// None: a sensor is late.
     Late,
-    /// Nothing: thrust was cut, and the paper's controller does not catch what falls.
+    /// None: thrust was cut, and the paper's controller does not catch a falling vehicle.
     Fall,
-    /// Nothing: nobody knew the state.
+    /// None: no node knew the state.
     Blind,
 }
 
 impl Case {
-    /// All of them that are part of the flight; without a plant that hangs or leaves, which only the clock would outlast.
-    /// Clock, host and intruders are no part of it: `tests/isolation.rs` shows that it does not change by a bit.
+    /// All faults of the flight itself, without a plant that hangs or leaves: those take a wall clock to notice.
+    /// Faults of clock and host and intruders change no bit of the flight: `tests/isolation.rs` shows it.
     pub fn all() -> Vec<Self> {
         let fault = |target, kind: &FaultKind| Self(Fault::new(target, *kind, AT_S, Some(FOR_S)));
         let of = |(target, _): (FaultTarget, _)| target.kinds().iter().map(move |kind| fault(target, kind));
@@ -64,23 +67,22 @@ impl Case {
         FaultTarget::ALL.into_iter().flat_map(of).filter(|case| !needs_a_clock(case) && !case.is_around()).collect()
     }
 
-    /// Whether it strikes what is around the processes.
+    /// Whether it acts on the surroundings of the processes.
     fn is_around(&self) -> bool {
         matches!(self.0.target, FaultTarget::Clock | FaultTarget::Host) || self.0.kind.is_intrusion()
     }
 
-    /// Whether it strikes a process.
     pub fn is_of_a_process(&self) -> bool {
         self.0.target.process().is_some()
     }
 
-    /// Whether it strikes a process or what one says.
+    /// Whether it acts on a process or on a message.
     pub fn is_of_software(&self) -> bool {
         self.is_of_a_process() || self.0.target.topic().is_some()
     }
 
-    /// What is promised when the state was unknown for `blind_s` at most, and whether the paper's controller had no thrust
-    /// for a while, and `fell`.
+    /// The promise when the state was unknown for `blind_s` at most; `fell` when the paper's controller had no thrust for a
+    /// while.
     pub fn promise(&self, blind_s: f64, fell: bool) -> Promise {
         use {FaultKind as K, FaultTarget as T};
         match (self.0.target, self.0.kind) {
@@ -94,5 +96,54 @@ impl Case {
             _ if fell => Promise::Fall,
             _ => Promise::Recover,
         }
+    }
+}
+
+/// The scenario that every fault is put into, compiled in so that the command works in any folder.
+pub fn hover_in_gusts() -> anyhow::Result<Scenario> {
+    let text = include_str!("../../../../scenarios/faults/hover-gusts.toml");
+    Ok(from_merged(text, "scenarios/faults/hover-gusts.toml")?)
+}
+
+/// A hover in calm with the paper's controller.
+pub fn hover_of_the_paper() -> anyhow::Result<Scenario> {
+    let settings = ["profile=paper", "mission.trajectory=hover", "run.duration_s=12.0"].map(str::to_owned);
+    Ok(load(None, &settings)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use contract::scenario::{Mode, to_toml};
+
+    use super::*;
+
+    #[test]
+    fn the_matrix_is_the_whole_catalogue_and_every_case_is_a_scenario() {
+        let cases = Case::all();
+        assert_eq!(cases.len(), 2 + 3 * 5 + 4 * 9 + 3 + 4 * 8 + 4 * 5 + 2 + 1 + 3);
+        let base = hover_in_gusts().expect("a scenario");
+        assert!(base.run.duration_s > AT_S + FOR_S + BACK_S, "there is time to come back");
+        assert_ne!(base.run.mode, Mode::Inprocess);
+        for case in cases {
+            let mut scenario = base.clone();
+            scenario.fault = vec![case.0];
+            from_merged(&to_toml(&scenario), "case").unwrap_or_else(|e| panic!("{case:?}: {e}"));
+        }
+    }
+
+    #[test]
+    fn what_is_promised_follows_from_the_fault_and_the_blindness() {
+        let promise = |target, kind, blind_s| Case(Fault::new(target, kind, AT_S, Some(FOR_S))).promise(blind_s, false);
+        assert_eq!(promise(FaultTarget::AttitudeMpc, FaultKind::Kill, 0.0), Promise::Recover);
+        assert_eq!(promise(FaultTarget::State, FaultKind::Drop, 0.05), Promise::Recover);
+        assert_eq!(promise(FaultTarget::State, FaultKind::Drop, 0.06), Promise::Blind);
+        assert_eq!(promise(FaultTarget::Plant, FaultKind::Kill, 0.0), Promise::NoPlant);
+        assert_eq!(promise(FaultTarget::Plant, FaultKind::Slow, 0.0), Promise::Recover);
+        assert_eq!(promise(FaultTarget::Rotor2, FaultKind::Off, 0.0), Promise::Terminate);
+        assert_eq!(promise(FaultTarget::Tilt, FaultKind::Off, 0.0), Promise::NoActuator);
+        assert_eq!(promise(FaultTarget::Rates, FaultKind::Wrong, 0.0), Promise::Lie);
+        assert_eq!(promise(FaultTarget::Controls, FaultKind::Wrong, 0.0), Promise::Error);
+        assert_eq!(promise(FaultTarget::Rates, FaultKind::Delayed, 0.0), Promise::Late);
+        assert_eq!(promise(FaultTarget::Tilt, FaultKind::Slow, 0.0), Promise::Recover, "late, but it obeys");
     }
 }

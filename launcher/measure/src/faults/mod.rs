@@ -4,9 +4,10 @@
 //! |---|---|
 //! | [`case`] | the matrix, and which faults count as recoverable |
 //! | [`one_flight`] | one flight through its fault, by processes and by one thread |
-//! | [`strike`] | processes killed and stopped in real time, against the clock |
+//! | [`handling`] | what the supervision does about a process fault, in lockstep and in real time |
+//! | [`strike`] | processes killed and stopped from outside, in real time |
 //! | [`relay`] | candidates in flight, good and wrong ones |
-//! | [`targets`], [`table`] | what is printed |
+//! | [`report`] | tables and targets |
 //!
 //! Every case is `scenarios/faults/hover-gusts.toml` with one fault of the default size from 5 s to 6 s. It is flown in
 //! lockstep, by real processes that really die, and by one thread: the two must be the same flight, bit for bit. The
@@ -14,27 +15,26 @@
 //! processes and topics in a calm hover.
 
 pub mod case;
+pub mod handling;
 pub mod one_flight;
 pub mod relay;
+pub mod report;
 pub mod strike;
-pub mod table;
-pub mod targets;
 
 use std::path::PathBuf;
 use std::sync::atomic::AtomicU32;
 
 use contract::Scenario;
-use contract::scenario::{from_merged, load};
+use flight::interrupts::catch_interrupts;
 use serde::Serialize;
 
-use self::case::Case;
-use self::one_flight::{Quiet, Row};
+use self::case::{Case, hover_in_gusts, hover_of_the_paper};
+use self::handling::FaultHandling;
+use self::one_flight::{FaultFlight, QuietFlight};
 use self::relay::Relay;
 use self::strike::Strikes;
-use super::Findings;
-use flight::interrupts::catch_interrupts;
+use crate::findings::Findings;
 
-/// Arguments of `measure faults`.
 #[derive(clap::Args)]
 pub struct FaultsArgs {
     /// Only the process faults, one swap of each node and one flight of each sort in real time: shows that everything works
@@ -48,65 +48,48 @@ pub struct FaultsArgs {
     pub out: Option<PathBuf>,
 }
 
-/// Everything measured.
 #[derive(Debug, Serialize)]
-pub struct Results {
-    /// One row per case.
-    pub rows: Vec<Row>,
-    /// The same of processes and topics, profile paper, in calm.
-    pub paper: Vec<Row>,
+pub struct FaultResults {
+    pub rows: Vec<FaultFlight>,
+    /// Faults of processes and topics with the profile paper, in calm.
+    pub paper: Vec<FaultFlight>,
     /// Flights without a fault.
-    pub quiet: Vec<Quiet>,
-    /// Candidates.
+    pub quiet: Vec<QuietFlight>,
+    /// Process faults in lockstep and in real time.
+    pub handling: Vec<FaultHandling>,
     pub relays: Vec<Relay>,
-    /// Strikes in real time.
     pub strikes: Strikes,
 }
 
-/// Measures as the arguments say; the exit code.
+/// Returns the exit code.
 pub fn measure(args: &FaultsArgs) -> anyhow::Result<u8> {
     let interrupts = catch_interrupts()?;
-    let results = Results::measure(args.quick, &interrupts)?;
-    let targets = targets::targets(&results);
-    let table = table::table(&results);
-    let found = Findings::new(&results, targets, args.quick)?;
+    let results = FaultResults::measure(args.quick, &interrupts)?;
+    let found = Findings::new(&results, report::targets(&results), args.quick)?;
     if let Some(out) = &args.out {
         found.save(out, "measure.json")?;
     }
-    found.conclude(args.json, &table)
+    found.conclude(args.json, &report::text(&results))
 }
 
-impl Results {
+impl FaultResults {
     fn measure(quick: bool, interrupts: &AtomicU32) -> anyhow::Result<Self> {
         let (base, calm) = (hover_in_gusts()?, hover_of_the_paper()?);
-        let fly = |base: &Scenario, wanted: fn(&Case) -> bool| -> anyhow::Result<Vec<Row>> {
+        let fly = |base: &Scenario, wanted: fn(&Case) -> bool| -> anyhow::Result<Vec<FaultFlight>> {
             let cases = Case::all().into_iter().filter(wanted);
-            cases.map(|case| Row::fly(base, &case, interrupts)).collect()
+            cases.map(|case| FaultFlight::fly(base, &case, interrupts)).collect()
         };
         let rows = fly(&base, if quick { Case::is_of_a_process } else { |_| true })?;
         let paper = fly(&calm, if quick { |_| false } else { Case::is_of_software })?;
-        let quiet = [Scenario::default(), base].into_iter().map(|calm| Quiet::fly(calm, interrupts));
+        let handling = handling::compare(&base, quick, interrupts)?;
+        let quiet = [Scenario::default(), base].into_iter().map(|calm| QuietFlight::fly(calm, interrupts));
         Ok(Self {
             rows,
             paper,
             quiet: quiet.collect::<Result<_, _>>()?,
+            handling,
             relays: Relay::fly_all(if quick { 1 } else { relay::ROUNDS }, interrupts)?,
             strikes: Strikes::measure(if quick { 1 } else { 5 }, interrupts)?,
         })
     }
 }
-
-/// What every fault is put into, aboard so that the command works anywhere.
-fn hover_in_gusts() -> anyhow::Result<Scenario> {
-    let text = include_str!("../../../../scenarios/faults/hover-gusts.toml");
-    Ok(from_merged(text, "scenarios/faults/hover-gusts.toml")?)
-}
-
-/// A hover in calm with the paper's controller.
-fn hover_of_the_paper() -> anyhow::Result<Scenario> {
-    let settings = ["profile=paper", "mission.trajectory=hover", "run.duration_s=12.0"].map(str::to_owned);
-    Ok(load(None, &settings)?)
-}
-
-#[cfg(test)]
-mod tests;

@@ -1,26 +1,23 @@
-//! One flight through its fault, and what is to be said of it.
+//! One flight through its fault, flown in lockstep and by one thread.
 
 use std::sync::atomic::AtomicU32;
 
 use anyhow::{Context, bail};
 use contract::Scenario;
-use contract::integrity::Plausible;
-use contract::message::{Message, SolveStatus, State, mixer_flags};
+use contract::message::{Message, Plausible, SolveStatus, State, mixer_flags};
 use contract::scenario::{Mode, Profile};
 use contract::stamp::delivery;
 use serde::Serialize;
-use serde_json::Value;
 
-use super::case::{AT_S, Case, FOR_S, Promise};
-use crate::timing::rings::namespace;
+use super::case::{AT_S, BACK_S, Case, FOR_S, Promise};
+use crate::killer::namespace;
+use flight::event::name;
 use flight::inprocess;
 use flight::log::Record;
 use flight::stack::{Ended, Flown, Stack, StartError};
 use view::faults::reacts;
 use view::summary::Summary;
 
-/// How long after the fault the vehicle is to be back \[s\].
-pub const BACK_S: f64 = 5.0;
 /// Worst roll and pitch in a recoverable fault \[deg\].
 pub const TILT_DEG: f64 = 35.0;
 /// Farthest from the hover that it may be then \[m\].
@@ -30,26 +27,23 @@ const CUT_SPEED: f64 = 0.1;
 /// Within which a dead rotor ends the flight \[s\].
 pub const TERMINATE_S: f64 = 0.3;
 
-/// One case, flown.
 #[derive(Debug, Clone, Serialize)]
-pub struct Row {
+pub struct FaultFlight {
     /// Target and kind.
     pub fault: String,
-    /// What the rule promises.
     pub promise: Promise,
-    /// What the flight was.
     #[serde(flatten)]
     pub course: Course,
     /// Whether lockstep and one thread were the same flight.
     pub same: bool,
 }
 
-/// What a flight with a fault was.
+/// The course of a flight with a fault.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Course {
     /// Until it was noticed \[s\].
     pub detected_after_s: Option<f64>,
-    /// Until it was over, as run.json counts \[s\].
+    /// Until the recovery, as run.json counts \[s\].
     pub recovered_after_s: Option<f64>,
     /// Until the flight was terminated \[s\].
     pub terminated_after_s: Option<f64>,
@@ -57,21 +51,20 @@ pub struct Course {
     pub tilt_deg: f64,
     /// Largest true distance from the hover \[m\].
     pub position_error_m: f64,
-    /// The same [`BACK_S`] after the fault; nothing when the flight ended before.
+    /// The same [`BACK_S`] after the fault; `None` when the flight ended before.
     pub back_m: Option<f64>,
-    /// Longest time for which nobody had a state to take, while the fault lasted \[s\].
+    /// Longest time without a state that a node can take, while the fault lasted \[s\].
     pub blind_s: f64,
     /// Whether the rotors all but stood still.
     pub cut: bool,
-    /// Whether the vehicle was lost, or its plant.
-    pub lost: bool,
-    /// Messages that the watcher missed: without all of them there is no hash.
+    /// Whether the vehicle diverged, or the plant died.
+    pub diverged: bool,
+    /// Messages that did not reach the launcher: with any of these there is no hash.
     pub missed: u64,
-    /// Over all states.
     pub state_hash: Option<String>,
 }
 
-impl Row {
+impl FaultFlight {
     /// Flies `case` both ways.
     pub fn fly(base: &Scenario, case: &Case, interrupts: &AtomicU32) -> anyhow::Result<Self> {
         let mut scenario = base.clone();
@@ -79,9 +72,7 @@ impl Row {
         scenario.run.mode = Mode::Inprocess; // in real time the solver has a time limit
         let alone = in_process(&scenario);
         scenario.run.mode = Mode::Lockstep;
-        let told = |word: Value| word.as_str().unwrap_or_default().to_owned();
-        let fault =
-            format!("{} {}", told(serde_json::to_value(case.0.target)?), told(serde_json::to_value(case.0.kind)?));
+        let fault = format!("{} {}", name(case.0.target), name(case.0.kind));
         let course = lockstep(&scenario, interrupts).with_context(|| format!("the flight with {fault} in lockstep"))?;
         Ok(Self {
             fault,
@@ -91,11 +82,13 @@ impl Row {
         })
     }
 
-    /// Whether the promise is kept; nothing when none was made.
+    /// Whether the promise is kept; `None` when none was made.
     pub fn kept(&self) -> Option<bool> {
-        let Course { tilt_deg, back_m, terminated_after_s, lost, .. } = self.course;
+        let Course { tilt_deg, back_m, terminated_after_s, diverged, .. } = self.course;
         match self.promise {
-            Promise::Recover => Some(!lost && tilt_deg <= TILT_DEG && back_m.is_some_and(|back_m| back_m <= BACK_M)),
+            Promise::Recover => {
+                Some(!diverged && tilt_deg <= TILT_DEG && back_m.is_some_and(|back_m| back_m <= BACK_M))
+            }
             Promise::Terminate => Some(terminated_after_s.is_some_and(|after_s| after_s <= TERMINATE_S)),
             _ => None,
         }
@@ -117,7 +110,7 @@ fn lockstep(scenario: &Scenario, interrupts: &AtomicU32) -> anyhow::Result<Cours
     Ok(watch.course(matches!(flown.ended, Ended::Lost(_))))
 }
 
-/// Flies `scenario` by processes; `watch` sees every message.
+/// Flies `scenario` by processes; `watch` is given every message.
 pub fn through_processes(
     scenario: &Scenario,
     interrupts: &AtomicU32,
@@ -137,11 +130,11 @@ pub fn lean_deg(state: &State) -> f64 {
     roll.max(pitch)
 }
 
-/// Who looks at a flight with one fault.
+/// What is gathered of a flight with one fault.
 struct Watch {
     summary: Summary,
     /// First tick of the fault, first after it, and the one at which the vehicle is to be back.
-    struck: u64,
+    begins: u64,
     ended: u64,
     back: u64,
     sample_s: f64,
@@ -156,7 +149,7 @@ impl Watch {
         let tick = |time_s: f64| (time_s / scenario.sample_s()).round() as u64;
         Self {
             summary: Summary::new(scenario),
-            struck: tick(AT_S),
+            begins: tick(AT_S),
             ended: tick(AT_S + FOR_S),
             back: tick(AT_S + FOR_S + BACK_S),
             sample_s: scenario.sample_s(),
@@ -171,7 +164,7 @@ impl Watch {
         match record {
             Record::State(state) => self.state(state),
             Record::Actuators(actuators) if actuators.flags & mixer_flags::TERMINATED != 0 => {
-                let after_s = actuators.stamp.tick.saturating_sub(self.struck) as f64 * self.sample_s;
+                let after_s = actuators.stamp.tick.saturating_sub(self.begins) as f64 * self.sample_s;
                 self.course.terminated_after_s.get_or_insert(after_s);
             }
             _ => {}
@@ -192,7 +185,7 @@ impl Watch {
         if stamp.tick <= self.ended {
             course.blind_s = course.blind_s.max(stamp.tick.saturating_sub(self.taken) as f64 * self.sample_s);
         }
-        if stamp.tick >= self.struck {
+        if stamp.tick >= self.begins {
             course.tilt_deg = course.tilt_deg.max(lean_deg(state));
             course.cut |= state.actuators.rotor_speed.iter().all(|speed| *speed < CUT_SPEED);
             let error_m = state.actual.position_m.iter().map(|x| x * x).sum::<f64>().sqrt();
@@ -208,7 +201,7 @@ impl Watch {
         Course {
             detected_after_s: fault["detected_after_s"].as_f64(),
             recovered_after_s: fault["recovered_after_s"].as_f64(),
-            lost: plant_lost || self.summary.status().diverged(),
+            diverged: plant_lost || self.summary.status().diverged(),
             missed: self.summary.missed(),
             state_hash: self.summary.state_hash(),
             ..self.course
@@ -216,20 +209,18 @@ impl Watch {
     }
 }
 
-/// A flight without a fault, and whether anybody thought otherwise.
+/// A flight without a fault, and the reactions in it: there must be none.
 #[derive(Debug, Clone, Serialize)]
-pub struct Quiet {
-    /// Which scenario.
+pub struct QuietFlight {
+    /// Of the scenario.
     pub name: String,
     /// Messages that tell of an input that was old, missing or bad, or of a solve that failed.
     pub flagged: u64,
-    /// Messages that were refused.
     pub refused: u64,
-    /// What the supervisor did.
     pub events: u64,
 }
 
-impl Quiet {
+impl QuietFlight {
     /// Flies `scenario` for 60 s in lockstep.
     pub fn fly(mut scenario: Scenario, interrupts: &AtomicU32) -> anyhow::Result<Self> {
         scenario.run.mode = Mode::Lockstep;

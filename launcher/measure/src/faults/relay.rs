@@ -1,11 +1,11 @@
-//! Many swaps in one flight: twenty good candidates of each node, or its wrong ones, and whether the flight noticed.
+//! Many swaps in one flight: twenty good candidates of each node, or its wrong ones.
 //!
 //! The good ones come in the survey; every other one has settings of its own. The wrong ones come in the gusts, and each
 //! goes wrong on standby or, if it got there, active, in one of these ways:
 //!
 //! | way | what its answers are |
 //! |---|---|
-//! | garbage | numbers that are none, well with checksum |
+//! | garbage | numbers that are not finite, with a correct checksum |
 //! | drop | none |
 //! | wrong | finite and plausible, times -1 |
 //! | slow | 30 ms late |
@@ -22,7 +22,7 @@ use contract::stamp::delivery;
 use contract::topic::Topic;
 use serde::Serialize;
 
-use super::hover_in_gusts;
+use super::case::hover_in_gusts;
 use super::one_flight::{lean_deg, through_processes};
 use crate::timing::canary::{Canary, Watch};
 use flight::event::{Event, What};
@@ -31,22 +31,22 @@ use flight::log::Record;
 use view::faults::reacts;
 use view::summary::Summary;
 
-/// Who is swapped, and the settings of every other good candidate.
+/// The nodes in the order of their swaps, and the settings of every other good candidate.
 const NODES: [(SwapNode, Topic, &str); 3] = [
     (SwapNode::Guidance, Topic::Reference, "guidance.disturbance_observer_radps=4.0"),
     (SwapNode::AttitudeMpc, Topic::Controls, "mpc.law=\"lqr\""),
     (SwapNode::Mixer, Topic::Actuators, "mixer.projection=true"),
 ];
-/// In which way a candidate is wrong: what it says, or the process itself.
-const WAYS: [(Struck, &str); 5] = [
+/// The faults of wrong candidates: of the topic or of the process.
+const WAYS: [(FaultTargetOf, &str); 5] = [
     (Topic::name, "kind=\"garbage\""),
     (Topic::name, "kind=\"drop\", probability=1.0"),
     (Topic::name, "kind=\"wrong\", how=\"sign\""),
     (Topic::publisher, "kind=\"slow\", ms=30.0"),
     (Topic::publisher, "kind=\"exit\""),
 ];
-/// The target of a fault, for the candidate that speaks on a topic.
-type Struck = fn(Topic) -> &'static str;
+/// The target of a fault, for the publisher of a topic.
+type FaultTargetOf = fn(Topic) -> &'static str;
 /// Good candidates of each node, in full.
 pub const ROUNDS: usize = 20;
 /// When the first swap begins \[s\].
@@ -66,29 +66,24 @@ const GUST_S: f64 = 2.0;
 /// One flight, the nodes swapped in turn.
 #[derive(Debug, Clone, Serialize)]
 pub struct Relay {
-    /// Whether the candidates were good.
     pub good: bool,
-    /// Which regime.
     pub mode: Mode,
-    /// Candidates.
     pub swaps: usize,
-    /// Those that were kept.
     pub kept: usize,
-    /// Those that were sent away from the standby, and why.
+    /// Candidates rejected on standby, and why.
     pub rejected: Vec<String>,
-    /// Those that were sent away from role, and why.
+    /// Candidates removed from the active role, and why.
     pub returned: Vec<String>,
-    /// Ticks that some node did not answer to once, from fresh inputs.
+    /// Ticks on which a node did not send exactly one message from fresh inputs.
     pub lost_ticks: usize,
-    /// Those of them that the host explains.
+    /// Those of them during which a canary was delayed.
     pub explained: usize,
     /// Largest true roll or pitch \[deg\].
     pub tilt_deg: f64,
     /// Farthest from the trajectory \[m\].
     pub position_error_m: f64,
-    /// Whether the vehicle was lost.
-    pub lost: bool,
-    /// Whether one thread flew the same; nothing in real time.
+    pub diverged: bool,
+    /// Whether one thread flew the same; `None` in real time.
     pub same: Option<bool>,
 }
 
@@ -96,8 +91,8 @@ pub struct Relay {
 #[derive(Default)]
 struct Answers {
     sample_ns: u64,
-    heard: [u32; Topic::COUNT],
-    /// Somebody did without what it should have heard.
+    delivered: [u32; Topic::COUNT],
+    /// A node worked without an input that it should have.
     reacted: bool,
 }
 
@@ -129,19 +124,19 @@ impl Relay {
         let lost = ticks.range(tick(FIRST_S)..tick(scenario.run.duration_s - REST_S));
         let lost: Vec<&Answers> = lost.map(|(_, answers)| answers).filter(|a| a.is_lost()).collect();
         let ended = |what| flown.events.iter().filter(move |event| event.what == what);
-        let told = |event: &Event| format!("{}: {}", event.node, event.why.as_deref().unwrap_or_default());
+        let reason = |event: &Event| format!("{}: {}", event.node, event.why.as_deref().unwrap_or_default());
         Ok(Self {
             good,
             mode,
             swaps: scenario.swap.len(),
             kept: ended(What::Kept).count(),
-            rejected: ended(What::Rejected).map(told).collect(),
-            returned: ended(What::Returned).map(told).collect(),
+            rejected: ended(What::Rejected).map(reason).collect(),
+            returned: ended(What::Returned).map(reason).collect(),
             lost_ticks: lost.len(),
             explained: lost.iter().filter(|answers| answers.is_explained(&host, scenario.sample_ns())).count(),
             tilt_deg,
             position_error_m: summary.metrics().max_position_error_m,
-            lost: summary.status().diverged(),
+            diverged: summary.status().diverged(),
             same: alone.map(|alone| alone.is_some() && alone == summary.state_hash()),
         })
     }
@@ -209,14 +204,14 @@ fn note(ticks: &mut BTreeMap<u64, Answers>, record: &Record) {
     let answers = ticks.entry(stamp.tick).or_default();
     answers.sample_ns = stamp.sample_ns;
     if stamp.delivery == delivery::DELIVERED {
-        answers.heard[record.topic() as usize] += 1;
+        answers.delivered[record.topic() as usize] += 1;
         answers.reacted |= reacts(record);
     }
 }
 
 impl Answers {
     fn is_lost(&self) -> bool {
-        self.reacted || self.heard != [1; Topic::COUNT]
+        self.reacted || self.delivered != [1; Topic::COUNT]
     }
 
     fn is_explained(&self, host: &Watch, sample_ns: u64) -> bool {

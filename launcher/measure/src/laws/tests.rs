@@ -1,18 +1,25 @@
-//! The table and its verdicts, mostly from invented flights.
-
 use super::*;
+use crate::findings::Verdict;
 use contract::scenario::Profile;
 
-fn flight(inner_loop: InnerLoop, lost_at_s: Option<f64>, final_m: f64, clamped: u64) -> Flight {
+fn flight(inner_loop: InnerLoop, diverged_at_s: Option<f64>, final_m: f64, clamped: u64) -> LawFlight {
     let mut metrics = Summary::new(&Scenario::of(Profile::Robust)).metrics();
     metrics.final_position_error_m = final_m;
     metrics.commands_saturated = clamped;
     metrics.position_error_integral_ms = 33.14;
-    let survived = lost_at_s.is_none() && final_m <= SURVIVED_M;
-    Flight { inner_loop, scenario: "step".into(), survived, lost_at_s, metrics, solver: json!(null), state_hash: None }
+    let survived = diverged_at_s.is_none() && final_m <= SURVIVED_M;
+    LawFlight {
+        inner_loop,
+        scenario: "step".into(),
+        survived,
+        diverged_at_s,
+        metrics,
+        solver: json!(null),
+        state_hash: None,
+    }
 }
 
-fn row(inner_loop: InnerLoop, clamped: [u64; 5]) -> Vec<Flight> {
+fn row(inner_loop: InnerLoop, clamped: [u64; 5]) -> Vec<LawFlight> {
     clamped.map(|clamped| flight(inner_loop, None, 0.0, clamped)).into()
 }
 
@@ -42,11 +49,11 @@ fn only_one_row_has_the_safety_net_and_the_first_is_what_ships() {
 
 #[test]
 fn a_cell_tells_what_became_of_the_flight() {
-    let cell = |lost_at_s, final_m| flight(InnerLoop::Cone, lost_at_s, final_m, 2).cell();
+    let cell = |diverged_at_s, final_m| flight(InnerLoop::Cone, diverged_at_s, final_m, 2).cell();
     assert_eq!(cell(None, 0.1), "ok 33.1 m s, 2");
-    assert_eq!(cell(None, 12.34), "astray 12.3 m");
-    assert_eq!(cell(Some(1.56), 0.1), "lost at 1.56 s");
-    assert_eq!(cell(None, f64::NAN), "astray NaN m");
+    assert_eq!(cell(None, 12.34), "out of bounds, 12.3 m");
+    assert_eq!(cell(Some(1.56), 0.1), "diverged at 1.56 s");
+    assert_eq!(cell(None, f64::NAN), "out of bounds, NaN m");
 }
 
 #[test]
@@ -55,14 +62,14 @@ fn the_table_has_a_line_for_each_inner_loop() {
     let rows = [vec![flight(InnerLoop::Cone, None, 0.0, 0)], vec![flight(InnerLoop::Pid, Some(1.56), 9.0, 9)]];
     let text = table(&scenarios, &rows);
     let lines: Vec<&str> = text.lines().collect();
-    assert_eq!(lines[0], "      survey          survived");
-    assert_eq!(lines[1], "cone  ok 33.1 m s, 0  1/1");
-    assert_eq!(lines[2], "pid   lost at 1.56 s  0/1");
+    assert_eq!(lines[1], "      survey              survived");
+    assert_eq!(lines[2], "cone  ok 33.1 m s, 0           1/1");
+    assert_eq!(lines[3], "pid   diverged at 1.56 s       0/1");
 }
 
 #[test]
 fn the_targets_are_those_of_the_cone() {
-    let verdicts = |rows: &[Vec<Flight>]| targets(rows).iter().map(|target| target.verdict).collect::<Vec<_>>();
+    let verdicts = |rows: &[Vec<LawFlight>]| targets(rows).iter().map(|target| target.verdict).collect::<Vec<_>>();
     let good = [row(InnerLoop::Cone, [0, 1, 0, 1, 0]), row(InnerLoop::Clamp, [99; 5])];
     assert_eq!(verdicts(&good), [Verdict::Ok; 3]);
     let mut bad = [row(InnerLoop::ConeActiveSet, [0, 2, 0, 0, 0])];

@@ -1,23 +1,87 @@
-//! The polygon problems solved by others, on this machine and in this run.
+//! The recorded problems for other solvers, which take linear rows only.
 //!
-//! `tests/python/compare_solvers.py` is part of the program: a Python that has the solvers reads it from its input.
+//! The disc of each move becomes 16 chords over the half circle that the tilt wedge leaves of it, inscribed: they give
+//! up 0.48 % of the radius at most. Soft limits of predicted states are left out. What remains is
+//!
+//! ```text
+//! minimise 1/2 x'H x + f'x   so that   rows x + offsets >= 0,   f = -H U*
+//! ```
+//!
+//! with the same rows on every tick of a sequence: only `f` changes. `U*` follows from the messages as the controller
+//! computes it; the estimate `d` and the demand that the prediction starts with are those that it published.
+//!
+//! The others run in this run and on this machine: a Python that has them reads `tests/python/compare_solvers.py`, which
+//! is part of the program, from its input.
 
+use std::f64::consts::PI;
 use std::io::Write;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
+use airframe::DemandSet;
 use anyhow::{Context, bail};
+use attitude_mpc::AttitudeMpc;
+use attitude_mpc::condensed::Condensed;
+use attitude_mpc::constraints::PlanSet;
+use attitude_mpc::model::PredictionModel;
+use contract::message::Controls;
+use contract::scenario::ScenarioError;
+use nalgebra::{DMatrix, DVector, RowDVector, Vector4};
+use qp::{ActiveSet, Termination};
+use runtime::timed;
 use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+use view::percentiles::{Percentiles, median_ns};
 
-use super::distribution::{Distribution, median};
-use super::polygon::Solved;
+use super::problems::Sequence;
 
 /// The script that solves exported problems with DAQP, PIQP and OSQP.
 const SCRIPT: &str = include_str!("../../../../tests/python/compare_solvers.py");
+/// Chords of the half circle.
+const CHORDS: u32 = 16;
 
-/// One solver's way through all problems, as the script tells it.
-#[derive(Debug, Clone, Deserialize)]
-struct Told {
+/// The problems of one sequence.
+pub struct Polygons {
+    pub name: String,
+    hessian: DMatrix<f64>,
+    rows: DMatrix<f64>,
+    offsets: Vec<f64>,
+    /// Tick and unconstrained plan `U*` of each.
+    centres: Vec<(u64, DVector<f64>)>,
+}
+
+/// What our active-set solver makes of them.
+#[derive(Debug, Clone, Default)]
+pub struct Solved {
+    /// Objective of each tick; `None` where it failed.
+    objectives: Vec<Option<f64>>,
+    /// Whether the unconstrained plan was outside.
+    constrained: Vec<bool>,
+    /// Time of each solve in each round, from the working set of the tick before \[ns\].
+    warm_ns: Vec<Vec<u64>>,
+    /// The same, from nothing \[ns\].
+    cold_ns: Vec<Vec<u64>>,
+}
+
+/// One solver on all problems.
+#[derive(Debug, Clone, Serialize)]
+pub struct Comparison {
+    /// Name and version.
+    pub solver: String,
+    /// What its times contain.
+    pub timed: String,
+    pub mean_us: f64,
+    pub all_us: Option<Percentiles>,
+    /// Problems with an active constraint.
+    pub constrained_us: Option<Percentiles>,
+    /// The largest difference of its objectives from ours, as a share; `None` for our own.
+    pub worst_difference: Option<f64>,
+    pub unsolved: usize,
+}
+
+/// One solver, as the script prints it.
+#[derive(Deserialize)]
+struct Printed {
     solver: String,
     timed: String,
     worst_difference: f64,
@@ -26,35 +90,129 @@ struct Told {
     times_ns: Vec<u64>,
 }
 
-/// One row of the comparison.
-#[derive(Debug, Clone, Serialize)]
-pub struct Rival {
-    /// Name and version.
-    pub solver: String,
-    /// What its times contain.
-    pub timed: String,
-    /// All problems.
-    pub all_us: Option<Distribution>,
-    /// Those with an active constraint.
-    pub constrained_us: Option<Distribution>,
-    /// The largest difference of its objectives from ours, as a share; nothing for our own.
-    pub worst_difference: Option<f64>,
-    /// Problems it did not solve.
-    pub unsolved: usize,
+impl Polygons {
+    /// `None` where the flight had no constraints.
+    pub fn of(sequence: &Sequence) -> Result<Option<Self>, ScenarioError> {
+        let scenario = sequence.scenario_for(sequence.scenario.mpc.solver);
+        let model = PredictionModel::new(&scenario);
+        let Condensed { hessian, gain, course } = Condensed::new(&model, &scenario.mpc)?;
+        let Some(set) = PlanSet::new(&scenario, &course, model.trim.roll_rad) else { return Ok(None) };
+        let (rows, offsets) = rows(&set.moves, hessian.nrows());
+        let centres =
+            centres(sequence, &model, &gain).into_iter().map(|(controls, centre)| (controls.stamp.tick, centre));
+        Ok(Some(Self { name: sequence.name.clone(), centres: centres.collect(), hessian, rows, offsets }))
+    }
+
+    /// Solves every tick in turn, `rounds` times, warm and cold.
+    pub fn solve(&self, rounds: u32, max_iterations: u32) -> Solved {
+        let none = vec![vec![]; self.centres.len()];
+        let mut solved = Solved { warm_ns: none.clone(), cold_ns: none, ..Solved::default() };
+        let n = self.hessian.nrows();
+        let hard = vec![0.0; self.offsets.len()];
+        let solver = || ActiveSet::new(&self.hessian, &self.rows, &hard, &DMatrix::zeros(0, n), max_iterations);
+        for round in 0..rounds {
+            let (mut warm, mut cold, mut x) = (solver(), solver(), DVector::zeros(n));
+            for (i, (_, centre)) in self.centres.iter().enumerate() {
+                let (outcome, ns) = timed(|| warm.solve(centre.as_slice(), &self.offsets, x.as_mut_slice()));
+                solved.warm_ns[i].push(ns);
+                if round == 0 {
+                    let objective = (&self.hessian * &x).dot(&(&x * 0.5 - centre));
+                    solved.objectives.push((outcome.termination == Termination::Optimal).then_some(objective));
+                    solved.constrained.push(outcome.active > 0);
+                }
+                cold.forget();
+                let (_, ns) = timed(|| cold.solve(centre.as_slice(), &self.offsets, x.as_mut_slice()));
+                solved.cold_ns[i].push(ns);
+            }
+        }
+        solved
+    }
+
+    /// The problems with our objectives.
+    pub fn to_json(&self, solved: &Solved) -> Value {
+        let matrix = |of: &DMatrix<f64>| of.row_iter().map(|row| row.iter().copied().collect()).collect();
+        let (hessian, rows): (Vec<Vec<f64>>, Vec<Vec<f64>>) = (matrix(&self.hessian), matrix(&self.rows));
+        let linear = |(_, centre): &(u64, DVector<f64>)| (-&self.hessian * centre).as_slice().to_vec();
+        json!({
+            "problem": "minimise 1/2 x'Hx + f'x so that rows x + offsets >= 0; one f per tick",
+            "name": self.name,
+            "H": hessian,
+            "rows": rows,
+            "offsets": self.offsets,
+            "tick": self.centres.iter().map(|(tick, _)| *tick).collect::<Vec<_>>(),
+            "f": self.centres.iter().map(linear).collect::<Vec<_>>(),
+            "constrained": solved.constrained,
+            "objective": solved.objectives,
+        })
+    }
 }
 
-/// Our own rows: warm and cold.
-pub fn ours(solved: &[Solved]) -> Vec<Rival> {
+/// What the controller answers on each tick, and the unconstrained plan `U*` there.
+fn centres(sequence: &Sequence, model: &PredictionModel, gain: &DMatrix<f64>) -> Vec<(Controls, DVector<f64>)> {
+    let scenario = sequence.scenario_for(sequence.scenario.mpc.solver);
+    let mut mpc = AttitudeMpc::new(&scenario);
+    let mut actuation = model.trim.actuation;
+    let mut last: Option<(u64, Vector4<f64>)> = None;
+    let mut x = DVector::zeros(model.states());
+    let mut centres = vec![];
+    for (state, reference) in &sequence.samples {
+        let tick = state.stamp.tick;
+        let samples = last.map_or(1, |(before, _)| tick.saturating_sub(before));
+        let demand = last.map_or(Vector4::zeros(), |(_, demand)| demand);
+        actuation = model.actuate(&actuation, &state.command_in_force.into(), samples);
+        model.observe(&state.measured, &actuation, &mut x);
+        let mut controls = mpc.step(tick, state, reference);
+        controls.stamp.tick = tick;
+        let d = Vector4::from(controls.disturbance);
+        let mut start = x.clone();
+        if scenario.mpc.delay_compensation {
+            model.predict(&x, &demand, &d, &mut start);
+        }
+        let r = model.deviation(reference.w_mps, &reference.attitude_rad, &reference.rates_radps);
+        let given = start.iter().chain(&r).chain(d.iter()).copied();
+        centres.push((controls, gain * DVector::from_iterator(gain.ncols(), given)));
+        last = Some((tick, controls.demand.into()));
+    }
+    centres
+}
+
+/// The limits of every move as rows of the plan: slopes, m x n, and offsets, m.
+fn rows(set: &DemandSet, variables: usize) -> (DMatrix<f64>, Vec<f64>) {
+    let mut of_move: Vec<(Vector4<f64>, f64)> = set.linear.iter().map(|row| (row.slope, row.offset)).collect();
+    if let Some([side, ahead]) = &set.disc {
+        let half = PI / f64::from(2 * CHORDS);
+        for chord in 0..CHORDS {
+            let (sin, cos) = (f64::from(2 * chord + 1) * half - PI / 2.0).sin_cos();
+            let slope = -(side.slope * sin + ahead.slope * cos);
+            of_move.push((slope, half.cos() - side.offset * sin - ahead.offset * cos));
+        }
+    }
+    let (mut rows, mut offsets) = (vec![], vec![]);
+    for first in (0..variables).step_by(4) {
+        for (slope, offset) in &of_move {
+            let mut row = RowDVector::zeros(variables);
+            row.fixed_columns_mut::<4>(first).copy_from(&slope.transpose());
+            rows.push(row);
+            offsets.push(*offset);
+        }
+    }
+    (DMatrix::from_rows(&rows), offsets)
+}
+
+/// Our own solver, warm and cold.
+pub fn ours(solved: &[Solved]) -> Vec<Comparison> {
     let row = |how: &str, times: fn(&Solved) -> &Vec<Vec<u64>>| {
-        let times: Vec<u64> = solved.iter().flat_map(|s| times(s).iter().map(|rounds| median(rounds))).collect();
+        let median = |rounds: &Vec<u64>| median_ns(rounds.iter().copied());
+        let times_ns: Vec<u64> = solved.iter().flat_map(|s| times(s).iter().map(median)).collect();
         let unsolved = solved.iter().flat_map(|s| &s.objectives).filter(|objective| objective.is_none()).count();
-        rival(format!("active-set, {how}"), "the whole call".to_owned(), &times, solved, None, unsolved)
+        let (solver, timed) = (format!("active-set, {how}"), "the whole call".to_owned());
+        Comparison { unsolved, ..Comparison::of(solver, timed, &times_ns, solved) }
     };
     vec![row("warm", |s| &s.warm_ns), row("cold", |s| &s.cold_ns)]
 }
 
-/// What the solvers of `python` make of the problems exported to `folder`.
-pub fn others(python: &Path, folder: &Path, rounds: u32, solved: &[Solved]) -> anyhow::Result<Vec<Rival>> {
+/// The solvers of `python`, on the problems exported to `folder`.
+pub fn others(python: &Path, folder: &Path, rounds: u32, solved: &[Solved]) -> anyhow::Result<Vec<Comparison>> {
     let cannot = || format!("cannot run {} to compare solvers", python.display());
     let mut child = Command::new(python)
         .args(["-", "--json", "--rounds", &rounds.to_string()])
@@ -72,31 +230,85 @@ pub fn others(python: &Path, folder: &Path, rounds: u32, solved: &[Solved]) -> a
         bail!("{} did not compare solvers, it said: {last}", python.display());
     }
     written.with_context(cannot)?;
-    let told: Vec<Told> = serde_json::from_slice(&output.stdout).context("the comparing script printed no table")?;
+    let printed: Vec<Printed> =
+        serde_json::from_slice(&output.stdout).context("the comparing script printed no table")?;
     let problems: usize = solved.iter().map(|s| s.objectives.len()).sum();
-    if told.iter().any(|told| told.times_ns.len() != problems) {
+    if printed.iter().any(|printed| printed.times_ns.len() != problems) {
         bail!("{} holds problems of another export too; choose another folder", folder.display());
     }
-    let row = |t: Told| rival(t.solver, t.timed, &t.times_ns, solved, Some(t.worst_difference), t.unsolved);
-    Ok(told.into_iter().map(row).collect())
+    let row = |Printed { solver, timed, worst_difference, unsolved, times_ns }| Comparison {
+        worst_difference: Some(worst_difference),
+        unsolved,
+        ..Comparison::of(solver, timed, &times_ns, solved)
+    };
+    Ok(printed.into_iter().map(row).collect())
 }
 
-fn rival(
-    solver: String,
-    timed: String,
-    times_ns: &[u64],
-    solved: &[Solved],
-    worst_difference: Option<f64>,
-    unsolved: usize,
-) -> Rival {
-    let constrained = solved.iter().flat_map(|s| &s.constrained);
-    let constrained = times_ns.iter().zip(constrained).filter_map(|(ns, constrained)| constrained.then_some(*ns));
-    Rival {
-        solver,
-        timed,
-        all_us: Distribution::of(times_ns.iter().copied()),
-        constrained_us: Distribution::of(constrained),
-        worst_difference,
-        unsolved,
+impl Comparison {
+    fn of(solver: String, timed: String, times_ns: &[u64], solved: &[Solved]) -> Self {
+        let constrained = solved.iter().flat_map(|s| &s.constrained);
+        let constrained = times_ns.iter().zip(constrained).filter_map(|(ns, constrained)| constrained.then_some(*ns));
+        Self {
+            solver,
+            timed,
+            mean_us: times_ns.iter().sum::<u64>() as f64 / 1e3 / times_ns.len().max(1) as f64,
+            all_us: Percentiles::of(times_ns.iter().copied()),
+            constrained_us: Percentiles::of(constrained),
+            worst_difference: None,
+            unsolved: 0,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use airframe::envelope::Envelope;
+    use contract::Scenario;
+    use contract::message::SolveStatus;
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::mpc::problems;
+
+    #[test]
+    fn the_problems_are_those_of_the_controller() {
+        let folder = tempfile::tempdir().unwrap();
+        for sequence in problems::shipped(folder.path()).unwrap() {
+            let model = PredictionModel::new(&sequence.scenario);
+            let Condensed { gain, course, .. } = Condensed::new(&model, &sequence.scenario.mpc).unwrap();
+            let set = PlanSet::new(&sequence.scenario, &course, model.trim.roll_rad).unwrap();
+            let (mut explicit, mut solved) = (0, 0);
+            for (controls, centre) in centres(&sequence, &model, &gain) {
+                let inside = set.violation(&centre) <= 0.0;
+                if controls.status == SolveStatus::Explicit as u64 {
+                    let wanted = centre.fixed_rows::<4>(0).into_owned();
+                    let miss = (wanted - Vector4::from(controls.demand)).amax();
+                    assert!(inside && miss < 1e-9 * wanted.amax().max(1.0), "{}: {miss:e}", sequence.name);
+                    explicit += 1;
+                } else {
+                    assert!(!inside, "{}", sequence.name);
+                    solved += 1;
+                }
+            }
+            assert!(explicit > 100 && (solved > 10 || sequence.name == "survey"), "{explicit} {solved}");
+        }
+    }
+
+    fn slack(set: &DemandSet, u: &Vector4<f64>) -> f64 {
+        let (rows, offsets) = rows(set, 4);
+        (rows * u + DVector::from_vec(offsets)).min()
+    }
+
+    proptest! {
+        #[test]
+        fn the_polygon_is_inside_the_set_and_almost_fills_it(u in prop::array::uniform4(-40.0..40.0_f64)) {
+            let (scenario, u) = (Scenario::default(), Vector4::from(u));
+            let envelope = Envelope::new(&scenario.airframe, scenario.mixer.tilt_reaction, scenario.limits());
+            let set = DemandSet::exact(&envelope);
+            // The border of the set on the way to u, and what the polygon leaves of it.
+            let border = u * set.reach(&Vector4::zeros(), &u);
+            prop_assert!(slack(&set, &(border * 1.0001)) <= 0.0 || border == u, "nothing outside is inside the polygon");
+            prop_assert!(slack(&set, &border) > -0.0049, "half a per cent of the radius");
+        }
     }
 }

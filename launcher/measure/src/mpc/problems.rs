@@ -1,7 +1,7 @@
 //! Recorded sequences of problems: what the controller was given on each tick of a flight.
 //!
 //! A flight log holds the scenario and every STATE and REFERENCE. A new controller that is given the same messages meets
-//! the same problems, one after another, as the flight did. Four flights come with the program:
+//! the same problems in the same order. Four flights come with the program:
 //!
 //! | sequence | flight |
 //! |---|---|
@@ -22,7 +22,6 @@ use contract::scenario::{self, Law, Mode, Solver};
 use flight::log;
 use runtime::console::eprint_line;
 
-/// The flights that come with the program.
 const SHIPPED: [(&str, &[u8]); 4] = [
     ("survey", include_bytes!("../../problems/survey.mcap")),
     ("upset", include_bytes!("../../problems/upset.mcap")),
@@ -33,9 +32,7 @@ const SHIPPED: [(&str, &[u8]); 4] = [
 /// What the controller was given, tick by tick.
 #[derive(Debug, Clone)]
 pub struct Sequence {
-    /// What to call it.
     pub name: String,
-    /// The flight's settings.
     pub scenario: Scenario,
     /// STATE and REFERENCE of each tick.
     pub samples: Vec<(State, Reference)>,
@@ -54,7 +51,7 @@ impl Sequence {
     }
 }
 
-/// The flights that come with the program. Their logs are left in `folder`, beside what is measured of them.
+/// Their logs are left in `folder`, beside what is measured of them.
 pub fn shipped(folder: &Path) -> anyhow::Result<Vec<Sequence>> {
     let unpack = |(name, bytes): (&str, &[u8])| {
         let path = folder.join(name).with_extension("mcap");

@@ -3,7 +3,7 @@
 use contract::scenario::Profile;
 use serde::Serialize;
 
-use super::grid::Flight;
+use super::grid::GridFlight;
 
 /// The profiles of the map.
 pub const PROFILES: [Profile; 2] = [Profile::Paper, Profile::Robust];
@@ -11,15 +11,11 @@ pub const PROFILES: [Profile; 2] = [Profile::Paper, Profile::Robust];
 /// Flights that differ in their random numbers only.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Cell {
-    /// Which settings.
     pub profile: Profile,
-    /// Added delay \[ms\].
     pub delay_ms: f64,
     /// Jitter on top of it \[ms\].
     pub jitter_ms: f64,
-    /// Probability that a command is lost.
     pub miss_probability: f64,
-    /// How many.
     pub flights: usize,
     /// How many of them lost the vehicle.
     pub lost: usize,
@@ -30,10 +26,10 @@ pub struct Cell {
 }
 
 impl Cell {
-    fn of(flights: &[Flight]) -> Self {
-        let Flight { profile, delay_ms, jitter_ms, miss_probability, .. } = flights[0];
-        let lost = flights.iter().filter(|flight| flight.lost_at_s.is_some()).count();
-        let worst = |error: fn(&Flight) -> f64| (lost == 0).then(|| flights.iter().map(error).fold(0.0, f64::max));
+    fn of(flights: &[GridFlight]) -> Self {
+        let GridFlight { profile, delay_ms, jitter_ms, miss_probability, .. } = flights[0];
+        let lost = flights.iter().filter(|flight| flight.diverged_at_s.is_some()).count();
+        let worst = |error: fn(&GridFlight) -> f64| (lost == 0).then(|| flights.iter().map(error).fold(0.0, f64::max));
         Self {
             profile,
             delay_ms,
@@ -48,8 +44,8 @@ impl Cell {
 }
 
 /// The cells of `flights`, in their order.
-pub fn gather(flights: &[Flight]) -> Vec<Cell> {
-    let key = |f: &Flight| (f.profile, f.delay_ms, f.jitter_ms, f.miss_probability);
+pub fn gather(flights: &[GridFlight]) -> Vec<Cell> {
+    let key = |f: &GridFlight| (f.profile, f.delay_ms, f.jitter_ms, f.miss_probability);
     flights.chunk_by(|a, b| key(a) == key(b)).map(Cell::of).collect()
 }
 

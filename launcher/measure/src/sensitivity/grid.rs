@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use super::SensitivityArgs;
 use super::cell::{PROFILES, name};
-use crate::lost_at_s;
+use crate::survival::failed_at_s;
 use flight::inprocess;
 use flight::settings;
 use view::summary::Summary;
@@ -22,30 +22,22 @@ const ROBUST_DELAYS_MS: [f64; 14] = [0.0, 5.0, 10.0, 20.0, 30.0, 40.0, 45.0, 50.
 
 /// All flights of a map, not yet flown.
 pub struct Grid {
-    /// What the scenario is called.
     pub name: String,
-    /// One per flight.
     pub scenarios: Vec<Scenario>,
 }
 
-/// What became of one flight.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Flight {
-    /// Which settings.
+pub struct GridFlight {
     pub profile: Profile,
-    /// Added delay \[ms\].
     pub delay_ms: f64,
     /// Jitter on top of it \[ms\].
     pub jitter_ms: f64,
-    /// Probability that a command is lost.
     pub miss_probability: f64,
-    /// Of its random numbers.
     pub seed: u64,
-    /// When the vehicle was lost \[s\]: see [`lost_at_s`].
-    pub lost_at_s: Option<f64>,
+    /// When the vehicle diverged \[s\]: see [`failed_at_s`].
+    pub diverged_at_s: Option<f64>,
     /// Largest position error \[m\], up to the loss.
     pub max_position_error_m: f64,
-    /// Root of its mean square \[m\].
     pub rms_position_error_m: f64,
 }
 
@@ -98,36 +90,35 @@ impl Grid {
     }
 
     /// Flies all, on as many cores as there are; in the order of the scenarios.
-    pub fn fly(&self) -> Vec<Flight> {
+    pub fn fly(&self) -> Vec<GridFlight> {
         self.scenarios.par_iter().map(fly).collect()
     }
 }
 
-fn fly(scenario: &Scenario) -> Flight {
+fn fly(scenario: &Scenario) -> GridFlight {
     let mut summary = Summary::new(scenario);
     inprocess::fly(scenario, |record| {
         summary.observe(&record);
         true
     });
     let (run, metrics) = (&scenario.run, summary.metrics());
-    Flight {
+    GridFlight {
         profile: scenario.profile,
         delay_ms: run.command_delay_ms,
         jitter_ms: run.command_jitter_ms,
         miss_probability: run.command_drop_probability,
         seed: run.seed,
-        lost_at_s: lost_at_s(&summary),
+        diverged_at_s: failed_at_s(&summary),
         max_position_error_m: metrics.max_position_error_m,
         rms_position_error_m: metrics.rms_position_error_m,
     }
 }
 
-/// One line per flight.
-pub fn to_csv(flights: &[Flight]) -> String {
-    let mut text = String::from("profile,delay_ms,jitter_ms,miss_probability,seed,lost_at_s,max_m,rms_m\n");
+pub fn to_csv(flights: &[GridFlight]) -> String {
+    let mut text = String::from("profile,delay_ms,jitter_ms,miss_probability,seed,diverged_at_s,max_m,rms_m\n");
     for f in flights {
-        let (lost, profile) = (f.lost_at_s.map(|t| t.to_string()).unwrap_or_default(), name(f.profile));
-        let Flight { delay_ms, jitter_ms, miss_probability, seed, .. } = f;
+        let (lost, profile) = (f.diverged_at_s.map(|t| t.to_string()).unwrap_or_default(), name(f.profile));
+        let GridFlight { delay_ms, jitter_ms, miss_probability, seed, .. } = f;
         let (max, rms) = (f.max_position_error_m, f.rms_position_error_m);
         // A String takes everything.
         let _ = writeln!(text, "{profile},{delay_ms},{jitter_ms},{miss_probability},{seed},{lost},{max},{rms}");

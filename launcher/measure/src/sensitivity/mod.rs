@@ -34,7 +34,7 @@ use serde_json::json;
 use self::cell::Cell;
 use self::grid::Grid;
 use self::point::Point;
-use super::Findings;
+use crate::findings::Findings;
 use flight::duration::milliseconds;
 use flight::files::write_whole;
 use runtime::console::eprint_line;

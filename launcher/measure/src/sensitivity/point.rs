@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::Stdio;
 
 use anyhow::{Context, bail, ensure};
-use contract::file::{self, LARGEST_RESULTS};
+use contract::scenario::file::{self, MAX_RESULTS_BYTES};
 use serde::Serialize;
 use serde_json::Value;
 
@@ -25,7 +25,7 @@ impl Point {
     /// The point of the run in the folder `run`, from its run.json.
     pub fn read(run: &Path) -> anyhow::Result<Self> {
         let path = run.join("run.json");
-        let text = file::read_text(&path, LARGEST_RESULTS)
+        let text = file::read_text(&path, MAX_RESULTS_BYTES)
             .with_context(|| format!("cannot read {}; give the folder of a run with --run", path.display()))?;
         let json: Value = serde_json::from_str(&text).with_context(|| format!("{} is not JSON", path.display()))?;
         let mode = json["mode"].as_str().unwrap_or("no mode");
@@ -56,7 +56,6 @@ impl Point {
         Self::read(out)
     }
 
-    /// For people.
     pub fn describe(&self) -> String {
         format!(
             "This machine: age at the actuator p50 {:.2} ms, p99 {:.2} ms, {:.2} % missed",

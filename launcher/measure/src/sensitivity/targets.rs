@@ -3,7 +3,7 @@
 use contract::scenario::Profile;
 
 use super::cell::{Cell, name};
-use crate::{Target, Verdict};
+use crate::findings::{Target, Verdict};
 
 /// What the paper claims of its controller \[m\].
 const PAPER_ERROR_M: f64 = 0.7;

@@ -1,19 +1,19 @@
 //! Cells, point, promises and page, from invented flights.
 
-use super::grid::Flight;
+use super::grid::GridFlight;
 use super::*;
-use crate::Verdict;
+use crate::findings::Verdict;
 use contract::scenario::Profile;
 
-fn flight(profile: Profile, [delay_ms, jitter_ms, miss_probability]: [f64; 3], seed: u64) -> Flight {
+fn flight(profile: Profile, [delay_ms, jitter_ms, miss_probability]: [f64; 3], seed: u64) -> GridFlight {
     let max = 0.05 + seed as f64;
-    Flight {
+    GridFlight {
         profile,
         delay_ms,
         jitter_ms,
         miss_probability,
         seed,
-        lost_at_s: None,
+        diverged_at_s: None,
         max_position_error_m: max,
         rms_position_error_m: max / 2.0,
     }
@@ -27,7 +27,7 @@ fn of_the_flights_in_a_cell_the_worst_counts() {
     assert_eq!(cells.iter().map(|c| (c.delay_ms, c.flights, c.lost)).collect::<Vec<_>>(), [(0.0, 2, 0), (1.0, 2, 0)]);
     assert_eq!(cells[1].max_position_error_m, Some(2.05));
     assert_eq!(cells[1].rms_position_error_m, Some(1.025));
-    flights[2].lost_at_s = Some(5.8);
+    flights[2].diverged_at_s = Some(5.8);
     let cells = cell::gather(&flights);
     assert_eq!((cells[1].lost, cells[1].max_position_error_m, cells[1].rms_position_error_m), (1, None, None));
 }
@@ -35,7 +35,7 @@ fn of_the_flights_in_a_cell_the_worst_counts() {
 #[test]
 fn a_flight_is_one_line_of_csv() {
     let mut lost = flight(Profile::Robust, [58.0, 0.0, 0.4], 7);
-    lost.lost_at_s = Some(5.8);
+    lost.diverged_at_s = Some(5.8);
     let csv = grid::to_csv(&[flight(Profile::Paper, [4.0, 2.0, 0.0], 0), lost]);
     let lines: Vec<&str> = csv.lines().skip(1).collect();
     assert_eq!(lines, ["paper,4,2,0,0,,0.05,0.025", "robust,58,0,0.4,7,5.8,7.05,3.525"]);
@@ -44,18 +44,18 @@ fn a_flight_is_one_line_of_csv() {
 }
 
 /// Cells for all promises, with what the paper's and the robust controller are promised to do.
-fn promised() -> Vec<Flight> {
+fn promised() -> Vec<GridFlight> {
     let mut flights = vec![
         flight(Profile::Paper, [4.0, 0.0, 0.0], 0),
         flight(Profile::Paper, [10.0, 0.0, 0.0], 0),
         flight(Profile::Robust, [58.0, 0.0, 0.0], 0),
         flight(Profile::Robust, [0.0, 0.0, 0.4], 0),
     ];
-    flights[1].lost_at_s = Some(5.8);
+    flights[1].diverged_at_s = Some(5.8);
     flights
 }
 
-fn verdicts(survey: bool, flights: &[Flight]) -> Vec<Verdict> {
+fn verdicts(survey: bool, flights: &[GridFlight]) -> Vec<Verdict> {
     targets::targets(survey, &cell::gather(flights)).iter().map(|target| target.verdict).collect()
 }
 
@@ -64,7 +64,7 @@ fn promises_are_kept_by_surviving_and_by_being_lost() {
     assert_eq!(verdicts(true, &promised()), [Verdict::Ok; 4]);
     let mut broken = promised();
     for flight in &mut broken {
-        flight.lost_at_s = if flight.lost_at_s.is_some() { None } else { Some(1.0) };
+        flight.diverged_at_s = if flight.diverged_at_s.is_some() { None } else { Some(1.0) };
     }
     assert_eq!(verdicts(true, &broken), [Verdict::Short; 4]);
     assert_eq!(verdicts(true, &[]), [Verdict::Inconclusive; 4], "not on the map");
@@ -73,7 +73,7 @@ fn promises_are_kept_by_surviving_and_by_being_lost() {
 
 #[test]
 fn the_table_tells_the_last_delay_before_a_loss() {
-    let at = |delay, lost_at_s| Flight { lost_at_s, ..flight(Profile::Paper, [delay, 0.0, 0.0], 0) };
+    let at = |delay, diverged_at_s| GridFlight { diverged_at_s, ..flight(Profile::Paper, [delay, 0.0, 0.0], 0) };
     let flights = [at(0.0, None), at(4.0, None), at(6.0, Some(46.0)), at(8.0, None)];
     let table = table(&cell::gather(&flights), None, Path::new("out"));
     assert!(table.contains("4 ms, 0.050 m") && !table.contains("8 ms"), "{table}");
@@ -88,7 +88,7 @@ fn the_page_has_a_map_for_each_probability_and_the_point_in_the_nearest() {
     flights.push(flight(Profile::Robust, [5.0, 2.0, 0.4], 0));
     let point = Point { age_p50_ms: 0.5, age_p99_ms: 1.5, miss_probability: 0.01 };
     let page = picture::page("a <b> & c", &cell::gather(&flights), Some(&point));
-    assert!(page.contains("a &lt;b> &amp; c") && !page.contains("<b>"));
+    assert!(page.contains("a &lt;b&gt; &amp; c") && !page.contains("<b>"));
     assert_eq!(page.matches("% missed</text>").count(), 3, "one of paper, two of robust");
     assert_eq!(page.matches("class=\"point\"").count(), 2, "one for each profile");
     assert_eq!(page.matches("1 of 1 lost").count(), 1);

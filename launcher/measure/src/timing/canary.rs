@@ -1,6 +1,6 @@
 //! The canary: on every processor a process that sleeps for a millisecond, again and again, above all others.
 //!
-//! When it wakes late nobody of this machine was in its way: the host was. It wakes every 1.001 ms, so that it meets a ring
+//! No process of this machine can delay it: when it wakes late, the host was the reason. It wakes every 1.001 ms, so that it meets a ring
 //! of whole milliseconds at all phases and at none for long.
 
 use std::collections::BTreeMap;
@@ -9,9 +9,9 @@ use runtime::realtime::now_ns;
 use serde::Serialize;
 
 use super::machine::{cpus, on_cpu};
-use super::rings::{Noted, Releases, Stations};
-use crate::mpc::distribution::Distribution;
+use super::rings::{Noted, Releases, RingPeers};
 use flight::provenance::scheduling_of;
+use view::percentiles::Percentiles;
 
 /// A canary whose p99.9 is beyond this leaves no verdict on time \[us\].
 pub const LIMIT_US: f64 = 5_000.0;
@@ -23,9 +23,8 @@ const PRIORITY: u32 = 90;
 /// Half an hour: nothing is noted after that.
 const MOST: usize = 1_800_000;
 
-/// Canaries on their perches.
 pub struct Canary {
-    stations: Vec<Stations>,
+    peers: Vec<RingPeers>,
     /// Whether they were given `SCHED_FIFO`.
     pub fifo: bool,
 }
@@ -39,13 +38,11 @@ pub struct Watch {
     gaps: BTreeMap<u64, u64>,
 }
 
-/// What it comes to.
 #[derive(Debug, Clone, Serialize)]
-pub struct Verdict {
-    /// Wake-ups.
-    pub noted: Option<Distribution>,
+pub struct CanarySummary {
+    pub noted: Option<Percentiles>,
     /// The same with every slot counted that a late wake-up covered.
-    pub covered: Option<Distribution>,
+    pub covered: Option<Percentiles>,
     /// Wake-ups more than a millisecond late.
     pub gaps: usize,
     /// Why no verdict on time can be had, if so.
@@ -56,17 +53,16 @@ impl Canary {
     /// One on every processor.
     pub fn start() -> anyhow::Result<Self> {
         let releases = Releases { period_ns: PERIOD_NS, count: MOST };
-        let alone = |cpu| on_cpu(cpu, || Stations::alone(releases, PRIORITY));
-        let stations = cpus().into_iter().map(alone).collect::<Result<Vec<_>, _>>()?;
+        let alone = |cpu| on_cpu(cpu, || RingPeers::alone(releases, PRIORITY));
+        let peers = cpus().into_iter().map(alone).collect::<Result<Vec<_>, _>>()?;
         std::thread::sleep(std::time::Duration::from_millis(200)); // until they are settled
-        let fifo = stations.iter().all(|s| scheduling_of(s.clock_pid()).policy == "fifo");
-        Ok(Self { stations, fifo })
+        let fifo = peers.iter().all(|s| scheduling_of(s.clock_pid()).policy == "fifo");
+        Ok(Self { peers, fifo })
     }
 
-    /// Ends them.
     pub fn stop(self) -> anyhow::Result<Watch> {
         let until_ns = now_ns();
-        let noted = self.stations.into_iter().map(Stations::stop).collect::<Result<Vec<_>, _>>()?;
+        let noted = self.peers.into_iter().map(RingPeers::stop).collect::<Result<Vec<_>, _>>()?;
         // A canary that is told to leave notes nothing more; one that slept through that has noted up to here.
         Ok(Watch::of(noted.into_iter().flatten().filter(|(release_ns, _)| *release_ns <= until_ns).collect()))
     }
@@ -100,13 +96,12 @@ impl Watch {
             .flat_map(|(_, late_ns)| (0..=late_ns / PERIOD_NS).map(move |slots| late_ns - slots * PERIOD_NS))
     }
 
-    /// What it comes to.
-    pub fn verdict(&self) -> Verdict {
-        let covered = Distribution::of(self.covered_ns());
+    pub fn summary(&self) -> CanarySummary {
+        let covered = Percentiles::of(self.covered_ns());
         let p999_us = covered.map_or(f64::INFINITY, |d| d.p999_us);
         let doubt =
             (p999_us > LIMIT_US).then(|| format!("inconclusive (host): the canary's p99.9 is {:.1} ms", p999_us / 1e3));
-        Verdict { noted: Distribution::of(self.late_ns()), covered, gaps: self.gaps.len(), doubt }
+        CanarySummary { noted: Percentiles::of(self.late_ns()), covered, gaps: self.gaps.len(), doubt }
     }
 }
 
@@ -135,9 +130,9 @@ mod tests {
     #[test]
     fn a_host_that_stalls_leaves_no_verdict() {
         let quiet = vec![(0, 10); 2000];
-        assert_eq!(Watch::of(quiet.clone()).verdict().doubt, None);
+        assert_eq!(Watch::of(quiet.clone()).summary().doubt, None);
         let stalled = [quiet, vec![(1, 9_000_000); 3]].concat();
-        assert!(Watch::of(stalled).verdict().doubt.is_some());
-        assert!(Watch::default().verdict().doubt.is_some(), "no canary, no verdict");
+        assert!(Watch::of(stalled).summary().doubt.is_some());
+        assert!(Watch::default().summary().doubt.is_some(), "no canary, no verdict");
     }
 }

@@ -9,8 +9,8 @@ use runtime::port::{Bus, LEAST_DEPTH};
 use runtime::realtime::{now_ns, thread_cpu_ns};
 use serde::Serialize;
 
-use super::rings::namespace;
-use crate::mpc::distribution::median;
+use crate::killer::namespace;
+use view::percentiles::median_ns;
 
 /// Calls in a row of which the mean is taken, and how many such means the median is of.
 const CALLS: u64 = 200;
@@ -28,7 +28,7 @@ const CLOCK_READINGS: f64 = 2.0;
 pub struct Costs {
     /// Reading `CLOCK_MONOTONIC`.
     pub clock_ns: f64,
-    /// Reading the thread's processor time; once a cycle, at the warm-up, when nobody waits.
+    /// Reading the thread's processor time; once a cycle, at the warm-up, when no node waits.
     pub cpu_clock_ns: f64,
     /// Loan, copy and send of one message to two subscribers, as in a ring that the launcher watches.
     pub send_ns: f64,
@@ -75,18 +75,18 @@ impl Costs {
             _ = black_box(receivers[1].receive());
         }
         let clock_ns = per_call(|| _ = black_box(now_ns()));
-        let one = |batches: &[u64]| median(batches) as f64 / CALLS as f64 - clock_ns;
+        let one = |batches: &[u64]| median_ns(batches.iter().copied()) as f64 / CALLS as f64 - clock_ns;
         Ok(Self {
             clock_ns,
             cpu_clock_ns: per_call(|| _ = black_box(thread_cpu_ns())),
             send_ns: one(&sends),
             receive_ns: one(&receives) / receivers.len() as f64,
-            cold_send_ns: median(&cold_sends) as f64 - clock_ns,
-            cold_receive_ns: median(&cold_receives) as f64 - clock_ns,
+            cold_send_ns: median_ns(cold_sends) as f64 - clock_ns,
+            cold_receive_ns: median_ns(cold_receives) as f64 - clock_ns,
         })
     }
 
-    /// All that a node's cycle notes of time while somebody waits \[ns\].
+    /// What a cycle takes to read the clock while the next node waits \[ns\].
     pub fn stamps_ns(&self) -> f64 {
         CLOCK_READINGS * self.clock_ns
     }
@@ -106,5 +106,5 @@ fn per_call(mut call: impl FnMut()) -> f64 {
         (0..CALLS).for_each(|_| call());
         now_ns() - start_ns
     };
-    median(&(0..BATCHES).map(batch).collect::<Vec<_>>()) as f64 / CALLS as f64
+    median_ns((0..BATCHES).map(batch)) as f64 / CALLS as f64
 }

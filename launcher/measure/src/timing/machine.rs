@@ -1,12 +1,15 @@
-//! The machine: where processes may run, what loads it, what they cost.
+//! The machine: processors, load, processor time, and the tool `cyclictest`.
 
-use std::fs::{read_dir, read_to_string};
+use std::fs::read_to_string;
 use std::process::{Child, Command, Stdio};
 
+use anyhow::Context;
 use runtime::realtime::now_ns;
 use rustix::process::{Pid, Signal, kill_process};
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 use serde::Serialize;
+
+use crate::killer::Process;
 
 /// Which processors a ring may use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -19,7 +22,6 @@ pub enum Placement {
 }
 
 impl Placement {
-    /// What the tables call it.
     pub fn name(self) -> &'static str {
         match self {
             Self::OneCpu => "one CPU",
@@ -66,6 +68,9 @@ pub fn installed(program: &str) -> bool {
     Command::new(program).arg("--help").stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok()
 }
 
+/// The reference for a bare loop.
+pub const CYCLICTEST: &str = "cyclictest";
+
 /// `stress-ng --cpu 4`, until dropped.
 pub struct Stress(Child);
 
@@ -93,7 +98,7 @@ impl Drop for Stress {
 /// Reads now and then how much processor time the processes of a stack have used.
 #[derive(Default)]
 pub struct CpuMeter {
-    pids: Vec<u32>,
+    pids: Vec<Pid>,
     first: Option<(u64, u64)>,
     last: (u64, u64),
 }
@@ -107,7 +112,8 @@ impl CpuMeter {
             return;
         }
         if self.pids.is_empty() {
-            self.pids = nodes_of(namespace);
+            let all = Process::all(namespace).into_iter();
+            self.pids = all.filter(|process| process.name != "launcher").map(|process| process.pid).collect();
         }
         self.last = (now, self.pids.iter().map(|pid| run_time_ns(*pid)).sum());
         self.first.get_or_insert(self.last);
@@ -121,19 +127,43 @@ impl CpuMeter {
     }
 }
 
-/// Processes started as `launcher node NAME --namespace <namespace>`.
-fn nodes_of(namespace: &str) -> Vec<u32> {
-    let all = read_dir("/proc").into_iter().flatten().flatten();
-    let pids = all.filter_map(|entry| entry.file_name().to_str()?.parse().ok());
-    pids.filter(|pid| {
-        let line = read_to_string(format!("/proc/{pid}/cmdline")).unwrap_or_default();
-        let mut words = line.split('\0').skip(1);
-        words.next() == Some("node") && words.any(|word| word == namespace)
-    })
-    .collect()
+fn run_time_ns(pid: Pid) -> u64 {
+    let text = read_to_string(format!("/proc/{}/schedstat", pid.as_raw_nonzero())).unwrap_or_default();
+    text.split_whitespace().next().and_then(|ns| ns.parse().ok()).unwrap_or(0)
 }
 
-fn run_time_ns(pid: u32) -> u64 {
-    let text = read_to_string(format!("/proc/{pid}/schedstat")).unwrap_or_default();
-    text.split_whitespace().next().and_then(|ns| ns.parse().ok()).unwrap_or(0)
+/// How late each of `loops` wake-ups was, one a millisecond on `cpu` with `priority` \[ns\].
+///
+/// It leaves the system as it is: the loop it is compared with does not change power management either.
+pub fn cyclictest(cpu: usize, priority: u32, loops: usize) -> anyhow::Result<Vec<u64>> {
+    let (cpu, priority, loops) = (cpu.to_string(), priority.to_string(), loops.to_string());
+    let output = Command::new(CYCLICTEST)
+        .args(["--verbose", "--nsecs", "--mlockall", "--default-system", "--interval", "1000", "--distance", "0"])
+        .args(["--affinity", &cpu, "--priority", &priority, "--loops", &loops])
+        .stdin(Stdio::null())
+        .stderr(Stdio::null())
+        .output()
+        .context("cannot start cyclictest")?;
+    Ok(latencies(&String::from_utf8_lossy(&output.stdout)))
+}
+
+/// Lines of thread, loop and latency; other lines are left out.
+fn latencies(text: &str) -> Vec<u64> {
+    let latency = |line: &str| -> Option<u64> {
+        let mut fields = line.split(':').map(|field| field.trim().parse::<u64>().ok());
+        let (_, _, latency) = (fields.next()??, fields.next()??, fields.next()??);
+        fields.next().is_none().then_some(latency)
+    };
+    text.lines().filter_map(latency).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn latencies_are_found_among_other_lines() {
+        let text = "Max CPUs = 2\nThread 0 Interval: 1000\n       0:       0:   12873\n       0:       1:   14720\n";
+        assert_eq!(latencies(text), [12_873, 14_720]);
+    }
 }

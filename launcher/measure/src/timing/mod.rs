@@ -1,13 +1,12 @@
-//! `measure timing`: how late the stack is, beside what anybody could be on the same machine at the same time.
+//! `measure timing`: how late the stack is, beside what is possible on the same machine at the same time.
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`plan`], [`raw`] | what is run, how long, in which order |
-//! | [`rings`], [`station`] | rings of four processes that only pass a token, and a bare loop |
-//! | [`cyclictest`] | the reference for that loop |
-//! | [`one_flight`], [`cycles`] | the stack itself, turn by turn |
+//! | [`raw`] | what is run, how long, in which order |
+//! | [`rings`], [`ring_peer`] | rings of four processes that only pass a token, and a bare loop |
+//! | [`timed_flight`], [`cycles`] | the stack itself, cycle by cycle |
 //! | [`canary`] | whether the host was to blame |
-//! | [`machine`] | processors, load, processor time |
+//! | [`machine`] | processors, load, processor time, and `cyclictest`, the reference for that loop |
 //! | [`costs`] | the parts of a hop by themselves |
 //! | [`series`], [`results`] | distributions, ratios, misses |
 //! | [`targets`], [`table`], [`page`] | what is printed and written |
@@ -18,36 +17,29 @@
 pub mod canary;
 pub mod costs;
 pub mod cycles;
-pub mod cyclictest;
 pub mod machine;
-pub mod one_flight;
 pub mod page;
-pub mod plan;
 pub mod raw;
 pub mod results;
+pub mod ring_peer;
 pub mod rings;
 pub mod series;
-pub mod station;
 pub mod table;
 pub mod targets;
+pub mod timed_flight;
 
-use std::path::{Path, PathBuf};
-use std::time::{SystemTime, UNIX_EPOCH};
-
-use anyhow::Context;
+use std::path::PathBuf;
 
 use self::page::Figure;
-use self::plan::Plan;
-use self::raw::Raw;
-use self::results::Results;
+use self::raw::{Plan, Raw};
+use self::results::TimingResults;
 use self::series::Series;
-use super::Findings;
+use crate::findings::Findings;
+use crate::findings::{default_folder, make_folder};
 use flight::duration::seconds;
 use flight::files::write_whole;
 use flight::interrupts::catch_interrupts;
-use flight::provenance::host;
 
-/// Arguments of `measure timing`.
 #[derive(clap::Args)]
 pub struct TimingArgs {
     /// Rounds of what is compared
@@ -67,16 +59,15 @@ pub struct TimingArgs {
     pub json: bool,
 }
 
-/// Measures as the arguments say; the exit code.
+/// Returns the exit code.
 pub fn measure(args: &TimingArgs) -> anyhow::Result<u8> {
-    let out = args.out.clone().unwrap_or_else(default_folder);
-    let cannot = || format!("cannot write to the folder {}; choose another with --out", out.display());
-    std::fs::create_dir_all(&out).with_context(cannot)?;
+    let out = args.out.clone().unwrap_or_else(|| default_folder("timing"));
+    make_folder(&out, "--out")?;
     let interrupts = catch_interrupts()?;
     let plan = if args.quick { Plan::quick() } else { Plan::full(usize::from(args.rounds), args.survey_s) };
     let raw = Raw::measure(&plan, &interrupts)?;
 
-    let results = Results::of(&raw, plan.rounds, host());
+    let results = TimingResults::of(&raw, plan.rounds);
     let targets = targets::targets(&results);
     let tables = table::tables(&results);
     let canary = Series { name: "canary".into(), rounds: vec![raw.watch.late_ns()] };
@@ -85,7 +76,7 @@ pub fn measure(args: &TimingArgs) -> anyhow::Result<u8> {
     let table = format!("{}\nwritten to {}\n", table::text(&tables), out.display());
     let found = Findings::new(&results, targets, args.quick)?;
     for (name, text) in [("histograms.csv", &csv), ("timing.html", &page)] {
-        write_whole(&out.join(name), text.as_bytes()).with_context(cannot)?;
+        write_whole(&out.join(name), text.as_bytes())?;
     }
     found.save(&out, "measure.json")?;
     found.conclude(args.json, &table)
@@ -106,9 +97,4 @@ fn figures<'a>(raw: &'a Raw, canary: &'a Series) -> Vec<Figure<'a>> {
 fn survey(text: &str) -> Result<f64, String> {
     let survey_s = seconds(text)?;
     if (1.0..=3600.0).contains(&survey_s) { Ok(survey_s) } else { Err("expected 1s to 1h".to_owned()) }
-}
-
-fn default_folder() -> PathBuf {
-    let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    Path::new("runs").join(format!("measure-timing-{}", since_epoch.as_millis()))
 }

@@ -1,6 +1,6 @@
-//! Everything measured, run by run, before it is judged.
+//! Everything measured, run by run.
 //!
-//! What is compared is run in turns, round after round, so that a machine that changes its mood changes it for both.
+//! What is compared is run in turns, round after round, so that a change of the machine's speed changes both.
 
 use std::sync::atomic::AtomicU32;
 
@@ -9,48 +9,96 @@ use contract::scenario::Policy;
 use super::canary::{Canary, Watch};
 use super::costs::Costs;
 use super::cycles::WARM_UP_NS;
-use super::cyclictest;
-use super::machine::{Placement, Stress, installed, measured_cpu, on_cpu};
-use super::one_flight::{self, Flight, fly};
-use super::plan::{FLIGHT_HZ, LOADED_HZ, LOOP_PRIORITY, Plan, RATES_HZ, RING_HZ};
-use super::rings::{Kind, Noted, Releases, Stations};
+use super::machine::{CYCLICTEST, Placement, Stress, cyclictest, installed, measured_cpu, on_cpu};
+use super::ring_peer::stamped;
+use super::rings::{Kind, Noted, Releases, RingPeers};
 use super::series::Series;
-use super::station::stamped;
+use super::timed_flight::{self, TimedFlight, fly};
 use runtime::console::eprint_line;
 
-/// Everything measured.
+/// Rate of the rings that are compared \[Hz\].
+pub const RING_HZ: u32 = 250;
+/// Rate of the idle flights, and of the paper's \[Hz\].
+pub const FLIGHT_HZ: u32 = 100;
+/// Rate of the flights under load \[Hz\]: a delay that 100 Hz would forgive is a miss here, so that classes differ.
+pub const LOADED_HZ: u32 = 500;
+/// Rates at which the stack is flown until it misses \[Hz\].
+pub const RATES_HZ: [u32; 5] = [100, 250, 500, 1000, 2000];
+/// cyclictest's priority and that of the loop beside it.
+pub const LOOP_PRIORITY: u32 = 80;
+
+pub struct Plan {
+    pub rounds: usize,
+    /// The bare loop and cyclictest, each.
+    pub loop_s: f64,
+    /// The stack and the raw rings it is compared with, each.
+    pub ring_s: f64,
+    pub scale_s: f64,
+    /// A flight of either scheduling class, idle.
+    pub idle_s: f64,
+    pub load_s: f64,
+    pub rate_s: f64,
+    pub paper_s: f64,
+    pub lockstep_s: f64,
+    pub in_process_s: f64,
+}
+
+impl Plan {
+    /// Long enough for figures, with that long a survey.
+    pub fn full(rounds: usize, paper_s: f64) -> Self {
+        Self {
+            rounds,
+            loop_s: 4.0,
+            ring_s: 1.5,
+            scale_s: 0.8,
+            idle_s: 1.5,
+            load_s: 3.0,
+            rate_s: 3.0,
+            paper_s,
+            lockstep_s: 20.0,
+            in_process_s: 60.0,
+        }
+    }
+
+    /// Long enough to see that everything works.
+    pub fn quick() -> Self {
+        Self {
+            rounds: 1,
+            loop_s: 0.3,
+            ring_s: 0.3,
+            scale_s: 0.2,
+            idle_s: 0.3,
+            load_s: 0.3,
+            rate_s: 0.5,
+            paper_s: 1.0,
+            lockstep_s: 1.0,
+            in_process_s: 2.0,
+        }
+    }
+}
+
 pub struct Raw {
     /// The bare loop.
     pub ours: Series,
     /// cyclictest beside it, where installed.
     pub cyclictest: Series,
-    /// The rings, by placement.
     pub rings: Vec<Rings>,
     /// Scheduling classes, idle and under load.
-    pub policies: Vec<Flown>,
-    /// One flight for each rate.
-    pub rates: Vec<Flown>,
-    /// The paper's survey.
-    pub paper: Flown,
-    /// Simulated over wall time.
+    pub policies: Vec<FlightSeries>,
+    pub rates: Vec<FlightSeries>,
+    pub paper: FlightSeries,
     pub lockstep: Vec<f64>,
-    /// The same by one thread.
     pub in_process: Vec<f64>,
-    /// The parts of a hop by themselves.
     pub costs: Costs,
-    /// What the canaries saw meanwhile.
     pub watch: Watch,
     /// Whether the canaries were given `SCHED_FIFO`.
     pub fifo: bool,
 }
 
-/// Rings of one placement.
 pub struct Rings {
-    /// Where.
     pub placement: Placement,
     /// The stack, from sense to act without what its nodes did.
     pub stack: Series,
-    /// Its hops, all of them.
     pub hops: Series,
     /// The sum of its nodes' executions.
     pub executions: Series,
@@ -61,20 +109,15 @@ pub struct Rings {
 }
 
 /// Flights under the same circumstances.
-pub struct Flown {
-    /// What they are.
+pub struct FlightSeries {
     pub name: String,
-    /// Rate of the ring \[Hz\].
     pub rate_hz: u32,
-    /// Scheduling class asked for.
     pub policy: Policy,
     /// Under `stress-ng --cpu 4`.
     pub loaded: bool,
-    /// Ages at the actuator.
     pub ages: Series,
     /// For each slot whether it was missed, and the time it covers if so \[ns\].
     pub slots: Vec<Option<(u64, u64)>>,
-    /// Share of one processor \[%\].
     pub cpu_percent: Option<f64>,
     /// Whether all nodes were given the class they asked for.
     pub as_asked: bool,
@@ -83,7 +126,6 @@ pub struct Flown {
 }
 
 impl Raw {
-    /// Runs the plan.
     pub fn measure(plan: &Plan, interrupts: &AtomicU32) -> anyhow::Result<Self> {
         let canary = Canary::start()?;
         let fifo = canary.fifo;
@@ -94,7 +136,7 @@ impl Raw {
             rings: vec![ring(Placement::OneCpu), ring(Placement::AllCpus)],
             policies: vec![],
             rates: vec![],
-            paper: Flown::new("paper survey", FLIGHT_HZ, Policy::Fifo, false),
+            paper: FlightSeries::new("paper survey", FLIGHT_HZ, Policy::Fifo, false),
             lockstep: vec![],
             in_process: vec![],
             costs: Costs::measure()?,
@@ -105,7 +147,7 @@ impl Raw {
             for policy in [Policy::Fifo, Policy::Other] {
                 let name = format!("{} {}", policy_name(policy), if loaded { "under load" } else { "idle" });
                 let rate_hz = if loaded { LOADED_HZ } else { FLIGHT_HZ };
-                raw.policies.push(Flown::new(&name, rate_hz, policy, loaded));
+                raw.policies.push(FlightSeries::new(&name, rate_hz, policy, loaded));
             }
         }
         for round in 0..plan.rounds {
@@ -115,17 +157,21 @@ impl Raw {
                 rings.round(plan, interrupts)?;
             }
             raw.policies(plan, interrupts)?;
-            raw.lockstep.push(one_flight::lockstep(plan.lockstep_s, interrupts)?);
-            raw.in_process.push(one_flight::in_process(plan.in_process_s));
+            raw.lockstep.push(timed_flight::lockstep(plan.lockstep_s, interrupts)?);
+            raw.in_process.push(timed_flight::in_process(plan.in_process_s));
         }
         eprint_line(&format!("flying at {RATES_HZ:?} Hz"));
         for rate_hz in RATES_HZ {
-            let mut flown = Flown::new(&format!("{rate_hz} Hz"), rate_hz, Policy::Fifo, false);
-            flown.add(&fly(&one_flight::realtime(rate_hz, Policy::Fifo, plan.rate_s), Placement::AllCpus, interrupts)?);
+            let mut flown = FlightSeries::new(&format!("{rate_hz} Hz"), rate_hz, Policy::Fifo, false);
+            flown.add(&fly(
+                &timed_flight::realtime(rate_hz, Policy::Fifo, plan.rate_s),
+                Placement::AllCpus,
+                interrupts,
+            )?);
             raw.rates.push(flown);
         }
         eprint_line(&format!("flying the paper's survey, {} s", plan.paper_s));
-        raw.paper.add(&fly(&one_flight::paper(plan.paper_s)?, Placement::AllCpus, interrupts)?);
+        raw.paper.add(&fly(&timed_flight::paper(plan.paper_s)?, Placement::AllCpus, interrupts)?);
         raw.watch = canary.stop()?;
         Ok(raw)
     }
@@ -137,10 +183,10 @@ impl Raw {
         let cpu = measured_cpu();
         for turn in [round, round + 1] {
             if turn % 2 == 0 {
-                let stations = on_cpu(cpu, || Stations::alone(releases, LOOP_PRIORITY))?;
-                self.ours.rounds.push(warm(stations.finish(interrupts)?));
-            } else if installed(cyclictest::PROGRAM) {
-                let late_ns = cyclictest::run(cpu, LOOP_PRIORITY, count)?;
+                let peers = on_cpu(cpu, || RingPeers::alone(releases, LOOP_PRIORITY))?;
+                self.ours.rounds.push(warm(peers.finish(interrupts)?));
+            } else if installed(CYCLICTEST) {
+                let late_ns = cyclictest(cpu, LOOP_PRIORITY, count)?;
                 let warm_up = (WARM_UP_NS / releases.period_ns) as usize;
                 self.cyclictest.rounds.push(late_ns.into_iter().skip(warm_up).collect());
             }
@@ -153,13 +199,12 @@ impl Raw {
         for flown in self.policies.iter_mut().filter(|flown| loaded || !flown.loaded) {
             let duration_s = if flown.loaded { plan.load_s } else { plan.idle_s };
             let _stress = flown.loaded.then(|| Stress::start(duration_s + 30.0));
-            let scenario = one_flight::realtime(flown.rate_hz, flown.policy, duration_s);
+            let scenario = timed_flight::realtime(flown.rate_hz, flown.policy, duration_s);
             flown.add(&fly(&scenario, Placement::AllCpus, interrupts)?);
         }
         Ok(())
     }
 
-    /// Every series there is.
     pub fn series(&self) -> Vec<&Series> {
         let rings = self.rings.iter().flat_map(|r| [&r.stack, &r.hops, &r.executions].into_iter().chain(&r.others));
         let flown = self.policies.iter().chain(&self.rates).chain([&self.paper]).map(|flown| &flown.ages);
@@ -180,7 +225,6 @@ impl Rings {
         }
     }
 
-    /// The series of `kind`.
     pub fn of(&self, kind: Kind) -> &Series {
         let i = Kind::ALL.iter().position(|k| *k == kind).unwrap_or(0);
         &self.others[i]
@@ -188,7 +232,7 @@ impl Rings {
 
     fn round(&mut self, plan: &Plan, interrupts: &AtomicU32) -> anyhow::Result<()> {
         let period_ns = 1_000_000_000 / u64::from(RING_HZ);
-        let scenario = one_flight::realtime(RING_HZ, Policy::Fifo, plan.ring_s);
+        let scenario = timed_flight::realtime(RING_HZ, Policy::Fifo, plan.ring_s);
         let flight = fly(&scenario, self.placement, interrupts)?;
         self.stack.rounds.push(flight.cycles.sense_to_act_ns());
         self.hops.rounds.push(flight.cycles.hops_ns());
@@ -197,7 +241,7 @@ impl Rings {
             let scale = matches!(kind, Kind::Socket | Kind::Pipe);
             let seconds = if scale { plan.scale_s } else { plan.ring_s };
             let releases = Releases { period_ns, count: (seconds * f64::from(RING_HZ)) as usize };
-            let noted = self.placement.during(|| Stations::ring(kind, releases))?.finish(interrupts)?;
+            let noted = self.placement.during(|| RingPeers::ring(kind, releases))?.finish(interrupts)?;
             if kind == Kind::Stamped {
                 for (laps, read) in self.laps.iter_mut().zip([false, true]) {
                     let of = noted.iter().enumerate().filter(|(lap, _)| stamped(*lap) == read);
@@ -210,14 +254,14 @@ impl Rings {
     }
 }
 
-impl Flown {
+impl FlightSeries {
     fn new(name: &str, rate_hz: u32, policy: Policy, loaded: bool) -> Self {
         let ages = Series::new(format!("age, {name}"));
         let name = name.to_owned();
         Self { name, rate_hz, policy, loaded, ages, slots: vec![], cpu_percent: None, as_asked: true, inside: true }
     }
 
-    fn add(&mut self, flight: &Flight) {
+    fn add(&mut self, flight: &TimedFlight) {
         self.slots.extend(flight.cycles.misses());
         self.ages.rounds.push(flight.cycles.ages_ns());
         self.cpu_percent = flight.cpu_percent.or(self.cpu_percent);
@@ -226,7 +270,6 @@ impl Flown {
     }
 }
 
-/// What the tables call a scheduling class.
 pub fn policy_name(policy: Policy) -> &'static str {
     match policy {
         Policy::Fifo => "SCHED_FIFO",

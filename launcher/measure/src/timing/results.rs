@@ -4,78 +4,61 @@ use std::collections::BTreeMap;
 
 use contract::scenario::Policy;
 use serde::Serialize;
-use serde_json::Value;
 
-use super::canary::{Verdict, Watch};
+use super::canary::{CanarySummary, Watch};
 use super::costs::Costs;
 use super::machine::Placement;
-use super::raw::{Flown, Raw, Rings, policy_name};
+use super::raw::{FlightSeries, Raw, Rings, policy_name};
 use super::rings::Kind;
 use super::series::Ratio;
-use crate::mpc::distribution::Distribution;
+use view::percentiles::Percentiles;
 
 /// Releases of which one maximum is taken: a maximum is one number of chance, so it takes many to compare two loops.
 const MAXIMUM_OF: usize = 200;
 /// Processes in a ring, and so hops.
 const HOPS: f64 = 4.0;
 
-/// All that was measured.
 #[derive(Debug, Clone, Serialize)]
-pub struct Results {
-    /// The machine.
-    pub host: Value,
-    /// Rounds of what is compared.
+pub struct TimingResults {
     pub rounds: usize,
     /// Whether the kernel gives `SCHED_FIFO`.
     pub fifo: bool,
-    /// What the canaries saw.
-    pub canary: Verdict,
+    pub canary: CanarySummary,
     /// Every series, all rounds together.
-    pub series: BTreeMap<String, Distribution>,
+    pub series: BTreeMap<String, Percentiles>,
     /// Our loop over cyclictest: p50, p99, and the maximum of every 200 releases.
     pub loop_over_cyclictest: [Option<Ratio>; 3],
-    /// The stack's ring by placement.
     pub rings: Vec<Ring>,
-    /// The stack's flights.
-    pub flights: Vec<Flights>,
-    /// The parts of a hop by themselves.
+    pub flights: Vec<FlightFigures>,
     pub costs: Costs,
     /// Simulated over wall time through four processes in lockstep.
     pub lockstep: Option<Ratio>,
-    /// The same in process.
     pub in_process: Option<Ratio>,
 }
 
-/// The stack's ring in one placement.
 #[derive(Debug, Clone, Serialize)]
 pub struct Ring {
-    /// Which.
     pub placement: Placement,
     /// Sense to act without execution, over the raw ring's time: p50.
     pub p50_over_raw: Option<Ratio>,
-    /// The same: p99.
     pub p99_over_raw: Option<Ratio>,
-    /// What a raw ring takes longer in the laps in which its stations read the clock as nodes do, over the stack's time
+    /// What a raw ring takes longer in the laps in which its peers read the clock as nodes do, over the stack's time
     /// with execution \[%\].
     pub stamps_percent: Option<Ratio>,
     /// The readings of the clock by themselves, over the same \[%\].
     pub stamps_counted_percent: Option<f64>,
-    /// Where a quarter of the ring's time goes.
     pub hop: Option<Hop>,
 }
 
 /// A quarter of the time from sense to act without execution, by part \[ns\]. The timer's wake-up is in it.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct Hop {
-    /// All of it.
     pub all_ns: f64,
     /// The kernel's wake-up: a quarter of the raw ring that warms up as the stack does.
     pub kernel_ns: f64,
     /// One reading of the clock: half of the start's, half of the publication's. The others fall into execution.
     pub clock_ns: f64,
-    /// Loan, copy, send.
     pub send_ns: f64,
-    /// Receive, copy.
     pub receive_ns: f64,
     /// What is left: cold caches, larger processes, the wait's own bookkeeping.
     pub rest_ns: f64,
@@ -83,57 +66,47 @@ pub struct Hop {
 
 /// Flights under the same circumstances.
 #[derive(Debug, Clone, Serialize)]
-pub struct Flights {
-    /// What they are.
+pub struct FlightFigures {
     pub name: String,
-    /// Rate of the ring \[Hz\].
     pub rate_hz: u32,
-    /// Scheduling class asked for.
     pub policy: Policy,
     /// Under `stress-ng --cpu 4`.
     pub loaded: bool,
     /// Whether all nodes were given that class.
     pub as_asked: bool,
-    /// Slots that count.
     pub slots: usize,
-    /// Slots missed.
     pub misses: usize,
     /// Of these, those in which the host stalled a canary.
     pub explained: usize,
-    /// Longest run of misses.
     pub longest_run: usize,
-    /// Age at the actuator.
-    pub age: Option<Distribution>,
+    pub age: Option<Percentiles>,
     /// Share of one processor that the four nodes used \[%\].
     pub cpu_percent: Option<f64>,
     /// Whether every flight reached its end inside the scenario's bounds.
     pub inside: bool,
 }
 
-impl Results {
-    /// Of everything measured.
-    pub fn of(raw: &Raw, rounds: usize, host: Value) -> Self {
+impl TimingResults {
+    pub fn of(raw: &Raw, rounds: usize) -> Self {
         let named = |s: &super::series::Series| Some((s.name.clone(), s.all()?));
-        let over = |figure: fn(&Distribution) -> f64| raw.ours.over(&raw.cyclictest, figure);
+        let over = |figure: fn(&Percentiles) -> f64| raw.ours.over(&raw.cyclictest, figure);
         let maxima = raw.ours.split(MAXIMUM_OF).over(&raw.cyclictest.split(MAXIMUM_OF), |d| d.max_us);
         let flown = raw.policies.iter().chain(&raw.rates).chain([&raw.paper]);
         Self {
-            host,
             rounds,
             fifo: raw.fifo,
-            canary: raw.watch.verdict(),
+            canary: raw.watch.summary(),
             series: raw.series().into_iter().filter_map(named).collect(),
             loop_over_cyclictest: [over(|d| d.p50_us), over(|d| d.p99_us), maxima],
             rings: raw.rings.iter().map(|rings| Ring::of(rings, &raw.costs)).collect(),
-            flights: flown.filter(|f| !f.slots.is_empty()).map(|f| Flights::of(f, &raw.watch)).collect(),
+            flights: flown.filter(|f| !f.slots.is_empty()).map(|f| FlightFigures::of(f, &raw.watch)).collect(),
             costs: raw.costs,
             lockstep: Ratio::of(raw.lockstep.iter().copied()),
             in_process: Ratio::of(raw.in_process.iter().copied()),
         }
     }
 
-    /// The flights of that name.
-    pub fn flights(&self, name: &str) -> Option<&Flights> {
+    pub fn flights(&self, name: &str) -> Option<&FlightFigures> {
         self.flights.iter().find(|flights| flights.name == name)
     }
 }
@@ -141,7 +114,7 @@ impl Results {
 impl Ring {
     fn of(rings: &Rings, costs: &Costs) -> Self {
         let raw = rings.of(Kind::Raw);
-        let p50: fn(&Distribution) -> f64 = |d| d.p50_us;
+        let p50: fn(&Percentiles) -> f64 = |d| d.p50_us;
         let with_execution_us =
             || rings.stack.each(p50).into_iter().zip(rings.executions.each(p50)).map(|(t, e)| t + e);
         let [without, with] = &rings.laps;
@@ -162,15 +135,15 @@ impl Hop {
     fn of(rings: &Rings, costs: &Costs) -> Option<Self> {
         let quarter_ns = |median_us: f64| median_us * 1e3 / HOPS;
         let all_ns = quarter_ns(rings.stack.all()?.p50_us);
-        let kernel_ns = quarter_ns(rings.of(Kind::Rehearsed).all()?.p50_us);
+        let kernel_ns = quarter_ns(rings.of(Kind::WarmedUp).all()?.p50_us);
         let Costs { clock_ns, send_ns, receive_ns, .. } = *costs;
         let rest_ns = all_ns - kernel_ns - clock_ns - send_ns - receive_ns;
         Some(Self { all_ns, kernel_ns, clock_ns, send_ns, receive_ns, rest_ns })
     }
 }
 
-impl Flights {
-    fn of(flown: &Flown, watch: &Watch) -> Self {
+impl FlightFigures {
+    fn of(flown: &FlightSeries, watch: &Watch) -> Self {
         let missed = || flown.slots.iter().flatten();
         let runs = flown.slots.split(Option::is_none).map(<[_]>::len);
         Self {
@@ -189,12 +162,10 @@ impl Flights {
         }
     }
 
-    /// Misses that no canary explains.
     pub fn unexplained(&self) -> usize {
         self.misses - self.explained
     }
 
-    /// Under which circumstances.
     pub fn circumstances(&self) -> String {
         let load = if self.loaded { "stress-ng --cpu 4" } else { "idle" };
         format!("{} Hz, {}, {load}", self.rate_hz, policy_name(self.policy))

@@ -14,43 +14,40 @@ use runtime::domain::Hold;
 use runtime::realtime::{ControlPage, phase};
 use serde::Serialize;
 
-use super::station::{Link, StationArgs};
+use super::ring_peer::{Link, RingPeerArgs};
+use crate::killer::namespace;
 use flight::own_program;
 use flight::stack::StartError;
 
-/// What a ring of stations is made of.
+/// What a ring of peers is made of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
     /// Bare futexes: the kernel's own wake-up.
     Raw,
-    /// The same, and in every second lap the stations read the clock as the nodes of the stack do.
+    /// The same, and in every second lap the peers read the clock as the nodes of the stack do.
     Stamped,
     /// Bare futexes after a warm-up: the kernel's wake-up when it has not forgotten the process.
-    Rehearsed,
-    /// Unix sockets.
+    WarmedUp,
     Socket,
-    /// Pipes.
     Pipe,
 }
 
 impl Kind {
-    /// All of them.
-    pub const ALL: [Self; 5] = [Self::Raw, Self::Stamped, Self::Rehearsed, Self::Socket, Self::Pipe];
+    pub const ALL: [Self; 5] = [Self::Raw, Self::Stamped, Self::WarmedUp, Self::Socket, Self::Pipe];
 
-    /// What the tables call it.
     pub fn name(self) -> &'static str {
         match self {
             Self::Raw => "raw futex",
             Self::Stamped => "raw futex, clock read every second lap",
-            Self::Rehearsed => "raw futex, warmed up",
+            Self::WarmedUp => "raw futex, warmed up",
             Self::Socket => "unix socket",
             Self::Pipe => "pipe",
         }
     }
 }
 
-/// How the first station is released.
+/// How the first peer is released.
 #[derive(Debug, Clone, Copy)]
 pub struct Releases {
     /// Between two \[ns\].
@@ -59,11 +56,11 @@ pub struct Releases {
     pub count: usize,
 }
 
-/// What the first station noted, in order: release, and the time from it \[ns\].
+/// What the first peer noted, in order: release, and the time from it \[ns\].
 pub type Noted = Vec<(u64, u64)>;
 
 /// The processes of one run and what they own in shared memory. Dropping it ends them and wipes that.
-pub struct Stations {
+pub struct RingPeers {
     /// The one with the clock is the last.
     children: Vec<Child>,
     page: ControlPage,
@@ -71,25 +68,19 @@ pub struct Stations {
     releases: Releases,
 }
 
-/// A namespace that no other run on this machine has.
-pub fn namespace() -> String {
-    static NEXT: AtomicU32 = AtomicU32::new(0);
-    format!("measure-{}-{}", std::process::id(), NEXT.fetch_add(1, Ordering::Relaxed))
-}
-
-impl Stations {
-    /// A station alone, with `priority`.
+impl RingPeers {
+    /// A peer alone, with `priority`.
     pub fn alone(releases: Releases, priority: u32) -> anyhow::Result<Self> {
-        let mut stations = Self::none(releases)?;
-        stations.spawn(0, Link::None, None, priority, None)?;
-        Ok(stations)
+        let mut peers = Self::none(releases)?;
+        peers.spawn(0, Link::None, None, priority, None)?;
+        Ok(peers)
     }
 
     /// A ring of four, with the priorities of the stack's nodes.
     pub fn ring(kind: Kind, releases: Releases) -> anyhow::Result<Self> {
-        let mut stations = Self::none(releases)?;
+        let mut peers = Self::none(releases)?;
         let (link, ends) = match kind {
-            Kind::Raw | Kind::Stamped | Kind::Rehearsed => (Link::Doorbell, vec![]),
+            Kind::Raw | Kind::Stamped | Kind::WarmedUp => (Link::Doorbell, vec![]),
             Kind::Socket => (Link::Stream, closed(socket)?),
             Kind::Pipe => (Link::Stream, closed(|| pipe().map(|(input, output)| (input.into(), output.into())))?),
         };
@@ -98,9 +89,9 @@ impl Stations {
         // The one with the clock last: the others wait for it then.
         for rank in (0..Topic::COUNT as u8).rev() {
             let priority = wanted.of(usize::from(rank)).priority;
-            stations.spawn(rank, link, Some(kind), priority, ends.next())?;
+            peers.spawn(rank, link, Some(kind), priority, ends.next())?;
         }
-        Ok(stations)
+        Ok(peers)
     }
 
     /// Waits until all releases are noted.
@@ -147,19 +138,19 @@ impl Stations {
         priority: u32,
         ends: Option<(OwnedFd, OwnedFd)>,
     ) -> anyhow::Result<()> {
-        let args = StationArgs {
+        let args = RingPeerArgs {
             namespace: self.hold.domain.namespace().to_owned(),
             rank,
             link,
             stamps: kind == Some(Kind::Stamped),
-            warm_up: kind == Some(Kind::Rehearsed),
+            warm_up: kind == Some(Kind::WarmedUp),
             period_ns: self.releases.period_ns,
             count: self.releases.count,
             priority,
             samples: self.hold.domain.file("samples"),
         };
         let mut command = own_program();
-        command.args(["measure", "station"]).args(args.to_words());
+        command.args(["measure", "ring-peer"]).args(args.to_words());
         match ends {
             Some((input, output)) => command.stdin(input).stdout(output),
             None => command.stdin(Stdio::null()).stdout(Stdio::null()),
@@ -176,7 +167,7 @@ impl Stations {
     }
 }
 
-impl Drop for Stations {
+impl Drop for RingPeers {
     fn drop(&mut self) {
         for child in &mut self.children {
             // Fails for those that have ended already, which is what is wanted.
@@ -186,11 +177,11 @@ impl Drop for Stations {
     }
 }
 
-/// Four channels closed to a ring: where each station reads and where it writes, the last station first.
+/// Four channels closed to a ring: where each peer reads and where it writes, the last peer first.
 fn closed(channel: impl FnMut() -> std::io::Result<(OwnedFd, OwnedFd)>) -> anyhow::Result<Vec<(OwnedFd, OwnedFd)>> {
     let channels = std::iter::repeat_with(channel).take(Topic::COUNT).collect::<Result<Vec<_>, _>>();
     let (mut inputs, outputs): (Vec<_>, Vec<_>) = channels.context("cannot make a channel")?.into_iter().unzip();
-    inputs.rotate_left(1); // who writes to channel i is read from by the station before in this order, after it in the ring
+    inputs.rotate_left(1); // the peer before in this order, which comes after in the ring, reads what is written to channel i
     Ok(inputs.into_iter().zip(outputs).collect())
 }
 

@@ -4,13 +4,11 @@ use std::fmt::Write;
 
 use serde::Serialize;
 
-use crate::mpc::distribution::Distribution;
-use view::timing::histogram;
+use view::percentiles::{Percentiles, median, recorded};
 
 /// What one thing took, all rounds \[ns\].
 #[derive(Debug, Clone, Default)]
 pub struct Series {
-    /// What it is.
     pub name: String,
     /// Its times, one list per round \[ns\].
     pub rounds: Vec<Vec<u64>>,
@@ -19,16 +17,12 @@ pub struct Series {
 /// A ratio taken in every round.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Ratio {
-    /// Its median: the middle round, the mean of two.
     pub median: f64,
-    /// The smallest.
     pub min: f64,
-    /// The largest.
     pub max: f64,
 }
 
 impl Series {
-    /// An empty one.
     pub fn new(name: impl Into<String>) -> Self {
         Self { name: name.into(), rounds: vec![] }
     }
@@ -41,17 +35,17 @@ impl Series {
     }
 
     /// The distribution of all rounds together.
-    pub fn all(&self) -> Option<Distribution> {
-        Distribution::of(self.rounds.iter().flatten().copied())
+    pub fn all(&self) -> Option<Percentiles> {
+        Percentiles::of(self.rounds.iter().flatten().copied())
     }
 
     /// `figure` of each round.
-    pub fn each(&self, figure: impl Fn(&Distribution) -> f64) -> Vec<f64> {
-        self.rounds.iter().filter_map(|times| Distribution::of(times.iter().copied())).map(|d| figure(&d)).collect()
+    pub fn each(&self, figure: impl Fn(&Percentiles) -> f64) -> Vec<f64> {
+        self.rounds.iter().filter_map(|times| Percentiles::of(times.iter().copied())).map(|d| figure(&d)).collect()
     }
 
     /// `figure` over that of `reference`, round by round.
-    pub fn over(&self, reference: &Self, figure: impl Fn(&Distribution) -> f64 + Copy) -> Option<Ratio> {
+    pub fn over(&self, reference: &Self, figure: impl Fn(&Percentiles) -> f64 + Copy) -> Option<Ratio> {
         let pairs = self.each(figure).into_iter().zip(reference.each(figure));
         Ratio::of(pairs.map(|(ours, theirs)| ours / theirs))
     }
@@ -60,11 +54,10 @@ impl Series {
 impl Ratio {
     /// Of the rounds' ratios; nothing of none.
     pub fn of(ratios: impl IntoIterator<Item = f64>) -> Option<Self> {
-        let mut sorted: Vec<f64> = ratios.into_iter().filter(|ratio| ratio.is_finite()).collect();
-        sorted.sort_by(f64::total_cmp);
-        let (min, max) = (*sorted.first()?, *sorted.last()?);
-        let n = sorted.len();
-        Some(Self { median: f64::midpoint(sorted[(n - 1) / 2], sorted[n / 2]), min, max })
+        let ratios: Vec<f64> = ratios.into_iter().filter(|ratio| ratio.is_finite()).collect();
+        let (min, max) =
+            ratios.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(min, max), r| (r.min(min), r.max(max)));
+        Some(Self { median: median(ratios)?, min, max })
     }
 
     /// How far the rounds lie apart, for a note.
@@ -78,11 +71,7 @@ pub fn to_csv<'a>(series: impl IntoIterator<Item = &'a Series>) -> String {
     let mut csv = String::from("series,round,value_ns,count\n");
     for Series { name, rounds } in series {
         for (round, times) in rounds.iter().enumerate() {
-            let mut counted = histogram();
-            for time in times {
-                counted.saturating_record(*time);
-            }
-            for bin in counted.iter_recorded() {
+            for bin in recorded(times.iter().copied()).iter_recorded() {
                 // A String takes everything.
                 let _ =
                     writeln!(csv, "{name},{round},{},{}", bin.value_iterated_to(), bin.count_since_last_iteration());
@@ -102,12 +91,12 @@ mod tests {
 
     #[test]
     fn ratios_are_taken_within_a_round() {
-        let ours = series(&[&[20], &[200], &[3000]]);
-        let theirs = series(&[&[10], &[100], &[1000]]);
+        let ours = series(&[&[20], &[200], &[1500]]);
+        let theirs = series(&[&[10], &[100], &[500]]);
         let ratio = ours.over(&theirs, |d| d.p50_us).expect("three rounds");
         assert_eq!(ratio, Ratio { median: 2.0, min: 2.0, max: 3.0 });
         assert_eq!(ours.over(&series(&[]), |d| d.p50_us), None);
-        assert_eq!(Ratio::of([1.0, 4.0, f64::INFINITY]).map(|r| r.median), Some(2.5));
+        assert_eq!(Ratio::of([1.0, 4.0, 3.0, f64::INFINITY]).map(|r| r.median), Some(3.0));
     }
 
     #[test]

@@ -1,15 +1,14 @@
 //! The promises about time, and what became of them.
 
 use super::machine::Placement;
-use super::results::{Flights, Results};
+use super::results::{FlightFigures, TimingResults};
 use super::series::Ratio;
-use crate::{Target, Verdict};
+use crate::findings::Target;
 
 /// What a machine without the privilege cannot show.
 const NO_FIFO: &str = "without the privilege for SCHED_FIFO";
 
-/// One target per promise.
-pub fn targets(results: &Results) -> Vec<Target> {
+pub fn targets(results: &TimingResults) -> Vec<Target> {
     let mut targets = loops(results);
     targets.extend(rings(results));
     targets.extend(flights(results));
@@ -25,7 +24,7 @@ pub fn targets(results: &Results) -> Vec<Target> {
     }
 }
 
-fn loops(results: &Results) -> Vec<Target> {
+fn loops(results: &TimingResults) -> Vec<Target> {
     [("p50", 1.3), ("p99", 1.3), ("max", 1.2)]
         .into_iter()
         .zip(results.loop_over_cyclictest)
@@ -35,7 +34,7 @@ fn loops(results: &Results) -> Vec<Target> {
         .collect()
 }
 
-fn rings(results: &Results) -> Vec<Target> {
+fn rings(results: &TimingResults) -> Vec<Target> {
     let line = |placement: Placement, name: &str, ratio: Option<Ratio>, limit| {
         let figure = format!("ring over raw futex ring, {}, {name}", placement.name());
         ratio_at_most(figure, ratio, limit, "no command took effect")
@@ -46,27 +45,22 @@ fn rings(results: &Results) -> Vec<Target> {
     results.rings.iter().flat_map(both).collect()
 }
 
-fn flights(results: &Results) -> Vec<Target> {
+fn flights(results: &TimingResults) -> Vec<Target> {
     let paper = results.flights("paper survey");
     let age = paper.and_then(|flights| flights.age);
-    let quiet: Vec<&Flights> = results.flights.iter().filter(|f| is_quiet(f)).collect();
-    let sum = |of: fn(&Flights) -> usize| quiet.iter().map(|f| of(f)).sum::<usize>();
+    let quiet: Vec<&FlightFigures> = results.flights.iter().filter(|f| is_quiet(f)).collect();
+    let sum = |of: fn(&FlightFigures) -> usize| quiet.iter().map(|f| of(f)).sum::<usize>();
     let note = format!("{} slots; the canary explains {} more", sum(|f| f.slots), sum(|f| f.explained));
     let inside = paper.is_some_and(|flights| flights.inside);
     vec![
         Target::at_most("age at the actuator, 100 Hz, p50", age.map(|d| d.p50_us), 1000.0, "us"),
         Target::at_most("age at the actuator, 100 Hz, p99", age.map(|d| d.p99_us), 2000.0, "us"),
-        Target {
-            figure: "profile paper in real time".into(),
-            measured: Some(f64::from(u8::from(inside))),
-            unit: "",
-            target: "inside its bounds".into(),
-            verdict: if inside { Verdict::Ok } else { Verdict::Short },
-            note: String::new(),
-        },
+        Target::when("profile paper in real time", Some(f64::from(u8::from(inside))), "inside its bounds", |is| {
+            is > 0.0
+        }),
         Target::at_most(
             "idle, SCHED_FIFO, 100 Hz: misses not explained",
-            Some(sum(Flights::unexplained) as f64),
+            Some(sum(FlightFigures::unexplained) as f64),
             0.0,
             "",
         )
@@ -74,11 +68,11 @@ fn flights(results: &Results) -> Vec<Target> {
     ]
 }
 
-fn is_quiet(flights: &Flights) -> bool {
+fn is_quiet(flights: &FlightFigures) -> bool {
     flights.name == "paper survey" || flights.name == "SCHED_FIFO idle"
 }
 
-fn stress(results: &Results) -> Target {
+fn stress(results: &TimingResults) -> Target {
     let figure = "misses under stress-ng --cpu 4, SCHED_FIFO over SCHED_OTHER";
     let (fifo, other) = (results.flights("SCHED_FIFO under load"), results.flights("SCHED_OTHER under load"));
     let (Some(fifo), Some(other)) = (fifo, other) else {
@@ -99,7 +93,7 @@ fn stress(results: &Results) -> Target {
     Target::at_most(figure, ratio, 0.05, "").noting(note)
 }
 
-fn overhead(results: &Results) -> Vec<Target> {
+fn overhead(results: &TimingResults) -> Vec<Target> {
     let line = |ring: &super::results::Ring| {
         let figure = format!("stamping over the ring's time, {}", ring.placement.name());
         let counted = ring.stamps_counted_percent.map(|percent| format!("{percent:.2} % by counting calls"));
@@ -116,17 +110,6 @@ fn ratio_at_most(figure: String, ratio: Option<Ratio>, limit: f64, missing: &str
 }
 
 fn at_least(figure: &str, ratio: Option<Ratio>, limit: f64) -> Target {
-    let measured = ratio.map(|ratio| ratio.median);
-    Target {
-        figure: figure.into(),
-        measured,
-        unit: "",
-        target: format!(">= {limit}"),
-        verdict: match measured {
-            Some(value) if value >= limit => Verdict::Ok,
-            Some(_) => Verdict::Short,
-            None => Verdict::Inconclusive,
-        },
-        note: ratio.map_or(String::new(), |ratio| format!("rounds {:.0} to {:.0}", ratio.min, ratio.max)),
-    }
+    let note = ratio.map_or(String::new(), |ratio| format!("rounds {:.0} to {:.0}", ratio.min, ratio.max));
+    Target::at_least(figure, ratio.map(|ratio| ratio.median), limit).noting(note)
 }

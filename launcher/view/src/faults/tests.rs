@@ -1,6 +1,5 @@
 use super::*;
-use contract::message::{Actuators, Controls, Message, SolveStatus, State, mixer_flags};
-use contract::scenario::FaultTarget;
+use contract::message::{Actuators, Message, State};
 use contract::stamp::delivery;
 
 /// A solver fault at 0.1 s, after CONTROLS of these statuses, one per tick from 0 on.
@@ -147,7 +146,7 @@ fn a_process_is_missed_by_its_silence() {
         seen(FaultTarget::AttitudeMpc, FaultKind::Kill, &[there, commands(0..0, 0)].concat())
     };
     assert_eq!(kill(11..20), [Some(0.1), Some(0.01), Some(0.09)]);
-    assert_eq!(kill(11..40), [Some(0.1), Some(0.01), None], "nobody came back");
+    assert_eq!(kill(11..40), [Some(0.1), Some(0.01), None], "no process came back");
     assert_eq!(kill(0..0), [Some(0.1), None, None]);
     assert_eq!(kill(3..6), [Some(0.1), None, None], "before the fault");
 }
@@ -184,7 +183,7 @@ fn sensors_and_rotors_are_struck_by_the_clock() {
     assert_eq!(seen(FaultTarget::Rotor2, FaultKind::Off, &blind), [Some(0.1), None, None]);
     let over = commands(16..30, mixer_flags::TERMINATED | mixer_flags::CUT);
     assert_eq!(seen(FaultTarget::Rotor2, FaultKind::Off, &over), [Some(0.1), Some(0.06), None]);
-    assert_eq!(seen(FaultTarget::Wind, FaultKind::Gust, &over), [Some(0.1), None, None], "nobody tells of wind");
+    assert_eq!(seen(FaultTarget::Wind, FaultKind::Gust, &over), [Some(0.1), None, None], "no message shows wind");
 }
 
 #[test]

@@ -4,79 +4,59 @@
 //! nothing but units from these numbers.
 
 use contract::Scenario;
-use contract::message::Kinematics;
+use contract::message::{ActuationMsg, Kinematics};
 use contract::scenario::Mode;
 use serde_json::{Map, Value, json};
 
 use super::claims;
-use super::flight::Row;
+use crate::ticks::LoggedTick;
 use crate::timing::Holding;
 
 /// Longer columns are thinned: a 60 s flight is shown tick by tick.
 const MAX_ROWS: usize = 6400;
 
-/// One quantity of a row, if the row knows it.
-type Quantity = fn(&Row) -> Option<f64>;
+/// Quantities of a tick, where they are known.
+type Quantities = fn(&LoggedTick) -> Option<Vec<f64>>;
 
-/// Every column by its name in the page's script. SI units and radians, NED and body axes.
-const COLUMNS: [(&str, Quantity); 38] = [
-    ("x", |row| Some(actual(row)?.position_m[0])),
-    ("y", |row| Some(actual(row)?.position_m[1])),
-    ("z", |row| Some(actual(row)?.position_m[2])),
-    ("x_wanted", |row| Some(row.wanted_m[0])),
-    ("y_wanted", |row| Some(row.wanted_m[1])),
-    ("z_wanted", |row| Some(row.wanted_m[2])),
-    ("error_x", |row| Some(row.position_error_m()?[0])),
-    ("error_y", |row| Some(row.position_error_m()?[1])),
-    ("error_z", |row| Some(row.position_error_m()?[2])),
-    ("error", |row| Some(row.position_error_m()?.iter().map(|e| e * e).sum::<f64>().sqrt())),
-    ("u", |row| Some(actual(row)?.velocity_mps[0])),
-    ("v", |row| Some(actual(row)?.velocity_mps[1])),
-    ("w", |row| Some(actual(row)?.velocity_mps[2])),
-    ("w_ref", |row| Some(row.reference?.w_mps)),
-    ("phi", |row| Some(actual(row)?.attitude_rad[0])),
-    ("theta", |row| Some(actual(row)?.attitude_rad[1])),
-    ("psi", |row| Some(actual(row)?.attitude_rad[2])),
-    ("phi_ref", |row| Some(row.reference?.attitude_rad[0])),
-    ("theta_ref", |row| Some(row.reference?.attitude_rad[1])),
-    ("psi_ref", |row| Some(row.reference?.attitude_rad[2])),
-    ("p", |row| Some(actual(row)?.rates_radps[0])),
-    ("q", |row| Some(actual(row)?.rates_radps[1])),
-    ("r", |row| Some(actual(row)?.rates_radps[2])),
-    ("p_ref", |row| Some(row.reference?.rates_radps[0])),
-    ("q_ref", |row| Some(row.reference?.rates_radps[1])),
-    ("r_ref", |row| Some(row.reference?.rates_radps[2])),
-    ("omega1", |row| Some(row.state?.actuators.rotor_speed[0])),
-    ("omega2", |row| Some(row.state?.actuators.rotor_speed[1])),
-    ("omega3", |row| Some(row.state?.actuators.rotor_speed[2])),
-    ("tilt", |row| Some(row.state?.actuators.tilt_rad)),
-    ("omega1_command", |row| Some(row.actuators?.command.rotor_speed[0])),
-    ("omega2_command", |row| Some(row.actuators?.command.rotor_speed[1])),
-    ("omega3_command", |row| Some(row.actuators?.command.rotor_speed[2])),
-    ("tilt_command", |row| Some(row.actuators?.command.tilt_rad)),
-    ("col", |row| Some(row.controls?.demand[0])),
-    ("lon", |row| Some(row.controls?.demand[1])),
-    ("lat", |row| Some(row.controls?.demand[2])),
-    ("ped", |row| Some(row.controls?.demand[3])),
+/// Every column by its name in the page's script, in groups that are known together. SI units and radians, NED and body axes.
+const COLUMNS: [(&[&str], Quantities); 13] = [
+    (&["x", "y", "z"], |tick| Some(actual(tick)?.position_m.into())),
+    (&["x_wanted", "y_wanted", "z_wanted"], |tick| Some(tick.wanted_m.into())),
+    (&["error_x", "error_y", "error_z"], |tick| Some(tick.error_m?.into())),
+    (&["error"], |tick| Some(vec![tick.distance_m()?])),
+    (&["u", "v", "w"], |tick| Some(actual(tick)?.velocity_mps.into())),
+    (&["w_ref"], |tick| Some(vec![tick.of.reference?.w_mps])),
+    (&["phi", "theta", "psi"], |tick| Some(actual(tick)?.attitude_rad.into())),
+    (&["phi_ref", "theta_ref", "psi_ref"], |tick| Some(tick.of.reference?.attitude_rad.into())),
+    (&["p", "q", "r"], |tick| Some(actual(tick)?.rates_radps.into())),
+    (&["p_ref", "q_ref", "r_ref"], |tick| Some(tick.of.reference?.rates_radps.into())),
+    (&["omega1", "omega2", "omega3", "tilt"], |tick| Some(actuation(&tick.of.state?.actuators))),
+    (&["omega1_command", "omega2_command", "omega3_command", "tilt_command"], |tick| {
+        Some(actuation(&tick.of.actuators?.command))
+    }),
+    (&["col", "lon", "lat", "ped"], |tick| Some(tick.of.controls?.demand.into())),
 ];
 
 /// The script's whole input: `rows`, `dt_s`, `realtime`, `columns` and the horizontal `lines` of the figures.
-pub fn document(rows: &[Row], scenario: &Scenario) -> Value {
-    let bucket = bucket(rows.len());
+pub fn document(ticks: &[LoggedTick], scenario: &Scenario) -> Value {
+    let bucket = bucket(ticks.len());
     let step = if bucket == 1 { 1.0 } else { bucket as f64 / 2.0 };
     let mut columns = Map::new();
     let mut length = 0;
-    let single = |value: Option<f64>| value.map_or(f32::NAN, |value| value as f32);
-    let of_rows =
-        COLUMNS.iter().map(|(name, quantity)| (*name, rows.iter().map(|row| single(quantity(row))).collect()));
-    let ages = held_ages_ms(rows, scenario).into_iter().map(single).collect();
-    for (name, values) in of_rows.chain([("age_ms", ages)]) {
-        let values: Vec<f32> = values;
+    let mut add = |name: &str, values: Vec<Option<f64>>| {
+        let values: Vec<f32> = values.into_iter().map(|value| value.map_or(f32::NAN, |value| value as f32)).collect();
         let thinned = thin(&values, bucket);
         length = thinned.len();
         let bytes: Vec<u8> = thinned.into_iter().flat_map(f32::to_le_bytes).collect();
         columns.insert(name.into(), base64(&bytes).into());
+    };
+    for (names, quantities) in COLUMNS {
+        let known: Vec<_> = ticks.iter().map(quantities).collect();
+        for (i, name) in names.iter().enumerate() {
+            add(name, known.iter().map(|values| values.as_ref().map(|values| values[i])).collect());
+        }
     }
+    add("age_ms", held_ages_ms(ticks, scenario));
     json!({
         "rows": length,
         "dt_s": step * scenario.sample_s(),
@@ -86,22 +66,26 @@ pub fn document(rows: &[Row], scenario: &Scenario) -> Value {
     })
 }
 
+fn actual<'a>(tick: &LoggedTick<'a>) -> Option<&'a Kinematics> {
+    Some(&tick.of.state?.actual)
+}
+
+fn actuation(message: &ActuationMsg) -> Vec<f64> {
+    [message.rotor_speed.as_slice(), &[message.tilt_rad]].concat()
+}
+
 /// How many ticks share one pair of drawn values; 1 draws every tick.
 pub fn bucket(rows: usize) -> usize {
     if rows <= MAX_ROWS { 1 } else { (2 * rows).div_ceil(MAX_ROWS) }
 }
 
-fn actual<'a>(row: &Row<'a>) -> Option<&'a Kinematics> {
-    Some(&row.state?.actual)
-}
-
 /// Age at the actuator in the slot before each row \[ms\].
-fn held_ages_ms(rows: &[Row], scenario: &Scenario) -> Vec<Option<f64>> {
+fn held_ages_ms(ticks: &[LoggedTick], scenario: &Scenario) -> Vec<Option<f64>> {
     let mut holding = Holding::new(scenario.sample_ns());
-    let mut ages = vec![None; rows.len()];
-    for (i, row) in rows.iter().enumerate() {
+    let mut ages = vec![None; ticks.len()];
+    for (i, tick) in ticks.iter().enumerate() {
         let mut slots = Vec::new();
-        if let Some(state) = row.state {
+        if let Some(state) = tick.of.state {
             holding.observe(state, |age_ns| slots.push(Some(age_ns as f64 / 1e6)));
         }
         let first = (i + 1).saturating_sub(slots.len());
@@ -137,24 +121,10 @@ fn lines(scenario: &Scenario) -> Value {
         altitude.extend(horizontal(claims::ALTITUDE_HORIZONTAL_M, "paper"));
         altitude.extend(vertical(claims::ALTITUDE_VERTICAL_M, "paper"));
     }
-    error.extend(bounds.max_position_error_m.filter(|y| y.is_finite()).map(|y| line(y, "bound", None)));
-    altitude.extend(
-        bounds
-            .max_altitude_error_horizontal_m
-            .filter(|y| y.is_finite())
-            .map(|y| horizontal(y, "bound"))
-            .into_iter()
-            .flatten(),
-    );
-    altitude.extend(
-        bounds
-            .max_altitude_error_vertical_m
-            .filter(|y| y.is_finite())
-            .map(|y| vertical(y, "bound"))
-            .into_iter()
-            .flatten(),
-    );
-
+    let finite = |bound: Option<f64>| bound.filter(|y| y.is_finite()).into_iter();
+    error.extend(finite(bounds.max_position_error_m).map(|y| line(y, "bound", None)));
+    altitude.extend(finite(bounds.max_altitude_error_horizontal_m).flat_map(|y| horizontal(y, "bound")));
+    altitude.extend(finite(bounds.max_altitude_error_vertical_m).flat_map(|y| vertical(y, "bound")));
     let limits = scenario.limits();
     let [max1, max2, _] = limits.rotor_speed_max;
     json!({
@@ -235,13 +205,5 @@ mod tests {
         for rows in [6401_usize, 7000, 360_001] {
             assert!(rows.div_ceil(bucket(rows)) * 2 <= MAX_ROWS + 2, "{rows}");
         }
-    }
-
-    #[test]
-    fn columns_have_names_of_their_own() {
-        let mut names: Vec<_> = COLUMNS.iter().map(|(name, _)| name).collect();
-        names.sort_unstable();
-        names.dedup();
-        assert_eq!(names.len(), COLUMNS.len());
     }
 }

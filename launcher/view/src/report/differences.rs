@@ -4,7 +4,7 @@ use contract::Scenario;
 use contract::scenario::{from_merged, to_toml};
 use serde_json::Value;
 
-use super::html::{DASH, escape, table};
+use crate::draw::{DASH, escape, table};
 
 /// The settings that differ, as a section. Faults and swaps stand in it one by one.
 pub fn section(run: &Value, scenario: &Scenario) -> String {

@@ -1,12 +1,11 @@
-//! What went wrong in a flight and what was done about it: a section of the page, lanes and marks in the figures.
+//! What went wrong in a flight and what was done about it: a section of the page.
 //!
 //! All of it comes from the summary; a flight in which nothing happened has neither.
 
 use contract::guard::Refusal;
 use serde_json::{Value, json};
 
-use super::html::{DASH, any, number, table};
-use crate::happenings::{Happenings, Mark, Span};
+use crate::draw::{DASH, any, number, table};
 
 /// More of them are shown when they are asked for.
 const MOST_EVENTS: usize = 12;
@@ -14,15 +13,11 @@ const MOST_EVENTS: usize = 12;
 /// What the page says of faults, events and refused messages; empty where nothing happened.
 #[derive(Debug, Default)]
 pub struct Section {
-    /// The section itself.
     pub html: String,
-    /// Its entry in the list of sections.
     pub link: &'static str,
-    /// How to read it in the figures.
     pub hint: &'static str,
 }
 
-/// The section of a run.
 pub fn section(run: &Value) -> Section {
     let parts = [faults(run), events(run), refused(run)].concat();
     if parts.is_empty() {
@@ -35,20 +30,6 @@ pub fn section(run: &Value) -> Section {
                On the paths the stretches flown under a fault are orange, with the fault’s number where it begins, and \
                events are rings.",
     }
-}
-
-/// What the figures show of it \[s\]: `faults` and `absences` are spans, whose end is null when they last to the end of the
-/// flight; `events` are instants.
-pub fn happened(run: &Value) -> Value {
-    let happened = Happenings::new(&run["faults"], &run["events"]);
-    let span =
-        |span: &Span| json!({ "number": span.number, "what": span.what, "from_s": span.from_s, "to_s": span.to_s });
-    let mark = |mark: &Mark| json!({ "at_s": mark.at_s, "node": mark.node, "what": mark.what, "why": mark.why });
-    json!({
-        "faults": happened.faults.iter().map(span).collect::<Value>(),
-        "absences": happened.absences.iter().map(span).collect::<Value>(),
-        "events": happened.events.iter().map(mark).collect::<Value>(),
-    })
 }
 
 /// A fault that no message shows any harm of, such as wind, has nothing to recover from.

@@ -4,25 +4,22 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use contract::file::{self, LARGEST_RESULTS};
+use contract::scenario::file::{self, MAX_RESULTS_BYTES};
 use contract::{Scenario, scenario};
 use serde_json::Value;
 
-use super::{Flight, render};
+use super::render;
 use crate::run_record::{Circumstances, run_json};
 use crate::summary::Summary;
 use flight::files::write_whole;
-use flight::log::{self, Count, Log};
+use flight::log::{self, Log};
 use flight::recorder::LogOutcome;
 use flight::stack::Ended;
 
-/// A run, read back.
 pub struct Recorded {
     /// Its log file; the first, where several recorders wrote.
     pub path: PathBuf,
-    /// All that was logged.
     pub log: Log,
-    /// The settings in the log.
     pub scenario: Scenario,
     /// Its summary. A run whose launcher was killed has a log and no run.json: then it is made from the log.
     pub run: Value,
@@ -38,7 +35,7 @@ impl Recorded {
         let log = log::read_parts(&path)?;
         let scenario = scenario::from_merged(&log.scenario_toml, &format!("the settings in {}", path.display()))?;
         let summary = path.with_file_name("run.json");
-        let run = match file::read_text(&summary, LARGEST_RESULTS) {
+        let run = match file::read_text(&summary, MAX_RESULTS_BYTES) {
             Ok(text) => serde_json::from_str(&text).with_context(|| format!("{} is not JSON", summary.display()))?,
             Err(error) if error.kind() == ErrorKind::NotFound => summary_of(&log, &scenario),
             Err(error) => return Err(error).with_context(|| format!("cannot read {}", summary.display())),
@@ -46,19 +43,12 @@ impl Recorded {
         Ok(Self { path, log, scenario, run })
     }
 
-    /// The messages of the log.
-    pub fn flight(&self) -> Flight<'_> {
-        let log = &self.log;
-        Flight { states: &log.states, references: &log.references, controls: &log.controls, actuators: &log.actuators }
-    }
-
     /// For people: what of the log is missing, if anything is.
     pub fn missing(&self) -> Option<String> {
         let defect = self.log.defect.as_ref()?;
         let path = self.path.display();
         let last_s = self.log.states.last().map_or(0.0, |state| state.stamp.tick as f64 * self.scenario.sample_s());
-        let mut count = Count::default();
-        let lost: u64 = self.log.tick_by_tick().filter_map(|record| count.gap(&record)).fold(0, u64::saturating_add);
+        let lost = observed(&self.log, &self.scenario).missed();
         Some(format!(
             "the log {path} is not whole ({defect}): what was read ends at {last_s:.2} s, {lost} messages before that are \
              missing"
@@ -69,23 +59,35 @@ impl Recorded {
 /// Writes `report.html` of the run in `folder`; returns what of its log is missing, for people.
 pub fn rewrite(folder: &Path) -> anyhow::Result<Option<String>> {
     let recorded = Recorded::read(folder)?;
-    let page = render(&recorded.flight(), &recorded.run, &recorded.scenario);
+    let page = render(&recorded.log, &recorded.run, &recorded.scenario);
     write_whole(&recorded.path.with_file_name("report.html"), page.as_bytes())?;
     Ok(recorded.missing())
 }
 
-fn summary_of(log: &Log, scenario: &Scenario) -> Value {
+/// The summary of a log.
+fn observed(log: &Log, scenario: &Scenario) -> Summary {
     let mut summary = Summary::new(scenario);
-    let mut records = log.events.len() as u64;
-    log.tick_by_tick().for_each(|record| {
-        records += 1;
-        summary.observe(&record);
-    });
-    let ended = Ended::Lost("the launcher (no run.json; this summary is made from the log)".into());
-    let wall_s = f64::NAN; // unknown, and shown as such
-    let outcome = LogOutcome { records, dropped: summary.missed(), error: log.defect.clone() };
-    let (events, log) = (log.events.clone(), Some(outcome));
-    let (refused, port_failures) = (vec![], vec![]);
-    let how = Circumstances { ended, wall_s, log, provenance: Value::Null, events, refused, port_failures };
+    log.tick_by_tick().for_each(|record| summary.observe(&record));
+    summary
+}
+
+/// run.json of a log.
+fn summary_of(log: &Log, scenario: &Scenario) -> Value {
+    let summary = observed(log, scenario);
+    let messages = log.states.len() + log.references.len() + log.controls.len() + log.actuators.len();
+    let outcome = LogOutcome {
+        records: (messages + log.events.len()) as u64,
+        dropped: summary.missed(),
+        error: log.defect.clone(),
+    };
+    let how = Circumstances {
+        ended: Ended::Lost("the launcher (no run.json; this summary is made from the log)".into()),
+        wall_s: f64::NAN, // unknown, and shown as such
+        log: Some(outcome),
+        provenance: Value::Null,
+        events: log.events.clone(),
+        refused: vec![],
+        port_failures: vec![],
+    };
     run_json(&summary, scenario, &how)
 }

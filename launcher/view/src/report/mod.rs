@@ -3,40 +3,36 @@
 //! | file | holds |
 //! |---|---|
 //! | `folder` | from a run's folder to its page |
-//! | `flight` | the recorded messages, joined by tick |
 //! | `columns` | the figures' data and the lines they are read against |
 //! | `differences` | which settings are not the defaults |
 //! | `claims` | the paper's claims and their verdicts |
 //! | `faults` | what went wrong: faults, events, refused messages |
 //! | `sections` | head, tables, settings, provenance |
-//! | `cycle_timing` | the timing section |
-//! | `histograms`, `gantt` | its pictures, drawn without a script |
-//! | `html` | escaping, numbers, tables |
+//! | `timing` | the timing section and its pictures |
 //!
 //! The page itself stands in `assets/report/`: template, style, scripts, and uPlot, which draws the time plots.
 
 mod claims;
 mod columns;
-mod cycle_timing;
 mod differences;
 mod faults;
-mod flight;
 mod folder;
-mod gantt;
-mod histograms;
-pub mod html;
 mod sections;
 #[cfg(test)]
 mod tests;
+mod timing;
 
 use contract::Scenario;
-use serde_json::Value;
+use flight::log::Log;
+use serde_json::{Value, json};
 
-pub use flight::{Flight, Row};
+use crate::draw::{STYLE, escape};
+use crate::happenings::Happenings;
+use crate::ticks::logged;
+
 pub use folder::{Recorded, rewrite};
 
 const TEMPLATE: &str = include_str!("../../assets/report/template.html");
-const STYLE: &str = include_str!("../../assets/report/report.css");
 const PATH_SCRIPT: &str = include_str!("../../assets/report/path.js");
 const LANE_SCRIPT: &str = include_str!("../../assets/report/lanes.js");
 const PLOT_SCRIPT: &str = include_str!("../../assets/report/plots.js");
@@ -46,17 +42,17 @@ const UPLOT_STYLE: &str = include_str!("../../assets/report/uPlot.min.css");
 /// The page of one run: its recorded messages, its summary (`run.json`), and the scenario it flew.
 ///
 /// Holes in the log are holes in the figures; anything the summary lacks is a dash.
-pub fn render(log: &Flight, run: &Value, scenario: &Scenario) -> String {
-    let rows = log.rows(scenario);
-    let (claims, claims_link) = claims::judge(run, &rows, scenario).section();
+pub fn render(log: &Log, run: &Value, scenario: &Scenario) -> String {
+    let ticks = logged(log, scenario);
+    let (claims, claims_link) = claims::section(&claims::judge(run, &ticks, scenario));
     let (result_class, result) = sections::result(run);
     let faults = faults::section(run);
-    let mut data = columns::document(&rows, scenario);
-    data["happened"] = faults::happened(run);
+    let mut data = columns::document(&ticks, scenario);
+    data["happened"] = json!(Happenings::new(&run["faults"], &run["events"]));
     // Inside a script element only `<` could end it.
     let data = data.to_string().replace('<', "\\u003c");
     let slots = [
-        ("name", html::escape(run["name"].as_str().unwrap_or(&scenario.name))),
+        ("name", escape(run["name"].as_str().unwrap_or(&scenario.name))),
         ("result_class", result_class.into()),
         ("ended", sections::ended(run, &result)),
         ("result", result),
@@ -70,9 +66,9 @@ pub fn render(log: &Flight, run: &Value, scenario: &Scenario) -> String {
         ("bounds", sections::bounds(run)),
         ("metrics", sections::metrics(run)),
         ("repeat", sections::repeat(scenario).into()),
-        ("sampling", sampling(rows.len())),
-        ("timing", cycle_timing::tables(run)),
-        ("timing_pictures", cycle_timing::pictures(log, run, scenario)),
+        ("sampling", sampling(ticks.len())),
+        ("timing", timing::tables(run)),
+        ("timing_pictures", timing::pictures(log, run, scenario)),
         ("faults", faults.html),
         ("faults_link", faults.link.into()),
         ("faults_hint", faults.hint.into()),
@@ -87,7 +83,7 @@ pub fn render(log: &Flight, run: &Value, scenario: &Scenario) -> String {
 
 /// Replaces every `{{slot}}` of the template in one pass, so that a value is never searched for slots itself.
 ///
-/// A slot nobody fills stays as it is, for the test to see.
+/// A slot without a value stays as it is; a test looks for them.
 fn fill(template: &str, slots: &[(&str, String)]) -> String {
     let mut parts = template.split("{{");
     let mut page = parts.next().unwrap_or_default().to_owned();

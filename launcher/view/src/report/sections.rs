@@ -5,7 +5,7 @@ use contract::scenario::{Mode, to_toml};
 use serde_json::{Value, json};
 
 use super::claims;
-use super::html::{DASH, any, escape, leaves, list, number, table};
+use crate::draw::{DASH, any, escape, leaves, list, number, table};
 
 /// The metrics of the summary: key, what people call it, unit, decimals. The first five are the key figures.
 const METRICS: [(&str, &str, &str, usize); 12] = [
@@ -80,13 +80,12 @@ pub fn key_figures(run: &Value, scenario: &Scenario) -> String {
     let keys = ["max_altitude_error_horizontal_m", "max_altitude_error_vertical_m"];
     let highest = keys.iter().filter_map(|key| run["metrics"][*key].as_f64()).reduce(f64::max);
     let whole = (!survey).then(|| tile("altitude error, maximum", number(&json!(highest), 3), "m"));
-    // Only against the clock is an age an age.
+    // Only in real time is an age measured.
     let age = if run["mode"] == "realtime" { &run["timing"]["age_at_actuator"]["p99_us"] } else { &Value::Null };
     let age_ms = age.as_f64().map_or(DASH.into(), |us| format!("{:.2}", us / 1e3));
     list(errors.chain(whole).chain([tile("age at the actuator, p99", age_ms, "ms")]))
 }
 
-/// Everything else that was measured.
 pub fn metrics(run: &Value) -> String {
     let (solver, speed) = (&run["solver"], &run["speed"]);
     let iterations = &solver["iterations"];
@@ -109,7 +108,7 @@ pub fn metrics(run: &Value) -> String {
         ("log records", number(&run["log"]["records"], 0)),
         ("log records dropped", number(&run["log"]["dropped"], 0)),
     ];
-    // Against the clock no flight repeats another, and its hash says nothing.
+    // In real time no flight repeats another, so that its hash says nothing.
     let hash = (run["mode"] != "realtime").then(|| ("state hash", any(&run["state_hash"])));
     list(measured.chain(more.into_iter().chain(hash).map(|(name, value)| (name.to_owned(), value))))
 }
@@ -124,12 +123,9 @@ pub fn log_defect(run: &Value) -> String {
     }
 }
 
-/// How a repeat of the flight compares.
 pub fn repeat(scenario: &Scenario) -> &'static str {
     match scenario.run.mode {
-        Mode::Realtime => {
-            "Against the clock no two flights are alike; in lockstep and in process they are, bit for bit."
-        }
+        Mode::Realtime => "In real time no two flights are alike; in lockstep and in process they are, bit for bit.",
         Mode::Lockstep | Mode::Inprocess => "Every repeat gives the same flight, bit for bit: compare the state hash.",
     }
 }
@@ -164,7 +160,6 @@ fn ended_early(run: &Value) -> bool {
     cut_short || run["diverged"] == Value::Bool(true)
 }
 
-/// Versions and host.
 pub fn provenance(run: &Value) -> String {
     let mut facts = Vec::new();
     leaves("", &run["provenance"], &mut facts);

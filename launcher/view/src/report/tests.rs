@@ -1,51 +1,34 @@
 //! Whole pages, from invented flights.
 
 use contract::Scenario;
-use contract::message::{ActuationMsg, Actuators, Controls, Message, Reference, Stamp, State};
+use contract::message::{ActuationMsg, Actuators, Controls, Message, Reference, State};
 use contract::scenario::{Profile, TrajectoryKind};
-use contract::stamp::delivery;
 use serde_json::{Value, json};
 
-use super::claims::{Claims, Verdict, judge};
-use super::{Flight, TEMPLATE, render};
+use super::claims::{Claim, ClaimVerdict, judge};
+use super::{TEMPLATE, render};
+use crate::ticks::logged;
+use flight::log::Log;
 
 mod faults;
 mod timing;
 mod verdicts;
 
 /// A hover with its reference, tick by tick.
-struct Hover {
-    states: Vec<State>,
-    references: Vec<Reference>,
-    controls: Vec<Controls>,
-    actuators: Vec<Actuators>,
+fn hover(ticks: u64) -> Log {
+    let command = ActuationMsg { rotor_speed: [1441.0, 1338.0, 1338.0], tilt_rad: 0.5 };
+    let mut log = Log::default();
+    for tick in 0..ticks {
+        log.states.push(at(tick, State { actuators: command, ..State::default() }));
+        log.references.push(at(tick, Reference { position_m: [0.0, 3.0, 4.0], ..Reference::default() }));
+        log.controls.push(at(tick, Controls::default()));
+        log.actuators.push(at(tick, Actuators { command, ..Actuators::default() }));
+    }
+    log
 }
 
-impl Hover {
-    fn of(ticks: u64) -> Self {
-        let mut hover = Self { states: vec![], references: vec![], controls: vec![], actuators: vec![] };
-        let command = ActuationMsg { rotor_speed: [1441.0, 1338.0, 1338.0], tilt_rad: 0.5 };
-        for tick in 0..ticks {
-            hover.states.push(at(tick, State { actuators: command, ..State::default() }));
-            hover.references.push(at(tick, Reference { position_m: [0.0, 3.0, 4.0], ..Reference::default() }));
-            hover.controls.push(at(tick, Controls::default()));
-            hover.actuators.push(at(tick, Actuators { command, ..Actuators::default() }));
-        }
-        hover
-    }
-
-    fn flight(&self) -> Flight<'_> {
-        Flight {
-            states: &self.states,
-            references: &self.references,
-            controls: &self.controls,
-            actuators: &self.actuators,
-        }
-    }
-
-    fn claims(&self, run: &Value, scenario: &Scenario) -> Claims {
-        judge(run, &self.flight().rows(scenario), scenario)
-    }
+fn claims(log: &Log, run: &Value, scenario: &Scenario) -> [Claim; 4] {
+    judge(run, &logged(log, scenario), scenario)
 }
 
 fn at<M: Message>(tick: u64, mut message: M) -> M {
@@ -73,8 +56,8 @@ fn survey() -> Value {
     })
 }
 
-fn verdicts(claims: &Claims) -> [Verdict; 4] {
-    [&claims.position, &claims.altitude_horizontal, &claims.altitude_vertical, &claims.actuators].map(|c| c.verdict)
+fn verdicts(claims: &[Claim; 4]) -> [ClaimVerdict; 4] {
+    claims.each_ref().map(|claim| claim.verdict)
 }
 
 /// The page without the headings that cells bear for narrow pages.
@@ -93,7 +76,7 @@ fn data(page: &str) -> Value {
 
 #[test]
 fn an_empty_flight_and_an_empty_summary_are_still_a_page() {
-    let nothing = Flight { states: &[], references: &[], controls: &[], actuators: &[] };
+    let nothing = Log::default();
     for run in [Value::Null, json!({}), json!({ "metrics": 3, "timing": { "nodes": [] }, "bounds": [null] })] {
         let page = render(&nothing, &run, &Scenario::of(Profile::Robust));
         assert!(page.ends_with("</html>\n"));
@@ -105,7 +88,7 @@ fn an_empty_flight_and_an_empty_summary_are_still_a_page() {
 
 #[test]
 fn every_slot_of_the_template_is_filled() {
-    let page = render(&Hover::of(2).flight(), &survey(), &Scenario::of(Profile::Paper));
+    let page = render(&hover(2), &survey(), &Scenario::of(Profile::Paper));
     let slots: Vec<_> = TEMPLATE.split("{{").skip(1).filter_map(|part| part.split_once("}}")).collect();
     assert!(slots.len() > 15);
     for (slot, _) in slots {
@@ -117,12 +100,12 @@ fn every_slot_of_the_template_is_filled() {
 fn a_value_that_looks_like_a_slot_is_text() {
     let mut run = survey();
     run["name"] = "{{data}}".into();
-    let page = render(&Hover::of(2).flight(), &run, &Scenario::of(Profile::Paper));
+    let page = render(&hover(2), &run, &Scenario::of(Profile::Paper));
     assert!(page.contains("<h1>{{data}}</h1>"));
 }
 
 #[test]
-fn what_outsiders_wrote_cannot_become_markup() {
+fn text_of_the_summary_cannot_become_markup() {
     let evil = "</script></pre><script>alert('x')</script>";
     let mut run = survey();
     for path in ["name", "mode", "profile", "ended", "state_hash"] {
@@ -135,30 +118,22 @@ fn what_outsiders_wrote_cannot_become_markup() {
     let mut scenario = Scenario::of(Profile::Robust);
     scenario.name = evil.into();
     for run in [run, Value::Null] {
-        let page = render(&Hover::of(3).flight(), &run, &scenario);
+        let page = render(&hover(3), &run, &scenario);
         assert!(!page.contains("<script>alert"));
         assert!(page.contains("&lt;/script&gt;"));
     }
 }
 
 #[test]
-fn holes_and_torn_ends_become_nan_at_their_ticks() {
-    let mut hover = Hover::of(10);
-    hover.states.remove(4);
-    hover.references.truncate(8);
-    hover.actuators.push(at(u64::MAX, Actuators::default()));
-    hover.states.iter_mut().for_each(|state| {
+fn a_hole_in_the_log_is_nan_at_its_tick() {
+    let mut log = hover(10);
+    log.states.remove(4);
+    log.states.iter_mut().for_each(|state| {
         state.actual.position_m = [0.0, -3.0, -4.0];
         *state = state.with_checksum();
     });
     let scenario = hovering();
-    let rows = hover.flight().rows(&scenario);
-    assert_eq!(rows.len(), 10);
-    let errors: Vec<_> = rows.iter().map(super::flight::Row::position_error_m).collect();
-    let missing: Vec<usize> = (0..10).filter(|tick| errors[*tick].is_none()).collect();
-    assert_eq!(missing, [4]);
-    assert_eq!(errors[8], Some([0.0, 3.0, 4.0]), "without guidance too");
-    let page = render(&hover.flight(), &Value::Null, &scenario);
+    let page = render(&log, &Value::Null, &scenario);
     assert_eq!(data(&page)["rows"], 10);
     // 5 m as f32, little-endian, is 00 00 a0 40: four of them, then NaN, 00 00 c0 7f.
     let error = data(&page)["columns"]["error"].as_str().map(str::to_owned).unwrap_or_default();
@@ -166,29 +141,11 @@ fn holes_and_torn_ends_become_nan_at_their_ticks() {
 }
 
 #[test]
-fn what_is_said_in_the_shadow_or_made_of_a_message_on_its_way_is_not_drawn() {
-    let mut hover = Hover::of(3);
-    let marked = |sequence, epoch, delivery, col| {
-        let mut message = Controls { demand: [col, 0.0, 0.0, 0.0], ..Controls::default() };
-        message.stamp = Stamp { tick: 1, sequence, epoch, delivery, ..Stamp::default() };
-        message.with_checksum()
-    };
-    hover.controls[1] = marked(2, 1, delivery::FAULT, -1.0);
-    hover.controls.extend([
-        marked(2, 1, delivery::DELIVERED, f64::NAN),
-        marked(1, 2, delivery::STANDBY, 7.0),
-        marked(1, 2, delivery::STANDBY | delivery::FAULT, 8.0),
-    ]);
-    let rows = hover.flight().rows(&hovering());
-    assert_eq!(rows[1].controls, Some(&hover.controls[1]), "what was meant active");
-}
-
-#[test]
 fn a_minute_stays_below_a_megabyte_and_a_half_and_so_does_an_hour() {
     for ticks in [6001, 360_001] {
         let mut scenario = Scenario::of(Profile::Robust);
         scenario.run.duration_s = ticks as f64 * scenario.sample_s();
-        let page = render(&Hover::of(ticks).flight(), &survey(), &scenario);
+        let page = render(&hover(ticks), &survey(), &scenario);
         assert!(page.len() < 1_500_000, "{} bytes", page.len());
         let rows = data(&page)["rows"].as_u64();
         assert!(rows <= Some(6402) && rows >= Some(6001), "{rows:?}");
@@ -198,7 +155,7 @@ fn a_minute_stays_below_a_megabyte_and_a_half_and_so_does_an_hour() {
 #[test]
 fn the_head_names_how_the_run_ended() {
     let scenario = Scenario::of(Profile::Robust);
-    let head = |run: &Value| render(&Hover::of(1).flight(), run, &scenario);
+    let head = |run: &Value| render(&hover(1), run, &scenario);
     let mut run = survey();
     run["ended"] = "flown to the end, 60.00 s".into();
     assert!(head(&run).contains("<p class=\"result good\">flown</p> <span class=\"ended\">to the end, 60.00 s</span>"));
@@ -213,7 +170,7 @@ fn the_head_names_how_the_run_ended() {
 fn the_solver_and_the_faults_are_told_from_the_summary() {
     let scenario = Scenario::of(Profile::Robust);
     let mut run = survey();
-    let page = render(&Hover::of(1).flight(), &run, &scenario);
+    let page = render(&hover(1), &run, &scenario);
     assert!(page.contains("<dt>solves that fell back</dt><dd>–</dd>") && !page.contains("id=\"faults\""));
     run["solver"] = json!({
         "explicit": 5410, "solved": 590, "limit_reached": 1, "fallback": 2, "bad_input": 0,
@@ -223,7 +180,7 @@ fn the_solver_and_the_faults_are_told_from_the_summary() {
         "target": "mpc", "kind": "iteration-cap", "at_s": 2.0, "for_s": null,
         "injected_at_s": 2.0, "ended_at_s": null, "detected_after_s": 0.01, "recovered_after_s": null,
     }]);
-    let page = unlabelled(&render(&Hover::of(1).flight(), &run, &scenario));
+    let page = unlabelled(&render(&hover(1), &run, &scenario));
     for told in [
         "<dt>ticks on which a constraint was solved for</dt><dd>590</dd>",
         "<dt>solves stopped at a limit</dt><dd>1</dd>",
@@ -240,7 +197,7 @@ fn bounds_of_the_scenario_are_lines_in_the_figures() {
     let mut scenario = Scenario::of(Profile::Robust);
     scenario.bounds.max_position_error_m = Some(0.25);
     scenario.bounds.max_altitude_error_vertical_m = Some(0.15);
-    let lines = data(&render(&Hover::of(1).flight(), &Value::Null, &scenario))["lines"].clone();
+    let lines = data(&render(&hover(1), &Value::Null, &scenario))["lines"].clone();
     assert!(lines["error"].to_string().contains("0.25"));
     assert!(lines["error_z"].to_string().contains("-0.15"));
 }

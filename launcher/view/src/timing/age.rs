@@ -6,10 +6,9 @@
 use contract::message::State;
 use hdrhistogram::Histogram;
 
-use super::figures::histogram;
 use super::node::LONGEST_STALL_SLOTS;
+use crate::percentiles::histogram;
 
-/// Both histograms \[ns\].
 pub struct Age {
     /// One value for every command that took effect.
     pub per_command: Histogram<u64>,
@@ -19,12 +18,10 @@ pub struct Age {
 }
 
 impl Age {
-    /// Nothing seen yet.
     pub fn new(period_ns: u64) -> Self {
         Self { per_command: histogram(), per_slot: histogram(), holding: Holding::new(period_ns) }
     }
 
-    /// Takes one sample in.
     pub fn observe(&mut self, state: &State) {
         if self.holding.is_new(state) {
             self.per_command.saturating_record(state.applied_age_ns);
@@ -41,12 +38,10 @@ pub struct Holding {
     newest: Option<(u64, u64)>,
     /// The command in force up to it; 0 is none.
     sequence: u64,
-    /// Its age in the slot before it.
     age_ns: u64,
 }
 
 impl Holding {
-    /// Nothing in force yet.
     pub fn new(period_ns: u64) -> Self {
         Self { period_ns, newest: None, sequence: 0, age_ns: 0 }
     }

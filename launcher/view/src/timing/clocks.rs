@@ -1,13 +1,13 @@
-//! Do the clocks agree? The stamps are read from one clock by every process; where they contradict the order of things,
-//! one process reads another time than the rest, and figures between the two are none.
+//! Whether all processes read the same time. Where stamps contradict the order of things below, one process reads another
+//! time than the rest, and figures across the two mean nothing.
 //!
 //! ```text
 //! sample <= publish of the plant <= publish of guidance <= publish of attitude-mpc <= publish of the mixer
 //! publish of the mixer <= arrival of the command at the plant, which is in the age that the plant tells
 //! ```
 //!
-//! A clock that is off by less than a hop shows nowhere, and the one whose message contradicts need not be the wrong one:
-//! it may be that of any node before it.
+//! A clock that is off by less than a hop does not show. The wrong clock may also be that of a node before the one whose
+//! message contradicts.
 
 use contract::Topic;
 use contract::message::Stamp;
@@ -17,8 +17,8 @@ use flight::log::Record;
 
 /// The order of things, watched message by message.
 pub struct Clocks {
-    /// Only against the clock does the plant tell a measured age.
-    against_the_clock: bool,
+    /// Only in real time does the plant tell a measured age.
+    realtime: bool,
     /// The newest command: tick, number, response \[ns\].
     command: (u64, u64, u64),
     /// Contradictions by the topic that shows them.
@@ -26,12 +26,10 @@ pub struct Clocks {
 }
 
 impl Clocks {
-    /// Nothing seen yet of a run in `mode`.
     pub fn new(mode: Mode) -> Self {
-        Self { against_the_clock: mode == Mode::Realtime, command: (0, 0, 0), contradictions: [0; Topic::COUNT] }
+        Self { realtime: mode == Mode::Realtime, command: (0, 0, 0), contradictions: [0; Topic::COUNT] }
     }
 
-    /// Takes one message in.
     pub fn observe(&mut self, record: &Record) {
         let (own, stamp) = (record.topic() as usize, record.stamp());
         self.contradictions[own] += u64::from(!possible(record.topic(), stamp));
@@ -40,7 +38,7 @@ impl Clocks {
                 let response_ns = stamp.publish_ns[own].saturating_sub(stamp.sample_ns);
                 self.command = (stamp.tick, stamp.sequence, response_ns);
             }
-            Record::State(state) if self.against_the_clock && state.applied_sequence > 0 => {
+            Record::State(state) if self.realtime && state.applied_sequence > 0 => {
                 let (tick, sequence, response_ns) = self.command;
                 let answers = stamp.tick == tick + 1 && state.applied_sequence == sequence;
                 if answers && state.applied_age_ns < response_ns {

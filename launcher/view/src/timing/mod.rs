@@ -1,4 +1,4 @@
-//! CycleTiming of a flight, from the stamps alone. Words are those of [`runtime::cycle_timing`]; all figures are in `us`.
+//! When the nodes of a flight worked, from the stamps alone. Words are those of [`runtime::cycle_timing`]; figures are in us.
 //!
 //! ```text
 //! jitter / hop       start - release                what the process slept too long
@@ -24,41 +24,40 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | `node` | one node's histograms and counts |
+//! | `node` | one node's cycles: histograms and counts |
 //! | `age` | the age at the actuator, per command and per slot |
 //! | `clocks` | whether all processes read the same time |
-//! | `ticks` | the worst ticks of a flight |
-//! | `cause` | the rules that say what made a tick late |
-//! | `figures` | histograms, percentiles, and their files |
-//! | `table` | what the terminal shows |
+//! | `worst` | the worst ticks of a flight, and the rules that say what made them late |
 
 mod age;
-mod cause;
 mod clocks;
-mod figures;
 mod node;
-mod table;
 #[cfg(test)]
 mod tests;
-mod ticks;
+mod worst;
 
+use std::fs;
 use std::path::Path;
+use std::time::Duration;
 
+use anyhow::Context;
 use contract::message::Stamp;
 use contract::scenario::Mode;
 use contract::topic::NODES;
 use contract::{Scenario, Topic};
 use hdrhistogram::Histogram;
+use hdrhistogram::serialization::V2DeflateSerializer;
+use hdrhistogram::serialization::interval_log::IntervalLogWriterBuilder;
 use serde_json::{Map, Value, json};
 
 use crate::happenings::Happenings;
+use crate::percentiles::{Percentiles, percentiles};
 pub use age::{Age, Holding};
-pub use cause::Part;
 use clocks::Clocks;
-pub use figures::{Percentiles, histogram, percentiles};
 use flight::log::Record;
 pub use node::NodeTiming;
-use ticks::Ticks;
+pub use worst::Part;
+use worst::{Culprit, TimedTick, WorstTicks};
 
 /// Folder of the histograms, inside the run's.
 pub const HISTOGRAMS: &str = "histograms";
@@ -70,33 +69,32 @@ pub struct Timing {
     nodes: [NodeTiming; Topic::COUNT],
     age: Age,
     clocks: Clocks,
-    /// Only against the clock is a tick late.
-    ticks: Option<Ticks>,
+    /// Only in real time is a tick late.
+    worst: Option<WorstTicks>,
 }
 
 impl Timing {
-    /// Nothing seen yet.
     pub fn new(scenario: &Scenario) -> Self {
-        let period_ns = scenario.sample_ns();
         Self {
             deadline_ns: scenario.deadline_of(Topic::Actuators as usize).deadline_ns,
             nodes: Topic::ALL.map(|topic| NodeTiming::new(topic, scenario)),
-            age: Age::new(period_ns),
+            age: Age::new(scenario.sample_ns()),
             clocks: Clocks::new(scenario.run.mode),
-            ticks: (scenario.run.mode == Mode::Realtime).then(|| Ticks::new(period_ns)),
+            worst: (scenario.run.mode == Mode::Realtime).then(|| WorstTicks::new(scenario)),
         }
     }
 
-    /// Takes one message in that counts, with the stamp `before` it of the same process ([`flight::log::Count`]);
-    /// `position_error_m` is that of the newest sample.
-    pub fn observe(&mut self, record: &Record, before: &Stamp, position_error_m: f64) {
+    /// Takes one message in that counts, with the stamp `before` it of the same process ([`flight::log::Count`]).
+    pub fn observe(&mut self, record: &Record, before: &Stamp) {
         self.clocks.observe(record);
-        let cycle = self.nodes[record.topic() as usize].observe(record.stamp(), before);
-        if let Record::State(state) = record {
-            self.age.observe(state);
+        let mut cycle = self.nodes[record.topic() as usize].observe(record.stamp(), before);
+        match record {
+            Record::State(state) => self.age.observe(state),
+            Record::Controls(controls) => cycle.iter_mut().for_each(|cycle| cycle.solve_ns = controls.solve_ns),
+            Record::Reference(_) | Record::Actuators(_) => {}
         }
-        if let (Some(ticks), Some(cycle)) = (&mut self.ticks, cycle) {
-            ticks.observe(record, cycle, position_error_m);
+        if let (Some(worst), Some(cycle)) = (&mut self.worst, cycle) {
+            worst.observe(record, cycle);
         }
     }
 
@@ -127,9 +125,39 @@ impl Timing {
         })
     }
 
-    /// Table, age and worst tick for people.
+    /// For people: a line per node, the age and the worst tick, indented as the rest of the summary.
     pub fn describe(&self, happened: &Happenings) -> String {
-        table::describe(self, happened)
+        use std::fmt::Write;
+        let mut text = String::new();
+        let mut line = |words: &str| {
+            let _ = writeln!(text, "  {}", words.trim_end()); // a String takes everything
+        };
+        let groups = ["jitter or hop", "execution", "response [us]"].map(|name| format!("{name:^24}"));
+        line(&format!("{:<14}{}", "", groups.concat()));
+        let columns = format!("{:>7}{:>7}{:>8}  ", "p50", "p99", "max").repeat(3);
+        line(&format!("{:<14}{columns}{:>6}{:>5}", "", "misses", "run"));
+        for (name, node) in NODES.iter().zip(&self.nodes) {
+            let cells = [&node.wake, &node.execution, &node.response].map(|histogram| cell(&percentiles(histogram)));
+            line(&format!("{name:<14}{}{:>6}{:>5}", cells.concat(), node.misses, node.longest_run));
+        }
+        for contradiction in self.clocks.describe() {
+            line(&format!("{:<22}{contradiction}", "clocks differ"));
+        }
+        let [commands, slots] = [&self.age.per_command, &self.age.per_slot].map(percentiles);
+        line(&format!("{:<22}{}", "age at the actuator", age(&commands, "commands applied")));
+        line(&format!("{:<22}{}", "", age(&slots, "slots held")));
+        if let Some((tick, culprit)) = self.worst_ticks(happened).first() {
+            let error = tick.distance_m().map_or(String::new(), |m| format!("; position error {m:.3} m"));
+            let late_ms = tick.late_ns() as f64 / 1e6;
+            line(&format!(
+                "{:<22}{late_ms:.2} ms, tick {} at {:.2} s{error}",
+                "worst tick",
+                tick.number,
+                tick.time_s()
+            ));
+            line(&format!("{:<22}{}", "", culprit.describe()));
+        }
+        text
     }
 
     /// Writes every histogram in full to `folder`/histograms.
@@ -137,18 +165,41 @@ impl Timing {
         let folder = folder.join(HISTOGRAMS);
         for (node, timing) in NODES.iter().zip(&self.nodes) {
             for (figure, histogram) in timing.figures() {
-                figures::write(&folder, &format!("{node}-{figure}"), histogram)?;
+                write_histogram(&folder, &format!("{node}-{figure}"), histogram)?;
             }
         }
         let ages: [(&str, &Histogram<u64>); 2] =
             [("age_at_actuator", &self.age.per_command), ("age_at_actuator_per_slot", &self.age.per_slot)];
-        ages.iter().try_for_each(|(figure, histogram)| figures::write(&folder, figure, histogram))
+        ages.iter().try_for_each(|(figure, histogram)| write_histogram(&folder, figure, histogram))
     }
 
     /// The ten worst ticks, the worst first, each with what made it late.
-    fn worst_ticks(&self, happened: &Happenings) -> Vec<(ticks::Tick, cause::Culprit)> {
+    fn worst_ticks(&self, happened: &Happenings) -> Vec<(TimedTick, Culprit)> {
         let usual = self.nodes.each_ref().map(NodeTiming::usual);
-        let worst = self.ticks.as_ref().map(Ticks::worst).unwrap_or_default();
-        worst.into_iter().filter_map(|tick| Some((tick, cause::culprit(&tick, &usual, happened)?))).collect()
+        let worst = self.worst.as_ref().map(WorstTicks::worst).unwrap_or_default();
+        worst.into_iter().filter_map(|tick| Some((tick, worst::culprit(&tick, &usual, happened)?))).collect()
     }
+}
+
+/// Writes a histogram in full as `folder`/`name`.hlog, the log format of `HdrHistogram`: one interval, V2 compressed.
+fn write_histogram(folder: &Path, name: &str, histogram: &Histogram<u64>) -> anyhow::Result<()> {
+    let path = folder.join(format!("{name}.hlog"));
+    let mut text = Vec::new();
+    let mut serializer = V2DeflateSerializer::new();
+    let mut builder = IntervalLogWriterBuilder::new();
+    builder.add_comment(&format!("{name} of one flight, nanoseconds")).with_max_value_divisor(1e3);
+    let log = builder.begin_log_with(&mut text, &mut serializer);
+    let written = log.map(|mut log| log.write_histogram(histogram, Duration::ZERO, Duration::from_secs(1), None));
+    let cannot = || format!("cannot write {}", path.display());
+    written.with_context(cannot)?.map_err(|error| anyhow::anyhow!("{error:?}")).with_context(cannot)?;
+    fs::create_dir_all(folder).and_then(|()| fs::write(&path, text)).with_context(cannot)
+}
+
+fn cell(p: &Percentiles) -> String {
+    format!("{:>7.0}{:>7.0}{:>8.0}  ", p.p50_us, p.p99_us, p.max_us)
+}
+
+fn age(p: &Percentiles, of_what: &str) -> String {
+    let [p50, p99, max] = [p.p50_us, p.p99_us, p.max_us].map(|us| us / 1e3);
+    format!("p50 {p50:.2} ms, p99 {p99:.2} ms, max {max:.2} ms over {} {of_what}", p.n)
 }

@@ -1,4 +1,4 @@
-//! CycleTiming of one node: a histogram per figure, and the misses.
+//! The cycles of one node: a histogram per figure, and the misses.
 
 use contract::message::Stamp;
 use contract::scenario::NodeDeadline;
@@ -7,7 +7,7 @@ use hdrhistogram::Histogram;
 use serde_json::{Value, json};
 
 use super::clocks;
-use super::figures::{histogram, percentiles};
+use crate::percentiles::{histogram, percentiles};
 
 /// A stall is recorded for at most so many slots: a damaged stamp must not decide how long that takes.
 pub const LONGEST_STALL_SLOTS: u64 = 100_000;
@@ -15,11 +15,8 @@ pub const LONGEST_STALL_SLOTS: u64 = 100_000;
 /// One cycle of a node, as its message tells it. Times are `CLOCK_MONOTONIC` nanoseconds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Cycle {
-    /// When it was due.
     pub release_ns: u64,
-    /// When the process began.
     pub start_ns: u64,
-    /// When it sent.
     pub publish_ns: u64,
     /// When it had sent the message before; 0 if that one is not known.
     pub free_ns: u64,
@@ -34,15 +31,16 @@ pub struct Cycle {
     pub cpu_ns: Option<u64>,
     /// CPU time of the cycle before this one, if that is known.
     pub cpu_before_ns: Option<u64>,
+    /// Time inside the constrained solver; only attitude-mpc has one.
+    pub solve_ns: u64,
 }
 
 impl Cycle {
-    /// Release jitter or hop \[ns\]; an early start counts as punctual.
+    /// Release jitter or hop \[ns\]; an early start counts as on time.
     pub fn wake_ns(&self) -> u64 {
         self.start_ns.saturating_sub(self.release_ns)
     }
 
-    /// Wall time \[ns\].
     pub fn execution_ns(&self) -> u64 {
         self.publish_ns.saturating_sub(self.start_ns)
     }
@@ -55,7 +53,6 @@ impl Cycle {
     }
 }
 
-/// Histograms \[ns\] and counts of one node.
 pub struct NodeTiming {
     topic: Topic,
     period_ns: u64,
@@ -68,21 +65,15 @@ pub struct NodeTiming {
     response_per_slot: Histogram<u64>,
     /// Responses beyond the deadline, those not sent included.
     pub late: u64,
-    /// Those not sent.
     pub withheld: u64,
-    /// Periods without a cycle.
     pub slips: u64,
-    /// Both.
     pub misses: u64,
-    /// The most of them one after the other.
     pub longest_run: u64,
     run: u64,
-    /// Epoch and tick of the newest message.
     newest: Option<(u64, u64)>,
 }
 
 impl NodeTiming {
-    /// Nothing seen yet of the publisher of `topic`.
     pub fn new(topic: Topic, scenario: &Scenario) -> Self {
         Self {
             topic,
@@ -129,6 +120,7 @@ impl NodeTiming {
             silent: slips.saturating_add(withheld).max(vacant).min(LONGEST_STALL_SLOTS),
             cpu_ns: None,
             // That of the first cycle is that of the whole start-up, and one on standby is no cycle of the flight.
+            solve_ns: 0,
             cpu_before_ns: (follows && before.sequence > 1 && !before.is_standby()).then_some(stamp.cpu_ns),
         };
         self.count(&cycle, misses, late);
@@ -138,7 +130,7 @@ impl NodeTiming {
         })
     }
 
-    /// What the wake-up of this node is called: the clock releases the plant, a message everybody else.
+    /// What the wake-up of this node is called: the clock releases the plant, a message the others.
     pub fn wake_name(&self) -> &'static str {
         if self.topic == Topic::State { "jitter" } else { "hop" }
     }
@@ -163,7 +155,6 @@ impl NodeTiming {
         [&self.wake, &self.execution].map(|histogram| histogram.value_at_quantile(0.5))
     }
 
-    /// Its part of run.json.
     pub fn to_json(&self) -> Value {
         let mut node = json!({
             "jitter": null, "hop": null, "input_age": null,
@@ -177,9 +168,9 @@ impl NodeTiming {
         node
     }
 
-    /// Slips and messages withheld come before the cycle, so a punctual cycle ends the run they belong to.
+    /// Slips and messages withheld come before the cycle, so a cycle in time ends the run they belong to.
     fn count(&mut self, cycle: &Cycle, misses: u64, late: bool) {
-        // A forged stamp counts whatever it likes.
+        // A damaged stamp may hold any count.
         let add = |sum: &mut u64, count| *sum = sum.saturating_add(count);
         add(&mut self.late, cycle.withheld.saturating_add(u64::from(late)));
         add(&mut self.withheld, cycle.withheld);

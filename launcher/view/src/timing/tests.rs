@@ -3,13 +3,13 @@
 
 use contract::Topic;
 use contract::message::{Actuators, Controls, Message, Reference, Stamp, State};
-use contract::scenario::Late;
+use contract::scenario::{Late, TrajectoryKind};
+use contract::stamp::delivery;
 use serde_json::Value;
 
 use super::*;
 use flight::log::Count;
 
-mod successors;
 mod worst;
 
 const US: u64 = 1_000;
@@ -34,6 +34,8 @@ struct Ring {
 impl Ring {
     fn new() -> Self {
         let mut scenario = Scenario::default();
+        scenario.mission.trajectory = TrajectoryKind::Hover;
+        scenario.run.duration_s = 100.0;
         scenario.deadline.policy = Late::Skip;
         let d = &mut scenario.deadline;
         (d.plant_ms, d.guidance_ms, d.attitude_mpc_ms) = (Some(10.0), Some(10.0), Some(10.0));
@@ -89,7 +91,9 @@ impl Ring {
         let (applied_sequence, applied_age_ns) = self.applied;
         let record = match topic {
             Topic::State => {
-                State { stamp, applied_sequence, applied_age_ns, ..State::default() }.with_checksum().into()
+                let mut state = State { stamp, applied_sequence, applied_age_ns, ..State::default() };
+                state.actual.position_m = [0.25, 0.0, 0.0];
+                state.with_checksum().into()
             }
             Topic::Reference => Reference { stamp, ..Reference::default() }.with_checksum().into(),
             Topic::Controls => {
@@ -98,7 +102,7 @@ impl Ring {
             Topic::Actuators => Actuators { stamp, ..Actuators::default() }.with_checksum().into(),
         };
         if let Some(before) = self.count.before(&record) {
-            self.timing.observe(&record, &before, 0.25);
+            self.timing.observe(&record, &before);
         }
     }
 
@@ -111,7 +115,7 @@ impl Ring {
     }
 }
 
-const PUNCTUAL: [(u64, u64); 4] = [(0, 0); 4];
+const IN_TIME: [(u64, u64); 4] = [(0, 0); 4];
 
 /// A figure is known to three digits.
 fn near(figure: &Value, key: &str, us: f64) {
@@ -120,9 +124,9 @@ fn near(figure: &Value, key: &str, us: f64) {
 }
 
 #[test]
-fn a_punctual_ring_shows_its_parts_and_no_miss() {
+fn a_ring_in_time_shows_its_parts_and_no_miss() {
     let mut ring = Ring::new();
-    (0..10).for_each(|tick| ring.turn(tick, PUNCTUAL));
+    (0..10).for_each(|tick| ring.turn(tick, IN_TIME));
     near(&ring.node("plant")["jitter"], "max_us", 20.0);
     assert_eq!(ring.node("plant")["hop"], Value::Null, "the plant has no input");
     let mixer = ring.node("mixer");
@@ -143,9 +147,9 @@ fn a_punctual_ring_shows_its_parts_and_no_miss() {
 #[test]
 fn a_clock_that_is_off_is_flagged_and_not_measured() {
     let mut ring = Ring::new();
-    ring.turn(0, PUNCTUAL);
+    ring.turn(0, IN_TIME);
     assert_eq!(ring.timing.clocks.describe(), Vec::<String>::new());
-    ring.turn(1, PUNCTUAL);
+    ring.turn(1, IN_TIME);
     // Controls says that it was sent 1 ms before the state that it was made from.
     ring.now_us = 2 * PERIOD_US;
     ring.cycle(Topic::State, 2, 20, 100, 0);
@@ -170,7 +174,7 @@ fn a_clock_that_is_off_is_flagged_and_not_measured() {
 #[test]
 fn a_late_wake_is_jitter_and_an_early_one_is_none() {
     let mut ring = Ring::new();
-    ring.turn(0, PUNCTUAL);
+    ring.turn(0, IN_TIME);
     ring.turn(1, [(3_000, 0), (0, 0), (0, 0), (0, 0)]);
     near(&ring.node("plant")["jitter"], "max_us", 3_020.0);
     near(&ring.node("mixer")["response"], "max_us", 3_480.0);
@@ -186,8 +190,8 @@ fn a_late_wake_is_jitter_and_an_early_one_is_none() {
 #[test]
 fn skipped_slots_are_misses_and_each_has_its_response() {
     let mut ring = Ring::new();
-    ring.turn(0, PUNCTUAL);
-    ring.now_us = 4 * PERIOD_US; // the plant slept through three releases and is punctual for the fourth
+    ring.turn(0, IN_TIME);
+    ring.now_us = 4 * PERIOD_US; // the plant slept through three releases and is in time for the fourth
     ring.cycle(Topic::State, 4, 20, 100, 3);
     let plant = ring.node("plant");
     assert_eq!([&plant["slips"], &plant["misses"], &plant["late"]], [&3.into(), &3.into(), &Value::from(0)]);
@@ -200,7 +204,7 @@ fn skipped_slots_are_misses_and_each_has_its_response() {
 }
 
 #[test]
-fn a_run_of_misses_goes_on_through_slips_and_ends_with_a_punctual_cycle() {
+fn a_run_of_misses_goes_on_through_slips_and_ends_with_a_cycle_in_time() {
     let mut ring = Ring::new();
     let run = |ring: &Ring| ring.node("guidance")["longest_run_of_misses"].as_u64().unwrap();
     let mut tick = 0;
@@ -213,7 +217,7 @@ fn a_run_of_misses_goes_on_through_slips_and_ends_with_a_punctual_cycle() {
     assert_eq!(run(&ring), 0);
     guidance(&mut ring, 12_000, 0); // late
     guidance(&mut ring, 12_000, 2); // two skipped, late again
-    guidance(&mut ring, 100, 1); // one skipped, then punctual
+    guidance(&mut ring, 100, 1); // one skipped, then in time
     assert_eq!(run(&ring), 5);
     guidance(&mut ring, 12_000, 0);
     assert_eq!(run(&ring), 5, "a run of one after it");
@@ -224,8 +228,8 @@ fn a_run_of_misses_goes_on_through_slips_and_ends_with_a_punctual_cycle() {
 #[test]
 fn a_message_withheld_is_a_late_one_and_its_slot_stays_silent() {
     let mut ring = Ring::new();
-    ring.turn(0, PUNCTUAL);
-    ring.last[3].misses += 2; // two cycles came too late, and nobody saw their messages
+    ring.turn(0, IN_TIME);
+    ring.last[3].misses += 2; // two cycles came too late, and their messages were not sent
     ring.now_us = 3 * PERIOD_US;
     ring.cycle(Topic::Actuators, 3, 20, 100, 0);
     let mixer = ring.node("mixer");
@@ -241,7 +245,7 @@ fn a_message_withheld_is_a_late_one_and_its_slot_stays_silent() {
 #[test]
 fn an_age_held_grows_by_a_period_per_slot() {
     let mut ring = Ring::new();
-    (0..3).for_each(|tick| ring.turn(tick, PUNCTUAL));
+    (0..3).for_each(|tick| ring.turn(tick, IN_TIME));
     // Samples 3, 4 and 5 see the command of tick 2; then one comes that is 35 ms old.
     for tick in 3..6 {
         ring.now_us = tick * PERIOD_US;
@@ -277,9 +281,45 @@ fn a_stalled_plant_held_its_command_in_every_slot() {
         ages_us
     };
     assert_eq!(slots((1, 500), 0), [500, 10_500, 20_500, 30_500, 40_500], "nothing came");
-    assert_eq!(slots((2, 400), 0), [500, 400, 10_400, 20_400, 30_400], "heard before the stall");
-    assert_eq!(slots((2, 35_000), 0), [500, 10_500, 20_500, 30_500, 35_000], "heard at its end");
+    assert_eq!(slots((2, 400), 0), [500, 400, 10_400, 20_400, 30_400], "came before the stall");
+    assert_eq!(slots((2, 35_000), 0), [500, 10_500, 20_500, 30_500, 35_000], "came at its end");
     assert_eq!(slots((2, 95_000), 0), [500, 10_500, 20_500, 30_500, 95_000], "from a sample long before");
     assert_eq!(slots((2, 400), 3), [500, 400], "not a stall: three samples were not seen");
     assert_eq!(slots((1, 500), 3), [500, 40_500], "the same, and nothing came");
+}
+
+#[test]
+fn counters_begin_anew_with_another_epoch() {
+    let mut ring = Ring::new();
+    ring.now_us = 3 * PERIOD_US;
+    ring.cycle(Topic::Actuators, 3, 20, 100, 3);
+    ring.send(Topic::Actuators, Stamp { tick: 4, epoch: 2, sequence: 1, misses: 1, slips: 1, ..Stamp::default() });
+    assert_eq!((ring.node("mixer")["slips"].as_u64(), ring.timing.misses()), (Some(4), 4));
+}
+
+#[test]
+fn misses_of_a_standby_are_no_misses_of_the_flight() {
+    let mut ring = Ring::new();
+    let mut say = |tick: u64, epoch, delivery, slips| {
+        let sample_ns = (EPOCH_US + tick * PERIOD_US) * US;
+        let (start_ns, release_ns) = (sample_ns, sample_ns);
+        let mut stamp = Stamp { tick, sample_ns, epoch, delivery, release_ns, start_ns, slips, ..Stamp::default() };
+        (stamp.sequence, stamp.misses) = (tick + 1, slips);
+        stamp.publish_ns[Topic::Actuators as usize] = sample_ns + 100 * US;
+        ring.send(Topic::Actuators, stamp);
+    };
+    for tick in 0..4 {
+        say(tick, 1, delivery::DELIVERED, 0);
+        say(tick, 2, delivery::STANDBY, 3 * tick);
+    }
+    for tick in 4..8 {
+        say(tick, 2, delivery::DELIVERED, 10); // one more than on standby
+        say(tick, 1, delivery::STANDBY, tick);
+    }
+    say(8, 1, delivery::DELIVERED, 7); // active again
+    let mixer = ring.node("mixer");
+    assert_eq!(["slips", "misses"].map(|key| mixer[key].as_u64().unwrap()), [1, 1]);
+    assert_eq!((&mixer["response"]["n"], &mixer["response_per_slot"]["n"]), (&9.into(), &10.into()));
+    assert_eq!(mixer["cpu"]["n"], 2 + 3, "of cycles active, but for the first and the last of each time");
+    assert_eq!((&ring.worst()["tick"], &ring.worst()["late_us"]), (&4.into(), &10_100.0.into()));
 }

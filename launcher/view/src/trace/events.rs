@@ -8,38 +8,75 @@
 //! | counter | `C` | position error; age at the actuator |
 //! | name | `M` | what a lane is |
 //!
-//! Below those lanes stand the faults, as slices, and the events of the flight, as marks ([`super::happened`]).
+//! Below those lanes stand what happened in the flight:
+//!
+//! | lane | holds |
+//! |---|---|
+//! | faults | one thread for each fault that acts in the window, with a slice while it acts |
+//! | events | one thread for each process to which something happened: a slice while its node was down, a mark for each event |
 //!
 //! Viewers count in microseconds, with a fraction. An arrow is tied to the slice that is open where its event lies, of
 //! two at one instant the one that stands first: so slices come before arrows, and arrows before marks.
 
-use std::collections::HashMap;
-
 use contract::Topic;
-use contract::message::{Actuators, Message, SolveStatus, Stamp};
+use contract::message::{Message, SolveStatus, Stamp};
+use contract::scenario::Mode;
 use contract::topic::NODES;
+use flight::log::{Log, Record, counted};
 use serde_json::{Map, Value, json};
 
-use super::acted::Acted;
-use super::window::Window;
-use crate::report::Row;
-use flight::log::{Log, Record, counted};
+use super::Window;
+use crate::happenings::{Happenings, Mark, Span};
+use crate::ticks::LoggedTick;
 
 /// The lane below those of the nodes: which command the actuators obey.
 const ACTUATORS: usize = NODES.len();
+const FAULTS: usize = NODES.len() + 1;
+const EVENTS: usize = NODES.len() + 2;
 /// Viewers round: a command's slice ends so long before the next one begins \[ns\].
 const APART_NS: u64 = 10;
 
-/// Events in the making.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct InForce {
+    pub tick: u64,
+    pub sequence: u64,
+    pub from_ns: u64,
+    /// When the next one took effect, or the log's last sample \[ns\].
+    pub until_ns: u64,
+    pub age_ns: u64,
+}
+
+/// Every command that was in force at a sample, in the order of taking effect.
+///
+/// In lockstep the age is simulated time, of which the clock shows nothing: there a command acts once it is published.
+pub fn in_force(ticks: &[LoggedTick], mode: Mode) -> Vec<InForce> {
+    let last_ns = ticks.iter().rev().find_map(|tick| tick.of.state).map_or(0, |state| state.stamp.sample_ns);
+    let mut all: Vec<InForce> = vec![];
+    for tick in ticks {
+        let (Some(command), Some(age_ns)) = (tick.of.actuators, tick.age_ns) else { continue };
+        let stamp = &command.stamp;
+        let from_ns = match mode {
+            Mode::Realtime => stamp.sample_ns.saturating_add(age_ns),
+            Mode::Lockstep | Mode::Inprocess => stamp.publish_ns[Topic::Actuators as usize],
+        };
+        if let Some(before) = all.last_mut() {
+            before.until_ns = from_ns;
+        }
+        let until_ns = last_ns.max(from_ns);
+        all.push(InForce { tick: tick.number, sequence: stamp.sequence, from_ns, until_ns, age_ns });
+    }
+    all
+}
+
 pub struct Trace {
     origin_ns: u64,
+    /// The ticks of the window.
     ticks: std::ops::Range<u64>,
-    /// With their instants \[ns\].
     events: Vec<(u64, Value)>,
     /// Those that stand behind others of the same instant.
     marks: Vec<(u64, Value)>,
     /// Names of the lanes that only some flights have.
-    pub(super) names: Vec<Value>,
+    names: Vec<Value>,
 }
 
 impl Trace {
@@ -49,7 +86,7 @@ impl Trace {
         Self { origin_ns, ticks: ticks.start as u64..ticks.end as u64, events: vec![], marks: vec![], names: vec![] }
     }
 
-    /// A slice for every message of who was active, in the lane of its node, and marks for what its counters say.
+    /// A slice for every message of an active process, in the lane of its node, and marks for what its counters say.
     pub fn nodes(&mut self, log: &Log) {
         self.node(&log.states, |state| json!({ "applied_sequence": state.applied_sequence }));
         self.node(&log.references, |_| json!({}));
@@ -64,60 +101,67 @@ impl Trace {
         self.node(&log.actuators, |actuators| json!({ "flags": actuators.flags }));
     }
 
-    /// A slice for every command while it was in force.
-    pub fn commands(&mut self, acted: &[Acted]) {
-        for acted in acted {
-            let Stamp { tick, sequence, .. } = acted.command.stamp;
-            if self.ticks.contains(&tick) {
-                let end_ns = acted.until_ns.saturating_sub(APART_NS).max(acted.from_ns);
-                let args = json!({ "tick": tick, "sequence": sequence, "age_us": micros(acted.age_ns) });
-                self.slice(ACTUATORS, &format!("command {tick}"), acted.from_ns, end_ns, &args);
-            }
+    /// A slice for every command while it was in force, and its age where it took effect.
+    pub fn commands(&mut self, commands: &[InForce]) {
+        let ticks = self.ticks.clone();
+        for command in commands.iter().filter(|command| ticks.contains(&command.tick)) {
+            let InForce { tick, sequence, from_ns, until_ns, age_ns } = *command;
+            let end_ns = until_ns.saturating_sub(APART_NS).max(from_ns);
+            let args = json!({ "tick": tick, "sequence": sequence, "age_us": micros(age_ns) });
+            self.slice(ACTUATORS, &format!("command {tick}"), from_ns, end_ns, &args);
+            self.counter(ACTUATORS, "age at the actuator", from_ns, &json!({ "ms": age_ns as f64 / 1e6 }));
         }
     }
 
     /// An arrow for every sample, through the messages that descend from it to the moment its command took effect; past
-    /// those that a fault struck on their way.
-    pub fn flows(&mut self, rows: &[Row], acted: &[Acted]) {
-        // By tick and number: a restarted mixer may send a second command for a tick, or use a number again.
-        let key = |command: &Actuators| (command.stamp.tick, command.stamp.sequence);
-        let acted: HashMap<_, _> = acted.iter().map(|acted| (key(acted.command), acted)).collect();
-        for row in rows {
-            let stamps = [
-                row.state.map(Message::stamp),
-                row.reference.map(Message::stamp),
-                row.controls.map(Message::stamp),
-                row.actuators.map(Message::stamp),
-            ];
-            let heard = stamps.map(|stamp| stamp.filter(|stamp| stamp.is_delivered()));
-            let nodes = heard.into_iter().enumerate().filter_map(|(lane, stamp)| Some((lane, stamp?.start_ns)));
-            let command = row.actuators.and_then(|command| acted.get(&key(command)));
-            let mut stations: Vec<(usize, u64)> = vec![];
-            for station in nodes.chain(command.map(|acted| (ACTUATORS, acted.from_ns))) {
-                // Who ran out of patience and began before the one before it has not heard it.
-                if stations.last().is_none_or(|before| before.1 <= station.1) {
-                    stations.push(station);
+    /// those that a fault struck on their way. The position error at every sample.
+    pub fn flows(&mut self, ticks: &[LoggedTick], commands: &[InForce]) {
+        for tick in ticks {
+            let delivered = tick.of.stamps().map(|stamp| stamp.filter(|stamp| stamp.is_delivered()));
+            let nodes = delivered.into_iter().enumerate().filter_map(|(lane, stamp)| Some((lane, stamp?.start_ns)));
+            let command = commands.binary_search_by_key(&tick.number, |command| command.tick).ok();
+            let acted = command.map(|found| (ACTUATORS, commands[found].from_ns));
+            let mut ends: Vec<(usize, u64)> = vec![];
+            for end in nodes.chain(acted) {
+                // A node that began before the one before it had ended its wait without that message.
+                if ends.last().is_none_or(|before| before.1 <= end.1) {
+                    ends.push(end);
                 }
             }
-            let tick = stamps.into_iter().flatten().map(|stamp| stamp.tick).next().unwrap_or_default();
-            self.flow(tick, &stations);
+            self.flow(tick.number, &ends);
+            if let Some(error_m) = tick.distance_m() {
+                self.counter(0, "position error", tick.sample_ns, &json!({ "m": error_m }));
+            }
         }
     }
 
-    /// The position error at every sample, and every command's age where it took effect.
-    pub fn counters(&mut self, rows: &[Row], acted: &[Acted]) {
-        for row in rows {
-            if let (Some(state), Some(error)) = (row.state, row.position_error_m()) {
-                let error_m = error.iter().map(|e| e * e).sum::<f64>().sqrt();
-                self.counter(0, "position error", state.stamp.sample_ns, &json!({ "m": error_m }));
+    /// What happened in the window, whose ticks are `ticks`.
+    pub fn happened(&mut self, happened: &Happenings, ticks: &[LoggedTick]) {
+        let Some(samples) = Samples::of(ticks) else { return };
+        let acting = happened.faults.iter().filter_map(|fault| Some((fault, samples.clip(fault)?)));
+        for (thread, (fault, ns)) in acting.enumerate() {
+            self.names.extend(lane_names(FAULTS, thread, "faults", &fault.what));
+            self.span(FAULTS, thread, fault, ns);
+        }
+        let mut threads: Vec<&str> = vec![];
+        let mut thread_of = |process| {
+            let known = threads.iter().position(|known| *known == process);
+            known.unwrap_or_else(|| {
+                threads.push(process);
+                threads.len() - 1
+            })
+        };
+        for (absence, ns) in happened.absences.iter().filter_map(|absence| Some((absence, samples.clip(absence)?))) {
+            let thread = thread_of(absence.target.as_str());
+            self.span(EVENTS, thread, absence, ns);
+        }
+        for mark in &happened.events {
+            if let Some(ns) = samples.instant(mark.at_s) {
+                let thread = thread_of(mark.node.as_str());
+                self.happening(thread, mark, ns);
             }
         }
-        for acted in acted {
-            if self.ticks.contains(&acted.command.stamp.tick) {
-                let age_ms = acted.age_ns as f64 / 1e6;
-                self.counter(ACTUATORS, "age at the actuator", acted.from_ns, &json!({ "ms": age_ms }));
-            }
-        }
+        self.names.extend(threads.iter().enumerate().flat_map(|(i, node)| lane_names(EVENTS, i, "events", node)));
     }
 
     /// The whole trace, in the order of time; `about` says what of.
@@ -166,27 +210,32 @@ impl Trace {
         self.events.push(self.event("X", lane, name, start_ns, more));
     }
 
-    fn flow(&mut self, tick: u64, stations: &[(usize, u64)]) {
-        let last = stations.len().saturating_sub(1);
+    fn flow(&mut self, tick: u64, ends: &[(usize, u64)]) {
+        let last = ends.len().saturating_sub(1);
         if last == 0 {
             return; // an arrow needs two ends
         }
-        for (i, (lane, at_ns)) in stations.iter().enumerate() {
-            let phase = if i == 0 {
-                "s"
-            } else if i == last {
-                "f"
-            } else {
-                "t"
+        for (i, (lane, at_ns)) in ends.iter().enumerate() {
+            let phase = match i {
+                0 => "s",
+                i if i == last => "f",
+                _ => "t",
             };
             let more = json!({ "cat": "chain", "id": tick + 1, "bp": "e" });
             self.events.push(self.event(phase, *lane, "sample", *at_ns, more));
         }
     }
 
-    /// Adds an event that stands behind others of the same instant.
-    pub(super) fn add(&mut self, event: (u64, Value)) {
-        self.marks.push(event);
+    fn span(&mut self, lane: usize, thread: usize, span: &Span, [from_ns, to_ns]: [u64; 2]) {
+        let args = json!({ "from_s": span.from_s, "to_s": span.to_s });
+        let more = json!({ "cat": "fault", "dur": micros(to_ns - from_ns), "tid": thread + 1, "args": args });
+        self.marks.push(self.event("X", lane, &span.what, from_ns, more));
+    }
+
+    fn happening(&mut self, thread: usize, mark: &Mark, at_ns: u64) {
+        let args = json!({ "at_s": mark.at_s, "why": mark.why });
+        let more = json!({ "cat": "event", "s": "t", "tid": thread + 1, "args": args });
+        self.marks.push(self.event("i", EVENTS, &format!("{} {}", mark.node, mark.what), at_ns, more));
     }
 
     fn mark(&mut self, lane: usize, name: &str, at_ns: u64, count: u64) {
@@ -201,13 +250,45 @@ impl Trace {
     }
 
     /// An event of a lane with what is particular to it.
-    pub(super) fn event(&self, phase: &str, lane: usize, name: &str, at_ns: u64, more: Value) -> (u64, Value) {
+    fn event(&self, phase: &str, lane: usize, name: &str, at_ns: u64, more: Value) -> (u64, Value) {
         let ts = micros(at_ns.saturating_sub(self.origin_ns));
         let mut event = json!({ "ph": phase, "pid": lane + 1, "tid": lane + 1, "name": name, "ts": ts });
         if let (Some(event), Value::Object(more)) = (event.as_object_mut(), more) {
             event.extend(more);
         }
         (at_ns, event)
+    }
+}
+
+/// The samples of the window.
+struct Samples {
+    /// Time of the flight \[s\] and instant \[ns\] of each.
+    at: Vec<(f64, u64)>,
+    until_s: f64,
+}
+
+impl Samples {
+    /// None without a sample.
+    fn of(ticks: &[LoggedTick]) -> Option<Self> {
+        let sampled = ticks.iter().filter(|tick| tick.of.state.is_some());
+        let samples: Vec<(f64, u64)> = sampled.map(|tick| (tick.time_s(), tick.sample_ns)).collect();
+        let until_s = samples.last()?.0 + ticks.first()?.period_ns as f64 / 1e9;
+        Some(Self { at: samples, until_s })
+    }
+
+    /// The instant of the newest sample at that time; none outside the window \[ns\].
+    fn instant(&self, at_s: f64) -> Option<u64> {
+        const ROUNDING_S: f64 = 1e-6;
+        let newest = self.at.partition_point(|(sampled_s, _)| *sampled_s <= at_s + ROUNDING_S).checked_sub(1)?;
+        (at_s < self.until_s).then(|| self.at[newest].1)
+    }
+
+    /// The part of `span` that lies inside, if any.
+    fn clip(&self, span: &Span) -> Option<[u64; 2]> {
+        let (first, last) = (self.at.first()?, self.at.last()?);
+        let from_ns = self.instant(span.from_s.max(first.0))?;
+        let to_s = span.to_s.unwrap_or(f64::INFINITY);
+        (to_s > first.0).then(|| [from_ns, self.instant(to_s).unwrap_or(last.1).max(from_ns)])
     }
 }
 
@@ -218,7 +299,7 @@ fn timing(topic: Topic, stamp: &Stamp, after: Option<&Stamp>) -> Map<String, Val
     Map::from_iter([
         ("tick".to_owned(), json!(stamp.tick)),
         ("sequence".to_owned(), json!(stamp.sequence)),
-        ("heard".to_owned(), json!(stamp.is_delivered())),
+        ("delivered".to_owned(), json!(stamp.is_delivered())),
         ("release_us".to_owned(), json!(since(stamp.sample_ns, stamp.release_ns))),
         ("wake_us".to_owned(), json!(since(stamp.release_ns, stamp.start_ns))),
         ("execution_us".to_owned(), json!(since(stamp.start_ns, publish_ns))),
@@ -235,7 +316,7 @@ fn solve_status(wire: u64) -> String {
 }
 
 /// What a lane is called: a process of the viewer, and in it a thread.
-pub(super) fn lane_names(process: usize, thread: usize, name: &str, thread_name: &str) -> [Value; 3] {
+fn lane_names(process: usize, thread: usize, name: &str, thread_name: &str) -> [Value; 3] {
     let named = |what: &str, args: Value| json!({ "ph": "M", "name": what, "pid": process + 1, "tid": thread + 1, "args": args });
     [
         named("process_name", json!({ "name": name })),
@@ -244,6 +325,6 @@ pub(super) fn lane_names(process: usize, thread: usize, name: &str, thread_name:
     ]
 }
 
-pub(super) fn micros(ns: u64) -> f64 {
+fn micros(ns: u64) -> f64 {
     ns as f64 / 1e3
 }

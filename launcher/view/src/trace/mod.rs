@@ -1,20 +1,13 @@
 //! `trace`: some ticks of a recorded flight as a trace that the viewer Perfetto opens (<https://ui.perfetto.dev>).
 //!
-//! | module | holds |
-//! |---|---|
-//! | [`acted`] | when each command took effect |
-//! | [`window`] | which ticks |
-//! | [`events`] | lanes, slices, arrows, marks and counters |
-//! | [`happened`] | faults and events of the flight, in lanes of their own |
-//!
 //! Only a flight through processes has times. In lockstep they are those of a ring turned as fast as it goes: the trace
-//! shows who waited for whom, not how punctual anybody was.
+//! shows which process waited for which, not how late any of them was.
 
-pub mod acted;
-pub mod events;
-pub mod happened;
-pub mod window;
+mod events;
+#[cfg(test)]
+mod tests;
 
+use std::ops::Range;
 use std::path::PathBuf;
 
 use anyhow::{Context, bail, ensure};
@@ -22,10 +15,10 @@ use contract::Scenario;
 use contract::scenario::Mode;
 use serde_json::{Value, json};
 
-use self::events::Trace;
-use self::window::Window;
+use self::events::{Trace, in_force};
 use crate::happenings::Happenings;
-use crate::report::{Flight, Recorded};
+use crate::report::Recorded;
+use crate::ticks::logged;
 use flight::duration::seconds;
 use flight::files::write_whole;
 use flight::log::Log;
@@ -50,9 +43,8 @@ pub struct TraceArgs {
     pub out: Option<PathBuf>,
 }
 
-const LOCKSTEP: &str = "a lockstep flight: the times show who waited for whom, not how punctual anybody was";
+const LOCKSTEP: &str = "a lockstep flight: the times show which process waited for which, not how late any of them was";
 
-/// Exports as the arguments say.
 pub fn trace(args: &TraceArgs) -> anyhow::Result<()> {
     let path = if args.run.is_dir() { args.run.join("flight.mcap") } else { args.run.clone() };
     ensure!(
@@ -93,18 +85,16 @@ pub fn document(
     from_s: Option<f64>,
     for_s: f64,
 ) -> anyhow::Result<(Window, Value)> {
-    let flight =
-        Flight { states: &log.states, references: &log.references, controls: &log.controls, actuators: &log.actuators };
     let sample_s = scenario.sample_s();
-    let rows = flight.rows(scenario);
-    let acted = acted::acted(log, scenario.run.mode);
+    let ticks = logged(log, scenario);
+    let commands = in_force(&ticks, scenario.run.mode);
     let window = match from_s {
         Some(from_s) => Window::new(from_s, for_s, sample_s),
         None => Window::around_worst(run, for_s, sample_s),
     };
-    let traced = rows.get(window.ticks(rows.len())).unwrap_or_default();
+    let traced = ticks.get(window.ticks(ticks.len())).unwrap_or_default();
     ensure!(
-        traced.iter().any(|row| row.state.is_some()),
+        traced.iter().any(|tick| tick.of.state.is_some()),
         "no tick in {}: the log covers {:.2} s; choose another window with --from and --for",
         window.describe(),
         log.states.last().map_or(0.0, |state| state.stamp.tick as f64 * sample_s)
@@ -116,10 +106,9 @@ pub fn document(
     };
     let mut trace = Trace::new(origin_ns, &window);
     trace.nodes(log);
-    trace.commands(&acted);
-    trace.flows(traced, &acted);
-    trace.counters(traced, &acted);
-    trace.happened(&Happenings::new(&run["faults"], &run["events"]), traced, sample_s);
+    trace.commands(&commands);
+    trace.flows(traced, &commands);
+    trace.happened(&Happenings::new(&run["faults"], &run["events"]), traced);
     let about = json!({
         "flight": scenario.name,
         "mode": scenario.run.mode,
@@ -129,5 +118,42 @@ pub fn document(
     Ok((window, trace.document(&about)))
 }
 
-#[cfg(test)]
-mod tests;
+#[derive(Debug, Clone, PartialEq)]
+pub struct Window {
+    pub from_s: f64,
+    pub for_s: f64,
+    pub sample_s: f64,
+    /// Why this one.
+    pub why: String,
+}
+
+impl Window {
+    pub fn new(from_s: f64, for_s: f64, sample_s: f64) -> Self {
+        Self { from_s, for_s, sample_s, why: String::new() }
+    }
+
+    /// The window with the worst tick of the flight in its middle, the one that its summary `run` names first; the
+    /// beginning where no tick was late.
+    pub fn around_worst(run: &Value, for_s: f64, sample_s: f64) -> Self {
+        let worst = &run["timing"]["worst_ticks"][0];
+        let (Some(tick), Some(late_us)) = (worst["tick"].as_u64(), worst["late_us"].as_f64()) else {
+            return Self::new(0.0, for_s, sample_s);
+        };
+        let from_s = (tick as f64 * sample_s - for_s / 2.0).max(0.0);
+        let what = worst["in_words"].as_str().unwrap_or_default();
+        let why = format!(", around the worst tick, {tick}: {:.2} ms late; {what}", late_us / 1e3);
+        Self { from_s, for_s, sample_s, why }
+    }
+
+    /// Its ticks, of a flight of so many.
+    pub fn ticks(&self, flown: usize) -> Range<usize> {
+        // The conversion stops at the ends of the integers, and takes NaN for 0.
+        let tick = |t_s: f64| ((t_s / self.sample_s - 1e-6).ceil() as usize).min(flown);
+        let first = tick(self.from_s);
+        first..tick(self.from_s + self.for_s).max(first)
+    }
+
+    pub fn describe(&self) -> String {
+        format!("{:.2} to {:.2} s{}", self.from_s, self.from_s + self.for_s, self.why)
+    }
+}

@@ -4,10 +4,8 @@ use super::*;
 use contract::Topic;
 use contract::message::{Actuators, Message, Stamp, State};
 
-use super::acted::acted;
-
-fn command(tick: u64, sequence: u64, epoch: u64) -> Actuators {
-    let stamp = Stamp { tick, sample_ns: tick * 1_000, sequence, epoch, ..Stamp::default() };
+fn command(tick: u64, sequence: u64) -> Actuators {
+    let stamp = Stamp { tick, sample_ns: tick * 1_000, sequence, epoch: 1, ..Stamp::default() };
     Actuators { stamp: stamp.published(Topic::Actuators, sequence, tick * 1_000 + 100), ..Actuators::default() }
         .with_checksum()
 }
@@ -17,31 +15,19 @@ fn state(tick: u64, applied_sequence: u64, applied_age_ns: u64) -> State {
     State { stamp, applied_sequence, applied_age_ns, ..State::default() }.with_checksum()
 }
 
-/// (tick, from, until) of every command that acted.
-fn spans(log: &Log, mode: Mode) -> Vec<(u64, u64, u64)> {
-    acted(log, mode).iter().map(|a| (a.command.stamp.tick, a.from_ns, a.until_ns)).collect()
-}
-
 #[test]
 fn a_command_acts_until_the_next_one() {
     let log = Log {
         states: vec![state(0, 0, 0), state(1, 1, 300), state(2, 1, 300), state(3, 3, 400)],
-        actuators: (0..3).map(|tick| command(tick, tick + 1, 1)).collect(),
+        actuators: (0..3).map(|tick| command(tick, tick + 1)).collect(),
         ..Log::default()
     };
-    assert_eq!(spans(&log, Mode::Realtime), [(0, 300, 2_400), (2, 2_400, 3_000)]);
-    assert_eq!(spans(&log, Mode::Lockstep), [(0, 100, 2_100), (2, 2_100, 3_000)], "on the wall clock");
-}
-
-#[test]
-fn a_restarted_mixer_is_not_taken_for_its_predecessor() {
-    let log = Log {
-        states: vec![state(0, 0, 0), state(1, 1, 200), state(2, 2, 200), state(3, 1, 200), state(4, 9, 200)],
-        actuators: vec![command(0, 1, 1), command(1, 2, 1), command(2, 1, 2)],
-        ..Log::default()
+    let spans = |mode| -> Vec<(u64, u64, u64)> {
+        let commands = in_force(&logged(&log, &Scenario::default()), mode);
+        commands.iter().map(|command| (command.tick, command.from_ns, command.until_ns)).collect()
     };
-    let expected = [(0, 200, 1_200), (1, 1_200, 2_200), (2, 2_200, 4_000)];
-    assert_eq!(spans(&log, Mode::Realtime), expected, "and a number that nobody sent is left out");
+    assert_eq!(spans(Mode::Realtime), [(0, 300, 2_400), (2, 2_400, 3_000)]);
+    assert_eq!(spans(Mode::Lockstep), [(0, 100, 2_100), (2, 2_100, 3_000)], "on the wall clock");
 }
 
 fn window(from_s: f64, for_s: f64) -> Window {

@@ -17,10 +17,10 @@ fn fault(target: FaultTarget, kind: FaultKind, value: Option<f64>) -> Fault {
 }
 
 /// The command followed at `tick`, and how, with `faults`.
-fn struck(faults: &[Fault], tick: u64) -> ([f64; 4], Condition) {
+fn faulted(faults: &[Fault], tick: u64) -> ([f64; 4], Condition) {
     let scenario = Scenario { fault: faults.to_vec(), ..Scenario::default() };
     let mut faults = ActuatorFaults::new(&scenario);
-    let (target, condition) = faults.strike(tick, &actuation(POSITION), &actuation(COMMAND));
+    let (target, condition) = faults.inject(tick, &actuation(POSITION), &actuation(COMMAND));
     (as_array(&target), condition)
 }
 
@@ -53,13 +53,13 @@ fn track(faults: &[Fault], actuator: usize) -> Vec<f64> {
 }
 
 #[test]
-fn each_kind_strikes_its_own_actuator_in_its_own_time() {
+fn each_kind_acts_on_its_own_actuator_while_it_is_active() {
     for (actuator, target) in TARGETS.into_iter().enumerate() {
         for kind in target.kinds() {
             let fault = Fault { for_s: Some(0.1), value: Some(0.3), ..fault(target, *kind, None) };
-            assert_eq!(struck(std::slice::from_ref(&fault), 9), (COMMAND, Condition::default()));
-            assert_eq!(struck(std::slice::from_ref(&fault), 20), (COMMAND, Condition::default()));
-            let (followed, condition) = struck(&[fault], 10);
+            assert_eq!(faulted(std::slice::from_ref(&fault), 9), (COMMAND, Condition::default()));
+            assert_eq!(faulted(std::slice::from_ref(&fault), 20), (COMMAND, Condition::default()));
+            let (followed, condition) = faulted(&[fault], 10);
             assert!(followed != COMMAND || condition != Condition::default(), "{target:?} {kind:?}");
             for other in (0..4).filter(|other| *other != actuator) {
                 assert_eq!(followed[other], COMMAND[other]);
@@ -104,18 +104,18 @@ fn a_stuck_actuator_keeps_its_place_bit_for_bit_and_then_follows_again() {
 fn a_weak_rotor_has_less_thrust_and_torque() {
     for (actuator, target) in TARGETS.into_iter().take(3).enumerate() {
         for (value, share) in [(None, 0.7), (Some(0.2), 0.2)] {
-            let (followed, condition) = struck(&[fault(target, FaultKind::Wrong, value)], 10);
+            let (followed, condition) = faulted(&[fault(target, FaultKind::Wrong, value)], 10);
             assert_eq!((followed, condition.effectiveness[actuator]), (COMMAND, share));
         }
         let weak = fly(|scenario| scenario.plant.rotor_effectiveness[actuator] = 0.7);
-        let struck = faulty(&[Fault { at_s: 0.0, ..fault(target, FaultKind::Wrong, None) }]);
-        assert_eq!(weak, struck, "it flies as a vehicle that is so from the start");
+        let with_fault = faulty(&[Fault { at_s: 0.0, ..fault(target, FaultKind::Wrong, None) }]);
+        assert_eq!(weak, with_fault, "it flies as a vehicle that is so from the start");
     }
 }
 
 #[test]
-fn a_wrong_tilt_stands_beside_its_command_within_its_range() {
-    let tilt = |value| struck(&[fault(FaultTarget::Tilt, FaultKind::Wrong, value)], 10).0[TILT];
+fn a_wrong_tilt_is_off_its_command_within_its_range() {
+    let tilt = |value| faulted(&[fault(FaultTarget::Tilt, FaultKind::Wrong, value)], 10).0[TILT];
     assert_eq!(tilt(None), COMMAND[TILT] + 5f64.to_radians());
     assert_eq!(tilt(Some(-3.0)), COMMAND[TILT] - 3f64.to_radians());
     let range = Scenario::default().limits().tilt_max_rad;
@@ -130,7 +130,7 @@ fn a_slow_actuator_follows_with_the_lag_it_was_given() {
         assert_eq!(faulty(&rotors), fly(|scenario| scenario.plant.rotor_lag_s = lag_s));
         assert_eq!(faulty(&[slow(FaultTarget::Tilt)]), fly(|scenario| scenario.plant.servo_lag_s = lag_s));
     }
-    let (_, condition) = struck(&[Fault { ms: Some(0.0), ..fault(FaultTarget::Rotor2, FaultKind::Slow, None) }], 10);
+    let (_, condition) = faulted(&[Fault { ms: Some(0.0), ..fault(FaultTarget::Rotor2, FaultKind::Slow, None) }], 10);
     assert_eq!(condition.slow_s[1], Some(Scenario::default().plant.rotor_lag_s), "never faster than it is");
 }
 
@@ -138,14 +138,14 @@ fn a_slow_actuator_follows_with_the_lag_it_was_given() {
 fn a_saturated_actuator_reaches_a_part_of_its_range() {
     let limits = Scenario::default().limits();
     let [max1, _, max3] = limits.rotor_speed_max;
-    let followed = |target, value| struck(&[fault(target, FaultKind::Saturated, value)], 10).0;
+    let followed = |target, value| faulted(&[fault(target, FaultKind::Saturated, value)], 10).0;
     assert_eq!(followed(FaultTarget::Rotor1, None)[0], COMMAND[0].min(0.8 * max1));
     assert_eq!(followed(FaultTarget::Rotor3, Some(0.5))[2], 0.5 * max3);
     assert_eq!(followed(FaultTarget::Tilt, Some(0.1))[TILT], 0.1 * limits.tilt_max_rad);
     let scenario =
         Scenario { fault: vec![fault(FaultTarget::Tilt, FaultKind::Saturated, Some(0.1))], ..Scenario::default() };
     let other_side = actuation(COMMAND.map(|c| -c));
-    let (target, _) = ActuatorFaults::new(&scenario).strike(10, &actuation(POSITION), &other_side);
+    let (target, _) = ActuatorFaults::new(&scenario).inject(10, &actuation(POSITION), &other_side);
     assert_eq!(target.tilt_rad, -0.1 * limits.tilt_max_rad, "on both sides");
     for nonsense in [f64::NAN, -1.0] {
         assert_eq!(followed(FaultTarget::Rotor1, Some(nonsense))[0], 0.0);
@@ -156,13 +156,13 @@ fn a_saturated_actuator_reaches_a_part_of_its_range() {
 fn faults_of_one_actuator_act_in_the_order_of_the_file() {
     let [bias, low, off] = [(FaultKind::Wrong, Some(10.0)), (FaultKind::Saturated, Some(0.1)), (FaultKind::Off, None)]
         .map(|(kind, value)| fault(FaultTarget::Tilt, kind, value));
-    let tilt = |faults: &[Fault]| struck(faults, 10).0[TILT];
+    let tilt = |faults: &[Fault]| faulted(faults, 10).0[TILT];
     let reach = 0.1 * Scenario::default().limits().tilt_max_rad;
     assert_eq!(tilt(&[bias, low]), reach);
     assert_eq!(tilt(&[low, bias]), reach + 10f64.to_radians());
     assert_eq!(tilt(&[bias, low, off]), 0.0);
     let weak = |value| fault(FaultTarget::Rotor2, FaultKind::Wrong, Some(value));
-    assert_eq!(struck(&[weak(0.5), weak(0.5)], 10).1.effectiveness, [1.0, 0.25, 1.0]);
+    assert_eq!(faulted(&[weak(0.5), weak(0.5)], 10).1.effectiveness, [1.0, 0.25, 1.0]);
     let slow = |ms| Fault { ms: Some(ms), ..fault(FaultTarget::Rotor2, FaultKind::Slow, None) };
-    assert_eq!(struck(&[slow(90.0), slow(200.0), slow(50.0)], 10).1.slow_s[1], Some(0.2), "the longest lag counts");
+    assert_eq!(faulted(&[slow(90.0), slow(200.0), slow(50.0)], 10).1.slow_s[1], Some(0.2), "the longest lag counts");
 }

@@ -14,7 +14,7 @@ fn fault(target: FaultTarget, kind: FaultKind, for_s: Option<f64>) -> Fault {
 
 /// Wind towards north at `time_ns`, the beginning of a step.
 fn wind_mps(faults: &EnvironmentFaults, time_ns: u64) -> f64 {
-    faults.strike(time_ns, 0.0, &Surroundings::default()).wind_mps.x
+    faults.inject(time_ns, 0.0, &Surroundings::default()).wind_mps.x
 }
 
 #[test]
@@ -26,7 +26,7 @@ fn a_step_is_there_from_its_first_sample_to_its_end() {
     assert_eq!(wind_mps(&endless, 1_000_000 * MS), 5.0);
     let vector = Some([0.0, -2.0, 1.0]);
     let own = faults(&[Fault { vector, ..fault(FaultTarget::Wind, FaultKind::Step, None) }]);
-    assert_eq!(own.strike(1000 * MS, 0.0, &Surroundings::default()).wind_mps, Vector3::new(0.0, -2.0, 1.0));
+    assert_eq!(own.inject(1000 * MS, 0.0, &Surroundings::default()).wind_mps, Vector3::new(0.0, -2.0, 1.0));
 }
 
 #[test]
@@ -45,7 +45,7 @@ fn a_gust_rises_to_its_peak_and_falls_as_one_minus_cosine() {
 #[test]
 fn a_gust_goes_on_inside_a_step() {
     let gust = faults(&[fault(FaultTarget::Wind, FaultKind::Gust, None)]);
-    let inside = gust.strike(1300 * MS, 0.004, &Surroundings::default()).wind_mps.x;
+    let inside = gust.inject(1300 * MS, 0.004, &Surroundings::default()).wind_mps.x;
     assert!((inside - wind_mps(&gust, 1304 * MS)).abs() < 1e-14 && inside > wind_mps(&gust, 1300 * MS));
     // A flight through it hardly depends on how finely it is integrated; held over each step it would be 2 % off.
     let fly = |substep_s: f64| {
@@ -71,10 +71,10 @@ fn winds_and_masses_add_up() {
         Fault { value: Some(0.3), ..fault(FaultTarget::Payload, FaultKind::Mass, None) },
     ]);
     let calm = Surroundings { wind_mps: Vector3::new(1.0, 1.0, 1.0), ..Surroundings::default() };
-    let outside = all.strike(1500 * MS, 0.0, &calm);
+    let outside = all.inject(1500 * MS, 0.0, &calm);
     assert!((outside.wind_mps - Vector3::new(6.0, 2.0, 1.0)).norm() < 1e-14);
     assert!((outside.payload_kg - 0.5).abs() < 1e-15);
-    assert_eq!(all.strike(999 * MS, 0.0, &calm), calm);
+    assert_eq!(all.inject(999 * MS, 0.0, &calm), calm);
 }
 
 #[test]

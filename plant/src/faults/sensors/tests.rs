@@ -21,12 +21,12 @@ fn told(faults: &[Fault], seed: u64, ticks: impl IntoIterator<Item = u64>) -> Ve
     scenario.run.seed = seed;
     scenario.fault = faults.to_vec();
     let mut sensors = SensorFaults::new(&scenario);
-    let mut strike = |tick| {
+    let mut reading = |tick| {
         let mut told = measured(tick);
-        sensors.strike(tick, &mut told);
+        sensors.inject(tick, &mut told);
         told
     };
-    ticks.into_iter().map(&mut strike).collect()
+    ticks.into_iter().map(&mut reading).collect()
 }
 
 /// Positions told on ticks 0 to 29 with one fault.
@@ -50,7 +50,7 @@ const KINDS: &[FaultKind] = &[
 ];
 
 #[test]
-fn each_kind_strikes_its_own_quantity_in_its_own_time() {
+fn each_kind_acts_on_its_own_quantity_while_it_is_active() {
     assert_eq!(KINDS, FaultTarget::Position.kinds());
     for (sensor, target) in [FaultTarget::Position, FaultTarget::Velocity, FaultTarget::Attitude, FaultTarget::Rates]
         .into_iter()
@@ -58,24 +58,24 @@ fn each_kind_strikes_its_own_quantity_in_its_own_time() {
     {
         for kind in KINDS {
             let fault = Fault::new(target, *kind, 0.1, Some(0.1));
-            let mut struck = 0;
+            let mut changed = 0;
             for (tick, told) in (0..30).zip(told(&[fault], 3, 0..30)) {
                 let quantities = |k: Kinematics| [k.position_m, k.velocity_mps, k.attitude_rad, k.rates_radps];
                 let (told, truth) = (quantities(told), quantities(measured(tick)));
                 for other in 0..4 {
                     let same = bits(&[told[other]]) == bits(&[truth[other]]);
                     assert!(same || other == sensor && (10..20).contains(&tick), "{target:?} {kind:?} at {tick}");
-                    struck += u64::from(!same);
+                    changed += u64::from(!same);
                 }
             }
             let all = if *kind == FaultKind::Intermittent { 3..=8 } else { 10..=10 };
-            assert!(all.contains(&struck), "{target:?} {kind:?} strikes {struck} times");
+            assert!(all.contains(&changed), "{target:?} {kind:?} changes {changed} readings");
         }
     }
 }
 
 #[test]
-fn off_is_no_number() {
+fn an_off_sensor_returns_nan() {
     assert!(positions(FaultKind::Off, |_| ())[10..20].iter().flatten().all(|value| value.is_nan()));
 }
 
@@ -105,8 +105,8 @@ fn garbage_and_silence_come_on_their_share_of_the_ticks() {
         for asked in [None, Some(0.0), Some(0.2), Some(1.0)] {
             let faults = [Fault { probability: asked, ..Fault::new(FaultTarget::Position, kind, 0.0, None) }];
             let n = 4000;
-            let struck = (0..n).zip(told(&faults, 5, 0..n)).filter(|(tick, told)| *told != measured(*tick));
-            let (share, expected) = (struck.count() as f64 / n as f64, asked.unwrap_or(default));
+            let changed = (0..n).zip(told(&faults, 5, 0..n)).filter(|(tick, told)| *told != measured(*tick));
+            let (share, expected) = (changed.count() as f64 / n as f64, asked.unwrap_or(default));
             let five_sigma = 5.0 * (expected * (1.0 - expected) / n as f64).sqrt();
             assert!((share - expected).abs() <= five_sigma, "{kind:?} {asked:?}: {share}");
         }
@@ -228,15 +228,15 @@ proptest! {
     ) {
         let mut scenario = Scenario::default();
         scenario.run.rate_hz = rate_hz;
-        let struck = Fault { value: Some(value), ms: Some(ms), how: Some(how), ..fault(kind, |_| ()) };
-        let ticks = struck.ticks(scenario.sample_s());
-        scenario.fault = vec![struck];
+        let fault = Fault { value: Some(value), ms: Some(ms), how: Some(how), ..fault(kind, |_| ()) };
+        let ticks = fault.ticks(scenario.sample_s());
+        scenario.fault = vec![fault];
         let mut sensors = SensorFaults::new(&scenario);
         let mut tick = 0;
         for step in steps {
             tick += step;
             let mut told = measured(tick);
-            sensors.strike(tick, &mut told);
+            sensors.inject(tick, &mut told);
             prop_assert!(ticks.contains(&tick) || told == measured(tick));
         }
     }

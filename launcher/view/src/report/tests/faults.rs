@@ -10,7 +10,7 @@ fn a_quiet_flight_says_nothing_of_faults() {
     run["faults"] = json!([]);
     run["events"] = json!([]);
     run["refused"] = json!({ "mixer": { "epoch": 0, "order": 0, "age": 0, "range": 0, "checksum": 0 } });
-    let page = render(&Hover::of(2).flight(), &run, &Scenario::of(Profile::Robust));
+    let page = render(&hover(2), &run, &Scenario::of(Profile::Robust));
     assert!(!page.contains("#faults") && !page.contains("id=\"faults\""));
     assert_eq!(data(&page)["happened"], json!({ "faults": [], "absences": [], "events": [] }));
 }
@@ -24,11 +24,11 @@ fn faults_and_events_are_told_and_drawn() {
         { "target": "tilt", "kind": "off", "at_s": 99.0, "injected_at_s": null },
     ]);
     run["events"] = json!([
-        { "at_s": 2.0, "node": "mixer", "epoch": 1, "what": "killed" },
+        { "at_s": 2.0, "node": "mixer", "epoch": 1, "what": "died" },
         { "at_s": 2.31, "node": "mixer", "epoch": 2, "what": "rejected", "why": "too <slow>" },
     ]);
     run["refused"] = json!({ "mixer": { "epoch": 3, "order": 0 }, "guidance": { "epoch": 0 } });
-    let page = render(&Hover::of(2).flight(), &run, &Scenario::of(Profile::Robust));
+    let page = render(&hover(2), &run, &Scenario::of(Profile::Robust));
     let drawn = &data(&page)["happened"];
     let faults = json!([
         { "number": 1, "what": "mixer kill", "from_s": 2.0, "to_s": 2.3 },
@@ -43,7 +43,7 @@ fn faults_and_events_are_told_and_drawn() {
         "<td>1</td><td>mixer</td><td>kill</td><td>2.00</td><td>2.30</td><td>0.00</td><td>not recovered</td>",
         "<td>2</td><td>wind</td><td>step</td><td>5.00</td><td>the end</td><td>no message shows harm</td><td>–</td>",
         "<td>3</td><td>tilt</td><td>off</td><td>not struck</td><td>–</td><td>–</td><td>–</td>",
-        "<td>2.00</td><td>mixer</td><td>1</td><td>killed</td><td>–</td>",
+        "<td>2.00</td><td>mixer</td><td>1</td><td>died</td><td>–</td>",
         "<td>2.31</td><td>mixer</td><td>2</td><td>rejected</td><td>too &lt;slow&gt;</td>",
         "<td>mixer</td><td>3</td><td>–</td><td>–</td><td>–</td><td>–</td>",
     ] {

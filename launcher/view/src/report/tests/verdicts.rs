@@ -17,7 +17,7 @@ fn a_flight_that_ended_early_has_kept_no_bound() {
 }
 
 #[test]
-fn the_hash_of_a_flight_against_the_clock_is_not_shown() {
+fn the_hash_of_a_flight_in_real_time_is_not_shown() {
     let mut run = survey();
     run["state_hash"] = "0123abcd".into();
     for (mode, shown) in [("realtime", false), ("lockstep", true)] {
@@ -30,16 +30,16 @@ fn the_hash_of_a_flight_against_the_clock_is_not_shown() {
 fn what_is_missing_of_the_log_is_told_at_the_top() {
     let mut run = survey();
     run["log"] = json!({ "records": 7, "dropped": 3, "error": "flight.2.mcap is missing" });
-    let page = render(&Hover::of(1).flight(), &run, &hovering());
+    let page = render(&hover(1), &run, &hovering());
     assert!(page.contains("The log is not whole: flight.2.mcap is missing."));
 }
 
 #[test]
 fn claims_hold_up_to_their_bound_and_not_beyond() {
-    use Verdict::{DoesNotHold, Holds};
-    let (hover, scenario) = (Hover::of(6001), Scenario::of(Profile::Paper));
-    assert_eq!(verdicts(&hover.claims(&survey(), &scenario)), [Holds; 4]);
-    let page = render(&hover.flight(), &survey(), &scenario);
+    use ClaimVerdict::{DoesNotHold, Holds};
+    let (log, scenario) = (hover(6001), Scenario::of(Profile::Paper));
+    assert_eq!(verdicts(&claims(&log, &survey(), &scenario)), [Holds; 4]);
+    let page = render(&log, &survey(), &scenario);
     assert!(page.contains("href=\"#claims\"") && page.contains("<dt>altitude error, 10 to 50 s</dt>"));
     let mut run = survey();
     run["metrics"] = json!({
@@ -47,7 +47,7 @@ fn claims_hold_up_to_their_bound_and_not_beyond() {
         "max_altitude_error_horizontal_m": 0.1,
         "max_altitude_error_vertical_m": 0.201,
     });
-    assert_eq!(verdicts(&hover.claims(&run, &scenario)), [DoesNotHold, DoesNotHold, DoesNotHold, Holds]);
+    assert_eq!(verdicts(&claims(&log, &run, &scenario)), [DoesNotHold, DoesNotHold, DoesNotHold, Holds]);
 }
 
 #[test]
@@ -60,9 +60,9 @@ fn a_command_at_its_limit_breaks_the_constraint_claim() {
         ActuationMsg { rotor_speed: [1441.0, 1338.0, 1338.0], tilt_rad: -limits.tilt_max_rad },
     ];
     for command in at_limit {
-        let mut hover = Hover::of(100);
-        hover.actuators[50] = at(50, Actuators { command, ..Actuators::default() });
-        assert_eq!(hover.claims(&survey(), &scenario).actuators.verdict, Verdict::DoesNotHold, "{command:?}");
+        let mut log = hover(100);
+        log.actuators[50] = at(50, Actuators { command, ..Actuators::default() });
+        assert_eq!(claims(&log, &survey(), &scenario)[3].verdict, ClaimVerdict::DoesNotHold, "{command:?}");
     }
 }
 
@@ -71,25 +71,25 @@ fn a_lost_vehicle_contradicts_every_tracking_claim() {
     let mut run = survey();
     run["diverged"] = true.into();
     run["flown_s"] = 5.8.into();
-    let claims = Hover::of(580).claims(&run, &Scenario::of(Profile::Paper));
-    assert_eq!(verdicts(&claims)[..3], [Verdict::DoesNotHold; 3]);
-    assert!(claims.position.measured.contains("lost"));
+    let claims = claims(&hover(580), &run, &Scenario::of(Profile::Paper));
+    assert_eq!(verdicts(&claims)[..3], [ClaimVerdict::DoesNotHold; 3]);
+    assert!(claims[0].measured.contains("lost"));
     // The summary's maximum over an empty stretch of time is not a measurement.
-    assert_eq!(claims.altitude_horizontal.measured, super::super::html::DASH);
+    assert_eq!(claims[1].measured, crate::draw::DASH);
     run["bounds"] = json!([{ "metric": "max_altitude_error_horizontal_m", "limit": 0.1, "measured": 0.0, "ok": true }]);
     assert!(!super::super::sections::bounds(&run).contains("kept"));
 }
 
 #[test]
 fn other_flights_are_not_judged() {
-    let hover = Hover::of(3000);
+    let log = hover(3000);
     let mut scenario = Scenario::of(Profile::Paper);
     let mut interrupted = survey();
     interrupted["flown_s"] = 30.0.into();
-    assert_eq!(verdicts(&hover.claims(&interrupted, &scenario)), [Verdict::NotApplicable; 4]);
+    assert_eq!(verdicts(&claims(&log, &interrupted, &scenario)), [ClaimVerdict::NotApplicable; 4]);
     scenario.mission.trajectory = TrajectoryKind::Circle;
-    assert_eq!(verdicts(&hover.claims(&survey(), &scenario)), [Verdict::NotApplicable; 4]);
-    let page = render(&hover.flight(), &survey(), &scenario);
+    assert_eq!(verdicts(&claims(&log, &survey(), &scenario)), [ClaimVerdict::NotApplicable; 4]);
+    let page = render(&log, &survey(), &scenario);
     assert!(!page.contains("id=\"claims\"") && !page.contains("#claims") && !page.contains("not applicable"));
     assert!(page.contains("<dt>altitude error, maximum</dt>") && !page.contains("<dt>altitude error, 10 to 50 s</dt>"));
     assert!(!data(&page)["lines"]["error"].to_string().contains("paper"));

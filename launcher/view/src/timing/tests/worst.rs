@@ -4,14 +4,14 @@ use serde_json::json;
 
 use super::*;
 
-/// Twenty punctual ticks, then number 20 with `delay`, then a punctual one whose stamps tell the CPU time of that.
+/// Twenty ticks in time, then number 20 with `delay`, then one in time whose stamps tell the CPU time of that.
 fn late_tick(delay: [(u64, u64); 4], cpu_us: u64, solve_us: u64) -> Ring {
     let mut ring = Ring::new();
-    (0..20).for_each(|tick| ring.turn(tick, PUNCTUAL));
+    (0..20).for_each(|tick| ring.turn(tick, IN_TIME));
     ring.solve_us = solve_us;
     ring.turn(20, delay);
     ring.cpu_us = cpu_us;
-    ring.turn(21, PUNCTUAL);
+    ring.turn(21, IN_TIME);
     ring
 }
 
@@ -34,25 +34,25 @@ fn the_worst_tick_names_the_part_and_its_cause() {
 
 #[test]
 fn a_node_still_at_work_is_late_for_its_next_input() {
-    let mut ring = late_tick(PUNCTUAL, 90, 80);
+    let mut ring = late_tick(IN_TIME, 90, 80);
     ring.turn(22, [(0, 0), (0, 0), (0, 0), (0, 14_000)]); // the mixer sends 14.48 ms after the sample
     ring.turn(23, [(0, 0), (0, 0), (0, 0), (4_100, 0)]); // and begins the next when it has
     let worst = ring.timing.worst_ticks(&ring.happened);
-    let told = |i: usize| (worst[i].0.number, worst[i].1.node(), worst[i].1.cause.name());
+    let told = |i: usize| (worst[i].0.number, worst[i].1.node(), worst[i].1.cause);
     assert_eq!(told(0), (22, "mixer", "preempted while it ran"));
     assert_eq!(told(1), (23, "mixer", "the cycle before was not over"));
 }
 
 #[test]
 fn the_cpu_time_of_the_last_cycle_is_not_known() {
-    let mut ring = late_tick(PUNCTUAL, 90, 80);
+    let mut ring = late_tick(IN_TIME, 90, 80);
     ring.turn(22, [(0, 0), (0, 0), (0, 0), (0, 14_000)]);
     assert_eq!(ring.worst()["cause"], "CPU time not known");
     assert_eq!(ring.worst()["nodes"]["mixer"]["cpu_us"], Value::Null);
-    let mut lost = late_tick(PUNCTUAL, 90, 80);
+    let mut lost = late_tick(IN_TIME, 90, 80);
     lost.turn(22, [(0, 0), (0, 0), (0, 0), (0, 14_000)]);
-    lost.last[3].sequence += 1; // a message nobody saw: the next one tells the CPU time of that
-    lost.turn(23, PUNCTUAL);
+    lost.last[3].sequence += 1; // a message was not seen: the next one tells the CPU time of that
+    lost.turn(23, IN_TIME);
     assert_eq!(lost.worst()["nodes"]["mixer"]["cpu_us"], Value::Null);
 }
 
@@ -76,7 +76,7 @@ fn outside_real_time_no_tick_is_late() {
     let mut scenario = Scenario::default();
     scenario.run.mode = Mode::Lockstep;
     let mut ring = Ring { timing: Timing::new(&scenario), ..Ring::new() };
-    (0..10).for_each(|tick| ring.turn(tick, PUNCTUAL));
+    (0..10).for_each(|tick| ring.turn(tick, IN_TIME));
     assert_eq!(ring.timing.to_json(&ring.happened)["worst_ticks"], serde_json::json!([]));
 }
 
@@ -116,8 +116,8 @@ fn longest_slot_us(ring: &Ring) -> f64 {
 
 #[test]
 fn a_stall_of_the_host_that_all_nodes_sleep_through_is_one_stall() {
-    let mut ring = late_tick(PUNCTUAL, 90, 80);
-    // The host takes the processors for 25 ms: ticks 22 and 23 are slept through by everybody, and 24 is late.
+    let mut ring = late_tick(IN_TIME, 90, 80);
+    // The host takes the processors for 25 ms: ticks 22 and 23 are slept through by all nodes, and 24 is late.
     ring.now_us = 24 * PERIOD_US + 5_000;
     for topic in Topic::ALL {
         ring.cycle(topic, 24, 20, 100, 2);
@@ -131,7 +131,7 @@ fn a_stall_of_the_host_that_all_nodes_sleep_through_is_one_stall() {
 
 /// A mixer that dies after tick 20, and whose next process answers tick 25 first.
 fn replaced(happened: Happenings) -> Ring {
-    let mut ring = Ring { happened, ..late_tick(PUNCTUAL, 90, 80) };
+    let mut ring = Ring { happened, ..late_tick(IN_TIME, 90, 80) };
     for tick in 22..25 {
         ring.now_us = tick * PERIOD_US;
         for topic in [Topic::State, Topic::Reference, Topic::Controls] {
@@ -184,17 +184,17 @@ fn faults_deaths_and_replacements_are_told_before_the_host() {
 }
 
 #[test]
-fn a_tick_without_an_answer_says_who_was_down() {
+fn a_tick_without_an_answer_names_the_node_that_was_down() {
     let died = json!([{ "at_s": 0.22, "node": "mixer", "epoch": 1, "what": "died" }]);
     let ring = replaced(Happenings::new(&Value::Null, &died));
     let worst = ring.timing.worst_ticks(&ring.happened);
     let (_, culprit) = worst.iter().find(|(tick, _)| tick.number == 23).unwrap();
-    assert_eq!(culprit.cause.name(), "a process died or hung");
+    assert_eq!(culprit.cause, "a process died or hung");
 }
 
 #[test]
 fn an_input_that_does_not_come_is_waited_for() {
-    let mut ring = late_tick(PUNCTUAL, 90, 80);
+    let mut ring = late_tick(IN_TIME, 90, 80);
     ring.now_us = 22 * PERIOD_US;
     for topic in [Topic::State, Topic::Reference, Topic::Controls] {
         ring.cycle(topic, 22, 20, 100, 0);

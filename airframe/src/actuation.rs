@@ -1,0 +1,14 @@
+//! Positions of rotors and tilt servo.
+
+use bytemuck::{Pod, Zeroable};
+use serde::{Deserialize, Serialize};
+
+/// Positions of the four actuators, commanded or actual.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, Pod, Zeroable)]
+#[repr(C)]
+pub struct Actuation {
+    /// `Omega_1..3` \[rotor speed unit\].
+    pub rotor_speed: [f64; 3],
+    /// Tilt of rotor 1 about the body x axis, mu \[rad\], positive for thrust along body y.
+    pub tilt_rad: f64,
+}

@@ -1,0 +1,140 @@
+//! The stamp of a message: which plant sample it descends from, through which messages, and when each was published.
+
+use bytemuck::{Pod, Zeroable};
+
+use super::Message;
+use crate::Topic;
+use iceoryx2_bb_derive_macros::ZeroCopySend;
+use iceoryx2_bb_elementary_traits::zero_copy_send::ZeroCopySend;
+
+/// Provenance and timing of one message. All times are `CLOCK_MONOTONIC` nanoseconds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ZeroCopySend, Pod, Zeroable)]
+#[repr(C)]
+pub struct Stamp {
+    /// Number of the plant sample; its simulated time is `tick` times the sample time.
+    pub tick: u64,
+    /// The instant that sample stands for: the plant's release time (in lockstep, its publication).
+    pub sample_ns: u64,
+    /// Number of this message among those of its publisher, from 1; 0 means no message yet.
+    pub sequence: u64,
+    /// Incarnation of the publisher, from 1; two with the same numbers are never the same process.
+    pub epoch: u64,
+    /// Sequence numbers of the messages it was computed from, by topic; 0 where none was used.
+    pub inputs: [u64; Topic::COUNT],
+    /// Publication times along the chain, by topic, up to and including this message.
+    pub publish_ns: [u64; Topic::COUNT],
+    /// When the publisher was due: the release for the plant, the arrival of its input for the others.
+    pub release_ns: u64,
+    /// When the publisher began to work on it.
+    pub start_ns: u64,
+    /// CPU time its thread used for the previous cycle, warm-up included (`runtime::warm_up`) \[ns\].
+    pub cpu_ns: u64,
+    /// Deadlines the publisher has missed so far.
+    pub misses: u64,
+    /// Periods the publisher has skipped so far.
+    pub slips: u64,
+    /// In lockstep and in process: how long faults delayed the chain from the sample to here, in all nodes \[ns\].
+    pub held_ns: u64,
+    /// Whether receivers act on this message, and if not why: see [`delivery`].
+    pub delivery: u64,
+    /// See [`Message::with_checksum`].
+    pub checksum: u64,
+}
+
+/// Bits of [`Stamp::delivery`]; a message may have both [`STANDBY`](delivery::STANDBY) and [`FAULT`](delivery::FAULT).
+pub mod delivery {
+    /// Receivers act on it.
+    pub const DELIVERED: u64 = 0;
+    /// The publisher is on standby: another process is active.
+    pub const STANDBY: u64 = 1;
+    /// A fault lost or changed it. What is delivered in its place, if anything, is another message with the same number.
+    pub const FAULT: u64 = 2;
+    /// It has no content: it shows a receiver that messages of the publisher arrive.
+    pub const PROBE: u64 = 4;
+}
+
+impl Stamp {
+    /// Provenance of a message that answers to sample `tick`, with no inputs yet.
+    pub fn at(tick: u64, sample_ns: u64) -> Self {
+        Self { tick, sample_ns, ..Self::default() }
+    }
+
+    /// The same, computed from `parent` too. The times of a parent of an older sample are not part of this chain.
+    #[must_use]
+    pub fn with<M: Message>(mut self, parent: &M) -> Self {
+        let p = parent.stamp();
+        self.inputs[M::TOPIC as usize] = p.sequence;
+        if p.tick == self.tick {
+            for (mine, theirs) in self.publish_ns.iter_mut().zip(p.publish_ns) {
+                *mine = (*mine).max(theirs);
+            }
+            self.held_ns = self.held_ns.max(p.held_ns);
+        }
+        self
+    }
+
+    /// Whether receivers act on the message.
+    pub fn is_delivered(&self) -> bool {
+        self.delivery == delivery::DELIVERED
+    }
+
+    /// Whether its publisher was on standby.
+    pub fn is_standby(&self) -> bool {
+        self.delivery & delivery::STANDBY != 0
+    }
+
+    /// Whether a fault lost or changed it, so that it only shows what the publisher computed.
+    pub fn is_faulted(&self) -> bool {
+        self.delivery & delivery::FAULT != 0
+    }
+
+    /// The stamp of a probe, the first message of a process: see [`delivery::PROBE`].
+    pub fn probe(epoch: u32) -> Self {
+        Self { epoch: u64::from(epoch), delivery: delivery::PROBE, ..Self::default() }
+    }
+
+    /// Whether it is the stamp of a probe.
+    pub fn is_probe(&self) -> bool {
+        self.delivery == delivery::PROBE
+    }
+
+    /// The stamp of the message itself, once it is numbered and on its way.
+    #[must_use]
+    pub fn published(mut self, topic: Topic, sequence: u64, publish_ns: u64) -> Self {
+        self.sequence = sequence;
+        self.publish_ns[topic as usize] = publish_ns;
+        self
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::message::{Reference, State};
+
+    #[test]
+    fn delivery_tells_standby_and_fault_apart() {
+        let marks = |delivery| {
+            let stamp = Stamp { delivery, ..Stamp::default() };
+            (stamp.is_delivered(), stamp.is_standby(), stamp.is_faulted())
+        };
+        assert_eq!(marks(delivery::DELIVERED), (true, false, false));
+        assert_eq!(marks(delivery::STANDBY), (false, true, false));
+        assert_eq!(marks(delivery::FAULT), (false, false, true));
+        assert_eq!(marks(delivery::STANDBY | delivery::FAULT), (false, true, true));
+    }
+
+    #[test]
+    fn provenance_keeps_the_sample_and_collects_the_inputs() {
+        let sample = Stamp { tick: 7, sample_ns: 70, ..Stamp::default() };
+        let state = State { stamp: sample.published(Topic::State, 8, 71), ..State::default() };
+        let stamp = Stamp::at(7, 70).with(&state).published(Topic::Reference, 9, 72);
+        let reference = Reference { stamp, ..Reference::default() };
+        let stamp = Stamp::at(7, 70).with(&reference).with(&state).published(Topic::Controls, 10, 73);
+        assert_eq!((stamp.tick, stamp.sample_ns, stamp.sequence), (7, 70, 10));
+        assert_eq!(stamp.inputs, [8, 9, 0, 0]);
+        assert_eq!(stamp.publish_ns, [71, 72, 73, 0]);
+        let late = Stamp::at(8, 80).with(&reference).published(Topic::Controls, 11, 83);
+        assert_eq!((late.inputs, late.publish_ns), ([0, 9, 0, 0], [0, 0, 83, 0]), "an input of the sample before");
+    }
+}

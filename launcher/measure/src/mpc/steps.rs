@@ -1,0 +1,265 @@
+//! Times of the controller's steps on a machine that does other work too.
+//!
+//! Every round takes each sequence through a new controller of each solver, in turns, and times every step. The work of a
+//! step is the same in every round, so what differs is the machine: the time of a problem is its median over the
+//! rounds. Steps follow each other without a pause, so caches are warm, as they are not in a flight at 100 Hz.
+//!
+//! After each sequence a canary spins on the clock for as long as the steps took, and looks for gaps: time that the
+//! machine took away from a loop that does nothing. It tells how far a single long step can be believed.
+
+use std::fmt::Write;
+use std::hint::black_box;
+
+use attitude_mpc::AttitudeMpc;
+use attitude_mpc::condensed::Condensed;
+use attitude_mpc::model::PredictionModel;
+use contract::message::{Reference, SolveStatus, State};
+use contract::scenario::Solver;
+use nalgebra::DVector;
+use runtime::realtime::now_ns;
+use runtime::timed;
+use serde::Serialize;
+use stats_alloc::{INSTRUMENTED_SYSTEM, Region};
+use view::percentiles::{Percentiles, median_ns};
+
+use super::problems::Sequence;
+
+/// The solvers, and what the settings call them.
+pub const SOLVERS: [(Solver, &str); 2] = [(Solver::Clarabel, "clarabel"), (Solver::ActiveSet, "active-set")];
+/// Name of the sequence that stands for all of them.
+pub const ALL: &str = "all";
+/// The canary watches at least this long each time \[ns\].
+const CANARY_NS: u64 = 1_000_000;
+
+#[derive(Debug, Clone)]
+pub struct Samples {
+    /// One for each sequence and solver.
+    pub series: Vec<StepSeries>,
+    /// The longest gap the canary saw \[ns\].
+    pub longest_stall_ns: u64,
+}
+
+/// The steps of one sequence with one solver.
+#[derive(Debug, Clone)]
+pub struct StepSeries {
+    pub sequence: String,
+    pub solver: &'static str,
+    pub steps: Vec<Step>,
+}
+
+#[derive(Debug, Clone)]
+pub struct Step {
+    pub tick: u64,
+    /// As in the message, see [`SolveStatus`].
+    pub status: u64,
+    pub iterations: u64,
+    /// `None` where the program's allocator does not count.
+    pub allocations: Option<u64>,
+    /// One time for each round \[ns\].
+    pub rounds_ns: Vec<u64>,
+}
+
+/// Which steps of a series are looked at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Path {
+    /// The unconstrained plan was inside the set.
+    Explicit,
+    /// The solver was needed.
+    Solver,
+    All,
+}
+
+/// The times of the steps of one sequence, solver and path.
+#[derive(Debug, Clone, Serialize)]
+pub struct StepTimes {
+    /// Name of the sequence, or [`ALL`].
+    pub sequence: String,
+    pub solver: &'static str,
+    pub path: Path,
+    /// Median over the rounds of each step.
+    pub step: Percentiles,
+    pub mean_us: f64,
+    /// The longest step of all rounds \[us\].
+    pub longest_us: f64,
+    /// Median over the rounds of that step \[us\].
+    pub longest_median_us: f64,
+    pub iterations_mean: f64,
+    pub iterations_max: u64,
+    /// `None` where the program's allocator does not count.
+    pub allocations_max: Option<u64>,
+    /// Steps that ended in anything but the explicit plan or the optimum.
+    pub unsolved: usize,
+}
+
+impl Step {
+    fn time_ns(&self) -> u64 {
+        median_ns(self.rounds_ns.iter().copied())
+    }
+}
+
+impl Samples {
+    /// Every single time.
+    pub fn to_csv(&self) -> String {
+        let mut csv = "sequence,solver,tick,status,iterations,round,ns\n".to_owned();
+        for StepSeries { sequence, solver, steps } in &self.series {
+            for Step { tick, status, iterations, rounds_ns, .. } in steps {
+                for (round, ns) in rounds_ns.iter().enumerate() {
+                    let _ = writeln!(csv, "{sequence},{solver},{tick},{status},{iterations},{round},{ns}"); // a String
+                }
+            }
+        }
+        csv
+    }
+}
+
+/// Times every step of `sequences` with each solver, `rounds` times.
+pub fn sample(sequences: &[Sequence], rounds: u32) -> Samples {
+    let each = || sequences.iter().flat_map(|sequence| SOLVERS.map(|solver| (sequence, solver)));
+    let mut series: Vec<StepSeries> =
+        each().map(|(sequence, (solver, name))| untimed(sequence, solver, name)).collect();
+    let mut longest_stall_ns = 0;
+    for _ in 0..rounds {
+        for ((sequence, (solver, _)), series) in each().zip(&mut series) {
+            let mut mpc = AttitudeMpc::new(&sequence.scenario_for(solver));
+            let mut total_ns = CANARY_NS;
+            for ((state, reference), step) in sequence.samples.iter().zip(&mut series.steps) {
+                let (_, ns) = timed(|| black_box(mpc.step(state.stamp.tick, black_box(state), black_box(reference))));
+                step.rounds_ns.push(ns);
+                total_ns += ns;
+            }
+            longest_stall_ns = longest_stall_ns.max(longest_gap_ns(total_ns));
+        }
+    }
+    Samples { series, longest_stall_ns }
+}
+
+/// A first pass, untimed: status, iterations and allocations of each step.
+fn untimed(sequence: &Sequence, solver: Solver, name: &'static str) -> StepSeries {
+    let mut mpc = AttitudeMpc::new(&sequence.scenario_for(solver));
+    let counts = allocations_of(|| black_box(Box::new(0_u8))).1 > 0;
+    let step = |(state, reference): &(State, Reference)| {
+        let (controls, allocations) = allocations_of(|| mpc.step(state.stamp.tick, state, reference));
+        Step {
+            tick: reference.stamp.tick,
+            status: controls.status,
+            iterations: controls.iterations,
+            allocations: counts.then_some(allocations),
+            rounds_ns: vec![],
+        }
+    };
+    StepSeries { sequence: sequence.name.clone(), solver: name, steps: sequence.samples.iter().map(step).collect() }
+}
+
+/// How often `work` asked for memory. The program's allocator counts for all threads; here there is but one.
+fn allocations_of<T>(work: impl FnOnce() -> T) -> (T, u64) {
+    let region = Region::new(&INSTRUMENTED_SYSTEM);
+    let result = work();
+    let change = region.change();
+    (result, (change.allocations + change.reallocations) as u64)
+}
+
+/// Reads the clock for `duration_ns` and does nothing else; returns the longest time between two readings \[ns\].
+fn longest_gap_ns(duration_ns: u64) -> u64 {
+    let start_ns = now_ns();
+    let (mut last_ns, mut longest_ns) = (start_ns, 0);
+    while last_ns - start_ns < duration_ns {
+        let now = now_ns();
+        longest_ns = longest_ns.max(now - last_ns);
+        last_ns = now;
+    }
+    longest_ns
+}
+
+/// Time between two readings of the clock \[ns\].
+pub fn clock_ns() -> u64 {
+    median_ns([(); 10_000].map(|()| timed(|| ()).1))
+}
+
+/// Time of the bare matrix-vector product of the explicit path \[ns\].
+pub fn floor_ns(sequence: &Sequence) -> anyhow::Result<f64> {
+    const PRODUCTS: u32 = 1000;
+    let Condensed { gain, .. } = Condensed::new(&PredictionModel::new(&sequence.scenario), &sequence.scenario.mpc)?;
+    let (given, mut plan) = (DVector::from_element(gain.ncols(), 0.5), DVector::zeros(gain.nrows()));
+    let mut batch = || {
+        for _ in 0..PRODUCTS {
+            plan.gemv(1.0, black_box(&gain), black_box(&given), 0.0);
+            black_box(&plan);
+        }
+    };
+    Ok(median_ns([(); 101].map(|()| timed(&mut batch).1)) as f64 / f64::from(PRODUCTS))
+}
+
+/// One row for each sequence, solver and path that has a step, those of all sequences last.
+pub fn step_times(samples: &Samples) -> Vec<StepTimes> {
+    let mut rows = vec![];
+    for series in &samples.series {
+        for path in [Path::Explicit, Path::Solver] {
+            rows.extend(StepTimes::of(&series.sequence, series.solver, path, &[series]));
+        }
+    }
+    for (_, solver) in SOLVERS {
+        let series: Vec<&StepSeries> = samples.series.iter().filter(|series| series.solver == solver).collect();
+        for path in [Path::Explicit, Path::Solver, Path::All] {
+            rows.extend(StepTimes::of(ALL, solver, path, &series));
+        }
+    }
+    rows
+}
+
+impl StepTimes {
+    fn of(sequence: &str, solver: &'static str, path: Path, series: &[&StepSeries]) -> Option<Self> {
+        let is_explicit = |step: &Step| step.status == SolveStatus::Explicit as u64;
+        let on_path = |step: &&Step| path == Path::All || is_explicit(step) == (path == Path::Explicit);
+        let steps: Vec<&Step> = series.iter().flat_map(|series| &series.steps).filter(on_path).collect();
+        let times_ns: Vec<u64> = steps.iter().map(|step| step.time_ns()).collect();
+        let longest = |step: &&&Step| step.rounds_ns.iter().max().copied().unwrap_or(0);
+        let slowest = steps.iter().max_by_key(longest)?;
+        let expected = [SolveStatus::Explicit as u64, SolveStatus::Solved as u64];
+        let allocations = steps.iter().map(|step| step.allocations).collect::<Option<Vec<u64>>>();
+        Some(Self {
+            sequence: sequence.to_owned(),
+            solver,
+            path,
+            mean_us: times_ns.iter().sum::<u64>() as f64 / 1e3 / times_ns.len() as f64,
+            step: Percentiles::of(times_ns)?,
+            longest_us: longest(&slowest) as f64 / 1e3,
+            longest_median_us: slowest.time_ns() as f64 / 1e3,
+            iterations_mean: steps.iter().map(|step| step.iterations).sum::<u64>() as f64 / steps.len() as f64,
+            iterations_max: steps.iter().map(|step| step.iterations).max()?,
+            allocations_max: allocations.and_then(|counts| counts.into_iter().max()),
+            unsolved: steps.iter().filter(|step| !expected.contains(&step.status)).count(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn step(status: SolveStatus, iterations: u64, rounds_ns: [u64; 3]) -> Step {
+        let (status, allocations) = (status as u64, Some(iterations));
+        Step { tick: 0, status, iterations, allocations, rounds_ns: rounds_ns.to_vec() }
+    }
+
+    #[test]
+    fn a_row_has_the_median_time_and_the_longest() {
+        let steps = vec![
+            step(SolveStatus::Explicit, 0, [1000, 1100, 9000]),
+            step(SolveStatus::Solved, 4, [5000, 5200, 5100]),
+            step(SolveStatus::Fallback, 2, [3000, 3000, 3000]),
+        ];
+        let series = vec![StepSeries { sequence: "upset".into(), solver: "clarabel", steps }];
+        let rows = step_times(&Samples { series, longest_stall_ns: 0 });
+        let of = |sequence, path| rows.iter().find(|r| r.sequence == sequence && r.path == path).expect("a row");
+
+        let explicit = of("upset", Path::Explicit);
+        assert_eq!((explicit.step.n, explicit.step.max_us, explicit.unsolved), (1, 1.1, 0));
+        assert_eq!((explicit.longest_us, explicit.longest_median_us), (9.0, 1.1));
+        let solver = of("upset", Path::Solver);
+        assert_eq!((solver.step.n, solver.iterations_mean, solver.iterations_max), (2, 3.0, 4));
+        assert_eq!((solver.allocations_max, solver.unsolved), (Some(4), 1));
+        assert_eq!(of(ALL, Path::All).step.n, 3);
+        assert!(rows.iter().all(|r| r.solver == "clarabel"), "no row of a solver that was not measured");
+    }
+}

@@ -1,0 +1,52 @@
+//! Tables as aligned text.
+
+/// A title, a heading for each column, and rows of as many cells. The first column names the row.
+pub struct Table {
+    pub title: String,
+    pub headings: Vec<String>,
+    pub rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    pub fn new(title: &str, headings: &[&str], rows: Vec<Vec<String>>) -> Self {
+        Self { title: title.to_owned(), headings: headings.iter().map(|&heading| heading.to_owned()).collect(), rows }
+    }
+
+    /// The first column and columns without a number are aligned left, all others right.
+    pub fn text(&self) -> String {
+        let lines = || std::iter::once(&self.headings).chain(&self.rows);
+        let is_number = |cell: &String| cell.starts_with(|first: char| first.is_ascii_digit() || "->".contains(first));
+        let columns: Vec<(usize, bool)> = (0..self.headings.len())
+            .map(|i| {
+                let width = lines().map(|line| line[i].chars().count()).max().unwrap_or(0);
+                (width, i > 0 && self.rows.iter().all(|row| is_number(&row[i])))
+            })
+            .collect();
+        let mut text = format!("{}\n", self.title);
+        for line in lines() {
+            let cells = line.iter().zip(&columns).map(|(cell, &(width, is_right))| {
+                if is_right { format!("{cell:>width$}") } else { format!("{cell:<width$}") }
+            });
+            text += cells.collect::<Vec<_>>().join("  ").trim_end();
+            text.push('\n');
+        }
+        text
+    }
+}
+
+/// `-` for no value.
+pub fn cell(value: Option<f64>, places: usize) -> String {
+    value.map_or("-".to_owned(), |value| format!("{value:.places$}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_aligned_right_and_words_left() {
+        let row = |cells: [&str; 3]| cells.map(str::to_owned).to_vec();
+        let table = Table::new("T", &["", "how", "n"], vec![row(["mixer", "idle", "7"]), row(["b", "loaded", "-"])]);
+        assert_eq!(table.text(), "T\n       how     n\nmixer  idle    7\nb      loaded  -\n");
+    }
+}

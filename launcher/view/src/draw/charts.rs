@@ -1,0 +1,245 @@
+//! Times as pictures: histograms and time lines.
+
+use std::fmt::Write;
+
+use hdrhistogram::Histogram;
+
+use super::html::escape;
+use super::svg::Svg;
+
+/// Bars per decade.
+const BARS: i32 = 10;
+/// Height of the tallest bar, and of the whole picture with the words below the axis \[px\].
+const BAR_PX: f64 = 44.0;
+const PICTURE_PX: f64 = 64.0;
+
+/// One histogram \[ns\]: caption, style of the bars, values, and the deadline \[ns\] where there is one.
+pub struct Bars {
+    pub caption: String,
+    pub style: &'static str,
+    pub histogram: Histogram<u64>,
+    pub deadline_ns: Option<u64>,
+}
+
+/// Histograms under their names, all on one logarithmic axis of time that reaches to `at_least_ns`.
+pub fn histograms(groups: &[(&str, Vec<Bars>)], at_least_ns: u64) -> String {
+    let values = || groups.iter().flat_map(|(_, all)| all).map(|bars| &bars.histogram).filter(|h| !h.is_empty());
+    let low_ns = values().map(Histogram::min).min().unwrap_or(1).max(100);
+    let high_ns = values().map(Histogram::max).max().unwrap_or(1).max(at_least_ns);
+    let decades = [(low_ns as f64).log10().floor() as i32, (high_ns as f64 * 1.1).log10().ceil() as i32];
+    let mut html = String::from("<div class=\"histograms\">");
+    for (name, all) in groups {
+        let _ = write!(html, "<h4>{name}</h4>"); // a String takes everything
+        html.extend(all.iter().map(|bars| draw(name, bars, decades)));
+    }
+    html + "</div>"
+}
+
+fn draw(name: &str, bars: &Bars, [low, high]: [i32; 2]) -> String {
+    let percent = |bar: f64| 100.0 * (bar - f64::from(low * BARS)) / f64::from((high - low) * BARS);
+    let edge_ns = |bar: i32| 10_f64.powf(f64::from(bar) / f64::from(BARS));
+    let h = &bars.histogram;
+    let counts: Vec<(i32, u64)> = (low * BARS..high * BARS)
+        .map(|bar| (bar, h.count_between(edge_ns(bar).ceil() as u64, edge_ns(bar + 1).ceil() as u64 - 1)))
+        .filter(|(_, count)| *count > 0)
+        .collect();
+    let most = counts.iter().map(|(_, count)| *count).max().unwrap_or(1);
+    let height_px = |count: u64| BAR_PX * (2.0 * count as f64).ln() / (2.0 * most as f64).ln();
+
+    let words = |ns: u64| number_us(ns as f64 / 1e3);
+    let figures =
+        format!("{} / {} / {}", words(h.value_at_quantile(0.5)), words(h.value_at_quantile(0.99)), words(h.max()));
+    let caption = escape(&bars.caption);
+    let mut svg = Svg::new(
+        &format!("height=\"{PICTURE_PX}\""),
+        &format!("{name}, {caption}: p50, p99, max {figures} µs of {} values", h.len()),
+    );
+    for decade in low..=high {
+        let x = percent(f64::from(decade * BARS));
+        svg.vertical("grid", x, BAR_PX);
+        svg.tick(x, 59.0, &decade_words(decade));
+    }
+    for (bar, count) in counts {
+        let (x, height) = (percent(f64::from(bar)), height_px(count));
+        svg.add(format_args!(
+            "<rect class=\"{}\" x=\"{x:.2}%\" width=\"{:.2}%\" y=\"{:.1}\" height=\"{height:.1}\"><title>{count} from {} \
+             to {} µs</title></rect>",
+            bars.style,
+            percent(f64::from(bar + 1)) - x,
+            BAR_PX - height,
+            number_us(edge_ns(bar) / 1e3),
+            number_us(edge_ns(bar + 1) / 1e3)
+        ));
+    }
+    if let Some(deadline_ns) = bars.deadline_ns {
+        svg.vertical("deadline", percent(f64::from(BARS) * (deadline_ns as f64).log10()), BAR_PX);
+    }
+    svg.add(format_args!("<line class=\"axis\" x1=\"0\" x2=\"100%\" y1=\"{BAR_PX}\" y2=\"{BAR_PX}\"/>"));
+    format!("<div class=\"histogram\"><p>{caption} <small>{figures} µs</small></p>{}</div>", svg.finish())
+}
+
+/// A histogram knows three digits.
+fn number_us(us: f64) -> String {
+    let decimals = usize::from(us < 10.0);
+    format!("{us:.decimals$}")
+}
+
+/// A power of ten of nanoseconds; the unit where it begins, and bare tens and hundreds of it.
+fn decade_words(decade: i32) -> String {
+    match decade {
+        0 => "1 ns".into(),
+        3 => "1 µs".into(),
+        6 => "1 ms".into(),
+        9 => "1 s".into(),
+        _ => 10_u32.pow(decade.rem_euclid(3) as u32).to_string(),
+    }
+}
+
+/// Size of the picture of outlines, and the room for words below and at the left \[px\].
+const OUTLINES_PX: [f64; 2] = [860.0, 260.0];
+const MARGIN_PX: f64 = 44.0;
+/// The axis of time: decades of ns, and bins in each. The other axis: decades of the share of all values below 1.
+const OUTLINE_DECADES: [i32; 2] = [3, 8];
+const BINS: i32 = 20;
+const SHARES: i32 = 4;
+/// In the order of the lines: the colours of [`super::STYLE`], and two more that stay apart from them.
+const COLOURS: [&str; 6] = ["var(--blue)", "var(--orange)", "var(--green)", "#cc79a7", "#8f7700", "var(--muted)"];
+
+/// Several histograms \[ns\] in one picture with a legend: the share of the values in each bin, both axes logarithmic.
+pub fn outlines(series: &[(&str, Histogram<u64>)]) -> String {
+    let [width, height] = OUTLINES_PX;
+    let [first, last] = OUTLINE_DECADES;
+    let bottom = height - MARGIN_PX;
+    let x = |bin: i32| {
+        MARGIN_PX + (width - MARGIN_PX - 20.0) * f64::from(bin - first * BINS) / f64::from((last - first) * BINS)
+    };
+    let y = |share: f64| bottom * ((0.0 - share.log10()) / f64::from(SHARES)).clamp(0.0, 1.0);
+    let mut svg = Svg::new(
+        &format!("viewBox=\"0 0 {width} {height}\" style=\"width:100%;font-size:11px\""),
+        "histograms of times",
+    );
+    for decade in first..=last {
+        let x = x(decade * BINS);
+        let y = bottom + 16.0;
+        svg.add(format_args!(
+            "<path d=\"M{x:.1} 0V{bottom:.1}\" stroke=\"var(--grid)\"/>\
+             <text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"middle\" fill=\"var(--muted)\">{}</text>",
+            decade_words(decade)
+        ));
+    }
+    for decade in 0..=SHARES {
+        let share = 10_f64.powi(-decade);
+        let (y, percent) = (y(share), 100.0 * share);
+        svg.add(format_args!(
+            "<path d=\"M{MARGIN_PX} {y:.1}H{width}\" stroke=\"var(--grid)\"/>\
+             <text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\" fill=\"var(--muted)\">{percent} %</text>",
+            MARGIN_PX - 4.0,
+            (y + 4.0).max(9.0)
+        ));
+    }
+    let edge_ns = |bin: i32| 10_f64.powf(f64::from(bin) / f64::from(BINS)).ceil() as u64;
+    let bins = first * BINS..last * BINS;
+    let mut legend = String::from("<p class=\"hint\">");
+    for ((name, histogram), colour) in series.iter().zip(COLOURS.iter().cycle()) {
+        let mut outline = format!("M{MARGIN_PX} {:.1}", y(0.0));
+        for bin in bins.clone() {
+            // What lies beyond an end of the axis counts to its last bin.
+            let from_ns = if bin == bins.start { 0 } else { edge_ns(bin) };
+            let to_ns = if bin + 1 == bins.end { u64::MAX } else { edge_ns(bin + 1) - 1 };
+            let share = histogram.count_between(from_ns, to_ns) as f64 / histogram.len().max(1) as f64;
+            let _ = write!(outline, "V{:.1}H{:.1}", y(share), x(bin + 1)); // a String takes everything
+        }
+        svg.add(format_args!("<path d=\"{outline}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.5\"/>"));
+        let _ = write!(legend, "<span style=\"color:{colour}\">&#9632;</span> {} &nbsp; ", escape(name));
+    }
+    svg.finish() + &legend + "</p>"
+}
+
+/// Height of a lane, of its bar, and of the words below \[px\].
+const LANE_PX: f64 = 17.0;
+const LANE_BAR_PX: f64 = 11.0;
+const WORDS_PX: f64 = 18.0;
+
+/// One lane of a time line: it waits, then runs \[us\].
+pub struct Lane {
+    pub name: &'static str,
+    pub waits: [f64; 2],
+    pub runs: [f64; 2],
+    /// Whether the delay arose in its waiting, or in its running.
+    pub at_fault: [bool; 2],
+}
+
+/// Lanes over one axis of time \[ms\] that has 0 in it; nothing when none of them runs.
+pub fn time_line(lanes: &[Lane]) -> String {
+    let from = lanes.iter().map(|lane| lane.waits[0]).fold(0.0, f64::min);
+    let to = lanes.iter().map(|lane| lane.runs[1]).fold(0.0, f64::max);
+    if to <= from {
+        return String::new();
+    }
+    let percent = |us: f64| 100.0 * (us - from) / (to - from);
+    let bottom = LANE_PX * lanes.len() as f64;
+    let names = lanes.iter().flat_map(|lane| ["<span>", lane.name, "</span>"]).collect::<String>();
+    let mut svg = Svg::new(&format!("height=\"{}\"", bottom + WORDS_PX), "time line");
+    for us in marks(from, to) {
+        svg.vertical("grid", percent(us), bottom);
+        let ms = (us / 10.0).round() / 100.0;
+        svg.tick(percent(us), bottom + 13.0, &ms.to_string().replace('-', "−"));
+    }
+    for (row, lane) in lanes.iter().enumerate() {
+        let y = LANE_PX * row as f64 + (LANE_PX - LANE_BAR_PX) / 2.0;
+        let bars = [("waits", lane.waits), ("runs", lane.runs)];
+        for ((style, [from, to]), at_fault) in bars.into_iter().zip(lane.at_fault) {
+            let (x, width) = (percent(from), percent(to) - percent(from));
+            let fault = if at_fault { " fault" } else { "" };
+            svg.add(format_args!(
+                "<rect class=\"{style}{fault}\" x=\"{x:.2}%\" width=\"{width:.2}%\" y=\"{y}\" height=\"{LANE_BAR_PX}\"/>"
+            ));
+        }
+    }
+    format!("<div class=\"gantt\"><div>{names}</div>{}</div>", svg.finish())
+}
+
+/// Round numbers \[us\] along the axis: steps of 1, 2 or 5, three to seven of them.
+fn marks(from: f64, to: f64) -> Vec<f64> {
+    let rough = (to - from) / 6.0;
+    let magnitude = 10_f64.powf(rough.log10().floor());
+    let step = [1.0, 2.0, 5.0, 10.0].map(|digit| digit * magnitude).into_iter().find(|step| *step >= rough);
+    let step = step.unwrap_or(rough);
+    let first = (from / step).ceil() as i64;
+    (first..).map(|i| i as f64 * step).take_while(|us| *us <= to).take(16).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::percentiles::recorded;
+
+    #[test]
+    fn marks_are_round_and_inside() {
+        assert_eq!(marks(0.0, 1_325.0), [0.0, 500.0, 1000.0]);
+        assert_eq!(marks(-30_000.0, 480.0)[..3], [-30_000.0, -20_000.0, -10_000.0]);
+        for (from, to) in [(0.0, 1e-9), (-1e12, 3.0), (0.0, 7.0)] {
+            let marks = marks(from, to);
+            assert!((2..=8).contains(&marks.len()) && marks.iter().all(|us| (from..=to).contains(us)), "{marks:?}");
+        }
+    }
+
+    #[test]
+    fn a_lane_waits_and_then_runs() {
+        let plant =
+            Lane { name: "plant", waits: [-10_000.0, 5_000.0], runs: [5_000.0, 10_000.0], at_fault: [true, false] };
+        let svg = time_line(&[plant]);
+        assert!(svg.contains("<rect class=\"waits fault\" x=\"0.00%\" width=\"75.00%\""), "{svg}");
+        assert!(svg.contains("<rect class=\"runs\" x=\"75.00%\" width=\"25.00%\""), "{svg}");
+        assert!(svg.contains(">−10</text>"), "{svg}");
+        assert_eq!(time_line(&[]), "");
+    }
+
+    #[test]
+    fn an_outline_counts_what_lies_beyond_the_axis() {
+        let outline = |times: Vec<u64>| outlines(&[("s", recorded(times))]);
+        let all_in_the_first_bin = outline(vec![10, 20]);
+        assert!(all_in_the_first_bin.contains("d=\"M44 216.0V0.0H"), "{all_in_the_first_bin}");
+        assert!(outline(vec![2_000_000_000]).contains("V0.0H840.0\""), "all in the last");
+    }
+}

@@ -1,0 +1,123 @@
+//! Small pieces of HTML: escaped text, numbers with a dash for what is missing, tables.
+
+use std::fmt::Write;
+
+use serde_json::Value;
+
+pub const DASH: &str = "–";
+
+/// Text made safe for element content and quoted attributes.
+pub fn escape(text: &str) -> String {
+    let mut safe = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' => safe.push_str("&amp;"),
+            '<' => safe.push_str("&lt;"),
+            '>' => safe.push_str("&gt;"),
+            '"' => safe.push_str("&quot;"),
+            '\'' => safe.push_str("&#39;"),
+            _ => safe.push(c),
+        }
+    }
+    safe
+}
+
+/// A number with so many decimals, or the dash.
+pub fn number(value: &Value, decimals: usize) -> String {
+    match value.as_f64() {
+        Some(x) if x.abs() >= 1e7 => format!("{x:.2e}"),
+        Some(x) => format!("{x:.decimals$}"),
+        None => DASH.into(),
+    }
+}
+
+/// Any value for people, escaped: strings as they are, objects as names and values; nothing is the dash.
+pub fn any(value: &Value) -> String {
+    match value {
+        Value::Null => DASH.into(),
+        Value::String(text) if text.is_empty() => DASH.into(),
+        Value::String(text) => escape(text),
+        Value::Object(fields) if fields.is_empty() => DASH.into(),
+        Value::Object(fields) => {
+            let named =
+                fields.iter().map(|(name, field)| format!("{} {}", escape(&name.replace('_', " ")), any(field)));
+            named.collect::<Vec<_>>().join(", ")
+        }
+        other => escape(&other.to_string()),
+    }
+}
+
+/// Nested objects as (dotted name, value), in their own order; an object of plain values stays in one piece.
+pub fn leaves<'a>(prefix: &str, value: &'a Value, out: &mut Vec<(String, &'a Value)>) {
+    match value {
+        Value::Object(fields) if prefix.is_empty() || fields.values().any(Value::is_object) => {
+            for (name, field) in fields {
+                let dotted = if prefix.is_empty() { name.clone() } else { format!("{prefix}.{name}") };
+                leaves(&dotted, field, out);
+            }
+        }
+        leaf => out.push((prefix.into(), leaf)),
+    }
+}
+
+/// A table; where the page is narrow, its rows become blocks of headings and values. Headings are text; cells are HTML
+/// already.
+pub fn table(headings: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> String {
+    let mut html = String::from("<div class=\"table\"><table><thead><tr>");
+    for heading in headings {
+        let _ = write!(html, "<th scope=\"col\">{}</th>", escape(heading));
+    }
+    html.push_str("</tr></thead><tbody>");
+    for row in rows {
+        html.push_str("<tr>");
+        for (i, cell) in row.iter().enumerate() {
+            let heading = escape(headings.get(i).unwrap_or(&""));
+            let _ = write!(html, "<td data-label=\"{heading}\">{cell}</td>");
+        }
+        html.push_str("</tr>");
+    }
+    html.push_str("</tbody></table></div>");
+    html
+}
+
+/// Names beside values; both are HTML already.
+pub fn list(items: impl IntoIterator<Item = (String, String)>) -> String {
+    let mut html = String::from("<dl>");
+    for (name, value) in items {
+        let _ = write!(html, "<div><dt>{name}</dt><dd>{value}</dd></div>");
+    }
+    html.push_str("</dl>");
+    html
+}
+
+/// A whole page. The title is text; the body is HTML already.
+pub fn page(title: &str, style: &str, body: &str) -> String {
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"><title>{}</title>\
+         <style>{style}</style></head>\n<body><main>{body}</main></body></html>\n",
+        escape(title)
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn markup_becomes_text() {
+        assert_eq!(escape(r#"<b a="1">'&'</b>"#), "&lt;b a=&quot;1&quot;&gt;&#39;&amp;&#39;&lt;/b&gt;");
+        assert_eq!(any(&json!({ "<k>": 1 })), "&lt;k&gt; 1");
+    }
+
+    #[test]
+    fn leaves_are_named_by_their_path() {
+        let value = json!({ "a": { "b": { "x": 1, "y": "z" }, "c": [2] }, "d": null });
+        let mut out = Vec::new();
+        leaves("", &value, &mut out);
+        let names: Vec<_> = out.iter().map(|(name, _)| name.as_str()).collect();
+        assert_eq!(names, ["a.b", "a.c", "d"]);
+        assert_eq!(any(out[0].1), "x 1, y z");
+    }
+}

@@ -1,0 +1,81 @@
+//! Percentiles and medians. Times are counted in an `HdrHistogram` of nanoseconds with three significant digits.
+
+use hdrhistogram::Histogram;
+use serde::Serialize;
+
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Percentiles {
+    pub n: u64,
+    pub p50_us: f64,
+    pub p90_us: f64,
+    pub p99_us: f64,
+    pub p999_us: f64,
+    pub max_us: f64,
+}
+
+impl Percentiles {
+    /// Of `times` \[ns\]; `None` when there are none.
+    pub fn of(times: impl IntoIterator<Item = u64>) -> Option<Self> {
+        let histogram = recorded(times);
+        (!histogram.is_empty()).then(|| percentiles(&histogram))
+    }
+}
+
+/// An empty histogram of 1 ns to 60 s, three significant digits. Longer times count as 60 s.
+pub fn histogram() -> Histogram<u64> {
+    Histogram::new_with_bounds(1, 60_000_000_000, 3).expect("the bounds are constants that hdrhistogram accepts")
+}
+
+/// A histogram of `times` \[ns\].
+pub fn recorded(times: impl IntoIterator<Item = u64>) -> Histogram<u64> {
+    let mut histogram = histogram();
+    times.into_iter().for_each(|time| histogram.saturating_record(time));
+    histogram
+}
+
+/// Percentiles of a histogram of nanoseconds; all 0 when it is empty.
+pub fn percentiles(histogram: &Histogram<u64>) -> Percentiles {
+    let at = |quantile| histogram.value_at_quantile(quantile) as f64 / 1e3;
+    Percentiles {
+        n: histogram.len(),
+        p50_us: at(0.5),
+        p90_us: at(0.9),
+        p99_us: at(0.99),
+        p999_us: at(0.999),
+        max_us: histogram.max() as f64 / 1e3,
+    }
+}
+
+/// Median of `times` \[ns\]; 0 when there are none.
+pub fn median_ns(times: impl IntoIterator<Item = u64>) -> u64 {
+    recorded(times).value_at_quantile(0.5)
+}
+
+/// Exact median of a few `values` of any unit, the larger of the middle two; `None` when there are none.
+pub fn median(values: impl IntoIterator<Item = f64>) -> Option<f64> {
+    let mut values: Vec<f64> = values.into_iter().collect();
+    let middle = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn percentiles_are_those_of_the_times_to_three_digits() {
+        let all = Percentiles::of((1..=1000).rev().map(|us| us * 1000)).expect("not empty");
+        let got = [all.p50_us, all.p90_us, all.p99_us, all.p999_us, all.max_us];
+        for (got, exact) in got.into_iter().zip([500.0, 900.0, 990.0, 999.0, 1000.0]) {
+            assert!((got / exact - 1.0).abs() < 1e-3, "{got} {exact}");
+        }
+        assert_eq!(Percentiles::of([]), None);
+    }
+
+    #[test]
+    fn a_few_outliers_do_not_move_the_median() {
+        assert_eq!(median([5.0, 900.0, -4.0, 800.0, 3.0]), Some(5.0));
+        assert_eq!(median([]), None);
+        assert_eq!((median_ns([5, 900, 4, 800, 3]), median_ns([])), (5, 0));
+    }
+}

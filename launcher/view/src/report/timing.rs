@@ -1,0 +1,196 @@
+//! The timing section: the table, the histograms and the worst ticks.
+
+use contract::message::Message;
+use contract::{Scenario, Topic};
+use flight::log::{Log, Record, counted};
+use hdrhistogram::Histogram;
+use serde_json::Value;
+
+use crate::draw::{Bars, DASH, Lane, any, escape, histograms, number, table, time_line};
+use crate::timing::{Age, NodeTiming, Part};
+
+/// Keys of a figure's percentiles in run.json, and their headings.
+const PERCENTILES: [(&str, &str); 5] =
+    [("p50_us", "p50"), ("p90_us", "p90"), ("p99_us", "p99"), ("p999_us", "p99.9"), ("max_us", "max")];
+/// A node's figures in run.json, and what people call them.
+const FIGURES: [(&str, &str); 7] = [
+    ("jitter", "release jitter"),
+    ("hop", "hop"),
+    ("execution", "execution"),
+    ("cpu", "CPU time"),
+    ("input_age", "age of the input"),
+    ("response", "response"),
+    ("response_per_slot", "response, per slot"),
+];
+
+/// The figures of a node that are drawn, with the style of their bars.
+const DRAWN: [(&str, &str); 4] =
+    [("jitter", "wake"), ("hop", "wake"), ("execution", "execution"), ("response", "response")];
+
+/// When each node ran: one table for the eye, one with every percentile.
+pub fn tables(run: &Value) -> String {
+    let timing = &run["timing"];
+    if !timing.is_object() {
+        return "<p>Not measured: in process, one thread calls the four steps in order.</p>".into();
+    }
+    let headings = [
+        "node",
+        "deadline ms",
+        "policy",
+        "misses",
+        "late",
+        "slips",
+        "longest run",
+        "jitter or hop",
+        "execution",
+        "response",
+    ];
+    let rows = Topic::ALL.map(|topic| {
+        let node = &timing["nodes"][topic.publisher()];
+        let wake = if node["jitter"].is_null() { "hop" } else { "jitter" };
+        let mut cells = vec![topic.publisher().to_owned(), number(&node["deadline_ms"], 1), any(&node["policy"])];
+        cells.extend(["misses", "late", "slips", "longest_run_of_misses"].map(|key| number(&node[key], 0)));
+        cells.extend([wake, "execution", "response"].map(|figure| in_short(&node[figure])));
+        cells
+    });
+    let ages =
+        [("age_at_actuator", "commands applied"), ("age_at_actuator_per_slot", "slots held")].map(|(key, of_what)| {
+            let age = &timing[key];
+            format!("<b>{}</b> µs over {} {of_what}", in_short(age), number(&age["n"], 0))
+        });
+    let contradictions = timing["clock_contradictions"].as_object().into_iter().flatten();
+    let contradict = contradictions.filter(|(_, count)| count.as_u64() > Some(0));
+    let counts: Vec<_> = contradict.map(|(node, count)| format!("{} of {}", number(count, 0), escape(node))).collect();
+    let differ = if counts.is_empty() {
+        String::new()
+    } else {
+        let counts = counts.join(", ");
+        format!(
+            "<p><b>The clocks differ</b>: messages that contradict the times of others: {counts}. Times across processes \
+             are not to be trusted.</p>"
+        )
+    };
+    format!(
+        "{differ}{}<p class=\"hint\">Times: p50 / p99 / max in µs. Late: responses beyond the deadline, for which the policy says what becomes of them. Slips: periods without a \
+         cycle. Misses: both. Longest run: misses one after the other.</p>\
+         <p>Age at the actuator: {}.</p><details><summary>Every percentile</summary>{}</details>",
+        table(&headings, rows),
+        ages.join("; "),
+        all_percentiles(timing)
+    )
+}
+
+/// Histograms of the log's stamps, and the ten worst ticks of the summary; in real time only.
+pub fn pictures(log: &Log, run: &Value, scenario: &Scenario) -> String {
+    let worst = run["timing"]["worst_ticks"].as_array().filter(|all| !all.is_empty());
+    let Some(worst) = worst else { return String::new() };
+    let ticks: String = worst.iter().map(|tick| worst_tick(tick, scenario.sample_s() * 1e6)).collect();
+    format!(
+        "<h3>Histograms</h3><p class=\"hint\">Time runs logarithmically, the same way in every picture; the height of a \
+         bar is the logarithm of its count, the lowest is one. The dashed line is the deadline. In full, as \
+         HdrHistogram logs, they stand in the run’s folder.</p>{}\
+         <h3>The ten worst ticks</h3><p class=\"hint\">Each process from its release to its publication, in ms from the \
+         sample: hollow while it waits to run, solid while it runs, orange where the delay arose. \
+         A tick is as late as the largest response of its nodes, and a period more for every slot of the stall before it. \
+         A stall is charged to the tick that ended it; slots that several nodes slept through are one stall.</p><div class=\"ticks\">{ticks}</div>",
+        all_histograms(log, scenario)
+    )
+}
+
+/// A row of histograms for every node, and one for the whole ring.
+fn all_histograms(log: &Log, scenario: &Scenario) -> String {
+    let mut age = Age::new(scenario.sample_ns());
+    counted(&log.states).for_each(|(state, _)| age.observe(state));
+    let aged = |caption: &str, histogram| Bars { caption: caption.into(), style: "age", histogram, deadline_ns: None };
+    let groups = [
+        (Topic::State.publisher(), node_histograms(&log.states, scenario)),
+        (Topic::Reference.publisher(), node_histograms(&log.references, scenario)),
+        (Topic::Controls.publisher(), node_histograms(&log.controls, scenario)),
+        (Topic::Actuators.publisher(), node_histograms(&log.actuators, scenario)),
+        (
+            "age at the actuator",
+            vec![aged("per command applied", age.per_command), aged("per slot held", age.per_slot)],
+        ),
+    ];
+    histograms(&groups, scenario.sample_ns())
+}
+
+fn node_histograms<M: Message>(messages: &[M], scenario: &Scenario) -> Vec<Bars>
+where
+    Record: From<M>,
+{
+    let mut timing = NodeTiming::new(M::TOPIC, scenario);
+    counted(messages).for_each(|(message, before)| _ = timing.observe(message.stamp(), &before));
+    let bars = |(figure, histogram): (&str, &Histogram<u64>)| {
+        let (_, style) = DRAWN.into_iter().find(|(name, _)| *name == figure)?;
+        let caption = match (figure, M::TOPIC) {
+            ("jitter", _) => "release jitter".into(),
+            ("hop", Topic::Actuators) => format!("hop from {}", Topic::Controls.publisher()),
+            ("hop", Topic::Controls) => format!("hop from {}", Topic::Reference.publisher()),
+            ("hop", _) => format!("hop from {}", Topic::State.publisher()),
+            _ => figure.to_owned(),
+        };
+        let deadline_ns = (figure == "response").then_some(scenario.deadline_of(M::TOPIC as usize).deadline_ns);
+        Some(Bars { caption, style, histogram: histogram.clone(), deadline_ns })
+    };
+    timing.figures().into_iter().filter_map(bars).collect()
+}
+
+fn worst_tick(tick: &Value, period_us: f64) -> String {
+    // A tick that the plant slept through has no sample.
+    let error = match &tick["position_error_m"] {
+        Value::Null => String::new(),
+        error => format!(", position error {}&nbsp;m", number(error, 3)),
+    };
+    let late_ms = tick["late_us"].as_f64().map_or(DASH.into(), |us| format!("{:.2}", us / 1e3));
+    format!(
+        "<div class=\"tick\"><p><b>{late_ms} ms</b> tick {}, {} s{error}</p><p class=\"hint\">{}</p>{}</div>",
+        number(&tick["tick"], 0),
+        number(&tick["time_s"], 2),
+        any(&tick["in_words"]),
+        time_line(&lanes(tick, period_us))
+    )
+}
+
+/// Every process of a tick of run.json, from its release, or from the slots it was silent before, to its publication.
+fn lanes(tick: &Value, period_us: f64) -> Vec<Lane> {
+    let lane = |topic: Topic| {
+        let name = topic.publisher();
+        let cycle = &tick["nodes"][name];
+        let [release, start, publish] = ["release_us", "start_us", "publish_us"].map(|key| cycle[key].as_f64());
+        let (release, start) = (release?, start?);
+        let here = tick["node"] == name;
+        let waited_us = if here && tick["part"] == Part::Input.name() {
+            tick["part_us"].as_f64().unwrap_or(0.0)
+        } else {
+            cycle["silent"].as_f64().unwrap_or(0.0) * period_us
+        };
+        let running = tick["part"] == Part::Execution.name();
+        let waits = [release - waited_us.max(0.0), start];
+        Some(Lane { name, waits, runs: [start, publish?], at_fault: [here && !running, here && running] })
+    };
+    Topic::ALL.into_iter().filter_map(lane).collect()
+}
+
+fn in_short(figure: &Value) -> String {
+    ["p50_us", "p99_us", "max_us"].map(|key| number(&figure[key], 0)).join(" / ")
+}
+
+fn all_percentiles(timing: &Value) -> String {
+    let row = |node: &str, what: &str, figure: &Value| {
+        let mut cells = vec![escape(node), what.to_owned(), number(&figure["n"], 0)];
+        cells.extend(PERCENTILES.map(|(key, _)| number(&figure[key], 1)));
+        cells
+    };
+    let mut rows = Vec::new();
+    for topic in Topic::ALL {
+        let node = &timing["nodes"][topic.publisher()];
+        let known = FIGURES.into_iter().filter(|(key, _)| !node[*key].is_null());
+        rows.extend(known.map(|(key, what)| row(topic.publisher(), what, &node[key])));
+    }
+    rows.push(row("whole ring", "age, per command", &timing["age_at_actuator"]));
+    rows.push(row("whole ring", "age, per slot", &timing["age_at_actuator_per_slot"]));
+    let mut headings = vec!["node", "µs", "n"];
+    headings.extend(PERCENTILES.map(|(_, heading)| heading));
+    table(&headings, rows)
+}

@@ -1,0 +1,263 @@
+//! The join of the four messages of a tick: what the nodes made of one sample, and when the command took effect.
+//!
+//! What is kept of a message is the caller's choice: report and trace keep [`Messages`] of a whole log, [`crate::timing`]
+//! each node's cycle while the flight goes on, `measure timing` the stamps.
+
+use std::collections::BTreeMap;
+
+use contract::Scenario;
+use contract::message::{Actuators, Controls, Message, Reference, Stamp, State};
+use flight::log::{Log, Record, counted};
+use guidance::Trajectory;
+
+/// A command takes effect at most so many ticks after its own; a damaged STATE must not cost a search of the whole flight.
+const MOST_AGE_TICKS: usize = 1000;
+
+/// One tick. `T` is what is kept of its messages.
+#[derive(Debug, Clone, Copy)]
+pub struct Tick<T> {
+    pub number: u64,
+    /// Period of the ring \[ns\].
+    pub period_ns: u64,
+    /// The instant the sample stands for \[ns\]; 0 without a message.
+    pub sample_ns: u64,
+    /// Where the mission wants the vehicle, NED \[m\].
+    pub wanted_m: [f64; 3],
+    /// Position error against the mission, as in run.json.
+    pub error_m: Option<[f64; 3]>,
+    /// Time from the sample until the tick's command took effect, if it did \[ns\].
+    pub age_ns: Option<u64>,
+    /// Number of the newest ACTUATORS; 0 is none.
+    command: u64,
+    pub of: T,
+}
+
+impl<T> Tick<T> {
+    /// Simulated time of the sample \[s\].
+    pub fn time_s(&self) -> f64 {
+        self.number as f64 * self.period_ns as f64 / 1e9
+    }
+
+    /// Length of the position error \[m\].
+    pub fn distance_m(&self) -> Option<f64> {
+        self.error_m.map(length_m)
+    }
+}
+
+#[derive(Clone)]
+pub struct Ticks<T> {
+    trajectory: Trajectory,
+    sample_s: f64,
+    period_ns: u64,
+    last: u64,
+    by_number: BTreeMap<u64, Tick<T>>,
+    /// Number of the command that the newest STATE was under.
+    in_force: u64,
+}
+
+impl<T: Default> Ticks<T> {
+    pub fn new(scenario: &Scenario) -> Self {
+        Self {
+            trajectory: Trajectory::new(&scenario.mission),
+            sample_s: scenario.sample_s(),
+            period_ns: scenario.sample_ns(),
+            last: scenario.ticks(),
+            by_number: BTreeMap::new(),
+            in_force: 0,
+        }
+    }
+
+    /// Takes one message in; `keep` puts into the tick what is kept of it. Of several messages of a topic with one tick the
+    /// last counts. A tick beyond the last of the scenario is ignored: a damaged stamp must not decide how much memory
+    /// this takes.
+    pub fn observe(&mut self, record: &Record, keep: impl FnOnce(&mut T)) {
+        let stamp = record.stamp();
+        if stamp.tick > self.last {
+            return;
+        }
+        let mut tick = self.by_number.remove(&stamp.tick).unwrap_or_else(|| self.without_messages(stamp.tick));
+        tick.sample_ns = stamp.sample_ns;
+        keep(&mut tick.of);
+        match record {
+            Record::State(state) => {
+                tick.error_m = Some(position_error_m(tick.wanted_m, state));
+                self.applied(state);
+            }
+            Record::Actuators(_) => tick.command = stamp.sequence,
+            Record::Reference(_) | Record::Controls(_) => {}
+        }
+        self.by_number.insert(stamp.tick, tick);
+    }
+
+    pub fn get_mut(&mut self, number: u64) -> Option<&mut Tick<T>> {
+        self.by_number.get_mut(&number)
+    }
+
+    pub fn iter(&self) -> impl DoubleEndedIterator<Item = &Tick<T>> {
+        self.by_number.values()
+    }
+
+    pub fn count(&self) -> usize {
+        self.by_number.len()
+    }
+
+    pub fn retain(&mut self, kept: impl Fn(&Tick<T>) -> bool) {
+        self.by_number.retain(|_, tick| kept(tick));
+    }
+
+    /// Every tick from 0 to the last one seen, those without a message too.
+    pub fn into_all(mut self) -> Vec<Tick<T>> {
+        let end = self.by_number.last_key_value().map_or(0, |(number, _)| number + 1);
+        let seen: Vec<_> = (0..end).map(|number| self.by_number.remove(&number)).collect();
+        (0..).zip(seen).map(|(number, tick)| tick.unwrap_or_else(|| self.without_messages(number))).collect()
+    }
+
+    fn without_messages(&self, number: u64) -> Tick<T> {
+        let wanted_m = self.trajectory.at(number as f64 * self.sample_s).position_m;
+        let of = T::default();
+        Tick { number, period_ns: self.period_ns, sample_ns: 0, wanted_m, error_m: None, age_ns: None, command: 0, of }
+    }
+
+    /// `state` says which command it was under, and that command's age. A restarted mixer numbers its messages from 1
+    /// again: the newest command of a number is meant.
+    fn applied(&mut self, state: &State) {
+        if state.applied_sequence != self.in_force {
+            self.in_force = state.applied_sequence;
+            let mut before = self.by_number.range_mut(..state.stamp.tick).rev().take(MOST_AGE_TICKS);
+            if let Some((_, tick)) = before.find(|(_, tick)| tick.command == state.applied_sequence) {
+                tick.age_ns = Some(state.applied_age_ns);
+            }
+        }
+    }
+}
+
+/// The messages of a tick. A log may lack any of them.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Messages<'a> {
+    pub state: Option<&'a State>,
+    pub reference: Option<&'a Reference>,
+    pub controls: Option<&'a Controls>,
+    pub actuators: Option<&'a Actuators>,
+}
+
+impl Messages<'_> {
+    /// Their stamps, by topic.
+    pub fn stamps(&self) -> [Option<&Stamp>; 4] {
+        [
+            self.state.map(Message::stamp),
+            self.reference.map(Message::stamp),
+            self.controls.map(Message::stamp),
+            self.actuators.map(Message::stamp),
+        ]
+    }
+}
+
+/// A tick of a log.
+pub type LoggedTick<'a> = Tick<Messages<'a>>;
+
+/// Every tick of a log. A tick has the messages of the active processes as they were sent, also where a fault changed or
+/// lost them on the way.
+pub fn logged<'a>(log: &'a Log, scenario: &Scenario) -> Vec<LoggedTick<'a>> {
+    let mut ticks = Ticks::<Messages>::new(scenario);
+    put(&mut ticks, &log.references, |of, message| of.reference = Some(message));
+    put(&mut ticks, &log.controls, |of, message| of.controls = Some(message));
+    put(&mut ticks, &log.actuators, |of, message| of.actuators = Some(message));
+    put(&mut ticks, &log.states, |of, message| of.state = Some(message));
+    ticks.into_all()
+}
+
+fn put<'a, M: Message>(ticks: &mut Ticks<Messages<'a>>, messages: &'a [M], keep: fn(&mut Messages<'a>, &'a M))
+where
+    Record: From<M>,
+{
+    for (message, _) in counted(messages) {
+        ticks.observe(&(*message).into(), |of| keep(of, message));
+    }
+}
+
+/// Where the mission wants the vehicle minus where it truly is, NED \[m\].
+pub fn position_error_m(wanted_m: [f64; 3], state: &State) -> [f64; 3] {
+    std::array::from_fn(|axis| wanted_m[axis] - state.actual.position_m[axis])
+}
+
+pub fn length_m(vector_m: [f64; 3]) -> f64 {
+    vector_m.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use contract::scenario::TrajectoryKind;
+    use contract::stamp::delivery;
+
+    fn stamp(tick: u64, sequence: u64, epoch: u64) -> Stamp {
+        Stamp { tick, sample_ns: tick.wrapping_mul(1_000), sequence, epoch, ..Stamp::default() }
+    }
+
+    fn command(tick: u64, sequence: u64, epoch: u64) -> Actuators {
+        Actuators { stamp: stamp(tick, sequence, epoch), ..Actuators::default() }.with_checksum()
+    }
+
+    fn state(tick: u64, applied_sequence: u64, applied_age_ns: u64) -> State {
+        State { stamp: stamp(tick, tick + 1, 1), applied_sequence, applied_age_ns, ..State::default() }.with_checksum()
+    }
+
+    fn hovering() -> Scenario {
+        let mut scenario = Scenario::default();
+        scenario.mission.trajectory = TrajectoryKind::Hover;
+        scenario
+    }
+
+    /// Tick and age \[ns\] of every command that took effect.
+    fn ages(states: &[State], actuators: &[Actuators]) -> Vec<(u64, u64)> {
+        let log = Log { states: states.into(), actuators: actuators.into(), ..Log::default() };
+        logged(&log, &hovering()).iter().filter_map(|tick| Some((tick.number, tick.age_ns?))).collect()
+    }
+
+    #[test]
+    fn a_command_belongs_to_the_state_that_was_first_under_it() {
+        let states = [state(0, 0, 0), state(1, 1, 300), state(2, 1, 300), state(3, 3, 400)];
+        let commands: Vec<_> = (0..3).map(|tick| command(tick, tick + 1, 1)).collect();
+        assert_eq!(ages(&states, &commands), [(0, 300), (2, 400)]);
+    }
+
+    #[test]
+    fn a_restarted_mixer_is_not_taken_for_its_predecessor() {
+        let states = [state(0, 0, 0), state(1, 1, 200), state(2, 2, 200), state(3, 1, 201), state(4, 9, 200)];
+        let commands = [command(0, 1, 1), command(1, 2, 1), command(2, 1, 2)];
+        assert_eq!(ages(&states, &commands), [(0, 200), (1, 200), (2, 201)], "a number that was not sent is left out");
+    }
+
+    #[test]
+    fn holes_are_ticks_without_messages_and_damaged_ticks_are_none() {
+        let mut log = Log { states: (0..10).map(|tick| state(tick, 0, 0)).collect(), ..Log::default() };
+        log.states.remove(4);
+        log.actuators.push(command(u64::MAX, 1, 1));
+        for state in &mut log.states {
+            state.actual.position_m = [0.0, -3.0, -4.0];
+            *state = state.with_checksum();
+        }
+        let ticks = logged(&log, &hovering());
+        let distances: Vec<_> = ticks.iter().map(Tick::distance_m).collect();
+        let mut expected = vec![Some(5.0); 10];
+        expected[4] = None;
+        assert_eq!(distances, expected);
+        assert_eq!(ticks[4].number, 4);
+    }
+
+    #[test]
+    fn messages_of_a_standby_and_what_a_fault_made_of_a_message_are_left_out() {
+        let marked = |sequence, epoch, delivery, col| {
+            let stamp = Stamp { delivery, ..stamp(1, sequence, epoch) };
+            Controls { stamp, demand: [col, 0.0, 0.0, 0.0], ..Controls::default() }.with_checksum()
+        };
+        let controls = vec![
+            marked(2, 1, delivery::FAULT, -1.0),
+            marked(2, 1, delivery::DELIVERED, f64::NAN),
+            marked(1, 2, delivery::STANDBY, 7.0),
+            marked(1, 2, delivery::STANDBY | delivery::FAULT, 8.0),
+        ];
+        let log = Log { controls, ..Log::default() };
+        assert_eq!(logged(&log, &hovering())[1].of.controls, Some(&log.controls[0]), "as it was sent");
+    }
+}

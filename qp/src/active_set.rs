@@ -1,0 +1,552 @@
+//! The solver: a solve, the ascent, its steps, and the dual objective that must rise.
+
+use nalgebra::DMatrix;
+
+use crate::basis::{Basis, Combination};
+use crate::factor::Factor;
+use crate::working_set::{Member, WorkingSet};
+
+/// Violation that is left alone, in units of the slacks.
+const TOLERANCE: f64 = 5e-10;
+/// A dual objective this many times that of the first violated constraint alone grows without bound: nothing is inside.
+const UNBOUNDED: f64 = 1e12;
+
+/// Largest number that is computed with: the dual objective is its square, and a turn has the square of that.
+const MAX_MAGNITUDE: f64 = 1e50;
+
+/// Above this a dual objective is rounding for the most part.
+const MAX_EXACT_DUAL: f64 = 1e10;
+
+/// A constraint depends on the others when they leave no more than this share of its square.
+const INDEPENDENT: f64 = 1e-11;
+/// Squared share of a dependent constraint, in its own size, that is rounding.
+const ROUNDING: f64 = 1e-20;
+/// Share of the promised ascent that a turn must keep.
+const ARMIJO: f64 = 0.1;
+/// Times a turn is shortened at most.
+const HALVINGS: u32 = 40;
+/// Share of the sum of all `|l_i M_ij l_j|` by which rounding may lower the dual: a Cholesky factor and its solves are exact
+/// for a matrix that is off by about the number of members times 1e-16 in each entry.
+const DUAL_ROUNDING: f64 = 1e-13;
+
+/// The solver of one set-up.
+pub struct ActiveSet {
+    /// Steps granted to a solve.
+    pub max_iterations: u32,
+    basis: Basis,
+    working_set: WorkingSet,
+    /// The constraints its members stand for.
+    held: Vec<Combination>,
+    /// Their multipliers, never negative.
+    multipliers: Vec<f64>,
+    /// Factor of their Gram matrix.
+    factor: Factor,
+    /// Where the multipliers go.
+    step: Vec<[f64; 4]>,
+    /// Which rows, and then which discs, are held.
+    is_held: Vec<bool>,
+    /// The centre.
+    centre: Vec<[f64; 4]>,
+    /// The variables under the multipliers.
+    x: Vec<[f64; 4]>,
+    /// The basis rows at `x`.
+    slacks: Vec<[f64; 4]>,
+    /// The basis rows at the centre.
+    at_centre: Vec<[f64; 4]>,
+    /// Places of the held tangents that turn.
+    turning: Vec<usize>,
+    /// Those that have turned and join again, with their multipliers.
+    turned: Vec<(Member, f64)>,
+}
+
+/// How a solve went.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Outcome {
+    /// How it ended.
+    pub termination: Termination,
+    /// Steps taken: each solves the equations of one working set.
+    pub iterations: u32,
+    /// Constraints held at the end.
+    pub active: u32,
+}
+
+/// How a solve ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Termination {
+    /// `x` is the optimum.
+    Optimal,
+    /// `x` is the last iterate: not feasible.
+    IterationLimit,
+    /// No `x` obeys all hard constraints.
+    Infeasible,
+    /// A number given is none, or so large that nothing can be computed with it.
+    NotFinite,
+}
+
+impl ActiveSet {
+    /// Sets up the problem: the Hessian `H` (n x n, positive definite), the linear `rows` (m x n) with their `softness`
+    /// (m numbers: 0 is hard, else `1/w`), and the rows of the `discs` (2k x n, one pair each).
+    ///
+    /// # Panics
+    /// When the sizes do not match, or `H` is not positive definite.
+    pub fn new(
+        hessian: &DMatrix<f64>,
+        rows: &DMatrix<f64>,
+        softness: &[f64],
+        discs: &DMatrix<f64>,
+        max_iterations: u32,
+    ) -> Self {
+        let basis = Basis::new(hessian, rows, softness, discs);
+        // Hard members are independent; a soft row needs no such thing.
+        let soft = softness.iter().filter(|softness| **softness > 0.0).count();
+        let members = (basis.variables + soft).min(basis.rows + basis.discs);
+        let capacity = members + basis.discs;
+        Self {
+            max_iterations,
+            working_set: WorkingSet { members: Vec::with_capacity(members) },
+            held: Vec::with_capacity(capacity),
+            multipliers: Vec::with_capacity(capacity),
+            factor: Factor::new(capacity),
+            step: vec![[0.0; 4]; capacity.div_ceil(4)],
+            is_held: vec![false; basis.rows + basis.discs],
+            centre: vec![[0.0; 4]; basis.blocks],
+            x: vec![[0.0; 4]; basis.blocks],
+            slacks: vec![[0.0; 4]; basis.len().div_ceil(4)],
+            at_centre: vec![[0.0; 4]; basis.len().div_ceil(4)],
+            turning: Vec::with_capacity(basis.discs),
+            turned: Vec::with_capacity(basis.discs),
+            basis,
+        }
+    }
+
+    /// What the last solve left for the next to start from.
+    pub fn working_set(&self) -> &WorkingSet {
+        &self.working_set
+    }
+
+    /// Lets the next solve start from the working set of another solver of the same set-up.
+    pub fn warm_start(&mut self, from: &WorkingSet) {
+        self.working_set.members.clear();
+        self.working_set.members.extend_from_slice(&from.members);
+    }
+
+    /// Lets the next solve start from nothing.
+    pub fn forget(&mut self) {
+        self.working_set.members.clear();
+    }
+
+    /// Solves for a `centre` (n) and `offsets` (m + 2k: the rows, then the pairs of the discs). Writes `x` (n) at the
+    /// optimum, and where the steps ran out; leaves it alone otherwise.
+    pub fn solve(&mut self, centre: &[f64], offsets: &[f64], x: &mut [f64]) -> Outcome {
+        let is_near = |numbers: &[f64]| numbers.iter().all(|number| number.abs() < MAX_MAGNITUDE); // false for NaN
+        let mut outcome = Outcome { termination: Termination::NotFinite, iterations: 0, active: 0 };
+        if !is_near(centre) || !is_near(offsets) {
+            return outcome;
+        }
+        self.centre.as_flattened_mut()[..centre.len()].copy_from_slice(centre);
+        self.x.copy_from_slice(&self.centre);
+        self.basis.slacks(&self.x, offsets, &mut self.slacks);
+        if let Some((_, most)) = self.worst() {
+            self.at_centre.copy_from_slice(&self.slacks);
+            self.resume();
+            let first = 0.5 * most * most;
+            (outcome.termination, outcome.iterations) = self.ascend(offsets, first);
+            outcome.active = self.held.len() as u32;
+            if first > MAX_EXACT_DUAL {
+                self.forget(); // what was held among rounding is nothing to start from
+            }
+        } else {
+            self.forget();
+            outcome.termination = Termination::Optimal;
+        }
+        if !is_near(self.x.as_flattened()) {
+            self.forget();
+            outcome.termination = Termination::NotFinite;
+        }
+        if matches!(outcome.termination, Termination::Optimal | Termination::IterationLimit) {
+            x.copy_from_slice(&self.x.as_flattened()[..x.len()]);
+        }
+        outcome
+    }
+
+    /// Climbs until nothing is violated; `first` is the dual objective of the first violated constraint alone.
+    fn ascend(&mut self, offsets: &[f64], first: f64) -> (Termination, u32) {
+        for iteration in 1..=self.max_iterations {
+            let before = self.objective();
+            if before > UNBOUNDED * first {
+                return (Termination::Infeasible, iteration);
+            }
+            let arrived = self.step(offsets);
+            self.check_invariants();
+            if !arrived {
+                continue;
+            }
+            self.check_rise(before, first);
+            let possible = match self.worst() {
+                None => return (Termination::Optimal, iteration),
+                Some((Member::Cut { disc, .. }, _)) if self.is_held[self.basis.rows + disc] => self.turn(offsets),
+                Some((Member::Row(row), _)) if self.is_held[row] => true, // rounding: the next step mends it
+                Some((member, _)) => self.join(member, 0.0, offsets),
+            };
+            if !possible {
+                return (Termination::Infeasible, iteration);
+            }
+        }
+        (Termination::IterationLimit, self.max_iterations)
+    }
+
+    /// The constraint violated most, in the norm of `H^-1`, and by how much. A disc is told by its tangent towards the
+    /// present point.
+    fn worst(&self) -> Option<(Member, f64)> {
+        let (rows, pairs) = self.slacks.as_flattened()[..self.basis.len()].split_at(self.basis.rows);
+        let (mut worst, mut most) = (None, 0.0);
+        for (row, (slack, scale)) in rows.iter().zip(&self.basis.scale).enumerate() {
+            if *slack < -TOLERANCE && -slack * scale > most {
+                (worst, most) = (Some(Member::Row(row)), -slack * scale);
+            }
+        }
+        for (disc, pair) in pairs.chunks_exact(2).enumerate() {
+            let length = (pair[0] * pair[0] + pair[1] * pair[1]).sqrt();
+            if length - 1.0 > TOLERANCE {
+                let member = Member::Cut { disc, towards: [pair[0] / length, pair[1] / length] };
+                let size = (length - 1.0) / self.basis.square(&self.basis.constraint(member)).sqrt();
+                if size > most {
+                    (worst, most) = (Some(member), size);
+                }
+            }
+        }
+        worst.map(|member| (member, most))
+    }
+
+    /// Takes up the working set that the last solve left.
+    fn resume(&mut self) {
+        self.held.clear();
+        self.multipliers.clear();
+        self.factor.truncate(0);
+        self.is_held.fill(false);
+        let mut next = 0;
+        while let Some(member) = self.working_set.members.get(next).copied() {
+            let constraint = self.basis.constraint(member);
+            if self.extend(&constraint) {
+                let place = self.place(member);
+                self.is_held[place] = true;
+                self.held.push(constraint);
+                self.multipliers.push(0.0);
+                next += 1;
+            } else {
+                self.working_set.members.remove(next);
+            }
+        }
+    }
+
+    /// Goes to the optimum of the working set; false when a multiplier vanished on the way, and its member was dropped.
+    fn step(&mut self, offsets: &[f64]) -> bool {
+        self.aim();
+        let steps = self.step.as_flattened();
+        let mut first: Option<(f64, usize)> = None;
+        for (j, (multiplier, step)) in self.multipliers.iter().zip(steps).enumerate() {
+            if multiplier + step <= 0.0 {
+                let share = if *step < 0.0 { -multiplier / step } else { 0.0 };
+                if first.is_none_or(|(s, i)| share < s || (share == s && *step < steps[i])) {
+                    first = Some((share, j));
+                }
+            }
+        }
+        let (share, blocking) = first.map_or((1.0, None), |(share, j)| (share, Some(j)));
+        if share > 0.0 {
+            self.advance(share);
+        }
+        if let Some(j) = blocking {
+            self.remove(j);
+            self.rebuild(j);
+        }
+        if share > 0.0 {
+            self.observe(offsets);
+        }
+        blocking.is_none()
+    }
+
+    /// Writes the step that brings every held slack to zero; returns how steeply the dual rises along it.
+    fn aim(&mut self) -> f64 {
+        for (right, held) in self.step.as_flattened_mut().iter_mut().zip(&self.held) {
+            *right = -held.slack(self.slacks.as_flattened());
+        }
+        self.factor.solve(&mut self.step)
+    }
+
+    /// Moves the multipliers, and `x` with them, by a share of the step.
+    fn advance(&mut self, share: f64) {
+        for ((held, multiplier), step) in self.held.iter().zip(&mut self.multipliers).zip(self.step.as_flattened()) {
+            self.basis.push(&mut self.x, held, share * step);
+            *multiplier = (*multiplier + share * step).max(0.0);
+        }
+    }
+
+    /// Takes a look at the slacks at `x`; a held soft row is where its excess puts it.
+    fn observe(&mut self, offsets: &[f64]) {
+        self.basis.slacks(&self.x, offsets, &mut self.slacks);
+        for ((member, held), multiplier) in self.working_set.members.iter().zip(&self.held).zip(&self.multipliers) {
+            if let Member::Row(row) = member {
+                self.slacks.as_flattened_mut()[*row] += held.softness * multiplier;
+            }
+        }
+    }
+
+    /// Adds a constraint that does not hold, with the multiplier it has; false when no point obeys it and those it depends on.
+    ///
+    /// One that depends on those held takes their place: its own force grows at their expense until the first of them has
+    /// none left and drops out. If it holds, its force goes over to them likewise: taken off, the dual would fall.
+    fn join(&mut self, member: Member, mut multiplier: f64, offsets: &[f64]) -> bool {
+        let constraint = self.basis.constraint(member);
+        let size = self.basis.square(&constraint);
+        let mut moved = false;
+        while !self.extend(&constraint) {
+            self.factor.composition(&mut self.step);
+            let sign = if constraint.slack(self.slacks.as_flattened()) < -TOLERANCE { 1.0 } else { -1.0 };
+            let first = self.first_exhausted(size, sign);
+            if sign < 0.0 && first.is_none_or(|(step, _)| step >= multiplier) {
+                self.advance(multiplier);
+                self.basis.push(&mut self.x, &constraint, -multiplier);
+                self.observe(offsets);
+                return true;
+            }
+            let Some((step, blocking)) = first else { return false };
+            self.advance(-sign * step);
+            self.basis.push(&mut self.x, &constraint, sign * step);
+            multiplier += sign * step;
+            moved = true;
+            self.remove(blocking);
+            self.rebuild(blocking);
+        }
+        let place = self.place(member);
+        self.is_held[place] = true;
+        self.working_set.members.push(member);
+        self.held.push(constraint);
+        self.multipliers.push(multiplier);
+        if moved {
+            self.observe(offsets);
+        }
+        true
+    }
+
+    /// Of the members whose force goes over to the joining constraint as that grows (`sign` 1) or shrinks (-1), the one that
+    /// is exhausted first, and by how much the joining one has changed by then. `size` is the square of the joining
+    /// constraint: shares that are rounding to it do not count.
+    fn first_exhausted(&self, size: f64, sign: f64) -> Option<(f64, usize)> {
+        let mut first: Option<(f64, usize)> = None;
+        for (j, (share, held)) in self.step.as_flattened().iter().zip(&self.held).enumerate() {
+            let share = sign * share;
+            if share > 0.0 && share * share * self.basis.square(held) > ROUNDING * size {
+                let step = self.multipliers[j] / share;
+                if first.is_none_or(|(s, _)| step < s) {
+                    first = Some((step, j));
+                }
+            }
+        }
+        first
+    }
+
+    /// Drops a member, and takes its force off `x`.
+    fn remove(&mut self, j: usize) {
+        let member = self.working_set.members.remove(j);
+        let place = self.place(member);
+        self.is_held[place] = false;
+        let constraint = self.held.remove(j);
+        let multiplier = self.multipliers.remove(j);
+        if multiplier != 0.0 {
+            self.basis.push(&mut self.x, &constraint, -multiplier);
+        }
+    }
+
+    /// Computes the factor anew from a member on; one that has come to depend on those before it is dropped.
+    fn rebuild(&mut self, from: usize) {
+        self.factor.truncate(from);
+        let mut next = from;
+        while next < self.held.len() {
+            let constraint = self.held[next];
+            if self.extend_at(next, &constraint) {
+                next += 1;
+            } else {
+                self.remove(next);
+            }
+        }
+    }
+
+    /// Lets the factor grow by a constraint; false when that depends on the members, or there are as many as variables.
+    fn extend(&mut self, constraint: &Combination) -> bool {
+        self.extend_at(self.held.len(), constraint)
+    }
+
+    /// The same behind the first `count` members.
+    fn extend_at(&mut self, count: usize, constraint: &Combination) -> bool {
+        let Self { factor, basis, held, .. } = self;
+        let entry = basis.entries(constraint);
+        let diagonal = entry(constraint) + constraint.softness;
+        let full = constraint.softness == 0.0
+            && held[..count].iter().filter(|held| held.softness == 0.0).count() >= basis.variables;
+        let floor = if full { f64::INFINITY } else { INDEPENDENT * diagonal };
+        let left = factor.reduce(|j| entry(&held[j]), diagonal);
+        let independent = left > floor;
+        if independent {
+            factor.append(left);
+        }
+        independent
+    }
+
+    /// Where a member stands in `is_held`.
+    fn place(&self, member: Member) -> usize {
+        match member {
+            Member::Row(row) => row,
+            Member::Cut { disc, .. } => self.basis.rows + disc,
+        }
+    }
+
+    /// One Newton step on the multipliers and the angles of all held tangents; false when no point is inside.
+    fn turn(&mut self, offsets: &[f64]) -> bool {
+        let count = self.held.len();
+        self.hold_angles();
+        let slope = self.aim();
+        let (share, mut blocking) = self.search(count, slope);
+        for ((held, multiplier), step) in self.held.iter().zip(&mut self.multipliers).zip(self.step.as_flattened()) {
+            self.basis.push(&mut self.x, held, share * step);
+            *multiplier += share * step;
+        }
+        self.read_angles(count);
+        self.held.truncate(count);
+        self.multipliers.truncate(count);
+
+        let mut from = self.turning.first().copied().unwrap_or(count);
+        self.turned.clear();
+        for t in (0..self.turning.len()).rev() {
+            let j = self.turning[t];
+            let member = self.working_set.members.remove(j);
+            let place = self.place(member);
+            self.is_held[place] = false;
+            self.held.remove(j);
+            self.turned.push((member, self.multipliers.remove(j)));
+            blocking = blocking.map(|b| if b > j { b - 1 } else { b });
+        }
+        if let Some(j) = blocking {
+            self.remove(j);
+            from = from.min(j);
+        }
+        self.rebuild(from);
+        self.observe(offsets);
+        let possible = (0..self.turned.len()).all(|t| {
+            let (member, multiplier) = self.turned[t];
+            self.join(member, multiplier, offsets)
+        });
+        self.restore();
+        self.observe(offsets);
+        possible
+    }
+
+    /// Adds, behind the members, one row for the angle of each held tangent.
+    fn hold_angles(&mut self) {
+        self.turning.clear();
+        for j in 0..self.held.len() {
+            if let Member::Cut { disc, towards } = self.working_set.members[j] {
+                let row = self.basis.turning(disc, towards, self.multipliers[j]);
+                let Self { factor, basis, held, .. } = self;
+                let entry = basis.entries(&row);
+                let left = factor.reduce(|j| entry(&held[j]), entry(&row) + row.softness);
+                factor.append(left.max(row.softness));
+                self.held.push(row);
+                self.multipliers.push(0.0);
+                self.turning.push(j);
+            }
+        }
+    }
+
+    /// How far to go along the step, and the row whose multiplier ends it: no row beyond its multiplier, and no farther
+    /// than the dual rises by its share. Where a tangent's force would turn over, the dual has a kink: looked at too.
+    fn search(&self, count: usize, slope: f64) -> (f64, Option<usize>) {
+        let steps = self.step.as_flattened();
+        let (mut share, mut blocking) = (1.0, None);
+        for (j, member) in self.working_set.members[..count].iter().enumerate() {
+            if matches!(member, Member::Row(_)) && self.multipliers[j] + share * steps[j] < 0.0 {
+                (share, blocking) = (-self.multipliers[j] / steps[j], Some(j));
+            }
+        }
+        for _ in 0..HALVINGS {
+            // The dual is concave: what rises more steeply than at first is rounding.
+            if (ARMIJO * share * slope..=share * slope).contains(&self.rise(share, slope)) {
+                break;
+            }
+            let kinks = self.turning.iter().map(|cut| -self.multipliers[*cut] / steps[*cut]);
+            (share, blocking) = (kinks.filter(|kink| *kink < share).fold(0.5 * share, f64::max), None);
+        }
+        (share, blocking)
+    }
+
+    /// Gives the tangents the angle and the multiplier that their two rows come to.
+    fn read_angles(&mut self, count: usize) {
+        for (sideways, cut) in (count..).zip(&self.turning) {
+            let (along, across) = (self.multipliers[*cut], self.multipliers[sideways]);
+            let Member::Cut { disc, towards: [cos, sin] } = self.working_set.members[*cut] else { continue };
+            let length = (along * along + across * across).sqrt();
+            if length > 0.0 {
+                let towards = [(along * cos - across * sin) / length, (along * sin + across * cos) / length];
+                self.multipliers[*cut] = length;
+                self.working_set.members[*cut] = Member::Cut { disc, towards };
+            }
+        }
+    }
+
+    /// `D` of the present multipliers.
+    fn objective(&self) -> f64 {
+        let slack =
+            |held: &Combination| held.slack(self.at_centre.as_flattened()) + held.slack(self.slacks.as_flattened());
+        -0.5 * self.held.iter().zip(&self.multipliers).map(|(held, multiplier)| multiplier * slack(held)).sum::<f64>()
+    }
+
+    /// By how much the dual objective rises over a share of the step, the true length of the turned forces included.
+    fn rise(&self, share: f64, slope: f64) -> f64 {
+        let count = self.working_set.members.len();
+        let mut rise = share * slope - 0.5 * share * share * slope;
+        for (sideways, cut) in (count..).zip(&self.turning) {
+            let across = share * self.step.as_flattened()[sideways];
+            let along = self.multipliers[*cut] + share * self.step.as_flattened()[*cut];
+            let length = along.hypot(across);
+            rise += 0.5 * across * across * self.held[sideways].softness;
+            rise -= if along > 0.0 { across * across / (length + along) } else { length - along };
+        }
+        rise
+    }
+
+    /// Forms `x` anew from the multipliers: where those come from far away, what was added up on the way is rounding.
+    fn restore(&mut self) {
+        let Self { x, centre, basis, held, multipliers, .. } = self;
+        x.copy_from_slice(centre);
+        held.iter().zip(multipliers).for_each(|(held, multiplier)| basis.push(x, held, *multiplier));
+    }
+
+    /// The entry of the working set's Gram block, softness included.
+    fn entry(&self, i: usize, j: usize) -> f64 {
+        let softness = if i == j { self.held[i].softness } else { 0.0 };
+        self.basis.entries(&self.held[i])(&self.held[j]) + softness
+    }
+
+    /// What must hold of the working set.
+    fn check_invariants(&self) {
+        debug_assert!(self.held.len() == self.working_set.members.len() && self.held.len() == self.multipliers.len());
+        debug_assert!(self.held.len() <= self.held.capacity(), "the working set outgrew its room");
+        debug_assert!(self.multipliers.iter().all(|multiplier| *multiplier >= 0.0), "{:?}", self.multipliers);
+        debug_assert!(self.factor.misfit(|i, j| self.entry(i, j)) < 1e-6, "the factor is not that of the Gram block");
+    }
+
+    /// A step to the optimum of the working set does not lower the dual, but for rounding; `first` is the dual of the first
+    /// violated constraint alone. Where that is blurred, the slacks' own rounding is far above the tolerance they are held
+    /// to, and nothing is promised.
+    fn check_rise(&self, before: f64, first: f64) {
+        if cfg!(debug_assertions) && first <= MAX_EXACT_DUAL {
+            let all = 0..self.held.len();
+            let force = |i: usize, j: usize| (self.multipliers[i] * self.entry(i, j) * self.multipliers[j]).abs();
+            let forces: f64 =
+                all.clone().flat_map(|i| all.clone().map(move |j| (i, j))).map(|(i, j)| force(i, j)).sum();
+            let slack = (1e-6 * before.abs().max(first)).max(DUAL_ROUNDING * forces);
+            let objective = self.objective();
+            assert!(objective >= before - slack, "a step fell to {objective:e} from {before:e}, of forces {forces:e}");
+        }
+    }
+}

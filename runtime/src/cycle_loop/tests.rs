@@ -1,0 +1,191 @@
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use super::*;
+use crate::fixture::Ring;
+use crate::output::Output;
+use crate::realtime::ControlPage;
+use crate::shared_role::Assignment;
+use contract::message::{Reference, State};
+use contract::scenario::{FaultKind, FaultTarget, Late, Mode};
+use contract::snapshot::SNAPSHOT_WORDS;
+
+const MEMORY: Snapshot = [7; SNAPSHOT_WORDS];
+
+/// Guidance as process `epoch`: its loop and its input.
+fn guidance(ring: &Ring, epoch: u32) -> (CycleLoop, Input<State>) {
+    let mut session = ring.session(Topic::Reference, epoch);
+    let input = session.input().unwrap();
+    (session.ready().unwrap(), input)
+}
+
+/// The plant has taken sample `tick`.
+fn sample(page: &ControlPage, tick: u64) {
+    page.role(Topic::State).done(1).set(tick as u32 + 1);
+    page.doorbell(Topic::State).ring();
+}
+
+/// What `wait` gives, which must not come before `event` has happened in another thread.
+fn only_after<T>(event: impl FnOnce() + Send, wait: impl FnOnce() -> T) -> T {
+    let happened = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            std::thread::sleep(Duration::from_millis(5));
+            happened.store(true, Ordering::SeqCst);
+            event();
+        });
+        let result = wait();
+        assert!(happened.load(Ordering::SeqCst), "it did not wait");
+        result
+    })
+}
+
+#[test]
+fn by_the_barrier_a_node_answers_once_to_each_sample() {
+    let ring = Ring::flying(Mode::Lockstep);
+    let (mut cycles, mut states) = guidance(&ring, 1);
+    sample(&ring.page, 0);
+    assert_eq!(cycles.next(&mut states).unwrap(), Some(0));
+    cycles.done(0, &MEMORY);
+    assert_eq!(ring.page.role(Topic::Reference).done(1).get(), 1);
+    assert_eq!(ring.page.role(Topic::Reference).memory.read(), Some(MEMORY));
+    let next = only_after(|| sample(&ring.page, 1), || cycles.next(&mut states));
+    assert_eq!(next.unwrap(), Some(1));
+}
+
+#[test]
+fn by_the_barrier_a_node_waits_for_the_one_before_it_unless_its_role_is_vacant() {
+    let ring = Ring::flying(Mode::Lockstep);
+    let mut session = ring.session(Topic::Controls, 1);
+    let mut references = session.input::<Reference>().unwrap();
+    let mut cycles = session.ready().unwrap();
+    sample(&ring.page, 0);
+    let guidance = ring.page.role(Topic::Reference);
+    let guidance_is_done = || {
+        guidance.done(1).set(1);
+        ring.page.doorbell(Topic::Reference).ring();
+    };
+    assert_eq!(only_after(guidance_is_done, || cycles.next(&mut references)).unwrap(), Some(0));
+    sample(&ring.page, 1);
+    guidance.dismiss(1);
+    assert_eq!(cycles.next(&mut references).unwrap(), Some(1));
+}
+
+#[test]
+fn by_the_barrier_a_process_begins_with_the_tick_that_it_is_let_in_with() {
+    let ring = Ring::flying(Mode::Lockstep);
+    let role = ring.page.role(Topic::Reference);
+    role.offer(2);
+    let (mut cycles, mut states) = guidance(&ring, 2);
+    sample(&ring.page, 8);
+    role.assign(9, |assignment| Assignment { standby: 2, ..assignment });
+    sample(&ring.page, 9);
+    assert_eq!(cycles.next(&mut states).unwrap(), Some(9));
+    cycles.done(9, &MEMORY);
+    assert_eq!((role.done(2).get(), role.memory.read()), (10, None), "a standby leaves the memory to the active one");
+}
+
+#[test]
+fn a_process_ends_when_another_has_taken_over_or_the_run_is_over() {
+    let ring = Ring::flying(Mode::Lockstep);
+    let role = ring.page.role(Topic::Reference);
+    role.offer(2);
+    let ((mut old, mut one), (mut new, mut other)) = (guidance(&ring, 1), guidance(&ring, 2));
+    role.assign(0, |_| Assignment { active: 2, standby: 0 });
+    assert_eq!(old.next(&mut one).unwrap(), None);
+    let leave = || ring.page.set_phase(phase::LEAVE);
+    assert_eq!(only_after(leave, || new.next(&mut other)).unwrap(), None);
+}
+
+#[test]
+fn a_fault_of_its_own_ends_a_process_instead_of_its_answer() {
+    let mut ring = Ring::flying(Mode::Realtime);
+    ring.run.run.rate_hz = 1000;
+    ring.run.fault = vec![Fault::new(FaultTarget::Guidance, FaultKind::Exit, 0.005, None)];
+    let (mut cycles, mut states) = guidance(&ring, 1);
+    ring.page.set_origin_ns(now_ns());
+    let end = (0..100).map(|_| cycles.next(&mut states)).find(|tick| !matches!(tick, Ok(Some(0..5))));
+    assert!(matches!(end, Some(Err(SessionError::FaultExit { tick: 5.. }))));
+}
+
+/// A ring against the clock with ten seconds between two samples, of which sample 0 was taken so long ago \[ns\].
+fn slow_ring(since_ns: u64) -> Ring {
+    let mut ring = Ring::flying(Mode::Realtime);
+    ring.run.deadline.plant_ms = Some(2_000.0);
+    ring.page.set_origin_ns(now_ns() - since_ns);
+    ring
+}
+
+/// Its guidance, with the timer set to ten seconds, as no scenario can.
+fn slow_guidance(ring: &Ring) -> (CycleLoop, Input<State>) {
+    let (mut cycles, states) = guidance(ring, 1);
+    cycles.member.release = Release::Timer { period_ns: TEN_S_NS };
+    (cycles, states)
+}
+
+const TEN_S_NS: u64 = 10_000_000_000;
+
+#[test]
+fn by_the_timer_a_node_answers_when_its_input_comes() {
+    let ring = slow_ring(0);
+    let mut plant = ring.session(Topic::State, 1);
+    let mut states: Output<State> = plant.output().unwrap();
+    let (mut cycles, mut input) = slow_guidance(&ring);
+    states.send(State::default(), Stamp::at(0, ring.page.origin_ns()));
+    assert_eq!(cycles.next(&mut input).unwrap(), Some(0));
+    let mut stamp = Stamp::default();
+    cycles.member.timing.report(&mut stamp);
+    assert_eq!(stamp.release_ns, input.newest().stamp.publish_ns[0], "it was due when the input was sent");
+    assert_eq!(cycles.provenance(0), Stamp::at(0, ring.page.origin_ns()));
+}
+
+#[test]
+fn by_the_timer_a_node_answers_without_its_input_when_that_is_late() {
+    let ring = slow_ring(3_000_000_000);
+    let (mut cycles, mut input) = slow_guidance(&ring);
+    assert_eq!(cycles.next(&mut input).unwrap(), Some(0), "due after 2 s, and 3 s have passed");
+    assert_eq!(cycles.sleep(TEN_S_NS, &mut input), Wake::LookAround, "sample 1 is to come");
+}
+
+#[test]
+fn by_the_timer_slots_that_were_slept_through_are_skipped_and_counted() {
+    let ring = slow_ring(3_000_000_000);
+    let (mut cycles, mut input) = slow_guidance(&ring);
+    assert_eq!(cycles.next(&mut input).unwrap(), Some(0));
+    ring.page.set_origin_ns(now_ns() - 4 * TEN_S_NS - 3_000_000_000);
+    assert_eq!(cycles.next(&mut input).unwrap(), Some(4));
+    let mut stamp = Stamp::default();
+    cycles.member.timing.report(&mut stamp);
+    assert_eq!(stamp.slips, 3);
+}
+
+#[test]
+fn by_the_timer_a_node_warms_up_once_before_a_sample() {
+    let ring = slow_ring(3_000_000_000);
+    let (mut cycles, mut input) = slow_guidance(&ring);
+    assert_eq!(cycles.next(&mut input).unwrap(), Some(0));
+    ring.page.set_origin_ns(now_ns() - TEN_S_NS + 260_000);
+    assert_eq!(cycles.sleep(TEN_S_NS, &mut input), Wake::WarmUp);
+    assert_eq!(cycles.sleep(TEN_S_NS, &mut input), Wake::LookAround);
+}
+
+#[test]
+fn by_the_timer_no_node_answers_to_a_sample_after_the_last() {
+    let ring = slow_ring(TEN_S_NS + 3_000_000_000);
+    let (mut cycles, mut input) = slow_guidance(&ring);
+    cycles.next = 1;
+    ring.page.set_samples(1);
+    assert_eq!(cycles.sleep(TEN_S_NS, &mut input), Wake::LookAround, "sample 1 would be late");
+    ring.page.set_samples(2);
+    assert!(matches!(cycles.sleep(TEN_S_NS, &mut input), Wake::Late(1, _)));
+}
+
+#[test]
+fn a_missed_deadline_with_the_policy_stop_ends_the_loop() {
+    let mut ring = Ring::flying(Mode::Realtime);
+    ring.run.deadline.policy = Late::Stop;
+    let (mut cycles, mut input) = guidance(&ring, 1);
+    let late = cycles.member.timing.ready(3, 0, 50_000_000);
+    assert_eq!(late, Some(Late::Stop));
+    assert!(matches!(cycles.next(&mut input), Err(SessionError::Late { tick: 3, .. })));
+}

@@ -1,0 +1,47 @@
+//! A ring in this process, for tests: sessions of several nodes may join it.
+
+use std::sync::Arc;
+
+use crate::ports::{Ports, Transport};
+use crate::queue::Queues;
+use crate::realtime::{ControlPage, phase};
+use crate::session::NodeSession;
+use crate::shared_role::Assignment;
+use contract::scenario::{Mode, Policy, Scenario};
+use contract::topic::Topic;
+
+/// The ring.
+pub struct Ring {
+    pub page: Arc<ControlPage>,
+    pub queues: Queues,
+    pub run: Scenario,
+}
+
+impl Ring {
+    /// With empty roles.
+    pub fn new(mode: Mode) -> Self {
+        let mut run = Scenario::default();
+        run.run.mode = mode;
+        run.realtime.policy = Policy::Other;
+        run.realtime.lock_memory = false;
+        run.realtime.rttime_ms = 0.0;
+        Self { page: Arc::new(ControlPage::private().expect("memory")), queues: Queues::default(), run }
+    }
+
+    /// That has begun, with epoch 1 active in every role.
+    pub fn flying(mode: Mode) -> Self {
+        let ring = Self::new(mode);
+        for topic in Topic::ALL {
+            ring.page.role(topic).assign(0, |_| Assignment { active: 1, standby: 0 });
+            ring.page.role(topic).offer(1);
+        }
+        ring.page.set_phase(phase::GO);
+        ring
+    }
+
+    /// A process of a node of it.
+    pub fn session(&self, topic: Topic, epoch: u32) -> NodeSession {
+        let ports = Ports::new(self.page.clone(), Transport::Queues(self.queues.clone()));
+        NodeSession::new(ports, topic, epoch, self.run.clone(), &self.run)
+    }
+}

@@ -1,0 +1,69 @@
+//! A node as a program: every node's `main.rs` is the same three lines around [`main`]; the launcher starts the same code
+//! as `launcher node NAME`.
+
+use std::path::Path;
+use std::process::ExitCode;
+
+use rustix::process::Signal;
+
+use crate::console;
+use crate::domain::Domain;
+use crate::error::SessionError;
+use crate::realtime;
+use crate::session::NodeSession;
+use contract::exit;
+
+/// Runs one node as this process: joins the namespace named in the arguments, runs, reports failure on stderr.
+///
+/// The process dies with its parent, the launcher.
+pub fn main(name: &str, run: fn(NodeSession) -> Result<(), SessionError>) -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let epoch_of = |word: &str| word.parse().ok().filter(|epoch| *epoch > 0);
+    let (namespace, epoch, own) = match words.as_slice() {
+        ["--namespace", namespace] => (namespace, Some(1), None),
+        ["--namespace", namespace, "--epoch", epoch] => (namespace, epoch_of(epoch), None),
+        ["--namespace", namespace, "--epoch", epoch, "--settings", own] => (namespace, epoch_of(epoch), Some(own)),
+        _ => return usage(name),
+    };
+    epoch.map_or_else(|| usage(name), |epoch| run_as(name, namespace, epoch, own.map(Path::new), run))
+}
+
+/// The same with the arguments given.
+pub fn run_as(
+    name: &str,
+    namespace: &str,
+    epoch: u32,
+    own: Option<&Path>,
+    run: fn(NodeSession) -> Result<(), SessionError>,
+) -> ExitCode {
+    realtime::tell_of_crashes();
+    let session = die_with_launcher(namespace).and_then(|()| NodeSession::join(namespace, name, epoch, own));
+    match session.and_then(run) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            console::eprint_line(&format!("{name}: {error}"));
+            let late = matches!(error, SessionError::Late { .. });
+            console::finish(if late { exit::BUDGET_BROKEN } else { exit::PROCESS_LOST })
+        }
+    }
+}
+
+/// From now on this process does not outlive its parent, which must be the launcher of `namespace`.
+///
+/// Programs other than ours the launcher binds before they begin ([`realtime::die_with_parent`]).
+pub fn die_with_launcher(namespace: &str) -> Result<(), SessionError> {
+    // Fails only for a signal number that does not exist.
+    let _ = rustix::process::set_parent_process_death_signal(Some(Signal::KILL));
+    // A launcher that died before that sends no signal any more: then the parent is another.
+    let parent = rustix::process::getppid().map(|pid| pid.as_raw_nonzero().get());
+    let launcher = Domain::find(namespace)?.launcher_pid();
+    if parent == launcher { Ok(()) } else { Err(SessionError::Orphan(namespace.into())) }
+}
+
+fn usage(name: &str) -> ExitCode {
+    console::eprint_line(&format!(
+        "usage: {name} --namespace NAME [--epoch NUMBER [--settings FILE]]\nThe launcher starts this program, which ends with it."
+    ));
+    console::finish(exit::USAGE)
+}

@@ -1,0 +1,207 @@
+//! The queues: how messages travel when one thread turns the ring.
+//!
+//! They do what [`crate::port`] does between processes: a listener has a queue of its depth for each publisher, which
+//! loses the oldest; one that joins later gets the last message of a publisher when that publisher sends again.
+
+use std::any::Any;
+use std::cell::{Cell, RefCell};
+use std::collections::VecDeque;
+use std::rc::Rc;
+
+use crate::error::{PortError, PortFailure};
+use crate::port::{Receive, Send, WarmUp};
+use contract::Topic;
+use contract::message::{Actuators, Controls, Message, Reference, State};
+
+/// The four topics of one ring.
+#[derive(Clone)]
+pub struct Queues {
+    topics: [Rc<dyn Any>; Topic::COUNT],
+    ports: Rc<Cell<u64>>,
+}
+
+/// The queues of all listeners of one topic.
+struct TopicQueues<M>(RefCell<Vec<Rc<Queue<M>>>>);
+
+impl<M> Default for TopicQueues<M> {
+    fn default() -> Self {
+        Self(RefCell::default())
+    }
+}
+
+/// A listener's queue: messages, each with the port that it was sent through.
+struct Queue<M> {
+    depth: usize,
+    /// Ports have numbers in the order in which they were opened.
+    number: u64,
+    messages: RefCell<VecDeque<(M, u64)>>,
+}
+
+/// A publisher's port.
+struct Sender<M> {
+    number: u64,
+    topic: Rc<TopicQueues<M>>,
+    last: Cell<Option<M>>,
+    /// The newest listener that it has sent to.
+    newest: Cell<u64>,
+}
+
+/// A listener's port. It leaves the topic when it is dropped.
+struct Receiver<M> {
+    queue: Rc<Queue<M>>,
+    topic: Rc<TopicQueues<M>>,
+}
+
+impl Default for Queues {
+    fn default() -> Self {
+        Self {
+            topics: [
+                Rc::<TopicQueues<State>>::default(),
+                Rc::<TopicQueues<Reference>>::default(),
+                Rc::<TopicQueues<Controls>>::default(),
+                Rc::<TopicQueues<Actuators>>::default(),
+            ],
+            ports: Rc::new(Cell::new(crate::shared_role::VACANT)),
+        }
+    }
+}
+
+impl Queues {
+    /// Opens the sending side of `M`'s topic.
+    pub fn sender<M: Message>(&self) -> Result<Rc<dyn Send<M>>, PortError> {
+        let (topic, number) = (self.topic()?, self.number());
+        // Listeners that are there already are sent to from the first message on.
+        Ok(Rc::new(Sender { number, topic, last: Cell::new(None), newest: Cell::new(number) }))
+    }
+
+    /// Opens the receiving side of `M`'s topic with a queue of `depth` for each publisher.
+    pub fn receiver<M: Message>(&self, depth: usize) -> Result<Rc<dyn Receive<M>>, PortError> {
+        let (topic, number) = (self.topic()?, self.number());
+        let queue = Rc::new(Queue { depth, number, messages: RefCell::default() });
+        topic.0.borrow_mut().push(queue.clone());
+        Ok(Rc::new(Receiver { queue, topic }))
+    }
+
+    fn topic<M: Message>(&self) -> Result<Rc<TopicQueues<M>>, PortError> {
+        let not_in_ring = || PortError::Service { topic: M::TOPIC.name(), reason: "no message of the ring".into() };
+        self.topics[M::TOPIC as usize].clone().downcast().map_err(|_| not_in_ring())
+    }
+
+    fn number(&self) -> u64 {
+        self.ports.set(self.ports.get() + 1);
+        self.ports.get()
+    }
+}
+
+impl<M: Copy> Queue<M> {
+    fn push(&self, message: &M, port: u64) {
+        let mut messages = self.messages.borrow_mut();
+        let full =
+            messages.len() >= self.depth && messages.iter().filter(|(_, from)| *from == port).count() == self.depth;
+        if full && let Some(oldest) = messages.iter().position(|(_, from)| *from == port) {
+            messages.remove(oldest);
+        }
+        messages.push_back((*message, port));
+    }
+}
+
+impl<M: Message> Send<M> for Sender<M> {
+    fn send(&self, message: &M) -> Result<(), PortFailure> {
+        let queues = self.topic.0.borrow();
+        let last = self.last.replace(Some(*message));
+        let newest = self.newest.get();
+        for queue in queues.iter() {
+            if let Some(last) = last.as_ref().filter(|_| queue.number > newest) {
+                queue.push(last, self.number);
+            }
+            queue.push(message, self.number);
+            self.newest.set(queue.number.max(self.newest.get()));
+        }
+        if queues.is_empty() { Err(PortFailure::Send) } else { Ok(()) }
+    }
+
+    fn number(&self) -> u64 {
+        self.number
+    }
+}
+
+impl<M> WarmUp for Sender<M> {
+    fn warm_up(&self) {}
+}
+
+impl<M: Message> Receive<M> for Receiver<M> {
+    fn receive(&self) -> Result<Option<(M, u64)>, PortFailure> {
+        Ok(self.queue.messages.borrow_mut().pop_front())
+    }
+
+    fn cannot_reach(&self, _port: u64) -> bool {
+        false
+    }
+
+    fn reconnect(&self) -> Result<(), PortError> {
+        Ok(())
+    }
+}
+
+impl<M> Drop for Receiver<M> {
+    fn drop(&mut self) {
+        self.topic.0.borrow_mut().retain(|queue| !Rc::ptr_eq(queue, &self.queue));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use contract::message::Stamp;
+
+    fn controls(tick: u64) -> Controls {
+        Controls { stamp: Stamp { tick, ..Stamp::default() }, ..Controls::default() }
+    }
+
+    fn ticks(receiver: &dyn Receive<Controls>) -> Vec<(u64, u64)> {
+        std::iter::from_fn(|| receiver.receive().unwrap()).map(|(message, port)| (message.stamp.tick, port)).collect()
+    }
+
+    #[test]
+    fn a_full_queue_loses_the_oldest_of_the_publisher_that_sends() {
+        let queues = Queues::default();
+        let (one, other) = (queues.sender::<Controls>().unwrap(), queues.sender::<Controls>().unwrap());
+        let receiver = queues.receiver::<Controls>(2).unwrap();
+        assert!(other.send(&controls(9)).is_ok());
+        for tick in 1..=3 {
+            assert!(one.send(&controls(tick)).is_ok());
+        }
+        assert_eq!(ticks(&*receiver), [(9, other.number()), (2, one.number()), (3, one.number())]);
+        assert_eq!(ticks(&*receiver), []);
+    }
+
+    #[test]
+    fn a_listener_that_joins_later_gets_the_last_message_with_the_next() {
+        let queues = Queues::default();
+        let sender = queues.sender::<Controls>().unwrap();
+        assert!(sender.send(&controls(1)).is_err(), "no listener is there");
+        let receiver = queues.receiver::<Controls>(2).unwrap();
+        assert_eq!(ticks(&*receiver), []);
+        assert!(sender.send(&controls(2)).is_ok() && sender.send(&controls(3)).is_ok());
+        assert_eq!(
+            ticks(&*receiver).iter().map(|(tick, _)| *tick).collect::<Vec<_>>(),
+            [2, 3],
+            "1 is the oldest of three"
+        );
+        let late = queues.receiver::<Controls>(2).unwrap();
+        assert!(sender.send(&controls(4)).is_ok());
+        assert_eq!(ticks(&*late).iter().map(|(tick, _)| *tick).collect::<Vec<_>>(), [3, 4]);
+        assert_eq!(ticks(&*receiver).len(), 1);
+    }
+
+    #[test]
+    fn a_publisher_begins_with_its_first_message_for_listeners_that_were_there() {
+        let queues = Queues::default();
+        let receiver = queues.receiver::<Controls>(2).unwrap();
+        let sender = queues.sender::<Controls>().unwrap();
+        assert!(sender.send(&controls(1)).is_ok());
+        assert_eq!(ticks(&*receiver).len(), 1);
+        drop(receiver);
+        assert!(sender.send(&controls(2)).is_err());
+    }
+}

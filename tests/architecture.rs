@@ -1,0 +1,132 @@
+//! The rooms: the arrows between crates, the files inside them, and what each room may touch.
+
+mod sources;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+use std::process::Command;
+
+use serde_json::Value;
+
+use crate::harness::top;
+use sources::{Crate, Source};
+
+/// The rooms from the ground up. A room depends only on rooms of the lines above its own.
+const ORDER: [&[&str]; 9] =
+    [&["qp"], &["airframe"], &["contract"], &["runtime"], &NODES, &["flight"], &["view"], &["measure"], &["launcher"]];
+
+const NODES: [&str; 4] = ["plant", "guidance", "attitude-mpc", "mixer"];
+
+/// Files that lie on a circle today. The list only shrinks: a file that is no longer on one must leave it.
+const KNOWN: &str = include_str!("architecture/known_circles.txt");
+
+/// The packages of the workspace, as `cargo metadata` describes them.
+fn packages() -> Vec<Value> {
+    let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned());
+    let arguments = ["metadata", "--no-deps", "--offline", "--format-version", "1"];
+    let output = Command::new(cargo).args(arguments).current_dir(top()).output().expect("cargo runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let metadata: Value = serde_json::from_slice(&output.stdout).expect("metadata is JSON");
+    metadata["packages"].as_array().expect("packages").clone()
+}
+
+/// What each package links: its normal dependencies.
+fn links() -> BTreeMap<String, BTreeSet<String>> {
+    let word = |value: &Value| value.as_str().expect("a name").to_owned();
+    let normal = |package: &Value| {
+        let all = package["dependencies"].as_array().expect("dependencies");
+        all.iter()
+            .filter(|dependency| dependency["kind"].is_null())
+            .map(|dependency| word(&dependency["name"]))
+            .collect()
+    };
+    packages().iter().map(|package| (word(&package["name"]), normal(package))).collect()
+}
+
+/// The libraries and programs of all packages, parsed.
+fn crates() -> Vec<Crate> {
+    let targets = packages().into_iter().flat_map(|package| package["targets"].as_array().expect("targets").clone());
+    let built =
+        targets.filter(|target| target["kind"] == "lib" || ["lib", "bin"].iter().any(|k| target["kind"][0] == *k));
+    built.map(|target| Crate::read(Path::new(target["src_path"].as_str().expect("a path")))).collect()
+}
+
+fn level(room: &str) -> Option<usize> {
+    ORDER.iter().position(|rooms| rooms.contains(&room))
+}
+
+#[test]
+fn every_package_is_a_room_and_arrows_between_rooms_run_one_way() {
+    for (room, links) in links() {
+        let own = level(&room).unwrap_or_else(|| panic!("{room} has no place in the order of rooms"));
+        for link in links {
+            assert!(level(&link).is_none_or(|below| below < own), "{room} depends on {link}");
+        }
+    }
+}
+
+#[test]
+fn a_controller_links_the_contract_the_vehicle_and_the_solver_and_no_other_room() {
+    let links = links();
+    let mut linked = BTreeSet::new();
+    let mut open = vec!["runtime".to_owned()];
+    while let Some(room) = open.pop() {
+        open.extend(links[&room].iter().filter(|link| level(link).is_some()).cloned());
+        linked.insert(room);
+    }
+    assert_eq!(linked, BTreeSet::from(["airframe", "contract", "qp", "runtime"].map(str::to_owned)));
+}
+
+#[test]
+fn runtime_alone_depends_on_iceoryx2_and_the_contract_on_the_trait_of_its_messages() {
+    for (room, links) in links() {
+        let iceoryx2: Vec<&str> =
+            links.iter().filter(|link| link.starts_with("iceoryx2")).map(String::as_str).collect();
+        match room.as_str() {
+            "runtime" => assert!(iceoryx2.contains(&"iceoryx2")),
+            "contract" => {
+                assert_eq!(iceoryx2, ["iceoryx2-bb-derive-macros", "iceoryx2-bb-elementary-traits"]);
+            }
+            _ => assert!(iceoryx2.is_empty(), "{room} depends on {iceoryx2:?}"),
+        }
+    }
+}
+
+#[test]
+fn no_files_of_a_crate_use_each_other_in_a_circle() {
+    let crates = crates();
+    assert!(crates.iter().map(|c| c.sources.len()).sum::<usize>() > 100, "the sources were found");
+    let circles: Vec<Vec<String>> = crates.iter().flat_map(Crate::circles).collect();
+    let found: BTreeSet<&str> = circles.iter().flatten().map(String::as_str).collect();
+    let known: BTreeSet<&str> = KNOWN.lines().collect();
+    let edges: Vec<String> = crates.iter().flat_map(|c| c.edges_inside(&found)).collect();
+    let new: Vec<_> = found.difference(&known).collect();
+    assert!(new.is_empty(), "new on a circle: {new:#?}\ncircles: {circles:#?}\narrows in them: {edges:#?}");
+    let gone: Vec<_> = known.difference(&found).collect();
+    assert!(gone.is_empty(), "no longer on a circle, to be deleted from known_circles.txt: {gone:#?}");
+}
+
+#[test]
+fn unsafe_code_stays_in_realtime() {
+    let all = crates();
+    let unsafe_files: Vec<&Source> = all.iter().flat_map(|c| &c.sources).filter(|source| source.is_unsafe).collect();
+    assert!(!unsafe_files.is_empty(), "the operating system is called somewhere");
+    for source in unsafe_files {
+        assert!(source.path.starts_with("runtime/src/realtime"), "{} holds unsafe code", source.path);
+    }
+}
+
+#[test]
+fn no_node_reads_the_clock_the_disk_or_the_environment() {
+    let forbidden = ["std::env", "std::fs", "std::io", "std::net", "std::process", "std::thread", "std::time"];
+    let all = crates();
+    let is_node = |source: &&Source| NODES.iter().any(|node| source.path.starts_with(&format!("{node}/src/")));
+    for source in all.iter().flat_map(|c| &c.sources).filter(is_node) {
+        for path in source.foreign_paths() {
+            let is_forbidden = forbidden.iter().any(|word| path == *word || path.starts_with(&format!("{word}::")));
+            let is_main = source.path.ends_with("main.rs") || source.path.ends_with("process.rs");
+            assert!(!is_forbidden || (is_main && path == "std::process::ExitCode"), "{} uses {path}", source.path);
+            assert!(!path.starts_with("runtime::realtime"), "{} uses {path}", source.path);
+        }
+    }
+}
