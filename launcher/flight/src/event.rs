@@ -112,18 +112,6 @@ impl Event {
     }
 }
 
-/// Tells of process `epoch`, which counts as dead in the newest `events`, that it could not be started, and `why`.
-pub fn not_started(events: &mut [Event], epoch: u32, why: &str) {
-    for event in events.iter_mut().filter(|event| event.epoch == epoch) {
-        let told = Event { why: None, ..event.clone() };
-        match event.what {
-            What::Died => *event = Event { what: What::NotStarted, ..told }.because(why),
-            What::Rejected => *event = told.because(why),
-            _ => {}
-        }
-    }
-}
-
 /// The first candidate that could not even be tried.
 pub fn untried(events: &[Event]) -> Option<&Event> {
     let of = |event: &Event, what| (event.what == what).then_some((event.node.clone(), event.epoch));

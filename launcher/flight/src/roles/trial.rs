@@ -22,7 +22,6 @@ use guidance::Trajectory;
 
 use super::answer::{Answer, Scale};
 use super::similarity::Similarity;
-use crate::event::What;
 use crate::log::Record;
 
 /// How long answers are remembered until they are judged: against the clock the launcher may look late \[s\].
@@ -98,11 +97,6 @@ impl Trial {
             strayed: None,
             seen: Seen::default(),
         }
-    }
-
-    /// How it ends if the candidate dies.
-    pub fn ending_by_death(&self) -> What {
-        if self.active { What::Returned } else { What::Rejected }
     }
 
     /// Takes one message in.
