@@ -170,7 +170,7 @@ mod tests {
 
     #[test]
     fn hover_is_inside_every_set() {
-        assert!(set(&Scenario::of(Profile::Paper)).is_none());
+        assert!(set(&Scenario::from(Profile::Paper)).is_none());
         for constraints in [Constraints::Box, Constraints::Cone] {
             let mut scenario = Scenario::default();
             scenario.mpc.constraints = constraints;
@@ -229,7 +229,7 @@ mod tests {
 
     #[test]
     fn val_box_with_the_limits_of_the_paper() {
-        let mut scenario = Scenario::of(Profile::Paper);
+        let mut scenario = Scenario::from(Profile::Paper);
         scenario.mpc.constraints = Constraints::Box;
         let rows = set(&scenario).unwrap().moves.linear;
         for (key, side) in [("lo", 0), ("hi", 1)] {

@@ -45,7 +45,7 @@ mod tests {
 
     /// Runs the model with a disturbance that the estimate does not know, and the estimate beside it.
     fn converges(profile: Profile) {
-        let model = PredictionModel::new(&Scenario::of(profile));
+        let model = PredictionModel::new(&Scenario::from(profile));
         let law = DisturbanceLaw::new(&Scenario::default().airframe, 0.2, 0.01).unwrap();
         let truth = Vector4::new(1.0, -0.1, 0.2, 0.05);
         let u = Vector4::new(-0.5, 0.03, 0.0, 0.01);

@@ -101,7 +101,7 @@ fn case(case: &Value) -> Case {
 }
 
 fn scenario(cfg: &Value) -> Scenario {
-    let mut scenario = Scenario::of(Profile::Paper);
+    let mut scenario = Scenario::from(Profile::Paper);
     let mpc = &mut scenario.mpc;
     mpc.q = std::array::from_fn(|i| number(&cfg["Q"][i]));
     mpc.r = std::array::from_fn(|i| number(&cfg["R"][i]));

@@ -122,10 +122,10 @@ mod tests {
 
     #[test]
     fn val_discretised_model() {
-        let paper = PredictionModel::new(&Scenario::of(Profile::Paper));
+        let paper = PredictionModel::new(&Scenario::from(Profile::Paper));
         fixture::assert_matrix(&paper.a, &fixture::matrix("Ad"));
         fixture::assert_matrix(&paper.b, &fixture::matrix("Bd"));
-        let robust = PredictionModel::new(&Scenario::of(Profile::Robust));
+        let robust = PredictionModel::new(&Scenario::from(Profile::Robust));
         fixture::assert_matrix(&robust.a, &fixture::matrix("Ad_lag30"));
         fixture::assert_matrix(&robust.b, &fixture::matrix("Bd_lag30"));
     }

@@ -35,7 +35,7 @@ pub fn demand_violation(scenario: &Scenario, demand: [f64; 4]) -> f64 {
 #[test]
 fn hover_asks_for_nothing() {
     for profile in [Profile::Paper, Profile::Robust] {
-        let mut mpc = AttitudeMpc::new(&Scenario::of(profile));
+        let mut mpc = AttitudeMpc::new(&Scenario::from(profile));
         for tick in 0..10 {
             let (state, reference) = hover(&mpc, tick);
             let controls = mpc.step(state.stamp.tick, &state, &reference);
@@ -53,7 +53,7 @@ fn each_reference_pushes_its_own_way() {
 }
 
 fn check_directions(law: Law) {
-    let mut scenario = Scenario::of(Profile::Robust);
+    let mut scenario = Scenario::from(Profile::Robust);
     scenario.mpc.constraints = Constraints::None;
     scenario.mpc.law = law;
     let demand = |change: fn(&mut Reference)| {

@@ -27,7 +27,7 @@ fn the_explicit_path_allocates_nothing() {
     for (profile, constraints) in
         [(Profile::Paper, Constraints::None), (Profile::Robust, Constraints::Box), (Profile::Robust, Constraints::Cone)]
     {
-        let mut scenario = Scenario::of(profile);
+        let mut scenario = Scenario::from(profile);
         scenario.mpc.constraints = constraints;
         scenario.mpc.disturbance_gain = 0.1;
         let mut mpc = AttitudeMpc::new(&scenario);
@@ -48,7 +48,7 @@ fn a_solve_allocates_what_clarabel_does_and_nothing_with_the_active_set() {
         (Solver::ActiveSet, StateConstraints::None, 0),
         (Solver::ActiveSet, StateConstraints::Soft, 0),
     ] {
-        let mut scenario = Scenario::of(Profile::Robust);
+        let mut scenario = Scenario::from(Profile::Robust);
         scenario.mpc.solver = solver;
         scenario.mpc.state_constraints = soft;
         scenario.mpc.rates_limit_dps = [90.0; 3];
@@ -63,7 +63,7 @@ fn a_solve_allocates_what_clarabel_does_and_nothing_with_the_active_set() {
 #[test]
 fn a_failing_solver_allocates_no_more() {
     for (solver, expected) in [(Solver::Clarabel, 1), (Solver::ActiveSet, 0)] {
-        let mut scenario = Scenario::of(Profile::Robust);
+        let mut scenario = Scenario::from(Profile::Robust);
         scenario.mpc.solver = solver;
         scenario.fault = vec![Fault::new(FaultTarget::Mpc, FaultKind::Infeasible, 0.0, None)];
         let mut mpc = AttitudeMpc::new(&scenario);

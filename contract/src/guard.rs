@@ -4,7 +4,7 @@
 //! layout -> epoch -> publisher -> order -> age -> range -> checksum -> newest
 //!   |         |        |            |       |       |         |
 //!   port      |        input        |       |       |         bits changed on the way
-//!   refuses   |        refuses      |       |       not finite, or beyond the limits of `Plausible`
+//!   refuses   |        refuses      |       |       not finite, or beyond its limit
 //!             |                     |       not later than the newest, or of a sample yet to come
 //!             |                     older than the newest, or the same again
 //!             not from the active process
@@ -27,7 +27,7 @@ pub enum Refusal {
     Order = 2,
     /// Its sample is not later than the newest, or is yet to come.
     Age = 3,
-    /// A number is not finite, or beyond its limit: see [`Plausible`](crate::message::Plausible).
+    /// A number is not finite, or beyond its limit: see [`Message::plausible`](crate::message::Message::plausible).
     Range = 4,
     /// The checksum does not fit.
     Checksum = 5,

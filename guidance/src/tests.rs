@@ -11,7 +11,7 @@ mod reentry;
 mod silence;
 
 fn scenario(profile: Profile, trajectory: TrajectoryKind) -> Scenario {
-    let mut scenario = Scenario::of(profile);
+    let mut scenario = Scenario::from(profile);
     scenario.mission.trajectory = trajectory;
     scenario
 }
@@ -181,7 +181,7 @@ fn headings_step() {
 
 #[test]
 fn val_survey_reference() {
-    let s = Scenario::of(Profile::Paper);
+    let s = Scenario::from(Profile::Paper);
     let trajectory = Trajectory::new(&s.mission);
     // Reference position of the independent simulator at 0.1 s and, by symmetry, halfway up.
     assert!((trajectory.at(0.1).position_m[2] + 0.003_137_254_9).abs() < 1e-10);
@@ -193,7 +193,7 @@ fn val_survey_reference() {
 #[test]
 fn val_ramps_begin_at_their_instant() {
     // The independent simulator's feed-forward, theta_ref = -a_x / g, changes on the very sample a ramp begins.
-    let trajectory = Trajectory::new(&Scenario::of(Profile::Paper).mission);
+    let trajectory = Trajectory::new(&Scenario::from(Profile::Paper).mission);
     let full = 8.0 / 8.5 / 1.5;
     for (t, expected) in [(10.0, full), (11.49, full), (11.5, 0.0), (18.49, 0.0), (18.5, -full), (20.0, 0.0)] {
         assert!((trajectory.at(t).acceleration_mps2[0] - expected).abs() < 1e-12, "at {t} s");

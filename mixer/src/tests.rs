@@ -24,7 +24,7 @@ fn answer(scenario: &Scenario, demand: [f64; 4]) -> Actuators {
 }
 
 fn mix(demand: [f64; 4]) -> Actuators {
-    answer(&Scenario::of(Profile::Paper), demand)
+    answer(&Scenario::from(Profile::Paper), demand)
 }
 
 #[test]
@@ -42,7 +42,7 @@ fn demands_move_the_right_actuators() {
 #[test]
 fn limits_hold_and_raise_their_flags() {
     let full = mix([-1e3, 0.0, 0.0, 0.0]);
-    let limits = Scenario::of(Profile::Paper).limits();
+    let limits = Scenario::from(Profile::Paper).limits();
     assert_eq!(full.command.rotor_speed, limits.rotor_speed_max);
     assert_eq!(full.flags, 0b111);
     let negative = mix([4.0, 1.2, 1.5, 0.0]);
@@ -72,7 +72,7 @@ fn a_square_of_exactly_zero_stops_its_rotor_and_is_not_negative() {
 
 #[test]
 fn each_actuator_beyond_its_limit_raises_its_own_flag_beside_those_given() {
-    let mut mixer = Mixer::new(&Scenario::of(Profile::Paper));
+    let mut mixer = Mixer::new(&Scenario::from(Profile::Paper));
     let mixing = MixingMatrix::new(&Parameters::default(), false);
     let mut flags = |rotor_speed: [f64; 3], tilt_rad: f64| {
         mixer.allocate(&mixing.deviation(&Actuation { rotor_speed, tilt_rad }), mixer_flags::HELD).flags
@@ -183,7 +183,7 @@ proptest! {
 fn scenario() -> impl Strategy<Value = Scenario> {
     let idle = prop_oneof![Just(0.0), 0.0..600.0_f64];
     (idle, 1.15..3.0_f64, 35.0..=90.0_f64, any::<bool>()).prop_map(|(idle, ratio, tilt_max_deg, tilt_reaction)| {
-        let mut scenario = Scenario::of(Profile::Robust);
+        let mut scenario = Scenario::from(Profile::Robust);
         scenario.plant.rotor_speed_min = idle;
         scenario.plant.rotor_speed_max_ratio = ratio;
         scenario.plant.tilt_max_deg = tilt_max_deg;

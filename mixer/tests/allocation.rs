@@ -7,7 +7,7 @@ use mixer::Mixer;
 
 #[test]
 fn a_step_allocates_nothing() {
-    let mut mixer = Mixer::new(&Scenario::of(Profile::Robust));
+    let mut mixer = Mixer::new(&Scenario::from(Profile::Robust));
     let cases = [
         ([0.1, 0.0, 0.0, 0.0], 0),
         ([-50.0, 1.0, -1.0, 5.0], mixer_flags::PROJECTED),

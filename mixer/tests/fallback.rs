@@ -22,7 +22,7 @@ struct Flight {
 impl Flight {
     /// At trim but for an attitude \[rad\] and rates \[rad/s\], after one demand to hover.
     fn start(profile: Profile, rate_hz: u32, attitude_rad: [f64; 3], rates_radps: [f64; 3]) -> Self {
-        let mut scenario = Scenario::of(profile);
+        let mut scenario = Scenario::from(profile);
         scenario.run.rate_hz = rate_hz;
         let Trim { roll_rad, actuation } = Trim::solve(&scenario.airframe, false);
         let mut motion = Kinematics { attitude_rad, rates_radps, ..Kinematics::default() };

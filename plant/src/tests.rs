@@ -11,7 +11,7 @@ use super::*;
 const MS: u64 = 1_000_000;
 
 fn scenario() -> Scenario {
-    Scenario::of(Profile::Paper)
+    Scenario::from(Profile::Paper)
 }
 
 fn numbers<const N: usize>(value: &Value) -> [f64; N] {

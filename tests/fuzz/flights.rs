@@ -109,7 +109,7 @@ fn changed(key: &str, value: &Value, (_, size, which): Change) -> Value {
 
 /// The settings of `changes` to a profile, each as after `--set`.
 fn sets(profile: Profile, changes: &[Change]) -> Vec<String> {
-    let table: Table = to_toml(&Scenario::of(profile)).parse().expect("a scenario is TOML");
+    let table: Table = to_toml(&Scenario::from(profile)).parse().expect("a scenario is TOML");
     let mut all = vec![];
     leaves("", &table, &mut all);
     all.retain(|(key, _)| !["profile", "run.mode", "run.duration_s", "fault", "swap"].contains(&key.as_str()));

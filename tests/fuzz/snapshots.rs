@@ -17,7 +17,7 @@ use super::cases;
 /// Controllers of every kind: without constraints, with them, and the two other laws.
 fn scenario() -> impl Strategy<Value = Scenario> {
     let of = |profile, law| {
-        let mut scenario = Scenario::of(profile);
+        let mut scenario = Scenario::from(profile);
         scenario.mpc.law = law;
         scenario
     };

@@ -49,7 +49,7 @@ fn the_gain_minimises_the_printed_cost() {
         (Profile::Robust, 3, 3, Terminal::Q),
         (Profile::Paper, 1, 1, Terminal::Q),
     ] {
-        let mut scenario = Scenario::of(profile);
+        let mut scenario = Scenario::from(profile);
         scenario.mpc = Mpc { np, nu, terminal, ..scenario.mpc };
         let (model, condensed) = condensed(&scenario);
         let given = DVector::from_fn(model.states() + STATES + INPUTS, |i, _| (1.0 + i as f64).sin() * 0.3);
@@ -73,7 +73,7 @@ fn the_gain_minimises_the_printed_cost() {
 fn val_first_move_gains() {
     // The reference gives u = -K x + Kr r; with the lag, its r has targets for the lag states too, and ours has not.
     for (profile, k, kr) in [(Profile::Paper, "K_B0", "Kr_B0"), (Profile::Robust, "K_B2", "Kr_B2")] {
-        let (model, condensed) = condensed(&Scenario::of(profile));
+        let (model, condensed) = condensed(&Scenario::from(profile));
         let n = model.states();
         let by = |from: usize, columns: usize| condensed.gain.view((0, from), (INPUTS, columns)).into_owned();
         fixture::assert_matrix(&-by(0, n), &fixture::matrix(k));
@@ -84,7 +84,7 @@ fn val_first_move_gains() {
 #[test]
 fn the_disturbance_is_cancelled_at_rest() {
     for profile in [Profile::Paper, Profile::Robust] {
-        let (model, condensed) = condensed(&Scenario::of(profile));
+        let (model, condensed) = condensed(&Scenario::from(profile));
         let n = model.states();
         let d = Vector4::new(1.0, -0.2, 0.1, 0.3);
         let mut given = DVector::zeros(n + STATES + INPUTS);
@@ -109,7 +109,7 @@ fn the_longest_horizon_is_still_finite() {
 #[test]
 fn weights_that_rounding_makes_singular_are_refused() {
     let share = |profile: Profile, set: fn(&mut Mpc)| {
-        let mut scenario = Scenario::of(profile);
+        let mut scenario = Scenario::from(profile);
         set(&mut scenario.mpc);
         let hessian = Condensed::new(&PredictionModel::new(&scenario), &scenario.mpc).ok()?.hessian;
         let lower = hessian.clone().cholesky()?.l();

@@ -4,12 +4,9 @@ use contract::scenario::FaultKind;
 use nalgebra::{DMatrix, DVector};
 use qp::{ActiveSet, Member, WorkingSet};
 
-use super::{Outcome, Verdict};
+use super::outcome::{CONTRADICTION, Outcome, Verdict};
 use crate::constraints::PlanSet;
 use crate::memory::{Held, MAX_HELD, WarmStart};
-
-/// What a fault takes from a slack to leave no plan: more than any plan has.
-const CONTRADICTION: f64 = 1e6;
 
 /// The solver of one set-up.
 pub struct ActiveSetSolver {

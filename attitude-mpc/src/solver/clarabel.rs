@@ -14,7 +14,7 @@ use clarabel::solver::{
 use contract::scenario::FaultKind;
 use nalgebra::{DMatrix, DVector, DVectorViewMut, RowDVector};
 
-use super::{Limits, Outcome, Verdict};
+use super::outcome::{CONTRADICTION, Limits, Outcome, Verdict};
 use crate::constraints::{PlanSet, StateLimits};
 
 /// Gap and feasibility asked of the solver: what is left of the first move is below 1 mN.
@@ -23,8 +23,6 @@ const TOLERANCE: f64 = 1e-9;
 const REDUCED_TOLERANCE: f64 = 1e-7;
 /// Excess of a state, as a share of its limit, that is left as it is.
 const NEGLIGIBLE_EXCESS: f64 = 1e-9;
-/// What a fault takes from a slack to leave no plan: more than any plan has.
-const CONTRADICTION: f64 = 1e6;
 
 /// The solver of one set-up.
 pub struct ConicSolver {

@@ -14,9 +14,12 @@
 
 pub mod active_set;
 pub mod clarabel;
+mod outcome;
+
+pub use self::outcome::{Limits, Outcome, Verdict};
 
 use contract::Scenario;
-use contract::scenario::{FaultKind, Mode, Solver as Choice};
+use contract::scenario::{FaultKind, Solver as Choice};
 use nalgebra::{DMatrix, DVector};
 
 use self::active_set::ActiveSetSolver;
@@ -30,44 +33,6 @@ pub enum Solver {
     Clarabel(Box<ConicSolver>),
     /// `mpc.solver = "active-set"`
     ActiveSet(Box<ActiveSetSolver>),
-}
-
-/// What a solve came to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Verdict {
-    /// The optimum, to the solver's tolerance.
-    Solved,
-    /// Iterations or time ran out: the last iterate, which may be outside the set.
-    LimitReached,
-    /// Nothing.
-    Failed,
-}
-
-/// How a solve went.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Outcome {
-    /// What it came to.
-    pub verdict: Verdict,
-    /// Iterations it took.
-    pub iterations: u64,
-}
-
-/// What a solve is granted.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Limits {
-    /// Iterations.
-    pub iterations: u32,
-    /// Time \[s\].
-    pub time_s: f64,
-}
-
-impl Limits {
-    /// The limits of a scenario: time only where there is a clock.
-    pub fn of(scenario: &Scenario) -> Self {
-        let timed = scenario.run.mode == Mode::Realtime && scenario.mpc.time_limit_ms > 0.0;
-        let time_s = if timed { scenario.mpc.time_limit_ms / 1e3 } else { f64::INFINITY };
-        Self { iterations: scenario.mpc.max_iterations, time_s }
-    }
 }
 
 impl Solver {

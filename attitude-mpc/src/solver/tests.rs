@@ -17,7 +17,7 @@ struct SetUp {
 }
 
 fn set_up(solver: Choice, change: impl FnOnce(&mut Scenario)) -> SetUp {
-    let mut scenario = Scenario::of(Profile::Robust);
+    let mut scenario = Scenario::from(Profile::Robust);
     scenario.mpc.solver = solver;
     scenario.mpc.time_limit_ms = 0.0; // what is found must not depend on the machine
     change(&mut scenario);

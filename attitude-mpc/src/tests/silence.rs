@@ -13,7 +13,7 @@ use crate::memory::{Held, MAX_HELD, Memory, WarmStart, Whole};
 #[test]
 fn without_a_fresh_state_the_demand_is_repeated_and_says_so() {
     for profile in [Profile::Paper, Profile::Robust] {
-        let mut mpc = AttitudeMpc::new(&Scenario::of(profile));
+        let mut mpc = AttitudeMpc::new(&Scenario::from(profile));
         let (state, mut reference) = hover(&mpc, 0);
         let none = mpc.step(0, &State::default(), &reference);
         assert_eq!((none.status, none.demand), (SolveStatus::Stale as u64, [0.0; 4]));
@@ -102,7 +102,7 @@ fn a_bad_snapshot_changes_nothing() {
     torn[20] ^= 1;
     let bad = Memory { demand: [f64::NAN; 4].into(), ..memory };
     let bad = snapshot::pack(&Whole { memory: bad, warm_start: WarmStart::default() });
-    let other_model = AttitudeMpc::new(&Scenario::of(Profile::Paper)).snapshot();
+    let other_model = AttitudeMpc::new(&Scenario::from(Profile::Paper)).snapshot();
     for snapshot in [torn, bad, other_model, [0; SNAPSHOT_WORDS]] {
         assert!(!mpc.restore(&snapshot));
         assert_eq!(mpc.memory, memory);
@@ -162,7 +162,7 @@ proptest! {
         path in prop::collection::vec((prop::array::uniform7(-1.5..1.5_f64), 0_u64..3), 4..30), until in 1_usize..4,
         [paper, own, soft, pid] in prop::array::uniform4(prop::bool::ANY),
     ) {
-        let mut scenario = Scenario::of(if paper { Profile::Paper } else { Profile::Robust });
+        let mut scenario = Scenario::from(if paper { Profile::Paper } else { Profile::Robust });
         scenario.mpc.solver = if own { Solver::ActiveSet } else { Solver::Clarabel };
         scenario.mpc.state_constraints = if soft { StateConstraints::Soft } else { StateConstraints::None };
         scenario.mpc.constraints = Constraints::Cone;

@@ -1,11 +1,38 @@
-//! The stamp of a message: which plant sample it descends from, through which messages, and when each was published.
+//! What all messages have in common: the stamp, which says which plant sample a message descends from, through which
+//! messages, and when each was published.
 
 use bytemuck::{Pod, Zeroable};
 
-use super::Message;
 use crate::Topic;
+use crate::integrity::checksum;
 use iceoryx2_bb_derive_macros::ZeroCopySend;
 use iceoryx2_bb_elementary_traits::zero_copy_send::ZeroCopySend;
+
+/// What all four messages have in common.
+pub trait Message: Pod + Default + std::fmt::Debug + Send {
+    /// The topic it travels on.
+    const TOPIC: Topic;
+    /// Provenance and timing.
+    fn stamp(&self) -> &Stamp;
+    /// The same, for the process that publishes it.
+    fn stamp_mut(&mut self) -> &mut Stamp;
+
+    /// Whether every number that a receiver computes with is finite and within its limit.
+    fn plausible(&self) -> bool;
+
+    /// The message with the checksum that its bits have.
+    #[must_use]
+    fn with_checksum(mut self) -> Self {
+        self.stamp_mut().checksum = 0;
+        self.stamp_mut().checksum = checksum(&self);
+        self
+    }
+
+    /// Whether the checksum fits the bits.
+    fn is_intact(&self) -> bool {
+        self.with_checksum().stamp().checksum == self.stamp().checksum
+    }
+}
 
 /// Provenance and timing of one message. All times are `CLOCK_MONOTONIC` nanoseconds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ZeroCopySend, Pod, Zeroable)]

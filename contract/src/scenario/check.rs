@@ -1,6 +1,7 @@
 //! What settings mean together: ranges of single numbers, and what must hold between them.
 
 mod faults;
+mod found;
 mod ranges;
 mod swaps;
 #[cfg(test)]
@@ -9,26 +10,17 @@ mod tests;
 use airframe::Trim;
 use toml::{Table, Value};
 
-use super::{Fault, Heading, Late, Mission, Ramp, Scenario, ScenarioError, Swap, TrajectoryKind};
+pub use self::found::Violation;
+pub use self::swaps::LoadCandidate;
 
-/// One rule broken.
-pub struct Violation {
-    /// Dotted keys that take part, the most likely culprit first.
-    pub keys: Vec<String>,
-    /// What is wrong.
-    pub what: String,
-    /// What would be right.
-    pub allowed: String,
-}
-
-/// Loads the settings of a swap's candidate on top of the run's, which checks them too.
-pub type LoadCandidate = fn(&Scenario, &Swap) -> Result<Scenario, ScenarioError>;
+use self::found::Found;
+use super::{Fault, Heading, Late, Mission, Ramp, Scenario, TrajectoryKind};
 
 /// Every rule that `scenario` breaks; `merged` is the same settings as a table.
 pub fn violations(scenario: &Scenario, merged: Table, candidate: LoadCandidate) -> Vec<Violation> {
     let mut settings = vec![];
     ranges::collect("", Value::Table(merged), &mut settings);
-    let mut found = Found(vec![]);
+    let mut found = Found::default();
     for (key, numbers) in &settings {
         let lifted = |x: f64| key.starts_with("bounds.") && x == f64::INFINITY;
         if let Some(x) = numbers.iter().find(|x| !x.is_finite() && !lifted(**x)) {
@@ -53,21 +45,21 @@ pub fn violations(scenario: &Scenario, merged: Table, candidate: LoadCandidate) 
 
 /// Every rule that `fault` breaks as one of `scenario`.
 pub fn violations_of(fault: &Fault, scenario: &Scenario) -> Vec<Violation> {
-    let mut found = Found(vec![]);
+    let mut found = Found::default();
     faults::check(scenario, fault, &mut found);
     found.0
 }
 
 /// Every rule that the sizes of `fault` break in any scenario.
 pub fn violations_of_sizes(fault: &Fault) -> Vec<Violation> {
-    let mut found = Found(vec![]);
+    let mut found = Found::default();
     faults::check_sizes(fault, &mut found);
     found.0
 }
 
 /// Every rule that the swaps of `scenario` break.
 pub fn violations_of_swaps(scenario: &Scenario, candidate: LoadCandidate) -> Vec<Violation> {
-    let mut found = Found(vec![]);
+    let mut found = Found::default();
     swaps::check(scenario, candidate, &mut found);
     found.0
 }
@@ -249,15 +241,4 @@ fn check_steps(key: &str, times_s: &[f64], found: &mut Found) {
         format!("the steps of `{key}` are out of order"),
         "times of 0 or later, sorted",
     );
-}
-
-struct Found(Vec<Violation>);
-
-impl Found {
-    fn require(&mut self, holds: bool, keys: &[&str], what: String, allowed: &str) {
-        if !holds {
-            let keys = keys.iter().map(|key| (*key).to_string()).collect();
-            self.0.push(Violation { keys, what, allowed: format!("allowed: {allowed}") });
-        }
-    }
 }

@@ -94,7 +94,7 @@ fn merge(sources: &[Source]) -> Result<(Scenario, Table), ScenarioError> {
     }
 
     let profile = typed(given.clone()).profile;
-    let mut merged = Table::try_from(Scenario::of(profile)).expect("profiles have a form in TOML");
+    let mut merged = Table::try_from(Scenario::from(profile)).expect("profiles have a form in TOML");
     overlay(&mut merged, given);
     Ok((typed(merged.clone()), merged))
 }

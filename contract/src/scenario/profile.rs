@@ -11,13 +11,19 @@ use super::{
     StateConstraints, Supervision, Terminal, TrajectoryKind,
 };
 
-impl Scenario {
-    /// All defaults of a profile.
-    pub fn of(profile: Profile) -> Self {
+/// All defaults of a profile.
+impl From<Profile> for Scenario {
+    fn from(profile: Profile) -> Self {
         match profile {
             Profile::Paper => paper(),
             Profile::Robust => robust(),
         }
+    }
+}
+
+impl Default for Scenario {
+    fn default() -> Self {
+        robust()
     }
 }
 

@@ -109,13 +109,6 @@ pub struct Bounds {
     pub max_fallback_s: Option<f64>,
 }
 
-impl Default for Scenario {
-    /// The robust profile.
-    fn default() -> Self {
-        Self::of(Profile::Robust)
-    }
-}
-
 impl Scenario {
     /// Sample time of the ring \[ns\]; scenario validation sees to it that this is a whole number.
     pub fn sample_ns(&self) -> u64 {

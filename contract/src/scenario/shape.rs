@@ -50,7 +50,7 @@ pub fn find<'a>(sources: &'a [Source], key: &str) -> Option<(&'a Source, Range<u
 
 /// A scenario that sets every key there is.
 fn example() -> Table {
-    let robust = Scenario::of(Profile::Robust);
+    let robust = Scenario::from(Profile::Robust);
     let node = NodeRealtime {
         policy: Some(Policy::Fifo),
         priority: Some(70),

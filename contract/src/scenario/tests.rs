@@ -23,7 +23,7 @@ fn set_wins_over_file_over_profile() {
 fn a_profile_by_set_changes_the_defaults_underneath() {
     let (_folder, path) = file(b"profile = \"robust\"\n[mpc]\nnp = 12\n");
     let scenario = load(Some(&path), &["profile=paper".into()]).unwrap();
-    let paper = Scenario::of(Profile::Paper);
+    let paper = Scenario::from(Profile::Paper);
     assert_eq!(scenario, Scenario { mpc: Mpc { np: 12, ..paper.mpc.clone() }, ..paper });
 }
 
@@ -154,7 +154,7 @@ fn shipped_and_reference_scenarios_load_and_return_exactly() {
             check_returns(&load(Some(&file), &[]).unwrap_or_else(|error| panic!("{error}")));
         }
     }
-    check_returns(&Scenario::of(Profile::Paper));
+    check_returns(&Scenario::from(Profile::Paper));
 }
 
 #[test]

@@ -198,7 +198,7 @@ proptest! {
         messages in prop::collection::vec((any_demand(), prop::array::uniform12(prop::num::f64::ANY), 0_u64..300, 0_u64..60), 1..20),
         paper: bool,
     ) {
-        let scenario = Scenario::of(if paper { Profile::Paper } else { Profile::Robust });
+        let scenario = Scenario::from(if paper { Profile::Paper } else { Profile::Robust });
         let (limits, mut mixer) = (scenario.limits(), Mixer::new(&scenario));
         let mut tick = 0;
         for (demand, numbers, demand_age, state_age) in messages {
@@ -225,7 +225,7 @@ proptest! {
         path in prop::collection::vec((prop::array::uniform9(-1.0..1.0_f64), prop::array::uniform4(-3.0..3.0_f64), 0_u64..8), 2..60),
         until in 0_usize..60, paper: bool,
     ) {
-        let scenario = Scenario::of(if paper { Profile::Paper } else { Profile::Robust });
+        let scenario = Scenario::from(if paper { Profile::Paper } else { Profile::Robust });
         let (mut mixer, mut continued) = (Mixer::new(&scenario), None);
         for (tick, (numbers, demand, late)) in (0..).zip(path) {
             if tick == until as u64 {

@@ -12,7 +12,7 @@ const SOUND: fn() -> Condition = Condition::default;
 const LINEAR: [usize; 7] = [5, 6, 7, 8, 9, 10, 11];
 
 fn scenario() -> Scenario {
-    Scenario::of(contract::scenario::Profile::Paper)
+    Scenario::from(contract::scenario::Profile::Paper)
 }
 
 fn trim(scenario: &Scenario) -> (StateVector, Actuation) {

@@ -27,7 +27,7 @@ fn all(targets: &[FaultTarget]) -> Vec<Fault> {
 
 /// A restless flight with every random stream in use.
 fn scenario(faults: &[Fault], seed: u64) -> Scenario {
-    let mut scenario = Scenario::of(Profile::Paper);
+    let mut scenario = Scenario::from(Profile::Paper);
     scenario.run.seed = seed;
     scenario.run.command_jitter_ms = 8.0;
     scenario.run.command_drop_probability = 0.2;
@@ -129,7 +129,7 @@ fn a_fault_given_or_ended_while_flying_is_the_same_as_one_of_the_scenario() {
 #[test]
 fn left_out_samples_do_not_change_a_fault_of_the_true_vehicle() {
     for fault in all(&TRUE_ONES) {
-        let mut scenario = Scenario::of(Profile::Paper);
+        let mut scenario = Scenario::from(Profile::Paper);
         scenario.fault = vec![fault];
         let mut one_by_one = Plant::new(&scenario);
         let mut at_once = one_by_one.clone();
@@ -145,7 +145,7 @@ fn left_out_samples_do_not_change_a_fault_of_the_true_vehicle() {
 fn a_fault_acts_alike_at_every_rate_and_substep() {
     for kind in [(FaultTarget::Rotor1, FaultKind::Off), (FaultTarget::Wind, FaultKind::Gust)] {
         let height = |rate_hz: u32, substep_s: f64| {
-            let mut scenario = Scenario::of(Profile::Paper);
+            let mut scenario = Scenario::from(Profile::Paper);
             scenario.run.rate_hz = rate_hz;
             scenario.plant.substep_s = substep_s;
             scenario.plant.drag_linear_nspm = [0.1; 3];

@@ -2,7 +2,7 @@
 
 use toml::Value;
 
-use super::Found;
+use super::found::Found;
 use crate::scenario::{
     Constraints, Fault, FaultKind, FaultTarget, Law, MAX_FAULT_MS, MAX_FAULT_S, Mode, Plant, Scenario,
 };

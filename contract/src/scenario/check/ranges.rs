@@ -5,7 +5,7 @@ use std::ops::RangeBounds;
 
 use toml::Value;
 
-use super::Found;
+use super::found::Found;
 
 type Range = (Bound<f64>, Bound<f64>);
 /// No setting means anything to a vehicle beyond this, and what is computed from it may overflow.

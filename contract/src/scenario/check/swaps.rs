@@ -1,8 +1,11 @@
 //! What a swap may be.
 
 use super::faults::word;
-use super::{Found, LoadCandidate};
+use super::found::Found;
 use crate::scenario::{FaultKind, FaultTarget, Mode, Scenario, ScenarioError, Swap, SwapNode, SwapTicks};
+
+/// Loads the settings of a swap's candidate on top of the run's, which checks them too.
+pub type LoadCandidate = fn(&Scenario, &Swap) -> Result<Scenario, ScenarioError>;
 
 const KEYS: [&str; 1] = ["swap"];
 

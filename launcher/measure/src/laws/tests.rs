@@ -3,7 +3,7 @@ use crate::findings::Verdict;
 use contract::scenario::Profile;
 
 fn flight(inner_loop: InnerLoop, diverged_at_s: Option<f64>, final_m: f64, clamped: u64) -> LawFlight {
-    let mut metrics = Summary::new(&Scenario::of(Profile::Robust)).metrics();
+    let mut metrics = Summary::new(&Scenario::from(Profile::Robust)).metrics();
     metrics.final_position_error_m = final_m;
     metrics.commands_saturated = clamped;
     metrics.position_error_integral_ms = 33.14;
@@ -41,7 +41,7 @@ fn the_shipped_scenarios_are_valid_under_every_inner_loop() {
 
 #[test]
 fn only_one_row_has_the_safety_net_and_the_first_is_what_ships() {
-    let robust = Scenario::of(Profile::Robust);
+    let robust = Scenario::from(Profile::Robust);
     let nets = InnerLoop::ALL.map(|inner_loop| inner_loop.put_into(&robust).mixer.projection);
     assert_eq!(nets, [false, false, false, false, false, false, true]);
     assert_eq!(InnerLoop::Cone.put_into(&robust).mpc, robust.mpc);
@@ -58,7 +58,7 @@ fn a_cell_tells_what_became_of_the_flight() {
 
 #[test]
 fn the_table_has_a_line_for_each_inner_loop() {
-    let scenarios = vec![Scenario::of(Profile::Robust)];
+    let scenarios = vec![Scenario::from(Profile::Robust)];
     let rows = [vec![flight(InnerLoop::Cone, None, 0.0, 0)], vec![flight(InnerLoop::Pid, Some(1.56), 9.0, 9)]];
     let text = table(&scenarios, &rows);
     let lines: Vec<&str> = text.lines().collect();

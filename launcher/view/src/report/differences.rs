@@ -31,7 +31,7 @@ fn flown(run: &Value) -> Option<Scenario> {
 /// Key, default and value of every setting that differs. The name of a flight is none.
 fn differences(flown: &Scenario) -> Vec<(String, String, String)> {
     let tree = |scenario: &Scenario| to_toml(scenario).parse().map(toml::Value::Table).ok();
-    let defaults = Scenario { name: flown.name.clone(), ..Scenario::of(flown.profile) };
+    let defaults = Scenario { name: flown.name.clone(), ..Scenario::from(flown.profile) };
     let (Some(defaults), Some(flown)) = (tree(&defaults), tree(flown)) else { return vec![] };
     let mut rows = vec![];
     compare("", Some(&defaults), Some(&flown), &mut rows);
@@ -89,7 +89,7 @@ mod tests {
 
     #[test]
     fn only_what_differs_is_told_with_its_default() {
-        let mut flown = Scenario::of(Profile::Paper);
+        let mut flown = Scenario::from(Profile::Paper);
         flown.name = "another name".into();
         assert_eq!(differences(&flown), []);
         assert!(section(&Value::Null, &flown).contains("Every setting is the default of profile <b>paper</b>"));
@@ -112,7 +112,7 @@ mod tests {
 
     #[test]
     fn what_was_ordered_in_flight_stands_in_it() {
-        let planned = Scenario::of(Profile::Robust);
+        let planned = Scenario::from(Profile::Robust);
         let flown =
             Scenario { fault: vec![Fault::new(FaultTarget::Mixer, FaultKind::Kill, 2.0, None)], ..planned.clone() };
         let run = serde_json::json!({ "provenance": { "scenario": to_toml(&flown) } });

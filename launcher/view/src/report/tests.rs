@@ -39,7 +39,7 @@ fn at<M: Message>(tick: u64, mut message: M) -> M {
 
 /// A mission that wants the vehicle where it starts.
 fn hovering() -> Scenario {
-    let mut scenario = Scenario::of(Profile::Paper);
+    let mut scenario = Scenario::from(Profile::Paper);
     scenario.mission.trajectory = TrajectoryKind::Hover;
     scenario
 }
@@ -78,7 +78,7 @@ fn data(page: &str) -> Value {
 fn an_empty_flight_and_an_empty_summary_are_still_a_page() {
     let nothing = Log::default();
     for run in [Value::Null, json!({}), json!({ "metrics": 3, "timing": { "nodes": [] }, "bounds": [null] })] {
-        let page = render(&nothing, &run, &Scenario::of(Profile::Robust));
+        let page = render(&nothing, &run, &Scenario::from(Profile::Robust));
         assert!(page.ends_with("</html>\n"));
         assert!(page.contains("result unknown"));
         assert!(page.contains("profile = &quot;robust&quot;"), "the flight can be repeated from its page");
@@ -88,7 +88,7 @@ fn an_empty_flight_and_an_empty_summary_are_still_a_page() {
 
 #[test]
 fn every_slot_of_the_template_is_filled() {
-    let page = render(&hover(2), &survey(), &Scenario::of(Profile::Paper));
+    let page = render(&hover(2), &survey(), &Scenario::from(Profile::Paper));
     let slots: Vec<_> = TEMPLATE.split("{{").skip(1).filter_map(|part| part.split_once("}}")).collect();
     assert!(slots.len() > 15);
     for (slot, _) in slots {
@@ -100,7 +100,7 @@ fn every_slot_of_the_template_is_filled() {
 fn a_value_that_looks_like_a_slot_is_text() {
     let mut run = survey();
     run["name"] = "{{data}}".into();
-    let page = render(&hover(2), &run, &Scenario::of(Profile::Paper));
+    let page = render(&hover(2), &run, &Scenario::from(Profile::Paper));
     assert!(page.contains("<h1>{{data}}</h1>"));
 }
 
@@ -115,7 +115,7 @@ fn text_of_the_summary_cannot_become_markup() {
     run["bounds"] = json!([{ "metric": evil, "limit": 1.0, "measured": 2.0, "ok": false }]);
     run["faults"] = json!([{ "target": evil, evil: evil }]);
     run["timing"] = json!({ "worst_ticks": [{ "in_words": evil, "node": evil, "tick": evil }] });
-    let mut scenario = Scenario::of(Profile::Robust);
+    let mut scenario = Scenario::from(Profile::Robust);
     scenario.name = evil.into();
     for run in [run, Value::Null] {
         let page = render(&hover(3), &run, &scenario);
@@ -143,7 +143,7 @@ fn a_hole_in_the_log_is_nan_at_its_tick() {
 #[test]
 fn a_minute_stays_below_a_megabyte_and_a_half_and_so_does_an_hour() {
     for ticks in [6001, 360_001] {
-        let mut scenario = Scenario::of(Profile::Robust);
+        let mut scenario = Scenario::from(Profile::Robust);
         scenario.run.duration_s = ticks as f64 * scenario.sample_s();
         let page = render(&hover(ticks), &survey(), &scenario);
         assert!(page.len() < 1_500_000, "{} bytes", page.len());
@@ -154,7 +154,7 @@ fn a_minute_stays_below_a_megabyte_and_a_half_and_so_does_an_hour() {
 
 #[test]
 fn the_head_names_how_the_run_ended() {
-    let scenario = Scenario::of(Profile::Robust);
+    let scenario = Scenario::from(Profile::Robust);
     let head = |run: &Value| render(&hover(1), run, &scenario);
     let mut run = survey();
     run["ended"] = "flown to the end, 60.00 s".into();
@@ -168,7 +168,7 @@ fn the_head_names_how_the_run_ended() {
 
 #[test]
 fn the_solver_and_the_faults_are_told_from_the_summary() {
-    let scenario = Scenario::of(Profile::Robust);
+    let scenario = Scenario::from(Profile::Robust);
     let mut run = survey();
     let page = render(&hover(1), &run, &scenario);
     assert!(page.contains("<dt>solves that fell back</dt><dd>–</dd>") && !page.contains("id=\"faults\""));
@@ -194,7 +194,7 @@ fn the_solver_and_the_faults_are_told_from_the_summary() {
 
 #[test]
 fn bounds_of_the_scenario_are_lines_in_the_figures() {
-    let mut scenario = Scenario::of(Profile::Robust);
+    let mut scenario = Scenario::from(Profile::Robust);
     scenario.bounds.max_position_error_m = Some(0.25);
     scenario.bounds.max_altitude_error_vertical_m = Some(0.15);
     let lines = data(&render(&hover(1), &Value::Null, &scenario))["lines"].clone();

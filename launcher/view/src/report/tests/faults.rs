@@ -10,7 +10,7 @@ fn a_quiet_flight_says_nothing_of_faults() {
     run["faults"] = json!([]);
     run["events"] = json!([]);
     run["refused"] = json!({ "mixer": { "epoch": 0, "order": 0, "age": 0, "range": 0, "checksum": 0 } });
-    let page = render(&hover(2), &run, &Scenario::of(Profile::Robust));
+    let page = render(&hover(2), &run, &Scenario::from(Profile::Robust));
     assert!(!page.contains("#faults") && !page.contains("id=\"faults\""));
     assert_eq!(data(&page)["happened"], json!({ "faults": [], "absences": [], "events": [] }));
 }
@@ -28,7 +28,7 @@ fn faults_and_events_are_told_and_drawn() {
         { "at_s": 2.31, "node": "mixer", "epoch": 2, "what": "rejected", "why": "too <slow>" },
     ]);
     run["refused"] = json!({ "mixer": { "epoch": 3, "order": 0 }, "guidance": { "epoch": 0 } });
-    let page = render(&hover(2), &run, &Scenario::of(Profile::Robust));
+    let page = render(&hover(2), &run, &Scenario::from(Profile::Robust));
     let drawn = &data(&page)["happened"];
     let faults = json!([
         { "number": 1, "what": "mixer kill", "from_s": 2.0, "to_s": 2.3 },

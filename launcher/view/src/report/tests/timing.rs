@@ -20,7 +20,7 @@ fn the_timing_of_nodes_is_told_and_drawn() {
             "in_words": "plant: its own work", "position_error_m": 5.0, "nodes": { "plant": node },
         }],
     });
-    let page = unlabelled(&render(&log, &run, &Scenario::of(Profile::Robust)));
+    let page = unlabelled(&render(&log, &run, &Scenario::from(Profile::Robust)));
     for told in [
         "<td>plant</td><td>–</td><td>–</td><td>4</td><td>3</td><td>1</td><td>2</td><td>50 / 60 / 70</td><td>– / – / –</td>",
         "<b>800 / 60 / 70</b> µs over 3 commands applied; <b>– / – / –</b> µs over – slots held",
@@ -30,7 +30,7 @@ fn the_timing_of_nodes_is_told_and_drawn() {
     ] {
         assert!(page.contains(told), "{told}");
     }
-    assert!(!render(&log, &survey(), &Scenario::of(Profile::Robust)).contains("class=\"histogram\""));
+    assert!(!render(&log, &survey(), &Scenario::from(Profile::Robust)).contains("class=\"histogram\""));
 }
 
 #[test]
@@ -40,7 +40,7 @@ fn a_command_held_ages_slot_by_slot() {
         (state.applied_sequence, state.applied_age_ns) = if state.stamp.tick > 0 { (1, 500_000) } else { (0, 0) };
         *state = state.with_checksum();
     }
-    let page = render(&log, &Value::Null, &Scenario::of(Profile::Robust));
+    let page = render(&log, &Value::Null, &Scenario::from(Profile::Robust));
     // NaN, then 0.5, 10.5, 20.5, 30.5 ms as f32.
     assert_eq!(data(&page)["columns"]["age_ms"], "AADAfwAAAD8AAChBAACkQQAA9EE=");
 }

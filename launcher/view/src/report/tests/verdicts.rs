@@ -37,7 +37,7 @@ fn what_is_missing_of_the_log_is_told_at_the_top() {
 #[test]
 fn claims_hold_up_to_their_bound_and_not_beyond() {
     use ClaimVerdict::{DoesNotHold, Holds};
-    let (log, scenario) = (hover(6001), Scenario::of(Profile::Paper));
+    let (log, scenario) = (hover(6001), Scenario::from(Profile::Paper));
     assert_eq!(verdicts(&claims(&log, &survey(), &scenario)), [Holds; 4]);
     let page = render(&log, &survey(), &scenario);
     assert!(page.contains("href=\"#claims\"") && page.contains("<dt>altitude error, 10 to 50 s</dt>"));
@@ -52,7 +52,7 @@ fn claims_hold_up_to_their_bound_and_not_beyond() {
 
 #[test]
 fn a_command_at_its_limit_breaks_the_constraint_claim() {
-    let scenario = Scenario::of(Profile::Paper);
+    let scenario = Scenario::from(Profile::Paper);
     let limits = scenario.limits();
     let at_limit = [
         ActuationMsg { rotor_speed: [limits.rotor_speed_max[0], 1338.0, 1338.0], tilt_rad: 0.5 },
@@ -71,7 +71,7 @@ fn a_lost_vehicle_contradicts_every_tracking_claim() {
     let mut run = survey();
     run["diverged"] = true.into();
     run["flown_s"] = 5.8.into();
-    let claims = claims(&hover(580), &run, &Scenario::of(Profile::Paper));
+    let claims = claims(&hover(580), &run, &Scenario::from(Profile::Paper));
     assert_eq!(verdicts(&claims)[..3], [ClaimVerdict::DoesNotHold; 3]);
     assert!(claims[0].measured.contains("lost"));
     // The summary's maximum over an empty stretch of time is not a measurement.
@@ -83,7 +83,7 @@ fn a_lost_vehicle_contradicts_every_tracking_claim() {
 #[test]
 fn other_flights_are_not_judged() {
     let log = hover(3000);
-    let mut scenario = Scenario::of(Profile::Paper);
+    let mut scenario = Scenario::from(Profile::Paper);
     let mut interrupted = survey();
     interrupted["flown_s"] = 30.0.into();
     assert_eq!(verdicts(&claims(&log, &interrupted, &scenario)), [ClaimVerdict::NotApplicable; 4]);

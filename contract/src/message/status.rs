@@ -1,0 +1,128 @@
+//! What the numbers `status` and `flags` of the messages mean.
+
+/// Meaning of [`State::status`](super::State::status).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u64)]
+pub enum PlantStatus {
+    /// In flight.
+    Flying = 0,
+    /// The last sample of a complete run.
+    Finished = 1,
+    /// A state became infinite or NaN.
+    NonFinite = 2,
+    /// Farther than 500 m from the origin on some axis.
+    TooFar = 3,
+    /// |theta| beyond 1.55 rad: the Euler angles of (8) are about to be singular.
+    Singular = 4,
+    /// A body rate beyond 100 rad/s.
+    TooFast = 5,
+}
+
+impl PlantStatus {
+    /// Reads the wire value; anything unknown is `None`.
+    pub fn from_wire(value: u64) -> Option<Self> {
+        let all = [Self::Flying, Self::Finished, Self::NonFinite, Self::TooFar, Self::Singular, Self::TooFast];
+        all.into_iter().find(|s| *s as u64 == value)
+    }
+
+    /// Whether the run ended because the vehicle left the bounds of the simulation.
+    pub fn diverged(self) -> bool {
+        !matches!(self, Self::Flying | Self::Finished)
+    }
+
+    /// In words, for messages to the user.
+    pub fn describe(self) -> &'static str {
+        match self {
+            Self::Flying => "in flight",
+            Self::Finished => "finished",
+            Self::NonFinite => "a state became NaN or infinite",
+            Self::TooFar => "position beyond 500 m",
+            Self::Singular => "|theta| beyond 1.55 rad, where the Euler angles are singular",
+            Self::TooFast => "a body rate beyond 100 rad/s",
+        }
+    }
+}
+
+/// Meaning of [`Controls::status`](super::Controls::status), better ones first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(u64)]
+pub enum SolveStatus {
+    /// The unconstrained optimum satisfies every constraint: one matrix-vector product.
+    Explicit = 0,
+    /// The constrained optimum, to the solver's tolerance.
+    Solved = 1,
+    /// The solver ran out of iterations or time: the best plan found inside the set.
+    LimitReached = 2,
+    /// The solver found nothing: the unconstrained plan, each move replaced by the nearest one inside the set.
+    Fallback = 3,
+    /// An input was not finite: the previous demand was repeated.
+    BadInput = 4,
+    /// No fresh state: the previous demand was repeated.
+    Stale = 5,
+    /// The optimum without a reference of this tick: for the last one, then for level flight, then for a descent.
+    NoReference = 6,
+}
+
+impl SolveStatus {
+    /// Whether the wire value `status` means that an earlier demand was repeated.
+    pub fn repeated(status: u64) -> bool {
+        status == Self::BadInput as u64 || status == Self::Stale as u64
+    }
+}
+
+/// Bits of [`Reference::flags`](super::Reference::flags).
+pub mod guidance_flags {
+    /// Roll reference at its limit.
+    pub const ROLL_LIMITED: u64 = 1;
+    /// Pitch reference at its limit.
+    pub const PITCH_LIMITED: u64 = 1 << 1;
+    /// Vertical velocity reference at its limit.
+    pub const W_LIMITED: u64 = 1 << 2;
+    /// An integrator at its clamp.
+    pub const INTEGRAL_CLAMPED: u64 = 1 << 3;
+    /// The measured state was not finite: the previous reference was repeated.
+    pub const BAD_INPUT: u64 = 1 << 4;
+    /// No fresh state, or one of a vehicle without thrust: the previous reference was repeated.
+    pub const STALE: u64 = 1 << 5;
+
+    /// Whether the reference is an earlier one, repeated.
+    pub const fn repeated(flags: u64) -> bool {
+        flags & (BAD_INPUT | STALE) != 0
+    }
+}
+
+/// Bits of [`Actuators::flags`](super::Actuators::flags).
+pub mod mixer_flags {
+    /// Rotor 1, 2, 3 at a limit: shift by the rotor's index.
+    pub const ROTOR_SATURATED: u64 = 1;
+    /// Tilt at its limit.
+    pub const TILT_SATURATED: u64 = 1 << 3;
+    /// (42) or (43) asked for the root of a negative number.
+    pub const NEGATIVE_SQUARE: u64 = 1 << 4;
+    /// The demand was not finite: it counts as missing.
+    pub const BAD_INPUT: u64 = 1 << 5;
+    /// The demand was outside the exact actuator set: the nearest one inside was taken.
+    pub const PROJECTED: u64 = 1 << 6;
+    /// No new demand: the last one was taken once more.
+    pub const HELD: u64 = 1 << 7;
+    /// No demand for too long: level, from the measured state.
+    pub const LEVELLED: u64 = 1 << 8;
+    /// The same, and down.
+    pub const DESCENDING: u64 = 1 << 9;
+    /// No state either: the trim command.
+    pub const TRIM_ONLY: u64 = 1 << 10;
+    /// No thrust.
+    pub const CUT: u64 = 1 << 11;
+    /// A rotor is dead: no thrust, for good.
+    pub const TERMINATED: u64 = 1 << 12;
+
+    /// Whether the command was computed without a demand.
+    pub const fn fallback(flags: u64) -> bool {
+        flags & (LEVELLED | DESCENDING | TRIM_ONLY | CUT | TERMINATED) != 0
+    }
+
+    /// Whether any clamp acted.
+    pub const fn saturated(flags: u64) -> bool {
+        flags & ((0b111 * ROTOR_SATURATED) | TILT_SATURATED | NEGATIVE_SQUARE) != 0
+    }
+}
