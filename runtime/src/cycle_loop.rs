@@ -159,14 +159,13 @@ impl CycleLoop {
     fn by_the_barrier(&mut self, upstream: Topic) -> Option<u64> {
         let page = self.member.page.clone();
         let (own, before) = (page.role(self.member.topic), page.role(upstream));
-        let sampled = |tick: u64| u64::from(page.role(Topic::State).done(1).get()) > tick;
         self.wait(Topic::State, |cycle_loop| {
             let works = own.assignment().includes(cycle_loop.member.epoch);
             if works && !cycle_loop.let_in {
                 cycle_loop.next = u64::from(own.since(cycle_loop.member.epoch).get());
             }
             cycle_loop.let_in = works;
-            works && sampled(cycle_loop.next)
+            works && page.sampled() > cycle_loop.next
         })?;
         self.wait(upstream, |cycle_loop| match before.active() {
             0 => true,

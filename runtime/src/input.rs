@@ -8,7 +8,6 @@ use crate::member::Member;
 use crate::port::{Receive, Wire};
 use crate::ports::Ports;
 use crate::realtime::{now_ns, phase};
-use contract::Topic;
 use contract::guard::{Guard, Refusal};
 use contract::message::Message;
 
@@ -72,7 +71,7 @@ impl<M: Message> Input<M> {
         self.seen = rung;
         let (publisher, listener) = (page.role(M::TOPIC), page.role(*topic));
         let active = publisher.active();
-        let sampled = u64::from(page.role(Topic::State).done(1).get());
+        let sampled = page.sampled();
         let mut taken = false;
         loop {
             let (message, port) = match self.port.receive() {
@@ -114,6 +113,7 @@ mod tests {
     use crate::realtime::ControlPage;
     use crate::release::Release;
     use crate::shared_role::Assignment;
+    use contract::Topic;
     use contract::message::{Controls, Stamp};
     use contract::scenario::Scenario;
 

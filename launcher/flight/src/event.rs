@@ -17,8 +17,7 @@ use rustix::time::Timespec;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-/// Longer reasons are cut, so that a line fits into the pipe \[characters\].
-const LONGEST_REASON: usize = 500;
+use crate::limits::REASON_CHARS;
 
 /// Something that happened to a process.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -102,7 +101,7 @@ impl Event {
     /// The same, with its reason.
     #[must_use]
     pub fn because(self, why: impl AsRef<str>) -> Self {
-        Self { why: Some(why.as_ref().chars().take(LONGEST_REASON).collect()), ..self }
+        Self { why: Some(why.as_ref().chars().take(REASON_CHARS).collect()), ..self }
     }
 
     /// The same, with which swap number `swap` begins; none, when it is none.
@@ -176,22 +175,14 @@ fn readable(pipe: impl AsFd) -> bool {
 }
 
 /// What happened, by the time of the flight.
-pub fn events(scenario: &Scenario, events: &[Event]) -> Value {
+pub fn events<'a>(scenario: &Scenario, events: impl IntoIterator<Item = &'a Event>) -> Value {
     let one = |event: &Event| {
-        let at_s = event.tick as f64 / f64::from(scenario.run.rate_hz);
-        let mut told = json!({ "at_s": at_s, "node": event.node, "epoch": event.epoch, "what": event.what });
-        if let Some(why) = &event.why {
-            told["why"] = json!(why);
-        }
-        if let Some(swap) = event.swap {
-            told["swap"] = json!(swap);
-        }
-        if let Some(by) = event.by {
-            told["by"] = json!(by);
-        }
+        let mut told = json!(event);
+        told["at_s"] = json!(event.tick as f64 / f64::from(scenario.run.rate_hz));
+        told.as_object_mut().map(|fields| fields.remove("tick"));
         told
     };
-    events.iter().map(one).collect()
+    events.into_iter().map(one).collect()
 }
 
 /// A target or kind as the scenario file spells it, an event as run.json does.

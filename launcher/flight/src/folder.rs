@@ -13,12 +13,11 @@ use rustix::fs::{CWD, FlockOperation, OFlags, RenameFlags, flock, renameat_with}
 use rustix::io::Errno;
 
 use crate::files::write_whole;
+use crate::limits::FOLDER_TRIES;
 use runtime::console::eprint_line;
 
 /// What a run has in its folder from the beginning, or at the end.
 const SIGNS_OF_A_RUN: [&str; 3] = ["run.json", "flight.mcap", "scenario.toml"];
-/// How often a folder is made whose parent another run has just removed.
-const TRIES: u32 = 5;
 
 /// The folder of a run.
 pub struct Folder {
@@ -129,7 +128,7 @@ fn make(path: &Path, made: &mut Vec<PathBuf>) -> io::Result<bool> {
         };
         match (error.kind(), path.parent().filter(|parent| !parent.as_os_str().is_empty())) {
             (ErrorKind::AlreadyExists, _) => return Ok(false),
-            (ErrorKind::NotFound, Some(parent)) if tries < TRIES => _ = make(parent, made)?,
+            (ErrorKind::NotFound, Some(parent)) if tries < FOLDER_TRIES => _ = make(parent, made)?,
             _ => return Err(error),
         }
         tries += 1;

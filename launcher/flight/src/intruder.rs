@@ -23,7 +23,6 @@ use runtime::realtime::{ControlPage, now_ns, phase};
 use runtime::session::NodeSession;
 use rustix::process::{Gid, Signal, Uid};
 
-use crate::roles::realtime::plant_tick;
 use runtime::console::print;
 
 /// How its last line begins when it was refused.
@@ -97,7 +96,7 @@ fn speak<M: Wire>(namespace: &str, until: u64) -> anyhow::Result<String> {
     print("ready\n");
     let doorbell = page.doorbell(M::TOPIC);
     let mut sent = 0;
-    while plant_tick(&page) < until && page.phase().count() < phase::LEAVE {
+    while page.plant_tick() < until && page.phase().count() < phase::LEAVE {
         let rung = doorbell.count(); // before the look, so that a message after it is not slept through
         while let Ok(Some((heard, from))) = ear.receive() {
             if from != port.number() {

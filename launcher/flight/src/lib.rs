@@ -14,6 +14,7 @@
 //! | [`folder`], [`files`] | the folder of a run, and what is written into it |
 //! | [`provenance`] | where a run was made |
 //! | [`interrupts`] | Ctrl-C |
+//! | `limits` | every limit and time-out |
 //! | [`duration`] | durations on the command line |
 
 use std::os::unix::process::CommandExt;
@@ -27,6 +28,7 @@ pub mod folder;
 pub mod inprocess;
 pub mod interrupts;
 pub mod intruder;
+mod limits;
 pub mod log;
 pub mod provenance;
 pub mod recorder;

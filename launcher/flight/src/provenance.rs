@@ -48,17 +48,22 @@ pub fn scheduling_of(pid: u32) -> Scheduling {
     // Fields 40 and 41, counted after the name in brackets, which may hold blanks.
     let fields: Vec<&str> = stat.rsplit_once(')').map_or(vec![], |(_, rest)| rest.split_whitespace().collect());
     let field = |i: usize| fields.get(i - 3).and_then(|f| f.parse::<u32>().ok()).unwrap_or(0);
-    let status = read_to_string(format!("/proc/{pid}/status")).unwrap_or_default();
-    let first = |prefix: &str| status.lines().find_map(|line| line.strip_prefix(prefix)?.split_whitespace().next());
     let limits = read_to_string(format!("/proc/{pid}/limits")).unwrap_or_default();
     let rttime = limits.lines().find_map(|line| line.strip_prefix("Max realtime timeout")?.split_whitespace().next());
     Scheduling {
         policy: if field(41) == 1 { "fifo" } else { "other" },
         priority: field(40),
-        affinity: first("Cpus_allowed_list:").unwrap_or_default().into(),
-        locked_kb: first("VmLck:").and_then(|kb| kb.parse().ok()).unwrap_or(0),
+        affinity: status_of(pid, "Cpus_allowed_list:").unwrap_or_default(),
+        locked_kb: status_of(pid, "VmLck:").and_then(|kb| kb.parse().ok()).unwrap_or(0),
         rttime_us: rttime.and_then(|us| us.parse().ok()),
     }
+}
+
+/// A field of `/proc/PID/status`, up to the first blank; `name` ends with its colon.
+pub fn status_of(pid: u32, name: &str) -> Option<String> {
+    let status = read_to_string(format!("/proc/{pid}/status")).ok()?;
+    let field = status.lines().find_map(|line| line.strip_prefix(name)?.split_whitespace().next());
+    field.map(str::to_owned)
 }
 
 /// The `provenance` table of run.json: [`host`], and what was flown how.

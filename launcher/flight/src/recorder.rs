@@ -9,7 +9,7 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::rc::Rc;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use contract::exit;
 use contract::message::{Actuators, Controls, Reference, State};
@@ -25,10 +25,8 @@ use rustix::io::Errno;
 use serde::{Deserialize, Serialize};
 
 use crate::event::{Event, Hearing};
+use crate::limits::{FLUSH_PERIOD, RECORDER_POLL};
 use crate::log::{Count, LogWriter, Record};
-
-/// How often the queues are emptied.
-const POLL: Duration = Duration::from_millis(2);
 
 /// The recorder's last word.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -162,7 +160,7 @@ fn record(namespace: &str, epoch: u32, path: &Path) -> anyhow::Result<LogOutcome
                 return Ok(log.finish());
             }
             log.idle();
-            std::thread::sleep(POLL);
+            std::thread::sleep(RECORDER_POLL);
         }
     }
 }
@@ -219,7 +217,7 @@ impl Log {
 
     /// Nothing to write just now: what was written a second ago goes out of reach of a kill.
     fn idle(&mut self) {
-        if self.written.is_some_and(|when| when.elapsed() > Duration::from_secs(1)) {
+        if self.written.is_some_and(|when| when.elapsed() > FLUSH_PERIOD) {
             self.written = None;
             if let Some(Err(error)) = self.writer.as_mut().map(LogWriter::flush) {
                 self.fail(&error);

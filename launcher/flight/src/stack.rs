@@ -6,19 +6,16 @@
 //! plant has left, or Ctrl-C, or nobody can go on -> LEAVE -> nodes gone -> CLOSE -> recorder gone -> wipe
 //! ```
 
-mod answer;
 mod archive;
 mod children;
-mod driver;
 mod end;
 mod files;
 mod host;
-mod live;
-mod supervise;
+mod requests;
+mod run;
 mod surroundings;
 mod swaps;
 
-use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
@@ -26,7 +23,7 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use contract::Scenario;
 use contract::guard::Refusal;
-use contract::scenario::Fault;
+use contract::scenario::{Fault, Mode};
 use contract::topic::Topic;
 use runtime::domain::{Hold, check_room};
 use runtime::observer::Observer;
@@ -34,26 +31,22 @@ use runtime::port::{Bus, PortFailure, Services, bytes_needed, observer_depth};
 use runtime::realtime::{ControlPage, phase, tell_of_crashes};
 use runtime::shared_role::Assignment;
 
-use children::{Children, wait};
+use archive::{Archive, RECORDER};
+use children::{Process, wait};
 use end::ChildExit;
 pub use end::{Ended, StartError, refused};
 use host::Host;
+use requests::Requests;
+use run::Run;
 
-use crate::control::Server;
-use crate::event::{Event, Sender};
+use crate::event::{Event, What};
+use crate::limits::{JOIN_LIMIT, LEAVE_LIMIT};
 use crate::log::Record;
 use crate::provenance::{Scheduling, scheduling_of};
 use crate::recorder::{LogOutcome, Observers};
-use archive::Archive;
-use driver::Driver;
-use supervise::RECORDER;
-
-use crate::roles::hearing::Hearing;
-use crate::roles::realtime::plant_tick;
-
-/// How long children may take to join, and nodes to leave.
-const JOIN_LIMIT: Duration = Duration::from_secs(10);
-const LEAVE_LIMIT: Duration = Duration::from_secs(1);
+use crate::roles::hearing::{Hearing, Silence};
+use crate::roles::role::Input;
+use crate::roles::supervised::given_up;
 
 /// Messages refused, by listener and cause.
 pub type Refused = Vec<(&'static str, [u32; Refusal::ALL.len()])>;
@@ -83,33 +76,20 @@ pub struct Flown {
 
 /// A stack whose processes are all there. Dropping it kills what is left and wipes shared memory.
 pub struct Stack {
-    children: Children,
-    driver: Driver,
-    /// Everything that happened.
-    events: Vec<Event>,
-    started: Instant,
+    run: Run,
     archive: Option<Archive>,
     host: Host,
-    page: std::sync::Arc<ControlPage>,
+    requests: Requests,
     observers: Observers,
     hearing: Hearing,
-    /// Topics that the launcher itself does not hear.
+    /// Topics that the launcher itself does not receive.
     blind: [bool; Topic::COUNT],
     /// The newest process of each node that was found mute or deaf.
     silenced: [u32; Topic::COUNT],
-    /// As it is by now: with what was ordered while it flies.
-    scenario: Scenario,
-    control: Server,
-    /// Who ordered which of the swaps by hand.
-    orderers: BTreeMap<usize, Sender>,
-    /// Whether it was asked to end.
-    stopped: bool,
-    /// When the newest message of each topic was sent.
-    newest_ns: [u64; Topic::COUNT],
     // Dropped in this order: the services before the domain that holds their files.
     _services: Services,
     _bus: Bus,
-    hold: Hold,
+    _hold: Hold,
 }
 
 impl Stack {
@@ -131,34 +111,27 @@ impl Stack {
         let bus = Bus::attach(domain)?;
         let services = bus.create_services(observer_depth(scenario.run.rate_hz))?;
         let mut observer = Observer::join(namespace)?;
-        let observers = Observers::join(&mut observer)?;
-        let host = Host::new(domain.clone(), scenario)?;
         let mut stack = Self {
-            children: Children::new(domain.clone()),
-            driver: Driver::new(scenario),
-            events: vec![],
-            started: Instant::now(),
+            observers: Observers::join(&mut observer)?,
+            host: Host::new(domain.clone(), scenario)?,
+            run: Run::new(domain.clone(), observer.ports.page.clone(), scenario),
             archive: log.map(|path| Archive::new(path, scenario)),
-            host,
-            page: observer.ports.page.clone(),
-            observers,
+            requests: Requests::open(domain).with_context(shm("the control socket"))?,
             hearing: Hearing::default(),
             blind: [false; Topic::COUNT],
             silenced: [0; Topic::COUNT],
-            scenario: scenario.clone(),
-            control: Server::open(domain).with_context(shm("the control socket"))?,
-            orderers: BTreeMap::new(),
-            stopped: false,
-            newest_ns: [0; Topic::COUNT],
             _services: services,
             _bus: bus,
-            hold,
+            _hold: hold,
         };
         for topic in Topic::ALL {
-            stack.page.role(topic).assign(0, |_| Assignment { active: 1, standby: 0 });
-            stack.start_node(topic, 1, None)?;
+            stack.run.page.role(topic).assign(0, |_| Assignment { active: 1, standby: 0 });
+            stack.run.start_node(topic, 1, None)?;
         }
-        stack.start_recorder()?;
+        match &stack.archive {
+            Some(archive) => archive.start(&mut stack.run)?,
+            None => _ = stack.run.page.recorded().raise(u32::MAX), // nothing is recorded, so there is nothing to wait for
+        }
         stack.wait_until_ready(&mut observer, interrupts)?;
         Ok(stack)
     }
@@ -172,34 +145,36 @@ impl Stack {
         mut tick: impl FnMut(&[Fault]),
     ) -> Flown {
         // Every process has entered its class before it said that it is ready; reading takes longer than a tick may wait.
-        let scheduling = self.children.all.iter().map(|p| (p.name.to_owned(), scheduling_of(p.child.id()))).collect();
+        let processes = self.run.children.all.iter();
+        let scheduling = processes.map(|p| (p.name.to_owned(), scheduling_of(p.child.id()))).collect();
         let started = Instant::now();
-        self.page.set_phase(phase::GO);
+        let page = self.run.page.clone();
+        page.set_phase(phase::GO);
         let ended = loop {
-            let question = self.driver.question(&self.page); // before the look: all that was sent before it is here
-            let ready = Topic::ALL.map(|topic| self.page.role(topic).ready.get());
+            let question = self.run.driver.question(); // before the look: all that was sent before it is here
+            let ready = Topic::ALL.map(|topic| page.role(topic).ready.get());
             self.drain(&mut watch);
-            Topic::ALL.into_iter().zip(ready).for_each(|(topic, epoch)| self.page.role(topic).met.set(epoch));
-            if interrupts.load(Ordering::Relaxed) > 0 || self.stopped {
+            Topic::ALL.into_iter().zip(ready).for_each(|(topic, epoch)| page.role(topic).met.set(epoch));
+            if self.is_interrupted(interrupts) {
                 break Ended::Interrupted;
             }
-            let events = self.host.look(plant_tick(&self.page), &self.children);
-            self.events.extend(events);
+            self.run.events.extend(self.host.look(page.plant_tick(), &self.run.children));
             self.listen();
             if let Some(ended) = self.supervise(question) {
                 break ended;
             }
-            self.tell_events();
-            self.attend();
-            tick(&self.scenario.fault);
-            self.children.sleep(self.control.sources(), self.driver.due(&self.page));
+            self.requests.tell_recorder(&mut self.run);
+            self.requests.answer_one(&mut self.run, self.archive.as_ref());
+            tick(&self.run.scenario.fault);
+            self.run.children.sleep(self.requests.server.sources(), self.run.driver.due());
         };
-        let given_up = self.driver.given_up();
         let wall = started.elapsed();
-        self.settle_swaps();
+        let given_up = given_up(self.run.driver.nodes());
+        if self.run.scenario.run.mode == Mode::Realtime {
+            swaps::settle(&mut self.run.scenario, &self.run.events); // without a clock they take the times that they have
+        }
         let (lost, log) = self.stop(interrupts, &mut watch);
-        let events = self.host.finish(plant_tick(&self.page), interrupts);
-        self.events.extend(events);
+        self.run.events.extend(self.host.finish(page.plant_tick(), interrupts));
         // A node that fails while leaving has still failed.
         let ended = match (ended, lost.or(given_up.map(str::to_owned))) {
             (Ended::Lost(name), Some(other)) if name != other => Ended::Lost(format!("{name}; {other}")),
@@ -207,18 +182,22 @@ impl Stack {
             (Ended::Flown, None) => self.unseen().map_or(Ended::Flown, Ended::Unseen),
             (other, _) => other,
         };
-        let count =
-            |topic: Topic| (topic.publisher(), Refusal::ALL.map(|r| self.page.role(topic).refused[r as usize].get()));
-        let refused = Topic::ALL.map(count).into();
-        let port_failures = self.port_failures();
-        let events = std::mem::take(&mut self.events);
-        Flown { ended, log, wall, scheduling, events, scenario: self.scenario.clone(), refused, port_failures }
+        Flown {
+            ended,
+            log,
+            wall,
+            scheduling,
+            refused: refused_by_listener(&page),
+            port_failures: self.port_failures(),
+            events: std::mem::take(&mut self.run.events),
+            scenario: self.run.scenario.clone(),
+        }
     }
 
     /// What the launcher has not seen of the messages that were sent: without them a flight has no figures to be trusted.
     fn unseen(&self) -> Option<String> {
         let missing = |topic: Topic| {
-            let sent = u64::from(self.page.role(topic).sent_by_all.get());
+            let sent = u64::from(self.run.page.role(topic).sent_by_all.get());
             Some((topic, sent.saturating_sub(self.observers.drained(topic)))).filter(|(_, missing)| *missing > 0)
         };
         let (topic, missing) = Topic::ALL.into_iter().find_map(missing)?;
@@ -227,80 +206,142 @@ impl Stack {
 
     fn port_failures(&self) -> PortFailures {
         let count = |topic: Topic| {
-            let failures = &self.page.role(topic).port_failures;
+            let failures = &self.run.page.role(topic).port_failures;
             (topic.publisher(), PortFailure::ALL.map(|failure| failures[failure as usize].get()))
         };
         Topic::ALL.map(count).into_iter().chain([("launcher", [0, self.observers.failures()])]).collect()
     }
 
-    /// Waits until everybody is ready: every process has received something of everybody it listens to.
+    fn is_interrupted(&self, interrupts: &AtomicU32) -> bool {
+        interrupts.load(Ordering::Relaxed) > 0 || self.requests.stopped
+    }
+
+    /// Waits until every process is ready: it has received something of each process that it listens to.
     fn wait_until_ready(&mut self, observer: &mut Observer, interrupts: &AtomicU32) -> anyhow::Result<()> {
         let deadline = Instant::now() + JOIN_LIMIT;
         loop {
             let silent = observer.ports.probe_once().map_err(|error| StartError::Lost(error.to_string()))?;
             let Some(name) = silent.or_else(|| self.unready()) else { return Ok(()) };
-            if interrupts.load(Ordering::Relaxed) > 0 || self.stopped {
+            if self.is_interrupted(interrupts) {
                 return Err(StartError::Interrupted.into());
             }
-            if let Some((i, how)) = self.children.exited() {
-                return Err(StartError::Lost(how.tell(self.children.all[i].name)).into());
+            if let Some((i, how)) = self.run.children.exited() {
+                return Err(StartError::Lost(how.tell(self.run.children.all[i].name)).into());
             }
             if Instant::now() > deadline {
                 let why = format!("after {} s {name} is not ready", JOIN_LIMIT.as_secs());
                 return Err(StartError::Lost(why).into());
             }
-            self.attend();
+            self.requests.answer_one(&mut self.run, self.archive.as_ref());
             std::thread::sleep(Duration::from_millis(1));
         }
     }
 
     /// A process that is not ready yet.
     fn unready(&self) -> Option<&'static str> {
-        let topic = Topic::ALL.into_iter().find(|topic| self.page.role(*topic).ready.get() == 0);
-        let recorder = || (self.archive.is_some() && self.page.archive().ready.get() == 0).then_some(RECORDER);
+        let page = &self.run.page;
+        let topic = Topic::ALL.into_iter().find(|topic| page.role(*topic).ready.get() == 0);
+        let recorder = || (self.archive.is_some() && page.archive().ready.get() == 0).then_some(RECORDER);
         topic.map(Topic::publisher).or_else(recorder)
     }
 
     /// Shows `watch` every message that has come, and tells the plant, which waits for it in lockstep.
     fn drain(&mut self, watch: &mut impl FnMut(Record)) {
         let mut newest = 0;
-        let Self { newest_ns, driver, archive, observers, .. } = self;
+        let Self { run, archive, observers, .. } = self;
         observers.drain(|record| {
             if record.is_intact() {
                 let (stamp, topic) = (record.stamp(), record.topic() as usize);
                 newest = newest.max(stamp.tick);
-                newest_ns[topic] = newest_ns[topic].max(stamp.publish_ns[topic]);
+                run.newest_ns[topic] = run.newest_ns[topic].max(stamp.publish_ns[topic]);
             }
-            driver.observe(&record);
+            run.driver.observe(&record);
             if let Some(archive) = archive {
                 archive.observe(&record);
             }
             watch(record);
         });
-        self.page.watched().raise(newest as u32);
+        run.page.watched().raise(newest as u32);
+    }
+
+    /// Sees to it that every process receives from every other: one that is mute or deaf is replaced as if it hung.
+    fn listen(&mut self) {
+        let received = Topic::ALL.map(|topic| self.observers.received(topic));
+        for silence in self.hearing.look(&self.run.page, received) {
+            let (topic, epoch, why) = match silence {
+                Silence::Mute(topic, epoch) => (topic, epoch, "its messages do not arrive".to_owned()),
+                Silence::Deaf(topic, epoch, of) => (topic, epoch, format!("it hears nothing of {}", of.publisher())),
+                Silence::Blind(of) => {
+                    if !std::mem::replace(&mut self.blind[of as usize], true) {
+                        let event = Event::new(self.run.page.plant_tick(), "launcher", 0, What::Hung);
+                        self.run.events.push(event.because(format!("it hears nothing of {}", of.publisher())));
+                    }
+                    continue;
+                }
+            };
+            if std::mem::replace(&mut self.silenced[topic as usize], epoch) == epoch {
+                continue; // it has been killed, and is about to be seen to end
+            }
+            self.run.on(topic, Input::Unheard(epoch, why));
+        }
+    }
+
+    /// Looks at all processes, and does what their roles say; how the flight has ended, if it has. In lockstep the plant's
+    /// `question` is answered, once all processes that come with that tick are there.
+    fn supervise(&mut self, question: Option<u64>) -> Option<Ended> {
+        let Self { run, archive, .. } = self;
+        let tick = question.unwrap_or_else(|| run.page.plant_tick());
+        while let Some((i, how)) = run.children.exited() {
+            let Process { name, topic, epoch, .. } = run.children.all[i];
+            match (topic, how) {
+                (None, _) => _ = archive.as_mut().map(|archive| archive.exited(run, i, tick)),
+                (Some(Topic::State), ChildExit::Well) => return Some(Ended::Flown),
+                (Some(Topic::State), how) => return Some(Ended::Lost(how.tell(name))),
+                (Some(topic), ChildExit::Late) if run.driver.nodes()[topic as usize].role.is_alone(epoch) => {
+                    return Some(Ended::Late(name.into()));
+                }
+                (Some(topic), _) => run.on(topic, Input::Exited(epoch)),
+            }
+            run.children.clean_up(i);
+        }
+        run.look(question);
+        if let Some(archive) = archive {
+            archive.look(run, tick);
+        }
+        if archive.as_ref().is_none_or(|archive| archive.role.starting().is_none()) {
+            run.driver.done();
+        }
+        run.stuck().map(Ended::Lost)
     }
 
     /// Nodes first, then the recorder, so that the log has their last messages. A second Ctrl-C kills.
     fn stop(&mut self, interrupts: &AtomicU32, watch: &mut impl FnMut(Record)) -> (Option<String>, Option<LogOutcome>) {
         let mut lost = None;
         self.drain(watch); // nodes that are still here are not gone by the next look
-        self.wait_for_recorder(|page| page.recorded().count() >= page.watched().count());
-        self.page.set_phase(phase::LEAVE);
-        for process in self.children.all.iter_mut().filter(|process| process.topic.is_some()) {
+        let page = self.run.page.clone();
+        Archive::catch_up(&page);
+        page.set_phase(phase::LEAVE);
+        for process in self.run.children.all.iter_mut().filter(|process| process.topic.is_some()) {
             let name = process.name;
             match wait(&mut process.child, name, LEAVE_LIMIT, interrupts) {
-                // A candidate, or who stood by, leaves as it likes; one that was killed on purpose is an event already; one that
+                // A candidate, or a standby, leaves as it likes; one that was killed on purpose is an event already; one that
                 // broke its budget has been named already, and another that did so meanwhile is no worse.
-                _ if process.topic.is_none_or(|topic| self.page.role(topic).active() != process.epoch) => {}
+                _ if process.topic.is_none_or(|topic| page.role(topic).active() != process.epoch) => {}
                 Some(status) if process.condemned || !matches!(ChildExit::of(status), ChildExit::Badly(_)) => {}
                 Some(status) => _ = lost.get_or_insert_with(|| format!("{name} ({status})")),
                 None => _ = lost.get_or_insert_with(|| format!("{name} (did not leave within 1 s and was killed)")),
             }
         }
         self.drain(watch);
-        self.tell_events();
-        self.page.set_phase(phase::CLOSE);
-        let log = self.close_log(interrupts);
+        self.requests.tell_recorder(&mut self.run);
+        page.set_phase(phase::CLOSE);
+        let log = self.archive.take().map(|archive| archive.close(&mut self.run, interrupts));
         (lost, log)
     }
+}
+
+/// What the nodes have refused by now.
+pub fn refused_by_listener(page: &ControlPage) -> Refused {
+    let count = |topic: Topic| (topic.publisher(), Refusal::ALL.map(|r| page.role(topic).refused[r as usize].get()));
+    Topic::ALL.map(count).into()
 }

@@ -149,6 +149,16 @@ impl ControlPage {
         &self.page().roles[topic as usize]
     }
 
+    /// Ticks that the plant has sampled.
+    pub fn sampled(&self) -> u64 {
+        u64::from(self.role(Topic::State).done(1).get())
+    }
+
+    /// The tick under way: all but the newest that the plant has sampled are over.
+    pub fn plant_tick(&self) -> u64 {
+        self.sampled().saturating_sub(1)
+    }
+
     /// The role of the recorder.
     pub fn archive(&self) -> &SharedRole {
         &self.page().archive

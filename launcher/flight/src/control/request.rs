@@ -2,7 +2,6 @@
 
 use std::io::{BufRead, BufReader, Write};
 use std::os::unix::net::UnixStream;
-use std::time::Duration;
 
 use anyhow::{Context, anyhow};
 use contract::scenario::{Fault, FaultTarget, Swap};
@@ -10,10 +9,10 @@ use runtime::domain::Domain;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use crate::limits::ANSWER_LIMIT;
+
 /// The socket's name in the run's folder.
 pub(super) const SOCKET: &str = "control";
-/// A launcher looks around every few milliseconds: one that takes longer is stopped or gone.
-const PATIENCE: Duration = Duration::from_secs(2);
 
 /// A request.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -57,7 +56,7 @@ pub fn ask(domain: &Domain, request: &Request) -> anyhow::Result<Value> {
     let silent =
         || format!("the launcher of '{}' does not answer: its stack is starting or ending", domain.namespace());
     let mut stream = UnixStream::connect(domain.file(SOCKET)).with_context(silent)?;
-    stream.set_read_timeout(Some(PATIENCE))?;
+    stream.set_read_timeout(Some(ANSWER_LIMIT))?;
     stream.write_all((serde_json::to_string(request)? + "\n").as_bytes()).with_context(silent)?;
     let mut line = String::new();
     BufReader::new(stream).read_line(&mut line).with_context(silent)?;

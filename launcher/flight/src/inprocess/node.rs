@@ -14,109 +14,74 @@ use runtime::output::Output;
 use runtime::ports::Ports;
 
 /// A node that answers to the plant.
-pub trait Node: Sized {
-    /// The topic that it answers on.
-    const TOPIC: Topic;
-
-    /// Opens its ports, with a core as at the beginning of a run of `scenario`.
-    fn join(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result<Self, SessionError>;
+pub trait Node {
     /// Answers to a sample; `sample` is the provenance of a new chain.
     fn answer(&mut self, sample: Stamp);
     /// What it remembers.
     fn memory(&self) -> Snapshot;
-    /// Goes on from the memory of another.
+    /// Goes on from the memory of another; one that does not fit is as good as none.
     fn restore(&mut self, memory: &Snapshot);
 }
 
-/// Guidance with its ports.
-pub struct GuidanceNode {
-    core: Guidance,
-    states: Input<State>,
-    references: Output<Reference>,
-}
-
-impl Node for GuidanceNode {
-    const TOPIC: Topic = Topic::Reference;
-
-    fn join(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result<Self, SessionError> {
-        let (states, references) = (Input::open(ports, member)?, Output::open(ports, member, scenario)?);
-        Ok(Self { core: Guidance::new(scenario), states, references })
-    }
-
-    fn answer(&mut self, sample: Stamp) {
-        let state = self.states.newest();
-        self.references.send(self.core.step(sample.tick, state), sample.with(state));
-    }
-
-    fn memory(&self) -> Snapshot {
-        self.core.snapshot()
-    }
-
-    fn restore(&mut self, memory: &Snapshot) {
-        self.core.restore(memory);
-    }
-}
-
-/// The attitude controller with its ports.
-pub struct MpcNode {
-    core: AttitudeMpc,
-    states: Input<State>,
-    references: Input<Reference>,
-    controls: Output<Controls>,
-}
-
-impl Node for MpcNode {
-    const TOPIC: Topic = Topic::Controls;
-
-    fn join(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result<Self, SessionError> {
-        let (states, references) = (Input::open(ports, member)?, Input::open(ports, member)?);
-        let controls = Output::open(ports, member, scenario)?;
-        Ok(Self { core: AttitudeMpc::try_new(scenario)?, states, references, controls })
-    }
-
-    fn answer(&mut self, sample: Stamp) {
-        let (reference, state) = (self.references.newest(), self.states.newest());
-        let provenance = sample.with(reference).with(state);
-        self.controls.send(self.core.step(sample.tick, state, reference), provenance);
-    }
-
-    fn memory(&self) -> Snapshot {
-        self.core.snapshot()
-    }
-
-    fn restore(&mut self, memory: &Snapshot) {
-        self.core.restore(memory);
+/// Opens the ports of `member`, with a core as at the beginning of a run of `scenario`.
+pub fn open(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result<Box<dyn Node>, SessionError> {
+    match member.topic {
+        Topic::State => Err(SessionError::UnknownNode("plant".into())), // it samples, and answers to nothing
+        Topic::Reference => {
+            let mut states = Input::<State>::open(ports, member)?;
+            let mut references = Output::<Reference>::open(ports, member, scenario)?;
+            boxed(Guidance::new(scenario), move |core, sample| {
+                let state = states.newest();
+                references.send(core.step(sample.tick, state), sample.with(state));
+            })
+        }
+        Topic::Controls => {
+            let mut states = Input::<State>::open(ports, member)?;
+            let mut references = Input::<Reference>::open(ports, member)?;
+            let mut controls = Output::<Controls>::open(ports, member, scenario)?;
+            boxed(AttitudeMpc::try_new(scenario)?, move |core, sample| {
+                let (reference, state) = (references.newest(), states.newest());
+                controls.send(core.step(sample.tick, state, reference), sample.with(reference).with(state));
+            })
+        }
+        Topic::Actuators => {
+            let mut states = Input::<State>::open(ports, member)?;
+            let mut demands = Input::<Controls>::open(ports, member)?;
+            let mut actuators = Output::<Actuators>::open(ports, member, scenario)?;
+            boxed(Mixer::new(scenario), move |core, sample| {
+                let (demand, state) = (demands.newest(), states.newest());
+                actuators.send(core.step(sample.tick, demand, state), sample.with(demand).with(state));
+            })
+        }
     }
 }
 
-/// The mixer with its ports.
-pub struct MixerNode {
-    core: Mixer,
-    states: Input<State>,
-    demands: Input<Controls>,
-    actuators: Output<Actuators>,
+/// A core, and how it answers with its ports.
+struct WithPorts<C, F> {
+    core: C,
+    answer: F,
 }
 
-impl Node for MixerNode {
-    const TOPIC: Topic = Topic::Actuators;
-
-    fn join(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result<Self, SessionError> {
-        let (states, demands) = (Input::open(ports, member)?, Input::open(ports, member)?);
-        let actuators = Output::open(ports, member, scenario)?;
-        Ok(Self { core: Mixer::new(scenario), states, demands, actuators })
-    }
-
-    fn answer(&mut self, sample: Stamp) {
-        let (demand, state) = (self.demands.newest(), self.states.newest());
-        let provenance = sample.with(demand).with(state);
-        self.actuators.send(self.core.step(sample.tick, demand, state), provenance);
-    }
-
-    fn memory(&self) -> Snapshot {
-        self.core.snapshot()
-    }
-
-    fn restore(&mut self, memory: &Snapshot) {
-        self.core.restore(memory);
-    }
+fn boxed<C: 'static, F: FnMut(&mut C, Stamp) + 'static>(core: C, answer: F) -> Result<Box<dyn Node>, SessionError>
+where
+    WithPorts<C, F>: Node,
+{
+    Ok(Box::new(WithPorts { core, answer }))
 }
+
+macro_rules! node {
+    ($($core:ty),*) => {$(
+        impl<F: FnMut(&mut $core, Stamp)> Node for WithPorts<$core, F> {
+            fn answer(&mut self, sample: Stamp) {
+                (self.answer)(&mut self.core, sample);
+            }
+            fn memory(&self) -> Snapshot {
+                self.core.snapshot()
+            }
+            fn restore(&mut self, memory: &Snapshot) {
+                self.core.restore(memory);
+            }
+        }
+    )*};
+}
+node!(Guidance, AttitudeMpc, Mixer);

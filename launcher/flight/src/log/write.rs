@@ -6,7 +6,7 @@ use std::{
     io::{BufWriter, Seek},
     os::unix::fs::OpenOptionsExt,
     path::{Path, PathBuf},
-    time::{Duration, Instant},
+    time::Instant,
 };
 
 use anyhow::Context;
@@ -21,11 +21,7 @@ use rustix::fs::OFlags;
 use super::{EVENTS, Record, SCENARIO, schema};
 use crate::event::Event;
 use crate::files::check_target;
-
-/// A chunk is closed and handed to the system when it holds this many bytes of messages...
-const CHUNK_BYTES: usize = 64 * 1024;
-/// ...or when this much time has passed since the last one.
-const FLUSH_PERIOD: Duration = Duration::from_secs(1);
+use crate::limits::{CHUNK_BYTES, FLUSH_PERIOD};
 
 /// MCAP's writer over an open file.
 type Mcap = Writer<NoSeek<BufWriter<File>>>;

@@ -6,8 +6,9 @@
 //! ```
 //!
 //! Everything stands still meanwhile, so it does not matter how long that takes. The wall clock decides on nothing but the end:
-//! a ring that has not moved for `[supervision] wall_limit_s` ends the run.
+//! a ring that has not moved for `[supervision] wall_limit_s` ends the run, unless a debugger has one of its processes.
 
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use contract::scenario::Scenario;
@@ -15,22 +16,22 @@ use contract::topic::Topic;
 use runtime::realtime::ControlPage;
 use runtime::shared_role::Assignment;
 
-use super::realtime::plant_tick;
+use super::driver::{Driver, Order};
 use super::role::{Action, Input, Signal};
-use super::simulated::{Simulated, Step};
-
-/// How often the queues and the children are looked at.
-const LOOK: Duration = Duration::from_millis(5);
-/// The same while the plant waits for an answer, or soon may.
-const QUICK_LOOK: Duration = Duration::from_micros(100);
+use super::simulated::Simulated;
+use super::supervised::Supervised;
+use crate::event::{Event, What};
+use crate::limits::{LOOK, QUICK_LOOK};
+use crate::log::Record;
 
 /// The roles of a lockstep run, and what it waits for.
 pub struct Lockstep {
+    page: Arc<ControlPage>,
     /// Who works when.
-    pub simulated: Simulated,
+    simulated: Simulated,
     asked: Option<Asked>,
-    /// Processes that were ended between two ticks: their end is no news.
-    ended: Vec<(Topic, u32)>,
+    /// Processes that were killed between two ticks: their end is expected.
+    killed: Vec<(Topic, u32)>,
     wall_limit: Option<Duration>,
     /// What the ring had done when it last moved, and when that was.
     moved: ([[u32; 2]; Topic::COUNT], Instant),
@@ -39,95 +40,154 @@ pub struct Lockstep {
 /// The tick that is asked for, once it has been decided.
 struct Asked {
     tick: u64,
-    /// Who is to be ready for it.
+    /// The processes that are to be ready for it.
     starting: Vec<(Topic, u32)>,
 }
 
 impl Lockstep {
     /// For a run of `scenario`.
-    pub fn new(scenario: &Scenario) -> Self {
+    pub fn new(scenario: &Scenario, page: Arc<ControlPage>) -> Self {
         let limit_s = scenario.supervision.wall_limit_s;
         Self {
+            page,
             simulated: Simulated::new(scenario),
             asked: None,
-            ended: vec![],
+            killed: vec![],
             wall_limit: (limit_s > 0.0).then(|| Duration::from_secs_f64(limit_s)),
             moved: ([[u32::MAX; 2]; Topic::COUNT], Instant::now()), // the first look is a change
         }
     }
 
-    /// The tick that the plant asks for, unless that was answered: all messages of the ticks before have been sent.
-    pub fn question(page: &ControlPage) -> Option<u64> {
-        let asked = page.asked().count();
-        (asked > page.ruled().count()).then(|| u64::from(asked) - 1)
+    /// A process of a node has ended by itself, or could not be started: `input` says which.
+    fn exited(&mut self, topic: Topic, epoch: u32, input: Input) {
+        if self.killed.contains(&(topic, epoch)) {
+            return;
+        }
+        let tick = self.asked.as_ref().map_or_else(|| self.page.plant_tick(), |asked| asked.tick);
+        self.simulated.exited(topic, epoch, tick, input);
+        if let Some(Asked { starting, .. }) = &mut self.asked {
+            starting.retain(|started| *started != (topic, epoch));
+        }
+        self.page.ask_from().set(0);
+        self.page.role(topic).dismiss(epoch);
+        self.page.doorbell(topic).ring();
     }
 
-    /// Decides the `question`, when all of the messages before it have been observed; what is to be done.
-    pub fn look(&mut self, question: Option<u64>) -> Vec<(Topic, Action)> {
-        let Some(tick) = question.filter(|_| self.asked.is_none()) else { return vec![] };
-        let steps = self.simulated.begin(tick);
-        let started = |step: &Step| if let Step::Begin(topic, epoch, _) = step { Some((*topic, *epoch)) } else { None };
-        self.asked = Some(Asked { tick, starting: steps.iter().filter_map(started).collect() });
-        let mut act = |step| match step {
-            Step::End(topic, epoch) => {
-                self.ended.push((topic, epoch));
-                (topic, Action::Signal(epoch, Signal::Kill))
-            }
-            Step::Begin(topic, epoch, origin) => (topic, Action::Spawn(epoch, origin)),
+    /// Ticks done by the active and the standby process of a node that works, 0 where there is none.
+    fn done_by(&self, topic: Topic) -> [u32; 2] {
+        let Assignment { active, standby } = self.simulated.assignment(topic);
+        [active, standby].map(|epoch| self.page.role(topic).done(epoch).get())
+    }
+
+    /// The process that the ring waits for.
+    fn awaited(&self) -> &'static str {
+        if let Some(Asked { starting, .. }) = &self.asked {
+            let late = starting.iter().find(|(topic, epoch)| self.page.role(*topic).met.get() != *epoch);
+            return late.map_or("the recorder", |(topic, _)| topic.publisher());
+        }
+        let sampled = self.done_by(Topic::State)[0];
+        let late = |topic: &Topic| {
+            let epochs = self.simulated.assignment(*topic).epochs();
+            { epochs }.any(|epoch| self.page.role(*topic).done(epoch).get() < sampled)
         };
-        steps.into_iter().map(&mut act).collect()
+        Topic::ALL.into_iter().find(late).unwrap_or(Topic::State).publisher()
+    }
+}
+
+impl Driver for Lockstep {
+    fn nodes(&self) -> &[Supervised; Topic::COUNT] {
+        &self.simulated.nodes
+    }
+
+    fn observe(&mut self, record: &Record) {
+        self.simulated.observe(record);
+    }
+
+    fn question(&self) -> Option<u64> {
+        let asked = self.page.asked().count();
+        (asked > self.page.ruled().count()).then(|| u64::from(asked) - 1)
+    }
+
+    fn look(&mut self, _scenario: &Scenario, question: Option<u64>) -> Vec<Order> {
+        let Some(tick) = question.filter(|_| self.asked.is_none()) else { return vec![] };
+        let orders = self.simulated.begin(tick);
+        let mut starting = vec![];
+        for (topic, action) in &orders {
+            match action {
+                Action::Spawn(epoch, _) => starting.push((*topic, *epoch)),
+                Action::Signal(epoch, _) => self.killed.push((*topic, *epoch)),
+                _ => {}
+            }
+        }
+        self.asked = Some(Asked { tick, starting });
+        let reports = self.simulated.events.drain(..).map(|event| (Topic::State, Action::Report(event)));
+        reports.chain(orders).collect()
     }
 
     /// Answers the plant, when all processes are ready and everything has been done.
-    pub fn answer(&mut self, page: &ControlPage) {
+    fn done(&mut self) {
+        let page = &self.page;
         let ready = |(topic, epoch): &(Topic, u32)| page.role(*topic).met.get() == *epoch;
         let Some(Asked { tick, .. }) = self.asked.take_if(|asked| asked.starting.iter().all(ready)) else { return };
         for topic in Topic::ALL {
-            let assignment: Assignment = self.simulated.assignment(topic);
-            page.role(topic).assign(tick as u32, |_| assignment);
+            page.role(topic).assign(tick as u32, |_| self.simulated.assignment(topic));
         }
         page.ask_from().set(u32::try_from(self.simulated.next_decision()).unwrap_or(u32::MAX));
         page.ruled().raise(tick as u32 + 1);
     }
 
-    /// A process of a node has ended by itself, or could not be started: `input` says which.
-    pub fn exited(&mut self, page: &ControlPage, topic: Topic, epoch: u32, input: Input) {
-        if self.ended.contains(&(topic, epoch)) {
-            return;
+    fn on(&mut self, _scenario: &Scenario, topic: Topic, input: Input) -> Vec<Order> {
+        match input {
+            Input::Exited(epoch) | Input::NotStarted(epoch, _) => self.exited(topic, epoch, input),
+            Input::Unheard(epoch, why) => {
+                let event = Event::new(self.page.plant_tick(), topic.publisher(), epoch, What::Hung).because(why);
+                return vec![(topic, Action::Report(event)), (topic, Action::Signal(epoch, Signal::Kill))];
+            }
+            _ => {} // in lockstep only the simulated roles see anything else
         }
-        let tick = self.asked.as_ref().map_or_else(|| plant_tick(page), |asked| asked.tick);
-        self.simulated.exited(topic, epoch, tick, input);
-        if let Some(Asked { starting, .. }) = &mut self.asked {
-            starting.retain(|started| *started != (topic, epoch));
-        }
-        page.ask_from().set(0);
-        page.role(topic).dismiss(epoch);
-        page.doorbell(topic).ring();
+        vec![]
     }
 
-    /// The process that has kept the ring waiting for longer than the wall clock's limit.
-    pub fn stuck(&mut self, page: &ControlPage) -> Option<&'static str> {
-        let epochs = |topic| {
-            let Assignment { active, standby } = self.simulated.assignment(topic);
-            [active, standby]
-        };
-        let done = |topic| epochs(topic).map(|epoch| page.role(topic).done(epoch).get());
-        let all = Topic::ALL.map(done);
-        if all != self.moved.0 {
-            self.moved = (all, Instant::now());
+    fn may_swap(&self, _topic: Option<Topic>) -> Result<(), String> {
+        Err("a lockstep flight is to repeat: write the swap into its scenario".into())
+    }
+
+    fn stuck(&mut self, is_traced: &dyn Fn() -> bool) -> Option<String> {
+        if self.simulated.assignment(Topic::State).active == 0 {
+            return Some("plant".into());
+        }
+        let done = Topic::ALL.map(|topic| self.done_by(topic));
+        if done != self.moved.0 {
+            self.moved = (done, Instant::now());
         }
         self.wall_limit.filter(|limit| self.moved.1.elapsed() > *limit)?;
-        if let Some(Asked { starting, .. }) = &self.asked {
-            let late = starting.iter().find(|(topic, epoch)| page.role(*topic).met.get() != *epoch);
-            return Some(late.map_or("the recorder", |(topic, _)| topic.publisher()));
+        if is_traced() {
+            self.moved.1 = Instant::now();
+            return None;
         }
-        let sampled = all[Topic::State as usize][0];
-        let late = |topic: &Topic| (0..2).any(|i| epochs(*topic)[i] != 0 && done(*topic)[i] < sampled);
-        Some(Topic::ALL.into_iter().find(late).unwrap_or(Topic::State).publisher())
+        let name = self.awaited();
+        Some(format!("{name} (the ring has not moved for the wall clock's limit, `supervision.wall_limit_s`)"))
     }
 
-    /// When to look again.
-    pub fn due(page: &ControlPage) -> Instant {
-        Instant::now() + if page.asked().count() > 0 { QUICK_LOOK } else { LOOK }
+    fn due(&self) -> Instant {
+        Instant::now() + if self.page.asked().count() > 0 { QUICK_LOOK } else { LOOK }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use contract::scenario::Supervision;
+
+    #[test]
+    fn a_ring_that_does_not_move_ends_the_run_unless_a_debugger_has_a_process() {
+        let supervision = Supervision { wall_limit_s: 0.01, ..Supervision::default() };
+        let scenario = Scenario { supervision, ..Scenario::default() };
+        let mut lockstep = Lockstep::new(&scenario, Arc::new(ControlPage::private().expect("memory")));
+        assert_eq!(lockstep.stuck(&|| false), None, "the first look");
+        std::thread::sleep(Duration::from_millis(11));
+        assert_eq!(lockstep.stuck(&|| true), None);
+        std::thread::sleep(Duration::from_millis(11));
+        assert!(lockstep.stuck(&|| false).is_some_and(|why| why.contains("wall_limit_s")));
     }
 }

@@ -6,12 +6,14 @@
 //! | [`supervised`] | a role with the trial of its candidate |
 //! | [`trial`], `answer`, `similarity` | whether a candidate does as well as the process before it |
 //! | [`process_faults`] | faults of processes as inputs |
+//! | [`driver`] | what the drivers of processes have in common |
 //! | [`realtime`] | driver: the control page and the clock |
 //! | [`simulated`] | driver: the delays that `[supervision]` names; in process uses it as it is |
 //! | [`lockstep`] | driver: the same for processes, between two ticks |
 //! | [`hearing`] | processes that work and cannot be heard, or hear nothing |
 
 mod answer;
+pub mod driver;
 pub mod hearing;
 pub mod lockstep;
 pub mod process_faults;

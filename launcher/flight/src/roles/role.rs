@@ -17,6 +17,7 @@ use contract::scenario::Supervision;
 
 use super::trial::Ruling;
 use crate::event::{Event, What};
+use crate::limits::{PLANT_HANG_NS, RECORDER_HANG_NS, RECORDER_START_NS};
 
 /// When an input was seen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -189,14 +190,14 @@ impl Policy {
 
     /// That of the plant: the vehicle has no replacement, and nobody samples for it.
     pub fn plant(settings: &Supervision, sample_ns: u64) -> Self {
-        Self { restart_ns: vec![], hang_ns: 500_000_000, hang_ticks: 0, ..Self::node(settings, sample_ns) }
+        Self { restart_ns: vec![], hang_ns: PLANT_HANG_NS, hang_ticks: 0, ..Self::node(settings, sample_ns) }
     }
 
     /// That of the recorder: a disk may be slow, and no answer of its own can be compared.
     pub fn recorder(settings: &Supervision) -> Self {
         let node = Self::node(settings, 0);
-        let start_limit_ns = node.start_limit_ns.max(3_000_000_000);
-        Self { start_limit_ns, hang_ns: 5_000_000_000, hang_ticks: 1, tried: false, falls_back: true, ..node }
+        let start_limit_ns = node.start_limit_ns.max(RECORDER_START_NS);
+        Self { start_limit_ns, hang_ns: RECORDER_HANG_NS, hang_ticks: 1, tried: false, falls_back: true, ..node }
     }
 }
 

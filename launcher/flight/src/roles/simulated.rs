@@ -12,25 +12,18 @@ use contract::Scenario;
 use contract::topic::Topic;
 use runtime::shared_role::Assignment;
 
+use super::driver::Order;
 use super::process_faults::ProcessFaults;
 use super::role::{Action, Input, Now, Signal};
 use super::supervised::Supervised;
 use crate::event::Event;
 use crate::log::Record;
 
-/// What is to be done before a tick.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Step {
-    /// End the process of this epoch.
-    End(Topic, u32),
-    /// Start one of this epoch, with the program and settings of this swap, or those of the run.
-    Begin(Topic, u32, Option<usize>),
-}
-
 /// The roles of all nodes, and the time of the flight.
 pub struct Simulated {
     scenario: Scenario,
-    nodes: [Supervised; Topic::COUNT],
+    /// The roles.
+    pub nodes: [Supervised; Topic::COUNT],
     faults: ProcessFaults,
     /// What is to be seen, and when \[ns\].
     ahead: Vec<(u64, Topic, Input)>,
@@ -38,7 +31,8 @@ pub struct Simulated {
     assignments: [Assignment; Topic::COUNT],
     /// The process of each node that is stopped, and the first tick that it has not answered.
     stopped: [Option<(u32, u64)>; Topic::COUNT],
-    steps: Vec<Step>,
+    /// Processes to be started and killed before it.
+    orders: Vec<Order>,
     /// The tick that begins.
     boundary: u64,
     /// The first tick on which anything may change.
@@ -57,7 +51,7 @@ impl Simulated {
             ahead: vec![],
             assignments: [Assignment { active: 1, standby: 0 }; Topic::COUNT],
             stopped: [None; Topic::COUNT],
-            steps: vec![],
+            orders: vec![],
             boundary: 0,
             next: 0,
             events: vec![],
@@ -75,23 +69,14 @@ impl Simulated {
         self.next
     }
 
-    /// A node that is given up.
-    pub fn given_up(&self) -> Option<&'static str> {
-        self.nodes.iter().find(|node| node.role.given_up()).map(|node| node.role.name())
-    }
-
-    /// Whether `epoch` is active and no other could take its place.
-    pub fn is_alone(&self, topic: Topic, epoch: u32) -> bool {
-        self.nodes[topic as usize].role.is_alone(epoch)
-    }
-
     /// Takes one message in: trials are decided by them.
     pub fn observe(&mut self, record: &Record) {
         self.nodes.iter_mut().for_each(|node| node.observe(record));
     }
 
-    /// Decides who works on `tick`, when all messages of the ticks before have been observed; what is to be done before it.
-    pub fn begin(&mut self, tick: u64) -> Vec<Step> {
+    /// Decides who works on `tick`, when all messages of the ticks before have been observed; which processes
+    /// are to be started ([`Action::Spawn`]) and killed ([`Action::Signal`]) before it.
+    pub fn begin(&mut self, tick: u64) -> Vec<Order> {
         if tick < self.next {
             return vec![];
         }
@@ -116,7 +101,7 @@ impl Simulated {
         }
         self.pass(now.ns);
         self.next = self.next_after(tick);
-        std::mem::take(&mut self.steps)
+        std::mem::take(&mut self.orders)
     }
 
     /// The process `epoch` has ended by itself, before it answered to `tick`.
@@ -170,15 +155,15 @@ impl Simulated {
     fn act(&mut self, topic: Topic, now: Now, action: Action) {
         let at_ns = |delay_ns| now.ns + delay_ns;
         match action {
-            Action::Spawn(epoch, origin) => {
-                self.steps.push(Step::Begin(topic, epoch, origin));
+            Action::Spawn(epoch, _) => {
+                self.orders.push((topic, action));
                 let node = &self.nodes[topic as usize].role;
                 let waited_for = node.active().is_none();
                 let start_ns = if waited_for { (self.scenario.supervision.start_ms * 1e6) as u64 } else { 0 };
                 self.ahead.push((at_ns(start_ns), topic, Input::Ready(epoch)));
             }
             Action::Signal(epoch, Signal::Kill) => {
-                self.steps.push(Step::End(topic, epoch));
+                self.orders.push((topic, action));
                 self.remove(topic, epoch);
                 let seen_ns = at_ns(self.detect_ns());
                 self.ahead.push((seen_ns, topic, Input::Exited(epoch)));

@@ -77,3 +77,8 @@ impl Supervised {
         }
     }
 }
+
+/// A node that is given up.
+pub fn given_up(nodes: &[Supervised]) -> Option<&'static str> {
+    nodes.iter().find(|node| node.role.given_up()).map(|node| node.role.name())
+}

@@ -8,31 +8,41 @@
 //! Who takes over records already when the one before closes its file, so that nothing is missing in between; one that
 //! died leaves a file without its last moments. No node notices either.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::io::Read;
 use std::os::fd::AsFd;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicU32;
+use std::time::{Duration, Instant};
 
 use contract::Scenario;
+use contract::scenario::SwapNode;
+use contract::topic::Topic;
+use runtime::console::eprint_line;
+use runtime::realtime::ControlPage;
+use runtime::shared_role::Assignment;
 
-use super::supervise::RECORDER;
+use super::children::{Process, SpawnRequest, wait};
+use super::run::{Run, unix};
 use crate::event::{self, Event};
+use crate::limits::{CATCH_UP_LIMIT, CLOSE_LIMIT, OUTCOME_BYTES};
 use crate::log::{self, Count, Record};
 use crate::recorder::LogOutcome;
-use crate::roles::role::{Policy, Role};
+use crate::roles::role::{Action, Input, Now, Policy, Role};
 
-/// No last word is longer \[bytes\]: what a pipe holds.
-const LONGEST_WORD: u64 = 65_536;
+/// Name of the process that records.
+pub const RECORDER: &str = "recorder";
 
-/// The log of a flight, and who writes it.
+/// The log of a flight, and who writes it: a role that runs by the wall clock in every mode.
 pub struct Archive {
     /// Who writes it.
     pub role: Role,
+    started: Instant,
     /// Which of the swaps have begun.
-    pub begun: Vec<bool>,
+    begun: Vec<bool>,
     path: PathBuf,
     /// What each recorder that had the role has said at its end.
-    words: BTreeMap<u32, LogOutcome>,
+    outcomes: BTreeMap<u32, LogOutcome>,
     /// What the launcher has seen of the messages.
     count: Count,
     /// Messages sent, as far as that tells.
@@ -44,17 +54,13 @@ impl Archive {
     pub fn new(path: &Path, scenario: &Scenario) -> Self {
         Self {
             role: Role::new(RECORDER, Policy::recorder(&scenario.supervision)),
+            started: Instant::now(),
             begun: vec![],
             path: path.into(),
-            words: BTreeMap::new(),
+            outcomes: BTreeMap::new(),
             count: Count::default(),
             sent: 0,
         }
-    }
-
-    /// The file that the recorder `epoch` is to write.
-    pub fn part(&self, epoch: u32) -> PathBuf {
-        log::part(&self.path, epoch)
     }
 
     /// Takes one message in that was sent.
@@ -63,28 +69,135 @@ impl Archive {
         self.sent = self.sent.saturating_add(more);
     }
 
-    /// Keeps what the recorder `epoch`, which has ended, has said on `stdout`.
-    pub fn keep(&mut self, epoch: u32, stdout: impl Read + AsFd) {
-        self.words.extend(last_word(stdout).map(|word| (epoch, word)));
+    /// Starts the first recorder, which has its role at once.
+    pub fn start(&self, run: &mut Run) -> anyhow::Result<()> {
+        run.page.archive().assign(0, |_| Assignment { active: 1, standby: 0 });
+        self.spawn(run, 1, None)
     }
 
-    /// All have ended, the recorder `active` active: makes one log of what they have written, and says how it went.
+    /// The recorder that is child number `i` has ended, whether it was asked to or not.
+    pub fn exited(&mut self, run: &mut Run, i: usize, tick: u64) {
+        let Process { epoch, child, .. } = &mut run.children.all[i];
+        let epoch = *epoch;
+        // One that was never ready has written nothing.
+        if let Some(stdout) = child.stdout.take().filter(|_| self.role.starting() != Some(epoch)) {
+            self.keep(epoch, stdout);
+        }
+        self.on(run, tick, Input::Exited(epoch));
+    }
+
+    /// Sees to it that a recorder works. The flight is worth more than its log, whose loss is told at the end.
+    pub fn look(&mut self, run: &mut Run, tick: u64) {
+        let mut inputs = vec![Input::Tick];
+        inputs.extend(self.role.starting().filter(|epoch| run.page.archive().ready.get() == *epoch).map(Input::Ready));
+        let (recorded, watched) = (run.page.recorded().count(), run.page.watched().count());
+        inputs.push(Input::Progress { done: recorded.into(), samples: watched.into(), excused_ns: 0 });
+        let swaps = &run.scenario.swap;
+        self.begun.resize(swaps.len(), false);
+        let from = |i: &usize| swaps[*i].ticks(run.scenario.sample_s()).from;
+        let ours = |i: &usize| swaps[*i].node == SwapNode::Recorder && !self.begun[*i];
+        let first = (0..swaps.len()).filter(ours).min_by_key(from);
+        if let Some(swap) = first.filter(|i| tick >= from(i) && !self.role.is_busy() && !self.role.given_up()) {
+            self.begun[swap] = true;
+            inputs.push(Input::SwapRequested(swap));
+        }
+        for input in inputs {
+            self.on(run, tick, input);
+        }
+    }
+
+    /// Waits a moment until the recorder has everything. One that does not get there loses messages, which are counted.
+    pub fn catch_up(page: &ControlPage) {
+        let deadline = Instant::now() + CATCH_UP_LIMIT;
+        let is_behind = || page.archive().active() > 0 && page.recorded().count() < page.watched().count();
+        while is_behind() && Instant::now() < deadline {
+            std::thread::sleep(Duration::from_micros(200));
+        }
+    }
+
+    /// All nodes have left: waits until the log is closed, and says how it went.
+    pub fn close(mut self, run: &mut Run, interrupts: &AtomicU32) -> LogOutcome {
+        self.look(run, run.page.plant_tick()); // one that is ready takes over now
+        let untold = run.events.len() - run.children.told;
+        for Process { epoch, child, .. } in run.children.all.iter_mut().filter(|process| process.name == RECORDER) {
+            let starts = self.role.starting() == Some(*epoch);
+            wait(child, RECORDER, if starts { Duration::ZERO } else { CLOSE_LIMIT }, interrupts);
+            if let Some(stdout) = child.stdout.take().filter(|_| !starts) {
+                self.keep(*epoch, stdout);
+            }
+        }
+        let sent = Topic::ALL.map(|topic| u64::from(run.page.role(topic).sent_by_all.get())).iter().sum();
+        self.outcome(run.page.archive().active(), &run.scenario, &run.events, untold, sent)
+    }
+
+    /// Takes `input` into the role, and does what it says.
+    fn on(&mut self, run: &mut Run, tick: u64, input: Input) {
+        let now = Now { ns: self.started.elapsed().as_nanos() as u64, tick };
+        let mut inputs = VecDeque::from([input]);
+        while let Some(input) = inputs.pop_front() {
+            for action in self.role.on(now, input) {
+                match action {
+                    Action::Spawn(epoch, origin) => {
+                        if let Err(error) = self.spawn(run, epoch, origin) {
+                            let why = format!("{error:#}");
+                            eprint_line(&format!("error: {why}"));
+                            inputs.push_back(Input::NotStarted(epoch, why));
+                        }
+                    }
+                    Action::Signal(epoch, signal) => run.children.signal(None, epoch, unix(signal)),
+                    Action::Activate(epoch) => {
+                        run.page.archive().assign(0, |_| Assignment { active: epoch, standby: 0 });
+                        run.page.recorded().raise(run.page.watched().count()); // it never has what was sent before it came
+                        inputs.push_back(Input::Activated(epoch));
+                    }
+                    Action::Vacate(epoch) => run.page.archive().assign(0, |work| work.without(epoch)),
+                    Action::Report(event) => run.events.push(event),
+                    Action::Standby(_) => {} // a recorder is not compared with another
+                }
+            }
+        }
+        if self.role.given_up() {
+            run.page.recorded().raise(u32::MAX); // nothing is recorded, so there is nothing to wait for
+        }
+    }
+
+    fn spawn(&self, run: &mut Run, epoch: u32, origin: Option<usize>) -> anyhow::Result<()> {
+        run.children.spawn(&SpawnRequest {
+            name: RECORDER,
+            epoch,
+            log: Some(&self.part(epoch)),
+            program: origin.and_then(|i| run.scenario.swap.get(i)).and_then(|swap| swap.exec.as_deref()),
+            ..SpawnRequest::default()
+        })
+    }
+
+    /// The file that the recorder `epoch` is to write.
+    fn part(&self, epoch: u32) -> PathBuf {
+        log::part(&self.path, epoch)
+    }
+
+    /// Keeps what the recorder `epoch`, which has ended, has said on `stdout`.
+    fn keep(&mut self, epoch: u32, stdout: impl Read + AsFd) {
+        self.outcomes.extend(outcome_on(stdout).map(|outcome| (epoch, outcome)));
+    }
+
+    /// All have ended, the recorder `active` the last: makes one log of what they have written, and says how it went.
     /// `untold` of the `events` did not reach a recorder; the processes have sent so many messages.
-    pub fn close(mut self, active: u32, scenario: &Scenario, events: &[Event], untold: usize, sent: u64) -> LogOutcome {
+    fn outcome(mut self, active: u32, scenario: &Scenario, events: &[Event], untold: usize, sent: u64) -> LogOutcome {
         let why = if self.role.given_up() {
             "nobody was left to record the flight"
         } else {
             "the recorder ended before it could close the log"
         };
         let lost = || LogOutcome { error: Some(why.into()), ..LogOutcome::default() };
-        let last = self.words.remove(&active).unwrap_or_else(lost);
+        let last = self.outcomes.remove(&active).unwrap_or_else(lost);
         if self.role.newest() == 1 {
             // What never reached it leaves no gap that it could have counted.
             let missing = (sent + events.len() as u64).saturating_sub(last.records);
             return LogOutcome { dropped: missing.max(last.dropped + untold as u64), ..last };
         }
         let files: Vec<PathBuf> = (1..=self.role.newest()).map(|epoch| self.part(epoch)).collect();
-        let failed = last.error.or_else(|| self.words.into_values().find_map(|word| word.error));
+        let failed = last.error.or_else(|| self.outcomes.into_values().find_map(|outcome| outcome.error));
         match log::join(&files, scenario, events, self.sent) {
             Ok(outcome) => LogOutcome { error: failed, ..outcome },
             Err(error) => LogOutcome { error: Some(format!("{error:#}")), ..LogOutcome::default() },
@@ -92,11 +205,11 @@ impl Archive {
     }
 }
 
-/// What a recorder that has ended said of its file. Others may still hold the pipe: nobody waits for them.
-fn last_word(stdout: impl Read + AsFd) -> Option<LogOutcome> {
+/// What a recorder that has ended said of its file. Other processes may still hold the pipe, so the end of it is not waited for.
+fn outcome_on(stdout: impl Read + AsFd) -> Option<LogOutcome> {
     event::never_wait(&stdout).ok()?;
     let mut text = vec![];
-    let _ = stdout.take(LONGEST_WORD).read_to_end(&mut text); // an error where the end of the pipe is not to be seen
+    let _ = stdout.take(OUTCOME_BYTES).read_to_end(&mut text); // an error where the end of the pipe is not to be seen
     serde_json::from_slice(&text).ok()
 }
 
@@ -130,10 +243,10 @@ mod tests {
     }
 
     #[test]
-    fn nobody_waits_for_the_end_of_a_last_word() {
+    fn nobody_waits_for_the_end_of_a_outcome_on() {
         let outcome = LogOutcome { records: 7, dropped: 1, ..LogOutcome::default() };
         let (hears, _speaks) = said(&outcome);
-        assert_eq!(last_word(hears), Some(outcome));
+        assert_eq!(outcome_on(hears), Some(outcome));
     }
 
     #[test]
@@ -142,7 +255,7 @@ mod tests {
         let path = folder.path().join("flight.mcap");
         let events = [Event::new(1, "mixer", 1, What::Died)];
         for (newest, records, dropped) in [(1, 7, 1), (2, 1, 0)] {
-            let outcome = archive(&path, newest).close(newest, &Scenario::default(), &events, 1, 0);
+            let outcome = archive(&path, newest).outcome(newest, &Scenario::default(), &events, 1, 0);
             assert_eq!(outcome, LogOutcome { records, dropped, ..LogOutcome::default() });
         }
     }
@@ -153,15 +266,15 @@ mod tests {
         let path = folder.path().join("flight.mcap");
         for newest in [1, 2] {
             let mut archive = archive(&path, newest);
-            archive.words.remove(&newest);
-            let error = archive.close(newest, &Scenario::default(), &[], 0, 0).error;
+            archive.outcomes.remove(&newest);
+            let error = archive.outcome(newest, &Scenario::default(), &[], 0, 0).error;
             assert_eq!(error.as_deref(), Some("the recorder ended before it could close the log"));
         }
         let mut archive = archive(&path, 2);
         let never = Policy { restart_ns: vec![], ..Policy::recorder(&Scenario::default().supervision) };
         archive.role = Role::new(RECORDER, never);
         archive.role.on(Now { ns: 0, tick: 0 }, Input::Exited(1));
-        let error = archive.close(0, &Scenario::default(), &[], 0, 0).error;
+        let error = archive.outcome(0, &Scenario::default(), &[], 0, 0).error;
         assert_eq!(error.as_deref(), Some("nobody was left to record the flight"));
     }
 }

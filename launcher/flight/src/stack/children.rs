@@ -22,12 +22,10 @@ use rustix::time::Timespec;
 
 use super::end::ChildExit;
 use crate::event::{self, Event};
+use crate::limits::{CLEAN_UP_LIMIT, SAY_AFTER};
 use crate::own_program;
+use crate::provenance::status_of;
 use runtime::console::eprint_line;
-
-const CLEAN_UP_LIMIT: Duration = Duration::from_millis(500);
-/// After this long it is said what is waited for.
-const SILENCE: Duration = Duration::from_secs(1);
 
 /// What a child is to be.
 #[derive(Clone, Copy, Default)]
@@ -147,6 +145,12 @@ impl Children {
         }
     }
 
+    /// Whether a debugger has one of them.
+    pub fn any_traced(&self) -> bool {
+        let is_traced = |process: &Process| status_of(process.child.id(), "TracerPid:").is_some_and(|pid| pid != "0");
+        self.all.iter().any(is_traced)
+    }
+
     /// Sleeps until one ends, which is noticed at once, one of `others` is readable, or it is time to look around.
     pub fn sleep<'a>(&'a self, others: impl Iterator<Item = BorrowedFd<'a>>, due: Instant) {
         let ends = self.all.iter().filter_map(|p| p.pidfd.as_ref()).map(|fd| PollFd::new(fd, PollFlags::IN));
@@ -171,12 +175,12 @@ impl Drop for Children {
 pub fn wait(child: &mut Child, name: &str, limit: Duration, interrupts: &AtomicU32) -> Option<ExitStatus> {
     let started = Instant::now();
     let deadline = started + limit;
-    let mut told = limit <= SILENCE;
+    let mut told = limit <= SAY_AFTER;
     loop {
         if let Some(status) = ended(child) {
             return Some(status);
         }
-        if !told && started.elapsed() > SILENCE {
+        if !told && started.elapsed() > SAY_AFTER {
             told = true;
             let limit_s = limit.as_secs();
             eprint_line(&format!("waiting up to {limit_s} s for the {name} to end; Ctrl-C twice kills it"));

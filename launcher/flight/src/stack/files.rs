@@ -6,13 +6,12 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use runtime::domain::Domain;
 use runtime::port;
 
-/// How often the files are looked at.
-const PERIOD: Duration = Duration::from_millis(100);
+use crate::limits::FILES_LOOK;
 
 /// What can happen to a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,7 +43,7 @@ impl Files {
 
     /// What has happened to the files of the processes `living` since the last look.
     pub fn look(&mut self, living: &[u32]) -> Vec<(Loss, PathBuf)> {
-        if self.looked.elapsed() < PERIOD {
+        if self.looked.elapsed() < FILES_LOOK {
             return vec![];
         }
         self.looked = Instant::now();
@@ -83,7 +82,7 @@ mod tests {
     fn look(files: &mut Files, living: &[u32]) -> Vec<(Loss, PathBuf)> {
         let mut losses = vec![];
         for _ in 0..2 {
-            std::thread::sleep(PERIOD);
+            std::thread::sleep(FILES_LOOK);
             losses.extend(files.look(living));
         }
         losses

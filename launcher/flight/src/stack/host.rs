@@ -6,7 +6,6 @@ use std::io::{BufRead, BufReader, Read};
 use std::ops::Range;
 use std::process::{Child, ChildStdout, Stdio};
 use std::sync::atomic::AtomicU32;
-use std::time::Duration;
 
 use anyhow::{Context, ensure};
 use contract::Scenario;
@@ -20,10 +19,8 @@ use super::children::{Children, wait};
 use super::files::{Files, Loss};
 use crate::event::{Event, What};
 use crate::intruder::{LET_IN, REFUSED, SENT};
+use crate::limits::LEAVE_LIMIT;
 use crate::own_program;
-
-/// How long an intruder may take to leave at the end of the run.
-const LEAVE_LIMIT: Duration = Duration::from_secs(1);
 
 /// What events call what is around the processes.
 const HOST: &str = "host";

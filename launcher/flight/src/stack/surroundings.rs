@@ -2,13 +2,10 @@
 
 use std::path::Path;
 
+use crate::limits::FILES_NEEDED;
 use anyhow::{bail, ensure};
 use runtime::port::bytes_needed;
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
-
-/// The launcher and the recorder have about fifty files open, and four more for every process that is replaced before
-/// what it left is cleared away.
-const FILES_NEEDED: u64 = 128;
 
 /// Refuses to fly at `rate_hz` where it cannot go well, and says why. Raises the limit on open files where that is enough.
 pub fn check(rate_hz: u32) -> anyhow::Result<()> {

@@ -1,57 +1,17 @@
-//! Swaps of a flight against the clock: ordered while it flies, and written down with the times that they took.
+//! The times that the swaps of a flight against the clock took.
 //!
 //! A trial begins when the candidate is ready, and ends when it is rejected or returns, so that a swap takes other times
 //! than it was given. Those it took are what the `scenario.toml` of the run's folder has, and what a new order must keep
 //! clear of.
 
 use contract::Scenario;
-use contract::scenario::{Mode, Swap, SwapNode, check_swaps};
+use contract::scenario::{Swap, SwapNode};
 use contract::topic::Topic;
-use runtime::realtime::phase;
-use serde_json::{Value, json};
 
-use super::Stack;
-use crate::event::{Event, Sender, What};
-
-impl Stack {
-    /// Begins a swap with the next sample but one, if it stands up to the rules of the scenario.
-    pub(super) fn order_swap(&mut self, swap: Swap, sender: Option<Sender>) -> Result<Value, String> {
-        if self.page.phase().count() != phase::GO {
-            return Err("the stack is starting or ending".into());
-        }
-        self.driver.may_swap(swap.node.topic())?;
-        if swap.node == SwapNode::Recorder {
-            self.may_swap_recorder()?;
-        }
-        let swap = Swap { at_s: self.time_s(self.next_tick()), ..swap };
-        let mut with_it = self.scenario.clone();
-        settle(&mut with_it, &self.events);
-        with_it.swap.push(swap.clone());
-        check_swaps(&with_it).map_err(|error| error.to_string())?;
-        self.orderers.extend(sender.map(|sender| (self.scenario.swap.len(), sender)));
-        self.scenario.swap.push(swap);
-        Ok(json!({ "swap": self.scenario.swap.len() - 1, "since": self.events.len() }))
-    }
-
-    /// Tells the recorder what has happened; where a swap begins that was ordered by hand, with who ordered it.
-    pub(super) fn tell_events(&mut self) {
-        let events = &mut self.events;
-        for event in events.iter_mut().skip(self.children.told) {
-            event.by = event.by.or_else(|| self.orderers.get(&event.swap?).copied());
-        }
-        self.children.tell(events);
-    }
-
-    /// The flight is over: gives its swaps the times that they took. Where time follows the script they are those they had.
-    pub(super) fn settle_swaps(&mut self) {
-        if self.scenario.run.mode == Mode::Realtime {
-            settle(&mut self.scenario, &self.events);
-        }
-    }
-}
+use crate::event::{Event, What};
 
 /// Gives each swap the times that it took by the `events`; one that is still to come moves behind those it waits for.
-fn settle(scenario: &mut Scenario, events: &[Event]) {
+pub fn settle(scenario: &mut Scenario, events: &[Event]) {
     let (sample_s, rate_hz) = (scenario.sample_s(), f64::from(scenario.run.rate_hz));
     let swaps = &mut scenario.swap;
     for (number, swap) in swaps.iter_mut().enumerate().filter(|(_, swap)| swap.node != SwapNode::Recorder) {
@@ -90,7 +50,7 @@ fn note(swap: &mut Swap, number: usize, events: &[Event], rate_hz: f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use contract::scenario::load;
+    use contract::scenario::{check_swaps, load};
 
     /// The swaps of the mixer at these times, after the `events` of epochs: (tick, epoch, what, swap).
     fn settled(at_s: &[f64], events: &[(u64, u32, What, Option<usize>)]) -> Vec<[f64; 3]> {

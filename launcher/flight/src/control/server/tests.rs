@@ -26,14 +26,14 @@ fn told(stream: UnixStream) -> Response {
 fn a_request_may_come_in_pieces_and_is_answered_to_whom_it_came_from() {
     let (_folder, domain, mut server) = open();
     assert!(server.request().is_none());
-    let (silent, mut guest) = (enter(&domain), enter(&domain));
-    guest.write_all(b"\"sta").expect("written");
+    let (silent, mut client) = (enter(&domain), enter(&domain));
+    client.write_all(b"\"sta").expect("written");
     assert!(server.request().is_none());
-    guest.write_all(b"tus\"\nmore").expect("written");
+    client.write_all(b"tus\"\nmore").expect("written");
     let (request, reply) = server.request().expect("a request");
     assert_eq!(request, Request::Status);
     reply.send(&Response::Ok(json!(7)));
-    assert_eq!(told(guest), Response::Ok(json!(7)));
+    assert_eq!(told(client), Response::Ok(json!(7)));
     assert_eq!(server.sources().count(), 0, "one at a look");
     assert!(server.request().is_none());
     assert_eq!(server.sources().count(), 2, "the door, and who has not spoken yet");
@@ -48,13 +48,13 @@ fn what_is_no_request_gets_an_error() {
         (&b"\n"[..], "not a request"),
         (b"{\"fly\":1}\n", "unknown variant `fly`"),
         (b"\xff\xfe\x00\n", "not a request"),
-        (&[b'x'; LINE_BYTES + 1], "a line of more than 4096 bytes"),
+        (&[b'x'; REQUEST_BYTES + 1], "a line of more than 4096 bytes"),
     ] {
         let (_folder, domain, mut server) = open();
-        let mut guest = enter(&domain);
-        guest.write_all(line).expect("written");
+        let mut client = enter(&domain);
+        client.write_all(line).expect("written");
         assert!(server.request().is_none());
-        let Response::Error(why) = told(guest) else { panic!("{line:?} was taken") };
+        let Response::Error(why) = told(client) else { panic!("{line:?} was taken") };
         assert!(why.contains(expected), "{why}");
     }
 }
@@ -64,7 +64,7 @@ fn who_says_nothing_is_shown_out() {
     let (_folder, domain, mut server) = open();
     let silent = enter(&domain);
     assert!(server.request().is_none());
-    server.guests.iter_mut().for_each(|guest| guest.since -= PATIENCE);
+    server.clients.iter_mut().for_each(|client| client.since -= REQUEST_LIMIT);
     assert!(server.request().is_none());
     assert_eq!(told(silent), Response::Error("no request within 1 s".into()));
 }
@@ -75,11 +75,11 @@ fn a_thousand_who_say_nothing_keep_nobody_out() {
     let mut silent = vec![];
     for _ in 0..50 {
         silent.extend((0..20).map(|_| enter(&domain)));
-        let mut guest = enter(&domain);
-        guest.write_all(b"\"status\"\n").expect("written");
+        let mut client = enter(&domain);
+        client.write_all(b"\"status\"\n").expect("written");
         let looks = (1..=4).find(|_| server.request().is_some());
-        assert!(looks.is_some(), "after {} silent guests nobody is answered", silent.len());
-        assert!(server.guests.len() <= GUESTS);
+        assert!(looks.is_some(), "after {} silent clients nobody is answered", silent.len());
+        assert!(server.clients.len() <= CLIENTS);
     }
     let Response::Error(why) = told(silent.swap_remove(0)) else { panic!("nothing was asked") };
     assert!(why.contains("others have come since"), "{why}");

@@ -6,6 +6,7 @@ use contract::stamp::delivery;
 
 use super::*;
 use crate::event::What;
+use crate::roles::supervised::given_up;
 
 const CONTROLS: Topic = Topic::Controls;
 
@@ -15,16 +16,24 @@ fn scenario(fault: Vec<Fault>, swap: Vec<Swap>) -> Scenario {
 }
 
 /// What `roles` does before each tick up to `until`, by tick, when no message is sent.
-fn steps(roles: &mut Simulated, until: u64) -> Vec<(u64, Step)> {
+fn steps(roles: &mut Simulated, until: u64) -> Vec<(u64, Order)> {
     steps_between(roles, 0..until)
 }
 
-fn steps_between(roles: &mut Simulated, ticks: Range<u64>) -> Vec<(u64, Step)> {
+fn steps_between(roles: &mut Simulated, ticks: Range<u64>) -> Vec<(u64, Order)> {
     ticks.flat_map(|tick| roles.begin(tick).into_iter().map(move |step| (tick, step))).collect()
 }
 
 fn told(roles: &Simulated) -> Vec<(u64, u32, What)> {
     roles.events.iter().map(|event| (event.tick, event.epoch, event.what)).collect()
+}
+
+fn begin(epoch: u32, origin: Option<usize>) -> Order {
+    (CONTROLS, Action::Spawn(epoch, origin))
+}
+
+fn end(epoch: u32) -> Order {
+    (CONTROLS, Action::Signal(epoch, Signal::Kill))
 }
 
 impl Simulated {
@@ -47,7 +56,7 @@ fn a_kill_takes_effect_on_its_tick_and_its_replacement_as_long_after_it_as_the_s
         } else {
             11
         };
-        let expected = [(10, Step::End(CONTROLS, 1)), (started, Step::Begin(CONTROLS, 2, None))];
+        let expected = [(10, end(1)), (started, begin(2, None))];
         assert_eq!(steps(&mut roles, tick), expected, "for {for_s:?}");
         assert_eq!(roles.assignment(CONTROLS), Assignment::default());
         roles.begin(tick);
@@ -73,7 +82,7 @@ fn a_process_that_hangs_is_replaced() {
     let stop = Fault::new(FaultTarget::AttitudeMpc, FaultKind::Hog, 0.1, None);
     let mut roles = Simulated::new(&scenario(vec![stop], vec![]));
     // The third sample without an answer, 12, is seen at 122 ms; the next process is ready at 147 ms.
-    assert_eq!(steps(&mut roles, 15), [(13, Step::End(CONTROLS, 1)), (13, Step::Begin(CONTROLS, 2, None))]);
+    assert_eq!(steps(&mut roles, 15), [(13, end(1)), (13, begin(2, None))]);
     roles.begin(15);
     assert_eq!(roles.assignment(CONTROLS).active, 2);
     assert_eq!(told(&roles), [(12, 1, What::Hung), (12, 2, What::Started), (15, 2, What::TookOver)]);
@@ -85,11 +94,11 @@ fn the_fourth_death_in_five_seconds_is_the_last() {
     for (epoch, tick) in [(1, 100), (2, 200), (3, 300)] {
         roles.lost(epoch, tick);
         let begun = steps_between(&mut roles, tick + 1..tick + 50);
-        assert!(matches!(begun[..], [(_, Step::Begin(CONTROLS, next, None))] if next == epoch + 1), "{begun:?}");
+        assert!(matches!(begun[..], [(_, (CONTROLS, Action::Spawn(next, None)))] if next == epoch + 1), "{begun:?}");
     }
     roles.lost(4, 400);
     assert_eq!(steps_between(&mut roles, 401..5000), []);
-    assert_eq!(roles.given_up(), Some("attitude-mpc"));
+    assert_eq!(given_up(&roles.nodes), Some("attitude-mpc"));
 }
 
 #[test]
@@ -122,7 +131,7 @@ fn sample(tick: u64) -> State {
 }
 
 /// These ticks, with all at work who are there; the candidate demands `lon_nm` of the tick. What was to be done.
-fn fly(roles: &mut Simulated, ticks: Range<u64>, lon_nm: impl Fn(u64) -> f64) -> Vec<(u64, Step)> {
+fn fly(roles: &mut Simulated, ticks: Range<u64>, lon_nm: impl Fn(u64) -> f64) -> Vec<(u64, Order)> {
     let mut done = vec![];
     for tick in ticks {
         done.extend(roles.begin(tick).into_iter().map(|step| (tick, step)));
@@ -138,20 +147,20 @@ fn fly(roles: &mut Simulated, ticks: Range<u64>, lon_nm: impl Fn(u64) -> f64) ->
 fn a_good_candidate_is_kept() {
     let mut roles = swapping();
     let done = fly(&mut roles, 0..60, |_| 0.1);
-    assert_eq!(done, [(10, Step::Begin(CONTROLS, 2, Some(0))), (40, Step::End(CONTROLS, 1))]);
+    assert_eq!(done, [(10, begin(2, Some(0))), (40, end(1))]);
     let story = [(10, 2, What::Started), (10, 2, What::OnStandby), (20, 2, What::TookOver), (40, 2, What::Kept)];
     assert_eq!(told(&roles), story);
     assert_eq!(roles.assignment(CONTROLS), Assignment { active: 2, standby: 0 });
     assert!(roles.events[3].why.as_ref().is_some_and(|why| why.starts_with("30 answers, at most 0.00 %")));
     roles.lost(2, 100);
-    assert_eq!(roles.begin(110), [Step::Begin(CONTROLS, 3, Some(0))], "who comes after it is like it");
+    assert_eq!(roles.begin(110), [begin(3, Some(0))], "who comes after it is like it");
 }
 
 #[test]
 fn a_candidate_that_differs_on_standby_is_rejected() {
     let mut roles = swapping();
     let done = fly(&mut roles, 0..60, |tick| if tick < 15 { 0.1 } else { 100.0 });
-    assert_eq!(done, [(10, Step::Begin(CONTROLS, 2, Some(0))), (18, Step::End(CONTROLS, 2))], "three ticks in a row");
+    assert_eq!(done, [(10, begin(2, Some(0))), (18, end(2))], "three ticks in a row");
     assert_eq!(told(&roles).last(), Some(&(18, 2, What::Rejected)));
     assert_eq!(roles.assignment(CONTROLS), Assignment { active: 1, standby: 0 });
 }
@@ -221,7 +230,7 @@ fn a_trial_goes_on_when_the_old_one_dies() {
         wrong.lost(1, at);
         let done = fly(&mut wrong, at + 1..100, |_| f64::NAN);
         let gone = at + 4;
-        let expected = [(gone, Step::End(CONTROLS, 2)), (gone, Step::Begin(CONTROLS, 3, None))];
+        let expected = [(gone, end(2)), (gone, begin(3, None))];
         assert_eq!(done, expected, "{at}: one like the old one comes");
         assert!(told(&wrong).contains(&(gone, 2, What::Returned)), "{at}: {:?}", told(&wrong));
     }
@@ -250,6 +259,6 @@ fn one_candidate_comes_after_the_other() {
     assert!(told(&roles).contains(&(20, 2, What::Rejected)), "the second; the first goes on");
     assert_eq!(told(&roles).last(), Some(&(40, 2, What::Kept)));
     roles.lost(2, 60);
-    let begun = [(61, Step::Begin(CONTROLS, 3, Some(0))), (70, Step::Begin(CONTROLS, 4, Some(2)))];
+    let begun = [(61, begin(3, Some(0))), (70, begin(4, Some(2)))];
     assert_eq!(fly(&mut roles, 61..72, |_| 0.1), begun);
 }

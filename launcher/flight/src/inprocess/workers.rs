@@ -1,4 +1,4 @@
-//! Those that work for one node when one thread runs them all: one active, and now and then one on standby.
+//! What would be the processes of one node, when one thread runs them all: one active, and now and then one on standby.
 
 use std::sync::Arc;
 
@@ -12,7 +12,7 @@ use runtime::ports::{Ports, Transport};
 use runtime::queue::Queues;
 use runtime::realtime::ControlPage;
 
-use super::node::Node;
+use super::node::{self, Node};
 
 /// What a ring in process shares: the control page and the queues.
 #[derive(Clone)]
@@ -38,59 +38,61 @@ impl Ring {
     }
 }
 
-/// All that work for one node.
-pub struct Post<N> {
+/// The processes of one node.
+pub struct Workers {
+    /// The topic that it answers on.
+    pub topic: Topic,
     ring: Ring,
-    workers: Vec<Worker<N>>,
+    all: Vec<Worker>,
     /// What the last one remembered that left the role vacant.
     memory: Option<Snapshot>,
 }
 
 /// What a process of the node would be.
-struct Worker<N> {
+struct Worker {
     member: Member,
-    node: N,
+    node: Box<dyn Node>,
 }
 
-impl<N: Node> Post<N> {
+impl Workers {
     /// With the first process of a run.
-    pub fn new(ring: &Ring, run: &Scenario) -> Result<Self, SessionError> {
-        let mut post = Self { ring: ring.clone(), workers: vec![], memory: None };
-        post.begin(1, run, run)?;
-        Ok(post)
+    pub fn new(ring: &Ring, topic: Topic, run: &Scenario) -> Result<Self, SessionError> {
+        let mut workers = Self { topic, ring: ring.clone(), all: vec![], memory: None };
+        workers.begin(1, run, run)?;
+        Ok(workers)
     }
 
     /// The process `epoch` begins, with settings of its `own` or those of the `run`, and with the memory of the one that is
     /// or was active.
     pub fn begin(&mut self, epoch: u32, own: &Scenario, run: &Scenario) -> Result<(), SessionError> {
-        let (member, mut ports) = self.ring.member(N::TOPIC, epoch, own, run);
-        let mut node = N::join(&mut ports, &member, own)?;
-        let active = self.ring.page.role(N::TOPIC).active();
-        let active = self.workers.iter().find(|worker| worker.member.epoch == active);
+        let (member, mut ports) = self.ring.member(self.topic, epoch, own, run);
+        let mut node = node::open(&mut ports, &member, own)?;
+        let active = self.ring.page.role(self.topic).active();
+        let active = self.all.iter().find(|worker| worker.member.epoch == active);
         if let Some(memory) = active.map(|active| active.node.memory()).or(self.memory) {
             node.restore(&memory);
         }
-        self.workers.push(Worker { member, node });
+        self.all.push(Worker { member, node });
         Ok(())
     }
 
     /// The process `epoch` ends.
     pub fn end(&mut self, epoch: u32) {
-        if let Some(i) = self.workers.iter().position(|worker| worker.member.epoch == epoch) {
-            self.memory = Some(self.workers.remove(i).node.memory());
+        if let Some(i) = self.all.iter().position(|worker| worker.member.epoch == epoch) {
+            self.memory = Some(self.all.remove(i).node.memory());
         }
     }
 
     /// A process that a fault of its own settings ends instead of its answer to `tick`.
     pub fn leaves(&self, tick: u64) -> Option<u32> {
-        let leaves = |worker: &&Worker<N>| worker.member.faults.leaves(tick, tick);
-        self.workers.iter().find(leaves).map(|worker| worker.member.epoch)
+        let leaves = |worker: &&Worker| worker.member.faults.leaves(tick, tick);
+        self.all.iter().find(leaves).map(|worker| worker.member.epoch)
     }
 
     /// All that work answer to a sample; `sample` is the provenance of a new chain.
     pub fn answer(&mut self, sample: Stamp) {
-        let assignment = self.ring.page.role(N::TOPIC).assignment();
-        let working = self.workers.iter_mut().filter(|worker| assignment.includes(worker.member.epoch));
+        let assignment = self.ring.page.role(self.topic).assignment();
+        let working = self.all.iter_mut().filter(|worker| assignment.includes(worker.member.epoch));
         working.for_each(|worker| worker.node.answer(sample));
     }
 }

@@ -1,0 +1,205 @@
+//! What users ask of a stack that flies: how it is, and faults, swaps and the end that they order.
+
+use std::collections::BTreeMap;
+
+use contract::fault_schedule::{MAX_LIVE_FAULTS, MAX_SENSOR_DELAY_MS};
+use contract::guard::Refusal;
+use contract::scenario::{Fault, FaultKind, FaultTarget, Mode, Swap, SwapNode, check_fault, check_swaps};
+use contract::topic::Topic;
+use runtime::domain::Domain;
+use runtime::realtime::{now_ns, phase};
+use serde_json::{Value, json};
+
+use super::archive::Archive;
+use super::end::refused;
+use super::run::Run;
+use super::swaps::settle;
+use crate::control::{Request, Response, Server};
+use crate::event::{Event, Sender, What, events};
+use crate::limits::{ANSWER_EVENTS, STATUS_EVENTS};
+
+/// The socket of a run, and what was ordered through it.
+pub struct Requests {
+    /// Where requests come in.
+    pub server: Server,
+    /// Whether the flight was asked to end.
+    pub stopped: bool,
+    /// Who ordered which of the swaps.
+    orderers: BTreeMap<usize, Sender>,
+}
+
+impl Requests {
+    /// Opens the socket of `domain`.
+    pub fn open(domain: &Domain) -> std::io::Result<Self> {
+        Ok(Self { server: Server::open(domain)?, stopped: false, orderers: BTreeMap::new() })
+    }
+
+    /// Answers one request, if there is any: the next has to wait until the processes have been looked at again.
+    pub fn answer_one(&mut self, run: &mut Run, archive: Option<&Archive>) {
+        if let Some((request, reply)) = self.server.request() {
+            let done = self.answer(run, archive, request, reply.sender());
+            reply.send(&done.map_or_else(Response::Error, Response::Ok));
+        }
+    }
+
+    /// Tells the recorder what has happened; where a swap begins that was ordered by hand, with who ordered it.
+    pub fn tell_recorder(&self, run: &mut Run) {
+        for event in run.events.iter_mut().skip(run.children.told) {
+            event.by = event.by.or_else(|| self.orderers.get(&event.swap?).copied());
+        }
+        run.children.tell(&run.events);
+    }
+
+    /// Does what `request` asks for, which came from `sender`.
+    fn answer(
+        &mut self,
+        run: &mut Run,
+        archive: Option<&Archive>,
+        request: Request,
+        sender: Option<Sender>,
+    ) -> Result<Value, String> {
+        match request {
+            Request::Status => Ok(status(run)),
+            Request::Events { since } => {
+                let news = run.events.iter().skip(since).take(ANSWER_EVENTS);
+                Ok(events(&run.scenario, news))
+            }
+            Request::Inject { fault } => inject(run, fault, sender),
+            Request::Clear { target } => clear(run, target, sender),
+            Request::Swap(swap) => {
+                let number = order_swap(run, archive, swap)?;
+                self.orderers.extend(sender.map(|sender| (number, sender)));
+                Ok(json!({ "swap": number, "since": run.events.len() }))
+            }
+            Request::Stop => {
+                self.stopped = true;
+                Ok(Value::Null)
+            }
+        }
+    }
+}
+
+/// How the nodes are, what is broken, and what happened last.
+fn status(run: &Run) -> Value {
+    let (tick, sample_s) = (run.page.plant_tick(), run.scenario.sample_s());
+    let at_work = |fault: &&Fault| fault.is_active(tick, sample_s) && !fault.is_momentary();
+    json!({
+        "nodes": Topic::ALL.map(|topic| node_status(run, topic)),
+        "faults": run.scenario.fault.iter().filter(at_work).collect::<Vec<_>>(),
+        "events": events(&run.scenario, run.events.iter().skip(run.events.len().saturating_sub(STATUS_EVENTS))),
+    })
+}
+
+/// How one node is: ticks are those it has done, counted from the first of the run.
+fn node_status(run: &Run, topic: Topic) -> Value {
+    let role = run.page.role(topic);
+    let (epoch, standby) = (role.active(), role.assignment().standby);
+    let done = (epoch > 0).then(|| u64::from(role.done(epoch).get()));
+    let sent_ns = run.newest_ns[topic as usize];
+    let is_restart =
+        |event: &&Event| event.node == topic.publisher() && event.what == What::Started && event.swap.is_none();
+    json!({
+        "node": topic.publisher(),
+        "epoch": epoch,
+        "standby": (standby > 0).then_some(standby),
+        "pid": run.children.all.iter().find(|p| p.topic == Some(topic) && p.epoch == epoch).map(|p| p.child.id()),
+        "tick": done,
+        "behind": done.map(|done| run.page.sampled().saturating_sub(done)),
+        "age_ms": (sent_ns > 0).then(|| now_ns().saturating_sub(sent_ns) as f64 / 1e6),
+        "restarts": run.events.iter().filter(is_restart).count(),
+        "refused": refused(&Refusal::ALL.map(|r| role.refused[r as usize].get())),
+    })
+}
+
+/// Gives the flight `fault`, which begins `at_s` after the next sample; the fault with its time in the flight.
+fn inject(run: &mut Run, mut fault: Fault, sender: Option<Sender>) -> Result<Value, String> {
+    needs_a_clock(run)?;
+    if matches!(fault.target, FaultTarget::Clock | FaultTarget::Host) || fault.kind.is_intrusion() {
+        return Err(
+            "faults of clock, host and intruders are not given while it flies: write them into the scenario".into()
+        );
+    }
+    check(run, &fault)?;
+    if fault.kind == FaultKind::Delayed && fault.ms.is_some_and(|ms| ms > MAX_SENSOR_DELAY_MS) {
+        return Err(format!(
+            "a sensor can be delayed by {MAX_SENSOR_DELAY_MS} ms at most while it flies; write more into the scenario"
+        ));
+    }
+    fault.at_s += run.time_s(run.next_tick());
+    fault.at_s = run.time_s(fault.ticks(run.scenario.sample_s()).start);
+    check(run, &fault)?; // nor may it begin too late
+    let number = run.scenario.fault.len();
+    if !run.page.fault_table().enter(number, &fault) {
+        return Err(format!(
+            "a flight takes {MAX_LIVE_FAULTS} faults, and this one has had them; `launcher stop` it and fly again"
+        ));
+    }
+    run.driver.apply_fault(number, &fault);
+    run.scenario.fault.push(fault);
+    note(run, &fault, What::Injected, sender);
+    Ok(json!([fault]))
+}
+
+/// Ends the faults of `target`, or all; those that were not over, with the time they have had.
+fn clear(run: &mut Run, target: Option<FaultTarget>, sender: Option<Sender>) -> Result<Value, String> {
+    needs_a_clock(run)?;
+    let end = run.next_tick();
+    let sought = |fault: &Fault| target.is_none_or(|target| target == fault.target) && !is_over(run, fault);
+    let had = |fault: &Fault| end.saturating_sub(fault.ticks(run.scenario.sample_s()).start);
+    let cut = |fault: &Fault| Fault { for_s: Some(run.time_s(had(fault))), ..*fault };
+    let faults = run.scenario.fault.iter().enumerate().filter(|(_, fault)| sought(fault));
+    let cleared: Vec<(usize, Fault)> = faults.map(|(number, fault)| (number, cut(fault))).collect();
+    if !run.page.fault_table().has_room_for(cleared.iter().map(|(number, _)| *number)) {
+        return Err(format!(
+            "a flight takes {MAX_LIVE_FAULTS} changes to its faults; name a target, or `launcher stop` it and fly again"
+        ));
+    }
+    for (number, fault) in &cleared {
+        run.page.fault_table().enter(*number, fault);
+        run.driver.apply_fault(*number, fault);
+        run.scenario.fault[*number] = *fault;
+        note(run, fault, What::Cleared, sender);
+    }
+    Ok(cleared.iter().map(|(_, fault)| json!(fault)).collect())
+}
+
+fn check(run: &Run, fault: &Fault) -> Result<(), String> {
+    check_fault(&run.scenario, fault).map_err(|error| error.to_string())
+}
+
+fn needs_a_clock(run: &Run) -> Result<(), String> {
+    match run.scenario.run.mode {
+        Mode::Realtime => Ok(()),
+        _ => Err("a flight in lockstep is over in a blink and must repeat: write the fault into its scenario".into()),
+    }
+}
+
+/// Whether nothing of `fault` is to come.
+fn is_over(run: &Run, fault: &Fault) -> bool {
+    let ticks = fault.ticks(run.scenario.sample_s());
+    let last = if fault.is_momentary() { ticks.start.saturating_add(1) } else { ticks.end };
+    ticks.is_empty() || last <= run.next_tick()
+}
+
+fn note(run: &mut Run, fault: &Fault, what: What, by: Option<Sender>) {
+    let tick = run.page.plant_tick();
+    run.events.push(Event { by, ..Event::new(tick, fault.target.name(), 0, what) });
+}
+
+/// Begins a swap with the next sample but one, if it stands up to the rules of the scenario; its number.
+fn order_swap(run: &mut Run, archive: Option<&Archive>, swap: Swap) -> Result<usize, String> {
+    if run.page.phase().count() != phase::GO {
+        return Err("the stack is starting or ending".into());
+    }
+    run.driver.may_swap(swap.node.topic())?;
+    if swap.node == SwapNode::Recorder {
+        archive.ok_or("nobody records this flight, so there is nobody to take over from")?.role.may_swap()?;
+    }
+    let swap = Swap { at_s: run.time_s(run.next_tick()), ..swap };
+    let mut with_it = run.scenario.clone();
+    settle(&mut with_it, &run.events);
+    with_it.swap.push(swap.clone());
+    check_swaps(&with_it).map_err(|error| error.to_string())?;
+    run.scenario.swap.push(swap);
+    Ok(run.scenario.swap.len() - 1)
+}

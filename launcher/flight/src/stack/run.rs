@@ -1,0 +1,127 @@
+//! The processes of a run and what they share; what their roles say is done to them here.
+
+use std::sync::Arc;
+
+use contract::Scenario;
+use contract::scenario::{Mode, candidate, to_toml};
+use contract::topic::Topic;
+use runtime::console::eprint_line;
+use runtime::domain::Domain;
+use runtime::realtime::ControlPage;
+use rustix::process::Signal as Unix;
+
+use super::children::{Children, SpawnRequest};
+use crate::event::Event;
+use crate::roles::driver::{Driver, Order};
+use crate::roles::lockstep::Lockstep;
+use crate::roles::realtime::Realtime;
+use crate::roles::role::{Action, Input, Signal};
+
+/// The processes of one run.
+pub struct Run {
+    pub domain: Domain,
+    pub page: Arc<ControlPage>,
+    pub children: Children,
+    /// Who runs the nodes.
+    pub driver: Box<dyn Driver>,
+    /// As it is by now: with what was ordered while it flies.
+    pub scenario: Scenario,
+    /// Everything that happened.
+    pub events: Vec<Event>,
+    /// When the newest message of each topic was sent \[ns\].
+    pub newest_ns: [u64; Topic::COUNT],
+}
+
+impl Run {
+    /// Without processes yet.
+    pub fn new(domain: Domain, page: Arc<ControlPage>, scenario: &Scenario) -> Self {
+        let driver: Box<dyn Driver> = match scenario.run.mode {
+            Mode::Realtime => Box::new(Realtime::new(scenario, page.clone())),
+            Mode::Lockstep | Mode::Inprocess => Box::new(Lockstep::new(scenario, page.clone())),
+        };
+        Self {
+            children: Children::new(domain.clone()),
+            domain,
+            page,
+            driver,
+            scenario: scenario.clone(),
+            events: vec![],
+            newest_ns: [0; Topic::COUNT],
+        }
+    }
+
+    /// The first sample before which every process is sure to see what is entered now: the one after the next.
+    pub fn next_tick(&self) -> u64 {
+        self.page.plant_tick() + 2
+    }
+
+    /// When `tick` is \[s\].
+    pub fn time_s(&self, tick: u64) -> f64 {
+        tick as f64 / f64::from(self.scenario.run.rate_hz)
+    }
+
+    /// Takes in what was seen of a process of a node, and does what its role says.
+    pub fn on(&mut self, topic: Topic, input: Input) {
+        let orders = self.driver.on(&self.scenario, topic, input);
+        self.carry_out(orders);
+    }
+
+    /// Does what the roles say now. In lockstep all messages before the plant's `question` have been observed.
+    pub fn look(&mut self, question: Option<u64>) {
+        let orders = self.driver.look(&self.scenario, question);
+        self.carry_out(orders);
+    }
+
+    /// Why the run cannot go on, if it cannot.
+    pub fn stuck(&mut self) -> Option<String> {
+        let Self { driver, children, .. } = self;
+        driver.stuck(&|| children.any_traced())
+    }
+
+    /// Starts a process of a node, with what the swap `origin` says of it, and keeps a place for it.
+    pub fn start_node(&mut self, topic: Topic, epoch: u32, origin: Option<usize>) -> anyhow::Result<()> {
+        self.page.role(topic).offer(epoch);
+        let request = SpawnRequest { name: topic.publisher(), topic: Some(topic), epoch, ..SpawnRequest::default() };
+        let Some(swap) = origin.and_then(|i| self.scenario.swap.get(i)) else { return self.children.spawn(&request) };
+        let text = to_toml(&candidate(&self.scenario, swap)?);
+        let settings = self.domain.write(&format!("{}.{epoch}.toml", request.name), &text)?;
+        self.children.spawn(&SpawnRequest { program: swap.exec.as_deref(), settings: Some(&settings), ..request })
+    }
+
+    fn carry_out(&mut self, orders: Vec<Order>) {
+        for (topic, action) in orders {
+            match action {
+                Action::Spawn(epoch, origin) => self.start_or_report(topic, epoch, origin),
+                Action::Signal(epoch, signal) => self.children.signal(topic, epoch, unix(signal)),
+                Action::Report(event) => self.events.push(event),
+                Action::Activate(_) | Action::Standby(_) | Action::Vacate(_) => {} // the driver has done it
+            }
+        }
+    }
+
+    fn start_or_report(&mut self, topic: Topic, epoch: u32, origin: Option<usize>) {
+        let mut started = self.start_node(topic, epoch, origin);
+        if let Err(error) = started.as_ref()
+            && origin.is_some()
+            && self.page.role(topic).active() == 0
+        {
+            // The program that was swapped in is gone by now: the launcher's own is better than none.
+            eprint_line(&format!("error: {error:#}; {} goes on as at the beginning", topic.publisher()));
+            started = self.start_node(topic, epoch, None);
+        }
+        if let Err(error) = started {
+            let why = format!("{error:#}");
+            eprint_line(&format!("error: {why}"));
+            self.on(topic, Input::NotStarted(epoch, why));
+        }
+    }
+}
+
+/// The system's signal.
+pub fn unix(signal: Signal) -> Unix {
+    match signal {
+        Signal::Kill => Unix::KILL,
+        Signal::Stop => Unix::STOP,
+        Signal::Continue => Unix::CONT,
+    }
+}
