@@ -94,7 +94,7 @@ fn news(domain: &Domain, since: usize) -> anyhow::Result<Option<Vec<Value>>> {
 }
 
 fn flies(domain: &Domain) -> bool {
-    domain.is_live() && ControlPage::open(&domain.file("page")).is_ok_and(|page| page.phase().count() == phase::GO)
+    domain.is_live() && ControlPage::open(&domain.file("page")).is_ok_and(|page| page.phase.count() == phase::GO)
 }
 
 /// What has become of swap number `swap`, by the `story` of its node, when it is over.

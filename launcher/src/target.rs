@@ -58,7 +58,7 @@ pub fn settings(domain: &Domain) -> Option<Scenario> {
 /// Whether it is starting, flying or ending.
 pub fn phase(domain: &Domain) -> Option<&'static str> {
     let page = ControlPage::open(&domain.file("page")).ok()?;
-    Some(match page.phase().count() {
+    Some(match page.phase.count() {
         phase::JOIN => "starting",
         phase::GO => "flying",
         _ => "ending",
@@ -68,7 +68,7 @@ pub fn phase(domain: &Domain) -> Option<&'static str> {
 /// How far it is \[s\].
 pub fn time_s(domain: &Domain) -> Option<f64> {
     let page = ControlPage::open(&domain.file("page")).ok()?;
-    Some(f64::from(page.watched().count()) / f64::from(settings(domain)?.run.rate_hz))
+    Some(f64::from(page.watched.count()) / f64::from(settings(domain)?.run.rate_hz))
 }
 
 #[cfg(test)]

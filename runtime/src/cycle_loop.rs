@@ -195,7 +195,7 @@ impl CycleLoop {
         let Member { page, topic, epoch, timing, .. } = &self.member;
         let assignment = page.role(*topic).assignment();
         let retired = assignment.active > *epoch && !assignment.includes(*epoch);
-        retired || page.phase().count() >= phase::LEAVE || timing.is_broken()
+        retired || page.phase.count() >= phase::LEAVE || timing.is_broken()
     }
 }
 

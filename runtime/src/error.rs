@@ -70,7 +70,7 @@ pub enum PortError {
     },
     /// The publisher cannot be connected to.
     #[error("topic '{}': {} cannot be heard: {reason}", .topic.name(), .topic.publisher())]
-    Unheard {
+    Unreachable {
         /// Which topic.
         topic: Topic,
         /// Why.

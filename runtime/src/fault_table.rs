@@ -180,7 +180,7 @@ mod tests {
 
     fn taken(updates: &mut FaultUpdates, page: &ControlPage) -> Vec<(usize, Option<f64>)> {
         let mut taken = vec![];
-        updates.take(page.fault_table(), |number, fault| taken.push((number, fault.for_s)));
+        updates.take(&page.fault_table, |number, fault| taken.push((number, fault.for_s)));
         taken
     }
 
@@ -193,10 +193,10 @@ mod tests {
         let page = page();
         let mut updates = FaultUpdates::default();
         assert_eq!(taken(&mut updates, &page), []);
-        assert!(page.fault_table().enter(3, &fault(0.5)) && page.fault_table().enter(0, &fault(0.1)));
+        assert!(page.fault_table.enter(3, &fault(0.5)) && page.fault_table.enter(0, &fault(0.1)));
         assert_eq!(taken(&mut updates, &page), [(3, Some(0.5)), (0, Some(0.1))]);
         assert_eq!(taken(&mut updates, &page), []);
-        assert!(page.fault_table().enter(3, &fault(0.2)));
+        assert!(page.fault_table.enter(3, &fault(0.2)));
         assert_eq!(taken(&mut updates, &page), [(3, Some(0.2)), (0, Some(0.1))]);
         assert_eq!(taken(&mut FaultUpdates::default(), &page).len(), 2, "a process that comes later takes them all");
     }
@@ -204,12 +204,12 @@ mod tests {
     #[test]
     fn a_full_table_takes_ends_only() {
         let page = page();
-        assert!((0..MAX_LIVE_FAULTS).all(|number| page.fault_table().enter(number, &fault(0.5))));
+        assert!((0..MAX_LIVE_FAULTS).all(|number| page.fault_table.enter(number, &fault(0.5))));
         assert!(
-            !page.fault_table().enter(MAX_LIVE_FAULTS, &fault(0.5))
-                && !page.fault_table().has_room_for(0..=MAX_LIVE_FAULTS)
+            !page.fault_table.enter(MAX_LIVE_FAULTS, &fault(0.5))
+                && !page.fault_table.has_room_for(0..=MAX_LIVE_FAULTS)
         );
-        assert!(page.fault_table().has_room_for(0..MAX_LIVE_FAULTS) && page.fault_table().enter(7, &fault(0.2)));
+        assert!(page.fault_table.has_room_for(0..MAX_LIVE_FAULTS) && page.fault_table.enter(7, &fault(0.2)));
         assert_eq!(taken(&mut FaultUpdates::default(), &page)[7], (7, Some(0.2)));
     }
 }

@@ -1,6 +1,8 @@
 //! A ring in this process, for tests: sessions of several nodes may join it.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 use crate::ports::{Ports, Transport};
 use crate::queue::Queues;
@@ -44,4 +46,19 @@ impl Ring {
         let ports = Ports::new(self.page.clone(), Transport::Queues(self.queues.clone()));
         NodeSession::new(ports, topic, epoch, self.run.clone(), &self.run)
     }
+}
+
+/// What `wait` gives, which must not come before `event` has happened in another thread.
+pub fn only_after<T>(event: impl FnOnce() + Send, wait: impl FnOnce() -> T) -> T {
+    let happened = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            std::thread::sleep(Duration::from_millis(5));
+            happened.store(true, Ordering::SeqCst);
+            event();
+        });
+        let result = wait();
+        assert!(happened.load(Ordering::SeqCst), "it did not wait");
+        result
+    })
 }

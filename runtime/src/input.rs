@@ -52,7 +52,7 @@ impl<M: Message> Input<M> {
             if self.look() {
                 return true;
             }
-            if now_ns() >= deadline_ns || page.phase().count() >= phase::LEAVE {
+            if now_ns() >= deadline_ns || page.phase.count() >= phase::LEAVE {
                 return false;
             }
             doorbell.wait(rung, deadline_ns);

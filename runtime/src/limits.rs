@@ -30,7 +30,7 @@ pub const WARM_UP_LEAD_NS: u64 = 250_000;
 pub const WARM_UP_PARTS: u64 = 4;
 /// Lockstep: ticks by which the plant may be ahead of launcher and recorder, who must see them all. A quarter of a
 /// queue, because a fault may send every message twice.
-pub const LEAD_TICKS: u64 = LEAST_DEPTH as u64 / 4;
+pub const LEAD_TICKS: u64 = MIN_OBSERVER_DEPTH as u64 / 4;
 /// Messages that a link holds back at once; the oldest is lost beyond that.
 pub const HELD_MESSAGES: usize = 64;
 
@@ -45,10 +45,10 @@ pub const ROLE_PORTS: usize = 64;
 
 /// Queue of a node: the newest value counts, one more in case it arrives between two looks.
 pub const NODE_DEPTH: usize = 2;
-/// Queue of an observer, at least.
-pub const LEAST_DEPTH: usize = 512;
-/// Queue of an observer, at most.
-pub const MOST_DEPTH: usize = 2048;
+/// Shortest queue of an observer.
+pub const MIN_OBSERVER_DEPTH: usize = 512;
+/// Longest queue of an observer.
+pub const MAX_OBSERVER_DEPTH: usize = 2048;
 /// An observer may hang so long before it loses messages \[s\]; a recorder that hangs so long is replaced.
 pub const OBSERVER_S: usize = 5;
 /// Publishers per topic: the node, the one that takes over from it, and dead ones that are not removed yet.

@@ -28,8 +28,8 @@ pub use storage::{bytes_needed, makers, observer_depth};
 
 use crate::domain::Domain;
 pub use crate::error::{PortError, PortFailure};
-pub use crate::limits::{LEAST_DEPTH, NODE_DEPTH};
 use crate::limits::{MAX_NODES, MAX_PUBLISHERS, MAX_SUBSCRIBERS};
+pub use crate::limits::{MIN_OBSERVER_DEPTH, NODE_DEPTH};
 use crate::realtime::shortage;
 use contract::integrity::checksum;
 use contract::message::{Actuators, Controls, Message, Reference, State};

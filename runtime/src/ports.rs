@@ -96,7 +96,7 @@ impl Ports {
     pub fn probe(&mut self, ready: impl Fn()) -> Result<(), SessionError> {
         let limit_ns = now_ns() + PROBE_LIMIT_NS;
         let mut is_ready = false;
-        while self.page.phase().count() == phase::JOIN {
+        while self.page.phase.count() == phase::JOIN {
             match self.probe_once()? {
                 None if is_ready => {}
                 None => {
@@ -106,7 +106,7 @@ impl Ports {
                 Some(node) if now_ns() > limit_ns => return Err(SessionError::Silent { node }),
                 Some(_) => {}
             }
-            self.page.phase().wait(phase::JOIN, now_ns() + PROBE_PERIOD_NS);
+            self.page.phase.wait(phase::JOIN, now_ns() + PROBE_PERIOD_NS);
         }
         if !is_ready {
             ready();
@@ -134,16 +134,16 @@ fn arrival<M: Wire>(
     port: Rc<dyn Receive<M>>,
     page: &Arc<ControlPage>,
 ) -> Result<impl FnMut() -> Result<bool, PortError> + use<M>, PortError> {
-    let unheard = || {
+    let unreachable = || {
         let gone = || "its files in shared memory are gone or damaged; fly again".into();
-        PortError::Unheard { topic: M::TOPIC, reason: realtime::shortage().unwrap_or_else(gone) }
+        PortError::Unreachable { topic: M::TOPIC, reason: realtime::shortage().unwrap_or_else(gone) }
     };
     let publisher = {
         let page = page.clone();
         move || page.role(M::TOPIC).port(page.role(M::TOPIC).active())
     };
-    if page.phase().count() != phase::JOIN && port.cannot_reach(publisher()) {
-        return Err(unheard());
+    if page.phase.count() != phase::JOIN && port.cannot_reach(publisher()) {
+        return Err(unreachable());
     }
     let (mut arrived, mut tries, mut reconnect_ns) = (false, 0, u64::MAX);
     Ok(move || {
@@ -160,7 +160,7 @@ fn arrival<M: Wire>(
             // Two that connect to each other at the same instant may both fail.
             tries += 1;
             if tries > RECONNECTS {
-                return Err(unheard());
+                return Err(unreachable());
             }
             port.reconnect()?;
             reconnect_ns = now_ns + RECONNECT_NS;

@@ -53,7 +53,7 @@ impl ProcessFaults {
     pub fn update(&self) {
         let mut new = self.new.borrow_mut();
         new.clear();
-        self.updates.borrow_mut().take(self.page.fault_table(), |number, fault| {
+        self.updates.borrow_mut().take(&self.page.fault_table, |number, fault| {
             self.schedule.borrow_mut().apply_fault(number, fault, of_process(self.topic, fault, self.acts));
             if new.len() < new.capacity() {
                 new.push((number, *fault));
@@ -102,7 +102,7 @@ impl ProcessFaults {
 
 /// Burns this thread's processor until then, or until the run is over.
 pub fn burn(page: &ControlPage, until_ns: u64) {
-    while now_ns() < until_ns && page.phase().count() < phase::LEAVE {
+    while now_ns() < until_ns && page.phase.count() < phase::LEAVE {
         std::hint::spin_loop();
     }
 }
@@ -208,7 +208,7 @@ mod tests {
             new
         };
         assert_eq!(new(), []);
-        assert!(faults.page.fault_table().enter(4, &slow));
+        assert!(faults.page.fault_table.enter(4, &slow));
         assert_eq!((new(), new()), (vec![(4, FaultKind::Slow)], vec![]));
         assert_eq!([9, 10, 19, 20].map(|tick| faults.held_up_ns(tick)), [0, 2_000_000, 2_000_000, 0]);
     }

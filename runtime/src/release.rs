@@ -67,7 +67,7 @@ impl Release {
         match self {
             Self::Timer { .. } => {
                 if held_ns > 0 {
-                    page.phase().wait(page.phase().count(), now_ns() + held_ns);
+                    page.phase.wait(page.phase.count(), now_ns() + held_ns);
                 }
                 0
             }

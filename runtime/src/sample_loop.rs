@@ -99,7 +99,7 @@ impl SampleLoop {
     /// Begins with tick 0, unless the run was called off. Against the clock it is due when all nodes wait for it.
     fn first(&self, release: Release) -> Option<u64> {
         let Member { page, timing, .. } = &self.member;
-        let going = page.phase().count() == phase::GO;
+        let going = page.phase.count() == phase::GO;
         if let Release::Timer { .. } = release
             && going
         {
@@ -112,7 +112,7 @@ impl SampleLoop {
             let origin_ns = now_ns() + LEAD_IN_NS;
             page.set_origin_ns(origin_ns);
             // The doorbell of the phase rings at the end of the run only, so this is a sleep until the first release.
-            page.phase().wait(page.phase().count(), origin_ns);
+            page.phase.wait(page.phase.count(), origin_ns);
             timing.begin(origin_ns);
         } else {
             timing.begin(now_ns());
@@ -171,7 +171,7 @@ impl SampleLoop {
         if let Some(message) = input.fresh() {
             command(message, message.stamp().held_ns);
         }
-        for seen in [page.watched(), page.recorded()] {
+        for seen in [&page.watched, &page.recorded] {
             self.wait_for(seen, || tick < u64::from(seen.count()) + LEAD_TICKS)?; // the flight does not notice
         }
         self.member.timing.begin(now_ns());
@@ -181,9 +181,9 @@ impl SampleLoop {
     /// Asks the launcher who works on `tick`, if that may have changed; the sample is taken after that.
     fn ask(&self, tick: u64) -> Option<()> {
         let page = &self.member.page;
-        if tick >= u64::from(page.ask_from().get()) || OTHERS.iter().any(|topic| page.role(*topic).active() == 0) {
-            page.asked().raise(tick as u32 + 1);
-            self.wait_for(page.ruled(), || u64::from(page.ruled().count()) > tick)?;
+        if tick >= u64::from(page.next_decision.get()) || OTHERS.iter().any(|topic| page.role(*topic).active() == 0) {
+            page.asked.raise(tick as u32 + 1);
+            self.wait_for(&page.decided, || u64::from(page.decided.count()) > tick)?;
         }
         page.set_origin_ns(now_ns());
         Some(())
@@ -202,7 +202,7 @@ impl SampleLoop {
                 return Some(());
             }
             let now_ns = now_ns();
-            if self.member.page.phase().count() >= phase::LEAVE || now_ns >= limit_ns {
+            if self.member.page.phase.count() >= phase::LEAVE || now_ns >= limit_ns {
                 return None;
             }
             doorbell.wait(rung, limit_ns.min(now_ns + LOOK_AROUND_NS));
@@ -212,7 +212,7 @@ impl SampleLoop {
     fn is_over(&self) -> bool {
         let Member { page, timing, .. } = &self.member;
         let was_last = self.tick.is_some_and(|tick| page.samples() == tick + 1);
-        was_last || page.phase().count() >= phase::LEAVE || timing.is_broken()
+        was_last || page.phase.count() >= phase::LEAVE || timing.is_broken()
     }
 }
 

@@ -41,7 +41,7 @@ pub struct SharedRole {
     /// The newest epoch whose process is ready to work; the process says so.
     pub ready: Word,
     /// The newest such epoch to whose port the launcher has connected: from then on it misses nothing that is sent there.
-    pub met: Word,
+    pub connected: Word,
     /// The newest epoch whose process is warm and waits for samples; the process says so.
     pub waiting: Word,
     /// Messages that all processes of the node have sent.

@@ -130,16 +130,16 @@ pub fn send(pipe: impl AsFd, event: &Event) -> bool {
     line.len() <= PIPE_BUF && rustix::io::write(pipe, &line).is_ok()
 }
 
-/// Where the recorder hears of events: its end of the pipe.
-pub struct Hearing<P> {
+/// Where the recorder reads events: its end of the pipe.
+pub struct EventReader<P> {
     /// `None` when the launcher has closed its end.
     pipe: Option<P>,
     /// A line whose end is still to come.
     rest: Vec<u8>,
 }
 
-impl<P: AsFd> Hearing<P> {
-    /// Nothing heard yet.
+impl<P: AsFd> EventReader<P> {
+    /// Nothing read yet.
     pub fn new(pipe: P) -> Self {
         Self { pipe: Some(pipe), rest: vec![] }
     }
@@ -201,53 +201,53 @@ mod tests {
     }
 
     /// The launcher's end and the recorder's.
-    fn ends() -> (OwnedFd, Hearing<OwnedFd>) {
-        let (hears, speaks) = pipe_with(PipeFlags::CLOEXEC).unwrap();
-        never_wait(&speaks).unwrap();
-        (speaks, Hearing::new(hears))
+    fn ends() -> (OwnedFd, EventReader<OwnedFd>) {
+        let (reads, writes) = pipe_with(PipeFlags::CLOEXEC).unwrap();
+        never_wait(&writes).unwrap();
+        (writes, EventReader::new(reads))
     }
 
-    fn heard(hearing: &mut Hearing<OwnedFd>) -> Vec<Event> {
-        let mut heard = vec![];
-        let count = hearing.drain(|event| heard.push(event.unwrap()));
-        assert_eq!(count, heard.len());
-        heard
+    fn read_all(reader: &mut EventReader<OwnedFd>) -> Vec<Event> {
+        let mut all = vec![];
+        let count = reader.drain(|event| all.push(event.unwrap()));
+        assert_eq!(count, all.len());
+        all
     }
 
     #[test]
-    fn what_is_sent_is_heard_in_order_and_nobody_waits() {
-        let (speaks, mut hearing) = ends();
-        assert_eq!(heard(&mut hearing), [], "nothing yet");
+    fn what_is_sent_is_read_in_order_and_neither_side_waits() {
+        let (writes, mut reader) = ends();
+        assert_eq!(read_all(&mut reader), [], "nothing yet");
         let told = [event(1), event(2).because("3 m \u{3bc} \"off\"\n")];
-        assert!(told.iter().all(|event| send(&speaks, event)));
-        assert_eq!(heard(&mut hearing), told);
-        drop(speaks);
-        assert_eq!([heard(&mut hearing), heard(&mut hearing)], [[], []], "the launcher has gone");
+        assert!(told.iter().all(|event| send(&writes, event)));
+        assert_eq!(read_all(&mut reader), told);
+        drop(writes);
+        assert_eq!([read_all(&mut reader), read_all(&mut reader)], [[], []], "the launcher has gone");
     }
 
     #[test]
-    fn a_pipe_that_nobody_reads_takes_no_half_lines() {
-        let (speaks, mut hearing) = ends();
+    fn a_pipe_that_is_full_takes_no_half_lines() {
+        let (writes, mut reader) = ends();
         let longest = event(7).because("\u{1}".repeat(9999));
-        let sent = (0..1000).take_while(|_| send(&speaks, &longest)).count();
+        let sent = (0..1000).take_while(|_| send(&writes, &longest)).count();
         assert!((10..1000).contains(&sent), "full after {sent}");
-        assert_eq!(heard(&mut hearing), vec![longest.clone(); sent]);
-        assert!(send(&speaks, &longest), "there is room again");
+        assert_eq!(read_all(&mut reader), vec![longest.clone(); sent]);
+        assert!(send(&writes, &longest), "there is room again");
     }
 
     #[test]
-    fn who_does_not_listen_any_more_is_not_told() {
-        let (speaks, hearing) = ends();
-        drop(hearing);
-        assert!(!send(&speaks, &event(1)));
+    fn a_recorder_that_has_gone_is_not_told() {
+        let (writes, reader) = ends();
+        drop(reader);
+        assert!(!send(&writes, &event(1)));
     }
 
     #[test]
     fn what_is_no_event_is_an_error() {
-        let (speaks, mut hearing) = ends();
-        rustix::io::write(&speaks, b"\n{}\n[1, 2\n").unwrap();
+        let (writes, mut reader) = ends();
+        rustix::io::write(&writes, b"\n{}\n[1, 2\n").unwrap();
         let mut errors = 0;
-        assert_eq!(hearing.drain(|event| errors += u32::from(event.is_err())), 3);
+        assert_eq!(reader.drain(|event| errors += u32::from(event.is_err())), 3);
         assert_eq!(errors, 3);
     }
 

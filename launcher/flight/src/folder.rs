@@ -61,12 +61,12 @@ impl Folder {
             }
         }
         for made in self.made.iter().rev() {
-            // What another run has taken since stays, as does a folder into which somebody has put a file.
+            // What another run has taken since stays, as does a folder into which a file was put.
             let is_ours = *made != self.path || self.hold.is_some();
             let _ = if is_ours { fs::remove_dir(made) } else { Ok(()) };
         }
         if let Some(aside) = &self.aside {
-            let _ = fs::rename(aside, &self.path); // fails when somebody has put a file where it was
+            let _ = fs::rename(aside, &self.path); // fails when a file stands where it was
         }
     }
 

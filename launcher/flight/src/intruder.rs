@@ -1,8 +1,8 @@
 //! The intruder: a process that does not belong to the run and tries to get in, as a `[[fault]]` of a topic tells it to.
 //!
 //! ```text
-//! second-publisher   opens the topic and answers every message that it hears with two of its own: well-formed, with checksum,
-//!                    newer, empty; one with the epoch active, one with an epoch that nobody has
+//! second-publisher   opens the topic and answers every message that it receives with two of its own: well-formed, with checksum,
+//!                    newer, empty; one with the epoch active, one with an epoch that no process has
 //! wrong-layout       opens the topic with another idea of what its messages look like
 //! wrong-user         becomes `nobody`, joins as a node does, and then tries the run's files by their names
 //! ```
@@ -29,7 +29,7 @@ use runtime::console::print;
 pub const REFUSED: &str = "refused: ";
 /// How it begins when it was not.
 pub const LET_IN: &str = "let in: ";
-/// How it begins when it has spoken.
+/// How it begins when it has sent.
 pub const SENT: &str = "sent ";
 /// The user `nobody`.
 const NOBODY: u32 = 65534;
@@ -70,7 +70,7 @@ pub fn intrude(args: &IntrudeArgs) -> anyhow::Result<u8> {
 fn on<M: Wire>(args: &IntrudeArgs) -> anyhow::Result<String> {
     let kind: FaultKind = serde_json::from_value(args.kind.clone().into())?;
     match kind {
-        FaultKind::SecondPublisher => speak::<M>(&args.namespace, args.until),
+        FaultKind::SecondPublisher => send::<M>(&args.namespace, args.until),
         FaultKind::WrongLayout => {
             let bus = Bus::attach(&Domain::find(&args.namespace)?)?;
             Ok(match bus.open_as_another_version::<M>() {
@@ -88,21 +88,21 @@ fn on<M: Wire>(args: &IntrudeArgs) -> anyhow::Result<String> {
 }
 
 /// Sends forged messages until tick `until` or the end of the run.
-fn speak<M: Wire>(namespace: &str, until: u64) -> anyhow::Result<String> {
+fn send<M: Wire>(namespace: &str, until: u64) -> anyhow::Result<String> {
     let domain = Domain::find(namespace)?;
     let page = ControlPage::open(&domain.file("page"))?;
     let bus = Bus::attach(&domain)?;
-    let (port, ear) = (bus.sender::<M>()?, bus.receiver::<M>(NODE_DEPTH)?);
+    let (port, receiver) = (bus.sender::<M>()?, bus.receiver::<M>(NODE_DEPTH)?);
     print("ready\n");
     let doorbell = page.doorbell(M::TOPIC);
     let mut sent = 0;
-    while page.plant_tick() < until && page.phase().count() < phase::LEAVE {
+    while page.plant_tick() < until && page.phase.count() < phase::LEAVE {
         let rung = doorbell.count(); // before the look, so that a message after it is not slept through
-        while let Ok(Some((heard, from))) = ear.receive() {
+        while let Ok(Some((message, from))) = receiver.receive() {
             if from != port.number() {
-                let epoch = heard.stamp().epoch;
+                let epoch = message.stamp().epoch;
                 sent += [epoch, epoch + 1]
-                    .map(|epoch| port.send(&forge(&heard, epoch)).is_ok())
+                    .map(|epoch| port.send(&forge(&message, epoch)).is_ok())
                     .into_iter()
                     .filter(|sent| *sent)
                     .count();
@@ -114,11 +114,11 @@ fn speak<M: Wire>(namespace: &str, until: u64) -> anyhow::Result<String> {
     Ok(format!("{SENT}{sent} messages"))
 }
 
-/// A message that nothing speaks against but where it comes from: newer than `heard`, whole, and all zero.
-fn forge<M: Wire>(heard: &M, epoch: u64) -> M {
+/// A message that nothing speaks against but where it comes from: newer than `message`, whole, and all zero.
+fn forge<M: Wire>(message: &M, epoch: u64) -> M {
     let mut forged = M::default();
-    let Stamp { tick, sequence, .. } = *heard.stamp();
-    *forged.stamp_mut() = Stamp { tick: tick + 1, sequence: sequence + 1, epoch, ..*heard.stamp() };
+    let Stamp { tick, sequence, .. } = *message.stamp();
+    *forged.stamp_mut() = Stamp { tick: tick + 1, sequence: sequence + 1, epoch, ..*message.stamp() };
     forged.with_checksum()
 }
 

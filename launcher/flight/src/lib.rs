@@ -7,7 +7,7 @@
 //! | [`inprocess`] | the ring turned by one thread |
 //! | [`roles`] | who runs a node: one state machine, three drivers |
 //! | [`intruder`] | a process that does not belong to a run, as a fault |
-//! | [`event`] | what happens to processes, and how the recorder hears of it |
+//! | [`event`] | what happens to processes, and how the recorder learns of it |
 //! | [`recorder`] | the fifth process: every message to `flight.mcap` |
 //! | [`log`] | the flight log's format |
 //! | [`control`] | the socket on which a flying stack is asked and told |
@@ -36,7 +36,7 @@ pub mod roles;
 pub mod settings;
 pub mod stack;
 
-/// This program, for another process of it: the file that runs here, whoever has its name by now.
+/// This program, for another process of it: the file that runs here, whatever has its name by now.
 pub fn own_program() -> Command {
     let mut command = Command::new("/proc/self/exe");
     command.arg0("launcher");

@@ -24,7 +24,7 @@ use runtime::realtime::{ControlPage, phase};
 use rustix::io::Errno;
 use serde::{Deserialize, Serialize};
 
-use crate::event::{Event, Hearing};
+use crate::event::{Event, EventReader};
 use crate::limits::{FLUSH_PERIOD, RECORDER_POLL};
 use crate::log::{Count, LogWriter, Record};
 
@@ -136,12 +136,12 @@ fn record(namespace: &str, epoch: u32, path: &Path) -> anyhow::Result<LogOutcome
     // The file first: a recorder that has joined is one that can write.
     let mut log = Log::create(path, &observer.scenario)?;
     let observers = Observers::join(&mut observer)?;
-    let mut hearing = Hearing::new(std::io::stdin());
+    let mut reader = EventReader::new(std::io::stdin());
     let page = observer.ports.page.clone();
-    let role = page.archive();
+    let role = &page.recorder;
     observer.ports.probe(|| role.ready.set(epoch))?;
     loop {
-        let closing = page.phase().count() >= phase::CLOSE || role.active() > epoch;
+        let closing = page.phase.count() >= phase::CLOSE || role.active() > epoch;
         let mut newest = 0;
         let count = observers.drain(|record| {
             if record.is_intact() {
@@ -149,9 +149,9 @@ fn record(namespace: &str, epoch: u32, path: &Path) -> anyhow::Result<LogOutcome
             }
             log.write(&record);
         });
-        page.recorded().raise(newest as u32);
+        page.recorded.raise(newest as u32);
         let count = count
-            + hearing.drain(|event| match event {
+            + reader.drain(|event| match event {
                 Ok(event) => log.event(&event),
                 Err(_) => log.outcome.dropped += 1,
             });

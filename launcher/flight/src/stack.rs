@@ -3,7 +3,7 @@
 //! ```text
 //! take the namespace -> create services and page -> start children -> all joined? -> GO
 //!   watch: empty the queues, do what the supervisor orders, show progress
-//! plant has left, or Ctrl-C, or nobody can go on -> LEAVE -> nodes gone -> CLOSE -> recorder gone -> wipe
+//! plant has left, or Ctrl-C, or the ring cannot go on -> LEAVE -> nodes gone -> CLOSE -> recorder gone -> wipe
 //! ```
 
 mod archive;
@@ -44,7 +44,7 @@ use crate::limits::{JOIN_LIMIT, LEAVE_LIMIT};
 use crate::log::Record;
 use crate::provenance::{Scheduling, scheduling_of};
 use crate::recorder::{LogOutcome, Observers};
-use crate::roles::hearing::{Hearing, Silence};
+use crate::roles::connections::{Connections, Disconnected};
 use crate::roles::role::Input;
 use crate::roles::supervised::given_up;
 
@@ -81,11 +81,11 @@ pub struct Stack {
     host: Host,
     requests: Requests,
     observers: Observers,
-    hearing: Hearing,
+    connections: Connections,
     /// Topics that the launcher itself does not receive.
-    blind: [bool; Topic::COUNT],
-    /// The newest process of each node that was found mute or deaf.
-    silenced: [u32; Topic::COUNT],
+    not_received: [bool; Topic::COUNT],
+    /// The newest process of each node that was found cut off.
+    cut_off: [u32; Topic::COUNT],
     // Dropped in this order: the services before the domain that holds their files.
     _services: Services,
     _bus: Bus,
@@ -117,9 +117,9 @@ impl Stack {
             run: Run::new(domain.clone(), observer.ports.page.clone(), scenario),
             archive: log.map(|path| Archive::new(path, scenario)),
             requests: Requests::open(domain).with_context(shm("the control socket"))?,
-            hearing: Hearing::default(),
-            blind: [false; Topic::COUNT],
-            silenced: [0; Topic::COUNT],
+            connections: Connections::default(),
+            not_received: [false; Topic::COUNT],
+            cut_off: [0; Topic::COUNT],
             _services: services,
             _bus: bus,
             _hold: hold,
@@ -130,7 +130,7 @@ impl Stack {
         }
         match &stack.archive {
             Some(archive) => archive.start(&mut stack.run)?,
-            None => _ = stack.run.page.recorded().raise(u32::MAX), // nothing is recorded, so there is nothing to wait for
+            None => _ = stack.run.page.recorded.raise(u32::MAX), // nothing is recorded, so there is nothing to wait for
         }
         stack.wait_until_ready(&mut observer, interrupts)?;
         Ok(stack)
@@ -154,12 +154,12 @@ impl Stack {
             let question = self.run.driver.question(); // before the look: all that was sent before it is here
             let ready = Topic::ALL.map(|topic| page.role(topic).ready.get());
             self.drain(&mut watch);
-            Topic::ALL.into_iter().zip(ready).for_each(|(topic, epoch)| page.role(topic).met.set(epoch));
+            Topic::ALL.into_iter().zip(ready).for_each(|(topic, epoch)| page.role(topic).connected.set(epoch));
             if self.is_interrupted(interrupts) {
                 break Ended::Interrupted;
             }
             self.run.events.extend(self.host.look(page.plant_tick(), &self.run.children));
-            self.listen();
+            self.check_connections();
             if let Some(ended) = self.supervise(question) {
                 break ended;
             }
@@ -241,7 +241,7 @@ impl Stack {
     fn unready(&self) -> Option<&'static str> {
         let page = &self.run.page;
         let topic = Topic::ALL.into_iter().find(|topic| page.role(*topic).ready.get() == 0);
-        let recorder = || (self.archive.is_some() && page.archive().ready.get() == 0).then_some(RECORDER);
+        let recorder = || (self.archive.is_some() && page.recorder.ready.get() == 0).then_some(RECORDER);
         topic.map(Topic::publisher).or_else(recorder)
     }
 
@@ -261,28 +261,30 @@ impl Stack {
             }
             watch(record);
         });
-        run.page.watched().raise(newest as u32);
+        run.page.watched.raise(newest as u32);
     }
 
-    /// Sees to it that every process receives from every other: one that is mute or deaf is replaced as if it hung.
-    fn listen(&mut self) {
+    /// Sees to it that every process receives from every other: one that is cut off is replaced as if it hung.
+    fn check_connections(&mut self) {
         let received = Topic::ALL.map(|topic| self.observers.received(topic));
-        for silence in self.hearing.look(&self.run.page, received) {
-            let (topic, epoch, why) = match silence {
-                Silence::Mute(topic, epoch) => (topic, epoch, "its messages do not arrive".to_owned()),
-                Silence::Deaf(topic, epoch, of) => (topic, epoch, format!("it hears nothing of {}", of.publisher())),
-                Silence::Blind(of) => {
-                    if !std::mem::replace(&mut self.blind[of as usize], true) {
+        for found in self.connections.look(&self.run.page, received) {
+            let (topic, epoch, why) = match found {
+                Disconnected::Sender(topic, epoch) => (topic, epoch, "its messages do not arrive".to_owned()),
+                Disconnected::Listener(topic, epoch, of) => {
+                    (topic, epoch, format!("it hears nothing of {}", of.publisher()))
+                }
+                Disconnected::Launcher(of) => {
+                    if !std::mem::replace(&mut self.not_received[of as usize], true) {
                         let event = Event::new(self.run.page.plant_tick(), "launcher", 0, What::Hung);
                         self.run.events.push(event.because(format!("it hears nothing of {}", of.publisher())));
                     }
                     continue;
                 }
             };
-            if std::mem::replace(&mut self.silenced[topic as usize], epoch) == epoch {
+            if std::mem::replace(&mut self.cut_off[topic as usize], epoch) == epoch {
                 continue; // it has been killed, and is about to be seen to end
             }
-            self.run.on(topic, Input::Unheard(epoch, why));
+            self.run.on(topic, Input::Disconnected(epoch, why));
         }
     }
 

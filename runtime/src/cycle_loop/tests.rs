@@ -1,8 +1,5 @@
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
-
 use super::*;
-use crate::fixture::Ring;
+use crate::fixture::{Ring, only_after};
 use crate::output::Output;
 use crate::realtime::ControlPage;
 use crate::shared_role::Assignment;
@@ -23,21 +20,6 @@ fn guidance(ring: &Ring, epoch: u32) -> (CycleLoop, Input<State>) {
 fn sample(page: &ControlPage, tick: u64) {
     page.role(Topic::State).done(1).set(tick as u32 + 1);
     page.doorbell(Topic::State).ring();
-}
-
-/// What `wait` gives, which must not come before `event` has happened in another thread.
-fn only_after<T>(event: impl FnOnce() + Send, wait: impl FnOnce() -> T) -> T {
-    let happened = AtomicBool::new(false);
-    std::thread::scope(|scope| {
-        scope.spawn(|| {
-            std::thread::sleep(Duration::from_millis(5));
-            happened.store(true, Ordering::SeqCst);
-            event();
-        });
-        let result = wait();
-        assert!(happened.load(Ordering::SeqCst), "it did not wait");
-        result
-    })
 }
 
 #[test]

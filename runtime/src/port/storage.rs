@@ -28,7 +28,7 @@ use rustix::io::Errno;
 
 use crate::domain::{Domain, allocate};
 use crate::error::PortError;
-use crate::limits::{LEAST_DEPTH, MAX_SUBSCRIBERS, MOST_DEPTH, OBSERVER_S};
+use crate::limits::{MAX_OBSERVER_DEPTH, MAX_SUBSCRIBERS, MIN_OBSERVER_DEPTH, OBSERVER_S};
 use contract::Topic;
 use contract::message::{Actuators, Controls, Message, Reference, State};
 
@@ -43,7 +43,7 @@ const REST: usize = 1 << 20;
 
 /// Queue of the recorder and of the launcher, which want every message, at `rate_hz`.
 pub fn observer_depth(rate_hz: u32) -> usize {
-    (rate_hz as usize * OBSERVER_S).clamp(LEAST_DEPTH, MOST_DEPTH)
+    (rate_hz as usize * OBSERVER_S).clamp(MIN_OBSERVER_DEPTH, MAX_OBSERVER_DEPTH)
 }
 
 /// What a flight at `rate_hz` needs of shared memory \[bytes\]: every node, and for each another one that takes over.

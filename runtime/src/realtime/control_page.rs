@@ -10,6 +10,7 @@
 use std::fs::OpenOptions;
 use std::io;
 use std::num::NonZeroU32;
+use std::ops::Deref;
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::Path;
 use std::ptr::NonNull;
@@ -28,19 +29,28 @@ use contract::Topic;
 const PAGE_BYTES: usize = 4096 * 8;
 const MAGIC: u32 = 0x7EF0_1108;
 
+/// What stands on the page.
 #[repr(C)]
-struct Page {
+pub struct Page {
     magic: AtomicU32,
-    phase: Doorbell,
-    watched: Doorbell,
-    recorded: Doorbell,
-    asked: Doorbell,
-    ruled: Doorbell,
-    ask_from: Word,
+    /// Where the run stands: see [`phase`]. Rung at every change.
+    pub phase: Doorbell,
+    /// The newest tick that the launcher has seen: how far lockstep may run ahead is counted from it.
+    pub watched: Doorbell,
+    /// The newest tick that the recorder has seen; at its highest when nothing is recorded.
+    pub recorded: Doorbell,
+    /// Lockstep: ticks for which the plant has asked the launcher who works on them.
+    pub asked: Doorbell,
+    /// Lockstep: ticks for which the launcher has decided that.
+    pub decided: Doorbell,
+    /// Lockstep: the first tick for which the plant is to ask.
+    pub next_decision: Word,
     doorbells: [Doorbell; Topic::COUNT],
     roles: [SharedRole; Topic::COUNT],
-    archive: SharedRole,
-    fault_table: FaultTable,
+    /// The role of the recorder.
+    pub recorder: SharedRole,
+    /// The faults that this flight is given while it flies.
+    pub fault_table: FaultTable,
     origin_ns: AtomicU64,
     samples: AtomicU64,
 }
@@ -114,7 +124,7 @@ impl ControlPage {
         let file = OpenOptions::new().read(true).write(true).create_new(true).mode(0o600).open(path)?;
         allocate(&file, PAGE_BYTES as u64)?;
         let page = Self::map(&file)?;
-        page.page().magic.store(MAGIC, Ordering::Release);
+        page.magic.store(MAGIC, Ordering::Release);
         Ok(page)
     }
 
@@ -133,98 +143,10 @@ impl ControlPage {
             return Err(io::Error::new(io::ErrorKind::InvalidData, "not a page: wrong length"));
         }
         let page = Self::map(&file)?;
-        if page.page().magic.load(Ordering::Acquire) != MAGIC {
+        if page.magic.load(Ordering::Acquire) != MAGIC {
             return Err(io::Error::new(io::ErrorKind::InvalidData, "a page of another version"));
         }
         Ok(page)
-    }
-
-    /// The doorbell of a topic.
-    pub fn doorbell(&self, topic: Topic) -> &Doorbell {
-        &self.page().doorbells[topic as usize]
-    }
-
-    /// The role of the node that publishes `topic`.
-    pub fn role(&self, topic: Topic) -> &SharedRole {
-        &self.page().roles[topic as usize]
-    }
-
-    /// Ticks that the plant has sampled.
-    pub fn sampled(&self) -> u64 {
-        u64::from(self.role(Topic::State).done(1).get())
-    }
-
-    /// The tick under way: all but the newest that the plant has sampled are over.
-    pub fn plant_tick(&self) -> u64 {
-        self.sampled().saturating_sub(1)
-    }
-
-    /// The role of the recorder.
-    pub fn archive(&self) -> &SharedRole {
-        &self.page().archive
-    }
-
-    /// The faults that this flight is given while it flies.
-    pub fn fault_table(&self) -> &FaultTable {
-        &self.page().fault_table
-    }
-
-    /// The instant of sample 0 \[ns\]; 0 before there is one. In lockstep it is that of the present sample.
-    pub fn origin_ns(&self) -> u64 {
-        self.page().origin_ns.load(Ordering::Acquire)
-    }
-
-    /// Sets that instant; the plant's part.
-    pub fn set_origin_ns(&self, origin_ns: u64) {
-        self.page().origin_ns.store(origin_ns, Ordering::Release);
-    }
-
-    /// Samples of the run; 0 until the plant has taken the last one.
-    pub fn samples(&self) -> u64 {
-        self.page().samples.load(Ordering::Acquire)
-    }
-
-    /// Says how many samples the run has; the plant's part, before it sends the last one.
-    pub fn set_samples(&self, samples: u64) {
-        self.page().samples.store(samples, Ordering::Release);
-    }
-
-    /// Where the run stands: see [`phase`]. Rung at every change.
-    pub fn phase(&self) -> &Doorbell {
-        &self.page().phase
-    }
-
-    /// The newest tick that the launcher has seen: how far lockstep may run ahead is counted from it.
-    pub fn watched(&self) -> &Doorbell {
-        &self.page().watched
-    }
-
-    /// The newest tick that the recorder has seen; at its highest when nothing is recorded.
-    pub fn recorded(&self) -> &Doorbell {
-        &self.page().recorded
-    }
-
-    /// Lockstep: the first tick for which the plant is to ask.
-    pub fn ask_from(&self) -> &Word {
-        &self.page().ask_from
-    }
-
-    /// Lockstep: ticks for which the plant has asked the launcher who works on them.
-    pub fn asked(&self) -> &Doorbell {
-        &self.page().asked
-    }
-
-    /// Lockstep: ticks for which the launcher has answered.
-    pub fn ruled(&self) -> &Doorbell {
-        &self.page().ruled
-    }
-
-    /// Moves the run on to `phase` and wakes every waiter, whatever it waits for.
-    pub fn set_phase(&self, phase: u32) {
-        self.phase().raise(phase);
-        for topic in Topic::ALL {
-            self.doorbell(topic).ring();
-        }
     }
 
     fn map(file: &std::fs::File) -> io::Result<Self> {
@@ -239,11 +161,65 @@ impl ControlPage {
         let page = NonNull::new(address.cast::<Page>()).ok_or_else(|| io::Error::other("mapped at address zero"))?;
         Ok(Self { page })
     }
+}
 
-    fn page(&self) -> &Page {
+impl Deref for ControlPage {
+    type Target = Page;
+
+    fn deref(&self) -> &Page {
         // SAFETY: `page` comes from `at`: page-aligned, PAGE_BYTES long, which covers `Page`, and mapped until drop.
         // `Page` is made of atomics only, for which every bit pattern is valid and shared writes are defined.
         unsafe { self.page.as_ref() }
+    }
+}
+
+impl Page {
+    /// The doorbell of a topic.
+    pub fn doorbell(&self, topic: Topic) -> &Doorbell {
+        &self.doorbells[topic as usize]
+    }
+
+    /// The role of the node that publishes `topic`.
+    pub fn role(&self, topic: Topic) -> &SharedRole {
+        &self.roles[topic as usize]
+    }
+
+    /// Ticks that the plant has sampled.
+    pub fn sampled(&self) -> u64 {
+        u64::from(self.role(Topic::State).done(1).get())
+    }
+
+    /// The tick under way: all but the newest that the plant has sampled are over.
+    pub fn plant_tick(&self) -> u64 {
+        self.sampled().saturating_sub(1)
+    }
+
+    /// The instant of sample 0 \[ns\]; 0 before there is one. In lockstep it is that of the present sample.
+    pub fn origin_ns(&self) -> u64 {
+        self.origin_ns.load(Ordering::Acquire)
+    }
+
+    /// Sets that instant; the plant's part.
+    pub fn set_origin_ns(&self, origin_ns: u64) {
+        self.origin_ns.store(origin_ns, Ordering::Release);
+    }
+
+    /// Samples of the run; 0 until the plant has taken the last one.
+    pub fn samples(&self) -> u64 {
+        self.samples.load(Ordering::Acquire)
+    }
+
+    /// Says how many samples the run has; the plant's part, before it sends the last one.
+    pub fn set_samples(&self, samples: u64) {
+        self.samples.store(samples, Ordering::Release);
+    }
+
+    /// Moves the run on to `phase` and wakes every waiter, whatever it waits for.
+    pub fn set_phase(&self, phase: u32) {
+        self.phase.raise(phase);
+        for topic in Topic::ALL {
+            self.doorbell(topic).ring();
+        }
     }
 }
 

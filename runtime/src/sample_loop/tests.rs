@@ -1,5 +1,5 @@
 use super::*;
-use crate::fixture::Ring;
+use crate::fixture::{Ring, only_after};
 use crate::output::Output;
 use crate::shared_role::Assignment;
 use contract::message::{Actuators, State};
@@ -21,7 +21,7 @@ fn answer(ring: &Ring, tick: u64) {
 
 /// The launcher says that those who work go on, up to and including `tick`.
 fn rule(ring: &Ring, tick: u64) {
-    ring.page.ruled().raise(tick as u32 + 1);
+    ring.page.decided.raise(tick as u32 + 1);
 }
 
 /// A ring against the clock whose nodes wait for the first sample.
@@ -146,18 +146,18 @@ fn by_the_barrier_a_command_acts_after_the_time_that_faults_held_it_up() {
 fn by_the_barrier_the_launcher_is_asked_from_the_tick_that_it_names_or_when_a_role_is_vacant() {
     let ring = Ring::flying(Mode::Lockstep);
     let (mut cycles, mut commands, _states) = plant(&ring);
-    ring.page.ask_from().set(2);
+    ring.page.next_decision.set(2);
     let mut asked = vec![];
     for tick in 0..5 {
         rule(&ring, tick); // ahead of the question, so that the plant need not wait
         if tick == 4 {
-            ring.page.ask_from().set(u32::MAX);
+            ring.page.next_decision.set(u32::MAX);
             ring.page.role(Topic::Controls).dismiss(1);
         } else if tick == 3 {
-            ring.page.ask_from().set(u32::MAX);
+            ring.page.next_decision.set(u32::MAX);
         }
         assert_eq!(cycles.next(&mut commands, |_, _| {}).unwrap(), Some(tick));
-        asked.push(ring.page.asked().count());
+        asked.push(ring.page.asked.count());
         answer(&ring, tick);
     }
     assert_eq!(asked, [0, 0, 3, 3, 5]);
@@ -173,31 +173,20 @@ fn by_the_barrier_the_next_sample_waits_for_active_and_standby_and_for_the_watch
     (0..LEAD_TICKS + 5).for_each(|tick| rule(&ring, tick));
     assert_eq!(cycles.next(&mut commands, |_, _| {}).unwrap(), Some(0));
     answer(&ring, 0);
-    let after = |event: &(dyn Fn() + Sync), cycles: &mut SampleLoop, commands: &mut Input<Actuators>| {
-        let happened = std::sync::atomic::AtomicBool::new(false);
-        std::thread::scope(|scope| {
-            scope.spawn(|| {
-                std::thread::sleep(std::time::Duration::from_millis(5));
-                happened.store(true, std::sync::atomic::Ordering::SeqCst);
-                event();
-            });
-            let next = cycles.next(commands, |_, _| {}).unwrap();
-            assert!(happened.load(std::sync::atomic::Ordering::SeqCst), "it did not wait");
-            next
-        })
-    };
     let standby_is_done = || {
         mixer.done(2).set(1);
         ring.page.doorbell(Topic::Actuators).ring();
     };
-    assert_eq!(after(&standby_is_done, &mut cycles, &mut commands), Some(1));
+    let next = only_after(standby_is_done, || cycles.next(&mut commands, |_, _| {}));
+    assert_eq!(next.unwrap(), Some(1));
     mixer.assign(1, |assignment| assignment.without(2));
-    ring.page.recorded().raise(u32::MAX);
+    ring.page.recorded.raise(u32::MAX);
     for tick in 1..LEAD_TICKS {
         answer(&ring, tick);
         assert_eq!(cycles.next(&mut commands, |_, _| {}).unwrap(), Some(tick + 1));
     }
     answer(&ring, LEAD_TICKS);
-    let launcher_follows = || ring.page.watched().raise(1);
-    assert_eq!(after(&launcher_follows, &mut cycles, &mut commands), Some(LEAD_TICKS + 1));
+    let launcher_follows = || ring.page.watched.raise(1);
+    let next = only_after(launcher_follows, || cycles.next(&mut commands, |_, _| {}));
+    assert_eq!(next.unwrap(), Some(LEAD_TICKS + 1));
 }

@@ -9,7 +9,7 @@ use std::time::Instant;
 use runtime::domain::Domain;
 use runtime::realtime::peer_of;
 
-use super::request::{Request, Response, SOCKET};
+use super::{Request, Response, SOCKET};
 use crate::event::Sender;
 use crate::limits::{CLIENTS, NEW_CLIENTS, REQUEST_BYTES, REQUEST_LIMIT};
 

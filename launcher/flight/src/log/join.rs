@@ -1,5 +1,5 @@
 //! The logs of several recorders of one flight: `flight.mcap`, `flight.2.mcap`, ... They are joined into the first at the end
-//! of the flight; where nobody was left to do that, they are read together.
+//! of the flight; where the launcher did not live to do that, they are read together.
 
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};

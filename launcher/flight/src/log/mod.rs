@@ -12,6 +12,18 @@
 //! The log survives its writer: [`LogWriter`] closes a chunk every 64 KiB and every second, a killed process loses
 //! no more than that, and [`read()`] takes what is there. No node writes a log: one write can take milliseconds.
 
+/// A value of the message in a record, whatever its topic.
+macro_rules! with_message {
+    ($record:expr, $message:ident => $value:expr) => {
+        match $record {
+            Record::State($message) => $value,
+            Record::Reference($message) => $value,
+            Record::Controls($message) => $value,
+            Record::Actuators($message) => $value,
+        }
+    };
+}
+
 mod count;
 mod join;
 mod read;
@@ -56,22 +68,12 @@ impl Record {
 
     /// Provenance and timing.
     pub fn stamp(&self) -> &Stamp {
-        match self {
-            Self::State(message) => message.stamp(),
-            Self::Reference(message) => message.stamp(),
-            Self::Controls(message) => message.stamp(),
-            Self::Actuators(message) => message.stamp(),
-        }
+        with_message!(self, message => message.stamp())
     }
 
     /// Whether the bits are those that were sent.
     pub fn is_intact(&self) -> bool {
-        match self {
-            Self::State(message) => message.is_intact(),
-            Self::Reference(message) => message.is_intact(),
-            Self::Controls(message) => message.is_intact(),
-            Self::Actuators(message) => message.is_intact(),
-        }
+        with_message!(self, message => message.is_intact())
     }
 }
 

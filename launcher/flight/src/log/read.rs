@@ -48,7 +48,7 @@ impl Log {
         let mut references = self.references.iter().map(|m| Record::from(*m)).peekable();
         let mut controls = self.controls.iter().map(|m| Record::from(*m)).peekable();
         let mut actuators = self.actuators.iter().map(|m| Record::from(*m)).peekable();
-        // One that is not whole tells no tick, and nobody waits for it.
+        // One that is not whole tells no tick, and is not waited for.
         let tick =
             |record: Option<&Record>| record.map(|record| if record.is_intact() { record.stamp().tick } else { 0 });
         std::iter::from_fn(move || {

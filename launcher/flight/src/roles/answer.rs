@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use airframe::envelope::Envelope;
 use contract::Scenario;
-use contract::message::{Actuators, Controls, Message, Reference};
+use contract::message::Plausible;
 use contract::scenario::Mode;
 use contract::topic::{NODES, Topic};
 
@@ -21,7 +21,7 @@ pub const NUMBERS: usize = 4;
 pub struct Answer {
     /// The sample.
     pub tick: u64,
-    /// Who gave it.
+    /// The process that gave it.
     pub epoch: u64,
     /// From the sample to the answer \[ns\].
     pub response_ns: u64,
@@ -34,7 +34,7 @@ pub struct Answer {
 /// What makes answers of one node comparable.
 #[derive(Debug, Clone)]
 pub struct Scale {
-    /// The topic it speaks on.
+    /// The topic that the answers are on.
     pub topic: Topic,
     /// When its answer is due after the sample \[ns\].
     pub due_ns: u64,
@@ -48,7 +48,7 @@ impl Scale {
     /// For the publisher of `topic` in a run of `scenario`.
     pub fn new(scenario: &Scenario, topic: Topic) -> Self {
         let largest = match topic {
-            Topic::State => [f64::INFINITY; NUMBERS], // nobody compares plants
+            Topic::State => [f64::INFINITY; NUMBERS], // plants are not compared
             Topic::Reference => {
                 let angle_rad = scenario.guidance.angle_limit_deg.to_radians();
                 [scenario.guidance.w_limit_mps.min(W_MPS), angle_rad, angle_rad, PI]
@@ -79,9 +79,15 @@ impl Scale {
         let response_ns = if self.clocked { publish_ns.saturating_sub(stamp.sample_ns) } else { stamp.held_ns };
         let (numbers, plausible) = match record {
             Record::State(_) => return None,
-            Record::Reference(message) => (reference(message), is_plausible(message)),
-            Record::Controls(message) => (controls(message), is_plausible(message)),
-            Record::Actuators(message) => (actuators(message), is_plausible(message)),
+            Record::Reference(message) => {
+                let [phi, theta, psi] = message.attitude_rad;
+                ([message.w_mps, phi, theta, psi], message.plausible())
+            }
+            Record::Controls(message) => (message.demand, message.plausible()),
+            Record::Actuators(message) => {
+                let [o1, o2, o3] = message.command.rotor_speed;
+                ([o1, o2, o3, message.command.tilt_rad], message.plausible())
+            }
         };
         Some(Answer {
             tick: stamp.tick,
@@ -103,22 +109,4 @@ impl Answer {
     pub fn difference(&self, other: &Self) -> f64 {
         self.shares.iter().zip(other.shares).map(|(mine, theirs)| (mine - theirs).abs()).fold(0.0, f64::max)
     }
-}
-
-fn reference(message: &Reference) -> [f64; NUMBERS] {
-    let [phi, theta, psi] = message.attitude_rad;
-    [message.w_mps, phi, theta, psi]
-}
-
-fn controls(message: &Controls) -> [f64; NUMBERS] {
-    message.demand
-}
-
-fn actuators(message: &Actuators) -> [f64; NUMBERS] {
-    let [o1, o2, o3] = message.command.rotor_speed;
-    [o1, o2, o3, message.command.tilt_rad]
-}
-
-fn is_plausible<M: Message>(message: &M) -> bool {
-    message.plausible()
 }

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! plant: asked = tick + 1 -> launcher: all messages of the ticks before are here -> simulated roles -> processes ended,
-//! started, ready -> assigned -> ruled = tick + 1 -> plant: STATE of that tick
+//! started, ready -> assigned -> decided = tick + 1 -> plant: STATE of that tick
 //! ```
 //!
 //! Everything stands still meanwhile, so it does not matter how long that takes. The wall clock decides on nothing but the end:
@@ -68,7 +68,7 @@ impl Lockstep {
         if let Some(Asked { starting, .. }) = &mut self.asked {
             starting.retain(|started| *started != (topic, epoch));
         }
-        self.page.ask_from().set(0);
+        self.page.next_decision.set(0);
         self.page.role(topic).dismiss(epoch);
         self.page.doorbell(topic).ring();
     }
@@ -82,7 +82,7 @@ impl Lockstep {
     /// The process that the ring waits for.
     fn awaited(&self) -> &'static str {
         if let Some(Asked { starting, .. }) = &self.asked {
-            let late = starting.iter().find(|(topic, epoch)| self.page.role(*topic).met.get() != *epoch);
+            let late = starting.iter().find(|(topic, epoch)| self.page.role(*topic).connected.get() != *epoch);
             return late.map_or("the recorder", |(topic, _)| topic.publisher());
         }
         let sampled = self.done_by(Topic::State)[0];
@@ -104,8 +104,8 @@ impl Driver for Lockstep {
     }
 
     fn question(&self) -> Option<u64> {
-        let asked = self.page.asked().count();
-        (asked > self.page.ruled().count()).then(|| u64::from(asked) - 1)
+        let asked = self.page.asked.count();
+        (asked > self.page.decided.count()).then(|| u64::from(asked) - 1)
     }
 
     fn look(&mut self, _scenario: &Scenario, question: Option<u64>) -> Vec<Order> {
@@ -127,19 +127,19 @@ impl Driver for Lockstep {
     /// Answers the plant, when all processes are ready and everything has been done.
     fn done(&mut self) {
         let page = &self.page;
-        let ready = |(topic, epoch): &(Topic, u32)| page.role(*topic).met.get() == *epoch;
+        let ready = |(topic, epoch): &(Topic, u32)| page.role(*topic).connected.get() == *epoch;
         let Some(Asked { tick, .. }) = self.asked.take_if(|asked| asked.starting.iter().all(ready)) else { return };
         for topic in Topic::ALL {
             page.role(topic).assign(tick as u32, |_| self.simulated.assignment(topic));
         }
-        page.ask_from().set(u32::try_from(self.simulated.next_decision()).unwrap_or(u32::MAX));
-        page.ruled().raise(tick as u32 + 1);
+        page.next_decision.set(u32::try_from(self.simulated.next_decision()).unwrap_or(u32::MAX));
+        page.decided.raise(tick as u32 + 1);
     }
 
     fn on(&mut self, _scenario: &Scenario, topic: Topic, input: Input) -> Vec<Order> {
         match input {
             Input::Exited(epoch) | Input::NotStarted(epoch, _) => self.exited(topic, epoch, input),
-            Input::Unheard(epoch, why) => {
+            Input::Disconnected(epoch, why) => {
                 let event = Event::new(self.page.plant_tick(), topic.publisher(), epoch, What::Hung).because(why);
                 return vec![(topic, Action::Report(event)), (topic, Action::Signal(epoch, Signal::Kill))];
             }
@@ -170,7 +170,7 @@ impl Driver for Lockstep {
     }
 
     fn due(&self) -> Instant {
-        Instant::now() + if self.page.asked().count() > 0 { QUICK_LOOK } else { LOOK }
+        Instant::now() + if self.page.asked.count() > 0 { QUICK_LOOK } else { LOOK }
     }
 }
 

@@ -10,11 +10,11 @@
 //! | [`realtime`] | driver: the control page and the clock |
 //! | [`simulated`] | driver: the delays that `[supervision]` names; in process uses it as it is |
 //! | [`lockstep`] | driver: the same for processes, between two ticks |
-//! | [`hearing`] | processes that work and cannot be heard, or hear nothing |
+//! | [`connections`] | processes that work, and whose messages do not arrive or that receive nothing |
 
 mod answer;
+pub mod connections;
 pub mod driver;
-pub mod hearing;
 pub mod lockstep;
 pub mod process_faults;
 pub mod realtime;

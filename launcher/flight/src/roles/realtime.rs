@@ -52,14 +52,14 @@ impl Realtime {
     fn seen(&self, topic: Topic, tick: u64, excused_ns: u64) -> Vec<Input> {
         let (role, shared) = (&self.nodes[topic as usize].role, self.page.role(topic));
         let mut seen = vec![];
-        seen.extend(role.starting().filter(|epoch| tick > 0 && shared.met.get() == *epoch).map(Input::Ready));
+        seen.extend(role.starting().filter(|epoch| tick > 0 && shared.connected.get() == *epoch).map(Input::Ready));
         let active = shared.active();
         if active == 0 {
             return seen;
         }
         if role.active() == Some(active) {
             let samples = match topic {
-                Topic::State => u64::MAX, // nobody samples for the plant: time alone tells
+                Topic::State => u64::MAX, // the plant takes the samples itself: time alone tells
                 _ if tick == 0 => 0,
                 _ => tick + 1,
             };

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!              Spawn            Ready                Activated
-//!  vacant ------------> starting ------> pending -----------------> active --+-- Exited, hung, unheard -> vacant
+//!  vacant ------------> starting ------> pending -----------------> active --+-- Exited, hung, cut off -> vacant
 //!     ^                    |                                          ^      |
 //!     +--- restart delay --+-- Exited, start limit                    |      +-- SwapRequested: starting beside it
 //!     |                                                               |
@@ -40,7 +40,7 @@ pub enum Input {
     /// The process could not be started, and why.
     NotStarted(u32, String),
     /// The active process has answered to `done` of `samples` samples; `excused_ns` of the time since the last look count against
-    /// nobody.
+    /// no process.
     Progress {
         /// Ticks done, counted from the first of the run.
         done: u64,
@@ -50,7 +50,7 @@ pub enum Input {
         excused_ns: u64,
     },
     /// The active process works, but not with the others, and why.
-    Unheard(u32, String),
+    Disconnected(u32, String),
     /// The trial of the candidate has come to this, and why.
     Ruled(Ruling, String),
     /// Swap number `n` of the scenario is due.
@@ -76,7 +76,7 @@ pub enum Action {
     Signal(u32, Signal),
     /// Make this epoch the active one when the next tick begins; a standby changes places with the active one.
     Activate(u32),
-    /// Have this epoch work unheard beside the active one.
+    /// Have this epoch answer beside the active one, without its messages being delivered.
     Standby(u32),
     /// This epoch works no longer, from now on.
     Vacate(u32),
@@ -164,7 +164,7 @@ pub struct Role {
     restart_at_ns: Option<u64>,
     held_until_ns: u64,
     failures_ns: Vec<u64>,
-    /// Killed by this role: their end is no news.
+    /// Killed by this role: their end is expected.
     condemned: Vec<u32>,
     /// The programs that were active for good, the newest last.
     origins: Vec<Option<usize>>,
@@ -188,7 +188,7 @@ impl Policy {
         }
     }
 
-    /// That of the plant: the vehicle has no replacement, and nobody samples for it.
+    /// That of the plant: the vehicle has no replacement, and no other node samples for it.
     pub fn plant(settings: &Supervision, sample_ns: u64) -> Self {
         Self { restart_ns: vec![], hang_ns: PLANT_HANG_NS, hang_ticks: 0, ..Self::node(settings, sample_ns) }
     }
@@ -233,10 +233,10 @@ impl Role {
             Input::Exited(epoch) => self.exited(now, epoch, What::Died, None, out),
             Input::NotStarted(epoch, why) => self.exited(now, epoch, What::NotStarted, Some(&why), out),
             Input::Progress { done, samples, excused_ns } => self.progressed(now, done, samples, excused_ns, out),
-            Input::Unheard(epoch, why) if self.active.is_some_and(|active| active.epoch == epoch) => {
+            Input::Disconnected(epoch, why) if self.active.is_some_and(|active| active.epoch == epoch) => {
                 self.hung(now, epoch, Some(&why), out);
             }
-            Input::Unheard(..) => {}
+            Input::Disconnected(..) => {}
             Input::Ruled(ruling, why) => self.ruled(now, ruling, &why, out),
             Input::SwapRequested(swap) => self.swap_requested(now, swap, out),
             Input::Kill(until_ns) => {
@@ -256,7 +256,7 @@ impl Role {
         self.name
     }
 
-    /// The epoch that is heard.
+    /// The active epoch.
     pub fn active(&self) -> Option<u32> {
         self.active.map(|worker| worker.epoch)
     }
@@ -421,7 +421,7 @@ impl Role {
             out.push(Action::Activate(standby.epoch));
             return;
         }
-        // A candidate that is not ready has shown nothing yet: nobody waits for it.
+        // A candidate that is not ready has shown nothing yet: it is not waited for.
         if let Some(late) = self.starting.take_if(|starting| starting.candidate) {
             let late = late.worker.epoch;
             self.condemn(late, out);
@@ -481,7 +481,7 @@ impl Role {
         self.condemn(leaves, out);
         let returns = what == What::Returned && old.is_some();
         if returns {
-            // The candidate is heard until the old one is let in.
+            // The messages of the candidate are delivered until the old one is active.
             (self.active, self.pending) = (None, self.standby.take());
             out.extend(old.map(Action::Activate));
         } else {

@@ -6,11 +6,11 @@
 //! ```
 //!
 //! A tick counts against the candidate when its answer is missing, not usable, late, too far from the old one's, or the
-//! opposite of it (`similarity.rs`): both answer to the same inputs, whoever of them is heard. Nobody takes or keeps the
+//! opposite of it (`similarity.rs`): both answer to the same inputs, whichever of them is active. No candidate takes or keeps the
 //! role on a tick that counts against it. A tick that the plant skipped counts for nothing, nor does one on which the
-//! old one fares no better: a fault of both is none of the candidate's. Should the old one die, the trial goes on. In
-//! role the vehicle itself is watched too. All of it is judged from messages alone, so that a trial ends the same way
-//! whoever turns the ring.
+//! old one fares no better: a fault of both is none of the candidate's. Should the old one die, the trial goes on. While
+//! the candidate is active the vehicle itself is watched too. All of it is judged from messages alone, so that a trial ends the same way
+//! in every mode.
 
 use std::collections::VecDeque;
 
@@ -41,7 +41,7 @@ pub struct Trial {
     trajectory: Trajectory,
     sample_s: f64,
     answers: VecDeque<Answer>,
-    /// Ticks that the plant has sampled and nobody has judged yet.
+    /// Ticks that the plant has sampled and have not been judged yet.
     sampled: VecDeque<u64>,
     /// How many of both are remembered.
     room: usize,

@@ -71,7 +71,7 @@ impl Archive {
 
     /// Starts the first recorder, which has its role at once.
     pub fn start(&self, run: &mut Run) -> anyhow::Result<()> {
-        run.page.archive().assign(0, |_| Assignment { active: 1, standby: 0 });
+        run.page.recorder.assign(0, |_| Assignment { active: 1, standby: 0 });
         self.spawn(run, 1, None)
     }
 
@@ -89,8 +89,8 @@ impl Archive {
     /// Sees to it that a recorder works. The flight is worth more than its log, whose loss is told at the end.
     pub fn look(&mut self, run: &mut Run, tick: u64) {
         let mut inputs = vec![Input::Tick];
-        inputs.extend(self.role.starting().filter(|epoch| run.page.archive().ready.get() == *epoch).map(Input::Ready));
-        let (recorded, watched) = (run.page.recorded().count(), run.page.watched().count());
+        inputs.extend(self.role.starting().filter(|epoch| run.page.recorder.ready.get() == *epoch).map(Input::Ready));
+        let (recorded, watched) = (run.page.recorded.count(), run.page.watched.count());
         inputs.push(Input::Progress { done: recorded.into(), samples: watched.into(), excused_ns: 0 });
         let swaps = &run.scenario.swap;
         self.begun.resize(swaps.len(), false);
@@ -109,7 +109,7 @@ impl Archive {
     /// Waits a moment until the recorder has everything. One that does not get there loses messages, which are counted.
     pub fn catch_up(page: &ControlPage) {
         let deadline = Instant::now() + CATCH_UP_LIMIT;
-        let is_behind = || page.archive().active() > 0 && page.recorded().count() < page.watched().count();
+        let is_behind = || page.recorder.active() > 0 && page.recorded.count() < page.watched.count();
         while is_behind() && Instant::now() < deadline {
             std::thread::sleep(Duration::from_micros(200));
         }
@@ -127,7 +127,7 @@ impl Archive {
             }
         }
         let sent = Topic::ALL.map(|topic| u64::from(run.page.role(topic).sent_by_all.get())).iter().sum();
-        self.outcome(run.page.archive().active(), &run.scenario, &run.events, untold, sent)
+        self.outcome(run.page.recorder.active(), &run.scenario, &run.events, untold, sent)
     }
 
     /// Takes `input` into the role, and does what it says.
@@ -146,18 +146,18 @@ impl Archive {
                     }
                     Action::Signal(epoch, signal) => run.children.signal(None, epoch, unix(signal)),
                     Action::Activate(epoch) => {
-                        run.page.archive().assign(0, |_| Assignment { active: epoch, standby: 0 });
-                        run.page.recorded().raise(run.page.watched().count()); // it never has what was sent before it came
+                        run.page.recorder.assign(0, |_| Assignment { active: epoch, standby: 0 });
+                        run.page.recorded.raise(run.page.watched.count()); // it never has what was sent before it came
                         inputs.push_back(Input::Activated(epoch));
                     }
-                    Action::Vacate(epoch) => run.page.archive().assign(0, |work| work.without(epoch)),
+                    Action::Vacate(epoch) => run.page.recorder.assign(0, |work| work.without(epoch)),
                     Action::Report(event) => run.events.push(event),
                     Action::Standby(_) => {} // a recorder is not compared with another
                 }
             }
         }
         if self.role.given_up() {
-            run.page.recorded().raise(u32::MAX); // nothing is recorded, so there is nothing to wait for
+            run.page.recorded.raise(u32::MAX); // nothing is recorded, so there is nothing to wait for
         }
     }
 
@@ -222,19 +222,19 @@ mod tests {
     use rustix::pipe::{PipeFlags, pipe_with};
     use std::fs::File;
 
-    /// The end of a pipe into which one has said its last word; the other end too, which somebody else still has.
+    /// The end of a pipe into which a recorder has written its outcome; the other end too, which another process still has.
     fn said(outcome: &LogOutcome) -> (File, File) {
-        let (hears, speaks) = pipe_with(PipeFlags::CLOEXEC).unwrap();
-        rustix::io::write(&speaks, &serde_json::to_vec(outcome).unwrap()).unwrap();
-        (hears.into(), speaks.into())
+        let (reads, writes) = pipe_with(PipeFlags::CLOEXEC).unwrap();
+        rustix::io::write(&writes, &serde_json::to_vec(outcome).unwrap()).unwrap();
+        (reads.into(), writes.into())
     }
 
     fn archive(path: &Path, newest: u32) -> Archive {
         let mut archive = Archive::new(path, &Scenario::default());
         for epoch in 1..=newest {
             LogWriter::create(&archive.part(epoch), "", 10_000_000).unwrap().finish().unwrap();
-            let (hears, _speaks) = said(&LogOutcome { records: 7, ..LogOutcome::default() });
-            archive.keep(epoch, hears);
+            let (reads, _writes) = said(&LogOutcome { records: 7, ..LogOutcome::default() });
+            archive.keep(epoch, reads);
         }
         for swap in 1..newest as usize {
             archive.role.on(Now { ns: 0, tick: 0 }, Input::SwapRequested(swap));
@@ -243,14 +243,14 @@ mod tests {
     }
 
     #[test]
-    fn nobody_waits_for_the_end_of_a_outcome_on() {
+    fn the_end_of_the_pipe_is_not_waited_for() {
         let outcome = LogOutcome { records: 7, dropped: 1, ..LogOutcome::default() };
-        let (hears, _speaks) = said(&outcome);
-        assert_eq!(outcome_on(hears), Some(outcome));
+        let (reads, _writes) = said(&outcome);
+        assert_eq!(outcome_on(reads), Some(outcome));
     }
 
     #[test]
-    fn events_that_nobody_was_told_of_are_missing_unless_the_log_is_joined() {
+    fn events_that_no_recorder_was_told_of_are_missing_unless_the_log_is_joined() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("flight.mcap");
         let events = [Event::new(1, "mixer", 1, What::Died)];

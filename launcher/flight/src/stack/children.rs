@@ -1,7 +1,7 @@
 //! The launcher's children: start, signal, wait, and clear away what they leave.
 //!
-//! Each has a process group of its own, in which everybody is whom it starts in turn: they get the same signals, and do
-//! not outlive it.
+//! Each has a process group of its own, which has the processes that it starts in turn: they get the same signals, and do not
+//! outlive it.
 
 use std::os::fd::{BorrowedFd, OwnedFd};
 use std::os::unix::process::CommandExt;
@@ -32,7 +32,7 @@ use runtime::console::eprint_line;
 pub struct SpawnRequest<'a> {
     /// Node or recorder.
     pub name: &'static str,
-    /// The topic it speaks on; none for the recorder.
+    /// The topic that it sends on; none for the recorder.
     pub topic: Option<Topic>,
     /// Which incarnation.
     pub epoch: u32,
@@ -48,7 +48,7 @@ pub struct SpawnRequest<'a> {
 pub struct Process {
     /// Node or recorder.
     pub name: &'static str,
-    /// The topic it speaks on; none for the recorder.
+    /// The topic that it sends on; none for the recorder.
     pub topic: Option<Topic>,
     /// Which incarnation of the node.
     pub epoch: u32,
@@ -163,7 +163,7 @@ impl Children {
 impl Drop for Children {
     fn drop(&mut self) {
         self.all.iter_mut().for_each(|process| kill(&mut process.child));
-        // Whoever is at it still would leave traces of its own in what is wiped next; one that is stuck is not waited for.
+        // A thread that still works would leave traces of its own in what is wiped next; one that is stuck is not waited for.
         let deadline = Instant::now() + CLEAN_UP_LIMIT;
         while self.cleaners.iter().any(|cleaner| !cleaner.is_finished()) && Instant::now() < deadline {
             std::thread::sleep(Duration::from_millis(1));
@@ -198,7 +198,7 @@ fn ended(child: &mut Child) -> Option<ExitStatus> {
     let pid = Pid::from_child(child);
     match waitid(WaitId::Pid(pid), WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT) {
         Ok(None) => return None,
-        // Nobody else can have its number before it is waited for. Fails for one that has no group.
+        // No other process can have its number before it is waited for. Fails for one that has no group.
         Ok(Some(_)) => _ = kill_process_group(pid, Signal::KILL),
         Err(_) => {} // it was waited for
     }

@@ -24,7 +24,7 @@ pub enum Ended {
 /// Why a stack did not come up.
 #[derive(Debug)]
 pub enum StartError {
-    /// A process ended or hung before everybody had joined.
+    /// A process ended or hung before all had joined.
     Lost(String),
     /// Ctrl-C.
     Interrupted,

@@ -1,6 +1,6 @@
 //! What happens around the processes of a run: its files in shared memory, and the scenario's faults of host and intruders.
 //!
-//! Nothing here ends a flight. Who cannot go on for want of a file dies or fails to start, which the supervisor sees.
+//! Nothing here ends a flight. A process that cannot go on for want of a file dies or fails to start, which the supervisor sees.
 
 use std::io::{BufRead, BufReader, Read};
 use std::ops::Range;
@@ -74,7 +74,7 @@ impl Host {
         }
         while let Some(i) = self.intruders.iter_mut().position(|one| !matches!(one.child.try_wait(), Ok(None))) {
             let intruder = self.intruders.remove(i);
-            self.hear(tick, intruder);
+            self.write_down(tick, intruder);
         }
         let living: Vec<u32> =
             children.all.iter().map(|process| process.child.id()).chain([std::process::id()]).collect();
@@ -89,7 +89,7 @@ impl Host {
     pub fn finish(&mut self, tick: u64, interrupts: &AtomicU32) -> Vec<Event> {
         for mut intruder in std::mem::take(&mut self.intruders) {
             let _ = wait(&mut intruder.child, &intruder.who, LEAVE_LIMIT, interrupts); // one that is killed has said nothing
-            self.hear(tick, intruder);
+            self.write_down(tick, intruder);
         }
         std::mem::take(&mut self.events)
     }
@@ -141,7 +141,7 @@ impl Host {
     }
 
     /// Writes down what one that has ended had to say.
-    fn hear(&mut self, tick: u64, mut intruder: Intruder) {
+    fn write_down(&mut self, tick: u64, mut intruder: Intruder) {
         let mut words = String::new();
         let _ = intruder.words.read_to_string(&mut words); // what cannot be read was not said
         let last = words.lines().last().unwrap_or("it ended without a word");

@@ -14,7 +14,8 @@ use super::archive::Archive;
 use super::end::refused;
 use super::run::Run;
 use super::swaps::settle;
-use crate::control::{Request, Response, Server};
+use crate::control::server::Server;
+use crate::control::{Request, Response};
 use crate::event::{Event, Sender, What, events};
 use crate::limits::{ANSWER_EVENTS, STATUS_EVENTS};
 
@@ -129,7 +130,7 @@ fn inject(run: &mut Run, mut fault: Fault, sender: Option<Sender>) -> Result<Val
     fault.at_s = run.time_s(fault.ticks(run.scenario.sample_s()).start);
     check(run, &fault)?; // nor may it begin too late
     let number = run.scenario.fault.len();
-    if !run.page.fault_table().enter(number, &fault) {
+    if !run.page.fault_table.enter(number, &fault) {
         return Err(format!(
             "a flight takes {MAX_LIVE_FAULTS} faults, and this one has had them; `launcher stop` it and fly again"
         ));
@@ -149,13 +150,13 @@ fn clear(run: &mut Run, target: Option<FaultTarget>, sender: Option<Sender>) -> 
     let cut = |fault: &Fault| Fault { for_s: Some(run.time_s(had(fault))), ..*fault };
     let faults = run.scenario.fault.iter().enumerate().filter(|(_, fault)| sought(fault));
     let cleared: Vec<(usize, Fault)> = faults.map(|(number, fault)| (number, cut(fault))).collect();
-    if !run.page.fault_table().has_room_for(cleared.iter().map(|(number, _)| *number)) {
+    if !run.page.fault_table.has_room_for(cleared.iter().map(|(number, _)| *number)) {
         return Err(format!(
             "a flight takes {MAX_LIVE_FAULTS} changes to its faults; name a target, or `launcher stop` it and fly again"
         ));
     }
     for (number, fault) in &cleared {
-        run.page.fault_table().enter(*number, fault);
+        run.page.fault_table.enter(*number, fault);
         run.driver.apply_fault(*number, fault);
         run.scenario.fault[*number] = *fault;
         note(run, fault, What::Cleared, sender);
@@ -188,7 +189,7 @@ fn note(run: &mut Run, fault: &Fault, what: What, by: Option<Sender>) {
 
 /// Begins a swap with the next sample but one, if it stands up to the rules of the scenario; its number.
 fn order_swap(run: &mut Run, archive: Option<&Archive>, swap: Swap) -> Result<usize, String> {
-    if run.page.phase().count() != phase::GO {
+    if run.page.phase.count() != phase::GO {
         return Err("the stack is starting or ending".into());
     }
     run.driver.may_swap(swap.node.topic())?;

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use contract::message::Controls;
 use runtime::domain::Hold;
-use runtime::port::{Bus, LEAST_DEPTH};
+use runtime::port::{Bus, MIN_OBSERVER_DEPTH};
 use runtime::realtime::{now_ns, thread_cpu_ns};
 use serde::Serialize;
 
@@ -45,7 +45,7 @@ impl Costs {
     pub fn measure() -> anyhow::Result<Self> {
         let hold = Hold::take(&namespace())?;
         let bus = Bus::attach(&hold.domain)?;
-        let _services = bus.create_services(LEAST_DEPTH)?;
+        let _services = bus.create_services(MIN_OBSERVER_DEPTH)?;
         let sender = bus.sender::<Controls>()?;
         let receivers = [bus.receiver::<Controls>(2)?, bus.receiver::<Controls>(2)?];
         let message = Controls::default();

@@ -124,9 +124,9 @@ fn turn(args: &RingPeerArgs, page: &ControlPage, token: &mut Token, samples: &mu
     let mut slot = 0;
     while samples.len() < args.count {
         let release_ns = t0_ns + slot * args.period_ns;
-        token.warm_up(release_ns - args.period_ns, |due_ns| page.phase().wait(phase::JOIN, due_ns));
-        page.phase().wait(phase::JOIN, release_ns);
-        if page.phase().count() >= phase::LEAVE {
+        token.warm_up(release_ns - args.period_ns, |due_ns| page.phase.wait(phase::JOIN, due_ns));
+        page.phase.wait(phase::JOIN, release_ns);
+        if page.phase.count() >= phase::LEAVE {
             return;
         }
         token.read_clock();
@@ -201,7 +201,7 @@ impl<'a> Token<'a> {
         }
         self.seen = self.input.count();
         self.came_ns = now_ns();
-        self.page.phase().count() < phase::LEAVE
+        self.page.phase.count() < phase::LEAVE
     }
 
     fn pass(&mut self) {

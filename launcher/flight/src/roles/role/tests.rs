@@ -282,7 +282,7 @@ impl World {
             },
             Happening::Swap => Input::SwapRequested(0),
             Happening::Rule(ruling) => Input::Ruled(ruling, String::new()),
-            Happening::Silence => Input::Unheard(self.active.unwrap_or(0), String::new()),
+            Happening::Silence => Input::Disconnected(self.active.unwrap_or(0), String::new()),
             Happening::Fault => Input::Kill((self.ms + 100) * MS),
             Happening::Pass(ms) => {
                 self.ms += ms;

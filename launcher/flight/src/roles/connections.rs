@@ -1,9 +1,10 @@
-//! Hearing: a process that works and cannot be heard, or that hears nothing of one that others hear.
+//! Connections: a process that works and whose messages do not arrive, or that receives nothing of one whose messages others
+//! receive.
 //!
 //! ```text
-//! sends, and no listener receives anything           mute: its messages do not arrive
-//! sends, and some listeners receive                  each of the others is deaf
-//! works, and its port refuses every message          mute
+//! sends, and no listener receives anything           the sender is cut off
+//! sends, and some listeners receive                  each of the others is cut off from it
+//! works, and its port refuses every message          the sender is cut off
 //! ```
 //!
 //! Judged by counts on the shared page alone: messages handed to the port, messages that came through another one, ticks
@@ -18,25 +19,25 @@ use runtime::shared_role::SharedRole;
 /// The place of the launcher, which listens to every topic, behind those of the nodes.
 const LAUNCHER: usize = Topic::COUNT;
 
-/// Messages that may be lost on the way before a publisher counts as unheard.
+/// Messages that may be lost on the way before a publisher counts as cut off.
 const SENT: u32 = 3;
 /// A listener may be in the middle of a tick, past its look: with the second it has looked once more.
 const WHOLE_TICKS: u32 = 2;
 
 /// What was found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Silence {
+pub enum Disconnected {
     /// Nothing that the process `epoch` sends on this topic arrives anywhere.
-    Mute(Topic, u32),
+    Sender(Topic, u32),
     /// The process `epoch` that answers on the first topic receives nothing of the second.
-    Deaf(Topic, u32, Topic),
-    /// The launcher itself receives nothing of a topic that others hear.
-    Blind(Topic),
+    Listener(Topic, u32, Topic),
+    /// The launcher itself receives nothing of a topic that others receive.
+    Launcher(Topic),
 }
 
 /// What is known of every publisher and its listeners.
 #[derive(Debug, Default)]
-pub struct Hearing {
+pub struct Connections {
     pairs: [[Pair; Topic::COUNT + 1]; Topic::COUNT],
     ports: [Refusing; Topic::COUNT],
     /// How often the launcher has looked.
@@ -73,9 +74,9 @@ struct Refusing {
     failures: u32,
 }
 
-impl Hearing {
-    /// Looks at everybody; `received` is what has reached the launcher of each topic, counted before this call.
-    pub fn look(&mut self, page: &ControlPage, received: [u32; Topic::COUNT]) -> Vec<Silence> {
+impl Connections {
+    /// Looks at all processes; `received` is what has reached the launcher of each topic, counted before this call.
+    pub fn look(&mut self, page: &ControlPage, received: [u32; Topic::COUNT]) -> Vec<Disconnected> {
         self.looks = self.looks.wrapping_add(1);
         // What was received is read last: all that was sent before may have arrived by then.
         let mut nodes = Topic::ALL.map(|topic| Counts::of(page.role(topic)));
@@ -86,7 +87,7 @@ impl Hearing {
         self.judge(&nodes, &launcher)
     }
 
-    fn judge(&mut self, nodes: &[Counts; Topic::COUNT], launcher: &Counts) -> Vec<Silence> {
+    fn judge(&mut self, nodes: &[Counts; Topic::COUNT], launcher: &Counts) -> Vec<Disconnected> {
         let mut found = vec![];
         for topic in Topic::ALL {
             let publisher = &nodes[topic as usize];
@@ -94,23 +95,23 @@ impl Hearing {
                 continue;
             }
             let pairs = &mut self.pairs[topic as usize];
-            let blind = pairs[LAUNCHER].is_silent(topic, publisher, launcher);
+            let launcher_cut_off = pairs[LAUNCHER].is_silent(topic, publisher, launcher);
             let present = topic.listeners().iter().filter(|listener| nodes[**listener as usize].epoch != 0);
-            let mut deaf = vec![];
-            let mut hears = !blind;
+            let mut cut_off = vec![];
+            let mut arrives = !launcher_cut_off;
             for listener in present {
                 let counts = &nodes[*listener as usize];
                 if pairs[*listener as usize].is_silent(topic, publisher, counts) {
-                    deaf.push(Silence::Deaf(*listener, counts.epoch, topic));
+                    cut_off.push(Disconnected::Listener(*listener, counts.epoch, topic));
                 } else {
-                    hears = true;
+                    arrives = true;
                 }
             }
-            if !hears || self.ports[topic as usize].is_silent(publisher) {
-                found.push(Silence::Mute(topic, publisher.epoch));
+            if !arrives || self.ports[topic as usize].is_silent(publisher) {
+                found.push(Disconnected::Sender(topic, publisher.epoch));
             } else {
-                found.extend(blind.then_some(Silence::Blind(topic)));
-                found.append(&mut deaf);
+                found.extend(launcher_cut_off.then_some(Disconnected::Launcher(topic)));
+                found.append(&mut cut_off);
             }
         }
         found
@@ -173,49 +174,49 @@ mod tests {
     }
 
     /// What is found in a ring of which `change` makes what it is on each tick.
-    fn found(change: impl Fn(u32, &mut [Counts; Topic::COUNT], &mut Counts)) -> Vec<Silence> {
-        let mut hearing = Hearing::default();
+    fn found(change: impl Fn(u32, &mut [Counts; Topic::COUNT], &mut Counts)) -> Vec<Disconnected> {
+        let mut connections = Connections::default();
         let on_tick = |tick| {
             let (mut nodes, mut launcher) = ring(tick);
             change(tick, &mut nodes, &mut launcher);
-            hearing.judge(&nodes, &launcher)
+            connections.judge(&nodes, &launcher)
         };
         (0..20).map(on_tick).find(|found| !found.is_empty()).unwrap_or_default()
     }
 
     #[test]
-    fn everybody_who_hears_is_left_alone() {
+    fn a_ring_in_which_everything_arrives_is_left_alone() {
         assert_eq!(found(|_, _, _| {}), []);
     }
 
     #[test]
-    fn who_hears_nothing_while_others_do_is_deaf() {
-        let deaf = found(|tick, nodes, _| nodes[Topic::Actuators as usize].received[0] = tick.min(9));
-        assert_eq!(deaf, [Silence::Deaf(Topic::Actuators, 1, Topic::State)]);
+    fn a_listener_that_receives_nothing_while_others_do_is_cut_off() {
+        let one = found(|tick, nodes, _| nodes[Topic::Actuators as usize].received[0] = tick.min(9));
+        assert_eq!(one, [Disconnected::Listener(Topic::Actuators, 1, Topic::State)]);
         let alone = found(|tick, nodes, _| nodes[Topic::Actuators as usize].received[2] = tick.min(9));
-        assert_eq!(alone, [Silence::Deaf(Topic::Actuators, 1, Topic::Controls)], "the launcher hears it");
-        let blind = found(|tick, _, launcher| launcher.received[2] = tick.min(9));
-        assert_eq!(blind, [Silence::Blind(Topic::Controls)]);
+        assert_eq!(alone, [Disconnected::Listener(Topic::Actuators, 1, Topic::Controls)], "the launcher receives it");
+        let launcher = found(|tick, _, launcher| launcher.received[2] = tick.min(9));
+        assert_eq!(launcher, [Disconnected::Launcher(Topic::Controls)]);
     }
 
     #[test]
-    fn who_is_heard_by_nobody_is_mute() {
+    fn a_sender_whose_messages_arrive_nowhere_is_cut_off() {
         let silent = |tick: u32, nodes: &mut [Counts; Topic::COUNT], launcher: &mut Counts| {
             for node in nodes {
                 node.received[0] = tick.min(9);
             }
             launcher.received[0] = tick.min(9);
         };
-        assert_eq!(found(silent), [Silence::Mute(Topic::State, 1)]);
+        assert_eq!(found(silent), [Disconnected::Sender(Topic::State, 1)]);
         let refused = |tick: u32, nodes: &mut [Counts; Topic::COUNT], _: &mut Counts| {
             nodes[3].sent = tick.min(9);
             nodes[3].send_failures = tick.saturating_sub(9);
         };
-        assert_eq!(found(refused), [Silence::Mute(Topic::Actuators, 1)]);
+        assert_eq!(found(refused), [Disconnected::Sender(Topic::Actuators, 1)]);
     }
 
     #[test]
-    fn who_sleeps_or_says_nothing_is_neither() {
+    fn a_process_that_sleeps_or_sends_nothing_is_left_alone() {
         let sleeps = |tick: u32, nodes: &mut [Counts; Topic::COUNT], _: &mut Counts| {
             nodes[3].received = [tick.min(9); Topic::COUNT];
             nodes[3].done = tick.min(9);
@@ -227,7 +228,7 @@ mod tests {
             launcher.received[2] = tick.min(9);
         };
         assert_eq!(found(skips), []);
-        assert_eq!(found(|_, nodes, _| nodes[3].epoch = 0), [], "nobody is there");
+        assert_eq!(found(|_, nodes, _| nodes[3].epoch = 0), [], "the role is vacant");
     }
 
     #[test]
@@ -256,7 +257,7 @@ mod tests {
     proptest! {
         /// A process that receives late, or not everything, is left alone.
         #[test]
-        fn a_late_listener_is_not_deaf(lag in 0_u32..3, every in 1_u32..3) {
+        fn a_late_listener_is_not_cut_off(lag in 0_u32..3, every in 1_u32..3) {
             let late = found(|tick, nodes, _| nodes[2].received = [tick.saturating_sub(lag); Topic::COUNT]);
             prop_assert_eq!(late, []);
             let seldom = found(|tick, nodes, _| nodes[2].received = [tick / every; Topic::COUNT]);
