@@ -12,7 +12,6 @@ use crate::shared_role::Assignment;
 use contract::scenario::{Mode, Policy, Scenario};
 use contract::topic::Topic;
 
-/// The ring.
 pub struct Ring {
     pub page: Arc<ControlPage>,
     pub queues: Queues,
@@ -20,7 +19,6 @@ pub struct Ring {
 }
 
 impl Ring {
-    /// With empty roles.
     pub fn new(mode: Mode) -> Self {
         let mut run = Scenario::default();
         run.run.mode = mode;

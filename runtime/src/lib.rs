@@ -4,7 +4,6 @@
 //! |---|---|
 //! | [`process`] | a node as a program: arguments, exit code, the bond with the launcher |
 //! | [`session`] | a node's session with a run: join, ports, ready |
-//! | [`observer`] | a process that watches a run |
 //! | [`member`] | what the ports and the loop of one process have in common |
 //! | [`release`] | real time or lockstep: decided once |
 //! | [`sample_loop`] | the loop of the plant, which begins every tick |
@@ -38,7 +37,6 @@ pub mod input;
 pub mod limits;
 pub mod link;
 pub mod member;
-pub mod observer;
 pub mod output;
 pub mod port;
 pub mod ports;

@@ -21,13 +21,7 @@ pub struct Queues {
 }
 
 /// The queues of all listeners of one topic.
-struct TopicQueues<M>(RefCell<Vec<Rc<Queue<M>>>>);
-
-impl<M> Default for TopicQueues<M> {
-    fn default() -> Self {
-        Self(RefCell::default())
-    }
-}
+type TopicQueues<M> = RefCell<Vec<Rc<Queue<M>>>>;
 
 /// A listener's queue: messages, each with the port that it was sent through.
 struct Queue<M> {
@@ -78,7 +72,7 @@ impl Queues {
     pub fn receiver<M: Message>(&self, depth: usize) -> Result<Rc<dyn Receive<M>>, PortError> {
         let (topic, number) = (self.topic()?, self.number());
         let queue = Rc::new(Queue { depth, number, messages: RefCell::default() });
-        topic.0.borrow_mut().push(queue.clone());
+        topic.borrow_mut().push(queue.clone());
         Ok(Rc::new(Receiver { queue, topic }))
     }
 
@@ -107,7 +101,7 @@ impl<M: Copy> Queue<M> {
 
 impl<M: Message> Send<M> for Sender<M> {
     fn send(&self, message: &M) -> Result<(), PortFailure> {
-        let queues = self.topic.0.borrow();
+        let queues = self.topic.borrow();
         let last = self.last.replace(Some(*message));
         let newest = self.newest.get();
         for queue in queues.iter() {
@@ -145,7 +139,7 @@ impl<M: Message> Receive<M> for Receiver<M> {
 
 impl<M> Drop for Receiver<M> {
     fn drop(&mut self) {
-        self.topic.0.borrow_mut().retain(|queue| !Rc::ptr_eq(queue, &self.queue));
+        self.topic.borrow_mut().retain(|queue| !Rc::ptr_eq(queue, &self.queue));
     }
 }
 

@@ -24,11 +24,8 @@ use crate::limits::REASON_CHARS;
 pub struct Event {
     /// The tick of the plant then; where a recorder died, that of the launcher's look.
     pub tick: u64,
-    /// Which node.
     pub node: String,
-    /// Which incarnation.
     pub epoch: u32,
-    /// What.
     pub what: What,
     /// The reason, where there is one to tell.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -54,13 +51,10 @@ pub struct Sender {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum What {
-    /// It died.
     Died,
     /// It made no progress, and was killed.
     Hung,
-    /// It was started.
     Started,
-    /// It could not be started.
     NotStarted,
     /// It is active.
     TookOver,
@@ -82,23 +76,18 @@ pub enum What {
     ShmRemoved,
     /// A file of a process that lives was cut short.
     ShmCutShort,
-    /// An intruder could not get in.
     IntruderRefused,
-    /// An intruder got in.
     IntruderLetIn,
-    /// An intruder has spoken.
     IntruderSpoke,
     /// An intruder could not try.
     IntruderFailed,
 }
 
 impl Event {
-    /// An event without a reason.
     pub fn new(tick: u64, node: &str, epoch: u32, what: What) -> Self {
         Self { tick, node: node.into(), epoch, what, why: None, swap: None, by: None }
     }
 
-    /// The same, with its reason.
     #[must_use]
     pub fn because(self, why: impl AsRef<str>) -> Self {
         Self { why: Some(why.as_ref().chars().take(REASON_CHARS).collect()), ..self }
@@ -139,7 +128,6 @@ pub struct EventReader<P> {
 }
 
 impl<P: AsFd> EventReader<P> {
-    /// Nothing read yet.
     pub fn new(pipe: P) -> Self {
         Self { pipe: Some(pipe), rest: vec![] }
     }

@@ -19,9 +19,7 @@ use runtime::console::eprint_line;
 /// What a run has in its folder from the beginning, or at the end.
 const SIGNS_OF_A_RUN: [&str; 3] = ["run.json", "flight.mcap", "scenario.toml"];
 
-/// The folder of a run.
 pub struct Folder {
-    /// Where it is.
     pub path: PathBuf,
     /// Folders that were made for it, the outermost first, itself the last.
     made: Vec<PathBuf>,

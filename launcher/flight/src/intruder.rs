@@ -31,11 +31,9 @@ pub const REFUSED: &str = "refused: ";
 pub const LET_IN: &str = "let in: ";
 /// How it begins when it has sent.
 pub const SENT: &str = "sent ";
-/// The user `nobody`.
 const NOBODY: u32 = 65534;
 const LOOK_NS: u64 = 20_000_000;
 
-/// Arguments of `intrude`.
 #[derive(clap::Args)]
 pub struct IntrudeArgs {
     /// Whose stack
@@ -81,7 +79,7 @@ fn on<M: Wire>(args: &IntrudeArgs) -> anyhow::Result<String> {
         FaultKind::WrongUser => {
             let domain = Domain::find(&args.namespace)?;
             become_nobody()?;
-            Ok(knock(&domain))
+            Ok(try_to_enter(&domain))
         }
         _ => bail!("an intruder does not do that"),
     }
@@ -130,8 +128,8 @@ fn become_nobody() -> anyhow::Result<()> {
         .context("cannot become another user; only root can")
 }
 
-/// Tries to get in by the door, and then by every window.
-fn knock(domain: &Domain) -> String {
+/// Tries to join as a node does, and then to open the files of the run.
+fn try_to_enter(domain: &Domain) -> String {
     let Err(refusal) = NodeSession::join(domain.namespace(), Topic::Actuators.publisher(), 1, None) else {
         return format!("{LET_IN}it joined");
     };

@@ -17,6 +17,8 @@
 //! | `limits` | every limit and time-out |
 //! | [`duration`] | durations on the command line |
 
+#![allow(missing_docs)]
+
 use std::os::unix::process::CommandExt;
 use std::process::Command;
 

@@ -33,7 +33,6 @@ pub struct Scheduling {
 /// Which commit the program was built from, if its build knows.
 #[derive(Debug)]
 pub struct BuiltFrom {
-    /// Its hash.
     pub commit: &'static str,
     /// Whether the sources differed from it.
     pub changed: bool,

@@ -17,8 +17,8 @@ use contract::scenario::{self, FaultKind, Scenario};
 use contract::topic::Topic;
 use runtime::console;
 use runtime::error::SessionError;
-use runtime::observer::Observer;
-use runtime::port::{Receive, Wire};
+use runtime::port::{Receive, Wire, observer_depth};
+use runtime::ports::Ports;
 use runtime::process::die_with_launcher;
 use runtime::realtime::{ControlPage, phase};
 use rustix::io::Errno;
@@ -52,14 +52,15 @@ pub struct Observers {
 }
 
 impl Observers {
-    /// Joins all four topics.
-    pub fn join(observer: &mut Observer) -> Result<Self, SessionError> {
+    /// Opens all four topics, with queues deep enough to see every message.
+    pub fn open(ports: &mut Ports, scenario: &Scenario) -> Result<Self, SessionError> {
+        let depth = observer_depth(scenario.run.rate_hz);
         Ok(Self {
-            page: observer.ports.page.clone(),
-            states: observer.receiver()?,
-            references: observer.receiver()?,
-            controls: observer.receiver()?,
-            actuators: observer.receiver()?,
+            page: ports.page.clone(),
+            states: ports.receiver(depth)?,
+            references: ports.receiver(depth)?,
+            controls: ports.receiver(depth)?,
+            actuators: ports.receiver(depth)?,
             received: Default::default(),
             drained: Default::default(),
             failures: Cell::default(),
@@ -132,14 +133,14 @@ pub fn main(namespace: &str, epoch: u32, path: &Path) -> ExitCode {
 
 fn record(namespace: &str, epoch: u32, path: &Path) -> anyhow::Result<LogOutcome> {
     die_with_launcher(namespace)?;
-    let mut observer = Observer::join(namespace)?;
+    let (mut ports, scenario) = Ports::join(namespace)?;
     // The file first: a recorder that has joined is one that can write.
-    let mut log = Log::create(path, &observer.scenario)?;
-    let observers = Observers::join(&mut observer)?;
+    let mut log = Log::create(path, &scenario)?;
+    let observers = Observers::open(&mut ports, &scenario)?;
     let mut reader = EventReader::new(std::io::stdin());
-    let page = observer.ports.page.clone();
+    let page = ports.page.clone();
     let role = &page.recorder;
-    observer.ports.probe(|| role.ready.set(epoch))?;
+    ports.probe(|| role.ready.set(epoch))?;
     loop {
         let closing = page.phase.count() >= phase::CLOSE || role.active() > epoch;
         let mut newest = 0;
@@ -177,7 +178,6 @@ pub struct Log {
 }
 
 impl Log {
-    /// Begins the file.
     pub fn create(path: &Path, scenario: &Scenario) -> anyhow::Result<Self> {
         let writer = Some(LogWriter::create(path, &scenario::to_toml(scenario), scenario.sample_ns())?);
         let full = scenario.fault.iter().filter(|fault| fault.kind == FaultKind::DiskFull);
@@ -225,7 +225,6 @@ impl Log {
         }
     }
 
-    /// Closes the file.
     pub fn finish(mut self) -> LogOutcome {
         if let Some(Err(error)) = self.writer.take().map(LogWriter::finish) {
             self.fail(&error);

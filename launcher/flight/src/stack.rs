@@ -26,8 +26,8 @@ use contract::guard::Refusal;
 use contract::scenario::{Fault, Mode};
 use contract::topic::Topic;
 use runtime::domain::{Hold, check_room};
-use runtime::observer::Observer;
 use runtime::port::{Bus, PortFailure, Services, bytes_needed, observer_depth};
+use runtime::ports::Ports;
 use runtime::realtime::{ControlPage, phase, tell_of_crashes};
 use runtime::shared_role::Assignment;
 
@@ -48,7 +48,6 @@ use crate::roles::connections::{Connections, Disconnected};
 use crate::roles::role::Input;
 use crate::roles::supervised::given_up;
 
-/// Messages refused, by listener and cause.
 pub type Refused = Vec<(&'static str, [u32; Refusal::ALL.len()])>;
 
 /// How often the ports of each node have failed, by cause; the launcher's own too.
@@ -56,21 +55,16 @@ pub type PortFailures = Vec<(&'static str, [u32; PortFailure::ALL.len()])>;
 
 /// What a flight through processes leaves behind, beside the messages.
 pub struct Flown {
-    /// How it ended.
     pub ended: Ended,
-    /// The recorder's last word.
     pub log: Option<LogOutcome>,
     /// Wall time from GO to the end.
     pub wall: Duration,
     /// What every node obtained from the kernel.
     pub scheduling: Vec<(String, Scheduling)>,
-    /// What happened.
     pub events: Vec<Event>,
     /// The settings as they were in the end: with the faults and swaps that were ordered while it flew.
     pub scenario: Scenario,
-    /// Messages refused, by listener and cause.
     pub refused: Refused,
-    /// How often ports have failed, by node.
     pub port_failures: PortFailures,
 }
 
@@ -110,11 +104,11 @@ impl Stack {
         ControlPage::create(&domain.file("page")).with_context(shm("the page"))?;
         let bus = Bus::attach(domain)?;
         let services = bus.create_services(observer_depth(scenario.run.rate_hz))?;
-        let mut observer = Observer::join(namespace)?;
+        let (mut ports, _) = Ports::join(namespace)?;
         let mut stack = Self {
-            observers: Observers::join(&mut observer)?,
+            observers: Observers::open(&mut ports, scenario)?,
             host: Host::new(domain.clone(), scenario)?,
-            run: Run::new(domain.clone(), observer.ports.page.clone(), scenario),
+            run: Run::new(domain.clone(), ports.page.clone(), scenario),
             archive: log.map(|path| Archive::new(path, scenario)),
             requests: Requests::open(domain).with_context(shm("the control socket"))?,
             connections: Connections::default(),
@@ -130,9 +124,9 @@ impl Stack {
         }
         match &stack.archive {
             Some(archive) => archive.start(&mut stack.run)?,
-            None => _ = stack.run.page.recorded.raise(u32::MAX), // nothing is recorded, so there is nothing to wait for
+            None => stack.run.page.recorded.raise(u32::MAX), // nothing is recorded, so there is nothing to wait for
         }
-        stack.wait_until_ready(&mut observer, interrupts)?;
+        stack.wait_until_ready(&mut ports, interrupts)?;
         Ok(stack)
     }
 
@@ -217,10 +211,10 @@ impl Stack {
     }
 
     /// Waits until every process is ready: it has received something of each process that it listens to.
-    fn wait_until_ready(&mut self, observer: &mut Observer, interrupts: &AtomicU32) -> anyhow::Result<()> {
+    fn wait_until_ready(&mut self, ports: &mut Ports, interrupts: &AtomicU32) -> anyhow::Result<()> {
         let deadline = Instant::now() + JOIN_LIMIT;
         loop {
-            let silent = observer.ports.probe_once().map_err(|error| StartError::Lost(error.to_string()))?;
+            let silent = ports.probe_once().map_err(|error| StartError::Lost(error.to_string()))?;
             let Some(name) = silent.or_else(|| self.unready()) else { return Ok(()) };
             if self.is_interrupted(interrupts) {
                 return Err(StartError::Interrupted.into());

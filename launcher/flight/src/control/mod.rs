@@ -24,7 +24,6 @@ use crate::limits::ANSWER_LIMIT;
 /// The socket's name in the run's folder.
 const SOCKET: &str = "control";
 
-/// A request.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Request {
@@ -38,10 +37,7 @@ pub enum Request {
     /// Replace a process, beginning now. The answer has the number of the swap, and of the next event.
     Swap(Swap),
     /// This fault is to happen; it begins `at_s` after the next sample.
-    Inject {
-        /// As in a scenario.
-        fault: Fault,
-    },
+    Inject { fault: Fault },
     /// Faults are to end, and those that have not begun are not to.
     Clear {
         /// Those of what; of everything, when absent.
@@ -51,7 +47,6 @@ pub enum Request {
     Stop,
 }
 
-/// The response to a request.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Response {

@@ -28,11 +28,9 @@ struct Client {
     since: Instant,
 }
 
-/// Where the answer goes.
 pub struct Reply(UnixStream);
 
 impl Server {
-    /// Opens the socket of `domain`.
     pub fn open(domain: &Domain) -> io::Result<Self> {
         let listener = UnixListener::bind(domain.file(SOCKET))?;
         listener.set_nonblocking(true)?;

@@ -18,7 +18,6 @@ use contract::topic::Topic;
 use plant::Plant;
 use runtime::error::SessionError;
 use runtime::input::Input;
-use runtime::observer::Observer;
 use runtime::output::Output;
 
 use crate::event::Event;
@@ -33,11 +32,8 @@ use workers::{Ring, Workers};
 
 /// What a flight by one thread leaves behind, beside the messages.
 pub struct Flown {
-    /// How it ended.
     pub ended: Ended,
-    /// What happened to the nodes.
     pub events: Vec<Event>,
-    /// Messages refused, by listener and cause.
     pub refused: Refused,
 }
 
@@ -48,8 +44,7 @@ pub fn fly(scenario: &Scenario, watch: impl FnMut(Record) -> bool) -> Flown {
 
 fn try_to_fly(scenario: &Scenario, mut watch: impl FnMut(Record) -> bool) -> Result<Flown, SessionError> {
     let ring = Ring::new().map_err(|why| SessionError::Io { what: "memory of the ring".into(), why })?;
-    let mut observer = Observer::in_process(scenario, ring.page.clone(), ring.queues.clone());
-    let observers = Observers::join(&mut observer)?;
+    let observers = Observers::open(&mut ring.ports(), scenario)?;
     let mut roles = Simulated::new(scenario);
     let mut plant = Plant::new(scenario);
     let (member, mut ports) = ring.member(Topic::State, 1, scenario, scenario);

@@ -25,8 +25,8 @@ pub trait Node {
 
 /// Opens the ports of `member`, with a core as at the beginning of a run of `scenario`.
 pub fn open(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result<Box<dyn Node>, SessionError> {
-    match member.topic {
-        Topic::State => Err(SessionError::UnknownNode("plant".into())), // it samples, and answers to nothing
+    Ok(match member.topic {
+        Topic::State => return Err(SessionError::UnknownNode("plant".into())), // it samples, and answers to nothing
         Topic::Reference => {
             let mut states = Input::<State>::open(ports, member)?;
             let mut references = Output::<Reference>::open(ports, member, scenario)?;
@@ -53,7 +53,7 @@ pub fn open(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result<B
                 actuators.send(core.step(sample.tick, demand, state), sample.with(demand).with(state));
             })
         }
-    }
+    })
 }
 
 /// A core, and how it answers with its ports.
@@ -62,11 +62,11 @@ struct WithPorts<C, F> {
     answer: F,
 }
 
-fn boxed<C: 'static, F: FnMut(&mut C, Stamp) + 'static>(core: C, answer: F) -> Result<Box<dyn Node>, SessionError>
+fn boxed<C: 'static, F: FnMut(&mut C, Stamp) + 'static>(core: C, answer: F) -> Box<dyn Node>
 where
     WithPorts<C, F>: Node,
 {
-    Ok(Box::new(WithPorts { core, answer }))
+    Box::new(WithPorts { core, answer })
 }
 
 macro_rules! node {

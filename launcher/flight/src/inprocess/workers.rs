@@ -17,14 +17,11 @@ use super::node::{self, Node};
 /// What a ring in process shares: the control page and the queues.
 #[derive(Clone)]
 pub struct Ring {
-    /// Roles and counts.
     pub page: Arc<ControlPage>,
-    /// What carries the messages.
-    pub queues: Queues,
+    queues: Queues,
 }
 
 impl Ring {
-    /// With empty roles.
     pub fn new() -> std::io::Result<Self> {
         Ok(Self { page: Arc::new(ControlPage::private()?), queues: Queues::default() })
     }
@@ -34,13 +31,17 @@ impl Ring {
     pub fn member(&self, topic: Topic, epoch: u32, own: &Scenario, run: &Scenario) -> (Member, Ports) {
         self.page.role(topic).offer(epoch);
         let member = Member::in_process(self.page.clone(), topic, epoch, own, own.fault != run.fault);
-        (member, Ports::new(self.page.clone(), Transport::Queues(self.queues.clone())))
+        (member, self.ports())
+    }
+
+    /// For a process of it, or for what watches it.
+    pub fn ports(&self) -> Ports {
+        Ports::new(self.page.clone(), Transport::Queues(self.queues.clone()))
     }
 }
 
 /// The processes of one node.
 pub struct Workers {
-    /// The topic that it answers on.
     pub topic: Topic,
     ring: Ring,
     all: Vec<Worker>,
@@ -76,7 +77,6 @@ impl Workers {
         Ok(())
     }
 
-    /// The process `epoch` ends.
     pub fn end(&mut self, epoch: u32) {
         if let Some(i) = self.all.iter().position(|worker| worker.member.epoch == epoch) {
             self.memory = Some(self.all.remove(i).node.memory());

@@ -45,13 +45,9 @@ pub use write::LogWriter;
 /// One message of any topic.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Record {
-    /// From the plant.
     State(State),
-    /// From guidance.
     Reference(Reference),
-    /// From the MPC.
     Controls(Controls),
-    /// From the mixer.
     Actuators(Actuators),
 }
 
@@ -90,5 +86,4 @@ record_from!(State, Reference, Controls, Actuators);
 
 /// Name of the metadata record that holds the scenario, and the key it stands under.
 const SCENARIO: (&str, &str) = ("scenario", "toml");
-/// The topic of the events.
 const EVENTS: &str = "/events";

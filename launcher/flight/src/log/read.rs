@@ -26,13 +26,9 @@ use crate::event::Event;
 pub struct Log {
     /// The run's merged settings.
     pub scenario_toml: String,
-    /// From the plant.
     pub states: Vec<State>,
-    /// From guidance.
     pub references: Vec<Reference>,
-    /// From the MPC.
     pub controls: Vec<Controls>,
-    /// From the mixer.
     pub actuators: Vec<Actuators>,
     /// What happened to the processes; logs of earlier versions tell of nothing.
     pub events: Vec<Event>,
@@ -136,7 +132,6 @@ struct Contents<F> {
     has_scenario: bool,
     schemas: HashMap<u16, Topic>,
     channels: HashMap<u16, Topic>,
-    /// The channel of the events.
     events: Option<u16>,
 }
 

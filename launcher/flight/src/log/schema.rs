@@ -45,7 +45,6 @@ pub fn encode(record: &Record, buffer: &mut Vec<u8>) {
     .expect("a vector grows as needed");
 }
 
-/// Reads the bytes of a record of `topic`.
 pub fn decode(topic: Topic, bytes: &[u8]) -> Result<Record, DecodeError> {
     Ok(match topic {
         Topic::State => State::from(wire::State::decode(bytes)?).into(),
@@ -66,7 +65,6 @@ pub fn encode_event(event: &Event, buffer: &mut Vec<u8>) {
         .expect("a vector grows as needed");
 }
 
-/// Reads the bytes of an event.
 pub fn decode_event(bytes: &[u8]) -> anyhow::Result<Event> {
     let wire::Event { tick, node, epoch, what, why, swap, by } = wire::Event::decode(bytes)?;
     let by = by.map(|wire::Sender { pid, user }| Sender { pid, user });

@@ -32,8 +32,8 @@ fn place() -> (TempDir, PathBuf) {
 }
 
 /// All numbers of a message as bits, to compare NaNs too.
-fn bits(record: Record) -> Vec<u64> {
-    with_message!(record, message => bytemuck::cast_slice(bytemuck::bytes_of(&message)).to_vec())
+fn bits(record: &Record) -> Vec<u64> {
+    with_message!(record, message => bytemuck::cast_slice(bytemuck::bytes_of(message)).to_vec())
 }
 
 /// A message of any topic and any bits, with many of the values that get lost easily.
@@ -76,14 +76,14 @@ proptest! {
         let log = read(&path).unwrap();
         prop_assert!(log.complete(), "{:?}", log.defect);
         prop_assert_eq!(&log.scenario_toml, SCENARIO, 10_000_000);
-        let written = |topic| records.iter().filter(move |r| r.topic() == topic).map(|r| bits(*r)).collect::<Vec<_>>();
-        let states: Vec<_> = log.states.iter().map(|m| bits((*m).into())).collect();
+        let written = |topic| records.iter().filter(move |r| r.topic() == topic).map(bits).collect::<Vec<_>>();
+        let states: Vec<_> = log.states.iter().map(|m| bits(&(*m).into())).collect();
         prop_assert_eq!(states, written(Topic::State));
-        let references: Vec<_> = log.references.iter().map(|m| bits((*m).into())).collect();
+        let references: Vec<_> = log.references.iter().map(|m| bits(&(*m).into())).collect();
         prop_assert_eq!(references, written(Topic::Reference));
-        let controls: Vec<_> = log.controls.iter().map(|m| bits((*m).into())).collect();
+        let controls: Vec<_> = log.controls.iter().map(|m| bits(&(*m).into())).collect();
         prop_assert_eq!(controls, written(Topic::Controls));
-        let actuators: Vec<_> = log.actuators.iter().map(|m| bits((*m).into())).collect();
+        let actuators: Vec<_> = log.actuators.iter().map(|m| bits(&(*m).into())).collect();
         prop_assert_eq!(actuators, written(Topic::Actuators));
     }
 }

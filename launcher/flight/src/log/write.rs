@@ -23,7 +23,6 @@ use crate::event::Event;
 use crate::files::check_target;
 use crate::limits::{CHUNK_BYTES, FLUSH_PERIOD};
 
-/// MCAP's writer over an open file.
 type Mcap = Writer<NoSeek<BufWriter<File>>>;
 
 /// The log of a run under way.
@@ -38,7 +37,6 @@ pub struct LogWriter {
     file: File,
     /// MCAP's channel number of each topic.
     channels: [u16; Topic::COUNT],
-    /// That of the events.
     events: u16,
     /// Sample time \[ns\].
     sample_ns: u64,
@@ -87,7 +85,6 @@ impl LogWriter {
         Ok(writer)
     }
 
-    /// Appends one message.
     pub fn write(&mut self, record: &Record) -> anyhow::Result<()> {
         let (topic, stamp) = (record.topic() as usize, record.stamp());
         schema::encode(record, &mut self.buffer);
@@ -99,7 +96,6 @@ impl LogWriter {
         })
     }
 
-    /// Appends one event.
     pub fn event(&mut self, event: &Event) -> anyhow::Result<()> {
         schema::encode_event(event, &mut self.buffer);
         self.append(&MessageHeader {
@@ -110,7 +106,6 @@ impl LogWriter {
         })
     }
 
-    /// Appends what is in the buffer.
     fn append(&mut self, header: &MessageHeader) -> anyhow::Result<()> {
         let Some(mcap) = &mut self.mcap else { return Ok(()) };
         if let Err(error) = mcap.write_to_known_channel(header, &self.buffer) {

@@ -13,15 +13,11 @@ use crate::log::Record;
 /// Reference of w that counts as the largest \[m/s\], unless the limit is lower.
 const W_MPS: f64 = 5.0;
 
-/// Numbers in an answer.
 pub const NUMBERS: usize = 4;
 
-/// One answer.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Answer {
-    /// The sample.
     pub tick: u64,
-    /// The process that gave it.
     pub epoch: u64,
     /// From the sample to the answer \[ns\].
     pub response_ns: u64,

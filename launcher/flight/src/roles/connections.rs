@@ -24,7 +24,6 @@ const SENT: u32 = 3;
 /// A listener may be in the middle of a tick, past its look: with the second it has looked once more.
 const WHOLE_TICKS: u32 = 2;
 
-/// What was found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Disconnected {
     /// Nothing that the process `epoch` sends on this topic arrives anywhere.

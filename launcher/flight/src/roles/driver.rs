@@ -16,7 +16,6 @@ pub type Order = (Topic, Action);
 /// The roles of the four nodes, with what carries their inputs in. It changes the control page itself; starting, signalling
 /// and reporting is left to be done.
 pub trait Driver {
-    /// The roles.
     fn nodes(&self) -> &[Supervised; Topic::COUNT];
 
     /// Takes one message in: trials are decided by them.
@@ -48,6 +47,5 @@ pub trait Driver {
         None
     }
 
-    /// When to look again.
     fn due(&self) -> Instant;
 }

@@ -27,7 +27,6 @@ use crate::log::Record;
 /// The roles of a lockstep run, and what it waits for.
 pub struct Lockstep {
     page: Arc<ControlPage>,
-    /// Who works when.
     simulated: Simulated,
     asked: Option<Asked>,
     /// Processes that were killed between two ticks: their end is expected.
@@ -45,7 +44,6 @@ struct Asked {
 }
 
 impl Lockstep {
-    /// For a run of `scenario`.
     pub fn new(scenario: &Scenario, page: Arc<ControlPage>) -> Self {
         let limit_s = scenario.supervision.wall_limit_s;
         Self {

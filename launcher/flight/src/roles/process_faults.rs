@@ -7,14 +7,12 @@ use contract::topic::Topic;
 
 use super::role::Input;
 
-/// The faults of all processes.
 pub struct ProcessFaults {
     faults: FaultSchedule<Injected>,
     simulated: bool,
     sample_ns: u64,
 }
 
-/// One fault.
 struct Injected {
     topic: Topic,
     kind: FaultKind,

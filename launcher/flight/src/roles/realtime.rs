@@ -18,7 +18,6 @@ use super::supervised::Supervised;
 use crate::limits::{GRACE_NS, LOOK, LOOK_AGAIN};
 use crate::log::Record;
 
-/// The roles of all nodes of one run.
 pub struct Realtime {
     page: Arc<ControlPage>,
     nodes: [Supervised; Topic::COUNT],
@@ -29,7 +28,6 @@ pub struct Realtime {
     /// The newest sample observed: all messages of the ticks before it have been observed too, or are late.
     observed: u64,
     started: Instant,
-    /// When to look again.
     due: Instant,
 }
 

@@ -19,7 +19,6 @@ use super::trial::Ruling;
 use crate::event::{Event, What};
 use crate::limits::{PLANT_HANG_NS, RECORDER_HANG_NS, RECORDER_START_NS};
 
-/// When an input was seen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Now {
     /// Since sample 0 \[ns\].
@@ -35,9 +34,7 @@ pub enum Input {
     Ready(u32),
     /// The process works from this tick on as the active one.
     Activated(u32),
-    /// The process has ended.
     Exited(u32),
-    /// The process could not be started, and why.
     NotStarted(u32, String),
     /// The active process has answered to `done` of `samples` samples; `excused_ns` of the time since the last look count against
     /// no process.
@@ -63,16 +60,13 @@ pub enum Input {
     Stop,
     /// The fault that stopped this process is over.
     Continue(u32),
-    /// Time has passed.
     Tick,
 }
 
-/// What is to be done.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Action {
     /// Start this epoch, with the program and settings of this swap, or those of the run.
     Spawn(u32, Option<usize>),
-    /// Signal this epoch.
     Signal(u32, Signal),
     /// Make this epoch the active one when the next tick begins; a standby changes places with the active one.
     Activate(u32),
@@ -80,18 +74,13 @@ pub enum Action {
     Standby(u32),
     /// This epoch works no longer, from now on.
     Vacate(u32),
-    /// Write down what happened.
     Report(Event),
 }
 
-/// What a process is sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Signal {
-    /// SIGKILL.
     Kill,
-    /// SIGSTOP.
     Stop,
-    /// SIGCONT.
     Continue,
 }
 
@@ -114,7 +103,6 @@ pub struct Policy {
     pub falls_back: bool,
 }
 
-/// A process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 struct Worker {
     epoch: u32,
@@ -134,7 +122,6 @@ struct Starting {
 /// A candidate beside the process it is to replace.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Contest {
-    /// The candidate.
     pub candidate: u32,
     /// The process before it, while it lives.
     pub old: Option<u32>,
@@ -251,12 +238,10 @@ impl Role {
         actions
     }
 
-    /// Name of the node, or of the recorder.
     pub fn name(&self) -> &'static str {
         self.name
     }
 
-    /// The active epoch.
     pub fn active(&self) -> Option<u32> {
         self.active.map(|worker| worker.epoch)
     }
@@ -282,7 +267,6 @@ impl Role {
         self.given_up
     }
 
-    /// The newest epoch.
     pub fn newest(&self) -> u32 {
         self.newest
     }

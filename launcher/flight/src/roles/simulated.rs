@@ -22,7 +22,6 @@ use crate::log::Record;
 /// The roles of all nodes, and the time of the flight.
 pub struct Simulated {
     scenario: Scenario,
-    /// The roles.
     pub nodes: [Supervised; Topic::COUNT],
     faults: ProcessFaults,
     /// What is to be seen, and when \[ns\].
@@ -69,7 +68,6 @@ impl Simulated {
         self.next
     }
 
-    /// Takes one message in: trials are decided by them.
     pub fn observe(&mut self, record: &Record) {
         self.nodes.iter_mut().for_each(|node| node.observe(record));
     }

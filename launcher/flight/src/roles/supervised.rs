@@ -9,11 +9,8 @@ use super::trial::Trial;
 use crate::event::What;
 use crate::log::Record;
 
-/// The role of one node.
 pub struct Supervised {
-    /// The topic that the node speaks on.
     pub topic: Topic,
-    /// Who runs it.
     pub role: Role,
     trial: Option<Trial>,
 }
@@ -30,7 +27,6 @@ impl Supervised {
         Topic::ALL.map(one)
     }
 
-    /// Takes one message in.
     pub fn observe(&mut self, record: &Record) {
         if let Some(trial) = &mut self.trial {
             trial.observe(record);

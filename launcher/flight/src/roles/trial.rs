@@ -29,11 +29,9 @@ const REMEMBERED_S: f64 = 2.0;
 
 /// A candidate under trial.
 pub struct Trial {
-    /// Who it is.
     pub candidate: u32,
     /// Who was there before, while it lives.
     pub old: Option<u32>,
-    /// Whether it is active.
     pub active: bool,
     bounds: SwapBounds,
     ticks: SwapTicks,
@@ -63,7 +61,6 @@ struct Seen {
     response_ns: u64,
 }
 
-/// What becomes of a candidate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ruling {
     /// It becomes active.
@@ -99,7 +96,6 @@ impl Trial {
         }
     }
 
-    /// Takes one message in.
     pub fn observe(&mut self, record: &Record) {
         if let Record::State(state) = record
             && state.stamp.tick >= self.next

@@ -30,12 +30,10 @@ use crate::log::{self, Count, Record};
 use crate::recorder::LogOutcome;
 use crate::roles::role::{Action, Input, Now, Policy, Role};
 
-/// Name of the process that records.
 pub const RECORDER: &str = "recorder";
 
 /// The log of a flight, and who writes it: a role that runs by the wall clock in every mode.
 pub struct Archive {
-    /// Who writes it.
     pub role: Role,
     started: Instant,
     /// Which of the swaps have begun.
@@ -50,7 +48,6 @@ pub struct Archive {
 }
 
 impl Archive {
-    /// For a log at `path`.
     pub fn new(path: &Path, scenario: &Scenario) -> Self {
         Self {
             role: Role::new(RECORDER, Policy::recorder(&scenario.supervision)),

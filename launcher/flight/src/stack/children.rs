@@ -27,14 +27,11 @@ use crate::own_program;
 use crate::provenance::status_of;
 use runtime::console::eprint_line;
 
-/// What a child is to be.
 #[derive(Clone, Copy, Default)]
 pub struct SpawnRequest<'a> {
-    /// Node or recorder.
     pub name: &'static str,
     /// The topic that it sends on; none for the recorder.
     pub topic: Option<Topic>,
-    /// Which incarnation.
     pub epoch: u32,
     /// Recorder: where it writes.
     pub log: Option<&'a Path>,
@@ -44,15 +41,11 @@ pub struct SpawnRequest<'a> {
     pub settings: Option<&'a Path>,
 }
 
-/// A child.
 pub struct Process {
-    /// Node or recorder.
     pub name: &'static str,
     /// The topic that it sends on; none for the recorder.
     pub topic: Option<Topic>,
-    /// Which incarnation of the node.
     pub epoch: u32,
-    /// Itself.
     pub child: Child,
     /// Whether it was killed on purpose.
     pub condemned: bool,
@@ -71,12 +64,10 @@ pub struct Children {
 }
 
 impl Children {
-    /// None yet.
     pub fn new(domain: Domain) -> Self {
         Self { domain, all: vec![], told: 0, cleaners: vec![] }
     }
 
-    /// Starts one.
     pub fn spawn(&mut self, request: &SpawnRequest) -> anyhow::Result<()> {
         let SpawnRequest { name, topic, epoch, log, program, settings } = *request;
         let mut command = if let Some(program) = program {

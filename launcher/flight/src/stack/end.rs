@@ -13,7 +13,6 @@ pub enum Ended {
     Flown,
     /// Ctrl-C, or `stop`.
     Interrupted,
-    /// A process died, and how.
     Lost(String),
     /// A node missed a deadline whose policy is `stop`.
     Late(String),
@@ -26,7 +25,6 @@ pub enum Ended {
 pub enum StartError {
     /// A process ended or hung before all had joined.
     Lost(String),
-    /// Ctrl-C.
     Interrupted,
 }
 
@@ -51,18 +49,14 @@ impl std::fmt::Display for StartError {
 
 impl std::error::Error for StartError {}
 
-/// How a child ended.
 pub enum ChildExit {
-    /// By itself, and well.
     Well,
     /// It broke its timing budget.
     Late,
-    /// Any other way.
     Badly(ExitStatus),
 }
 
 impl ChildExit {
-    /// What an exit status says.
     pub fn of(status: ExitStatus) -> Self {
         match status.code() {
             Some(0) => Self::Well,

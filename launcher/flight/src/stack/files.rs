@@ -13,7 +13,6 @@ use runtime::port;
 
 use crate::limits::FILES_LOOK;
 
-/// What can happen to a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Loss {
     /// Its name is gone.
@@ -22,7 +21,6 @@ pub enum Loss {
     CutShort,
 }
 
-/// The files of a run.
 pub struct Files {
     domain: Domain,
     looked: Instant,

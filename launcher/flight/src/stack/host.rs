@@ -25,22 +25,15 @@ use crate::own_program;
 /// What events call what is around the processes.
 const HOST: &str = "host";
 
-/// What is around the processes of one run.
 pub struct Host {
     domain: Domain,
     lockstep: bool,
-    strikes: Vec<Strike>,
+    /// Those that the launcher itself brings about and that are still to begin, with their ticks.
+    faults: Vec<(Fault, Range<u64>)>,
     intruders: Vec<Intruder>,
     files: Files,
     /// What happened since the last look.
     events: Vec<Event>,
-}
-
-/// A fault that the launcher itself brings about.
-struct Strike {
-    fault: Fault,
-    ticks: Range<u64>,
-    struck: bool,
 }
 
 struct Intruder {
@@ -50,27 +43,26 @@ struct Intruder {
 }
 
 impl Host {
-    /// For a run of `scenario`.
     pub fn new(domain: Domain, scenario: &Scenario) -> anyhow::Result<Self> {
         let ours = |fault: &&Fault| fault.kind.is_intrusion() || fault.kind == FaultKind::ShmRemoved;
-        let strike = |fault: &Fault| Strike { fault: *fault, ticks: fault.ticks(scenario.sample_s()), struck: false };
-        let strikes: Vec<Strike> = scenario.fault.iter().filter(ours).map(strike).collect();
-        let needs_root = strikes.iter().any(|strike| strike.fault.kind == FaultKind::WrongUser);
+        let with_ticks = |fault: &Fault| (*fault, fault.ticks(scenario.sample_s()));
+        let faults: Vec<_> = scenario.fault.iter().filter(ours).map(with_ticks).collect();
+        let needs_root = faults.iter().any(|(fault, _)| fault.kind == FaultKind::WrongUser);
         ensure!(
             !needs_root || rustix::process::geteuid().is_root(),
             "the fault wrong-user starts a process of another user, which only root can: fly as root or without it"
         );
         let lockstep = scenario.run.mode == Mode::Lockstep;
-        Ok(Self { files: Files::new(domain.clone()), domain, lockstep, strikes, intruders: vec![], events: vec![] })
+        Ok(Self { files: Files::new(domain.clone()), domain, lockstep, faults, intruders: vec![], events: vec![] })
     }
 
     /// Looks around at `tick`: what has happened.
     pub fn look(&mut self, tick: u64, children: &Children) -> Vec<Event> {
-        for i in 0..self.strikes.len() {
-            if tick >= self.strikes[i].ticks.start && !self.strikes[i].struck {
-                self.strikes[i].struck = true;
-                self.strike(i, tick, children);
-            }
+        let (due, later): (Vec<_>, _) =
+            std::mem::take(&mut self.faults).into_iter().partition(|(_, ticks)| tick >= ticks.start);
+        self.faults = later;
+        for (fault, ticks) in due {
+            self.inject(&fault, ticks.end, tick, children);
         }
         while let Some(i) = self.intruders.iter_mut().position(|one| !matches!(one.child.try_wait(), Ok(None))) {
             let intruder = self.intruders.remove(i);
@@ -98,14 +90,13 @@ impl Host {
         self.events.push(Event::new(tick, HOST, 0, what).because(why));
     }
 
-    fn strike(&mut self, i: usize, tick: u64, children: &Children) {
-        let Strike { fault, ticks, .. } = &self.strikes[i];
+    fn inject(&mut self, fault: &Fault, until: u64, tick: u64, children: &Children) {
         if let Some(topic) = fault.process.and_then(FaultTarget::process) {
             self.remove_segments_of(topic, children);
         } else if let Some(topic) = fault.target.topic() {
             let kind = json!(fault.kind).as_str().unwrap_or_default().to_owned();
             let who = format!("{} {kind}", topic.name());
-            match self.send_in(&who, topic, &kind, ticks.end) {
+            match self.send_in(&who, topic, &kind, until) {
                 Ok(intruder) => self.intruders.push(intruder),
                 Err(error) => {
                     let detail = format!("{who}: {error:#}");

@@ -21,7 +21,6 @@ use crate::limits::{ANSWER_EVENTS, STATUS_EVENTS};
 
 /// The socket of a run, and what was ordered through it.
 pub struct Requests {
-    /// Where requests come in.
     pub server: Server,
     /// Whether the flight was asked to end.
     pub stopped: bool,
@@ -30,7 +29,6 @@ pub struct Requests {
 }
 
 impl Requests {
-    /// Opens the socket of `domain`.
     pub fn open(domain: &Domain) -> std::io::Result<Self> {
         Ok(Self { server: Server::open(domain)?, stopped: false, orderers: BTreeMap::new() })
     }

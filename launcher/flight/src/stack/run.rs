@@ -17,7 +17,6 @@ use crate::roles::lockstep::Lockstep;
 use crate::roles::realtime::Realtime;
 use crate::roles::role::{Action, Input, Signal};
 
-/// The processes of one run.
 pub struct Run {
     pub domain: Domain,
     pub page: Arc<ControlPage>,
@@ -26,14 +25,12 @@ pub struct Run {
     pub driver: Box<dyn Driver>,
     /// As it is by now: with what was ordered while it flies.
     pub scenario: Scenario,
-    /// Everything that happened.
     pub events: Vec<Event>,
     /// When the newest message of each topic was sent \[ns\].
     pub newest_ns: [u64; Topic::COUNT],
 }
 
 impl Run {
-    /// Without processes yet.
     pub fn new(domain: Domain, page: Arc<ControlPage>, scenario: &Scenario) -> Self {
         let driver: Box<dyn Driver> = match scenario.run.mode {
             Mode::Realtime => Box::new(Realtime::new(scenario, page.clone())),
@@ -117,7 +114,6 @@ impl Run {
     }
 }
 
-/// The system's signal.
 pub fn unix(signal: Signal) -> Unix {
     match signal {
         Signal::Kill => Unix::KILL,

@@ -19,7 +19,7 @@ use contract::scenario::Mode;
 use contract::topic::Topic;
 use flight::log::Record;
 use flight::stack::{Ended, Stack, StartError};
-use runtime::observer::Observer;
+use runtime::ports::Ports;
 use runtime::realtime::{ControlPage, now_ns};
 use rustix::process::Signal;
 use serde::Serialize;
@@ -91,7 +91,7 @@ fn fly(signal: Signal, interrupts: &AtomicU32) -> anyhow::Result<Vec<Strike>> {
     scenario.run.duration_s = (APART * 4).as_secs_f64().ceil() + 1.0;
     let namespace = namespace();
     let stack = Stack::start(&namespace, &scenario, None, interrupts)?;
-    let page = Observer::join(&namespace)?.ports.page;
+    let page = Ports::join(&namespace)?.0.page;
     let seen = Mutex::new(Seen::default());
     let over = AtomicBool::new(false);
     let (flown, mut strikes) = std::thread::scope(|scope| {
