@@ -104,35 +104,16 @@ impl<M: Message> Input<M> {
 
 #[cfg(test)]
 mod tests {
-    use std::cell::RefCell;
-
     use std::sync::Arc;
 
     use super::*;
-    use crate::error::{PortError, PortFailure};
+    use crate::queue::Queues;
     use crate::realtime::ControlPage;
     use crate::release::Release;
     use crate::shared_role::Assignment;
     use contract::Topic;
     use contract::message::{Controls, Stamp};
     use contract::scenario::Scenario;
-
-    const PORT: u64 = 71;
-
-    /// What is sent through the only port there is.
-    impl Receive<Controls> for RefCell<Vec<Controls>> {
-        fn receive(&self) -> Result<Option<(Controls, u64)>, PortFailure> {
-            Ok(self.borrow_mut().pop().map(|message| (message, PORT)))
-        }
-
-        fn cannot_reach(&self, _port: u64) -> bool {
-            false
-        }
-
-        fn reconnect(&self) -> Result<(), PortError> {
-            Ok(())
-        }
-    }
 
     /// What comes of answers to the samples `ticks`, when the plant has taken five and the first was taken so long ago
     /// \[ns\]: the ticks that are taken, and how many were refused for their age.
@@ -144,21 +125,22 @@ mod tests {
         let role = page.role(Topic::Controls);
         role.assign(0, |_| Assignment { active: 1, standby: 0 });
         role.offer(1);
-        assert!(role.claim(1, PORT));
+        let queues = Queues::default();
+        let (receiver, sender) = (queues.receiver(1).unwrap(), queues.sender::<Controls>().unwrap());
+        assert!(role.claim(1, sender.number()));
         page.role(Topic::Actuators).offer(1);
-        let line = Rc::new(RefCell::new(vec![]));
         let member = Member::new(page.clone(), Topic::Actuators, 1, &Scenario::default(), true);
-        let mut input = Input::new(line.clone(), Member { release, ..member });
-        let mut heard = vec![];
+        let mut input = Input::<Controls>::new(receiver, Member { release, ..member });
+        let mut taken = vec![];
         for (sequence, tick) in (1..).zip(ticks) {
             let stamp = Stamp { tick: *tick, sequence, epoch: 1, ..Stamp::default() };
-            line.borrow_mut().push(Controls { stamp, ..Controls::default() }.with_checksum());
+            sender.send(&Controls { stamp, ..Controls::default() }.with_checksum()).unwrap();
             page.doorbell(Topic::Controls).mark();
-            heard.extend(input.arrived(0).then(|| input.newest().stamp.tick));
+            taken.extend(input.arrived(0).then(|| input.newest().stamp.tick));
         }
         let listener = page.role(Topic::Actuators);
         assert_eq!(listener.received(1, Topic::Controls).get() as usize, ticks.len(), "taken or not");
-        (heard, listener.refused[Refusal::Age as usize].get())
+        (taken, listener.refused[Refusal::Age as usize].get())
     }
 
     const TEN_S_NS: u64 = 10_000_000_000;

@@ -31,8 +31,8 @@ use runtime::ports::Ports;
 use runtime::realtime::{ControlPage, phase, tell_of_crashes};
 use runtime::shared_role::Assignment;
 
-use archive::{Archive, RECORDER};
-use children::{Process, wait};
+use archive::Archive;
+use children::{RECORDER, wait};
 use end::ChildExit;
 pub use end::{Ended, StartError, refused};
 use host::Host;
@@ -140,7 +140,7 @@ impl Stack {
     ) -> Flown {
         // Every process has entered its class before it said that it is ready; reading takes longer than a tick may wait.
         let processes = self.run.children.all.iter();
-        let scheduling = processes.map(|p| (p.name.to_owned(), scheduling_of(p.child.id()))).collect();
+        let scheduling = processes.map(|p| (p.name().to_owned(), scheduling_of(p.child.id()))).collect();
         let started = Instant::now();
         let page = self.run.page.clone();
         page.set_phase(phase::GO);
@@ -220,7 +220,7 @@ impl Stack {
                 return Err(StartError::Interrupted.into());
             }
             if let Some((i, how)) = self.run.children.exited() {
-                return Err(StartError::Lost(how.tell(self.run.children.all[i].name)).into());
+                return Err(StartError::Lost(how.tell(self.run.children.all[i].name())).into());
             }
             if Instant::now() > deadline {
                 let why = format!("after {} s {name} is not ready", JOIN_LIMIT.as_secs());
@@ -288,7 +288,8 @@ impl Stack {
         let Self { run, archive, .. } = self;
         let tick = question.unwrap_or_else(|| run.page.plant_tick());
         while let Some((i, how)) = run.children.exited() {
-            let Process { name, topic, epoch, .. } = run.children.all[i];
+            let process = &run.children.all[i];
+            let (name, topic, epoch) = (process.name(), process.topic, process.epoch);
             match (topic, how) {
                 (None, _) => _ = archive.as_mut().map(|archive| archive.exited(run, i, tick)),
                 (Some(Topic::State), ChildExit::Well) => return Some(Ended::Flown),
@@ -318,7 +319,7 @@ impl Stack {
         Archive::catch_up(&page);
         page.set_phase(phase::LEAVE);
         for process in self.run.children.all.iter_mut().filter(|process| process.topic.is_some()) {
-            let name = process.name;
+            let name = process.name();
             match wait(&mut process.child, name, LEAVE_LIMIT, interrupts) {
                 // A candidate, or a standby, leaves as it likes; one that was killed on purpose is an event already; one that
                 // broke its budget has been named already, and another that did so meanwhile is no worse.

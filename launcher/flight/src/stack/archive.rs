@@ -22,15 +22,13 @@ use runtime::console::eprint_line;
 use runtime::realtime::ControlPage;
 use runtime::shared_role::Assignment;
 
-use super::children::{Process, SpawnRequest, wait};
+use super::children::{Process, RECORDER, SpawnRequest, wait};
 use super::run::{Run, unix};
 use crate::event::{self, Event};
 use crate::limits::{CATCH_UP_LIMIT, CLOSE_LIMIT, OUTCOME_BYTES};
 use crate::log::{self, Count, Record};
 use crate::recorder::LogOutcome;
 use crate::roles::role::{Action, Input, Now, Policy, Role};
-
-pub const RECORDER: &str = "recorder";
 
 /// The log of a flight, and who writes it: a role that runs by the wall clock in every mode.
 pub struct Archive {
@@ -116,7 +114,7 @@ impl Archive {
     pub fn close(mut self, run: &mut Run, interrupts: &AtomicU32) -> LogOutcome {
         self.look(run, run.page.plant_tick()); // one that is ready takes over now
         let untold = run.events.len() - run.children.told;
-        for Process { epoch, child, .. } in run.children.all.iter_mut().filter(|process| process.name == RECORDER) {
+        for Process { epoch, child, .. } in run.children.all.iter_mut().filter(|process| process.topic.is_none()) {
             let starts = self.role.starting() == Some(*epoch);
             wait(child, RECORDER, if starts { Duration::ZERO } else { CLOSE_LIMIT }, interrupts);
             if let Some(stdout) = child.stdout.take().filter(|_| !starts) {
@@ -160,7 +158,6 @@ impl Archive {
 
     fn spawn(&self, run: &mut Run, epoch: u32, origin: Option<usize>) -> anyhow::Result<()> {
         run.children.spawn(&SpawnRequest {
-            name: RECORDER,
             epoch,
             log: Some(&self.part(epoch)),
             program: origin.and_then(|i| run.scenario.swap.get(i)).and_then(|swap| swap.exec.as_deref()),

@@ -27,9 +27,11 @@ use crate::own_program;
 use crate::provenance::status_of;
 use runtime::console::eprint_line;
 
+/// Name of the process that records.
+pub const RECORDER: &str = "recorder";
+
 #[derive(Clone, Copy, Default)]
 pub struct SpawnRequest<'a> {
-    pub name: &'static str,
     /// The topic that it sends on; none for the recorder.
     pub topic: Option<Topic>,
     pub epoch: u32,
@@ -42,7 +44,6 @@ pub struct SpawnRequest<'a> {
 }
 
 pub struct Process {
-    pub name: &'static str,
     /// The topic that it sends on; none for the recorder.
     pub topic: Option<Topic>,
     pub epoch: u32,
@@ -51,6 +52,17 @@ pub struct Process {
     pub condemned: bool,
     /// Becomes readable when it ends.
     pidfd: Option<OwnedFd>,
+}
+
+impl Process {
+    /// Node or recorder.
+    pub fn name(&self) -> &'static str {
+        name_of(self.topic)
+    }
+}
+
+fn name_of(topic: Option<Topic>) -> &'static str {
+    topic.map_or(RECORDER, Topic::publisher)
 }
 
 /// All children of a run. Dropping it kills those that are left.
@@ -69,7 +81,8 @@ impl Children {
     }
 
     pub fn spawn(&mut self, request: &SpawnRequest) -> anyhow::Result<()> {
-        let SpawnRequest { name, topic, epoch, log, program, settings } = *request;
+        let SpawnRequest { topic, epoch, log, program, settings } = *request;
+        let name = name_of(topic);
         let mut command = if let Some(program) = program {
             let mut foreign = Command::new(program);
             die_with_parent(&mut foreign); // ours see to that themselves
@@ -92,7 +105,7 @@ impl Children {
         let child = command.process_group(0).spawn().with_context(cannot)?;
         let pidfd = Pid::from_raw(child.id() as i32).and_then(|pid| pidfd_open(pid, PidfdFlags::empty()).ok());
         let never_waits = child.stdin.as_ref().map_or(Ok(()), event::never_wait);
-        self.all.push(Process { name, topic, epoch, child, condemned: false, pidfd });
+        self.all.push(Process { topic, epoch, child, condemned: false, pidfd });
         never_waits.with_context(|| format!("cannot set up the pipe to {name}"))
     }
 

@@ -21,10 +21,12 @@ pub enum Ended {
 }
 
 /// Why a stack did not come up.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum StartError {
     /// A process ended or hung before all had joined.
+    #[error("the stack did not come up: {0}")]
     Lost(String),
+    #[error("interrupted while the stack was starting")]
     Interrupted,
 }
 
@@ -37,17 +39,6 @@ impl StartError {
         }
     }
 }
-
-impl std::fmt::Display for StartError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Lost(how) => write!(f, "the stack did not come up: {how}"),
-            Self::Interrupted => write!(f, "interrupted while the stack was starting"),
-        }
-    }
-}
-
-impl std::error::Error for StartError {}
 
 pub enum ChildExit {
     Well,

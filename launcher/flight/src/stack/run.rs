@@ -78,10 +78,10 @@ impl Run {
     /// Starts a process of a node, with what the swap `origin` says of it, and keeps a place for it.
     pub fn start_node(&mut self, topic: Topic, epoch: u32, origin: Option<usize>) -> anyhow::Result<()> {
         self.page.role(topic).offer(epoch);
-        let request = SpawnRequest { name: topic.publisher(), topic: Some(topic), epoch, ..SpawnRequest::default() };
+        let request = SpawnRequest { topic: Some(topic), epoch, ..SpawnRequest::default() };
         let Some(swap) = origin.and_then(|i| self.scenario.swap.get(i)) else { return self.children.spawn(&request) };
         let text = to_toml(&candidate(&self.scenario, swap)?);
-        let settings = self.domain.write(&format!("{}.{epoch}.toml", request.name), &text)?;
+        let settings = self.domain.write(&format!("{}.{epoch}.toml", topic.publisher()), &text)?;
         self.children.spawn(&SpawnRequest { program: swap.exec.as_deref(), settings: Some(&settings), ..request })
     }
 
