@@ -37,8 +37,8 @@ pub struct Link<M> {
 impl<M: Message> Link<M> {
     /// The link of `M`'s topic in `scenario`.
     pub fn new(scenario: &Scenario) -> Self {
-        let may_strike = scenario.run.mode == Mode::Realtime || !scenario.fault.is_empty();
-        let held = Vec::with_capacity(if may_strike { HELD_MESSAGES } else { 0 });
+        let may_have_faults = scenario.run.mode == Mode::Realtime || !scenario.fault.is_empty();
+        let held = Vec::with_capacity(if may_have_faults { HELD_MESSAGES } else { 0 });
         Self { seed: scenario.run.seed, sample_s: scenario.sample_s(), held, overtaken: None }
     }
 
@@ -51,7 +51,7 @@ impl<M: Message> Link<M> {
         while let Some(i) = self.held.iter().position(|(due, _)| *due <= tick) {
             deliver(&self.held.remove(i).1);
         }
-        let passed = self.fare(tick, message, faults);
+        let passed = self.apply_faults(tick, message, faults);
         let unharmed =
             |passed: &Passed<M>| passed.ticks_late == 0 && !passed.overtaken && bits(&passed.message) == bits(message);
         if !passed.as_ref().is_some_and(unharmed) {
@@ -77,7 +77,7 @@ impl<M: Message> Link<M> {
     }
 
     /// What becomes of a message; `None` when it is lost.
-    fn fare(&self, tick: u64, message: &M, faults: &FaultSchedule<Fault>) -> Option<Passed<M>> {
+    fn apply_faults(&self, tick: u64, message: &M, faults: &FaultSchedule<Fault>) -> Option<Passed<M>> {
         let mut passed = Passed { message: *message, ticks_late: 0, twice: false, overtaken: false };
         let of_topic = |entry: &&Entry<Fault>| entry.effect.target.topic() == Some(M::TOPIC);
         for Entry { number, ticks, effect: fault, .. } in faults.on(tick).filter(of_topic) {

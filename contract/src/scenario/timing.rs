@@ -139,7 +139,8 @@ pub struct Supervision {
     pub detect_ms: f64,
     /// Without a clock: from the start of a process to when it is ready \[ms\].
     pub start_ms: f64,
-    /// In lockstep: a ring that has not moved for this time on the wall clock ends the run \[s\]; 0 = never.
+    /// In lockstep: a ring that has not moved for this time on the wall clock ends the run \[s\]; 0 = never. While a
+    /// debugger has one of its processes the time does not pass.
     pub wall_limit_s: f64,
 }
 

@@ -5,6 +5,16 @@
 //!   watch: empty the queues, do what the supervisor orders, show progress
 //! plant has left, or Ctrl-C, or the ring cannot go on -> LEAVE -> nodes gone -> CLOSE -> recorder gone -> wipe
 //! ```
+//!
+//! | module | holds |
+//! |---|---|
+//! | `children` | the processes: start, signal, wait, clear away |
+//! | `run` | them with what they share, and what their roles say done to them |
+//! | `archive` | the recorder, its role and what it has written |
+//! | `requests`, `swaps` | what users ask while it flies; the times that swaps took |
+//! | `host`, `files` | what happens around the processes: intruders, files in shared memory |
+//! | `surroundings` | what is needed of the system, before the start |
+//! | `end` | how a flight can end |
 
 mod archive;
 mod children;
@@ -324,7 +334,7 @@ impl Stack {
                 // A candidate, or a standby, leaves as it likes; one that was killed on purpose is an event already; one that
                 // broke its budget has been named already, and another that did so meanwhile is no worse.
                 _ if process.topic.is_none_or(|topic| page.role(topic).active() != process.epoch) => {}
-                Some(status) if process.condemned || !matches!(ChildExit::of(status), ChildExit::Badly(_)) => {}
+                Some(status) if process.killed || !matches!(ChildExit::of(status), ChildExit::Badly(_)) => {}
                 Some(status) => _ = lost.get_or_insert_with(|| format!("{name} ({status})")),
                 None => _ = lost.get_or_insert_with(|| format!("{name} (did not leave within 1 s and was killed)")),
             }

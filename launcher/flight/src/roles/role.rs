@@ -152,7 +152,7 @@ pub struct Role {
     held_until_ns: u64,
     failures_ns: Vec<u64>,
     /// Killed by this role: their end is expected.
-    condemned: Vec<u32>,
+    killed: Vec<u32>,
     /// The programs that were active for good, the newest last.
     origins: Vec<Option<usize>>,
     progress: Progress,
@@ -203,7 +203,7 @@ impl Role {
             restart_at_ns: None,
             held_until_ns: 0,
             failures_ns: vec![],
-            condemned: vec![],
+            killed: vec![],
             origins: vec![None],
             progress: Progress::default(),
             given_up: false,
@@ -335,7 +335,7 @@ impl Role {
     fn activated(&mut self, now: Now, epoch: u32, out: &mut Vec<Action>) {
         if let Some(pending) = self.pending.take_if(|pending| pending.epoch == epoch) {
             // Only a process without a trial, a recorder, takes over from one that lives: that one leaves by itself.
-            self.condemned.extend(self.active.map(|before| before.epoch));
+            self.killed.extend(self.active.map(|before| before.epoch));
             self.active = Some(pending);
             self.trust(pending.origin);
         } else if self.standby.is_some_and(|standby| standby.epoch == epoch) {
@@ -347,15 +347,15 @@ impl Role {
             contest.handed_over = contest.candidate == epoch;
         }
         self.progress = Progress { done: 0, since_ns: now.ns };
-        out.extend(self.condemned.iter().map(|epoch| Action::Vacate(*epoch))); // one of them may have changed places
+        out.extend(self.killed.iter().map(|epoch| Action::Vacate(*epoch))); // one of them may have changed places
         self.report(now, epoch, What::TookOver, None, out);
     }
 
     /// The process `epoch` is no more; `what` is reported of it, unless this role has ended it.
     fn exited(&mut self, now: Now, epoch: u32, what: What, why: Option<&str>, out: &mut Vec<Action>) {
-        let known = self.condemned.len();
-        self.condemned.retain(|other| *other != epoch);
-        if self.condemned.len() < known {
+        let known = self.killed.len();
+        self.killed.retain(|other| *other != epoch);
+        if self.killed.len() < known {
             out.push(Action::Vacate(epoch));
         } else if self.knows(epoch) {
             self.report(now, epoch, what, why, out);
@@ -365,7 +365,7 @@ impl Role {
 
     fn hung(&mut self, now: Now, epoch: u32, why: Option<&str>, out: &mut Vec<Action>) {
         self.report(now, epoch, What::Hung, why, out);
-        self.condemn(epoch, out);
+        self.kill(epoch, out);
         self.lost(now, epoch, "it hung", out);
     }
 
@@ -408,7 +408,7 @@ impl Role {
         // A candidate that is not ready has shown nothing yet: it is not waited for.
         if let Some(late) = self.starting.take_if(|starting| starting.candidate) {
             let late = late.worker.epoch;
-            self.condemn(late, out);
+            self.kill(late, out);
             self.report(now, late, What::Rejected, Some("no other was active any more before it was ready"), out);
         }
         if self.starting.is_none() && self.restart_at_ns.is_none() && !self.given_up {
@@ -462,7 +462,7 @@ impl Role {
             self.trust(self.active.and_then(|active| active.origin));
         }
         let Some(leaves) = leaves else { return };
-        self.condemn(leaves, out);
+        self.kill(leaves, out);
         let returns = what == What::Returned && old.is_some();
         if returns {
             // The messages of the candidate are delivered until the old one is active.
@@ -515,8 +515,8 @@ impl Role {
         }
     }
 
-    fn condemn(&mut self, epoch: u32, out: &mut Vec<Action>) {
-        self.condemned.push(epoch);
+    fn kill(&mut self, epoch: u32, out: &mut Vec<Action>) {
+        self.killed.push(epoch);
         out.push(Action::Signal(epoch, Signal::Kill));
     }
 

@@ -49,7 +49,7 @@ pub struct Trial {
     /// Ticks in a row that count against it.
     bad_ticks: u64,
     /// What the vehicle did that it may not do.
-    strayed: Option<String>,
+    out_of_bounds: Option<String>,
     seen: Seen,
 }
 
@@ -91,7 +91,7 @@ impl Trial {
             next: ticks.from,
             similarity: Similarity::default(),
             bad_ticks: 0,
-            strayed: None,
+            out_of_bounds: None,
             seen: Seen::default(),
         }
     }
@@ -132,7 +132,7 @@ impl Trial {
                 }
             }
         }
-        if let Some(why) = self.strayed.take() {
+        if let Some(why) = self.out_of_bounds.take() {
             return Some((Ruling::Return, why));
         }
         match self.active {
@@ -209,9 +209,11 @@ impl Trial {
         let error_m = wanted.iter().zip(state.actual.position_m).map(|(w, p)| (w - p) * (w - p)).sum::<f64>().sqrt();
         let (tilt_limit, error_limit) = (self.bounds.tilt_deg, self.bounds.error_m);
         if tilt_deg > tilt_limit {
-            self.strayed = Some(format!("the vehicle tilted {tilt_deg:.1} deg at {time_s:.2} s, limit {tilt_limit}"));
+            self.out_of_bounds =
+                Some(format!("the vehicle tilted {tilt_deg:.1} deg at {time_s:.2} s, limit {tilt_limit}"));
         } else if error_m > error_limit {
-            self.strayed = Some(format!("the vehicle was {error_m:.2} m off at {time_s:.2} s, limit {error_limit}"));
+            self.out_of_bounds =
+                Some(format!("the vehicle was {error_m:.2} m off at {time_s:.2} s, limit {error_limit}"));
         }
     }
 }

@@ -49,7 +49,7 @@ pub struct Process {
     pub epoch: u32,
     pub child: Child,
     /// Whether it was killed on purpose.
-    pub condemned: bool,
+    pub killed: bool,
     /// Becomes readable when it ends.
     pidfd: Option<OwnedFd>,
 }
@@ -105,7 +105,7 @@ impl Children {
         let child = command.process_group(0).spawn().with_context(cannot)?;
         let pidfd = Pid::from_raw(child.id() as i32).and_then(|pid| pidfd_open(pid, PidfdFlags::empty()).ok());
         let never_waits = child.stdin.as_ref().map_or(Ok(()), event::never_wait);
-        self.all.push(Process { topic, epoch, child, condemned: false, pidfd });
+        self.all.push(Process { topic, epoch, child, killed: false, pidfd });
         never_waits.with_context(|| format!("cannot set up the pipe to {name}"))
     }
 
@@ -143,7 +143,7 @@ impl Children {
         let topic = topic.into();
         let is = |process: &&mut Process| process.topic == topic && process.epoch == epoch;
         for process in self.all.iter_mut().filter(is) {
-            process.condemned |= signal == Signal::KILL;
+            process.killed |= signal == Signal::KILL;
             // Fails for one that has just ended, which the next look around finds.
             let _ = kill_process_group(Pid::from_child(&process.child), signal);
         }
