@@ -19,7 +19,7 @@ use flight::inprocess;
 use flight::interrupts::catch_interrupts;
 use flight::log::Record;
 use flight::provenance::provenance;
-use flight::recorder::Log;
+use flight::recorder::CountedLog;
 use flight::stack::{Ended, Flown, Stack};
 use runtime::console::{eprint_line, print};
 use view::report;
@@ -143,7 +143,7 @@ fn fly_inprocess(
     summary: &mut Summary,
     interrupts: &AtomicU32,
 ) -> anyhow::Result<Circumstances> {
-    let mut log = log.map(|path| Log::create(path, scenario)).transpose()?;
+    let mut log = log.map(|path| CountedLog::create(path, scenario)).transpose()?;
     let started = Instant::now();
     let flown = inprocess::fly(scenario, |record| {
         summary.observe(&record);

@@ -135,7 +135,7 @@ fn record(namespace: &str, epoch: u32, path: &Path) -> anyhow::Result<LogOutcome
     die_with_launcher(namespace)?;
     let (mut ports, scenario) = Ports::join(namespace)?;
     // The file first: a recorder that has joined is one that can write.
-    let mut log = Log::create(path, &scenario)?;
+    let mut log = CountedLog::create(path, &scenario)?;
     let observers = Observers::open(&mut ports, &scenario)?;
     let mut reader = EventReader::new(std::io::stdin());
     let page = ports.page.clone();
@@ -167,7 +167,7 @@ fn record(namespace: &str, epoch: u32, path: &Path) -> anyhow::Result<LogOutcome
 }
 
 /// A log that counts what it lost and survives a failing disk.
-pub struct Log {
+pub struct CountedLog {
     writer: Option<LogWriter>,
     /// When the newest message was written, unless it was flushed since.
     written: Option<Instant>,
@@ -177,7 +177,7 @@ pub struct Log {
     full_from: Option<u64>,
 }
 
-impl Log {
+impl CountedLog {
     pub fn create(path: &Path, scenario: &Scenario) -> anyhow::Result<Self> {
         let writer = Some(LogWriter::create(path, &scenario::to_toml(scenario), scenario.sample_ns())?);
         let full = scenario.fault.iter().filter(|fault| fault.kind == FaultKind::DiskFull);
