@@ -56,7 +56,7 @@ pub struct Page {
 }
 const _: () = assert!(size_of::<Page>() <= PAGE_BYTES);
 
-/// Where a run stands: the value of [`ControlPage::phase`].
+/// Where a run stands: the value of [`Page::phase`].
 pub mod phase {
     /// Processes are joining.
     pub const JOIN: u32 = 0;

@@ -25,7 +25,7 @@ use rustix::thread::CpuSet;
 
 pub use child::die_with_parent;
 pub use clock::{now_ns, thread_cpu_ns, timed};
-pub use control_page::{ControlPage, Doorbell, phase};
+pub use control_page::{ControlPage, Doorbell, Page, phase};
 pub use crash::tell_of_crashes;
 pub use peer::peer_of;
 pub use signals::{keep_nohup, reset_signals};

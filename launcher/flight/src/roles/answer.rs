@@ -1,4 +1,10 @@
 //! One answer of a node to one sample, as far as two processes of that node can be compared.
+//!
+//! The similarity of two processes is how alike their answers have been of late, number by number.
+//!
+//! A number's similarity is the cosine of the angle between its last values from the one and from the other, with values
+//! forgotten by and by: 1 when they are the same up to a factor, 0 when they have nothing in common, -1 when one is the
+//! opposite of the other. It tells a wrong sign while the values are still small, on standby.
 
 use std::f64::consts::PI;
 
@@ -13,7 +19,7 @@ use crate::log::Record;
 /// Reference of w that counts as the largest \[m/s\], unless the limit is lower.
 const W_MPS: f64 = 5.0;
 
-pub const NUMBERS: usize = 4;
+const NUMBERS: usize = 4;
 
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Answer {
@@ -104,5 +110,102 @@ impl Answer {
     /// How far another answer to the same sample is away: the largest difference of a number, as a share.
     pub fn difference(&self, other: &Self) -> f64 {
         self.shares.iter().zip(other.shares).map(|(mine, theirs)| (mine - theirs).abs()).fold(0.0, f64::max)
+    }
+}
+
+/// Share of what is remembered that stays from one answer to the next: about twenty answers count.
+const STAYS: f64 = 0.95;
+/// Answers before which nothing can be said.
+const FEW: u32 = 10;
+/// Root mean square below which a number says nothing, as a share of what is commonly its largest value: two laws that are
+/// both good may differ in sign for a while where next to nothing is demanded.
+const SILENCE: f64 = 0.02;
+
+/// Two processes that answer to the same samples.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Similarity {
+    answers: u32,
+    weight: f64,
+    mine: [f64; NUMBERS],
+    theirs: [f64; NUMBERS],
+    both: [f64; NUMBERS],
+}
+
+impl Similarity {
+    /// Takes their answers to one sample in.
+    pub fn note(&mut self, mine: &Answer, theirs: &Answer) {
+        self.answers = self.answers.saturating_add(1);
+        self.weight = STAYS * self.weight + 1.0;
+        for (i, (m, t)) in mine.shares.into_iter().zip(theirs.shares).enumerate() {
+            self.mine[i] = STAYS * self.mine[i] + m * m;
+            self.theirs[i] = STAYS * self.theirs[i] + t * t;
+            self.both[i] = STAYS * self.both[i] + m * t;
+        }
+    }
+
+    /// The similarity of the number that has the least of it; 1 when nothing can be said.
+    pub fn least(&self) -> f64 {
+        if self.answers < FEW {
+            return 1.0;
+        }
+        let floor = SILENCE * SILENCE * self.weight;
+        let says = |i: &usize| self.mine[*i] > floor && self.theirs[*i] > floor;
+        let of = |i: usize| self.both[i] / (self.mine[i] * self.theirs[i]).sqrt();
+        (0..NUMBERS).filter(says).map(of).fold(1.0, f64::min)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The similarity after so many answers, of which the candidate makes `mine` of the old one's.
+    fn similarity(answers: u32, theirs: impl Fn(f64) -> f64, mine: impl Fn(f64) -> f64) -> f64 {
+        let mut similarity = Similarity::default();
+        for i in 0..answers {
+            let value = theirs(f64::from(i));
+            let answer = |share: f64| Answer { shares: [0.3, share, 0.0, 0.0], ..Answer::default() };
+            similarity.note(&answer(mine(value)), &answer(value));
+        }
+        similarity.least()
+    }
+
+    #[test]
+    fn the_opposite_is_told_while_it_is_small() {
+        let swing = |t: f64| 0.04 * (0.3 * t).sin();
+        assert!((similarity(30, swing, |x| -x) + 1.0).abs() < 1e-12);
+        assert!((similarity(30, swing, |x| 3.0 * x) - 1.0).abs() < 1e-12, "a factor is no opposition");
+        assert!((similarity(30, |_| 0.03, |x| -x) + 1.0).abs() < 1e-12, "of what stands still too");
+    }
+
+    #[test]
+    fn what_is_unlike_without_being_opposite_is_let_be() {
+        let noise = |t: f64| 0.1 * (12.9898 * t).sin();
+        assert!(similarity(200, noise, |x| (7e4 * x).sin()) > -0.5);
+    }
+
+    #[test]
+    fn of_little_nothing_is_said() {
+        assert_eq!(similarity(FEW - 1, |_| 0.1, |x| -x), 1.0, "few answers");
+        assert_eq!(similarity(100, |_| 0.019, |x| -x), 1.0, "next to nothing");
+        assert_eq!(similarity(100, |_| 0.1, |_| 0.0), 1.0, "one of them says nothing");
+    }
+
+    #[test]
+    fn what_was_long_ago_is_forgotten() {
+        let mut changed = 0;
+        for turned in 1..40 {
+            let mine = |t: f64| if t < 100.0 { 0.1 } else { -0.1 };
+            let mut similarity = Similarity::default();
+            for i in 0..100 + turned {
+                let answer = |share: f64| Answer { shares: [share, 0.0, 0.0, 0.0], ..Answer::default() };
+                similarity.note(&answer(mine(f64::from(i))), &answer(0.1));
+            }
+            if similarity.least() < -0.5 {
+                changed = turned;
+                break;
+            }
+        }
+        assert!((20..30).contains(&changed), "told after {changed} answers");
     }
 }

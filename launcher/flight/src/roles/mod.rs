@@ -4,7 +4,7 @@
 //! |---|---|
 //! | [`role`] | the state machine: inputs, actions, policy |
 //! | [`supervised`] | a role with the trial of its candidate |
-//! | [`trial`], `answer`, `similarity` | whether a candidate does as well as the process before it |
+//! | [`trial`], `answer` | whether a candidate does as well as the process before it |
 //! | [`process_faults`] | faults of processes as inputs |
 //! | [`driver`] | what the drivers of processes have in common |
 //! | [`realtime`] | driver: the control page and the clock |
@@ -19,7 +19,6 @@ pub mod lockstep;
 pub mod process_faults;
 pub mod realtime;
 pub mod role;
-mod similarity;
 pub mod simulated;
 pub mod supervised;
 pub mod trial;
