@@ -5,8 +5,9 @@
 
 use std::collections::BTreeMap;
 
-use contract::Scenario;
 use contract::message::{Actuators, Controls, Message, Reference, Stamp, State};
+use contract::scenario::Mode;
+use contract::{Scenario, Topic};
 use flight::log::{Log, Record, counted};
 use guidance::Trajectory;
 
@@ -175,6 +176,39 @@ where
     }
 }
 
+/// A command while it was in force.
+#[derive(Debug, Clone, Copy)]
+pub struct InForce {
+    pub tick: u64,
+    pub sequence: u64,
+    pub from_ns: u64,
+    /// When the next one took effect, or the log's last sample \[ns\].
+    pub until_ns: u64,
+    pub age_ns: u64,
+}
+
+/// Every command that was in force at a sample, in the order of taking effect.
+///
+/// In lockstep the age is simulated time, of which the clock shows nothing: there a command acts once it is published.
+pub fn in_force(ticks: &[LoggedTick], mode: Mode) -> Vec<InForce> {
+    let last_ns = ticks.iter().rev().find_map(|tick| tick.of.state).map_or(0, |state| state.stamp.sample_ns);
+    let mut all: Vec<InForce> = vec![];
+    for tick in ticks {
+        let (Some(command), Some(age_ns)) = (tick.of.actuators, tick.age_ns) else { continue };
+        let stamp = &command.stamp;
+        let from_ns = match mode {
+            Mode::Realtime => stamp.sample_ns.saturating_add(age_ns),
+            Mode::Lockstep | Mode::Inprocess => stamp.publish_ns[Topic::Actuators as usize],
+        };
+        if let Some(before) = all.last_mut() {
+            before.until_ns = from_ns;
+        }
+        let until_ns = last_ns.max(from_ns);
+        all.push(InForce { tick: tick.number, sequence: stamp.sequence, from_ns, until_ns, age_ns });
+    }
+    all
+}
+
 /// Where the mission wants the vehicle minus where it truly is, NED \[m\].
 pub fn position_error_m(wanted_m: [f64; 3], state: &State) -> [f64; 3] {
     std::array::from_fn(|axis| wanted_m[axis] - state.actual.position_m[axis])
@@ -194,8 +228,11 @@ mod tests {
         Stamp { tick, sample_ns: tick.wrapping_mul(1_000), sequence, epoch, ..Stamp::default() }
     }
 
+    /// A command that is sent 100 ns after its sample.
     fn command(tick: u64, sequence: u64, epoch: u64) -> Actuators {
-        Actuators { stamp: stamp(tick, sequence, epoch), ..Actuators::default() }.with_checksum()
+        let mut stamp = stamp(tick, sequence, epoch);
+        stamp.publish_ns[Topic::Actuators as usize] = stamp.sample_ns.wrapping_add(100);
+        Actuators { stamp, ..Actuators::default() }.with_checksum()
     }
 
     fn state(tick: u64, applied_sequence: u64, applied_age_ns: u64) -> State {
@@ -215,10 +252,18 @@ mod tests {
     }
 
     #[test]
-    fn a_command_belongs_to_the_state_that_was_first_under_it() {
-        let states = [state(0, 0, 0), state(1, 1, 300), state(2, 1, 300), state(3, 3, 400)];
-        let commands: Vec<_> = (0..3).map(|tick| command(tick, tick + 1, 1)).collect();
-        assert_eq!(ages(&states, &commands), [(0, 300), (2, 400)]);
+    fn a_command_acts_from_its_age_on_until_the_next_one() {
+        let log = Log {
+            states: vec![state(0, 0, 0), state(1, 1, 300), state(2, 1, 300), state(3, 3, 400)],
+            actuators: (0..3).map(|tick| command(tick, tick + 1, 1)).collect(),
+            ..Log::default()
+        };
+        let spans = |mode| -> Vec<(u64, u64, u64)> {
+            let commands = in_force(&logged(&log, &hovering()), mode);
+            commands.iter().map(|command| (command.tick, command.from_ns, command.until_ns)).collect()
+        };
+        assert_eq!(spans(Mode::Realtime), [(0, 300, 2_400), (2, 2_400, 3_000)]);
+        assert_eq!(spans(Mode::Lockstep), [(0, 100, 2_100), (2, 2_100, 3_000)], "on the wall clock");
     }
 
     #[test]

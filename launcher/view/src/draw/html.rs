@@ -90,6 +90,11 @@ pub fn list(items: impl IntoIterator<Item = (String, String)>) -> String {
     html
 }
 
+/// A verdict with its own style; the style adds a sign, so that colour is never the only one.
+pub fn verdict(word: &str) -> String {
+    format!("<span class=\"verdict {}\">{word}</span>", word.replace(' ', "-"))
+}
+
 /// A whole page. The title is text; the body is HTML already.
 pub fn page(title: &str, style: &str, body: &str) -> String {
     format!(

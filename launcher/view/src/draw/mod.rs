@@ -7,7 +7,7 @@ mod svg;
 
 pub use charts::{Bars, Lane, histograms, outlines, time_line};
 pub use heat_map::{HeatCell, HeatMap};
-pub use html::{DASH, any, escape, leaves, list, number, page, table};
+pub use html::{DASH, any, escape, leaves, list, number, page, table, verdict};
 
 /// The style of the report, which other pages may use.
 pub const STYLE: &str = include_str!("../../assets/report/report.css");

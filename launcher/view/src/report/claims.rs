@@ -7,8 +7,7 @@ use contract::Scenario;
 use contract::scenario::TrajectoryKind;
 use serde_json::Value;
 
-use super::sections;
-use crate::draw::{DASH, escape, number, table};
+use crate::draw::{DASH, escape, number, table, verdict};
 use crate::ticks::LoggedTick;
 
 /// The position error stays below this \[m\].
@@ -21,32 +20,29 @@ pub const ALTITUDE_VERTICAL_M: f64 = 0.2;
 pub const HORIZONTAL_S: [f64; 2] = [10.0, 50.0];
 pub const DURATION_S: f64 = 60.0;
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ClaimVerdict {
-    Holds,
-    DoesNotHold,
-    /// Another trajectory, an incomplete flight, or nothing measured.
-    NotApplicable,
-}
-
-/// One claim: what it is about, the paper's bound, what this flight shows of it, and the verdict.
+/// One claim: what it is about, the paper's bound, and what this flight shows of it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Claim {
     pub what: &'static str,
     /// HTML.
     pub paper: &'static str,
     pub measured: String,
-    pub verdict: ClaimVerdict,
+    /// Whether it holds; `None` for another trajectory, an incomplete flight, or nothing measured.
+    pub holds: Option<bool>,
 }
 
 /// The section of the page, and its entry in the list of sections; both empty where no claim applies.
 pub fn section(claims: &[Claim]) -> (String, &'static str) {
-    if claims.iter().all(|claim| claim.verdict == ClaimVerdict::NotApplicable) {
+    if claims.iter().all(|claim| claim.holds.is_none()) {
         return (String::new(), "");
     }
     let cells = |claim: &Claim| {
-        let verdict = sections::verdict(claim.verdict.describe());
-        vec![claim.what.into(), claim.paper.into(), escape(&claim.measured), verdict]
+        let word = match claim.holds {
+            Some(true) => "holds",
+            Some(false) => "does not hold",
+            None => "not applicable",
+        };
+        vec![claim.what.into(), claim.paper.into(), escape(&claim.measured), verdict(word)]
     };
     let html = format!(
         "<section id=\"claims\"><h2>The paper’s claims, and this run</h2><p>Section 5 of Prach and Kayacan claims these \
@@ -76,17 +72,17 @@ pub fn judge(run: &Value, ticks: &[LoggedTick], scenario: &Scenario) -> [Claim; 
     let flight = Extent::of(run, scenario);
     let error = |what, paper, name: &str, within: fn(f64) -> bool| {
         let value = metric(run, name);
-        let verdict = match flight {
-            Extent::Other => ClaimVerdict::NotApplicable,
-            Extent::Lost => ClaimVerdict::DoesNotHold,
-            Extent::Whole => value.as_f64().map_or(ClaimVerdict::NotApplicable, |e| verdict(within(e))),
+        let holds = match flight {
+            Extent::Other => None,
+            Extent::Lost => Some(false),
+            Extent::Whole => value.as_f64().map(within),
         };
         let unit = match flight {
             _ if value.is_null() => "",
             Extent::Lost => " m until the vehicle was lost",
             Extent::Whole | Extent::Other => " m",
         };
-        Claim { what, paper, measured: number(value, 3) + unit, verdict }
+        Claim { what, paper, measured: number(value, 3) + unit, holds }
     };
     [
         error("maximum position error", "below 0.7 m", "max_position_error_m", |e| e < POSITION_M),
@@ -98,16 +94,6 @@ pub fn judge(run: &Value, ticks: &[LoggedTick], scenario: &Scenario) -> [Claim; 
         }),
         actuators(ticks, flight, scenario),
     ]
-}
-
-impl ClaimVerdict {
-    pub fn describe(self) -> &'static str {
-        match self {
-            Self::Holds => "holds",
-            Self::DoesNotHold => "does not hold",
-            Self::NotApplicable => "not applicable",
-        }
-    }
 }
 
 /// How much of the flight of the claims this run is.
@@ -148,22 +134,12 @@ fn actuators(ticks: &[LoggedTick], flight: Extent, scenario: &Scenario) -> Claim
         tilt = tilt.max(actuation.tilt_rad.abs());
     }
     let kept = low > 0.0 && share < 1.0 && tilt < limits.tilt_max_rad;
-    let (measured, verdict) = match flight {
-        _ if low.is_infinite() => (DASH.to_owned(), ClaimVerdict::NotApplicable),
-        _ => {
-            let measured =
-                format!("{low:.0} ≤ Ω ≤ {:.0} % of its limit, |μ| ≤ {:.1}°", 100.0 * share, tilt.to_degrees());
-            (measured, if flight == Extent::Other { ClaimVerdict::NotApplicable } else { verdict(kept) })
-        }
-    };
+    let unmeasured = low.is_infinite();
+    let extremes = format!("{low:.0} ≤ Ω ≤ {:.0} % of its limit, |μ| ≤ {:.1}°", 100.0 * share, tilt.to_degrees());
     Claim {
         what: "actuator constraints (52), (53)",
         paper: "0&nbsp;&lt;&nbsp;Ω<sub>i</sub>&nbsp;&lt;&nbsp;2&nbsp;Ω<sub>i,trim</sub>, |μ|&nbsp;&lt;&nbsp;90°",
-        measured,
-        verdict,
+        measured: if unmeasured { DASH.to_owned() } else { extremes },
+        holds: (!unmeasured && flight != Extent::Other).then_some(kept),
     }
-}
-
-fn verdict(holds: bool) -> ClaimVerdict {
-    if holds { ClaimVerdict::Holds } else { ClaimVerdict::DoesNotHold }
 }

@@ -5,7 +5,7 @@ use contract::scenario::{Mode, to_toml};
 use serde_json::{Value, json};
 
 use super::claims;
-use crate::draw::{DASH, any, escape, leaves, list, number, table};
+use crate::draw::{DASH, any, escape, leaves, list, number, table, verdict};
 
 /// The metrics of the summary: key, what people call it, unit, decimals. The first five are the key figures.
 const METRICS: [(&str, &str, &str, usize); 12] = [
@@ -136,7 +136,7 @@ pub fn bounds(run: &Value) -> String {
         return "<p>All bounds were lifted, or none could be judged.</p>".into();
     };
     let whole = !ended_early(run);
-    let verdict = |ok: &Value| match ok.as_bool() {
+    let judged = |ok: &Value| match ok.as_bool() {
         Some(false) => verdict("exceeded"),
         Some(true) if whole => verdict("kept"),
         Some(true) => verdict("not judged"),
@@ -146,7 +146,7 @@ pub fn bounds(run: &Value) -> String {
         let metric = any(&b["metric"]);
         let flown = !claims::never_flown(run, &metric) && (whole || metric != "final_position_error_m");
         let [measured, ok] = if flown { [&b["measured"], &b["ok"]] } else { [&Value::Null; 2] };
-        vec![format!("<code>{metric}</code>"), number(&b["limit"], 3), number(measured, 3), verdict(ok)]
+        vec![format!("<code>{metric}</code>"), number(&b["limit"], 3), number(measured, 3), judged(ok)]
     };
     let told = !whole && bounds.iter().any(|bound| bound["ok"] != Value::Bool(false));
     let hint = "<p class=\"hint\">The flight ended early: what it had not exceeded until then is not judged.</p>";
@@ -174,9 +174,4 @@ pub fn settings(run: &Value, scenario: &Scenario) -> String {
         Value::String(toml) => escape(toml),
         other => escape(&serde_json::to_string_pretty(other).unwrap_or_default()),
     }
-}
-
-/// A verdict with its own style; the style adds a sign, so that colour is never the only one.
-pub fn verdict(word: &str) -> String {
-    format!("<span class=\"verdict {}\">{word}</span>", word.replace(' ', "-"))
 }

@@ -5,7 +5,7 @@ use contract::message::{ActuationMsg, Actuators, Controls, Message, Reference, S
 use contract::scenario::{Profile, TrajectoryKind};
 use serde_json::{Value, json};
 
-use super::claims::{Claim, ClaimVerdict, judge};
+use super::claims::{Claim, judge};
 use super::{TEMPLATE, render};
 use crate::ticks::logged;
 use flight::log::Log;
@@ -56,8 +56,8 @@ fn survey() -> Value {
     })
 }
 
-fn verdicts(claims: &[Claim; 4]) -> [ClaimVerdict; 4] {
-    claims.each_ref().map(|claim| claim.verdict)
+fn verdicts(claims: &[Claim; 4]) -> [Option<bool>; 4] {
+    claims.each_ref().map(|claim| claim.holds)
 }
 
 /// The page without the headings that cells bear for narrow pages.

@@ -18,16 +18,15 @@
 //! Viewers count in microseconds, with a fraction. An arrow is tied to the slice that is open where its event lies, of
 //! two at one instant the one that stands first: so slices come before arrows, and arrows before marks.
 
-use contract::Topic;
-use contract::message::{Message, SolveStatus, Stamp};
-use contract::scenario::Mode;
+use std::ops::Range;
+
+use contract::message::{Message, SolveStatus};
 use contract::topic::NODES;
 use flight::log::{Log, Record, counted};
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 
-use super::Window;
-use crate::happenings::{Happenings, Mark, Span};
-use crate::ticks::LoggedTick;
+use crate::happenings::{Happenings, Span};
+use crate::ticks::{InForce, LoggedTick};
 
 /// The lane below those of the nodes: which command the actuators obey.
 const ACTUATORS: usize = NODES.len();
@@ -36,54 +35,20 @@ const EVENTS: usize = NODES.len() + 2;
 /// Viewers round: a command's slice ends so long before the next one begins \[ns\].
 const APART_NS: u64 = 10;
 
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct InForce {
-    pub tick: u64,
-    pub sequence: u64,
-    pub from_ns: u64,
-    /// When the next one took effect, or the log's last sample \[ns\].
-    pub until_ns: u64,
-    pub age_ns: u64,
-}
-
-/// Every command that was in force at a sample, in the order of taking effect.
-///
-/// In lockstep the age is simulated time, of which the clock shows nothing: there a command acts once it is published.
-pub fn in_force(ticks: &[LoggedTick], mode: Mode) -> Vec<InForce> {
-    let last_ns = ticks.iter().rev().find_map(|tick| tick.of.state).map_or(0, |state| state.stamp.sample_ns);
-    let mut all: Vec<InForce> = vec![];
-    for tick in ticks {
-        let (Some(command), Some(age_ns)) = (tick.of.actuators, tick.age_ns) else { continue };
-        let stamp = &command.stamp;
-        let from_ns = match mode {
-            Mode::Realtime => stamp.sample_ns.saturating_add(age_ns),
-            Mode::Lockstep | Mode::Inprocess => stamp.publish_ns[Topic::Actuators as usize],
-        };
-        if let Some(before) = all.last_mut() {
-            before.until_ns = from_ns;
-        }
-        let until_ns = last_ns.max(from_ns);
-        all.push(InForce { tick: tick.number, sequence: stamp.sequence, from_ns, until_ns, age_ns });
-    }
-    all
-}
-
 pub struct Trace {
     origin_ns: u64,
     /// The ticks of the window.
-    ticks: std::ops::Range<u64>,
-    events: Vec<(u64, Value)>,
-    /// Those that stand behind others of the same instant.
-    marks: Vec<(u64, Value)>,
+    ticks: Range<u64>,
+    /// Each with its instant \[ns\], and whether it stands behind others of the same instant.
+    events: Vec<(u64, bool, Value)>,
     /// Names of the lanes that only some flights have.
     names: Vec<Value>,
 }
 
 impl Trace {
-    /// An empty trace of the ticks in `window`; time zero is `origin_ns`.
-    pub fn new(origin_ns: u64, window: &Window) -> Self {
-        let ticks = window.ticks(usize::MAX);
-        Self { origin_ns, ticks: ticks.start as u64..ticks.end as u64, events: vec![], marks: vec![], names: vec![] }
+    /// An empty trace of the `ticks`; time zero is `origin_ns`.
+    pub fn new(origin_ns: u64, ticks: Range<u64>) -> Self {
+        Self { origin_ns, ticks, events: vec![], names: vec![] }
     }
 
     /// A slice for every message of an active process, in the lane of its node, and marks for what its counters say.
@@ -108,8 +73,14 @@ impl Trace {
             let InForce { tick, sequence, from_ns, until_ns, age_ns } = *command;
             let end_ns = until_ns.saturating_sub(APART_NS).max(from_ns);
             let args = json!({ "tick": tick, "sequence": sequence, "age_us": micros(age_ns) });
-            self.slice(ACTUATORS, &format!("command {tick}"), from_ns, end_ns, &args);
-            self.counter(ACTUATORS, "age at the actuator", from_ns, &json!({ "ms": age_ns as f64 / 1e6 }));
+            self.slice(ACTUATORS, &format!("command {tick}"), [from_ns, end_ns], &args);
+            self.event(
+                "C",
+                ACTUATORS,
+                "age at the actuator",
+                from_ns,
+                json!({ "args": { "ms": age_ns as f64 / 1e6 } }),
+            );
         }
     }
 
@@ -128,9 +99,19 @@ impl Trace {
                     ends.push(end);
                 }
             }
-            self.flow(tick.number, &ends);
+            let last = ends.len().saturating_sub(1);
+            for (i, (lane, at_ns)) in ends.into_iter().enumerate().filter(|_| last > 0) {
+                let phase = if i == 0 {
+                    "s"
+                } else if i == last {
+                    "f"
+                } else {
+                    "t"
+                };
+                self.event(phase, lane, "sample", at_ns, json!({ "cat": "chain", "id": tick.number + 1, "bp": "e" }));
+            }
             if let Some(error_m) = tick.distance_m() {
-                self.counter(0, "position error", tick.sample_ns, &json!({ "m": error_m }));
+                self.event("C", 0, "position error", tick.sample_ns, json!({ "args": { "m": error_m } }));
             }
         }
     }
@@ -152,13 +133,13 @@ impl Trace {
             })
         };
         for (absence, ns) in happened.absences.iter().filter_map(|absence| Some((absence, samples.clip(absence)?))) {
-            let thread = thread_of(absence.target.as_str());
-            self.span(EVENTS, thread, absence, ns);
+            self.span(EVENTS, thread_of(absence.target.as_str()), absence, ns);
         }
         for mark in &happened.events {
             if let Some(ns) = samples.instant(mark.at_s) {
-                let thread = thread_of(mark.node.as_str());
-                self.happening(thread, mark, ns);
+                let args = json!({ "at_s": mark.at_s, "why": mark.why });
+                let more = json!({ "cat": "event", "s": "t", "tid": thread_of(mark.node.as_str()) + 1, "args": args });
+                self.event("i", EVENTS, &format!("{} {}", mark.node, mark.what), ns, more);
             }
         }
         self.names.extend(threads.iter().enumerate().flat_map(|(i, node)| lane_names(EVENTS, i, "events", node)));
@@ -166,15 +147,10 @@ impl Trace {
 
     /// The whole trace, in the order of time; `about` says what of.
     pub fn document(mut self, about: &Value) -> Value {
-        self.events.append(&mut self.marks);
-        self.events.sort_by_key(|(ns, _)| *ns); // stable: what was pushed first stays first
-        let names = NODES
-            .into_iter()
-            .chain(["actuators"])
-            .enumerate()
-            .flat_map(|(lane, name)| lane_names(lane, lane, name, name));
-        let events: Vec<Value> =
-            names.chain(self.names).chain(self.events.into_iter().map(|(_, event)| event)).collect();
+        self.events.sort_by_key(|(ns, behind, _)| (*ns, *behind)); // stable: what was pushed first stays first
+        let lanes = NODES.into_iter().chain(["actuators"]).enumerate();
+        let names = lanes.flat_map(|(lane, name)| lane_names(lane, lane, name, name)).chain(self.names);
+        let events: Vec<Value> = names.chain(self.events.into_iter().map(|(.., event)| event)).collect();
         json!({ "traceEvents": events, "displayTimeUnit": "ns", "otherData": about })
     }
 
@@ -189,74 +165,63 @@ impl Trace {
             if !self.ticks.contains(&stamp.tick) {
                 continue;
             }
+            // The next one of the same process knows this cycle's CPU time.
             let after = cycles.peek().map(|(after, _)| after.stamp()).filter(|after| after.epoch == stamp.epoch);
-            let mut args = timing(M::TOPIC, stamp, after);
-            if let Value::Object(details) = details(message) {
-                args.extend(details);
-            }
-            let end_ns = stamp.publish_ns[lane];
-            self.slice(lane, &format!("{} {}", M::TOPIC.name(), stamp.tick), stamp.start_ns, end_ns, &args.into());
+            let publish_ns = stamp.publish_ns[lane];
+            let since = |from_ns: u64, to_ns: u64| micros(to_ns.saturating_sub(from_ns));
+            let mut args = json!({
+                "tick": stamp.tick,
+                "sequence": stamp.sequence,
+                "delivered": stamp.is_delivered(),
+                "release_us": since(stamp.sample_ns, stamp.release_ns),
+                "wake_us": since(stamp.release_ns, stamp.start_ns),
+                "execution_us": since(stamp.start_ns, publish_ns),
+                "response_us": since(stamp.sample_ns, publish_ns),
+                "cpu_us": after.map(|after| micros(after.cpu_ns)),
+            });
+            extend(&mut args, details(message));
+            self.slice(lane, &format!("{} {}", M::TOPIC.name(), stamp.tick), [stamp.start_ns, publish_ns], &args);
             // Skipped periods are found on waking and count as misses too; a late message is known when it is sent.
             let slips = stamp.slips.saturating_sub(before.slips);
             let late = stamp.misses.saturating_sub(before.misses).saturating_sub(slips);
-            self.mark(lane, "slip", stamp.start_ns, slips);
-            self.mark(lane, "miss", end_ns, late);
+            for (name, at_ns, count) in [("slip", stamp.start_ns, slips), ("miss", publish_ns, late)] {
+                if count > 0 {
+                    self.event(
+                        "i",
+                        lane,
+                        name,
+                        at_ns,
+                        json!({ "cat": "deadline", "s": "t", "args": { "count": count } }),
+                    );
+                }
+            }
         }
     }
 
-    fn slice(&mut self, lane: usize, name: &str, start_ns: u64, end_ns: u64, args: &Value) {
+    fn slice(&mut self, lane: usize, name: &str, [start_ns, end_ns]: [u64; 2], args: &Value) {
         let duration_us = micros(end_ns.saturating_sub(start_ns));
-        let more = json!({ "cat": "cycle", "dur": duration_us, "args": args });
-        self.events.push(self.event("X", lane, name, start_ns, more));
-    }
-
-    fn flow(&mut self, tick: u64, ends: &[(usize, u64)]) {
-        let last = ends.len().saturating_sub(1);
-        if last == 0 {
-            return; // an arrow needs two ends
-        }
-        for (i, (lane, at_ns)) in ends.iter().enumerate() {
-            let phase = match i {
-                0 => "s",
-                i if i == last => "f",
-                _ => "t",
-            };
-            let more = json!({ "cat": "chain", "id": tick + 1, "bp": "e" });
-            self.events.push(self.event(phase, *lane, "sample", *at_ns, more));
-        }
+        self.event("X", lane, name, start_ns, json!({ "cat": "cycle", "dur": duration_us, "args": args }));
     }
 
     fn span(&mut self, lane: usize, thread: usize, span: &Span, [from_ns, to_ns]: [u64; 2]) {
         let args = json!({ "from_s": span.from_s, "to_s": span.to_s });
         let more = json!({ "cat": "fault", "dur": micros(to_ns - from_ns), "tid": thread + 1, "args": args });
-        self.marks.push(self.event("X", lane, &span.what, from_ns, more));
+        self.event("X", lane, &span.what, from_ns, more);
     }
 
-    fn happening(&mut self, thread: usize, mark: &Mark, at_ns: u64) {
-        let args = json!({ "at_s": mark.at_s, "why": mark.why });
-        let more = json!({ "cat": "event", "s": "t", "tid": thread + 1, "args": args });
-        self.marks.push(self.event("i", EVENTS, &format!("{} {}", mark.node, mark.what), at_ns, more));
-    }
-
-    fn mark(&mut self, lane: usize, name: &str, at_ns: u64, count: u64) {
-        if count > 0 {
-            let more = json!({ "cat": "deadline", "s": "t", "args": { "count": count } });
-            self.marks.push(self.event("i", lane, name, at_ns, more));
-        }
-    }
-
-    fn counter(&mut self, lane: usize, name: &str, at_ns: u64, args: &Value) {
-        self.events.push(self.event("C", lane, name, at_ns, json!({ "args": args })));
-    }
-
-    /// An event of a lane with what is particular to it.
-    fn event(&self, phase: &str, lane: usize, name: &str, at_ns: u64, more: Value) -> (u64, Value) {
+    /// An event of a lane with what is particular to it. Marks and what happened stand behind the others of their instant.
+    fn event(&mut self, phase: &str, lane: usize, name: &str, at_ns: u64, more: Value) {
         let ts = micros(at_ns.saturating_sub(self.origin_ns));
         let mut event = json!({ "ph": phase, "pid": lane + 1, "tid": lane + 1, "name": name, "ts": ts });
-        if let (Some(event), Value::Object(more)) = (event.as_object_mut(), more) {
-            event.extend(more);
-        }
-        (at_ns, event)
+        extend(&mut event, more);
+        self.events.push((at_ns, phase == "i" || lane > ACTUATORS, event));
+    }
+}
+
+/// Adds the fields of `more` to those of `event`.
+fn extend(event: &mut Value, more: Value) {
+    if let (Value::Object(event), Value::Object(more)) = (event, more) {
+        event.extend(more);
     }
 }
 
@@ -292,26 +257,11 @@ impl Samples {
     }
 }
 
-/// The timing that a stamp tells of; `after` is the next one of the same process, which knows this cycle's CPU time.
-fn timing(topic: Topic, stamp: &Stamp, after: Option<&Stamp>) -> Map<String, Value> {
-    let publish_ns = stamp.publish_ns[topic as usize];
-    let since = |from_ns: u64, to_ns: u64| micros(to_ns.saturating_sub(from_ns));
-    Map::from_iter([
-        ("tick".to_owned(), json!(stamp.tick)),
-        ("sequence".to_owned(), json!(stamp.sequence)),
-        ("delivered".to_owned(), json!(stamp.is_delivered())),
-        ("release_us".to_owned(), json!(since(stamp.sample_ns, stamp.release_ns))),
-        ("wake_us".to_owned(), json!(since(stamp.release_ns, stamp.start_ns))),
-        ("execution_us".to_owned(), json!(since(stamp.start_ns, publish_ns))),
-        ("response_us".to_owned(), json!(since(stamp.sample_ns, publish_ns))),
-        ("cpu_us".to_owned(), json!(after.map(|after| micros(after.cpu_ns)))),
-    ])
-}
-
 fn solve_status(wire: u64) -> String {
     use SolveStatus::{BadInput, Explicit, Fallback, LimitReached, NoReference, Solved, Stale};
-    let all = [Explicit, Solved, LimitReached, Fallback, BadInput, Stale, NoReference];
-    let known = all.into_iter().find(|s| *s as u64 == wire);
+    let known = [Explicit, Solved, LimitReached, Fallback, BadInput, Stale, NoReference]
+        .into_iter()
+        .find(|s| *s as u64 == wire);
     known.map_or_else(|| wire.to_string(), |status| format!("{status:?}"))
 }
 

@@ -4,8 +4,6 @@
 //! shows which process waited for which, not how late any of them was.
 
 mod events;
-#[cfg(test)]
-mod tests;
 
 use std::ops::Range;
 use std::path::PathBuf;
@@ -15,10 +13,10 @@ use contract::Scenario;
 use contract::scenario::Mode;
 use serde_json::{Value, json};
 
-use self::events::{Trace, in_force};
+use self::events::Trace;
 use crate::happenings::Happenings;
 use crate::report::Recorded;
-use crate::ticks::logged;
+use crate::ticks::{in_force, logged};
 use flight::duration::seconds;
 use flight::files::write_whole;
 use flight::log::Log;
@@ -104,7 +102,8 @@ pub fn document(
         Mode::Realtime => first.sample_ns.saturating_sub(first.tick.saturating_mul(scenario.sample_ns())),
         Mode::Lockstep | Mode::Inprocess => first.sample_ns,
     };
-    let mut trace = Trace::new(origin_ns, &window);
+    let windowed = window.ticks(usize::MAX);
+    let mut trace = Trace::new(origin_ns, windowed.start as u64..windowed.end as u64);
     trace.nodes(log);
     trace.commands(&commands);
     trace.flows(traced, &commands);
@@ -155,5 +154,35 @@ impl Window {
 
     pub fn describe(&self) -> String {
         format!("{:.2} to {:.2} s{}", self.from_s, self.from_s + self.for_s, self.why)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn window(from_s: f64, for_s: f64) -> Window {
+        Window::new(from_s, for_s, 0.01)
+    }
+
+    #[test]
+    fn a_window_takes_the_ticks_that_begin_in_it() {
+        assert_eq!(window(0.5, 0.1).ticks(1_000), 50..60);
+        assert_eq!(window(0.501, 0.1).ticks(1_000), 51..61);
+        assert_eq!(window(-1.0, 1.05).ticks(1_000), 0..5);
+        assert_eq!(window(9.95, 1.0).ticks(1_000), 995..1_000);
+        for (from_s, for_s) in [(70.0, 1.0), (1.0, 0.0), (1.0, -5.0), (f64::NAN, 1.0), (f64::INFINITY, 1.0)] {
+            assert!(window(from_s, for_s).ticks(1_000).is_empty(), "{from_s} {for_s}");
+        }
+    }
+
+    #[test]
+    fn the_worst_tick_is_that_of_the_summary() {
+        let run = |tick: u64| json!({ "timing": { "worst_ticks": [{ "tick": tick, "late_us": 9_830.0, "in_words": "why" }] } });
+        let window = Window::around_worst(&run(300), 1.0, 0.01);
+        assert_eq!(window.ticks(500), 250..350);
+        assert!(window.why.contains("the worst tick, 300: 9.83 ms late; why"), "{}", window.why);
+        assert_eq!(Window::around_worst(&run(30), 1.0, 0.01).ticks(500), 0..100, "no window begins before the flight");
+        assert_eq!(Window::around_worst(&Value::Null, 2.0, 0.01).ticks(500), 0..200);
     }
 }
