@@ -14,10 +14,10 @@ use crate::faults::Faults;
 use crate::solves::Solves;
 use crate::ticks::{length_m, position_error_m};
 use crate::timing::Timing;
-use flight::log::{Count, Record};
+use flight::log::{Count, Log, Record};
 
 /// The metrics of run.json. One without a sample is NaN, which JSON has as null.
-#[derive(Debug, Clone, Copy, Serialize)]
+#[derive(Debug, Clone, Copy, Default, Serialize)]
 pub struct Metrics {
     /// Largest Euclidean position error \[m\].
     pub max_position_error_m: f64,
@@ -66,19 +66,10 @@ impl Summary {
             trajectory: Trajectory::new(&scenario.mission),
             sample_s: scenario.sample_s(),
             metrics: Metrics {
-                max_position_error_m: 0.0,
-                rms_position_error_m: 0.0,
                 max_altitude_error_horizontal_m: f64::NAN,
                 max_altitude_error_vertical_m: f64::NAN,
-                final_position_error_m: 0.0,
-                position_error_integral_ms: 0.0,
-                max_rate_radps: 0.0,
                 rotor_speed_min: f64::INFINITY,
-                rotor_speed_max: 0.0,
-                tilt_max_deg: 0.0,
-                commands_saturated: 0,
-                negative_squares: 0,
-                fallback_s: 0.0,
+                ..Metrics::default()
             },
             square_sum_m2: 0.0,
             samples: 0,
@@ -91,6 +82,13 @@ impl Summary {
             faults: Faults::new(&scenario.fault, scenario.run.rate_hz),
             timing: (scenario.run.mode != Mode::Inprocess).then(|| Timing::new(scenario)),
         }
+    }
+
+    /// The summary of a log.
+    pub fn of(log: &Log, scenario: &Scenario) -> Self {
+        let mut summary = Self::new(scenario);
+        log.tick_by_tick().for_each(|record| summary.observe(&record));
+        summary
     }
 
     pub fn observe(&mut self, record: &Record) {
@@ -154,10 +152,6 @@ impl Summary {
                 text
             })
         })
-    }
-
-    pub fn last(&self) -> &State {
-        &self.last
     }
 
     pub fn time_s(&self) -> f64 {

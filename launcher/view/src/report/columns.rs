@@ -3,6 +3,7 @@
 //! Row `i` of every column stands for the time `i * dt_s`; what is unknown at a tick is NaN. The page's script derives
 //! nothing but units from these numbers.
 
+use base64::prelude::{BASE64_STANDARD, Engine};
 use contract::Scenario;
 use contract::message::{ActuationMsg, Kinematics};
 use contract::scenario::Mode;
@@ -10,7 +11,7 @@ use serde_json::{Map, Value, json};
 
 use super::claims;
 use crate::ticks::LoggedTick;
-use crate::timing::Holding;
+use crate::timing::Age;
 
 /// Longer columns are thinned: a 60 s flight is shown tick by tick.
 const MAX_ROWS: usize = 6400;
@@ -48,7 +49,7 @@ pub fn document(ticks: &[LoggedTick], scenario: &Scenario) -> Value {
         let thinned = thin(&values, bucket);
         length = thinned.len();
         let bytes: Vec<u8> = thinned.into_iter().flat_map(f32::to_le_bytes).collect();
-        columns.insert(name.into(), base64(&bytes).into());
+        columns.insert(name.into(), BASE64_STANDARD.encode(bytes).into());
     };
     for (names, quantities) in COLUMNS {
         let known: Vec<_> = ticks.iter().map(quantities).collect();
@@ -81,17 +82,14 @@ pub fn bucket(rows: usize) -> usize {
 
 /// Age at the actuator in the slot before each row \[ms\].
 fn held_ages_ms(ticks: &[LoggedTick], scenario: &Scenario) -> Vec<Option<f64>> {
-    let mut holding = Holding::new(scenario.sample_ns());
-    let mut ages = vec![None; ticks.len()];
+    let mut age = Age::new(scenario.sample_ns());
+    let mut ages_ms = vec![None; ticks.len()];
     for (i, tick) in ticks.iter().enumerate() {
-        let mut slots = Vec::new();
-        if let Some(state) = tick.of.state {
-            holding.observe(state, |age_ns| slots.push(Some(age_ns as f64 / 1e6)));
-        }
-        let first = (i + 1).saturating_sub(slots.len());
-        ages[first..].iter_mut().zip(slots).for_each(|(age, slot)| *age = slot);
+        let slots_ns = tick.of.state.map_or(vec![], |state| age.observe(state));
+        let first = (i + 1).saturating_sub(slots_ns.len());
+        ages_ms[first..].iter_mut().zip(slots_ns).for_each(|(age_ms, ns)| *age_ms = Some(ns as f64 / 1e6));
     }
-    ages
+    ages_ms
 }
 
 /// Keeps the smallest and the largest value of every `bucket` values, in the order in which they occurred.
@@ -115,21 +113,24 @@ fn thin(values: &[f32], bucket: usize) -> Vec<f32> {
 /// What the figures are read against: the paper's claims, the scenario's bounds, the limits of the actuators.
 fn lines(scenario: &Scenario) -> Value {
     let bounds = &scenario.bounds;
-    let (mut error, mut altitude) = (Vec::new(), Vec::new());
-    if claims::concerns(scenario) {
-        error.push(line(claims::POSITION_M, "paper", None));
-        altitude.extend(horizontal(claims::ALTITUDE_HORIZONTAL_M, "paper"));
-        altitude.extend(vertical(claims::ALTITUDE_VERTICAL_M, "paper"));
-    }
-    let finite = |bound: Option<f64>| bound.filter(|y| y.is_finite()).into_iter();
-    error.extend(finite(bounds.max_position_error_m).map(|y| line(y, "bound", None)));
-    altitude.extend(finite(bounds.max_altitude_error_horizontal_m).flat_map(|y| horizontal(y, "bound")));
-    altitude.extend(finite(bounds.max_altitude_error_vertical_m).flat_map(|y| vertical(y, "bound")));
+    let paper = |y: f64| claims::concerns(scenario).then_some((y, "paper"));
+    let bound = |y: Option<f64>| y.filter(|y| y.is_finite()).map(|y| (y, "bound"));
+    let error = [paper(claims::POSITION_M), bound(bounds.max_position_error_m)].into_iter().flatten();
+    // While the flight of the paper is horizontal, and before and after.
+    let [from, to] = claims::HORIZONTAL_S;
+    let (horizontal, vertical) = (&[[Some(from), Some(to)]][..], &[[Some(0.0), Some(from)], [Some(to), None]][..]);
+    let altitude = [
+        (paper(claims::ALTITUDE_HORIZONTAL_M), horizontal),
+        (paper(claims::ALTITUDE_VERTICAL_M), vertical),
+        (bound(bounds.max_altitude_error_horizontal_m), horizontal),
+        (bound(bounds.max_altitude_error_vertical_m), vertical),
+    ];
+    let altitude = altitude.into_iter().filter_map(|(line, spans)| Some((line?, spans)));
     let limits = scenario.limits();
     let [max1, max2, _] = limits.rotor_speed_max;
     json!({
-        "error": error,
-        "error_z": altitude,
+        "error": error.map(|(y, label)| line(y, label, None)).collect::<Value>(),
+        "error_z": altitude.flat_map(|((y, label), spans)| spans.iter().flat_map(move |span| both(y, label, Some(*span)))).collect::<Value>(),
         "rotors": [
             line(limits.rotor_speed_min, "Ω min", None),
             line(max1, "Ω₁ max", None),
@@ -137,19 +138,6 @@ fn lines(scenario: &Scenario) -> Value {
         ],
         "tilt": both(limits.tilt_max_rad.to_degrees(), "limit", None),
     })
-}
-
-/// Bounds of the altitude error while the flight of the paper is horizontal.
-fn horizontal(y: f64, label: &str) -> [Value; 2] {
-    both(y, label, Some(claims::HORIZONTAL_S.map(Some)))
-}
-
-/// Bounds of the altitude error before and after; the second span is open.
-fn vertical(y: f64, label: &str) -> [Value; 4] {
-    let [from, to] = claims::HORIZONTAL_S;
-    let [above, below] = both(y, label, Some([Some(0.0), Some(from)]));
-    let [above_again, below_again] = both(y, label, Some([Some(to), None]));
-    [above, below, above_again, below_again]
 }
 
 /// A horizontal line at `y`, from edge to edge or over a span of time \[s\].
@@ -162,33 +150,9 @@ fn both(y: f64, label: &str, span_s: Option<[Option<f64>; 2]>) -> [Value; 2] {
     [line(y, label, span_s), line(-y, label, span_s)]
 }
 
-/// RFC 4648, with padding.
-fn base64(bytes: &[u8]) -> String {
-    const ALPHABET: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for chunk in bytes.chunks(3) {
-        let mut three = [0; 3];
-        three[..chunk.len()].copy_from_slice(chunk);
-        let bits = u32::from_be_bytes([0, three[0], three[1], three[2]]);
-        for digit in 0..4 {
-            let sextet = bits >> (18 - 6 * digit) & 63;
-            text.push(if digit > chunk.len() { '=' } else { char::from(ALPHABET[sextet as usize]) });
-        }
-    }
-    text
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn base64_follows_the_rfc() {
-        for (plain, coded) in [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foobar", "Zm9vYmFy")] {
-            assert_eq!(base64(plain.as_bytes()), coded);
-        }
-        assert_eq!(base64(&[0xfb, 0xff, 0xfe]), "+//+");
-    }
 
     #[test]
     fn thinning_keeps_extremes_order_and_holes() {

@@ -48,7 +48,7 @@ impl Recorded {
         let defect = self.log.defect.as_ref()?;
         let path = self.path.display();
         let last_s = self.log.states.last().map_or(0.0, |state| state.stamp.tick as f64 * self.scenario.sample_s());
-        let lost = observed(&self.log, &self.scenario).missed();
+        let lost = Summary::of(&self.log, &self.scenario).missed();
         Some(format!(
             "the log {path} is not whole ({defect}): what was read ends at {last_s:.2} s, {lost} messages before that are \
              missing"
@@ -64,16 +64,9 @@ pub fn rewrite(folder: &Path) -> anyhow::Result<Option<String>> {
     Ok(recorded.missing())
 }
 
-/// The summary of a log.
-fn observed(log: &Log, scenario: &Scenario) -> Summary {
-    let mut summary = Summary::new(scenario);
-    log.tick_by_tick().for_each(|record| summary.observe(&record));
-    summary
-}
-
 /// run.json of a log.
 fn summary_of(log: &Log, scenario: &Scenario) -> Value {
-    let summary = observed(log, scenario);
+    let summary = Summary::of(log, scenario);
     let messages = log.states.len() + log.references.len() + log.controls.len() + log.actuators.len();
     let outcome = LogOutcome {
         records: (messages + log.events.len()) as u64,

@@ -1,12 +1,12 @@
 //! The timing section: the table, the histograms and the worst ticks.
 
-use contract::message::Message;
 use contract::{Scenario, Topic};
-use flight::log::{Log, Record, counted};
+use flight::log::Log;
 use hdrhistogram::Histogram;
 use serde_json::Value;
 
 use crate::draw::{Bars, DASH, Lane, any, escape, histograms, number, table, time_line};
+use crate::summary::Summary;
 use crate::timing::{Age, NodeTiming, Part};
 
 /// Keys of a figure's percentiles in run.json, and their headings.
@@ -84,7 +84,13 @@ pub fn tables(run: &Value) -> String {
 pub fn pictures(log: &Log, run: &Value, scenario: &Scenario) -> String {
     let worst = run["timing"]["worst_ticks"].as_array().filter(|all| !all.is_empty());
     let Some(worst) = worst else { return String::new() };
+    let Some(timing) = Summary::of(log, scenario).timing else { return String::new() };
     let ticks: String = worst.iter().map(|tick| worst_tick(tick, scenario.sample_s() * 1e6)).collect();
+    let mut groups: Vec<_> = timing.nodes.iter().map(|node| (node.topic.publisher(), node_histograms(node))).collect();
+    let aged = |caption: &str, histogram| Bars { caption: caption.into(), style: "age", histogram, deadline_ns: None };
+    let Age { per_command, per_slot, .. } = timing.age;
+    groups
+        .push(("age at the actuator", vec![aged("per command applied", per_command), aged("per slot held", per_slot)]));
     format!(
         "<h3>Histograms</h3><p class=\"hint\">Time runs logarithmically, the same way in every picture; the height of a \
          bar is the logarithm of its count, the lowest is one. The dashed line is the deadline. In full, as \
@@ -93,47 +99,25 @@ pub fn pictures(log: &Log, run: &Value, scenario: &Scenario) -> String {
          sample: hollow while it waits to run, solid while it runs, orange where the delay arose. \
          A tick is as late as the largest response of its nodes, and a period more for every slot of the stall before it. \
          A stall is charged to the tick that ended it; slots that several nodes slept through are one stall.</p><div class=\"ticks\">{ticks}</div>",
-        all_histograms(log, scenario)
+        histograms(&groups, scenario.sample_ns())
     )
 }
 
-/// A row of histograms for every node, and one for the whole ring.
-fn all_histograms(log: &Log, scenario: &Scenario) -> String {
-    let mut age = Age::new(scenario.sample_ns());
-    counted(&log.states).for_each(|(state, _)| age.observe(state));
-    let aged = |caption: &str, histogram| Bars { caption: caption.into(), style: "age", histogram, deadline_ns: None };
-    let groups = [
-        (Topic::State.publisher(), node_histograms(&log.states, scenario)),
-        (Topic::Reference.publisher(), node_histograms(&log.references, scenario)),
-        (Topic::Controls.publisher(), node_histograms(&log.controls, scenario)),
-        (Topic::Actuators.publisher(), node_histograms(&log.actuators, scenario)),
-        (
-            "age at the actuator",
-            vec![aged("per command applied", age.per_command), aged("per slot held", age.per_slot)],
-        ),
-    ];
-    histograms(&groups, scenario.sample_ns())
-}
-
-fn node_histograms<M: Message>(messages: &[M], scenario: &Scenario) -> Vec<Bars>
-where
-    Record: From<M>,
-{
-    let mut timing = NodeTiming::new(M::TOPIC, scenario);
-    counted(messages).for_each(|(message, before)| _ = timing.observe(message.stamp(), &before));
+/// A row of histograms.
+fn node_histograms(node: &NodeTiming) -> Vec<Bars> {
     let bars = |(figure, histogram): (&str, &Histogram<u64>)| {
         let (_, style) = DRAWN.into_iter().find(|(name, _)| *name == figure)?;
-        let caption = match (figure, M::TOPIC) {
+        let caption = match (figure, node.topic) {
             ("jitter", _) => "release jitter".into(),
             ("hop", Topic::Actuators) => format!("hop from {}", Topic::Controls.publisher()),
             ("hop", Topic::Controls) => format!("hop from {}", Topic::Reference.publisher()),
             ("hop", _) => format!("hop from {}", Topic::State.publisher()),
             _ => figure.to_owned(),
         };
-        let deadline_ns = (figure == "response").then_some(scenario.deadline_of(M::TOPIC as usize).deadline_ns);
+        let deadline_ns = (figure == "response").then_some(node.deadline.deadline_ns);
         Some(Bars { caption, style, histogram: histogram.clone(), deadline_ns })
     };
-    timing.figures().into_iter().filter_map(bars).collect()
+    node.figures().into_iter().filter_map(bars).collect()
 }
 
 fn worst_tick(tick: &Value, period_us: f64) -> String {

@@ -52,7 +52,7 @@ use serde_json::{Map, Value, json};
 
 use crate::happenings::Happenings;
 use crate::percentiles::{Percentiles, percentiles};
-pub use age::{Age, Holding};
+pub use age::Age;
 use clocks::Clocks;
 use flight::log::Record;
 pub use node::NodeTiming;
@@ -66,8 +66,8 @@ pub const HISTOGRAMS: &str = "histograms";
 pub struct Timing {
     /// Of the whole chain \[ns\].
     deadline_ns: u64,
-    nodes: [NodeTiming; Topic::COUNT],
-    age: Age,
+    pub nodes: [NodeTiming; Topic::COUNT],
+    pub age: Age,
     clocks: Clocks,
     /// Only in real time is a tick late.
     worst: Option<WorstTicks>,
@@ -89,7 +89,7 @@ impl Timing {
         self.clocks.observe(record);
         let mut cycle = self.nodes[record.topic() as usize].observe(record.stamp(), before);
         match record {
-            Record::State(state) => self.age.observe(state),
+            Record::State(state) => _ = self.age.observe(state),
             Record::Controls(controls) => cycle.iter_mut().for_each(|cycle| cycle.solve_ns = controls.solve_ns),
             Record::Reference(_) | Record::Actuators(_) => {}
         }

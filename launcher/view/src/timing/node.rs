@@ -54,9 +54,9 @@ impl Cycle {
 }
 
 pub struct NodeTiming {
-    topic: Topic,
+    pub topic: Topic,
     period_ns: u64,
-    deadline: NodeDeadline,
+    pub deadline: NodeDeadline,
     pub(super) wake: Histogram<u64>,
     pub(super) execution: Histogram<u64>,
     cpu: Histogram<u64>,

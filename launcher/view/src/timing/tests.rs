@@ -265,20 +265,16 @@ fn an_age_held_grows_by_a_period_per_slot() {
 #[test]
 fn a_stalled_plant_held_its_command_in_every_slot() {
     let slots = |applied: (u64, u64), lost: u64| {
-        let mut ages_us = vec![];
-        let mut holding = Holding::new(PERIOD_US * US);
+        let mut age = Age::new(PERIOD_US * US);
         let sampled = |tick, sequence, (applied_sequence, age_us): (u64, u64)| State {
             stamp: Stamp { tick, sequence, ..Stamp::default() },
             applied_sequence,
             applied_age_ns: age_us * US,
             ..State::default()
         };
-        for state in
-            [sampled(0, 1, (0, 0)), sampled(1, 2, (0, 0)), sampled(2, 3, (1, 500)), sampled(6, 4 + lost, applied)]
-        {
-            holding.observe(&state, |age_ns| ages_us.push(age_ns / US));
-        }
-        ages_us
+        let states =
+            [sampled(0, 1, (0, 0)), sampled(1, 2, (0, 0)), sampled(2, 3, (1, 500)), sampled(6, 4 + lost, applied)];
+        states.iter().flat_map(|state| age.observe(state)).map(|age_ns| age_ns / US).collect::<Vec<_>>()
     };
     assert_eq!(slots((1, 500), 0), [500, 10_500, 20_500, 30_500, 40_500], "nothing came");
     assert_eq!(slots((2, 400), 0), [500, 400, 10_400, 20_400, 30_400], "came before the stall");
