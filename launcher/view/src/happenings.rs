@@ -34,7 +34,7 @@ pub struct Span {
     delays: [bool; Topic::COUNT],
 }
 
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Mark {
     pub at_s: f64,
     pub node: String,
@@ -45,7 +45,8 @@ pub struct Mark {
 impl Happenings {
     pub fn new(faults: &Value, events: &Value) -> Self {
         let list = |value: &Value| value.as_array().cloned().unwrap_or_default();
-        let mut marks: Vec<Mark> = list(events).iter().filter_map(Mark::read).collect();
+        let mut marks: Vec<Mark> = list(events).iter().filter_map(|event| Mark::deserialize(event).ok()).collect();
+        marks.iter_mut().for_each(|mark| mark.what = mark.what.replace('-', " "));
         marks.sort_by(|a, b| a.at_s.total_cmp(&b.at_s));
         Self {
             faults: list(faults).iter().zip(1..).filter_map(|(fault, number)| Span::of_fault(fault, number)).collect(),
@@ -54,27 +55,16 @@ impl Happenings {
         }
     }
 
-    /// What can have delayed `topic` between two instants: faults, then absences, then events of that time.
-    pub fn causes(&self, topic: Topic, from_s: f64, to_s: f64) -> Causes {
-        let spans = |all: &[Span]| {
+    /// What can have delayed `topic` between two instants: faults, absences and events of that time.
+    pub fn causes(&self, topic: Topic, from_s: f64, to_s: f64) -> [Vec<String>; 3] {
+        let spans = |all: &[Span]| -> Vec<String> {
             let during = |span: &&Span| span.delays[topic as usize] && span.covers(from_s, to_s);
             all.iter().filter(during).map(Span::describe).collect()
         };
-        let of_a_node = |mark: &&Mark| mark.concerns_a_node();
-        let then = self.events.iter().filter(|mark| mark.at_s >= from_s && mark.at_s <= to_s).filter(of_a_node);
-        Causes {
-            faults: spans(&self.faults),
-            absences: spans(&self.absences),
-            events: then.map(Mark::describe).collect(),
-        }
+        let then = self.events.iter().filter(|mark| mark.at_s >= from_s && mark.at_s <= to_s);
+        let events = then.filter(|mark| mark.concerns_a_node()).map(Mark::describe).collect();
+        [spans(&self.faults), spans(&self.absences), events]
     }
-}
-
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Causes {
-    pub faults: Vec<String>,
-    pub absences: Vec<String>,
-    pub events: Vec<String>,
 }
 
 impl Span {
@@ -90,18 +80,17 @@ impl Span {
     }
 
     fn of_fault(fault: &Value, number: usize) -> Option<Self> {
-        let from_s = fault["injected_at_s"].as_f64()?;
-        let struck = fault["target"].as_str()?.to_owned();
-        let what = format!("{struck} {}", fault["kind"].as_str()?);
-        let target = FaultTarget::deserialize(&fault["target"]).ok();
-        let kind = FaultKind::deserialize(&fault["kind"]).ok();
+        let target = fault["target"].as_str()?.to_owned();
         Some(Self {
             number,
-            target: struck,
-            what,
-            from_s,
+            what: format!("{target} {}", fault["kind"].as_str()?),
+            target,
+            from_s: fault["injected_at_s"].as_f64()?,
             to_s: fault["ended_at_s"].as_f64(),
-            delays: delays(target, kind),
+            delays: delays(
+                FaultTarget::deserialize(&fault["target"]).ok(),
+                FaultKind::deserialize(&fault["kind"]).ok(),
+            ),
         })
     }
 }
@@ -116,12 +105,6 @@ impl Mark {
     fn concerns_a_node(&self) -> bool {
         const ORDERED: [&str; 2] = ["injected", "cleared"];
         NODES.contains(&self.node.as_str()) && !ORDERED.contains(&self.what.as_str())
-    }
-
-    fn read(event: &Value) -> Option<Self> {
-        let text = |key: &str| event[key].as_str().map(str::to_owned);
-        let what = text("what")?.replace('-', " ");
-        Some(Self { at_s: event["at_s"].as_f64()?, node: text("node")?, what, why: text("why") })
     }
 }
 
@@ -202,16 +185,15 @@ mod tests {
 
     #[test]
     fn faults_come_first_then_absences_then_events() {
-        let causes = flown().causes(Topic::Actuators, 1.99, 2.04);
-        assert_eq!(causes.faults, ["controls drop, 1.50 to 2.50 s", "mixer kill, from 2.00 s"]);
-        assert_eq!(causes.absences, ["mixer was down, 2.00 to 2.03 s"]);
-        assert_eq!(causes.events[0], "mixer died at 2.00 s");
-        assert_eq!(causes.events[2], "mixer took over at 2.03 s (it was next)");
+        let [faults, absences, events] = flown().causes(Topic::Actuators, 1.99, 2.04);
+        assert_eq!(faults, ["controls drop, 1.50 to 2.50 s", "mixer kill, from 2.00 s"]);
+        assert_eq!(absences, ["mixer was down, 2.00 to 2.03 s"]);
+        assert_eq!([&events[0], &events[2]], ["mixer died at 2.00 s", "mixer took over at 2.03 s (it was next)"]);
     }
 
     #[test]
     fn what_acts_on_the_vehicle_or_on_another_node_delays_no_cycle() {
-        assert_eq!(flown().causes(Topic::Reference, 1.6, 1.9), Causes::default());
+        assert_eq!(flown().causes(Topic::Reference, 1.6, 1.9), [const { Vec::<String>::new() }; 3]);
     }
 
     #[test]

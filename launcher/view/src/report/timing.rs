@@ -2,7 +2,6 @@
 
 use contract::{Scenario, Topic};
 use flight::log::Log;
-use hdrhistogram::Histogram;
 use serde_json::Value;
 
 use crate::draw::{Bars, DASH, Lane, any, escape, histograms, number, table, time_line};
@@ -105,8 +104,8 @@ pub fn pictures(log: &Log, run: &Value, scenario: &Scenario) -> String {
 
 /// A row of histograms.
 fn node_histograms(node: &NodeTiming) -> Vec<Bars> {
-    let bars = |(figure, histogram): (&str, &Histogram<u64>)| {
-        let (_, style) = DRAWN.into_iter().find(|(name, _)| *name == figure)?;
+    let bars = |(figure, style): (&str, &'static str)| {
+        let histogram = node.figures.get(figure)?.clone();
         let caption = match (figure, node.topic) {
             ("jitter", _) => "release jitter".into(),
             ("hop", Topic::Actuators) => format!("hop from {}", Topic::Controls.publisher()),
@@ -115,9 +114,9 @@ fn node_histograms(node: &NodeTiming) -> Vec<Bars> {
             _ => figure.to_owned(),
         };
         let deadline_ns = (figure == "response").then_some(node.deadline.deadline_ns);
-        Some(Bars { caption, style, histogram: histogram.clone(), deadline_ns })
+        Some(Bars { caption, style, histogram, deadline_ns })
     };
-    node.figures().into_iter().filter_map(bars).collect()
+    DRAWN.into_iter().filter_map(bars).collect()
 }
 
 fn worst_tick(tick: &Value, period_us: f64) -> String {

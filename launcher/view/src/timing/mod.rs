@@ -13,6 +13,9 @@
 //! stall              slots in a row without a message of a node, because its process slept, waited or was gone
 //! late (of a tick)   the largest over its nodes of: response + period x slots of the stall just before it
 //! worst tick         the one that is latest: as late as the largest `response_per_slot` of all nodes
+//! contradiction      a message whose stamp breaks the order of things:
+//!                      sample <= publish of the plant <= .. of guidance <= .. of attitude-mpc <= .. of the mixer
+//!                      <= arrival of the command at the plant, which is in the age that the plant tells
 //! ```
 //!
 //! A stall makes one bad cycle and no others, because none ran: percentiles over the cycles hide how long it was. So
@@ -22,15 +25,16 @@
 //! them, and its slots are never added up over the nodes. The terminal, run.json, the report and the window of the trace
 //! all mean this worst tick.
 //!
+//! A node whose messages contradict reads another time than the rest, or a node before it does, and figures across the two
+//! mean nothing. A clock that is off by less than a hop does not show.
+//!
 //! | file | holds |
 //! |---|---|
 //! | `node` | one node's cycles: histograms and counts |
 //! | `age` | the age at the actuator, per command and per slot |
-//! | `clocks` | whether all processes read the same time |
 //! | `worst` | the worst ticks of a flight, and the rules that say what made them late |
 
 mod age;
-mod clocks;
 mod node;
 #[cfg(test)]
 mod tests;
@@ -53,7 +57,6 @@ use serde_json::{Map, Value, json};
 use crate::happenings::Happenings;
 use crate::percentiles::{Percentiles, percentiles};
 pub use age::Age;
-use clocks::Clocks;
 use flight::log::Record;
 pub use node::NodeTiming;
 pub use worst::Part;
@@ -68,7 +71,8 @@ pub struct Timing {
     deadline_ns: u64,
     pub nodes: [NodeTiming; Topic::COUNT],
     pub age: Age,
-    clocks: Clocks,
+    /// The newest command: tick, number, response \[ns\].
+    command: (u64, u64, u64),
     /// Only in real time is a tick late.
     worst: Option<WorstTicks>,
 }
@@ -79,19 +83,31 @@ impl Timing {
             deadline_ns: scenario.deadline_of(Topic::Actuators as usize).deadline_ns,
             nodes: Topic::ALL.map(|topic| NodeTiming::new(topic, scenario)),
             age: Age::new(scenario.sample_ns()),
-            clocks: Clocks::new(scenario.run.mode),
+            command: (0, 0, 0),
             worst: (scenario.run.mode == Mode::Realtime).then(|| WorstTicks::new(scenario)),
         }
     }
 
     /// Takes one message in that counts, with the stamp `before` it of the same process ([`flight::log::Count`]).
     pub fn observe(&mut self, record: &Record, before: &Stamp) {
-        self.clocks.observe(record);
-        let mut cycle = self.nodes[record.topic() as usize].observe(record.stamp(), before);
+        let (own, stamp) = (record.topic() as usize, record.stamp());
+        let mut cycle = self.nodes[own].observe(stamp, before);
         match record {
-            Record::State(state) => _ = self.age.observe(state),
+            Record::State(state) => {
+                self.age.observe(state);
+                let (tick, sequence, response_ns) = self.command;
+                let answers =
+                    stamp.tick.checked_sub(1) == Some(tick) && sequence > 0 && state.applied_sequence == sequence;
+                // Only in real time does the plant tell a measured age.
+                if self.worst.is_some() && answers && state.applied_age_ns < response_ns {
+                    self.nodes[Topic::Actuators as usize].contradictions += 1;
+                }
+            }
+            Record::Reference(_) => {}
             Record::Controls(controls) => cycle.iter_mut().for_each(|cycle| cycle.solve_ns = controls.solve_ns),
-            Record::Reference(_) | Record::Actuators(_) => {}
+            Record::Actuators(_) => {
+                self.command = (stamp.tick, stamp.sequence, stamp.publish_ns[own].saturating_sub(stamp.sample_ns));
+            }
         }
         if let (Some(worst), Some(cycle)) = (&mut self.worst, cycle) {
             worst.observe(record, cycle);
@@ -110,14 +126,13 @@ impl Timing {
 
     /// The `timing` table of run.json of a flight in which this `happened`.
     pub fn to_json(&self, happened: &Happenings) -> Value {
-        let nodes: Map<_, _> =
-            NODES.iter().zip(&self.nodes).map(|(name, node)| ((*name).into(), node.to_json())).collect();
-        let contradictions: Map<_, _> =
-            NODES.iter().zip(self.clocks.contradictions).map(|(name, n)| ((*name).into(), n.into())).collect();
+        let of_nodes = |figure: fn(&NodeTiming) -> Value| -> Map<_, _> {
+            NODES.iter().zip(&self.nodes).map(|(name, node)| ((*name).into(), figure(node))).collect()
+        };
         json!({
             "deadline_ms": self.deadline_ns as f64 / 1e6,
-            "nodes": nodes,
-            "clock_contradictions": contradictions,
+            "nodes": of_nodes(NodeTiming::to_json),
+            "clock_contradictions": of_nodes(|node| node.contradictions.into()),
             "age_at_actuator": self.age(),
             "age_at_actuator_per_slot": percentiles(&self.age.per_slot),
             "worst_ticks": self.worst_ticks(happened).iter().map(|(tick, culprit)| tick.to_json(culprit)).collect::<Vec<_>>(),
@@ -137,11 +152,18 @@ impl Timing {
         let columns = format!("{:>7}{:>7}{:>8}  ", "p50", "p99", "max").repeat(3);
         line(&format!("{:<14}{columns}{:>6}{:>5}", "", "misses", "run"));
         for (name, node) in NODES.iter().zip(&self.nodes) {
-            let cells = [&node.wake, &node.execution, &node.response].map(|histogram| cell(&percentiles(histogram)));
+            let cells =
+                [node.wake_name(), "execution", "response"].map(|figure| cell(&percentiles(&node.figures[figure])));
             line(&format!("{name:<14}{}{:>6}{:>5}", cells.concat(), node.misses, node.longest_run));
         }
-        for contradiction in self.clocks.describe() {
-            line(&format!("{:<22}{contradiction}", "clocks differ"));
+        for (name, NodeTiming { contradictions, .. }) in NODES.iter().zip(&self.nodes) {
+            if *contradictions > 0 {
+                line(&format!(
+                    "{:<22}{contradictions} messages of {name} contradict the times of others: times across processes are \
+                     not to be trusted",
+                    "clocks differ"
+                ));
+            }
         }
         let [commands, slots] = [&self.age.per_command, &self.age.per_slot].map(percentiles);
         line(&format!("{:<22}{}", "age at the actuator", age(&commands, "commands applied")));
@@ -164,7 +186,7 @@ impl Timing {
     pub fn write_histograms(&self, folder: &Path) -> anyhow::Result<()> {
         let folder = folder.join(HISTOGRAMS);
         for (node, timing) in NODES.iter().zip(&self.nodes) {
-            for (figure, histogram) in timing.figures() {
+            for (figure, histogram) in &timing.figures {
                 write_histogram(&folder, &format!("{node}-{figure}"), histogram)?;
             }
         }

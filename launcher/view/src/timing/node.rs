@@ -1,12 +1,13 @@
 //! The cycles of one node: a histogram per figure, and the misses.
 
+use std::collections::BTreeMap;
+
 use contract::message::Stamp;
 use contract::scenario::NodeDeadline;
 use contract::{Scenario, Topic};
 use hdrhistogram::Histogram;
 use serde_json::{Value, json};
 
-use super::clocks;
 use crate::percentiles::{histogram, percentiles};
 
 /// A stall is recorded for at most so many slots: a damaged stamp must not decide how long that takes.
@@ -57,40 +58,37 @@ pub struct NodeTiming {
     pub topic: Topic,
     period_ns: u64,
     pub deadline: NodeDeadline,
-    pub(super) wake: Histogram<u64>,
-    pub(super) execution: Histogram<u64>,
-    cpu: Histogram<u64>,
-    input_age: Histogram<u64>,
-    pub(super) response: Histogram<u64>,
-    response_per_slot: Histogram<u64>,
+    /// Histograms \[ns\] by their names in run.json. The plant has no input: it makes the sample.
+    pub figures: BTreeMap<&'static str, Histogram<u64>>,
     /// Responses beyond the deadline, those not sent included.
-    pub late: u64,
-    pub withheld: u64,
-    pub slips: u64,
+    late: u64,
+    withheld: u64,
+    slips: u64,
     pub misses: u64,
     pub longest_run: u64,
     run: u64,
+    /// Messages that contradict the times of others: see [`super`].
+    pub contradictions: u64,
+    /// Epoch and tick of the newest message.
     newest: Option<(u64, u64)>,
 }
 
 impl NodeTiming {
     pub fn new(topic: Topic, scenario: &Scenario) -> Self {
+        let own: &[&str] = if topic == Topic::State { &["jitter"] } else { &["hop", "input_age"] };
+        let figures = own.iter().chain(&["execution", "cpu", "response", "response_per_slot"]);
         Self {
             topic,
             period_ns: scenario.sample_ns(),
             deadline: scenario.deadline_of(topic as usize),
-            wake: histogram(),
-            execution: histogram(),
-            cpu: histogram(),
-            input_age: histogram(),
-            response: histogram(),
-            response_per_slot: histogram(),
+            figures: figures.map(|name| (*name, histogram())).collect(),
             late: 0,
             withheld: 0,
             slips: 0,
             misses: 0,
             longest_run: 0,
             run: 0,
+            contradictions: 0,
             newest: None,
         }
     }
@@ -120,14 +118,19 @@ impl NodeTiming {
             silent: slips.saturating_add(withheld).max(vacant).min(LONGEST_STALL_SLOTS),
             cpu_ns: None,
             // That of the first cycle is that of the whole start-up, and one on standby is no cycle of the flight.
-            solve_ns: 0,
             cpu_before_ns: (follows && before.sequence > 1 && !before.is_standby()).then_some(stamp.cpu_ns),
+            solve_ns: 0,
         };
         self.count(&cycle, misses, late);
-        clocks::possible(self.topic, stamp).then(|| {
-            self.record(&cycle, stamp.sample_ns);
-            cycle
-        })
+        // A message is sent after its sample, and after what it was made from.
+        let possible =
+            publish_ns >= stamp.sample_ns && stamp.publish_ns[..own].iter().all(|input| publish_ns >= *input);
+        if !possible {
+            self.contradictions += 1;
+            return None;
+        }
+        self.record(&cycle, stamp.sample_ns);
+        Some(cycle)
     }
 
     /// What the wake-up of this node is called: the clock releases the plant, a message the others.
@@ -135,24 +138,9 @@ impl NodeTiming {
         if self.topic == Topic::State { "jitter" } else { "hop" }
     }
 
-    /// Every histogram \[ns\] under its name in run.json. The plant has no input: it makes the sample.
-    pub fn figures(&self) -> Vec<(&'static str, &Histogram<u64>)> {
-        let mut figures = vec![
-            (self.wake_name(), &self.wake),
-            ("execution", &self.execution),
-            ("cpu", &self.cpu),
-            ("response", &self.response),
-            ("response_per_slot", &self.response_per_slot),
-        ];
-        if self.topic != Topic::State {
-            figures.push(("input_age", &self.input_age));
-        }
-        figures
-    }
-
     /// Medians of wake-up and execution \[ns\].
     pub fn usual(&self) -> [u64; 2] {
-        [&self.wake, &self.execution].map(|histogram| histogram.value_at_quantile(0.5))
+        [self.wake_name(), "execution"].map(|figure| self.figures[figure].value_at_quantile(0.5))
     }
 
     pub fn to_json(&self) -> Value {
@@ -162,7 +150,7 @@ impl NodeTiming {
             "misses": self.misses, "late": self.late, "withheld": self.withheld, "slips": self.slips,
             "longest_run_of_misses": self.longest_run,
         });
-        for (figure, histogram) in self.figures() {
+        for (figure, histogram) in &self.figures {
             node[figure] = json!(percentiles(histogram));
         }
         node
@@ -185,16 +173,22 @@ impl NodeTiming {
 
     fn record(&mut self, cycle: &Cycle, sample_ns: u64) {
         let response_ns = cycle.publish_ns.saturating_sub(sample_ns);
-        self.wake.saturating_record(cycle.wake_ns());
-        self.execution.saturating_record(cycle.execution_ns());
-        self.input_age.saturating_record(cycle.start_ns.saturating_sub(sample_ns));
-        self.response.saturating_record(response_ns);
+        let wake = self.wake_name();
+        let mut add = |figure: &str, ns| {
+            if let Some(histogram) = self.figures.get_mut(figure) {
+                histogram.saturating_record(ns);
+            }
+        };
+        add(wake, cycle.wake_ns());
+        add("execution", cycle.execution_ns());
+        add("input_age", cycle.start_ns.saturating_sub(sample_ns));
+        add("response", response_ns);
         if let Some(cpu_ns) = cycle.cpu_before_ns {
-            self.cpu.saturating_record(cpu_ns);
+            add("cpu", cpu_ns);
         }
         // The slot before waited one period longer, the one before that two, ...
         for slots in 0..=cycle.silent {
-            self.response_per_slot.saturating_record(response_ns.saturating_add(slots * self.period_ns));
+            add("response_per_slot", response_ns.saturating_add(slots * self.period_ns));
         }
     }
 }

@@ -5,12 +5,10 @@ use contract::Topic;
 use contract::message::{Actuators, Controls, Message, Reference, Stamp, State};
 use contract::scenario::{Late, TrajectoryKind};
 use contract::stamp::delivery;
-use serde_json::Value;
+use hdrhistogram::serialization::interval_log::{IntervalLogIterator, LogEntry};
 
 use super::*;
 use flight::log::Count;
-
-mod worst;
 
 const US: u64 = 1_000;
 const PERIOD_US: u64 = 10_000;
@@ -32,25 +30,24 @@ struct Ring {
 }
 
 impl Ring {
-    fn new() -> Self {
+    fn new(mode: Mode) -> Self {
         let mut scenario = Scenario::default();
+        scenario.run.mode = mode;
         scenario.mission.trajectory = TrajectoryKind::Hover;
         scenario.run.duration_s = 100.0;
         scenario.deadline.policy = Late::Skip;
         let d = &mut scenario.deadline;
         (d.plant_ms, d.guidance_ms, d.attitude_mpc_ms) = (Some(10.0), Some(10.0), Some(10.0));
-        let timing = Timing::new(&scenario);
-        let (count, happened) = (Count::default(), Happenings::default());
-        Self {
-            timing,
-            count,
-            now_us: 0,
-            last: [Stamp::default(); 4],
-            applied: (0, 0),
-            cpu_us: 90,
-            solve_us: 80,
-            happened,
-        }
+        let (timing, count, happened) = (Timing::new(&scenario), Count::default(), Happenings::default());
+        let last = [Stamp::default(); 4];
+        Self { timing, count, now_us: 0, last, applied: (0, 0), cpu_us: 90, solve_us: 80, happened }
+    }
+
+    /// After so many ticks in time.
+    fn after(ticks: u64) -> Self {
+        let mut ring = Self::new(Mode::Realtime);
+        (0..ticks).for_each(|tick| ring.turn(tick, IN_TIME));
+        ring
     }
 
     /// A tick with nothing unusual, but for what `delay` adds to each node's (wake-up, execution) \[us\].
@@ -106,159 +103,144 @@ impl Ring {
         }
     }
 
-    fn node(&self, name: &str) -> Value {
-        self.timing.to_json(&self.happened)["nodes"][name].clone()
+    /// The ring goes on at `tick`, so long after its sample, with one cycle of each of these nodes.
+    fn go_on(&mut self, tick: u64, after_us: u64, topics: &[Topic], slips: u64) {
+        self.now_us = tick * PERIOD_US + after_us;
+        topics.iter().for_each(|topic| self.cycle(*topic, tick, 20, 100, slips));
     }
 
-    fn worst(&self) -> Value {
-        self.timing.to_json(&self.happened)["worst_ticks"][0].clone()
+    /// A value of the `timing` table.
+    fn at(&self, path: &str) -> Value {
+        let timing = self.timing.to_json(&self.happened);
+        timing.pointer(path).unwrap_or_else(|| panic!("no {path} in {timing}")).clone()
+    }
+
+    /// Counts of a node.
+    fn counts<const N: usize>(&self, node: &str, paths: [&str; N]) -> [u64; N] {
+        paths.map(|path| self.at(&format!("/nodes/{node}/{path}")).as_u64().unwrap())
+    }
+
+    /// A time is known to three digits.
+    fn near(&self, path: &str, us: f64) {
+        let value = self.at(path).as_f64().unwrap();
+        assert!((value - us).abs() <= 1e-3 * us, "{path}: {value}, not {us}");
+    }
+
+    /// What is told of the worst tick.
+    fn worst<const N: usize>(&self, keys: [&str; N]) -> [String; N] {
+        keys.map(|key| {
+            let value = self.at(&format!("/worst_ticks/0/{key}"));
+            value.as_str().map_or_else(|| value.to_string(), str::to_owned)
+        })
     }
 }
 
 const IN_TIME: [(u64, u64); 4] = [(0, 0); 4];
-
-/// A figure is known to three digits.
-fn near(figure: &Value, key: &str, us: f64) {
-    let value = figure[key].as_f64().unwrap();
-    assert!((value - us).abs() <= 1e-3 * us, "{key} of {figure}: {us}");
-}
+const NOT_SCHEDULED: &str = "not scheduled (preempted, stopped, or the host took the CPU)";
 
 #[test]
 fn a_ring_in_time_shows_its_parts_and_no_miss() {
-    let mut ring = Ring::new();
-    (0..10).for_each(|tick| ring.turn(tick, IN_TIME));
-    near(&ring.node("plant")["jitter"], "max_us", 20.0);
-    assert_eq!(ring.node("plant")["hop"], Value::Null, "the plant has no input");
-    let mixer = ring.node("mixer");
-    near(&mixer["hop"], "p50_us", 20.0);
-    near(&mixer["execution"], "p50_us", 100.0);
-    near(&mixer["input_age"], "p50_us", 380.0);
-    near(&mixer["response"], "p50_us", 480.0);
-    near(&mixer["cpu"], "p50_us", 90.0);
-    assert_eq!(
-        (&mixer["cpu"]["n"], &mixer["response"]["n"]),
-        (&8.into(), &10.into()),
-        "neither start-up nor the last cycle"
-    );
-    assert_eq!((ring.timing.misses(), &mixer["longest_run_of_misses"]), (0, &0.into()));
-    assert_eq!(ring.worst()["cause"], "nothing stands out");
+    let ring = Ring::after(10);
+    ring.near("/nodes/plant/jitter/max_us", 20.0);
+    assert_eq!(ring.at("/nodes/plant/hop"), Value::Null, "the plant has no input");
+    let parts = [("hop", 20.0), ("execution", 100.0), ("input_age", 380.0), ("response", 480.0), ("cpu", 90.0)];
+    for (figure, us) in parts {
+        ring.near(&format!("/nodes/mixer/{figure}/p50_us"), us);
+    }
+    assert_eq!(ring.counts("mixer", ["cpu/n", "response/n"]), [8, 10], "neither start-up nor the last cycle");
+    assert_eq!((ring.timing.misses(), ring.counts("mixer", ["longest_run_of_misses"])), (0, [0]));
+    assert_eq!(ring.worst(["cause"]), ["nothing stands out"]);
 }
 
 #[test]
 fn a_clock_that_is_off_is_flagged_and_not_measured() {
-    let mut ring = Ring::new();
-    ring.turn(0, IN_TIME);
-    assert_eq!(ring.timing.clocks.describe(), Vec::<String>::new());
-    ring.turn(1, IN_TIME);
+    let mut ring = Ring::after(2);
+    assert!(ring.timing.nodes.iter().all(|node| node.contradictions == 0));
     // Controls says that it was sent 1 ms before the state that it was made from.
-    ring.now_us = 2 * PERIOD_US;
-    ring.cycle(Topic::State, 2, 20, 100, 0);
+    ring.go_on(2, 0, &[Topic::State], 0);
     let state = ring.last[Topic::State as usize];
     let mut stamp = Stamp { sequence: ring.last[2].sequence + 1, ..state };
     stamp.publish_ns[Topic::Controls as usize] = state.publish_ns[Topic::State as usize] - 1_000 * US;
     ring.send(Topic::Controls, stamp);
     // And the mixer that its command of tick 1 was sent 2 ms later than the plant says it came.
-    ring.now_us = 3 * PERIOD_US;
     let mut stamp = Stamp { tick: 2, sequence: ring.last[3].sequence + 1, ..ring.last[3] };
     ring.applied = (stamp.sequence, 400 * US);
     stamp.sample_ns += PERIOD_US * US;
     stamp.publish_ns[Topic::Actuators as usize] = stamp.sample_ns + 2_400 * US;
     ring.send(Topic::Actuators, stamp);
-    ring.cycle(Topic::State, 3, 20, 100, 0);
-    let json = ring.timing.to_json(&ring.happened);
-    assert_eq!(json["clock_contradictions"]["attitude-mpc"], 1);
-    assert_eq!(json["clock_contradictions"]["mixer"], 1);
-    assert_eq!(json["nodes"]["attitude-mpc"]["response"]["n"], 2, "the third is no figure");
+    ring.go_on(3, 0, &[Topic::State], 0);
+    let expected = json!({ "plant": 0, "guidance": 0, "attitude-mpc": 1, "mixer": 1 });
+    assert_eq!(ring.at("/clock_contradictions"), expected);
+    assert_eq!(ring.counts("attitude-mpc", ["response/n"]), [2], "the third is no figure");
 }
 
 #[test]
 fn a_late_wake_is_jitter_and_an_early_one_is_none() {
-    let mut ring = Ring::new();
-    ring.turn(0, IN_TIME);
+    let mut ring = Ring::after(1);
     ring.turn(1, [(3_000, 0), (0, 0), (0, 0), (0, 0)]);
-    near(&ring.node("plant")["jitter"], "max_us", 3_020.0);
-    near(&ring.node("mixer")["response"], "max_us", 3_480.0);
-    near(&ring.node("mixer")["hop"], "max_us", 20.0);
-    let mut early = ring.last[0];
-    early.sequence += 1;
-    early.start_ns = early.release_ns - 5 * US;
-    ring.send(Topic::State, early);
-    assert_eq!(ring.node("plant")["jitter"]["n"], 3);
-    near(&ring.node("plant")["jitter"], "max_us", 3_020.0);
+    let late = [("plant/jitter", 3_020.0), ("mixer/response", 3_480.0), ("mixer/hop", 20.0)];
+    late.into_iter().for_each(|(figure, us)| ring.near(&format!("/nodes/{figure}/max_us"), us));
+    let before = ring.last[0];
+    ring.send(Topic::State, Stamp { sequence: before.sequence + 1, start_ns: before.release_ns - 5 * US, ..before });
+    assert_eq!(ring.counts("plant", ["jitter/n"]), [3]);
+    ring.near("/nodes/plant/jitter/max_us", 3_020.0);
 }
 
 #[test]
 fn skipped_slots_are_misses_and_each_has_its_response() {
-    let mut ring = Ring::new();
-    ring.turn(0, IN_TIME);
-    ring.now_us = 4 * PERIOD_US; // the plant slept through three releases and is in time for the fourth
-    ring.cycle(Topic::State, 4, 20, 100, 3);
-    let plant = ring.node("plant");
-    assert_eq!([&plant["slips"], &plant["misses"], &plant["late"]], [&3.into(), &3.into(), &Value::from(0)]);
-    assert_eq!([&plant["response"]["n"], &plant["response_per_slot"]["n"]], [&2.into(), &Value::from(5)]);
-    near(&plant["response"], "max_us", 120.0);
-    near(&plant["response_per_slot"], "max_us", 30_120.0);
-    assert_eq!(ring.worst()["tick"], 4, "charged to the tick that ended the stall");
-    assert_eq!(ring.worst()["late_us"], 30_120.0);
-    assert_eq!((&ring.worst()["node"], &ring.worst()["part"]), (&"plant".into(), &"jitter".into()));
+    let mut ring = Ring::after(1);
+    ring.go_on(4, 0, &[Topic::State], 3); // the plant slept through three releases and is in time for the fourth
+    assert_eq!(ring.counts("plant", ["slips", "misses", "late"]), [3, 3, 0]);
+    assert_eq!(ring.counts("plant", ["response/n", "response_per_slot/n"]), [2, 5]);
+    ring.near("/nodes/plant/response/max_us", 120.0);
+    ring.near("/nodes/plant/response_per_slot/max_us", 30_120.0);
+    let charged = ["4", "30120.0", "plant", "jitter"];
+    assert_eq!(ring.worst(["tick", "late_us", "node", "part"]), charged, "to the tick that ended the stall");
 }
 
 #[test]
 fn a_run_of_misses_goes_on_through_slips_and_ends_with_a_cycle_in_time() {
-    let mut ring = Ring::new();
-    let run = |ring: &Ring| ring.node("guidance")["longest_run_of_misses"].as_u64().unwrap();
+    let mut ring = Ring::after(0);
     let mut tick = 0;
-    let mut guidance = |ring: &mut Ring, execution_us, slips| {
+    let mut longest_run = |execution_us, slips| {
         tick += 1 + slips;
         ring.now_us = tick * PERIOD_US;
         ring.cycle(Topic::Reference, tick, 20, execution_us, slips);
+        ring.counts("guidance", ["longest_run_of_misses"])[0]
     };
-    guidance(&mut ring, 100, 0);
-    assert_eq!(run(&ring), 0);
-    guidance(&mut ring, 12_000, 0); // late
-    guidance(&mut ring, 12_000, 2); // two skipped, late again
-    guidance(&mut ring, 100, 1); // one skipped, then in time
-    assert_eq!(run(&ring), 5);
-    guidance(&mut ring, 12_000, 0);
-    assert_eq!(run(&ring), 5, "a run of one after it");
-    assert_eq!(ring.node("guidance")["late"], 3);
-    assert_eq!(ring.timing.misses(), 6);
+    assert_eq!(longest_run(100, 0), 0);
+    longest_run(12_000, 0); // late
+    longest_run(12_000, 2); // two skipped, late again
+    assert_eq!(longest_run(100, 1), 5, "one skipped, then in time");
+    assert_eq!(longest_run(12_000, 0), 5, "a run of one after it");
+    assert_eq!((ring.counts("guidance", ["late"]), ring.timing.misses()), ([3], 6));
 }
 
 #[test]
 fn a_message_withheld_is_a_late_one_and_its_slot_stays_silent() {
-    let mut ring = Ring::new();
-    ring.turn(0, IN_TIME);
+    let mut ring = Ring::after(1);
     ring.last[3].misses += 2; // two cycles came too late, and their messages were not sent
-    ring.now_us = 3 * PERIOD_US;
-    ring.cycle(Topic::Actuators, 3, 20, 100, 0);
-    let mixer = ring.node("mixer");
-    assert_eq!(["late", "withheld", "misses", "slips"].map(|key| mixer[key].as_u64().unwrap()), [2, 2, 2, 0]);
-    assert_eq!((&mixer["longest_run_of_misses"], &mixer["policy"]), (&2.into(), &"skip".into()));
-    assert_eq!((&mixer["response"]["n"], &mixer["response_per_slot"]["n"]), (&2.into(), &4.into()));
-    near(&mixer["response_per_slot"], "max_us", 20_120.0);
-    assert_eq!(mixer["cpu"]["n"], 0, "what the stamp tells is the CPU time of a cycle withheld");
-    assert_eq!((&ring.worst()["tick"], &ring.worst()["node"]), (&3.into(), &"mixer".into()));
-    assert_eq!(ring.worst()["cause"], "late messages were withheld, as the deadline's policy says");
+    ring.go_on(3, 0, &[Topic::Actuators], 0);
+    assert_eq!(ring.counts("mixer", ["late", "withheld", "misses", "slips"]), [2, 2, 2, 0]);
+    assert_eq!((ring.counts("mixer", ["longest_run_of_misses"]), ring.at("/nodes/mixer/policy")), ([2], "skip".into()));
+    assert_eq!(ring.counts("mixer", ["response/n", "response_per_slot/n"]), [2, 4]);
+    ring.near("/nodes/mixer/response_per_slot/max_us", 20_120.0);
+    assert_eq!(ring.counts("mixer", ["cpu/n"]), [0], "what the stamp tells is the CPU time of a cycle withheld");
+    let withheld = ["3", "mixer", "late messages were withheld, as the deadline's policy says"];
+    assert_eq!(ring.worst(["tick", "node", "cause"]), withheld);
 }
 
 #[test]
 fn an_age_held_grows_by_a_period_per_slot() {
-    let mut ring = Ring::new();
-    (0..3).for_each(|tick| ring.turn(tick, IN_TIME));
+    let mut ring = Ring::after(3);
     // Samples 3, 4 and 5 see the command of tick 2; then one comes that is 35 ms old.
-    for tick in 3..6 {
-        ring.now_us = tick * PERIOD_US;
-        ring.cycle(Topic::State, tick, 20, 100, 0);
-    }
+    (3..6).for_each(|tick| ring.go_on(tick, 0, &[Topic::State], 0));
     ring.applied = (9, 35_000 * US);
-    ring.now_us = 6 * PERIOD_US;
-    ring.cycle(Topic::State, 6, 20, 100, 0);
-    let timing = ring.timing.to_json(&ring.happened);
-    let [commands, slots] = [&timing["age_at_actuator"], &timing["age_at_actuator_per_slot"]];
-    assert_eq!((&commands["n"], &slots["n"]), (&4.into(), &6.into()));
-    near(commands, "p50_us", 480.0);
-    near(slots, "p90_us", 35_000.0);
+    ring.go_on(6, 0, &[Topic::State], 0);
+    let counts = ["", "_per_slot"].map(|over| ring.at(&format!("/age_at_actuator{over}/n")));
+    assert_eq!(counts, [4, 6].map(Value::from));
+    ring.near("/age_at_actuator/p50_us", 480.0);
+    ring.near("/age_at_actuator_per_slot/p90_us", 35_000.0);
     assert_eq!(ring.timing.age.per_slot.count_between(20_400 * US, 20_600 * US), 1, "the second slot held");
 }
 
@@ -286,23 +268,21 @@ fn a_stalled_plant_held_its_command_in_every_slot() {
 
 #[test]
 fn counters_begin_anew_with_another_epoch() {
-    let mut ring = Ring::new();
-    ring.now_us = 3 * PERIOD_US;
-    ring.cycle(Topic::Actuators, 3, 20, 100, 3);
+    let mut ring = Ring::after(0);
+    ring.go_on(3, 0, &[Topic::Actuators], 3);
     ring.send(Topic::Actuators, Stamp { tick: 4, epoch: 2, sequence: 1, misses: 1, slips: 1, ..Stamp::default() });
-    assert_eq!((ring.node("mixer")["slips"].as_u64(), ring.timing.misses()), (Some(4), 4));
+    assert_eq!((ring.counts("mixer", ["slips"]), ring.timing.misses()), ([4], 4));
 }
 
 #[test]
 fn misses_of_a_standby_are_no_misses_of_the_flight() {
-    let mut ring = Ring::new();
+    let mut ring = Ring::after(0);
     let mut say = |tick: u64, epoch, delivery, slips| {
         let sample_ns = (EPOCH_US + tick * PERIOD_US) * US;
         let (start_ns, release_ns) = (sample_ns, sample_ns);
-        let mut stamp = Stamp { tick, sample_ns, epoch, delivery, release_ns, start_ns, slips, ..Stamp::default() };
-        (stamp.sequence, stamp.misses) = (tick + 1, slips);
-        stamp.publish_ns[Topic::Actuators as usize] = sample_ns + 100 * US;
-        ring.send(Topic::Actuators, stamp);
+        let stamp =
+            Stamp { tick, sample_ns, epoch, delivery, release_ns, start_ns, slips, misses: slips, ..Stamp::default() };
+        ring.send(Topic::Actuators, stamp.published(Topic::Actuators, tick + 1, sample_ns + 100 * US));
     };
     for tick in 0..4 {
         say(tick, 1, delivery::DELIVERED, 0);
@@ -313,9 +293,182 @@ fn misses_of_a_standby_are_no_misses_of_the_flight() {
         say(tick, 1, delivery::STANDBY, tick);
     }
     say(8, 1, delivery::DELIVERED, 7); // active again
-    let mixer = ring.node("mixer");
-    assert_eq!(["slips", "misses"].map(|key| mixer[key].as_u64().unwrap()), [1, 1]);
-    assert_eq!((&mixer["response"]["n"], &mixer["response_per_slot"]["n"]), (&9.into(), &10.into()));
-    assert_eq!(mixer["cpu"]["n"], 2 + 3, "of cycles active, but for the first and the last of each time");
-    assert_eq!((&ring.worst()["tick"], &ring.worst()["late_us"]), (&4.into(), &10_100.0.into()));
+    assert_eq!(ring.counts("mixer", ["slips", "misses", "response/n", "response_per_slot/n"]), [1, 1, 9, 10]);
+    assert_eq!(
+        ring.counts("mixer", ["cpu/n"]),
+        [2 + 3],
+        "of cycles active, but for the first and the last of each time"
+    );
+    assert_eq!(ring.worst(["tick", "late_us"]), ["4", "10100.0"]);
+}
+
+/// Twenty ticks in time, then number 20 with `delay`, then one in time whose stamps tell the CPU time of that.
+fn late_tick(delay: [(u64, u64); 4], cpu_us: u64, solve_us: u64) -> Ring {
+    let mut ring = Ring { solve_us, ..Ring::after(20) };
+    ring.turn(20, delay);
+    ring.cpu_us = cpu_us;
+    ring.turn(21, IN_TIME);
+    ring
+}
+
+const MPC_EXECUTION: [(u64, u64); 4] = [(0, 0), (0, 0), (0, 7_000), (0, 0)];
+const MIXER_EXECUTION: [(u64, u64); 4] = [(0, 0), (0, 0), (0, 0), (0, 14_000)];
+
+#[test]
+fn the_worst_tick_names_the_part_and_its_cause() {
+    let of = |delay, cpu_us, solve_us| {
+        let ring = late_tick(delay, cpu_us, solve_us);
+        assert_eq!(ring.worst(["tick", "position_error_m"]), ["20", "0.25"]);
+        ring.worst(["node", "part", "cause"])
+    };
+    assert_eq!(of([(4_000, 0), (0, 0), (0, 0), (0, 0)], 90, 0), ["plant", "jitter", NOT_SCHEDULED]);
+    assert_eq!(of([(0, 0), (0, 0), (0, 0), (4_000, 0)], 90, 0), ["mixer", "hop", NOT_SCHEDULED]);
+    assert_eq!(of(MPC_EXECUTION, 90, 80), ["attitude-mpc", "execution", "preempted while it ran"]);
+    assert_eq!(of(MPC_EXECUTION, 7_050, 6_900), ["attitude-mpc", "execution", "the solver"]);
+    assert_eq!(of(MPC_EXECUTION, 7_050, 80), ["attitude-mpc", "execution", "its own work"]);
+    assert_eq!(of([(0, 0), (0, 7_000), (0, 0), (0, 0)], 7_050, 6_900), ["guidance", "execution", "its own work"]);
+}
+
+#[test]
+fn a_node_still_at_work_is_late_for_its_next_input() {
+    let mut ring = Ring::after(22);
+    ring.turn(22, MIXER_EXECUTION); // the mixer sends 14.48 ms after the sample
+    ring.turn(23, [(0, 0), (0, 0), (0, 0), (4_100, 0)]); // and begins the next when it has
+    let worst = ring.timing.worst_ticks(&ring.happened);
+    let told = |i: usize| (worst[i].0.number, worst[i].1.node(), worst[i].1.cause);
+    assert_eq!(told(0), (22, "mixer", "preempted while it ran"));
+    assert_eq!(told(1), (23, "mixer", "the cycle before was not over"));
+}
+
+#[test]
+fn the_cpu_time_of_the_last_cycle_is_not_known() {
+    let mut ring = Ring::after(22);
+    ring.turn(22, MIXER_EXECUTION);
+    assert_eq!(ring.worst(["cause", "nodes/mixer/cpu_us"]), ["CPU time not known", "null"]);
+    ring.last[3].sequence += 1; // a message was not seen: the next one tells the CPU time of that
+    ring.turn(23, IN_TIME);
+    assert_eq!(ring.worst(["nodes/mixer/cpu_us"]), ["null"]);
+}
+
+#[test]
+fn the_ten_worst_outlive_a_long_flight_and_a_late_answer_finds_its_tick() {
+    let mut ring = Ring::after(0);
+    for tick in 0..9_000 {
+        let delay = if tick % 500 == 7 { 1_000 + tick / 10 } else { 0 };
+        ring.turn(tick, [(0, 0), (delay, 0), (0, 0), (0, 0)]);
+    }
+    ring.now_us = 9_000 * PERIOD_US;
+    ring.cycle(Topic::Actuators, 7, 20, 100, 0); // the answer to tick 7, ninety seconds later
+    let ticks: Vec<_> = ring.timing.worst_ticks(&ring.happened).iter().map(|(tick, _)| tick.number).collect();
+    assert_eq!(ticks, [7, 8507, 8007, 7507, 7007, 6507, 6007, 5507, 5007, 4507]);
+    ring.near("/worst_ticks/1/late_us", 480.0 + 1_850.0);
+}
+
+#[test]
+fn outside_real_time_no_tick_is_late() {
+    let mut ring = Ring::new(Mode::Lockstep);
+    (0..10).for_each(|tick| ring.turn(tick, IN_TIME));
+    assert_eq!(ring.at("/worst_ticks"), json!([]));
+}
+
+#[test]
+fn histograms_on_disk_are_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    late_tick(MPC_EXECUTION, 90, 80).timing.write_histograms(folder.path()).unwrap();
+    assert_eq!(std::fs::read_dir(folder.path().join(HISTOGRAMS)).unwrap().count(), 4 * 5 + 3 + 2);
+    let text = std::fs::read(folder.path().join("histograms/attitude-mpc-execution.hlog")).unwrap();
+    let entries: Vec<_> = IntervalLogIterator::new(&text).map(Result::unwrap).collect();
+    let [LogEntry::Interval(interval)] = &entries[..] else { panic!("one interval: {}", entries.len()) };
+    assert!((interval.max() - 7_100.0).abs() < 8.0, "the largest, in us: {}", interval.max());
+    assert!(interval.encoded_histogram().starts_with("HIST"), "version 2, compressed");
+}
+
+#[test]
+fn the_terminal_shows_every_node_both_ages_and_the_worst_tick() {
+    let text = late_tick(MPC_EXECUTION, 90, 80).timing.describe(&Happenings::default());
+    for told in [
+        "attitude-mpc       20     20      20      100   7102    7102      360   7361    7361       0    0",
+        "age at the actuator   p50 0.48 ms, p99 7.48 ms, max 7.48 ms over 21 commands applied",
+        "max 7.48 ms over 21 slots held",
+        "worst tick            7.48 ms, tick 20 at 0.20 s; position error 0.250 m",
+        "attitude-mpc: execution of 7.10 ms on 0.09 ms of CPU: preempted while it ran",
+    ] {
+        assert!(text.contains(told), "{told}\n{text}");
+    }
+}
+
+/// The worst tick is as late as the largest `response_per_slot` of all nodes.
+fn check_longest_slot(ring: &Ring) {
+    let longest = NODES.map(|node| ring.at(&format!("/nodes/{node}/response_per_slot/max_us")).as_f64().unwrap());
+    ring.near("/worst_ticks/0/late_us", longest.into_iter().fold(0.0, f64::max));
+}
+
+#[test]
+fn a_stall_of_the_host_that_all_nodes_sleep_through_is_one_stall() {
+    let mut ring = Ring::after(22);
+    // The host takes the processors for 25 ms: ticks 22 and 23 are slept through by all nodes, and 24 is late.
+    ring.go_on(24, 5_000, &Topic::ALL, 2);
+    assert_eq!(ring.worst(["tick", "late_us"]), ["24", "25480.0"], "two slots, not eight");
+    check_longest_slot(&ring);
+}
+
+/// A mixer that dies after tick 20, and whose next process answers tick 25 first.
+fn replaced(faults: &Value, events: &Value) -> Ring {
+    let mut ring = Ring { happened: Happenings::new(faults, events), ..Ring::after(22) };
+    for tick in 22..25 {
+        ring.now_us = tick * PERIOD_US;
+        for topic in [Topic::State, Topic::Reference, Topic::Controls] {
+            let wake_us = if (topic, tick) == (Topic::State, 23) { 220 } else { 20 };
+            ring.cycle(topic, tick, wake_us, 100, 0);
+        }
+    }
+    let sample_ns = (EPOCH_US + 25 * PERIOD_US) * US;
+    let start_ns = sample_ns + 20 * US;
+    let stamp = Stamp { tick: 25, epoch: 2, sample_ns, release_ns: sample_ns, start_ns, ..Stamp::default() };
+    ring.send(Topic::Actuators, stamp.published(Topic::Actuators, 1, sample_ns + 120 * US));
+    ring
+}
+
+#[test]
+fn faults_deaths_and_replacements_are_told_before_the_host() {
+    let kill = json!([
+        { "target": "wind", "kind": "gust", "injected_at_s": 0.0, "ended_at_s": null },
+        { "target": "mixer", "kind": "kill", "injected_at_s": 0.215, "ended_at_s": null },
+    ]);
+    let died = json!([
+        { "at_s": 0.22, "node": "mixer", "epoch": 1, "what": "died" },
+        { "at_s": 0.25, "node": "mixer", "epoch": 2, "what": "took-over" },
+    ]);
+    let of = |faults: &Value, events: &Value| replaced(faults, events).worst(["cause", "in_words"]);
+    let none = json!([]);
+    assert_eq!(of(&none, &none)[0], NOT_SCHEDULED);
+    assert_eq!(of(&kill, &none), ["a fault acted", "mixer: hop of 30.02 ms: mixer kill, from 0.21 s"]);
+    let [cause, words] = of(&kill, &died);
+    assert_eq!(cause, "a process died or hung");
+    assert_eq!(
+        words,
+        "mixer: hop of 30.02 ms: mixer kill, from 0.21 s; mixer was down, 0.22 to 0.25 s; mixer died at 0.22 s; 1 more"
+    );
+    let taken_over = json!([{ "at_s": 0.25, "node": "mixer", "epoch": 2, "what": "took-over" }]);
+    assert_eq!(of(&none, &taken_over)[0], "a process died, started or was replaced");
+}
+
+#[test]
+fn the_slots_of_a_dead_process_waited_for_the_next_one() {
+    let died = json!([{ "at_s": 0.22, "node": "mixer", "epoch": 1, "what": "died" }]);
+    let ring = replaced(&Value::Null, &died);
+    assert_eq!(ring.worst(["tick", "late_us", "nodes/mixer/slips", "nodes/mixer/silent"]), ["25", "30120.0", "0", "3"]);
+    check_longest_slot(&ring);
+    let worst = ring.timing.worst_ticks(&ring.happened);
+    let (_, unanswered) = worst.iter().find(|(tick, _)| tick.number == 23).unwrap();
+    assert_eq!(unanswered.cause, "a process died or hung");
+}
+
+#[test]
+fn an_input_that_does_not_come_is_waited_for() {
+    let mut ring = Ring::after(22);
+    ring.go_on(22, 0, &[Topic::State, Topic::Reference, Topic::Controls], 0);
+    ring.go_on(22, 8_000, &[Topic::Actuators], 0); // its patience: the demand was lost on the way
+    let words = "mixer: wait for its input of 7.64 ms: its input did not come";
+    assert_eq!(ring.worst(["tick", "cause", "in_words"]), ["22", "its input did not come", words]);
 }

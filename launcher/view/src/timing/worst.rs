@@ -153,9 +153,6 @@ impl Part {
     }
 }
 
-/// The likely cause of a tick on which no part took much longer than usual.
-const NOTHING: &str = "nothing stands out";
-
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Culprit {
     pub topic: Topic,
@@ -179,7 +176,12 @@ impl Culprit {
         let ms = |ns: u64| ns as f64 / 1e6;
         let cpu = self.cpu_ns.map_or(String::new(), |ns| format!(" on {:.2} ms of CPU", ms(ns)));
         let (node, part) = (self.node(), self.part.name());
-        let cause = if self.known.is_empty() { self.cause.to_owned() } else { in_short(&self.known) };
+        let mut cause = self.known.iter().take(3).cloned().collect::<Vec<_>>().join("; ");
+        match self.known.len() {
+            0 => cause = self.cause.to_owned(),
+            1..=3 => {}
+            count => cause += &format!("; {} more", count - 3),
+        }
         format!("{node}: {part} of {:.2} ms{cpu}: {cause}", ms(self.part_ns))
     }
 }
@@ -202,21 +204,21 @@ pub fn culprit(tick: &TimedTick, usual: &[[u64; 2]; Topic::COUNT], happened: &Ha
     let longest = parts.flatten().max_by_key(|(.., part_ns, usual_ns)| part_ns.saturating_sub(*usual_ns));
     longest.map(|(topic, cycle, part, part_ns, usual_ns)| {
         let [from_s, to_s] = tick.stretch_s();
-        let known = happened.causes(topic, from_s, to_s);
-        let cause = if !known.absences.is_empty() {
-            "a process died or hung"
-        } else if part_ns <= 2 * usual_ns {
-            NOTHING
-        } else if !known.faults.is_empty() {
-            "a fault acted"
-        } else if !known.events.is_empty() {
-            "a process died, started or was replaced"
-        } else {
-            infer(cycle, part, topic)
-        };
-        let facts = if cause == NOTHING { vec![] } else { [known.faults, known.absences, known.events].concat() };
+        let causes = happened.causes(topic, from_s, to_s);
+        let [fault, absence, event] = causes.each_ref().map(|known| !known.is_empty());
         let cpu_ns = cycle.cpu_ns.filter(|_| part == Part::Execution);
-        Culprit { topic, part, part_ns, cpu_ns, cause, known: facts }
+        let of = |cause| Culprit { topic, part, part_ns, cpu_ns, cause, known: causes.concat() };
+        if absence {
+            of("a process died or hung")
+        } else if part_ns <= 2 * usual_ns {
+            Culprit { known: vec![], ..of("nothing stands out") }
+        } else if fault {
+            of("a fault acted")
+        } else if event {
+            of("a process died, started or was replaced")
+        } else {
+            of(infer(cycle, part, topic))
+        }
     })
 }
 
@@ -235,10 +237,4 @@ fn infer(cycle: &Cycle, part: Part, topic: Topic) -> &'static str {
         (Part::Execution, Some(_)) if topic == Topic::Controls && cycle.solve_ns > half_ns => "the solver",
         (Part::Execution, Some(_)) => "its own work",
     }
-}
-
-/// The first three; how many more there are.
-fn in_short(facts: &[String]) -> String {
-    let told = facts.iter().take(3).cloned().collect::<Vec<_>>().join("; ");
-    if facts.len() > 3 { format!("{told}; {} more", facts.len() - 3) } else { told }
 }
