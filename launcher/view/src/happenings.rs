@@ -46,7 +46,9 @@ impl Happenings {
     pub fn new(faults: &Value, events: &Value) -> Self {
         let list = |value: &Value| value.as_array().cloned().unwrap_or_default();
         let mut marks: Vec<Mark> = list(events).iter().filter_map(|event| Mark::deserialize(event).ok()).collect();
-        marks.iter_mut().for_each(|mark| mark.what = mark.what.replace('-', " "));
+        for mark in &mut marks {
+            mark.what = mark.what.replace('-', " ");
+        }
         marks.sort_by(|a, b| a.at_s.total_cmp(&b.at_s));
         Self {
             faults: list(faults).iter().zip(1..).filter_map(|(fault, number)| Span::of_fault(fault, number)).collect(),

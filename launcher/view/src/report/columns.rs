@@ -162,12 +162,4 @@ mod tests {
         assert!(thinned[4].is_nan() && thinned[5].is_nan());
         assert_eq!(thinned[6..], [7.0, 7.0]);
     }
-
-    #[test]
-    fn a_minute_is_drawn_tick_by_tick_and_an_hour_is_thinned() {
-        assert_eq!(bucket(6001), 1);
-        for rows in [6401_usize, 7000, 360_001] {
-            assert!(rows.div_ceil(bucket(rows)) * 2 <= MAX_ROWS + 2, "{rows}");
-        }
-    }
 }

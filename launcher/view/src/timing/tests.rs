@@ -106,7 +106,9 @@ impl Ring {
     /// The ring goes on at `tick`, so long after its sample, with one cycle of each of these nodes.
     fn go_on(&mut self, tick: u64, after_us: u64, topics: &[Topic], slips: u64) {
         self.now_us = tick * PERIOD_US + after_us;
-        topics.iter().for_each(|topic| self.cycle(*topic, tick, 20, 100, slips));
+        for topic in topics {
+            self.cycle(*topic, tick, 20, 100, slips);
+        }
     }
 
     /// A value of the `timing` table.
@@ -179,7 +181,9 @@ fn a_late_wake_is_jitter_and_an_early_one_is_none() {
     let mut ring = Ring::after(1);
     ring.turn(1, [(3_000, 0), (0, 0), (0, 0), (0, 0)]);
     let late = [("plant/jitter", 3_020.0), ("mixer/response", 3_480.0), ("mixer/hop", 20.0)];
-    late.into_iter().for_each(|(figure, us)| ring.near(&format!("/nodes/{figure}/max_us"), us));
+    for (figure, us) in late {
+        ring.near(&format!("/nodes/{figure}/max_us"), us);
+    }
     let before = ring.last[0];
     ring.send(Topic::State, Stamp { sequence: before.sequence + 1, start_ns: before.release_ns - 5 * US, ..before });
     assert_eq!(ring.counts("plant", ["jitter/n"]), [3]);

@@ -176,12 +176,12 @@ impl Culprit {
         let ms = |ns: u64| ns as f64 / 1e6;
         let cpu = self.cpu_ns.map_or(String::new(), |ns| format!(" on {:.2} ms of CPU", ms(ns)));
         let (node, part) = (self.node(), self.part.name());
-        let mut cause = self.known.iter().take(3).cloned().collect::<Vec<_>>().join("; ");
-        match self.known.len() {
-            0 => cause = self.cause.to_owned(),
-            1..=3 => {}
-            count => cause += &format!("; {} more", count - 3),
-        }
+        let known = self.known.iter().take(3).cloned().collect::<Vec<_>>().join("; ");
+        let cause = match self.known.len() {
+            0 => self.cause.to_owned(),
+            1..=3 => known,
+            count => format!("{known}; {} more", count - 3),
+        };
         format!("{node}: {part} of {:.2} ms{cpu}: {cause}", ms(self.part_ns))
     }
 }
