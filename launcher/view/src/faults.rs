@@ -30,18 +30,18 @@ use contract::scenario::{Fault, FaultKind, FaultTarget};
 use contract::topic::Topic;
 use serde_json::{Value, json};
 
+use flight::event::name;
 use flight::log::Record;
 
 /// A process that has left so many samples without an answer shows its fault.
 const UNANSWERED: u64 = 3;
+/// Harm that shows later than this after the end of a fault has another cause \[s\].
+const GRACE_S: f64 = 0.5;
 
 pub struct Faults {
     watched: Vec<Watched>,
     rate_hz: u32,
 }
-
-/// Harm that shows later than this after the end of a fault has another cause \[s\].
-const GRACE_S: f64 = 0.5;
 
 /// One fault, and what was seen since.
 struct Watched {
@@ -67,9 +67,7 @@ struct Course {
 impl Faults {
     /// The faults of a scenario, none of which has struck yet.
     pub fn new(faults: &[Fault], rate_hz: u32) -> Self {
-        let mut none = Self { watched: vec![], rate_hz };
-        none.follow(faults);
-        none
+        Self { watched: faults.iter().map(|fault| Watched::new(*fault, rate_hz)).collect(), rate_hz }
     }
 
     /// The faults as they are now: some may have another end than before, and more may have come.
@@ -77,16 +75,8 @@ impl Faults {
         for (watched, fault) in self.watched.iter_mut().zip(faults) {
             watched.fault = *fault;
         }
-        let come = faults.get(self.watched.len()..).unwrap_or_default();
-        let watch = |fault: &Fault| Watched {
-            rate_hz: self.rate_hz,
-            fault: *fault,
-            newest: 0,
-            marked: None,
-            obeyed: 0,
-            courses: Default::default(),
-        };
-        self.watched.extend(come.iter().map(watch));
+        let more = faults.iter().skip(self.watched.len()).map(|fault| Watched::new(*fault, self.rate_hz));
+        self.watched.extend(more.collect::<Vec<_>>());
     }
 
     pub fn observe(&mut self, record: &Record) {
@@ -131,6 +121,10 @@ impl Course {
 }
 
 impl Watched {
+    fn new(fault: Fault, rate_hz: u32) -> Self {
+        Self { rate_hz, fault, newest: 0, marked: None, obeyed: 0, courses: Default::default() }
+    }
+
     fn observe(&mut self, record: &Record) {
         let tick = record.stamp().tick;
         let course = &mut self.courses[record.topic() as usize];
@@ -152,6 +146,11 @@ impl Watched {
         self.fault.ticks(1.0 / f64::from(self.rate_hz))
     }
 
+    /// The topic of the process that it strikes, if it strikes one.
+    fn process(&self) -> Option<&Course> {
+        self.fault.target.process().map(|topic| &self.courses[topic as usize])
+    }
+
     fn injected(&self) -> Option<u64> {
         if self.fault.target.topic().is_some() && !self.fault.kind.is_intrusion() {
             return self.marked.map(|(first, _)| first);
@@ -171,11 +170,9 @@ impl Watched {
 
     fn detected(&self) -> Option<u64> {
         let injected = self.injected()?;
-        if let Some(topic) = self.fault.target.process() {
-            let course = &self.courses[topic as usize];
-            let silent =
-                course.last.filter(|last| self.newest.saturating_sub(*last) >= UNANSWERED).map(|last| last + 1);
-            return course.first(injected, true).or(silent);
+        if let Some(course) = self.process() {
+            let silent = course.last.filter(|last| self.newest.saturating_sub(*last) >= UNANSWERED);
+            return course.first(injected, true).or(silent.map(|last| last + 1));
         }
         let first = self.courses.iter().filter_map(|course| course.first(injected, true)).min();
         let grace = (GRACE_S * f64::from(self.rate_hz)) as u64;
@@ -184,8 +181,8 @@ impl Watched {
 
     fn recovered(&self) -> Option<u64> {
         let (injected, detected) = (self.injected()?, self.detected()?);
-        if let Some(topic) = self.fault.target.process() {
-            return self.courses[topic as usize].first(detected, false);
+        if let Some(course) = self.process() {
+            return course.first(detected, false);
         }
         let from = self.ended()?.max(detected);
         let mut harmed = self.courses.iter().filter(|course| course.first(injected, true).is_some());
@@ -197,16 +194,16 @@ impl Watched {
         ticks as f64 / f64::from(self.rate_hz)
     }
 
-    fn detected_after_s(&self) -> Option<f64> {
-        Some(self.seconds(self.detected()?.saturating_sub(self.injected()?)))
-    }
-
-    fn recovered_after_s(&self) -> Option<f64> {
-        let since = if self.fault.target.process().is_some() { self.detected() } else { self.ended() };
-        Some(self.seconds(self.recovered()?.saturating_sub(since?)))
+    /// From the injection to the detection, and from there or from the fault's end to the recovery \[s\].
+    fn delays_s(&self) -> [Option<f64>; 2] {
+        let (injected, ended, detected) = (self.injected(), self.ended(), self.detected());
+        let since = if self.process().is_some() { detected } else { ended };
+        [(detected, injected), (self.recovered(), since)]
+            .map(|(to, from)| Some(self.seconds(to?.saturating_sub(from?))))
     }
 
     fn to_json(&self) -> Value {
+        let [detected_after_s, recovered_after_s] = self.delays_s();
         json!({
             "target": self.fault.target,
             "kind": self.fault.kind,
@@ -214,8 +211,8 @@ impl Watched {
             "for_s": self.fault.for_s,
             "injected_at_s": self.injected().map(|tick| self.seconds(tick)),
             "ended_at_s": self.ended().map(|tick| self.seconds(tick)),
-            "detected_after_s": self.detected_after_s(),
-            "recovered_after_s": self.recovered_after_s(),
+            "detected_after_s": detected_after_s,
+            "recovered_after_s": recovered_after_s,
         })
     }
 
@@ -224,11 +221,14 @@ impl Watched {
             return format!("{} at {} s: never struck", what(&self.fault), self.fault.at_s);
         };
         let course = course(&self.fault, self.seconds(injected));
-        // Wind, or a fault that the flight tolerates: there is nothing to recover from.
-        let Some(detected_s) = self.detected_after_s() else { return format!("{course}: no message shows harm") };
-        let recovered =
-            self.recovered_after_s().map_or("not recovered".into(), |s| format!("recovered after {s:.2} s"));
-        format!("{course}: detected after {detected_s:.2} s, {recovered}")
+        match self.delays_s() {
+            // Wind, or a fault that the flight tolerates: there is nothing to recover from.
+            [None, _] => format!("{course}: no message shows harm"),
+            [Some(detected_s), None] => format!("{course}: detected after {detected_s:.2} s, not recovered"),
+            [Some(detected_s), Some(recovered_s)] => {
+                format!("{course}: detected after {detected_s:.2} s, recovered after {recovered_s:.2} s")
+            }
+        }
     }
 }
 
@@ -244,7 +244,7 @@ pub fn course(fault: &Fault, from_s: f64) -> String {
 
 /// Target and kind as the scenario file spells them.
 fn what(fault: &Fault) -> String {
-    format!("{} {}", fault.target.name(), json!(fault.kind).as_str().unwrap_or_default())
+    format!("{} {}", fault.target.name(), name(fault.kind))
 }
 
 /// What is known to be wrong with ACTUATORS of these flags, other than a limit.

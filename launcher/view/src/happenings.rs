@@ -60,12 +60,15 @@ impl Happenings {
     /// What can have delayed `topic` between two instants: faults, absences and events of that time.
     pub fn causes(&self, topic: Topic, from_s: f64, to_s: f64) -> [Vec<String>; 3] {
         let spans = |all: &[Span]| -> Vec<String> {
-            let during = |span: &&Span| span.delays[topic as usize] && span.covers(from_s, to_s);
-            all.iter().filter(during).map(Span::describe).collect()
+            let during = |span: &&Span| span.from_s <= to_s && span.to_s.is_none_or(|end_s| end_s > from_s);
+            all.iter().filter(|span| span.delays[topic as usize]).filter(during).map(Span::describe).collect()
+        };
+        // A process of a node came, went, or took over; what was ordered by hand is among the faults.
+        let concerns_a_node = |mark: &&Mark| {
+            NODES.contains(&mark.node.as_str()) && !["injected", "cleared"].contains(&mark.what.as_str())
         };
         let then = self.events.iter().filter(|mark| mark.at_s >= from_s && mark.at_s <= to_s);
-        let events = then.filter(|mark| mark.concerns_a_node()).map(Mark::describe).collect();
-        [spans(&self.faults), spans(&self.absences), events]
+        [spans(&self.faults), spans(&self.absences), then.filter(concerns_a_node).map(Mark::describe).collect()]
     }
 }
 
@@ -75,10 +78,6 @@ impl Span {
             Some(to_s) => format!("{}, {:.2} to {to_s:.2} s", self.what, self.from_s),
             None => format!("{}, from {:.2} s", self.what, self.from_s),
         }
-    }
-
-    fn covers(&self, from_s: f64, to_s: f64) -> bool {
-        self.from_s <= to_s && self.to_s.is_none_or(|end_s| end_s > from_s)
     }
 
     fn of_fault(fault: &Value, number: usize) -> Option<Self> {
@@ -102,33 +101,23 @@ impl Mark {
         let why = self.why.as_ref().map_or(String::new(), |why| format!(" ({why})"));
         format!("{} {} at {:.2} s{why}", self.node, self.what, self.at_s)
     }
-
-    /// Whether a process of a node came, went, or took over: what can delay a cycle.
-    fn concerns_a_node(&self) -> bool {
-        const ORDERED: [&str; 2] = ["injected", "cleared"];
-        NODES.contains(&self.node.as_str()) && !ORDERED.contains(&self.what.as_str())
-    }
 }
 
 /// Which nodes' cycles a fault can delay. A process fault: those of its node, a hog all. A fault of a topic: those of the nodes
 /// that wait for it. A fault of the solver: those of attitude-mpc. Clock and host: all. What acts on the vehicle: none.
 fn delays(target: Option<FaultTarget>, kind: Option<FaultKind>) -> [bool; Topic::COUNT] {
     use FaultTarget as T;
-    let only = |of: &dyn Fn(Topic) -> bool| Topic::ALL.map(of);
-    let Some(target) = target else { return [false; Topic::COUNT] };
-    if let Some(process) = target.process() {
-        return only(&|topic| topic == process || kind == Some(FaultKind::Hog));
-    }
-    match target {
-        T::State => only(&|topic| topic != Topic::State),
-        T::Reference | T::Controls | T::Actuators => {
-            let sent = target.topic().map_or(0, |topic| topic as usize);
-            only(&|topic| topic as usize == (sent + 1) % Topic::COUNT)
-        }
-        T::Mpc => only(&|topic| topic == Topic::Controls),
-        T::Clock | T::Host => [true; Topic::COUNT],
-        _ => [false; Topic::COUNT],
-    }
+    Topic::ALL.map(|topic| match target {
+        None => false,
+        Some(T::State) => topic != Topic::State,
+        Some(T::Mpc) => topic == Topic::Controls,
+        Some(T::Clock | T::Host) => true,
+        Some(target) => match (target.process(), target.topic()) {
+            (Some(process), _) => topic == process || kind == Some(FaultKind::Hog),
+            (None, Some(sent)) => topic as usize == (sent as usize + 1) % Topic::COUNT,
+            (None, None) => false,
+        },
+    })
 }
 
 /// When the node of `topic` had no active process.

@@ -2,17 +2,18 @@
 
 use contract::Scenario;
 use contract::exit;
+use contract::guard::Refusal;
 use contract::scenario::{Mode, TrajectoryKind};
 use contract::topic::NODES;
 use runtime::port::PortFailure;
 use serde_json::{Value, json};
 
-use crate::bounds;
+use crate::bounds::{self, BoundCheck};
 use crate::happenings::Happenings;
 use crate::summary::Summary;
 use flight::event::{Event, What, events, name, untried};
 use flight::recorder::LogOutcome;
-use flight::stack::{Ended, PortFailures, Refused, refused};
+use flight::stack::{Ended, PortFailures, Refused};
 
 /// What is known of a run besides its messages.
 pub struct Circumstances {
@@ -63,18 +64,14 @@ pub fn describe_end(summary: &Summary, how: &Circumstances) -> String {
 
 /// What else a reader must know, the gravest first; nothing when all went well.
 pub fn reservations(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> Vec<String> {
-    let outside: Vec<_> = bounds::check(scenario, &summary.metrics()).into_iter().filter(|bound| !bound.ok).collect();
-    let exceeded = outside.iter().any(|bound| bound.metric == "max_fallback_s");
-    let mut told: Vec<String> = outside
-        .iter()
-        .map(|bound| {
-            let [what, unit] = bound.words;
-            format!("{what} {:.3} {unit} (bound {} {unit})", bound.measured, bound.limit)
-        })
-        .collect();
-    let fallback_s = summary.metrics().fallback_s;
-    if fallback_s > 0.0 && !exceeded {
-        told.push(format!("mixer on its fallback for {fallback_s:.2} s"));
+    let metrics = summary.metrics();
+    let outside: Vec<_> = bounds::check(scenario, &metrics).into_iter().filter(|bound| !bound.ok).collect();
+    let describe = |BoundCheck { words: [what, unit], measured, limit, .. }: &BoundCheck| {
+        format!("{what} {measured:.3} {unit} (bound {limit} {unit})")
+    };
+    let mut told: Vec<String> = outside.iter().map(describe).collect();
+    if metrics.fallback_s > 0.0 && !outside.iter().any(|bound| bound.metric == "max_fallback_s") {
+        told.push(format!("mixer on its fallback for {:.2} s", metrics.fallback_s));
     }
     let failed = |event: &&Event| matches!(event.what, What::Died | What::Hung | What::GivenUp);
     let mut nodes: Vec<&str> = how.events.iter().filter(failed).map(|event| event.node.as_str()).collect();
@@ -87,10 +84,10 @@ pub fn reservations(summary: &Summary, scenario: &Scenario, how: &Circumstances)
         told.extend((log.dropped > 0).then(|| format!("{} records are missing in the log", log.dropped)));
         told.extend(log.error.is_some().then(|| "the log is not whole".to_owned()));
     }
-    let failing = how.port_failures.iter().filter(|(_, counts)| counts.iter().any(|count| *count > 0));
-    told.extend(failing.map(|(node, counts)| {
-        format!("ports of {node} failed {} times", counts.iter().map(|count| u64::from(*count)).sum::<u64>())
-    }));
+    let failures = how.port_failures.iter().map(|(node, counts)| (node, counts.iter().copied().map(u64::from).sum()));
+    told.extend(
+        failures.filter(|(_, n): &(_, u64)| *n > 0).map(|(node, n)| format!("ports of {node} failed {n} times")),
+    );
     told.extend((summary.missed() > 0).then(|| format!("{} messages were not seen", summary.missed())));
     told
 }
@@ -120,18 +117,18 @@ pub fn run_json(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
         "unobserved": summary.missed(),
         "faults": faults,
         "events": events,
-        "refused": how.refused.iter().map(|(node, counts)| ((*node).to_owned(), refused(counts))).collect::<Value>(),
-        "port_failures": port_failures(&how.port_failures),
+        "refused": by_node(&how.refused, Refusal::ALL.map(Refusal::name)),
+        "port_failures": by_node(&how.port_failures, PortFailure::ALL.map(PortFailure::name)),
         "provenance": how.provenance,
     })
 }
 
-/// Failures of the ports of each node, by cause.
-fn port_failures(failures: &PortFailures) -> Value {
-    let by_cause = |counts: &[u32]| -> Value {
-        PortFailure::ALL.iter().zip(counts).map(|(failure, count)| (failure.name().to_owned(), json!(count))).collect()
+/// Counts of each node, by cause.
+fn by_node<const N: usize>(counts: &[(&str, [u32; N])], causes: [&str; N]) -> Value {
+    let by_cause = |counts: &[u32; N]| -> Value {
+        causes.iter().zip(counts).map(|(cause, count)| ((*cause).to_owned(), json!(count))).collect()
     };
-    failures.iter().map(|(node, counts)| ((*node).to_owned(), by_cause(counts))).collect()
+    counts.iter().map(|(node, counts)| ((*node).to_owned(), by_cause(counts))).collect()
 }
 
 /// Scheduling class and memory lock that the kernel gave the processes; `None` where they did not ask for any.
@@ -214,32 +211,29 @@ pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
 
 /// One line on every process to which something happened: what, how often, when, and the last reason told.
 fn describe_events(events: &[Event], sample_s: f64) -> Vec<String> {
-    let mut groups: Vec<Vec<&Event>> = vec![];
+    let describe = |(node, group): (&str, Vec<&Event>)| {
+        let words = grouped(&group, |event| name(event.what).replace('-', " "))
+            .into_iter()
+            .map(|(word, all)| if all.len() == 1 { word } else { format!("{word} {} times", all.len()) });
+        let why = group.iter().rev().find_map(|event| event.why.as_ref());
+        let why = why.map_or(String::new(), |why| format!(": {why}"));
+        let [first_s, last_s] = [0, group.len() - 1].map(|i| group[i].tick as f64 * sample_s);
+        format!("{node} {} from {first_s:.2} to {last_s:.2} s{why}", words.collect::<Vec<_>>().join(", "))
+    };
+    let all: Vec<&Event> = events.iter().collect();
+    grouped(&all, |event| event.node.as_str()).into_iter().map(describe).collect()
+}
+
+/// The events in groups of the same `key`, in the order of their first.
+fn grouped<'a, K: PartialEq>(events: &[&'a Event], key: impl Fn(&'a Event) -> K) -> Vec<(K, Vec<&'a Event>)> {
+    let mut groups: Vec<(K, Vec<&Event>)> = vec![];
     for event in events {
-        match groups.iter_mut().find(|group| group[0].node == event.node) {
-            Some(group) => group.push(event),
-            None => groups.push(vec![event]),
+        match groups.iter_mut().find(|(known, _)| *known == key(event)) {
+            Some((_, group)) => group.push(event),
+            None => groups.push((key(event), vec![event])),
         }
     }
-    let describe = |group: &Vec<&Event>| {
-        let mut counts: Vec<(What, u32)> = vec![];
-        for event in group {
-            match counts.iter_mut().find(|(what, _)| *what == event.what) {
-                Some((_, count)) => *count += 1,
-                None => counts.push((event.what, 1)),
-            }
-        }
-        let words = counts.iter().map(|(what, count)| {
-            let word = name(what).replace('-', " ");
-            if *count == 1 { word } else { format!("{word} {count} times") }
-        });
-        let at_s = |event: &Event| event.tick as f64 * sample_s;
-        let why =
-            group.iter().rev().find_map(|event| event.why.as_ref()).map_or(String::new(), |why| format!(": {why}"));
-        let (first_s, last_s) = (at_s(group[0]), at_s(group[group.len() - 1]));
-        format!("{} {} from {first_s:.2} to {last_s:.2} s{why}", group[0].node, words.collect::<Vec<_>>().join(", "))
-    };
-    groups.iter().map(describe).collect()
+    groups
 }
 
 fn metres(value: f64) -> String {

@@ -9,9 +9,12 @@ use serde_json::{Value, json};
 
 use crate::percentiles::{histogram, percentiles};
 
+/// The statuses of [`SolveStatus`], in its order.
+const STATUSES: [&str; 7] = ["explicit", "solved", "limit_reached", "fallback", "bad_input", "stale", "no_reference"];
+
 pub struct Solves {
-    /// Ticks by status, in the order of [`SolveStatus`].
-    ticks: [u64; 7],
+    /// Ticks by status.
+    ticks: [u64; STATUSES.len()],
     iterations_max: u64,
     /// Sum over the solved ticks.
     iterations: u64,
@@ -23,7 +26,7 @@ pub struct Solves {
 impl Solves {
     #[expect(clippy::new_without_default, reason = "an empty record is made on purpose, never by default")]
     pub fn new() -> Self {
-        Self { ticks: [0; 7], iterations_max: 0, iterations: 0, touching: 0, times: histogram() }
+        Self { ticks: [0; STATUSES.len()], iterations_max: 0, iterations: 0, touching: 0, times: histogram() }
     }
 
     /// Takes one message in. A status that the contract does not know is not counted.
@@ -41,39 +44,33 @@ impl Solves {
         }
     }
 
-    pub fn ticks(&self, status: SolveStatus) -> u64 {
-        self.ticks[status as usize]
-    }
-
     pub fn to_json(&self) -> Value {
-        let solved = self.ticks(SolveStatus::Solved);
+        let solved = self.ticks[SolveStatus::Solved as usize];
         let mean = (solved > 0).then(|| self.iterations as f64 / solved as f64);
-        json!({
-            "explicit": self.ticks(SolveStatus::Explicit),
-            "solved": solved,
-            "limit_reached": self.ticks(SolveStatus::LimitReached),
-            "fallback": self.ticks(SolveStatus::Fallback),
-            "bad_input": self.ticks(SolveStatus::BadInput),
-            "stale": self.ticks(SolveStatus::Stale),
-            "no_reference": self.ticks(SolveStatus::NoReference),
+        let mut told = json!({
             "iterations": { "max": self.iterations_max, "mean": mean },
             "ticks_with_active_constraints": self.touching,
             "solve_us": (!self.times.is_empty()).then(|| percentiles(&self.times)),
-        })
+        });
+        for (status, ticks) in STATUSES.into_iter().zip(self.ticks) {
+            told[status] = ticks.into();
+        }
+        told
     }
 
     /// One line for people; what is rare is told only when it happened.
     pub fn describe(&self) -> String {
         let [explicit, solved, limit_reached, fallback, bad_input, stale, no_reference] = self.ticks;
-        let told = |count: u64, text: String| if count > 0 { text } else { String::new() };
-        let iterations = told(solved, format!(" (max {} iterations)", self.iterations_max));
-        let limit_reached = told(limit_reached, format!(", {limit_reached} stopped at a limit"));
-        let bad_input = told(bad_input, format!(", {bad_input} with bad input"));
-        let stale = told(stale, format!(", {stale} without a fresh state"));
-        let no_reference = told(no_reference, format!(", {no_reference} without a fresh reference"));
-        format!(
-            "{explicit} explicit, {solved} solved{iterations}{limit_reached}{bad_input}{stale}{no_reference}, {fallback} fallbacks"
-        )
+        let iterations = if solved > 0 { format!(" (max {} iterations)", self.iterations_max) } else { String::new() };
+        let rare = [
+            (limit_reached, "stopped at a limit"),
+            (bad_input, "with bad input"),
+            (stale, "without a fresh state"),
+            (no_reference, "without a fresh reference"),
+        ];
+        let rare: Vec<_> =
+            rare.iter().filter(|(count, _)| *count > 0).map(|(count, words)| format!(", {count} {words}")).collect();
+        format!("{explicit} explicit, {solved} solved{iterations}{}, {fallback} fallbacks", rare.concat())
     }
 }
 
@@ -81,55 +78,38 @@ impl Solves {
 mod tests {
     use super::*;
 
-    fn controls(status: SolveStatus, iterations: u64, solve_ns: u64) -> Controls {
-        Controls { status: status as u64, iterations, solve_ns, ..Controls::default() }
-    }
-
     #[test]
     fn ticks_are_counted_by_status_and_iterations_over_the_solved() {
+        let controls = |status: SolveStatus, iterations, solve_ns, active_constraints| Controls {
+            status: status as u64,
+            iterations,
+            solve_ns,
+            active_constraints,
+            ..Controls::default()
+        };
         let mut solves = Solves::new();
         for message in [
-            controls(SolveStatus::Explicit, 0, 0),
-            controls(SolveStatus::Explicit, 0, 0),
-            Controls { active_constraints: 2, ..controls(SolveStatus::Solved, 6, 0) },
-            controls(SolveStatus::Solved, 3, 0),
-            controls(SolveStatus::LimitReached, 100, 0),
-            controls(SolveStatus::Fallback, 50, 0),
-            controls(SolveStatus::BadInput, 0, 0),
+            controls(SolveStatus::Explicit, 0, 0, 0),
+            controls(SolveStatus::Explicit, 0, 0, 0),
+            controls(SolveStatus::Solved, 6, 100_000, 2),
+            controls(SolveStatus::Solved, 3, 0, 0),
+            controls(SolveStatus::LimitReached, 100, 0, 0),
+            controls(SolveStatus::Fallback, 50, 300_000, 0),
+            controls(SolveStatus::BadInput, 0, 0, 0),
             Controls { status: 99, ..Controls::default() },
             Controls { status: u64::MAX, ..Controls::default() },
         ] {
             solves.observe(&message);
         }
         let json = solves.to_json();
-        let count = |key: &str| json[key].as_u64();
-        assert_eq!(
-            ["explicit", "solved", "limit_reached", "fallback", "bad_input"].map(count),
-            [2, 2, 1, 1, 1].map(Some)
-        );
+        assert_eq!(json!(STATUSES.map(|status| &json[status])), json!([2, 2, 1, 1, 1, 0, 0]));
         assert_eq!(json["iterations"], json!({ "max": 6, "mean": 4.5 }));
         assert_eq!(json["ticks_with_active_constraints"], 1);
-        assert_eq!(json["solve_us"], Value::Null, "no time was taken");
+        let near = |key, us: f64| (json["solve_us"][key].as_f64().unwrap() / us - 1.0).abs() < 2e-3;
+        assert!(json["solve_us"]["n"] == 2 && near("p50_us", 100.0) && near("max_us", 300.0), "{json}");
         let line = "2 explicit, 2 solved (max 6 iterations), 1 stopped at a limit, 1 with bad input, 1 fallbacks";
         assert_eq!(solves.describe(), line);
-    }
-
-    #[test]
-    fn a_flight_without_a_solve_has_no_mean() {
-        assert_eq!(Solves::new().to_json()["iterations"], json!({ "max": 0, "mean": null }));
-    }
-
-    #[test]
-    fn times_are_those_of_the_solves() {
-        let mut solves = Solves::new();
-        solves.observe(&controls(SolveStatus::Explicit, 0, 0));
-        solves.observe(&controls(SolveStatus::Solved, 5, 100_000));
-        solves.observe(&controls(SolveStatus::Fallback, 9, 300_000));
-        let times = &solves.to_json()["solve_us"];
-        assert_eq!(times["n"], 2);
-        let near =
-            |key: &str, us: f64| assert!((times[key].as_f64().unwrap() / us - 1.0).abs() < 2e-3, "{key}: {times}");
-        near("p50_us", 100.0);
-        near("max_us", 300.0);
+        let none = Solves::new().to_json();
+        assert_eq!([&none["iterations"], &none["solve_us"]], [&json!({ "max": 0, "mean": null }), &Value::Null]);
     }
 }
