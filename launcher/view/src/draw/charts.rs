@@ -4,8 +4,8 @@ use std::fmt::Write;
 
 use hdrhistogram::Histogram;
 
+use super::Svg;
 use super::html::escape;
-use super::svg::Svg;
 
 /// Bars per decade.
 const BARS: i32 = 10;

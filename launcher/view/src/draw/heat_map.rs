@@ -3,7 +3,7 @@
 //! Colour is the logarithm of the value, in cividis, which colour-blind readers see as others do; the number stands in every
 //! cell, and a cell without a value is hatched.
 
-use super::svg::Svg;
+use super::Svg;
 
 /// Width and height of a cell \[px\].
 const CELL: (f64, f64) = (46.0, 27.0);

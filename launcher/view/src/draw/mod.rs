@@ -3,7 +3,8 @@
 mod charts;
 mod heat_map;
 mod html;
-mod svg;
+
+use std::fmt::{Display, Write};
 
 pub use charts::{Bars, Lane, histograms, outlines, time_line};
 pub use heat_map::{HeatCell, HeatMap};
@@ -11,3 +12,45 @@ pub use html::{DASH, any, escape, leaves, list, number, page, table, verdict};
 
 /// The style of the report, which other pages may use.
 pub const STYLE: &str = include_str!("../../assets/report/report.css");
+
+/// One picture in the making. Lengths are px, or percentages of the picture's width: then it takes any width.
+struct Svg(String);
+
+impl Svg {
+    fn new(attributes: &str, label: &str) -> Self {
+        Self(format!("<svg {attributes} role=\"img\" aria-label=\"{label}\">"))
+    }
+
+    /// A picture that knows its size.
+    fn sized(width: f64, height: f64, label: &str) -> Self {
+        Self::new(&format!("viewBox=\"0 0 {width} {height}\" width=\"{width}\" height=\"{height}\""), label)
+    }
+
+    fn add(&mut self, element: impl Display) {
+        let _ = write!(self.0, "{element}"); // a String takes everything
+    }
+
+    fn vertical(&mut self, class: &str, percent: f64, height: f64) {
+        self.add(format_args!(
+            "<line class=\"{class}\" x1=\"{percent:.2}%\" x2=\"{percent:.2}%\" y1=\"0\" y2=\"{height}\"/>"
+        ));
+    }
+
+    /// A word under the axis, inside the picture at its edges.
+    fn tick(&mut self, percent: f64, y: f64, word: &str) {
+        let anchor = match percent {
+            x if x < 4.0 => "start",
+            x if x > 92.0 => "end",
+            _ => "middle",
+        };
+        self.add(format_args!("<text x=\"{percent:.2}%\" y=\"{y}\" text-anchor=\"{anchor}\">{word}</text>"));
+    }
+
+    fn text(&mut self, x: f64, y: f64, class: &str, text: &str) {
+        self.add(format_args!("<text x=\"{x:.1}\" y=\"{y:.1}\" class=\"{class}\">{text}</text>"));
+    }
+
+    fn finish(self) -> String {
+        self.0 + "</svg>"
+    }
+}

@@ -31,10 +31,10 @@ pub struct Claim {
     pub holds: Option<bool>,
 }
 
-/// The section of the page, and its entry in the list of sections; both empty where no claim applies.
-pub fn section(claims: &[Claim]) -> (String, &'static str) {
+/// The section of the page; empty where no claim applies.
+pub fn section(claims: &[Claim]) -> String {
     if claims.iter().all(|claim| claim.holds.is_none()) {
-        return (String::new(), "");
+        return String::new();
     }
     let cells = |claim: &Claim| {
         let word = match claim.holds {
@@ -44,12 +44,11 @@ pub fn section(claims: &[Claim]) -> (String, &'static str) {
         };
         vec![claim.what.into(), claim.paper.into(), escape(&claim.measured), verdict(word)]
     };
-    let html = format!(
+    format!(
         "<section id=\"claims\"><h2>The paper’s claims, and this run</h2><p>Section 5 of Prach and Kayacan claims these \
          for one flight: a minute of the <code>survey</code> trajectory, horizontal from 10 to 50 s.</p>{}</section>",
         table(&["claim", "paper", "measured", "verdict"], claims.iter().map(cells))
-    );
-    (html, "<a href=\"#claims\">Claims</a>")
+    )
 }
 
 pub fn concerns(scenario: &Scenario) -> bool {

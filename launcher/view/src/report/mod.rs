@@ -2,11 +2,10 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | `folder` | from a run's folder to its page |
 //! | `columns` | the figures' data and the lines they are read against |
 //! | `differences` | which settings are not the defaults |
 //! | `claims` | the paper's claims and their verdicts |
-//! | `faults` | what went wrong: faults, events, refused messages |
+//! | `happened` | what went wrong: faults, events, refused messages |
 //! | `sections` | head, tables, settings, provenance |
 //! | `timing` | the timing section and its pictures |
 //!
@@ -15,22 +14,29 @@
 mod claims;
 mod columns;
 mod differences;
-mod faults;
-mod folder;
+mod happened;
 mod sections;
 #[cfg(test)]
 mod tests;
 mod timing;
 
-use contract::Scenario;
-use flight::log::Log;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use contract::scenario::file::{self, MAX_RESULTS_BYTES};
+use contract::{Scenario, scenario};
+use flight::files::write_whole;
+use flight::log::{self, Log};
+use flight::recorder::LogOutcome;
+use flight::stack::Ended;
 use serde_json::{Value, json};
 
 use crate::draw::{STYLE, escape};
 use crate::happenings::Happenings;
+use crate::run_record::{Circumstances, run_json};
+use crate::summary::Summary;
 use crate::ticks::logged;
-
-pub use folder::{Recorded, rewrite};
 
 const TEMPLATE: &str = include_str!("../../assets/report/template.html");
 const PATH_SCRIPT: &str = include_str!("../../assets/report/path.js");
@@ -39,14 +45,64 @@ const PLOT_SCRIPT: &str = include_str!("../../assets/report/plots.js");
 const UPLOT: &str = include_str!("../../assets/report/uPlot.iife.min.js");
 const UPLOT_STYLE: &str = include_str!("../../assets/report/uPlot.min.css");
 
+/// What a run left behind.
+pub struct Recorded {
+    /// Its log file; the first, where several recorders wrote.
+    pub path: PathBuf,
+    pub log: Log,
+    pub scenario: Scenario,
+    /// Its summary. A run whose launcher was killed has a log and no run.json: then it is made from the log.
+    pub run: Value,
+}
+
+impl Recorded {
+    /// Reads a run from its folder, or its `flight.mcap`.
+    ///
+    /// # Errors
+    /// When there is no log to read, or run.json is not JSON.
+    pub fn read(run: &Path) -> anyhow::Result<Self> {
+        let path = if run.is_dir() { run.join("flight.mcap") } else { run.to_owned() };
+        let log = log::read_parts(&path)?;
+        let scenario = scenario::from_merged(&log.scenario_toml, &format!("the settings in {}", path.display()))?;
+        let summary = path.with_file_name("run.json");
+        let run = match file::read_text(&summary, MAX_RESULTS_BYTES) {
+            Ok(text) => serde_json::from_str(&text).with_context(|| format!("{} is not JSON", summary.display()))?,
+            Err(error) if error.kind() == ErrorKind::NotFound => summary_of(&log, &scenario),
+            Err(error) => return Err(error).with_context(|| format!("cannot read {}", summary.display())),
+        };
+        Ok(Self { path, log, scenario, run })
+    }
+
+    /// For people: what of the log is missing, if anything is.
+    pub fn missing(&self) -> Option<String> {
+        let defect = self.log.defect.as_ref()?;
+        let path = self.path.display();
+        let last_s = self.log.states.last().map_or(0.0, |state| state.stamp.tick as f64 * self.scenario.sample_s());
+        let lost = Summary::of(&self.log, &self.scenario).missed();
+        Some(format!(
+            "the log {path} is not whole ({defect}): what was read ends at {last_s:.2} s, {lost} messages before that are \
+             missing"
+        ))
+    }
+}
+
+/// Writes `report.html` of the run in `folder`; returns what of its log is missing, for people.
+pub fn rewrite(folder: &Path) -> anyhow::Result<Option<String>> {
+    let recorded = Recorded::read(folder)?;
+    let page = render(&recorded.log, &recorded.run, &recorded.scenario);
+    write_whole(&recorded.path.with_file_name("report.html"), page.as_bytes())?;
+    Ok(recorded.missing())
+}
+
 /// The page of one run: its recorded messages, its summary (`run.json`), and the scenario it flew.
 ///
 /// Holes in the log are holes in the figures; anything the summary lacks is a dash.
 pub fn render(log: &Log, run: &Value, scenario: &Scenario) -> String {
     let ticks = logged(log, scenario);
-    let (claims, claims_link) = claims::section(&claims::judge(run, &ticks, scenario));
+    let claims = claims::section(&claims::judge(run, &ticks, scenario));
     let (result_class, result) = sections::result(run);
-    let faults = faults::section(run);
+    let happened = happened::section(run);
+    let link = |section: &str, link: &str| if section.is_empty() { String::new() } else { link.to_owned() };
     let mut data = columns::document(&ticks, scenario);
     data["happened"] = json!(Happenings::new(&run["faults"], &run["events"]));
     // Inside a script element only `<` could end it.
@@ -61,17 +117,17 @@ pub fn render(log: &Log, run: &Value, scenario: &Scenario) -> String {
         ("log_defect", sections::log_defect(run)),
         ("but", sections::reservations(run)),
         ("differences", differences::section(run, scenario)),
+        ("claims_link", link(&claims, "<a href=\"#claims\">Claims</a>")),
         ("claims", claims),
-        ("claims_link", claims_link.into()),
         ("bounds", sections::bounds(run)),
         ("metrics", sections::metrics(run)),
         ("repeat", sections::repeat(scenario).into()),
         ("sampling", sampling(ticks.len())),
         ("timing", timing::tables(run)),
         ("timing_pictures", timing::pictures(log, run, scenario)),
-        ("faults", faults.html),
-        ("faults_link", faults.link.into()),
-        ("faults_hint", faults.hint.into()),
+        ("faults_link", link(&happened, "<a href=\"#faults\">What happened</a>")),
+        ("faults_hint", link(&happened, happened::HINT)),
+        ("faults", happened),
         ("settings", sections::settings(run, scenario)),
         ("provenance", sections::provenance(run)),
         ("data", data),
@@ -79,6 +135,24 @@ pub fn render(log: &Log, run: &Value, scenario: &Scenario) -> String {
         ("scripts", [UPLOT, PATH_SCRIPT, LANE_SCRIPT, PLOT_SCRIPT].join("\n")),
     ];
     fill(TEMPLATE, &slots)
+}
+
+/// run.json of a log.
+fn summary_of(log: &Log, scenario: &Scenario) -> Value {
+    let summary = Summary::of(log, scenario);
+    let messages = log.states.len() + log.references.len() + log.controls.len() + log.actuators.len();
+    let records = (messages + log.events.len()) as u64;
+    let outcome = LogOutcome { records, dropped: summary.missed(), error: log.defect.clone() };
+    let how = Circumstances {
+        ended: Ended::Lost("the launcher (no run.json; this summary is made from the log)".into()),
+        wall_s: f64::NAN, // unknown, and shown as such
+        log: Some(outcome),
+        provenance: Value::Null,
+        events: log.events.clone(),
+        refused: vec![],
+        port_failures: vec![],
+    };
+    run_json(&summary, scenario, &how)
 }
 
 /// Replaces every `{{slot}}` of the template in one pass, so that a value is never searched for slots itself.
