@@ -51,7 +51,7 @@ pub struct Ticks<T> {
     sample_s: f64,
     period_ns: u64,
     last: u64,
-    by_number: BTreeMap<u64, Tick<T>>,
+    pub by_number: BTreeMap<u64, Tick<T>>,
     /// Number of the command that the newest STATE was under.
     in_force: u64,
 }
@@ -88,22 +88,6 @@ impl<T: Default> Ticks<T> {
             Record::Reference(_) | Record::Controls(_) => {}
         }
         self.by_number.insert(stamp.tick, tick);
-    }
-
-    pub fn get_mut(&mut self, number: u64) -> Option<&mut Tick<T>> {
-        self.by_number.get_mut(&number)
-    }
-
-    pub fn iter(&self) -> impl DoubleEndedIterator<Item = &Tick<T>> {
-        self.by_number.values()
-    }
-
-    pub fn count(&self) -> usize {
-        self.by_number.len()
-    }
-
-    pub fn retain(&mut self, kept: impl Fn(&Tick<T>) -> bool) {
-        self.by_number.retain(|_, tick| kept(tick));
     }
 
     /// Every tick from 0 to the last one seen, those without a message too.

@@ -66,22 +66,20 @@ pub fn never_flown(run: &Value, metric: &str) -> bool {
     before_horizontal && metric == "max_altitude_error_horizontal_m"
 }
 
-/// Judges a run by its summary, and by its ticks for the actuators.
+/// Judges a run by its summary, and by its ticks for the actuators: the whole flight of the claims, or one that was lost.
 pub fn judge(run: &Value, ticks: &[LoggedTick], scenario: &Scenario) -> [Claim; 4] {
-    let flight = Extent::of(run, scenario);
+    let lost = concerns(scenario) && run["diverged"] == Value::Bool(true);
+    let whole = run["flown_s"].as_f64().unwrap_or(0.0) > DURATION_S - 2.0 * scenario.sample_s();
+    let judged = lost || (concerns(scenario) && whole);
     let error = |what, paper, name: &str, within: fn(f64) -> bool| {
         let value = metric(run, name);
-        let holds = match flight {
-            Extent::Other => None,
-            Extent::Lost => Some(false),
-            Extent::Whole => value.as_f64().map(within),
+        let holds = if lost { Some(false) } else { value.as_f64().map(within) };
+        let unit = match (value.is_null(), lost) {
+            (true, _) => "",
+            (false, true) => " m until the vehicle was lost",
+            (false, false) => " m",
         };
-        let unit = match flight {
-            _ if value.is_null() => "",
-            Extent::Lost => " m until the vehicle was lost",
-            Extent::Whole | Extent::Other => " m",
-        };
-        Claim { what, paper, measured: number(value, 3) + unit, holds }
+        Claim { what, paper, measured: number(value, 3) + unit, holds: holds.filter(|_| judged) }
     };
     [
         error("maximum position error", "below 0.7 m", "max_position_error_m", |e| e < POSITION_M),
@@ -91,36 +89,12 @@ pub fn judge(run: &Value, ticks: &[LoggedTick], scenario: &Scenario) -> [Claim; 
         error("altitude error in vertical flight", "not above 0.2 m", "max_altitude_error_vertical_m", |e| {
             e <= ALTITUDE_VERTICAL_M
         }),
-        actuators(ticks, flight, scenario),
+        actuators(ticks, judged, scenario),
     ]
 }
 
-/// How much of the flight of the claims this run is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Extent {
-    Whole,
-    Lost,
-    /// Another flight, or an unfinished one.
-    Other,
-}
-
-impl Extent {
-    fn of(run: &Value, scenario: &Scenario) -> Self {
-        let flown_s = run["flown_s"].as_f64().unwrap_or(0.0);
-        if !concerns(scenario) {
-            Self::Other
-        } else if run["diverged"].as_bool() == Some(true) {
-            Self::Lost
-        } else if flown_s > DURATION_S - 2.0 * scenario.sample_s() {
-            Self::Whole
-        } else {
-            Self::Other
-        }
-    }
-}
-
 /// Commands and positions both must lie strictly inside: a command at its limit is one that was clipped.
-fn actuators(ticks: &[LoggedTick], flight: Extent, scenario: &Scenario) -> Claim {
+fn actuators(ticks: &[LoggedTick], judged: bool, scenario: &Scenario) -> Claim {
     let limits = airframe::Limits::new(&scenario.airframe, 0.0, 2.0, std::f64::consts::FRAC_PI_2);
     let positions = ticks.iter().filter_map(|tick| Some(tick.of.state?.actuators));
     let commands = ticks.iter().filter_map(|tick| Some(tick.of.actuators?.command));
@@ -139,6 +113,6 @@ fn actuators(ticks: &[LoggedTick], flight: Extent, scenario: &Scenario) -> Claim
         what: "actuator constraints (52), (53)",
         paper: "0&nbsp;&lt;&nbsp;Ω<sub>i</sub>&nbsp;&lt;&nbsp;2&nbsp;Ω<sub>i,trim</sub>, |μ|&nbsp;&lt;&nbsp;90°",
         measured: if unmeasured { DASH.to_owned() } else { extremes },
-        holds: (!unmeasured && flight != Extent::Other).then_some(kept),
+        holds: (!unmeasured && judged).then_some(kept),
     }
 }

@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use crate::draw::{Bars, DASH, Lane, any, escape, histograms, number, table, time_line};
 use crate::summary::Summary;
-use crate::timing::{Age, NodeTiming, Part};
+use crate::timing::{Age, EXECUTION, INPUT, NodeTiming};
 
 /// Keys of a figure's percentiles in run.json, and their headings.
 const PERCENTILES: [(&str, &str); 5] =
@@ -143,12 +143,12 @@ fn lanes(tick: &Value, period_us: f64) -> Vec<Lane> {
         let [release, start, publish] = ["release_us", "start_us", "publish_us"].map(|key| cycle[key].as_f64());
         let (release, start) = (release?, start?);
         let here = tick["node"] == name;
-        let waited_us = if here && tick["part"] == Part::Input.name() {
+        let waited_us = if here && tick["part"] == INPUT {
             tick["part_us"].as_f64().unwrap_or(0.0)
         } else {
             cycle["silent"].as_f64().unwrap_or(0.0) * period_us
         };
-        let running = tick["part"] == Part::Execution.name();
+        let running = tick["part"] == EXECUTION;
         let waits = [release - waited_us.max(0.0), start];
         Some(Lane { name, waits, runs: [start, publish?], at_fault: [here && !running, here && running] })
     };

@@ -59,8 +59,9 @@ use crate::percentiles::{Percentiles, percentiles};
 pub use age::Age;
 use flight::log::Record;
 pub use node::NodeTiming;
-pub use worst::Part;
-use worst::{Culprit, TimedTick, WorstTicks};
+use node::wake_name;
+pub use worst::{EXECUTION, INPUT};
+use worst::{WorstTick, WorstTicks};
 
 /// Folder of the histograms, inside the run's.
 pub const HISTOGRAMS: &str = "histograms";
@@ -135,7 +136,7 @@ impl Timing {
             "clock_contradictions": of_nodes(|node| node.contradictions.into()),
             "age_at_actuator": self.age(),
             "age_at_actuator_per_slot": percentiles(&self.age.per_slot),
-            "worst_ticks": self.worst_ticks(happened).iter().map(|(tick, culprit)| tick.to_json(culprit)).collect::<Vec<_>>(),
+            "worst_ticks": self.worst_ticks(happened),
             "histograms": format!("{HISTOGRAMS}/*.hlog: HdrHistogram interval logs, nanoseconds, one file per figure"),
         })
     }
@@ -152,8 +153,8 @@ impl Timing {
         let columns = format!("{:>7}{:>7}{:>8}  ", "p50", "p99", "max").repeat(3);
         line(&format!("{:<14}{columns}{:>6}{:>5}", "", "misses", "run"));
         for (name, node) in NODES.iter().zip(&self.nodes) {
-            let cells =
-                [node.wake_name(), "execution", "response"].map(|figure| cell(&percentiles(&node.figures[figure])));
+            let cells = [wake_name(node.topic), "execution", "response"]
+                .map(|figure| cell(&percentiles(&node.figures[figure])));
             line(&format!("{name:<14}{}{:>6}{:>5}", cells.concat(), node.misses, node.longest_run));
         }
         for (name, NodeTiming { contradictions, .. }) in NODES.iter().zip(&self.nodes) {
@@ -168,16 +169,11 @@ impl Timing {
         let [commands, slots] = [&self.age.per_command, &self.age.per_slot].map(percentiles);
         line(&format!("{:<22}{}", "age at the actuator", age(&commands, "commands applied")));
         line(&format!("{:<22}{}", "", age(&slots, "slots held")));
-        if let Some((tick, culprit)) = self.worst_ticks(happened).first() {
-            let error = tick.distance_m().map_or(String::new(), |m| format!("; position error {m:.3} m"));
-            let late_ms = tick.late_ns() as f64 / 1e6;
-            line(&format!(
-                "{:<22}{late_ms:.2} ms, tick {} at {:.2} s{error}",
-                "worst tick",
-                tick.number,
-                tick.time_s()
-            ));
-            line(&format!("{:<22}{}", "", culprit.describe()));
+        if let Some(worst) = self.worst_ticks(happened).first() {
+            let error = worst.position_error_m.map_or(String::new(), |m| format!("; position error {m:.3} m"));
+            let (late_ms, tick, time_s) = (worst.late_us / 1e3, worst.tick, worst.time_s);
+            line(&format!("{:<22}{late_ms:.2} ms, tick {tick} at {time_s:.2} s{error}", "worst tick"));
+            line(&format!("{:<22}{}", "", worst.in_words));
         }
         text
     }
@@ -195,11 +191,9 @@ impl Timing {
         ages.iter().try_for_each(|(figure, histogram)| write_histogram(&folder, figure, histogram))
     }
 
-    /// The ten worst ticks, the worst first, each with what made it late.
-    fn worst_ticks(&self, happened: &Happenings) -> Vec<(TimedTick, Culprit)> {
+    fn worst_ticks(&self, happened: &Happenings) -> Vec<WorstTick> {
         let usual = self.nodes.each_ref().map(NodeTiming::usual);
-        let worst = self.worst.as_ref().map(WorstTicks::worst).unwrap_or_default();
-        worst.into_iter().filter_map(|tick| Some((tick, worst::culprit(&tick, &usual, happened)?))).collect()
+        self.worst.as_ref().map_or(vec![], |worst| worst.explained(&usual, happened))
     }
 }
 

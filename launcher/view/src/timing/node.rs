@@ -54,6 +54,11 @@ impl Cycle {
     }
 }
 
+/// What the wake-up of a node is called: the clock releases the plant, a message the others.
+pub fn wake_name(topic: Topic) -> &'static str {
+    if topic == Topic::State { "jitter" } else { "hop" }
+}
+
 pub struct NodeTiming {
     pub topic: Topic,
     period_ns: u64,
@@ -75,13 +80,13 @@ pub struct NodeTiming {
 
 impl NodeTiming {
     pub fn new(topic: Topic, scenario: &Scenario) -> Self {
-        let own: &[&str] = if topic == Topic::State { &["jitter"] } else { &["hop", "input_age"] };
-        let figures = own.iter().chain(&["execution", "cpu", "response", "response_per_slot"]);
+        let input = (topic != Topic::State).then_some("input_age");
+        let figures = [wake_name(topic), "execution", "cpu", "response", "response_per_slot"].into_iter().chain(input);
         Self {
             topic,
             period_ns: scenario.sample_ns(),
             deadline: scenario.deadline_of(topic as usize),
-            figures: figures.map(|name| (*name, histogram())).collect(),
+            figures: figures.map(|name| (name, histogram())).collect(),
             late: 0,
             withheld: 0,
             slips: 0,
@@ -133,14 +138,9 @@ impl NodeTiming {
         Some(cycle)
     }
 
-    /// What the wake-up of this node is called: the clock releases the plant, a message the others.
-    pub fn wake_name(&self) -> &'static str {
-        if self.topic == Topic::State { "jitter" } else { "hop" }
-    }
-
     /// Medians of wake-up and execution \[ns\].
     pub fn usual(&self) -> [u64; 2] {
-        [self.wake_name(), "execution"].map(|figure| self.figures[figure].value_at_quantile(0.5))
+        [wake_name(self.topic), "execution"].map(|figure| self.figures[figure].value_at_quantile(0.5))
     }
 
     pub fn to_json(&self) -> Value {
@@ -173,13 +173,12 @@ impl NodeTiming {
 
     fn record(&mut self, cycle: &Cycle, sample_ns: u64) {
         let response_ns = cycle.publish_ns.saturating_sub(sample_ns);
-        let wake = self.wake_name();
         let mut add = |figure: &str, ns| {
             if let Some(histogram) = self.figures.get_mut(figure) {
                 histogram.saturating_record(ns);
             }
         };
-        add(wake, cycle.wake_ns());
+        add(wake_name(self.topic), cycle.wake_ns());
         add("execution", cycle.execution_ns());
         add("input_age", cycle.start_ns.saturating_sub(sample_ns));
         add("response", response_ns);

@@ -339,7 +339,7 @@ fn a_node_still_at_work_is_late_for_its_next_input() {
     ring.turn(22, MIXER_EXECUTION); // the mixer sends 14.48 ms after the sample
     ring.turn(23, [(0, 0), (0, 0), (0, 0), (4_100, 0)]); // and begins the next when it has
     let worst = ring.timing.worst_ticks(&ring.happened);
-    let told = |i: usize| (worst[i].0.number, worst[i].1.node(), worst[i].1.cause);
+    let told = |i: usize| (worst[i].tick, worst[i].node, worst[i].cause);
     assert_eq!(told(0), (22, "mixer", "preempted while it ran"));
     assert_eq!(told(1), (23, "mixer", "the cycle before was not over"));
 }
@@ -363,7 +363,7 @@ fn the_ten_worst_outlive_a_long_flight_and_a_late_answer_finds_its_tick() {
     }
     ring.now_us = 9_000 * PERIOD_US;
     ring.cycle(Topic::Actuators, 7, 20, 100, 0); // the answer to tick 7, ninety seconds later
-    let ticks: Vec<_> = ring.timing.worst_ticks(&ring.happened).iter().map(|(tick, _)| tick.number).collect();
+    let ticks: Vec<_> = ring.timing.worst_ticks(&ring.happened).iter().map(|worst| worst.tick).collect();
     assert_eq!(ticks, [7, 8507, 8007, 7507, 7007, 6507, 6007, 5507, 5007, 4507]);
     ring.near("/worst_ticks/1/late_us", 480.0 + 1_850.0);
 }
@@ -464,7 +464,7 @@ fn the_slots_of_a_dead_process_waited_for_the_next_one() {
     assert_eq!(ring.worst(["tick", "late_us", "nodes/mixer/slips", "nodes/mixer/silent"]), ["25", "30120.0", "0", "3"]);
     check_longest_slot(&ring);
     let worst = ring.timing.worst_ticks(&ring.happened);
-    let (_, unanswered) = worst.iter().find(|(tick, _)| tick.number == 23).unwrap();
+    let unanswered = worst.iter().find(|worst| worst.tick == 23).unwrap();
     assert_eq!(unanswered.cause, "a process died or hung");
 }
 
