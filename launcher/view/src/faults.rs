@@ -146,7 +146,7 @@ impl Watched {
         self.fault.ticks(1.0 / f64::from(self.rate_hz))
     }
 
-    /// The topic of the process that it strikes, if it strikes one.
+    /// What the topic of the process shows, where it strikes a process.
     fn process(&self) -> Option<&Course> {
         self.fault.target.process().map(|topic| &self.courses[topic as usize])
     }

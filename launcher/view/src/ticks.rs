@@ -229,12 +229,6 @@ mod tests {
         scenario
     }
 
-    /// Tick and age \[ns\] of every command that took effect.
-    fn ages(states: &[State], actuators: &[Actuators]) -> Vec<(u64, u64)> {
-        let log = Log { states: states.into(), actuators: actuators.into(), ..Log::default() };
-        logged(&log, &hovering()).iter().filter_map(|tick| Some((tick.number, tick.age_ns?))).collect()
-    }
-
     #[test]
     fn a_command_acts_from_its_age_on_until_the_next_one() {
         let log = Log {
@@ -254,7 +248,10 @@ mod tests {
     fn a_restarted_mixer_is_not_taken_for_its_predecessor() {
         let states = [state(0, 0, 0), state(1, 1, 200), state(2, 2, 200), state(3, 1, 201), state(4, 9, 200)];
         let commands = [command(0, 1, 1), command(1, 2, 1), command(2, 1, 2)];
-        assert_eq!(ages(&states, &commands), [(0, 200), (1, 200), (2, 201)], "a number that was not sent is left out");
+        let log = Log { states: states.into(), actuators: commands.into(), ..Log::default() };
+        let ages: Vec<_> =
+            logged(&log, &hovering()).iter().filter_map(|tick| Some((tick.number, tick.age_ns?))).collect();
+        assert_eq!(ages, [(0, 200), (1, 200), (2, 201)], "a number that was not sent is left out");
     }
 
     #[test]

@@ -11,20 +11,16 @@ use crate::timing::{Age, EXECUTION, INPUT, NodeTiming};
 /// Keys of a figure's percentiles in run.json, and their headings.
 const PERCENTILES: [(&str, &str); 5] =
     [("p50_us", "p50"), ("p90_us", "p90"), ("p99_us", "p99"), ("p999_us", "p99.9"), ("max_us", "max")];
-/// A node's figures in run.json, and what people call them.
-const FIGURES: [(&str, &str); 7] = [
-    ("jitter", "release jitter"),
-    ("hop", "hop"),
-    ("execution", "execution"),
-    ("cpu", "CPU time"),
-    ("input_age", "age of the input"),
-    ("response", "response"),
-    ("response_per_slot", "response, per slot"),
+/// A node's figures in run.json, what people call them, and the style of the bars of those that are drawn.
+const FIGURES: [(&str, &str, Option<&str>); 7] = [
+    ("jitter", "release jitter", Some("wake")),
+    ("hop", "hop", Some("wake")),
+    ("execution", "execution", Some("execution")),
+    ("cpu", "CPU time", None),
+    ("input_age", "age of the input", None),
+    ("response", "response", Some("response")),
+    ("response_per_slot", "response, per slot", None),
 ];
-
-/// The figures of a node that are drawn, with the style of their bars.
-const DRAWN: [(&str, &str); 4] =
-    [("jitter", "wake"), ("hop", "wake"), ("execution", "execution"), ("response", "response")];
 
 /// When each node ran: one table for the eye, one with every percentile.
 pub fn tables(run: &Value) -> String {
@@ -60,14 +56,12 @@ pub fn tables(run: &Value) -> String {
     let contradictions = timing["clock_contradictions"].as_object().into_iter().flatten();
     let contradict = contradictions.filter(|(_, count)| count.as_u64() > Some(0));
     let counts: Vec<_> = contradict.map(|(node, count)| format!("{} of {}", number(count, 0), escape(node))).collect();
-    let differ = if counts.is_empty() {
-        String::new()
-    } else {
-        let counts = counts.join(", ");
-        format!(
+    let differ = match counts.join(", ") {
+        none if none.is_empty() => none,
+        counts => format!(
             "<p><b>The clocks differ</b>: messages that contradict the times of others: {counts}. Times across processes \
              are not to be trusted.</p>"
-        )
+        ),
     };
     format!(
         "{differ}{}<p class=\"hint\">Times: p50 / p99 / max in µs. Late: responses beyond the deadline, for which the policy says what becomes of them. Slips: periods without a \
@@ -104,19 +98,16 @@ pub fn pictures(log: &Log, run: &Value, scenario: &Scenario) -> String {
 
 /// A row of histograms.
 fn node_histograms(node: &NodeTiming) -> Vec<Bars> {
-    let bars = |(figure, style): (&str, &'static str)| {
-        let histogram = node.figures.get(figure)?.clone();
-        let caption = match (figure, node.topic) {
-            ("jitter", _) => "release jitter".into(),
-            ("hop", Topic::Actuators) => format!("hop from {}", Topic::Controls.publisher()),
-            ("hop", Topic::Controls) => format!("hop from {}", Topic::Reference.publisher()),
-            ("hop", _) => format!("hop from {}", Topic::State.publisher()),
-            _ => figure.to_owned(),
+    let bars = |(figure, name, style): (&str, &str, Option<&'static str>)| {
+        let (style, histogram) = (style?, node.figures.get(figure)?.clone());
+        let caption = match figure {
+            "hop" => format!("hop from {}", Topic::ALL[node.topic as usize - 1].publisher()),
+            _ => name.to_owned(),
         };
         let deadline_ns = (figure == "response").then_some(node.deadline.deadline_ns);
         Some(Bars { caption, style, histogram, deadline_ns })
     };
-    DRAWN.into_iter().filter_map(bars).collect()
+    FIGURES.into_iter().filter_map(bars).collect()
 }
 
 fn worst_tick(tick: &Value, period_us: f64) -> String {
@@ -168,8 +159,8 @@ fn all_percentiles(timing: &Value) -> String {
     let mut rows = Vec::new();
     for topic in Topic::ALL {
         let node = &timing["nodes"][topic.publisher()];
-        let known = FIGURES.into_iter().filter(|(key, _)| !node[*key].is_null());
-        rows.extend(known.map(|(key, what)| row(topic.publisher(), what, &node[key])));
+        let known = FIGURES.into_iter().filter(|(key, ..)| !node[*key].is_null());
+        rows.extend(known.map(|(key, what, _)| row(topic.publisher(), what, &node[key])));
     }
     rows.push(row("whole ring", "age, per command", &timing["age_at_actuator"]));
     rows.push(row("whole ring", "age, per slot", &timing["age_at_actuator_per_slot"]));

@@ -153,8 +153,10 @@ impl Timing {
         let columns = format!("{:>7}{:>7}{:>8}  ", "p50", "p99", "max").repeat(3);
         line(&format!("{:<14}{columns}{:>6}{:>5}", "", "misses", "run"));
         for (name, node) in NODES.iter().zip(&self.nodes) {
-            let cells = [wake_name(node.topic), "execution", "response"]
-                .map(|figure| cell(&percentiles(&node.figures[figure])));
+            let cells = [wake_name(node.topic), "execution", "response"].map(|figure| {
+                let p = percentiles(&node.figures[figure]);
+                format!("{:>7.0}{:>7.0}{:>8.0}  ", p.p50_us, p.p99_us, p.max_us)
+            });
             line(&format!("{name:<14}{}{:>6}{:>5}", cells.concat(), node.misses, node.longest_run));
         }
         for (name, NodeTiming { contradictions, .. }) in NODES.iter().zip(&self.nodes) {
@@ -181,14 +183,12 @@ impl Timing {
     /// Writes every histogram in full to `folder`/histograms.
     pub fn write_histograms(&self, folder: &Path) -> anyhow::Result<()> {
         let folder = folder.join(HISTOGRAMS);
-        for (node, timing) in NODES.iter().zip(&self.nodes) {
-            for (figure, histogram) in &timing.figures {
-                write_histogram(&folder, &format!("{node}-{figure}"), histogram)?;
-            }
-        }
-        let ages: [(&str, &Histogram<u64>); 2] =
-            [("age_at_actuator", &self.age.per_command), ("age_at_actuator_per_slot", &self.age.per_slot)];
-        ages.iter().try_for_each(|(figure, histogram)| write_histogram(&folder, figure, histogram))
+        let nodes = NODES.iter().zip(&self.nodes);
+        let of_nodes =
+            nodes.flat_map(|(node, timing)| timing.figures.iter().map(move |(f, h)| (format!("{node}-{f}"), h)));
+        let ages = [("age_at_actuator", &self.age.per_command), ("age_at_actuator_per_slot", &self.age.per_slot)];
+        let mut all = of_nodes.chain(ages.map(|(figure, histogram)| (figure.to_owned(), histogram)));
+        all.try_for_each(|(name, histogram)| write_histogram(&folder, &name, histogram))
     }
 
     fn worst_ticks(&self, happened: &Happenings) -> Vec<WorstTick> {
@@ -209,10 +209,6 @@ fn write_histogram(folder: &Path, name: &str, histogram: &Histogram<u64>) -> any
     let cannot = || format!("cannot write {}", path.display());
     written.with_context(cannot)?.map_err(|error| anyhow::anyhow!("{error:?}")).with_context(cannot)?;
     fs::create_dir_all(folder).and_then(|()| fs::write(&path, text)).with_context(cannot)
-}
-
-fn cell(p: &Percentiles) -> String {
-    format!("{:>7.0}{:>7.0}{:>8.0}  ", p.p50_us, p.p99_us, p.max_us)
 }
 
 fn age(p: &Percentiles, of_what: &str) -> String {
