@@ -102,6 +102,7 @@ pub fn render(log: &Log, run: &Value, scenario: &Scenario) -> String {
     let claims = claims::section(&claims::judge(run, &ticks, scenario));
     let (result_class, result) = sections::result(run);
     let happened = happened::section(run);
+    let [log_defect, reservations] = sections::warnings(run);
     let link = |section: &str, link: &str| if section.is_empty() { String::new() } else { link.to_owned() };
     let mut data = columns::document(&ticks, scenario);
     data["happened"] = json!(Happenings::new(&run["faults"], &run["events"]));
@@ -114,8 +115,8 @@ pub fn render(log: &Log, run: &Value, scenario: &Scenario) -> String {
         ("result", result),
         ("facts", sections::facts(run, scenario)),
         ("key_figures", sections::key_figures(run, scenario)),
-        ("log_defect", sections::log_defect(run)),
-        ("but", sections::reservations(run)),
+        ("log_defect", log_defect),
+        ("but", reservations),
         ("differences", differences::section(run, scenario)),
         ("claims_link", link(&claims, "<a href=\"#claims\">Claims</a>")),
         ("claims", claims),

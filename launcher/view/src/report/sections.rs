@@ -49,24 +49,28 @@ pub fn ended(run: &Value, result: &str) -> String {
     escape(words.strip_prefix(result).unwrap_or(words).trim_start_matches([':', ' ']))
 }
 
-/// What else a reader must know: see [`crate::run_record::reservations`].
-pub fn reservations(run: &Value) -> String {
+/// What of the log is missing, and what else a reader must know: see [`crate::run_record::reservations`].
+pub fn warnings(run: &Value) -> [String; 2] {
+    let warning = |about: &str, words: &str| match words {
+        "" => String::new(),
+        words => format!("<p class=\"warn\">{about}: {}.</p>", escape(words)),
+    };
     let told: Vec<&str> = run["but"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
-    if told.is_empty() { String::new() } else { format!("<p class=\"warn\">Note: {}.</p>", escape(&told.join("; "))) }
+    let defect = run["log"]["error"].as_str().unwrap_or_default();
+    [warning("The log is not whole", defect), warning("Note", &told.join("; "))]
 }
 
 /// What was flown and how, on one line.
 pub fn facts(run: &Value, scenario: &Scenario) -> String {
     let trajectory = format!("{:?}", scenario.mission.trajectory).to_lowercase();
     let duration = format!("{} of {} s", number(&run["flown_s"], 2), number(&run["duration_s"], 2));
-    let fact = |name: &str, value: &str| format!("<span>{name} <b>{value}</b></span>");
-    [
-        fact("trajectory", &trajectory),
-        fact("profile", &any(&run["profile"])),
-        fact("mode", &any(&run["mode"])),
-        fact("flown", &duration),
-    ]
-    .concat()
+    let facts = [
+        ("trajectory", trajectory),
+        ("profile", any(&run["profile"])),
+        ("mode", any(&run["mode"])),
+        ("flown", duration),
+    ];
+    facts.map(|(name, value)| format!("<span>{name} <b>{value}</b></span>")).concat()
 }
 
 /// The five figures people ask for first, and how old samples were when they acted.
@@ -111,16 +115,6 @@ pub fn metrics(run: &Value) -> String {
     // In real time no flight repeats another, so that its hash says nothing.
     let hash = (run["mode"] != "realtime").then(|| ("state hash", any(&run["state_hash"])));
     list(measured.chain(more.into_iter().chain(hash).map(|(name, value)| (name.to_owned(), value))))
-}
-
-/// What of the log is missing, as the summary tells it.
-pub fn log_defect(run: &Value) -> String {
-    let error = run["log"]["error"].as_str().unwrap_or_default();
-    if error.is_empty() {
-        String::new()
-    } else {
-        format!("<p class=\"warn\">The log is not whole: {}.</p>", escape(error))
-    }
 }
 
 pub fn repeat(scenario: &Scenario) -> &'static str {
