@@ -122,7 +122,7 @@ impl Timing {
 
     /// Deadlines missed so far, all nodes.
     pub fn misses(&self) -> u64 {
-        self.nodes.iter().fold(0, |sum, node| sum.saturating_add(node.misses))
+        self.nodes.iter().fold(0, |sum, node| sum.saturating_add(node.counts.misses))
     }
 
     /// The `timing` table of run.json of a flight in which this `happened`.
@@ -157,7 +157,12 @@ impl Timing {
                 let p = percentiles(&node.figures[figure]);
                 format!("{:>7.0}{:>7.0}{:>8.0}  ", p.p50_us, p.p99_us, p.max_us)
             });
-            line(&format!("{name:<14}{}{:>6}{:>5}", cells.concat(), node.misses, node.longest_run));
+            line(&format!(
+                "{name:<14}{}{:>6}{:>5}",
+                cells.concat(),
+                node.counts.misses,
+                node.counts.longest_run_of_misses
+            ));
         }
         for (name, NodeTiming { contradictions, .. }) in NODES.iter().zip(&self.nodes) {
             if *contradictions > 0 {

@@ -6,6 +6,7 @@ use contract::message::Stamp;
 use contract::scenario::NodeDeadline;
 use contract::{Scenario, Topic};
 use hdrhistogram::Histogram;
+use serde::Serialize;
 use serde_json::{Value, json};
 
 use crate::percentiles::{histogram, percentiles};
@@ -59,19 +60,44 @@ pub fn wake_name(topic: Topic) -> &'static str {
     if topic == Topic::State { "jitter" } else { "hop" }
 }
 
+/// What of a node's messages and cycles was late or did not come, in the names of run.json.
+#[derive(Debug, Default, Serialize)]
+pub struct Counts {
+    /// Responses beyond the deadline, those not sent included.
+    late: u64,
+    withheld: u64,
+    slips: u64,
+    pub misses: u64,
+    pub longest_run_of_misses: u64,
+    /// The run that goes on.
+    #[serde(skip)]
+    run: u64,
+}
+
+impl Counts {
+    /// Slips and messages withheld come before the cycle, so a cycle in time ends the run they belong to.
+    fn add(&mut self, cycle: &Cycle, misses: u64, late: bool) {
+        // A damaged stamp may hold any count.
+        let add = |sum: &mut u64, count| *sum = sum.saturating_add(count);
+        add(&mut self.late, cycle.withheld.saturating_add(u64::from(late)));
+        add(&mut self.withheld, cycle.withheld);
+        add(&mut self.slips, cycle.slips);
+        add(&mut self.misses, misses);
+        add(&mut self.run, misses);
+        self.longest_run_of_misses = self.longest_run_of_misses.max(self.run);
+        if !late {
+            self.run = 0;
+        }
+    }
+}
+
 pub struct NodeTiming {
     pub topic: Topic,
     period_ns: u64,
     pub deadline: NodeDeadline,
     /// Histograms \[ns\] by their names in run.json. The plant has no input: it makes the sample.
     pub figures: BTreeMap<&'static str, Histogram<u64>>,
-    /// Responses beyond the deadline, those not sent included.
-    late: u64,
-    withheld: u64,
-    slips: u64,
-    pub misses: u64,
-    pub longest_run: u64,
-    run: u64,
+    pub counts: Counts,
     /// Messages that contradict the times of others: see [`super`].
     pub contradictions: u64,
     /// Epoch and tick of the newest message.
@@ -87,12 +113,7 @@ impl NodeTiming {
             period_ns: scenario.sample_ns(),
             deadline: scenario.deadline_of(topic as usize),
             figures: figures.map(|name| (name, histogram())).collect(),
-            late: 0,
-            withheld: 0,
-            slips: 0,
-            misses: 0,
-            longest_run: 0,
-            run: 0,
+            counts: Counts::default(),
             contradictions: 0,
             newest: None,
         }
@@ -126,7 +147,7 @@ impl NodeTiming {
             cpu_before_ns: (follows && before.sequence > 1 && !before.is_standby()).then_some(stamp.cpu_ns),
             solve_ns: 0,
         };
-        self.count(&cycle, misses, late);
+        self.counts.add(&cycle, misses, late);
         // A message is sent after its sample, and after what it was made from.
         let possible =
             publish_ns >= stamp.sample_ns && stamp.publish_ns[..own].iter().all(|input| publish_ns >= *input);
@@ -144,31 +165,13 @@ impl NodeTiming {
     }
 
     pub fn to_json(&self) -> Value {
-        let mut node = json!({
-            "jitter": null, "hop": null, "input_age": null,
-            "deadline_ms": self.deadline.deadline_ns as f64 / 1e6, "policy": self.deadline.late,
-            "misses": self.misses, "late": self.late, "withheld": self.withheld, "slips": self.slips,
-            "longest_run_of_misses": self.longest_run,
-        });
-        for (figure, histogram) in &self.figures {
-            node[figure] = json!(percentiles(histogram));
+        let mut node = json!(self.counts);
+        node["deadline_ms"] = json!(self.deadline.deadline_ns as f64 / 1e6);
+        node["policy"] = json!(self.deadline.late);
+        for figure in ["jitter", "hop", "input_age", "execution", "cpu", "response", "response_per_slot"] {
+            node[figure] = json!(self.figures.get(figure).map(percentiles));
         }
         node
-    }
-
-    /// Slips and messages withheld come before the cycle, so a cycle in time ends the run they belong to.
-    fn count(&mut self, cycle: &Cycle, misses: u64, late: bool) {
-        // A damaged stamp may hold any count.
-        let add = |sum: &mut u64, count| *sum = sum.saturating_add(count);
-        add(&mut self.late, cycle.withheld.saturating_add(u64::from(late)));
-        add(&mut self.withheld, cycle.withheld);
-        add(&mut self.slips, cycle.slips);
-        add(&mut self.misses, misses);
-        add(&mut self.run, misses);
-        self.longest_run = self.longest_run.max(self.run);
-        if !late {
-            self.run = 0;
-        }
     }
 
     fn record(&mut self, cycle: &Cycle, sample_ns: u64) {
