@@ -15,10 +15,8 @@ pub fn section(run: &Value, scenario: &Scenario) -> String {
         format!("<p>Every setting is the default of profile <b>{profile}</b>.</p>")
     } else {
         let heading = format!("default of {profile}");
-        let cells = |(key, default, here): (String, String, String)| {
-            vec![format!("<code>{}</code>", escape(&key)), escape(&default), escape(&here)]
-        };
-        table(&["setting", &heading, "this flight"], rows.into_iter().map(cells))
+        let cells = |[key, default, here]: Row| vec![format!("<code>{key}</code>"), default, here];
+        table(&["setting", &heading, "this flight"], rows.into_iter().map(|row| cells(row.map(|words| escape(&words)))))
     };
     format!("<section id=\"differences\"><h2>What differs from the defaults</h2>{told}</section>")
 }
@@ -28,8 +26,11 @@ fn flown(run: &Value) -> Option<Scenario> {
     from_merged(run["provenance"]["scenario"].as_str()?, "run.json").ok()
 }
 
-/// Key, default and value of every setting that differs. The name of a flight is none.
-fn differences(flown: &Scenario) -> Vec<(String, String, String)> {
+/// Key, default and value.
+type Row = [String; 3];
+
+/// Every setting that differs. The name of a flight is none.
+fn differences(flown: &Scenario) -> Vec<Row> {
     let tree = |scenario: &Scenario| to_toml(scenario).parse().map(toml::Value::Table).ok();
     let defaults = Scenario { name: flown.name.clone(), ..Scenario::from(flown.profile) };
     let (Some(defaults), Some(flown)) = (tree(&defaults), tree(flown)) else { return vec![] };
@@ -38,12 +39,7 @@ fn differences(flown: &Scenario) -> Vec<(String, String, String)> {
     rows
 }
 
-fn compare(
-    key: &str,
-    default: Option<&toml::Value>,
-    here: Option<&toml::Value>,
-    rows: &mut Vec<(String, String, String)>,
-) {
+fn compare(key: &str, default: Option<&toml::Value>, here: Option<&toml::Value>, rows: &mut Vec<Row>) {
     use toml::Value::{Array, Table};
     if default == here {
         return;
@@ -59,10 +55,10 @@ fn compare(
             }
         }
         (None | Some(Array(_)), Some(Array(all))) if !all.is_empty() && all.iter().all(toml::Value::is_table) => {
-            let one = |(i, each): (usize, &toml::Value)| (format!("{key} {}", i + 1), DASH.into(), words(Some(each)));
-            rows.extend(all.iter().enumerate().map(one));
+            let one = |(i, each): (usize, _)| [format!("{key} {i}"), DASH.into(), words(Some(each))];
+            rows.extend((1..).zip(all).map(one));
         }
-        _ => rows.push((key.into(), words(default), words(here))),
+        _ => rows.push([key.into(), words(default), words(here)]),
     }
 }
 
@@ -91,14 +87,12 @@ mod tests {
     fn only_what_differs_is_told_with_its_default() {
         let mut flown = Scenario::from(Profile::Paper);
         flown.name = "another name".into();
-        assert_eq!(differences(&flown), []);
+        assert!(differences(&flown).is_empty());
         assert!(section(&Value::Null, &flown).contains("Every setting is the default of profile <b>paper</b>"));
         flown.run.duration_s = 12.5;
         flown.bounds.max_position_error_m = Some(0.3);
         flown.deadline.mixer_ms = Some(9.0);
         flown.fault = vec![Fault::new(FaultTarget::Mixer, FaultKind::Kill, 2.0, Some(0.3)); 2];
-        let told = differences(&flown);
-        let told: Vec<[&str; 3]> = told.iter().map(|(key, default, here)| [&**key, default, here]).collect();
         let kill = "mixer kill, at_s 2.0, for_s 0.3";
         let expected = [
             ["bounds.max_position_error_m", DASH, "0.3"],
@@ -107,7 +101,7 @@ mod tests {
             ["fault 2", DASH, kill],
             ["run.duration_s", "60.0", "12.5"],
         ];
-        assert_eq!(told, expected);
+        assert_eq!(differences(&flown), expected);
         // What was ordered in flight stands in it, as the summary tells.
         let run = serde_json::json!({ "provenance": { "scenario": to_toml(&flown) } });
         assert!(section(&run, &Scenario::of(Profile::Paper)).contains(kill));

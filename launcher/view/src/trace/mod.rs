@@ -86,10 +86,7 @@ pub fn document(
     let sample_s = scenario.sample_s();
     let ticks = logged(log, scenario);
     let commands = in_force(&ticks, scenario.run.mode);
-    let window = match from_s {
-        Some(from_s) => Window::new(from_s, for_s, sample_s),
-        None => Window::around_worst(run, for_s, sample_s),
-    };
+    let window = Window::new(from_s, for_s, sample_s, run);
     let traced = ticks.get(window.ticks(ticks.len())).unwrap_or_default();
     ensure!(
         traced.iter().any(|tick| tick.of.state.is_some()),
@@ -119,33 +116,31 @@ pub fn document(
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct Window {
-    pub from_s: f64,
-    pub for_s: f64,
-    pub sample_s: f64,
+    from_s: f64,
+    for_s: f64,
+    sample_s: f64,
     /// Why this one.
-    pub why: String,
+    why: String,
 }
 
 impl Window {
-    pub fn new(from_s: f64, for_s: f64, sample_s: f64) -> Self {
-        Self { from_s, for_s, sample_s, why: String::new() }
-    }
-
-    /// The window with the worst tick of the flight in its middle, the one that its summary `run` names first; the
-    /// beginning where no tick was late.
-    pub fn around_worst(run: &Value, for_s: f64, sample_s: f64) -> Self {
+    /// The window that begins at `from_s`, or else has the worst tick of the flight in its middle, the one that its summary
+    /// `run` names first; the beginning where no tick was late.
+    fn new(from_s: Option<f64>, for_s: f64, sample_s: f64, run: &Value) -> Self {
         let worst = &run["timing"]["worst_ticks"][0];
-        let (Some(tick), Some(late_us)) = (worst["tick"].as_u64(), worst["late_us"].as_f64()) else {
-            return Self::new(0.0, for_s, sample_s);
+        let (from_s, why) = match (from_s, worst["tick"].as_u64(), worst["late_us"].as_f64()) {
+            (None, Some(tick), Some(late_us)) => {
+                let (late_ms, what) = (late_us / 1e3, worst["in_words"].as_str().unwrap_or_default());
+                let why = format!(", around the worst tick, {tick}: {late_ms:.2} ms late; {what}");
+                ((tick as f64 * sample_s - for_s / 2.0).max(0.0), why)
+            }
+            (from_s, ..) => (from_s.unwrap_or(0.0), String::new()),
         };
-        let from_s = (tick as f64 * sample_s - for_s / 2.0).max(0.0);
-        let what = worst["in_words"].as_str().unwrap_or_default();
-        let why = format!(", around the worst tick, {tick}: {:.2} ms late; {what}", late_us / 1e3);
         Self { from_s, for_s, sample_s, why }
     }
 
     /// Its ticks, of a flight of so many.
-    pub fn ticks(&self, flown: usize) -> Range<usize> {
+    fn ticks(&self, flown: usize) -> Range<usize> {
         // The conversion stops at the ends of the integers, and takes NaN for 0.
         let tick = |t_s: f64| ((t_s / self.sample_s - 1e-6).ceil() as usize).min(flown);
         let first = tick(self.from_s);
@@ -162,7 +157,7 @@ mod tests {
     use super::*;
 
     fn window(from_s: f64, for_s: f64) -> Window {
-        Window::new(from_s, for_s, 0.01)
+        Window::new(Some(from_s), for_s, 0.01, &Value::Null)
     }
 
     #[test]
@@ -179,10 +174,10 @@ mod tests {
     #[test]
     fn the_worst_tick_is_that_of_the_summary() {
         let run = |tick: u64| json!({ "timing": { "worst_ticks": [{ "tick": tick, "late_us": 9_830.0, "in_words": "why" }] } });
-        let window = Window::around_worst(&run(300), 1.0, 0.01);
+        let window = Window::new(None, 1.0, 0.01, &run(300));
         assert_eq!(window.ticks(500), 250..350);
         assert!(window.why.contains("the worst tick, 300: 9.83 ms late; why"), "{}", window.why);
-        assert_eq!(Window::around_worst(&run(30), 1.0, 0.01).ticks(500), 0..100, "no window begins before the flight");
-        assert_eq!(Window::around_worst(&Value::Null, 2.0, 0.01).ticks(500), 0..200);
+        assert_eq!(Window::new(None, 1.0, 0.01, &run(30)).ticks(500), 0..100, "no window begins before the flight");
+        assert_eq!(Window::new(None, 2.0, 0.01, &Value::Null).ticks(500), 0..200);
     }
 }
