@@ -32,7 +32,7 @@ pub struct BoundCheck {
 }
 
 /// The bounds of a flight of `scenario`: its own, and the defaults.
-pub fn bounds(scenario: &Scenario) -> Bounds {
+fn bounds(scenario: &Scenario) -> Bounds {
     let own = &scenario.bounds;
     Bounds {
         max_position_error_m: own.max_position_error_m.or_else(|| Some(position_error_m(scenario))),
@@ -45,26 +45,14 @@ pub fn bounds(scenario: &Scenario) -> Bounds {
 /// reached, is not judged.
 pub fn check(scenario: &Scenario, metrics: &Metrics) -> Vec<BoundCheck> {
     let (b, m) = (bounds(scenario), metrics);
+    let (horizontal, vertical) = (b.max_altitude_error_horizontal_m, b.max_altitude_error_vertical_m);
+    let (last, last_m) = (b.final_position_error_m, m.final_position_error_m);
+    let in_horizontal = ["altitude error in 10-50 s", "m"];
     let all = [
         ("max_position_error_m", b.max_position_error_m, m.max_position_error_m, ["position error", "m"]),
-        (
-            "max_altitude_error_horizontal_m",
-            b.max_altitude_error_horizontal_m,
-            m.max_altitude_error_horizontal_m,
-            ["altitude error in 10-50 s", "m"],
-        ),
-        (
-            "max_altitude_error_vertical_m",
-            b.max_altitude_error_vertical_m,
-            m.max_altitude_error_vertical_m,
-            ["altitude error", "m"],
-        ),
-        (
-            "final_position_error_m",
-            b.final_position_error_m,
-            m.final_position_error_m,
-            ["position error at the end", "m"],
-        ),
+        ("max_altitude_error_horizontal_m", horizontal, m.max_altitude_error_horizontal_m, in_horizontal),
+        ("max_altitude_error_vertical_m", vertical, m.max_altitude_error_vertical_m, ["altitude error", "m"]),
+        ("final_position_error_m", last, last_m, ["position error at the end", "m"]),
         ("max_fallback_s", b.max_fallback_s, m.fallback_s, ["mixer on its fallback", "s"]),
     ];
     let judged = all.into_iter().filter_map(|(metric, limit, measured, words)| {

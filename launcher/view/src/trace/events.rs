@@ -259,9 +259,8 @@ impl Samples {
 
 fn solve_status(wire: u64) -> String {
     use SolveStatus::{BadInput, Explicit, Fallback, LimitReached, NoReference, Solved, Stale};
-    let known = [Explicit, Solved, LimitReached, Fallback, BadInput, Stale, NoReference]
-        .into_iter()
-        .find(|s| *s as u64 == wire);
+    let all = [Explicit, Solved, LimitReached, Fallback, BadInput, Stale, NoReference];
+    let known = all.into_iter().find(|status| *status as u64 == wire);
     known.map_or_else(|| wire.to_string(), |status| format!("{status:?}"))
 }
 
