@@ -10,7 +10,7 @@ use std::f64::consts::PI;
 
 use airframe::envelope::Envelope;
 use contract::Scenario;
-use contract::message::Plausible;
+use contract::message::Message as _;
 use contract::scenario::Mode;
 use contract::topic::{NODES, Topic};
 

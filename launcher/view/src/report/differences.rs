@@ -104,6 +104,6 @@ mod tests {
         assert_eq!(differences(&flown), expected);
         // What was ordered in flight stands in it, as the summary tells.
         let run = serde_json::json!({ "provenance": { "scenario": to_toml(&flown) } });
-        assert!(section(&run, &Scenario::of(Profile::Paper)).contains(kill));
+        assert!(section(&run, &Scenario::from(Profile::Paper)).contains(kill));
     }
 }

@@ -41,7 +41,7 @@ fn with_states(mut log: Log, change: impl Fn(&mut State)) -> Log {
 }
 
 fn robust() -> Scenario {
-    Scenario::of(Profile::Robust)
+    Scenario::from(Profile::Robust)
 }
 
 /// A summary in which every claim holds, by a little, with these fields besides.
@@ -289,7 +289,7 @@ fn the_hash_of_a_flight_in_real_time_is_not_shown() {
 
 #[test]
 fn claims_hold_up_to_their_bound_and_not_beyond() {
-    let (log, scenario) = (hover(6001), Scenario::of(Profile::Paper));
+    let (log, scenario) = (hover(6001), Scenario::from(Profile::Paper));
     assert_eq!(claims(&log, &survey(&[]), &scenario).0, [Some(true); 4]);
     check_tells(&render(&log, &survey(&[]), &scenario), &["href=\"#claims\"", "<dt>altitude error, 10 to 50 s</dt>"]);
     let beyond = json!({
@@ -303,7 +303,7 @@ fn claims_hold_up_to_their_bound_and_not_beyond() {
 
 #[test]
 fn a_command_at_its_limit_breaks_the_constraint_claim() {
-    let scenario = Scenario::of(Profile::Paper);
+    let scenario = Scenario::from(Profile::Paper);
     let limits = scenario.limits();
     let at_limit = [
         ActuationMsg { rotor_speed: [limits.rotor_speed_max[0], 1338.0, 1338.0], ..TRIM },
@@ -321,7 +321,7 @@ fn a_command_at_its_limit_breaks_the_constraint_claim() {
 fn a_lost_vehicle_contradicts_every_tracking_claim() {
     let bound = json!([{ "metric": "max_altitude_error_horizontal_m", "limit": 0.1, "measured": 0.0, "ok": true }]);
     let run = survey(&[("diverged", true.into()), ("flown_s", 5.8.into()), ("bounds", bound)]);
-    let (verdicts, measured) = claims(&hover(580), &run, &Scenario::of(Profile::Paper));
+    let (verdicts, measured) = claims(&hover(580), &run, &Scenario::from(Profile::Paper));
     assert_eq!(verdicts[..3], [Some(false); 3]);
     assert!(measured[0].contains("lost"));
     // The summary's maximum over an empty stretch of time is not a measurement.
@@ -331,7 +331,7 @@ fn a_lost_vehicle_contradicts_every_tracking_claim() {
 
 #[test]
 fn other_flights_are_not_judged() {
-    let (log, mut scenario) = (hover(3000), Scenario::of(Profile::Paper));
+    let (log, mut scenario) = (hover(3000), Scenario::from(Profile::Paper));
     assert_eq!(claims(&log, &survey(&[("flown_s", 30.0.into())]), &scenario).0, [None; 4]);
     scenario.mission.trajectory = TrajectoryKind::Circle;
     assert_eq!(claims(&log, &survey(&[]), &scenario).0, [None; 4]);

@@ -207,6 +207,91 @@ fn a_recorder_takes_over_when_it_is_ready_and_the_one_before_leaves_by_itself() 
     assert_eq!(done(role.on(now(300), Input::Tick)), [Action::Spawn(3, None)], "the program before it follows");
 }
 
+#[test]
+fn policies_are_the_settings_in_nanoseconds() {
+    let settings = Supervision { hang_ticks: 4, hang_ms: 25.0, window_s: 6.0, start_limit_s: 2.0, ..policy_settings() };
+    let node = Policy::node(&settings, 10 * MS);
+    assert_eq!((node.hang_ticks, node.hang_ns, node.window_ns), (4, 30 * MS, 6000 * MS));
+    assert_eq!((node.start_limit_ns, node.restart_ns.as_slice()), (2000 * MS, [0, 50 * MS, 100 * MS].as_slice()));
+    assert_eq!(Policy::node(&settings, MS).hang_ns, 25 * MS, "the longer of the two limits");
+    let plant = Policy::plant(&settings, 10 * MS);
+    assert_eq!((plant.restart_ns.as_slice(), plant.hang_ns, plant.hang_ticks), ([].as_slice(), 500 * MS, 0));
+    let recorder = Policy::recorder(&settings);
+    assert_eq!((recorder.start_limit_ns, recorder.hang_ns, recorder.hang_ticks), (3000 * MS, 5000 * MS, 1));
+}
+
+fn policy_settings() -> Supervision {
+    Supervision { restart_ms: vec![0.0, 50.0, 100.0], ..Supervision::default() }
+}
+
+#[test]
+fn only_the_active_process_can_be_found_disconnected() {
+    let mut role = contest();
+    assert_eq!(role.on(now(130), Input::Disconnected(2, "no port".into())), []);
+    let actions = role.on(now(131), Input::Disconnected(1, "no port".into()));
+    assert_eq!(told(&actions), [(1, What::Hung)]);
+}
+
+#[test]
+fn it_says_whether_it_is_alone_busy_and_when_it_is_due() {
+    let fresh = Role::new("mixer", policy(true));
+    assert!(fresh.is_alone(1) && !fresh.is_alone(2) && !fresh.is_busy() && !fresh.has_candidate());
+    assert_eq!((fresh.due_ns(), fresh.hangs_at_ns(10 * MS, 5 * MS)), (None, Some(25 * MS)));
+    let mut swapping = fresh.clone();
+    swapping.on(now(100), Input::SwapRequested(7));
+    assert!(swapping.has_candidate() && swapping.is_busy() && swapping.is_alone(1));
+    assert_eq!(swapping.due_ns(), Some(1100 * MS + 1), "when it counts as hung");
+    assert!(swapping.may_swap().is_err());
+    let trial = contest();
+    assert!(!trial.is_alone(1) && trial.has_candidate() && trial.is_busy() && trial.due_ns().is_none());
+    let mut restarting = fresh;
+    restarting.on(now(100), Input::Exited(1));
+    assert!(restarting.is_busy(), "another is about to be started");
+    restarting.on(now(100), Input::Tick);
+    assert!(!restarting.has_candidate() && restarting.is_busy());
+    restarting.on(now(125), Input::Ready(2));
+    assert!(restarting.is_busy() && restarting.may_swap().is_err(), "it is ready and not active yet");
+}
+
+#[test]
+fn a_ruling_that_does_not_fit_the_trial_changes_nothing() {
+    let ruled = |role: &Role, ruling| role.clone().on(now(210), Input::Ruled(ruling, String::new()));
+    for ruling in [Ruling::Keep, Ruling::Return] {
+        assert_eq!(ruled(&contest(), ruling), []);
+    }
+    for ruling in [Ruling::HandOver, Ruling::Reject] {
+        assert_eq!(ruled(&handed_over(), ruling), []);
+    }
+}
+
+#[test]
+fn a_recorder_that_dies_before_any_swap_is_followed_by_its_own_program() {
+    let mut role = Role::new("recorder", policy(false));
+    role.on(now(100), Input::Exited(1));
+    assert_eq!(done(role.on(now(100), Input::Tick)), [Action::Spawn(2, None)]);
+}
+
+#[test]
+fn a_second_death_while_another_starts_is_one_failure() {
+    let mut role = contest();
+    role.on(now(150), Input::Ruled(Ruling::Reject, String::new()));
+    role.on(now(160), Input::Exited(1));
+    role.on(now(160), Input::Exited(2));
+    assert_eq!(done(role.on(now(160), Input::Tick)), [Action::Spawn(3, None)]);
+    role.on(now(170), Input::Exited(3));
+    assert_eq!(role.due_ns(), Some(220 * MS), "the second failure of the window");
+}
+
+#[test]
+fn answers_without_new_samples_are_progress_and_samples_without_answers_are_not() {
+    let mut role = Role::new("mixer", policy(true));
+    let progress = |done, samples| Input::Progress { done, samples, excused_ns: 0 };
+    role.on(now(10), progress(5, 5));
+    role.on(now(500), progress(5, 5));
+    assert_eq!(role.on(now(515), progress(5, 9)), [], "nothing waited for it until 500 ms");
+    assert_eq!(told(&role.on(now(520), progress(5, 9))), [(1, What::Hung)]);
+}
+
 /// A role in a world that obeys its actions: which processes live, and which of them the ring hears.
 #[derive(Clone, PartialEq, Eq, Hash)]
 struct World {
