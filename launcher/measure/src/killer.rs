@@ -1,12 +1,10 @@
 //! The processes of a stack, seen from outside by their namespace as a user sees them, and signals to them.
 
-use std::sync::atomic::{AtomicU32, Ordering};
-
 use contract::Topic;
 use contract::message::Stamp;
 use contract::stamp::delivery;
 use runtime::domain::Domain;
-use runtime::realtime::now_ns;
+use runtime::realtime::{ControlPage, now_ns};
 use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
 
 /// A process of a stack.
@@ -57,10 +55,9 @@ pub fn first_message_ns<'a>(stamps: impl IntoIterator<Item = &'a Stamp>, topic: 
     stamps.into_iter().find(is_first).map(|stamp| stamp.publish_ns[topic as usize])
 }
 
-/// A namespace that no other run on this machine has.
-pub fn namespace() -> String {
-    static NEXT: AtomicU32 = AtomicU32::new(0);
-    format!("measure-{}-{}", std::process::id(), NEXT.fetch_add(1, Ordering::Relaxed))
+/// The control page of the stack in `namespace`.
+pub fn page(namespace: &str) -> Option<ControlPage> {
+    ControlPage::open(&Domain::find(namespace).ok()?.file("page")).ok()
 }
 
 /// What a stack that is over has left: its folder in shared memory, and processes.

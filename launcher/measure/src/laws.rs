@@ -12,11 +12,10 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use crate::findings::{Findings, Target};
-use crate::survival::{SURVIVED_M, failed_at_s};
+use crate::flights::{SURVIVED_M, failed_at_s, in_process};
 use crate::table::Table;
-use flight::inprocess;
 use flight::settings;
-use view::summary::{Metrics, Summary};
+use view::summary::Metrics;
 
 /// The shipped scenarios, compiled in so that the command works in any folder.
 const AGGRESSIVE: [(&str, &str); 5] = [
@@ -130,11 +129,7 @@ pub fn measure(args: &LawsArgs) -> anyhow::Result<u8> {
 
 fn fly(inner_loop: InnerLoop, scenario: &Scenario) -> LawFlight {
     let flown = inner_loop.put_into(scenario);
-    let mut summary = Summary::new(&flown);
-    inprocess::fly(&flown, |record| {
-        summary.observe(&record);
-        true
-    });
+    let (summary, _) = in_process(&flown, |_| {});
     let diverged = summary.status().diverged();
     LawFlight {
         inner_loop,

@@ -8,7 +8,7 @@
 //! | [`laws`] | `measure laws`: the aggressive scenarios under every inner loop |
 //! | [`sensitivity`] | `measure sensitivity`: tracking error over delay, jitter and misses |
 //! | [`timing`] | `measure timing`: how late the stack is, beside the kernel's own wake-up |
-//! | [`survival`] | when a flight counts as failed |
+//! | [`flights`] | flights that a measurement flies itself, and when one counts as failed |
 //! | [`findings`], [`table`] | targets and results, and tables as text |
 //! | [`killer`] | processes of a stack seen from outside, and signals to them |
 
@@ -16,12 +16,12 @@
 
 pub mod faults;
 pub mod findings;
+pub mod flights;
 pub mod killer;
 pub mod kills;
 pub mod laws;
 pub mod mpc;
 pub mod sensitivity;
-pub mod survival;
 pub mod table;
 pub mod timing;
 

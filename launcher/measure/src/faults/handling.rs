@@ -19,7 +19,7 @@ use contract::topic::Topic;
 use flight::event::{Event, What, name};
 use serde::Serialize;
 
-use super::one_flight::through_processes;
+use crate::flights::through_processes;
 
 /// When every fault begins, how long it lasts, and how long the flight is \[s\].
 const AT_S: f64 = 1.0;
@@ -75,7 +75,7 @@ pub fn compare(base: &Scenario, quick: bool, interrupts: &AtomicU32) -> anyhow::
 
 fn fly(scenario: &Scenario, topic: Topic, interrupts: &AtomicU32) -> anyhow::Result<Handling> {
     let mut answered = BTreeSet::new();
-    let flown = through_processes(scenario, interrupts, |record| {
+    let (_, flown) = through_processes(scenario, interrupts, |record| {
         let stamp = record.stamp();
         if record.topic() == topic && stamp.delivery == delivery::DELIVERED {
             answered.insert(stamp.tick);

@@ -7,33 +7,37 @@
 //! | [`handling`] | what the supervision does about a process fault, in lockstep and in real time |
 //! | [`strike`] | processes killed and stopped from outside, in real time |
 //! | [`relay`] | candidates in flight, good and wrong ones |
-//! | [`report`] | tables and targets |
 //!
 //! Every case is `scenarios/faults/hover-gusts.toml` with one fault of the default size from 5 s to 6 s. It is flown in
 //! lockstep, by real processes that really die, and by one thread: the two must be the same flight, bit for bit. The
-//! profile is the robust one: the paper's does not bear the gusts, with or without a fault. That one has the faults of
-//! processes and topics in a calm hover.
+//! profile is the robust one: the paper's does not bear the gusts, with or without a fault. The paper's profile has the
+//! faults of processes and topics in a calm hover.
 
 pub mod case;
 pub mod handling;
 pub mod one_flight;
 pub mod relay;
-pub mod report;
 pub mod strike;
 
 use std::path::PathBuf;
 use std::sync::atomic::AtomicU32;
 
 use contract::Scenario;
+use contract::scenario::Mode;
 use flight::interrupts::catch_interrupts;
 use serde::Serialize;
+use view::percentiles::median;
 
-use self::case::{Case, hover_in_gusts, hover_of_the_paper};
-use self::handling::FaultHandling;
-use self::one_flight::{FaultFlight, QuietFlight};
+use self::case::{Case, Promise, hover_in_gusts, hover_of_the_paper};
+use self::handling::{FaultHandling, Handling};
+use self::one_flight::{BACK_M, FaultFlight, QuietFlight, TERMINATE_S, TILT_DEG};
 use self::relay::Relay;
-use self::strike::Strikes;
-use crate::findings::Findings;
+use self::strike::{Strike, Strikes};
+use crate::findings::{Findings, Target};
+use crate::table::{Table, cell};
+
+/// Farthest from the trajectory that good candidates may take the vehicle \[m\].
+const SWAP_M: f64 = 0.1;
 
 #[derive(clap::Args)]
 pub struct FaultsArgs {
@@ -65,11 +69,11 @@ pub struct FaultResults {
 pub fn measure(args: &FaultsArgs) -> anyhow::Result<u8> {
     let interrupts = catch_interrupts()?;
     let results = FaultResults::measure(args.quick, &interrupts)?;
-    let found = Findings::new(&results, report::targets(&results), args.quick)?;
+    let found = Findings::new(&results, targets(&results), args.quick)?;
     if let Some(out) = &args.out {
         found.save(out, "measure.json")?;
     }
-    found.conclude(args.json, &report::text(&results))
+    found.conclude(args.json, &text(&results))
 }
 
 impl FaultResults {
@@ -92,4 +96,174 @@ impl FaultResults {
             strikes: Strikes::measure(if quick { 1 } else { 5 }, interrupts)?,
         })
     }
+}
+
+fn text(results: &FaultResults) -> String {
+    let mut text = String::new();
+    for (title, rows) in [("Robust profile, in gusts", &results.rows), ("Paper's profile, in calm", &results.paper)] {
+        if !rows.is_empty() {
+            let units = "detected and recovered [s], worst roll or pitch [deg], worst and remaining position error [m]";
+            text += &matrix(&format!("{title}: {units}"), rows).text();
+            text.push('\n');
+        }
+    }
+    text + &handling(&results.handling).text()
+}
+
+fn matrix(title: &str, rows: &[FaultFlight]) -> Table {
+    let cells = |row: &FaultFlight| {
+        let course = &row.course;
+        vec![
+            row.fault.clone(),
+            cell(course.detected_after_s, 2),
+            cell(course.recovered_after_s, 2),
+            if course.tilt_deg > 90.0 { "> 90".into() } else { format!("{:.1}", course.tilt_deg) },
+            format!("{:.2}", course.position_error_m),
+            cell(course.back_m, 2),
+            outcome(row),
+        ]
+    };
+    let headings = ["fault", "detected", "recovered", "tilt", "error", "after 5 s", "outcome"];
+    Table::new(title, &headings, rows.iter().map(cells).collect())
+}
+
+/// The outcome of a flight, and the reason where nothing was promised.
+fn outcome(row: &FaultFlight) -> String {
+    let fate = if row.course.diverged { "diverged" } else { "flew on" };
+    match (row.promise, row.kept()) {
+        (Promise::Recover, Some(true)) => "ok".into(),
+        (Promise::Recover, _) => format!("SHORT: {fate}"),
+        (Promise::Terminate, Some(true)) => {
+            format!("terminated after {:.2} s", row.course.terminated_after_s.unwrap_or_default())
+        }
+        (Promise::Terminate, _) => format!("SHORT: {fate}, not terminated"),
+        (Promise::NoPlant, _) => "ended: no plant".into(),
+        (Promise::NoActuator, _) => format!("{fate}: an actuator that does not obey"),
+        (Promise::Lie, _) => format!("{fate}: a sensor that is wrong"),
+        (Promise::Error, _) => format!("{fate}: a node that errs"),
+        (Promise::Late, _) => format!("{fate}: a sensor that is late"),
+        (Promise::Fall, _) => format!("{fate}: no thrust for a while"),
+        (Promise::Blind, _) => format!("{fate}: state unknown for {:.2} s", row.course.blind_s),
+    }
+}
+
+fn handling(rows: &[FaultHandling]) -> Table {
+    let both = |row: &FaultHandling, of: fn(&Handling) -> Option<f64>| [of(&row.lockstep), of(&row.realtime)];
+    let cells = |row: &FaultHandling| {
+        let columns: [fn(&Handling) -> Option<f64>; 4] = [
+            |handling| handling.noticed_ms,
+            |handling| handling.next_active_ms,
+            |handling| Some(handling.ticks_without_active as f64),
+            |handling| Some(handling.restarts as f64),
+        ];
+        let pairs = columns.into_iter().flat_map(|of| both(row, of)).map(|value| cell(value, 0));
+        [row.fault.clone()].into_iter().chain(pairs).collect()
+    };
+    Table::new(
+        "The same process fault for 1 s in lockstep and in real time (rt): until noticed [ms], until the next process is \
+         active [ms], ticks without an active process, restarts",
+        &["fault", "noticed", "rt", "next active", "rt", "ticks", "rt", "restarts", "rt"],
+        rows.iter().map(cells).collect(),
+    )
+}
+
+fn targets(results: &FaultResults) -> Vec<Target> {
+    let mut targets = of_the_matrix(&results.rows);
+    targets.extend(of_the_paper(&results.paper));
+    let alarms: u64 = results.quiet.iter().map(|quiet| quiet.flagged + quiet.refused + quiet.events).sum();
+    targets.push(Target::at_most("false alarms in 60 quiet seconds, two flights", Some(alarms as f64), 0.0, ""));
+    let other = results.handling.iter().filter(|row| row.lockstep.restarts != row.realtime.restarts);
+    let other: Vec<&str> = other.map(|row| row.fault.as_str()).collect();
+    let figure = format!("of {} process faults: other restarts in real time", results.handling.len());
+    targets.push(Target::none(figure, other.len()).noting(other.join(", ")));
+    targets.extend(results.relays.iter().flat_map(of_a_relay));
+    targets.extend(in_real_time(results));
+    targets
+}
+
+fn of_the_matrix(rows: &[FaultFlight]) -> Vec<Target> {
+    let those = |promise| rows.iter().filter(move |row| row.promise == promise);
+    let recoverable = those(Promise::Recover).count();
+    let broken = |fails: fn(&FaultFlight) -> bool| names(those(Promise::Recover).filter(|row| fails(row)));
+    let worst = |of: fn(&FaultFlight) -> f64| those(Promise::Recover).map(of).reduce(f64::max);
+    let tilt = |row: &FaultFlight| row.course.tilt_deg;
+    let back = |row: &FaultFlight| row.course.back_m.unwrap_or(f64::INFINITY);
+    let silent = rows.iter().find(|row| row.fault == "attitude-mpc kill").map(tilt);
+    let terminated = |row: &FaultFlight| row.course.terminated_after_s.unwrap_or(f64::INFINITY);
+    let terminated_s = those(Promise::Terminate).map(terminated).reduce(f64::max);
+    let differs = || rows.iter().filter(|row| !row.same);
+    vec![
+        Target::at_most(format!("worst tilt in {recoverable} recoverable faults"), worst(tilt), TILT_DEG, "deg")
+            .noting(broken(|row| row.course.tilt_deg > TILT_DEG)),
+        Target::at_most("worst tilt, 1 s without attitude-mpc in gusts", silent, TILT_DEG, "deg"),
+        Target::at_most(format!("farthest 5 s after {recoverable} recoverable faults"), worst(back), BACK_M, "m")
+            .noting(broken(|row| row.course.back_m.is_none_or(|back_m| back_m > BACK_M))),
+        Target::at_most("dead rotor, until the flight is terminated", terminated_s, TERMINATE_S, "s"),
+        Target::none(
+            format!("flights of {} that differ between lockstep and one thread", rows.len()),
+            differs().count(),
+        )
+        .noting(names(differs())),
+    ]
+}
+
+fn of_the_paper(rows: &[FaultFlight]) -> Option<Target> {
+    let short = || rows.iter().filter(|row| row.kept() == Some(false) || !row.same);
+    let figure = format!("profile paper in calm, {} faults: promises broken", rows.len());
+    (!rows.is_empty()).then(|| Target::none(figure, short().count()).noting(names(short())))
+}
+
+fn names<'a>(rows: impl Iterator<Item = &'a FaultFlight>) -> String {
+    rows.map(|row| row.fault.as_str()).collect::<Vec<_>>().join(", ")
+}
+
+fn of_a_relay(relay: &Relay) -> Vec<Target> {
+    let mode = match relay.mode {
+        Mode::Realtime => "real time",
+        _ => "lockstep",
+    };
+    let Relay { swaps, kept, tilt_deg, position_error_m, lost_ticks, explained, .. } = *relay;
+    let Relay { rejected, returned, .. } = relay;
+    let mut targets = if relay.good {
+        let removed = rejected.iter().chain(returned).map(String::as_str).collect::<Vec<_>>().join("; ");
+        let explains = if explained > 0 { format!("the canary explains {explained} more") } else { String::new() };
+        vec![
+            Target::none(format!("{mode}, {swaps} good candidates: not kept"), swaps - kept).noting(removed),
+            Target::none(format!("{mode}, {swaps} good candidates: ticks lost"), lost_ticks - explained)
+                .noting(explains),
+            Target::at_most(format!("{mode}, {swaps} good candidates: error"), Some(position_error_m), SWAP_M, "m"),
+        ]
+    } else {
+        let tilt_deg = if relay.diverged { f64::INFINITY } else { tilt_deg };
+        let note = format!("{} rejected on standby, {} removed when active", rejected.len(), returned.len());
+        vec![
+            Target::none(format!("{mode}, {swaps} wrong candidates: kept"), kept).noting(note),
+            Target::at_most(format!("{mode}, {swaps} wrong candidates: worst tilt"), Some(tilt_deg), TILT_DEG, "deg"),
+        ]
+    };
+    targets.extend(relay.same.map(|same| {
+        let sort = if relay.good { "good" } else { "wrong" };
+        Target::none(format!("flight with {swaps} {sort} candidates, other by one thread"), usize::from(!same))
+    }));
+    targets
+}
+
+fn in_real_time(results: &FaultResults) -> Vec<Target> {
+    let strikes = &results.strikes;
+    let target = |figure: &str, strikes: &[Strike], of: fn(&Strike) -> Option<f64>, limit_ms: f64| {
+        let median_ms = median(strikes.iter().filter_map(of));
+        let target = Target::at_most(format!("{figure}, median"), median_ms, limit_ms, "ms");
+        match &results.strikes.canary.doubt {
+            Some(why) => target.in_doubt(why.as_str()),
+            None => target,
+        }
+    };
+    let missing = strikes.kills.iter().chain(&strikes.hangs).filter(|s| s.restarted_ms.is_none()).count();
+    vec![
+        target("crash noticed", &strikes.kills, |strike| strike.noticed_ms, 5.0),
+        target("hang noticed", &strikes.hangs, |strike| strike.noticed_ms, 30.0),
+        target("hang, until a command without attitude-mpc", &strikes.hangs, |strike| strike.fallback_ms, 30.0),
+        target("crash, until the restarted node's first message", &strikes.kills, |strike| strike.restarted_ms, 150.0),
+        Target::none("strikes without a successor", missing),
+    ]
 }

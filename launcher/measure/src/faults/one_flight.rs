@@ -2,7 +2,7 @@
 
 use std::sync::atomic::AtomicU32;
 
-use anyhow::{Context, bail};
+use anyhow::Context;
 use contract::Scenario;
 use contract::message::{Message, SolveStatus, State, mixer_flags};
 use contract::scenario::{Mode, Profile};
@@ -10,11 +10,10 @@ use contract::stamp::delivery;
 use serde::Serialize;
 
 use super::case::{AT_S, BACK_S, Case, FOR_S, Promise};
-use crate::killer::namespace;
+use crate::flights::{in_process, through_processes};
 use flight::event::name;
-use flight::inprocess;
 use flight::log::Record;
-use flight::stack::{Ended, Flown, Stack, StartError};
+use flight::stack::Ended;
 use view::faults::reacts;
 use view::summary::Summary;
 
@@ -70,14 +69,17 @@ impl FaultFlight {
         let mut scenario = base.clone();
         scenario.fault = vec![case.0];
         scenario.run.mode = Mode::Inprocess; // in real time the solver has a time limit
-        let alone = in_process(&scenario);
+        let (alone, _) = in_process(&scenario, |_| {});
         scenario.run.mode = Mode::Lockstep;
         let fault = format!("{} {}", name(case.0.target), name(case.0.kind));
-        let course = lockstep(&scenario, interrupts).with_context(|| format!("the flight with {fault} in lockstep"))?;
+        let mut watch = Watch::new(&scenario);
+        let (summary, flown) = through_processes(&scenario, interrupts, |record| watch.observe(record))
+            .with_context(|| format!("the flight with {fault} in lockstep"))?;
+        let course = watch.course(&summary, &flown.ended);
         Ok(Self {
             fault,
             promise: case.promise(course.blind_s, course.cut && scenario.profile == Profile::Paper),
-            same: course.state_hash.is_some() && course.state_hash == alone.state_hash,
+            same: course.state_hash.is_some() && course.state_hash == alone.state_hash(),
             course,
         })
     }
@@ -95,35 +97,6 @@ impl FaultFlight {
     }
 }
 
-fn in_process(scenario: &Scenario) -> Course {
-    let mut watch = Watch::new(scenario);
-    let flown = inprocess::fly(scenario, |record| {
-        watch.observe(&record);
-        true
-    });
-    watch.course(matches!(flown.ended, Ended::Lost(_)))
-}
-
-fn lockstep(scenario: &Scenario, interrupts: &AtomicU32) -> anyhow::Result<Course> {
-    let mut watch = Watch::new(scenario);
-    let flown = through_processes(scenario, interrupts, |record| watch.observe(&record))?;
-    Ok(watch.course(matches!(flown.ended, Ended::Lost(_))))
-}
-
-/// Flies `scenario` by processes; `watch` is given every message.
-pub fn through_processes(
-    scenario: &Scenario,
-    interrupts: &AtomicU32,
-    watch: impl FnMut(Record),
-) -> anyhow::Result<Flown> {
-    let flown = Stack::start(&namespace(), scenario, None, interrupts)?.fly(interrupts, watch, |_| {});
-    match flown.ended {
-        Ended::Interrupted => bail!(StartError::Interrupted),
-        Ended::Unseen(what) => bail!(StartError::Lost(what)),
-        Ended::Flown | Ended::Lost(_) | Ended::Late(_) => Ok(flown),
-    }
-}
-
 /// True roll or pitch, whichever is larger \[deg\].
 pub fn lean_deg(state: &State) -> f64 {
     let [roll, pitch, _] = state.actual.attitude_rad.map(|angle| angle.abs().to_degrees());
@@ -132,7 +105,6 @@ pub fn lean_deg(state: &State) -> f64 {
 
 /// What is gathered of a flight with one fault.
 struct Watch {
-    summary: Summary,
     /// First tick of the fault, first after it, and the one at which the vehicle is to be back.
     begins: u64,
     ended: u64,
@@ -148,7 +120,6 @@ impl Watch {
     fn new(scenario: &Scenario) -> Self {
         let tick = |time_s: f64| (time_s / scenario.sample_s()).round() as u64;
         Self {
-            summary: Summary::new(scenario),
             begins: tick(AT_S),
             ended: tick(AT_S + FOR_S),
             back: tick(AT_S + FOR_S + BACK_S),
@@ -160,7 +131,6 @@ impl Watch {
     }
 
     fn observe(&mut self, record: &Record) {
-        self.summary.observe(record);
         match record {
             Record::State(state) => self.state(state),
             Record::Actuators(actuators) if actuators.flags & mixer_flags::TERMINATED != 0 => {
@@ -196,14 +166,14 @@ impl Watch {
         }
     }
 
-    fn course(self, plant_lost: bool) -> Course {
-        let fault = &self.summary.faults.to_json()[0];
+    fn course(self, summary: &Summary, ended: &Ended) -> Course {
+        let fault = &summary.faults.to_json()[0];
         Course {
             detected_after_s: fault["detected_after_s"].as_f64(),
             recovered_after_s: fault["recovered_after_s"].as_f64(),
-            diverged: plant_lost || self.summary.status().diverged(),
-            missed: self.summary.missed(),
-            state_hash: self.summary.state_hash(),
+            diverged: matches!(ended, Ended::Lost(_)) || summary.status().diverged(),
+            missed: summary.missed(),
+            state_hash: summary.state_hash(),
             ..self.course
         }
     }
@@ -226,9 +196,9 @@ impl QuietFlight {
         scenario.run.mode = Mode::Lockstep;
         scenario.run.duration_s = 60.0;
         let mut flagged = 0;
-        let flown = through_processes(&scenario, interrupts, |record| {
+        let (_, flown) = through_processes(&scenario, interrupts, |record| {
             let failed = matches!(record, Record::Controls(c) if c.status > SolveStatus::Solved as u64);
-            flagged += u64::from(failed || reacts(&record));
+            flagged += u64::from(failed || reacts(record));
         })?;
         Ok(Self {
             name: scenario.name,

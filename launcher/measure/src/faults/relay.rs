@@ -23,13 +23,12 @@ use contract::topic::Topic;
 use serde::Serialize;
 
 use super::case::hover_in_gusts;
-use super::one_flight::{lean_deg, through_processes};
+use super::one_flight::lean_deg;
+use crate::flights::{in_process, through_processes};
 use crate::timing::canary::{Canary, Watch};
 use flight::event::{Event, What};
-use flight::inprocess;
 use flight::log::Record;
 use view::faults::reacts;
-use view::summary::Summary;
 
 /// The nodes in the order of their swaps, and the settings of every other good candidate.
 const NODES: [(SwapNode, Topic, &str); 3] = [
@@ -107,15 +106,14 @@ impl Relay {
 
     fn fly(good: bool, mut scenario: Scenario, mode: Mode, interrupts: &AtomicU32) -> anyhow::Result<Self> {
         scenario.run.mode = Mode::Inprocess;
-        let alone = (mode == Mode::Lockstep).then(|| hash_alone(&scenario));
+        let alone = (mode == Mode::Lockstep).then(|| in_process(&scenario, |_| {}).0.state_hash());
         scenario.run.mode = mode;
         let canary = if mode == Mode::Realtime { Some(Canary::start()?) } else { None };
-        let (mut summary, mut tilt_deg) = (Summary::new(&scenario), 0.0_f64);
+        let mut tilt_deg = 0.0_f64;
         let mut ticks = BTreeMap::<u64, Answers>::new();
-        let flown = through_processes(&scenario, interrupts, |record| {
-            summary.observe(&record);
-            note(&mut ticks, &record);
-            if let Record::State(state) = &record {
+        let (summary, flown) = through_processes(&scenario, interrupts, |record| {
+            note(&mut ticks, record);
+            if let Record::State(state) = record {
                 tilt_deg = tilt_deg.max(lean_deg(state));
             }
         })?;
@@ -187,16 +185,6 @@ fn with_swaps(mut scenario: Scenario, swaps: Vec<Swap>) -> Scenario {
     scenario.run.duration_s = (end_s + 1.0).ceil();
     scenario.swap = swaps;
     scenario
-}
-
-/// The state hash of the flight by one thread.
-fn hash_alone(scenario: &Scenario) -> Option<String> {
-    let mut summary = Summary::new(scenario);
-    inprocess::fly(scenario, |record| {
-        summary.observe(&record);
-        true
-    });
-    summary.state_hash()
 }
 
 fn note(ticks: &mut BTreeMap<u64, Answers>, record: &Record) {

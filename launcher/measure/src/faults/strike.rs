@@ -9,24 +9,22 @@
 //!
 //! The signal comes at any phase of the period. Every flight strikes each node once, so that no restart is delayed.
 
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::Duration;
 
-use anyhow::bail;
+use anyhow::Context;
 use contract::message::Stamp;
 use contract::scenario::Mode;
 use contract::topic::Topic;
 use flight::log::Record;
-use flight::stack::{Ended, Stack, StartError};
-use runtime::ports::Ports;
 use runtime::realtime::{ControlPage, now_ns};
 use rustix::process::Signal;
 use serde::Serialize;
 use view::faults::reacts;
 
 use super::case::hover_in_gusts;
-use crate::killer::{Process, first_message_ns, milliseconds, namespace};
+use crate::flights::Started;
+use crate::killer::{Process, first_message_ns, milliseconds, page};
 use crate::timing::canary::{Canary, CanarySummary};
 
 /// Between two strikes: all phases of the period occur.
@@ -89,25 +87,18 @@ fn fly(signal: Signal, interrupts: &AtomicU32) -> anyhow::Result<Vec<Strike>> {
     let mut scenario = hover_in_gusts()?;
     scenario.run.mode = Mode::Realtime;
     scenario.run.duration_s = (APART * 4).as_secs_f64().ceil() + 1.0;
-    let namespace = namespace();
-    let stack = Stack::start(&namespace, &scenario, None, interrupts)?;
-    let page = Ports::join(&namespace)?.0.page;
-    let seen = Mutex::new(Seen::default());
+    let stack = Started::new(&scenario, interrupts)?;
+    let namespace = stack.namespace.clone();
+    let page = page(&namespace).context("cannot open the page of the flight")?;
+    let mut seen = Seen::default();
     let over = AtomicBool::new(false);
     let (flown, mut strikes) = std::thread::scope(|scope| {
         let striker = scope.spawn(|| strike_all(signal, &namespace, &page, &over));
-        let watch = |record: Record| seen.lock().expect("no thread panics with it").observe(&record);
-        let flown = stack.fly(interrupts, watch, |_| {});
+        let flown = stack.fly_to_the_end(interrupts, |record| seen.observe(record), || {});
         over.store(true, Ordering::Relaxed);
         (flown, striker.join().expect("striking does not panic"))
     });
-    match flown.ended {
-        Ended::Flown => {}
-        Ended::Interrupted => bail!(StartError::Interrupted),
-        Ended::Lost(name) | Ended::Late(name) => bail!(StartError::Lost(format!("lost {name}"))),
-        Ended::Unseen(what) => bail!(StartError::Lost(what)),
-    }
-    let seen = seen.into_inner().expect("no thread panics with it");
+    flown?;
     for strike in &mut strikes {
         seen.complete(strike);
     }

@@ -10,15 +10,14 @@ use contract::Topic;
 use contract::message::State;
 use flight::log;
 use flight::own_program;
-use runtime::domain::Domain;
-use runtime::realtime::{ControlPage, now_ns};
+use runtime::realtime::now_ns;
 use rustix::process::Signal;
 use serde::Serialize;
 use serde_json::Value;
 
 use super::logged::{Kill, contains, holes, sent_ns};
 use super::plan::{Moment, PlannedKill, Victim};
-use crate::killer::{Process, left, milliseconds};
+use crate::killer::{Process, left, milliseconds, page};
 
 /// How long every flight is \[s\].
 pub const DURATION_S: f64 = 3.0;
@@ -211,6 +210,5 @@ impl Drop for Launcher<'_> {
 
 /// Whether the plant of `namespace` has sent a sample.
 fn flies(namespace: &str) -> bool {
-    let page = Domain::find(namespace).ok().and_then(|domain| ControlPage::open(&domain.file("page")).ok());
-    page.is_some_and(|page| page.role(Topic::State).done(1).get() > 0)
+    page(namespace).is_some_and(|page| page.role(Topic::State).done(1).get() > 0)
 }

@@ -1,6 +1,7 @@
 use super::*;
 use crate::findings::Verdict;
 use contract::scenario::Profile;
+use view::summary::Summary;
 
 fn flight(inner_loop: InnerLoop, diverged_at_s: Option<f64>, final_m: f64, clamped: u64) -> LawFlight {
     let mut metrics = Summary::new(&Scenario::from(Profile::Robust)).metrics();

@@ -12,32 +12,40 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`grid`] | the flights, and what became of each |
-//! | [`cell`] | the flights of one delay, jitter and probability, taken together |
+//! | [`map`] | the flights, and those of one delay, jitter and probability taken together |
 //! | [`point`] | the operating point of this machine |
 //! | [`picture`] | the map as a page |
-//! | [`targets`] | what is promised |
 
-pub mod cell;
-pub mod grid;
+pub mod map;
 pub mod picture;
 pub mod point;
-pub mod targets;
 
-use std::fs;
 use std::path::{Path, PathBuf};
-use std::time::{SystemTime, UNIX_EPOCH};
 
-use anyhow::Context;
+use contract::scenario::Profile;
+use flight::event;
 use serde_json::json;
 
-use self::cell::Cell;
-use self::grid::Grid;
+use self::map::{Cell, Place};
 use self::point::Point;
-use crate::findings::Findings;
+use crate::findings::{Findings, Target, default_folder, make_folder};
 use flight::duration::milliseconds;
 use flight::files::write_whole;
 use runtime::console::eprint_line;
+
+/// What the paper claims of its controller \[m\].
+const PAPER_ERROR_M: f64 = 0.7;
+/// What the shipped survey must stay inside of, at the edge as in the middle \[m\].
+const ROBUST_ERROR_M: f64 = 0.06;
+/// Profile, delay \[ms\], probability of a miss, and the largest error \[m\] there: without one every flight is lost.
+const PROMISES: [(Profile, f64, f64, Option<f64>); 4] = [
+    (Profile::Paper, 4.0, 0.0, Some(PAPER_ERROR_M)),
+    (Profile::Paper, 10.0, 0.0, None),
+    (Profile::Robust, 58.0, 0.0, Some(ROBUST_ERROR_M)),
+    (Profile::Robust, 0.0, 0.4, Some(ROBUST_ERROR_M)),
+];
+/// Why a lost flight is promised.
+const FRAGILE: &str = "the limit is real: the reading of the paper that flies is this fragile";
 
 /// Arguments of `measure sensitivity`.
 #[derive(clap::Args)]
@@ -70,21 +78,22 @@ pub struct SensitivityArgs {
 
 /// Measures as the arguments say; the exit code.
 pub fn measure(args: &SensitivityArgs) -> anyhow::Result<u8> {
-    let grid = Grid::new(args)?;
-    let out = args.out.clone().unwrap_or_else(default_folder);
-    let cannot = || format!("cannot write to the folder {}; choose another with --out", out.display());
-    fs::create_dir_all(&out).with_context(cannot)?;
+    let axes = [&args.delays, &args.jitters, &args.misses].map(Vec::as_slice);
+    let scenarios = map::scenarios(args.scenario.as_deref(), args.seeds, axes)?;
+    let out = args.out.clone().unwrap_or_else(|| default_folder("sensitivity"));
+    make_folder(&out, "--out")?;
     let point = operating_point(args, &out)?;
 
-    eprint_line(&format!("flying {} flights", grid.scenarios.len()));
-    let flights = grid.fly();
-    let cells = cell::gather(&flights);
-    let targets = targets::targets(args.scenario.is_none(), &cells);
-    let results = json!({ "scenario": grid.name, "seeds": args.seeds, "operating_point": point, "cells": cells });
+    eprint_line(&format!("flying {} flights", scenarios.len()));
+    let flights = map::fly(&scenarios);
+    let cells = map::gather(&flights);
+    let targets = targets(args.scenario.is_none(), &cells);
+    let name = scenarios.first().map_or("", |scenario| &scenario.name);
+    let results = json!({ "scenario": name, "seeds": args.seeds, "operating_point": point, "cells": cells });
     let found = Findings::new(results, targets, false)?;
     found.save(&out, "sensitivity.json")?;
-    write_whole(&out.join("sensitivity.csv"), grid::to_csv(&flights).as_bytes())?;
-    let page = picture::page(&grid.name, &cells, point.as_ref());
+    write_whole(&out.join("sensitivity.csv"), map::to_csv(&flights).as_bytes())?;
+    let page = picture::page(name, &cells, point.as_ref());
     write_whole(&out.join("sensitivity.html"), page.as_bytes())?;
     found.conclude(args.json, &table(&cells, point.as_ref(), &out))
 }
@@ -102,11 +111,11 @@ fn operating_point(args: &SensitivityArgs, out: &Path) -> anyhow::Result<Option<
 /// For people: up to which delay every flight survived, by jitter and probability of a miss.
 fn table(cells: &[Cell], point: Option<&Point>, out: &Path) -> String {
     let mut text = String::new();
-    for profile in cell::PROFILES {
-        let cells: Vec<&Cell> = cells.iter().filter(|cell| cell.profile == profile).collect();
-        let [_, jitters, misses] = cell::axes(&cells);
+    for profile in map::PROFILES {
+        let cells: Vec<&Cell> = cells.iter().filter(|cell| cell.at.profile == profile).collect();
+        let [_, jitters, misses] = map::axes(&cells);
         let heads = misses.iter().map(|miss| format!("{:.0} % missed", miss * 100.0));
-        text += &line(&format!("{} flies with up to", cell::name(profile)), heads);
+        text += &line(&format!("{} flies with up to", event::name(profile)), heads);
         for jitter in jitters {
             let flown = misses.iter().map(|miss| last_flown(&cells, jitter, *miss));
             text += &line(&format!("  jitter {jitter} ms"), flown);
@@ -126,15 +135,35 @@ fn line(head: &str, cells: impl Iterator<Item = String>) -> String {
 
 /// The last cell of a row before the first with a lost flight.
 fn last_flown(row: &[&Cell], jitter_ms: f64, miss_probability: f64) -> String {
-    let row = row.iter().filter(|c| c.jitter_ms == jitter_ms && c.miss_probability == miss_probability);
+    let row = row.iter().filter(|c| c.at.jitter_ms == jitter_ms && c.at.miss_probability == miss_probability);
     let last = row.take_while(|cell| cell.lost == 0).last();
-    last.and_then(|cell| Some(format!("{} ms, {:.3} m", cell.delay_ms, cell.max_position_error_m?)))
+    last.and_then(|cell| Some(format!("{} ms, {:.3} m", cell.at.delay_ms, cell.max_position_error_m?)))
         .unwrap_or_else(|| "never".into())
 }
 
-fn default_folder() -> PathBuf {
-    let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    Path::new("runs").join(format!("measure-sensitivity-{}", since_epoch.as_millis()))
+/// The promises, which are about the survey.
+fn targets(survey: bool, cells: &[Cell]) -> Vec<Target> {
+    let promise = |(profile, delay_ms, miss_probability, limit_m): (Profile, f64, f64, Option<f64>)| {
+        let place = Place { profile, delay_ms, jitter_ms: 0.0, miss_probability };
+        let cell = cells.iter().find(|cell| survey && cell.at == place);
+        let figure = format!("{}, {delay_ms} ms delay, {:.0} % missed", event::name(profile), miss_probability * 100.0);
+        let target = if let Some(limit_m) = limit_m {
+            // A lost flight is as far off as can be.
+            let error_m = cell.map(|cell| cell.max_position_error_m.unwrap_or(f64::INFINITY));
+            Target::at_most(figure + ": largest error", error_m, limit_m, "m")
+        } else {
+            let all = cell.map(|cell| cell.flights as f64);
+            let wanted = all.map_or("all".to_owned(), |all| format!("all {all}"));
+            let lost = cell.map(|cell| cell.lost as f64);
+            Target::when(figure + ": flights lost", lost, wanted, |lost| Some(lost) == all).noting(FRAGILE)
+        };
+        match cell {
+            Some(_) => target,
+            None if survey => target.noting("not on this map"),
+            None => target.noting("promised of the survey only"),
+        }
+    };
+    PROMISES.map(promise).into()
 }
 
 #[cfg(test)]

@@ -2,7 +2,9 @@
 
 use view::draw::{self, HeatCell, HeatMap, escape};
 
-use super::cell::{Cell, PROFILES, axes, name};
+use flight::event;
+
+use super::map::{Cell, PROFILES, Place, axes};
 use super::point::Point;
 
 const STYLE: &str = include_str!("../../assets/sensitivity/style.css");
@@ -12,8 +14,8 @@ const ERRORS: HeatMap = HeatMap { scale: (0.03, 3.0), values: "largest error", a
 /// The page of a map of the scenario `title`.
 pub fn page(title: &str, cells: &[Cell], point: Option<&Point>) -> String {
     let sections = PROFILES.into_iter().map(|profile| {
-        let cells: Vec<&Cell> = cells.iter().filter(|cell| cell.profile == profile).collect();
-        section(name(profile), &cells, point)
+        let cells: Vec<&Cell> = cells.iter().filter(|cell| cell.at.profile == profile).collect();
+        section(&event::name(profile), &cells, point)
     });
     let sections: String = sections.collect();
     let point = point.map_or("No operating point was measured.".into(), Point::describe);
@@ -37,7 +39,7 @@ fn section(name: &str, cells: &[&Cell], point: Option<&Point>) -> String {
     let off = |p: &Point, miss: f64| (p.miss_probability - miss).abs();
     let nearest = |p: &&Point, miss: f64| misses.iter().all(|other| off(p, miss) <= off(p, *other));
     let map = |miss: &f64| {
-        let cells: Vec<&Cell> = cells.iter().copied().filter(|cell| cell.miss_probability == *miss).collect();
+        let cells: Vec<&Cell> = cells.iter().copied().filter(|cell| cell.at.miss_probability == *miss).collect();
         heat_map(&cells, point.filter(|p| nearest(p, *miss)))
     };
     let maps: String = misses.iter().map(map).collect();
@@ -54,7 +56,8 @@ fn heat_map(cells: &[&Cell], point: Option<&Point>) -> String {
 }
 
 fn drawn(cell: &Cell) -> HeatCell {
-    let Cell { flights, lost, delay_ms, jitter_ms, max_position_error_m: value, .. } = *cell;
+    let Cell { flights, lost, max_position_error_m: value, .. } = *cell;
+    let Place { delay_ms, jitter_ms, .. } = cell.at;
     let label = match value {
         Some(error_m) => metres(error_m),
         None if lost == flights => String::new(),

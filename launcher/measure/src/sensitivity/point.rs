@@ -8,6 +8,7 @@ use contract::scenario::file::{self, MAX_RESULTS_BYTES};
 use serde::Serialize;
 use serde_json::Value;
 
+use crate::flights::namespace;
 use flight::own_program;
 
 /// Age at the actuator and misses of a real-time flight.
@@ -40,11 +41,10 @@ impl Point {
 
     /// The point of five seconds flown here and now; the folder of the run is `out`.
     pub fn fly(out: &Path) -> anyhow::Result<Self> {
-        let namespace = format!("sensitivity-{}", std::process::id());
         let fly = ["fly", "--mode", "realtime", "--no-log", "--json", "--set", "run.duration_s=5.0", "--namespace"];
         let flown = own_program()
             .args(fly)
-            .arg(namespace)
+            .arg(namespace())
             .arg("--out")
             .arg(out)
             .stdin(Stdio::null())

@@ -1,17 +1,13 @@
 //! Cells, point, promises and page, from invented flights.
 
-use super::grid::GridFlight;
+use super::map::GridFlight;
 use super::*;
 use crate::findings::Verdict;
-use contract::scenario::Profile;
 
 fn flight(profile: Profile, [delay_ms, jitter_ms, miss_probability]: [f64; 3], seed: u64) -> GridFlight {
     let max = 0.05 + seed as f64;
     GridFlight {
-        profile,
-        delay_ms,
-        jitter_ms,
-        miss_probability,
+        at: Place { profile, delay_ms, jitter_ms, miss_probability },
         seed,
         diverged_at_s: None,
         max_position_error_m: max,
@@ -23,12 +19,15 @@ fn flight(profile: Profile, [delay_ms, jitter_ms, miss_probability]: [f64; 3], s
 fn of_the_flights_in_a_cell_the_worst_counts() {
     let at = |delay, seed| flight(Profile::Paper, [delay, 2.0, 0.1], seed);
     let mut flights = vec![at(0.0, 0), at(0.0, 1), at(1.0, 0), at(1.0, 2)];
-    let cells = cell::gather(&flights);
-    assert_eq!(cells.iter().map(|c| (c.delay_ms, c.flights, c.lost)).collect::<Vec<_>>(), [(0.0, 2, 0), (1.0, 2, 0)]);
+    let cells = map::gather(&flights);
+    assert_eq!(
+        cells.iter().map(|c| (c.at.delay_ms, c.flights, c.lost)).collect::<Vec<_>>(),
+        [(0.0, 2, 0), (1.0, 2, 0)]
+    );
     assert_eq!(cells[1].max_position_error_m, Some(2.05));
     assert_eq!(cells[1].rms_position_error_m, Some(1.025));
     flights[2].diverged_at_s = Some(5.8);
-    let cells = cell::gather(&flights);
+    let cells = map::gather(&flights);
     assert_eq!((cells[1].lost, cells[1].max_position_error_m, cells[1].rms_position_error_m), (1, None, None));
 }
 
@@ -36,7 +35,7 @@ fn of_the_flights_in_a_cell_the_worst_counts() {
 fn a_flight_is_one_line_of_csv() {
     let mut lost = flight(Profile::Robust, [58.0, 0.0, 0.4], 7);
     lost.diverged_at_s = Some(5.8);
-    let csv = grid::to_csv(&[flight(Profile::Paper, [4.0, 2.0, 0.0], 0), lost]);
+    let csv = map::to_csv(&[flight(Profile::Paper, [4.0, 2.0, 0.0], 0), lost]);
     let lines: Vec<&str> = csv.lines().skip(1).collect();
     assert_eq!(lines, ["paper,4,2,0,0,,0.05,0.025", "robust,58,0,0.4,7,5.8,7.05,3.525"]);
     let columns = |line: &str| line.split(',').count();
@@ -56,7 +55,7 @@ fn promised() -> Vec<GridFlight> {
 }
 
 fn verdicts(survey: bool, flights: &[GridFlight]) -> Vec<Verdict> {
-    targets::targets(survey, &cell::gather(flights)).iter().map(|target| target.verdict).collect()
+    targets(survey, &map::gather(flights)).iter().map(|target| target.verdict).collect()
 }
 
 #[test]
@@ -75,10 +74,10 @@ fn promises_are_kept_by_surviving_and_by_being_lost() {
 fn the_table_tells_the_last_delay_before_a_loss() {
     let at = |delay, diverged_at_s| GridFlight { diverged_at_s, ..flight(Profile::Paper, [delay, 0.0, 0.0], 0) };
     let flights = [at(0.0, None), at(4.0, None), at(6.0, Some(46.0)), at(8.0, None)];
-    let table = table(&cell::gather(&flights), None, Path::new("out"));
+    let table = table(&map::gather(&flights), None, Path::new("out"));
     assert!(table.contains("4 ms, 0.050 m") && !table.contains("8 ms"), "{table}");
     assert!(table.contains("no operating point"), "{table}");
-    let lost = super::table(&cell::gather(&[at(0.0, Some(1.0))]), None, Path::new("out"));
+    let lost = super::table(&map::gather(&[at(0.0, Some(1.0))]), None, Path::new("out"));
     assert!(lost.contains("never"), "{lost}");
 }
 
@@ -87,7 +86,7 @@ fn the_page_has_a_map_for_each_probability_and_the_point_in_the_nearest() {
     let mut flights = promised();
     flights.push(flight(Profile::Robust, [5.0, 2.0, 0.4], 0));
     let point = Point { age_p50_ms: 0.5, age_p99_ms: 1.5, miss_probability: 0.01 };
-    let page = picture::page("a <b> & c", &cell::gather(&flights), Some(&point));
+    let page = picture::page("a <b> & c", &map::gather(&flights), Some(&point));
     assert!(page.contains("a &lt;b&gt; &amp; c") && !page.contains("<b>"));
     assert_eq!(page.matches("% missed</text>").count(), 3, "one of paper, two of robust");
     assert_eq!(page.matches("class=\"point\"").count(), 2, "one for each profile");
@@ -96,7 +95,7 @@ fn the_page_has_a_map_for_each_probability_and_the_point_in_the_nearest() {
         let opened = page.matches(&format!("<{tag} ")).count() + page.matches(&format!("<{tag}>")).count();
         assert_eq!(opened, page.matches(&format!("</{tag}>")).count(), "{tag}");
     }
-    let without = picture::page("x", &cell::gather(&flights), None);
+    let without = picture::page("x", &map::gather(&flights), None);
     assert!(!without.contains("class=\"point\"") && without.contains("No operating point"));
 }
 

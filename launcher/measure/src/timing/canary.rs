@@ -9,7 +9,8 @@ use runtime::realtime::now_ns;
 use serde::Serialize;
 
 use super::machine::{cpus, on_cpu};
-use super::rings::{Noted, Releases, RingPeers};
+use super::ring_peer::Releases;
+use super::rings::{Noted, RingPeers};
 use flight::provenance::scheduling_of;
 use view::percentiles::Percentiles;
 

@@ -9,7 +9,7 @@ use runtime::port::{Bus, MIN_OBSERVER_DEPTH};
 use runtime::realtime::{now_ns, thread_cpu_ns};
 use serde::Serialize;
 
-use crate::killer::namespace;
+use crate::flights::namespace;
 use view::percentiles::median_ns;
 
 /// Calls in a row of which the mean is taken, and how many such means the median is of.

@@ -2,14 +2,14 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`raw`] | what is run, how long, in which order |
+//! | [`raw`] | the runs, how long, in which order |
 //! | [`rings`], [`ring_peer`] | rings of four processes that only pass a token, and a bare loop |
-//! | [`timed_flight`], [`cycles`] | the stack itself, cycle by cycle |
-//! | [`canary`] | whether the host was to blame |
+//! | [`timed_flights`], [`cycles`] | the stack itself, cycle by cycle |
+//! | [`canary`] | whether the host delayed a process |
 //! | [`machine`] | processors, load, processor time, and `cyclictest`, the reference for that loop |
 //! | [`costs`] | the parts of a hop by themselves |
 //! | [`series`], [`results`] | distributions, ratios, misses |
-//! | [`targets`], [`table`], [`page`] | what is printed and written |
+//! | [`targets`], [`table`], [`page`] | the targets, the tables as text, all of it as a page |
 //!
 //! What is compared is run in turns; figures of two runs are compared by their ratio, round by round, and the median of
 //! those ratios is judged. The canaries watch from the first run to the last.
@@ -26,7 +26,7 @@ pub mod rings;
 pub mod series;
 pub mod table;
 pub mod targets;
-pub mod timed_flight;
+pub mod timed_flights;
 
 use std::path::PathBuf;
 
@@ -34,8 +34,8 @@ use self::page::Figure;
 use self::raw::{Plan, Raw};
 use self::results::TimingResults;
 use self::series::Series;
-use crate::findings::Findings;
-use crate::findings::{default_folder, make_folder};
+use crate::findings::{Findings, default_folder, make_folder};
+use crate::table::Table;
 use flight::duration::seconds;
 use flight::files::write_whole;
 use flight::interrupts::catch_interrupts;
@@ -64,7 +64,11 @@ pub fn measure(args: &TimingArgs) -> anyhow::Result<u8> {
     let out = args.out.clone().unwrap_or_else(|| default_folder("timing"));
     make_folder(&out, "--out")?;
     let interrupts = catch_interrupts()?;
-    let plan = if args.quick { Plan::quick() } else { Plan::full(usize::from(args.rounds), args.survey_s) };
+    let plan = if args.quick {
+        Plan::QUICK
+    } else {
+        Plan { rounds: usize::from(args.rounds), paper_s: args.survey_s, ..Plan::FULL }
+    };
     let raw = Raw::measure(&plan, &interrupts)?;
 
     let results = TimingResults::of(&raw, plan.rounds);
@@ -73,7 +77,8 @@ pub fn measure(args: &TimingArgs) -> anyhow::Result<u8> {
     let canary = Series { name: "canary".into(), rounds: vec![raw.watch.late_ns()] };
     let csv = series::to_csv(raw.series().into_iter().chain([&canary]));
     let page = page::page(&results, &targets, &tables, &figures(&raw, &canary));
-    let table = format!("{}\nwritten to {}\n", table::text(&tables), out.display());
+    let table =
+        format!("{}\nwritten to {}\n", tables.iter().map(Table::text).collect::<Vec<_>>().join("\n"), out.display());
     let found = Findings::new(&results, targets, args.quick)?;
     for (name, text) in [("histograms.csv", &csv), ("timing.html", &page)] {
         write_whole(&out.join(name), text.as_bytes())?;

@@ -5,34 +5,36 @@
 use std::sync::atomic::AtomicU32;
 
 use contract::scenario::Policy;
+use runtime::console::eprint_line;
 
 use super::canary::{Canary, Watch};
 use super::costs::Costs;
 use super::cycles::WARM_UP_NS;
 use super::machine::{CYCLICTEST, Placement, Stress, cyclictest, installed, measured_cpu, on_cpu};
-use super::ring_peer::stamped;
-use super::rings::{Kind, Noted, Releases, RingPeers};
+use super::ring_peer::{Kind, Releases, stamped};
+use super::rings::{Noted, RingPeers};
 use super::series::Series;
-use super::timed_flight::{self, TimedFlight, fly};
-use runtime::console::eprint_line;
+use super::timed_flights::{self, TimedFlights, in_process_speed, lockstep_speed};
 
 /// Rate of the rings that are compared \[Hz\].
-pub const RING_HZ: u32 = 250;
+const RING_HZ: u32 = 250;
 /// Rate of the idle flights, and of the paper's \[Hz\].
-pub const FLIGHT_HZ: u32 = 100;
+const FLIGHT_HZ: u32 = 100;
 /// Rate of the flights under load \[Hz\]: a delay that 100 Hz would forgive is a miss here, so that classes differ.
-pub const LOADED_HZ: u32 = 500;
+const LOADED_HZ: u32 = 500;
 /// Rates at which the stack is flown until it misses \[Hz\].
-pub const RATES_HZ: [u32; 5] = [100, 250, 500, 1000, 2000];
+const RATES_HZ: [u32; 5] = [100, 250, 500, 1000, 2000];
 /// cyclictest's priority and that of the loop beside it.
-pub const LOOP_PRIORITY: u32 = 80;
+const LOOP_PRIORITY: u32 = 80;
 
+/// How often and how long each thing is measured.
 pub struct Plan {
     pub rounds: usize,
     /// The bare loop and cyclictest, each.
     pub loop_s: f64,
     /// The stack and the raw rings it is compared with, each.
     pub ring_s: f64,
+    /// A ring of sockets or pipes.
     pub scale_s: f64,
     /// A flight of either scheduling class, idle.
     pub idle_s: f64,
@@ -44,37 +46,32 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Long enough for figures, with that long a survey.
-    pub fn full(rounds: usize, paper_s: f64) -> Self {
-        Self {
-            rounds,
-            loop_s: 4.0,
-            ring_s: 1.5,
-            scale_s: 0.8,
-            idle_s: 1.5,
-            load_s: 3.0,
-            rate_s: 3.0,
-            paper_s,
-            lockstep_s: 20.0,
-            in_process_s: 60.0,
-        }
-    }
-
+    /// Long enough for figures.
+    pub const FULL: Self = Self {
+        rounds: 5,
+        loop_s: 4.0,
+        ring_s: 1.5,
+        scale_s: 0.8,
+        idle_s: 1.5,
+        load_s: 3.0,
+        rate_s: 3.0,
+        paper_s: 60.0,
+        lockstep_s: 20.0,
+        in_process_s: 60.0,
+    };
     /// Long enough to see that everything works.
-    pub fn quick() -> Self {
-        Self {
-            rounds: 1,
-            loop_s: 0.3,
-            ring_s: 0.3,
-            scale_s: 0.2,
-            idle_s: 0.3,
-            load_s: 0.3,
-            rate_s: 0.5,
-            paper_s: 1.0,
-            lockstep_s: 1.0,
-            in_process_s: 2.0,
-        }
-    }
+    pub const QUICK: Self = Self {
+        rounds: 1,
+        loop_s: 0.3,
+        ring_s: 0.3,
+        scale_s: 0.2,
+        idle_s: 0.3,
+        load_s: 0.3,
+        rate_s: 0.5,
+        paper_s: 1.0,
+        lockstep_s: 1.0,
+        in_process_s: 2.0,
+    };
 }
 
 pub struct Raw {
@@ -82,11 +79,12 @@ pub struct Raw {
     pub ours: Series,
     /// cyclictest beside it, where installed.
     pub cyclictest: Series,
-    pub rings: Vec<Rings>,
+    pub rings: [Rings; 2],
     /// Scheduling classes, idle and under load.
-    pub policies: Vec<FlightSeries>,
-    pub rates: Vec<FlightSeries>,
-    pub paper: FlightSeries,
+    pub policies: Vec<TimedFlights>,
+    pub rates: Vec<TimedFlights>,
+    pub paper: TimedFlights,
+    /// Simulated over wall time, round by round.
     pub lockstep: Vec<f64>,
     pub in_process: Vec<f64>,
     pub costs: Costs,
@@ -95,6 +93,7 @@ pub struct Raw {
     pub fifo: bool,
 }
 
+/// The stack and the rings it is compared with, round by round.
 pub struct Rings {
     pub placement: Placement,
     /// The stack, from sense to act without what its nodes did.
@@ -103,53 +102,33 @@ pub struct Rings {
     /// The sum of its nodes' executions.
     pub executions: Series,
     /// The others, in the order of [`Kind::ALL`].
-    pub others: Vec<Series>,
+    pub others: [Series; Kind::ALL.len()],
     /// Of [`Kind::Stamped`], the laps without and with the clock read.
     pub laps: [Series; 2],
-}
-
-/// Flights under the same circumstances.
-pub struct FlightSeries {
-    pub name: String,
-    pub rate_hz: u32,
-    pub policy: Policy,
-    /// Under `stress-ng --cpu 4`.
-    pub loaded: bool,
-    pub ages: Series,
-    /// For each slot whether it was missed, and the time it covers if so \[ns\].
-    pub slots: Vec<Option<(u64, u64)>>,
-    pub cpu_percent: Option<f64>,
-    /// Whether all nodes were given the class they asked for.
-    pub as_asked: bool,
-    /// Whether the vehicle flew to the end, inside its bounds.
-    pub inside: bool,
 }
 
 impl Raw {
     pub fn measure(plan: &Plan, interrupts: &AtomicU32) -> anyhow::Result<Self> {
         let canary = Canary::start()?;
-        let fifo = canary.fifo;
-        let ring = |placement: Placement| Rings::new(placement);
+        let idle = |name: String, rate_hz, policy| TimedFlights::new(name, rate_hz, policy, false);
+        let policies = |loaded, state, rate_hz| {
+            let new =
+                move |policy| TimedFlights::new(format!("{} {state}", policy_name(policy)), rate_hz, policy, loaded);
+            [Policy::Fifo, Policy::Other].map(new)
+        };
         let mut raw = Self {
             ours: Series::new("loop"),
             cyclictest: Series::new("cyclictest"),
-            rings: vec![ring(Placement::OneCpu), ring(Placement::AllCpus)],
-            policies: vec![],
-            rates: vec![],
-            paper: FlightSeries::new("paper survey", FLIGHT_HZ, Policy::Fifo, false),
+            rings: [Placement::OneCpu, Placement::AllCpus].map(Rings::new),
+            policies: [policies(false, "idle", FLIGHT_HZ), policies(true, "under load", LOADED_HZ)].concat(),
+            rates: RATES_HZ.map(|rate_hz| idle(format!("{rate_hz} Hz"), rate_hz, Policy::Fifo)).into(),
+            paper: idle("paper survey".into(), FLIGHT_HZ, Policy::Fifo),
             lockstep: vec![],
             in_process: vec![],
             costs: Costs::measure()?,
             watch: Watch::default(),
-            fifo,
+            fifo: canary.fifo,
         };
-        for loaded in [false, true] {
-            for policy in [Policy::Fifo, Policy::Other] {
-                let name = format!("{} {}", policy_name(policy), if loaded { "under load" } else { "idle" });
-                let rate_hz = if loaded { LOADED_HZ } else { FLIGHT_HZ };
-                raw.policies.push(FlightSeries::new(&name, rate_hz, policy, loaded));
-            }
-        }
         for round in 0..plan.rounds {
             eprint_line(&format!("round {} of {}: loops, rings, scheduling classes", round + 1, plan.rounds));
             raw.loops(plan, round, interrupts)?;
@@ -157,22 +136,19 @@ impl Raw {
                 rings.round(plan, interrupts)?;
             }
             raw.policies(plan, interrupts)?;
-            raw.lockstep.push(timed_flight::lockstep(plan.lockstep_s, interrupts)?);
-            raw.in_process.push(timed_flight::in_process(plan.in_process_s));
+            raw.lockstep.push(lockstep_speed(plan.lockstep_s, interrupts)?);
+            raw.in_process.push(in_process_speed(plan.in_process_s));
         }
         eprint_line(&format!("flying at {RATES_HZ:?} Hz"));
-        for rate_hz in RATES_HZ {
-            let mut flown = FlightSeries::new(&format!("{rate_hz} Hz"), rate_hz, Policy::Fifo, false);
-            flown.add(&fly(
-                &timed_flight::realtime(rate_hz, Policy::Fifo, plan.rate_s),
-                Placement::AllCpus,
-                interrupts,
-            )?);
-            raw.rates.push(flown);
+        for flights in &mut raw.rates {
+            flights.fly_for(plan.rate_s, interrupts)?;
         }
         eprint_line(&format!("flying the paper's survey, {} s", plan.paper_s));
-        raw.paper.add(&fly(&timed_flight::paper(plan.paper_s)?, Placement::AllCpus, interrupts)?);
+        raw.paper.fly(&timed_flights::paper(plan.paper_s)?, interrupts)?;
         raw.watch = canary.stop()?;
+        for flights in raw.policies.iter_mut().chain(&mut raw.rates).chain([&mut raw.paper]) {
+            flights.conclude(&raw.watch);
+        }
         Ok(raw)
     }
 
@@ -195,20 +171,24 @@ impl Raw {
     }
 
     fn policies(&mut self, plan: &Plan, interrupts: &AtomicU32) -> anyhow::Result<()> {
-        let loaded = installed("stress-ng");
-        for flown in self.policies.iter_mut().filter(|flown| loaded || !flown.loaded) {
-            let duration_s = if flown.loaded { plan.load_s } else { plan.idle_s };
-            let _stress = flown.loaded.then(|| Stress::start(duration_s + 30.0));
-            let scenario = timed_flight::realtime(flown.rate_hz, flown.policy, duration_s);
-            flown.add(&fly(&scenario, Placement::AllCpus, interrupts)?);
+        let can_load = installed("stress-ng");
+        for flights in self.policies.iter_mut().filter(|flights| can_load || !flights.loaded) {
+            let duration_s = if flights.loaded { plan.load_s } else { plan.idle_s };
+            let _stress = flights.loaded.then(|| Stress::start(duration_s + 30.0));
+            flights.fly_for(duration_s, interrupts)?;
         }
         Ok(())
     }
 
+    /// All flights, in the order of the tables.
+    pub fn flights(&self) -> impl Iterator<Item = &TimedFlights> {
+        self.policies.iter().chain(&self.rates).chain([&self.paper])
+    }
+
     pub fn series(&self) -> Vec<&Series> {
         let rings = self.rings.iter().flat_map(|r| [&r.stack, &r.hops, &r.executions].into_iter().chain(&r.others));
-        let flown = self.policies.iter().chain(&self.rates).chain([&self.paper]).map(|flown| &flown.ages);
-        [&self.ours, &self.cyclictest].into_iter().chain(rings).chain(flown).collect()
+        let ages = self.flights().map(|flights| &flights.ages);
+        [&self.ours, &self.cyclictest].into_iter().chain(rings).chain(ages).collect()
     }
 }
 
@@ -220,27 +200,25 @@ impl Rings {
             stack: series("stack"),
             hops: series("stack's hops"),
             executions: series("stack's executions"),
-            others: Kind::ALL.iter().map(|kind| series(kind.name())).collect(),
-            laps: [series("clock not read"), series("clock read")],
+            others: Kind::ALL.map(|kind| series(kind.name())),
+            laps: ["clock not read", "clock read"].map(series),
         }
     }
 
     pub fn of(&self, kind: Kind) -> &Series {
-        let i = Kind::ALL.iter().position(|k| *k == kind).unwrap_or(0);
-        &self.others[i]
+        &self.others[kind as usize]
     }
 
     fn round(&mut self, plan: &Plan, interrupts: &AtomicU32) -> anyhow::Result<()> {
-        let period_ns = 1_000_000_000 / u64::from(RING_HZ);
-        let scenario = timed_flight::realtime(RING_HZ, Policy::Fifo, plan.ring_s);
-        let flight = fly(&scenario, self.placement, interrupts)?;
-        self.stack.rounds.push(flight.cycles.sense_to_act_ns());
-        self.hops.rounds.push(flight.cycles.hops_ns());
-        self.executions.rounds.push(flight.cycles.executions_ns());
+        let scenario = timed_flights::realtime(RING_HZ, Policy::Fifo, plan.ring_s);
+        let cycles = timed_flights::cycles(&scenario, self.placement, interrupts)?;
+        self.stack.rounds.push(cycles.sense_to_act_ns());
+        self.hops.rounds.push(cycles.hops_ns());
+        self.executions.rounds.push(cycles.executions_ns());
         for (kind, series) in Kind::ALL.into_iter().zip(&mut self.others) {
-            let scale = matches!(kind, Kind::Socket | Kind::Pipe);
-            let seconds = if scale { plan.scale_s } else { plan.ring_s };
-            let releases = Releases { period_ns, count: (seconds * f64::from(RING_HZ)) as usize };
+            let seconds = if matches!(kind, Kind::Socket | Kind::Pipe) { plan.scale_s } else { plan.ring_s };
+            let count = (seconds * f64::from(RING_HZ)) as usize;
+            let releases = Releases { period_ns: scenario.sample_ns(), count };
             let noted = self.placement.during(|| RingPeers::ring(kind, releases))?.finish(interrupts)?;
             if kind == Kind::Stamped {
                 for (laps, read) in self.laps.iter_mut().zip([false, true]) {
@@ -251,22 +229,6 @@ impl Rings {
             series.rounds.push(warm(noted));
         }
         Ok(())
-    }
-}
-
-impl FlightSeries {
-    fn new(name: &str, rate_hz: u32, policy: Policy, loaded: bool) -> Self {
-        let ages = Series::new(format!("age, {name}"));
-        let name = name.to_owned();
-        Self { name, rate_hz, policy, loaded, ages, slots: vec![], cpu_percent: None, as_asked: true, inside: true }
-    }
-
-    fn add(&mut self, flight: &TimedFlight) {
-        self.slots.extend(flight.cycles.misses());
-        self.ages.rounds.push(flight.cycles.ages_ns());
-        self.cpu_percent = flight.cpu_percent.or(self.cpu_percent);
-        self.as_asked &= flight.as_asked;
-        self.inside &= flight.inside;
     }
 }
 

@@ -2,15 +2,15 @@
 
 use std::collections::BTreeMap;
 
-use contract::scenario::Policy;
 use serde::Serialize;
 
-use super::canary::{CanarySummary, Watch};
+use super::canary::CanarySummary;
 use super::costs::Costs;
 use super::machine::Placement;
-use super::raw::{FlightSeries, Raw, Rings, policy_name};
-use super::rings::Kind;
+use super::raw::{Raw, Rings};
+use super::ring_peer::Kind;
 use super::series::Ratio;
+use super::timed_flights::TimedFlights;
 use view::percentiles::Percentiles;
 
 /// Releases of which one maximum is taken: a maximum is one number of chance, so it takes many to compare two loops.
@@ -29,7 +29,8 @@ pub struct TimingResults {
     /// Our loop over cyclictest: p50, p99, and the maximum of every 200 releases.
     pub loop_over_cyclictest: [Option<Ratio>; 3],
     pub rings: Vec<Ring>,
-    pub flights: Vec<FlightFigures>,
+    /// Those that were flown here.
+    pub flights: Vec<TimedFlights>,
     pub costs: Costs,
     /// Simulated over wall time through four processes in lockstep.
     pub lockstep: Option<Ratio>,
@@ -64,34 +65,11 @@ pub struct Hop {
     pub rest_ns: f64,
 }
 
-/// Flights under the same circumstances.
-#[derive(Debug, Clone, Serialize)]
-pub struct FlightFigures {
-    pub name: String,
-    pub rate_hz: u32,
-    pub policy: Policy,
-    /// Under `stress-ng --cpu 4`.
-    pub loaded: bool,
-    /// Whether all nodes were given that class.
-    pub as_asked: bool,
-    pub slots: usize,
-    pub misses: usize,
-    /// Of these, those in which the host stalled a canary.
-    pub explained: usize,
-    pub longest_run: usize,
-    pub age: Option<Percentiles>,
-    /// Share of one processor that the four nodes used \[%\].
-    pub cpu_percent: Option<f64>,
-    /// Whether every flight reached its end inside the scenario's bounds.
-    pub inside: bool,
-}
-
 impl TimingResults {
     pub fn of(raw: &Raw, rounds: usize) -> Self {
         let named = |s: &super::series::Series| Some((s.name.clone(), s.all()?));
         let over = |figure: fn(&Percentiles) -> f64| raw.ours.over(&raw.cyclictest, figure);
         let maxima = raw.ours.split(MAXIMUM_OF).over(&raw.cyclictest.split(MAXIMUM_OF), |d| d.max_us);
-        let flown = raw.policies.iter().chain(&raw.rates).chain([&raw.paper]);
         Self {
             rounds,
             fifo: raw.fifo,
@@ -99,14 +77,14 @@ impl TimingResults {
             series: raw.series().into_iter().filter_map(named).collect(),
             loop_over_cyclictest: [over(|d| d.p50_us), over(|d| d.p99_us), maxima],
             rings: raw.rings.iter().map(|rings| Ring::of(rings, &raw.costs)).collect(),
-            flights: flown.filter(|f| !f.slots.is_empty()).map(|f| FlightFigures::of(f, &raw.watch)).collect(),
+            flights: raw.flights().filter(|flights| flights.slots > 0).cloned().collect(),
             costs: raw.costs,
             lockstep: Ratio::of(raw.lockstep.iter().copied()),
             in_process: Ratio::of(raw.in_process.iter().copied()),
         }
     }
 
-    pub fn flights(&self, name: &str) -> Option<&FlightFigures> {
+    pub fn flights(&self, name: &str) -> Option<&TimedFlights> {
         self.flights.iter().find(|flights| flights.name == name)
     }
 }
@@ -139,35 +117,5 @@ impl Hop {
         let Costs { clock_ns, send_ns, receive_ns, .. } = *costs;
         let rest_ns = all_ns - kernel_ns - clock_ns - send_ns - receive_ns;
         Some(Self { all_ns, kernel_ns, clock_ns, send_ns, receive_ns, rest_ns })
-    }
-}
-
-impl FlightFigures {
-    fn of(flown: &FlightSeries, watch: &Watch) -> Self {
-        let missed = || flown.slots.iter().flatten();
-        let runs = flown.slots.split(Option::is_none).map(<[_]>::len);
-        Self {
-            name: flown.name.clone(),
-            rate_hz: flown.rate_hz,
-            policy: flown.policy,
-            loaded: flown.loaded,
-            as_asked: flown.as_asked,
-            slots: flown.slots.len(),
-            misses: missed().count(),
-            explained: missed().filter(|(from_ns, to_ns)| watch.explains(*from_ns, *to_ns)).count(),
-            longest_run: runs.max().unwrap_or(0),
-            age: flown.ages.all(),
-            cpu_percent: flown.cpu_percent,
-            inside: flown.inside,
-        }
-    }
-
-    pub fn unexplained(&self) -> usize {
-        self.misses - self.explained
-    }
-
-    pub fn circumstances(&self) -> String {
-        let load = if self.loaded { "stress-ng --cpu 4" } else { "idle" };
-        format!("{} Hz, {}, {load}", self.rate_hz, policy_name(self.policy))
     }
 }

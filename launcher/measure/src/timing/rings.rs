@@ -12,49 +12,11 @@ use anyhow::{Context, bail};
 use contract::{Scenario, Topic};
 use runtime::domain::Hold;
 use runtime::realtime::{ControlPage, phase};
-use serde::Serialize;
 
-use super::ring_peer::{Link, RingPeerArgs};
-use crate::killer::namespace;
+use super::ring_peer::{Kind, Peer, Releases, SAMPLES};
+use crate::flights::namespace;
 use flight::own_program;
 use flight::stack::StartError;
-
-/// What a ring of peers is made of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Kind {
-    /// Bare futexes: the kernel's own wake-up.
-    Raw,
-    /// The same, and in every second lap the peers read the clock as the nodes of the stack do.
-    Stamped,
-    /// Bare futexes after a warm-up: the kernel's wake-up when it has not forgotten the process.
-    WarmedUp,
-    Socket,
-    Pipe,
-}
-
-impl Kind {
-    pub const ALL: [Self; 5] = [Self::Raw, Self::Stamped, Self::WarmedUp, Self::Socket, Self::Pipe];
-
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Raw => "raw futex",
-            Self::Stamped => "raw futex, clock read every second lap",
-            Self::WarmedUp => "raw futex, warmed up",
-            Self::Socket => "unix socket",
-            Self::Pipe => "pipe",
-        }
-    }
-}
-
-/// How the first peer is released.
-#[derive(Debug, Clone, Copy)]
-pub struct Releases {
-    /// Between two \[ns\].
-    pub period_ns: u64,
-    /// How many to note.
-    pub count: usize,
-}
 
 /// What the first peer noted, in order: release, and the time from it \[ns\].
 pub type Noted = Vec<(u64, u64)>;
@@ -72,24 +34,23 @@ impl RingPeers {
     /// A peer alone, with `priority`.
     pub fn alone(releases: Releases, priority: u32) -> anyhow::Result<Self> {
         let mut peers = Self::none(releases)?;
-        peers.spawn(0, Link::None, None, priority, None)?;
+        peers.spawn(0, None, priority, None)?;
         Ok(peers)
     }
 
     /// A ring of four, with the priorities of the stack's nodes.
     pub fn ring(kind: Kind, releases: Releases) -> anyhow::Result<Self> {
         let mut peers = Self::none(releases)?;
-        let (link, ends) = match kind {
-            Kind::Raw | Kind::Stamped | Kind::WarmedUp => (Link::Doorbell, vec![]),
-            Kind::Socket => (Link::Stream, closed(socket)?),
-            Kind::Pipe => (Link::Stream, closed(|| pipe().map(|(input, output)| (input.into(), output.into())))?),
+        let ends = match kind {
+            Kind::Raw | Kind::Stamped | Kind::WarmedUp => vec![],
+            Kind::Socket => closed(|| UnixStream::pair().map(|(input, output)| (input.into(), output.into())))?,
+            Kind::Pipe => closed(|| pipe().map(|(input, output)| (input.into(), output.into())))?,
         };
         let mut ends = ends.into_iter();
         let wanted = Scenario::default().realtime;
         // The one with the clock last: the others wait for it then.
-        for rank in (0..Topic::COUNT as u8).rev() {
-            let priority = wanted.of(usize::from(rank)).priority;
-            peers.spawn(rank, link, Some(kind), priority, ends.next())?;
+        for rank in (0..Topic::COUNT).rev() {
+            peers.spawn(rank, Some(kind), wanted.of(rank).priority, ends.next())?;
         }
         Ok(peers)
     }
@@ -132,25 +93,15 @@ impl RingPeers {
 
     fn spawn(
         &mut self,
-        rank: u8,
-        link: Link,
+        rank: usize,
         kind: Option<Kind>,
         priority: u32,
         ends: Option<(OwnedFd, OwnedFd)>,
     ) -> anyhow::Result<()> {
-        let args = RingPeerArgs {
-            namespace: self.hold.domain.namespace().to_owned(),
-            rank,
-            link,
-            stamps: kind == Some(Kind::Stamped),
-            warm_up: kind == Some(Kind::WarmedUp),
-            period_ns: self.releases.period_ns,
-            count: self.releases.count,
-            priority,
-            samples: self.hold.domain.file("samples"),
-        };
+        let namespace = self.hold.domain.namespace().to_owned();
+        let peer = Peer { namespace, rank, kind, releases: self.releases, priority };
         let mut command = own_program();
-        command.args(["measure", "ring-peer"]).args(args.to_words());
+        command.args(["measure", "ring-peer"]).arg(serde_json::to_string(&peer)?);
         match ends {
             Some((input, output)) => command.stdin(input).stdout(output),
             None => command.stdin(Stdio::null()).stdout(Stdio::null()),
@@ -160,7 +111,7 @@ impl RingPeers {
     }
 
     fn noted(&self) -> anyhow::Result<Noted> {
-        let file = self.hold.domain.file("samples");
+        let file = self.hold.domain.file(SAMPLES);
         let text = fs::read_to_string(file).context("a ring to compare with left no samples")?;
         let pair = |line: &str| line.split_once(',').and_then(|(a, b)| Some((a.parse().ok()?, b.parse().ok()?)));
         text.lines().map(pair).collect::<Option<_>>().context("the samples of a ring to compare with do not read")
@@ -183,8 +134,4 @@ fn closed(channel: impl FnMut() -> std::io::Result<(OwnedFd, OwnedFd)>) -> anyho
     let (mut inputs, outputs): (Vec<_>, Vec<_>) = channels.context("cannot make a channel")?.into_iter().unzip();
     inputs.rotate_left(1); // the peer before in this order, which comes after in the ring, reads what is written to channel i
     Ok(inputs.into_iter().zip(outputs).collect())
-}
-
-fn socket() -> std::io::Result<(OwnedFd, OwnedFd)> {
-    UnixStream::pair().map(|(input, output)| (input.into(), output.into()))
 }

@@ -1,17 +1,15 @@
 //! The tables: loops and rings, a hop's parts, what their calls cost, flights.
 
 use super::costs::Costs;
-use super::results::{FlightFigures, Hop, Ring, TimingResults};
-use crate::table::Table;
+use super::raw::policy_name;
+use super::results::{Hop, Ring, TimingResults};
+use super::timed_flights::TimedFlights;
+use crate::table::{Table, cell};
 use view::percentiles::Percentiles;
 
 /// All results as tables.
 pub fn tables(results: &TimingResults) -> Vec<Table> {
     vec![times(results), hops(results), calls(&results.costs), flights(results)]
-}
-
-pub fn text(tables: &[Table]) -> String {
-    tables.iter().map(Table::text).collect::<Vec<_>>().join("\n")
 }
 
 fn times(results: &TimingResults) -> Table {
@@ -61,11 +59,13 @@ fn calls(costs: &Costs) -> Table {
 }
 
 fn flights(results: &TimingResults) -> Table {
-    let row = |f: &FlightFigures| {
-        let age = |of: fn(&Percentiles) -> f64| f.age.as_ref().map_or("-".to_owned(), |d| format!("{:.0}", of(d)));
+    let row = |f: &TimedFlights| {
+        let age = |of: fn(&Percentiles) -> f64| cell(f.age.as_ref().map(of), 0);
+        let load = if f.loaded { "stress-ng --cpu 4" } else { "idle" };
+        let refused = if f.as_asked { "" } else { " (refused)" };
         vec![
             f.name.clone(),
-            f.circumstances() + if f.as_asked { "" } else { " (refused)" },
+            format!("{} Hz, {}, {load}{refused}", f.rate_hz, policy_name(f.policy)),
             f.slots.to_string(),
             f.misses.to_string(),
             f.explained.to_string(),
@@ -73,7 +73,7 @@ fn flights(results: &TimingResults) -> Table {
             age(|d| d.p50_us),
             age(|d| d.p99_us),
             age(|d| d.max_us),
-            f.cpu_percent.map_or("-".to_owned(), |percent| format!("{percent:.1}")),
+            cell(f.cpu_percent, 1),
             if f.inside { "yes" } else { "no" }.to_owned(),
         ]
     };

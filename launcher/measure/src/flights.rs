@@ -1,0 +1,94 @@
+//! Flights that a measurement flies itself, by one thread or by processes, and when one counts as failed.
+
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use anyhow::bail;
+use contract::Scenario;
+use flight::inprocess;
+use flight::log::Record;
+use flight::stack::{Ended, Flown, Stack, StartError};
+use view::summary::Summary;
+
+/// In the end of a flight that is survived the vehicle is no farther from its reference \[m\].
+pub const SURVIVED_M: f64 = 1.0;
+
+/// When a flight that is over failed \[s\]: when the vehicle diverged, or at the end when it is not back at its reference.
+pub fn failed_at_s(summary: &Summary) -> Option<f64> {
+    let is_back = summary.metrics().final_position_error_m <= SURVIVED_M; // false for NaN
+    (summary.status().diverged() || !is_back).then(|| summary.time_s())
+}
+
+/// Flies `scenario` to its end by one thread; `watch` is given every message.
+pub fn in_process(scenario: &Scenario, mut watch: impl FnMut(&Record)) -> (Summary, Ended) {
+    let mut summary = Summary::new(scenario);
+    let flown = inprocess::fly(scenario, |record| {
+        summary.observe(&record);
+        watch(&record);
+        true
+    });
+    (summary, flown.ended)
+}
+
+/// Flies `scenario` by processes; `watch` is given every message. A lost process is no error.
+pub fn through_processes(
+    scenario: &Scenario,
+    interrupts: &AtomicU32,
+    watch: impl FnMut(&Record),
+) -> anyhow::Result<(Summary, Flown)> {
+    Started::new(scenario, interrupts)?.fly(interrupts, watch, || {})
+}
+
+/// A stack of processes that waits to fly, in a namespace of its own.
+pub struct Started<'a> {
+    pub namespace: String,
+    scenario: &'a Scenario,
+    stack: Stack,
+}
+
+impl<'a> Started<'a> {
+    pub fn new(scenario: &'a Scenario, interrupts: &AtomicU32) -> anyhow::Result<Self> {
+        let namespace = namespace();
+        let stack = Stack::start(&namespace, scenario, None, interrupts)?;
+        Ok(Self { namespace, scenario, stack })
+    }
+
+    /// Flies: `watch` is given every message, and `tick` is called at every look around. A lost process is no error.
+    pub fn fly(
+        self,
+        interrupts: &AtomicU32,
+        mut watch: impl FnMut(&Record),
+        mut tick: impl FnMut(),
+    ) -> anyhow::Result<(Summary, Flown)> {
+        let mut summary = Summary::new(self.scenario);
+        let observe = |record| {
+            summary.observe(&record);
+            watch(&record);
+        };
+        let flown = self.stack.fly(interrupts, observe, |_| tick());
+        match flown.ended {
+            Ended::Interrupted => bail!(StartError::Interrupted),
+            Ended::Unseen(what) => bail!(StartError::Lost(what)),
+            Ended::Flown | Ended::Lost(_) | Ended::Late(_) => Ok((summary, flown)),
+        }
+    }
+
+    /// The same where a lost process is an error.
+    pub fn fly_to_the_end(
+        self,
+        interrupts: &AtomicU32,
+        watch: impl FnMut(&Record),
+        tick: impl FnMut(),
+    ) -> anyhow::Result<(Summary, Flown)> {
+        let (summary, flown) = self.fly(interrupts, watch, tick)?;
+        match flown.ended {
+            Ended::Lost(name) | Ended::Late(name) => bail!(StartError::Lost(format!("lost {name}"))),
+            _ => Ok((summary, flown)),
+        }
+    }
+}
+
+/// A namespace that no other run on this machine has.
+pub fn namespace() -> String {
+    static NEXT: AtomicU32 = AtomicU32::new(0);
+    format!("measure-{}-{}", std::process::id(), NEXT.fetch_add(1, Ordering::Relaxed))
+}

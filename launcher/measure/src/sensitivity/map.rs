@@ -1,0 +1,160 @@
+//! The map: every profile under every delay, jitter and probability of a miss, flown.
+//!
+//! A cell is the flights that differ in their random numbers only; the worst of them counts.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use contract::Scenario;
+use contract::scenario::{Profile, ScenarioError};
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::flights::{failed_at_s, in_process};
+use flight::event;
+use flight::settings;
+
+/// The profiles of the map.
+pub const PROFILES: [Profile; 2] = [Profile::Paper, Profile::Robust];
+/// Delays of the map \[ms\]: finer where the paper's controller has its limit.
+const PAPER_DELAYS_MS: [f64; 10] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 10.0];
+/// Delays of the map \[ms\]: likewise, ten times as far out.
+const ROBUST_DELAYS_MS: [f64; 14] = [0.0, 5.0, 10.0, 20.0, 30.0, 40.0, 45.0, 50.0, 52.0, 54.0, 56.0, 58.0, 60.0, 64.0];
+
+/// Where a flight or a cell is on the map.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Place {
+    pub profile: Profile,
+    pub delay_ms: f64,
+    /// Jitter on top of it \[ms\].
+    pub jitter_ms: f64,
+    pub miss_probability: f64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GridFlight {
+    pub at: Place,
+    pub seed: u64,
+    /// When the vehicle diverged \[s\]: see [`failed_at_s`].
+    pub diverged_at_s: Option<f64>,
+    /// Largest position error \[m\], up to the loss.
+    pub max_position_error_m: f64,
+    pub rms_position_error_m: f64,
+}
+
+/// Flights that differ in their random numbers only.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Cell {
+    #[serde(flatten)]
+    pub at: Place,
+    pub flights: usize,
+    /// How many of them lost the vehicle.
+    pub lost: usize,
+    /// Largest position error of the worst \[m\]; nothing when one was lost, which has no bound.
+    pub max_position_error_m: Option<f64>,
+    /// Root mean square error of the worst \[m\]; likewise.
+    pub rms_position_error_m: Option<f64>,
+}
+
+/// The flights of a map of the scenario in `file`, or of the survey. `delays` are for both profiles; where there are none
+/// each has its own. A setting that no scenario may have is an error.
+pub fn scenarios(
+    file: Option<&Path>,
+    seeds: u64,
+    [delays, jitters, misses]: [&[f64]; 3],
+) -> Result<Vec<Scenario>, ScenarioError> {
+    let mut scenarios = vec![];
+    for profile in PROFILES {
+        let delays = match profile {
+            _ if !delays.is_empty() => delays,
+            Profile::Paper => &PAPER_DELAYS_MS,
+            Profile::Robust => &ROBUST_DELAYS_MS,
+        };
+        for miss in rising(misses.iter().copied()) {
+            for jitter in rising(jitters.iter().copied()) {
+                for delay in rising(delays.iter().copied()) {
+                    let settings = [
+                        format!("profile={}", event::name(profile)),
+                        "run.mode=inprocess".into(),
+                        format!("run.command_delay_ms={delay:?}"),
+                        format!("run.command_jitter_ms={jitter:?}"),
+                        format!("run.command_drop_probability={miss:?}"),
+                    ];
+                    let mut scenario = settings::load(file, &settings)?;
+                    let is_random = jitter != 0.0 || miss != 0.0;
+                    for _ in 0..if is_random { seeds } else { 1 } {
+                        scenarios.push(scenario.clone());
+                        scenario.run.seed = scenario.run.seed.wrapping_add(1);
+                    }
+                }
+            }
+        }
+    }
+    Ok(scenarios)
+}
+
+/// Flies all, on as many cores as there are; in the order of the scenarios.
+pub fn fly(scenarios: &[Scenario]) -> Vec<GridFlight> {
+    let one = |scenario: &Scenario| {
+        let (summary, _) = in_process(scenario, |_| {});
+        let (run, metrics) = (&scenario.run, summary.metrics());
+        GridFlight {
+            at: Place {
+                profile: scenario.profile,
+                delay_ms: run.command_delay_ms,
+                jitter_ms: run.command_jitter_ms,
+                miss_probability: run.command_drop_probability,
+            },
+            seed: run.seed,
+            diverged_at_s: failed_at_s(&summary),
+            max_position_error_m: metrics.max_position_error_m,
+            rms_position_error_m: metrics.rms_position_error_m,
+        }
+    };
+    scenarios.par_iter().map(one).collect()
+}
+
+pub fn to_csv(flights: &[GridFlight]) -> String {
+    let mut text = String::from("profile,delay_ms,jitter_ms,miss_probability,seed,diverged_at_s,max_m,rms_m\n");
+    for f in flights {
+        let Place { profile, delay_ms, jitter_ms, miss_probability } = f.at;
+        let (profile, lost) = (event::name(profile), f.diverged_at_s.map(|t| t.to_string()).unwrap_or_default());
+        let (seed, max, rms) = (f.seed, f.max_position_error_m, f.rms_position_error_m);
+        // A String takes everything.
+        let _ = writeln!(text, "{profile},{delay_ms},{jitter_ms},{miss_probability},{seed},{lost},{max},{rms}");
+    }
+    text
+}
+
+/// The cells of `flights`, in their order.
+pub fn gather(flights: &[GridFlight]) -> Vec<Cell> {
+    flights.chunk_by(|a, b| a.at == b.at).map(Cell::of).collect()
+}
+
+impl Cell {
+    fn of(flights: &[GridFlight]) -> Self {
+        let lost = flights.iter().filter(|flight| flight.diverged_at_s.is_some()).count();
+        let worst = |error: fn(&GridFlight) -> f64| (lost == 0).then(|| flights.iter().map(error).fold(0.0, f64::max));
+        Self {
+            at: flights[0].at,
+            flights: flights.len(),
+            lost,
+            max_position_error_m: worst(|flight| flight.max_position_error_m),
+            rms_position_error_m: worst(|flight| flight.rms_position_error_m),
+        }
+    }
+}
+
+/// Delays \[ms\], jitters \[ms\] and probabilities that occur, each once and rising.
+pub fn axes(cells: &[&Cell]) -> [Vec<f64>; 3] {
+    let coordinates: [fn(&Place) -> f64; 3] = [|at| at.delay_ms, |at| at.jitter_ms, |at| at.miss_probability];
+    coordinates.map(|coordinate| rising(cells.iter().map(|cell| coordinate(&cell.at))))
+}
+
+/// Rising, each value once.
+fn rising(values: impl Iterator<Item = f64>) -> Vec<f64> {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    values.dedup();
+    values
+}

@@ -1,0 +1,145 @@
+//! The stack itself, flown and timed.
+
+use std::sync::atomic::AtomicU32;
+use std::time::Instant;
+
+use contract::Scenario;
+use contract::scenario::{Mode, Policy, from_merged};
+use serde::Serialize;
+use view::bounds;
+use view::percentiles::Percentiles;
+
+use super::canary::Watch;
+use super::cycles::Cycles;
+use super::machine::{CpuMeter, Placement};
+use super::series::Series;
+use crate::flights::{Started, in_process};
+
+/// Flights under the same circumstances.
+#[derive(Debug, Clone, Serialize)]
+pub struct TimedFlights {
+    pub name: String,
+    pub rate_hz: u32,
+    pub policy: Policy,
+    /// Under `stress-ng --cpu 4`.
+    pub loaded: bool,
+    /// Whether all nodes were given that class.
+    pub as_asked: bool,
+    pub slots: usize,
+    pub misses: usize,
+    /// Of these, those in which the host stalled a canary.
+    pub explained: usize,
+    pub longest_run: usize,
+    pub age: Option<Percentiles>,
+    /// Share of one processor that the four nodes used, where a flight was long enough to tell \[%\].
+    pub cpu_percent: Option<f64>,
+    /// Whether every flight reached its end inside the scenario's bounds.
+    pub inside: bool,
+    /// Ages at the actuator, flight by flight.
+    #[serde(skip)]
+    pub ages: Series,
+    /// For each slot the time it covers if it was missed \[ns\].
+    #[serde(skip)]
+    missed: Vec<Option<(u64, u64)>>,
+}
+
+impl TimedFlights {
+    /// None flown yet.
+    pub fn new(name: impl Into<String>, rate_hz: u32, policy: Policy, loaded: bool) -> Self {
+        let name = name.into();
+        Self {
+            ages: Series::new(format!("age, {name}")),
+            name,
+            rate_hz,
+            policy,
+            loaded,
+            as_asked: true,
+            slots: 0,
+            misses: 0,
+            explained: 0,
+            longest_run: 0,
+            age: None,
+            cpu_percent: None,
+            inside: true,
+            missed: vec![],
+        }
+    }
+
+    /// Flies the default scenario once more.
+    pub fn fly_for(&mut self, duration_s: f64, interrupts: &AtomicU32) -> anyhow::Result<()> {
+        self.fly(&realtime(self.rate_hz, self.policy, duration_s), interrupts)
+    }
+
+    pub fn fly(&mut self, scenario: &Scenario, interrupts: &AtomicU32) -> anyhow::Result<()> {
+        let (mut cycles, mut meter) = (Cycles::new(scenario), CpuMeter::default());
+        let stack = Started::new(scenario, interrupts)?;
+        let namespace = stack.namespace.clone();
+        let (summary, flown) =
+            stack.fly_to_the_end(interrupts, |record| cycles.observe(record), || meter.read(&namespace))?;
+        let class = if self.policy == Policy::Fifo { "fifo" } else { "other" };
+        self.as_asked &= flown.scheduling.iter().all(|(_, got)| got.policy == class);
+        self.inside &= !summary.status().diverged() && bounds::check(scenario, &summary.metrics()).iter().all(|v| v.ok);
+        self.cpu_percent = meter.share_percent().or(self.cpu_percent);
+        self.missed.extend(cycles.misses());
+        self.ages.rounds.push(cycles.ages_ns());
+        Ok(())
+    }
+
+    /// Takes the figures of all flights, now that the canaries' `watch` is over.
+    pub fn conclude(&mut self, watch: &Watch) {
+        let missed = || self.missed.iter().flatten();
+        self.slots = self.missed.len();
+        self.misses = missed().count();
+        self.explained = missed().filter(|(from_ns, to_ns)| watch.explains(*from_ns, *to_ns)).count();
+        self.longest_run = self.missed.split(Option::is_none).map(<[_]>::len).max().unwrap_or(0);
+        self.age = self.ages.all();
+    }
+
+    pub fn unexplained(&self) -> usize {
+        self.misses - self.explained
+    }
+}
+
+/// The default scenario in real time.
+pub fn realtime(rate_hz: u32, policy: Policy, duration_s: f64) -> Scenario {
+    let mut scenario = Scenario::default();
+    scenario.run.mode = Mode::Realtime;
+    scenario.run.rate_hz = rate_hz;
+    scenario.run.duration_s = duration_s;
+    scenario.realtime.policy = policy;
+    scenario
+}
+
+/// The paper's survey with the paper's controller, in real time; it is judged by what the paper claims.
+pub fn paper(duration_s: f64) -> anyhow::Result<Scenario> {
+    let text = include_str!("../../../../scenarios/survey-paper.toml");
+    let mut scenario = from_merged(text, "scenarios/survey-paper.toml")?;
+    scenario.run.mode = Mode::Realtime;
+    scenario.run.duration_s = duration_s;
+    Ok(scenario)
+}
+
+/// Flies `scenario` through processes that are placed so.
+pub fn cycles(scenario: &Scenario, placement: Placement, interrupts: &AtomicU32) -> anyhow::Result<Cycles> {
+    let mut cycles = Cycles::new(scenario);
+    let stack = placement.during(|| Started::new(scenario, interrupts))?;
+    stack.fly_to_the_end(interrupts, |record| cycles.observe(record), || {})?;
+    Ok(cycles)
+}
+
+/// Simulated over wall time of the default scenario through four processes in lockstep.
+pub fn lockstep_speed(duration_s: f64, interrupts: &AtomicU32) -> anyhow::Result<f64> {
+    let mut scenario = realtime(100, Policy::Fifo, duration_s);
+    scenario.run.mode = Mode::Lockstep;
+    let (summary, flown) = Started::new(&scenario, interrupts)?.fly_to_the_end(interrupts, |_| {}, || {})?;
+    Ok(summary.time_s() / flown.wall.as_secs_f64())
+}
+
+/// The same by one thread.
+pub fn in_process_speed(duration_s: f64) -> f64 {
+    let mut scenario = realtime(100, Policy::Fifo, duration_s);
+    scenario.run.mode = Mode::Inprocess;
+    let started = Instant::now();
+    let (summary, _) = in_process(&scenario, |_| {});
+    summary.time_s() / started.elapsed().as_secs_f64()
+}
