@@ -10,6 +10,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use anyhow::Context;
 use contract::exit;
+use flight::event::name;
 use flight::files::write_whole;
 use flight::provenance::host;
 use runtime::console::print;
@@ -89,15 +90,16 @@ impl Target {
         self
     }
 
+    /// What was measured with its unit, or `absent`.
+    pub fn measured_text(&self, absent: &str) -> String {
+        let text = self.measured.map_or(absent.to_owned(), |value| format!("{} {}", plain(value), self.unit));
+        text.trim_end().to_owned()
+    }
+
     fn line(&self) -> String {
-        let verdict = match self.verdict {
-            Verdict::Ok => "ok",
-            Verdict::Short => "short",
-            Verdict::Inconclusive => "inconclusive",
-        };
-        let measured = self.measured.map_or("-".to_owned(), |value| format!("{} {}", plain(value), self.unit));
+        let (verdict, measured) = (name(self.verdict), self.measured_text("-"));
         let note = if self.note.is_empty() { String::new() } else { format!("  ({})", self.note) };
-        format!("{verdict:<12}  {:<58} {:>14}   {}{note}", self.figure, measured.trim_end(), self.target)
+        format!("{verdict:<12}  {:<58} {measured:>14}   {}{note}", self.figure, self.target)
     }
 }
 
@@ -121,18 +123,17 @@ impl Findings {
         Ok(Self { targets, json, quick })
     }
 
-    /// Writes all of it to the file `name` in the folder `out`, which is made if it does not exist.
-    pub fn save(&self, out: &Path, name: &str) -> anyhow::Result<()> {
-        make_folder(out, "--out")?;
-        let file = serde_json::to_string_pretty(&self.json)? + "\n";
-        write_whole(&out.join(name), file.as_bytes())
-            .with_context(|| format!("cannot write to the folder {}; choose another with --out", out.display()))
-    }
-
-    /// Prints `table` and one line per target, or all of it as one JSON object; the exit code.
-    pub fn conclude(&self, json: bool, table: &str) -> anyhow::Result<u8> {
+    /// Writes all of it to the file at `path`, if there is one, whose folder is made if it does not exist. Then prints `table`
+    /// and one line per target, or with `json` all of it as one object; the exit code.
+    pub fn conclude(&self, path: Option<&Path>, json: bool, table: &str) -> anyhow::Result<u8> {
+        let text = serde_json::to_string_pretty(&self.json)? + "\n";
+        if let Some((path, out)) = path.and_then(|path| Some((path, path.parent()?))) {
+            make_folder(out, "--out")?;
+            let cannot = || format!("cannot write to the folder {}; choose another with --out", out.display());
+            write_whole(path, text.as_bytes()).with_context(cannot)?;
+        }
         if json {
-            print(&(serde_json::to_string_pretty(&self.json)? + "\n"));
+            print(&text);
         } else {
             let mut text = format!("{table}\n");
             for target in &self.targets {
@@ -196,7 +197,9 @@ mod tests {
     fn only_a_short_target_spoils_the_exit_code() {
         let code = |measured, quick| {
             let targets = [Target::at_most("time", measured, 5.0, "us"), Target::at_most("blocks", Some(0.0), 0.0, "")];
-            Findings::new(json!({}), targets.into(), quick).and_then(|found| found.conclude(true, "")).expect("prints")
+            Findings::new(json!({}), targets.into(), quick)
+                .and_then(|found| found.conclude(None, true, ""))
+                .expect("prints")
         };
         assert_eq!([code(Some(4.0), false), code(None, false)], [0; 2]);
         assert_eq!(code(Some(6.0), false), 1);

@@ -121,10 +121,8 @@ pub fn measure(args: &LawsArgs) -> anyhow::Result<u8> {
     let flights: Vec<&LawFlight> = rows.iter().flatten().collect();
     let results = json!({ "survived_within_m": SURVIVED_M, "flights": flights });
     let found = Findings::new(results, targets(&rows), false)?;
-    if let Some(folder) = &args.out {
-        found.save(folder, "table.json")?;
-    }
-    found.conclude(args.json, &table(&scenarios, &rows))
+    let path = args.out.as_ref().map(|out| out.join("table.json"));
+    found.conclude(path.as_deref(), args.json, &table(&scenarios, &rows))
 }
 
 fn fly(inner_loop: InnerLoop, scenario: &Scenario) -> LawFlight {
@@ -144,29 +142,23 @@ fn fly(inner_loop: InnerLoop, scenario: &Scenario) -> LawFlight {
 
 /// Of the shipped scenarios, for both solvers.
 fn targets(rows: &[Vec<LawFlight>]) -> Vec<Target> {
-    let mut targets = vec![];
-    for row in rows {
+    let of_row = |row: &Vec<LawFlight>| {
         let shipped = &row[..AGGRESSIVE.len()];
-        let inner_loop = shipped[0].inner_loop;
-        if !matches!(inner_loop, InnerLoop::Cone | InnerLoop::ConeActiveSet) {
-            continue;
-        }
-        let name = inner_loop.name();
+        let name = shipped[0].inner_loop.name();
         let survived = shipped.iter().filter(|flight| flight.survived).count();
         let negative = shipped.iter().map(|flight| flight.metrics.negative_squares).sum::<u64>();
         let clamped = shipped.iter().map(|flight| flight.metrics.commands_saturated).max();
-        targets.extend([
-            Target::when(
-                format!("{name}: aggressive flights survived"),
-                Some(survived as f64),
-                format!("all {}", shipped.len()),
-                |survived| survived == shipped.len() as f64,
-            ),
+        let (all, survived) = (shipped.len(), Some(survived as f64));
+        [
+            Target::when(format!("{name}: aggressive flights survived"), survived, format!("all {all}"), |survived| {
+                survived == all as f64
+            }),
             Target::at_most(format!("{name}: negative squares in all of them"), Some(negative as f64), 0.0, ""),
             Target::at_most(format!("{name}: commands clamped in the worst"), clamped.map(|n| n as f64), 1.0, ""),
-        ]);
-    }
-    targets
+        ]
+    };
+    let is_cone = |row: &&Vec<LawFlight>| matches!(row[0].inner_loop, InnerLoop::Cone | InnerLoop::ConeActiveSet);
+    rows.iter().filter(is_cone).flat_map(of_row).collect()
 }
 
 fn table(scenarios: &[Scenario], rows: &[Vec<LawFlight>]) -> String {

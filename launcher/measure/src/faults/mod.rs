@@ -70,10 +70,8 @@ pub fn measure(args: &FaultsArgs) -> anyhow::Result<u8> {
     let interrupts = catch_interrupts()?;
     let results = FaultResults::measure(args.quick, &interrupts)?;
     let found = Findings::new(&results, targets(&results), args.quick)?;
-    if let Some(out) = &args.out {
-        found.save(out, "measure.json")?;
-    }
-    found.conclude(args.json, &text(&results))
+    let path = args.out.as_ref().map(|out| out.join("measure.json"));
+    found.conclude(path.as_deref(), args.json, &text(&results))
 }
 
 impl FaultResults {

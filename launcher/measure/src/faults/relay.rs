@@ -13,7 +13,6 @@
 //!
 //! In lockstep, where one thread must fly the same, and in real time, where slow takes its time and exit is a crash.
 
-use std::collections::BTreeMap;
 use std::sync::atomic::AtomicU32;
 
 use contract::Scenario;
@@ -25,10 +24,11 @@ use serde::Serialize;
 use super::case::hover_in_gusts;
 use super::one_flight::lean_deg;
 use crate::flights::{in_process, through_processes};
-use crate::timing::canary::{Canary, Watch};
+use crate::timing::canary::Canary;
 use flight::event::{Event, What};
 use flight::log::Record;
 use view::faults::reacts;
+use view::ticks::{Tick, Ticks};
 
 /// The nodes in the order of their swaps, and the settings of every other good candidate.
 const NODES: [(SwapNode, Topic, &str); 3] = [
@@ -87,9 +87,8 @@ pub struct Relay {
 }
 
 /// The answers to one sample.
-#[derive(Default)]
+#[derive(Clone, Copy, Default)]
 struct Answers {
-    sample_ns: u64,
     delivered: [u32; Topic::COUNT],
     /// A node worked without an input that it should have.
     reacted: bool,
@@ -110,17 +109,18 @@ impl Relay {
         scenario.run.mode = mode;
         let canary = if mode == Mode::Realtime { Some(Canary::start()?) } else { None };
         let mut tilt_deg = 0.0_f64;
-        let mut ticks = BTreeMap::<u64, Answers>::new();
+        let mut ticks = Ticks::<Answers>::new(&scenario);
         let (summary, flown) = through_processes(&scenario, interrupts, |record| {
-            note(&mut ticks, record);
+            ticks.observe(record, |answers| answers.observe(record));
             if let Record::State(state) = record {
                 tilt_deg = tilt_deg.max(lean_deg(state));
             }
         })?;
         let host = canary.map(Canary::stop).transpose()?.unwrap_or_default();
         let tick = |time_s: f64| (time_s / scenario.sample_s()) as u64;
-        let lost = ticks.range(tick(FIRST_S)..tick(scenario.run.duration_s - REST_S));
-        let lost: Vec<&Answers> = lost.map(|(_, answers)| answers).filter(|a| a.is_lost()).collect();
+        let counted = tick(FIRST_S)..tick(scenario.run.duration_s - REST_S);
+        let lost = || ticks.iter().filter(|tick| counted.contains(&tick.number) && tick.of.is_lost());
+        let is_explained = |tick: &&Tick<_>| host.explains(tick.sample_ns, tick.sample_ns + 2 * scenario.sample_ns());
         let ended = |what| flown.events.iter().filter(move |event| event.what == what);
         let reason = |event: &Event| format!("{}: {}", event.node, event.why.as_deref().unwrap_or_default());
         Ok(Self {
@@ -130,8 +130,8 @@ impl Relay {
             kept: ended(What::Kept).count(),
             rejected: ended(What::Rejected).map(reason).collect(),
             returned: ended(What::Returned).map(reason).collect(),
-            lost_ticks: lost.len(),
-            explained: lost.iter().filter(|answers| answers.is_explained(&host, scenario.sample_ns())).count(),
+            lost_ticks: lost().count(),
+            explained: lost().filter(is_explained).count(),
             tilt_deg,
             position_error_m: summary.metrics().max_position_error_m,
             diverged: summary.status().diverged(),
@@ -187,22 +187,15 @@ fn with_swaps(mut scenario: Scenario, swaps: Vec<Swap>) -> Scenario {
     scenario
 }
 
-fn note(ticks: &mut BTreeMap<u64, Answers>, record: &Record) {
-    let stamp = record.stamp();
-    let answers = ticks.entry(stamp.tick).or_default();
-    answers.sample_ns = stamp.sample_ns;
-    if stamp.delivery == delivery::DELIVERED {
-        answers.delivered[record.topic() as usize] += 1;
-        answers.reacted |= reacts(record);
-    }
-}
-
 impl Answers {
+    fn observe(&mut self, record: &Record) {
+        if record.stamp().delivery == delivery::DELIVERED {
+            self.delivered[record.topic() as usize] += 1;
+            self.reacted |= reacts(record);
+        }
+    }
+
     fn is_lost(&self) -> bool {
         self.reacted || self.delivered != [1; Topic::COUNT]
-    }
-
-    fn is_explained(&self, host: &Watch, sample_ns: u64) -> bool {
-        host.explains(self.sample_ns, self.sample_ns + 2 * sample_ns)
     }
 }

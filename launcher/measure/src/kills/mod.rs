@@ -83,10 +83,8 @@ pub fn measure(args: &KillsArgs) -> anyhow::Result<u8> {
     let interrupts = catch_interrupts()?;
     let results = KillResults::measure(args.kills, args.seed, &interrupts)?;
     let found = Findings::new(&results, targets(&results), false)?;
-    if let Some(out) = &args.out {
-        found.save(out, "measure.json")?;
-    }
-    found.conclude(args.json, &text(&results))
+    let path = args.out.as_ref().map(|out| out.join("measure.json"));
+    found.conclude(path.as_deref(), args.json, &text(&results))
 }
 
 impl KillResults {

@@ -50,17 +50,17 @@ pub struct Polygons {
     centres: Vec<(u64, DVector<f64>)>,
 }
 
-/// What our active-set solver makes of them.
+/// One problem solved by our active-set solver.
 #[derive(Debug, Clone, Default)]
 pub struct Solved {
-    /// Objective of each tick; `None` where it failed.
-    objectives: Vec<Option<f64>>,
+    /// `None` where it failed.
+    objective: Option<f64>,
     /// Whether the unconstrained plan was outside.
-    constrained: Vec<bool>,
-    /// Time of each solve in each round, from the working set of the tick before \[ns\].
-    warm_ns: Vec<Vec<u64>>,
+    constrained: bool,
+    /// Time of each round, from the working set of the tick before \[ns\].
+    warm_ns: Vec<u64>,
     /// The same, from nothing \[ns\].
-    cold_ns: Vec<Vec<u64>>,
+    cold_ns: Vec<u64>,
 }
 
 /// One solver on all problems.
@@ -84,7 +84,7 @@ pub struct Comparison {
 struct Printed {
     solver: String,
     timed: String,
-    worst_difference: f64,
+    worst_difference: Option<f64>,
     unsolved: usize,
     /// Median over the rounds, problem by problem, sequences one after another \[ns\].
     times_ns: Vec<u64>,
@@ -104,45 +104,42 @@ impl Polygons {
     }
 
     /// Solves every tick in turn, `rounds` times, warm and cold.
-    pub fn solve(&self, rounds: u32, max_iterations: u32) -> Solved {
-        let none = vec![vec![]; self.centres.len()];
-        let mut solved = Solved { warm_ns: none.clone(), cold_ns: none, ..Solved::default() };
+    pub fn solve(&self, rounds: u32, max_iterations: u32) -> Vec<Solved> {
+        let mut all = vec![Solved::default(); self.centres.len()];
         let n = self.hessian.nrows();
         let hard = vec![0.0; self.offsets.len()];
         let solver = || ActiveSet::new(&self.hessian, &self.rows, &hard, &DMatrix::zeros(0, n), max_iterations);
-        for round in 0..rounds {
+        for _ in 0..rounds {
             let (mut warm, mut cold, mut x) = (solver(), solver(), DVector::zeros(n));
-            for (i, (_, centre)) in self.centres.iter().enumerate() {
+            for ((_, centre), solved) in self.centres.iter().zip(&mut all) {
                 let (outcome, ns) = timed(|| warm.solve(centre.as_slice(), &self.offsets, x.as_mut_slice()));
-                solved.warm_ns[i].push(ns);
-                if round == 0 {
-                    let objective = (&self.hessian * &x).dot(&(&x * 0.5 - centre));
-                    solved.objectives.push((outcome.termination == Termination::Optimal).then_some(objective));
-                    solved.constrained.push(outcome.active > 0);
-                }
+                solved.warm_ns.push(ns);
+                let is_optimal = outcome.termination == Termination::Optimal;
+                solved.objective = is_optimal.then(|| (&self.hessian * &x).dot(&(&x * 0.5 - centre)));
+                solved.constrained = outcome.active > 0;
                 cold.forget();
                 let (_, ns) = timed(|| cold.solve(centre.as_slice(), &self.offsets, x.as_mut_slice()));
-                solved.cold_ns[i].push(ns);
+                solved.cold_ns.push(ns);
             }
         }
-        solved
+        all
     }
 
     /// The problems with our objectives.
-    pub fn to_json(&self, solved: &Solved) -> Value {
-        let matrix = |of: &DMatrix<f64>| of.row_iter().map(|row| row.iter().copied().collect()).collect();
-        let (hessian, rows): (Vec<Vec<f64>>, Vec<Vec<f64>>) = (matrix(&self.hessian), matrix(&self.rows));
+    pub fn to_json(&self, solved: &[Solved]) -> Value {
+        let matrix =
+            |of: &DMatrix<f64>| -> Vec<Vec<f64>> { of.row_iter().map(|row| row.iter().copied().collect()).collect() };
         let linear = |(_, centre): &(u64, DVector<f64>)| (-&self.hessian * centre).as_slice().to_vec();
         json!({
             "problem": "minimise 1/2 x'Hx + f'x so that rows x + offsets >= 0; one f per tick",
             "name": self.name,
-            "H": hessian,
-            "rows": rows,
+            "H": matrix(&self.hessian),
+            "rows": matrix(&self.rows),
             "offsets": self.offsets,
             "tick": self.centres.iter().map(|(tick, _)| *tick).collect::<Vec<_>>(),
             "f": self.centres.iter().map(linear).collect::<Vec<_>>(),
-            "constrained": solved.constrained,
-            "objective": solved.objectives,
+            "constrained": solved.iter().map(|solved| solved.constrained).collect::<Vec<_>>(),
+            "objective": solved.iter().map(|solved| solved.objective).collect::<Vec<_>>(),
         })
     }
 }
@@ -199,16 +196,16 @@ fn rows(set: &DemandSet, variables: usize) -> (DMatrix<f64>, Vec<f64>) {
     (DMatrix::from_rows(&rows), offsets)
 }
 
-/// Our own solver, warm and cold.
+/// Our own solver, warm and cold, on the problems of all sequences.
 pub fn ours(solved: &[Solved]) -> Vec<Comparison> {
-    let row = |how: &str, times: fn(&Solved) -> &Vec<Vec<u64>>| {
-        let median = |rounds: &Vec<u64>| median_ns(rounds.iter().copied());
-        let times_ns: Vec<u64> = solved.iter().flat_map(|s| times(s).iter().map(median)).collect();
-        let unsolved = solved.iter().flat_map(|s| &s.objectives).filter(|objective| objective.is_none()).count();
-        let (solver, timed) = (format!("active-set, {how}"), "the whole call".to_owned());
-        Comparison { unsolved, ..Comparison::of(solver, timed, &times_ns, solved) }
+    let row = |how: &str, times_ns: fn(&Solved) -> &Vec<u64>| Printed {
+        solver: format!("active-set, {how}"),
+        timed: "the whole call".to_owned(),
+        worst_difference: None,
+        unsolved: solved.iter().filter(|solved| solved.objective.is_none()).count(),
+        times_ns: solved.iter().map(|solved| median_ns(times_ns(solved).iter().copied())).collect(),
     };
-    vec![row("warm", |s| &s.warm_ns), row("cold", |s| &s.cold_ns)]
+    [row("warm", |solved| &solved.warm_ns), row("cold", |solved| &solved.cold_ns)].map(|row| row.over(solved)).into()
 }
 
 /// The solvers of `python`, on the problems exported to `folder`.
@@ -232,30 +229,25 @@ pub fn others(python: &Path, folder: &Path, rounds: u32, solved: &[Solved]) -> a
     written.with_context(cannot)?;
     let printed: Vec<Printed> =
         serde_json::from_slice(&output.stdout).context("the comparing script printed no table")?;
-    let problems: usize = solved.iter().map(|s| s.objectives.len()).sum();
-    if printed.iter().any(|printed| printed.times_ns.len() != problems) {
+    if printed.iter().any(|printed| printed.times_ns.len() != solved.len()) {
         bail!("{} holds problems of another export too; choose another folder", folder.display());
     }
-    let row = |Printed { solver, timed, worst_difference, unsolved, times_ns }| Comparison {
-        worst_difference: Some(worst_difference),
-        unsolved,
-        ..Comparison::of(solver, timed, &times_ns, solved)
-    };
-    Ok(printed.into_iter().map(row).collect())
+    Ok(printed.into_iter().map(|printed| printed.over(solved)).collect())
 }
 
-impl Comparison {
-    fn of(solver: String, timed: String, times_ns: &[u64], solved: &[Solved]) -> Self {
-        let constrained = solved.iter().flat_map(|s| &s.constrained);
-        let constrained = times_ns.iter().zip(constrained).filter_map(|(ns, constrained)| constrained.then_some(*ns));
-        Self {
+impl Printed {
+    /// Its times over the problems that are `solved`.
+    fn over(self, solved: &[Solved]) -> Comparison {
+        let Self { solver, timed, worst_difference, unsolved, times_ns } = self;
+        let constrained = times_ns.iter().zip(solved).filter_map(|(ns, solved)| solved.constrained.then_some(*ns));
+        Comparison {
             solver,
             timed,
             mean_us: times_ns.iter().sum::<u64>() as f64 / 1e3 / times_ns.len().max(1) as f64,
             all_us: Percentiles::of(times_ns.iter().copied()),
             constrained_us: Percentiles::of(constrained),
-            worst_difference: None,
-            unsolved: 0,
+            worst_difference,
+            unsolved,
         }
     }
 }

@@ -89,8 +89,7 @@ pub fn measure(args: &MpcArgs) -> anyhow::Result<u8> {
     };
     let text = format!("{}\nwritten to {}\n", text(&results), out.display());
     let found = Findings::new(&results, targets(&results), false)?;
-    found.save(&out, "measure.json")?;
-    found.conclude(args.json, &text)
+    found.conclude(Some(&out.join("measure.json")), args.json, &text)
 }
 
 /// Solves the polygon problems, exports them, and has others solve them, as the arguments ask.
@@ -99,7 +98,8 @@ fn compare(args: &MpcArgs, out: &std::path::Path, sequences: &[Sequence]) -> any
     let polygons: Vec<Polygons> = polygons.into_iter().flatten().collect();
     let max_iterations = sequences[0].scenario.mpc.max_iterations;
     let solved: Vec<_> = polygons.iter().map(|polygon| polygon.solve(args.rounds, max_iterations)).collect();
-    let mut rivals = compare::ours(&solved);
+    let all = solved.concat();
+    let mut rivals = compare::ours(&all);
     let folder = match (&args.export, &args.compare) {
         (Some(folder), _) => folder.clone(),
         (None, Some(_)) => out.join("problems"),
@@ -112,7 +112,7 @@ fn compare(args: &MpcArgs, out: &std::path::Path, sequences: &[Sequence]) -> any
     }
     if let Some(python) = &args.compare {
         eprint_line(&format!("solving the same problems with {}", python.display()));
-        rivals.extend(compare::others(python, &folder, args.rounds, &solved)?);
+        rivals.extend(compare::others(python, &folder, args.rounds, &all)?);
     }
     Ok(rivals)
 }

@@ -91,11 +91,10 @@ pub fn measure(args: &SensitivityArgs) -> anyhow::Result<u8> {
     let name = scenarios.first().map_or("", |scenario| &scenario.name);
     let results = json!({ "scenario": name, "seeds": args.seeds, "operating_point": point, "cells": cells });
     let found = Findings::new(results, targets, false)?;
-    found.save(&out, "sensitivity.json")?;
     write_whole(&out.join("sensitivity.csv"), map::to_csv(&flights).as_bytes())?;
     let page = picture::page(name, &cells, point.as_ref());
     write_whole(&out.join("sensitivity.html"), page.as_bytes())?;
-    found.conclude(args.json, &table(&cells, point.as_ref(), &out))
+    found.conclude(Some(&out.join("sensitivity.json")), args.json, &table(&cells, point.as_ref(), &out))
 }
 
 /// The point of the run that is named, or of five seconds flown now; nothing, and why, where that does not succeed.

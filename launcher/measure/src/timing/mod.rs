@@ -83,8 +83,7 @@ pub fn measure(args: &TimingArgs) -> anyhow::Result<u8> {
     for (name, text) in [("histograms.csv", &csv), ("timing.html", &page)] {
         write_whole(&out.join(name), text.as_bytes())?;
     }
-    found.save(&out, "measure.json")?;
-    found.conclude(args.json, &table)
+    found.conclude(Some(&out.join("measure.json")), args.json, &table)
 }
 
 fn figures<'a>(raw: &'a Raw, canary: &'a Series) -> Vec<Figure<'a>> {

@@ -1,13 +1,12 @@
 //! The page: targets, tables, and histograms over a logarithmic axis, in one file that needs nothing else.
 
+use flight::event::name;
+use flight::provenance::host;
 use view::draw::{self, STYLE, any, escape, list, outlines};
 use view::percentiles::recorded;
 
 use super::results::TimingResults;
 use super::series::Series;
-use flight::provenance::host;
-
-use crate::findings::plain;
 use crate::findings::{Target, Verdict};
 use crate::table::Table;
 
@@ -45,16 +44,15 @@ fn section(title: &str, content: &str) -> String {
 }
 
 fn target(target: &Target) -> Vec<String> {
-    let (word, colour) = match target.verdict {
-        Verdict::Ok => ("ok", "good"),
-        Verdict::Short => ("short", "bad"),
-        Verdict::Inconclusive => ("inconclusive", "warn"),
+    let colour = match target.verdict {
+        Verdict::Ok => "good",
+        Verdict::Short => "bad",
+        Verdict::Inconclusive => "warn",
     };
-    let measured = target.measured.map_or("–".to_owned(), |value| format!("{} {}", plain(value), target.unit));
     vec![
-        format!("<strong style=\"color:var(--{colour})\">{word}</strong>"),
+        format!("<strong style=\"color:var(--{colour})\">{}</strong>", name(target.verdict)),
         escape(&target.figure),
-        escape(measured.trim_end()),
+        escape(&target.measured_text("–")),
         escape(&target.target),
         escape(&target.note),
     ]
