@@ -136,6 +136,11 @@ impl AttitudeMpc {
         })
     }
 
+    /// The unconstrained plan of the newest step, 4Nu, or the one move of another law.
+    pub fn unconstrained_plan(&self) -> &DVector<f64> {
+        &self.work.unconstrained
+    }
+
     /// Takes fault `number` as it is from now on, if it is one of the solver.
     pub fn apply_fault(&mut self, number: usize, fault: &Fault) {
         self.constrained.iter_mut().for_each(|constrained| constrained.apply_fault(number, fault));

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 
 use contract::Scenario;
 use contract::scenario::{self, Constraints, Law, Mode, Solver};
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
 
 use crate::findings::{Findings, Target};
@@ -39,65 +39,54 @@ pub struct LawsArgs {
 }
 
 /// One row of the table.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-enum InnerLoop {
-    /// MPC on the exact actuator set, by Clarabel: what ships.
-    Cone,
-    /// The same by the active-set solver.
-    ConeActiveSet,
-    /// MPC on the smallest box around the set.
-    Box,
-    /// MPC without constraints; the mixer clamps.
-    Clamp,
-    /// LQR; the mixer clamps.
-    Lqr,
-    /// PID; the mixer clamps.
-    Pid,
-    /// MPC without constraints; the mixer projects onto the exact set.
-    Projection,
+#[derive(Debug)]
+struct InnerLoop {
+    name: &'static str,
+    law: Law,
+    /// `Cone` is the exact actuator set, `Box` the smallest box around it.
+    constraints: Constraints,
+    solver: Solver,
+    /// Whether the mixer projects onto the exact set; elsewhere it clamps.
+    projection: bool,
 }
 
+/// MPC without constraints; the mixer clamps.
+const CLAMP: InnerLoop = InnerLoop {
+    name: "clamp",
+    law: Law::Mpc,
+    constraints: Constraints::None,
+    solver: Solver::Clarabel,
+    projection: false,
+};
+
+/// The rows of the table. The first is what ships.
+const INNER_LOOPS: [InnerLoop; 7] = [
+    InnerLoop { name: "cone", constraints: Constraints::Cone, ..CLAMP },
+    InnerLoop { name: "cone, active-set", constraints: Constraints::Cone, solver: Solver::ActiveSet, ..CLAMP },
+    InnerLoop { name: "box", constraints: Constraints::Box, ..CLAMP },
+    CLAMP,
+    InnerLoop { name: "lqr", law: Law::Lqr, ..CLAMP },
+    InnerLoop { name: "pid", law: Law::Pid, ..CLAMP },
+    InnerLoop { name: "projection", projection: true, ..CLAMP },
+];
+
 impl InnerLoop {
-    const ALL: [Self; 7] =
-        [Self::Cone, Self::ConeActiveSet, Self::Box, Self::Clamp, Self::Lqr, Self::Pid, Self::Projection];
-
-    fn name(self) -> &'static str {
-        match self {
-            Self::Cone => "cone",
-            Self::ConeActiveSet => "cone, active-set",
-            Self::Box => "box",
-            Self::Clamp => "clamp",
-            Self::Lqr => "lqr",
-            Self::Pid => "pid",
-            Self::Projection => "projection",
-        }
-    }
-
     /// `scenario` with this inner loop, in process.
-    fn put_into(self, scenario: &Scenario) -> Scenario {
+    fn put_into(&self, scenario: &Scenario) -> Scenario {
         let mut flown = scenario.clone();
         flown.run.mode = Mode::Inprocess;
-        let mpc = &mut flown.mpc;
-        mpc.law = match self {
-            Self::Lqr => Law::Lqr,
-            Self::Pid => Law::Pid,
-            _ => Law::Mpc,
-        };
-        mpc.constraints = match self {
-            Self::Cone | Self::ConeActiveSet => Constraints::Cone,
-            Self::Box => Constraints::Box,
-            Self::Clamp | Self::Lqr | Self::Pid | Self::Projection => Constraints::None,
-        };
-        mpc.solver = if self == Self::ConeActiveSet { Solver::ActiveSet } else { Solver::Clarabel };
-        flown.mixer.projection = self == Self::Projection;
+        flown.mpc.law = self.law;
+        flown.mpc.constraints = self.constraints;
+        flown.mpc.solver = self.solver;
+        flown.mixer.projection = self.projection;
         flown
     }
 }
 
 #[derive(Serialize)]
 struct LawFlight {
-    inner_loop: InnerLoop,
+    #[serde(serialize_with = "hyphenated")]
+    inner_loop: &'static InnerLoop,
     scenario: String,
     /// Whether it did not diverge and was back in the end.
     survived: bool,
@@ -113,10 +102,8 @@ pub fn measure(args: &LawsArgs) -> anyhow::Result<u8> {
     let shipped = AGGRESSIVE.iter().map(|(path, text)| scenario::from_merged(text, path));
     let more = args.scenario.iter().map(|path| settings::load(Some(path), &[]));
     let scenarios: Vec<Scenario> = shipped.chain(more).collect::<Result<_, _>>()?;
-    let rows: Vec<Vec<LawFlight>> = InnerLoop::ALL
-        .iter()
-        .map(|inner_loop| scenarios.iter().map(|scenario| fly(*inner_loop, scenario)).collect())
-        .collect();
+    let row = |inner_loop| scenarios.iter().map(|scenario| fly(inner_loop, scenario)).collect();
+    let rows: Vec<Vec<LawFlight>> = INNER_LOOPS.iter().map(row).collect();
 
     let flights: Vec<&LawFlight> = rows.iter().flatten().collect();
     let results = json!({ "survived_within_m": SURVIVED_M, "flights": flights });
@@ -125,7 +112,7 @@ pub fn measure(args: &LawsArgs) -> anyhow::Result<u8> {
     found.conclude(path.as_deref(), args.json, &table(&scenarios, &rows))
 }
 
-fn fly(inner_loop: InnerLoop, scenario: &Scenario) -> LawFlight {
+fn fly(inner_loop: &'static InnerLoop, scenario: &Scenario) -> LawFlight {
     let flown = inner_loop.put_into(scenario);
     let (summary, _) = in_process(&flown, |_| {});
     let diverged = summary.status().diverged();
@@ -144,7 +131,7 @@ fn fly(inner_loop: InnerLoop, scenario: &Scenario) -> LawFlight {
 fn targets(rows: &[Vec<LawFlight>]) -> Vec<Target> {
     let of_row = |row: &Vec<LawFlight>| {
         let shipped = &row[..AGGRESSIVE.len()];
-        let name = shipped[0].inner_loop.name();
+        let name = shipped[0].inner_loop.name;
         let survived = shipped.iter().filter(|flight| flight.survived).count();
         let negative = shipped.iter().map(|flight| flight.metrics.negative_squares).sum::<u64>();
         let clamped = shipped.iter().map(|flight| flight.metrics.commands_saturated).max();
@@ -157,7 +144,7 @@ fn targets(rows: &[Vec<LawFlight>]) -> Vec<Target> {
             Target::at_most(format!("{name}: commands clamped in the worst"), clamped.map(|n| n as f64), 1.0, ""),
         ]
     };
-    let is_cone = |row: &&Vec<LawFlight>| matches!(row[0].inner_loop, InnerLoop::Cone | InnerLoop::ConeActiveSet);
+    let is_cone = |row: &&Vec<LawFlight>| row[0].inner_loop.constraints == Constraints::Cone;
     rows.iter().filter(is_cone).flat_map(of_row).collect()
 }
 
@@ -166,7 +153,7 @@ fn table(scenarios: &[Scenario], rows: &[Vec<LawFlight>]) -> String {
     let headings = [String::new()].into_iter().chain(names).chain(["survived".into()]).collect();
     let cells = |row: &Vec<LawFlight>| {
         let survived = row.iter().filter(|flight| flight.survived).count();
-        let name = row[0].inner_loop.name().to_owned();
+        let name = row[0].inner_loop.name.to_owned();
         let flights = row.iter().map(LawFlight::cell);
         [name].into_iter().chain(flights).chain([format!("{survived}/{}", row.len())]).collect()
     };
@@ -185,6 +172,11 @@ impl LawFlight {
             None => format!("out of bounds, {:.1} m", m.final_position_error_m),
         }
     }
+}
+
+/// The name of an inner loop as one word.
+fn hyphenated<S: Serializer>(inner_loop: &InnerLoop, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(&inner_loop.name.replace(", ", "-"))
 }
 
 #[cfg(test)]

@@ -3,7 +3,10 @@ use crate::findings::Verdict;
 use contract::scenario::Profile;
 use view::summary::Summary;
 
-fn flight(inner_loop: InnerLoop, diverged_at_s: Option<f64>, final_m: f64, clamped: u64) -> LawFlight {
+const CONE: &InnerLoop = &INNER_LOOPS[0];
+const ACTIVE_SET: &InnerLoop = &INNER_LOOPS[1];
+
+fn flight(inner_loop: &'static InnerLoop, diverged_at_s: Option<f64>, final_m: f64, clamped: u64) -> LawFlight {
     let mut metrics = Summary::new(&Scenario::from(Profile::Robust)).metrics();
     metrics.final_position_error_m = final_m;
     metrics.commands_saturated = clamped;
@@ -20,7 +23,7 @@ fn flight(inner_loop: InnerLoop, diverged_at_s: Option<f64>, final_m: f64, clamp
     }
 }
 
-fn row(inner_loop: InnerLoop, clamped: [u64; 5]) -> Vec<LawFlight> {
+fn row(inner_loop: &'static InnerLoop, clamped: [u64; 5]) -> Vec<LawFlight> {
     clamped.map(|clamped| flight(inner_loop, None, 0.0, clamped)).into()
 }
 
@@ -29,7 +32,7 @@ fn the_shipped_scenarios_are_valid_under_every_inner_loop() {
     let mut names = vec![];
     for (path, text) in AGGRESSIVE {
         let shipped = scenario::from_merged(text, path).unwrap();
-        for inner_loop in InnerLoop::ALL {
+        for inner_loop in &INNER_LOOPS {
             let flown = scenario::to_toml(&inner_loop.put_into(&shipped));
             scenario::from_merged(&flown, path).unwrap();
         }
@@ -43,14 +46,14 @@ fn the_shipped_scenarios_are_valid_under_every_inner_loop() {
 #[test]
 fn only_one_row_has_the_safety_net_and_the_first_is_what_ships() {
     let robust = Scenario::from(Profile::Robust);
-    let nets = InnerLoop::ALL.map(|inner_loop| inner_loop.put_into(&robust).mixer.projection);
+    let nets = INNER_LOOPS.map(|inner_loop| inner_loop.put_into(&robust).mixer.projection);
     assert_eq!(nets, [false, false, false, false, false, false, true]);
-    assert_eq!(InnerLoop::Cone.put_into(&robust).mpc, robust.mpc);
+    assert_eq!(CONE.put_into(&robust).mpc, robust.mpc);
 }
 
 #[test]
 fn a_cell_tells_what_became_of_the_flight() {
-    let cell = |diverged_at_s, final_m| flight(InnerLoop::Cone, diverged_at_s, final_m, 2).cell();
+    let cell = |diverged_at_s, final_m| flight(CONE, diverged_at_s, final_m, 2).cell();
     assert_eq!(cell(None, 0.1), "ok 33.1 m s, 2");
     assert_eq!(cell(None, 12.34), "out of bounds, 12.3 m");
     assert_eq!(cell(Some(1.56), 0.1), "diverged at 1.56 s");
@@ -60,7 +63,7 @@ fn a_cell_tells_what_became_of_the_flight() {
 #[test]
 fn the_table_has_a_line_for_each_inner_loop() {
     let scenarios = vec![Scenario::from(Profile::Robust)];
-    let rows = [vec![flight(InnerLoop::Cone, None, 0.0, 0)], vec![flight(InnerLoop::Pid, Some(1.56), 9.0, 9)]];
+    let rows = [vec![flight(CONE, None, 0.0, 0)], vec![flight(&INNER_LOOPS[5], Some(1.56), 9.0, 9)]];
     let text = table(&scenarios, &rows);
     let lines: Vec<&str> = text.lines().collect();
     assert_eq!(lines[1], "      survey              survived");
@@ -71,10 +74,10 @@ fn the_table_has_a_line_for_each_inner_loop() {
 #[test]
 fn the_targets_are_those_of_the_cone() {
     let verdicts = |rows: &[Vec<LawFlight>]| targets(rows).iter().map(|target| target.verdict).collect::<Vec<_>>();
-    let good = [row(InnerLoop::Cone, [0, 1, 0, 1, 0]), row(InnerLoop::Clamp, [99; 5])];
+    let good = [row(CONE, [0, 1, 0, 1, 0]), row(&CLAMP, [99; 5])];
     assert_eq!(verdicts(&good), [Verdict::Ok; 3]);
-    let mut bad = [row(InnerLoop::ConeActiveSet, [0, 2, 0, 0, 0])];
-    bad[0][3] = flight(InnerLoop::ConeActiveSet, Some(2.0), 0.0, 0);
+    let mut bad = [row(ACTIVE_SET, [0, 2, 0, 0, 0])];
+    bad[0][3] = flight(ACTIVE_SET, Some(2.0), 0.0, 0);
     bad[0][4].metrics.negative_squares = 1;
     assert_eq!(verdicts(&bad), [Verdict::Short; 3]);
 }
@@ -83,7 +86,7 @@ fn the_targets_are_those_of_the_cone() {
 fn the_same_flight_comes_out_twice() {
     let mut scenario = scenario::from_merged(AGGRESSIVE[1].1, AGGRESSIVE[1].0).unwrap();
     scenario.run.duration_s = 1.0;
-    let [first, again] = [(); 2].map(|()| fly(InnerLoop::Cone, &scenario).state_hash);
+    let [first, again] = [(); 2].map(|()| fly(CONE, &scenario).state_hash);
     assert!(first.is_some());
     assert_eq!(first, again);
 }
