@@ -1,11 +1,28 @@
-//! The processes of a stack, seen from outside by their namespace as a user sees them, and signals to them.
+//! A stack seen from outside as a user sees it: started by a command, its processes found by their namespace, killed and
+//! stopped by signals.
 
+use std::fs::{self, File};
+use std::path::Path;
+use std::process::{Child, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use anyhow::Context;
 use contract::Topic;
-use contract::message::Stamp;
+use contract::message::{Message, Stamp};
 use contract::stamp::delivery;
+use flight::log::Log;
+use flight::own_program;
 use runtime::domain::Domain;
 use runtime::realtime::{ControlPage, now_ns};
 use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
+
+/// Longest wait for a process to be there: longer than any delay of a restart.
+const PATIENCE: Duration = Duration::from_secs(1);
+/// A flight that takes longer on the wall clock is killed.
+const WATCHDOG: Duration = Duration::from_secs(30);
+/// Between two looks.
+const LOOK: Duration = Duration::from_millis(1);
 
 /// A process of a stack.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -49,15 +66,102 @@ impl Process {
     }
 }
 
-/// When epoch `epoch` of the publisher of `topic` sent its first message that was delivered \[ns\].
-pub fn first_message_ns<'a>(stamps: impl IntoIterator<Item = &'a Stamp>, topic: Topic, epoch: u32) -> Option<u64> {
-    let is_first = |stamp: &&Stamp| stamp.epoch == u64::from(epoch) && stamp.delivery == delivery::DELIVERED;
-    stamps.into_iter().find(is_first).map(|stamp| stamp.publish_ns[topic as usize])
+/// A `launcher fly` in a namespace. Dropping it kills it, and its processes end with it.
+pub struct Launcher {
+    pub namespace: String,
+    pub started: Instant,
+    child: Child,
 }
 
-/// The control page of the stack in `namespace`.
-pub fn page(namespace: &str) -> Option<ControlPage> {
-    ControlPage::open(&Domain::find(namespace).ok()?.file("page")).ok()
+impl Launcher {
+    /// Starts it with `arguments`. The run is written to `run` in `folder`, standard error to `stderr`.
+    pub fn start(namespace: &str, folder: &Path, arguments: &[&str]) -> anyhow::Result<Self> {
+        let cannot = || format!("cannot write to {}", folder.display());
+        fs::create_dir_all(folder).with_context(cannot)?;
+        let stderr = File::create(folder.join("stderr")).with_context(cannot)?;
+        let mut command = own_program();
+        command.args(["fly", "--namespace", namespace]).args(arguments).arg("--out").arg(folder.join("run"));
+        let child = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(stderr).spawn();
+        let child = child.context("cannot start a flight")?;
+        Ok(Self { namespace: namespace.to_owned(), started: Instant::now(), child })
+    }
+
+    /// Calls `look` with the namespace until it finds something, the flight ends, or [`PATIENCE`] is over.
+    pub fn wait_for<T>(&mut self, look: impl Fn(&str) -> Option<T>) -> Option<T> {
+        let deadline = Instant::now() + PATIENCE;
+        loop {
+            let found = look(&self.namespace);
+            if found.is_some() || self.has_ended() || Instant::now() > deadline {
+                return found;
+            }
+            sleep(LOOK);
+        }
+    }
+
+    /// Waits until the plant has sent a sample.
+    pub fn wait_for_flight(&mut self) -> Option<ControlPage> {
+        self.wait_for(|namespace| {
+            let page = ControlPage::open(&Domain::find(namespace).ok()?.file("page")).ok()?;
+            (page.role(Topic::State).done(1).get() > 0).then_some(page)
+        })
+    }
+
+    pub fn has_ended(&mut self) -> bool {
+        self.child.try_wait().is_ok_and(|status| status.is_some())
+    }
+
+    /// Its exit code; `None` when it had to be killed.
+    pub fn end(mut self) -> Option<i32> {
+        while self.started.elapsed() < WATCHDOG {
+            if let Ok(Some(status)) = self.child.try_wait() {
+                return status.code();
+            }
+            sleep(LOOK);
+        }
+        None
+    }
+
+    /// After the launcher was killed: time from `since_ns` until the last process of its namespace is gone \[ms\]; `None`
+    /// when one stays.
+    pub fn until_gone(&mut self, since_ns: u64) -> anyhow::Result<Option<f64>> {
+        self.child.wait()?;
+        let deadline = Instant::now() + PATIENCE * 5;
+        while !Process::all(&self.namespace).is_empty() {
+            if Instant::now() > deadline {
+                return Ok(None);
+            }
+            sleep(LOOK);
+        }
+        Ok(Some(milliseconds(now_ns() - since_ns)))
+    }
+}
+
+impl Drop for Launcher {
+    fn drop(&mut self) {
+        // It has ended already, except after an error.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// The standard error of the flight in `folder`.
+pub fn said(folder: &Path) -> String {
+    fs::read_to_string(folder.join("stderr")).unwrap_or_default()
+}
+
+/// When epoch `epoch` of `node` sent its first message that was delivered \[ns\]; not known of the plant and the recorder.
+pub fn first_message_ns(log: &Log, node: &str, epoch: u32) -> Option<u64> {
+    fn first<M: Message>(messages: &[M], epoch: u32) -> Option<u64> {
+        let mut stamps = messages.iter().map(Message::stamp);
+        let is_first = |stamp: &&Stamp| stamp.epoch == u64::from(epoch) && stamp.delivery == delivery::DELIVERED;
+        stamps.find(is_first).map(|stamp| stamp.publish_ns[M::TOPIC as usize])
+    }
+    match node {
+        "guidance" => first(&log.references, epoch),
+        "attitude-mpc" => first(&log.controls, epoch),
+        "mixer" => first(&log.actuators, epoch),
+        _ => None,
+    }
 }
 
 /// What a stack that is over has left: its folder in shared memory, and processes.

@@ -30,7 +30,7 @@ use view::percentiles::median;
 
 use self::case::{Case, Promise, hover_in_gusts, hover_of_the_paper};
 use self::handling::{FaultHandling, Handling};
-use self::one_flight::{BACK_M, FaultFlight, QuietFlight, TERMINATE_S, TILT_DEG};
+use self::one_flight::{BACK_M, Course, FaultFlight, QuietFlight, TERMINATE_S, TILT_DEG};
 use self::relay::Relay;
 use self::strike::{Strike, Strikes};
 use crate::findings::{Findings, Target};
@@ -182,26 +182,22 @@ fn targets(results: &FaultResults) -> Vec<Target> {
 fn of_the_matrix(rows: &[FaultFlight]) -> Vec<Target> {
     let those = |promise| rows.iter().filter(move |row| row.promise == promise);
     let recoverable = those(Promise::Recover).count();
-    let broken = |fails: fn(&FaultFlight) -> bool| names(those(Promise::Recover).filter(|row| fails(row)));
-    let worst = |of: fn(&FaultFlight) -> f64| those(Promise::Recover).map(of).reduce(f64::max);
-    let tilt = |row: &FaultFlight| row.course.tilt_deg;
-    let back = |row: &FaultFlight| row.course.back_m.unwrap_or(f64::INFINITY);
-    let silent = rows.iter().find(|row| row.fault == "attitude-mpc kill").map(tilt);
-    let terminated = |row: &FaultFlight| row.course.terminated_after_s.unwrap_or(f64::INFINITY);
-    let terminated_s = those(Promise::Terminate).map(terminated).reduce(f64::max);
+    let worst = |promise, of: fn(&Course) -> f64| those(promise).map(|row| of(&row.course)).reduce(f64::max);
+    let recovered = |figure: String, of: fn(&Course) -> f64, limit, unit| {
+        let beyond = those(Promise::Recover).filter(|row| of(&row.course) > limit);
+        Target::at_most(figure, worst(Promise::Recover, of), limit, unit).noting(names(beyond))
+    };
+    let back_m = |course: &Course| course.back_m.unwrap_or(f64::INFINITY);
+    let terminated_s = worst(Promise::Terminate, |course| course.terminated_after_s.unwrap_or(f64::INFINITY));
+    let silent = rows.iter().find(|row| row.fault == "attitude-mpc kill").map(|row| row.course.tilt_deg);
     let differs = || rows.iter().filter(|row| !row.same);
+    let figure = format!("flights of {} that differ between lockstep and one thread", rows.len());
     vec![
-        Target::at_most(format!("worst tilt in {recoverable} recoverable faults"), worst(tilt), TILT_DEG, "deg")
-            .noting(broken(|row| row.course.tilt_deg > TILT_DEG)),
+        recovered(format!("worst tilt in {recoverable} recoverable faults"), |course| course.tilt_deg, TILT_DEG, "deg"),
         Target::at_most("worst tilt, 1 s without attitude-mpc in gusts", silent, TILT_DEG, "deg"),
-        Target::at_most(format!("farthest 5 s after {recoverable} recoverable faults"), worst(back), BACK_M, "m")
-            .noting(broken(|row| row.course.back_m.is_none_or(|back_m| back_m > BACK_M))),
+        recovered(format!("farthest 5 s after {recoverable} recoverable faults"), back_m, BACK_M, "m"),
         Target::at_most("dead rotor, until the flight is terminated", terminated_s, TERMINATE_S, "s"),
-        Target::none(
-            format!("flights of {} that differ between lockstep and one thread", rows.len()),
-            differs().count(),
-        )
-        .noting(names(differs())),
+        Target::none(figure, differs().count()).noting(names(differs())),
     ]
 }
 
@@ -216,52 +212,48 @@ fn names<'a>(rows: impl Iterator<Item = &'a FaultFlight>) -> String {
 }
 
 fn of_a_relay(relay: &Relay) -> Vec<Target> {
-    let mode = match relay.mode {
-        Mode::Realtime => "real time",
-        _ => "lockstep",
-    };
-    let Relay { swaps, kept, tilt_deg, position_error_m, lost_ticks, explained, .. } = *relay;
-    let Relay { rejected, returned, .. } = relay;
+    let Relay { swaps, kept, tilt_deg, position_error_m, lost_ticks, explained, rejected, returned, .. } = relay;
+    let mode = if relay.mode == Mode::Realtime { "real time" } else { "lockstep" };
+    let sort = if relay.good { "good" } else { "wrong" };
+    let figure = |what| format!("{mode}, {swaps} {sort} candidates: {what}");
     let mut targets = if relay.good {
         let removed = rejected.iter().chain(returned).map(String::as_str).collect::<Vec<_>>().join("; ");
-        let explains = if explained > 0 { format!("the canary explains {explained} more") } else { String::new() };
+        let more = if *explained > 0 { format!("the canary explains {explained} more") } else { String::new() };
         vec![
-            Target::none(format!("{mode}, {swaps} good candidates: not kept"), swaps - kept).noting(removed),
-            Target::none(format!("{mode}, {swaps} good candidates: ticks lost"), lost_ticks - explained)
-                .noting(explains),
-            Target::at_most(format!("{mode}, {swaps} good candidates: error"), Some(position_error_m), SWAP_M, "m"),
+            Target::none(figure("not kept"), swaps - kept).noting(removed),
+            Target::none(figure("ticks lost"), lost_ticks - explained).noting(more),
+            Target::at_most(figure("error"), Some(*position_error_m), SWAP_M, "m"),
         ]
     } else {
-        let tilt_deg = if relay.diverged { f64::INFINITY } else { tilt_deg };
+        let tilt_deg = if relay.diverged { f64::INFINITY } else { *tilt_deg };
         let note = format!("{} rejected on standby, {} removed when active", rejected.len(), returned.len());
         vec![
-            Target::none(format!("{mode}, {swaps} wrong candidates: kept"), kept).noting(note),
-            Target::at_most(format!("{mode}, {swaps} wrong candidates: worst tilt"), Some(tilt_deg), TILT_DEG, "deg"),
+            Target::none(figure("kept"), *kept).noting(note),
+            Target::at_most(figure("worst tilt"), Some(tilt_deg), TILT_DEG, "deg"),
         ]
     };
-    targets.extend(relay.same.map(|same| {
-        let sort = if relay.good { "good" } else { "wrong" };
-        Target::none(format!("flight with {swaps} {sort} candidates, other by one thread"), usize::from(!same))
-    }));
+    let other = relay.same.map(usize::from).map(|same| 1 - same);
+    let figure = format!("flight with {swaps} {sort} candidates, other by one thread");
+    targets.extend(other.map(|other| Target::none(figure, other)));
     targets
 }
 
 fn in_real_time(results: &FaultResults) -> Vec<Target> {
-    let strikes = &results.strikes;
+    let Strikes { kills, hangs, canary } = &results.strikes;
     let target = |figure: &str, strikes: &[Strike], of: fn(&Strike) -> Option<f64>, limit_ms: f64| {
         let median_ms = median(strikes.iter().filter_map(of));
         let target = Target::at_most(format!("{figure}, median"), median_ms, limit_ms, "ms");
-        match &results.strikes.canary.doubt {
+        match &canary.doubt {
             Some(why) => target.in_doubt(why.as_str()),
             None => target,
         }
     };
-    let missing = strikes.kills.iter().chain(&strikes.hangs).filter(|s| s.restarted_ms.is_none()).count();
+    let missing = kills.iter().chain(hangs).filter(|strike| strike.restarted_ms.is_none()).count();
     vec![
-        target("crash noticed", &strikes.kills, |strike| strike.noticed_ms, 5.0),
-        target("hang noticed", &strikes.hangs, |strike| strike.noticed_ms, 30.0),
-        target("hang, until a command without attitude-mpc", &strikes.hangs, |strike| strike.fallback_ms, 30.0),
-        target("crash, until the restarted node's first message", &strikes.kills, |strike| strike.restarted_ms, 150.0),
+        target("crash noticed", kills, |strike| strike.noticed_ms, 5.0),
+        target("hang noticed", hangs, |strike| strike.noticed_ms, 30.0),
+        target("hang, until a command without attitude-mpc", hangs, |strike| strike.fallback_ms, 30.0),
+        target("crash, until the restarted node's first message", kills, |strike| strike.restarted_ms, 150.0),
         Target::none("strikes without a successor", missing),
     ]
 }

@@ -9,22 +9,24 @@
 //!
 //! The signal comes at any phase of the period. Every flight strikes each node once, so that no restart is delayed.
 
-use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
-use anyhow::Context;
-use contract::message::Stamp;
-use contract::scenario::Mode;
+use anyhow::bail;
+use contract::exit;
+use contract::scenario::{Mode, to_toml};
 use contract::topic::Topic;
-use flight::log::Record;
+use flight::files::write_whole;
+use flight::log::{self, Log, Record};
+use flight::stack::StartError;
 use runtime::realtime::{ControlPage, now_ns};
 use rustix::process::Signal;
 use serde::Serialize;
 use view::faults::reacts;
 
 use super::case::hover_in_gusts;
-use crate::flights::Started;
-use crate::killer::{Process, first_message_ns, milliseconds, page};
+use crate::flights::namespace;
+use crate::killer::{Launcher, Process, first_message_ns, milliseconds, said};
 use crate::timing::canary::{Canary, CanarySummary};
 
 /// Between two strikes: all phases of the period occur.
@@ -48,8 +50,6 @@ pub struct Strikes {
 pub struct Strike {
     pub node: &'static str,
     #[serde(skip)]
-    topic: Topic,
-    #[serde(skip)]
     epoch: u32,
     #[serde(skip)]
     at_ns: u64,
@@ -59,14 +59,6 @@ pub struct Strike {
     pub fallback_ms: Option<f64>,
     /// Until its successor's first message \[ms\].
     pub restarted_ms: Option<f64>,
-}
-
-/// What the messages of a flight tell of its strikes.
-#[derive(Default)]
-struct Seen {
-    stamps: [Vec<Stamp>; Topic::COUNT],
-    /// When commands were sent that are not from a fresh demand \[ns\].
-    fallbacks_ns: Vec<u64>,
 }
 
 impl Strikes {
@@ -87,30 +79,30 @@ fn fly(signal: Signal, interrupts: &AtomicU32) -> anyhow::Result<Vec<Strike>> {
     let mut scenario = hover_in_gusts()?;
     scenario.run.mode = Mode::Realtime;
     scenario.run.duration_s = (APART * 4).as_secs_f64().ceil() + 1.0;
-    let stack = Started::new(&scenario, interrupts)?;
-    let namespace = stack.namespace.clone();
-    let page = page(&namespace).context("cannot open the page of the flight")?;
-    let mut seen = Seen::default();
-    let over = AtomicBool::new(false);
-    let (flown, mut strikes) = std::thread::scope(|scope| {
-        let striker = scope.spawn(|| strike_all(signal, &namespace, &page, &over));
-        let flown = stack.fly_to_the_end(interrupts, |record| seen.observe(record), || {});
-        over.store(true, Ordering::Relaxed);
-        (flown, striker.join().expect("striking does not panic"))
-    });
-    flown?;
+    let namespace = namespace();
+    let folder = tempfile::Builder::new().prefix(&namespace).tempdir()?;
+    let file = folder.path().join("scenario.toml");
+    write_whole(&file, to_toml(&scenario).as_bytes())?;
+    let mut launcher = Launcher::start(&namespace, folder.path(), &[&file.display().to_string()])?;
+    let mut strikes = vec![];
+    if let Some(page) = launcher.wait_for_flight() {
+        for topic in VICTIMS {
+            std::thread::sleep(APART);
+            strikes.extend(strike(signal, topic, &namespace, &page));
+        }
+    }
+    let code = launcher.end();
+    if interrupts.load(Ordering::Relaxed) > 0 {
+        bail!(StartError::Interrupted);
+    }
+    if ![exit::FLOWN, exit::OUT_OF_BOUNDS].map(|code| Some(code.into())).contains(&code) {
+        bail!(StartError::Lost(said(folder.path()).trim().to_owned()));
+    }
+    let log = log::read(&folder.path().join("run/flight.mcap"))?;
     for strike in &mut strikes {
-        seen.complete(strike);
+        strike.complete(&log);
     }
     Ok(strikes)
-}
-
-fn strike_all(signal: Signal, namespace: &str, page: &ControlPage, over: &AtomicBool) -> Vec<Strike> {
-    let one = |topic| {
-        std::thread::sleep(APART);
-        if over.load(Ordering::Relaxed) { None } else { strike(signal, topic, namespace, page) }
-    };
-    VICTIMS.into_iter().filter_map(one).collect()
 }
 
 /// Strikes the active process of a role, and waits until the role is vacant.
@@ -124,23 +116,18 @@ fn strike(signal: Signal, topic: Topic, namespace: &str, page: &ControlPage) -> 
         std::thread::sleep(Duration::from_micros(100));
         noticed_ms = (role.active() != epoch).then(|| milliseconds(now_ns() - at_ns));
     }
-    Some(Strike { node, topic, epoch, at_ns, noticed_ms, fallback_ms: None, restarted_ms: None })
+    Some(Strike { node, epoch, at_ns, noticed_ms, fallback_ms: None, restarted_ms: None })
 }
 
-impl Seen {
-    fn observe(&mut self, record: &Record) {
-        let (topic, stamp) = (record.topic(), record.stamp());
-        self.stamps[topic as usize].push(*stamp);
-        if topic == Topic::Actuators && reacts(record) {
-            self.fallbacks_ns.push(stamp.publish_ns[topic as usize]);
-        }
-    }
-
-    fn complete(&self, strike: &mut Strike) {
-        let since = |ns: u64| milliseconds(ns - strike.at_ns);
-        let first_ns = first_message_ns(&self.stamps[strike.topic as usize], strike.topic, strike.epoch + 1);
-        let in_time = |ns: &&u64| (strike.at_ns..strike.at_ns + LIMIT_NS).contains(*ns);
-        let fallback_ns = self.fallbacks_ns.iter().find(in_time).filter(|_| strike.topic == Topic::Controls);
-        (strike.restarted_ms, strike.fallback_ms) = (first_ns.map(since), fallback_ns.map(|ns| since(*ns)));
+impl Strike {
+    /// Adds what the `log` of the flight shows.
+    fn complete(&mut self, log: &Log) {
+        let since_ms = |ns: u64| milliseconds(ns - self.at_ns);
+        self.restarted_ms = first_message_ns(log, self.node, self.epoch + 1).map(since_ms);
+        let in_time = self.at_ns..self.at_ns + LIMIT_NS;
+        let commands = log.actuators.iter().filter(|_| self.node == Topic::Controls.publisher());
+        let fallbacks = commands.filter(|command| reacts(&Record::from(**command)));
+        let mut sent_ns = fallbacks.map(|command| command.stamp.publish_ns[Topic::Actuators as usize]);
+        self.fallback_ms = sent_ns.find(|ns| in_time.contains(ns)).map(since_ms);
     }
 }

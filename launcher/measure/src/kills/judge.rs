@@ -81,7 +81,7 @@ fn missing_in_log(flight: &KillFlight) -> Option<String> {
 }
 
 fn after_exit_3(flight: &KillFlight) -> Option<String> {
-    let named = flight.kills.iter().any(|kill| flight.said.contains(kill.victim.name()));
+    let named = flight.kills.iter().any(|kill| flight.said.contains(&kill.victim.name()));
     let ended = flight.kills.iter().any(|kill| !kill.victim.is_replaced());
     let in_flight = flight.flown_s.is_some() && !is_complete(flight);
     let fine = !flight.diverged && (!flight.given_up.is_empty() || named && (ended || !in_flight));

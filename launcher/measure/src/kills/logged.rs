@@ -1,7 +1,7 @@
 //! What the log of a flight has of its kills, and the holes in it.
 
 use contract::Topic;
-use contract::message::{Message, State};
+use contract::message::State;
 use flight::log::Log;
 use serde::Serialize;
 
@@ -38,7 +38,7 @@ impl Kill {
     pub fn completed(self, log: &Log, holes: &[(u64, u64)], deaths_ns: &[u64]) -> Self {
         let ms = |from_ns: u64, to_ns: u64| milliseconds(to_ns.saturating_sub(from_ns));
         if self.victim != Victim::Recorder {
-            let first_ns = first_ns(log, self.victim, self.epoch + 1);
+            let first_ns = first_message_ns(log, &self.victim.name(), self.epoch + 1);
             let by_ns = first_ns.unwrap_or(u64::MAX);
             let unseen = holes.iter().any(|(from_ns, to_ns)| *from_ns < by_ns && *to_ns > self.at_ns);
             let successor_ms = first_ns.filter(|_| !unseen).map(|first_ns| ms(self.at_ns, first_ns));
@@ -76,19 +76,6 @@ pub fn holes(log: &Log, end_ns: u64) -> Vec<(u64, u64)> {
 /// Whether `at_ns` lies in `hole`.
 pub fn contains(hole: &(u64, u64), at_ns: u64) -> bool {
     (hole.0..=hole.1).contains(&at_ns)
-}
-
-/// When epoch `epoch` of `victim` sent its first message \[ns\].
-fn first_ns(log: &Log, victim: Victim, epoch: u32) -> Option<u64> {
-    fn first<M: Message>(messages: &[M], epoch: u32) -> Option<u64> {
-        first_message_ns(messages.iter().map(Message::stamp), M::TOPIC, epoch)
-    }
-    match victim {
-        Victim::Guidance => first(&log.references, epoch),
-        Victim::AttitudeMpc => first(&log.controls, epoch),
-        Victim::Mixer => first(&log.actuators, epoch),
-        Victim::Plant | Victim::Recorder | Victim::Launcher => None,
-    }
 }
 
 #[cfg(test)]

@@ -151,7 +151,7 @@ fn cells(results: &KillResults, victim: Victim) -> Vec<String> {
         median(gone()),
         most(gone()),
     ];
-    let mut cells = vec![victim.name().to_owned()];
+    let mut cells = vec![victim.name()];
     cells.extend(counts.map(|count| count.to_string()));
     cells.push(cell(farthest(flights.iter().copied()), 3));
     cells.extend(times.map(|ms| cell(ms, 1)));

@@ -1,34 +1,22 @@
 //! One `launcher fly` through its kills.
 
-use std::fs::{self, File};
+use std::fs;
 use std::path::Path;
-use std::process::{Child, ExitStatus, Stdio};
-use std::time::{Duration, Instant};
 
-use anyhow::Context;
-use contract::Topic;
 use contract::message::State;
 use flight::log;
-use flight::own_program;
-use runtime::realtime::now_ns;
 use rustix::process::Signal;
 use serde::Serialize;
 use serde_json::Value;
 
 use super::logged::{Kill, contains, holes, sent_ns};
 use super::plan::{Moment, PlannedKill, Victim};
-use crate::killer::{Process, left, milliseconds, page};
+use crate::killer::{Launcher, Process, left, said};
 
 /// How long every flight is \[s\].
 pub const DURATION_S: f64 = 3.0;
 /// Between two samples \[s\].
 const SAMPLE_S: f64 = 0.01;
-/// Longest wait for a victim to be there: longer than any delay of a restart.
-const PATIENCE: Duration = Duration::from_secs(1);
-/// A flight that takes longer on the wall clock is killed.
-const WATCHDOG: Duration = Duration::from_secs(30);
-/// Between two looks.
-const LOOK: Duration = Duration::from_millis(1);
 
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct KillFlight {
@@ -66,19 +54,21 @@ impl KillFlight {
     pub fn fly(number: u64, plan: &[PlannedKill], namespace: &str) -> anyhow::Result<Self> {
         let folder = tempfile::Builder::new().prefix(namespace).tempdir()?;
         let folder = folder.path();
-        let mut launcher = Launcher::start(namespace, folder, DURATION_S)?;
-        let kills = launcher.kill_all(plan);
+        let start = |folder: &Path, duration_s: f64| {
+            Launcher::start(namespace, folder, &["--set", &format!("run.duration_s={duration_s:?}")])
+        };
+        let mut launcher = start(folder, DURATION_S)?;
+        let kills = kill_all(&mut launcher, plan);
         let mut row = Self { flight: number, ..Self::default() };
-        if kills.last().is_some_and(|kill| kill.victim == Victim::Launcher) {
-            launcher.child.wait()?;
-            row.gone_ms = launcher.until_gone(kills.last().map_or(0, |kill| kill.at_ns));
-            row.next_code =
-                Launcher::start(namespace, &folder.join("next"), 0.3)?.end().and_then(|status| status.code());
-        } else {
-            row.code = launcher.end().and_then(|status| status.code());
+        match kills.last() {
+            Some(kill) if kill.victim == Victim::Launcher => {
+                row.gone_ms = launcher.until_gone(kill.at_ns)?;
+                row.next_code = start(&folder.join("next"), 0.3)?.end();
+            }
+            _ => row.code = launcher.end(),
         }
         row.left = left(namespace);
-        row.said = fs::read_to_string(folder.join("stderr")).unwrap_or_default();
+        row.said = said(folder);
         row.read(&folder.join("run"), kills);
         Ok(row)
     }
@@ -109,106 +99,36 @@ impl KillFlight {
     }
 }
 
-/// A launcher that flies.
-struct Launcher<'a> {
-    namespace: &'a str,
-    child: Child,
-    started: Instant,
+/// Kills as planned until the flight ends, by itself or because a process was killed that is not replaced.
+fn kill_all(launcher: &mut Launcher, plan: &[PlannedKill]) -> Vec<Kill> {
+    let mut kills: Vec<Kill> = vec![];
+    for planned in plan {
+        let last = kills.iter().rev().find(|kill| kill.victim == planned.victim).copied();
+        kills.extend(kill(launcher, *planned, last));
+        if launcher.has_ended() || kills.last().is_some_and(|kill| !kill.victim.is_replaced()) {
+            break;
+        }
+    }
+    kills
 }
 
-impl<'a> Launcher<'a> {
-    /// The run is written to `run` in `folder`, standard error to `stderr`.
-    fn start(namespace: &'a str, folder: &Path, duration_s: f64) -> anyhow::Result<Self> {
-        let cannot = || format!("cannot write to {}", folder.display());
-        fs::create_dir_all(folder).with_context(cannot)?;
-        let stderr = File::create(folder.join("stderr")).with_context(cannot)?;
-        let mut command = own_program();
-        command.args(["fly", "--namespace", namespace, "--set", &format!("run.duration_s={duration_s:?}")]);
-        command.arg("--out").arg(folder.join("run")).stdin(Stdio::null()).stdout(Stdio::null()).stderr(stderr);
-        Ok(Self { namespace, started: Instant::now(), child: command.spawn().context("cannot start a flight")? })
-    }
-
-    /// Kills as planned until the flight ends, by itself or because a process was killed that is not replaced.
-    fn kill_all(&mut self, plan: &[PlannedKill]) -> Vec<Kill> {
-        let mut kills: Vec<Kill> = vec![];
-        for planned in plan {
-            let last = kills.iter().rev().find(|kill| kill.victim == planned.victim).copied();
-            kills.extend(self.kill(*planned, last));
-            if self.has_ended() || kills.last().is_some_and(|kill| !kill.victim.is_replaced()) {
-                break;
-            }
+/// Kills the victim at its moment, if it is there; `last` is the last kill of the same node.
+fn kill(launcher: &mut Launcher, planned: PlannedKill, last: Option<Kill>) -> Option<Kill> {
+    let PlannedKill { victim, moment, after } = planned;
+    let newest = |namespace: &str| Process::newest(namespace, &victim.name());
+    let wait = match (moment, last) {
+        (Moment::Starting, _) => after.saturating_sub(launcher.started.elapsed()),
+        (Moment::Candidate, Some(last)) => {
+            launcher.wait_for(|namespace| newest(namespace).filter(|process| process.epoch > last.epoch))?;
+            after
         }
-        kills
-    }
-
-    /// Kills the victim at its moment, if it is there; `last` is the last kill of the same node.
-    fn kill(&mut self, PlannedKill { victim, moment, after }: PlannedKill, last: Option<Kill>) -> Option<Kill> {
-        let (namespace, name) = (self.namespace, victim.name());
-        match (moment, last) {
-            (Moment::Starting, _) => std::thread::sleep(after.saturating_sub(self.started.elapsed())),
-            (Moment::Candidate, Some(last)) => {
-                self.wait_for(|| Process::newest(namespace, name).filter(|process| process.epoch > last.epoch))?;
-                std::thread::sleep(after);
-            }
-            _ => {
-                self.wait_for(|| flies(namespace).then_some(()))?;
-                std::thread::sleep(after);
-            }
+        _ => {
+            launcher.wait_for_flight()?;
+            after
         }
-        let process = self.wait_for(|| Process::newest(namespace, name))?;
-        let at_ns = process.signal(namespace, Signal::KILL)?;
-        Some(Kill::new(victim, process.epoch, moment, at_ns))
-    }
-
-    /// Calls `look` until it finds something, the flight ends, or [`PATIENCE`] is over.
-    fn wait_for<T>(&mut self, look: impl Fn() -> Option<T>) -> Option<T> {
-        let deadline = Instant::now() + PATIENCE;
-        loop {
-            let found = look();
-            if found.is_some() || self.has_ended() || Instant::now() > deadline {
-                return found;
-            }
-            std::thread::sleep(LOOK);
-        }
-    }
-
-    fn has_ended(&mut self) -> bool {
-        self.child.try_wait().is_ok_and(|status| status.is_some())
-    }
-
-    /// How it ended by itself; `None` when it had to be killed.
-    fn end(mut self) -> Option<ExitStatus> {
-        while self.started.elapsed() < WATCHDOG {
-            if let Ok(Some(status)) = self.child.try_wait() {
-                return Some(status);
-            }
-            std::thread::sleep(LOOK);
-        }
-        None
-    }
-
-    /// Time from `since_ns` until the last process of the namespace is gone \[ms\]; `None` when one stays.
-    fn until_gone(&self, since_ns: u64) -> Option<f64> {
-        let deadline = Instant::now() + PATIENCE * 5;
-        while !Process::all(self.namespace).is_empty() {
-            if Instant::now() > deadline {
-                return None;
-            }
-            std::thread::sleep(LOOK);
-        }
-        Some(milliseconds(now_ns() - since_ns))
-    }
-}
-
-impl Drop for Launcher<'_> {
-    fn drop(&mut self) {
-        // It has ended already, except after an error. Its processes end with it.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
-
-/// Whether the plant of `namespace` has sent a sample.
-fn flies(namespace: &str) -> bool {
-    page(namespace).is_some_and(|page| page.role(Topic::State).done(1).get() > 0)
+    };
+    std::thread::sleep(wait);
+    let process = launcher.wait_for(newest)?;
+    let at_ns = process.signal(&launcher.namespace, Signal::KILL)?;
+    Some(Kill::new(victim, process.epoch, moment, at_ns))
 }

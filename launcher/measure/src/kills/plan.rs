@@ -9,6 +9,7 @@
 
 use std::time::Duration;
 
+use flight::event::name;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
@@ -32,15 +33,9 @@ impl Victim {
     pub const ALL: [Self; 6] =
         [Self::Guidance, Self::AttitudeMpc, Self::Mixer, Self::Plant, Self::Recorder, Self::Launcher];
 
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Guidance => "guidance",
-            Self::AttitudeMpc => "attitude-mpc",
-            Self::Mixer => "mixer",
-            Self::Plant => "plant",
-            Self::Recorder => "recorder",
-            Self::Launcher => "launcher",
-        }
+    /// Of its processes.
+    pub fn name(self) -> String {
+        name(self)
     }
 
     /// Whether another process replaces it in flight.

@@ -9,7 +9,7 @@
 //! | [`machine`] | processors, load, processor time, and `cyclictest`, the reference for that loop |
 //! | [`costs`] | the parts of a hop by themselves |
 //! | [`series`], [`results`] | distributions, ratios, misses |
-//! | [`targets`], [`table`], [`page`] | the targets, the tables as text, all of it as a page |
+//! | [`report`] | the tables, the targets, and a page |
 //!
 //! What is compared is run in turns; figures of two runs are compared by their ratio, round by round, and the median of
 //! those ratios is judged. The canaries watch from the first run to the last.
@@ -18,20 +18,18 @@ pub mod canary;
 pub mod costs;
 pub mod cycles;
 pub mod machine;
-pub mod page;
 pub mod raw;
+pub mod report;
 pub mod results;
 pub mod ring_peer;
 pub mod rings;
 pub mod series;
-pub mod table;
-pub mod targets;
 pub mod timed_flights;
 
 use std::path::PathBuf;
 
-use self::page::Figure;
 use self::raw::{Plan, Raw};
+use self::report::Figure;
 use self::results::TimingResults;
 use self::series::Series;
 use crate::findings::{Findings, default_folder, make_folder};
@@ -72,11 +70,11 @@ pub fn measure(args: &TimingArgs) -> anyhow::Result<u8> {
     let raw = Raw::measure(&plan, &interrupts)?;
 
     let results = TimingResults::of(&raw, plan.rounds);
-    let targets = targets::targets(&results);
-    let tables = table::tables(&results);
+    let targets = report::targets(&results);
+    let tables = report::tables(&results);
     let canary = Series { name: "canary".into(), rounds: vec![raw.watch.late_ns()] };
     let csv = series::to_csv(raw.series().into_iter().chain([&canary]));
-    let page = page::page(&results, &targets, &tables, &figures(&raw, &canary));
+    let page = report::page(&results, &targets, &tables, &figures(&raw, &canary));
     let table =
         format!("{}\nwritten to {}\n", tables.iter().map(Table::text).collect::<Vec<_>>().join("\n"), out.display());
     let found = Findings::new(&results, targets, args.quick)?;

@@ -1,0 +1,223 @@
+//! What is shown of the results: the tables, the promises about time and whether they are kept, and a page with both and
+//! the histograms over a logarithmic axis, in one file that needs nothing else.
+
+use flight::event::name;
+use flight::provenance::host;
+use view::draw::{self, STYLE, any, escape, list, outlines};
+use view::percentiles::{Percentiles, recorded};
+
+use super::costs::Costs;
+use super::raw::policy_name;
+use super::results::{Hop, Ring, TimingResults};
+use super::series::{Ratio, Series};
+use super::timed_flights::TimedFlights;
+use crate::findings::{Target, Verdict};
+use crate::table::{Table, cell};
+
+/// What a machine without the privilege cannot show.
+const NO_FIFO: &str = "without the privilege for SCHED_FIFO";
+
+/// All results as tables.
+pub fn tables(results: &TimingResults) -> Vec<Table> {
+    vec![times(results), hops(results), calls(&results.costs), flown(results)]
+}
+
+fn times(results: &TimingResults) -> Table {
+    let mut rows: Vec<Vec<String>> =
+        results.series.iter().filter(|(name, _)| !name.starts_with("age")).map(|(name, d)| spread(name, d)).collect();
+    let canary = &results.canary;
+    rows.extend(canary.noted.iter().map(|d| spread("canary, wake-ups", d)));
+    rows.extend(canary.covered.iter().map(|d| spread("canary, every slot covered", d)));
+    Table::new(
+        "Loops, rings and hops [us], all rounds; rings: from the release to the token's return, \
+         stack: age at the actuator without execution",
+        &["", "n", "p50", "p90", "p99", "p99.9", "max"],
+        rows,
+    )
+}
+
+fn spread(name: &str, d: &Percentiles) -> Vec<String> {
+    let times = [d.p50_us, d.p90_us, d.p99_us, d.p999_us, d.max_us].map(|us| format!("{us:.1}"));
+    [name.to_owned(), d.n.to_string()].into_iter().chain(times).collect()
+}
+
+fn hops(results: &TimingResults) -> Table {
+    let row = |ring: &Ring| {
+        let Hop { all_ns, kernel_ns, clock_ns, send_ns, receive_ns, rest_ns } = ring.hop?;
+        let parts = [all_ns, kernel_ns, clock_ns, send_ns, receive_ns, rest_ns].map(|ns| format!("{ns:.0}"));
+        Some([ring.placement.name().to_owned()].into_iter().chain(parts).collect())
+    };
+    Table::new(
+        "Where a quarter of the ring's time goes [ns], without execution",
+        &["", "all", "kernel", "clock", "send", "receive", "rest"],
+        results.rings.iter().filter_map(row).collect(),
+    )
+}
+
+fn calls(costs: &Costs) -> Table {
+    let row = |name: &str, send_ns: f64, receive_ns: f64| {
+        [name.to_owned()].into_iter().chain([send_ns, receive_ns].map(|ns| format!("{ns:.0}"))).collect()
+    };
+    Table::new(
+        "What one call costs a thread [ns]",
+        &["", "send", "receive"],
+        vec![
+            row("one after the other", costs.send_ns, costs.receive_ns),
+            row("after 10 ms asleep", costs.cold_send_ns, costs.cold_receive_ns),
+        ],
+    )
+}
+
+fn flown(results: &TimingResults) -> Table {
+    let row = |f: &TimedFlights| {
+        let age = |of: fn(&Percentiles) -> f64| cell(f.age.as_ref().map(of), 0);
+        let load = if f.loaded { "stress-ng --cpu 4" } else { "idle" };
+        let refused = if f.as_asked { "" } else { " (refused)" };
+        vec![
+            f.name.clone(),
+            format!("{} Hz, {}, {load}{refused}", f.rate_hz, policy_name(f.policy)),
+            f.slots.to_string(),
+            f.misses.to_string(),
+            f.explained.to_string(),
+            f.longest_run.to_string(),
+            age(|d| d.p50_us),
+            age(|d| d.p99_us),
+            age(|d| d.max_us),
+            cell(f.cpu_percent, 1),
+            if f.inside { "yes" } else { "no" }.to_owned(),
+        ]
+    };
+    Table::new(
+        "The stack's flights: misses, those of them that the canary explains, the longest run; age at the actuator [us]; CPU [%]",
+        &["", "how", "slots", "misses", "explained", "run", "age p50", "p99", "max", "CPU", "inside"],
+        results.flights.iter().map(row).collect(),
+    )
+}
+
+pub fn targets(results: &TimingResults) -> Vec<Target> {
+    let mut targets = vec![];
+    for ((name, limit), ratio) in
+        [("p50", 1.3), ("p99", 1.3), ("max", 1.2)].into_iter().zip(results.loop_over_cyclictest)
+    {
+        let figure = format!("1 kHz loop over cyclictest, {name}");
+        targets.push(ratio_at_most(figure, ratio, limit, "cyclictest is not installed"));
+    }
+    for ring in &results.rings {
+        for (name, ratio, limit) in [("p50", ring.p50_over_raw, 1.5), ("p99", ring.p99_over_raw, 2.0)] {
+            let figure = format!("ring over raw futex ring, {}, {name}", ring.placement.name());
+            targets.push(ratio_at_most(figure, ratio, limit, "no command took effect"));
+        }
+    }
+    targets.extend(flights(results));
+    targets.push(stress(results));
+    let speeds =
+        [("lockstep through four processes", results.lockstep, 40.0), ("in process", results.in_process, 300.0)];
+    targets.extend(speeds.map(|(name, ratio, limit)| {
+        let note = ratio.map_or(String::new(), |ratio| format!("rounds {:.0} to {:.0}", ratio.min, ratio.max));
+        let figure = format!("{name}, times real time");
+        Target::at_least(figure, ratio.map(|ratio| ratio.median), limit).noting(note)
+    }));
+    targets.extend(results.rings.iter().map(overhead));
+    // A canary that was kept waiting leaves no verdict on time.
+    match results.canary.doubt.clone().or((!results.fifo).then(|| NO_FIFO.to_owned())) {
+        Some(why) => targets.into_iter().map(|target| target.in_doubt(why.clone())).collect(),
+        None => targets,
+    }
+}
+
+fn flights(results: &TimingResults) -> [Target; 4] {
+    let paper = results.flights("paper survey");
+    let age = paper.and_then(|flights| flights.age);
+    let inside = paper.is_some_and(|flights| flights.inside);
+    let quiet = || results.flights.iter().filter(|f| f.name == "paper survey" || f.name == "SCHED_FIFO idle");
+    let sum = |of: fn(&TimedFlights) -> usize| quiet().map(of).sum::<usize>();
+    let note = format!("{} slots; the canary explains {} more", sum(|f| f.slots), sum(|f| f.explained));
+    let misses = sum(TimedFlights::unexplained);
+    [
+        Target::at_most("age at the actuator, 100 Hz, p50", age.map(|d| d.p50_us), 1000.0, "us"),
+        Target::at_most("age at the actuator, 100 Hz, p99", age.map(|d| d.p99_us), 2000.0, "us"),
+        Target::when("profile paper in real time", Some(f64::from(inside)), "inside its bounds", |is| is > 0.0),
+        Target::none("idle, SCHED_FIFO, 100 Hz: misses not explained", misses).noting(note),
+    ]
+}
+
+fn stress(results: &TimingResults) -> Target {
+    let figure = "misses under stress-ng --cpu 4, SCHED_FIFO over SCHED_OTHER";
+    let flights = ["SCHED_FIFO under load", "SCHED_OTHER under load"].map(|name| results.flights(name));
+    let [Some(fifo), Some(other)] = flights else {
+        return Target::at_most(figure, None, 0.05, "").noting("stress-ng is not installed");
+    };
+    let [ours, theirs] = [fifo, other].map(|flights| flights.unexplained() as f64 / flights.slots as f64);
+    let [of_fifo, of_other] = [fifo, other].map(|flights| format!("{} of {}", flights.unexplained(), flights.slots));
+    let note = format!(
+        "{of_fifo} slots against {of_other}; explained by the canary and left out: {} and {}",
+        fifo.explained, other.explained
+    );
+    Target::at_most(figure, (theirs > 0.0).then(|| ours / theirs), 0.05, "").noting(note)
+}
+
+fn overhead(ring: &Ring) -> Target {
+    let figure = format!("stamping over the ring's time, {}", ring.placement.name());
+    let spread = ring.stamps_percent.map(|ratio| format!("rounds {}", ratio.spread()));
+    let counted = ring.stamps_counted_percent.map(|percent| format!("{percent:.2} % by counting calls"));
+    let note = spread.into_iter().chain(counted).collect::<Vec<_>>().join("; ");
+    Target::at_most(figure, ring.stamps_percent.map(|ratio| ratio.median), 2.0, "%").noting(note)
+}
+
+fn ratio_at_most(figure: String, ratio: Option<Ratio>, limit: f64, missing: &str) -> Target {
+    let note = ratio.map_or(missing.to_owned(), |ratio| format!("rounds {}", ratio.spread()));
+    Target::at_most(figure, ratio.map(|ratio| ratio.median), limit, "").noting(note)
+}
+
+/// One picture: a title and what it shows.
+pub struct Figure<'a> {
+    pub title: String,
+    pub series: Vec<&'a Series>,
+}
+
+pub fn page(results: &TimingResults, targets: &[Target], tables: &[Table], figures: &[Figure]) -> String {
+    let mut body = String::from("<h1>Timing of the stack</h1>");
+    if let Some(why) = &results.canary.doubt {
+        body.extend(["<p><strong>", &escape(why), "</strong></p>"]);
+    }
+    body += &section(
+        "Targets",
+        &draw::table(&["verdict", "figure", "measured", "target", "note"], targets.iter().map(target)),
+    );
+    for t in tables {
+        let headings: Vec<&str> = t.headings.iter().map(String::as_str).collect();
+        let rows = t.rows.iter().map(|row| row.iter().map(|cell| escape(cell)).collect());
+        body += &section(&t.title, &draw::table(&headings, rows));
+    }
+    for figure in figures {
+        body += &section(&figure.title, &histogram(&figure.series));
+    }
+    let host = host();
+    let host = host.as_object().into_iter().flatten();
+    body += &section("Machine", &list(host.map(|(name, value)| (escape(name), any(value)))));
+    draw::page("Timing of the stack", STYLE, &body)
+}
+
+fn section(title: &str, content: &str) -> String {
+    format!("<section><h2>{}</h2>{content}</section>", escape(title))
+}
+
+fn target(target: &Target) -> Vec<String> {
+    let colour = match target.verdict {
+        Verdict::Ok => "good",
+        Verdict::Short => "bad",
+        Verdict::Inconclusive => "warn",
+    };
+    vec![
+        format!("<strong style=\"color:var(--{colour})\">{}</strong>", name(target.verdict)),
+        escape(&target.figure),
+        escape(&target.measured_text("–")),
+        escape(&target.target),
+        escape(&target.note),
+    ]
+}
+
+fn histogram(series: &[&Series]) -> String {
+    let times = |series: &Series| recorded(series.rounds.iter().flatten().copied());
+    outlines(&series.iter().map(|series| (series.name.as_str(), times(series))).collect::<Vec<_>>())
+}
