@@ -123,14 +123,14 @@ impl Findings {
         Ok(Self { targets, json, quick })
     }
 
-    /// Writes all of it to the file at `path`, if there is one, whose folder is made if it does not exist. Then prints `table`
-    /// and one line per target, or with `json` all of it as one object; the exit code.
-    pub fn conclude(&self, path: Option<&Path>, json: bool, table: &str) -> anyhow::Result<u8> {
+    /// Writes all of it to `file` in the folder `out`, if there is one, which is made if it does not exist. Then prints
+    /// `table` and one line per target, or with `json` all of it as one object; the exit code.
+    pub fn conclude(&self, out: Option<&Path>, file: &str, json: bool, table: &str) -> anyhow::Result<u8> {
         let text = serde_json::to_string_pretty(&self.json)? + "\n";
-        if let Some((path, out)) = path.and_then(|path| Some((path, path.parent()?))) {
+        if let Some(out) = out {
             make_folder(out, "--out")?;
             let cannot = || format!("cannot write to the folder {}; choose another with --out", out.display());
-            write_whole(path, text.as_bytes()).with_context(cannot)?;
+            write_whole(&out.join(file), text.as_bytes()).with_context(cannot)?;
         }
         if json {
             print(&text);
@@ -198,7 +198,7 @@ mod tests {
         let code = |measured, quick| {
             let targets = [Target::at_most("time", measured, 5.0, "us"), Target::at_most("blocks", Some(0.0), 0.0, "")];
             Findings::new(json!({}), targets.into(), quick)
-                .and_then(|found| found.conclude(None, true, ""))
+                .and_then(|found| found.conclude(None, "", true, ""))
                 .expect("prints")
         };
         assert_eq!([code(Some(4.0), false), code(None, false)], [0; 2]);

@@ -108,8 +108,7 @@ pub fn measure(args: &LawsArgs) -> anyhow::Result<u8> {
     let flights: Vec<&LawFlight> = rows.iter().flatten().collect();
     let results = json!({ "survived_within_m": SURVIVED_M, "flights": flights });
     let found = Findings::new(results, targets(&rows), false)?;
-    let path = args.out.as_ref().map(|out| out.join("table.json"));
-    found.conclude(path.as_deref(), args.json, &table(&scenarios, &rows))
+    found.conclude(args.out.as_deref(), "table.json", args.json, &table(&scenarios, &rows))
 }
 
 fn fly(inner_loop: &'static InnerLoop, scenario: &Scenario) -> LawFlight {

@@ -70,8 +70,7 @@ pub fn measure(args: &FaultsArgs) -> anyhow::Result<u8> {
     let interrupts = catch_interrupts()?;
     let results = FaultResults::measure(args.quick, &interrupts)?;
     let found = Findings::new(&results, targets(&results), args.quick)?;
-    let path = args.out.as_ref().map(|out| out.join("measure.json"));
-    found.conclude(path.as_deref(), args.json, &text(&results))
+    found.conclude(args.out.as_deref(), "measure.json", args.json, &text(&results))
 }
 
 impl FaultResults {

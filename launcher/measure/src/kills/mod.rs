@@ -83,8 +83,7 @@ pub fn measure(args: &KillsArgs) -> anyhow::Result<u8> {
     let interrupts = catch_interrupts()?;
     let results = KillResults::measure(args.kills, args.seed, &interrupts)?;
     let found = Findings::new(&results, targets(&results), false)?;
-    let path = args.out.as_ref().map(|out| out.join("measure.json"));
-    found.conclude(path.as_deref(), args.json, &text(&results))
+    found.conclude(args.out.as_deref(), "measure.json", args.json, &text(&results))
 }
 
 impl KillResults {

@@ -95,6 +95,6 @@ fn the_same_flight_comes_out_twice() {
 fn a_folder_that_cannot_be_made_is_named() {
     let file = tempfile::NamedTempFile::new().unwrap();
     let found = Findings::new(json!({}), vec![], false).unwrap();
-    let error = found.conclude(Some(&file.path().join("below/table.json")), true, "").unwrap_err();
+    let error = found.conclude(Some(&file.path().join("below")), "table.json", true, "").unwrap_err();
     assert!(format!("{error:#}").contains("choose another with --out"), "{error:#}");
 }

@@ -14,6 +14,7 @@ pub mod steps;
 
 use std::path::PathBuf;
 
+use flight::event::name;
 use flight::files::write_whole;
 use runtime::console::eprint_line;
 use serde::Serialize;
@@ -77,19 +78,19 @@ pub fn measure(args: &MpcArgs) -> anyhow::Result<u8> {
         args.flights.iter().map(|path| problems::recorded(path)).collect::<Result<_, _>>()?
     };
     eprint_line(&format!("timing {} flights, {} rounds", sequences.len(), args.rounds));
-    let samples = steps::sample(&sequences, args.rounds);
-    write_whole(&out.join("samples.csv"), samples.to_csv().as_bytes())?;
+    let (series, longest_stall_ns) = steps::sample(&sequences, args.rounds);
+    write_whole(&out.join("samples.csv"), steps::to_csv(&series).as_bytes())?;
     let results = MpcResults {
         rounds: args.rounds,
         floor_us: steps::floor_ns(&sequences[0])? / 1e3,
         clock_us: steps::clock_ns() as f64 / 1e3,
-        longest_stall_us: samples.longest_stall_ns as f64 / 1e3,
-        rows: steps::step_times(&samples),
+        longest_stall_us: longest_stall_ns as f64 / 1e3,
+        rows: steps::step_times(&series),
         rivals: compare(args, &out, &sequences)?,
     };
     let text = format!("{}\nwritten to {}\n", text(&results), out.display());
     let found = Findings::new(&results, targets(&results), false)?;
-    found.conclude(Some(&out.join("measure.json")), args.json, &text)
+    found.conclude(Some(&out), "measure.json", args.json, &text)
 }
 
 /// Solves the polygon problems, exports them, and has others solve them, as the arguments ask.
@@ -140,13 +141,8 @@ fn text(results: &MpcResults) -> String {
 }
 
 fn step_row(row: &StepTimes) -> Vec<String> {
-    let path = match row.path {
-        Path::Explicit => "explicit",
-        Path::Solver => "solver",
-        Path::All => "all",
-    };
     let d = row.step;
-    let mut cells = vec![row.sequence.clone(), row.solver.to_owned(), path.to_owned(), d.n.to_string()];
+    let mut cells = vec![row.sequence.clone(), row.solver.to_owned(), name(row.path), d.n.to_string()];
     cells.extend([d.p50_us, d.p90_us, d.p99_us, d.p999_us, d.max_us].map(|us| format!("{us:.2}")));
     cells.extend([row.longest_us, row.iterations_mean].map(|value| format!("{value:.1}")));
     cells.extend([row.iterations_max.to_string(), cell(row.allocations_max.map(|n| n as f64), 0)]);

@@ -31,14 +31,6 @@ pub const ALL: &str = "all";
 /// The canary watches at least this long each time \[ns\].
 const CANARY_NS: u64 = 1_000_000;
 
-#[derive(Debug, Clone)]
-pub struct Samples {
-    /// One for each sequence and solver.
-    pub series: Vec<StepSeries>,
-    /// The longest gap the canary saw \[ns\].
-    pub longest_stall_ns: u64,
-}
-
 /// The steps of one sequence with one solver.
 #[derive(Debug, Clone)]
 pub struct StepSeries {
@@ -98,23 +90,22 @@ impl Step {
     }
 }
 
-impl Samples {
-    /// Every single time.
-    pub fn to_csv(&self) -> String {
-        let mut csv = "sequence,solver,tick,status,iterations,round,ns\n".to_owned();
-        for StepSeries { sequence, solver, steps } in &self.series {
-            for Step { tick, status, iterations, rounds_ns, .. } in steps {
-                for (round, ns) in rounds_ns.iter().enumerate() {
-                    let _ = writeln!(csv, "{sequence},{solver},{tick},{status},{iterations},{round},{ns}"); // a String
-                }
+/// Every single time.
+pub fn to_csv(series: &[StepSeries]) -> String {
+    let mut csv = "sequence,solver,tick,status,iterations,round,ns\n".to_owned();
+    for StepSeries { sequence, solver, steps } in series {
+        for Step { tick, status, iterations, rounds_ns, .. } in steps {
+            for (round, ns) in rounds_ns.iter().enumerate() {
+                let _ = writeln!(csv, "{sequence},{solver},{tick},{status},{iterations},{round},{ns}"); // a String
             }
         }
-        csv
     }
+    csv
 }
 
-/// Times every step of `sequences` with each solver, `rounds` times.
-pub fn sample(sequences: &[Sequence], rounds: u32) -> Samples {
+/// Times every step of `sequences` with each solver, `rounds` times. One series for each sequence and solver, and the
+/// longest gap that the canary saw \[ns\].
+pub fn sample(sequences: &[Sequence], rounds: u32) -> (Vec<StepSeries>, u64) {
     let each = || sequences.iter().flat_map(|sequence| SOLVERS.map(|solver| (sequence, solver)));
     let mut series: Vec<StepSeries> =
         each().map(|(sequence, (solver, name))| untimed(sequence, solver, name)).collect();
@@ -131,7 +122,7 @@ pub fn sample(sequences: &[Sequence], rounds: u32) -> Samples {
             longest_stall_ns = longest_stall_ns.max(longest_gap_ns(total_ns));
         }
     }
-    Samples { series, longest_stall_ns }
+    (series, longest_stall_ns)
 }
 
 /// A first pass, untimed: status, iterations and allocations of each step.
@@ -191,15 +182,15 @@ pub fn floor_ns(sequence: &Sequence) -> anyhow::Result<f64> {
 }
 
 /// One row for each sequence, solver and path that has a step, those of all sequences last.
-pub fn step_times(samples: &Samples) -> Vec<StepTimes> {
+pub fn step_times(series: &[StepSeries]) -> Vec<StepTimes> {
     let mut rows = vec![];
-    for series in &samples.series {
+    for one in series {
         for path in [Path::Explicit, Path::Solver] {
-            rows.extend(StepTimes::of(&series.sequence, series.solver, path, &[series]));
+            rows.extend(StepTimes::of(&one.sequence, one.solver, path, &[one]));
         }
     }
     for (_, solver) in SOLVERS {
-        let series: Vec<&StepSeries> = samples.series.iter().filter(|series| series.solver == solver).collect();
+        let series: Vec<&StepSeries> = series.iter().filter(|series| series.solver == solver).collect();
         for path in [Path::Explicit, Path::Solver, Path::All] {
             rows.extend(StepTimes::of(ALL, solver, path, &series));
         }
@@ -249,8 +240,7 @@ mod tests {
             step(SolveStatus::Solved, 4, [5000, 5200, 5100]),
             step(SolveStatus::Fallback, 2, [3000, 3000, 3000]),
         ];
-        let series = vec![StepSeries { sequence: "upset".into(), solver: "clarabel", steps }];
-        let rows = step_times(&Samples { series, longest_stall_ns: 0 });
+        let rows = step_times(&[StepSeries { sequence: "upset".into(), solver: "clarabel", steps }]);
         let of = |sequence, path| rows.iter().find(|r| r.sequence == sequence && r.path == path).expect("a row");
 
         let explicit = of("upset", Path::Explicit);

@@ -94,7 +94,7 @@ pub fn measure(args: &SensitivityArgs) -> anyhow::Result<u8> {
     write_whole(&out.join("sensitivity.csv"), map::to_csv(&flights).as_bytes())?;
     let page = picture::page(name, &cells, point.as_ref());
     write_whole(&out.join("sensitivity.html"), page.as_bytes())?;
-    found.conclude(Some(&out.join("sensitivity.json")), args.json, &table(&cells, point.as_ref(), &out))
+    found.conclude(Some(&out), "sensitivity.json", args.json, &table(&cells, point.as_ref(), &out))
 }
 
 /// The point of the run that is named, or of five seconds flown now; nothing, and why, where that does not succeed.

@@ -16,7 +16,7 @@ use view::percentiles::median_ns;
 const CALLS: u64 = 200;
 const BATCHES: usize = 101;
 
-/// As long as a node sleeps at 100 Hz: by then the processor has forgotten it.
+/// As long as a node sleeps at 100 Hz: by then its code and data have left the caches.
 const COLD: Duration = Duration::from_millis(10);
 const COLD_CALLS: usize = 101;
 

@@ -81,7 +81,7 @@ impl Stress {
         let mut command = Command::new("stress-ng");
         command.args(["--quiet", "--cpu", "4", "--timeout", &limit]).stdin(Stdio::null()).stdout(Stdio::null());
         let child = command.stderr(Stdio::null()).spawn().ok()?;
-        std::thread::sleep(std::time::Duration::from_millis(200)); // until its workers are at it
+        std::thread::sleep(std::time::Duration::from_millis(200)); // until its workers run
         Some(Self(child))
     }
 }

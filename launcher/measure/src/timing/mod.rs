@@ -81,18 +81,18 @@ pub fn measure(args: &TimingArgs) -> anyhow::Result<u8> {
     for (name, text) in [("histograms.csv", &csv), ("timing.html", &page)] {
         write_whole(&out.join(name), text.as_bytes())?;
     }
-    found.conclude(Some(&out.join("measure.json")), args.json, &table)
+    found.conclude(Some(&out), "measure.json", args.json, &table)
 }
 
 fn figures<'a>(raw: &'a Raw, canary: &'a Series) -> Vec<Figure<'a>> {
-    let figure = |title: &str, series| Figure { title: title.to_owned(), series };
-    let mut figures = vec![figure("Wake-ups of a 1 kHz loop", vec![&raw.ours, &raw.cyclictest, canary])];
-    for rings in &raw.rings {
+    let mut figures: Vec<Figure> = vec![("Wake-ups of a 1 kHz loop".into(), vec![&raw.ours, &raw.cyclictest, canary])];
+    figures.extend(raw.rings.iter().map(|rings| {
         let title = format!("Once round the ring, {}", rings.placement.name());
-        figures.push(figure(&title, [&rings.stack].into_iter().chain(&rings.others).collect()));
+        (title, [&rings.stack].into_iter().chain(&rings.others).collect())
+    }));
+    for (by, flights) in [("scheduling class", &raw.policies), ("rate", &raw.rates)] {
+        figures.push((format!("Age at the actuator by {by}"), flights.iter().map(|flown| &flown.ages).collect()));
     }
-    figures.push(figure("Age at the actuator by scheduling class", raw.policies.iter().map(|f| &f.ages).collect()));
-    figures.push(figure("Age at the actuator by rate", raw.rates.iter().map(|f| &f.ages).collect()));
     figures
 }
 

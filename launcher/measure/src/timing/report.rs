@@ -170,10 +170,7 @@ fn ratio_at_most(figure: String, ratio: Option<Ratio>, limit: f64, missing: &str
 }
 
 /// One picture: a title and what it shows.
-pub struct Figure<'a> {
-    pub title: String,
-    pub series: Vec<&'a Series>,
-}
+pub type Figure<'a> = (String, Vec<&'a Series>);
 
 pub fn page(results: &TimingResults, targets: &[Target], tables: &[Table], figures: &[Figure]) -> String {
     let mut body = String::from("<h1>Timing of the stack</h1>");
@@ -189,8 +186,8 @@ pub fn page(results: &TimingResults, targets: &[Target], tables: &[Table], figur
         let rows = t.rows.iter().map(|row| row.iter().map(|cell| escape(cell)).collect());
         body += &section(&t.title, &draw::table(&headings, rows));
     }
-    for figure in figures {
-        body += &section(&figure.title, &histogram(&figure.series));
+    for (title, series) in figures {
+        body += &section(title, &histogram(series));
     }
     let host = host();
     let host = host.as_object().into_iter().flatten();

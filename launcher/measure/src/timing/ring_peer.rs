@@ -9,7 +9,6 @@
 //! It enters the real-time class and sleeps by the same calls as the stack's own processes. The difference between the
 //! times of this ring and those of the stack's is what the stack adds to the kernel.
 
-use std::fmt::Write;
 use std::fs;
 use std::hint::black_box;
 use std::io::{stdin, stdout};
@@ -110,12 +109,8 @@ pub fn run(RingPeerArgs { peer }: &RingPeerArgs) -> anyhow::Result<u8> {
     }
     keep_time(peer.releases, &page, &mut token, &mut samples);
     page.set_phase(phase::LEAVE);
-    let lines = samples.iter().fold(String::new(), |mut lines, (release_ns, late_ns)| {
-        let _ = writeln!(lines, "{release_ns},{late_ns}"); // a String takes everything
-        lines
-    });
     let file = domain.file(SAMPLES);
-    fs::write(&file, lines).with_context(|| format!("cannot write {}", file.display()))?;
+    fs::write(&file, serde_json::to_vec(&samples)?).with_context(|| format!("cannot write {}", file.display()))?;
     Ok(exit::FLOWN)
 }
 

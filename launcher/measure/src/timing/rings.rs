@@ -21,7 +21,7 @@ use flight::stack::StartError;
 /// What the first peer noted, in order: release, and the time from it \[ns\].
 pub type Noted = Vec<(u64, u64)>;
 
-/// The processes of one run and what they own in shared memory. Dropping it ends them and wipes that.
+/// The processes of one run and what they own in shared memory. Dropping it ends them and wipes it.
 pub struct RingPeers {
     /// The one with the clock is the last.
     children: Vec<Child>,
@@ -113,8 +113,7 @@ impl RingPeers {
     fn noted(&self) -> anyhow::Result<Noted> {
         let file = self.hold.domain.file(SAMPLES);
         let text = fs::read_to_string(file).context("a ring to compare with left no samples")?;
-        let pair = |line: &str| line.split_once(',').and_then(|(a, b)| Some((a.parse().ok()?, b.parse().ok()?)));
-        text.lines().map(pair).collect::<Option<_>>().context("the samples of a ring to compare with do not read")
+        serde_json::from_str(&text).context("the samples of a ring to compare with do not read")
     }
 }
 

@@ -54,9 +54,9 @@ impl Series {
 impl Ratio {
     /// Of the rounds' ratios; nothing of none.
     pub fn of(ratios: impl IntoIterator<Item = f64>) -> Option<Self> {
-        let ratios: Vec<f64> = ratios.into_iter().filter(|ratio| ratio.is_finite()).collect();
-        let (min, max) =
-            ratios.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(min, max), r| (r.min(min), r.max(max)));
+        let mut ratios: Vec<f64> = ratios.into_iter().filter(|ratio| ratio.is_finite()).collect();
+        ratios.sort_by(f64::total_cmp);
+        let (min, max) = (*ratios.first()?, *ratios.last()?);
         Some(Self { median: median(ratios)?, min, max })
     }
 
