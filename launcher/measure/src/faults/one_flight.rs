@@ -16,6 +16,7 @@ use flight::log::Record;
 use flight::stack::Ended;
 use view::faults::reacts;
 use view::summary::Summary;
+use view::ticks::length_m;
 
 /// Worst roll and pitch in a recoverable fault \[deg\].
 pub const TILT_DEG: f64 = 35.0;
@@ -158,7 +159,7 @@ impl Watch {
         if stamp.tick >= self.begins {
             course.tilt_deg = course.tilt_deg.max(lean_deg(state));
             course.cut |= state.actuators.rotor_speed.iter().all(|speed| *speed < CUT_SPEED);
-            let error_m = state.actual.position_m.iter().map(|x| x * x).sum::<f64>().sqrt();
+            let error_m = length_m(state.actual.position_m);
             course.position_error_m = course.position_error_m.max(error_m);
             if stamp.tick == self.back {
                 course.back_m = Some(error_m);

@@ -81,20 +81,3 @@ fn the_targets_are_those_of_the_cone() {
     bad[0][4].metrics.negative_squares = 1;
     assert_eq!(verdicts(&bad), [Verdict::Short; 3]);
 }
-
-#[test]
-fn the_same_flight_comes_out_twice() {
-    let mut scenario = scenario::from_merged(AGGRESSIVE[1].1, AGGRESSIVE[1].0).unwrap();
-    scenario.run.duration_s = 1.0;
-    let [first, again] = [(); 2].map(|()| fly(CONE, &scenario).state_hash);
-    assert!(first.is_some());
-    assert_eq!(first, again);
-}
-
-#[test]
-fn a_folder_that_cannot_be_made_is_named() {
-    let file = tempfile::NamedTempFile::new().unwrap();
-    let found = Findings::new(json!({}), vec![], false).unwrap();
-    let error = found.conclude(Some(&file.path().join("below")), "table.json", true, "").unwrap_err();
-    assert!(format!("{error:#}").contains("choose another with --out"), "{error:#}");
-}

@@ -62,30 +62,25 @@ pub struct Solved {
     cold_ns: Vec<u64>,
 }
 
-/// One solver on all problems.
-#[derive(Debug, Clone, Serialize)]
+/// One solver on all problems. The script prints all but the figures of its times.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Comparison {
     /// Name and version.
     pub solver: String,
     /// What its times contain.
     pub timed: String,
+    #[serde(skip_deserializing)]
     pub mean_us: f64,
+    #[serde(skip_deserializing)]
     pub all_us: Option<Percentiles>,
     /// Problems with an active constraint.
+    #[serde(skip_deserializing)]
     pub constrained_us: Option<Percentiles>,
     /// The largest difference of its objectives from ours, as a share; `None` for our own.
     pub worst_difference: Option<f64>,
     pub unsolved: usize,
-}
-
-/// One solver, as the script prints it.
-#[derive(Deserialize)]
-struct Printed {
-    solver: String,
-    timed: String,
-    worst_difference: Option<f64>,
-    unsolved: usize,
     /// Median over the rounds, problem by problem, sequences one after another \[ns\].
+    #[serde(skip_serializing)]
     times_ns: Vec<u64>,
 }
 
@@ -177,12 +172,12 @@ fn rows(set: &DemandSet, variables: usize) -> (DMatrix<f64>, Vec<f64>) {
 
 /// Our own solver, warm and cold, on the problems of all sequences.
 pub fn ours(solved: &[Solved]) -> Vec<Comparison> {
-    let row = |how: &str, times_ns: fn(&Solved) -> &Vec<u64>| Printed {
+    let row = |how: &str, times_ns: fn(&Solved) -> &Vec<u64>| Comparison {
         solver: format!("active-set, {how}"),
         timed: "the whole call".to_owned(),
-        worst_difference: None,
         unsolved: solved.iter().filter(|solved| solved.objective.is_none()).count(),
         times_ns: solved.iter().map(|solved| median_ns(times_ns(solved).iter().copied())).collect(),
+        ..Comparison::default()
     };
     [row("warm", |solved| &solved.warm_ns), row("cold", |solved| &solved.cold_ns)].map(|row| row.over(solved)).into()
 }
@@ -206,7 +201,7 @@ pub fn others(python: &Path, folder: &Path, rounds: u32, solved: &[Solved]) -> a
         bail!("{} did not compare solvers, it said: {last}", python.display());
     }
     written.with_context(cannot)?;
-    let printed: Vec<Printed> =
+    let printed: Vec<Comparison> =
         serde_json::from_slice(&output.stdout).context("the comparing script printed no table")?;
     if printed.iter().any(|printed| printed.times_ns.len() != solved.len()) {
         bail!("{} holds problems of another export too; choose another folder", folder.display());
@@ -214,20 +209,14 @@ pub fn others(python: &Path, folder: &Path, rounds: u32, solved: &[Solved]) -> a
     Ok(printed.into_iter().map(|printed| printed.over(solved)).collect())
 }
 
-impl Printed {
-    /// Its times over the problems that are `solved`.
-    fn over(self, solved: &[Solved]) -> Comparison {
-        let Self { solver, timed, worst_difference, unsolved, times_ns } = self;
-        let constrained = times_ns.iter().zip(solved).filter_map(|(ns, solved)| solved.constrained.then_some(*ns));
-        Comparison {
-            solver,
-            timed,
-            mean_us: times_ns.iter().sum::<u64>() as f64 / 1e3 / times_ns.len().max(1) as f64,
-            all_us: Percentiles::of(times_ns.iter().copied()),
-            constrained_us: Percentiles::of(constrained),
-            worst_difference,
-            unsolved,
-        }
+impl Comparison {
+    /// Adds the figures of its times over the problems that are `solved`.
+    fn over(mut self, solved: &[Solved]) -> Self {
+        let times = self.times_ns.iter().zip(solved);
+        self.constrained_us = Percentiles::of(times.filter_map(|(ns, solved)| solved.constrained.then_some(*ns)));
+        self.all_us = Percentiles::of(self.times_ns.iter().copied());
+        self.mean_us = self.times_ns.iter().sum::<u64>() as f64 / 1e3 / self.times_ns.len().max(1) as f64;
+        self
     }
 }
 

@@ -1,9 +1,7 @@
 //! The canary: on every processor a process that sleeps for a millisecond, again and again, above all others.
 //!
-//! No process of this machine can delay it: when it wakes late, the host was the reason. It wakes every 1.001 ms, so that it meets a ring
+//! No process of this machine can delay it: when it wakes late, the host is the reason. It wakes every 1.001 ms, so that it meets a ring
 //! of whole milliseconds at all phases and at none for long.
-
-use std::collections::BTreeMap;
 
 use runtime::realtime::now_ns;
 use serde::Serialize;
@@ -35,8 +33,8 @@ pub struct Canary {
 pub struct Watch {
     /// When each release should have been, and how late it was, all processors \[ns\].
     noted: Noted,
-    /// Start and end of the gaps, by start \[ns\].
-    gaps: BTreeMap<u64, u64>,
+    /// Start and end of the gaps \[ns\].
+    gaps: Vec<(u64, u64)>,
 }
 
 #[derive(Debug, Clone, Serialize)]
@@ -72,17 +70,13 @@ impl Canary {
 impl Watch {
     fn of(noted: Noted) -> Self {
         let late = noted.iter().filter(|(_, late_ns)| *late_ns > GAP_NS);
-        let mut gaps = BTreeMap::new();
-        for (release_ns, late_ns) in late {
-            let end_ns = gaps.entry(*release_ns).or_insert(0);
-            *end_ns = (release_ns + late_ns).max(*end_ns);
-        }
+        let gaps = late.map(|(release_ns, late_ns)| (*release_ns, release_ns + late_ns)).collect();
         Self { noted, gaps }
     }
 
     /// Whether a gap overlaps the time from `from_ns` to `to_ns`.
     pub fn explains(&self, from_ns: u64, to_ns: u64) -> bool {
-        self.gaps.range(..to_ns).any(|(_, end_ns)| *end_ns > from_ns)
+        self.gaps.iter().any(|(start_ns, end_ns)| *start_ns < to_ns && *end_ns > from_ns)
     }
 
     /// How late each wake-up was \[ns\].
@@ -92,9 +86,8 @@ impl Watch {
 
     /// How late every slot was, those included that a late wake-up covered \[ns\].
     fn covered_ns(&self) -> impl Iterator<Item = u64> {
-        self.noted
-            .iter()
-            .flat_map(|(_, late_ns)| (0..=late_ns / PERIOD_NS).map(move |slots| late_ns - slots * PERIOD_NS))
+        let slots = |late_ns: u64| (0..=late_ns / PERIOD_NS).map(move |slots| late_ns - slots * PERIOD_NS);
+        self.late_ns().into_iter().flat_map(slots)
     }
 
     pub fn summary(&self) -> CanarySummary {

@@ -1,12 +1,14 @@
 //! What the parts of a hop cost by themselves: called again and again by one thread, and called after a sleep.
 
 use std::hint::black_box;
+use std::thread::sleep;
 use std::time::Duration;
 
 use contract::message::Controls;
 use runtime::domain::Hold;
 use runtime::port::{Bus, MIN_OBSERVER_DEPTH};
 use runtime::realtime::{now_ns, thread_cpu_ns};
+use runtime::timed;
 use serde::Serialize;
 
 use crate::flights::namespace;
@@ -49,38 +51,33 @@ impl Costs {
         let sender = bus.sender::<Controls>()?;
         let receivers = [bus.receiver::<Controls>(2)?, bus.receiver::<Controls>(2)?];
         let message = Controls::default();
-        // A turn is send and twice receive; the receiving alone is told apart by a second look at the same clock.
-        let mut sends = vec![];
-        let mut receives = vec![];
+        let send = || timed(|| _ = black_box(sender.send(&message))).1;
+        let receive = || timed(|| receivers.iter().for_each(|receiver| _ = black_box(receiver.receive()))).1;
+        let (mut sends, mut receives) = (vec![], vec![]);
         for _ in 0..BATCHES {
             let (mut sending_ns, mut receiving_ns) = (0, 0);
             for _ in 0..CALLS {
-                let start_ns = now_ns();
-                _ = black_box(sender.send(&message));
-                let sent_ns = now_ns();
-                for receiver in &receivers {
-                    _ = black_box(receiver.receive());
-                }
-                sending_ns += sent_ns - start_ns;
-                receiving_ns += now_ns() - sent_ns;
+                sending_ns += send();
+                receiving_ns += receive();
             }
             sends.push(sending_ns);
             receives.push(receiving_ns);
         }
-        let mut cold_sends = vec![];
-        let mut cold_receives = vec![];
+        let (mut cold_sends, mut cold_receives) = (vec![], vec![]);
         for _ in 0..COLD_CALLS {
-            cold_sends.push(cold(|| _ = black_box(sender.send(&message))));
-            cold_receives.push(cold(|| _ = black_box(receivers[0].receive())));
+            sleep(COLD);
+            cold_sends.push(send());
+            sleep(COLD);
+            cold_receives.push(timed(|| _ = black_box(receivers[0].receive())).1);
             _ = black_box(receivers[1].receive());
         }
         let clock_ns = per_call(|| _ = black_box(now_ns()));
-        let one = |batches: &[u64]| median_ns(batches.iter().copied()) as f64 / CALLS as f64 - clock_ns;
+        let one = |batches: Vec<u64>| median_ns(batches) as f64 / CALLS as f64 - clock_ns;
         Ok(Self {
             clock_ns,
             cpu_clock_ns: per_call(|| _ = black_box(thread_cpu_ns())),
-            send_ns: one(&sends),
-            receive_ns: one(&receives) / receivers.len() as f64,
+            send_ns: one(sends),
+            receive_ns: one(receives) / receivers.len() as f64,
             cold_send_ns: median_ns(cold_sends) as f64 - clock_ns,
             cold_receive_ns: median_ns(cold_receives) as f64 - clock_ns,
         })
@@ -92,19 +89,7 @@ impl Costs {
     }
 }
 
-/// One call after a sleep \[ns\].
-fn cold(call: impl FnOnce()) -> u64 {
-    std::thread::sleep(COLD);
-    let start_ns = now_ns();
-    call();
-    now_ns() - start_ns
-}
-
 fn per_call(mut call: impl FnMut()) -> f64 {
-    let batch = |_| {
-        let start_ns = now_ns();
-        (0..CALLS).for_each(|_| call());
-        now_ns() - start_ns
-    };
+    let batch = |_| timed(|| (0..CALLS).for_each(|_| call())).1;
     median_ns((0..BATCHES).map(batch)) as f64 / CALLS as f64
 }

@@ -33,24 +33,36 @@ pub struct RingPeers {
 impl RingPeers {
     /// A peer alone, with `priority`.
     pub fn alone(releases: Releases, priority: u32) -> anyhow::Result<Self> {
-        let mut peers = Self::none(releases)?;
-        peers.spawn(0, None, priority, None)?;
-        Ok(peers)
+        Self::start(None, releases, &[priority])
     }
 
     /// A ring of four, with the priorities of the stack's nodes.
     pub fn ring(kind: Kind, releases: Releases) -> anyhow::Result<Self> {
-        let mut peers = Self::none(releases)?;
-        let ends = match kind {
-            Kind::Raw | Kind::Stamped | Kind::WarmedUp => vec![],
-            Kind::Socket => closed(|| UnixStream::pair().map(|(input, output)| (input.into(), output.into())))?,
-            Kind::Pipe => closed(|| pipe().map(|(input, output)| (input.into(), output.into())))?,
-        };
-        let mut ends = ends.into_iter();
         let wanted = Scenario::default().realtime;
+        Self::start(Some(kind), releases, &Topic::ALL.map(|topic| wanted.of(topic as usize).priority))
+    }
+
+    fn start(kind: Option<Kind>, releases: Releases, priorities: &[u32]) -> anyhow::Result<Self> {
+        let hold = Hold::take(&namespace())?;
+        let page = ControlPage::create(&hold.domain.file("page")).context("cannot make a page in shared memory")?;
+        let mut peers = Self { children: vec![], page, hold, releases };
+        let mut ends = match kind {
+            Some(Kind::Socket) => closed(|| UnixStream::pair().map(|(input, output)| (input.into(), output.into())))?,
+            Some(Kind::Pipe) => closed(|| pipe().map(|(input, output)| (input.into(), output.into())))?,
+            _ => vec![],
+        }
+        .into_iter();
         // The one with the clock last: the others wait for it then.
-        for rank in (0..Topic::COUNT).rev() {
-            peers.spawn(rank, Some(kind), wanted.of(rank).priority, ends.next())?;
+        for (rank, &priority) in priorities.iter().enumerate().rev() {
+            let namespace = peers.hold.domain.namespace().to_owned();
+            let peer = Peer { namespace, rank, kind, releases, priority };
+            let mut command = own_program();
+            command.args(["measure", "ring-peer"]).arg(serde_json::to_string(&peer)?);
+            match ends.next() {
+                Some((input, output)) => command.stdin(input).stdout(output),
+                None => command.stdin(Stdio::null()).stdout(Stdio::null()),
+            };
+            peers.children.push(command.spawn().context("cannot start a process of a ring to compare with")?);
         }
         Ok(peers)
     }
@@ -83,31 +95,6 @@ impl RingPeers {
     /// Process number of the one with the clock.
     pub fn clock_pid(&self) -> u32 {
         self.children.last().map_or(0, Child::id)
-    }
-
-    fn none(releases: Releases) -> anyhow::Result<Self> {
-        let hold = Hold::take(&namespace())?;
-        let page = ControlPage::create(&hold.domain.file("page")).context("cannot make a page in shared memory")?;
-        Ok(Self { children: vec![], page, hold, releases })
-    }
-
-    fn spawn(
-        &mut self,
-        rank: usize,
-        kind: Option<Kind>,
-        priority: u32,
-        ends: Option<(OwnedFd, OwnedFd)>,
-    ) -> anyhow::Result<()> {
-        let namespace = self.hold.domain.namespace().to_owned();
-        let peer = Peer { namespace, rank, kind, releases: self.releases, priority };
-        let mut command = own_program();
-        command.args(["measure", "ring-peer"]).arg(serde_json::to_string(&peer)?);
-        match ends {
-            Some((input, output)) => command.stdin(input).stdout(output),
-            None => command.stdin(Stdio::null()).stdout(Stdio::null()),
-        };
-        self.children.push(command.spawn().context("cannot start a process of a ring to compare with")?);
-        Ok(())
     }
 
     fn noted(&self) -> anyhow::Result<Noted> {
