@@ -1,7 +1,7 @@
 //! `measure laws`: the same aggressive flights under every inner loop, side by side.
 //!
 //! Every flight is flown in process, so that the table is the same on every machine. Between the rows only the inner
-//! loop changes: law, constraints and solver of attitude-mpc, and the mixer's safety net, which is off in all rows but
+//! loop changes: law, constraints and solver of attitude-mpc, and the mixer's projection, which is off in all rows but
 //! the last. A flight survives when the vehicle did not diverge and is back at its reference in the end.
 
 use std::path::PathBuf;

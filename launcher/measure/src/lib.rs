@@ -3,7 +3,7 @@
 //! | module | holds |
 //! |---|---|
 //! | [`mpc`] | `measure mpc`: how long a step of the controller takes, by path and solver |
-//! | [`faults`] | `measure faults`: every fault of the catalogue, and what the flight bears |
+//! | [`faults`] | `measure faults`: every fault of the catalogue, and whether the flight recovers |
 //! | [`kills`] | `measure kills`: any process killed at any moment, a thousand times |
 //! | [`laws`] | `measure laws`: the aggressive scenarios under every inner loop |
 //! | [`sensitivity`] | `measure sensitivity`: tracking error over delay, jitter and misses |

@@ -1,4 +1,4 @@
-//! The matrix: every target with every kind that it can suffer, and what is to be expected.
+//! The matrix: every target with every kind of fault that it can have, and what is promised then.
 //!
 //! The rule, for all alike: a fault is **recoverable** when, all the while,
 //!
@@ -7,7 +7,7 @@
 //! every actuator obeys          late or weakly perhaps, but it moves where the command says
 //! no sensor is wrong            without a second sensor the stack cannot detect stuck and wrong ones
 //! no node errs                  a plausible demand is obeyed; that of a candidate ends its swap
-//! no sensor is late             slow and delayed, by default 200 and 100 ms: the loop bears 50 ms of the rates
+//! no sensor is late             slow and delayed, by default 200 and 100 ms: the loop tolerates 50 ms of the rates
 //! the state is known            a STATE that can be taken is never older than 50 ms: measured, flight by flight
 //! the vehicle does not fall     only with the paper's profile, which does not catch a vehicle that had no thrust: measured too
 //! ```

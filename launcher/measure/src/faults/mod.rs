@@ -1,4 +1,4 @@
-//! `measure faults`: every fault of the catalogue, and what the flight bears.
+//! `measure faults`: every fault of the catalogue, and whether the flight recovers.
 //!
 //! | module | holds |
 //! |---|---|
@@ -10,7 +10,7 @@
 //!
 //! Every case is `scenarios/faults/hover-gusts.toml` with one fault of the default size from 5 s to 6 s. It is flown in
 //! lockstep, by real processes that really die, and by one thread: the two must be the same flight, bit for bit. The
-//! profile is the robust one: the paper's does not bear the gusts, with or without a fault. The paper's profile has the
+//! profile is the robust one: the paper's does not survive the gusts, with or without a fault. The paper's profile has the
 //! faults of processes and topics in a calm hover.
 
 pub mod case;

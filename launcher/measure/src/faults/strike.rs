@@ -84,11 +84,15 @@ fn fly(signal: Signal, interrupts: &AtomicU32) -> anyhow::Result<Vec<Strike>> {
     let file = folder.path().join("scenario.toml");
     write_whole(&file, to_toml(&scenario).as_bytes())?;
     let mut launcher = Launcher::start(&namespace, folder.path(), &[&file.display().to_string()])?;
+    let mut page = None;
+    while page.is_none() && !launcher.has_ended() {
+        page = launcher.wait_for_flight(); // on a loaded machine a stack takes seconds to start
+    }
     let mut strikes = vec![];
-    if let Some(page) = launcher.wait_for_flight() {
+    if let Some(page) = &page {
         for topic in VICTIMS {
             std::thread::sleep(APART);
-            strikes.extend(strike(signal, topic, &namespace, &page));
+            strikes.extend(strike(signal, topic, &namespace, page));
         }
     }
     let code = launcher.end();

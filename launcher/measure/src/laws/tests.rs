@@ -44,10 +44,10 @@ fn the_shipped_scenarios_are_valid_under_every_inner_loop() {
 }
 
 #[test]
-fn only_one_row_has_the_safety_net_and_the_first_is_what_ships() {
+fn only_the_last_row_projects_and_the_first_is_what_ships() {
     let robust = Scenario::from(Profile::Robust);
-    let nets = INNER_LOOPS.map(|inner_loop| inner_loop.put_into(&robust).mixer.projection);
-    assert_eq!(nets, [false, false, false, false, false, false, true]);
+    let projects = INNER_LOOPS.map(|inner_loop| inner_loop.put_into(&robust).mixer.projection);
+    assert_eq!(projects, [false, false, false, false, false, false, true]);
     assert_eq!(CONE.put_into(&robust).mpc, robust.mpc);
 }
 

@@ -5,7 +5,7 @@
 //! rounds. Steps follow each other without a pause, so caches are warm, as they are not in a flight at 100 Hz.
 //!
 //! After each sequence a canary spins on the clock for as long as the steps took, and looks for gaps: time that the
-//! machine took away from a loop that does nothing. It tells how far a single long step can be believed.
+//! machine took away from a loop that does nothing. A single long step proves nothing where such a gap is as long.
 
 use std::fmt::Write;
 use std::hint::black_box;

@@ -1,4 +1,4 @@
-//! `measure sensitivity`: how much delay, jitter and loss a controller stands, as a map.
+//! `measure sensitivity`: how much delay, jitter and loss a controller tolerates, as a map.
 //!
 //! ```text
 //! delay    a command acts so long after its sample          run.command_delay_ms

@@ -54,7 +54,7 @@ impl Canary {
         let releases = Releases { period_ns: PERIOD_NS, count: MOST };
         let alone = |cpu| on_cpu(cpu, || RingPeers::alone(releases, PRIORITY));
         let peers = cpus().into_iter().map(alone).collect::<Result<Vec<_>, _>>()?;
-        std::thread::sleep(std::time::Duration::from_millis(200)); // until they are settled
+        std::thread::sleep(std::time::Duration::from_millis(200)); // until all of them run
         let fifo = peers.iter().all(|s| scheduling_of(s.clock_pid()).policy == "fifo");
         Ok(Self { peers, fifo })
     }
@@ -62,7 +62,7 @@ impl Canary {
     pub fn stop(self) -> anyhow::Result<Watch> {
         let until_ns = now_ns();
         let noted = self.peers.into_iter().map(RingPeers::stop).collect::<Result<Vec<_>, _>>()?;
-        // A canary that is told to leave notes nothing more; one that slept through that has noted up to here.
+        // A canary notes nothing after the order to leave; a wake-up that was due later does not count.
         Ok(Watch::of(noted.into_iter().flatten().filter(|(release_ns, _)| *release_ns <= until_ns).collect()))
     }
 }

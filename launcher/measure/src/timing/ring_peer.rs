@@ -137,7 +137,7 @@ fn keep_time(
         }
         let back_ns = now_ns();
         samples.push((release_ns, back_ns - release_ns));
-        // The next release is never derived from this wake-up, and what was slept through is not made up for.
+        // The next release is never derived from this wake-up, and releases that were slept through are left out.
         slot = (back_ns - t0_ns) / period_ns + 1;
     }
 }

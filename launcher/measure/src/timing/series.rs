@@ -60,7 +60,7 @@ impl Ratio {
         Some(Self { median: median(ratios)?, min, max })
     }
 
-    /// How far the rounds lie apart, for a note.
+    /// Smallest and largest of the rounds, for a note.
     pub fn spread(&self) -> String {
         format!("{:.2} to {:.2}", self.min, self.max)
     }

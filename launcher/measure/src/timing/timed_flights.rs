@@ -85,7 +85,7 @@ impl TimedFlights {
         Ok(())
     }
 
-    /// Takes the figures of all flights, now that the canaries' `watch` is over.
+    /// Computes the figures of all flights; `watch` is what the canaries noted meanwhile.
     pub fn conclude(&mut self, watch: &Watch) {
         let missed = || self.missed.iter().flatten();
         self.slots = self.missed.len();
