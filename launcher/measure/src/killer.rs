@@ -86,7 +86,7 @@ impl Launcher {
         Ok(Self { namespace: namespace.to_owned(), started: Instant::now(), child })
     }
 
-    /// Calls `look` with the namespace until it finds something, the flight ends, or [`PATIENCE`] is over.
+    /// Calls `look` with the namespace until it finds something, the flight ends, or a second is over.
     pub fn wait_for<T>(&mut self, look: impl Fn(&str) -> Option<T>) -> Option<T> {
         let deadline = Instant::now() + PATIENCE;
         loop {
