@@ -119,7 +119,7 @@ impl Relay {
         let host = canary.map(Canary::stop).transpose()?.unwrap_or_default();
         let tick = |time_s: f64| (time_s / scenario.sample_s()) as u64;
         let counted = tick(FIRST_S)..tick(scenario.run.duration_s - REST_S);
-        let lost = || ticks.iter().filter(|tick| counted.contains(&tick.number) && tick.of.is_lost());
+        let lost = || ticks.by_number.values().filter(|tick| counted.contains(&tick.number) && tick.of.is_lost());
         let is_explained = |tick: &&Tick<_>| host.explains(tick.sample_ns, tick.sample_ns + 2 * scenario.sample_ns());
         let ended = |what| flown.events.iter().filter(move |event| event.what == what);
         let reason = |event: &Event| format!("{}: {}", event.node, event.why.as_deref().unwrap_or_default());

@@ -68,7 +68,7 @@ impl Cycles {
 
     /// For each slot that counts, whether it was missed, and the time it covers if so \[ns\].
     pub fn misses(&self) -> Vec<Option<(u64, u64)>> {
-        let Some(first) = self.slots.iter().next() else { return vec![] };
+        let Some(first) = self.slots.by_number.values().next() else { return vec![] };
         // A slot that the plant slept through has no message: its time follows from the plant's clock.
         let lay_at = |slot: &Slot| first.sample_ns + (slot.number - first.number) * self.period_ns;
         let missed = |slot: Slot| {

@@ -125,9 +125,9 @@ fn keep_time(
     let mut slot = 0;
     while samples.len() < count {
         let release_ns = t0_ns + slot * period_ns;
-        token.warm_up(release_ns - period_ns, |due_ns| page.phase().wait(phase::JOIN, due_ns));
-        page.phase().wait(phase::JOIN, release_ns);
-        if page.phase().count() >= phase::LEAVE {
+        token.warm_up(release_ns - period_ns, |due_ns| page.phase.wait(phase::JOIN, due_ns));
+        page.phase.wait(phase::JOIN, release_ns);
+        if page.phase.count() >= phase::LEAVE {
             return;
         }
         token.read_clock();
@@ -201,7 +201,7 @@ impl<'a> Token<'a> {
         }
         self.seen = self.input.count();
         self.came_ns = now_ns();
-        self.page.phase().count() < phase::LEAVE
+        self.page.phase.count() < phase::LEAVE
     }
 
     fn pass(&mut self) {
