@@ -11,7 +11,8 @@
 //! ```
 //!
 //! The layout is compared when a port is opened (`runtime::port`), the publisher where a message comes in
-//! (`runtime::input`). A refused message is counted by cause and has no other effect: to its receiver it is a missing one.
+//! (`runtime::input`). Messages that are not to be delivered, those of a standby for one, are left out there, and not
+//! counted. A refused message is counted by cause and has no other effect: to its receiver it is a missing one.
 
 use crate::message::Message;
 

@@ -34,7 +34,7 @@ pub struct CycleLoop {
     /// From a sample to when the input for it is late \[ns\].
     patience_ns: u64,
     /// Whether this process was active or on standby at the last look.
-    let_in: bool,
+    assigned: bool,
     /// The sample to answer to next.
     next: u64,
 }
@@ -54,7 +54,7 @@ enum Wake {
 
 impl CycleLoop {
     pub(crate) fn new(member: Member, patience_ns: u64) -> Self {
-        Self { member, patience_ns, let_in: false, next: 0 }
+        Self { member, patience_ns, assigned: false, next: 0 }
     }
 
     /// Sleeps until the node is to answer, and begins the cycle: the sample to answer to. `None` when the run is over or
@@ -127,10 +127,10 @@ impl CycleLoop {
         let Member { page, topic, epoch, .. } = &self.member;
         let now = now_ns();
         let look_around_ns = now + LOOK_AROUND_NS;
-        let sampled = page.doorbell(Topic::State);
-        let rung = sampled.count(); // before the look, so that a tick after it is not slept through
+        let state_bell = page.doorbell(Topic::State);
+        let rung = state_bell.count(); // before the look, so that a tick after it is not slept through
         if !page.role(*topic).assignment().includes(*epoch) {
-            sampled.wait(rung, look_around_ns); // a process is let in with a tick
+            state_bell.wait(rung, look_around_ns); // a process becomes active or standby with a tick
             return Wake::LookAround;
         }
         let origin_ns = page.origin_ns();
@@ -139,9 +139,9 @@ impl CycleLoop {
         let due = self.next.max(present);
         let sample_ns = origin_ns + due * period_ns;
         let late_ns = sample_ns + self.patience_ns;
-        let is_sampled = origin_ns > 0 && (page.samples() == 0 || due < page.samples());
+        let will_be_sampled = origin_ns > 0 && (page.total_samples() == 0 || due < page.total_samples());
         let warm_up_ns = warm_up_ns(period_ns, sample_ns.saturating_sub(period_ns), now);
-        let wake_ns = if is_sampled { warm_up_ns.unwrap_or(late_ns) } else { u64::MAX };
+        let wake_ns = if will_be_sampled { warm_up_ns.unwrap_or(late_ns) } else { u64::MAX };
 
         if input.arrived(wake_ns.min(look_around_ns)) {
             let stamp = input.newest().stamp();
@@ -160,12 +160,12 @@ impl CycleLoop {
         let page = self.member.page.clone();
         let (own, before) = (page.role(self.member.topic), page.role(upstream));
         self.wait(Topic::State, |cycle_loop| {
-            let works = own.assignment().includes(cycle_loop.member.epoch);
-            if works && !cycle_loop.let_in {
+            let assigned = own.assignment().includes(cycle_loop.member.epoch);
+            if assigned && !cycle_loop.assigned {
                 cycle_loop.next = u64::from(own.since(cycle_loop.member.epoch).get());
             }
-            cycle_loop.let_in = works;
-            works && page.sampled() > cycle_loop.next
+            cycle_loop.assigned = assigned;
+            assigned && page.samples_taken() > cycle_loop.next
         })?;
         self.wait(upstream, |cycle_loop| match before.active() {
             0 => true,

@@ -1,7 +1,7 @@
 //! The timing of a cycle: when it was due, began and sent, and the warm-up before it.
 //!
 //! ```text
-//! release   when the work was due: the clock for the plant, the arrival of its input for every other node
+//! release   when the work was due: the clock for the plant, for every other node when its input was sent, or was late
 //! start     when the process began;            release jitter (plant) or hop (others) = start - release
 //! publish   when it sent;                      execution = publish - start
 //!                                              response  = publish - sample time;  miss = response > deadline

@@ -71,7 +71,7 @@ impl<M: Message> Input<M> {
         self.seen = rung;
         let (publisher, listener) = (page.role(M::TOPIC), page.role(*topic));
         let active = publisher.active();
-        let sampled = page.sampled();
+        let samples_taken = page.samples_taken();
         let mut taken = false;
         loop {
             let (message, port) = match self.port.receive() {
@@ -88,10 +88,11 @@ impl<M: Message> Input<M> {
             }
             let stamp = message.stamp();
             if !stamp.is_delivered() {
-                continue;
+                continue; // from a process on standby, lost by a fault, or a probe: no refusal
             }
+            // The epoch of the active process, through the port of another.
             let forged = stamp.epoch == u64::from(active) && !from_active;
-            let samples = release.samples(page, sampled, stamp.tick);
+            let samples = release.samples_by_now(page, samples_taken, stamp.tick);
             let judged = if forged { Err(Refusal::Publisher) } else { self.guard.take(&message, active, samples) };
             match judged {
                 Ok(()) => taken = true,

@@ -156,7 +156,7 @@ fn grow_old<M: Message>(message: &mut M, ticks: u64) {
     *message = message.with_checksum();
 }
 
-/// That many bits of the whole message fall over.
+/// That many bits of the whole message are flipped.
 fn flip<M: Message>(message: &mut M, bits: u64, random: impl Fn(u64) -> u64) {
     let bytes = bytemuck::bytes_of_mut(message);
     for i in 0..bits {

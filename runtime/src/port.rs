@@ -147,7 +147,7 @@ macro_rules! wire {
                 let topic = open::<Self>(node, &layout::<Self>())?;
                 let unreachable = Arc::new(Unreachable::default());
                 let port = RefCell::new(subscriber(&topic, depth, &unreachable)?);
-                Ok(Rc::new(Queue { port, topic, depth, unreachable }))
+                Ok(Rc::new(Subscription { port, topic, depth, unreachable }))
             }
             fn open_as_another_version(node: &Node<FileService>) -> Result<(), PortError> {
                 open::<Self>(node, &"0".repeat(16)).map(drop)
@@ -172,12 +172,12 @@ impl<M: Message + ZeroCopySend> Send<M> for Publisher<FileService, M, ()> {
 
 impl<M: Message + ZeroCopySend> WarmUp for Publisher<FileService, M, ()> {
     fn warm_up(&self) {
-        drop(self.loan_uninit()); // the better half of a send
+        drop(self.loan_uninit()); // a loan touches most of the memory that a send touches
     }
 }
 
 /// A subscriber, and the publishers that it could not connect to.
-struct Queue<M: Message + ZeroCopySend> {
+struct Subscription<M: Message + ZeroCopySend> {
     port: RefCell<Subscriber<FileService, M, ()>>,
     topic: PortFactory<FileService, M, ()>,
     depth: usize,
@@ -198,7 +198,7 @@ impl Unreachable {
     }
 }
 
-impl<M: Message + ZeroCopySend> Receive<M> for Queue<M> {
+impl<M: Message + ZeroCopySend> Receive<M> for Subscription<M> {
     fn receive(&self) -> Result<Option<(M, u64)>, PortFailure> {
         let sample = self.port.borrow().receive().map_err(|_| PortFailure::Receive)?;
         Ok(sample.map(|sample| (*sample, numbered(sample.header().publisher_id().value()))))

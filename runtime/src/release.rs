@@ -42,9 +42,9 @@ impl Release {
         }
     }
 
-    /// Samples that there are when an answer to sample `tick` is judged: `taken` by the plant, and against the clock
-    /// those that it has overslept, to which the nodes answer all the same.
-    pub fn samples(self, page: &ControlPage, taken: u64, tick: u64) -> u64 {
+    /// How many samples exist when an answer to sample `tick` is judged: those `taken` by the plant, and in real time also those
+    /// that it slept through, because the nodes answer to them too.
+    pub fn samples_by_now(self, page: &ControlPage, taken: u64, tick: u64) -> u64 {
         match self {
             Self::Timer { period_ns } if tick >= taken && page.origin_ns() > 0 => {
                 taken.max(now_ns().saturating_sub(page.origin_ns()) / period_ns + 1)

@@ -86,7 +86,7 @@ impl SampleLoop {
 
     /// Says before STATE of `tick` is sent that it is the last: its tick is finished, and no other begins.
     pub fn ends_with(&self, tick: u64) {
-        self.member.page.set_samples(tick + 1);
+        self.member.page.set_total_samples(tick + 1);
     }
 
     /// STATE of `tick` is out.
@@ -211,7 +211,7 @@ impl SampleLoop {
 
     fn is_over(&self) -> bool {
         let Member { page, timing, .. } = &self.member;
-        let was_last = self.tick.is_some_and(|tick| page.samples() == tick + 1);
+        let was_last = self.tick.is_some_and(|tick| page.total_samples() == tick + 1);
         was_last || page.phase.count() >= phase::LEAVE || timing.is_broken()
     }
 }

@@ -53,9 +53,9 @@ pub struct SharedRole {
     slots: [Slot; ROLE_SLOTS],
     spare: Slot,
     /// By epoch: not offered (0), vacant, or the port that the process sends through.
-    ports: Ports,
+    ports: PortNumbers,
     /// What the active process remembers after its newest tick.
-    pub memory: Cell,
+    pub memory: SnapshotCell,
 }
 
 /// What one process of a node counts.
@@ -264,9 +264,9 @@ impl Slot {
 
 /// The ports of the newest epochs.
 #[repr(transparent)]
-struct Ports([AtomicU64; ROLE_PORTS]);
+struct PortNumbers([AtomicU64; ROLE_PORTS]);
 
-impl Default for Ports {
+impl Default for PortNumbers {
     fn default() -> Self {
         Self(std::array::from_fn(|_| AtomicU64::default()))
     }
@@ -298,20 +298,20 @@ impl Word {
 ///
 /// Two copies, written in turn: a writer that dies in the middle leaves the other one good.
 #[repr(C, align(64))]
-pub struct Cell {
+pub struct SnapshotCell {
     /// Times written.
     written: AtomicU64,
     copies: [[AtomicU64; SNAPSHOT_WORDS]; 2],
 }
 
-impl Default for Cell {
+impl Default for SnapshotCell {
     fn default() -> Self {
         let copy = || std::array::from_fn(|_| AtomicU64::default());
         Self { written: AtomicU64::default(), copies: [copy(), copy()] }
     }
 }
 
-impl Cell {
+impl SnapshotCell {
     /// Puts `snapshot` in. One writer at a time.
     pub fn write(&self, snapshot: &Snapshot) {
         let count = self.written.load(Ordering::Relaxed) + 1;

@@ -40,7 +40,7 @@ pub trait Message: Pod + Default + std::fmt::Debug + Send {
 pub struct Stamp {
     /// Number of the plant sample; its simulated time is `tick` times the sample time.
     pub tick: u64,
-    /// The instant that sample stands for: the plant's release time (in lockstep, its publication).
+    /// The instant that sample stands for: the plant's release time (in lockstep, the moment at which its tick was begun).
     pub sample_ns: u64,
     /// Number of this message among those of its publisher, from 1; 0 means no message yet.
     pub sequence: u64,
@@ -50,11 +50,12 @@ pub struct Stamp {
     pub inputs: [u64; Topic::COUNT],
     /// Publication times along the chain, by topic, up to and including this message.
     pub publish_ns: [u64; Topic::COUNT],
-    /// When the publisher was due: the release for the plant, the arrival of its input for the others.
+    /// When the publisher was due: the release for the plant; for the others when their input was sent, or when it was late; in
+    /// lockstep when it woke.
     pub release_ns: u64,
     /// When the publisher began to work on it.
     pub start_ns: u64,
-    /// CPU time its thread used for the previous cycle, warm-up included (`runtime::warm_up`) \[ns\].
+    /// CPU time its thread used for the previous cycle, warm-up included (`runtime::cycle_timing`) \[ns\].
     pub cpu_ns: u64,
     /// Deadlines the publisher has missed so far.
     pub misses: u64,

@@ -215,7 +215,7 @@ impl CountedLog {
         }
     }
 
-    /// Nothing to write just now: what was written a second ago goes out of reach of a kill.
+    /// Nothing to write just now: flushes what was written, so that a kill cannot lose it.
     fn idle(&mut self) {
         if self.written.is_some_and(|when| when.elapsed() > FLUSH_PERIOD) {
             self.written = None;

@@ -156,6 +156,7 @@ impl Stack {
         page.set_phase(phase::GO);
         let ended = loop {
             let question = self.run.driver.question(); // before the look: all that was sent before it is here
+            // A process that was ready before the launcher's ports looked round is connected to them after it.
             let ready = Topic::ALL.map(|topic| page.role(topic).ready.get());
             self.drain(&mut watch);
             Topic::ALL.into_iter().zip(ready).for_each(|(topic, epoch)| page.role(topic).connected.set(epoch));

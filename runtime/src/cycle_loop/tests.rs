@@ -156,9 +156,9 @@ fn by_the_timer_no_node_answers_to_a_sample_after_the_last() {
     let ring = slow_ring(TEN_S_NS + 3_000_000_000);
     let (mut cycles, mut input) = slow_guidance(&ring);
     cycles.next = 1;
-    ring.page.set_samples(1);
+    ring.page.set_total_samples(1);
     assert_eq!(cycles.sleep(TEN_S_NS, &mut input), Wake::LookAround, "sample 1 would be late");
-    ring.page.set_samples(2);
+    ring.page.set_total_samples(2);
     assert!(matches!(cycles.sleep(TEN_S_NS, &mut input), Wake::Late(1, _)));
 }
 

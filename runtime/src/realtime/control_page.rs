@@ -185,13 +185,13 @@ impl Page {
     }
 
     /// Ticks that the plant has sampled.
-    pub fn sampled(&self) -> u64 {
+    pub fn samples_taken(&self) -> u64 {
         u64::from(self.role(Topic::State).done(1).get())
     }
 
     /// The tick under way: all but the newest that the plant has sampled are over.
     pub fn plant_tick(&self) -> u64 {
-        self.sampled().saturating_sub(1)
+        self.samples_taken().saturating_sub(1)
     }
 
     /// The instant of sample 0 \[ns\]; 0 before there is one. In lockstep it is that of the present sample.
@@ -205,12 +205,12 @@ impl Page {
     }
 
     /// Samples of the run; 0 until the plant has taken the last one.
-    pub fn samples(&self) -> u64 {
+    pub fn total_samples(&self) -> u64 {
         self.samples.load(Ordering::Acquire)
     }
 
     /// Says how many samples the run has; the plant's part, before it sends the last one.
-    pub fn set_samples(&self, samples: u64) {
+    pub fn set_total_samples(&self, samples: u64) {
         self.samples.store(samples, Ordering::Release);
     }
 

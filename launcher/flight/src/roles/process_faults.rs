@@ -7,7 +7,7 @@ use contract::topic::Topic;
 
 use super::role::Input;
 
-pub struct ProcessFaults {
+pub struct FaultInputs {
     faults: FaultSchedule<Injected>,
     simulated: bool,
     sample_ns: u64,
@@ -23,7 +23,7 @@ struct Injected {
     ended: bool,
 }
 
-impl ProcessFaults {
+impl FaultInputs {
     /// Those of `scenario`. Against the clock a process that is to end or to burn time does so by itself.
     pub fn new(scenario: &Scenario) -> Self {
         let (simulated, sample_ns) = (scenario.run.mode != Mode::Realtime, scenario.sample_ns());

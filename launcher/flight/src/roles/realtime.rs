@@ -12,7 +12,7 @@ use runtime::realtime::{ControlPage, now_ns};
 use runtime::shared_role::Assignment;
 
 use super::driver::{Driver, Order};
-use super::process_faults::ProcessFaults;
+use super::process_faults::FaultInputs;
 use super::role::{Action, Input, Now};
 use super::supervised::Supervised;
 use crate::limits::{GRACE_NS, LOOK, LOOK_AGAIN};
@@ -21,7 +21,7 @@ use crate::log::Record;
 pub struct Realtime {
     page: Arc<ControlPage>,
     nodes: [Supervised; Topic::COUNT],
-    faults: ProcessFaults,
+    faults: FaultInputs,
     sample_ns: u64,
     /// Which of the swaps have begun.
     begun: Vec<bool>,
@@ -37,7 +37,7 @@ impl Realtime {
         Self {
             page,
             nodes: Supervised::all(scenario),
-            faults: ProcessFaults::new(scenario),
+            faults: FaultInputs::new(scenario),
             sample_ns: scenario.sample_ns(),
             begun: vec![],
             observed: 0,

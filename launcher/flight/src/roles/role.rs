@@ -11,7 +11,8 @@
 //! ```
 //!
 //! The same machine decides in every mode. A driver carries [`Input`]s in and [`Action`]s out: `realtime` from pidfds and
-//! progress words, `simulated` from the delays that the `[supervision]` settings name. Times are nanoseconds since sample 0.
+//! progress words, `simulated` from the delays that the `[supervision]` settings name. Times are nanoseconds on the
+//! clock of the driver: in real time since the driver was made, otherwise since sample 0.
 
 use contract::scenario::Supervision;
 
@@ -21,7 +22,7 @@ use crate::limits::{PLANT_HANG_NS, RECORDER_HANG_NS, RECORDER_START_NS};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Now {
-    /// Since sample 0 \[ns\].
+    /// On the clock of the driver \[ns\].
     pub ns: u64,
     /// The newest sample.
     pub tick: u64,
@@ -93,9 +94,9 @@ pub struct Policy {
     pub window_ns: u64,
     /// A process that is not ready by then counts as hung \[ns\].
     pub start_limit_ns: u64,
-    /// An active process without progress for this time counts as hung \[ns\],
+    /// An active process counts as hung after this time without progress \[ns\], if `hang_ticks` samples have passed too.
     pub hang_ns: u64,
-    /// if it has left that many samples without an answer.
+    /// Samples without an answer after which it counts as hung, if `hang_ns` has passed too.
     pub hang_ticks: u64,
     /// Whether a candidate is compared with the active process before it takes over.
     pub tried: bool,
@@ -347,7 +348,7 @@ impl Role {
             contest.handed_over = contest.candidate == epoch;
         }
         self.progress = Progress { done: 0, since_ns: now.ns };
-        out.extend(self.killed.iter().map(|epoch| Action::Vacate(*epoch))); // one of them may have changed places
+        out.extend(self.killed.iter().map(|epoch| Action::Vacate(*epoch))); // a hand-over that was under way may have made a killed process the standby
         self.report(now, epoch, What::TookOver, None, out);
     }
 

@@ -13,7 +13,7 @@ use contract::topic::Topic;
 use runtime::shared_role::Assignment;
 
 use super::driver::Order;
-use super::process_faults::ProcessFaults;
+use super::process_faults::FaultInputs;
 use super::role::{Action, Input, Now, Signal};
 use super::supervised::Supervised;
 use crate::event::Event;
@@ -23,7 +23,7 @@ use crate::log::Record;
 pub struct Simulated {
     scenario: Scenario,
     pub nodes: [Supervised; Topic::COUNT],
-    faults: ProcessFaults,
+    faults: FaultInputs,
     /// What is to be seen, and when \[ns\].
     ahead: Vec<(u64, Topic, Input)>,
     /// Who works on the present tick.
@@ -46,7 +46,7 @@ impl Simulated {
         Self {
             scenario: scenario.clone(),
             nodes: Supervised::all(scenario),
-            faults: ProcessFaults::new(scenario),
+            faults: FaultInputs::new(scenario),
             ahead: vec![],
             assignments: [Assignment { active: 1, standby: 0 }; Topic::COUNT],
             stopped: [None; Topic::COUNT],

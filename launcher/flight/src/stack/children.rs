@@ -109,7 +109,7 @@ impl Children {
         never_waits.with_context(|| format!("cannot set up the pipe to {name}"))
     }
 
-    /// One that has ended, and how; one that did not end well is told first.
+    /// A child that has ended, and how. Failures are returned before clean ends.
     pub fn exited(&mut self) -> Option<(usize, ChildExit)> {
         let ended = self.all.iter_mut().enumerate().filter_map(|(i, process)| {
             let status = ended(&mut process.child)?;

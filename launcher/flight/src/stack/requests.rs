@@ -103,7 +103,7 @@ fn node_status(run: &Run, topic: Topic) -> Value {
         "standby": (standby > 0).then_some(standby),
         "pid": run.children.all.iter().find(|p| p.topic == Some(topic) && p.epoch == epoch).map(|p| p.child.id()),
         "tick": done,
-        "behind": done.map(|done| run.page.sampled().saturating_sub(done)),
+        "behind": done.map(|done| run.page.samples_taken().saturating_sub(done)),
         "age_ms": (sent_ns > 0).then(|| now_ns().saturating_sub(sent_ns) as f64 / 1e6),
         "restarts": run.events.iter().filter(is_restart).count(),
         "refused": refused(&Refusal::ALL.map(|r| role.refused[r as usize].get())),

@@ -91,7 +91,7 @@ impl Run {
                 Action::Spawn(epoch, origin) => self.start_or_report(topic, epoch, origin),
                 Action::Signal(epoch, signal) => self.children.signal(topic, epoch, unix(signal)),
                 Action::Report(event) => self.events.push(event),
-                Action::Activate(_) | Action::Standby(_) | Action::Vacate(_) => {} // the driver has done it
+                Action::Activate(_) | Action::Standby(_) | Action::Vacate(_) => {} // done on the control page, by `Realtime::share` or `Lockstep`
             }
         }
     }
