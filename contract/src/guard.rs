@@ -28,7 +28,7 @@ pub enum Refusal {
     Order = 2,
     /// Its sample is not later than the newest, or is yet to come.
     Age = 3,
-    /// A number is not finite, or beyond its limit: see [`Message::plausible`](crate::message::Message::plausible).
+    /// A number is not finite, or beyond its limit: see [`Message::plausible`].
     Range = 4,
     /// The checksum does not fit.
     Checksum = 5,
