@@ -1,5 +1,6 @@
 //! The stack as a whole: flights in process, in lockstep and in real time, and the promises of the repository itself.
 
+mod accuracy;
 mod architecture;
 mod bad_input;
 mod control;
@@ -13,6 +14,7 @@ mod lockstep;
 mod measure;
 mod output;
 mod paper;
+mod paper_table;
 mod processes;
 mod promise;
 mod recorded;
@@ -25,3 +27,4 @@ mod swap;
 mod swap_live;
 mod tidy;
 mod trace;
+mod vehicle;

@@ -2,10 +2,13 @@
 //!
 //! | module | holds | paper |
 //! |---|---|---|
+//! | [`angle`] | headings come round | |
 //! | [`parameters`] | mass, inertia, arms, rotor constants | Table I |
 //! | [`trim`] | hover equilibrium in closed form | (23)-(30) |
 //! | [`mixing`] | conventional inputs to squared rotor speeds and back | (33)-(38) |
 //! | [`linear`] | the controller's model and its discretisation | (48) |
+//! | [`level_flight`] | trimmed flight at speed | (9)-(11) |
+//! | [`at_speed`] | the linear model at any point of flight | (8), (11)-(14) |
 //! | [`actuation`] | positions of rotors and servo | |
 //! | [`actuator`] | lag, amplitude and rate limits of rotors and servo | (52)-(53) |
 //! | [`envelope`] | what those limits mean for the conventional inputs | |
@@ -20,8 +23,11 @@
 
 pub mod actuation;
 pub mod actuator;
+pub mod angle;
+pub mod at_speed;
 pub mod demand_set;
 pub mod envelope;
+pub mod level_flight;
 pub mod linear;
 pub mod mixing;
 pub mod parameters;
@@ -30,9 +36,11 @@ pub mod trim;
 
 pub use actuation::Actuation;
 pub use actuator::{ActuatorLaw, Limits};
+pub use at_speed::{AtSpeed, FlightPoint};
 pub use demand_set::DemandSet;
+pub use level_flight::{Drag, LevelFlight};
 pub use mixing::MixingMatrix;
-pub use parameters::Parameters;
+pub use parameters::{Parameters, Preset};
 pub use trim::Trim;
 
 #[cfg(test)]

@@ -1,8 +1,24 @@
-//! Table I: the numbers of the tricopter.
+//! The numbers of the tricopter: Table I, and a second vehicle.
 
 use serde::{Deserialize, Serialize};
 
+/// Which vehicle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Preset {
+    /// Table I of the paper.
+    #[default]
+    Paper,
+    /// A tricopter with 10-inch propellers, from parts that can be bought: see [`Parameters::from`].
+    TenInch,
+}
+
 /// Table I of the paper, and the acceleration of gravity it leaves out.
+///
+/// Table I is physically odd in three places. `K_M / K_F` is 0.146 m, where a ten-inch propeller has 0.0165 m: the
+/// rotor's torque is nine times too large for its thrust, which is why trim tilts rotor 1 by 30 degrees. `Iyy` and `Izz`
+/// are equal, though a flat vehicle has `Izz` near `Ixx + Iyy`. And in rad/s, the hover takes `sum K_M Omega^3` = 2.2 kW
+/// for 1.1 kg. What that does to the results, and the second vehicle beside it: `docs/paper.md`.
 ///
 /// Rotor speeds `Omega` are in the paper's own unit, called *rotor speed unit*: `F = kf Omega^2` gives newtons.
 /// The paper names it RPM, which would make the thrust of a rotor of this size a hundred times too large for its
@@ -10,6 +26,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Parameters {
+    /// From which vehicle these numbers start.
+    pub preset: Preset,
     /// Acceleration of gravity \[m/s2\]. Table II follows for 9.81 (its digits are truncated, not rounded).
     pub g_mps2: f64,
     /// Mass m \[kg\].
@@ -34,17 +52,48 @@ pub struct Parameters {
 
 impl Default for Parameters {
     fn default() -> Self {
-        Self {
-            g_mps2: 9.81,
-            mass_kg: 1.1,
-            ixx_kgm2: 0.0239,
-            iyy_kgm2: 0.012_71,
-            izz_kgm2: 0.012_73,
-            l1_m: 0.2483,
-            l2_m: 0.1241,
-            l3_m: 0.2150,
-            kf: 1.970e-6,
-            km: 2.880e-7,
+        Self::from(Preset::Paper)
+    }
+}
+
+impl From<Preset> for Parameters {
+    /// The numbers of a preset.
+    ///
+    /// `ten-inch` is a tricopter of equal arms of 0.25 m with APC Slow Flyer 10x4.7 propellers. Rotor speeds are in
+    /// rad/s. At hover such a propeller has about `C_T` = 0.11 and `C_P` = 0.045 (Brandt and Selig, *Propeller
+    /// Performance Data at Low Reynolds Numbers*, AIAA 2011-1255; static data of the UIUC database), so that with the
+    /// diameter D and sea-level air `K_F = C_T rho D^4 / (2 pi)^2` and `K_M = C_P rho D^5 / (2 pi)^3`. Mass and inertia
+    /// are a budget of parts: battery
+    /// 0.35 kg and electronics 0.30 kg at the centre, motors with controllers of 85 g at the ends, a servo of 60 g in front, arms
+    /// of 45 g, legs of 30 g; rods, boxes and points. Test `the_second_vehicle_is_what_its_parts_make`.
+    fn from(preset: Preset) -> Self {
+        match preset {
+            Preset::Paper => Self {
+                preset,
+                g_mps2: 9.81,
+                mass_kg: 1.1,
+                ixx_kgm2: 0.0239,
+                iyy_kgm2: 0.012_71,
+                izz_kgm2: 0.012_73,
+                l1_m: 0.2483,
+                l2_m: 0.1241,
+                l3_m: 0.2150,
+                kf: 1.970e-6,
+                km: 2.880e-7,
+            },
+            Preset::TenInch => Self {
+                preset,
+                g_mps2: 9.81,
+                mass_kg: 1.19,
+                ixx_kgm2: 0.0135,
+                iyy_kgm2: 0.0178,
+                izz_kgm2: 0.0295,
+                l1_m: 0.25,
+                l2_m: 0.125,
+                l3_m: 0.2165,
+                kf: 1.42e-5,
+                km: 2.35e-7,
+            },
         }
     }
 }

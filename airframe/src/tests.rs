@@ -217,3 +217,49 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn the_second_vehicle_is_what_its_parts_make() {
+    use std::f64::consts::TAU;
+    let vehicle = Parameters::from(crate::Preset::TenInch);
+    let (rho, d) = (1.225, 0.254_f64);
+    assert!((vehicle.kf / (0.11 * rho * d.powi(4) / TAU.powi(2)) - 1.0).abs() < 0.01);
+    assert!((vehicle.km / (0.045 * rho * d.powi(5) / TAU.powi(3)) - 1.0).abs() < 0.01);
+    // Mass, place x, y, z, and own moments of inertia.
+    let end = |angle_deg: f64, kg: f64| (kg, 0.25 * angle_deg.to_radians().cos(), 0.25 * angle_deg.to_radians().sin());
+    let mut parts = vec![
+        (
+            0.35,
+            [0.0; 3],
+            [
+                0.35 / 12.0 * (0.045_f64.powi(2) + 0.03_f64.powi(2)),
+                0.35 / 12.0 * (0.14_f64.powi(2) + 0.03_f64.powi(2)),
+                0.35 / 12.0 * (0.14_f64.powi(2) + 0.045_f64.powi(2)),
+            ],
+        ),
+        (0.30, [0.0; 3], [0.30 * 0.07_f64.powi(2) / 4.0, 0.30 * 0.07_f64.powi(2) / 4.0, 0.30 * 0.07_f64.powi(2) / 2.0]),
+    ];
+    for (angle_deg, motor_kg) in [(0.0, 0.145), (120.0, 0.085), (-120.0, 0.085)] {
+        let (kg, x, y) = end(angle_deg, motor_kg);
+        parts.push((kg, [x, y, 0.0], [0.0; 3]));
+        parts.push((0.03, [x, y, 0.1], [0.0; 3]));
+        let rod = 0.045 * 0.25 * 0.25 / 12.0;
+        let (sin, cos) = f64::sin_cos(angle_deg.to_radians());
+        parts.push((0.045, [x / 2.0, y / 2.0, 0.0], [rod * sin * sin, rod * cos * cos, rod]));
+    }
+    let mass: f64 = parts.iter().map(|(kg, ..)| kg).sum();
+    let inertia = |i: usize| -> f64 {
+        parts
+            .iter()
+            .map(|(kg, at, own)| own[i] + kg * (0..3).filter(|j| *j != i).map(|j| at[j] * at[j]).sum::<f64>())
+            .sum()
+    };
+    assert!((vehicle.mass_kg / mass - 1.0).abs() < 0.01, "{mass} kg");
+    for (i, given) in [vehicle.ixx_kgm2, vehicle.iyy_kgm2, vehicle.izz_kgm2].into_iter().enumerate() {
+        assert!((given / inertia(i) - 1.0).abs() < 0.02, "axis {i}: {} kg m2", inertia(i));
+    }
+    let hover = Trim::solve(&vehicle, true).actuation;
+    let power_w: f64 = hover.rotor_speed.iter().map(|omega| vehicle.km * omega.powi(3)).sum();
+    assert!((90.0..120.0).contains(&power_w), "{power_w} W at the shafts");
+    assert!(hover.tilt_rad.to_degrees() < 5.0);
+}

@@ -1,19 +1,23 @@
 //! The optimal control problem, condensed: the states are eliminated, and what is left is a quadratic in the moves.
 //!
 //! ```text
-//! J(U) = sum_{k=1}^{Np-1} |x_k - r|_Q^2 + |x_Np - r|_P^2 + sum_{k=0}^{Nu-1} |u_k + d|_R^2      (4)
+//! J(U) = sum_{k=1}^{Np-1} |x_k - r|_Q^2 + |x_Np - r|_P^2 + sum_{k=0}^{Nu-1} (|u_k - u_s|_R^2 + |u_k - u_{k-1}|_R2^2)    (4)
 //! ```
 //!
-//! With `c = (x; r; d)` the given numbers, each miss of the target is linear in them and in the moves `U`:
+//! With `c = (x; r; d; v)` the given numbers, `v` being the last demand, `u_{-1}`, each miss of the target is linear in
+//! them and in the moves `U`:
 //!
 //! ```text
 //! x_k - r = E_k c + G_k U
-//! J(U)    = 2 (1/2 U'H U + f'U) + constant,   H = sum G_k' Q_k G_k + Rb,   f = sum G_k' Q_k E_k c + Rb d
+//! J(U)    = 2 (1/2 U'H U + f'U) + constant,   H = sum G_k' Q_k G_k + Rb,   f = sum G_k' Q_k E_k c - Rb u_s, both with what R2 adds
 //! U*      = -H^-1 f                            without constraints
 //! ```
 //!
-//! Departure: the paper regulates to zero; we follow `r`, with `-d` as the target of the inputs and of the lag states,
-//! so that a disturbance leaves no offset. Test `a_constant_disturbance_leaves_no_offset`.
+//! Departure: the paper regulates to zero; we follow `r`, with `u_s` as the target of the inputs and of the lag states.
+//! `u_s = -d` holds the vehicle at trim in spite of the disturbance. Where that is estimated, `u_s = S r - d` holds it at
+//! the reference: `S r` is what gravity takes of w at a roll other than that of trim. Pannocchia and Rawlings, *AICHE
+//! Journal* 49 (2003), compute such a target at every sample; here it is linear in `(r; d)` and part of the gain. Tests
+//! `a_constant_disturbance_leaves_no_offset`, `a_roll_away_from_trim_leaves_no_offset`.
 //!
 //! Departure: the paper closes the tail with `u = K x` and does not say which K; we hold the last move. Test
 //! `val_first_move_gains`.
@@ -22,8 +26,15 @@ use airframe::linear::{INPUTS, STATES};
 use contract::scenario::{Mpc, ScenarioError, Terminal};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
+use crate::at_speed::FlightModel;
+use crate::disturbance::DRIVEN;
 use crate::model::PredictionModel;
 use crate::riccati;
+
+/// Given numbers beside the state: r, d, v.
+pub const GIVEN: usize = STATES + INPUTS + INPUTS;
+/// Where p, q, r begin in state and reference.
+pub const RATES: usize = 4;
 
 /// Makes `Q` definite for the Riccati equation, where states without weight would leave it semidefinite.
 const DARE_REGULARISATION: f64 = 1e-9;
@@ -37,16 +48,16 @@ const INDEPENDENT: f64 = 1e-11;
 pub struct Condensed {
     /// `H`, 4Nu x 4Nu.
     pub hessian: DMatrix<f64>,
-    /// `U* = gain (x; r; d)`, 4Nu x (n + 7 + 4). Each move is col, lon, lat, ped.
+    /// `U* = gain (x; r; d; v)`, 4Nu x (n + 15). Each move is col, lon, lat, ped.
     pub gain: DMatrix<f64>,
     /// The states on the way.
     pub course: Course,
 }
 
-/// The states of the first Nu samples, one below the other: `free (x; r; d) + forced U`.
+/// The states of the first Nu samples, one below the other: `free (x; r; d; v) + forced U`.
 #[derive(Debug, Clone)]
 pub struct Course {
-    /// nNu x (n + 7 + 4).
+    /// nNu x (n + 15).
     pub free: DMatrix<f64>,
     /// nNu x 4Nu.
     pub forced: DMatrix<f64>,
@@ -55,19 +66,41 @@ pub struct Course {
 impl Condensed {
     /// Condenses the problem of a model and its weights; an error names the weights that leave nothing to compute with.
     pub fn new(model: &PredictionModel, weights: &Mpc) -> Result<Self, ScenarioError> {
-        let n = model.states();
-        let (q, r) = stage_weights(n, weights);
-        let p = terminal_weight(model, weights, &q, &r)?;
-        let targets = targets(model);
+        let (q, p) = state_weights(model, weights)?;
+        Self::weighted(model, weights, &q, &p, weights.disturbance_gain > 0.0)
+    }
 
-        // The course of the states without a move, by (x; r; d), and what each move adds to it.
-        let mut free = DMatrix::zeros(n, n + STATES + INPUTS);
+    /// The same for a model at a point of flight. Its input target is always that of the reference.
+    pub fn at_speed(flight: &FlightModel, weights: &Mpc) -> Result<Self, ScenarioError> {
+        let model = &flight.model;
+        let (mut q, r) = stage_weights(model.states(), weights);
+        flight.lean_on(&mut q);
+        let p = terminal_weight(model, weights, &q, &r)?;
+        Self::weighted(model, weights, &q, &p, true)
+    }
+
+    /// With the weights `q` and `p` on the states; `follows` says whether the inputs' target is that of the reference.
+    fn weighted(
+        model: &PredictionModel,
+        weights: &Mpc,
+        q: &DMatrix<f64>,
+        p: &DMatrix<f64>,
+        follows: bool,
+    ) -> Result<Self, ScenarioError> {
+        let n = model.states();
+        let r = DMatrix::from_diagonal(&DVector::from_row_slice(&weights.r));
+        let r2 = DMatrix::from_diagonal(&DVector::from_row_slice(&weights.r_rate));
+        let inputs = input_targets(model, follows);
+        let targets = targets(model, &inputs);
+
+        // The course of the states without a move, by (x; r; d; v), and what each move adds to it.
+        let mut free = DMatrix::zeros(n, n + GIVEN);
         free.columns_mut(0, n).fill_with_identity();
         let mut forced = DMatrix::zeros(n, INPUTS * weights.nu);
         let mut hessian = DMatrix::zeros(INPUTS * weights.nu, INPUTS * weights.nu);
-        let mut gradient = DMatrix::zeros(INPUTS * weights.nu, n + STATES + INPUTS);
+        let mut gradient = DMatrix::zeros(INPUTS * weights.nu, n + GIVEN);
         let mut course = Course {
-            free: DMatrix::zeros(n * weights.nu, n + STATES + INPUTS),
+            free: DMatrix::zeros(n * weights.nu, n + GIVEN),
             forced: DMatrix::zeros(n * weights.nu, INPUTS * weights.nu),
         };
 
@@ -81,13 +114,21 @@ impl Condensed {
                 course.free.rows_mut(n * (k - 1), n).copy_from(&free);
                 course.forced.rows_mut(n * (k - 1), n).copy_from(&forced);
             }
-            let pull = forced.transpose() * if k < weights.np { &q } else { &p };
+            let pull = forced.transpose() * if k < weights.np { q } else { p };
             hessian += &pull * &forced; // (4)
             gradient += pull * (&free - &targets);
         }
         for k in 0..weights.nu {
             add(&mut hessian, INPUTS * k, INPUTS * k, &r);
-            add(&mut gradient, INPUTS * k, n + STATES, &r);
+            add(&mut gradient, INPUTS * k, 0, &-(&r * &inputs));
+            add(&mut hessian, INPUTS * k, INPUTS * k, &r2);
+            if let Some(before) = k.checked_sub(1).map(|before| INPUTS * before) {
+                add(&mut hessian, before, before, &r2);
+                add(&mut hessian, INPUTS * k, before, &-&r2);
+                add(&mut hessian, before, INPUTS * k, &-&r2);
+            } else {
+                add(&mut gradient, 0, n + STATES + INPUTS, &-&r2);
+            }
         }
         let gain = -factor(&hessian)?.solve(&gradient);
         if gain.iter().chain(&course.free).chain(&course.forced).all(|x| x.is_finite()) {
@@ -96,6 +137,13 @@ impl Condensed {
             Err(blurred())
         }
     }
+}
+
+/// `Q` and `P` of a model, n x n.
+pub fn state_weights(model: &PredictionModel, weights: &Mpc) -> Result<(DMatrix<f64>, DMatrix<f64>), ScenarioError> {
+    let (q, r) = stage_weights(model.states(), weights);
+    let p = terminal_weight(model, weights, &q, &r)?;
+    Ok((q, p))
 }
 
 /// `Q`, n x n with nothing on the lag states, and `R`.
@@ -148,29 +196,48 @@ fn blurred() -> ScenarioError {
 }
 
 /// The linear-quadratic regulator: the same cost over an infinite horizon, without constraints. Its one move is
-/// `u = gain (x; r; d)`, 4 x (n + 7 + 4).
+/// `u = gain (x; r; d; v)`, 4 x (n + 15).
 pub fn regulator(model: &PredictionModel, weights: &Mpc) -> Result<DMatrix<f64>, ScenarioError> {
     let (q, r) = stage_weights(model.states(), weights);
     let s = dare(model, &q, &r)?;
     let bs = model.b.transpose() * s;
     let k = factor(&(&bs * &model.b + r))?.solve(&(bs * &model.a));
     let n = model.states();
-    let mut gain = &k * targets(model);
+    let inputs = input_targets(model, weights.disturbance_gain > 0.0);
+    let mut gain = &k * targets(model, &inputs) + inputs;
     let mut on_state = gain.columns_mut(0, n);
     on_state -= &k;
-    add(&mut gain, 0, n + STATES, &-DMatrix::identity(INPUTS, INPUTS));
     if gain.iter().all(|x| x.is_finite()) { Ok(gain) } else { Err(blurred()) }
 }
 
-/// Where the states shall go, by `(x; r; d)`: the seven to `r`, the lag states to `-d`. n x (n + 7 + 4).
-fn targets(model: &PredictionModel) -> DMatrix<f64> {
+/// Where the states shall go, by `(x; r; d; v)`: the seven to `r`, the lag states where the inputs go. n x (n + 15).
+fn targets(model: &PredictionModel, inputs: &DMatrix<f64>) -> DMatrix<f64> {
     let n = model.states();
-    let mut targets = DMatrix::zeros(n, n + STATES + INPUTS);
+    let mut targets = DMatrix::zeros(n, n + GIVEN);
     targets.view_mut((0, n), (STATES, STATES)).fill_with_identity();
     if model.has_lag() {
-        targets.view_mut((STATES, n + STATES), (INPUTS, INPUTS)).fill_diagonal(-1.0);
+        targets.rows_mut(STATES, INPUTS).copy_from(inputs);
     }
     targets
+}
+
+/// Where the inputs shall go, by `(x; r; d; v)`: `u_s`, 4 x (n + 15).
+///
+/// At rest `x = r` and `r = A r + E (u_s + d)`; the rows of the velocities that the inputs drive determine `u_s`. Rates
+/// in `r` are left out: what turns is not at rest.
+fn input_targets(model: &PredictionModel, follows: bool) -> DMatrix<f64> {
+    let n = model.states();
+    let mut inputs = DMatrix::zeros(INPUTS, n + GIVEN);
+    if follows {
+        let leaving = DMatrix::identity(STATES, STATES) - model.a.view((0, 0), (STATES, STATES));
+        let driven = model.e.select_rows(&DRIVEN);
+        let mut held =
+            driven.lu().solve(&leaving.select_rows(&DRIVEN)).expect("each input drives a velocity of its own");
+        held.columns_mut(RATES, 3).fill(0.0);
+        inputs.view_mut((0, n), (INPUTS, STATES)).copy_from(&held);
+    }
+    inputs.view_mut((0, n + STATES), (INPUTS, INPUTS)).fill_diagonal(-1.0);
+    inputs
 }
 
 /// Adds `block` to the part of `matrix` whose first element is at `row`, `column`.

@@ -71,7 +71,7 @@ impl Constrained {
         self.faults.apply_fault(number, fault, of_the_solver(fault));
     }
 
-    /// Writes the `plan` to follow, given the `unconstrained` one and where this tick starts, `given` = (x; r; d). While a
+    /// Writes the `plan` to follow, given the `unconstrained` one and where this tick starts, `given` = (x; r; d; v). While a
     /// fault of the solver is active, every plan goes to the solver.
     pub fn choose(
         &mut self,

@@ -39,7 +39,7 @@ pub struct PlanSet {
 /// Soft limits of the predicted states: `|y| <= 1 + e`, where `y` are states over their limits.
 #[derive(Debug, Clone)]
 pub struct StateLimits {
-    /// `y` by `(x; r; d)`, 6Nu x (n + 11).
+    /// `y` by `(x; r; d; v)`, 6Nu x (n + 15).
     free: DMatrix<f64>,
     /// `y` by the moves, 6Nu x 4Nu.
     pub forced: DMatrix<f64>,
@@ -69,7 +69,7 @@ impl PlanSet {
         Some(Self { moves, states })
     }
 
-    /// Takes in where this tick starts, `given` = (x; r; d).
+    /// Takes in where this tick starts, `given` = (x; r; d; v).
     pub fn start(&mut self, given: &DVector<f64>) {
         if let Some(states) = &mut self.states {
             states.drift.copy_from(&states.origin);
@@ -209,7 +209,7 @@ mod tests {
         scenario.mpc.state_constraints = StateConstraints::Soft;
         let model = PredictionModel::new(&scenario);
         let mut set = set(&scenario).unwrap();
-        let given = DVector::from_fn(22, |i, _| 0.1 * (1.0 + i as f64).sin());
+        let given = DVector::from_fn(26, |i, _| 0.1 * (1.0 + i as f64).sin());
         let plan = DVector::from_fn(20, |i, _| (2.0 + i as f64).cos());
         set.start(&given);
         set.excess(&plan);

@@ -4,15 +4,16 @@
 //! d <- d + L S (x - x_predicted) / Ts,   S = (m, Iyy, Ixx, Izz) from (w, q, p, r) to (col, lon, lat, ped)
 //! ```
 //!
-//! `S / Ts` turns a miss of velocity over one sample into the force or moment behind it, so `L` is the share of the
-//! miss that each sample adds to the estimate. Predicted with `d` and regulated to `-d`, a constant disturbance leaves no offset:
-//! Pannocchia and Rawlings, *Disturbance models for offset-free model-predictive control*, AICHE Journal 49 (2003).
+//! `S / Ts` turns a miss of velocity over one sample into the force or moment behind it, so `L` is the share of the miss
+//! that each sample adds to the estimate. Predicted with `d` and cancelled in the target of the inputs (see
+//! [`condensed`](crate::condensed)), a constant disturbance leaves no offset: Pannocchia and Rawlings, *Disturbance
+//! models for offset-free model-predictive control*, AICHE Journal 49 (2003).
 
 use airframe::Parameters;
 use nalgebra::{DVector, Vector4};
 
 /// States that the inputs col, lon, lat, ped drive: w, q, p, r.
-const DRIVEN: [usize; 4] = [0, 5, 4, 6];
+pub const DRIVEN: [usize; 4] = [0, 5, 4, 6];
 
 /// The law of the estimate. The estimate itself is kept by the controller.
 #[derive(Debug, Clone)]

@@ -10,6 +10,9 @@
 //! | module | holds | paper |
 //! |---|---|---|
 //! | [`model`] | prediction model, lag states, the controller's own actuators | (1)-(2) |
+//! | [`at_speed`] | the model at another point of flight | |
+//! | [`schedule`] | several MPC over the velocity | |
+//! | [`ltv`] | a linearisation every sample | |
 //! | [`constraints`] | what a plan may be | (3), (49)-(51) |
 //! | [`condensed`] | cost over the horizon as a quadratic in the moves, its minimiser as a gain | (4) |
 //! | [`riccati`] | terminal weight | |
@@ -28,16 +31,19 @@
 //! Without a fresh state there is no plan: the last demand is repeated, with a status that says so. The fallback for that
 //! is in the mixer, nearer to the actuators.
 
+pub mod at_speed;
 pub mod condensed;
 pub mod constrained;
 pub mod constraints;
 pub mod disturbance;
 pub mod goal;
+pub mod ltv;
 pub mod memory;
 pub mod model;
 pub mod pid;
 mod process;
 pub mod riccati;
+pub mod schedule;
 pub mod solver;
 
 pub use process::run;
@@ -47,22 +53,26 @@ mod fixture;
 #[cfg(test)]
 mod tests;
 
-use airframe::Actuation;
 use airframe::linear::{INPUTS, STATES};
+use airframe::{Actuation, angle};
 use contract::Scenario;
-use contract::message::{Controls, Reference, SolveStatus, State};
-use contract::scenario::{Fault, Law, ScenarioError};
+use contract::message::{Controls, Kinematics, Reference, SolveStatus, State};
+use contract::scenario::{Fault, Law, Model, ScenarioError};
 use contract::snapshot::{self, OptionalTick, Snapshot};
-use nalgebra::{DMatrix, DVector, Vector4};
+use nalgebra::{DMatrix, DVector, DVectorView, Vector4};
 
 use condensed::Condensed;
 use constrained::{Account, Constrained};
 use disturbance::DisturbanceLaw;
 use goal::Goal;
+use ltv::Ltv;
 use memory::{Memory, WarmStart, Whole};
 use model::PredictionModel;
 use pid::Pid;
+use schedule::Schedule;
 
+/// Where psi stands in state and reference: the one angle that comes round.
+const HEADING: usize = 3;
 /// Largest demand of a plan \[N, N m\]: the solvers compute near its fourth power, which is still finite.
 const MAX_PLAN: f64 = 1e50;
 
@@ -80,9 +90,43 @@ pub struct AttitudeMpc {
 
 /// The control law without limits of the actuators.
 enum UnconstrainedLaw {
-    /// `U = gain (x; r; d)`: the unconstrained plan, or the one move of the regulator.
+    /// `U = gain (x; r; d; v)`: the unconstrained plan, or the one move of the regulator.
     Gain(DMatrix<f64>),
+    /// One gain for each of several flight conditions.
+    Scheduled(Box<Schedule>),
+    /// The problem of this sample's own model.
+    Ltv(Box<Ltv>),
     Pid(Pid),
+}
+
+impl UnconstrainedLaw {
+    /// Takes in the sample that the model of this tick is for.
+    fn observe(&mut self, measured: &Kinematics) {
+        match self {
+            Self::Scheduled(schedule) => schedule.observe(measured),
+            Self::Ltv(ltv) => ltv.observe(measured),
+            Self::Gain(_) | Self::Pid(_) => {}
+        }
+    }
+
+    /// As [`PredictionModel::predict`] by the model of this tick, which is `hover` where there is no other.
+    fn predict(
+        &self,
+        hover: &PredictionModel,
+        x: &DVectorView<f64>,
+        u: &Vector4<f64>,
+        d: &Vector4<f64>,
+        next: &mut DVector<f64>,
+    ) {
+        match self {
+            Self::Gain(_) | Self::Pid(_) => hover.predict(x, u, d, next),
+            Self::Scheduled(schedule) => schedule.predict(x, u, d, next),
+            Self::Ltv(ltv) => {
+                next.fill(0.0);
+                ltv.flight.add_prediction(1.0, x, u, d, next);
+            }
+        }
+    }
 }
 
 /// Room for the numbers of one tick, so that a tick allocates nothing.
@@ -91,7 +135,7 @@ struct Work {
     x: DVector<f64>,
     /// The state predicted for this sample, then for the next, n.
     predicted: DVector<f64>,
-    /// `(x; r; d)`, n + 7 + 4.
+    /// `(x; r; d; v)`, n + 15.
     given: DVector<f64>,
     /// The unconstrained plan, 4Nu, or the one move of another law.
     unconstrained: DVector<f64>,
@@ -112,7 +156,13 @@ impl AttitudeMpc {
         let (unconstrained, constrained) = match weights.law {
             Law::Mpc => {
                 let Condensed { hessian, gain, course } = Condensed::new(&model, weights)?;
-                (UnconstrainedLaw::Gain(gain), Constrained::new(scenario, hessian, &course, model.trim.roll_rad))
+                let constrained = Constrained::new(scenario, hessian, &course, model.trim.roll_rad);
+                let law = match weights.model {
+                    Model::Hover => UnconstrainedLaw::Gain(gain),
+                    Model::Scheduled => UnconstrainedLaw::Scheduled(Box::new(Schedule::new(scenario)?)),
+                    Model::Ltv => UnconstrainedLaw::Ltv(Box::new(Ltv::new(scenario)?)),
+                };
+                (law, constrained)
             }
             Law::Lqr => (UnconstrainedLaw::Gain(condensed::regulator(&model, weights)?), None),
             Law::Pid => (UnconstrainedLaw::Pid(Pid::new(&scenario.airframe, scenario.sample_s())), None),
@@ -123,7 +173,7 @@ impl AttitudeMpc {
             work: Work {
                 x: DVector::zeros(states),
                 predicted: DVector::zeros(states),
-                given: DVector::zeros(states + STATES + INPUTS),
+                given: DVector::zeros(states + condensed::GIVEN),
                 unconstrained: DVector::zeros(moves),
                 plan: DVector::zeros(moves),
             },
@@ -167,9 +217,11 @@ impl AttitudeMpc {
 
         let actuation = self.model.actuate(&self.memory.actuation, &command, samples);
         self.model.observe(&state.measured, &actuation, &mut self.work.x);
+        self.unconstrained.observe(&state.measured);
         let disturbance = self.estimate(&command, samples);
         let mut integral = self.memory.integral;
-        self.optimise(&goal, &disturbance, &mut integral);
+        let unfollowed = self.model.inputs_of(&command) - self.memory.demand;
+        self.optimise(&goal, &disturbance, &unfollowed, &mut integral);
         if !self.work.unconstrained.iter().all(|u| u.abs() < MAX_PLAN) {
             return self.repeat(SolveStatus::BadInput); // finite, but so large that the plan overflowed, or a solver would
         }
@@ -222,8 +274,8 @@ impl AttitudeMpc {
             // The prediction is for one sample: a gap in the measurements leaves the estimate as it is.
             Some(law) if samples == 1 && self.memory.tick.get().is_some() => {
                 let u = self.model.inputs_of(command);
-                let x = self.memory.x.rows(0, self.model.states());
-                self.model.predict(&x, &u, &before, &mut self.work.predicted);
+                let x = DVectorView::from_slice(&self.memory.x.as_slice()[..self.model.states()], self.model.states());
+                self.unconstrained.predict(&self.model, &x, &u, &before, &mut self.work.predicted);
                 law.update(&before, &self.work.x, &self.work.predicted)
             }
             _ => before,
@@ -231,22 +283,34 @@ impl AttitudeMpc {
     }
 
     /// Finds the unconstrained plan from this sample, or from the next, when the demand of this tick will act.
-    fn optimise(&mut self, goal: &Goal, disturbance: &Vector4<f64>, integral: &mut Vector4<f64>) {
+    /// `unfollowed` is what the command in force gives less the demand published last.
+    fn optimise(
+        &mut self,
+        goal: &Goal,
+        disturbance: &Vector4<f64>,
+        unfollowed: &Vector4<f64>,
+        integral: &mut Vector4<f64>,
+    ) {
         let Work { x, predicted, given, unconstrained, .. } = &mut self.work;
         let n = self.model.states();
+        let attitude_rad = [x[1], x[2]]; // where guidance made the reference
         let start = if self.delay_compensation {
-            self.model.predict(x, &self.memory.demand, disturbance, predicted);
+            self.unconstrained.predict(&self.model, &x.as_view(), &self.memory.demand, disturbance, predicted);
             predicted
         } else {
             x
         };
-        let r = self.model.deviation(goal.w_mps, &goal.attitude_rad, &goal.rates_radps);
+        let mut r = self.model.deviation(goal.w_mps, &goal.attitude_rad, &goal.rates_radps);
+        r[HEADING] = angle::nearest(r[HEADING], start[HEADING]);
         given.rows_mut(0, n).copy_from(start);
         given.rows_mut(n, STATES).copy_from_slice(&r);
         given.rows_mut(n + STATES, INPUTS).copy_from(disturbance);
-        match &self.unconstrained {
+        given.rows_mut(n + STATES + INPUTS, INPUTS).copy_from(&self.memory.demand);
+        match &mut self.unconstrained {
             UnconstrainedLaw::Gain(gain) => unconstrained.gemv(1.0, gain, given, 0.0), // (5)
-            UnconstrainedLaw::Pid(pid) => unconstrained.copy_from(&pid.step(start, &r, integral)),
+            UnconstrainedLaw::Scheduled(schedule) => schedule.plan(given, &attitude_rad, unconstrained),
+            UnconstrainedLaw::Ltv(ltv) => ltv.plan(given, &attitude_rad, unconstrained),
+            UnconstrainedLaw::Pid(pid) => unconstrained.copy_from(&pid.step(start, &r, unfollowed, integral)),
         }
     }
 

@@ -8,6 +8,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::fixture::{self, Case};
 
+mod conditions;
 mod silence;
 
 /// A sample at hover trim.
@@ -50,6 +51,19 @@ fn each_reference_pushes_its_own_way() {
     for law in [Law::Mpc, Law::Lqr, Law::Pid] {
         check_directions(law);
     }
+}
+
+#[test]
+fn a_pid_whose_demand_is_not_followed_demands_less() {
+    let mut scenario = Scenario::from(Profile::Robust);
+    (scenario.mpc.law, scenario.mpc.constraints) = (Law::Pid, Constraints::None);
+    let mut mpc = AttitudeMpc::new(&scenario);
+    let mut yawing = |tick| {
+        let (state, reference) = violent_turn(&mpc, tick); // the command in force stays that of trim
+        mpc.step(tick, &state, &reference).demand[3]
+    };
+    let demands: Vec<f64> = (0..10).map(&mut yawing).collect();
+    assert!(demands[0] > 0.0 && demands.is_sorted_by(|before, after| before > after), "{demands:?}");
 }
 
 fn check_directions(law: Law) {
@@ -141,7 +155,7 @@ fn delay_compensation_plans_from_the_next_sample() {
         if let Some(x) = x {
             mpc.work.x.copy_from(x);
         }
-        mpc.optimise(&Goal::default().renewed(&reference), &Vector4::zeros(), &mut Vector4::zeros());
+        mpc.optimise(&Goal::default().renewed(&reference), &Vector4::zeros(), &Vector4::zeros(), &mut Vector4::zeros());
         let mut next = mpc.work.x.clone();
         mpc.model.predict(&mpc.work.x, &mpc.memory.demand, &Vector4::zeros(), &mut next);
         (mpc.work.unconstrained, next)
@@ -170,8 +184,9 @@ fn the_estimate_waits_for_two_samples_in_a_row() {
 /// A push on the vehicle \[N, N m, N m, N m\].
 const PUSH: [f64; 4] = [0.5, -0.02, 0.03, 0.01];
 
-/// Flies the controller's own model with a push it does not know, for ten seconds; the state it ends in.
-fn settle(disturbance_gain: f64) -> (DVector<f64>, Controls) {
+/// Flies the controller's own model with a push it does not know and this roll about trim as the reference \[rad\], for ten
+/// seconds; the state it ends in.
+fn settle(disturbance_gain: f64, roll_rad: f64) -> (DVector<f64>, Controls) {
     let mut scenario = Scenario::default();
     scenario.mpc.disturbance_gain = disturbance_gain;
     scenario.mpc.delay_compensation = false; // this vehicle obeys at once, behind its lag
@@ -181,6 +196,7 @@ fn settle(disturbance_gain: f64) -> (DVector<f64>, Controls) {
     let mut next = x.clone();
     let mut controls = Controls::default();
     let (mut state, mut reference) = hover(&mpc, 0);
+    reference.attitude_rad[0] += roll_rad;
     for tick in 0..1000 {
         (state.stamp.tick, reference.stamp.tick) = (tick, tick);
         state.measured.velocity_mps[2] = x[0];
@@ -201,14 +217,21 @@ fn settle(disturbance_gain: f64) -> (DVector<f64>, Controls) {
 
 #[test]
 fn a_constant_disturbance_leaves_no_offset() {
-    let (x, controls) = settle(0.1);
+    let (x, controls) = settle(0.1, 0.0);
     assert!(x.rows(0, STATES).amax() < 1e-9, "{x}");
     let push = Vector4::from(PUSH);
     assert!((Vector4::from(controls.disturbance) - push).amax() < 1e-9);
     assert!((Vector4::from(controls.demand) + push).amax() < 1e-9);
-    let (offset, without) = settle(0.0);
+    let (offset, without) = settle(0.0, 0.0);
     assert!(offset[0] > 0.01, "a force down makes it sink");
     assert_eq!(Vector4::from(without.disturbance), Vector4::zeros());
+}
+
+#[test]
+fn a_roll_away_from_trim_leaves_no_offset() {
+    let (mut x, _) = settle(0.1, 0.3);
+    x[1] -= 0.3;
+    assert!(x.rows(0, STATES).amax() < 1e-9, "{x}");
 }
 
 proptest! {

@@ -4,7 +4,7 @@ use airframe::Trim;
 use attitude_mpc::AttitudeMpc;
 use contract::Scenario;
 use contract::message::{Controls, Reference, SolveStatus, Stamp, State};
-use contract::scenario::{Constraints, Fault, FaultKind, FaultTarget, Profile, Solver, StateConstraints};
+use contract::scenario::{Constraints, Fault, FaultKind, FaultTarget, Model, Profile, Solver, StateConstraints};
 
 /// Steps once with a heading error; the answer, and how often it allocated.
 fn step(mpc: &mut AttitudeMpc, scenario: &Scenario, heading_rad: f64) -> (Controls, u64) {
@@ -37,6 +37,24 @@ fn the_explicit_path_allocates_nothing() {
         }
         let (controls, allocations) = step(&mut mpc, &scenario, f64::NAN);
         assert_eq!((controls.status, allocations), (SolveStatus::BadInput as u64, 0));
+    }
+}
+
+#[test]
+fn no_model_allocates() {
+    for model in [Model::Scheduled, Model::Ltv] {
+        for profile in [Profile::Paper, Profile::Robust] {
+            let mut scenario = Scenario::from(profile);
+            scenario.mpc.model = model;
+            scenario.mpc.disturbance_gain = 0.1;
+            let mut mpc = AttitudeMpc::new(&scenario);
+            for _ in 0..3 {
+                let (controls, allocations) = step(&mut mpc, &scenario, 0.01);
+                assert_eq!((controls.status, allocations), (SolveStatus::Explicit as u64, 0), "{model:?} {profile:?}");
+            }
+            let (controls, allocations) = step(&mut mpc, &scenario, f64::NAN);
+            assert_eq!((controls.status, allocations), (SolveStatus::BadInput as u64, 0), "{model:?}");
+        }
     }
 }
 

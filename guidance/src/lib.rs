@@ -3,6 +3,7 @@
 //! | module | holds | paper |
 //! |---|---|---|
 //! | [`trajectory`] | where to be at time t | figure 5 |
+//! | [`heading`] | where to point the nose at time t | |
 //! | [`pid`] | position error to angles and climb | (45)-(47) |
 //! | [`observer`] | outer disturbance observer | |
 //! | [`rates`] | references of the body rates | |
@@ -22,6 +23,7 @@
 //! one by small steps ([`reentry`]). A state of a vehicle whose thrust is cut is no more usable than none: no reference
 //! moves it, and neither integrators nor observer have anything to learn.
 
+pub mod heading;
 pub mod memory;
 pub mod observer;
 pub mod pid;
@@ -30,13 +32,14 @@ pub mod rates;
 pub mod reentry;
 pub mod trajectory;
 
-use airframe::Trim;
+use airframe::{Trim, angle};
 use contract::Scenario;
 use contract::message::{Reference, State, guidance_flags};
 use contract::scenario::{Derivative, Guidance as Settings, RateReference, RollReference};
 use contract::snapshot::{self, OptionalTick, Snapshot};
 use nalgebra::{Rotation3, Vector2, Vector3};
 
+use heading::HeadingCommand;
 use memory::Memory;
 use observer::{Observer, to_heading_frame};
 pub use process::run;
@@ -50,6 +53,7 @@ pub struct Guidance {
     /// Sample time \[s\].
     sample_s: f64,
     trajectory: Trajectory,
+    heading: HeadingCommand,
     roll_trim_rad: f64,
     g_mps2: f64,
     memory: Memory,
@@ -68,16 +72,18 @@ impl Guidance {
     /// The controller of `scenario`, at rest.
     pub fn new(scenario: &Scenario) -> Self {
         let trajectory = Trajectory::new(&scenario.mission);
+        let heading = HeadingCommand::new(scenario);
         let roll_trim_rad = Trim::solve(&scenario.airframe, scenario.mixer.tilt_reaction).roll_rad;
         let hover = Reference {
             position_m: trajectory.at(0.0).position_m,
-            attitude_rad: [roll_trim_rad, 0.0, trajectory.heading_rad(0.0)],
+            attitude_rad: [roll_trim_rad, 0.0, heading.at(0.0)],
             ..Reference::default()
         };
         Self {
             settings: scenario.guidance.clone(),
             sample_s: scenario.sample_s(),
             trajectory,
+            heading,
             roll_trim_rad,
             g_mps2: scenario.airframe.g_mps2,
             memory: Memory { reference: hover, ..Memory::default() },
@@ -141,7 +147,7 @@ impl Guidance {
         }
         let lapse = Lapse { elapsed_s, counted_s: if counts { elapsed_s } else { self.sample_s } };
         let setpoint = self.trajectory.at(t_s);
-        let heading_rad = self.trajectory.heading_rad(t_s);
+        let heading_rad = self.heading.at(t_s);
         let attitude = Vector3::from(state.measured.attitude_rad);
         let [phi, theta, psi] = state.measured.attitude_rad;
         let velocity_ned = Rotation3::from_euler_angles(phi, theta, psi) * Vector3::from(state.measured.velocity_mps);
@@ -161,13 +167,14 @@ impl Guidance {
         if self.settings.velocity_feedforward {
             climb_mps += setpoint.velocity_mps[2];
         }
-        let w_mps = if self.settings.exact_w { pid::exact_w(climb_mps, state) } else { climb_mps };
 
         let mut flags = if integral_clamped { guidance_flags::INTEGRAL_CLAMPED } else { 0 };
         let limits = self.limits(state.stamp.tick);
         let phi_ref = limit(angles.x, limits.angle_rad, guidance_flags::ROLL_LIMITED, &mut flags);
         let theta_ref = limit(angles.y, limits.angle_rad, guidance_flags::PITCH_LIMITED, &mut flags);
-        let w_mps = limit(w_mps, limits.w_mps, guidance_flags::W_LIMITED, &mut flags);
+        let climb_mps = limit(climb_mps, limits.climb_mps, guidance_flags::W_LIMITED, &mut flags);
+        let w_mps = if self.settings.exact_w { pid::exact_w(climb_mps, state) } else { climb_mps };
+        let w_mps = limit(w_mps, self.settings.w_limit_mps, guidance_flags::W_LIMITED, &mut flags);
         let roll_zero = match self.settings.roll_reference {
             RollReference::Trim => self.roll_trim_rad,
             RollReference::Absolute => 0.0,
@@ -220,16 +227,17 @@ impl Guidance {
 
     /// What the reference of `tick` may be.
     fn limits(&self, tick: u64) -> Limits {
-        let Settings { angle_limit_deg, w_limit_mps, .. } = self.settings;
+        let Settings { angle_limit_deg, climb_limit_mps, .. } = self.settings;
         let since_s = self.memory.back.get().map(|back| tick.saturating_sub(back) as f64 * self.sample_s);
-        Limits { angle_rad: angle_limit_deg.to_radians(), w_mps: w_limit_mps }.after_silence(since_s)
+        Limits { angle_rad: angle_limit_deg.to_radians(), climb_mps: climb_limit_mps }.after_silence(since_s)
     }
 
     fn rates(&self, wanted: &Vector3<f64>, measured: &Vector3<f64>, elapsed_s: f64) -> Vector3<f64> {
         match self.settings.rate_reference {
             RateReference::Difference if elapsed_s > 0.0 => {
-                let before = Vector3::from(self.memory.reference.attitude_rad);
-                rates::body_rates(&((wanted - before) / elapsed_s), measured)
+                let mut change = wanted - Vector3::from(self.memory.reference.attitude_rad);
+                change.z = angle::wrapped(change.z);
+                rates::body_rates(&(change / elapsed_s), measured)
             }
             RateReference::Difference | RateReference::Zero => Vector3::zeros(),
         }

@@ -33,10 +33,13 @@ pub fn wanted(k: &Settings, [e, i, d]: &[Vector3<f64>; 3]) -> Wanted {
     }
 }
 
-/// Body z velocity at which the vertical speed is `climb_mps`, at the measured attitude and velocity \[m/s\].
+/// Body z velocity at which the vertical speed is `climb_mps`, at the measured attitude and velocity \[m/s\]; no larger
+/// than the measured speed and that climb together, which keeps it finite where the body z axis is horizontal.
 pub fn exact_w(climb_mps: f64, state: &State) -> f64 {
-    let [u, v, _] = state.measured.velocity_mps;
+    let [u, v, w] = state.measured.velocity_mps;
     let (sin_phi, cos_phi) = state.measured.attitude_rad[0].sin_cos();
     let (sin_theta, cos_theta) = state.measured.attitude_rad[1].sin_cos();
-    (climb_mps + u * sin_theta - v * sin_phi * cos_theta) / (cos_phi * cos_theta)
+    let exact = (climb_mps + u * sin_theta - v * sin_phi * cos_theta) / (cos_phi * cos_theta);
+    let most = (u * u + v * v + w * w).sqrt() + climb_mps.abs();
+    exact.clamp(-most, most)
 }

@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! |angles| <= 15 deg + 5 deg/s t        about trim, t since the first state after a silence of more than 100 ms,
-//! |w|      <= 1 m/s  + 1 m/s2  t        for 3 s; the settings' own limits hold all the while
+//! |climb|  <= 1 m/s  + 1 m/s2  t        for 3 s; the settings' own limits hold all the while
 //! ```
 //!
 //! After a silence the vehicle falls, turns and tilts, and its rotors are near their limits: what they spend on a distant
@@ -17,18 +17,18 @@ const REENTRY_S: f64 = 3.0;
 const MAX_ANGLE_DEG: f64 = 15.0;
 /// How fast that grows \[deg/s\].
 const MAX_ANGLE_DPS: f64 = 5.0;
-/// Largest w at its beginning \[m/s\].
-const MAX_W_MPS: f64 = 1.0;
+/// Largest climb at its beginning \[m/s\].
+const MAX_CLIMB_MPS: f64 = 1.0;
 /// How fast that grows \[m/s2\].
-const MAX_W_MPS2: f64 = 1.0;
+const MAX_CLIMB_MPS2: f64 = 1.0;
 
 /// What a reference may be.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
     /// Angles about trim \[rad\].
     pub angle_rad: f64,
-    /// w \[m/s\].
-    pub w_mps: f64,
+    /// Climb, up or down \[m/s\].
+    pub climb_mps: f64,
 }
 
 impl Limits {
@@ -38,7 +38,7 @@ impl Limits {
         let Some(t) = since_s.filter(|since_s| *since_s < REENTRY_S) else { return self };
         Self {
             angle_rad: self.angle_rad.min((MAX_ANGLE_DEG + MAX_ANGLE_DPS * t).to_radians()),
-            w_mps: self.w_mps.min(MAX_W_MPS + MAX_W_MPS2 * t),
+            climb_mps: self.climb_mps.min(MAX_CLIMB_MPS + MAX_CLIMB_MPS2 * t),
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Direction before magnitude, then limits, then the independent simulator.
 
 use contract::message::{Kinematics, Stamp, State, guidance_flags};
-use contract::scenario::{Heading, Profile, Ramp, RampName, TrajectoryKind};
+use contract::scenario::{Profile, Ramp, RampName, TrajectoryKind};
 use contract::{Scenario, message::Reference};
 use proptest::prelude::*;
 
@@ -171,12 +171,18 @@ fn exact_w_makes_the_wanted_climb() {
 }
 
 #[test]
-fn headings_step() {
+fn the_limit_of_climb_leaves_w_free_to_keep_the_altitude_at_speed() {
+    let mut state = hovering(0);
+    state.measured.attitude_rad = [roll_trim(), -0.4, 0.0];
+    let level_mps = nalgebra::Rotation3::from_euler_angles(roll_trim(), -0.4, 0.0)
+        .inverse_transform_vector(&nalgebra::Vector3::new(12.0, 0.0, 0.0));
+    state.measured.velocity_mps = level_mps.into();
     let mut s = scenario(Profile::Robust, TrajectoryKind::Hover);
-    s.mission.heading_deg = Heading::Steps(vec![(1.0, 90.0), (2.0, 180.0)]);
-    let trajectory = Trajectory::new(&s.mission);
-    let degrees = [0.0, 0.99, 1.0, 1.99, 2.0, 60.0].map(|t| trajectory.heading_rad(t).to_degrees());
-    assert_eq!(degrees, [0.0, 0.0, 90.0, 90.0, 180.0, 180.0]);
+    s.guidance.velocity_feedforward = false;
+    s.guidance.kd_w = 0.0;
+    let answer = Guidance::new(&s).step(0, &state);
+    assert!(level_mps.z < -4.5 && (answer.w_mps - level_mps.z).abs() < 1e-9, "{} for {}", answer.w_mps, level_mps.z);
+    assert_eq!(answer.flags & guidance_flags::W_LIMITED, 0);
 }
 
 #[test]
@@ -299,7 +305,8 @@ proptest! {
         let answer = Guidance::new(&scenario(Profile::Robust, TrajectoryKind::Survey)).step(state.stamp.tick, &state);
         let limit = 30_f64.to_radians() + 1e-12;
         prop_assert!((answer.attitude_rad[0] - roll_trim()).abs() <= limit && answer.attitude_rad[1].abs() <= limit);
-        prop_assert!(answer.w_mps.abs() <= 4.0);
+        let speed_mps = nalgebra::Vector3::from(velocity).norm();
+        prop_assert!(answer.w_mps.abs() <= speed_mps + 4.0 + 1e-9, "no component is larger than the whole");
         prop_assert!(answer.rates_radps.iter().all(|r| r.is_finite()));
     }
 }

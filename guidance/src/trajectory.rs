@@ -8,7 +8,7 @@
 //! | ta | trapezoid of velocity: ramps of ta, cruise at 1 / (T - ta) |
 //! | `"min-jerk"` | 10 x^3 - 15 x^4 + 6 x^5 with x = t / T (Flash and Hogan, 1985) |
 
-use contract::scenario::{Heading, Mission, Ramp, TrajectoryKind};
+use contract::scenario::{Mission, Ramp, TrajectoryKind};
 use nalgebra::Vector3;
 
 /// The surveillance square: up 8 m, around, down.
@@ -41,10 +41,7 @@ pub struct Setpoint {
 
 /// A mission's reference over time.
 #[derive(Debug, Clone)]
-pub struct Trajectory {
-    path: Path,
-    heading: Vec<(f64, f64)>,
-}
+pub struct Trajectory(Path);
 
 #[derive(Debug, Clone)]
 enum Path {
@@ -60,34 +57,24 @@ impl Trajectory {
             waypoints: times.zip(points.iter().map(|p| Vector3::from(*p))).collect(),
             ramp: mission.ramp_s,
         };
-        let path = match mission.trajectory {
+        Self(match mission.trajectory {
             TrajectoryKind::Survey => legs(&SURVEY_M, &mut (0..).map(|i| f64::from(i) * SURVEY_LEG_S)),
             TrajectoryKind::Waypoints => legs(&mission.waypoints_m, &mut mission.times_s.iter().copied()),
             TrajectoryKind::Hover => Path::Step { to: [0.0; 3], at_s: 0.0 },
             TrajectoryKind::Step => Path::Step { to: mission.step_m, at_s: mission.step_at_s },
             TrajectoryKind::Circle => Path::Circle,
-        };
-        let heading = match &mission.heading_deg {
-            Heading::Constant(deg) => vec![(0.0, deg.to_radians())],
-            Heading::Steps(steps) => steps.iter().map(|(from_s, deg)| (*from_s, deg.to_radians())).collect(),
-        };
-        Self { path, heading }
+        })
     }
 
     /// The reference at `t_s`; before the first waypoint and after the last it stays there.
     pub fn at(&self, t_s: f64) -> Setpoint {
-        match &self.path {
+        match &self.0 {
             Path::Legs { waypoints, ramp } => along(waypoints, *ramp, t_s),
             Path::Step { to, at_s } => {
                 Setpoint { position_m: if t_s >= *at_s { *to } else { [0.0; 3] }, ..Setpoint::default() }
             }
             Path::Circle => circle(t_s),
         }
-    }
-
-    /// The heading reference at `t_s` \[rad\]; zero before the first step.
-    pub fn heading_rad(&self, t_s: f64) -> f64 {
-        self.heading.iter().rev().find(|(from_s, _)| *from_s <= t_s).map_or(0.0, |(_, heading)| *heading)
     }
 }
 

@@ -6,8 +6,9 @@ use contract::message::{Actuators, Controls, Kinematics, Stamp, State, mixer_fla
 use contract::scenario::Profile;
 use mixer::Mixer;
 use nalgebra::Vector3;
-use plant::dynamics::{self, Condition, Dynamics, StateVector, Surroundings};
+use plant::dynamics::{self, Dynamics, StateVector, Surroundings};
 use plant::integrator;
+use plant::rotors::Condition;
 
 /// A vehicle that only the mixer flies.
 struct Flight {

@@ -2,15 +2,9 @@
 //!
 //! ```text
 //! [Xb Yb Zb]' = Cbn [X Y Z]'                                      (7)
-//! phi'   = p + (q sin phi + r cos phi) tan theta                  (8)
-//! theta' = q cos phi - r sin phi
-//! psi'   = (q sin phi + r cos phi) / cos theta
-//! u' =  r v - q w - g sin theta           + Fx / m                (9)
-//! v' = -r u + p w + g cos theta sin phi   + Fy / m                (10)
-//! w' =  q u - p v + g cos theta cos phi   + Fz / m                (11)
-//! p' = (Iyy - Izz) / Ixx q r + Mx / Ixx                           (12)
-//! q' = (Izz - Ixx) / Iyy p r + My / Iyy                           (13)
-//! r' = (Ixx - Iyy) / Izz p q + Mz / Izz                           (14)
+//! e'     = 1/2 e (0, p, q, r)                                     (8)
+//! [u v w]' = -[p q r] x [u v w] + Cbn [0 0 g] + F / m             (9)-(11)
+//! J [p q r]' = M - [p q r] x (J [p q r] + h)                      (12)-(14)
 //! Fi = KF Omega_i^2                                               (15)
 //! Mi = KM Omega_i^2                                               (16)
 //! Fx = 0                                                          (17)
@@ -21,23 +15,32 @@
 //! Mz =  l1 F1 sin mu - M1 cos mu + M2 - M3                        (22)
 //! ```
 //!
+//! Departure: the attitude is the unit quaternion `e` that turns body vectors into NED ones, where (8) has Euler angles,
+//! which are singular at 90 degrees of pitch. Test `a_loop_passes_through_90_degrees_of_pitch`. Euler angles stand in
+//! messages only.
+//!
 //! Departure: two slips of the print are mended. The second row of the direction cosine matrix in (7) ends in
 //! `cos phi sin psi, -sin phi cos theta`, which is no rotation and contradicts the gravity in (10); it must be
 //! `cos phi cos psi, sin phi cos theta`. And (14) has `Iyy - Ixx`, with which a free tumble gains energy.
 //! Tests `gravity_is_the_third_column_of_the_rotation`, `a_free_tumble_keeps_energy_and_angular_momentum`.
 //!
 //! Departure: what the paper neglects can be switched on: drag in moving air, a disturbance, the pitching moment
-//! `M1 sin mu` of the tilted rotor, a loss of thrust and torque. All are off unless the scenario says otherwise.
-//! Test `val_plant_cases`, and one test of direction for each. What a fault does to the vehicle enters here too, as its
-//! [`Condition`] and as payload.
+//! `M1 sin mu` of the tilted rotor, a loss of thrust and torque, products of inertia and a centre of mass off the origin of
+//! the arms, the rotors' angular momentum `h`, and what moving air does to them ([`Rotors`](crate::rotors)). All are off unless
+//! the scenario says otherwise. Test `val_plant_cases`, and one test of direction for each. What a fault does to the
+//! vehicle enters here too, as its [`Condition`] and as payload.
 
-use airframe::{Actuation, ActuatorLaw, Parameters};
+use airframe::{Actuation, ActuatorLaw};
 use contract::Scenario;
 use contract::message::Kinematics;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
-/// X Y Z \[m\], u v w \[m/s\], phi theta psi \[rad\], p q r \[rad/s\], `Omega_1..3` \[rotor speed unit\], mu \[rad\].
-pub type StateVector = [f64; 16];
+use crate::ground::{Ground, Motion};
+use crate::rotors::{Condition, Rotors};
+
+/// X Y Z \[m\], u v w \[m/s\], attitude quaternion (i, j, k, scalar), p q r \[rad/s\], `Omega_1..3` \[rotor speed unit\],
+/// mu \[rad\].
+pub type StateVector = [f64; 17];
 
 /// What acts on the vehicle from outside at one instant.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -52,41 +55,38 @@ pub struct Surroundings {
     pub payload_kg: f64,
 }
 
-/// How the actuators are at one instant; by default sound.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Condition {
-    /// Factor on thrust and torque of each rotor, beside the scenario's.
-    pub effectiveness: [f64; 3],
-    /// Time constants of rotor 1, 2, 3 and the tilt where a fault prolongs them \[s\].
-    pub slow_s: [Option<f64>; 4],
-}
-
-impl Default for Condition {
-    fn default() -> Self {
-        Self { effectiveness: [1.0; 3], slow_s: [None; 4] }
-    }
-}
-
 /// The vehicle as it really is.
 #[derive(Debug, Clone)]
 pub struct Dynamics {
-    vehicle: Parameters,
+    g_mps2: f64,
+    mass_kg: f64,
+    /// J \[kg m2\], and its inverse.
+    inertia: Matrix3<f64>,
+    inverse_inertia: Matrix3<f64>,
+    rotors: Rotors,
+    ground: Option<Ground>,
     law: ActuatorLaw,
-    effectiveness: [f64; 3],
-    tilt_reaction: bool,
     drag_linear_nspm: Vector3<f64>,
     drag_quadratic_ns2pm2: f64,
 }
 
 impl Dynamics {
     /// The vehicle of `scenario`.
+    ///
+    /// # Panics
+    /// When the inertia has no inverse, which the scenario's check refuses.
     pub fn new(scenario: &Scenario) -> Self {
         let plant = &scenario.plant;
+        let vehicle = scenario.flown_airframe();
+        let inertia = Matrix3::from(scenario.flown_inertia_kgm2());
         Self {
-            vehicle: scenario.airframe,
+            g_mps2: vehicle.g_mps2,
+            mass_kg: vehicle.mass_kg,
+            inertia,
+            inverse_inertia: inertia.try_inverse().expect("a checked inertia has an inverse"),
+            rotors: Rotors::new(scenario),
+            ground: Ground::new(scenario),
             law: scenario.actuator_law(),
-            effectiveness: plant.rotor_effectiveness,
-            tilt_reaction: plant.tilt_reaction,
             drag_linear_nspm: plant.drag_linear_nspm.into(),
             drag_quadratic_ns2pm2: plant.drag_quadratic_ns2pm2,
         }
@@ -97,6 +97,17 @@ impl Dynamics {
         self.law.limits.clip(command)
     }
 
+    /// Whether the vehicle at `x` stands on the ground.
+    pub fn stands(&self, x: &StateVector) -> bool {
+        self.ground.as_ref().is_some_and(|ground| ground.carries(&motion(x)))
+    }
+
+    /// Whether the vehicle breaks on the ground at `x`, one step after `before`.
+    pub fn breaks(&self, before: &StateVector, x: &StateVector) -> bool {
+        let breaks = |ground: &Ground| ground.breaks(&motion(x), !self.stands(before) && self.stands(x));
+        self.ground.as_ref().is_some_and(breaks)
+    }
+
     /// Rate of change of `x`, per second, under an already clipped `command`.
     pub fn derivative(
         &self,
@@ -105,63 +116,46 @@ impl Dynamics {
         condition: &Condition,
         outside: &Surroundings,
     ) -> StateVector {
-        let Parameters { g_mps2: g, ixx_kgm2: ixx, iyy_kgm2: iyy, izz_kgm2: izz, .. } = self.vehicle;
-        let m = self.vehicle.mass_kg + outside.payload_kg;
-        let [_, _, _, u, v, w, phi, theta, psi, p, q, r, ..] = *x;
-        let (sin_phi, cos_phi) = phi.sin_cos();
-        let (sin_theta, cos_theta) = theta.sin_cos();
-        let cbn = direction_cosines((sin_phi, cos_phi), (sin_theta, cos_theta), psi.sin_cos());
-
+        let velocity = Vector3::new(x[3], x[4], x[5]);
+        let attitude = Quaternion::new(x[9], x[6], x[7], x[8]);
+        let rates = Vector3::new(x[10], x[11], x[12]);
+        let cnb = rotation(&attitude);
         let actuators = actuation(x);
-        let (thrust, torque) = self.rotors(&actuators, condition);
-        let air_velocity = Vector3::new(u, v, w) - cbn * outside.wind_mps;
-        let [fx, fy, fz]: [f64; 3] = (thrust + self.drag(&air_velocity) + cbn * outside.force_n).into();
-        let [mx, my, mz]: [f64; 3] = (torque + outside.moment_nm).into();
+        let speeds = self.actuator_rates(&actuators, command, condition);
 
-        let [dx, dy, dz]: [f64; 3] = cbn.tr_mul(&Vector3::new(u, v, w)).into(); // (7)
-        let turn = (q * sin_phi + r * cos_phi) / cos_theta;
-        let dphi = p + turn * sin_theta; // (8)
-        let dtheta = q * cos_phi - r * sin_phi; // (8)
-        let dpsi = turn; // (8)
-        let du = r * v - q * w - g * sin_theta + fx / m; // (9)
-        let dv = -r * u + p * w + g * cos_theta * sin_phi + fy / m; // (10)
-        let dw = q * u - p * v + g * cos_theta * cos_phi + fz / m; // (11)
-        let dp = ((iyy - izz) * q * r + mx) / ixx; // (12)
-        let dq = ((izz - ixx) * p * r + my) / iyy; // (13)
-        let dr = ((ixx - iyy) * p * q + mz) / izz; // (14)
-        let [do1, do2, do3, dmu] = self.actuator_rates(&actuators, command, condition);
-        [dx, dy, dz, du, dv, dw, dphi, dtheta, dpsi, dp, dq, dr, do1, do2, do3, dmu]
-    }
+        let air = velocity - cnb.tr_mul(&outside.wind_mps);
+        let thrust = self.rotors.thrust(&actuators, condition, &air);
+        let momentum = self.rotors.momentum(&actuators, &speeds);
+        let mut force = thrust.force_n + self.drag(&air) + cnb.tr_mul(&outside.force_n);
+        let mut moment = thrust.moment_nm + outside.moment_nm - momentum.rate;
+        if let Some(ground) = &self.ground {
+            let (ground_n, ground_nm) = ground.push(&motion(x));
+            force += ground_n;
+            moment += ground_nm;
+        }
+        let mass_kg = self.mass_kg + outside.payload_kg;
 
-    /// Force \[N\] and moment \[N m\] of the three rotors, body frame.
-    fn rotors(&self, actuators: &Actuation, condition: &Condition) -> (Vector3<f64>, Vector3<f64>) {
-        let Parameters { l1_m: l1, l2_m: l2, l3_m: l3, kf, km, .. } = self.vehicle;
-        let (sin_mu, cos_mu) = actuators.tilt_rad.sin_cos();
-        let effectiveness = |i: usize| self.effectiveness[i] * condition.effectiveness[i];
-        let square = |i: usize| effectiveness(i) * actuators.rotor_speed[i] * actuators.rotor_speed[i];
-        let [f1, f2, f3] = [kf * square(0), kf * square(1), kf * square(2)]; // (15)
-        let [m1, m2, m3] = [km * square(0), km * square(1), km * square(2)]; // (16)
-        let reaction = if self.tilt_reaction { m1 * sin_mu } else { 0.0 };
-
-        let fx = 0.0; // (17)
-        let fy = f1 * sin_mu; // (18)
-        let fz = -(f1 * cos_mu + f2 + f3); // (19)
-        let mx = -l3 * (f2 - f3); // (20)
-        let my = -l2 * (f2 + f3) + l1 * f1 * cos_mu + reaction; // (21)
-        let mz = l1 * f1 * sin_mu - m1 * cos_mu + m2 - m3; // (22)
-        (Vector3::new(fx, fy, fz), Vector3::new(mx, my, mz))
+        let way = cnb * velocity; // (7)
+        let turn = attitude * Quaternion::from_imag(rates * 0.5); // (8)
+        let gravity = cnb.row(2).transpose() * self.g_mps2;
+        let faster = velocity.cross(&rates) + gravity + force / mass_kg; // (9)-(11)
+        let spin = self.inertia * rates + momentum.own;
+        let quicker = self.inverse_inertia * (moment + spin.cross(&rates)); // (12)-(14)
+        let Actuation { rotor_speed: [do1, do2, do3], tilt_rad: dmu } = speeds;
+        let [[dx, dy, dz], [du, dv, dw], [dp, dq, dr]]: [[f64; 3]; 3] = [way.into(), faster.into(), quicker.into()];
+        [dx, dy, dz, du, dv, dw, turn.i, turn.j, turn.k, turn.w, dp, dq, dr, do1, do2, do3, dmu]
     }
 
     /// Rates of change of `Omega_1..3` and mu, per second.
-    fn actuator_rates(&self, position: &Actuation, command: &Actuation, condition: &Condition) -> [f64; 4] {
-        let rates = |law: &ActuatorLaw| {
-            let Actuation { rotor_speed: [o1, o2, o3], tilt_rad } = law.rate(position, command);
-            [o1, o2, o3, tilt_rad]
-        };
-        let mut all = rates(&self.law);
+    fn actuator_rates(&self, position: &Actuation, command: &Actuation, condition: &Condition) -> Actuation {
+        let mut all = self.law.rate(position, command);
         for (i, slow_s) in condition.slow_s.iter().enumerate() {
             if let Some(lag_s) = *slow_s {
-                all[i] = rates(&ActuatorLaw { rotor_lag_s: lag_s, servo_lag_s: lag_s, ..self.law })[i];
+                let slow = ActuatorLaw { rotor_lag_s: lag_s, servo_lag_s: lag_s, ..self.law }.rate(position, command);
+                match all.rotor_speed.get_mut(i) {
+                    Some(rotor) => *rotor = slow.rotor_speed[i],
+                    None => all.tilt_rad = slow.tilt_rad,
+                }
             }
         }
         all
@@ -176,42 +170,63 @@ impl Dynamics {
 
 /// A state vector from its two halves.
 pub fn assemble(motion: &Kinematics, actuators: &Actuation) -> StateVector {
-    let Kinematics { position_m, velocity_mps, attitude_rad, rates_radps } = motion;
-    let mut x = [0.0; 16];
+    let Kinematics { position_m, velocity_mps, attitude_rad: [roll, pitch, yaw], rates_radps } = motion;
+    let attitude = UnitQuaternion::from_euler_angles(*roll, *pitch, *yaw);
+    let mut x = [0.0; 17];
     x[0..3].copy_from_slice(position_m);
     x[3..6].copy_from_slice(velocity_mps);
-    x[6..9].copy_from_slice(attitude_rad);
-    x[9..12].copy_from_slice(rates_radps);
-    x[12..15].copy_from_slice(&actuators.rotor_speed);
-    x[15] = actuators.tilt_rad;
+    x[6..10].copy_from_slice(attitude.coords.as_slice());
+    x[10..13].copy_from_slice(rates_radps);
+    x[13..16].copy_from_slice(&actuators.rotor_speed);
+    x[16] = actuators.tilt_rad;
     x
 }
 
-/// The motion in a state vector.
+fn motion(x: &StateVector) -> Motion {
+    Motion {
+        down_m: x[2],
+        velocity_mps: Vector3::new(x[3], x[4], x[5]),
+        rates_radps: Vector3::new(x[10], x[11], x[12]),
+        cnb: rotation(&Quaternion::new(x[9], x[6], x[7], x[8])),
+    }
+}
+
+/// The motion in a state vector; its Euler angles are within half a turn, the pitch within a quarter.
 pub fn kinematics(x: &StateVector) -> Kinematics {
+    let cnb = rotation(&Quaternion::new(x[9], x[6], x[7], x[8]));
+    let pitch = (-cnb[(2, 0)]).clamp(-1.0, 1.0).asin();
+    let roll = cnb[(2, 1)].atan2(cnb[(2, 2)]);
+    let yaw = cnb[(1, 0)].atan2(cnb[(0, 0)]);
     Kinematics {
         position_m: [x[0], x[1], x[2]],
         velocity_mps: [x[3], x[4], x[5]],
-        attitude_rad: [x[6], x[7], x[8]],
-        rates_radps: [x[9], x[10], x[11]],
+        attitude_rad: [roll, pitch, yaw],
+        rates_radps: [x[10], x[11], x[12]],
     }
 }
 
 /// The actuator positions in a state vector.
 pub fn actuation(x: &StateVector) -> Actuation {
-    Actuation { rotor_speed: [x[12], x[13], x[14]], tilt_rad: x[15] }
+    Actuation { rotor_speed: [x[13], x[14], x[15]], tilt_rad: x[16] }
 }
 
-/// `Cbn` of (7), from navigation to body frame, out of (sin, cos) of roll, pitch and yaw.
-fn direction_cosines(roll: (f64, f64), pitch: (f64, f64), yaw: (f64, f64)) -> Matrix3<f64> {
-    let ((s_phi, c_phi), (s_theta, c_theta), (s_psi, c_psi)) = (roll, pitch, yaw);
+/// `x` with its quaternion of length one: integration changes that by rounding and by its own error.
+pub fn normalised(mut x: StateVector) -> StateVector {
+    let length = (x[6] * x[6] + x[7] * x[7] + x[8] * x[8] + x[9] * x[9]).sqrt();
+    x[6..10].iter_mut().for_each(|part| *part /= length);
+    x
+}
+
+/// The transpose of `Cbn` of (7): from body to navigation frame.
+fn rotation(attitude: &Quaternion<f64>) -> Matrix3<f64> {
+    let (i, j, k, s) = (attitude.i, attitude.j, attitude.k, attitude.w);
     #[rustfmt::skip]
-    let cbn = Matrix3::new(
-        c_theta * c_psi,                         c_theta * s_psi,                         -s_theta,
-        s_phi * s_theta * c_psi - c_phi * s_psi, s_phi * s_theta * s_psi + c_phi * c_psi, s_phi * c_theta,
-        c_phi * s_theta * c_psi + s_phi * s_psi, c_phi * s_theta * s_psi - s_phi * c_psi, c_phi * c_theta,
+    let cnb = Matrix3::new(
+        1.0 - 2.0 * (j * j + k * k), 2.0 * (i * j - s * k),       2.0 * (i * k + s * j),
+        2.0 * (i * j + s * k),       1.0 - 2.0 * (i * i + k * k), 2.0 * (j * k - s * i),
+        2.0 * (i * k - s * j),       2.0 * (j * k + s * i),       1.0 - 2.0 * (i * i + j * j),
     );
-    cbn
+    cnb
 }
 
 #[cfg(test)]

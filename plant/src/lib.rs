@@ -3,10 +3,15 @@
 //! | module | holds | paper |
 //! |---|---|---|
 //! | [`dynamics`] | forces, moments, equations of motion | (7)-(22) |
+//! | [`rotors`] | thrust, torque and angular momentum of the rotors | (15)-(22) |
+//! | [`battery`] | its voltage, and what a command becomes under it | |
+//! | [`ground`] | what carries the feet; landed or crashed | |
 //! | [`integrator`] | one Runge-Kutta step | |
 //! | [`commands`] | delay, jitter and loss between mixer and actuators; the cut when none comes | |
 //! | [`schedule`] | wind and disturbance as steps in time | |
-//! | [`sensors`] | measurement noise | |
+//! | [`turbulence`] | gusts without end, and the mean wind over the height | |
+//! | [`sensors`] | what is measured: errors, rates, latencies | |
+//! | [`filter`] | the complementary filter behind the sensors | |
 //! | [`faults`] | faults of sensors, actuators, air and payload | |
 //! | [`random`] | the random streams | |
 //!
@@ -16,42 +21,54 @@
 //!    t_k                                                                                        t_k+1
 //! ```
 //!
-//! The state is the paper's: Euler angles, with their singularity at 90 degrees of pitch. The integration stops before
-//! it, and wherever else the state diverges (see [`PlantStatus`]); from then on time passes and nothing moves.
+//! The attitude is a quaternion; Euler angles stand in messages only. Where the state diverges (see [`PlantStatus`]) the
+//! integration stops; from then on time passes and nothing moves.
 
+pub mod battery;
 pub mod commands;
 pub mod dynamics;
 pub mod faults;
+pub mod filter;
+pub mod ground;
 pub mod integrator;
 mod process;
 pub mod random;
+pub mod rotors;
 pub mod schedule;
 pub mod sensors;
+pub mod turbulence;
 
 use airframe::{Actuation, Trim};
 use contract::Scenario;
 use contract::message::{Actuators, Kinematics, PlantStatus, Stamp, State};
 use contract::scenario::Fault;
 
+use battery::Battery;
 use commands::CommandLine;
 use dynamics::{Dynamics, StateVector};
 use faults::Faults;
 pub use process::run;
 use schedule::Schedule;
 use sensors::Sensors;
+use turbulence::Turbulence;
 
 /// Largest position on any axis \[m\]: far beyond every mission.
 const MAX_POSITION_M: f64 = 500.0;
-/// Largest pitch angle either way \[rad\]: the Euler angles of (8) are singular at 1.571.
-const MAX_PITCH_RAD: f64 = 1.55;
 /// Largest body rate on any axis \[rad/s\]: sixteen turns a second.
 const MAX_RATE_RADPS: f64 = 100.0;
+
+/// Speed of idling rotors, as a share of that of rotor 1 at hover, where the scenario has them slower: a controller takes a
+/// command of zero for a cut.
+const IDLE_SHARE: f64 = 0.1;
 
 /// The flying vehicle, from sample to sample.
 #[derive(Debug, Clone)]
 pub struct Plant {
     dynamics: Dynamics,
     schedule: Schedule,
+    turbulence: Option<Turbulence>,
+    wind_roughness_m: f64,
+    battery: Option<Battery>,
     commands: CommandLine,
     sensors: Sensors,
     faults: Faults,
@@ -65,22 +82,32 @@ pub struct Plant {
 }
 
 impl Plant {
-    /// The vehicle of `scenario` at its own hover trim, displaced by `[initial]`, with the trim command in force.
+    /// The vehicle of `scenario` at the hover trim of `[airframe]`, or standing, displaced by `[initial]`; with the
+    /// command of that in force.
     pub fn new(scenario: &Scenario) -> Self {
         let trim = Trim::solve(&scenario.airframe, scenario.plant.tilt_reaction);
         let initial = &scenario.initial;
         let [roll, pitch, yaw] = initial.attitude_deg.map(f64::to_radians);
+        let (rest_rad, actuation) = if initial.standing {
+            let idle = scenario.plant.rotor_speed_min.max(IDLE_SHARE * trim.actuation.rotor_speed[0]);
+            (0.0, Actuation { rotor_speed: [idle; 3], ..trim.actuation })
+        } else {
+            (trim.roll_rad, trim.actuation)
+        };
         let motion = Kinematics {
             position_m: initial.position_m,
             velocity_mps: initial.velocity_mps,
-            attitude_rad: [trim.roll_rad + roll, pitch, yaw],
+            attitude_rad: [rest_rad + roll, pitch, yaw],
             rates_radps: initial.rates_radps,
         };
-        let x = dynamics::assemble(&motion, &trim.actuation);
+        let x = dynamics::assemble(&motion, &actuation);
         Self {
             dynamics: Dynamics::new(scenario),
             schedule: Schedule::new(scenario),
-            commands: CommandLine::new(scenario, trim.actuation),
+            turbulence: Turbulence::new(scenario),
+            wind_roughness_m: scenario.plant.wind_roughness_m,
+            battery: Battery::new(scenario),
+            commands: CommandLine::new(scenario, actuation),
             sensors: Sensors::new(scenario),
             faults: Faults::new(scenario),
             sample_ns: scenario.sample_ns(),
@@ -102,7 +129,7 @@ impl Plant {
     /// The command it names is the one in force up to this instant, not one that takes effect at it.
     pub fn sample(&mut self) -> State {
         let actual = dynamics::kinematics(&self.x);
-        let mut measured = self.sensors.measure(&actual);
+        let mut measured = self.sensors.measure(self.now_ns(), &actual);
         self.faults.sensors.inject(self.tick, &mut measured);
         let command = self.commands.in_force();
         State {
@@ -140,14 +167,22 @@ impl Plant {
 
     fn integrate(&mut self, from_ns: u64, until_ns: u64) {
         let position = dynamics::actuation(&self.x);
-        let (command, condition) = self.faults.actuators.inject(from_ns / self.sample_ns, &position, &self.demand());
-        let scheduled = self.schedule.at(from_ns);
         let dt_s = (until_ns - from_ns) as f64 / 1e9;
-        self.x = integrator::step(&self.x, dt_s, |t_s, x| {
+        let demand = self.demand();
+        let driven = self.battery.as_mut().map_or(demand, |battery| battery.drive(&demand, &position, dt_s));
+        let (command, condition) = self.faults.actuators.inject(from_ns / self.sample_ns, &position, &driven);
+        let mut scheduled = self.schedule.at(from_ns);
+        scheduled.wind_mps *= turbulence::shear(-self.x[2], self.wind_roughness_m);
+        if let Some(turbulence) = &mut self.turbulence {
+            scheduled.wind_mps += turbulence.at(from_ns / self.sample_ns);
+        }
+        let before = self.x;
+        self.x = dynamics::normalised(integrator::step(&self.x, dt_s, |t_s, x| {
             let outside = self.faults.environment.inject(from_ns, t_s, &scheduled);
             self.dynamics.derivative(x, &command, &condition, &outside)
-        });
-        self.diverged = divergence(&self.x);
+        }));
+        let crashed = self.dynamics.breaks(&before, &self.x).then_some(PlantStatus::Crashed);
+        self.diverged = divergence(&self.x).or(crashed);
     }
 
     /// What the motor controllers and the servo are to follow: the command in force within the limits, which hold for
@@ -163,20 +198,22 @@ impl Plant {
     }
 
     fn status(&self) -> PlantStatus {
-        let in_time = if self.tick < self.last_tick { PlantStatus::Flying } else { PlantStatus::Finished };
+        let in_time = match self.tick < self.last_tick {
+            true => PlantStatus::Flying,
+            false if self.dynamics.stands(&self.x) => PlantStatus::Landed,
+            false => PlantStatus::Finished,
+        };
         self.diverged.unwrap_or(in_time)
     }
 }
 
 /// Which bound of the simulation the state `x` is beyond, if any.
 fn divergence(x: &StateVector) -> Option<PlantStatus> {
-    let Kinematics { position_m, attitude_rad: [_, theta, _], rates_radps, .. } = dynamics::kinematics(x);
+    let (position_m, rates_radps) = (&x[0..3], &x[10..13]);
     if !x.iter().all(|value| value.is_finite()) {
         Some(PlantStatus::NonFinite)
     } else if position_m.iter().any(|value| value.abs() > MAX_POSITION_M) {
         Some(PlantStatus::TooFar)
-    } else if theta.abs() > MAX_PITCH_RAD {
-        Some(PlantStatus::Singular)
     } else if rates_radps.iter().any(|value| value.abs() > MAX_RATE_RADPS) {
         Some(PlantStatus::TooFast)
     } else {

@@ -15,6 +15,8 @@ pub enum Stream {
     Drops,
     /// How late the others are.
     Jitter,
+    /// Gusts.
+    Turbulence,
     /// The fault at this place in the scenario.
     Fault(usize),
 }
@@ -32,6 +34,7 @@ impl Stream {
             Self::Noise => 1,
             Self::Drops => 2,
             Self::Jitter => 3,
+            Self::Turbulence => 4,
             Self::Fault(index) => FAULTS + index as u64,
         }
     }

@@ -1,123 +1,159 @@
-//! What is measured: the true motion plus white Gaussian noise.
+//! What is measured: four sensors, of position, velocity, attitude and rates, each with errors, a rate and a latency of its
+//! own; and the filter behind them.
+//!
+//! ```text
+//! truth -- every 1 / rate_hz --> + bias + noise -> quantum -- latency_ms --> raw -> filter -> measured
+//! ```
+//!
+//! The noise is white: of a deviation each time (`plant.noise`), or of a density, one-sided as data sheets give it, whose
+//! deviation grows with the root of the bandwidth, `density sqrt(rate / 2)`. The bias starts at a value drawn once and
+//! walks from there. Between two measurements a sensor repeats the last one that arrived; the first comes without
+//! latency. Angles are measured as they are, so that a heading in error may be beyond half a turn.
+
+use std::collections::VecDeque;
 
 use contract::Scenario;
 use contract::message::Kinematics;
+use contract::scenario::{Filter, Sensor as Settings};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
+use crate::filter::ComplementaryFilter;
 use crate::random::Stream;
 
-/// The sensors and their random stream.
+/// Measurements under way that a sensor has room for: the longest latency at the highest rate.
+const UNDER_WAY: usize = 1024;
+
+/// The sensors and the filter behind them.
 #[derive(Debug, Clone)]
 pub struct Sensors {
-    /// Standard deviations, in the units of [`Kinematics`].
-    position_m: f64,
-    velocity_mps: f64,
-    attitude_rad: f64,
-    rates_radps: f64,
+    position: Sensor,
+    velocity: Sensor,
+    attitude: Sensor,
+    rates: Sensor,
+    /// Whether any of them errs.
+    errs: bool,
     random: ChaCha8Rng,
+    filter: Option<ComplementaryFilter>,
+}
+
+/// One sensor, in the units of [`Kinematics`].
+#[derive(Debug, Clone)]
+struct Sensor {
+    /// Deviation of a measurement, per axis.
+    deviation: [f64; 3],
+    /// Deviation of the bias at the start, and what it walks in a sample, per axis.
+    bias_deviation: [f64; 3],
+    bias_step: [f64; 3],
+    quantum: [f64; 3],
+    /// Time between two measurements, and until one arrives \[ns\].
+    period_ns: u64,
+    latency_ns: u64,
+    bias: Option<[f64; 3]>,
+    /// When the next measurement is due \[ns\].
+    due_ns: u64,
+    /// Measurements under way, with the time of their arrival, oldest first.
+    under_way: VecDeque<(u64, [f64; 3])>,
+    /// The last that arrived.
+    newest: Option<[f64; 3]>,
+}
+
+impl Sensor {
+    /// A sensor with `noise` as the deviation of each measurement, and the errors of `settings`, read by samples of
+    /// `sample_ns`; `unit` turns the units of the settings into those of [`Kinematics`].
+    fn new(settings: &Settings, noise: f64, unit: f64, sample_ns: u64) -> Self {
+        let own_ns = if settings.rate_hz > 0.0 { (1e9 / settings.rate_hz).round() as u64 } else { sample_ns };
+        let period_ns = own_ns.max(sample_ns);
+        let bandwidth = (1e9 / period_ns as f64 / 2.0).sqrt();
+        let sample_s = sample_ns as f64 / 1e9;
+        Self {
+            deviation: settings.noise_density.map(|density| (density * bandwidth).hypot(noise) * unit),
+            bias_deviation: settings.bias.map(|bias| bias * unit),
+            bias_step: settings.bias_walk.map(|walk| walk * sample_s.sqrt() * unit),
+            quantum: settings.quantum.map(|quantum| quantum * unit),
+            period_ns,
+            latency_ns: (settings.latency_ms * 1e6) as u64,
+            bias: None,
+            due_ns: 0,
+            under_way: VecDeque::with_capacity(UNDER_WAY),
+            newest: None,
+        }
+    }
+
+    /// Whether it tells anything but the truth.
+    fn errs(&self) -> bool {
+        let errors = [self.deviation, self.bias_deviation, self.bias_step, self.quantum];
+        errors.as_flattened().iter().any(|error| *error > 0.0)
+    }
+
+    /// What it says at `now_ns` of the truth. With `errs` it draws six numbers, whether it needs them or not, so that one
+    /// sensor does not depend on another.
+    fn read(&mut self, now_ns: u64, truth: [f64; 3], errs: bool, random: &mut ChaCha8Rng) -> [f64; 3] {
+        let mut draw =
+            || -> [f64; 3] { std::array::from_fn(|_| if errs { random.sample(StandardNormal) } else { 0.0 }) };
+        let (noise, walk) = (draw(), draw());
+        let steps = if self.bias.is_some() { self.bias_step } else { self.bias_deviation };
+        let before = self.bias.unwrap_or([0.0; 3]);
+        let bias = std::array::from_fn(|i| before[i] + steps[i] * walk[i]);
+        self.bias = Some(bias);
+        if now_ns >= self.due_ns {
+            self.due_ns = (now_ns / self.period_ns + 1) * self.period_ns;
+            let measured = std::array::from_fn(|i| {
+                let value = truth[i] + bias[i] + self.deviation[i] * noise[i];
+                if self.quantum[i] > 0.0 { (value / self.quantum[i]).round() * self.quantum[i] } else { value }
+            });
+            if self.under_way.len() < UNDER_WAY {
+                self.under_way.push_back((now_ns + self.latency_ns, measured));
+            }
+            self.newest.get_or_insert(measured);
+        }
+        while let Some((arrives_ns, value)) = self.under_way.front().copied()
+            && arrives_ns <= now_ns
+        {
+            self.newest = Some(value);
+            self.under_way.pop_front();
+        }
+        self.newest.unwrap_or(truth)
+    }
 }
 
 impl Sensors {
     /// The sensors of `scenario`.
     pub fn new(scenario: &Scenario) -> Self {
-        let noise = &scenario.plant.noise;
+        let (noise, settings) = (&scenario.plant.noise, &scenario.plant.sensors);
+        let sample_ns = scenario.sample_ns();
+        let degree = 1_f64.to_radians();
+        let position = Sensor::new(&settings.position, noise.position_m, 1.0, sample_ns);
+        let velocity = Sensor::new(&settings.velocity, noise.velocity_mps, 1.0, sample_ns);
+        let attitude = Sensor::new(&settings.attitude, noise.attitude_deg, degree, sample_ns);
+        let rates = Sensor::new(&settings.rates, noise.rates_dps, degree, sample_ns);
+        let errs = [&position, &velocity, &attitude, &rates].into_iter().any(Sensor::errs);
         Self {
-            position_m: noise.position_m,
-            velocity_mps: noise.velocity_mps,
-            attitude_rad: noise.attitude_deg.to_radians(),
-            rates_radps: noise.rates_dps.to_radians(),
+            errs,
+            position,
+            velocity,
+            attitude,
+            rates,
             random: Stream::Noise.open(scenario.run.seed),
+            filter: (settings.filter == Filter::Complementary)
+                .then(|| ComplementaryFilter::new(settings.filter_radps, scenario.sample_s())),
         }
     }
 
-    /// One measurement of `actual`.
-    ///
-    /// With any noise on it draws all twelve numbers, so that one quantity's noise does not depend on another's.
-    pub fn measure(&mut self, actual: &Kinematics) -> Kinematics {
-        let mut measured = *actual;
-        if self.position_m + self.velocity_mps + self.attitude_rad + self.rates_radps > 0.0 {
-            self.blur(&mut measured.position_m, self.position_m);
-            self.blur(&mut measured.velocity_mps, self.velocity_mps);
-            self.blur(&mut measured.attitude_rad, self.attitude_rad);
-            self.blur(&mut measured.rates_radps, self.rates_radps);
-        }
-        measured
-    }
-
-    fn blur(&mut self, values: &mut [f64; 3], deviation: f64) {
-        for value in values {
-            let normal: f64 = self.random.sample(StandardNormal);
-            *value += deviation * normal;
-        }
+    /// What is measured at `now_ns` of `actual`; calls follow one another by samples.
+    pub fn measure(&mut self, now_ns: u64, actual: &Kinematics) -> Kinematics {
+        let Self { errs, random, .. } = self;
+        let mut read = |sensor: &mut Sensor, truth| sensor.read(now_ns, truth, *errs, random);
+        let raw = Kinematics {
+            position_m: read(&mut self.position, actual.position_m),
+            velocity_mps: read(&mut self.velocity, actual.velocity_mps),
+            attitude_rad: read(&mut self.attitude, actual.attitude_rad),
+            rates_radps: read(&mut self.rates, actual.rates_radps),
+        };
+        self.filter.as_mut().map_or(raw, |filter| filter.update(&raw))
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    const MOTION: Kinematics = Kinematics {
-        position_m: [1.0, -2.0, 3.0],
-        velocity_mps: [0.5, 0.0, -0.5],
-        attitude_rad: [0.1, 0.2, -3.0],
-        rates_radps: [0.0, 4.0, 0.0],
-    };
-
-    fn sensors(seed: u64, position_m: f64, velocity_mps: f64, attitude_deg: f64, rates_dps: f64) -> Sensors {
-        let mut scenario = Scenario::default();
-        scenario.run.seed = seed;
-        scenario.plant.noise = contract::scenario::Noise { position_m, velocity_mps, attitude_deg, rates_dps };
-        Sensors::new(&scenario)
-    }
-
-    #[test]
-    fn without_noise_the_truth_is_measured() {
-        assert_eq!(sensors(1, 0.0, 0.0, 0.0, 0.0).measure(&MOTION), MOTION);
-    }
-
-    #[test]
-    fn noise_repeats_with_the_seed_and_changes_with_it() {
-        let mut same = [sensors(7, 0.1, 0.1, 0.1, 0.1), sensors(7, 0.1, 0.1, 0.1, 0.1)];
-        let mut other = sensors(8, 0.1, 0.1, 0.1, 0.1);
-        for _ in 0..10 {
-            let first = same[0].measure(&MOTION);
-            assert_eq!(first, same[1].measure(&MOTION));
-            assert_ne!(first, other.measure(&MOTION));
-        }
-    }
-
-    #[test]
-    fn one_quantity_does_not_disturb_another() {
-        let (mut alone, mut together) = (sensors(3, 0.0, 0.2, 0.0, 0.0), sensors(3, 0.1, 0.2, 0.3, 0.4));
-        for _ in 0..10 {
-            let [a, b] = [&mut alone, &mut together].map(|s| s.measure(&MOTION).velocity_mps.map(f64::to_bits));
-            assert_eq!(a, b);
-        }
-    }
-
-    #[test]
-    fn noise_has_the_mean_deviation_and_independence_it_was_asked_for() {
-        let n = 20_000;
-        let mut sensors = sensors(42, 0.03, 0.05, 0.5, 2.0);
-        let deviations = [0.03, 0.05, 0.5f64.to_radians(), 2f64.to_radians()];
-        let rest = Kinematics::default();
-        let draws: Vec<[f64; 12]> = (0..n)
-            .map(|_| {
-                let m = sensors.measure(&rest);
-                let groups = [m.position_m, m.velocity_mps, m.attitude_rad, m.rates_radps];
-                std::array::from_fn(|i| groups[i / 3][i % 3] / deviations[i / 3])
-            })
-            .collect();
-        let mean = |f: &dyn Fn(&[f64; 12]) -> f64| draws.iter().map(f).sum::<f64>() / f64::from(n);
-        let five_sigma = 5.0 / f64::from(n).sqrt();
-        for i in 0..12 {
-            assert!(mean(&|d| d[i]).abs() < five_sigma);
-            assert!((mean(&|d| d[i] * d[i]) - 1.0).abs() < 2f64.sqrt() * five_sigma);
-            for j in 0..i {
-                assert!(mean(&|d| d[i] * d[j]).abs() < five_sigma);
-            }
-        }
-    }
-}
+mod tests;

@@ -19,10 +19,16 @@ fn cost(model: &PredictionModel, weights: &Mpc, given: &DVector<f64>, plan: &DVe
     let (q, r) = stage_weights(n, weights);
     let p = terminal_weight(model, weights, &q, &r).unwrap();
     let d = Vector4::from_column_slice(given.rows(n + STATES, INPUTS).as_slice());
+    let mut last = Vector4::from_column_slice(given.rows(n + STATES + INPUTS, INPUTS).as_slice());
+    let r2 = DMatrix::from_diagonal(&DVector::from_row_slice(&weights.r_rate));
+    let mut held = -d;
+    if weights.disturbance_gain > 0.0 {
+        held[0] += 1.1 * 9.81 * model.trim.roll_rad.sin() * given[n + 1]; // m w' = -m g sin(phi_trim) phi + col
+    }
     let mut target = DVector::zeros(n);
     target.rows_mut(0, STATES).copy_from(&given.rows(n, STATES));
     if model.has_lag() {
-        target.rows_mut(STATES, INPUTS).copy_from(&-d);
+        target.rows_mut(STATES, INPUTS).copy_from(&held);
     }
     let mut x = given.rows(0, n).into_owned();
     let mut next = x.clone();
@@ -35,7 +41,8 @@ fn cost(model: &PredictionModel, weights: &Mpc, given: &DVector<f64>, plan: &DVe
         let miss = &x - &target;
         sum += (miss.transpose() * if k + 1 < weights.np { &q } else { &p } * miss)[0];
         if k < weights.nu {
-            sum += ((u + d).transpose() * &r * (u + d))[0];
+            sum += ((u - held).transpose() * &r * (u - held))[0] + ((u - last).transpose() * &r2 * (u - last))[0];
+            last = u;
         }
     }
     sum
@@ -43,16 +50,18 @@ fn cost(model: &PredictionModel, weights: &Mpc, given: &DVector<f64>, plan: &DVe
 
 #[test]
 fn the_gain_minimises_the_printed_cost() {
-    for (profile, np, nu, terminal) in [
-        (Profile::Paper, 10, 5, Terminal::Zero),
-        (Profile::Robust, 20, 5, Terminal::Dare),
-        (Profile::Robust, 3, 3, Terminal::Q),
-        (Profile::Paper, 1, 1, Terminal::Q),
+    let r_rate = [0.2, 100.0, 30.0, 50.0];
+    for (profile, np, nu, terminal, disturbance_gain, r_rate) in [
+        (Profile::Paper, 10, 5, Terminal::Zero, 0.0, [0.0; 4]),
+        (Profile::Robust, 20, 5, Terminal::Dare, 0.0, r_rate),
+        (Profile::Robust, 20, 5, Terminal::Dare, 0.1, [0.0; 4]),
+        (Profile::Robust, 3, 3, Terminal::Q, 0.0, r_rate),
+        (Profile::Paper, 1, 1, Terminal::Q, 0.1, r_rate),
     ] {
         let mut scenario = Scenario::from(profile);
-        scenario.mpc = Mpc { np, nu, terminal, ..scenario.mpc };
+        scenario.mpc = Mpc { np, nu, terminal, disturbance_gain, r_rate, ..scenario.mpc };
         let (model, condensed) = condensed(&scenario);
-        let given = DVector::from_fn(model.states() + STATES + INPUTS, |i, _| (1.0 + i as f64).sin() * 0.3);
+        let given = DVector::from_fn(model.states() + GIVEN, |i, _| (1.0 + i as f64).sin() * 0.3);
         let plan = &condensed.gain * &given;
         let least = cost(&model, &scenario.mpc, &given, &plan);
         for i in 0..plan.len() {
@@ -87,7 +96,7 @@ fn the_disturbance_is_cancelled_at_rest() {
         let (model, condensed) = condensed(&Scenario::from(profile));
         let n = model.states();
         let d = Vector4::new(1.0, -0.2, 0.1, 0.3);
-        let mut given = DVector::zeros(n + STATES + INPUTS);
+        let mut given = DVector::zeros(n + GIVEN);
         if model.has_lag() {
             given.rows_mut(STATES, INPUTS).copy_from(&-d); // the actuators hold against it already
         }

@@ -139,7 +139,7 @@ proptest! {
     /// Both solve the same problem: their objectives agree to 1e-6.
     #[test]
     fn the_two_agree(
-        given in prop::collection::vec(-1.0..1.0_f64, 22), ratio in 1.15..2.5_f64, soft in prop::bool::ANY,
+        given in prop::collection::vec(-1.0..1.0_f64, 26), ratio in 1.15..2.5_f64, soft in prop::bool::ANY,
     ) {
         let mut costs = vec![];
         let mut size_of_objective = 0.0;
@@ -153,7 +153,7 @@ proptest! {
             });
             // w, three angles, three rates, four lag states; their references; the disturbance.
             let size = |i: usize| [3.0, 1.0, 1.0, 1.0, 8.0, 8.0, 8.0, 5.0, 0.5, 0.5, 0.5][i % 11];
-            let given = DVector::from_fn(22, |i, _| if i < 18 { given[i] * size(i) } else { 0.1 * given[i] });
+            let given = DVector::from_fn(26, |i, _| if i < 18 { given[i] * size(i) } else { 0.1 * given[i] });
             let wanted = &set_up.gain * &given;
             set_up.set.start(&given);
             let mut plan = DVector::zeros(20);

@@ -12,22 +12,25 @@ pub enum PlantStatus {
     NonFinite = 2,
     /// Farther than 500 m from the origin on some axis.
     TooFar = 3,
-    /// |theta| beyond 1.55 rad: the Euler angles of (8) are about to be singular.
-    Singular = 4,
     /// A body rate beyond 100 rad/s.
     TooFast = 5,
+    /// The last sample of a complete run, and the vehicle stands on the ground.
+    Landed = 6,
+    /// It came down too hard, too fast or leaning too much, or on its rotors.
+    Crashed = 7,
 }
 
 impl PlantStatus {
     /// Reads the wire value; anything unknown is `None`.
     pub fn from_wire(value: u64) -> Option<Self> {
-        let all = [Self::Flying, Self::Finished, Self::NonFinite, Self::TooFar, Self::Singular, Self::TooFast];
+        let all =
+            [Self::Flying, Self::Finished, Self::NonFinite, Self::TooFar, Self::TooFast, Self::Landed, Self::Crashed];
         all.into_iter().find(|s| *s as u64 == value)
     }
 
-    /// Whether the run ended because the vehicle left the bounds of the simulation.
+    /// Whether the run ended because the vehicle was lost: it left the bounds of the simulation, or crashed.
     pub fn diverged(self) -> bool {
-        !matches!(self, Self::Flying | Self::Finished)
+        !matches!(self, Self::Flying | Self::Finished | Self::Landed)
     }
 
     /// In words, for messages to the user.
@@ -35,9 +38,10 @@ impl PlantStatus {
         match self {
             Self::Flying => "in flight",
             Self::Finished => "finished",
+            Self::Landed => "finished, standing on the ground",
+            Self::Crashed => "crashed",
             Self::NonFinite => "a state became NaN or infinite",
             Self::TooFar => "position beyond 500 m",
-            Self::Singular => "|theta| beyond 1.55 rad, where the Euler angles are singular",
             Self::TooFast => "a body rate beyond 100 rad/s",
         }
     }
@@ -76,7 +80,7 @@ pub mod guidance_flags {
     pub const ROLL_LIMITED: u64 = 1;
     /// Pitch reference at its limit.
     pub const PITCH_LIMITED: u64 = 1 << 1;
-    /// Vertical velocity reference at its limit.
+    /// The wanted vertical speed or the reference of w at its limit.
     pub const W_LIMITED: u64 = 1 << 2;
     /// An integrator at its clamp.
     pub const INTEGRAL_CLAMPED: u64 = 1 << 3;

@@ -14,7 +14,7 @@ pub use self::found::Violation;
 pub use self::swaps::LoadCandidate;
 
 use self::found::Found;
-use super::{Fault, Heading, Late, Mission, Ramp, Scenario, TrajectoryKind};
+use super::{Fault, Heading, Late, Law, Mission, Model, Ramp, Scenario, StateConstraints, TrajectoryKind};
 
 /// Every rule that `scenario` breaks; `merged` is the same settings as a table.
 pub fn violations(scenario: &Scenario, merged: Table, candidate: LoadCandidate) -> Vec<Violation> {
@@ -78,6 +78,9 @@ fn check_counts(scenario: &Scenario, found: &mut Found) -> bool {
     counts.iter().all(|(_, count, most)| count <= most)
 }
 
+/// What makes a vehicle feel the air.
+const FEEL_AIR: &str = "drag, for instance `plant.drag_linear_nspm` = [0.2, 0.2, 0.1]";
+
 /// Each leg of the survey takes this long.
 const SURVEY_LEG_S: f64 = 10.0;
 
@@ -93,6 +96,31 @@ fn check_vehicle(scenario: &Scenario, found: &mut Found) {
     }
 
     check_hover(scenario, found);
+    let [[ixx, ixy, ixz], [_, iyy, iyz], [_, _, izz]] = scenario.flown_inertia_kgm2();
+    let minors = [
+        ixx * iyy - ixy * ixy,
+        ixx * (iyy * izz - iyz * iyz) - ixy * (ixy * izz - iyz * ixz) + ixz * (ixy * iyz - iyy * ixz),
+    ];
+    found.require(
+        minors.iter().all(|minor| *minor > 0.0),
+        &["plant.airframe.ixy_kgm2", "plant.airframe.ixz_kgm2", "plant.airframe.iyz_kgm2"],
+        "`plant.airframe` has products of inertia that no body has".into(),
+        "smaller ones, so that the inertia tensor is positive definite",
+    );
+    found.require(
+        !scenario.initial.standing || plant.ground.present,
+        &["initial.standing", "plant.ground.present"],
+        "`initial.standing` where there is no ground".into(),
+        "`plant.ground.present` = true with it",
+    );
+    let steps = plant.wind_ned_mps.iter().any(|(_, wind)| *wind != [0.0; 3]);
+    let blows = steps || plant.turbulence.wind_at_6m_mps > 0.0;
+    found.require(
+        !blows || plant.feels_air(),
+        &["plant.wind_ned_mps", "plant.turbulence.wind_at_6m_mps", "plant.drag_linear_nspm"],
+        "a wind that a vehicle without drag does not feel".into(),
+        FEEL_AIR,
+    );
 
     let [north, east, down] = scenario.initial.position_m;
     found.require(
@@ -208,6 +236,24 @@ fn check_controller(scenario: &Scenario, found: &mut Found) {
         &["mpc.nu", "mpc.np"],
         format!("`mpc.nu` = {} is longer than `mpc.np` = {}", mpc.nu, mpc.np),
         "1 <= nu <= np <= 200",
+    );
+    found.require(
+        mpc.law == Law::Mpc || mpc.r_rate == [0.0; 4],
+        &["mpc.r_rate", "mpc.law"],
+        "`mpc.r_rate` with a law that does not weigh changes of its output".into(),
+        "`mpc.law` = \"mpc\" with it",
+    );
+    found.require(
+        mpc.law == Law::Mpc || mpc.model == Model::Hover,
+        &["mpc.model", "mpc.law"],
+        "`mpc.model` with a law that has one model".into(),
+        "`mpc.law` = \"mpc\" with it",
+    );
+    found.require(
+        mpc.state_constraints == StateConstraints::None || mpc.model == Model::Hover,
+        &["mpc.model", "mpc.state_constraints"],
+        "`mpc.state_constraints` with a model other than that of hover, by which they are predicted".into(),
+        "`mpc.model` = \"hover\" with them",
     );
     found.require(
         mpc.actuator_lag_model_s <= 0.0 || mpc.actuator_lag_model_s >= 0.001,

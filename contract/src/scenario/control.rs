@@ -35,8 +35,13 @@ pub struct Guidance {
     pub disturbance_observer_radps: f64,
     /// \[deg\]
     pub angle_limit_deg: f64,
-    /// \[m/s\]
+    /// Of the wanted vertical speed, up or down \[m/s\]: `exact_w` comes after it.
+    pub climb_limit_mps: f64,
+    /// Of the reference of w, after `exact_w` \[m/s\]. Level flight at speed V has w = V sin theta: a limit below that costs
+    /// altitude.
     pub w_limit_mps: f64,
+    /// How fast the heading reference turns \[deg/s\]; 0 = it steps.
+    pub heading_rate_limit_dps: f64,
     /// Clamp of each error integral \[m s\].
     pub integral_limit: f64,
 }
@@ -78,10 +83,14 @@ pub struct Mpc {
     /// The control law of the attitude loop. Weights, model and disturbance estimate serve `mpc` and `lqr`, constraints
     /// `mpc` alone.
     pub law: Law,
+    /// Where the prediction model is linearised.
+    pub model: Model,
     /// Diagonal of Q on w, phi, theta, psi, p, q, r.
     pub q: [f64; 7],
-    /// Diagonal of R on col, lon, lat, ped.
+    /// Diagonal of R on col, lon, lat, ped: R1 of Table IV.
     pub r: [f64; 4],
+    /// Diagonal of the weight on their change from sample to sample: R2 of Table IV, which the paper has zero. For `mpc` alone.
+    pub r_rate: [f64; 4],
     /// Prediction horizon Np \[samples\].
     pub np: usize,
     /// Control horizon Nu \[samples\].
@@ -123,6 +132,18 @@ pub enum Law {
     Lqr,
     /// One PID per axis.
     Pid,
+}
+
+/// `mpc.model`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Model {
+    /// At hover.
+    Hover,
+    /// At trimmed level flight at several velocities, blended by the measured one.
+    Scheduled,
+    /// At the measured state, every sample.
+    Ltv,
 }
 
 /// `mpc.solver`

@@ -81,7 +81,8 @@ impl Fault {
             K::Wrong if self.wrong() == Wrong::Sign => &["how"],
             K::Wrong => &["how", "value"],
             K::Noise | K::Saturated | K::Mass => &["value"],
-            K::Step | K::Gust => &["vector"],
+            K::Step => &["vector", "ms"],
+            K::Gust => &["vector"],
             _ => &[],
         }
     }

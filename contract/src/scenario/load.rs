@@ -1,4 +1,4 @@
-//! Loading: profile < file < `--set key=value`, merged table by table; arrays replace.
+//! Loading: profile and presets < file < `--set key=value`, merged table by table; arrays replace.
 
 use std::path::Path;
 
@@ -6,7 +6,7 @@ use toml::{Table, Value};
 
 use super::file::{self, MAX_TEXT_BYTES};
 use super::report::{MAX_PROBLEMS, Problem, ScenarioError, Source};
-use super::{Fault, Scenario, Swap, check, shape};
+use super::{Fault, Scenario, Sensors, Swap, check, profile, shape};
 
 /// The scenario of `file` with `overrides` on top (`key=value`, the value in TOML or a bare word), on the defaults of
 /// the profile they choose. Without a file: the defaults alone.
@@ -93,8 +93,10 @@ fn merge(sources: &[Source]) -> Result<(Scenario, Table), ScenarioError> {
         return Err(ScenarioError::new(&problems));
     }
 
-    let profile = typed(given.clone()).profile;
-    let mut merged = Table::try_from(Scenario::from(profile)).expect("profiles have a form in TOML");
+    let chosen = typed(given.clone());
+    let mut defaults = profile::with_airframe(chosen.profile.into(), chosen.airframe.preset);
+    defaults.plant.sensors = Sensors::from(chosen.plant.sensors.preset);
+    let mut merged = Table::try_from(defaults).expect("profiles have a form in TOML");
     overlay(&mut merged, given);
     Ok((typed(merged.clone()), merged))
 }

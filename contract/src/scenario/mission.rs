@@ -26,7 +26,7 @@ pub struct Mission {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum TrajectoryKind {
-    /// The paper's surveillance square (waypoints of READING: 8 m, 60 s).
+    /// The paper's surveillance square, 8 m in 60 s, as docs/paper.md infers it.
     Survey,
     /// Stay at the origin.
     Hover,
@@ -66,7 +66,7 @@ pub enum Heading {
     Steps(Vec<(f64, f64)>),
 }
 
-/// `[initial]`: added to hover trim.
+/// `[initial]`: added to hover trim, or to standing still.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Initial {
@@ -78,4 +78,6 @@ pub struct Initial {
     pub attitude_deg: [f64; 3],
     /// Body rates \[rad/s\].
     pub rates_radps: [f64; 3],
+    /// Whether the vehicle stands: level, with the rotors idling, not at hover trim.
+    pub standing: bool,
 }

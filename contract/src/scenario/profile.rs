@@ -3,12 +3,13 @@
 //! `paper` is the paper's Tables III and IV with the openings filled as our reading verified; `robust` is the stack's
 //! own: lag and delay in the model, weights that tolerate them, velocity feedback and feed-forward in guidance.
 
-use airframe::Parameters;
+use airframe::{Parameters, Preset};
 
 use super::{
-    Bounds, Constraints, Deadline, Derivative, Guidance, Heading, Initial, Late, Law, Mission, Mixer, Mode, Mpc,
-    NodeRealtime, Noise, Plant, Policy, Profile, Ramp, RateReference, Realtime, RollReference, Run, Scenario, Solver,
-    StateConstraints, Supervision, Terminal, TrajectoryKind,
+    Battery, Bounds, Constraints, Deadline, Derivative, FlownAirframe, Ground, Guidance, Heading, Initial, Late, Law,
+    Mission, Mixer, Mode, Model, Mpc, NodeRealtime, Noise, Plant, Policy, Profile, Ramp, RateReference, Realtime,
+    RollReference, Rotor, Run, Scenario, Sensors, Solver, StateConstraints, Supervision, Terminal, TrajectoryKind,
+    Turbulence,
 };
 
 /// All defaults of a profile.
@@ -19,6 +20,30 @@ impl From<Profile> for Scenario {
             Profile::Robust => robust(),
         }
     }
+}
+
+/// `scenario` for another vehicle: its numbers, its actuators, and the weights of its inputs by its own mass and inertia,
+/// so that the same weight stands on the same acceleration and the closed loop has the same poles.
+pub(super) fn with_airframe(scenario: Scenario, preset: Preset) -> Scenario {
+    let (before, vehicle) = (scenario.airframe, Parameters::from(preset));
+    let ratios = [
+        before.mass_kg / vehicle.mass_kg,
+        before.iyy_kgm2 / vehicle.iyy_kgm2,
+        before.ixx_kgm2 / vehicle.ixx_kgm2,
+        before.izz_kgm2 / vehicle.izz_kgm2,
+    ];
+    let r = std::array::from_fn(|i| scenario.mpc.r[i] * ratios[i] * ratios[i]);
+    let plant = match preset {
+        Preset::Paper => return scenario,
+        Preset::TenInch => Plant {
+            rotor_speed_min: 100.0,
+            rotor_speed_max_ratio: 1.5,
+            rotor_rate_limit: 5000.0,
+            tilt_max_deg: 45.0,
+            ..scenario.plant
+        },
+    };
+    Scenario { airframe: vehicle, plant, mpc: Mpc { r, ..scenario.mpc }, ..scenario }
 }
 
 impl Default for Scenario {
@@ -76,6 +101,13 @@ fn paper() -> Scenario {
             wind_ned_mps: vec![],
             disturbance: vec![],
             noise: Noise::default(),
+            sensors: Sensors::default(),
+            airframe: FlownAirframe::default(),
+            rotor: Rotor::default(),
+            battery: Battery::default(),
+            ground: Ground::default(),
+            wind_roughness_m: 0.0,
+            turbulence: Turbulence::default(),
         },
         guidance: Guidance {
             kp_phi: 0.5,
@@ -96,13 +128,17 @@ fn paper() -> Scenario {
             exact_w: false,
             disturbance_observer_radps: 0.0,
             angle_limit_deg: 35.0,
+            climb_limit_mps: 1e9,
             w_limit_mps: 1e9,
+            heading_rate_limit_dps: 0.0,
             integral_limit: 1e9,
         },
         mpc: Mpc {
             law: Law::Mpc,
+            model: Model::Hover,
             q: [1e2, 1e3, 1e3, 1e3, 1e4, 1e4, 1e4],
             r: [0.1, 0.1, 0.001, 0.001],
+            r_rate: [0.0; 4],
             np: 10,
             nu: 5,
             terminal: Terminal::Zero,
@@ -150,7 +186,8 @@ fn robust() -> Scenario {
             velocity_feedforward: true,
             exact_w: true,
             angle_limit_deg: 30.0,
-            w_limit_mps: 4.0,
+            climb_limit_mps: 4.0,
+            heading_rate_limit_dps: 180.0,
             integral_limit: 2.0,
             ..paper.guidance
         },

@@ -4,7 +4,8 @@ use airframe::{ActuatorLaw, Limits, Parameters};
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Deadline, Fault, Guidance, Initial, Mission, Mixer, Mpc, NodeDeadline, Plant, Realtime, Supervision, Swap,
+    Deadline, Fault, FlownAirframe, Guidance, Initial, Mission, Mixer, Mpc, NodeDeadline, Plant, Realtime, Supervision,
+    Swap,
 };
 
 /// Everything that decides a run.
@@ -136,6 +137,31 @@ impl Scenario {
     /// When the message of the node of this `rank` in the ring is due, 0 (plant) to 3 (mixer).
     pub fn deadline_of(&self, rank: usize) -> NodeDeadline {
         self.deadline.of(rank, self.sample_s())
+    }
+
+    /// The numbers of the vehicle that flies: `[airframe]`, with what `[plant.airframe]` changes.
+    pub fn flown_airframe(&self) -> Parameters {
+        let (known, flown) = (&self.airframe, &self.plant.airframe);
+        Parameters {
+            preset: known.preset,
+            g_mps2: known.g_mps2,
+            mass_kg: flown.mass_kg.unwrap_or(known.mass_kg),
+            ixx_kgm2: flown.ixx_kgm2.unwrap_or(known.ixx_kgm2),
+            iyy_kgm2: flown.iyy_kgm2.unwrap_or(known.iyy_kgm2),
+            izz_kgm2: flown.izz_kgm2.unwrap_or(known.izz_kgm2),
+            l1_m: flown.l1_m.unwrap_or(known.l1_m),
+            l2_m: flown.l2_m.unwrap_or(known.l2_m),
+            l3_m: flown.l3_m.unwrap_or(known.l3_m),
+            kf: flown.kf.unwrap_or(known.kf),
+            km: flown.km.unwrap_or(known.km),
+        }
+    }
+
+    /// The inertia tensor of the vehicle that flies, row by row \[kg m2\]; it is symmetric.
+    pub fn flown_inertia_kgm2(&self) -> [[f64; 3]; 3] {
+        let Parameters { ixx_kgm2: ixx, iyy_kgm2: iyy, izz_kgm2: izz, .. } = self.flown_airframe();
+        let FlownAirframe { ixy_kgm2: ixy, ixz_kgm2: ixz, iyz_kgm2: iyz, .. } = self.plant.airframe;
+        [[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]]
     }
 
     /// Amplitude limits of the actuators.

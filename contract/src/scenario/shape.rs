@@ -8,8 +8,8 @@ use toml::{Spanned, Table, Value};
 use super::report::{MAX_PROBLEMS, Problem, Source};
 use super::words::{nearest, shortened, suggest};
 use super::{
-    Bounds, Deadline, Fault, FaultKind, FaultTarget, Heading, Late, Mission, NodeRealtime, Plant, Policy, Profile,
-    Realtime, Scenario, Swap, SwapNode, Wrong,
+    Bounds, Deadline, Fault, FaultKind, FaultTarget, FlownAirframe, Heading, Late, Mission, NodeRealtime, Plant,
+    Policy, Profile, Realtime, Scenario, Swap, SwapNode, Wrong,
 };
 
 const SET_HELP: &str = "write `--set key=value`, for instance `--set run.duration_s=20`";
@@ -63,6 +63,18 @@ fn example() -> Table {
         plant: Plant {
             wind_ned_mps: vec![(15.0, [5.0, 0.0, 0.0])],
             disturbance: vec![(10.0, [0.0, 0.0, 1.0], [0.0, 0.1, 0.0])],
+            airframe: FlownAirframe {
+                mass_kg: Some(1.1),
+                ixx_kgm2: Some(0.02),
+                iyy_kgm2: Some(0.02),
+                izz_kgm2: Some(0.02),
+                l1_m: Some(0.2),
+                l2_m: Some(0.1),
+                l3_m: Some(0.2),
+                kf: Some(1e-6),
+                km: Some(1e-7),
+                ..FlownAirframe::default()
+            },
             ..robust.plant
         },
         bounds: Bounds {

@@ -36,6 +36,7 @@ fn set_takes_toml_and_bare_words() {
         "mission.trajectory = \"circle\"",
         "plant.noise={position_m=1e-3}",
         "plant.wind_ned_mps=[[15, [5, 0, 0]]]",
+        "plant.drag_linear_nspm=[0.2, 0.2, 0.1]",
         "mpc.delay_compensation=false",
     ])
     .unwrap();
@@ -201,6 +202,7 @@ proptest! {
         scenario.mpc.r = positive;
         scenario.initial.position_m = position_m;
         scenario.plant.wind_ned_mps = vec![(1.0 / 3.0, wind)];
+        scenario.plant.drag_quadratic_ns2pm2 = 0.02;
         scenario.bounds.final_position_error_m = Some(positive[0]);
         check_returns(&scenario);
     }

@@ -1,16 +1,21 @@
-//! `measure laws`: the same aggressive flights under every inner loop, side by side.
+//! `measure laws`: the same flights under every inner loop, side by side.
 //!
-//! Every flight is flown in process, so that the table is the same on every machine. Between the rows only the inner
-//! loop changes: law, constraints and solver of attitude-mpc, and the mixer's projection, which is off in all rows but
-//! the last. A flight survives when the vehicle did not diverge and is back at its reference in the end.
+//! Every flight is flown in process, so that the tables are the same on every machine. Between the rows only the inner
+//! loop changes: law, constraints and solver of attitude-mpc, each without and with the mixer's projection. A flight survives
+//! when the vehicle did not diverge and is back at its reference in the end. The five aggressive flights show how, and the
+//! random ones of `random` how often.
+
+mod random;
 
 use std::path::PathBuf;
 
 use contract::Scenario;
 use contract::scenario::{self, Constraints, Law, Mode, Solver};
+use rayon::prelude::*;
 use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
 
+use self::random::Rate;
 use crate::findings::{Findings, Target};
 use crate::flights::{SURVIVED_M, failed_at_s, in_process};
 use crate::table::Table;
@@ -30,6 +35,12 @@ const AGGRESSIVE: [(&str, &str); 5] = [
 pub struct LawsArgs {
     /// Scenario files to fly besides the five aggressive ones
     pub scenario: Vec<PathBuf>,
+    /// Random flights
+    #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..=100_000))]
+    pub flights: u64,
+    /// What the random flights are drawn from
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
     /// Print JSON
     #[arg(long)]
     pub json: bool,
@@ -39,7 +50,7 @@ pub struct LawsArgs {
 }
 
 /// One row of the table.
-#[derive(Debug)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 struct InnerLoop {
     name: &'static str,
     law: Law,
@@ -59,16 +70,20 @@ const CLAMP: InnerLoop = InnerLoop {
     projection: false,
 };
 
-/// The rows of the table. The first is what ships.
-const INNER_LOOPS: [InnerLoop; 7] = [
+/// The rows of the table without their projection. The first, with it, is what ships.
+const LAWS: [InnerLoop; 6] = [
     InnerLoop { name: "cone", constraints: Constraints::Cone, ..CLAMP },
     InnerLoop { name: "cone, active-set", constraints: Constraints::Cone, solver: Solver::ActiveSet, ..CLAMP },
     InnerLoop { name: "box", constraints: Constraints::Box, ..CLAMP },
     CLAMP,
     InnerLoop { name: "lqr", law: Law::Lqr, ..CLAMP },
     InnerLoop { name: "pid", law: Law::Pid, ..CLAMP },
-    InnerLoop { name: "projection", projection: true, ..CLAMP },
 ];
+
+/// Every law without and with the projection.
+fn inner_loops() -> Vec<InnerLoop> {
+    LAWS.iter().flat_map(|law| [false, true].map(|projection| InnerLoop { projection, ..*law })).collect()
+}
 
 impl InnerLoop {
     /// `scenario` with this inner loop, in process.
@@ -81,12 +96,25 @@ impl InnerLoop {
         flown.mixer.projection = self.projection;
         flown
     }
+
+    fn name(&self) -> String {
+        format!("{}{}", self.name, if self.projection { ", projected" } else { "" })
+    }
+
+    fn is_cone(&self) -> bool {
+        self.constraints == Constraints::Cone
+    }
+
+    /// Whether it is the same law under the same constraints: solver and projection may differ.
+    fn is_akin(&self, other: &Self) -> bool {
+        (self.law, self.constraints) == (other.law, other.constraints)
+    }
 }
 
 #[derive(Serialize)]
 struct LawFlight {
     #[serde(serialize_with = "hyphenated")]
-    inner_loop: &'static InnerLoop,
+    inner_loop: InnerLoop,
     scenario: String,
     /// Whether it did not diverge and was back in the end.
     survived: bool,
@@ -97,21 +125,46 @@ struct LawFlight {
     state_hash: Option<String>,
 }
 
+/// The random flights under one inner loop.
+#[derive(Debug, Serialize)]
+struct RandomRow {
+    #[serde(serialize_with = "hyphenated")]
+    inner_loop: InnerLoop,
+    rate: Rate,
+    /// Flight by flight.
+    survived: Vec<bool>,
+}
+
 /// Returns the exit code.
 pub fn measure(args: &LawsArgs) -> anyhow::Result<u8> {
     let shipped = AGGRESSIVE.iter().map(|(path, text)| scenario::from_merged(text, path));
     let more = args.scenario.iter().map(|path| settings::load(Some(path), &[]));
     let scenarios: Vec<Scenario> = shipped.chain(more).collect::<Result<_, _>>()?;
-    let row = |inner_loop| scenarios.iter().map(|scenario| fly(inner_loop, scenario)).collect();
-    let rows: Vec<Vec<LawFlight>> = INNER_LOOPS.iter().map(row).collect();
+    let rows = fly_all(&scenarios);
+    let drawn = random::flights(args.seed, args.flights)?;
+    let random: Vec<RandomRow> = fly_all(&drawn).iter().map(|flights| RandomRow::of(flights)).collect();
 
     let flights: Vec<&LawFlight> = rows.iter().flatten().collect();
-    let results = json!({ "survived_within_m": SURVIVED_M, "flights": flights });
-    let found = Findings::new(results, targets(&rows), false)?;
-    found.conclude(args.out.as_deref(), "table.json", args.json, &table(&scenarios, &rows))
+    let results = json!({
+        "survived_within_m": SURVIVED_M,
+        "flights": flights,
+        "random": { "seed": args.seed, "flights": args.flights, "rows": random },
+    });
+    let targets = targets(&rows).into_iter().chain(of_random(&random)).collect();
+    let found = Findings::new(results, targets, false)?;
+    let text = table(&scenarios, &rows) + "\n" + &random_table(args.seed, &random);
+    found.conclude(args.out.as_deref(), "table.json", args.json, &text)
 }
 
-fn fly(inner_loop: &'static InnerLoop, scenario: &Scenario) -> LawFlight {
+/// Every scenario under every inner loop, on as many cores as there are: a row for each inner loop.
+fn fly_all(scenarios: &[Scenario]) -> Vec<Vec<LawFlight>> {
+    let loops = inner_loops();
+    let pairs: Vec<_> = loops.iter().flat_map(|one| scenarios.iter().map(move |scenario| (*one, scenario))).collect();
+    let mut flights = pairs.par_iter().map(|(one, scenario)| fly(*one, scenario)).collect::<Vec<_>>().into_iter();
+    loops.iter().map(|_| flights.by_ref().take(scenarios.len()).collect()).collect()
+}
+
+fn fly(inner_loop: InnerLoop, scenario: &Scenario) -> LawFlight {
     let flown = inner_loop.put_into(scenario);
     let (summary, _) = in_process(&flown, |_| {});
     let diverged = summary.status().diverged();
@@ -130,7 +183,7 @@ fn fly(inner_loop: &'static InnerLoop, scenario: &Scenario) -> LawFlight {
 fn targets(rows: &[Vec<LawFlight>]) -> Vec<Target> {
     let of_row = |row: &Vec<LawFlight>| {
         let shipped = &row[..AGGRESSIVE.len()];
-        let name = shipped[0].inner_loop.name;
+        let name = shipped[0].inner_loop.name();
         let survived = shipped.iter().filter(|flight| flight.survived).count();
         let negative = shipped.iter().map(|flight| flight.metrics.negative_squares).sum::<u64>();
         let clamped = shipped.iter().map(|flight| flight.metrics.commands_saturated).max();
@@ -140,11 +193,60 @@ fn targets(rows: &[Vec<LawFlight>]) -> Vec<Target> {
                 survived == all as f64
             }),
             Target::at_most(format!("{name}: negative squares in all of them"), Some(negative as f64), 0.0, ""),
-            Target::at_most(format!("{name}: commands clamped in the worst"), clamped.map(|n| n as f64), 1.0, ""),
+            Target::at_most(format!("{name}: commands clamped in the worst"), clamped.map(|n| n as f64), 0.0, ""),
         ]
     };
-    let is_cone = |row: &&Vec<LawFlight>| row[0].inner_loop.constraints == Constraints::Cone;
-    rows.iter().filter(is_cone).flat_map(of_row).collect()
+    rows.iter().filter(|row| row[0].inner_loop.is_cone()).flat_map(of_row).collect()
+}
+
+/// The row that survives most of those with another law or other constraints than `row`; the first of several.
+fn best_other<'a>(rows: &'a [RandomRow], row: &RandomRow) -> Option<&'a RandomRow> {
+    let others = rows.iter().rev().filter(|other| !other.inner_loop.is_akin(&row.inner_loop));
+    others.max_by_key(|other| other.rate.survived)
+}
+
+/// The cone survives at least as many random flights as every other, within its interval.
+fn of_random(rows: &[RandomRow]) -> Vec<Target> {
+    let of_row = |row: &RandomRow| {
+        let best = best_other(rows, row)?;
+        let Rate { survived, flights, high, .. } = row.rate;
+        let figure = format!("{}: share of random flights, upper end", row.inner_loop.name());
+        let note =
+            format!("{survived} of {flights}; the best other, {}, {}", best.inner_loop.name(), best.rate.survived);
+        Some(Target::at_least(figure, Some(high), best.rate.share()).noting(note))
+    };
+    rows.iter().filter(|row| row.inner_loop.is_cone()).filter_map(of_row).collect()
+}
+
+impl RandomRow {
+    fn of(flights: &[LawFlight]) -> Self {
+        let survived: Vec<bool> = flights.iter().map(|flight| flight.survived).collect();
+        Self { inner_loop: flights[0].inner_loop, rate: Rate::of(&survived), survived }
+    }
+
+    /// How many flights it survives that `other` does not.
+    fn more_than(&self, other: &Self) -> usize {
+        self.survived.iter().zip(&other.survived).filter(|(mine, theirs)| **mine && !**theirs).count()
+    }
+}
+
+fn random_table(seed: u64, rows: &[RandomRow]) -> String {
+    let cells = |row: &RandomRow| {
+        let Rate { survived, low, high, .. } = row.rate;
+        let interval = format!("{:.1} to {:.1} %", 100.0 * low, 100.0 * high);
+        let [best, only, lost] = match best_other(rows, row) {
+            Some(best) => [best.inner_loop.name(), row.more_than(best).to_string(), best.more_than(row).to_string()],
+            None => ["-", "-", "-"].map(str::to_owned),
+        };
+        vec![row.inner_loop.name(), survived.to_string(), interval, best, only, lost]
+    };
+    let flights = rows.first().map_or(0, |row| row.rate.flights);
+    let title = format!(
+        "{flights} random flights, seed {seed}: survived, the exact 95 % interval, the best law of another kind, and how many \
+         flights only the one survives and only the other"
+    );
+    let headings = ["", "survived", "interval", "best other", "only it", "only the other"];
+    Table::new(&title, &headings, rows.iter().map(cells).collect()).text()
 }
 
 fn table(scenarios: &[Scenario], rows: &[Vec<LawFlight>]) -> String {
@@ -152,7 +254,7 @@ fn table(scenarios: &[Scenario], rows: &[Vec<LawFlight>]) -> String {
     let headings = [String::new()].into_iter().chain(names).chain(["survived".into()]).collect();
     let cells = |row: &Vec<LawFlight>| {
         let survived = row.iter().filter(|flight| flight.survived).count();
-        let name = row[0].inner_loop.name.to_owned();
+        let name = row[0].inner_loop.name();
         let flights = row.iter().map(LawFlight::cell);
         [name].into_iter().chain(flights).chain([format!("{survived}/{}", row.len())]).collect()
     };
@@ -175,7 +277,7 @@ impl LawFlight {
 
 /// The name of an inner loop as one word.
 fn hyphenated<S: Serializer>(inner_loop: &InnerLoop, serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.serialize_str(&inner_loop.name.replace(", ", "-"))
+    serializer.serialize_str(&inner_loop.name().replace(", ", "-"))
 }
 
 #[cfg(test)]

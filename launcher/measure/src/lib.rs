@@ -6,6 +6,7 @@
 //! | [`faults`] | `measure faults`: every fault of the catalogue, and whether the flight recovers |
 //! | [`kills`] | `measure kills`: any process killed at any moment, a thousand times |
 //! | [`laws`] | `measure laws`: the aggressive scenarios under every inner loop |
+//! | [`conditions`] | `measure conditions`: fast missions under every model of the MPC |
 //! | [`sensitivity`] | `measure sensitivity`: tracking error over delay, jitter and misses |
 //! | [`timing`] | `measure timing`: how late the stack is, beside the kernel's own wake-up |
 //! | [`flights`] | flights that a measurement flies itself, and when one counts as failed |
@@ -14,6 +15,7 @@
 
 #![allow(missing_docs)]
 
+pub mod conditions;
 pub mod faults;
 pub mod findings;
 pub mod flights;
@@ -37,6 +39,8 @@ pub enum Measure {
     Kills(kills::KillsArgs),
     /// Fly the aggressive scenarios under every inner loop and compare
     Laws(laws::LawsArgs),
+    /// Fly fast missions under every model of the MPC and compare
+    Conditions(conditions::ConditionsArgs),
     /// Map the tracking error over delay, jitter and misses, for both profiles
     Sensitivity(sensitivity::SensitivityArgs),
     /// Time the stack against cyclictest, raw rings, load and rates
@@ -54,6 +58,7 @@ impl Measure {
             Self::Faults(args) => faults::measure(args),
             Self::Kills(args) => kills::measure(args),
             Self::Laws(args) => laws::measure(args),
+            Self::Conditions(args) => conditions::measure(args),
             Self::Sensitivity(args) => sensitivity::measure(args),
             Self::Timing(args) => timing::measure(args),
             Self::RingPeer(args) => timing::ring_peer::run(args),

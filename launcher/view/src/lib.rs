@@ -18,6 +18,7 @@
 pub mod bounds;
 pub mod draw;
 pub mod faults;
+pub mod following;
 pub mod happenings;
 pub mod percentiles;
 pub mod report;

@@ -3,6 +3,7 @@
 use contract::Scenario;
 use contract::exit;
 use contract::guard::Refusal;
+use contract::message::PlantStatus;
 use contract::scenario::{Mode, TrajectoryKind};
 use contract::topic::NODES;
 use runtime::port::PortFailure;
@@ -51,8 +52,10 @@ pub fn describe_end(summary: &Summary, how: &Circumstances) -> String {
         Ended::Lost(name) => format!("lost {name} at {t:.2} s"),
         Ended::Late(name) => format!("stopped at {t:.2} s: {name} missed its deadline"),
         Ended::Unseen(what) => format!("flown, but not seen whole: {what}"),
+        Ended::Flown if summary.status() == PlantStatus::Crashed => format!("crashed at {t:.2} s"),
         Ended::Flown if summary.status().diverged() => format!("diverged at {t:.2} s: {}", summary.status().describe()),
         Ended::Flown => match untried(&how.events) {
+            None if summary.status() == PlantStatus::Landed => format!("flown to the end, {t:.2} s, and landed"),
             None => format!("flown to the end, {t:.2} s"),
             Some(Event { node, why, .. }) => {
                 let why = why.as_deref().unwrap_or("it could not be started");
@@ -104,6 +107,7 @@ pub fn run_json(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
         "duration_s": scenario.run.duration_s,
         "flown_s": flown_s,
         "diverged": summary.status().diverged(),
+        "ground": touchdown(scenario, summary.status()),
         "ended": describe_end(summary, how),
         "but": reservations(summary, scenario, how),
         "exit_code": exit_code(summary, scenario, how),
@@ -146,6 +150,15 @@ fn granted(scenario: &Scenario, provenance: &Value) -> Option<String> {
     };
     let memory = if locked == nodes.len() { "locked" } else { "not locked (needs `ulimit -l unlimited`)" };
     Some(format!("{class}; memory {memory}"))
+}
+
+/// How the flight met the ground at its end: landed, crashed, or not at all; nothing where there is none.
+pub fn touchdown(scenario: &Scenario, status: PlantStatus) -> Option<&'static str> {
+    scenario.plant.ground.present.then_some(match status {
+        PlantStatus::Landed => "landed",
+        PlantStatus::Crashed => "crashed",
+        _ => "in the air",
+    })
 }
 
 /// For people: what the flight amounted to.

@@ -11,6 +11,7 @@ use serde::Serialize;
 use sha2::{Digest, Sha256};
 
 use crate::faults::Faults;
+use crate::following::Following;
 use crate::solves::Solves;
 use crate::ticks::{length_m, position_error_m};
 use crate::timing::Timing;
@@ -28,6 +29,12 @@ pub struct Metrics {
     pub max_altitude_error_vertical_m: f64,
     pub final_position_error_m: f64,
     pub position_error_integral_ms: f64,
+    /// RMS of the true phi, theta, psi against their references, as differences of angles \[deg\].
+    pub rms_attitude_error_deg: [f64; 3],
+    /// RMS of the true p, q, r against their references \[deg/s\].
+    pub rms_rates_error_dps: [f64; 3],
+    /// RMS of the true w, the body z velocity, against its reference \[m/s\].
+    pub rms_w_error_mps: f64,
     /// Largest body rate about any axis \[rad/s\].
     pub max_rate_radps: f64,
     pub rotor_speed_min: f64,
@@ -49,6 +56,7 @@ pub struct Summary {
     metrics: Metrics,
     square_sum_m2: f64,
     samples: u64,
+    following: Following,
     /// Ticks on which the mixer flew without a demand.
     fallback_ticks: u64,
     hash: Sha256,
@@ -73,6 +81,7 @@ impl Summary {
             },
             square_sum_m2: 0.0,
             samples: 0,
+            following: Following::default(),
             fallback_ticks: 0,
             hash: Sha256::new(),
             count: Count::default(),
@@ -95,6 +104,7 @@ impl Summary {
         let Some(before) = self.count.before(record) else { return };
         self.missed = self.missed.saturating_add(record.stamp().sequence - before.sequence - 1);
         self.faults.observe(record);
+        self.following.observe(record);
         match record {
             Record::State(state) => self.state(state),
             Record::Controls(controls) => self.solves.observe(controls),
@@ -140,7 +150,15 @@ impl Summary {
     pub fn metrics(&self) -> Metrics {
         let rms_position_error_m = (self.square_sum_m2 / self.samples.max(1) as f64).sqrt();
         let fallback_s = self.fallback_ticks as f64 * self.sample_s;
-        Metrics { rms_position_error_m, fallback_s, ..self.metrics }
+        let [phi, theta, psi, p, q, r, w] = self.following.rms();
+        Metrics {
+            rms_position_error_m,
+            fallback_s,
+            rms_attitude_error_deg: [phi, theta, psi].map(f64::to_degrees),
+            rms_rates_error_dps: [p, q, r].map(f64::to_degrees),
+            rms_w_error_mps: w,
+            ..self.metrics
+        }
     }
 
     /// SHA-256 over every state's payload bits in order; `None` when a message was missed or none came.

@@ -17,7 +17,7 @@ use contract::Scenario;
 use contract::fault_schedule::FaultSchedule;
 use contract::scenario::{Fault, FaultKind, FaultTarget};
 
-use crate::dynamics::Condition;
+use crate::rotors::Condition;
 
 /// Share of thrust and torque that a wrong rotor has left.
 const EFFECTIVENESS: f64 = 0.7;

@@ -1,15 +1,18 @@
 //! Faults of the air and of what is carried.
 //!
 //! ```text
-//! step     wind = vector                             while it lasts, in addition to the scenario's wind
+//! step     wind = vector (1 - cos(pi t / ms)) / 2      t since its beginning, up to ms; then vector, while it lasts; in addition to the
+//!                                                    scenario's wind. With ms = 0 at once
 //! gust     wind = vector (1 - cos(2 pi t / T)) / 2   t since its beginning, T its duration: smooth, vector at its peak
 //! mass     m = m + value                             while it lasts, at the centre of mass
 //! ```
 //!
-//! A gust is evaluated inside the integration steps. The mass changes neither the moments of inertia nor the velocity of
-//! the vehicle when it is added. Several faults add up.
+//! A step that rises is the discrete gust of flight control practice (MIL-F-8785C, section 3.7), which stays at its peak;
+//! a gust is that of certification (CS-25.341, 14 CFR 25.341), which passes. Both are evaluated inside the integration
+//! steps. The mass changes neither the moments of inertia nor the velocity of the vehicle when it is added. Several
+//! faults add up.
 
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 use contract::Scenario;
 use contract::fault_schedule::{Entry, FaultSchedule};
@@ -34,8 +37,8 @@ pub struct EnvironmentFaults {
 
 #[derive(Debug, Clone, Copy)]
 enum Effect {
-    /// \[m/s\]
-    Step(Vector3<f64>),
+    /// \[m/s\], and how long it rises \[ns\].
+    Step(Vector3<f64>, u64),
     /// At its peak \[m/s\], and its duration \[ns\].
     Gust(Vector3<f64>, u64),
     /// \[kg\]
@@ -59,7 +62,13 @@ impl EnvironmentFaults {
         let mut outside = *calm;
         for Entry { ticks, effect, .. } in self.faults.on(from_ns / self.sample_ns) {
             match effect {
-                Effect::Step(wind_mps) => outside.wind_mps += wind_mps,
+                Effect::Step(wind_mps, rise_ns) => {
+                    let since_ns = from_ns - ticks.start * self.sample_ns;
+                    let risen = since_ns as f64 / 1e9 + offset_s;
+                    let rise_s = *rise_ns as f64 / 1e9;
+                    let share = if risen < rise_s { (1.0 - (PI * risen / rise_s).cos()) / 2.0 } else { 1.0 };
+                    outside.wind_mps += wind_mps * share;
+                }
                 Effect::Gust(peak_mps, duration_ns) => {
                     let since_ns = from_ns - ticks.start * self.sample_ns;
                     if since_ns < *duration_ns {
@@ -79,7 +88,7 @@ impl Effect {
     fn of(fault: &Fault, sample_ns: u64) -> Option<Self> {
         let wind_mps = fault.vector.unwrap_or(WIND_MPS).into();
         match (fault.target, fault.kind) {
-            (FaultTarget::Wind, FaultKind::Step) => Some(Self::Step(wind_mps)),
+            (FaultTarget::Wind, FaultKind::Step) => Some(Self::Step(wind_mps, (fault.ms.unwrap_or(0.0) * 1e6) as u64)),
             (FaultTarget::Wind, FaultKind::Gust) => {
                 let ticks = Fault { for_s: fault.for_s.or(Some(GUST_S)), ..*fault }.ticks(sample_ns as f64 / 1e9);
                 Some(Self::Gust(wind_mps, (ticks.end - ticks.start) * sample_ns))

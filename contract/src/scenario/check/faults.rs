@@ -107,7 +107,7 @@ fn range(fault: &Fault, key: &str) -> (f64, f64) {
 /// Wind is felt through drag.
 fn check_air(fault: &Fault, plant: &Plant, found: &mut Found) {
     found.require(
-        fault.target != FaultTarget::Wind || plant.drag_quadratic_ns2pm2 > 0.0 || plant.drag_linear_nspm != [0.0; 3],
+        fault.target != FaultTarget::Wind || plant.feels_air(),
         &["fault", "plant.drag_linear_nspm", "plant.drag_quadratic_ns2pm2"],
         "a wind that a vehicle without drag does not feel".into(),
         "drag, for instance `plant.drag_linear_nspm` = [0.2, 0.2, 0.1]",

@@ -17,6 +17,8 @@ const POSITIVE: Range = (Included(1e-9), Included(MAX));
 const NOT_NEGATIVE: Range = (Included(0.0), Included(MAX));
 /// Shortest integration step \[s\]: 2000 of them in the longest sample.
 const MIN_STEP_S: f64 = 1e-5;
+const MASS: Range = (Included(1e-4), Included(1e6));
+const LATENCY_MS: Range = (Included(0.0), Included(500.0));
 const INERTIA: Range = (Included(1e-9), Included(1e6));
 const ARM: Range = (Included(1e-3), Included(1e3));
 const ROTOR_CONSTANT: Range = (Included(1e-12), Included(1e3));
@@ -25,13 +27,13 @@ const PRIORITY: Range = (Included(1.0), Included(95.0));
 const CPU: Range = (Included(0.0), Included(1023.0));
 
 /// Allowed range of each number under a key; arrays are judged number by number, tables key by key.
-const RANGES: [(&str, Range); 70] = [
+const RANGES: [(&str, Range); 106] = [
     ("mission", ANY),
     ("initial", ANY),
     ("plant", ANY),
     ("guidance", ANY),
     ("airframe.g_mps2", (Included(0.01), Included(1000.0))),
-    ("airframe.mass_kg", (Included(1e-4), Included(1e6))),
+    ("airframe.mass_kg", MASS),
     ("airframe.ixx_kgm2", INERTIA),
     ("airframe.iyy_kgm2", INERTIA),
     ("airframe.izz_kgm2", INERTIA),
@@ -60,12 +62,48 @@ const RANGES: [(&str, Range); 70] = [
     ("plant.drag_quadratic_ns2pm2", NOT_NEGATIVE),
     ("plant.rotor_effectiveness", (Included(0.0), Included(2.0))),
     ("plant.noise", NOT_NEGATIVE),
+    ("plant.airframe.mass_kg", MASS),
+    ("plant.airframe.ixx_kgm2", INERTIA),
+    ("plant.airframe.iyy_kgm2", INERTIA),
+    ("plant.airframe.izz_kgm2", INERTIA),
+    ("plant.airframe.centre_of_mass_m", (Included(-1e3), Included(1e3))),
+    ("plant.airframe.l1_m", ARM),
+    ("plant.airframe.l2_m", ARM),
+    ("plant.airframe.l3_m", ARM),
+    ("plant.airframe.kf", ROTOR_CONSTANT),
+    ("plant.airframe.km", ROTOR_CONSTANT),
+    ("plant.rotor.inertia_kgm2", (Included(0.0), Included(1.0))),
+    ("plant.rotor", NOT_NEGATIVE),
+    ("plant.battery.energy_wh", (Included(0.0), Included(1e6))),
+    ("plant.battery.droop", (Included(0.0), Included(0.9))),
+    ("plant.battery.sag", (Included(0.0), Included(0.5))),
+    ("plant.sensors", NOT_NEGATIVE),
+    ("plant.sensors.filter_radps", (Included(1e-3), Included(20.0))),
+    ("plant.sensors.position.latency_ms", LATENCY_MS),
+    ("plant.sensors.velocity.latency_ms", LATENCY_MS),
+    ("plant.sensors.attitude.latency_ms", LATENCY_MS),
+    ("plant.sensors.rates.latency_ms", LATENCY_MS),
+    ("plant.wind_roughness_m", (Included(0.0), Included(3.0))),
+    ("plant.turbulence.wind_at_6m_mps", (Included(0.0), Included(100.0))),
+    ("plant.turbulence.height_m", (Included(3.0), Included(304.8))),
+    ("plant.turbulence.airspeed_mps", (Included(0.1), Included(100.0))),
+    ("plant.ground.leg_m", ARM),
+    ("plant.ground.stiffness_npm", (Included(1.0), Included(1e6))),
+    ("plant.ground.damping_nspm", (Included(0.0), Included(1e4))),
+    ("plant.ground.friction", (Included(0.0), Included(10.0))),
+    ("plant.ground.down_m", (Included(-500.0), Included(500.0))),
+    ("plant.ground.max_sink_mps", POSITIVE),
+    ("plant.ground.max_drift_mps", POSITIVE),
+    ("plant.ground.max_tilt_deg", (Excluded(0.0), Included(180.0))),
     ("guidance.disturbance_observer_radps", NOT_NEGATIVE),
     ("guidance.angle_limit_deg", (Excluded(0.0), Included(80.0))),
+    ("guidance.climb_limit_mps", POSITIVE),
     ("guidance.w_limit_mps", POSITIVE),
+    ("guidance.heading_rate_limit_dps", NOT_NEGATIVE),
     ("guidance.integral_limit", NOT_NEGATIVE),
     ("mpc.q", (Included(0.0), Included(1e12))),
     ("mpc.r", (Included(1e-12), Included(1e12))),
+    ("mpc.r_rate", (Included(0.0), Included(1e12))),
     ("mpc.np", (Included(1.0), Included(200.0))),
     ("mpc.nu", (Included(1.0), Included(200.0))),
     ("mpc.actuator_lag_model_s", (Included(0.0), Included(100.0))),

@@ -76,6 +76,8 @@ fn settings_that_contradict_are_refused() {
         ("plant.servo_lag_s=0.0004", "`plant.servo_lag_s` = 0.0004 is too short"),
         ("plant.rotor_speed_min=1339", "below the slowest rotor at trim, 1338.6"),
         ("plant.tilt_max_deg=30", "above the tilt at trim, 30.49"),
+        ("plant.wind_ned_mps=[[2, [0, 0, 1]]]", "a wind that a vehicle without drag does not feel"),
+        ("plant.airframe.ixz_kgm2=0.02", "products of inertia that no body has"),
         ("plant.wind_ned_mps=[[2, [0, 0, 0]], [1, [0, 0, 0]]]", "`plant.wind_ned_mps` are out of order"),
         ("plant.disturbance=[[-1, [0, 0, 0], [0, 0, 0]]]", "`plant.disturbance` are out of order"),
         ("mission.heading_deg=[[2, 0], [1, 0]]", "`mission.heading_deg` are out of order"),
@@ -228,4 +230,18 @@ fn a_candidate_has_its_own_settings_on_top_of_the_run_s() {
     assert_eq!(own.mpc.law, crate::scenario::Law::Lqr);
     assert_eq!(own.mpc.np, scenario.mpc.np);
     assert!(own.swap.is_empty());
+}
+
+#[test]
+fn a_model_where_it_would_have_no_effect_is_refused() {
+    for others in ["mpc.law=pid", "mpc.law=lqr", "mpc.state_constraints=soft"] {
+        for model in ["scheduled", "ltv"] {
+            let refused = from_set(&[others, &format!("mpc.model={model}")]).expect_err(others).to_string();
+            assert!(refused.contains("`mpc.model`"), "{refused}");
+        }
+        from_set(&[others, "mpc.model=hover"]).unwrap();
+    }
+    for model in ["scheduled", "ltv"] {
+        from_set(&[&format!("mpc.model={model}")]).unwrap();
+    }
 }

@@ -111,9 +111,11 @@ pub enum FaultKind {
     Noise,
     /// An actuator that reaches only a part of its range.
     Saturated,
-    /// Wind that sets in at once.
+    /// Wind that sets in and stays: at once, or as one minus cosine over `ms`, the discrete gust of flight control practice
+    /// (MIL-F-8785C, section 3.7).
     Step,
-    /// Wind that comes and goes as one minus cosine over the fault's duration (MIL-F-8785C).
+    /// Wind that comes and goes as one minus cosine over the fault's duration, the discrete gust of certification
+    /// (CS-25.341 and 14 CFR 25.341).
     Gust,
     /// More mass.
     Mass,

@@ -1,4 +1,5 @@
-//! The flight log: every message of every topic, and every event, in one MCAP file that Foxglove, `PlotJuggler` and Python read.
+//! The flight log: every message of every topic, and every event, in one MCAP file that Foxglove, `PlotJuggler` and
+//! Python read.
 //!
 //! | in the file | is |
 //! |---|---|

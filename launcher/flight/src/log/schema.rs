@@ -167,8 +167,8 @@ mod tests {
     #[test]
     fn a_status_is_written_with_its_name_if_it_has_one() {
         let name = |status| wire::State::from(State { status, ..State::default() }).status_name;
-        assert_eq!(name(PlantStatus::Singular as u64), Some(wire::PlantStatus::Singular as i32));
-        assert_eq!(name(6), None);
+        assert_eq!(name(PlantStatus::TooFast as u64), Some(wire::PlantStatus::TooFast as i32));
+        assert_eq!(name(8), None);
         assert_eq!(name(1 << 32), None, "not FLYING");
         let name = |status| wire::Controls::from(Controls { status, ..Controls::default() }).status_name;
         assert_eq!(name(SolveStatus::BadInput as u64), Some(wire::SolveStatus::BadInput as i32));

@@ -52,7 +52,8 @@ pub struct LogWriter {
 }
 
 impl LogWriter {
-    /// Creates or replaces the file at `path`; the run's merged settings are its first record. Log time is simulated: ticks times `sample_ns`.
+    /// Creates or replaces the file at `path`; the run's merged settings are its first record. Log time is simulated:
+    /// ticks times `sample_ns`.
     pub fn create(path: &Path, scenario_toml: &str, sample_ns: u64) -> anyhow::Result<Self> {
         let cannot_create = || format!("cannot create {}", path.display());
         check_target(path).with_context(cannot_create)?;

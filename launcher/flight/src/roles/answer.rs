@@ -8,6 +8,7 @@
 
 use std::f64::consts::PI;
 
+use airframe::angle;
 use airframe::envelope::Envelope;
 use contract::Scenario;
 use contract::message::Message as _;
@@ -20,6 +21,10 @@ use crate::log::Record;
 const W_MPS: f64 = 5.0;
 
 const NUMBERS: usize = 4;
+/// Where the heading stands among the numbers of a reference.
+const HEADING: usize = 3;
+/// What a heading is a share of \[rad\].
+const HEADING_RAD: f64 = PI;
 
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Answer {
@@ -31,6 +36,8 @@ pub struct Answer {
     pub usable: bool,
     /// Its numbers, each as a share of what is commonly the largest.
     pub shares: [f64; NUMBERS],
+    /// Whether the last of them is a heading, which comes round.
+    pub has_heading: bool,
 }
 
 /// What makes answers of one node comparable.
@@ -53,7 +60,12 @@ impl Scale {
             Topic::State => [f64::INFINITY; NUMBERS], // plants are not compared
             Topic::Reference => {
                 let angle_rad = scenario.guidance.angle_limit_deg.to_radians();
-                [scenario.guidance.w_limit_mps.min(W_MPS), angle_rad, angle_rad, PI]
+                [
+                    scenario.guidance.climb_limit_mps.min(scenario.guidance.w_limit_mps).min(W_MPS),
+                    angle_rad,
+                    angle_rad,
+                    HEADING_RAD,
+                ]
             }
             Topic::Controls => {
                 let envelope = Envelope::new(&scenario.airframe, scenario.mixer.tilt_reaction, scenario.limits());
@@ -97,6 +109,7 @@ impl Scale {
             response_ns,
             usable: plausible && record.is_intact(),
             shares: std::array::from_fn(|i| numbers[i] / self.largest[i]),
+            has_heading: self.topic == Topic::Reference,
         })
     }
 }
@@ -109,7 +122,21 @@ impl Answer {
 
     /// How far another answer to the same sample is away: the largest difference of a number, as a share.
     pub fn difference(&self, other: &Self) -> f64 {
-        self.shares.iter().zip(other.shares).map(|(mine, theirs)| (mine - theirs).abs()).fold(0.0, f64::max)
+        self.shares_beside(other)
+            .iter()
+            .zip(other.shares)
+            .map(|(mine, theirs)| (mine - theirs).abs())
+            .fold(0.0, f64::max)
+    }
+
+    /// Its shares, the heading by whole turns as near to that of `other` as it gets.
+    fn shares_beside(&self, other: &Self) -> [f64; NUMBERS] {
+        let mut shares = self.shares;
+        if self.has_heading {
+            let [mine_rad, theirs_rad] = [self, other].map(|answer| answer.shares[HEADING] * HEADING_RAD);
+            shares[HEADING] = angle::nearest(mine_rad, theirs_rad) / HEADING_RAD;
+        }
+        shares
     }
 }
 
@@ -136,7 +163,7 @@ impl Similarity {
     pub fn note(&mut self, mine: &Answer, theirs: &Answer) {
         self.answers = self.answers.saturating_add(1);
         self.weight = STAYS * self.weight + 1.0;
-        for (i, (m, t)) in mine.shares.into_iter().zip(theirs.shares).enumerate() {
+        for (i, (m, t)) in mine.shares_beside(theirs).into_iter().zip(theirs.shares).enumerate() {
             self.mine[i] = STAYS * self.mine[i] + m * m;
             self.theirs[i] = STAYS * self.theirs[i] + t * t;
             self.both[i] = STAYS * self.both[i] + m * t;
@@ -176,6 +203,18 @@ mod tests {
         assert!((similarity(30, swing, |x| -x) + 1.0).abs() < 1e-12);
         assert!((similarity(30, swing, |x| 3.0 * x) - 1.0).abs() < 1e-12, "a factor is no opposition");
         assert!((similarity(30, |_| 0.03, |x| -x) + 1.0).abs() < 1e-12, "of what stands still too");
+    }
+
+    #[test]
+    fn two_headings_on_both_sides_of_the_turn_are_alike() {
+        let heading =
+            |deg: f64| Answer { shares: [0.0, 0.0, 0.0, deg / 180.0], has_heading: true, ..Answer::default() };
+        assert!((heading(179.0).difference(&heading(-179.0)) - 2.0 / 180.0).abs() < 1e-12);
+        let mut similarity = Similarity::default();
+        (0..30).for_each(|_| similarity.note(&heading(179.0), &heading(-179.0)));
+        assert!(similarity.least() > 0.999, "{}", similarity.least());
+        let number = Answer { has_heading: false, ..heading(179.0) };
+        assert!(number.difference(&heading(-179.0)) > 1.9, "other numbers do not come round");
     }
 
     #[test]

@@ -1,7 +1,8 @@
 //! The roles of a flight against the clock: what is seen on the control page goes in, orders to processes come out.
 //!
-//! The end of a process is seen through a pidfd, a hang by the progress of the ticks themselves: no heartbeat that could outlive
-//! the work. The instant at which a process will count as hung is known beforehand, and the launcher sleeps no longer than that.
+//! The end of a process is seen through a pidfd, a hang by the progress of the ticks themselves: no heartbeat that could
+//! outlive the work. The instant at which a process will count as hung is known beforehand, and the launcher sleeps no
+//! longer than that.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};

@@ -37,8 +37,8 @@ pub enum Input {
     Activated(u32),
     Exited(u32),
     NotStarted(u32, String),
-    /// The active process has answered to `done` of `samples` samples; `excused_ns` of the time since the last look count against
-    /// no process.
+    /// The active process has answered to `done` of `samples` samples; `excused_ns` of the time since the last look count
+    /// against no process.
     Progress {
         /// Ticks done, counted from the first of the run.
         done: u64,

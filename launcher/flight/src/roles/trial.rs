@@ -6,11 +6,11 @@
 //! ```
 //!
 //! A tick counts against the candidate when its answer is missing, not usable, late, too far from the old one's, or the
-//! opposite of it (`answer.rs`): both answer to the same inputs, whichever of them is active. No candidate takes or keeps the
-//! role on a tick that counts against it. A tick that the plant skipped is not counted, and neither is one on
-//! which the old one has no good answer either: then the fault is not the candidate's. Should the old one die, the trial goes on. While
-//! the candidate is active the vehicle itself is watched too. All of it is judged from messages alone, so that a trial ends the same way
-//! in every mode.
+//! opposite of it (`answer.rs`): both answer to the same inputs, whichever of them is active. No candidate takes or keeps
+//! the role on a tick that counts against it. A tick that the plant skipped is not counted, and neither is one on which
+//! the old one has no good answer either: then the fault is not the candidate's. Should the old one die, the trial goes
+//! on. While the candidate is active the vehicle itself is watched too. All of it is judged from messages alone, so that
+//! a trial ends the same way in every mode.
 
 use std::collections::VecDeque;
 

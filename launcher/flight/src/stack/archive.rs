@@ -199,7 +199,8 @@ impl Archive {
     }
 }
 
-/// What a recorder that has ended said of its file. Other processes may still hold the pipe, so the end of it is not waited for.
+/// What a recorder that has ended said of its file. Other processes may still hold the pipe, so the end of it is not
+/// waited for.
 fn outcome_on(stdout: impl Read + AsFd) -> Option<LogOutcome> {
     event::never_wait(&stdout).ok()?;
     let mut text = vec![];

@@ -1,8 +1,8 @@
 //! What a run has in shared memory, looked at while it flies: a file that is removed, or cut short, is noticed.
 //!
-//! A name that is gone harms no process that has the file mapped, but one that is started later cannot join. A file that is
-//! cut short kills the process that touches what is missing (SIGBUS). Only files of processes that live are looked after: what a dead
-//! one leaves is cleared away, and guests may come and go.
+//! A name that is gone harms no process that has the file mapped, but one that is started later cannot join. A file that
+//! is cut short kills the process that touches what is missing (SIGBUS). Only files of processes that live are looked
+//! after: what a dead one leaves is cleared away, and guests may come and go.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;

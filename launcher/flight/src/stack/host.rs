@@ -1,6 +1,7 @@
 //! What happens around the processes of a run: its files in shared memory, and the scenario's faults of host and intruders.
 //!
-//! Nothing here ends a flight. A process that cannot go on for want of a file dies or fails to start, which the supervisor sees.
+//! Nothing here ends a flight. A process that cannot go on for want of a file dies or fails to start, which the
+//! supervisor sees.
 
 use std::io::{BufRead, BufReader, Read};
 use std::ops::Range;

@@ -7,12 +7,14 @@
 //! | [`handling`] | what the supervision does about a process fault, in lockstep and in real time |
 //! | [`strike`] | processes killed and stopped from outside, in real time |
 //! | [`relay`] | candidates in flight, good and wrong ones |
+//! | [`brought_down`] | flights over ground that cannot go on, and how they end |
 //!
 //! Every case is `scenarios/faults/hover-gusts.toml` with one fault of the default size from 5 s to 6 s. It is flown in
 //! lockstep, by real processes that really die, and by one thread: the two must be the same flight, bit for bit. The
 //! profile is the robust one: the paper's does not survive the gusts, with or without a fault. The paper's profile has the
 //! faults of processes and topics in a calm hover.
 
+pub mod brought_down;
 pub mod case;
 pub mod handling;
 pub mod one_flight;
@@ -28,6 +30,7 @@ use flight::interrupts::catch_interrupts;
 use serde::Serialize;
 use view::percentiles::median;
 
+use self::brought_down::BroughtDown;
 use self::case::{Case, Promise, hover_in_gusts, hover_of_the_paper};
 use self::handling::{FaultHandling, Handling};
 use self::one_flight::{BACK_M, Course, FaultFlight, QuietFlight, TERMINATE_S, TILT_DEG};
@@ -61,6 +64,8 @@ pub struct FaultResults {
     pub quiet: Vec<QuietFlight>,
     /// Process faults in lockstep and in real time.
     pub handling: Vec<FaultHandling>,
+    /// Flights over ground that cannot go on.
+    pub brought_down: Vec<BroughtDown>,
     pub relays: Vec<Relay>,
     pub strikes: Strikes,
 }
@@ -89,6 +94,7 @@ impl FaultResults {
             paper,
             quiet: quiet.collect::<Result<_, _>>()?,
             handling,
+            brought_down: BroughtDown::fly_all()?,
             relays: Relay::fly_all(if quick { 1 } else { relay::ROUNDS }, interrupts)?,
             strikes: Strikes::measure(if quick { 1 } else { 5 }, interrupts)?,
         })
@@ -104,7 +110,9 @@ fn text(results: &FaultResults) -> String {
             text.push('\n');
         }
     }
-    text + &handling(&results.handling).text()
+    text += &handling(&results.handling).text();
+    text.push('\n');
+    text + &BroughtDown::table(&results.brought_down).text()
 }
 
 fn matrix(title: &str, rows: &[FaultFlight]) -> Table {
@@ -173,6 +181,7 @@ fn targets(results: &FaultResults) -> Vec<Target> {
     let other: Vec<&str> = other.map(|row| row.fault.as_str()).collect();
     let figure = format!("of {} process faults: other restarts in real time", results.handling.len());
     targets.push(Target::none(figure, other.len()).noting(other.join(", ")));
+    targets.push(BroughtDown::target(&results.brought_down));
     targets.extend(results.relays.iter().flat_map(of_a_relay));
     targets.extend(in_real_time(results));
     targets

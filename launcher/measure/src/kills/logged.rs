@@ -61,9 +61,9 @@ pub fn sent_ns(state: &State) -> u64 {
     state.stamp.publish_ns[Topic::State as usize]
 }
 
-/// The times between which states of the flight that ended at `end_ns` are missing. A recorder that joins is sent the newest
-/// message from before as well, so a hole reaches to the message after the one that ends it. The last one has no end: a recorder
-/// that is killed while it closes the log has lost the same messages.
+/// The times between which states of the flight that ended at `end_ns` are missing. A recorder that joins is sent the
+/// newest message from before as well, so a hole reaches to the message after the one that ends it. The last one has no
+/// end: a recorder that is killed while it closes the log has lost the same messages.
 pub fn holes(log: &Log, end_ns: u64) -> Vec<(u64, u64)> {
     let of = |state: &State| (state.stamp.sequence, sent_ns(state));
     let mut known: Vec<(u64, u64)> = [(0, 0)].into_iter().chain(log.states.iter().map(of)).collect();

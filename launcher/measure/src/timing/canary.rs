@@ -1,7 +1,7 @@
 //! The canary: on every processor a process that sleeps for a millisecond, again and again, above all others.
 //!
-//! No process of this machine can delay it: when it wakes late, the host is the reason. It wakes every 1.001 ms, so that it meets a ring
-//! of whole milliseconds at all phases and at none for long.
+//! No process of this machine can delay it: when it wakes late, the host is the reason. It wakes every 1.001 ms, so that
+//! it meets a ring of whole milliseconds at all phases and at none for long.
 
 use runtime::realtime::now_ns;
 use serde::Serialize;

@@ -1,10 +1,11 @@
 //! The paper's claims about its simulation results, held against a run.
 //!
-//! They are made for one flight: the whole minute of the `survey` trajectory. Anything else is `not applicable`, and a page
-//! on which none applies does not speak of them.
+//! They are made for one flight: the whole minute of the `survey` trajectory, flown by the paper's controllers and vehicle in
+//! calm. Anything else is `not applicable`, and a page on which none applies does not speak of them.
 
 use contract::Scenario;
-use contract::scenario::TrajectoryKind;
+use contract::message::State;
+use contract::scenario::{Profile, Run};
 use serde_json::Value;
 
 use crate::draw::{DASH, escape, number, table, verdict};
@@ -32,7 +33,7 @@ pub struct Claim {
 }
 
 /// The section of the page; empty where no claim applies.
-pub fn section(claims: &[Claim]) -> String {
+pub fn section(claims: &[Claim], run: &Value) -> String {
     if claims.iter().all(|claim| claim.holds.is_none()) {
         return String::new();
     }
@@ -44,15 +45,25 @@ pub fn section(claims: &[Claim]) -> String {
         };
         vec![claim.what.into(), claim.paper.into(), escape(&claim.measured), verdict(word)]
     };
+    let following: Vec<String> = following(run).map(|(name, value)| format!("{name} <b>{value}</b>")).into();
     format!(
         "<section id=\"claims\"><h2>The paper’s claims, and this run</h2><p>Section 5 of Prach and Kayacan claims these \
-         for one flight: a minute of the <code>survey</code> trajectory, horizontal from 10 to 50 s.</p>{}</section>",
-        table(&["claim", "paper", "measured", "verdict"], claims.iter().map(cells))
+         for one flight: a minute of the <code>survey</code> trajectory, horizontal from 10 to 50 s.</p>{}<p>It also calls \
+         the command following of the inner loop effective (figures 8 to 10) and gives no bound for that. Here it is: {}.\
+         </p></section>",
+        table(&["claim", "paper", "measured", "verdict"], claims.iter().map(cells)),
+        following.join("; ")
     )
 }
 
+/// Whether the claims are made for this flight: every setting of vehicle, mission and controllers is the paper's, and nothing goes
+/// wrong. Mode, rate and seed may be any, as may what the flight is called, judged by and scheduled with.
 pub fn concerns(scenario: &Scenario) -> bool {
-    scenario.mission.trajectory == TrajectoryKind::Survey
+    let Scenario { name, run, bounds, realtime, deadline, supervision, .. } = scenario.clone();
+    let paper = Scenario::from(Profile::Paper);
+    let Run { mode, duration_s, rate_hz, seed, .. } = run;
+    let run = Run { mode, duration_s, rate_hz, seed, ..paper.run };
+    *scenario == Scenario { name, run, bounds, realtime, deadline, supervision, ..paper }
 }
 
 /// A metric of the run, or nothing where its part of the flight was never flown.
@@ -66,8 +77,22 @@ pub fn never_flown(run: &Value, metric: &str) -> bool {
     before_horizontal && metric == "max_altitude_error_horizontal_m"
 }
 
+/// How closely the inner loop followed its references: what of it, and the figures.
+pub fn following(run: &Value) -> [(&'static str, String); 3] {
+    let metrics = &run["metrics"];
+    let three = |key: &str, unit: &str| {
+        let all = [0, 1, 2].map(|i| number(&metrics[key][i], 2));
+        format!("{} {unit}", all.join(" / "))
+    };
+    [
+        ("RMS error of φ, θ, ψ", three("rms_attitude_error_deg", "deg")),
+        ("RMS error of p, q, r", three("rms_rates_error_dps", "deg/s")),
+        ("RMS error of w", format!("{} m/s", number(&metrics["rms_w_error_mps"], 3))),
+    ]
+}
+
 /// Judges a run by its summary, and by its ticks for the actuators: the whole flight of the claims, or one that was lost.
-pub fn judge(run: &Value, ticks: &[LoggedTick], scenario: &Scenario) -> [Claim; 4] {
+pub fn judge(run: &Value, ticks: &[LoggedTick], scenario: &Scenario) -> [Claim; 5] {
     let lost = concerns(scenario) && run["diverged"] == Value::Bool(true);
     let whole = run["flown_s"].as_f64().unwrap_or(0.0) > DURATION_S - 2.0 * scenario.sample_s();
     let judged = lost || (concerns(scenario) && whole);
@@ -89,8 +114,37 @@ pub fn judge(run: &Value, ticks: &[LoggedTick], scenario: &Scenario) -> [Claim; 
         error("altitude error in vertical flight", "not above 0.2 m", "max_altitude_error_vertical_m", |e| {
             e <= ALTITUDE_VERTICAL_M
         }),
+        states(ticks, judged, scenario),
         actuators(ticks, judged, scenario),
     ]
+}
+
+/// The true angles and rates must lie strictly inside.
+fn states(ticks: &[LoggedTick], judged: bool, scenario: &Scenario) -> Claim {
+    let of = |number: fn(&State) -> [f64; 3]| {
+        let sizes = ticks.iter().filter_map(|tick| Some(number(tick.of.state?).map(|x| x.abs().to_degrees())));
+        sizes.reduce(|a, b| std::array::from_fn(|i| larger(a[i], b[i])))
+    };
+    let measured = of(|state| state.actual.attitude_rad).zip(of(|state| state.actual.rates_radps));
+    let kept = measured.map(|(angles, rates)| {
+        let limits = scenario.mpc.attitude_limit_deg.iter().chain(&scenario.mpc.rates_limit_dps);
+        angles.iter().chain(&rates).zip(limits).all(|(size, limit)| size < limit)
+    });
+    let words = measured.map(|([phi, theta, psi], rates)| {
+        let rate = rates.into_iter().fold(0.0, larger);
+        format!("|φ| ≤ {phi:.1}°, |θ| ≤ {theta:.1}°, |ψ| ≤ {psi:.1}°, rates ≤ {rate:.0} °/s")
+    });
+    Claim {
+        what: "state constraints (49) to (51)",
+        paper: "|φ|,&nbsp;|θ|&nbsp;&lt;&nbsp;90°, |ψ|&nbsp;&lt;&nbsp;360°, |p|,&nbsp;|q|,&nbsp;|r|&nbsp;&lt;&nbsp;360&nbsp;°/s",
+        measured: words.unwrap_or_else(|| DASH.to_owned()),
+        holds: kept.filter(|_| judged),
+    }
+}
+
+/// The larger of two numbers; NaN is larger than any.
+fn larger(a: f64, b: f64) -> f64 {
+    if a > b || a.is_nan() { a } else { b }
 }
 
 /// Commands and positions both must lie strictly inside: a command at its limit is one that was clipped.

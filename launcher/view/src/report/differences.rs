@@ -7,10 +7,9 @@ use serde_json::Value;
 use crate::draw::{DASH, escape, table};
 
 /// The settings that differ, as a section. Faults and swaps stand in it one by one.
-pub fn section(run: &Value, scenario: &Scenario) -> String {
-    let flown = flown(run).unwrap_or_else(|| scenario.clone());
+pub fn section(flown: &Scenario) -> String {
     let profile = format!("{:?}", flown.profile).to_lowercase();
-    let rows = differences(&flown);
+    let rows = differences(flown);
     let told = if rows.is_empty() {
         format!("<p>Every setting is the default of profile <b>{profile}</b>.</p>")
     } else {
@@ -22,7 +21,7 @@ pub fn section(run: &Value, scenario: &Scenario) -> String {
 }
 
 /// What was flown, with what was ordered while it flew; none where the summary does not tell.
-fn flown(run: &Value) -> Option<Scenario> {
+pub fn flown(run: &Value) -> Option<Scenario> {
     from_merged(run["provenance"]["scenario"].as_str()?, "run.json").ok()
 }
 
@@ -88,7 +87,7 @@ mod tests {
         let mut flown = Scenario::from(Profile::Paper);
         flown.name = "another name".into();
         assert!(differences(&flown).is_empty());
-        assert!(section(&Value::Null, &flown).contains("Every setting is the default of profile <b>paper</b>"));
+        assert!(section(&flown).contains("Every setting is the default of profile <b>paper</b>"));
         flown.run.duration_s = 12.5;
         flown.bounds.max_position_error_m = Some(0.3);
         flown.deadline.mixer_ms = Some(9.0);
@@ -104,6 +103,6 @@ mod tests {
         assert_eq!(differences(&flown), expected);
         // What was ordered in flight stands in it, as the summary tells.
         let run = serde_json::json!({ "provenance": { "scenario": to_toml(&flown) } });
-        assert!(section(&run, &Scenario::from(Profile::Paper)).contains(kill));
+        assert!(section(&super::flown(&run).unwrap()).contains(kill));
     }
 }

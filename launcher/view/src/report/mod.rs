@@ -94,12 +94,15 @@ pub fn rewrite(folder: &Path) -> anyhow::Result<Option<String>> {
     Ok(recorded.missing())
 }
 
-/// The page of one run: its recorded messages, its summary (`run.json`), and the scenario it flew.
+/// The page of one run: its recorded messages, its summary (`run.json`), and the scenario it flew. Where the summary tells what
+/// was ordered in flight, that belongs to the scenario.
 ///
 /// Holes in the log are holes in the figures; anything the summary lacks is a dash.
 pub fn render(log: &Log, run: &Value, scenario: &Scenario) -> String {
+    let flown = differences::flown(run);
+    let scenario = flown.as_ref().unwrap_or(scenario);
     let ticks = logged(log, scenario);
-    let claims = claims::section(&claims::judge(run, &ticks, scenario));
+    let claims = claims::section(&claims::judge(run, &ticks, scenario), run);
     let (result_class, result) = sections::result(run);
     let happened = happened::section(run);
     let [log_defect, reservations] = sections::warnings(run);
@@ -117,7 +120,7 @@ pub fn render(log: &Log, run: &Value, scenario: &Scenario) -> String {
         ("key_figures", sections::key_figures(run, scenario)),
         ("log_defect", log_defect),
         ("but", reservations),
-        ("differences", differences::section(run, scenario)),
+        ("differences", differences::section(scenario)),
         ("claims_link", link(&claims, "<a href=\"#claims\">Claims</a>")),
         ("claims", claims),
         ("bounds", sections::bounds(run)),

@@ -1,7 +1,7 @@
 //! The parts of the page that are text and tables. Every value may be missing from the summary; then a dash stands there.
 
 use contract::Scenario;
-use contract::scenario::{Mode, to_toml};
+use contract::scenario::{Mode, TrajectoryKind, to_toml};
 use serde_json::{Value, json};
 
 use super::claims;
@@ -70,7 +70,10 @@ pub fn facts(run: &Value, scenario: &Scenario) -> String {
         ("mode", any(&run["mode"])),
         ("flown", duration),
     ];
-    facts.map(|(name, value)| format!("<span>{name} <b>{value}</b></span>")).concat()
+    // Without a ground there is nothing to land on.
+    let ground = run["ground"].is_string().then(|| ("at the end", any(&run["ground"])));
+    let all = facts.into_iter().chain(ground);
+    all.fold(String::new(), |line, (name, value)| line + &format!("<span>{name} <b>{value}</b></span>"))
 }
 
 /// The five figures people ask for first, and how old samples were when they acted.
@@ -78,7 +81,7 @@ pub fn key_figures(run: &Value, scenario: &Scenario) -> String {
     let tile = |name: &str, value: String, unit: &str| (name.to_owned(), format!("{value} <small>{unit}</small>"));
     // The time from 10 to 50 s means something in the survey alone.
     let altitude = |key: &str| key.starts_with("max_altitude_error");
-    let survey = claims::concerns(scenario);
+    let survey = scenario.mission.trajectory == TrajectoryKind::Survey;
     let shown = METRICS[..KEY_FIGURES].iter().filter(|(key, ..)| survey || !altitude(key));
     let errors = shown.map(|(key, name, unit, decimals)| tile(name, number(claims::metric(run, key), *decimals), unit));
     let keys = ["max_altitude_error_horizontal_m", "max_altitude_error_vertical_m"];
@@ -114,7 +117,8 @@ pub fn metrics(run: &Value) -> String {
     ];
     // In real time no flight repeats another, so that its hash says nothing.
     let hash = (run["mode"] != "realtime").then(|| ("state hash", any(&run["state_hash"])));
-    list(measured.chain(more.into_iter().chain(hash).map(|(name, value)| (name.to_owned(), value))))
+    let more = claims::following(run).into_iter().chain(more).chain(hash);
+    list(measured.chain(more.map(|(name, value)| (name.to_owned(), value))))
 }
 
 pub fn repeat(scenario: &Scenario) -> &'static str {

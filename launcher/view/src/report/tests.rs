@@ -262,7 +262,7 @@ fn a_command_held_ages_slot_by_slot() {
 }
 
 /// The verdict on each claim, and what is told as measured.
-fn claims(log: &Log, run: &Value, scenario: &Scenario) -> ([Option<bool>; 4], [String; 4]) {
+fn claims(log: &Log, run: &Value, scenario: &Scenario) -> ([Option<bool>; 5], [String; 5]) {
     let claims = judge(run, &logged(log, scenario), scenario);
     (claims.each_ref().map(|claim| claim.holds), claims.map(|claim| claim.measured))
 }
@@ -290,7 +290,7 @@ fn the_hash_of_a_flight_in_real_time_is_not_shown() {
 #[test]
 fn claims_hold_up_to_their_bound_and_not_beyond() {
     let (log, scenario) = (hover(6001), Scenario::from(Profile::Paper));
-    assert_eq!(claims(&log, &survey(&[]), &scenario).0, [Some(true); 4]);
+    assert_eq!(claims(&log, &survey(&[]), &scenario).0, [Some(true); 5]);
     check_tells(&render(&log, &survey(&[]), &scenario), &["href=\"#claims\"", "<dt>altitude error, 10 to 50 s</dt>"]);
     let beyond = json!({
         "max_position_error_m": 0.7,
@@ -298,7 +298,7 @@ fn claims_hold_up_to_their_bound_and_not_beyond() {
         "max_altitude_error_vertical_m": 0.201,
     });
     let verdicts = claims(&log, &survey(&[("metrics", beyond)]), &scenario).0;
-    assert_eq!(verdicts, [Some(false), Some(false), Some(false), Some(true)]);
+    assert_eq!(verdicts, [Some(false), Some(false), Some(false), Some(true), Some(true)]);
 }
 
 #[test]
@@ -313,8 +313,46 @@ fn a_command_at_its_limit_breaks_the_constraint_claim() {
     for command in at_limit {
         let mut log = hover(100);
         log.actuators[50] = at(50, Actuators { command, ..Actuators::default() });
-        assert_eq!(claims(&log, &survey(&[]), &scenario).0[3], Some(false), "{command:?}");
+        assert_eq!(claims(&log, &survey(&[]), &scenario).0[4], Some(false), "{command:?}");
     }
+}
+
+#[test]
+fn a_state_at_its_limit_breaks_the_constraint_claim() {
+    let scenario = Scenario::from(Profile::Paper);
+    let verdict = |change: fn(&mut State)| claims(&with_states(hover(100), change), &survey(&[]), &scenario).0[3];
+    assert_eq!(verdict(|state| state.actual.attitude_rad = [1.56, -1.56, 6.27]), Some(true));
+    assert_eq!(verdict(|state| state.actual.rates_radps = [-6.27, 6.27, 6.27]), Some(true));
+    assert_eq!(verdict(|state| state.actual.attitude_rad[0] = 1.58), Some(false));
+    assert_eq!(verdict(|state| state.actual.attitude_rad[1] = -1.58), Some(false));
+    assert_eq!(verdict(|state| state.actual.attitude_rad[2] = 6.29), Some(false));
+    assert_eq!(verdict(|state| state.actual.rates_radps[1] = -6.29), Some(false));
+    assert_eq!(verdict(|state| state.actual.rates_radps[2] = f64::NAN), Some(false), "nothing is known of it");
+    assert_eq!(claims(&Log::default(), &survey(&[]), &scenario).0[3], None);
+}
+
+#[test]
+fn command_following_is_told_without_a_verdict() {
+    let mut run = survey(&[]);
+    run["metrics"]["rms_attitude_error_deg"] = json!([0.5, 0.25, 1.0]);
+    run["metrics"]["rms_w_error_mps"] = json!(0.0625);
+    let log = hover(6001);
+    let told = "RMS error of φ, θ, ψ <b>0.50 / 0.25 / 1.00 deg</b>";
+    let following = |scenario: &Scenario| {
+        let page = render(&log, &run, scenario);
+        check_tells(
+            &page,
+            &["<dt>RMS error of φ, θ, ψ</dt><dd>0.50 / 0.25 / 1.00 deg</dd>", "0.062 m/s", "– / – / – deg/s"],
+        );
+        page.contains(told)
+    };
+    assert!(following(&Scenario::from(Profile::Paper)) && !following(&robust()));
+}
+
+#[test]
+fn where_the_flight_ended_is_told_where_there_is_a_ground() {
+    check_tells(&page(&survey(&[("ground", "crashed".into())])), &["<span>at the end <b>crashed</b></span>"]);
+    assert!(!page(&survey(&[("ground", Value::Null)])).contains("at the end <b>"));
 }
 
 #[test]
@@ -332,13 +370,53 @@ fn a_lost_vehicle_contradicts_every_tracking_claim() {
 #[test]
 fn other_flights_are_not_judged() {
     let (log, mut scenario) = (hover(3000), Scenario::from(Profile::Paper));
-    assert_eq!(claims(&log, &survey(&[("flown_s", 30.0.into())]), &scenario).0, [None; 4]);
+    assert_eq!(claims(&log, &survey(&[("flown_s", 30.0.into())]), &scenario).0, [None; 5]);
     scenario.mission.trajectory = TrajectoryKind::Circle;
-    assert_eq!(claims(&log, &survey(&[]), &scenario).0, [None; 4]);
+    assert_eq!(claims(&log, &survey(&[]), &scenario).0, [None; 5]);
     let page = render(&log, &survey(&[]), &scenario);
     assert!(page.contains("<dt>altitude error, maximum</dt>"));
-    for absent in ["id=\"claims\"", "#claims", "not applicable", "<dt>altitude error, 10 to 50 s</dt>"] {
+    assert!(!page.contains("<dt>altitude error, 10 to 50 s</dt>"));
+    check_speaks_of_no_claim(&page);
+}
+
+fn check_speaks_of_no_claim(page: &str) {
+    for absent in ["id=\"claims\"", "#claims", "not applicable"] {
         assert!(!page.contains(absent), "{absent}");
     }
-    assert!(!data(&page)["lines"]["error"].to_string().contains("paper"));
+    assert!(!data(page)["lines"]["error"].to_string().contains("paper"));
+}
+
+#[test]
+fn only_the_papers_flight_in_calm_is_judged_by_its_claims() {
+    let log = hover(6001);
+    let paper = Scenario::from(Profile::Paper);
+    let mut same = Scenario { name: "another".into(), ..paper.clone() };
+    (same.run.seed, same.run.rate_hz, same.run.mode) = (7, 200, contract::scenario::Mode::Lockstep);
+    assert!(render(&log, &survey(&[]), &same).contains("id=\"claims\""));
+    let with = |settings: &[&str]| {
+        let settings: Vec<String> = ["profile=paper"].iter().chain(settings).map(|&set| set.to_owned()).collect();
+        contract::scenario::load(None, &settings).unwrap()
+    };
+    let others = vec![
+        with(&["mission.ramp_s=0.0"]),
+        with(&["initial.position_m=[0.0,0.1,0.0]"]),
+        with(&["airframe.mass_kg=1.2"]),
+        with(&["plant.airframe.mass_kg=1.2"]),
+        with(&["plant.drag_quadratic_ns2pm2=0.05", "plant.wind_ned_mps=[[5.0,[1.0,0.0,0.0]]]"]),
+        with(&["guidance.kp_phi=0.4"]),
+        with(&["mpc.constraints=box"]),
+        with(&["mixer.projection=true"]),
+        with(&["run.command_delay_ms=4.0"]),
+        with(&["fault=[{at_s=5.0, target=\"mixer\", kind=\"kill\"}]"]),
+        with(&["swap=[{at_s=5.0, node=\"mixer\"}]"]),
+        robust(),
+    ];
+    for scenario in &others {
+        let page = render(&log, &survey(&[]), scenario);
+        check_speaks_of_no_claim(&page);
+        check_tells(&page, &["<dt>altitude error, 10 to 50 s</dt>"]);
+    }
+    // What was ordered while it flew counts too.
+    let ordered = json!({ "scenario": contract::scenario::to_toml(&others[9]) });
+    check_speaks_of_no_claim(&render(&log, &survey(&[("provenance", ordered)]), &paper));
 }

@@ -43,6 +43,14 @@ fn a_gust_rises_to_its_peak_and_falls_as_one_minus_cosine() {
 }
 
 #[test]
+fn a_step_that_rises_takes_its_time_and_stays() {
+    let rising = faults(&[Fault { ms: Some(400.0), ..fault(FaultTarget::Wind, FaultKind::Step, None) }]);
+    for (ms, expected) in [(999, 0.0), (1000, 0.0), (1200, 2.5), (1400, 5.0), (9000, 5.0)] {
+        assert!((wind_mps(&rising, ms * MS) - expected).abs() < 1e-12, "at {ms} ms");
+    }
+}
+
+#[test]
 fn a_gust_goes_on_inside_a_step() {
     let gust = faults(&[fault(FaultTarget::Wind, FaultKind::Gust, None)]);
     let inside = gust.inject(1300 * MS, 0.004, &Surroundings::default()).wind_mps.x;

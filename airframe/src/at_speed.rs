@@ -1,0 +1,206 @@
+//! The linear model of attitude and vertical velocity at any point of flight, where [`linear`](crate::linear) has that of hover.
+//!
+//! ```text
+//! dx/dt = A x + B (u + o)
+//! w'     = q u - p v + g cos phi cos theta + F_z / m - (d_z + c |V|) w / m            (11), with drag
+//! phi'   = p + tan theta (q sin phi + r cos phi)                                      (8)
+//! theta' = q cos phi - r sin phi
+//! psi'   = (q sin phi + r cos phi) / cos theta
+//! p'     = ((Iyy - Izz) q r + lat) / Ixx, and so on                                   (12)-(14)
+//! ```
+//!
+//! State and inputs stay deviations from hover, so that models of different points can follow each other; `o` is what the
+//! equations of motion have at the point beside `A x + B u`. The velocities u and v, and phi and theta in (8), change slowly and are
+//! parameters: these terms are exact at the point and leave nothing to `o`. Gravity and the products of rates are
+//! differentiated.
+//!
+//! At speed w changes when the vehicle pitches, although its velocity over ground does not. `lean` says by how much a change of
+//! attitude alone changes w: `dw = -(v dphi - u cos phi dtheta)`. It is what `q u - p v` in (11) adds up to.
+
+use nalgebra::{DMatrix, SMatrix, Vector4};
+
+use crate::level_flight::{Drag, LevelFlight};
+use crate::linear::{Continuous, INPUTS, STATES};
+use crate::{Parameters, Trim};
+
+/// Largest roll and pitch of a point \[rad\]: beyond, (8) grows singular.
+const MAX_ANGLE_RAD: f64 = 1.2;
+/// Largest velocity along an axis of a point \[m/s\].
+const MAX_VELOCITY_MPS: f64 = 50.0;
+/// Largest rate of a point \[rad/s\], that of (51).
+const MAX_RATE_RADPS: f64 = std::f64::consts::TAU;
+
+/// Where the equations of motion are linearised.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FlightPoint {
+    /// u, v, w \[m/s\].
+    pub velocity_mps: [f64; 3],
+    /// phi \[rad\].
+    pub roll_rad: f64,
+    /// theta \[rad\].
+    pub pitch_rad: f64,
+    /// p, q, r \[rad/s\].
+    pub rates_radps: [f64; 3],
+}
+
+/// The linear model about a point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AtSpeed {
+    /// `A` and `B`.
+    pub continuous: Continuous,
+    /// `o` \[N, N m, N m, N m\].
+    pub offset: Vector4<f64>,
+    /// By phi and by theta \[m/s per rad\].
+    pub lean: [f64; 2],
+}
+
+impl From<&LevelFlight> for FlightPoint {
+    fn from(level: &LevelFlight) -> Self {
+        let LevelFlight { velocity_mps, roll_rad, pitch_rad, .. } = *level;
+        Self { velocity_mps, roll_rad, pitch_rad, rates_radps: [0.0; 3] }
+    }
+}
+
+impl AtSpeed {
+    /// Linearises at `point`, or the nearest one at which a linear model says anything. `trim` is the hover.
+    pub fn new(vehicle: &Parameters, trim: &Trim, drag: &Drag, point: &FlightPoint) -> Self {
+        let Parameters { g_mps2: g, mass_kg: m, ixx_kgm2: ixx, iyy_kgm2: iyy, izz_kgm2: izz, .. } = *vehicle;
+        let [u, v, w] = point.velocity_mps.map(|x| x.clamp(-MAX_VELOCITY_MPS, MAX_VELOCITY_MPS));
+        let [p, q, r] = point.rates_radps.map(|x| x.clamp(-MAX_RATE_RADPS, MAX_RATE_RADPS));
+        let [phi, theta] = [point.roll_rad, point.pitch_rad].map(|x| x.clamp(-MAX_ANGLE_RAD, MAX_ANGLE_RAD));
+        let ((sin_phi, cos_phi), (sin_theta, cos_theta)) = (phi.sin_cos(), theta.sin_cos());
+        let speed = (u * u + v * v + w * w).sqrt();
+
+        let mut continuous = Continuous::hover(vehicle, trim);
+        let a = &mut continuous.a;
+        a.fill(0.0);
+        a[(0, 0)] = -drag.per_velocity(speed)[2] / m;
+        a[(0, 1)] = -g * sin_phi * cos_theta;
+        a[(0, 2)] = -g * cos_phi * sin_theta;
+        a[(0, 4)] = -v; // as in (11), linearised
+        a[(0, 5)] = u;
+        a[(1, 4)] = 1.0; // as in (8), linearised
+        a[(1, 5)] = sin_phi * theta.tan();
+        a[(1, 6)] = cos_phi * theta.tan();
+        a[(2, 5)] = cos_phi;
+        a[(2, 6)] = -sin_phi;
+        a[(3, 5)] = sin_phi / cos_theta;
+        a[(3, 6)] = cos_phi / cos_theta;
+        a[(4, 5)] = (iyy - izz) / ixx * r; // as in (12), linearised
+        a[(4, 6)] = (iyy - izz) / ixx * q;
+        a[(5, 4)] = (izz - ixx) / iyy * r; // as in (13), linearised
+        a[(5, 6)] = (izz - ixx) / iyy * p;
+        a[(6, 4)] = (ixx - iyy) / izz * q; // as in (14), linearised
+        a[(6, 5)] = (ixx - iyy) / izz * p;
+
+        let gravity = g * (cos_phi * cos_theta - trim.roll_rad.cos());
+        let col = m * (gravity - a[(0, 1)] * (phi - trim.roll_rad) - a[(0, 2)] * theta);
+        let offset = Vector4::new(col, -(izz - ixx) * p * r, -(iyy - izz) * q * r, -(ixx - iyy) * p * q);
+
+        Self { continuous, offset, lean: [v, -u * cos_phi] }
+    }
+
+    /// Writes `Ad`, `Bd` of one sample with zero-order hold, and `Ed`, which is `Bd` without the lag `lag_s`. n rows with n = 7, or
+    /// 11 where there is a lag. Allocates nothing.
+    pub fn discretise_into(&self, lag_s: f64, sample_s: f64, [ad, bd, ed]: [&mut DMatrix<f64>; 3]) {
+        const JOINT: usize = STATES + INPUTS;
+        const LAGGED: usize = JOINT + INPUTS;
+        let mut joint = SMatrix::<f64, JOINT, JOINT>::zeros();
+        joint.fixed_view_mut::<STATES, STATES>(0, 0).copy_from(&self.continuous.a);
+        joint.fixed_view_mut::<STATES, INPUTS>(0, STATES).copy_from(&self.continuous.b);
+        let held = (joint * sample_s).exp();
+        ed.rows_mut(0, STATES).copy_from(&held.fixed_view::<STATES, INPUTS>(0, STATES));
+        if lag_s > 0.0 {
+            let mut lagged = SMatrix::<f64, LAGGED, LAGGED>::zeros();
+            lagged.fixed_view_mut::<JOINT, JOINT>(0, 0).copy_from(&joint);
+            lagged.fixed_view_mut::<INPUTS, INPUTS>(STATES, STATES).fill_diagonal(-1.0 / lag_s);
+            lagged.fixed_view_mut::<INPUTS, INPUTS>(STATES, JOINT).fill_diagonal(1.0 / lag_s);
+            let held = (lagged * sample_s).exp();
+            ad.copy_from(&held.fixed_view::<JOINT, JOINT>(0, 0));
+            bd.copy_from(&held.fixed_view::<JOINT, INPUTS>(0, JOINT));
+        } else {
+            ad.copy_from(&held.fixed_view::<STATES, STATES>(0, 0));
+            bd.copy_from(&held.fixed_view::<STATES, INPUTS>(0, STATES));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Rotation3, Vector3};
+
+    use super::*;
+
+    const DRAG: Drag = Drag { linear_nspm: [0.2, 0.2, 0.1], quadratic_ns2pm2: 0.02 };
+
+    fn at(point: &FlightPoint, drag: &Drag) -> AtSpeed {
+        let vehicle = Parameters::default();
+        AtSpeed::new(&vehicle, &Trim::solve(&vehicle, false), drag, point)
+    }
+
+    #[test]
+    fn at_hover_it_is_the_model_of_hover() {
+        let vehicle = Parameters::default();
+        let trim = Trim::solve(&vehicle, false);
+        let point =
+            FlightPoint { velocity_mps: [0.0; 3], roll_rad: trim.roll_rad, pitch_rad: 0.0, rates_radps: [0.0; 3] };
+        let ours = at(&point, &Drag::default());
+        let hover = Continuous::hover(&vehicle, &trim);
+        assert!((ours.continuous.a - hover.a).amax() < 1e-14 && ours.continuous.b == hover.b);
+        assert!(ours.offset.amax() < 1e-12 && ours.lean == [0.0; 2]);
+    }
+
+    #[test]
+    fn nothing_accelerates_in_level_flight() {
+        let vehicle = Parameters::default();
+        let trim = Trim::solve(&vehicle, false);
+        for way in [[15.0, 0.0], [0.0, 10.0], [-7.0, 12.0]] {
+            let level = LevelFlight::solve(&vehicle, false, &DRAG, way).unwrap();
+            let model = at(&FlightPoint::from(&level), &DRAG);
+            let mut x = nalgebra::SVector::<f64, STATES>::zeros();
+            x[0] = level.velocity_mps[2];
+            x[1] = level.roll_rad - trim.roll_rad;
+            x[2] = level.pitch_rad;
+            let u = crate::MixingMatrix::new(&vehicle, false).deviation(&level.actuation);
+            let rate = model.continuous.a * x + model.continuous.b * (u + model.offset);
+            assert!(rate.amax() < 1e-9, "{way:?}: {rate}");
+        }
+    }
+
+    #[test]
+    fn the_two_discretisations_agree() {
+        let point = FlightPoint {
+            velocity_mps: [14.0, -6.0, -3.0],
+            roll_rad: 0.2,
+            pitch_rad: -0.4,
+            rates_radps: [0.5, -1.0, 0.7],
+        };
+        let model = at(&point, &DRAG);
+        for (lag_s, n) in [(0.0, 7), (0.03, 11), (0.001, 11)] {
+            let [mut a, mut b, mut e] = [n, INPUTS, INPUTS].map(|columns| DMatrix::zeros(n, columns));
+            model.discretise_into(lag_s, 0.01, [&mut a, &mut b, &mut e]);
+            let direct = model.continuous.discretise(0.01);
+            let theirs = if lag_s > 0.0 { model.continuous.discretise_with_lag(lag_s, 0.01) } else { direct.clone() };
+            assert!((a - theirs.a).amax() < 1e-11 && (b - theirs.b).amax() < 1e-11);
+            assert!((e.rows(0, STATES) - direct.b).amax() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn lean_is_the_w_of_a_constant_velocity() {
+        let velocity_mps = [14.0, -6.0, -3.0];
+        let (phi, theta, d) = (0.2, -0.4, 1e-6);
+        let ned = Rotation3::from_euler_angles(phi, theta, 0.0) * Vector3::from(velocity_mps);
+        let point = FlightPoint { velocity_mps, roll_rad: phi, pitch_rad: theta, rates_radps: [0.0; 3] };
+        let [by_phi, by_theta] = at(&point, &DRAG).lean;
+        for (lean, [dphi, dtheta]) in [(by_phi, [d, 0.0]), (by_theta, [0.0, d])] {
+            let w = |side: f64| {
+                Rotation3::from_euler_angles(phi + side * dphi, theta + side * dtheta, 0.0)
+                    .inverse_transform_vector(&ned)
+                    .z
+            };
+            let change = (w(1.0) - w(-1.0)) / (2.0 * d);
+            assert!((change + lean).abs() < 1e-8, "{change} {lean}");
+        }
+    }
+}

@@ -1,0 +1,168 @@
+//! A linearisation every sample, at the measured state: `mpc.model = "ltv"`.
+//!
+//! Model, Hessian and optimum are those of [`condensed`](crate::condensed), formed anew in matrices that were set up once: a sample
+//! allocates nothing. Only the course of the given numbers is followed, not that of every number that could be given, and the optimum comes
+//! from one Cholesky factor. Test `it_is_the_condensed_problem_of_the_model`.
+//!
+//! The terminal weight is the Riccati solution at hover, in terms of the climb: solving that equation anew would take
+//! as long as all else. The model is held over the horizon.
+
+use airframe::linear::{INPUTS, STATES};
+use airframe::{FlightPoint, Trim};
+use contract::Scenario;
+use contract::message::Kinematics;
+use contract::scenario::{Mpc, ScenarioError};
+use nalgebra::{Cholesky, DMatrix, DVector, Matrix4, Vector4};
+
+use crate::at_speed::FlightModel;
+use crate::condensed;
+use crate::disturbance::DRIVEN;
+
+/// The model of this sample, and room for its problem.
+pub struct Ltv {
+    /// The model.
+    pub flight: FlightModel,
+    weights: Mpc,
+    /// `Q` and `P` at hover, n x n.
+    stage: DMatrix<f64>,
+    terminal: DMatrix<f64>,
+    /// The same in terms of w.
+    q: DMatrix<f64>,
+    p: DMatrix<f64>,
+    /// What each move adds to the states of a sample, n x 4Nu, and of the next.
+    forced: DMatrix<f64>,
+    forced_next: DMatrix<f64>,
+    /// `Q forced`.
+    pull: DMatrix<f64>,
+    /// 4Nu x 4Nu.
+    hessian: DMatrix<f64>,
+    /// `(x; r; d; v)` as the model has it.
+    given: DVector<f64>,
+    /// The states without a move, of a sample and of the next; then their miss.
+    free: DVector<f64>,
+    free_next: DVector<f64>,
+    target: DVector<f64>,
+}
+
+impl Ltv {
+    /// Room for the problem of a scenario.
+    pub fn new(scenario: &Scenario) -> Result<Self, ScenarioError> {
+        let trim = Trim::solve(&scenario.airframe, scenario.mixer.tilt_reaction);
+        let hover =
+            FlightPoint { velocity_mps: [0.0; 3], roll_rad: trim.roll_rad, pitch_rad: 0.0, rates_radps: [0.0; 3] };
+        let flight = FlightModel::new(scenario, &hover);
+        let (stage, terminal) = condensed::state_weights(&flight.model, &scenario.mpc)?;
+        let (n, moves) = (stage.nrows(), INPUTS * scenario.mpc.nu);
+        Ok(Self {
+            weights: scenario.mpc.clone(),
+            q: stage.clone(),
+            p: terminal.clone(),
+            stage,
+            terminal,
+            forced: DMatrix::zeros(n, moves),
+            forced_next: DMatrix::zeros(n, moves),
+            pull: DMatrix::zeros(n, moves),
+            hessian: DMatrix::zeros(moves, moves),
+            given: DVector::zeros(n + condensed::GIVEN),
+            free: DVector::zeros(n),
+            free_next: DVector::zeros(n),
+            target: DVector::zeros(n),
+            flight,
+        })
+    }
+
+    /// Linearises at a measured state.
+    pub fn observe(&mut self, measured: &Kinematics) {
+        let Kinematics { velocity_mps, attitude_rad: [roll_rad, pitch_rad, _], rates_radps, .. } = *measured;
+        self.flight.move_to(&FlightPoint { velocity_mps, roll_rad, pitch_rad, rates_radps });
+    }
+
+    /// Writes the unconstrained `plan` for `given` = (x; r; d; v), r being a reference made at the measured `attitude_rad`. NaN where
+    /// the problem has no optimum.
+    pub fn plan(&mut self, given: &DVector<f64>, attitude_rad: &[f64; 2], plan: &mut DVector<f64>) {
+        let n = self.free.len();
+        self.given.copy_from(given);
+        self.flight.put_into(&mut self.given, n, attitude_rad);
+        let d = self.given.fixed_rows::<INPUTS>(n + STATES).into_owned();
+        let last = self.given.fixed_rows::<INPUTS>(n + STATES + INPUTS).into_owned();
+        let held = self.input_target(&d);
+        self.target.rows_mut(0, STATES).copy_from(&self.given.rows(n, STATES));
+        if n > STATES {
+            self.target.rows_mut(STATES, INPUTS).copy_from(&held);
+        }
+        for (weight, at_hover) in [(&mut self.q, &self.stage), (&mut self.p, &self.terminal)] {
+            weight.copy_from(at_hover);
+            self.flight.lean_on(weight);
+        }
+
+        plan.fill(0.0);
+        self.hessian.fill(0.0);
+        self.forced.fill(0.0);
+        self.forced_next.fill(0.0);
+        self.free.copy_from(&self.given.rows(0, n));
+        let model = &self.flight.model;
+        for k in 1..=self.weights.np {
+            let newest = INPUTS * (k - 1).min(self.weights.nu - 1); // after Nu the last move is held
+            let moved = newest + INPUTS; // later moves have no part yet
+            self.free_next.gemv(1.0, &model.a, &self.free, 0.0);
+            self.free_next.gemv(1.0, &model.e, &d, 1.0);
+            std::mem::swap(&mut self.free, &mut self.free_next);
+            multiply(&mut self.forced_next, &model.a, &self.forced, moved);
+            std::mem::swap(&mut self.forced, &mut self.forced_next);
+            let mut block = self.forced.columns_mut(newest, INPUTS);
+            block += &model.b;
+            multiply(&mut self.pull, if k < self.weights.np { &self.q } else { &self.p }, &self.forced, moved);
+            for column in 0..moved {
+                let forced = self.forced.column(column);
+                for row in 0..=column {
+                    self.hessian[(column, row)] += self.pull.column(row).dot(&forced); // (4), its lower triangle
+                }
+            }
+            self.free_next.copy_from(&self.target);
+            self.free_next -= &self.free;
+            plan.rows_mut(0, moved).gemv_tr(1.0, &self.pull.columns(0, moved), &self.free_next, 1.0);
+        }
+        for first in (0..plan.len()).step_by(INPUTS) {
+            for i in 0..INPUTS {
+                let (r, r2) = (self.weights.r[i], self.weights.r_rate[i]);
+                self.hessian[(first + i, first + i)] += r + r2;
+                plan[first + i] += r * held[i];
+                if first > 0 {
+                    self.hessian[(first + i - INPUTS, first + i - INPUTS)] += r2;
+                    self.hessian[(first + i, first + i - INPUTS)] -= r2;
+                } else {
+                    plan[i] += r2 * last[i];
+                }
+            }
+        }
+        let hessian = std::mem::replace(&mut self.hessian, DMatrix::zeros(0, 0));
+        if let Some(factor) = Cholesky::new(hessian) {
+            factor.solve_mut(plan);
+            self.hessian = factor.unpack_dirty();
+        } else {
+            self.hessian = DMatrix::zeros(plan.len(), plan.len()); // the numbers given were not finite
+            plan.fill(f64::NAN);
+        }
+    }
+
+    /// `u_s`: what holds the vehicle at the reference in spite of the disturbance. See [`condensed`].
+    fn input_target(&self, d: &Vector4<f64>) -> Vector4<f64> {
+        let n = self.free.len();
+        let model = &self.flight.model;
+        let driven = Matrix4::from_fn(|row, column| model.e[(DRIVEN[row], column)]);
+        let leaving = Vector4::from_fn(|row, _| {
+            let row = DRIVEN[row];
+            let angles_and_w =
+                (0..condensed::RATES).map(|i| (f64::from(u8::from(i == row)) - model.a[(row, i)]) * self.given[n + i]);
+            angles_and_w.sum()
+        });
+        driven.try_inverse().map_or(Vector4::repeat(f64::NAN), |inverse| inverse * leaving) - d
+    }
+}
+
+/// `out = a b`, the first `columns` of it; without the workspace that the product of the library fetches.
+fn multiply(out: &mut DMatrix<f64>, a: &DMatrix<f64>, b: &DMatrix<f64>, columns: usize) {
+    for column in 0..columns {
+        out.column_mut(column).gemv(1.0, a, &b.column(column), 0.0);
+    }
+}

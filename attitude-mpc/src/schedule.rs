@@ -1,0 +1,117 @@
+//! Several MPC, one for each of several flight conditions, blended by the measured velocity: `mpc.model = "scheduled"`.
+//!
+//! The conditions are trimmed level flights ([`LevelFlight`]) on a grid of velocities ahead and to the right, because this
+//! vehicle flies in any direction without turning its nose. Each has its own model, terminal weight and gain, all built at
+//! the start. The plan is the mean of the plans of the four conditions around the measured velocity, with the
+//! weights of bilinear interpolation: these are continuous in the velocity, so that a plan has no bump where one cell of the grid ends
+//! and the next begins. Test `a_plan_has_no_bump_at_a_condition`.
+//!
+//! The drag is that of `[plant]`: a schedule has to know it, because it sets the attitude at each speed.
+
+use airframe::linear::{INPUTS, STATES};
+use airframe::{FlightPoint, LevelFlight};
+use contract::Scenario;
+use contract::message::Kinematics;
+use contract::scenario::ScenarioError;
+use nalgebra::{DMatrix, DVector, DVectorView, Rotation3, Vector3, Vector4};
+
+use crate::at_speed::FlightModel;
+use crate::condensed::Condensed;
+
+/// Velocities of the grid, ahead and to the right: from -15 to 15 m/s.
+const PER_AXIS: usize = 7;
+/// Between two of them \[m/s\].
+const SPACING_MPS: f64 = 5.0;
+
+/// All conditions, and how much each counts now.
+pub struct Schedule {
+    /// Row by row: those of one velocity ahead stand together.
+    conditions: Vec<Condition>,
+    /// The four around the measured velocity with their weights, which add up to 1.
+    around: [(usize, f64); 4],
+    /// `(x; r; d; v)` as one condition has it.
+    given: DVector<f64>,
+}
+
+/// One condition.
+struct Condition {
+    model: FlightModel,
+    /// `U = gain (x; r; d; v)`, 4Nu x (n + 15).
+    gain: DMatrix<f64>,
+}
+
+impl Schedule {
+    /// Builds every condition of a scenario.
+    pub fn new(scenario: &Scenario) -> Result<Self, ScenarioError> {
+        let velocity = |i: usize| SPACING_MPS * (i as f64 - (PER_AXIS / 2) as f64);
+        let conditions = (0..PER_AXIS * PER_AXIS)
+            .map(|i| Condition::new(scenario, [velocity(i / PER_AXIS), velocity(i % PER_AXIS)]))
+            .collect::<Result<Vec<_>, _>>()?;
+        let columns = conditions[0].gain.ncols();
+        let mut schedule = Self { conditions, around: [(0, 0.0); 4], given: DVector::zeros(columns) };
+        schedule.look_up([0.0; 2]);
+        Ok(schedule)
+    }
+
+    /// Takes in where the vehicle is.
+    pub fn observe(&mut self, measured: &Kinematics) {
+        let [phi, theta, _] = measured.attitude_rad;
+        let way = Rotation3::from_euler_angles(phi, theta, 0.0) * Vector3::from(measured.velocity_mps);
+        self.look_up([way.x, way.y]);
+    }
+
+    fn look_up(&mut self, velocity_mps: [f64; 2]) {
+        let last = (PER_AXIS - 1) as f64;
+        let [(row, down), (column, right)] = velocity_mps.map(|v| {
+            let place = (v / SPACING_MPS + last / 2.0).clamp(0.0, last);
+            let cell = place.floor().min(last - 1.0);
+            (cell as usize, place - cell)
+        });
+        let first = row * PER_AXIS + column;
+        self.around = [
+            (first, (1.0 - down) * (1.0 - right)),
+            (first + 1, (1.0 - down) * right),
+            (first + PER_AXIS, down * (1.0 - right)),
+            (first + PER_AXIS + 1, down * right),
+        ];
+    }
+
+    /// Writes the state `next`, one sample after `x`.
+    pub fn predict(&self, x: &DVectorView<f64>, u: &Vector4<f64>, d: &Vector4<f64>, next: &mut DVector<f64>) {
+        next.fill(0.0);
+        for &(i, share) in &self.around {
+            self.conditions[i].model.add_prediction(share, x, u, d, next);
+        }
+    }
+
+    /// Writes the unconstrained `plan` for `given` = (x; r; d; v), r being a reference made at the measured `attitude_rad`.
+    pub fn plan(&mut self, given: &DVector<f64>, attitude_rad: &[f64; 2], plan: &mut DVector<f64>) {
+        let n = given.len() - STATES - 2 * INPUTS;
+        plan.fill(0.0);
+        for &(i, share) in &self.around {
+            let Condition { model, gain } = &self.conditions[i];
+            self.given.copy_from(given);
+            model.put_into(&mut self.given, n, attitude_rad);
+            plan.gemv(share, gain, &self.given, 1.0);
+        }
+    }
+}
+
+impl Condition {
+    fn new(scenario: &Scenario, way_mps: [f64; 2]) -> Result<Self, ScenarioError> {
+        let drag = scenario.plant.drag();
+        let level = LevelFlight::solve(&scenario.airframe, scenario.mixer.tilt_reaction, &drag, way_mps);
+        let level = level.ok_or_else(|| {
+            let [ahead, right] = way_mps;
+            ScenarioError::of(
+                format!(
+                    "`mpc.model` = \"scheduled\", and nothing holds {ahead} m/s ahead and {right} m/s to the right"
+                ),
+                "less drag in `[plant]`, or `mpc.model` = \"ltv\" or \"hover\"".into(),
+            )
+        })?;
+        let model = FlightModel::new(scenario, &FlightPoint::from(&level));
+        let gain = Condensed::at_speed(&model, &scenario.mpc)?.gain;
+        Ok(Self { model, gain })
+    }
+}

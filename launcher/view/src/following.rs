@@ -1,0 +1,130 @@
+//! Command following: how far the true angles, rates and w were from the references that guidance gave for the same sample.
+
+use std::collections::BTreeMap;
+
+use airframe::angle;
+use contract::message::{Message, Reference, State};
+use flight::log::Record;
+
+/// phi, theta, psi \[rad\], p, q, r \[rad/s\], w \[m/s\].
+const NUMBERS: usize = 7;
+/// Samples for which the other message is awaited; a hole in the log must not cost memory for ever.
+const MOST_AWAITED: usize = 1000;
+
+/// Gathers the errors of a flight, in whatever order the two topics come.
+#[derive(Debug, Default)]
+pub struct Following {
+    /// By tick: the one message that is there, as numbers.
+    awaiting: BTreeMap<u64, Half>,
+    square_sums: [f64; NUMBERS],
+    samples: u64,
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Half {
+    True([f64; NUMBERS]),
+    Wanted([f64; NUMBERS]),
+}
+
+impl Following {
+    pub fn observe(&mut self, record: &Record) {
+        let (tick, half) = match record {
+            Record::State(state) => (state.stamp().tick, Half::True(truth(state))),
+            Record::Reference(reference) => (reference.stamp().tick, Half::Wanted(wanted(reference))),
+            Record::Controls(_) | Record::Actuators(_) => return,
+        };
+        match (self.awaiting.remove(&tick), half) {
+            (Some(Half::True(truth)), Half::Wanted(wanted)) | (Some(Half::Wanted(wanted)), Half::True(truth)) => {
+                self.add(&truth, &wanted);
+            }
+            _ => {
+                self.awaiting.insert(tick, half);
+                if self.awaiting.len() > MOST_AWAITED {
+                    self.awaiting.pop_first();
+                }
+            }
+        }
+    }
+
+    fn add(&mut self, truth: &[f64; NUMBERS], wanted: &[f64; NUMBERS]) {
+        for (i, sum) in self.square_sums.iter_mut().enumerate() {
+            let error = if i < 3 { angle::difference(truth[i], wanted[i]) } else { truth[i] - wanted[i] };
+            *sum += error * error;
+        }
+        self.samples += 1;
+    }
+
+    /// RMS of the errors of phi, theta, psi \[rad\], p, q, r \[rad/s\] and w \[m/s\]; NaN without a sample.
+    pub fn rms(&self) -> [f64; NUMBERS] {
+        self.square_sums.map(|sum| (sum / self.samples as f64).sqrt())
+    }
+}
+
+fn truth(state: &State) -> [f64; NUMBERS] {
+    let [phi, theta, psi] = state.actual.attitude_rad;
+    let [p, q, r] = state.actual.rates_radps;
+    [phi, theta, psi, p, q, r, state.actual.velocity_mps[2]]
+}
+
+fn wanted(reference: &Reference) -> [f64; NUMBERS] {
+    let [phi, theta, psi] = reference.attitude_rad;
+    let [p, q, r] = reference.rates_radps;
+    [phi, theta, psi, p, q, r, reference.w_mps]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn state(tick: u64, psi_rad: f64, w_mps: f64) -> Record {
+        let mut state = State::default();
+        state.stamp.tick = tick;
+        state.actual.attitude_rad[2] = psi_rad;
+        state.actual.velocity_mps[2] = w_mps;
+        Record::State(state)
+    }
+
+    fn reference(tick: u64, psi_rad: f64, q_radps: f64) -> Record {
+        let mut reference = Reference::default();
+        reference.stamp.tick = tick;
+        reference.attitude_rad[2] = psi_rad;
+        reference.rates_radps[1] = q_radps;
+        Record::Reference(reference)
+    }
+
+    fn rms(records: &[Record]) -> [f64; NUMBERS] {
+        let mut following = Following::default();
+        for record in records {
+            following.observe(record);
+        }
+        following.rms()
+    }
+
+    #[test]
+    fn a_heading_is_followed_across_the_turn() {
+        let [_, _, psi, ..] = rms(&[state(0, 3.1, 0.0), reference(0, -3.1, 0.0)]);
+        assert!((psi - (std::f64::consts::TAU - 6.2)).abs() < 1e-12, "{psi}");
+    }
+
+    #[test]
+    fn errors_are_those_of_one_sample_in_any_order_of_the_messages() {
+        let (truth, wanted) =
+            ([state(0, 0.0, 3.0), state(1, 0.0, 4.0)], [reference(0, 0.3, 0.0), reference(1, 0.4, 2.0)]);
+        let in_turn = rms(&[truth[0], wanted[0], truth[1], wanted[1]]);
+        assert_eq!(in_turn, rms(&[wanted[0], wanted[1], truth[0], truth[1]]));
+        let half = |square: f64| (square / 2.0_f64).sqrt();
+        for (i, expected) in [(2, half(0.25)), (4, half(4.0)), (6, half(25.0))] {
+            assert!((in_turn[i] - expected).abs() < 1e-12, "{in_turn:?}");
+        }
+        assert_eq!(
+            in_turn,
+            rms(&[truth[0], wanted[0], truth[1], wanted[1], state(2, 1.0, 1.0)]),
+            "a half says nothing"
+        );
+    }
+
+    #[test]
+    fn of_no_sample_nothing_is_known() {
+        assert!(rms(&[state(0, 0.0, 0.0), reference(1, 0.0, 0.0)]).iter().all(|rms| rms.is_nan()));
+    }
+}

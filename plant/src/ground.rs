@@ -1,0 +1,170 @@
+//! The ground: a level plane that carries the feet, with friction; and whether a touchdown was a landing.
+//!
+//! Three feet stand `leg_m` below the rotors. A foot that is `d` deep and sinks at `v_n` is pushed up by `N`, and against its
+//! motion `v_t` along the ground by Coulomb's friction, made smooth below 5 cm/s:
+//!
+//! ```text
+//! N   = max(0, k d + c v_n)                 for d > 0
+//! F_t = -friction N v_t / max(|v_t|, 0.05 m/s)
+//! ```
+//!
+//! A spring and a damper are the usual compliant contact model of multibody simulation (Marhefka and Orin, IEEE Transactions
+//! on Systems, Man, and Cybernetics A 29(6), 1999, discuss it and its jump of force at the first touch, which this
+//! one has). The vehicle has crashed when a foot comes down faster than the limits of `[plant.ground]`, when the vehicle leans
+//! more than they allow as it does, and when a rotor or the centre touches the ground.
+
+use contract::Scenario;
+use contract::scenario::Ground as Settings;
+use nalgebra::{Matrix3, Vector3};
+
+/// Speed along the ground below which friction is proportional to it \[m/s\].
+const SLOW_MPS: f64 = 0.05;
+
+/// The plane and what stands on it.
+#[derive(Debug, Clone)]
+pub struct Ground {
+    settings: Settings,
+    /// Rotor hubs, body, from the centre of mass \[m\].
+    hubs: [Vector3<f64>; 3],
+}
+
+/// How the vehicle moves: enough to know the motion of each of its points.
+#[derive(Debug, Clone, Copy)]
+pub struct Motion {
+    /// Down coordinate of the centre of mass \[m\].
+    pub down_m: f64,
+    /// Velocity, body \[m/s\].
+    pub velocity_mps: Vector3<f64>,
+    /// Body rates \[rad/s\].
+    pub rates_radps: Vector3<f64>,
+    /// From body to navigation frame.
+    pub cnb: Matrix3<f64>,
+}
+
+impl Motion {
+    /// How deep the body point `at` is below `plane_m`, and its velocity, NED \[m, m/s\].
+    fn of(&self, at: &Vector3<f64>, plane_m: f64) -> (f64, Vector3<f64>) {
+        let depth_m = self.down_m + (self.cnb.row(2) * at)[0] - plane_m;
+        (depth_m, self.cnb * (self.velocity_mps + self.rates_radps.cross(at)))
+    }
+}
+
+impl Ground {
+    /// The ground of `scenario`, if it has one.
+    pub fn new(scenario: &Scenario) -> Option<Self> {
+        let settings = scenario.plant.ground.clone();
+        let vehicle = scenario.flown_airframe();
+        let centre = Vector3::from(scenario.plant.airframe.centre_of_mass_m);
+        let hubs = [
+            Vector3::new(vehicle.l1_m, 0.0, 0.0) - centre,
+            Vector3::new(-vehicle.l2_m, vehicle.l3_m, 0.0) - centre,
+            Vector3::new(-vehicle.l2_m, -vehicle.l3_m, 0.0) - centre,
+        ];
+        settings.present.then_some(Self { settings, hubs })
+    }
+
+    /// The feet, body \[m\].
+    fn feet(&self) -> [Vector3<f64>; 3] {
+        self.hubs.map(|hub| hub + Vector3::new(0.0, 0.0, self.settings.leg_m))
+    }
+
+    /// Force and moment of the ground on the vehicle, body \[N, N m\].
+    pub fn push(&self, motion: &Motion) -> (Vector3<f64>, Vector3<f64>) {
+        let (mut force_n, mut moment_nm) = (Vector3::zeros(), Vector3::zeros());
+        for foot in self.feet() {
+            let (depth_m, velocity) = motion.of(&foot, self.settings.down_m);
+            if depth_m > 0.0 {
+                let normal_n =
+                    (self.settings.stiffness_npm * depth_m + self.settings.damping_nspm * velocity.z).max(0.0);
+                let along = Vector3::new(velocity.x, velocity.y, 0.0);
+                let friction = along * (-self.settings.friction * normal_n / along.norm().max(SLOW_MPS));
+                let force = motion.cnb.tr_mul(&(friction - Vector3::z() * normal_n));
+                force_n += force;
+                moment_nm += foot.cross(&force);
+            }
+        }
+        (force_n, moment_nm)
+    }
+
+    /// Whether a foot stands on the ground.
+    pub fn carries(&self, motion: &Motion) -> bool {
+        self.feet().iter().any(|foot| motion.of(foot, self.settings.down_m).0 > 0.0)
+    }
+
+    /// Whether the vehicle breaks, having been in the air until now if `touches` says so.
+    pub fn breaks(&self, motion: &Motion, touches: bool) -> bool {
+        let plane_m = self.settings.down_m;
+        let struck = self.hubs.iter().chain([&Vector3::zeros()]).any(|part| motion.of(part, plane_m).0 > 0.0);
+        struck || touches && !self.is_gentle(motion)
+    }
+
+    fn is_gentle(&self, motion: &Motion) -> bool {
+        let velocity = motion.cnb * motion.velocity_mps;
+        let tilt_deg = motion.cnb[(2, 2)].clamp(-1.0, 1.0).acos().to_degrees();
+        let Settings { max_sink_mps, max_drift_mps, max_tilt_deg, .. } = self.settings;
+        velocity.z <= max_sink_mps && velocity.x.hypot(velocity.y) <= max_drift_mps && tilt_deg <= max_tilt_deg
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ground() -> Ground {
+        let mut scenario = Scenario::default();
+        scenario.plant.ground.present = true;
+        Ground::new(&scenario).expect("there is one")
+    }
+
+    /// Level, with the feet so deep, moving at `velocity_mps`.
+    fn level(depth_m: f64, velocity_mps: [f64; 3]) -> Motion {
+        let Settings { leg_m, down_m, .. } = Settings::default();
+        Motion {
+            down_m: down_m - leg_m + depth_m,
+            velocity_mps: velocity_mps.into(),
+            rates_radps: Vector3::zeros(),
+            cnb: Matrix3::identity(),
+        }
+    }
+
+    #[test]
+    fn it_pushes_up_where_a_foot_is_below_it_and_nowhere_else() {
+        let Settings { stiffness_npm, damping_nspm, .. } = Settings::default();
+        let (force, moment) = ground().push(&level(0.01, [0.0, 0.0, 0.1]));
+        assert!(
+            (force.z + 3.0 * (stiffness_npm * 0.01 + damping_nspm * 0.1)).abs() < 1e-9 && force.xy().norm() < 1e-12
+        );
+        assert!(moment.x.abs() < 1e-12, "left and right alike");
+        assert_eq!(ground().push(&level(-0.001, [0.0, 0.0, 5.0])).0, Vector3::zeros());
+        assert_eq!(ground().push(&level(0.001, [0.0, 0.0, -5.0])).0, Vector3::zeros(), "it does not hold back");
+    }
+
+    #[test]
+    fn friction_brakes_and_is_no_larger_than_its_share_of_the_load() {
+        let friction = |v: f64| ground().push(&level(0.01, [v, 0.0, 0.0]));
+        let load_n = -friction(0.0).0.z;
+        let share = Settings::default().friction;
+        assert!(
+            (friction(2.0).0.x + share * load_n).abs() < 1e-9 && (friction(-2.0).0.x - share * load_n).abs() < 1e-9
+        );
+        assert!((friction(SLOW_MPS / 2.0).0.x + share * load_n / 2.0).abs() < 1e-9);
+        assert!(friction(2.0).1.y < friction(0.0).1.y, "feet that are held back pitch the nose down");
+    }
+
+    #[test]
+    fn a_gentle_touch_is_a_landing_and_others_are_not() {
+        let breaks = |motion: &Motion| ground().breaks(motion, true);
+        assert!(!breaks(&level(0.001, [0.5, 0.0, 0.7])));
+        assert!(breaks(&level(0.001, [0.0, 0.0, 3.0])), "too fast down");
+        assert!(breaks(&level(0.001, [0.0, 3.0, 0.5])), "too fast sideways");
+        let leaning =
+            Motion { cnb: *nalgebra::Rotation3::from_euler_angles(0.5, 0.0, 0.0).matrix(), ..level(0.0, [0.0; 3]) };
+        assert!(breaks(&leaning) && !ground().breaks(&leaning, false));
+        assert!(ground().breaks(&level(0.5, [0.0; 3]), false), "the rotors are in the ground");
+    }
+
+    #[test]
+    fn without_a_ground_there_is_none() {
+        assert!(Ground::new(&Scenario::default()).is_none());
+    }
+}

@@ -1,0 +1,146 @@
+//! The three rotors: thrust and torque (15)-(22), angular momentum, and what moving air does to them.
+//!
+//! Rotor i pushes along its axis `a_i`: up, and for rotor 1 tilted by mu about the body x axis. Its reaction torque and its
+//! angular momentum point along the same axis, by the sense in which it turns: rotors 1 and 3 clockwise seen from
+//! above, rotor 2 against it.
+//!
+//! ```text
+//! F_i = (KF Omega_i^2 - k_in Omega_i V_i) a_i - k_H Omega_i V_i,across       (15)
+//! M_i = s_i KM Omega_i^2 a_i + r_i x F_i                                 (16), (20)-(22)
+//! h   = -J_r sum s_i Omega_i a_i
+//! ```
+//!
+//! Departure: the paper has the first term of each force alone, and neglects the part of rotor 1's torque that pitches
+//! (`tilt_reaction`). Air that moves along the axis at `V_i` takes thrust away, air across it pushes (the H-force): both to
+//! first order in the speed, as blade element theory has it near hover (Bangura and Mahony, ACRA 2012; Faessler,
+//! Franchi and Scaramuzza, IEEE RA-L 3(2), 2018). The vortex ring of a steep descent is not modelled. With
+//! `plant.rotor.inertia_kgm2` the rotors are gyroscopes, and speeding one up turns the vehicle the other way; the
+//! rotor speed unit then counts as rad/s (see [`airframe::parameters`]). Tests `spinning_rotors_precess`,
+//! `a_rotor_that_spins_up_turns_the_vehicle_against_it`, `a_climb_costs_thrust_and_a_cross_wind_pushes`.
+
+use airframe::Actuation;
+use contract::Scenario;
+use nalgebra::Vector3;
+
+/// The sense of rotation `s_i`: 1 for a torque on the vehicle along the thrust.
+const SENSES: [f64; 3] = [1.0, -1.0, 1.0];
+
+/// How the actuators are at one instant; by default sound.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Condition {
+    /// Factor on thrust and torque of each rotor, beside the scenario's.
+    pub effectiveness: [f64; 3],
+    /// Time constants of rotor 1, 2, 3 and the tilt where a fault prolongs them \[s\].
+    pub slow_s: [Option<f64>; 4],
+}
+
+impl Default for Condition {
+    fn default() -> Self {
+        Self { effectiveness: [1.0; 3], slow_s: [None; 4] }
+    }
+}
+
+/// The rotors as they are.
+#[derive(Debug, Clone)]
+pub struct Rotors {
+    kf: f64,
+    km: f64,
+    /// From the centre of mass, body \[m\].
+    arms: [Vector3<f64>; 3],
+    effectiveness: [f64; 3],
+    tilt_reaction: bool,
+    /// `k_in` and `k_H` \[N s2/m\].
+    in_air_ns2pm: Option<[f64; 2]>,
+    /// `J_r` \[kg m2\].
+    inertia_kgm2: f64,
+}
+
+/// Force \[N\] and moment about the centre of mass \[N m\], body.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Wrench {
+    /// \[N\]
+    pub force_n: Vector3<f64>,
+    /// \[N m\]
+    pub moment_nm: Vector3<f64>,
+}
+
+/// Angular momentum \[N m s\] and its rate of change in the body frame \[N m\].
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Momentum {
+    /// h
+    pub own: Vector3<f64>,
+    /// dh/dt
+    pub rate: Vector3<f64>,
+}
+
+impl Rotors {
+    /// The rotors of the vehicle of `scenario`.
+    pub fn new(scenario: &Scenario) -> Self {
+        let (plant, vehicle) = (&scenario.plant, scenario.flown_airframe());
+        let centre = Vector3::from(plant.airframe.centre_of_mass_m);
+        let rotor = &plant.rotor;
+        let in_air = [rotor.inflow_ns2pm, rotor.h_force_ns2pm];
+        Self {
+            kf: vehicle.kf,
+            km: vehicle.km,
+            arms: [
+                Vector3::new(vehicle.l1_m, 0.0, 0.0) - centre,
+                Vector3::new(-vehicle.l2_m, vehicle.l3_m, 0.0) - centre,
+                Vector3::new(-vehicle.l2_m, -vehicle.l3_m, 0.0) - centre,
+            ],
+            effectiveness: plant.rotor_effectiveness,
+            tilt_reaction: plant.tilt_reaction,
+            in_air_ns2pm: (in_air != [0.0; 2]).then_some(in_air),
+            inertia_kgm2: rotor.inertia_kgm2,
+        }
+    }
+
+    /// What the rotors do to a vehicle that moves at `air_mps` against the air, body \[m/s\].
+    pub fn thrust(&self, actuators: &Actuation, condition: &Condition, air_mps: &Vector3<f64>) -> Wrench {
+        let axes = axes(actuators.tilt_rad);
+        let (mut force_n, mut moment_nm) = (Vector3::zeros(), Vector3::zeros());
+        for i in 0..3 {
+            let speed = actuators.rotor_speed[i];
+            let square = self.effectiveness[i] * condition.effectiveness[i] * speed * speed;
+            let mut force = axes[i] * (self.kf * square); // (15), (17)-(19)
+            if let Some([inflow, h_force]) = self.in_air_ns2pm {
+                let along = axes[i] * air_mps.dot(&axes[i]);
+                force -= (along * inflow + (air_mps - along) * h_force) * speed;
+            }
+            let mut torque = axes[i] * (SENSES[i] * self.km * square); // (16)
+            if i == 0 && !self.tilt_reaction {
+                torque.y = 0.0;
+            }
+            force_n += force;
+            moment_nm += self.arms[i].cross(&force) + torque; // (20)-(22)
+        }
+        Wrench { force_n, moment_nm }
+    }
+
+    /// The angular momentum of the rotors, while `rates` change speeds and tilt, per second.
+    pub fn momentum(&self, actuators: &Actuation, rates: &Actuation) -> Momentum {
+        if self.inertia_kgm2 == 0.0 {
+            return Momentum::default();
+        }
+        let axes = axes(actuators.tilt_rad);
+        let (sin_mu, cos_mu) = actuators.tilt_rad.sin_cos();
+        let mut momentum = Momentum::default();
+        for i in 0..3 {
+            let inertia = -SENSES[i] * self.inertia_kgm2;
+            momentum.own += axes[i] * (inertia * actuators.rotor_speed[i]);
+            momentum.rate += axes[i] * (inertia * rates.rotor_speed[i]);
+        }
+        let turning = Vector3::new(0.0, cos_mu, sin_mu) * rates.tilt_rad;
+        momentum.rate += turning * (-SENSES[0] * self.inertia_kgm2 * actuators.rotor_speed[0]);
+        momentum
+    }
+}
+
+/// The axes along which the rotors push, body, at a tilt of rotor 1 \[rad\].
+fn axes(tilt_rad: f64) -> [Vector3<f64>; 3] {
+    let (sin_mu, cos_mu) = tilt_rad.sin_cos();
+    [Vector3::new(0.0, sin_mu, -cos_mu), -Vector3::z(), -Vector3::z()]
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,72 @@
+use airframe::{Parameters, Trim};
+
+use super::*;
+
+/// The rotors at hover after `change` to the scenario, and where they stand.
+fn rotors(change: impl Fn(&mut Scenario)) -> (Rotors, Actuation) {
+    let mut scenario = Scenario::default();
+    change(&mut scenario);
+    (Rotors::new(&scenario), Trim::solve(&Parameters::default(), false).actuation)
+}
+
+#[test]
+fn without_air_thrust_and_torque_are_those_of_the_paper() {
+    let (rotors, mut at) = rotors(|scenario| scenario.plant.tilt_reaction = true);
+    (at.rotor_speed, at.tilt_rad) = ([1300.0, 1200.0, 1100.0], 0.3);
+    let Wrench { force_n, moment_nm } = rotors.thrust(&at, &Condition::default(), &Vector3::new(3.0, -2.0, 1.0));
+    let Parameters { l1_m: l1, l2_m: l2, l3_m: l3, kf, km, .. } = Parameters::default();
+    let [f1, f2, f3] = at.rotor_speed.map(|omega| kf * omega * omega);
+    let [m1, m2, m3] = at.rotor_speed.map(|omega| km * omega * omega);
+    let (sin, cos) = 0.3_f64.sin_cos();
+    let force = Vector3::new(0.0, f1 * sin, -(f1 * cos + f2 + f3));
+    let moment =
+        Vector3::new(-l3 * (f2 - f3), -l2 * (f2 + f3) + l1 * f1 * cos + m1 * sin, l1 * f1 * sin - m1 * cos + m2 - m3);
+    assert!((force_n - force).norm() < 1e-14 && (moment_nm - moment).norm() < 1e-14);
+}
+
+#[test]
+fn spinning_rotors_precess() {
+    let (rotors, at) = rotors(|scenario| scenario.plant.rotor.inertia_kgm2 = 2e-5);
+    let h = rotors.momentum(&at, &Actuation::default()).own;
+    // Two rotors turn clockwise seen from above, one against them: what is left points down.
+    let [o1, o2, o3] = at.rotor_speed;
+    assert!((h.z - 2e-5 * (o1 * at.tilt_rad.cos() - o2 + o3)).abs() < 1e-15 && h.z > 0.0);
+    assert!((h.y + 2e-5 * o1 * at.tilt_rad.sin()).abs() < 1e-15);
+    // A vehicle that rolls right has its momentum turned to the left: rotors that spin clockwise then pitch it up.
+    let needed = Vector3::new(1.0, 0.0, 0.0).cross(&h);
+    assert!(needed.y < 0.0, "to keep rolling it would have to be pitched down, so it pitches up");
+}
+
+#[test]
+fn a_rotor_that_spins_up_turns_the_vehicle_against_it() {
+    let (rotors, at) = rotors(|scenario| scenario.plant.rotor.inertia_kgm2 = 2e-5);
+    let spin_up = |rotor: usize| {
+        let mut rates = Actuation::default();
+        rates.rotor_speed[rotor] = 1000.0;
+        -rotors.momentum(&at, &rates).rate.z
+    };
+    assert!(spin_up(2) < 0.0 && (spin_up(2) + 0.02).abs() < 1e-15, "clockwise, so the nose goes left");
+    assert!(spin_up(1) > 0.0 && spin_up(0) < 0.0);
+    let tilting = Actuation { tilt_rad: 1.0, ..Actuation::default() };
+    assert!(rotors.momentum(&at, &tilting).rate.y < 0.0, "its axis leans to the left");
+}
+
+#[test]
+fn a_climb_costs_thrust_and_a_cross_wind_pushes() {
+    let plain = rotors(|_| ());
+    let (rotors, at) = rotors(|scenario| {
+        scenario.plant.rotor.inflow_ns2pm = 1e-4;
+        scenario.plant.rotor.h_force_ns2pm = 2e-5;
+    });
+    let more = |air: Vector3<f64>| {
+        let sound = Condition::default();
+        rotors.thrust(&at, &sound, &air).force_n - plain.0.thrust(&at, &sound, &air).force_n
+    };
+    assert_eq!(more(Vector3::zeros()), Vector3::zeros());
+    let ([o1, o2, o3], (sin, cos)) = (at.rotor_speed, at.tilt_rad.sin_cos());
+    let climbing = more(Vector3::new(0.0, 0.0, -2.0));
+    let lost = 2.0 * (1e-4 * (o1 * cos * cos + o2 + o3) + 2e-5 * o1 * sin * sin);
+    assert!((climbing.z - lost).abs() < 1e-12, "less lift: {climbing}");
+    let forward = more(Vector3::new(3.0, 0.0, 0.0));
+    assert!((forward.x + 3.0 * 2e-5 * (o1 + o2 + o3)).abs() < 1e-12, "it brakes: {forward}");
+}

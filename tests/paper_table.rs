@@ -1,0 +1,184 @@
+//! The figures of docs/paper.md: every row of its tables of flights is flown and compared, to the digits that are printed.
+//!
+//! A table is one of flights when its first heading is a command, `fly ...`; the first cell of each row has what is added to it.
+//! The other headings say what the figures are. A lost flight (see [`is_lost`]) has no figures.
+
+use airframe::{Parameters, Trim};
+use contract::Scenario;
+
+use crate::harness::{Outcome, fly, top};
+
+/// Headings of figures, and their metrics in run.json.
+const FIGURES: [(&str, &str); 5] = [
+    ("max error", "max_position_error_m"),
+    ("RMS", "rms_position_error_m"),
+    ("10-50 s", "max_altitude_error_horizontal_m"),
+    ("vertical", "max_altitude_error_vertical_m"),
+    ("clipped", "commands_saturated"),
+];
+/// Farther off, a flight counts as lost \[m\].
+const LOST_M: f64 = 10.0;
+
+/// One line of a table of flights.
+struct Row {
+    arguments: Vec<String>,
+    headings: Vec<String>,
+    cells: Vec<String>,
+}
+
+impl Row {
+    /// What differs between the row and its flight.
+    fn differences(&self) -> Vec<String> {
+        let arguments: Vec<&str> = self.arguments.iter().map(String::as_str).collect();
+        let outcome = fly(&arguments);
+        let lost = is_lost(&outcome);
+        let figures = self.headings.iter().zip(&self.cells).filter_map(|(heading, printed)| {
+            let flown = match (heading.as_str(), FIGURES.iter().find(|(figure, _)| figure == heading)) {
+                ("claims", _) if lost => "lost".to_owned(),
+                ("claims", _) => (if claims_hold(&outcome) { "hold" } else { "fail" }).to_owned(),
+                ("solved", _) if !lost => outcome.run()["solver"]["solved"].to_string(),
+                (_, Some((_, metric))) if !lost => format!("{:.*}", digits(printed), outcome.metric(metric)),
+                ("solved", _) | (_, Some(_)) => "-".to_owned(),
+                (_, None) => return None,
+            };
+            (flown != *printed).then(|| format!("{}: {heading} is {flown}, not {printed}", arguments.join(" ")))
+        });
+        figures.collect()
+    }
+}
+
+/// Digits after the point.
+fn digits(printed: &str) -> usize {
+    printed.split_once('.').map_or(0, |(_, digits)| digits.len())
+}
+
+/// Whether the vehicle was lost: the run counts as diverged, or the error is beyond all use.
+fn is_lost(outcome: &Outcome) -> bool {
+    outcome.run()["diverged"] == true || outcome.metric("max_position_error_m") > LOST_M
+}
+
+/// Section 5 of the paper: the errors; (51); and (52) and (53), by no command having been clipped.
+fn claims_hold(outcome: &Outcome) -> bool {
+    outcome.metric("max_position_error_m") < 0.7
+        && outcome.metric("max_altitude_error_horizontal_m") < 0.1
+        && outcome.metric("max_altitude_error_vertical_m") <= 0.2
+        && outcome.metric("max_rate_radps") < std::f64::consts::TAU
+        && outcome.metric("commands_saturated") == 0.0
+}
+
+/// The rows of the tables of flights on a page.
+fn rows(page: &str) -> Vec<Row> {
+    let mut found = vec![];
+    let mut headings: Option<Vec<String>> = None;
+    for line in page.lines() {
+        let Some(line) = line.strip_prefix('|') else {
+            headings = None;
+            continue;
+        };
+        let cells: Vec<String> = line.trim_end_matches('|').split('|').map(|cell| cell.trim().to_owned()).collect();
+        match &headings {
+            None => headings = Some(cells),
+            Some(headings) if headings[0].starts_with("`fly ") && !cells[0].starts_with("--") => {
+                assert_eq!(headings.len(), cells.len(), "{line}");
+                let arguments = [&headings[0], &cells[0]].map(|cell| words(cell)).concat();
+                found.push(Row { arguments: arguments[1..].to_vec(), headings: headings.clone(), cells });
+            }
+            Some(_) => {}
+        }
+    }
+    found
+}
+
+/// The words of a command in backticks, as a shell divides them: by spaces outside single quotes. `-` is no command.
+fn words(cell: &str) -> Vec<String> {
+    let mut words = vec![String::new()];
+    let mut quoted = false;
+    for letter in cell.trim_matches('`').chars() {
+        match letter {
+            '\'' => quoted = !quoted,
+            ' ' if !quoted => words.push(String::new()),
+            letter => words.last_mut().expect("at least one word").push(letter),
+        }
+    }
+    words.retain(|word| word != "-");
+    words
+}
+
+fn page() -> String {
+    std::fs::read_to_string(top().join("docs/paper.md")).expect("docs/paper.md is readable")
+}
+
+#[test]
+fn every_flight_on_the_papers_page_gives_the_figures_printed() {
+    let rows = rows(&page());
+    assert!(rows.len() > 60, "{} rows are flights", rows.len());
+    for row in &rows {
+        let known = |heading: &&String| {
+            FIGURES.iter().any(|(figure, _)| figure == heading)
+                || ["claims", "solved", "what it is"].contains(&heading.as_str())
+        };
+        let unknown: Vec<_> = row.headings[1..].iter().filter(|heading| !known(heading)).collect();
+        assert!(unknown.is_empty(), "headings without a meaning here: {unknown:?}");
+    }
+    let halves = rows.split_at(rows.len() / 2);
+    let differences: Vec<String> = std::thread::scope(|scope| {
+        let halves = [halves.0, halves.1]
+            .map(|half| scope.spawn(move || half.iter().flat_map(Row::differences).collect::<Vec<_>>()));
+        halves.into_iter().flat_map(|half| half.join().expect("flights end")).collect()
+    });
+    assert!(differences.is_empty(), "docs/paper.md says otherwise:\n{}", differences.join("\n"));
+}
+
+#[test]
+fn a_row_is_its_heading_and_its_first_cell() {
+    let page = "| `fly a.toml` | max error |\n|---|---|\n| `--set 'x=[1, 2]' --set y=z` | 0.5 |\n| - | 1 |\n\n| other |\n|---|\n| `b` |";
+    let arguments: Vec<_> = rows(page).into_iter().map(|row| row.arguments).collect();
+    assert_eq!(arguments, [&["a.toml", "--set", "x=[1, 2]", "--set", "y=z"][..], &["a.toml"]]);
+}
+
+/// What the page says of an airframe.
+fn of_the_airframe(row: &str, scenario: &Scenario) -> f64 {
+    let vehicle = &scenario.airframe;
+    let Parameters { g_mps2, mass_kg, iyy_kgm2, kf, km, .. } = *vehicle;
+    let trim = Trim::solve(vehicle, false);
+    let [omega_1, omega_2, _] = trim.actuation.rotor_speed;
+    let moment_nm = km * omega_1 * omega_1 * trim.actuation.tilt_rad.sin();
+    let full_thrust_n: f64 = scenario.limits().rotor_speed_max.iter().map(|omega| kf * omega * omega).sum();
+    match row {
+        "mass, kg" => mass_kg,
+        "Ixx, kg m2" => vehicle.ixx_kgm2,
+        "Iyy, kg m2" => iyy_kgm2,
+        "Izz, kg m2" => vehicle.izz_kgm2,
+        "K_M / K_F, m" => km / kf,
+        "Omega_1 at trim" => omega_1,
+        "Omega_2 at trim" => omega_2,
+        "roll at trim, degrees" => trim.roll_rad.to_degrees(),
+        "tilt at trim, degrees" => trim.actuation.tilt_rad.to_degrees(),
+        "thrust over weight at full speed" => full_thrust_n / (mass_kg * g_mps2),
+        "power at the shafts in hover, W" => trim.actuation.rotor_speed.iter().map(|omega| km * omega.powi(3)).sum(),
+        "neglected moment K_M Omega_1^2 sin mu, N m" => moment_nm,
+        "the same over Iyy, rad/s2" => moment_nm / iyy_kgm2,
+        row => panic!("no such row of an airframe: {row}"),
+    }
+}
+
+#[test]
+fn the_airframes_have_the_numbers_of_the_page() {
+    let [paper, ten_inch] = ["airframe.preset=\"paper\"", "airframe.preset=\"ten-inch\""]
+        .map(|preset| contract::scenario::load(None, &["profile=\"paper\"".into(), preset.into()]).expect("settings"));
+    let page = page();
+    let table = page.lines().skip_while(|line| !line.starts_with("| of the airframe")).skip(2);
+    let rows: Vec<&str> = table.take_while(|line| line.starts_with('|')).collect();
+    assert_eq!(rows.len(), 13);
+    for row in rows {
+        let cells: Vec<&str> = row.trim_matches('|').split('|').map(str::trim).collect();
+        for (scenario, printed) in [&paper, &ten_inch].into_iter().zip(&cells[1..]) {
+            assert_eq!(
+                format!("{:.*}", digits(printed), of_the_airframe(cells[0], scenario)),
+                **printed,
+                "{}",
+                cells[0]
+            );
+        }
+    }
+}

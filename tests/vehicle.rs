@@ -1,0 +1,96 @@
+//! The vehicle and its surroundings, flown: ground, turbulence, sensors, another airframe, one that is not as it is known.
+
+use crate::harness::{Outcome, fly};
+
+/// Flies a shipped scenario in process with these settings.
+fn flown(scenario: &str, settings: &[&str]) -> Outcome {
+    let file = format!("scenarios/{scenario}.toml");
+    let mut arguments = vec![file.as_str(), "--mode", "inprocess", "--no-log"];
+    for setting in settings {
+        arguments.extend(["--set", setting]);
+    }
+    fly(&arguments)
+}
+
+#[test]
+fn a_mission_may_start_and_end_on_the_ground() {
+    let outcome = flown("take-off-and-land", &[]);
+    assert_eq!((outcome.code(), &outcome.run()["ground"]), (Some(0), &"landed".into()), "{}", outcome.stderr);
+    assert!(outcome.run()["ended"].as_str().expect("words").ends_with("and landed"));
+}
+
+#[test]
+fn a_fall_is_a_crash_and_ends_the_flight() {
+    let outcome = flown(
+        "take-off-and-land",
+        &["plant.rotor_effectiveness=[0.2, 0.2, 0.2]", "initial.standing=false", "initial.position_m=[0, 0, -8]"],
+    );
+    let run = outcome.run();
+    assert_eq!((outcome.code(), &run["ground"]), (Some(1), &"crashed".into()), "{}", run["ended"]);
+    assert!(run["flown_s"].as_f64().expect("a time") < 10.0);
+}
+
+#[test]
+fn a_descent_without_references_ends_in_a_landing() {
+    let fault = "fault=[{at_s=20, target=\"guidance\", kind=\"kill\", for_s=60}]";
+    let outcome = flown("take-off-and-land", &[fault]);
+    assert_eq!(outcome.run()["ground"], "landed", "{}", outcome.run()["ended"]);
+}
+
+#[test]
+fn a_vehicle_that_is_unlike_its_model_flies() {
+    let outcome = flown("mismatch", &[]);
+    assert_eq!(outcome.code(), Some(0), "{}", outcome.run()["ended"]);
+    let nominal = flown("mismatch", &["mpc.disturbance_gain=0", "guidance.disturbance_observer_radps=0"]);
+    let error = |outcome: &Outcome| outcome.metric("rms_position_error_m");
+    assert!(error(&outcome) < 0.5 * error(&nominal), "the estimates earn their place");
+}
+
+#[test]
+fn a_heavier_vehicle_flies_worse_and_not_better() {
+    let error = |kg: f64| flown("survey", &[&format!("plant.airframe.mass_kg={kg}")]).metric("rms_position_error_m");
+    let [nominal, heavy, heavier] = [1.1, 1.2, 1.3].map(error);
+    assert!(nominal < heavy && heavy < heavier, "{nominal} {heavy} {heavier}");
+}
+
+#[test]
+fn another_airframe_flies_with_its_own_trim_and_weights() {
+    let outcome = flown("second-airframe", &[]);
+    assert_eq!(outcome.code(), Some(0), "{}", outcome.run()["ended"]);
+    let paper = flown("survey", &[]).metric("max_position_error_m");
+    let own = outcome.metric("max_position_error_m");
+    assert!((own / paper - 1.0).abs() < 0.2, "the same closed loop: {own} m and {paper} m");
+    let copied = flown("second-airframe", &["mpc.r=[0.4, 300.0, 85.0, 300.0]"]);
+    assert!(copied.metric("commands_saturated") + copied.metric("max_position_error_m") >= own);
+}
+
+#[test]
+fn turbulence_and_sensors_that_can_be_bought_are_borne() {
+    for scenario in ["dryden", "typical-sensors", "fast-legs"] {
+        let outcome = flown(scenario, &[]);
+        assert_eq!(outcome.code(), Some(0), "{scenario}: {}", outcome.run()["ended"]);
+    }
+    let calm = flown("dryden", &["plant.turbulence.wind_at_6m_mps=0"]).metric("rms_position_error_m");
+    assert!(flown("dryden", &[]).metric("rms_position_error_m") > 1.2 * calm);
+}
+
+#[test]
+fn fast_legs_fly_inside_their_bound_by_models_over_the_velocity_alone() {
+    let error = |model: &str| flown("fast-legs", &[&format!("mpc.model={model}")]).metric("max_position_error_m");
+    let [hover, scheduled, ltv] = ["hover", "scheduled", "ltv"].map(error);
+    assert!(scheduled < 0.4 && ltv < 0.4 && hover > 4.0 * scheduled, "{hover} {scheduled} {ltv}");
+    let nominal = flown("fast-legs", &["mpc.model=hover", "mpc.disturbance_gain=0"]).metric("max_position_error_m");
+    assert!(nominal < 0.4, "it is the estimate that hover's model misleads: {nominal}");
+}
+
+#[test]
+fn a_vehicle_may_pitch_through_the_vertical() {
+    let settings = [
+        "initial.attitude_deg=[0, 80, 0]",
+        "initial.rates_radps=[0, 6, 0]",
+        "run.duration_s=10",
+        "initial.position_m=[0, 0, -100]",
+    ];
+    let outcome = flown("tumble", &settings);
+    assert!(!outcome.run()["ended"].as_str().expect("words").contains("singular"));
+}
