@@ -1,6 +1,6 @@
 //! A linearisation every sample, at the measured state: `mpc.model = "ltv"`.
 //!
-//! Model, Hessian and optimum are those of [`condensed`](crate::condensed), formed anew in matrices that were set up once: a sample
+//! Model, Hessian and optimum are those of [`condensed`], formed anew in matrices that were set up once: a sample
 //! allocates nothing. Only the course of the given numbers is followed, not that of every number that could be given, and the optimum comes
 //! from one Cholesky factor. Test `it_is_the_condensed_problem_of_the_model`.
 //!
