@@ -2,7 +2,7 @@
 //!
 //! Every flight is `scenarios/take-off-and-land.toml`, in process, with one fault at 20 s that stays: a node that is not
 //! replaced, or a rotor that stands still. The vehicle is then 8 m high and under way. Without guidance or attitude-mpc the next
-//! node flies on and must land. Without the mixer nobody commands, and with a dead rotor the flight is terminated: for those
+//! node flies on and must land. Without the mixer no command comes, and with a dead rotor the flight is terminated: for those
 //! nothing is promised.
 
 use contract::Scenario;
