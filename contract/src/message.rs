@@ -65,7 +65,7 @@ impl From<ActuationMsg> for Actuation {
 
 /// STATE: the measured motion, the true motion, and the command in force.
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend, Pod, Zeroable)]
-#[type_name("trefoil.State.v3")]
+#[type_name("trefoil.State.v4")]
 #[repr(C)]
 pub struct State {
     /// Provenance and timing.
@@ -84,11 +84,30 @@ pub struct State {
     pub command_in_force: ActuationMsg,
     /// See [`PlantStatus`].
     pub status: u64,
+    /// Commands that came in since the sample before, in order of arrival; those beyond the count are zero.
+    pub arrivals: [Arrival; MAX_ARRIVALS],
+    /// How many they are.
+    pub arrived: u64,
+}
+
+/// How many commands the plant takes in from one sample to the next; it leaves out what comes beyond that.
+pub const MAX_ARRIVALS: usize = 4;
+
+/// A command that came to the plant: for replay.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ZeroCopySend, Pod, Zeroable)]
+#[repr(C)]
+pub struct Arrival {
+    /// Sequence number of the message.
+    pub sequence: u64,
+    /// Epoch of its publisher.
+    pub epoch: u64,
+    /// From the sample before to its arrival \[ns\].
+    pub after_ns: u64,
 }
 
 /// REFERENCE: what the attitude loop shall follow.
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend, Pod, Zeroable)]
-#[type_name("trefoil.Reference.v3")]
+#[type_name("trefoil.Reference.v4")]
 #[repr(C)]
 pub struct Reference {
     /// Provenance and timing.
@@ -111,7 +130,7 @@ pub struct Reference {
 
 /// CONTROLS: the demanded conventional inputs, as deviations from trim.
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend, Pod, Zeroable)]
-#[type_name("trefoil.Controls.v3")]
+#[type_name("trefoil.Controls.v4")]
 #[repr(C)]
 pub struct Controls {
     /// Provenance and timing.
@@ -134,7 +153,7 @@ pub struct Controls {
 
 /// ACTUATORS: the command for rotors and servo.
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend, Pod, Zeroable)]
-#[type_name("trefoil.Actuators.v3")]
+#[type_name("trefoil.Actuators.v4")]
 #[repr(C)]
 pub struct Actuators {
     /// Provenance and timing.
@@ -157,7 +176,7 @@ macro_rules! message {
         const _: () = assert!(size_of::<$name>() == $bytes && align_of::<$name>() == 8);
     )*};
 }
-message!(State: 440, Reference: 288, Controls: 264, Actuators: 200);
+message!(State: 584, Reference: 328, Controls: 304, Actuators: 240);
 
 impl State {
     /// Feeds the payload's bits to `sink`, in field order and without the stamp: what `state_hash` is made of.

@@ -18,7 +18,7 @@ use runtime::console::{eprint_line, print};
 use view::{report, trace};
 
 use crate::target::TargetArgs;
-use crate::{command, fly, manage, swap};
+use crate::{command, fly, manage, replay, swap};
 
 #[derive(Parser)]
 #[command(name = "launcher", version, about = "Flies a tilt-rotor tricopter through separate real-time processes")]
@@ -47,6 +47,8 @@ enum Command {
         /// Folder of the run
         run: PathBuf,
     },
+    /// Fly a recorded flight again in process, from its folder alone, and compare the bits
+    Replay(replay::ReplayArgs),
     /// Export some ticks of a run for the trace viewer Perfetto
     Trace(trace::TraceArgs),
     /// List the stacks that are flying, and how their nodes are
@@ -110,6 +112,7 @@ fn run() -> ExitCode {
         Command::Fly(args) => fly::fly(&args),
         Command::Check { scenario, set } => check(&scenario, &set),
         Command::Report { run } => report(&run),
+        Command::Replay(args) => replay::replay(&args),
         Command::Trace(args) => trace::trace(&args).map(|()| exit::FLOWN),
         Command::Status(args) => manage::status(&args).map(|()| exit::FLOWN),
         Command::Swap(args) => swap::swap(&args),

@@ -8,6 +8,7 @@
 //! | `manage` | `status` and `stop` |
 //! | `command` | `inject` and `clear` |
 //! | `swap` | `swap`: another process for a node of a flying stack |
+//! | `replay` | `replay`: a flight flown again from its folder |
 //! | `target` | which flight a command is for |
 
 mod cli;
@@ -15,6 +16,7 @@ mod command;
 mod fly;
 mod manage;
 mod progress;
+mod replay;
 mod swap;
 mod target;
 

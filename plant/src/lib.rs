@@ -40,7 +40,7 @@ pub mod turbulence;
 
 use airframe::{Actuation, Trim};
 use contract::Scenario;
-use contract::message::{Actuators, Kinematics, PlantStatus, Stamp, State};
+use contract::message::{Actuators, Arrival, Kinematics, MAX_ARRIVALS, PlantStatus, Stamp, State};
 use contract::scenario::Fault;
 
 use battery::Battery;
@@ -70,6 +70,8 @@ pub struct Plant {
     wind_roughness_m: f64,
     battery: Option<Battery>,
     commands: CommandLine,
+    /// Those that came in since the last sample, and how many.
+    arrivals: ([Arrival; MAX_ARRIVALS], usize),
     sensors: Sensors,
     faults: Faults,
     sample_ns: u64,
@@ -108,6 +110,7 @@ impl Plant {
             wind_roughness_m: scenario.plant.wind_roughness_m,
             battery: Battery::new(scenario),
             commands: CommandLine::new(scenario, actuation),
+            arrivals: Default::default(),
             sensors: Sensors::new(scenario),
             faults: Faults::new(scenario),
             sample_ns: scenario.sample_ns(),
@@ -132,6 +135,7 @@ impl Plant {
         let mut measured = self.sensors.measure(self.now_ns(), &actual);
         self.faults.sensors.inject(self.tick, &mut measured);
         let command = self.commands.in_force();
+        let (arrivals, arrived) = std::mem::take(&mut self.arrivals);
         State {
             stamp: Stamp { tick: self.tick, ..Stamp::default() },
             applied_sequence: command.sequence,
@@ -141,11 +145,19 @@ impl Plant {
             actuators: dynamics::actuation(&self.x).into(),
             command_in_force: command.actuation.into(),
             status: self.status() as u64,
+            arrivals,
+            arrived: arrived as u64,
         }
     }
 
-    /// A command arrives `arrival_ns` after the present sample, be it within the coming period or beyond it.
+    /// A command arrives `arrival_ns` after the present sample, be it within the coming period or beyond it. The next sample
+    /// tells of it. More than [`MAX_ARRIVALS`] between two samples are left out.
     pub fn command(&mut self, actuators: &Actuators, arrival_ns: u64) {
+        let (arrivals, arrived) = &mut self.arrivals;
+        let Some(arrival) = arrivals.get_mut(*arrived) else { return };
+        let Stamp { sequence, epoch, .. } = actuators.stamp;
+        *arrival = Arrival { sequence, epoch, after_ns: arrival_ns };
+        *arrived += 1;
         self.commands.receive(actuators, self.now_ns().saturating_add(arrival_ns));
     }
 

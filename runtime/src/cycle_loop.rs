@@ -27,6 +27,7 @@ use crate::member::Member;
 use crate::process_faults::burn;
 use crate::realtime::{now_ns, phase};
 use crate::release::Release;
+use crate::shared_role::Origin;
 
 /// The loop of one process of a node.
 pub struct CycleLoop {
@@ -67,7 +68,7 @@ impl CycleLoop {
     pub fn next<M: Message>(&mut self, input: &mut Input<M>) -> Result<Option<u64>, SessionError> {
         let due = match self.member.release {
             Release::Timer { period_ns } => self.by_the_timer(period_ns, input),
-            Release::Barrier => self.by_the_barrier(M::TOPIC),
+            Release::Barrier | Release::Recording => self.by_the_barrier(M::TOPIC), // a replay has no loop
         };
         let Some(tick) = due else { return self.member.timing.verdict().map(|()| None) };
         let Member { page, release, faults, .. } = &self.member;
@@ -97,7 +98,7 @@ impl CycleLoop {
         let Member { page, topic, epoch, release, .. } = &self.member;
         let role = page.role(*topic);
         if role.active() == *epoch {
-            role.memory.write(memory);
+            role.memory.write(Origin { epoch: u64::from(*epoch), done: tick + 1 }, memory);
         }
         role.done(*epoch).set(tick as u32 + 1);
         release.cycle_done(page.doorbell(*topic));

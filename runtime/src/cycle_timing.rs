@@ -32,10 +32,18 @@ use crate::realtime::{now_ns, thread_cpu_ns};
 use contract::message::Stamp;
 use contract::scenario::{Late, NodeDeadline};
 
+/// Where a node reads the time.
+enum Clock {
+    /// `CLOCK_MONOTONIC`.
+    System,
+    /// Nowhere: it reads what was set, which is zero in process, and in a replay what it read in the flight.
+    Set(Cell<u64>),
+}
+
 /// Timing of the cycle under way, shared by a node's ports and loop.
 pub struct CycleTiming {
     deadline: NodeDeadline,
-    now_ns: fn() -> u64,
+    clock: Clock,
     warm_up: RefCell<Vec<Rc<dyn WarmUp>>>,
     /// Whether this cycle's CPU time is still to be read.
     open: Cell<bool>,
@@ -54,7 +62,7 @@ impl CycleTiming {
     pub fn new(deadline: NodeDeadline) -> Self {
         Self {
             deadline,
-            now_ns,
+            clock: Clock::System,
             warm_up: RefCell::default(),
             open: Cell::default(),
             broken: Cell::default(),
@@ -67,14 +75,24 @@ impl CycleTiming {
         }
     }
 
-    /// Of a node in process: every time it reads is zero.
+    /// Of a node in process: every time it reads is the one that was [`set`](Self::set_now_ns), at first zero.
     pub fn without_clock(deadline: NodeDeadline) -> Self {
-        Self { now_ns: || 0, ..Self::new(deadline) }
+        Self { clock: Clock::Set(Cell::default()), ..Self::new(deadline) }
     }
 
     /// The time.
     pub fn now_ns(&self) -> u64 {
-        (self.now_ns)()
+        match &self.clock {
+            Clock::System => now_ns(),
+            Clock::Set(now_ns) => now_ns.get(),
+        }
+    }
+
+    /// Sets the time of a node in process.
+    pub fn set_now_ns(&self, to_ns: u64) {
+        if let Clock::Set(now_ns) = &self.clock {
+            now_ns.set(to_ns);
+        }
     }
 
     /// That many periods passed without a cycle.

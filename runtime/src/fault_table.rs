@@ -70,6 +70,11 @@ pub struct FaultUpdates {
 }
 
 impl FaultUpdates {
+    /// How many entries and changes it knows.
+    pub fn known(&self) -> u64 {
+        self.known
+    }
+
     /// Hands every fault of `table` to `apply`, with its number, if anything is new. Without news it costs one load.
     pub fn take(&mut self, table: &FaultTable, mut apply: impl FnMut(usize, &Fault)) {
         let generation = table.generation.load(Ordering::Acquire);

@@ -1,5 +1,6 @@
 //! The member: one process of a node in a run, or one node in process; what its ports and its loop have in common.
 
+use std::cell::Cell;
 use std::rc::Rc;
 use std::sync::Arc;
 
@@ -7,6 +8,7 @@ use crate::cycle_timing::CycleTiming;
 use crate::process_faults::ProcessFaults;
 use crate::realtime::ControlPage;
 use crate::release::Release;
+use crate::shared_role::Origin;
 use contract::Topic;
 use contract::scenario::Scenario;
 
@@ -25,6 +27,8 @@ pub struct Member {
     pub timing: Rc<CycleTiming>,
     /// Its faults.
     pub faults: Rc<ProcessFaults>,
+    /// Whose memory it began with; none if it began with nothing.
+    pub continues: Rc<Cell<Origin>>,
 }
 
 impl Member {
@@ -34,7 +38,7 @@ impl Member {
         let deadline = release.deadline(scenario.deadline_of(topic as usize));
         let timing = Rc::new(CycleTiming::new(deadline));
         let faults = Rc::new(ProcessFaults::new(page.clone(), topic, scenario, acts));
-        Self { page, topic, epoch, release, timing, faults }
+        Self { page, topic, epoch, release, timing, faults, continues: Rc::default() }
     }
 
     /// The same in process: no clock is read.
@@ -42,5 +46,12 @@ impl Member {
         let deadline = Release::Barrier.deadline(scenario.deadline_of(topic as usize));
         let timing = Rc::new(CycleTiming::without_clock(deadline));
         Self { release: Release::Barrier, timing, ..Self::new(page, topic, epoch, scenario, acts) }
+    }
+
+    /// The same in a replay: the caller sets what its clock shows.
+    pub fn of_recording(page: Arc<ControlPage>, topic: Topic, epoch: u32, scenario: &Scenario) -> Self {
+        let deadline = Release::of(scenario).deadline(scenario.deadline_of(topic as usize));
+        let timing = Rc::new(CycleTiming::without_clock(deadline));
+        Self { release: Release::Recording, timing, ..Self::new(page, topic, epoch, scenario, false) }
     }
 }

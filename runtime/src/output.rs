@@ -32,34 +32,50 @@ impl<M: Wire> Output<M> {
 
 impl<M: Message> Output<M> {
     /// Stamps `message` with its `provenance` and this cycle's timing, sends it and wakes the processes that wait for it.
-    /// A late one is treated as the deadline's policy says. True when the next cycle shall do less.
-    pub fn send(&mut self, mut message: M, mut provenance: Stamp) -> bool {
-        let Member { page, epoch, release, timing, faults, .. } = &self.member;
-        let tick = provenance.tick;
+    /// A late one is treated as the deadline's policy says; one that is withheld is sent too, marked. True when the next
+    /// cycle shall do less.
+    pub fn send(&mut self, message: M, mut provenance: Stamp) -> bool {
+        let Member { page, epoch, release, timing, faults, continues, .. } = &self.member;
+        let (tick, own) = (provenance.tick, M::TOPIC as usize);
         provenance.held_ns += release.hold_up(page, faults.held_up_ns(tick));
         let publish_ns = faults.read_ns(tick, timing.now_ns());
         let late = timing.ready(tick, provenance.sample_ns, publish_ns);
-        match late {
-            None => self.timely = Some(message),
-            Some(Late::Hold) => message = self.timely.unwrap_or(message),
-            Some(Late::Send | Late::Degrade) => {}
-            Some(Late::Skip | Late::Stop) => return false,
-        }
-        self.sequence += 1;
         let role = page.role(M::TOPIC);
-        let stamp = message.stamp_mut();
-        *stamp = provenance.published(M::TOPIC, self.sequence, publish_ns);
+        let mut stamp = provenance.published(M::TOPIC, self.sequence + 1, publish_ns);
+        (stamp.inputs[own], stamp.input_epochs[own]) = (continues.get().done, continues.get().epoch);
         stamp.epoch = u64::from(*epoch);
+        stamp.faults = faults.known();
         stamp.delivery = if role.active() == *epoch { delivery::DELIVERED } else { delivery::STANDBY };
-        timing.report(stamp);
+        timing.report(&mut stamp);
         stamp.start_ns = faults.read_ns(tick, stamp.start_ns);
-        self.link.pass(tick, &message.with_checksum(), &faults.schedule(), |message| match self.port.send(message) {
+        let stamped = |mut message: M, mark: u64| {
+            *message.stamp_mut() = stamp;
+            message.stamp_mut().delivery |= mark;
+            message.with_checksum()
+        };
+        let deliver = |message: &M| match self.port.send(message) {
             Ok(()) => {
                 role.sent(*epoch).count();
                 role.sent_by_all.count();
             }
             Err(failure) => role.port_failures[failure as usize].count(),
-        });
+        };
+        let sent = match late {
+            None => {
+                self.timely = Some(message);
+                Some(message)
+            }
+            Some(Late::Send | Late::Degrade) => Some(message),
+            Some(Late::Hold) => self.timely.or(Some(message)),
+            Some(Late::Skip | Late::Stop) => None,
+        };
+        if let Some(Late::Hold | Late::Skip | Late::Stop) = late {
+            deliver(&stamped(message, delivery::LATE));
+        }
+        if let Some(message) = sent {
+            self.sequence = stamp.sequence;
+            self.link.pass(tick, &stamped(message, 0), &faults.schedule(), deliver);
+        }
         release.message_sent(page.doorbell(M::TOPIC));
         late == Some(Late::Degrade)
     }

@@ -61,6 +61,11 @@ impl ProcessFaults {
         });
     }
 
+    /// How many entries and changes of the fault table the process knows.
+    pub fn known(&self) -> u64 {
+        self.updates.borrow().known()
+    }
+
     /// Hands what the last update brought to `apply`, with its number.
     pub fn new_faults(&self, mut apply: impl FnMut(usize, &Fault)) {
         self.new.borrow().iter().for_each(|(number, fault)| apply(*number, fault));

@@ -5,6 +5,7 @@
 //!           the plant samples                 a node answers                        wakes by
 //! Timer     at t0 + k T, whatever happens     its input came, or is late            ringing at every message
 //! Barrier   all are done with the last tick   the node before it is done            ringing at the end of a cycle
+//! Recording its caller says so                its caller says so                    -
 //! ```
 //!
 //! In process the caller of the nodes is the barrier: nothing waits, nothing wakes, and no clock is read
@@ -23,6 +24,8 @@ pub enum Release {
     },
     /// Lockstep: all that work are done with what comes before.
     Barrier,
+    /// Replay: the caller, when the recording has a cycle.
+    Recording,
 }
 
 impl Release {
@@ -38,7 +41,7 @@ impl Release {
     pub fn sample_ns(self, page: &ControlPage, tick: u64) -> u64 {
         match self {
             Self::Timer { period_ns } => page.origin_ns() + tick * period_ns,
-            Self::Barrier => page.origin_ns(),
+            Self::Barrier | Self::Recording => page.origin_ns(),
         }
     }
 
@@ -49,6 +52,7 @@ impl Release {
             Self::Timer { period_ns } if tick >= taken && page.origin_ns() > 0 => {
                 taken.max(now_ns().saturating_sub(page.origin_ns()) / period_ns + 1)
             }
+            Self::Recording => u64::MAX, // it was judged in the flight
             _ => taken,
         }
     }
@@ -56,7 +60,7 @@ impl Release {
     /// The deadline that counts: without a clock no message is too late to be sent.
     pub fn deadline(self, deadline: NodeDeadline) -> NodeDeadline {
         match self {
-            Self::Timer { .. } => deadline,
+            Self::Timer { .. } | Self::Recording => deadline,
             Self::Barrier => NodeDeadline { late: Late::Send, ..deadline },
         }
     }
@@ -72,6 +76,7 @@ impl Release {
                 0
             }
             Self::Barrier => held_ns,
+            Self::Recording => 0, // the recorded times have it
         }
     }
 
@@ -79,7 +84,7 @@ impl Release {
     pub fn message_sent(self, doorbell: &Doorbell) {
         match self {
             Self::Timer { .. } => doorbell.ring(),
-            Self::Barrier => doorbell.mark(),
+            Self::Barrier | Self::Recording => doorbell.mark(),
         }
     }
 

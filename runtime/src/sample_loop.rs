@@ -57,7 +57,7 @@ impl SampleLoop {
     ) -> Result<Option<u64>, SessionError> {
         let due = match (self.tick, self.member.release) {
             (Some(tick), Release::Timer { period_ns }) => self.by_the_timer(tick, period_ns, input, command)?,
-            (Some(tick), Release::Barrier) => self.by_the_barrier(tick, input, command),
+            (Some(tick), Release::Barrier | Release::Recording) => self.by_the_barrier(tick, input, command),
             (None, release) => self.first(release),
         };
         let Some(tick) = due.filter(|_| !self.is_over()) else {
@@ -68,7 +68,7 @@ impl SampleLoop {
         match self.member.release {
             Release::Timer { .. } => OTHERS.iter().for_each(|topic| page.role(*topic).activate_pending(tick as u32)),
             Release::Barrier if self.ask(tick).is_none() => return Ok(None),
-            Release::Barrier => {}
+            Release::Barrier | Release::Recording => {} // a replay has no loop
         }
         self.tick = Some(tick);
         Ok(self.tick)

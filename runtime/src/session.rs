@@ -73,7 +73,10 @@ impl NodeSession {
     pub fn memory(&self) -> Option<Snapshot> {
         let memory = &self.member.page.role(self.member.topic).memory;
         // One that is being written is read whole at the next attempt.
-        (self.member.epoch > 1).then(|| (0..MEMORY_READS).find_map(|_| memory.read())).flatten()
+        let read = || (0..MEMORY_READS).find_map(|_| memory.read());
+        let (origin, snapshot) = (self.member.epoch > 1).then(read).flatten()?;
+        self.member.continues.set(origin);
+        Some(snapshot)
     }
 
     /// The loop of a node that answers, once the run has begun: call it when everything is allocated. Enters the

@@ -301,7 +301,19 @@ impl Word {
 pub struct SnapshotCell {
     /// Times written.
     written: AtomicU64,
-    copies: [[AtomicU64; SNAPSHOT_WORDS]; 2],
+    copies: [[AtomicU64; REMEMBERED_WORDS]; 2],
+}
+
+/// A snapshot with its origin before it.
+const REMEMBERED_WORDS: usize = 2 + SNAPSHOT_WORDS;
+
+/// Where a snapshot comes from; the default is nowhere.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub struct Origin {
+    /// The process whose memory it is.
+    pub epoch: u64,
+    /// Ticks that it had done, counted from the first of the run.
+    pub done: u64,
 }
 
 impl Default for SnapshotCell {
@@ -313,23 +325,25 @@ impl Default for SnapshotCell {
 
 impl SnapshotCell {
     /// Puts `snapshot` in. One writer at a time.
-    pub fn write(&self, snapshot: &Snapshot) {
+    pub fn write(&self, origin: Origin, snapshot: &Snapshot) {
         let count = self.written.load(Ordering::Relaxed) + 1;
         fence(Ordering::Release); // a reader that sees a word of this copy sees that the other one was finished
-        for (word, value) in self.copies[count as usize % 2].iter().zip(snapshot) {
-            word.store(*value, Ordering::Relaxed);
+        let words = [origin.epoch, origin.done].into_iter().chain(*snapshot);
+        for (word, value) in self.copies[count as usize % 2].iter().zip(words) {
+            word.store(value, Ordering::Relaxed);
         }
         self.written.store(count, Ordering::Release);
     }
 
     /// The newest snapshot; `None` when there is none, or when it was overwritten while it was read.
-    pub fn read(&self) -> Option<Snapshot> {
+    pub fn read(&self) -> Option<(Origin, Snapshot)> {
         let count = self.written.load(Ordering::Acquire);
-        let copy = &self.copies[count as usize % 2];
-        let snapshot = std::array::from_fn(|i| copy[i].load(Ordering::Relaxed));
+        let [epoch, done, snapshot @ ..] = &self.copies[count as usize % 2];
+        let origin = Origin { epoch: epoch.load(Ordering::Relaxed), done: done.load(Ordering::Relaxed) };
+        let snapshot = snapshot.each_ref().map(|word| word.load(Ordering::Relaxed));
         fence(Ordering::Acquire);
         // This copy is the next but one to be written, which begins when the count is one higher.
-        (count > 0 && self.written.load(Ordering::Relaxed) == count).then_some(snapshot)
+        (count > 0 && self.written.load(Ordering::Relaxed) == count).then_some((origin, snapshot))
     }
 }
 

@@ -46,8 +46,11 @@ pub struct Stamp {
     pub sequence: u64,
     /// Incarnation of the publisher, from 1; two with the same numbers are never the same process.
     pub epoch: u64,
-    /// Sequence numbers of the messages it was computed from, by topic; 0 where none was used.
+    /// Sequence numbers of the messages it was computed from, by topic; 0 where none was used. In the place of its own topic
+    /// stand the ticks that another process of the node had done, where its publisher continues from the memory of that.
     pub inputs: [u64; Topic::COUNT],
+    /// The epochs of those messages, and of that process.
+    pub input_epochs: [u64; Topic::COUNT],
     /// Publication times along the chain, by topic, up to and including this message.
     pub publish_ns: [u64; Topic::COUNT],
     /// When the publisher was due: the release for the plant; for the others when their input was sent, or when it was late; in
@@ -63,13 +66,15 @@ pub struct Stamp {
     pub slips: u64,
     /// In lockstep and in process: how long faults delayed the chain from the sample to here, in all nodes \[ns\].
     pub held_ns: u64,
+    /// Faults given in flight that its publisher knew of: entries and changes of the fault table (`runtime::fault_table`).
+    pub faults: u64,
     /// Whether receivers act on this message, and if not why: see [`delivery`].
     pub delivery: u64,
     /// See [`Message::with_checksum`].
     pub checksum: u64,
 }
 
-/// Bits of [`Stamp::delivery`]; a message may have both [`STANDBY`](delivery::STANDBY) and [`FAULT`](delivery::FAULT).
+/// Bits of [`Stamp::delivery`]; a message may have several.
 pub mod delivery {
     /// Receivers act on it.
     pub const DELIVERED: u64 = 0;
@@ -79,6 +84,9 @@ pub mod delivery {
     pub const FAULT: u64 = 2;
     /// It has no content: it shows a receiver that messages of the publisher arrive.
     pub const PROBE: u64 = 4;
+    /// It missed its deadline, whose policy withholds it. It shows what was computed; its number is that of the message that
+    /// is sent in its place, or next.
+    pub const LATE: u64 = 8;
 }
 
 impl Stamp {
@@ -92,6 +100,7 @@ impl Stamp {
     pub fn with<M: Message>(mut self, parent: &M) -> Self {
         let p = parent.stamp();
         self.inputs[M::TOPIC as usize] = p.sequence;
+        self.input_epochs[M::TOPIC as usize] = p.epoch;
         if p.tick == self.tick {
             for (mine, theirs) in self.publish_ns.iter_mut().zip(p.publish_ns) {
                 *mine = (*mine).max(theirs);
@@ -114,6 +123,11 @@ impl Stamp {
     /// Whether a fault lost or changed it, so that it only shows what the publisher computed.
     pub fn is_faulted(&self) -> bool {
         self.delivery & delivery::FAULT != 0
+    }
+
+    /// Whether its deadline's policy withheld it.
+    pub fn is_withheld(&self) -> bool {
+        self.delivery & delivery::LATE != 0
     }
 
     /// The stamp of a probe, the first message of a process: see [`delivery::PROBE`].
@@ -155,12 +169,12 @@ mod tests {
     #[test]
     fn provenance_keeps_the_sample_and_collects_the_inputs() {
         let sample = Stamp { tick: 7, sample_ns: 70, ..Stamp::default() };
-        let state = State { stamp: sample.published(Topic::State, 8, 71), ..State::default() };
+        let state = State { stamp: Stamp { epoch: 1, ..sample.published(Topic::State, 8, 71) }, ..State::default() };
         let stamp = Stamp::at(7, 70).with(&state).published(Topic::Reference, 9, 72);
         let reference = Reference { stamp, ..Reference::default() };
         let stamp = Stamp::at(7, 70).with(&reference).with(&state).published(Topic::Controls, 10, 73);
         assert_eq!((stamp.tick, stamp.sample_ns, stamp.sequence), (7, 70, 10));
-        assert_eq!(stamp.inputs, [8, 9, 0, 0]);
+        assert_eq!((stamp.inputs, stamp.input_epochs), ([8, 9, 0, 0], [1, 0, 0, 0]));
         assert_eq!(stamp.publish_ns, [71, 72, 73, 0]);
         let late = Stamp::at(8, 80).with(&reference).published(Topic::Controls, 11, 83);
         assert_eq!((late.inputs, late.publish_ns), ([0, 9, 0, 0], [0, 0, 83, 0]), "an input of the sample before");

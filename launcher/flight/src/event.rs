@@ -10,6 +10,7 @@
 use std::os::fd::AsFd;
 
 use contract::Scenario;
+use contract::scenario::Fault;
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::fs::{OFlags, fcntl_setfl};
 use rustix::pipe::PIPE_BUF;
@@ -20,7 +21,7 @@ use serde_json::{Value, json};
 use crate::limits::REASON_CHARS;
 
 /// Something that happened to a process.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Event {
     /// The tick of the plant then; where a recorder died, that of the launcher's look.
     pub tick: u64,
@@ -36,6 +37,9 @@ pub struct Event {
     /// Who ordered it by hand.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub by: Option<Sender>,
+    /// A fault that was given or ended in flight, with its number: as it is from now on.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fault: Option<(usize, Fault)>,
 }
 
 /// Who gave a command to a flight.
@@ -85,7 +89,7 @@ pub enum What {
 
 impl Event {
     pub fn new(tick: u64, node: &str, epoch: u32, what: What) -> Self {
-        Self { tick, node: node.into(), epoch, what, why: None, swap: None, by: None }
+        Self { tick, node: node.into(), epoch, what, why: None, swap: None, by: None, fault: None }
     }
 
     #[must_use]

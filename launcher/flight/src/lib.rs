@@ -10,6 +10,7 @@
 //! | [`event`] | what happens to processes, and how the recorder learns of it |
 //! | [`recorder`] | the fifth process: every message to `flight.mcap` |
 //! | [`log`] | the flight log's format |
+//! | [`replay`] | a flight flown again from its log |
 //! | [`control`] | the socket on which a flying stack is asked and told |
 //! | [`folder`], [`files`] | the folder of a run, and what is written into it |
 //! | [`provenance`] | where a run was made |
@@ -34,6 +35,7 @@ mod limits;
 pub mod log;
 pub mod provenance;
 pub mod recorder;
+pub mod replay;
 pub mod roles;
 pub mod settings;
 pub mod stack;

@@ -19,7 +19,7 @@ use view::summary::Metrics;
 
 use crate::findings::{Findings, Target};
 use crate::flights::{SURVIVED_M, failed_at_s, in_process};
-use crate::table::Table;
+use view::table::Table;
 
 /// 80 m legs in 10 s: the shipped scenario, and the vehicle and guidance of the other missions.
 const LEGS: (&str, &str) = ("scenarios/fast-legs.toml", include_str!("../../../scenarios/fast-legs.toml"));

@@ -18,7 +18,7 @@ use serde_json::{Value, json};
 use self::random::Rate;
 use crate::findings::{Findings, Target};
 use crate::flights::{SURVIVED_M, failed_at_s, in_process};
-use crate::table::Table;
+use view::table::Table;
 use flight::settings;
 use view::summary::Metrics;
 

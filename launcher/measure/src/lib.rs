@@ -10,7 +10,6 @@
 //! | [`sensitivity`] | `measure sensitivity`: tracking error over delay, jitter and misses |
 //! | [`timing`] | `measure timing`: how late the stack is, beside the kernel's own wake-up |
 //! | [`flights`] | flights that a measurement flies itself, and when one counts as failed |
-//! | [`findings`], [`table`] | targets and results, and tables as text |
 //! | [`killer`] | processes of a stack seen from outside, and signals to them |
 
 #![allow(missing_docs)]
@@ -24,7 +23,6 @@ pub mod kills;
 pub mod laws;
 pub mod mpc;
 pub mod sensitivity;
-pub mod table;
 pub mod timing;
 
 use clap::Subcommand;

@@ -6,6 +6,8 @@
 //! | [`ticks`] | the join of the four messages of a tick, used by everything below and by `measure` |
 //! | [`solves`], [`faults`] | what the solver did, and what came of the scenario's faults |
 //! | [`bounds`] | what a flight must stay inside of |
+//! | [`comparison`] | the metrics of several flights side by side |
+//! | [`table`] | tables as aligned text |
 //! | [`draw`] | HTML and pictures, for every page |
 //! | [`percentiles`] | percentiles and medians, for everything that measures |
 //! | [`happenings`] | what is known to have happened in a flight, for its timing, trace and report |
@@ -16,6 +18,7 @@
 #![allow(missing_docs)]
 
 pub mod bounds;
+pub mod comparison;
 pub mod draw;
 pub mod faults;
 pub mod following;
@@ -25,6 +28,7 @@ pub mod report;
 pub mod run_record;
 pub mod solves;
 pub mod summary;
+pub mod table;
 pub mod ticks;
 pub mod timing;
 pub mod trace;

@@ -9,8 +9,8 @@
 //! outputs, under the same roles. Nothing here reads a clock: the stamps carry sample numbers and sequence numbers
 //! only.
 
-mod node;
-mod workers;
+pub(crate) mod node;
+pub(crate) mod workers;
 
 use contract::message::{PlantStatus, Stamp};
 use contract::scenario::{Scenario, candidate};

@@ -2,7 +2,7 @@
 
 use attitude_mpc::AttitudeMpc;
 use contract::message::{Actuators, Controls, Reference, Stamp, State};
-use contract::scenario::Scenario;
+use contract::scenario::{Fault, Scenario};
 use contract::snapshot::Snapshot;
 use contract::topic::Topic;
 use guidance::Guidance;
@@ -21,6 +21,8 @@ pub trait Node {
     fn memory(&self) -> Snapshot;
     /// Goes on from the memory of another; one that does not fit is as good as none.
     fn restore(&mut self, memory: &Snapshot);
+    /// Takes fault `number` as it is from now on, if it is one of the core.
+    fn apply_fault(&mut self, number: usize, fault: &Fault);
 }
 
 /// Opens the ports of `member`, with a core as at the beginning of a run of `scenario`.
@@ -41,7 +43,8 @@ pub fn open(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result<B
             let mut controls = Output::<Controls>::open(ports, member, scenario)?;
             boxed(AttitudeMpc::try_new(scenario)?, move |core, sample| {
                 let (reference, state) = (references.newest(), states.newest());
-                controls.send(core.step(sample.tick, state, reference), sample.with(reference).with(state));
+                let late = controls.send(core.step(sample.tick, state, reference), sample.with(reference).with(state));
+                core.hurry(late);
             })
         }
         Topic::Actuators => {
@@ -70,7 +73,7 @@ where
 }
 
 macro_rules! node {
-    ($($core:ty),*) => {$(
+    ($($core:ty: $apply_fault:expr),*) => {$(
         impl<F: FnMut(&mut $core, Stamp)> Node for WithPorts<$core, F> {
             fn answer(&mut self, sample: Stamp) {
                 (self.answer)(&mut self.core, sample);
@@ -81,7 +84,10 @@ macro_rules! node {
             fn restore(&mut self, memory: &Snapshot) {
                 self.core.restore(memory);
             }
+            fn apply_fault(&mut self, number: usize, fault: &Fault) {
+                $apply_fault(&mut self.core, number, fault);
+            }
         }
     )*};
 }
-node!(Guidance, AttitudeMpc, Mixer);
+node!(Guidance: |_, _, _| {}, AttitudeMpc: AttitudeMpc::apply_fault, Mixer: |_, _, _| {});

@@ -11,6 +11,7 @@ use runtime::member::Member;
 use runtime::ports::{Ports, Transport};
 use runtime::queue::Queues;
 use runtime::realtime::ControlPage;
+use runtime::shared_role::Origin;
 
 use super::node::{self, Node};
 
@@ -46,13 +47,21 @@ pub struct Workers {
     ring: Ring,
     all: Vec<Worker>,
     /// What the last one remembered that left the role vacant.
-    memory: Option<Snapshot>,
+    memory: Option<(Origin, Snapshot)>,
 }
 
 /// What a process of the node would be.
 struct Worker {
     member: Member,
     node: Box<dyn Node>,
+    /// Ticks done.
+    done: u64,
+}
+
+impl Worker {
+    fn memory(&self) -> (Origin, Snapshot) {
+        (Origin { epoch: u64::from(self.member.epoch), done: self.done }, self.node.memory())
+    }
 }
 
 impl Workers {
@@ -70,16 +79,17 @@ impl Workers {
         let mut node = node::open(&mut ports, &member, own)?;
         let active = self.ring.page.role(self.topic).active();
         let active = self.all.iter().find(|worker| worker.member.epoch == active);
-        if let Some(memory) = active.map(|active| active.node.memory()).or(self.memory) {
+        if let Some((origin, memory)) = active.map(Worker::memory).or(self.memory) {
             node.restore(&memory);
+            member.continues.set(origin);
         }
-        self.all.push(Worker { member, node });
+        self.all.push(Worker { member, node, done: 0 });
         Ok(())
     }
 
     pub fn end(&mut self, epoch: u32) {
         if let Some(i) = self.all.iter().position(|worker| worker.member.epoch == epoch) {
-            self.memory = Some(self.all.remove(i).node.memory());
+            self.memory = Some(self.all.remove(i).memory());
         }
     }
 
@@ -93,6 +103,9 @@ impl Workers {
     pub fn answer(&mut self, sample: Stamp) {
         let assignment = self.ring.page.role(self.topic).assignment();
         let working = self.all.iter_mut().filter(|worker| assignment.includes(worker.member.epoch));
-        working.for_each(|worker| worker.node.answer(sample));
+        working.for_each(|worker| {
+            worker.node.answer(sample);
+            worker.done = sample.tick + 1;
+        });
     }
 }

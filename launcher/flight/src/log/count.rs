@@ -20,7 +20,7 @@ impl Count {
     /// counted: delivery because its publisher works in another's standby, not whole, or counted before.
     pub fn before(&mut self, record: &Record) -> Option<Stamp> {
         let stamp = record.stamp();
-        if !record.is_intact() {
+        if !record.is_intact() || stamp.is_withheld() {
             return None;
         }
         let processes = &mut self.0[record.topic() as usize];

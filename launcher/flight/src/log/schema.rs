@@ -3,9 +3,10 @@
 use anyhow::Context;
 use contract::{
     Topic,
-    message::{ActuationMsg, Actuators, Controls, Kinematics, Reference, Stamp, State},
+    message::{ActuationMsg, Actuators, Arrival, Controls, Kinematics, MAX_ARRIVALS, Reference, Stamp, State},
 };
 use prost::{DecodeError, Message as _};
+use serde_json::json;
 
 use super::Record;
 use crate::event::name;
@@ -57,19 +58,23 @@ pub fn decode(topic: Topic, bytes: &[u8]) -> Result<Record, DecodeError> {
 /// Replaces the content of `buffer` by the event's bytes.
 pub fn encode_event(event: &Event, buffer: &mut Vec<u8>) {
     buffer.clear();
-    let Event { tick, ref node, epoch, what, ref why, swap, by } = *event;
+    let Event { tick, ref node, epoch, what, ref why, swap, by, ref fault } = *event;
     let swap = swap.map(|swap| swap as u64);
     let by = by.map(|Sender { pid, user }| wire::Sender { pid, user });
-    wire::Event { tick, node: node.clone(), epoch, what: name(what), why: why.clone(), swap, by }
+    let fault_number = fault.as_ref().map(|(number, _)| *number as u64);
+    let fault = fault.as_ref().map(|(_, fault)| json!(fault).to_string());
+    wire::Event { tick, node: node.clone(), epoch, what: name(what), why: why.clone(), swap, by, fault_number, fault }
         .encode(buffer)
         .expect("a vector grows as needed");
 }
 
 pub fn decode_event(bytes: &[u8]) -> anyhow::Result<Event> {
-    let wire::Event { tick, node, epoch, what, why, swap, by } = wire::Event::decode(bytes)?;
+    let wire::Event { tick, node, epoch, what, why, swap, by, fault_number, fault } = wire::Event::decode(bytes)?;
     let by = by.map(|wire::Sender { pid, user }| Sender { pid, user });
     let what = serde_json::from_value(what.into()).context("what happened is unknown")?;
-    Ok(Event { tick, node, epoch, what, why, swap: swap.map(|swap| swap as usize), by })
+    let fault = fault_number.zip(fault).map(|(number, text)| Ok((number as usize, serde_json::from_str(&text)?)));
+    let fault = fault.transpose().map_err(|error: serde_json::Error| error).context("a fault given in flight cannot be read")?;
+    Ok(Event { tick, node, epoch, what, why, swap: swap.map(|swap| swap as usize), by, fault })
 }
 
 /// An array on one side, named fields on the other.
@@ -98,6 +103,19 @@ named_array! {
     [f64; 4] as Inputs { col, lon, lat, ped }
 }
 
+impl From<[Arrival; MAX_ARRIVALS]> for wire::Arrivals {
+    fn from(arrivals: [Arrival; MAX_ARRIVALS]) -> Self {
+        let [first, second, third, fourth] = arrivals.map(wire::Arrival::from);
+        Self { first, second, third, fourth }
+    }
+}
+
+impl From<wire::Arrivals> for [Arrival; MAX_ARRIVALS] {
+    fn from(wire::Arrivals { first, second, third, fourth }: wire::Arrivals) -> Self {
+        [first, second, third, fourth].map(Arrival::from)
+    }
+}
+
 /// The same fields on both sides; `status_name` is written for people and not read back.
 macro_rules! same_fields {
     ($($ours:ident as $name:ident { $($field:ident),* } $(+ status_name: $status_name:expr)?)*) => {$(
@@ -115,13 +133,14 @@ macro_rules! same_fields {
 }
 same_fields! {
     Stamp as Stamp {
-        tick, sample_ns, sequence, epoch, inputs, publish_ns, release_ns, start_ns, cpu_ns, misses, slips,
-        held_ns, delivery, checksum
+        tick, sample_ns, sequence, epoch, inputs, input_epochs, publish_ns, release_ns, start_ns, cpu_ns, misses, slips,
+        held_ns, faults, delivery, checksum
     }
     Kinematics as Kinematics { position_m, velocity_mps, attitude_rad, rates_radps }
     ActuationMsg as Actuation { rotor_speed, tilt_rad }
+    Arrival as Arrival { sequence, epoch, after_ns }
     State as State {
-        stamp, applied_sequence, applied_age_ns, measured, actual, actuators, command_in_force, status
+        stamp, applied_sequence, applied_age_ns, measured, actual, actuators, command_in_force, status, arrivals, arrived
     } + status_name: named(status, wire::PlantStatus::is_valid)
     Reference as Reference {
         stamp, position_m, velocity_mps, w_mps, attitude_rad, rates_radps, disturbance_mps2, flags

@@ -64,7 +64,7 @@ pub enum Input {
     Tick,
 }
 
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Action {
     /// Start this epoch, with the program and settings of this swap, or those of the run.
     Spawn(u32, Option<usize>),

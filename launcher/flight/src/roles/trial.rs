@@ -103,7 +103,7 @@ impl Trial {
         {
             remember(&mut self.sampled, state.stamp.tick, self.room);
         }
-        if record.stamp().is_faulted() {
+        if record.stamp().is_faulted() || record.stamp().is_withheld() {
             return; // what was meant; what came of it is another message
         }
         match record {

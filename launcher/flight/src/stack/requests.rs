@@ -135,7 +135,7 @@ fn inject(run: &mut Run, mut fault: Fault, sender: Option<Sender>) -> Result<Val
     }
     run.driver.apply_fault(number, &fault);
     run.scenario.fault.push(fault);
-    note(run, &fault, What::Injected, sender);
+    note(run, number, &fault, What::Injected, sender);
     Ok(json!([fault]))
 }
 
@@ -157,7 +157,7 @@ fn clear(run: &mut Run, target: Option<FaultTarget>, sender: Option<Sender>) -> 
         run.page.fault_table.enter(*number, fault);
         run.driver.apply_fault(*number, fault);
         run.scenario.fault[*number] = *fault;
-        note(run, fault, What::Cleared, sender);
+        note(run, *number, fault, What::Cleared, sender);
     }
     Ok(cleared.iter().map(|(_, fault)| json!(fault)).collect())
 }
@@ -180,9 +180,9 @@ fn is_over(run: &Run, fault: &Fault) -> bool {
     ticks.is_empty() || last <= run.next_tick()
 }
 
-fn note(run: &mut Run, fault: &Fault, what: What, by: Option<Sender>) {
+fn note(run: &mut Run, number: usize, fault: &Fault, what: What, by: Option<Sender>) {
     let tick = run.page.plant_tick();
-    run.events.push(Event { by, ..Event::new(tick, fault.target.name(), 0, what) });
+    run.events.push(Event { by, fault: Some((number, *fault)), ..Event::new(tick, fault.target.name(), 0, what) });
 }
 
 /// Begins a swap with the next sample but one, if it stands up to the rules of the scenario; its number.

@@ -16,7 +16,7 @@ use serde::Serialize;
 
 use crate::findings::Target;
 use crate::flights::in_process;
-use crate::table::{Table, cell};
+use view::table::{Table, cell};
 
 /// When every fault begins \[s\].
 const AT_S: f64 = 20.0;

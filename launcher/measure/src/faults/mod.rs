@@ -37,7 +37,7 @@ use self::one_flight::{BACK_M, Course, FaultFlight, QuietFlight, TERMINATE_S, TI
 use self::relay::Relay;
 use self::strike::{Strike, Strikes};
 use crate::findings::{Findings, Target};
-use crate::table::{Table, cell};
+use view::table::{Table, cell};
 
 /// Farthest from the trajectory that good candidates may take the vehicle \[m\].
 const SWAP_M: f64 = 0.1;

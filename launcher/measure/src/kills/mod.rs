@@ -32,7 +32,7 @@ use self::one_flight::KillFlight;
 use self::plan::{Moment, Victim};
 use crate::findings::{Findings, Target};
 use crate::flights::namespace;
-use crate::table::{Table, cell};
+use view::table::{Table, cell};
 
 /// Flights at once.
 const LANES: usize = 2;

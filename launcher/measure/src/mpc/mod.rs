@@ -23,7 +23,7 @@ use self::compare::{Comparison, Polygons};
 use self::problems::Sequence;
 use self::steps::{ALL, Path, StepTimes};
 use crate::findings::{Findings, Target, default_folder, make_folder};
-use crate::table::{Table, cell};
+use view::table::{Table, cell};
 
 /// Steps per second of the controller.
 const RATE_HZ: f64 = 100.0;

@@ -12,7 +12,7 @@ use super::results::{Hop, Ring, TimingResults};
 use super::series::{Ratio, Series};
 use super::timed_flights::TimedFlights;
 use crate::findings::{Target, Verdict};
-use crate::table::{Table, cell};
+use view::table::{Table, cell};
 
 /// What a machine without the privilege cannot show.
 const NO_FIFO: &str = "without the privilege for SCHED_FIFO";

@@ -15,7 +15,7 @@ mod claims;
 mod columns;
 mod differences;
 mod happened;
-mod sections;
+pub(crate) mod sections;
 #[cfg(test)]
 mod tests;
 mod timing;

@@ -8,7 +8,7 @@ use super::claims;
 use crate::draw::{DASH, any, escape, leaves, list, number, table, verdict};
 
 /// The metrics of the summary: key, what people call it, unit, decimals. The first five are the key figures.
-const METRICS: [(&str, &str, &str, usize); 12] = [
+pub const METRICS: [(&str, &str, &str, usize); 12] = [
     ("max_position_error_m", "position error, maximum", "m", 3),
     ("rms_position_error_m", "position error, RMS", "m", 3),
     ("max_altitude_error_horizontal_m", "altitude error, 10 to 50 s", "m", 3),

@@ -1,0 +1,159 @@
+//! The script of a flight: which process answered to which samples, and what it had read. Made from the log alone.
+//!
+//! A message is known by its topic, the epoch of its publisher and the tick it answers to: no process answers twice. What
+//! a fault made of it on the way, and what its deadline withheld, is known by the same.
+
+use std::collections::HashMap;
+
+use contract::Topic;
+use contract::message::{Arrival, Stamp};
+use runtime::shared_role::Origin;
+
+use crate::log::{Log, Record};
+
+/// One message, and what became of it on the way.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Key {
+    pub topic: Topic,
+    pub epoch: u64,
+    pub tick: u64,
+}
+
+/// One cycle of a process: the answer to a sample, or the sample.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Cycle {
+    pub tick: u64,
+    /// The instant of the sample, and when the answer was ready, as the process read it \[ns\].
+    pub sample_ns: u64,
+    pub publish_ns: u64,
+    /// Whether its process was on standby.
+    pub standby: bool,
+    /// Changes of the fault table that the process knew.
+    pub faults: u64,
+    /// What it read, by topic: the newest message it had; for the plant nothing.
+    pub inputs: [Option<Key>; Topic::COUNT],
+    /// Whether an input is read as it was meant, whatever a fault made of it on the way.
+    pub unharmed: bool,
+    /// Commands that came to the plant since the sample before, each with the time from then to its arrival \[ns\].
+    pub arrivals: Vec<(Key, u64)>,
+}
+
+/// What one process did.
+#[derive(Debug, Clone)]
+pub struct Process {
+    pub topic: Topic,
+    pub epoch: u64,
+    /// Whose memory it began with.
+    pub continues: Option<Origin>,
+    pub cycles: Vec<Cycle>,
+    /// Its messages in the order of sending, those that are whole.
+    pub recorded: Vec<Record>,
+}
+
+/// What every process of a flight did.
+#[derive(Debug, Clone, Default)]
+pub struct Script {
+    pub processes: Vec<Process>,
+    /// What the log lacks, by process: nothing of it is known from that tick on.
+    pub holes: Vec<String>,
+}
+
+impl Script {
+    pub fn of(log: &Log) -> Self {
+        let mut processes: Vec<Process> = vec![];
+        for record in log.tick_by_tick().filter(Record::is_intact) {
+            let (topic, epoch) = (record.topic(), record.stamp().epoch);
+            let known = processes.iter().position(|process| (process.topic, process.epoch) == (topic, epoch));
+            let at = known.unwrap_or_else(|| {
+                processes.push(Process { topic, epoch, continues: None, cycles: vec![], recorded: vec![] });
+                processes.len() - 1
+            });
+            processes[at].recorded.push(record);
+        }
+        processes.sort_by_key(|process| (process.topic as usize, process.epoch));
+        let mut holes = vec![];
+        for process in &mut processes {
+            holes.extend(process.cut_at_hole());
+        }
+        let ticks: HashMap<_, _> = processes.iter().flat_map(Process::ticks).collect();
+        processes.iter_mut().for_each(|process| process.find_cycles(&ticks));
+        Self { processes, holes }
+    }
+
+    pub fn process(&self, topic: Topic, epoch: u64) -> Option<usize> {
+        self.processes.iter().position(|process| (process.topic, process.epoch) == (topic, epoch))
+    }
+}
+
+impl Process {
+    /// What is after a gap in the numbers is of no use: what the process remembers then is not known.
+    fn cut_at_hole(&mut self) -> Option<String> {
+        let (mut sent, mut hole) = (0, None);
+        for (i, record) in self.recorded.iter().enumerate() {
+            let Stamp { sequence, tick, .. } = *record.stamp();
+            let next = sent + 1;
+            if sequence > next {
+                let (name, epoch) = (self.topic.publisher(), self.epoch);
+                hole = Some((i, format!("messages {next} to {} of {name} {epoch}, before tick {tick}", sequence - 1)));
+                break;
+            }
+            if !record.stamp().is_withheld() {
+                sent = sent.max(sequence);
+            }
+        }
+        let (from, what) = hole?;
+        self.recorded.truncate(from);
+        Some(what)
+    }
+
+    /// The tick that each number stands for. The first message of a number is as it was meant.
+    fn ticks(&self) -> impl Iterator<Item = ((Topic, u64, u64), u64)> {
+        let sent = self.recorded.iter().map(Record::stamp).filter(|stamp| !stamp.is_withheld());
+        let mut newest = 0;
+        let first = sent.filter(move |stamp| {
+            let before = newest;
+            newest = newest.max(stamp.sequence);
+            stamp.sequence > before
+        });
+        first.map(|stamp| ((self.topic, self.epoch, stamp.sequence), stamp.tick))
+    }
+
+    /// Finds the cycles in the messages: the first of each tick, which never goes back.
+    fn find_cycles(&mut self, ticks: &HashMap<(Topic, u64, u64), u64>) {
+        // One that the log lacks is looked for in vain.
+        let key = |topic: Topic, epoch: u64, sequence: u64| {
+            let tick = ticks.get(&(topic, epoch, sequence)).copied().unwrap_or(u64::MAX);
+            (sequence > 0).then_some(Key { topic, epoch, tick })
+        };
+        for record in &self.recorded {
+            let stamp = record.stamp();
+            if self.cycles.last().is_some_and(|last| stamp.tick <= last.tick) {
+                continue;
+            }
+            let own = self.topic as usize;
+            let input = |topic: Topic| {
+                let i = topic as usize;
+                key(topic, stamp.input_epochs[i], stamp.inputs[i]).filter(|_| topic != self.topic)
+            };
+            let arrivals = match record {
+                Record::State(state) => &state.arrivals[..(state.arrived as usize).min(state.arrivals.len())],
+                _ => &[],
+            };
+            let arrival = |arrival: &Arrival| {
+                Some((key(Topic::Actuators, arrival.epoch, arrival.sequence)?, arrival.after_ns))
+            };
+            self.cycles.push(Cycle {
+                tick: stamp.tick,
+                sample_ns: stamp.sample_ns,
+                publish_ns: stamp.publish_ns[own],
+                standby: stamp.is_standby(),
+                faults: stamp.faults,
+                inputs: Topic::ALL.map(input),
+                unharmed: false,
+                arrivals: arrivals.iter().filter_map(arrival).collect(),
+            });
+            let continues = Origin { epoch: stamp.input_epochs[own], done: stamp.inputs[own] };
+            self.continues = (continues != Origin::default()).then_some(continues);
+        }
+    }
+}

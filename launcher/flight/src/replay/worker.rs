@@ -1,0 +1,157 @@
+//! One process of a replay: its core, ports, link and faults, alone with a control page and queues of its own. What it reads
+//! is put before it; what it sends is taken away.
+
+use std::rc::Rc;
+
+use contract::Topic;
+use contract::message::{Actuators, Controls, Reference, Stamp, State};
+use contract::scenario::{Fault, Scenario};
+use contract::snapshot::Snapshot;
+use plant::Plant;
+use runtime::error::SessionError;
+use runtime::member::Member;
+use runtime::output::Output;
+use runtime::port::{Send, Wire};
+use runtime::ports::Ports;
+use runtime::shared_role::{Assignment, Origin};
+
+use super::script::Cycle;
+use crate::inprocess::node::{self, Node};
+use crate::inprocess::workers::Ring;
+use crate::log::Record;
+use crate::recorder::Observers;
+
+pub struct Worker {
+    ring: Ring,
+    member: Member,
+    core: Core,
+    observers: Observers,
+    states: Feed<State>,
+    references: Feed<Reference>,
+    controls: Feed<Controls>,
+    /// Changes of the fault table that it knows.
+    faults: u64,
+}
+
+enum Core {
+    Plant { plant: Box<Plant>, output: Output<State>, tick: u64 },
+    Node(Box<dyn Node>),
+}
+
+/// Where the messages of one topic are put.
+struct Feed<M> {
+    senders: Vec<(u32, Rc<dyn Send<M>>)>,
+}
+
+impl<M: Wire> Feed<M> {
+    fn put(&mut self, ring: &Ring, message: &M) -> Result<(), SessionError> {
+        let epoch = message.stamp().epoch as u32;
+        let role = ring.page.role(M::TOPIC);
+        let sender = match self.senders.iter().find(|(known, _)| *known == epoch) {
+            Some((_, sender)) => sender.clone(),
+            None => {
+                role.offer(epoch);
+                let sender = ring.ports().sender(epoch)?;
+                self.senders.push((epoch, Rc::clone(&sender)));
+                sender
+            }
+        };
+        role.assign(0, |_| Assignment { active: epoch, standby: 0 });
+        let _ = sender.send(message); // it fails where no port listens, and the worker's does
+        ring.page.doorbell(M::TOPIC).mark();
+        Ok(())
+    }
+}
+
+impl Worker {
+    /// The process `epoch` of the node that answers on `topic`, which begins with this memory.
+    pub fn new(
+        topic: Topic,
+        epoch: u32,
+        scenario: &Scenario,
+        memory: Option<(Origin, Snapshot)>,
+    ) -> Result<Self, SessionError> {
+        let ring = Ring::new().map_err(|why| SessionError::Io { what: "memory of the ring".into(), why })?;
+        ring.page.role(topic).offer(epoch);
+        let member = Member::of_recording(ring.page.clone(), topic, epoch, scenario);
+        let mut ports: Ports = ring.ports();
+        let mut scenario = scenario.clone();
+        scenario.mpc.time_limit_ms = 0.0; // what is found must not depend on this machine
+        let mut core = match topic {
+            Topic::State => {
+                let output = Output::open(&mut ports, &member, &scenario)?;
+                Core::Plant { plant: Box::new(Plant::new(&scenario)), output, tick: 0 }
+            }
+            _ => Core::Node(node::open(&mut ports, &member, &scenario)?),
+        };
+        if let (Core::Node(node), Some((origin, memory))) = (&mut core, memory) {
+            node.restore(&memory);
+            member.continues.set(origin);
+        }
+        let observers = Observers::open(&mut ring.ports(), &scenario)?;
+        let (states, references, controls) =
+            (Feed { senders: vec![] }, Feed { senders: vec![] }, Feed { senders: vec![] });
+        Ok(Self { ring, member, core, observers, states, references, controls, faults: 0 })
+    }
+
+    /// Puts `message` before it: the newest of its topic.
+    pub fn read(&mut self, message: &Record) -> Result<(), SessionError> {
+        match message {
+            Record::State(state) => self.states.put(&self.ring, state),
+            Record::Reference(reference) => self.references.put(&self.ring, reference),
+            Record::Controls(controls) => self.controls.put(&self.ring, controls),
+            Record::Actuators(_) => Ok(()), // the plant is given them with their arrival
+        }
+    }
+
+    /// A command comes to the plant, so long after the sample before.
+    pub fn command(&mut self, command: &Actuators, after_ns: u64) {
+        if let Core::Plant { plant, .. } = &mut self.core {
+            plant.command(command, after_ns);
+        }
+    }
+
+    /// Runs one cycle under the faults that it knew then, of those `given` in flight; `each` gets what it sends.
+    pub fn run(&mut self, cycle: &Cycle, given: &[(usize, Fault)], mut each: impl FnMut(Record)) {
+        let Member { page, topic, epoch, timing, faults, .. } = &self.member;
+        for (number, fault) in given.iter().take(cycle.faults as usize).skip(self.faults as usize) {
+            page.fault_table.enter(*number, fault);
+        }
+        self.faults = self.faults.max(cycle.faults);
+        let active = if cycle.standby { Assignment { active: 0, standby: *epoch } } else { Assignment { active: *epoch, standby: 0 } };
+        page.role(*topic).assign(cycle.tick as u32, |_| active);
+        // The clock as it is; what a fault adds to it is added again.
+        let read_ns = faults.read_ns(cycle.tick, cycle.publish_ns);
+        let provenance = Stamp::at(cycle.tick, cycle.sample_ns);
+        match &mut self.core {
+            Core::Plant { plant, output, tick } => {
+                plant.advance(cycle.tick - *tick);
+                *tick = cycle.tick;
+                faults.update();
+                timing.set_now_ns((2 * cycle.publish_ns).saturating_sub(read_ns));
+                faults.new_faults(|number, fault| plant.apply_fault(number, fault));
+                output.send(plant.sample(), provenance);
+            }
+            Core::Node(node) => {
+                faults.update();
+                timing.set_now_ns((2 * cycle.publish_ns).saturating_sub(read_ns));
+                faults.new_faults(|number, fault| node.apply_fault(number, fault));
+                node.answer(provenance);
+            }
+        }
+        let own = *topic;
+        self.observers.drain(|record| {
+            if record.topic() == own {
+                each(record);
+            }
+        });
+    }
+
+    /// What it remembers.
+    pub fn memory(&self) -> Option<Snapshot> {
+        match &self.core {
+            Core::Plant { .. } => None,
+            Core::Node(node) => Some(node.memory()),
+        }
+    }
+}

@@ -1,0 +1,143 @@
+//! `replay`: a flight flown again from its folder.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use anyhow::{anyhow, bail};
+use contract::exit;
+use contract::scenario::{self, Scenario, Swap, SwapNode, candidate};
+use contract::topic::Topic;
+use flight::replay::{Difference, Plan, Recording, Replayed};
+use runtime::console::print;
+use view::comparison;
+use view::report::Recorded;
+use view::summary::Summary;
+
+/// Arguments of `replay`.
+#[derive(clap::Args)]
+#[command(after_help = "Exit codes: 0 the same bits; 1 a difference, or the log does not reach to the end; 2 usage, or a log of \
+another version.")]
+pub struct ReplayArgs {
+    /// Folder of the run, or its flight.mcap
+    run: PathBuf,
+    /// Fly only this node again, on what it had read: guidance, attitude-mpc, mixer or plant
+    #[arg(long, value_name = "NODE")]
+    node: Option<String>,
+    /// Compare from this second on
+    #[arg(long, value_name = "TIME", value_parser = flight::duration::seconds)]
+    from: Option<f64>,
+    /// Fly to this second
+    #[arg(long, value_name = "TIME", value_parser = flight::duration::seconds)]
+    to: Option<f64>,
+    /// Other settings for the node: what it would have answered to the same inputs
+    #[arg(long = "set", value_name = "KEY=VALUE", requires = "node")]
+    set: Vec<String>,
+    /// With --set: how the flight would have gone on, all other nodes reading what comes of it
+    #[arg(long, requires = "set")]
+    closed: bool,
+}
+
+/// Flies a run again; the exit code.
+pub fn replay(args: &ReplayArgs) -> anyhow::Result<u8> {
+    let recorded = Recorded::read(&args.run)?;
+    let recording = recording(&recorded)?;
+    let plan = plan(args, &recording)?;
+    let sample_s = recording.scenario.sample_s();
+    let from = args.from.map_or(0, |from_s| (from_s / sample_s).round() as u64);
+
+    let mut summary = Summary::new(&recording.scenario);
+    let started = Instant::now();
+    let replayed = recording.replay(&plan, |record| summary.observe(record))?;
+    let wall_s = started.elapsed().as_secs_f64();
+    let (flown_s, name) = (replayed.last_tick as f64 * sample_s, &recording.scenario.name);
+    print(&format!(
+        "{name}: {flown_s:.2} s flown again in {wall_s:.2} s, {} messages computed, {} compared\n",
+        replayed.computed, replayed.compared
+    ));
+    if plan.settings.is_some() {
+        return Ok(other_settings(args, &recorded, &summary, &replayed, sample_s));
+    }
+    let hash = plan.only.is_none().then(|| summary.state_hash()).flatten();
+    let flown = Summary::of(&recorded.log, &recording.scenario).state_hash();
+    Ok(judge(&replayed, from, sample_s, [flown, hash]))
+}
+
+/// What can be flown again of a run.
+pub fn recording(recorded: &Recorded) -> anyhow::Result<Recording> {
+    let settings = recorded.path.with_file_name("scenario.toml");
+    let settled = std::fs::read_to_string(&settings).ok();
+    let settled = settled.and_then(|text| scenario::from_merged(&text, &settings.display().to_string()).ok());
+    Recording::new(&recorded.log, &recorded.scenario, settled.as_ref())
+}
+
+fn plan(args: &ReplayArgs, recording: &Recording) -> anyhow::Result<Plan> {
+    let only = args.node.as_deref().map(node).transpose()?;
+    let settings = match only {
+        Some(topic) if !args.set.is_empty() => Some((topic, Box::new(settings(recording, topic, &args.set)?))),
+        _ => None,
+    };
+    let until = args.to.map(|to_s| (to_s / recording.scenario.sample_s()).round() as u64);
+    if let (Some(from), Some(to)) = (args.from, args.to)
+        && from >= to
+    {
+        bail!("--from {from} is not before --to {to}");
+    }
+    Ok(Plan { only: only.filter(|_| !args.closed), settings, until })
+}
+
+fn node(name: &str) -> anyhow::Result<Topic> {
+    let known = Topic::ALL.into_iter().find(|topic| topic.publisher() == name);
+    known.ok_or_else(|| anyhow!("no node is called '{name}'; there are plant, guidance, attitude-mpc and mixer"))
+}
+
+fn settings(recording: &Recording, topic: Topic, set: &[String]) -> anyhow::Result<Scenario> {
+    let node = match topic {
+        Topic::Reference => SwapNode::Guidance,
+        Topic::Controls => SwapNode::AttitudeMpc,
+        Topic::Actuators => SwapNode::Mixer,
+        Topic::State => bail!("the plant flies by the settings of the run; `--set` is for guidance, attitude-mpc and mixer"),
+    };
+    Ok(candidate(&recording.scenario, &Swap { set: set.to_vec(), ..Swap::new(node, 0.0) })?)
+}
+
+/// Says whether the bits are the same, from tick `from` on; `hashes` are those of the flight and of the replay.
+fn judge(replayed: &Replayed, from: u64, sample_s: f64, [flown, hash]: [Option<String>; 2]) -> u8 {
+    let first = replayed.first.as_ref().filter(|first| first.tick >= from);
+    match (first, &hash) {
+        (Some(first), _) => print(&format!("DIFFERENT from {}\n", describe(first, sample_s))),
+        (None, Some(hash)) if flown.as_ref() == Some(hash) => print(&format!("the same bits: state hash {hash}\n")),
+        (None, _) => print("the same bits in all that was compared\n"),
+    }
+    if first.is_some() {
+        print(&format!("{} of {} messages compared differ\n", replayed.different, replayed.compared));
+    }
+    if let Some(why) = &replayed.stopped {
+        print(&format!("the replay ends before the flight: {why}\n"));
+    }
+    if first.is_none() && replayed.stopped.is_none() { exit::FLOWN } else { exit::OUT_OF_BOUNDS }
+}
+
+/// For people: where flight and replay part.
+fn describe(first: &Difference, sample_s: f64) -> String {
+    let Difference { tick, topic, epoch, differs } = first;
+    let [flown, replayed] = &differs.values;
+    let (name, time_s) = (topic.publisher(), *tick as f64 * sample_s);
+    format!("tick {tick}, {time_s:.2} s, on: {name} {epoch}, {}: {flown} in the flight, {replayed} in the replay", differs.field)
+}
+
+/// Says what other settings come to.
+fn other_settings(args: &ReplayArgs, recorded: &Recorded, summary: &Summary, replayed: &Replayed, sample_s: f64) -> u8 {
+    if args.closed {
+        let flown = Summary::of(&recorded.log, &recorded.scenario);
+        print(&comparison::metrics(&["flight", "with these settings"], &[flown.metrics(), summary.metrics()]).text());
+        return exit::FLOWN;
+    }
+    match &replayed.first {
+        Some(first) => {
+            print(&format!("other answers from {}\n", describe(first, sample_s)));
+            print(&format!("{} of {} answers differ\n", replayed.different, replayed.compared));
+        }
+        None => print("the same answers, bit for bit\n"),
+    }
+    exit::FLOWN
+}
