@@ -49,6 +49,8 @@ enum Command {
     },
     /// Fly a recorded flight again in process, from its folder alone, and compare the bits
     Replay(replay::ReplayArgs),
+    /// Say what each late, lost or missing message of a recorded flight cost, by flying it again without
+    Explain(replay::ExplainArgs),
     /// Export some ticks of a run for the trace viewer Perfetto
     Trace(trace::TraceArgs),
     /// List the stacks that are flying, and how their nodes are
@@ -113,6 +115,7 @@ fn run() -> ExitCode {
         Command::Check { scenario, set } => check(&scenario, &set),
         Command::Report { run } => report(&run),
         Command::Replay(args) => replay::replay(&args),
+        Command::Explain(args) => replay::explain(&args),
         Command::Trace(args) => trace::trace(&args).map(|()| exit::FLOWN),
         Command::Status(args) => manage::status(&args).map(|()| exit::FLOWN),
         Command::Swap(args) => swap::swap(&args),

@@ -1,15 +1,20 @@
-//! `replay`: a flight flown again from its folder.
+//! `replay` and `explain`: a flight flown again from its folder.
 
 use std::path::PathBuf;
+use std::sync::Mutex;
 use std::time::Instant;
 
 use anyhow::{anyhow, bail};
 use contract::exit;
 use contract::scenario::{self, Scenario, Swap, SwapNode, candidate};
 use contract::topic::Topic;
+use flight::files::write_whole;
 use flight::replay::{Difference, Plan, Recording, Replayed};
 use runtime::console::print;
-use view::comparison;
+
+use crate::progress::Progress;
+use serde_json::json;
+use view::{comparison, explain};
 use view::report::Recorded;
 use view::summary::Summary;
 
@@ -35,6 +40,36 @@ pub struct ReplayArgs {
     /// With --set: how the flight would have gone on, all other nodes reading what comes of it
     #[arg(long, requires = "set")]
     closed: bool,
+}
+
+/// Arguments of `explain`.
+#[derive(clap::Args)]
+pub struct ExplainArgs {
+    /// Folder of the run, or its flight.mcap
+    run: PathBuf,
+    /// Print the costs as JSON instead of the tables
+    #[arg(long)]
+    json: bool,
+}
+
+/// Says what the disturbed ticks of a run cost; explain.html goes into its folder.
+pub fn explain(args: &ExplainArgs) -> anyhow::Result<u8> {
+    let recorded = Recorded::read(&args.run)?;
+    let progress = Mutex::new(Progress::start());
+    let show = |done, of| progress.lock().iter().for_each(|line| line.show(|| format!("{done} of {of} flights")));
+    let explained = explain::explain(&recording(&recorded)?, show);
+    progress.into_inner().into_iter().for_each(Progress::finish);
+    let explained = explained?;
+    let page = recorded.path.with_file_name("explain.html");
+    write_whole(&page, explained.page().as_bytes())?;
+    if args.json {
+        let costs = json!({ "ticks": explained.ticks, "bursts": explained.bursts });
+        print(&(serde_json::to_string_pretty(&costs)? + "\n"));
+    } else {
+        print(&explained.text());
+        print(&format!("\nwritten to {}\n", page.display()));
+    }
+    Ok(exit::FLOWN)
 }
 
 /// Flies a run again; the exit code.

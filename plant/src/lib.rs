@@ -70,8 +70,10 @@ pub struct Plant {
     wind_roughness_m: f64,
     battery: Option<Battery>,
     commands: CommandLine,
-    /// Those that came in since the last sample, and how many.
+    /// Those that have come in since the present sample, and how many.
     arrivals: ([Arrival; MAX_ARRIVALS], usize),
+    /// Those that came in before it.
+    arrived: ([Arrival; MAX_ARRIVALS], usize),
     sensors: Sensors,
     faults: Faults,
     sample_ns: u64,
@@ -111,6 +113,7 @@ impl Plant {
             battery: Battery::new(scenario),
             commands: CommandLine::new(scenario, actuation),
             arrivals: Default::default(),
+            arrived: Default::default(),
             sensors: Sensors::new(scenario),
             faults: Faults::new(scenario),
             sample_ns: scenario.sample_ns(),
@@ -135,7 +138,7 @@ impl Plant {
         let mut measured = self.sensors.measure(self.now_ns(), &actual);
         self.faults.sensors.inject(self.tick, &mut measured);
         let command = self.commands.in_force();
-        let (arrivals, arrived) = std::mem::take(&mut self.arrivals);
+        let (arrivals, arrived) = self.arrived;
         State {
             stamp: Stamp { tick: self.tick, ..Stamp::default() },
             applied_sequence: command.sequence,
@@ -167,6 +170,7 @@ impl Plant {
     pub fn advance(&mut self, periods: u64) -> PlantStatus {
         let mut now_ns = self.now_ns();
         self.tick += periods;
+        self.arrived = std::mem::take(&mut self.arrivals);
         while now_ns < self.now_ns() && self.diverged.is_none() {
             self.commands.switch(now_ns);
             let substep_ns = (now_ns / self.substep_ns + 1) * self.substep_ns;

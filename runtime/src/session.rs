@@ -116,6 +116,7 @@ mod tests {
     use super::*;
     use crate::fixture::Ring;
     use crate::ports::Transport;
+    use crate::shared_role::Origin;
     use crate::realtime::phase;
     use crate::shared_role::Assignment;
     use contract::message::{Controls, Reference, State};
@@ -168,9 +169,11 @@ mod tests {
     fn the_first_process_begins_with_nothing_and_the_next_with_its_memory() {
         let ring = Ring::new(Mode::Lockstep);
         let memory = [7; contract::snapshot::SNAPSHOT_WORDS];
-        ring.page.role(Topic::Controls).memory.write(&memory);
+        let origin = Origin { epoch: 1, done: 5 };
+        ring.page.role(Topic::Controls).memory.write(origin, &memory);
         assert_eq!(ring.session(Topic::Controls, 1).memory(), None);
-        assert_eq!(ring.session(Topic::Controls, 2).memory(), Some(memory));
+        let next = ring.session(Topic::Controls, 2);
+        assert_eq!((next.memory(), next.member.continues.get()), (Some(memory), origin));
     }
 
     #[test]

@@ -7,6 +7,7 @@
 //! | [`solves`], [`faults`] | what the solver did, and what came of the scenario's faults |
 //! | [`bounds`] | what a flight must stay inside of |
 //! | [`comparison`] | the metrics of several flights side by side |
+//! | [`explain`] | what each late, lost or missing message cost |
 //! | [`table`] | tables as aligned text |
 //! | [`draw`] | HTML and pictures, for every page |
 //! | [`percentiles`] | percentiles and medians, for everything that measures |
@@ -20,6 +21,7 @@
 pub mod bounds;
 pub mod comparison;
 pub mod draw;
+pub mod explain;
 pub mod faults;
 pub mod following;
 pub mod happenings;

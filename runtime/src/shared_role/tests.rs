@@ -109,16 +109,18 @@ fn an_epoch_that_is_dismissed_leaves_the_role_to_its_standby() {
 #[test]
 fn a_snapshot_is_read_whole() {
     let cell = &role().memory;
+    let origin = |i| Origin { epoch: i, done: i };
     assert_eq!(cell.read(), None, "nothing was written yet");
     std::thread::scope(|scope| {
-        scope.spawn(|| (1..=200_000).for_each(|i| cell.write(&[i; SNAPSHOT_WORDS])));
+        scope.spawn(|| (1..=200_000).for_each(|i| cell.write(origin(i), &[i; SNAPSHOT_WORDS])));
         for _ in 0..100_000 {
-            if let Some(snapshot) = cell.read() {
+            if let Some((of, snapshot)) = cell.read() {
+                assert!(of == origin(snapshot[0]), "torn: {of:?} and {snapshot:?}");
                 assert!(snapshot.iter().all(|word| *word == snapshot[0]), "torn: {snapshot:?}");
             }
         }
     });
-    assert_eq!(cell.read(), Some([200_000; SNAPSHOT_WORDS]));
+    assert_eq!(cell.read(), Some((origin(200_000), [200_000; SNAPSHOT_WORDS])));
 }
 
 #[test]

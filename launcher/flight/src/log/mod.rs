@@ -33,6 +33,7 @@ mod schema;
 mod tests;
 mod write;
 
+use contract::stamp::delivery;
 use contract::{
     Topic,
     message::{Actuators, Controls, Message, Reference, Stamp, State},
@@ -66,6 +67,16 @@ impl Record {
     /// Provenance and timing.
     pub fn stamp(&self) -> &Stamp {
         with_message!(self, message => message.stamp())
+    }
+
+    /// The message as its receivers would have got it, had nothing happened to it on the way.
+    #[must_use]
+    pub fn as_delivered(&self) -> Self {
+        fn delivered<M: Message>(mut message: M) -> M {
+            message.stamp_mut().delivery = delivery::DELIVERED;
+            message.with_checksum()
+        }
+        with_message!(*self, message => delivered(message).into())
     }
 
     /// Whether the bits are those that were sent.

@@ -44,7 +44,7 @@ fn any_record() -> impl Strategy<Value = Record> {
     let odd = [0, 1, 1 << 63, u64::MAX, f64::INFINITY.to_bits(), 0x7ff0_0000_0000_0001, 0xfff8_0000_dead_beef];
     let word = prop_oneof![any::<u64>(), proptest::sample::select(odd.to_vec()), 0..10_u64];
     let topic = proptest::sample::select(Topic::ALL.to_vec());
-    (topic, proptest::collection::vec(word, 60)).prop_map(|(topic, words)| match topic {
+    (topic, proptest::collection::vec(word, size_of::<State>() / 8)).prop_map(|(topic, words)| match topic {
         Topic::State => of::<State>(&words).into(),
         Topic::Reference => of::<Reference>(&words).into(),
         Topic::Controls => of::<Controls>(&words).into(),

@@ -13,6 +13,7 @@
 //!
 //! A process of a program that is not this one is not run: its messages are those of the log.
 
+mod counterfactual;
 mod fields;
 mod script;
 mod worker;
@@ -26,7 +27,8 @@ use contract::snapshot::Snapshot;
 use runtime::shared_role::Origin;
 
 pub use fields::{Differs, difference};
-pub use script::{Cycle, Key, Process, Script};
+pub use counterfactual::Disturbed;
+pub use script::{Cycle, Key, Process, Read, Script};
 use worker::Worker;
 
 use crate::event::{Event, What};
@@ -158,7 +160,7 @@ struct Course {
     /// Its messages by tick: as meant, and as delivered if that came.
     sent: Vec<(u64, Record, Option<Record>)>,
     /// What it read last, by topic.
-    read: [Option<Key>; Topic::COUNT],
+    read: [Option<Read>; Topic::COUNT],
 }
 
 impl Course {
@@ -253,9 +255,9 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
     fn is_due(&self, i: usize, delivered: bool) -> bool {
         let Some(next) = self.next(i) else { return false };
         let process = &self.recording.script.processes[i];
-        let there = |key: &Key| {
+        let there = |Read { key, unharmed }: &Read| {
             let sent = self.course_of(key).and_then(|course| course.sent(key.tick));
-            sent.is_some_and(|(.., arrived)| arrived.is_some() || next.unharmed || !delivered)
+            sent.is_some_and(|(.., arrived)| arrived.is_some() || *unharmed || !delivered)
         };
         let memory = || match process.continues {
             Some(origin) if self.courses[i].worker.is_none() && self.recording.computes(self.plan, process.topic, process.epoch) => {
@@ -263,7 +265,7 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
             }
             _ => true,
         };
-        next.inputs.iter().flatten().all(there) && next.arrivals.iter().all(|(key, _)| there(key)) && memory()
+        next.inputs.iter().flatten().all(there) && next.arrivals.iter().all(|(read, _)| there(read)) && memory()
     }
 
     /// Whether the process whose memory that is computes here.
@@ -274,7 +276,8 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
     /// For people: what the next cycle of a process waits for.
     fn missing(&self, i: usize) -> Option<String> {
         let next = self.next(i)?;
-        let keys = next.inputs.iter().flatten().chain(next.arrivals.iter().map(|(key, _)| key));
+        let reads = next.inputs.iter().flatten().chain(next.arrivals.iter().map(|(read, _)| read));
+        let keys = reads.map(|read| &read.key);
         let lacking = |key: &&Key| self.course_of(key).and_then(|course| course.sent(key.tick)).is_none();
         let key = { keys }.find(lacking)?;
         let which = if key.tick == u64::MAX { "a message".into() } else { format!("the answer to tick {}", key.tick) };
@@ -329,24 +332,24 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
     fn compute(&mut self, i: usize, next: &Cycle, sent: &mut Vec<Record>) -> anyhow::Result<()> {
         let process = &self.recording.script.processes[i];
         let mut worker = self.courses[i].worker.take().context("a process that has not begun")?;
-        let message = |key: &Key| {
+        let message = |Read { key, unharmed }: &Read| {
             let (_, meant, delivered) = self.course_of(key)?.sent(key.tick)?;
-            if next.unharmed { Some(*meant) } else { *delivered }
+            if *unharmed { Some(meant.as_delivered()) } else { *delivered }
         };
-        for key in next.inputs.iter().flatten() {
-            if self.courses[i].read[key.topic as usize] != Some(*key)
-                && let Some(message) = message(key)
+        for read in next.inputs.iter().flatten() {
+            if self.courses[i].read[read.key.topic as usize] != Some(*read)
+                && let Some(message) = message(read)
             {
                 worker.read(&message)?;
             }
         }
-        for (key, after_ns) in &next.arrivals {
-            if let Some(Record::Actuators(command)) = message(key) {
+        for (read, after_ns) in &next.arrivals {
+            if let Some(Record::Actuators(command)) = message(read) {
                 worker.command(&command, *after_ns);
             }
         }
-        for key in next.inputs.iter().flatten() {
-            self.courses[i].read[key.topic as usize] = Some(*key);
+        for read in next.inputs.iter().flatten() {
+            self.courses[i].read[read.key.topic as usize] = Some(*read);
         }
         worker.run(next, &self.recording.given, |record| sent.push(record));
         self.courses[i].worker = Some(worker);

@@ -4,6 +4,7 @@
 //! a fault made of it on the way, and what its deadline withheld, is known by the same.
 
 use std::collections::HashMap;
+use std::sync::Arc;
 
 use contract::Topic;
 use contract::message::{Arrival, Stamp};
@@ -19,6 +20,14 @@ pub struct Key {
     pub tick: u64,
 }
 
+/// A message that a process read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Read {
+    pub key: Key,
+    /// Whether it is read as it was meant, whatever a fault made of it on the way.
+    pub unharmed: bool,
+}
+
 /// One cycle of a process: the answer to a sample, or the sample.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Cycle {
@@ -28,14 +37,14 @@ pub struct Cycle {
     pub publish_ns: u64,
     /// Whether its process was on standby.
     pub standby: bool,
+    /// Whether a fault lost or changed its message on the way.
+    pub faulted: bool,
     /// Changes of the fault table that the process knew.
     pub faults: u64,
     /// What it read, by topic: the newest message it had; for the plant nothing.
-    pub inputs: [Option<Key>; Topic::COUNT],
-    /// Whether an input is read as it was meant, whatever a fault made of it on the way.
-    pub unharmed: bool,
+    pub inputs: [Option<Read>; Topic::COUNT],
     /// Commands that came to the plant since the sample before, each with the time from then to its arrival \[ns\].
-    pub arrivals: Vec<(Key, u64)>,
+    pub arrivals: Vec<(Read, u64)>,
 }
 
 /// What one process did.
@@ -47,7 +56,7 @@ pub struct Process {
     pub continues: Option<Origin>,
     pub cycles: Vec<Cycle>,
     /// Its messages in the order of sending, those that are whole.
-    pub recorded: Vec<Record>,
+    pub recorded: Arc<Vec<Record>>,
 }
 
 /// What every process of a flight did.
@@ -65,10 +74,10 @@ impl Script {
             let (topic, epoch) = (record.topic(), record.stamp().epoch);
             let known = processes.iter().position(|process| (process.topic, process.epoch) == (topic, epoch));
             let at = known.unwrap_or_else(|| {
-                processes.push(Process { topic, epoch, continues: None, cycles: vec![], recorded: vec![] });
+                processes.push(Process { topic, epoch, continues: None, cycles: vec![], recorded: Arc::default() });
                 processes.len() - 1
             });
-            processes[at].recorded.push(record);
+            Arc::make_mut(&mut processes[at].recorded).push(record);
         }
         processes.sort_by_key(|process| (process.topic as usize, process.epoch));
         let mut holes = vec![];
@@ -102,7 +111,7 @@ impl Process {
             }
         }
         let (from, what) = hole?;
-        self.recorded.truncate(from);
+        Arc::make_mut(&mut self.recorded).truncate(from);
         Some(what)
     }
 
@@ -121,35 +130,36 @@ impl Process {
     /// Finds the cycles in the messages: the first of each tick, which never goes back.
     fn find_cycles(&mut self, ticks: &HashMap<(Topic, u64, u64), u64>) {
         // One that the log lacks is looked for in vain.
-        let key = |topic: Topic, epoch: u64, sequence: u64| {
+        let read = |topic: Topic, epoch: u64, sequence: u64| {
             let tick = ticks.get(&(topic, epoch, sequence)).copied().unwrap_or(u64::MAX);
-            (sequence > 0).then_some(Key { topic, epoch, tick })
+            (sequence > 0).then_some(Read { key: Key { topic, epoch, tick }, unharmed: false })
         };
-        for record in &self.recorded {
+        for record in self.recorded.iter() {
             let stamp = record.stamp();
-            if self.cycles.last().is_some_and(|last| stamp.tick <= last.tick) {
+            if let Some(last) = self.cycles.last_mut().filter(|last| stamp.tick <= last.tick) {
+                last.faulted |= stamp.is_faulted() && stamp.tick == last.tick;
                 continue;
             }
             let own = self.topic as usize;
             let input = |topic: Topic| {
                 let i = topic as usize;
-                key(topic, stamp.input_epochs[i], stamp.inputs[i]).filter(|_| topic != self.topic)
+                read(topic, stamp.input_epochs[i], stamp.inputs[i]).filter(|_| topic != self.topic)
             };
             let arrivals = match record {
                 Record::State(state) => &state.arrivals[..(state.arrived as usize).min(state.arrivals.len())],
                 _ => &[],
             };
             let arrival = |arrival: &Arrival| {
-                Some((key(Topic::Actuators, arrival.epoch, arrival.sequence)?, arrival.after_ns))
+                Some((read(Topic::Actuators, arrival.epoch, arrival.sequence)?, arrival.after_ns))
             };
             self.cycles.push(Cycle {
                 tick: stamp.tick,
                 sample_ns: stamp.sample_ns,
                 publish_ns: stamp.publish_ns[own],
                 standby: stamp.is_standby(),
+                faulted: stamp.is_faulted(),
                 faults: stamp.faults,
                 inputs: Topic::ALL.map(input),
-                unharmed: false,
                 arrivals: arrivals.iter().filter_map(arrival).collect(),
             });
             let continues = Origin { epoch: stamp.input_epochs[own], done: stamp.inputs[own] };

@@ -103,7 +103,7 @@ const OUTLINE_DECADES: [i32; 2] = [3, 8];
 const BINS: i32 = 20;
 const SHARES: i32 = 4;
 /// In the order of the lines: the colours of [`super::STYLE`], and two more that stay apart from them.
-const COLOURS: [&str; 6] = ["var(--blue)", "var(--orange)", "var(--green)", "#cc79a7", "#8f7700", "var(--muted)"];
+pub const COLOURS: [&str; 6] = ["var(--blue)", "var(--orange)", "var(--green)", "#cc79a7", "#8f7700", "var(--muted)"];
 
 /// Several histograms \[ns\] in one picture with a legend: the share of the values in each bin, both axes logarithmic.
 pub fn outlines(series: &[(&str, Histogram<u64>)]) -> String {

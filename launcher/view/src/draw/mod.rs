@@ -3,11 +3,13 @@
 mod charts;
 mod heat_map;
 mod html;
+mod lines;
 
 use std::fmt::{Display, Write};
 
 pub use charts::{Bars, Lane, histograms, outlines, time_line};
 pub use heat_map::{HeatCell, HeatMap};
+pub use lines::{Line, lines};
 pub use html::{DASH, any, escape, leaves, list, number, page, table, verdict};
 
 /// The style of the report, which other pages may use.
