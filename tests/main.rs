@@ -19,6 +19,7 @@ mod processes;
 mod promise;
 mod recorded;
 mod recorder;
+mod replay;
 mod sensitivity;
 mod shared_memory;
 mod solver;

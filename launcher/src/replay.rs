@@ -14,14 +14,16 @@ use runtime::console::print;
 
 use crate::progress::Progress;
 use serde_json::json;
-use view::{comparison, explain};
 use view::report::Recorded;
 use view::summary::Summary;
+use view::{comparison, explain};
 
 /// Arguments of `replay`.
 #[derive(clap::Args)]
-#[command(after_help = "Exit codes: 0 the same bits; 1 a difference, or the log does not reach to the end; 2 usage, or a log of \
-another version.")]
+#[command(
+    after_help = "Exit codes: 0 the same bits; 1 a difference, or the log does not reach to the end; 2 usage, or a log of \
+another version."
+)]
 pub struct ReplayArgs {
     /// Folder of the run, or its flight.mcap
     run: PathBuf,
@@ -94,7 +96,10 @@ pub fn replay(args: &ReplayArgs) -> anyhow::Result<u8> {
     }
     let hash = plan.only.is_none().then(|| summary.state_hash()).flatten();
     let flown = Summary::of(&recorded.log, &recording.scenario).state_hash();
-    Ok(judge(&replayed, from, sample_s, [flown, hash]))
+    let code = judge(&replayed, from, sample_s, [flown, hash]);
+    let Some(missing) = recorded.missing() else { return Ok(code) };
+    print(&format!("{missing}\n"));
+    Ok(exit::OUT_OF_BOUNDS)
 }
 
 /// What can be flown again of a run.
@@ -130,7 +135,9 @@ fn settings(recording: &Recording, topic: Topic, set: &[String]) -> anyhow::Resu
         Topic::Reference => SwapNode::Guidance,
         Topic::Controls => SwapNode::AttitudeMpc,
         Topic::Actuators => SwapNode::Mixer,
-        Topic::State => bail!("the plant flies by the settings of the run; `--set` is for guidance, attitude-mpc and mixer"),
+        Topic::State => {
+            bail!("the plant flies by the settings of the run; `--set` is for guidance, attitude-mpc and mixer")
+        }
     };
     Ok(candidate(&recording.scenario, &Swap { set: set.to_vec(), ..Swap::new(node, 0.0) })?)
 }
@@ -157,7 +164,10 @@ fn describe(first: &Difference, sample_s: f64) -> String {
     let Difference { tick, topic, epoch, differs } = first;
     let [flown, replayed] = &differs.values;
     let (name, time_s) = (topic.publisher(), *tick as f64 * sample_s);
-    format!("tick {tick}, {time_s:.2} s, on: {name} {epoch}, {}: {flown} in the flight, {replayed} in the replay", differs.field)
+    format!(
+        "tick {tick}, {time_s:.2} s, on: {name} {epoch}, {}: {flown} in the flight, {replayed} in the replay",
+        differs.field
+    )
 }
 
 /// Says what other settings come to.

@@ -116,9 +116,9 @@ mod tests {
     use super::*;
     use crate::fixture::Ring;
     use crate::ports::Transport;
-    use crate::shared_role::Origin;
     use crate::realtime::phase;
     use crate::shared_role::Assignment;
+    use crate::shared_role::Origin;
     use contract::message::{Controls, Reference, State};
     use contract::scenario::{Fault, FaultKind, FaultTarget};
 

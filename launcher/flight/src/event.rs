@@ -34,6 +34,9 @@ pub struct Event {
     /// The number of the swap that begins with it, where one does.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub swap: Option<usize>,
+    /// The number of the swap whose program and settings a process that was started has, where it has those of one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub origin: Option<usize>,
     /// Who ordered it by hand.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub by: Option<Sender>,
@@ -89,7 +92,7 @@ pub enum What {
 
 impl Event {
     pub fn new(tick: u64, node: &str, epoch: u32, what: What) -> Self {
-        Self { tick, node: node.into(), epoch, what, why: None, swap: None, by: None, fault: None }
+        Self { tick, node: node.into(), epoch, what, why: None, swap: None, origin: None, by: None, fault: None }
     }
 
     #[must_use]

@@ -18,9 +18,9 @@ use serde_json::{Value, json};
 use self::random::Rate;
 use crate::findings::{Findings, Target};
 use crate::flights::{SURVIVED_M, failed_at_s, in_process};
-use view::table::Table;
 use flight::settings;
 use view::summary::Metrics;
+use view::table::Table;
 
 /// The shipped scenarios, compiled in so that the command works in any folder.
 const AGGRESSIVE: [(&str, &str); 5] = [

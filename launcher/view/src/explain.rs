@@ -74,7 +74,10 @@ impl Outcome {
         timed.filter(|(time_s, _)| (at_s - BEFORE_S..=at_s + AFTER_S).contains(time_s)).collect()
     }
 
-    fn of(scenario: &Scenario, fly: impl FnOnce(&mut dyn FnMut(&Record)) -> anyhow::Result<()>) -> anyhow::Result<Self> {
+    fn of(
+        scenario: &Scenario,
+        fly: impl FnOnce(&mut dyn FnMut(&Record)) -> anyhow::Result<()>,
+    ) -> anyhow::Result<Self> {
         let (mut summary, trajectory) = (Summary::new(scenario), Trajectory::new(&scenario.mission));
         let (mut worst_tilt, mut error_m) = (0.0_f64, vec![]);
         fly(&mut |record| {
@@ -118,7 +121,10 @@ pub fn explain(recording: &Recording, progress: impl Fn(usize, usize) + Sync) ->
     let replayed = recording.replay(&Plan::default(), |_| {})?;
     if let Some(first) = replayed.first {
         let (field, tick) = (first.differs.field, first.tick);
-        bail!("the flight does not repeat: {} differs at tick {tick} ({field}); see `launcher replay`", first.topic.name());
+        bail!(
+            "the flight does not repeat: {} differs at tick {tick} ({field}); see `launcher replay`",
+            first.topic.name()
+        );
     }
     let flight = Outcome::flown(recording)?;
     let disturbed = recording.disturbed();
@@ -130,7 +136,8 @@ pub fn explain(recording: &Recording, progress: impl Fn(usize, usize) + Sync) ->
         let without = Outcome::flown(&recording.without(&ticks.iter().map(|one| one.tick).collect()))?;
         Ok(Cost::new(ticks, scenario.sample_s(), &flight, &without))
     })?;
-    let (mut ticks, mut bursts): (Vec<Cost>, Vec<Cost>) = costs.into_iter().partition(|cost| cost.ticks.0 == cost.ticks.1);
+    let (mut ticks, mut bursts): (Vec<Cost>, Vec<Cost>) =
+        costs.into_iter().partition(|cost| cost.ticks.0 == cost.ticks.1);
     for costs in [&mut ticks, &mut bursts] {
         costs.sort_by(|a, b| b.error_integral_ms.total_cmp(&a.error_integral_ms));
     }
@@ -144,7 +151,15 @@ pub fn explain(recording: &Recording, progress: impl Fn(usize, usize) + Sync) ->
         Ok(())
     })?;
     let without_any = Outcome::flown(&recording.without(&all))?;
-    Ok(Explained { name: scenario.name.clone(), sample_s: scenario.sample_s(), flight, without_any, clean, ticks, bursts })
+    Ok(Explained {
+        name: scenario.name.clone(),
+        sample_s: scenario.sample_s(),
+        flight,
+        without_any,
+        clean,
+        ticks,
+        bursts,
+    })
 }
 
 /// Ticks one after another.
@@ -217,7 +232,8 @@ impl Cost {
     }
 }
 
-const COLUMNS: [&str; 6] = ["tick", "at [s]", "error integral [mm s]", "largest error [mm]", "worst tilt [deg]", "what"];
+const COLUMNS: [&str; 6] =
+    ["tick", "at [s]", "error integral [mm s]", "largest error [mm]", "worst tilt [deg]", "what"];
 /// Rows of a table in the terminal.
 const ROWS: usize = 20;
 /// Plots of a page, and how much of the flight each shows around its ticks \[s\].
@@ -233,7 +249,11 @@ impl Explained {
         for (title, costs) in [("What single ticks cost", &self.ticks), ("What bursts cost", &self.bursts)] {
             if !costs.is_empty() {
                 let left_out = costs.len().saturating_sub(ROWS);
-                let more = if left_out > 0 { format!(" (the {ROWS} costliest; {left_out} more in explain.html)") } else { String::new() };
+                let more = if left_out > 0 {
+                    format!(" (the {ROWS} costliest; {left_out} more in explain.html)")
+                } else {
+                    String::new()
+                };
                 let rows = costs.iter().take(ROWS).map(Cost::cells).collect();
                 text += &format!("\n{}", Table::new(&format!("{title}{more}"), &COLUMNS, rows).text());
             }
@@ -249,13 +269,18 @@ impl Explained {
             let cells = [flight, without, clean, flight - without, sum].map(|value| format!("{:.3}", value * scale));
             std::iter::once(name.to_owned()).chain(cells).collect()
         };
-        let headings =
-            ["", "flight", "without any", "clean, in process", "all together cost", "sum of single ticks"];
-        Table::new("The flights", &headings, vec![
-            row("error integral [mm s]", 1e3, &|of| of.metrics.position_error_integral_ms, |cost| cost.error_integral_ms),
-            row("largest error [mm]", 1e3, &|of| of.metrics.max_position_error_m, |cost| cost.max_error_m),
-            row("worst tilt [deg]", 1.0, &|of| of.worst_tilt_deg, |cost| cost.worst_tilt_deg),
-        ])
+        let headings = ["", "flight", "without any", "clean, in process", "all together cost", "sum of single ticks"];
+        Table::new(
+            "The flights",
+            &headings,
+            vec![
+                row("error integral [mm s]", 1e3, &|of| of.metrics.position_error_integral_ms, |cost| {
+                    cost.error_integral_ms
+                }),
+                row("largest error [mm]", 1e3, &|of| of.metrics.max_position_error_m, |cost| cost.max_error_m),
+                row("worst tilt [deg]", 1.0, &|of| of.worst_tilt_deg, |cost| cost.worst_tilt_deg),
+            ],
+        )
     }
 
     /// Costs as a table of HTML.
@@ -274,7 +299,9 @@ impl Explained {
         let side = self.side_by_side();
         let headings: Vec<&str> = side.headings.iter().map(String::as_str).collect();
         html += &draw::table(&headings, side.rows.iter().map(|row| row.iter().map(|cell| escape(cell)).collect()));
-        for (title, costs) in [("Bursts, the costliest first", &self.bursts), ("Single ticks, the costliest first", &self.ticks)] {
+        for (title, costs) in
+            [("Bursts, the costliest first", &self.bursts), ("Single ticks, the costliest first", &self.ticks)]
+        {
             if !costs.is_empty() {
                 html += &format!("<h3>{title}</h3>{}", Self::html_table(costs));
             }

@@ -64,7 +64,7 @@ impl Log {
         self.defect.is_none()
     }
 
-    pub(super) fn push(&mut self, record: &Record) {
+    pub(crate) fn push(&mut self, record: &Record) {
         match *record {
             Record::State(message) => self.states.push(message),
             Record::Reference(message) => self.references.push(message),

@@ -58,23 +58,39 @@ pub fn decode(topic: Topic, bytes: &[u8]) -> Result<Record, DecodeError> {
 /// Replaces the content of `buffer` by the event's bytes.
 pub fn encode_event(event: &Event, buffer: &mut Vec<u8>) {
     buffer.clear();
-    let Event { tick, ref node, epoch, what, ref why, swap, by, ref fault } = *event;
-    let swap = swap.map(|swap| swap as u64);
+    let Event { tick, ref node, epoch, what, ref why, swap, origin, by, ref fault } = *event;
+    let [swap, origin] = [swap, origin].map(|swap| swap.map(|swap| swap as u64));
     let by = by.map(|Sender { pid, user }| wire::Sender { pid, user });
     let fault_number = fault.as_ref().map(|(number, _)| *number as u64);
     let fault = fault.as_ref().map(|(_, fault)| json!(fault).to_string());
-    wire::Event { tick, node: node.clone(), epoch, what: name(what), why: why.clone(), swap, by, fault_number, fault }
-        .encode(buffer)
-        .expect("a vector grows as needed");
+    wire::Event {
+        tick,
+        node: node.clone(),
+        epoch,
+        what: name(what),
+        why: why.clone(),
+        swap,
+        origin,
+        by,
+        fault_number,
+        fault,
+    }
+    .encode(buffer)
+    .expect("a vector grows as needed");
 }
 
 pub fn decode_event(bytes: &[u8]) -> anyhow::Result<Event> {
-    let wire::Event { tick, node, epoch, what, why, swap, by, fault_number, fault } = wire::Event::decode(bytes)?;
+    let wire::Event { tick, node, epoch, what, why, swap, origin, by, fault_number, fault } =
+        wire::Event::decode(bytes)?;
     let by = by.map(|wire::Sender { pid, user }| Sender { pid, user });
     let what = serde_json::from_value(what.into()).context("what happened is unknown")?;
     let fault = fault_number.zip(fault).map(|(number, text)| Ok((number as usize, serde_json::from_str(&text)?)));
-    let fault = fault.transpose().map_err(|error: serde_json::Error| error).context("a fault given in flight cannot be read")?;
-    Ok(Event { tick, node, epoch, what, why, swap: swap.map(|swap| swap as usize), by, fault })
+    let fault = fault
+        .transpose()
+        .map_err(|error: serde_json::Error| error)
+        .context("a fault given in flight cannot be read")?;
+    let [swap, origin] = [swap, origin].map(|swap| swap.map(|swap| swap as usize));
+    Ok(Event { tick, node, epoch, what, why, swap, origin, by, fault })
 }
 
 /// An array on one side, named fields on the other.

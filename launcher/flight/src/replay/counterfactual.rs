@@ -69,7 +69,10 @@ impl Recording {
                 let used = cycle.inputs[*source as usize].map(|read| read.key);
                 if !used.is_some_and(|used| read.contains(&used)) {
                     let used = used.map_or("none".into(), |used| format!("that of tick {}", used.tick));
-                    return disturbed(topic, format!("answered without the {} of this tick: it had {used}", source.name()));
+                    return disturbed(
+                        topic,
+                        format!("answered without the {} of this tick: it had {used}", source.name()),
+                    );
                 }
             }
             if let Some(what) = self.harm(process, cycle) {
@@ -80,7 +83,11 @@ impl Recording {
         let command = read.last()?;
         let next = plant.cycles.iter().find(|cycle| cycle.tick > tick)?;
         let arrived = next.tick == tick + 1 && next.arrivals.iter().any(|(read, _)| read.key == *command);
-        if arrived { None } else { disturbed(Topic::Actuators, "the command came after the next sample, or never".into()) }
+        if arrived {
+            None
+        } else {
+            disturbed(Topic::Actuators, "the command came after the next sample, or never".into())
+        }
     }
 
     /// What became of the message of a cycle, if it was not delivered as it was meant and in time.
@@ -117,7 +124,8 @@ impl Recording {
             let inputs = Topic::ALL.map(|topic| read[topic as usize].filter(|_| sources.contains(&topic)));
             let publish_ns = sample_ns + usual.response_ns[topic as usize];
             let faults = process.cycles[..at].last().map_or(0, |before| before.faults);
-            let ordered = Cycle { tick, sample_ns, publish_ns, standby: false, faulted: false, faults, inputs, arrivals: vec![] };
+            let ordered =
+                Cycle { tick, sample_ns, publish_ns, standby: false, faulted: false, faults, inputs, arrivals: vec![] };
             match process.cycles.get_mut(at).filter(|cycle| cycle.tick == tick) {
                 Some(cycle) => *cycle = Cycle { faults: cycle.faults, ..ordered },
                 None => process.cycles.insert(at, ordered),
@@ -132,7 +140,9 @@ impl Recording {
 
     /// The process that answers to `tick`, or else the one that answered last before it.
     fn worker_at(&self, topic: Topic, tick: u64) -> Option<usize> {
-        let active = |process: &Process| process.cycles.iter().rfind(|cycle| cycle.tick <= tick && !cycle.standby).map(|c| c.tick);
+        let active = |process: &Process| {
+            process.cycles.iter().rfind(|cycle| cycle.tick <= tick && !cycle.standby).map(|c| c.tick)
+        };
         let of_node = self.script.processes.iter().enumerate().filter(|(_, process)| process.topic == topic);
         { of_node }.filter_map(|(i, process)| Some((active(process)?, i))).max().map(|(_, i)| i)
     }
@@ -167,7 +177,8 @@ impl Process {
         let before = self.cycles[at - 1].clone();
         let passed_ns = (tick - before.tick) * period_ns;
         let next = &mut self.cycles[at];
-        let (earlier, later) = std::mem::take(&mut next.arrivals).into_iter().partition(|(_, after_ns)| *after_ns < passed_ns);
+        let (earlier, later) =
+            std::mem::take(&mut next.arrivals).into_iter().partition(|(_, after_ns)| *after_ns < passed_ns);
         let later: Vec<(Read, u64)> = later;
         next.arrivals = later.into_iter().map(|(read, after_ns)| (read, after_ns - passed_ns)).collect();
         let sample_ns = before.sample_ns + passed_ns;
@@ -204,7 +215,8 @@ impl Usual {
             of_sample.map(|(_, after_ns)| *after_ns).collect()
         };
         Self {
-            response_ns: Topic::ALL.map(|topic| median(of_node(topic).flat_map(|process| &process.cycles).map(response).collect())),
+            response_ns: Topic::ALL
+                .map(|topic| median(of_node(topic).flat_map(|process| &process.cycles).map(response).collect())),
             arrival_ns: median(plant().flat_map(in_order).collect()),
         }
     }

@@ -108,8 +108,7 @@ pub fn difference(one: &Record, other: &Record) -> Option<Differs> {
     };
     let named = fields.iter().flat_map(|(name, words, kind)| (0..*words).map(move |i| (*name, *words, *kind, i)));
     let payloads = named.zip(payload(one).into_iter().zip(payload(other)));
-    let mut differing =
-        payloads.filter(|((_, _, kind, _), (one, other))| !matches!(kind, Measured) && one != other);
+    let mut differing = payloads.filter(|((_, _, kind, _), (one, other))| !matches!(kind, Measured) && one != other);
     let ((name, words, kind, i), (one, other)) = differing.next()?;
     let field = if words == 1 { name.to_owned() } else { format!("{name}[{i}]") };
     let written = |word: u64| match kind {

@@ -26,8 +26,8 @@ use contract::scenario::{Fault, Scenario, candidate};
 use contract::snapshot::Snapshot;
 use runtime::shared_role::Origin;
 
-pub use fields::{Differs, difference};
 pub use counterfactual::Disturbed;
+pub use fields::{Differs, difference};
 pub use script::{Cycle, Key, Process, Read, Script};
 use worker::Worker;
 
@@ -103,10 +103,11 @@ impl Recording {
         let mut settings = HashMap::new();
         let mut foreign = vec![];
         for event in log.events.iter().filter(|event| event.what == What::Started) {
-            let Event { node, epoch, swap: Some(swap), .. } = event else { continue };
+            let Event { node, epoch, origin: Some(swap), .. } = event else { continue };
             let Some(topic) = Topic::ALL.into_iter().find(|topic| topic.publisher() == node) else { continue };
             let whose = (topic, u64::from(*epoch));
-            let lacks = || format!("the settings of {node} {epoch} are missing: scenario.toml of the run has no swap {swap}");
+            let lacks =
+                || format!("the settings of {node} {epoch} are missing: scenario.toml of the run has no swap {swap}");
             let swap = scenario.swap.get(*swap).with_context(lacks)?;
             if swap.exec.is_some() {
                 foreign.push(whose);
@@ -175,7 +176,9 @@ impl Course {
         if !record.is_intact() || stamp.is_withheld() && self.sent(tick).is_some() {
             return;
         }
-        let of = |sent: &(u64, Record, Option<Record>)| sent.1.stamp().sequence == stamp.sequence && !sent.1.stamp().is_withheld();
+        let of = |sent: &(u64, Record, Option<Record>)| {
+            sent.1.stamp().sequence == stamp.sequence && !sent.1.stamp().is_withheld()
+        };
         match self.sent.iter_mut().rev().take(LATEST).find(|sent| of(sent)) {
             Some((.., delivered)) if !stamp.is_faulted() => *delivered = Some(*record),
             Some(_) => {}
@@ -198,7 +201,8 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
     fn new(recording: &'a Recording, plan: &'a Plan, each: F) -> anyhow::Result<Self> {
         let processes = &recording.script.processes;
         let courses = processes.iter().map(|_| Course::default()).collect();
-        let memories = processes.iter().filter_map(|process| Some(((process.topic, process.continues?), None))).collect();
+        let memories =
+            processes.iter().filter_map(|process| Some(((process.topic, process.continues?), None))).collect();
         let mut flight = Self { recording, plan, each, courses, memories, replayed: Replayed::default() };
         for (i, process) in processes.iter().enumerate() {
             if recording.computes(plan, process.topic, process.epoch) && process.continues.is_none() {
@@ -229,7 +233,8 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
         let waits = |i: &usize| self.next(*i).is_some();
         if let Some(i) = (0..self.courses.len()).find(waits) {
             let process = &self.recording.script.processes[i];
-            let (name, epoch, tick) = (process.topic.publisher(), process.epoch, self.next(i).map_or(0, |next| next.tick));
+            let (name, epoch, tick) =
+                (process.topic.publisher(), process.epoch, self.next(i).map_or(0, |next| next.tick));
             let cause = self.recording.script.holes.first().map_or_else(
                 || self.missing(i).unwrap_or_else(|| "the log is not whole".into()),
                 |hole| format!("the log lacks {hole}"),
@@ -260,8 +265,12 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
             sent.is_some_and(|(.., arrived)| arrived.is_some() || *unharmed || !delivered)
         };
         let memory = || match process.continues {
-            Some(origin) if self.courses[i].worker.is_none() && self.recording.computes(self.plan, process.topic, process.epoch) => {
-                self.memories.get(&(process.topic, origin)).is_some_and(Option::is_some) || !self.is_flown(process.topic, origin)
+            Some(origin)
+                if self.courses[i].worker.is_none()
+                    && self.recording.computes(self.plan, process.topic, process.epoch) =>
+            {
+                self.memories.get(&(process.topic, origin)).is_some_and(Option::is_some)
+                    || !self.is_flown(process.topic, origin)
             }
             _ => true,
         };
@@ -270,7 +279,8 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
 
     /// Whether the process whose memory that is computes here.
     fn is_flown(&self, topic: Topic, origin: Origin) -> bool {
-        self.recording.computes(self.plan, topic, origin.epoch) && self.recording.script.process(topic, origin.epoch).is_some()
+        self.recording.computes(self.plan, topic, origin.epoch)
+            && self.recording.script.process(topic, origin.epoch).is_some()
     }
 
     /// For people: what the next cycle of a process waits for.
@@ -311,8 +321,11 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
             }
             self.compute(i, next, &mut sent)?;
         } else {
-            let (from, ends) = (self.courses[i].recorded, process.cycles.get(self.courses[i].cycle + 1).map(|next| next.tick));
-            let of_this = |record: &&Record| ends.is_none_or(|ends| record.stamp().tick < ends || record.stamp().tick < next.tick);
+            let (from, ends) =
+                (self.courses[i].recorded, process.cycles.get(self.courses[i].cycle + 1).map(|next| next.tick));
+            let of_this = |record: &&Record| {
+                ends.is_none_or(|ends| record.stamp().tick < ends || record.stamp().tick < next.tick)
+            };
             sent.extend(process.recorded[from..].iter().take_while(of_this));
             self.courses[i].recorded += sent.len();
         }
@@ -372,3 +385,6 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -149,9 +149,8 @@ impl Process {
                 Record::State(state) => &state.arrivals[..(state.arrived as usize).min(state.arrivals.len())],
                 _ => &[],
             };
-            let arrival = |arrival: &Arrival| {
-                Some((read(Topic::Actuators, arrival.epoch, arrival.sequence)?, arrival.after_ns))
-            };
+            let arrival =
+                |arrival: &Arrival| Some((read(Topic::Actuators, arrival.epoch, arrival.sequence)?, arrival.after_ns));
             self.cycles.push(Cycle {
                 tick: stamp.tick,
                 sample_ns: stamp.sample_ns,

@@ -118,7 +118,11 @@ impl Worker {
             page.fault_table.enter(*number, fault);
         }
         self.faults = self.faults.max(cycle.faults);
-        let active = if cycle.standby { Assignment { active: 0, standby: *epoch } } else { Assignment { active: *epoch, standby: 0 } };
+        let active = if cycle.standby {
+            Assignment { active: 0, standby: *epoch }
+        } else {
+            Assignment { active: *epoch, standby: 0 }
+        };
         page.role(*topic).assign(cycle.tick as u32, |_| active);
         // The clock as it is; what a fault adds to it is added again.
         let read_ns = faults.read_ns(cycle.tick, cycle.publish_ns);

@@ -505,7 +505,7 @@ impl Role {
         let worker = Worker { epoch: self.newest, origin };
         self.starting = Some(Starting { worker, since_ns: now.ns, candidate: swap.is_some() });
         let started = Event::new(now.tick, self.name, worker.epoch, What::Started);
-        out.push(Action::Report(started.begins(swap)));
+        out.push(Action::Report(Event { origin, ..started.begins(swap) }));
         out.push(Action::Spawn(worker.epoch, origin));
     }
 

@@ -33,10 +33,10 @@ use self::report::Figure;
 use self::results::TimingResults;
 use self::series::Series;
 use crate::findings::{Findings, default_folder, make_folder};
-use view::table::Table;
 use flight::duration::seconds;
 use flight::files::write_whole;
 use flight::interrupts::catch_interrupts;
+use view::table::Table;
 
 #[derive(clap::Args)]
 pub struct TimingArgs {

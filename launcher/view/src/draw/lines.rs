@@ -26,7 +26,13 @@ pub fn lines(all: &[Line], x_title: &str, y_title: &str) -> String {
     let finite = || all.iter().flat_map(|line| &line.points).filter(|(x, y)| x.is_finite() && y.is_finite());
     let range = |of: fn(&(f64, f64)) -> f64| {
         let (low, high) = finite().map(of).fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
-        if low < high { (low, high) } else if low.is_finite() { (low - 0.5, low + 0.5) } else { (0.0, 1.0) }
+        if low < high {
+            (low, high)
+        } else if low.is_finite() {
+            (low - 0.5, low + 0.5)
+        } else {
+            (0.0, 1.0)
+        }
     };
     let ((x_low, x_high), (y_low, y_high)) = (range(|point| point.0), range(|point| point.1));
     let x_px = |x: f64| LEFT_PX + (width - LEFT_PX - 16.0) * (x - x_low) / (x_high - x_low);
@@ -39,12 +45,19 @@ pub fn lines(all: &[Line], x_title: &str, y_title: &str) -> String {
     for (x, word) in marks(x_low, x_high) {
         let x = x_px(x);
         svg.add(format_args!("<line {grid} x1=\"{x:.1}\" x2=\"{x:.1}\" y1=\"8\" y2=\"{bottom}\"/>"));
-        svg.add(format_args!("<text {words} x=\"{x:.1}\" y=\"{}\" text-anchor=\"middle\">{word}</text>", bottom + 14.0));
+        svg.add(format_args!(
+            "<text {words} x=\"{x:.1}\" y=\"{}\" text-anchor=\"middle\">{word}</text>",
+            bottom + 14.0
+        ));
     }
     for (y, word) in marks(y_low, y_high) {
         let y = y_px(y);
         svg.add(format_args!("<line {grid} x1=\"{LEFT_PX}\" x2=\"{}\" y1=\"{y:.1}\" y2=\"{y:.1}\"/>", width - 16.0));
-        svg.add(format_args!("<text {words} x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{word}</text>", LEFT_PX - 6.0, y + 4.0));
+        svg.add(format_args!(
+            "<text {words} x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{word}</text>",
+            LEFT_PX - 6.0,
+            y + 4.0
+        ));
     }
     svg.add(format_args!(
         "<text {words} x=\"{:.1}\" y=\"{}\" text-anchor=\"middle\">{}</text>",
@@ -74,7 +87,8 @@ pub fn lines(all: &[Line], x_title: &str, y_title: &str) -> String {
 fn marks(low: f64, high: f64) -> Vec<(f64, String)> {
     let rough = (high - low) / GRID;
     let power = 10_f64.powf(rough.log10().floor());
-    let step = [1.0, 2.0, 5.0, 10.0].into_iter().map(|times| times * power).find(|step| *step >= rough).unwrap_or(rough);
+    let step =
+        [1.0, 2.0, 5.0, 10.0].into_iter().map(|times| times * power).find(|step| *step >= rough).unwrap_or(rough);
     let decimals = (-step.log10().floor()).max(0.0) as usize;
     let first = (low / step).ceil() as i64;
     let last = (high / step).floor() as i64;
@@ -88,7 +102,8 @@ mod tests {
     #[test]
     fn every_curve_is_drawn_and_what_is_not_finite_leaves_a_gap() {
         let line = |name, points: &[(f64, f64)]| Line { name, points: points.to_vec() };
-        let html = lines(&[line("a", &[(0.0, 0.0), (1.0, f64::NAN), (2.0, 3.0)]), line("<b>", &[(0.0, 1.0)])], "t", "y");
+        let html =
+            lines(&[line("a", &[(0.0, 0.0), (1.0, f64::NAN), (2.0, 3.0)]), line("<b>", &[(0.0, 1.0)])], "t", "y");
         assert_eq!((html.matches("<path").count(), html.matches('M').count(), html.contains("<b>")), (2, 3, false));
     }
 

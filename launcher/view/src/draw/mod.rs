@@ -9,8 +9,8 @@ use std::fmt::{Display, Write};
 
 pub use charts::{Bars, Lane, histograms, outlines, time_line};
 pub use heat_map::{HeatCell, HeatMap};
-pub use lines::{Line, lines};
 pub use html::{DASH, any, escape, leaves, list, number, page, table, verdict};
+pub use lines::{Line, lines};
 
 /// The style of the report, which other pages may use.
 pub const STYLE: &str = include_str!("../../assets/report/report.css");

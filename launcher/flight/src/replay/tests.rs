@@ -1,0 +1,177 @@
+use std::collections::BTreeSet;
+
+use contract::message::Controls;
+use contract::scenario::{FaultKind, FaultTarget, Law, Swap, SwapNode};
+
+use super::*;
+use crate::inprocess;
+
+/// A flight of some seconds in process, with its log.
+fn flown(seconds: f64, faults: &[Fault], swaps: &[Swap]) -> (Scenario, Log) {
+    let mut scenario = Scenario { fault: faults.to_vec(), swap: swaps.to_vec(), ..Scenario::default() };
+    scenario.run.mode = contract::scenario::Mode::Inprocess;
+    scenario.run.duration_s = seconds;
+    scenario.supervision.hang_ms = 1e3; // a process that stops is not replaced
+    let mut log = Log::default();
+    let flown = inprocess::fly(&scenario, |record| {
+        log.push(&record);
+        true
+    });
+    log.events = flown.events;
+    (scenario, log)
+}
+
+fn recording((scenario, log): &(Scenario, Log)) -> Recording {
+    Recording::new(log, scenario, None).unwrap()
+}
+
+fn replayed(flight: &(Scenario, Log)) -> Replayed {
+    recording(flight).replay(&Plan::default(), |_| {}).unwrap()
+}
+
+fn fault(target: FaultTarget, kind: FaultKind, at_s: f64) -> Fault {
+    Fault::new(target, kind, at_s, Some(0.1))
+}
+
+/// A fault of every topic and process, and of sensors.
+fn all_faults() -> Vec<Fault> {
+    use FaultKind::*;
+    use FaultTarget as Target;
+    let topics = [Target::State, Target::Reference, Target::Controls, Target::Actuators];
+    let of_topics = topics.iter().flat_map(|topic| {
+        let kinds = [Drop, Burst, Delay, Duplicate, Reorder, Corrupt, Garbage, Stale, Rate];
+        kinds.map(|kind| (*topic, kind))
+    });
+    let of_processes = [
+        (Target::Mixer, Kill),
+        (Target::Guidance, Stop),
+        (Target::AttitudeMpc, Slow),
+        (Target::AttitudeMpc, Exit),
+        (Target::Rates, Noise),
+        (Target::Attitude, Delayed),
+        (Target::Rotor2, Slow),
+        (Target::Mpc, Nan),
+    ];
+    let all = of_topics.chain(of_processes);
+    all.enumerate().map(|(i, (target, kind))| fault(target, kind, 3.0 + 0.3 * i as f64)).collect()
+}
+
+#[test]
+fn a_flight_with_every_kind_of_trouble_repeats_bit_for_bit() {
+    let faults = all_faults();
+    let swap = Swap { set: vec!["mpc.law='lqr'".into()], ..Swap::new(SwapNode::AttitudeMpc, 0.5) };
+    let end_s = 3.0 + 0.3 * (faults.len() + 3) as f64;
+    let flight = flown(end_s, &faults, &[swap]);
+    assert!(flight.1.events.iter().any(|event| event.what == What::Kept), "the swap was carried out");
+    let replayed = replayed(&flight);
+    assert_eq!((&replayed.first, &replayed.stopped), (&None, &None));
+    let log = &flight.1;
+    let messages = log.states.len() + log.references.len() + log.controls.len() + log.actuators.len();
+    assert_eq!(replayed.computed, messages as u64);
+    assert!(replayed.compared > replayed.computed - 50, "all but those with flipped bits");
+}
+
+#[test]
+fn a_flipped_bit_is_found_where_it_stands() {
+    let mut flight = flown(1.0, &[], &[]);
+    let controls = &mut flight.1.controls[57];
+    controls.demand[2] = f64::from_bits(controls.demand[2].to_bits() ^ 1);
+    *controls = contract::message::Message::with_checksum(*controls);
+    let first = replayed(&flight).first.unwrap();
+    let Controls { demand, .. } = flight.1.controls[57];
+    assert_eq!((first.tick, first.topic, first.differs.field.as_str()), (57, Topic::Controls, "demand[2]"));
+    assert_eq!(first.differs.values[0], format!("{:?}", demand[2]));
+}
+
+/// A constant that only the climb needs: the flight begins level, and differs once the climb is limited.
+#[test]
+fn a_wrong_constant_is_found_at_the_first_tick_that_it_matters() {
+    let flight = flown(6.0, &[], &[]);
+    let mut other = flight.0.clone();
+    other.guidance.climb_limit_mps = 0.4;
+    let plan = Plan { settings: Some((Topic::Reference, Box::new(other))), ..Plan::default() };
+    let first = recording(&flight).replay(&plan, |_| {}).unwrap().first.unwrap();
+    let down = |tick: usize| flight.1.references[tick].velocity_mps[2];
+    assert_eq!((first.topic, first.differs.field.as_str()), (Topic::Reference, "w_mps"));
+    assert!(
+        first.tick > 0 && down(first.tick as usize) < -0.3,
+        "at tick {}: {}",
+        first.tick,
+        down(first.tick as usize)
+    );
+}
+
+#[test]
+fn one_node_alone_answers_to_what_it_had_read() {
+    let flight = flown(2.0, &[fault(FaultTarget::State, FaultKind::Drop, 1.0)], &[]);
+    for only in Topic::ALL {
+        let replayed = recording(&flight).replay(&Plan { only: Some(only), ..Plan::default() }, |_| {}).unwrap();
+        assert_eq!((replayed.first, replayed.stopped), (None, None));
+        assert!((201..=220).contains(&replayed.computed), "{} messages of {only:?}", replayed.computed);
+    }
+    let mut lqr = flight.0.clone();
+    lqr.mpc.law = Law::Lqr;
+    let plan = Plan { only: Some(Topic::Controls), settings: Some((Topic::Controls, Box::new(lqr))), until: Some(50) };
+    let replayed = recording(&flight).replay(&plan, |_| {}).unwrap();
+    assert_eq!((replayed.computed, replayed.different > 0), (51, true));
+}
+
+#[test]
+fn a_log_that_lacks_a_message_replays_up_to_there_and_says_so() {
+    let mut flight = flown(2.0, &[], &[]);
+    flight.1.references.remove(100);
+    let replayed = replayed(&flight);
+    assert_eq!((replayed.first, replayed.last_tick), (None, 100));
+    let why = replayed.stopped.unwrap();
+    assert!(why.contains("the log lacks messages 101 to 101 of guidance 1"), "{why}");
+}
+
+/// The mixer gets nothing for three ticks. Undone, the flight is the one that was never disturbed.
+#[test]
+fn a_flight_without_its_only_stall_is_the_flight_that_had_none() {
+    let stall = Fault::new(FaultTarget::AttitudeMpc, FaultKind::Stop, 0.5, Some(0.03));
+    let (disturbed, clean) = (flown(2.0, &[stall], &[]), flown(2.0, &[], &[]));
+    let recording = recording(&disturbed);
+    let ticks: BTreeSet<u64> = recording.disturbed().iter().map(|one| one.tick).collect();
+    assert_eq!(ticks, BTreeSet::from([50, 51, 52]));
+    let mut states = vec![];
+    let replayed = recording.without(&ticks).replay(&Plan::default(), |record| {
+        if let Record::State(state) = record {
+            states.push((state.actual, state.actuators));
+        }
+    });
+    assert_eq!(replayed.unwrap().stopped, None);
+    let of = |log: &Log| log.states.iter().map(|state| (state.actual, state.actuators)).collect::<Vec<_>>();
+    assert!(states == of(&clean.1), "bit for bit");
+    assert!(states != of(&disturbed.1), "it made a difference");
+}
+
+#[test]
+fn every_way_to_disturb_a_tick_is_seen_and_can_be_undone() {
+    use FaultKind::*;
+    use FaultTarget as Target;
+    let flights = [
+        (Target::State, Drop),
+        (Target::Reference, Delay),
+        (Target::Controls, Garbage),
+        (Target::Actuators, Reorder),
+        (Target::Mixer, Kill),
+        (Target::Guidance, Hog),
+    ];
+    for (target, kind) in flights {
+        let flight = flown(2.0, &[fault(target, kind, 0.5)], &[]);
+        let recording = recording(&flight);
+        let ticks: BTreeSet<u64> = recording.disturbed().iter().map(|one| one.tick).collect();
+        assert!(
+            ticks.iter().all(|tick| (50..75).contains(tick)) && !ticks.is_empty(),
+            "{target:?} {kind:?}: {ticks:?}"
+        );
+        let mended = recording.without(&ticks);
+        assert_eq!(
+            mended.disturbed().iter().filter(|one| !one.what.contains("a fault")).count(),
+            0,
+            "{target:?} {kind:?}"
+        );
+        assert_eq!(mended.replay(&Plan::default(), |_| {}).unwrap().stopped, None, "{target:?} {kind:?}");
+    }
+}

@@ -1,0 +1,107 @@
+//! A flight that was recorded, flown again from its folder.
+
+use std::path::Path;
+use std::process::Output;
+
+use crate::control::{status, tell};
+use crate::harness::{Flight, fly, launcher, namespace, wait_until};
+
+fn of_run(arguments: &[&str], run: &Path) -> Output {
+    let (verb, more) = arguments.split_first().expect("a command");
+    launcher().arg(verb).arg(run).args(more).output().expect("the launcher starts")
+}
+
+fn text(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr)
+}
+
+/// The flight at `run` repeats with the same hash.
+fn assert_repeats(run: &Path) {
+    let output = of_run(&["replay"], run);
+    let said = text(&output);
+    assert!(output.status.success() && said.contains("the same bits: state hash"), "{said}");
+}
+
+const KILLED_AND_SWAPPED: [&str; 4] = [
+    "--set=fault=[{ at_s = 0.5, target = \"attitude-mpc\", kind = \"kill\" }, { at_s = 2.6, for_s = 0.2, target = \
+     \"controls\", kind = \"drop\" }, { at_s = 3.0, for_s = 0.2, target = \"guidance\", kind = \"stop\" }]",
+    "--set=swap=[{ at_s = 1.0, node = \"mixer\", standby_s = 0.5, watch_s = 0.5 }]",
+    "--set=run.duration_s=3.5",
+    "--set=supervision.hang_ms=5000",
+];
+
+#[test]
+fn a_flight_with_deaths_swaps_and_losses_repeats_from_its_folder() {
+    for mode in ["realtime", "lockstep"] {
+        let outcome = fly(&[&["--mode", mode], &KILLED_AND_SWAPPED[..]].concat());
+        assert_eq!(outcome.code(), Some(0), "{}", outcome.stderr);
+        assert_repeats(&outcome.out);
+    }
+}
+
+#[test]
+fn a_flight_that_was_given_faults_in_flight_repeats_from_its_folder() {
+    let name = namespace();
+    let flight = Flight::start(&name, &["--set", "run.duration_s=4.0", "--set", "supervision.hang_ms=5000"]);
+    wait_until("the stack flies", || status(&name)["time_s"].as_f64() > Some(0.2));
+    for order in [["rates", "noise"], ["controls", "drop"], ["rotor1", "slow"], ["attitude-mpc", "kill"]] {
+        tell(&name, &[&["inject"], &order[..]].concat()).expect("injected");
+    }
+    tell(&name, &["clear"]).expect("cleared");
+    let outcome = flight.finish();
+    assert_repeats(&outcome.out);
+}
+
+#[test]
+fn what_deadlines_withheld_repeats_too() {
+    let late = "--set=fault=[{ at_s = 0.5, for_s = 0.2, target = \"attitude-mpc\", kind = \"slow\", ms = 4.0 }]";
+    for policy in ["skip", "hold", "degrade", "send"] {
+        let due = format!("deadline={{ attitude_mpc_ms = 3.0, attitude_mpc_policy = '{policy}' }}");
+        let outcome = fly(&["--set", "run.duration_s=1.0", late, "--set", &due, "--set", "supervision.hang_ms=5000"]);
+        assert!(outcome.code().is_some_and(|code| code <= 1), "{policy}: {}", outcome.stderr);
+        assert_repeats(&outcome.out);
+    }
+}
+
+#[test]
+fn other_settings_show_what_another_controller_would_have_done() {
+    let outcome = fly(&["--mode", "inprocess", "--set", "run.duration_s=3.0"]);
+    let ask = |more: &[&str]| text(&of_run(&[&["replay", "--node", "attitude-mpc"], more].concat(), &outcome.out));
+    assert!(ask(&[]).contains("the same bits in all that was compared"), "{}", ask(&[]));
+    let open = ask(&["--set", "mpc.law=lqr"]);
+    assert!(open.contains("other answers from tick") && open.contains("attitude-mpc 1, demand["), "{open}");
+    let closed = ask(&["--set", "mpc.law=lqr", "--closed"]);
+    assert!(closed.contains("with these settings") && closed.contains("position error, maximum [m]"), "{closed}");
+    let wrong = of_run(&["replay", "--node", "attitude-mpc", "--set", "guidance.kp=1"], &outcome.out);
+    assert_eq!(wrong.status.code(), Some(2), "{}", text(&wrong));
+}
+
+#[test]
+fn a_torn_log_repeats_up_to_where_it_is_torn() {
+    let outcome = fly(&["--mode", "inprocess", "--set", "run.duration_s=10.0"]);
+    let log = outcome.out.join("flight.mcap");
+    let bytes = std::fs::read(&log).expect("a log");
+    std::fs::write(&log, &bytes[..bytes.len() / 2]).expect("a shorter log");
+    let output = of_run(&["replay"], &outcome.out);
+    let said = text(&output);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("is not whole") && said.contains("the same bits"), "{said}");
+}
+
+/// The cost of a stall is the difference between the flight with and the flight without it.
+#[test]
+fn the_cost_of_a_stall_is_that_of_the_flights_with_and_without_it() {
+    let stall = "--set=fault=[{ at_s = 5.0, for_s = 0.03, target = \"attitude-mpc\", kind = \"stop\" }]";
+    let seconds = ["--mode", "lockstep", "--set", "run.duration_s=12.0", "--set", "supervision.hang_ms=5000"];
+    let (with, without) = (fly(&[&seconds[..], &[stall]].concat()), fly(&seconds));
+    let known =
+        ["position_error_integral_ms", "max_position_error_m"].map(|name| with.metric(name) - without.metric(name));
+    let output = of_run(&["explain", "--json"], &with.out);
+    let costs: serde_json::Value = serde_json::from_str(&text(&output)).expect("JSON");
+    let burst = &costs["bursts"][0];
+    assert_eq!((costs["bursts"].as_array().map(Vec::len), &burst["ticks"]), (Some(1), &serde_json::json!([500, 502])));
+    let told = [&burst["error_integral_ms"], &burst["max_error_m"]].map(|cost| cost.as_f64().expect("a number"));
+    assert_eq!(told, known);
+    assert!(known[0].abs() > 0.0, "it cost something: {known:?}");
+    assert!(with.out.join("explain.html").exists());
+}
