@@ -2,15 +2,18 @@
 
 use std::path::PathBuf;
 use std::sync::Mutex;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
-use anyhow::{anyhow, bail};
+use anyhow::{Context, anyhow, bail};
 use contract::exit;
 use contract::scenario::{self, Scenario, Swap, SwapNode, candidate};
 use contract::topic::Topic;
 use flight::files::write_whole;
 use flight::replay::{Difference, Plan, Recording, Replayed};
-use runtime::console::print;
+use flight::duration::seconds;
+use flight::provenance::status_of;
+use runtime::console::{eprint_line, print};
+use rustix::process::{Signal, getpid, kill_process};
 
 use crate::progress::Progress;
 use serde_json::json;
@@ -31,14 +34,17 @@ pub struct ReplayArgs {
     #[arg(long, value_name = "NODE")]
     node: Option<String>,
     /// Compare from this second on
-    #[arg(long, value_name = "TIME", value_parser = flight::duration::seconds)]
+    #[arg(long, value_name = "TIME", value_parser = seconds)]
     from: Option<f64>,
     /// Fly to this second
-    #[arg(long, value_name = "TIME", value_parser = flight::duration::seconds)]
+    #[arg(long, value_name = "TIME", value_parser = seconds)]
     to: Option<f64>,
     /// Other settings for the node: what it would have answered to the same inputs
     #[arg(long = "set", value_name = "KEY=VALUE", requires = "node")]
     set: Vec<String>,
+    /// Stop before this node answers to the sample of this second, for a debugger
+    #[arg(long = "break", value_name = "NODE@TIME")]
+    stop: Option<String>,
     /// With --set: how the flight would have gone on, all other nodes reading what comes of it
     #[arg(long, requires = "set")]
     closed: bool,
@@ -122,8 +128,36 @@ fn plan(args: &ReplayArgs, recording: &Recording) -> anyhow::Result<Plan> {
     {
         bail!("--from {from} is not before --to {to}");
     }
-    Ok(Plan { only: only.filter(|_| !args.closed), settings, until })
+    let before = args.stop.as_deref().map(|stop| breakpoint(stop, recording)).transpose()?;
+    Ok(Plan { only: only.filter(|_| !args.closed), settings, until, before })
 }
+
+/// `NODE@TIME` as what is called before that cycle.
+fn breakpoint(stop: &str, recording: &Recording) -> anyhow::Result<(Topic, u64, fn())> {
+    let (name, time) = stop.split_once('@').context("--break takes NODE@TIME, for example attitude-mpc@12.34")?;
+    let (topic, time_s) = (node(name)?, seconds(time).map_err(|why| anyhow!("--break {stop}: {why}"))?);
+    let tick = (time_s / recording.scenario.sample_s()).round() as u64;
+    if !recording.script.processes.iter().any(|process| process.topic == topic && process.cycle(tick).is_some()) {
+        bail!("--break {stop}: {name} did not answer to tick {tick} in this flight");
+    }
+    Ok((topic, tick, wait_for_debugger))
+}
+
+/// Stops in the debugger that has this process; without one it says how to attach, and waits for it.
+fn wait_for_debugger() {
+    let pid = std::process::id();
+    let is_traced = || status_of(pid, "TracerPid:").is_some_and(|tracer| tracer != "0");
+    if !is_traced() {
+        eprint_line(&format!("stopped before the cycle; attach with `gdb -p {pid}` or `lldb -p {pid}` and continue: it stops again there"));
+    }
+    while !is_traced() {
+        std::thread::sleep(LOOK_FOR_DEBUGGER);
+    }
+    let _ = kill_process(getpid(), Signal::TRAP); // a debugger has it, and takes the signal
+}
+
+/// How often it is looked whether a debugger has attached.
+const LOOK_FOR_DEBUGGER: Duration = Duration::from_millis(100);
 
 fn node(name: &str) -> anyhow::Result<Topic> {
     let known = Topic::ALL.into_iter().find(|topic| topic.publisher() == name);

@@ -49,7 +49,8 @@ pub fn run_as(
     }
 }
 
-/// From now on this process does not outlive its parent, which must be the launcher of `namespace`.
+/// From now on this process does not outlive its parent, which must be the launcher of `namespace`, or a debugger that the
+/// launcher started and that traces this process.
 ///
 /// Programs other than ours the launcher binds before they begin ([`realtime::die_with_parent`]).
 pub fn die_with_launcher(namespace: &str) -> Result<(), SessionError> {
@@ -58,7 +59,14 @@ pub fn die_with_launcher(namespace: &str) -> Result<(), SessionError> {
     // A launcher that died before that sends no signal any more: then the parent is another.
     let parent = rustix::process::getppid().map(|pid| pid.as_raw_nonzero().get());
     let launcher = Domain::find(namespace)?.launcher_pid();
-    if parent == launcher { Ok(()) } else { Err(SessionError::Orphan(namespace.into())) }
+    let debugger_of = |parent: i32| (number_of("self", "TracerPid:") == Some(parent)).then(|| number_of(&parent.to_string(), "PPid:")).flatten();
+    if parent == launcher || parent.and_then(debugger_of) == launcher { Ok(()) } else { Err(SessionError::Orphan(namespace.into())) }
+}
+
+/// A number in the status of a process.
+fn number_of(process: &str, field: &str) -> Option<i32> {
+    let status = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
+    status.lines().find_map(|line| line.strip_prefix(field)?.trim().parse().ok())
 }
 
 fn usage(name: &str) -> ExitCode {

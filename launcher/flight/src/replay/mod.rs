@@ -57,6 +57,8 @@ pub struct Plan {
     pub settings: Option<(Topic, Box<Scenario>)>,
     /// Cycles after this tick are left out.
     pub until: Option<u64>,
+    /// What is called before the active process of a node answers to a tick.
+    pub before: Option<(Topic, u64, fn())>,
 }
 
 /// Where a replay and its flight differ first.
@@ -363,6 +365,9 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
         }
         for read in next.inputs.iter().flatten() {
             self.courses[i].read[read.key.topic as usize] = Some(*read);
+        }
+        if let Some((_, _, call)) = self.plan.before.filter(|(of, tick, _)| (*of, *tick, false) == (process.topic, next.tick, next.standby)) {
+            call();
         }
         worker.run(next, &self.recording.given, |record| sent.push(record));
         self.courses[i].worker = Some(worker);

@@ -111,7 +111,7 @@ fn one_node_alone_answers_to_what_it_had_read() {
     }
     let mut lqr = flight.0.clone();
     lqr.mpc.law = Law::Lqr;
-    let plan = Plan { only: Some(Topic::Controls), settings: Some((Topic::Controls, Box::new(lqr))), until: Some(50) };
+    let plan = Plan { only: Some(Topic::Controls), settings: Some((Topic::Controls, Box::new(lqr))), until: Some(50), ..Plan::default() };
     let replayed = recording(&flight).replay(&plan, |_| {}).unwrap();
     assert_eq!((replayed.computed, replayed.different > 0), (51, true));
 }

@@ -149,10 +149,15 @@ impl Children {
         }
     }
 
-    /// Whether a debugger has one of them.
+    /// Whether a debugger has one of them, or one of them is a debugger that has a process.
     pub fn any_traced(&self) -> bool {
-        let is_traced = |process: &Process| status_of(process.child.id(), "TracerPid:").is_some_and(|pid| pid != "0");
-        self.all.iter().any(is_traced)
+        let is_traced = |pid: u32| status_of(pid, "TracerPid:").is_some_and(|tracer| tracer != "0");
+        let started_by = |pid: u32| -> Vec<u32> {
+            let pids = std::fs::read_to_string(format!("/proc/{pid}/task/{pid}/children")).unwrap_or_default();
+            pids.split_whitespace().filter_map(|pid| pid.parse().ok()).collect()
+        };
+        let pids = self.all.iter().map(|process| process.child.id());
+        { pids }.any(|pid| is_traced(pid) || started_by(pid).into_iter().any(is_traced))
     }
 
     /// Sleeps until one ends, which is noticed at once, one of `others` is readable, or it is time to look around.
