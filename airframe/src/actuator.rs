@@ -87,5 +87,5 @@ fn first_order(s: f64, to: f64, tau_s: f64, rate: f64, dt_s: f64) -> f64 {
     // While the gap exceeds rate * tau the limit binds and the actuator moves in a straight line.
     let straight_s = ((gap.abs() - rate * tau_s) / rate).clamp(0.0, dt_s);
     let left = gap - gap.signum() * rate * straight_s;
-    if tau_s > 0.0 { to - left * (-(dt_s - straight_s) / tau_s).exp() } else { to - left }
+    if tau_s > 0.0 { to - left * libm::exp(-(dt_s - straight_s) / tau_s) } else { to - left }
 }

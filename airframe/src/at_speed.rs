@@ -19,6 +19,7 @@
 
 use nalgebra::{DMatrix, SMatrix, Vector4};
 
+use crate::exponential::exponential;
 use crate::level_flight::{Drag, LevelFlight};
 use crate::linear::{Continuous, INPUTS, STATES};
 use crate::{Parameters, Trim};
@@ -68,7 +69,7 @@ impl AtSpeed {
         let [u, v, w] = point.velocity_mps.map(|x| x.clamp(-MAX_VELOCITY_MPS, MAX_VELOCITY_MPS));
         let [p, q, r] = point.rates_radps.map(|x| x.clamp(-MAX_RATE_RADPS, MAX_RATE_RADPS));
         let [phi, theta] = [point.roll_rad, point.pitch_rad].map(|x| x.clamp(-MAX_ANGLE_RAD, MAX_ANGLE_RAD));
-        let ((sin_phi, cos_phi), (sin_theta, cos_theta)) = (phi.sin_cos(), theta.sin_cos());
+        let ((sin_phi, cos_phi), (sin_theta, cos_theta)) = (libm::sincos(phi), libm::sincos(theta));
         let speed = (u * u + v * v + w * w).sqrt();
 
         let mut continuous = Continuous::hover(vehicle, trim);
@@ -80,8 +81,8 @@ impl AtSpeed {
         a[(0, 4)] = -v; // as in (11), linearised
         a[(0, 5)] = u;
         a[(1, 4)] = 1.0; // as in (8), linearised
-        a[(1, 5)] = sin_phi * theta.tan();
-        a[(1, 6)] = cos_phi * theta.tan();
+        a[(1, 5)] = sin_phi * libm::tan(theta);
+        a[(1, 6)] = cos_phi * libm::tan(theta);
         a[(2, 5)] = cos_phi;
         a[(2, 6)] = -sin_phi;
         a[(3, 5)] = sin_phi / cos_theta;
@@ -93,7 +94,7 @@ impl AtSpeed {
         a[(6, 4)] = (ixx - iyy) / izz * q; // as in (14), linearised
         a[(6, 5)] = (ixx - iyy) / izz * p;
 
-        let gravity = g * (cos_phi * cos_theta - trim.roll_rad.cos());
+        let gravity = g * (cos_phi * cos_theta - libm::cos(trim.roll_rad));
         let col = m * (gravity - a[(0, 1)] * (phi - trim.roll_rad) - a[(0, 2)] * theta);
         let offset = Vector4::new(col, -(izz - ixx) * p * r, -(iyy - izz) * q * r, -(ixx - iyy) * p * q);
 
@@ -108,14 +109,14 @@ impl AtSpeed {
         let mut joint = SMatrix::<f64, JOINT, JOINT>::zeros();
         joint.fixed_view_mut::<STATES, STATES>(0, 0).copy_from(&self.continuous.a);
         joint.fixed_view_mut::<STATES, INPUTS>(0, STATES).copy_from(&self.continuous.b);
-        let held = (joint * sample_s).exp();
+        let held = exponential(&(joint * sample_s));
         ed.rows_mut(0, STATES).copy_from(&held.fixed_view::<STATES, INPUTS>(0, STATES));
         if lag_s > 0.0 {
             let mut lagged = SMatrix::<f64, LAGGED, LAGGED>::zeros();
             lagged.fixed_view_mut::<JOINT, JOINT>(0, 0).copy_from(&joint);
             lagged.fixed_view_mut::<INPUTS, INPUTS>(STATES, STATES).fill_diagonal(-1.0 / lag_s);
             lagged.fixed_view_mut::<INPUTS, INPUTS>(STATES, JOINT).fill_diagonal(1.0 / lag_s);
-            let held = (lagged * sample_s).exp();
+            let held = exponential(&(lagged * sample_s));
             ad.copy_from(&held.fixed_view::<JOINT, JOINT>(0, 0));
             bd.copy_from(&held.fixed_view::<JOINT, INPUTS>(0, JOINT));
         } else {

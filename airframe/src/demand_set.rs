@@ -31,9 +31,9 @@ impl DemandSet {
     /// The exact set of the actuators.
     pub fn exact(envelope: &Envelope) -> Self {
         let [max1, max2, max3] = envelope.limits.rotor_speed_max.map(|omega| omega * omega);
-        let idle = envelope.limits.rotor_speed_min.powi(2);
-        let (sin_wedge, cos_wedge) = envelope.limits.tilt_max_rad.sin_cos();
-        let (sin_cut, cos_cut) = envelope.cut_tilt_rad.sin_cos();
+        let idle = envelope.limits.rotor_speed_min * envelope.limits.rotor_speed_min;
+        let (sin_wedge, cos_wedge) = libm::sincos(envelope.limits.tilt_max_rad);
+        let (sin_cut, cos_cut) = libm::sincos(envelope.cut_tilt_rad);
 
         let mixing = &envelope.mixing;
         let row = |constant: f64, [u1, u2, u3, u4]: [f64; 4]| {

@@ -39,10 +39,10 @@ impl Envelope {
     /// By how much an intermediate input `u` leaves the set, as a share of `Omega1max^2`; 0 or less is inside.
     pub fn violation(&self, u: &Vector4<f64>) -> f64 {
         let [max1, max2, max3] = self.limits.rotor_speed_max.map(|omega| omega * omega);
-        let idle = self.limits.rotor_speed_min.powi(2);
-        let (sin_wedge, cos_wedge) = self.limits.tilt_max_rad.sin_cos();
-        let (sin_cut, cos_cut) = self.cut_tilt_rad.sin_cos();
-        let mut worst = u[0].hypot(u[1]) - max1;
+        let idle = self.limits.rotor_speed_min * self.limits.rotor_speed_min;
+        let (sin_wedge, cos_wedge) = libm::sincos(self.limits.tilt_max_rad);
+        let (sin_cut, cos_cut) = libm::sincos(self.cut_tilt_rad);
+        let mut worst = libm::hypot(u[0], u[1]) - max1;
         worst = worst.max(u[0].abs() * cos_wedge - u[1] * sin_wedge);
         if idle > 0.0 {
             worst = worst.max(idle - u[0] * sin_cut - u[1] * cos_cut);
@@ -81,19 +81,19 @@ impl Envelope {
     /// In polar form (radius, tilt) the extreme lies on the arc towards `c`, at an end of the arc, at the apex, or
     /// where the idle cut crosses an edge of the wedge.
     fn support_front(&self, c: Vector2<f64>) -> f64 {
-        let radius = self.limits.rotor_speed_max[0].powi(2);
-        let idle = self.limits.rotor_speed_min.powi(2);
+        let radius = self.limits.rotor_speed_max[0] * self.limits.rotor_speed_max[0];
+        let idle = self.limits.rotor_speed_min * self.limits.rotor_speed_min;
         let wedge = self.limits.tilt_max_rad;
-        let value = |r: f64, tilt: f64| r * (c[0] * tilt.sin() + c[1] * tilt.cos());
+        let value = |r: f64, tilt: f64| r * (c[0] * libm::sin(tilt) + c[1] * libm::cos(tilt));
 
         let (mut low, mut high) = (-wedge, wedge);
         let mut best = f64::NEG_INFINITY;
         if idle > 0.0 {
-            let reach = (idle / radius).acos(); // the cut meets the arc this far from its own direction
+            let reach = libm::acos(idle / radius); // the cut meets the arc this far from its own direction
             low = low.max(self.cut_tilt_rad - reach);
             high = high.min(self.cut_tilt_rad + reach);
             for edge in [-wedge, wedge] {
-                let r = idle / (edge - self.cut_tilt_rad).cos();
+                let r = idle / libm::cos(edge - self.cut_tilt_rad);
                 if (0.0..=radius).contains(&r) {
                     best = best.max(value(r, edge));
                 }
@@ -101,7 +101,7 @@ impl Envelope {
         } else {
             best = 0.0; // the apex: rotor 1 at rest
         }
-        let towards = c[0].atan2(c[1]);
+        let towards = libm::atan2(c[0], c[1]);
         for tilt in [low, high, towards.clamp(low, high)] {
             best = best.max(value(radius, tilt));
         }

@@ -71,7 +71,7 @@ impl LevelFlight {
         let drag_factor = drag.per_velocity(way.norm());
         let velocity = |x: &Vector3<f64>| Rotation3::from_euler_angles(x[0], x[1], 0.0).inverse() * way;
         let force = |x: &Vector3<f64>| {
-            let ((sin_phi, cos_phi), (sin_theta, cos_theta)) = (x[0].sin_cos(), x[1].sin_cos());
+            let ((sin_phi, cos_phi), (sin_theta, cos_theta)) = (libm::sincos(x[0]), libm::sincos(x[1]));
             let gravity = Vector3::new(-sin_theta, sin_phi * cos_theta, cos_phi * cos_theta) * weight_n;
             gravity + thrust_n * x[2] - drag_factor.component_mul(&velocity(x)) // (9)-(11)
         };
@@ -90,12 +90,12 @@ impl LevelFlight {
         }
         let holds = force(&x).amax() <= 1e-10 * weight_n && x[2] > 0.0;
         let u = mixing.trim * x[2];
-        let rotor_speed = [u[0].hypot(u[1]).sqrt(), u[2].sqrt(), u[3].sqrt()];
+        let rotor_speed = [libm::hypot(u[0], u[1]).sqrt(), u[2].sqrt(), u[3].sqrt()];
         holds.then(|| Self {
             velocity_mps: velocity(&x).into(),
             roll_rad: x[0],
             pitch_rad: x[1],
-            actuation: Actuation { rotor_speed, tilt_rad: u[0].atan2(u[1]) },
+            actuation: Actuation { rotor_speed, tilt_rad: libm::atan2(u[0], u[1]) },
         })
     }
 }

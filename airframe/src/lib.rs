@@ -7,6 +7,7 @@
 //! | [`trim`] | hover equilibrium in closed form | (23)-(30) |
 //! | [`mixing`] | conventional inputs to squared rotor speeds and back | (33)-(38) |
 //! | [`linear`] | the controller's model and its discretisation | (48) |
+//! | [`exponential`] | the exponential of a matrix | |
 //! | [`level_flight`] | trimmed flight at speed | (9)-(11) |
 //! | [`at_speed`] | the linear model at any point of flight | (8), (11)-(14) |
 //! | [`actuation`] | positions of rotors and servo | |
@@ -21,12 +22,15 @@
 //!
 //! No process, no message, no file: this crate depends on nothing of the stack.
 
+#![cfg_attr(test, allow(clippy::disallowed_methods, reason = "a test asks the platform for a second opinion"))]
+
 pub mod actuation;
 pub mod actuator;
 pub mod angle;
 pub mod at_speed;
 pub mod demand_set;
 pub mod envelope;
+pub mod exponential;
 pub mod level_flight;
 pub mod linear;
 pub mod mixing;

@@ -11,6 +11,7 @@
 
 use nalgebra::{DMatrix, SMatrix};
 
+use crate::exponential::exponential;
 use crate::{Parameters, Trim};
 
 /// States of (48): w, phi, theta, psi, p, q, r.
@@ -39,7 +40,7 @@ pub struct Discrete {
 impl Continuous {
     /// Linearises (8) and (11)-(14) at the hover `trim`.
     pub fn hover(vehicle: &Parameters, trim: &Trim) -> Self {
-        let (sin_phi, cos_phi) = trim.roll_rad.sin_cos();
+        let (sin_phi, cos_phi) = libm::sincos(trim.roll_rad);
         let mut a = SMatrix::zeros();
         a[(0, 1)] = -vehicle.g_mps2 * sin_phi;
         a[(1, 4)] = 1.0;
@@ -57,33 +58,34 @@ impl Continuous {
 
     /// Zero-order hold over `sample_s`: both matrices from one exponential of `[[A, B], [0, 0]]`.
     pub fn discretise(&self, sample_s: f64) -> Discrete {
-        zero_order_hold(&to_dynamic(&self.a), &to_dynamic(&self.b), sample_s)
+        zero_order_hold::<STATES, { STATES + INPUTS }>(&self.a, &self.b, sample_s)
     }
 
     /// The same with a first-order lag `lag_s` between the inputs and the vehicle: 11 states.
     pub fn discretise_with_lag(&self, lag_s: f64, sample_s: f64) -> Discrete {
-        let n = STATES + INPUTS;
-        let mut a = DMatrix::zeros(n, n);
-        a.view_mut((0, 0), (STATES, STATES)).copy_from(&self.a);
-        a.view_mut((0, STATES), (STATES, INPUTS)).copy_from(&self.b);
-        let mut b = DMatrix::zeros(n, INPUTS);
+        const LAGGED: usize = STATES + INPUTS;
+        let mut a = SMatrix::<f64, LAGGED, LAGGED>::zeros();
+        a.fixed_view_mut::<STATES, STATES>(0, 0).copy_from(&self.a);
+        a.fixed_view_mut::<STATES, INPUTS>(0, STATES).copy_from(&self.b);
+        let mut b = SMatrix::<f64, LAGGED, INPUTS>::zeros();
         for i in 0..INPUTS {
             a[(STATES + i, STATES + i)] = -1.0 / lag_s;
             b[(STATES + i, i)] = 1.0 / lag_s;
         }
-        zero_order_hold(&a, &b, sample_s)
+        zero_order_hold::<LAGGED, { LAGGED + INPUTS }>(&a, &b, sample_s)
     }
 }
 
-fn to_dynamic<const R: usize, const C: usize>(matrix: &SMatrix<f64, R, C>) -> DMatrix<f64> {
-    DMatrix::from_column_slice(R, C, matrix.as_slice())
-}
-
-fn zero_order_hold(a: &DMatrix<f64>, b: &DMatrix<f64>, sample_s: f64) -> Discrete {
-    let (n, m) = b.shape();
-    let mut joint = DMatrix::zeros(n + m, n + m);
-    joint.view_mut((0, 0), (n, n)).copy_from(a);
-    joint.view_mut((0, n), (n, m)).copy_from(b);
-    let held = (joint * sample_s).exp();
-    Discrete { a: held.view((0, 0), (n, n)).into_owned(), b: held.view((0, n), (n, m)).into_owned() }
+/// `J` is `N + INPUTS`.
+fn zero_order_hold<const N: usize, const J: usize>(
+    a: &SMatrix<f64, N, N>,
+    b: &SMatrix<f64, N, INPUTS>,
+    sample_s: f64,
+) -> Discrete {
+    let mut joint = SMatrix::<f64, J, J>::zeros();
+    joint.view_mut((0, 0), (N, N)).copy_from(a);
+    joint.view_mut((0, N), (N, INPUTS)).copy_from(b);
+    let held = exponential(&(joint * sample_s));
+    let part = |first, columns| DMatrix::from_fn(N, columns, |row, column| held[(row, first + column)]);
+    Discrete { a: part(0, N), b: part(N, INPUTS) }
 }

@@ -58,6 +58,6 @@ impl MixingMatrix {
 /// The intermediate input of an actuator position.
 pub fn intermediate(actuation: &Actuation) -> Vector4<f64> {
     let [o1, o2, o3] = actuation.rotor_speed;
-    let (sin_mu, cos_mu) = actuation.tilt_rad.sin_cos();
+    let (sin_mu, cos_mu) = libm::sincos(actuation.tilt_rad);
     Vector4::new(o1 * o1 * sin_mu, o1 * o1 * cos_mu, o2 * o2, o3 * o3) // (37)
 }

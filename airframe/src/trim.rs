@@ -34,10 +34,10 @@ impl Trim {
         let tan_mu = km / (l1 * kf); // (27)
         let front_arm = l1 * kf + if tilt_reaction { km * tan_mu } else { 0.0 };
         let a = l2 * kf / front_arm; // front lift over rear lift, from the pitch balance
-        let phi = (-tan_mu * a / (1.0 + a)).atan(); // (25)
-        let lift = m * g * phi.cos() / kf; // u2 + u3 + u4, from the z force in (23)
-        let mu = tan_mu.atan();
-        let omega1 = (lift * a / (1.0 + a) / mu.cos()).sqrt(); // (28)
+        let phi = libm::atan(-tan_mu * a / (1.0 + a)); // (25)
+        let lift = m * g * libm::cos(phi) / kf; // u2 + u3 + u4, from the z force in (23)
+        let mu = libm::atan(tan_mu);
+        let omega1 = (lift * a / (1.0 + a) / libm::cos(mu)).sqrt(); // (28)
         let omega2 = (lift / (1.0 + a) / 2.0).sqrt(); // (29)
         Self { roll_rad: phi, actuation: Actuation { rotor_speed: [omega1, omega2, omega2], tilt_rad: mu } } // (30)
     }

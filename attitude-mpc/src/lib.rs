@@ -31,6 +31,8 @@
 //! Without a fresh state there is no plan: the last demand is repeated, with a status that says so. The fallback for that
 //! is in the mixer, nearer to the actuators.
 
+#![cfg_attr(test, allow(clippy::disallowed_methods, reason = "a test asks the platform for a second opinion"))]
+
 pub mod at_speed;
 pub mod condensed;
 pub mod constrained;

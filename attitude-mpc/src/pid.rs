@@ -60,8 +60,8 @@ impl Pid {
         let errors = Vector4::new(error(0), error(2), error(1), error(3));
         *integral += (errors + unfollowed.component_div(&self.inertia.component_mul(&TRACKING))) * self.sample_s;
         let a = ATTITUDE_POLE;
-        let turn = |i: usize, rate: usize| 3.0 * a * a * errors[i] + 3.0 * a * error(rate) + a.powi(3) * integral[i];
-        let climb = 2.0 * CLIMB_POLE * errors[0] + CLIMB_POLE.powi(2) * integral[0];
+        let turn = |i: usize, rate: usize| 3.0 * a * a * errors[i] + 3.0 * a * error(rate) + a * a * a * integral[i];
+        let climb = 2.0 * CLIMB_POLE * errors[0] + CLIMB_POLE * CLIMB_POLE * integral[0];
         self.inertia.component_mul(&Vector4::new(climb, turn(1, 5), turn(2, 4), turn(3, 6)))
     }
 }

@@ -36,7 +36,7 @@ impl Observer {
     ) -> Vector2<f64> {
         if elapsed_s > 0.0 {
             let acceleration = to_heading_frame(&((velocity_ned_mps - self.velocity_ned_mps) / elapsed_s), psi_rad);
-            let explained = Vector2::new(-g_mps2 * tilt_rad.y.tan(), g_mps2 * tilt_rad.x.tan());
+            let explained = Vector2::new(-g_mps2 * libm::tan(tilt_rad.y), g_mps2 * libm::tan(tilt_rad.x));
             self.estimate_mps2 += (acceleration.xy() - explained - self.estimate_mps2) * gain;
         }
         self.velocity_ned_mps = *velocity_ned_mps;
@@ -46,6 +46,6 @@ impl Observer {
 
 /// `ned` turned by `psi_rad` about the vertical: x ahead, y to the right, z down.
 pub fn to_heading_frame(ned: &Vector3<f64>, psi_rad: f64) -> Vector3<f64> {
-    let (sin, cos) = psi_rad.sin_cos();
+    let (sin, cos) = libm::sincos(psi_rad);
     Vector3::new(cos * ned.x + sin * ned.y, cos * ned.y - sin * ned.x, ned.z)
 }

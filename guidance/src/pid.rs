@@ -37,8 +37,8 @@ pub fn wanted(k: &Settings, [e, i, d]: &[Vector3<f64>; 3]) -> Wanted {
 /// than the measured speed and that climb together, which keeps it finite where the body z axis is horizontal.
 pub fn exact_w(climb_mps: f64, state: &State) -> f64 {
     let [u, v, w] = state.measured.velocity_mps;
-    let (sin_phi, cos_phi) = state.measured.attitude_rad[0].sin_cos();
-    let (sin_theta, cos_theta) = state.measured.attitude_rad[1].sin_cos();
+    let (sin_phi, cos_phi) = libm::sincos(state.measured.attitude_rad[0]);
+    let (sin_theta, cos_theta) = libm::sincos(state.measured.attitude_rad[1]);
     let exact = (climb_mps + u * sin_theta - v * sin_phi * cos_theta) / (cos_phi * cos_theta);
     let most = (u * u + v * v + w * w).sqrt() + climb_mps.abs();
     exact.clamp(-most, most)

@@ -4,8 +4,8 @@ use nalgebra::Vector3;
 
 /// Body rates p, q, r \[rad/s\] that turn the Euler angles at `euler_rates_radps`, at the attitude `attitude_rad`.
 pub fn body_rates(euler_rates_radps: &Vector3<f64>, attitude_rad: &Vector3<f64>) -> Vector3<f64> {
-    let (sin_phi, cos_phi) = attitude_rad.x.sin_cos();
-    let (sin_theta, cos_theta) = attitude_rad.y.sin_cos();
+    let (sin_phi, cos_phi) = libm::sincos(attitude_rad.x);
+    let (sin_theta, cos_theta) = libm::sincos(attitude_rad.y);
     let [dphi, dtheta, dpsi] = (*euler_rates_radps).into();
     Vector3::new(
         dphi - dpsi * sin_theta,

@@ -151,7 +151,7 @@ fn circle(t: f64) -> Setpoint {
 
 fn lap(p: &Progress) -> Setpoint {
     let [angle, rate, acceleration] = [p.s, p.ds, p.dds].map(|turns| turns * std::f64::consts::TAU);
-    let (sin, cos) = angle.sin_cos();
+    let (sin, cos) = libm::sincos(angle);
     let r = CIRCLE_RADIUS_M;
     Setpoint {
         position_m: [r * sin, r * (1.0 - cos), -CIRCLE_HEIGHT_M],

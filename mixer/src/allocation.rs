@@ -19,9 +19,9 @@ use nalgebra::Vector4;
 pub fn allocate(mixing: &MixingMatrix, demand: &Vector4<f64>) -> (Actuation, bool) {
     let du = mixing.inverse * demand; // (39)
     let u = mixing.trim + du; // (40)
-    let omega1 = u[0].hypot(u[1]).sqrt(); // (41)
+    let omega1 = libm::hypot(u[0], u[1]).sqrt(); // (41)
     let omega2 = u[2].max(0.0).sqrt(); // (42)
     let omega3 = u[3].max(0.0).sqrt(); // (43)
-    let mu = u[0].atan2(u[1]); // (44)
+    let mu = libm::atan2(u[0], u[1]); // (44)
     (Actuation { rotor_speed: [omega1, omega2, omega3], tilt_rad: mu }, u[2] < 0.0 || u[3] < 0.0)
 }

@@ -97,7 +97,8 @@ impl Level {
     pub fn demand(&self, measured: &Kinematics, descending: bool) -> Vector4<f64> {
         let ([phi, theta, _], [p, q, r]) = (measured.attitude_rad, measured.rates_radps);
         let ([u, v, w], a) = (measured.velocity_mps, BANDWIDTH_RADPS);
-        let down_mps = -u * theta.sin() + (v * phi.sin() + w * phi.cos()) * theta.cos();
+        let ((sin_phi, cos_phi), (sin_theta, cos_theta)) = (libm::sincos(phi), libm::sincos(theta));
+        let down_mps = -u * sin_theta + (v * sin_phi + w * cos_phi) * cos_theta;
         let descent_mps = if descending { DESCENT_MPS } else { 0.0 };
         self.inertia.component_mul(&Vector4::new(
             CLIMB_BANDWIDTH_RADPS * (descent_mps - down_mps),

@@ -110,7 +110,7 @@ impl Rotors {
         let expected = (self.expected(&before.actuation) + self.expected(&actuation)) * 0.5;
         let unexplained = self.acceleration(measured, elapsed_s) - expected.column_sum();
 
-        let share = 1.0 - (-elapsed_s / AVERAGE_S).exp();
+        let share = 1.0 - libm::exp(-elapsed_s / AVERAGE_S);
         let mut evidence = Evidence {
             actuation,
             unexplained: before.unexplained + (unexplained - before.unexplained) * share,
@@ -145,7 +145,7 @@ impl Rotors {
         let [phi, theta, _]: [f64; 3] = mean(vector(|m| m.attitude_rad)).into();
         let omega = mean(rates);
 
-        let carried = omega.cross(&mean(velocity)).z - self.g_mps2 * theta.cos() * phi.cos();
+        let carried = omega.cross(&mean(velocity)).z - self.g_mps2 * libm::cos(theta) * libm::cos(phi);
         let gyroscopic = omega.cross(&self.inertia_kgm2.component_mul(&omega)).component_div(&self.inertia_kgm2);
         let linear = (velocity[1].z - velocity[0].z) / elapsed_s + carried;
         let angular = (rates[1] - rates[0]) / elapsed_s + gyroscopic;

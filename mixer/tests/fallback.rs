@@ -1,5 +1,7 @@
 //! Without the controller, and without a rotor: the mixer alone with the true equations of motion.
 
+#![allow(clippy::disallowed_methods, reason = "a test asks the platform for a second opinion")]
+
 use airframe::{Actuation, Trim};
 use contract::Scenario;
 use contract::message::{Actuators, Controls, Kinematics, Stamp, State, mixer_flags as flags};

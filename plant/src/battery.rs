@@ -52,7 +52,7 @@ impl Battery {
 
 /// Power at the shafts \[W\].
 fn power_w(km: f64, position: &Actuation) -> f64 {
-    position.rotor_speed.iter().map(|omega| km * omega.powi(3)).sum()
+    position.rotor_speed.iter().map(|omega| km * omega * omega * omega).sum()
 }
 
 #[cfg(test)]

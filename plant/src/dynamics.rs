@@ -194,9 +194,9 @@ fn motion(x: &StateVector) -> Motion {
 /// The motion in a state vector; its Euler angles are within half a turn, the pitch within a quarter.
 pub fn kinematics(x: &StateVector) -> Kinematics {
     let cnb = rotation(&Quaternion::new(x[9], x[6], x[7], x[8]));
-    let pitch = (-cnb[(2, 0)]).clamp(-1.0, 1.0).asin();
-    let roll = cnb[(2, 1)].atan2(cnb[(2, 2)]);
-    let yaw = cnb[(1, 0)].atan2(cnb[(0, 0)]);
+    let pitch = libm::asin((-cnb[(2, 0)]).clamp(-1.0, 1.0));
+    let roll = libm::atan2(cnb[(2, 1)], cnb[(2, 2)]);
+    let yaw = libm::atan2(cnb[(1, 0)], cnb[(0, 0)]);
     Kinematics {
         position_m: [x[0], x[1], x[2]],
         velocity_mps: [x[3], x[4], x[5]],

@@ -100,9 +100,9 @@ impl Ground {
 
     fn is_gentle(&self, motion: &Motion) -> bool {
         let velocity = motion.cnb * motion.velocity_mps;
-        let tilt_deg = motion.cnb[(2, 2)].clamp(-1.0, 1.0).acos().to_degrees();
+        let tilt_deg = libm::acos(motion.cnb[(2, 2)].clamp(-1.0, 1.0)).to_degrees();
         let Settings { max_sink_mps, max_drift_mps, max_tilt_deg, .. } = self.settings;
-        velocity.z <= max_sink_mps && velocity.x.hypot(velocity.y) <= max_drift_mps && tilt_deg <= max_tilt_deg
+        velocity.z <= max_sink_mps && libm::hypot(velocity.x, velocity.y) <= max_drift_mps && tilt_deg <= max_tilt_deg
     }
 }
 

@@ -1,10 +1,36 @@
-//! Random streams: one per feature and fault, all from the run's seed, so that switching one on leaves the others alone.
+//! Random streams: one per feature and fault, all from the run's seed, so that switching one on leaves the others alone; and
+//! normal numbers from them.
+//!
+//! The normal numbers are those of the ziggurat (Marsaglia and Tsang, Journal of Statistical Software 5(8), 2000): 256 layers of
+//! equal area cover `f(x) = exp(-x^2 / 2)`, and layer i reaches from 0 to `x_i`. A point that is drawn in a layer counts when it
+//! is below f. `rand_distr` draws the same numbers, but with the exponential and the logarithm of the platform.
 
-use rand::SeedableRng;
+use std::sync::LazyLock;
+
+use rand::distr::Open01;
+use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 /// Streams of faults begin here; those of features are below.
 const FAULTS: u64 = 1 << 32;
+
+/// The bottom layer covers f beyond `x_1` too, as if it reached to `x_0`.
+const X_0: f64 = 3.910_757_959_537_09;
+const X_1: f64 = 3.654_152_885_361_009;
+/// `x_i` and `f(x_i)`; the last is the top of f.
+static LAYERS: LazyLock<[(f64, f64); 257]> = LazyLock::new(|| {
+    let f = |x: f64| libm::exp(-x * x / 2.0);
+    let area = X_0 * f(X_1);
+    let mut layers = [(0.0, 1.0); 257];
+    layers[0] = (X_0, f(X_0));
+    layers[1] = (X_1, f(X_1));
+    for i in 2..256 {
+        let (x, height) = layers[i - 1];
+        let x = (-2.0 * libm::log(area / x + height)).sqrt();
+        layers[i] = (x, f(x));
+    }
+    layers
+});
 
 /// What the numbers are drawn for.
 #[derive(Debug, Clone, Copy)]
@@ -24,6 +50,7 @@ pub enum Stream {
 impl Stream {
     /// The stream's generator in the run with this `seed`.
     pub fn open(self, seed: u64) -> ChaCha8Rng {
+        LazyLock::force(&LAYERS); // now, and not in flight
         let mut generator = ChaCha8Rng::seed_from_u64(seed);
         generator.set_stream(self.number());
         generator
@@ -37,5 +64,56 @@ impl Stream {
             Self::Turbulence => 4,
             Self::Fault(index) => FAULTS + index as u64,
         }
+    }
+}
+
+/// A normal number of deviation 1.
+pub fn normal(random: &mut ChaCha8Rng) -> f64 {
+    loop {
+        let bits = random.next_u64();
+        let [(x_i, f_i), (x_next, f_next)] = [0, 1].map(|above| LAYERS[(bits & 0xff) as usize + above]);
+        // The upper 52 bits as a number from 2 to 4, and so from -1 to 1.
+        let share = f64::from_bits((bits >> 12) | 2_f64.to_bits()) - 3.0;
+        let x = share * x_i;
+        if x.abs() < x_next {
+            return x;
+        }
+        if x_i == X_0 {
+            return tail(random).copysign(share);
+        }
+        if f_next + (f_i - f_next) * random.random::<f64>() < libm::exp(-x * x / 2.0) {
+            return x;
+        }
+    }
+}
+
+/// A normal number beyond `x_1`, where an exponential is above f.
+fn tail(random: &mut ChaCha8Rng) -> f64 {
+    loop {
+        let [x, y] = [(); 2].map(|()| -libm::log(random.sample(Open01)));
+        let beyond = x / X_1;
+        if 2.0 * y >= beyond * beyond {
+            return X_1 + beyond;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand_distr::StandardNormal;
+
+    use super::*;
+
+    #[test]
+    fn val_normal_numbers_are_those_of_rand_distr_draw_by_draw() {
+        let [mut ours, mut theirs] = [(); 2].map(|()| Stream::Noise.open(1));
+        let mut tails = 0;
+        for _ in 0..1_000_000 {
+            let (x, expected): (f64, f64) = (normal(&mut ours), theirs.sample(StandardNormal));
+            assert!((x - expected).abs() < 1e-12, "{x} {expected}");
+            tails += u64::from(x.abs() > X_1);
+        }
+        assert_eq!(ours, theirs);
+        assert!(tails > 200, "{tails} of about 258");
     }
 }

@@ -97,7 +97,7 @@ impl Rotors {
 
     /// What the rotors do to a vehicle that moves at `air_mps` against the air, body \[m/s\].
     pub fn thrust(&self, actuators: &Actuation, condition: &Condition, air_mps: &Vector3<f64>) -> Wrench {
-        let axes = axes(actuators.tilt_rad);
+        let axes = axes(libm::sincos(actuators.tilt_rad));
         let (mut force_n, mut moment_nm) = (Vector3::zeros(), Vector3::zeros());
         for i in 0..3 {
             let speed = actuators.rotor_speed[i];
@@ -122,8 +122,8 @@ impl Rotors {
         if self.inertia_kgm2 == 0.0 {
             return Momentum::default();
         }
-        let axes = axes(actuators.tilt_rad);
-        let (sin_mu, cos_mu) = actuators.tilt_rad.sin_cos();
+        let (sin_mu, cos_mu) = libm::sincos(actuators.tilt_rad);
+        let axes = axes((sin_mu, cos_mu));
         let mut momentum = Momentum::default();
         for i in 0..3 {
             let inertia = -SENSES[i] * self.inertia_kgm2;
@@ -136,9 +136,8 @@ impl Rotors {
     }
 }
 
-/// The axes along which the rotors push, body, at a tilt of rotor 1 \[rad\].
-fn axes(tilt_rad: f64) -> [Vector3<f64>; 3] {
-    let (sin_mu, cos_mu) = tilt_rad.sin_cos();
+/// The axes along which the rotors push, body, by sine and cosine of the tilt of rotor 1.
+fn axes((sin_mu, cos_mu): (f64, f64)) -> [Vector3<f64>; 3] {
     [Vector3::new(0.0, sin_mu, -cos_mu), -Vector3::z(), -Vector3::z()]
 }
 

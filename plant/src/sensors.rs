@@ -15,12 +15,10 @@ use std::collections::VecDeque;
 use contract::Scenario;
 use contract::message::Kinematics;
 use contract::scenario::{Filter, Sensor as Settings};
-use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
-use rand_distr::StandardNormal;
 
 use crate::filter::ComplementaryFilter;
-use crate::random::Stream;
+use crate::random::{Stream, normal};
 
 /// Measurements under way that a sensor has room for: the longest latency at the highest rate.
 const UNDER_WAY: usize = 1024;
@@ -68,7 +66,7 @@ impl Sensor {
         let bandwidth = (1e9 / period_ns as f64 / 2.0).sqrt();
         let sample_s = sample_ns as f64 / 1e9;
         Self {
-            deviation: settings.noise_density.map(|density| (density * bandwidth).hypot(noise) * unit),
+            deviation: settings.noise_density.map(|density| libm::hypot(density * bandwidth, noise) * unit),
             bias_deviation: settings.bias.map(|bias| bias * unit),
             bias_step: settings.bias_walk.map(|walk| walk * sample_s.sqrt() * unit),
             quantum: settings.quantum.map(|quantum| quantum * unit),
@@ -90,8 +88,7 @@ impl Sensor {
     /// What it says at `now_ns` of the truth. With `errs` it draws six numbers, whether it needs them or not, so that one
     /// sensor does not depend on another.
     fn read(&mut self, now_ns: u64, truth: [f64; 3], errs: bool, random: &mut ChaCha8Rng) -> [f64; 3] {
-        let mut draw =
-            || -> [f64; 3] { std::array::from_fn(|_| if errs { random.sample(StandardNormal) } else { 0.0 }) };
+        let mut draw = || -> [f64; 3] { std::array::from_fn(|_| if errs { normal(random) } else { 0.0 }) };
         let (noise, walk) = (draw(), draw());
         let steps = if self.bias.is_some() { self.bias_step } else { self.bias_deviation };
         let before = self.bias.unwrap_or([0.0; 3]);

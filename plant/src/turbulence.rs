@@ -21,11 +21,9 @@
 
 use contract::Scenario;
 use nalgebra::{Rotation3, Vector3};
-use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
-use rand_distr::StandardNormal;
 
-use crate::random::Stream;
+use crate::random::{Stream, normal};
 
 const FEET_PER_M: f64 = 1.0 / 0.3048;
 /// Height at which the wind is given: 20 feet \[m\].
@@ -60,7 +58,7 @@ impl Axis {
     fn new(sigma_mps: f64, t_s: f64, dt_s: f64, from: [f64; 2], random: &mut ChaCha8Rng) -> Self {
         let share = dt_s / t_s;
         let axis =
-            Self { a: 0.0, b: 0.0, decay: (-share).exp(), share, noise: covariance_root(sigma_mps, share), from };
+            Self { a: 0.0, b: 0.0, decay: libm::exp(-share), share, noise: covariance_root(sigma_mps, share), from };
         let start = covariance_root(sigma_mps, f64::INFINITY);
         let [first, second] = two(random);
         Self { a: start[0] * first, b: start[1] * first + start[2] * second, ..axis }
@@ -79,12 +77,12 @@ impl Axis {
 }
 
 fn two(random: &mut ChaCha8Rng) -> [f64; 2] {
-    [random.sample(StandardNormal), random.sample(StandardNormal)]
+    [normal(random), normal(random)]
 }
 
 /// Lower triangle of the root of the covariance that `share` of a time scale adds to (a, b).
 fn covariance_root(sigma: f64, share: f64) -> [f64; 3] {
-    let (left, r) = if share.is_finite() { ((-2.0 * share).exp(), share) } else { (0.0, 0.0) };
+    let (left, r) = if share.is_finite() { (libm::exp(-2.0 * share), share) } else { (0.0, 0.0) };
     let aa = (1.0 - left) / 2.0;
     let ab = 0.25 - (r / 2.0 + 0.25) * left;
     let bb = 0.25 - (r * r / 2.0 + r / 2.0 + 0.25) * left;
@@ -98,7 +96,7 @@ fn scales(height_m: f64, wind_mps: f64) -> ([f64; 2], [f64; 2]) {
     let h_ft = height_m * FEET_PER_M;
     let base = 0.177 + 0.000_823 * h_ft;
     let sigma_w = 0.1 * wind_mps;
-    ([height_m / base.powf(1.2), height_m], [sigma_w / base.powf(0.4), sigma_w])
+    ([height_m / libm::pow(base, 1.2), height_m], [sigma_w / libm::pow(base, 0.4), sigma_w])
 }
 
 impl Turbulence {
@@ -139,7 +137,7 @@ pub fn shear(height_m: f64, roughness_m: f64) -> f64 {
     if roughness_m <= 0.0 {
         1.0
     } else {
-        (height_m.max(roughness_m) / roughness_m).ln() / (REFERENCE_HEIGHT_M / roughness_m).ln()
+        libm::log(height_m.max(roughness_m) / roughness_m) / libm::log(REFERENCE_HEIGHT_M / roughness_m)
     }
 }
 

@@ -507,7 +507,7 @@ impl ActiveSet {
         for (sideways, cut) in (count..).zip(&self.turning) {
             let across = share * self.step.as_flattened()[sideways];
             let along = self.multipliers[*cut] + share * self.step.as_flattened()[*cut];
-            let length = along.hypot(across);
+            let length = libm::hypot(along, across);
             rise += 0.5 * across * across * self.held[sideways].softness;
             rise -= if along > 0.0 { across * across / (length + along) } else { length - along };
         }

@@ -242,7 +242,7 @@ impl Rows {
         let price = states.penalty.sqrt();
         for (excess, y) in states.forced.row_iter().enumerate() {
             let slope: RowDVector<f64> = y.component_div(&scale.transpose());
-            let length = slope.norm().hypot(1.0 / price);
+            let length = libm::hypot(slope.norm(), 1.0 / price);
             for sign in [-1.0, 1.0] {
                 self.slopes.push(self.b.len(), scale.len() + excess, -1.0 / (price * length));
                 self.push(0, (&slope * (sign / length)).iter(), 1.0 / length);

@@ -124,7 +124,7 @@ fn check_vehicle(scenario: &Scenario, found: &mut Found) {
 
     let [north, east, down] = scenario.initial.position_m;
     found.require(
-        north.hypot(east).hypot(down) < 500.0,
+        libm::hypot(libm::hypot(north, east), down) < 500.0,
         &["initial.position_m"],
         "`initial.position_m` is too far out".into(),
         "within 500 m of the origin: beyond, a run counts as diverged",

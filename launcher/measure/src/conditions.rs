@@ -95,7 +95,7 @@ fn missions() -> anyhow::Result<Vec<Scenario>> {
     let lap = (0..=(LAP_S / POINT_S) as u32).map(|i| {
         let x = f64::from(i) * POINT_S / LAP_S;
         let turns = x * x * x * (10.0 + x * (-15.0 + x * 6.0)); // min-jerk
-        let (sin, cos) = (turns * std::f64::consts::TAU).sin_cos();
+        let (sin, cos) = libm::sincos(turns * std::f64::consts::TAU);
         (LAP_AT_S + f64::from(i) * POINT_S, [RADIUS_M * sin, RADIUS_M * (1.0 - cos), -HEIGHT_M])
     });
     // The climb in steps as short as those of the lap: between points the velocity is constant.

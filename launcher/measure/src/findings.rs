@@ -168,7 +168,7 @@ pub fn plain(value: f64) -> String {
         0.0 => "0".to_owned(),
         size if !(1e-3..1e7).contains(&size) => format!("{value:.2e}"),
         size if size >= 1e3 || value.fract() == 0.0 => format!("{value:.0}"),
-        size => format!("{value:.*}", (3 - size.log10().floor() as i32).max(0) as usize),
+        size => format!("{value:.*}", (3 - libm::log10(size).floor() as i32).max(0) as usize),
     }
 }
 

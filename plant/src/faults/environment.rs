@@ -66,14 +66,14 @@ impl EnvironmentFaults {
                     let since_ns = from_ns - ticks.start * self.sample_ns;
                     let risen = since_ns as f64 / 1e9 + offset_s;
                     let rise_s = *rise_ns as f64 / 1e9;
-                    let share = if risen < rise_s { (1.0 - (PI * risen / rise_s).cos()) / 2.0 } else { 1.0 };
+                    let share = if risen < rise_s { (1.0 - libm::cos(PI * risen / rise_s)) / 2.0 } else { 1.0 };
                     outside.wind_mps += wind_mps * share;
                 }
                 Effect::Gust(peak_mps, duration_ns) => {
                     let since_ns = from_ns - ticks.start * self.sample_ns;
                     if since_ns < *duration_ns {
                         let (since_s, duration_s) = (since_ns as f64 / 1e9 + offset_s, *duration_ns as f64 / 1e9);
-                        outside.wind_mps += peak_mps * ((1.0 - (TAU * since_s / duration_s).cos()) / 2.0);
+                        outside.wind_mps += peak_mps * ((1.0 - libm::cos(TAU * since_s / duration_s)) / 2.0);
                     }
                 }
                 Effect::Mass(mass_kg) => outside.payload_kg += mass_kg,

@@ -26,7 +26,7 @@ impl Filter {
     pub fn follow(&mut self, tick: u64, input: [f64; 3]) -> [f64; 3] {
         let (before, output) = self.last.unwrap_or((tick, input));
         let elapsed_s = tick.saturating_sub(before) as f64 * self.sample_s;
-        let share = if self.time_constant_s > 0.0 { -(-elapsed_s / self.time_constant_s).exp_m1() } else { 1.0 };
+        let share = if self.time_constant_s > 0.0 { -libm::expm1(-elapsed_s / self.time_constant_s) } else { 1.0 };
         let along = |y: f64, m: f64| if y.is_finite() { y + share * (m - y) } else { m };
         let output = std::array::from_fn(|axis| along(output[axis], input[axis]));
         self.settle(tick, output);

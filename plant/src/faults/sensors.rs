@@ -19,10 +19,9 @@ use contract::message::Kinematics;
 use contract::scenario::{Fault, FaultKind, FaultTarget, Mode, Wrong};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
-use rand_distr::StandardNormal;
 
 use super::memory::{Filter, Past};
-use crate::random::Stream;
+use crate::random::{Stream, normal};
 
 /// Share of the ticks on which a garbage sensor returns garbage.
 const GARBAGE_SHARE: f64 = 1.0;
@@ -176,10 +175,7 @@ impl SensorFault {
             Effect::Scale(factor) => measured.map(|value| value * *factor),
             Effect::Slow(filter) => filter.follow(tick, measured),
             Effect::Delayed(by) => past.before(tick, *by)[self.sensor],
-            Effect::Noise(deviation) => measured.map(|value| {
-                let normal: f64 = random.sample(StandardNormal);
-                value + *deviation * normal
-            }),
+            Effect::Noise(deviation) => measured.map(|value| value + *deviation * normal(random)),
         }
     }
 }

@@ -125,7 +125,7 @@ impl Watch {
         let motion = motion(state);
         let is_down = ground.carries(&motion) || state.status == PlantStatus::Crashed as u64;
         if at_s >= AT_S && is_down {
-            let tilt_deg = motion.cnb[(2, 2)].clamp(-1.0, 1.0).acos().to_degrees();
+            let tilt_deg = libm::acos(motion.cnb[(2, 2)].clamp(-1.0, 1.0)).to_degrees();
             self.down = Some(Down { at_s, tilt_deg, sink_mps: self.sink_mps });
         }
         self.sink_mps = (motion.cnb * motion.velocity_mps).z;

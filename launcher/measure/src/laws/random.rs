@@ -58,7 +58,7 @@ fn flight(hover: &Scenario, seed: u64, number: u64) -> Scenario {
     flown.plant.airframe.mass_kg = Some(mass_kg);
     flown.plant.rotor_speed_max_ratio = speed_ratio(hover, within(1.15, 1.8), mass_kg + payload_kg);
     let (gust_mps, towards_rad) = (within(0.0, 15.0), within(0.0, TAU));
-    let vector = [gust_mps * towards_rad.cos(), gust_mps * towards_rad.sin(), 0.0];
+    let vector = [gust_mps * libm::cos(towards_rad), gust_mps * libm::sin(towards_rad), 0.0];
     flown.fault = vec![
         Fault { value: Some(payload_kg), ..Fault::new(FaultTarget::Payload, FaultKind::Mass, 2.0, Some(6.0)) },
         Fault { vector: Some(vector), ..Fault::new(FaultTarget::Wind, FaultKind::Gust, 4.0, Some(2.0)) },

@@ -153,9 +153,9 @@ fn rows(set: &DemandSet, variables: usize) -> (DMatrix<f64>, Vec<f64>) {
     if let Some([side, ahead]) = &set.disc {
         let half = PI / f64::from(2 * CHORDS);
         for chord in 0..CHORDS {
-            let (sin, cos) = (f64::from(2 * chord + 1) * half - PI / 2.0).sin_cos();
+            let (sin, cos) = libm::sincos(f64::from(2 * chord + 1) * half - PI / 2.0);
             let slope = -(side.slope * sin + ahead.slope * cos);
-            of_move.push((slope, half.cos() - side.offset * sin - ahead.offset * cos));
+            of_move.push((slope, libm::cos(half) - side.offset * sin - ahead.offset * cos));
         }
     }
     let (mut rows, mut offsets) = (vec![], vec![]);

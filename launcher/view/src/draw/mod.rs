@@ -1,5 +1,7 @@
 //! Pages: HTML text and tables, and pictures as inline SVG, all without a script and without the network.
 
+#![allow(clippy::disallowed_methods, reason = "where a line is drawn reaches no message")]
+
 mod charts;
 mod heat_map;
 mod html;
