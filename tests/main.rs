@@ -1,5 +1,7 @@
 //! The stack as a whole: flights in process, in lockstep and in real time, and the promises of the repository itself.
 
+#![allow(clippy::disallowed_methods, reason = "a test asks the platform for a second opinion")]
+
 mod accuracy;
 mod architecture;
 mod bad_input;
@@ -20,6 +22,7 @@ mod promise;
 mod recorded;
 mod recorder;
 mod replay;
+mod same_bits;
 mod sensitivity;
 mod shared_memory;
 mod solver;

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use crate::harness::{skip, top};
 
 /// Every Rust file of the workspace, by path from the top.
-fn sources() -> Vec<(PathBuf, String)> {
+pub fn sources() -> Vec<(PathBuf, String)> {
     fn walk(folder: &Path, found: &mut Vec<PathBuf>) {
         for entry in std::fs::read_dir(folder).expect("a folder").flatten() {
             let path = entry.path();
