@@ -1,12 +1,12 @@
 //! `launcher measure mpc` and `timing`: every promise has a verdict, the raw samples are kept, and the problems are whole.
-//! No time is judged here.
+//! The tables of flights in docs/mpc.md are what their commands print. No time is judged here.
 
 use std::path::Path;
 use std::process::{Output, Stdio};
 
 use serde_json::Value;
 
-use crate::harness::{in_memory, launcher};
+use crate::harness::{in_memory, launcher, top};
 
 const QUICK: [&str; 2] = ["--rounds", "1"];
 
@@ -113,6 +113,49 @@ fn what_cannot_be_measured_is_told() {
     check(&QUICK, &file, &["occupied", "--out"]);
     check(&["--rounds", "1", "--export", occupied], &out, &["occupied", "--export"]);
     check(&["--rounds", "1", "--compare", "no-such-python"], &out, &["no-such-python"]);
+}
+
+/// The rows of the table of docs/mpc.md whose heading begins with `heading`.
+fn rows_of_the_page(heading: &str) -> Vec<String> {
+    let page = std::fs::read_to_string(top().join("docs/mpc.md")).expect("docs/mpc.md is readable");
+    let from = page.lines().skip_while(|line| !line.trim_start().starts_with(heading)).skip(1);
+    from.take_while(|line| !line.starts_with("```")).map(str::to_owned).collect()
+}
+
+/// What `launcher measure` prints of flights that meet its targets.
+fn printed(figure: &str) -> String {
+    let output = launcher().args(["measure", figure]).output().expect("the launcher starts");
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert_eq!(output.status.code(), Some(0), "{text}");
+    text
+}
+
+#[test]
+fn the_flights_under_every_law_are_those_of_the_page() {
+    let printed = printed("laws");
+    for heading in ["step ", "survived "] {
+        let rows = rows_of_the_page(heading);
+        assert_eq!(rows.len(), 12, "{rows:?}");
+        for row in rows {
+            assert!(printed.lines().any(|line| line == row), "docs/mpc.md has: {row}\nflown:\n{printed}");
+        }
+    }
+}
+
+#[test]
+fn the_flights_under_every_model_are_those_of_the_page() {
+    let printed = printed("conditions");
+    let words = |line: &str| line.split_whitespace().map(str::to_owned).collect::<Vec<_>>();
+    let rows = rows_of_the_page("mission ");
+    assert_eq!(rows.len(), 18, "{rows:?}");
+    for row in rows {
+        let mut figures = words(&row);
+        figures.truncate(figures.len() - 2); // the last two are times
+        assert!(
+            printed.lines().any(|line| words(line).starts_with(&figures)),
+            "docs/mpc.md has: {row}\nflown:\n{printed}"
+        );
+    }
 }
 
 /// `launcher measure` with `arguments`: what it printed, which it wrote into `folder` too, the beginning of its namespaces,
