@@ -41,6 +41,14 @@ pub struct Kinematics {
     pub rates_radps: [f64; 3],
 }
 
+impl Kinematics {
+    /// The angle between the body's z axis and the vertical \[rad\].
+    pub fn tilt_rad(&self) -> f64 {
+        let [phi, theta, _] = self.attitude_rad;
+        libm::acos((libm::cos(phi) * libm::cos(theta)).clamp(-1.0, 1.0))
+    }
+}
+
 /// Rotor speeds and tilt on the wire: the same four numbers as [`airframe::Actuation`].
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend, Pod, Zeroable)]
 #[repr(C)]

@@ -8,10 +8,10 @@ use anyhow::{Context, anyhow, bail};
 use contract::exit;
 use contract::scenario::{self, Scenario, Swap, SwapNode, candidate};
 use contract::topic::Topic;
-use flight::files::write_whole;
-use flight::replay::{Difference, Plan, Recording, Replayed};
 use flight::duration::seconds;
+use flight::files::write_whole;
 use flight::provenance::status_of;
+use flight::replay::{Difference, Plan, Recording, Replayed};
 use runtime::console::{eprint_line, print};
 use rustix::process::{Signal, getpid, kill_process};
 
@@ -90,7 +90,7 @@ pub fn replay(args: &ReplayArgs) -> anyhow::Result<u8> {
 
     let mut summary = Summary::new(&recording.scenario);
     let started = Instant::now();
-    let replayed = recording.replay(&plan, |record| summary.observe(record))?;
+    let replayed = flight::replay::replay(&recording, &plan, |record| summary.observe(record))?;
     let wall_s = started.elapsed().as_secs_f64();
     let (flown_s, name) = (replayed.last_tick as f64 * sample_s, &recording.scenario.name);
     print(&format!(
@@ -148,7 +148,9 @@ fn wait_for_debugger() {
     let pid = std::process::id();
     let is_traced = || status_of(pid, "TracerPid:").is_some_and(|tracer| tracer != "0");
     if !is_traced() {
-        eprint_line(&format!("stopped before the cycle; attach with `gdb -p {pid}` or `lldb -p {pid}` and continue: it stops again there"));
+        eprint_line(&format!(
+            "stopped before the cycle; attach with `gdb -p {pid}` or `lldb -p {pid}` and continue: it stops again there"
+        ));
     }
     while !is_traced() {
         std::thread::sleep(LOOK_FOR_DEBUGGER);

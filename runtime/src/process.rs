@@ -59,8 +59,14 @@ pub fn die_with_launcher(namespace: &str) -> Result<(), SessionError> {
     // A launcher that died before that sends no signal any more: then the parent is another.
     let parent = rustix::process::getppid().map(|pid| pid.as_raw_nonzero().get());
     let launcher = Domain::find(namespace)?.launcher_pid();
-    let debugger_of = |parent: i32| (number_of("self", "TracerPid:") == Some(parent)).then(|| number_of(&parent.to_string(), "PPid:")).flatten();
-    if parent == launcher || parent.and_then(debugger_of) == launcher { Ok(()) } else { Err(SessionError::Orphan(namespace.into())) }
+    let debugger_of = |parent: i32| {
+        (number_of("self", "TracerPid:") == Some(parent)).then(|| number_of(&parent.to_string(), "PPid:")).flatten()
+    };
+    if parent == launcher || parent.and_then(debugger_of) == launcher {
+        Ok(())
+    } else {
+        Err(SessionError::Orphan(namespace.into()))
+    }
 }
 
 /// A number in the status of a process.

@@ -21,7 +21,7 @@ SAMPLE_NS = 10_000_000
 # Schema name and fields of every topic.
 TOPICS = {
     "/state": ("trefoil.v1.State", "stamp applied_sequence applied_age_ns measured actual actuators command_in_force"
-               " status status_name"),
+               " status status_name arrivals arrived"),
     "/reference": ("trefoil.v1.Reference", "stamp position_m velocity_mps w_mps attitude_rad rates_radps"
                    " disturbance_mps2 flags"),
     "/controls": ("trefoil.v1.Controls", "stamp demand disturbance status status_name iterations solve_ns"
@@ -30,7 +30,7 @@ TOPICS = {
 }
 # What happened to the processes; no message in a quiet flight.
 EVENTS = "/events"
-EVENT = ("trefoil.v1.Event", "tick node epoch what why swap by")
+EVENT = ("trefoil.v1.Event", "tick node epoch what why swap by fault_number fault origin")
 
 
 class Unexpected(Exception):

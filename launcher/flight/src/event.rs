@@ -42,7 +42,7 @@ pub struct Event {
     pub by: Option<Sender>,
     /// A fault that was given or ended in flight, with its number: as it is from now on.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub fault: Option<(usize, Fault)>,
+    pub fault: Option<Box<(usize, Fault)>>,
 }
 
 /// Who gave a command to a flight.

@@ -12,7 +12,7 @@ use anyhow::bail;
 use contract::scenario::{Mode, Scenario};
 use flight::inprocess;
 use flight::log::Record;
-use flight::replay::{Disturbed, Plan, Recording};
+use flight::replay::{Disturbed, Plan, Recording, disturbed, replay, without};
 use guidance::Trajectory;
 use serde::Serialize;
 
@@ -87,8 +87,7 @@ impl Outcome {
                 && record.is_intact()
                 && error_m.len() as u64 <= state.stamp.tick
             {
-                let [roll, pitch, _] = state.actual.attitude_rad;
-                worst_tilt = worst_tilt.max((roll.cos() * pitch.cos()).clamp(-1.0, 1.0).acos());
+                worst_tilt = worst_tilt.max(state.actual.tilt_rad());
                 let wanted_m = trajectory.at(state.stamp.tick as f64 * scenario.sample_s()).position_m;
                 error_m.resize(state.stamp.tick as usize + 1, length_m(position_error_m(wanted_m, state)));
             }
@@ -103,7 +102,7 @@ impl Outcome {
     /// It cannot be flown to its end.
     pub fn flown(recording: &Recording) -> anyhow::Result<Self> {
         Self::of(&recording.scenario, |each| {
-            let replayed = recording.replay(&Plan::default(), each)?;
+            let replayed = replay(recording, &Plan::default(), each)?;
             if let Some(why) = replayed.stopped {
                 bail!("the flight cannot be flown again to its end: {why}");
             }
@@ -118,7 +117,7 @@ impl Outcome {
 /// The flight does not repeat bit for bit.
 pub fn explain(recording: &Recording, progress: impl Fn(usize, usize) + Sync) -> anyhow::Result<Explained> {
     let scenario = &recording.scenario;
-    let replayed = recording.replay(&Plan::default(), |_| {})?;
+    let replayed = replay(recording, &Plan::default(), |_| {})?;
     if let Some(first) = replayed.first {
         let (field, tick) = (first.differs.field, first.tick);
         bail!(
@@ -127,13 +126,13 @@ pub fn explain(recording: &Recording, progress: impl Fn(usize, usize) + Sync) ->
         );
     }
     let flight = Outcome::flown(recording)?;
-    let disturbed = recording.disturbed();
+    let disturbed = disturbed(recording);
     let bursts = bursts(&disturbed);
     let all: BTreeSet<u64> = disturbed.iter().map(|one| one.tick).collect();
     let wanted: Vec<&[Disturbed]> =
         disturbed.chunks(1).chain(bursts.iter().copied().filter(|burst| burst.len() > 1)).collect();
     let costs = in_parallel(&wanted, progress, |ticks| {
-        let without = Outcome::flown(&recording.without(&ticks.iter().map(|one| one.tick).collect()))?;
+        let without = Outcome::flown(&without(recording, &ticks.iter().map(|one| one.tick).collect()))?;
         Ok(Cost::new(ticks, scenario.sample_s(), &flight, &without))
     })?;
     let (mut ticks, mut bursts): (Vec<Cost>, Vec<Cost>) =
@@ -150,7 +149,7 @@ pub fn explain(recording: &Recording, progress: impl Fn(usize, usize) + Sync) ->
         });
         Ok(())
     })?;
-    let without_any = Outcome::flown(&recording.without(&all))?;
+    let without_any = Outcome::flown(&without(recording, &all))?;
     Ok(Explained {
         name: scenario.name.clone(),
         sample_s: scenario.sample_s(),
@@ -255,7 +254,8 @@ impl Explained {
                     String::new()
                 };
                 let rows = costs.iter().take(ROWS).map(Cost::cells).collect();
-                text += &format!("\n{}", Table::new(&format!("{title}{more}"), &COLUMNS, rows).text());
+                text.push('\n');
+                text.push_str(&Table::new(&format!("{title}{more}"), &COLUMNS, rows).text());
             }
         }
         text + &format!("\n{}", self.side_by_side().text())
@@ -303,14 +303,14 @@ impl Explained {
             [("Bursts, the costliest first", &self.bursts), ("Single ticks, the costliest first", &self.ticks)]
         {
             if !costs.is_empty() {
-                html += &format!("<h3>{title}</h3>{}", Self::html_table(costs));
+                html.extend(["<h3>", title, "</h3>", &Self::html_table(costs)]);
             }
         }
         let mut costliest: Vec<&Cost> = self.bursts.iter().chain(&self.ticks).collect();
         costliest.sort_by(|a, b| b.error_integral_ms.total_cmp(&a.error_integral_ms));
         for cost in costliest.iter().take(PLOTS) {
             let caption = format!("Tick {}, {} {}", cost.ticks_in_words(), cost.node, cost.what);
-            html += &format!("<h3>{}</h3>{}", escape(&caption), self.plot(cost));
+            html.extend(["<h3>", &escape(&caption), "</h3>", &self.plot(cost)]);
         }
         html
     }

@@ -46,6 +46,10 @@ pub use write::LogWriter;
 
 /// One message of any topic.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "a record lives for a moment, and a box would cost an allocation for each message"
+)]
 pub enum Record {
     State(State),
     Reference(Reference),

@@ -61,8 +61,8 @@ pub fn encode_event(event: &Event, buffer: &mut Vec<u8>) {
     let Event { tick, ref node, epoch, what, ref why, swap, origin, by, ref fault } = *event;
     let [swap, origin] = [swap, origin].map(|swap| swap.map(|swap| swap as u64));
     let by = by.map(|Sender { pid, user }| wire::Sender { pid, user });
-    let fault_number = fault.as_ref().map(|(number, _)| *number as u64);
-    let fault = fault.as_ref().map(|(_, fault)| json!(fault).to_string());
+    let fault_number = fault.as_ref().map(|fault| fault.0 as u64);
+    let fault = fault.as_ref().map(|fault| json!(fault.1).to_string());
     wire::Event {
         tick,
         node: node.clone(),
@@ -84,7 +84,8 @@ pub fn decode_event(bytes: &[u8]) -> anyhow::Result<Event> {
         wire::Event::decode(bytes)?;
     let by = by.map(|wire::Sender { pid, user }| Sender { pid, user });
     let what = serde_json::from_value(what.into()).context("what happened is unknown")?;
-    let fault = fault_number.zip(fault).map(|(number, text)| Ok((number as usize, serde_json::from_str(&text)?)));
+    let fault =
+        fault_number.zip(fault).map(|(number, text)| Ok(Box::new((number as usize, serde_json::from_str(&text)?))));
     let fault = fault
         .transpose()
         .map_err(|error: serde_json::Error| error)

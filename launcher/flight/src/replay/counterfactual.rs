@@ -12,7 +12,8 @@ use contract::Topic;
 use contract::scenario::{Late, Mode};
 use runtime::release::Release;
 
-use super::{Cycle, Key, Process, Read, Recording};
+use super::recording::Recording;
+use super::script::{Cycle, Key, Process, Read, Script};
 
 /// What was wrong with a tick, the first thing round the ring.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -30,169 +31,125 @@ const ANSWERS: [(Topic, &[Topic]); 3] = [
     (Topic::Actuators, &[Topic::State, Topic::Controls]),
 ];
 
-impl Recording {
-    /// Every tick that was not in order, but for the last, whose command nobody waits for.
-    pub fn disturbed(&self) -> Vec<Disturbed> {
-        let Some(plant) = self.process_of(Topic::State, 1) else { return vec![] };
-        let last = plant.cycles.last().map_or(0, |last| last.tick);
-        (0..last).filter_map(|tick| self.look_at(plant, tick)).collect()
-    }
+/// Every tick that was not in order, but for the last, whose command nobody waits for.
+pub fn disturbed(recording: &Recording) -> Vec<Disturbed> {
+    let Some(plant) = process_of(&recording.script, Topic::State, 1) else { return vec![] };
+    let last = plant.cycles.last().map_or(0, |last| last.tick);
+    (0..last).filter_map(|tick| look_at(recording, plant, tick)).collect()
+}
 
-    /// The flight with `ticks` undone.
-    #[must_use]
-    pub fn without(&self, ticks: &BTreeSet<u64>) -> Self {
-        let mut repaired = self.clone();
-        let usual = Usual::of(self);
-        for tick in ticks {
-            repaired.undo(*tick, &usual);
-        }
-        repaired.continue_from_what_was_added(ticks);
-        repaired
+/// The flight with `ticks` undone.
+#[must_use]
+pub fn without(recording: &Recording, ticks: &BTreeSet<u64>) -> Recording {
+    let mut repaired = recording.clone();
+    let usual = Usual::of(recording);
+    for tick in ticks {
+        undo(&mut repaired, *tick, &usual);
     }
+    continue_from_what_was_added(&mut repaired.script, ticks);
+    repaired
+}
 
-    fn process_of(&self, topic: Topic, epoch: u64) -> Option<&Process> {
-        self.script.process(topic, epoch).map(|i| &self.script.processes[i])
+fn process_of(script: &Script, topic: Topic, epoch: u64) -> Option<&Process> {
+    script.process(topic, epoch).map(|i| &script.processes[i])
+}
+
+fn look_at(recording: &Recording, plant: &Process, tick: u64) -> Option<Disturbed> {
+    let disturbed = |topic: Topic, what: String| Some(Disturbed { tick, node: topic.publisher(), what });
+    let Some(sample) = plant.cycle(tick) else { return disturbed(Topic::State, "took no sample".into()) };
+    if let Some(what) = harm(recording, plant, sample) {
+        return disturbed(Topic::State, what);
     }
-
-    fn look_at(&self, plant: &Process, tick: u64) -> Option<Disturbed> {
-        let disturbed = |topic: Topic, what: String| Some(Disturbed { tick, node: topic.publisher(), what });
-        let Some(sample) = plant.cycle(tick) else { return disturbed(Topic::State, "took no sample".into()) };
-        if let Some(what) = self.harm(plant, sample) {
-            return disturbed(Topic::State, what);
-        }
-        let mut read = vec![Key { topic: Topic::State, epoch: 1, tick }];
-        for (topic, sources) in ANSWERS {
-            let Some((process, cycle)) = self.active_cycle(topic, tick) else {
-                return disturbed(topic, "did not answer".into());
-            };
-            for source in sources {
-                let used = cycle.inputs[*source as usize].map(|read| read.key);
-                if !used.is_some_and(|used| read.contains(&used)) {
-                    let used = used.map_or("none".into(), |used| format!("that of tick {}", used.tick));
-                    return disturbed(
-                        topic,
-                        format!("answered without the {} of this tick: it had {used}", source.name()),
-                    );
-                }
-            }
-            if let Some(what) = self.harm(process, cycle) {
-                return disturbed(topic, what);
-            }
-            read.push(Key { topic, epoch: process.epoch, tick });
-        }
-        let command = read.last()?;
-        let next = plant.cycles.iter().find(|cycle| cycle.tick > tick)?;
-        let arrived = next.tick == tick + 1 && next.arrivals.iter().any(|(read, _)| read.key == *command);
-        if arrived {
-            None
-        } else {
-            disturbed(Topic::Actuators, "the command came after the next sample, or never".into())
-        }
-    }
-
-    /// What became of the message of a cycle, if it was not delivered as it was meant and in time.
-    fn harm(&self, process: &Process, cycle: &Cycle) -> Option<String> {
-        let deadline = Release::of(&self.scenario).deadline(self.scenario.deadline_of(process.topic as usize));
-        let response_ns = cycle.publish_ns.saturating_sub(cycle.sample_ns);
-        let late = self.scenario.run.mode == Mode::Realtime && response_ns > deadline.deadline_ns;
-        if late {
-            let withheld = matches!(deadline.late, Late::Skip | Late::Hold | Late::Stop);
-            let fate = if withheld { ", withheld" } else { "" };
-            return Some(format!("answered {:.2} ms after the sample{fate}", response_ns as f64 / 1e6));
-        }
-        cycle.faulted.then(|| "a fault lost or changed its message".into())
-    }
-
-    /// The active process of a node on a tick, with its cycle.
-    fn active_cycle(&self, topic: Topic, tick: u64) -> Option<(&Process, &Cycle)> {
-        let of_node = self.script.processes.iter().filter(|process| process.topic == topic);
-        { of_node }.find_map(|process| Some((process, process.cycle(tick).filter(|cycle| !cycle.standby)?)))
-    }
-
-    /// Has one tick be in order.
-    fn undo(&mut self, tick: u64, usual: &Usual) {
-        let Some(plant) = self.script.process(Topic::State, 1) else { return };
-        let period_ns = self.scenario.sample_ns();
-        self.script.processes[plant].sample_at(tick, period_ns);
-        let mut read = [None; Topic::COUNT];
-        read[Topic::State as usize] = Some(Read { key: Key { topic: Topic::State, epoch: 1, tick }, unharmed: true });
-        let sample_ns = self.script.processes[plant].cycle(tick).map_or(0, |sample| sample.sample_ns);
-        for (topic, sources) in ANSWERS {
-            let Some(i) = self.worker_at(topic, tick) else { return };
-            let process = &mut self.script.processes[i];
-            let at = process.cycles.partition_point(|cycle| cycle.tick < tick);
-            let inputs = Topic::ALL.map(|topic| read[topic as usize].filter(|_| sources.contains(&topic)));
-            let publish_ns = sample_ns + usual.response_ns[topic as usize];
-            let faults = process.cycles[..at].last().map_or(0, |before| before.faults);
-            let ordered =
-                Cycle { tick, sample_ns, publish_ns, standby: false, faulted: false, faults, inputs, arrivals: vec![] };
-            match process.cycles.get_mut(at).filter(|cycle| cycle.tick == tick) {
-                Some(cycle) => *cycle = Cycle { faults: cycle.faults, ..ordered },
-                None => process.cycles.insert(at, ordered),
-            }
-            let key = Key { topic, epoch: process.epoch, tick };
-            read[topic as usize] = Some(Read { key, unharmed: true });
-        }
-        if let Some(command) = read[Topic::Actuators as usize] {
-            self.script.processes[plant].arrive(command, usual.arrival_ns);
-        }
-    }
-
-    /// The process that answers to `tick`, or else the one that answered last before it.
-    fn worker_at(&self, topic: Topic, tick: u64) -> Option<usize> {
-        let active = |process: &Process| {
-            process.cycles.iter().rfind(|cycle| cycle.tick <= tick && !cycle.standby).map(|c| c.tick)
+    let mut read = vec![Key { topic: Topic::State, epoch: 1, tick }];
+    for (topic, sources) in ANSWERS {
+        let Some((process, cycle)) = active_cycle(&recording.script, topic, tick) else {
+            return disturbed(topic, "did not answer".into());
         };
-        let of_node = self.script.processes.iter().enumerate().filter(|(_, process)| process.topic == topic);
-        { of_node }.filter_map(|(i, process)| Some((active(process)?, i))).max().map(|(_, i)| i)
-    }
-
-    /// A process that took over continues from what the one before it did in the ticks undone.
-    fn continue_from_what_was_added(&mut self, ticks: &BTreeSet<u64>) {
-        for i in 0..self.script.processes.len() {
-            let Process { topic, continues: Some(origin), ref cycles, .. } = self.script.processes[i] else { continue };
-            let Some(first) = cycles.first().map(|first| first.tick) else { continue };
-            let added = ticks.range(origin.done..first.max(origin.done)).next_back().copied();
-            let before = self.process_of(topic, origin.epoch);
-            let done = added.filter(|tick| before.is_some_and(|before| before.cycle(*tick).is_some()));
-            if let (Some(tick), Some(continues)) = (done, &mut self.script.processes[i].continues) {
-                continues.done = tick + 1;
+        for source in sources {
+            let used = cycle.inputs[*source as usize].map(|read| read.key);
+            if !used.is_some_and(|used| read.contains(&used)) {
+                let used = used.map_or("none".into(), |used| format!("that of tick {}", used.tick));
+                return disturbed(topic, format!("answered without the {} of this tick: it had {used}", source.name()));
             }
         }
+        if let Some(what) = harm(recording, process, cycle) {
+            return disturbed(topic, what);
+        }
+        read.push(Key { topic, epoch: process.epoch, tick });
+    }
+    let command = read.last()?;
+    let next = plant.cycles.iter().find(|cycle| cycle.tick > tick)?;
+    let arrived = next.tick == tick + 1 && next.arrivals.iter().any(|(read, _)| read.key == *command);
+    if arrived { None } else { disturbed(Topic::Actuators, "the command came after the next sample, or never".into()) }
+}
+
+/// What became of the message of a cycle, if it was not delivered as it was meant and in time.
+fn harm(recording: &Recording, process: &Process, cycle: &Cycle) -> Option<String> {
+    let deadline = Release::of(&recording.scenario).deadline(recording.scenario.deadline_of(process.topic as usize));
+    let response_ns = cycle.publish_ns.saturating_sub(cycle.sample_ns);
+    let late = recording.scenario.run.mode == Mode::Realtime && response_ns > deadline.deadline_ns;
+    if late {
+        let withheld = matches!(deadline.late, Late::Skip | Late::Hold | Late::Stop);
+        let fate = if withheld { ", withheld" } else { "" };
+        return Some(format!("answered {:.2} ms after the sample{fate}", response_ns as f64 / 1e6));
+    }
+    cycle.faulted.then(|| "a fault lost or changed its message".into())
+}
+
+/// The active process of a node on a tick, with its cycle.
+fn active_cycle(script: &Script, topic: Topic, tick: u64) -> Option<(&Process, &Cycle)> {
+    let of_node = script.processes.iter().filter(|process| process.topic == topic);
+    { of_node }.find_map(|process| Some((process, process.cycle(tick).filter(|cycle| !cycle.standby)?)))
+}
+
+/// Has one tick be in order.
+fn undo(recording: &mut Recording, tick: u64, usual: &Usual) {
+    let Recording { scenario, script, .. } = recording;
+    let Some(plant) = script.process(Topic::State, 1) else { return };
+    let period_ns = scenario.sample_ns();
+    script.processes[plant].sample_at(tick, period_ns);
+    let mut read = [None; Topic::COUNT];
+    read[Topic::State as usize] = Some(Read { key: Key { topic: Topic::State, epoch: 1, tick }, unharmed: true });
+    let sample_ns = script.processes[plant].cycle(tick).map_or(0, |sample| sample.sample_ns);
+    for (topic, sources) in ANSWERS {
+        let Some(i) = worker_at(script, topic, tick) else { return };
+        let process = &mut script.processes[i];
+        let at = process.cycles.partition_point(|cycle| cycle.tick < tick);
+        let inputs = Topic::ALL.map(|topic| read[topic as usize].filter(|_| sources.contains(&topic)));
+        let publish_ns = sample_ns + usual.response_ns[topic as usize];
+        let faults = process.cycles[..at].last().map_or(0, |before| before.faults);
+        let ordered =
+            Cycle { tick, sample_ns, publish_ns, standby: false, faulted: false, faults, inputs, arrivals: vec![] };
+        match process.cycles.get_mut(at).filter(|cycle| cycle.tick == tick) {
+            Some(cycle) => *cycle = Cycle { faults: cycle.faults, ..ordered },
+            None => process.cycles.insert(at, ordered),
+        }
+        let key = Key { topic, epoch: process.epoch, tick };
+        read[topic as usize] = Some(Read { key, unharmed: true });
+    }
+    if let Some(command) = read[Topic::Actuators as usize] {
+        script.processes[plant].arrive(command, usual.arrival_ns);
     }
 }
 
-impl Process {
-    /// Its cycle of a tick.
-    pub fn cycle(&self, tick: u64) -> Option<&Cycle> {
-        self.cycles.get(self.cycles.partition_point(|cycle| cycle.tick < tick)).filter(|cycle| cycle.tick == tick)
-    }
+/// The process that answers to `tick`, or else the one that answered last before it.
+fn worker_at(script: &Script, topic: Topic, tick: u64) -> Option<usize> {
+    let active =
+        |process: &Process| process.cycles.iter().rfind(|cycle| cycle.tick <= tick && !cycle.standby).map(|c| c.tick);
+    let of_node = script.processes.iter().enumerate().filter(|(_, process)| process.topic == topic);
+    { of_node }.filter_map(|(i, process)| Some((active(process)?, i))).max().map(|(_, i)| i)
+}
 
-    /// Has the plant take the sample of `tick`, if it did not: what arrived after it is counted from it.
-    fn sample_at(&mut self, tick: u64, period_ns: u64) {
-        let at = self.cycles.partition_point(|cycle| cycle.tick < tick);
-        if self.cycles.get(at).is_none_or(|cycle| cycle.tick == tick) || at == 0 {
-            return;
-        }
-        let before = self.cycles[at - 1].clone();
-        let passed_ns = (tick - before.tick) * period_ns;
-        let next = &mut self.cycles[at];
-        let (earlier, later) =
-            std::mem::take(&mut next.arrivals).into_iter().partition(|(_, after_ns)| *after_ns < passed_ns);
-        let later: Vec<(Read, u64)> = later;
-        next.arrivals = later.into_iter().map(|(read, after_ns)| (read, after_ns - passed_ns)).collect();
-        let sample_ns = before.sample_ns + passed_ns;
-        let publish_ns = before.publish_ns + passed_ns;
-        self.cycles.insert(at, Cycle { tick, sample_ns, publish_ns, arrivals: earlier, ..before });
-    }
-
-    /// Has `command` come to the plant so long after the sample that it answers to, and at no other time.
-    fn arrive(&mut self, command: Read, after_ns: u64) {
-        self.cycles.iter_mut().for_each(|cycle| cycle.arrivals.retain(|(read, _)| read.key != command.key));
-        let at = self.cycles.partition_point(|cycle| cycle.tick <= command.key.tick);
-        if let Some(next) = self.cycles.get_mut(at) {
-            let place = next.arrivals.partition_point(|(_, earlier_ns)| *earlier_ns <= after_ns);
-            next.arrivals.insert(place, (command, after_ns));
+/// A process that took over continues from what the one before it did in the ticks undone.
+fn continue_from_what_was_added(script: &mut Script, ticks: &BTreeSet<u64>) {
+    for i in 0..script.processes.len() {
+        let Process { topic, continues: Some(origin), ref cycles, .. } = script.processes[i] else { continue };
+        let Some(first) = cycles.first().map(|first| first.tick) else { continue };
+        let added = ticks.range(origin.done..first.max(origin.done)).next_back().copied();
+        let before = process_of(script, topic, origin.epoch);
+        let done = added.filter(|tick| before.is_some_and(|before| before.cycle(*tick).is_some()));
+        if let (Some(tick), Some(continues)) = (done, &mut script.processes[i].continues) {
+            continues.done = tick + 1;
         }
     }
 }

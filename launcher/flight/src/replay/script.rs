@@ -85,7 +85,9 @@ impl Script {
             holes.extend(process.cut_at_hole());
         }
         let ticks: HashMap<_, _> = processes.iter().flat_map(Process::ticks).collect();
-        processes.iter_mut().for_each(|process| process.find_cycles(&ticks));
+        for process in &mut processes {
+            process.find_cycles(&ticks);
+        }
         Self { processes, holes }
     }
 
@@ -163,6 +165,39 @@ impl Process {
             });
             let continues = Origin { epoch: stamp.input_epochs[own], done: stamp.inputs[own] };
             self.continues = (continues != Origin::default()).then_some(continues);
+        }
+    }
+
+    /// Its cycle of a tick.
+    pub fn cycle(&self, tick: u64) -> Option<&Cycle> {
+        self.cycles.get(self.cycles.partition_point(|cycle| cycle.tick < tick)).filter(|cycle| cycle.tick == tick)
+    }
+
+    /// Has the plant take the sample of `tick`, if it did not: what arrived after it is counted from it.
+    pub fn sample_at(&mut self, tick: u64, period_ns: u64) {
+        let at = self.cycles.partition_point(|cycle| cycle.tick < tick);
+        if self.cycles.get(at).is_none_or(|cycle| cycle.tick == tick) || at == 0 {
+            return;
+        }
+        let before = self.cycles[at - 1].clone();
+        let passed_ns = (tick - before.tick) * period_ns;
+        let next = &mut self.cycles[at];
+        let (earlier, later) =
+            std::mem::take(&mut next.arrivals).into_iter().partition(|(_, after_ns)| *after_ns < passed_ns);
+        let later: Vec<(Read, u64)> = later;
+        next.arrivals = later.into_iter().map(|(read, after_ns)| (read, after_ns - passed_ns)).collect();
+        let sample_ns = before.sample_ns + passed_ns;
+        let publish_ns = before.publish_ns + passed_ns;
+        self.cycles.insert(at, Cycle { tick, sample_ns, publish_ns, arrivals: earlier, ..before });
+    }
+
+    /// Has `command` come to the plant so long after the sample that it answers to, and at no other time.
+    pub fn arrive(&mut self, command: Read, after_ns: u64) {
+        self.cycles.iter_mut().for_each(|cycle| cycle.arrivals.retain(|(read, _)| read.key != command.key));
+        let at = self.cycles.partition_point(|cycle| cycle.tick <= command.key.tick);
+        if let Some(next) = self.cycles.get_mut(at) {
+            let place = next.arrivals.partition_point(|(_, earlier_ns)| *earlier_ns <= after_ns);
+            next.arrivals.insert(place, (command, after_ns));
         }
     }
 }

@@ -34,8 +34,15 @@ pub struct Worker {
 }
 
 enum Core {
-    Plant { plant: Box<Plant>, output: Output<State>, tick: u64 },
+    Plant(Box<Vehicle>),
     Node(Box<dyn Node>),
+}
+
+/// The plant with its output, and the tick of its newest sample.
+struct Vehicle {
+    plant: Plant,
+    output: Output<State>,
+    tick: u64,
 }
 
 /// Where the messages of one topic are put.
@@ -47,17 +54,14 @@ impl<M: Wire> Feed<M> {
     fn put(&mut self, ring: &Ring, message: &M) -> Result<(), SessionError> {
         let epoch = message.stamp().epoch as u32;
         let role = ring.page.role(M::TOPIC);
-        let sender = match self.senders.iter().find(|(known, _)| *known == epoch) {
-            Some((_, sender)) => sender.clone(),
-            None => {
-                role.offer(epoch);
-                let sender = ring.ports().sender(epoch)?;
-                self.senders.push((epoch, Rc::clone(&sender)));
-                sender
-            }
-        };
+        if !self.senders.iter().any(|(known, _)| *known == epoch) {
+            role.offer(epoch);
+            self.senders.push((epoch, ring.ports().sender(epoch)?));
+        }
         role.assign(0, |_| Assignment { active: epoch, standby: 0 });
-        let _ = sender.send(message); // it fails where no port listens, and the worker's does
+        let sender = self.senders.iter().find(|(known, _)| *known == epoch);
+        // It fails where no port listens, and the worker's does.
+        let _ = sender.map(|(_, sender)| sender.send(message));
         ring.page.doorbell(M::TOPIC).mark();
         Ok(())
     }
@@ -69,7 +73,7 @@ impl Worker {
         topic: Topic,
         epoch: u32,
         scenario: &Scenario,
-        memory: Option<(Origin, Snapshot)>,
+        memory: Option<&(Origin, Snapshot)>,
     ) -> Result<Self, SessionError> {
         let ring = Ring::new().map_err(|why| SessionError::Io { what: "memory of the ring".into(), why })?;
         ring.page.role(topic).offer(epoch);
@@ -80,13 +84,13 @@ impl Worker {
         let mut core = match topic {
             Topic::State => {
                 let output = Output::open(&mut ports, &member, &scenario)?;
-                Core::Plant { plant: Box::new(Plant::new(&scenario)), output, tick: 0 }
+                Core::Plant(Box::new(Vehicle { plant: Plant::new(&scenario), output, tick: 0 }))
             }
             _ => Core::Node(node::open(&mut ports, &member, &scenario)?),
         };
         if let (Core::Node(node), Some((origin, memory))) = (&mut core, memory) {
-            node.restore(&memory);
-            member.continues.set(origin);
+            node.restore(memory);
+            member.continues.set(*origin);
         }
         let observers = Observers::open(&mut ring.ports(), &scenario)?;
         let (states, references, controls) =
@@ -106,8 +110,8 @@ impl Worker {
 
     /// A command comes to the plant, so long after the sample before.
     pub fn command(&mut self, command: &Actuators, after_ns: u64) {
-        if let Core::Plant { plant, .. } = &mut self.core {
-            plant.command(command, after_ns);
+        if let Core::Plant(vehicle) = &mut self.core {
+            vehicle.plant.command(command, after_ns);
         }
     }
 
@@ -128,7 +132,8 @@ impl Worker {
         let read_ns = faults.read_ns(cycle.tick, cycle.publish_ns);
         let provenance = Stamp::at(cycle.tick, cycle.sample_ns);
         match &mut self.core {
-            Core::Plant { plant, output, tick } => {
+            Core::Plant(vehicle) => {
+                let Vehicle { plant, output, tick } = &mut **vehicle;
                 plant.advance(cycle.tick - *tick);
                 *tick = cycle.tick;
                 faults.update();
@@ -154,7 +159,7 @@ impl Worker {
     /// What it remembers.
     pub fn memory(&self) -> Option<Snapshot> {
         match &self.core {
-            Core::Plant { .. } => None,
+            Core::Plant(_) => None,
             Core::Node(node) => Some(node.memory()),
         }
     }

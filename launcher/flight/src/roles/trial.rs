@@ -201,8 +201,7 @@ impl Trial {
 
     /// The vehicle under the candidate.
     fn watch(&mut self, state: &State) {
-        let [phi, theta, _] = state.actual.attitude_rad;
-        let tilt_deg = libm::acos((libm::cos(phi) * libm::cos(theta)).clamp(-1.0, 1.0)).to_degrees();
+        let tilt_deg = state.actual.tilt_rad().to_degrees();
         let time_s = state.stamp.tick as f64 * self.sample_s;
         let wanted = self.trajectory.at(time_s).position_m;
         let error_m = wanted.iter().zip(state.actual.position_m).map(|(w, p)| (w - p) * (w - p)).sum::<f64>().sqrt();

@@ -182,7 +182,11 @@ fn is_over(run: &Run, fault: &Fault) -> bool {
 
 fn note(run: &mut Run, number: usize, fault: &Fault, what: What, by: Option<Sender>) {
     let tick = run.page.plant_tick();
-    run.events.push(Event { by, fault: Some((number, *fault)), ..Event::new(tick, fault.target.name(), 0, what) });
+    run.events.push(Event {
+        by,
+        fault: Some(Box::new((number, *fault))),
+        ..Event::new(tick, fault.target.name(), 0, what)
+    });
 }
 
 /// Begins a swap with the next sample but one, if it stands up to the rules of the scenario; its number.

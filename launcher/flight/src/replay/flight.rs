@@ -1,0 +1,328 @@
+//! A replay under way: each process goes on as soon as what it read has been sent.
+
+use std::collections::HashMap;
+
+use anyhow::Context;
+use contract::Topic;
+use contract::scenario::Scenario;
+use contract::snapshot::Snapshot;
+use runtime::shared_role::Origin;
+
+use super::fields::{Differs, difference};
+use super::recording::Recording;
+use super::script::{Cycle, Key, Process, Read};
+use super::worker::Worker;
+use crate::log::Record;
+
+/// Which processes compute, and with which settings.
+#[derive(Debug, Clone, Default)]
+pub struct Plan {
+    /// The only node that computes, where there is one; messages of the others are those of the log.
+    pub only: Option<Topic>,
+    /// Other settings for the processes of a node.
+    pub settings: Option<(Topic, Box<Scenario>)>,
+    /// Cycles after this tick are left out.
+    pub until: Option<u64>,
+    /// What is called before the active process of a node answers to a tick.
+    pub before: Option<(Topic, u64, fn())>,
+}
+
+/// Where a replay and its flight differ first.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Difference {
+    pub tick: u64,
+    pub topic: Topic,
+    pub epoch: u64,
+    /// The field, with its value in the flight and in the replay.
+    pub differs: Differs,
+}
+
+/// What a replay came to.
+#[derive(Debug, Clone, Default)]
+pub struct Replayed {
+    /// Messages computed, and how many of them were compared with one of the log.
+    pub computed: u64,
+    pub compared: u64,
+    /// The first difference of all.
+    pub first: Option<Difference>,
+    /// The messages of the log, and of them the computed ones that differ.
+    pub different: u64,
+    /// Why it ended before the flight did.
+    pub stopped: Option<String>,
+    /// The last sample that was flown.
+    pub last_tick: u64,
+}
+
+/// Flies a recording again as `plan` says; `each` gets every message, computed or of the log.
+///
+/// # Errors
+/// A process cannot be built from its settings.
+pub fn replay(recording: &Recording, plan: &Plan, each: impl FnMut(&Record)) -> anyhow::Result<Replayed> {
+    Flight::new(recording, plan, each)?.fly()
+}
+
+impl Plan {
+    /// The settings of a process.
+    fn settings_of<'a>(&'a self, recording: &'a Recording, topic: Topic, epoch: u64) -> &'a Scenario {
+        match &self.settings {
+            Some((of, settings)) if *of == topic => settings,
+            _ => recording.settings.get(&(topic, epoch)).unwrap_or(&recording.scenario),
+        }
+    }
+
+    fn computes(&self, recording: &Recording, topic: Topic, epoch: u64) -> bool {
+        let replaced = self.settings.as_ref().is_some_and(|(of, _)| *of == topic);
+        self.only.is_none_or(|only| only == topic) && (replaced || !recording.foreign.contains(&(topic, epoch)))
+    }
+}
+
+/// A replay under way.
+struct Flight<'a, F> {
+    recording: &'a Recording,
+    plan: &'a Plan,
+    each: F,
+    courses: Vec<Course>,
+    /// Memories that another process begins with.
+    memories: HashMap<(Topic, Origin), Option<Snapshot>>,
+    replayed: Replayed,
+}
+
+/// How far one process is.
+#[derive(Default)]
+struct Course {
+    worker: Option<Worker>,
+    /// The next of its cycles, and the next of its recorded messages.
+    cycle: usize,
+    recorded: usize,
+    /// Its messages by tick: as meant, and as delivered if that came.
+    sent: Vec<(u64, Record, Option<Record>)>,
+    /// What it read last, by topic.
+    read: [Option<Read>; Topic::COUNT],
+}
+
+impl Course {
+    fn sent(&self, tick: u64) -> Option<&(u64, Record, Option<Record>)> {
+        let at = self.sent.partition_point(|(sent, ..)| *sent < tick);
+        self.sent.get(at).filter(|(sent, ..)| *sent == tick)
+    }
+
+    /// Takes in what the process sent in the cycle of `tick`.
+    fn take(&mut self, tick: u64, record: &Record) {
+        let stamp = record.stamp();
+        if !record.is_intact() || stamp.is_withheld() && self.sent(tick).is_some() {
+            return;
+        }
+        let of = |sent: &(u64, Record, Option<Record>)| {
+            sent.1.stamp().sequence == stamp.sequence && !sent.1.stamp().is_withheld()
+        };
+        match self.sent.iter_mut().rev().take(LATEST).find(|sent| of(sent)) {
+            Some((.., delivered)) if !stamp.is_faulted() => *delivered = Some(*record),
+            Some(_) => {}
+            None => {
+                let delivered = (!stamp.is_faulted() && !stamp.is_withheld()).then_some(*record);
+                match self.sent.last_mut() {
+                    // What was sent in the place of one that was withheld.
+                    Some(last) if last.0 == tick => *last = (tick, *record, delivered),
+                    _ => self.sent.push((tick, *record, delivered)),
+                }
+            }
+        }
+    }
+}
+
+/// A message may be delivered so many cycles after it was sent.
+const LATEST: usize = 1000;
+
+impl<'a, F: FnMut(&Record)> Flight<'a, F> {
+    fn new(recording: &'a Recording, plan: &'a Plan, each: F) -> anyhow::Result<Self> {
+        let processes = &recording.script.processes;
+        let courses = processes.iter().map(|_| Course::default()).collect();
+        let memories =
+            processes.iter().filter_map(|process| Some(((process.topic, process.continues?), None))).collect();
+        let mut flight = Self { recording, plan, each, courses, memories, replayed: Replayed::default() };
+        for (i, process) in processes.iter().enumerate() {
+            if plan.computes(recording, process.topic, process.epoch) && process.continues.is_none() {
+                flight.begin(i)?;
+            }
+        }
+        Ok(flight)
+    }
+
+    fn fly(mut self) -> anyhow::Result<Replayed> {
+        loop {
+            let mut moved = false;
+            for i in 0..self.courses.len() {
+                while self.is_due(i, true) {
+                    self.cycle(i)?;
+                    moved = true;
+                }
+            }
+            // What a fault has lost here, and not in the flight, is waited for in vain.
+            if !moved && let Some(i) = (0..self.courses.len()).find(|i| self.is_due(*i, false)) {
+                self.cycle(i)?;
+                moved = true;
+            }
+            if !moved {
+                break;
+            }
+        }
+        let waits = |i: &usize| self.next(*i).is_some();
+        if let Some(i) = (0..self.courses.len()).find(waits) {
+            let process = &self.recording.script.processes[i];
+            let (name, epoch, tick) =
+                (process.topic.publisher(), process.epoch, self.next(i).map_or(0, |next| next.tick));
+            let cause = self.recording.script.holes.first().map_or_else(
+                || self.missing(i).unwrap_or_else(|| "the log is not whole".into()),
+                |hole| format!("the log lacks {hole}"),
+            );
+            self.replayed.stopped = Some(format!("at tick {tick} {name} {epoch} cannot go on: {cause}"));
+        } else if let Some(hole) = self.recording.script.holes.first() {
+            self.replayed.stopped = Some(format!("the log lacks {hole}"));
+        }
+        Ok(self.replayed)
+    }
+
+    /// The next cycle of a process, if there is one.
+    fn next(&self, i: usize) -> Option<&'a Cycle> {
+        let next = self.recording.script.processes[i].cycles.get(self.courses[i].cycle)?;
+        (next.tick <= self.plan.until.unwrap_or(u64::MAX)).then_some(next)
+    }
+
+    fn course_of(&self, key: &Key) -> Option<&Course> {
+        Some(&self.courses[self.recording.script.process(key.topic, key.epoch)?])
+    }
+
+    /// Whether everything is there that the next cycle of a process reads, and has arrived if `delivered` says so.
+    fn is_due(&self, i: usize, delivered: bool) -> bool {
+        let Some(next) = self.next(i) else { return false };
+        let process = &self.recording.script.processes[i];
+        let there = |Read { key, unharmed }: &Read| {
+            let sent = self.course_of(key).and_then(|course| course.sent(key.tick));
+            sent.is_some_and(|(.., arrived)| arrived.is_some() || *unharmed || !delivered)
+        };
+        let memory = || match process.continues {
+            Some(origin)
+                if self.courses[i].worker.is_none()
+                    && self.plan.computes(self.recording, process.topic, process.epoch) =>
+            {
+                self.memories.get(&(process.topic, origin)).is_some_and(Option::is_some)
+                    || !self.is_flown(process.topic, origin)
+            }
+            _ => true,
+        };
+        next.inputs.iter().flatten().all(there) && next.arrivals.iter().all(|(read, _)| there(read)) && memory()
+    }
+
+    /// Whether the process whose memory that is computes here.
+    fn is_flown(&self, topic: Topic, origin: Origin) -> bool {
+        self.plan.computes(self.recording, topic, origin.epoch)
+            && self.recording.script.process(topic, origin.epoch).is_some()
+    }
+
+    /// For people: what the next cycle of a process waits for.
+    fn missing(&self, i: usize) -> Option<String> {
+        let next = self.next(i)?;
+        let reads = next.inputs.iter().flatten().chain(next.arrivals.iter().map(|(read, _)| read));
+        let keys = reads.map(|read| &read.key);
+        let lacking = |key: &&Key| self.course_of(key).and_then(|course| course.sent(key.tick)).is_none();
+        let key = { keys }.find(lacking)?;
+        let which = if key.tick == u64::MAX { "a message".into() } else { format!("the answer to tick {}", key.tick) };
+        Some(format!("it used {which} of {} {}, which is not there", key.topic.publisher(), key.epoch))
+    }
+
+    fn begin(&mut self, i: usize) -> anyhow::Result<()> {
+        let Process { topic, epoch, continues, .. } = self.recording.script.processes[i];
+        let memory = continues.and_then(|origin| Some((origin, (*self.memories.get(&(topic, origin))?)?)));
+        let settings = self.plan.settings_of(self.recording, topic, epoch);
+        self.courses[i].worker = Some(Worker::new(topic, epoch as u32, settings, memory.as_ref())?);
+        self.remember(i, 0);
+        Ok(())
+    }
+
+    /// Keeps the memory of a process that has done so many ticks, if another process begins with it.
+    fn remember(&mut self, i: usize, done: u64) {
+        let Process { topic, epoch, .. } = self.recording.script.processes[i];
+        if let Some(memory) = self.memories.get_mut(&(topic, Origin { epoch, done })) {
+            *memory = self.courses[i].worker.as_ref().and_then(Worker::memory);
+        }
+    }
+
+    fn cycle(&mut self, i: usize) -> anyhow::Result<()> {
+        let process = &self.recording.script.processes[i];
+        let Some(next) = self.next(i) else { return Ok(()) };
+        let mut sent = vec![];
+        if self.plan.computes(self.recording, process.topic, process.epoch) {
+            if self.courses[i].worker.is_none() {
+                self.begin(i)?;
+            }
+            self.compute(i, next, &mut sent)?;
+        } else {
+            let (from, ends) =
+                (self.courses[i].recorded, process.cycles.get(self.courses[i].cycle + 1).map(|next| next.tick));
+            let of_this = |record: &&Record| {
+                ends.is_none_or(|ends| record.stamp().tick < ends || record.stamp().tick < next.tick)
+            };
+            sent.extend(process.recorded[from..].iter().take_while(of_this));
+            self.courses[i].recorded += sent.len();
+        }
+        for record in &sent {
+            self.courses[i].take(next.tick, record);
+            (self.each)(record);
+        }
+        self.courses[i].cycle += 1;
+        if process.topic == Topic::State {
+            self.replayed.last_tick = next.tick;
+        }
+        self.remember(i, next.tick + 1);
+        Ok(())
+    }
+
+    /// Has a process compute its next cycle, and compares what it sends with what it sent in the flight.
+    fn compute(&mut self, i: usize, next: &Cycle, sent: &mut Vec<Record>) -> anyhow::Result<()> {
+        let process = &self.recording.script.processes[i];
+        let mut worker = self.courses[i].worker.take().context("a process that has not begun")?;
+        let message = |Read { key, unharmed }: &Read| {
+            let (_, meant, delivered) = self.course_of(key)?.sent(key.tick)?;
+            if *unharmed { Some(meant.as_delivered()) } else { *delivered }
+        };
+        for read in next.inputs.iter().flatten() {
+            if self.courses[i].read[read.key.topic as usize] != Some(*read)
+                && let Some(message) = message(read)
+            {
+                worker.read(&message)?;
+            }
+        }
+        for (read, after_ns) in &next.arrivals {
+            if let Some(Record::Actuators(command)) = message(read) {
+                worker.command(&command, *after_ns);
+            }
+        }
+        for read in next.inputs.iter().flatten() {
+            self.courses[i].read[read.key.topic as usize] = Some(*read);
+        }
+        if let Some((_, _, call)) =
+            self.plan.before.filter(|(of, tick, _)| (*of, *tick, false) == (process.topic, next.tick, next.standby))
+        {
+            call();
+        }
+        worker.run(next, &self.recording.given, |record| sent.push(record));
+        self.courses[i].worker = Some(worker);
+        for record in sent.iter() {
+            self.replayed.computed += 1;
+            if !record.is_intact() {
+                continue; // a fault has flipped bits of it, times among them
+            }
+            let Some(flown) = process.recorded.get(self.courses[i].recorded) else { continue };
+            self.courses[i].recorded += 1;
+            self.replayed.compared += 1;
+            let Some(differs) = difference(flown, record) else { continue };
+            self.replayed.different += 1;
+            let Process { topic, epoch, .. } = *process;
+            let place = (next.tick, topic as usize);
+            if self.replayed.first.as_ref().is_none_or(|first| place < (first.tick, first.topic as usize)) {
+                self.replayed.first = Some(Difference { tick: next.tick, topic, epoch, differs });
+            }
+        }
+        Ok(())
+    }
+}
