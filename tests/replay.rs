@@ -3,6 +3,10 @@
 use std::path::Path;
 use std::process::Output;
 
+use contract::Scenario;
+use contract::message::Message;
+use flight::log::{self, LogWriter};
+
 use crate::control::{status, tell};
 use crate::harness::{Flight, fly, launcher, namespace, wait_until};
 
@@ -104,4 +108,43 @@ fn the_cost_of_a_stall_is_that_of_the_flights_with_and_without_it() {
     assert_eq!(told, known);
     assert!(known[0].abs() > 0.0, "it cost something: {known:?}");
     assert!(with.out.join("explain.html").exists());
+}
+
+#[test]
+fn a_difference_may_be_that_of_the_program_which_flew() {
+    let outcome = fly(&["--mode", "inprocess", "--set", "run.duration_s=1.0"]);
+    let path = outcome.out.join("flight.mcap");
+    let mut log = log::read(&path).expect("the log reads");
+    log.controls[57].demand[2] += 1.0;
+    log.controls[57] = log.controls[57].with_checksum();
+    // This program is the test's, which knows of no commit.
+    let mut writer = LogWriter::create(&path, &log.scenario_toml, Scenario::default().sample_ns()).expect("a log");
+    log.tick_by_tick().for_each(|record| writer.write(&record).expect("written"));
+    writer.finish().expect("written");
+    let output = of_run(&["replay"], &outcome.out);
+    let said = text(&output);
+    let version = "version 0.1.0";
+    let other = format!("the log was written by {version} of an unknown commit, and this is {version}");
+    assert!(said.contains(&other) && said.contains("a difference may be the program's"), "{said}");
+    assert!(said.find(&other) < said.find("DIFFERENT from tick 57"), "{said}");
+    assert_eq!(output.status.code(), Some(1));
+}
+
+#[test]
+fn a_log_of_another_layout_is_refused_with_both_versions_and_what_to_do() {
+    let outcome = fly(&["--mode", "inprocess", "--set", "run.duration_s=0.5"]);
+    let path = outcome.out.join("flight.mcap");
+    let mut bytes = std::fs::read(&path).expect("a log");
+    let (ours, theirs) = (contract::message::LAYOUT[0], "trefoil.State.v0");
+    let at = bytes.windows(ours.len()).position(|word| word == ours.as_bytes()).expect("the log tells its layout");
+    bytes[at..at + theirs.len()].copy_from_slice(theirs.as_bytes());
+    std::fs::write(&path, bytes).expect("written");
+    for command in ["report", "trace", "replay", "explain"] {
+        let output = of_run(&[command], &outcome.out);
+        let said = text(&output);
+        assert_eq!(output.status.code(), Some(2), "{command}: {said}");
+        for part in [ours, theirs, "version 0.1.0", "Read it with the program of that version"] {
+            assert!(said.contains(part), "{command} should say {part}: {said}");
+        }
+    }
 }

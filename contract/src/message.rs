@@ -18,6 +18,11 @@ mod status;
 pub use stamp::{Message, Stamp};
 pub use status::{PlantStatus, SolveStatus, guidance_flags, mixer_flags};
 
+/// The names of the four types by topic. A name ends in the version of the layout: a process of another does not get into a
+/// ring, and a log of another is not read.
+pub const LAYOUT: [&str; Topic::COUNT] =
+    ["trefoil.State.v4", "trefoil.Reference.v4", "trefoil.Controls.v4", "trefoil.Actuators.v4"];
+
 /// Largest position \[m\] and velocity \[m/s\]: twenty times the 500 m at which a flight counts as diverged.
 const MAX_POSITION_M_VELOCITY_MPS: f64 = 1e4;
 /// Largest Euler angle, heading reference or tilt \[rad\]: some sixteen turns. Angles are kept within a few.
@@ -232,4 +237,17 @@ impl Actuators {
 /// Whether all are finite and no larger than `bound` either way.
 fn within(values: &[f64], bound: f64) -> bool {
     values.iter().all(|value| value.abs() <= bound) // false for NaN
+}
+
+#[cfg(test)]
+mod tests {
+    use super::LAYOUT;
+
+    #[test]
+    fn the_layout_is_the_names_of_the_types() {
+        let source = include_str!("message.rs");
+        let names: Vec<&str> =
+            source.lines().filter_map(|line| line.strip_prefix("#[type_name(\"")?.strip_suffix("\")]")).collect();
+        assert_eq!(names, LAYOUT);
+    }
 }

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow, bail};
 use contract::exit;
-use contract::scenario::{self, Scenario, Swap, SwapNode, candidate};
+use contract::scenario::{Scenario, Swap, SwapNode, candidate};
 use contract::topic::Topic;
 use flight::duration::seconds;
 use flight::files::write_whole;
@@ -65,7 +65,7 @@ pub fn explain(args: &ExplainArgs) -> anyhow::Result<u8> {
     let recorded = Recorded::read(&args.run)?;
     let progress = Mutex::new(Progress::start());
     let show = |done, of| progress.lock().iter().for_each(|line| line.show(|| format!("{done} of {of} flights")));
-    let explained = explain::explain(&recording(&recorded)?, show);
+    let explained = explain::explain(&recorded.recording()?, show);
     progress.into_inner().into_iter().for_each(Progress::finish);
     let explained = explained?;
     let page = recorded.path.with_file_name("explain.html");
@@ -83,7 +83,7 @@ pub fn explain(args: &ExplainArgs) -> anyhow::Result<u8> {
 /// Flies a run again; the exit code.
 pub fn replay(args: &ReplayArgs) -> anyhow::Result<u8> {
     let recorded = Recorded::read(&args.run)?;
-    let recording = recording(&recorded)?;
+    let recording = recorded.recording()?;
     let plan = plan(args, &recording)?;
     let sample_s = recording.scenario.sample_s();
     let from = args.from.map_or(0, |from_s| (from_s / sample_s).round() as u64);
@@ -102,18 +102,13 @@ pub fn replay(args: &ReplayArgs) -> anyhow::Result<u8> {
     }
     let hash = plan.only.is_none().then(|| summary.state_hash()).flatten();
     let flown = Summary::of(&recorded.log, &recording.scenario).state_hash();
+    if let Some(other) = recorded.log.written_by.other_program().filter(|_| replayed.differs_from(from).is_some()) {
+        print(&format!("{other}: a difference may be the program's\n"));
+    }
     let code = judge(&replayed, from, sample_s, [flown, hash]);
     let Some(missing) = recorded.missing() else { return Ok(code) };
     print(&format!("{missing}\n"));
     Ok(exit::OUT_OF_BOUNDS)
-}
-
-/// What can be flown again of a run.
-pub fn recording(recorded: &Recorded) -> anyhow::Result<Recording> {
-    let settings = recorded.path.with_file_name("scenario.toml");
-    let settled = std::fs::read_to_string(&settings).ok();
-    let settled = settled.and_then(|text| scenario::from_merged(&text, &settings.display().to_string()).ok());
-    Recording::new(&recorded.log, &recorded.scenario, settled.as_ref())
 }
 
 fn plan(args: &ReplayArgs, recording: &Recording) -> anyhow::Result<Plan> {
@@ -180,7 +175,7 @@ fn settings(recording: &Recording, topic: Topic, set: &[String]) -> anyhow::Resu
 
 /// Says whether the bits are the same, from tick `from` on; `hashes` are those of the flight and of the replay.
 fn judge(replayed: &Replayed, from: u64, sample_s: f64, [flown, hash]: [Option<String>; 2]) -> u8 {
-    let first = replayed.first.as_ref().filter(|first| first.tick >= from);
+    let first = replayed.differs_from(from);
     match (first, &hash) {
         (Some(first), _) => print(&format!("DIFFERENT from {}\n", describe(first, sample_s))),
         (None, Some(hash)) if flown.as_ref() == Some(hash) => print(&format!("the same bits: state hash {hash}\n")),

@@ -1,6 +1,7 @@
 //! Where a run was made: date, command, commit, host, and what the kernel granted. Read from `/proc` and, when the launcher
 //! was built, from git (`build.rs`); what cannot be read is absent.
 
+use std::fmt::{self, Display, Formatter};
 use std::fs::read_to_string;
 use std::sync::OnceLock;
 use std::time::SystemTime;
@@ -41,6 +42,44 @@ pub struct BuiltFrom {
 /// Set once, by the program's `main`.
 pub static BUILT_FROM: OnceLock<BuiltFrom> = OnceLock::new();
 
+/// A program of this repository, as what it writes names it.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Program {
+    pub version: String,
+    /// The commit it was built from, if its build knew.
+    pub commit: Option<String>,
+    /// Whether the sources differed from the commit.
+    pub changed: bool,
+}
+
+impl Program {
+    /// The one that runs.
+    pub fn this() -> Self {
+        let built = BUILT_FROM.get();
+        Self {
+            version: env!("CARGO_PKG_VERSION").into(),
+            commit: built.map(|built| built.commit.into()),
+            changed: built.is_some_and(|built| built.changed),
+        }
+    }
+
+    /// Whether both are known to have been built from the same sources.
+    pub fn is_same(&self, other: &Self) -> bool {
+        self == other && self.commit.is_some() && !self.changed
+    }
+}
+
+impl Display for Program {
+    fn fmt(&self, f: &mut Formatter) -> fmt::Result {
+        write!(f, "version {}", self.version)?;
+        match &self.commit {
+            Some(commit) => write!(f, " commit {}", commit.get(..12).unwrap_or(commit))?,
+            None => write!(f, " of an unknown commit")?,
+        }
+        f.write_str(if self.changed { " with changed sources" } else { "" })
+    }
+}
+
 /// What the kernel says of process `pid`.
 pub fn scheduling_of(pid: u32) -> Scheduling {
     let stat = read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
@@ -79,7 +118,8 @@ pub fn host() -> Value {
     let line = |path: &str| read_to_string(path).ok().map(|text| text.trim().to_owned());
     let cpu = read_to_string("/proc/cpuinfo").unwrap_or_default();
     let cpu = cpu.lines().find_map(|l| l.strip_prefix("model name")?.split_once(": ").map(|(_, name)| name.to_owned()));
-    let git = BUILT_FROM.get().map(|built| json!({ "commit": built.commit, "changed": built.changed }));
+    let Program { version, commit, changed } = Program::this();
+    let git = commit.map(|commit| json!({ "commit": commit, "changed": changed }));
     let command: Vec<String> = std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect();
     json!({
         "schema_version": SCHEMA_VERSION,
@@ -87,7 +127,7 @@ pub fn host() -> Value {
         "command": command,
         "git": git,
         "host": uname().nodename().to_string_lossy(),
-        "version": env!("CARGO_PKG_VERSION"),
+        "version": version,
         "kernel": line("/proc/sys/kernel/osrelease"),
         "cpu": cpu,
         "cores": std::thread::available_parallelism().map(std::num::NonZero::get).ok(),

@@ -70,8 +70,8 @@ pub fn read_parts(first: &Path) -> anyhow::Result<Log> {
     let mut messages = Log::default();
     let mut read = gather(&parts, |record| messages.push(&record));
     if read.len() == 1 || read.iter().all(Result::is_err) {
-        let Log { scenario_toml, events, defect, .. } = read.swap_remove(0)?;
-        return Ok(Log { scenario_toml, events, defect, ..messages });
+        let Log { scenario_toml, written_by, events, defect, .. } = read.swap_remove(0)?;
+        return Ok(Log { scenario_toml, written_by, events, defect, ..messages });
     }
     let mut defects = vec![];
     for (path, part) in parts.iter().zip(read) {
@@ -83,6 +83,7 @@ pub fn read_parts(first: &Path) -> anyhow::Result<Log> {
                 messages.events.extend(events);
                 if messages.scenario_toml.is_empty() {
                     messages.scenario_toml = part.scenario_toml;
+                    messages.written_by = part.written_by;
                 }
                 defects.extend(part.defect.map(|defect| format!("{name}: {defect}")));
             }

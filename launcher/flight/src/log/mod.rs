@@ -8,7 +8,7 @@
 //! | `log_time` | simulated time: the stamp's tick times the sample time, so that runs of every mode lie on one axis |
 //! | `publish_time` | when it was published, `CLOCK_MONOTONIC`; 0 in process, where there is no clock, and of an event |
 //! | metadata `scenario`, key `toml` | the run's merged settings, the first record of the file |
-//! | metadata `trefoil` | the version that wrote it, and the two time rules above |
+//! | metadata `trefoil` | the version and commit that wrote it, the layout of the messages, and the two time rules above |
 //!
 //! The log survives its writer: [`LogWriter`] closes a chunk every 64 KiB and every second, a killed process loses
 //! no more than that, and [`read()`] takes what is there. No node writes a log: one write can take milliseconds.
@@ -41,7 +41,7 @@ use contract::{
 
 pub use count::{Count, counted};
 pub use join::{join, part, read_parts};
-pub use read::{Log, read};
+pub use read::{Log, WrittenBy, read};
 pub use write::LogWriter;
 
 /// One message of any topic.
@@ -102,4 +102,6 @@ record_from!(State, Reference, Controls, Actuators);
 
 /// Name of the metadata record that holds the scenario, and the key it stands under.
 const SCENARIO: (&str, &str) = ("scenario", "toml");
+/// Name of the metadata record that says what wrote the log.
+const WRITTEN_BY: &str = "trefoil";
 const EVENTS: &str = "/events";

@@ -1,7 +1,7 @@
 //! Reading a flight log back: whole, torn or damaged.
 
 use std::{
-    collections::HashMap,
+    collections::{BTreeMap, HashMap},
     io::{BufReader, Read},
     path::Path,
 };
@@ -9,7 +9,7 @@ use std::{
 use anyhow::{Context, bail};
 use contract::{
     Topic,
-    message::{Actuators, Controls, Reference, State},
+    message::{Actuators, Controls, LAYOUT, Reference, State},
     scenario::file::{self, MAX_LOG_BYTES},
 };
 use mcap::{
@@ -18,14 +18,58 @@ use mcap::{
     sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions},
 };
 
-use super::{EVENTS, Record, SCENARIO, schema};
+use super::{EVENTS, Record, SCENARIO, WRITTEN_BY, schema};
 use crate::event::Event;
+use crate::provenance::Program;
+
+/// What wrote a log.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct WrittenBy {
+    pub program: Program,
+    /// How its messages are laid out, as [`LAYOUT`]; logs of earlier versions do not tell.
+    pub layout: Option<String>,
+}
+
+impl WrittenBy {
+    fn of(mut keys: BTreeMap<String, String>) -> Self {
+        let program = Program {
+            version: keys.remove("version").unwrap_or_default(),
+            commit: keys.remove("commit").filter(|commit| !commit.is_empty()),
+            changed: keys.get("changed").is_some_and(|changed| changed == "true"),
+        };
+        Self { program, layout: keys.remove("layout") }
+    }
+
+    /// For people: that another program than this one wrote the log, or may have.
+    pub fn other_program(&self) -> Option<String> {
+        let this = Program::this();
+        (!self.program.is_same(&this)).then(|| format!("the log was written by {}, and this is {this}", self.program))
+    }
+
+    /// Whether the messages are laid out as in this program: otherwise what is read of them is not what was written.
+    ///
+    /// # Errors
+    /// They are not; the error names both versions and both layouts.
+    pub fn check_layout(&self) -> anyhow::Result<()> {
+        let (this, layout) = (Program::this(), LAYOUT.join(" "));
+        if self.layout.as_ref() == Some(&layout) {
+            return Ok(());
+        }
+        let theirs = self.layout.as_deref().unwrap_or("an earlier one, which it does not name");
+        let program = &self.program;
+        bail!(
+            "the log is of another layout: it was written by {program}, whose messages are laid out as {theirs}; this is {this}, \
+             which reads {layout}. Read it with the program of that version"
+        )
+    }
+}
 
 /// A flight log in memory, each topic in the order of writing.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Log {
     /// The run's merged settings.
     pub scenario_toml: String,
+    pub written_by: WrittenBy,
     pub states: Vec<State>,
     pub references: Vec<Reference>,
     pub controls: Vec<Controls>,
@@ -77,8 +121,8 @@ impl Log {
 /// Reads the log at `path` as far as it is whole; an error if that is not even as far as the scenario.
 pub fn read(path: &Path) -> anyhow::Result<Log> {
     let mut messages = Log::default();
-    let Log { scenario_toml, events, defect, .. } = read_in_order(path, |record| messages.push(&record))?;
-    Ok(Log { scenario_toml, events, defect, ..messages })
+    let Log { scenario_toml, written_by, events, defect, .. } = read_in_order(path, |record| messages.push(&record))?;
+    Ok(Log { scenario_toml, written_by, events, defect, ..messages })
 }
 
 /// The same, but for the messages, which `each` gets one by one in the order of writing.
@@ -145,6 +189,9 @@ impl<F: FnMut(Record)> Contents<F> {
             McapRecord::Metadata(mut record) if record.name == SCENARIO.0 && !self.has_scenario => {
                 self.log.scenario_toml = record.metadata.remove(SCENARIO.1).context("the scenario record is empty")?;
                 self.has_scenario = true;
+            }
+            McapRecord::Metadata(record) if record.name == WRITTEN_BY => {
+                self.log.written_by = WrittenBy::of(record.metadata);
             }
             McapRecord::Schema { header, .. } => {
                 let topic = Topic::ALL.into_iter().find(|&topic| header.name == schema::message_name(topic));

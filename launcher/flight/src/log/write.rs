@@ -11,6 +11,7 @@ use std::{
 
 use anyhow::Context;
 use contract::Topic;
+use contract::message::LAYOUT;
 use mcap::{
     McapError, McapResult, WriteOptions, Writer,
     records::{MessageHeader, Metadata},
@@ -18,10 +19,11 @@ use mcap::{
 };
 use rustix::fs::OFlags;
 
-use super::{EVENTS, Record, SCENARIO, schema};
+use super::{EVENTS, Record, SCENARIO, WRITTEN_BY, schema};
 use crate::event::Event;
 use crate::files::check_target;
 use crate::limits::{CHUNK_BYTES, FLUSH_PERIOD};
+use crate::provenance::Program;
 
 type Mcap = Writer<NoSeek<BufWriter<File>>>;
 
@@ -157,6 +159,7 @@ impl LogWriter {
 
 /// Starts the file: settings first, then the schemas and channels (in the first chunk), that of the events last.
 fn open(sink: BufWriter<File>, scenario_toml: &str, sample_ns: u64) -> McapResult<(Mcap, [u16; Topic::COUNT], u16)> {
+    let program = Program::this();
     let mut mcap = WriteOptions::new()
         .compression(None)
         .chunk_size(None) // `LogWriter` closes the chunks
@@ -165,9 +168,12 @@ fn open(sink: BufWriter<File>, scenario_toml: &str, sample_ns: u64) -> McapResul
         .create(NoSeek::new(sink))?;
     mcap.write_metadata(&metadata(SCENARIO.0, &[(SCENARIO.1, scenario_toml)]))?;
     mcap.write_metadata(&metadata(
-        "trefoil",
+        WRITTEN_BY,
         &[
-            ("version", env!("CARGO_PKG_VERSION")),
+            ("version", &program.version),
+            ("commit", program.commit.as_deref().unwrap_or_default()),
+            ("changed", if program.changed { "true" } else { "false" }),
+            ("layout", &LAYOUT.join(" ")),
             ("log_time", &format!("simulated time: stamp.tick times {sample_ns} ns")),
             ("publish_time", "CLOCK_MONOTONIC of the publication; 0 in process"),
         ],

@@ -53,6 +53,13 @@ pub struct Replayed {
     pub last_tick: u64,
 }
 
+impl Replayed {
+    /// The first difference, if it is none before `tick`.
+    pub fn differs_from(&self, tick: u64) -> Option<&Difference> {
+        self.first.as_ref().filter(|first| first.tick >= tick)
+    }
+}
+
 /// Flies a recording again as `plan` says; `each` gets every message, computed or of the log.
 ///
 /// # Errors

@@ -23,12 +23,13 @@ mod timing;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
-use contract::scenario::file::{self, MAX_RESULTS_BYTES};
+use anyhow::{Context, anyhow};
+use contract::scenario::file::{self, MAX_RESULTS_BYTES, MAX_TEXT_BYTES};
 use contract::{Scenario, scenario};
 use flight::files::write_whole;
 use flight::log::{self, Log};
 use flight::recorder::LogOutcome;
+use flight::replay::Recording;
 use flight::stack::Ended;
 use serde_json::{Value, json};
 
@@ -59,18 +60,43 @@ impl Recorded {
     /// Reads a run from its folder, or its `flight.mcap`.
     ///
     /// # Errors
-    /// When there is no log to read, or run.json is not JSON.
+    /// When there is no log to read, its messages or settings are those of another version, or run.json is not JSON.
     pub fn read(run: &Path) -> anyhow::Result<Self> {
         let path = if run.is_dir() { run.join("flight.mcap") } else { run.to_owned() };
-        let log = log::read_parts(&path)?;
-        let scenario = scenario::from_merged(&log.scenario_toml, &format!("the settings in {}", path.display()))?;
+        let mut log = log::read_parts(&path)?;
         let summary = path.with_file_name("run.json");
-        let run = match file::read_text(&summary, MAX_RESULTS_BYTES) {
-            Ok(text) => serde_json::from_str(&text).with_context(|| format!("{} is not JSON", summary.display()))?,
-            Err(error) if error.kind() == ErrorKind::NotFound => summary_of(&log, &scenario),
+        let run: Option<Value> = match file::read_text(&summary, MAX_RESULTS_BYTES) {
+            Ok(text) => {
+                Some(serde_json::from_str(&text).with_context(|| format!("{} is not JSON", summary.display()))?)
+            }
+            Err(error) if error.kind() == ErrorKind::NotFound => None,
             Err(error) => return Err(error).with_context(|| format!("cannot read {}", summary.display())),
         };
+        if log.written_by.layout.is_none()
+            && let Some(run) = &run
+        {
+            // Logs did not tell the commit when they did not tell the layout; run.json did.
+            log.written_by.program.commit = run["provenance"]["git"]["commit"].as_str().map(str::to_owned);
+        }
+        log.written_by.check_layout().with_context(|| format!("cannot read {}", path.display()))?;
+        let scenario = scenario::from_merged(&log.scenario_toml, &format!("the settings in {}", path.display()));
+        let scenario = scenario.map_err(|error| match log.written_by.other_program() {
+            Some(other) => anyhow!("{error}\n{other}: read the log with that program"),
+            None => error.into(),
+        })?;
+        let run = run.unwrap_or_else(|| summary_of(&log, &scenario));
         Ok(Self { path, log, scenario, run })
+    }
+
+    /// What can be flown again of it.
+    ///
+    /// # Errors
+    /// A process cannot be flown again: its settings are not there.
+    pub fn recording(&self) -> anyhow::Result<Recording> {
+        let settings = self.path.with_file_name("scenario.toml");
+        let text = file::read_text(&settings, MAX_TEXT_BYTES).ok();
+        let settled = text.and_then(|text| scenario::from_merged(&text, &settings.display().to_string()).ok());
+        Recording::new(&self.log, &self.scenario, settled.as_ref())
     }
 
     /// For people: what of the log is missing, if anything is.
