@@ -111,8 +111,46 @@ fn the_cost_of_a_stall_is_that_of_the_flights_with_and_without_it() {
 }
 
 #[test]
+fn the_hash_of_a_flight_in_real_time_is_shown_with_what_gives_it_again() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let run = folder.path().join("run");
+    let fly = |more: &[&str]| {
+        let settings = ["--set", "run.duration_s=1.0", "--set", "supervision.hang_ms=5000"];
+        let mut command = launcher();
+        command.arg("fly").args(settings).args(more).args(["--namespace", &namespace(), "--out"]).arg(&run);
+        text(&command.output().expect("the launcher starts"))
+    };
+    assert!(!fly(&["--no-log"]).contains("state hash"), "nothing gives it again");
+    let said = fly(&[]);
+    let line = said.lines().find(|line| line.contains("state hash")).expect("a hash");
+    assert!(line.ends_with(": `launcher replay RUN` gives the same"), "{line}");
+    let hash = line.split_whitespace().nth(2).expect("a hash").trim_end_matches(':');
+    assert!(text(&of_run(&["replay"], &run)).contains(&format!("the same bits: state hash {hash}")), "{hash}");
+    let page = std::fs::read_to_string(run.join("report.html")).expect("a report");
+    assert!(page.contains(hash) && page.contains("launcher replay RUN"), "{hash}");
+}
+
+/// For 0.05 s no demand reaches the mixer.
+const LOST: &str = "{ at_s = 0.3, for_s = 0.05, target = \"controls\", kind = \"drop\", probability = 1.0 }";
+
+#[test]
+fn the_report_has_the_costs_of_a_few_ticks_and_says_how_to_learn_those_of_many() {
+    let page = |fault: &str| {
+        let outcome =
+            fly(&["--mode", "inprocess", "--set", "run.duration_s=4.0", "--set", &format!("fault=[{fault}]")]);
+        std::fs::read_to_string(outcome.out.join("report.html")).expect("a report")
+    };
+    let lost = |for_s: f64| page(&LOST.replace("0.05", &for_s.to_string()));
+    assert!(!page("").contains("#costs"), "no tick is disturbed");
+    let few = lost(0.05);
+    assert!(few.contains("href=\"#costs\"") && few.contains("Bursts, the costliest first"), "the costs");
+    let many = lost(0.8);
+    assert!(many.contains("<code>launcher explain RUN</code>") && !many.contains("Bursts, the costliest"), "too many");
+}
+
+#[test]
 fn a_difference_may_be_that_of_the_program_which_flew() {
-    let outcome = fly(&["--mode", "inprocess", "--set", "run.duration_s=1.0"]);
+    let outcome = fly(&["--mode", "inprocess", "--set", "run.duration_s=1.0", "--set", &format!("fault=[{LOST}]")]);
     let path = outcome.out.join("flight.mcap");
     let mut log = log::read(&path).expect("the log reads");
     log.controls[57].demand[2] += 1.0;
@@ -128,6 +166,11 @@ fn a_difference_may_be_that_of_the_program_which_flew() {
     assert!(said.contains(&other) && said.contains("a difference may be the program's"), "{said}");
     assert!(said.find(&other) < said.find("DIFFERENT from tick 57"), "{said}");
     assert_eq!(output.status.code(), Some(1));
+
+    let output = of_run(&["report"], &outcome.out);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    let page = std::fs::read_to_string(outcome.out.join("report.html")).expect("a report");
+    assert!(page.contains("the flight cannot be flown again: the flight does not repeat"), "why there are no costs");
 }
 
 #[test]

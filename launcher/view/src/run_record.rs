@@ -114,6 +114,7 @@ pub fn run_json(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
         "metrics": metrics,
         "solver": summary.solves.to_json(),
         "state_hash": summary.state_hash(),
+        "replays": replays(summary, how),
         "bounds": bounds::check(scenario, &metrics),
         "speed": { "wall_s": how.wall_s, "times_realtime": flown_s / how.wall_s },
         "timing": summary.timing.as_ref().map(|timing| timing.to_json(&happened)),
@@ -125,6 +126,13 @@ pub fn run_json(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
         "port_failures": by_node(&how.port_failures, PortFailure::ALL.map(PortFailure::name)),
         "provenance": how.provenance,
     })
+}
+
+/// Whether a replay of the flight gives the same state hash: the log has every message, and no solve was stopped where the clock
+/// may have stopped it.
+fn replays(summary: &Summary, how: &Circumstances) -> bool {
+    let is_whole = how.log.as_ref().is_some_and(|log| log.dropped == 0 && log.error.is_none());
+    is_whole && summary.state_hash().is_some() && summary.solves.stopped() == 0
 }
 
 /// Counts of each node, by cause.
@@ -206,9 +214,14 @@ pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
     if let Some(granted) = granted(scenario, &how.provenance) {
         line("real time", granted);
     }
-    // In real time no flight repeats another, so that its hash says nothing.
-    if scenario.run.mode != Mode::Realtime {
-        line("state hash", summary.state_hash().unwrap_or_else(|| "none: messages were not seen".into()));
+    // In real time no flight repeats another.
+    let hash = summary.state_hash().unwrap_or_else(|| "none: messages were not seen".into());
+    match scenario.run.mode {
+        Mode::Realtime if replays(summary, how) => {
+            line("state hash", format!("{hash}: `launcher replay RUN` gives the same"));
+        }
+        Mode::Realtime => {}
+        Mode::Lockstep | Mode::Inprocess => line("state hash", hash),
     }
     let (flown_s, wall_s) = (summary.time_s(), how.wall_s);
     line("speed", format!("{flown_s:.2} s flown in {wall_s:.2} s: {:.0} x real time", flown_s / wall_s));

@@ -44,6 +44,11 @@ impl Solves {
         }
     }
 
+    /// Solves that a limit of time or iterations stopped.
+    pub fn stopped(&self) -> u64 {
+        self.ticks[SolveStatus::LimitReached as usize]
+    }
+
     pub fn to_json(&self) -> Value {
         let solved = self.ticks[SolveStatus::Solved as usize];
         let mean = (solved > 0).then(|| self.iterations as f64 / solved as f64);

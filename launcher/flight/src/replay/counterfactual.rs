@@ -78,7 +78,7 @@ fn look_at(recording: &Recording, plant: &Process, tick: u64) -> Option<Disturbe
         read.push(Key { topic, epoch: process.epoch, tick });
     }
     let command = read.last()?;
-    let next = plant.cycles.iter().find(|cycle| cycle.tick > tick)?;
+    let next = plant.cycles.get(plant.cycles.partition_point(|cycle| cycle.tick <= tick))?;
     let arrived = next.tick == tick + 1 && next.arrivals.iter().any(|(read, _)| read.key == *command);
     if arrived { None } else { disturbed(Topic::Actuators, "the command came after the next sample, or never".into()) }
 }

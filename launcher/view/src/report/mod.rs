@@ -5,6 +5,7 @@
 //! | `columns` | the figures' data and the lines they are read against |
 //! | `differences` | which settings are not the defaults |
 //! | `claims` | the paper's claims and their verdicts |
+//! | `costs` | what disturbed ticks cost |
 //! | `happened` | what went wrong: faults, events, refused messages |
 //! | `sections` | head, tables, settings, provenance |
 //! | `timing` | the timing section and its pictures |
@@ -13,6 +14,7 @@
 
 mod claims;
 mod columns;
+mod costs;
 mod differences;
 mod happened;
 pub(crate) mod sections;
@@ -115,16 +117,17 @@ impl Recorded {
 /// Writes `report.html` of the run in `folder`; returns what of its log is missing, for people.
 pub fn rewrite(folder: &Path) -> anyhow::Result<Option<String>> {
     let recorded = Recorded::read(folder)?;
-    let page = render(&recorded.log, &recorded.run, &recorded.scenario);
+    let costs = costs::section(recorded.recording());
+    let page = render(&recorded.log, &recorded.run, &recorded.scenario, costs);
     write_whole(&recorded.path.with_file_name("report.html"), page.as_bytes())?;
     Ok(recorded.missing())
 }
 
-/// The page of one run: its recorded messages, its summary (`run.json`), and the scenario it flew. Where the summary tells what
-/// was ordered in flight, that belongs to the scenario.
+/// The page of one run: its recorded messages, its summary (`run.json`), the scenario it flew, and the section on what disturbed
+/// ticks cost. Where the summary tells what was ordered in flight, that belongs to the scenario.
 ///
 /// Holes in the log are holes in the figures; anything the summary lacks is a dash.
-pub fn render(log: &Log, run: &Value, scenario: &Scenario) -> String {
+pub fn render(log: &Log, run: &Value, scenario: &Scenario, costs: String) -> String {
     let flown = differences::flown(run);
     let scenario = flown.as_ref().unwrap_or(scenario);
     let ticks = logged(log, scenario);
@@ -151,10 +154,12 @@ pub fn render(log: &Log, run: &Value, scenario: &Scenario) -> String {
         ("claims", claims),
         ("bounds", sections::bounds(run)),
         ("metrics", sections::metrics(run)),
-        ("repeat", sections::repeat(scenario).into()),
+        ("repeat", sections::repeat(run, scenario).into()),
         ("sampling", sampling(ticks.len())),
         ("timing", timing::tables(run)),
         ("timing_pictures", timing::pictures(log, run, scenario)),
+        ("costs_link", link(&costs, "<a href=\"#costs\">Costs</a>")),
+        ("costs", costs),
         ("faults_link", link(&happened, "<a href=\"#faults\">What happened</a>")),
         ("faults_hint", link(&happened, happened::HINT)),
         ("faults", happened),

@@ -115,14 +115,22 @@ pub fn metrics(run: &Value) -> String {
         ("log records", number(&run["log"]["records"], 0)),
         ("log records dropped", number(&run["log"]["dropped"], 0)),
     ];
-    // In real time no flight repeats another, so that its hash says nothing.
-    let hash = (run["mode"] != "realtime").then(|| ("state hash", any(&run["state_hash"])));
+    let hash = repeats(run).then(|| ("state hash", any(&run["state_hash"])));
     let more = claims::following(run).into_iter().chain(more).chain(hash);
     list(measured.chain(more.map(|(name, value)| (name.to_owned(), value))))
 }
 
-pub fn repeat(scenario: &Scenario) -> &'static str {
+/// Whether anything gives the state hash of the flight again: in real time only a replay can.
+fn repeats(run: &Value) -> bool {
+    run["mode"] != "realtime" || run["replays"] == Value::Bool(true)
+}
+
+pub fn repeat(run: &Value, scenario: &Scenario) -> &'static str {
     match scenario.run.mode {
+        Mode::Realtime if repeats(run) => {
+            "In real time no two flights are alike. <code>launcher replay RUN</code> flies this one again from its log, bit \
+             for bit: compare the state hash."
+        }
         Mode::Realtime => "In real time no two flights are alike; in lockstep and in process they are, bit for bit.",
         Mode::Lockstep | Mode::Inprocess => "Every repeat gives the same flight, bit for bit: compare the state hash.",
     }

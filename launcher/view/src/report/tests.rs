@@ -5,9 +5,9 @@ use contract::message::{ActuationMsg, Actuators, Controls, Message, Reference, S
 use contract::scenario::{Profile, TrajectoryKind};
 use serde_json::{Value, json};
 
+use super::TEMPLATE;
 use super::claims::judge;
 use super::sections::{bounds, metrics};
-use super::{TEMPLATE, render};
 use crate::ticks::logged;
 use flight::log::Log;
 
@@ -58,6 +58,11 @@ fn survey(more: &[(&str, Value)]) -> Value {
         run[*key] = value.clone();
     }
     run
+}
+
+/// The page of a flight that was not flown again.
+fn render(log: &Log, run: &Value, scenario: &Scenario) -> String {
+    super::render(log, run, scenario, String::new())
 }
 
 /// The page of a flight of two ticks.
@@ -280,10 +285,12 @@ fn a_flight_that_ended_early_has_kept_no_bound() {
 }
 
 #[test]
-fn the_hash_of_a_flight_in_real_time_is_not_shown() {
-    for (mode, shown) in [("realtime", false), ("lockstep", true)] {
-        let run = survey(&[("state_hash", "0123abcd".into()), ("mode", mode.into())]);
-        assert_eq!(metrics(&run).contains("0123abcd"), shown, "{mode}");
+fn the_hash_of_a_flight_is_shown_where_something_gives_it_again() {
+    for (mode, replays, shown) in [("realtime", false, false), ("realtime", true, true), ("lockstep", false, true)] {
+        let run = survey(&[("state_hash", "0123abcd".into()), ("mode", mode.into()), ("replays", replays.into())]);
+        assert_eq!(metrics(&run).contains("0123abcd"), shown, "{mode} {replays}");
+        let page = page(&run);
+        assert_eq!(page.contains("launcher replay RUN"), mode == "realtime" && replays, "{mode} {replays}");
     }
 }
 

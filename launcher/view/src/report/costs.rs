@@ -1,0 +1,39 @@
+//! What the disturbed ticks of a flight cost: a section of the page for a flight that has few of them.
+
+use contract::Topic;
+use flight::replay::Recording;
+
+use crate::draw::escape;
+use crate::explain::explain;
+
+/// With more disturbed ticks the page only says how they are looked into: a flight is flown again for each.
+const MOST_TICKS: usize = 50;
+/// Samples flown again for all of them, at most: so many flights of a minute at 100 Hz.
+const MOST_SAMPLES: usize = 6_001 * MOST_TICKS;
+
+/// The section of the page; empty where no tick was disturbed. Where the `recording` cannot be flown again it says why.
+pub fn section(recording: anyhow::Result<Recording>) -> String {
+    let told = match recording.and_then(|recording| told(&recording)) {
+        Ok(told) if told.is_empty() => return told,
+        Ok(told) => told,
+        Err(why) => {
+            let why = escape(&format!("{why:#}"));
+            format!("<p>Not known, because the flight cannot be flown again: {why}.</p>")
+        }
+    };
+    format!("<section id=\"costs\"><h2>What disturbed ticks cost</h2>{told}</section>")
+}
+
+fn told(recording: &Recording) -> anyhow::Result<String> {
+    let ticks = recording.disturbed().len();
+    let plant = recording.script.process(Topic::State, 1).map(|plant| &recording.script.processes[plant]);
+    let samples = ticks * plant.map_or(0, |plant| plant.cycles.len());
+    match ticks {
+        0 => Ok(String::new()),
+        1..=MOST_TICKS if samples <= MOST_SAMPLES => Ok(explain(recording, |_, _| {})?.section()),
+        _ => Ok(format!(
+            "<p>{ticks} ticks were disturbed: <code>launcher explain RUN</code> says what each of them cost, and writes \
+             explain.html into the run’s folder.</p>"
+        )),
+    }
+}
