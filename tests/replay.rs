@@ -10,12 +10,12 @@ use flight::log::{self, LogWriter};
 use crate::control::{status, tell};
 use crate::harness::{Flight, fly, launcher, namespace, wait_until};
 
-fn of_run(arguments: &[&str], run: &Path) -> Output {
+pub fn of_run(arguments: &[&str], run: &Path) -> Output {
     let (verb, more) = arguments.split_first().expect("a command");
     launcher().arg(verb).arg(run).args(more).output().expect("the launcher starts")
 }
 
-fn text(output: &Output) -> String {
+pub fn text(output: &Output) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr)
 }
 
@@ -182,8 +182,10 @@ fn a_log_of_another_layout_is_refused_with_both_versions_and_what_to_do() {
     let at = bytes.windows(ours.len()).position(|word| word == ours.as_bytes()).expect("the log tells its layout");
     bytes[at..at + theirs.len()].copy_from_slice(theirs.as_bytes());
     std::fs::write(&path, bytes).expect("written");
-    for command in ["report", "trace", "replay", "explain"] {
-        let output = of_run(&[command], &outcome.out);
+    let run = outcome.out.display().to_string();
+    for command in ["report", "trace", "replay", "explain", "compare"] {
+        let more = if command == "compare" { vec![run.as_str()] } else { vec![] };
+        let output = of_run(&[&[command], &more[..]].concat(), &outcome.out);
         let said = text(&output);
         assert_eq!(output.status.code(), Some(2), "{command}: {said}");
         for part in [ours, theirs, "version 0.1.0", "Read it with the program of that version"] {

@@ -18,7 +18,7 @@ use runtime::console::{eprint_line, print};
 use view::{report, trace};
 
 use crate::target::TargetArgs;
-use crate::{command, fly, manage, replay, swap};
+use crate::{command, compare, fly, manage, replay, swap};
 
 #[derive(Parser)]
 #[command(name = "launcher", version, about = "Flies a tilt-rotor tricopter through separate real-time processes")]
@@ -51,6 +51,8 @@ enum Command {
     Replay(replay::ReplayArgs),
     /// Say what each late, lost or missing message of a recorded flight cost, by flying it again without
     Explain(replay::ExplainArgs),
+    /// Lay recorded flights side by side: settings that differ, metrics, timing, courses
+    Compare(compare::CompareArgs),
     /// Export some ticks of a run for the trace viewer Perfetto
     Trace(trace::TraceArgs),
     /// List the stacks that are flying, and how their nodes are
@@ -116,6 +118,7 @@ fn run() -> ExitCode {
         Command::Report { run } => report(&run),
         Command::Replay(args) => replay::replay(&args),
         Command::Explain(args) => replay::explain(&args),
+        Command::Compare(args) => compare::compare(&args),
         Command::Trace(args) => trace::trace(&args).map(|()| exit::FLOWN),
         Command::Status(args) => manage::status(&args).map(|()| exit::FLOWN),
         Command::Swap(args) => swap::swap(&args),

@@ -8,11 +8,13 @@
 //! | `manage` | `status` and `stop` |
 //! | `command` | `inject` and `clear` |
 //! | `swap` | `swap`: another process for a node of a flying stack |
-//! | `replay` | `replay`: a flight flown again from its folder |
+//! | `replay` | `replay` and `explain`: a flight flown again from its folder |
+//! | `compare` | `compare`: recorded flights side by side |
 //! | `target` | which flight a command is for |
 
 mod cli;
 mod command;
+mod compare;
 mod fly;
 mod manage;
 mod progress;

@@ -1,21 +1,286 @@
-//! The metrics of several flights side by side.
+//! `compare`: several flights side by side. What differs between their settings, what they came to, and when their nodes
+//! worked, as tables for terminal and page; on the page their courses too, laid over each other.
 
-use serde_json::json;
+use std::path::{Path, PathBuf};
 
+use anyhow::{Context, bail};
+use contract::Scenario;
+use contract::scenario::Mode;
+use contract::topic::NODES;
+use hdrhistogram::Histogram;
+use serde_json::{Value, json};
+
+use crate::draw::{self, Line, STYLE, escape};
+use crate::percentiles::percentiles;
+use crate::report::Recorded;
 use crate::report::sections::METRICS;
-use crate::summary::Metrics;
+use crate::settings;
+use crate::summary::{Metrics, Summary};
 use crate::table::Table;
+use crate::ticks::{LoggedTick, logged};
+use crate::timing::Timing;
 
 /// A row for each metric, a column for each flight; `titles` name them.
 pub fn metrics(titles: &[&str], flights: &[Metrics]) -> Table {
     let flights: Vec<_> = flights.iter().map(|metrics| json!(metrics)).collect();
-    let cell = |value: &serde_json::Value, decimals: usize| {
+    let cell = |value: &Value, decimals: usize| {
         value.as_f64().map_or_else(|| "-".to_owned(), |value| format!("{value:.decimals$}"))
     };
     let row = |(key, name, unit, decimals): &(&str, &str, &str, usize)| {
         let name = if unit.is_empty() { (*name).to_owned() } else { format!("{name} [{unit}]") };
         std::iter::once(name).chain(flights.iter().map(|flight| cell(&flight[*key], *decimals + 1))).collect()
     };
-    let headings: Vec<&str> = std::iter::once("").chain(titles.iter().copied()).collect();
-    Table::new("", &headings, METRICS.iter().map(row).collect())
+    Table::new("Metrics", &headings("", titles), METRICS.iter().map(row).collect())
+}
+
+fn headings<'a>(first: &'a str, titles: &[&'a str]) -> Vec<&'a str> {
+    std::iter::once(first).chain(titles.iter().copied()).collect()
+}
+
+/// What is drawn of every flight: a title with the unit, the quantity at a tick, and the axis of the mission's position beside
+/// it.
+type Picture = (&'static str, fn(&LoggedTick) -> Option<f64>, Option<usize>);
+
+/// NED and body axes; angles in degrees, rotor speeds in the paper's unit.
+const PICTURES: [Picture; 11] = [
+    ("position error [m]", |tick| tick.distance_m(), None),
+    ("x, north [m]", |tick| Some(tick.of.state?.actual.position_m[0]), Some(0)),
+    ("y, east [m]", |tick| Some(tick.of.state?.actual.position_m[1]), Some(1)),
+    ("z, down [m]", |tick| Some(tick.of.state?.actual.position_m[2]), Some(2)),
+    ("roll φ [deg]", |tick| Some(tick.of.state?.actual.attitude_rad[0].to_degrees()), None),
+    ("pitch θ [deg]", |tick| Some(tick.of.state?.actual.attitude_rad[1].to_degrees()), None),
+    ("yaw ψ [deg]", |tick| Some(tick.of.state?.actual.attitude_rad[2].to_degrees()), None),
+    ("rotor speed Ω1", |tick| Some(tick.of.state?.actuators.rotor_speed[0]), None),
+    ("rotor speed Ω2", |tick| Some(tick.of.state?.actuators.rotor_speed[1]), None),
+    ("rotor speed Ω3", |tick| Some(tick.of.state?.actuators.rotor_speed[2]), None),
+    ("tilt μ [deg]", |tick| Some(tick.of.state?.actuators.tilt_rad.to_degrees()), None),
+];
+
+/// Flights side by side.
+pub struct Comparison {
+    flights: Vec<Flight>,
+}
+
+/// One of them.
+struct Flight {
+    /// What it is called here, and nothing else is.
+    title: String,
+    recorded: Recorded,
+    /// Its settings, with what was ordered while it flew.
+    scenario: Scenario,
+    summary: Summary,
+}
+
+impl Flight {
+    /// When its nodes worked; only in real time is anything late.
+    fn timing(&self) -> Option<&Timing> {
+        self.summary.timing.as_ref().filter(|_| self.scenario.run.mode == Mode::Realtime)
+    }
+
+    /// What it was and how it ended.
+    fn cells(&self) -> Vec<String> {
+        let Self { title, recorded, scenario, summary } = self;
+        let folder = recorded.path.parent().unwrap_or(&recorded.path).display().to_string();
+        let ended = recorded.run["ended"].as_str().unwrap_or("unknown");
+        let mode = recorded.run["mode"].as_str().unwrap_or_default();
+        let flown = format!("{:.2}", summary.time_s());
+        vec![
+            title.clone(),
+            mode.into(),
+            scenario.run.rate_hz.to_string(),
+            flown,
+            recorded.missing().map_or(ended.to_owned(), |_| format!("{ended}; its log is not whole")),
+            folder,
+            recorded.log.written_by.program.to_string(),
+        ]
+    }
+}
+
+impl Comparison {
+    /// Reads the flights in these folders.
+    ///
+    /// # Errors
+    /// One of them cannot be read, or is named twice.
+    pub fn read(runs: &[PathBuf]) -> anyhow::Result<Self> {
+        let recorded = runs.iter().map(|run| Recorded::read(run)).collect::<anyhow::Result<Vec<_>>>()?;
+        let place = |recorded: &Recorded| -> anyhow::Result<Place> {
+            let path = recorded.path.canonicalize();
+            let path = path.with_context(|| format!("cannot find {}", recorded.path.display()))?;
+            Ok((recorded.run["name"].as_str().unwrap_or(&recorded.scenario.name).to_owned(), path))
+        };
+        let places = recorded.iter().map(place).collect::<anyhow::Result<Vec<_>>>()?;
+        for (i, (_, path)) in places.iter().enumerate() {
+            if places[..i].iter().any(|(_, before)| before == path) {
+                bail!("{} is named twice; name different runs", runs[i].display());
+            }
+        }
+        let flight = |(recorded, title): (Recorded, String)| {
+            let scenario = recorded.flown();
+            let summary = Summary::of(&recorded.log, &scenario);
+            Flight { title, recorded, scenario, summary }
+        };
+        Ok(Self { flights: recorded.into_iter().zip(titles(&places)).map(flight).collect() })
+    }
+
+    /// For people: what of the logs is missing.
+    pub fn missing(&self) -> impl Iterator<Item = String> {
+        self.flights.iter().filter_map(|flight| flight.recorded.missing())
+    }
+
+    fn titles(&self) -> Vec<&str> {
+        self.flights.iter().map(|flight| flight.title.as_str()).collect()
+    }
+
+    /// The tables: the flights, their settings, metrics and timing.
+    fn tables(&self) -> Vec<Table> {
+        let titles = self.titles();
+        let scenarios: Vec<_> = self.flights.iter().map(|flight| &flight.scenario).collect();
+        let of_flights: Vec<_> = self.flights.iter().map(|flight| flight.summary.metrics()).collect();
+        let what = ["flight", "mode", "Hz", "flown [s]", "ended", "folder", "flown by"];
+        let differences = settings::differences(&scenarios);
+        let told = if differences.is_empty() { "Settings: all are the same" } else { "Settings that differ" };
+        vec![
+            Table::new("Flights", &what, self.flights.iter().map(Flight::cells).collect()),
+            Table::new(told, &headings("setting", &titles), differences),
+            metrics(&titles, &of_flights),
+            self.timing(),
+        ]
+    }
+
+    /// Wake-up and response of every node, deadlines missed, and the age at the actuator.
+    fn timing(&self) -> Table {
+        let row = |name: String, cell: &dyn Fn(&Timing) -> String| -> Vec<String> {
+            let cells = self.flights.iter().map(|flight| flight.timing().map_or("-".into(), cell));
+            std::iter::once(name).chain(cells).collect()
+        };
+        let of_node = |(i, node): (usize, &&str)| {
+            let figure = |figure: &'static str| {
+                move |timing: &Timing| timing.nodes[i].figures.get(figure).map_or("-".into(), three)
+            };
+            let wake = if i == 0 { "jitter" } else { "hop" };
+            [
+                row(format!("{node}, {wake} [us]"), &figure(wake)),
+                row(format!("{node}, response [us]"), &figure("response")),
+                row(format!("{node}, misses"), &|timing| timing.nodes[i].counts.misses.to_string()),
+            ]
+        };
+        let ages = [
+            row("age at the actuator, commands [us]".into(), &|timing| three(&timing.age.per_command)),
+            row("age at the actuator, slots [us]".into(), &|timing| three(&timing.age.per_slot)),
+        ];
+        let known = self.flights.iter().any(|flight| flight.timing().is_some());
+        let rows = NODES.iter().enumerate().flat_map(of_node).chain(ages).filter(|_| known).collect();
+        let told = if known { "Timing: p50 / p99 / max" } else { "Timing: only flights in real time have one" };
+        Table::new(told, &headings("", &self.titles()), rows)
+    }
+
+    /// For people: the tables.
+    pub fn text(&self) -> String {
+        let text = |table: Table| if table.rows.is_empty() { format!("{}\n", table.title) } else { table.text() };
+        self.tables().into_iter().map(text).collect::<Vec<_>>().join("\n")
+    }
+
+    /// The page: the tables, and the flights laid over each other.
+    pub fn page(&self) -> String {
+        let title = format!("Compared: {}", self.titles().join(", "));
+        let missing = self.missing().map(|missing| format!("<p class=\"warn\">{}.</p>", escape(&missing)));
+        let section = |table: Table| {
+            let rows = if table.rows.is_empty() { String::new() } else { table.html() };
+            format!("<section><h2>{}</h2>{rows}</section>", escape(&table.title))
+        };
+        let body: String = [format!("<h1>{}</h1>", escape(&title))]
+            .into_iter()
+            .chain(missing)
+            .chain(self.tables().into_iter().map(section))
+            .chain([format!(
+                "<section><h2>The flights over each other</h2><p class=\"hint\">True motion. World axes are north, east, down; \
+                 body axes forward, right, down.</p>{}</section>",
+                self.pictures().concat()
+            )])
+            .collect();
+        draw::page(&title, STYLE, &body)
+    }
+
+    fn pictures(&self) -> Vec<String> {
+        let ticks: Vec<_> = self.flights.iter().map(|flight| logged(&flight.recorded.log, &flight.scenario)).collect();
+        let flown = || self.flights.iter().zip(&ticks);
+        // One mission stands for all that are the same: that of the flight that saw most of it.
+        let mut missions: Vec<(&Flight, &Vec<LoggedTick>)> = vec![];
+        for (flight, ticks) in flown() {
+            match missions.iter_mut().find(|(known, _)| known.scenario.mission == flight.scenario.mission) {
+                Some(known) if end_s(known.1) < end_s(ticks) => *known = (flight, ticks),
+                Some(_) => {}
+                None => missions.push((flight, ticks)),
+            }
+        }
+        let names: Vec<String> = match missions.as_slice() {
+            [_] => vec!["mission".into()],
+            several => several.iter().map(|(flight, _)| format!("mission of {}", flight.title)).collect(),
+        };
+        let picture = |(title, quantity, axis): Picture| {
+            let of_flight = |(flight, ticks): (&'_ Flight, &Vec<LoggedTick>)| {
+                let points = ticks.iter().map(|tick| (tick.time_s(), quantity(tick).unwrap_or(f64::NAN))).collect();
+                (flight.title.clone(), points)
+            };
+            let wanted = |axis: usize| {
+                let missions = missions.iter().zip(&names);
+                missions.map(move |((_, ticks), name)| {
+                    (name.clone(), ticks.iter().map(|tick| (tick.time_s(), tick.wanted_m[axis])).collect())
+                })
+            };
+            let lines: Vec<(String, Vec<(f64, f64)>)> =
+                flown().map(of_flight).chain(axis.into_iter().flat_map(wanted)).collect();
+            let lines: Vec<Line> = lines.iter().map(|(name, points)| Line { name, points: points.clone() }).collect();
+            draw::lines(&lines, "time [s]", title)
+        };
+        PICTURES.into_iter().map(picture).collect()
+    }
+}
+
+fn end_s(ticks: &[LoggedTick]) -> f64 {
+    ticks.last().map_or(0.0, LoggedTick::time_s)
+}
+
+/// The 50th and 99th percentile and the maximum \[us\].
+fn three(histogram: &Histogram<u64>) -> String {
+    if histogram.is_empty() {
+        return "-".into();
+    }
+    let p = percentiles(histogram);
+    [p.p50_us, p.p99_us, p.max_us].map(|us| format!("{us:.0}")).join(" / ")
+}
+
+/// The name of a flight, and the path of its log.
+type Place = (String, PathBuf);
+
+/// What flights are called: their names, with the folder where another has the same name, or the whole path where that does not
+/// tell them apart either.
+fn titles(flights: &[Place]) -> Vec<String> {
+    let folder = |path: &Path| path.parent().and_then(Path::file_name).unwrap_or_default().display().to_string();
+    let ways: [&dyn Fn(&Place) -> String; 3] =
+        [&|(name, _)| name.clone(), &|(name, path)| format!("{name} ({})", folder(path)), &|(name, path)| {
+            format!("{name} ({})", path.display())
+        }];
+    let title = |flight: &Place| {
+        let is_alone =
+            |way: &&&dyn Fn(&Place) -> String| flights.iter().filter(|other| way(other) == way(flight)).count() == 1;
+        ways.iter().find(is_alone).unwrap_or(&ways[2])(flight)
+    };
+    flights.iter().map(title).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn flights_are_called_by_as_little_as_tells_them_apart() {
+        let flights = |all: &[(&str, &str)]| -> Vec<String> {
+            titles(&all.iter().map(|(name, path)| ((*name).to_owned(), path.into())).collect::<Vec<_>>())
+        };
+        assert_eq!(flights(&[("a", "/r/1/flight.mcap"), ("b", "/r/2/flight.mcap")]), ["a", "b"]);
+        assert_eq!(flights(&[("a", "/r/1/flight.mcap"), ("a", "/r/2/flight.mcap")]), ["a (1)", "a (2)"]);
+        let deep = flights(&[("a", "/r/1/flight.mcap"), ("a", "/s/1/flight.mcap"), ("b", "/s/2/flight.mcap")]);
+        assert_eq!(deep, ["a (/r/1/flight.mcap)", "a (/s/1/flight.mcap)", "b"]);
+    }
 }

@@ -229,6 +229,10 @@ impl Cost {
             format!("{node} {what}"),
         ]
     }
+
+    fn table(title: &str, costs: &[Self]) -> Table {
+        Table::new(title, &COLUMNS, costs.iter().map(Self::cells).collect())
+    }
 }
 
 const COLUMNS: [&str; 6] =
@@ -253,9 +257,9 @@ impl Explained {
                 } else {
                     String::new()
                 };
-                let rows = costs.iter().take(ROWS).map(Cost::cells).collect();
+                let shown = &costs[..costs.len().min(ROWS)];
                 text.push('\n');
-                text.push_str(&Table::new(&format!("{title}{more}"), &COLUMNS, rows).text());
+                text.push_str(&Cost::table(&format!("{title}{more}"), shown).text());
             }
         }
         text + &format!("\n{}", self.side_by_side().text())
@@ -283,11 +287,6 @@ impl Explained {
         )
     }
 
-    /// Costs as a table of HTML.
-    fn html_table(costs: &[Cost]) -> String {
-        draw::table(&COLUMNS, costs.iter().map(|cost| cost.cells().iter().map(|cell| escape(cell)).collect()))
-    }
-
     /// The tables and plots, for a page of their own or a section of the report.
     pub fn section(&self) -> String {
         let mut html = format!(
@@ -296,14 +295,12 @@ impl Explained {
              was. {} ticks are disturbed. The cost is the flight less the flight without.</p>",
             self.ticks.len()
         );
-        let side = self.side_by_side();
-        let headings: Vec<&str> = side.headings.iter().map(String::as_str).collect();
-        html += &draw::table(&headings, side.rows.iter().map(|row| row.iter().map(|cell| escape(cell)).collect()));
+        html += &self.side_by_side().html();
         for (title, costs) in
             [("Bursts, the costliest first", &self.bursts), ("Single ticks, the costliest first", &self.ticks)]
         {
             if !costs.is_empty() {
-                html.extend(["<h3>", title, "</h3>", &Self::html_table(costs)]);
+                html.extend(["<h3>", title, "</h3>", &Cost::table("", costs).html()]);
             }
         }
         let mut costliest: Vec<&Cost> = self.bursts.iter().chain(&self.ticks).collect();

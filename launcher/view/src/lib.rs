@@ -6,9 +6,11 @@
 //! | [`ticks`] | the join of the four messages of a tick, used by everything below and by `measure` |
 //! | [`solves`], [`faults`] | what the solver did, and what came of the scenario's faults |
 //! | [`bounds`] | what a flight must stay inside of |
-//! | [`comparison`] | the metrics of several flights side by side |
+//! | [`comparison`] | several flights side by side |
+//! | [`settings`] | what differs between the settings of flights |
 //! | [`explain`] | what each late, lost or missing message cost |
-//! | [`table`] | tables as aligned text |
+//! | [`table`] | tables as aligned text and as HTML |
+//! | [`thinning`] | long series made as short as a picture can show |
 //! | [`draw`] | HTML and pictures, for every page |
 //! | [`percentiles`] | percentiles and medians, for everything that measures |
 //! | [`happenings`] | what is known to have happened in a flight, for its timing, trace and report |
@@ -28,9 +30,11 @@ pub mod happenings;
 pub mod percentiles;
 pub mod report;
 pub mod run_record;
+pub mod settings;
 pub mod solves;
 pub mod summary;
 pub mod table;
+pub mod thinning;
 pub mod ticks;
 pub mod timing;
 pub mod trace;

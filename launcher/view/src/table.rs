@@ -1,4 +1,6 @@
-//! Tables as aligned text.
+//! Tables as aligned text and as HTML.
+
+use crate::draw::{self, escape};
 
 /// A title, a heading for each column, and rows of as many cells. The first column names the row.
 pub struct Table {
@@ -31,6 +33,12 @@ impl Table {
             text.push('\n');
         }
         text
+    }
+
+    /// The same for a page, without the title.
+    pub fn html(&self) -> String {
+        let headings: Vec<&str> = self.headings.iter().map(String::as_str).collect();
+        draw::table(&headings, self.rows.iter().map(|row| row.iter().map(|cell| escape(cell)).collect()))
     }
 }
 

@@ -5,6 +5,7 @@ use std::fmt::Write;
 use super::Svg;
 use super::charts::COLOURS;
 use super::html::escape;
+use crate::thinning::extremes;
 
 /// Size of the picture, and the room for words at the left and below \[px\].
 const PICTURE_PX: [f64; 2] = [860.0, 260.0];
@@ -12,6 +13,8 @@ const LEFT_PX: f64 = 64.0;
 const BELOW_PX: f64 = 40.0;
 /// Grid lines on an axis, about.
 const GRID: f64 = 5.0;
+/// Of the curves that have the colours first, and of those that have them again.
+const DASHES: [&str; 2] = ["none", "6 4"];
 
 /// A curve with its name in the legend.
 pub struct Line<'a> {
@@ -19,7 +22,8 @@ pub struct Line<'a> {
     pub points: Vec<(f64, f64)>,
 }
 
-/// Several curves over one pair of linear axes; values that are not finite leave gaps.
+/// Several curves over one pair of linear axes; values that are not finite leave gaps. Of a curve with more points than the
+/// picture can show, the extremes are drawn. Curves that share a colour with one before them are dashed.
 pub fn lines(all: &[Line], x_title: &str, y_title: &str) -> String {
     let [width, height] = PICTURE_PX;
     let bottom = height - BELOW_PX;
@@ -66,21 +70,36 @@ pub fn lines(all: &[Line], x_title: &str, y_title: &str) -> String {
         escape(x_title)
     ));
     let mut legend = String::from("<p>");
-    for (line, colour) in all.iter().zip(COLOURS.iter().cycle()) {
+    for (i, line) in all.iter().enumerate() {
+        let (colour, dashes) = (COLOURS[i % COLOURS.len()], DASHES[i / COLOURS.len() % DASHES.len()]);
         let mut path = String::new();
         let mut pen = 'M';
-        for (x, y) in &line.points {
+        for (x, y) in drawn(&line.points) {
             if x.is_finite() && y.is_finite() {
-                let _ = write!(path, "{pen}{:.1} {:.1}", x_px(*x), y_px(*y)); // a String takes everything
+                let _ = write!(path, "{pen}{:.1} {:.1}", x_px(x), y_px(y)); // a String takes everything
                 pen = 'L';
             } else {
                 pen = 'M';
             }
         }
-        svg.add(format_args!("<path fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.5\" d=\"{path}\"/>"));
-        let _ = write!(legend, "<span style=\"color:{colour}\">&#9632;</span> {} &nbsp; ", escape(line.name));
+        svg.add(format_args!(
+            "<path fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.5\" stroke-dasharray=\"{dashes}\" d=\"{path}\"/>"
+        ));
+        let sign = if i < COLOURS.len() { "&#9632;" } else { "&#9633;" };
+        let _ = write!(legend, "<span style=\"color:{colour}\">{sign}</span> {} &nbsp; ", escape(line.name));
     }
     format!("{legend}<small>{}</small></p>{}", escape(y_title), svg.finish())
+}
+
+/// The points that are drawn of a curve: every point of a short one, the extremes of each column of the picture of a long one.
+fn drawn(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    let columns = PICTURE_PX[0] as usize;
+    if points.len() <= 2 * columns {
+        return points.to_vec();
+    }
+    let height = |(x, y): &(f64, f64)| if x.is_finite() && y.is_finite() { *y } else { f64::NAN };
+    let extremes = extremes(points, points.len().div_ceil(columns), height);
+    extremes.flat_map(|two| two.map_or([(f64::NAN, f64::NAN); 2], |two| two.map(|point| *point))).collect()
 }
 
 /// Round numbers in a range, with their words.
@@ -105,6 +124,20 @@ mod tests {
         let html =
             lines(&[line("a", &[(0.0, 0.0), (1.0, f64::NAN), (2.0, 3.0)]), line("<b>", &[(0.0, 1.0)])], "t", "y");
         assert_eq!((html.matches("<path").count(), html.matches('M').count(), html.contains("<b>")), (2, 3, false));
+    }
+
+    #[test]
+    fn a_long_curve_keeps_its_extremes_and_its_gaps() {
+        let value = |i: usize| match i {
+            4_000..5_000 => f64::NAN,
+            70_001 => 50.0,
+            _ => (i % 7) as f64,
+        };
+        let points: Vec<_> = (0..100_000).map(|i| (i as f64, value(i))).collect();
+        let drawn = drawn(&points);
+        assert!(drawn.len() < 2_000 && drawn.contains(&(70_001.0, 50.0)), "{}", drawn.len());
+        assert!(drawn.iter().any(|(_, y)| y.is_nan()), "the gap stays");
+        assert_eq!(super::drawn(&points[..1_000]).len(), 1_000, "a short one is drawn as it is");
     }
 
     #[test]

@@ -10,6 +10,7 @@ use contract::scenario::Mode;
 use serde_json::{Map, Value, json};
 
 use super::claims;
+use crate::thinning::extremes;
 use crate::ticks::LoggedTick;
 use crate::timing::Age;
 
@@ -97,17 +98,8 @@ fn thin(values: &[f32], bucket: usize) -> Vec<f32> {
     if bucket == 1 {
         return values.to_vec();
     }
-    let extremes = |chunk: &[f32]| {
-        let known = || chunk.iter().copied().enumerate().filter(|(_, value)| !value.is_nan());
-        let low = known().min_by(|a, b| a.1.total_cmp(&b.1));
-        let high = known().max_by(|a, b| a.1.total_cmp(&b.1));
-        match (low, high) {
-            (Some(low), Some(high)) if low.0 <= high.0 => [low.1, high.1],
-            (Some(low), Some(high)) => [high.1, low.1],
-            _ => [f32::NAN; 2],
-        }
-    };
-    values.chunks(bucket).flat_map(extremes).collect()
+    let extremes = extremes(values, bucket, |value| f64::from(*value));
+    extremes.flat_map(|two| two.map_or([f32::NAN; 2], |two| two.map(|value| *value))).collect()
 }
 
 /// What the figures are read against: the paper's claims, the scenario's bounds, the limits of the actuators.

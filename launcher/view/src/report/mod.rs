@@ -101,6 +101,11 @@ impl Recorded {
         Recording::new(&self.log, &self.scenario, settled.as_ref())
     }
 
+    /// Its settings, with what was ordered while it flew where the summary tells.
+    pub fn flown(&self) -> Scenario {
+        differences::flown(&self.run).unwrap_or_else(|| self.scenario.clone())
+    }
+
     /// For people: what of the log is missing, if anything is.
     pub fn missing(&self) -> Option<String> {
         let defect = self.log.defect.as_ref()?;

@@ -1,0 +1,109 @@
+//! Settings side by side: what differs between scenarios.
+
+use contract::Scenario;
+use contract::scenario::to_toml;
+use toml::Value;
+
+use crate::draw::DASH;
+
+/// Every setting that differs between `scenarios`: its key, then its value in each of them. Faults and swaps stand in it one by
+/// one. The name of a flight is no setting.
+pub fn differences(scenarios: &[&Scenario]) -> Vec<Vec<String>> {
+    let tree = |scenario: &&Scenario| {
+        let nameless = Scenario { name: String::new(), ..(*scenario).clone() };
+        to_toml(&nameless).parse().map(Value::Table).ok()
+    };
+    let Some(trees) = scenarios.iter().map(tree).collect::<Option<Vec<_>>>() else { return vec![] };
+    let mut rows = vec![];
+    compare("", &trees.iter().map(Some).collect::<Vec<_>>(), &mut rows);
+    rows
+}
+
+fn compare(key: &str, values: &[Option<&Value>], rows: &mut Vec<Vec<String>>) {
+    if values.windows(2).all(|pair| pair[0] == pair[1]) {
+        return;
+    }
+    let below = |name: &str| if key.is_empty() { name.to_owned() } else { format!("{key}.{name}") };
+    let tables: Option<Vec<_>> = values.iter().map(|value| value.and_then(Value::as_table)).collect();
+    let lists: Option<Vec<_>> = values.iter().map(|value| list_of_tables(*value)).collect();
+    if let Some(tables) = tables {
+        let mut names: Vec<_> = tables.iter().flat_map(|table| table.keys()).collect();
+        names.sort();
+        names.dedup();
+        for name in names {
+            compare(&below(name), &tables.iter().map(|table| table.get(name)).collect::<Vec<_>>(), rows);
+        }
+    } else if let Some(lists) = lists.filter(|lists| lists.iter().any(|list| !list.is_empty())) {
+        let longest = lists.iter().map(|list| list.len()).max().unwrap_or(0);
+        for i in 0..longest {
+            let each: Vec<_> = lists.iter().map(|list| list.get(i)).collect();
+            if each.iter().any(|value| *value != each[0]) {
+                rows.push(row(&format!("{key} {}", i + 1), &each));
+            }
+        }
+    } else {
+        rows.push(row(key, values));
+    }
+}
+
+fn row(key: &str, values: &[Option<&Value>]) -> Vec<String> {
+    std::iter::once(key.to_owned()).chain(values.iter().map(|value| words(*value))).collect()
+}
+
+/// The tables of an array that has nothing else in it; no array is an empty one.
+fn list_of_tables(value: Option<&Value>) -> Option<&[Value]> {
+    match value {
+        None => Some(&[]),
+        Some(Value::Array(all)) if all.iter().all(Value::is_table) => Some(all),
+        Some(_) => None,
+    }
+}
+
+/// A value as one writes it in a scenario file, on one line.
+fn words(value: Option<&Value>) -> String {
+    match value {
+        None => DASH.into(),
+        Some(Value::String(text)) => text.clone(),
+        Some(Value::Table(fields)) => {
+            // What a fault or a swap is of needs no names.
+            let of: Vec<_> = ["target", "node", "kind"].iter().filter_map(|name| fields.get(*name)?.as_str()).collect();
+            let named = fields.iter().filter(|(_, value)| !value.as_str().is_some_and(|text| of.contains(&text)));
+            let named = named.map(|(name, value)| format!("{name} {}", words(Some(value))));
+            (!of.is_empty()).then(|| of.join(" ")).into_iter().chain(named).collect::<Vec<_>>().join(", ")
+        }
+        Some(value) => value.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use contract::scenario::{Fault, FaultKind, FaultTarget};
+
+    #[test]
+    fn only_what_differs_is_told_with_the_value_of_each() {
+        let usual = Scenario::default();
+        let mut other = Scenario { name: "another name".into(), ..usual.clone() };
+        assert!(differences(&[&usual, &other]).is_empty());
+        other.run.duration_s = 12.5;
+        other.deadline.mixer_ms = Some(9.0);
+        let mut broken = other.clone();
+        broken.fault = vec![Fault::new(FaultTarget::Mixer, FaultKind::Kill, 2.0, Some(0.3))];
+        let kill = "mixer kill, at_s 2.0, for_s 0.3";
+        let expected = [
+            ["deadline.mixer_ms", DASH, "9.0", "9.0"],
+            ["fault 1", DASH, DASH, kill],
+            ["run.duration_s", "60.0", "12.5", "12.5"],
+        ];
+        assert_eq!(differences(&[&usual, &other, &broken]), expected);
+    }
+
+    #[test]
+    fn of_faults_only_those_that_differ_are_told() {
+        let fault = |at_s| Fault::new(FaultTarget::Mixer, FaultKind::Kill, at_s, None);
+        let [one, other] =
+            [1.0, 2.0].map(|at_s| Scenario { fault: vec![fault(0.5), fault(at_s)], ..Scenario::default() });
+        let rows = differences(&[&one, &other]);
+        assert_eq!(rows, [["fault 2", "mixer kill, at_s 1.0", "mixer kill, at_s 2.0"]]);
+    }
+}
