@@ -25,7 +25,7 @@ pub fn section(recording: anyhow::Result<Recording>) -> String {
 }
 
 fn told(recording: &Recording) -> anyhow::Result<String> {
-    let ticks = flight::replay::disturbed(&recording).len();
+    let ticks = flight::replay::disturbed(recording).len();
     let plant = recording.script.process(Topic::State, 1).map(|plant| &recording.script.processes[plant]);
     let samples = ticks * plant.map_or(0, |plant| plant.cycles.len());
     match ticks {
