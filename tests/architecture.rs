@@ -12,8 +12,11 @@ use crate::harness::top;
 use sources::{Crate, Source};
 
 /// The rooms from the ground up. A room depends only on rooms of the lines above its own.
-const ORDER: [&[&str]; 9] =
-    [&["qp"], &["airframe"], &["contract"], &["runtime"], &NODES, &["flight"], &["view"], &["measure"], &["launcher"]];
+#[rustfmt::skip]
+const ORDER: [&[&str]; 10] = [
+    &["qp"], &["airframe"], &["contract"], &["runtime"], &NODES, &["flight"], &["view"], &["campaign"], &["measure"],
+    &["launcher"],
+];
 
 const NODES: [&str; 4] = ["plant", "guidance", "attitude-mpc", "mixer"];
 

@@ -63,6 +63,24 @@ pub fn has_root() -> bool {
     is_root
 }
 
+/// A Python in `folder` with `packages` of the Python Package Index; says so where it cannot be had.
+pub fn python_with(packages: &[&str], folder: &Path) -> Option<PathBuf> {
+    let venv = folder.join("venv");
+    let made = Command::new("python3").args(["-m", "venv"]).arg(&venv).output();
+    if !made.as_ref().is_ok_and(|made| made.status.success()) {
+        skip(&format!("python3 with venv is not here: {made:?}"));
+        return None;
+    }
+    let python = venv.join("bin/python");
+    let install = ["-m", "pip", "install", "-q", "--disable-pip-version-check"];
+    let installed = Command::new(&python).args(install).args(packages).output().expect("pip runs");
+    if !installed.status.success() {
+        skip(&format!("{packages:?} cannot be had from PyPI: {}", String::from_utf8_lossy(&installed.stderr)));
+        return None;
+    }
+    Some(python)
+}
+
 /// A namespace that no other flight on this machine has.
 pub fn namespace() -> String {
     static NEXT: AtomicU32 = AtomicU32::new(0);

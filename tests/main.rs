@@ -5,6 +5,7 @@
 mod accuracy;
 mod architecture;
 mod bad_input;
+mod campaign;
 mod compare;
 mod control;
 mod deadlines;

@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-use crate::harness::{fly, skip, top};
+use crate::harness::{fly, python_with, top};
 use flight::log;
 use serde_json::json;
 
@@ -75,18 +75,7 @@ fn the_log_holds_every_event() {
 #[test]
 fn the_python_reader_reads_it() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let venv = folder.path().join("venv");
-    let made = Command::new("python3").args(["-m", "venv"]).arg(&venv).output();
-    if !made.as_ref().is_ok_and(|m| m.status.success()) {
-        return skip(&format!("python3 with venv is not here: {made:?}"));
-    }
-    let python = venv.join("bin/python");
-    let install = ["-m", "pip", "install", "-q", "--disable-pip-version-check", "mcap", "mcap-protobuf-support"];
-    let installed = Command::new(&python).args(install).output().expect("pip runs");
-    if !installed.status.success() {
-        let why = String::from_utf8_lossy(&installed.stderr);
-        return skip(&format!("the readers cannot be had from PyPI: {why}"));
-    }
+    let Some(python) = python_with(&["mcap", "mcap-protobuf-support"], folder.path()) else { return };
     let outcome = fly(&KILLED);
     let script = top().join("tests/python/read_log.py");
     let read = Command::new(&python).arg(script).arg(outcome.out.join("flight.mcap")).output().expect("python runs");

@@ -55,16 +55,22 @@ impl Refusal {
 #[derive(Debug, Clone)]
 pub struct Guard<M> {
     newest: M,
+    checks_bits: bool,
 }
 
 impl<M: Message> Default for Guard<M> {
     /// Nothing came yet: the newest has sequence 0.
     fn default() -> Self {
-        Self { newest: M::default() }
+        Self { newest: M::default(), checks_bits: true }
     }
 }
 
 impl<M: Message> Guard<M> {
+    /// The same for messages without checksums.
+    pub fn without_checksums() -> Self {
+        Self { checks_bits: false, ..Self::default() }
+    }
+
     /// The newest message taken; the default (sequence 0) before the first.
     pub fn newest(&self) -> &M {
         &self.newest
@@ -86,7 +92,7 @@ impl<M: Message> Guard<M> {
             Err(Refusal::Age)
         } else if !message.plausible() {
             Err(Refusal::Range)
-        } else if !message.is_intact() {
+        } else if self.checks_bits && !message.is_intact() {
             Err(Refusal::Checksum)
         } else {
             self.newest = *message;

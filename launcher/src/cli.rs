@@ -18,7 +18,7 @@ use runtime::console::{eprint_line, print};
 use view::{report, trace};
 
 use crate::target::TargetArgs;
-use crate::{command, compare, fly, manage, replay, swap};
+use crate::{campaign, command, compare, fly, manage, replay, swap};
 
 #[derive(Parser)]
 #[command(name = "launcher", version, about = "Flies a tilt-rotor tricopter through separate real-time processes")]
@@ -65,6 +65,8 @@ enum Command {
     Clear(command::ClearArgs),
     /// Stop a flying stack, cleanly
     Stop(TargetArgs),
+    /// Fly a campaign: many flights that differ in what a file varies
+    Campaign(campaign::CampaignArgs),
     /// Measure what the stack promises, and say which promises are kept
     #[command(subcommand)]
     Measure(Measure),
@@ -125,6 +127,7 @@ fn run() -> ExitCode {
         Command::Inject(args) => command::inject(&args).map(|()| exit::FLOWN),
         Command::Clear(args) => command::clear(&args).map(|()| exit::FLOWN),
         Command::Stop(args) => manage::stop(&args).map(|()| exit::FLOWN),
+        Command::Campaign(args) => campaign::campaign(&args),
         Command::Measure(what) => what.run(),
         Command::Intrude(args) => intruder::intrude(&args),
         Command::Node { name, namespace, epoch, settings, log } => {

@@ -72,9 +72,21 @@ impl From<ModeArg> for Mode {
     }
 }
 
+impl FlyArgs {
+    /// Those of a flight with its log in the folder `out`.
+    pub fn into_folder(out: PathBuf) -> Self {
+        let namespace = "default".to_owned();
+        Self { scenario: None, mode: None, set: vec![], out: Some(out), json: false, no_log: false, namespace }
+    }
+}
+
 /// Flies as the arguments say; the exit code.
 pub fn fly(args: &FlyArgs) -> anyhow::Result<u8> {
-    let mut scenario = settings(args)?;
+    fly_scenario(settings(args)?, args)
+}
+
+/// The same with settings that are there.
+pub fn fly_scenario(mut scenario: Scenario, args: &FlyArgs) -> anyhow::Result<u8> {
     let interrupts = catch_interrupts()?;
     let out = Folder::prepare(args.out.as_deref(), &scenario)?;
     let log = (!args.no_log).then(|| out.path.join("flight.mcap"));

@@ -10,8 +10,10 @@
 //! | `swap` | `swap`: another process for a node of a flying stack |
 //! | `replay` | `replay` and `explain`: a flight flown again from its folder |
 //! | `compare` | `compare`: recorded flights side by side |
+//! | `campaign` | `campaign`: many flights, here or on a cluster |
 //! | `target` | which flight a command is for |
 
+mod campaign;
 mod cli;
 mod command;
 mod compare;

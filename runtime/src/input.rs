@@ -29,7 +29,8 @@ impl<M: Wire> Input<M> {
 
 impl<M: Message> Input<M> {
     fn new(port: Rc<dyn Receive<M>>, member: Member) -> Self {
-        Self { port, member, guard: Guard::default(), seen: 0 }
+        let guard = if member.with_checksums { Guard::default() } else { Guard::without_checksums() };
+        Self { port, member, guard, seen: 0 }
     }
 
     /// The newest message that was taken, without waiting; the default (sequence 0) before the first.

@@ -29,6 +29,9 @@ pub struct Member {
     pub faults: Rc<ProcessFaults>,
     /// Whose memory it began with; none if it began with nothing.
     pub continues: Rc<Cell<Origin>>,
+    /// Whether its messages carry checksums, and those that it receives are checked. Only where one thread hands them on and
+    /// nobody keeps them they may do without.
+    pub with_checksums: bool,
 }
 
 impl Member {
@@ -38,7 +41,7 @@ impl Member {
         let deadline = release.deadline(scenario.deadline_of(topic as usize));
         let timing = Rc::new(CycleTiming::new(deadline));
         let faults = Rc::new(ProcessFaults::new(page.clone(), topic, scenario, acts));
-        Self { page, topic, epoch, release, timing, faults, continues: Rc::default() }
+        Self { page, topic, epoch, release, timing, faults, continues: Rc::default(), with_checksums: true }
     }
 
     /// The same in process: no clock is read.

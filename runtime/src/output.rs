@@ -35,7 +35,7 @@ impl<M: Message> Output<M> {
     /// A late one is treated as the deadline's policy says; one that is withheld is sent too, marked. True when the next
     /// cycle shall do less.
     pub fn send(&mut self, message: M, mut provenance: Stamp) -> bool {
-        let Member { page, epoch, release, timing, faults, continues, .. } = &self.member;
+        let Member { page, epoch, release, timing, faults, continues, with_checksums, .. } = &self.member;
         let (tick, own) = (provenance.tick, M::TOPIC as usize);
         provenance.held_ns += release.hold_up(page, faults.held_up_ns(tick));
         let publish_ns = faults.read_ns(tick, timing.now_ns());
@@ -51,7 +51,7 @@ impl<M: Message> Output<M> {
         let stamped = |mut message: M, mark: u64| {
             *message.stamp_mut() = stamp;
             message.stamp_mut().delivery |= mark;
-            message.with_checksum()
+            if *with_checksums { message.with_checksum() } else { message }
         };
         let deliver = |message: &M| match self.port.send(message) {
             Ok(()) => {

@@ -11,9 +11,13 @@ use super::{Fault, Scenario, Sensors, Swap, check, profile, shape};
 /// The scenario of `file` with `overrides` on top (`key=value`, the value in TOML or a bare word), on the defaults of
 /// the profile they choose. Without a file: the defaults alone.
 pub fn load(file: Option<&Path>, overrides: &[String]) -> Result<Scenario, ScenarioError> {
+    resolve(&sources(file, overrides)?)
+}
+
+/// What is laid over each other: the text of `file`, and the `overrides`.
+pub(super) fn sources(file: Option<&Path>, overrides: &[String]) -> Result<Vec<Source>, ScenarioError> {
     let file = file.map(read).transpose()?;
-    let sources: Vec<Source> = file.into_iter().chain(overrides.iter().map(|text| set(text))).collect();
-    resolve(&sources)
+    Ok(file.into_iter().chain(overrides.iter().map(|text| set(text))).collect())
 }
 
 /// The scenario that [`to_toml`] wrote as `text`, checked once more; `origin` names the text in errors.
@@ -58,7 +62,7 @@ pub fn check_swaps(scenario: &Scenario) -> Result<(), ScenarioError> {
 }
 
 /// Violations of what was written in no file.
-fn without_place(violations: Vec<check::Violation>) -> Result<(), ScenarioError> {
+pub(super) fn without_place(violations: Vec<check::Violation>) -> Result<(), ScenarioError> {
     let problem = |violation: check::Violation| Problem { title: violation.what, place: None, help: violation.allowed };
     let problems: Vec<Problem> = violations.into_iter().map(problem).collect();
     if problems.is_empty() { Ok(()) } else { Err(ScenarioError::new(&problems)) }
@@ -81,6 +85,15 @@ fn resolve(sources: &[Source]) -> Result<Scenario, ScenarioError> {
 
 /// Lays the sources over each other: the scenario, and as a table.
 fn merge(sources: &[Source]) -> Result<(Scenario, Table), ScenarioError> {
+    let merged = with_defaults(given(sources)?).expect(READ);
+    Ok((merged.clone().try_into().expect(READ), merged))
+}
+
+/// Why settings have the types of a scenario.
+const READ: &str = "every source was read as a scenario by itself";
+
+/// Lays the sources over each other, without the defaults.
+pub(super) fn given(sources: &[Source]) -> Result<Table, ScenarioError> {
     let mut given = Table::new();
     let mut problems = vec![];
     for source in sources {
@@ -92,21 +105,21 @@ fn merge(sources: &[Source]) -> Result<(Scenario, Table), ScenarioError> {
     if !problems.is_empty() {
         return Err(ScenarioError::new(&problems));
     }
+    Ok(given)
+}
 
-    let chosen = typed(given.clone());
+/// `given` on top of the defaults that it chooses.
+pub(super) fn with_defaults(given: Table) -> Result<Table, toml::de::Error> {
+    let chosen: Scenario = given.clone().try_into()?;
     let mut defaults = profile::with_airframe(chosen.profile.into(), chosen.airframe.preset);
     defaults.plant.sensors = Sensors::from(chosen.plant.sensors.preset);
     let mut merged = Table::try_from(defaults).expect("profiles have a form in TOML");
     overlay(&mut merged, given);
-    Ok((typed(merged.clone()), merged))
-}
-
-fn typed(settings: Table) -> Scenario {
-    settings.try_into().expect("every source was read as a scenario by itself")
+    Ok(merged)
 }
 
 /// `above` wins; tables merge key by key.
-fn overlay(below: &mut Table, above: Table) {
+pub(super) fn overlay(below: &mut Table, above: Table) {
     for (key, value) in above {
         match (below.get_mut(&key), value) {
             (Some(Value::Table(below)), Value::Table(above)) => overlay(below, above),

@@ -15,6 +15,7 @@
 //! | `swap` | `[[swap]]` |
 //! | `profile` | every default |
 //! | `load`, `shape`, `check`, `report` | merging, the form of a file, ranges, messages with their place |
+//! | `given` | what was given before the defaults, on which other settings can be laid again and again |
 //! | `words` | the known word nearest to an unknown one |
 //! | [`file`](mod@file) | reading files that come from outside |
 
@@ -22,6 +23,7 @@ mod check;
 mod control;
 mod fault;
 pub mod file;
+mod given;
 mod load;
 mod mission;
 mod profile;
@@ -37,6 +39,7 @@ mod words;
 
 pub use control::*;
 pub use fault::*;
+pub use given::Given;
 pub use load::{candidate, candidate_from, check_fault, check_sizes, check_swaps, from_merged, load, to_toml};
 pub use mission::*;
 pub use report::ScenarioError;

@@ -14,8 +14,8 @@ use flight::log::Record;
 use runtime::timed;
 use serde::Serialize;
 use serde_json::json;
+use view::metrics::Metrics;
 use view::percentiles::Percentiles;
-use view::summary::Metrics;
 
 use crate::findings::{Findings, Target};
 use crate::flights::{SURVIVED_M, failed_at_s, in_process};

@@ -3,23 +3,22 @@
 //! Every flight is flown in process, so that the tables are the same on every machine. Between the rows only the inner
 //! loop changes: law, constraints and solver of attitude-mpc, each without and with the mixer's projection. A flight survives
 //! when the vehicle did not diverge and is back at its reference in the end. The five aggressive flights show how, and the
-//! random ones of `random` how often.
+//! random ones of `campaigns/laws.toml`, which has the inner loops too, how often.
 
-mod random;
+use std::path::{Path, PathBuf};
 
-use std::path::PathBuf;
-
+use campaign::outcome::{self, Verdict};
+use campaign::{Campaign, Plan, Rate};
 use contract::Scenario;
 use contract::scenario::{self, Constraints, Law, Mode, Solver};
 use rayon::prelude::*;
 use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
 
-use self::random::Rate;
 use crate::findings::{Findings, Target};
 use crate::flights::{SURVIVED_M, failed_at_s, in_process};
 use flight::settings;
-use view::summary::Metrics;
+use view::metrics::Metrics;
 use view::table::Table;
 
 /// The shipped scenarios, compiled in so that the command works in any folder.
@@ -31,16 +30,19 @@ const AGGRESSIVE: [(&str, &str); 5] = [
     ("scenarios/aggressive/weak-yaw.toml", include_str!("../../../scenarios/aggressive/weak-yaw.toml")),
 ];
 
+/// The random flights, and the inner loops.
+const RANDOM: (&str, &str) = ("campaigns/laws.toml", include_str!("../../../campaigns/laws.toml"));
+
 #[derive(clap::Args)]
 pub struct LawsArgs {
     /// Scenario files to fly besides the five aggressive ones
     pub scenario: Vec<PathBuf>,
     /// Random flights
-    #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..=100_000))]
+    #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     pub flights: u64,
     /// What the random flights are drawn from
     #[arg(long, default_value_t = 1)]
-    pub seed: u64,
+    pub seed: u32,
     /// Print JSON
     #[arg(long)]
     pub json: bool,
@@ -50,9 +52,9 @@ pub struct LawsArgs {
 }
 
 /// One row of the table.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 struct InnerLoop {
-    name: &'static str,
+    name: String,
     law: Law,
     /// `Cone` is the exact actuator set, `Box` the smallest box around it.
     constraints: Constraints,
@@ -61,31 +63,18 @@ struct InnerLoop {
     projection: bool,
 }
 
-/// MPC without constraints; the mixer clamps.
-const CLAMP: InnerLoop = InnerLoop {
-    name: "clamp",
-    law: Law::Mpc,
-    constraints: Constraints::None,
-    solver: Solver::Clarabel,
-    projection: false,
-};
-
-/// The rows of the table without their projection. The first, with it, is what ships.
-const LAWS: [InnerLoop; 6] = [
-    InnerLoop { name: "cone", constraints: Constraints::Cone, ..CLAMP },
-    InnerLoop { name: "cone, active-set", constraints: Constraints::Cone, solver: Solver::ActiveSet, ..CLAMP },
-    InnerLoop { name: "box", constraints: Constraints::Box, ..CLAMP },
-    CLAMP,
-    InnerLoop { name: "lqr", law: Law::Lqr, ..CLAMP },
-    InnerLoop { name: "pid", law: Law::Pid, ..CLAMP },
-];
-
-/// Every law without and with the projection.
-fn inner_loops() -> Vec<InnerLoop> {
-    LAWS.iter().flat_map(|law| [false, true].map(|projection| InnerLoop { projection, ..*law })).collect()
+/// Those of the random flights' controllers.
+fn inner_loops(random: &Campaign) -> anyhow::Result<Vec<InnerLoop>> {
+    let all = random.controllers.iter().map(|(name, given)| Ok(InnerLoop::of(name, &given.scenario(&[])?)));
+    all.collect()
 }
 
 impl InnerLoop {
+    fn of(name: &str, scenario: &Scenario) -> Self {
+        let contract::scenario::Mpc { law, constraints, solver, .. } = scenario.mpc;
+        Self { name: name.to_owned(), law, constraints, solver, projection: scenario.mixer.projection }
+    }
+
     /// `scenario` with this inner loop, in process.
     fn put_into(&self, scenario: &Scenario) -> Scenario {
         let mut flown = scenario.clone();
@@ -95,10 +84,6 @@ impl InnerLoop {
         flown.mpc.solver = self.solver;
         flown.mixer.projection = self.projection;
         flown
-    }
-
-    fn name(&self) -> String {
-        format!("{}{}", self.name, if self.projection { ", projected" } else { "" })
     }
 
     fn is_cone(&self) -> bool {
@@ -113,7 +98,7 @@ impl InnerLoop {
 
 #[derive(Serialize)]
 struct LawFlight {
-    #[serde(serialize_with = "hyphenated")]
+    #[serde(serialize_with = "by_name")]
     inner_loop: InnerLoop,
     scenario: String,
     /// Whether it did not diverge and was back in the end.
@@ -128,7 +113,7 @@ struct LawFlight {
 /// The random flights under one inner loop.
 #[derive(Debug, Serialize)]
 struct RandomRow {
-    #[serde(serialize_with = "hyphenated")]
+    #[serde(serialize_with = "by_name")]
     inner_loop: InnerLoop,
     rate: Rate,
     /// Flight by flight.
@@ -140,9 +125,10 @@ pub fn measure(args: &LawsArgs) -> anyhow::Result<u8> {
     let shipped = AGGRESSIVE.iter().map(|(path, text)| scenario::from_merged(text, path));
     let more = args.scenario.iter().map(|path| settings::load(Some(path), &[]));
     let scenarios: Vec<Scenario> = shipped.chain(more).collect::<Result<_, _>>()?;
-    let rows = fly_all(&scenarios);
-    let drawn = random::flights(args.seed, args.flights)?;
-    let random: Vec<RandomRow> = fly_all(&drawn).iter().map(|flights| RandomRow::of(flights)).collect();
+    let drawn = Campaign::read(RANDOM.1, RANDOM.0, "laws", Path::new(""))?.drawn_anew(args.seed, args.flights);
+    let loops = inner_loops(&drawn)?;
+    let rows = fly_all(&loops, &scenarios);
+    let random = fly_random(&loops, &Plan::new(drawn)?);
 
     let flights: Vec<&LawFlight> = rows.iter().flatten().collect();
     let results = json!({
@@ -157,19 +143,28 @@ pub fn measure(args: &LawsArgs) -> anyhow::Result<u8> {
 }
 
 /// Every scenario under every inner loop, on as many cores as there are: a row for each inner loop.
-fn fly_all(scenarios: &[Scenario]) -> Vec<Vec<LawFlight>> {
-    let loops = inner_loops();
-    let pairs: Vec<_> = loops.iter().flat_map(|one| scenarios.iter().map(move |scenario| (*one, scenario))).collect();
-    let mut flights = pairs.par_iter().map(|(one, scenario)| fly(*one, scenario)).collect::<Vec<_>>().into_iter();
+fn fly_all(loops: &[InnerLoop], scenarios: &[Scenario]) -> Vec<Vec<LawFlight>> {
+    let pairs: Vec<_> = loops.iter().flat_map(|one| scenarios.iter().map(move |scenario| (one, scenario))).collect();
+    let mut flights = pairs.par_iter().map(|(one, scenario)| fly(one, scenario)).collect::<Vec<_>>().into_iter();
     loops.iter().map(|_| flights.by_ref().take(scenarios.len()).collect()).collect()
 }
 
-fn fly(inner_loop: InnerLoop, scenario: &Scenario) -> LawFlight {
+/// Every flight of the plan, whose controllers the loops are: a row for each.
+fn fly_random(loops: &[InnerLoop], plan: &Plan) -> Vec<RandomRow> {
+    let fly = |number| outcome::fly(&plan.flight(number), || true, |_| {});
+    let passed = |number| fly(number).is_some_and(|outcome| outcome.verdict == Verdict::Passed);
+    let passed: Vec<bool> = (0..plan.flights()).into_par_iter().map(passed).collect();
+    // The controllers of a sample stand together.
+    let of_loop = |i: usize| passed.iter().skip(i).step_by(loops.len()).copied().collect();
+    loops.iter().enumerate().map(|(i, one)| RandomRow::of(one, of_loop(i))).collect()
+}
+
+fn fly(inner_loop: &InnerLoop, scenario: &Scenario) -> LawFlight {
     let flown = inner_loop.put_into(scenario);
     let (summary, _) = in_process(&flown, |_| {});
     let diverged = summary.status().diverged();
     LawFlight {
-        inner_loop,
+        inner_loop: inner_loop.clone(),
         scenario: scenario.name.clone(),
         survived: failed_at_s(&summary).is_none(),
         diverged_at_s: diverged.then(|| summary.time_s()),
@@ -183,7 +178,7 @@ fn fly(inner_loop: InnerLoop, scenario: &Scenario) -> LawFlight {
 fn targets(rows: &[Vec<LawFlight>]) -> Vec<Target> {
     let of_row = |row: &Vec<LawFlight>| {
         let shipped = &row[..AGGRESSIVE.len()];
-        let name = shipped[0].inner_loop.name();
+        let name = &shipped[0].inner_loop.name;
         let survived = shipped.iter().filter(|flight| flight.survived).count();
         let negative = shipped.iter().map(|flight| flight.metrics.negative_squares).sum::<u64>();
         let clamped = shipped.iter().map(|flight| flight.metrics.commands_saturated).max();
@@ -210,18 +205,17 @@ fn of_random(rows: &[RandomRow]) -> Vec<Target> {
     let of_row = |row: &RandomRow| {
         let best = best_other(rows, row)?;
         let Rate { survived, flights, high, .. } = row.rate;
-        let figure = format!("{}: share of random flights, upper end", row.inner_loop.name());
-        let note =
-            format!("{survived} of {flights}; the best other, {}, {}", best.inner_loop.name(), best.rate.survived);
+        let figure = format!("{}: share of random flights, upper end", row.inner_loop.name);
+        let note = format!("{survived} of {flights}; the best other, {}, {}", best.inner_loop.name, best.rate.survived);
         Some(Target::at_least(figure, Some(high), best.rate.share()).noting(note))
     };
     rows.iter().filter(|row| row.inner_loop.is_cone()).filter_map(of_row).collect()
 }
 
 impl RandomRow {
-    fn of(flights: &[LawFlight]) -> Self {
-        let survived: Vec<bool> = flights.iter().map(|flight| flight.survived).collect();
-        Self { inner_loop: flights[0].inner_loop, rate: Rate::of(&survived), survived }
+    fn of(inner_loop: &InnerLoop, survived: Vec<bool>) -> Self {
+        let rate = Rate::of(survived.iter().filter(|survived| **survived).count(), survived.len());
+        Self { inner_loop: inner_loop.clone(), rate, survived }
     }
 
     /// How many flights it survives that `other` does not.
@@ -230,15 +224,16 @@ impl RandomRow {
     }
 }
 
-fn random_table(seed: u64, rows: &[RandomRow]) -> String {
+fn random_table(seed: u32, rows: &[RandomRow]) -> String {
     let cells = |row: &RandomRow| {
-        let Rate { survived, low, high, .. } = row.rate;
-        let interval = format!("{:.1} to {:.1} %", 100.0 * low, 100.0 * high);
+        let Rate { survived, .. } = row.rate;
         let [best, only, lost] = match best_other(rows, row) {
-            Some(best) => [best.inner_loop.name(), row.more_than(best).to_string(), best.more_than(row).to_string()],
+            Some(best) => {
+                [best.inner_loop.name.clone(), row.more_than(best).to_string(), best.more_than(row).to_string()]
+            }
             None => ["-", "-", "-"].map(str::to_owned),
         };
-        vec![row.inner_loop.name(), survived.to_string(), interval, best, only, lost]
+        vec![row.inner_loop.name.clone(), survived.to_string(), row.rate.interval(), best, only, lost]
     };
     let flights = rows.first().map_or(0, |row| row.rate.flights);
     let title = format!(
@@ -254,7 +249,7 @@ fn table(scenarios: &[Scenario], rows: &[Vec<LawFlight>]) -> String {
     let headings = [String::new()].into_iter().chain(names).chain(["survived".into()]).collect();
     let cells = |row: &Vec<LawFlight>| {
         let survived = row.iter().filter(|flight| flight.survived).count();
-        let name = row[0].inner_loop.name();
+        let name = row[0].inner_loop.name.clone();
         let flights = row.iter().map(LawFlight::cell);
         [name].into_iter().chain(flights).chain([format!("{survived}/{}", row.len())]).collect()
     };
@@ -275,9 +270,8 @@ impl LawFlight {
     }
 }
 
-/// The name of an inner loop as one word.
-fn hyphenated<S: Serializer>(inner_loop: &InnerLoop, serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.serialize_str(&inner_loop.name().replace(", ", "-"))
+fn by_name<S: Serializer>(inner_loop: &InnerLoop, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(&inner_loop.name)
 }
 
 #[cfg(test)]

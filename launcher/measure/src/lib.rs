@@ -10,6 +10,7 @@
 //! | [`sensitivity`] | `measure sensitivity`: tracking error over delay, jitter and misses |
 //! | [`timing`] | `measure timing`: how late the stack is, beside the kernel's own wake-up |
 //! | [`flights`] | flights that a measurement flies itself, and when one counts as failed |
+//! | [`findings`] | targets and results |
 //! | [`killer`] | processes of a stack seen from outside, and signals to them |
 
 #![allow(missing_docs)]

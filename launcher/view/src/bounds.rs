@@ -12,7 +12,7 @@ use contract::scenario::{Bounds, Initial, Profile, TrajectoryKind};
 use guidance::Trajectory;
 use serde::Serialize;
 
-use crate::summary::Metrics;
+use crate::metrics::Metrics;
 
 /// A start that is no hover may take the vehicle so far off \[m\].
 const UPSET_M: f64 = 3.0;
@@ -62,6 +62,40 @@ pub fn check(scenario: &Scenario, metrics: &Metrics) -> Vec<BoundCheck> {
     judged.collect()
 }
 
+/// Since when a flight is outside a bound that is judged all the way.
+#[derive(Debug, Clone)]
+pub struct Outside {
+    bounds: Bounds,
+    since_s: Option<f64>,
+}
+
+impl Outside {
+    pub fn new(scenario: &Scenario) -> Self {
+        Self { bounds: bounds(scenario), since_s: None }
+    }
+
+    /// Takes in the `metrics` until now, at the time `t_s` of the newest sample.
+    pub fn observe(&mut self, t_s: f64, metrics: &Metrics) {
+        let (b, m) = (&self.bounds, metrics);
+        let is_outside = [
+            (b.max_position_error_m, m.max_position_error_m),
+            (b.max_altitude_error_horizontal_m, m.max_altitude_error_horizontal_m),
+            (b.max_altitude_error_vertical_m, m.max_altitude_error_vertical_m),
+            (b.max_fallback_s, m.fallback_s),
+        ]
+        .iter()
+        .any(|(bound, measured)| bound.is_some_and(|bound| *measured > bound));
+        if is_outside && self.since_s.is_none() {
+            self.since_s = Some(t_s);
+        }
+    }
+
+    /// The time of the first sample outside \[s\].
+    pub fn since_s(&self) -> Option<f64> {
+        self.since_s
+    }
+}
+
 /// How far off a flight may be that sets no bound of its own \[m\].
 fn position_error_m(scenario: &Scenario) -> f64 {
     let usual_m = match scenario.profile {
@@ -105,10 +139,18 @@ mod tests {
     #[test]
     fn a_bound_can_be_lifted() {
         let scenario = load(None, &["bounds.max_position_error_m=inf".into()]).unwrap();
-        let mut metrics = crate::summary::Summary::new(&scenario).metrics();
-        metrics.max_position_error_m = 400.0;
-        metrics.fallback_s = 2.5;
+        let metrics = Metrics { max_position_error_m: 400.0, fallback_s: 2.5, ..Metrics::default() };
         let outside: Vec<_> = check(&scenario, &metrics).into_iter().filter(|v| !v.ok).map(|v| v.metric).collect();
         assert_eq!(outside, ["max_fallback_s"]);
+    }
+
+    #[test]
+    fn a_flight_is_outside_from_its_first_sample_there_on() {
+        let scenario = load(None, &["bounds.max_position_error_m=0.1".into()]).unwrap();
+        let mut outside = Outside::new(&scenario);
+        for (t_s, max_position_error_m) in [(0.0, 0.05), (1.0, 0.1), (2.0, 0.2), (3.0, 0.3)] {
+            outside.observe(t_s, &Metrics { max_position_error_m, ..Metrics::default() });
+        }
+        assert_eq!(outside.since_s(), Some(2.0));
     }
 }

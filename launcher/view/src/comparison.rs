@@ -11,11 +11,12 @@ use hdrhistogram::Histogram;
 use serde_json::{Value, json};
 
 use crate::draw::{self, Line, STYLE, escape};
+use crate::metrics::Metrics;
 use crate::percentiles::percentiles;
 use crate::report::Recorded;
 use crate::report::sections::METRICS;
 use crate::settings;
-use crate::summary::{Metrics, Summary};
+use crate::summary::Summary;
 use crate::table::Table;
 use crate::ticks::{LoggedTick, logged};
 use crate::timing::Timing;

@@ -17,7 +17,8 @@ use guidance::Trajectory;
 use serde::Serialize;
 
 use crate::draw::{self, Line, STYLE, escape};
-use crate::summary::{Metrics, Summary};
+use crate::metrics::Metrics;
+use crate::summary::Summary;
 use crate::table::Table;
 use crate::ticks::{length_m, position_error_m};
 

@@ -2,7 +2,7 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`summary`], [`timing`] | what a flight amounts to: metrics, state hash, cycle timing |
+//! | [`summary`], [`metrics`], [`timing`] | what a flight amounts to: metrics, state hash, cycle timing |
 //! | [`ticks`] | the join of the four messages of a tick, used by everything below and by `measure` |
 //! | [`solves`], [`faults`] | what the solver did, and what came of the scenario's faults |
 //! | [`bounds`] | what a flight must stay inside of |
@@ -27,6 +27,7 @@ pub mod explain;
 pub mod faults;
 pub mod following;
 pub mod happenings;
+pub mod metrics;
 pub mod percentiles;
 pub mod report;
 pub mod run_record;

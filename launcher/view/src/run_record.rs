@@ -169,10 +169,8 @@ pub fn touchdown(scenario: &Scenario, status: PlantStatus) -> Option<&'static st
     })
 }
 
-/// For people: what the flight amounted to.
-pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> String {
-    use std::fmt::Write;
-    let m = summary.metrics();
+/// For people, in one line: how the flight ended, and what else a reader must know.
+pub fn describe_outcome(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> String {
     let but = reservations(summary, scenario, how);
     let but = match (&how.ended, but.as_slice()) {
         (Ended::Flown, []) => ", inside its bounds".to_owned(),
@@ -180,7 +178,14 @@ pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
         (Ended::Flown, but) if !summary.status().diverged() => format!(", but {}", but.join("; ")),
         (_, told) => format!("; {}", told.join("; ")),
     };
-    let mut text = format!("{}: {}{but}\n", scenario.name, describe_end(summary, how));
+    describe_end(summary, how) + &but
+}
+
+/// For people: what the flight amounted to.
+pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> String {
+    use std::fmt::Write;
+    let m = summary.metrics();
+    let mut text = format!("{}: {}\n", scenario.name, describe_outcome(summary, scenario, how));
     let mut line = |label: &str, value: String| {
         let _ = writeln!(text, "  {label:<22}{value}"); // a String takes everything
     };

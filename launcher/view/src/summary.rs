@@ -7,47 +7,17 @@ use contract::Scenario;
 use contract::message::{PlantStatus, State, mixer_flags};
 use contract::scenario::Mode;
 use guidance::Trajectory;
-use serde::Serialize;
 use sha2::{Digest, Sha256};
 
+use crate::bounds::{Outside, check};
 use crate::faults::Faults;
 use crate::following::Following;
+use crate::metrics::Metrics;
 use crate::solves::Solves;
 use crate::ticks::{length_m, position_error_m};
 use crate::timing::Timing;
+use flight::inprocess;
 use flight::log::{Count, Log, Record};
-
-/// The metrics of run.json. One without a sample is NaN, which JSON has as null.
-#[derive(Debug, Clone, Copy, Default, Serialize)]
-pub struct Metrics {
-    /// Largest Euclidean position error \[m\].
-    pub max_position_error_m: f64,
-    pub rms_position_error_m: f64,
-    /// Largest altitude error for t in \[10, 50\] s \[m\].
-    pub max_altitude_error_horizontal_m: f64,
-    /// Largest altitude error otherwise \[m\].
-    pub max_altitude_error_vertical_m: f64,
-    pub final_position_error_m: f64,
-    pub position_error_integral_ms: f64,
-    /// RMS of the true phi, theta, psi against their references, as differences of angles \[deg\].
-    pub rms_attitude_error_deg: [f64; 3],
-    /// RMS of the true p, q, r against their references \[deg/s\].
-    pub rms_rates_error_dps: [f64; 3],
-    /// RMS of the true w, the body z velocity, against its reference \[m/s\].
-    pub rms_w_error_mps: f64,
-    /// Largest body rate about any axis \[rad/s\].
-    pub max_rate_radps: f64,
-    pub rotor_speed_min: f64,
-    pub rotor_speed_max: f64,
-    /// Largest true tilt either way \[deg\].
-    pub tilt_max_deg: f64,
-    /// Commands that a limit cut.
-    pub commands_saturated: u64,
-    /// Commands for which (42) or (43) asked for the root of a negative number.
-    pub negative_squares: u64,
-    /// Time the mixer flew without a demand \[s\].
-    pub fallback_s: f64,
-}
 
 /// Gathers a flight, message by message; the order between topics does not matter.
 pub struct Summary {
@@ -59,7 +29,9 @@ pub struct Summary {
     following: Following,
     /// Ticks on which the mixer flew without a demand.
     fallback_ticks: u64,
-    hash: Sha256,
+    outside: Outside,
+    /// `None` when it is not kept.
+    hash: Option<Sha256>,
     count: Count,
     missed: u64,
     last: State,
@@ -83,7 +55,8 @@ impl Summary {
             samples: 0,
             following: Following::default(),
             fallback_ticks: 0,
-            hash: Sha256::new(),
+            outside: Outside::new(scenario),
+            hash: Some(Sha256::new()),
             count: Count::default(),
             missed: 0,
             last: State::default(),
@@ -91,6 +64,14 @@ impl Summary {
             faults: Faults::new(&scenario.fault, scenario.run.rate_hz),
             timing: (scenario.run.mode != Mode::Inprocess).then(|| Timing::new(scenario)),
         }
+    }
+
+    /// Of a flight [of which no message is kept](inprocess::fly_unlogged): without the hash over all states, which takes a sixth
+    /// of the time of a flight in process.
+    pub fn unlogged(scenario: &Scenario) -> Self {
+        let checked = inprocess::changes_messages(scenario);
+        let count = if checked { Count::default() } else { Count::without_checksums() };
+        Self { hash: None, count, ..Self::new(scenario) }
     }
 
     /// The summary of a log.
@@ -121,7 +102,9 @@ impl Summary {
     }
 
     fn state(&mut self, state: &State) {
-        state.payload(|bytes| self.hash.update(bytes));
+        if let Some(hash) = &mut self.hash {
+            state.payload(|bytes| hash.update(bytes));
+        }
         let t = state.stamp.tick as f64 * self.sample_s;
         let wanted = self.trajectory.at(t).position_m;
         let error = position_error_m(wanted, state);
@@ -145,15 +128,16 @@ impl Summary {
         self.square_sum_m2 += distance * distance;
         self.samples += 1;
         self.last = *state;
+        self.metrics.fallback_s = self.fallback_ticks as f64 * self.sample_s;
+        self.outside.observe(t, &self.metrics);
     }
 
     pub fn metrics(&self) -> Metrics {
         let rms_position_error_m = (self.square_sum_m2 / self.samples.max(1) as f64).sqrt();
-        let fallback_s = self.fallback_ticks as f64 * self.sample_s;
         let [phi, theta, psi, p, q, r, w] = self.following.rms();
         Metrics {
             rms_position_error_m,
-            fallback_s,
+            fallback_s: self.fallback_ticks as f64 * self.sample_s,
             rms_attitude_error_deg: [phi, theta, psi].map(f64::to_degrees),
             rms_rates_error_dps: [p, q, r].map(f64::to_degrees),
             rms_w_error_mps: w,
@@ -161,11 +145,23 @@ impl Summary {
         }
     }
 
-    /// SHA-256 over every state's payload bits in order; `None` when a message was missed or none came.
+    /// When the flight failed \[s\]: it diverged, left a bound, or was outside one in the end; `None` when it did not.
+    pub fn failed_at_s(&self, scenario: &Scenario) -> Option<f64> {
+        let ends_outside = || check(scenario, &self.metrics()).iter().any(|bound| !bound.ok);
+        self.outside.since_s().or_else(|| (self.status().diverged() || ends_outside()).then(|| self.time_s()))
+    }
+
+    /// The newest state.
+    pub fn last(&self) -> &State {
+        &self.last
+    }
+
+    /// SHA-256 over every state's payload bits in order; `None` when a message was missed, none came, or it is not kept.
     pub fn state_hash(&self) -> Option<String> {
         use std::fmt::Write;
-        (self.missed == 0 && self.samples > 0).then(|| {
-            self.hash.clone().finalize().iter().fold(String::new(), |mut text, byte| {
+        let hash = self.hash.as_ref().filter(|_| self.missed == 0 && self.samples > 0);
+        hash.map(|hash| {
+            hash.clone().finalize().iter().fold(String::new(), |mut text, byte| {
                 let _ = write!(text, "{byte:02x}"); // a String takes everything
                 text
             })

@@ -20,11 +20,12 @@ use super::node::{self, Node};
 pub struct Ring {
     pub page: Arc<ControlPage>,
     queues: Queues,
+    with_checksums: bool,
 }
 
 impl Ring {
-    pub fn new() -> std::io::Result<Self> {
-        Ok(Self { page: Arc::new(ControlPage::private()?), queues: Queues::default() })
+    pub fn new(with_checksums: bool) -> std::io::Result<Self> {
+        Ok(Self { page: Arc::new(ControlPage::private()?), queues: Queues::default(), with_checksums })
     }
 
     /// A process of the node that answers on `topic`, with its place in the role and its ports. It acts out the exits of
@@ -32,6 +33,7 @@ impl Ring {
     pub fn member(&self, topic: Topic, epoch: u32, own: &Scenario, run: &Scenario) -> (Member, Ports) {
         self.page.role(topic).offer(epoch);
         let member = Member::in_process(self.page.clone(), topic, epoch, own, own.fault != run.fault);
+        let member = Member { with_checksums: self.with_checksums, ..member };
         (member, self.ports())
     }
 

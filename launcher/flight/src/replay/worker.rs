@@ -75,7 +75,7 @@ impl Worker {
         scenario: &Scenario,
         memory: Option<&(Origin, Snapshot)>,
     ) -> Result<Self, SessionError> {
-        let ring = Ring::new().map_err(|why| SessionError::Io { what: "memory of the ring".into(), why })?;
+        let ring = Ring::new(true).map_err(|why| SessionError::Io { what: "memory of the ring".into(), why })?;
         ring.page.role(topic).offer(epoch);
         let member = Member::of_recording(ring.page.clone(), topic, epoch, scenario);
         let mut ports: Ports = ring.ports();

@@ -200,7 +200,7 @@ pub fn time_line(lanes: &[Lane]) -> String {
 }
 
 /// Round numbers \[us\] along the axis: steps of 1, 2 or 5, three to seven of them.
-fn marks(from: f64, to: f64) -> Vec<f64> {
+pub(super) fn marks(from: f64, to: f64) -> Vec<f64> {
     let rough = (to - from) / 6.0;
     let magnitude = 10_f64.powf(rough.log10().floor());
     let step = [1.0, 2.0, 5.0, 10.0].map(|digit| digit * magnitude).into_iter().find(|step| *step >= rough);

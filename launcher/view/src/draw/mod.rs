@@ -6,13 +6,15 @@ mod charts;
 mod heat_map;
 mod html;
 mod lines;
+mod plots;
 
 use std::fmt::{Display, Write};
 
 pub use charts::{Bars, Lane, histograms, outlines, time_line};
-pub use heat_map::{HeatCell, HeatMap};
+pub use heat_map::{HeatCell, HeatMap, ShareCell, share_map};
 pub use html::{DASH, any, escape, leaves, list, number, page, table, verdict};
 pub use lines::{Line, lines};
+pub use plots::{Share, course, legend, scatter, shares, short};
 
 /// The style of the report, which other pages may use.
 pub const STYLE: &str = include_str!("../../assets/report/report.css");

@@ -1,0 +1,164 @@
+//! Settings before the defaults, on which others are laid again and again: what the flights of a campaign have in common.
+
+use std::path::Path;
+
+use toml::{Table, Value};
+
+use super::load::{given, overlay, sources, with_defaults, without_place};
+use super::report::{Problem, ScenarioError, Source};
+use super::{Scenario, candidate, check, shape};
+
+/// What was given of a scenario. The defaults of profile and presets come under it when a [`scenario`](Self::scenario) is
+/// made of it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Given(Table);
+
+impl Given {
+    /// The settings of `file`, with `overrides` (`key=value`) on top.
+    pub fn load(file: Option<&Path>, overrides: &[String]) -> Result<Self, ScenarioError> {
+        given(&sources(file, overrides)?).map(Self)
+    }
+
+    /// With the settings of a table on top.
+    ///
+    /// # Errors
+    /// A key that no scenario has, or a value that its key cannot have; `origin` names the table.
+    pub fn with(&self, settings: &Table, origin: &str) -> Result<Self, ScenarioError> {
+        check_shape(&settings.to_string(), origin)?;
+        let mut given = self.0.clone();
+        overlay(&mut given, settings.clone());
+        Ok(Self(given))
+    }
+
+    /// As a table, without the defaults.
+    pub fn table(&self) -> &Table {
+        &self.0
+    }
+
+    /// The scenario with `settings` on top, checked. Their keys are dotted; a number in a key counts the elements of an
+    /// array from 0 on (`initial.attitude_deg.0`, `fault.1.value`).
+    ///
+    /// # Errors
+    /// What no scenario has, or may have together.
+    pub fn scenario(&self, settings: &[(String, Value)]) -> Result<Scenario, ScenarioError> {
+        let (elements, whole): (Vec<_>, Vec<_>) = settings.iter().partition(|(key, _)| is_element(key));
+        let mut given = self.0.clone();
+        for (key, value) in &whole {
+            put(&mut given, key, value)?;
+        }
+        let wrong_type = |error: toml::de::Error| {
+            let shapes = settings.iter().filter(|(key, _)| !is_element(key));
+            let shape = shapes.map(|(key, value)| check_shape(&format!("{key} = {value}"), "")).find_map(Result::err);
+            shape.unwrap_or_else(|| ScenarioError::of(error.message().to_owned(), String::new()))
+        };
+        let mut merged = with_defaults(given).map_err(wrong_type)?;
+        for (key, value) in &elements {
+            put(&mut merged, key, value)?;
+        }
+        let scenario: Scenario = merged.clone().try_into().map_err(wrong_type)?;
+        without_place(check::violations(&scenario, merged, candidate))?;
+        Ok(scenario)
+    }
+}
+
+/// Whether a key counts the elements of an array.
+fn is_element(key: &str) -> bool {
+    key.split('.').any(|name| name.parse::<usize>().is_ok())
+}
+
+/// Gives `key` its `value`. Tables on the way are made, arrays and their elements must be there.
+fn put(table: &mut Table, key: &str, value: &Value) -> Result<(), ScenarioError> {
+    let (first, rest) = key.split_once('.').map_or((key, None), |(first, rest)| (first, Some(rest)));
+    let Some(rest) = rest else {
+        table.insert(first.into(), value.clone());
+        return Ok(());
+    };
+    let place = table.entry(first).or_insert_with(|| Value::Table(Table::new()));
+    let put = match place {
+        Value::Table(inner) => return put(inner, rest, value),
+        Value::Array(all) => put_element(all, rest, value)?,
+        _ => None,
+    };
+    put.ok_or_else(|| {
+        let help = "count the elements of an array from 0 on; give the whole array first where the settings have none";
+        ScenarioError::of(format!("`{key}`: there is no `{rest}` in `{first}`"), help.into())
+    })
+}
+
+/// The same in an array; `None` when it has no such element.
+fn put_element(all: &mut [Value], key: &str, value: &Value) -> Result<Option<()>, ScenarioError> {
+    let (number, rest) = key.split_once('.').map_or((key, None), |(number, rest)| (number, Some(rest)));
+    let element = number.parse().ok().and_then(|i: usize| all.get_mut(i));
+    match (element, rest) {
+        (Some(element), None) => *element = value.clone(),
+        (Some(Value::Table(inner)), Some(rest)) => put(inner, rest, value)?,
+        (Some(Value::Array(inner)), Some(rest)) => return put_element(inner, rest, value),
+        _ => return Ok(None),
+    }
+    Ok(Some(()))
+}
+
+/// Whether `text` has the shape of settings; `origin` says where they stand.
+fn check_shape(text: &str, origin: &str) -> Result<(), ScenarioError> {
+    let source = Source { path: Some(origin.into()), text: text.into() };
+    let Err(problems) = shape::read(&source) else { return Ok(()) };
+    let place = if origin.is_empty() { String::new() } else { format!("{origin}: ") };
+    let without_place = |problem: &Problem| Problem {
+        title: format!("{place}{}", problem.title),
+        place: None,
+        help: problem.help.clone(),
+    };
+    Err(ScenarioError::new(&problems.iter().map(without_place).collect::<Vec<_>>()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenario::load;
+
+    fn settings(pairs: &[(&str, &str)]) -> Vec<(String, Value)> {
+        let value = |text: &str| format!("x = {text}").parse::<Table>().unwrap().remove("x").unwrap();
+        pairs.iter().map(|(key, text)| ((*key).to_owned(), value(text))).collect()
+    }
+
+    #[test]
+    fn settings_on_top_are_those_of_the_command_line() {
+        let base = Given::load(None, &["mission.trajectory=hover".into()]).unwrap();
+        let laid = base.scenario(&settings(&[("profile", "\"paper\""), ("plant.airframe.mass_kg", "1.2")])).unwrap();
+        let set = ["mission.trajectory=hover", "profile=paper", "plant.airframe.mass_kg=1.2"].map(str::to_owned);
+        assert_eq!(laid, load(None, &set).unwrap(), "the defaults are those of the profile");
+    }
+
+    #[test]
+    fn a_number_in_a_key_counts_the_elements_of_an_array() {
+        let fault = "fault=[{ at_s = 1.0, target = \"payload\", kind = \"mass\", value = 0.1 }]";
+        let base = Given::load(None, &[fault.into()]).unwrap();
+        let laid = base.scenario(&settings(&[("initial.attitude_deg.1", "20.0"), ("fault.0.value", "0.3")])).unwrap();
+        assert_eq!(laid.initial.attitude_deg, [0.0, 20.0, 0.0]);
+        assert_eq!(laid.fault[0].value, Some(0.3));
+        for key in ["initial.attitude_deg.3", "plant.wind_ned_mps.0", "fault.1.value"] {
+            let refused = base.scenario(&settings(&[(key, "1.0")])).unwrap_err().to_string();
+            assert!(refused.contains("there is no"), "{key}: {refused}");
+        }
+    }
+
+    #[test]
+    fn what_is_wrong_is_named_with_its_key() {
+        let base = Given::default();
+        for (key, value, expected) in [
+            ("mpc.npp", "3", "unknown key `mpc.npp`"),
+            ("mpc.np", "\"many\"", "`mpc.np`"),
+            ("mpc.np", "2.5", "`mpc.np`"),
+            ("plant.airframe.mass_kg", "-1.0", "plant.airframe.mass_kg"),
+        ] {
+            let refused = base.scenario(&settings(&[(key, value)])).unwrap_err().to_string();
+            assert!(refused.contains(expected), "{refused}");
+        }
+        let wrong: Table = "mpc.npp = 3".parse().unwrap();
+        let refused = base.with(&wrong, "[settings] of x.toml").unwrap_err().to_string();
+        assert!(
+            refused.contains("[settings] of x.toml: unknown key `mpc.npp`") && refused.contains("`mpc.np`"),
+            "{refused}"
+        );
+    }
+}

@@ -1,0 +1,312 @@
+//! `campaign.toml`: a scenario, what varies, how often, and what is compared.
+//!
+//! ```toml
+//! name = "mass-and-wind"             # default: the name of the file
+//! scenario = "survey.toml"           # seen from the file's folder; default: the launcher's
+//! seed = 1                           # of everything that is drawn
+//! seeds = 50                         # each flight with the seeds 1 to 50, or with those of a list
+//! samples = 200                      # how often the distributions are drawn
+//! sampling = "latin-hypercube"       # or "random", "sobol"
+//!
+//! [settings]                         # of all flights, on top of the scenario
+//! run.duration_s = 20.0
+//! bounds.max_position_error_m = 0.5  # what counts as passed
+//!
+//! [vary]
+//! run.command_delay_ms = [0.0, 10.0, 20.0]                     # each of them, with each of the other lists
+//! plant.airframe.mass_kg = { uniform = [1.0, 1.3] }            # drawn
+//! initial.attitude_deg.0 = { normal = { mean = 0.0, deviation = 10.0 } }   # one element of an array
+//!
+//! [controller.lqr]                   # the same flights under each of these
+//! mpc.law = "lqr"
+//!
+//! [random_faults]
+//! count = [0, 2]
+//! at_s = [2.0, 15.0]
+//! for_s = [0.1, 2.0]
+//! ```
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail, ensure};
+use contract::scenario::file::{MAX_TEXT_BYTES, read_text};
+use contract::scenario::{Given, suggest};
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+use toml::{Table, Value};
+
+use crate::hex::hex;
+use crate::random_faults::RandomFaults;
+use crate::sampling::{MAX_SOBOL, Sampling};
+use crate::variation::{Factor, Values};
+
+/// The most flights of a campaign.
+const MAX_FLIGHTS: u64 = 10_000_000;
+/// The most samples.
+const MAX_SAMPLES: u64 = 1_000_000;
+/// The name of the only controller where none is named.
+const ONLY: &str = "scenario";
+
+/// What is flown.
+#[derive(Debug, Clone)]
+pub struct Campaign {
+    /// The file with the scenario in it, so that it says everything by itself.
+    file: File,
+    /// The settings of all flights.
+    pub base: Given,
+    /// Names, and settings of all their flights.
+    pub controllers: Vec<(String, Given)>,
+    /// By key.
+    pub factors: Vec<Factor>,
+}
+
+/// The file.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    name: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    scenario: Option<PathBuf>,
+    #[serde(default = "one")]
+    seed: u32,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    seeds: Option<Seeds>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    samples: Option<u64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sampling: Option<Sampling>,
+    #[serde(default, skip_serializing_if = "Table::is_empty")]
+    settings: Table,
+    #[serde(default, skip_serializing_if = "Table::is_empty")]
+    vary: Table,
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    controller: BTreeMap<String, Table>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    random_faults: Option<RandomFaults>,
+}
+
+/// `seeds`
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(untagged, expecting = "expected how many seeds, or a list of them")]
+enum Seeds {
+    Count(u32),
+    List(Vec<u32>),
+}
+
+fn one() -> u32 {
+    1
+}
+
+impl Campaign {
+    /// The campaign of a file.
+    ///
+    /// # Errors
+    /// Whatever keeps it from being flown, with the place and what to do.
+    pub fn load(path: &Path) -> anyhow::Result<Self> {
+        let origin = path.display().to_string();
+        let text = read_text(path, MAX_TEXT_BYTES)
+            .with_context(|| format!("cannot read the campaign {origin}; give the path of a campaign file"))?;
+        let stem = path.file_stem().map_or("campaign".into(), |stem| stem.to_string_lossy().into_owned());
+        Self::read(&text, &origin, &stem, path.parent().unwrap_or(Path::new("")))
+    }
+
+    /// The campaign of a text; its scenario is looked for from `folder` on.
+    pub fn read(text: &str, origin: &str, name: &str, folder: &Path) -> anyhow::Result<Self> {
+        let mut file: File = toml::from_str(text).map_err(|error| not_a_campaign(origin, &error))?;
+        let name = file.name.get_or_insert_with(|| name.to_owned());
+        let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
+        ensure!(
+            !name.is_empty() && name.chars().all(is_plain) && !name.starts_with('.'),
+            "{origin}: `name` = {name:?}: give letters, digits, - and _: the folder of the results has this name"
+        );
+        let scenario = file.scenario.take().map(|scenario| folder.join(scenario));
+        let base = Given::load(scenario.as_deref(), &[])?.with(&file.settings, &format!("[settings] of {origin}"))?;
+        let base = base.with(&in_process(), "")?;
+        file.settings = base.table().clone();
+        let settings = |(name, own): (&String, &Table)| {
+            Ok((name.clone(), base.with(own, &format!("[controller.{name}] of {origin}"))?))
+        };
+        let mut controllers: Vec<(String, Given)> =
+            file.controller.iter().map(settings).collect::<anyhow::Result<_>>()?;
+        if controllers.is_empty() {
+            controllers.push((ONLY.into(), base.clone()));
+        }
+        let mut factors = Factor::all(&file.vary).with_context(|| origin.to_owned())?;
+        factors.extend(file.seeds.as_ref().map(seeds).transpose().with_context(|| origin.to_owned())?);
+        factors.sort_by(|a, b| a.key.cmp(&b.key));
+        let campaign = Self { file, base, controllers, factors };
+        campaign.check().with_context(|| origin.to_owned())?;
+        Ok(campaign)
+    }
+
+    pub fn name(&self) -> &str {
+        self.file.name.as_deref().unwrap_or_default()
+    }
+
+    pub fn seed(&self) -> u64 {
+        u64::from(self.file.seed)
+    }
+
+    /// How often is drawn; `None` where nothing is.
+    pub fn samples(&self) -> Option<u64> {
+        self.file.samples
+    }
+
+    pub fn sampling(&self) -> Sampling {
+        self.file.sampling.unwrap_or_default()
+    }
+
+    pub fn random_faults(&self) -> Option<&RandomFaults> {
+        self.file.random_faults.as_ref()
+    }
+
+    /// Another number of samples, and another seed of what is drawn.
+    #[must_use]
+    pub fn drawn_anew(mut self, seed: u32, samples: u64) -> Self {
+        (self.file.seed, self.file.samples) = (seed, Some(samples));
+        self
+    }
+
+    /// The campaign as a file that says everything by itself.
+    pub fn merged(&self) -> String {
+        toml::to_string(&self.file).expect("it was read from TOML")
+    }
+
+    /// What tells this campaign from every other: SHA-256 of [`merged`](Self::merged).
+    pub fn hash(&self) -> String {
+        hex(&Sha256::digest(self.merged()))
+    }
+
+    /// How many flights there are.
+    pub fn flights(&self) -> u64 {
+        let listed = self.factors.iter().map(|factor| match &factor.values {
+            Values::Listed(list) => list.len() as u64,
+            Values::Drawn(_) => 1,
+        });
+        let others = [self.samples().unwrap_or(1), self.controllers.len() as u64];
+        listed.chain(others).fold(1, u64::saturating_mul)
+    }
+
+    /// What the parts of the file mean together.
+    fn check(&self) -> anyhow::Result<()> {
+        let drawn = self.factors.iter().filter(|factor| matches!(factor.values, Values::Drawn(_))).count();
+        if let Some(faults) = &self.file.random_faults {
+            faults.check().context("[random_faults]")?;
+        }
+        match (self.file.samples, drawn > 0 || self.file.random_faults.is_some()) {
+            (Some(0), _) => bail!("`samples` = 0: give how often to draw, 1 or more"),
+            (Some(samples), _) if samples > MAX_SAMPLES => bail!("`samples` = {samples}: {MAX_SAMPLES} are the most"),
+            (None, true) => {
+                bail!("something is drawn, but not how often: give `samples`, for instance `samples = 100`")
+            }
+            (Some(_), false) => {
+                bail!(
+                    "`samples` without anything that is drawn: leave it away, or say `seeds` for flights with other noise"
+                )
+            }
+            _ => {}
+        }
+        ensure!(
+            self.file.sampling.is_none() || drawn > 0,
+            "`sampling` without a distribution in [vary]: leave it away"
+        );
+        let (dimensions, samples) = MAX_SOBOL;
+        ensure!(
+            self.sampling() != Sampling::Sobol || drawn <= dimensions && self.samples().unwrap_or(0) <= samples,
+            "`sampling` = \"sobol\" has {samples} samples of {dimensions} settings at most; say \"latin-hypercube\" for more"
+        );
+        let flights = self.flights();
+        ensure!(flights <= MAX_FLIGHTS, "{flights} flights: {MAX_FLIGHTS} are the most");
+        for pair in self.factors.windows(2) {
+            ensure!(pair[0].key != pair[1].key, "`{}` varies twice: by `seeds` and in [vary]", pair[0].key);
+        }
+        for Factor { key, .. } in &self.factors {
+            ensure!(
+                key != "run.mode" && key != "name",
+                "`{key}` in [vary]: every flight of a campaign flies in process under the name of its number"
+            );
+            for (name, own) in &self.file.controller {
+                ensure!(find(own, key).is_none(), "`{key}` of [controller.{name}] varies too: leave one of them away");
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Why it is no campaign, with the place.
+fn not_a_campaign(origin: &str, error: &toml::de::Error) -> anyhow::Error {
+    anyhow::anyhow!("{origin}: {}", suggest(error.to_string().trim_end()))
+}
+
+/// `seeds` as what varies.
+fn seeds(seeds: &Seeds) -> anyhow::Result<Factor> {
+    let all: Vec<u32> = match seeds {
+        Seeds::Count(count) => (1..=*count).collect(),
+        Seeds::List(list) => list.clone(),
+    };
+    ensure!(!all.is_empty(), "`seeds` without a seed: give how many, 1 or more");
+    let values = Values::Listed(all.into_iter().map(|seed| Value::Integer(seed.into())).collect());
+    Ok(Factor { key: "run.seed".into(), values })
+}
+
+/// What every flight of a campaign has.
+fn in_process() -> Table {
+    let run = Table::from_iter([("mode".to_owned(), Value::from("inprocess"))]);
+    Table::from_iter([("run".to_owned(), Value::Table(run))])
+}
+
+/// The value of a dotted key.
+fn find<'a>(table: &'a Table, key: &str) -> Option<&'a Value> {
+    match key.split_once('.') {
+        None => table.get(key),
+        Some((first, rest)) => table.get(first)?.as_table().and_then(|inner| find(inner, rest)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> anyhow::Result<Campaign> {
+        Campaign::read(text, "x.toml", "x", Path::new(""))
+    }
+
+    #[test]
+    fn the_merged_file_is_the_same_campaign() {
+        let text = "seeds = 3\nsamples = 4\n[settings]\nrun.duration_s = 1.0\n[vary]\nmpc.np = [20, 30]\n\
+                    plant.airframe.mass_kg = { uniform = [1.0, 1.2] }\n[controller.a]\nmpc.law = 'lqr'\n[controller.b]\nmpc.law = 'pid'\n";
+        let campaign = read(text).unwrap();
+        assert_eq!((campaign.flights(), campaign.name()), (3 * 4 * 2 * 2, "x"));
+        let again = Campaign::read(&campaign.merged(), "y.toml", "y", Path::new("")).unwrap();
+        assert_eq!((again.merged(), again.hash()), (campaign.merged(), campaign.hash()));
+        assert_eq!(again.factors, campaign.factors);
+        assert_ne!(read(&text.replace("1.2", "1.3")).unwrap().hash(), campaign.hash());
+    }
+
+    #[test]
+    fn what_is_wrong_is_named_before_anything_is_flown() {
+        for (text, expected) in [
+            ("sample = 3", "samples"),
+            ("samples = 3", "anything that is drawn"),
+            ("samples = 0\n[vary]\nmpc.np = { integer = [20, 30] }", "1 or more"),
+            ("[vary]\nmpc.np = { integer = [20, 30] }", "give `samples`"),
+            ("sampling = 'sobol'", "without a distribution"),
+            ("sampling = 'sobl'", "sobol"),
+            ("samples = 100000\nsampling = 'sobol'\n[vary]\nmpc.np = { integer = [20, 30] }", "latin-hypercube"),
+            ("seeds = 0", "`seeds`"),
+            ("seeds = 3\n[vary]\nrun.seed = [1]", "varies twice"),
+            ("seeds = 100\n[vary]\nmpc.np = { range = { from = 1, to = 9, steps = 1000000 } }", "are the most"),
+            ("[settings]\nmpc.npp = 3", "unknown key `mpc.npp`"),
+            ("[controller.a]\nmpc.law = 'lqg'", "lqr"),
+            ("[controller.a]\nmpc.np = 20\n[vary]\nmpc.np = [20, 30]", "[controller.a]"),
+            ("[vary]\nrun.mode = ['lockstep']", "in process"),
+            ("name = 'a/b'", "`name`"),
+            ("scenario = 'none.toml'", "none.toml"),
+            ("[random_faults]\ncount = [0, 1]\nat_s = [1, 2]\nfor_s = [1, 2]", "give `samples`"),
+        ] {
+            let said = format!("{:#}", read(text).unwrap_err());
+            assert!(said.contains(expected), "{text}: {said}");
+        }
+    }
+}

@@ -1,0 +1,227 @@
+//! The folder of a campaign.
+//!
+//! ```text
+//! runs/NAME/
+//!     campaign.toml     the campaign with its scenario, which flies it by itself
+//!     layout.toml       by what program, how many flights in how many shards
+//!     shards/NNNNN.parquet    a shard, whole
+//!     flights.parquet   all of them together, written when none is missing
+//!     campaign.html     the page
+//!     flight-N/         a flight that was flown again
+//!     slurm/            what was submitted, and what the tasks said
+//!     lock              held while a campaign flies: alone by `launcher campaign`, together by shards
+//! ```
+
+use std::collections::HashSet;
+use std::ffi::OsString;
+use std::fs::{self, File, OpenOptions};
+use std::io::{ErrorKind, Write};
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail, ensure};
+use contract::scenario::file::{MAX_TEXT_BYTES, read_text};
+use rustix::fs::{FlockOperation, flock};
+use rustix::io::Errno;
+use serde::{Deserialize, Serialize};
+
+use crate::plan::Plan;
+use crate::shard;
+use crate::table::Table;
+
+/// Version of the layout.
+const VERSION: u32 = 1;
+/// Flights of a shard where the number is not said: so many are lost at most when a machine dies.
+const SHARD: u64 = 100;
+/// Shards where the number is not said: as many tasks an array of Slurm may have, and one more.
+const USUAL_SHARDS: u64 = 1000;
+/// The most shards of a campaign.
+pub const MAX_SHARDS: u64 = 99_999;
+
+/// `layout.toml`
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Layout {
+    pub version: u32,
+    /// What flies it.
+    pub program: String,
+    /// SHA-256 of the campaign.
+    pub campaign: String,
+    pub flights: u64,
+    pub shards: u64,
+}
+
+/// Who else may write to the folder.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Access {
+    Alone,
+    WithShards,
+    /// Nothing is written that another writes too.
+    Reading,
+}
+
+#[derive(Debug)]
+pub struct CampaignFolder {
+    pub path: PathBuf,
+    pub layout: Layout,
+    /// Locked as long as this is open.
+    _hold: Option<File>,
+}
+
+impl CampaignFolder {
+    /// Opens the folder of a plan, or makes it. `shards` says how many there are to be.
+    ///
+    /// # Errors
+    /// A folder of another campaign, program or layout, or one that another campaign flies into.
+    pub fn open(path: &Path, plan: &Plan, shards: Option<u64>, access: Access) -> anyhow::Result<Self> {
+        let cannot = || format!("cannot use the folder {}", path.display());
+        let wanted = Layout {
+            version: VERSION,
+            program: shard::program(),
+            campaign: plan.campaign.hash(),
+            flights: plan.flights(),
+            shards: shards
+                .unwrap_or(plan.flights().div_ceil(SHARD).min(USUAL_SHARDS))
+                .clamp(1, plan.flights().min(MAX_SHARDS)),
+        };
+        let hold = prepare(path, access).with_context(cannot)?;
+        if !path.join("layout.toml").exists() {
+            put(&path.join("campaign.toml"), &plan.campaign.merged()).with_context(cannot)?;
+            put(&path.join("layout.toml"), &toml::to_string(&wanted)?).with_context(cannot)?;
+        }
+        let layout = Layout::read(path)?;
+        let elsewhere = "give this one another folder with --out, or remove the old one";
+        let other = |what: &str| format!("the folder {} holds {what}; {elsewhere}", path.display());
+        ensure!(layout.campaign == wanted.campaign, other("another campaign, or this one before it was changed"));
+        let by = format!("flights of another program ({}; this is {})", layout.program, wanted.program);
+        ensure!(layout.program == wanted.program, other(&by));
+        let divided = format!("this campaign in {} shards, not {}", layout.shards, wanted.shards);
+        ensure!(shards.is_none() || layout.shards == wanted.shards, other(&divided));
+        Ok(Self { path: path.into(), layout, _hold: hold })
+    }
+
+    pub fn shard(&self, index: u64) -> PathBuf {
+        self.path.join("shards").join(format!("{index:05}.parquet"))
+    }
+
+    /// The shards that are not there. The folder is read anew, because a network file system remembers which files were not
+    /// there.
+    pub fn missing(&self) -> Vec<u64> {
+        let entries = fs::read_dir(self.path.join("shards")).into_iter().flatten().flatten();
+        let there: HashSet<OsString> = entries.map(|entry| entry.file_name()).collect();
+        let is_there = |index: u64| self.shard(index).file_name().is_some_and(|name| there.contains(name));
+        (0..self.layout.shards).filter(|index| !is_there(*index)).collect()
+    }
+
+    /// All flights of the shards that are there, in order; which shards are missing.
+    ///
+    /// # Errors
+    /// A shard that is there and cannot be counted.
+    pub fn collect(&self, plan: &Plan) -> anyhow::Result<(Table, Vec<u64>)> {
+        let missing = self.missing();
+        let mut all = Table::new(&shard::columns(plan));
+        for index in (0..self.layout.shards).filter(|index| !missing.contains(index)) {
+            all.append(shard::read(&self.shard(index), plan, &self.layout, index)?)?;
+        }
+        Ok((all, missing))
+    }
+}
+
+impl Layout {
+    fn read(folder: &Path) -> anyhow::Result<Self> {
+        let path = folder.join("layout.toml");
+        let said = || format!("{} cannot be read; give another folder with --out", path.display());
+        let text = read_text(&path, MAX_TEXT_BYTES).with_context(said)?;
+        let version = text.parse::<toml::Table>().ok().and_then(|table| table.get("version")?.as_integer());
+        ensure!(
+            version == Some(VERSION.into()),
+            "{} is of layout {}, and this program reads {VERSION}; give another folder with --out",
+            path.display(),
+            version.map_or("unknown".into(), |version| version.to_string())
+        );
+        toml::from_str(&text).with_context(said)
+    }
+}
+
+/// Makes the folder, and locks it as far as `access` wants.
+fn prepare(path: &Path, access: Access) -> anyhow::Result<Option<File>> {
+    if access == Access::Reading {
+        ensure!(path.join("layout.toml").exists(), "there is no campaign in it");
+        return Ok(None);
+    }
+    let is_ours = path.join("layout.toml").exists() || path.join("lock").exists();
+    let is_empty = fs::read_dir(path).map_or(true, |mut entries| entries.next().is_none());
+    ensure!(is_ours || is_empty, "it has something else in it; give another with --out");
+    fs::create_dir_all(path.join("shards"))?;
+    let lock = OpenOptions::new().create(true).truncate(false).write(true).open(path.join("lock"))?;
+    let how = match access {
+        Access::Alone => FlockOperation::NonBlockingLockExclusive,
+        _ => FlockOperation::NonBlockingLockShared,
+    };
+    // A file system without locks is taken as it is: a shard is renamed into its place, and is the same from whoever flew it.
+    if flock(&lock, how) == Err(Errno::WOULDBLOCK) {
+        bail!("another campaign is flying into it; wait for it, or give another with --out");
+    }
+    Ok(Some(lock))
+}
+
+/// Writes a file whole, if it is not there: of two that do, one has written it.
+fn put(path: &Path, text: &str) -> anyhow::Result<()> {
+    let folder = path.parent().context("a file in a folder")?;
+    let mut part = tempfile::Builder::new();
+    let part = part.prefix(".").suffix(".part").permissions(fs::Permissions::from_mode(0o666));
+    let mut part = part.tempfile_in(folder)?;
+    part.write_all(text.as_bytes())?;
+    part.as_file().sync_all()?;
+    match part.persist_noclobber(path) {
+        Err(failed) if failed.error.kind() != ErrorKind::AlreadyExists => Err(failed.error.into()),
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Campaign;
+
+    fn plan(text: &str) -> Plan {
+        Plan::new(Campaign::read(text, "x.toml", "x", Path::new("")).unwrap()).unwrap()
+    }
+
+    #[test]
+    fn a_folder_is_of_one_campaign_and_one_layout() {
+        let top = tempfile::tempdir().unwrap();
+        let path = top.path().join("a/b");
+        let ours = plan("seeds = 10");
+        let open = |plan: &Plan, shards, access| CampaignFolder::open(&path, plan, shards, access);
+        let said = |plan: &Plan, shards| format!("{:#}", open(plan, shards, Access::Alone).unwrap_err());
+        assert!(open(&ours, None, Access::Reading).is_err() && !path.exists(), "nothing is made by looking");
+        let folder = open(&ours, Some(4), Access::Alone).unwrap();
+        assert_eq!((folder.layout.shards, folder.missing()), (4, vec![0, 1, 2, 3]));
+        assert!(said(&ours, None).contains("another campaign is flying"), "it is held");
+        drop(folder);
+        let [one, two] =
+            [open(&ours, None, Access::WithShards).unwrap(), open(&ours, None, Access::WithShards).unwrap()];
+        assert_eq!(one.layout, two.layout);
+        drop((one, two));
+        assert!(said(&plan("seeds = 11"), None).contains("another campaign, or this one before it was changed"));
+        assert!(said(&ours, Some(5)).contains("in 4 shards, not 5"));
+        let merged = Campaign::load(&path.join("campaign.toml")).unwrap();
+        assert_eq!(merged.hash(), ours.campaign.hash(), "the folder's own file flies the same");
+
+        let layout = fs::read_to_string(path.join("layout.toml")).unwrap();
+        fs::write(path.join("layout.toml"), layout.replace("program = \"", "program = \"0.0 ")).unwrap();
+        assert!(said(&ours, None).contains("another program"), "{}", said(&ours, None));
+        fs::write(path.join("layout.toml"), layout.replace("version = 1", "version = 9")).unwrap();
+        assert!(said(&ours, None).contains("layout 9"));
+    }
+
+    #[test]
+    fn a_folder_of_something_else_is_left_alone() {
+        let top = tempfile::tempdir().unwrap();
+        fs::write(top.path().join("thesis.tex"), "").unwrap();
+        let refused = CampaignFolder::open(top.path(), &plan(""), None, Access::Alone).unwrap_err();
+        assert!(format!("{refused:#}").contains("something else in it"));
+        assert_eq!(fs::read_dir(top.path()).unwrap().count(), 1);
+    }
+}

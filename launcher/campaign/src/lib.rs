@@ -1,0 +1,41 @@
+//! Campaigns: many flights that differ in what a file varies, their verdicts, and what they amount to.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`file`](mod@file) | `campaign.toml`: what is flown, what varies |
+//! | [`variation`] | lists, ranges and distributions of one setting |
+//! | [`sampling`] | points in the unit cube: independent, Latin hypercube, Sobol |
+//! | [`random_faults`] | faults drawn from the catalogue |
+//! | [`plan`] | the table of flights: each a function of campaign and number |
+//! | [`outcome`] | one flight and its verdict, as a row |
+//! | [`table`](mod@table) | columns, and Parquet |
+//! | [`shard`] | a part of the flights: a file, whole or not there |
+//! | [`folder`] | the folder of a campaign, and who may write to it |
+//! | [`local`] | all cores of this machine |
+//! | [`slurm`] | a cluster |
+//! | [`rate`] | shares with their exact intervals |
+//! | [`page`] | `campaign.html` |
+//!
+//! A campaign's table is the same bit for bit whatever flew it: no row depends on another, on a clock, on the number of
+//! cores or on the engine.
+
+#![allow(missing_docs)]
+
+pub mod file;
+pub mod folder;
+mod hex;
+pub mod local;
+pub mod outcome;
+pub mod page;
+pub mod plan;
+pub mod random_faults;
+pub mod rate;
+pub mod sampling;
+pub mod shard;
+pub mod slurm;
+pub mod table;
+pub mod variation;
+
+pub use file::Campaign;
+pub use plan::{Flight, Plan};
+pub use rate::Rate;

@@ -1,0 +1,271 @@
+//! One flight and its verdict, as the cells of a row.
+//!
+//! | verdict | the flight |
+//! |---|---|
+//! | passed | is one for which `launcher fly` ends with 0: flown, inside its bounds, with every process it began with or replaced |
+//! | failed | is any other that was flown |
+//! | invalid | could not be flown: its settings do not go together, or a swap could not be tried. It counts as neither |
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use anyhow::anyhow;
+use contract::Scenario;
+use contract::exit;
+use contract::message::State;
+use flight::event::untried;
+use flight::inprocess::{self, Flown};
+use flight::log::Record;
+use flight::settings;
+use serde_json::Value;
+use sha2::{Digest, Sha256};
+use view::metrics::Metrics;
+use view::run_record::{Circumstances, describe_outcome, exit_code};
+use view::solves::Solves;
+use view::summary::Summary;
+
+use crate::hex::hex;
+use crate::plan::Flight;
+use crate::table::{Cell, Kind};
+
+/// What a flight came to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Verdict {
+    Passed,
+    Failed,
+    Invalid,
+}
+
+impl Verdict {
+    pub const ALL: [Self; 3] = [Self::Passed, Self::Failed, Self::Invalid];
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Passed => "passed",
+            Self::Failed => "failed",
+            Self::Invalid => "invalid",
+        }
+    }
+}
+
+/// The row of a flight that was flown, or could not be.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Outcome {
+    pub verdict: Verdict,
+    pub cells: Vec<Cell>,
+}
+
+/// Columns of the outcome: verdict, what became of the flight, when it failed, how far it came, every metric of run.json, what
+/// the solver did, and the hash.
+pub fn columns() -> Vec<(String, Kind)> {
+    let own = [("verdict", Kind::Text), ("outcome", Kind::Text), ("failed_at_s", Kind::Real), ("flown_s", Kind::Real)];
+    let mut columns: Vec<(String, Kind)> = own.map(|(name, kind)| (name.to_owned(), kind)).into();
+    columns.extend(measured(&Metrics::default(), &Solves::new()).into_iter().map(|(name, value)| {
+        let kind = if value.is_u64() { Kind::Int } else { Kind::Real };
+        (name, kind)
+    }));
+    columns.push(("hash".to_owned(), Kind::Text));
+    columns
+}
+
+/// Flies; `None` when `go_on` said no before the end. `watch` is given every message.
+pub fn fly(flight: &Flight, go_on: impl Fn() -> bool, watch: impl FnMut(&Record)) -> Option<Outcome> {
+    let Ok(scenario) = &flight.scenario else { return flight.refusal().as_deref().map(Outcome::invalid) };
+    match catch_unwind(AssertUnwindSafe(|| try_to_fly(scenario, &go_on, watch))) {
+        Ok(Ok(outcome)) => outcome,
+        Ok(Err(error)) => Some(Outcome::invalid(&format!("{error:#}"))),
+        Err(panic) => {
+            let said = panic.downcast_ref::<String>().map(String::as_str);
+            let said = said.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("it did not say why");
+            Some(Outcome::invalid(&format!("the program has a bug and panicked: {said}")))
+        }
+    }
+}
+
+fn try_to_fly(
+    scenario: &Scenario,
+    go_on: &impl Fn() -> bool,
+    mut watch: impl FnMut(&Record),
+) -> anyhow::Result<Option<Outcome>> {
+    if !scenario.swap.is_empty() {
+        settings::check(scenario)?;
+    }
+    let mut summary = Summary::unlogged(scenario);
+    let mut was_stopped = false;
+    let Flown { ended, events, refused } = inprocess::fly_unlogged(scenario, |record| {
+        summary.observe(&record);
+        watch(&record);
+        was_stopped = !go_on();
+        !was_stopped
+    })
+    .map_err(|error| anyhow!(error))?;
+    if was_stopped {
+        return Ok(None);
+    }
+    let how = Circumstances {
+        ended,
+        wall_s: 0.0,
+        log: None,
+        provenance: Value::Null,
+        events,
+        refused,
+        port_failures: vec![],
+    };
+    let passed = exit_code(&summary, scenario, &how) == exit::FLOWN;
+    let verdict = match passed {
+        true => Verdict::Passed,
+        false if untried(&how.events).is_some() => Verdict::Invalid,
+        false => Verdict::Failed,
+    };
+    let failed_at_s = (verdict == Verdict::Failed).then(|| summary.failed_at_s(scenario).unwrap_or(summary.time_s()));
+    let metrics = summary.metrics();
+    let mut cells = vec![
+        Cell::Text(verdict.name().into()),
+        Cell::Text(describe_outcome(&summary, scenario, &how)),
+        failed_at_s.map_or(Cell::None, Cell::Real),
+        Cell::Real(summary.time_s()),
+    ];
+    cells.extend(measured(&metrics, &summary.solves).into_iter().map(|(_, value)| match value {
+        Value::Number(number) if number.is_u64() => Cell::Int(number.as_u64().unwrap_or_default() as i64),
+        value => value.as_f64().map_or(Cell::None, Cell::Real),
+    }));
+    cells.push(Cell::Text(hash(summary.last(), &metrics)));
+    Ok(Some(Outcome { verdict, cells }))
+}
+
+impl Outcome {
+    fn invalid(why: &str) -> Self {
+        let cells = vec![Cell::Text(Verdict::Invalid.name().into()), Cell::Text(why.into())];
+        Self { verdict: Verdict::Invalid, cells }
+    }
+
+    pub fn hash(&self) -> &str {
+        match self.cells.last() {
+            Some(Cell::Text(hash)) if self.verdict != Verdict::Invalid => hash,
+            _ => "",
+        }
+    }
+}
+
+/// Metrics and the solver's counts, each a number or nothing, under the names of columns.
+fn measured(metrics: &Metrics, solves: &Solves) -> Vec<(String, Value)> {
+    let mut measured = vec![];
+    let metrics = serde_json::to_value(metrics).expect("metrics are numbers");
+    for (name, value) in metrics.as_object().into_iter().flatten() {
+        match value {
+            Value::Array(axes) => {
+                let names = if name.contains("rates") { ["p", "q", "r"] } else { ["phi", "theta", "psi"] };
+                measured.extend(names.iter().zip(axes).map(|(axis, value)| (format!("{name}_{axis}"), value.clone())));
+            }
+            value => measured.push((name.clone(), value.clone())),
+        }
+    }
+    let solver = solves.to_json();
+    for (name, value) in solver.as_object().into_iter().flatten() {
+        if value.is_u64() {
+            measured.push((format!("solver_{name}"), value.clone()));
+        }
+    }
+    measured.push(("solver_iterations_max".into(), solver["iterations"]["max"].clone()));
+    measured
+}
+
+/// Tells two flights apart: SHA-256 of the last state and of all metrics, the first half. Whatever differs on the way is still
+/// there in the end, so that a campaign can do without a hash over all states.
+fn hash(last: &State, metrics: &Metrics) -> String {
+    let mut hash = Sha256::new();
+    last.payload(|bytes| hash.update(bytes));
+    hash.update(serde_json::to_vec(metrics).expect("metrics are numbers"));
+    hex(&hash.finalize()[..16])
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::Cell as Flag;
+    use std::path::Path;
+
+    use super::*;
+    use crate::{Campaign, Plan};
+
+    fn flown(settings: &str) -> Outcome {
+        let text = format!("[settings]\nrun.duration_s = 1.0\n{settings}");
+        let plan = Plan::new(Campaign::read(&text, "x.toml", "x", Path::new("")).unwrap()).unwrap();
+        fly(&plan.flight(0), || true, |_| {}).unwrap()
+    }
+
+    fn text(outcome: &Outcome, column: usize) -> &str {
+        match &outcome.cells[column] {
+            Cell::Text(text) => text,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn a_verdict_is_what_fly_says() {
+        let passed = flown("");
+        assert_eq!(
+            (passed.verdict, text(&passed, 1)),
+            (Verdict::Passed, "flown to the end, 1.00 s, inside its bounds")
+        );
+        assert_eq!(passed.cells.len(), columns().len());
+        assert!(columns().iter().zip(&passed.cells).all(|((name, kind), cell)| cell.is(*kind) || panic!("{name}")));
+        let failed = flown("bounds.max_position_error_m = 1e-9");
+        assert_eq!(failed.verdict, Verdict::Failed);
+        assert!(text(&failed, 1).contains("position error") && failed.cells[2] != Cell::None, "{:?}", failed.cells);
+        let lost = flown("[[settings.fault]]\nat_s = 0.5\ntarget = 'plant'\nkind = 'kill'");
+        assert_eq!(lost.verdict, Verdict::Failed);
+        assert!(text(&lost, 1).contains("lost plant at 0.49 s"), "{}", text(&lost, 1));
+    }
+
+    #[test]
+    fn a_flight_that_cannot_be_flown_is_neither_passed_nor_failed() {
+        let outcome = flown("mpc.np = 3");
+        assert_eq!(outcome.verdict, Verdict::Invalid);
+        assert!(text(&outcome, 1).contains("`mpc.nu` = 5"), "{}", text(&outcome, 1));
+        let no_controller = "mpc.q = [0, 0, 0, 1e12, 0, 0, 0]\nmpc.r = [1e-12, 1e-12, 1e-12, 1e-12]";
+        assert_eq!(flown(no_controller).verdict, Verdict::Invalid);
+    }
+
+    #[test]
+    fn a_hash_is_the_same_again_and_another_for_another_flight() {
+        let [one, again, other] = ["", "", "plant.airframe.mass_kg = 1.1000001"].map(flown);
+        assert_eq!(one, again);
+        assert_ne!(one.hash(), other.hash());
+    }
+
+    #[test]
+    fn a_flight_of_a_campaign_is_the_one_that_fly_flies_bit_for_bit() {
+        let states = |flight: &Flight, is_unlogged: bool| {
+            let scenario = flight.scenario.as_ref().unwrap();
+            let mut hash = Sha256::new();
+            let mut watch = |record: &Record| {
+                if let Record::State(state) = record {
+                    state.payload(|bytes| hash.update(bytes));
+                }
+            };
+            if is_unlogged {
+                fly(flight, || true, &mut watch).unwrap();
+            } else {
+                inprocess::fly(scenario, |record| {
+                    watch(&record);
+                    true
+                });
+            }
+            hash.finalize()
+        };
+        let text = "seeds = 2\n[settings]\nrun.duration_s = 2.0\n[vary]\nfault = [[], [{ at_s = 0.5, for_s = 1.0, target = 'controls', \
+                    kind = 'corrupt', count = 3 }], [{ at_s = 0.5, target = 'mixer', kind = 'kill' }]]";
+        let plan = Plan::new(Campaign::read(text, "x.toml", "x", Path::new("")).unwrap()).unwrap();
+        for number in 0..plan.flights() {
+            let flight = plan.flight(number);
+            assert_eq!(states(&flight, true), states(&flight, false), "{:?}", flight.values);
+        }
+    }
+
+    #[test]
+    fn a_flight_that_is_stopped_has_no_row() {
+        let plan = Plan::new(Campaign::read("", "x.toml", "x", Path::new("")).unwrap()).unwrap();
+        let seen = Flag::new(0);
+        let stopped = fly(&plan.flight(0), || seen.get() < 10, |_| seen.set(seen.get() + 1));
+        assert_eq!((stopped, seen.get() < 20), (None, true));
+    }
+}

@@ -1,0 +1,298 @@
+//! The table of flights. Each is a function of the campaign and of its number, so that any part of them can be flown
+//! anywhere.
+//!
+//! Flights are numbered sample by sample; within a sample by the listed values, the last key fastest; within these by
+//! controller. So the flights that are compared with each other stand together, and have the same drawn values, seeds and
+//! random faults.
+
+use anyhow::{Context, anyhow, bail};
+use contract::Scenario;
+use contract::scenario::{Fault, FaultKind, FaultTarget, Given, ScenarioError, check_fault};
+use rand::RngExt;
+use toml::Value;
+
+use crate::file::Campaign;
+use crate::random_faults::in_words;
+use crate::sampling::{Points, Purpose, stream};
+use crate::table::{Cell, Kind};
+use crate::variation::{Distribution, Values};
+
+/// The key that every flight has a value of.
+const SEED: &str = "run.seed";
+/// How many flights are looked at to find one that can be flown.
+const LOOKED_AT: u64 = 64;
+
+#[derive(Debug, Clone)]
+pub struct Plan {
+    pub campaign: Campaign,
+    points: Points,
+    /// What the random faults are drawn from.
+    pairs: Vec<(FaultTarget, FaultKind)>,
+}
+
+/// One flight.
+#[derive(Debug)]
+pub struct Flight {
+    pub number: u64,
+    pub controller: String,
+    /// Those of the factors, in their order.
+    pub values: Vec<Value>,
+    /// Not known where it stands in a scenario that cannot be flown.
+    pub seed: Option<u64>,
+    /// The drawn ones.
+    pub faults: Vec<Fault>,
+    /// Why it cannot be flown, where it cannot.
+    pub scenario: Result<Scenario, ScenarioError>,
+}
+
+impl Plan {
+    /// # Errors
+    /// Random faults that no flight can have.
+    pub fn new(campaign: Campaign) -> anyhow::Result<Self> {
+        let drawn = campaign.factors.iter().filter(|factor| matches!(factor.values, Values::Drawn(_))).count();
+        let points = Points::new(campaign.sampling(), campaign.seed(), campaign.samples().unwrap_or(1), drawn);
+        let pairs = match campaign.random_faults() {
+            Some(faults) => {
+                let scenarios = campaign.controllers.iter().map(|(_, given)| given.scenario(&[]));
+                let scenarios: Vec<Scenario> = scenarios.collect::<Result<_, _>>()?;
+                faults.pairs(&scenarios).context("[random_faults]")?
+            }
+            None => vec![],
+        };
+        Ok(Self { campaign, points, pairs })
+    }
+
+    pub fn flights(&self) -> u64 {
+        self.campaign.flights()
+    }
+
+    /// The flight of a number below [`flights`](Self::flights).
+    pub fn flight(&self, number: u64) -> Flight {
+        let controllers = &self.campaign.controllers;
+        let (controller, given) = &controllers[(number % controllers.len() as u64) as usize];
+        let mut rest = number / controllers.len() as u64;
+        let mut listed: Vec<Option<Value>> = vec![None; self.campaign.factors.len()];
+        for (factor, value) in self.campaign.factors.iter().zip(&mut listed).rev() {
+            if let Values::Listed(list) = &factor.values {
+                *value = Some(list[(rest % list.len() as u64) as usize].clone());
+                rest /= list.len() as u64;
+            }
+        }
+        let sample = rest;
+        let mut point = self.points.point(sample).into_iter();
+        let factors = self.campaign.factors.iter().zip(listed);
+        let values: Vec<Value> = factors
+            .map(|(factor, value)| match &factor.values {
+                Values::Drawn(distribution) => distribution.quantile(point.next().unwrap_or(0.5)), // it has one for each
+                Values::Listed(list) => value.unwrap_or_else(|| list[0].clone()),
+            })
+            .collect();
+        let varied = self.campaign.factors.iter().position(|factor| factor.key == SEED);
+        let given_seed = match varied {
+            Some(i) => values[i].as_integer().map(|seed| seed as u64),
+            None => self
+                .campaign
+                .samples()
+                .map(|_| stream(self.campaign.seed(), Purpose::Seeds, sample).random::<u32>().into()),
+        };
+        let faults = self.campaign.random_faults();
+        let faults = faults.map_or(vec![], |faults| faults.draw(&self.pairs, self.campaign.seed(), sample));
+        let scenario = self.scenario(number, given_seed, given, &values, &faults);
+        let seed = given_seed.or(scenario.as_ref().ok().map(|scenario| scenario.run.seed));
+        Flight { number, controller: controller.clone(), values, seed, faults, scenario }
+    }
+
+    fn scenario(
+        &self,
+        number: u64,
+        seed: Option<u64>,
+        given: &Given,
+        values: &[Value],
+        faults: &[Fault],
+    ) -> Result<Scenario, ScenarioError> {
+        let keys = self.campaign.factors.iter().map(|factor| factor.key.clone());
+        let mut settings: Vec<(String, Value)> = keys.zip(values.iter().cloned()).collect();
+        settings.extend(seed.map(|seed| (SEED.to_owned(), Value::Integer(seed as i64))));
+        let mut scenario = given.scenario(&settings)?;
+        for fault in faults {
+            check_fault(&scenario, fault)?;
+        }
+        scenario.fault.extend(faults);
+        scenario.name = format!("{}-{number}", self.campaign.name());
+        Ok(scenario)
+    }
+
+    /// Whether every value that is listed, and the ends of what is drawn, can be flown, at least alone or where it first is.
+    ///
+    /// # Errors
+    /// The first that cannot, with its key and what to do.
+    pub fn check(&self) -> anyhow::Result<()> {
+        for (i, factor) in self.campaign.factors.iter().enumerate() {
+            for value in factor.values.ends() {
+                let alone = [(factor.key.clone(), value.clone())];
+                let mut refused = None;
+                let flies = self.campaign.controllers.iter().any(|(_, given)| match given.scenario(&alone) {
+                    Ok(_) => true,
+                    Err(error) => {
+                        refused.get_or_insert(error);
+                        false
+                    }
+                });
+                let first = || {
+                    (0..self.flights().min(LOOKED_AT)).map(|n| self.flight(n)).find(|flight| flight.values[i] == value)
+                };
+                let Some(error) = refused.filter(|_| !flies) else { continue };
+                if first().is_none_or(|flight| flight.scenario.is_err()) {
+                    return Err(anyhow!("[vary] `{}` = {value}: {error}", factor.key));
+                }
+            }
+        }
+        let looked_at = self.flights().min(LOOKED_AT);
+        let mut spread = (0..looked_at).map(|i| self.flight(i * self.flights() / looked_at));
+        let first = spread.next().and_then(|flight| flight.scenario.err());
+        match first {
+            Some(error) if spread.all(|flight| flight.scenario.is_err()) => {
+                bail!("no flight can be flown; the first: {error}")
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// The columns that say what a flight is.
+    pub fn columns(&self) -> Vec<(String, Kind)> {
+        let mut columns = vec![("flight".to_owned(), Kind::Int), ("controller".to_owned(), Kind::Text)];
+        let others = self.campaign.factors.iter().filter(|factor| factor.key != SEED);
+        columns.extend(others.map(|factor| (factor.key.clone(), factor.values.kind())));
+        columns.push((SEED.into(), Kind::Int));
+        columns.extend(self.campaign.random_faults().map(|_| ("random_faults".to_owned(), Kind::Text)));
+        columns
+    }
+
+    /// The cells of these columns.
+    pub fn cells(&self, flight: &Flight) -> Vec<Cell> {
+        let mut cells = vec![Cell::Int(flight.number as i64), Cell::Text(flight.controller.clone())];
+        let others = self.campaign.factors.iter().zip(&flight.values).filter(|(factor, _)| factor.key != SEED);
+        cells.extend(others.map(|(factor, value)| factor.values.kind().cell(value)));
+        cells.push(flight.seed.map_or(Cell::None, |seed| Cell::Int(seed as i64)));
+        cells.extend(self.campaign.random_faults().map(|_| Cell::Text(in_words(&flight.faults))));
+        cells
+    }
+}
+
+impl Flight {
+    /// Why it cannot be flown, in one line.
+    pub fn refusal(&self) -> Option<String> {
+        let error = self.scenario.as_ref().err()?.to_string();
+        let lines = error.lines().map(|line| line.trim_start_matches([' ', '|', '=']).trim_start_matches("error: "));
+        Some(lines.filter(|line| !line.is_empty()).collect::<Vec<_>>().join("; "))
+    }
+}
+
+impl Values {
+    /// The values that a reader of the file sees: all of a list, the ends of a distribution.
+    fn ends(&self) -> Vec<Value> {
+        match self {
+            Self::Listed(all) | Self::Drawn(Distribution::Choice(all)) => all.clone(),
+            Self::Drawn(Distribution::Uniform(ends) | Distribution::LogUniform(ends)) => ends.map(Value::Float).into(),
+            Self::Drawn(Distribution::Integer(ends)) => ends.map(Value::Integer).into(),
+            Self::Drawn(distribution @ Distribution::Normal(_)) => vec![distribution.quantile(0.5)],
+        }
+    }
+
+    /// What a column of them holds.
+    pub fn kind(&self) -> Kind {
+        let all = self.ends();
+        match () {
+            () if all.iter().all(Value::is_integer) => Kind::Int,
+            () if all.iter().all(|value| value.is_integer() || value.is_float()) => Kind::Real,
+            () if all.iter().all(Value::is_bool) => Kind::Bool,
+            () => Kind::Text,
+        }
+    }
+}
+
+impl Kind {
+    /// A value as a cell of such a column.
+    fn cell(self, value: &Value) -> Cell {
+        match (self, value) {
+            (Self::Int, Value::Integer(n)) => Cell::Int(*n),
+            (Self::Real, Value::Integer(n)) => Cell::Real(*n as f64),
+            (Self::Real, Value::Float(x)) => Cell::Real(*x),
+            (Self::Bool, Value::Boolean(yes)) => Cell::Bool(*yes),
+            (_, Value::String(text)) => Cell::Text(text.clone()),
+            (_, other) => Cell::Text(other.to_string()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    fn plan(text: &str) -> Plan {
+        Plan::new(Campaign::read(text, "x.toml", "x", Path::new("")).unwrap()).unwrap()
+    }
+
+    const TWO: &str = "[controller.a]\nmpc.law = 'lqr'\n[controller.b]\nmpc.law = 'pid'\n";
+
+    #[test]
+    fn controllers_are_compared_on_the_same_flights() {
+        let plan = plan(&format!(
+            "samples = 3\n[vary]\nrun.command_delay_ms = [0, 10]\nplant.airframe.mass_kg = {{ uniform = [1.0, 1.2] }}\n\
+             [random_faults]\ncount = [1, 2]\nat_s = [1, 2]\nfor_s = [1, 2]\n{TWO}"
+        ));
+        assert_eq!(plan.flights(), 3 * 2 * 2);
+        let flights: Vec<Flight> = (0..12).map(|number| plan.flight(number)).collect();
+        for pair in flights.chunks(2) {
+            assert_eq!([&pair[0].controller, &pair[1].controller], ["a", "b"]);
+            assert_eq!(
+                (&pair[0].values, pair[0].seed, &pair[0].faults),
+                (&pair[1].values, pair[1].seed, &pair[1].faults)
+            );
+        }
+        assert_ne!(flights[0].values[1], flights[2].values[1], "the listed ones change within a sample");
+        assert_eq!(flights[0].seed, flights[2].seed);
+        assert!(flights[0].seed != flights[4].seed && flights[0].values[0] != flights[4].values[0]);
+        let flown = flights[0].scenario.as_ref().unwrap();
+        assert_eq!(flown.fault, flights[0].faults);
+        assert_eq!(Some(flown.plant.airframe.mass_kg.unwrap()), flights[0].values[0].as_float());
+    }
+
+    #[test]
+    fn the_first_samples_of_many_are_those_of_few() {
+        let [few, many] = [3, 30].map(|n| plan(&format!("samples = {n}\n[vary]\nmpc.np = {{ integer = [20, 30] }}")));
+        for number in 0..3 {
+            assert_eq!(few.flight(number).scenario.unwrap(), many.flight(number).scenario.unwrap());
+        }
+    }
+
+    #[test]
+    fn settings_that_do_not_go_together_are_an_invalid_flight_and_a_value_that_never_flies_is_an_error() {
+        let both = plan("[vary]\nmpc.np = [4, 20]\nmpc.nu = [3, 5]");
+        both.check().unwrap();
+        let flies: Vec<bool> = (0..4).map(|number| both.flight(number).scenario.is_ok()).collect();
+        assert_eq!(flies, [true, false, true, true], "np 4 with nu 5");
+        let said = plan("[vary]\nplant.airframe.mass_kg = [1.1, -1.0]").check().unwrap_err().to_string();
+        assert!(said.contains("[vary] `plant.airframe.mass_kg` = -1.0"), "{said}");
+        let said = plan("[vary]\nmpc.npp = [1, 2]").check().unwrap_err().to_string();
+        assert!(said.contains("unknown key `mpc.npp`") && said.contains("did you mean"), "{said}");
+    }
+
+    #[test]
+    fn the_cells_are_those_of_the_columns() {
+        let plan = plan(
+            "seeds = [7, 9]\n[vary]\nmpc.law = ['mpc', 'lqr']\nplant.airframe.mass_kg = [1, 1.2]\nmixer.projection = [true]",
+        );
+        let columns = plan.columns();
+        let names: Vec<&str> = columns.iter().map(|(name, _)| name.as_str()).collect();
+        assert_eq!(
+            names,
+            ["flight", "controller", "mixer.projection", "mpc.law", "plant.airframe.mass_kg", "run.seed"]
+        );
+        let cells = plan.cells(&plan.flight(1));
+        assert_eq!(cells[2..], [Cell::Bool(true), Cell::Text("mpc".into()), Cell::Real(1.0), Cell::Int(9)]);
+        assert!(columns.iter().zip(&cells).all(|((_, kind), cell)| cell.is(*kind)));
+    }
+}

@@ -1,0 +1,159 @@
+//! `[random_faults]`: for each sample other faults of the catalogue, at other times.
+//!
+//! Which faults a sample has does not depend on the controller nor on the listed values, so that these are compared under the
+//! same faults. Sizes are the defaults of the kinds.
+
+use anyhow::ensure;
+use contract::Scenario;
+use contract::scenario::{Fault, FaultKind, FaultTarget, MAX_FAULT_S, check_fault};
+use rand::RngExt;
+use serde::{Deserialize, Serialize};
+
+use crate::sampling::{Purpose, stream};
+
+/// The most faults that a flight may draw.
+const MAX_COUNT: u32 = 20;
+
+/// `[random_faults]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RandomFaults {
+    /// How many a flight has: evenly from the first to the second.
+    pub count: [u32; 2],
+    /// When each begins \[s\]: evenly between.
+    pub at_s: [f64; 2],
+    /// How long each lasts \[s\]: evenly between.
+    pub for_s: [f64; 2],
+    /// What can break; absent = everything that can break in process.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub targets: Option<Vec<FaultTarget>>,
+    /// How; absent = in every way that the target can.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub kinds: Option<Vec<FaultKind>>,
+}
+
+impl RandomFaults {
+    /// Whether times and counts make sense.
+    pub fn check(&self) -> anyhow::Result<()> {
+        let [least, most] = self.count;
+        ensure!(
+            least <= most && (1..=MAX_COUNT).contains(&most),
+            "`count` = [{least}, {most}]: give two numbers up to {MAX_COUNT}, the smaller one first"
+        );
+        for (key, [from, to]) in [("at_s", self.at_s), ("for_s", self.for_s)] {
+            ensure!(
+                (0.0..=to).contains(&from) && to <= MAX_FAULT_S,
+                "`{key}` = [{from}, {to}]: give two times of 0 to {MAX_FAULT_S} s, the earlier one first"
+            );
+        }
+        Ok(())
+    }
+
+    /// What can be drawn: the pairs of target and kind that all `scenarios` allow.
+    ///
+    /// # Errors
+    /// A target or kind that adds nothing, or none at all.
+    pub fn pairs(&self, scenarios: &[Scenario]) -> anyhow::Result<Vec<(FaultTarget, FaultKind)>> {
+        let is_meant = |target, kind| {
+            self.targets.as_ref().is_none_or(|all| all.contains(&target))
+                && self.kinds.as_ref().is_none_or(|all| all.contains(&kind))
+        };
+        let all = FaultTarget::ALL.iter().flat_map(|(target, _)| target.kinds().iter().map(|kind| (*target, *kind)));
+        let flies = |(target, kind): &(FaultTarget, FaultKind)| {
+            // A fault of the log changes no flight.
+            let fault = Fault::new(*target, *kind, self.at_s[0], Some(self.for_s[1]));
+            *kind != FaultKind::DiskFull && scenarios.iter().all(|scenario| check_fault(scenario, &fault).is_ok())
+        };
+        let pairs: Vec<_> = all.filter(|(target, kind)| is_meant(*target, *kind)).filter(flies).collect();
+        for target in self.targets.iter().flatten() {
+            let drawn = pairs.iter().any(|(of, _)| of == target);
+            ensure!(
+                drawn,
+                "`targets`: no fault of `{}` can be drawn; every controller must be able to have it",
+                target.name()
+            );
+        }
+        for kind in self.kinds.iter().flatten() {
+            let word = serde_json::to_value(kind)?;
+            ensure!(pairs.iter().any(|(_, of)| of == kind), "`kinds`: no target of these can have {word} in process");
+        }
+        ensure!(!pairs.is_empty(), "no fault can be drawn");
+        Ok(pairs)
+    }
+
+    /// The faults of a sample, by the time of their beginning.
+    pub fn draw(&self, pairs: &[(FaultTarget, FaultKind)], seed: u64, sample: u64) -> Vec<Fault> {
+        let mut rng = stream(seed, Purpose::Faults, sample);
+        let count = rng.random_range(self.count[0]..=self.count[1]);
+        let mut faults: Vec<Fault> = (0..count)
+            .map(|_| {
+                let (target, kind) = pairs[rng.random_range(0..pairs.len())];
+                let [at_s, for_s] = [self.at_s, self.for_s].map(|[from, to]| rng.random_range(from..=to));
+                let fault = Fault::new(target, kind, at_s, Some(for_s));
+                if fault.is_momentary() { Fault { for_s: None, ..fault } } else { fault }
+            })
+            .collect();
+        faults.sort_by(|a, b| a.at_s.total_cmp(&b.at_s));
+        faults
+    }
+}
+
+/// The faults as a scenario has them, in one line.
+pub fn in_words(faults: &[Fault]) -> String {
+    let words = |fault: &Fault| {
+        let kind = serde_json::to_value(fault.kind).ok();
+        let kind = kind.as_ref().and_then(|kind| kind.as_str()).unwrap_or_default();
+        let lasts = fault.for_s.map_or(String::new(), |for_s| format!(" for {for_s:.2} s"));
+        format!("{} {kind} at {:.2} s{lasts}", fault.target.name(), fault.at_s)
+    };
+    faults.iter().map(words).collect::<Vec<_>>().join("; ")
+}
+
+#[cfg(test)]
+mod tests {
+    use contract::scenario::load;
+
+    use super::*;
+
+    fn all() -> RandomFaults {
+        RandomFaults { count: [0, 3], at_s: [2.0, 15.0], for_s: [0.1, 2.0], targets: None, kinds: None }
+    }
+
+    fn in_process(set: &str) -> Scenario {
+        load(None, &["run.mode=inprocess".into(), set.into()]).unwrap()
+    }
+
+    #[test]
+    fn what_is_drawn_can_be_flown_by_all_and_repeats() {
+        let scenarios = [in_process("mpc.law=lqr"), in_process("mpc.law=mpc")];
+        let faults = all();
+        let pairs = faults.pairs(&scenarios).unwrap();
+        assert!(
+            pairs.len() > 50 && !pairs.iter().any(|(target, _)| *target == FaultTarget::Mpc),
+            "an LQR has no solver"
+        );
+        let mut counts = [0; 4];
+        for sample in 0..200 {
+            let drawn = faults.draw(&pairs, 1, sample);
+            assert_eq!(drawn, faults.draw(&pairs, 1, sample));
+            counts[drawn.len()] += 1;
+            for (fault, scenario) in drawn.iter().flat_map(|fault| scenarios.iter().map(move |s| (fault, s))) {
+                check_fault(scenario, fault).unwrap();
+                assert!((2.0..=15.0).contains(&fault.at_s));
+            }
+        }
+        assert!(counts.iter().all(|count| (20..90).contains(count)), "{counts:?}");
+    }
+
+    #[test]
+    fn a_word_without_effect_is_refused() {
+        let scenarios = [in_process("mpc.law=lqr")];
+        let refused = |faults: RandomFaults| faults.pairs(&scenarios).unwrap_err().to_string();
+        assert!(refused(RandomFaults { targets: Some(vec![FaultTarget::Mpc]), ..all() }).contains("`mpc`"));
+        let on_topics =
+            RandomFaults { targets: Some(vec![FaultTarget::State]), kinds: Some(vec![FaultKind::Kill]), ..all() };
+        assert!(refused(on_topics).contains("no fault of `state`"));
+        assert!(RandomFaults { count: [2, 1], ..all() }.check().is_err());
+        assert!(RandomFaults { at_s: [2.0, 1.0], ..all() }.check().is_err());
+    }
+}

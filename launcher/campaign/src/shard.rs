@@ -1,0 +1,100 @@
+//! A shard: some flights in a row, in a file that is there and whole, or not there.
+//!
+//! Its words say by what program, of what campaign and of how many shards it is; a file that is of others is an error, and no
+//! flight is counted twice or left out.
+
+use std::fs;
+use std::ops::Range;
+use std::panic::catch_unwind;
+use std::path::Path;
+
+use anyhow::{Context, anyhow, bail, ensure};
+use contract::scenario::file::{self, MAX_RESULTS_BYTES};
+use flight::files::write_whole;
+use flight::provenance::BUILT_FROM;
+
+use crate::folder::Layout;
+use crate::outcome;
+use crate::plan::Plan;
+use crate::table::{Cell, Kind, Table};
+
+/// Numbers of the flights of shard `index` of `of`, when there are so many flights.
+pub fn range(flights: u64, index: u64, of: u64) -> Range<u64> {
+    let at = |i: u64| (u128::from(flights) * u128::from(i) / u128::from(of)) as u64;
+    at(index)..at(index + 1)
+}
+
+/// The program that flies: results of two are not mixed.
+pub fn program() -> String {
+    let built =
+        BUILT_FROM.get().map(|built| format!(" {}{}", built.commit, if built.changed { ", changed" } else { "" }));
+    env!("CARGO_PKG_VERSION").to_owned() + &built.unwrap_or_default()
+}
+
+/// The columns of all tables of a campaign.
+pub fn columns(plan: &Plan) -> Vec<(String, Kind)> {
+    [plan.columns(), outcome::columns()].concat()
+}
+
+/// What a shard's words must say.
+fn words(layout: &Layout, index: u64) -> [(&'static str, String); 4] {
+    let Layout { program, campaign, shards, .. } = layout;
+    [
+        ("program", program.clone()),
+        ("campaign", campaign.clone()),
+        ("index", index.to_string()),
+        ("of", shards.to_string()),
+    ]
+}
+
+/// Writes the rows of a shard, whole or not at all.
+pub fn write(path: &Path, layout: &Layout, index: u64, rows: &Table) -> anyhow::Result<()> {
+    write_whole(path, &rows.to_parquet(&words(layout, index))?)
+}
+
+/// The rows of shard `index`.
+///
+/// # Errors
+/// Anything that keeps its flights from being counted once each; the message says what to do.
+pub fn read(path: &Path, plan: &Plan, layout: &Layout, index: u64) -> anyhow::Result<Table> {
+    let again = "remove the file, and the same command flies its flights again";
+    let read = || -> anyhow::Result<Table> {
+        let bytes = file::read(path, MAX_RESULTS_BYTES)?;
+        // Parquet's readers may panic at what is no Parquet.
+        let read =
+            catch_unwind(|| Table::from_parquet(bytes)).unwrap_or_else(|_| Err(anyhow!("it is no Parquet file")));
+        let (table, said) = read.context("it is damaged")?;
+        for (key, expected) in words(layout, index) {
+            let Some((_, said)) = said.iter().find(|(of, _)| of == key) else { bail!("it does not say its {key}") };
+            ensure!(*said == expected, "it is of another {key}: {said}, not {expected}");
+        }
+        let expected = columns(plan);
+        ensure!(table.names().eq(expected.iter().map(|(name, _)| name.as_str())), "it has other columns");
+        let numbers = table.column("flight").context("it does not say which flights it has")?;
+        let flights = range(layout.flights, index, layout.shards);
+        let all = (0..table.rows()).map(|row| numbers.cell(row)).eq(flights.clone().map(|n| Cell::Int(n as i64)));
+        ensure!(all, "it does not have the flights {} to {}", flights.start, flights.end.saturating_sub(1));
+        Ok(table)
+    };
+    read().with_context(|| format!("shard {index} ({}) is not counted; {again}", path.display()))
+}
+
+/// Whether the file of a shard is there.
+pub fn is_there(path: &Path) -> bool {
+    fs::symlink_metadata(path).is_ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_shards_have_every_flight_once() {
+        for (flights, of) in [(10, 3), (7, 7), (1, 1), (10_000_000, 999), (5, 4)] {
+            let all: Vec<Range<u64>> = (0..of).map(|index| range(flights, index, of)).collect();
+            assert_eq!((all[0].start, all[all.len() - 1].end), (0, flights));
+            assert!(all.windows(2).all(|two| two[0].end == two[1].start));
+            assert!(all.iter().all(|range| !range.is_empty() && range.end - range.start <= flights.div_ceil(of)));
+        }
+    }
+}

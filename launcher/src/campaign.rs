@@ -1,0 +1,327 @@
+//! `campaign`: many flights, on all cores of this machine or on a cluster, and what they amount to.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicU32;
+
+use anyhow::{Context, bail, ensure};
+use campaign::folder::{Access, CampaignFolder, MAX_SHARDS};
+use campaign::outcome::Verdict;
+use campaign::table::{Cell, Table};
+use campaign::{Campaign, Plan, Rate, local, page, shard, slurm};
+use clap::{Args, Subcommand};
+use contract::exit;
+use flight::files::write_whole;
+use flight::interrupts::catch_interrupts;
+use runtime::console::{eprint_line, is_read, print};
+use view::table;
+
+use crate::fly;
+use crate::progress::Progress;
+
+/// Arguments of `campaign`.
+#[derive(Args)]
+#[command(
+    args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true,
+    after_help = "The same command goes on where an earlier one ended. docs/campaigns.md has the form of FILE and an example.\n\n\
+Exit codes: 0 every flight has passed or failed, and the results are written; 1 some could not be flown (invalid); 2 usage or \
+campaign error; 3 shards are missing, or results could not be written; 130 interrupted: what is complete is kept."
+)]
+pub struct CampaignArgs {
+    #[command(subcommand)]
+    command: Option<Command>,
+    #[command(flatten)]
+    what: Option<What>,
+    /// Print the table of flights and fly none
+    #[arg(long, conflicts_with_all = ["slurm", "only", "status", "collect", "shard"])]
+    plan: bool,
+    /// Fly this one again, with its log and report, into flight-N of the folder
+    #[arg(long, value_name = "FLIGHT", conflicts_with_all = ["slurm", "status", "collect", "shard"])]
+    only: Option<u64>,
+    /// How many flights a shard has, of which at most the ones begun are lost [default: 100]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    shard: Option<u64>,
+    /// Say how far the campaign is, and fly nothing
+    #[arg(long, conflicts_with_all = ["slurm", "shard"])]
+    status: bool,
+    /// Write the results of the shards that are there, and fly nothing
+    #[arg(long, conflicts_with_all = ["slurm", "status", "shard"])]
+    collect: bool,
+    #[command(flatten)]
+    cluster: Cluster,
+}
+
+/// What is flown and where the results go.
+#[derive(Args)]
+struct What {
+    /// Campaign file (TOML)
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
+    /// Folder of the campaign [default: runs/NAME]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Fly one shard, as the task of any engine
+    Shard {
+        #[command(flatten)]
+        what: What,
+        /// Which shard, from 0 on
+        #[arg(long)]
+        index: u64,
+        /// How many shards the campaign has
+        #[arg(long, value_parser = clap::value_parser!(u64).range(1..=MAX_SHARDS))]
+        of: u64,
+    },
+}
+
+/// Where else than here.
+#[derive(Args)]
+struct Cluster {
+    /// Submit the shards to Slurm as a job array, and wait for them
+    #[arg(long)]
+    slurm: bool,
+    /// Slurm: which partition
+    #[arg(long, requires = "slurm")]
+    partition: Option<String>,
+    /// Slurm: the time limit of a task, as `sbatch --time` has it
+    #[arg(long, requires = "slurm")]
+    time: Option<String>,
+    /// Slurm: cores of a task
+    #[arg(long, requires = "slurm", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    cpus: u32,
+    /// Slurm: the program that flies, as the nodes see it, instead of this one; words as in a shell
+    #[arg(long, requires = "slurm", value_name = "COMMAND")]
+    program: Option<String>,
+    /// Slurm: submit and do not wait
+    #[arg(long, requires = "slurm")]
+    detach: bool,
+}
+
+/// Does what the arguments say; the exit code.
+pub fn campaign(args: &CampaignArgs) -> anyhow::Result<u8> {
+    if let Some(Command::Shard { what, index, of }) = &args.command {
+        return fly_shard(what, *index, *of);
+    }
+    let what = args.what.as_ref().context("no campaign file")?;
+    let plan = what.plan()?;
+    let out = what.out(&plan);
+    let shards = args.shard.map(|flights| plan.flights().div_ceil(flights));
+    if args.plan {
+        print_plan(&plan);
+        return Ok(exit::FLOWN);
+    }
+    if let Some(number) = args.only {
+        return fly_again(&plan, number, &out);
+    }
+    if args.status || args.collect {
+        let folder = CampaignFolder::open(&out, &plan, None, Access::Reading)?;
+        return if args.status { Ok(status(&folder)) } else { conclude(&plan, &folder, what) };
+    }
+    plan.check().with_context(|| what.file.display().to_string())?;
+    if args.cluster.slurm { on_slurm(&args.cluster, what, &plan, shards) } else { fly_here(what, &plan, shards) }
+}
+
+impl What {
+    fn plan(&self) -> anyhow::Result<Plan> {
+        Plan::new(Campaign::load(&self.file)?).with_context(|| self.file.display().to_string())
+    }
+
+    fn out(&self, plan: &Plan) -> PathBuf {
+        self.out.clone().unwrap_or_else(|| Path::new("runs").join(plan.campaign.name()))
+    }
+
+    /// What a user types to fly one of its flights again.
+    fn again(&self) -> String {
+        let out = self.out.as_ref().map_or(String::new(), |out| format!(" --out {}", out.display()));
+        format!("launcher campaign {}{out} --only", self.file.display())
+    }
+}
+
+/// On all cores of this machine.
+fn fly_here(what: &What, plan: &Plan, shards: Option<u64>) -> anyhow::Result<u8> {
+    let interrupts = catch_interrupts()?;
+    let folder = CampaignFolder::open(&what.out(plan), plan, shards, Access::Alone)?;
+    // A shard that cannot be counted is told before the others are flown.
+    let (there, missing) = folder.collect(plan)?;
+    if there.rows() > 0 && !missing.is_empty() {
+        eprint_line(&format!("{} of {} flights are there already", there.rows(), plan.flights()));
+    }
+    drop(there);
+    match fly_missing(plan, &folder, &missing, &interrupts) {
+        exit::FLOWN => conclude(plan, &folder, what),
+        code => {
+            conclude(plan, &folder, what)?;
+            Ok(code)
+        }
+    }
+}
+
+/// Flies the missing shards; the exit code, of which the reason was told.
+fn fly_missing(plan: &Plan, folder: &CampaignFolder, missing: &[u64], interrupts: &AtomicU32) -> u8 {
+    let progress = Progress::start();
+    let flown = local::fly(plan, folder, missing, interrupts, |now| progress.show(|| now.describe()));
+    progress.finish();
+    match flown {
+        Ok(true) => exit::FLOWN,
+        Ok(false) => {
+            eprint_line("interrupted; the same command goes on");
+            exit::INTERRUPTED
+        }
+        Err(error) => {
+            eprint_line(&format!("error: {error:#}; when there is room again, the same command goes on"));
+            exit::PROCESS_LOST
+        }
+    }
+}
+
+/// One shard, for any engine.
+fn fly_shard(what: &What, index: u64, of: u64) -> anyhow::Result<u8> {
+    let plan = what.plan()?;
+    ensure!(
+        of <= plan.flights(),
+        "--of {of}: the campaign has {} flights, and each shard at least one",
+        plan.flights()
+    );
+    ensure!(index < of, "--index {index}: the shards have the numbers 0 to {}", of - 1);
+    let interrupts = catch_interrupts()?;
+    let folder = CampaignFolder::open(&what.out(&plan), &plan, Some(of), Access::WithShards)?;
+    if shard::is_there(&folder.shard(index)) {
+        shard::read(&folder.shard(index), &plan, &folder.layout, index)?;
+        eprint_line(&format!("shard {index} is there already"));
+        return Ok(exit::FLOWN);
+    }
+    Ok(fly_missing(&plan, &folder, &[index], &interrupts))
+}
+
+/// On a cluster.
+fn on_slurm(cluster: &Cluster, what: &What, plan: &Plan, shards: Option<u64>) -> anyhow::Result<u8> {
+    let interrupts = catch_interrupts()?;
+    let folder = CampaignFolder::open(&what.out(plan), plan, shards, Access::WithShards)?;
+    let job = slurm::Job {
+        partition: cluster.partition.clone(),
+        time: cluster.time.clone(),
+        cpus: cluster.cpus,
+        program: cluster.program.clone(),
+    };
+    let progress = Progress::start();
+    let detach = cluster.detach;
+    let ended = slurm::fly(&job, &folder, detach, &interrupts, |line| progress.show(|| line.to_owned()));
+    progress.finish();
+    match ended? {
+        slurm::Ended::Complete => conclude(plan, &folder, what),
+        slurm::Ended::Detached => {
+            eprint_line("submitted; `--status` says how far it is, the same command without `--detach` waits for it");
+            Ok(exit::FLOWN)
+        }
+        slurm::Ended::Failed(why) => {
+            eprint_line(&format!("error: {why}"));
+            Ok(exit::PROCESS_LOST)
+        }
+        slurm::Ended::Interrupted => {
+            eprint_line("no longer waiting, but the tasks fly on: the same command waits again, `scancel` ends them");
+            Ok(exit::INTERRUPTED)
+        }
+    }
+}
+
+fn status(folder: &CampaignFolder) -> u8 {
+    let missing = folder.missing();
+    let there = folder.layout.shards - missing.len() as u64;
+    print(&format!("{there} of {} shards of {} flights are there\n", folder.layout.shards, folder.layout.flights));
+    if let Some(tasks) = slurm::status(folder) {
+        print(&format!("{tasks}\n"));
+    }
+    if missing.is_empty() { exit::FLOWN } else { exit::PROCESS_LOST }
+}
+
+/// Writes the results of the shards that are there and prints what they amount to; the exit code.
+fn conclude(plan: &Plan, folder: &CampaignFolder, what: &What) -> anyhow::Result<u8> {
+    let (flights, missing) = folder.collect(plan)?;
+    let count = |verdict: Verdict| {
+        let verdicts = flights.column("verdict");
+        (0..flights.rows()).filter(|row| verdicts.is_some_and(|all| all.text(*row) == verdict.name())).count()
+    };
+    let [passed, failed, invalid] = Verdict::ALL.map(count);
+    let mut text = format!(
+        "{}: {} flights: {passed} passed, {failed} failed, {invalid} invalid\n",
+        plan.campaign.name(),
+        flights.rows()
+    );
+    text += &rates(plan, &flights);
+    print(&text);
+    let write = || -> anyhow::Result<()> {
+        write_whole(&folder.path.join("campaign.html"), page::page(plan, &flights, &what.again())?.as_bytes())?;
+        if missing.is_empty() {
+            write_whole(&folder.path.join("flights.parquet"), &flights.to_parquet(&[])?)?;
+        }
+        Ok(())
+    };
+    if let Err(error) = write() {
+        eprint_line(&format!("error: {error:#}"));
+        return Ok(exit::PROCESS_LOST);
+    }
+    print(&format!(
+        "written to {}: campaign.html{}\n",
+        folder.path.display(),
+        if missing.is_empty() { ", flights.parquet" } else { "" }
+    ));
+    if !missing.is_empty() {
+        let numbers: Vec<String> = missing.iter().take(8).map(u64::to_string).collect();
+        let more = if missing.len() > numbers.len() { ", ..." } else { "" };
+        let (all, of) = (missing.len(), folder.layout.shards);
+        eprint_line(&format!(
+            "{all} of {of} shards are missing ({}{more}): `launcher campaign` flies them",
+            numbers.join(", ")
+        ));
+        return Ok(exit::PROCESS_LOST);
+    }
+    if invalid > 0 {
+        eprint_line(&format!("{invalid} flights could not be flown: the column `outcome` says why"));
+    }
+    Ok(if invalid > 0 { exit::OUT_OF_BOUNDS } else { exit::FLOWN })
+}
+
+/// How many flights each controller passes.
+fn rates(plan: &Plan, flights: &Table) -> String {
+    let row = |(name, _): &(String, _)| {
+        let rate = page::rate(flights, |row| flights.column("controller").is_some_and(|all| all.text(row) == name));
+        let share = if rate.flights == 0 { "-".into() } else { format!("{:.1} %", 100.0 * rate.share()) };
+        let Rate { survived, flights, .. } = rate;
+        vec![name.clone(), survived.to_string(), flights.to_string(), share, rate.interval()]
+    };
+    let rows = plan.campaign.controllers.iter().map(row).collect();
+    table::Table::new("passed, and the exact 95 % interval", &["", "passed", "of", "share", "interval"], rows).text()
+}
+
+fn print_plan(plan: &Plan) {
+    let names: Vec<String> = plan.columns().into_iter().map(|(name, _)| name).chain([String::new()]).collect();
+    let word = |cell: Cell| match cell {
+        Cell::None => "-".to_owned(),
+        Cell::Bool(yes) => yes.to_string(),
+        Cell::Int(n) => n.to_string(),
+        Cell::Real(x) => format!("{x:?}"),
+        Cell::Text(text) => text,
+    };
+    print(&(names.join("\t") + "\n"));
+    for number in 0..plan.flights() {
+        let flight = plan.flight(number);
+        let mut line: Vec<String> = plan.cells(&flight).into_iter().map(word).collect();
+        line.push(flight.refusal().map_or(String::new(), |why| format!("invalid: {why}")));
+        print(&(line.join("\t").trim_end().to_owned() + "\n"));
+        if !is_read() {
+            return;
+        }
+    }
+}
+
+/// One flight again, with its log.
+fn fly_again(plan: &Plan, number: u64, out: &Path) -> anyhow::Result<u8> {
+    ensure!(number < plan.flights(), "--only {number}: the flights have the numbers 0 to {}", plan.flights() - 1);
+    match plan.flight(number).scenario {
+        Ok(scenario) => fly::fly_scenario(scenario, &fly::FlyArgs::into_folder(out.join(format!("flight-{number}")))),
+        Err(error) => bail!("flight {number} cannot be flown: {error}"),
+    }
+}

@@ -1,0 +1,35 @@
+//! The metrics of a flight.
+
+use serde::Serialize;
+
+/// The metrics of run.json. One without a sample is NaN, which JSON has as null.
+#[derive(Debug, Clone, Copy, Default, Serialize)]
+pub struct Metrics {
+    /// Largest Euclidean position error \[m\].
+    pub max_position_error_m: f64,
+    pub rms_position_error_m: f64,
+    /// Largest altitude error for t in \[10, 50\] s \[m\].
+    pub max_altitude_error_horizontal_m: f64,
+    /// Largest altitude error otherwise \[m\].
+    pub max_altitude_error_vertical_m: f64,
+    pub final_position_error_m: f64,
+    pub position_error_integral_ms: f64,
+    /// RMS of the true phi, theta, psi against their references, as differences of angles \[deg\].
+    pub rms_attitude_error_deg: [f64; 3],
+    /// RMS of the true p, q, r against their references \[deg/s\].
+    pub rms_rates_error_dps: [f64; 3],
+    /// RMS of the true w, the body z velocity, against its reference \[m/s\].
+    pub rms_w_error_mps: f64,
+    /// Largest body rate about any axis \[rad/s\].
+    pub max_rate_radps: f64,
+    pub rotor_speed_min: f64,
+    pub rotor_speed_max: f64,
+    /// Largest true tilt either way \[deg\].
+    pub tilt_max_deg: f64,
+    /// Commands that a limit cut.
+    pub commands_saturated: u64,
+    /// Commands for which (42) or (43) asked for the root of a negative number.
+    pub negative_squares: u64,
+    /// Time the mixer flew without a demand \[s\].
+    pub fallback_s: f64,
+}
