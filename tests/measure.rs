@@ -1,4 +1,4 @@
-//! `launcher measure mpc` and `timing`: every promise has a verdict, the raw samples are kept, and the problems are whole.
+//! `launcher measure`: every promise has a verdict, the raw samples are kept, and the problems are whole.
 //! The tables of flights in docs/mpc.md are what their commands print. No time is judged here.
 
 use std::path::Path;
@@ -259,4 +259,25 @@ fn kills_are_survived_told_of_and_leave_nothing_behind() {
     assert_eq!(in_memory(&namespace), Vec::<String>::new());
     let files = std::fs::read_dir(std::env::temp_dir()).expect("it can be listed").flatten();
     assert!(!files.into_iter().any(|entry| entry.file_name().to_string_lossy().starts_with(&namespace)));
+}
+
+#[test]
+fn flights_in_real_time_are_flown_again_bit_for_bit() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (printed, namespace, output) = measured(&["replay", "--flights", "2", "--seconds", "2s"], folder.path());
+    let rows = printed["results"]["rows"].as_array().expect("rows");
+    let kinds: Vec<&Value> = rows.iter().map(|row| &row["kind"]).collect();
+    assert_eq!(kinds, ["disturbed", "fast"]);
+    for row in rows {
+        assert!(row["differs"].is_null() && row["messages"].as_u64() > Some(100), "{row}");
+    }
+    assert!(rows[0]["faults"].as_u64() == Some(3) && rows[0]["deaths"].as_u64() > Some(0), "{}", rows[0]);
+    let targets = printed["targets"].as_array().expect("targets");
+    assert_eq!((&targets[0]["verdict"], output.status.code()), (&Value::from("ok"), Some(0)), "{printed}");
+    assert_eq!(in_memory(&namespace), Vec::<String>::new());
+    let files = std::fs::read_dir(std::env::temp_dir()).expect("it can be listed").flatten();
+    assert!(!files.into_iter().any(|entry| entry.file_name().to_string_lossy().starts_with(&namespace)));
+
+    let too_short = launcher().args(["measure", "replay", "--seconds", "0.1s"]).output().expect("the launcher starts");
+    assert_eq!(too_short.status.code(), Some(2), "{}", String::from_utf8_lossy(&too_short.stderr));
 }

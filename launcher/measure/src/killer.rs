@@ -19,7 +19,7 @@ use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
 
 /// Longest wait for a process to be there: longer than any delay of a restart.
 const PATIENCE: Duration = Duration::from_secs(1);
-/// A flight that takes longer on the wall clock is killed.
+/// A short flight that takes longer on the wall clock is killed.
 const WATCHDOG: Duration = Duration::from_secs(30);
 /// Between two looks.
 const LOOK: Duration = Duration::from_millis(1);
@@ -111,8 +111,13 @@ impl Launcher {
     }
 
     /// Its exit code; `None` when it had to be killed.
-    pub fn end(mut self) -> Option<i32> {
-        while self.started.elapsed() < WATCHDOG {
+    pub fn end(self) -> Option<i32> {
+        self.end_within(WATCHDOG)
+    }
+
+    /// The same for a flight that may take so long from its start.
+    pub fn end_within(mut self, limit: Duration) -> Option<i32> {
+        while self.started.elapsed() < limit {
             if let Ok(Some(status)) = self.child.try_wait() {
                 return status.code();
             }

@@ -8,6 +8,7 @@
 //! | [`laws`] | `measure laws`: the aggressive scenarios under every inner loop |
 //! | [`conditions`] | `measure conditions`: fast missions under every model of the MPC |
 //! | [`sensitivity`] | `measure sensitivity`: tracking error over delay, jitter and misses |
+//! | [`replay`] | `measure replay`: flights in real time, flown again bit for bit |
 //! | [`timing`] | `measure timing`: how late the stack is, beside the kernel's own wake-up |
 //! | [`flights`] | flights that a measurement flies itself, and when one counts as failed |
 //! | [`findings`] | targets and results |
@@ -24,6 +25,7 @@ pub mod killer;
 pub mod kills;
 pub mod laws;
 pub mod mpc;
+pub mod replay;
 pub mod sensitivity;
 pub mod timing;
 
@@ -43,6 +45,8 @@ pub enum Measure {
     Conditions(conditions::ConditionsArgs),
     /// Map the tracking error over delay, jitter and misses, for both profiles
     Sensitivity(sensitivity::SensitivityArgs),
+    /// Fly in real time, undisturbed and disturbed, and fly each flight again from its log
+    Replay(replay::ReplayArgs),
     /// Time the stack against cyclictest, raw rings, load and rates
     Timing(timing::TimingArgs),
     /// One process of a ring that `timing` compares with; `timing` starts these itself
@@ -60,6 +64,7 @@ impl Measure {
             Self::Laws(args) => laws::measure(args),
             Self::Conditions(args) => conditions::measure(args),
             Self::Sensitivity(args) => sensitivity::measure(args),
+            Self::Replay(args) => replay::measure(args),
             Self::Timing(args) => timing::measure(args),
             Self::RingPeer(args) => timing::ring_peer::run(args),
         }

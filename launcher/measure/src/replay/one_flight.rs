@@ -1,0 +1,158 @@
+//! One flight through processes, flown again from its log.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, bail};
+use contract::scenario::to_toml;
+use flight::control::{Request, ask};
+use flight::event::What;
+use flight::files::write_whole;
+use flight::replay::{Difference, Plan, replay};
+use flight::stack::StartError;
+use runtime::domain::Domain;
+use rustix::process::Signal;
+use serde::Serialize;
+use view::report::Recorded;
+use view::summary::Summary;
+
+use super::plan::{Kind, Order, orders};
+use crate::flights::namespace;
+use crate::killer::{Launcher, Process, said};
+use crate::timing::machine::Stress;
+
+/// Start, report and end of a flight take no longer than this on a loaded machine.
+const AROUND: Duration = Duration::from_secs(60);
+
+/// A flight, and what its replay came to.
+#[derive(Debug, Serialize)]
+pub struct ReplayFlight {
+    /// From 0: with the duration it gives the plan.
+    pub flight: usize,
+    pub kind: Kind,
+    /// Exit code of the launcher.
+    pub code: i32,
+    pub flown_s: f64,
+    pub messages: u64,
+    /// Deadlines missed, all nodes.
+    pub misses: u64,
+    /// Faults given in flight.
+    pub faults: usize,
+    /// Processes that died or hung.
+    pub deaths: usize,
+    /// Swaps whose candidate was kept.
+    pub swaps: usize,
+    /// Wall time to read the log, and to fly it again \[s\].
+    pub read_s: f64,
+    pub replay_s: f64,
+    /// The hash that the flight told of itself.
+    pub state_hash: Option<String>,
+    /// Why the replay is not the same flight; `None` when it is.
+    pub differs: Option<String>,
+}
+
+impl ReplayFlight {
+    /// Flies flight `number` and replays it; `None` where what its kind needs is not installed. The folder of a flight whose replay
+    /// differs is kept, and named.
+    pub fn fly(number: usize, duration_s: f64, interrupts: &AtomicU32) -> anyhow::Result<Option<Self>> {
+        let kind = Kind::of(number);
+        let namespace = namespace();
+        let folder = tempfile::Builder::new().prefix(&namespace).tempdir()?;
+        let load = (kind == Kind::Loaded).then(|| Stress::start(duration_s + AROUND.as_secs_f64()));
+        if let Some(None) = load {
+            return Ok(None);
+        }
+        let code = fly(number, kind, duration_s, &namespace, folder.path())?;
+        drop(load);
+        if interrupts.load(Ordering::Relaxed) > 0 {
+            bail!(StartError::Interrupted);
+        }
+        let row = Self::replay(number, kind, code, &folder.path().join("run"));
+        let mut row =
+            row.with_context(|| format!("flight {number} left nothing to replay: {}", said(folder.path()).trim()))?;
+        if let Some(differs) = &mut row.differs {
+            *differs = format!("{differs} (kept in {})", folder.keep().display());
+        }
+        Ok(Some(row))
+    }
+
+    fn replay(number: usize, kind: Kind, code: i32, run: &Path) -> anyhow::Result<Self> {
+        let started = Instant::now();
+        let recorded = Recorded::read(run)?;
+        let read_s = started.elapsed().as_secs_f64();
+        let started = Instant::now();
+        let recording = recorded.recording()?;
+        let mut summary = Summary::new(&recording.scenario);
+        let replayed = replay(&recording, &Plan::default(), |record| summary.observe(record))?;
+        let replay_s = started.elapsed().as_secs_f64();
+
+        let (log, run) = (&recorded.log, &recorded.run);
+        let count = |of: &[What]| log.events.iter().filter(|event| of.contains(&event.what)).count();
+        let state_hash = run["state_hash"].as_str().map(str::to_owned);
+        let differs = match (replayed.stopped, replayed.first, summary.state_hash()) {
+            (Some(why), ..) => Some(why),
+            (_, Some(Difference { tick, topic, differs, .. }), _) => {
+                Some(format!("{} differs at tick {tick}: {}", topic.name(), differs.field))
+            }
+            (.., replayed) if replayed.is_none() || replayed != state_hash => {
+                Some(format!("state hash {state_hash:?} in the flight, {replayed:?} in the replay"))
+            }
+            _ => None,
+        };
+        let misses = run["timing"]["nodes"].as_object().into_iter().flatten();
+        Ok(Self {
+            flight: number,
+            kind,
+            code,
+            flown_s: summary.time_s(),
+            messages: replayed.compared,
+            misses: misses.filter_map(|(_, node)| node["misses"].as_u64()).sum(),
+            faults: count(&[What::Injected]),
+            deaths: count(&[What::Died, What::Hung]),
+            swaps: count(&[What::Kept]),
+            read_s,
+            replay_s,
+            state_hash,
+            differs,
+        })
+    }
+
+    /// Wall time to fly a minute of it again \[s\].
+    pub fn minute_s(&self) -> f64 {
+        self.replay_s * 60.0 / self.flown_s
+    }
+}
+
+/// Flies a flight as a user does; the exit code.
+fn fly(number: usize, kind: Kind, duration_s: f64, namespace: &str, folder: &Path) -> anyhow::Result<i32> {
+    let file = folder.join("scenario.toml");
+    write_whole(&file, to_toml(&kind.scenario(duration_s)).as_bytes())?;
+    let mut launcher = Launcher::start(namespace, folder, &[&file.display().to_string()])?;
+    while launcher.wait_for_flight().is_none() && !launcher.has_ended() {} // on a loaded machine a stack takes seconds to start
+    if kind == Kind::Disturbed {
+        let started = Instant::now();
+        for (share, order) in orders(number, duration_s) {
+            let at = Duration::from_secs_f64(share * duration_s);
+            std::thread::sleep(at.saturating_sub(started.elapsed()));
+            give(namespace, order);
+        }
+    }
+    let code = launcher.end_within(Duration::from_secs_f64(duration_s) + AROUND);
+    code.context("a flight did not end, and was killed")
+}
+
+/// Does it to the flight. One that is ending refuses; the log tells what was done.
+fn give(namespace: &str, order: Order) {
+    let request = match order {
+        Order::Kill(node) => {
+            let _ = Process::newest(namespace, node).and_then(|process| process.signal(namespace, Signal::KILL));
+            return;
+        }
+        Order::Swap(swap) => Request::Swap(*swap),
+        Order::Inject(fault) => Request::Inject { fault: *fault },
+    };
+    if let Ok(domain) = Domain::find(namespace) {
+        let _ = ask(&domain, &request);
+    }
+}

@@ -1,0 +1,91 @@
+//! Which flights are flown, and what is done to them while they fly.
+//!
+//! | flights of 20 | are |
+//! |---|---|
+//! | 10 | left alone, at 100 Hz |
+//! | 5 | disturbed: two processes killed, one swapped, three faults given, all by hand in flight |
+//! | 3 | under `stress-ng --cpu 4` at `SCHED_OTHER` |
+//! | 2 | left alone, at 500 Hz |
+
+use contract::Scenario;
+use contract::scenario::{Fault, FaultKind, FaultTarget, Policy, Swap, SwapNode};
+use serde::Serialize;
+
+use crate::timing::timed_flights::realtime;
+
+/// What a flight is flown under.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Kind {
+    Alone,
+    Disturbed,
+    Loaded,
+    Fast,
+}
+use Kind::{Alone, Disturbed, Fast, Loaded};
+
+/// The kinds of twenty flights, mixed so that a few flights have many of them.
+const KINDS: [Kind; 20] = [
+    Disturbed, Fast, Alone, Loaded, Alone, Alone, Disturbed, Alone, Alone, Loaded, Disturbed, Alone, Alone, Fast,
+    Alone, Disturbed, Loaded, Alone, Disturbed, Alone,
+];
+
+impl Kind {
+    /// The kind of flight `number`, from 0.
+    pub fn of(number: usize) -> Self {
+        KINDS[number % KINDS.len()]
+    }
+
+    pub fn words(self) -> &'static str {
+        match self {
+            Alone => "100 Hz",
+            Disturbed => "100 Hz, kills, a swap, live faults",
+            Loaded => "100 Hz, SCHED_OTHER, stress-ng",
+            Fast => "500 Hz",
+        }
+    }
+
+    pub fn scenario(self, duration_s: f64) -> Scenario {
+        let rate_hz = if self == Fast { 500 } else { 100 };
+        realtime(rate_hz, if self == Loaded { Policy::Other } else { Policy::Fifo }, duration_s)
+    }
+}
+
+/// Something done to a flight by hand.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Order {
+    /// SIGKILL to the newest process of a node.
+    Kill(&'static str),
+    Swap(Box<Swap>),
+    Inject(Box<Fault>),
+}
+
+/// What is done to disturbed flight `number` of `duration_s`: when, as a share of the flight, and what. Flights differ in whom it
+/// is done to.
+pub fn orders(number: usize, duration_s: f64) -> [(f64, Order); 6] {
+    const NODES: [(&str, SwapNode); 3] =
+        [("attitude-mpc", SwapNode::AttitudeMpc), ("guidance", SwapNode::Guidance), ("mixer", SwapNode::Mixer)];
+    let node = |i: usize| NODES[(number + i) % NODES.len()];
+    let short_s = 0.05 * duration_s;
+    let swap = Swap { standby_s: short_s, watch_s: short_s, ..Swap::new(node(1).1, 0.0) };
+    let inject = |target, kind| Order::Inject(Box::new(Fault::new(target, kind, 0.0, Some(short_s))));
+    [
+        (0.1, Order::Kill(node(0).0)),
+        (0.2, inject(FaultTarget::Rates, FaultKind::Noise)),
+        (0.3, Order::Swap(Box::new(swap))),
+        (0.6, inject(FaultTarget::Controls, FaultKind::Drop)),
+        (0.7, Order::Kill(node(2).0)),
+        (0.8, inject(FaultTarget::Rotor1, FaultKind::Slow)),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn twenty_flights_have_the_kinds_that_the_table_says() {
+        let count = |kind| (0..20).filter(|number| Kind::of(*number) == kind).count();
+        assert_eq!([Alone, Disturbed, Loaded, Fast].map(count), [10, 5, 3, 2]);
+    }
+}
