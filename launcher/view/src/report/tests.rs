@@ -2,7 +2,7 @@
 
 use contract::Scenario;
 use contract::message::{ActuationMsg, Actuators, Controls, Message, Reference, State};
-use contract::scenario::{Profile, TrajectoryKind};
+use contract::scenario::{Mode, Profile, TrajectoryKind};
 use serde_json::{Value, json};
 
 use super::TEMPLATE;
@@ -289,8 +289,10 @@ fn the_hash_of_a_flight_is_shown_where_something_gives_it_again() {
     for (mode, replays, shown) in [("realtime", false, false), ("realtime", true, true), ("lockstep", false, true)] {
         let run = survey(&[("state_hash", "0123abcd".into()), ("mode", mode.into()), ("replays", replays.into())]);
         assert_eq!(metrics(&run).contains("0123abcd"), shown, "{mode} {replays}");
-        let page = page(&run);
-        assert_eq!(page.contains("launcher replay RUN"), mode == "realtime" && replays, "{mode} {replays}");
+        let mut flown = robust();
+        flown.run.mode = if mode == "realtime" { Mode::Realtime } else { Mode::Lockstep };
+        let page = render(&hover(2), &run, &flown);
+        assert_eq!(page.contains("launcher replay RUN"), replays, "{mode} {replays}");
     }
 }
 
