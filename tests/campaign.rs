@@ -134,6 +134,8 @@ fn a_campaign_that_is_killed_at_any_moment_goes_on() {
     }
     check(&place.fly(&["--shard", "2"], "killed"), 0, &[]);
     assert_eq!(place.table("killed"), place.table("whole"));
+    let shards = fs::read_dir(place.at("killed").join("shards")).expect("shards").flatten();
+    assert_eq!(shards.count(), 12, "and nothing half-written");
 }
 
 #[test]

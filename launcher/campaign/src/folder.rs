@@ -20,36 +20,20 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail, ensure};
-use contract::scenario::file::{MAX_TEXT_BYTES, read_text};
 use rustix::fs::{FlockOperation, flock};
 use rustix::io::Errno;
-use serde::{Deserialize, Serialize};
 
+use crate::layout::{LAYOUT_VERSION, Layout};
 use crate::plan::Plan;
 use crate::shard;
 use crate::table::Table;
 
-/// Version of the layout.
-const VERSION: u32 = 1;
 /// Flights of a shard where the number is not said: so many are lost at most when a machine dies.
 const SHARD: u64 = 100;
 /// Shards where the number is not said: as many tasks an array of Slurm may have, and one more.
 const USUAL_SHARDS: u64 = 1000;
 /// The most shards of a campaign.
 pub const MAX_SHARDS: u64 = 99_999;
-
-/// `layout.toml`
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Layout {
-    pub version: u32,
-    /// What flies it.
-    pub program: String,
-    /// SHA-256 of the campaign.
-    pub campaign: String,
-    pub flights: u64,
-    pub shards: u64,
-}
 
 /// Who else may write to the folder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -76,7 +60,7 @@ impl CampaignFolder {
     pub fn open(path: &Path, plan: &Plan, shards: Option<u64>, access: Access) -> anyhow::Result<Self> {
         let cannot = || format!("cannot use the folder {}", path.display());
         let wanted = Layout {
-            version: VERSION,
+            version: LAYOUT_VERSION,
             program: shard::program(),
             campaign: plan.campaign.hash(),
             flights: plan.flights(),
@@ -127,22 +111,6 @@ impl CampaignFolder {
     }
 }
 
-impl Layout {
-    fn read(folder: &Path) -> anyhow::Result<Self> {
-        let path = folder.join("layout.toml");
-        let said = || format!("{} cannot be read; give another folder with --out", path.display());
-        let text = read_text(&path, MAX_TEXT_BYTES).with_context(said)?;
-        let version = text.parse::<toml::Table>().ok().and_then(|table| table.get("version")?.as_integer());
-        ensure!(
-            version == Some(VERSION.into()),
-            "{} is of layout {}, and this program reads {VERSION}; give another folder with --out",
-            path.display(),
-            version.map_or("unknown".into(), |version| version.to_string())
-        );
-        toml::from_str(&text).with_context(said)
-    }
-}
-
 /// Makes the folder, and locks it as far as `access` wants.
 fn prepare(path: &Path, access: Access) -> anyhow::Result<Option<File>> {
     if access == Access::Reading {
@@ -161,6 +129,13 @@ fn prepare(path: &Path, access: Access) -> anyhow::Result<Option<File>> {
     // A file system without locks is taken as it is: a shard is renamed into its place, and is the same from whoever flew it.
     if flock(&lock, how) == Err(Errno::WOULDBLOCK) {
         bail!("another campaign is flying into it; wait for it, or give another with --out");
+    }
+    if access == Access::Alone {
+        // What was being written when an earlier one was killed.
+        for entry in fs::read_dir(path.join("shards"))?.flatten() {
+            let is_part = entry.path().extension().is_some_and(|extension| extension == "part");
+            let _ = if is_part { fs::remove_file(entry.path()) } else { Ok(()) }; // it does no harm
+        }
     }
     Ok(Some(lock))
 }

@@ -10,7 +10,7 @@
 //! | [`outcome`] | one flight and its verdict, as a row |
 //! | [`table`](mod@table) | columns, and Parquet |
 //! | [`shard`] | a part of the flights: a file, whole or not there |
-//! | [`folder`] | the folder of a campaign, and who may write to it |
+//! | [`folder`], [`layout`] | the folder of a campaign, who may write to it, and of what its shards are |
 //! | [`local`] | all cores of this machine |
 //! | [`slurm`] | a cluster |
 //! | [`rate`] | shares with their exact intervals |
@@ -24,6 +24,7 @@
 pub mod file;
 pub mod folder;
 mod hex;
+pub mod layout;
 pub mod local;
 pub mod outcome;
 pub mod page;

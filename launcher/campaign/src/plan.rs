@@ -15,7 +15,7 @@ use crate::file::Campaign;
 use crate::random_faults::in_words;
 use crate::sampling::{Points, Purpose, stream};
 use crate::table::{Cell, Kind};
-use crate::variation::{Distribution, Values};
+use crate::variation::Values;
 
 /// The key that every flight has a value of.
 const SEED: &str = "run.seed";
@@ -185,43 +185,6 @@ impl Flight {
         let error = self.scenario.as_ref().err()?.to_string();
         let lines = error.lines().map(|line| line.trim_start_matches([' ', '|', '=']).trim_start_matches("error: "));
         Some(lines.filter(|line| !line.is_empty()).collect::<Vec<_>>().join("; "))
-    }
-}
-
-impl Values {
-    /// The values that a reader of the file sees: all of a list, the ends of a distribution.
-    fn ends(&self) -> Vec<Value> {
-        match self {
-            Self::Listed(all) | Self::Drawn(Distribution::Choice(all)) => all.clone(),
-            Self::Drawn(Distribution::Uniform(ends) | Distribution::LogUniform(ends)) => ends.map(Value::Float).into(),
-            Self::Drawn(Distribution::Integer(ends)) => ends.map(Value::Integer).into(),
-            Self::Drawn(distribution @ Distribution::Normal(_)) => vec![distribution.quantile(0.5)],
-        }
-    }
-
-    /// What a column of them holds.
-    pub fn kind(&self) -> Kind {
-        let all = self.ends();
-        match () {
-            () if all.iter().all(Value::is_integer) => Kind::Int,
-            () if all.iter().all(|value| value.is_integer() || value.is_float()) => Kind::Real,
-            () if all.iter().all(Value::is_bool) => Kind::Bool,
-            () => Kind::Text,
-        }
-    }
-}
-
-impl Kind {
-    /// A value as a cell of such a column.
-    fn cell(self, value: &Value) -> Cell {
-        match (self, value) {
-            (Self::Int, Value::Integer(n)) => Cell::Int(*n),
-            (Self::Real, Value::Integer(n)) => Cell::Real(*n as f64),
-            (Self::Real, Value::Float(x)) => Cell::Real(*x),
-            (Self::Bool, Value::Boolean(yes)) => Cell::Bool(*yes),
-            (_, Value::String(text)) => Cell::Text(text.clone()),
-            (_, other) => Cell::Text(other.to_string()),
-        }
     }
 }
 

@@ -13,7 +13,7 @@ use contract::scenario::file::{self, MAX_RESULTS_BYTES};
 use flight::files::write_whole;
 use flight::provenance::BUILT_FROM;
 
-use crate::folder::Layout;
+use crate::layout::Layout;
 use crate::outcome;
 use crate::plan::Plan;
 use crate::table::{Cell, Kind, Table};

@@ -14,6 +14,7 @@ use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::types::Type;
 use sha2::{Digest, Sha256};
+use toml::Value;
 
 use crate::hex::hex;
 
@@ -54,6 +55,20 @@ pub enum Column {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Table {
     pub columns: Vec<(String, Column)>,
+}
+
+impl Kind {
+    /// A value of TOML as a cell of such a column.
+    pub fn cell(self, value: &Value) -> Cell {
+        match (self, value) {
+            (Self::Int, Value::Integer(n)) => Cell::Int(*n),
+            (Self::Real, Value::Integer(n)) => Cell::Real(*n as f64),
+            (Self::Real, Value::Float(x)) => Cell::Real(*x),
+            (Self::Bool, Value::Boolean(yes)) => Cell::Bool(*yes),
+            (_, Value::String(text)) => Cell::Text(text.clone()),
+            (_, other) => Cell::Text(other.to_string()),
+        }
+    }
 }
 
 impl Cell {

@@ -7,6 +7,8 @@ use anyhow::{Context, bail, ensure};
 use serde::{Deserialize, Serialize};
 use toml::Value;
 
+use crate::table::Kind;
+
 /// One setting and its values.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Factor {
@@ -158,6 +160,29 @@ impl Variation {
                 Values::Drawn(Distribution::Choice(choices))
             }
         })
+    }
+}
+
+impl Values {
+    /// The values that a reader of the file sees: all of a list, the ends of a distribution.
+    pub fn ends(&self) -> Vec<Value> {
+        match self {
+            Self::Listed(all) | Self::Drawn(Distribution::Choice(all)) => all.clone(),
+            Self::Drawn(Distribution::Uniform(ends) | Distribution::LogUniform(ends)) => ends.map(Value::Float).into(),
+            Self::Drawn(Distribution::Integer(ends)) => ends.map(Value::Integer).into(),
+            Self::Drawn(distribution @ Distribution::Normal(_)) => vec![distribution.quantile(0.5)],
+        }
+    }
+
+    /// What a column of them holds.
+    pub fn kind(&self) -> Kind {
+        let all = self.ends();
+        match () {
+            () if all.iter().all(Value::is_integer) => Kind::Int,
+            () if all.iter().all(|value| value.is_integer() || value.is_float()) => Kind::Real,
+            () if all.iter().all(Value::is_bool) => Kind::Bool,
+            () => Kind::Text,
+        }
     }
 }
 

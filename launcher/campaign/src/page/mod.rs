@@ -8,7 +8,7 @@
 mod bins;
 mod worst;
 
-use view::draw::{self, STYLE, ShareCell, escape, list, share_map, short};
+use view::draw::{self, STYLE, ShareCell, escape, list, share_map};
 
 use crate::outcome::Verdict;
 use crate::plan::Plan;
@@ -212,11 +212,6 @@ impl Page<'_> {
             (0..rows).map(|line| (0..columns).map(|column| cell((line, column))).collect()).collect();
         share_map(title, [&across.name, &up.name], [&across.labels, &up.labels], &cells)
     }
-}
-
-/// A number in a table of the page.
-fn figure(value: Option<f64>) -> String {
-    value.map_or(draw::DASH.into(), short)
 }
 
 #[cfg(test)]

@@ -6,10 +6,9 @@
 use anyhow::ensure;
 use flight::log::Record;
 use guidance::Trajectory;
-use view::draw::{DASH, any, course, escape};
+use view::draw::{DASH, any, course, escape, short};
 use view::ticks::{length_m, position_error_m};
 
-use super::figure;
 use crate::outcome::{self, Verdict};
 use crate::plan::Plan;
 use crate::table::{Cell, Column, Table};
@@ -101,7 +100,7 @@ fn one(plan: &Plan, flights: &Table, row: usize, again: &str) -> anyhow::Result<
             Cell::None => DASH.to_owned(),
             Cell::Bool(yes) => yes.to_string(),
             Cell::Int(n) => n.to_string(),
-            Cell::Real(x) => figure(Some(x)),
+            Cell::Real(x) => short(x),
             Cell::Text(text) => any(&text.into()),
         };
         format!("<span>{} <b>{value}</b></span>", escape(name))
