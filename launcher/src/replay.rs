@@ -86,7 +86,6 @@ pub fn replay(args: &ReplayArgs) -> anyhow::Result<u8> {
     let recording = recorded.recording()?;
     let plan = plan(args, &recording)?;
     let sample_s = recording.scenario.sample_s();
-    let from = args.from.map_or(0, |from_s| (from_s / sample_s).round() as u64);
 
     let mut summary = Summary::new(&recording.scenario);
     let started = Instant::now();
@@ -102,10 +101,10 @@ pub fn replay(args: &ReplayArgs) -> anyhow::Result<u8> {
     }
     let hash = plan.only.is_none().then(|| summary.state_hash()).flatten();
     let flown = Summary::of(&recorded.log, &recording.scenario).state_hash();
-    if let Some(other) = recorded.log.written_by.other_program().filter(|_| replayed.differs_from(from).is_some()) {
+    if let Some(other) = recorded.log.written_by.other_program().filter(|_| replayed.first.is_some()) {
         print(&format!("{other}: a difference may be the program's\n"));
     }
-    let code = judge(&replayed, from, sample_s, [flown, hash]);
+    let code = judge(&replayed, sample_s, [flown, hash]);
     let Some(missing) = recorded.missing() else { return Ok(code) };
     print(&format!("{missing}\n"));
     Ok(exit::OUT_OF_BOUNDS)
@@ -117,14 +116,15 @@ fn plan(args: &ReplayArgs, recording: &Recording) -> anyhow::Result<Plan> {
         Some(topic) if !args.set.is_empty() => Some((topic, Box::new(settings(recording, topic, &args.set)?))),
         _ => None,
     };
-    let until = args.to.map(|to_s| (to_s / recording.scenario.sample_s()).round() as u64);
+    let tick = |time_s: f64| (time_s / recording.scenario.sample_s()).round() as u64;
+    let (from, until) = (args.from.map_or(0, tick), args.to.map(tick));
     if let (Some(from), Some(to)) = (args.from, args.to)
         && from >= to
     {
         bail!("--from {from} is not before --to {to}");
     }
     let before = args.stop.as_deref().map(|stop| breakpoint(stop, recording)).transpose()?;
-    Ok(Plan { only: only.filter(|_| !args.closed), settings, until, before })
+    Ok(Plan { only: only.filter(|_| !args.closed), settings, from, until, before })
 }
 
 /// `NODE@TIME` as what is called before that cycle.
@@ -173,9 +173,9 @@ fn settings(recording: &Recording, topic: Topic, set: &[String]) -> anyhow::Resu
     Ok(candidate(&recording.scenario, &Swap { set: set.to_vec(), ..Swap::new(node, 0.0) })?)
 }
 
-/// Says whether the bits are the same, from tick `from` on; `hashes` are those of the flight and of the replay.
-fn judge(replayed: &Replayed, from: u64, sample_s: f64, [flown, hash]: [Option<String>; 2]) -> u8 {
-    let first = replayed.differs_from(from);
+/// Says whether the bits are the same; `hashes` are those of the flight and of the replay.
+fn judge(replayed: &Replayed, sample_s: f64, [flown, hash]: [Option<String>; 2]) -> u8 {
+    let first = replayed.first.as_ref();
     match (first, &hash) {
         (Some(first), _) => print(&format!("DIFFERENT from {}\n", describe(first, sample_s))),
         (None, Some(hash)) if flown.as_ref() == Some(hash) => print(&format!("the same bits: state hash {hash}\n")),

@@ -21,6 +21,8 @@ pub struct Plan {
     pub only: Option<Topic>,
     /// Other settings for the processes of a node.
     pub settings: Option<(Topic, Box<Scenario>)>,
+    /// Messages of earlier ticks are not compared.
+    pub from: u64,
     /// Cycles after this tick are left out.
     pub until: Option<u64>,
     /// What is called before the active process of a node answers to a tick.
@@ -51,13 +53,6 @@ pub struct Replayed {
     pub stopped: Option<String>,
     /// The last sample that was flown.
     pub last_tick: u64,
-}
-
-impl Replayed {
-    /// The first difference, if it is none before `tick`.
-    pub fn differs_from(&self, tick: u64) -> Option<&Difference> {
-        self.first.as_ref().filter(|first| first.tick >= tick)
-    }
 }
 
 /// Flies a recording again as `plan` says; `each` gets every message, computed or of the log.
@@ -321,6 +316,9 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
             }
             let Some(flown) = process.recorded.get(self.courses[i].recorded) else { continue };
             self.courses[i].recorded += 1;
+            if next.tick < self.plan.from {
+                continue;
+            }
             self.replayed.compared += 1;
             let Some(differs) = difference(flown, record) else { continue };
             self.replayed.different += 1;

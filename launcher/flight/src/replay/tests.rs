@@ -84,6 +84,8 @@ fn a_flipped_bit_is_found_where_it_stands() {
     let Controls { demand, .. } = flight.1.controls[57];
     assert_eq!((first.tick, first.topic, first.differs.field.as_str()), (57, Topic::Controls, "demand[2]"));
     assert_eq!(first.differs.values[0], format!("{:?}", demand[2]));
+    let later = Plan { from: 58, ..Plan::default() };
+    assert_eq!(replay(&recording(&flight), &later, |_| {}).unwrap().first, None, "from there on it is the same");
 }
 
 /// A constant that only the climb needs: the flight begins level, and differs once the climb is limited.
