@@ -50,6 +50,13 @@ pub fn page(plan: &Plan, flights: &Table, again: &str) -> anyhow::Result<String>
     Ok(draw::page(&title, &format!("{STYLE}{OWN_STYLE}"), &body))
 }
 
+/// The rows that are drawn as dots: all, or as many as are clear, whatever the pattern in which the rows stand.
+fn chosen(rows: usize) -> impl Iterator<Item = usize> {
+    // Multiples of the golden ratio leave no gap and keep no step.
+    let place = |row: usize| (row as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15) as f64 / u64::MAX as f64;
+    (0..rows).filter(move |row| rows <= DOTS || place(*row) * (rows as f64) < DOTS as f64)
+}
+
 struct Page<'a> {
     plan: &'a Plan,
     flights: &'a Table,
@@ -111,10 +118,10 @@ impl Page<'_> {
         }
         let legend = draw::legend(&self.names);
         let plots: String = self.factors.iter().map(|factor| self.marginal(factor)).collect();
-        let dots = self.flights.rows().min(DOTS);
+        let dots = chosen(self.flights.rows()).count();
         format!(
             "<section id=\"factors\"><h2>Factors</h2><p>Left: the share passed over one factor, whatever the others were, with \
-             exact 95 % intervals. Right: the largest position error [m] of {dots} flights, evenly chosen; those that were not \
+             exact 95 % intervals. Right: the largest position error [m] of {dots} flights; those that were not \
              passed are orange.</p>{legend}{plots}</section>"
         )
     }
@@ -139,10 +146,9 @@ impl Page<'_> {
         ) else {
             return String::new();
         };
-        let step = self.flights.rows().div_ceil(DOTS).max(1);
         let point =
             |row: usize| Some((values.number(row)?, errors.number(row)?, verdicts.text(row) != Verdict::Passed.name()));
-        let points: Vec<_> = (0..self.flights.rows()).step_by(step).filter_map(point).collect();
+        let points: Vec<_> = chosen(self.flights.rows()).filter_map(point).collect();
         draw::scatter([&factor.name, "largest error [m]"], &points)
     }
 
@@ -253,6 +259,17 @@ mod tests {
             assert!(html.contains(part), "{part}");
         }
         assert_eq!(html.matches("class=\"worst\"").count(), 9, "those that failed");
+    }
+
+    #[test]
+    fn the_dots_are_of_all_controllers_alike() {
+        assert_eq!(chosen(5).count(), 5);
+        let rows: Vec<usize> = chosen(12_000).collect();
+        assert!(rows.len().abs_diff(DOTS) < 5, "{}", rows.len());
+        for controller in 0..12 {
+            let share = rows.iter().filter(|row| *row % 12 == controller).count();
+            assert!(share.abs_diff(DOTS / 12) < 10, "{share} of controller {controller}");
+        }
     }
 
     #[test]
