@@ -132,13 +132,12 @@ fn printed(figure: &str) -> String {
 
 #[test]
 fn the_flights_under_every_law_are_those_of_the_page() {
+    // The thousand random ones take minutes without optimisation: `.ci/run` compares them.
     let printed = printed("laws");
-    for heading in ["step ", "survived "] {
-        let rows = rows_of_the_page(heading);
-        assert_eq!(rows.len(), 12, "{rows:?}");
-        for row in rows {
-            assert!(printed.lines().any(|line| line == row), "docs/mpc.md has: {row}\nflown:\n{printed}");
-        }
+    let rows = rows_of_the_page("step ");
+    assert_eq!(rows.len(), 12, "{rows:?}");
+    for row in rows {
+        assert!(printed.lines().any(|line| line == row), "docs/mpc.md has: {row}\nflown:\n{printed}");
     }
 }
 
