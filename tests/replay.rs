@@ -1,5 +1,7 @@
 //! A flight that was recorded, flown again from its folder.
 
+use std::fs::Permissions;
+use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::Output;
 
@@ -78,6 +80,23 @@ fn other_settings_show_what_another_controller_would_have_done() {
     assert!(closed.contains("with these settings") && closed.contains("position error, maximum [m]"), "{closed}");
     let wrong = of_run(&["replay", "--node", "attitude-mpc", "--set", "guidance.kp=1"], &outcome.out);
     assert_eq!(wrong.status.code(), Some(2), "{}", text(&wrong));
+}
+
+#[test]
+fn another_program_may_answer_in_the_place_of_a_node() {
+    let outcome = fly(&["--mode", "inprocess", "--set", "run.duration_s=3.0"]);
+    let program = outcome.out.join("own");
+    let text_of_it = format!("#!/bin/sh\nexec {} node attitude-mpc \"$@\"\n", env!("CARGO_BIN_EXE_launcher"));
+    std::fs::write(&program, text_of_it).expect("a script");
+    std::fs::set_permissions(&program, Permissions::from_mode(0o755)).expect("a program");
+    let program = program.to_str().expect("a path");
+    let ask = |more: &[&str]| of_run(&[&["replay", "--node", "attitude-mpc", "--exec"], more].concat(), &outcome.out);
+    let same = text(&ask(&[program]));
+    assert!(same.contains("301 compared") && same.contains("the same answers, bit for bit"), "{same}");
+    let closed = text(&ask(&[program, "--closed"]));
+    assert!(closed.contains("1204 compared") && closed.contains("with these settings"), "{closed}");
+    let gone = ask(&["/bin/true"]);
+    assert!(gone.status.code() == Some(2) && text(&gone).contains("has ended instead of answering"), "{}", text(&gone));
 }
 
 #[test]

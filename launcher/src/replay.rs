@@ -45,8 +45,11 @@ pub struct ReplayArgs {
     /// Stop before this node answers to the sample of this second, for a debugger
     #[arg(long = "break", value_name = "NODE@TIME")]
     stop: Option<String>,
-    /// With --set: how the flight would have gone on, all other nodes reading what comes of it
-    #[arg(long, requires = "set")]
+    /// Another program for the node, started as by `launcher swap --exec`
+    #[arg(long, value_name = "PROGRAM", requires = "node")]
+    exec: Option<String>,
+    /// With --set or --exec: how the flight would have gone on, all other nodes reading what comes of it
+    #[arg(long)]
     closed: bool,
 }
 
@@ -96,7 +99,7 @@ pub fn replay(args: &ReplayArgs) -> anyhow::Result<u8> {
         "{name}: {flown_s:.2} s flown again in {wall_s:.2} s, {} messages computed, {} compared\n",
         replayed.computed, replayed.compared
     ));
-    if plan.settings.is_some() {
+    if plan.settings.is_some() || plan.program.is_some() {
         return Ok(other_settings(args, &recorded, &summary, &replayed, sample_s));
     }
     let hash = plan.only.is_none().then(|| summary.state_hash()).flatten();
@@ -123,8 +126,18 @@ fn plan(args: &ReplayArgs, recording: &Recording) -> anyhow::Result<Plan> {
     {
         bail!("--from {from} is not before --to {to}");
     }
+    if args.closed && settings.is_none() && args.exec.is_none() {
+        bail!("--closed goes with --set or --exec: without them `launcher replay` is the flight as it was");
+    }
+    let program = match (only, &args.exec) {
+        (Some(Topic::State), Some(_)) => {
+            bail!("the plant is the vehicle; `--exec` is for guidance, attitude-mpc and mixer")
+        }
+        (Some(topic), Some(program)) => Some((topic, program.clone())),
+        _ => None,
+    };
     let before = args.stop.as_deref().map(|stop| breakpoint(stop, recording)).transpose()?;
-    Ok(Plan { only: only.filter(|_| !args.closed), settings, from, until, before })
+    Ok(Plan { only: only.filter(|_| !args.closed), settings, program, from, until, before })
 }
 
 /// `NODE@TIME` as what is called before that cycle.

@@ -17,7 +17,7 @@
 //! | `end` | how a flight can end |
 
 mod archive;
-mod children;
+pub(crate) mod children;
 mod end;
 mod files;
 mod host;

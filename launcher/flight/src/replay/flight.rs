@@ -9,6 +9,7 @@ use contract::snapshot::Snapshot;
 use runtime::shared_role::Origin;
 
 use super::fields::{Differs, difference};
+use super::program::Program;
 use super::recording::Recording;
 use super::script::{Cycle, Key, Process, Read};
 use super::worker::Worker;
@@ -21,6 +22,8 @@ pub struct Plan {
     pub only: Option<Topic>,
     /// Other settings for the processes of a node.
     pub settings: Option<(Topic, Box<Scenario>)>,
+    /// Another program for the processes of a node.
+    pub program: Option<(Topic, String)>,
     /// Messages of earlier ticks are not compared.
     pub from: u64,
     /// Cycles after this tick are left out.
@@ -72,8 +75,12 @@ impl Plan {
         }
     }
 
+    fn program_of(&self, topic: Topic) -> Option<&str> {
+        self.program.as_ref().filter(|(of, _)| *of == topic).map(|(_, program)| program.as_str())
+    }
+
     fn computes(&self, recording: &Recording, topic: Topic, epoch: u64) -> bool {
-        let replaced = self.settings.as_ref().is_some_and(|(of, _)| *of == topic);
+        let replaced = self.settings.as_ref().is_some_and(|(of, _)| *of == topic) || self.program_of(topic).is_some();
         self.only.is_none_or(|only| only == topic) && (replaced || !recording.foreign.contains(&(topic, epoch)))
     }
 }
@@ -89,10 +96,16 @@ struct Flight<'a, F> {
     replayed: Replayed,
 }
 
+/// What runs the cycles of a process.
+enum Runs {
+    Here(Box<Worker>),
+    Elsewhere(Box<Program>),
+}
+
 /// How far one process is.
 #[derive(Default)]
 struct Course {
-    worker: Option<Worker>,
+    worker: Option<Runs>,
     /// The next of its cycles, and the next of its recorded messages.
     cycle: usize,
     recorded: usize,
@@ -236,7 +249,10 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
         let Process { topic, epoch, continues, .. } = self.recording.script.processes[i];
         let memory = continues.and_then(|origin| Some((origin, (*self.memories.get(&(topic, origin))?)?)));
         let settings = self.plan.settings_of(self.recording, topic, epoch);
-        self.courses[i].worker = Some(Worker::new(topic, epoch as u32, settings, memory.as_ref())?);
+        self.courses[i].worker = Some(match self.plan.program_of(topic) {
+            Some(program) => Runs::Elsewhere(Box::new(Program::start(topic, settings, program)?)),
+            None => Runs::Here(Box::new(Worker::new(topic, epoch as u32, settings, memory.as_ref())?)),
+        });
         self.remember(i, 0);
         Ok(())
     }
@@ -245,7 +261,10 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
     fn remember(&mut self, i: usize, done: u64) {
         let Process { topic, epoch, .. } = self.recording.script.processes[i];
         if let Some(memory) = self.memories.get_mut(&(topic, Origin { epoch, done })) {
-            *memory = self.courses[i].worker.as_ref().and_then(Worker::memory);
+            *memory = match &self.courses[i].worker {
+                Some(Runs::Here(worker)) => worker.memory(),
+                _ => None,
+            };
         }
     }
 
@@ -291,11 +310,14 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
             if self.courses[i].read[read.key.topic as usize] != Some(*read)
                 && let Some(message) = message(read)
             {
-                worker.read(&message)?;
+                match &mut worker {
+                    Runs::Here(worker) => worker.read(&message)?,
+                    Runs::Elsewhere(program) => program.read(&message),
+                }
             }
         }
         for (read, after_ns) in &next.arrivals {
-            if let Some(Record::Actuators(command)) = message(read) {
+            if let (Some(Record::Actuators(command)), Runs::Here(worker)) = (message(read), &mut worker) {
                 worker.command(&command, *after_ns);
             }
         }
@@ -307,7 +329,10 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
         {
             call();
         }
-        worker.run(next, &self.recording.given, |record| sent.push(record));
+        match &mut worker {
+            Runs::Here(worker) => worker.run(next, &self.recording.given, |record| sent.push(record)),
+            Runs::Elsewhere(program) => program.run(next, |record| sent.push(record))?,
+        }
         self.courses[i].worker = Some(worker);
         for record in sent.iter() {
             self.replayed.computed += 1;

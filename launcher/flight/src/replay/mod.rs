@@ -16,6 +16,7 @@
 mod counterfactual;
 mod fields;
 mod flight;
+mod program;
 mod recording;
 mod script;
 mod worker;

@@ -1,0 +1,180 @@
+//! Another program in the place of a process: it flies in lockstep in a namespace of its own, where the replay is everything
+//! else. It is started as in a flight (`launcher swap --exec`), and answers to every sample from tick 0 on.
+//!
+//! It has no clock and no fault of its own link: what it answers is delivered.
+
+use std::rc::Rc;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, bail};
+use contract::Topic;
+use contract::message::{Controls, Message, Reference, State};
+use contract::scenario::{Mode, Scenario, to_toml};
+use runtime::domain::{Hold, check_room};
+use runtime::port::{Bus, Send, Services, Wire, bytes_needed, observer_depth};
+use runtime::ports::Ports;
+use runtime::realtime::{ControlPage, phase};
+use runtime::shared_role::Assignment;
+
+use super::script::Cycle;
+use crate::limits::JOIN_LIMIT;
+use crate::log::Record;
+use crate::recorder::Observers;
+use crate::stack::children::{Children, SpawnRequest};
+
+/// A program that answers in the place of a node.
+pub struct Program {
+    topic: Topic,
+    page: Arc<ControlPage>,
+    states: Option<Rc<dyn Send<State>>>,
+    references: Option<Rc<dyn Send<Reference>>>,
+    controls: Option<Rc<dyn Send<Controls>>>,
+    /// Numbers of the messages put before it, by topic.
+    sent: [u64; Topic::COUNT],
+    observers: Observers,
+    wall_limit: Duration,
+    children: Children,
+    // Dropped in this order: the services before the domain that holds their files.
+    _services: Services,
+    _bus: Bus,
+    _hold: Hold,
+}
+
+impl Program {
+    /// Starts `program` as the node that answers on `topic`, with the settings `scenario`.
+    ///
+    /// # Errors
+    /// It cannot be started, or is not ready in time.
+    pub fn start(topic: Topic, scenario: &Scenario, program: &str) -> anyhow::Result<Self> {
+        static NEXT: AtomicU32 = AtomicU32::new(0);
+        let namespace = format!("replay-{}-{}", std::process::id(), NEXT.fetch_add(1, Ordering::Relaxed));
+        let mut scenario = Scenario { fault: vec![], swap: vec![], ..scenario.clone() };
+        scenario.run.mode = Mode::Lockstep;
+        let hold = Hold::take(&namespace)?;
+        check_room(bytes_needed(scenario.run.rate_hz))?;
+        let domain = &hold.domain;
+        domain.write("scenario.toml", &to_toml(&scenario)).context("cannot write settings in shared memory")?;
+        ControlPage::create(&domain.file("page")).context("cannot write the page in shared memory")?;
+        let bus = Bus::attach(domain)?;
+        let services = bus.create_services(observer_depth(scenario.run.rate_hz))?;
+        let (mut ports, _) = Ports::join(&namespace)?;
+        let page = ports.page.clone();
+        for each in Topic::ALL {
+            page.role(each).assign(0, |_| Assignment { active: 1, standby: 0 });
+            page.role(each).offer(1);
+        }
+        let mut children = Children::new(domain.clone());
+        let mut started = Self {
+            topic,
+            states: sender(&mut ports, topic)?,
+            references: sender(&mut ports, topic)?,
+            controls: sender(&mut ports, topic)?,
+            sent: [0; Topic::COUNT],
+            observers: Observers::open(&mut ports, &scenario)?,
+            wall_limit: Duration::from_secs_f64(scenario.supervision.wall_limit_s.max(1.0)),
+            page,
+            children: {
+                children.spawn(&SpawnRequest {
+                    topic: Some(topic),
+                    epoch: 1,
+                    program: Some(program),
+                    ..SpawnRequest::default()
+                })?;
+                children
+            },
+            _services: services,
+            _bus: bus,
+            _hold: hold,
+        };
+        let page = started.page.clone();
+        let probe = || Ok(ports.probe_once().map(drop)?);
+        started.wait(JOIN_LIMIT, program, || page.role(topic).ready.get() == 1, probe)?;
+        started.page.set_phase(phase::GO);
+        Ok(started)
+    }
+
+    /// Puts `message` before it: the newest of its topic.
+    pub fn read(&mut self, message: &Record) {
+        let number = &mut self.sent[message.topic() as usize];
+        *number += 1;
+        match message {
+            Record::State(state) => put(&self.page, self.states.as_ref(), *state, *number),
+            Record::Reference(reference) => put(&self.page, self.references.as_ref(), *reference, *number),
+            Record::Controls(controls) => put(&self.page, self.controls.as_ref(), *controls, *number),
+            Record::Actuators(_) => {} // no node reads them but the plant
+        }
+    }
+
+    /// Has it answer up to the tick of `cycle`; `each` gets its answer to that.
+    ///
+    /// # Errors
+    /// It ends, or does not answer.
+    pub fn run(&mut self, cycle: &Cycle, mut each: impl FnMut(Record)) -> anyhow::Result<()> {
+        let done = cycle.tick as u32 + 1;
+        for upstream in Topic::ALL.into_iter().filter(|topic| *topic != self.topic) {
+            self.page.role(upstream).done(1).set(done);
+            self.page.doorbell(upstream).ring();
+        }
+        let (page, topic) = (self.page.clone(), self.topic);
+        let limit = self.wall_limit;
+        self.wait(limit, topic.publisher(), || page.role(topic).done(1).get() >= done, || Ok(()))?;
+        self.observers.drain(|record| {
+            if record.topic() == topic && record.stamp().tick == cycle.tick {
+                each(record);
+            }
+        });
+        Ok(())
+    }
+
+    /// Waits until it `is_so`, and calls `meanwhile` again and again.
+    fn wait(
+        &mut self,
+        limit: Duration,
+        name: &str,
+        is_so: impl Fn() -> bool,
+        mut meanwhile: impl FnMut() -> anyhow::Result<()>,
+    ) -> anyhow::Result<()> {
+        let deadline = Instant::now() + limit;
+        let bell = self.page.clone();
+        while !is_so() {
+            meanwhile()?;
+            if self.children.exited().is_some() {
+                bail!("{name} has ended instead of answering as {}", self.topic.publisher());
+            }
+            if Instant::now() > deadline {
+                bail!("{name} did not answer for {} s", limit.as_secs());
+            }
+            let doorbell = bell.doorbell(self.topic);
+            let rung = doorbell.count();
+            if !is_so() {
+                doorbell.wait(rung, runtime::realtime::now_ns() + LOOK_NS);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// How long it is waited for a program without a look around \[ns\].
+const LOOK_NS: u64 = 1_000_000;
+
+/// Where messages of `M` are sent, but for those of the node itself.
+fn sender<M: Wire>(ports: &mut Ports, topic: Topic) -> anyhow::Result<Option<Rc<dyn Send<M>>>> {
+    Ok((M::TOPIC != topic).then(|| ports.sender(1)).transpose()?)
+}
+
+/// Sends `message` as number `number` of the only process of its node.
+fn put<M: Message>(page: &ControlPage, sender: Option<&Rc<dyn Send<M>>>, mut message: M, number: u64) {
+    let stamp = message.stamp_mut();
+    (stamp.epoch, stamp.sequence) = (1, number);
+    // It fails where the program is gone, which is seen when it is waited for.
+    let _ = sender.map(|sender| sender.send(&message.with_checksum()));
+    page.doorbell(M::TOPIC).mark();
+}
+
+impl Drop for Program {
+    fn drop(&mut self) {
+        self.page.set_phase(phase::LEAVE); // what does not leave is killed with the children
+    }
+}
