@@ -197,7 +197,10 @@ fn several_periods_at_once_are_the_same_flight() {
         one_by_one.advance(1);
     }
     at_once.advance(7);
-    assert_eq!(one_by_one.sample(), at_once.sample());
+    // A sample tells of the commands since the sample before it, which was seven periods ago for one of them.
+    let (one, other) = (one_by_one.sample(), at_once.sample());
+    assert_eq!((one.arrived, other.arrived, other.arrivals[0].after_ns), (0, 1, 4 * MS));
+    assert_eq!(one, State { arrivals: one.arrivals, arrived: one.arrived, ..other });
 }
 
 #[test]
