@@ -65,7 +65,8 @@ impl Program {
             page.role(each).assign(0, |_| Assignment { active: 1, standby: 0 });
             page.role(each).offer(1);
         }
-        let mut children = Children::new(domain.clone());
+        let children = Children::new(domain.clone());
+        let request = SpawnRequest { topic: Some(topic), epoch: 1, program: Some(program), ..SpawnRequest::default() };
         let mut started = Self {
             topic,
             states: sender(&mut ports, topic)?,
@@ -73,21 +74,17 @@ impl Program {
             controls: sender(&mut ports, topic)?,
             sent: [0; Topic::COUNT],
             observers: Observers::open(&mut ports, &scenario)?,
-            wall_limit: Duration::from_secs_f64(scenario.supervision.wall_limit_s.max(1.0)),
-            page,
-            children: {
-                children.spawn(&SpawnRequest {
-                    topic: Some(topic),
-                    epoch: 1,
-                    program: Some(program),
-                    ..SpawnRequest::default()
-                })?;
-                children
+            wall_limit: match scenario.supervision.wall_limit_s {
+                0.0 => A_DAY, // none was wanted
+                limit_s => Duration::from_secs_f64(limit_s),
             },
+            page,
+            children,
             _services: services,
             _bus: bus,
             _hold: hold,
         };
+        started.children.spawn(&request)?;
         let page = started.page.clone();
         let probe = || Ok(ports.probe_once().map(drop)?);
         started.wait(JOIN_LIMIT, program, || page.role(topic).ready.get() == 1, probe)?;
@@ -156,6 +153,7 @@ impl Program {
     }
 }
 
+const A_DAY: Duration = Duration::from_secs(86_400);
 /// How long it is waited for a program without a look around \[ns\].
 const LOOK_NS: u64 = 1_000_000;
 
