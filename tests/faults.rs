@@ -107,7 +107,8 @@ fn check_replaced(events: &[(String, u64, String)], node: &str, first: &str) {
 fn a_kill_in_real_time_is_survived() {
     for node in NODES {
         let ns = namespace();
-        let fault = format!("fault=[{{at_s=1.0, target=\"{node}\", kind=\"kill\"}}]");
+        // Held off for so long that samples are missed: the next process may start within one period otherwise.
+        let fault = format!("fault=[{{at_s=1.0, for_s=0.1, target=\"{node}\", kind=\"kill\"}}]");
         // On a loaded machine too the kill is the first that happens to the process.
         let patient = "supervision.hang_ms=5000";
         let settings = ["--mode", "realtime", "--set", "run.duration_s=4.0", "--set", &fault, "--set", patient];
@@ -115,9 +116,8 @@ fn a_kill_in_real_time_is_survived() {
         assert_eq!(outcome.code(), Some(0), "{node}: {}", outcome.stderr);
         let run = outcome.run();
         check_replaced(&events(&run), node, "died");
-        // The next process may answer to the sample that the dead one was to answer to: then no message shows harm.
-        let fault = &run["faults"][0];
-        assert_eq!(fault["detected_after_s"].is_number(), fault["recovered_after_s"].is_number(), "{fault}");
+        assert!(run["faults"][0]["detected_after_s"].is_number(), "{}", run["faults"]);
+        assert!(run["faults"][0]["recovered_after_s"].is_number(), "{}", run["faults"]);
         assert_eq!(shared_memory_of(&ns), Vec::<String>::new());
     }
 }

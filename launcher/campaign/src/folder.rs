@@ -126,7 +126,7 @@ fn prepare(path: &Path, access: Access) -> anyhow::Result<Option<File>> {
         Access::Alone => FlockOperation::NonBlockingLockExclusive,
         _ => FlockOperation::NonBlockingLockShared,
     };
-    // A file system without locks is taken as it is: a shard is renamed into its place, and is the same from whoever flew it.
+    // A file system without locks is taken as it is: a shard is renamed into its place, and is the same whatever process flew it.
     if flock(&lock, how) == Err(Errno::WOULDBLOCK) {
         bail!("another campaign is flying into it; wait for it, or give another with --out");
     }

@@ -176,13 +176,12 @@ fn in_parallel<T: Sync, R: Send>(
     let next = AtomicUsize::new(0);
     let worker = || {
         let mut done = vec![];
-        while let i @ 0.. = next.fetch_add(1, Ordering::Relaxed)
-            && let Some(item) = items.get(i)
-        {
+        loop {
+            let i = next.fetch_add(1, Ordering::Relaxed);
+            let Some(item) = items.get(i) else { return Ok::<_, anyhow::Error>(done) };
             done.push((i, work(item)?));
             progress(i + 1, items.len());
         }
-        Ok::<_, anyhow::Error>(done)
     };
     let threads = std::thread::available_parallelism().map_or(1, NonZero::get).min(items.len().max(1));
     let results = std::thread::scope(|scope| {

@@ -31,7 +31,7 @@ const ANSWERS: [(Topic, &[Topic]); 3] = [
     (Topic::Actuators, &[Topic::State, Topic::Controls]),
 ];
 
-/// Every tick that was not in order, but for the last, whose command nobody waits for.
+/// Every tick that was not in order, but for the last, whose command has no sample after it.
 pub fn disturbed(recording: &Recording) -> Vec<Disturbed> {
     let Some(plant) = process_of(&recording.script, Topic::State, 1) else { return vec![] };
     let last = plant.cycles.last().map_or(0, |last| last.tick);

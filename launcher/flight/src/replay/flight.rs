@@ -280,9 +280,7 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
         } else {
             let (from, ends) =
                 (self.courses[i].recorded, process.cycles.get(self.courses[i].cycle + 1).map(|next| next.tick));
-            let of_this = |record: &&Record| {
-                ends.is_none_or(|ends| record.stamp().tick < ends || record.stamp().tick < next.tick)
-            };
+            let of_this = |record: &&Record| ends.is_none_or(|ends| record.stamp().tick < ends);
             sent.extend(process.recorded[from..].iter().take_while(of_this));
             self.courses[i].recorded += sent.len();
         }
