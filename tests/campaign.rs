@@ -312,7 +312,8 @@ for range in ${array//,/ }; do
 done
 echo 7
 "#;
-    for (name, text) in [("sbatch", sbatch), ("squeue", "#!/bin/sh\n")] {
+    let sacct = "#!/bin/sh\nprintf '7_0|NODE_FAIL\\n7_10|TIMEOUT\\n7_0|FAILED\\n7_1|COMPLETED\\n'\n";
+    for (name, text) in [("sbatch", sbatch), ("squeue", "#!/bin/sh\n"), ("sacct", sacct)] {
         let path = folder.join(name);
         fs::write(&path, text).expect("can be written");
         fs::set_permissions(&path, fs::Permissions::from_mode(0o755)).expect("it is ours");
@@ -355,7 +356,8 @@ fn a_scheduler_that_is_not_there_or_whose_tasks_fail_is_told() {
     let path = format!("{}:{}", bin.display(), std::env::var("PATH").expect("a PATH"));
     let arguments = ["--slurm", "--program", "echo no trefoil on this node; false"];
     let output = place.command(&[], &arguments, "failing").env("PATH", path).output().expect("runs");
-    check(&output, 3, &["ended without them", "no trefoil on this node", "the same command submits them again"]);
+    let task = "Slurm ended task 0 as FAILED";
+    check(&output, 3, &["ended without them", task, "no trefoil on this node", "the same command submits them again"]);
 }
 
 #[test]

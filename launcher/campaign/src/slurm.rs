@@ -239,7 +239,7 @@ fn quoted(path: &Path) -> anyhow::Result<String> {
     Ok(format!("'{}'", text.replace('\'', r"'\''")))
 }
 
-/// Why nothing comes of the missing shards: what the first of their tasks said last.
+/// Why nothing comes of the missing shards: what the first of their tasks said last, and how it ended where Slurm keeps accounts.
 fn failed(folder: &CampaignFolder, missing: &[u64]) -> String {
     let first = missing.first().copied().unwrap_or_default();
     let path = folder.path.join("slurm").join(format!("{first}.log"));
@@ -247,12 +247,23 @@ fn failed(folder: &CampaignFolder, missing: &[u64]) -> String {
     let lines: Vec<&str> = log.lines().collect();
     let last = lines[lines.len().saturating_sub(TOLD_LINES)..].join("\n  ");
     let last = if last.is_empty() { "nothing; ask the scheduler what became of it".to_owned() } else { last };
+    let how = account(folder, first).map_or(String::new(), |state| format!("; Slurm ended task {first} as {state}"));
     format!(
-        "the tasks of {} shards ended without them ({}); {} says:\n  {last}\nthe same command submits them again",
+        "the tasks of {} shards ended without them ({}){how}; {} says:\n  {last}\nthe same command submits them again",
         missing.len(),
         ranges(missing),
         path.display()
     )
+}
+
+/// How the last task of a shard ended, as `TIMEOUT`; `None` where Slurm keeps no accounts.
+fn account(folder: &CampaignFolder, shard: u64) -> Option<String> {
+    let mut command = Command::new("sacct");
+    command.args(["-XnP", "--format=JobID,State", "--starttime=now-30days", "--name"]).arg(name(folder).ok()?);
+    let task = format!("_{shard}");
+    let of_task =
+        |line: &str| line.split_once('|').filter(|(id, _)| id.ends_with(&task)).map(|(_, state)| state.to_owned());
+    said(command).ok()?.lines().filter_map(of_task).last()
 }
 
 #[cfg(test)]
