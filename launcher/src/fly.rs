@@ -158,9 +158,9 @@ fn fly_inprocess(
     let mut log = log.map(|path| CountedLog::create(path, scenario)).transpose()?;
     let started = Instant::now();
     let flown = inprocess::fly(scenario, |record| {
-        summary.observe(&record);
+        summary.observe(record);
         if let Some(log) = &mut log {
-            log.write(&record);
+            log.write(record);
         }
         interrupts.load(Ordering::Relaxed) == 0
     });
@@ -197,7 +197,7 @@ fn fly_processes(
     let summary = std::cell::RefCell::new(summary);
     let flown = stack.fly(
         interrupts,
-        |record: Record| summary.borrow_mut().observe(&record),
+        |record: &Record| summary.borrow_mut().observe(record),
         |faults| {
             summary.borrow_mut().faults.follow(faults);
             progress.show(|| describe_now(&summary.borrow(), scenario));

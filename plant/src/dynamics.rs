@@ -210,11 +210,10 @@ pub fn actuation(x: &StateVector) -> Actuation {
     Actuation { rotor_speed: [x[13], x[14], x[15]], tilt_rad: x[16] }
 }
 
-/// `x` with its quaternion of length one: integration changes that by rounding and by its own error.
-pub fn normalised(mut x: StateVector) -> StateVector {
+/// Makes the quaternion in `x` of length one: integration changes that by rounding and by its own error.
+pub fn normalise(x: &mut StateVector) {
     let length = (x[6] * x[6] + x[7] * x[7] + x[8] * x[8] + x[9] * x[9]).sqrt();
     x[6..10].iter_mut().for_each(|part| *part /= length);
-    x
 }
 
 /// The transpose of `Cbn` of (7): from body to navigation frame.

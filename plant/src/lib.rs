@@ -194,13 +194,14 @@ impl Plant {
         if let Some(turbulence) = &mut self.turbulence {
             scheduled.wind_mps += turbulence.at(from_ns / self.sample_ns);
         }
-        let before = self.x;
-        self.x = dynamics::normalised(integrator::step(&self.x, dt_s, |t_s, x| {
+        let mut x = integrator::step(&self.x, dt_s, |t_s, x| {
             let outside = self.faults.environment.inject(from_ns, t_s, &scheduled);
             self.dynamics.derivative(x, &command, &condition, &outside)
-        }));
-        let crashed = self.dynamics.breaks(&before, &self.x).then_some(PlantStatus::Crashed);
-        self.diverged = divergence(&self.x).or(crashed);
+        });
+        dynamics::normalise(&mut x);
+        let crashed = self.dynamics.breaks(&self.x, &x).then_some(PlantStatus::Crashed);
+        self.diverged = divergence(&x).or(crashed);
+        self.x = x;
     }
 
     /// What the motor controllers and the servo are to follow: the command in force within the limits, which hold for

@@ -96,6 +96,7 @@ impl Rotors {
     }
 
     /// What the rotors do to a vehicle that moves at `air_mps` against the air, body \[m/s\].
+    #[inline]
     pub fn thrust(&self, actuators: &Actuation, condition: &Condition, air_mps: &Vector3<f64>) -> Wrench {
         let axes = axes(libm::sincos(actuators.tilt_rad));
         let (mut force_n, mut moment_nm) = (Vector3::zeros(), Vector3::zeros());
@@ -118,6 +119,7 @@ impl Rotors {
     }
 
     /// The angular momentum of the rotors, while `rates` change speeds and tilt, per second.
+    #[inline]
     pub fn momentum(&self, actuators: &Actuation, rates: &Actuation) -> Momentum {
         if self.inertia_kgm2 == 0.0 {
             return Momentum::default();

@@ -74,33 +74,34 @@ impl<M: Message> Input<M> {
         let active = publisher.active();
         let samples_taken = page.samples_taken();
         let mut taken = false;
-        loop {
-            let (message, port) = match self.port.receive() {
-                Ok(Some(received)) => received,
-                Ok(None) => break,
-                Err(failure) => {
-                    listener.port_failures[failure as usize].count();
-                    break;
-                }
-            };
+        let mut judge = |message: &M, port| {
             let from_active = publisher.port(active) == port;
             if from_active {
                 listener.received(*epoch, M::TOPIC).count();
             }
             let stamp = message.stamp();
             if !stamp.is_delivered() {
-                continue; // from a process on standby, lost by a fault, or a probe: no refusal
+                return; // from a process on standby, lost by a fault, or a probe: no refusal
             }
             // The epoch of the active process, through the port of another.
             let forged = stamp.epoch == u64::from(active) && !from_active;
             let samples = release.samples_by_now(page, samples_taken, stamp.tick);
-            let judged = if forged { Err(Refusal::Publisher) } else { self.guard.take(&message, active, samples) };
+            let judged = if forged { Err(Refusal::Publisher) } else { self.guard.take(message, active, samples) };
             match judged {
                 Ok(()) => taken = true,
                 Err(refusal) => listener.refused[refusal as usize].count(),
             }
+        };
+        loop {
+            match self.port.receive(&mut judge) {
+                Ok(true) => {}
+                Ok(false) => return taken,
+                Err(failure) => {
+                    listener.port_failures[failure as usize].count();
+                    return taken;
+                }
+            }
         }
-        taken
     }
 }
 

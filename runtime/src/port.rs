@@ -53,11 +53,12 @@ pub trait Send<M>: WarmUp {
 
 /// Receives one kind of message.
 pub trait Receive<M> {
-    /// The oldest message not yet seen, if any, and the number of the port that it was sent through.
+    /// Hands the oldest message not yet seen, if any, to `take`, with the number of the port that it was sent through; whether
+    /// there was one. The message does not change while it is taken.
     ///
     /// # Errors
     /// The queue could not be read. A publisher that cannot be reached at all reads as one that is silent.
-    fn receive(&self) -> Result<Option<(M, u64)>, PortFailure>;
+    fn receive(&self, take: &mut dyn FnMut(&M, u64)) -> Result<bool, PortFailure>;
     /// Whether the publisher behind `port` was there, and no connection to it could be made.
     fn cannot_reach(&self, port: u64) -> bool;
     /// Connects to every publisher anew, with an empty queue. Not for the loop.
@@ -199,9 +200,12 @@ impl Unreachable {
 }
 
 impl<M: Message + ZeroCopySend> Receive<M> for Subscription<M> {
-    fn receive(&self) -> Result<Option<(M, u64)>, PortFailure> {
+    fn receive(&self, take: &mut dyn FnMut(&M, u64)) -> Result<bool, PortFailure> {
         let sample = self.port.borrow().receive().map_err(|_| PortFailure::Receive)?;
-        Ok(sample.map(|sample| (*sample, numbered(sample.header().publisher_id().value()))))
+        let Some(sample) = sample else { return Ok(false) };
+        let message = *sample; // what is judged and what is used are the same bits, whatever a publisher does to its memory
+        take(&message, numbered(sample.header().publisher_id().value()));
+        Ok(true)
     }
 
     fn cannot_reach(&self, port: u64) -> bool {

@@ -150,9 +150,7 @@ fn arrival<M: Wire>(
         if arrived {
             return Ok(true); // what comes from now on may be the first message of the run
         }
-        while let Ok(Some((_, from))) = port.receive() {
-            arrived |= from == publisher();
-        }
+        while port.receive(&mut |_, from| arrived |= from == publisher()) == Ok(true) {}
         let now_ns = now_ns();
         if publisher() <= VACANT || arrived {
             reconnect_ns = now_ns + RECONNECT_NS;

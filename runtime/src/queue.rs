@@ -102,15 +102,17 @@ impl<M: Copy> Queue<M> {
 impl<M: Message> Send<M> for Sender<M> {
     fn send(&self, message: &M) -> Result<(), PortFailure> {
         let queues = self.topic.borrow();
-        let last = self.last.replace(Some(*message));
         let newest = self.newest.get();
         for queue in queues.iter() {
-            if let Some(last) = last.as_ref().filter(|_| queue.number > newest) {
-                queue.push(last, self.number);
+            if queue.number > newest
+                && let Some(last) = self.last.get()
+            {
+                queue.push(&last, self.number);
             }
             queue.push(message, self.number);
             self.newest.set(queue.number.max(self.newest.get()));
         }
+        self.last.set(Some(*message));
         if queues.is_empty() { Err(PortFailure::Send) } else { Ok(()) }
     }
 
@@ -124,8 +126,10 @@ impl<M> WarmUp for Sender<M> {
 }
 
 impl<M: Message> Receive<M> for Receiver<M> {
-    fn receive(&self) -> Result<Option<(M, u64)>, PortFailure> {
-        Ok(self.queue.messages.borrow_mut().pop_front())
+    fn receive(&self, take: &mut dyn FnMut(&M, u64)) -> Result<bool, PortFailure> {
+        let mut messages = self.queue.messages.borrow_mut();
+        messages.front().inspect(|(message, port)| take(message, *port));
+        Ok(messages.pop_front().is_some())
     }
 
     fn cannot_reach(&self, _port: u64) -> bool {
@@ -153,7 +157,9 @@ mod tests {
     }
 
     fn ticks(receiver: &dyn Receive<Controls>) -> Vec<(u64, u64)> {
-        std::iter::from_fn(|| receiver.receive().unwrap()).map(|(message, port)| (message.stamp.tick, port)).collect()
+        let mut ticks = vec![];
+        while receiver.receive(&mut |message, port| ticks.push((message.stamp.tick, port))).unwrap() {}
+        ticks
     }
 
     #[test]

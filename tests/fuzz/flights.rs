@@ -151,7 +151,7 @@ fn check(overrides: &[String]) {
     let fly = move || {
         let mut summary = Summary::new(&scenario);
         let flown = inprocess::fly(&scenario, |record| {
-            summary.observe(&record);
+            summary.observe(record);
             true
         });
         let inprocess::Flown { ended, events, refused } = flown;

@@ -92,8 +92,8 @@ fn try_to_fly(
     let mut summary = Summary::unlogged(scenario);
     let mut was_stopped = false;
     let Flown { ended, events, refused } = inprocess::fly_unlogged(scenario, |record| {
-        summary.observe(&record);
-        watch(&record);
+        summary.observe(record);
+        watch(record);
         was_stopped = !go_on();
         !was_stopped
     })
@@ -246,7 +246,7 @@ mod tests {
                 fly(flight, || true, &mut watch).unwrap();
             } else {
                 inprocess::fly(scenario, |record| {
-                    watch(&record);
+                    watch(record);
                     true
                 });
             }

@@ -69,7 +69,7 @@ impl Observers {
 
     /// Empties the queues into `each`, every topic in its own order; how many there were. What comes from a process that
     /// has no place in the run is no part of the flight, and neither is a probe.
-    pub fn drain(&self, mut each: impl FnMut(Record)) -> usize {
+    pub fn drain(&self, mut each: impl FnMut(&Record)) -> usize {
         self.one(&*self.states, &mut each)
             + self.one(&*self.references, &mut each)
             + self.one(&*self.controls, &mut each)
@@ -91,29 +91,28 @@ impl Observers {
         self.failures.get()
     }
 
-    fn one<M: Wire + Into<Record>>(&self, port: &dyn Receive<M>, each: &mut impl FnMut(Record)) -> usize {
+    fn one<M: Wire + Into<Record>>(&self, port: &dyn Receive<M>, each: &mut impl FnMut(&Record)) -> usize {
         let role = self.page.role(M::TOPIC);
         let (received, drained) = (&self.received[M::TOPIC as usize], &self.drained[M::TOPIC as usize]);
-        let mut count = 0;
-        loop {
-            match port.receive() {
-                Ok(Some((message, from))) => {
-                    received.set(received.get() + u32::from(from == role.port(role.active())));
-                    // A fault that flips bits can make any message look like one.
-                    let is_probe = message.stamp().is_probe() && message.is_intact();
-                    if role.knows(from) && !is_probe {
-                        each(message.into());
-                        drained.set(drained.get() + 1);
-                        count += 1;
-                    }
-                }
-                Ok(None) => return count,
-                Err(_) => {
-                    self.failures.set(self.failures.get() + 1);
-                    return count;
-                }
+        let before = drained.get();
+        let mut take = |message: &M, from| {
+            received.set(received.get() + u32::from(from == role.port(role.active())));
+            // A fault that flips bits can make any message look like one.
+            let is_probe = message.stamp().is_probe() && message.is_intact();
+            if role.knows(from) && !is_probe {
+                each(&(*message).into());
+                drained.set(drained.get() + 1);
             }
-        }
+        };
+        let failed = loop {
+            match port.receive(&mut take) {
+                Ok(true) => {}
+                Ok(false) => break 0,
+                Err(_) => break 1,
+            }
+        };
+        self.failures.set(self.failures.get() + failed);
+        (drained.get() - before) as usize
     }
 }
 
@@ -148,7 +147,7 @@ fn record(namespace: &str, epoch: u32, path: &Path) -> anyhow::Result<LogOutcome
             if record.is_intact() {
                 newest = newest.max(record.stamp().tick);
             }
-            log.write(&record);
+            log.write(record);
         });
         page.recorded.raise(newest as u32);
         let count = count

@@ -145,7 +145,7 @@ impl Stack {
     pub fn fly(
         mut self,
         interrupts: &AtomicU32,
-        mut watch: impl FnMut(Record),
+        mut watch: impl FnMut(&Record),
         mut tick: impl FnMut(&[Fault]),
     ) -> Flown {
         // Every process has entered its class before it said that it is ready; reading takes longer than a tick may wait.
@@ -251,7 +251,7 @@ impl Stack {
     }
 
     /// Shows `watch` every message that has come, and tells the plant, which waits for it in lockstep.
-    fn drain(&mut self, watch: &mut impl FnMut(Record)) {
+    fn drain(&mut self, watch: &mut impl FnMut(&Record)) {
         let mut newest = 0;
         let Self { run, archive, observers, .. } = self;
         observers.drain(|record| {
@@ -260,9 +260,9 @@ impl Stack {
                 newest = newest.max(stamp.tick);
                 run.newest_ns[topic] = run.newest_ns[topic].max(stamp.publish_ns[topic]);
             }
-            run.driver.observe(&record);
+            run.driver.observe(record);
             if let Some(archive) = archive {
-                archive.observe(&record);
+                archive.observe(record);
             }
             watch(record);
         });
@@ -323,7 +323,11 @@ impl Stack {
     }
 
     /// Nodes first, then the recorder, so that the log has their last messages. A second Ctrl-C kills.
-    fn stop(&mut self, interrupts: &AtomicU32, watch: &mut impl FnMut(Record)) -> (Option<String>, Option<LogOutcome>) {
+    fn stop(
+        &mut self,
+        interrupts: &AtomicU32,
+        watch: &mut impl FnMut(&Record),
+    ) -> (Option<String>, Option<LogOutcome>) {
         let mut lost = None;
         self.drain(watch); // nodes that are still here are not gone by the next look
         let page = self.run.page.clone();

@@ -22,8 +22,8 @@ pub fn failed_at_s(summary: &Summary) -> Option<f64> {
 pub fn in_process(scenario: &Scenario, mut watch: impl FnMut(&Record)) -> (Summary, Ended) {
     let mut summary = Summary::new(scenario);
     let flown = inprocess::fly(scenario, |record| {
-        summary.observe(&record);
-        watch(&record);
+        summary.observe(record);
+        watch(record);
         true
     });
     (summary, flown.ended)
@@ -60,9 +60,9 @@ impl<'a> Started<'a> {
         mut tick: impl FnMut(),
     ) -> anyhow::Result<(Summary, Flown)> {
         let mut summary = Summary::new(self.scenario);
-        let observe = |record| {
-            summary.observe(&record);
-            watch(&record);
+        let observe = |record: &Record| {
+            summary.observe(record);
+            watch(record);
         };
         let flown = self.stack.fly(interrupts, observe, |_| tick());
         match flown.ended {

@@ -145,7 +145,7 @@ pub fn explain(recording: &Recording, progress: impl Fn(usize, usize) + Sync) ->
     undisturbed.run.mode = Mode::Inprocess;
     let clean = Outcome::of(&undisturbed, |each| {
         inprocess::fly(&undisturbed, |record| {
-            each(&record);
+            each(record);
             true
         });
         Ok(())

@@ -1,7 +1,5 @@
 //! Command following: how far the true angles, rates and w were from the references that guidance gave for the same sample.
 
-use std::collections::BTreeMap;
-
 use airframe::angle;
 use contract::message::{Message, Reference, State};
 use flight::log::Record;
@@ -14,8 +12,8 @@ const MOST_AWAITED: usize = 1000;
 /// Gathers the errors of a flight, in whatever order the two topics come.
 #[derive(Debug, Default)]
 pub struct Following {
-    /// By tick: the one message that is there, as numbers.
-    awaiting: BTreeMap<u64, Half>,
+    /// Ticks of which one message is there, as numbers.
+    awaiting: Vec<(u64, Half)>,
     square_sums: [f64; NUMBERS],
     samples: u64,
 }
@@ -33,15 +31,16 @@ impl Following {
             Record::Reference(reference) => (reference.stamp().tick, Half::Wanted(wanted(reference))),
             Record::Controls(_) | Record::Actuators(_) => return,
         };
-        match (self.awaiting.remove(&tick), half) {
+        let there = self.awaiting.iter().rposition(|(of, _)| *of == tick);
+        match (there.map(|i| self.awaiting.remove(i).1), half) {
             (Some(Half::True(truth)), Half::Wanted(wanted)) | (Some(Half::Wanted(wanted)), Half::True(truth)) => {
                 self.add(&truth, &wanted);
             }
             _ => {
-                self.awaiting.insert(tick, half);
-                if self.awaiting.len() > MOST_AWAITED {
-                    self.awaiting.pop_first();
+                if self.awaiting.len() == MOST_AWAITED {
+                    self.awaiting.remove(0);
                 }
+                self.awaiting.push((tick, half));
             }
         }
     }

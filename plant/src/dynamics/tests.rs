@@ -229,7 +229,9 @@ fn a_free_tumble_keeps_energy_and_angular_momentum() {
     let command = Actuation::default();
     let start = assemble(&motion, &command);
     let end = (0..700).fold(start, |x, _| {
-        normalised(integrator::step(&x, 1e-3, |_, x| dynamics.derivative(x, &command, &SOUND(), &CALM())))
+        let mut next = integrator::step(&x, 1e-3, |_, x| dynamics.derivative(x, &command, &SOUND(), &CALM()));
+        normalise(&mut next);
+        next
     });
     assert!(end[2].abs() > 0.1, "it did fall");
     for (before, after) in kept(&start).into_iter().zip(kept(&end)) {
@@ -312,7 +314,9 @@ fn a_loop_passes_through_90_degrees_of_pitch() {
     let motion = Kinematics { attitude_rad: [0.0, 1.4, 0.0], rates_radps: [0.0, 5.0, 0.0], ..Kinematics::default() };
     let command = Actuation::default();
     let step = |x: StateVector| {
-        normalised(integrator::step(&x, 1e-3, |_, x| dynamics.derivative(x, &command, &SOUND(), &CALM())))
+        let mut next = integrator::step(&x, 1e-3, |_, x| dynamics.derivative(x, &command, &SOUND(), &CALM()));
+        normalise(&mut next);
+        next
     };
     let end = (0..100).fold(assemble(&motion, &command), |x, _| step(x));
     let [roll, pitch, yaw] = kinematics(&end).attitude_rad;

@@ -86,7 +86,11 @@ impl ActuatorFaults {
 
     /// The faults in the period after sample `tick`, of actuators in `position` under a `command` within the limits: the
     /// command that they follow, and how they follow it.
+    #[inline]
     pub fn inject(&mut self, tick: u64, position: &Actuation, command: &Actuation) -> (Actuation, Condition) {
+        if self.faults.all().is_empty() {
+            return (*command, Condition::default());
+        }
         let position = as_array(position);
         let mut targets = as_array(command);
         let mut condition = Condition::default();

@@ -58,8 +58,12 @@ impl EnvironmentFaults {
     }
 
     /// `calm` with the faults added, `offset_s` after the beginning `from_ns` of an integration step.
+    #[inline]
     pub fn inject(&self, from_ns: u64, offset_s: f64, calm: &Surroundings) -> Surroundings {
         let mut outside = *calm;
+        if self.faults.all().is_empty() {
+            return outside;
+        }
         for Entry { ticks, effect, .. } in self.faults.on(from_ns / self.sample_ns) {
             match effect {
                 Effect::Step(wind_mps, rise_ns) => {

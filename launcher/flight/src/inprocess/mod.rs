@@ -38,13 +38,13 @@ pub struct Flown {
 }
 
 /// Flies `scenario` to its end, or until `watch` says stop by returning false; `watch` sees every message.
-pub fn fly(scenario: &Scenario, watch: impl FnMut(Record) -> bool) -> Flown {
+pub fn fly(scenario: &Scenario, watch: impl FnMut(&Record) -> bool) -> Flown {
     fly_ring(scenario, true, watch).unwrap_or_else(|error| panic!("a checked scenario flies in process: {error}"))
 }
 
 /// The same flight where no message is kept, and of a scenario of which only what stands in it was checked: nothing is flown
 /// where what is derived from it does not exist. Messages carry checksums only where they [can be changed](changes_messages).
-pub fn fly_unlogged(scenario: &Scenario, watch: impl FnMut(Record) -> bool) -> Result<Flown, SessionError> {
+pub fn fly_unlogged(scenario: &Scenario, watch: impl FnMut(&Record) -> bool) -> Result<Flown, SessionError> {
     fly_ring(scenario, changes_messages(scenario), watch)
 }
 
@@ -56,7 +56,7 @@ pub fn changes_messages(scenario: &Scenario) -> bool {
 fn fly_ring(
     scenario: &Scenario,
     with_checksums: bool,
-    mut watch: impl FnMut(Record) -> bool,
+    mut watch: impl FnMut(&Record) -> bool,
 ) -> Result<Flown, SessionError> {
     let ring = Ring::new(with_checksums).map_err(|why| SessionError::Io { what: "memory of the ring".into(), why })?;
     let observers = Observers::open(&mut ring.ports(), scenario)?;
@@ -89,7 +89,7 @@ fn fly_ring(
             answer(workers, &ring, &mut roles, sample);
         }
         observers.drain(|record| {
-            roles.observe(&record);
+            roles.observe(record);
             go_on &= watch(record);
         });
         let command = commands.fresh();

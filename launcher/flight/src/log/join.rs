@@ -22,7 +22,7 @@ use crate::recorder::LogOutcome;
 pub fn join(parts: &[PathBuf], scenario: &Scenario, events: &[Event], sent: u64) -> anyhow::Result<LogOutcome> {
     let first = parts.first().context("no recorder has begun a log")?;
     let mut records = vec![];
-    gather(parts, |record| records.push(record)); // one that was killed before it wrote anything has nothing to add
+    gather(parts, |record| records.push(*record)); // one that was killed before it wrote anything has nothing to add
     let whole = first.with_extension("joined");
     let written = write(&whole, scenario, &records, events, sent);
     let outcome = written.inspect_err(|_| _ = std::fs::remove_file(&whole))?;
@@ -68,7 +68,7 @@ pub fn read_parts(first: &Path) -> anyhow::Result<Log> {
     let last = others(first).into_iter().max().unwrap_or(1);
     let parts: Vec<PathBuf> = (1..=last).map(|epoch| part(first, epoch)).collect();
     let mut messages = Log::default();
-    let mut read = gather(&parts, |record| messages.push(&record));
+    let mut read = gather(&parts, |record| messages.push(record));
     if read.len() == 1 || read.iter().all(Result::is_err) {
         let Log { scenario_toml, written_by, events, defect, .. } = read.swap_remove(0)?;
         return Ok(Log { scenario_toml, written_by, events, defect, ..messages });
@@ -107,13 +107,13 @@ fn others(first: &Path) -> Vec<u32> {
 }
 
 /// Reads `parts` one after the other; `each` gets every message once. Everything else of each part is returned.
-fn gather(parts: &[PathBuf], mut each: impl FnMut(Record)) -> Vec<anyhow::Result<Log>> {
+fn gather(parts: &[PathBuf], mut each: impl FnMut(&Record)) -> Vec<anyhow::Result<Log>> {
     let mut known = HashSet::new();
     let read = |part: &PathBuf| {
         let mut times = HashMap::new(); // a fault may have sent a message twice
         read_in_order(part, |record| {
-            let nth = times.entry(identity(&record)).and_modify(|nth| *nth += 1).or_insert(1);
-            if known.insert((identity(&record), *nth)) {
+            let nth = times.entry(identity(record)).and_modify(|nth| *nth += 1).or_insert(1);
+            if known.insert((identity(record), *nth)) {
                 each(record);
             }
         })

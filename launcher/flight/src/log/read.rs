@@ -121,12 +121,12 @@ impl Log {
 /// Reads the log at `path` as far as it is whole; an error if that is not even as far as the scenario.
 pub fn read(path: &Path) -> anyhow::Result<Log> {
     let mut messages = Log::default();
-    let Log { scenario_toml, written_by, events, defect, .. } = read_in_order(path, |record| messages.push(&record))?;
+    let Log { scenario_toml, written_by, events, defect, .. } = read_in_order(path, |record| messages.push(record))?;
     Ok(Log { scenario_toml, written_by, events, defect, ..messages })
 }
 
 /// The same, but for the messages, which `each` gets one by one in the order of writing.
-pub fn read_in_order(path: &Path, each: impl FnMut(Record)) -> anyhow::Result<Log> {
+pub fn read_in_order(path: &Path, each: impl FnMut(&Record)) -> anyhow::Result<Log> {
     let cannot_read = || format!("cannot read {}", path.display());
     let (file, file_bytes) = file::open(path, MAX_LOG_BYTES).with_context(cannot_read)?;
     let mut file = BufReader::new(file);
@@ -179,7 +179,7 @@ struct Contents<F> {
     events: Option<u16>,
 }
 
-impl<F: FnMut(Record)> Contents<F> {
+impl<F: FnMut(&Record)> Contents<F> {
     /// Takes in one record; those of no interest are left unparsed.
     fn take(&mut self, opcode: u8, data: &[u8]) -> anyhow::Result<()> {
         if !matches!(opcode, op::METADATA | op::SCHEMA | op::CHANNEL | op::MESSAGE) {
@@ -207,7 +207,7 @@ impl<F: FnMut(Record)> Contents<F> {
             }
             McapRecord::Message { header, data } => {
                 if let Some(&topic) = self.channels.get(&header.channel_id) {
-                    (self.each)(schema::decode(topic, &data)?);
+                    (self.each)(&schema::decode(topic, &data)?);
                 } else if self.events == Some(header.channel_id) {
                     self.log.events.push(schema::decode_event(&data).context("an event cannot be read")?);
                 }

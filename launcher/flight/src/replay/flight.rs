@@ -328,8 +328,8 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
             call();
         }
         match &mut worker {
-            Runs::Here(worker) => worker.run(next, &self.recording.given, |record| sent.push(record)),
-            Runs::Elsewhere(program) => program.run(next, |record| sent.push(record))?,
+            Runs::Here(worker) => worker.run(next, &self.recording.given, |record| sent.push(*record)),
+            Runs::Elsewhere(program) => program.run(next, |record| sent.push(*record))?,
         }
         self.courses[i].worker = Some(worker);
         for record in sent.iter() {

@@ -108,7 +108,7 @@ impl Program {
     ///
     /// # Errors
     /// It ends, or does not answer.
-    pub fn run(&mut self, cycle: &Cycle, mut each: impl FnMut(Record)) -> anyhow::Result<()> {
+    pub fn run(&mut self, cycle: &Cycle, mut each: impl FnMut(&Record)) -> anyhow::Result<()> {
         let done = cycle.tick as u32 + 1;
         for upstream in Topic::ALL.into_iter().filter(|topic| *topic != self.topic) {
             self.page.role(upstream).done(1).set(done);

@@ -17,7 +17,7 @@ fn flown(seconds: f64, faults: &[Fault], swaps: &[Swap]) -> (Scenario, Log) {
     scenario.supervision.hang_ms = 1e3; // a process that stops is not replaced
     let mut log = Log::default();
     let flown = inprocess::fly(&scenario, |record| {
-        log.push(&record);
+        log.push(record);
         true
     });
     log.events = flown.events;

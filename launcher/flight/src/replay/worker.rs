@@ -116,7 +116,7 @@ impl Worker {
     }
 
     /// Runs one cycle under the faults that it knew then, of those `given` in flight; `each` gets what it sends.
-    pub fn run(&mut self, cycle: &Cycle, given: &[(usize, Fault)], mut each: impl FnMut(Record)) {
+    pub fn run(&mut self, cycle: &Cycle, given: &[(usize, Fault)], mut each: impl FnMut(&Record)) {
         let Member { page, topic, epoch, timing, faults, .. } = &self.member;
         for (number, fault) in given.iter().take(cycle.faults as usize).skip(self.faults as usize) {
             page.fault_table.enter(*number, fault);

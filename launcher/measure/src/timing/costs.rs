@@ -1,12 +1,13 @@
 //! What the parts of a hop cost by themselves: called again and again by one thread, and called after a sleep.
 
 use std::hint::black_box;
+use std::rc::Rc;
 use std::thread::sleep;
 use std::time::Duration;
 
 use contract::message::Controls;
 use runtime::domain::Hold;
-use runtime::port::{Bus, MIN_OBSERVER_DEPTH};
+use runtime::port::{Bus, MIN_OBSERVER_DEPTH, Receive};
 use runtime::realtime::{now_ns, thread_cpu_ns};
 use runtime::timed;
 use serde::Serialize;
@@ -52,7 +53,9 @@ impl Costs {
         let receivers = [bus.receiver::<Controls>(2)?, bus.receiver::<Controls>(2)?];
         let message = Controls::default();
         let send = || timed(|| _ = black_box(sender.send(&message))).1;
-        let receive = || timed(|| receivers.iter().for_each(|receiver| _ = black_box(receiver.receive()))).1;
+        let take =
+            |receiver: &Rc<dyn Receive<_>>| _ = receiver.receive(&mut |message: &Controls, _| _ = black_box(*message));
+        let receive = || timed(|| receivers.iter().for_each(take)).1;
         let (mut sends, mut receives) = (vec![], vec![]);
         for _ in 0..BATCHES {
             let (mut sending_ns, mut receiving_ns) = (0, 0);
@@ -68,8 +71,8 @@ impl Costs {
             sleep(COLD);
             cold_sends.push(send());
             sleep(COLD);
-            cold_receives.push(timed(|| _ = black_box(receivers[0].receive())).1);
-            _ = black_box(receivers[1].receive());
+            cold_receives.push(timed(|| take(&receivers[0])).1);
+            take(&receivers[1]);
         }
         let clock_ns = per_call(|| _ = black_box(now_ns()));
         let one = |batches: Vec<u64>| median_ns(batches) as f64 / CALLS as f64 - clock_ns;
