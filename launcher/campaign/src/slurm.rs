@@ -263,7 +263,7 @@ fn account(folder: &CampaignFolder, shard: u64) -> Option<String> {
     let task = format!("_{shard}");
     let of_task =
         |line: &str| line.split_once('|').filter(|(id, _)| id.ends_with(&task)).map(|(_, state)| state.to_owned());
-    said(command).ok()?.lines().filter_map(of_task).last()
+    said(command).ok()?.lines().rev().find_map(of_task)
 }
 
 #[cfg(test)]
