@@ -12,7 +12,7 @@ use rand::RngExt;
 use toml::Value;
 
 use crate::file::Campaign;
-use crate::random_faults::in_words;
+use crate::random_faults::RandomFaults;
 use crate::sampling::{Points, Purpose, stream};
 use crate::table::{Cell, Kind};
 use crate::variation::Values;
@@ -55,6 +55,10 @@ impl Plan {
             Some(faults) => {
                 let scenarios = campaign.controllers.iter().map(|(_, given)| given.scenario(&[]));
                 let scenarios: Vec<Scenario> = scenarios.collect::<Result<_, _>>()?;
+                let lasts_differently = campaign.factors.iter().any(|factor| factor.key == "run.duration_s");
+                for scenario in scenarios.iter().filter(|_| !lasts_differently) {
+                    faults.check_end(scenario.run.duration_s).context("[random_faults]")?;
+                }
                 faults.pairs(&scenarios).context("[random_faults]")?
             }
             None => vec![],
@@ -138,11 +142,9 @@ impl Plan {
                         false
                     }
                 });
-                let first = || {
-                    (0..self.flights().min(LOOKED_AT)).map(|n| self.flight(n)).find(|flight| flight.values[i] == value)
-                };
                 let Some(error) = refused.filter(|_| !flies) else { continue };
-                if first().is_none_or(|flight| flight.scenario.is_err()) {
+                let mut flights = (0..self.flights().min(LOOKED_AT)).map(|number| self.flight(number));
+                if !flights.any(|flight| flight.values[i] == value && flight.scenario.is_ok()) {
                     return Err(anyhow!("[vary] `{}` = {value}: {error}", factor.key));
                 }
             }
@@ -164,7 +166,7 @@ impl Plan {
         let others = self.campaign.factors.iter().filter(|factor| factor.key != SEED);
         columns.extend(others.map(|factor| (factor.key.clone(), factor.values.kind())));
         columns.push((SEED.into(), Kind::Int));
-        columns.extend(self.campaign.random_faults().map(|_| ("random_faults".to_owned(), Kind::Text)));
+        columns.extend(self.campaign.random_faults().into_iter().flat_map(RandomFaults::columns));
         columns
     }
 
@@ -174,7 +176,7 @@ impl Plan {
         let others = self.campaign.factors.iter().zip(&flight.values).filter(|(factor, _)| factor.key != SEED);
         cells.extend(others.map(|(factor, value)| factor.values.kind().cell(value)));
         cells.push(flight.seed.map_or(Cell::None, |seed| Cell::Int(seed as i64)));
-        cells.extend(self.campaign.random_faults().map(|_| Cell::Text(in_words(&flight.faults))));
+        cells.extend(self.campaign.random_faults().into_iter().flat_map(|faults| faults.cells(&flight.faults)));
         cells
     }
 }

@@ -3,13 +3,14 @@
 //! Which faults a sample has does not depend on the controller nor on the listed values, so that these are compared under the
 //! same faults. Sizes are the defaults of the kinds.
 
-use anyhow::ensure;
+use anyhow::{bail, ensure};
 use contract::Scenario;
 use contract::scenario::{Fault, FaultKind, FaultTarget, MAX_FAULT_S, check_fault};
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
 use crate::sampling::{Purpose, stream};
+use crate::table::{Cell, Kind};
 
 /// The most faults that a flight may draw.
 const MAX_COUNT: u32 = 20;
@@ -24,7 +25,7 @@ pub struct RandomFaults {
     pub at_s: [f64; 2],
     /// How long each lasts \[s\]: evenly between.
     pub for_s: [f64; 2],
-    /// What can break; absent = everything that can break in process.
+    /// What can break; absent = everything that can break in process, but the plant, without which no flight goes on.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub targets: Option<Vec<FaultTarget>>,
     /// How; absent = in every way that the target can.
@@ -49,36 +50,67 @@ impl RandomFaults {
         Ok(())
     }
 
+    /// Whether every fault begins before a flight ends.
+    pub fn check_end(&self, duration_s: f64) -> anyhow::Result<()> {
+        let at_s = self.at_s;
+        ensure!(
+            at_s[1] < duration_s,
+            "`at_s` = {at_s:?}: a flight ends after {duration_s} s, and a later fault would do nothing; let the last begin before"
+        );
+        Ok(())
+    }
+
     /// What can be drawn: the pairs of target and kind that all `scenarios` allow.
     ///
     /// # Errors
     /// A target or kind that adds nothing, or none at all.
     pub fn pairs(&self, scenarios: &[Scenario]) -> anyhow::Result<Vec<(FaultTarget, FaultKind)>> {
-        let is_meant = |target, kind| {
-            self.targets.as_ref().is_none_or(|all| all.contains(&target))
-                && self.kinds.as_ref().is_none_or(|all| all.contains(&kind))
+        let is_target = |target| self.targets.as_ref().map_or(target != FaultTarget::Plant, |all| all.contains(&target));
+        let is_kind = |kind| self.kinds.as_ref().is_none_or(|all| all.contains(&kind));
+        let refused = |target, kind| {
+            let fault = Fault::new(target, kind, self.at_s[0], Some(self.for_s[1]));
+            scenarios.iter().find_map(|scenario| check_fault(scenario, &fault).err())
         };
-        let all = FaultTarget::ALL.iter().flat_map(|(target, _)| target.kinds().iter().map(|kind| (*target, *kind)));
-        let flies = |(target, kind): &(FaultTarget, FaultKind)| {
+        let mut pairs = vec![];
+        for (target, _) in FaultTarget::ALL.iter().filter(|(target, _)| is_target(*target)) {
             // A fault of the log changes no flight.
-            let fault = Fault::new(*target, *kind, self.at_s[0], Some(self.for_s[1]));
-            *kind != FaultKind::DiskFull && scenarios.iter().all(|scenario| check_fault(scenario, &fault).is_ok())
-        };
-        let pairs: Vec<_> = all.filter(|(target, kind)| is_meant(*target, *kind)).filter(flies).collect();
-        for target in self.targets.iter().flatten() {
-            let drawn = pairs.iter().any(|(of, _)| of == target);
-            ensure!(
-                drawn,
-                "`targets`: no fault of `{}` can be drawn; every controller must be able to have it",
-                target.name()
-            );
+            let meant = || target.kinds().iter().filter(|kind| is_kind(**kind) && **kind != FaultKind::DiskFull);
+            pairs.extend(meant().filter(|kind| refused(*target, **kind).is_none()).map(|kind| (*target, *kind)));
+            if self.targets.is_none() || pairs.last().is_some_and(|(of, _)| of == target) {
+                continue;
+            }
+            match meant().find_map(|kind| refused(*target, *kind)) {
+                Some(why) => bail!("`targets`: `{}`: {why}", target.name()),
+                None => {
+                    bail!("`targets`: `{}` has none of these `kinds`; it has {}", target.name(), names(target.kinds()))
+                }
+            }
         }
         for kind in self.kinds.iter().flatten() {
-            let word = serde_json::to_value(kind)?;
-            ensure!(pairs.iter().any(|(_, of)| of == kind), "`kinds`: no target of these can have {word} in process");
+            ensure!(pairs.iter().any(|(_, of)| of == kind), "`kinds`: no target of these can have {} in process", names(&[*kind]));
         }
         ensure!(!pairs.is_empty(), "no fault can be drawn");
         Ok(pairs)
+    }
+
+    /// The columns of the faults that a flight has at most.
+    pub fn columns(&self) -> Vec<(String, Kind)> {
+        let fields = [("target", Kind::Text), ("kind", Kind::Text), ("at_s", Kind::Real), ("for_s", Kind::Real)];
+        (0..self.count[1]).flat_map(|i| fields.map(|(field, kind)| (format!("random_fault.{i}.{field}"), kind))).collect()
+    }
+
+    /// The cells of these columns.
+    pub fn cells(&self, faults: &[Fault]) -> Vec<Cell> {
+        let of_fault = |i: u32| match faults.get(i as usize) {
+            Some(fault) => [
+                Cell::Text(fault.target.name().into()),
+                Cell::Text(names(&[fault.kind])),
+                Cell::Real(fault.at_s),
+                fault.for_s.map_or(Cell::None, Cell::Real),
+            ],
+            None => [Cell::None, Cell::None, Cell::None, Cell::None],
+        };
+        (0..self.count[1]).flat_map(of_fault).collect()
     }
 
     /// The faults of a sample, by the time of their beginning.
@@ -98,15 +130,10 @@ impl RandomFaults {
     }
 }
 
-/// The faults as a scenario has them, in one line.
-pub fn in_words(faults: &[Fault]) -> String {
-    let words = |fault: &Fault| {
-        let kind = serde_json::to_value(fault.kind).ok();
-        let kind = kind.as_ref().and_then(|kind| kind.as_str()).unwrap_or_default();
-        let lasts = fault.for_s.map_or(String::new(), |for_s| format!(" for {for_s:.2} s"));
-        format!("{} {kind} at {:.2} s{lasts}", fault.target.name(), fault.at_s)
-    };
-    faults.iter().map(words).collect::<Vec<_>>().join("; ")
+/// Kinds as a scenario has them.
+fn names(kinds: &[FaultKind]) -> String {
+    let name = |kind: &FaultKind| serde_json::to_value(kind).ok()?.as_str().map(str::to_owned);
+    kinds.iter().filter_map(name).collect::<Vec<_>>().join(", ")
 }
 
 #[cfg(test)]
@@ -152,7 +179,8 @@ mod tests {
         assert!(refused(RandomFaults { targets: Some(vec![FaultTarget::Mpc]), ..all() }).contains("`mpc`"));
         let on_topics =
             RandomFaults { targets: Some(vec![FaultTarget::State]), kinds: Some(vec![FaultKind::Kill]), ..all() };
-        assert!(refused(on_topics).contains("no fault of `state`"));
+        assert!(refused(on_topics).starts_with("`targets`: `state` has none of these `kinds`; it has "));
+        assert!(all().check_end(20.0).is_ok() && all().check_end(15.0).is_err());
         assert!(RandomFaults { count: [2, 1], ..all() }.check().is_err());
         assert!(RandomFaults { at_s: [2.0, 1.0], ..all() }.check().is_err());
     }
