@@ -380,9 +380,16 @@ fn duckdb_pandas_and_polars_read_it() {
     ] {
         assert!(found.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-12), "{reader}: {seen}");
     }
-    for column in
-        ["flight", "controller", "run.seed", "run.command_delay_ms", "random_fault.0.target", "verdict", "outcome", "hash"]
-    {
+    for column in [
+        "flight",
+        "controller",
+        "run.seed",
+        "run.command_delay_ms",
+        "random_fault.0.target",
+        "verdict",
+        "outcome",
+        "hash",
+    ] {
         assert!(seen["columns"].as_array().expect("columns").contains(&column.into()), "{column}: {seen}");
     }
     assert_eq!(

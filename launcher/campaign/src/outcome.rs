@@ -8,7 +8,7 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use anyhow::anyhow;
+use anyhow::{anyhow, ensure};
 use contract::Scenario;
 use contract::exit;
 use contract::message::State;
@@ -19,13 +19,13 @@ use flight::settings;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 use view::metrics::Metrics;
-use view::run_record::{Circumstances, describe_outcome, exit_code};
+use view::run_record::{Circumstances, cause, describe_outcome, exit_code};
 use view::solves::Solves;
 use view::summary::Summary;
 
 use crate::hex::hex;
 use crate::plan::Flight;
-use crate::table::{Cell, Kind};
+use crate::table::{Cell, Kind, Table};
 
 /// What a flight came to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -54,10 +54,16 @@ pub struct Outcome {
     pub cells: Vec<Cell>,
 }
 
-/// Columns of the outcome: verdict, what became of the flight, when it failed, how far it came, every metric of run.json, what
-/// the solver did, and the hash.
+/// Columns of the outcome: verdict, why it failed in a word, what became of the flight, when it failed, how far it came, every
+/// metric of run.json, what the solver did, and the hash.
 pub fn columns() -> Vec<(String, Kind)> {
-    let own = [("verdict", Kind::Text), ("outcome", Kind::Text), ("failed_at_s", Kind::Real), ("flown_s", Kind::Real)];
+    let own = [
+        ("verdict", Kind::Text),
+        ("cause", Kind::Text),
+        ("outcome", Kind::Text),
+        ("failed_at_s", Kind::Real),
+        ("flown_s", Kind::Real),
+    ];
     let mut columns: Vec<(String, Kind)> = own.map(|(name, kind)| (name.to_owned(), kind)).into();
     columns.extend(measured(&Metrics::default(), &Solves::new()).into_iter().map(|(name, value)| {
         let kind = if value.is_u64() { Kind::Int } else { Kind::Real };
@@ -79,6 +85,22 @@ pub fn fly(flight: &Flight, go_on: impl Fn() -> bool, watch: impl FnMut(&Record)
             Some(Outcome::invalid(&format!("the program has a bug and panicked: {said}")))
         }
     }
+}
+
+/// Flies a flight of a table again; `row` is where it stands there.
+///
+/// # Errors
+/// It is not the flight of the table: then the program, the machine or the table is not what it was.
+pub fn fly_again(flight: &Flight, flights: &Table, row: usize, watch: impl FnMut(&Record)) -> anyhow::Result<()> {
+    let again = fly(flight, || true, watch);
+    let known = flights.column("hash").map_or("", |all| all.text(row));
+    ensure!(
+        again.as_ref().map(Outcome::hash) == Some(known),
+        "flight {} is another than the one of the table when it is flown again; fly the campaign on machines of one kind, or \
+         report it",
+        flight.number
+    );
+    Ok(())
 }
 
 fn try_to_fly(
@@ -120,6 +142,7 @@ fn try_to_fly(
     let metrics = summary.metrics();
     let mut cells = vec![
         Cell::Text(verdict.name().into()),
+        Cell::Text(cause(&summary, scenario, &how)),
         Cell::Text(describe_outcome(&summary, scenario, &how)),
         failed_at_s.map_or(Cell::None, Cell::Real),
         Cell::Real(summary.time_s()),
@@ -134,11 +157,15 @@ fn try_to_fly(
 
 impl Outcome {
     fn invalid(why: &str) -> Self {
-        let cells = vec![Cell::Text(Verdict::Invalid.name().into()), Cell::Text(why.into())];
+        let cells = vec![
+            Cell::Text(Verdict::Invalid.name().into()),
+            Cell::Text("could not be flown".into()),
+            Cell::Text(why.into()),
+        ];
         Self { verdict: Verdict::Invalid, cells }
     }
 
-    pub fn hash(&self) -> &str {
+    fn hash(&self) -> &str {
         match self.cells.last() {
             Some(Cell::Text(hash)) if self.verdict != Verdict::Invalid => hash,
             _ => "",
@@ -203,24 +230,24 @@ mod tests {
     fn a_verdict_is_what_fly_says() {
         let passed = flown("");
         assert_eq!(
-            (passed.verdict, text(&passed, 1)),
-            (Verdict::Passed, "flown to the end, 1.00 s, inside its bounds")
+            (passed.verdict, text(&passed, 1), text(&passed, 2)),
+            (Verdict::Passed, "", "flown to the end, 1.00 s, inside its bounds")
         );
         assert_eq!(passed.cells.len(), columns().len());
         assert!(columns().iter().zip(&passed.cells).all(|((name, kind), cell)| cell.is(*kind) || panic!("{name}")));
         let failed = flown("bounds.max_position_error_m = 1e-9");
-        assert_eq!(failed.verdict, Verdict::Failed);
-        assert!(text(&failed, 1).contains("position error") && failed.cells[2] != Cell::None, "{:?}", failed.cells);
+        assert_eq!((failed.verdict, text(&failed, 1)), (Verdict::Failed, "position error"));
+        assert!(text(&failed, 2).contains("position error") && failed.cells[3] != Cell::None, "{:?}", failed.cells);
         let lost = flown("[[settings.fault]]\nat_s = 0.5\ntarget = 'plant'\nkind = 'kill'");
-        assert_eq!(lost.verdict, Verdict::Failed);
-        assert!(text(&lost, 1).contains("lost plant at 0.49 s"), "{}", text(&lost, 1));
+        assert_eq!((lost.verdict, text(&lost, 1)), (Verdict::Failed, "lost plant"));
+        assert!(text(&lost, 2).contains("lost plant at 0.49 s"), "{}", text(&lost, 2));
     }
 
     #[test]
     fn a_flight_that_cannot_be_flown_is_neither_passed_nor_failed() {
         let outcome = flown("mpc.np = 3");
         assert_eq!(outcome.verdict, Verdict::Invalid);
-        assert!(text(&outcome, 1).contains("`mpc.nu` = 5"), "{}", text(&outcome, 1));
+        assert!(text(&outcome, 2).contains("`mpc.nu` = 5"), "{}", text(&outcome, 2));
         let no_controller = "mpc.q = [0, 0, 0, 1e12, 0, 0, 0]\nmpc.r = [1e-12, 1e-12, 1e-12, 1e-12]";
         assert_eq!(flown(no_controller).verdict, Verdict::Invalid);
     }

@@ -65,7 +65,8 @@ impl RandomFaults {
     /// # Errors
     /// A target or kind that adds nothing, or none at all.
     pub fn pairs(&self, scenarios: &[Scenario]) -> anyhow::Result<Vec<(FaultTarget, FaultKind)>> {
-        let is_target = |target| self.targets.as_ref().map_or(target != FaultTarget::Plant, |all| all.contains(&target));
+        let is_target =
+            |target| self.targets.as_ref().map_or(target != FaultTarget::Plant, |all| all.contains(&target));
         let is_kind = |kind| self.kinds.as_ref().is_none_or(|all| all.contains(&kind));
         let refused = |target, kind| {
             let fault = Fault::new(target, kind, self.at_s[0], Some(self.for_s[1]));
@@ -87,7 +88,11 @@ impl RandomFaults {
             }
         }
         for kind in self.kinds.iter().flatten() {
-            ensure!(pairs.iter().any(|(_, of)| of == kind), "`kinds`: no target of these can have {} in process", names(&[*kind]));
+            ensure!(
+                pairs.iter().any(|(_, of)| of == kind),
+                "`kinds`: no target of these can have {} in process",
+                names(&[*kind])
+            );
         }
         ensure!(!pairs.is_empty(), "no fault can be drawn");
         Ok(pairs)
@@ -96,7 +101,9 @@ impl RandomFaults {
     /// The columns of the faults that a flight has at most.
     pub fn columns(&self) -> Vec<(String, Kind)> {
         let fields = [("target", Kind::Text), ("kind", Kind::Text), ("at_s", Kind::Real), ("for_s", Kind::Real)];
-        (0..self.count[1]).flat_map(|i| fields.map(|(field, kind)| (format!("random_fault.{i}.{field}"), kind))).collect()
+        (0..self.count[1])
+            .flat_map(|i| fields.map(|(field, kind)| (format!("random_fault.{i}.{field}"), kind)))
+            .collect()
     }
 
     /// The cells of these columns.

@@ -45,6 +45,22 @@ pub fn exit_code(summary: &Summary, scenario: &Scenario, how: &Circumstances) ->
     }
 }
 
+/// Why a run did not end with 0, in a word or two that do not depend on how much or when; empty where it did.
+pub fn cause(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> String {
+    match &how.ended {
+        Ended::Interrupted => "interrupted".into(),
+        Ended::Lost(name) => format!("lost {name}"),
+        Ended::Late(name) => format!("late {name}"),
+        Ended::Unseen(_) => "not seen whole".into(),
+        Ended::Flown if summary.status().diverged() => summary.status().describe().into(),
+        Ended::Flown if untried(&how.events).is_some() => "swap not tried".into(),
+        Ended::Flown => {
+            let outside = bounds::check(scenario, &summary.metrics()).into_iter().find(|bound| !bound.ok);
+            outside.map_or(String::new(), |bound| bound.words[0].into())
+        }
+    }
+}
+
 pub fn describe_end(summary: &Summary, how: &Circumstances) -> String {
     let t = summary.time_s();
     match &how.ended {

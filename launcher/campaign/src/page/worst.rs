@@ -3,7 +3,6 @@
 //! They are flown again for the page. One that is not the flight of the table is an error: then the program, the machine or the
 //! table is not what it was.
 
-use anyhow::ensure;
 use flight::log::Record;
 use guidance::Trajectory;
 use view::draw::{DASH, any, course, escape, short};
@@ -67,26 +66,16 @@ fn one(plan: &Plan, flights: &Table, row: usize, again: &str) -> anyhow::Result<
     let trajectory = Trajectory::new(&scenario.mission);
     let every = (scenario.ticks() / POINTS).max(1);
     let (mut error, mut roll, mut pitch, mut tilt) = (vec![], vec![], vec![], vec![]);
-    let outcome = outcome::fly(
-        &flight,
-        || true,
-        |record| {
-            let Record::State(state) = record else { return };
-            if state.stamp.tick.is_multiple_of(every) {
-                let t = state.stamp.tick as f64 * scenario.sample_s();
-                error.push((t, length_m(position_error_m(trajectory.at(t).position_m, state))));
-                roll.push((t, state.actual.attitude_rad[0].to_degrees()));
-                pitch.push((t, state.actual.attitude_rad[1].to_degrees()));
-                tilt.push((t, state.actuators.tilt_rad.to_degrees()));
-            }
-        },
-    );
-    let known = flights.column("hash").map_or("", |all| all.text(row));
-    ensure!(
-        outcome.as_ref().map(outcome::Outcome::hash) == Some(known),
-        "flight {number} is another than the one of the table when it is flown again; fly the campaign on machines of one kind, \
-         or report it"
-    );
+    outcome::fly_again(&flight, flights, row, |record| {
+        let Record::State(state) = record else { return };
+        if state.stamp.tick.is_multiple_of(every) {
+            let t = state.stamp.tick as f64 * scenario.sample_s();
+            error.push((t, length_m(position_error_m(trajectory.at(t).position_m, state))));
+            roll.push((t, state.actual.attitude_rad[0].to_degrees()));
+            pitch.push((t, state.actual.attitude_rad[1].to_degrees()));
+            tilt.push((t, state.actuators.tilt_rad.to_degrees()));
+        }
+    })?;
     let end_s = error.last().map_or(0.0, |(t, _)| *t);
     let pictures = [
         course("position error [m]", end_s, &[error]),
