@@ -165,7 +165,6 @@ fn shards_that_cannot_be_counted_are_named_and_nothing_is_lost() {
     let good = fs::read(shard(1)).expect("a shard");
 
     fs::remove_file(shard(1)).expect("it is there");
-    fs::remove_file(place.at("out").join("flights.parquet")).expect("it is there");
     check(&place.fly(&["--collect"], "out"), 3, &["1 of 4 shards are missing (1)"]);
     assert!(!place.at("out").join("flights.parquet").exists(), "no table without all flights");
 
@@ -178,7 +177,7 @@ fn shards_that_cannot_be_counted_are_named_and_nothing_is_lost() {
         (fs::read(shard(2)).expect("a shard"), "another index: 2, not 1"),
     ] {
         fs::write(shard(1), &bytes).expect("can be written");
-        for arguments in [&["--collect"][..], &[]] {
+        for arguments in [&["--collect"][..], &["--status"], &["--only", "7"], &[]] {
             check(&place.fly(arguments, "out"), 2, &["shard 1", "00001.parquet", why, "remove the file"]);
         }
         assert_eq!(fs::read(shard(1)).expect("it is kept"), bytes, "nothing is removed unasked");
@@ -205,7 +204,11 @@ fn two_campaigns_do_not_fly_into_one_folder() {
     check(&shard, 2, &["another campaign is flying into it"]);
     drop(lock);
     fs::write(place.at("small.toml"), CAMPAIGN.replace("1.2", "1.3")).expect("can be written");
-    check(&place.fly(&[], "out"), 2, &["another campaign, or this one before it was changed", "--out"]);
+    check(
+        &place.fly(&[], "out"),
+        2,
+        &["another campaign, or this one by another name or before it was changed", "--out"],
+    );
     check(&place.fly(&["--shard", "3"], "occupied/by/nobody"), 0, &[]);
 }
 
@@ -229,12 +232,15 @@ fn a_full_disk_loses_one_shard_at_most() {
 #[test]
 fn one_flight_again_is_the_flight_of_the_table() {
     let place = Place::new(CAMPAIGN);
+    check(&place.fly(&["--only", "0"], "out"), 0, &[]); // before the others
     check(&place.fly(&[], "out"), 0, &[]);
     let (table, _) = campaign::table::Table::from_parquet(place.table("out")).expect("the table");
     for number in [3, 20] {
         let again = place.fly(&["--only", &number.to_string()], "out");
         let verdict = table.column("verdict").expect("a verdict").text(number).to_owned();
         check(&again, i32::from(verdict == "failed"), &[]);
+        let said = String::from_utf8_lossy(&again.stdout).into_owned();
+        assert!(said.starts_with(&format!("flight {number} is the one of the table\n")), "{said}");
         let run = fs::read_to_string(place.at("out").join(format!("flight-{number}/run.json"))).expect("run.json");
         let run: Value = serde_json::from_str(&run).expect("JSON");
         for metric in ["max_position_error_m", "rms_position_error_m", "tilt_max_deg", "rms_w_error_mps"] {
@@ -273,6 +279,16 @@ fn what_is_wrong_is_told_before_anything_is_flown() {
         ("[vary]\nplant.airframe.mass_kg = [1.1, -1.0]\n", &["small.toml", "`plant.airframe.mass_kg` = -1.0"]),
         ("[vary]\nmpc.np = 3\n", &["small.toml", "[settings]"]),
         ("sedes = 3\n", &["small.toml", "seeds"]),
+        ("[settings]\nrun.duration_s = 3.0\n", &["small.toml", "nothing varies"]),
+        (
+            "samples = 2\n[random_faults]\ncount = [1, 1]\nat_s = [1.0, 70.0]\nfor_s = [1.0, 2.0]\n",
+            &["small.toml", "a flight ends after 60 s"],
+        ),
+        (
+            "samples = 2\n[random_faults]\ncount = [1, 1]\nat_s = [1.0, 2.0]\nfor_s = [1.0, 2.0]\ntargets = ['attitude', 'mpc']\n\
+             kinds = ['nan']\n",
+            &["small.toml", "`attitude` has none of these `kinds`; it has off, stuck"],
+        ),
         ("scenario = \"none.toml\"\n", &["none.toml"]),
     ] {
         let place = Place::new(text);

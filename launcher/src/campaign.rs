@@ -1,11 +1,12 @@
 //! `campaign`: many flights, on all cores of this machine or on a cluster, and what they amount to.
 
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicU32;
 
 use anyhow::{Context, bail, ensure};
 use campaign::folder::{Access, CampaignFolder, MAX_SHARDS};
-use campaign::outcome::Verdict;
+use campaign::outcome::{self, Verdict};
 use campaign::table::{Cell, Table};
 use campaign::{Campaign, Plan, Rate, local, page, shard, slurm};
 use clap::{Args, Subcommand};
@@ -118,7 +119,7 @@ pub fn campaign(args: &CampaignArgs) -> anyhow::Result<u8> {
     }
     if args.status || args.collect {
         let folder = CampaignFolder::open(&out, &plan, None, Access::Reading)?;
-        return if args.status { Ok(status(&folder)) } else { conclude(&plan, &folder, what) };
+        return if args.status { status(&plan, &folder) } else { conclude(&plan, &folder, what) };
     }
     plan.check().with_context(|| what.file.display().to_string())?;
     if args.cluster.slurm { on_slurm(&args.cluster, what, &plan, shards) } else { fly_here(what, &plan, shards) }
@@ -193,7 +194,11 @@ fn fly_shard(what: &What, index: u64, of: u64) -> anyhow::Result<u8> {
         eprint_line(&format!("shard {index} is there already"));
         return Ok(exit::FLOWN);
     }
-    Ok(fly_missing(&plan, &folder, &[index], &interrupts))
+    let code = fly_missing(&plan, &folder, &[index], &interrupts);
+    if code == exit::FLOWN {
+        eprint_line(&format!("shard {index} of {of} is flown"));
+    }
+    Ok(code)
 }
 
 /// On a cluster.
@@ -227,14 +232,14 @@ fn on_slurm(cluster: &Cluster, what: &What, plan: &Plan, shards: Option<u64>) ->
     }
 }
 
-fn status(folder: &CampaignFolder) -> u8 {
-    let missing = folder.missing();
+fn status(plan: &Plan, folder: &CampaignFolder) -> anyhow::Result<u8> {
+    let (_, missing) = folder.collect(plan)?;
     let there = folder.layout.shards - missing.len() as u64;
     print(&format!("{there} of {} shards of {} flights are there\n", folder.layout.shards, folder.layout.flights));
     if let Some(tasks) = slurm::status(folder) {
         print(&format!("{tasks}\n"));
     }
-    if missing.is_empty() { exit::FLOWN } else { exit::PROCESS_LOST }
+    Ok(if missing.is_empty() { exit::FLOWN } else { exit::PROCESS_LOST })
 }
 
 /// Writes the results of the shards that are there and prints what they amount to; the exit code.
@@ -254,8 +259,11 @@ fn conclude(plan: &Plan, folder: &CampaignFolder, what: &What) -> anyhow::Result
     print(&text);
     let write = || -> anyhow::Result<()> {
         write_whole(&folder.path.join("campaign.html"), page::page(plan, &flights, &what.again())?.as_bytes())?;
-        if missing.is_empty() {
-            write_whole(&folder.path.join("flights.parquet"), &flights.to_parquet(&[])?)?;
+        let whole = folder.path.join("flights.parquet");
+        match missing.is_empty() {
+            true => write_whole(&whole, &flights.to_parquet(&[])?)?,
+            false if whole.exists() => fs::remove_file(&whole)?, // its shards are no longer all there
+            false => {}
         }
         Ok(())
     };
@@ -297,7 +305,7 @@ fn rates(plan: &Plan, flights: &Table) -> String {
 }
 
 fn print_plan(plan: &Plan) {
-    let names: Vec<String> = plan.columns().into_iter().map(|(name, _)| name).chain([String::new()]).collect();
+    let names: Vec<String> = plan.columns().into_iter().map(|(name, _)| name).collect();
     let word = |cell: Cell| match cell {
         Cell::None => "-".to_owned(),
         Cell::Bool(yes) => yes.to_string(),
@@ -317,11 +325,19 @@ fn print_plan(plan: &Plan) {
     }
 }
 
-/// One flight again, with its log.
+/// One flight again, with its log; where its shard is there, it must be the flight of the table.
 fn fly_again(plan: &Plan, number: u64, out: &Path) -> anyhow::Result<u8> {
     ensure!(number < plan.flights(), "--only {number}: the flights have the numbers 0 to {}", plan.flights() - 1);
-    match plan.flight(number).scenario {
+    let flight = plan.flight(number);
+    if CampaignFolder::is_there(out) {
+        let folder = CampaignFolder::open(out, plan, None, Access::Reading)?;
+        if let Some((table, row)) = folder.shard_with(plan, number)? {
+            outcome::fly_again(&flight, &table, row, |_| {})?;
+            print(&format!("flight {number} is the one of the table\n"));
+        }
+    }
+    match flight.scenario {
         Ok(scenario) => fly::fly_scenario(scenario, &fly::FlyArgs::into_folder(out.join(format!("flight-{number}")))),
-        Err(error) => bail!("flight {number} cannot be flown: {error}"),
+        Err(error) => bail!("flight {number} cannot be flown: {}", error.in_one_line()),
     }
 }

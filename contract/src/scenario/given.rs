@@ -80,8 +80,9 @@ fn put(table: &mut Table, key: &str, value: &Value) -> Result<(), ScenarioError>
         _ => None,
     };
     put.ok_or_else(|| {
+        let has = place.as_array().map_or(String::new(), |all| format!(", which has {} elements", all.len()));
         let help = "count the elements of an array from 0 on; give the whole array first where the settings have none";
-        ScenarioError::of(format!("`{key}`: there is no `{rest}` in `{first}`"), help.into())
+        ScenarioError::of(format!("`{key}`: there is no `{rest}` in `{first}`{has}"), help.into())
     })
 }
 

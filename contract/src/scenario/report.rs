@@ -30,6 +30,12 @@ impl ScenarioError {
         Self(told.join("\n\n"))
     }
 
+    /// The message in one line, to stand within another.
+    pub fn in_one_line(&self) -> String {
+        let lines = self.0.lines().map(|line| line.trim_start_matches([' ', '|', '=']).trim_start_matches("error: "));
+        lines.filter(|line| !line.is_empty()).collect::<Vec<_>>().join("; ")
+    }
+
     /// The message of one reason that was written in no file: what is wrong with which key, and what to do.
     pub fn of(title: String, help: String) -> Self {
         Self::new(&[Problem { title, place: None, help }])

@@ -59,8 +59,9 @@ fn arrays_replace_and_tables_merge() {
 
 #[test]
 fn wrong_shapes_are_named_with_the_way_out() {
-    let cases: [(&str, &[&str]); 17] = [
+    let cases: [(&str, &[&str]); 18] = [
         ("duration_s=3", &["unknown key `duration_s`", "--set duration_s=3", "did you mean `run.duration_s`?"]),
+        ("plant.mass_kg=1.2", &["unknown key `plant.mass_kg`", "did you mean `plant.airframe.mass_kg`?"]),
         ("plant.rotor_lag=3", &["unknown key `plant.rotor_lag`", "did you mean `plant.rotor_lag_s`?", "substep_s"]),
         ("bounds.x=3", &["unknown key `bounds.x`", "known in `bounds`: final_position_error_m, max_alt"]),
         ("plant.rotor_lag_s=slow", &["`plant.rotor_lag_s`", "string \"slow\", expected a number", "= 0.03"]),

@@ -69,19 +69,25 @@ impl CampaignFolder {
                 .clamp(1, plan.flights().min(MAX_SHARDS)),
         };
         let hold = prepare(path, access).with_context(cannot)?;
-        if !path.join("layout.toml").exists() {
+        if !Self::is_there(path) {
             put(&path.join("campaign.toml"), &plan.campaign.merged()).with_context(cannot)?;
             put(&path.join("layout.toml"), &toml::to_string(&wanted)?).with_context(cannot)?;
         }
         let layout = Layout::read(path)?;
         let elsewhere = "give this one another folder with --out, or remove the old one";
         let other = |what: &str| format!("the folder {} holds {what}; {elsewhere}", path.display());
-        ensure!(layout.campaign == wanted.campaign, other("another campaign, or this one before it was changed"));
+        let changed = "another campaign, or this one by another name or before it was changed: see its campaign.toml";
+        ensure!(layout.campaign == wanted.campaign, other(changed));
         let by = format!("flights of another program ({}; this is {})", layout.program, wanted.program);
         ensure!(layout.program == wanted.program, other(&by));
         let divided = format!("this campaign in {} shards, not {}", layout.shards, wanted.shards);
         ensure!(shards.is_none() || layout.shards == wanted.shards, other(&divided));
         Ok(Self { path: path.into(), layout, _hold: hold })
+    }
+
+    /// Whether a campaign was begun in the folder `path`.
+    pub fn is_there(path: &Path) -> bool {
+        path.join("layout.toml").exists()
     }
 
     pub fn shard(&self, index: u64) -> PathBuf {
@@ -95,6 +101,18 @@ impl CampaignFolder {
         let there: HashSet<OsString> = entries.map(|entry| entry.file_name()).collect();
         let is_there = |index: u64| self.shard(index).file_name().is_some_and(|name| there.contains(name));
         (0..self.layout.shards).filter(|index| !is_there(*index)).collect()
+    }
+
+    /// The shard that has a flight, if it is there, and its row there.
+    ///
+    /// # Errors
+    /// It is there and cannot be counted.
+    pub fn shard_with(&self, plan: &Plan, flight: u64) -> anyhow::Result<Option<(Table, usize)>> {
+        let range = |index| shard::range(self.layout.flights, index, self.layout.shards);
+        let index = (0..self.layout.shards).find(|index| range(*index).contains(&flight));
+        let Some(index) = index.filter(|index| shard::is_there(&self.shard(*index))) else { return Ok(None) };
+        let table = shard::read(&self.shard(index), plan, &self.layout, index)?;
+        Ok(Some((table, (flight - range(index).start) as usize)))
     }
 
     /// All flights of the shards that are there, in order; which shards are missing.
@@ -114,12 +132,13 @@ impl CampaignFolder {
 /// Makes the folder, and locks it as far as `access` wants.
 fn prepare(path: &Path, access: Access) -> anyhow::Result<Option<File>> {
     if access == Access::Reading {
-        ensure!(path.join("layout.toml").exists(), "there is no campaign in it");
+        ensure!(CampaignFolder::is_there(path), "there is no campaign in it");
         return Ok(None);
     }
-    let is_ours = path.join("layout.toml").exists() || path.join("lock").exists();
-    let is_empty = fs::read_dir(path).map_or(true, |mut entries| entries.next().is_none());
-    ensure!(is_ours || is_empty, "it has something else in it; give another with --out");
+    let is_ours = CampaignFolder::is_there(path) || path.join("lock").exists();
+    let is_flight = |entry: fs::DirEntry| entry.file_name().to_string_lossy().starts_with("flight-");
+    let has_flights_only = fs::read_dir(path).map_or(true, |entries| entries.flatten().all(is_flight));
+    ensure!(is_ours || has_flights_only, "it has something else in it; give another with --out");
     fs::create_dir_all(path.join("shards"))?;
     let lock = OpenOptions::new().create(true).truncate(false).write(true).open(path.join("lock"))?;
     let how = match access {
@@ -179,7 +198,7 @@ mod tests {
             [open(&ours, None, Access::WithShards).unwrap(), open(&ours, None, Access::WithShards).unwrap()];
         assert_eq!(one.layout, two.layout);
         drop((one, two));
-        assert!(said(&plan("seeds = 11"), None).contains("another campaign, or this one before it was changed"));
+        assert!(said(&plan("seeds = 11"), None).contains("another campaign, or this one by another name"));
         assert!(said(&ours, Some(5)).contains("in 4 shards, not 5"));
         let merged = Campaign::load(&path.join("campaign.toml")).unwrap();
         assert_eq!(merged.hash(), ours.campaign.hash(), "the folder's own file flies the same");

@@ -5,7 +5,7 @@
 //! controller. So the flights that are compared with each other stand together, and have the same drawn values, seeds and
 //! random faults.
 
-use anyhow::{Context, anyhow, bail};
+use anyhow::{Context, bail, ensure};
 use contract::Scenario;
 use contract::scenario::{Fault, FaultKind, FaultTarget, Given, ScenarioError, check_fault};
 use rand::RngExt;
@@ -131,6 +131,10 @@ impl Plan {
     /// # Errors
     /// The first that cannot, with its key and what to do.
     pub fn check(&self) -> anyhow::Result<()> {
+        ensure!(
+            self.flights() > 1,
+            "nothing varies: give `seeds`, [vary], or several controllers; `launcher fly` flies one flight"
+        );
         for (i, factor) in self.campaign.factors.iter().enumerate() {
             for value in factor.values.ends() {
                 let alone = [(factor.key.clone(), value.clone())];
@@ -145,7 +149,7 @@ impl Plan {
                 let Some(error) = refused.filter(|_| !flies) else { continue };
                 let mut flights = (0..self.flights().min(LOOKED_AT)).map(|number| self.flight(number));
                 if !flights.any(|flight| flight.values[i] == value && flight.scenario.is_ok()) {
-                    return Err(anyhow!("[vary] `{}` = {value}: {error}", factor.key));
+                    bail!("[vary] `{}` = {value}: {}", factor.key, error.in_one_line());
                 }
             }
         }
@@ -154,7 +158,7 @@ impl Plan {
         let first = spread.next().and_then(|flight| flight.scenario.err());
         match first {
             Some(error) if spread.all(|flight| flight.scenario.is_err()) => {
-                bail!("no flight can be flown; the first: {error}")
+                bail!("no flight can be flown; the first: {}", error.in_one_line())
             }
             _ => Ok(()),
         }
@@ -184,9 +188,7 @@ impl Plan {
 impl Flight {
     /// Why it cannot be flown, in one line.
     pub fn refusal(&self) -> Option<String> {
-        let error = self.scenario.as_ref().err()?.to_string();
-        let lines = error.lines().map(|line| line.trim_start_matches([' ', '|', '=']).trim_start_matches("error: "));
-        Some(lines.filter(|line| !line.is_empty()).collect::<Vec<_>>().join("; "))
+        self.scenario.as_ref().err().map(ScenarioError::in_one_line)
     }
 }
 

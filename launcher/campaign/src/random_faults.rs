@@ -81,7 +81,7 @@ impl RandomFaults {
                 continue;
             }
             match meant().find_map(|kind| refused(*target, *kind)) {
-                Some(why) => bail!("`targets`: `{}`: {why}", target.name()),
+                Some(why) => bail!("`targets`: `{}`: {}", target.name(), why.in_one_line()),
                 None => {
                     bail!("`targets`: `{}` has none of these `kinds`; it has {}", target.name(), names(target.kinds()))
                 }

@@ -216,7 +216,8 @@ fn said(mut command: Command) -> anyhow::Result<String> {
         _ => anyhow!("cannot run `{name}`: {error}"),
     })?;
     let stderr = String::from_utf8_lossy(&output.stderr);
-    ensure!(output.status.success(), "`{name}` failed: {}", stderr.trim());
+    let hint = "`sinfo` says whether Slurm works on this machine";
+    ensure!(output.status.success(), "`{name}` failed: {}; {hint}", stderr.trim());
     Ok(String::from_utf8_lossy(&output.stdout).into_owned())
 }
 

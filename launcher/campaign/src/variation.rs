@@ -40,6 +40,9 @@ enum Variation {
 /// The words of [`Variation`].
 const WORDS: [&str; 6] = ["range", "uniform", "log_uniform", "integer", "normal", "choice"];
 
+/// A word that differs from one of these in so many letters was meant to be it.
+const MAX_SLIPS: usize = 2;
+
 /// Evenly spaced values, the ends included.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -111,6 +114,10 @@ fn collect(path: &str, table: &toml::Table, factors: &mut Vec<Factor>) -> anyhow
         match value {
             Value::Table(inner) if !inner.keys().any(|word| WORDS.contains(&word.as_str())) => {
                 ensure!(!inner.is_empty(), "`{key}` in [vary] is empty");
+                for (word, meant) in inner.keys().flat_map(|word| WORDS.map(|meant| (word, meant))) {
+                    let is_slip = strsim::osa_distance(word, meant) <= MAX_SLIPS && !inner[word].is_table();
+                    ensure!(!is_slip, "`{key}` in [vary]: unknown word `{word}`; did you mean `{meant}`?");
+                }
                 collect(&key, inner, factors)?;
             }
             _ => factors.push(Factor::new(&key, value)?),
@@ -342,6 +349,22 @@ mod tests {
         assert_eq!(found[0].values, Values::Listed([0.0, 0.5, 1.0].map(Value::Float).to_vec()));
     }
 
+    /// Else a table of a scenario would be taken for a slip.
+    #[test]
+    fn no_key_of_a_scenario_is_near_a_word() {
+        fn keys(table: &toml::Table) -> Vec<String> {
+            table
+                .iter()
+                .flat_map(|(key, value)| [vec![key.clone()], value.as_table().map_or(vec![], keys)].concat())
+                .collect()
+        }
+        let all = keys(&contract::scenario::to_toml(&contract::Scenario::default()).parse().unwrap());
+        assert!(all.len() > 100);
+        for (key, word) in all.iter().flat_map(|key| WORDS.map(|word| (key, word))) {
+            assert!(strsim::osa_distance(key, word) > MAX_SLIPS, "{key} {word}");
+        }
+    }
+
     #[test]
     fn what_does_not_vary_is_refused_with_its_key() {
         for (text, expected) in [
@@ -353,6 +376,7 @@ mod tests {
             ("mpc.np = { normal = { mean = 0, deviation = 0 } }", "deviation above 0"),
             ("mpc.np = { range = { from = 0, to = 1, steps = 1 } }", "at least 2 steps"),
             ("mpc.np = {}", "empty"),
+            ("mpc.np = { unifrom = [1, 2] }", "did you mean `uniform`?"),
         ] {
             let said = format!("{:#}", factors(text).unwrap_err());
             assert!(said.contains("mpc.np") && said.contains(expected), "{text}: {said}");
