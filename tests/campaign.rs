@@ -304,6 +304,18 @@ fn what_is_wrong_is_told_before_anything_is_flown() {
 }
 
 #[test]
+fn the_campaigns_of_the_page_can_be_flown() {
+    let page = fs::read_to_string(top().join("docs/campaigns.md")).expect("the page");
+    let examples: Vec<&str> =
+        page.split("```toml\n").skip(1).map(|rest| rest.split("```").next().expect("a block ends")).collect();
+    let [whole, faults] = examples[..] else { panic!("{} examples", examples.len()) };
+    let shipped = fs::read_to_string(top().join("campaigns/fifty-seeds.toml")).expect("it is shipped");
+    assert!(shipped.contains(whole), "{shipped}");
+    let place = Place::new(&format!("samples = 3\n[settings]\nrun.duration_s = 20.0\n{faults}"));
+    check(&place.fly(&["--plan"], "out"), 0, &[]);
+}
+
+#[test]
 fn the_shipped_campaigns_can_be_flown() {
     let mut flown = 0;
     for entry in fs::read_dir(top().join("campaigns")).expect("the campaigns").flatten() {
