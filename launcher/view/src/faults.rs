@@ -223,7 +223,7 @@ impl Watched {
         let course = course(&self.fault, self.seconds(injected));
         match self.delays_s() {
             // Wind, or a fault that the flight tolerates: there is nothing to recover from.
-            [None, _] => format!("{course}: no message shows harm"),
+            [None, _] => format!("{course}: not detected"),
             [Some(detected_s), None] => format!("{course}: detected after {detected_s:.2} s, not recovered"),
             [Some(detected_s), Some(recovered_s)] => {
                 format!("{course}: detected after {detected_s:.2} s, recovered after {recovered_s:.2} s")

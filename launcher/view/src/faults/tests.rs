@@ -58,9 +58,9 @@ fn a_fault_is_followed_from_its_first_tick_to_the_recovery() {
         ("without end", None, &[(10, Explicit), (20, Fallback), (20, Explicit)],
             [at_once, Some(0.0), None], "from 0.10 s to the end: detected after 0.00 s, not recovered"),
         ("harmless", Some(0.05), &[(30, Explicit)],
-            [at_once, None, None], "from 0.10 s for 0.05 s: no message shows harm"),
+            [at_once, None, None], "from 0.10 s for 0.05 s: not detected"),
         ("harm long after its end", Some(0.05), &[(80, Explicit), (5, Fallback)],
-            [at_once, None, None], "from 0.10 s for 0.05 s: no message shows harm"),
+            [at_once, None, None], "from 0.10 s for 0.05 s: not detected"),
         ("empty", Some(0.0), &[(30, Fallback)], [None; 3], "at 0.1 s: never struck"),
     ];
     for (what, for_s, runs, expected, words) in cases {

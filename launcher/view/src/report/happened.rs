@@ -32,7 +32,7 @@ fn faults(run: &Value) -> String {
         let to = if ended.is_null() && !injected.is_null() { "the end".into() } else { seconds(ended) };
         let [detected, recovered] = match (&fault["detected_after_s"], &fault["recovered_after_s"]) {
             _ if injected.is_null() => [DASH.into(), DASH.into()],
-            (Value::Null, _) => ["no message shows harm".into(), DASH.into()],
+            (Value::Null, _) => ["not detected".into(), DASH.into()],
             (detected, Value::Null) => [seconds(detected), "not recovered".into()],
             (detected, recovered) => [seconds(detected), seconds(recovered)],
         };

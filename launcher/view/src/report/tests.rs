@@ -221,7 +221,7 @@ fn faults_and_events_are_told_and_drawn() {
     let told = [
         "<a href=\"#faults\">What happened</a>",
         "<td>1</td><td>mixer</td><td>kill</td><td>2.00</td><td>2.30</td><td>0.00</td><td>not recovered</td>",
-        "<td>2</td><td>wind</td><td>step</td><td>5.00</td><td>the end</td><td>no message shows harm</td><td>–</td>",
+        "<td>2</td><td>wind</td><td>step</td><td>5.00</td><td>the end</td><td>not detected</td><td>–</td>",
         "<td>3</td><td>tilt</td><td>off</td><td>not struck</td><td>–</td><td>–</td><td>–</td>",
         "<td>2.00</td><td>mixer</td><td>1</td><td>died</td><td>–</td>",
         "<td>2.31</td><td>mixer</td><td>2</td><td>rejected</td><td>too &lt;slow&gt;</td>",
