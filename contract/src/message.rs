@@ -178,18 +178,24 @@ pub struct Actuators {
 }
 
 macro_rules! message {
-    ($($name:ident: $bytes:literal),*) => {$(
+    ($($name:ident: $bytes:literal $({ $own:item })?),*) => {$(
         impl Message for $name {
             const TOPIC: Topic = Topic::$name;
             fn stamp(&self) -> &Stamp { &self.stamp }
             fn stamp_mut(&mut self) -> &mut Stamp { &mut self.stamp }
             fn plausible(&self) -> bool { self.within_limits() }
+            $($own)?
         }
         // The layout is the interface: a change of size is a change of version.
         const _: () = assert!(size_of::<$name>() == $bytes && align_of::<$name>() == 8);
     )*};
 }
-message!(State: 584, Reference: 328, Controls: 304, Actuators: 240);
+message!(
+    State: 584 { fn is_last(&self) -> bool { self.status != PlantStatus::Flying as u64 } },
+    Reference: 328,
+    Controls: 304,
+    Actuators: 240
+);
 
 impl State {
     /// Feeds the payload's bits to `sink`, in field order and without the stamp: what `state_hash` is made of.

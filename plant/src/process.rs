@@ -1,6 +1,6 @@
 //! The plant as a process: the one that begins every tick.
 
-use contract::message::{Actuators, PlantStatus, State};
+use contract::message::{Actuators, Message, State};
 use runtime::session::{NodeSession, SessionError};
 
 use crate::Plant;
@@ -20,7 +20,7 @@ pub fn run(mut session: NodeSession) -> Result<(), SessionError> {
         before = tick;
         cycles.new_faults(|number, fault| plant.apply_fault(number, fault));
         let state = plant.sample();
-        if state.status != PlantStatus::Flying as u64 {
+        if state.is_last() {
             cycles.ends_with(tick);
         }
         states.send(state, cycles.provenance(tick));

@@ -40,6 +40,7 @@ impl<M: Message> Output<M> {
         provenance.held_ns += release.hold_up(page, faults.held_up_ns(tick));
         let publish_ns = faults.read_ns(tick, timing.now_ns());
         let late = timing.ready(tick, provenance.sample_ns, publish_ns);
+        let late = late.map(|policy| if message.is_last() { Late::Send } else { policy });
         let role = page.role(M::TOPIC);
         let mut stamp = provenance.published(M::TOPIC, self.sequence + 1, publish_ns);
         (stamp.inputs[own], stamp.input_epochs[own]) = (continues.get().done, continues.get().epoch);
@@ -78,5 +79,29 @@ impl<M: Message> Output<M> {
         }
         release.message_sent(page.doorbell(M::TOPIC));
         late == Some(Late::Degrade)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixture::Ring;
+    use contract::Topic;
+    use contract::message::{PlantStatus, State};
+    use contract::scenario::Mode;
+
+    #[test]
+    fn the_last_state_is_sent_however_late_it_is() {
+        let mut ring = Ring::flying(Mode::Realtime);
+        ring.run.deadline.policy = Late::Skip;
+        let mut output = ring.session(Topic::State, 1).output::<State>().unwrap();
+        let receiver = ring.queues.receiver::<State>(4).unwrap();
+        for (tick, status) in [(0, PlantStatus::Flying), (1, PlantStatus::Finished)] {
+            let late = Stamp::at(tick, 1); // since the machine was started
+            output.send(State { status: status as u64, ..State::default() }, late);
+        }
+        let mut withheld = vec![];
+        while receiver.receive(&mut |state, _| withheld.push(state.stamp.is_withheld())).unwrap() {}
+        assert_eq!(withheld, [true, false]);
     }
 }

@@ -20,6 +20,11 @@ pub trait Message: Pod + Default + std::fmt::Debug + Send {
     /// Whether every number that a receiver computes with is finite and within its limit.
     fn plausible(&self) -> bool;
 
+    /// Whether it says that the flight is over: then it is sent however late it is.
+    fn is_last(&self) -> bool {
+        false
+    }
+
     /// The message with the checksum that its bits have.
     #[must_use]
     fn with_checksum(mut self) -> Self {

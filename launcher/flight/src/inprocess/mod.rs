@@ -12,7 +12,7 @@
 pub(crate) mod node;
 pub(crate) mod workers;
 
-use contract::message::{PlantStatus, Stamp};
+use contract::message::{Message, Stamp};
 use contract::scenario::{Scenario, candidate};
 use contract::topic::Topic;
 use plant::Plant;
@@ -93,7 +93,7 @@ fn fly_ring(
             go_on &= watch(record);
         });
         let command = commands.fresh();
-        if !go_on || state.status != PlantStatus::Flying as u64 {
+        if !go_on || state.is_last() {
             break given_up(&roles.nodes).map_or(Ended::Flown, |name| Ended::Lost(name.into()));
         }
         if let Some(command) = command {
