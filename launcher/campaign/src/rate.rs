@@ -1,7 +1,7 @@
-//! Shares of flights with their exact intervals.
+//! Shares of flights with their exact intervals, and the exact test of two shares of the same draws.
 
 use serde::Serialize;
-use statrs::distribution::{Beta, ContinuousCDF};
+use statrs::distribution::{Beta, Binomial, ContinuousCDF, DiscreteCDF};
 
 /// One less this is the confidence of an interval.
 const ALPHA: f64 = 0.05;
@@ -37,6 +37,13 @@ impl Rate {
     }
 }
 
+/// The chance that draws split at least so unevenly, were both controllers alike: the exact test for paired shares, two-sided
+/// (`McNemar`, Psychometrika 12, 1947). `first` and `second` are the numbers of draws that only one of the two passes.
+pub fn mcnemar(first: u64, second: u64) -> f64 {
+    let tail = Binomial::new(0.5, first + second).map_or(f64::NAN, |binomial| binomial.cdf(first.min(second)));
+    (2.0 * tail).min(1.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -59,6 +66,22 @@ mod tests {
                 (ends[0] - expected[0]).abs() < 1e-4 && (ends[1] - expected[1]).abs() < 1e-4,
                 "{ends:?} {expected:?}"
             );
+        }
+    }
+
+    /// Against the sums of binomial coefficients, and `mcnemar.exact` of R on the approval ratings of Agresti (1990).
+    #[test]
+    fn val_the_paired_test_is_that_of_mcnemar() {
+        for (first, second, expected) in [
+            (0, 0, 1.0),
+            (5, 0, 2.0 / 32.0),
+            (0, 5, 2.0 / 32.0),
+            (1, 9, 22.0 / 1024.0),
+            (4, 4, 1.0),
+            (150, 86, 3.716e-5),
+        ] {
+            let p = mcnemar(first, second);
+            assert!((p / expected - 1.0).abs() < 1e-3, "{first} and {second}: {p}, not {expected}");
         }
     }
 }

@@ -1,76 +1,147 @@
 //! The values of a factor on an axis: themselves where they are few, else equal parts of their range.
 
-use view::draw::short;
+use view::draw::{Axis, short};
 
 use crate::table::{Cell, Column, Table};
 
-/// As many values stand on an axis by themselves.
+/// As many numbers stand on an axis by themselves.
 const FEW: usize = 10;
-/// Parts of a range.
-const PARTS: usize = 8;
+/// As many words do.
+const WORDS: usize = 30;
+/// The most parts of a range, and the fewest.
+const PARTS: [usize; 2] = [8, 2];
+/// Flights that a cell is to have.
+const PER_CELL: usize = 20;
+
+/// The last part of a key's name, and the unit that it stands for.
+const UNITS: [(&str, &str); 16] = [
+    ("m", "m"),
+    ("s", "s"),
+    ("ms", "ms"),
+    ("us", "µs"),
+    ("hz", "Hz"),
+    ("deg", "°"),
+    ("dps", "°/s"),
+    ("mps", "m/s"),
+    ("radps", "rad/s"),
+    ("kg", "kg"),
+    ("kgm2", "kg m²"),
+    ("n", "N"),
+    ("nm", "N m"),
+    ("nspm", "N s/m"),
+    ("ns2pm2", "N s²/m²"),
+    ("wh", "Wh"),
+];
 
 /// A factor with the place of each flight on its axis.
 pub struct Binned {
-    pub name: String,
-    pub labels: Vec<String>,
-    bins: Vec<Option<usize>>,
+    pub key: String,
+    pub axis: Axis,
+    /// Its values are numbers.
+    pub is_number: bool,
+    /// Its entries are parts of a range.
+    pub is_divided: bool,
+    places: Vec<Option<f64>>,
 }
 
 impl Binned {
-    /// The column of a name; `None` where it does not vary, or is text of too many kinds.
-    pub fn of(flights: &Table, name: &str) -> Option<Self> {
-        let column = flights.column(name)?;
+    /// The column of a key, in `parts` parts where it has many values; `None` where it does not vary, or has too many words.
+    pub fn of(flights: &Table, key: &str, parts: usize) -> Option<Self> {
+        let column = flights.column(key)?;
         let rows = 0..flights.rows();
-        let (labels, bins) = match column {
-            Column::Int(_) | Column::Real(_) => {
-                let values: Vec<Option<f64>> = rows.map(|row| column.number(row)).collect();
-                by_number(&values)
-            }
-            Column::Bool(_) | Column::Text(_) => {
-                let words: Vec<String> = rows
-                    .map(|row| match column.cell(row) {
-                        Cell::Bool(yes) => yes.to_string(),
-                        _ => column.text(row).to_owned(),
-                    })
-                    .collect();
-                let mut labels = words.clone();
-                labels.sort();
-                labels.dedup();
-                let bins = words.iter().map(|word| labels.binary_search(word).ok()).collect();
-                (labels, bins)
-            }
+        let title = title(key);
+        let is_number = matches!(column, Column::Int(_) | Column::Real(_));
+        let (axis, is_divided, places) = if is_number {
+            by_number(&title, &rows.map(|row| column.number(row)).collect::<Vec<_>>(), parts)
+        } else {
+            let words: Vec<String> = rows.map(|row| word(column.cell(row))).collect();
+            let mut entries = words.clone();
+            entries.sort();
+            entries.dedup();
+            let places = words.iter().map(|word| entries.binary_search(word).ok().map(|i| i as f64 + 0.5)).collect();
+            (Axis::of_values(&title, entries), false, places)
         };
-        let few = (2..=2 * FEW).contains(&labels.len());
-        few.then(|| Self { name: name.to_owned(), labels, bins })
+        let some = 2..=if is_number { FEW } else { WORDS };
+        some.contains(&axis.entries.len()).then(|| Self { key: key.to_owned(), axis, is_number, is_divided, places })
     }
 
     /// Where a flight lies on the axis.
+    pub fn place(&self, row: usize) -> Option<f64> {
+        self.places[row]
+    }
+
+    /// In which entry of the axis.
     pub fn bin(&self, row: usize) -> Option<usize> {
-        self.bins[row]
+        self.places[row].map(|place| (place as usize).min(self.axis.entries.len() - 1))
     }
 }
 
-fn by_number(values: &[Option<f64>]) -> (Vec<String>, Vec<Option<usize>>) {
-    let mut distinct: Vec<f64> = values.iter().flatten().copied().collect();
-    distinct.sort_by(f64::total_cmp);
+/// In how many parts so many flights are divided, that each has enough.
+pub fn parts(flights: usize) -> usize {
+    let [most, least] = PARTS;
+    (flights / PER_CELL).clamp(least, most)
+}
+
+/// In how many parts each of two factors, that a cell of both has enough.
+pub fn parts_of_two(flights: usize) -> usize {
+    let [most, least] = PARTS;
+    (flights / PER_CELL).isqrt().clamp(least, most)
+}
+
+/// A key with the unit of its name: `plant.airframe.mass [kg]`.
+fn title(key: &str) -> String {
+    let of_unit = |name: &str| UNITS.iter().find(|(end, _)| *end == name).map(|(_, unit)| *unit);
+    for part in key.split('.') {
+        if let Some((name, unit)) = part.rsplit_once('_').and_then(|(name, end)| Some((name, of_unit(end)?))) {
+            return format!("{} [{unit}]", key.replace(part, name));
+        }
+    }
+    key.to_owned()
+}
+
+fn word(cell: Cell) -> String {
+    match cell {
+        Cell::Bool(yes) => yes.to_string(),
+        Cell::Text(text) => text,
+        _ => "none".to_owned(),
+    }
+}
+
+/// The axis of some values, whether it is divided into parts, and the places of the values.
+fn by_number(title: &str, values: &[Option<f64>], parts: usize) -> (Axis, bool, Vec<Option<f64>>) {
+    let mut sorted: Vec<f64> = values.iter().flatten().copied().collect();
+    sorted.sort_by(f64::total_cmp);
+    let mut distinct = sorted.clone();
     distinct.dedup();
     if distinct.len() <= FEW {
-        let place = |value: &Option<f64>| {
-            value.and_then(|value| distinct.binary_search_by(|other| other.total_cmp(&value)).ok())
-        };
-        return (distinct.iter().map(|value| short(*value)).collect(), values.iter().map(place).collect());
+        let place =
+            |value: f64| distinct.binary_search_by(|other| other.total_cmp(&value)).ok().map(|i| i as f64 + 0.5);
+        let entries = distinct.iter().map(|value| short(*value)).collect();
+        let places = values.iter().map(|value| value.and_then(place)).collect();
+        return (Axis::of_values(title, entries), false, places);
     }
-    let (low, high) = (distinct[0], distinct[distinct.len() - 1]);
-    let part = (high - low) / PARTS as f64;
-    let labels = (0..PARTS).map(|i| short_beside(low + part * (i as f64 + 0.5), part)).collect();
-    let place = |value: &Option<f64>| value.map(|value| (((value - low) / part) as usize).min(PARTS - 1));
-    (labels, values.iter().map(place).collect())
+    let (low, high, median) = (sorted[0], sorted[sorted.len() - 1], sorted[sorted.len() / 2]);
+    // What is drawn evenly by its logarithm has its median at the geometric mean of the ends.
+    let is_log = low > 0.0 && high > 10.0 * low && median < 0.5 * ((low * high).sqrt() + f64::midpoint(low, high));
+    let on_axis = |value: f64| if is_log { libm::log(value / low) } else { value - low };
+    let part = on_axis(high) / parts as f64;
+    let edge = |i: usize| if is_log { low * libm::exp(part * i as f64) } else { low + part * i as f64 };
+    let edges: Vec<f64> = (0..=parts).map(edge).collect();
+    let edges = if is_log { edges.iter().map(|edge| short(*edge)).collect() } else { alike(&edges, part) };
+    let places = values.iter().map(|value| value.map(|value| on_axis(value) / part)).collect();
+    (Axis::of_parts(title, &edges), true, places)
 }
 
-/// The middle of a part of this width, in a tenth of it.
-fn short_beside(middle: f64, part: f64) -> String {
-    let tenth = libm::pow(10.0, libm::log10(part / 10.0).ceil());
-    short((middle / tenth).round() * tenth)
+/// The edges of parts of this width with the same number of decimals, as few as leave each within a fortieth of its place.
+fn alike(edges: &[f64], part: f64) -> Vec<String> {
+    let words = |decimals: usize| edges.iter().map(move |edge| format!("{:.decimals$}", edge + 0.0));
+    let is_near = |decimals: &usize| {
+        words(*decimals)
+            .zip(edges)
+            .all(|(word, edge)| word.parse().is_ok_and(|near: f64| (near - edge).abs() <= part / 40.0))
+    };
+    let decimals = (0..12).find(is_near).unwrap_or(12);
+    words(decimals).map(|word| if word.parse() == Ok(0.0) { "0".to_owned() } else { word }).collect()
 }
 
 #[cfg(test)]
@@ -81,16 +152,59 @@ mod tests {
     fn binned(values: impl IntoIterator<Item = f64>) -> Option<Binned> {
         let mut table = Table::new(&[("x".to_owned(), Kind::Real)]);
         values.into_iter().for_each(|value| table.push(vec![Cell::Real(value)]));
-        Binned::of(&table, "x")
+        Binned::of(&table, "x", 8)
+    }
+
+    fn ticks(binned: &Binned) -> Vec<&str> {
+        binned.axis.ticks.iter().map(|(_, word)| word.as_str()).collect()
     }
 
     #[test]
     fn few_values_are_themselves_and_many_are_parts_of_their_range() {
         let few = binned([3.0, 1.0, 3.0]).unwrap();
-        assert_eq!((few.labels, few.bins), (vec!["1".into(), "3".into()], vec![Some(1), Some(0), Some(1)]));
+        assert_eq!((ticks(&few), few.places.clone()), (vec!["1", "3"], vec![Some(1.5), Some(0.5), Some(1.5)]));
         let many = binned((0..=80).map(f64::from)).unwrap();
-        assert_eq!(many.labels, ["5", "15", "25", "35", "45", "55", "65", "75"]);
+        assert_eq!(ticks(&many), ["0", "10", "20", "30", "40", "50", "60", "70", "80"]);
+        assert_eq!(many.axis.entries[1], "10 to 20");
         assert_eq!([0, 9, 10, 80].map(|row| many.bin(row)), [Some(0), Some(0), Some(1), Some(7)]);
         assert!(binned([1.0, 1.0]).is_none(), "it does not vary");
+    }
+
+    #[test]
+    fn edges_are_rounded_alike() {
+        let even = binned((0..100).map(|i| -7.998 + 15.997 * f64::from(i) / 99.0)).unwrap();
+        assert_eq!(ticks(&even), ["-8", "-6", "-4", "-2", "0", "2", "4", "6", "8"]);
+        let odd = binned((0..100).map(|i| 0.9 + 0.5 * f64::from(i) / 99.0)).unwrap();
+        assert_eq!(ticks(&odd)[..3], ["0.900", "0.963", "1.025"]);
+        let log = binned((0..=80).map(|i| libm::pow(10.0, f64::from(i) / 20.0 - 2.0))).unwrap();
+        assert_eq!([ticks(&log)[0], ticks(&log)[2], ticks(&log)[8]], ["0.01", "0.1", "100"], "by its logarithm");
+    }
+
+    #[test]
+    fn a_cell_has_enough_flights() {
+        assert_eq!([10, 100, 10_000].map(parts), [2, 5, 8]);
+        assert_eq!([10, 200, 1000, 10_000].map(parts_of_two), [2, 3, 7, 8]);
+    }
+
+    #[test]
+    fn words_and_none_are_entries() {
+        let mut table = Table::new(&[("x".to_owned(), Kind::Text)]);
+        for cell in [Cell::Text("kill".into()), Cell::None, Cell::Text("drop".into())] {
+            table.push(vec![cell]);
+        }
+        let binned = Binned::of(&table, "x", 8).unwrap();
+        assert_eq!((ticks(&binned), binned.bin(1)), (vec!["drop", "kill", "none"], Some(2)));
+    }
+
+    #[test]
+    fn a_title_has_the_unit_of_its_key() {
+        for (key, expected) in [
+            ("plant.airframe.mass_kg", "plant.airframe.mass [kg]"),
+            ("plant.wind_ned_mps.0.1.0", "plant.wind_ned.0.1.0 [m/s]"),
+            ("mpc.np", "mpc.np"),
+            ("random_fault.0.for_s", "random_fault.0.for [s]"),
+        ] {
+            assert_eq!(title(key), expected);
+        }
     }
 }

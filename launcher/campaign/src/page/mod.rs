@@ -1,26 +1,37 @@
-//! `campaign.html`: how often, where the border is, and which are the worst.
+//! `campaign.html`: how often, which controller more, where the border is, and which are the worst.
 //!
 //! | module | holds |
 //! |---|---|
+//! | `setup` | what all flights have in common, and their bounds |
+//! | `pairs` | the controllers compared draw by draw |
 //! | `bins` | the values of a factor, few enough to stand on an axis |
+//! | `factors` | each factor by itself |
+//! | `maps` | every two factors, with the border |
 //! | `worst` | the flights that went worst, flown again for the page |
 
 mod bins;
+mod factors;
+mod maps;
+mod pairs;
+mod setup;
 mod worst;
 
-use view::draw::{self, STYLE, ShareCell, escape, list, share_map};
+use std::collections::BTreeMap;
+
+use view::draw::{self, STYLE, Share, escape, list};
 
 use crate::outcome::Verdict;
 use crate::plan::Plan;
 use crate::rate::Rate;
-use crate::table::Table;
+use crate::table::{Cell, Table};
 use bins::Binned;
+use setup::Bound;
 
 const OWN_STYLE: &str = include_str!("../../assets/campaign.css");
-/// Dots of a scatter plot.
-const DOTS: usize = 2000;
-/// Factors of which every pair has a map: those that matter most.
-const MAPPED: usize = 6;
+/// Columns of a plan that are no factors.
+const NO_FACTORS: [&str; 4] = ["flight", "controller", "run.seed", "random_faults"];
+/// Reasons that are told.
+const REASONS: usize = 12;
 
 /// How many of the flights that `meant` picks are passed; those that could not be flown are not counted.
 pub fn rate(flights: &Table, meant: impl Fn(usize) -> bool) -> Rate {
@@ -36,25 +47,22 @@ pub fn rate(flights: &Table, meant: impl Fn(usize) -> bool) -> Rate {
 
 /// The page of some flights of a plan. `again` with a number behind it is what a user types to fly one again.
 pub fn page(plan: &Plan, flights: &Table, again: &str) -> anyhow::Result<String> {
-    let names: Vec<&str> = plan.campaign.controllers.iter().map(|(name, _)| name.as_str()).collect();
-    let factors: Vec<Binned> = plan
-        .columns()
-        .iter()
-        .filter(|(name, _)| !["flight", "controller", "run.seed", "random_faults"].contains(&name.as_str()))
-        .filter_map(|(name, _)| Binned::of(flights, name))
-        .collect();
-    let all = Page { plan, flights, names, factors };
-    let worst = worst::section(plan, flights, again)?;
+    let all = Page::new(plan, flights);
+    let worst = worst::section(&all, again)?;
+    let names: Vec<&str> = all.names.clone();
+    let body = [
+        all.head(),
+        all.controllers(),
+        pairs::section(&names, &all.by_draw()),
+        all.causes(),
+        all.invalid(),
+        factors::section(&all),
+        maps::section(&all),
+        worst,
+        setup::section(plan),
+    ];
     let title = format!("Campaign {}", plan.campaign.name());
-    let body = all.head() + &all.controllers() + &all.marginals() + &all.maps() + &worst;
-    Ok(draw::page(&title, &format!("{STYLE}{OWN_STYLE}"), &body))
-}
-
-/// The rows that are drawn as dots: all, or as many as are clear, whatever the pattern in which the rows stand.
-fn chosen(rows: usize) -> impl Iterator<Item = usize> {
-    // Multiples of the golden ratio leave no gap and keep no step.
-    let place = |row: usize| (row as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15) as f64 / u64::MAX as f64;
-    (0..rows).filter(move |row| rows <= DOTS || place(*row) * (rows as f64) < DOTS as f64)
+    Ok(draw::page(&title, &format!("{STYLE}{OWN_STYLE}"), &body.concat()))
 }
 
 struct Page<'a> {
@@ -62,162 +70,220 @@ struct Page<'a> {
     flights: &'a Table,
     /// Of the controllers.
     names: Vec<&'a str>,
-    factors: Vec<Binned>,
+    /// The number of the flight of each row.
+    numbers: Vec<u64>,
+    /// Its controller, as an index of `names`.
+    controllers: Vec<usize>,
+    /// Whether it passed; `None` where it could not be flown.
+    passed: Vec<Option<bool>>,
+    bounds: Vec<Bound>,
+    error: Error,
 }
 
-impl Page<'_> {
+/// The position error that the plots show.
+struct Error {
+    words: &'static str,
+    /// The bound of all flights \[m\].
+    limit: Option<f64>,
+    /// Of each row \[m\].
+    values: Vec<Option<f64>>,
+}
+
+impl Error {
+    /// The largest error; where the campaign only bounds the one at the end, that.
+    fn new(flights: &Table, bounds: &[Bound]) -> Self {
+        let of = |metric: &str| bounds.iter().find(|bound| bound.metric == metric);
+        let (largest, last) = ("max_position_error_m", "final_position_error_m");
+        let (metric, words) = match (of(largest), of(last)) {
+            (None, Some(_)) => (last, "position error at the end"),
+            _ => (largest, "largest position error"),
+        };
+        let column = flights.column(metric);
+        let value = |row: usize| column.and_then(|column| column.number(row)).filter(|error| error.is_finite());
+        let limit = of(metric).and_then(|bound| bound.limit);
+        Self { words, limit, values: (0..flights.rows()).map(value).collect() }
+    }
+
+    fn of(&self, row: usize) -> Option<f64> {
+        self.values[row]
+    }
+}
+
+impl<'a> Page<'a> {
+    fn new(plan: &'a Plan, flights: &'a Table) -> Self {
+        let names: Vec<&str> = plan.campaign.controllers.iter().map(|(name, _)| name.as_str()).collect();
+        let number = |row: usize| match flights.column("flight").map(|all| all.cell(row)) {
+            Some(Cell::Int(number)) => number as u64,
+            _ => row as u64,
+        };
+        let numbers: Vec<u64> = (0..flights.rows()).map(number).collect();
+        let verdicts = flights.column("verdict");
+        let passed = |row: usize| match verdicts.map_or("", |all| all.text(row)) {
+            word if word == Verdict::Passed.name() => Some(true),
+            word if word == Verdict::Failed.name() => Some(false),
+            _ => None,
+        };
+        let bounds = setup::bounds(plan);
+        Self {
+            controllers: numbers.iter().map(|number| (number % names.len() as u64) as usize).collect(),
+            passed: (0..flights.rows()).map(passed).collect(),
+            error: Error::new(flights, &bounds),
+            plan,
+            flights,
+            names,
+            numbers,
+            bounds,
+        }
+    }
+
+    fn rows(&self) -> usize {
+        self.flights.rows()
+    }
+
+    /// Flights of one controller.
+    fn draws(&self) -> usize {
+        self.rows() / self.names.len()
+    }
+
+    /// The draw of a row: flights of the same draw differ by their controllers only.
+    fn draw(&self, row: usize) -> u64 {
+        self.numbers[row] / self.names.len() as u64
+    }
+
+    /// Whether each controller passes each draw.
+    fn by_draw(&self) -> Vec<Vec<Option<bool>>> {
+        let mut draws: BTreeMap<u64, Vec<Option<bool>>> = BTreeMap::new();
+        for row in 0..self.rows() {
+            let draw = draws.entry(self.draw(row)).or_insert_with(|| vec![None; self.names.len()]);
+            draw[self.controllers[row]] = self.passed[row];
+        }
+        draws.into_values().collect()
+    }
+
+    /// The factors that vary, those with many values in so many parts.
+    fn factors(&self, parts: usize) -> Vec<Binned> {
+        let columns = self.plan.columns();
+        let factors = columns.iter().filter(|(name, _)| !NO_FACTORS.contains(&name.as_str()));
+        factors.filter_map(|(name, _)| Binned::of(self.flights, name, parts)).collect()
+    }
+
+    /// How many of the flights of these rows are passed.
+    fn rate(&self, meant: impl Fn(usize) -> bool) -> Rate {
+        let flown = (0..self.rows()).filter(|row| meant(*row)).filter_map(|row| self.passed[row]);
+        let (passed, all) = flown.fold((0, 0), |(passed, all), one| (passed + usize::from(one), all + 1));
+        Rate::of(passed, all)
+    }
+
     fn head(&self) -> String {
-        let (there, planned) = (self.flights.rows() as u64, self.plan.flights());
-        let all = rate(self.flights, |_| true);
-        let invalid = self.flights.rows() - all.flights;
-        let share =
-            if all.flights == 0 { "-".to_owned() } else { format!("{:.1} <small>%</small>", 100.0 * all.share()) };
+        let (there, planned) = (self.rows() as u64, self.plan.flights());
+        let all = self.rate(|_| true);
+        let invalid = self.rows() - all.flights;
         let partial = if there < planned {
             format!("<p class=\"warn\">{there} of {planned} flights are there: the same command flies the others.</p>")
         } else {
             String::new()
         };
-        let tiles = list([
-            ("passed".into(), share),
-            ("exact 95 % interval".into(), all.interval()),
-            ("failed".into(), (all.flights - all.survived).to_string()),
-            ("invalid: could not be flown, and counted as neither".into(), invalid.to_string()),
-        ]);
+        let mut tiles = vec![];
+        // A rate over several controllers is the rate of none.
+        if self.names.len() == 1 {
+            let share = if all.flights == 0 { draw::DASH.to_owned() } else { percent(&all, " <small>%</small>") };
+            tiles.push(("passed".to_owned(), share));
+            tiles.push(("exact 95 % interval".to_owned(), all.interval()));
+        } else {
+            tiles.push(("controllers".to_owned(), self.names.len().to_string()));
+            tiles.push(("draws that each of them flies".to_owned(), (planned / self.names.len() as u64).to_string()));
+        }
+        tiles.push(("failed".to_owned(), (all.flights - all.survived).to_string()));
+        tiles.push(("invalid: could not be flown, and counted as neither".to_owned(), invalid.to_string()));
         format!(
             "<p class=\"kind\">Campaign</p><h1>{}</h1><p class=\"facts\"><span><b>{there}</b> flights</span>\
-             <span>seed <b>{}</b></span><span>campaign <b>{}</b></span></p>{partial}<div class=\"tiles\">{tiles}</div>",
+             <span>seed <b>{}</b></span><span>campaign <b>{}</b></span></p>{partial}<div class=\"tiles\">{}</div><p>{}</p>",
             escape(self.plan.campaign.name()),
             self.plan.campaign.seed(),
             &self.plan.campaign.hash()[..12],
+            list(tiles),
+            escape(&setup::passed(&self.bounds))
         )
-    }
-
-    /// Whether a flight is of a controller.
-    fn is_of(&self, name: &str, row: usize) -> bool {
-        self.flights.column("controller").is_some_and(|all| all.text(row) == name)
     }
 
     fn controllers(&self) -> String {
-        let row = |name: &&str| {
-            let rate = rate(self.flights, |row| self.is_of(name, row));
-            let share = if rate.flights == 0 { "-".into() } else { format!("{:.1} %", 100.0 * rate.share()) };
-            vec![escape(name), rate.survived.to_string(), rate.flights.to_string(), share, rate.interval()]
+        if self.names.len() == 1 {
+            return String::new();
+        }
+        let row = |(i, name): (usize, &&str)| {
+            let rate = self.rate(|row| self.controllers[row] == i);
+            let share = Share { share: rate.share(), low: rate.low, high: rate.high };
+            let (share, picture) = match rate.flights {
+                0 => (draw::DASH.to_owned(), String::new()),
+                _ => (percent(&rate, " %"), draw::interval(&share)),
+            };
+            vec![escape(name), rate.survived.to_string(), rate.flights.to_string(), share, rate.interval(), picture]
         };
-        let headings = ["controller", "passed", "of", "share", "exact 95 % interval"];
-        let table = draw::table(&headings, self.names.iter().map(row));
+        let headings = ["controller", "passed", "of", "share", "exact 95 % interval", "0 to 100 %"];
+        let table = draw::table(&headings, self.names.iter().enumerate().map(row));
+        let next = if self.names.len() > 1 {
+            " Intervals that overlap do not say that the controllers are alike: the next table compares them draw by draw."
+        } else {
+            ""
+        };
         format!(
             "<section id=\"controllers\"><h2>Controllers</h2><p>The share of flights passed, with the interval of Clopper and \
-             Pearson. A flight is passed when <code>launcher fly</code> would end with 0.</p>{table}</section>"
+             Pearson.{next}</p>{table}</section>"
         )
     }
 
-    /// Each factor by itself.
-    fn marginals(&self) -> String {
-        if self.factors.is_empty() {
+    /// Of what the flights of each controller failed.
+    fn causes(&self) -> String {
+        let Some(causes) = self.flights.column("cause") else { return String::new() };
+        let mut counts: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+        for row in (0..self.rows()).filter(|row| self.passed[*row] == Some(false)) {
+            counts.entry(causes.text(row)).or_insert_with(|| vec![0; self.names.len()])[self.controllers[row]] += 1;
+        }
+        if counts.is_empty() {
             return String::new();
         }
-        let legend = draw::legend(&self.names);
-        let plots: String = self.factors.iter().map(|factor| self.marginal(factor)).collect();
-        let dots = chosen(self.flights.rows()).count();
+        let mut counts: Vec<(&str, Vec<usize>)> = counts.into_iter().collect();
+        counts.sort_by_key(|(_, counts)| std::cmp::Reverse(counts.iter().sum::<usize>()));
+        let headings: Vec<&str> = std::iter::once("controller").chain(counts.iter().map(|(cause, _)| *cause)).collect();
+        let row = |(i, name): (usize, &&str)| {
+            std::iter::once(escape(name)).chain(counts.iter().map(|(_, counts)| counts[i].to_string())).collect()
+        };
+        let table = draw::table(&headings, self.names.iter().enumerate().map(row));
         format!(
-            "<section id=\"factors\"><h2>Factors</h2><p>Left: the share passed over one factor, whatever the others were, with \
-             exact 95 % intervals. Right: the largest position error [m] of {dots} flights; those that were not \
-             passed are orange.</p>{legend}{plots}</section>"
+            "<section id=\"causes\"><h2>Why flights failed</h2><p>Failed flights by their cause.</p>{table}</section>"
         )
     }
 
-    fn marginal(&self, factor: &Binned) -> String {
-        let of_bin = |name: &str, bin: usize| {
-            let rate = rate(self.flights, |row| factor.bin(row) == Some(bin) && self.is_of(name, row));
-            (rate.flights > 0).then(|| draw::Share { share: rate.share(), low: rate.low, high: rate.high })
-        };
-        let bins = 0..factor.labels.len();
-        let series: Vec<(&str, Vec<_>)> =
-            self.names.iter().map(|name| (*name, bins.clone().map(|bin| of_bin(name, bin)).collect())).collect();
-        let shares = draw::shares(&factor.name, &factor.labels, &series);
-        format!("<h3>{}</h3><div class=\"plots\">{shares}{}</div>", escape(&factor.name), self.scatter(factor))
-    }
-
-    fn scatter(&self, factor: &Binned) -> String {
-        let (Some(errors), Some(verdicts), Some(values)) = (
-            self.flights.column("max_position_error_m"),
-            self.flights.column("verdict"),
-            self.flights.column(&factor.name),
-        ) else {
-            return String::new();
-        };
-        let point =
-            |row: usize| Some((values.number(row)?, errors.number(row)?, verdicts.text(row) != Verdict::Passed.name()));
-        let points: Vec<_> = chosen(self.flights.rows()).filter_map(point).collect();
-        draw::scatter([&factor.name, "largest error [m]"], &points)
-    }
-
-    /// Every two factors together.
-    fn maps(&self) -> String {
-        let mut by_effect: Vec<(f64, &Binned)> =
-            self.factors.iter().map(|factor| (self.effect(factor), factor)).collect();
-        by_effect.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let mapped: Vec<&Binned> = by_effect.iter().take(MAPPED).map(|(_, factor)| *factor).collect();
-        let mut maps = String::new();
-        for (i, across) in mapped.iter().enumerate() {
-            for up in &mapped[i + 1..] {
-                let together = self.map("", across, up, |_| true);
-                let own = |name: &&str| self.map(name, across, up, |row| self.is_of(name, row));
-                let apart = match self.names.len() {
-                    1 => String::new(),
-                    _ => format!(
-                        "<details><summary>by controller</summary><div class=\"plots\">{}</div></details>",
-                        self.names.iter().map(own).collect::<String>()
-                    ),
-                };
-                maps += "<h3>";
-                maps += &[escape(&across.name), escape(&up.name)].join(" and ");
-                maps.extend(["</h3>", &together, &apart]);
-            }
+    /// Why flights could not be flown.
+    fn invalid(&self) -> String {
+        let Some(outcomes) = self.flights.column("outcome") else { return String::new() };
+        let mut reasons: BTreeMap<&str, Vec<u64>> = BTreeMap::new();
+        for row in (0..self.rows()).filter(|row| self.passed[*row].is_none()) {
+            reasons.entry(outcomes.text(row)).or_default().push(self.numbers[row]);
         }
-        if maps.is_empty() {
+        if reasons.is_empty() {
             return String::new();
         }
-        let chosen = if self.factors.len() > MAPPED {
-            format!(" Of {} factors these are the {MAPPED} over which the share changes most.", self.factors.len())
-        } else {
-            String::new()
+        let mut reasons: Vec<(&str, Vec<u64>)> = reasons.into_iter().collect();
+        reasons.sort_by_key(|(_, numbers)| std::cmp::Reverse(numbers.len()));
+        let others = match reasons.len() {
+            0..=REASONS => String::new(),
+            all => format!("<p>{} more reasons are in the column <code>outcome</code>.</p>", all - REASONS),
         };
+        let row = |(reason, numbers): &(&str, Vec<u64>)| {
+            vec![escape(reason), numbers.len().to_string(), numbers[0].to_string()]
+        };
+        let table = draw::table(&["reason", "flights", "the first"], reasons.iter().take(REASONS).map(row));
         format!(
-            "<section id=\"maps\"><h2>Two factors</h2><p>Percent passed over two factors, whatever the others were, from dark (0) \
-             to bright (100). The orange line is the border: on one side less than half is passed. Where no cell is, no flight \
-             was.{chosen}</p>{maps}</section>"
+            "<section id=\"invalid\"><h2>Flights that could not be flown</h2><p>They count as neither passed nor \
+             failed.</p>{table}{others}</section>"
         )
     }
+}
 
-    /// How far apart the shares of the values of a factor are.
-    fn effect(&self, factor: &Binned) -> f64 {
-        let shares = (0..factor.labels.len()).map(|bin| rate(self.flights, |row| factor.bin(row) == Some(bin)));
-        let shares: Vec<f64> = shares.filter(|rate| rate.flights > 0).map(|rate| rate.share()).collect();
-        shares.iter().copied().fold(0.0, f64::max) - shares.iter().copied().fold(1.0, f64::min)
-    }
-
-    fn map(&self, title: &str, across: &Binned, up: &Binned, meant: impl Fn(usize) -> bool) -> String {
-        let (columns, rows) = (across.labels.len(), up.labels.len());
-        let mut counts = vec![vec![(0_usize, 0_usize); columns]; rows];
-        let verdicts = self.flights.column("verdict");
-        for row in (0..self.flights.rows()).filter(|row| meant(*row)) {
-            let verdict = verdicts.map_or("", |all| all.text(row));
-            let (Some(column), Some(line)) = (across.bin(row), up.bin(row)) else { continue };
-            if verdict != Verdict::Invalid.name() {
-                counts[line][column].1 += 1;
-                counts[line][column].0 += usize::from(verdict == Verdict::Passed.name());
-            }
-        }
-        let cell = |(line, column): (usize, usize)| {
-            let (passed, flown) = counts[line][column];
-            let title = format!("{}, {}: {passed} of {flown} passed", across.labels[column], up.labels[line]);
-            (flown > 0).then(|| ShareCell { share: passed as f64 / flown as f64, title })
-        };
-        let cells: Vec<Vec<_>> =
-            (0..rows).map(|line| (0..columns).map(|column| cell((line, column))).collect()).collect();
-        share_map(title, [&across.name, &up.name], [&across.labels, &up.labels], &cells)
-    }
+/// The share of a rate in percent.
+fn percent(rate: &Rate, sign: &str) -> String {
+    format!("{:.1}{sign}", 100.0 * rate.share())
 }
 
 #[cfg(test)]
@@ -259,17 +325,6 @@ mod tests {
             assert!(html.contains(part), "{part}");
         }
         assert_eq!(html.matches("class=\"worst\"").count(), 9, "those that failed");
-    }
-
-    #[test]
-    fn the_dots_are_of_all_controllers_alike() {
-        assert_eq!(chosen(5).count(), 5);
-        let rows: Vec<usize> = chosen(12_000).collect();
-        assert!(rows.len().abs_diff(DOTS) < 5, "{}", rows.len());
-        for controller in 0..12 {
-            let share = rows.iter().filter(|row| *row % 12 == controller).count();
-            assert!(share.abs_diff(DOTS / 12) < 10, "{share} of controller {controller}");
-        }
     }
 
     #[test]

@@ -3,14 +3,16 @@
 //! They are flown again for the page. One that is not the flight of the table is an error: then the program, the machine or the
 //! table is not what it was.
 
+use std::collections::HashSet;
+
 use flight::log::Record;
 use guidance::Trajectory;
-use view::draw::{DASH, any, course, escape, short};
+use view::draw::{Course, DASH, any, courses, escape, short};
 use view::ticks::{length_m, position_error_m};
 
-use crate::outcome::{self, Verdict};
-use crate::plan::Plan;
-use crate::table::{Cell, Column, Table};
+use super::Page;
+use crate::outcome;
+use crate::table::{Cell, Column};
 
 /// How many are shown.
 const SHOWN: usize = 10;
@@ -18,31 +20,29 @@ const SHOWN: usize = 10;
 const POINTS: u64 = 200;
 
 /// The section of the worst flights that were not passed.
-pub fn section(plan: &Plan, flights: &Table, again: &str) -> anyhow::Result<String> {
-    let worst = worst(flights);
+pub fn section(page: &Page, again: &str) -> anyhow::Result<String> {
+    let worst = worst(page);
     if worst.is_empty() {
         return Ok(String::new());
     }
-    let shown: Vec<String> = worst.iter().map(|row| one(plan, flights, *row, again)).collect::<anyhow::Result<_>>()?;
+    let shown: Vec<String> = worst.iter().map(|row| one(page, *row, again)).collect::<anyhow::Result<_>>()?;
+    let of_draws = if page.names.len() > 1 { ", one for each draw," } else { "" };
     Ok(format!(
-        "<section id=\"worst\"><h2>The worst flights</h2><p>Those that did not come to their end first, the earlier the worse; then \
-         by their largest error. The pictures show position error [m], roll and pitch [deg], and tilt [deg].</p>{}</section>",
+        "<section id=\"worst\"><h2>The worst flights</h2><p>Those that did not come to their end first{of_draws} the earlier the \
+         worse; then by their largest error. Where the ground is shaded, a fault is active.</p>{}</section>",
         shown.concat()
     ))
 }
 
-/// The rows of the flights that failed worst, the worst first.
-fn worst(flights: &Table) -> Vec<usize> {
-    let (Some(verdicts), Some(errors), Some(flown), Some(outcomes)) = (
-        flights.column("verdict"),
-        flights.column("max_position_error_m"),
-        flights.column("flown_s"),
-        flights.column("outcome"),
-    ) else {
+/// The rows of the flights that failed worst, the worst first: of each draw that of one controller.
+fn worst(page: &Page) -> Vec<usize> {
+    let flights = page.flights;
+    let (Some(errors), Some(flown), Some(outcomes)) =
+        (flights.column("max_position_error_m"), flights.column("flown_s"), flights.column("outcome"))
+    else {
         return vec![];
     };
-    let mut failed: Vec<usize> =
-        (0..flights.rows()).filter(|row| verdicts.text(*row) == Verdict::Failed.name()).collect();
+    let mut failed: Vec<usize> = (0..page.rows()).filter(|row| page.passed[*row] == Some(false)).collect();
     let came_to_its_end = |row: usize| outcomes.text(row).starts_with("flown");
     failed.sort_by(|a, b| {
         let number = |column: &Column, row: usize| column.number(row).unwrap_or(f64::INFINITY);
@@ -51,17 +51,16 @@ fn worst(flights: &Table) -> Vec<usize> {
         let larger = || number(errors, *b).total_cmp(&number(errors, *a));
         ends.then_with(|| if came_to_its_end(*a) { larger() } else { earlier() })
     });
+    let mut draws = HashSet::new();
+    failed.retain(|row| draws.insert(page.draw(*row)));
     failed.truncate(SHOWN);
     failed
 }
 
 /// The small report of one flight.
-fn one(plan: &Plan, flights: &Table, row: usize, again: &str) -> anyhow::Result<String> {
-    let number = match flights.column("flight").map(|all| all.cell(row)) {
-        Some(Cell::Int(number)) => number as u64,
-        _ => row as u64,
-    };
-    let flight = plan.flight(number);
+fn one(page: &Page, row: usize, again: &str) -> anyhow::Result<String> {
+    let (flights, number) = (page.flights, page.numbers[row]);
+    let flight = page.plan.flight(number);
     let Ok(scenario) = &flight.scenario else { return Ok(String::new()) };
     let trajectory = Trajectory::new(&scenario.mission);
     let every = (scenario.ticks() / POINTS).max(1);
@@ -77,12 +76,18 @@ fn one(plan: &Plan, flights: &Table, row: usize, again: &str) -> anyhow::Result<
         }
     })?;
     let end_s = error.last().map_or(0.0, |(t, _)| *t);
+    let active: Vec<[f64; 2]> = scenario
+        .fault
+        .iter()
+        .map(|fault| [fault.at_s, fault.for_s.map_or(end_s, |for_s| fault.at_s + for_s)])
+        .collect();
+    let course = |name, points| Course { name, points };
     let pictures = [
-        course("position error [m]", end_s, &[error]),
-        course("roll, pitch [deg]", end_s, &[roll, pitch]),
-        course("tilt [deg]", end_s, &[tilt]),
+        courses("m", end_s, &[course("position error", error)], &active),
+        courses("deg", end_s, &[course("roll", roll), course("pitch", pitch)], &active),
+        courses("deg", end_s, &[course("tilt", tilt)], &active),
     ];
-    let columns = plan.columns();
+    let columns = page.plan.columns();
     let values = columns.iter().skip(1).map(|(name, _)| {
         let cell = flights.column(name).map_or(Cell::None, |column| column.cell(row));
         let value = match cell {
@@ -94,12 +99,29 @@ fn one(plan: &Plan, flights: &Table, row: usize, again: &str) -> anyhow::Result<
         };
         format!("<span>{} <b>{value}</b></span>", escape(name))
     });
+    let others = page.others(row);
     let told = flights.column("outcome").map_or("", |all| all.text(row));
     Ok(format!(
-        "<div class=\"worst\"><h3>Flight {number}</h3><p>{}</p><p class=\"facts\">{}</p><div class=\"plots\">{}</div><p><code>{} {number}</code></p></div>",
+        "<div class=\"worst\"><h3>Flight {number}</h3><p>{}{others}</p><p class=\"facts\">{}</p><div class=\"plots\">{}</div><p><code>{} {number}</code></p></div>",
         escape(told),
         values.collect::<String>(),
         pictures.concat(),
         escape(again)
     ))
+}
+
+impl Page<'_> {
+    /// What became of the same draw under the other controllers.
+    fn others(&self, row: usize) -> String {
+        let same = |other: &usize| *other != row && self.draw(*other) == self.draw(row);
+        let of = |passed: bool| -> Vec<String> {
+            let rows = (0..self.rows()).filter(same).filter(|other| self.passed[*other] == Some(passed));
+            rows.map(|other| escape(self.names[self.controllers[other]])).collect()
+        };
+        let told = [(true, "passed"), (false, "failed")].map(|(passed, word)| match of(passed) {
+            names if names.is_empty() => String::new(),
+            names => format!(" The same draw {word} under {}.", names.join(", ")),
+        });
+        told.concat()
+    }
 }

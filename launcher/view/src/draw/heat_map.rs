@@ -3,9 +3,7 @@
 //! Colour is the logarithm of the value, in cividis, which colour-blind readers see as others do; the number stands in every
 //! cell, and a cell without a value is hatched.
 
-use std::fmt::Write;
-
-use super::{Svg, escape};
+use super::Svg;
 
 /// Width and height of a cell \[px\].
 const CELL: (f64, f64) = (46.0, 27.0);
@@ -134,70 +132,6 @@ impl HeatMap {
     }
 }
 
-/// A cell of a map of shares.
-#[derive(Debug, Clone)]
-pub struct ShareCell {
-    /// 0 to 1.
-    pub share: f64,
-    pub title: String,
-}
-
-/// The map of shares over two axes with these `entries`, row by row from below; a cell may be empty. The thick line is the
-/// border: between neighbours one of which has less than half, and the other has not.
-pub fn share_map(
-    title: &str,
-    [across, up]: [&str; 2],
-    [columns, rows]: [&[String]; 2],
-    cells: &[Vec<Option<ShareCell>>],
-) -> String {
-    let (_, top, below) = ROOM;
-    let left = 84.0;
-    let (w, h) = (CELL.0 * columns.len() as f64, CELL.1 * rows.len() as f64);
-    let (x, y) = (|column: usize| left + CELL.0 * column as f64, |row: usize| top + h - CELL.1 * (row + 1) as f64);
-    let heading = escape(&format!("{title}{}{up} over {across}", if title.is_empty() { "" } else { ": " }));
-    let mut svg = Svg::sized((left + w + 4.0).max(380.0), top + h + below, &format!("share passed, {heading}"));
-    svg.text(4.0, 14.0, "map", &heading);
-    for (column, entry) in columns.iter().enumerate() {
-        svg.text(x(column) + CELL.0 / 2.0, top + h + 14.0, "tick middle", &escape(entry));
-    }
-    svg.text(left + w / 2.0, top + h + 32.0, "tick middle", &escape(across));
-    for (row, entry) in rows.iter().enumerate() {
-        svg.text(left - 6.0, y(row) + CELL.1 / 2.0 + 4.0, "tick end", &escape(entry));
-    }
-    let at = |row: usize, column: usize| cells.get(row)?.get(column)?.as_ref();
-    let mut border = String::new();
-    for (row, of_row) in cells.iter().enumerate() {
-        for (column, cell) in of_row.iter().enumerate() {
-            let Some(ShareCell { share, title }) = cell else { continue };
-            let class = if *share > 0.55 { "dark" } else { "light" };
-            svg.add(format_args!(
-                "<g class=\"{class}\"><title>{}</title><rect x=\"{:.1}\" y=\"{:.1}\" width=\"{}\" height=\"{}\" \
-                 style=\"fill:{}\"/>",
-                escape(title),
-                x(column),
-                y(row),
-                CELL.0,
-                CELL.1,
-                colour(*share)
-            ));
-            let (cx, cy) = (x(column) + CELL.0 / 2.0, y(row) + CELL.1 / 2.0 + 4.0);
-            svg.text(cx, cy, "value middle", &format!("{:.0}", 100.0 * share));
-            svg.add("</g>");
-            let differs = |other: Option<&ShareCell>| other.is_some_and(|other| (other.share < 0.5) != (*share < 0.5));
-            if differs(at(row, column + 1)) {
-                let _ = write!(border, "M{:.1} {:.1}v{}", x(column + 1), y(row), CELL.1); // a String takes everything
-            }
-            if differs(at(row + 1, column)) {
-                let _ = write!(border, "M{:.1} {:.1}h{}", x(column), y(row), CELL.0);
-            }
-        }
-    }
-    svg.add(format_args!(
-        "<path class=\"border\" d=\"{border}\" style=\"fill:none;stroke:var(--orange);stroke-width:4\"/>"
-    ));
-    svg.finish()
-}
-
 /// Where `value` lies on an axis of evenly spaced entries, in entries from the first; no farther than the ends.
 fn position(axis: &[f64], value: f64) -> f64 {
     let after = axis.partition_point(|entry| *entry < value);
@@ -208,7 +142,8 @@ fn position(axis: &[f64], value: f64) -> f64 {
     }
 }
 
-fn colour(shade: f64) -> String {
+/// The colour of a place on the scale, 0 to 1.
+pub(super) fn colour(shade: f64) -> String {
     let position = shade * (CIVIDIS.len() - 1) as f64;
     let lower = (position as usize).min(CIVIDIS.len() - 2);
     let [r, g, b] = std::array::from_fn(|i| {
@@ -216,19 +151,4 @@ fn colour(shade: f64) -> String {
         (from + (position - lower as f64) * (to - from)).round()
     });
     format!("rgb({r},{g},{b})")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_border_runs_between_less_than_half_and_the_rest() {
-        let cell = |share| Some(ShareCell { share, title: String::new() });
-        let cells = [vec![cell(1.0), cell(0.2)], vec![cell(0.5), None]];
-        let names = ["a", "b"].map(str::to_owned);
-        let svg = share_map("", ["x", "y"], [&names, &names], &cells);
-        assert!(svg.contains("class=\"border\" d=\"M130.0 49.0v27\""), "one step to the right, none up: {svg}");
-        assert_eq!(svg.matches("<rect").count(), 3, "no flights, no cell");
-    }
 }

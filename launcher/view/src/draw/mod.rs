@@ -2,19 +2,23 @@
 
 #![allow(clippy::disallowed_methods, reason = "where a line is drawn reaches no message")]
 
+mod axes;
 mod charts;
 mod heat_map;
 mod html;
 mod lines;
 mod plots;
+mod share_map;
 
 use std::fmt::{Display, Write};
 
+pub use axes::Axis;
 pub use charts::{Bars, Lane, histograms, outlines, time_line};
-pub use heat_map::{HeatCell, HeatMap, ShareCell, share_map};
+pub use heat_map::{HeatCell, HeatMap};
 pub use html::{DASH, any, escape, leaves, list, number, page, table, verdict};
 pub use lines::{Line, lines};
-pub use plots::{Share, course, legend, scatter, shares, short};
+pub use plots::{Course, Dots, Middle, Quartiles, Share, courses, dots, interval, legend, shares, short};
+pub use share_map::{MapCell, map};
 
 /// The style of the report, which other pages may use.
 pub const STYLE: &str = include_str!("../../assets/report/report.css");

@@ -1,16 +1,10 @@
-//! Plots with two axes: shares with their intervals, points, and lines over time.
+//! Plots over the axes of a campaign's factors: shares with their intervals, values with their boxes; and lines over time.
 
 use std::fmt::Write;
 
-use super::charts::{COLOURS, marks};
+use super::axes::{Axis, BOTTOM, HEIGHT, LEFT, RIGHT, Scale, TOP, WIDTH, grid};
+use super::charts::COLOURS;
 use super::{Svg, escape};
-
-/// Size of the plots, and the room for words at the left and below \[px\].
-const WIDTH: f64 = 420.0;
-const HEIGHT: f64 = 190.0;
-const LEFT: f64 = 48.0;
-const BELOW: f64 = 36.0;
-const TOP: f64 = 8.0;
 
 /// A share of something, with the ends of its interval, 0 to 1.
 #[derive(Debug, Clone, Copy)]
@@ -20,41 +14,52 @@ pub struct Share {
     pub high: f64,
 }
 
-/// Shares over the entries of an axis, a colour for each series; an entry may lack a share.
-pub fn shares(axis: &str, entries: &[String], series: &[(&str, Vec<Option<Share>>)]) -> String {
-    let label = format!("share passed over {}", escape(axis));
-    let mut svg = Svg::sized(WIDTH, HEIGHT, &label);
-    let right = WIDTH - 8.0;
-    let (bottom, slot) = (HEIGHT - BELOW, (right - LEFT) / entries.len().max(1) as f64);
-    let y = |share: f64| bottom - (bottom - TOP) * share;
+impl Share {
+    /// `95.0 % (90.1 to 98.2 %)`
+    fn words(&self) -> String {
+        format!("{:.1} % ({:.1} to {:.1} %)", 100.0 * self.share, 100.0 * self.low, 100.0 * self.high)
+    }
+}
+
+/// Shares over an axis, a colour for each series; an entry may lack a share.
+pub fn shares(title: &str, axis: &Axis, series: &[(&str, Vec<Option<Share>>)]) -> String {
+    let mut svg = Svg::sized(WIDTH, HEIGHT, &escape(&format!("{title} over {}", axis.title)));
+    let y = |share: f64| BOTTOM - (BOTTOM - TOP) * share;
     for percent in [0, 25, 50, 75, 100] {
-        grid(&mut svg, [LEFT, right], y(f64::from(percent) / 100.0), &format!("{percent} %"));
+        grid(&mut svg, [LEFT, RIGHT], y(f64::from(percent) / 100.0), &format!("{percent} %"));
     }
-    // As many words as find room.
-    let every = (entries.iter().map(String::len).max().unwrap_or(1) as f64 * 7.0 / slot).ceil().max(1.0) as usize;
-    for (i, entry) in entries.iter().enumerate().step_by(every) {
-        svg.text(LEFT + slot * (i as f64 + 0.5), bottom + 15.0, "tick middle", &escape(entry));
-    }
-    svg.text(f64::midpoint(LEFT, right), HEIGHT - 4.0, "tick middle", &escape(axis));
+    axis.draw(&mut svg, title);
     for (n, ((name, shares), colour)) in series.iter().zip(COLOURS.iter().cycle()).enumerate() {
         let offset = (n as f64 + 0.5) / series.len() as f64 * 0.6 + 0.2;
-        for (i, (share, entry)) in shares.iter().zip(entries).enumerate() {
-            let Some(Share { share, low, high }) = share else { continue };
-            let x = LEFT + slot * (i as f64 + offset);
+        for (i, (share, entry)) in shares.iter().zip(&axis.entries).enumerate() {
+            let Some(share) = share else { continue };
+            let x = axis.x(i as f64 + offset);
             svg.add(format_args!(
-                "<g style=\"stroke:{colour};fill:{colour}\"><title>{}, {}: {:.1} % ({:.1} to {:.1} %)</title>\
+                "<g style=\"stroke:{colour};fill:{colour}\"><title>{}, {}: {}</title>\
                  <path d=\"M{x:.1} {:.1}V{:.1}\"/><circle cx=\"{x:.1}\" cy=\"{:.1}\" r=\"3\"/></g>",
                 escape(name),
                 escape(entry),
-                100.0 * share,
-                100.0 * low,
-                100.0 * high,
-                y(*low),
-                y(*high),
-                y(*share)
+                share.words(),
+                y(share.low),
+                y(share.high),
+                y(share.share)
             ));
         }
     }
+    svg.finish()
+}
+
+/// A share with its interval on a line from 0 to 1, for the cell of a table.
+pub fn interval(share: &Share) -> String {
+    let (width, y) = (180.0, 8.0);
+    let x = |share: f64| 4.0 + (width - 8.0) * share;
+    let mut svg = Svg::sized(width, 2.0 * y, &share.words());
+    svg.add(format_args!("<path d=\"M{} {y}H{}\" style=\"stroke:var(--rule)\"/>", x(0.0), x(1.0)));
+    let [low, high, share] = [share.low, share.high, share.share].map(x);
+    svg.add(format_args!(
+        "<g style=\"stroke:var(--ink);fill:var(--ink)\"><path d=\"M{low:.1} {y}H{high:.1}\" style=\"stroke-width:2\"/>\
+         <circle cx=\"{share:.1}\" cy=\"{y}\" r=\"3.5\"/></g>"
+    ));
     svg.finish()
 }
 
@@ -63,76 +68,162 @@ pub fn legend(names: &[&str]) -> String {
     let one = |(name, colour): (&&str, &&str)| {
         format!("<span style=\"color:{colour}\">&#9632;</span> {} &nbsp; ", escape(name))
     };
-    format!("<p class=\"hint\">{}</p>", names.iter().zip(COLOURS.iter().cycle()).map(one).collect::<String>())
+    names.iter().zip(COLOURS.iter().cycle()).map(one).collect()
 }
 
-/// Points (x, y, marked), y on a logarithmic axis; the marked ones are drawn last, in the colour of what failed.
-pub fn scatter(axes: [&str; 2], points: &[(f64, f64, bool)]) -> String {
-    let [across, up] = axes.map(escape);
-    let mut svg = Svg::sized(WIDTH, HEIGHT, &format!("{up} over {across}"));
-    let (right, bottom) = (WIDTH - 8.0, HEIGHT - BELOW);
-    let drawn = || points.iter().filter(|(x, y, _)| x.is_finite() && *y > 0.0);
-    let ends = |of: fn(&(f64, f64, bool)) -> f64| {
-        drawn().map(of).fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)])
-    };
-    let ([x0, x1], [y0, y1]) = (ends(|point| point.0), ends(|point| point.1.log10()));
-    if x0 > x1 {
-        return String::new();
+/// Where the middle half of some values lies, and how far the others reach.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Quartiles {
+    /// Ends of the whiskers.
+    pub reach: [f64; 2],
+    /// First quartile, median, third quartile.
+    pub quartiles: [f64; 3],
+}
+
+/// What is drawn over the dots of a series.
+#[derive(Debug, Clone)]
+pub enum Middle {
+    /// A box for each entry that has values.
+    Boxes(Vec<Option<Quartiles>>),
+    /// A line through these places and values.
+    Line(Vec<(f64, f64)>),
+}
+
+/// The values of one series.
+#[derive(Debug, Clone)]
+pub struct Dots {
+    /// Place on the axis, value, and whether it is drawn as a cross.
+    pub points: Vec<(f64, f64, bool)>,
+    pub middle: Middle,
+}
+
+/// Values above 0 over an axis, a colour for each series, and a broken line at `limit`.
+pub fn dots(title: &str, axis: &Axis, limit: Option<f64>, series: &[Dots]) -> String {
+    let values = || series.iter().flat_map(|dots| &dots.points).map(|(_, value, _)| *value);
+    let Some(scale) = values().next().and_then(|_| Scale::of(values().chain(limit))) else { return String::new() };
+    let mut svg = Svg::sized(WIDTH, HEIGHT, &escape(&format!("{title} over {}", axis.title)));
+    let y = |value: f64| BOTTOM - (BOTTOM - TOP) * scale.place(value);
+    for mark in scale.marks() {
+        grid(&mut svg, [LEFT, RIGHT], y(mark), &short(mark));
     }
-    let x = |value: f64| LEFT + 4.0 + (right - LEFT - 8.0) * if x1 > x0 { (value - x0) / (x1 - x0) } else { 0.5 };
-    let (low, high) = (y0.floor(), y1.ceil().max(y0.floor() + 1.0));
-    let y = |log: f64| bottom - (bottom - TOP) * (log - low) / (high - low);
-    for decade in low as i32..=high as i32 {
-        grid(&mut svg, [LEFT, right], y(f64::from(decade)), &format!("{}", 10_f64.powi(decade)));
-    }
-    for mark in marks(x0, x1) {
-        svg.text(x(mark), bottom + 15.0, "tick middle", &short(mark));
-    }
-    svg.text(f64::midpoint(LEFT, right), HEIGHT - 4.0, "tick middle", &format!("{across}; up: {up}"));
-    for (is_marked, colour) in [(false, "var(--blue)"), (true, "var(--orange)")] {
-        let mut of_kind = String::new();
-        for (px, py, _) in drawn().filter(|(.., marked)| *marked == is_marked) {
-            let _ = write!(of_kind, "M{:.1} {:.1}h0", x(*px), y(py.log10())); // a String takes everything
+    axis.draw(&mut svg, title);
+    // Beside boxes each series has a part of the entry: the box at its left, the dots at its right.
+    let part = 0.84 / series.len().max(1) as f64;
+    for (n, (dots, colour)) in series.iter().zip(COLOURS.iter().cycle()).enumerate() {
+        let left = |entry: f64| entry + 0.08 + part * n as f64;
+        let (mut round, mut crosses) = (String::new(), String::new());
+        let points = dots.points.iter().filter(|(_, value, _)| value.is_finite() && *value > 0.0);
+        for (i, (place, value, is_cross)) in points.enumerate() {
+            let place = match dots.middle {
+                // Multiples of the golden ratio spread evenly.
+                Middle::Boxes(_) => left(place.floor()) + part * (0.5 + 0.42 * (i as f64 * 0.618_034).fract()),
+                Middle::Line(_) => *place,
+            };
+            let (x, y) = (axis.x(place), y(*value));
+            // A line without length, with round ends, is a dot.
+            let _ = match is_cross {
+                true => write!(crosses, "M{:.1} {:.1}l5 5m-5 0l5 -5", x - 2.5, y - 2.5),
+                false => write!(round, "M{x:.1} {y:.1}h0"),
+            }; // a String takes everything
         }
-        // A line without length, with round ends, is a dot.
         svg.add(format_args!(
-            "<path d=\"{of_kind}\" style=\"stroke:{colour};stroke-width:3;stroke-linecap:round;opacity:0.6\"/>"
+            "<g style=\"stroke:{colour};fill:none\">\
+             <path d=\"{round}\" style=\"stroke-width:3;stroke-linecap:round;opacity:0.4\"/>\
+             <path d=\"{crosses}\" style=\"opacity:0.7\"/>"
         ));
+        match &dots.middle {
+            Middle::Boxes(boxes) => {
+                let width = (axis.slot() * part * 0.42).min(36.0);
+                for (i, quartiles) in boxes.iter().enumerate() {
+                    let end = axis.x(left(i as f64) + 0.46 * part);
+                    if let Some(quartiles) = quartiles {
+                        svg.add(quartiles.drawn([end - width, end], y));
+                    }
+                }
+            }
+            Middle::Line(line) => {
+                let line = polyline(line.iter().map(|(place, value)| (axis.x(*place), y(*value))));
+                svg.add(format_args!("<path d=\"{line}\" style=\"stroke:var(--page);stroke-width:5\"/>"));
+                svg.add(format_args!("<path d=\"{line}\" style=\"stroke-width:2.5\"/>"));
+            }
+        }
+        svg.add("</g>");
+    }
+    if let Some(limit) = limit {
+        let y = y(limit);
+        svg.add(format_args!("<path d=\"M{LEFT} {y:.1}H{RIGHT}\" style=\"stroke:var(--ink);stroke-dasharray:5 4\"/>"));
+        svg.text(RIGHT, y - 4.0, "limit end", &format!("bound {}", short(limit)));
     }
     svg.finish()
 }
 
-/// Values over time \[s\] as lines, in the order of the colours, in a small picture.
-pub fn course(title: &str, end_s: f64, series: &[Vec<(f64, f64)>]) -> String {
-    let (width, height, bottom) = (230.0, 92.0, 62.0);
-    let mut svg = Svg::sized(width, height, title);
-    let values = || series.iter().flatten().map(|(_, value)| *value).filter(|value| value.is_finite());
+impl Quartiles {
+    /// The box between two edges, its whiskers, and the thick line of the median.
+    fn drawn(&self, [left, right]: [f64; 2], y: impl Fn(f64) -> f64) -> String {
+        let ([low, high], [first, median, third]) = (self.reach.map(&y), self.quartiles.map(&y));
+        let (middle, width, height) = (f64::midpoint(left, right), right - left, first - third);
+        let [low_word, first_word, median_word, third_word, high_word] =
+            [self.reach[0], self.quartiles[0], self.quartiles[1], self.quartiles[2], self.reach[1]].map(short);
+        format!(
+            "<g><title>median {median_word}, quartiles {first_word} and {third_word}, whiskers {low_word} and {high_word}</title>\
+             <path d=\"M{middle:.1} {low:.1}V{first:.1}M{middle:.1} {third:.1}V{high:.1}\"/>\
+             <rect x=\"{left:.1}\" y=\"{third:.1}\" width=\"{width:.1}\" height=\"{height:.1}\" style=\"fill:var(--page)\"/>\
+             <path d=\"M{left:.1} {median:.1}H{right:.1}\" style=\"stroke-width:3\"/></g>"
+        )
+    }
+}
+
+/// A line of a small picture.
+#[derive(Debug, Clone)]
+pub struct Course<'a> {
+    pub name: &'a str,
+    /// Time \[s\] and value.
+    pub points: Vec<(f64, f64)>,
+}
+
+/// Values over time \[s\] as lines with their names in a small picture, on the ground of the spans that are shaded \[s\].
+pub fn courses(unit: &str, end_s: f64, lines: &[Course], shaded: &[[f64; 2]]) -> String {
+    let (width, height, bottom, top) = (230.0, 92.0, 62.0, 18.0);
+    let names: Vec<&str> = lines.iter().map(|line| line.name).collect();
+    let mut svg = Svg::sized(width, height, &escape(&format!("{} [{unit}]", names.join(", "))));
+    let values =
+        || lines.iter().flat_map(|line| &line.points).map(|(_, value)| *value).filter(|value| value.is_finite());
     let low = values().fold(0.0, f64::min);
     let high = values().fold(low + 1e-9, f64::max);
-    let x = |time_s: f64| LEFT + (width - LEFT - 8.0) * time_s / end_s.max(1e-9);
-    let y = |value: f64| bottom - (bottom - 18.0) * (value - low) / (high - low);
-    svg.text(LEFT, 11.0, "tick", &escape(title));
+    let x = |time_s: f64| LEFT + (width - LEFT - 8.0) * (time_s / end_s.max(1e-9)).clamp(0.0, 1.0);
+    let y = |value: f64| bottom - (bottom - top) * (value - low) / (high - low);
+    for [from, to] in shaded.iter().map(|span| span.map(x)).filter(|[from, to]| to >= from) {
+        let width = (to - from).max(1.0);
+        svg.add(format_args!(
+            "<rect class=\"broken\" x=\"{from:.1}\" y=\"{top}\" width=\"{width:.1}\" height=\"{}\"/>",
+            bottom - top
+        ));
+    }
     for value in [low, high] {
         grid(&mut svg, [LEFT, width - 8.0], y(value), &short(value));
     }
     for (time_s, class) in [(0.0, "tick"), (end_s, "tick end")] {
         svg.text(x(time_s), bottom + 15.0, class, &format!("{} s", short(time_s)));
     }
-    for (line, colour) in series.iter().zip(COLOURS) {
-        let mut points = String::new();
-        for (time_s, value) in line.iter().filter(|(_, value)| value.is_finite()) {
-            let pen = if points.is_empty() { 'M' } else { 'L' };
-            let _ = write!(points, "{pen}{:.1} {:.1}", x(*time_s), y(*value)); // a String takes everything
-        }
+    let mut legend = String::new();
+    for (line, colour) in lines.iter().zip(COLOURS) {
+        let points = line.points.iter().filter(|(_, value)| value.is_finite());
+        let points = polyline(points.map(|(time_s, value)| (x(*time_s), y(*value))));
         svg.add(format_args!("<path d=\"{points}\" style=\"fill:none;stroke:{colour};stroke-width:1.2\"/>"));
+        let _ = write!(legend, "<tspan style=\"fill:{colour}\">{}</tspan> ", escape(line.name)); // as above
     }
+    svg.text(LEFT, 11.0, "tick", &format!("{legend}[{}]", escape(unit)));
     svg.finish()
 }
 
-/// A line of the grid from left to right, and its word.
-fn grid(svg: &mut Svg, [from, to]: [f64; 2], y: f64, word: &str) {
-    svg.add(format_args!("<path d=\"M{from} {y:.1}H{to}\" style=\"stroke:var(--grid)\"/>"));
-    svg.text(from - 4.0, y + 4.0, "tick end", word);
+/// The path through points \[px\].
+fn polyline(points: impl Iterator<Item = (f64, f64)>) -> String {
+    let mut path = String::new();
+    for (x, y) in points {
+        let pen = if path.is_empty() { 'M' } else { 'L' };
+        let _ = write!(path, "{pen}{x:.1} {y:.1}"); // a String takes everything
+    }
+    path
 }
 
 /// A number in few characters.
@@ -167,25 +258,41 @@ mod tests {
         }
     }
 
+    fn axis() -> Axis {
+        Axis::of_values("mass", vec!["1".into(), "2".into()])
+    }
+
     #[test]
     fn a_share_stands_at_its_height_with_its_interval() {
         let share = Share { share: 0.5, low: 0.0, high: 1.0 };
-        let svg = shares("mass", &["1".into(), "2".into()], &[("cone", vec![None, Some(share)])]);
-        assert!(svg.contains("V8.0\"/><circle cx=\"321.0\" cy=\"81.0\""), "{svg}");
+        let svg = shares("passed", &axis(), &[("cone", vec![None, Some(share)])]);
+        assert!(svg.contains("M319.5 170.0V24.0\"/><circle cx=\"319.5\" cy=\"97.0\""), "{svg}");
         assert_eq!(svg.matches("<circle").count(), 1, "an entry without flights has none");
     }
 
     #[test]
-    fn points_that_have_no_place_are_left_out() {
-        let svg =
-            scatter(["x", "y"], &[(0.0, 1.0, false), (1.0, 10.0, true), (f64::NAN, 1.0, false), (1.0, 0.0, false)]);
-        assert_eq!(svg.matches("h0").count(), 2, "{svg}");
-        assert_eq!(scatter(["x", "y"], &[]), "");
+    fn points_that_have_no_place_are_left_out_and_the_marked_are_crosses() {
+        let points = vec![(0.0, 1.0, false), (1.0, 2.0, true), (1.0, f64::NAN, false), (1.0, 0.0, false)];
+        let line = Dots { points, middle: Middle::Line(vec![(0.0, 1.0), (2.0, 2.0)]) };
+        let svg = dots("y", &axis(), Some(3.0), &[line]);
+        assert_eq!((svg.matches("h0").count(), svg.matches("l5 5m").count()), (1, 1), "{svg}");
+        assert!(svg.contains(">bound 3</text>") && svg.contains("M48.0 "), "{svg}");
+        assert_eq!(dots("y", &axis(), Some(3.0), &[]), "");
+    }
+
+    #[test]
+    fn a_box_has_its_median_between_its_quartiles() {
+        let quartiles = Quartiles { reach: [1.0, 5.0], quartiles: [2.0, 3.0, 4.0] };
+        let drawn = quartiles.drawn([10.0, 20.0], |value| -10.0 * value);
+        assert!(drawn.contains("M15.0 -10.0V-20.0M15.0 -40.0V-50.0") && drawn.contains("M10.0 -30.0H20.0"), "{drawn}");
+        assert!(drawn.contains("y=\"-40.0\" width=\"10.0\" height=\"20.0\""), "{drawn}");
     }
 
     #[test]
     fn lines_reach_from_their_lowest_to_their_highest_value() {
-        let svg = course("error", 2.0, &[vec![(0.0, 0.0), (1.0, f64::NAN), (2.0, 4.0)]]);
+        let line = Course { name: "error", points: vec![(0.0, 0.0), (1.0, f64::NAN), (2.0, 4.0)] };
+        let svg = courses("m", 2.0, &[line], &[[1.0, 9.0]]);
         assert!(svg.contains("d=\"M48.0 62.0L222.0 18.0\""), "{svg}");
+        assert!(svg.contains("class=\"broken\" x=\"135.0\" y=\"18\" width=\"87.0\""), "to the end at most: {svg}");
     }
 }

@@ -1,0 +1,208 @@
+//! Each factor by itself: how often, and how far off.
+
+use statrs::statistics::{Data, OrderStatistics};
+use view::draw::{self, Axis, Dots, MapCell, Middle, Quartiles, Share, escape, legend, map, short};
+
+use super::Page;
+use super::bins::{Binned, parts};
+use super::maps::share_cell;
+use crate::Rate;
+
+/// As many controllers are told apart by colour; of more each has a row.
+pub const COLOURED: usize = 4;
+/// Dots of a plot.
+const DOTS: usize = 2000;
+/// The fewest values that have quartiles and a running median.
+const FEWEST: usize = 5;
+/// Windows of a running median beside each other.
+const WINDOWS: usize = 10;
+
+/// The section of the factors.
+pub fn section(page: &Page) -> String {
+    let factors: Vec<Binned> = page.factors(parts(page.draws()));
+    if factors.is_empty() {
+        return String::new();
+    }
+    let plots: String = factors.iter().map(|factor| one(page, factor)).collect();
+    let error = &page.error;
+    let dots = chosen(page.rows()).count();
+    let what = if page.names.len() > COLOURED {
+        format!(
+            "Left: percent passed, and of how many flights (n), whatever the other factors were. Right: the median of the {} [m].",
+            error.words
+        )
+    } else {
+        let bound = error.limit.map_or("", |_| " The broken line is the bound.");
+        let colours = if page.names.len() > 1 { legend(&page.names) } else { String::new() };
+        format!(
+            "Left: the share passed, whatever the other factors were, with exact 95 % intervals. Right: the {} of {dots} flights; \
+             a box has the middle half of all with the median as a thick line, its whiskers reach to the last within 1.5 times \
+             its height; a line is the running median.{bound}</p><p class=\"hint\">{colours}&#9679; passed &nbsp; &#215; failed",
+            error.words
+        )
+    };
+    format!("<section id=\"factors\"><h2>Factors</h2><p>{what}</p>{plots}</section>")
+}
+
+fn one(page: &Page, factor: &Binned) -> String {
+    let plots = if page.names.len() <= COLOURED && (factor.is_number || factor.axis.fits()) {
+        shares(page, factor) + &errors(page, factor)
+    } else {
+        rows(page, factor)
+    };
+    format!("<h3>{}</h3><div class=\"plots\">{plots}</div>", escape(&factor.key))
+}
+
+fn shares(page: &Page, factor: &Binned) -> String {
+    let of_bin = |controller: usize, bin: usize| {
+        let rate = page.rate(|row| factor.bin(row) == Some(bin) && page.controllers[row] == controller);
+        (rate.flights > 0).then(|| Share { share: rate.share(), low: rate.low, high: rate.high })
+    };
+    let bins = 0..factor.axis.entries.len();
+    let of_controller = |(i, name): (usize, &&'_ str)| {
+        let shares: Vec<_> = bins.clone().map(|bin| of_bin(i, bin)).collect();
+        (name.to_string(), shares)
+    };
+    let series: Vec<(String, Vec<_>)> = page.names.iter().enumerate().map(of_controller).collect();
+    let series: Vec<(&str, Vec<_>)> = series.iter().map(|(name, shares)| (name.as_str(), shares.clone())).collect();
+    draw::shares("passed", &factor.axis, &series)
+}
+
+/// The rows that are drawn as dots: all, or as many as are clear, whatever the pattern in which the rows stand.
+fn chosen(rows: usize) -> impl Iterator<Item = usize> {
+    // Multiples of the golden ratio leave no gap and keep no step.
+    let place = |row: usize| (row as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15) as f64 / u64::MAX as f64;
+    (0..rows).filter(move |row| rows <= DOTS || place(*row) * (rows as f64) < DOTS as f64)
+}
+
+fn errors(page: &Page, factor: &Binned) -> String {
+    let of_controller = |controller: usize| {
+        let value = |row: usize| Some((factor.place(row)?, page.error.of(row)?));
+        let of_it = |row: &usize| page.controllers[*row] == controller;
+        let points = chosen(page.rows()).filter(of_it).filter_map(|row| {
+            let (place, error) = value(row)?;
+            Some((place, error, !page.passed[row]?))
+        });
+        let all: Vec<(f64, f64)> = (0..page.rows()).filter(of_it).filter_map(value).collect();
+        let middle = if factor.is_divided {
+            Middle::Line(running_median(all))
+        } else {
+            let of_entry = |entry: usize| {
+                let values = all.iter().filter(|(place, _)| *place as usize == entry);
+                quartiles(&values.map(|(_, error)| *error).collect::<Vec<_>>())
+            };
+            Middle::Boxes((0..factor.axis.entries.len()).map(of_entry).collect())
+        };
+        Dots { points: points.collect(), middle }
+    };
+    let series: Vec<Dots> = (0..page.names.len()).map(of_controller).collect();
+    draw::dots(&format!("{} [m]", page.error.words), &factor.axis, page.error.limit, &series)
+}
+
+/// A row for each controller, or where the factor is words a row for each of them: how often, and how far off.
+fn rows(page: &Page, factor: &Binned) -> String {
+    let names: Vec<String> = page.names.iter().map(|name| (*name).to_owned()).collect();
+    let controllers = Axis::of_values("", names);
+    let [across, mut up] = if factor.is_number {
+        [factor.axis.clone(), controllers]
+    } else {
+        [controllers, Axis { title: String::new(), ..factor.axis.clone() }]
+    };
+    // Rows are counted from below, and read from above.
+    up = Axis::of_values("", up.entries.into_iter().rev().collect());
+    let last = up.entries.len() - 1;
+    let mut flights = vec![vec![vec![]; across.entries.len()]; up.entries.len()];
+    for flight in 0..page.rows() {
+        let (Some(bin), controller) = (factor.bin(flight), page.controllers[flight]) else { continue };
+        let (row, column) = if factor.is_number { (controller, bin) } else { (bin, controller) };
+        flights[last - row][column].push(flight);
+    }
+    let cells = |of: &dyn Fn(&[usize], String) -> Option<MapCell>| -> Vec<Vec<Option<MapCell>>> {
+        let rows = flights.iter().zip(&up.entries).map(|(row, of_row)| {
+            let row = row.iter().zip(&across.entries);
+            row.map(|(flights, of_column)| of(flights, format!("{of_row}, {of_column}"))).collect()
+        });
+        rows.collect()
+    };
+    let passed = cells(&|flights, of| {
+        let flown: Vec<bool> = flights.iter().filter_map(|row| page.passed[*row]).collect();
+        share_cell(&Rate::of(flown.iter().filter(|passed| **passed).count(), flown.len()), &of)
+    });
+    let median_of = |flights: &[usize]| median(flights.iter().filter_map(|row| page.error.of(*row)).collect());
+    let medians = || flights.iter().flatten().filter_map(|flights| median_of(flights)).filter(|median| *median > 0.0);
+    let [low, high] = [medians().fold(f64::INFINITY, f64::min), medians().fold(0.0, f64::max)];
+    let errors = cells(&|flights, of| {
+        let median = median_of(flights)?;
+        let shade = if high > low { libm::log(median / low) / libm::log(high / low) } else { 0.5 };
+        let label = short(median);
+        let title = format!("{of}: median {label} m of {} flights", flights.len());
+        Some(MapCell { shade, label, note: String::new(), title })
+    });
+    let title = format!("median {} [m]", page.error.words);
+    map("passed [%]", [&across, &up], &passed, |_, _| false) + &map(&title, [&across, &up], &errors, |_, _| false)
+}
+
+/// The quantiles are those of type 8 of Hyndman and Fan (The American Statistician 50, 1996).
+fn quartiles(values: &[f64]) -> Option<Quartiles> {
+    if values.len() < FEWEST {
+        return None;
+    }
+    let mut data = Data::new(values.to_vec());
+    let quartiles = [0.25, 0.5, 0.75].map(|share| data.quantile(share));
+    let [first, _, third] = quartiles;
+    let whisker = 1.5 * (third - first);
+    let within = || values.iter().copied().filter(|value| (first - whisker..=third + whisker).contains(value));
+    Some(Quartiles { reach: [within().fold(first, f64::min), within().fold(third, f64::max)], quartiles })
+}
+
+fn median(values: Vec<f64>) -> Option<f64> {
+    (!values.is_empty()).then(|| Data::new(values).median())
+}
+
+/// Medians over windows of the same number of points, which overlap by half.
+fn running_median(mut points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
+    points.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    let window = (points.len() / WINDOWS).max(FEWEST);
+    let of_window = |window: &[(f64, f64)]| {
+        let [place, value] = [|point: &(f64, f64)| point.0, |point: &(f64, f64)| point.1]
+            .map(|of| median(window.iter().map(of).collect()));
+        Some((place?, value?))
+    };
+    points.windows(window).step_by(window.div_ceil(2)).filter_map(of_window).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_dots_are_of_all_controllers_alike() {
+        assert_eq!(chosen(5).count(), 5);
+        let rows: Vec<usize> = chosen(12_000).collect();
+        assert!(rows.len().abs_diff(DOTS) < 5, "{}", rows.len());
+        for controller in 0..12 {
+            let share = rows.iter().filter(|row| *row % 12 == controller).count();
+            assert!(share.abs_diff(DOTS / 12) < 10, "{share} of controller {controller}");
+        }
+    }
+
+    /// Against R: `quantile(c(1:9, 100), c(.25, .5, .75), type = 8)`.
+    #[test]
+    fn val_a_box_has_the_quartiles_and_leaves_the_outlier_out() {
+        let mut values: Vec<f64> = (1..=9).map(f64::from).collect();
+        values.push(100.0);
+        let Quartiles { reach, quartiles: [first, median, third] } = quartiles(&values).unwrap();
+        assert!((first - 2.916_667).abs() < 1e-6 && (third - 8.083_333).abs() < 1e-6, "{first} {third}");
+        assert_eq!((reach, median), ([1.0, 9.0], 5.5));
+        assert_eq!(quartiles(&[1.0; 4]), None, "too few");
+    }
+
+    #[test]
+    fn a_running_median_follows_its_values_and_no_outlier() {
+        let points = (0..100).map(|i| (f64::from(i), if i == 50 { 1e6 } else { f64::from(i) })).rev().collect();
+        let line = running_median(points);
+        assert_eq!((line.len(), line[0]), (19, (4.5, 4.5)));
+        assert!(line.iter().all(|(place, value)| (place - value).abs() < 2.0), "{line:?}");
+        assert!(running_median(vec![(0.0, 1.0); 4]).is_empty());
+    }
+}

@@ -1,0 +1,127 @@
+//! Every two factors together, with the border.
+
+use std::collections::HashSet;
+
+use view::draw::{MapCell, escape, map};
+
+use super::Page;
+use super::bins::{Binned, parts_of_two};
+use crate::Rate;
+use crate::variation::Values;
+
+/// Factors of which every pair may have a map: those over which the share changes most.
+const MAPPED: usize = 6;
+/// Maps of the page.
+const MAPS: usize = 12;
+
+/// The section of the maps.
+pub fn section(page: &Page) -> String {
+    let factors = page.factors(parts_of_two(page.draws()));
+    let mut by_effect: Vec<(f64, &Binned)> = factors.iter().map(|factor| (effect(page, factor), factor)).collect();
+    by_effect.sort_by(|a, b| b.0.total_cmp(&a.0));
+    by_effect.truncate(MAPPED);
+    let mut pairs: Vec<[(f64, &Binned); 2]> = vec![];
+    for (i, one) in by_effect.iter().enumerate() {
+        pairs.extend(by_effect[i + 1..].iter().map(|other| [*one, *other]));
+    }
+    pairs.sort_by(|a, b| (b[0].0 + b[1].0).total_cmp(&(a[0].0 + a[1].0)));
+    let all = factors.len() * factors.len().saturating_sub(1) / 2;
+    pairs.truncate((MAPS / page.names.len()).max(1));
+    if pairs.is_empty() {
+        return String::new();
+    }
+    let (mut maps, mut rules) = (String::new(), HashSet::new());
+    for [(_, across), (_, up)] in &pairs {
+        let is_grid = [across, up].iter().all(|factor| is_listed(page, factor));
+        rules.insert(is_grid);
+        let of_controllers = (0..page.names.len()).map(|controller| one(page, controller, [across, up], is_grid));
+        let heading = [escape(&across.key), escape(&up.key)].join(" and ");
+        maps += &[&format!("<h3>{heading}</h3><div class=\"plots\">"), &*of_controllers.collect::<String>(), "</div>"]
+            .concat();
+    }
+    let left_out = if pairs.len() < all {
+        format!(" Of {all} pairs of factors {} are shown, over which the share changes most.", pairs.len())
+    } else {
+        String::new()
+    };
+    let apart = if rules.contains(&false) {
+        " The orange line is the border: it lies between neighbours whose exact 95 % intervals are apart. Where there is none, \
+         no difference between neighbours is sure."
+    } else {
+        ""
+    };
+    let half = if rules.contains(&true) {
+        " In a grid of listed values the orange line lies between less than half passed and the rest."
+    } else {
+        ""
+    };
+    format!(
+        "<section id=\"maps\"><h2>Two factors</h2><p>Percent passed, from dark (0) to bright (100), and of how many flights (n), \
+         whatever the other factors were. Where no cell is, no flight was.{apart}{half}{left_out}</p>{maps}</section>"
+    )
+}
+
+/// Whether each value of a factor meets every other one.
+fn is_listed(page: &Page, factor: &Binned) -> bool {
+    let own = page.plan.campaign.factors.iter().find(|own| own.key == factor.key);
+    own.is_some_and(|own| matches!(own.values, Values::Listed(_)))
+}
+
+/// How far apart the shares of the entries of a factor are.
+fn effect(page: &Page, factor: &Binned) -> f64 {
+    let shares = (0..factor.axis.entries.len()).map(|bin| page.rate(|row| factor.bin(row) == Some(bin)));
+    let shares: Vec<f64> = shares.filter(|rate| rate.flights > 0).map(|rate| rate.share()).collect();
+    shares.iter().copied().fold(0.0, f64::max) - shares.iter().copied().fold(1.0, f64::min)
+}
+
+fn one(page: &Page, controller: usize, [across, up]: [&Binned; 2], is_grid: bool) -> String {
+    let [columns, rows] = [across, up].map(|factor| factor.axis.entries.len());
+    let mut counts = vec![vec![(0_usize, 0_usize); columns]; rows];
+    for row in (0..page.rows()).filter(|row| page.controllers[*row] == controller) {
+        let (Some(column), Some(line), Some(passed)) = (across.bin(row), up.bin(row), page.passed[row]) else {
+            continue;
+        };
+        counts[line][column].0 += usize::from(passed);
+        counts[line][column].1 += 1;
+    }
+    let rates: Vec<Vec<Rate>> =
+        counts.iter().map(|row| row.iter().map(|(passed, flown)| Rate::of(*passed, *flown)).collect()).collect();
+    let cells = rates.iter().zip(&up.axis.entries).map(|(of_row, of_up)| {
+        let of_row = of_row.iter().zip(&across.axis.entries);
+        of_row.map(|(rate, of_across)| share_cell(rate, &format!("{of_across}, {of_up}"))).collect()
+    });
+    let title = if page.names.len() > 1 { page.names[controller] } else { "" };
+    let border = |one: [usize; 2], other: [usize; 2]| {
+        let [one, other] = [one, other].map(|[row, column]| &rates[row][column]);
+        are_apart(one, other) || is_grid && (one.share() < 0.5) != (other.share() < 0.5)
+    };
+    map(title, [&across.axis, &up.axis], &cells.collect::<Vec<Vec<_>>>(), border)
+}
+
+/// Whether the intervals of two shares have nothing in common.
+fn are_apart(one: &Rate, other: &Rate) -> bool {
+    one.low > other.high || other.low > one.high
+}
+
+/// The cell of a share: percent and number of flights; none without a flight.
+pub fn share_cell(rate: &Rate, of: &str) -> Option<MapCell> {
+    let Rate { survived, flights, .. } = rate;
+    (*flights > 0).then(|| MapCell {
+        shade: rate.share(),
+        label: format!("{:.0}", 100.0 * rate.share()),
+        note: format!("n {flights}"),
+        title: format!("{of}: {survived} of {flights} passed, exact 95 % interval {}", rate.interval()),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_difference_between_few_flights_is_not_sure() {
+        let differ = |a: [usize; 2], b: [usize; 2]| are_apart(&Rate::of(a[0], a[1]), &Rate::of(b[0], b[1]));
+        assert!(!differ([2, 2], [0, 2]) && !differ([18, 20], [12, 20]));
+        assert!(differ([18, 20], [4, 20]) && differ([0, 20], [20, 20]));
+    }
+}

@@ -1,0 +1,145 @@
+//! The axes of plots: entries side by side, and the scale of their values.
+
+use super::charts::marks;
+use super::{Svg, escape};
+
+/// Size of the plots, and where their axes end \[px\].
+pub(super) const WIDTH: f64 = 420.0;
+pub(super) const HEIGHT: f64 = 206.0;
+pub(super) const LEFT: f64 = 48.0;
+pub(super) const RIGHT: f64 = WIDTH - 10.0;
+pub(super) const TOP: f64 = 24.0;
+pub(super) const BOTTOM: f64 = HEIGHT - 36.0;
+/// What a letter of an axis takes \[px\].
+pub(super) const LETTER: f64 = 6.2;
+
+/// An axis of entries side by side, each 1 wide: single values, or parts of a range.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Axis {
+    /// What it shows, with its unit.
+    pub title: String,
+    pub entries: Vec<String>,
+    /// Words below the axis, and where they stand.
+    pub ticks: Vec<(f64, String)>,
+}
+
+impl Axis {
+    /// An entry for each value.
+    pub fn of_values(title: &str, entries: Vec<String>) -> Self {
+        let ticks = entries.iter().enumerate().map(|(i, entry)| (i as f64 + 0.5, entry.clone())).collect();
+        Self { title: title.to_owned(), entries, ticks }
+    }
+
+    /// An entry between every two edges.
+    pub fn of_parts(title: &str, edges: &[String]) -> Self {
+        let entries = edges.windows(2).map(|ends| format!("{} to {}", ends[0], ends[1])).collect();
+        let ticks = edges.iter().enumerate().map(|(i, edge)| (i as f64, edge.clone())).collect();
+        Self { title: title.to_owned(), entries, ticks }
+    }
+
+    /// Whether a plot has room for all words below the axis.
+    pub fn fits(&self) -> bool {
+        (self.longest() as f64 + 1.0) * LETTER <= self.slot()
+    }
+
+    /// Letters of the longest word.
+    pub(super) fn longest(&self) -> usize {
+        self.ticks.iter().map(|(_, word)| word.chars().count()).max().unwrap_or(0)
+    }
+
+    /// Width of an entry \[px\].
+    pub(super) fn slot(&self) -> f64 {
+        (RIGHT - LEFT) / self.entries.len().max(1) as f64
+    }
+
+    /// Where a place on the axis is drawn \[px\].
+    pub(super) fn x(&self, place: f64) -> f64 {
+        LEFT + self.slot() * place
+    }
+
+    /// The axis below a plot of values, as many words as find room, and the title of the values above.
+    pub(super) fn draw(&self, svg: &mut Svg, values: &str) {
+        svg.text(4.0, 12.0, "tick", &escape(values));
+        let every = ((self.longest() as f64 + 1.0) * LETTER / self.slot()).ceil().max(1.0) as usize;
+        for (place, word) in self.ticks.iter().step_by(every) {
+            svg.text(self.x(*place), BOTTOM + 16.0, "tick middle", &escape(word));
+            svg.add(format_args!("<path d=\"M{:.1} {BOTTOM}v4\" style=\"stroke:var(--muted)\"/>", self.x(*place)));
+        }
+        svg.text(f64::midpoint(LEFT, RIGHT), HEIGHT - 4.0, "tick middle", &escape(&self.title));
+    }
+}
+
+/// The scale of values above 0: linear, or logarithmic where they span a decade.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Scale {
+    is_log: bool,
+    /// Of the values, or of their logarithms to base 10.
+    ends: [f64; 2],
+}
+
+impl Scale {
+    /// The scale on which all values have a place; `None` without a value.
+    pub(super) fn of(values: impl Iterator<Item = f64>) -> Option<Self> {
+        let [low, high] = values
+            .filter(|value| value.is_finite() && *value > 0.0)
+            .fold([f64::INFINITY, 0.0_f64], |[low, high], value| [low.min(value), high.max(value)]);
+        let is_log = high >= 10.0 * low;
+        let [low, high] = if is_log { [low, high].map(f64::log10) } else { [low, high] };
+        let room = if high > low { 0.05 * (high - low) } else { 0.5 * high };
+        (low <= high).then_some(Self { is_log, ends: [low - room, high + room] })
+    }
+
+    /// Where a value lies between the ends, 0 to 1.
+    pub(super) fn place(&self, value: f64) -> f64 {
+        let [low, high] = self.ends;
+        ((if self.is_log { value.log10() } else { value }) - low) / (high - low)
+    }
+
+    /// Round values on the scale.
+    pub(super) fn marks(&self) -> Vec<f64> {
+        let [low, high] = self.ends;
+        if !self.is_log {
+            return marks(low, high);
+        }
+        let decades = high - low;
+        let steps: &[f64] = if decades < 2.5 { &[1.0, 2.0, 5.0] } else { &[1.0] };
+        let every = (decades / 6.0).ceil() as usize;
+        let of_decade = |decade: i32| steps.iter().map(move |step| step * 10_f64.powi(decade));
+        let all = (low.floor() as i32..=high.ceil() as i32).step_by(every).flat_map(of_decade);
+        all.filter(|value| (0.0..=1.0).contains(&self.place(*value))).collect()
+    }
+}
+
+/// A line of the grid from left to right, and its word.
+pub(super) fn grid(svg: &mut Svg, [from, to]: [f64; 2], y: f64, word: &str) {
+    svg.add(format_args!("<path d=\"M{from} {y:.1}H{to}\" style=\"stroke:var(--grid)\"/>"));
+    svg.text(from - 4.0, y + 4.0, "tick end", word);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::draw::short;
+
+    #[test]
+    fn parts_have_their_words_at_the_edges_and_values_in_the_middle() {
+        let edges = ["0", "5", "10"].map(str::to_owned);
+        let axis = Axis::of_parts("x", &edges);
+        assert_eq!(axis.entries, ["0 to 5", "5 to 10"]);
+        assert_eq!(axis.ticks.iter().map(|(place, _)| *place).collect::<Vec<_>>(), [0.0, 1.0, 2.0]);
+        assert_eq!(Axis::of_values("x", edges.to_vec()).ticks[2], (2.5, "10".into()));
+        assert!(axis.fits() && !Axis::of_values("x", vec!["a long word".into(); 8]).fits());
+    }
+
+    #[test]
+    fn a_scale_is_logarithmic_from_a_decade_on() {
+        let scale = |values: &[f64]| Scale::of(values.iter().copied());
+        assert_eq!(scale(&[0.0, f64::NAN]), None);
+        let linear = scale(&[0.10, 0.16]).unwrap();
+        assert_eq!(linear.marks().iter().map(|mark| short(*mark)).collect::<Vec<_>>(), ["0.1", "0.12", "0.14", "0.16"]);
+        assert!((linear.place(0.13) - 0.5).abs() < 1e-12);
+        assert_eq!(scale(&[0.1, 1.0]).unwrap().marks(), [0.1, 0.2, 0.5, 1.0]);
+        assert_eq!(scale(&[0.1, 1e5]).unwrap().marks(), [1.0, 100.0, 1e4]);
+        assert_eq!(scale(&[3.0]).unwrap().place(3.0), 0.5, "one value has a place");
+    }
+}

@@ -1,0 +1,115 @@
+//! Maps: a coloured cell with its words for every two entries of two axes.
+
+use std::fmt::Write;
+
+use super::axes::{Axis, LETTER};
+use super::heat_map::colour;
+use super::{Svg, escape};
+
+/// Width and height of a cell \[px\].
+const CELL: (f64, f64) = (46.0, 34.0);
+/// Words of more letters below a cell are turned.
+const ACROSS: usize = 6;
+
+/// A cell of a map.
+#[derive(Debug, Clone)]
+pub struct MapCell {
+    /// On the scale of colours, 0 to 1.
+    pub shade: f64,
+    pub label: String,
+    /// Below the label.
+    pub note: String,
+    pub title: String,
+}
+
+/// The map of `cells` over two axes, row by row from below; a cell may be empty. A thick line is drawn between neighbours,
+/// each a row and a column, for which `border` says so.
+pub fn map(
+    title: &str,
+    [across, up]: [&Axis; 2],
+    cells: &[Vec<Option<MapCell>>],
+    border: impl Fn([usize; 2], [usize; 2]) -> bool,
+) -> String {
+    let (columns, rows) = (across.entries.len(), up.entries.len());
+    let left = (up.longest() as f64 * LETTER + 12.0).max(40.0);
+    let turned = across.longest() > ACROSS;
+    let words_px = if turned { across.longest() as f64 * LETTER * 0.7 + 14.0 } else { 18.0 };
+    let top = if up.title.is_empty() { 22.0 } else { 40.0 };
+    let (w, h) = (CELL.0 * columns as f64, CELL.1 * rows as f64);
+    let (bottom, below) = (top + h, words_px + if across.title.is_empty() { 2.0 } else { 20.0 });
+    let (x, y) = (|column: f64| left + CELL.0 * column, |row: f64| bottom - CELL.1 * row);
+    let headings = [title, &up.title, &across.title].map(|text| text.chars().count() as f64 * LETTER * 1.1);
+    let width = (left + w + if turned { 24.0 } else { 12.0 }).max(headings[0]).max(headings[1]).max(headings[2]);
+    let mut svg = Svg::sized(width, bottom + below, &escape(&format!("{title}: {} over {}", up.title, across.title)));
+    svg.text(4.0, 14.0, "map", &escape(title));
+    svg.text(4.0, top - 8.0, "tick", &escape(&up.title));
+    svg.text((left + w / 2.0).max(headings[2] / 2.0), bottom + below - 4.0, "tick middle", &escape(&across.title));
+    for (place, word) in &across.ticks {
+        let (x, word) = (x(*place), escape(word));
+        if turned {
+            let (x, y) = (x + 4.0, bottom + 13.0);
+            svg.add(format_args!(
+                "<text class=\"tick end\" transform=\"translate({x:.1} {y:.1}) rotate(-45)\">{word}</text>"
+            ));
+        } else {
+            svg.text(x, bottom + 14.0, "tick middle", &word);
+        }
+    }
+    for (place, word) in &up.ticks {
+        svg.text(left - 6.0, y(*place) + 4.0, "tick end", &escape(word));
+    }
+    let mut line = String::new();
+    for (row, of_row) in cells.iter().enumerate() {
+        for (column, cell) in of_row.iter().enumerate() {
+            let Some(cell) = cell else { continue };
+            let (x, y) = (x(column as f64), y(row as f64 + 1.0));
+            cell.draw(&mut svg, [x, y]);
+            let differs = |other: [usize; 2]| {
+                let is_there = cells.get(other[0]).and_then(|row| row.get(other[1])).is_some_and(Option::is_some);
+                is_there && border([row, column], other)
+            };
+            if differs([row, column + 1]) {
+                let _ = write!(line, "M{:.1} {y:.1}v{}", x + CELL.0, CELL.1); // a String takes everything
+            }
+            if differs([row + 1, column]) {
+                let _ = write!(line, "M{x:.1} {y:.1}h{}", CELL.0);
+            }
+        }
+    }
+    if !line.is_empty() {
+        svg.add(format_args!("<path class=\"border\" d=\"{line}\"/>"));
+    }
+    svg.finish()
+}
+
+impl MapCell {
+    fn draw(&self, svg: &mut Svg, [x, y]: [f64; 2]) {
+        let class = if self.shade > 0.55 { "dark" } else { "light" };
+        let (w, h) = CELL;
+        svg.add(format_args!(
+            "<g class=\"{class}\"><title>{}</title>\
+             <rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{w}\" height=\"{h}\" style=\"fill:{}\"/>",
+            escape(&self.title),
+            colour(self.shade.clamp(0.0, 1.0))
+        ));
+        svg.text(x + w / 2.0, y + 15.0, "value middle", &escape(&self.label));
+        svg.text(x + w / 2.0, y + 28.0, "value note middle", &escape(&self.note));
+        svg.add("</g>");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_border_runs_between_the_neighbours_that_differ() {
+        let cell = || Some(MapCell { shade: 1.0, label: "<1>".into(), note: "n 2".into(), title: String::new() });
+        let cells = [vec![cell(), cell()], vec![cell(), None]];
+        let axis = Axis::of_values("x", vec!["a".into(), "b".into()]);
+        let svg = map("", [&axis, &axis], &cells, |one, other| one[0] == other[0]);
+        assert!(svg.contains("class=\"border\" d=\"M86.0 74.0v34\""), "one step to the right, none to no cell: {svg}");
+        assert_eq!(svg.matches("<rect").count(), 3, "no flights, no cell");
+        assert!(svg.contains("&lt;1&gt;") && !map("", [&axis, &axis], &cells, |_, _| false).contains("border"));
+    }
+}
