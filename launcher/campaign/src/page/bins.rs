@@ -124,12 +124,27 @@ fn by_number(title: &str, values: &[Option<f64>], parts: usize) -> (Axis, bool, 
     // What is drawn evenly by its logarithm has its median at the geometric mean of the ends.
     let is_log = low > 0.0 && high > 10.0 * low && median < 0.5 * ((low * high).sqrt() + f64::midpoint(low, high));
     let on_axis = |value: f64| if is_log { libm::log(value / low) } else { value - low };
-    let part = on_axis(high) / parts as f64;
+    let equal = (low, on_axis(high) / parts as f64, parts);
+    let (low, part, parts) = if is_log { equal } else { round_parts(low, high, parts).unwrap_or(equal) };
+    let on_axis = |value: f64| if is_log { libm::log(value / low) } else { value - low };
     let edge = |i: usize| if is_log { low * libm::exp(part * i as f64) } else { low + part * i as f64 };
     let edges: Vec<f64> = (0..=parts).map(edge).collect();
     let edges = if is_log { edges.iter().map(|edge| short(*edge)).collect() } else { alike(&edges, part) };
     let places = values.iter().map(|value| value.map(|value| on_axis(value) / part)).collect();
     (Axis::of_parts(title, &edges), true, places)
+}
+
+/// The first edge, the width and the number of parts with round edges that a range fills: as many as may be. `None` where the
+/// outer ones would stay empty for the most part.
+fn round_parts(low: f64, high: f64, most: usize) -> Option<(f64, f64, usize)> {
+    let magnitude = libm::pow(10.0, libm::log10((high - low) / most as f64).floor());
+    let widths = [1.0, 2.0, 2.5, 4.0, 5.0, 10.0, 20.0].map(|digits| digits * magnitude);
+    let fit = widths.into_iter().filter_map(|width| {
+        let (from, to) = ((low / width + 1e-9).floor(), (high / width - 1e-9).ceil());
+        let fits = to - from <= most as f64 && (to - from) * width <= 1.15 * (high - low);
+        fits.then_some((from * width, width, (to - from) as usize))
+    });
+    fit.max_by(|one, other| one.2.cmp(&other.2).then(other.1.total_cmp(&one.1)))
 }
 
 /// The edges of parts of this width with the same number of decimals, as few as leave each within a fortieth of its place.
@@ -175,7 +190,9 @@ mod tests {
         let even = binned((0..100).map(|i| -7.998 + 15.997 * f64::from(i) / 99.0)).unwrap();
         assert_eq!(ticks(&even), ["-8", "-6", "-4", "-2", "0", "2", "4", "6", "8"]);
         let odd = binned((0..100).map(|i| 0.9 + 0.5 * f64::from(i) / 99.0)).unwrap();
-        assert_eq!(ticks(&odd)[..3], ["0.900", "0.963", "1.025"]);
+        assert_eq!(ticks(&odd), ["0.9", "1.0", "1.1", "1.2", "1.3", "1.4"]);
+        assert_eq!(round_parts(0.99, 1.32, 2), None, "0.8 to 1.4 is too wide");
+        assert_eq!(alike(&[0.99, 1.155, 1.32], 0.165), ["0.990", "1.155", "1.320"]);
         let log = binned((0..=80).map(|i| libm::pow(10.0, f64::from(i) / 20.0 - 2.0))).unwrap();
         assert_eq!([ticks(&log)[0], ticks(&log)[2], ticks(&log)[8]], ["0.01", "0.1", "100"], "by its logarithm");
     }

@@ -37,7 +37,8 @@ pub fn section(page: &Page) -> String {
         format!(
             "Left: the share passed, whatever the other factors were, with exact 95 % intervals. Right: the {} of {dots} flights; \
              a box has the middle half of all with the median as a thick line, its whiskers reach to the last within 1.5 times \
-             its height; a line is the running median.{bound}</p><p class=\"hint\">{colours}&#9679; passed &nbsp; &#215; failed",
+             its height; a line is the running median. An \
+             arrow at the upper end stands for what lies far above all others.{bound}</p><p class=\"hint\">{colours}&#9679; passed &nbsp; &#215; failed",
             error.words
         )
     };
@@ -134,7 +135,7 @@ fn rows(page: &Page, factor: &Binned) -> String {
     let errors = cells(&|flights, of| {
         let median = median_of(flights)?;
         let shade = if high > low { libm::log(median / low) / libm::log(high / low) } else { 0.5 };
-        let label = short(median);
+        let label = two_digits(median);
         let title = format!("{of}: median {label} m of {} flights", flights.len());
         Some(MapCell { shade, label, note: String::new(), title })
     });
@@ -157,6 +158,12 @@ fn quartiles(values: &[f64]) -> Option<Quartiles> {
 
 fn median(values: Vec<f64>) -> Option<f64> {
     (!values.is_empty()).then(|| Data::new(values).median())
+}
+
+/// A number above 0 with two digits, and more only before the point.
+fn two_digits(value: f64) -> String {
+    let step = libm::pow(10.0, (libm::log10(value).floor() - 1.0).min(0.0));
+    short((value / step).round() * step)
 }
 
 /// Medians over windows of the same number of points, which overlap by half.

@@ -43,11 +43,9 @@ pub fn section(names: &[&str], draws: &[Vec<Option<bool>>]) -> String {
     let mut headings = vec!["A", "B", "only A passes", "only B passes", "both", "neither", "p"];
     let (mut of_several, mut folded) = (String::new(), String::new());
     if several {
-        headings.push("p of all");
-        of_several = format!(
-            " Of {} such tests some fall below 0.05 by chance; <i>p of all</i> (Holm) allows for that.",
-            pairs.len()
-        );
+        headings.push("p, Holm");
+        of_several =
+            format!(" Of {} such tests some fall below 0.05 by chance; the last column allows for that.", pairs.len());
     }
     if rows.len() > OPEN {
         let others = table(&headings, rows[OPEN..].iter().cloned());

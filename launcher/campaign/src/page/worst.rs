@@ -26,10 +26,10 @@ pub fn section(page: &Page, again: &str) -> anyhow::Result<String> {
         return Ok(String::new());
     }
     let shown: Vec<String> = worst.iter().map(|row| one(page, *row, again)).collect::<anyhow::Result<_>>()?;
-    let of_draws = if page.names.len() > 1 { ", one for each draw," } else { "" };
+    let of_draws = if page.names.len() > 1 { " Of each draw one is shown." } else { "" };
     Ok(format!(
-        "<section id=\"worst\"><h2>The worst flights</h2><p>Those that did not come to their end first{of_draws} the earlier the \
-         worse; then by their largest error. Where the ground is shaded, a fault is active.</p>{}</section>",
+        "<section id=\"worst\"><h2>The worst flights</h2><p>Those that did not come to their end, the earlier the worse; then \
+         by their largest error.{of_draws} Where the ground is shaded, a fault is active.</p>{}</section>",
         shown.concat()
     ))
 }
@@ -102,7 +102,7 @@ fn one(page: &Page, row: usize, again: &str) -> anyhow::Result<String> {
     let others = page.others(row);
     let told = flights.column("outcome").map_or("", |all| all.text(row));
     Ok(format!(
-        "<div class=\"worst\"><h3>Flight {number}</h3><p>{}{others}</p><p class=\"facts\">{}</p><div class=\"plots\">{}</div><p><code>{} {number}</code></p></div>",
+        "<div class=\"worst\"><h3>Flight {number}</h3><p>{}</p>{others}<p class=\"facts\">{}</p><div class=\"plots\">{}</div><p><code>{} {number}</code></p></div>",
         escape(told),
         values.collect::<String>(),
         pictures.concat(),
@@ -122,6 +122,6 @@ impl Page<'_> {
             names if names.is_empty() => String::new(),
             names => format!(" The same draw {word} under {}.", names.join(", ")),
         });
-        told.concat()
+        if told.concat().is_empty() { String::new() } else { format!("<p class=\"hint\">{}</p>", told.concat()) }
     }
 }

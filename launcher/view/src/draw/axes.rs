@@ -7,7 +7,7 @@ use super::{Svg, escape};
 pub(super) const WIDTH: f64 = 420.0;
 pub(super) const HEIGHT: f64 = 206.0;
 pub(super) const LEFT: f64 = 48.0;
-pub(super) const RIGHT: f64 = WIDTH - 10.0;
+pub(super) const RIGHT: f64 = WIDTH - 16.0;
 pub(super) const TOP: f64 = 24.0;
 pub(super) const BOTTOM: f64 = HEIGHT - 36.0;
 /// What a letter of an axis takes \[px\].
@@ -78,15 +78,19 @@ pub(super) struct Scale {
 }
 
 impl Scale {
-    /// The scale on which all values have a place; `None` without a value.
-    pub(super) fn of(values: impl Iterator<Item = f64>) -> Option<Self> {
-        let [low, high] = values
-            .filter(|value| value.is_finite() && *value > 0.0)
-            .fold([f64::INFINITY, 0.0_f64], |[low, high], value| [low.min(value), high.max(value)]);
+    /// The scale on which the values have a place, and `limit` where there is one; `None` without a value. Where the last
+    /// hundredth of the values lies far above the others, it has no place.
+    pub(super) fn of(values: impl Iterator<Item = f64>, limit: Option<f64>) -> Option<Self> {
+        let mut values: Vec<f64> = values.filter(|value| value.is_finite() && *value > 0.0).collect();
+        values.sort_by(f64::total_cmp);
+        let (low, last) = (*values.first()?, *values.last()?);
+        let most = values[(values.len() * 99).div_ceil(100) - 1];
+        let high = if last > 3.0 * most { most } else { last };
+        let [low, high] = limit.map_or([low, high], |limit| [low.min(limit), high.max(limit)]);
         let is_log = high >= 10.0 * low;
         let [low, high] = if is_log { [low, high].map(f64::log10) } else { [low, high] };
         let room = if high > low { 0.05 * (high - low) } else { 0.5 * high };
-        (low <= high).then_some(Self { is_log, ends: [low - room, high + room] })
+        Some(Self { is_log, ends: [low - room, high + room] })
     }
 
     /// Where a value lies between the ends, 0 to 1.
@@ -133,13 +137,17 @@ mod tests {
 
     #[test]
     fn a_scale_is_logarithmic_from_a_decade_on() {
-        let scale = |values: &[f64]| Scale::of(values.iter().copied());
+        let scale = |values: &[f64]| Scale::of(values.iter().copied(), None);
         assert_eq!(scale(&[0.0, f64::NAN]), None);
         let linear = scale(&[0.10, 0.16]).unwrap();
         assert_eq!(linear.marks().iter().map(|mark| short(*mark)).collect::<Vec<_>>(), ["0.1", "0.12", "0.14", "0.16"]);
         assert!((linear.place(0.13) - 0.5).abs() < 1e-12);
         assert_eq!(scale(&[0.1, 1.0]).unwrap().marks(), [0.1, 0.2, 0.5, 1.0]);
         assert_eq!(scale(&[0.1, 1e5]).unwrap().marks(), [1.0, 100.0, 1e4]);
+        let mut far: Vec<f64> = (0..200).map(|i| 1.0 + 0.01 * f64::from(i)).collect();
+        far.push(1e6);
+        assert!(scale(&far).unwrap().place(1e6) > 1.0, "beyond the others");
+        assert_eq!(Scale::of([1.0, 2.0].into_iter(), Some(6.0)).unwrap().marks(), [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
         assert_eq!(scale(&[3.0]).unwrap().place(3.0), 0.5, "one value has a place");
     }
 }

@@ -97,45 +97,50 @@ pub struct Dots {
     pub middle: Middle,
 }
 
-/// Values above 0 over an axis, a colour for each series, and a broken line at `limit`.
+/// Values above 0 over an axis, a colour for each series, and a broken line at `limit`. What lies far above all others is drawn
+/// as an arrow at the upper end.
 pub fn dots(title: &str, axis: &Axis, limit: Option<f64>, series: &[Dots]) -> String {
     let values = || series.iter().flat_map(|dots| &dots.points).map(|(_, value, _)| *value);
-    let Some(scale) = values().next().and_then(|_| Scale::of(values().chain(limit))) else { return String::new() };
+    let Some(scale) = Scale::of(values(), limit) else { return String::new() };
     let mut svg = Svg::sized(WIDTH, HEIGHT, &escape(&format!("{title} over {}", axis.title)));
-    let y = |value: f64| BOTTOM - (BOTTOM - TOP) * scale.place(value);
+    let y = |value: f64| BOTTOM - (BOTTOM - TOP) * scale.place(value).min(1.0);
     for mark in scale.marks() {
         grid(&mut svg, [LEFT, RIGHT], y(mark), &short(mark));
     }
     axis.draw(&mut svg, title);
     // Beside boxes each series has a part of the entry: the box at its left, the dots at its right.
     let part = 0.84 / series.len().max(1) as f64;
+    let left = |n: usize, entry: f64| entry + 0.08 + part * n as f64;
     for (n, (dots, colour)) in series.iter().zip(COLOURS.iter().cycle()).enumerate() {
-        let left = |entry: f64| entry + 0.08 + part * n as f64;
         let (mut round, mut crosses) = (String::new(), String::new());
         let points = dots.points.iter().filter(|(_, value, _)| value.is_finite() && *value > 0.0);
         for (i, (place, value, is_cross)) in points.enumerate() {
             let place = match dots.middle {
                 // Multiples of the golden ratio spread evenly.
-                Middle::Boxes(_) => left(place.floor()) + part * (0.5 + 0.42 * (i as f64 * 0.618_034).fract()),
+                Middle::Boxes(_) => left(n, place.floor()) + part * (0.5 + 0.42 * (i as f64 * 0.618_034).fract()),
                 Middle::Line(_) => *place,
             };
             let (x, y) = (axis.x(place), y(*value));
             // A line without length, with round ends, is a dot.
             let _ = match is_cross {
-                true => write!(crosses, "M{:.1} {:.1}l5 5m-5 0l5 -5", x - 2.5, y - 2.5),
+                _ if scale.place(*value) > 1.0 => write!(crosses, "M{:.1} {:.1}l3 -4l3 4", x - 3.0, y + 4.0),
+                true => write!(crosses, "M{:.1} {:.1}l4 4m-4 0l4 -4", x - 2.0, y - 2.0),
                 false => write!(round, "M{x:.1} {y:.1}h0"),
             }; // a String takes everything
         }
         svg.add(format_args!(
             "<g style=\"stroke:{colour};fill:none\">\
              <path d=\"{round}\" style=\"stroke-width:3;stroke-linecap:round;opacity:0.4\"/>\
-             <path d=\"{crosses}\" style=\"opacity:0.7\"/>"
+             <path d=\"{crosses}\" style=\"opacity:0.6\"/></g>"
         ));
+    }
+    for (n, (dots, colour)) in series.iter().zip(COLOURS.iter().cycle()).enumerate() {
+        svg.add(format_args!("<g style=\"stroke:{colour};fill:none\">"));
         match &dots.middle {
             Middle::Boxes(boxes) => {
                 let width = (axis.slot() * part * 0.42).min(36.0);
                 for (i, quartiles) in boxes.iter().enumerate() {
-                    let end = axis.x(left(i as f64) + 0.46 * part);
+                    let end = axis.x(left(n, i as f64) + 0.46 * part);
                     if let Some(quartiles) = quartiles {
                         svg.add(quartiles.drawn([end - width, end], y));
                     }
@@ -152,7 +157,7 @@ pub fn dots(title: &str, axis: &Axis, limit: Option<f64>, series: &[Dots]) -> St
     if let Some(limit) = limit {
         let y = y(limit);
         svg.add(format_args!("<path d=\"M{LEFT} {y:.1}H{RIGHT}\" style=\"stroke:var(--ink);stroke-dasharray:5 4\"/>"));
-        svg.text(RIGHT, y - 4.0, "limit end", &format!("bound {}", short(limit)));
+        svg.text(RIGHT, 12.0, "tick end", &format!("- - bound {}", short(limit)));
     }
     svg.finish()
 }
@@ -266,7 +271,7 @@ mod tests {
     fn a_share_stands_at_its_height_with_its_interval() {
         let share = Share { share: 0.5, low: 0.0, high: 1.0 };
         let svg = shares("passed", &axis(), &[("cone", vec![None, Some(share)])]);
-        assert!(svg.contains("M319.5 170.0V24.0\"/><circle cx=\"319.5\" cy=\"97.0\""), "{svg}");
+        assert!(svg.contains("M315.0 170.0V24.0\"/><circle cx=\"315.0\" cy=\"97.0\""), "{svg}");
         assert_eq!(svg.matches("<circle").count(), 1, "an entry without flights has none");
     }
 
@@ -275,8 +280,8 @@ mod tests {
         let points = vec![(0.0, 1.0, false), (1.0, 2.0, true), (1.0, f64::NAN, false), (1.0, 0.0, false)];
         let line = Dots { points, middle: Middle::Line(vec![(0.0, 1.0), (2.0, 2.0)]) };
         let svg = dots("y", &axis(), Some(3.0), &[line]);
-        assert_eq!((svg.matches("h0").count(), svg.matches("l5 5m").count()), (1, 1), "{svg}");
-        assert!(svg.contains(">bound 3</text>") && svg.contains("M48.0 "), "{svg}");
+        assert_eq!((svg.matches("h0").count(), svg.matches("l4 4m").count()), (1, 1), "{svg}");
+        assert!(svg.contains("bound 3</text>") && svg.contains("M48.0 "), "{svg}");
         assert_eq!(dots("y", &axis(), Some(3.0), &[]), "");
     }
 

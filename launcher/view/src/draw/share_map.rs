@@ -7,7 +7,7 @@ use super::heat_map::colour;
 use super::{Svg, escape};
 
 /// Width and height of a cell \[px\].
-const CELL: (f64, f64) = (46.0, 34.0);
+const CELL: (f64, f64) = (44.0, 34.0);
 /// Words of more letters below a cell are turned.
 const ACROSS: usize = 6;
 
@@ -34,12 +34,13 @@ pub fn map(
     let left = (up.longest() as f64 * LETTER + 12.0).max(40.0);
     let turned = across.longest() > ACROSS;
     let words_px = if turned { across.longest() as f64 * LETTER * 0.7 + 14.0 } else { 18.0 };
-    let top = if up.title.is_empty() { 22.0 } else { 40.0 };
+    let title_px = if title.is_empty() { 4.0 } else { 22.0 };
+    let top = title_px + if up.title.is_empty() { 0.0 } else { 18.0 };
     let (w, h) = (CELL.0 * columns as f64, CELL.1 * rows as f64);
     let (bottom, below) = (top + h, words_px + if across.title.is_empty() { 2.0 } else { 20.0 });
     let (x, y) = (|column: f64| left + CELL.0 * column, |row: f64| bottom - CELL.1 * row);
     let headings = [title, &up.title, &across.title].map(|text| text.chars().count() as f64 * LETTER * 1.1);
-    let width = (left + w + if turned { 24.0 } else { 12.0 }).max(headings[0]).max(headings[1]).max(headings[2]);
+    let width = (left + w + if turned { 26.0 } else { 18.0 }).max(headings[0]).max(headings[1]).max(headings[2]);
     let mut svg = Svg::sized(width, bottom + below, &escape(&format!("{title}: {} over {}", up.title, across.title)));
     svg.text(4.0, 14.0, "map", &escape(title));
     svg.text(4.0, top - 8.0, "tick", &escape(&up.title));
@@ -92,7 +93,8 @@ impl MapCell {
             escape(&self.title),
             colour(self.shade.clamp(0.0, 1.0))
         ));
-        svg.text(x + w / 2.0, y + 15.0, "value middle", &escape(&self.label));
+        let label_px = if self.note.is_empty() { h / 2.0 + 4.0 } else { 15.0 };
+        svg.text(x + w / 2.0, y + label_px, "value middle", &escape(&self.label));
         svg.text(x + w / 2.0, y + 28.0, "value note middle", &escape(&self.note));
         svg.add("</g>");
     }
@@ -108,7 +110,7 @@ mod tests {
         let cells = [vec![cell(), cell()], vec![cell(), None]];
         let axis = Axis::of_values("x", vec!["a".into(), "b".into()]);
         let svg = map("", [&axis, &axis], &cells, |one, other| one[0] == other[0]);
-        assert!(svg.contains("class=\"border\" d=\"M86.0 74.0v34\""), "one step to the right, none to no cell: {svg}");
+        assert!(svg.contains("class=\"border\" d=\"M84.0 56.0v34\""), "one step to the right, none to no cell: {svg}");
         assert_eq!(svg.matches("<rect").count(), 3, "no flights, no cell");
         assert!(svg.contains("&lt;1&gt;") && !map("", [&axis, &axis], &cells, |_, _| false).contains("border"));
     }
