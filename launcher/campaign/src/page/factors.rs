@@ -25,7 +25,7 @@ pub fn section(page: &Page) -> String {
     }
     let plots: String = factors.iter().map(|factor| one(page, factor)).collect();
     let error = &page.error;
-    let dots = chosen(page.rows()).count();
+    let dots = chosen(page.rows()).filter(|row| page.passed[*row].is_some()).count();
     let what = if page.names.len() > COLOURED {
         format!(
             "Left: percent passed, and of how many flights (n), whatever the other factors were. Right: the median of the {} [m].",

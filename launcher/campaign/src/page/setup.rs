@@ -53,8 +53,10 @@ pub fn bounds(plan: &Plan) -> Vec<Bound> {
 pub fn passed(bounds: &[Bound]) -> String {
     let word = |bound: &Bound| {
         let [words, unit] = bound.words;
-        let limit = bound.limit.map_or("a limit that varies".to_owned(), |limit| format!("{} {unit}", short(limit)));
-        format!("{words} at most {limit}")
+        match bound.limit {
+            Some(limit) => format!("{words} at most {} {unit}", short(limit)),
+            None => format!("{words} by a limit that is not the same in all flights"),
+        }
     };
     let inside = match bounds {
         [] => "No bound is set.".to_owned(),

@@ -13,6 +13,9 @@ pub(super) const BOTTOM: f64 = HEIGHT - 36.0;
 /// What a letter of an axis takes \[px\].
 pub(super) const LETTER: f64 = 6.2;
 
+/// Letters of a word of an axis.
+const LONGEST: usize = 32;
+
 /// An axis of entries side by side, each 1 wide: single values, or parts of a range.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Axis {
@@ -26,7 +29,7 @@ pub struct Axis {
 impl Axis {
     /// An entry for each value.
     pub fn of_values(title: &str, entries: Vec<String>) -> Self {
-        let ticks = entries.iter().enumerate().map(|(i, entry)| (i as f64 + 0.5, entry.clone())).collect();
+        let ticks = entries.iter().enumerate().map(|(i, entry)| (i as f64 + 0.5, clipped(entry))).collect();
         Self { title: title.to_owned(), entries, ticks }
     }
 
@@ -67,6 +70,14 @@ impl Axis {
         }
         svg.text(f64::midpoint(LEFT, RIGHT), HEIGHT - 4.0, "tick middle", &escape(&self.title));
     }
+}
+
+/// A word of an axis, no longer than there is room for.
+fn clipped(word: &str) -> String {
+    if word.chars().count() <= LONGEST {
+        return word.to_owned();
+    }
+    word.chars().take(LONGEST - 1).chain(['…']).collect()
 }
 
 /// The scale of values above 0: linear, or logarithmic where they span a decade.
@@ -133,6 +144,12 @@ mod tests {
         assert_eq!(axis.ticks.iter().map(|(place, _)| *place).collect::<Vec<_>>(), [0.0, 1.0, 2.0]);
         assert_eq!(Axis::of_values("x", edges.to_vec()).ticks[2], (2.5, "10".into()));
         assert!(axis.fits() && !Axis::of_values("x", vec!["a long word".into(); 8]).fits());
+        let long = Axis::of_values("x", vec!["ä".repeat(40)]);
+        assert_eq!(
+            (long.longest(), long.entries[0].chars().count()),
+            (LONGEST, 40),
+            "the name of the entry stays whole"
+        );
     }
 
     #[test]
