@@ -29,7 +29,7 @@ use setup::Bound;
 
 const OWN_STYLE: &str = include_str!("../../assets/campaign.css");
 /// Columns of a plan that are no factors.
-const NO_FACTORS: [&str; 4] = ["flight", "controller", "run.seed", "random_faults"];
+const NO_FACTORS: [&str; 3] = ["flight", "controller", "run.seed"];
 /// Reasons that are told.
 const REASONS: usize = 12;
 
@@ -325,6 +325,42 @@ mod tests {
             assert!(html.contains(part), "{part}");
         }
         assert_eq!(html.matches("class=\"worst\"").count(), 9, "those that failed");
+    }
+
+    #[test]
+    fn the_page_says_why_flights_failed_or_could_not_be_flown() {
+        let (plan, table) = flown(
+            "[settings]\nrun.duration_s = 1.0\n[vary]\nmpc.np = [4, 20]\nmpc.nu = [3, 5]\n\
+             bounds.max_position_error_m = [1e-9, 1.0]\n",
+        );
+        let html = page(&plan, &table, "").unwrap();
+        for part in [
+            "<th scope=\"col\">position error</th>",
+            "<td data-label=\"position error\">3</td>",
+            "`mpc.nu` = 5 is longer than `mpc.np` = 4",
+            "<td data-label=\"flights\">2</td><td data-label=\"the first\">1</td>",
+            "position error by a limit that is not the same in all flights",
+        ] {
+            assert!(html.contains(part), "{part}: {html}");
+        }
+    }
+
+    #[test]
+    fn several_controllers_are_compared_draw_by_draw_and_never_pooled() {
+        let (plan, table) = flown(
+            "seeds = 5\n[settings]\nrun.duration_s = 1.0\n[controller.lax]\nbounds.max_position_error_m = 1.0\n\
+             [controller.strict]\nbounds.max_position_error_m = 1e-9\n",
+        );
+        let page_of = Page::new(&plan, &table);
+        assert_eq!(page_of.by_draw(), vec![vec![Some(true), Some(false)]; 5]);
+        assert_eq!(page_of.rows(), 10);
+        let html = page(&plan, &table, "").unwrap();
+        assert!(
+            html.contains("<td data-label=\"only A passes\">5</td><td data-label=\"only B passes\">0</td>"),
+            "{html}"
+        );
+        assert!(html.contains(">0.0625</td>") && !html.contains("<dt>passed</dt>"), "{html}");
+        assert_eq!(html.matches("The same draw passed under lax.").count(), 5, "each draw once");
     }
 
     #[test]

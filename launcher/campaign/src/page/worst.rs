@@ -5,9 +5,10 @@
 
 use std::collections::HashSet;
 
+use contract::scenario::Fault;
 use flight::log::Record;
 use guidance::Trajectory;
-use view::draw::{Course, DASH, any, courses, escape, short};
+use view::draw::{Course, any, courses, escape, short};
 use view::ticks::{length_m, position_error_m};
 
 use super::Page;
@@ -76,11 +77,8 @@ fn one(page: &Page, row: usize, again: &str) -> anyhow::Result<String> {
         }
     })?;
     let end_s = error.last().map_or(0.0, |(t, _)| *t);
-    let active: Vec<[f64; 2]> = scenario
-        .fault
-        .iter()
-        .map(|fault| [fault.at_s, fault.for_s.map_or(end_s, |for_s| fault.at_s + for_s)])
-        .collect();
+    let lasts_s = |fault: &Fault| fault.for_s.unwrap_or(if fault.is_momentary() { 0.0 } else { f64::INFINITY });
+    let active: Vec<[f64; 2]> = scenario.fault.iter().map(|fault| [fault.at_s, fault.at_s + lasts_s(fault)]).collect();
     let course = |name, points| Course { name, points };
     let pictures = [
         courses("m", end_s, &[course("position error", error)], &active),
@@ -88,16 +86,16 @@ fn one(page: &Page, row: usize, again: &str) -> anyhow::Result<String> {
         courses("deg", end_s, &[course("tilt", tilt)], &active),
     ];
     let columns = page.plan.columns();
-    let values = columns.iter().skip(1).map(|(name, _)| {
+    let values = columns.iter().skip(1).filter_map(|(name, _)| {
         let cell = flights.column(name).map_or(Cell::None, |column| column.cell(row));
         let value = match cell {
-            Cell::None => DASH.to_owned(),
+            Cell::None => return None,
             Cell::Bool(yes) => yes.to_string(),
             Cell::Int(n) => n.to_string(),
             Cell::Real(x) => short(x),
             Cell::Text(text) => any(&text.into()),
         };
-        format!("<span>{} <b>{value}</b></span>", escape(name))
+        Some(format!("<span>{} <b>{value}</b></span>", escape(name)))
     });
     let others = page.others(row);
     let told = flights.column("outcome").map_or("", |all| all.text(row));

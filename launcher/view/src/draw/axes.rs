@@ -89,12 +89,12 @@ pub(super) struct Scale {
 }
 
 impl Scale {
-    /// The scale on which the values have a place, and `limit` where there is one; `None` without a value. Where the last
-    /// hundredth of the values lies far above the others, it has no place.
+    /// The scale on which the values have a place, and `limit` where there is one; `None` without a value. The last hundredth of
+    /// the values lies beyond the end where it is far above the others, and so does what is below a thousandth of the median.
     pub(super) fn of(values: impl Iterator<Item = f64>, limit: Option<f64>) -> Option<Self> {
         let mut values: Vec<f64> = values.filter(|value| value.is_finite() && *value > 0.0).collect();
         values.sort_by(f64::total_cmp);
-        let (low, last) = (*values.first()?, *values.last()?);
+        let (low, last) = (values.first()?.max(1e-3 * values[values.len() / 2]), *values.last()?);
         let most = values[(values.len() * 99).div_ceil(100) - 1];
         let high = if last > 3.0 * most { most } else { last };
         let [low, high] = limit.map_or([low, high], |limit| [low.min(limit), high.max(limit)]);
@@ -163,7 +163,9 @@ mod tests {
         assert_eq!(scale(&[0.1, 1e5]).unwrap().marks(), [1.0, 100.0, 1e4]);
         let mut far: Vec<f64> = (0..200).map(|i| 1.0 + 0.01 * f64::from(i)).collect();
         far.push(1e6);
-        assert!(scale(&far).unwrap().place(1e6) > 1.0, "beyond the others");
+        far.push(1e-9);
+        let scale_of_far = scale(&far).unwrap();
+        assert!(scale_of_far.place(1e6) > 1.0 && scale_of_far.place(1e-9) < 0.0, "beyond the others");
         assert_eq!(Scale::of([1.0, 2.0].into_iter(), Some(6.0)).unwrap().marks(), [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
         assert_eq!(scale(&[3.0]).unwrap().place(3.0), 0.5, "one value has a place");
     }

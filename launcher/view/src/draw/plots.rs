@@ -103,7 +103,7 @@ pub fn dots(title: &str, axis: &Axis, limit: Option<f64>, series: &[Dots]) -> St
     let values = || series.iter().flat_map(|dots| &dots.points).map(|(_, value, _)| *value);
     let Some(scale) = Scale::of(values(), limit) else { return String::new() };
     let mut svg = Svg::sized(WIDTH, HEIGHT, &escape(&format!("{title} over {}", axis.title)));
-    let y = |value: f64| BOTTOM - (BOTTOM - TOP) * scale.place(value).min(1.0);
+    let y = |value: f64| BOTTOM - (BOTTOM - TOP) * scale.place(value).clamp(0.0, 1.0);
     for mark in scale.marks() {
         grid(&mut svg, [LEFT, RIGHT], y(mark), &short(mark));
     }

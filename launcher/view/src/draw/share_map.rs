@@ -39,7 +39,7 @@ pub fn map(
     let (w, h) = (CELL.0 * columns as f64, CELL.1 * rows as f64);
     let (bottom, below) = (top + h, words_px + if across.title.is_empty() { 2.0 } else { 20.0 });
     let (x, y) = (|column: f64| left + CELL.0 * column, |row: f64| bottom - CELL.1 * row);
-    let headings = [title, &up.title, &across.title].map(|text| text.chars().count() as f64 * LETTER * 1.1);
+    let headings = [title, &up.title, &across.title].map(|text| text.chars().count() as f64 * LETTER * 1.25);
     let width = (left + w + if turned { 26.0 } else { 18.0 }).max(headings[0]).max(headings[1]).max(headings[2]);
     let mut svg = Svg::sized(width, bottom + below, &escape(&format!("{title}: {} over {}", up.title, across.title)));
     svg.text(4.0, 14.0, "map", &escape(title));
