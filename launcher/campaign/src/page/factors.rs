@@ -24,34 +24,51 @@ pub fn section(page: &Page) -> String {
         return String::new();
     }
     let plots: String = factors.iter().map(|factor| one(page, factor)).collect();
-    let error = &page.error;
+    let (mapped, plotted): (Vec<&Binned>, Vec<&Binned>) = factors.iter().partition(|factor| has_rows(page, factor));
     let dots = chosen(page.rows()).filter(|row| page.passed[*row].is_some()).count();
-    let what = if page.names.len() > COLOURED {
-        format!(
-            "Left: percent passed, and of how many flights (n), whatever the other factors were. Right: the median of the {} [m].",
-            error.words
-        )
-    } else {
-        let bound = error.limit.map_or("", |_| " The broken line is the bound.");
-        let colours = if page.names.len() > 1 { legend(&page.names) } else { String::new() };
-        format!(
-            "Left: the share passed, whatever the other factors were, with exact 95 % intervals. Right: the {} of {dots} flights; \
-             a box has the middle half of all with the median as a thick line, its whiskers reach to the last within 1.5 times \
-             its height; a line is the running median. An \
-             arrow at the upper end stands for what lies far above all others.{bound}</p><p class=\"hint\">{colours}&#9679; passed &nbsp; &#215; failed",
-            error.words
-        )
-    };
-    format!("<section id=\"factors\"><h2>Factors</h2><p>{what}</p>{plots}</section>")
+    let sentences = [
+        (
+            !plotted.is_empty(),
+            format!(
+                "Plots have at the left the share passed with exact 95 % intervals, and at the right the {} of {dots} flights; an \
+                 arrow at the upper end is one far above all others.",
+                page.error.words
+            ),
+        ),
+        (
+            plotted.iter().any(|factor| !factor.is_divided),
+            "A box holds the middle half of all flights, its thick line is their median, and its whiskers reach to the last \
+             flight within 1.5 times its height."
+                .to_owned(),
+        ),
+        (plotted.iter().any(|factor| factor.is_divided), "A line is the running median.".to_owned()),
+        (!plotted.is_empty() && page.error.limit.is_some(), "The broken line is the bound.".to_owned()),
+        (
+            !mapped.is_empty(),
+            format!(
+                "Maps have at the left percent passed and of how many flights (n), and at the right the median of the {}.",
+                page.error.words
+            ),
+        ),
+    ];
+    let words: Vec<String> = sentences.into_iter().filter_map(|(is_meant, words)| is_meant.then_some(words)).collect();
+    let colours = if page.names.len() > 1 { legend(&page.names) } else { String::new() };
+    let signs = format!("<p class=\"hint\">{colours}&#9679; passed &nbsp; &#215; failed</p>");
+    let signs = if plotted.is_empty() { String::new() } else { signs };
+    format!(
+        "<section id=\"factors\"><h2>Factors</h2><p>Each factor by itself, whatever the others were. {}</p>{signs}{plots}</section>",
+        words.join(" ")
+    )
 }
 
 fn one(page: &Page, factor: &Binned) -> String {
-    let plots = if page.names.len() <= COLOURED && (factor.is_number || factor.axis.fits()) {
-        shares(page, factor) + &errors(page, factor)
-    } else {
-        rows(page, factor)
-    };
+    let plots = if has_rows(page, factor) { rows(page, factor) } else { shares(page, factor) + &errors(page, factor) };
     format!("<h3>{}</h3><div class=\"plots\">{plots}</div>", escape(&factor.key))
+}
+
+/// Whether there are too many controllers or words for a plot.
+fn has_rows(page: &Page, factor: &Binned) -> bool {
+    page.names.len() > COLOURED || !(factor.is_number || factor.axis.fits())
 }
 
 fn shares(page: &Page, factor: &Binned) -> String {
@@ -59,13 +76,9 @@ fn shares(page: &Page, factor: &Binned) -> String {
         let rate = page.rate(|row| factor.bin(row) == Some(bin) && page.controllers[row] == controller);
         (rate.flights > 0).then(|| Share { share: rate.share(), low: rate.low, high: rate.high })
     };
-    let bins = 0..factor.axis.entries.len();
-    let of_controller = |(i, name): (usize, &&'_ str)| {
-        let shares: Vec<_> = bins.clone().map(|bin| of_bin(i, bin)).collect();
-        (name.to_string(), shares)
-    };
-    let series: Vec<(String, Vec<_>)> = page.names.iter().enumerate().map(of_controller).collect();
-    let series: Vec<(&str, Vec<_>)> = series.iter().map(|(name, shares)| (name.as_str(), shares.clone())).collect();
+    let of_controller = |i: usize| (0..factor.axis.entries.len()).map(|bin| of_bin(i, bin)).collect();
+    let series: Vec<(&str, Vec<_>)> =
+        page.names.iter().enumerate().map(|(i, name)| (*name, of_controller(i))).collect();
     draw::shares("passed", &factor.axis, &series)
 }
 

@@ -9,14 +9,17 @@ use super::bins::{Binned, parts_of_two};
 use crate::Rate;
 use crate::variation::Values;
 
-/// Factors of which every pair may have a map: those over which the share changes most.
+/// Factors of which every pair may have a map: those over which the share changes most surely.
 const MAPPED: usize = 6;
+/// The most entries of such a factor.
+const ENTRIES: usize = 10;
 /// Maps of the page.
 const MAPS: usize = 12;
 
 /// The section of the maps.
 pub fn section(page: &Page) -> String {
-    let factors = page.factors(parts_of_two(page.draws()));
+    let mut factors = page.factors(parts_of_two(page.draws()));
+    factors.retain(|factor| factor.axis.entries.len() <= ENTRIES);
     let mut by_effect: Vec<(f64, &Binned)> = factors.iter().map(|factor| (effect(page, factor), factor)).collect();
     by_effect.sort_by(|a, b| b.0.total_cmp(&a.0));
     by_effect.truncate(MAPPED);
@@ -40,7 +43,7 @@ pub fn section(page: &Page) -> String {
             .concat();
     }
     let left_out = if pairs.len() < all {
-        format!(" Of {all} pairs of factors {} are shown, over which the share changes most.", pairs.len())
+        format!(" Of {all} pairs of factors {} are shown, over which the share changes most surely.", pairs.len())
     } else {
         String::new()
     };
@@ -67,11 +70,12 @@ fn is_listed(page: &Page, factor: &Binned) -> bool {
     own.is_some_and(|own| matches!(own.values, Values::Listed(_)))
 }
 
-/// How far apart the shares of the entries of a factor are.
+/// How far apart the shares of two entries of a factor are for sure: between the ends of their intervals; below 0 where no two
+/// are apart.
 fn effect(page: &Page, factor: &Binned) -> f64 {
-    let shares = (0..factor.axis.entries.len()).map(|bin| page.rate(|row| factor.bin(row) == Some(bin)));
-    let shares: Vec<f64> = shares.filter(|rate| rate.flights > 0).map(|rate| rate.share()).collect();
-    shares.iter().copied().fold(0.0, f64::max) - shares.iter().copied().fold(1.0, f64::min)
+    let rates = (0..factor.axis.entries.len()).map(|bin| page.rate(|row| factor.bin(row) == Some(bin)));
+    let [low, high] = rates.fold([0.0_f64, 1.0_f64], |[low, high], rate| [low.max(rate.low), high.min(rate.high)]);
+    low - high
 }
 
 fn one(page: &Page, controller: usize, [across, up]: [&Binned; 2], is_grid: bool) -> String {
