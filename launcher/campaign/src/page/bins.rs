@@ -45,14 +45,16 @@ pub struct Binned {
 }
 
 impl Binned {
-    /// The column of a key, in `parts` parts where it has many values; `None` where it does not vary, or has too many words.
-    pub fn of(flights: &Table, key: &str, parts: usize) -> Option<Self> {
+    /// The column of a key; `None` where it does not vary, or has too many words. Where it has many numbers, `parts` says in how
+    /// many parts so many flights are divided.
+    pub fn of(flights: &Table, key: &str, parts: impl Fn(usize) -> usize) -> Option<Self> {
         let column = flights.column(key)?;
         let rows = 0..flights.rows();
         let title = title(key);
         let is_number = matches!(column, Column::Int(_) | Column::Real(_));
         let (axis, is_divided, places) = if is_number {
-            by_number(&title, &rows.map(|row| column.number(row)).collect::<Vec<_>>(), parts)
+            let values: Vec<_> = rows.map(|row| column.number(row)).collect();
+            by_number(&title, &values, parts(values.iter().flatten().count()))
         } else {
             let words: Vec<String> = rows.map(|row| word(column.cell(row))).collect();
             let mut entries = words.clone();
@@ -167,7 +169,7 @@ mod tests {
     fn binned(values: impl IntoIterator<Item = f64>) -> Option<Binned> {
         let mut table = Table::new(&[("x".to_owned(), Kind::Real)]);
         values.into_iter().for_each(|value| table.push(vec![Cell::Real(value)]));
-        Binned::of(&table, "x", 8)
+        Binned::of(&table, "x", |_| 8)
     }
 
     fn ticks(binned: &Binned) -> Vec<&str> {
@@ -209,7 +211,7 @@ mod tests {
         for cell in [Cell::Text("kill".into()), Cell::None, Cell::Text("drop".into())] {
             table.push(vec![cell]);
         }
-        let binned = Binned::of(&table, "x", 8).unwrap();
+        let binned = Binned::of(&table, "x", |_| 8).unwrap();
         assert_eq!((ticks(&binned), binned.bin(1)), (vec!["drop", "kill", "none"], Some(2)));
     }
 

@@ -12,14 +12,15 @@ use crate::Rate;
 pub const COLOURED: usize = 4;
 /// Dots of a plot.
 const DOTS: usize = 2000;
-/// The fewest values that have quartiles and a running median.
+/// The fewest values that have quartiles.
 const FEWEST: usize = 5;
-/// Windows of a running median beside each other.
+/// Windows of a running median beside each other, and the fewest values in one.
 const WINDOWS: usize = 10;
+const IN_WINDOW: usize = 15;
 
 /// The section of the factors.
 pub fn section(page: &Page) -> String {
-    let factors: Vec<Binned> = page.factors(parts(page.draws()));
+    let factors: Vec<Binned> = page.factors(parts);
     if factors.is_empty() {
         return String::new();
     }
@@ -182,7 +183,7 @@ fn two_digits(value: f64) -> String {
 /// Medians over windows of the same number of points, which overlap by half.
 fn running_median(mut points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
     points.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-    let window = (points.len() / WINDOWS).max(FEWEST);
+    let window = (points.len() / WINDOWS).max(IN_WINDOW);
     let of_window = |window: &[(f64, f64)]| {
         let [place, value] = [|point: &(f64, f64)| point.0, |point: &(f64, f64)| point.1]
             .map(|of| median(window.iter().map(of).collect()));
@@ -221,8 +222,8 @@ mod tests {
     fn a_running_median_follows_its_values_and_no_outlier() {
         let points = (0..100).map(|i| (f64::from(i), if i == 50 { 1e6 } else { f64::from(i) })).rev().collect();
         let line = running_median(points);
-        assert_eq!((line.len(), line[0]), (19, (4.5, 4.5)));
+        assert_eq!((line.len(), line[0]), (11, (7.0, 7.0)));
         assert!(line.iter().all(|(place, value)| (place - value).abs() < 2.0), "{line:?}");
-        assert!(running_median(vec![(0.0, 1.0); 4]).is_empty());
+        assert!(running_median(vec![(0.0, 1.0); 14]).is_empty());
     }
 }

@@ -18,7 +18,7 @@ const MAPS: usize = 12;
 
 /// The section of the maps.
 pub fn section(page: &Page) -> String {
-    let mut factors = page.factors(parts_of_two(page.draws()));
+    let mut factors = page.factors(parts_of_two);
     factors.retain(|factor| factor.axis.entries.len() <= ENTRIES);
     let mut by_effect: Vec<(f64, &Binned)> = factors.iter().map(|factor| (effect(page, factor), factor)).collect();
     by_effect.sort_by(|a, b| b.0.total_cmp(&a.0));

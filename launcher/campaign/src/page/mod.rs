@@ -140,11 +140,6 @@ impl<'a> Page<'a> {
         self.flights.rows()
     }
 
-    /// Flights of one controller.
-    fn draws(&self) -> usize {
-        self.rows() / self.names.len()
-    }
-
     /// The draw of a row: flights of the same draw differ by their controllers only.
     fn draw(&self, row: usize) -> u64 {
         self.numbers[row] / self.names.len() as u64
@@ -160,11 +155,11 @@ impl<'a> Page<'a> {
         draws.into_values().collect()
     }
 
-    /// The factors that vary, those with many values in so many parts.
-    fn factors(&self, parts: usize) -> Vec<Binned> {
+    /// The factors that vary; `parts` says in how many parts so many flights of a controller are divided.
+    fn factors(&self, parts: impl Fn(usize) -> usize) -> Vec<Binned> {
         let columns = self.plan.columns();
         let factors = columns.iter().filter(|(name, _)| !NO_FACTORS.contains(&name.as_str()));
-        factors.filter_map(|(name, _)| Binned::of(self.flights, name, parts)).collect()
+        factors.filter_map(|(name, _)| Binned::of(self.flights, name, |rows| parts(rows / self.names.len()))).collect()
     }
 
     /// How many of the flights of these rows are passed.

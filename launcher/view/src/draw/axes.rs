@@ -94,7 +94,7 @@ impl Scale {
     pub(super) fn of(values: impl Iterator<Item = f64>, limit: Option<f64>) -> Option<Self> {
         let mut values: Vec<f64> = values.filter(|value| value.is_finite() && *value > 0.0).collect();
         values.sort_by(f64::total_cmp);
-        let (low, last) = (values.first()?.max(1e-3 * values[values.len() / 2]), *values.last()?);
+        let (low, last) = (values.first()?.max(1e-3 * values[(values.len() - 1) / 2]), *values.last()?);
         let most = values[(values.len() * 99).div_ceil(100) - 1];
         let high = if last > 3.0 * most { most } else { last };
         let [low, high] = limit.map_or([low, high], |limit| [low.min(limit), high.max(limit)]);
