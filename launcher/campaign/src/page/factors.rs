@@ -3,8 +3,8 @@
 use statrs::statistics::{Data, OrderStatistics};
 use view::draw::{self, Axis, Dots, MapCell, Middle, Quartiles, Share, escape, legend, map, short};
 
-use super::Page;
 use super::bins::{Binned, parts};
+use super::data::Page;
 use super::maps::share_cell;
 use crate::Rate;
 

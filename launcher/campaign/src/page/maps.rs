@@ -4,8 +4,8 @@ use std::collections::HashSet;
 
 use view::draw::{MapCell, escape, map};
 
-use super::Page;
 use super::bins::{Binned, parts_of_two};
+use super::data::Page;
 use crate::Rate;
 use crate::variation::Values;
 

@@ -11,7 +11,7 @@ use guidance::Trajectory;
 use view::draw::{Course, any, courses, escape, short};
 use view::ticks::{length_m, position_error_m};
 
-use super::Page;
+use super::data::Page;
 use crate::outcome;
 use crate::table::{Cell, Column};
 

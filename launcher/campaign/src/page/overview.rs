@@ -1,0 +1,125 @@
+//! The head of the page, the share of each controller, and why flights failed or could not be flown.
+
+use std::collections::BTreeMap;
+
+use view::draw::{self, Share, escape, list};
+
+use super::data::Page;
+use super::setup;
+use crate::rate::Rate;
+
+/// Reasons that are told.
+const REASONS: usize = 12;
+
+impl Page<'_> {
+    pub fn head(&self) -> String {
+        let (there, planned) = (self.rows() as u64, self.plan.flights());
+        let all = self.rate(|_| true);
+        let invalid = self.rows() - all.flights;
+        let partial = if there < planned {
+            format!("<p class=\"warn\">{there} of {planned} flights are there: the same command flies the others.</p>")
+        } else {
+            String::new()
+        };
+        let mut tiles = vec![];
+        // A rate over several controllers is the rate of none.
+        if self.names.len() == 1 {
+            let share = if all.flights == 0 { draw::DASH.to_owned() } else { percent(&all, " <small>%</small>") };
+            tiles.push(("passed".to_owned(), share));
+            tiles.push(("exact 95 % interval".to_owned(), all.interval()));
+        } else {
+            tiles.push(("controllers".to_owned(), self.names.len().to_string()));
+            tiles.push(("draws that each of them flies".to_owned(), (planned / self.names.len() as u64).to_string()));
+        }
+        tiles.push(("failed".to_owned(), (all.flights - all.survived).to_string()));
+        tiles.push(("invalid: could not be flown, and counted as neither".to_owned(), invalid.to_string()));
+        format!(
+            "<p class=\"kind\">Campaign</p><h1>{}</h1><p class=\"facts\"><span><b>{there}</b> flights</span>\
+             <span>seed <b>{}</b></span><span>campaign <b>{}</b></span></p>{partial}<div class=\"tiles\">{}</div><p>{}</p>",
+            escape(self.plan.campaign.name()),
+            self.plan.campaign.seed(),
+            &self.plan.campaign.hash()[..12],
+            list(tiles),
+            escape(&setup::passed(&self.bounds))
+        )
+    }
+
+    pub fn controllers_section(&self) -> String {
+        if self.names.len() == 1 {
+            return String::new();
+        }
+        let row = |(i, name): (usize, &&str)| {
+            let rate = self.rate(|row| self.controllers[row] == i);
+            let share = Share { share: rate.share(), low: rate.low, high: rate.high };
+            let (share, picture) = match rate.flights {
+                0 => (draw::DASH.to_owned(), String::new()),
+                _ => (percent(&rate, " %"), draw::interval(&share)),
+            };
+            vec![escape(name), rate.survived.to_string(), rate.flights.to_string(), share, rate.interval(), picture]
+        };
+        let headings = ["controller", "passed", "of", "share", "exact 95 % interval", "0 to 100 %"];
+        let table = draw::table(&headings, self.names.iter().enumerate().map(row));
+        let next = if self.names.len() > 1 {
+            " Intervals that overlap do not say that the controllers are alike: the next table compares them draw by draw."
+        } else {
+            ""
+        };
+        format!(
+            "<section id=\"controllers\"><h2>Controllers</h2><p>The share of flights passed, with the interval of Clopper and \
+             Pearson.{next}</p>{table}</section>"
+        )
+    }
+
+    /// Of what the flights of each controller failed.
+    pub fn causes(&self) -> String {
+        let Some(causes) = self.flights.column("cause") else { return String::new() };
+        let mut counts: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+        for row in (0..self.rows()).filter(|row| self.passed[*row] == Some(false)) {
+            counts.entry(causes.text(row)).or_insert_with(|| vec![0; self.names.len()])[self.controllers[row]] += 1;
+        }
+        if counts.is_empty() {
+            return String::new();
+        }
+        let mut counts: Vec<(&str, Vec<usize>)> = counts.into_iter().collect();
+        counts.sort_by_key(|(_, counts)| std::cmp::Reverse(counts.iter().sum::<usize>()));
+        let headings: Vec<&str> = std::iter::once("controller").chain(counts.iter().map(|(cause, _)| *cause)).collect();
+        let row = |(i, name): (usize, &&str)| {
+            std::iter::once(escape(name)).chain(counts.iter().map(|(_, counts)| counts[i].to_string())).collect()
+        };
+        let table = draw::table(&headings, self.names.iter().enumerate().map(row));
+        format!(
+            "<section id=\"causes\"><h2>Why flights failed</h2><p>Failed flights by their cause.</p>{table}</section>"
+        )
+    }
+
+    /// Why flights could not be flown.
+    pub fn invalid(&self) -> String {
+        let Some(outcomes) = self.flights.column("outcome") else { return String::new() };
+        let mut reasons: BTreeMap<&str, Vec<u64>> = BTreeMap::new();
+        for row in (0..self.rows()).filter(|row| self.passed[*row].is_none()) {
+            reasons.entry(outcomes.text(row)).or_default().push(self.numbers[row]);
+        }
+        if reasons.is_empty() {
+            return String::new();
+        }
+        let mut reasons: Vec<(&str, Vec<u64>)> = reasons.into_iter().collect();
+        reasons.sort_by_key(|(_, numbers)| std::cmp::Reverse(numbers.len()));
+        let others = match reasons.len() {
+            0..=REASONS => String::new(),
+            all => format!("<p>{} more reasons are in the column <code>outcome</code>.</p>", all - REASONS),
+        };
+        let row = |(reason, numbers): &(&str, Vec<u64>)| {
+            vec![escape(reason), numbers.len().to_string(), numbers[0].to_string()]
+        };
+        let table = draw::table(&["reason", "flights", "the first"], reasons.iter().take(REASONS).map(row));
+        format!(
+            "<section id=\"invalid\"><h2>Flights that could not be flown</h2><p>They count as neither passed nor \
+             failed.</p>{table}{others}</section>"
+        )
+    }
+}
+
+/// The share of a rate in percent.
+fn percent(rate: &Rate, sign: &str) -> String {
+    format!("{:.1}{sign}", 100.0 * rate.share())
+}
