@@ -43,7 +43,7 @@ pub fn section(page: &Page) -> String {
             .concat();
     }
     let left_out = if pairs.len() < all {
-        format!(" Of {all} pairs of factors {} are shown, over which the share changes most surely.", pairs.len())
+        format!(" Shown are {} of {all} pairs of factors: those over which the share changes most surely.", pairs.len())
     } else {
         String::new()
     };

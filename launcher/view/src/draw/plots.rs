@@ -197,7 +197,7 @@ pub fn courses(unit: &str, end_s: f64, lines: &[Course], shaded: &[[f64; 2]]) ->
     let high = values().fold(low + 1e-9, f64::max);
     let x = |time_s: f64| LEFT + (width - LEFT - 8.0) * (time_s / end_s.max(1e-9)).clamp(0.0, 1.0);
     let y = |value: f64| bottom - (bottom - top) * (value - low) / (high - low);
-    for [from, to] in shaded.iter().map(|span| span.map(x)).filter(|[from, to]| to >= from) {
+    for [from, to] in shaded.iter().filter(|[from_s, _]| *from_s < end_s).map(|span| span.map(x)) {
         let width = (to - from).max(1.0);
         svg.add(format_args!(
             "<rect class=\"broken\" x=\"{from:.1}\" y=\"{top}\" width=\"{width:.1}\" height=\"{}\"/>",
@@ -296,8 +296,9 @@ mod tests {
     #[test]
     fn lines_reach_from_their_lowest_to_their_highest_value() {
         let line = Course { name: "error", points: vec![(0.0, 0.0), (1.0, f64::NAN), (2.0, 4.0)] };
-        let svg = courses("m", 2.0, &[line], &[[1.0, 9.0]]);
+        let svg = courses("m", 2.0, &[line], &[[1.0, 9.0], [3.0, 4.0]]);
         assert!(svg.contains("d=\"M48.0 62.0L222.0 18.0\""), "{svg}");
         assert!(svg.contains("class=\"broken\" x=\"135.0\" y=\"18\" width=\"87.0\""), "to the end at most: {svg}");
+        assert_eq!(svg.matches("broken").count(), 1, "the other begins after the end");
     }
 }
