@@ -172,7 +172,7 @@ impl Keys<'_, '_> {
     fn nearest(&self, path: &str, name: &str, known: &Table) -> String {
         let has_it =
             |tables: &Table| tables.iter().find(|(_, table)| table.get(name).is_some()).map(|(table, _)| table.clone());
-        let table = has_it(known).map(|within| join(path, &within)).or_else(|| has_it(&self.example));
+        let table = has_it(known).map(|within| join(path, &within)).or_else(|| has_it(self.example));
         let hint = match (table, nearest(name, known.keys().map(String::as_str))) {
             (Some(table), _) => format!("did you mean `{table}.{name}`? "),
             (None, Some(nearest)) => format!("did you mean `{}`? ", join(path, nearest)),
