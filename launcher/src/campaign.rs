@@ -294,13 +294,12 @@ fn conclude(plan: &Plan, folder: &CampaignFolder, what: &What) -> anyhow::Result
 
 /// How many flights each controller passes.
 fn rates(plan: &Plan, flights: &Table) -> String {
-    let row = |(name, _): &(String, _)| {
-        let rate = page::rate(flights, |row| flights.column("controller").is_some_and(|all| all.text(row) == name));
+    let row = |(name, rate): (&str, Rate)| {
         let share = if rate.flights == 0 { "-".into() } else { format!("{:.1} %", 100.0 * rate.share()) };
         let Rate { survived, flights, .. } = rate;
-        vec![name.clone(), survived.to_string(), flights.to_string(), share, rate.interval()]
+        vec![name.to_owned(), survived.to_string(), flights.to_string(), share, rate.interval()]
     };
-    let rows = plan.campaign.controllers.iter().map(row).collect();
+    let rows = page::rates(plan, flights).into_iter().map(row).collect();
     table::Table::new("passed, and the exact 95 % interval", &["", "passed", "of", "share", "interval"], rows).text()
 }
 

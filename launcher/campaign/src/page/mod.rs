@@ -22,7 +22,6 @@ mod worst;
 
 use view::draw::{self, STYLE};
 
-use crate::outcome::Verdict;
 use crate::plan::Plan;
 use crate::rate::Rate;
 use crate::table::Table;
@@ -30,16 +29,11 @@ use data::Page;
 
 const OWN_STYLE: &str = include_str!("../../assets/campaign.css");
 
-/// How many of the flights that `meant` picks are passed; those that could not be flown are not counted.
-pub fn rate(flights: &Table, meant: impl Fn(usize) -> bool) -> Rate {
-    let Some(verdicts) = flights.column("verdict") else { return Rate::of(0, 0) };
-    let (mut passed, mut flown) = (0, 0);
-    for row in (0..flights.rows()).filter(|row| meant(*row)) {
-        let verdict = verdicts.text(row);
-        passed += usize::from(verdict == Verdict::Passed.name());
-        flown += usize::from(verdict != Verdict::Invalid.name());
-    }
-    Rate::of(passed, flown)
+/// How many of its flights each controller passes; those that could not be flown are not counted.
+pub fn rates<'a>(plan: &'a Plan, flights: &'a Table) -> Vec<(&'a str, Rate)> {
+    let page = Page::new(plan, flights);
+    let of = |i: usize| page.rate(|row| page.controllers[row] == i);
+    page.names.iter().enumerate().map(|(i, name)| (*name, of(i))).collect()
 }
 
 /// The page of some flights of a plan. `again` with a number behind it is what a user types to fly one again.
@@ -87,9 +81,12 @@ mod tests {
             "samples = 3\n[settings]\nrun.duration_s = 1.0\n[vary]\nmpc.np = [4, 20]\nmpc.nu = [3, 5]\n\
              bounds.max_position_error_m = [1e-9, 1.0]\nplant.airframe.mass_kg = { uniform = [1.0, 1.3] }\n",
         );
-        let invalid = rate(&table, |row| table.column("verdict").unwrap().text(row) == "invalid");
-        assert_eq!(invalid.flights, 0, "counted as neither");
-        assert_eq!((rate(&table, |_| true).survived, rate(&table, |_| true).flights), (9, 18));
+        assert_eq!(table.rows(), 24);
+        assert_eq!(
+            rates(&plan, &table),
+            [("scenario", Rate::of(9, 18))],
+            "6 that could not be flown are counted as neither"
+        );
         let html = page(&plan, &table, "launcher campaign x.toml --only").unwrap();
         for part in [
             "50.0 <small>%</small>",

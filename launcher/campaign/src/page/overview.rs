@@ -59,14 +59,10 @@ impl Page<'_> {
         };
         let headings = ["controller", "passed", "of", "share", "exact 95 % interval", "0 to 100 %"];
         let table = draw::table(&headings, self.names.iter().enumerate().map(row));
-        let next = if self.names.len() > 1 {
-            " Intervals that overlap do not say that the controllers are alike: the next table compares them draw by draw."
-        } else {
-            ""
-        };
         format!(
             "<section id=\"controllers\"><h2>Controllers</h2><p>The share of flights passed, with the interval of Clopper and \
-             Pearson.{next}</p>{table}</section>"
+             Pearson. Intervals that overlap do not say that the controllers are alike: the next table compares them draw by \
+             draw.</p>{table}</section>"
         )
     }
 
