@@ -13,6 +13,7 @@ use rustix::io::Errno;
 use rustix::process::{Resource, getrlimit};
 
 use crate::progress::Progress;
+use flight::event::name;
 use flight::files::write_whole;
 use flight::folder::Folder;
 use flight::inprocess;
@@ -144,7 +145,7 @@ fn settings(args: &FlyArgs) -> anyhow::Result<Scenario> {
     let mut overrides = args.set.clone();
     if let Some(mode) = args.mode {
         let mode = Mode::from(mode);
-        overrides.push(format!("run.mode={}", serde_json::to_value(mode)?.as_str().unwrap_or_default()));
+        overrides.push(format!("run.mode={}", name(mode)));
     }
     Ok(flight::settings::load(args.scenario.as_deref(), &overrides)?)
 }

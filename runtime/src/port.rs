@@ -54,7 +54,8 @@ pub trait Send<M>: WarmUp {
 /// Receives one kind of message.
 pub trait Receive<M> {
     /// Hands the oldest message not yet seen, if any, to `take`, with the number of the port that it was sent through; whether
-    /// there was one. The message does not change while it is taken.
+    /// there was one. The message does not change while it is taken. Where one thread turns the ring, `take` sends nothing on
+    /// the topic.
     ///
     /// # Errors
     /// The queue could not be read. A publisher that cannot be reached at all reads as one that is silent.

@@ -6,6 +6,7 @@
 use anyhow::{bail, ensure};
 use contract::Scenario;
 use contract::scenario::{Fault, FaultKind, FaultTarget, MAX_FAULT_S, check_fault};
+use flight::event::name;
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
@@ -91,7 +92,7 @@ impl RandomFaults {
             ensure!(
                 pairs.iter().any(|(_, of)| of == kind),
                 "`kinds`: no target of these can have {} in process",
-                names(&[*kind])
+                name(kind)
             );
         }
         ensure!(!pairs.is_empty(), "no fault can be drawn");
@@ -111,7 +112,7 @@ impl RandomFaults {
         let of_fault = |i: u32| match faults.get(i as usize) {
             Some(fault) => [
                 Cell::Text(fault.target.name().into()),
-                Cell::Text(names(&[fault.kind])),
+                Cell::Text(name(fault.kind)),
                 Cell::Real(fault.at_s),
                 fault.for_s.map_or(Cell::None, Cell::Real),
             ],
@@ -139,8 +140,7 @@ impl RandomFaults {
 
 /// Kinds as a scenario has them.
 fn names(kinds: &[FaultKind]) -> String {
-    let name = |kind: &FaultKind| serde_json::to_value(kind).ok()?.as_str().map(str::to_owned);
-    kinds.iter().filter_map(name).collect::<Vec<_>>().join(", ")
+    kinds.iter().map(name).collect::<Vec<_>>().join(", ")
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! What all flights have in common: the program, what was drawn and how, the bounds, the campaign file.
 
+use flight::event::name;
 use view::bounds;
 use view::draw::{escape, list, short};
 use view::metrics::Metrics;
@@ -70,8 +71,7 @@ pub fn passed(bounds: &[Bound]) -> String {
 /// The section of what was flown.
 pub fn section(plan: &Plan) -> String {
     let campaign = &plan.campaign;
-    let sampling = serde_json::to_value(campaign.sampling()).ok();
-    let sampling = sampling.as_ref().and_then(|word| word.as_str()).unwrap_or_default();
+    let sampling = name(campaign.sampling());
     let samples = campaign.samples().map(|samples| ("samples".to_owned(), format!("{samples}, {sampling}")));
     let facts = [
         ("flights planned".to_owned(), plan.flights().to_string()),

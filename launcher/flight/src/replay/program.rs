@@ -24,6 +24,10 @@ use crate::log::Record;
 use crate::recorder::Observers;
 use crate::stack::children::{Children, SpawnRequest};
 
+const A_DAY: Duration = Duration::from_secs(86_400);
+/// How long it is waited for a program without a look around \[ns\].
+const LOOK_NS: u64 = 1_000_000;
+
 /// A program that answers in the place of a node.
 pub struct Program {
     topic: Topic,
@@ -152,10 +156,6 @@ impl Program {
         Ok(())
     }
 }
-
-const A_DAY: Duration = Duration::from_secs(86_400);
-/// How long it is waited for a program without a look around \[ns\].
-const LOOK_NS: u64 = 1_000_000;
 
 /// Where messages of `M` are sent, but for those of the node itself.
 fn sender<M: Wire>(ports: &mut Ports, topic: Topic) -> anyhow::Result<Option<Rc<dyn Send<M>>>> {
