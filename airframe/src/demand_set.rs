@@ -25,6 +25,10 @@ pub struct DemandSet {
     pub linear: Vec<Slack>,
     /// Rows with `|(s1, s2)| <= 1`.
     pub disc: Option<[Slack; 2]>,
+    /// Least of each input that any demand of the set has \[N, N m, N m, N m\].
+    pub lower: Vector4<f64>,
+    /// Most of each input that any demand of the set has \[N, N m, N m, N m\].
+    pub upper: Vector4<f64>,
 }
 
 impl DemandSet {
@@ -51,7 +55,9 @@ impl DemandSet {
         if idle > 0.0 {
             linear.push(row(-idle, [sin_cut, cos_cut, 0.0, 0.0]));
         }
-        Self { linear, disc: Some([row(0.0, [1.0, 0.0, 0.0, 0.0]), row(0.0, [0.0, 1.0, 0.0, 0.0])]) }
+        let disc = Some([row(0.0, [1.0, 0.0, 0.0, 0.0]), row(0.0, [0.0, 1.0, 0.0, 0.0])]);
+        let (lower, upper) = envelope.bounding_box();
+        Self { linear, disc, lower, upper }
     }
 
     /// The smallest box around the exact set.
@@ -63,7 +69,7 @@ impl DemandSet {
             linear.push(Slack { offset: -lower[axis] * slope[axis], slope });
             linear.push(Slack { offset: upper[axis] * slope[axis], slope: -slope });
         }
-        Self { linear, disc: None }
+        Self { linear, disc: None, lower, upper }
     }
 
     /// Visits every slack of `u`: of the rows, then of the disc. One that is no number counts as minus infinity.

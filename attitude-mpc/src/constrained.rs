@@ -58,7 +58,7 @@ impl Constrained {
             solver: Solver::new(scenario, &hessian, &set),
             faults: FaultSchedule::new(scenario, |_, fault| of_the_solver(fault)),
             hurried: false,
-            projection: Projection::new(set.moves.clone()),
+            projection: Projection::new(set.moves.clone(), &scenario.mixer.projection_weights),
             set,
             hessian,
             solved: room.clone(),

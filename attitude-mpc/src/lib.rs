@@ -167,7 +167,7 @@ impl AttitudeMpc {
                 (law, constrained)
             }
             Law::Lqr => (UnconstrainedLaw::Gain(condensed::regulator(&model, weights)?), None),
-            Law::Pid => (UnconstrainedLaw::Pid(Pid::new(&scenario.airframe, scenario.sample_s())), None),
+            Law::Pid => (UnconstrainedLaw::Pid(Pid::new(&scenario.airframe, &weights.pid, scenario.sample_s())), None),
         };
         let moves = INPUTS * if weights.law == Law::Mpc { weights.nu } else { 1 };
         Ok(Self {

@@ -18,7 +18,7 @@ use runtime::console::{eprint_line, print};
 use view::{report, trace};
 
 use crate::target::TargetArgs;
-use crate::{campaign, command, compare, fly, manage, replay, swap};
+use crate::{campaign, command, compare, fly, manage, replay, swap, tune};
 
 #[derive(Parser)]
 #[command(name = "launcher", version, about = "Flies a tilt-rotor tricopter through separate real-time processes")]
@@ -67,6 +67,8 @@ enum Command {
     Stop(TargetArgs),
     /// Fly a campaign: many flights that differ in what a file varies
     Campaign(campaign::CampaignArgs),
+    /// Find gains for the controllers of a campaign, each with the same budget, on draws of their own
+    Tune(tune::TuneArgs),
     /// Measure what the stack promises, and say which promises are kept
     #[command(subcommand)]
     Measure(Measure),
@@ -128,6 +130,7 @@ fn run() -> ExitCode {
         Command::Clear(args) => command::clear(&args).map(|()| exit::FLOWN),
         Command::Stop(args) => manage::stop(&args).map(|()| exit::FLOWN),
         Command::Campaign(args) => campaign::campaign(&args),
+        Command::Tune(args) => tune::tune(&args),
         Command::Measure(what) => what.run(),
         Command::Intrude(args) => intruder::intrude(&args),
         Command::Node { name, namespace, epoch, settings, log } => {

@@ -11,6 +11,7 @@
 //! | `replay` | `replay` and `explain`: a flight flown again from its folder |
 //! | `compare` | `compare`: recorded flights side by side |
 //! | `campaign` | `campaign`: many flights, here or on a cluster |
+//! | `tune` | `tune`: gains for the controllers of a campaign |
 //! | `target` | which flight a command is for |
 
 mod campaign;
@@ -23,6 +24,7 @@ mod progress;
 mod replay;
 mod swap;
 mod target;
+mod tune;
 
 use std::alloc::System;
 use std::process::ExitCode;

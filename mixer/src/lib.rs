@@ -61,7 +61,7 @@ impl Mixer {
             trim: trim.actuation,
             projection: scenario.mixer.projection.then(|| {
                 let envelope = Envelope::new(&scenario.airframe, tilt_reaction, scenario.limits());
-                Projection::new(DemandSet::exact(&envelope))
+                Projection::new(DemandSet::exact(&envelope), &scenario.mixer.projection_weights)
             }),
             level: Level::new(&scenario.airframe, trim.roll_rad),
             sample_ns: scenario.sample_ns(),

@@ -142,10 +142,11 @@ proptest! {
         let set = DemandSet::exact(&envelope);
         let demand = Vector4::from(demand);
         let wanted = allocation::allocate(&envelope.mixing, &demand).0;
+        let attainable = demand.zip_zip_map(&set.lower, &set.upper, f64::clamp);
         let clipped = envelope.mixing.deviation(&envelope.limits.clip(&wanted));
         prop_assume!(set.violation(&clipped) <= 1e-12);
-        if let Some(nearest) = Projection::new(set).nearest(&demand) {
-            let miss = |of: &Vector4<f64>| (of - demand).component_mul(&(of - demand)).dot(&Vector4::from(WEIGHTS));
+        if let Some(nearest) = Projection::new(set, &WEIGHTS).nearest(&demand) {
+            let miss = |of: &Vector4<f64>| (of - attainable).component_mul(&(of - attainable)).dot(&Vector4::from(WEIGHTS));
             let (ours, theirs) = (miss(&nearest), miss(&clipped));
             prop_assert!(ours <= theirs + 1e-6 * theirs.max(1.0), "{ours} is more than {theirs}");
         }

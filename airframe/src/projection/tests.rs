@@ -30,7 +30,7 @@ fn moderate_demand() -> impl Strategy<Value = Vector4<f64>> {
 }
 
 fn onto(envelope: &Envelope) -> Projection {
-    Projection::new(DemandSet::exact(envelope))
+    Projection::new(DemandSet::exact(envelope), &WEIGHTS)
 }
 
 /// The nearest demand to one that is outside, with the limits of profile robust.
@@ -51,14 +51,15 @@ fn miss(demand: &Vector4<f64>, other: &Vector4<f64>) -> f64 {
 
 #[test]
 fn thrust_is_given_up_to_hold_roll_and_pitch() {
-    // Roll needs a strong rear rotor: 3.036 N m is the most it can do, at 9 N more thrust than asked for.
+    // Roll needs a strong rear rotor: 3.02 N m is the most it can do without pitch, at 10 N more thrust than asked for.
     for roll in [-5.0, 5.0] {
         let got = nearest([0.0, 0.0, roll, 0.0]);
-        assert!(got[2] / roll.signum() > 3.0 && got[0] < -9.0, "{got}");
+        assert!(got[2] / roll.signum() > 2.9 && got[0] < -9.0, "{got}");
     }
-    let [up, pitch, roll, _] = nearest([-30.0, 1.0, 1.0, 0.0]).into();
-    assert!(-30.0 < up && up < -20.0, "thrust gave way: {up}");
-    assert!(pitch > 0.8 && roll > 0.8, "pitch and roll did not: {pitch} {roll}");
+    for up in [-400.0, -100.0, -60.0, 60.0, 100.0, 400.0] {
+        let [_, pitch, roll, _] = nearest([up, 1.0, 1.0, 0.0]).into();
+        assert!(pitch > 0.9 && roll > 0.9, "{up} N: pitch {pitch}, roll {roll}");
+    }
 }
 
 #[test]
@@ -66,22 +67,26 @@ fn yaw_is_given_up_before_roll_and_pitch() {
     for yaw in [-5.0, 5.0] {
         let [_, pitch, roll, got] = nearest([0.0, 0.0, 0.0, yaw]).into();
         let lost = (yaw - got).abs();
-        assert!(lost > 1.5 && got / yaw > 0.0, "yaw gave way: {got} of {yaw}");
+        assert!(lost > 0.5 && got / yaw > 0.0, "yaw gave way: {got} of {yaw}");
         assert!(pitch.abs() < lost / 5.0 && roll.abs() < lost / 10.0, "pitch and roll did not: {pitch} {roll}");
     }
-    let [_, pitch, roll, yaw] = nearest([-15.0, 1.0, 1.0, 2.0]).into();
-    assert!(pitch > 0.85 && roll > 0.85 && yaw < 1.0, "{pitch} {roll} {yaw}");
 }
 
 #[test]
-fn a_demand_without_measure_keeps_its_direction() {
-    let far = nearest([3e4, -4e4, 2e4, 1e4]);
-    for size in [1e10, 1e200, 3e303] {
-        let farther = nearest([3.0 * size, -4.0 * size, 2.0 * size, size]);
-        assert!((far - farther).amax() < 1e-6, "{size:e}: {farther} is not {far}");
+fn weights_far_apart_are_an_order() {
+    let set = DemandSet::exact(&envelope(200.0, 2.0, 60.0, false));
+    let mut ordered = Projection::new(set, &[1.0, 1e4, 1e4, 1e-3]);
+    let [col, pitch, roll, yaw] = ordered.nearest(&Vector4::new(-3.0, 0.2, 0.1, 5.0)).unwrap().into();
+    assert!((pitch - 0.2).abs() < 1e-3 && (roll - 0.1).abs() < 1e-3, "first {pitch} {roll}");
+    assert!((col + 3.0).abs() < 0.05 && yaw < 4.0, "then {col}, and {yaw} is left");
+}
+
+#[test]
+fn a_demand_beyond_all_measure_is_one_for_all_there_is() {
+    let most = nearest([-60.0, 5.0, -5.0, 5.0]);
+    for size in [1e3, 1e10, 1e200, f64::MAX] {
+        assert_eq!(nearest([-size, size, -size, size]), most, "{size:e}");
     }
-    let most = nearest([f64::MAX, f64::MIN, f64::MIN_POSITIVE, f64::MAX]);
-    assert!((most - nearest([FAR, -FAR, 0.0, FAR])).amax() < 1e-6);
 }
 
 /// The same problem as Clarabel solves it.
@@ -141,7 +146,8 @@ proptest! {
     fn nothing_inside_is_nearer(envelope in vehicle(), demand in moderate_demand()) {
         let mut projection = onto(&envelope);
         if let Some(nearest) = projection.nearest(&demand) {
-            let (ours, theirs) = (miss(&demand, &nearest), miss(&demand, &reference(&projection.set, &demand)));
+            let wanted = demand.zip_zip_map(&projection.set.lower, &projection.set.upper, f64::clamp);
+            let (ours, theirs) = (miss(&wanted, &nearest), miss(&wanted, &reference(&projection.set, &wanted)));
             prop_assert!((ours - theirs).abs() <= 1e-6 * theirs.max(1.0), "{ours} is not {theirs}");
         }
     }
@@ -159,13 +165,14 @@ proptest! {
     fn without_a_solution_the_way_from_hover_ends_at_the_border(envelope in vehicle(), demand in moderate_demand()) {
         let mut projection = onto(&envelope);
         projection.solver.max_iterations = 1;
+        let wanted = demand.zip_zip_map(&projection.set.lower, &projection.set.upper, f64::clamp);
         let mut ignored = [0.0; 4];
-        let outcome = projection.solver.solve(demand.as_slice(), &projection.offsets, &mut ignored);
+        let outcome = projection.solver.solve(wanted.as_slice(), &projection.offsets, &mut ignored);
         prop_assume!(outcome.termination == Termination::IterationLimit);
         let nearest = projection.nearest(&demand).expect("the solver had work to do");
         let violation = projection.set.violation(&nearest);
         prop_assert!(-1e-8 < violation && violation <= -ROUNDING, "{violation:e}");
-        let cosine = nearest.dot(&demand) / (nearest.norm() * demand.norm());
+        let cosine = nearest.dot(&wanted) / (nearest.norm() * wanted.norm());
         prop_assert!((cosine - 1.0).abs() < 1e-12, "{cosine}");
     }
 }

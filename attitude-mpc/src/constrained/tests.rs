@@ -79,7 +79,8 @@ fn a_fallback_is_the_mixer_s_projection_of_the_unconstrained_demand() {
     scenario.mpc.constraints = Constraints::None;
     let wanted = turn(&scenario, 1)[0].demand.into();
     let envelope = Envelope::new(&scenario.airframe, false, scenario.limits());
-    let nearest = Projection::new(DemandSet::exact(&envelope)).nearest(&wanted).unwrap();
+    let nearest =
+        Projection::new(DemandSet::exact(&envelope), &scenario.mixer.projection_weights).nearest(&wanted).unwrap();
     assert_eq!(Vector4::from(fallen_back.demand), nearest);
 }
 

@@ -120,6 +120,28 @@ pub struct Mpc {
     pub delay_compensation: bool,
     /// Gain of the input-disturbance estimate, 0 = off.
     pub disturbance_gain: f64,
+    /// Gains of the law `pid`.
+    pub pid: PidGains,
+}
+
+/// `[mpc.pid]`: accelerations per error, so that the same gains give another vehicle the same poles.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PidGains {
+    /// On the errors of w \[1/s\] and of theta, phi, psi \[1/s2\], which drive col, lon, lat, ped.
+    pub kp: [f64; 4],
+    /// On the integrals of the same errors \[1/s2\], \[1/s3\]; 0 = no integral.
+    pub ki: [f64; 4],
+    /// On the errors of q, p, r \[1/s\], which drive lon, lat, ped.
+    pub kd: [f64; 3],
+}
+
+impl Default for PidGains {
+    /// All three poles of each angle at -4 rad/s, what a loop of 30 ms of lag and 20 ms of delay bears with a margin; both of
+    /// the climb at -2.
+    fn default() -> Self {
+        Self { kp: [4.0, 48.0, 48.0, 48.0], ki: [4.0, 64.0, 64.0, 64.0], kd: [12.0; 3] }
+    }
 }
 
 /// `mpc.law`
@@ -198,4 +220,7 @@ pub struct Mixer {
     pub tilt_reaction: bool,
     /// Take the nearest demand inside the exact actuator set for one that is outside.
     pub projection: bool,
+    /// Cost of a miss of col, lon, lat, ped in the projection, per N^2 and (N m)^2: what costs least is given up first. It is
+    /// also that of the controller where its solver fails.
+    pub projection_weights: [f64; 4],
 }

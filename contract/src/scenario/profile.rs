@@ -3,13 +3,13 @@
 //! `paper` is the paper's Tables III and IV with the openings filled as our reading verified; `robust` is the stack's
 //! own: lag and delay in the model, weights that tolerate them, velocity feedback and feed-forward in guidance.
 
-use airframe::{Parameters, Preset};
+use airframe::{Parameters, Preset, projection};
 
 use super::{
     Battery, Bounds, Constraints, Deadline, Derivative, FlownAirframe, Ground, Guidance, Heading, Initial, Late, Law,
-    Mission, Mixer, Mode, Model, Mpc, NodeRealtime, Noise, Plant, Policy, Profile, Ramp, RateReference, Realtime,
-    RollReference, Rotor, Run, Scenario, Sensors, Solver, StateConstraints, Supervision, Terminal, TrajectoryKind,
-    Turbulence,
+    Mission, Mixer, Mode, Model, Mpc, NodeRealtime, Noise, PidGains, Plant, Policy, Profile, Ramp, RateReference,
+    Realtime, RollReference, Rotor, Run, Scenario, Sensors, Solver, StateConstraints, Supervision, Terminal,
+    TrajectoryKind, Turbulence,
 };
 
 /// All defaults of a profile.
@@ -153,8 +153,9 @@ fn paper() -> Scenario {
             actuator_lag_model_s: 0.0,
             delay_compensation: false,
             disturbance_gain: 0.0,
+            pid: PidGains::default(),
         },
-        mixer: Mixer { tilt_reaction: false, projection: false },
+        mixer: Mixer { tilt_reaction: false, projection: false, projection_weights: projection::WEIGHTS },
         bounds: Bounds::default(),
         fault: vec![],
         swap: vec![],

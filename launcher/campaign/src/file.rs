@@ -39,6 +39,7 @@ use toml::{Table, Value};
 use crate::hex::hex;
 use crate::random_faults::RandomFaults;
 use crate::sampling::{MAX_SOBOL, Sampling};
+use crate::tune::Tune;
 use crate::variation::{Factor, Values};
 
 /// The most flights of a campaign.
@@ -84,6 +85,9 @@ struct File {
     controller: BTreeMap<String, Table>,
     #[serde(skip_serializing_if = "Option::is_none")]
     random_faults: Option<RandomFaults>,
+    /// No part of what is flown.
+    #[serde(skip_serializing)]
+    tune: Option<Tune>,
 }
 
 /// `seeds`
@@ -161,6 +165,11 @@ impl Campaign {
         self.file.random_faults.as_ref()
     }
 
+    /// How the gains of its controllers are found, where it says so.
+    pub fn tune(&self) -> Option<&Tune> {
+        self.file.tune.as_ref()
+    }
+
     /// Another number of samples, and another seed of what is drawn.
     #[must_use]
     pub fn drawn_anew(mut self, seed: u32, samples: u64) -> Self {
@@ -193,6 +202,10 @@ impl Campaign {
         let drawn = self.factors.iter().filter(|factor| matches!(factor.values, Values::Drawn(_))).count();
         if let Some(faults) = &self.file.random_faults {
             faults.check().context("[random_faults]")?;
+        }
+        if let Some(tune) = &self.file.tune {
+            ensure!(drawn > 0 || self.file.random_faults.is_some(), "[tune] where nothing is drawn to train on");
+            tune.check(&self.controllers).context("[tune]")?;
         }
         match (self.file.samples, drawn > 0 || self.file.random_faults.is_some()) {
             (Some(0), _) => bail!("`samples` = 0: give how often to draw, 1 or more"),

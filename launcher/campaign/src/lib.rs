@@ -13,6 +13,7 @@
 //! | [`folder`], [`layout`] | the folder of a campaign, who may write to it, and of what its shards are |
 //! | [`local`] | all cores of this machine |
 //! | [`slurm`] | a cluster |
+//! | [`tune`] | gains by one procedure, on draws of their own |
 //! | [`rate`] | shares with their exact intervals |
 //! | [`page`] | `campaign.html` |
 //!
@@ -35,6 +36,7 @@ pub mod sampling;
 pub mod shard;
 pub mod slurm;
 pub mod table;
+pub mod tune;
 pub mod variation;
 
 pub use file::Campaign;

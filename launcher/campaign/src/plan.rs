@@ -72,6 +72,11 @@ impl Plan {
 
     /// The flight of a number below [`flights`](Self::flights).
     pub fn flight(&self, number: u64) -> Flight {
+        self.flight_with(number, &[])
+    }
+
+    /// The same with other settings of its controller on top.
+    pub fn flight_with(&self, number: u64, settings: &[(String, Value)]) -> Flight {
         let controllers = &self.campaign.controllers;
         let (controller, given) = &controllers[(number % controllers.len() as u64) as usize];
         let mut rest = number / controllers.len() as u64;
@@ -101,7 +106,7 @@ impl Plan {
         };
         let faults = self.campaign.random_faults();
         let faults = faults.map_or(vec![], |faults| faults.draw(&self.pairs, self.campaign.seed(), sample));
-        let scenario = self.scenario(number, given_seed, given, &values, &faults);
+        let scenario = self.scenario(number, given_seed, given, &values, &faults, settings);
         let seed = given_seed.or(scenario.as_ref().ok().map(|scenario| scenario.run.seed));
         Flight { number, controller: controller.clone(), values, seed, faults, scenario }
     }
@@ -113,9 +118,11 @@ impl Plan {
         given: &Given,
         values: &[Value],
         faults: &[Fault],
+        more: &[(String, Value)],
     ) -> Result<Scenario, ScenarioError> {
         let keys = self.campaign.factors.iter().map(|factor| factor.key.clone());
         let mut settings: Vec<(String, Value)> = keys.zip(values.iter().cloned()).collect();
+        settings.extend_from_slice(more);
         settings.extend(seed.map(|seed| (SEED.to_owned(), Value::Integer(seed as i64))));
         let mut scenario = given.scenario(&settings)?;
         for fault in faults {

@@ -27,7 +27,7 @@ const PRIORITY: Range = (Included(1.0), Included(95.0));
 const CPU: Range = (Included(0.0), Included(1023.0));
 
 /// Allowed range of each number under a key; arrays are judged number by number, tables key by key.
-const RANGES: [(&str, Range); 106] = [
+const RANGES: [(&str, Range); 108] = [
     ("mission", ANY),
     ("initial", ANY),
     ("plant", ANY),
@@ -113,6 +113,8 @@ const RANGES: [(&str, Range); 106] = [
     ("mpc.attitude_limit_deg", POSITIVE),
     ("mpc.rates_limit_dps", POSITIVE),
     ("mpc.disturbance_gain", (Included(0.0), Included(1.0))),
+    ("mpc.pid", (Included(0.0), Included(1e6))),
+    ("mixer.projection_weights", (Included(1e-3), Included(1e6))),
     ("bounds", LIFTED),
     ("realtime.priority", PRIORITY),
     ("realtime.plant.priority", PRIORITY),

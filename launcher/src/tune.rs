@@ -1,0 +1,50 @@
+//! `tune`: gains for the controllers of a campaign, by the procedure of its `[tune]`.
+
+use std::path::PathBuf;
+use std::sync::atomic::Ordering;
+
+use anyhow::Context;
+use campaign::Campaign;
+use clap::Args;
+use contract::exit;
+use flight::interrupts::catch_interrupts;
+use runtime::console::{eprint_line, print};
+
+use crate::progress::Progress;
+
+/// Arguments of `tune`.
+#[derive(Args)]
+#[command(
+    after_help = "Prints the tuned settings of each controller, to be put into the file. docs/campaigns.md has the form \
+of [tune], docs/mpc.md an example.\n\n\
+Exit codes: 0 searched; 2 usage or campaign error; 130 interrupted."
+)]
+pub struct TuneArgs {
+    /// Campaign file (TOML) with [tune]
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
+    /// Only this controller (repeatable)
+    #[arg(long, value_name = "NAME")]
+    controller: Vec<String>,
+}
+
+/// Does what the arguments say; the exit code.
+pub fn tune(args: &TuneArgs) -> anyhow::Result<u8> {
+    let campaign = Campaign::load(&args.file)?;
+    let file = args.file.display();
+    let tune = campaign.tune().with_context(|| format!("{file} has no [tune]; docs/campaigns.md says what it is"))?;
+    let interrupts = catch_interrupts()?;
+    let progress = Progress::start();
+    let show = |name: &str, flights: u64, cost: f64| {
+        progress.show(|| format!("{name}: {flights} flights   least cost {cost:.4}"));
+    };
+    let found = tune.search(&campaign, &args.controller, || interrupts.load(Ordering::Relaxed) == 0, show);
+    progress.finish();
+    let Some(found) = found.with_context(|| file.to_string())? else {
+        eprint_line("interrupted; nothing was written");
+        return Ok(exit::INTERRUPTED);
+    };
+    let texts: Vec<String> = found.iter().map(campaign::tune::Tuned::to_toml).collect();
+    print(&texts.join("\n"));
+    Ok(exit::FLOWN)
+}
