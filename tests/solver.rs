@@ -80,24 +80,18 @@ fn run_json_counts_every_tick_of_the_solver() {
 
 #[test]
 fn the_cone_survives_what_the_other_inner_loops_do_not() {
-    let measured =
-        launcher().args(["measure", "laws", "--json", "--flights", "4"]).output().expect("the launcher runs");
+    let measured = launcher().args(["measure", "laws", "--json"]).output().expect("the launcher runs");
     let all: Value = serde_json::from_slice(&measured.stdout).expect("JSON");
     assert_eq!(measured.status.code(), Some(0), "{}", all["targets"]);
     let flights = all["results"]["flights"].as_array().expect("flights");
     let survived = |inner_loop: &str| {
         flights.iter().filter(|flight| flight["inner_loop"] == inner_loop && flight["survived"] == true).count()
     };
-    for cone in ["cone", "cone-active-set", "cone-projected", "cone-active-set-projected"] {
-        assert_eq!(survived(cone), 5, "{cone}");
+    for name in ["cone", "box", "clamp", "lqr", "pid"] {
+        assert!(survived(name) >= survived(&format!("{name}-clipped")), "{name}: the projection loses none");
     }
-    for other in ["box", "clamp", "lqr", "pid"] {
-        assert!((1..5).contains(&survived(other)), "{other}");
-        assert!(survived(&format!("{other}-projected")) >= survived(other), "{other}: the projection loses none");
-    }
-    let random = all["results"]["random"]["rows"].as_array().expect("random flights");
-    assert_eq!(random.len(), 12);
-    assert!(random.iter().all(|row| row["survived"].as_array().is_some_and(|flights| flights.len() == 4)));
+    assert_eq!(survived("cone"), 5);
+    assert!(survived("clamp-clipped") < 5, "the flights need the limits");
 }
 
 #[test]

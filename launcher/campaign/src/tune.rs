@@ -31,7 +31,7 @@ use crate::plan::Plan;
 use crate::table::Cell;
 
 /// Largest factor of a group, and the inverse of the smallest.
-const WIDEST: f64 = 30.0;
+const WIDEST: f64 = 1000.0;
 /// First spread of the logarithms of the factors.
 const SPREAD: f64 = 0.5;
 /// Seed of the search itself: the same for every controller.

@@ -1,16 +1,14 @@
 //! `measure laws`: the same flights under every inner loop, side by side.
 //!
-//! Every flight is flown in process, so that the tables are the same on every machine. Between the rows only the inner
-//! loop changes: law, constraints and solver of attitude-mpc, each without and with the mixer's projection. A flight survives
-//! when the vehicle did not diverge and is back at its reference in the end. The five aggressive flights show how, and the
-//! random ones of `campaigns/laws.toml`, which has the inner loops too, how often.
+//! Every flight is flown in process, so that the table is the same on every machine. Between the rows only the inner loop
+//! changes: a controller of `campaigns/laws.toml`, whose random flights tell how often each survives. A flight survives when
+//! the vehicle did not diverge and is back at its reference in the end.
 
 use std::path::{Path, PathBuf};
 
-use campaign::outcome::{self, Verdict};
-use campaign::{Campaign, Plan, Rate};
+use campaign::Campaign;
 use contract::Scenario;
-use contract::scenario::{self, Constraints, Law, Mode, Solver};
+use contract::scenario::{self, Constraints, Mixer, Mode, Mpc};
 use rayon::prelude::*;
 use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
@@ -30,19 +28,13 @@ const AGGRESSIVE: [(&str, &str); 5] = [
     ("scenarios/aggressive/weak-yaw.toml", include_str!("../../../scenarios/aggressive/weak-yaw.toml")),
 ];
 
-/// The random flights, and the inner loops.
-const RANDOM: (&str, &str) = ("campaigns/laws.toml", include_str!("../../../campaigns/laws.toml"));
+/// The campaign whose controllers are the inner loops.
+const CAMPAIGN: (&str, &str) = ("campaigns/laws.toml", include_str!("../../../campaigns/laws.toml"));
 
 #[derive(clap::Args)]
 pub struct LawsArgs {
     /// Scenario files to fly besides the five aggressive ones
     pub scenario: Vec<PathBuf>,
-    /// Random flights
-    #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
-    pub flights: u64,
-    /// What the random flights are drawn from
-    #[arg(long, default_value_t = 1)]
-    pub seed: u32,
     /// Print JSON
     #[arg(long)]
     pub json: bool,
@@ -51,48 +43,35 @@ pub struct LawsArgs {
     pub out: Option<PathBuf>,
 }
 
-/// One row of the table.
+/// One row of the table: a controller of the campaign.
 #[derive(Debug, Clone, PartialEq)]
 struct InnerLoop {
     name: String,
-    law: Law,
-    /// `Cone` is the exact actuator set, `Box` the smallest box around it.
-    constraints: Constraints,
-    solver: Solver,
-    /// Whether the mixer projects onto the exact set; elsewhere it clamps.
-    projection: bool,
+    mpc: Mpc,
+    mixer: Mixer,
 }
 
-/// Those of the random flights' controllers.
-fn inner_loops(random: &Campaign) -> anyhow::Result<Vec<InnerLoop>> {
-    let all = random.controllers.iter().map(|(name, given)| Ok(InnerLoop::of(name, &given.scenario(&[])?)));
+/// Those of the campaign's controllers.
+fn inner_loops(campaign: &Campaign) -> anyhow::Result<Vec<InnerLoop>> {
+    let all = campaign.controllers.iter().map(|(name, given)| Ok(InnerLoop::of(name, given.scenario(&[])?)));
     all.collect()
 }
 
 impl InnerLoop {
-    fn of(name: &str, scenario: &Scenario) -> Self {
-        let contract::scenario::Mpc { law, constraints, solver, .. } = scenario.mpc;
-        Self { name: name.to_owned(), law, constraints, solver, projection: scenario.mixer.projection }
+    fn of(name: &str, scenario: Scenario) -> Self {
+        Self { name: name.to_owned(), mpc: scenario.mpc, mixer: scenario.mixer }
     }
 
     /// `scenario` with this inner loop, in process.
     fn put_into(&self, scenario: &Scenario) -> Scenario {
         let mut flown = scenario.clone();
         flown.run.mode = Mode::Inprocess;
-        flown.mpc.law = self.law;
-        flown.mpc.constraints = self.constraints;
-        flown.mpc.solver = self.solver;
-        flown.mixer.projection = self.projection;
+        (flown.mpc, flown.mixer) = (self.mpc.clone(), self.mixer.clone());
         flown
     }
 
     fn is_cone(&self) -> bool {
-        self.constraints == Constraints::Cone
-    }
-
-    /// Whether it is the same law under the same constraints: solver and projection may differ.
-    fn is_akin(&self, other: &Self) -> bool {
-        (self.law, self.constraints) == (other.law, other.constraints)
+        self.mpc.constraints == Constraints::Cone
     }
 }
 
@@ -110,36 +89,17 @@ struct LawFlight {
     state_hash: Option<String>,
 }
 
-/// The random flights under one inner loop.
-#[derive(Debug, Serialize)]
-struct RandomRow {
-    #[serde(serialize_with = "by_name")]
-    inner_loop: InnerLoop,
-    rate: Rate,
-    /// Flight by flight.
-    survived: Vec<bool>,
-}
-
 /// Returns the exit code.
 pub fn measure(args: &LawsArgs) -> anyhow::Result<u8> {
     let shipped = AGGRESSIVE.iter().map(|(path, text)| scenario::from_merged(text, path));
     let more = args.scenario.iter().map(|path| settings::load(Some(path), &[]));
     let scenarios: Vec<Scenario> = shipped.chain(more).collect::<Result<_, _>>()?;
-    let drawn = Campaign::read(RANDOM.1, RANDOM.0, "laws", Path::new(""))?.drawn_anew(args.seed, args.flights);
-    let loops = inner_loops(&drawn)?;
+    let loops = inner_loops(&Campaign::read(CAMPAIGN.1, CAMPAIGN.0, "laws", Path::new(""))?)?;
     let rows = fly_all(&loops, &scenarios);
-    let random = fly_random(&loops, &Plan::new(drawn)?);
-
     let flights: Vec<&LawFlight> = rows.iter().flatten().collect();
-    let results = json!({
-        "survived_within_m": SURVIVED_M,
-        "flights": flights,
-        "random": { "seed": args.seed, "flights": args.flights, "rows": random },
-    });
-    let targets = targets(&rows).into_iter().chain(of_random(&random)).collect();
-    let found = Findings::new(results, targets, false)?;
-    let text = table(&scenarios, &rows) + "\n" + &random_table(args.seed, &random);
-    found.conclude(args.out.as_deref(), "table.json", args.json, &text)
+    let results = json!({ "survived_within_m": SURVIVED_M, "flights": flights });
+    let found = Findings::new(results, targets(&rows), false)?;
+    found.conclude(args.out.as_deref(), "table.json", args.json, &table(&scenarios, &rows))
 }
 
 /// Every scenario under every inner loop, on as many cores as there are: a row for each inner loop.
@@ -147,16 +107,6 @@ fn fly_all(loops: &[InnerLoop], scenarios: &[Scenario]) -> Vec<Vec<LawFlight>> {
     let pairs: Vec<_> = loops.iter().flat_map(|one| scenarios.iter().map(move |scenario| (one, scenario))).collect();
     let mut flights = pairs.par_iter().map(|(one, scenario)| fly(one, scenario)).collect::<Vec<_>>().into_iter();
     loops.iter().map(|_| flights.by_ref().take(scenarios.len()).collect()).collect()
-}
-
-/// Every flight of the plan, whose controllers the loops are: a row for each.
-fn fly_random(loops: &[InnerLoop], plan: &Plan) -> Vec<RandomRow> {
-    let fly = |number| outcome::fly(&plan.flight(number), || true, |_| {});
-    let passed = |number| fly(number).is_some_and(|outcome| outcome.verdict == Verdict::Passed);
-    let passed: Vec<bool> = (0..plan.flights()).into_par_iter().map(passed).collect();
-    // The controllers of a sample stand together.
-    let of_loop = |i: usize| passed.iter().skip(i).step_by(loops.len()).copied().collect();
-    loops.iter().enumerate().map(|(i, one)| RandomRow::of(one, of_loop(i))).collect()
 }
 
 fn fly(inner_loop: &InnerLoop, scenario: &Scenario) -> LawFlight {
@@ -192,56 +142,6 @@ fn targets(rows: &[Vec<LawFlight>]) -> Vec<Target> {
         ]
     };
     rows.iter().filter(|row| row[0].inner_loop.is_cone()).flat_map(of_row).collect()
-}
-
-/// The row that survives most of those with another law or other constraints than `row`; the first of several.
-fn best_other<'a>(rows: &'a [RandomRow], row: &RandomRow) -> Option<&'a RandomRow> {
-    let others = rows.iter().rev().filter(|other| !other.inner_loop.is_akin(&row.inner_loop));
-    others.max_by_key(|other| other.rate.survived)
-}
-
-/// The cone survives at least as many random flights as every other, within its interval.
-fn of_random(rows: &[RandomRow]) -> Vec<Target> {
-    let of_row = |row: &RandomRow| {
-        let best = best_other(rows, row)?;
-        let Rate { survived, flights, high, .. } = row.rate;
-        let figure = format!("{}: share of random flights, upper end", row.inner_loop.name);
-        let note = format!("{survived} of {flights}; the best other, {}, {}", best.inner_loop.name, best.rate.survived);
-        Some(Target::at_least(figure, Some(high), best.rate.share()).noting(note))
-    };
-    rows.iter().filter(|row| row.inner_loop.is_cone()).filter_map(of_row).collect()
-}
-
-impl RandomRow {
-    fn of(inner_loop: &InnerLoop, survived: Vec<bool>) -> Self {
-        let rate = Rate::of(survived.iter().filter(|survived| **survived).count(), survived.len());
-        Self { inner_loop: inner_loop.clone(), rate, survived }
-    }
-
-    /// How many flights it survives that `other` does not.
-    fn more_than(&self, other: &Self) -> usize {
-        self.survived.iter().zip(&other.survived).filter(|(mine, theirs)| **mine && !**theirs).count()
-    }
-}
-
-fn random_table(seed: u32, rows: &[RandomRow]) -> String {
-    let cells = |row: &RandomRow| {
-        let Rate { survived, .. } = row.rate;
-        let [best, only, lost] = match best_other(rows, row) {
-            Some(best) => {
-                [best.inner_loop.name.clone(), row.more_than(best).to_string(), best.more_than(row).to_string()]
-            }
-            None => ["-", "-", "-"].map(str::to_owned),
-        };
-        vec![row.inner_loop.name.clone(), survived.to_string(), row.rate.interval(), best, only, lost]
-    };
-    let flights = rows.first().map_or(0, |row| row.rate.flights);
-    let title = format!(
-        "{flights} random flights, seed {seed}: survived, the exact 95 % interval, the best law of another kind, and how many \
-         flights only the one survives and only the other"
-    );
-    let headings = ["", "survived", "interval", "best other", "only it", "only the other"];
-    Table::new(&title, &headings, rows.iter().map(cells).collect()).text()
 }
 
 fn table(scenarios: &[Scenario], rows: &[Vec<LawFlight>]) -> String {

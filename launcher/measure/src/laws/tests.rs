@@ -4,7 +4,7 @@ use contract::scenario::Profile;
 use view::summary::Summary;
 
 fn shipped() -> Campaign {
-    Campaign::read(RANDOM.1, RANDOM.0, "laws", Path::new("")).unwrap()
+    Campaign::read(CAMPAIGN.1, CAMPAIGN.0, "laws", Path::new("")).unwrap()
 }
 
 /// The inner loop of a name.
@@ -51,33 +51,6 @@ fn the_shipped_scenarios_are_valid_under_every_inner_loop() {
 }
 
 #[test]
-fn every_law_flies_with_and_without_the_projection_and_one_is_what_ships() {
-    let robust = Scenario::from(Profile::Robust);
-    let loops = inner_loops(&shipped()).unwrap();
-    assert_eq!(loops.len(), 12);
-    for pair in loops.iter().filter(|one| one.projection) {
-        let without = named(pair.name.strip_suffix("-projected").unwrap());
-        assert_eq!(without, InnerLoop { projection: false, name: without.name.clone(), ..pair.clone() });
-    }
-    let shipped = named("cone-projected").put_into(&robust);
-    assert_eq!((shipped.mpc, shipped.mixer), (robust.mpc, robust.mixer));
-}
-
-#[test]
-fn a_random_flight_is_survived_when_the_vehicle_comes_back() {
-    let plan = Plan::new(shipped().drawn_anew(1, 2)).unwrap();
-    let loops = inner_loops(&plan.campaign).unwrap();
-    let rows = fly_random(&loops, &plan);
-    assert_eq!(rows.len(), 12);
-    for (i, row) in rows.iter().enumerate() {
-        for (sample, survived) in row.survived.iter().enumerate() {
-            let (summary, _) = in_process(plan.flight((sample * 12 + i) as u64).scenario.as_ref().unwrap(), |_| {});
-            assert_eq!(*survived, failed_at_s(&summary).is_none(), "{} in flight {sample}", row.inner_loop.name);
-        }
-    }
-}
-
-#[test]
 fn a_cell_tells_what_became_of_the_flight() {
     let cell = |diverged_at_s, final_m| flight(named("cone"), diverged_at_s, final_m, 2).cell();
     assert_eq!(cell(None, 0.1), "ok 33.1 m s, 2");
@@ -106,41 +79,4 @@ fn the_targets_are_those_of_the_cone() {
     bad[0][3] = flight(named("cone-active-set"), Some(2.0), 0.0, 0);
     bad[0][4].metrics.negative_squares = 1;
     assert_eq!(verdicts(&bad), [Verdict::Short; 3]);
-}
-
-fn random(inner_loop: &InnerLoop, survived: &[u8]) -> RandomRow {
-    let survived: Vec<bool> = survived.iter().map(|survived| *survived == 1).collect();
-    RandomRow::of(inner_loop, survived)
-}
-
-#[test]
-fn the_random_flights_are_compared_with_the_best_law_of_another_kind() {
-    let boxed = named("box-projected");
-    let rows = [
-        random(&named("cone"), &[1, 1, 1, 0]),
-        random(&named("cone-active-set"), &[1; 4]),
-        random(&named("clamp"), &[0; 4]),
-        random(&boxed, &[1, 0, 0, 1]),
-    ];
-    assert_eq!(best_other(&rows, &rows[0]).unwrap().inner_loop, boxed, "the other solver is no other law");
-    assert_eq!(best_other(&rows, &rows[3]).unwrap().inner_loop, named("cone-active-set"));
-    let text = random_table(7, &rows);
-    let lines: Vec<&str> = text.lines().collect();
-    assert!(lines[0].starts_with("4 random flights, seed 7"));
-    assert_eq!(
-        lines[2].split_whitespace().collect::<Vec<_>>(),
-        "cone 3 19.4 to 99.4 % box-projected 2 1".split(' ').collect::<Vec<_>>()
-    );
-}
-
-#[test]
-fn the_cone_may_lose_no_more_than_chance_explains() {
-    let verdicts = |cone: &[u8], other: &[u8]| -> Vec<Verdict> {
-        of_random(&[random(&named("cone"), cone), random(&named("clamp"), other)])
-            .iter()
-            .map(|target| target.verdict)
-            .collect()
-    };
-    assert_eq!(verdicts(&[1, 1, 0, 0], &[1, 1, 1, 0]), [Verdict::Ok]);
-    assert_eq!(verdicts(&[0; 4], &[1; 4]), [Verdict::Short]);
 }
