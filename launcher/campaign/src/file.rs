@@ -231,8 +231,12 @@ impl Campaign {
         );
         let flights = self.flights();
         ensure!(flights <= MAX_FLIGHTS, "{flights} flights: {MAX_FLIGHTS} are the most");
-        for pair in self.factors.windows(2) {
-            ensure!(pair[0].key != pair[1].key, "`{}` varies twice: by `seeds` and in [vary]", pair[0].key);
+        for (i, Factor { key: whole, .. }) in self.factors.iter().enumerate() {
+            for Factor { key, .. } in &self.factors[i + 1..] {
+                ensure!(key != whole, "`{key}` varies twice, by `seeds` and in [vary]: leave one of them away");
+                let is_part = key.strip_prefix(whole).is_some_and(|rest| rest.starts_with('.'));
+                ensure!(!is_part, "`{key}` in [vary] is a part of `{whole}`, which varies too: leave one of them away");
+            }
         }
         for Factor { key, .. } in &self.factors {
             ensure!(
@@ -259,8 +263,7 @@ fn seeds(seeds: &Seeds) -> anyhow::Result<Factor> {
         Seeds::List(list) => list.clone(),
     };
     ensure!(!all.is_empty(), "`seeds` without a seed: give how many, 1 or more");
-    let values = Values::Listed(all.into_iter().map(|seed| Value::Integer(seed.into())).collect());
-    Ok(Factor { key: "run.seed".into(), values })
+    Factor::listed("run.seed", all.into_iter().map(|seed| Value::Integer(seed.into())).collect())
 }
 
 /// What every flight of a campaign has.
@@ -309,6 +312,12 @@ mod tests {
             ("samples = 100000\nsampling = 'sobol'\n[vary]\nmpc.np = { integer = [20, 30] }", "latin-hypercube"),
             ("seeds = 0", "`seeds`"),
             ("seeds = 3\n[vary]\nrun.seed = [1]", "varies twice"),
+            ("seeds = [1, 2, 1]", "`run.seed` lists 1 twice"),
+            (
+                "[vary]\n'initial.attitude_deg' = [[0, 0, 0], [9, 0, 0]]\ninitial.attitude_deg.0 = [0, 5]",
+                "is a part of `initial.attitude_deg`",
+            ),
+            ("[vary]\n'initial.attitude_deg'.0 = [0, 5]\ninitial.attitude_deg.0 = [0, 6]", "varies twice"),
             ("seeds = 100\n[vary]\nmpc.np = { range = { from = 1, to = 9, steps = 1000000 } }", "are the most"),
             ("[settings]\nmpc.npp = 3", "unknown key `mpc.npp`"),
             ("[controller.a]\nmpc.law = 'lqg'", "lqr"),

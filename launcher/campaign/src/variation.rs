@@ -3,6 +3,9 @@
 //! Drawn values are quantiles of numbers between 0 and 1, by which any sampling has any distribution. They are the same on
 //! every machine: the elementary functions are those of the crate `libm`, not of the C library.
 
+use std::collections::HashSet;
+use std::f64::consts::SQRT_2;
+
 use anyhow::{Context, bail, ensure};
 use serde::{Deserialize, Serialize};
 use toml::Value;
@@ -68,7 +71,7 @@ pub enum Distribution {
     Uniform([f64; 2]),
     /// Its logarithm evenly.
     LogUniform([f64; 2]),
-    /// A whole number, each with the same chance, both ends included.
+    /// A whole number, each with the same chance, both ends included. Of more than 2^53 numbers, so many can be drawn.
     Integer([i64; 2]),
     Normal(Normal),
     /// One of these, each with the same chance.
@@ -87,12 +90,26 @@ impl Factor {
         Ok(factors)
     }
 
+    /// The factor that flies each of `list`.
+    ///
+    /// # Errors
+    /// An empty list, or a value that stands in it twice: its flights would be counted twice.
+    pub fn listed(key: &str, list: Vec<Value>) -> anyhow::Result<Self> {
+        ensure!(!list.is_empty(), "`{key}`: an empty list; give the values to fly");
+        let mut seen = HashSet::new();
+        for value in &list {
+            ensure!(
+                seen.insert(identity(value)),
+                "`{key}` lists {value} twice: a copy of a flight is no evidence; leave one of them away"
+            );
+        }
+        Ok(Self { key: key.to_owned(), values: Values::Listed(list) })
+    }
+
     fn new(key: &str, value: &Value) -> anyhow::Result<Self> {
+        check_elements(key)?;
         let values = match value {
-            Value::Array(list) => {
-                ensure!(!list.is_empty(), "`{key}`: an empty list; give the values to fly");
-                Values::Listed(list.clone())
-            }
+            Value::Array(list) => return Self::listed(key, list.clone()),
             Value::Table(_) => {
                 let variation: Variation = value.clone().try_into().with_context(|| format!("`{key}` = {value}"))?;
                 variation.values().with_context(|| format!("`{key}` = {value}"))?
@@ -105,6 +122,29 @@ impl Factor {
         };
         Ok(Self { key: key.to_owned(), values })
     }
+}
+
+/// Text that equal values have in common, of which 1 and 1.0 are two.
+fn identity(value: &Value) -> String {
+    match value {
+        Value::Integer(n) => format!("{:?}", *n as f64),
+        Value::Float(x) => format!("{:?}", x + 0.0), // -0 is 0
+        Value::Array(all) => format!("[{}]", all.iter().map(identity).collect::<Vec<_>>().join(", ")),
+        other => other.to_string(),
+    }
+}
+
+/// Refuses a second way to write the number of an element, which would be a column of its own.
+fn check_elements(key: &str) -> anyhow::Result<()> {
+    for name in key.split('.') {
+        if let Ok(number) = name.parse::<usize>() {
+            ensure!(
+                name == number.to_string(),
+                "`{key}` in [vary]: the element `{name}` of an array is written `{number}`"
+            );
+        }
+    }
+    Ok(())
 }
 
 /// Goes down the tables of dotted keys to what varies.
@@ -159,7 +199,8 @@ impl Variation {
                 let Normal { mean, deviation, within } = normal;
                 ensure!(mean.is_finite() && deviation.is_finite() && deviation > 0.0, "give a deviation above 0");
                 within.map_or(Ok(()), rises)?;
-                ensure!(normal.shares()[0] < normal.shares()[1], "no values lie within; widen it");
+                let [low, high] = normal.shares();
+                ensure!(low != high, "no values lie within; widen it");
                 Values::Drawn(Distribution::Normal(normal))
             }
             Self::Choice(choices) => {
@@ -194,10 +235,16 @@ impl Values {
 }
 
 impl Normal {
-    /// The shares of all values below the ends of `within`.
+    /// The sign of the tail in which `within` lies: -1 below the mean, 1 above it. Shares of the upper tail are counted from
+    /// above, because those from below are all 1 there but for rounding.
+    fn tail(&self) -> f64 {
+        if self.within.is_some_and(|[low, _]| low > self.mean) { 1.0 } else { -1.0 }
+    }
+
+    /// The shares of all values beyond the ends of `within`, counted from the end of the [`tail`](Self::tail).
     fn shares(&self) -> [f64; 2] {
-        let below = |x: f64| 0.5 * libm::erfc((self.mean - x) / (self.deviation * std::f64::consts::SQRT_2));
-        self.within.map_or([0.0, 1.0], |ends| ends.map(below))
+        let beyond = |x: f64| 0.5 * libm::erfc(self.tail() * (x - self.mean) / (self.deviation * SQRT_2));
+        self.within.map_or([0.0, 1.0], |ends| ends.map(beyond))
     }
 }
 
@@ -205,20 +252,25 @@ impl Distribution {
     /// The value below which the share `u` of all values lies, 0 < u < 1.
     pub fn quantile(&self, u: f64) -> Value {
         let between = |[low, high]: [f64; 2]| low + (high - low) * u;
-        let index = |count: f64| (u * count).min(count - 1.0) as i64;
+        // The differences of two whole numbers have 65 bits.
+        let index = |count: i128| ((u * count as f64) as i128).min(count - 1);
         match self {
             Self::Uniform(ends) => Value::Float(between(*ends)),
             Self::LogUniform(ends) => {
                 let [low, high] = *ends;
                 Value::Float(libm::exp(between(ends.map(libm::log))).clamp(low, high))
             }
-            Self::Integer([low, high]) => Value::Integer(low + index((high - low + 1) as f64)),
+            Self::Integer(ends) => {
+                let [low, high] = ends.map(i128::from);
+                Value::Integer((low + index(high - low + 1)) as i64)
+            }
             Self::Normal(normal) => {
                 let [low, high] = normal.within.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
-                let x = normal.mean + normal.deviation * normal_quantile(between(normal.shares()));
+                let z = -normal.tail() * normal_quantile(between(normal.shares()));
+                let x = normal.mean + normal.deviation * z;
                 Value::Float(x.clamp(low, high))
             }
-            Self::Choice(choices) => choices[index(choices.len() as f64) as usize].clone(),
+            Self::Choice(choices) => choices[index(choices.len() as i128) as usize].clone(),
         }
     }
 }
@@ -289,6 +341,9 @@ fn normal_quantile(p: f64) -> f64 {
     let polynomial = |of: &[f64; 8], x: f64| of.iter().rev().fold(0.0, |sum, c| sum * x + c);
     let ratio = |over: &[f64; 8], under: &[f64; 8], x: f64| polynomial(over, x) / polynomial(under, x);
     let q = p - 0.5;
+    if p == 0.0 || p == 1.0 {
+        return q * f64::INFINITY; // where rounding has reached an end
+    }
     if q.abs() <= 0.425 {
         return q * ratio(&A, &B, 0.180_625 - q * q);
     }
@@ -342,6 +397,40 @@ mod tests {
         assert!(near(within.quantile(1e-15), 0.0) && within.quantile(1.0 - 1e-16).as_float().unwrap() <= 1.0);
     }
 
+    /// Against R: `qnorm(p, lower.tail = FALSE)` between the shares beyond both ends.
+    #[test]
+    fn val_every_draw_within_a_far_tail_is_a_number_within() {
+        for (text, [low, high]) in [
+            ("{ normal = { mean = 0.0, deviation = 1.0, within = [9.0, 10.0] } }", [9.0, 10.0]),
+            ("{ normal = { mean = 0.0, deviation = 1.0, within = [-10.0, -9.0] } }", [-10.0, -9.0]),
+            ("{ normal = { mean = 1.1, deviation = 0.01, within = [1.0, 9.0] } }", [1.0, 9.0]),
+        ] {
+            let distribution = drawn(text);
+            let at = |u: f64| distribution.quantile(u).as_float().unwrap();
+            let drawn: Vec<f64> = (1..1000).map(|i| at(f64::from(i) / 1000.0)).collect();
+            assert!(drawn.iter().all(|x| (low..=high).contains(x)), "{text}: {drawn:?}");
+            assert!(drawn.windows(2).all(|two| two[0] < two[1]), "{text}: they rise");
+            assert!(at(f64::EPSILON) >= low && at(1.0 - f64::EPSILON) <= high, "{text}: the ends");
+        }
+        let upper = drawn("{ normal = { mean = 0.0, deviation = 1.0, within = [9.0, 10.0] } }");
+        let lower = drawn("{ normal = { mean = 0.0, deviation = 1.0, within = [-10.0, -9.0] } }");
+        for u in [0.001, 0.25, 0.5] {
+            let [above, below] = [upper.quantile(u), lower.quantile(1.0 - u)].map(|x| x.as_float().unwrap());
+            assert!((above + below).abs() < 1e-12, "{above} and {below} are mirrored");
+        }
+    }
+
+    #[test]
+    fn whole_numbers_are_drawn_from_any_range() {
+        for [low, high] in [[0, i64::MAX], [i64::MIN, i64::MAX], [i64::MIN, 0], [-1, 1]] {
+            let integers = Distribution::Integer([low, high]);
+            let at = |u: f64| integers.quantile(u).as_integer().unwrap();
+            let drawn: Vec<i64> = (0..1000).map(|i| at((f64::from(i) + 0.5) / 1000.0)).collect();
+            assert!(drawn.iter().all(|n| (low..=high).contains(n)), "{low} to {high}");
+            assert!(drawn.is_sorted() && drawn[0] < drawn[999], "{low} to {high}: {drawn:?}");
+        }
+    }
+
     #[test]
     fn dotted_keys_lead_to_lists_and_ranges_in_order() {
         let found = factors("b.x = [1, 2]\na.0.y = { range = { from = 0, to = 1, steps = 3 } }").unwrap();
@@ -376,6 +465,10 @@ mod tests {
             ("mpc.np = { normal = { mean = 0, deviation = 0 } }", "deviation above 0"),
             ("mpc.np = { range = { from = 0, to = 1, steps = 1 } }", "at least 2 steps"),
             ("mpc.np = {}", "empty"),
+            ("mpc.np = [20, 30, 20]", "lists 20 twice"),
+            ("mpc.np = [1.0, 1]", "lists 1 twice"),
+            ("mpc.np.00 = [20, 30]", "written `0`"),
+            ("mpc.np.'+0' = [20, 30]", "written `0`"),
             ("mpc.np = { unifrom = [1, 2] }", "did you mean `uniform`?"),
         ] {
             let said = format!("{:#}", factors(text).unwrap_err());
