@@ -279,6 +279,12 @@ fn what_is_wrong_is_told_before_anything_is_flown() {
         ("[vary]\nplant.airframe.mass_kg = [1.1, -1.0]\n", &["small.toml", "`plant.airframe.mass_kg` = -1.0"]),
         ("[vary]\nmpc.np = 3\n", &["small.toml", "[settings]"]),
         ("sedes = 3\n", &["small.toml", "seeds"]),
+        (
+            "seeds = 60\n[settings]\nrun.duration_s = 0.5\n",
+            &["small.toml", "seeds change no flight", "leave `seeds` away"],
+        ),
+        ("seeds = [4, 5, 4]\n", &["small.toml", "`run.seed` lists 4 twice"]),
+        ("[vary]\ninitial.attitude_deg.00 = [0.0, 5.0]\n", &["small.toml", "is written `0`"]),
         ("[settings]\nrun.duration_s = 3.0\n", &["small.toml", "nothing varies"]),
         (
             "samples = 2\n[random_faults]\ncount = [1, 1]\nat_s = [1.0, 70.0]\nfor_s = [1.0, 2.0]\n",
@@ -301,6 +307,27 @@ fn what_is_wrong_is_told_before_anything_is_flown() {
     let shard = place.command(&["shard"], &["--index", "3", "--of", "3"], "out").output().expect("runs");
     check(&shard, 2, &["--index 3", "0 to 2"]);
     assert!(!place.at("out").exists());
+}
+
+#[test]
+fn what_shares_a_draw_is_one_observation_and_copies_are_told() {
+    let noise = "run.duration_s = 0.5\nplant.noise.position_m = 0.01\nmpc.law = 'pid'\n";
+    let place = Place::new(&format!("seeds = 20\n[settings]\n{noise}[vary]\nmpc.np = [10, 20, 30]\n"));
+    let output = place.fly(&[], "out");
+    check(&output, 0, &[]);
+    let said = String::from_utf8_lossy(&output.stdout);
+    for part in [
+        "scenario  60      60  20     100.0 %  83.2 to 100.0 %",
+        "Of 60 flights 20 differ",
+        "`mpc.np` had no effect",
+        "The 3 flights that a controller has of each of the 20 draws are one observation.",
+    ] {
+        assert!(said.contains(part), "{part}: {said}");
+    }
+    let place = Place::new("[settings]\nrun.duration_s = 0.5\n[vary]\nplant.airframe.mass_kg = [1.0, 1.1, 1.2]\n");
+    let output = place.fly(&[], "out");
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(said.contains("Nothing is drawn") && said.contains("100.0 %  none"), "{said}");
 }
 
 #[test]

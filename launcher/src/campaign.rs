@@ -7,8 +7,9 @@ use std::sync::atomic::AtomicU32;
 use anyhow::{Context, bail, ensure};
 use campaign::folder::{Access, CampaignFolder, MAX_SHARDS};
 use campaign::outcome::{self, Verdict};
-use campaign::table::{Cell, Table};
-use campaign::{Campaign, Plan, Rate, local, page, shard, slurm};
+use campaign::page::{self, Page};
+use campaign::table::Cell;
+use campaign::{Campaign, Plan, Rate, local, seeds, shard, slurm};
 use clap::{Args, Subcommand};
 use contract::exit;
 use flight::files::write_whole;
@@ -121,7 +122,7 @@ pub fn campaign(args: &CampaignArgs) -> anyhow::Result<u8> {
         let folder = CampaignFolder::open(&out, &plan, None, Access::Reading)?;
         return if args.status { status(&plan, &folder) } else { conclude(&plan, &folder, what) };
     }
-    plan.check().with_context(|| what.file.display().to_string())?;
+    plan.check().and_then(|()| seeds::check(&plan)).with_context(|| what.file.display().to_string())?;
     if args.cluster.slurm { on_slurm(&args.cluster, what, &plan, shards) } else { fly_here(what, &plan, shards) }
 }
 
@@ -255,10 +256,11 @@ fn conclude(plan: &Plan, folder: &CampaignFolder, what: &What) -> anyhow::Result
         plan.campaign.name(),
         flights.rows()
     );
-    text += &rates(plan, &flights);
+    let page = Page::new(plan, &flights);
+    text += &rates(&page);
     print(&text);
     let write = || -> anyhow::Result<()> {
-        write_whole(&folder.path.join("campaign.html"), page::page(plan, &flights, &what.again())?.as_bytes())?;
+        write_whole(&folder.path.join("campaign.html"), page::page(&page, &what.again())?.as_bytes())?;
         let whole = folder.path.join("flights.parquet");
         match missing.is_empty() {
             true => write_whole(&whole, &flights.to_parquet(&[])?)?,
@@ -292,15 +294,17 @@ fn conclude(plan: &Plan, folder: &CampaignFolder, what: &What) -> anyhow::Result
     Ok(if invalid > 0 { exit::OUT_OF_BOUNDS } else { exit::FLOWN })
 }
 
-/// How many flights each controller passes.
-fn rates(plan: &Plan, flights: &Table) -> String {
+/// How many flights each controller passes, and what that rests on.
+fn rates(page: &Page) -> String {
     let row = |(name, rate): (&str, Rate)| {
         let share = if rate.flights == 0 { "-".into() } else { format!("{:.1} %", 100.0 * rate.share()) };
-        let Rate { survived, flights, .. } = rate;
-        vec![name.to_owned(), survived.to_string(), flights.to_string(), share, rate.interval()]
+        let Rate { survived, flights, draws, .. } = rate;
+        vec![name.to_owned(), survived.to_string(), flights.to_string(), draws.to_string(), share, rate.interval()]
     };
-    let rows = page::rates(plan, flights).into_iter().map(row).collect();
-    table::Table::new("passed, and the exact 95 % interval", &["", "passed", "of", "share", "interval"], rows).text()
+    let rows = page.rates().into_iter().map(row).collect();
+    let headings = ["", "passed", "of", "draws", "share", "interval"];
+    let table = table::Table::new("passed, and the 95 % interval over the draws", &headings, rows).text();
+    table + &page.grounds().join("\n") + "\n"
 }
 
 fn print_plan(plan: &Plan) {

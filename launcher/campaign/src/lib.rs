@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`file`](mod@file) | `campaign.toml`: what is flown, what varies |
 //! | [`variation`] | lists, ranges and distributions of one setting |
+//! | [`normal`] | the normal distribution |
 //! | [`sampling`] | points in the unit cube: independent, Latin hypercube, Sobol |
 //! | [`random_faults`] | faults drawn from the catalogue |
 //! | [`plan`] | the table of flights: each a function of campaign and number |
@@ -14,7 +15,9 @@
 //! | [`local`] | all cores of this machine |
 //! | [`slurm`] | a cluster |
 //! | [`tune`] | gains by one procedure, on draws of their own |
-//! | [`rate`] | shares with their exact intervals |
+//! | [`seeds`] | refuses seeds that change nothing |
+//! | [`evidence`] | the draws of a campaign, and the copies among its flights |
+//! | [`mean`], [`rate`], [`difference`] | intervals over draws, of shares and of the difference of two controllers |
 //! | [`page`] | `campaign.html` |
 //!
 //! A campaign's table is the same bit for bit whatever flew it: no row depends on another, on a clock, on the number of
@@ -22,17 +25,22 @@
 
 #![allow(missing_docs)]
 
+pub mod difference;
+pub mod evidence;
 pub mod file;
 pub mod folder;
 mod hex;
 pub mod layout;
 pub mod local;
+pub mod mean;
+pub mod normal;
 pub mod outcome;
 pub mod page;
 pub mod plan;
 pub mod random_faults;
 pub mod rate;
 pub mod sampling;
+pub mod seeds;
 pub mod shard;
 pub mod slurm;
 pub mod table;

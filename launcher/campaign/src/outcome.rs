@@ -165,7 +165,8 @@ impl Outcome {
         Self { verdict: Verdict::Invalid, cells }
     }
 
-    fn hash(&self) -> &str {
+    /// Tells the flight from others; empty where it could not be flown.
+    pub fn hash(&self) -> &str {
         match self.cells.last() {
             Some(Cell::Text(hash)) if self.verdict != Verdict::Invalid => hash,
             _ => "",

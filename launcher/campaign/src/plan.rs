@@ -11,14 +11,15 @@ use contract::scenario::{Fault, FaultKind, FaultTarget, Given, ScenarioError, ch
 use rand::RngExt;
 use toml::Value;
 
+use crate::evidence::Axis;
 use crate::file::Campaign;
 use crate::random_faults::RandomFaults;
 use crate::sampling::{Points, Purpose, stream};
 use crate::table::{Cell, Kind};
-use crate::variation::Values;
+use crate::variation::{Factor, Values};
 
 /// The key that every flight has a value of.
-const SEED: &str = "run.seed";
+pub const SEED: &str = "run.seed";
 /// How many flights are looked at to find one that can be flown.
 const LOOKED_AT: u64 = 64;
 
@@ -70,6 +71,20 @@ impl Plan {
         self.campaign.flights()
     }
 
+    /// The keys of the listed values in the order of the factors, and how their flights lie in the table.
+    pub fn listed_axes(&self) -> Vec<(&str, Axis)> {
+        let mut step = self.campaign.controllers.len() as u64;
+        let listed = self.campaign.factors.iter().rev().filter_map(|factor| {
+            let Values::Listed(list) = &factor.values else { return None };
+            let axis = Axis { values: list.len() as u64, step };
+            step *= axis.values;
+            Some((factor.key.as_str(), axis))
+        });
+        let mut axes: Vec<(&str, Axis)> = listed.collect();
+        axes.reverse();
+        axes
+    }
+
     /// The flight of a number below [`flights`](Self::flights).
     pub fn flight(&self, number: u64) -> Flight {
         self.flight_with(number, &[])
@@ -79,23 +94,16 @@ impl Plan {
     pub fn flight_with(&self, number: u64, settings: &[(String, Value)]) -> Flight {
         let controllers = &self.campaign.controllers;
         let (controller, given) = &controllers[(number % controllers.len() as u64) as usize];
-        let mut rest = number / controllers.len() as u64;
-        let mut listed: Vec<Option<Value>> = vec![None; self.campaign.factors.len()];
-        for (factor, value) in self.campaign.factors.iter().zip(&mut listed).rev() {
-            if let Values::Listed(list) = &factor.values {
-                *value = Some(list[(rest % list.len() as u64) as usize].clone());
-                rest /= list.len() as u64;
-            }
-        }
-        let sample = rest;
+        let sample = number / (self.flights() / self.campaign.samples().unwrap_or(1));
+        let mut axes = self.listed_axes().into_iter();
         let mut point = self.points.point(sample).into_iter();
-        let factors = self.campaign.factors.iter().zip(listed);
-        let values: Vec<Value> = factors
-            .map(|(factor, value)| match &factor.values {
-                Values::Drawn(distribution) => distribution.quantile(point.next().unwrap_or(0.5)), // it has one for each
-                Values::Listed(list) => value.unwrap_or_else(|| list[0].clone()),
-            })
-            .collect();
+        let mut value = |factor: &Factor| match &factor.values {
+            Values::Drawn(distribution) => distribution.quantile(point.next().unwrap_or(0.5)), // it has one for each
+            Values::Listed(list) => {
+                list[axes.next().map_or(0, |(_, axis)| axis.place(number)) as usize].clone() // likewise
+            }
+        };
+        let values: Vec<Value> = self.campaign.factors.iter().map(&mut value).collect();
         let varied = self.campaign.factors.iter().position(|factor| factor.key == SEED);
         let given_seed = match varied {
             Some(i) => values[i].as_integer().map(|seed| seed as u64),

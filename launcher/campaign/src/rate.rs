@@ -1,51 +1,74 @@
-//! Shares of flights with their exact intervals, and the exact test of two shares of the same draws.
+//! Shares of flights with their intervals.
+//!
+//! The unit of evidence is the draw: one sample of everything that is random. Flights that share a draw are one observation of
+//! it, with the share of them that passed.
 
 use serde::Serialize;
-use statrs::distribution::{Beta, Binomial, ContinuousCDF, DiscreteCDF};
+use view::draw::Share;
 
-/// One less this is the confidence of an interval.
-const ALPHA: f64 = 0.05;
+use crate::mean::interval;
 
 /// How many of some flights did what was asked.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Rate {
     pub survived: usize,
     pub flights: usize,
-    /// Ends of the exact 95 % interval of the share (Clopper and Pearson, Biometrika 26, 1934).
+    /// Draws of the flights; 0 where they are no sample of anything.
+    pub draws: usize,
+    /// Mean of the draws' shares.
+    share: f64,
+    /// Ends of the 95 % interval of the share; NaN without draws.
     pub low: f64,
     pub high: f64,
 }
 
 impl Rate {
+    /// The rate of flights that each have a draw of their own.
     pub fn of(survived: usize, flights: usize) -> Self {
-        let lost = flights - survived;
-        // The ends are quantiles of the Beta distribution, but where one of its two numbers would be 0.
-        let quantile =
-            |a: usize, b: usize, share| Beta::new(a as f64, b as f64).map_or(f64::NAN, |beta| beta.inverse_cdf(share));
-        let low = if survived == 0 { 0.0 } else { quantile(survived, lost + 1, ALPHA / 2.0) };
-        let high = if lost == 0 { 1.0 } else { quantile(survived + 1, lost, 1.0 - ALPHA / 2.0) };
-        Self { survived, flights, low, high }
+        let passed = std::iter::repeat_n((1, 1), survived);
+        Self::over(passed.chain(std::iter::repeat_n((0, 1), flights - survived)))
+    }
+
+    /// The rate of draws, of which each has so many passed flights of so many.
+    pub fn over(draws: impl IntoIterator<Item = (usize, usize)>) -> Self {
+        let draws: Vec<(usize, usize)> = draws.into_iter().filter(|(_, flown)| *flown > 0).collect();
+        let shares: Vec<f64> = draws.iter().map(|(passed, flown)| *passed as f64 / *flown as f64).collect();
+        let [survived, flights] = [draws.iter().map(|draw| draw.0).sum(), draws.iter().map(|draw| draw.1).sum()];
+        let share = shares.iter().sum::<f64>() / shares.len() as f64;
+        let [low, high] = interval(shares, [0.0, 1.0]);
+        Self { survived, flights, draws: draws.len(), share, low, high }
+    }
+
+    /// The share of flights that are no sample of anything.
+    pub fn counted(survived: usize, flights: usize) -> Self {
+        let share = survived as f64 / flights as f64;
+        Self { survived, flights, draws: 0, share, low: f64::NAN, high: f64::NAN }
+    }
+
+    /// For a plot; without draws the interval is a point.
+    pub fn picture(&self) -> Share {
+        let Self { share, low, high, .. } = *self;
+        if self.draws == 0 { Share { share, low: share, high: share } } else { Share { share, low, high } }
     }
 
     pub fn share(&self) -> f64 {
-        self.survived as f64 / self.flights as f64
+        self.share
     }
 
-    /// `93.1 to 97.4 %`
+    /// `93.1 to 97.4 %`; `none` without draws.
     pub fn interval(&self) -> String {
-        format!("{:.1} to {:.1} %", 100.0 * self.low, 100.0 * self.high)
+        if self.draws == 0 && self.flights > 0 {
+            return "none".to_owned();
+        }
+        let [low, high] = [self.low, self.high].map(|end| 100.0 * end + 0.0);
+        format!("{low:.1} to {high:.1} %")
     }
-}
-
-/// The chance that draws split at least so unevenly, were both controllers alike: the exact test for paired shares, two-sided
-/// (`McNemar`, Psychometrika 12, 1947). `first` and `second` are the numbers of draws that only one of the two passes.
-pub fn mcnemar(first: u64, second: u64) -> f64 {
-    let tail = Binomial::new(0.5, first + second).map_or(f64::NAN, |binomial| binomial.cdf(first.min(second)));
-    (2.0 * tail).min(1.0)
 }
 
 #[cfg(test)]
 mod tests {
+    use statrs::distribution::{Binomial, Discrete};
+
     use super::*;
 
     /// Against values of R's `binom.test` and the tables of the method.
@@ -69,19 +92,29 @@ mod tests {
         }
     }
 
-    /// Against the sums of binomial coefficients, and `mcnemar.exact` of R on the approval ratings of Agresti (1990).
+    /// By the chances of all outcomes, without a draw.
     #[test]
-    fn val_the_paired_test_is_that_of_mcnemar() {
-        for (first, second, expected) in [
-            (0, 0, 1.0),
-            (5, 0, 2.0 / 32.0),
-            (0, 5, 2.0 / 32.0),
-            (1, 9, 22.0 / 1024.0),
-            (4, 4, 1.0),
-            (150, 86, 3.716e-5),
-        ] {
-            let p = mcnemar(first, second);
-            assert!((p / expected - 1.0).abs() < 1e-3, "{first} and {second}: {p}, not {expected}");
+    fn val_with_one_flight_a_draw_at_least_95_percent_are_covered() {
+        for flights in [1, 5, 20, 50, 200] {
+            let rates: Vec<Rate> = (0..=flights).map(|passed| Rate::of(passed, flights)).collect();
+            for percent in 1..100 {
+                let truth = f64::from(percent) / 100.0;
+                let binomial = Binomial::new(truth, flights as u64).unwrap();
+                let covering = rates.iter().filter(|rate| (rate.low..=rate.high).contains(&truth));
+                let chance: f64 = covering.map(|rate| binomial.pmf(rate.survived as u64)).sum();
+                assert!(chance >= 0.95, "{chance} of {flights} flights at {percent} %");
+            }
         }
+    }
+
+    #[test]
+    fn flights_that_share_a_draw_are_one_observation() {
+        let copies = Rate::over(vec![(3, 3); 20]);
+        assert_eq!((copies.survived, copies.flights, copies.draws), (60, 60, 20));
+        assert_eq!(copies.interval(), Rate::of(20, 20).interval());
+        let mixed = Rate::over([(1, 1), (0, 4)]);
+        assert_eq!((mixed.share(), mixed.draws), (0.5, 2), "each draw counts alike");
+        let counted = Rate::counted(3, 4);
+        assert_eq!((counted.share(), counted.interval().as_str()), (0.75, "none"));
     }
 }

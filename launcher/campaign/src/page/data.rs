@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 
 use super::bins::Binned;
-use super::setup::{self, Bound};
+use super::bounds::{self, Bound};
+use crate::evidence::Evidence;
 use crate::outcome::Verdict;
 use crate::plan::Plan;
 use crate::rate::Rate;
@@ -25,6 +26,7 @@ pub struct Page<'a> {
     pub passed: Vec<Option<bool>>,
     pub bounds: Vec<Bound>,
     pub error: Error,
+    pub evidence: Evidence,
 }
 
 /// The position error that the plots show.
@@ -47,7 +49,7 @@ impl Error {
         };
         let column = flights.column(metric);
         let value = |row: usize| column.and_then(|column| column.number(row)).filter(|error| error.is_finite());
-        let limit = of(metric).and_then(|bound| bound.limit);
+        let limit = of(metric).and_then(Bound::of_all);
         Self { words, limit, values: (0..flights.rows()).map(value).collect() }
     }
 
@@ -70,11 +72,12 @@ impl<'a> Page<'a> {
             word if word == Verdict::Failed.name() => Some(false),
             _ => None,
         };
-        let bounds = setup::bounds(plan);
+        let bounds = bounds::of(plan, flights);
         Self {
             controllers: numbers.iter().map(|number| (number % names.len() as u64) as usize).collect(),
             passed: (0..flights.rows()).map(passed).collect(),
             error: Error::new(flights, &bounds),
+            evidence: Evidence::of(plan, flights),
             plan,
             flights,
             names,
@@ -87,19 +90,25 @@ impl<'a> Page<'a> {
         self.flights.rows()
     }
 
-    /// The draw of a row: flights of the same draw differ by their controllers only.
-    pub fn draw(&self, row: usize) -> u64 {
+    /// The case of a row: flights of the same case differ by their controllers only.
+    pub fn case(&self, row: usize) -> u64 {
         self.numbers[row] / self.names.len() as u64
     }
 
-    /// Whether each controller passes each draw.
-    pub fn by_draw(&self) -> Vec<Vec<Option<bool>>> {
-        let mut draws: BTreeMap<u64, Vec<Option<bool>>> = BTreeMap::new();
+    /// How many flights a controller has of each draw, if all are there.
+    pub fn each(&self) -> u64 {
+        let of_controller = self.plan.flights() / self.names.len() as u64;
+        of_controller / self.evidence.all_draws().max(1)
+    }
+
+    /// Whether each controller passes each case.
+    pub fn by_case(&self) -> BTreeMap<u64, Vec<Option<bool>>> {
+        let mut cases: BTreeMap<u64, Vec<Option<bool>>> = BTreeMap::new();
         for row in 0..self.rows() {
-            let draw = draws.entry(self.draw(row)).or_insert_with(|| vec![None; self.names.len()]);
-            draw[self.controllers[row]] = self.passed[row];
+            let case = cases.entry(self.case(row)).or_insert_with(|| vec![None; self.names.len()]);
+            case[self.controllers[row]] = self.passed[row];
         }
-        draws.into_values().collect()
+        cases
     }
 
     /// The factors that vary; `parts` says in how many parts so many flights of a controller are divided.
@@ -111,8 +120,22 @@ impl<'a> Page<'a> {
 
     /// How many of the flights of these rows are passed.
     pub fn rate(&self, meant: impl Fn(usize) -> bool) -> Rate {
-        let flown = (0..self.rows()).filter(|row| meant(*row)).filter_map(|row| self.passed[row]);
-        let (passed, all) = flown.fold((0, 0), |(passed, all), one| (passed + usize::from(one), all + 1));
-        Rate::of(passed, all)
+        self.rate_of((0..self.rows()).filter(|row| meant(*row)))
+    }
+
+    /// The same of rows that are given one by one.
+    pub fn rate_of(&self, rows: impl Iterator<Item = usize>) -> Rate {
+        self.evidence.rate(rows.filter_map(|row| Some((self.numbers[row], self.passed[row]?))))
+    }
+
+    /// How many of its flights each controller passes; those that could not be flown are not counted.
+    pub fn rates(&self) -> Vec<(&'a str, Rate)> {
+        let of = |i: usize| self.rate(|row| self.controllers[row] == i);
+        self.names.iter().enumerate().map(|(i, name)| (*name, of(i))).collect()
+    }
+
+    /// Sentences on what the rates rest on.
+    pub fn grounds(&self) -> Vec<String> {
+        [vec![self.evidence.sentences(self.each())], self.evidence.copies(&self.names)].concat()
     }
 }

@@ -1,12 +1,11 @@
 //! Each factor by itself: how often, and how far off.
 
 use statrs::statistics::{Data, OrderStatistics};
-use view::draw::{self, Axis, Dots, MapCell, Middle, Quartiles, Share, escape, legend, map, short};
+use view::draw::{self, Axis, Dots, MapCell, Middle, Quartiles, escape, legend, map, short};
 
 use super::bins::{Binned, parts};
 use super::data::Page;
 use super::maps::share_cell;
-use crate::Rate;
 
 /// As many controllers are told apart by colour; of more each has a row.
 pub const COLOURED: usize = 4;
@@ -31,7 +30,7 @@ pub fn section(page: &Page) -> String {
         (
             !plotted.is_empty(),
             format!(
-                "Plots have at the left the share passed with exact 95 % intervals, and at the right the {} of {dots} flights; an \
+                "Plots have at the left the share passed with 95 % intervals, and at the right the {} of {dots} flights; an \
                  arrow at the upper end is one far above all others.",
                 page.error.words
             ),
@@ -75,7 +74,7 @@ fn has_rows(page: &Page, factor: &Binned) -> bool {
 fn shares(page: &Page, factor: &Binned) -> String {
     let of_bin = |controller: usize, bin: usize| {
         let rate = page.rate(|row| factor.bin(row) == Some(bin) && page.controllers[row] == controller);
-        (rate.flights > 0).then(|| Share { share: rate.share(), low: rate.low, high: rate.high })
+        (rate.flights > 0).then(|| rate.picture())
     };
     let of_controller = |i: usize| (0..factor.axis.entries.len()).map(|bin| of_bin(i, bin)).collect();
     let series: Vec<(&str, Vec<_>)> =
@@ -139,10 +138,7 @@ fn rows(page: &Page, factor: &Binned) -> String {
         });
         rows.collect()
     };
-    let passed = cells(&|flights, of| {
-        let flown: Vec<bool> = flights.iter().filter_map(|row| page.passed[*row]).collect();
-        share_cell(&Rate::of(flown.iter().filter(|passed| **passed).count(), flown.len()), &of)
-    });
+    let passed = cells(&|flights, of| share_cell(&page.rate_of(flights.iter().copied()), &of));
     let median_of = |flights: &[usize]| median(flights.iter().filter_map(|row| page.error.of(*row)).collect());
     let medians = || flights.iter().flatten().filter_map(|flights| median_of(flights)).filter(|median| *median > 0.0);
     let [low, high] = [medians().fold(f64::INFINITY, f64::min), medians().fold(0.0, f64::max)];

@@ -48,7 +48,7 @@ pub fn section(page: &Page) -> String {
         String::new()
     };
     let apart = if rules.contains(&false) {
-        " The orange line is the border: it lies between neighbours whose exact 95 % intervals are apart. Where there is none, \
+        " The orange line is the border: it lies between neighbours whose 95 % intervals are apart. Where there is none, \
          no difference between neighbours is sure."
     } else {
         ""
@@ -74,22 +74,23 @@ fn is_listed(page: &Page, factor: &Binned) -> bool {
 /// are apart.
 fn effect(page: &Page, factor: &Binned) -> f64 {
     let rates = (0..factor.axis.entries.len()).map(|bin| page.rate(|row| factor.bin(row) == Some(bin)));
-    let [low, high] = rates.fold([0.0_f64, 1.0_f64], |[low, high], rate| [low.max(rate.low), high.min(rate.high)]);
+    // Without draws the shares are what they are.
+    let ends = |rate: Rate| if rate.draws == 0 { [rate.share(); 2] } else { [rate.low, rate.high] };
+    let [low, high] =
+        rates.map(ends).fold([0.0_f64, 1.0_f64], |[low, high], ends| [low.max(ends[0]), high.min(ends[1])]);
     low - high
 }
 
 fn one(page: &Page, controller: usize, [across, up]: [&Binned; 2], is_grid: bool) -> String {
     let [columns, rows] = [across, up].map(|factor| factor.axis.entries.len());
-    let mut counts = vec![vec![(0_usize, 0_usize); columns]; rows];
+    let mut of_cells = vec![vec![vec![]; columns]; rows];
     for row in (0..page.rows()).filter(|row| page.controllers[*row] == controller) {
-        let (Some(column), Some(line), Some(passed)) = (across.bin(row), up.bin(row), page.passed[row]) else {
-            continue;
-        };
-        counts[line][column].0 += usize::from(passed);
-        counts[line][column].1 += 1;
+        if let (Some(column), Some(line)) = (across.bin(row), up.bin(row)) {
+            of_cells[line][column].push(row);
+        }
     }
-    let rates: Vec<Vec<Rate>> =
-        counts.iter().map(|row| row.iter().map(|(passed, flown)| Rate::of(*passed, *flown)).collect()).collect();
+    let rate = |rows: &Vec<usize>| page.rate_of(rows.iter().copied());
+    let rates: Vec<Vec<Rate>> = of_cells.iter().map(|line| line.iter().map(rate).collect()).collect();
     let cells = rates.iter().zip(&up.axis.entries).map(|(of_row, of_up)| {
         let of_row = of_row.iter().zip(&across.axis.entries);
         of_row.map(|(rate, of_across)| share_cell(rate, &format!("{of_across}, {of_up}"))).collect()
@@ -102,7 +103,7 @@ fn one(page: &Page, controller: usize, [across, up]: [&Binned; 2], is_grid: bool
     map(title, [&across.axis, &up.axis], &cells.collect::<Vec<Vec<_>>>(), border)
 }
 
-/// Whether the intervals of two shares have nothing in common.
+/// Whether the intervals of two shares have nothing in common; never without draws.
 fn are_apart(one: &Rate, other: &Rate) -> bool {
     one.low > other.high || other.low > one.high
 }
@@ -114,7 +115,7 @@ pub fn share_cell(rate: &Rate, of: &str) -> Option<MapCell> {
         shade: rate.share(),
         label: format!("{:.0}", 100.0 * rate.share()),
         note: format!("n {flights}"),
-        title: format!("{of}: {survived} of {flights} passed, exact 95 % interval {}", rate.interval()),
+        title: format!("{of}: {survived} of {flights} passed, 95 % interval {}", rate.interval()),
     })
 }
 

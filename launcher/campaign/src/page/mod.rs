@@ -2,7 +2,8 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | `setup` | what all flights have in common, and their bounds |
+//! | `bounds` | which bounds the flights have, and how many were judged by each |
+//! | `setup` | what all flights have in common |
 //! | `pairs` | the controllers compared draw by draw |
 //! | `data` | whose flights they are, whether they passed, how far off they were |
 //! | `overview` | the head, the share of each controller, why flights failed or could not be flown |
@@ -12,6 +13,7 @@
 //! | `worst` | the flights that went worst, flown again for the page |
 
 mod bins;
+mod bounds;
 mod data;
 mod factors;
 mod maps;
@@ -22,37 +24,25 @@ mod worst;
 
 use view::draw::{self, STYLE};
 
-use crate::plan::Plan;
-use crate::rate::Rate;
-use crate::table::Table;
-use data::Page;
+pub use data::Page;
 
 const OWN_STYLE: &str = include_str!("../../assets/campaign.css");
 
-/// How many of its flights each controller passes; those that could not be flown are not counted.
-pub fn rates<'a>(plan: &'a Plan, flights: &'a Table) -> Vec<(&'a str, Rate)> {
-    let page = Page::new(plan, flights);
-    let of = |i: usize| page.rate(|row| page.controllers[row] == i);
-    page.names.iter().enumerate().map(|(i, name)| (*name, of(i))).collect()
-}
-
 /// The page of some flights of a plan. `again` with a number behind it is what a user types to fly one again.
-pub fn page(plan: &Plan, flights: &Table, again: &str) -> anyhow::Result<String> {
-    let all = Page::new(plan, flights);
-    let worst = worst::section(&all, again)?;
-    let names: Vec<&str> = all.names.clone();
+pub fn page(all: &Page, again: &str) -> anyhow::Result<String> {
+    let worst = worst::section(all, again)?;
     let body = [
         all.head(),
         all.controllers_section(),
-        pairs::section(&names, &all.by_draw()),
+        pairs::section(all),
         all.causes(),
         all.invalid(),
-        factors::section(&all),
-        maps::section(&all),
+        factors::section(all),
+        maps::section(all),
         worst,
-        setup::section(plan),
+        setup::section(all.plan),
     ];
-    let title = format!("Campaign {}", plan.campaign.name());
+    let title = format!("Campaign {}", all.plan.campaign.name());
     Ok(draw::page(&title, &format!("{STYLE}{OWN_STYLE}"), &body.concat()))
 }
 
@@ -61,6 +51,9 @@ mod tests {
     use std::path::Path;
 
     use super::*;
+    use crate::plan::Plan;
+    use crate::rate::Rate;
+    use crate::table::Table;
     use crate::{Campaign, outcome, shard};
 
     /// All flights of a campaign.
@@ -83,14 +76,16 @@ mod tests {
         );
         assert_eq!(table.rows(), 24);
         assert_eq!(
-            rates(&plan, &table),
-            [("scenario", Rate::of(9, 18))],
+            Page::new(&plan, &table).rates(),
+            [("scenario", Rate::over(vec![(3, 6); 3]))],
             "6 that could not be flown are counted as neither"
         );
-        let html = page(&plan, &table, "launcher campaign x.toml --only").unwrap();
+        let html = page(&Page::new(&plan, &table), "launcher campaign x.toml --only").unwrap();
         for part in [
             "50.0 <small>%</small>",
-            "26.0 to 74.0 %",
+            "14.6 to 85.4 %",
+            "The 8 flights that a controller has of each of the 3 draws are one observation.",
+            "3 draws are too few to say much.",
             "plant.airframe.mass_kg",
             "class=\"border\"",
             "<code>launcher campaign x.toml --only ",
@@ -106,13 +101,14 @@ mod tests {
             "[settings]\nrun.duration_s = 1.0\n[vary]\nmpc.np = [4, 20]\nmpc.nu = [3, 5]\n\
              bounds.max_position_error_m = [1e-9, 1.0]\n",
         );
-        let html = page(&plan, &table, "").unwrap();
+        let html = page(&Page::new(&plan, &table), "").unwrap();
         for part in [
             "<th scope=\"col\">position error</th>",
             "<td data-label=\"position error\">3</td>",
             "`mpc.nu` = 5 is longer than `mpc.np` = 4",
             "<td data-label=\"flights\">2</td><td data-label=\"the first\">1</td>",
-            "position error by a limit that is not the same in all flights",
+            "m in 3 flights, 1 m in 3 flights; mixer",
+            "Nothing is drawn: shares count what was listed, without interval or test.",
         ] {
             assert!(html.contains(part), "{part}: {html}");
         }
@@ -121,25 +117,73 @@ mod tests {
     #[test]
     fn several_controllers_are_compared_draw_by_draw_and_never_pooled() {
         let (plan, table) = flown(
-            "seeds = 5\n[settings]\nrun.duration_s = 1.0\n[controller.lax]\nbounds.max_position_error_m = 1.0\n\
+            "seeds = 5\n[settings]\nrun.duration_s = 1.0\nplant.noise.position_m = 0.01\n[controller.lax]\nbounds.max_position_error_m = 1.0\n\
              [controller.strict]\nbounds.max_position_error_m = 1e-9\n",
         );
         let page_of = Page::new(&plan, &table);
-        assert_eq!(page_of.by_draw(), vec![vec![Some(true), Some(false)]; 5]);
+        assert_eq!(page_of.by_case().into_values().collect::<Vec<_>>(), vec![vec![Some(true), Some(false)]; 5]);
         assert_eq!(page_of.rows(), 10);
-        let html = page(&plan, &table, "").unwrap();
+        let html = page(&Page::new(&plan, &table), "").unwrap();
         assert!(
             html.contains("<td data-label=\"only A passes\">5</td><td data-label=\"only B passes\">0</td>"),
             "{html}"
         );
-        assert!(html.contains(">0.0625</td>") && !html.contains("<dt>passed</dt>"), "{html}");
-        assert_eq!(html.matches("The same draw passed under lax.").count(), 5, "each draw once");
+        assert!(
+            html.contains("<td data-label=\"A less B\">+100.0 %</td>")
+                && html.contains(">0.0625</td>")
+                && !html.contains("<dt>passed</dt>"),
+            "{html}"
+        );
+        assert_eq!(html.matches("The same case passed under lax.").count(), 5, "each case once");
+    }
+
+    #[test]
+    fn copies_are_told_and_are_no_evidence() {
+        let (plan, table) = flown(
+            "samples = 4\n[settings]\nrun.duration_s = 0.5\n[vary]\nmpc.np = [20, 30]\n\
+             plant.airframe.mass_kg = { uniform = [1.0, 1.1] }\n[controller.a]\nmpc.law = 'pid'\n\
+             [controller.b]\nmpc.law = 'pid'\nmpc.nu = 4\n[controller.mpc]\nmpc.law = 'mpc'\n",
+        );
+        let html = page(&Page::new(&plan, &table), "").unwrap();
+        for part in [
+            "Of 24 flights 12 differ; the others are copies bit for bit.",
+            "a and b flew every flight alike: they are one law.",
+            "`mpc.np` had no effect under a and b:",
+            ">a = b</td>",
+        ] {
+            assert!(html.contains(part), "{part}: {html}");
+        }
+        assert!(!html.contains("p, Holm"), "two laws are one comparison");
+        let (plan, table) = flown(
+            "samples = 40\n[settings]\nrun.duration_s = 0.2\nmpc.law = 'pid'\n[vary]\nmpc.np = { integer = [10, 50] }\n\
+             [controller.lax]\nbounds.max_position_error_m = 1.0\n[controller.strict]\nbounds.max_position_error_m = 1e-9\n",
+        );
+        let html = page(&Page::new(&plan, &table), "").unwrap();
+        assert!(html.contains("All 40 draws flew the same flights bit for bit: they are one observation"), "{html}");
+        assert!(!html.contains("McNemar") && !html.contains("Clopper"), "{html}");
+    }
+
+    #[test]
+    fn a_bound_is_named_with_the_flights_that_have_it_and_were_judged_by_it() {
+        let seconds = "[settings]\nrun.duration_s = 0.1\nbounds.max_altitude_error_horizontal_m = 1.0\n";
+        let (plan, table) = flown(&format!(
+            "{seconds}[vary]\nplant.airframe.mass_kg = {{ range = {{ from = 1.0, to = 1.1, steps = 64 }} }}\n\
+             bounds.max_position_error_m = [0.05, 0.5]\n"
+        ));
+        let html = page(&Page::new(&plan, &table), "").unwrap();
+        assert_eq!(table.rows(), 128);
+        assert!(html.contains("position error at most 0.05 m in 64 flights, 0.5 m in 64 flights"), "{html}");
+        assert!(
+            html.contains("altitude error in 10-50 s at most 1 m (no flight came to where it is judged)"),
+            "{html}"
+        );
     }
 
     #[test]
     fn a_page_of_no_flights_is_a_page() {
         let plan = Plan::new(Campaign::read("", "x.toml", "x", Path::new("")).unwrap()).unwrap();
-        let html = page(&plan, &Table::new(&shard::columns(&plan)), "").unwrap();
+        let empty = Table::new(&shard::columns(&plan));
+        let html = page(&Page::new(&plan, &empty), "").unwrap();
         assert!(html.contains("0 of 1 flights are there"), "{html}");
     }
 }

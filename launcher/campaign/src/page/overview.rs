@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use view::draw::{self, Share, escape, list};
+use view::draw::{self, escape, list};
 
+use super::bounds;
 use super::data::Page;
-use super::setup;
 use crate::rate::Rate;
 
 /// Reasons that are told.
@@ -26,21 +26,24 @@ impl Page<'_> {
         if self.names.len() == 1 {
             let share = if all.flights == 0 { draw::DASH.to_owned() } else { percent(&all, " <small>%</small>") };
             tiles.push(("passed".to_owned(), share));
-            tiles.push(("exact 95 % interval".to_owned(), all.interval()));
+            tiles.push(("95 % interval".to_owned(), all.interval()));
         } else {
             tiles.push(("controllers".to_owned(), self.names.len().to_string()));
-            tiles.push(("draws that each of them flies".to_owned(), (planned / self.names.len() as u64).to_string()));
+            tiles.push(("flights of each of them".to_owned(), (planned / self.names.len() as u64).to_string()));
         }
+        tiles.push(("draws".to_owned(), self.evidence.all_draws().to_string()));
+        tiles.push(("different flights".to_owned(), format!("{} of {}", self.evidence.distinct, self.evidence.flown)));
         tiles.push(("failed".to_owned(), (all.flights - all.survived).to_string()));
         tiles.push(("invalid: could not be flown, and counted as neither".to_owned(), invalid.to_string()));
+        let grounds: String = self.grounds().iter().map(|words| format!("<p>{}</p>", escape(words))).collect();
         format!(
             "<p class=\"kind\">Campaign</p><h1>{}</h1><p class=\"facts\"><span><b>{there}</b> flights</span>\
-             <span>seed <b>{}</b></span><span>campaign <b>{}</b></span></p>{partial}<div class=\"tiles\">{}</div><p>{}</p>",
+             <span>seed <b>{}</b></span><span>campaign <b>{}</b></span></p>{partial}<div class=\"tiles\">{}</div><p>{}</p>{grounds}",
             escape(self.plan.campaign.name()),
             self.plan.campaign.seed(),
             &self.plan.campaign.hash()[..12],
             list(tiles),
-            escape(&setup::passed(&self.bounds))
+            escape(&bounds::passed(&self.bounds))
         )
     }
 
@@ -50,19 +53,17 @@ impl Page<'_> {
         }
         let row = |(i, name): (usize, &&str)| {
             let rate = self.rate(|row| self.controllers[row] == i);
-            let share = Share { share: rate.share(), low: rate.low, high: rate.high };
             let (share, picture) = match rate.flights {
                 0 => (draw::DASH.to_owned(), String::new()),
-                _ => (percent(&rate, " %"), draw::interval(&share)),
+                _ => (percent(&rate, " %"), draw::interval(&rate.picture())),
             };
             vec![escape(name), rate.survived.to_string(), rate.flights.to_string(), share, rate.interval(), picture]
         };
-        let headings = ["controller", "passed", "of", "share", "exact 95 % interval", "0 to 100 %"];
+        let headings = ["controller", "passed", "of", "share", "95 % interval", "0 to 100 %"];
         let table = draw::table(&headings, self.names.iter().enumerate().map(row));
         format!(
-            "<section id=\"controllers\"><h2>Controllers</h2><p>The share of flights passed, with the interval of Clopper and \
-             Pearson. Intervals that overlap do not say that the controllers are alike: the next table compares them draw by \
-             draw.</p>{table}</section>"
+            "<section id=\"controllers\"><h2>Controllers</h2><p>The share of flights passed. Intervals that overlap do not say \
+             that the controllers are alike: the next table compares them draw by draw.</p>{table}</section>"
         )
     }
 

@@ -1,16 +1,17 @@
-//! Every two controllers over the draws that both have flown.
+//! Every two controllers over the cases that both have flown.
 //!
-//! The controllers fly the same draws, so a draw that both pass or both lose says nothing of which is better: the test is over
-//! the draws that tell them apart.
+//! The controllers fly the same draws, so a draw that both pass or both lose says nothing of which is better. Controllers that
+//! flew every flight alike are one law, and stand in one comparison.
 
 use view::draw::{escape, short, table};
 
-use crate::rate::mcnemar;
+use super::data::Page;
+use crate::difference::Difference;
 
 /// So many comparisons stand open; the others are folded.
 const OPEN: usize = 8;
 
-/// Two controllers, and what became of the draws that both have flown.
+/// Two controllers, and what became of the cases that both have flown.
 #[derive(Debug, Clone, PartialEq)]
 struct Pair {
     /// The one that passes more of them comes first.
@@ -18,71 +19,104 @@ struct Pair {
     only: [u64; 2],
     both: u64,
     neither: u64,
-    p: f64,
+    /// `None` where the flights are no sample.
+    difference: Option<Difference>,
 }
 
-/// The section of the comparisons. `draws` has for each draw whether each controller passes it; `None` was not flown.
-pub fn section(names: &[&str], draws: &[Vec<Option<bool>>]) -> String {
-    let pairs = compare(names.len(), draws);
+/// The section of the comparisons.
+pub fn section(page: &Page) -> String {
+    let pairs = compare(page);
     if pairs.is_empty() {
         return String::new();
     }
-    let adjusted = holm(&pairs.iter().map(|pair| pair.p).collect::<Vec<_>>());
+    let probabilities: Option<Vec<f64>> = pairs.iter().map(|pair| Some(pair.difference?.p)).collect();
     let several = pairs.len() > 1;
-    let rows: Vec<Vec<String>> = pairs
+    let mut headings = vec!["A", "B", "only A passes", "only B passes", "both", "neither"];
+    let mut rows: Vec<Vec<String>> = pairs
         .iter()
-        .zip(adjusted)
-        .map(|(pair, adjusted)| {
-            let mut row = pair.names.map(|i| escape(names[i])).to_vec();
-            row.extend([pair.only[0], pair.only[1], pair.both, pair.neither].map(|count| count.to_string()));
-            row.push(probability(pair.p));
-            row.extend(several.then(|| probability(adjusted)));
-            row
+        .map(|pair| {
+            let counts = [pair.only[0], pair.only[1], pair.both, pair.neither].map(|count| count.to_string());
+            [pair.names.map(|i| law(page, i)).to_vec(), counts.to_vec()].concat()
         })
         .collect();
-    let mut headings = vec!["A", "B", "only A passes", "only B passes", "both", "neither", "p"];
-    let (mut of_several, mut folded) = (String::new(), String::new());
-    if several {
-        headings.push("p, Holm");
-        of_several =
-            format!(" Of {} such tests some fall below 0.05 by chance; the last column allows for that.", pairs.len());
+    let mut words = String::new();
+    if let Some(probabilities) = probabilities {
+        headings.extend(["A less B", "95 % interval", "p"]);
+        headings.extend(several.then_some("p, Holm"));
+        for ((row, pair), adjusted) in rows.iter_mut().zip(&pairs).zip(holm(&probabilities)) {
+            let Some(Difference { share, low, high, p }) = pair.difference else { continue };
+            let [share, low, high] = [share, low, high].map(|share| format!("{:+.1}", 100.0 * share + 0.0));
+            row.extend([format!("{share} %"), format!("{low} to {high} %"), probability(p)]);
+            row.extend(several.then(|| probability(adjusted)));
+        }
+        words = explained(page, pairs.len());
     }
-    if rows.len() > OPEN {
-        let others = table(&headings, rows[OPEN..].iter().cloned());
-        folded = format!("<details><summary>{} more pairs</summary>{others}</details>", rows.len() - OPEN);
-    }
+    let folded = match rows.len() {
+        0..=OPEN => String::new(),
+        all => {
+            let others = table(&headings, rows[OPEN..].iter().cloned());
+            format!("<details><summary>{} more pairs</summary>{others}</details>", all - OPEN)
+        }
+    };
     let open = table(&headings, rows.into_iter().take(OPEN));
     format!(
-        "<section id=\"pairs\"><h2>Which controller passes more</h2><p>All controllers fly the same draws: the same values, seeds \
-         and faults. So two of them are compared draw by draw, and only the draws count that one passes and the other loses. \
-         <i>p</i> is the chance that these split at least so unevenly were the two alike (McNemar's test, exact, \
-         two-sided).{of_several}</p>{open}{folded}</section>"
+        "<section id=\"pairs\"><h2>Which controller passes more</h2><p>All controllers fly the same cases: the same values, seeds \
+         and faults.{words}</p>{open}{folded}</section>"
     )
 }
 
-/// All pairs, those that differ most surely first.
-fn compare(controllers: usize, draws: &[Vec<Option<bool>>]) -> Vec<Pair> {
+/// Sentences on interval and tests of so many pairs.
+fn explained(page: &Page, pairs: usize) -> String {
+    let test = if page.each() > 1 {
+        "each draw's difference with either sign: exact permutation test, two-sided"
+    } else {
+        "McNemar's test, exact, two-sided"
+    };
+    let several = if pairs > 1 {
+        format!(
+            " Intervals and <i>p</i> are of each pair by itself. Of {pairs} such tests some fall below 0.05 by chance; the last \
+             column allows for that."
+        )
+    } else {
+        String::new()
+    };
+    format!(
+        " So two of them are compared draw by draw: by how much the share that A passes is larger, with the interval over the \
+         draws (Bayesian bootstrap, about 95 %), and <i>p</i>, the chance of a difference of that size if the two were alike \
+         ({test}).{several}"
+    )
+}
+
+/// Each two laws, those that differ most surely first.
+fn compare(page: &Page) -> Vec<Pair> {
+    let cases = page.by_case();
     let pair = |a: usize, b: usize| {
-        let flown = draws.iter().filter_map(|draw| Some((draw[a]?, draw[b]?)));
-        let (mut only, mut both, mut neither) = ([0, 0], 0, 0);
-        for passed in flown {
-            match passed {
-                (true, true) => both += 1,
-                (true, false) => only[0] += 1,
-                (false, true) => only[1] += 1,
-                (false, false) => neither += 1,
-            }
-        }
-        let p = mcnemar(only[0], only[1]);
-        if only[0] < only[1] {
-            Pair { names: [b, a], only: [only[1], only[0]], both, neither, p }
-        } else {
-            Pair { names: [a, b], only, both, neither, p }
+        let flown = || cases.iter().filter_map(|(case, passed)| Some((*case, [passed[a]?, passed[b]?])));
+        let count = |meant: [bool; 2]| flown().filter(|(_, passed)| *passed == meant).count() as u64;
+        let only = [count([true, false]), count([false, true])];
+        let is_turned = only[0] < only[1];
+        let turn = |[one, other]: [bool; 2]| if is_turned { [other, one] } else { [one, other] };
+        let first_of_case = |case: u64| case * page.names.len() as u64;
+        Pair {
+            names: if is_turned { [b, a] } else { [a, b] },
+            only: if is_turned { [only[1], only[0]] } else { only },
+            both: count([true, true]),
+            neither: count([false, false]),
+            difference: page.evidence.difference(flown().map(|(case, passed)| (first_of_case(case), turn(passed)))),
         }
     };
-    let mut pairs: Vec<Pair> = (0..controllers).flat_map(|a| (a + 1..controllers).map(move |b| pair(a, b))).collect();
-    pairs.sort_by(|one, other| one.p.total_cmp(&other.p));
+    let laws: Vec<usize> = (0..page.names.len()).filter(|i| page.evidence.same_as[*i] == *i).collect();
+    let mut pairs: Vec<Pair> =
+        laws.iter().enumerate().flat_map(|(i, a)| laws[i + 1..].iter().map(|b| pair(*a, *b))).collect();
+    let p = |pair: &Pair| pair.difference.map_or(1.0, |difference| difference.p);
+    pairs.sort_by(|one, other| p(one).total_cmp(&p(other)));
     pairs
+}
+
+/// The names of all controllers that flew as this one did.
+fn law(page: &Page, first: usize) -> String {
+    let same = (0..page.names.len()).filter(|i| page.evidence.same_as[*i] == first);
+    same.map(|i| escape(page.names[i])).collect::<Vec<_>>().join(" = ")
 }
 
 /// The probabilities of several tests, in rising order, so that any of them falls below a level by chance as rarely as one
@@ -107,19 +141,6 @@ fn probability(p: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn pairs_are_of_the_draws_that_both_have_flown() {
-        let draw = |a, b| vec![Some(a), b];
-        let mut draws = vec![draw(true, Some(true)); 7];
-        draws.extend(vec![draw(false, Some(true)); 5]);
-        draws.extend([draw(false, Some(false)), draw(true, None), draw(false, None)]);
-        let pairs = compare(2, &draws);
-        assert_eq!(pairs, [Pair { names: [1, 0], only: [5, 0], both: 7, neither: 1, p: pairs[0].p }]);
-        let html = section(&["lqr", "mpc"], &draws);
-        assert!((pairs[0].p - 0.0625).abs() < 1e-12 && html.contains(">0.0625</td>"), "{html}");
-        assert_eq!(section(&["alone"], &[vec![Some(true)]]), "");
-    }
 
     #[test]
     fn val_several_tests_are_adjusted_as_holm_does() {

@@ -27,15 +27,15 @@ pub fn section(page: &Page, again: &str) -> anyhow::Result<String> {
         return Ok(String::new());
     }
     let shown: Vec<String> = worst.iter().map(|row| one(page, *row, again)).collect::<anyhow::Result<_>>()?;
-    let of_draws = if page.names.len() > 1 { " Of each draw one is shown." } else { "" };
+    let of_cases = if page.names.len() > 1 { " Of each case one is shown." } else { "" };
     Ok(format!(
         "<section id=\"worst\"><h2>The worst flights</h2><p>Those that did not come to their end, the earlier the worse; then \
-         by their largest error.{of_draws} Where the ground is shaded, a fault is active.</p>{}</section>",
+         by their largest error.{of_cases} Where the ground is shaded, a fault is active.</p>{}</section>",
         shown.concat()
     ))
 }
 
-/// The rows of the flights that failed worst, the worst first: of each draw that of one controller.
+/// The rows of the flights that failed worst, the worst first: of each case that of one controller.
 fn worst(page: &Page) -> Vec<usize> {
     let flights = page.flights;
     let (Some(errors), Some(flown), Some(outcomes)) =
@@ -52,8 +52,8 @@ fn worst(page: &Page) -> Vec<usize> {
         let larger = || number(errors, *b).total_cmp(&number(errors, *a));
         ends.then_with(|| if came_to_its_end(*a) { larger() } else { earlier() })
     });
-    let mut draws = HashSet::new();
-    failed.retain(|row| draws.insert(page.draw(*row)));
+    let mut cases = HashSet::new();
+    failed.retain(|row| cases.insert(page.case(*row)));
     failed.truncate(SHOWN);
     failed
 }
@@ -109,16 +109,16 @@ fn one(page: &Page, row: usize, again: &str) -> anyhow::Result<String> {
 }
 
 impl Page<'_> {
-    /// What became of the same draw under the other controllers.
+    /// What became of the same case under the other controllers.
     fn others(&self, row: usize) -> String {
-        let same = |other: &usize| *other != row && self.draw(*other) == self.draw(row);
+        let same = |other: &usize| *other != row && self.case(*other) == self.case(row);
         let of = |passed: bool| -> Vec<String> {
             let rows = (0..self.rows()).filter(same).filter(|other| self.passed[*other] == Some(passed));
             rows.map(|other| escape(self.names[self.controllers[other]])).collect()
         };
         let told = [(true, "passed"), (false, "failed")].map(|(passed, word)| match of(passed) {
             names if names.is_empty() => String::new(),
-            names => format!(" The same draw {word} under {}.", names.join(", ")),
+            names => format!(" The same case {word} under {}.", names.join(", ")),
         });
         if told.concat().is_empty() { String::new() } else { format!("<p class=\"hint\">{}</p>", told.concat()) }
     }

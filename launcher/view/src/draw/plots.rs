@@ -15,9 +15,10 @@ pub struct Share {
 }
 
 impl Share {
-    /// `95.0 % (90.1 to 98.2 %)`
+    /// `95.0 % (90.1 to 98.2 %)`; `95.0 %` where the interval is a point.
     fn words(&self) -> String {
-        format!("{:.1} % ({:.1} to {:.1} %)", 100.0 * self.share, 100.0 * self.low, 100.0 * self.high)
+        let [share, low, high] = [self.share, self.low, self.high].map(|share| 100.0 * share);
+        if low == high { format!("{share:.1} %") } else { format!("{share:.1} % ({low:.1} to {high:.1} %)") }
     }
 }
 

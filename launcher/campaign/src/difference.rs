@@ -1,0 +1,104 @@
+//! Two controllers on the same draws: by how much one passes more, how sure that is, and how likely by chance.
+
+use std::collections::BTreeMap;
+
+use statrs::distribution::{Binomial, Discrete};
+
+use crate::mean::interval;
+
+/// The difference of the shares that two controllers pass.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Difference {
+    /// Mean over the draws of the share of the one less that of the other.
+    pub share: f64,
+    /// Ends of its 95 % interval.
+    pub low: f64,
+    pub high: f64,
+    /// The chance of a difference of at least this size if the two were alike.
+    pub p: f64,
+}
+
+impl Difference {
+    /// The difference over draws, of which each has so many more passed flights of so many of each controller.
+    pub fn over(draws: &[(i64, usize)]) -> Self {
+        let shares: Vec<f64> = draws.iter().map(|(more, flown)| *more as f64 / *flown as f64).collect();
+        let share = shares.iter().sum::<f64>() / shares.len() as f64;
+        let [low, high] = interval(shares, [-1.0, 1.0]);
+        Self { share, low, high, p: sign_flip(draws.iter().map(|(more, _)| *more)) }
+    }
+}
+
+/// The chance of a sum at least as far from 0, two-sided, if each term had either sign with the same chance: the exact
+/// permutation test of paired differences (Fisher, The Design of Experiments, 1935). Of terms that are -1, 0 or 1 it is the exact
+/// test of `McNemar` (Psychometrika 12, 1947).
+fn sign_flip(terms: impl Iterator<Item = i64>) -> f64 {
+    let (mut sizes, mut sum) = (BTreeMap::new(), 0);
+    for term in terms.filter(|term| *term != 0) {
+        *sizes.entry(term.unsigned_abs()).or_insert(0_u64) += 1;
+        sum += term;
+    }
+    let most: u64 = sizes.iter().map(|(size, count)| size * count).sum();
+    if sum == 0 {
+        return 1.0;
+    }
+    // Sums of those with a plus, as far as they are below the one seen or its mirror.
+    let tail = ((most - sum.unsigned_abs()) / 2) as usize;
+    let mut chances = vec![0.0; tail + 1];
+    chances[0] = 1.0;
+    for (size, count) in sizes {
+        let Ok(binomial) = Binomial::new(0.5, count) else { return f64::NAN };
+        let mut next = vec![0.0; tail + 1];
+        for plus in 0..=count.min(tail as u64 / size) {
+            let (chance, shift) = (binomial.pmf(plus), (plus * size) as usize);
+            if chance > 0.0 {
+                next[shift..].iter_mut().zip(&chances).for_each(|(sum, before)| *sum += chance * before);
+            }
+        }
+        chances = next;
+    }
+    (2.0 * chances.iter().sum::<f64>()).min(1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Against the sums of binomial coefficients, and `mcnemar.exact` of R on the approval ratings of Agresti (1990).
+    #[test]
+    fn val_of_one_flight_a_draw_the_test_is_that_of_mcnemar() {
+        for (first, second, expected) in [
+            (0, 0, 1.0),
+            (5, 0, 2.0 / 32.0),
+            (0, 5, 2.0 / 32.0),
+            (1, 9, 22.0 / 1024.0),
+            (4, 4, 1.0),
+            (150, 86, 3.716e-5),
+        ] {
+            let p = sign_flip([vec![1; first], vec![0; 7], vec![-1; second]].concat().into_iter());
+            assert!((p / expected - 1.0).abs() < 1e-3, "{first} and {second}: {p}, not {expected}");
+        }
+    }
+
+    /// Against all signs that few terms can have.
+    #[test]
+    fn val_the_test_counts_every_choice_of_signs() {
+        for terms in [vec![3, -1, 2, 2, 1], vec![1, 1, 1, -3], vec![5], vec![2, 2, -2, 0, 3, 3]] {
+            let seen: i64 = terms.iter().sum();
+            let sum = |signs: u32| -> i64 {
+                terms.iter().enumerate().map(|(i, term)| if signs >> i & 1 == 1 { *term } else { -*term }).sum()
+            };
+            let all = 1_u32 << terms.len();
+            let as_far = (0..all).filter(|signs| sum(*signs).abs() >= seen.abs()).count();
+            let (p, expected) = (sign_flip(terms.iter().copied()), as_far as f64 / f64::from(all));
+            assert!((p - expected).abs() < 1e-12, "{terms:?}: {p}, not {expected}");
+        }
+    }
+
+    #[test]
+    fn copies_of_a_draw_change_no_test() {
+        let once = Difference::over(&[(1, 1), (1, 1), (0, 1), (-1, 1), (1, 1)]);
+        let thrice = Difference::over(&[(3, 3), (3, 3), (0, 3), (-3, 3), (3, 3)]);
+        assert_eq!((once.share, once.low, once.high), (thrice.share, thrice.low, thrice.high));
+        assert!((once.p - thrice.p).abs() < 1e-12 && (once.p - 0.625).abs() < 1e-12, "{once:?}");
+    }
+}

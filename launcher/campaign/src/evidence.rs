@@ -1,0 +1,237 @@
+//! What the shares of a campaign rest on.
+//!
+//! | a campaign with | has as its draws | and flights of one draw differ by |
+//! |---|---|---|
+//! | `samples` | the samples | listed values, `seeds` among them, and controllers |
+//! | `seeds` alone | the seeds | listed values and controllers |
+//! | neither | none: its shares count what was listed | |
+//!
+//! Copies are told by the hashes of the flights: a controller that flies as another, a value without effect, a draw that
+//! changes nothing.
+
+use std::collections::{BTreeMap, HashMap, HashSet};
+
+use crate::difference::Difference;
+use crate::plan::{Plan, SEED};
+use crate::rate::Rate;
+use crate::sampling::Sampling;
+use crate::table::{Cell, Table};
+
+/// The fewest draws that say much.
+const FEW: usize = 20;
+
+/// What the draws of a campaign are to each other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Draws {
+    Independent,
+    /// Spread evenly over each axis by itself.
+    LatinHypercube,
+    /// Points of one sequence.
+    Sobol,
+    /// More than one, and all flew the same.
+    Alike,
+    /// Nothing is drawn.
+    None,
+}
+
+/// Numbers that differ by one coordinate of the plan only: how many values it has, and how far apart their flights are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Axis {
+    pub values: u64,
+    pub step: u64,
+}
+
+/// The draws of a campaign, and the copies among its flights.
+#[derive(Debug, Clone)]
+pub struct Evidence {
+    pub draws: Draws,
+    /// Along which the draws lie, if there are any.
+    axis: Option<Axis>,
+    /// For each controller the first one that flew every flight as it did.
+    pub same_as: Vec<usize>,
+    /// Keys of listed values, and the controllers of which none changed a flight.
+    pub idle: Vec<(String, Vec<usize>)>,
+    /// Flights that were flown, and how many of them differ.
+    pub flown: usize,
+    pub distinct: usize,
+}
+
+impl Axis {
+    /// Which of the values a flight has.
+    pub fn place(self, number: u64) -> u64 {
+        number / self.step % self.values
+    }
+}
+
+impl Evidence {
+    /// What the flights of a plan that are there amount to.
+    pub fn of(plan: &Plan, flights: &Table) -> Self {
+        let flown = fingerprints(flights);
+        let controllers = plan.campaign.controllers.len();
+        let axis = draws_axis(plan);
+        let draws = match (axis, plan.campaign.samples().map(|_| plan.campaign.sampling())) {
+            (None, _) => Draws::None,
+            (Some(axis), _) if is_idle(&flown, axis, |_| true) => Draws::Alike,
+            (_, Some(Sampling::LatinHypercube)) => Draws::LatinHypercube,
+            (_, Some(Sampling::Sobol)) => Draws::Sobol,
+            _ => Draws::Independent,
+        };
+        let of = |controller: usize| move |number: u64| number % controllers as u64 == controller as u64;
+        let idle = plan.listed_axes().into_iter().filter_map(|(key, axis)| {
+            let under: Vec<usize> = (0..controllers).filter(|i| is_idle(&flown, axis, of(*i))).collect();
+            (!under.is_empty()).then_some((key.to_owned(), under))
+        });
+        let mut same_as: Vec<usize> = vec![];
+        for controller in 0..controllers {
+            let is_same = |first: &usize| are_same(&flown, controllers as u64, [*first, controller]);
+            let first = (0..controller).filter(|first| same_as[*first] == *first).find(is_same);
+            same_as.push(first.unwrap_or(controller));
+        }
+        let distinct = flown.values().map(|[hash, _]| hash).collect::<HashSet<_>>().len();
+        Self { draws, axis, same_as, idle: idle.collect(), flown: flown.len(), distinct }
+    }
+
+    /// Whether the flights are a sample, so that intervals and tests say something.
+    pub fn is_sample(&self) -> bool {
+        matches!(self.draws, Draws::Independent | Draws::LatinHypercube)
+    }
+
+    /// The rate of flights, each given by its number and whether it passed.
+    pub fn rate(&self, flights: impl Iterator<Item = (u64, bool)>) -> Rate {
+        let mut draws: BTreeMap<u64, (usize, usize)> = BTreeMap::new();
+        for (number, passed) in flights {
+            let draw = draws.entry(self.draw(number)).or_default();
+            *draw = (draw.0 + usize::from(passed), draw.1 + 1);
+        }
+        if self.is_sample() {
+            return Rate::over(draws.into_values());
+        }
+        let [passed, flown] = [draws.values().map(|draw| draw.0).sum(), draws.values().map(|draw| draw.1).sum()];
+        Rate::counted(passed, flown)
+    }
+
+    /// The difference of two controllers over flights that both have flown, each given by its number and whether the one and the
+    /// other passed. `None` where the flights are no sample, and where the two flew the same ones.
+    pub fn difference(&self, flights: impl Iterator<Item = (u64, [bool; 2])>) -> Option<Difference> {
+        let mut draws: BTreeMap<u64, (i64, usize)> = BTreeMap::new();
+        for (number, [one, other]) in flights {
+            let draw = draws.entry(self.draw(number)).or_default();
+            *draw = (draw.0 + i64::from(one) - i64::from(other), draw.1 + 1);
+        }
+        let draws: Vec<(i64, usize)> = draws.into_values().collect();
+        (self.is_sample() && !draws.is_empty()).then(|| Difference::over(&draws))
+    }
+
+    /// The draw of a flight; 0 where nothing is drawn.
+    pub fn draw(&self, number: u64) -> u64 {
+        self.axis.map_or(0, |axis| axis.place(number))
+    }
+
+    /// How many draws the campaign has.
+    pub fn all_draws(&self) -> u64 {
+        self.axis.map_or(0, |axis| axis.values)
+    }
+
+    /// Sentences on what the intervals are over and how far they hold; `each` is how many flights a controller has of a draw.
+    pub fn sentences(&self, each: u64) -> String {
+        let all = self.all_draws();
+        let mut words = match self.draws {
+            Draws::None => {
+                return "Nothing is drawn: shares count what was listed, without interval or test.".to_owned();
+            }
+            Draws::Alike => {
+                return format!(
+                    "All {all} draws flew the same flights bit for bit: they are one observation, without interval or test."
+                );
+            }
+            Draws::Sobol => {
+                return "The points of one Sobol sequence are not independent: there is no interval and no test."
+                    .to_owned();
+            }
+            Draws::Independent | Draws::LatinHypercube if each > 1 => format!(
+                "The {each} flights that a controller has of each of the {all} draws are one observation. Intervals are over the \
+                 shares of the draws (Bayesian bootstrap, about 95 %); with one flight a draw, as at one listed value, they are \
+                 those of Clopper and Pearson, which cover the true share in at least 95 % of all campaigns."
+            ),
+            Draws::Independent | Draws::LatinHypercube => format!(
+                "Intervals are those of Clopper and Pearson over the {all} draws, which cover the true share in at least 95 % of \
+                 all campaigns."
+            ),
+        };
+        if self.draws == Draws::LatinHypercube {
+            words += " The draws are a Latin hypercube, whose shares scatter at most as those of one independent draw less \
+                      (Owen, Annals of Statistics 25, 1997): the intervals are conservative, not exact.";
+        }
+        if (all as usize) < FEW {
+            words += &format!(" {all} draws are too few to say much.");
+        }
+        words
+    }
+
+    /// A sentence for each kind of copy among the flights; `names` are those of the controllers.
+    pub fn copies(&self, names: &[&str]) -> Vec<String> {
+        let mut words = vec![];
+        if self.distinct < self.flown {
+            words.push(format!(
+                "Of {} flights {} differ; the others are copies bit for bit.",
+                self.flown, self.distinct
+            ));
+        }
+        for first in (0..names.len()).filter(|first| self.same_as[*first] == *first) {
+            let same: Vec<&str> = (0..names.len()).filter(|i| self.same_as[*i] == first).map(|i| names[i]).collect();
+            if same.len() > 1 {
+                words.push(format!("{} flew every flight alike: they are one law.", same.join(" and ")));
+            }
+        }
+        for (key, under) in &self.idle {
+            let under: Vec<&str> = under.iter().map(|i| names[*i]).collect();
+            let under =
+                if under.len() == names.len() { String::new() } else { format!(" under {}", under.join(" and ")) };
+            words.push(format!(
+                "`{key}` had no effect{under}: its values flew the same flights, which are no further evidence."
+            ));
+        }
+        words
+    }
+}
+
+/// The axis along which the draws of a plan lie.
+fn draws_axis(plan: &Plan) -> Option<Axis> {
+    match plan.campaign.samples() {
+        Some(samples) => Some(Axis { values: samples, step: plan.flights() / samples }),
+        None => plan.listed_axes().into_iter().find(|(key, _)| *key == SEED).map(|(_, axis)| axis),
+    }
+}
+
+/// Hash and verdict of the flights that were flown, by number.
+type Fingerprints<'a> = HashMap<u64, [&'a str; 2]>;
+
+fn fingerprints(flights: &Table) -> Fingerprints<'_> {
+    let columns = ["flight", "hash", "verdict"].map(|name| flights.column(name));
+    let [Some(numbers), Some(hashes), Some(verdicts)] = columns else { return HashMap::new() };
+    let one = |row: usize| match (numbers.cell(row), hashes.text(row)) {
+        (Cell::Int(number), hash) if !hash.is_empty() => Some((number as u64, [hash, verdicts.text(row)])),
+        _ => None,
+    };
+    (0..flights.rows()).filter_map(one).collect()
+}
+
+/// Whether all flights that differ along `axis` only are the same; of those whose numbers are meant, and of at least two.
+fn is_idle(flown: &Fingerprints, axis: Axis, meant: impl Fn(u64) -> bool) -> bool {
+    let mut compared = false;
+    for (number, is) in flown.iter().filter(|(number, _)| meant(**number) && axis.place(**number) > 0) {
+        match flown.get(&(number - axis.place(*number) * axis.step)) {
+            Some(first) if first == is => compared = true,
+            Some(_) => return false,
+            None => {}
+        }
+    }
+    compared
+}
+
+/// Whether two of so many controllers flew every flight alike.
+fn are_same(flown: &Fingerprints, controllers: u64, [first, second]: [usize; 2]) -> bool {
+    let of = |controller: usize| flown.keys().filter(move |number| **number % controllers == controller as u64);
+    let is_same = |number: &u64| flown.get(&(number + (second - first) as u64)) == flown.get(number);
+    of(first).count() > 0 && of(first).count() == of(second).count() && of(first).all(is_same)
+}

@@ -1,0 +1,114 @@
+//! The bounds of a campaign: which flights have each, and which were judged by it.
+
+use std::collections::BTreeMap;
+
+use rayon::iter::{IntoParallelIterator, ParallelIterator};
+use view::bounds;
+use view::draw::short;
+use view::metrics::Metrics;
+
+use crate::outcome::Verdict;
+use crate::plan::Plan;
+use crate::table::{Cell, Table};
+
+/// As many different limits are named; of more the least and the greatest.
+const NAMED: usize = 4;
+
+/// A bound that flights must stay inside of to be passed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Bound {
+    /// Column of the table of flights.
+    pub metric: &'static str,
+    words: [&'static str; 2],
+    /// Its limits, in rising order, and how many flights have each.
+    limits: Vec<(f64, usize)>,
+    /// Flights that came to where it is judged.
+    judged: usize,
+    /// Flights that were flown, with it or without.
+    flown: usize,
+}
+
+impl Bound {
+    /// The limit, where all flights have the same.
+    pub fn of_all(&self) -> Option<f64> {
+        match self.limits[..] {
+            [(limit, flights)] if flights == self.flown => Some(limit),
+            _ => None,
+        }
+    }
+
+    /// Bound and limits in words, with the flights that have it where not all do.
+    fn in_words(&self) -> String {
+        let Self { words: [words, unit], limits, judged, flown, .. } = self;
+        let have: usize = limits.iter().map(|(_, flights)| flights).sum();
+        let mut text = match &limits[..] {
+            [(limit, _)] => format!("{words} at most {} {unit}", short(*limit)),
+            [(least, _), .., (most, _)] if limits.len() > NAMED => {
+                format!("{words} at most {} to {} {unit} by {} limits", short(*least), short(*most), limits.len())
+            }
+            several => {
+                let one = |(limit, flights): &(f64, usize)| format!("{} {unit} in {flights} flights", short(*limit));
+                format!("{words} at most {}", several.iter().map(one).collect::<Vec<_>>().join(", "))
+            }
+        };
+        if have < *flown {
+            text += &format!(", in {have} of {flown} flights only");
+        }
+        match judged {
+            0 => text + " (no flight came to where it is judged)",
+            judged if *judged < have => text + &format!(" (judged in {judged} flights; the others ended before)"),
+            _ => text,
+        }
+    }
+}
+
+/// The bounds of the flights that were flown.
+pub fn of(plan: &Plan, flights: &Table) -> Vec<Bound> {
+    let (Some(numbers), Some(verdicts)) = (flights.column("flight"), flights.column("verdict")) else { return vec![] };
+    let is_flown = |row: &usize| verdicts.text(*row) != Verdict::Invalid.name();
+    let rows: Vec<usize> = (0..flights.rows()).filter(is_flown).collect();
+    // Metrics of 0 are inside of every bound, and so each is named.
+    let of_row = |row: &usize| match numbers.cell(*row) {
+        Cell::Int(number) => {
+            plan.flight(number as u64).scenario.map_or(vec![], |s| bounds::check(&s, &Metrics::default()))
+        }
+        _ => vec![],
+    };
+    let all: Vec<_> = rows.iter().copied().collect::<Vec<_>>().into_par_iter().map(|row| (row, of_row(&row))).collect();
+    let mut found: Vec<(Bound, BTreeMap<u64, usize>)> = vec![];
+    for (row, checks) in all {
+        for check in checks {
+            let i = found.iter().position(|(bound, _)| bound.metric == check.metric).unwrap_or_else(|| {
+                let bound =
+                    Bound { metric: check.metric, words: check.words, limits: vec![], judged: 0, flown: rows.len() };
+                found.push((bound, BTreeMap::new()));
+                found.len() - 1
+            });
+            let (bound, limits) = &mut found[i];
+            *limits.entry(check.limit.to_bits()).or_default() += 1; // limits are not negative, and rise as their bits
+            bound.judged +=
+                usize::from(flights.column(column(check.metric)).is_some_and(|all| all.number(row).is_some()));
+        }
+    }
+    let with_limits = |(bound, limits): (Bound, BTreeMap<u64, usize>)| Bound {
+        limits: limits.into_iter().map(|(bits, flights)| (f64::from_bits(bits), flights)).collect(),
+        ..bound
+    };
+    found.into_iter().map(with_limits).collect()
+}
+
+/// The column of what a bound limits.
+fn column(metric: &str) -> &str {
+    if metric == "max_fallback_s" { "fallback_s" } else { metric }
+}
+
+/// When a flight is passed, in words.
+pub fn passed(bounds: &[Bound]) -> String {
+    let inside = match bounds {
+        [] => "No bound is set.".to_owned(),
+        _ => format!("Its bounds: {}.", bounds.iter().map(Bound::in_words).collect::<Vec<_>>().join("; ")),
+    };
+    format!(
+        "A flight is passed when it is flown to its end or landed, no process is lost, and it stays inside its bounds. {inside}"
+    )
+}

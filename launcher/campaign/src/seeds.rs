@@ -1,0 +1,70 @@
+//! Refuses seeds that change nothing before anything is flown: their flights would be copies of each other.
+
+use anyhow::ensure;
+
+use crate::outcome;
+use crate::plan::{Plan, SEED};
+
+/// As many pairs of flights that differ by their seed only are flown to find one that differs.
+const TRIED: u64 = 64;
+
+/// Whether the listed seeds of a plan change a flight.
+///
+/// # Errors
+/// No pair that was tried is of two flights.
+pub fn check(plan: &Plan) -> anyhow::Result<()> {
+    let axes = plan.listed_axes();
+    let Some((_, axis)) = axes.iter().find(|(key, axis)| *key == SEED && axis.values > 1) else { return Ok(()) };
+    let others = plan.flights() / axis.values;
+    let mut is_flown = false;
+    for i in 0..others.min(TRIED) {
+        // Multiples of the golden ratio leave no gap and keep no step.
+        let place = if others > TRIED {
+            (i.wrapping_mul(0x9E37_79B9_7F4A_7C15) as u128 * u128::from(others) >> 64) as u64
+        } else {
+            i
+        };
+        let first = place / axis.step * axis.step * axis.values + place % axis.step;
+        let hash =
+            |number: u64| outcome::fly(&plan.flight(number), || true, |_| {}).map(|flown| flown.hash().to_owned());
+        let hashes = [hash(first), hash(first + axis.step)];
+        if hashes[0] != hashes[1] {
+            return Ok(());
+        }
+        is_flown |= hashes[0].as_ref().is_some_and(|hash| !hash.is_empty());
+    }
+    ensure!(
+        !is_flown,
+        "seeds change no flight: nothing in it is random, and a copy is no evidence; leave `seeds` away, or give noise \
+         (`plant.noise`), turbulence or a fault with a probability"
+    );
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::Campaign;
+
+    fn checked(text: &str) -> anyhow::Result<()> {
+        let text = format!("{text}\n[settings]\nrun.duration_s = 0.5\n");
+        check(&Plan::new(Campaign::read(&text, "x.toml", "x", Path::new("")).unwrap()).unwrap())
+    }
+
+    #[test]
+    fn seeds_of_a_flight_without_randomness_are_refused() {
+        let said = checked("seeds = 60").unwrap_err().to_string();
+        assert!(said.contains("seeds change no flight"), "{said}");
+        assert!(checked("seeds = 3\n[vary]\nmpc.np = [20, 30]\nplant.airframe.mass_kg = [1.0, 1.1]").is_err());
+    }
+
+    #[test]
+    fn seeds_that_change_some_flights_are_flown() {
+        checked("seeds = 3\n[vary]\nplant.noise.position_m = [0.0, 0.0001, 0.001]").unwrap();
+        checked("seeds = 3\n[vary]\nrun.command_jitter_ms = [0.0, 8.0]").unwrap();
+        checked("seeds = [7]").unwrap();
+        checked("[vary]\nmpc.np = [20, 30]").unwrap();
+    }
+}

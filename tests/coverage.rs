@@ -1,0 +1,137 @@
+//! The intervals of campaigns against a truth that is known: of 2000 campaigns of each kind that ships, 95 % cover it.
+
+use std::fs;
+
+use campaign::evidence::{Axis, Draws, Evidence};
+use campaign::sampling::{Points, Sampling};
+use campaign::table::{Cell, Kind, Table};
+use campaign::{Campaign, Plan};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use crate::harness::top;
+
+const CAMPAIGNS: u32 = 2000;
+/// Shares that two controllers pass in truth.
+const TRUTH: [f64; 2] = [0.8, 0.75];
+/// What the tests draw a Latin hypercube of: the kind is the same as with more samples.
+const HYPERCUBE: u64 = 500;
+
+/// A campaign of which each flight is another one.
+fn evidence_of(plan: &Plan) -> Evidence {
+    let columns = [("flight", Kind::Int), ("hash", Kind::Text), ("verdict", Kind::Text)];
+    let mut table = Table::new(&columns.map(|(name, kind)| (name.to_owned(), kind)));
+    for number in 0..plan.flights() {
+        table.push(vec![Cell::Int(number as i64), Cell::Text(number.to_string()), Cell::Text("passed".into())]);
+    }
+    Evidence::of(plan, &table)
+}
+
+/// What is counted of many campaigns: how often each interval covers its truth.
+#[derive(Debug, Default)]
+struct Covered {
+    pooled: u32,
+    listed: u32,
+    difference: u32,
+}
+
+/// The intervals of one campaign; `passes` says whether two controllers pass a case, `listed` is an axis of listed values.
+fn look(covered: &mut Covered, evidence: &Evidence, controllers: u64, cases: &[[bool; 2]], listed: Option<Axis>) {
+    let first = || cases.iter().enumerate().map(|(case, passed)| (case as u64 * controllers, passed[0]));
+    let covers = |low: f64, high: f64, truth: f64| u32::from((low..=high).contains(&truth));
+    let pooled = evidence.rate(first());
+    covered.pooled += covers(pooled.low, pooled.high, TRUTH[0]);
+    if let Some(axis) = listed {
+        let rate = evidence.rate(first().filter(|(number, _)| axis.place(*number) == 0));
+        assert_eq!(rate.draws, rate.flights, "one flight a draw");
+        covered.listed += covers(rate.low, rate.high, TRUTH[0]);
+    }
+    let pairs = cases.iter().enumerate().map(|(case, passed)| (case as u64 * controllers, *passed));
+    let difference = evidence.difference(pairs).expect("it is a sample");
+    covered.difference += covers(difference.low, difference.high, TRUTH[0] - TRUTH[1]);
+}
+
+/// Whether two controllers pass each case of independent draws: of half the draws all cases go the same way, and the two
+/// controllers differ in every tenth flight.
+fn independent(rng: &mut ChaCha8Rng, evidence: &Evidence, controllers: u64, cases: u64) -> Vec<[bool; 2]> {
+    let draws: Vec<Option<f64>> =
+        (0..evidence.all_draws()).map(|_| rng.random::<bool>().then(|| rng.random())).collect();
+    let one = |case: u64| {
+        let common = draws[evidence.draw(case * controllers) as usize].unwrap_or_else(|| rng.random());
+        TRUTH.map(|truth| if rng.random_bool(0.1) { rng.random_bool(truth) } else { common < truth })
+    };
+    (0..cases).map(one).collect()
+}
+
+fn check(name: &str, what: &str, covered: u32) {
+    let percent = 100.0 * f64::from(covered) / f64::from(CAMPAIGNS);
+    println!("{name}: {what}: {percent:.2} %");
+    assert!(
+        (93.5..=97.0).contains(&percent),
+        "{name}: {what} covers the truth in {percent:.2} % of {CAMPAIGNS} campaigns"
+    );
+}
+
+/// In a Latin hypercube the sum of all coordinates, without its whole part, is spread evenly, and the hypercube makes it no more
+/// even: this is the response that it does nothing for.
+fn hypercube(seed: u64, dimensions: usize) -> Vec<[bool; 2]> {
+    let points = Points::new(Sampling::LatinHypercube, seed, HYPERCUBE, dimensions);
+    let sum = |sample: u64| points.point(sample).iter().sum::<f64>();
+    (0..HYPERCUBE)
+        .map(|sample| [0.0, 0.1].map(|ahead| (sum(sample) + ahead).fract()))
+        .map(|[one, other]| [one < TRUTH[0], other < TRUTH[1]])
+        .collect()
+}
+
+#[test]
+fn val_intervals_of_the_shipped_campaigns_cover_the_truth_as_often_as_they_say() {
+    let mut kinds = 0;
+    for entry in fs::read_dir(top().join("campaigns")).expect("the campaigns").flatten() {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        let mut campaign = Campaign::load(&entry.path()).expect("a campaign");
+        if campaign.sampling() == Sampling::LatinHypercube {
+            campaign = campaign.drawn_anew(1, HYPERCUBE);
+        }
+        let plan = Plan::new(campaign).expect("a plan");
+        let evidence = evidence_of(&plan);
+        let controllers = plan.campaign.controllers.len() as u64;
+        let cases = plan.flights() / controllers;
+        let is_pooled = cases > evidence.all_draws();
+        let others = plan.listed_axes().into_iter().filter(|(key, _)| *key != "run.seed").map(|(_, axis)| axis);
+        let listed = others.clone().next().filter(|_| others.count() == 1);
+        let mut covered = Covered::default();
+        for campaign in 0..CAMPAIGNS {
+            let passed = match evidence.draws {
+                Draws::LatinHypercube => {
+                    assert!(!is_pooled, "{name}: this test has no truth for it");
+                    hypercube(campaign.into(), 5)
+                }
+                Draws::Independent => {
+                    let mut rng = ChaCha8Rng::seed_from_u64(campaign.into());
+                    independent(&mut rng, &evidence, controllers, cases)
+                }
+                other => panic!("{name}: {other:?} has no interval"),
+            };
+            look(&mut covered, &evidence, controllers, &passed, listed);
+        }
+        check(&name, if is_pooled { "the share over listed values" } else { "the share" }, covered.pooled);
+        check(&name, "the difference of two controllers", covered.difference);
+        if listed.is_some() {
+            check(&name, "the share at one listed value", covered.listed);
+        }
+        kinds += 1;
+    }
+    assert!(kinds >= 3);
+}
+
+/// What a Latin hypercube is for: a response of one coordinate scatters far less than the interval says.
+#[test]
+fn val_the_interval_of_a_latin_hypercube_is_conservative() {
+    let covers = |seed: u32| {
+        let points = Points::new(Sampling::LatinHypercube, seed.into(), HYPERCUBE, 5);
+        let passed = (0..HYPERCUBE).filter(|sample| points.point(*sample)[0] < TRUTH[0]).count();
+        let rate = campaign::Rate::of(passed, HYPERCUBE as usize);
+        (rate.low..=rate.high).contains(&TRUTH[0])
+    };
+    assert!((0..200).all(covers));
+}
