@@ -8,7 +8,6 @@ mod bad_input;
 mod campaign;
 mod compare;
 mod control;
-mod coverage;
 mod deadlines;
 mod faults;
 mod fuzz;

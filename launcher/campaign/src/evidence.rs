@@ -111,7 +111,7 @@ impl Evidence {
     }
 
     /// The difference of two controllers over flights that both have flown, each given by its number and whether the one and the
-    /// other passed. `None` where the flights are no sample, and where the two flew the same ones.
+    /// other passed. `None` where the flights are no sample, or none.
     pub fn difference(&self, flights: impl Iterator<Item = (u64, [bool; 2])>) -> Option<Difference> {
         let mut draws: BTreeMap<u64, (i64, usize)> = BTreeMap::new();
         for (number, [one, other]) in flights {

@@ -25,6 +25,8 @@
 
 #![allow(missing_docs)]
 
+#[cfg(test)]
+mod coverage;
 pub mod difference;
 pub mod evidence;
 pub mod file;

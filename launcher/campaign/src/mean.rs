@@ -7,7 +7,7 @@
 //! and evenly distributed (Dirichlet), and an end is the quantile of the weighted mean. What was not drawn yet counts as half
 //! a draw with the least value for the lower end, and with the greatest for the upper one. A whole such draw is the bound of
 //! Gaffke (Mathematical Methods of Statistics 14, 2005), whose conjecture is that it covers at least; of draws at their ends
-//! it is Clopper and Pearson's. Half of it covers about 95 % (`tests/coverage.rs`). Draws that are all alike do not show how they
+//! it is Clopper and Pearson's. Half of it covers about 95 % (`coverage.rs`). Draws that are all alike do not show how they
 //! scatter, and have the whole one.
 
 use std::f64::consts::PI;

@@ -1,15 +1,15 @@
 //! The intervals of campaigns against a truth that is known: of 2000 campaigns of each kind that ships, 95 % cover it.
 
 use std::fs;
+use std::path::Path;
 
-use campaign::evidence::{Axis, Draws, Evidence};
-use campaign::sampling::{Points, Sampling};
-use campaign::table::{Cell, Kind, Table};
-use campaign::{Campaign, Plan};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::harness::top;
+use crate::evidence::{Axis, Draws, Evidence};
+use crate::sampling::{Points, Sampling};
+use crate::table::{Cell, Kind, Table};
+use crate::{Campaign, Plan, Rate};
 
 const CAMPAIGNS: u32 = 2000;
 /// Shares that two controllers pass in truth.
@@ -36,8 +36,8 @@ struct Covered {
 }
 
 /// The intervals of one campaign; `passes` says whether two controllers pass a case, `listed` is an axis of listed values.
-fn look(covered: &mut Covered, evidence: &Evidence, controllers: u64, cases: &[[bool; 2]], listed: Option<Axis>) {
-    let first = || cases.iter().enumerate().map(|(case, passed)| (case as u64 * controllers, passed[0]));
+fn look(covered: &mut Covered, evidence: &Evidence, laws: u64, cases: &[[bool; 2]], listed: Option<Axis>) {
+    let first = || cases.iter().enumerate().map(|(case, passed)| (case as u64 * laws, passed[0]));
     let covers = |low: f64, high: f64, truth: f64| u32::from((low..=high).contains(&truth));
     let pooled = evidence.rate(first());
     covered.pooled += covers(pooled.low, pooled.high, TRUTH[0]);
@@ -46,7 +46,7 @@ fn look(covered: &mut Covered, evidence: &Evidence, controllers: u64, cases: &[[
         assert_eq!(rate.draws, rate.flights, "one flight a draw");
         covered.listed += covers(rate.low, rate.high, TRUTH[0]);
     }
-    let pairs = cases.iter().enumerate().map(|(case, passed)| (case as u64 * controllers, *passed));
+    let pairs = cases.iter().enumerate().map(|(case, passed)| (case as u64 * laws, *passed));
     let difference = evidence.difference(pairs).expect("it is a sample");
     covered.difference += covers(difference.low, difference.high, TRUTH[0] - TRUTH[1]);
 }
@@ -86,7 +86,9 @@ fn hypercube(seed: u64, dimensions: usize) -> Vec<[bool; 2]> {
 #[test]
 fn val_intervals_of_the_shipped_campaigns_cover_the_truth_as_often_as_they_say() {
     let mut kinds = 0;
-    for entry in fs::read_dir(top().join("campaigns")).expect("the campaigns").flatten() {
+    for entry in
+        fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../campaigns")).expect("the campaigns").flatten()
+    {
         let name = entry.file_name().to_string_lossy().into_owned();
         let mut campaign = Campaign::load(&entry.path()).expect("a campaign");
         if campaign.sampling() == Sampling::LatinHypercube {
@@ -130,7 +132,7 @@ fn val_the_interval_of_a_latin_hypercube_is_conservative() {
     let covers = |seed: u32| {
         let points = Points::new(Sampling::LatinHypercube, seed.into(), HYPERCUBE, 5);
         let passed = (0..HYPERCUBE).filter(|sample| points.point(*sample)[0] < TRUTH[0]).count();
-        let rate = campaign::Rate::of(passed, HYPERCUBE as usize);
+        let rate = Rate::of(passed, HYPERCUBE as usize);
         (rate.low..=rate.high).contains(&TRUTH[0])
     };
     assert!((0..200).all(covers));
