@@ -56,13 +56,13 @@ pub fn section(claims: &[Claim], run: &Value) -> String {
     )
 }
 
-/// Whether the claims are made for this flight: every setting of vehicle, mission and controllers is the paper's, and nothing goes
-/// wrong. Mode, rate and seed may be any, as may what the flight is called, judged by and scheduled with.
+/// Whether the claims are made for this flight: every setting of vehicle, mission and controllers is the paper's, its sample time
+/// of 0.01 s too, and nothing goes wrong. Mode and seed may be any, as may what the flight is called, judged by and scheduled with.
 pub fn concerns(scenario: &Scenario) -> bool {
     let Scenario { name, run, bounds, realtime, deadline, supervision, .. } = scenario.clone();
     let paper = Scenario::from(Profile::Paper);
-    let Run { mode, duration_s, rate_hz, seed, .. } = run;
-    let run = Run { mode, duration_s, rate_hz, seed, ..paper.run };
+    let Run { mode, duration_s, seed, .. } = run;
+    let run = Run { mode, duration_s, seed, ..paper.run };
     *scenario == Scenario { name, run, bounds, realtime, deadline, supervision, ..paper }
 }
 

@@ -400,7 +400,7 @@ fn only_the_papers_flight_in_calm_is_judged_by_its_claims() {
     let log = hover(6001);
     let paper = Scenario::from(Profile::Paper);
     let mut same = Scenario { name: "another".into(), ..paper.clone() };
-    (same.run.seed, same.run.rate_hz, same.run.mode) = (7, 200, contract::scenario::Mode::Lockstep);
+    (same.run.seed, same.run.mode) = (7, contract::scenario::Mode::Lockstep);
     assert!(render(&log, &survey(&[]), &same).contains("id=\"claims\""));
     let with = |settings: &[&str]| {
         let settings: Vec<String> = ["profile=paper"].iter().chain(settings).map(|&set| set.to_owned()).collect();
@@ -415,6 +415,7 @@ fn only_the_papers_flight_in_calm_is_judged_by_its_claims() {
         with(&["guidance.kp_phi=0.4"]),
         with(&["mpc.constraints=box"]),
         with(&["mixer.projection=true"]),
+        with(&["run.rate_hz=200"]),
         with(&["run.command_delay_ms=4.0"]),
         with(&["fault=[{at_s=5.0, target=\"mixer\", kind=\"kill\"}]"]),
         with(&["swap=[{at_s=5.0, node=\"mixer\"}]"]),
