@@ -1,6 +1,6 @@
 //! How near a flight comes to what was asked for, where a wrong reference would show.
 
-use crate::harness::fly;
+use crate::harness::{fly, top};
 
 /// Flies the default scenario in process with these settings.
 fn flown(settings: &[&str]) -> crate::harness::Outcome {
@@ -21,6 +21,40 @@ fn legs_of_80_m_in_10_s_keep_their_altitude() {
     ]);
     let worst_m = outcome.metric("max_position_error_m");
     assert!(worst_m < 0.4, "{worst_m} m; 9.21 with a limit on w in place of one on the climb");
+}
+
+/// RMS of the position error of `scenarios/NAME` with `settings`.
+fn rms_m(name: &str, settings: &[&str]) -> f64 {
+    let path = top().join("scenarios").join(name);
+    let mut arguments = vec![path.to_str().expect("a path in UTF-8"), "--mode", "inprocess", "--no-log"];
+    for setting in settings {
+        arguments.extend(["--set", setting]);
+    }
+    fly(&arguments).metric("rms_position_error_m")
+}
+
+#[test]
+fn a_circle_is_followed_closer_than_its_polygon() {
+    let lap = (0..=320_u32).map(|i| {
+        let x = f64::from(i) / 320.0;
+        let (sin, cos) = (x * x * x * (10.0 + x * (-15.0 + x * 6.0)) * std::f64::consts::TAU).sin_cos();
+        format!("[{:?}, {:?}, -20.0]", 40.0 * sin, 40.0 * (1.0 - cos))
+    });
+    let points = format!("mission.waypoints_m=[[0.0,0.0,0.0],{}]", lap.collect::<Vec<_>>().join(","));
+    let times = (0..=320_u32).map(|i| format!("{:?}", 10.0 + 0.1 * f64::from(i))).collect::<Vec<_>>().join(",");
+    let times = format!("mission.times_s=[0.0,{times}]");
+    let polygon = ["mission.trajectory=\"waypoints\"", "mission.ramp_s=0", &points, &times];
+    let lifted = ["bounds.max_position_error_m=10.0", "run.duration_s=42", "mission.radius_m=5", "mission.height_m=10"];
+    let as_polygon = rms_m("fast-circle.toml", &[&polygon[..], &lifted, &["mission.period_s=40"]].concat());
+    let as_circle = rms_m("fast-circle.toml", &["run.duration_s=42"]);
+    assert!(as_circle < 0.2 && as_circle < as_polygon / 5.0, "{as_circle} m, as a polygon {as_polygon} m");
+}
+
+#[test]
+fn a_spline_is_followed_closer_than_legs_through_the_same_points() {
+    let as_legs = rms_m("slalom.toml", &["mission.ramp_s=0.5", "bounds.max_position_error_m=10.0"]);
+    let as_spline = rms_m("slalom.toml", &[]);
+    assert!(as_spline < as_legs / 2.0, "{as_spline} m, along legs {as_legs} m");
 }
 
 #[test]

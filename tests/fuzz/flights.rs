@@ -26,7 +26,7 @@ const LARGEST_PLAN: usize = 500;
 /// The words that some keys take.
 const WORDS: [(&str, &[&str]); 13] = [
     ("mission.trajectory", &["survey", "hover", "step", "circle", "waypoints"]),
-    ("mission.ramp_s", &["min-jerk"]),
+    ("mission.ramp_s", &["min-jerk", "spline"]),
     ("guidance.roll_reference", &["trim", "absolute"]),
     ("guidance.derivative", &["error", "velocity"]),
     ("guidance.rate_reference", &["difference", "zero"]),

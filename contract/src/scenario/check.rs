@@ -14,7 +14,7 @@ pub use self::found::Violation;
 pub use self::swaps::LoadCandidate;
 
 use self::found::Found;
-use super::{Fault, Heading, Late, Law, Mission, Model, Ramp, Scenario, StateConstraints, TrajectoryKind};
+use super::{Fault, Heading, Late, Law, Mission, Model, Ramp, RampName, Scenario, StateConstraints, TrajectoryKind};
 
 /// Every rule that `scenario` breaks; `merged` is the same settings as a table.
 pub fn violations(scenario: &Scenario, merged: Table, candidate: LoadCandidate) -> Vec<Violation> {
@@ -83,6 +83,8 @@ const FEEL_AIR: &str = "drag, for instance `plant.drag_linear_nspm` = [0.2, 0.2,
 
 /// Each leg of the survey takes this long.
 const SURVEY_LEG_S: f64 = 10.0;
+/// Shortest leg of a spline \[s\]: its equations have the fourth power of it.
+const MIN_SPLINE_LEG_S: f64 = 0.01;
 
 fn check_vehicle(scenario: &Scenario, found: &mut Found) {
     let plant = &scenario.plant;
@@ -205,12 +207,40 @@ fn check_mission(mission: &Mission, found: &mut Found) {
         TrajectoryKind::Waypoints => times_s.windows(2).map(|leg| leg[1] - leg[0]).fold(f64::INFINITY, f64::min),
         TrajectoryKind::Hover | TrajectoryKind::Step | TrajectoryKind::Circle => f64::INFINITY,
     };
-    if let Ramp::Seconds(ramp_s) = mission.ramp_s {
-        found.require(
+    let keys = ["mission.ramp_s", "mission.times_s", "mission.trajectory"];
+    match mission.ramp_s {
+        Ramp::Seconds(ramp_s) => found.require(
             ramp_s <= shortest_leg_s / 2.0,
-            &["mission.ramp_s", "mission.times_s", "mission.trajectory"],
+            &keys,
             format!("`mission.ramp_s` = {ramp_s:?} does not fit the shortest leg of {shortest_leg_s:?} s"),
             &format!("at most half of it, {:?}", shortest_leg_s / 2.0),
+        ),
+        Ramp::Named(RampName::Spline) => found.require(
+            shortest_leg_s >= MIN_SPLINE_LEG_S,
+            &["mission.times_s", "mission.ramp_s"],
+            format!("`mission.ramp_s` = \"spline\" with a leg of {shortest_leg_s:?} s"),
+            &format!("at least {MIN_SPLINE_LEG_S:?} s from each time in `mission.times_s` to the next"),
+        ),
+        Ramp::Named(RampName::MinJerk) => {}
+    }
+    check_circle(mission, found);
+}
+
+/// What describes the circle says something of another trajectory by mistake only.
+fn check_circle(mission: &Mission, found: &mut Found) {
+    let Mission { radius_m, height_m, period_s, laps, .. } = Mission::default();
+    let unlike_default = [
+        ("mission.radius_m", mission.radius_m != radius_m),
+        ("mission.height_m", mission.height_m != height_m),
+        ("mission.period_s", mission.period_s != period_s),
+        ("mission.laps", mission.laps != laps),
+    ];
+    for (key, set) in unlike_default {
+        found.require(
+            !set || mission.trajectory == TrajectoryKind::Circle,
+            &[key, "mission.trajectory"],
+            format!("`{key}` with a trajectory that is no circle"),
+            "`mission.trajectory` = \"circle\" with it",
         );
     }
 }

@@ -16,8 +16,17 @@ pub struct Mission {
     pub waypoints_m: Vec<[f64; 3]>,
     /// `waypoints`: when each is reached \[s\].
     pub times_s: Vec<f64>,
-    /// How each leg's velocity rises and falls.
+    /// How the velocity rises and falls between waypoints.
     pub ramp_s: Ramp,
+    /// `circle`: \[m\].
+    pub radius_m: f64,
+    /// `circle`: above the ground \[m\].
+    pub height_m: f64,
+    /// `circle`: mean duration of a lap \[s\].
+    pub period_s: f64,
+    /// `circle`: how often round. One lap is min-jerk, from rest to rest; of several, all but the first and the last half lap are
+    /// flown at constant speed.
+    pub laps: u32,
     /// Heading reference \[deg\], constant or steps.
     pub heading_deg: Heading,
 }
@@ -32,15 +41,15 @@ pub enum TrajectoryKind {
     Hover,
     /// One step of the position reference.
     Step,
-    /// Climb 10 m, one lap of 5 m radius, descend.
+    /// Climb to `height_m`, `laps` of `radius_m` and `period_s`, descend; climb and descent take 10 s each.
     Circle,
     /// The scenario's own waypoints.
     Waypoints,
 }
 
-/// `mission.ramp_s`: seconds of velocity ramp (0 = constant velocity), or `"min-jerk"`.
+/// `mission.ramp_s`: seconds of velocity ramp (0 = constant velocity), `"min-jerk"` or `"spline"`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(untagged, expecting = "expected seconds, or \"min-jerk\"")]
+#[serde(untagged, expecting = "expected seconds, \"min-jerk\" or \"spline\"")]
 pub enum Ramp {
     /// Trapezoid of velocity with ramps this long \[s\].
     Seconds(f64),
@@ -48,12 +57,15 @@ pub enum Ramp {
     Named(RampName),
 }
 
-/// The named velocity shapes.
+/// The named shapes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum RampName {
-    /// Quintic: zero velocity and acceleration at both ends.
+    /// Each leg a quintic with zero velocity and acceleration at both ends.
     #[serde(rename = "min-jerk")]
     MinJerk,
+    /// One curve of least jerk through all waypoints, at rest at the first and the last only.
+    #[serde(rename = "spline")]
+    Spline,
 }
 
 /// `mission.heading_deg`: one value, or `[[t_s, deg], ...]` steps.

@@ -27,7 +27,7 @@ const PRIORITY: Range = (Included(1.0), Included(95.0));
 const CPU: Range = (Included(0.0), Included(1023.0));
 
 /// Allowed range of each number under a key; arrays are judged number by number, tables key by key.
-const RANGES: [(&str, Range); 108] = [
+const RANGES: &[(&str, Range)] = &[
     ("mission", ANY),
     ("initial", ANY),
     ("plant", ANY),
@@ -50,6 +50,10 @@ const RANGES: [(&str, Range); 108] = [
     ("mission.step_at_s", NOT_NEGATIVE),
     ("mission.times_s", NOT_NEGATIVE),
     ("mission.ramp_s", NOT_NEGATIVE),
+    ("mission.radius_m", (Included(0.01), Included(500.0))),
+    ("mission.height_m", (Included(0.0), Included(500.0))),
+    ("mission.period_s", (Included(0.1), Included(86_400.0))),
+    ("mission.laps", (Included(1.0), Included(1e6))),
     ("plant.substep_s", (Included(MIN_STEP_S), Included(0.01))),
     ("plant.rotor_lag_s", POSITIVE),
     ("plant.servo_lag_s", POSITIVE),

@@ -1,0 +1,127 @@
+//! One curve through all waypoints, at rest at the first and the last only: of all that pass each waypoint at its time, the one
+//! with the least integral of squared jerk.
+//!
+//! That is a quintic between neighbours, with continuous derivatives up to the fourth (Flash and Hogan, 1985, have it for one
+//! point on the way). Unknown are velocity `v` and acceleration `a` at each waypoint between the ends. With `h`, `d` the duration and the way of the leg
+//! before and `k`, `e` of that after it, continuity of the fourth and of the third derivative is
+//!
+//! ```text
+//! 168/h3 v- + 24/h2 a- + 192 (1/h3 + 1/k3) v + 36 (1/k2 - 1/h2) a + 168/k3 v+ - 24/k2 a+ = 360 (d/h4 + e/k4)
+//! -24/h2 v- -  3/h  a- +  36 (1/k2 - 1/h2) v +  9 (1/h + 1/k)   a +  24/k2 v+ -  3/k  a+ =  60 (e/k3 - d/h3)
+//! ```
+//!
+//! which is symmetric, positive definite and block tridiagonal: one elimination, forward and back, solves it.
+
+use nalgebra::{Matrix2, Matrix2x3, Vector3};
+
+use super::setpoint::Setpoint;
+
+/// A waypoint, and how the curve passes it.
+#[derive(Debug, Clone, Copy)]
+struct Knot {
+    at_s: f64,
+    position: Vector3<f64>,
+    velocity: Vector3<f64>,
+    acceleration: Vector3<f64>,
+}
+
+/// The curve.
+#[derive(Debug, Clone)]
+pub struct Spline(Vec<Knot>);
+
+impl Spline {
+    /// The curve through `waypoints`, each with the time at which it is passed \[s\], rising.
+    pub fn new(waypoints: &[(f64, Vector3<f64>)]) -> Self {
+        let rest = Vector3::zeros();
+        let knot = |&(at_s, position): &(f64, _)| Knot { at_s, position, velocity: rest, acceleration: rest };
+        let mut knots: Vec<Knot> = waypoints.iter().map(knot).collect();
+        // Forward: what is left of each pair of equations when the waypoint before is eliminated.
+        let mut left: Vec<(Matrix2<f64>, Matrix2x3<f64>)> = vec![];
+        for three in waypoints.windows(3) {
+            let (before, after) = (Leg::new(three[0], three[1]), Leg::new(three[1], three[2]));
+            let mut on_this = before.at_end() + after.at_start();
+            let mut right = Matrix2x3::from_rows(&[
+                (360.0 * (before.way / before.h[3] + after.way / after.h[3])).transpose(),
+                (60.0 * (after.way / after.h[2] - before.way / before.h[2])).transpose(),
+            ]);
+            if let Some((inverse, last_right)) = left.last() {
+                let eliminated = before.across().transpose() * inverse;
+                on_this -= eliminated * before.across();
+                right -= eliminated * last_right;
+            }
+            let inverse = on_this.try_inverse().expect("the equations are positive definite");
+            left.push((inverse, right));
+        }
+        // Back: each waypoint from that after it.
+        let mut next = Matrix2x3::zeros();
+        for (i, (inverse, right)) in left.iter().enumerate().rev() {
+            let after = Leg::new(waypoints[i + 1], waypoints[i + 2]);
+            next = inverse * (right - after.across() * next);
+            knots[i + 1].velocity = next.row(0).transpose();
+            knots[i + 1].acceleration = next.row(1).transpose();
+        }
+        Self(knots)
+    }
+
+    /// The reference at `t_s`; before the first waypoint and after the last it stays there.
+    pub fn at(&self, t_s: f64) -> Setpoint {
+        let Some(next) = self.0.iter().position(|knot| knot.at_s > t_s) else {
+            return Setpoint::at_rest(self.0.last().map_or([0.0; 3], |knot| knot.position.into()));
+        };
+        let Some(last) = next.checked_sub(1) else {
+            return Setpoint::at_rest(self.0[next].position.into());
+        };
+        between(&self.0[last], &self.0[next], t_s)
+    }
+}
+
+/// The quintic between two waypoints.
+fn between(from: &Knot, to: &Knot, t_s: f64) -> Setpoint {
+    let h = to.at_s - from.at_s;
+    let x = (t_s - from.at_s) / h;
+    let way = to.position - from.position;
+    let [v0, v1] = [from.velocity * h, to.velocity * h];
+    let [a0, a1] = [from.acceleration * (h * h), to.acceleration * (h * h)];
+    let c2 = a0 / 2.0;
+    let c3 = 10.0 * way - 6.0 * v0 - 4.0 * v1 - 1.5 * a0 + 0.5 * a1;
+    let c4 = -15.0 * way + 8.0 * v0 + 7.0 * v1 + 1.5 * a0 - a1;
+    let c5 = 6.0 * way - 3.0 * (v0 + v1) - 0.5 * (a0 - a1);
+    Setpoint {
+        position_m: (from.position + x * (v0 + x * (c2 + x * (c3 + x * (c4 + x * c5))))).into(),
+        velocity_mps: ((v0 + x * (2.0 * c2 + x * (3.0 * c3 + x * (4.0 * c4 + x * 5.0 * c5)))) / h).into(),
+        acceleration_mps2: ((2.0 * c2 + x * (6.0 * c3 + x * (12.0 * c4 + x * 20.0 * c5))) / (h * h)).into(),
+    }
+}
+
+/// What the equations have of a leg.
+struct Leg {
+    /// Its duration and the powers of that up to the fourth \[s\].
+    h: [f64; 4],
+    /// \[m\]
+    way: Vector3<f64>,
+}
+
+impl Leg {
+    fn new((from_s, from): (f64, Vector3<f64>), (until_s, to): (f64, Vector3<f64>)) -> Self {
+        let h = until_s - from_s;
+        Self { h: [h, h * h, h * h * h, h * h * h * h], way: to - from }
+    }
+
+    /// Its part of the equations of the waypoint at its end, by v and a there.
+    fn at_end(&self) -> Matrix2<f64> {
+        let [h, h2, h3, _] = self.h;
+        Matrix2::new(192.0 / h3, -36.0 / h2, -36.0 / h2, 9.0 / h)
+    }
+
+    /// The same of the waypoint at its start.
+    fn at_start(&self) -> Matrix2<f64> {
+        let [k, k2, k3, _] = self.h;
+        Matrix2::new(192.0 / k3, 36.0 / k2, 36.0 / k2, 9.0 / k)
+    }
+
+    /// Its part of the equations of the waypoint at its start, by v and a at its end; transposed, the other way round.
+    fn across(&self) -> Matrix2<f64> {
+        let [k, k2, k3, _] = self.h;
+        Matrix2::new(168.0 / k3, -24.0 / k2, 24.0 / k2, -3.0 / k)
+    }
+}
