@@ -10,6 +10,7 @@
 //! | module | holds | paper |
 //! |---|---|---|
 //! | [`model`] | prediction model, lag states, the controller's own actuators | (1)-(2) |
+//! | [`coupling`] | what the estimate must not take for a force at speed | |
 //! | [`at_speed`] | the model at another point of flight | |
 //! | [`schedule`] | several MPC over the velocity | |
 //! | [`ltv`] | a linearisation every sample | |
@@ -37,6 +38,7 @@ pub mod at_speed;
 pub mod condensed;
 pub mod constrained;
 pub mod constraints;
+pub mod coupling;
 pub mod disturbance;
 pub mod goal;
 pub mod ltv;
@@ -65,6 +67,7 @@ use nalgebra::{DMatrix, DVector, DVectorView, Vector4};
 
 use condensed::Condensed;
 use constrained::{Account, Constrained};
+use coupling::Coupling;
 use disturbance::DisturbanceLaw;
 use goal::Goal;
 use ltv::Ltv;
@@ -94,6 +97,8 @@ pub struct AttitudeMpc {
 enum UnconstrainedLaw {
     /// `U = gain (x; r; d; v)`: the unconstrained plan, or the one move of the regulator.
     Gain(DMatrix<f64>),
+    /// The same, with a term of the measured state in what the estimate expects.
+    Coupled(DMatrix<f64>, Coupling),
     /// One gain for each of several flight conditions.
     Scheduled(Box<Schedule>),
     /// The problem of this sample's own model.
@@ -105,10 +110,16 @@ impl UnconstrainedLaw {
     /// Takes in the sample that the model of this tick is for.
     fn observe(&mut self, measured: &Kinematics) {
         match self {
+            Self::Coupled(_, coupling) => coupling.observe(measured),
             Self::Scheduled(schedule) => schedule.observe(measured),
             Self::Ltv(ltv) => ltv.observe(measured),
             Self::Gain(_) | Self::Pid(_) => {}
         }
+    }
+
+    /// What the estimate must not take for a force, as a disturbance on the inputs.
+    fn coupling(&self) -> Vector4<f64> {
+        if let Self::Coupled(_, coupling) = self { coupling.on_inputs() } else { Vector4::zeros() }
     }
 
     /// As [`PredictionModel::predict`] by the model of this tick, which is `hover` where there is no other.
@@ -121,7 +132,7 @@ impl UnconstrainedLaw {
         next: &mut DVector<f64>,
     ) {
         match self {
-            Self::Gain(_) | Self::Pid(_) => hover.predict(x, u, d, next),
+            Self::Gain(_) | Self::Coupled(..) | Self::Pid(_) => hover.predict(x, u, d, next),
             Self::Scheduled(schedule) => schedule.predict(x, u, d, next),
             Self::Ltv(ltv) => {
                 next.fill(0.0);
@@ -155,18 +166,22 @@ impl AttitudeMpc {
     pub fn try_new(scenario: &Scenario) -> Result<Self, ScenarioError> {
         let model = PredictionModel::new(scenario);
         let (states, weights) = (model.states(), &scenario.mpc);
+        let of_gain = |gain| match weights.model {
+            Model::Coupled => UnconstrainedLaw::Coupled(gain, Coupling::new(scenario.airframe.mass_kg)),
+            _ => UnconstrainedLaw::Gain(gain),
+        };
         let (unconstrained, constrained) = match weights.law {
             Law::Mpc => {
                 let Condensed { hessian, gain, course } = Condensed::new(&model, weights)?;
                 let constrained = Constrained::new(scenario, hessian, &course, model.trim.roll_rad);
                 let law = match weights.model {
-                    Model::Hover => UnconstrainedLaw::Gain(gain),
+                    Model::Hover | Model::Coupled => of_gain(gain),
                     Model::Scheduled => UnconstrainedLaw::Scheduled(Box::new(Schedule::new(scenario)?)),
                     Model::Ltv => UnconstrainedLaw::Ltv(Box::new(Ltv::new(scenario)?)),
                 };
                 (law, constrained)
             }
-            Law::Lqr => (UnconstrainedLaw::Gain(condensed::regulator(&model, weights)?), None),
+            Law::Lqr => (of_gain(condensed::regulator(&model, weights)?), None),
             Law::Pid => (UnconstrainedLaw::Pid(Pid::new(&scenario.airframe, &weights.pid, scenario.sample_s())), None),
         };
         let moves = INPUTS * if weights.law == Law::Mpc { weights.nu } else { 1 };
@@ -277,7 +292,8 @@ impl AttitudeMpc {
             Some(law) if samples == 1 && self.memory.tick.get().is_some() => {
                 let u = self.model.inputs_of(command);
                 let x = DVectorView::from_slice(&self.memory.x.as_slice()[..self.model.states()], self.model.states());
-                self.unconstrained.predict(&self.model, &x, &u, &before, &mut self.work.predicted);
+                let expected = before + self.unconstrained.coupling();
+                self.unconstrained.predict(&self.model, &x, &u, &expected, &mut self.work.predicted);
                 law.update(&before, &self.work.x, &self.work.predicted)
             }
             _ => before,
@@ -309,7 +325,9 @@ impl AttitudeMpc {
         given.rows_mut(n + STATES, INPUTS).copy_from(disturbance);
         given.rows_mut(n + STATES + INPUTS, INPUTS).copy_from(&self.memory.demand);
         match &mut self.unconstrained {
-            UnconstrainedLaw::Gain(gain) => unconstrained.gemv(1.0, gain, given, 0.0), // (5)
+            UnconstrainedLaw::Gain(gain) | UnconstrainedLaw::Coupled(gain, _) => {
+                unconstrained.gemv(1.0, gain, given, 0.0); // (5)
+            }
             UnconstrainedLaw::Scheduled(schedule) => schedule.plan(given, &attitude_rad, unconstrained),
             UnconstrainedLaw::Ltv(ltv) => ltv.plan(given, &attitude_rad, unconstrained),
             UnconstrainedLaw::Pid(pid) => unconstrained.copy_from(&pid.step(start, &r, unfollowed, integral)),

@@ -42,7 +42,7 @@ fn the_explicit_path_allocates_nothing() {
 
 #[test]
 fn no_model_allocates() {
-    for model in [Model::Scheduled, Model::Ltv] {
+    for model in [Model::Coupled, Model::Scheduled, Model::Ltv] {
         for profile in [Profile::Paper, Profile::Robust] {
             let mut scenario = Scenario::from(profile);
             scenario.mpc.model = model;

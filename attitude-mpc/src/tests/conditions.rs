@@ -157,9 +157,33 @@ fn the_hessian_of_hover_serves_at_speed() {
     assert!((worst - 2.3).abs() < 0.05 && (best - 0.57).abs() < 0.005, "{best} to {worst}");
 }
 
+/// Pitching at 12 m/s changes w by `q u`, whatever the law; the model of hover takes that for a force of 2.6 N.
+#[test]
+fn pitching_at_speed_is_no_force() {
+    let mistaken_n = |law, model| {
+        let mut scenario = scenario(model);
+        (scenario.mpc.law, scenario.mpc.disturbance_gain) = (law, 1.0);
+        let mut mpc = AttitudeMpc::new(&scenario);
+        let (mut state, mut reference) = super::hover(&mpc, 0);
+        (state.measured.velocity_mps[0], state.measured.rates_radps[1]) = (12.0, 0.2);
+        mpc.step(0, &state, &reference);
+        // One sample later, with the command of trim: what (11) and (8) make of it.
+        (state.stamp.tick, reference.stamp.tick) = (1, 1);
+        state.measured.velocity_mps[2] += 0.2 * 12.0 * 0.01;
+        state.measured.attitude_rad[1] += 0.2 * 0.01 * mpc.model.trim.roll_rad.cos();
+        mpc.step(1, &state, &reference).disturbance[0]
+    };
+    for law in [Law::Mpc, Law::Lqr] {
+        let [hover, coupled] = [Model::Hover, Model::Coupled].map(|model| mistaken_n(law, model));
+        let force_n = Scenario::default().airframe.mass_kg * 0.2 * 12.0;
+        assert!((hover - force_n).abs() < 1e-3, "{law:?}: {hover} N");
+        assert!(coupled.abs() < 1e-3, "{law:?}: {coupled} N");
+    }
+}
+
 #[test]
 fn a_controller_of_another_model_continues_the_flight() {
-    let models = [Model::Hover, Model::Scheduled, Model::Ltv];
+    let models = [Model::Hover, Model::Coupled, Model::Scheduled, Model::Ltv];
     for from in models {
         let mut before = AttitudeMpc::new(&scenario(from));
         let (state, reference) = level(&scenario(from), [5.0, 0.0]);

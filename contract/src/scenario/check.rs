@@ -274,16 +274,26 @@ fn check_controller(scenario: &Scenario, found: &mut Found) {
         "`mpc.law` = \"mpc\" with it",
     );
     found.require(
-        mpc.law == Law::Mpc || mpc.model == Model::Hover,
+        match mpc.law {
+            Law::Mpc => true,
+            Law::Lqr => matches!(mpc.model, Model::Hover | Model::Coupled),
+            Law::Pid => mpc.model == Model::Hover,
+        },
         &["mpc.model", "mpc.law"],
-        "`mpc.model` with a law that has one model".into(),
-        "`mpc.law` = \"mpc\" with it",
+        "`mpc.model` with a law that has no such model".into(),
+        "`mpc.law` = \"mpc\" with it, or \"lqr\" with \"coupled\"",
     );
     found.require(
-        mpc.state_constraints == StateConstraints::None || mpc.model == Model::Hover,
+        mpc.model != Model::Coupled || mpc.disturbance_gain > 0.0,
+        &["mpc.model", "mpc.disturbance_gain"],
+        "`mpc.model` = \"coupled\" without an estimate, which alone uses the term".into(),
+        "`mpc.disturbance_gain` above 0 with it, for instance 0.1",
+    );
+    found.require(
+        mpc.state_constraints == StateConstraints::None || matches!(mpc.model, Model::Hover | Model::Coupled),
         &["mpc.model", "mpc.state_constraints"],
-        "`mpc.state_constraints` with a model other than that of hover, by which they are predicted".into(),
-        "`mpc.model` = \"hover\" with them",
+        "`mpc.state_constraints` with a model at speed, where that of hover predicts them".into(),
+        "`mpc.model` = \"hover\" or \"coupled\" with them",
     );
     found.require(
         mpc.actuator_lag_model_s <= 0.0 || mpc.actuator_lag_model_s >= 0.001,

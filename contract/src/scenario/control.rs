@@ -162,6 +162,8 @@ pub enum Law {
 pub enum Model {
     /// At hover.
     Hover,
+    /// At hover; the disturbance estimate knows the term `q u - p v` of the vertical velocity at the measured state.
+    Coupled,
     /// At trimmed level flight at several velocities, blended by the measured one.
     Scheduled,
     /// At the measured state, every sample.

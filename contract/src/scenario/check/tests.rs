@@ -249,4 +249,12 @@ fn a_model_where_it_would_have_no_effect_is_refused() {
     for model in ["scheduled", "ltv"] {
         from_set(&[&format!("mpc.model={model}")]).unwrap();
     }
+    let coupled = ["mpc.model=coupled", "mpc.disturbance_gain=0.1"];
+    for others in ["mpc.law=mpc", "mpc.law=lqr", "mpc.state_constraints=soft"] {
+        from_set(&[&coupled[..], &[others]].concat()).unwrap();
+    }
+    for refused in [&coupled[..1], &[coupled[0], coupled[1], "mpc.law=pid"]] {
+        let refused = from_set(refused).expect_err("without effect").to_string();
+        assert!(refused.contains("`mpc.model`"), "{refused}");
+    }
 }
