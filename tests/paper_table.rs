@@ -6,7 +6,7 @@
 use airframe::{Parameters, Trim};
 use contract::Scenario;
 
-use crate::harness::{Outcome, fly, top};
+use crate::harness::{Outcome, fly, launcher, top};
 
 /// Headings of figures, and their metrics in run.json.
 const FIGURES: [(&str, &str); 5] = [
@@ -127,6 +127,29 @@ fn every_flight_on_the_papers_page_gives_the_figures_printed() {
         halves.into_iter().flat_map(|half| half.join().expect("flights end")).collect()
     });
     assert!(differences.is_empty(), "docs/paper.md says otherwise:\n{}", differences.join("\n"));
+}
+
+/// The rows of the table whose first heading is the command of the campaign: name, passed, of, share, interval.
+fn joint_rows(page: &str) -> Vec<Vec<String>> {
+    let table = page.lines().skip_while(|line| !line.starts_with("| `campaign ")).skip(2);
+    let rows = table.take_while(|line| line.starts_with('|'));
+    rows.map(|row| row.trim_matches('|').split('|').map(|cell| cell.trim().to_owned()).collect()).collect()
+}
+
+#[test]
+fn all_openings_at_once_give_the_shares_printed() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let campaign = top().join("campaigns/paper-openings.toml");
+    let output = launcher().arg("campaign").arg(campaign).arg("--out").arg(folder.path()).output().expect("it runs");
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert_eq!(output.status.code(), Some(0), "{said}{}", String::from_utf8_lossy(&output.stderr));
+    let rows = joint_rows(&page());
+    assert_eq!(rows.len(), 2);
+    for row in rows {
+        let printed = row.iter().map(|cell| cell.trim_matches('`')).collect::<Vec<_>>().join(" ");
+        let flown = said.lines().map(|line| line.split_whitespace().collect::<Vec<_>>().join(" "));
+        assert!(flown.into_iter().any(|line| line == printed), "docs/paper.md has \"{printed}\", flown is:\n{said}");
+    }
 }
 
 #[test]
