@@ -7,6 +7,7 @@
 //! | [`stamp`] | which plant sample a message descends from, through which messages, and when |
 //! | [`guard`], [`integrity`] | which messages are accepted |
 //! | [`snapshot`] | what a node remembers, as plain words, for the process that continues its work |
+//! | [`rest`] | when a vehicle has landed |
 //! | [`scenario`] | the run's settings: profiles, file, overrides, checks |
 //! | [`fault_schedule`] | which faults are active on a tick |
 //! | [`exit`] | the exit codes of all processes |
@@ -16,6 +17,7 @@ pub mod fault_schedule;
 pub mod guard;
 pub mod integrity;
 pub mod message;
+pub mod rest;
 pub mod scenario;
 pub mod snapshot;
 pub mod topic;

@@ -52,6 +52,13 @@ impl Kinematics {
         let [phi, theta, _] = self.attitude_rad;
         libm::acos((libm::cos(phi) * libm::cos(theta)).clamp(-1.0, 1.0))
     }
+
+    /// Vertical speed, down positive \[m/s\].
+    pub fn sink_mps(&self) -> f64 {
+        let ([phi, theta, _], [u, v, w]) = (self.attitude_rad, self.velocity_mps);
+        let ((sin_phi, cos_phi), (sin_theta, cos_theta)) = (libm::sincos(phi), libm::sincos(theta));
+        -u * sin_theta + (v * sin_phi + w * cos_phi) * cos_theta
+    }
 }
 
 /// Rotor speeds and tilt on the wire: the same four numbers as [`airframe::Actuation`].
@@ -191,7 +198,7 @@ macro_rules! message {
     )*};
 }
 message!(
-    State: 584 { fn is_last(&self) -> bool { self.status != PlantStatus::Flying as u64 } },
+    State: 584 { fn is_last(&self) -> bool { PlantStatus::from_wire(self.status).is_none_or(PlantStatus::is_last) } },
     Reference: 328,
     Controls: 304,
     Actuators: 240

@@ -7,7 +7,6 @@ use std::time::Instant;
 use clap::ValueEnum;
 use contract::Scenario;
 use contract::exit;
-use contract::message::PlantStatus;
 use contract::scenario::{self, Mode};
 use rustix::io::Errno;
 use rustix::process::{Resource, getrlimit};
@@ -107,7 +106,7 @@ pub fn fly_scenario(mut scenario: Scenario, args: &FlyArgs) -> anyhow::Result<u8
             return Err(error);
         }
     };
-    if matches!(how.ended, Ended::Flown) && summary.status() == PlantStatus::Flying {
+    if matches!(how.ended, Ended::Flown) && !summary.status().is_last() {
         how.ended =
             Ended::Unseen(format!("at {:.2} s, the last that was seen, the plant was flying", summary.time_s()));
     }

@@ -10,7 +10,8 @@
 //! | 30 ms or older | older, or none came | cut | no thrust |
 //!
 //! Every tick finds its rung anew: the first fresh demand leads straight back to the top. Only a dead rotor
-//! ([`crate::rotors`]) ends the flight for good. The world has no ground: a descent goes on until demands come again.
+//! ([`crate::rotors`]) and a landing ([`crate::landing`]) end the flight for good. Over no ground a descent goes on until
+//! demands come again.
 //!
 //! ```text
 //! lon = Iyy (-a^2 theta             - 2 a q) - d_lon
@@ -96,12 +97,10 @@ impl Level {
     /// `descending` to that of a descent, before any disturbance.
     pub fn demand(&self, measured: &Kinematics, descending: bool) -> Vector4<f64> {
         let ([phi, theta, _], [p, q, r]) = (measured.attitude_rad, measured.rates_radps);
-        let ([u, v, w], a) = (measured.velocity_mps, BANDWIDTH_RADPS);
-        let ((sin_phi, cos_phi), (sin_theta, cos_theta)) = (libm::sincos(phi), libm::sincos(theta));
-        let down_mps = -u * sin_theta + (v * sin_phi + w * cos_phi) * cos_theta;
+        let a = BANDWIDTH_RADPS;
         let descent_mps = if descending { DESCENT_MPS } else { 0.0 };
         self.inertia.component_mul(&Vector4::new(
-            CLIMB_BANDWIDTH_RADPS * (descent_mps - down_mps),
+            CLIMB_BANDWIDTH_RADPS * (descent_mps - measured.sink_mps()),
             -a * a * theta - 2.0 * a * q,
             -a * a * (phi - self.roll_trim_rad) - 2.0 * a * p,
             -a * r,

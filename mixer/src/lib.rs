@@ -4,6 +4,7 @@
 //! |---|---|---|
 //! | [`allocation`] | demand to rotor speeds and tilt | (31)-(32), (39)-(44) |
 //! | [`fallback`] | what is flown without a demand | |
+//! | [`landing`] | whether it stands on the ground | |
 //! | [`rotors`] | whether every rotor follows | |
 //! | [`memory`] | all that survives a tick | |
 //!
@@ -17,6 +18,7 @@
 
 pub mod allocation;
 pub mod fallback;
+pub mod landing;
 pub mod memory;
 mod process;
 pub mod rotors;
@@ -31,6 +33,7 @@ use contract::snapshot::{self, OptionalTick, Snapshot};
 use nalgebra::Vector4;
 
 use fallback::{Level, Rung};
+use landing::{Landing, Stage};
 use memory::Memory;
 pub use process::run;
 use rotors::Rotors;
@@ -44,6 +47,9 @@ pub struct Mixer {
     projection: Option<Projection>,
     level: Level,
     rotors: Rotors,
+    /// Where there is a ground, the speed of idling rotors on it.
+    idle_speed: Option<f64>,
+    mass_kg: f64,
     sample_ns: u64,
     memory: Memory,
 }
@@ -64,8 +70,14 @@ impl Mixer {
                 Projection::new(DemandSet::exact(&envelope), &scenario.mixer.projection_weights)
             }),
             level: Level::new(&scenario.airframe, trim.roll_rad),
+            idle_speed: scenario.plant.ground.present.then(|| scenario.idle_speed()),
+            mass_kg: scenario.airframe.mass_kg,
             sample_ns: scenario.sample_ns(),
-            memory: Memory { evidence: rotors.unknown(&trim.actuation), ..Memory::zeroed() },
+            memory: Memory {
+                evidence: rotors.unknown(&trim.actuation),
+                landing: Landing::new(scenario),
+                ..Memory::zeroed()
+            },
             rotors,
         }
     }
@@ -74,25 +86,27 @@ impl Mixer {
     /// inside the limits or without thrust.
     ///
     /// A demand that is not finite, and one that its controller only repeated, count as missing; so does a state that
-    /// is not finite. What is flown without them, [`fallback`] tells. With the projection nothing is left for the
-    /// limits to clip.
+    /// is not finite. What is flown without them, [`fallback`] tells; what on the ground, [`landing`]. With the projection
+    /// nothing is left for the limits to clip.
     pub fn step(&mut self, tick: u64, controls: &Controls, state: &State) -> Actuators {
         self.hear(controls);
-        self.look(state);
+        let elapsed_ns = self.look(state);
         let Memory { demand_tick, demand, disturbance, state_tick, measured, terminated, .. } = self.memory;
         let rung = Rung::of(self.age_ns(tick, demand_tick), self.age_ns(tick, state_tick));
-        let mut actuators = match rung {
+        let mut actuators = match (self.stage(rung, elapsed_ns), rung) {
             _ if terminated != 0 => self.cut(mixer_flags::TERMINATED),
-            Rung::Used => self.allocate(&demand, 0),
-            Rung::Held => self.allocate(&demand, mixer_flags::HELD),
-            Rung::Levelled => {
+            (Stage::Landed, _) => self.stop(mixer_flags::DISARMED),
+            (Stage::Contact, _) => self.idle(mixer_flags::GROUND_CONTACT),
+            (Stage::Free, Rung::Used) => self.allocate(&demand, 0),
+            (Stage::Free, Rung::Held) => self.allocate(&demand, mixer_flags::HELD),
+            (Stage::Free, Rung::Levelled) => {
                 self.allocate(&(self.level.demand(&measured, false) - disturbance), mixer_flags::LEVELLED)
             }
-            Rung::Descending => {
+            (Stage::Free, Rung::Descending) => {
                 self.allocate(&(self.level.demand(&measured, true) - disturbance), mixer_flags::DESCENDING)
             }
-            Rung::TrimOnly => self.trim(mixer_flags::TRIM_ONLY),
-            Rung::Cut => self.cut(0),
+            (Stage::Free, Rung::TrimOnly) => self.trim(mixer_flags::TRIM_ONLY),
+            (Stage::Free, Rung::Cut) => self.cut(0),
         };
         if !is_finite(&controls.demand) {
             actuators.flags |= mixer_flags::BAD_INPUT;
@@ -122,18 +136,20 @@ impl Mixer {
         }
     }
 
-    /// Remembers a state that is new, and judges the rotors by it.
-    fn look(&mut self, state: &State) {
+    /// Remembers a state that is new, and judges the rotors by it; how long after the one before it was taken \[ns\], 0 for the
+    /// first and for one that is not new.
+    fn look(&mut self, state: &State) -> u64 {
         let m = &state.measured;
         let finite = [m.position_m, m.velocity_mps, m.attitude_rad, m.rates_radps].iter().all(|v| is_finite(v));
         let tick = state.stamp.tick;
         if state.stamp.sequence == 0 || !finite || self.memory.state_tick.get().is_some_and(|last| tick <= last) {
-            return;
+            return 0;
         }
         let command = Actuation::from(state.command_in_force);
+        let elapsed_ns = self.memory.state_tick.get().map_or(0, |last| (tick - last).saturating_mul(self.sample_ns));
         let evidence = match self.memory.state_tick.get() {
-            Some(last) => {
-                let elapsed_s = (tick - last).saturating_mul(self.sample_ns) as f64 / 1e9;
+            Some(_) => {
+                let elapsed_s = elapsed_ns as f64 / 1e9;
                 self.rotors.observe(&self.memory.evidence, [&self.memory.measured, m], &command, elapsed_s)
             }
             None => self.rotors.unknown(&command),
@@ -142,6 +158,22 @@ impl Mixer {
         self.memory.measured = *m;
         self.memory.evidence = evidence;
         self.memory.terminated |= u64::from(evidence.is_certain());
+        elapsed_ns
+    }
+
+    /// What is known of the ground, where there is one, after a sample `elapsed_ns` after the one before.
+    fn stage(&mut self, rung: Rung, elapsed_ns: u64) -> Stage {
+        let Memory { demand, disturbance, measured, .. } = self.memory;
+        let wanted = match rung {
+            Rung::Used | Rung::Held => demand + disturbance,
+            Rung::Levelled => self.level.demand(&measured, false),
+            Rung::Descending => self.level.demand(&measured, true),
+            Rung::TrimOnly | Rung::Cut => Vector4::zeros(),
+        };
+        if self.idle_speed.is_some() && elapsed_ns > 0 {
+            self.memory.landing.observe(&measured, wanted[0] / self.mass_kg, elapsed_ns);
+        }
+        self.memory.landing.stage()
     }
 
     /// How old something of tick `of` is at `tick` \[ns\]; what never came is infinitely old.
@@ -179,10 +211,21 @@ impl Mixer {
         Actuators { command: self.limits.clip(&self.trim).into(), flags, ..Actuators::default() }
     }
 
+    /// Idling rotors, with the tilt at trim.
+    fn idle(&self, flags: u64) -> Actuators {
+        let idle = Actuation { rotor_speed: [self.idle_speed.unwrap_or_default(); 3], ..self.trim };
+        Actuators { command: self.limits.clip(&idle).into(), flags, ..Actuators::default() }
+    }
+
     /// No thrust, with the tilt at trim.
-    fn cut(&self, flags: u64) -> Actuators {
+    fn stop(&self, flags: u64) -> Actuators {
         let still = Actuation { rotor_speed: [0.0; 3], ..self.trim };
-        Actuators { command: still.into(), flags: flags | mixer_flags::CUT, ..Actuators::default() }
+        Actuators { command: still.into(), flags, ..Actuators::default() }
+    }
+
+    /// No thrust, for want of what it takes to fly.
+    fn cut(&self, flags: u64) -> Actuators {
+        self.stop(flags | mixer_flags::CUT)
     }
 }
 

@@ -5,6 +5,7 @@ use contract::message::Kinematics;
 use contract::snapshot::{Layout, OptionalTick};
 use nalgebra::Vector4;
 
+use crate::landing::Landing;
 use crate::rotors::Evidence;
 
 /// The mixer's whole memory: a mixer that gets a copy of it continues the same flight.
@@ -25,8 +26,10 @@ pub struct Memory {
     pub evidence: Evidence,
     /// 1 once a rotor is known to be dead, which ends the flight: no thrust any more; else 0.
     pub terminated: u64,
+    /// What is known of the ground.
+    pub landing: Landing,
 }
 
 impl Layout for Memory {
-    const NAME: [u8; 8] = *b"mixer  3";
+    const NAME: [u8; 8] = *b"mixer  4";
 }

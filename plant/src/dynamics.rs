@@ -32,10 +32,11 @@
 
 use airframe::{Actuation, ActuatorLaw};
 use contract::Scenario;
-use contract::message::Kinematics;
+use contract::message::{Kinematics, PlantStatus};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
 use crate::ground::{Ground, Motion};
+use crate::landing::Footing;
 use crate::rotors::{Condition, Rotors};
 
 /// X Y Z \[m\], u v w \[m/s\], attitude quaternion (i, j, k, scalar), p q r \[rad/s\], `Omega_1..3` \[rotor speed unit\],
@@ -97,15 +98,15 @@ impl Dynamics {
         self.law.limits.clip(command)
     }
 
-    /// Whether the vehicle at `x` stands on the ground.
-    pub fn stands(&self, x: &StateVector) -> bool {
-        self.ground.as_ref().is_some_and(|ground| ground.carries(&motion(x)))
+    /// How the vehicle at `x` stands on the ground.
+    pub fn footing(&self, x: &StateVector) -> Footing {
+        self.ground.as_ref().map_or(Footing::None, |ground| ground.footing(&motion(x)))
     }
 
-    /// Whether the vehicle breaks on the ground at `x`, one step after `before`.
-    pub fn breaks(&self, before: &StateVector, x: &StateVector) -> bool {
-        let breaks = |ground: &Ground| ground.breaks(&motion(x), !self.stands(before) && self.stands(x));
-        self.ground.as_ref().is_some_and(breaks)
+    /// How the vehicle breaks on the ground at `x`, one step after `before`, if it does.
+    pub fn breaks(&self, before: &StateVector, x: &StateVector) -> Option<PlantStatus> {
+        let ground = self.ground.as_ref()?;
+        ground.breaks(&motion(x), ground.carries(&motion(before)))
     }
 
     /// Rate of change of `x`, per second, under an already clipped `command`.
@@ -124,7 +125,7 @@ impl Dynamics {
         let speeds = self.actuator_rates(&actuators, command, condition);
 
         let air = velocity - cnb.tr_mul(&outside.wind_mps);
-        let thrust = self.rotors.thrust(&actuators, condition, &air);
+        let thrust = self.rotors.thrust(&actuators, condition, &air, &rates);
         let momentum = self.rotors.momentum(&actuators, &speeds);
         let mut force = thrust.force_n + self.drag(&air) + cnb.tr_mul(&outside.force_n);
         let mut moment = thrust.moment_nm + outside.moment_nm - momentum.rate;
@@ -203,6 +204,12 @@ pub fn kinematics(x: &StateVector) -> Kinematics {
         attitude_rad: [roll, pitch, yaw],
         rates_radps: [x[10], x[11], x[12]],
     }
+}
+
+/// The velocity in a state vector, NED \[m/s\].
+pub fn velocity_ned_mps(x: &StateVector) -> Vector3<f64> {
+    let motion = motion(x);
+    motion.cnb * motion.velocity_mps
 }
 
 /// The actuator positions in a state vector.

@@ -1,4 +1,4 @@
-//! The ground: a level plane that carries the feet, with friction; and whether a touchdown was a landing.
+//! The ground: a level plane that carries the feet, with friction; and what breaks on it.
 //!
 //! Three feet stand `leg_m` below the rotors. A foot that is `d` deep and sinks at `v_n` is pushed up by `N`, and against its
 //! motion `v_t` along the ground by Coulomb's friction, made smooth below 5 cm/s:
@@ -11,14 +11,21 @@
 //! A spring and a damper are the usual compliant contact model of multibody simulation (Marhefka and Orin, IEEE Transactions
 //! on Systems, Man, and Cybernetics A 29(6), 1999, discuss it and its jump of force at the first touch, which this
 //! one has). The vehicle has crashed when a foot comes down faster than the limits of `[plant.ground]`, when the vehicle leans
-//! more than they allow as it does, and when a rotor or the centre touches the ground.
+//! more than they allow as it does, and when a rotor or the centre touches the ground; where it was on its feet before, it has
+//! tipped over. What has landed, [`crate::landing`] tells.
 
 use contract::Scenario;
+use contract::message::PlantStatus;
 use contract::scenario::Ground as Settings;
 use nalgebra::{Matrix3, Vector3};
 
+use crate::landing::Footing;
+
 /// Speed along the ground below which friction is proportional to it \[m/s\].
 const SLOW_MPS: f64 = 0.05;
+
+/// A foot that is no farther above the ground stands on it still \[m\]: what a jolt lifts, does not fly.
+const NEAR_M: f64 = 0.01;
 
 /// The plane and what stands on it.
 #[derive(Debug, Clone)]
@@ -91,11 +98,26 @@ impl Ground {
         self.feet().iter().any(|foot| motion.of(foot, self.settings.down_m).0 > 0.0)
     }
 
-    /// Whether the vehicle breaks, having been in the air until now if `touches` says so.
-    pub fn breaks(&self, motion: &Motion, touches: bool) -> bool {
+    /// How many feet are down.
+    pub fn footing(&self, motion: &Motion) -> Footing {
+        match self.feet().iter().filter(|foot| motion.of(foot, self.settings.down_m).0 > -NEAR_M).count() {
+            0 => Footing::None,
+            3 => Footing::All,
+            _ => Footing::Some,
+        }
+    }
+
+    /// How the vehicle breaks, if it does, having been on its feet until now or in the air.
+    pub fn breaks(&self, motion: &Motion, was_on_feet: bool) -> Option<PlantStatus> {
         let plane_m = self.settings.down_m;
-        let struck = self.hubs.iter().chain([&Vector3::zeros()]).any(|part| motion.of(part, plane_m).0 > 0.0);
-        struck || touches && !self.is_gentle(motion)
+        let is_struck = self.hubs.iter().chain([&Vector3::zeros()]).any(|part| motion.of(part, plane_m).0 > 0.0);
+        let is_hard = !was_on_feet && self.carries(motion) && !self.is_gentle(motion);
+        match (is_struck, was_on_feet) {
+            _ if is_hard => Some(PlantStatus::Crashed),
+            (true, true) => Some(PlantStatus::TippedOver),
+            (true, false) => Some(PlantStatus::Crashed),
+            (false, _) => None,
+        }
     }
 
     fn is_gentle(&self, motion: &Motion) -> bool {
@@ -153,14 +175,31 @@ mod tests {
 
     #[test]
     fn a_gentle_touch_is_a_landing_and_others_are_not() {
-        let breaks = |motion: &Motion| ground().breaks(motion, true);
-        assert!(!breaks(&level(0.001, [0.5, 0.0, 0.7])));
-        assert!(breaks(&level(0.001, [0.0, 0.0, 3.0])), "too fast down");
-        assert!(breaks(&level(0.001, [0.0, 3.0, 0.5])), "too fast sideways");
+        let touches = |motion: &Motion| ground().breaks(motion, false);
+        let crashed = Some(PlantStatus::Crashed);
+        assert_eq!(touches(&level(0.001, [0.5, 0.0, 0.7])), None);
+        assert_eq!(touches(&level(0.001, [0.0, 0.0, 3.0])), crashed, "too fast down");
+        assert_eq!(touches(&level(0.001, [0.0, 3.0, 0.5])), crashed, "too fast sideways");
         let leaning =
             Motion { cnb: *nalgebra::Rotation3::from_euler_angles(0.5, 0.0, 0.0).matrix(), ..level(0.0, [0.0; 3]) };
-        assert!(breaks(&leaning) && !ground().breaks(&leaning, false));
-        assert!(ground().breaks(&level(0.5, [0.0; 3]), false), "the rotors are in the ground");
+        assert_eq!((touches(&leaning), ground().breaks(&leaning, true)), (crashed, None));
+    }
+
+    #[test]
+    fn rotors_in_the_ground_are_a_crash_from_the_air_and_a_tip_over_from_the_feet() {
+        let sunk = level(0.5, [0.0; 3]);
+        assert_eq!(ground().breaks(&sunk, false), Some(PlantStatus::Crashed));
+        assert_eq!(ground().breaks(&sunk, true), Some(PlantStatus::TippedOver));
+    }
+
+    #[test]
+    fn feet_are_down_one_by_one() {
+        let leaning = |depth_m: f64| {
+            let cnb = *nalgebra::Rotation3::from_euler_angles(0.2, 0.0, 0.0).matrix();
+            ground().footing(&Motion { cnb, ..level(depth_m, [0.0; 3]) })
+        };
+        assert_eq!([leaning(-0.2), leaning(0.0), leaning(0.2)], [Footing::None, Footing::Some, Footing::All]);
+        assert_eq!(ground().footing(&level(-0.005, [0.0; 3])), Footing::All, "a jolt");
     }
 
     #[test]

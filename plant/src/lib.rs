@@ -5,7 +5,8 @@
 //! | [`dynamics`] | forces, moments, equations of motion | (7)-(22) |
 //! | [`rotors`] | thrust, torque and angular momentum of the rotors | (15)-(22) |
 //! | [`battery`] | its voltage, and what a command becomes under it | |
-//! | [`ground`] | what carries the feet; landed or crashed | |
+//! | [`ground`] | what carries the feet, and what breaks on it | |
+//! | [`landing`] | take-off and landing as they truly are | |
 //! | [`integrator`] | one Runge-Kutta step | |
 //! | [`commands`] | delay, jitter and loss between mixer and actuators; the cut when none comes | |
 //! | [`schedule`] | wind and disturbance as steps in time | |
@@ -33,6 +34,7 @@ pub mod faults;
 pub mod filter;
 pub mod ground;
 pub mod integrator;
+pub mod landing;
 mod process;
 pub mod random;
 pub mod rotors;
@@ -49,19 +51,16 @@ use battery::Battery;
 use commands::CommandLine;
 use dynamics::{Dynamics, StateVector};
 use faults::Faults;
+use landing::Landing;
 pub use process::run;
 use schedule::Schedule;
 use sensors::Sensors;
-use turbulence::Turbulence;
+use turbulence::{Moment, Turbulence};
 
 /// Largest position on any axis \[m\]: far beyond every mission.
 const MAX_POSITION_M: f64 = 500.0;
 /// Largest body rate on any axis \[rad/s\]: sixteen turns a second.
 const MAX_RATE_RADPS: f64 = 100.0;
-
-/// Speed of idling rotors, as a share of that of rotor 1 at hover, where the scenario has them slower: a controller takes a
-/// command of zero for a cut.
-const IDLE_SHARE: f64 = 0.1;
 
 /// The flying vehicle, from sample to sample.
 #[derive(Debug, Clone)]
@@ -70,7 +69,10 @@ pub struct Plant {
     schedule: Schedule,
     turbulence: Option<Turbulence>,
     wind_roughness_m: f64,
+    height_zero_m: f64,
     battery: Option<Battery>,
+    /// Where there is a ground.
+    landing: Option<Landing>,
     commands: CommandLine,
     /// Those that have come in since the present sample, and how many.
     arrivals: ([Arrival; MAX_ARRIVALS], usize),
@@ -95,8 +97,7 @@ impl Plant {
         let initial = &scenario.initial;
         let [roll, pitch, yaw] = initial.attitude_deg.map(f64::to_radians);
         let (rest_rad, actuation) = if initial.standing {
-            let idle = scenario.plant.rotor_speed_min.max(IDLE_SHARE * trim.actuation.rotor_speed[0]);
-            (0.0, Actuation { rotor_speed: [idle; 3], ..trim.actuation })
+            (0.0, Actuation { rotor_speed: [scenario.idle_speed(); 3], ..trim.actuation })
         } else {
             (trim.roll_rad, trim.actuation)
         };
@@ -112,7 +113,9 @@ impl Plant {
             schedule: Schedule::new(scenario),
             turbulence: Turbulence::new(scenario),
             wind_roughness_m: scenario.plant.wind_roughness_m,
+            height_zero_m: scenario.plant.height_zero_m(),
             battery: Battery::new(scenario),
+            landing: Landing::new(scenario),
             commands: CommandLine::new(scenario, actuation),
             arrivals: Default::default(),
             arrived: Default::default(),
@@ -190,17 +193,25 @@ impl Plant {
         let driven = self.battery.as_mut().map_or(demand, |battery| battery.drive(&demand, &position, dt_s));
         let (command, condition) = self.faults.actuators.inject(from_ns / self.sample_ns, &position, &driven);
         let mut scheduled = self.schedule.at(from_ns);
-        scheduled.wind_mps *= turbulence::shear(-self.x[2], self.wind_roughness_m);
+        let (height_m, reference_mps) = (self.height_zero_m - self.x[2], scheduled.wind_mps);
+        let shear = turbulence::shear(height_m, self.wind_roughness_m);
+        scheduled.wind_mps.x *= shear;
+        scheduled.wind_mps.y *= shear;
         if let Some(turbulence) = &mut self.turbulence {
-            scheduled.wind_mps += turbulence.at(from_ns / self.sample_ns);
+            let airspeed_mps = (dynamics::velocity_ned_mps(&self.x) - scheduled.wind_mps).norm();
+            let moment = Moment { height_m, wind_mps: reference_mps, airspeed_mps };
+            scheduled.wind_mps += turbulence.at(from_ns / self.sample_ns, &moment);
         }
         let mut x = integrator::step(&self.x, dt_s, |t_s, x| {
             let outside = self.faults.environment.inject(from_ns, t_s, &scheduled);
             self.dynamics.derivative(x, &command, &condition, &outside)
         });
         dynamics::normalise(&mut x);
-        let crashed = self.dynamics.breaks(&self.x, &x).then_some(PlantStatus::Crashed);
-        self.diverged = divergence(&x).or(crashed);
+        self.diverged = divergence(&x).or_else(|| self.dynamics.breaks(&self.x, &x));
+        if let Some(landing) = &mut self.landing {
+            let rotor_speed = dynamics::actuation(&x).rotor_speed;
+            landing.observe(&dynamics::kinematics(&x), self.dynamics.footing(&x), rotor_speed, until_ns - from_ns);
+        }
         self.x = x;
     }
 
@@ -217,10 +228,11 @@ impl Plant {
     }
 
     fn status(&self) -> PlantStatus {
-        let in_time = match self.tick < self.last_tick {
-            true => PlantStatus::Flying,
-            false if self.dynamics.stands(&self.x) => PlantStatus::Landed,
-            false => PlantStatus::Finished,
+        let in_time = match (self.tick < self.last_tick, &self.landing) {
+            (true, Some(landing)) => landing.in_flight(),
+            (true, None) => PlantStatus::Flying,
+            (false, Some(landing)) => landing.at_the_end(),
+            (false, None) => PlantStatus::Finished,
         };
         self.diverged.unwrap_or(in_time)
     }

@@ -5,18 +5,21 @@
 //! above, rotor 2 against it.
 //!
 //! ```text
-//! F_i = (KF Omega_i^2 - k_in Omega_i V_i) a_i - k_H Omega_i V_i,across       (15)
+//! V_i = v_air + omega x r_i
+//! F_i = (KF Omega_i^2 - k_in Omega_i V_i,along) a_i - k_H Omega_i V_i,across (15)
 //! M_i = s_i KM Omega_i^2 a_i + r_i x F_i                                 (16), (20)-(22)
 //! h   = -J_r sum s_i Omega_i a_i
 //! ```
 //!
 //! Departure: the paper has the first term of each force alone, and neglects the part of rotor 1's torque that pitches
-//! (`tilt_reaction`). Air that moves along the axis at `V_i` takes thrust away, air across it pushes (the H-force): both to
-//! first order in the speed, as blade element theory has it near hover (Bangura and Mahony, ACRA 2012; Faessler,
-//! Franchi and Scaramuzza, IEEE RA-L 3(2), 2018). The vortex ring of a steep descent is not modelled. With
+//! (`tilt_reaction`). A hub moves at `V_i` against the air, by the velocity of the centre of mass and the rates of the body.
+//! Air along the axis takes thrust away, air across it pushes (the H-force): both to first order in the speed, as blade
+//! element theory has it near hover (Bangura and Mahony, ACRA 2012; Faessler, Franchi and Scaramuzza, IEEE RA-L 3(2),
+//! 2018). The vortex ring of a steep descent is not modelled. With
 //! `plant.rotor.inertia_kgm2` the rotors are gyroscopes, and speeding one up turns the vehicle the other way; the
 //! rotor speed unit then counts as rad/s (see [`airframe::parameters`]). Tests `spinning_rotors_precess`,
-//! `a_rotor_that_spins_up_turns_the_vehicle_against_it`, `a_climb_costs_thrust_and_a_cross_wind_pushes`.
+//! `a_rotor_that_spins_up_turns_the_vehicle_against_it`, `a_climb_costs_thrust_and_a_cross_wind_pushes`,
+//! `a_vehicle_that_turns_is_damped_at_its_hubs`.
 
 use airframe::Actuation;
 use contract::Scenario;
@@ -95,9 +98,16 @@ impl Rotors {
         }
     }
 
-    /// What the rotors do to a vehicle that moves at `air_mps` against the air, body \[m/s\].
+    /// What the rotors do to a vehicle whose centre of mass moves at `air_mps` against the air \[m/s\] and which turns at
+    /// `rates_radps` \[rad/s\], both body.
     #[inline]
-    pub fn thrust(&self, actuators: &Actuation, condition: &Condition, air_mps: &Vector3<f64>) -> Wrench {
+    pub fn thrust(
+        &self,
+        actuators: &Actuation,
+        condition: &Condition,
+        air_mps: &Vector3<f64>,
+        rates_radps: &Vector3<f64>,
+    ) -> Wrench {
         let axes = axes(libm::sincos(actuators.tilt_rad));
         let (mut force_n, mut moment_nm) = (Vector3::zeros(), Vector3::zeros());
         for i in 0..3 {
@@ -105,8 +115,9 @@ impl Rotors {
             let square = self.effectiveness[i] * condition.effectiveness[i] * speed * speed;
             let mut force = axes[i] * (self.kf * square); // (15), (17)-(19)
             if let Some([inflow, h_force]) = self.in_air_ns2pm {
-                let along = axes[i] * air_mps.dot(&axes[i]);
-                force -= (along * inflow + (air_mps - along) * h_force) * speed;
+                let hub_mps = air_mps + rates_radps.cross(&self.arms[i]);
+                let along = axes[i] * hub_mps.dot(&axes[i]);
+                force -= (along * inflow + (hub_mps - along) * h_force) * speed;
             }
             let mut torque = axes[i] * (SENSES[i] * self.km * square); // (16)
             if i == 0 && !self.tilt_reaction {

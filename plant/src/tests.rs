@@ -298,3 +298,41 @@ proptest! {
         prop_assert_eq!(fly(), fly());
     }
 }
+
+/// Velocity after 0.1 s from hover at the height of the reference above the plane, NED \[m/s\].
+fn blown(roughness_m: f64, ground_m: Option<f64>, wind_ned_mps: [f64; 3]) -> [f64; 3] {
+    let mut scenario = scenario();
+    scenario.plant.drag_linear_nspm = [1.0; 3];
+    scenario.plant.wind_roughness_m = roughness_m;
+    scenario.plant.wind_ned_mps = vec![(0.0, wind_ned_mps)];
+    if let Some(down_m) = ground_m {
+        (scenario.plant.ground.present, scenario.plant.ground.down_m) = (true, down_m);
+    }
+    scenario.initial.position_m = [0.0, 0.0, ground_m.unwrap_or(0.0) - turbulence::REFERENCE_HEIGHT_M];
+    let mut plant = Plant::new(&scenario);
+    plant.advance(10);
+    dynamics::velocity_ned_mps(&plant.x).into()
+}
+
+#[test]
+fn shear_is_measured_from_the_ground_plane() {
+    let [whole, bare] = [0.0, 0.05].map(|roughness_m| blown(roughness_m, None, [5.0, 0.0, 0.0])[0]);
+    assert!(whole > 0.1 && (bare / whole - 1.0).abs() < 1e-3, "{bare} of {whole}: the reference height");
+    let ground = blown(0.05, Some(-40.0), [5.0, 0.0, 0.0])[0];
+    assert!((ground / bare - 1.0).abs() < 1e-6, "{ground} over ground, {bare} without");
+}
+
+#[test]
+fn shear_leaves_the_vertical_wind_alone() {
+    let mut scenario = scenario();
+    scenario.plant.drag_linear_nspm = [1.0; 3];
+    scenario.plant.wind_ned_mps = vec![(0.0, [0.0, 0.0, 5.0])];
+    let sink = |roughness_m: f64| {
+        let mut scenario = scenario.clone();
+        scenario.plant.wind_roughness_m = roughness_m;
+        let mut plant = Plant::new(&scenario);
+        plant.advance(10);
+        dynamics::velocity_ned_mps(&plant.x).z
+    };
+    assert!(sink(0.0) > 0.1 && sink(0.05) == sink(0.0), "{} and {}", sink(0.05), sink(0.0));
+}

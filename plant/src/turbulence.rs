@@ -15,12 +15,16 @@
 //! ```
 //!
 //! The filters are discretised exactly: values at the samples have the covariance that the continuous process has there, at any
-//! sample rate, from the first sample on. Within a sample the gust stays. Height and airspeed are settings, not those of the
-//! moment: so the process is stationary, and its spectrum can be tested. The gusts that turn a wing are left out: the vehicle
+//! sample rate, from the first sample on. Within a sample the gust stays. The gusts that turn a wing are left out: the vehicle
 //! is small beside the scales.
+//!
+//! W20, h and V are settings: then the process is stationary, and its spectrum can be tested. Or, with `from_wind`, they are
+//! those of the moment: the mean wind of `plant.wind_ned_mps`, the height above the ground between 10 and 1000 feet, between
+//! which the formulas hold, and the speed against the mean wind. Then the filters, of deviation 1, are tuned anew at each
+//! sample, and the deviation is a factor on what they give.
 
 use contract::Scenario;
-use nalgebra::{Rotation3, Vector3};
+use nalgebra::{Matrix3, Rotation3, Vector3};
 use rand_chacha::ChaCha8Rng;
 
 use crate::random::{Stream, normal};
@@ -29,6 +33,22 @@ const FEET_PER_M: f64 = 1.0 / 0.3048;
 /// Height at which the wind is given: 20 feet \[m\].
 pub const REFERENCE_HEIGHT_M: f64 = 6.096;
 
+/// Heights for which the formulas hold \[m\]: 10 and 1000 feet.
+const HEIGHTS_M: [f64; 2] = [3.048, 304.8];
+/// Least speed at which the vehicle meets the field \[m/s\]: at none the gust would never change.
+const MIN_AIRSPEED_MPS: f64 = 0.1;
+
+/// What the gusts of the moment depend on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Moment {
+    /// Height above the ground \[m\].
+    pub height_m: f64,
+    /// Mean wind at 20 feet, NED \[m/s\].
+    pub wind_mps: Vector3<f64>,
+    /// Speed of the vehicle against the mean wind \[m/s\].
+    pub airspeed_mps: f64,
+}
+
 /// The gusts of one flight.
 #[derive(Debug, Clone)]
 pub struct Turbulence {
@@ -36,8 +56,12 @@ pub struct Turbulence {
     across: Axis,
     down: Axis,
     to_ned: Rotation3<f64>,
+    /// Whether wind, height and airspeed are those of the moment.
+    from_wind: bool,
+    dt_s: f64,
     random: ChaCha8Rng,
-    tick: u64,
+    /// The newest sample and its gust, NED \[m/s\].
+    newest: Option<(u64, Vector3<f64>)>,
 }
 
 /// One component: `a' = (n - a) / T`, `b' = (a - b) / T`, and the gust is `from_a a + from_b b`.
@@ -51,17 +75,27 @@ struct Axis {
     /// Cholesky factor of the covariance of what one sample adds to (a, b).
     noise: [f64; 3],
     from: [f64; 2],
+    /// Factor on the gust.
+    scale: f64,
 }
 
 impl Axis {
     /// Of deviation `sigma` and time scale `t_s`, by samples of `dt_s`, from its stationary distribution.
     fn new(sigma_mps: f64, t_s: f64, dt_s: f64, from: [f64; 2], random: &mut ChaCha8Rng) -> Self {
         let share = dt_s / t_s;
-        let axis =
-            Self { a: 0.0, b: 0.0, decay: libm::exp(-share), share, noise: covariance_root(sigma_mps, share), from };
+        let (decay, noise) = (libm::exp(-share), covariance_root(sigma_mps, share));
+        let axis = Self { a: 0.0, b: 0.0, decay, share, noise, from, scale: 1.0 };
         let start = covariance_root(sigma_mps, f64::INFINITY);
         let [first, second] = two(random);
         Self { a: start[0] * first, b: start[1] * first + start[2] * second, ..axis }
+    }
+
+    /// Tunes an axis of deviation 1 to the deviation `sigma` and the time scale `t_s`.
+    fn tune(&mut self, sigma_mps: f64, t_s: f64, dt_s: f64) {
+        self.share = dt_s / t_s;
+        self.decay = libm::exp(-self.share);
+        self.noise = covariance_root(1.0, self.share);
+        self.scale = sigma_mps;
     }
 
     fn advance(&mut self, random: &mut ChaCha8Rng) {
@@ -72,7 +106,7 @@ impl Axis {
     }
 
     fn gust_mps(&self) -> f64 {
-        self.from[0] * self.a + self.from[1] * self.b
+        self.scale * (self.from[0] * self.a + self.from[1] * self.b)
     }
 }
 
@@ -104,34 +138,62 @@ impl Turbulence {
     pub fn new(scenario: &Scenario) -> Option<Self> {
         let settings = &scenario.plant.turbulence;
         let ([l_u, l_w], [s_u, s_w]) = scales(settings.height_m, settings.wind_at_6m_mps);
+        let [s_u, s_w] = if settings.from_wind { [1.0; 2] } else { [s_u, s_w] };
         let dt_s = scenario.sample_s();
         let mut random = Stream::Turbulence.open(scenario.run.seed);
         let v = settings.airspeed_mps;
         let first_order = [std::f64::consts::SQRT_2, 0.0];
         let second_order = [3_f64.sqrt(), 1.0 - 3_f64.sqrt()];
-        (settings.wind_at_6m_mps > 0.0).then(|| Self {
+        settings.is_on().then(|| Self {
             along: Axis::new(s_u, l_u / v, dt_s, first_order, &mut random),
             across: Axis::new(s_u, l_u / v, dt_s, second_order, &mut random),
             down: Axis::new(s_w, l_w / v, dt_s, second_order, &mut random),
             to_ned: Rotation3::from_axis_angle(&Vector3::z_axis(), settings.direction_deg.to_radians()),
+            from_wind: settings.from_wind,
+            dt_s,
             random,
-            tick: 0,
+            newest: None,
         })
     }
 
-    /// The gust of the sample `tick`, NED \[m/s\]; samples are asked for in order.
-    pub fn at(&mut self, tick: u64) -> Vector3<f64> {
-        while self.tick < tick {
+    /// The gust of the sample `tick`, NED \[m/s\]; samples are asked for in order. With `from_wind` it is that of the
+    /// `moment` at which a sample is asked for first.
+    pub fn at(&mut self, tick: u64, moment: &Moment) -> Vector3<f64> {
+        let before = match self.newest {
+            Some((newest, gust)) if newest == tick => return gust,
+            newest => newest.map_or(0, |(newest, _)| newest),
+        };
+        if self.from_wind {
+            self.tune(moment);
+        }
+        for _ in before..tick {
             for axis in [&mut self.along, &mut self.across, &mut self.down] {
                 axis.advance(&mut self.random);
             }
-            self.tick += 1;
         }
-        self.to_ned * Vector3::new(self.along.gust_mps(), self.across.gust_mps(), self.down.gust_mps())
+        let gust = self.to_ned * Vector3::new(self.along.gust_mps(), self.across.gust_mps(), self.down.gust_mps());
+        self.newest = Some((tick, gust));
+        gust
+    }
+
+    /// Takes deviations, time scales and direction from the `moment`.
+    fn tune(&mut self, moment: &Moment) {
+        let (north, east) = (moment.wind_mps.x, moment.wind_mps.y);
+        let wind_mps = libm::hypot(north, east);
+        let height_m = moment.height_m.clamp(HEIGHTS_M[0], HEIGHTS_M[1]);
+        let ([l_u, l_w], [s_u, s_w]) = scales(height_m, wind_mps);
+        let v = moment.airspeed_mps.max(MIN_AIRSPEED_MPS);
+        self.along.tune(s_u, l_u / v, self.dt_s);
+        self.across.tune(s_u, l_u / v, self.dt_s);
+        self.down.tune(s_w, l_w / v, self.dt_s);
+        if wind_mps > 0.0 {
+            let (n, e) = (north / wind_mps, east / wind_mps);
+            self.to_ned = Rotation3::from_matrix_unchecked(Matrix3::new(n, -e, 0.0, e, n, 0.0, 0.0, 0.0, 1.0));
+        }
     }
 }
 
-/// The mean wind at `height_m`, as a share of that at 20 feet: a logarithmic profile over ground of the roughness
+/// The mean wind at `height_m` above the ground, as a share of that at 20 feet: a logarithmic profile over ground of the roughness
 /// `roughness_m`; 1 at every height for the roughness 0.
 pub fn shear(height_m: f64, roughness_m: f64) -> f64 {
     if roughness_m <= 0.0 {
@@ -159,7 +221,51 @@ mod tests {
 
     fn gusts(seed: u64, samples: u64) -> Vec<Vector3<f64>> {
         let mut turbulence = Turbulence::new(&scenario(seed)).expect("there is some");
-        (0..samples).map(|tick| turbulence.at(tick)).collect()
+        (0..samples).map(|tick| turbulence.at(tick, &OTHER)).collect()
+    }
+
+    /// A moment that settings do not ask for.
+    const OTHER: Moment = Moment { height_m: 50.0, wind_mps: Vector3::new(0.0, -3.0, 0.0), airspeed_mps: 9.0 };
+
+    /// Gusts of a vehicle at the `moment`, as the wind makes them.
+    fn from_wind(seed: u64, samples: u64, moment: &Moment) -> Vec<Vector3<f64>> {
+        let mut scenario = scenario(seed);
+        scenario.plant.turbulence = contract::scenario::Turbulence { from_wind: true, ..Default::default() };
+        let mut turbulence = Turbulence::new(&scenario).expect("there is some");
+        (0..samples).map(|tick| turbulence.at(tick, moment)).collect()
+    }
+
+    #[test]
+    fn the_wind_of_the_moment_makes_the_gusts_of_settings_of_the_same_values() {
+        let settings = scenario(3).plant.turbulence;
+        let (height_m, airspeed_mps) = (settings.height_m, settings.airspeed_mps);
+        let moment = Moment { height_m, wind_mps: Vector3::new(8.0, 0.0, 1.0), airspeed_mps };
+        for (theirs, ours) in gusts(3, 500).into_iter().zip(from_wind(3, 500, &moment)) {
+            assert!((theirs - ours).norm() < 1e-12, "{theirs} and {ours}");
+        }
+        let east = Moment { wind_mps: Vector3::new(0.0, 8.0, 0.0), ..moment };
+        let (east, north) = (from_wind(3, 50, &east)[49], gusts(3, 50)[49]);
+        assert!((east - Vector3::new(-north.y, north.x, north.z)).norm() < 1e-12);
+    }
+
+    #[test]
+    fn gusts_follow_the_wind_and_the_height_of_the_moment() {
+        let moment = |height_m, wind_mps| Moment { height_m, wind_mps: Vector3::x() * wind_mps, airspeed_mps: 5.0 };
+        let first = |moment: Moment| from_wind(3, 1, &moment)[0];
+        assert_eq!(first(moment(8.0, 0.0)), Vector3::zeros(), "no wind, no gusts");
+        assert!((first(moment(8.0, 6.0)) - first(moment(8.0, 3.0)) * 2.0).norm() < 1e-12);
+        // Higher up the gusts along the wind are weaker, and those up and down the same and slower.
+        let (low, high) = (first(moment(5.0, 6.0)), first(moment(50.0, 6.0)));
+        let base = |h_m: f64| 0.177 + 0.000_823 * h_m / 0.3048;
+        assert!((high.x / low.x - (base(5.0) / base(50.0)).powf(0.4)).abs() < 1e-12 && (high.z - low.z).abs() < 1e-12);
+        let step = |height_m| {
+            let drawn = from_wind(3, 2000, &moment(height_m, 6.0));
+            drawn.windows(2).map(|pair| (pair[1].z - pair[0].z).powi(2)).sum::<f64>()
+        };
+        assert!(step(5.0) > 5.0 * step(50.0));
+        // Beyond the heights of the standard the nearest of them counts; standing air gives a gust that stays, not NaN.
+        assert_eq!(first(moment(-1.0, 6.0)), first(moment(3.048, 6.0)));
+        assert!(first(Moment { airspeed_mps: 0.0, ..moment(8.0, 6.0) }).iter().all(|gust| gust.is_finite()));
     }
 
     /// Deviations and time scales along, across and down, as the standard has them at the default height and airspeed.
@@ -219,7 +325,7 @@ mod tests {
         assert_ne!(gusts(3, 20), gusts(4, 20));
         let mut east = scenario(3);
         east.plant.turbulence.direction_deg = 90.0;
-        let (east, north) = (Turbulence::new(&east).unwrap().at(0), gusts(3, 1)[0]);
+        let (east, north) = (Turbulence::new(&east).unwrap().at(0, &OTHER), gusts(3, 1)[0]);
         assert!((east - Vector3::new(-north.y, north.x, north.z)).norm() < 1e-12);
         assert!(Turbulence::new(&Scenario::default()).is_none());
     }

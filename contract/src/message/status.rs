@@ -14,23 +14,59 @@ pub enum PlantStatus {
     TooFar = 3,
     /// A body rate beyond 100 rad/s.
     TooFast = 5,
-    /// The last sample of a complete run, and the vehicle stands on the ground.
+    /// The last sample of a complete run: the vehicle has come down, is at rest on its feet, and its rotors idle or stand.
     Landed = 6,
     /// It came down too hard, too fast or leaning too much, or on its rotors.
     Crashed = 7,
+    /// A rotor or the centre touched the ground while the vehicle was on its feet.
+    TippedOver = 8,
+    /// The last sample of a complete run: the vehicle has come down, and slid too far or moves still.
+    Slid = 9,
+    /// The last sample of a complete run: the vehicle is on the ground, and has not landed, for want of a take-off or of a
+    /// second of rest, or because its rotors turn.
+    NotLanded = 10,
+    /// On the ground, at rest, without thrust: before the take-off, or after a landing.
+    Standing = 11,
+    /// On the ground, with thrust, before it first leaves it.
+    TakingOff = 12,
+    /// Down on a foot or more after a flight, and not at rest for long enough.
+    Landing = 13,
 }
 
 impl PlantStatus {
     /// Reads the wire value; anything unknown is `None`.
     pub fn from_wire(value: u64) -> Option<Self> {
-        let all =
-            [Self::Flying, Self::Finished, Self::NonFinite, Self::TooFar, Self::TooFast, Self::Landed, Self::Crashed];
+        let all = [
+            Self::Flying,
+            Self::Finished,
+            Self::NonFinite,
+            Self::TooFar,
+            Self::TooFast,
+            Self::Landed,
+            Self::Crashed,
+            Self::TippedOver,
+            Self::Slid,
+            Self::NotLanded,
+            Self::Standing,
+            Self::TakingOff,
+            Self::Landing,
+        ];
         all.into_iter().find(|s| *s as u64 == value)
     }
 
-    /// Whether the run ended because the vehicle was lost: it left the bounds of the simulation, or crashed.
+    /// Whether no sample comes after one with this status.
+    pub fn is_last(self) -> bool {
+        !matches!(self, Self::Flying | Self::Standing | Self::TakingOff | Self::Landing)
+    }
+
+    /// Whether the run ended because the vehicle was lost: it left the bounds of the simulation, crashed or tipped over.
     pub fn diverged(self) -> bool {
-        !matches!(self, Self::Flying | Self::Finished | Self::Landed)
+        matches!(self, Self::NonFinite | Self::TooFar | Self::TooFast | Self::Crashed | Self::TippedOver)
+    }
+
+    /// Whether the vehicle was lost, or came down in no way to land.
+    pub fn failed(self) -> bool {
+        self.diverged() || self == Self::Slid
     }
 
     /// In words, for messages to the user.
@@ -38,8 +74,14 @@ impl PlantStatus {
         match self {
             Self::Flying => "in flight",
             Self::Finished => "finished",
-            Self::Landed => "finished, standing on the ground",
+            Self::Landed => "landed",
             Self::Crashed => "crashed",
+            Self::TippedOver => "tipped over",
+            Self::Slid => "slid",
+            Self::NotLanded => "on the ground, not landed",
+            Self::Standing => "standing",
+            Self::TakingOff => "taking off",
+            Self::Landing => "landing",
             Self::NonFinite => "a state became NaN or infinite",
             Self::TooFar => "position beyond 500 m",
             Self::TooFast => "a body rate beyond 100 rad/s",
@@ -119,6 +161,10 @@ pub mod mixer_flags {
     pub const CUT: u64 = 1 << 11;
     /// A rotor is dead: no thrust, for good.
     pub const TERMINATED: u64 = 1 << 12;
+    /// The ground carries the vehicle, which is to sink: rotors at idle.
+    pub const GROUND_CONTACT: u64 = 1 << 13;
+    /// Landed: no thrust, for good.
+    pub const DISARMED: u64 = 1 << 14;
 
     /// Whether the command was computed without a demand.
     pub const fn fallback(flags: u64) -> bool {

@@ -2,6 +2,7 @@
 
 mod faults;
 mod found;
+mod inertia;
 mod ranges;
 mod swaps;
 #[cfg(test)]
@@ -14,7 +15,10 @@ pub use self::found::Violation;
 pub use self::swaps::LoadCandidate;
 
 use self::found::Found;
-use super::{Fault, Heading, Late, Law, Mission, Model, Ramp, RampName, Scenario, StateConstraints, TrajectoryKind};
+use super::{
+    Fault, Heading, Late, Law, Mission, Model, Plant, Ramp, RampName, Scenario, StateConstraints, TrajectoryKind,
+    Turbulence,
+};
 
 /// Every rule that `scenario` breaks; `merged` is the same settings as a table.
 pub fn violations(scenario: &Scenario, merged: Table, candidate: LoadCandidate) -> Vec<Violation> {
@@ -98,17 +102,7 @@ fn check_vehicle(scenario: &Scenario, found: &mut Found) {
     }
 
     check_hover(scenario, found);
-    let [[ixx, ixy, ixz], [_, iyy, iyz], [_, _, izz]] = scenario.flown_inertia_kgm2();
-    let minors = [
-        ixx * iyy - ixy * ixy,
-        ixx * (iyy * izz - iyz * iyz) - ixy * (ixy * izz - iyz * ixz) + ixz * (ixy * iyz - iyy * ixz),
-    ];
-    found.require(
-        minors.iter().all(|minor| *minor > 0.0),
-        &["plant.airframe.ixy_kgm2", "plant.airframe.ixz_kgm2", "plant.airframe.iyz_kgm2"],
-        "`plant.airframe` has products of inertia that no body has".into(),
-        "smaller ones, so that the inertia tensor is positive definite",
-    );
+    check_inertia(scenario, found);
     found.require(
         !scenario.initial.standing || plant.ground.present,
         &["initial.standing", "plant.ground.present"],
@@ -116,13 +110,14 @@ fn check_vehicle(scenario: &Scenario, found: &mut Found) {
         "`plant.ground.present` = true with it",
     );
     let steps = plant.wind_ned_mps.iter().any(|(_, wind)| *wind != [0.0; 3]);
-    let blows = steps || plant.turbulence.wind_at_6m_mps > 0.0;
+    let blows = steps || plant.turbulence.is_on();
     found.require(
         !blows || plant.feels_air(),
         &["plant.wind_ned_mps", "plant.turbulence.wind_at_6m_mps", "plant.drag_linear_nspm"],
         "a wind that a vehicle without drag does not feel".into(),
         FEEL_AIR,
     );
+    check_turbulence(plant, found);
 
     let [north, east, down] = scenario.initial.position_m;
     found.require(
@@ -141,6 +136,45 @@ fn check_vehicle(scenario: &Scenario, found: &mut Found) {
     let disturbance: Vec<f64> = plant.disturbance.iter().map(|step| step.0).collect();
     check_steps("plant.wind_ned_mps", &wind, found);
     check_steps("plant.disturbance", &disturbance, found);
+}
+
+/// Gusts from the wind have one, and nothing else to say how strong they are.
+fn check_turbulence(plant: &Plant, found: &mut Found) {
+    let turbulence = &plant.turbulence;
+    let horizontal = plant.wind_ned_mps.iter().any(|(_, [north, east, _])| [*north, *east] != [0.0; 2]);
+    found.require(
+        !turbulence.from_wind || horizontal,
+        &["plant.turbulence.from_wind", "plant.wind_ned_mps"],
+        "`plant.turbulence.from_wind` where no wind blows along the ground".into(),
+        "a wind with it, for instance `plant.wind_ned_mps` = [[0.0, [6.0, 0.0, 0.0]]]",
+    );
+    let unused = Turbulence { from_wind: true, ..Turbulence::default() };
+    found.require(
+        !turbulence.from_wind || *turbulence == unused,
+        &["plant.turbulence", "plant.turbulence.from_wind"],
+        "`plant.turbulence` has a wind, height, airspeed or direction of its own beside `from_wind`".into(),
+        "`from_wind` = true alone, which takes those of the moment, or the others without it",
+    );
+}
+
+/// A body can have the inertia that the controllers know, and the one that flies.
+fn check_inertia(scenario: &Scenario, found: &mut Found) {
+    let known = &scenario.airframe;
+    let model = [[known.ixx_kgm2, 0.0, 0.0], [0.0, known.iyy_kgm2, 0.0], [0.0, 0.0, known.izz_kgm2]];
+    for (table, tensor) in [("airframe", model), ("plant.airframe", scenario.flown_inertia_kgm2())] {
+        let keys = ["ixx", "iyy", "izz", "ixy", "ixz", "iyz"].map(|element| format!("{table}.{element}_kgm2"));
+        let possible = inertia::is_possible(tensor);
+        found.require(
+            possible,
+            &keys.each_ref().map(String::as_str),
+            format!("`{table}` has moments of inertia that no body has"),
+            "no principal moment above the sum of the other two, and a tensor that is positive definite: the mass of a \
+             body is nowhere negative",
+        );
+        if !possible {
+            break; // the one that flies starts from the other
+        }
+    }
 }
 
 /// The hover exists, as the plant and as the mixer have it, and the actuators' limits leave room for it.

@@ -1,6 +1,6 @@
 //! The scenario as a whole, `[run]` and `[bounds]`. Names and units are the file's.
 
-use airframe::{ActuatorLaw, Limits, Parameters};
+use airframe::{ActuatorLaw, Limits, Parameters, Trim};
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -110,6 +110,10 @@ pub struct Bounds {
     pub max_fallback_s: Option<f64>,
 }
 
+/// Speed of idling rotors, as a share of that of rotor 1 at hover, where the scenario has them slower: a controller takes a
+/// command of zero for a cut.
+const IDLE_SHARE: f64 = 0.1;
+
 impl Scenario {
     /// Sample time of the ring \[ns\]; scenario validation sees to it that this is a whole number.
     pub fn sample_ns(&self) -> u64 {
@@ -168,6 +172,12 @@ impl Scenario {
     pub fn limits(&self) -> Limits {
         let p = &self.plant;
         Limits::new(&self.airframe, p.rotor_speed_min, p.rotor_speed_max_ratio, p.tilt_max_deg.to_radians())
+    }
+
+    /// The speed of rotors that idle, on the ground before the take-off and after the touchdown \[rotor speed unit\].
+    pub fn idle_speed(&self) -> f64 {
+        let trim = Trim::solve(&self.airframe, self.plant.tilt_reaction);
+        self.plant.rotor_speed_min.max(IDLE_SHARE * trim.actuation.rotor_speed[0])
     }
 
     /// The actuators as they are.

@@ -47,16 +47,20 @@ pub struct Plant {
     pub battery: Battery,
     /// The ground, where there is one.
     pub ground: Ground,
-    /// Roughness of the ground \[m\]: the wind steps then hold at 6.096 m (20 ft), and less below; 0 = at every height.
+    /// Roughness of the ground \[m\]: the horizontal part of the wind steps then holds 6.096 m (20 ft) above it, and is less
+    /// below; 0 = at every height.
     pub wind_roughness_m: f64,
     /// Gusts without end.
     pub turbulence: Turbulence,
 }
 
-/// `[plant.turbulence]`: Dryden form, MIL-F-8785C, low altitude.
+/// `[plant.turbulence]`: Dryden form, MIL-F-8785C, low altitude; for one wind, height and airspeed, or those of the moment.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Turbulence {
+    /// Whether the gusts follow from `plant.wind_ned_mps`, the height above the ground and the airspeed of the moment, in the
+    /// place of the four settings below.
+    pub from_wind: bool,
     /// Mean wind at 6.096 m (20 ft), from which the strength of the gusts follows \[m/s\]; 0 = none. The mean wind itself is
     /// `plant.wind_ned_mps`.
     pub wind_at_6m_mps: f64,
@@ -70,11 +74,23 @@ pub struct Turbulence {
 
 impl Default for Turbulence {
     fn default() -> Self {
-        Self { wind_at_6m_mps: 0.0, height_m: 8.0, airspeed_mps: 5.0, direction_deg: 0.0 }
+        Self { from_wind: false, wind_at_6m_mps: 0.0, height_m: 8.0, airspeed_mps: 5.0, direction_deg: 0.0 }
+    }
+}
+
+impl Turbulence {
+    /// Whether there are gusts.
+    pub fn is_on(&self) -> bool {
+        self.from_wind || self.wind_at_6m_mps > 0.0
     }
 }
 
 impl Plant {
+    /// Down coordinate from which heights above the ground count \[m\]: that of the ground, or 0 without one.
+    pub fn height_zero_m(&self) -> f64 {
+        if self.ground.present { self.ground.down_m } else { 0.0 }
+    }
+
     /// The drag of the vehicle.
     pub fn drag(&self) -> Drag {
         Drag { linear_nspm: self.drag_linear_nspm, quadratic_ns2pm2: self.drag_quadratic_ns2pm2 }
@@ -280,6 +296,8 @@ pub struct Ground {
     pub max_drift_mps: f64,
     /// One that leans more is a crash \[deg\].
     pub max_tilt_deg: f64,
+    /// A landing that slides farther is none \[m\].
+    pub max_slide_m: f64,
 }
 
 impl Default for Ground {
@@ -295,6 +313,7 @@ impl Default for Ground {
             max_sink_mps: 1.5,
             max_drift_mps: 1.0,
             max_tilt_deg: 20.0,
+            max_slide_m: 1.0,
         }
     }
 }

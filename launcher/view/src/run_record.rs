@@ -39,7 +39,7 @@ pub fn exit_code(summary: &Summary, scenario: &Scenario, how: &Circumstances) ->
         Ended::Lost(_) | Ended::Unseen(_) => exit::PROCESS_LOST,
         Ended::Late(_) => exit::BUDGET_BROKEN,
         Ended::Flown if log_lost => exit::PROCESS_LOST,
-        Ended::Flown if summary.status().diverged() || untried(&how.events).is_some() => exit::OUT_OF_BOUNDS,
+        Ended::Flown if summary.status().failed() || untried(&how.events).is_some() => exit::OUT_OF_BOUNDS,
         Ended::Flown if bounds::check(scenario, &summary.metrics()).iter().any(|v| !v.ok) => exit::OUT_OF_BOUNDS,
         Ended::Flown => exit::FLOWN,
     }
@@ -52,7 +52,7 @@ pub fn cause(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> Str
         Ended::Lost(name) => format!("lost {name}"),
         Ended::Late(name) => format!("late {name}"),
         Ended::Unseen(_) => "not seen whole".into(),
-        Ended::Flown if summary.status().diverged() => summary.status().describe().into(),
+        Ended::Flown if summary.status().failed() => summary.status().describe().into(),
         Ended::Flown if untried(&how.events).is_some() => "swap not tried".into(),
         Ended::Flown => {
             let outside = bounds::check(scenario, &summary.metrics()).into_iter().find(|bound| !bound.ok);
@@ -68,7 +68,9 @@ pub fn describe_end(summary: &Summary, how: &Circumstances) -> String {
         Ended::Lost(name) => format!("lost {name} at {t:.2} s"),
         Ended::Late(name) => format!("stopped at {t:.2} s: {name} missed its deadline"),
         Ended::Unseen(what) => format!("flown, but not seen whole: {what}"),
-        Ended::Flown if summary.status() == PlantStatus::Crashed => format!("crashed at {t:.2} s"),
+        Ended::Flown if matches!(summary.status(), PlantStatus::Crashed | PlantStatus::TippedOver) => {
+            format!("{} at {t:.2} s", summary.status().describe())
+        }
         Ended::Flown if summary.status().diverged() => format!("diverged at {t:.2} s: {}", summary.status().describe()),
         Ended::Flown => match untried(&how.events) {
             None if summary.status() == PlantStatus::Landed => format!("flown to the end, {t:.2} s, and landed"),
@@ -88,7 +90,12 @@ pub fn reservations(summary: &Summary, scenario: &Scenario, how: &Circumstances)
     let describe = |BoundCheck { words: [what, unit], measured, limit, .. }: &BoundCheck| {
         format!("{what} {measured:.3} {unit} (bound {limit} {unit})")
     };
-    let mut told: Vec<String> = outside.iter().map(describe).collect();
+    let mut told: Vec<String> = match summary.status() {
+        PlantStatus::Slid => vec!["slid over the ground instead of landing".into()],
+        PlantStatus::NotLanded => vec!["on the ground and not landed".into()],
+        _ => vec![],
+    };
+    told.extend(outside.iter().map(describe));
     if metrics.fallback_s > 0.0 && !outside.iter().any(|bound| bound.metric == "max_fallback_s") {
         told.push(format!("mixer on its fallback for {:.2} s", metrics.fallback_s));
     }
@@ -124,6 +131,7 @@ pub fn run_json(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
         "flown_s": flown_s,
         "diverged": summary.status().diverged(),
         "ground": touchdown(scenario, summary.status()),
+        "phases": phases(scenario, summary),
         "ended": describe_end(summary, how),
         "but": reservations(summary, scenario, how),
         "exit_code": exit_code(summary, scenario, how),
@@ -176,13 +184,22 @@ fn granted(scenario: &Scenario, provenance: &Value) -> Option<String> {
     Some(format!("{class}; memory {memory}"))
 }
 
-/// How the flight met the ground at its end: landed, crashed, or not at all; nothing where there is none.
+/// How the flight met the ground at its end, or "in the air"; nothing where there is none.
 pub fn touchdown(scenario: &Scenario, status: PlantStatus) -> Option<&'static str> {
+    use PlantStatus as P;
     scenario.plant.ground.present.then_some(match status {
-        PlantStatus::Landed => "landed",
-        PlantStatus::Crashed => "crashed",
-        _ => "in the air",
+        P::Landed | P::Crashed | P::TippedOver | P::Slid | P::NotLanded | P::Standing | P::TakingOff | P::Landing => {
+            status.describe()
+        }
+        P::Flying | P::Finished | P::NonFinite | P::TooFar | P::TooFast => "in the air",
     })
+}
+
+/// Take-off and landing where there is a ground: each phase, and the time of its first sample.
+fn phases(scenario: &Scenario, summary: &Summary) -> Option<Value> {
+    let in_flight = summary.phases().iter().filter(|(_, phase)| !phase.is_last());
+    let all = in_flight.map(|(at_s, phase)| json!({ "at_s": at_s, "phase": phase.describe() }));
+    scenario.plant.ground.present.then(|| all.collect())
 }
 
 /// For people, in one line: how the flight ended, and what else a reader must know.
@@ -216,6 +233,11 @@ pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
     let (low, high, tilt, saturated) = (m.rotor_speed_min, m.rotor_speed_max, m.tilt_max_deg, m.commands_saturated);
     let actuators = format!("rotors {low:.0} to {high:.0}, tilt {tilt:.1} deg max, {saturated} commands saturated");
     line("actuators", actuators);
+    if scenario.plant.ground.present {
+        let in_flight = summary.phases().iter().filter(|(_, phase)| !phase.is_last());
+        let all: Vec<_> = in_flight.map(|(at_s, phase)| format!("{} {at_s:.2} s", phase.describe())).collect();
+        line("phases", all.join(", "));
+    }
     line("solver", summary.solves.describe());
     for fault in summary.faults.describe() {
         line("fault", fault);

@@ -35,6 +35,8 @@ pub struct Summary {
     count: Count,
     missed: u64,
     last: State,
+    /// Take-off and landing: what the plant said of itself, whenever it changed, and from which time on \[s\].
+    phases: Vec<(f64, PlantStatus)>,
     pub solves: Solves,
     pub faults: Faults,
     pub timing: Option<Timing>,
@@ -60,6 +62,7 @@ impl Summary {
             count: Count::default(),
             missed: 0,
             last: State::default(),
+            phases: vec![],
             solves: Solves::new(),
             faults: Faults::new(&scenario.fault, scenario.run.rate_hz),
             timing: (scenario.run.mode != Mode::Inprocess).then(|| Timing::new(scenario)),
@@ -128,6 +131,9 @@ impl Summary {
         self.square_sum_m2 += distance * distance;
         self.samples += 1;
         self.last = *state;
+        if self.phases.last().is_none_or(|(_, phase)| *phase != self.status()) {
+            self.phases.push((t, self.status()));
+        }
         self.metrics.fallback_s = self.fallback_ticks as f64 * self.sample_s;
         self.outside.observe(t, &self.metrics);
     }
@@ -145,10 +151,15 @@ impl Summary {
         }
     }
 
-    /// When the flight failed \[s\]: it diverged, left a bound, or was outside one in the end; `None` when it did not.
+    /// When the flight failed \[s\]: it diverged, slid, left a bound, or was outside one in the end; `None` when it did not.
     pub fn failed_at_s(&self, scenario: &Scenario) -> Option<f64> {
         let ends_outside = || check(scenario, &self.metrics()).iter().any(|bound| !bound.ok);
-        self.outside.since_s().or_else(|| (self.status().diverged() || ends_outside()).then(|| self.time_s()))
+        self.outside.since_s().or_else(|| (self.status().failed() || ends_outside()).then(|| self.time_s()))
+    }
+
+    /// Since when the plant said what of itself \[s\].
+    pub fn phases(&self) -> &[(f64, PlantStatus)] {
+        &self.phases
     }
 
     /// The newest state.

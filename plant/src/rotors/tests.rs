@@ -13,7 +13,8 @@ fn rotors(change: impl Fn(&mut Scenario)) -> (Rotors, Actuation) {
 fn without_air_thrust_and_torque_are_those_of_the_paper() {
     let (rotors, mut at) = rotors(|scenario| scenario.plant.tilt_reaction = true);
     (at.rotor_speed, at.tilt_rad) = ([1300.0, 1200.0, 1100.0], 0.3);
-    let Wrench { force_n, moment_nm } = rotors.thrust(&at, &Condition::default(), &Vector3::new(3.0, -2.0, 1.0));
+    let (air, rates) = (Vector3::new(3.0, -2.0, 1.0), Vector3::new(0.5, -0.3, 0.2));
+    let Wrench { force_n, moment_nm } = rotors.thrust(&at, &Condition::default(), &air, &rates);
     let Parameters { l1_m: l1, l2_m: l2, l3_m: l3, kf, km, .. } = Parameters::default();
     let [f1, f2, f3] = at.rotor_speed.map(|omega| kf * omega * omega);
     let [m1, m2, m3] = at.rotor_speed.map(|omega| km * omega * omega);
@@ -60,7 +61,8 @@ fn a_climb_costs_thrust_and_a_cross_wind_pushes() {
     });
     let more = |air: Vector3<f64>| {
         let sound = Condition::default();
-        rotors.thrust(&at, &sound, &air).force_n - plain.0.thrust(&at, &sound, &air).force_n
+        let still = Vector3::zeros();
+        rotors.thrust(&at, &sound, &air, &still).force_n - plain.0.thrust(&at, &sound, &air, &still).force_n
     };
     assert_eq!(more(Vector3::zeros()), Vector3::zeros());
     let ([o1, o2, o3], (sin, cos)) = (at.rotor_speed, at.tilt_rad.sin_cos());
@@ -69,4 +71,31 @@ fn a_climb_costs_thrust_and_a_cross_wind_pushes() {
     assert!((climbing.z - lost).abs() < 1e-12, "less lift: {climbing}");
     let forward = more(Vector3::new(3.0, 0.0, 0.0));
     assert!((forward.x + 3.0 * 2e-5 * (o1 + o2 + o3)).abs() < 1e-12, "it brakes: {forward}");
+}
+
+#[test]
+fn a_vehicle_that_turns_is_damped_at_its_hubs() {
+    let plain = rotors(|_| ());
+    let (rotors, at) = rotors(|scenario| {
+        scenario.plant.rotor.inflow_ns2pm = 1e-4;
+        scenario.plant.rotor.h_force_ns2pm = 2e-5;
+    });
+    let more = |rates: Vector3<f64>| {
+        let (sound, still) = (Condition::default(), Vector3::zeros());
+        rotors.thrust(&at, &sound, &still, &rates).moment_nm - plain.0.thrust(&at, &sound, &still, &rates).moment_nm
+    };
+    let ([o1, o2, o3], (sin, cos)) = (at.rotor_speed, at.tilt_rad.sin_cos());
+    let Parameters { l1_m: l1, l2_m: l2, l3_m: l3, .. } = Parameters::default();
+    let (inflow, across) = (1e-4, 2e-5);
+    // Rolling at p lowers the right hub and raises the left one by p l3; both lose or win that much inflow.
+    let roll = more(Vector3::x());
+    assert!((roll.x + inflow * l3 * l3 * (o2 + o3)).abs() < 1e-12, "it damps the roll: {roll}");
+    // Pitching at q raises the front hub by q l1, whose axis is tilted, and lowers the rear ones by q l2.
+    let pitch = more(Vector3::y());
+    let front = (inflow * cos * cos + across * sin * sin) * o1 * l1 * l1;
+    assert!((pitch.y + front + inflow * l2 * l2 * (o2 + o3)).abs() < 1e-12, "it damps the pitch: {pitch}");
+    // Yawing at r moves the hubs across the air.
+    let yaw = more(Vector3::z());
+    let front = (inflow * sin * sin + across * cos * cos) * o1 * l1 * l1;
+    assert!((yaw.z + front + across * (l2 * l2 + l3 * l3) * (o2 + o3)).abs() < 1e-12, "it damps the yaw: {yaw}");
 }

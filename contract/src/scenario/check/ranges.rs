@@ -98,6 +98,7 @@ const RANGES: &[(&str, Range)] = &[
     ("plant.ground.down_m", (Included(-500.0), Included(500.0))),
     ("plant.ground.max_sink_mps", POSITIVE),
     ("plant.ground.max_drift_mps", POSITIVE),
+    ("plant.ground.max_slide_m", POSITIVE),
     ("plant.ground.max_tilt_deg", (Excluded(0.0), Included(180.0))),
     ("guidance.disturbance_observer_radps", NOT_NEGATIVE),
     ("guidance.angle_limit_deg", (Excluded(0.0), Included(80.0))),

@@ -77,7 +77,20 @@ fn settings_that_contradict_are_refused() {
         ("plant.rotor_speed_min=1339", "below the slowest rotor at trim, 1338.6"),
         ("plant.tilt_max_deg=30", "above the tilt at trim, 30.49"),
         ("plant.wind_ned_mps=[[2, [0, 0, 1]]]", "a wind that a vehicle without drag does not feel"),
-        ("plant.airframe.ixz_kgm2=0.02", "products of inertia that no body has"),
+        ("plant.turbulence.from_wind=true", "where no wind blows along the ground"),
+        (
+            "plant={drag_quadratic_ns2pm2=0.02, wind_ned_mps=[[0, [6, 0, 0]]], turbulence={from_wind=true, height_m=9}}",
+            "has a wind, height, airspeed or direction of its own beside `from_wind`",
+        ),
+        ("plant.airframe.ixz_kgm2=0.02", "`plant.airframe` has moments of inertia that no body has"),
+        (
+            "airframe={ixx_kgm2=0.06, iyy_kgm2=0.01, izz_kgm2=0.01}",
+            "`airframe` has moments of inertia that no body has",
+        ),
+        (
+            "plant.airframe={ixx_kgm2=0.06, iyy_kgm2=0.01, izz_kgm2=0.01}",
+            "no principal moment above the sum of the other two",
+        ),
         ("plant.wind_ned_mps=[[2, [0, 0, 0]], [1, [0, 0, 0]]]", "`plant.wind_ned_mps` are out of order"),
         ("plant.disturbance=[[-1, [0, 0, 0], [0, 0, 0]]]", "`plant.disturbance` are out of order"),
         ("mission.heading_deg=[[2, 0], [1, 0]]", "`mission.heading_deg` are out of order"),

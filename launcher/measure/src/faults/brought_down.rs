@@ -123,7 +123,8 @@ impl Watch {
         let (Record::State(state), Some(ground), None) = (record, &self.ground, self.down) else { return };
         let at_s = state.stamp.tick as f64 * self.sample_s;
         let motion = motion(state);
-        let is_down = ground.carries(&motion) || state.status == PlantStatus::Crashed as u64;
+        let is_down =
+            ground.carries(&motion) || PlantStatus::from_wire(state.status).is_some_and(PlantStatus::diverged);
         if at_s >= AT_S && is_down {
             let tilt_deg = libm::acos(motion.cnb[(2, 2)].clamp(-1.0, 1.0)).to_degrees();
             self.down = Some(Down { at_s, tilt_deg, sink_mps: self.sink_mps });

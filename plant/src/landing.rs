@@ -1,0 +1,194 @@
+//! Take-off and landing as they truly are: what the flight is judged by.
+//!
+//! ```text
+//! standing --rotors above idle--> taking off --no foot down--> flying <--------> landing --at rest, 1 s--> landed
+//!                                      ^                         a foot down                                 |
+//!                                      +--------------------------rotors above idle--------------------------+
+//! ```
+//!
+//! A vehicle has landed when it [is at rest](contract::rest) with all feet on the ground and its rotors no faster than idle, for
+//! a second, having slid no farther than `plant.ground.max_slide_m` since it touched down. What the vehicle itself takes for a
+//! landing is the mixer's affair.
+
+use contract::Scenario;
+use contract::message::{Kinematics, PlantStatus};
+use contract::rest::{Rest, is_at_rest};
+
+/// Rotors that are slower than so many times their idle speed idle: a lag gets there only in the end.
+const IDLES: f64 = 1.1;
+
+/// Where the vehicle is between two stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Phase {
+    Standing,
+    TakingOff,
+    Flying,
+    Landing,
+    Landed,
+}
+
+/// How the vehicle touches the ground.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Footing {
+    /// No foot is down.
+    None,
+    /// Some are.
+    Some,
+    /// All are.
+    All,
+}
+
+/// Take-off and landing of one flight over a ground.
+#[derive(Debug, Clone)]
+pub struct Landing {
+    phase: Phase,
+    rest: Rest,
+    /// Whether the vehicle was at rest at the newest step, be it with thrust.
+    is_still: bool,
+    /// Way along the ground with a foot down, since the vehicle last stood \[m\].
+    slid_m: f64,
+    idle_speed: f64,
+    max_slide_m: f64,
+}
+
+impl Landing {
+    /// The landing of `scenario`, where it has a ground.
+    pub fn new(scenario: &Scenario) -> Option<Self> {
+        let standing = scenario.initial.standing;
+        scenario.plant.ground.present.then(|| Self {
+            phase: if standing { Phase::Standing } else { Phase::Flying },
+            rest: if standing { Rest::LONG } else { Rest::default() },
+            is_still: standing,
+            slid_m: 0.0,
+            idle_speed: IDLES * scenario.idle_speed(),
+            max_slide_m: scenario.plant.ground.max_slide_m,
+        })
+    }
+
+    /// Takes in a step of `dt_ns`, after which the vehicle moves like this, has this footing and rotors as fast as this.
+    pub fn observe(&mut self, motion: &Kinematics, footing: Footing, rotor_speed: [f64; 3], dt_ns: u64) {
+        let idles = rotor_speed.iter().all(|speed| *speed <= self.idle_speed);
+        self.is_still = footing == Footing::All && is_at_rest(motion);
+        self.rest.observe(self.is_still && idles, dt_ns);
+        self.phase = match self.phase {
+            _ if footing == Footing::None => Phase::Flying,
+            Phase::Flying | Phase::Landing if self.rest.has_landed() => Phase::Landed,
+            Phase::Flying | Phase::Landing => Phase::Landing,
+            Phase::Standing | Phase::Landed if !idles => {
+                self.slid_m = 0.0;
+                Phase::TakingOff
+            }
+            Phase::TakingOff if self.rest.has_landed() => Phase::Standing,
+            same => same,
+        };
+        if matches!(self.phase, Phase::Landing | Phase::Landed) {
+            let [u, v, w] = motion.velocity_mps;
+            // On its feet it moves along the ground and nowhere else.
+            self.slid_m += libm::hypot(libm::hypot(u, v), w) * dt_ns as f64 / 1e9;
+        }
+    }
+
+    /// What the vehicle does before the end of the run.
+    pub fn in_flight(&self) -> PlantStatus {
+        match self.phase {
+            Phase::Standing | Phase::Landed => PlantStatus::Standing,
+            Phase::TakingOff => PlantStatus::TakingOff,
+            Phase::Flying => PlantStatus::Flying,
+            Phase::Landing => PlantStatus::Landing,
+        }
+    }
+
+    /// What has come of the flight when it ends now.
+    pub fn at_the_end(&self) -> PlantStatus {
+        let has_slid = self.slid_m > self.max_slide_m;
+        match self.phase {
+            Phase::Flying => PlantStatus::Finished,
+            Phase::Landed if !has_slid && self.is_still => PlantStatus::Landed,
+            Phase::Landing if !has_slid && self.is_still => PlantStatus::NotLanded,
+            Phase::Landing | Phase::Landed => PlantStatus::Slid,
+            Phase::Standing | Phase::TakingOff => PlantStatus::NotLanded,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const STEP_NS: u64 = 1_000_000;
+
+    fn scenario(standing: bool) -> Scenario {
+        let mut scenario = Scenario::default();
+        (scenario.plant.ground.present, scenario.initial.standing) = (true, standing);
+        scenario
+    }
+
+    struct Vehicle(Landing, f64);
+
+    impl Vehicle {
+        fn new(standing: bool) -> Self {
+            let scenario = scenario(standing);
+            Self(Landing::new(&scenario).expect("there is a ground"), scenario.idle_speed())
+        }
+
+        /// So many seconds with this footing, at this speed, and with the rotors so many times as fast as idle.
+        fn go(&mut self, seconds: f64, footing: Footing, speed_mps: f64, idle: f64) -> PlantStatus {
+            let motion = Kinematics { velocity_mps: [speed_mps, 0.0, 0.0], ..Kinematics::default() };
+            for _ in 0..(seconds * 1e3).round() as u32 {
+                self.0.observe(&motion, footing, [self.1 * idle; 3], STEP_NS);
+            }
+            self.0.in_flight()
+        }
+    }
+
+    #[test]
+    fn a_flight_goes_from_standing_to_standing() {
+        let mut vehicle = Vehicle::new(true);
+        assert_eq!(vehicle.go(0.5, Footing::All, 0.0, 1.0), PlantStatus::Standing);
+        assert_eq!(vehicle.0.at_the_end(), PlantStatus::NotLanded, "it never took off");
+        assert_eq!(vehicle.go(0.5, Footing::All, 0.0, 5.0), PlantStatus::TakingOff);
+        assert_eq!(vehicle.go(5.0, Footing::None, 0.0, 5.0), PlantStatus::Flying);
+        assert_eq!(vehicle.0.at_the_end(), PlantStatus::Finished);
+        assert_eq!(vehicle.go(0.3, Footing::Some, 0.5, 5.0), PlantStatus::Landing);
+        assert_eq!(vehicle.go(0.9, Footing::All, 0.0, 1.0), PlantStatus::Landing);
+        assert_eq!(vehicle.0.at_the_end(), PlantStatus::NotLanded, "not yet");
+        assert_eq!(vehicle.go(0.2, Footing::All, 0.0, 1.0), PlantStatus::Standing);
+        assert_eq!(vehicle.0.at_the_end(), PlantStatus::Landed);
+        assert_eq!(vehicle.go(0.1, Footing::All, 0.0, 5.0), PlantStatus::TakingOff, "and again");
+    }
+
+    #[test]
+    fn who_stands_with_thrust_on_one_foot_or_in_motion_has_not_landed() {
+        for (footing, speed_mps, idle, end) in [
+            (Footing::All, 0.0, 5.0, PlantStatus::NotLanded),
+            (Footing::Some, 0.0, 1.0, PlantStatus::Slid),
+            (Footing::All, 5.0, 1.0, PlantStatus::Slid),
+        ] {
+            let mut vehicle = Vehicle::new(false);
+            vehicle.go(1.0, Footing::None, 0.0, 5.0);
+            vehicle.go(3.0, footing, speed_mps, idle);
+            assert_eq!((vehicle.0.in_flight(), vehicle.0.at_the_end()), (PlantStatus::Landing, end));
+        }
+    }
+
+    #[test]
+    fn a_long_slide_is_no_landing_even_when_it_ends() {
+        let mut vehicle = Vehicle::new(false);
+        vehicle.go(1.0, Footing::None, 0.0, 5.0);
+        let max_slide_m = scenario(false).plant.ground.max_slide_m;
+        vehicle.go(max_slide_m * 0.6, Footing::All, 1.0, 1.0);
+        vehicle.go(0.2, Footing::None, 1.0, 1.0);
+        assert_eq!(
+            vehicle.go(max_slide_m * 0.6, Footing::All, 1.0, 1.0),
+            PlantStatus::Landing,
+            "a bounce interrupts it"
+        );
+        assert_eq!(vehicle.go(2.0, Footing::All, 0.0, 0.0), PlantStatus::Standing);
+        assert_eq!(vehicle.0.at_the_end(), PlantStatus::Slid);
+    }
+
+    #[test]
+    fn without_a_ground_there_is_no_landing() {
+        assert!(Landing::new(&Scenario::default()).is_none());
+    }
+}
