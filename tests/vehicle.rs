@@ -17,6 +17,11 @@ fn a_mission_may_start_and_end_on_the_ground() {
     let outcome = flown("take-off-and-land", &[]);
     assert_eq!((outcome.code(), &outcome.run()["ground"]), (Some(0), &"landed".into()), "{}", outcome.stderr);
     assert!(outcome.run()["ended"].as_str().expect("words").ends_with("and landed"));
+    let run = outcome.run();
+    let phases: Vec<&str> =
+        run["phases"].as_array().expect("a list").iter().filter_map(|one| one["phase"].as_str()).collect();
+    assert_eq!(phases, ["standing", "taking off", "flying", "landing", "standing"]);
+    assert!(outcome.metric("rotor_speed_min") < 1.0, "it disarmed");
 }
 
 #[test]
@@ -35,6 +40,54 @@ fn a_descent_without_references_ends_in_a_landing() {
     let fault = "fault=[{at_s=20, target=\"guidance\", kind=\"kill\", for_s=60}]";
     let outcome = flown("take-off-and-land", &[fault]);
     assert_eq!(outcome.run()["ground"], "landed", "{}", outcome.run()["ended"]);
+}
+
+/// A hover 5 m above ground whose attitude-mpc is killed for good: the mixer brings the vehicle down.
+const BROUGHT_DOWN: [&str; 6] = [
+    "initial.standing=false",
+    "mission.trajectory=\"hover\"",
+    "run.duration_s=20",
+    "plant.ground.down_m=5",
+    "fault=[{at_s=0.5, target=\"attitude-mpc\", kind=\"kill\", for_s=60}]",
+    "bounds={max_position_error_m=inf, max_fallback_s=inf}",
+];
+
+#[test]
+fn a_vehicle_brought_down_by_the_mixer_stops_where_it_touched_down_and_disarms() {
+    let outcome = flown("take-off-and-land", &BROUGHT_DOWN);
+    let run = outcome.run();
+    assert_eq!((outcome.code(), &run["ground"]), (Some(0), &"landed".into()), "{}", run["ended"]);
+    assert!(outcome.metric("max_position_error_m") < 7.0, "it was 78 m, with the rotors at flying speed");
+    assert!(outcome.metric("rotor_speed_min") < 1.0);
+}
+
+#[test]
+fn a_slide_is_no_landing() {
+    let on_ice = [&BROUGHT_DOWN[..], &["plant.ground.friction=0.001"]].concat();
+    let outcome = flown("take-off-and-land", &on_ice);
+    let run = outcome.run();
+    assert_eq!((outcome.code(), &run["ground"]), (Some(1), &"slid".into()), "{}", run["ended"]);
+    assert!(run["but"][0].as_str().expect("words").contains("slid"), "{}", run["but"]);
+}
+
+#[test]
+fn a_flight_that_ends_before_the_rest_has_not_landed() {
+    let outcome = flown("take-off-and-land", &["run.duration_s=1"]);
+    assert_eq!((outcome.code(), &outcome.run()["ground"]), (Some(0), &"on the ground, not landed".into()));
+}
+
+#[test]
+fn one_that_trips_over_its_feet_tips_over() {
+    let trip = [
+        "initial.standing=false",
+        "initial.position_m=[0, 0, -0.1]",
+        "initial.velocity_mps=[6, 0, 0]",
+        "plant.ground={friction=10.0, max_drift_mps=100.0, max_sink_mps=100.0, max_tilt_deg=180.0, present=true}",
+        "plant.rotor_effectiveness=[0, 0, 0]",
+    ];
+    let outcome = flown("take-off-and-land", &trip);
+    let run = outcome.run();
+    assert_eq!((outcome.code(), &run["ground"]), (Some(1), &"tipped over".into()), "{}", run["ended"]);
 }
 
 #[test]

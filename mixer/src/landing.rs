@@ -1,12 +1,12 @@
 //! The land detector: when the rotors idle on the ground, and when they stop for good.
 //!
-//! Three stages, like those of PX4's (ground contact, maybe landed, landed), from what is measured and what was asked for; where
-//! the ground is, nobody tells. `a` is the acceleration downwards that is asked for, before any disturbance.
+//! Three stages, like those of PX4's (ground contact, maybe landed, landed), from what is measured and what was asked for:
+//! it is not told where the ground is. `a` is the acceleration downwards that is asked for, before any disturbance.
 //!
 //! | stage | begins | is flown |
 //! |---|---|---|
 //! | free | with a climb faster than 0.3 m/s, or as a flight that begins in the air | the demand |
-//! | contact | when `a` > 0.4 m/s2 for 0.5 s does not make the vehicle sink: something carries it | rotors at idle |
+//! | contact | when `a` > 1 m/s2 for 0.5 s does not make the vehicle sink: something carries it | rotors at idle |
 //! | landed | when the vehicle is then [at rest](contract::rest) for 1 s | no thrust, for good: disarmed |
 //!
 //! Contact is a guess that tests itself: a vehicle that the ground does not carry falls as soon as its rotors idle. Where it
@@ -21,8 +21,9 @@ use contract::Scenario;
 use contract::message::Kinematics;
 use contract::rest::{Rest, is_at_rest};
 
-/// From this acceleration downwards on the vehicle should sink \[m/s2\]; upwards, that a climb is asked for.
-const INTENT_MPS2: f64 = 0.4;
+/// From this acceleration downwards on the vehicle should sink \[m/s2\]; from it upwards on a climb is asked for. A vehicle a
+/// tenth lighter than its model hovers on that of a descent.
+const INTENT_MPS2: f64 = 1.0;
 /// A vehicle that sinks slower does not sink \[m/s\].
 const HELD_UP_MPS: f64 = 0.2;
 /// How far it may come down meanwhile \[m\].
@@ -120,29 +121,29 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_sink_is_held_up_and_then_has_landed() {
+    fn a_vehicle_that_does_not_sink_when_asked_to_has_landed() {
         let mut landing = in_flight();
-        assert_eq!(go(&mut landing, 49, 0.0, 1.0), Stage::Free);
-        assert_eq!(go(&mut landing, 1, 0.0, 1.0), Stage::Contact);
-        assert_eq!(go(&mut landing, 99, 0.0, 1.0), Stage::Contact);
-        assert_eq!(go(&mut landing, 1, 0.0, 1.0), Stage::Landed);
+        assert_eq!(go(&mut landing, 49, 0.0, 1.4), Stage::Free);
+        assert_eq!(go(&mut landing, 1, 0.0, 1.4), Stage::Contact);
+        assert_eq!(go(&mut landing, 99, 0.0, 1.4), Stage::Contact);
+        assert_eq!(go(&mut landing, 1, 0.0, 1.4), Stage::Landed);
         assert_eq!(go(&mut landing, 100, -3.0, -9.0), Stage::Landed, "for good");
     }
 
     #[test]
     fn a_hover_a_descent_and_a_slow_start_of_one_are_no_contact() {
-        for (ticks, sink_mps, wanted_mps2) in [(1000, 0.0, 0.1), (1000, 0.7, 1.0), (40, 0.1, 1.4), (1000, 0.0, -1.0)] {
+        for (ticks, sink_mps, wanted_mps2) in [(1000, 0.0, 0.1), (1000, 0.7, 1.4), (40, 0.1, 1.4), (1000, 0.0, -2.0)] {
             assert_eq!(go(&mut in_flight(), ticks, sink_mps, wanted_mps2), Stage::Free);
         }
     }
 
     #[test]
     fn a_vehicle_that_nothing_carries_flies_on() {
-        for (sink_mps, wanted_mps2) in [(0.6, 1.0), (0.0, -1.0)] {
+        for (sink_mps, wanted_mps2) in [(0.6, 1.4), (0.0, -2.0)] {
             let mut landing = in_flight();
-            assert_eq!(go(&mut landing, 60, 0.0, 1.0), Stage::Contact);
+            assert_eq!(go(&mut landing, 60, 0.0, 1.4), Stage::Contact);
             assert_eq!(go(&mut landing, 1, sink_mps, wanted_mps2), Stage::Free);
-            assert_eq!(go(&mut landing, 49, 0.0, 1.0), Stage::Free, "from the beginning");
+            assert_eq!(go(&mut landing, 49, 0.0, 1.4), Stage::Free, "from the beginning");
         }
     }
 
@@ -151,23 +152,23 @@ mod tests {
         let mut landing = in_flight();
         for tick in 0..1000 {
             let position_m = [0.0, 0.0, 0.007 * f64::from(tick)];
-            landing.observe(&Kinematics { position_m, ..Kinematics::default() }, 1.0, TICK_NS);
+            landing.observe(&Kinematics { position_m, ..Kinematics::default() }, 1.4, TICK_NS);
             assert_eq!(landing.stage(), Stage::Free, "tick {tick}");
         }
     }
 
     #[test]
-    fn one_that_slides_or_leans_does_not_disarm() {
+    fn a_vehicle_that_slides_or_leans_does_not_disarm() {
         for (velocity_mps, roll_rad) in [([5.0, 0.0, 0.0], 0.0), ([0.0; 3], 0.35)] {
             let mut landing = in_flight();
             let measured = Kinematics { velocity_mps, attitude_rad: [roll_rad, 0.0, 0.0], ..Kinematics::default() };
-            (0..500).for_each(|_| landing.observe(&measured, 1.0, TICK_NS));
+            (0..500).for_each(|_| landing.observe(&measured, 1.4, TICK_NS));
             assert_eq!(landing.stage(), Stage::Contact);
         }
     }
 
     #[test]
-    fn who_stands_before_the_first_climb_does_not_disarm() {
+    fn a_vehicle_that_stands_before_its_first_climb_does_not_disarm() {
         let mut scenario = Scenario::default();
         scenario.initial.standing = true;
         let mut landing = Landing::new(&scenario);

@@ -176,6 +176,38 @@ fn evidence_advances_by_the_time_between_two_states() {
     assert_ne!(expected, before);
 }
 
+/// Answers without a demand to a vehicle that stands level on the ground, or hovers there where there is none.
+fn on_the_ground(present: bool) -> (Scenario, Vec<Actuators>) {
+    let mut scenario = Scenario::default();
+    scenario.plant.ground.present = present;
+    let mut mixer = Mixer::new(&scenario);
+    let answer = |tick: u64| {
+        let mut state = hover(&scenario, tick);
+        state.measured.attitude_rad[0] = 0.0;
+        mixer.step(tick, &Controls::default(), &state)
+    };
+    let answers = (0..300).map(answer).collect();
+    (scenario, answers)
+}
+
+#[test]
+fn on_the_ground_it_idles_and_then_disarms_for_good() {
+    let (scenario, answers) = on_the_ground(true);
+    let first = |flag: u64| answers.iter().position(|answer| answer.flags == flag);
+    let (contact, disarmed) = (first(flags::GROUND_CONTACT).expect("idle"), first(flags::DISARMED).expect("stopped"));
+    assert!(answers[..contact].iter().all(|answer| answer.flags & !flags::PROJECTED == flags::DESCENDING));
+    assert_eq!((contact, disarmed - contact), (50, 100), "half a second, and a second");
+    assert_eq!(answers[contact].command.rotor_speed, [scenario.idle_speed(); 3]);
+    assert!(answers[disarmed..].iter().all(|answer| answer.command.rotor_speed == [0.0; 3]));
+    assert!(answers.iter().all(|answer| flags::fallback(answer.flags) == (answer.flags & flags::DESCENDING != 0)));
+}
+
+#[test]
+fn where_there_is_no_ground_it_neither_idles_nor_disarms() {
+    let (_, answers) = on_the_ground(false);
+    assert!(answers.iter().all(|answer| answer.flags & !flags::PROJECTED == flags::DESCENDING));
+}
+
 #[test]
 fn a_bad_snapshot_changes_nothing() {
     let scenario = Scenario::default();
