@@ -77,7 +77,7 @@ fn a_flight_that_ends_before_the_rest_has_not_landed() {
 }
 
 #[test]
-fn one_that_trips_over_its_feet_tips_over() {
+fn a_vehicle_that_trips_over_its_feet_tips_over() {
     let trip = [
         "initial.standing=false",
         "initial.position_m=[0, 0, -0.1]",

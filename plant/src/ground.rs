@@ -112,12 +112,9 @@ impl Ground {
         let plane_m = self.settings.down_m;
         let is_struck = self.hubs.iter().chain([&Vector3::zeros()]).any(|part| motion.of(part, plane_m).0 > 0.0);
         let is_hard = !was_on_feet && self.carries(motion) && !self.is_gentle(motion);
-        match (is_struck, was_on_feet) {
-            _ if is_hard => Some(PlantStatus::Crashed),
-            (true, true) => Some(PlantStatus::TippedOver),
-            (true, false) => Some(PlantStatus::Crashed),
-            (false, _) => None,
-        }
+        let has_crashed = is_hard || is_struck && !was_on_feet;
+        let tipped_over = is_struck.then_some(PlantStatus::TippedOver);
+        if has_crashed { Some(PlantStatus::Crashed) } else { tipped_over }
     }
 
     fn is_gentle(&self, motion: &Motion) -> bool {

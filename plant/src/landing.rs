@@ -8,7 +8,7 @@
 //!
 //! A vehicle has landed when it [is at rest](contract::rest) with all feet on the ground and its rotors no faster than idle, for
 //! a second, having slid no farther than `plant.ground.max_slide_m` since it touched down. What the vehicle itself takes for a
-//! landing is the mixer's affair.
+//! landing, the mixer's detector decides.
 
 use contract::Scenario;
 use contract::message::{Kinematics, PlantStatus};
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn who_stands_with_thrust_on_one_foot_or_in_motion_has_not_landed() {
+    fn a_vehicle_with_thrust_on_one_foot_or_in_motion_has_not_landed() {
         for (footing, speed_mps, idle, end) in [
             (Footing::All, 0.0, 5.0, PlantStatus::NotLanded),
             (Footing::Some, 0.0, 1.0, PlantStatus::Slid),
