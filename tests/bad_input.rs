@@ -62,6 +62,12 @@ fn check_refuses_what_fly_refuses() {
             "[mpc]\nq = [0, 0, 0, 1e12, 0, 0, 0]\nr = [1e-12, 1e-12, 1e-12, 1e-12]\nterminal = \"zero\"",
             "`mpc.r` is so small beside `mpc.q`",
         ),
+        ("[mission]\nwaypoints_m = [[0, 0, 0], [1, 2, 3]]", "`mission.trajectory` = \"waypoints\" with it"),
+        (
+            "[[fault]]\nat_s = 100\ntarget = \"mixer\"\nkind = \"kill\"",
+            "a fault at 100.0 s in a flight that ends at 60.0 s",
+        ),
+        ("[[swap]]\nat_s = 100\nnode = \"mixer\"", "a swap at 100.0 s in a flight that ends at 60.0 s"),
         ("airframe.g_mps2 = 1e308", "`airframe.g_mps2` = 1e308 is out of range"),
         ("[[swap]]\nat_s = 1.0\nnode = \"mixer\"\nexec = \"./no-such-mixer\"", "`./no-such-mixer`"),
     ] {

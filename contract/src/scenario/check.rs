@@ -2,6 +2,7 @@
 
 mod faults;
 mod found;
+mod idle;
 mod inertia;
 mod ranges;
 mod swaps;
@@ -20,8 +21,14 @@ use super::{
     Turbulence,
 };
 
-/// Every rule that `scenario` breaks; `merged` is the same settings as a table.
-pub fn violations(scenario: &Scenario, merged: Table, candidate: LoadCandidate) -> Vec<Violation> {
+/// Every rule that `scenario` breaks; `merged` is the same settings as a table: those `given`, on top of the `defaults`.
+pub fn violations(
+    scenario: &Scenario,
+    given: &Table,
+    merged: Table,
+    defaults: &Scenario,
+    candidate: LoadCandidate,
+) -> Vec<Violation> {
     let mut settings = vec![];
     ranges::collect("", Value::Table(merged), &mut settings);
     let mut found = Found::default();
@@ -37,6 +44,7 @@ pub fn violations(scenario: &Scenario, merged: Table, candidate: LoadCandidate) 
         check_mission(&scenario.mission, &mut found);
         check_controller(scenario, &mut found);
         check_deadlines(scenario, &mut found);
+        idle::check(scenario, given, defaults, &mut found);
         if check_counts(scenario, &mut found) {
             for fault in &scenario.fault {
                 faults::check(scenario, fault, &mut found);
@@ -257,26 +265,6 @@ fn check_mission(mission: &Mission, found: &mut Found) {
         ),
         Ramp::Named(RampName::MinJerk) => {}
     }
-    check_circle(mission, found);
-}
-
-/// What describes the circle says something of another trajectory by mistake only.
-fn check_circle(mission: &Mission, found: &mut Found) {
-    let Mission { radius_m, height_m, period_s, laps, .. } = Mission::default();
-    let unlike_default = [
-        ("mission.radius_m", mission.radius_m != radius_m),
-        ("mission.height_m", mission.height_m != height_m),
-        ("mission.period_s", mission.period_s != period_s),
-        ("mission.laps", mission.laps != laps),
-    ];
-    for (key, set) in unlike_default {
-        found.require(
-            !set || mission.trajectory == TrajectoryKind::Circle,
-            &[key, "mission.trajectory"],
-            format!("`{key}` with a trajectory that is no circle"),
-            "`mission.trajectory` = \"circle\" with it",
-        );
-    }
 }
 
 fn check_controller(scenario: &Scenario, found: &mut Found) {
@@ -300,12 +288,6 @@ fn check_controller(scenario: &Scenario, found: &mut Found) {
         &["mpc.nu", "mpc.np"],
         format!("`mpc.nu` = {} is longer than `mpc.np` = {}", mpc.nu, mpc.np),
         "1 <= nu <= np <= 200",
-    );
-    found.require(
-        mpc.law == Law::Mpc || mpc.r_rate == [0.0; 4],
-        &["mpc.r_rate", "mpc.law"],
-        "`mpc.r_rate` with a law that does not weigh changes of its output".into(),
-        "`mpc.law` = \"mpc\" with it",
     );
     found.require(
         match mpc.law {

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use toml::{Table, Value};
 
-use super::load::{given, overlay, sources, with_defaults, without_place};
+use super::load::{defaults_of, given, overlay, sources, with_defaults, without_place};
 use super::report::{Problem, ScenarioError, Source};
 use super::{Scenario, candidate, check, shape};
 
@@ -51,12 +51,12 @@ impl Given {
             let shape = shapes.map(|(key, value)| check_shape(&format!("{key} = {value}"), "")).find_map(Result::err);
             shape.unwrap_or_else(|| ScenarioError::of(error.message().to_owned(), String::new()))
         };
-        let mut merged = with_defaults(given).map_err(wrong_type)?;
+        let mut merged = with_defaults(given.clone()).map_err(wrong_type)?;
         for (key, value) in &elements {
             put(&mut merged, key, value)?;
         }
         let scenario: Scenario = merged.clone().try_into().map_err(wrong_type)?;
-        without_place(check::violations(&scenario, merged, candidate))?;
+        without_place(check::violations(&scenario, &given, merged, &defaults_of(&scenario), candidate))?;
         Ok(scenario)
     }
 }

@@ -43,7 +43,8 @@ pub fn candidate(run: &Scenario, swap: &Swap) -> Result<Scenario, ScenarioError>
 
 /// The settings of a [`candidate`] that [`to_toml`] wrote as `text`; `origin` names the text in errors.
 pub fn candidate_from(text: &str, origin: &str) -> Result<Scenario, ScenarioError> {
-    merge(&[Source { path: Some(origin.into()), text: text.into() }]).map(|(scenario, _)| scenario)
+    let given = given(&[Source { path: Some(origin.into()), text: text.into() }])?;
+    Ok(with_defaults(given).and_then(Table::try_into).expect(READ))
 }
 
 /// Checks `fault` as if it were one of `scenario`, with the same messages.
@@ -70,8 +71,10 @@ pub(super) fn without_place(violations: Vec<check::Violation>) -> Result<(), Sce
 
 /// Lays the sources over each other, later ones above, and checks the result.
 fn resolve(sources: &[Source]) -> Result<Scenario, ScenarioError> {
-    let (scenario, merged) = merge(sources)?;
-    let problems: Vec<Problem> = check::violations(&scenario, merged, candidate)
+    let given = given(sources)?;
+    let merged = with_defaults(given.clone()).expect(READ);
+    let scenario: Scenario = merged.clone().try_into().expect(READ);
+    let problems: Vec<Problem> = check::violations(&scenario, &given, merged, &defaults_of(&scenario), candidate)
         .into_iter()
         .take(MAX_PROBLEMS + 1)
         .map(|violation| Problem {
@@ -81,12 +84,6 @@ fn resolve(sources: &[Source]) -> Result<Scenario, ScenarioError> {
         })
         .collect();
     if problems.is_empty() { Ok(scenario) } else { Err(ScenarioError::new(&problems)) }
-}
-
-/// Lays the sources over each other: the scenario, and as a table.
-fn merge(sources: &[Source]) -> Result<(Scenario, Table), ScenarioError> {
-    let merged = with_defaults(given(sources)?).expect(READ);
-    Ok((merged.clone().try_into().expect(READ), merged))
 }
 
 /// Why settings have the types of a scenario.
@@ -111,11 +108,16 @@ pub(super) fn given(sources: &[Source]) -> Result<Table, ScenarioError> {
 /// `given` on top of the defaults that it chooses.
 pub(super) fn with_defaults(given: Table) -> Result<Table, toml::de::Error> {
     let chosen: Scenario = given.clone().try_into()?;
-    let mut defaults = profile::with_airframe(chosen.profile.into(), chosen.airframe.preset);
-    defaults.plant.sensors = Sensors::from(chosen.plant.sensors.preset);
-    let mut merged = Table::try_from(defaults).expect("profiles have a form in TOML");
+    let mut merged = Table::try_from(defaults_of(&chosen)).expect("profiles have a form in TOML");
     overlay(&mut merged, given);
     Ok(merged)
+}
+
+/// The defaults under the profile and the presets of `chosen`.
+pub(super) fn defaults_of(chosen: &Scenario) -> Scenario {
+    let mut defaults = profile::with_airframe(chosen.profile.into(), chosen.airframe.preset);
+    defaults.plant.sensors = Sensors::from(chosen.plant.sensors.preset);
+    defaults
 }
 
 /// `above` wins; tables merge key by key.

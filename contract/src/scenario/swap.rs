@@ -37,6 +37,9 @@ pub struct Swap {
     /// What the candidate may not do.
     #[serde(default)]
     pub bounds: SwapBounds,
+    /// Whether the flight counts as flown where the candidate did not stay.
+    #[serde(default)]
+    pub may_fail: bool,
 }
 
 /// `swap.bounds`: what a candidate may not do, on standby and active.
@@ -95,7 +98,8 @@ impl Swap {
     /// A swap of `node` with the defaults.
     pub fn new(node: SwapNode, at_s: f64) -> Self {
         let (standby_s, watch_s) = (Self::usual_standby_s(), Self::usual_watch_s());
-        Self { at_s, node, exec: None, set: vec![], standby_s, watch_s, bounds: SwapBounds::default() }
+        let bounds = SwapBounds::default();
+        Self { at_s, node, exec: None, set: vec![], standby_s, watch_s, bounds, may_fail: false }
     }
 
     /// Its ticks at a sample time \[s\], when it is of a node in the ring. At least one of them is spent on standby.

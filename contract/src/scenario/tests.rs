@@ -33,7 +33,7 @@ fn set_takes_toml_and_bare_words() {
         "name=wind step",
         "run.mode=lockstep",
         "mission.ramp_s=min-jerk",
-        "mission.trajectory = \"circle\"",
+        "mission.trajectory = \"waypoints\"",
         "plant.noise={position_m=1e-3}",
         "plant.wind_ned_mps=[[15, [5, 0, 0]]]",
         "plant.drag_linear_nspm=[0.2, 0.2, 0.1]",
@@ -42,7 +42,7 @@ fn set_takes_toml_and_bare_words() {
     .unwrap();
     assert_eq!((scenario.name.as_str(), scenario.run.mode), ("wind step", Mode::Lockstep));
     let mission = (scenario.mission.ramp_s, scenario.mission.trajectory);
-    assert_eq!(mission, (Ramp::Named(RampName::MinJerk), TrajectoryKind::Circle));
+    assert_eq!(mission, (Ramp::Named(RampName::MinJerk), TrajectoryKind::Waypoints));
     assert_eq!(scenario.plant.noise, Noise { position_m: 1e-3, ..Noise::default() });
     assert_eq!(scenario.plant.wind_ned_mps, [(15.0, [5.0, 0.0, 0.0])]);
     assert!(!scenario.mpc.delay_compensation);

@@ -3,6 +3,7 @@
 use toml::Value;
 
 use super::found::Found;
+use super::idle;
 use crate::scenario::{
     Constraints, Fault, FaultKind, FaultTarget, Law, MAX_FAULT_MS, MAX_FAULT_S, Mode, Plant, Scenario,
 };
@@ -30,6 +31,7 @@ pub fn check(scenario: &Scenario, fault: &Fault, found: &mut Found) {
         format!("a fault at {at_s:?} s for {for_s:?} s"),
         "`at_s` and `for_s` of 0 to 86400",
     );
+    idle::check_begin("fault", at_s, fault.ticks(scenario.sample_s()).start, scenario, found);
     let kinds = fault.target.kinds();
     found.require(
         kinds.contains(&fault.kind),

@@ -2,6 +2,7 @@
 
 use super::faults::word;
 use super::found::Found;
+use super::idle;
 use crate::scenario::{FaultKind, FaultTarget, Mode, Scenario, ScenarioError, Swap, SwapNode, SwapTicks};
 
 /// Loads the settings of a swap's candidate on top of the run's, which checks them too.
@@ -13,6 +14,7 @@ const KEYS: [&str; 1] = ["swap"];
 pub fn check(scenario: &Scenario, candidate: LoadCandidate, found: &mut Found) {
     for (i, swap) in scenario.swap.iter().enumerate() {
         check_sizes(swap, found);
+        idle::check_begin("swap", swap.at_s, swap.ticks(scenario.sample_s()).from, scenario, found);
         if !check_node(scenario, swap, found) {
             continue;
         }
@@ -60,7 +62,7 @@ fn check_sizes(swap: &Swap, found: &mut Found) {
 /// Whether the node can be swapped at all.
 fn check_node(scenario: &Scenario, swap: &Swap, found: &mut Found) -> bool {
     let inprocess = scenario.run.mode == Mode::Inprocess;
-    let plain = || Swap { exec: swap.exec.clone(), ..Swap::new(swap.node, swap.at_s) };
+    let plain = || Swap { exec: swap.exec.clone(), may_fail: swap.may_fail, ..Swap::new(swap.node, swap.at_s) };
     let refusal = match swap.node {
         SwapNode::Plant => Some((
             "the plant cannot be swapped: it is the vehicle, and there is no second one to take over from it",

@@ -1,6 +1,7 @@
 //! One case per way to break a rule, and the edges that do not.
 
 use crate::scenario::tests::{check_refused, from_set};
+use crate::scenario::{from_merged, to_toml};
 
 #[test]
 fn numbers_out_of_range_are_refused_with_the_range() {
@@ -102,10 +103,10 @@ fn settings_that_contradict_are_refused() {
         ("mission.ramp_s=5.1", "`mission.ramp_s` = 5.1 does not fit the shortest leg of 10.0 s"),
         (&format!("{waypoints}times_s=[0, 9, 11]}}"), "does not fit the shortest leg of 2.0 s"),
         (&format!("{waypoints}times_s=[0, 9, 9.001], ramp_s=\"spline\"}}"), "\"spline\" with a leg of 0.001"),
-        ("mission.radius_m=40", "`mission.radius_m` with a trajectory that is no circle"),
-        ("mission.height_m=40", "`mission.height_m` with a trajectory that is no circle"),
-        ("mission.period_s=30", "`mission.period_s` with a trajectory that is no circle"),
-        ("mission.laps=2", "`mission.laps` with a trajectory that is no circle"),
+        ("mission.radius_m=40", "`mission.radius_m` has no effect here"),
+        ("mission.height_m=40", "`mission.height_m` has no effect here"),
+        ("mission.period_s=30", "`mission.period_s` has no effect here"),
+        ("mission.laps=2", "`mission.laps` has no effect here"),
         ("mpc.nu=21", "`mpc.nu` = 21 is longer than `mpc.np` = 20"),
         ("mpc.np=4", "`mpc.nu` = 5 is longer than `mpc.np` = 4"),
         ("mpc.actuator_lag_model_s=0.0009", "0 for no lag, or at least 0.001"),
@@ -180,7 +181,6 @@ fn the_edges_of_the_ranges_are_allowed() {
         "mission.ramp_s=5",
         "fault=[{at_s=1, target=\"rates\", kind=\"wrong\", how=\"scale\", value=2}]",
         "fault=[{at_s=1, target=\"state\", kind=\"corrupt\", count=1, probability=0.5}]",
-        "mission={trajectory=\"hover\", ramp_s=60}",
     ] {
         from_set(&[set]).unwrap_or_else(|error| panic!("{set}: {error}"));
     }
@@ -269,5 +269,45 @@ fn a_model_where_it_would_have_no_effect_is_refused() {
     for refused in [&coupled[..1], &[coupled[0], coupled[1], "mpc.law=pid"]] {
         let refused = from_set(refused).expect_err("without effect").to_string();
         assert!(refused.contains("`mpc.model`"), "{refused}");
+    }
+}
+
+#[test]
+fn a_setting_that_its_switch_leaves_unread_is_refused() {
+    let cases = [
+        ("mission.waypoints_m=[[0, 0, 0], [1, 2, 3]]", "`mission.trajectory` = \"waypoints\" with it"),
+        ("mission={trajectory=\"survey\", times_s=[0, 9]}", "`mission.times_s` has no effect here"),
+        ("mission.step_m=[1, 2, 3]", "`mission.trajectory` = \"step\" with it"),
+        ("mission={trajectory=\"hover\", ramp_s=60}", "`mission.ramp_s` has no effect here"),
+        ("mpc={law=\"lqr\", r_rate=[1, 1, 1, 1]}", "`mpc.law` = \"mpc\" with it"),
+        ("mpc.rates_limit_dps=[90, 90, 90]", "`mpc.state_constraints` = \"soft\" with it"),
+        ("plant.ground.friction=0.1", "`plant.ground.friction` has no effect here"),
+        ("plant.turbulence.height_m=20", "`plant.turbulence.wind_at_6m_mps` = a wind above 0 with it"),
+        ("plant.battery.sag=0.2", "`plant.battery.energy_wh` = an energy above 0 with it"),
+        ("plant.wind_roughness_m=0.1", "`plant.wind_ned_mps` = a wind with it"),
+        ("plant.sensors.filter_radps=2", "`plant.sensors.filter` = \"complementary\" with it"),
+        ("fault=[{at_s=60.1, target=\"mixer\", kind=\"kill\"}]", "a fault at 60.1 s in a flight that ends at 60.0 s"),
+        ("swap=[{at_s=61, node=\"mixer\"}]", "a swap at 61.0 s in a flight that ends at 60.0 s"),
+    ];
+    for (set, expected) in cases {
+        check_refused(set, &[expected, "--set ", "^"]);
+    }
+    let paper = from_set(&["profile=paper", "mpc.solver=active-set"]).expect_err("nothing is solved").to_string();
+    assert!(paper.contains("`mpc.constraints` = \"box\" or \"cone\" with it"), "{paper}");
+}
+
+#[test]
+fn a_switch_that_is_turned_off_by_name_leaves_the_others_as_they_are() {
+    for settings in [
+        ["plant.turbulence.height_m=20", "plant.turbulence.wind_at_6m_mps=0"],
+        ["plant.ground.friction=0.1", "plant.ground.present=false"],
+        ["mpc.rates_limit_dps=[90, 90, 90]", "mpc.state_constraints=none"],
+        ["plant.battery.sag=0.2", "plant.battery.energy_wh=0.0"],
+        ["plant.wind_roughness_m=0.1", "plant.wind_ned_mps=[]"],
+        ["fault=[{at_s=60, target=\"mixer\", kind=\"kill\"}]", "run.duration_s=60"],
+        ["mission.waypoints_m=[[0, 0, 0], [0, 0, -8]]", "mission.trajectory=survey"], // the default, as a run's folder has it
+    ] {
+        let scenario = from_set(&settings).unwrap_or_else(|error| panic!("{settings:?}: {error}"));
+        from_merged(&to_toml(&scenario), "scenario.toml").unwrap();
     }
 }
