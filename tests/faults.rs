@@ -122,6 +122,26 @@ fn a_kill_in_real_time_is_survived() {
     }
 }
 
+/// Another process may be active before any message is missing: the kill is detected all the same.
+#[test]
+fn a_kill_without_an_end_is_detected_in_real_time() {
+    for node in NODES {
+        let fault = format!("fault=[{{at_s=0.5, target=\"{node}\", kind=\"kill\"}}]");
+        let patient = "supervision.hang_ms=5000";
+        // At 50 Hz a restart takes about a period.
+        let settings = ["--set", "run.duration_s=1.5", "--set", "run.rate_hz=50", "--set", &fault, "--set", patient];
+        for _ in 0..3 {
+            let outcome = fly(&[&["--mode", "realtime", "--no-log"], &settings[..]].concat());
+            assert_eq!(outcome.code(), Some(0), "{node}: {}", outcome.stderr);
+            let run = outcome.run();
+            check_replaced(&events(&run), node, "died");
+            for key in ["detected_after_s", "recovered_after_s"] {
+                assert!(run["faults"][0][key].as_f64().is_some_and(|after_s| after_s < 0.9), "{}", run["faults"]);
+            }
+        }
+    }
+}
+
 /// The same state machine decides in both: what it does comes in the same order, and only its times differ.
 #[test]
 fn a_node_is_replaced_by_the_same_events_in_lockstep_and_in_real_time() {

@@ -6,11 +6,11 @@
 //! recovered   the first tick after the fault's end, and after the detection, from which no witness shows harm
 //! ```
 //!
-//! Only messages are looked at, and of each topic by itself: their order between topics does not matter.
+//! Messages are looked at of each topic by itself: their order between topics does not matter.
 //!
 //! | target | struck are | witnesses | harm is |
 //! |---|---|---|---|
-//! | process | the ticks of its time | its own topic | a tick without a message |
+//! | process | the ticks of its time | its own topic, the launcher | a tick without a message, an event of its end |
 //! | STATE | its marked messages | REFERENCE, CONTROLS, ACTUATORS | an input that was old, missing or bad |
 //! | REFERENCE | its marked messages | CONTROLS, ACTUATORS | the same |
 //! | CONTROLS | its marked messages | ACTUATORS | the same |
@@ -23,14 +23,15 @@
 //! | an intruder on a topic | the ticks of its time | those of the topic | the same |
 //!
 //! A process is back when another one sends in its place: its recovery is counted from the detection, all others from the
-//! end of the fault.
+//! end of the fault. Against the clock the next one may be back before any message is missing: then the launcher alone has
+//! seen the end of the one before.
 
 use contract::message::{Controls, SolveStatus, guidance_flags, mixer_flags};
 use contract::scenario::{Fault, FaultKind, FaultTarget};
 use contract::topic::Topic;
 use serde_json::{Value, json};
 
-use flight::event::name;
+use flight::event::{Event, What, name};
 use flight::log::Record;
 
 /// A process that has left so many samples without an answer shows its fault.
@@ -83,12 +84,13 @@ impl Faults {
         self.watched.iter_mut().for_each(|watched| watched.observe(record));
     }
 
-    pub fn to_json(&self) -> Value {
-        self.watched.iter().map(Watched::to_json).collect()
+    /// The account of a flight with these `events`.
+    pub fn to_json(&self, events: &[Event]) -> Value {
+        self.watched.iter().map(|watched| watched.to_json(events)).collect()
     }
 
-    pub fn describe(&self) -> Vec<String> {
-        self.watched.iter().map(Watched::describe).collect()
+    pub fn describe(&self, events: &[Event]) -> Vec<String> {
+        self.watched.iter().map(|watched| watched.describe(events)).collect()
     }
 }
 
@@ -168,25 +170,44 @@ impl Watched {
         }
     }
 
-    fn detected(&self) -> Option<u64> {
+    fn detected(&self, events: &[Event]) -> Option<u64> {
         let injected = self.injected()?;
         if let Some(course) = self.process() {
             let silent = course.last.filter(|last| self.newest.saturating_sub(*last) >= UNANSWERED);
-            return course.first(injected, true).or(silent.map(|last| last + 1));
+            let missing = course.first(injected, true).or(silent.map(|last| last + 1));
+            return [missing, self.first_event(injected, &[What::Died, What::Hung], events)]
+                .into_iter()
+                .flatten()
+                .min();
         }
         let first = self.courses.iter().filter_map(|course| course.first(injected, true)).min();
         let grace = (GRACE_S * f64::from(self.rate_hz)) as u64;
         first.filter(|first| self.ended().is_none_or(|ended| *first < ended.saturating_add(grace)))
     }
 
-    fn recovered(&self) -> Option<u64> {
-        let (injected, detected) = (self.injected()?, self.detected()?);
+    fn recovered(&self, events: &[Event]) -> Option<u64> {
+        let (injected, detected) = (self.injected()?, self.detected(events)?);
         if let Some(course) = self.process() {
-            return course.first(detected, false);
+            let is_missing = course.first(detected, true) == Some(detected);
+            let next = || self.first_event(detected, &[What::TookOver], events);
+            return if is_missing { course.first(detected, false) } else { next() };
         }
         let from = self.ended()?.max(detected);
         let mut harmed = self.courses.iter().filter(|course| course.first(injected, true).is_some());
         harmed.try_fold(from, |latest, course| Some(latest.max(course.first(from, false)?)))
+    }
+
+    /// The tick of the first of these events from `tick` on that a process of the struck node had which was ever active.
+    fn first_event(&self, tick: u64, what: &[What], events: &[Event]) -> Option<u64> {
+        let node = self.fault.target.process()?.publisher();
+        let mut active_epochs = vec![1];
+        events.iter().filter(|event| event.node == node).find_map(|event| {
+            if event.what == What::TookOver {
+                active_epochs.push(event.epoch);
+            }
+            let is_it = event.tick >= tick && what.contains(&event.what) && active_epochs.contains(&event.epoch);
+            is_it.then_some(event.tick)
+        })
     }
 
     /// Ticks as time \[s\], to the nearest number, so that it prints as short as it is.
@@ -195,15 +216,15 @@ impl Watched {
     }
 
     /// From the injection to the detection, and from there or from the fault's end to the recovery \[s\].
-    fn delays_s(&self) -> [Option<f64>; 2] {
-        let (injected, ended, detected) = (self.injected(), self.ended(), self.detected());
+    fn delays_s(&self, events: &[Event]) -> [Option<f64>; 2] {
+        let (injected, ended, detected) = (self.injected(), self.ended(), self.detected(events));
         let since = if self.process().is_some() { detected } else { ended };
-        [(detected, injected), (self.recovered(), since)]
+        [(detected, injected), (self.recovered(events), since)]
             .map(|(to, from)| Some(self.seconds(to?.saturating_sub(from?))))
     }
 
-    fn to_json(&self) -> Value {
-        let [detected_after_s, recovered_after_s] = self.delays_s();
+    fn to_json(&self, events: &[Event]) -> Value {
+        let [detected_after_s, recovered_after_s] = self.delays_s(events);
         json!({
             "target": self.fault.target,
             "kind": self.fault.kind,
@@ -216,12 +237,12 @@ impl Watched {
         })
     }
 
-    fn describe(&self) -> String {
+    fn describe(&self, events: &[Event]) -> String {
         let Some(injected) = self.injected() else {
             return format!("{} at {} s: never struck", what(&self.fault), self.fault.at_s);
         };
         let course = course(&self.fault, self.seconds(injected));
-        match self.delays_s() {
+        match self.delays_s(events) {
             // Wind, or a fault that the flight tolerates: there is nothing to recover from.
             [None, _] => format!("{course}: not detected"),
             [Some(detected_s), None] => format!("{course}: detected after {detected_s:.2} s, not recovered"),

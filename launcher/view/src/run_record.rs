@@ -121,7 +121,7 @@ pub fn reservations(summary: &Summary, scenario: &Scenario, how: &Circumstances)
 pub fn run_json(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> Value {
     let metrics = summary.metrics();
     let flown_s = summary.time_s();
-    let (faults, events) = (summary.faults.to_json(), events(scenario, &how.events));
+    let (faults, events) = (summary.faults.to_json(&how.events), events(scenario, &how.events));
     let happened = Happenings::new(&faults, &events);
     json!({
         "name": scenario.name,
@@ -239,7 +239,7 @@ pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
         line("phases", all.join(", "));
     }
     line("solver", summary.solves.describe());
-    for fault in summary.faults.describe() {
+    for fault in summary.faults.describe(&how.events) {
         line("fault", fault);
     }
     for events in describe_events(&how.events, scenario.sample_s()) {
@@ -272,7 +272,7 @@ pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
     if let Some(timing) = &summary.timing
         && scenario.run.mode == Mode::Realtime
     {
-        let happened = Happenings::new(&summary.faults.to_json(), &events(scenario, &how.events));
+        let happened = Happenings::new(&summary.faults.to_json(&how.events), &events(scenario, &how.events));
         text.push_str(&timing.describe(&happened));
     }
     text

@@ -13,7 +13,7 @@ use super::case::{AT_S, BACK_S, Case, FOR_S, Promise};
 use crate::flights::{in_process, through_processes};
 use flight::event::name;
 use flight::log::Record;
-use flight::stack::Ended;
+use flight::stack::{Ended, Flown};
 use view::faults::reacts;
 use view::summary::Summary;
 use view::ticks::length_m;
@@ -76,7 +76,7 @@ impl FaultFlight {
         let mut watch = Watch::new(&scenario);
         let (summary, flown) = through_processes(&scenario, interrupts, |record| watch.observe(record))
             .with_context(|| format!("the flight with {fault} in lockstep"))?;
-        let course = watch.course(&summary, &flown.ended);
+        let course = watch.course(&summary, &flown);
         Ok(Self {
             fault,
             promise: case.promise(course.blind_s, course.cut && scenario.profile == Profile::Paper),
@@ -167,12 +167,12 @@ impl Watch {
         }
     }
 
-    fn course(self, summary: &Summary, ended: &Ended) -> Course {
-        let fault = &summary.faults.to_json()[0];
+    fn course(self, summary: &Summary, flown: &Flown) -> Course {
+        let fault = &summary.faults.to_json(&flown.events)[0];
         Course {
             detected_after_s: fault["detected_after_s"].as_f64(),
             recovered_after_s: fault["recovered_after_s"].as_f64(),
-            diverged: matches!(ended, Ended::Lost(_)) || summary.status().diverged(),
+            diverged: matches!(flown.ended, Ended::Lost(_)) || summary.status().diverged(),
             missed: summary.missed(),
             state_hash: summary.state_hash(),
             ..self.course

@@ -6,7 +6,7 @@ use contract::stamp::delivery;
 type Told = [Option<f64>; 3];
 
 fn told(faults: &Faults) -> Told {
-    ["injected_at_s", "detected_after_s", "recovered_after_s"].map(|key| faults.to_json()[0][key].as_f64())
+    ["injected_at_s", "detected_after_s", "recovered_after_s"].map(|key| faults.to_json(&[])[0][key].as_f64())
 }
 
 /// A fault from 0.1 s on, after these messages at 100 Hz.
@@ -65,9 +65,9 @@ fn a_fault_is_followed_from_its_first_tick_to_the_recovery() {
     ];
     for (what, for_s, runs, expected, words) in cases {
         let faults = solver(for_s, runs);
-        assert_eq!((told(&faults), faults.describe()), (expected, vec![line(words)]), "{what}");
+        assert_eq!((told(&faults), faults.describe(&[])), (expected, vec![line(words)]), "{what}");
     }
-    let plain = solver(Some(0.03), &[(30, Explicit)]).to_json()[0].clone();
+    let plain = solver(Some(0.03), &[(30, Explicit)]).to_json(&[])[0].clone();
     let keys = ["target", "kind", "at_s", "for_s", "ended_at_s"].map(|key| plain[key].clone());
     assert_eq!(json!(keys), json!(["mpc", "iteration-cap", 0.1, 0.03, 0.13]));
 }
@@ -95,7 +95,7 @@ fn a_fault_that_comes_or_ends_while_flying_is_followed_too() {
         faults.observe(&solve(tick, if harmed { SolveStatus::Fallback } else { SolveStatus::Explicit }));
     }
     let line = "mpc nan from 0.10 s for 0.1 s: detected after 0.00 s, recovered after 0.00 s";
-    assert_eq!(faults.describe()[1], line);
+    assert_eq!(faults.describe(&[])[1], line);
 }
 
 /// A fault from 0.1 s to 0.15 s after these messages.
@@ -164,4 +164,23 @@ fn sensors_and_rotors_are_struck_by_the_clock() {
     let over = commands(16..30, mixer_flags::TERMINATED | mixer_flags::CUT);
     assert_eq!(short(FaultTarget::Rotor2, FaultKind::Off, &over), [Some(0.1), Some(0.06), None]);
     assert_eq!(short(FaultTarget::Wind, FaultKind::Gust, &over), [Some(0.1), None, None], "no message shows wind");
+}
+
+#[test]
+fn a_process_that_is_back_before_a_message_is_missing_was_detected_by_its_end() {
+    let mut faults = Faults::new(&[Fault::new(FaultTarget::Mixer, FaultKind::Kill, 0.1, None)], 100);
+    (0..40).for_each(|tick| faults.observe(&at(tick, Actuators::default()).into()));
+    let event = |tick, node: &str, epoch, what| Event::new(tick, node, epoch, what);
+    let events = [
+        event(3, "mixer", 9, What::Died), // before the fault
+        event(9, "mixer", 4, What::Started).begins(Some(0)),
+        event(10, "guidance", 1, What::Died),
+        event(10, "mixer", 4, What::Died), // a candidate
+        event(10, "mixer", 1, What::Died),
+        event(11, "mixer", 5, What::TookOver),
+    ];
+    let line = "mixer kill at 0.10 s: detected after 0.00 s, recovered after 0.01 s";
+    assert_eq!(faults.describe(&events), [line]);
+    assert_eq!(faults.describe(&events[..4]), ["mixer kill at 0.10 s: not detected"]);
+    assert_eq!(faults.describe(&events[..5]), ["mixer kill at 0.10 s: detected after 0.00 s, not recovered"]);
 }
