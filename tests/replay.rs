@@ -31,7 +31,7 @@ fn assert_repeats(run: &Path) {
 const KILLED_AND_SWAPPED: [&str; 4] = [
     "--set=fault=[{ at_s = 0.5, target = \"attitude-mpc\", kind = \"kill\" }, { at_s = 2.6, for_s = 0.2, target = \
      \"controls\", kind = \"drop\" }, { at_s = 3.0, for_s = 0.2, target = \"guidance\", kind = \"stop\" }]",
-    "--set=swap=[{ at_s = 1.0, node = \"mixer\", standby_s = 0.5, watch_s = 0.5 }]",
+    "--set=swap=[{ at_s = 1.0, node = \"mixer\", standby_s = 0.5, watch_s = 0.5, may_fail = true }]",
     "--set=run.duration_s=3.5",
     "--set=supervision.hang_ms=5000",
 ];

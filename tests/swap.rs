@@ -11,9 +11,9 @@ const NODES: [(&str, &str); 3] = [("guidance", "reference"), ("attitude-mpc", "c
 const STANDBY_S: f64 = 0.2;
 const WATCH_S: f64 = 0.3;
 
-/// One swap, as a setting spells it, with what else it has.
+/// One swap that may fail, as a setting spells it, with what else it has.
 fn swap(at_s: f64, node: &str, more: &str) -> String {
-    format!("{{at_s={at_s}, node=\"{node}\", standby_s={STANDBY_S}, watch_s={WATCH_S}{more}}}")
+    format!("{{at_s={at_s}, node=\"{node}\", standby_s={STANDBY_S}, watch_s={WATCH_S}, may_fail=true{more}}}")
 }
 
 /// One fault of a candidate from `at_s` on, by the way in which it is wrong.
@@ -164,7 +164,9 @@ fn a_swap_whose_program_cannot_be_started_is_rejected_with_the_reason_and_spoils
     let program = folder.path().join("program"); // is there, and can be executed, but for its interpreter
     std::fs::write(&program, "#!/no/such/interpreter\n").expect("can be written");
     std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).expect("they can be set");
-    let outcome = flown(&[swap(1.0, "mixer", &format!(", exec='{}'", program.display()))], "lockstep");
+    let swap =
+        swap(1.0, "mixer", &format!(", exec='{}'", program.display())).replace("may_fail=true", "may_fail=false");
+    let outcome = flown(&[swap], "lockstep");
     let run = outcome.run();
     let events = run["events"].as_array().expect("events").iter().filter(|event| event["node"] == "mixer");
     let told: Vec<_> = events.map(|event| (event["what"].as_str().expect("a word"), event["why"].as_str())).collect();
@@ -173,10 +175,56 @@ fn a_swap_whose_program_cannot_be_started_is_rejected_with_the_reason_and_spoils
         assert!(why.contains("cannot start /") && why.contains("No such file"), "{told:?}");
     }
     assert!(told.iter().all(|event| event.0 != "died"), "{told:?}");
-    assert!(
-        run["ended"].as_str().is_some_and(|ended| ended.contains("without the swap of mixer: cannot start")),
-        "{run}"
-    );
+    assert!(but(&run).contains("the swap of mixer at 1.00 s was rejected: cannot start"), "{run}");
     assert_eq!(outcome.code(), Some(1), "{}", outcome.stderr);
     assert_eq!(run["state_hash"], self::flown(&[], "lockstep").run()["state_hash"], "the old process flies on");
+}
+
+/// What else a reader of run.json must know.
+fn but(run: &Value) -> String {
+    let told = run["but"].as_array().expect("a list").iter();
+    told.map(|told| told.as_str().expect("text").to_owned()).collect::<Vec<_>>().join("; ")
+}
+
+/// A scenario whose controller never flew, or flew for a while, is no success of that controller.
+#[test]
+fn a_swap_that_did_not_stay_is_told_and_spoils_the_exit_code_unless_it_may_fail() {
+    let standby = |way| format!(", set=['{}']", wrong(way, 1.05, "attitude-mpc", "controls"));
+    let active = format!(", set=['{}']", wrong("nan", 1.25, "attitude-mpc", "controls"));
+    let undecided = swap(6.8, "attitude-mpc", "");
+    let cases = [
+        (swap(1.0, "attitude-mpc", &standby("nan")), "at 1.00 s was rejected: an answer at 1.07 s that cannot be used"),
+        (swap(1.0, "attitude-mpc", &standby("silent")), "at 1.00 s was rejected: no answer at 1.07 s"),
+        (swap(1.0, "attitude-mpc", &standby("slow")), "at 1.00 s was rejected: "),
+        (swap(1.0, "attitude-mpc", &standby("exit")), "at 1.00 s was rejected: it died"),
+        (swap(1.0, "attitude-mpc", &active), "at 1.00 s was returned: an answer at 1.27 s that cannot be used"),
+        (undecided, "at 6.80 s was not decided before the flight ended"),
+    ];
+    for (swap, expected) in cases {
+        for (swap, code) in [(swap.clone(), 0), (swap.replace("may_fail=true", "may_fail=false"), 1)] {
+            let outcome = flown(&[swap], "inprocess");
+            assert_eq!(outcome.code(), Some(code), "{expected}: {}", outcome.stderr);
+            let but = but(&outcome.run());
+            assert!(but.starts_with(&format!("the swap of attitude-mpc {expected}")), "{but}");
+            assert!(!but.contains("failed in flight"), "it was the candidate: {but}");
+        }
+    }
+}
+
+#[test]
+fn a_program_that_ends_at_once_is_named_as_the_candidate() {
+    let outcome = crate::harness::launcher()
+        .args(["fly", HOVER, "--mode", "lockstep", "--no-log", "--set", "run.duration_s=2.0", "--set"])
+        .arg("swap=[{at_s=1, node='attitude-mpc', exec='/bin/true'}]")
+        .args(["--namespace", &crate::harness::namespace(), "--out"])
+        .arg(tempfile::tempdir().expect("a temporary folder").path().join("run"))
+        .output()
+        .expect("the launcher runs");
+    let said = String::from_utf8_lossy(&outcome.stdout).into_owned();
+    assert_eq!(outcome.status.code(), Some(1), "{said}");
+    assert!(
+        said.starts_with("hover-gusts: flown to the end, 2.00 s, but the swap of attitude-mpc at 1.00 s was rejected"),
+        "{said}"
+    );
+    assert!(said.contains("candidate of attitude-mpc started, ") && !said.contains("attitude-mpc failed"), "{said}");
 }

@@ -68,9 +68,9 @@ fn what_was_swapped_by_hand_can_be_flown_again() {
     let said = swapped(&ns, &["attitude-mpc", "--set", "mpc.law=lqr", "--bounds", PATIENT], 0);
     assert!(said.contains("epoch 2 on-standby") && said.contains("epoch 2 kept"), "{said}");
     let garbage = "fault=[{at_s=0, target=\"controls\", kind=\"garbage\"}]";
-    let said = swapped(&ns, &["attitude-mpc", "--set", garbage], 1);
+    let said = swapped(&ns, &["attitude-mpc", "--set", garbage, "--may-fail"], 1);
     assert!(said.contains("cannot be used"), "{said}");
-    swapped(&ns, &["mixer", "--exec", "/bin/false"], 1);
+    swapped(&ns, &["mixer", "--exec", "/bin/false", "--may-fail"], 1);
     let said = swapped(&ns, &["mixer", "--bounds", PATIENT, "--json"], 0);
     let story: Value = serde_json::from_str(&said).expect("JSON");
     assert_eq!(story.as_array().and_then(|story| story.last()).map(|event| &event["what"]), Some(&json!("kept")));
@@ -108,7 +108,7 @@ fn another_program_may_take_over_if_it_does_its_work() {
     let said = swapped(&ns, &["attitude-mpc", "--exec", &own_controller(), "--bounds", &bounds], 0);
     assert!(said.contains("kept"), "{said}");
     let outcome = flight.finish();
-    assert_eq!(outcome.code(), Some(0), "{}", outcome.stderr);
+    assert_eq!(outcome.code(), Some(1), "the first was not allowed to fail: {}", outcome.stderr);
     assert_eq!(endings(&outcome.run(), "attitude-mpc"), ["rejected", "kept"]);
     assert_eq!(shared_memory_of(&ns), Vec::<String>::new());
 }

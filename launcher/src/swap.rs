@@ -7,9 +7,12 @@ use contract::exit;
 use contract::scenario::{Swap, SwapBounds, SwapNode, suggest};
 use runtime::domain::Domain;
 use runtime::realtime::{ControlPage, phase};
+use serde::Deserialize;
 use serde_json::{Map, Value};
 
 use flight::control::{Request, ask};
+use flight::event::Event;
+use flight::swap_story::{SwapStory, stayed};
 
 use crate::command::word;
 use crate::target::{self, TargetArgs};
@@ -23,7 +26,8 @@ const LOOK: Duration = Duration::from_millis(50);
 #[derive(clap::Args)]
 #[command(after_help = "A recorder has neither settings nor a trial: it takes over as soon as it records, and --set, \
 --standby, --watch and --bounds are refused for it.\n\nExit codes: 0 the candidate stays; 1 it was sent away, and the old one \
-is active; 2 the swap is refused; 3 the flight ended first.")]
+is active; 2 the swap is refused; 3 the flight ended first. The flight itself ends with 1 if the candidate does not stay, unless \
+--may-fail was given.")]
 pub struct SwapArgs {
     /// guidance, attitude-mpc, mixer or recorder
     pub node: String,
@@ -40,6 +44,9 @@ pub struct SwapArgs {
     /// How long the old one stands by after the hand-over
     #[arg(long, default_value = "3s", value_parser = seconds)]
     pub watch: f64,
+    /// The flight counts as flown even if the candidate does not stay
+    #[arg(long)]
+    pub may_fail: bool,
     /// What the candidate may not do: `--bounds difference=0.25,similarity=-0.5,ticks=3,tilt_deg=40,error_m=2`
     #[arg(long, value_name = "KEY=VALUE,...", default_value = "", value_parser = bounds)]
     pub bounds: SwapBounds,
@@ -55,33 +62,36 @@ pub fn swap(args: &SwapArgs) -> anyhow::Result<u8> {
     let node: SwapNode = word("node", &args.node)?;
     let exec = args.exec.as_deref().map(program).transpose()?;
     let (set, standby_s, watch_s) = (args.set.clone(), args.standby, args.watch);
-    let swap = Swap { exec, set, standby_s, watch_s, bounds: args.bounds, ..Swap::new(node, 0.0) };
+    let (bounds, may_fail) = (args.bounds, args.may_fail);
+    let swap = Swap { exec, set, standby_s, watch_s, bounds, may_fail, ..Swap::new(node, 0.0) };
     let domain = args.stack.find()?;
     let flight = target::describe(&domain);
     let ordered = ask(&domain, &Request::Swap(swap)).map_err(|error| anyhow!("{error:#}\nin {flight}"))?;
     if !args.json {
         print(&format!("{} of {flight}\n", node.name()));
     }
+    let number = ordered["swap"].as_u64().context("the launcher does not say which swap it is")? as usize;
     let mut told = ordered["since"].as_u64().context("the launcher does not say which events are to come")? as usize;
-    let mut story = vec![];
-    let ending = loop {
+    let (mut story, mut events) = (vec![], vec![]);
+    let has_stayed = loop {
         let Some(news) = news(&domain, told)? else {
             eprint_line("the flight ended before the swap did");
             return Ok(exit::PROCESS_LOST);
         };
         told += news.len();
+        events.extend(news.iter().filter_map(|event| Event::deserialize(event).ok()));
         let known = story.len();
         story.extend(news.into_iter().filter(|event| event["node"] == node.name()));
         story[known..].iter().filter(|_| !args.json).for_each(|event| print(&line(event)));
-        if let Some(ending) = ending(&story, &ordered["swap"]) {
-            break ending;
+        if let Some(end) = SwapStory::of(&events, number).and_then(|story| story.end()) {
+            break stayed(end);
         }
         std::thread::sleep(LOOK);
     };
     if args.json {
         print(&(serde_json::to_string_pretty(&story)? + "\n"));
     }
-    Ok(if ["kept", "took-over"].contains(&ending) { exit::FLOWN } else { exit::OUT_OF_BOUNDS })
+    Ok(if has_stayed { exit::FLOWN } else { exit::OUT_OF_BOUNDS })
 }
 
 /// What has happened from event number `since` on; `None` when the flight is over.
@@ -95,19 +105,6 @@ fn news(domain: &Domain, since: usize) -> anyhow::Result<Option<Vec<Value>>> {
 
 fn flies(domain: &Domain) -> bool {
     domain.is_live() && ControlPage::open(&domain.file("page")).is_ok_and(|page| page.phase.count() == phase::GO)
-}
-
-/// What has become of swap number `swap`, by the `story` of its node, when it is over.
-fn ending<'a>(story: &'a [Value], swap: &Value) -> Option<&'a str> {
-    let begun = story.iter().position(|event| event["swap"] == *swap)?;
-    let (node, epoch) = (&story[begun]["node"], &story[begun]["epoch"]);
-    // A recorder has no trial.
-    let ends: &[&str] = if node == "recorder" { &["took-over", "rejected"] } else { &["kept", "rejected", "returned"] };
-    let is_end = |event: &&Value| {
-        let what = event["what"].as_str().unwrap_or_default();
-        event["epoch"] == *epoch && ends.contains(&what) || what == "given-up"
-    };
-    story[begun..].iter().find(is_end)?["what"].as_str()
 }
 
 /// The whole path of a program: the launcher that starts it may stand in another folder.
@@ -136,25 +133,6 @@ fn bounds(text: &str) -> Result<SwapBounds, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use serde_json::json;
-
-    #[test]
-    fn a_swap_ends_with_its_own_candidate() {
-        let told = |node: &str, events: &[(u32, &str, Option<u32>)]| {
-            let one = |(epoch, what, swap): &(u32, &str, Option<u32>)| json!({ "node": node, "epoch": epoch, "what": what, "swap": swap });
-            let story: Vec<Value> = events.iter().map(one).collect();
-            ending(&story, &json!(1)).map(str::to_owned)
-        };
-        let before = [(2, "kept", None), (3, "started", Some(0)), (3, "rejected", None)];
-        assert_eq!(told("mixer", &before), None, "another swap's");
-        let begun = [&before[..], &[(4, "started", Some(1)), (1, "died", None), (4, "took-over", None)]].concat();
-        assert_eq!(told("mixer", &begun), None);
-        assert_eq!(told("recorder", &begun).as_deref(), Some("took-over"));
-        let over = [&begun[..], &[(4, "returned", None), (5, "started", Some(2)), (5, "kept", None)]].concat();
-        assert_eq!(told("mixer", &over).as_deref(), Some("returned"));
-        let lost = [&begun[..], &[(5, "given-up", None)]].concat();
-        assert_eq!(told("mixer", &lost).as_deref(), Some("given-up"));
-    }
 
     #[test]
     fn bounds_are_the_scenarios() {

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | passed | is one for which `launcher fly` ends with 0: flown, inside its bounds, with every process it began with or replaced |
 //! | failed | is any other that was flown |
-//! | invalid | could not be flown: its settings do not go together, or a swap could not be tried. It counts as neither |
+//! | invalid | could not be flown: its settings do not go together. It counts as neither |
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -12,7 +12,6 @@ use anyhow::{anyhow, ensure};
 use contract::Scenario;
 use contract::exit;
 use contract::message::State;
-use flight::event::untried;
 use flight::inprocess::{self, Flown};
 use flight::log::Record;
 use flight::settings;
@@ -133,11 +132,7 @@ fn try_to_fly(
         port_failures: vec![],
     };
     let passed = exit_code(&summary, scenario, &how) == exit::FLOWN;
-    let verdict = match passed {
-        true => Verdict::Passed,
-        false if untried(&how.events).is_some() => Verdict::Invalid,
-        false => Verdict::Failed,
-    };
+    let verdict = if passed { Verdict::Passed } else { Verdict::Failed };
     let failed_at_s = (verdict == Verdict::Failed).then(|| summary.failed_at_s(scenario).unwrap_or(summary.time_s()));
     let metrics = summary.metrics();
     let mut cells = vec![

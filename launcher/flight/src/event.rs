@@ -23,7 +23,8 @@ use crate::limits::REASON_CHARS;
 /// Something that happened to a process.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Event {
-    /// The tick of the plant then; where a recorder died, that of the launcher's look.
+    /// The tick of the plant then; where a recorder died, that of the launcher's look. In run.json its time stands instead.
+    #[serde(default)]
     pub tick: u64,
     pub node: String,
     pub epoch: u32,
@@ -105,13 +106,6 @@ impl Event {
     pub fn begins(self, swap: Option<usize>) -> Self {
         Self { swap, ..self }
     }
-}
-
-/// The first candidate that could not even be tried.
-pub fn untried(events: &[Event]) -> Option<&Event> {
-    let of = |event: &Event, what| (event.what == what).then_some((event.node.clone(), event.epoch));
-    let missing: Vec<_> = events.iter().filter_map(|event| of(event, What::NotStarted)).collect();
-    events.iter().find(|event| of(event, What::Rejected).is_some_and(|who| missing.contains(&who)))
 }
 
 /// Makes reading from and writing to `pipe` never wait.

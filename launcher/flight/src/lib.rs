@@ -8,6 +8,7 @@
 //! | [`roles`] | who runs a node: one state machine, three drivers |
 //! | [`intruder`] | a process that does not belong to a run, as a fault |
 //! | [`event`] | what happens to processes, and how the recorder learns of it |
+//! | [`swap_story`] | what became of each swap, by the events |
 //! | [`recorder`] | the fifth process: every message to `flight.mcap` |
 //! | [`log`] | the flight log's format |
 //! | [`replay`] | a flight flown again from its log |
@@ -40,6 +41,7 @@ pub mod replay;
 pub mod roles;
 pub mod settings;
 pub mod stack;
+pub mod swap_story;
 
 /// This program, for another process of it: the file that runs here, whatever has its name by now.
 pub fn own_program() -> Command {

@@ -12,9 +12,10 @@ use serde_json::{Value, json};
 use crate::bounds::{self, BoundCheck};
 use crate::happenings::Happenings;
 use crate::summary::Summary;
-use flight::event::{Event, What, events, name, untried};
+use flight::event::{Event, What, events, name};
 use flight::recorder::LogOutcome;
 use flight::stack::{Ended, PortFailures, Refused};
+use flight::swap_story::{FailedSwap, of_candidates};
 
 /// What is known of a run besides its messages.
 pub struct Circumstances {
@@ -39,7 +40,7 @@ pub fn exit_code(summary: &Summary, scenario: &Scenario, how: &Circumstances) ->
         Ended::Lost(_) | Ended::Unseen(_) => exit::PROCESS_LOST,
         Ended::Late(_) => exit::BUDGET_BROKEN,
         Ended::Flown if log_lost => exit::PROCESS_LOST,
-        Ended::Flown if summary.status().failed() || untried(&how.events).is_some() => exit::OUT_OF_BOUNDS,
+        Ended::Flown if summary.status().failed() || spoiling_swap(scenario, how).is_some() => exit::OUT_OF_BOUNDS,
         Ended::Flown if bounds::check(scenario, &summary.metrics()).iter().any(|v| !v.ok) => exit::OUT_OF_BOUNDS,
         Ended::Flown => exit::FLOWN,
     }
@@ -53,12 +54,17 @@ pub fn cause(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> Str
         Ended::Late(name) => format!("late {name}"),
         Ended::Unseen(_) => "not seen whole".into(),
         Ended::Flown if summary.status().failed() => summary.status().describe().into(),
-        Ended::Flown if untried(&how.events).is_some() => "swap not tried".into(),
         Ended::Flown => {
             let outside = bounds::check(scenario, &summary.metrics()).into_iter().find(|bound| !bound.ok);
-            outside.map_or(String::new(), |bound| bound.words[0].into())
+            let swap = || spoiling_swap(scenario, how).map(|failed| format!("a swap {}", failed.name()));
+            outside.map(|bound| bound.words[0].into()).or_else(swap).unwrap_or_default()
         }
     }
+}
+
+/// The first swap that did not stay and that may not fail.
+fn spoiling_swap<'a>(scenario: &'a Scenario, how: &'a Circumstances) -> Option<FailedSwap<'a>> {
+    FailedSwap::all(scenario, &how.events).into_iter().find(|failed| !failed.swap.may_fail)
 }
 
 pub fn describe_end(summary: &Summary, how: &Circumstances) -> String {
@@ -72,14 +78,8 @@ pub fn describe_end(summary: &Summary, how: &Circumstances) -> String {
             format!("{} at {t:.2} s", summary.status().describe())
         }
         Ended::Flown if summary.status().diverged() => format!("diverged at {t:.2} s: {}", summary.status().describe()),
-        Ended::Flown => match untried(&how.events) {
-            None if summary.status() == PlantStatus::Landed => format!("flown to the end, {t:.2} s, and landed"),
-            None => format!("flown to the end, {t:.2} s"),
-            Some(Event { node, why, .. }) => {
-                let why = why.as_deref().unwrap_or("it could not be started");
-                format!("flown to the end, {t:.2} s, without the swap of {node}: {why}")
-            }
-        },
+        Ended::Flown if summary.status() == PlantStatus::Landed => format!("flown to the end, {t:.2} s, and landed"),
+        Ended::Flown => format!("flown to the end, {t:.2} s"),
     }
 }
 
@@ -99,8 +99,11 @@ pub fn reservations(summary: &Summary, scenario: &Scenario, how: &Circumstances)
     if metrics.fallback_s > 0.0 && !outside.iter().any(|bound| bound.metric == "max_fallback_s") {
         told.push(format!("mixer on its fallback for {:.2} s", metrics.fallback_s));
     }
-    let failed = |event: &&Event| matches!(event.what, What::Died | What::Hung | What::GivenUp);
-    let mut nodes: Vec<&str> = how.events.iter().filter(failed).map(|event| event.node.as_str()).collect();
+    told.extend(FailedSwap::all(scenario, &how.events).iter().map(FailedSwap::describe));
+    let failed = |event: &Event| matches!(event.what, What::Died | What::Hung | What::GivenUp);
+    let events = how.events.iter().zip(of_candidates(&how.events));
+    let failed = events.filter(|(event, is_of_candidate)| failed(event) && !is_of_candidate);
+    let mut nodes: Vec<&str> = failed.map(|(event, _)| event.node.as_str()).collect();
     nodes.sort_unstable();
     nodes.dedup();
     if !nodes.is_empty() {
@@ -251,7 +254,7 @@ pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
     }
     if let Some(log) = &how.log {
         let dropped = if log.dropped == 0 { String::new() } else { format!(", {} dropped", log.dropped) };
-        let error = if log.error.is_some() { "; it ends early" } else { "" }; // the cause stands on stderr
+        let error = if log.error.is_some() { "; it is not whole" } else { "" }; // the cause stands on stderr
         line("log", format!("{} records{dropped}{error}", log.records));
     }
     if let Some(granted) = granted(scenario, &how.provenance) {
@@ -280,8 +283,8 @@ pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
 
 /// One line on every process to which something happened: what, how often, when, and the last reason told.
 fn describe_events(events: &[Event], sample_s: f64) -> Vec<String> {
-    let describe = |(node, group): (&str, Vec<&Event>)| {
-        let words = grouped(&group, |event| name(event.what).replace('-', " "))
+    let describe = |(node, group): (String, Vec<&Event>)| {
+        let words = grouped(group.iter().map(|event| (name(event.what).replace('-', " "), *event)))
             .into_iter()
             .map(|(word, all)| if all.len() == 1 { word } else { format!("{word} {} times", all.len()) });
         let why = group.iter().rev().find_map(|event| event.why.as_ref());
@@ -289,17 +292,20 @@ fn describe_events(events: &[Event], sample_s: f64) -> Vec<String> {
         let [first_s, last_s] = [0, group.len() - 1].map(|i| group[i].tick as f64 * sample_s);
         format!("{node} {} from {first_s:.2} to {last_s:.2} s{why}", words.collect::<Vec<_>>().join(", "))
     };
-    let all: Vec<&Event> = events.iter().collect();
-    grouped(&all, |event| event.node.as_str()).into_iter().map(describe).collect()
+    let who = |(event, is_of_candidate): (&Event, bool)| {
+        if is_of_candidate { format!("candidate of {}", event.node) } else { event.node.clone() }
+    };
+    let processes = events.iter().zip(of_candidates(events)).map(who);
+    grouped(processes.zip(events)).into_iter().map(describe).collect()
 }
 
-/// The events in groups of the same `key`, in the order of their first.
-fn grouped<'a, K: PartialEq>(events: &[&'a Event], key: impl Fn(&'a Event) -> K) -> Vec<(K, Vec<&'a Event>)> {
+/// The events in groups of the same key, in the order of their first.
+fn grouped<'a, K: PartialEq>(events: impl Iterator<Item = (K, &'a Event)>) -> Vec<(K, Vec<&'a Event>)> {
     let mut groups: Vec<(K, Vec<&Event>)> = vec![];
-    for event in events {
-        match groups.iter_mut().find(|(known, _)| *known == key(event)) {
+    for (key, event) in events {
+        match groups.iter_mut().find(|(known, _)| *known == key) {
             Some((_, group)) => group.push(event),
-            None => groups.push((key(event), vec![event])),
+            None => groups.push((key, vec![event])),
         }
     }
     groups
@@ -331,5 +337,10 @@ mod tests {
             ]
         );
         assert!(describe_events(&[], 0.01).is_empty());
+        let candidate = Event::new(400, "mixer", 3, What::Started).begins(Some(0));
+        let swapped = [Event::new(390, "mixer", 1, What::Died), candidate, Event::new(401, "mixer", 3, What::Died)];
+        let expected = ["mixer died from 3.90 to 3.90 s", "candidate of mixer started, died from 4.00 to 4.01 s"]
+            .map(str::to_owned);
+        assert_eq!(describe_events(&swapped, 0.01), expected);
     }
 }

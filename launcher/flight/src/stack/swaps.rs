@@ -9,6 +9,7 @@ use contract::scenario::{Swap, SwapNode};
 use contract::topic::Topic;
 
 use crate::event::{Event, What};
+use crate::swap_story::SwapStory;
 
 /// Gives each swap the times that it took by the `events`; one that is still to come moves behind those it waits for.
 pub fn settle(scenario: &mut Scenario, events: &[Event]) {
@@ -32,13 +33,9 @@ pub fn settle(scenario: &mut Scenario, events: &[Event]) {
 
 /// Gives swap `number` of a node the times that it took, as far as it has come.
 fn note(swap: &mut Swap, number: usize, events: &[Event], rate_hz: f64) {
-    let Some(begun) = events.iter().position(|event| event.swap == Some(number)) else { return };
-    let of_candidate = |event: &&Event| event.node == events[begun].node && event.epoch == events[begun].epoch;
-    let tick = |what: &[What]| {
-        let mut story = events[begun..].iter().filter(of_candidate);
-        story.find(|event| what.contains(&event.what)).map(|event| event.tick)
-    };
-    let from = tick(&[What::OnStandby]).unwrap_or(events[begun].tick);
+    let Some(story) = SwapStory::of(events, number) else { return };
+    let tick = |what: &[What]| story.first(what).map(|event| event.tick);
+    let from = tick(&[What::OnStandby]).unwrap_or(story.begun.tick);
     swap.at_s = from as f64 / rate_hz;
     if let Some(until) = tick(&[What::Kept, What::Rejected, What::Returned]) {
         let hand_over = tick(&[What::TookOver]).unwrap_or(until);
