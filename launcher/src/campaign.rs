@@ -188,6 +188,7 @@ fn fly_shard(what: &What, index: u64, of: u64) -> anyhow::Result<u8> {
         plan.flights()
     );
     ensure!(index < of, "--index {index}: the shards have the numbers 0 to {}", of - 1);
+    plan.check().with_context(|| what.file.display().to_string())?;
     let interrupts = catch_interrupts()?;
     let folder = CampaignFolder::open(&what.out(&plan), &plan, Some(of), Access::WithShards)?;
     if shard::is_there(&folder.shard(index)) {

@@ -8,6 +8,7 @@
 use anyhow::{Context, bail, ensure};
 use contract::Scenario;
 use contract::scenario::{Fault, FaultKind, FaultTarget, Given, ScenarioError, check_fault};
+use flight::settings;
 use rand::RngExt;
 use toml::Value;
 
@@ -56,9 +57,14 @@ impl Plan {
             Some(faults) => {
                 let scenarios = campaign.controllers.iter().map(|(_, given)| given.scenario(&[]));
                 let scenarios: Vec<Scenario> = scenarios.collect::<Result<_, _>>()?;
-                let lasts_differently = campaign.factors.iter().any(|factor| factor.key == "run.duration_s");
-                for scenario in scenarios.iter().filter(|_| !lasts_differently) {
-                    faults.check_end(scenario.run.duration_s).context("[random_faults]")?;
+                let varied = campaign.factors.iter().find(|factor| factor.key == "run.duration_s");
+                let number = |value: &Value| value.as_float().or(value.as_integer().map(|n| n as f64));
+                let durations_s: Vec<f64> = match varied {
+                    Some(factor) => factor.values.ends().iter().filter_map(number).collect(),
+                    None => scenarios.iter().map(|scenario| scenario.run.duration_s).collect(),
+                };
+                for duration_s in durations_s {
+                    faults.check_end(duration_s).context("[random_faults]")?;
                 }
                 faults.pairs(&scenarios).context("[random_faults]")?
             }
@@ -168,15 +174,24 @@ impl Plan {
                 }
             }
         }
-        let looked_at = self.flights().min(LOOKED_AT);
-        let mut spread = (0..looked_at).map(|i| self.flight(i * self.flights() / looked_at));
-        let first = spread.next().and_then(|flight| flight.scenario.err());
-        match first {
-            Some(error) if spread.all(|flight| flight.scenario.is_err()) => {
-                bail!("no flight can be flown; the first: {}", error.in_one_line())
-            }
-            _ => Ok(()),
+        (0..self.campaign.controllers.len() as u64).try_for_each(|number| self.check_controller(number))
+    }
+
+    /// Whether controller `number` can be flown in one of its flights, looked for all over the campaign.
+    fn check_controller(&self, number: u64) -> anyhow::Result<()> {
+        let controllers = self.campaign.controllers.len() as u64;
+        let all = self.flights() / controllers;
+        let looked_at = all.min(LOOKED_AT);
+        let flights = (0..looked_at).map(|i| self.flight(i * all / looked_at * controllers + number));
+        let mut first = None;
+        for flight in flights {
+            match flight.scenario.and_then(|scenario| settings::check(&scenario)) {
+                Ok(()) => return Ok(()),
+                Err(error) => first.get_or_insert(error),
+            };
         }
+        let why = first.map_or(String::new(), |error| error.in_one_line());
+        bail!("no flight of the controller `{}` can be flown: {why}", self.campaign.controllers[number as usize].0)
     }
 
     /// The columns that say what a flight is.
@@ -258,8 +273,21 @@ mod tests {
         assert_eq!(flies, [true, false, true, true], "np 4 with nu 5");
         let said = plan("[vary]\nplant.airframe.mass_kg = [1.1, -1.0]").check().unwrap_err().to_string();
         assert!(said.contains("[vary] `plant.airframe.mass_kg` = -1.0"), "{said}");
+        let no_controller = "mpc.q = [0, 0, 0, 1e12, 0, 0, 0]\nmpc.r = [1e-12, 1e-12, 1e-12, 1e-12]\n";
+        for (settings, expected) in [(no_controller, "`mpc.r` is so small"), ("mpc.nu = 30\n", "`mpc.nu` = 30")] {
+            let said = plan(&format!("seeds = 70\n{TWO}[controller.c]\n{settings}")).check().unwrap_err().to_string();
+            assert!(said.contains("the controller `c` can") && said.contains(expected), "{said}");
+        }
         let said = plan("[vary]\nmpc.npp = [1, 2]").check().unwrap_err().to_string();
         assert!(said.contains("unknown key `mpc.npp`") && said.contains("did you mean"), "{said}");
+    }
+
+    #[test]
+    fn a_random_fault_begins_before_the_shortest_flight_ends() {
+        let text = "samples = 3\n[vary]\nrun.duration_s = [20, 10.0]\n[random_faults]\ncount = [1, 1]\nat_s = [1, 12]\nfor_s = [1, 2]";
+        let refused = Plan::new(Campaign::read(text, "x.toml", "x", Path::new("")).unwrap()).unwrap_err();
+        assert!(format!("{refused:#}").contains("a flight ends after 10 s"), "{refused:#}");
+        plan(&text.replace("10.0", "13.0"));
     }
 
     #[test]
