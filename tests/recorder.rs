@@ -7,7 +7,7 @@ use flight::log::{self, Log};
 use serde_json::{Value, json};
 
 use crate::harness::{Flight, Outcome, fly, launcher, namespace, shared_memory_of, wait_until};
-use crate::processes::{kill, process_of, processes_of, wait_until_it_flies};
+use crate::processes::{kill, process_of, processes_named, processes_of, wait_until_it_flies};
 
 /// Messages that come twice, out of order, bent and old.
 const FAULTS: &str = "fault=[\
@@ -48,7 +48,7 @@ fn in_lockstep_the_log_is_the_same_with_and_without_swaps() {
     };
     let plain = flown("swap=[]");
     let swapped = flown(
-        "swap=[{at_s=0.0, node=\"recorder\"}, {at_s=0.5, node=\"recorder\"}, {at_s=0.8, node=\"recorder\", exec=\"false\"}, \
+        "swap=[{at_s=0.0, node=\"recorder\"}, {at_s=0.5, node=\"recorder\"}, {at_s=0.8, node=\"recorder\", exec=\"false\", may_fail=true}, \
          {at_s=1.0, node=\"recorder\"}]",
     );
     assert_eq!(plain.state_hash(), swapped.state_hash());
@@ -100,7 +100,7 @@ fn in_real_time_nothing_is_lost_by_swaps() {
         let (code, said) = swap(&ns, &[]);
         assert!(code == Some(0) && said.contains(&format!("recorder epoch {epoch} took-over")), "{code:?} {said}");
     }
-    let (code, said) = swap(&ns, &["--exec", "/bin/false"]);
+    let (code, said) = swap(&ns, &["--exec", "/bin/false", "--may-fail"]);
     assert!(code == Some(1) && said.contains("recorder epoch 4 rejected"), "{code:?} {said}");
     let outcome = flight.finish();
     assert_eq!(outcome.code(), Some(0), "{}", outcome.stderr);
@@ -236,4 +236,20 @@ fn a_flight_whose_recorder_and_launcher_were_killed_is_reported_from_all_that_wa
     // What the killed launcher left in shared memory the next one wipes.
     Flight::start(&ns, &["--mode", "lockstep", "--set", "run.duration_s=0.5"]).finish();
     assert_eq!(shared_memory_of(&ns), Vec::<String>::new());
+}
+
+/// At any moment of it, from the start of the recorder on. A loaded machine takes longer to start, and the flight is later.
+#[test]
+fn a_recorder_killed_in_a_short_flight_is_exit_3_with_the_reason() {
+    for after_ms in [0, 80, 160, 240, 320, 400, 480] {
+        let ns = namespace();
+        let flight = Flight::start(&ns, &["--mode", "realtime", "--set", "run.duration_s=0.9"]);
+        wait_until("the recorder is there", || !processes_named(&ns, "recorder").is_empty());
+        std::thread::sleep(std::time::Duration::from_millis(after_ms));
+        kill("-KILL", &[process_of(&ns, "recorder")]);
+        let outcome = flight.finish();
+        assert_eq!(outcome.code(), Some(3), "after {after_ms} ms: {}", outcome.stderr);
+        let reason = outcome.stderr.lines().find(|line| line.starts_with("error: ")).unwrap_or_default();
+        assert!(reason.contains("recorder"), "after {after_ms} ms: {}", outcome.stderr);
+    }
 }

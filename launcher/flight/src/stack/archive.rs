@@ -24,11 +24,15 @@ use runtime::shared_role::Assignment;
 
 use super::children::{Process, RECORDER, SpawnRequest, wait};
 use super::run::{Run, unix};
-use crate::event::{self, Event};
-use crate::limits::{CATCH_UP_LIMIT, CLOSE_LIMIT, OUTCOME_BYTES};
+use crate::event::{self, Event, What};
+use crate::limits::{CATCH_UP_LIMIT, CLOSE_LIMIT, FLUSH_PERIOD, OUTCOME_BYTES};
 use crate::log::{self, Count, Record};
 use crate::recorder::LogOutcome;
 use crate::roles::role::{Action, Input, Now, Policy, Role};
+use crate::swap_story::of_candidates;
+
+/// Why a log is not whole though another recorder may have closed it.
+const DIED_LATE: &str = "the recorder died in the last second of the flight";
 
 /// The log of a flight, and who writes it: a role that runs by the wall clock in every mode.
 pub struct Archive {
@@ -122,7 +126,9 @@ impl Archive {
             }
         }
         let sent = Topic::ALL.map(|topic| u64::from(run.page.role(topic).sent_by_all.get())).iter().sum();
-        self.outcome(run.page.recorder.active(), &run.scenario, &run.events, untold, sent)
+        let outcome = self.outcome(run.page.recorder.active(), &run.scenario, &run.events, untold, sent);
+        let late = died_late(&run.events, run.page.plant_tick(), run.scenario.run.rate_hz);
+        LogOutcome { error: late.then(|| DIED_LATE.into()).or(outcome.error), ..outcome }
     }
 
     /// Takes `input` into the role, and does what it says.
@@ -199,6 +205,16 @@ impl Archive {
     }
 }
 
+/// Whether an active recorder died in the last second of a flight whose last sample is `tick`. The next one may take over in
+/// time or not; what the dead one had not written is lost either way ([`FLUSH_PERIOD`]), of a short flight nearly all.
+fn died_late(events: &[Event], tick: u64, rate_hz: u32) -> bool {
+    let late = (FLUSH_PERIOD.as_secs_f64() * f64::from(rate_hz)) as u64;
+    events.iter().zip(of_candidates(events)).any(|(event, is_of_candidate)| {
+        let died = event.node == RECORDER && matches!(event.what, What::Died | What::Hung);
+        died && !is_of_candidate && tick.saturating_sub(event.tick) < late
+    })
+}
+
 /// What a recorder that has ended said of its file. Other processes may still hold the pipe, so the end of it is not
 /// waited for.
 fn outcome_on(stdout: impl Read + AsFd) -> Option<LogOutcome> {
@@ -211,7 +227,6 @@ fn outcome_on(stdout: impl Read + AsFd) -> Option<LogOutcome> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::event::What;
     use crate::log::LogWriter;
     use crate::roles::role::{Input, Now};
     use rustix::pipe::{PipeFlags, pipe_with};
@@ -242,6 +257,17 @@ mod tests {
         let outcome = LogOutcome { records: 7, dropped: 1, ..LogOutcome::default() };
         let (reads, _writes) = said(&outcome);
         assert_eq!(outcome_on(reads), Some(outcome));
+    }
+
+    #[test]
+    fn a_recorder_that_dies_in_the_last_second_leaves_a_log_that_is_not_whole() {
+        let died = |tick| Event::new(tick, RECORDER, 1, What::Died);
+        for (tick, rate_hz, expected) in [(0, 100, true), (20, 100, false), (21, 100, true), (20, 200, true)] {
+            assert_eq!(died_late(&[died(tick)], if tick == 0 { 80 } else { 120 }, rate_hz), expected, "{tick}");
+        }
+        let candidate = Event::new(100, RECORDER, 2, What::Started).begins(Some(0));
+        assert!(!died_late(&[candidate, Event::new(101, RECORDER, 2, What::Died)], 120, 100));
+        assert!(!died_late(&[Event::new(101, "mixer", 1, What::Died)], 120, 100));
     }
 
     #[test]

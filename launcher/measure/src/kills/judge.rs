@@ -6,7 +6,7 @@
 //! | plant | exit 3, and the launcher names it |
 //! | a node or the recorder, in flight | exit 0, near the trajectory, and replaced within 1 s |
 //! | one of them too often | exit 3, and the vehicle does not diverge |
-//! | one of them before the first tick or after the last | exit 3, and the launcher names it |
+//! | one of them before the first tick or after the last, the recorder in the last second | exit 3, and the launcher names it |
 //!
 //! After exit 0 the log reads to its end. What is missing in it was sent around the death of a recorder: about a second
 //! before it at most ([`flight::log`]), and until the next one recorded.
