@@ -84,3 +84,25 @@ fn every_file_that_a_page_names_exists() {
         }
     }
 }
+
+/// Numbers of a text, as it writes them.
+fn numbers(text: &str) -> impl Iterator<Item = &str> {
+    let all = text.split(|c: char| !c.is_ascii_digit() && c != '.').map(|number| number.trim_matches('.'));
+    all.filter(|number| !number.is_empty())
+}
+
+/// Two runs of one command give two results: a figure of the README is that of the page which has the whole table.
+#[test]
+fn the_readme_has_the_figures_of_the_page_on_faults() {
+    let [readme, page] =
+        ["README.md", "docs/faults.md"].map(|name| std::fs::read_to_string(top().join(name)).expect("a readable page"));
+    let known: Vec<&str> = numbers(&page).collect();
+    let mut rows = 0;
+    for row in readme.lines().filter(|row| row.contains("| `measure faults` |") || row.contains("| `measure kills` |"))
+    {
+        let unknown: Vec<&str> = numbers(row).filter(|number| !known.contains(number)).collect();
+        assert!(unknown.is_empty(), "{unknown:?} not in docs/faults.md: {row}");
+        rows += 1;
+    }
+    assert!(rows >= 4, "{rows}");
+}
