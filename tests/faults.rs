@@ -103,7 +103,7 @@ fn check_replaced(events: &[(String, u64, String)], node: &str, first: &str) {
     assert!(of_node.iter().any(|(epoch, what)| *epoch > 1 && *what == "took-over"), "{events:?}");
 }
 
-/// Held off for so long that samples are missed, and not at all: then the next process may answer to the very next sample.
+/// Held off for so long that samples are missed, and not at all: then the next process may answer to the next sample.
 #[test]
 fn a_kill_in_real_time_is_detected_and_survived() {
     for (node, held_off) in NODES.into_iter().flat_map(|node| ["for_s=0.1, ", ""].map(|held_off| (node, held_off))) {

@@ -275,7 +275,10 @@ mod tests {
         assert!(said.contains("[vary] `plant.airframe.mass_kg` = -1.0"), "{said}");
         let no_controller = "mpc.q = [0, 0, 0, 1e12, 0, 0, 0]\nmpc.r = [1e-12, 1e-12, 1e-12, 1e-12]\n";
         for (settings, expected) in [(no_controller, "`mpc.r` is so small"), ("mpc.nu = 30\n", "`mpc.nu` = 30")] {
-            let said = plan(&format!("seeds = 70\n{TWO}[controller.c]\n{settings}")).check().unwrap_err().to_string();
+            let said = plan(&format!("[vary]\nplant.airframe.mass_kg = [1.0, 1.1]\n{TWO}[controller.c]\n{settings}"))
+                .check()
+                .unwrap_err()
+                .to_string();
             assert!(said.contains("the controller `c` can") && said.contains(expected), "{said}");
         }
         let said = plan("[vary]\nmpc.npp = [1, 2]").check().unwrap_err().to_string();

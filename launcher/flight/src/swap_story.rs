@@ -25,7 +25,7 @@ impl<'a> SwapStory<'a> {
         self.since.iter().find(|event| self.is_of_candidate(event) && what.contains(&event.what))
     }
 
-    /// The event that it ended with: the candidate stayed, or went, or the node was given up; `None` while it is under way.
+    /// The event that it ended with: the candidate stayed, or went, or the node was given up; `None` before that.
     pub fn end(&self) -> Option<&'a Event> {
         let is_end = |event: &Event| stayed(event) || matches!(event.what, What::Rejected | What::Returned);
         let given_up = |event: &Event| event.node == self.begun.node && event.what == What::GivenUp;
@@ -37,7 +37,7 @@ impl<'a> SwapStory<'a> {
     }
 }
 
-/// Whether the process that had this event stays from then on. A recorder has no trial: it stays as soon as it takes over.
+/// Whether the process that had this event stays from then on. A recorder, which has no trial, does when it takes over.
 pub fn stayed(event: &Event) -> bool {
     event.what == if event.node == SwapNode::Recorder.name() { What::TookOver } else { What::Kept }
 }

@@ -1,8 +1,8 @@
 //! Settings without effect. Each would make a flight look as if it had shown something that was never tried.
 //!
-//! A setting is idle if it differs from its default while its switch, another setting, leaves it unread. A switch that is
-//! turned off by name (`false`, 0, `"none"`, an empty list) says that this is meant: `plant.turbulence.wind_at_6m_mps=0`
-//! flies without turbulence, whatever else stands of it.
+//! A setting is idle if it differs from its default while its switch, another setting, leaves it unread. A switch that
+//! is turned off by name (`false`, 0, `"none"`, an empty list) says that this is meant:
+//! `plant.turbulence.wind_at_6m_mps=0` flies without turbulence, whatever else stands of it.
 //!
 //! | no switch | because |
 //! |---|---|
@@ -104,8 +104,8 @@ const SWITCHES: [Switch; 12] = [
     },
 ];
 
-/// Finds every setting of `scenario` that is none of the `defaults` and that its switch leaves unread; `given` tells which
-/// switches were turned off by name.
+/// Finds every setting of `scenario` that is none of the `defaults` and that its switch leaves unread; `given` tells
+/// which switches were turned off by name.
 pub fn check(scenario: &Scenario, given: &Table, defaults: &Scenario, found: &mut Found) {
     let [settings, defaults] = [scenario, defaults].map(|of| Table::try_from(of).expect("it came from TOML"));
     let is_off = |switch: &&Switch| {
