@@ -61,8 +61,14 @@ struct Worker {
 }
 
 impl Worker {
-    fn memory(&self) -> (Origin, Snapshot) {
-        (Origin { epoch: u64::from(self.member.epoch), done: self.done }, self.node.memory())
+    /// The memory that another process begins with. One that has answered to nothing has only what it began with, which is
+    /// that of the process before it; `None` where it began without.
+    fn memory(&self) -> Option<(Origin, Snapshot)> {
+        let origin = match self.done {
+            0 => self.member.continues.get(),
+            done => Origin { epoch: u64::from(self.member.epoch), done },
+        };
+        (origin != Origin::default()).then(|| (origin, self.node.memory()))
     }
 }
 
@@ -81,7 +87,7 @@ impl Workers {
         let mut node = node::open(&mut ports, &member, own)?;
         let active = self.ring.page.role(self.topic).active();
         let active = self.all.iter().find(|worker| worker.member.epoch == active);
-        if let Some((origin, memory)) = active.map(Worker::memory).or(self.memory) {
+        if let Some((origin, memory)) = active.and_then(Worker::memory).or(self.memory) {
             node.restore(&memory);
             member.continues.set(origin);
         }
@@ -91,7 +97,7 @@ impl Workers {
 
     pub fn end(&mut self, epoch: u32) {
         if let Some(i) = self.all.iter().position(|worker| worker.member.epoch == epoch) {
-            self.memory = Some(self.all.remove(i).memory());
+            self.memory = self.all.remove(i).memory().or(self.memory);
         }
     }
 
