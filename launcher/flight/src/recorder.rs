@@ -9,13 +9,14 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::rc::Rc;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Instant, UNIX_EPOCH};
 
 use contract::exit;
 use contract::message::{Actuators, Controls, Reference, State};
 use contract::scenario::{self, FaultKind, Scenario};
 use contract::topic::Topic;
 use runtime::console;
+use runtime::domain::Domain;
 use runtime::error::SessionError;
 use runtime::port::{Receive, Wire, observer_depth};
 use runtime::ports::Ports;
@@ -134,7 +135,7 @@ fn record(namespace: &str, epoch: u32, path: &Path) -> anyhow::Result<LogOutcome
     die_with_launcher(namespace)?;
     let (mut ports, scenario) = Ports::join(namespace)?;
     // The file first: a recorder that has joined is one that can write.
-    let mut log = CountedLog::create(path, &scenario)?;
+    let mut log = CountedLog::create_part(path, &scenario, &run_of(namespace)?)?;
     let observers = Observers::open(&mut ports, &scenario)?;
     let mut reader = EventReader::new(std::io::stdin());
     let page = ports.page.clone();
@@ -165,6 +166,12 @@ fn record(namespace: &str, epoch: u32, path: &Path) -> anyhow::Result<LogOutcome
     }
 }
 
+/// Name of the run that flies in `namespace`, the same for all its recorders: when its launcher wrote its settings.
+fn run_of(namespace: &str) -> anyhow::Result<String> {
+    let written = std::fs::metadata(Domain::find(namespace)?.file("scenario.toml"))?.modified()?;
+    Ok(format!("{}-{namespace}", written.duration_since(UNIX_EPOCH).unwrap_or_default().as_nanos()))
+}
+
 /// A log that counts what it lost and survives a failing disk.
 pub struct CountedLog {
     writer: Option<LogWriter>,
@@ -177,11 +184,23 @@ pub struct CountedLog {
 }
 
 impl CountedLog {
+    /// For a flight with one recorder.
     pub fn create(path: &Path, scenario: &Scenario) -> anyhow::Result<Self> {
-        let writer = Some(LogWriter::create(path, &scenario::to_toml(scenario), scenario.sample_ns())?);
+        let writer = LogWriter::create(path, &scenario::to_toml(scenario), scenario.sample_ns())?;
+        Ok(Self::begin(writer, scenario))
+    }
+
+    /// For one of several recorders of `run`.
+    fn create_part(path: &Path, scenario: &Scenario, run: &str) -> anyhow::Result<Self> {
+        let writer = LogWriter::create_part(path, &scenario::to_toml(scenario), scenario.sample_ns(), run)?;
+        Ok(Self::begin(writer, scenario))
+    }
+
+    fn begin(writer: LogWriter, scenario: &Scenario) -> Self {
         let full = scenario.fault.iter().filter(|fault| fault.kind == FaultKind::DiskFull);
         let full_from = full.map(|fault| fault.ticks(scenario.sample_s()).start).min();
-        Ok(Self { writer, written: None, count: Count::default(), outcome: LogOutcome::default(), full_from })
+        let (count, outcome) = (Count::default(), LogOutcome::default());
+        Self { writer: Some(writer), written: None, count, outcome, full_from }
     }
 
     /// Writes one message, or counts it as dropped.

@@ -22,9 +22,11 @@ use crate::recorder::LogOutcome;
 pub fn join(parts: &[PathBuf], scenario: &Scenario, events: &[Event], sent: u64) -> anyhow::Result<LogOutcome> {
     let first = parts.first().context("no recorder has begun a log")?;
     let mut records = vec![];
-    gather(parts, |record| records.push(*record)); // one that was killed before it wrote anything has nothing to add
+    let read = gather(parts, |_| true, |record| records.push(*record));
+    // One that was killed before it wrote anything has nothing to add.
+    let run = read.into_iter().flatten().find_map(|part| part.written_by.run).unwrap_or_default();
     let whole = first.with_extension("joined");
-    let written = write(&whole, scenario, &records, events, sent);
+    let written = write(&whole, scenario, &run, &records, events, sent);
     let outcome = written.inspect_err(|_| _ = std::fs::remove_file(&whole))?;
     std::fs::rename(&whole, first).with_context(|| format!("cannot put the joined log at {}", first.display()))?;
     parts[1..].iter().for_each(|part| _ = std::fs::remove_file(part)); // one may never have been begun
@@ -34,11 +36,12 @@ pub fn join(parts: &[PathBuf], scenario: &Scenario, events: &[Event], sent: u64)
 fn write(
     path: &Path,
     scenario: &Scenario,
+    run: &str,
     records: &[Record],
     events: &[Event],
     sent: u64,
 ) -> anyhow::Result<LogOutcome> {
-    let mut log = LogWriter::create(path, &scenario::to_toml(scenario), scenario.sample_ns())?;
+    let mut log = LogWriter::create_part(path, &scenario::to_toml(scenario), scenario.sample_ns(), run)?;
     let mut count = Count::default();
     let mut outcome = LogOutcome { dropped: sent, ..LogOutcome::default() };
     for record in records {
@@ -59,16 +62,27 @@ pub fn part(first: &Path, epoch: u32) -> PathBuf {
     if epoch == 1 { first.into() } else { first.with_extension(format!("{epoch}.mcap")) }
 }
 
-/// Reads the log at `first` with all parts that lie beside it, as one; the defect names every part that is missing, not
-/// finished or not to be read. The folder stays as it is.
+/// Reads the log at `first` with all parts of the same run that lie beside it, as one; the defect names every part that is
+/// missing, not finished or not to be read. A log that only has the name of a part is left alone: the run that stands in
+/// the first readable log says what belongs to it. The folder stays as it is.
 ///
 /// # Errors
 /// When no part can be read.
 pub fn read_parts(first: &Path) -> anyhow::Result<Log> {
     let last = others(first).into_iter().max().unwrap_or(1);
-    let parts: Vec<PathBuf> = (1..=last).map(|epoch| part(first, epoch)).collect();
+    let mut parts: Vec<PathBuf> = (1..=last).map(|epoch| part(first, epoch)).collect();
     let mut messages = Log::default();
-    let mut read = gather(&parts, |record| messages.push(record));
+    let mut run = None;
+    let mut is_of_run = |part: &Log| *run.get_or_insert_with(|| part.written_by.run.clone()) == part.written_by.run;
+    let mut read = gather(&parts, |part| is_of_run(part), |record| messages.push(record));
+    // What has the name of a later part, and is of another run, is none that this one misses.
+    let mut may_be_own = |i: &usize| match &read[*i] {
+        Ok(part) => is_of_run(part),
+        Err(_) => parts[*i].exists(),
+    };
+    let own = (0..read.len()).rev().find(|i| may_be_own(i)).map_or(1, |last| last + 1);
+    parts.truncate(own);
+    read.truncate(own);
     if read.len() == 1 || read.iter().all(Result::is_err) {
         let Log { scenario_toml, written_by, events, defect, .. } = read.swap_remove(0)?;
         return Ok(Log { scenario_toml, written_by, events, defect, ..messages });
@@ -77,6 +91,7 @@ pub fn read_parts(first: &Path) -> anyhow::Result<Log> {
     for (path, part) in parts.iter().zip(read) {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         match part {
+            Ok(part) if !is_of_run(&part) => defects.push(format!("{name} is of another run")),
             Ok(part) => {
                 let new = |event: &Event| !messages.events.contains(event);
                 let events: Vec<Event> = part.events.into_iter().filter(new).collect();
@@ -106,17 +121,25 @@ fn others(first: &Path) -> Vec<u32> {
     entries.filter_map(|entry| epoch(&entry.file_name().to_string_lossy())).filter(|epoch| *epoch <= MOST).collect()
 }
 
-/// Reads `parts` one after the other; `each` gets every message once. Everything else of each part is returned.
-fn gather(parts: &[PathBuf], mut each: impl FnMut(&Record)) -> Vec<anyhow::Result<Log>> {
+/// Reads `parts` one after the other; `each` gets every message of those that are `wanted` once. Everything else of each
+/// part is returned.
+fn gather(
+    parts: &[PathBuf],
+    mut wanted: impl FnMut(&Log) -> bool,
+    mut each: impl FnMut(&Record),
+) -> Vec<anyhow::Result<Log>> {
     let mut known = HashSet::new();
     let read = |part: &PathBuf| {
         let mut times = HashMap::new(); // a fault may have sent a message twice
-        read_in_order(part, |record| {
+        let mut records = vec![];
+        let log = read_in_order(part, |record| records.push(*record))?;
+        for record in records.iter().filter(|_| wanted(&log)) {
             let nth = times.entry(identity(record)).and_modify(|nth| *nth += 1).or_insert(1);
             if known.insert((identity(record), *nth)) {
                 each(record);
             }
-        })
+        }
+        Ok(log)
     };
     parts.iter().map(read).collect()
 }

@@ -8,7 +8,7 @@
 //! | `log_time` | simulated time: the stamp's tick times the sample time, so that runs of every mode lie on one axis |
 //! | `publish_time` | when it was published, `CLOCK_MONOTONIC`; 0 in process, where there is no clock, and of an event |
 //! | metadata `scenario`, key `toml` | the run's merged settings, the first record of the file |
-//! | metadata `trefoil` | the version and commit that wrote it, the layout of the messages, and the two time rules above |
+//! | metadata `trefoil` | the version and commit that wrote it, the layout of the messages, the run, and the two time rules above |
 //!
 //! The log survives its writer: [`LogWriter`] closes a chunk every 64 KiB and every second, a killed process loses
 //! no more than that, and [`read()`] takes what is there. No node writes a log: one write can take milliseconds.

@@ -28,6 +28,8 @@ pub struct WrittenBy {
     pub program: Program,
     /// How its messages are laid out, as [`LAYOUT`]; logs of earlier versions do not tell.
     pub layout: Option<String>,
+    /// The run that it is a log of, the same in each of its logs; logs of earlier versions do not tell.
+    pub run: Option<String>,
 }
 
 impl WrittenBy {
@@ -37,7 +39,7 @@ impl WrittenBy {
             commit: keys.remove("commit").filter(|commit| !commit.is_empty()),
             changed: keys.get("changed").is_some_and(|changed| changed == "true"),
         };
-        Self { program, layout: keys.remove("layout") }
+        Self { program, layout: keys.remove("layout"), run: keys.remove("run") }
     }
 
     /// For people: that another program than this one wrote the log, or may have.

@@ -167,7 +167,7 @@ fn a_killed_writer_loses_at_most_a_second() {
 fn a_full_disk_costs_only_what_is_not_yet_written() {
     let begin = |path: &Path| {
         let file = fs::File::options().write(true).open(path).unwrap();
-        LogWriter::begin(file, path, SCENARIO, 10_000_000)
+        LogWriter::begin(file, path, SCENARIO, 10_000_000, "")
     };
     let full = begin("/dev/full".as_ref()).err().unwrap();
     assert!(format!("{full:#}").contains("/dev/full") && format!("{full:#}").contains("No space left"), "{full:#}");

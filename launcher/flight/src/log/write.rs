@@ -6,7 +6,7 @@ use std::{
     io::{BufWriter, Seek},
     os::unix::fs::OpenOptionsExt,
     path::{Path, PathBuf},
-    time::Instant,
+    time::{Instant, SystemTime, UNIX_EPOCH},
 };
 
 use anyhow::Context;
@@ -55,21 +55,33 @@ pub struct LogWriter {
 
 impl LogWriter {
     /// Creates or replaces the file at `path`; the run's merged settings are its first record. Log time is simulated:
-    /// ticks times `sample_ns`.
+    /// ticks times `sample_ns`. It is the only log of its run.
     pub fn create(path: &Path, scenario_toml: &str, sample_ns: u64) -> anyhow::Result<Self> {
+        let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        Self::create_part(path, scenario_toml, sample_ns, &format!("{}-{}", since.as_nanos(), std::process::id()))
+    }
+
+    /// The same for one of several logs of `run`, by which they are known to belong together.
+    pub fn create_part(path: &Path, scenario_toml: &str, sample_ns: u64, run: &str) -> anyhow::Result<Self> {
         let cannot_create = || format!("cannot create {}", path.display());
         check_target(path).with_context(cannot_create)?;
         let mut file = OpenOptions::new();
         let file = file.write(true).create(true).truncate(true).custom_flags(OFlags::NOFOLLOW.bits() as i32);
-        Self::begin(file.open(path).with_context(cannot_create)?, path, scenario_toml, sample_ns)
+        Self::begin(file.open(path).with_context(cannot_create)?, path, scenario_toml, sample_ns, run)
     }
 
     /// The same in a `file` that is open, and empty; errors call it `path`.
-    pub(super) fn begin(file: File, path: &Path, scenario_toml: &str, sample_ns: u64) -> anyhow::Result<Self> {
+    pub(super) fn begin(
+        file: File,
+        path: &Path,
+        scenario_toml: &str,
+        sample_ns: u64,
+        run: &str,
+    ) -> anyhow::Result<Self> {
         let cannot_create = || format!("cannot create {}", path.display());
         let sink = BufWriter::with_capacity(2 * CHUNK_BYTES, file.try_clone().with_context(cannot_create)?);
         let (mcap, channels, events) =
-            open(sink, scenario_toml, sample_ns).map_err(plain).with_context(cannot_create)?;
+            open(sink, scenario_toml, sample_ns, run).map_err(plain).with_context(cannot_create)?;
         let mut writer = Self {
             path: path.into(),
             mcap: Some(mcap),
@@ -158,7 +170,12 @@ impl LogWriter {
 }
 
 /// Starts the file: settings first, then the schemas and channels (in the first chunk), that of the events last.
-fn open(sink: BufWriter<File>, scenario_toml: &str, sample_ns: u64) -> McapResult<(Mcap, [u16; Topic::COUNT], u16)> {
+fn open(
+    sink: BufWriter<File>,
+    scenario_toml: &str,
+    sample_ns: u64,
+    run: &str,
+) -> McapResult<(Mcap, [u16; Topic::COUNT], u16)> {
     let program = Program::this();
     let mut mcap = WriteOptions::new()
         .compression(None)
@@ -174,6 +191,7 @@ fn open(sink: BufWriter<File>, scenario_toml: &str, sample_ns: u64) -> McapResul
             ("commit", program.commit.as_deref().unwrap_or_default()),
             ("changed", if program.changed { "true" } else { "false" }),
             ("layout", &LAYOUT.join(" ")),
+            ("run", run),
             ("log_time", &format!("simulated time: stamp.tick times {sample_ns} ns")),
             ("publish_time", "CLOCK_MONOTONIC of the publication; 0 in process"),
         ],

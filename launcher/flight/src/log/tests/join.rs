@@ -10,7 +10,7 @@ fn with_checksum(tick: u64) -> State {
 
 /// Writes `states` to a part of the log, and closes it or not.
 fn part(path: &std::path::Path, states: impl IntoIterator<Item = State>, closed: bool) {
-    let mut log = LogWriter::create(path, SCENARIO, 10_000_000).unwrap();
+    let mut log = LogWriter::create_part(path, SCENARIO, 10_000_000, "this").unwrap();
     states.into_iter().for_each(|state| log.write(&state.into()).unwrap());
     log.flush().unwrap();
     if closed {
@@ -56,7 +56,7 @@ fn the_order_of_writing_stays_across_topics() {
     let one = [with_checksum(0).into(), reference(0), with_checksum(1).into(), bent];
     let other = [one[2], bent, reference(2), with_checksum(2).into()];
     for (path, records) in [(&first, one), (&second, other)] {
-        let mut log = LogWriter::create(path, SCENARIO, 10_000_000).unwrap();
+        let mut log = LogWriter::create_part(path, SCENARIO, 10_000_000, "this").unwrap();
         for record in &records {
             log.write(record).unwrap();
         }
@@ -98,6 +98,24 @@ fn what_several_have_recorded_is_read_together_where_nobody_joined_it() {
     assert_eq!(read_parts(&first).unwrap().scenario_toml, SCENARIO, "from a later part");
     std::fs::remove_file(&third).unwrap();
     assert!(format!("{:#}", read_parts(&first).unwrap_err()).contains("flight.mcap"));
+}
+
+/// A log of another flight has the name that a second recorder's would have.
+#[test]
+fn a_log_of_another_run_is_not_mixed_into_this_one() {
+    let (folder, first) = place();
+    part(&first, (0..4).map(with_checksum), true);
+    let write_stray = |name: &str| {
+        let mut stray = LogWriter::create(&folder.path().join(name), SCENARIO, 10_000_000).unwrap();
+        (0..9).for_each(|tick| stray.write(&with_checksum(tick).into()).unwrap());
+        stray.finish().unwrap();
+    };
+    write_stray("flight.2.mcap");
+    let log = read_parts(&first).unwrap();
+    assert_eq!((log.states.len(), log.defect), (4, None));
+    part(&folder.path().join("flight.3.mcap"), (4..6).map(with_checksum), true);
+    let log = read_parts(&first).unwrap();
+    assert_eq!((log.states.len(), log.defect.as_deref()), (6, Some("flight.2.mcap is of another run")));
 }
 
 #[test]
