@@ -79,8 +79,15 @@ fn look_at(recording: &Recording, plant: &Process, tick: u64) -> Option<Disturbe
     }
     let command = read.last()?;
     let next = plant.cycles.get(plant.cycles.partition_point(|cycle| cycle.tick <= tick))?;
-    let arrived = next.tick == tick + 1 && next.arrivals.iter().any(|(read, _)| read.key == *command);
-    if arrived { None } else { disturbed(Topic::Actuators, "the command came after the next sample, or never".into()) }
+    // Without a clock a command is handed over at once, with the time at which it will come.
+    let arrived = next.arrivals.iter().find(|(read, _)| read.key == *command).map(|(_, after_ns)| *after_ns);
+    match arrived.filter(|_| next.tick == tick + 1) {
+        Some(after_ns) if after_ns < recording.scenario.sample_ns() => None,
+        Some(after_ns) => {
+            disturbed(Topic::Actuators, format!("the command came {:.2} ms after the sample", after_ns as f64 / 1e6))
+        }
+        None => disturbed(Topic::Actuators, "the command came after the next sample, or never".into()),
+    }
 }
 
 /// What became of the message of a cycle, if it was not delivered as it was meant and in time.
@@ -113,6 +120,7 @@ fn undo(recording: &mut Recording, tick: u64, usual: &Usual) {
     let sample_ns = script.processes[plant].cycle(tick).map_or(0, |sample| sample.sample_ns);
     for (topic, sources) in ANSWERS {
         let Some(i) = worker_at(script, topic, tick) else { return };
+        forget_late_answers(script, i, tick);
         let process = &mut script.processes[i];
         let at = process.cycles.partition_point(|cycle| cycle.tick < tick);
         let inputs = Topic::ALL.map(|topic| read[topic as usize].filter(|_| sources.contains(&topic)));
@@ -129,6 +137,28 @@ fn undo(recording: &mut Recording, tick: u64, usual: &Usual) {
     }
     if let Some(command) = read[Topic::Actuators as usize] {
         script.processes[plant].arrive(command, usual.arrival_ns);
+    }
+}
+
+/// Drops the answers of a process to ticks before `tick` that it gave when later messages were there already, as one does that
+/// was started or woke up late: had it answered to `tick` in time, it would never have given them. What others read of
+/// them is what it sends at `tick`.
+fn forget_late_answers(script: &mut Script, i: usize, tick: u64) {
+    let Process { topic, epoch, cycles, .. } = &mut script.processes[i];
+    let (topic, epoch) = (*topic, *epoch);
+    let is_later = |read: &Read| read.key.tick > tick && read.key.tick < u64::MAX;
+    let is_late = |cycle: &Cycle| cycle.tick < tick && cycle.inputs.iter().flatten().any(is_later);
+    let late: Vec<u64> = cycles.iter().filter(|cycle| is_late(cycle)).map(|cycle| cycle.tick).collect();
+    if late.is_empty() {
+        return;
+    }
+    cycles.retain(|cycle| !is_late(cycle));
+    let is_dropped = |key: &Key| (key.topic, key.epoch) == (topic, epoch) && late.contains(&key.tick);
+    for cycle in script.processes.iter_mut().flat_map(|process| &mut process.cycles) {
+        cycle.arrivals.retain(|(read, _)| !is_dropped(&read.key));
+        for read in cycle.inputs.iter_mut().flatten().filter(|read| is_dropped(&read.key)) {
+            *read = Read { key: Key { topic, epoch, tick }, unharmed: true };
+        }
     }
 }
 
@@ -158,7 +188,7 @@ fn continue_from_what_was_added(script: &mut Script, ticks: &BTreeSet<u64>) {
 struct Usual {
     /// From the sample to the answer, by topic \[ns\].
     response_ns: [u64; Topic::COUNT],
-    /// From the sample to the arrival of its command at the plant \[ns\].
+    /// From the sample to the arrival of its command at the plant, of those that came before the next sample \[ns\].
     arrival_ns: u64,
 }
 
@@ -169,7 +199,10 @@ impl Usual {
         let plant = || of_node(Topic::State).flat_map(|process| process.cycles.windows(2));
         let in_order = |pair: &[Cycle]| -> Vec<u64> {
             let of_sample = pair[1].arrivals.iter().filter(|(read, _)| read.key.tick == pair[0].tick);
-            of_sample.map(|(_, after_ns)| *after_ns).collect()
+            of_sample
+                .map(|(_, after_ns)| *after_ns)
+                .filter(|after_ns| *after_ns < recording.scenario.sample_ns())
+                .collect()
         };
         Self {
             response_ns: Topic::ALL
