@@ -5,6 +5,7 @@
 
 mod flights;
 mod folder;
+mod replays;
 mod snapshots;
 
 use std::path::{Path, PathBuf};

@@ -6,8 +6,9 @@ use std::path::Path;
 use std::process::Output;
 
 use contract::Scenario;
+use contract::Topic;
 use contract::message::Message;
-use flight::log::{self, LogWriter};
+use flight::log::{self, LogWriter, Record};
 
 use crate::control::{status, tell};
 use crate::harness::{Flight, fly, launcher, namespace, wait_until};
@@ -73,7 +74,9 @@ fn what_deadlines_withheld_repeats_too() {
 fn other_settings_show_what_another_controller_would_have_done() {
     let outcome = fly(&["--mode", "inprocess", "--set", "run.duration_s=3.0"]);
     let ask = |more: &[&str]| text(&of_run(&[&["replay", "--node", "attitude-mpc"], more].concat(), &outcome.out));
-    assert!(ask(&[]).contains("the same bits in all that was compared"), "{}", ask(&[]));
+    let alone = ask(&[]);
+    assert!(alone.contains("no difference in what was compared\ncompared: 301 of 1204 messages"), "{alone}");
+    assert!(alone.contains("not computed: plant (not asked for), guidance (not asked for), mixer"), "{alone}");
     let open = ask(&["--set", "mpc.law=lqr"]);
     assert!(open.contains("other answers from tick") && open.contains("attitude-mpc 1, demand["), "{open}");
     let closed = ask(&["--set", "mpc.law=lqr", "--closed"]);
@@ -92,9 +95,9 @@ fn another_program_may_answer_in_the_place_of_a_node() {
     let program = program.to_str().expect("a path");
     let ask = |more: &[&str]| of_run(&[&["replay", "--node", "attitude-mpc", "--exec"], more].concat(), &outcome.out);
     let same = text(&ask(&[program]));
-    assert!(same.contains("301 compared") && same.contains("the same answers, bit for bit"), "{same}");
+    assert!(same.contains("attitude-mpc 301 of 301") && same.contains("the same answers, bit for bit"), "{same}");
     let closed = text(&ask(&[program, "--closed"]));
-    assert!(closed.contains("1204 compared") && closed.contains("with these settings"), "{closed}");
+    assert!(closed.contains("compared: 1204 of 1204 messages") && closed.contains("with these settings"), "{closed}");
     let gone = ask(&["/bin/true"]);
     assert!(gone.status.code() == Some(2) && text(&gone).contains("has ended instead of answering"), "{}", text(&gone));
 }
@@ -108,7 +111,131 @@ fn a_torn_log_repeats_up_to_where_it_is_torn() {
     let output = of_run(&["replay"], &outcome.out);
     let said = text(&output);
     assert_eq!(output.status.code(), Some(1), "{said}");
-    assert!(said.contains("is not whole") && said.contains("the same bits"), "{said}");
+    assert!(
+        said.contains("is not whole") && said.contains("no difference in what was compared, which is not all"),
+        "{said}"
+    );
+}
+
+/// Writes the log at `path` again with the records that are `kept`, closed as if it were whole.
+fn rewrite(path: &Path, kept: impl Fn(&Record) -> bool) {
+    let log = log::read(path).expect("the log reads");
+    let mut writer = LogWriter::create(path, &log.scenario_toml, Scenario::default().sample_ns()).expect("a log");
+    log.tick_by_tick().filter(kept).for_each(|record| writer.write(&record).expect("written"));
+    log.events.iter().for_each(|event| writer.event(event).expect("written"));
+    writer.finish().expect("written");
+}
+
+#[test]
+fn what_was_not_compared_is_not_the_same() {
+    let outcome = fly(&["--mode", "inprocess", "--set", "run.duration_s=2.0"]);
+    let check = |more: &[&str], code: i32, part: &str| {
+        let output = of_run(&[&["replay"], more].concat(), &outcome.out);
+        let said = text(&output);
+        assert!(output.status.code() == Some(code) && said.contains(part), "{more:?} should say {part}: {said}");
+        assert_eq!(said.contains("the same bits"), code == 0 && more.is_empty(), "{more:?}: {said}");
+    };
+    check(&[], 0, "compared: 804 of 804 messages (plant 201 of 201, guidance 201 of 201, attitude-mpc 201 of 201");
+    check(&["--from", "100s"], 1, "nothing was compared");
+    check(&["--from", "1s"], 0, "1.00 to 2.00 s of 2.00 s");
+    check(&["--to", "1s"], 0, "0.00 to 1.00 s of 2.00 s");
+
+    let path = outcome.out.join("flight.mcap");
+    let whole = std::fs::read(&path).expect("a log");
+    let run = std::fs::read(outcome.out.join("run.json")).expect("run.json");
+    // The last message of the mixer: no other shows that it is missing.
+    rewrite(&path, |record| record.topic() != Topic::Actuators || record.stamp().tick < 200);
+    check(&[], 1, "it has 803 records, and run.json tells of 804");
+    rewrite(&path, |record| record.stamp().tick < 150);
+    check(&[], 1, "what was read ends at 1.49 s of 2.00 s");
+    check(&["--node", "attitude-mpc", "--set", "mpc.law=lqr"], 1, "other answers from");
+    std::fs::write(&path, &whole).expect("written");
+    std::fs::remove_file(outcome.out.join("run.json")).expect("removed");
+    check(&[], 1, "there is no run.json");
+    let hash = outcome_hash(&run);
+    let other = String::from_utf8_lossy(&run).replace(&hash, &hash.replace(&hash[..4], "0000"));
+    std::fs::write(outcome.out.join("run.json"), other).expect("written");
+    check(&[], 1, "its states have another hash than run.json's");
+}
+
+fn outcome_hash(run: &[u8]) -> String {
+    let run: serde_json::Value = serde_json::from_slice(run).expect("JSON");
+    run["state_hash"].as_str().expect("a hash").to_owned()
+}
+
+#[test]
+fn what_another_program_flew_is_told_and_not_the_same() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let program = folder.path().join("own");
+    let text_of_it = format!("#!/bin/sh\nexec {} node attitude-mpc \"$@\"\n", env!("CARGO_BIN_EXE_launcher"));
+    std::fs::write(&program, text_of_it).expect("a script");
+    std::fs::set_permissions(&program, Permissions::from_mode(0o755)).expect("a program");
+    let swap = format!(
+        "swap=[{{ at_s = 0.2, node = \"attitude-mpc\", standby_s = 0.3, watch_s = 0.3, exec = \"{}\" }}]",
+        program.display()
+    );
+    let outcome = fly(&["--mode", "lockstep", "--set", "run.duration_s=2.0", "--set", &swap]);
+    let ask = |more: &[&str]| of_run(&[&["replay"], more].concat(), &outcome.out);
+    let all = ask(&[]);
+    let said = text(&all);
+    assert!(all.status.code() == Some(0) && said.contains("no difference in what was compared\n"), "{said}");
+    assert!(said.contains("not computed: attitude-mpc 2 (another program)"), "{said}");
+    let none = ask(&["--node", "attitude-mpc", "--from", "1.5s"]);
+    assert!(none.status.code() == Some(1) && text(&none).contains("nothing was compared"), "{}", text(&none));
+}
+
+#[test]
+fn a_log_without_its_end_is_told_first_by_every_command() {
+    let outcome = fly(&["--mode", "lockstep", "--set", "run.duration_s=2.0"]);
+    let stray = outcome.out.join("flight.2.mcap");
+    let path = outcome.out.join("flight.mcap");
+    std::fs::copy(&path, &stray).expect("copied");
+    rewrite(&stray, |_| true); // a log of its own, which only has the name of a part
+    assert_repeats(&outcome.out);
+    rewrite(&path, |record| record.stamp().tick < 120);
+    let run = outcome.out.display().to_string();
+    for command in ["report", "trace", "explain", "compare"] {
+        let other = fly(&["--mode", "inprocess", "--set", "run.duration_s=0.5"]);
+        let more = if command == "compare" { vec![other.out.to_str().expect("a path")] } else { vec![] };
+        let output = of_run(&[&[command], &more[..]].concat(), &outcome.out);
+        let said = text(&output);
+        let note = format!("note: the log {run}/flight.mcap is not whole");
+        let told = if command == "compare" { &output.stdout } else { &output.stderr };
+        assert!(String::from_utf8_lossy(told).starts_with(&note), "{command}: {said}");
+        assert!(said.contains("what was read ends at 1.19 s of 2.00 s"), "{command}: {said}");
+        assert_eq!(output.status.code(), Some(i32::from(command == "explain")), "{command}: {said}");
+    }
+    let page = std::fs::read_to_string(outcome.out.join("report.html")).expect("a report");
+    assert!(page.contains("The log is not whole: the log"), "above everything else");
+}
+
+/// A mixer that takes longer than a period: its commands come, and each of them after the next sample.
+#[test]
+fn a_command_that_comes_after_the_period_disturbs_its_tick() {
+    let slow = "--set=fault=[{ at_s = 1.0, for_s = 0.5, target = \"mixer\", kind = \"slow\", ms = 90.0 }]";
+    let outcome = fly(&["--mode", "inprocess", "--set", "run.duration_s=4.0", slow]);
+    let output = of_run(&["explain", "--json"], &outcome.out);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(said.contains("50 disturbed ticks: 51 flights of 4.00 s, about "), "the work is told first: {said}");
+    let costs: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert_eq!((&costs["disturbed_ticks"], &costs["bursts"][0]["ticks"]), (&50.into(), &serde_json::json!([100, 149])));
+    let apart_m = costs["all_together"]["max_distance_m"].as_f64().expect("a distance");
+    assert!(apart_m > 1e-4, "the courses part, wherever the largest error is: {costs}");
+    assert_eq!(costs["flight"]["state_hash"], outcome.state_hash());
+    let errors_m = ["flight", "without_any"].map(|of| costs[of]["max_error_m"].as_f64().expect("an error"));
+    assert_eq!(costs["all_together"]["max_error_m"], errors_m[0] - errors_m[1]);
+}
+
+#[test]
+fn what_would_take_long_is_told_and_not_begun_unless_it_is_asked_for() {
+    let slow = "--set=fault=[{ at_s = 1.0, for_s = 20.0, target = \"mixer\", kind = \"slow\", ms = 20.0 }]";
+    let outcome = fly(&["--mode", "inprocess", "--set", "run.duration_s=21.0", slow]);
+    let output = of_run(&["explain", "--json"], &outcome.out);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(said.contains("2000 disturbed ticks: 2001 flights of 21.00 s") && said.contains("--all"), "{said}");
+    let costs: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert_eq!((&costs["disturbed_ticks"], &costs["ticks"]), (&2000.into(), &serde_json::json!([])));
+    assert!(costs["all_together"]["max_distance_m"].as_f64() > Some(0.0), "{costs}");
 }
 
 /// The cost of a stall is the difference between the flight with and the flight without it.
@@ -120,7 +247,7 @@ fn the_cost_of_a_stall_is_that_of_the_flights_with_and_without_it() {
     let known =
         ["position_error_integral_ms", "max_position_error_m"].map(|name| with.metric(name) - without.metric(name));
     let output = of_run(&["explain", "--json"], &with.out);
-    let costs: serde_json::Value = serde_json::from_str(&text(&output)).expect("JSON");
+    let costs: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
     let burst = &costs["bursts"][0];
     assert_eq!((costs["bursts"].as_array().map(Vec::len), &burst["ticks"]), (Some(1), &serde_json::json!([500, 502])));
     let told = [&burst["error_integral_ms"], &burst["max_error_m"]].map(|cost| cost.as_f64().expect("a number"));

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::Context;
 use contract::exit;
 use flight::files::write_whole;
-use runtime::console::{eprint_line, print};
+use runtime::console::print;
 use view::comparison::Comparison;
 
 /// Arguments of `compare`.
@@ -27,7 +27,6 @@ pub struct CompareArgs {
 pub fn compare(args: &CompareArgs) -> anyhow::Result<u8> {
     let comparison = Comparison::read(&args.runs)?;
     print(&comparison.text());
-    comparison.missing().for_each(|missing| eprint_line(&format!("note: {missing}")));
     let page = args.out.clone().map_or_else(|| beside_first(args), Ok)?;
     write_whole(&page, comparison.page().as_bytes()).context("give another file with --out")?;
     print(&format!("\nwritten to {}\n", page.display()));

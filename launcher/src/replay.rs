@@ -11,21 +11,23 @@ use contract::topic::Topic;
 use flight::duration::seconds;
 use flight::files::write_whole;
 use flight::provenance::status_of;
-use flight::replay::{Difference, Plan, Recording, Replayed};
+use flight::replay::{Plan, Recording};
 use runtime::console::{eprint_line, print};
 use rustix::process::{Signal, getpid, kill_process};
 
 use crate::progress::Progress;
 use serde_json::json;
+use view::explain::Work;
 use view::report::Recorded;
 use view::summary::Summary;
+use view::verdict::replay_and_judge;
 use view::{comparison, explain};
 
 /// Arguments of `replay`.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Exit codes: 0 the same bits; 1 a difference, or the log does not reach to the end; 2 usage, or a log of \
-another version."
+    after_help = "Exit codes: 0 no difference, or what was asked of other settings; 1 a difference, nothing compared, or a log \
+that is not all of the flight; 2 usage, or a log of another version."
 )]
 pub struct ReplayArgs {
     /// Folder of the run, or its flight.mcap
@@ -61,26 +63,40 @@ pub struct ExplainArgs {
     /// Print the costs as JSON instead of the tables
     #[arg(long)]
     json: bool,
+    /// Fly without each disturbed tick, however many there are; else only without all of them where they are many
+    #[arg(long)]
+    all: bool,
 }
 
 /// Says what the disturbed ticks of a run cost; explain.html goes into its folder.
 pub fn explain(args: &ExplainArgs) -> anyhow::Result<u8> {
     let recorded = Recorded::read(&args.run)?;
+    let missing = recorded.missing();
+    let recording = recorded.recording()?;
+    let work = Work::of(&recording)?;
+    let each = args.all || work.is_little();
+    for told in missing.iter().chain([&work.describe()]) {
+        eprint_line(&format!("note: {told}"));
+    }
+    if !each {
+        eprint_line("note: that is much; here is what all together cost, and --all flies without each of them too");
+    }
     let progress = Mutex::new(Progress::start());
     let show = |done, of| progress.lock().iter().for_each(|line| line.show(|| format!("{done} of {of} flights")));
-    let explained = explain::explain(&recorded.recording()?, show);
+    let explained = explain::explain(&recording, &work, each, show);
     progress.into_inner().into_iter().for_each(Progress::finish);
     let explained = explained?;
     let page = recorded.path.with_file_name("explain.html");
     write_whole(&page, explained.page().as_bytes())?;
     if args.json {
-        let costs = json!({ "ticks": explained.ticks, "bursts": explained.bursts });
+        let mut costs = explained.to_json();
+        costs["missing"] = json!(missing);
         print(&(serde_json::to_string_pretty(&costs)? + "\n"));
     } else {
         print(&explained.text());
         print(&format!("\nwritten to {}\n", page.display()));
     }
-    Ok(exit::FLOWN)
+    Ok(if missing.is_none() { exit::FLOWN } else { exit::OUT_OF_BOUNDS })
 }
 
 /// Flies a run again; the exit code.
@@ -88,29 +104,23 @@ pub fn replay(args: &ReplayArgs) -> anyhow::Result<u8> {
     let recorded = Recorded::read(&args.run)?;
     let recording = recorded.recording()?;
     let plan = plan(args, &recording)?;
-    let sample_s = recording.scenario.sample_s();
-
-    let mut summary = Summary::new(&recording.scenario);
     let started = Instant::now();
-    let replayed = flight::replay::replay(&recording, &plan, |record| summary.observe(record))?;
-    let wall_s = started.elapsed().as_secs_f64();
-    let (flown_s, name) = (replayed.last_tick as f64 * sample_s, &recording.scenario.name);
-    print(&format!(
-        "{name}: {flown_s:.2} s flown again in {wall_s:.2} s, {} messages computed, {} compared\n",
-        replayed.computed, replayed.compared
-    ));
-    if plan.settings.is_some() || plan.program.is_some() {
-        return Ok(other_settings(args, &recorded, &summary, &replayed, sample_s));
-    }
-    let hash = plan.only.is_none().then(|| summary.state_hash()).flatten();
-    let flown = Summary::of(&recorded.log, &recording.scenario).state_hash();
-    if let Some(other) = recorded.log.written_by.other_program().filter(|_| replayed.first.is_some()) {
-        print(&format!("{other}: a difference may be the program's\n"));
-    }
-    let code = judge(&replayed, sample_s, [flown, hash]);
-    let Some(missing) = recorded.missing() else { return Ok(code) };
-    print(&format!("{missing}\n"));
-    Ok(exit::OUT_OF_BOUNDS)
+    let verdict = replay_and_judge(&recorded, &recording, &plan, |replayed, summary| {
+        let flown_s = replayed.last_tick as f64 * recording.scenario.sample_s();
+        let (wall_s, name) = (started.elapsed().as_secs_f64(), &recording.scenario.name);
+        let computed = replayed.computed();
+        print(&format!("{name}: {flown_s:.2} s flown again in {wall_s:.2} s, {computed} messages computed\n"));
+        if let Some(other) = recorded.log.written_by.other_program().filter(|_| replayed.first.is_some()) {
+            print(&format!("{other}: a difference may be the program's\n"));
+        }
+        if args.closed {
+            let flown = Summary::of(&recorded.log, &recorded.scenario).metrics();
+            let flights = [flown, summary.metrics()].map(|metrics| (&recording.scenario, metrics));
+            print(&(comparison::metrics(&["flight", "with these settings"], &flights).text() + "\n"));
+        }
+    })?;
+    print(&verdict.text);
+    Ok(verdict.exit_code)
 }
 
 fn plan(args: &ReplayArgs, recording: &Recording) -> anyhow::Result<Plan> {
@@ -184,49 +194,4 @@ fn settings(recording: &Recording, topic: Topic, set: &[String]) -> anyhow::Resu
         }
     };
     Ok(candidate(&recording.scenario, &Swap { set: set.to_vec(), ..Swap::new(node, 0.0) })?)
-}
-
-/// Says whether the bits are the same; `hashes` are those of the flight and of the replay.
-fn judge(replayed: &Replayed, sample_s: f64, [flown, hash]: [Option<String>; 2]) -> u8 {
-    let first = replayed.first.as_ref();
-    match (first, &hash) {
-        (Some(first), _) => print(&format!("DIFFERENT from {}\n", describe(first, sample_s))),
-        (None, Some(hash)) if flown.as_ref() == Some(hash) => print(&format!("the same bits: state hash {hash}\n")),
-        (None, _) => print("the same bits in all that was compared\n"),
-    }
-    if first.is_some() {
-        print(&format!("{} of {} messages compared differ\n", replayed.different, replayed.compared));
-    }
-    if let Some(why) = &replayed.stopped {
-        print(&format!("the replay ends before the flight: {why}\n"));
-    }
-    if first.is_none() && replayed.stopped.is_none() { exit::FLOWN } else { exit::OUT_OF_BOUNDS }
-}
-
-/// For people: where flight and replay part.
-fn describe(first: &Difference, sample_s: f64) -> String {
-    let Difference { tick, topic, epoch, differs } = first;
-    let [flown, replayed] = &differs.values;
-    let (name, time_s) = (topic.publisher(), *tick as f64 * sample_s);
-    format!(
-        "tick {tick}, {time_s:.2} s, on: {name} {epoch}, {}: {flown} in the flight, {replayed} in the replay",
-        differs.field
-    )
-}
-
-/// Says what other settings come to.
-fn other_settings(args: &ReplayArgs, recorded: &Recorded, summary: &Summary, replayed: &Replayed, sample_s: f64) -> u8 {
-    if args.closed {
-        let flown = Summary::of(&recorded.log, &recorded.scenario);
-        print(&comparison::metrics(&["flight", "with these settings"], &[flown.metrics(), summary.metrics()]).text());
-        return exit::FLOWN;
-    }
-    match &replayed.first {
-        Some(first) => {
-            print(&format!("other answers from {}\n", describe(first, sample_s)));
-            print(&format!("{} of {} answers differ\n", replayed.different, replayed.compared));
-        }
-        None => print("the same answers, bit for bit\n"),
-    }
-    exit::FLOWN
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use contract::Scenario;
-use contract::scenario::Mode;
+use contract::scenario::{Mode, TrajectoryKind};
 use contract::topic::NODES;
 use hdrhistogram::Histogram;
 use serde_json::{Value, json};
@@ -21,17 +21,35 @@ use crate::table::Table;
 use crate::ticks::{LoggedTick, logged};
 use crate::timing::Timing;
 
-/// A row for each metric, a column for each flight; `titles` name them.
-pub fn metrics(titles: &[&str], flights: &[Metrics]) -> Table {
-    let flights: Vec<_> = flights.iter().map(|metrics| json!(metrics)).collect();
+/// A row for each metric, a column for each flight with the settings it flew; `titles` name them.
+pub fn metrics(titles: &[&str], flights: &[(&Scenario, Metrics)]) -> Table {
+    let values: Vec<_> = flights.iter().map(|(scenario, metrics)| of_mission(scenario, metrics)).collect();
     let cell = |value: &Value, decimals: usize| {
         value.as_f64().map_or_else(|| "-".to_owned(), |value| format!("{value:.decimals$}"))
     };
     let row = |(key, name, unit, decimals): &(&str, &str, &str, usize)| {
         let name = if unit.is_empty() { (*name).to_owned() } else { format!("{name} [{unit}]") };
-        std::iter::once(name).chain(flights.iter().map(|flight| cell(&flight[*key], *decimals + 1))).collect()
+        std::iter::once(name).chain(values.iter().map(|values| cell(&values[*key], *decimals + 1))).collect()
     };
-    Table::new("Metrics", &headings("", titles), METRICS.iter().map(row).collect())
+    let has_value = |(key, ..): &&(&str, &str, &str, usize)| values.iter().any(|values| !values[*key].is_null());
+    let all = METRICS[..2].iter().chain([&ALTITUDE]).chain(&METRICS[2..]);
+    Table::new("Metrics", &headings("", titles), all.filter(has_value).map(row).collect())
+}
+
+/// Largest altitude error of a flight, whenever it was.
+const ALTITUDE: (&str, &str, &str, usize) = ("max_altitude_error_m", "altitude error, maximum", "m", 3);
+
+/// The metrics by name. Only in the paper's mission is the flight level from 10 to 50 s, so that the altitude error
+/// is told apart by that.
+fn of_mission(scenario: &Scenario, metrics: &Metrics) -> Value {
+    let mut values = json!(metrics);
+    let (level_m, otherwise_m) = (metrics.max_altitude_error_horizontal_m, metrics.max_altitude_error_vertical_m);
+    values[ALTITUDE.0] = json!(level_m.max(otherwise_m));
+    if scenario.mission.trajectory != TrajectoryKind::Survey {
+        values["max_altitude_error_horizontal_m"] = Value::Null;
+        values["max_altitude_error_vertical_m"] = Value::Null;
+    }
+    values
 }
 
 fn headings<'a>(first: &'a str, titles: &[&'a str]) -> Vec<&'a str> {
@@ -136,7 +154,8 @@ impl Comparison {
     fn tables(&self) -> Vec<Table> {
         let titles = self.titles();
         let scenarios: Vec<_> = self.flights.iter().map(|flight| &flight.scenario).collect();
-        let of_flights: Vec<_> = self.flights.iter().map(|flight| flight.summary.metrics()).collect();
+        let of_flights: Vec<_> =
+            self.flights.iter().map(|flight| (&flight.scenario, flight.summary.metrics())).collect();
         let what = ["flight", "mode", "Hz", "flown [s]", "ended", "folder", "flown by"];
         let differences = settings::differences(&scenarios);
         let told = if differences.is_empty() { "Settings: all are the same" } else { "Settings that differ" };
@@ -175,10 +194,11 @@ impl Comparison {
         Table::new(told, &headings("", &self.titles()), rows)
     }
 
-    /// For people: the tables.
+    /// For people: what of the logs is missing, then the tables.
     pub fn text(&self) -> String {
         let text = |table: Table| if table.rows.is_empty() { format!("{}\n", table.title) } else { table.text() };
-        self.tables().into_iter().map(text).collect::<Vec<_>>().join("\n")
+        let missing = self.missing().map(|missing| format!("note: {missing}\n"));
+        missing.chain(self.tables().into_iter().map(text)).collect::<Vec<_>>().join("\n")
     }
 
     /// The page: the tables, and the flights laid over each other.

@@ -17,6 +17,7 @@
 //! | [`run_record`] | `run.json` |
 //! | [`report`] | `report.html` |
 //! | [`trace`] | `trace`: ticks of a run for a trace viewer |
+//! | [`verdict`] | whether a replay is the same flight: the sentence and the exit code |
 
 #![allow(missing_docs)]
 
@@ -39,3 +40,4 @@ pub mod thinning;
 pub mod ticks;
 pub mod timing;
 pub mod trace;
+pub mod verdict;

@@ -45,17 +45,41 @@ pub struct Difference {
 /// What a replay came to.
 #[derive(Debug, Clone, Default)]
 pub struct Replayed {
-    /// Messages computed, and how many of them were compared with one of the log.
-    pub computed: u64,
-    pub compared: u64,
+    /// Messages by topic.
+    pub messages: [Messages; Topic::COUNT],
     /// The first difference of all.
     pub first: Option<Difference>,
-    /// The messages of the log, and of them the computed ones that differ.
+    /// Messages that differ, of those compared.
     pub different: u64,
     /// Why it ended before the flight did.
     pub stopped: Option<String>,
     /// The last sample that was flown.
     pub last_tick: u64,
+}
+
+/// Messages of one topic, and what a replay did with them.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Messages {
+    /// Those in the log.
+    pub logged: u64,
+    /// Those that the replay sent.
+    pub computed: u64,
+    /// Of these, the ones held against one of the log.
+    pub compared: u64,
+    /// Of these, the ones whose bits a fault has flipped, times among them; they are counted and not compared.
+    pub flipped: u64,
+}
+
+impl Replayed {
+    /// Messages computed, of all topics.
+    pub fn computed(&self) -> u64 {
+        self.messages.iter().map(|of_topic| of_topic.computed).sum()
+    }
+
+    /// Messages compared, of all topics.
+    pub fn compared(&self) -> u64 {
+        self.messages.iter().map(|of_topic| of_topic.compared).sum()
+    }
 }
 
 /// Flies a recording again as `plan` says; `each` gets every message, computed or of the log.
@@ -79,9 +103,14 @@ impl Plan {
         self.program.as_ref().filter(|(of, _)| *of == topic).map(|(_, program)| program.as_str())
     }
 
+    /// Whether the processes of a node compute, but for those of another program.
+    pub fn covers(&self, topic: Topic) -> bool {
+        self.only.is_none_or(|only| only == topic)
+    }
+
     fn computes(&self, recording: &Recording, topic: Topic, epoch: u64) -> bool {
         let replaced = self.settings.as_ref().is_some_and(|(of, _)| *of == topic) || self.program_of(topic).is_some();
-        self.only.is_none_or(|only| only == topic) && (replaced || !recording.foreign.contains(&(topic, epoch)))
+        self.covers(topic) && (replaced || !recording.foreign.contains(&(topic, epoch)))
     }
 }
 
@@ -154,7 +183,9 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
         let courses = processes.iter().map(|_| Course::default()).collect();
         let memories =
             processes.iter().filter_map(|process| Some(((process.topic, process.continues?), None))).collect();
-        let mut flight = Self { recording, plan, each, courses, memories, replayed: Replayed::default() };
+        let messages = recording.logged.map(|logged| Messages { logged, ..Messages::default() });
+        let replayed = Replayed { messages, ..Replayed::default() };
+        let mut flight = Self { recording, plan, each, courses, memories, replayed };
         for (i, process) in processes.iter().enumerate() {
             if plan.computes(recording, process.topic, process.epoch) && process.continues.is_none() {
                 flight.begin(i)?;
@@ -181,8 +212,9 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
                 break;
             }
         }
-        let waits = |i: &usize| self.next(*i).is_some();
-        if let Some(i) = (0..self.courses.len()).find(waits) {
+        // The one that is furthest behind holds the others up.
+        let waiting = (0..self.courses.len()).filter_map(|i| Some((self.next(i)?.tick, i)));
+        if let Some((_, i)) = waiting.min() {
             let process = &self.recording.script.processes[i];
             let (name, epoch, tick) =
                 (process.topic.publisher(), process.epoch, self.next(i).map_or(0, |next| next.tick));
@@ -332,17 +364,19 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
             Runs::Elsewhere(program) => program.run(next, |record| sent.push(*record))?,
         }
         self.courses[i].worker = Some(worker);
+        let messages = &mut self.replayed.messages[process.topic as usize];
         for record in sent.iter() {
-            self.replayed.computed += 1;
+            messages.computed += 1;
             if !record.is_intact() {
-                continue; // a fault has flipped bits of it, times among them
+                messages.flipped += 1;
+                continue;
             }
             let Some(flown) = process.recorded.get(self.courses[i].recorded) else { continue };
             self.courses[i].recorded += 1;
             if next.tick < self.plan.from {
                 continue;
             }
-            self.replayed.compared += 1;
+            messages.compared += 1;
             let Some(differs) = difference(flown, record) else { continue };
             self.replayed.different += 1;
             let Process { topic, epoch, .. } = *process;

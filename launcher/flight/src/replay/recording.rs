@@ -18,8 +18,10 @@ pub struct Recording {
     pub script: Script,
     /// Faults given and changed in flight, in order.
     pub(super) given: Vec<(usize, Fault)>,
-    /// Programs of processes that are none of this one: topic and epoch.
-    pub(super) foreign: Vec<(Topic, u64)>,
+    /// Messages in the log, by topic, those that are not whole too.
+    pub(super) logged: [u64; Topic::COUNT],
+    /// Processes of other programs than this one: topic and epoch.
+    pub foreign: Vec<(Topic, u64)>,
     /// Settings of candidates.
     pub(super) settings: HashMap<(Topic, u64), Scenario>,
 }
@@ -57,6 +59,8 @@ impl Recording {
         if script.process(Topic::State, 1).is_none() {
             bail!("the log has no message of the plant");
         }
-        Ok(Self { scenario, script, given, foreign, settings })
+        let logged = [log.states.len(), log.references.len(), log.controls.len(), log.actuators.len()];
+        let logged = logged.map(|messages| messages as u64);
+        Ok(Self { scenario, script, given, logged, foreign, settings })
     }
 }

@@ -5,17 +5,18 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
+use contract::exit;
 use contract::scenario::to_toml;
 use flight::control::{Request, ask};
 use flight::event::What;
 use flight::files::write_whole;
-use flight::replay::{Difference, Plan, replay};
+use flight::replay::Plan;
 use flight::stack::StartError;
 use runtime::domain::Domain;
 use rustix::process::Signal;
 use serde::Serialize;
 use view::report::Recorded;
-use view::summary::Summary;
+use view::verdict::replay_and_judge;
 
 use super::plan::{Kind, Order, orders};
 use crate::flights::namespace;
@@ -83,30 +84,22 @@ impl ReplayFlight {
         let read_s = started.elapsed().as_secs_f64();
         let started = Instant::now();
         let recording = recorded.recording()?;
-        let mut summary = Summary::new(&recording.scenario);
-        let replayed = replay(&recording, &Plan::default(), |record| summary.observe(record))?;
-        let replay_s = started.elapsed().as_secs_f64();
+        let (mut flown_s, mut messages, mut replay_s) = (0.0, 0, 0.0);
+        let verdict = replay_and_judge(&recorded, &recording, &Plan::default(), |replayed, summary| {
+            (flown_s, messages, replay_s) = (summary.time_s(), replayed.compared(), started.elapsed().as_secs_f64());
+        })?;
 
         let (log, run) = (&recorded.log, &recorded.run);
         let count = |of: &[What]| log.events.iter().filter(|event| of.contains(&event.what)).count();
         let state_hash = run["state_hash"].as_str().map(str::to_owned);
-        let differs = match (replayed.stopped, replayed.first, summary.state_hash()) {
-            (Some(why), ..) => Some(why),
-            (_, Some(Difference { tick, topic, differs, .. }), _) => {
-                Some(format!("{} differs at tick {tick}: {}", topic.name(), differs.field))
-            }
-            (.., replayed) if replayed.is_none() || replayed != state_hash => {
-                Some(format!("state hash {state_hash:?} in the flight, {replayed:?} in the replay"))
-            }
-            _ => None,
-        };
+        let differs = (verdict.exit_code != exit::FLOWN).then(|| verdict.text.trim_end().replace('\n', "; "));
         let misses = run["timing"]["nodes"].as_object().into_iter().flatten();
         Ok(Self {
             flight: number,
             kind,
             code,
-            flown_s: summary.time_s(),
-            messages: replayed.compared,
+            flown_s,
+            messages,
             misses: misses.filter_map(|(_, node)| node["misses"].as_u64()).sum(),
             faults: count(&[What::Injected]),
             deaths: count(&[What::Died, What::Hung]),

@@ -4,7 +4,7 @@ use contract::Topic;
 use flight::replay::Recording;
 
 use crate::draw::escape;
-use crate::explain::explain;
+use crate::explain::{Work, explain};
 
 /// With more disturbed ticks the page only says how they are looked into: a flight is flown again for each.
 const MOST_TICKS: usize = 50;
@@ -30,7 +30,9 @@ fn told(recording: &Recording) -> anyhow::Result<String> {
     let samples = ticks * plant.map_or(0, |plant| plant.cycles.len());
     match ticks {
         0 => Ok(String::new()),
-        1..=MOST_TICKS if samples <= MOST_SAMPLES => Ok(explain(recording, |_, _| {})?.section()),
+        1..=MOST_TICKS if samples <= MOST_SAMPLES => {
+            Ok(explain(recording, &Work::of(recording)?, true, |_, _| {})?.section())
+        }
         _ => Ok(format!(
             "<p>{ticks} ticks were disturbed: <code>launcher explain RUN</code> says what each of them cost, and writes \
              explain.html into the run’s folder.</p>"

@@ -7,6 +7,7 @@
 //! | `claims` | the paper's claims and their verdicts |
 //! | `costs` | what disturbed ticks cost |
 //! | `happened` | what went wrong: faults, events, refused messages |
+//! | `missing` | whether the log is all of the flight |
 //! | `sections` | head, tables, settings, provenance |
 //! | `timing` | the timing section and its pictures |
 //!
@@ -17,6 +18,7 @@ mod columns;
 mod costs;
 mod differences;
 mod happened;
+mod missing;
 pub(crate) mod sections;
 #[cfg(test)]
 mod tests;
@@ -56,6 +58,8 @@ pub struct Recorded {
     pub scenario: Scenario,
     /// Its summary. A run whose launcher was killed has a log and no run.json: then it is made from the log.
     pub run: Value,
+    /// Whether there is a run.json.
+    pub has_summary: bool,
 }
 
 impl Recorded {
@@ -86,8 +90,9 @@ impl Recorded {
             Some(other) => anyhow!("{error}\n{other}: read the log with that program"),
             None => error.into(),
         })?;
+        let has_summary = run.is_some();
         let run = run.unwrap_or_else(|| summary_of(&log, &scenario));
-        Ok(Self { path, log, scenario, run })
+        Ok(Self { path, log, scenario, run, has_summary })
     }
 
     /// What can be flown again of it.
@@ -106,26 +111,23 @@ impl Recorded {
         differences::flown(&self.run).unwrap_or_else(|| self.scenario.clone())
     }
 
-    /// For people: what of the log is missing, if anything is.
+    /// For people: why the log is not all of the flight, if it is not.
     pub fn missing(&self) -> Option<String> {
-        let defect = self.log.defect.as_ref()?;
-        let path = self.path.display();
-        let last_s = self.log.states.last().map_or(0.0, |state| state.stamp.tick as f64 * self.scenario.sample_s());
-        let lost = Summary::of(&self.log, &self.scenario).missed();
-        Some(format!(
-            "the log {path} is not whole ({defect}): what was read ends at {last_s:.2} s, {lost} messages before that are \
-             missing"
-        ))
+        missing::missing(self)
     }
 }
 
 /// Writes `report.html` of the run in `folder`; returns what of its log is missing, for people.
 pub fn rewrite(folder: &Path) -> anyhow::Result<Option<String>> {
-    let recorded = Recorded::read(folder)?;
+    let mut recorded = Recorded::read(folder)?;
+    let missing = recorded.missing();
+    if let Some(missing) = &missing {
+        recorded.run["log"]["error"] = json!(missing); // the page says it above everything else
+    }
     let costs = costs::section(recorded.recording());
     let page = render(&recorded.log, &recorded.run, &recorded.scenario, costs);
     write_whole(&recorded.path.with_file_name("report.html"), page.as_bytes())?;
-    Ok(recorded.missing())
+    Ok(missing)
 }
 
 /// The page of one run: its recorded messages, its summary (`run.json`), the scenario it flew, and the section on what disturbed

@@ -1,0 +1,174 @@
+//! What disturbed ticks cost, for people and programs: tables, page and JSON.
+
+use serde_json::{Value, json};
+
+use super::{Cost, Explained, Outcome};
+use crate::draw::{self, Line, STYLE, escape};
+use crate::table::Table;
+
+const COLUMNS: [&str; 7] =
+    ["tick", "at [s]", "error integral [mm s]", "courses apart [mm]", "largest error [mm]", "worst tilt [deg]", "what"];
+/// Heading of the column of another flight, and what that is.
+const ANOTHER: [&str; 2] = [
+    "another flight",
+    "Another flight: in process, this program's controllers in every node's place, without any fault and swap of the scenario \
+     (those of air, sensors and actuators too), as long as this one.",
+];
+/// Rows of a table in the terminal.
+const ROWS: usize = 20;
+/// Plots of a page, and how much of the flight each shows around its ticks \[s\].
+const PLOTS: usize = 5;
+const BEFORE_S: f64 = 0.5;
+const AFTER_S: f64 = 4.5;
+
+impl Outcome {
+    /// The position error around an instant: time \[s\], error \[m\].
+    pub(super) fn error_around(&self, at_s: f64, sample_s: f64) -> Vec<(f64, f64)> {
+        let timed = self.error_m.iter().enumerate().map(|(tick, error_m)| (tick as f64 * sample_s, *error_m));
+        timed.filter(|(time_s, _)| (at_s - BEFORE_S..=at_s + AFTER_S).contains(time_s)).collect()
+    }
+
+    fn to_json(&self) -> Value {
+        json!({
+            "max_error_m": self.metrics.max_position_error_m,
+            "error_integral_ms": self.metrics.position_error_integral_ms,
+            "worst_tilt_deg": self.worst_tilt_deg,
+            "state_hash": self.state_hash,
+        })
+    }
+}
+
+impl Cost {
+    fn ticks_in_words(&self) -> String {
+        let (first, last) = self.ticks;
+        if first == last { first.to_string() } else { format!("{first}-{last}") }
+    }
+
+    fn cells(&self) -> Vec<String> {
+        let Self { at_s, node, what, max_error_m, max_distance_m, error_integral_ms, worst_tilt_deg, .. } = self;
+        vec![
+            self.ticks_in_words(),
+            format!("{at_s:.2}"),
+            format!("{:+.3}", error_integral_ms * 1e3),
+            format!("{:.3}", max_distance_m * 1e3),
+            format!("{:+.3}", max_error_m * 1e3),
+            format!("{worst_tilt_deg:+.3}"),
+            format!("{node} {what}"),
+        ]
+    }
+
+    fn table(title: &str, costs: &[Self]) -> Table {
+        Table::new(title, &COLUMNS, costs.iter().map(Self::cells).collect())
+    }
+}
+
+impl Explained {
+    /// For people: the costliest ticks and bursts, and the flights side by side.
+    pub fn text(&self) -> String {
+        let (ticks, bursts) = (self.disturbed, self.bursts_found);
+        let mut text = format!("{}: {ticks} disturbed ticks, {bursts} bursts of more than one\n", self.name);
+        for (title, costs) in [("What single ticks cost", &self.ticks), ("What bursts cost", &self.bursts)] {
+            if !costs.is_empty() {
+                let left_out = costs.len().saturating_sub(ROWS);
+                let more = if left_out > 0 {
+                    format!(" (the {ROWS} costliest; {left_out} more in explain.html)")
+                } else {
+                    String::new()
+                };
+                let shown = &costs[..costs.len().min(ROWS)];
+                text.push('\n');
+                text.push_str(&Cost::table(&format!("{title}{more}"), shown).text());
+            }
+        }
+        text + &format!("\n{}{}\n", self.side_by_side().text(), ANOTHER[1])
+    }
+
+    /// For programs: the flights, what all ticks together cost, and what each of them did.
+    pub fn to_json(&self) -> Value {
+        let (flight, without) = (&self.flight, &self.without_any);
+        json!({
+            "disturbed_ticks": self.disturbed,
+            "flight": flight.to_json(),
+            "without_any": without.to_json(),
+            "another_flight": self.undisturbed.to_json(),
+            "all_together": {
+                "max_error_m": flight.metrics.max_position_error_m - without.metrics.max_position_error_m,
+                "max_distance_m": flight.max_distance_m(without),
+                "error_integral_ms": flight.metrics.position_error_integral_ms - without.metrics.position_error_integral_ms,
+                "worst_tilt_deg": flight.worst_tilt_deg - without.worst_tilt_deg,
+            },
+            "ticks": self.ticks,
+            "bursts": self.bursts,
+        })
+    }
+
+    /// Largest error, integral and worst tilt of the flights, and what all and each tick cost.
+    fn side_by_side(&self) -> Table {
+        let row = |name: &str, scale: f64, of: &dyn Fn(&Outcome) -> f64, cost: fn(&Cost) -> f64| {
+            let [flight, without, another] = [&self.flight, &self.without_any, &self.undisturbed].map(of);
+            let cells = [flight, without, another, flight - without].map(|value| format!("{:.3}", value * scale));
+            let sum: f64 = self.ticks.iter().map(cost).sum();
+            let sum = if self.ticks.is_empty() { "-".into() } else { format!("{:.3}", sum * scale) };
+            std::iter::once(name.to_owned()).chain(cells).chain([sum]).collect()
+        };
+        let apart_mm = format!("{:.3}", self.flight.max_distance_m(&self.without_any) * 1e3);
+        let apart = ["courses apart [mm]", "-", "-", "-", &apart_mm, "-"].map(str::to_owned);
+        let headings = ["", "flight", "without any", ANOTHER[0], "all together cost", "sum of single ticks"];
+        Table::new(
+            "The flights",
+            &headings,
+            vec![
+                row("error integral [mm s]", 1e3, &|of| of.metrics.position_error_integral_ms, |cost| {
+                    cost.error_integral_ms
+                }),
+                apart.into(),
+                row("largest error [mm]", 1e3, &|of| of.metrics.max_position_error_m, |cost| cost.max_error_m),
+                row("worst tilt [deg]", 1.0, &|of| of.worst_tilt_deg, |cost| cost.worst_tilt_deg),
+            ],
+        )
+    }
+
+    /// The tables and plots, for a page of their own or a section of the report.
+    pub fn section(&self) -> String {
+        let mut html = format!(
+            "<p>A tick is disturbed when a node answered late, not at all, or to old messages, when a fault lost or changed a \
+             message, or when the command came after the next sample. Each is undone in a flight of its own; all else stays as it \
+             was. {} ticks are disturbed. The cost is the flight less the flight without, and how far apart their courses are.</p>",
+            self.disturbed
+        );
+        html += &self.side_by_side().html();
+        html.extend(["<p class=\"hint\">", ANOTHER[1], "</p>"]);
+        for (title, costs) in
+            [("Bursts, the costliest first", &self.bursts), ("Single ticks, the costliest first", &self.ticks)]
+        {
+            if !costs.is_empty() {
+                html.extend(["<h3>", title, "</h3>", &Cost::table("", costs).html()]);
+            }
+        }
+        let mut costliest: Vec<&Cost> = self.bursts.iter().chain(&self.ticks).collect();
+        costliest.sort_by(|a, b| b.error_integral_ms.total_cmp(&a.error_integral_ms));
+        for cost in costliest.iter().take(PLOTS) {
+            let caption = format!("Tick {}, {} {}", cost.ticks_in_words(), cost.node, cost.what);
+            html.extend(["<h3>", &escape(&caption), "</h3>", &self.plot(cost)]);
+        }
+        html
+    }
+
+    /// The position error with and without, around the ticks.
+    fn plot(&self, cost: &Cost) -> String {
+        draw::lines(
+            &[
+                Line { name: "the flight", points: self.flight.error_around(cost.at_s, self.sample_s) },
+                Line { name: "without it", points: cost.without_m.clone() },
+            ],
+            "time [s]",
+            "position error [m]",
+        )
+    }
+
+    /// A page of its own.
+    pub fn page(&self) -> String {
+        let title = format!("What disturbed ticks cost: {}", self.name);
+        draw::page(&title, STYLE, &format!("<h1>{}</h1>{}", escape(&title), self.section()))
+    }
+}

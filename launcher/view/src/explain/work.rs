@@ -1,0 +1,68 @@
+//! How much work it is to undo every disturbed tick of a flight: a flight for each, as long as the flight.
+
+use std::num::NonZero;
+use std::time::Instant;
+
+use anyhow::bail;
+use flight::replay::{Disturbed, Plan, Recording, disturbed, replay};
+
+use super::bursts;
+
+/// More samples are not flown unless that is asked for: 500 flights of a minute at 100 Hz, about a minute on two processors.
+const MOST_SAMPLES: u64 = 3_000_000;
+
+/// What is to be flown, and how long one flight of it took.
+#[derive(Debug, Clone)]
+pub struct Work {
+    pub disturbed: Vec<Disturbed>,
+    /// The last tick of the flight that is known.
+    pub last_tick: u64,
+    /// Flights, each without a tick or a burst of ticks.
+    pub flights: u64,
+    replay_s: f64,
+    sample_s: f64,
+}
+
+impl Work {
+    /// Flies `recording` once, as it was.
+    ///
+    /// # Errors
+    /// The flight does not repeat bit for bit, or nothing of it can be compared.
+    pub fn of(recording: &Recording) -> anyhow::Result<Self> {
+        let started = Instant::now();
+        let replayed = replay(recording, &Plan::default(), |_| {})?;
+        let replay_s = started.elapsed().as_secs_f64();
+        if let Some(first) = &replayed.first {
+            let (field, tick) = (&first.differs.field, first.tick);
+            bail!(
+                "the flight does not repeat: {} differs at tick {tick} ({field}); see `launcher replay`",
+                first.topic.name()
+            );
+        }
+        if replayed.compared() == 0 {
+            bail!("the flight does not repeat: no message of it could be compared; see `launcher replay`");
+        }
+        let disturbed = disturbed(recording);
+        let flights = (disturbed.len() + bursts(&disturbed).count()) as u64;
+        let sample_s = recording.scenario.sample_s();
+        Ok(Self { disturbed, last_tick: replayed.last_tick, flights, replay_s, sample_s })
+    }
+
+    /// Whether it may be done without asking.
+    pub fn is_little(&self) -> bool {
+        self.flights * (self.last_tick + 1) <= MOST_SAMPLES
+    }
+
+    /// For people: how many flights, and how long they take.
+    pub fn describe(&self) -> String {
+        let Self { disturbed, flights, replay_s, sample_s, last_tick } = self;
+        let (ticks, length_s) = (disturbed.len(), *last_tick as f64 * sample_s);
+        let wall_s = *flights as f64 * replay_s / processors() as f64;
+        format!("{ticks} disturbed ticks: {flights} flights of {length_s:.2} s, about {wall_s:.0} s of work here")
+    }
+}
+
+/// How many flights go on at a time.
+pub fn processors() -> usize {
+    std::thread::available_parallelism().map_or(1, NonZero::get)
+}

@@ -1,0 +1,176 @@
+//! The verdict on a replay: one sentence and one exit code, from what was compared of what there is.
+//!
+//! A flight is called the same only if its log is all of it, every message of the log was computed again and held against
+//! it, and the hash of the states is that of run.json. What was not compared is named.
+
+use contract::Topic;
+use contract::exit;
+use flight::replay::{Difference, Messages, Plan, Recording, Replayed, replay};
+
+use crate::report::Recorded;
+use crate::summary::Summary;
+
+/// What a replay showed.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Verdict {
+    /// For people; the first line is the verdict.
+    pub text: String,
+    pub exit_code: u8,
+}
+
+/// A replay as far as its verdict depends on it.
+pub struct Judged<'a> {
+    pub recorded: &'a Recorded,
+    pub recording: &'a Recording,
+    pub plan: &'a Plan,
+    pub replayed: &'a Replayed,
+    /// Of the states of the replay.
+    pub state_hash: Option<String>,
+}
+
+/// Flies a run again as `plan` says, and judges what came of it; `each` learns of the replay and its summary before.
+///
+/// # Errors
+/// The run cannot be flown again.
+pub fn replay_and_judge(
+    recorded: &Recorded,
+    recording: &Recording,
+    plan: &Plan,
+    each: impl FnOnce(&Replayed, &Summary),
+) -> anyhow::Result<Verdict> {
+    let mut summary = Summary::new(&recording.scenario);
+    let replayed = replay(recording, plan, |record| summary.observe(record))?;
+    each(&replayed, &summary);
+    let state_hash = summary.state_hash();
+    Ok(Judged { recorded, recording, plan, replayed: &replayed, state_hash }.verdict())
+}
+
+impl Judged<'_> {
+    pub fn verdict(&self) -> Verdict {
+        let (outcome, exit_code) = self.outcome();
+        let lines = [Some(outcome), self.differences(), Some(self.coverage()), self.not_computed(), self.lacking()];
+        Verdict { text: lines.into_iter().flatten().map(|line| line + "\n").collect(), exit_code }
+    }
+
+    /// The verdict itself.
+    fn outcome(&self) -> (String, u8) {
+        let first = self.replayed.first.as_ref().map(|first| self.describe(first));
+        let is_whole = self.lacking().is_none();
+        let hashes = [self.recorded.run["state_hash"].as_str(), self.state_hash.as_deref()];
+        match (first, self.asks_for_other_answers()) {
+            (Some(first), true) => (format!("other answers from {first}"), answered(is_whole)),
+            (Some(first), false) => (format!("DIFFERENT from {first}"), exit::OUT_OF_BOUNDS),
+            (None, _) if self.replayed.compared() == 0 => ("nothing was compared".into(), exit::OUT_OF_BOUNDS),
+            (None, _) if !is_whole => {
+                ("no difference in what was compared, which is not all that was asked for".into(), exit::OUT_OF_BOUNDS)
+            }
+            (None, true) if self.covers_all_time() => ("the same answers, bit for bit".into(), exit::FLOWN),
+            (None, false) if self.flies_all_states() && (hashes[0] != hashes[1] || hashes[0].is_none()) => {
+                let [flown, replayed] = hashes.map(|hash| hash.unwrap_or("none"));
+                (format!("DIFFERENT state hash: {flown} in run.json, {replayed} in the replay"), exit::OUT_OF_BOUNDS)
+            }
+            (None, false) if self.compares_all() => {
+                (format!("the same bits: state hash {}, as in run.json", hashes[1].unwrap_or_default()), exit::FLOWN)
+            }
+            (None, _) => ("no difference in what was compared".into(), exit::FLOWN),
+        }
+    }
+
+    fn differences(&self) -> Option<String> {
+        let Replayed { different, .. } = self.replayed;
+        (*different > 0).then(|| format!("{different} of {} messages compared differ", self.replayed.compared()))
+    }
+
+    /// What was compared, of what there is.
+    fn coverage(&self) -> String {
+        let all = &self.replayed.messages;
+        let logged: u64 = all.iter().map(|of_topic| of_topic.logged).sum();
+        let of_node = |topic: Topic| {
+            let Messages { logged, compared, .. } = all[topic as usize];
+            format!("{} {compared} of {logged}", topic.publisher())
+        };
+        let nodes = Topic::ALL.map(of_node).join(", ");
+        let sample_s = self.recording.scenario.sample_s();
+        let seconds = |tick: u64| tick as f64 * sample_s;
+        let until = self.plan.until.unwrap_or(u64::MAX).min(self.replayed.last_tick);
+        let (from_s, until_s) = (seconds(self.plan.from), seconds(until));
+        let span =
+            if self.replayed.compared() == 0 { "no time".into() } else { format!("{from_s:.2} to {until_s:.2} s") };
+        let flown = self.recorded.run["flown_s"].as_f64().map_or("?".into(), |flown_s| format!("{flown_s:.2}"));
+        let flipped: u64 = all.iter().map(|of_topic| of_topic.flipped).sum();
+        let flipped = match flipped {
+            0 => String::new(),
+            some => format!("; {some} whose bits a fault flipped were sent again and not compared"),
+        };
+        format!("compared: {} of {logged} messages ({nodes}), {span} of {flown} s{flipped}", self.replayed.compared())
+    }
+
+    /// The processes that did not compute.
+    fn not_computed(&self) -> Option<String> {
+        let nodes = Topic::ALL.into_iter().filter(|topic| !self.plan.covers(*topic));
+        let nodes = nodes.map(|topic| format!("{} (not asked for)", topic.publisher()));
+        let foreign = self.recording.foreign.iter().filter(|(topic, _)| self.plan.covers(*topic));
+        let foreign = foreign.map(|(topic, epoch)| format!("{} {epoch} (another program)", topic.publisher()));
+        let told: Vec<String> = nodes.chain(foreign.filter(|_| !self.asks_for_other_answers())).collect();
+        (!told.is_empty()).then(|| format!("not computed: {}", told.join(", ")))
+    }
+
+    /// Why what was compared is less than what was asked for, if it is.
+    fn lacking(&self) -> Option<String> {
+        let stopped = self.replayed.stopped.as_ref().map(|why| format!("the replay ends before the flight: {why}"));
+        let told: Vec<String> = self.recorded.missing().into_iter().chain(stopped).chain(self.uncompared()).collect();
+        (!told.is_empty()).then(|| told.join("\n"))
+    }
+
+    /// A node of which the log has messages that the replay did not send.
+    fn uncompared(&self) -> Option<String> {
+        if !self.covers_all_time() || self.replayed.stopped.is_some() {
+            return None;
+        }
+        let lacks = |topic: &Topic| {
+            let Messages { logged, compared, flipped, .. } = self.replayed.messages[*topic as usize];
+            self.computes_all_of(*topic) && compared + flipped != logged
+        };
+        let topic = Topic::ALL.into_iter().find(lacks)?;
+        let Messages { logged, computed, .. } = self.replayed.messages[topic as usize];
+        let name = topic.publisher();
+        Some(format!("{name} sent {computed} messages in the replay, and the log has {logged} of it"))
+    }
+
+    fn asks_for_other_answers(&self) -> bool {
+        self.plan.settings.is_some() || self.plan.program.is_some()
+    }
+
+    fn computes_all_of(&self, topic: Topic) -> bool {
+        self.plan.covers(topic) && !self.recording.foreign.iter().any(|(foreign, _)| *foreign == topic)
+    }
+
+    fn covers_all_time(&self) -> bool {
+        self.plan.from == 0 && self.plan.until.is_none()
+    }
+
+    /// Whether every state of the flight was computed, so that their hash is known.
+    fn flies_all_states(&self) -> bool {
+        self.plan.only.is_none() && self.plan.until.is_none()
+    }
+
+    fn compares_all(&self) -> bool {
+        self.covers_all_time() && Topic::ALL.into_iter().all(|topic| self.computes_all_of(topic))
+    }
+
+    /// For people: where flight and replay part.
+    fn describe(&self, first: &Difference) -> String {
+        let Difference { tick, topic, epoch, differs } = first;
+        let [flown, replayed] = &differs.values;
+        let (name, time_s) = (topic.publisher(), *tick as f64 * self.recording.scenario.sample_s());
+        format!(
+            "tick {tick}, {time_s:.2} s, on: {name} {epoch}, {}: {flown} in the flight, {replayed} in the replay",
+            differs.field
+        )
+    }
+}
+
+/// Exit code of a replay that has answered what was asked, if the log was whole.
+fn answered(is_whole: bool) -> u8 {
+    if is_whole { exit::FLOWN } else { exit::OUT_OF_BOUNDS }
+}
