@@ -61,7 +61,7 @@ impl Span {
         self.topic.is_none_or(|only| only == topic)
             && self.ends.0 <= share
             && share < self.ends.1
-            && i % self.every == 0
+            && i.is_multiple_of(self.every)
     }
 
     fn thin<M>(&self, topic: usize, messages: &mut Vec<M>) {

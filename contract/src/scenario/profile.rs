@@ -74,19 +74,7 @@ fn paper() -> Scenario {
             command_jitter_ms: 0.0,
             command_drop_probability: 0.0,
         },
-        mission: Mission {
-            trajectory: TrajectoryKind::Survey,
-            step_m: [10.0, 10.0, -10.0],
-            step_at_s: 1.0,
-            waypoints_m: vec![[0.0, 0.0, 0.0], [0.0, 0.0, -8.0]],
-            times_s: vec![0.0, 10.0],
-            ramp_s: Ramp::Seconds(1.5),
-            radius_m: 5.0,
-            height_m: 10.0,
-            period_s: 40.0,
-            laps: 1,
-            heading_deg: Heading::Constant(0.0),
-        },
+        mission: survey(),
         initial: Initial::default(),
         airframe: Parameters::default(),
         plant: Plant {
@@ -166,6 +154,22 @@ fn paper() -> Scenario {
         realtime: Realtime::default(),
         deadline: Deadline::default(),
         supervision: Supervision::default(),
+    }
+}
+
+fn survey() -> Mission {
+    Mission {
+        trajectory: TrajectoryKind::Survey,
+        step_m: [10.0, 10.0, -10.0],
+        step_at_s: 1.0,
+        waypoints_m: vec![[0.0, 0.0, 0.0], [0.0, 0.0, -8.0]],
+        times_s: vec![0.0, 10.0],
+        ramp_s: Ramp::Seconds(1.5),
+        radius_m: 5.0,
+        height_m: 10.0,
+        period_s: 40.0,
+        laps: 1,
+        heading_deg: Heading::Constant(0.0),
     }
 }
 

@@ -65,7 +65,6 @@ fn independent(rng: &mut ChaCha8Rng, evidence: &Evidence, controllers: u64, case
 
 fn check(name: &str, what: &str, covered: u32) {
     let percent = 100.0 * f64::from(covered) / f64::from(CAMPAIGNS);
-    println!("{name}: {what}: {percent:.2} %");
     assert!(
         (93.5..=97.0).contains(&percent),
         "{name}: {what} covers the truth in {percent:.2} % of {CAMPAIGNS} campaigns"

@@ -10,6 +10,7 @@
 //! changes nothing.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
+use std::fmt::Write as _;
 
 use crate::difference::Difference;
 use crate::plan::{Plan, SEED};
@@ -163,7 +164,7 @@ impl Evidence {
                       (Owen, Annals of Statistics 25, 1997): the intervals are conservative, not exact.";
         }
         if (all as usize) < FEW {
-            words += &format!(" {all} draws are too few to say much.");
+            let _ = write!(words, " {all} draws are too few to say much.");
         }
         words
     }

@@ -20,7 +20,7 @@ pub fn check(plan: &Plan) -> anyhow::Result<()> {
     for i in 0..others.min(TRIED) {
         // Multiples of the golden ratio leave no gap and keep no step.
         let place = if others > TRIED {
-            (i.wrapping_mul(0x9E37_79B9_7F4A_7C15) as u128 * u128::from(others) >> 64) as u64
+            ((u128::from(i.wrapping_mul(0x9E37_79B9_7F4A_7C15)) * u128::from(others)) >> 64) as u64
         } else {
             i
         };

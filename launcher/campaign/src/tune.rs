@@ -278,7 +278,7 @@ mod tests {
         assert!(once[0].flights <= 40, "the budget holds: {}", once[0].flights);
         let keys: Vec<&str> = once[0].settings.iter().map(|(key, _)| key.as_str()).collect();
         assert_eq!(keys, ["mpc.pid.kd", "mpc.pid.kp"], "whole arrays, which a file can have");
-        let text = FILE.replace("mpc.constraints = 'none'\n", &once[0].to_toml().split_once("]\n").unwrap().1);
+        let text = FILE.replace("mpc.constraints = 'none'\n", once[0].to_toml().split_once("]\n").unwrap().1);
         read(&text).expect("the printed settings are those of a file");
     }
 

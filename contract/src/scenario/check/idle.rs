@@ -52,12 +52,7 @@ const SWITCHES: [Switch; 12] = [
         is_on: |scenario| scenario.mission.trajectory == TrajectoryKind::Circle,
         on: "\"circle\"",
     },
-    Switch {
-        settings: &["mpc.r_rate"],
-        key: "mpc.law",
-        is_on: |scenario| scenario.mpc.law == Law::Mpc,
-        on: "\"mpc\"",
-    },
+    Switch { settings: &["mpc.r_rate"], key: "mpc.law", is_on: |scenario| scenario.mpc.law == Law::Mpc, on: "\"mpc\"" },
     Switch {
         settings: &["mpc.solver", "mpc.max_iterations", "mpc.time_limit_ms"],
         key: "mpc.constraints",

@@ -1,6 +1,7 @@
 //! The bounds of a campaign: which flights have each, and which were judged by it.
 
 use std::collections::BTreeMap;
+use std::fmt::Write as _;
 
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use view::bounds;
@@ -52,7 +53,7 @@ impl Bound {
             }
         };
         if have < *flown {
-            text += &format!(", in {have} of {flown} flights only");
+            let _ = write!(text, ", in {have} of {flown} flights only");
         }
         match judged {
             0 => text + " (no flight came to where it is judged)",
@@ -74,7 +75,7 @@ pub fn of(plan: &Plan, flights: &Table) -> Vec<Bound> {
         }
         _ => vec![],
     };
-    let all: Vec<_> = rows.iter().copied().collect::<Vec<_>>().into_par_iter().map(|row| (row, of_row(&row))).collect();
+    let all: Vec<_> = rows.clone().into_par_iter().map(|row| (row, of_row(&row))).collect();
     let mut found: Vec<(Bound, BTreeMap<u64, usize>)> = vec![];
     for (row, checks) in all {
         for check in checks {

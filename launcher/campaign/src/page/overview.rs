@@ -35,7 +35,8 @@ impl Page<'_> {
         tiles.push(("different flights".to_owned(), format!("{} of {}", self.evidence.distinct, self.evidence.flown)));
         tiles.push(("failed".to_owned(), (all.flights - all.survived).to_string()));
         tiles.push(("invalid: could not be flown, and counted as neither".to_owned(), invalid.to_string()));
-        let grounds: String = self.grounds().iter().map(|words| format!("<p>{}</p>", escape(words))).collect();
+        let grounds: Vec<String> = self.grounds().iter().map(|words| format!("<p>{}</p>", escape(words))).collect();
+        let grounds = grounds.concat();
         format!(
             "<p class=\"kind\">Campaign</p><h1>{}</h1><p class=\"facts\"><span><b>{there}</b> flights</span>\
              <span>seed <b>{}</b></span><span>campaign <b>{}</b></span></p>{partial}<div class=\"tiles\">{}</div><p>{}</p>{grounds}",
