@@ -41,11 +41,16 @@ fn a_failing_solver_costs_no_tick_and_recovers() {
         ] {
             let mut scenario = scenario(solver);
             scenario.fault = vec![fault(kind, 0.01, Some(0.08))];
+            let mut failed = 0;
             for (tick, controls) in turn(&scenario, 12).iter().enumerate() {
                 let active = (1..9).contains(&tick);
-                let expected = if active { status } else { SolveStatus::Solved };
-                assert_eq!(controls.status, expected as u64, "{solver:?} {kind:?} {tick}");
-                assert_eq!(controls.fallbacks, tick.min(8) as u64, "{solver:?} {kind:?} {tick}");
+                let is_solved = controls.status == SolveStatus::Solved as u64;
+                // A cap on iterations that a warm start keeps is no failure.
+                let may_be_solved = !active || kind == FaultKind::IterationCap && tick > 1;
+                let as_expected = is_solved && may_be_solved || active && controls.status == status as u64;
+                assert!(as_expected, "{solver:?} {kind:?} {tick}: {}", controls.status);
+                failed += u64::from(!is_solved);
+                assert_eq!(controls.fallbacks, failed, "{solver:?} {kind:?} {tick}");
                 assert!(demand_violation(&scenario, controls.demand) <= 0.0, "{solver:?} {kind:?} {tick}");
             }
         }

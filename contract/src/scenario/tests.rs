@@ -73,7 +73,7 @@ fn wrong_shapes_are_named_with_the_way_out() {
         ("mission.step_m=[1, 2]", &["`mission.step_m`", "invalid length 2, expected an array of length 3"]),
         ("mission.step_m=[1, 2, 3, 4]", &["`mission.step_m`", "invalid length 4, expected 3", "[10.0, 10.0, -10.0]"]),
         ("plant.wind_ned_mps=[[1, [2, 3, 4], 5]]", &["`plant.wind_ned_mps`", "invalid length 3, expected 2"]),
-        ("mission.ramp_s=fast", &["`mission.ramp_s`", "expected seconds, or \"min-jerk\""]),
+        ("mission.ramp_s=fast", &["`mission.ramp_s`", "expected seconds, \"min-jerk\" or \"spline\""]),
         ("mission.heading_deg=[[1, 2, 3]]", &["`mission.heading_deg`", "expected degrees, or steps"]),
         (
             "mission.step_m=[1, 2",

@@ -63,12 +63,11 @@ fn independent(rng: &mut ChaCha8Rng, evidence: &Evidence, controllers: u64, case
     (0..cases).map(one).collect()
 }
 
-fn check(name: &str, what: &str, covered: u32) {
+/// A sentence for an interval that covers the truth less or more often than it says.
+fn outside(name: &str, what: &str, covered: u32) -> Option<String> {
     let percent = 100.0 * f64::from(covered) / f64::from(CAMPAIGNS);
-    assert!(
-        (93.5..=97.0).contains(&percent),
-        "{name}: {what} covers the truth in {percent:.2} % of {CAMPAIGNS} campaigns"
-    );
+    let words = || format!("{name}: {what} covers the truth in {percent:.2} % of {CAMPAIGNS} campaigns");
+    (!(93.5..=97.0).contains(&percent)).then(words)
 }
 
 /// In a Latin hypercube the sum of all coordinates, without its whole part, is spread evenly, and the hypercube makes it no more
@@ -84,7 +83,7 @@ fn hypercube(seed: u64, dimensions: usize) -> Vec<[bool; 2]> {
 
 #[test]
 fn val_intervals_of_the_shipped_campaigns_cover_the_truth_as_often_as_they_say() {
-    let mut kinds = 0;
+    let (mut kinds, mut found) = (0, vec![]);
     for entry in
         fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../campaigns")).expect("the campaigns").flatten()
     {
@@ -95,6 +94,9 @@ fn val_intervals_of_the_shipped_campaigns_cover_the_truth_as_often_as_they_say()
         }
         let plan = Plan::new(campaign).expect("a plan");
         let evidence = evidence_of(&plan);
+        if !matches!(evidence.draws, Draws::LatinHypercube | Draws::Independent) {
+            continue; // nothing drawn: the page has no interval
+        }
         let controllers = plan.campaign.controllers.len() as u64;
         let cases = plan.flights() / controllers;
         let is_pooled = cases > evidence.all_draws();
@@ -107,22 +109,28 @@ fn val_intervals_of_the_shipped_campaigns_cover_the_truth_as_often_as_they_say()
                     assert!(!is_pooled, "{name}: this test has no truth for it");
                     hypercube(campaign.into(), 5)
                 }
-                Draws::Independent => {
+                _ => {
                     let mut rng = ChaCha8Rng::seed_from_u64(campaign.into());
                     independent(&mut rng, &evidence, controllers, cases)
                 }
-                other => panic!("{name}: {other:?} has no interval"),
             };
             look(&mut covered, &evidence, controllers, &passed, listed);
         }
-        check(&name, if is_pooled { "the share over listed values" } else { "the share" }, covered.pooled);
-        check(&name, "the difference of two controllers", covered.difference);
+        found.extend(outside(
+            &name,
+            if is_pooled { "the share over listed values" } else { "the share" },
+            covered.pooled,
+        ));
+        if controllers > 1 {
+            found.extend(outside(&name, "the difference of two controllers", covered.difference));
+        }
         if listed.is_some() {
-            check(&name, "the share at one listed value", covered.listed);
+            found.extend(outside(&name, "the share at one listed value", covered.listed));
         }
         kinds += 1;
     }
     assert!(kinds >= 3);
+    assert!(found.is_empty(), "{found:#?}");
 }
 
 /// What a Latin hypercube is for: a response of one coordinate scatters far less than the interval says.

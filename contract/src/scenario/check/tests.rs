@@ -102,7 +102,7 @@ fn settings_that_contradict_are_refused() {
         ("mission.times_s=[10, 10]", "`mission.times_s` does not rise"),
         ("mission.ramp_s=5.1", "`mission.ramp_s` = 5.1 does not fit the shortest leg of 10.0 s"),
         (&format!("{waypoints}times_s=[0, 9, 11]}}"), "does not fit the shortest leg of 2.0 s"),
-        (&format!("{waypoints}times_s=[0, 9, 9.001], ramp_s=\"spline\"}}"), "\"spline\" with a leg of 0.001"),
+        (&format!("{waypoints}times_s=[0, 9, 9.0078125], ramp_s=\"spline\"}}"), "\"spline\" with a leg of 0.0078125"),
         ("mission.radius_m=40", "`mission.radius_m` has no effect here"),
         ("mission.height_m=40", "`mission.height_m` has no effect here"),
         ("mission.period_s=30", "`mission.period_s` has no effect here"),

@@ -75,8 +75,8 @@ fn the_targets_are_those_of_the_cone() {
     let verdicts = |rows: &[Vec<LawFlight>]| targets(rows).iter().map(|target| target.verdict).collect::<Vec<_>>();
     let good = [row(&named("cone"), [0; 5]), row(&named("clamp"), [99; 5])];
     assert_eq!(verdicts(&good), [Verdict::Ok; 3]);
-    let mut bad = [row(&named("cone-active-set"), [0, 1, 0, 0, 0])];
-    bad[0][3] = flight(named("cone-active-set"), Some(2.0), 0.0, 0);
+    let mut bad = [row(&named("cone-tuned"), [0, 1, 0, 0, 0])];
+    bad[0][3] = flight(named("cone-tuned"), Some(2.0), 0.0, 0);
     bad[0][4].metrics.negative_squares = 1;
     assert_eq!(verdicts(&bad), [Verdict::Short; 3]);
 }
