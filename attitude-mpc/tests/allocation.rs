@@ -4,7 +4,7 @@ use airframe::Trim;
 use attitude_mpc::AttitudeMpc;
 use contract::Scenario;
 use contract::message::{Controls, Reference, SolveStatus, Stamp, State};
-use contract::scenario::{Constraints, Fault, FaultKind, FaultTarget, Model, Profile, Solver, StateConstraints};
+use contract::scenario::{Constraints, Fault, FaultKind, FaultTarget, Mode, Model, Profile, Solver, StateConstraints};
 
 /// Steps once with a heading error; the answer, and how often it allocated.
 fn step(mpc: &mut AttitudeMpc, scenario: &Scenario, heading_rad: f64) -> (Controls, u64) {
@@ -70,6 +70,7 @@ fn a_solve_allocates_what_clarabel_does_and_nothing_with_the_active_set() {
         scenario.mpc.solver = solver;
         scenario.mpc.state_constraints = soft;
         scenario.mpc.rates_limit_dps = [90.0; 3];
+        scenario.run.mode = Mode::Inprocess; // no time limit, which a loaded machine would reach
         let mut mpc = AttitudeMpc::new(&scenario);
         for _ in 0..3 {
             let (controls, allocations) = step(&mut mpc, &scenario, 1.6);

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 
 use anyhow::Context;
-use campaign::Campaign;
+use campaign::{Campaign, search};
 use clap::Args;
 use contract::exit;
 use flight::interrupts::catch_interrupts;
@@ -38,13 +38,13 @@ pub fn tune(args: &TuneArgs) -> anyhow::Result<u8> {
     let show = |name: &str, flights: u64, cost: f64| {
         progress.show(|| format!("{name}: {flights} flights   least cost {cost:.4}"));
     };
-    let found = tune.search(&campaign, &args.controller, || interrupts.load(Ordering::Relaxed) == 0, show);
+    let found = search::search(tune, &campaign, &args.controller, || interrupts.load(Ordering::Relaxed) == 0, show);
     progress.finish();
     let Some(found) = found.with_context(|| file.to_string())? else {
         eprint_line("interrupted; nothing was written");
         return Ok(exit::INTERRUPTED);
     };
-    let texts: Vec<String> = found.iter().map(campaign::tune::Tuned::to_toml).collect();
+    let texts: Vec<String> = found.iter().map(search::Tuned::to_toml).collect();
     print(&texts.join("\n"));
     Ok(exit::FLOWN)
 }

@@ -13,6 +13,7 @@ use airframe::Trim;
 use toml::{Table, Value};
 
 pub use self::found::Violation;
+pub use self::idle::drop_overridden;
 pub use self::swaps::LoadCandidate;
 
 use self::found::Found;

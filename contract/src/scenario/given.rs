@@ -4,7 +4,7 @@ use std::path::Path;
 
 use toml::{Table, Value};
 
-use super::load::{defaults_of, given, overlay, sources, with_defaults, without_place};
+use super::load::{defaults_of, given, lay, sources, with_defaults, without_place};
 use super::report::{Problem, ScenarioError, Source};
 use super::{Scenario, candidate, check, shape};
 
@@ -26,7 +26,7 @@ impl Given {
     pub fn with(&self, settings: &Table, origin: &str) -> Result<Self, ScenarioError> {
         check_shape(&settings.to_string(), origin)?;
         let mut given = self.0.clone();
-        overlay(&mut given, settings.clone());
+        lay(&mut given, settings.clone());
         Ok(Self(given))
     }
 
@@ -43,9 +43,11 @@ impl Given {
     pub fn scenario(&self, settings: &[(String, Value)]) -> Result<Scenario, ScenarioError> {
         let (elements, whole): (Vec<_>, Vec<_>) = settings.iter().partition(|(key, _)| is_element(key));
         let mut given = self.0.clone();
+        let mut above = Table::new();
         for (key, value) in &whole {
-            put(&mut given, key, value)?;
+            put(&mut above, key, value)?;
         }
+        lay(&mut given, above);
         let wrong_type = |error: toml::de::Error| {
             let shapes = settings.iter().filter(|(key, _)| !is_element(key));
             let shape = shapes.map(|(key, value)| check_shape(&format!("{key} = {value}"), "")).find_map(Result::err);

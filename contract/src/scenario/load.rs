@@ -95,7 +95,7 @@ pub(super) fn given(sources: &[Source]) -> Result<Table, ScenarioError> {
     let mut problems = vec![];
     for source in sources {
         match shape::read(source) {
-            Ok(settings) => overlay(&mut given, settings),
+            Ok(settings) => lay(&mut given, settings),
             Err(found) => problems.extend(found),
         }
     }
@@ -118,6 +118,16 @@ pub(super) fn defaults_of(chosen: &Scenario) -> Scenario {
     let mut defaults = profile::with_airframe(chosen.profile.into(), chosen.airframe.preset);
     defaults.plant.sensors = Sensors::from(chosen.plant.sensors.preset);
     defaults
+}
+
+/// As [`overlay`]; what `above` switches off is dropped from `below`.
+pub(super) fn lay(below: &mut Table, above: Table) {
+    let merge = |mut below, above| {
+        overlay(&mut below, above);
+        with_defaults(below).ok()?.try_into().ok()
+    };
+    check::drop_overridden(below, &above, merge);
+    overlay(below, above);
 }
 
 /// `above` wins; tables merge key by key.

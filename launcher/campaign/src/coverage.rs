@@ -6,7 +6,8 @@ use std::path::Path;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::evidence::{Axis, Draws, Evidence};
+use crate::evidence::{Draws, Evidence};
+use crate::plan::Axis;
 use crate::sampling::{Points, Sampling};
 use crate::table::{Cell, Kind, Table};
 use crate::{Campaign, Plan, Rate};

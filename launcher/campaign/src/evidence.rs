@@ -13,7 +13,7 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use std::fmt::Write as _;
 
 use crate::difference::Difference;
-use crate::plan::{Plan, SEED};
+use crate::plan::{Axis, Plan, SEED};
 use crate::rate::Rate;
 use crate::sampling::Sampling;
 use crate::table::{Cell, Table};
@@ -35,13 +35,6 @@ pub enum Draws {
     None,
 }
 
-/// Numbers that differ by one coordinate of the plan only: how many values it has, and how far apart their flights are.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Axis {
-    pub values: u64,
-    pub step: u64,
-}
-
 /// The draws of a campaign, and the copies among its flights.
 #[derive(Debug, Clone)]
 pub struct Evidence {
@@ -55,13 +48,6 @@ pub struct Evidence {
     /// Flights that were flown, and how many of them differ.
     pub flown: usize,
     pub distinct: usize,
-}
-
-impl Axis {
-    /// Which of the values a flight has.
-    pub fn place(self, number: u64) -> u64 {
-        number / self.step % self.values
-    }
 }
 
 impl Evidence {

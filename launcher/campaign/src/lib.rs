@@ -14,7 +14,7 @@
 //! | [`folder`], [`layout`] | the folder of a campaign, who may write to it, and of what its shards are |
 //! | [`local`] | all cores of this machine |
 //! | [`slurm`] | a cluster |
-//! | [`tune`] | gains by one procedure, on draws of their own |
+//! | [`tune`], [`search`] | gains by one procedure, on draws of their own |
 //! | [`seeds`] | refuses seeds that change nothing |
 //! | [`evidence`] | the draws of a campaign, and the copies among its flights |
 //! | [`mean`], [`rate`], [`difference`] | intervals over draws, of shares and of the difference of two controllers |
@@ -42,6 +42,7 @@ pub mod plan;
 pub mod random_faults;
 pub mod rate;
 pub mod sampling;
+pub mod search;
 pub mod seeds;
 pub mod shard;
 pub mod slurm;

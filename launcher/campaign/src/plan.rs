@@ -12,7 +12,6 @@ use flight::settings;
 use rand::RngExt;
 use toml::Value;
 
-use crate::evidence::Axis;
 use crate::file::Campaign;
 use crate::random_faults::RandomFaults;
 use crate::sampling::{Points, Purpose, stream};
@@ -32,6 +31,13 @@ pub struct Plan {
     pairs: Vec<(FaultTarget, FaultKind)>,
 }
 
+/// Numbers that differ by one coordinate of the plan only: how many values it has, and how far apart their flights are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Axis {
+    pub values: u64,
+    pub step: u64,
+}
+
 /// One flight.
 #[derive(Debug)]
 pub struct Flight {
@@ -45,6 +51,13 @@ pub struct Flight {
     pub faults: Vec<Fault>,
     /// Why it cannot be flown, where it cannot.
     pub scenario: Result<Scenario, ScenarioError>,
+}
+
+impl Axis {
+    /// Which of the values a flight has.
+    pub fn place(self, number: u64) -> u64 {
+        number / self.step % self.values
+    }
 }
 
 impl Plan {

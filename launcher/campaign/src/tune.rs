@@ -1,4 +1,4 @@
-//! `[tune]`: gains for the controllers of a campaign by one procedure and one budget, so that they are compared alike.
+//! `[tune]`: which settings of the controllers a [search](crate::search) may scale, on which draws and with which budget.
 //!
 //! ```toml
 //! [tune]
@@ -9,66 +9,23 @@
 //! [tune.scale]                       # what is searched: each group of settings is scaled by a factor of its own
 //! pid = [["mpc.pid.kp.1", "mpc.pid.kp.2"], ["mpc.pid.kd.0", "mpc.pid.kd.1"]]
 //! ```
-//!
-//! A search by CMA-ES (Hansen, arXiv 1604.00772) begins at the settings of the file and minimises the mean cost of the
-//! training flights: 1 for one that does not pass, `e / (1 m + e)` for one that does, with its RMS position error `e`.
-//! Factors stay within [`WIDEST`] either way; values are rounded to three digits before they are flown, so that what is
-//! printed is what was tried. The result of a search is the best try, or the settings of the file where none was better.
 
 use std::collections::BTreeMap;
-use std::fmt::Write as _;
 
 use anyhow::{Context, ensure};
-use cmaes::{CMAESOptions, DVector};
 use contract::scenario::{Given, to_toml};
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
-
-use crate::file::Campaign;
-use crate::outcome::{self, Outcome, Verdict};
-use crate::plan::Plan;
-use crate::table::Cell;
-
-/// Largest factor of a group, and the inverse of the smallest.
-const WIDEST: f64 = 1000.0;
-/// First spread of the logarithms of the factors.
-const SPREAD: f64 = 0.5;
-/// Seed of the search itself: the same for every controller.
-const SEARCH_SEED: u64 = 1;
-/// Position error at which a flight that passes costs half of one that does not \[m\].
-const HALF_M: f64 = 1.0;
-/// Digits that a tuned value keeps.
-const DIGITS: i32 = 3;
 
 /// `[tune]`
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Tune {
-    seed: u32,
-    samples: u64,
-    flights: u64,
-    /// Groups of settings by controller.
-    scale: BTreeMap<String, Vec<Vec<String>>>,
-}
-
-/// What a search came to.
-#[derive(Debug, Clone)]
-pub struct Tuned {
-    pub controller: String,
-    /// The tuned settings, whole arrays where elements of them were scaled.
-    pub settings: Vec<(String, Value)>,
-    /// Mean cost with the settings of the file, and with these.
-    pub cost: [f64; 2],
+    pub seed: u32,
+    pub samples: u64,
     pub flights: u64,
-}
-
-/// The settings of one controller while they are searched.
-struct Search<'a> {
-    plan: &'a Plan,
-    controller: usize,
-    /// Keys and values at the start, by group.
-    groups: Vec<Vec<(String, f64)>>,
+    /// Groups of settings by controller.
+    pub scale: BTreeMap<String, Vec<Vec<String>>>,
 }
 
 impl Tune {
@@ -90,126 +47,15 @@ impl Tune {
         }
         Ok(())
     }
-
-    /// Searches the settings of each controller, or only of `only`. `show` is told after each try: controller, flights so
-    /// far, least cost. `None` when `go_on` said no before the end.
-    pub fn search(
-        &self,
-        campaign: &Campaign,
-        only: &[String],
-        go_on: impl Fn() -> bool + Sync,
-        mut show: impl FnMut(&str, u64, f64),
-    ) -> anyhow::Result<Option<Vec<Tuned>>> {
-        for name in only {
-            let known: Vec<&str> = self.scale.keys().map(String::as_str).collect();
-            ensure!(self.scale.contains_key(name), "[tune.scale] has no `{name}`; it has {}", known.join(", "));
-        }
-        let plan = Plan::new(campaign.clone().drawn_anew(self.seed, self.samples))?;
-        let mut found = vec![];
-        for (name, groups) in self.scale.iter().filter(|(name, _)| only.is_empty() || only.contains(name)) {
-            let controller = plan.campaign.controllers.iter().position(|(controller, _)| controller == name);
-            let controller = controller.context("checked when the file was read")?;
-            let search =
-                Search { plan: &plan, controller, groups: starts(&campaign.controllers[controller].1, groups)? };
-            let show = |flights, cost| show(name, flights, cost);
-            let Some(tuned) = search.run(self.flights, &go_on, show)? else { return Ok(None) };
-            found.push(tuned);
-        }
-        Ok(Some(found))
-    }
-}
-
-impl Search<'_> {
-    /// The best settings that `budget` flights find; `None` when `go_on` said no.
-    fn run(
-        &self,
-        budget: u64,
-        go_on: &(impl Fn() -> bool + Sync),
-        mut show: impl FnMut(u64, f64),
-    ) -> anyhow::Result<Option<Tuned>> {
-        let (name, given) = &self.plan.campaign.controllers[self.controller];
-        let at_start = self.cost(&vec![0.0; self.groups.len()], go_on);
-        let a_try = self.plan.flights() / self.plan.campaign.controllers.len() as u64;
-        let mut flights = a_try;
-        let (mut best, mut least) = (vec![0.0; self.groups.len()], at_start);
-        let generations = (budget - a_try) / (a_try * population(self.groups.len()) as u64);
-        let objective = |x: &DVector<f64>| {
-            let factors: Vec<f64> = x.iter().copied().collect();
-            let cost = self.cost(&factors, go_on);
-            flights += a_try;
-            if cost < least {
-                (best, least) = (factors, cost);
-            }
-            show(flights, least);
-            cost
-        };
-        CMAESOptions::new(vec![0.0; self.groups.len()], SPREAD)
-            .population_size(population(self.groups.len()))
-            .max_generations(generations as usize)
-            .seed(SEARCH_SEED)
-            .build(objective)
-            .map_err(|error| anyhow::anyhow!("the search cannot begin: {error:?}"))?
-            .run();
-        if !go_on() {
-            return Ok(None);
-        }
-        let settings = whole(given, &self.settings(&best))?;
-        Ok(Some(Tuned { controller: name.clone(), settings, cost: [at_start, least], flights }))
-    }
-
-    /// The settings for the logarithms of the factors.
-    fn settings(&self, logarithms: &[f64]) -> Vec<(String, Value)> {
-        let scaled = |(group, logarithm): (&Vec<(String, f64)>, &f64)| {
-            let widest = libm::log(WIDEST);
-            let factor = libm::exp(logarithm.clamp(-widest, widest));
-            group.iter().map(|(key, start)| (key.clone(), Value::Float(rounded(start * factor)))).collect::<Vec<_>>()
-        };
-        self.groups.iter().zip(logarithms).flat_map(scaled).collect()
-    }
-
-    /// The mean cost of the training flights; 1 once `go_on` says no.
-    fn cost(&self, logarithms: &[f64], go_on: &(impl Fn() -> bool + Sync)) -> f64 {
-        let settings = self.settings(logarithms);
-        let controllers = self.plan.campaign.controllers.len();
-        let numbers: Vec<u64> = (self.controller as u64..self.plan.flights()).step_by(controllers).collect();
-        let one = |number: &u64| match outcome::fly(&self.plan.flight_with(*number, &settings), go_on, |_| {}) {
-            Some(outcome) => cost(&outcome),
-            None => 1.0,
-        };
-        let costs: Vec<f64> = numbers.par_iter().map(one).collect();
-        costs.iter().sum::<f64>() / costs.len() as f64 // in order: the same sum on any number of cores
-    }
-}
-
-impl Tuned {
-    /// The settings as the file has them, with what the search was.
-    pub fn to_toml(&self) -> String {
-        let [before, after] = self.cost;
-        let mut text = format!("# cost {before:.4} before, {after:.4} after {} flights\n", self.flights);
-        let _ = writeln!(text, "[controller.{}]", self.controller);
-        for (key, value) in &self.settings {
-            let _ = writeln!(text, "{key} = {value}");
-        }
-        text
-    }
 }
 
 /// Tries of a generation for so many groups: the default of CMA-ES.
-fn population(groups: usize) -> usize {
+pub fn population(groups: usize) -> usize {
     4 + (3.0 * libm::log(groups as f64)) as usize
 }
 
-/// What a training flight costs.
-fn cost(outcome: &Outcome) -> f64 {
-    let column = outcome::columns().iter().position(|(name, _)| name == "rms_position_error_m");
-    match (outcome.verdict, column.and_then(|column| outcome.cells.get(column))) {
-        (Verdict::Passed, Some(Cell::Real(error_m))) => error_m / (HALF_M + error_m),
-        _ => 1.0,
-    }
-}
-
 /// The keys of each group with their values at the start.
-fn starts(given: &Given, groups: &[Vec<String>]) -> anyhow::Result<Vec<Vec<(String, f64)>>> {
+pub fn starts(given: &Given, groups: &[Vec<String>]) -> anyhow::Result<Vec<Vec<(String, f64)>>> {
     let merged = merged(given, &[])?;
     let start = |key: &String| {
         let number = at(&merged, key).and_then(|value| value.as_float().or(value.as_integer().map(|n| n as f64)));
@@ -224,82 +70,15 @@ fn starts(given: &Given, groups: &[Vec<String>]) -> anyhow::Result<Vec<Vec<(Stri
     groups.iter().map(group).collect()
 }
 
-/// The settings without elements of arrays: each array once, whole.
-fn whole(given: &Given, settings: &[(String, Value)]) -> anyhow::Result<Vec<(String, Value)>> {
-    let merged = merged(given, settings)?;
-    let is_number = |name: &str| name.parse::<usize>().is_ok();
-    let array = |key: &str| key.split('.').take_while(|name| !is_number(name)).collect::<Vec<_>>().join(".");
-    let mut keys: Vec<String> = settings.iter().map(|(key, _)| array(key)).collect();
-    keys.sort_unstable();
-    keys.dedup();
-    Ok(keys.into_iter().filter_map(|key| at(&merged, &key).cloned().map(|value| (key, value))).collect())
-}
-
 /// The merged settings of a controller with `settings` on top.
-fn merged(given: &Given, settings: &[(String, Value)]) -> anyhow::Result<Value> {
+pub fn merged(given: &Given, settings: &[(String, Value)]) -> anyhow::Result<Value> {
     Ok(Value::Table(to_toml(&given.scenario(settings)?).parse::<Table>()?))
 }
 
 /// The value of a dotted key; numbers count the elements of an array.
-fn at<'a>(settings: &'a Value, key: &str) -> Option<&'a Value> {
+pub fn at<'a>(settings: &'a Value, key: &str) -> Option<&'a Value> {
     key.split('.').try_fold(settings, |value, name| match name.parse::<usize>() {
         Ok(i) => value.get(i),
         Err(_) => value.get(name),
     })
-}
-
-/// Rounded to [`DIGITS`] significant digits.
-fn rounded(x: f64) -> f64 {
-    format!("{x:.*e}", DIGITS as usize - 1).parse().unwrap_or(x)
-}
-
-#[cfg(test)]
-mod tests {
-    use std::path::Path;
-
-    use super::*;
-
-    const FILE: &str = "samples = 2\n[settings]\nrun.duration_s = 2.0\nmission.trajectory = 'hover'\n\
-        [vary]\ninitial.attitude_deg.0 = { uniform = [-30.0, 30.0] }\n\
-        [controller.pid]\nmpc.law = 'pid'\nmpc.constraints = 'none'\n[controller.lqr]\nmpc.law = 'lqr'\n\
-        [tune]\nseed = 5\nsamples = 2\nflights = 40\n[tune.scale]\npid = [['mpc.pid.kp.1', 'mpc.pid.kp.2'], ['mpc.pid.kd.1']]\n";
-
-    fn read(text: &str) -> anyhow::Result<Campaign> {
-        Campaign::read(text, "x.toml", "x", Path::new(""))
-    }
-
-    #[test]
-    fn a_search_repeats_and_is_no_worse_than_the_file() {
-        let campaign = read(FILE).unwrap();
-        let search = || campaign.tune().unwrap().search(&campaign, &[], || true, |_, _, _| {}).unwrap().unwrap();
-        let (once, twice) = (search(), search());
-        assert_eq!(once[0].to_toml(), twice[0].to_toml());
-        assert!(once[0].cost[1] <= once[0].cost[0], "{:?}", once[0].cost);
-        assert!(once[0].flights <= 40, "the budget holds: {}", once[0].flights);
-        let keys: Vec<&str> = once[0].settings.iter().map(|(key, _)| key.as_str()).collect();
-        assert_eq!(keys, ["mpc.pid.kd", "mpc.pid.kp"], "whole arrays, which a file can have");
-        let text = FILE.replace("mpc.constraints = 'none'\n", once[0].to_toml().split_once("]\n").unwrap().1);
-        read(&text).expect("the printed settings are those of a file");
-    }
-
-    #[test]
-    fn the_campaign_does_not_depend_on_how_it_was_tuned() {
-        let (with, without) = (read(FILE).unwrap(), read(FILE.split_once("[tune]").unwrap().0).unwrap());
-        assert_eq!(with.hash(), without.hash());
-    }
-
-    #[test]
-    fn what_cannot_be_searched_is_named() {
-        for (from, to, expected) in [
-            ("pid = [[", "pdi = [[", "[controller.pdi]"),
-            ("mpc.pid.kp.1", "mpc.pid.kp.7", "`mpc.pid.kp.7` is no number"),
-            ("mpc.pid.kd.1", "mpc.disturbance_gain", "no factor changes"),
-            (", ['mpc.pid.kd.1']", "", "at least 2"),
-            ("flights = 40", "flights = 3", "one generation"),
-            ("seed = 5\nsamples = 2", "seed = 5\nsamples = 0", "1 or more"),
-        ] {
-            let said = format!("{:#}", read(&FILE.replace(from, to)).expect_err(to));
-            assert!(said.contains(expected), "{to}: {said}");
-        }
-    }
 }

@@ -10,6 +10,8 @@
 //! | `mpc.law`, for what every law has a default of | swaps and campaigns exchange the law alone |
 //! | `run.duration_s`, for mission and wind | a short flight is the beginning of a long one |
 //!
+//! What a file says and a layer above it switches off is dropped, not refused ([`drop_overridden`]).
+//!
 //! A fault or a swap that begins after the end is refused: it was asked for by itself.
 
 use toml::{Table, Value};
@@ -115,6 +117,32 @@ pub fn check(scenario: &Scenario, given: &Table, defaults: &Scenario, found: &mu
                 format!("`{idle}` has no effect here"),
                 &format!("`{}` = {} with it, or leave it away", switch.key, switch.on),
             );
+        }
+    }
+}
+
+/// Drops from the settings `below` what a switch in those laid `above` them leaves unread: `--set mission.trajectory=hover`
+/// takes away the waypoints of the file under it. `merge` makes a scenario of both; where it cannot, nothing is dropped.
+pub fn drop_overridden(below: &mut Table, above: &Table, merge: impl Fn(Table, Table) -> Option<Scenario>) {
+    if !SWITCHES.iter().any(|switch| at(above, switch.key).is_some()) {
+        return;
+    }
+    let Some(scenario) = merge(below.clone(), above.clone()) else { return };
+    for switch in SWITCHES.iter().filter(|switch| at(above, switch.key).is_some() && !(switch.is_on)(&scenario)) {
+        for key in switch.settings.iter().filter(|key| at(above, key).is_none()) {
+            remove(below, key);
+        }
+    }
+}
+
+/// Takes a dotted key out of a table.
+fn remove(table: &mut Table, key: &str) {
+    match key.split_once('.') {
+        None => _ = table.remove(key),
+        Some((first, rest)) => {
+            if let Some(Value::Table(inner)) = table.get_mut(first) {
+                remove(inner, rest);
+            }
         }
     }
 }
