@@ -25,11 +25,12 @@ struct Flown {
     settings: String,
 }
 
-/// The same short mission in every mode, with a death and flipped bits, and once more with another seed.
+/// A short mission in every mode, with a death and flipped bits; each with a seed of its own, for in process and in lockstep
+/// one seed is one flight.
 static FLOWN: LazyLock<Vec<Flown>> = LazyLock::new(|| {
     let faults = "fault=[{ at_s = 0.1, for_s = 0.1, target = \"guidance\", kind = \"kill\" }, { at_s = 0.3, for_s = 0.1, \
                   target = \"controls\", kind = \"corrupt\" }, { at_s = 0.2, for_s = 0.3, target = \"rates\", kind = \"noise\" }]";
-    let flights = [("inprocess", 0), ("lockstep", 0), ("realtime", 0), ("inprocess", 1)];
+    let flights = [("inprocess", 0), ("lockstep", 1), ("realtime", 2), ("inprocess", 3)];
     let flown = flights.map(|(mode, seed)| {
         let seed = format!("run.seed={seed}");
         let hang = "supervision.hang_ms=5000";

@@ -28,7 +28,7 @@ use crate::metrics::Metrics;
 use crate::summary::Summary;
 use crate::ticks::{length_m, position_error_m};
 pub use work::Work;
-use work::processors;
+use work::{bursts, processors};
 
 /// What a flight came to, as far as costs are told of.
 #[derive(Debug, Clone, Default)]
@@ -181,11 +181,6 @@ pub fn explain(
         ticks,
         bursts: burst_costs,
     })
-}
-
-/// Several ticks one after another.
-fn bursts(disturbed: &[Disturbed]) -> impl Iterator<Item = &[Disturbed]> {
-    disturbed.chunk_by(|one, next| one.tick + 1 == next.tick).filter(|burst| burst.len() > 1)
 }
 
 /// What `work` makes of each item, on all processors, in the order of the items.

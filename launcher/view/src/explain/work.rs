@@ -6,8 +6,6 @@ use std::time::Instant;
 use anyhow::bail;
 use flight::replay::{Disturbed, Plan, Recording, disturbed, replay};
 
-use super::bursts;
-
 /// More samples are not flown unless that is asked for: 500 flights of a minute at 100 Hz, about a minute on two processors.
 const MOST_SAMPLES: u64 = 3_000_000;
 
@@ -60,6 +58,11 @@ impl Work {
         let wall_s = *flights as f64 * replay_s / processors() as f64;
         format!("{ticks} disturbed ticks: {flights} flights of {length_s:.2} s, about {wall_s:.0} s of work here")
     }
+}
+
+/// Several ticks one after another.
+pub fn bursts(disturbed: &[Disturbed]) -> impl Iterator<Item = &[Disturbed]> {
+    disturbed.chunk_by(|one, next| one.tick + 1 == next.tick).filter(|burst| burst.len() > 1)
 }
 
 /// How many flights go on at a time.
