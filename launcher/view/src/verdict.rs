@@ -155,7 +155,8 @@ impl Judged<'_> {
     }
 
     fn compares_all(&self) -> bool {
-        self.covers_all_time() && Topic::ALL.into_iter().all(|topic| self.computes_all_of(topic))
+        let flips = self.replayed.messages.iter().any(|of_topic| of_topic.flipped > 0);
+        self.covers_all_time() && !flips && Topic::ALL.into_iter().all(|topic| self.computes_all_of(topic))
     }
 
     /// For people: where flight and replay part.

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use super::{Cost, Explained, Outcome};
+use super::outcome::{Cost, Outcome};
 use crate::draw::{self, Line, STYLE, escape};
 use crate::table::Table;
 
@@ -16,26 +16,26 @@ const ANOTHER: [&str; 2] = [
 ];
 /// Rows of a table in the terminal.
 const ROWS: usize = 20;
-/// Plots of a page, and how much of the flight each shows around its ticks \[s\].
+/// Plots of a page.
 const PLOTS: usize = 5;
-const BEFORE_S: f64 = 0.5;
-const AFTER_S: f64 = 4.5;
 
-impl Outcome {
-    /// The position error around an instant: time \[s\], error \[m\].
-    pub(super) fn error_around(&self, at_s: f64, sample_s: f64) -> Vec<(f64, f64)> {
-        let timed = self.error_m.iter().enumerate().map(|(tick, error_m)| (tick as f64 * sample_s, *error_m));
-        timed.filter(|(time_s, _)| (at_s - BEFORE_S..=at_s + AFTER_S).contains(time_s)).collect()
-    }
-
-    fn to_json(&self) -> Value {
-        json!({
-            "max_error_m": self.metrics.max_position_error_m,
-            "error_integral_ms": self.metrics.position_error_integral_ms,
-            "worst_tilt_deg": self.worst_tilt_deg,
-            "state_hash": self.state_hash,
-        })
-    }
+/// What the disturbed ticks of a flight cost.
+#[derive(Debug, Clone)]
+pub struct Explained {
+    pub name: String,
+    pub sample_s: f64,
+    pub flight: Outcome,
+    /// With every disturbed tick undone.
+    pub without_any: Outcome,
+    /// Another flight, as far as this one is known: in process, with the controllers of this program, and without any fault
+    /// and swap of the scenario, those of air, sensors and actuators too.
+    pub undisturbed: Outcome,
+    /// Disturbed ticks, and bursts of more than one.
+    pub disturbed: usize,
+    pub bursts_found: usize,
+    /// Single ticks, and bursts of more than one; the costliest first. Empty where that was too much work.
+    pub ticks: Vec<Cost>,
+    pub bursts: Vec<Cost>,
 }
 
 impl Cost {
@@ -88,9 +88,9 @@ impl Explained {
         let (flight, without) = (&self.flight, &self.without_any);
         json!({
             "disturbed_ticks": self.disturbed,
-            "flight": flight.to_json(),
-            "without_any": without.to_json(),
-            "another_flight": self.undisturbed.to_json(),
+            "flight": figures(flight),
+            "without_any": figures(without),
+            "another_flight": figures(&self.undisturbed),
             "all_together": {
                 "max_error_m": flight.metrics.max_position_error_m - without.metrics.max_position_error_m,
                 "max_distance_m": flight.max_distance_m(without),
@@ -171,4 +171,14 @@ impl Explained {
         let title = format!("What disturbed ticks cost: {}", self.name);
         draw::page(&title, STYLE, &format!("<h1>{}</h1>{}", escape(&title), self.section()))
     }
+}
+
+/// The figures of a flight that costs are told of.
+fn figures(of: &Outcome) -> Value {
+    json!({
+        "max_error_m": of.metrics.max_position_error_m,
+        "error_integral_ms": of.metrics.position_error_integral_ms,
+        "worst_tilt_deg": of.worst_tilt_deg,
+        "state_hash": of.state_hash,
+    })
 }

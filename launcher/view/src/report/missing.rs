@@ -3,18 +3,22 @@
 //! A log alone cannot tell that: one that was cut and closed again, or thinned at its end, is well-formed. run.json
 //! was written by the launcher, which counted the records and hashed the states itself.
 
-use super::Recorded;
+use std::path::Path;
+
+use contract::Scenario;
+use flight::log::Log;
+use serde_json::Value;
+
 use crate::summary::Summary;
 
-/// For people: why the log is not all of the flight; `None` if it is.
-pub fn missing(recorded: &Recorded) -> Option<String> {
-    let Recorded { path, log, scenario, run, has_summary } = recorded;
+/// For people: why the `log` at `path` is not all of the flight; `None` if it is. `run` is run.json, if there is one.
+pub fn missing(path: &Path, log: &Log, scenario: &Scenario, run: Option<&Value>) -> Option<String> {
     let summary = Summary::of(log, scenario);
-    let why: Vec<String> = if *has_summary {
-        log.defect.iter().cloned().chain(unlike_summary(recorded, &summary)).collect()
-    } else {
-        log.defect.iter().cloned().chain(["there is no run.json to say where the flight ended".into()]).collect()
+    let unlike = match run {
+        Some(run) => unlike_summary(log, run, &summary),
+        None => vec!["there is no run.json to say where the flight ended".into()],
     };
+    let why: Vec<String> = log.defect.iter().cloned().chain(unlike).collect();
     let lost = summary.missed();
     if why.is_empty() && lost == 0 {
         return None;
@@ -24,7 +28,7 @@ pub fn missing(recorded: &Recorded) -> Option<String> {
         None => "it has no message of the plant".into(),
         Some(last) => {
             let last_s = last.stamp.tick as f64 * scenario.sample_s();
-            let flown = run["flown_s"].as_f64().filter(|_| *has_summary);
+            let flown = run.and_then(|run| run["flown_s"].as_f64());
             let of = flown.map_or(String::new(), |flown_s| format!(" of {flown_s:.2} s"));
             format!("what was read ends at {last_s:.2} s{of}, {lost} messages before that are missing")
         }
@@ -33,8 +37,7 @@ pub fn missing(recorded: &Recorded) -> Option<String> {
 }
 
 /// What run.json tells and the log does not have.
-fn unlike_summary(recorded: &Recorded, summary: &Summary) -> Vec<String> {
-    let Recorded { log, run, .. } = recorded;
+fn unlike_summary(log: &Log, run: &Value, summary: &Summary) -> Vec<String> {
     let messages = log.states.len() + log.references.len() + log.controls.len() + log.actuators.len();
     let records = (messages + log.events.len()) as u64;
     let mut why = vec![];

@@ -113,7 +113,7 @@ impl Recorded {
 
     /// For people: why the log is not all of the flight, if it is not.
     pub fn missing(&self) -> Option<String> {
-        missing::missing(self)
+        missing::missing(&self.path, &self.log, &self.scenario, self.has_summary.then_some(&self.run))
     }
 }
 

@@ -1,0 +1,127 @@
+//! What a flight came to, and what it lost against another.
+
+use anyhow::bail;
+use contract::scenario::Scenario;
+use flight::log::Record;
+use flight::replay::{Disturbed, Plan, Recording, replay};
+use guidance::Trajectory;
+use serde::Serialize;
+
+use crate::metrics::Metrics;
+use crate::summary::Summary;
+use crate::ticks::{length_m, position_error_m};
+
+/// How much of a flight is drawn around a tick \[s\].
+const BEFORE_S: f64 = 0.5;
+const AFTER_S: f64 = 4.5;
+
+/// What a flight came to, as far as costs are told of.
+#[derive(Debug, Clone, Default)]
+pub struct Outcome {
+    pub metrics: Metrics,
+    /// Largest angle between the body's z axis and the vertical \[deg\].
+    pub worst_tilt_deg: f64,
+    /// Position error at each sample \[m\].
+    pub error_m: Vec<f64>,
+    /// True position at each sample, NED \[m\].
+    pub course_m: Vec<[f64; 3]>,
+    pub state_hash: Option<String>,
+}
+
+/// What one or several ticks cost: the figure of the flight less that of the flight without.
+#[derive(Debug, Clone, Serialize)]
+pub struct Cost {
+    /// The first tick and the last.
+    pub ticks: (u64, u64),
+    /// When the first was \[s\].
+    pub at_s: f64,
+    pub node: &'static str,
+    pub what: String,
+    /// Of the largest position error \[m\]: 0 where another tick has the largest.
+    pub max_error_m: f64,
+    /// Largest distance between the courses of the flight and of the flight without \[m\].
+    pub max_distance_m: f64,
+    /// Of its integral \[m s\].
+    pub error_integral_ms: f64,
+    /// Of the worst tilt \[deg\].
+    pub worst_tilt_deg: f64,
+    /// The position error around it in the flight without it: time \[s\], error \[m\].
+    #[serde(skip)]
+    pub without_m: Vec<(f64, f64)>,
+}
+
+impl Outcome {
+    /// The position error around an instant: time \[s\], error \[m\].
+    pub fn error_around(&self, at_s: f64, sample_s: f64) -> Vec<(f64, f64)> {
+        let timed = self.error_m.iter().enumerate().map(|(tick, error_m)| (tick as f64 * sample_s, *error_m));
+        timed.filter(|(time_s, _)| (at_s - BEFORE_S..=at_s + AFTER_S).contains(time_s)).collect()
+    }
+
+    /// Largest distance to another course, as far as both go \[m\].
+    pub fn max_distance_m(&self, other: &Self) -> f64 {
+        let apart =
+            |(one, other): (&[f64; 3], &[f64; 3])| length_m(std::array::from_fn(|axis| one[axis] - other[axis]));
+        self.course_m.iter().zip(&other.course_m).map(apart).fold(0.0, f64::max)
+    }
+
+    /// The flight that `fly` hands on message by message.
+    ///
+    /// # Errors
+    /// It cannot be flown.
+    pub fn of(
+        scenario: &Scenario,
+        fly: impl FnOnce(&mut dyn FnMut(&Record)) -> anyhow::Result<()>,
+    ) -> anyhow::Result<Self> {
+        let (mut summary, trajectory) = (Summary::new(scenario), Trajectory::new(&scenario.mission));
+        let (mut worst_tilt, mut error_m, mut course_m) = (0.0_f64, vec![], vec![]);
+        fly(&mut |record| {
+            summary.observe(record);
+            if let Record::State(state) = record
+                && state.stamp.is_delivered() | state.stamp.is_faulted()
+                && record.is_intact()
+                && error_m.len() as u64 <= state.stamp.tick
+            {
+                worst_tilt = worst_tilt.max(state.actual.tilt_rad());
+                let wanted_m = trajectory.at(state.stamp.tick as f64 * scenario.sample_s()).position_m;
+                error_m.resize(state.stamp.tick as usize + 1, length_m(position_error_m(wanted_m, state)));
+                course_m.resize(state.stamp.tick as usize + 1, state.actual.position_m);
+            }
+        })?;
+        let (metrics, state_hash) = (summary.metrics(), summary.state_hash());
+        Ok(Self { metrics, worst_tilt_deg: worst_tilt.to_degrees(), error_m, course_m, state_hash })
+    }
+
+    /// A flight as `recording` has it.
+    ///
+    /// # Errors
+    /// It cannot be flown to its end.
+    pub fn flown(recording: &Recording) -> anyhow::Result<Self> {
+        Self::of(&recording.scenario, |each| {
+            let replayed = replay(recording, &Plan::default(), each)?;
+            if let Some(why) = replayed.stopped {
+                bail!("the flight cannot be flown again to its end: {why}");
+            }
+            Ok(())
+        })
+    }
+}
+
+impl Cost {
+    /// Of the disturbed `ticks`, in a flight and in one without them.
+    pub fn new(ticks: &[Disturbed], sample_s: f64, flight: &Outcome, without: &Outcome) -> Self {
+        let (first, last) = (&ticks[0], &ticks[ticks.len() - 1]);
+        let at_s = first.tick as f64 * sample_s;
+        let cost = |figure: fn(&Metrics) -> f64| figure(&flight.metrics) - figure(&without.metrics);
+        Self {
+            ticks: (first.tick, last.tick),
+            at_s,
+            node: first.node,
+            what: first.what.clone(),
+            max_error_m: cost(|metrics| metrics.max_position_error_m),
+            max_distance_m: flight.max_distance_m(without),
+            error_integral_ms: cost(|metrics| metrics.position_error_integral_ms),
+            worst_tilt_deg: flight.worst_tilt_deg - without.worst_tilt_deg,
+            without_m: without.error_around(at_s, sample_s),
+        }
+    }
+}
