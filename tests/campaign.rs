@@ -317,7 +317,7 @@ fn what_shares_a_draw_is_one_observation_and_copies_are_told() {
     check(&output, 0, &[]);
     let said = String::from_utf8_lossy(&output.stdout);
     for part in [
-        "scenario  60      60  20     100.0 %  83.2 to 100.0 %",
+        "scenario      60  60     20  100.0 %  83.2 to 100.0 %",
         "Of 60 flights 20 differ",
         "`mpc.np` had no effect",
         "The 3 flights that a controller has of each of the 20 draws are one observation.",

@@ -89,7 +89,7 @@ fn a_flight_is_broken_and_mended_from_outside() {
     done(&["inject", "position", "wrong", "--value", "-0.1", "--for", "60", "--in", "0.05"]);
     wait_until("the position is wrong", || status(&ns)["faults"].to_string().contains("position"));
     done(&["inject", "guidance", "kill"]);
-    done(&["inject", "payload", "mass", "--in", "3600"]);
+    done(&["inject", "payload", "mass", "--in", "0.5"]);
     wait_until("guidance was restarted", || status(&ns)["nodes"][1]["restarts"].as_u64() >= Some(1));
     assert!(done(&["clear", "wind"]).starts_with("cleared: wind step from"));
     assert!(done(&["clear"]).contains("payload mass"));
@@ -170,7 +170,7 @@ fn a_flight_takes_so_many_faults_and_no_more() {
     let ns = namespace();
     let flight = flying(&ns, &["--set", "run.duration_s=3600.0"]);
     let domain = Domain::find(&ns).expect("it flies");
-    let later = Request::Inject { fault: Fault::new(FaultTarget::Payload, FaultKind::Mass, 3600.0, None) };
+    let later = Request::Inject { fault: Fault::new(FaultTarget::Payload, FaultKind::Mass, 3000.0, None) };
     for _ in 0..MAX_LIVE_FAULTS {
         ask(&domain, &later).expect("there is room");
     }

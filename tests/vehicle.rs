@@ -20,7 +20,7 @@ fn a_mission_may_start_and_end_on_the_ground() {
     let run = outcome.run();
     let phases: Vec<&str> =
         run["phases"].as_array().expect("a list").iter().filter_map(|one| one["phase"].as_str()).collect();
-    assert_eq!(phases, ["standing", "taking off", "flying", "landing", "standing"]);
+    assert_eq!(phases, ["standing", "taking off", "in flight", "landing", "standing"]);
     assert!(outcome.metric("rotor_speed_min") < 1.0, "it disarmed");
 }
 

@@ -105,15 +105,11 @@ fn val_intervals_of_the_shipped_campaigns_cover_the_truth_as_often_as_they_say()
         let listed = others.clone().next().filter(|_| others.count() == 1);
         let mut covered = Covered::default();
         for campaign in 0..CAMPAIGNS {
-            let passed = match evidence.draws {
-                Draws::LatinHypercube => {
-                    assert!(!is_pooled, "{name}: this test has no truth for it");
-                    hypercube(campaign.into(), 5)
-                }
-                _ => {
-                    let mut rng = ChaCha8Rng::seed_from_u64(campaign.into());
-                    independent(&mut rng, &evidence, controllers, cases)
-                }
+            let passed = if evidence.draws == Draws::LatinHypercube {
+                assert!(!is_pooled, "{name}: this test has no truth for it");
+                hypercube(campaign.into(), 5)
+            } else {
+                independent(&mut ChaCha8Rng::seed_from_u64(campaign.into()), &evidence, controllers, cases)
             };
             look(&mut covered, &evidence, controllers, &passed, listed);
         }
