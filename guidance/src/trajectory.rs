@@ -8,7 +8,7 @@
 //! | ta | trapezoid of velocity: ramps of ta, cruise at 1 / (T - ta) |
 //! | `"min-jerk"` | 10 x^3 - 15 x^4 + 6 x^5 with x = t / T (Flash and Hogan, 1985) |
 //!
-//! With `ramp_s = "spline"` they are no legs, but one curve through all waypoints: [`spline`]. The circle is in [`circle`].
+//! With `ramp_s = "spline"` they are no legs, but one curve through all waypoints: `spline`. The circle is in `circle`.
 
 mod circle;
 mod progress;

@@ -2,7 +2,7 @@
 //!
 //! A search by CMA-ES (Hansen, arXiv 1604.00772) begins at the settings of the file and minimises the mean cost of the
 //! training flights: 1 for one that does not pass, `e / (1 m + e)` for one that does, with its RMS position error `e`.
-//! Factors stay within [`WIDEST`] either way; values are rounded to three digits before they are flown, so that what is
+//! Factors stay within 1000 either way; values are rounded to three digits before they are flown, so that what is
 //! printed is what was tried. The result of a search is the best try, or the settings of the file where none was better.
 
 use std::fmt::Write as _;

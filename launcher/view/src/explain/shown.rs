@@ -38,16 +38,18 @@ pub struct Explained {
     pub bursts: Vec<Cost>,
 }
 
-impl Cost {
-    fn ticks_in_words(&self) -> String {
-        let (first, last) = self.ticks;
-        if first == last { first.to_string() } else { format!("{first}-{last}") }
-    }
+/// The ticks of a cost: one, or from the first to the last.
+fn ticks_in_words(cost: &Cost) -> String {
+    let (first, last) = cost.ticks;
+    if first == last { first.to_string() } else { format!("{first}-{last}") }
+}
 
-    fn cells(&self) -> Vec<String> {
-        let Self { at_s, node, what, max_error_m, max_distance_m, error_integral_ms, worst_tilt_deg, .. } = self;
+/// One line for each cost.
+fn table(title: &str, costs: &[Cost]) -> Table {
+    let cells = |cost: &Cost| {
+        let Cost { at_s, node, what, max_error_m, max_distance_m, error_integral_ms, worst_tilt_deg, .. } = cost;
         vec![
-            self.ticks_in_words(),
+            ticks_in_words(cost),
             format!("{at_s:.2}"),
             format!("{:+.3}", error_integral_ms * 1e3),
             format!("{:.3}", max_distance_m * 1e3),
@@ -55,11 +57,8 @@ impl Cost {
             format!("{worst_tilt_deg:+.3}"),
             format!("{node} {what}"),
         ]
-    }
-
-    fn table(title: &str, costs: &[Self]) -> Table {
-        Table::new(title, &COLUMNS, costs.iter().map(Self::cells).collect())
-    }
+    };
+    Table::new(title, &COLUMNS, costs.iter().map(cells).collect())
 }
 
 impl Explained {
@@ -77,7 +76,7 @@ impl Explained {
                 };
                 let shown = &costs[..costs.len().min(ROWS)];
                 text.push('\n');
-                text.push_str(&Cost::table(&format!("{title}{more}"), shown).text());
+                text.push_str(&table(&format!("{title}{more}"), shown).text());
             }
         }
         text + &format!("\n{}{}\n", self.side_by_side().text(), ANOTHER[1])
@@ -142,13 +141,13 @@ impl Explained {
             [("Bursts, the costliest first", &self.bursts), ("Single ticks, the costliest first", &self.ticks)]
         {
             if !costs.is_empty() {
-                html.extend(["<h3>", title, "</h3>", &Cost::table("", costs).html()]);
+                html.extend(["<h3>", title, "</h3>", &table("", costs).html()]);
             }
         }
         let mut costliest: Vec<&Cost> = self.bursts.iter().chain(&self.ticks).collect();
         costliest.sort_by(|a, b| b.error_integral_ms.total_cmp(&a.error_integral_ms));
         for cost in costliest.iter().take(PLOTS) {
-            let caption = format!("Tick {}, {} {}", cost.ticks_in_words(), cost.node, cost.what);
+            let caption = format!("Tick {}, {} {}", ticks_in_words(cost), cost.node, cost.what);
             html.extend(["<h3>", &escape(&caption), "</h3>", &self.plot(cost)]);
         }
         html
