@@ -215,12 +215,14 @@ impl Plant {
         self.x = x;
     }
 
-    /// What the motor controllers and the servo are to follow: the command in force within the limits, which hold for
-    /// commands and not for a cut.
+    /// Demand on the motor controllers and the servo: the command in force within the limits, which hold for commands and not
+    /// for a cut or a stop.
     fn demand(&self) -> Actuation {
         let command = self.commands.in_force();
         let clipped = self.dynamics.clip(&command.actuation);
-        if command.cut { Actuation { rotor_speed: [0.0; 3], ..clipped } } else { clipped }
+        // A motor controller takes a command of zero for a stop, not for idle: so the mixer disarms.
+        let stops = command.cut || command.actuation.rotor_speed == [0.0; 3];
+        if stops { Actuation { rotor_speed: [0.0; 3], ..clipped } } else { clipped }
     }
 
     fn now_ns(&self) -> u64 {
