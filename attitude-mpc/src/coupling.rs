@@ -24,7 +24,7 @@ pub struct Coupling {
 }
 
 impl Coupling {
-    /// Of a vehicle at rest.
+    /// The coupling of a vehicle at rest: none.
     pub fn new(mass_kg: f64) -> Self {
         Self { mass_kg, force_n: 0.0 }
     }

@@ -97,7 +97,7 @@ pub struct AttitudeMpc {
 enum UnconstrainedLaw {
     /// `U = gain (x; r; d; v)`: the unconstrained plan, or the one move of the regulator.
     Gain(DMatrix<f64>),
-    /// The same, with a term of the measured state in what the estimate expects.
+    /// Plan by a gain, with a term of the measured state in what the estimate expects.
     Coupled(DMatrix<f64>, Coupling),
     /// One gain for each of several flight conditions.
     Scheduled(Box<Schedule>),
@@ -117,7 +117,7 @@ impl UnconstrainedLaw {
         }
     }
 
-    /// What the estimate must not take for a force, as a disturbance on the inputs.
+    /// Returns the disturbance on the inputs that the estimate must not take for a force.
     fn coupling(&self) -> Vector4<f64> {
         if let Self::Coupled(_, coupling) = self { coupling.on_inputs() } else { Vector4::zeros() }
     }

@@ -14,7 +14,7 @@ pub const MAX_SPEED_MPS: f64 = 0.25;
 const MAX_RATE_RADPS: f64 = 0.35;
 /// Largest angle between the body z axis and the vertical at rest \[rad\]: 5 degrees.
 const MAX_TILT_RAD: f64 = 0.087;
-/// How long a vehicle is at rest before it has landed \[ns\].
+/// Time at rest after which a vehicle has landed \[ns\].
 pub const LANDED_AFTER_NS: u64 = 1_000_000_000;
 
 /// Whether `motion` is that of a vehicle at rest; false with a NaN.

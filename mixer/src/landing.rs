@@ -26,9 +26,9 @@ use contract::rest::{Rest, is_at_rest};
 const INTENT_MPS2: f64 = 1.0;
 /// A vehicle that sinks slower does not sink \[m/s\].
 const HELD_UP_MPS: f64 = 0.2;
-/// How far it may come down meanwhile \[m\].
+/// Drop in height meanwhile that is still level \[m\].
 const LEVEL_M: f64 = 0.15;
-/// How long it does not sink before that is the ground \[ns\]: in free air it sinks faster after 0.4 s at most.
+/// Time without sinking after which that is the ground \[ns\]; in free air it sinks faster after 0.4 s at most.
 const CONTACT_NS: u64 = 500_000_000;
 /// A vehicle on the ground does not sink as fast \[m/s\].
 const FALLING_MPS: f64 = 0.5;

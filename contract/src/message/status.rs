@@ -54,17 +54,17 @@ impl PlantStatus {
         all.into_iter().find(|s| *s as u64 == value)
     }
 
-    /// Whether no sample comes after one with this status.
+    /// Returns true if no sample comes after one with this status.
     pub fn is_last(self) -> bool {
         !matches!(self, Self::Flying | Self::Standing | Self::TakingOff | Self::Landing)
     }
 
-    /// Whether the run ended because the vehicle was lost: it left the bounds of the simulation, crashed or tipped over.
+    /// Returns true if the run ended because the vehicle was lost: it left the bounds of the simulation, crashed or tipped over.
     pub fn diverged(self) -> bool {
         matches!(self, Self::NonFinite | Self::TooFar | Self::TooFast | Self::Crashed | Self::TippedOver)
     }
 
-    /// Whether the vehicle was lost, or came down in no way to land.
+    /// Returns true if the vehicle was lost, or came down otherwise than by landing.
     pub fn failed(self) -> bool {
         self.diverged() || self == Self::Slid
     }
