@@ -17,7 +17,7 @@ const MAX_TILT_RAD: f64 = 0.087;
 /// Time at rest after which a vehicle has landed \[ns\].
 pub const LANDED_AFTER_NS: u64 = 1_000_000_000;
 
-/// Whether `motion` is that of a vehicle at rest; false with a NaN.
+/// Returns true if `motion` is that of a vehicle at rest; false with a NaN.
 pub fn is_at_rest(motion: &Kinematics) -> bool {
     let [u, v, w] = motion.velocity_mps;
     libm::hypot(libm::hypot(u, v), w) <= MAX_SPEED_MPS
@@ -42,7 +42,7 @@ impl Rest {
         self.for_ns = if is_at_rest { self.for_ns.saturating_add(elapsed_ns).min(LANDED_AFTER_NS) } else { 0 };
     }
 
-    /// Whether it has lasted long enough.
+    /// Returns true if it has lasted long enough.
     pub fn has_landed(self) -> bool {
         self.for_ns == LANDED_AFTER_NS
     }

@@ -10,7 +10,7 @@
 //! | `mpc.law`, for what every law has a default of | swaps and campaigns exchange the law alone |
 //! | `run.duration_s`, for mission and wind | a short flight is the beginning of a long one |
 //!
-//! What a file says and a layer above it switches off is dropped, not refused ([`drop_overridden`]).
+//! A setting of a file that a layer above it switches off is dropped, not refused ([`drop_overridden`]).
 //!
 //! A fault or a swap that begins after the end is refused: it was asked for by itself.
 
@@ -19,13 +19,13 @@ use toml::{Table, Value};
 use super::found::Found;
 use crate::scenario::{Constraints, Filter, Law, Scenario, StateConstraints, TrajectoryKind};
 
-/// What decides whether some settings are read.
+/// Setting that decides if some others are read.
 struct Switch {
     /// Dotted keys, of tables with all that is in them.
     settings: &'static [&'static str],
     key: &'static str,
     is_on: fn(&Scenario) -> bool,
-    /// What turns it on, for people.
+    /// Value that turns it on, for people.
     on: &'static str,
 }
 
@@ -166,7 +166,7 @@ fn at<'a>(table: &'a Table, key: &str) -> Option<&'a Value> {
     }
 }
 
-/// Whether a switch with this value is off.
+/// Returns true if a switch with this value is off.
 fn is_off_by_name(value: &Value) -> bool {
     match value {
         Value::Boolean(is_on) => !is_on,

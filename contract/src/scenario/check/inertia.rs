@@ -3,7 +3,7 @@
 /// Share of the trace below which rounding is not told from zero.
 const ROUNDING: f64 = 1e-12;
 
-/// Whether a body with mass everywhere positive can have the symmetric inertia tensor `j` \[kg m2\].
+/// Returns true if a body with mass everywhere positive can have the symmetric inertia tensor `j` \[kg m2\].
 ///
 /// That is so if the largest principal moment is at most the sum of the other two: a plate has it equal. Without the
 /// principal axes: with the second moments `P = 1/2 tr(J) I - J`, whose principal values are the integrals of `x^2 dm` and so
