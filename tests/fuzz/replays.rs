@@ -6,7 +6,7 @@ use std::fs;
 use std::sync::LazyLock;
 
 use contract::exit;
-use contract::message::{Actuators, Controls, Reference, Stamp, State};
+use contract::message::{Actuators, Arrival, Controls, Reference, Stamp, State};
 use flight::log::{self, Log, LogWriter, Record};
 use flight::replay::Plan;
 use proptest::collection::vec;
@@ -158,14 +158,18 @@ fn judged(log: &[u8], run: Option<&str>, settings: &str) -> Option<(Log, Verdict
     Some((recorded.log, verdict))
 }
 
-/// The record without the times of the clock, in which a flight and its replay differ.
+/// The record without the times of the clock: a replay has its own, and the age of a command is an input, which it takes from the
+/// log (at trim, another age is the same flight).
 fn timeless(record: &Record) -> Record {
     let without = |stamp: Stamp| {
         let Stamp { tick, sequence, epoch, inputs, input_epochs, faults, delivery, .. } = stamp;
         Stamp { tick, sequence, epoch, inputs, input_epochs, faults, delivery, ..Stamp::default() }
     };
     match *record {
-        Record::State(state) => State { stamp: without(state.stamp), ..state }.into(),
+        Record::State(state) => {
+            let arrivals = state.arrivals.map(|arrival| Arrival { after_ns: 0, ..arrival });
+            State { stamp: without(state.stamp), applied_age_ns: 0, arrivals, ..state }.into()
+        }
         Record::Reference(reference) => Reference { stamp: without(reference.stamp), ..reference }.into(),
         Record::Controls(controls) => Controls { stamp: without(controls.stamp), solve_ns: 0, ..controls }.into(),
         Record::Actuators(actuators) => Actuators { stamp: without(actuators.stamp), ..actuators }.into(),
