@@ -8,7 +8,7 @@ use contract::Scenario;
 use contract::message::{Actuators, Message, Stamp, State};
 use contract::scenario::Mode;
 use contract::stamp::delivery;
-use flight::log::Log;
+use flight::log::{Log, Record};
 use serde_json::Value;
 use view::trace::document;
 
@@ -179,7 +179,11 @@ fn traced_with(log: &Log, run: &Value) -> Value {
     };
     let mut scenario = Scenario::default();
     scenario.run.mode = Mode::Realtime;
-    let (_, trace) = document(&log, &scenario, run, Some(0.0), 60.0).expect("a window with ticks");
+    let records = |each: &mut dyn FnMut(&Record)| {
+        log.tick_by_tick().for_each(|record| each(&record));
+        Ok(())
+    };
+    let (_, trace) = document(records, &scenario, run, Some(0.0), 60.0).expect("a window with ticks");
     check_trace(&trace);
     trace
 }

@@ -123,13 +123,14 @@ pub fn fly_scenario(mut scenario: Scenario, args: &FlyArgs) -> anyhow::Result<u8
     let written = written.and_then(|()| write_whole(&out.path.join("run.json"), run.as_bytes()));
     let histograms = || summary.timing.as_ref().map_or(Ok(()), |timing| timing.write_histograms(&out.path));
     let written = written.and_then(|()| histograms());
-    let written = written.and_then(|()| if log.is_some() { report::rewrite(&out.path).map(drop) } else { Ok(()) });
     if args.json {
         print(&run);
     } else {
         print(&describe(&summary, &scenario, &how));
         print(&format!("  {:<22}{}\n", "written to", out.path.display()));
     }
+    // The page last: of a long flight it takes a while, and the flight is told by then.
+    let written = written.and_then(|()| if log.is_some() { report::rewrite(&out.path).map(drop) } else { Ok(()) });
     let log_error = how.log.as_ref().and_then(|log| log.error.clone());
     let write_error = written.as_ref().err().map(|error| format!("{error:#}"));
     for error in [log_error, write_error].into_iter().flatten() {

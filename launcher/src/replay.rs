@@ -18,8 +18,7 @@ use rustix::process::{Signal, getpid, kill_process};
 use crate::progress::Progress;
 use serde_json::json;
 use view::explain::Work;
-use view::report::Recorded;
-use view::summary::Summary;
+use view::recorded::Recorded;
 use view::verdict::replay_and_judge;
 use view::{comparison, explain};
 
@@ -114,7 +113,7 @@ pub fn replay(args: &ReplayArgs) -> anyhow::Result<u8> {
             print(&format!("{other}: a difference may be the program's\n"));
         }
         if args.closed {
-            let flown = Summary::of(&recorded.log, &recorded.scenario).metrics();
+            let flown = recorded.summary.metrics();
             let flights = [flown, summary.metrics()].map(|metrics| (&recording.scenario, metrics));
             print(&(comparison::metrics(&["flight", "with these settings"], &flights).text() + "\n"));
         }

@@ -8,7 +8,8 @@ use flight::log::{self, Log, LogWriter, Record};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use serde_json::{Value, json};
-use view::report::{self, Recorded};
+use view::recorded::Recorded;
+use view::report;
 use view::trace;
 
 use super::{cases, edited, edits};
@@ -33,9 +34,10 @@ fn look(flight: &[u8], run: Option<&[u8]>) {
     }
     let page = report::rewrite(folder.path());
     assert_eq!(page.is_ok(), folder.path().join("report.html").exists());
-    let Ok(Recorded { log, scenario, run, .. }) = Recorded::read(&path) else { return };
+    let Ok(Recorded { scenario, run, .. }) = Recorded::read(&path) else { return };
     for (from_s, for_s) in [(None, 1.0), (Some(0.05), 1e300)] {
-        let _ = trace::document(&log, &scenario, &run, from_s, for_s);
+        let records = |each: &mut dyn FnMut(&Record)| log::stream(&path, |_, record| each(record)).map(drop);
+        let _ = trace::document(records, &scenario, &run, from_s, for_s);
     }
 }
 

@@ -12,7 +12,7 @@ use flight::replay::Plan;
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::Index;
-use view::report::Recorded;
+use view::recorded::Recorded;
 use view::verdict::{Verdict, replay_and_judge};
 
 use super::cases;
@@ -155,7 +155,7 @@ fn judged(log: &[u8], run: Option<&str>, settings: &str) -> Option<(Log, Verdict
     let recorded = Recorded::read(folder.path()).ok()?;
     let recording = recorded.recording().ok()?;
     let verdict = replay_and_judge(&recorded, &recording, &Plan::default(), |_, _| {}).ok()?;
-    Some((recorded.log, verdict))
+    Some((log::read_parts(&recorded.path).ok()?, verdict))
 }
 
 /// The record without the times of the clock: a replay has its own, and the age of a command is an input, which it takes from the

@@ -5,20 +5,22 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use contract::Scenario;
+use contract::message::State;
 use contract::scenario::{Mode, TrajectoryKind};
 use contract::topic::NODES;
+use flight::log::Record;
 use hdrhistogram::Histogram;
 use serde_json::{Value, json};
 
 use crate::draw::{self, Line, STYLE, escape};
 use crate::metrics::Metrics;
 use crate::percentiles::percentiles;
-use crate::report::Recorded;
+use crate::recorded::Recorded;
 use crate::report::sections::METRICS;
 use crate::settings;
-use crate::summary::Summary;
 use crate::table::Table;
-use crate::ticks::{LoggedTick, logged};
+use crate::thinning::Thinned;
+use crate::ticks::{Joined, LoggedTick};
 use crate::timing::Timing;
 
 /// A row for each metric, a column for each flight with the settings it flew; `titles` name them.
@@ -58,22 +60,67 @@ fn headings<'a>(first: &'a str, titles: &[&'a str]) -> Vec<&'a str> {
 
 /// What is drawn of every flight: a title with the unit, the quantity at a tick, and the axis of the mission's position beside
 /// it.
-type Picture = (&'static str, fn(&LoggedTick) -> Option<f64>, Option<usize>);
+type Picture = (&'static str, Quantity, Option<usize>);
+type Quantity = fn(&LoggedTick) -> Option<f64>;
 
 /// NED and body axes; angles in degrees, rotor speeds in the paper's unit.
 const PICTURES: [Picture; 11] = [
     ("position error [m]", |tick| tick.distance_m(), None),
-    ("x, north [m]", |tick| Some(tick.of.state?.actual.position_m[0]), Some(0)),
-    ("y, east [m]", |tick| Some(tick.of.state?.actual.position_m[1]), Some(1)),
-    ("z, down [m]", |tick| Some(tick.of.state?.actual.position_m[2]), Some(2)),
-    ("roll φ [deg]", |tick| Some(tick.of.state?.actual.attitude_rad[0].to_degrees()), None),
-    ("pitch θ [deg]", |tick| Some(tick.of.state?.actual.attitude_rad[1].to_degrees()), None),
-    ("yaw ψ [deg]", |tick| Some(tick.of.state?.actual.attitude_rad[2].to_degrees()), None),
-    ("rotor speed Ω1", |tick| Some(tick.of.state?.actuators.rotor_speed[0]), None),
-    ("rotor speed Ω2", |tick| Some(tick.of.state?.actuators.rotor_speed[1]), None),
-    ("rotor speed Ω3", |tick| Some(tick.of.state?.actuators.rotor_speed[2]), None),
-    ("tilt μ [deg]", |tick| Some(tick.of.state?.actuators.tilt_rad.to_degrees()), None),
+    ("x, north [m]", |tick| Some(state(tick)?.actual.position_m[0]), Some(0)),
+    ("y, east [m]", |tick| Some(state(tick)?.actual.position_m[1]), Some(1)),
+    ("z, down [m]", |tick| Some(state(tick)?.actual.position_m[2]), Some(2)),
+    ("roll φ [deg]", |tick| Some(state(tick)?.actual.attitude_rad[0].to_degrees()), None),
+    ("pitch θ [deg]", |tick| Some(state(tick)?.actual.attitude_rad[1].to_degrees()), None),
+    ("yaw ψ [deg]", |tick| Some(state(tick)?.actual.attitude_rad[2].to_degrees()), None),
+    ("rotor speed Ω1", |tick| Some(state(tick)?.actuators.rotor_speed[0]), None),
+    ("rotor speed Ω2", |tick| Some(state(tick)?.actuators.rotor_speed[1]), None),
+    ("rotor speed Ω3", |tick| Some(state(tick)?.actuators.rotor_speed[2]), None),
+    ("tilt μ [deg]", |tick| Some(state(tick)?.actuators.tilt_rad.to_degrees()), None),
 ];
+
+fn state(tick: &LoggedTick) -> Option<&State> {
+    tick.of.state.as_ref()
+}
+
+/// The course of a flight, gathered tick by tick: each picture's quantity, and where the mission wanted the vehicle.
+struct Course {
+    joined: Joined,
+    quantities: [Thinned; PICTURES.len()],
+    wanted: [Thinned; 3],
+    end_s: f64,
+}
+
+impl Course {
+    fn new(scenario: &Scenario) -> Self {
+        let (quantities, wanted) = Default::default();
+        Self { joined: Joined::new(scenario, 0), quantities, wanted, end_s: 0.0 }
+    }
+
+    fn observe(&mut self, record: &Record) {
+        let Self { joined, quantities, wanted, end_s } = self;
+        joined.observe(record, |tick| push(tick, quantities, wanted, end_s));
+    }
+
+    /// Takes in what is left.
+    fn finish(&mut self) {
+        let Self { joined, quantities, wanted, end_s } = self;
+        joined.finish(|tick| push(tick, quantities, wanted, end_s));
+    }
+}
+
+fn push(tick: &LoggedTick, quantities: &mut [Thinned], wanted: &mut [Thinned], end_s: &mut f64) {
+    for (series, (_, quantity, _)) in quantities.iter_mut().zip(PICTURES) {
+        series.push(quantity(tick).map_or(f32::NAN, |value| value as f32));
+    }
+    wanted.iter_mut().zip(tick.wanted_m).for_each(|(series, wanted_m)| series.push(wanted_m as f32));
+    *end_s = tick.time_s();
+}
+
+/// The points of a series, whose values are a sample apart.
+fn points(series: &Thinned, scenario: &Scenario) -> Vec<(f64, f64)> {
+    let step_s = series.step() * scenario.sample_s();
+    (0..).zip(series.values()).map(|(i, value)| (f64::from(i) * step_s, f64::from(value))).collect()
+}
 
 /// Flights side by side.
 pub struct Comparison {
@@ -85,24 +132,24 @@ struct Flight {
     /// What it is called here, and nothing else is.
     title: String,
     recorded: Recorded,
+    course: Course,
     /// Its settings, with what was ordered while it flew.
     scenario: Scenario,
-    summary: Summary,
 }
 
 impl Flight {
     /// When its nodes worked; only in real time is anything late.
     fn timing(&self) -> Option<&Timing> {
-        self.summary.timing.as_ref().filter(|_| self.scenario.run.mode == Mode::Realtime)
+        self.recorded.summary.timing.as_ref().filter(|_| self.scenario.run.mode == Mode::Realtime)
     }
 
     /// What it was and how it ended.
     fn cells(&self) -> Vec<String> {
-        let Self { title, recorded, scenario, summary } = self;
+        let Self { title, recorded, scenario, .. } = self;
         let folder = recorded.path.parent().unwrap_or(&recorded.path).display().to_string();
         let ended = recorded.run["ended"].as_str().unwrap_or("unknown");
         let mode = recorded.run["mode"].as_str().unwrap_or_default();
-        let flown = format!("{:.2}", summary.time_s());
+        let flown = format!("{:.2}", recorded.summary.time_s());
         vec![
             title.clone(),
             mode.into(),
@@ -121,24 +168,32 @@ impl Comparison {
     /// # Errors
     /// One of them cannot be read, or is named twice.
     pub fn read(runs: &[PathBuf]) -> anyhow::Result<Self> {
-        let recorded = runs.iter().map(|run| Recorded::read(run)).collect::<anyhow::Result<Vec<_>>>()?;
-        let place = |recorded: &Recorded| -> anyhow::Result<Place> {
+        let read = |run: &PathBuf| -> anyhow::Result<(Recorded, Course)> {
+            let mut course = None;
+            let recorded = Recorded::read_each(run, |scenario, record| {
+                course.get_or_insert_with(|| Course::new(scenario)).observe(record);
+            })?;
+            let mut course = course.unwrap_or_else(|| Course::new(&recorded.scenario));
+            course.finish();
+            Ok((recorded, course))
+        };
+        let read = runs.iter().map(read).collect::<anyhow::Result<Vec<_>>>()?;
+        let place = |(recorded, _): &(Recorded, Course)| -> anyhow::Result<Place> {
             let path = recorded.path.canonicalize();
             let path = path.with_context(|| format!("cannot find {}", recorded.path.display()))?;
             Ok((recorded.run["name"].as_str().unwrap_or(&recorded.scenario.name).to_owned(), path))
         };
-        let places = recorded.iter().map(place).collect::<anyhow::Result<Vec<_>>>()?;
+        let places = read.iter().map(place).collect::<anyhow::Result<Vec<_>>>()?;
         for (i, (_, path)) in places.iter().enumerate() {
             if places[..i].iter().any(|(_, before)| before == path) {
                 bail!("{} is named twice; name different runs", runs[i].display());
             }
         }
-        let flight = |(recorded, title): (Recorded, String)| {
+        let flight = |((recorded, course), title): ((Recorded, Course), String)| {
             let scenario = recorded.flown();
-            let summary = Summary::of(&recorded.log, &scenario);
-            Flight { title, recorded, scenario, summary }
+            Flight { title, recorded, course, scenario }
         };
-        Ok(Self { flights: recorded.into_iter().zip(titles(&places)).map(flight).collect() })
+        Ok(Self { flights: read.into_iter().zip(titles(&places)).map(flight).collect() })
     }
 
     /// For people: what of the logs is missing.
@@ -155,7 +210,7 @@ impl Comparison {
         let titles = self.titles();
         let scenarios: Vec<_> = self.flights.iter().map(|flight| &flight.scenario).collect();
         let of_flights: Vec<_> =
-            self.flights.iter().map(|flight| (&flight.scenario, flight.summary.metrics())).collect();
+            self.flights.iter().map(|flight| (&flight.scenario, flight.recorded.summary.metrics())).collect();
         let what = ["flight", "mode", "Hz", "flown [s]", "ended", "folder", "flown by"];
         let differences = settings::differences(&scenarios);
         let told = if differences.is_empty() { "Settings: all are the same" } else { "Settings that differ" };
@@ -223,43 +278,34 @@ impl Comparison {
     }
 
     fn pictures(&self) -> Vec<String> {
-        let ticks: Vec<_> = self.flights.iter().map(|flight| logged(&flight.recorded.log, &flight.scenario)).collect();
-        let flown = || self.flights.iter().zip(&ticks);
         // One mission stands for all that are the same: that of the flight that saw most of it.
-        let mut missions: Vec<(&Flight, &Vec<LoggedTick>)> = vec![];
-        for (flight, ticks) in flown() {
-            match missions.iter_mut().find(|(known, _)| known.scenario.mission == flight.scenario.mission) {
-                Some(known) if end_s(known.1) < end_s(ticks) => *known = (flight, ticks),
+        let mut missions: Vec<&Flight> = vec![];
+        for flight in &self.flights {
+            match missions.iter_mut().find(|known| known.scenario.mission == flight.scenario.mission) {
+                Some(known) if known.course.end_s < flight.course.end_s => *known = flight,
                 Some(_) => {}
-                None => missions.push((flight, ticks)),
+                None => missions.push(flight),
             }
         }
         let names: Vec<String> = match missions.as_slice() {
             [_] => vec!["mission".into()],
-            several => several.iter().map(|(flight, _)| format!("mission of {}", flight.title)).collect(),
+            several => several.iter().map(|flight| format!("mission of {}", flight.title)).collect(),
         };
-        let picture = |(title, quantity, axis): Picture| {
-            let of_flight = |(flight, ticks): (&'_ Flight, &Vec<LoggedTick>)| {
-                let points = ticks.iter().map(|tick| (tick.time_s(), quantity(tick).unwrap_or(f64::NAN))).collect();
-                (flight.title.clone(), points)
-            };
+        let picture = |(i, (title, _, axis)): (usize, Picture)| {
+            let of_flight =
+                |flight: &Flight| (flight.title.clone(), points(&flight.course.quantities[i], &flight.scenario));
             let wanted = |axis: usize| {
                 let missions = missions.iter().zip(&names);
-                missions.map(move |((_, ticks), name)| {
-                    (name.clone(), ticks.iter().map(|tick| (tick.time_s(), tick.wanted_m[axis])).collect())
-                })
+                missions
+                    .map(move |(flight, name)| (name.clone(), points(&flight.course.wanted[axis], &flight.scenario)))
             };
             let lines: Vec<(String, Vec<(f64, f64)>)> =
-                flown().map(of_flight).chain(axis.into_iter().flat_map(wanted)).collect();
+                self.flights.iter().map(of_flight).chain(axis.into_iter().flat_map(wanted)).collect();
             let lines: Vec<Line> = lines.iter().map(|(name, points)| Line { name, points: points.clone() }).collect();
             draw::lines(&lines, "time [s]", title)
         };
-        PICTURES.into_iter().map(picture).collect()
+        PICTURES.into_iter().enumerate().map(picture).collect()
     }
-}
-
-fn end_s(ticks: &[LoggedTick]) -> f64 {
-    ticks.last().map_or(0.0, LoggedTick::time_s)
 }
 
 /// The 50th and 99th percentile and the maximum \[us\].

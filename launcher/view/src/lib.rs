@@ -15,6 +15,7 @@
 //! | [`percentiles`] | percentiles and medians, for everything that measures |
 //! | [`happenings`] | what is known to have happened in a flight, for its timing, trace and report |
 //! | [`run_record`] | `run.json` |
+//! | [`recorded`] | a run as it left its folder, and what of its log is missing |
 //! | [`report`] | `report.html` |
 //! | [`trace`] | `trace`: ticks of a run for a trace viewer |
 //! | [`verdict`] | whether a replay is the same flight: the sentence and the exit code |
@@ -30,6 +31,7 @@ pub mod following;
 pub mod happenings;
 pub mod metrics;
 pub mod percentiles;
+pub mod recorded;
 pub mod report;
 pub mod run_record;
 pub mod settings;

@@ -17,7 +17,7 @@ use crate::solves::Solves;
 use crate::ticks::{length_m, position_error_m};
 use crate::timing::Timing;
 use flight::inprocess;
-use flight::log::{Count, Log, Record};
+use flight::log::{Count, Record};
 
 /// Gathers a flight, message by message; the order between topics does not matter.
 pub struct Summary {
@@ -75,13 +75,6 @@ impl Summary {
         let checked = inprocess::changes_messages(scenario);
         let count = if checked { Count::default() } else { Count::without_checksums() };
         Self { hash: None, count, ..Self::new(scenario) }
-    }
-
-    /// The summary of a log.
-    pub fn of(log: &Log, scenario: &Scenario) -> Self {
-        let mut summary = Self::new(scenario);
-        log.tick_by_tick().for_each(|record| summary.observe(&record));
-        summary
     }
 
     pub fn observe(&mut self, record: &Record) {

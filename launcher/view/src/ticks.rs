@@ -1,18 +1,24 @@
 //! The join of the four messages of a tick: what the nodes made of one sample, and when the command took effect.
 //!
-//! What is kept of a message is the caller's choice: report and trace keep [`Messages`] of a whole log, [`crate::timing`]
-//! each node's cycle while the flight goes on, `measure timing` the stamps.
+//! What is kept of a message is the caller's choice: report, compare and trace keep [`Messages`], tick by tick as the log is
+//! read ([`Joined`]), [`crate::timing`] each node's cycle while the flight goes on, `measure timing` the stamps.
 
 use std::collections::BTreeMap;
 
 use contract::message::{Actuators, Controls, Message, Reference, Stamp, State};
 use contract::scenario::Mode;
 use contract::{Scenario, Topic};
-use flight::log::{Log, Record, counted};
+use flight::log::{Count, Log, Record};
 use guidance::Trajectory;
 
 /// A command takes effect at most so many ticks after its own; a damaged STATE must not cost a search of the whole flight.
 const MOST_AGE_TICKS: usize = 1000;
+/// Ticks are open for messages of theirs that may still come, and for the age of their command.
+const OPEN_TICKS: u64 = 1024;
+/// A log may lack the messages of so many ticks, and of [`MOST_LOST`] for each message that it has: a damaged stamp must not
+/// decide how much memory and time a log takes.
+const MOST_MISSING: u64 = 1_000_000;
+const MOST_LOST: u64 = 10;
 
 /// One tick. `T` is what is kept of its messages.
 #[derive(Debug, Clone, Copy)]
@@ -31,6 +37,14 @@ pub struct Tick<T> {
     /// Number of the newest ACTUATORS; 0 is none.
     command: u64,
     pub of: T,
+}
+
+impl<T: Default> Tick<T> {
+    fn without_messages(number: u64, trajectory: &Trajectory, sample_s: f64, period_ns: u64) -> Self {
+        let wanted_m = trajectory.at(number as f64 * sample_s).position_m;
+        let of = T::default();
+        Self { number, period_ns, sample_ns: 0, wanted_m, error_m: None, age_ns: None, command: 0, of }
+    }
 }
 
 impl<T> Tick<T> {
@@ -54,6 +68,9 @@ pub struct Ticks<T> {
     pub by_number: BTreeMap<u64, Tick<T>>,
     /// Number of the command that the newest STATE was under.
     in_force: u64,
+    /// Messages taken in, and ticks told and forgotten.
+    seen: u64,
+    told: u64,
 }
 
 impl<T: Default> Ticks<T> {
@@ -65,18 +82,23 @@ impl<T: Default> Ticks<T> {
             last: scenario.ticks(),
             by_number: BTreeMap::new(),
             in_force: 0,
+            seen: 0,
+            told: 0,
         }
     }
 
     /// Takes one message in; `keep` puts into the tick what is kept of it. Of several messages of a topic with one tick the
-    /// last counts. A tick beyond the last of the scenario is ignored: a damaged stamp must not decide how much memory
-    /// this takes.
+    /// last counts. One of a tick that was told is ignored, as is one of a tick that this flight cannot have.
     pub fn observe(&mut self, record: &Record, keep: impl FnOnce(&mut T)) {
         let stamp = record.stamp();
-        if stamp.tick > self.last {
+        self.seen += 1;
+        let last = self.last.min(MOST_MISSING + MOST_LOST * self.seen);
+        if stamp.tick > last || stamp.tick < self.told {
             return;
         }
-        let mut tick = self.by_number.remove(&stamp.tick).unwrap_or_else(|| self.without_messages(stamp.tick));
+        let Self { trajectory, sample_s, period_ns, .. } = self;
+        let tick = self.by_number.entry(stamp.tick);
+        let tick = tick.or_insert_with(|| Tick::without_messages(stamp.tick, trajectory, *sample_s, *period_ns));
         tick.sample_ns = stamp.sample_ns;
         keep(&mut tick.of);
         match record {
@@ -87,20 +109,17 @@ impl<T: Default> Ticks<T> {
             Record::Actuators(_) => tick.command = stamp.sequence,
             Record::Reference(_) | Record::Controls(_) => {}
         }
-        self.by_number.insert(stamp.tick, tick);
     }
 
-    /// Every tick from 0 to the last one seen, those without a message too.
-    pub fn into_all(mut self) -> Vec<Tick<T>> {
+    /// Tells `each` tick that has not been told, those without a message too, except the newest `open`; and forgets them.
+    pub fn tell(&mut self, open: u64, mut each: impl FnMut(&Tick<T>)) {
         let end = self.by_number.last_key_value().map_or(0, |(number, _)| number + 1);
-        let seen: Vec<_> = (0..end).map(|number| self.by_number.remove(&number)).collect();
-        (0..).zip(seen).map(|(number, tick)| tick.unwrap_or_else(|| self.without_messages(number))).collect()
-    }
-
-    fn without_messages(&self, number: u64) -> Tick<T> {
-        let wanted_m = self.trajectory.at(number as f64 * self.sample_s).position_m;
-        let of = T::default();
-        Tick { number, period_ns: self.period_ns, sample_ns: 0, wanted_m, error_m: None, age_ns: None, command: 0, of }
+        while self.told + open < end {
+            let tick = self.by_number.remove(&self.told);
+            let Self { trajectory, sample_s, period_ns, .. } = self;
+            each(&tick.unwrap_or_else(|| Tick::without_messages(self.told, trajectory, *sample_s, *period_ns)));
+            self.told += 1;
+        }
     }
 
     /// `state` says which command it was under, and that command's age. A restarted mixer numbers its messages from 1
@@ -118,46 +137,72 @@ impl<T: Default> Ticks<T> {
 
 /// The messages of a tick. A log may lack any of them.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Messages<'a> {
-    pub state: Option<&'a State>,
-    pub reference: Option<&'a Reference>,
-    pub controls: Option<&'a Controls>,
-    pub actuators: Option<&'a Actuators>,
+pub struct Messages {
+    pub state: Option<State>,
+    pub reference: Option<Reference>,
+    pub controls: Option<Controls>,
+    pub actuators: Option<Actuators>,
 }
 
-impl Messages<'_> {
+impl Messages {
     /// Their stamps, by topic.
     pub fn stamps(&self) -> [Option<&Stamp>; 4] {
         [
-            self.state.map(Message::stamp),
-            self.reference.map(Message::stamp),
-            self.controls.map(Message::stamp),
-            self.actuators.map(Message::stamp),
+            self.state.as_ref().map(Message::stamp),
+            self.reference.as_ref().map(Message::stamp),
+            self.controls.as_ref().map(Message::stamp),
+            self.actuators.as_ref().map(Message::stamp),
         ]
+    }
+
+    fn put(&mut self, record: &Record) {
+        match *record {
+            Record::State(message) => self.state = Some(message),
+            Record::Reference(message) => self.reference = Some(message),
+            Record::Controls(message) => self.controls = Some(message),
+            Record::Actuators(message) => self.actuators = Some(message),
+        }
     }
 }
 
 /// A tick of a log.
-pub type LoggedTick<'a> = Tick<Messages<'a>>;
+pub type LoggedTick = Tick<Messages>;
 
-/// Every tick of a log. A tick has the messages of the active processes as they were sent, also where a fault changed or
-/// lost them on the way.
-pub fn logged<'a>(log: &'a Log, scenario: &Scenario) -> Vec<LoggedTick<'a>> {
-    let mut ticks = Ticks::<Messages>::new(scenario);
-    put(&mut ticks, &log.references, |of, message| of.reference = Some(message));
-    put(&mut ticks, &log.controls, |of, message| of.controls = Some(message));
-    put(&mut ticks, &log.actuators, |of, message| of.actuators = Some(message));
-    put(&mut ticks, &log.states, |of, message| of.state = Some(message));
-    ticks.into_all()
+/// Joins the messages of a log as they are read. A tick has the messages of the active processes as they were sent, also where a
+/// fault changed or lost them on the way.
+pub struct Joined {
+    ticks: Ticks<Messages>,
+    count: Count,
 }
 
-fn put<'a, M: Message>(ticks: &mut Ticks<Messages<'a>>, messages: &'a [M], keep: fn(&mut Messages<'a>, &'a M))
-where
-    Record: From<M>,
-{
-    for (message, _) in counted(messages) {
-        ticks.observe(&(*message).into(), |of| keep(of, message));
+impl Joined {
+    /// Of a flight of `scenario`, from tick `first` on.
+    pub fn new(scenario: &Scenario, first: u64) -> Self {
+        let ticks = Ticks { told: first, ..Ticks::new(scenario) };
+        Self { ticks, count: Count::default() }
     }
+
+    /// Takes one message in, in the order of [`flight::log::stream`]; `each` gets the ticks to which nothing comes any more.
+    pub fn observe(&mut self, record: &Record, each: impl FnMut(&LoggedTick)) {
+        if self.count.before(record).is_some() {
+            self.ticks.observe(record, |of| of.put(record));
+            self.ticks.tell(OPEN_TICKS, each);
+        }
+    }
+
+    /// Tells the ticks that are left, up to the last one seen.
+    pub fn finish(&mut self, each: impl FnMut(&LoggedTick)) {
+        self.ticks.tell(0, each);
+    }
+}
+
+/// Every tick of a log in memory, from `first` on.
+pub fn logged(log: &Log, scenario: &Scenario, first: u64) -> Vec<LoggedTick> {
+    let mut joined = Joined::new(scenario, first);
+    let mut ticks = vec![];
+    log.tick_by_tick().for_each(|record| joined.observe(&record, |tick| ticks.push(*tick)));
+    joined.finish(|tick| ticks.push(*tick));
+    ticks
 }
 
 /// A command while it was in force.
@@ -175,7 +220,7 @@ pub struct InForce {
 ///
 /// In lockstep the age is simulated time, of which the clock shows nothing: there a command acts once it is published.
 pub fn in_force(ticks: &[LoggedTick], mode: Mode) -> Vec<InForce> {
-    let last_ns = ticks.iter().rev().find_map(|tick| tick.of.state).map_or(0, |state| state.stamp.sample_ns);
+    let last_ns = ticks.iter().rev().find_map(|tick| tick.of.state.as_ref()).map_or(0, |state| state.stamp.sample_ns);
     let mut all: Vec<InForce> = vec![];
     for tick in ticks {
         let (Some(command), Some(age_ns)) = (tick.of.actuators, tick.age_ns) else { continue };
@@ -237,7 +282,7 @@ mod tests {
             ..Log::default()
         };
         let spans = |mode| -> Vec<(u64, u64, u64)> {
-            let commands = in_force(&logged(&log, &hovering()), mode);
+            let commands = in_force(&logged(&log, &hovering(), 0), mode);
             commands.iter().map(|command| (command.tick, command.from_ns, command.until_ns)).collect()
         };
         assert_eq!(spans(Mode::Realtime), [(0, 300, 2_400), (2, 2_400, 3_000)]);
@@ -250,7 +295,7 @@ mod tests {
         let commands = [command(0, 1, 1), command(1, 2, 1), command(2, 1, 2)];
         let log = Log { states: states.into(), actuators: commands.into(), ..Log::default() };
         let ages: Vec<_> =
-            logged(&log, &hovering()).iter().filter_map(|tick| Some((tick.number, tick.age_ns?))).collect();
+            logged(&log, &hovering(), 0).iter().filter_map(|tick| Some((tick.number, tick.age_ns?))).collect();
         assert_eq!(ages, [(0, 200), (1, 200), (2, 201)], "a number that was not sent is left out");
     }
 
@@ -263,7 +308,7 @@ mod tests {
             state.actual.position_m = [0.0, -3.0, -4.0];
             *state = state.with_checksum();
         }
-        let ticks = logged(&log, &hovering());
+        let ticks = logged(&log, &hovering(), 0);
         let distances: Vec<_> = ticks.iter().map(Tick::distance_m).collect();
         let mut expected = vec![Some(5.0); 10];
         expected[4] = None;
@@ -284,6 +329,6 @@ mod tests {
             marked(1, 2, delivery::STANDBY | delivery::FAULT, 8.0),
         ];
         let log = Log { controls, ..Log::default() };
-        assert_eq!(logged(&log, &hovering())[1].of.controls, Some(&log.controls[0]), "as it was sent");
+        assert_eq!(logged(&log, &hovering(), 0)[1].of.controls, Some(log.controls[0]), "as it was sent");
     }
 }

@@ -7,7 +7,7 @@ use contract::Topic;
 use contract::exit;
 use flight::replay::{Difference, Messages, Plan, Recording, Replayed, replay};
 
-use crate::report::Recorded;
+use crate::recorded::Recorded;
 use crate::summary::Summary;
 
 /// What a replay showed.

@@ -1,13 +1,16 @@
 //! The logs of several recorders of one flight: `flight.mcap`, `flight.2.mcap`, ... They are joined into the first at the end
 //! of the flight; where the launcher did not live to do that, they are read together.
 
-use std::collections::{HashMap, HashSet};
+use std::cell::RefCell;
+use std::collections::hash_map::Entry;
+use std::collections::{HashMap, VecDeque};
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use contract::Scenario;
 use contract::scenario;
 
+use super::order::TickByTick;
 use super::read::read_in_order;
 use super::{Count, Log, LogWriter, Record};
 use crate::event::Event;
@@ -21,12 +24,8 @@ use crate::recorder::LogOutcome;
 /// When the log cannot be written; then the parts stay as they are.
 pub fn join(parts: &[PathBuf], scenario: &Scenario, events: &[Event], sent: u64) -> anyhow::Result<LogOutcome> {
     let first = parts.first().context("no recorder has begun a log")?;
-    let mut records = vec![];
-    let read = gather(parts, |_| true, |record| records.push(*record));
-    // One that was killed before it wrote anything has nothing to add.
-    let run = read.into_iter().flatten().find_map(|part| part.written_by.run).unwrap_or_default();
     let whole = first.with_extension("joined");
-    let written = write(&whole, scenario, &run, &records, events, sent);
+    let written = write(&whole, parts, scenario, events, sent);
     let outcome = written.inspect_err(|_| _ = std::fs::remove_file(&whole))?;
     std::fs::rename(&whole, first).with_context(|| format!("cannot put the joined log at {}", first.display()))?;
     parts[1..].iter().for_each(|part| _ = std::fs::remove_file(part)); // one may never have been begun
@@ -35,20 +34,40 @@ pub fn join(parts: &[PathBuf], scenario: &Scenario, events: &[Event], sent: u64)
 
 fn write(
     path: &Path,
+    parts: &[PathBuf],
     scenario: &Scenario,
-    run: &str,
-    records: &[Record],
     events: &[Event],
     sent: u64,
 ) -> anyhow::Result<LogOutcome> {
-    let mut log = LogWriter::create_part(path, &scenario::to_toml(scenario), scenario.sample_ns(), run)?;
+    let begin = |run: &str| LogWriter::create_part(path, &scenario::to_toml(scenario), scenario.sample_ns(), run);
+    let mut log = None;
+    let mut failed = None;
     let mut count = Count::default();
     let mut outcome = LogOutcome { dropped: sent, ..LogOutcome::default() };
-    for record in records {
-        outcome.dropped = outcome.dropped.saturating_sub(count.gap(record).is_some().into());
-        outcome.records += 1;
-        log.write(record)?;
+    // A part that cannot be read was killed before it wrote anything, and has nothing to add.
+    gather(
+        parts,
+        |_| true,
+        |part, record| {
+            if failed.is_some() {
+                return;
+            }
+            let mut write = || {
+                let log = match &mut log {
+                    Some(log) => log,
+                    none => none.insert(begin(part.written_by.run.as_deref().unwrap_or_default())?),
+                };
+                log.write(record)
+            };
+            failed = write().err();
+            outcome.dropped = outcome.dropped.saturating_sub(count.gap(record).is_some().into());
+            outcome.records += 1;
+        },
+    );
+    if let Some(error) = failed {
+        return Err(error);
     }
+    let mut log = log.map_or_else(|| begin(""), Ok)?;
     for event in events {
         outcome.records += 1;
         log.event(event)?;
@@ -62,19 +81,41 @@ pub fn part(first: &Path, epoch: u32) -> PathBuf {
     if epoch == 1 { first.into() } else { first.with_extension(format!("{epoch}.mcap")) }
 }
 
-/// Reads the log at `first` with all parts of the same run that lie beside it, as one; the defect names every part that is
-/// missing, not finished or not to be read. A log that only has the name of a part is left alone: the run that stands in
-/// the first readable log says what belongs to it. The folder stays as it is.
+/// Reads the log at `first` with all parts of its run into memory: see [`stream`].
+pub fn read_parts(first: &Path) -> anyhow::Result<Log> {
+    let mut messages = Log::default();
+    let Log { scenario_toml, written_by, events, defect, .. } = stream(first, |_, record| messages.push(record))?;
+    Ok(Log { scenario_toml, written_by, events, defect, ..messages })
+}
+
+/// Reads the log at `first` with all parts of the same run that lie beside it, as one, without its messages: `each` gets those,
+/// tick by tick, with what stands before them. The defect names every part that is missing, not finished or not to be read. A log
+/// that only has the name of a part is left alone: the run that stands in the first readable log says what belongs to it. The
+/// folder stays as it is.
 ///
 /// # Errors
 /// When no part can be read.
-pub fn read_parts(first: &Path) -> anyhow::Result<Log> {
+pub fn stream(first: &Path, mut each: impl FnMut(&Log, &Record)) -> anyhow::Result<Log> {
     let last = others(first).into_iter().max().unwrap_or(1);
     let mut parts: Vec<PathBuf> = (1..=last).map(|epoch| part(first, epoch)).collect();
-    let mut messages = Log::default();
+    let mut whole = Log::default();
     let mut run = None;
     let mut is_of_run = |part: &Log| *run.get_or_insert_with(|| part.written_by.run.clone()) == part.written_by.run;
-    let mut read = gather(&parts, |part| is_of_run(part), |record| messages.push(record));
+    let head = RefCell::new(Log::default());
+    let mut ordered = TickByTick::new(|record: &Record| each(&head.borrow(), record));
+    let mut read = gather(
+        &parts,
+        |part| is_of_run(part),
+        |part, record| {
+            let mut head = head.borrow_mut();
+            if head.scenario_toml.is_empty() {
+                (head.scenario_toml, head.written_by) = (part.scenario_toml.clone(), part.written_by.clone());
+            }
+            drop(head);
+            ordered.push(record);
+        },
+    );
+    ordered.finish();
     // What has the name of a later part, and is of another run, is none that this one misses.
     let mut may_be_own = |i: &usize| match &read[*i] {
         Ok(part) => is_of_run(part),
@@ -84,8 +125,7 @@ pub fn read_parts(first: &Path) -> anyhow::Result<Log> {
     parts.truncate(own);
     read.truncate(own);
     if read.len() == 1 || read.iter().all(Result::is_err) {
-        let Log { scenario_toml, written_by, events, defect, .. } = read.swap_remove(0)?;
-        return Ok(Log { scenario_toml, written_by, events, defect, ..messages });
+        return read.swap_remove(0);
     }
     let mut defects = vec![];
     for (path, part) in parts.iter().zip(read) {
@@ -93,12 +133,12 @@ pub fn read_parts(first: &Path) -> anyhow::Result<Log> {
         match part {
             Ok(part) if !is_of_run(&part) => defects.push(format!("{name} is of another run")),
             Ok(part) => {
-                let new = |event: &Event| !messages.events.contains(event);
+                let new = |event: &Event| !whole.events.contains(event);
                 let events: Vec<Event> = part.events.into_iter().filter(new).collect();
-                messages.events.extend(events);
-                if messages.scenario_toml.is_empty() {
-                    messages.scenario_toml = part.scenario_toml;
-                    messages.written_by = part.written_by;
+                whole.events.extend(events);
+                if whole.scenario_toml.is_empty() {
+                    whole.scenario_toml = part.scenario_toml;
+                    whole.written_by = part.written_by;
                 }
                 defects.extend(part.defect.map(|defect| format!("{name}: {defect}")));
             }
@@ -106,8 +146,8 @@ pub fn read_parts(first: &Path) -> anyhow::Result<Log> {
             Err(error) => defects.push(format!("{name}: {error:#}")),
         }
     }
-    messages.defect = (!defects.is_empty()).then(|| defects.join("; "));
-    Ok(messages)
+    whole.defect = (!defects.is_empty()).then(|| defects.join("; "));
+    Ok(whole)
 }
 
 /// Epochs of the parts beside the log at `first`.
@@ -121,31 +161,65 @@ fn others(first: &Path) -> Vec<u32> {
     entries.filter_map(|entry| epoch(&entry.file_name().to_string_lossy())).filter(|epoch| *epoch <= MOST).collect()
 }
 
-/// Reads `parts` one after the other; `each` gets every message of those that are `wanted` once. Everything else of each
-/// part is returned.
+/// Reads `parts` one after the other; `each` gets every message of those that are `wanted` once, in the order of writing. What
+/// else is in each part is returned.
 fn gather(
     parts: &[PathBuf],
     mut wanted: impl FnMut(&Log) -> bool,
-    mut each: impl FnMut(&Record),
+    mut each: impl FnMut(&Log, &Record),
 ) -> Vec<anyhow::Result<Log>> {
-    let mut known = HashSet::new();
+    if let [part] = parts {
+        return vec![read_in_order(part, each)];
+    }
+    let mut known = Recent::default();
     let read = |part: &PathBuf| {
-        let mut times = HashMap::new(); // a fault may have sent a message twice
-        let mut records = vec![];
-        let log = read_in_order(part, |record| records.push(*record))?;
-        for record in records.iter().filter(|_| wanted(&log)) {
-            let nth = times.entry(identity(record)).and_modify(|nth| *nth += 1).or_insert(1);
-            if known.insert((identity(record), *nth)) {
-                each(record);
+        let mut here = Recent::default(); // a fault may have sent a message twice
+        read_in_order(part, |part, record| {
+            let identity = identity(record);
+            if wanted(part) && here.add(identity) > known.times(&identity) {
+                known.add(identity);
+                each(part, record);
             }
-        }
-        Ok(log)
+        })
     };
     parts.iter().map(read).collect()
 }
 
+/// Counts how often each of the newest messages was seen. Two recorders of a flight work beside each other for seconds.
+#[derive(Default)]
+struct Recent {
+    times: HashMap<Identity, u32>,
+    order: VecDeque<Identity>,
+}
+
+impl Recent {
+    /// More than recorders take in beside each other.
+    const MOST: usize = 200_000;
+
+    /// How often it was seen, this time included.
+    fn add(&mut self, identity: Identity) -> u32 {
+        self.order.push_back(identity);
+        if self.order.len() > Self::MOST
+            && let Some(oldest) = self.order.pop_front()
+            && let Entry::Occupied(mut times) = self.times.entry(oldest)
+        {
+            *times.get_mut() -= 1;
+            if *times.get() == 0 {
+                times.remove();
+            }
+        }
+        *self.times.entry(identity).and_modify(|times| *times += 1).or_insert(1)
+    }
+
+    fn times(&self, identity: &Identity) -> u32 {
+        self.times.get(identity).copied().unwrap_or(0)
+    }
+}
+
 /// What tells one message from all others, but for those that a fault has sent twice.
-fn identity(record: &Record) -> [u64; 6] {
+type Identity = [u64; 6];
+
+fn identity(record: &Record) -> Identity {
     let stamp = record.stamp();
     [record.topic() as u64, stamp.epoch, stamp.sequence, stamp.tick, stamp.delivery, stamp.checksum]
 }

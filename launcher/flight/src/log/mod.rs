@@ -27,6 +27,7 @@ macro_rules! with_message {
 
 mod count;
 mod join;
+mod order;
 mod read;
 mod schema;
 #[cfg(test)]
@@ -40,7 +41,7 @@ use contract::{
 };
 
 pub use count::{Count, counted};
-pub use join::{join, part, read_parts};
+pub use join::{join, part, read_parts, stream};
 pub use read::{Log, WrittenBy, read};
 pub use write::LogWriter;
 

@@ -6,7 +6,7 @@ use std::{
     path::Path,
 };
 
-use anyhow::{Context, bail};
+use anyhow::{Context, bail, ensure};
 use contract::{
     Topic,
     message::{Actuators, Controls, LAYOUT, Reference, State},
@@ -18,8 +18,9 @@ use mcap::{
     sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions},
 };
 
-use super::{EVENTS, Record, SCENARIO, WRITTEN_BY, schema};
+use super::{EVENTS, Record, SCENARIO, WRITTEN_BY, order, schema};
 use crate::event::Event;
+use crate::limits::{MAX_EVENTS, MAX_RECORD_BYTES};
 use crate::provenance::Program;
 
 /// What wrote a log.
@@ -66,7 +67,7 @@ impl WrittenBy {
     }
 }
 
-/// A flight log in memory, each topic in the order of writing.
+/// A flight log: what stands in it besides messages, and its messages where they are kept, each topic in the order of writing.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Log {
     /// The run's merged settings.
@@ -90,13 +91,9 @@ impl Log {
         let mut references = self.references.iter().map(|m| Record::from(*m)).peekable();
         let mut controls = self.controls.iter().map(|m| Record::from(*m)).peekable();
         let mut actuators = self.actuators.iter().map(|m| Record::from(*m)).peekable();
-        // One that is not whole tells no tick, and is not waited for.
-        let tick =
-            |record: Option<&Record>| record.map(|record| if record.is_intact() { record.stamp().tick } else { 0 });
         std::iter::from_fn(move || {
-            let ticks = [tick(states.peek()), tick(references.peek()), tick(controls.peek()), tick(actuators.peek())];
-            let first = Topic::ALL.into_iter().filter(|topic| ticks[*topic as usize].is_some());
-            match first.min_by_key(|topic| ticks[*topic as usize])? {
+            let next = [states.peek(), references.peek(), controls.peek(), actuators.peek()];
+            match order::next(next.map(|record| record.map(order::tick)))? {
                 Topic::State => states.next(),
                 Topic::Reference => references.next(),
                 Topic::Controls => controls.next(),
@@ -110,7 +107,8 @@ impl Log {
         self.defect.is_none()
     }
 
-    pub(crate) fn push(&mut self, record: &Record) {
+    /// Keeps one more message.
+    pub fn push(&mut self, record: &Record) {
         match *record {
             Record::State(message) => self.states.push(message),
             Record::Reference(message) => self.references.push(message),
@@ -120,21 +118,23 @@ impl Log {
     }
 }
 
-/// Reads the log at `path` as far as it is whole; an error if that is not even as far as the scenario.
+/// Reads the log at `path` as far as it is whole, into memory; an error if that is not even as far as the scenario.
 pub fn read(path: &Path) -> anyhow::Result<Log> {
     let mut messages = Log::default();
-    let Log { scenario_toml, written_by, events, defect, .. } = read_in_order(path, |record| messages.push(record))?;
+    let Log { scenario_toml, written_by, events, defect, .. } = read_in_order(path, |_, record| messages.push(record))?;
     Ok(Log { scenario_toml, written_by, events, defect, ..messages })
 }
 
-/// The same, but for the messages, which `each` gets one by one in the order of writing.
-pub fn read_in_order(path: &Path, each: impl FnMut(&Record)) -> anyhow::Result<Log> {
+/// Reads the log at `path` without its messages, which `each` gets one by one in the order of writing, with what was read before
+/// them; the scenario and what wrote the log are known then.
+pub fn read_in_order(path: &Path, each: impl FnMut(&Log, &Record)) -> anyhow::Result<Log> {
     let cannot_read = || format!("cannot read {}", path.display());
     let (file, file_bytes) = file::open(path, MAX_LOG_BYTES).with_context(cannot_read)?;
     let mut file = BufReader::new(file);
     let mut mcap = LinearReader::new_with_options(
         LinearReaderOptions::default()
-            .with_record_length_limit(file_bytes as usize) // a length beyond the file is damage, not a reason to allocate
+            // A length beyond the file is damage, not a reason to allocate, and no log has chunks of this size.
+            .with_record_length_limit(file_bytes.min(MAX_RECORD_BYTES) as usize)
             .with_prevalidate_chunk_crcs(true)
             .with_validate_data_section_crc(true)
             .with_validate_summary_section_crc(true),
@@ -181,7 +181,7 @@ struct Contents<F> {
     events: Option<u16>,
 }
 
-impl<F: FnMut(&Record)> Contents<F> {
+impl<F: FnMut(&Log, &Record)> Contents<F> {
     /// Takes in one record; those of no interest are left unparsed.
     fn take(&mut self, opcode: u8, data: &[u8]) -> anyhow::Result<()> {
         if !matches!(opcode, op::METADATA | op::SCHEMA | op::CHANNEL | op::MESSAGE) {
@@ -209,8 +209,11 @@ impl<F: FnMut(&Record)> Contents<F> {
             }
             McapRecord::Message { header, data } => {
                 if let Some(&topic) = self.channels.get(&header.channel_id) {
-                    (self.each)(&schema::decode(topic, &data)?);
+                    let record = schema::decode(topic, &data)?;
+                    ensure!(self.has_scenario, "a message stands before the scenario");
+                    (self.each)(&self.log, &record);
                 } else if self.events == Some(header.channel_id) {
+                    ensure!(self.log.events.len() < MAX_EVENTS, "it has more than {MAX_EVENTS} events");
                     self.log.events.push(schema::decode_event(&data).context("an event cannot be read")?);
                 }
             }

@@ -15,7 +15,7 @@ use flight::stack::StartError;
 use runtime::domain::Domain;
 use rustix::process::Signal;
 use serde::Serialize;
-use view::report::Recorded;
+use view::recorded::Recorded;
 use view::verdict::replay_and_judge;
 
 use super::plan::{Kind, Order, orders};

@@ -40,7 +40,8 @@ impl Cycles {
     /// The slots that count, those without a message too: after the warm-up, without the last, whose command has no time to
     /// take effect.
     pub fn counted(&self) -> Vec<Slot> {
-        let mut slots = self.slots.clone().into_all();
+        let mut slots = vec![];
+        self.slots.clone().tell(0, |slot| slots.push(*slot));
         slots.pop();
         slots.split_off((WARM_UP_NS.div_ceil(self.period_ns) as usize).min(slots.len()))
     }

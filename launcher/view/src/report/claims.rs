@@ -4,7 +4,6 @@
 //! calm. Anything else is `not applicable`, and a page on which none applies does not speak of them.
 
 use contract::Scenario;
-use contract::message::State;
 use contract::scenario::{Profile, Run};
 use serde_json::Value;
 
@@ -91,8 +90,45 @@ pub fn following(run: &Value) -> [(&'static str, String); 3] {
     ]
 }
 
-/// Judges a run by its summary, and by its ticks for the actuators: the whole flight of the claims, or one that was lost.
-pub fn judge(run: &Value, ticks: &[LoggedTick], scenario: &Scenario) -> [Claim; 5] {
+/// How far states and actuators went in a flight, gathered tick by tick.
+#[derive(Debug, Clone)]
+pub struct Reach {
+    /// Largest angles \[deg\] and rates \[deg/s\]; `None` without a state.
+    state: Option<[f64; 6]>,
+    /// Lowest rotor speed, highest share of the limit, largest tilt \[rad\], of commands and positions.
+    low: f64,
+    share: f64,
+    tilt_rad: f64,
+    limits: airframe::Limits,
+}
+
+impl Reach {
+    pub fn new(scenario: &Scenario) -> Self {
+        let limits = airframe::Limits::new(&scenario.airframe, 0.0, 2.0, std::f64::consts::FRAC_PI_2);
+        Self { state: None, low: f64::INFINITY, share: 0.0, tilt_rad: 0.0, limits }
+    }
+
+    /// Takes the next tick in.
+    pub fn observe(&mut self, tick: &LoggedTick) {
+        if let Some(state) = &tick.of.state {
+            let ([phi, theta, psi], [p, q, r]) = (state.actual.attitude_rad, state.actual.rates_radps);
+            let sizes = [phi, theta, psi, p, q, r].map(|x| x.abs().to_degrees());
+            self.state = Some(self.state.map_or(sizes, |before| std::array::from_fn(|i| larger(before[i], sizes[i]))));
+        }
+        let position = tick.of.state.as_ref().map(|state| &state.actuators);
+        let command = tick.of.actuators.as_ref().map(|actuators| &actuators.command);
+        for actuation in position.into_iter().chain(command) {
+            for (omega, max) in actuation.rotor_speed.into_iter().zip(self.limits.rotor_speed_max) {
+                self.low = self.low.min(omega);
+                self.share = self.share.max(omega / max);
+            }
+            self.tilt_rad = self.tilt_rad.max(actuation.tilt_rad.abs());
+        }
+    }
+}
+
+/// Judges a run by its summary, and by how far states and actuators went: the whole flight of the claims, or one that was lost.
+pub fn judge(run: &Value, reach: &Reach, scenario: &Scenario) -> [Claim; 5] {
     let lost = concerns(scenario) && run["diverged"] == Value::Bool(true);
     let whole = run["flown_s"].as_f64().unwrap_or(0.0) > DURATION_S - 2.0 * scenario.sample_s();
     let judged = lost || (concerns(scenario) && whole);
@@ -114,23 +150,18 @@ pub fn judge(run: &Value, ticks: &[LoggedTick], scenario: &Scenario) -> [Claim; 
         error("altitude error in vertical flight", "not above 0.2 m", "max_altitude_error_vertical_m", |e| {
             e <= ALTITUDE_VERTICAL_M
         }),
-        states(ticks, judged, scenario),
-        actuators(ticks, judged, scenario),
+        states(reach, judged, scenario),
+        actuators(reach, judged),
     ]
 }
 
 /// The true angles and rates must lie strictly inside.
-fn states(ticks: &[LoggedTick], judged: bool, scenario: &Scenario) -> Claim {
-    let of = |number: fn(&State) -> [f64; 3]| {
-        let sizes = ticks.iter().filter_map(|tick| Some(number(tick.of.state?).map(|x| x.abs().to_degrees())));
-        sizes.reduce(|a, b| std::array::from_fn(|i| larger(a[i], b[i])))
-    };
-    let measured = of(|state| state.actual.attitude_rad).zip(of(|state| state.actual.rates_radps));
-    let kept = measured.map(|(angles, rates)| {
+fn states(reach: &Reach, judged: bool, scenario: &Scenario) -> Claim {
+    let kept = reach.state.map(|sizes| {
         let limits = scenario.mpc.attitude_limit_deg.iter().chain(&scenario.mpc.rates_limit_dps);
-        angles.iter().chain(&rates).zip(limits).all(|(size, limit)| size < limit)
+        sizes.iter().zip(limits).all(|(size, limit)| size < limit)
     });
-    let words = measured.map(|([phi, theta, psi], rates)| {
+    let words = reach.state.map(|[phi, theta, psi, rates @ ..]| {
         let rate = rates.into_iter().fold(0.0, larger);
         format!("|φ| ≤ {phi:.1}°, |θ| ≤ {theta:.1}°, |ψ| ≤ {psi:.1}°, rates ≤ {rate:.0} °/s")
     });
@@ -148,21 +179,11 @@ fn larger(a: f64, b: f64) -> f64 {
 }
 
 /// Commands and positions both must lie strictly inside: a command at its limit is one that was clipped.
-fn actuators(ticks: &[LoggedTick], judged: bool, scenario: &Scenario) -> Claim {
-    let limits = airframe::Limits::new(&scenario.airframe, 0.0, 2.0, std::f64::consts::FRAC_PI_2);
-    let positions = ticks.iter().filter_map(|tick| Some(tick.of.state?.actuators));
-    let commands = ticks.iter().filter_map(|tick| Some(tick.of.actuators?.command));
-    let (mut low, mut share, mut tilt) = (f64::INFINITY, 0.0_f64, 0.0_f64);
-    for actuation in positions.chain(commands) {
-        for (omega, max) in actuation.rotor_speed.into_iter().zip(limits.rotor_speed_max) {
-            low = low.min(omega);
-            share = share.max(omega / max);
-        }
-        tilt = tilt.max(actuation.tilt_rad.abs());
-    }
-    let kept = low > 0.0 && share < 1.0 && tilt < limits.tilt_max_rad;
+fn actuators(reach: &Reach, judged: bool) -> Claim {
+    let Reach { low, share, tilt_rad, limits, .. } = reach;
+    let kept = *low > 0.0 && *share < 1.0 && *tilt_rad < limits.tilt_max_rad;
     let unmeasured = low.is_infinite();
-    let extremes = format!("{low:.0} ≤ Ω ≤ {:.0} % of its limit, |μ| ≤ {:.1}°", 100.0 * share, tilt.to_degrees());
+    let extremes = format!("{low:.0} ≤ Ω ≤ {:.0} % of its limit, |μ| ≤ {:.1}°", 100.0 * share, tilt_rad.to_degrees());
     Claim {
         what: "actuator constraints (52), (53)",
         paper: "0&nbsp;&lt;&nbsp;Ω<sub>i</sub>&nbsp;&lt;&nbsp;2&nbsp;Ω<sub>i,trim</sub>, |μ|&nbsp;&lt;&nbsp;90°",

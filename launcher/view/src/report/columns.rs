@@ -10,12 +10,9 @@ use contract::scenario::Mode;
 use serde_json::{Map, Value, json};
 
 use super::claims;
-use crate::thinning::extremes;
+use crate::thinning::Thinned;
 use crate::ticks::LoggedTick;
 use crate::timing::Age;
-
-/// Longer columns are thinned: a 60 s flight is shown tick by tick.
-const MAX_ROWS: usize = 6400;
 
 /// Quantities of a tick, where they are known.
 type Quantities = fn(&LoggedTick) -> Option<Vec<f64>>;
@@ -39,67 +36,82 @@ const COLUMNS: [(&[&str], Quantities); 13] = [
     (&["col", "lon", "lat", "ped"], |tick| Some(tick.of.controls?.demand.into())),
 ];
 
-/// The script's whole input: `rows`, `dt_s`, `realtime`, `columns` and the horizontal `lines` of the figures.
-pub fn document(ticks: &[LoggedTick], scenario: &Scenario) -> Value {
-    let bucket = bucket(ticks.len());
-    let step = if bucket == 1 { 1.0 } else { bucket as f64 / 2.0 };
-    let mut columns = Map::new();
-    let mut length = 0;
-    let mut add = |name: &str, values: Vec<Option<f64>>| {
-        let values: Vec<f32> = values.into_iter().map(|value| value.map_or(f32::NAN, |value| value as f32)).collect();
-        let thinned = thin(&values, bucket);
-        length = thinned.len();
-        let bytes: Vec<u8> = thinned.into_iter().flat_map(f32::to_le_bytes).collect();
-        columns.insert(name.into(), BASE64_STANDARD.encode(bytes).into());
-    };
-    for (names, quantities) in COLUMNS {
-        let known: Vec<_> = ticks.iter().map(quantities).collect();
-        for (i, name) in names.iter().enumerate() {
-            add(name, known.iter().map(|values| values.as_ref().map(|values| values[i])).collect());
-        }
-    }
-    add("age_ms", held_ages_ms(ticks, scenario));
-    json!({
-        "rows": length,
-        "dt_s": step * scenario.sample_s(),
-        "realtime": scenario.run.mode == Mode::Realtime,
-        "columns": columns,
-        "lines": lines(scenario),
-    })
+/// The columns of a flight, gathered tick by tick, the age at the actuator last.
+pub struct Columns {
+    all: Vec<(&'static str, Thinned)>,
+    age: Age,
+    age_ms: Thinned,
+    /// Ticks since the newest state: what the age was in their slots is known with the next one.
+    waiting: usize,
+    ticks: u64,
 }
 
-fn actual<'a>(tick: &LoggedTick<'a>) -> Option<&'a Kinematics> {
-    Some(&tick.of.state?.actual)
+impl Columns {
+    pub fn new(scenario: &Scenario) -> Self {
+        let names = COLUMNS.iter().flat_map(|(names, _)| *names);
+        Self {
+            all: names.map(|name| (*name, Thinned::default())).collect(),
+            age: Age::new(scenario.sample_ns()),
+            age_ms: Thinned::default(),
+            waiting: 0,
+            ticks: 0,
+        }
+    }
+
+    /// Takes the next tick in.
+    pub fn observe(&mut self, tick: &LoggedTick) {
+        let mut columns = self.all.iter_mut();
+        for (names, quantities) in COLUMNS {
+            let known = quantities(tick);
+            for (i, (_, column)) in columns.by_ref().take(names.len()).enumerate() {
+                column.push(known.as_ref().map_or(f32::NAN, |values| values[i] as f32));
+            }
+        }
+        self.waiting += 1;
+        self.ticks += 1;
+        if let Some(state) = &tick.of.state {
+            let slots_ns = self.age.observe(state);
+            (slots_ns.len()..self.waiting).for_each(|_| self.age_ms.push(f32::NAN));
+            let surplus = slots_ns.len().saturating_sub(self.waiting);
+            slots_ns.iter().skip(surplus).for_each(|ns| self.age_ms.push((*ns as f64 / 1e6) as f32));
+            self.waiting = 0;
+        }
+    }
+
+    /// How the figures relate to the samples.
+    pub fn sampling(&self) -> String {
+        match self.all[0].1.bucket() {
+            1 => format!("{} samples, each one drawn.", self.ticks),
+            bucket => format!("{} samples, drawn as the smallest and the largest of every {bucket}.", self.ticks),
+        }
+    }
+
+    /// The script's whole input: `rows`, `dt_s`, `realtime`, `columns` and the horizontal `lines` of the figures.
+    pub fn document(mut self, scenario: &Scenario) -> Value {
+        (0..self.waiting).for_each(|_| self.age_ms.push(f32::NAN));
+        self.all.push(("age_ms", self.age_ms));
+        let values: Vec<(&str, Vec<f32>)> = self.all.iter().map(|(name, column)| (*name, column.values())).collect();
+        let encoded = |values: &[f32]| {
+            let bytes: Vec<u8> = values.iter().copied().flat_map(f32::to_le_bytes).collect();
+            Value::from(BASE64_STANDARD.encode(bytes))
+        };
+        let columns: Map<_, _> = values.iter().map(|(name, values)| ((*name).to_owned(), encoded(values))).collect();
+        json!({
+            "rows": values[0].1.len(),
+            "dt_s": self.all[0].1.step() * scenario.sample_s(),
+            "realtime": scenario.run.mode == Mode::Realtime,
+            "columns": columns,
+            "lines": lines(scenario),
+        })
+    }
+}
+
+fn actual(tick: &LoggedTick) -> Option<&Kinematics> {
+    Some(&tick.of.state.as_ref()?.actual)
 }
 
 fn actuation(message: &ActuationMsg) -> Vec<f64> {
     [message.rotor_speed.as_slice(), &[message.tilt_rad]].concat()
-}
-
-/// How many ticks share one pair of drawn values; 1 draws every tick.
-pub fn bucket(rows: usize) -> usize {
-    if rows <= MAX_ROWS { 1 } else { (2 * rows).div_ceil(MAX_ROWS) }
-}
-
-/// Age at the actuator in the slot before each row \[ms\].
-fn held_ages_ms(ticks: &[LoggedTick], scenario: &Scenario) -> Vec<Option<f64>> {
-    let mut age = Age::new(scenario.sample_ns());
-    let mut ages_ms = vec![None; ticks.len()];
-    for (i, tick) in ticks.iter().enumerate() {
-        let slots_ns = tick.of.state.map_or(vec![], |state| age.observe(state));
-        let first = (i + 1).saturating_sub(slots_ns.len());
-        ages_ms[first..].iter_mut().zip(slots_ns).for_each(|(age_ms, ns)| *age_ms = Some(ns as f64 / 1e6));
-    }
-    ages_ms
-}
-
-/// Keeps the smallest and the largest value of every `bucket` values, in the order in which they occurred.
-fn thin(values: &[f32], bucket: usize) -> Vec<f32> {
-    if bucket == 1 {
-        return values.to_vec();
-    }
-    let extremes = extremes(values, bucket, |value| f64::from(*value));
-    extremes.flat_map(|two| two.map_or([f32::NAN; 2], |two| two.map(|value| *value))).collect()
 }
 
 /// What the figures are read against: the paper's claims, the scenario's bounds, the limits of the actuators.
@@ -140,18 +152,4 @@ fn line(y: f64, label: &str, span_s: Option<[Option<f64>; 2]>) -> Value {
 /// The same above and below zero.
 fn both(y: f64, label: &str, span_s: Option<[Option<f64>; 2]>) -> [Value; 2] {
     [line(y, label, span_s), line(-y, label, span_s)]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn thinning_keeps_extremes_order_and_holes() {
-        let nan = f32::NAN;
-        let thinned = thin(&[1.0, 5.0, 2.0, 3.0, -4.0, nan, nan, nan, nan, 7.0], 3);
-        assert_eq!(thinned[..4], [1.0, 5.0, 3.0, -4.0]);
-        assert!(thinned[4].is_nan() && thinned[5].is_nan());
-        assert_eq!(thinned[6..], [7.0, 7.0]);
-    }
 }

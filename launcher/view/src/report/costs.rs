@@ -5,15 +5,22 @@ use flight::replay::Recording;
 
 use crate::draw::escape;
 use crate::explain::{Work, explain};
+use crate::recorded::Recorded;
 
 /// With more disturbed ticks the page only says how they are looked into: a flight is flown again for each.
 const MOST_TICKS: usize = 50;
 /// Samples flown again for all of them, at most: so many flights of a minute at 100 Hz.
 const MOST_SAMPLES: usize = 6_001 * MOST_TICKS;
 
-/// The section of the page; empty where no tick was disturbed. Where the `recording` cannot be flown again it says why.
-pub fn section(recording: anyhow::Result<Recording>) -> String {
-    let told = match recording.and_then(|recording| told(&recording)) {
+/// Messages of a log that is flown again for the page, at most: a recording is held in memory.
+const MOST_MESSAGES: u64 = 4 * MOST_SAMPLES as u64;
+
+/// The section of the page; empty where no tick was disturbed. Where the run cannot be flown again it says why.
+pub fn section(recorded: &Recorded) -> String {
+    if recorded.messages > MOST_MESSAGES {
+        return String::new();
+    }
+    let told = match recorded.recording().and_then(|recording| told(&recording)) {
         Ok(told) if told.is_empty() => return told,
         Ok(told) => told,
         Err(why) => {

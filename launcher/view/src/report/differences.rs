@@ -1,8 +1,6 @@
 //! What the flight's settings have that the defaults of its profile do not: the table that the page opens with.
 
 use contract::Scenario;
-use contract::scenario::from_merged;
-use serde_json::Value;
 
 use crate::draw::{escape, table};
 use crate::settings;
@@ -23,11 +21,6 @@ pub fn section(flown: &Scenario) -> String {
         table(&["setting", &heading, "this flight"], rows.into_iter().map(cells))
     };
     format!("<section id=\"differences\"><h2>What differs from the defaults</h2>{told}</section>")
-}
-
-/// What was flown, with what was ordered while it flew; none where the summary does not tell.
-pub fn flown(run: &Value) -> Option<Scenario> {
-    from_merged(run["provenance"]["scenario"].as_str()?, "run.json").ok()
 }
 
 /// Key, default and value of every setting that differs.
@@ -62,6 +55,6 @@ mod tests {
         assert_eq!(differences(&flown), expected);
         // What was ordered in flight stands in it, as the summary tells.
         let run = serde_json::json!({ "provenance": { "scenario": to_toml(&flown) } });
-        assert!(section(&super::flown(&run).unwrap()).contains(kill));
+        assert!(section(&crate::recorded::flown(&run).unwrap()).contains(kill));
     }
 }

@@ -5,10 +5,10 @@ use contract::message::{ActuationMsg, Actuators, Controls, Message, Reference, S
 use contract::scenario::{Mode, Profile, TrajectoryKind};
 use serde_json::{Value, json};
 
-use super::TEMPLATE;
 use super::claims::judge;
 use super::sections::{bounds, metrics};
-use crate::ticks::logged;
+use super::{Figures, TEMPLATE};
+use crate::summary::Summary;
 use flight::log::Log;
 
 const TRIM: ActuationMsg = ActuationMsg { rotor_speed: [1441.0, 1338.0, 1338.0], tilt_rad: 0.5 };
@@ -62,7 +62,15 @@ fn survey(more: &[(&str, Value)]) -> Value {
 
 /// The page of a flight that was not flown again.
 fn render(log: &Log, run: &Value, scenario: &Scenario) -> String {
-    super::render(log, run, scenario, String::new())
+    let mut summary = Summary::new(scenario);
+    log.tick_by_tick().for_each(|record| summary.observe(&record));
+    super::render(figures(log, scenario), summary.timing.as_ref(), run, scenario, String::new())
+}
+
+fn figures(log: &Log, scenario: &Scenario) -> Figures {
+    let mut figures = Figures::new(scenario);
+    log.tick_by_tick().for_each(|record| figures.observe(&record));
+    figures
 }
 
 /// The page of a flight of two ticks.
@@ -268,7 +276,7 @@ fn a_command_held_ages_slot_by_slot() {
 
 /// The verdict on each claim, and what is told as measured.
 fn claims(log: &Log, run: &Value, scenario: &Scenario) -> ([Option<bool>; 5], [String; 5]) {
-    let claims = judge(run, &logged(log, scenario), scenario);
+    let claims = judge(run, &figures(log, scenario).finish().1, scenario);
     (claims.each_ref().map(|claim| claim.holds), claims.map(|claim| claim.measured))
 }
 

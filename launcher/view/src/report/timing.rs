@@ -1,12 +1,11 @@
 //! The timing section: the table, the histograms and the worst ticks.
 
 use contract::{Scenario, Topic};
-use flight::log::Log;
+use hdrhistogram::Histogram;
 use serde_json::Value;
 
 use crate::draw::{Bars, DASH, Lane, any, escape, histograms, number, table, time_line};
-use crate::summary::Summary;
-use crate::timing::{Age, EXECUTION, INPUT, NodeTiming};
+use crate::timing::{Age, EXECUTION, INPUT, NodeTiming, Timing};
 
 /// Keys of a figure's percentiles in run.json, and their headings.
 const PERCENTILES: [(&str, &str); 5] =
@@ -74,14 +73,18 @@ pub fn tables(run: &Value) -> String {
 }
 
 /// Histograms of the log's stamps, and the ten worst ticks of the summary; in real time only.
-pub fn pictures(log: &Log, run: &Value, scenario: &Scenario) -> String {
+pub fn pictures(timing: Option<&Timing>, run: &Value, scenario: &Scenario) -> String {
     let worst = run["timing"]["worst_ticks"].as_array().filter(|all| !all.is_empty());
-    let Some(worst) = worst else { return String::new() };
-    let Some(timing) = Summary::of(log, scenario).timing else { return String::new() };
+    let (Some(worst), Some(timing)) = (worst, timing) else { return String::new() };
     let ticks: String = worst.iter().map(|tick| worst_tick(tick, scenario.sample_s() * 1e6)).collect();
     let mut groups: Vec<_> = timing.nodes.iter().map(|node| (node.topic.publisher(), node_histograms(node))).collect();
-    let aged = |caption: &str, histogram| Bars { caption: caption.into(), style: "age", histogram, deadline_ns: None };
-    let Age { per_command, per_slot, .. } = timing.age;
+    let aged = |caption: &str, histogram: &Histogram<u64>| Bars {
+        caption: caption.into(),
+        style: "age",
+        histogram: histogram.clone(),
+        deadline_ns: None,
+    };
+    let Age { per_command, per_slot, .. } = &timing.age;
     groups
         .push(("age at the actuator", vec![aged("per command applied", per_command), aged("per slot held", per_slot)]));
     format!(

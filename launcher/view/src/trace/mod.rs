@@ -9,17 +9,18 @@ use std::ops::Range;
 use std::path::PathBuf;
 
 use anyhow::{Context, bail, ensure};
-use contract::Scenario;
+use contract::message::Stamp;
 use contract::scenario::Mode;
+use contract::{Scenario, Topic};
 use serde_json::{Value, json};
 
 use self::events::Trace;
 use crate::happenings::Happenings;
-use crate::report::Recorded;
+use crate::recorded::Recorded;
 use crate::ticks::{in_force, logged};
 use flight::duration::seconds;
 use flight::files::write_whole;
-use flight::log::Log;
+use flight::log::{self, Log, Record};
 use runtime::console::{eprint_line, print};
 
 /// Arguments of `trace`.
@@ -62,7 +63,8 @@ pub fn trace(args: &TraceArgs) -> anyhow::Result<()> {
             path.display()
         );
     }
-    let (window, document) = document(&recorded.log, scenario, &recorded.run, args.from_s, args.for_s)?;
+    let records = |each: &mut dyn FnMut(&Record)| log::stream(&path, |_, record| each(record)).map(drop);
+    let (window, document) = document(records, scenario, &recorded.run, args.from_s, args.for_s)?;
     if scenario.run.mode == Mode::Lockstep {
         eprint_line(&format!("note: {LOCKSTEP}"));
     }
@@ -72,39 +74,64 @@ pub fn trace(args: &TraceArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Ticks of a trace, at most: each is ten events of a viewer.
+const MOST_TICKS: usize = 20_000;
+/// So many ticks before and after the window are read too: counters of a message tell the difference to the one before, and a
+/// command acts until the next.
+const AROUND_TICKS: u64 = 1_000;
+
 /// The trace of a flight through processes, in the window that begins at `from_s` or lies around the worst tick; `run` is
-/// the summary of the flight, which knows that tick and what happened.
+/// the summary of the flight, which knows that tick and what happened, and `records` hands out the messages of its log, tick by
+/// tick.
 ///
 /// Time zero is the first sample, so that in real time the viewer's axis is simulated time.
 pub fn document(
-    log: &Log,
+    records: impl FnOnce(&mut dyn FnMut(&Record)) -> anyhow::Result<()>,
     scenario: &Scenario,
     run: &Value,
     from_s: Option<f64>,
     for_s: f64,
 ) -> anyhow::Result<(Window, Value)> {
     let sample_s = scenario.sample_s();
-    let ticks = logged(log, scenario);
-    let commands = in_force(&ticks, scenario.run.mode);
     let window = Window::new(from_s, for_s, sample_s, run);
-    let traced = ticks.get(window.ticks(ticks.len())).unwrap_or_default();
+    let windowed = window.ticks(scenario.ticks() as usize + 1);
     ensure!(
-        traced.iter().any(|tick| tick.of.state.is_some()),
-        "no tick in {}: the log covers {:.2} s; choose another window with --from and --for",
-        window.describe(),
-        log.states.last().map_or(0.0, |state| state.stamp.tick as f64 * sample_s)
+        windowed.len() <= MOST_TICKS,
+        "a trace of {} ticks is more than a viewer opens: choose at most {MOST_TICKS} with --from and --for",
+        windowed.len()
     );
-    let first = &log.states[0].stamp;
+    let windowed = windowed.start as u64..windowed.end as u64;
+    let around = windowed.start.saturating_sub(AROUND_TICKS)..windowed.end.saturating_add(AROUND_TICKS);
+    let mut log = Log::default();
+    let mut ends: Option<[Stamp; 2]> = None;
+    records(&mut |record| {
+        let stamp = *record.stamp();
+        if record.topic() == Topic::State {
+            ends.get_or_insert([stamp; 2])[1] = stamp;
+        }
+        if around.contains(&stamp.tick) {
+            log.push(record);
+        }
+    })?;
+    let ticks = logged(&log, scenario, around.start);
+    let commands = in_force(&ticks, scenario.run.mode);
+    let traced: Vec<_> = ticks.into_iter().filter(|tick| windowed.contains(&tick.number)).collect();
+    let Some([first, _]) = ends.filter(|_| traced.iter().any(|tick| tick.of.state.is_some())) else {
+        bail!(
+            "no tick in {}: the log covers {:.2} s; choose another window with --from and --for",
+            window.describe(),
+            ends.map_or(0.0, |[_, last]| last.tick as f64 * sample_s)
+        );
+    };
     let origin_ns = match scenario.run.mode {
         Mode::Realtime => first.sample_ns.saturating_sub(first.tick.saturating_mul(scenario.sample_ns())),
         Mode::Lockstep | Mode::Inprocess => first.sample_ns,
     };
-    let windowed = window.ticks(usize::MAX);
-    let mut trace = Trace::new(origin_ns, windowed.start as u64..windowed.end as u64);
-    trace.nodes(log);
+    let mut trace = Trace::new(origin_ns, windowed);
+    trace.nodes(&log);
     trace.commands(&commands);
-    trace.flows(traced, &commands);
-    trace.happened(&Happenings::new(&run["faults"], &run["events"]), traced);
+    trace.flows(&traced, &commands);
+    trace.happened(&Happenings::new(&run["faults"], &run["events"]), &traced);
     let about = json!({
         "flight": scenario.name,
         "mode": scenario.run.mode,

@@ -64,7 +64,7 @@ fn the_order_of_writing_stays_across_topics() {
     }
     join(&[first.clone(), second], &contract::Scenario::default(), &[], 6).unwrap();
     let mut joined = vec![];
-    read_in_order(&first, |record| joined.push(*record)).unwrap();
+    read_in_order(&first, |_, record| joined.push(*record)).unwrap();
     assert_eq!(joined, [&one[..], &other[2..]].concat());
 }
 

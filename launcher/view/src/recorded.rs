@@ -1,0 +1,178 @@
+//! What a run left behind: its settings, summary and events; and whether its log is all of the flight.
+//!
+//! A log alone cannot tell that: one that was cut and closed again, or thinned at its end, is well-formed. run.json
+//! was written by the launcher, which counted the records and hashed the states itself.
+
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, anyhow};
+use contract::scenario::file::{self, MAX_RESULTS_BYTES, MAX_TEXT_BYTES};
+use contract::{Scenario, scenario};
+use flight::log::{self, Log, Record};
+use flight::recorder::LogOutcome;
+use flight::replay::Recording;
+use flight::stack::Ended;
+use serde_json::Value;
+
+use crate::run_record::{Circumstances, run_json};
+use crate::summary::Summary;
+
+/// A run as it left its folder. Its messages stay in the log.
+pub struct Recorded {
+    /// Its log file; the first, where several recorders wrote.
+    pub path: PathBuf,
+    /// Its log without the messages.
+    pub log: Log,
+    /// Messages of the log.
+    pub messages: u64,
+    /// What the log amounts to.
+    pub summary: Summary,
+    pub scenario: Scenario,
+    /// Its summary. A run whose launcher was killed has a log and no run.json: then it is made from the log.
+    pub run: Value,
+    /// Whether there is a run.json.
+    pub has_summary: bool,
+}
+
+impl Recorded {
+    /// Reads a run from its folder, or its `flight.mcap`.
+    ///
+    /// # Errors
+    /// When there is no log to read, its messages or settings are those of another version, or run.json is not JSON.
+    pub fn read(run: &Path) -> anyhow::Result<Self> {
+        Self::read_each(run, |_, _| {})
+    }
+
+    /// The same, while `each` gets the settings and every message, tick by tick: a log is read once, however long it is.
+    ///
+    /// # Errors
+    /// As of [`Self::read`].
+    pub fn read_each(run: &Path, mut each: impl FnMut(&Scenario, &Record)) -> anyhow::Result<Self> {
+        let path = if run.is_dir() { run.join("flight.mcap") } else { run.to_owned() };
+        let file = path.with_file_name("run.json");
+        let run: Option<Value> = match file::read_text(&file, MAX_RESULTS_BYTES) {
+            Ok(text) => Some(serde_json::from_str(&text).with_context(|| format!("{} is not JSON", file.display()))?),
+            Err(error) if error.kind() == ErrorKind::NotFound => None,
+            Err(error) => return Err(error).with_context(|| format!("cannot read {}", file.display())),
+        };
+        let begin = |log: &Log| {
+            settings(log, run.as_ref(), &path).map(|scenario| {
+                let summary = Summary::new(&scenario);
+                (scenario, summary)
+            })
+        };
+        let (mut messages, mut gathered) = (0, None);
+        let log = log::stream(&path, |log, record| {
+            messages += 1;
+            if let Ok((scenario, summary)) = gathered.get_or_insert_with(|| begin(log)) {
+                summary.observe(record);
+                each(scenario, record);
+            }
+        })?;
+        let (scenario, summary) = gathered.unwrap_or_else(|| begin(&log))?;
+        let has_summary = run.is_some();
+        let run = run.unwrap_or_else(|| summary_of(&log, messages, &summary, &scenario));
+        Ok(Self { path, log, messages, summary, scenario, run, has_summary })
+    }
+
+    /// What can be flown again of it.
+    ///
+    /// # Errors
+    /// A process cannot be flown again: its settings are not there.
+    pub fn recording(&self) -> anyhow::Result<Recording> {
+        let settings = self.path.with_file_name("scenario.toml");
+        let text = file::read_text(&settings, MAX_TEXT_BYTES).ok();
+        let settled = text.and_then(|text| scenario::from_merged(&text, &settings.display().to_string()).ok());
+        Recording::new(&log::read_parts(&self.path)?, &self.scenario, settled.as_ref())
+    }
+
+    /// Its settings, with what was ordered while it flew where the summary tells.
+    pub fn flown(&self) -> Scenario {
+        flown(&self.run).unwrap_or_else(|| self.scenario.clone())
+    }
+
+    /// For people: why the log is not all of the flight; `None` if it is.
+    pub fn missing(&self) -> Option<String> {
+        let Self { path, log, summary, .. } = self;
+        let run = self.has_summary.then_some(&self.run);
+        let unlike = match run {
+            Some(run) => self.unlike_summary(run),
+            None => vec!["there is no run.json to say where the flight ended".into()],
+        };
+        let why: Vec<String> = log.defect.iter().cloned().chain(unlike).collect();
+        let lost = summary.missed();
+        if why.is_empty() && lost == 0 {
+            return None;
+        }
+        let why = if why.is_empty() { "there are gaps in it".into() } else { why.join("; ") };
+        let read = if summary.last().stamp.sequence == 0 {
+            "it has no message of the plant".into()
+        } else {
+            let last_s = summary.time_s();
+            let flown = run.and_then(|run| run["flown_s"].as_f64());
+            let of = flown.map_or(String::new(), |flown_s| format!(" of {flown_s:.2} s"));
+            format!("what was read ends at {last_s:.2} s{of}, {lost} messages before that are missing")
+        };
+        Some(format!("the log {} is not whole ({why}): {read}", path.display()))
+    }
+
+    /// What run.json tells and the log does not have.
+    fn unlike_summary(&self, run: &Value) -> Vec<String> {
+        let records = self.messages + self.log.events.len() as u64;
+        let mut why = vec![];
+        match run["log"]["records"].as_u64() {
+            Some(written) if written == records => {}
+            Some(written) => why.push(format!("it has {records} records, and run.json tells of {written}")),
+            None => why.push("run.json tells of no log".into()),
+        }
+        match run["log"]["dropped"].as_u64() {
+            Some(0) | None => {}
+            Some(dropped) => why.push(format!("{dropped} records were lost before they could be written")),
+        }
+        why.extend(run["log"]["error"].as_str().map(str::to_owned));
+        let hash = run["state_hash"].as_str();
+        if hash.is_some() && self.summary.state_hash().as_deref() != hash {
+            why.push("its states have another hash than run.json's".into());
+        }
+        why
+    }
+}
+
+/// Settings of a run, with what was ordered while it flew; `None` where the summary does not tell.
+pub fn flown(run: &Value) -> Option<Scenario> {
+    scenario::from_merged(run["provenance"]["scenario"].as_str()?, "run.json").ok()
+}
+
+/// The settings of a log, if its messages are laid out as in this program.
+fn settings(log: &Log, run: Option<&Value>, path: &Path) -> anyhow::Result<Scenario> {
+    let mut written_by = log.written_by.clone();
+    if written_by.layout.is_none()
+        && let Some(run) = run
+    {
+        // Logs did not tell the commit when they did not tell the layout; run.json did.
+        written_by.program.commit = run["provenance"]["git"]["commit"].as_str().map(str::to_owned);
+    }
+    written_by.check_layout().with_context(|| format!("cannot read {}", path.display()))?;
+    let scenario = scenario::from_merged(&log.scenario_toml, &format!("the settings in {}", path.display()));
+    scenario.map_err(|error| match written_by.other_program() {
+        Some(other) => anyhow!("{error}\n{other}: read the log with that program"),
+        None => error.into(),
+    })
+}
+
+/// run.json of a log with so many `messages`.
+fn summary_of(log: &Log, messages: u64, summary: &Summary, scenario: &Scenario) -> Value {
+    let records = messages + log.events.len() as u64;
+    let outcome = LogOutcome { records, dropped: summary.missed(), error: log.defect.clone() };
+    let how = Circumstances {
+        ended: Ended::Lost("the launcher (no run.json; this summary is made from the log)".into()),
+        wall_s: f64::NAN, // unknown, and shown as such
+        log: Some(outcome),
+        provenance: Value::Null,
+        events: log.events.clone(),
+        refused: vec![],
+        port_failures: vec![],
+    };
+    run_json(summary, scenario, &how)
+}
