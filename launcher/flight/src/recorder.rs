@@ -167,7 +167,7 @@ fn record(namespace: &str, epoch: u32, path: &Path) -> anyhow::Result<LogOutcome
 }
 
 /// Name of the run that flies in `namespace`, the same for all its recorders: when its launcher wrote its settings.
-fn run_of(namespace: &str) -> anyhow::Result<String> {
+pub(crate) fn run_of(namespace: &str) -> anyhow::Result<String> {
     let written = std::fs::metadata(Domain::find(namespace)?.file("scenario.toml"))?.modified()?;
     Ok(format!("{}-{namespace}", written.duration_since(UNIX_EPOCH).unwrap_or_default().as_nanos()))
 }

@@ -11,6 +11,7 @@
 //! | `children` | the processes: start, signal, wait, clear away |
 //! | `run` | them with what they share, and what their roles say done to them |
 //! | `archive` | the recorder, its role and what it has written |
+//! | `rest` | what the launcher writes when a recorder has died |
 //! | `requests`, `swaps` | what users ask while it flies; the times that swaps took |
 //! | `host`, `files` | what happens around the processes: intruders, files in shared memory |
 //! | `surroundings` | what is needed of the system, before the start |
@@ -22,6 +23,7 @@ mod end;
 mod files;
 mod host;
 mod requests;
+mod rest;
 mod run;
 mod surroundings;
 mod swaps;

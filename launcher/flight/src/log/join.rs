@@ -1,5 +1,6 @@
-//! The logs of several recorders of one flight: `flight.mcap`, `flight.2.mcap`, ... They are joined into the first at the end
-//! of the flight; where the launcher did not live to do that, they are read together.
+//! The logs of several recorders of one flight: `flight.mcap`, `flight.2.mcap`, ..., and what was left when one died, in
+//! `flight.1.rest.mcap`. They are joined into the first at the end of the flight; where the launcher did not live to do that,
+//! they are read together.
 
 use std::cell::RefCell;
 use std::collections::hash_map::Entry;
@@ -81,6 +82,11 @@ pub fn part(first: &Path, epoch: u32) -> PathBuf {
     if epoch == 1 { first.into() } else { first.with_extension(format!("{epoch}.mcap")) }
 }
 
+/// The file in which the launcher writes what the recorder `epoch` of the log at `first` left when it died.
+pub fn rest(first: &Path, epoch: u32) -> PathBuf {
+    first.with_extension(format!("{epoch}.rest.mcap"))
+}
+
 /// Reads the log at `first` with all parts of its run into memory: see [`stream`].
 pub fn read_parts(first: &Path) -> anyhow::Result<Log> {
     let mut messages = Log::default();
@@ -97,7 +103,9 @@ pub fn read_parts(first: &Path) -> anyhow::Result<Log> {
 /// When no part can be read.
 pub fn stream(first: &Path, mut each: impl FnMut(&Log, &Record)) -> anyhow::Result<Log> {
     let last = others(first).into_iter().max().unwrap_or(1);
-    let mut parts: Vec<PathBuf> = (1..=last).map(|epoch| part(first, epoch)).collect();
+    let rest = |epoch: u32| Some(rest(first, epoch)).filter(|rest| rest.exists());
+    let parts = (1..=last).flat_map(|epoch| [Some(part(first, epoch)), rest(epoch)]);
+    let mut parts: Vec<PathBuf> = parts.flatten().collect();
     let mut whole = Log::default();
     let mut run = None;
     let mut is_of_run = |part: &Log| *run.get_or_insert_with(|| part.written_by.run.clone()) == part.written_by.run;
@@ -156,7 +164,10 @@ fn others(first: &Path) -> Vec<u32> {
     const MOST: u32 = 10_000;
     let folder = first.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let stem = first.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let epoch = |name: &str| name.strip_prefix(&stem)?.strip_prefix('.')?.strip_suffix(".mcap")?.parse().ok();
+    let epoch = |name: &str| {
+        let name = name.strip_prefix(&stem)?.strip_prefix('.')?.strip_suffix(".mcap")?;
+        name.strip_suffix(".rest").unwrap_or(name).parse().ok()
+    };
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     entries.filter_map(|entry| epoch(&entry.file_name().to_string_lossy())).filter(|epoch| *epoch <= MOST).collect()
 }

@@ -41,7 +41,7 @@ use contract::{
 };
 
 pub use count::{Count, counted};
-pub use join::{join, part, read_parts, stream};
+pub use join::{join, part, read_parts, rest, stream};
 pub use read::{Log, WrittenBy, read};
 pub use write::LogWriter;
 

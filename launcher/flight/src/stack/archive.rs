@@ -2,13 +2,15 @@
 //!
 //! ```text
 //! recorder 1 -> flight.mcap          \
-//! recorder 2 -> flight.2.mcap         > joined at the end: flight.mcap
+//! (launcher) -> flight.1.rest.mcap    > joined at the end: flight.mcap
+//! recorder 2 -> flight.2.mcap        /
 //! ```
 //!
-//! Who takes over records already when the one before closes its file, so that nothing is missing in between; one that
-//! died leaves a file without its last moments. No node notices either.
+//! A recorder that takes over records already when the one before closes its file, so that nothing is missing in between. The
+//! last moments of one that died, and what is sent until the next one records, are written by the launcher ([`Rest`]). No node
+//! notices either.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::io::Read;
 use std::os::fd::AsFd;
 use std::path::{Path, PathBuf};
@@ -23,16 +25,13 @@ use runtime::realtime::ControlPage;
 use runtime::shared_role::Assignment;
 
 use super::children::{Process, RECORDER, SpawnRequest, wait};
+use super::rest::Rest;
 use super::run::{Run, unix};
-use crate::event::{self, Event, What};
-use crate::limits::{CATCH_UP_LIMIT, CLOSE_LIMIT, FLUSH_PERIOD, OUTCOME_BYTES};
+use crate::event::{self, Event};
+use crate::limits::{CATCH_UP_LIMIT, CLOSE_LIMIT, OUTCOME_BYTES};
 use crate::log::{self, Count, Record};
-use crate::recorder::LogOutcome;
+use crate::recorder::{LogOutcome, run_of};
 use crate::roles::role::{Action, Input, Now, Policy, Role};
-use crate::swap_story::of_candidates;
-
-/// Why a log is not whole though another recorder may have closed it.
-const DIED_LATE: &str = "the recorder died in the last second of the flight";
 
 /// The log of a flight, and who writes it: a role that runs by the wall clock in every mode.
 pub struct Archive {
@@ -47,6 +46,10 @@ pub struct Archive {
     count: Count,
     /// Messages sent, as far as that tells.
     sent: u64,
+    rest: Rest,
+    /// The recorder that was active last, and those whose rest the launcher has written.
+    active: u32,
+    rests: BTreeSet<u32>,
 }
 
 impl Archive {
@@ -59,6 +62,9 @@ impl Archive {
             outcomes: BTreeMap::new(),
             count: Count::default(),
             sent: 0,
+            rest: Rest::new(scenario),
+            active: 1,
+            rests: BTreeSet::new(),
         }
     }
 
@@ -66,6 +72,7 @@ impl Archive {
     pub fn observe(&mut self, record: &Record) {
         let more = self.count.gap(record).map_or(0, |gap| gap.saturating_add(1));
         self.sent = self.sent.saturating_add(more);
+        self.rest.observe(record);
     }
 
     /// Starts the first recorder, which has its role at once.
@@ -87,6 +94,7 @@ impl Archive {
 
     /// Sees to it that a recorder works. The flight is worth more than its log, whose loss is told at the end.
     pub fn look(&mut self, run: &mut Run, tick: u64) {
+        self.rest.look();
         let mut inputs = vec![Input::Tick];
         inputs.extend(self.role.starting().filter(|epoch| run.page.recorder.ready.get() == *epoch).map(Input::Ready));
         let (recorded, watched) = (run.page.recorded.count(), run.page.watched.count());
@@ -126,9 +134,23 @@ impl Archive {
             }
         }
         let sent = Topic::ALL.map(|topic| u64::from(run.page.role(topic).sent_by_all.get())).iter().sum();
-        let outcome = self.outcome(run.page.recorder.active(), &run.scenario, &run.events, untold, sent);
-        let late = died_late(&run.events, run.page.plant_tick(), run.scenario.run.rate_hz);
-        LogOutcome { error: late.then(|| DIED_LATE.into()).or(outcome.error), ..outcome }
+        let active = run.page.recorder.active();
+        if !self.outcomes.contains_key(&active) {
+            self.write_rest(run);
+        }
+        self.rest.finish();
+        self.outcome(active, &run.scenario, &run.events, untold, sent)
+    }
+
+    /// Begins to write what the recorder that was active last did not.
+    fn write_rest(&mut self, run: &Run) {
+        match run_of(run.domain.namespace()) {
+            Ok(name) => {
+                self.rest.begin(&log::rest(&self.path, self.active), &run.scenario, &name);
+                self.rests.insert(self.active);
+            }
+            Err(error) => eprint_line(&format!("error: {error:#}")),
+        }
     }
 
     /// Takes `input` into the role, and does what it says.
@@ -149,9 +171,16 @@ impl Archive {
                     Action::Activate(epoch) => {
                         run.page.recorder.assign(0, |_| Assignment { active: epoch, standby: 0 });
                         run.page.recorded.raise(run.page.watched.count()); // it never has what was sent before it came
+                        self.active = epoch;
+                        self.rest.end();
                         inputs.push_back(Input::Activated(epoch));
                     }
-                    Action::Vacate(epoch) => run.page.recorder.assign(0, |work| work.without(epoch)),
+                    Action::Vacate(epoch) => {
+                        run.page.recorder.assign(0, |work| work.without(epoch));
+                        if run.page.recorder.active() == 0 {
+                            self.write_rest(run);
+                        }
+                    }
                     Action::Report(event) => run.events.push(event),
                     Action::Standby(_) => {} // a recorder is not compared with another
                 }
@@ -159,6 +188,7 @@ impl Archive {
         }
         if self.role.given_up() {
             run.page.recorded.raise(u32::MAX); // nothing is recorded, so there is nothing to wait for
+            self.rest.end();
         }
     }
 
@@ -189,30 +219,26 @@ impl Archive {
         } else {
             "the recorder ended before it could close the log"
         };
-        let lost = || LogOutcome { error: Some(why.into()), ..LogOutcome::default() };
-        let last = self.outcomes.remove(&active).unwrap_or_else(lost);
-        if self.role.newest() == 1 {
+        let closed = self.outcomes.contains_key(&active);
+        let rest = |epoch: u32| self.rests.contains(&epoch).then(|| log::rest(&self.path, epoch));
+        let files = (1..=self.role.newest()).flat_map(|epoch| [Some(self.part(epoch)), rest(epoch)]);
+        let files: Vec<PathBuf> = files.flatten().collect();
+        if files.len() == 1 {
+            let lost = || LogOutcome { error: Some(why.into()), ..LogOutcome::default() };
+            let last = self.outcomes.remove(&active).unwrap_or_else(lost);
             // What never reached it leaves no gap that it could have counted.
             let missing = (sent + events.len() as u64).saturating_sub(last.records);
             return LogOutcome { dropped: missing.max(last.dropped + untold as u64), ..last };
         }
-        let files: Vec<PathBuf> = (1..=self.role.newest()).map(|epoch| self.part(epoch)).collect();
-        let failed = last.error.or_else(|| self.outcomes.into_values().find_map(|outcome| outcome.error));
+        let failed = self.outcomes.into_values().find_map(|outcome| outcome.error);
         match log::join(&files, scenario, events, self.sent) {
-            Ok(outcome) => LogOutcome { error: failed, ..outcome },
+            Ok(outcome) => {
+                let lost = (!closed && outcome.dropped > 0).then(|| why.into());
+                LogOutcome { error: failed.or(lost), ..outcome }
+            }
             Err(error) => LogOutcome { error: Some(format!("{error:#}")), ..LogOutcome::default() },
         }
     }
-}
-
-/// Whether an active recorder died in the last second of a flight whose last sample is `tick`. The next one may take over in
-/// time or not; what the dead one had not written is lost either way ([`FLUSH_PERIOD`]), of a short flight nearly all.
-fn died_late(events: &[Event], tick: u64, rate_hz: u32) -> bool {
-    let late = (FLUSH_PERIOD.as_secs_f64() * f64::from(rate_hz)) as u64;
-    events.iter().zip(of_candidates(events)).any(|(event, is_of_candidate)| {
-        let died = event.node == RECORDER && matches!(event.what, What::Died | What::Hung);
-        died && !is_of_candidate && tick.saturating_sub(event.tick) < late
-    })
 }
 
 /// What a recorder that has ended said of its file. Other processes may still hold the pipe, so the end of it is not
@@ -227,8 +253,10 @@ fn outcome_on(stdout: impl Read + AsFd) -> Option<LogOutcome> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::event::What;
     use crate::log::LogWriter;
     use crate::roles::role::{Input, Now};
+    use contract::message::{Message, Stamp, State};
     use rustix::pipe::{PipeFlags, pipe_with};
     use std::fs::File;
 
@@ -260,17 +288,6 @@ mod tests {
     }
 
     #[test]
-    fn a_recorder_that_dies_in_the_last_second_leaves_a_log_that_is_not_whole() {
-        let died = |tick| Event::new(tick, RECORDER, 1, What::Died);
-        for (tick, rate_hz, expected) in [(0, 100, true), (20, 100, false), (21, 100, true), (20, 200, true)] {
-            assert_eq!(died_late(&[died(tick)], if tick == 0 { 80 } else { 120 }, rate_hz), expected, "{tick}");
-        }
-        let candidate = Event::new(100, RECORDER, 2, What::Started).begins(Some(0));
-        assert!(!died_late(&[candidate, Event::new(101, RECORDER, 2, What::Died)], 120, 100));
-        assert!(!died_late(&[Event::new(101, "mixer", 1, What::Died)], 120, 100));
-    }
-
-    #[test]
     fn events_that_no_recorder_was_told_of_are_missing_unless_the_log_is_joined() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("flight.mcap");
@@ -282,14 +299,26 @@ mod tests {
     }
 
     #[test]
-    fn a_log_whose_last_recorder_did_not_close_it_is_lost_in_part() {
+    fn a_log_whose_last_recorder_did_not_close_it_is_lost_in_part_unless_the_launcher_has_the_rest() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("flight.mcap");
-        for newest in [1, 2] {
+        let state = |tick: u64| {
+            let stamp = Stamp { tick, sequence: tick + 1, epoch: 1, ..Stamp::default() };
+            Record::from(State { stamp, ..State::default() }.with_checksum())
+        };
+        for (newest, has_rest) in [(1, false), (2, false), (1, true), (2, true)] {
             let mut archive = archive(&path, newest);
             archive.outcomes.remove(&newest);
-            let error = archive.outcome(newest, &Scenario::default(), &[], 0, 0).error;
-            assert_eq!(error.as_deref(), Some("the recorder ended before it could close the log"));
+            (0..9).for_each(|tick| archive.observe(&state(tick)));
+            if has_rest {
+                archive.rest.begin(&log::rest(&path, newest), &Scenario::default(), "this");
+                archive.rests.insert(newest);
+                archive.observe(&state(9));
+                archive.rest.finish();
+            }
+            let outcome = archive.outcome(newest, &Scenario::default(), &[], 0, 10);
+            let expected = if has_rest { (10, 0, None) } else { (0, if newest == 1 { 10 } else { 9 }, Some(CUT)) };
+            assert_eq!((outcome.records, outcome.dropped, outcome.error.as_deref()), expected, "{newest}");
         }
         let mut archive = archive(&path, 2);
         let never = Policy { restart_ns: vec![], ..Policy::recorder(&Scenario::default().supervision) };
@@ -298,4 +327,6 @@ mod tests {
         let error = archive.outcome(0, &Scenario::default(), &[], 0, 0).error;
         assert_eq!(error.as_deref(), Some("nobody was left to record the flight"));
     }
+
+    const CUT: &str = "the recorder ended before it could close the log";
 }
