@@ -213,10 +213,11 @@ fn a_flight_whose_recorder_and_launcher_were_killed_is_reported_from_all_that_wa
     kill("-KILL", &[process_of(&ns, "recorder")]);
     let second = flight.out.join("flight.2.mcap");
     wait_until("the next recorder has written", || second.metadata().is_ok_and(|part| part.len() > 150_000));
-    // The launcher first: if the plant died before it, it would have the recorder close its file.
-    let launcher_first = |pid: &i32| *pid != flight.child.id() as i32;
+    // The recorder first: it would close its file when the launcher is gone, as the launcher would have it do when the plant is.
+    let recorder = process_of(&ns, "recorder");
+    let recorder_first = |pid: &i32| (*pid != recorder, *pid != flight.child.id() as i32);
     let mut all = processes_of(&ns);
-    all.sort_by_key(launcher_first);
+    all.sort_by_key(recorder_first);
     kill("-KILL", &all);
     let outcome = flight.finish();
 
@@ -237,6 +238,26 @@ fn a_flight_whose_recorder_and_launcher_were_killed_is_reported_from_all_that_wa
     // What the killed launcher left in shared memory the next one wipes.
     Flight::start(&ns, &["--mode", "lockstep", "--set", "run.duration_s=0.5"]).finish();
     assert_eq!(shared_memory_of(&ns), Vec::<String>::new());
+}
+
+#[test]
+fn a_killed_launcher_leaves_a_log_up_to_its_last_tick() {
+    let ns = namespace();
+    let flight = Flight::start(&ns, &["--mode", "realtime"]);
+    wait_until_it_flies(&ns);
+    std::thread::sleep(std::time::Duration::from_millis(600)); // less than the recorder flushes at once
+    kill("-KILL", &[flight.child.id() as i32]);
+    wait_until("the recorder has closed the log", || processes_of(&ns).is_empty());
+    let out = flight.out.clone();
+    let log = log::read(&out.join("flight.mcap")).expect("the log reads");
+    assert!(log.complete(), "{:?}", log.defect);
+    check_whole(&log.states);
+    check_whole(&log.actuators);
+    assert!(log.states.len() >= 50, "{}", log.states.len());
+    let report = launcher().arg("report").arg(&out).output().expect("the launcher starts");
+    let told = String::from_utf8_lossy(&report.stderr);
+    assert!(told.contains("there is no run.json to say where the flight ended"), "{told}");
+    flight.finish();
 }
 
 /// At any moment of it, from the start of the recorder on. A loaded machine takes longer to start, and the flight is later.

@@ -2,7 +2,8 @@
 //!
 //! It never holds the ring back: its queues overflow before a publisher would wait, and what they lost is counted by
 //! the gaps in the sequence numbers. When the disk fails it says so once, keeps the good part of the file and goes on
-//! counting. Its last word, one line of JSON on stdout, tells the launcher how it went.
+//! counting. Its last word, one line of JSON on stdout, tells the launcher how it went. When the launcher dies, the recorder
+//! closes the log and ends.
 
 use std::cell::Cell;
 use std::path::Path;
@@ -23,6 +24,7 @@ use runtime::ports::Ports;
 use runtime::process::die_with_launcher;
 use runtime::realtime::{ControlPage, phase};
 use rustix::io::Errno;
+use rustix::process::{getppid, set_parent_process_death_signal};
 use serde::{Deserialize, Serialize};
 
 use crate::event::{Event, EventReader};
@@ -132,7 +134,10 @@ pub fn main(namespace: &str, epoch: u32, path: &Path) -> ExitCode {
 }
 
 fn record(namespace: &str, epoch: u32, path: &Path) -> anyhow::Result<LogOutcome> {
+    let launcher = getppid();
     die_with_launcher(namespace)?;
+    // Not at once: it has a log to close when the launcher is gone, and the nodes with it.
+    set_parent_process_death_signal(None)?;
     let (mut ports, scenario) = Ports::join(namespace)?;
     // The file first: a recorder that has joined is one that can write.
     let mut log = CountedLog::create_part(path, &scenario, &run_of(namespace)?)?;
@@ -142,7 +147,7 @@ fn record(namespace: &str, epoch: u32, path: &Path) -> anyhow::Result<LogOutcome
     let role = &page.recorder;
     ports.probe(|| role.ready.set(epoch))?;
     loop {
-        let closing = page.phase.count() >= phase::CLOSE || role.active() > epoch;
+        let closing = page.phase.count() >= phase::CLOSE || role.active() > epoch || getppid() != launcher;
         let mut newest = 0;
         let count = observers.drain(|record| {
             if record.is_intact() {
@@ -156,11 +161,11 @@ fn record(namespace: &str, epoch: u32, path: &Path) -> anyhow::Result<LogOutcome
                 Ok(event) => log.event(&event),
                 Err(_) => log.outcome.dropped += 1,
             });
+        if count == 0 && closing {
+            return Ok(log.finish());
+        }
+        log.keep_safe();
         if count == 0 {
-            if closing {
-                return Ok(log.finish());
-            }
-            log.idle();
             std::thread::sleep(RECORDER_POLL);
         }
     }
@@ -175,8 +180,9 @@ pub(crate) fn run_of(namespace: &str) -> anyhow::Result<String> {
 /// A log that counts what it lost and survives a failing disk.
 pub struct CountedLog {
     writer: Option<LogWriter>,
-    /// When the newest message was written, unless it was flushed since.
-    written: Option<Instant>,
+    /// When the log was forced to the disk last, and whether something was written since.
+    synced: Instant,
+    written: bool,
     count: Count,
     outcome: LogOutcome,
     /// From this tick on there is no space left, as a fault of the scenario wants it.
@@ -200,7 +206,7 @@ impl CountedLog {
         let full = scenario.fault.iter().filter(|fault| fault.kind == FaultKind::DiskFull);
         let full_from = full.map(|fault| fault.ticks(scenario.sample_s()).start).min();
         let (count, outcome) = (Count::default(), LogOutcome::default());
-        Self { writer: Some(writer), written: None, count, outcome, full_from }
+        Self { writer: Some(writer), synced: Instant::now(), written: false, count, outcome, full_from }
     }
 
     /// Writes one message, or counts it as dropped.
@@ -226,20 +232,20 @@ impl CountedLog {
         match written {
             Some(Ok(())) => {
                 self.outcome.records += 1;
-                self.written = Some(Instant::now());
+                self.written = true;
             }
             Some(Err(error)) => self.fail(&error),
             None => self.outcome.dropped += 1,
         }
     }
 
-    /// Nothing to write just now: flushes what was written, so that a kill cannot lose it.
-    fn idle(&mut self) {
-        if self.written.is_some_and(|when| when.elapsed() > FLUSH_PERIOD) {
-            self.written = None;
-            if let Some(Err(error)) = self.writer.as_mut().map(LogWriter::flush) {
+    /// Forces to the disk what was written in the last second, so that neither a kill nor the loss of power takes it.
+    fn keep_safe(&mut self) {
+        if self.written && self.synced.elapsed() > FLUSH_PERIOD {
+            if let Some(Err(error)) = self.writer.as_mut().map(LogWriter::sync) {
                 self.fail(&error);
             }
+            (self.synced, self.written) = (Instant::now(), false);
         }
     }
 

@@ -131,8 +131,7 @@ impl LogWriter {
         if self.open_bytes >= CHUNK_BYTES || self.flushed.elapsed() >= FLUSH_PERIOD { self.flush() } else { Ok(()) }
     }
 
-    /// Hands everything to the system, out of reach of a kill. [`Self::write`] does it once a second; a recorder
-    /// with nothing to write calls this instead.
+    /// Hands everything to the system, out of reach of a kill. [`Self::write`] does it once a second.
     pub fn flush(&mut self) -> anyhow::Result<()> {
         let Some(mcap) = &mut self.mcap else { return Ok(()) };
         let reach = mcap.flush().map_err(plain).and_then(|()| Ok(self.file.stream_position()?));
@@ -144,6 +143,15 @@ impl LogWriter {
         self.open_bytes = 0;
         self.flushed = Instant::now();
         Ok(())
+    }
+
+    /// Hands everything to the system, and waits until the disk has it, out of reach of a loss of power.
+    pub fn sync(&mut self) -> anyhow::Result<()> {
+        self.flush()?;
+        match self.file.sync_data() {
+            Err(error) if self.mcap.is_some() => Err(self.give_up(error.into())),
+            _ => Ok(()),
+        }
     }
 
     /// Writes the index and the footer, which mark the log as complete. A dropped writer does so too, but cannot

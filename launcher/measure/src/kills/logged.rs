@@ -2,6 +2,7 @@
 
 use contract::Topic;
 use contract::message::State;
+use flight::event::{Event, What};
 use flight::log::Log;
 use serde::Serialize;
 
@@ -16,44 +17,40 @@ pub struct Kill {
     pub moment: Moment,
     #[serde(skip)]
     pub at_ns: u64,
-    /// Until the first message of the next epoch, or the first that it recorded \[ms\]; `None` when that was killed before, or
-    /// the log ends before.
+    /// Until the first message of the next epoch, of a recorder until the first sample after the next one took over \[ms\]; `None`
+    /// when that was killed before, or the log ends before.
     pub successor_ms: Option<f64>,
     /// Whether the log has a hole where that message may have been.
     #[serde(skip)]
     pub unseen: bool,
-    /// A recorder: time of the flight that it had not written to disk \[ms\]; `None` when the log does not show since when it
-    /// recorded.
-    pub lost_ms: Option<f64>,
 }
 
 impl Kill {
     /// Nothing is known yet of what followed.
     pub fn new(victim: Victim, epoch: u32, moment: Moment, at_ns: u64) -> Self {
-        Self { victim, epoch, moment, at_ns, successor_ms: None, unseen: false, lost_ms: None }
+        Self { victim, epoch, moment, at_ns, successor_ms: None, unseen: false }
     }
 
-    /// Adds what the `log` with these `holes` shows; recorders were killed at `deaths_ns`.
+    /// Adds what the `log` with these `holes` shows.
     #[must_use]
-    pub fn completed(self, log: &Log, holes: &[(u64, u64)], deaths_ns: &[u64]) -> Self {
-        let ms = |from_ns: u64, to_ns: u64| milliseconds(to_ns.saturating_sub(from_ns));
-        if self.victim != Victim::Recorder {
-            let first_ns = first_message_ns(log, &self.victim.name(), self.epoch + 1);
-            let by_ns = first_ns.unwrap_or(u64::MAX);
-            let unseen = holes.iter().any(|(from_ns, to_ns)| *from_ns < by_ns && *to_ns > self.at_ns);
-            let successor_ms = first_ns.filter(|_| !unseen).map(|first_ns| ms(self.at_ns, first_ns));
-            return Self { successor_ms, unseen, ..self };
-        }
-        let after = log.states.partition_point(|state| sent_ns(state) <= self.at_ns);
-        let (earlier, later) = deaths_ns.split_at(deaths_ns.partition_point(|at_ns| *at_ns < self.at_ns));
-        let first_ns = log.states.get(after).map(sent_ns);
-        let first_ns = first_ns.filter(|first_ns| later.iter().skip(1).all(|death_ns| death_ns > first_ns));
-        // Before the death of its predecessor it had nothing to lose.
-        let safe_ns = |from_ns: u64| Some(from_ns).filter(|from_ns| *from_ns > 0).max(earlier.last().copied());
-        let hole = holes.iter().rfind(|hole| contains(hole, self.at_ns));
-        let lost_ms = hole.map_or(Some(0.0), |(from_ns, _)| Some(ms(safe_ns(*from_ns)?, self.at_ns)));
-        Self { successor_ms: first_ns.map(|first_ns| ms(self.at_ns, first_ns)), lost_ms, ..self }
+    pub fn completed(self, log: &Log, holes: &[(u64, u64)]) -> Self {
+        let first_ns = match self.victim {
+            Victim::Recorder => taken_over_ns(log, self.epoch + 1),
+            _ => first_message_ns(log, &self.victim.name(), self.epoch + 1),
+        };
+        let by_ns = first_ns.unwrap_or(u64::MAX);
+        let unseen = holes.iter().any(|(from_ns, to_ns)| *from_ns < by_ns && *to_ns > self.at_ns);
+        let successor_ms =
+            first_ns.filter(|_| !unseen).map(|first_ns| milliseconds(first_ns.saturating_sub(self.at_ns)));
+        Self { successor_ms, unseen, ..self }
     }
+}
+
+/// When the first sample was sent after the recorder `epoch` had taken over \[ns\].
+fn taken_over_ns(log: &Log, epoch: u32) -> Option<u64> {
+    let is_it = |event: &&Event| event.node == "recorder" && event.epoch == epoch && event.what == What::TookOver;
+    let tick = log.events.iter().find(is_it)?.tick;
+    log.states.iter().find(|state| state.stamp.tick >= tick).map(sent_ns)
 }
 
 /// When a state was sent \[ns\].
@@ -63,7 +60,7 @@ pub fn sent_ns(state: &State) -> u64 {
 
 /// The times between which states of the flight that ended at `end_ns` are missing. A recorder that joins is sent the
 /// newest message from before as well, so a hole reaches to the message after the one that ends it. The last one has no
-/// end: a recorder that is killed while it closes the log has lost the same messages.
+/// end: a log that was cut lacks the same messages.
 pub fn holes(log: &Log, end_ns: u64) -> Vec<(u64, u64)> {
     let of = |state: &State| (state.stamp.sequence, sent_ns(state));
     let mut known: Vec<(u64, u64)> = [(0, 0)].into_iter().chain(log.states.iter().map(of)).collect();
@@ -71,11 +68,6 @@ pub fn holes(log: &Log, end_ns: u64) -> Vec<(u64, u64)> {
     known.extend((last_ns < end_ns).then_some((last + 2, u64::MAX)));
     let missing = known.windows(2).enumerate().filter(|(_, pair)| pair[1].0 != pair[0].0 + 1);
     missing.map(|(i, pair)| (pair[0].1, known.get(i + 2).unwrap_or(&pair[1]).1)).collect()
-}
-
-/// Whether `at_ns` lies in `hole`.
-pub fn contains(hole: &(u64, u64), at_ns: u64) -> bool {
-    (hole.0..=hole.1).contains(&at_ns)
 }
 
 #[cfg(test)]
@@ -108,19 +100,13 @@ mod tests {
     }
 
     #[test]
-    fn a_recorder_loses_what_it_had_not_written_to_disk() {
-        let deaths_ns = [112_000_000, 151_000_000];
-        let completed = |log: &Log, at_ms| {
-            let kill = killed(Victim::Recorder, at_ms).completed(log, &holes(log, 200_000_000), &deaths_ns);
-            (kill.lost_ms, kill.successor_ms)
-        };
-        let once = log((1..=5).chain(11..=20));
-        assert_eq!(completed(&once, 112), (Some(62.0), Some(8.0)));
-        assert_eq!(completed(&once, 151), (Some(0.0), Some(9.0)));
-        let twice = log((1..=5).chain(16..=20));
-        assert_eq!(completed(&twice, 112), (Some(62.0), None), "the next one had nothing when it was killed");
-        assert_eq!(completed(&twice, 151), (Some(39.0), Some(9.0)));
-        assert_eq!(completed(&log(16..=20), 112), (None, None), "the log does not show when it began");
+    fn a_recorder_is_back_with_the_first_sample_after_it_took_over() {
+        let mut log = log(1..=20);
+        log.states.iter_mut().for_each(|state| state.stamp.tick = state.stamp.sequence);
+        log.events = vec![Event::new(14, "recorder", 2, What::Started), Event::new(15, "recorder", 2, What::TookOver)];
+        let kill = killed(Victim::Recorder, 112);
+        assert_eq!(kill.completed(&log, &[]).successor_ms, Some(38.0));
+        assert_eq!(Kill { epoch: 2, ..kill }.completed(&log, &[]).successor_ms, None, "nobody followed");
     }
 
     #[test]
@@ -129,7 +115,7 @@ mod tests {
         let stamp = Stamp { epoch: 2, publish_ns: [0, 121_000_000, 0, 0], ..Stamp::default() };
         log.references = vec![Reference { stamp, ..Reference::default() }];
         let completed = |at_ms| {
-            let kill = killed(Victim::Guidance, at_ms).completed(&log, &holes(&log, 200_000_000), &[]);
+            let kill = killed(Victim::Guidance, at_ms).completed(&log, &holes(&log, 200_000_000));
             (kill.unseen, kill.successor_ms)
         };
         assert_eq!(completed(60), (true, None));

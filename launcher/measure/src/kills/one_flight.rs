@@ -9,7 +9,7 @@ use rustix::process::Signal;
 use serde::Serialize;
 use serde_json::Value;
 
-use super::logged::{Kill, contains, holes, sent_ns};
+use super::logged::{Kill, holes, sent_ns};
 use super::plan::{Moment, PlannedKill, Victim};
 use crate::killer::{Launcher, Process, left, said};
 
@@ -39,7 +39,9 @@ pub struct KillFlight {
     pub end_ns: u64,
     /// Why the log cannot be read to its end.
     pub log_defect: Option<String>,
-    /// Holes in the log that no killed recorder explains.
+    /// Messages that the log lacks, as run.json tells.
+    pub dropped: u64,
+    /// Times between which the log lacks states.
     pub holes: usize,
     /// Launcher killed: until its last process was gone \[ms\].
     pub gone_ms: Option<f64>,
@@ -90,12 +92,10 @@ impl KillFlight {
             |state: &State| self.flown_s.map_or(0.0, |flown_s| flown_s - state.stamp.tick as f64 * SAMPLE_S);
         let end_ns = |state: &State| sent_ns(state) + (unrecorded_s(state) * 1e9).round() as u64;
         self.end_ns = log.states.last().map_or(0, end_ns);
-        let recorders = kills.iter().filter(|kill| kill.victim == Victim::Recorder);
-        let deaths_ns: Vec<u64> = recorders.map(|kill| kill.at_ns).collect();
         let holes = holes(&log, self.end_ns);
-        let unexplained = |hole: &&(u64, u64)| !deaths_ns.iter().any(|at_ns| contains(hole, *at_ns));
-        self.holes = holes.iter().filter(unexplained).count();
-        self.kills = kills.into_iter().map(|kill| kill.completed(&log, &holes, &deaths_ns)).collect();
+        self.dropped = json["log"]["dropped"].as_u64().unwrap_or(0);
+        self.holes = holes.len();
+        self.kills = kills.into_iter().map(|kill| kill.completed(&log, &holes)).collect();
     }
 }
 
