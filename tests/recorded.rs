@@ -1,9 +1,12 @@
 //! The flight log: the same in every mode, and readable by others.
 
-use std::process::Command;
+use std::process::{Command, Output};
 
-use crate::harness::{fly, python_with, top};
-use flight::log;
+use crate::harness::{fly, launcher, python_with, top};
+use contract::Scenario;
+use contract::message::{Message, Stamp, State};
+use contract::scenario::to_toml;
+use flight::log::{self, LogWriter};
 use serde_json::json;
 
 #[test]
@@ -40,6 +43,45 @@ fn a_run_tells_when_where_and_by_what_it_was_made() {
             git["commit"].as_str().is_some_and(|commit| commit.len() == 40) && git["changed"].is_boolean(),
             "{git}"
         );
+    }
+}
+
+/// Runs the launcher with so much address space \[kB\].
+fn confined(kilobytes: u32, arguments: &[&str]) -> Output {
+    let launcher = launcher().get_program().to_owned();
+    let limited = format!("ulimit -v {kilobytes}; exec \"$0\" \"$@\"");
+    Command::new("sh").args(["-c", &limited]).arg(launcher).args(arguments).output().expect("a shell starts")
+}
+
+/// Held in memory these logs would take 450 MB, and 6 GB.
+#[test]
+fn logs_are_read_in_bounded_memory_whatever_stands_in_them() {
+    const LIMIT_KB: u32 = 300_000;
+    let long = fly(&["--mode", "inprocess", "--set", "run.duration_s=1000.0", "--set", "mission.trajectory=hover"]);
+    assert_eq!(long.code(), Some(0), "{}", long.stderr);
+    let short = fly(&["--mode", "inprocess", "--set", "run.duration_s=0.1"]);
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let forged = folder.path().join("forged");
+    std::fs::create_dir(&forged).expect("a folder can be made");
+    let mut scenario = Scenario::default();
+    (scenario.run.duration_s, scenario.run.rate_hz) = (86_400.0, 2000);
+    let mut log = LogWriter::create(&forged.join("flight.mcap"), &to_toml(&scenario), 10_000_000).expect("a log");
+    for (tick, sequence) in [(0, 1), (172_000_000, 2)] {
+        let stamp = Stamp { tick, sequence, epoch: 1, ..Stamp::default() };
+        log.write(&State { stamp, ..State::default() }.with_checksum().into()).expect("written");
+    }
+    log.finish().expect("closed");
+    for run in [&long.out, &forged] {
+        let page = run.join("page.html");
+        let run = run.to_str().expect("a path");
+        let (page, short) = (page.to_str().expect("a path"), short.out.to_str().expect("a path"));
+        for arguments in [vec!["report", run], vec!["compare", run, short, "--out", page]] {
+            let output = confined(LIMIT_KB, &arguments);
+            let said = String::from_utf8_lossy(&output.stderr);
+            assert!(output.status.code().is_some_and(|code| code < 2), "{arguments:?}: {:?} {said}", output.status);
+        }
+        let report = std::fs::metadata(format!("{run}/report.html")).expect("a report");
+        assert!(report.len() < 10_000_000, "{run}: {} bytes", report.len());
     }
 }
 

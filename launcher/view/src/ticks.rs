@@ -8,17 +8,13 @@ use std::collections::BTreeMap;
 use contract::message::{Actuators, Controls, Message, Reference, Stamp, State};
 use contract::scenario::Mode;
 use contract::{Scenario, Topic};
-use flight::log::{Count, Log, Record};
+use flight::log::{Count, Log, Record, last_tick};
 use guidance::Trajectory;
 
 /// A command takes effect at most so many ticks after its own; a damaged STATE must not cost a search of the whole flight.
 const MOST_AGE_TICKS: usize = 1000;
 /// Ticks are open for messages of theirs that may still come, and for the age of their command.
 const OPEN_TICKS: u64 = 1024;
-/// A log may lack the messages of so many ticks, and of [`MOST_LOST`] for each message that it has: a damaged stamp must not
-/// decide how much memory and time a log takes.
-const MOST_MISSING: u64 = 1_000_000;
-const MOST_LOST: u64 = 10;
 
 /// One tick. `T` is what is kept of its messages.
 #[derive(Debug, Clone, Copy)]
@@ -92,7 +88,7 @@ impl<T: Default> Ticks<T> {
     pub fn observe(&mut self, record: &Record, keep: impl FnOnce(&mut T)) {
         let stamp = record.stamp();
         self.seen += 1;
-        let last = self.last.min(MOST_MISSING + MOST_LOST * self.seen);
+        let last = self.last.min(last_tick(self.seen));
         if stamp.tick > last || stamp.tick < self.told {
             return;
         }

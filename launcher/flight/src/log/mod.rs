@@ -42,6 +42,7 @@ use contract::{
 
 pub use count::{Count, counted};
 pub use join::{join, part, read_parts, rest, stream};
+pub use order::last_tick;
 pub use read::{Log, WrittenBy, read};
 pub use write::LogWriter;
 

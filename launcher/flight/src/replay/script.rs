@@ -10,7 +10,7 @@ use contract::Topic;
 use contract::message::{Arrival, Stamp};
 use runtime::shared_role::Origin;
 
-use crate::log::{Log, Record};
+use crate::log::{Log, Record, last_tick};
 
 /// One message, and what became of it on the way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -103,6 +103,14 @@ impl Process {
         for (i, record) in self.recorded.iter().enumerate() {
             let Stamp { sequence, tick, .. } = *record.stamp();
             let next = sent + 1;
+            if tick > last_tick(i as u64) {
+                let (name, epoch) = (self.topic.publisher(), self.epoch);
+                hole = Some((
+                    i,
+                    format!("messages of {name} {epoch} before tick {tick}, which no flight of this length has"),
+                ));
+                break;
+            }
             if sequence > next {
                 let (name, epoch) = (self.topic.publisher(), self.epoch);
                 hole = Some((i, format!("messages {next} to {} of {name} {epoch}, before tick {tick}", sequence - 1)));

@@ -12,15 +12,16 @@ const MOST_TICKS: usize = 50;
 /// Samples flown again for all of them, at most: so many flights of a minute at 100 Hz.
 const MOST_SAMPLES: usize = 6_001 * MOST_TICKS;
 
-/// Messages of a log that is flown again for the page, at most: a recording is held in memory.
-const MOST_MESSAGES: u64 = 4 * MOST_SAMPLES as u64;
+/// Messages of a log that is flown again for the page, at most: a recording is held in memory, with 4.5 kB a tick.
+const MOST_MESSAGES: u64 = 80_000;
 
 /// The section of the page; empty where no tick was disturbed. Where the run cannot be flown again it says why.
 pub fn section(recorded: &Recorded) -> String {
-    if recorded.messages > MOST_MESSAGES {
-        return String::new();
-    }
-    let told = match recorded.recording().and_then(|recording| told(&recording)) {
+    let told = match recorded.messages {
+        0..=MOST_MESSAGES => recorded.recording().and_then(|recording| told(&recording)),
+        _ => Ok("<p>Of a flight of this length <code>launcher explain RUN</code> says it.</p>".into()),
+    };
+    let told = match told {
         Ok(told) if told.is_empty() => return told,
         Ok(told) => told,
         Err(why) => {
