@@ -54,8 +54,8 @@ pub const RECORDER_POLL: Duration = Duration::from_millis(2);
 pub const CHUNK_BYTES: usize = 64 * 1024;
 /// ...or when this much time has passed since the last one.
 pub const FLUSH_PERIOD: Duration = Duration::from_secs(1);
-/// A record of a log that is read is no longer \[bytes\]: a chunk of other programs may have some megabytes.
-pub const MAX_RECORD_BYTES: u64 = 64 << 20;
+/// A record of a log that is read is no longer \[bytes\]: a chunk of other programs may have some megabytes, decompressed.
+pub const MAX_RECORD_BYTES: usize = 64 << 20;
 /// Events of a log that is read.
 pub const MAX_EVENTS: usize = 100_000;
 /// The outcome that a recorder writes at its end is no longer \[bytes\]: what a pipe holds.

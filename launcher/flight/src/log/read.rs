@@ -129,12 +129,11 @@ pub fn read(path: &Path) -> anyhow::Result<Log> {
 /// them; the scenario and what wrote the log are known then.
 pub fn read_in_order(path: &Path, each: impl FnMut(&Log, &Record)) -> anyhow::Result<Log> {
     let cannot_read = || format!("cannot read {}", path.display());
-    let (file, file_bytes) = file::open(path, MAX_LOG_BYTES).with_context(cannot_read)?;
+    let (file, _) = file::open(path, MAX_LOG_BYTES).with_context(cannot_read)?;
     let mut file = BufReader::new(file);
     let mut mcap = LinearReader::new_with_options(
         LinearReaderOptions::default()
-            // A length beyond the file is damage, not a reason to allocate, and no log has chunks of this size.
-            .with_record_length_limit(file_bytes.min(MAX_RECORD_BYTES) as usize)
+            .with_record_length_limit(MAX_RECORD_BYTES) // more is damage, not a reason to allocate
             .with_prevalidate_chunk_crcs(true)
             .with_validate_data_section_crc(true)
             .with_validate_summary_section_crc(true),

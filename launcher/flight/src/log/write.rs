@@ -217,7 +217,7 @@ fn open(
     Ok((mcap, channels, events))
 }
 
-fn metadata(name: &str, entries: &[(&str, &str)]) -> Metadata {
+pub(super) fn metadata(name: &str, entries: &[(&str, &str)]) -> Metadata {
     let entries = entries.iter().map(|&(key, value)| (key.into(), value.into()));
     Metadata { name: name.into(), metadata: entries.collect() }
 }

@@ -1,5 +1,6 @@
 //! Torn, damaged and foreign logs.
 
+use super::super::write;
 use super::*;
 
 /// The log of 1000 states, finished, as bytes.
@@ -15,6 +16,27 @@ fn read_bytes(bytes: &[u8]) -> anyhow::Result<Log> {
     let (_folder, path) = place();
     fs::write(&path, bytes).unwrap();
     read(&path)
+}
+
+#[test]
+fn a_log_that_was_compressed_by_another_program_is_read() {
+    let whole = thousand_states();
+    for compression in [mcap::Compression::Lz4, mcap::Compression::Zstd] {
+        let options = WriteOptions::new().compression(Some(compression)).chunk_size(Some(64 << 10));
+        let mut writer = options.create(std::io::Cursor::new(vec![])).unwrap();
+        writer
+            .write_metadata(&write::metadata(super::super::SCENARIO.0, &[(super::super::SCENARIO.1, SCENARIO)]))
+            .unwrap();
+        for message in MessageStream::new(&whole).unwrap() {
+            writer.write(&message.unwrap()).unwrap();
+        }
+        writer.finish().unwrap();
+        let compressed = writer.into_inner().into_inner();
+        assert!(compressed.len() < whole.len() / 2);
+        let log = read_bytes(&compressed).unwrap();
+        assert!(log.complete(), "{:?}", log.defect);
+        assert!(log.states.into_iter().eq((0..1000).map(state)));
+    }
 }
 
 proptest! {
