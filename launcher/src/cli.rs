@@ -150,8 +150,12 @@ fn run() -> ExitCode {
 
 /// Prints what was asked for with `--help`, or what is wrong with the arguments.
 fn tell(usage: &clap::Error) -> ExitCode {
+    if usage.use_stderr() {
+        // Names of files may stand in it, so it goes the way of all words; and without colours.
+        eprint_line(usage.render().to_string().trim_end());
+        return console::finish(exit::USAGE);
+    }
     match usage.print() {
-        _ if usage.use_stderr() => ExitCode::from(exit::USAGE),
         Err(error) if error.kind() != ErrorKind::BrokenPipe => ExitCode::from(exit::PROCESS_LOST),
         _ => ExitCode::from(exit::FLOWN),
     }

@@ -2,7 +2,6 @@
 
 mod table;
 
-use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
 use anyhow::bail;
@@ -13,14 +12,11 @@ use serde_json::{Value, json};
 use flight::control::{Request, ask};
 
 use crate::target::{self, TargetArgs};
-use runtime::console::print;
+use runtime::console::{print, print_anew};
 use table::describe;
 
 /// How often `status --watch` looks.
 const WATCH: Duration = Duration::from_millis(500);
-
-/// What makes an empty screen of a terminal, and begins at its top.
-const CLEAR: &str = "\x1b[H\x1b[J";
 
 /// Arguments of `status`.
 #[derive(clap::Args)]
@@ -35,7 +31,6 @@ pub struct StatusArgs {
 
 /// Lists the stacks that fly: how far they are, how their nodes are, what is broken, and what happened last.
 pub fn status(args: &StatusArgs) -> anyhow::Result<()> {
-    let between = if std::io::stdout().is_terminal() { CLEAR } else { "\n" };
     let mut looked = false;
     loop {
         let stacks: Vec<Value> = Domain::list().iter().map(look).collect();
@@ -45,7 +40,11 @@ pub fn status(args: &StatusArgs) -> anyhow::Result<()> {
             _ if stacks.is_empty() => "no stack is flying\n".to_owned(),
             _ => stacks.iter().map(describe).collect::<Vec<_>>().join("\n"),
         };
-        print(&(if looked && !args.json { between.to_owned() + &text } else { text }));
+        if looked && !args.json {
+            print_anew(&text);
+        } else {
+            print(&text);
+        }
         if !args.watch || !is_read() {
             return Ok(()); // a reader that has gone, as in `launcher status --watch | head`, is no error
         }

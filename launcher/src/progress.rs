@@ -8,6 +8,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
+use runtime::console::plain;
 
 /// How often the line changes.
 const PERIOD: Duration = Duration::from_millis(100);
@@ -37,7 +38,7 @@ impl Progress {
     /// Shows what `line` says, when it is time to.
     pub fn show(&self, line: impl FnOnce() -> String) {
         let Some(thread) = self.thread.as_ref().filter(|_| Instant::now() >= self.due.get()) else { return };
-        let _ = thread.lines.try_send(line()); // full when the terminal is slow
+        let _ = thread.lines.try_send(plain(&line()).into_owned()); // full when the terminal is slow
         self.due.set(Instant::now() + PERIOD);
     }
 

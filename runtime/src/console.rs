@@ -2,8 +2,11 @@
 //!
 //! Stderr may be full, closed, a terminal that was stopped, or a pipe that is not read. A thread writes there, so that
 //! no flight waits for it. What is written to stdout was asked for: when it cannot be written, the exit code says so.
+//!
+//! Names of files, scenarios and nodes come from elsewhere too: what would control a terminal is shown, not sent ([`plain`]).
 
-use std::io::{self, ErrorKind, Write, stderr, stdout};
+use std::borrow::Cow;
+use std::io::{self, ErrorKind, IsTerminal, Write, stderr, stdout};
 use std::process::ExitCode;
 use std::sync::OnceLock;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -17,14 +20,39 @@ static WRITER: OnceLock<Option<SyncSender<Word>>> = OnceLock::new();
 /// The first error of stdout.
 static STDOUT_ERROR: OnceLock<io::Error> = OnceLock::new();
 
+/// What makes an empty screen of a terminal, and begins at its top.
+const CLEAR: &str = "\x1b[H\x1b[J";
+
 enum Word {
     Line(String),
     /// Everything before it is written when this is answered.
     Flush(SyncSender<()>),
 }
 
+/// A text without characters that control a terminal or turn the direction of writing: each is written as its number, `\u{1b}`.
+/// Ends of lines and tabs stay.
+pub fn plain(text: &str) -> Cow<'_, str> {
+    let turns = |c: char| matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+    let controls = |c: char| c.is_control() && !matches!(c, '\n' | '\t') || turns(c);
+    if !text.contains(controls) {
+        return Cow::Borrowed(text);
+    }
+    let shown = |c: char| if controls(c) { c.escape_unicode().to_string() } else { c.to_string() };
+    Cow::Owned(text.chars().map(shown).collect())
+}
+
 /// Prints `text` to stdout. [`finish`] tells of an error.
 pub fn print(text: &str) {
+    print_after("", text);
+}
+
+/// Prints `text` to stdout, on an empty screen where that is a terminal.
+pub fn print_anew(text: &str) {
+    print_after(if stdout().is_terminal() { CLEAR } else { "\n" }, text);
+}
+
+fn print_after(before: &str, text: &str) {
+    let text = before.to_owned() + &plain(text);
     let mut stdout = stdout().lock();
     if let Err(error) = stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
         let _ = STDOUT_ERROR.set(error); // the first is kept
@@ -38,7 +66,7 @@ pub fn is_read() -> bool {
 
 /// Prints a line to stderr, without waiting for it to be written.
 pub fn eprint_line(line: &str) {
-    let line = format!("{line}\n");
+    let line = format!("{}\n", plain(line));
     match WRITER.get_or_init(start_writer) {
         Some(writer) => _ = writer.try_send(Word::Line(line)), // full: it is not read
         None => write_line(&line),
@@ -79,4 +107,15 @@ fn write_all(words: &Receiver<Word>) {
 
 fn write_line(line: &str) {
     let _ = stderr().write_all(line.as_bytes()); // there is no other place to say so
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_that_controls_a_terminal_is_sent_to_it() {
+        assert_eq!(plain("a\tb\nä µ"), "a\tb\nä µ");
+        assert_eq!(plain("\u{1b}]0;x\u{7}\r\u{9b}2J\u{202e}"), r"\u{1b}]0;x\u{7}\u{d}\u{9b}2J\u{202e}");
+    }
 }
