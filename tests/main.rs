@@ -10,6 +10,7 @@ mod compare;
 mod control;
 mod deadlines;
 mod faults;
+mod foreign;
 mod fuzz;
 mod harness;
 mod inherited;

@@ -1,19 +1,18 @@
 //! `campaign`: many flights, on all cores of this machine or on a cluster, and what they amount to.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicU32;
 
 use anyhow::{Context, bail, ensure};
-use campaign::folder::{Access, CampaignFolder, MAX_SHARDS};
+use campaign::folder::{Access, CampaignFolder};
+use campaign::layout::MAX_SHARDS;
 use campaign::outcome::{self, Verdict};
 use campaign::page::{self, Page};
 use campaign::table::Cell;
-use campaign::{Campaign, Plan, Rate, local, seeds, shard, slurm};
+use campaign::{Campaign, Plan, Rate, local, seeds, slurm};
 use clap::{Args, Subcommand};
 use contract::exit;
-use flight::files::write_whole;
-use flight::interrupts::catch_interrupts;
+use flight::interrupts::{catch_interrupts, end_at_once};
 use runtime::console::{eprint_line, is_read, print};
 use view::table;
 
@@ -144,7 +143,6 @@ impl What {
 
 /// On all cores of this machine.
 fn fly_here(what: &What, plan: &Plan, shards: Option<u64>) -> anyhow::Result<u8> {
-    let interrupts = catch_interrupts()?;
     let folder = CampaignFolder::open(&what.out(plan), plan, shards, Access::Alone)?;
     // A shard that cannot be counted is told before the others are flown.
     let (there, missing) = folder.collect(plan)?;
@@ -152,6 +150,7 @@ fn fly_here(what: &What, plan: &Plan, shards: Option<u64>) -> anyhow::Result<u8>
         eprint_line(&format!("{} of {} flights are there already", there.rows(), plan.flights()));
     }
     drop(there);
+    let interrupts = catch_interrupts()?; // only now: until here nothing is begun, and a signal ends the program at once
     match fly_missing(plan, &folder, &missing, &interrupts) {
         exit::FLOWN => conclude(plan, &folder, what),
         code => {
@@ -189,14 +188,12 @@ fn fly_shard(what: &What, index: u64, of: u64) -> anyhow::Result<u8> {
     );
     ensure!(index < of, "--index {index}: the shards have the numbers 0 to {}", of - 1);
     plan.check().with_context(|| what.file.display().to_string())?;
-    let interrupts = catch_interrupts()?;
     let folder = CampaignFolder::open(&what.out(&plan), &plan, Some(of), Access::WithShards)?;
-    if shard::is_there(&folder.shard(index)) {
-        shard::read(&folder.shard(index), &plan, &folder.layout, index)?;
+    if folder.read(&plan, index)?.is_some() {
         eprint_line(&format!("shard {index} is there already"));
         return Ok(exit::FLOWN);
     }
-    let code = fly_missing(&plan, &folder, &[index], &interrupts);
+    let code = fly_missing(&plan, &folder, &[index], &*catch_interrupts()?);
     if code == exit::FLOWN {
         eprint_line(&format!("shard {index} of {of} is flown"));
     }
@@ -246,6 +243,9 @@ fn status(plan: &Plan, folder: &CampaignFolder) -> anyhow::Result<u8> {
 
 /// Writes the results of the shards that are there and prints what they amount to; the exit code.
 fn conclude(plan: &Plan, folder: &CampaignFolder, what: &What) -> anyhow::Result<u8> {
+    end_at_once(
+        "interrupted before the results were written; the shards are there, and the same command goes on".into(),
+    );
     let (flights, missing) = folder.collect(plan)?;
     let count = |verdict: Verdict| {
         let verdicts = flights.column("verdict");
@@ -261,11 +261,11 @@ fn conclude(plan: &Plan, folder: &CampaignFolder, what: &What) -> anyhow::Result
     text += &rates(&page);
     print(&text);
     let write = || -> anyhow::Result<()> {
-        write_whole(&folder.path.join("campaign.html"), page::page(&page, &what.again())?.as_bytes())?;
-        let whole = folder.path.join("flights.parquet");
+        folder.dir.write_whole("campaign.html", page::page(&page, &what.again())?.as_bytes())?;
+        let whole = "flights.parquet";
         match missing.is_empty() {
-            true => write_whole(&whole, &flights.to_parquet(&[])?)?,
-            false if whole.exists() => fs::remove_file(&whole)?, // its shards are no longer all there
+            true => folder.dir.write_whole(whole, &flights.to_parquet(&[])?)?,
+            false if folder.dir.has(whole) => folder.dir.remove(whole)?, // its shards are no longer all there
             false => {}
         }
         Ok(())
@@ -276,7 +276,7 @@ fn conclude(plan: &Plan, folder: &CampaignFolder, what: &What) -> anyhow::Result
     }
     print(&format!(
         "written to {}: campaign.html{}\n",
-        folder.path.display(),
+        folder.dir.path().display(),
         if missing.is_empty() { ", flights.parquet" } else { "" }
     ));
     if !missing.is_empty() {

@@ -13,10 +13,9 @@ use rustix::process::{Resource, getrlimit};
 
 use crate::progress::Progress;
 use flight::event::name;
-use flight::files::write_whole;
 use flight::folder::Folder;
 use flight::inprocess;
-use flight::interrupts::catch_interrupts;
+use flight::interrupts::{catch_interrupts, end_at_once};
 use flight::log::Record;
 use flight::provenance::provenance;
 use flight::recorder::CountedLog;
@@ -116,17 +115,20 @@ pub fn fly_scenario(mut scenario: Scenario, args: &FlyArgs) -> anyhow::Result<u8
         Ended::Flown | Ended::Interrupted | Ended::Late(_) => {}
     }
 
-    let settings = || write_whole(&out.path.join("scenario.toml"), scenario::to_toml(&scenario).as_bytes());
+    let settings = || out.write("scenario.toml", &scenario::to_toml(&scenario));
     let written = if scenario == ordered { Ok(()) } else { settings() };
 
     let run = serde_json::to_string_pretty(&run_json(&summary, &scenario, &how))? + "\n";
-    let written = written.and_then(|()| write_whole(&out.path.join("run.json"), run.as_bytes()));
+    let written = written.and_then(|()| out.write("run.json", &run));
     let histograms = || summary.timing.as_ref().map_or(Ok(()), |timing| timing.write_histograms(&out.path));
     let written = written.and_then(|()| histograms());
     if args.json {
         print(&run);
     } else {
         print(&describe(&summary, &scenario, &how));
+    }
+    let written = written.and_then(|()| if log.is_some() { write_report(&out.path) } else { Ok(()) });
+    if !args.json {
         print(&format!("  {:<22}{}\n", "written to", out.path.display()));
     }
     // The page last: of a long flight it takes a while, and the flight is told by then.
@@ -139,6 +141,17 @@ pub fn fly_scenario(mut scenario: Scenario, args: &FlyArgs) -> anyhow::Result<u8
     // What the flight came to is graver than what could not be written of it.
     let code = exit_code(&summary, &scenario, &how);
     Ok(if written.is_err() { code.max(exit::PROCESS_LOST) } else { code })
+}
+
+/// Writes the report. That takes longer than a short flight: what each disturbed tick cost is found by flying without it.
+fn write_report(run: &Path) -> anyhow::Result<()> {
+    let path = run.display();
+    end_at_once(format!("interrupted before the report was written; `launcher report {path}` writes it"));
+    let progress = Progress::start();
+    progress.show(|| "writing report.html: flies again for what disturbed ticks cost   (Ctrl-C leaves it out)".into());
+    let written = report::rewrite(run);
+    progress.finish();
+    written.map(drop)
 }
 
 fn settings(args: &FlyArgs) -> anyhow::Result<Scenario> {

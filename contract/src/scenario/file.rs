@@ -21,7 +21,11 @@ pub const MAX_LOG_BYTES: u64 = 64 << 30;
 pub fn open(path: &Path, limit: u64) -> Result<(File, u64)> {
     // std adds O_CLOEXEC. O_NONBLOCK means nothing to a regular file, and keeps the open of a FIFO from waiting.
     let flags = OFlags::NONBLOCK | OFlags::NOCTTY;
-    let file = OpenOptions::new().read(true).custom_flags(flags.bits().cast_signed()).open(path)?;
+    checked(OpenOptions::new().read(true).custom_flags(flags.bits().cast_signed()).open(path)?, limit)
+}
+
+/// Refuses a file that is not regular, or has more than `limit` bytes; also how many it has.
+pub fn checked(file: File, limit: u64) -> Result<(File, u64)> {
     let metadata = file.metadata()?;
     let kind = metadata.file_type();
     if !kind.is_file() {
@@ -38,15 +42,23 @@ pub fn open(path: &Path, limit: u64) -> Result<(File, u64)> {
 
 /// The bytes of the regular file at `path`, `limit` at most.
 pub fn read(path: &Path, limit: u64) -> Result<Vec<u8>> {
-    let (file, length) = open(path, limit)?;
+    read_all(open(path, limit)?, limit)
+}
+
+/// The bytes of an open file of so many bytes, `limit` at most: it may grow meanwhile.
+pub fn read_all((file, length): (File, u64), limit: u64) -> Result<Vec<u8>> {
     let mut bytes = Vec::with_capacity(length as usize);
-    file.take(limit + 1).read_to_end(&mut bytes)?; // it may grow meanwhile
+    file.take(limit.saturating_add(1)).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > limit { Err(too_large(bytes.len() as u64, limit)) } else { Ok(bytes) }
 }
 
 /// The text of the regular file at `path`, `limit` bytes at most.
 pub fn read_text(path: &Path, limit: u64) -> Result<String> {
-    let bytes = read(path, limit)?;
+    text(read(path, limit)?)
+}
+
+/// The text of what was read.
+pub fn text(bytes: Vec<u8>) -> Result<String> {
     String::from_utf8(bytes).map_err(|error| Error::new(ErrorKind::InvalidData, error.utf8_error()))
 }
 

@@ -14,16 +14,14 @@
 
 use std::collections::HashSet;
 use std::ffi::OsString;
-use std::fs::{self, File, OpenOptions};
-use std::io::{ErrorKind, Write};
-use std::os::unix::fs::PermissionsExt;
+use std::fs::File;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail, ensure};
-use rustix::fs::{FlockOperation, flock};
-use rustix::io::Errno;
+use anyhow::{Context, ensure};
+use flight::dir::Dir;
+use rustix::fs::FlockOperation;
 
-use crate::layout::{LAYOUT_VERSION, Layout};
+use crate::layout::{LAYOUT, LAYOUT_VERSION, Layout, MAX_SHARDS};
 use crate::plan::Plan;
 use crate::shard;
 use crate::table::Table;
@@ -32,8 +30,8 @@ use crate::table::Table;
 const SHARD: u64 = 100;
 /// Shards where the number is not said: as many tasks an array of Slurm may have, and one more.
 const USUAL_SHARDS: u64 = 1000;
-/// The most shards of a campaign.
-pub const MAX_SHARDS: u64 = 99_999;
+/// The folder of the shards.
+const SHARDS: &str = "shards";
 
 /// Who else may write to the folder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -46,8 +44,9 @@ pub enum Access {
 
 #[derive(Debug)]
 pub struct CampaignFolder {
-    pub path: PathBuf,
+    pub dir: Dir,
     pub layout: Layout,
+    shards: Dir,
     /// Locked as long as this is open.
     _hold: Option<File>,
 }
@@ -61,46 +60,69 @@ impl CampaignFolder {
         let cannot = || format!("cannot use the folder {}", path.display());
         let wanted = Layout {
             version: LAYOUT_VERSION,
-            program: shard::program(),
+            program: shard::program().to_owned(),
             campaign: plan.campaign.hash(),
             flights: plan.flights(),
             shards: shards
                 .unwrap_or(plan.flights().div_ceil(SHARD).min(USUAL_SHARDS))
                 .clamp(1, plan.flights().min(MAX_SHARDS)),
         };
-        let hold = prepare(path, access).with_context(cannot)?;
-        if !Self::is_there(path) {
-            put(&path.join("campaign.toml"), &plan.campaign.merged()).with_context(cannot)?;
-            put(&path.join("layout.toml"), &toml::to_string(&wanted)?).with_context(cannot)?;
+        let (dir, hold) = prepare(path, access).with_context(cannot)?;
+        let cannot_shards = || format!("cannot use the folder {}", dir.at(SHARDS).display());
+        let of_shards = if access == Access::Reading { dir.folder(SHARDS) } else { dir.make_folder(SHARDS) };
+        let of_shards = of_shards.with_context(cannot_shards)?;
+        if access == Access::Alone {
+            remove_parts(&of_shards).with_context(cannot_shards)?;
         }
-        let layout = Layout::read(path)?;
+        if !dir.has(LAYOUT) {
+            dir.write_new("campaign.toml", plan.campaign.merged().as_bytes())?;
+            dir.write_new(LAYOUT, toml::to_string(&wanted)?.as_bytes())?;
+        }
+        let layout = Layout::read(&dir)?;
         let elsewhere = "give this one another folder with --out, or remove the old one";
         let other = |what: &str| format!("the folder {} holds {what}; {elsewhere}", path.display());
         let changed = "another campaign, or this one by another name or before it was changed: see its campaign.toml";
-        ensure!(layout.campaign == wanted.campaign, other(changed));
+        ensure!(layout.campaign == wanted.campaign && layout.flights == wanted.flights, other(changed));
         let by = format!("flights of another program ({}; this is {})", layout.program, wanted.program);
         ensure!(layout.program == wanted.program, other(&by));
         let divided = format!("this campaign in {} shards, not {}", layout.shards, wanted.shards);
         ensure!(shards.is_none() || layout.shards == wanted.shards, other(&divided));
-        Ok(Self { path: path.into(), layout, _hold: hold })
+        Ok(Self { dir, layout, shards: of_shards, _hold: hold })
     }
 
     /// Whether a campaign was begun in the folder `path`.
     pub fn is_there(path: &Path) -> bool {
-        path.join("layout.toml").exists()
+        Dir::open(path).is_ok_and(|dir| dir.has(LAYOUT))
     }
 
-    pub fn shard(&self, index: u64) -> PathBuf {
-        self.path.join("shards").join(format!("{index:05}.parquet"))
+    /// Where a shard is, for messages.
+    pub fn path_of(&self, index: u64) -> PathBuf {
+        self.shards.at(shard::name(index))
     }
 
-    /// The shards that are not there. The folder is read anew, because a network file system remembers which files were not
-    /// there.
-    pub fn missing(&self) -> Vec<u64> {
-        let entries = fs::read_dir(self.path.join("shards")).into_iter().flatten().flatten();
-        let there: HashSet<OsString> = entries.map(|entry| entry.file_name()).collect();
-        let is_there = |index: u64| self.shard(index).file_name().is_some_and(|name| there.contains(name));
-        (0..self.layout.shards).filter(|index| !is_there(*index)).collect()
+    /// The shards that are not there.
+    ///
+    /// # Errors
+    /// Their folder cannot be read.
+    pub fn missing(&self) -> anyhow::Result<Vec<u64>> {
+        let names = self.shards.names();
+        let names = names.with_context(|| format!("cannot read the folder {}", self.dir.at(SHARDS).display()))?;
+        let there: HashSet<OsString> = names.into_iter().collect();
+        Ok((0..self.layout.shards).filter(|index| !there.contains(&OsString::from(shard::name(*index)))).collect())
+    }
+
+    /// Writes the rows of a shard, whole or not at all.
+    pub fn write(&self, index: u64, rows: &Table) -> anyhow::Result<()> {
+        shard::write(&self.shards, &self.layout, index, rows)
+    }
+
+    /// The rows of a shard; `None` where it is not there.
+    ///
+    /// # Errors
+    /// It is there and cannot be counted.
+    pub fn read(&self, plan: &Plan, index: u64) -> anyhow::Result<Option<Table>> {
+        let is_there = self.shards.has(&shard::name(index));
+        is_there.then(|| shard::read(&self.shards, plan, &self.layout, index)).transpose()
     }
 
     /// The shard that has a flight, if it is there, and its row there.
@@ -109,72 +131,60 @@ impl CampaignFolder {
     /// It is there and cannot be counted.
     pub fn shard_with(&self, plan: &Plan, flight: u64) -> anyhow::Result<Option<(Table, usize)>> {
         let range = |index| shard::range(self.layout.flights, index, self.layout.shards);
-        let index = (0..self.layout.shards).find(|index| range(*index).contains(&flight));
-        let Some(index) = index.filter(|index| shard::is_there(&self.shard(*index))) else { return Ok(None) };
-        let table = shard::read(&self.shard(index), plan, &self.layout, index)?;
-        Ok(Some((table, (flight - range(index).start) as usize)))
+        let Some(index) = (0..self.layout.shards).find(|index| range(*index).contains(&flight)) else {
+            return Ok(None);
+        };
+        Ok(self.read(plan, index)?.map(|table| (table, (flight - range(index).start) as usize)))
     }
 
-    /// All flights of the shards that are there, in order; which shards are missing.
+    /// All flights of the shards that are there, in order, and which shards are missing.
     ///
     /// # Errors
     /// A shard that is there and cannot be counted.
     pub fn collect(&self, plan: &Plan) -> anyhow::Result<(Table, Vec<u64>)> {
-        let missing = self.missing();
+        let missing = self.missing()?;
+        let is_missing: HashSet<&u64> = missing.iter().collect();
         let mut all = Table::new(&shard::columns(plan));
-        for index in (0..self.layout.shards).filter(|index| !missing.contains(index)) {
-            all.append(shard::read(&self.shard(index), plan, &self.layout, index)?)?;
+        for index in (0..self.layout.shards).filter(|index| !is_missing.contains(index)) {
+            all.append(shard::read(&self.shards, plan, &self.layout, index)?)?;
         }
         Ok((all, missing))
     }
 }
 
-/// Makes the folder, and locks it as far as `access` wants.
-fn prepare(path: &Path, access: Access) -> anyhow::Result<Option<File>> {
+/// Opens the folder, makes it unless it is only read, and locks it as far as `access` wants.
+fn prepare(path: &Path, access: Access) -> anyhow::Result<(Dir, Option<File>)> {
     if access == Access::Reading {
-        ensure!(CampaignFolder::is_there(path), "there is no campaign in it");
-        return Ok(None);
+        let dir = Dir::open(path).ok().filter(|dir| dir.has(LAYOUT)).context("there is no campaign in it")?;
+        return Ok((dir, None));
     }
-    let is_ours = CampaignFolder::is_there(path) || path.join("lock").exists();
-    let is_flight = |entry: fs::DirEntry| entry.file_name().to_string_lossy().starts_with("flight-");
-    let has_flights_only = fs::read_dir(path).map_or(true, |entries| entries.flatten().all(is_flight));
-    ensure!(is_ours || has_flights_only, "it has something else in it; give another with --out");
-    fs::create_dir_all(path.join("shards"))?;
-    let lock = OpenOptions::new().create(true).truncate(false).write(true).open(path.join("lock"))?;
+    let dir = Dir::make(path)?;
+    let is_ours = dir.has(LAYOUT) || dir.has("lock");
+    let is_flight = |name: &OsString| name.to_string_lossy().starts_with("flight-");
+    ensure!(is_ours || dir.names()?.iter().all(is_flight), "it has something else in it; give another with --out");
     let how = match access {
         Access::Alone => FlockOperation::NonBlockingLockExclusive,
         _ => FlockOperation::NonBlockingLockShared,
     };
-    // A file system without locks is taken as it is: a shard is renamed into its place, and is the same whatever process flew it.
-    if flock(&lock, how) == Err(Errno::WOULDBLOCK) {
-        bail!("another campaign is flying into it; wait for it, or give another with --out");
-    }
-    if access == Access::Alone {
-        // What was being written when an earlier one was killed.
-        for entry in fs::read_dir(path.join("shards"))?.flatten() {
-            let is_part = entry.path().extension().is_some_and(|extension| extension == "part");
-            let _ = if is_part { fs::remove_file(entry.path()) } else { Ok(()) }; // it does no harm
-        }
-    }
-    Ok(Some(lock))
+    // Without locks a shard is renamed into its place all the same, and is the same whatever process flew it.
+    let lock = dir.lock("lock", how).with_context(|| format!("cannot lock {}", dir.at("lock").display()))?;
+    let lock = lock.context("another campaign is flying into it; wait for it, or give another with --out")?;
+    Ok((dir, Some(lock)))
 }
 
-/// Writes a file whole, if it is not there: of two that do, one has written it.
-fn put(path: &Path, text: &str) -> anyhow::Result<()> {
-    let folder = path.parent().context("a file in a folder")?;
-    let mut part = tempfile::Builder::new();
-    let part = part.prefix(".").suffix(".part").permissions(fs::Permissions::from_mode(0o666));
-    let mut part = part.tempfile_in(folder)?;
-    part.write_all(text.as_bytes())?;
-    part.as_file().sync_all()?;
-    match part.persist_noclobber(path) {
-        Err(failed) if failed.error.kind() != ErrorKind::AlreadyExists => Err(failed.error.into()),
-        _ => Ok(()),
+/// Removes what was being written when an earlier campaign was killed.
+fn remove_parts(shards: &Dir) -> anyhow::Result<()> {
+    let names = shards.names()?;
+    for name in names.iter().filter(|name| Path::new(name).extension().is_some_and(|extension| extension == "part")) {
+        let _ = shards.remove(name); // it does no harm
     }
+    Ok(())
 }
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
     use crate::Campaign;
 
@@ -191,7 +201,7 @@ mod tests {
         let said = |plan: &Plan, shards| format!("{:#}", open(plan, shards, Access::Alone).unwrap_err());
         assert!(open(&ours, None, Access::Reading).is_err() && !path.exists(), "nothing is made by looking");
         let folder = open(&ours, Some(4), Access::Alone).unwrap();
-        assert_eq!((folder.layout.shards, folder.missing()), (4, vec![0, 1, 2, 3]));
+        assert_eq!((folder.layout.shards, folder.missing().unwrap()), (4, vec![0, 1, 2, 3]));
         assert!(said(&ours, None).contains("another campaign is flying"), "it is held");
         drop(folder);
         let [one, two] =

@@ -1,11 +1,14 @@
 //! `layout.toml`: of what the shards of a folder are.
 
-use std::path::Path;
-
 use anyhow::{Context, ensure};
-use contract::scenario::file::{MAX_TEXT_BYTES, read_text};
+use contract::scenario::file::MAX_TEXT_BYTES;
+use flight::dir::Dir;
 use serde::{Deserialize, Serialize};
 
+/// The file.
+pub const LAYOUT: &str = "layout.toml";
+/// The most shards of a campaign.
+pub const MAX_SHARDS: u64 = 99_999;
 /// Version of the layout.
 pub const LAYOUT_VERSION: u32 = 1;
 
@@ -24,10 +27,13 @@ pub struct Layout {
 
 impl Layout {
     /// The layout of a folder.
-    pub fn read(folder: &Path) -> anyhow::Result<Self> {
-        let path = folder.join("layout.toml");
+    ///
+    /// # Errors
+    /// It cannot be read, is of another version, or has numbers that no campaign has.
+    pub fn read(folder: &Dir) -> anyhow::Result<Self> {
+        let path = folder.at(LAYOUT);
         let said = || format!("{} cannot be read; give another folder with --out", path.display());
-        let text = read_text(&path, MAX_TEXT_BYTES).with_context(said)?;
+        let text = folder.read_text(LAYOUT, MAX_TEXT_BYTES).with_context(said)?;
         let version = text.parse::<toml::Table>().ok().and_then(|table| table.get("version")?.as_integer());
         ensure!(
             version == Some(LAYOUT_VERSION.into()),
@@ -35,6 +41,14 @@ impl Layout {
             path.display(),
             version.map_or("unknown".into(), |version| version.to_string())
         );
-        toml::from_str(&text).with_context(said)
+        let layout: Self = toml::from_str(&text).with_context(said)?;
+        let Self { flights, shards, .. } = layout;
+        ensure!(
+            (1..=flights.min(MAX_SHARDS)).contains(&shards),
+            "{} is damaged: {shards} shards of {flights} flights, and there are 1 to {MAX_SHARDS} of at least one flight each; \
+             give another folder with --out",
+            path.display()
+        );
+        Ok(layout)
     }
 }

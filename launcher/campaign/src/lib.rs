@@ -13,7 +13,7 @@
 //! | [`shard`] | a part of the flights: a file, whole or not there |
 //! | [`folder`], [`layout`] | the folder of a campaign, who may write to it, and of what its shards are |
 //! | [`local`] | all cores of this machine |
-//! | [`slurm`] | a cluster |
+//! | [`slurm`], `scheduler` | a cluster, and the commands of its scheduler |
 //! | [`tune`], [`search`] | gains by one procedure, on draws of their own |
 //! | [`seeds`] | refuses seeds that change nothing |
 //! | [`evidence`] | the draws of a campaign, and the copies among its flights |
@@ -42,6 +42,7 @@ pub mod plan;
 pub mod random_faults;
 pub mod rate;
 pub mod sampling;
+mod scheduler;
 pub mod search;
 pub mod seeds;
 pub mod shard;

@@ -101,7 +101,7 @@ pub fn fly(
                 let mut table = Table::new(&columns);
                 let rows = gathering.remove(&shard).map_or(vec![], |open| open.rows);
                 rows.into_iter().flatten().for_each(|row| table.push(row));
-                if let Err(error) = shard::write(&folder.shard(shard), &folder.layout, shard, &table) {
+                if let Err(error) = folder.write(shard, &table) {
                     is_over.store(1, Ordering::Relaxed);
                     return Err(error);
                 }

@@ -3,16 +3,19 @@
 //! Its words say by what program, of what campaign and of how many shards it is; a file that is of others is an error, and no
 //! flight is counted twice or left out.
 
-use std::fs;
+use std::fs::File;
+use std::io::{self, BufRead, BufReader};
 use std::ops::Range;
 use std::panic::catch_unwind;
-use std::path::Path;
+use std::sync::OnceLock;
 
 use anyhow::{Context, anyhow, bail, ensure};
-use contract::scenario::file::{self, MAX_RESULTS_BYTES};
-use flight::files::write_whole;
+use contract::scenario::file::MAX_RESULTS_BYTES;
+use flight::dir::Dir;
 use flight::provenance::BUILT_FROM;
+use sha2::{Digest, Sha256};
 
+use crate::hex::hex;
 use crate::layout::Layout;
 use crate::outcome;
 use crate::plan::Plan;
@@ -24,11 +27,40 @@ pub fn range(flights: u64, index: u64, of: u64) -> Range<u64> {
     at(index)..at(index + 1)
 }
 
-/// The program that flies: results of two are not mixed.
-pub fn program() -> String {
-    let built =
-        BUILT_FROM.get().map(|built| format!(" {}{}", built.commit, if built.changed { ", changed" } else { "" }));
-    env!("CARGO_PKG_VERSION").to_owned() + &built.unwrap_or_default()
+/// The program that flies: results of two are not mixed. One whose sources are those of no commit is told by its bytes.
+pub fn program() -> &'static str {
+    static PROGRAM: OnceLock<String> = OnceLock::new();
+    PROGRAM.get_or_init(|| {
+        let built = match BUILT_FROM.get() {
+            Some(built) if !built.changed => built.commit.to_owned(),
+            Some(built) => format!("{}, changed, {}", built.commit, own_digest()),
+            None => own_digest(),
+        };
+        format!("{} {built}", env!("CARGO_PKG_VERSION"))
+    })
+}
+
+/// The start of the SHA-256 of the executable that runs.
+fn own_digest() -> String {
+    let digest = || -> io::Result<String> {
+        let mut program = BufReader::with_capacity(1 << 16, File::open("/proc/self/exe")?);
+        let mut hash = Sha256::new();
+        loop {
+            let bytes = program.fill_buf()?;
+            if bytes.is_empty() {
+                return Ok(hex(&hash.finalize()[..8]));
+            }
+            hash.update(bytes);
+            let read = bytes.len();
+            program.consume(read);
+        }
+    };
+    digest().map_or("unknown".into(), |digest| format!("sha256 {digest}"))
+}
+
+/// The file of a shard.
+pub fn name(index: u64) -> String {
+    format!("{index:05}.parquet")
 }
 
 /// The columns of all tables of a campaign.
@@ -48,21 +80,22 @@ fn words(layout: &Layout, index: u64) -> [(&'static str, String); 4] {
 }
 
 /// Writes the rows of a shard, whole or not at all.
-pub fn write(path: &Path, layout: &Layout, index: u64, rows: &Table) -> anyhow::Result<()> {
-    write_whole(path, &rows.to_parquet(&words(layout, index))?)
+pub fn write(shards: &Dir, layout: &Layout, index: u64, rows: &Table) -> anyhow::Result<()> {
+    shards.write_whole(name(index), &rows.to_parquet(&words(layout, index))?)
 }
 
 /// The rows of shard `index`.
 ///
 /// # Errors
 /// Anything that keeps its flights from being counted once each; the message says what to do.
-pub fn read(path: &Path, plan: &Plan, layout: &Layout, index: u64) -> anyhow::Result<Table> {
+pub fn read(shards: &Dir, plan: &Plan, layout: &Layout, index: u64) -> anyhow::Result<Table> {
     let again = "remove the file, and the same command flies its flights again";
     let read = || -> anyhow::Result<Table> {
-        let bytes = file::read(path, MAX_RESULTS_BYTES)?;
+        let bytes = shards.read(name(index), MAX_RESULTS_BYTES)?;
+        let flights = range(layout.flights, index, layout.shards);
         // Parquet's readers may panic at what is no Parquet.
-        let read =
-            catch_unwind(|| Table::from_parquet(bytes)).unwrap_or_else(|_| Err(anyhow!("it is no Parquet file")));
+        let read = catch_unwind(|| Table::from_parquet(bytes, flights.end - flights.start));
+        let read = read.unwrap_or_else(|_| Err(anyhow!("it is no Parquet file")));
         let (table, said) = read.context("it is damaged")?;
         for (key, expected) in words(layout, index) {
             let Some((_, said)) = said.iter().find(|(of, _)| of == key) else { bail!("it does not say its {key}") };
@@ -71,17 +104,11 @@ pub fn read(path: &Path, plan: &Plan, layout: &Layout, index: u64) -> anyhow::Re
         let expected = columns(plan);
         ensure!(table.names().eq(expected.iter().map(|(name, _)| name.as_str())), "it has other columns");
         let numbers = table.column("flight").context("it does not say which flights it has")?;
-        let flights = range(layout.flights, index, layout.shards);
         let all = (0..table.rows()).map(|row| numbers.cell(row)).eq(flights.clone().map(|n| Cell::Int(n as i64)));
         ensure!(all, "it does not have the flights {} to {}", flights.start, flights.end.saturating_sub(1));
         Ok(table)
     };
-    read().with_context(|| format!("shard {index} ({}) is not counted; {again}", path.display()))
-}
-
-/// Whether the file of a shard is there.
-pub fn is_there(path: &Path) -> bool {
-    fs::symlink_metadata(path).is_ok()
+    read().with_context(|| format!("shard {index} ({}) is not counted; {again}", shards.at(name(index)).display()))
 }
 
 #[cfg(test)]

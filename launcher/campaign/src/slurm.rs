@@ -4,31 +4,36 @@
 //! is run twice, because its node was thought dead, writes the same shard twice. One that ends without its shard is submitted
 //! again as long as others make progress.
 
-use std::fs::{self, OpenOptions};
-use std::io::ErrorKind;
+use std::fs;
+use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 use std::process::Command;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, anyhow, ensure};
-use flight::files::write_whole;
-use rustix::fs::{FlockOperation, flock};
-use rustix::io::Errno;
+use anyhow::{Context, ensure};
+use flight::dir::Dir;
+use rustix::fs::FlockOperation;
 use sha2::{Digest, Sha256};
 
 use crate::folder::CampaignFolder;
 use crate::hex::hex;
+use crate::scheduler::{self, Said};
 
+/// The folder of what was submitted and of what the tasks said.
+const OWN: &str = "slurm";
 /// How often is looked.
 const LOOK: Duration = Duration::from_secs(2);
+/// How often an interrupt is looked for meanwhile.
+const NAP: Duration = Duration::from_millis(50);
 /// So long a shard may take to be seen here after its task has ended.
 const SEEN_LATE: Duration = Duration::from_secs(4);
 /// So long the scheduler may give no answer.
 const SILENT: Duration = Duration::from_secs(300);
-/// Lines of a task's log that are told when it failed.
+/// Lines of a task's log that are told when it failed, and how much of its end is read for them \[bytes\].
 const TOLD_LINES: usize = 5;
+const TOLD_BYTES: u64 = 1 << 14;
 
 /// How a task is run.
 #[derive(Debug, Clone)]
@@ -73,16 +78,19 @@ pub fn fly(
 ) -> anyhow::Result<Ended> {
     let mut before = None;
     loop {
-        let missing = folder.missing();
+        let missing = folder.missing()?;
         if missing.is_empty() {
             return Ok(Ended::Complete);
         }
-        if queue(folder)?.is_empty() {
+        let Some(queue) = queue(folder, interrupts)? else { return Ok(Ended::Interrupted) };
+        if queue.is_empty() {
             // What the last submission has not brought forward the next one will not either.
             if before.as_ref() == Some(&missing) {
-                return Ok(Ended::Failed(failed(folder, &missing)));
+                return Ok(Ended::Failed(failed(folder, &missing, interrupts)));
             }
-            submit(job, folder, &missing)?;
+            if !submit(job, folder, &missing, interrupts)? {
+                return Ok(Ended::Interrupted);
+            }
             before = Some(missing);
         }
         if detach {
@@ -96,7 +104,8 @@ pub fn fly(
 
 /// What the queue has of a campaign, in words; `None` where there is no scheduler, or it knows none of its tasks.
 pub fn status(folder: &CampaignFolder) -> Option<String> {
-    queue(folder).ok().filter(|queue| !queue.is_empty()).map(|queue| queue.describe())
+    let queue = queue(folder, &AtomicU32::new(0)).ok().flatten();
+    queue.filter(|queue| !queue.is_empty()).map(|queue| queue.describe())
 }
 
 /// Waits until no task is in the queue, or all shards are there; false when interrupted.
@@ -107,12 +116,13 @@ fn wait(folder: &CampaignFolder, interrupts: &AtomicU32, show: &mut impl FnMut(&
         if interrupts.load(Ordering::Relaxed) > 0 {
             return Ok(false);
         }
-        let missing = folder.missing();
+        let missing = folder.missing()?;
         if missing.is_empty() {
             return Ok(true);
         }
-        match queue(folder) {
-            Ok(queue) => {
+        match queue(folder, interrupts) {
+            Ok(None) => return Ok(false),
+            Ok(Some(queue)) => {
                 answered = Instant::now();
                 let there = folder.layout.shards - missing.len() as u64;
                 show(&format!("{there} of {} shards   {}", folder.layout.shards, queue.describe()));
@@ -124,7 +134,10 @@ fn wait(folder: &CampaignFolder, interrupts: &AtomicU32, show: &mut impl FnMut(&
         if empty_since.is_some_and(|since| since.elapsed() > SEEN_LATE) {
             return Ok(true);
         }
-        sleep(LOOK);
+        let looked = Instant::now();
+        while looked.elapsed() < LOOK && interrupts.load(Ordering::Relaxed) == 0 {
+            sleep(NAP);
+        }
     }
 }
 
@@ -159,28 +172,24 @@ impl Queue {
 
 /// The name of a campaign's jobs: of this campaign into this folder.
 fn name(folder: &CampaignFolder) -> anyhow::Result<String> {
-    let path = fs::canonicalize(&folder.path)?;
+    let path = fs::canonicalize(folder.dir.path())?;
     let hash = Sha256::digest(format!("{} {}", folder.layout.campaign, path.display()));
     Ok(format!("trefoil-{}", hex(&hash[..8])))
 }
 
-fn queue(folder: &CampaignFolder) -> anyhow::Result<Queue> {
+/// The queue; `None` when interrupted.
+fn queue(folder: &CampaignFolder, interrupts: &AtomicU32) -> anyhow::Result<Option<Queue>> {
     let mut command = Command::new("squeue");
     command.args(["--noheader", "--array", "--me", "--format=%T %r", "--name"]).arg(name(folder)?);
-    Ok(Queue::of(&said(command)?))
+    Ok(said(command, "", interrupts)?.map(|text| Queue::of(&text)))
 }
 
-/// Submits an array with a task for each of the missing shards.
-fn submit(job: &Job, folder: &CampaignFolder, missing: &[u64]) -> anyhow::Result<()> {
-    let path = fs::canonicalize(&folder.path)?;
-    let own = path.join("slurm");
-    fs::create_dir_all(&own)?;
-    let lock = OpenOptions::new().create(true).truncate(false).write(true).open(own.join("lock"))?;
-    ensure!(
-        flock(&lock, FlockOperation::NonBlockingLockExclusive) != Err(Errno::WOULDBLOCK),
-        "another campaign is submitting from {}; wait for it",
-        path.display()
-    );
+/// Submits an array with a task for each of the missing shards; false when interrupted, perhaps too late to keep it from flying.
+fn submit(job: &Job, folder: &CampaignFolder, missing: &[u64], interrupts: &AtomicU32) -> anyhow::Result<bool> {
+    let path = fs::canonicalize(folder.dir.path())?;
+    let own = own_folder(folder, true)?;
+    let lock = own.lock("lock", FlockOperation::NonBlockingLockExclusive)?;
+    let _lock = lock.with_context(|| format!("another campaign is submitting from {}; wait for it", path.display()))?;
     let program = match &job.program {
         Some(words) => words.clone(),
         None => {
@@ -192,33 +201,32 @@ fn submit(job: &Job, folder: &CampaignFolder, missing: &[u64]) -> anyhow::Result
     let script = format!(
         "#!/bin/sh\nexec {program} campaign shard {campaign} --index \"$SLURM_ARRAY_TASK_ID\" --of {of} --out {out}\n"
     );
-    let file = own.join("shard.sh");
-    write_whole(&file, script.as_bytes())?;
+    // For people. The scheduler gets the text itself: what has the name by then may be another's.
+    own.write_whole("shard.sh", script.as_bytes())?;
     let mut command = Command::new("sbatch");
     command
         .args(["--parsable", "--requeue", "--open-mode=append", "--job-name", &name(folder)?])
         .arg(format!("--array={}", ranges(missing)))
         .arg(format!("--cpus-per-task={}", job.cpus))
-        .arg(format!("--output={}", own.join("%a.log").display()))
+        .arg(format!("--output={}", path.join(OWN).join("%a.log").display()))
         .args(job.partition.iter().map(|partition| format!("--partition={partition}")))
-        .args(job.time.iter().map(|time| format!("--time={time}")))
-        .arg(&file);
-    said(command).context("the shards are not submitted").map(drop)
+        .args(job.time.iter().map(|time| format!("--time={time}")));
+    Ok(said(command, &script, interrupts).context("the shards are not submitted")?.is_some())
 }
 
-/// Runs a command of the scheduler; what it said.
-fn said(mut command: Command) -> anyhow::Result<String> {
+/// The folder with what was submitted and what the tasks said.
+fn own_folder(folder: &CampaignFolder, make: bool) -> anyhow::Result<Dir> {
+    let own = if make { folder.dir.make_folder(OWN) } else { folder.dir.folder(OWN) };
+    own.with_context(|| format!("cannot use the folder {}", folder.dir.at(OWN).display()))
+}
+
+/// Runs a command of the scheduler with `input`; what it said, `None` when interrupted.
+fn said(command: Command, input: &str, interrupts: &AtomicU32) -> anyhow::Result<Option<String>> {
     let name = command.get_program().to_string_lossy().into_owned();
-    let output = command.output().map_err(|error| match error.kind() {
-        ErrorKind::NotFound => anyhow!(
-            "there is no `{name}` here: --slurm needs the commands of Slurm in PATH; without it the campaign flies on this machine"
-        ),
-        _ => anyhow!("cannot run `{name}`: {error}"),
-    })?;
-    let stderr = String::from_utf8_lossy(&output.stderr);
+    let Some(Said { stdout, stderr, status }) = scheduler::run(command, input, interrupts)? else { return Ok(None) };
     let hint = "`sinfo` says whether Slurm works on this machine";
-    ensure!(output.status.success(), "`{name}` failed: {}; {hint}", stderr.trim());
-    Ok(String::from_utf8_lossy(&output.stdout).into_owned())
+    ensure!(status.success(), "`{name}` failed: {}; {hint}", stderr.trim());
+    Ok(Some(stdout))
 }
 
 /// Numbers in order, as `--array` has them: `0-3,7`.
@@ -241,30 +249,44 @@ fn quoted(path: &Path) -> anyhow::Result<String> {
 }
 
 /// Why nothing comes of the missing shards: what the first of their tasks said last, and how it ended where Slurm keeps accounts.
-fn failed(folder: &CampaignFolder, missing: &[u64]) -> String {
+fn failed(folder: &CampaignFolder, missing: &[u64], interrupts: &AtomicU32) -> String {
     let first = missing.first().copied().unwrap_or_default();
-    let path = folder.path.join("slurm").join(format!("{first}.log"));
-    let log = fs::read_to_string(&path).unwrap_or_default();
-    let lines: Vec<&str> = log.lines().collect();
-    let last = lines[lines.len().saturating_sub(TOLD_LINES)..].join("\n  ");
+    let log = format!("{first}.log");
+    let last = match own_folder(folder, false).and_then(|own| end_of(&own, &log)) {
+        Ok(text) => {
+            let lines: Vec<&str> = text.lines().collect();
+            lines[lines.len().saturating_sub(TOLD_LINES)..].join("\n  ")
+        }
+        Err(error) => format!("nothing that can be read: {error:#}"),
+    };
     let last = if last.is_empty() { "nothing; ask the scheduler what became of it".to_owned() } else { last };
-    let how = account(folder, first).map_or(String::new(), |state| format!("; Slurm ended task {first} as {state}"));
+    let state = account(folder, first, interrupts);
+    let how = state.map_or(String::new(), |state| format!("; Slurm ended task {first} as {state}"));
     format!(
         "the tasks of {} shards ended without them ({}){how}; {} says:\n  {last}\nthe same command submits them again",
         missing.len(),
         ranges(missing),
-        path.display()
+        folder.dir.at(OWN).join(log).display()
     )
 }
 
+/// The last lines of a file, which may be of any length.
+fn end_of(own: &Dir, name: &str) -> anyhow::Result<String> {
+    let (mut file, bytes) = own.file(name, u64::MAX)?;
+    file.seek(SeekFrom::Start(bytes.saturating_sub(TOLD_BYTES)))?;
+    let mut end = vec![];
+    file.take(TOLD_BYTES).read_to_end(&mut end)?;
+    Ok(String::from_utf8_lossy(&end).into_owned())
+}
+
 /// How the last task of a shard ended, as `TIMEOUT`; `None` where Slurm keeps no accounts.
-fn account(folder: &CampaignFolder, shard: u64) -> Option<String> {
+fn account(folder: &CampaignFolder, shard: u64, interrupts: &AtomicU32) -> Option<String> {
     let mut command = Command::new("sacct");
     command.args(["-XnP", "--format=JobID,State", "--starttime=now-30days", "--name"]).arg(name(folder).ok()?);
     let task = format!("_{shard}");
     let of_task =
         |line: &str| line.split_once('|').filter(|(id, _)| id.ends_with(&task)).map(|(_, state)| state.to_owned());
-    said(command).ok()?.lines().rev().find_map(of_task)
+    said(command, "", interrupts).ok()??.lines().rev().find_map(of_task)
 }
 
 #[cfg(test)]

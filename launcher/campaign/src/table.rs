@@ -268,13 +268,18 @@ impl Table {
         Ok(writer.into_inner()?)
     }
 
-    /// The table of a Parquet file that [`to_parquet`](Self::to_parquet) has made, and the words about it.
+    /// The table of a Parquet file that [`to_parquet`](Self::to_parquet) has made, with the words about it and `limit` rows at
+    /// most: a small file can say that it has more than the memory holds.
     ///
     /// # Errors
     /// Everything that it would not have made.
-    pub fn from_parquet(bytes: Vec<u8>) -> anyhow::Result<(Self, Vec<(String, String)>)> {
+    pub fn from_parquet(bytes: Vec<u8>, limit: u64) -> anyhow::Result<(Self, Vec<(String, String)>)> {
         let reader = SerializedFileReader::new(bytes::Bytes::from(bytes))?;
         let metadata = reader.metadata().file_metadata().clone();
+        let rows =
+            reader.metadata().row_groups().iter().map(|group| u64::try_from(group.num_rows()).unwrap_or(u64::MAX));
+        let rows = rows.fold(0, u64::saturating_add);
+        ensure!(rows <= limit, "it has {rows} rows, and at most {limit} are expected");
         let words = metadata.key_value_metadata().cloned().unwrap_or_default();
         let words: Vec<(String, String)> =
             words.into_iter().map(|word| (word.key, word.value.unwrap_or_default())).collect();
@@ -354,7 +359,7 @@ mod tests {
             let table = table(rows);
             let bytes = table.to_parquet(&[("index", "3".into())]).unwrap();
             assert_eq!(bytes, table.to_parquet(&[("index", "3".into())]).unwrap(), "the same file again");
-            let (read, words) = Table::from_parquet(bytes).unwrap();
+            let (read, words) = Table::from_parquet(bytes, u64::MAX).unwrap();
             assert_eq!(read, table);
             assert!(words.contains(&("index".into(), "3".into())));
         }
@@ -363,12 +368,12 @@ mod tests {
     #[test]
     fn a_changed_bit_anywhere_is_noticed() {
         let good = table(20).to_parquet(&[]).unwrap();
-        let expected = Table::from_parquet(good.clone()).unwrap();
+        let expected = Table::from_parquet(good.clone(), 21).unwrap();
         for at in 0..good.len() {
             let mut bad = good.clone();
             bad[at] ^= 0x10;
             // What Parquet itself has no use for may change without harm.
-            let read = std::panic::catch_unwind(|| Table::from_parquet(bad));
+            let read = std::panic::catch_unwind(|| Table::from_parquet(bad, 21));
             if let Ok(Ok((read, _))) = read {
                 assert_eq!(read, expected.0, "byte {at}");
             }

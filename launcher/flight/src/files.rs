@@ -1,39 +1,51 @@
-//! Files that are written whole or not at all, never through a link and never into a device.
+//! Files by their paths: each is reached through its folder, held open for as long ([`Dir`]). Written whole or not at all, never
+//! through a link and never into a device.
 
-use std::fs::{self, Permissions};
-use std::io::Write;
-use std::os::unix::fs::PermissionsExt;
+use std::fs::File;
+use std::io::{Error, ErrorKind, Result};
 use std::path::Path;
 
-use anyhow::{Context, ensure};
+use anyhow::Context;
+
+use crate::dir::Dir;
 
 /// Writes a file whole or not at all: under another name, which takes the place of `path` at the end.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
-    let write = || {
-        check_target(path)?;
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let mut part = tempfile::Builder::new();
-        let mode = Permissions::from_mode(0o666); // of which the umask takes its share
-        let mut part = part.prefix(".").suffix(".part").permissions(mode).tempfile_in(folder)?;
-        part.write_all(bytes)?;
-        part.as_file().sync_all()?;
-        part.persist(path).map_err(|failed| failed.error)?;
-        anyhow::Ok(())
-    };
-    write().with_context(|| format!("cannot write {}", path.display()))
+    let (folder, name) = split(path).with_context(|| format!("cannot write {}", path.display()))?;
+    folder.write_whole(name, bytes)
 }
 
-/// Refuses a `path` at which there is something else than a regular file.
-pub fn check_target(path: &Path) -> anyhow::Result<()> {
-    let is_other = fs::symlink_metadata(path).is_ok_and(|found| !found.is_file());
-    ensure!(!is_other, "there is a link, a folder or a device, and only a regular file is replaced");
-    Ok(())
+/// Opens a file of a run or a campaign, which may have `limit` bytes; also how many it has.
+pub fn open(path: &Path, limit: u64) -> Result<(File, u64)> {
+    let (folder, name) = split(path)?;
+    folder.file(name, limit)
+}
+
+/// The text of a file of a run or a campaign, `limit` bytes at most.
+pub fn read_text(path: &Path, limit: u64) -> Result<String> {
+    let (folder, name) = split(path)?;
+    folder.read_text(name, limit)
+}
+
+/// Opens a file to write it from its beginning; makes it if nothing has the name.
+pub fn create(path: &Path) -> Result<File> {
+    let (folder, name) = split(path)?;
+    folder.create(name)
+}
+
+/// The folder of a path, and the name in it.
+fn split(path: &Path) -> Result<(Dir, &Path)> {
+    let no_name = || Error::new(ErrorKind::IsADirectory, "it is a directory; give a regular file");
+    let name = path.file_name().ok_or_else(no_name)?;
+    Ok((Dir::open(path.parent().unwrap_or(Path::new("")))?, Path::new(name)))
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use std::fs;
     use std::os::unix::fs::symlink;
+
+    use super::*;
 
     fn said(path: &Path) -> String {
         format!("{:#}", write_whole(path, b"new").expect_err("refused"))
@@ -50,10 +62,10 @@ mod tests {
         fs::write(at("precious"), "precious").unwrap();
         symlink(at("precious"), at("link")).unwrap();
         fs::create_dir(at("folder")).unwrap();
-        for name in ["link", "folder"] {
-            assert!(said(&at(name)).contains("only a regular file is replaced"), "{name}");
+        for (name, expected) in [("link", "it is a link"), ("folder", "it is a directory")] {
+            assert!(said(&at(name)).contains(expected), "{name}");
         }
-        assert!(said(Path::new("/dev/null")).contains("only a regular file is replaced"));
+        assert!(said(Path::new("/dev/null")).contains("it is a device"));
         assert_eq!(fs::read(at("precious")).unwrap(), b"precious");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 4, "no parts are left");
     }

@@ -1,18 +1,17 @@
 //! The folder of a run: made for it, and held by it while it flies.
 
-use std::fs::{self, File, OpenOptions};
+use std::fs;
 use std::io::{self, ErrorKind};
-use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use anyhow::{Context, bail};
+use anyhow::{Context, bail, ensure};
 use contract::Scenario;
 use contract::scenario;
-use rustix::fs::{CWD, FlockOperation, OFlags, RenameFlags, flock, renameat_with};
+use rustix::fs::{CWD, RenameFlags, renameat_with};
 use rustix::io::Errno;
 
-use crate::files::write_whole;
+use crate::dir::Dir;
 use crate::limits::FOLDER_TRIES;
 use runtime::console::eprint_line;
 
@@ -26,7 +25,7 @@ pub struct Folder {
     /// Where an earlier run went.
     aside: Option<PathBuf>,
     /// The folder itself, locked as long as this is open.
-    hold: Option<File>,
+    hold: Option<Dir>,
 }
 
 impl Folder {
@@ -39,7 +38,7 @@ impl Folder {
             Some(out) => folder.take(out),
             None => folder.take_new(&default_name(scenario)),
         };
-        let settings = || write_whole(&folder.path.join("scenario.toml"), scenario::to_toml(scenario).as_bytes());
+        let settings = || folder.write("scenario.toml", &scenario::to_toml(scenario));
         let written = taken.and_then(|()| settings());
         let cannot =
             || format!("cannot write to the output folder {}; choose another with --out", folder.path.display());
@@ -51,11 +50,16 @@ impl Folder {
         Ok(folder)
     }
 
+    /// Writes the file `name` of the run, whole or not at all.
+    pub fn write(&self, name: &str, text: &str) -> anyhow::Result<()> {
+        self.hold.as_ref().context("the folder was given back")?.write_whole(name, text.as_bytes())
+    }
+
     /// Takes back what a run that never flew has written, and puts an earlier run where it was.
     pub fn withdraw(&self) {
-        if self.hold.is_some() {
+        if let Some(dir) = &self.hold {
             for name in ["scenario.toml", "flight.mcap"] {
-                let _ = fs::remove_file(self.path.join(name)); // may not be there yet
+                let _ = dir.remove(name); // may not be there yet
             }
         }
         for made in self.made.iter().rev() {
@@ -75,7 +79,7 @@ impl Folder {
             if !self.lock()? {
                 continue; // another run has moved it aside meanwhile
             }
-            if !SIGNS_OF_A_RUN.iter().any(|name| self.path.join(name).symlink_metadata().is_ok()) {
+            if !self.hold.as_ref().is_some_and(|dir| SIGNS_OF_A_RUN.iter().any(|name| dir.has(name))) {
                 return Ok(());
             }
             self.aside = Some(move_aside(&self.path)?);
@@ -94,16 +98,14 @@ impl Folder {
         self.lock().map(drop)
     }
 
-    /// Locks the folder; false when it is another one by now.
+    /// Locks the folder, which is not to be a link; false when it is another one by now.
     fn lock(&mut self) -> anyhow::Result<bool> {
-        let folder = OpenOptions::new().read(true).custom_flags(OFlags::DIRECTORY.bits() as i32).open(&self.path)?;
-        // A file system without locks is taken as it is.
-        if flock(&folder, FlockOperation::NonBlockingLockExclusive) == Err(Errno::WOULDBLOCK) {
-            bail!("another flight is writing to it");
-        }
-        let (held, named) = (folder.metadata()?, fs::metadata(&self.path));
-        self.hold = Some(folder);
-        Ok(named.is_ok_and(|named| (named.ino(), named.dev()) == (held.ino(), held.dev())))
+        let dir = match (self.path.parent(), self.path.file_name()) {
+            (Some(above), Some(name)) => Dir::open(above)?.folder(name)?,
+            _ => Dir::open(&self.path)?,
+        };
+        ensure!(dir.hold(), "another flight is writing to it");
+        Ok(self.hold.insert(dir).is_in_its_place())
     }
 }
 

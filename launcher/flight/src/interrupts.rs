@@ -1,11 +1,15 @@
 //! Ctrl-C and its like.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Arc, Mutex};
 
 use anyhow::Context;
 use contract::exit;
+use runtime::console;
 use runtime::realtime::keep_nohup;
+
+/// Words with which the next signal ends the program on the spot.
+static LAST_WORDS: Mutex<Option<String>> = Mutex::new(None);
 
 /// Counts Ctrl-C, SIGTERM and SIGHUP: the first stops the flight cleanly, the second kills the processes, the third
 /// ends the launcher on the spot (the next flight then wipes what it left in shared memory).
@@ -13,10 +17,23 @@ pub fn catch_interrupts() -> anyhow::Result<Arc<AtomicU32>> {
     let count = Arc::new(AtomicU32::new(0));
     let handler = count.clone();
     let interrupt = move || {
-        if handler.fetch_add(1, Ordering::Relaxed) >= 2 {
+        let words = LAST_WORDS.lock().ok().and_then(|mut words| words.take());
+        if let Some(words) = &words {
+            console::eprint_line(words);
+            let _ = console::finish(exit::INTERRUPTED); // the process ends here, not with `main`
+        }
+        if words.is_some() || handler.fetch_add(1, Ordering::Relaxed) >= 2 {
             std::process::exit(i32::from(exit::INTERRUPTED));
         }
     };
     keep_nohup(|| ctrlc::set_handler(interrupt)).context("cannot catch Ctrl-C")?;
     Ok(count)
+}
+
+/// From here on the next signal ends the program on the spot, with `words`: nothing is left that must be ended cleanly, because
+/// files are written whole or not at all.
+pub fn end_at_once(words: String) {
+    if let Ok(mut last) = LAST_WORDS.lock() {
+        *last = Some(words);
+    }
 }

@@ -13,7 +13,8 @@
 //! | [`log`] | the flight log's format |
 //! | [`replay`] | a flight flown again from its log |
 //! | [`control`] | the socket on which a flying stack is asked and told |
-//! | [`folder`], [`files`] | the folder of a run, and what is written into it |
+//! | [`folder`] | the folder of a run |
+//! | [`dir`], [`files`] | the one way to files of runs and campaigns |
 //! | [`provenance`] | where a run was made |
 //! | [`interrupts`] | Ctrl-C |
 //! | `limits` | every limit and time-out |
@@ -26,6 +27,7 @@ use std::os::unix::process::CommandExt;
 use std::process::Command;
 
 pub mod control;
+pub mod dir;
 pub mod duration;
 pub mod event;
 pub mod files;

@@ -7,8 +7,9 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow};
-use contract::scenario::file::{self, MAX_RESULTS_BYTES, MAX_TEXT_BYTES};
+use contract::scenario::file::{MAX_RESULTS_BYTES, MAX_TEXT_BYTES};
 use contract::{Scenario, scenario};
+use flight::files;
 use flight::log::{self, Log, Record};
 use flight::recorder::LogOutcome;
 use flight::replay::Recording;
@@ -51,7 +52,7 @@ impl Recorded {
     pub fn read_each(run: &Path, mut each: impl FnMut(&Scenario, &Record)) -> anyhow::Result<Self> {
         let path = if run.is_dir() { run.join("flight.mcap") } else { run.to_owned() };
         let file = path.with_file_name("run.json");
-        let run: Option<Value> = match file::read_text(&file, MAX_RESULTS_BYTES) {
+        let run: Option<Value> = match files::read_text(&file, MAX_RESULTS_BYTES) {
             Ok(text) => Some(serde_json::from_str(&text).with_context(|| format!("{} is not JSON", file.display()))?),
             Err(error) if error.kind() == ErrorKind::NotFound => None,
             Err(error) => return Err(error).with_context(|| format!("cannot read {}", file.display())),
@@ -82,7 +83,7 @@ impl Recorded {
     /// A process cannot be flown again: its settings are not there.
     pub fn recording(&self) -> anyhow::Result<Recording> {
         let settings = self.path.with_file_name("scenario.toml");
-        let text = file::read_text(&settings, MAX_TEXT_BYTES).ok();
+        let text = files::read_text(&settings, MAX_TEXT_BYTES).ok();
         let settled = text.and_then(|text| scenario::from_merged(&text, &settings.display().to_string()).ok());
         Recording::new(&log::read_parts(&self.path)?, &self.scenario, settled.as_ref())
     }

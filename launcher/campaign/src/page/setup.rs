@@ -20,7 +20,7 @@ pub fn section(plan: &Plan) -> String {
     format!(
         "<section id=\"setup\"><h2>What was flown</h2><p>Program <code>{}</code>.</p><div class=\"facts-list\">{}</div><details><summary>The campaign with its \
          scenario: all settings that are not defaults, what varies, the controllers</summary><pre>{}</pre></details></section>",
-        escape(&shard::program()),
+        escape(shard::program()),
         list(facts.into_iter().chain(samples)),
         escape(&campaign.merged())
     )

@@ -10,7 +10,7 @@ use anyhow::{Context, bail, ensure};
 use contract::{
     Topic,
     message::{Actuators, Controls, LAYOUT, Reference, State},
-    scenario::file::{self, MAX_LOG_BYTES},
+    scenario::file::MAX_LOG_BYTES,
 };
 use mcap::{
     parse_record,
@@ -20,6 +20,7 @@ use mcap::{
 
 use super::{EVENTS, Record, SCENARIO, WRITTEN_BY, order, schema};
 use crate::event::Event;
+use crate::files;
 use crate::limits::{MAX_EVENTS, MAX_RECORD_BYTES};
 use crate::provenance::Program;
 
@@ -129,7 +130,7 @@ pub fn read(path: &Path) -> anyhow::Result<Log> {
 /// them; the scenario and what wrote the log are known then.
 pub fn read_in_order(path: &Path, each: impl FnMut(&Log, &Record)) -> anyhow::Result<Log> {
     let cannot_read = || format!("cannot read {}", path.display());
-    let (file, _) = file::open(path, MAX_LOG_BYTES).with_context(cannot_read)?;
+    let (file, _) = files::open(path, MAX_LOG_BYTES).with_context(cannot_read)?;
     let mut file = BufReader::new(file);
     let mut mcap = LinearReader::new_with_options(
         LinearReaderOptions::default()

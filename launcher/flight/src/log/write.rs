@@ -2,9 +2,8 @@
 
 use std::{
     collections::BTreeMap,
-    fs::{File, OpenOptions},
+    fs::File,
     io::{BufWriter, Seek},
-    os::unix::fs::OpenOptionsExt,
     path::{Path, PathBuf},
     time::{Instant, SystemTime, UNIX_EPOCH},
 };
@@ -17,11 +16,10 @@ use mcap::{
     records::{MessageHeader, Metadata},
     write::NoSeek,
 };
-use rustix::fs::OFlags;
 
 use super::{EVENTS, Record, SCENARIO, WRITTEN_BY, schema};
 use crate::event::Event;
-use crate::files::check_target;
+use crate::files;
 use crate::limits::{CHUNK_BYTES, FLUSH_PERIOD};
 use crate::provenance::Program;
 
@@ -64,10 +62,7 @@ impl LogWriter {
     /// The same for one of several logs of `run`, by which they are known to belong together.
     pub fn create_part(path: &Path, scenario_toml: &str, sample_ns: u64, run: &str) -> anyhow::Result<Self> {
         let cannot_create = || format!("cannot create {}", path.display());
-        check_target(path).with_context(cannot_create)?;
-        let mut file = OpenOptions::new();
-        let file = file.write(true).create(true).truncate(true).custom_flags(OFlags::NOFOLLOW.bits() as i32);
-        Self::begin(file.open(path).with_context(cannot_create)?, path, scenario_toml, sample_ns, run)
+        Self::begin(files::create(path).with_context(cannot_create)?, path, scenario_toml, sample_ns, run)
     }
 
     /// The same in a `file` that is open, and empty; errors call it `path`.

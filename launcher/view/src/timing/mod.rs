@@ -40,7 +40,6 @@ mod node;
 mod tests;
 mod worst;
 
-use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
@@ -57,6 +56,7 @@ use serde_json::{Map, Value, json};
 use crate::happenings::Happenings;
 use crate::percentiles::{Percentiles, percentiles};
 pub use age::Age;
+use flight::dir::Dir;
 use flight::log::Record;
 pub use node::NodeTiming;
 use node::wake_name;
@@ -187,7 +187,9 @@ impl Timing {
 
     /// Writes every histogram in full to `folder`/histograms.
     pub fn write_histograms(&self, folder: &Path) -> anyhow::Result<()> {
-        let folder = folder.join(HISTOGRAMS);
+        let path = folder.join(HISTOGRAMS);
+        let folder = Dir::open(folder).and_then(|folder| folder.make_folder(HISTOGRAMS));
+        let folder = folder.with_context(|| format!("cannot write into {}", path.display()))?;
         let nodes = NODES.iter().zip(&self.nodes);
         let of_nodes =
             nodes.flat_map(|(node, timing)| timing.figures.iter().map(move |(f, h)| (format!("{node}-{f}"), h)));
@@ -203,17 +205,17 @@ impl Timing {
 }
 
 /// Writes a histogram in full as `folder`/`name`.hlog, the log format of `HdrHistogram`: one interval, V2 compressed.
-fn write_histogram(folder: &Path, name: &str, histogram: &Histogram<u64>) -> anyhow::Result<()> {
-    let path = folder.join(format!("{name}.hlog"));
+fn write_histogram(folder: &Dir, name: &str, histogram: &Histogram<u64>) -> anyhow::Result<()> {
+    let file = format!("{name}.hlog");
     let mut text = Vec::new();
     let mut serializer = V2DeflateSerializer::new();
     let mut builder = IntervalLogWriterBuilder::new();
     builder.add_comment(&format!("{name} of one flight, nanoseconds")).with_max_value_divisor(1e3);
     let log = builder.begin_log_with(&mut text, &mut serializer);
     let written = log.map(|mut log| log.write_histogram(histogram, Duration::ZERO, Duration::from_secs(1), None));
-    let cannot = || format!("cannot write {}", path.display());
+    let cannot = || format!("cannot write {}", folder.at(&file).display());
     written.with_context(cannot)?.map_err(|error| anyhow::anyhow!("{error:?}")).with_context(cannot)?;
-    fs::create_dir_all(folder).and_then(|()| fs::write(&path, text)).with_context(cannot)
+    folder.write_whole(&file, &text)
 }
 
 fn age(p: &Percentiles, of_what: &str) -> String {

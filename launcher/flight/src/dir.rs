@@ -1,0 +1,324 @@
+//! A folder that is held open, and the one way to its files.
+//!
+//! Folders of runs and campaigns come from elsewhere: archives, shared disks, other users. So a folder is held by its descriptor
+//! and its files are opened from there (`openat`): another folder that takes its name meanwhile changes nothing. Inside it no
+//! link is followed, no FIFO or device is waited for, no file is read beyond its limit, and what belongs to another user is said.
+
+use std::collections::BTreeSet;
+use std::ffi::OsString;
+use std::fs::File;
+use std::io::{Error, ErrorKind, Result, Write};
+use std::os::fd::{AsFd, OwnedFd};
+use std::os::unix::ffi::OsStringExt;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use anyhow::Context;
+use contract::scenario::file;
+use runtime::console::eprint_line;
+use rustix::fs::{AtFlags, CWD, FileType, FlockOperation, Mode, OFlags, RenameFlags};
+use rustix::fs::{flock, fstat, linkat, mkdirat, openat, renameat, renameat_with, statat, unlinkat};
+use rustix::io::Errno;
+use rustix::process::geteuid;
+
+/// Flags of every open: never through a link, never waiting.
+const NEVER_WAIT: OFlags = OFlags::NOFOLLOW.union(OFlags::NONBLOCK).union(OFlags::NOCTTY).union(OFlags::CLOEXEC);
+
+/// A folder by its descriptor. Every `name` is one component.
+#[derive(Debug)]
+pub struct Dir {
+    fd: OwnedFd,
+    /// Its name when it was opened, for messages.
+    path: PathBuf,
+}
+
+impl Dir {
+    /// Opens the folder that a user named. Links on the way to it are the user's; inside it none is followed.
+    pub fn open(path: &Path) -> Result<Self> {
+        let path = if path.as_os_str().is_empty() { Path::new(".") } else { path };
+        let fd = openat(CWD, path, OFlags::DIRECTORY | OFlags::CLOEXEC, Mode::empty())?;
+        Ok(Self { fd, path: path.into() })
+    }
+
+    /// The same; makes it, and what is missing above it.
+    pub fn make(path: &Path) -> Result<Self> {
+        std::fs::create_dir_all(path)?;
+        Self::open(path)
+    }
+
+    /// The folder `name` in this one.
+    pub fn folder(&self, name: impl AsRef<Path>) -> Result<Self> {
+        let fd = openat(&self.fd, name.as_ref(), NEVER_WAIT | OFlags::DIRECTORY, Mode::empty());
+        let fd = fd.map_err(|error| self.refusal(name.as_ref(), FileType::Directory, error))?;
+        Ok(Self { fd, path: self.at(name) })
+    }
+
+    /// The same; makes it if nothing has the name.
+    pub fn make_folder(&self, name: &str) -> Result<Self> {
+        match mkdirat(&self.fd, name, Mode::from_raw_mode(0o777)) {
+            Err(Errno::EXIST) | Ok(()) => self.folder(name),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    /// Locks the folder itself as long as it is open; false where another process holds it. Never waits.
+    pub fn hold(&self) -> bool {
+        is_locked(&self.fd, FlockOperation::NonBlockingLockExclusive)
+    }
+
+    /// Whether its path still leads to it.
+    pub fn is_in_its_place(&self) -> bool {
+        let own = fstat(&self.fd).map(|found| (found.st_dev, found.st_ino));
+        let named = statat(CWD, &self.path, AtFlags::empty()).map(|found| (found.st_dev, found.st_ino));
+        own.is_ok() && own == named
+    }
+
+    /// Its name when it was opened, for messages.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The name that `name` has from outside, for messages.
+    pub fn at(&self, name: impl AsRef<Path>) -> PathBuf {
+        self.path.join(name)
+    }
+
+    /// Whether anything has this name, be it a link that leads nowhere.
+    pub fn has(&self, name: &str) -> bool {
+        self.kind(Path::new(name)).is_some()
+    }
+
+    /// The names in it. They are read anew, because a network file system remembers which files were not there.
+    pub fn names(&self) -> Result<Vec<OsString>> {
+        let own = |name: &std::ffi::CStr| ![c".", c".."].contains(&name);
+        let entries =
+            rustix::fs::Dir::read_from(&self.fd)?.filter(|entry| !matches!(entry, Ok(e) if !own(e.file_name())));
+        entries.map(|entry| Ok(OsString::from_vec(entry?.file_name().to_bytes().to_vec()))).collect()
+    }
+
+    /// Opens the regular file `name`, which may have `limit` bytes; also how many it has.
+    pub fn file(&self, name: impl AsRef<Path>, limit: u64) -> Result<(File, u64)> {
+        let file = self.open_regular(name.as_ref(), OFlags::RDONLY)?;
+        file::checked(file, limit)
+    }
+
+    /// The bytes of the regular file `name`, `limit` at most.
+    pub fn read(&self, name: impl AsRef<Path>, limit: u64) -> Result<Vec<u8>> {
+        file::read_all(self.file(name, limit)?, limit)
+    }
+
+    /// The text of the regular file `name`, `limit` bytes at most.
+    pub fn read_text(&self, name: impl AsRef<Path>, limit: u64) -> Result<String> {
+        file::text(self.read(name, limit)?)
+    }
+
+    /// Opens the regular file `name` to write it from its beginning; makes it if nothing has the name.
+    pub fn create(&self, name: impl AsRef<Path>) -> Result<File> {
+        let file = self.open_regular(name.as_ref(), OFlags::WRONLY | OFlags::CREATE)?;
+        file.set_len(0)?; // only now is it known to be a file
+        Ok(file)
+    }
+
+    /// Locks the file `name` as long as what is returned is open; `None` where another process holds it. Never waits.
+    pub fn lock(&self, name: &str, how: FlockOperation) -> Result<Option<File>> {
+        let file = self.open_regular(Path::new(name), OFlags::RDWR | OFlags::CREATE)?;
+        Ok(is_locked(&file, how).then_some(file))
+    }
+
+    /// Writes the file `name` whole or not at all: under another name, which takes the place of `name` at the end.
+    pub fn write_whole(&self, name: impl AsRef<Path>, bytes: &[u8]) -> anyhow::Result<()> {
+        let name = name.as_ref();
+        let put = |part: &str| Ok(renameat(&self.fd, part, &self.fd, name)?);
+        self.write(name, bytes, put).with_context(|| format!("cannot write {}", self.at(name).display()))
+    }
+
+    /// Writes the file `name` whole, if nothing has the name: of two processes that do, one has written it.
+    pub fn write_new(&self, name: &str, bytes: &[u8]) -> anyhow::Result<()> {
+        let put = |part: &str| {
+            let put = match renameat_with(&self.fd, part, &self.fd, name, RenameFlags::NOREPLACE) {
+                // A file system that cannot promise it.
+                Err(Errno::INVAL | Errno::NOSYS) => linkat(&self.fd, part, &self.fd, name, AtFlags::empty())
+                    .and_then(|()| unlinkat(&self.fd, part, AtFlags::empty())),
+                put => put,
+            };
+            match put {
+                Err(Errno::EXIST) => Ok(unlinkat(&self.fd, part, AtFlags::empty())?),
+                put => Ok(put?),
+            }
+        };
+        self.write(Path::new(name), bytes, put).with_context(|| format!("cannot write {}", self.at(name).display()))
+    }
+
+    /// Removes the file or link `name`, not what a link leads to.
+    pub fn remove(&self, name: impl AsRef<Path>) -> Result<()> {
+        Ok(unlinkat(&self.fd, name.as_ref(), AtFlags::empty())?)
+    }
+
+    /// Writes a part, and has `put` give it the name `name`.
+    fn write(&self, name: &Path, bytes: &[u8], put: impl Fn(&str) -> Result<()>) -> Result<()> {
+        if self.kind(name).is_some_and(|kind| kind != FileType::RegularFile) {
+            return Err(self.refusal(name, FileType::RegularFile, Errno::EXIST));
+        }
+        let (part, mut file) = self.part()?;
+        let written = file.write_all(bytes).and_then(|()| file.sync_all()).and_then(|()| put(&part));
+        written.inspect_err(|_| _ = self.remove(&part)) // a part that stays does no harm
+    }
+
+    /// A new file, under a name that nothing had.
+    fn part(&self) -> Result<(String, File)> {
+        static NEXT: AtomicU32 = AtomicU32::new(0);
+        let flags = NEVER_WAIT | OFlags::WRONLY | OFlags::CREATE | OFlags::EXCL;
+        loop {
+            let part = format!(".{}-{}.part", std::process::id(), NEXT.fetch_add(1, Ordering::Relaxed));
+            match openat(&self.fd, &part, flags, Mode::from_raw_mode(0o666)) {
+                Err(Errno::EXIST) => {} // of a process on another machine, or of one that was killed
+                opened => return Ok((part, File::from(opened?))),
+            }
+        }
+    }
+
+    /// Opens the regular file `name`, and says whose it is where it is another user's.
+    fn open_regular(&self, name: &Path, how: OFlags) -> Result<File> {
+        // What is no file is not even opened, unless it takes the name in this moment: some devices act on an open.
+        let refusal = |error| self.refusal(name, FileType::RegularFile, error);
+        if self.kind(name).is_some_and(|kind| kind != FileType::RegularFile) {
+            return Err(refusal(Errno::INVAL));
+        }
+        let file = openat(&self.fd, name, NEVER_WAIT | how, Mode::from_raw_mode(0o666)).map_err(refusal)?;
+        let (file, _) = file::checked(file.into(), u64::MAX)?;
+        say_owner(&self.at(name), file.metadata()?.uid());
+        Ok(file)
+    }
+
+    /// The kind of what has this name, if anything has; a link is a link.
+    fn kind(&self, name: &Path) -> Option<FileType> {
+        let found = statat(&self.fd, name, AtFlags::SYMLINK_NOFOLLOW);
+        found.ok().map(|found| FileType::from_raw_mode(found.st_mode))
+    }
+
+    /// Why `name` cannot be used: it is of another kind than `wanted`, or what the system says.
+    fn refusal(&self, name: &Path, wanted: FileType, error: Errno) -> Error {
+        match self.kind(name).filter(|kind| *kind != wanted) {
+            Some(kind) => {
+                let text = format!("it is {}, and {} belongs there", in_words(kind), in_words(wanted));
+                Error::new(ErrorKind::InvalidInput, text)
+            }
+            None => error.into(),
+        }
+    }
+}
+
+/// Locks what is open; false where another process holds it. A file system without locks is taken as it is.
+fn is_locked(fd: impl AsFd, how: FlockOperation) -> bool {
+    flock(fd, how) != Err(Errno::WOULDBLOCK)
+}
+
+fn in_words(kind: FileType) -> &'static str {
+    match kind {
+        FileType::RegularFile => "a regular file",
+        FileType::Directory => "a directory",
+        FileType::Symlink => "a link",
+        FileType::Fifo => "a FIFO",
+        FileType::CharacterDevice | FileType::BlockDevice => "a device",
+        FileType::Socket => "a socket",
+        FileType::Unknown => "of an unknown kind",
+    }
+}
+
+/// Says once of each other user that a file is theirs.
+fn say_owner(path: &Path, owner: u32) {
+    static TOLD: Mutex<BTreeSet<u32>> = Mutex::new(BTreeSet::new());
+    if owner != geteuid().as_raw() && TOLD.lock().is_ok_and(|mut told| told.insert(owner)) {
+        eprint_line(&format!("note: {} belongs to another user ({owner})", path.display()));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+    use std::os::unix::fs::symlink;
+
+    use super::*;
+
+    /// A folder with a file `precious` beside it, and everything in it that a file may be taken for.
+    fn full() -> (tempfile::TempDir, Dir) {
+        let top = tempfile::tempdir().unwrap();
+        fs::write(top.path().join("precious"), "precious").unwrap();
+        fs::create_dir(top.path().join("elsewhere")).unwrap();
+        let dir = Dir::make(&top.path().join("a/run")).unwrap();
+        symlink("../../precious", dir.at("link")).unwrap();
+        symlink("../../elsewhere", dir.at("link-to-folder")).unwrap();
+        symlink("nowhere", dir.at("loose")).unwrap();
+        rustix::fs::mkfifoat(CWD, dir.at("fifo"), Mode::RWXU).unwrap();
+        fs::create_dir(dir.at("folder")).unwrap();
+        (top, dir)
+    }
+
+    #[test]
+    fn only_regular_files_are_opened_and_none_is_waited_for() {
+        let (top, dir) = full();
+        for (name, expected) in [
+            ("link", "it is a link"),
+            ("loose", "it is a link"),
+            ("fifo", "it is a FIFO"),
+            ("folder", "it is a directory"),
+        ] {
+            let said = [
+                dir.read(name, 99).unwrap_err().to_string(),
+                dir.create(name).unwrap_err().to_string(),
+                dir.lock(name, FlockOperation::NonBlockingLockExclusive).unwrap_err().to_string(),
+                format!("{:#}", dir.write_whole(name, b"new").unwrap_err()),
+            ];
+            assert!(said.iter().all(|said| said.contains(expected)), "{name}: {said:?}");
+        }
+        assert!(dir.folder("link-to-folder").unwrap_err().to_string().contains("it is a link"));
+        assert!(dir.make_folder("link-to-folder").unwrap_err().to_string().contains("it is a link"));
+        assert!(
+            dir.make_folder("fifo").unwrap_err().to_string().contains("it is a FIFO, and a directory belongs there")
+        );
+        assert_eq!(fs::read(top.path().join("precious")).unwrap(), b"precious");
+        assert_eq!(dir.names().unwrap().len(), 5, "nothing was made");
+        assert_eq!(dir.read("none", 9).unwrap_err().kind(), ErrorKind::NotFound);
+    }
+
+    #[test]
+    fn a_file_is_replaced_whole_and_a_new_one_replaces_none() {
+        let (_top, dir) = full();
+        dir.write_whole("file", b"old").unwrap();
+        dir.write_whole("file", b"new").unwrap();
+        dir.write_new("file", b"newer").unwrap();
+        dir.write_new("other", b"other").unwrap();
+        assert_eq!(
+            (dir.read_text("file", 3).unwrap(), dir.read_text("other", 9).unwrap()),
+            ("new".into(), "other".into())
+        );
+        assert!(dir.read("file", 2).unwrap_err().to_string().contains("2 are the most"));
+        dir.create("file").unwrap().write_all(b"x").unwrap();
+        assert_eq!(dir.read("file", 9).unwrap(), b"x");
+        assert_eq!(dir.names().unwrap().len(), 7, "no parts are left");
+    }
+
+    #[test]
+    fn another_folder_that_takes_the_name_changes_nothing() {
+        let (top, dir) = full();
+        dir.write_whole("file", b"ours").unwrap();
+        fs::rename(top.path().join("a/run"), top.path().join("a/moved")).unwrap();
+        symlink("../elsewhere", top.path().join("a/run")).unwrap();
+        dir.write_whole("more", b"more").unwrap();
+        assert_eq!(dir.read("file", 9).unwrap(), b"ours");
+        assert!(top.path().join("a/moved/more").exists());
+        assert_eq!(fs::read_dir(top.path().join("elsewhere")).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn a_lock_is_held_by_one_process() {
+        let (_top, dir) = full();
+        let lock = || dir.lock("lock", FlockOperation::NonBlockingLockExclusive).unwrap();
+        let held = lock().expect("it is free");
+        assert!(lock().is_none());
+        drop(held);
+        assert!(lock().is_some());
+    }
+}
