@@ -13,7 +13,8 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use std::fmt::Write as _;
 
 use crate::difference::Difference;
-use crate::plan::{Axis, Plan, SEED};
+use crate::file::SEED;
+use crate::plan::{Axis, Plan};
 use crate::rate::Rate;
 use crate::sampling::Sampling;
 use crate::table::{Cell, Table};

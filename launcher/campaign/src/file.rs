@@ -40,12 +40,14 @@ use crate::hex::hex;
 use crate::random_faults::RandomFaults;
 use crate::sampling::{MAX_SOBOL, Sampling};
 use crate::tune::Tune;
-use crate::variation::{Factor, Values};
+use crate::variation::{Factor, Values, Wanted};
 
 /// The most flights of a campaign.
 const MAX_FLIGHTS: u64 = 10_000_000;
 /// The most samples.
 const MAX_SAMPLES: u64 = 1_000_000;
+/// The key that every flight has a value of.
+pub const SEED: &str = "run.seed";
 /// The name of the only controller where none is named.
 const ONLY: &str = "scenario";
 
@@ -136,8 +138,11 @@ impl Campaign {
         if controllers.is_empty() {
             controllers.push((ONLY.into(), base.clone()));
         }
-        let mut factors = Factor::all(&file.vary).with_context(|| origin.to_owned())?;
-        factors.extend(file.seeds.as_ref().map(seeds).transpose().with_context(|| origin.to_owned())?);
+        let mut wanted = Wanted::all(&file.vary).with_context(|| origin.to_owned())?;
+        wanted.extend(file.seeds.as_ref().map(seeds).transpose().with_context(|| origin.to_owned())?);
+        check_flights(&wanted, file.samples.unwrap_or(1), controllers.len()).with_context(|| origin.to_owned())?;
+        let factors = wanted.into_iter().map(Wanted::factor).collect::<anyhow::Result<_>>();
+        let mut factors: Vec<Factor> = factors.with_context(|| origin.to_owned())?;
         factors.sort_by(|a, b| a.key.cmp(&b.key));
         let campaign = Self { file, base, controllers, factors };
         campaign.check().with_context(|| origin.to_owned())?;
@@ -229,8 +234,6 @@ impl Campaign {
             self.sampling() != Sampling::Sobol || drawn <= dimensions && self.samples().unwrap_or(0) <= samples,
             "`sampling` = \"sobol\" has {samples} samples of {dimensions} settings at most; say \"latin-hypercube\" for more"
         );
-        let flights = self.flights();
-        ensure!(flights <= MAX_FLIGHTS, "{flights} flights: {MAX_FLIGHTS} are the most");
         for (i, Factor { key: whole, .. }) in self.factors.iter().enumerate() {
             for Factor { key, .. } in &self.factors[i + 1..] {
                 ensure!(key != whole, "`{key}` varies twice, by `seeds` and in [vary]: leave one of them away");
@@ -257,13 +260,23 @@ fn not_a_campaign(origin: &str, error: &toml::de::Error) -> anyhow::Error {
 }
 
 /// `seeds` as what varies.
-fn seeds(seeds: &Seeds) -> anyhow::Result<Factor> {
-    let all: Vec<u32> = match seeds {
-        Seeds::Count(count) => (1..=*count).collect(),
-        Seeds::List(list) => list.clone(),
+fn seeds(seeds: &Seeds) -> anyhow::Result<Wanted> {
+    let wanted = match seeds {
+        Seeds::Count(count) => Wanted::up_to(SEED, *count),
+        Seeds::List(list) => Wanted::listed(SEED, list.iter().map(|seed| Value::Integer((*seed).into())).collect()),
     };
-    ensure!(!all.is_empty(), "`seeds` without a seed: give how many, 1 or more");
-    Factor::listed("run.seed", all.into_iter().map(|seed| Value::Integer(seed.into())).collect())
+    ensure!(wanted.count() > 0, "`seeds` without a seed: give how many, 1 or more");
+    Ok(wanted)
+}
+
+/// Counts the flights before any value is made: billions of values would fill the memory.
+fn check_flights(wanted: &[Wanted], samples: u64, controllers: usize) -> anyhow::Result<()> {
+    let counts = wanted.iter().map(Wanted::count).chain([samples, controllers as u64]);
+    let flights = counts.fold(1, u64::saturating_mul);
+    let most = wanted.iter().max_by_key(|wanted| wanted.count());
+    let most = most.map_or(String::new(), |most| format!("; `{}` alone has {} values", most.key, most.count()));
+    ensure!(flights <= MAX_FLIGHTS, "{flights} flights: {MAX_FLIGHTS} are the most{most}");
+    Ok(())
 }
 
 /// What every flight of a campaign has.
@@ -319,6 +332,11 @@ mod tests {
             ),
             ("[vary]\n'initial.attitude_deg'.0 = [0, 5]\ninitial.attitude_deg.0 = [0, 6]", "varies twice"),
             ("seeds = 100\n[vary]\nmpc.np = { range = { from = 1, to = 9, steps = 1000000 } }", "are the most"),
+            (
+                "[vary]\nmpc.w = { range = { from = 0, to = 1, steps = 4000000000 } }",
+                "`mpc.w` alone has 4000000000 values",
+            ),
+            ("seeds = 4000000000", "`run.seed` alone has 4000000000 values"),
             ("[settings]\nmpc.npp = 3", "unknown key `mpc.npp`"),
             ("[controller.a]\nmpc.law = 'lqg'", "lqr"),
             ("[controller.a]\nmpc.np = 20\n[vary]\nmpc.np = [20, 30]", "[controller.a]"),

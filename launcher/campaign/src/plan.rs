@@ -12,14 +12,12 @@ use flight::settings;
 use rand::RngExt;
 use toml::Value;
 
-use crate::file::Campaign;
+use crate::file::{Campaign, SEED};
 use crate::random_faults::RandomFaults;
 use crate::sampling::{Points, Purpose, stream};
 use crate::table::{Cell, Kind};
 use crate::variation::{Factor, Values};
 
-/// The key that every flight has a value of.
-pub const SEED: &str = "run.seed";
 /// How many flights are looked at to find one that can be flown.
 const LOOKED_AT: u64 = 64;
 

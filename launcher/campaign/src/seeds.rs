@@ -2,8 +2,9 @@
 
 use anyhow::ensure;
 
+use crate::file::SEED;
 use crate::outcome;
-use crate::plan::{Plan, SEED};
+use crate::plan::Plan;
 
 /// As many pairs of flights that differ by their seed only are flown to find one that differs.
 const TRIED: u64 = 64;

@@ -28,6 +28,22 @@ pub enum Values {
     Drawn(Distribution),
 }
 
+/// One setting and what the file says of its values, before they are made: a few words can ask for billions of them.
+#[derive(Debug)]
+pub struct Wanted {
+    pub key: String,
+    values: WantedValues,
+}
+
+#[derive(Debug)]
+enum WantedValues {
+    Listed(Vec<Value>),
+    /// The whole numbers from 1 to this one.
+    UpTo(u32),
+    /// With the words of the file.
+    Varied(Variation, String),
+}
+
 /// `{ range = ... }` and the distributions, as the file has them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -68,41 +84,59 @@ pub enum Distribution {
     Choice(Vec<Value>),
 }
 
-impl Factor {
-    /// The factors of a table `[vary]`, by their keys in order.
+impl Wanted {
+    /// What a table `[vary]` asks for, by its keys in order.
     ///
     /// # Errors
     /// What is neither a list nor a variation, with its key.
     pub fn all(vary: &toml::Table) -> anyhow::Result<Vec<Self>> {
-        let mut factors = vec![];
-        collect("", vary, &mut factors)?;
-        factors.sort_by(|a, b| a.key.cmp(&b.key));
-        Ok(factors)
+        let mut wanted = vec![];
+        collect("", vary, &mut wanted)?;
+        wanted.sort_by(|a, b| a.key.cmp(&b.key));
+        Ok(wanted)
     }
 
-    /// The factor that flies each of `list`.
+    /// Each of `list`.
+    pub fn listed(key: &str, list: Vec<Value>) -> Self {
+        Self { key: key.to_owned(), values: WantedValues::Listed(list) }
+    }
+
+    /// The whole numbers from 1 to `count`.
+    pub fn up_to(key: &str, count: u32) -> Self {
+        Self { key: key.to_owned(), values: WantedValues::UpTo(count) }
+    }
+
+    /// How many values are flown, each with each of the other settings: 1 where they are drawn.
+    pub fn count(&self) -> u64 {
+        match &self.values {
+            WantedValues::Listed(list) => list.len() as u64,
+            WantedValues::UpTo(count) => (*count).into(),
+            WantedValues::Varied(Variation::Range(range), _) => range.steps.into(),
+            WantedValues::Varied(..) => 1,
+        }
+    }
+
+    /// Makes the values.
     ///
     /// # Errors
-    /// An empty list, or a value that stands in it twice: its flights would be counted twice.
-    pub fn listed(key: &str, list: Vec<Value>) -> anyhow::Result<Self> {
-        ensure!(!list.is_empty(), "`{key}`: an empty list; give the values to fly");
-        let mut seen = HashSet::new();
-        for value in &list {
-            ensure!(
-                seen.insert(identity(value)),
-                "`{key}` lists {value} twice: a copy of a flight is no evidence; leave one of them away"
-            );
-        }
-        Ok(Self { key: key.to_owned(), values: Values::Listed(list) })
+    /// An empty list, a value that stands in it twice (its flights would be counted twice), or a variation without sense.
+    pub fn factor(self) -> anyhow::Result<Factor> {
+        let key = self.key;
+        let values = match self.values {
+            WantedValues::Listed(list) => listed(&key, list)?,
+            WantedValues::UpTo(count) => Values::Listed((1..=count).map(|n| Value::Integer(n.into())).collect()),
+            WantedValues::Varied(variation, text) => variation.values().with_context(|| format!("`{key}` = {text}"))?,
+        };
+        Ok(Factor { key, values })
     }
 
     fn new(key: &str, value: &Value) -> anyhow::Result<Self> {
         check_elements(key)?;
         let values = match value {
-            Value::Array(list) => return Self::listed(key, list.clone()),
+            Value::Array(list) => WantedValues::Listed(list.clone()),
             Value::Table(_) => {
-                let variation: Variation = value.clone().try_into().with_context(|| format!("`{key}` = {value}"))?;
-                variation.values().with_context(|| format!("`{key}` = {value}"))?
+                let variation = value.clone().try_into().with_context(|| format!("`{key}` = {value}"))?;
+                WantedValues::Varied(variation, value.to_string())
             }
             _ => bail!(
                 "`{key}` = {value} in [vary] has one value: give a list of values, or {}; what all flights have in common \
@@ -112,6 +146,18 @@ impl Factor {
         };
         Ok(Self { key: key.to_owned(), values })
     }
+}
+
+fn listed(key: &str, list: Vec<Value>) -> anyhow::Result<Values> {
+    ensure!(!list.is_empty(), "`{key}`: an empty list; give the values to fly");
+    let mut seen = HashSet::new();
+    for value in &list {
+        ensure!(
+            seen.insert(identity(value)),
+            "`{key}` lists {value} twice: a copy of a flight is no evidence; leave one of them away"
+        );
+    }
+    Ok(Values::Listed(list))
 }
 
 /// Text that equal values have in common, of which 1 and 1.0 are two.
@@ -138,7 +184,7 @@ fn check_elements(key: &str) -> anyhow::Result<()> {
 }
 
 /// Goes down the tables of dotted keys to what varies.
-fn collect(path: &str, table: &toml::Table, factors: &mut Vec<Factor>) -> anyhow::Result<()> {
+fn collect(path: &str, table: &toml::Table, wanted: &mut Vec<Wanted>) -> anyhow::Result<()> {
     for (name, value) in table {
         let key = if path.is_empty() { name.clone() } else { format!("{path}.{name}") };
         match value {
@@ -148,9 +194,9 @@ fn collect(path: &str, table: &toml::Table, factors: &mut Vec<Factor>) -> anyhow
                     let is_slip = strsim::osa_distance(word, meant) <= MAX_SLIPS && !inner[word].is_table();
                     ensure!(!is_slip, "`{key}` in [vary]: unknown word `{word}`; did you mean `{meant}`?");
                 }
-                collect(&key, inner, factors)?;
+                collect(&key, inner, wanted)?;
             }
-            _ => factors.push(Factor::new(&key, value)?),
+            _ => wanted.push(Wanted::new(&key, value)?),
         }
     }
     Ok(())
@@ -250,7 +296,7 @@ mod tests {
     use super::*;
 
     fn factors(text: &str) -> anyhow::Result<Vec<Factor>> {
-        Factor::all(&text.parse().unwrap())
+        Wanted::all(&text.parse().unwrap())?.into_iter().map(Wanted::factor).collect()
     }
 
     fn drawn(text: &str) -> Distribution {
