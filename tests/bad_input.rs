@@ -113,3 +113,31 @@ fn an_earlier_run_in_the_folder_is_kept() {
     }
     assert!(out.join("run.json").exists() && folder.path().join("run.1").join("run.json").exists());
 }
+
+#[test]
+fn what_was_meant_is_offered_and_what_is_refused_is_not() {
+    let said = |arguments: &[&str]| {
+        let output = crate::harness::launcher().args(arguments).output().expect("the launcher runs");
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+        String::from_utf8_lossy(&output.stderr).into_owned()
+    };
+    let swap = said(&["swap", "mpc"]);
+    assert!(swap.contains("did you mean `attitude-mpc`?") && !swap.contains("`plant`"), "{swap}");
+    let turned = said(&["inject", "drop", "controls"]);
+    assert!(turned.contains("`launcher inject controls drop`"), "{turned}");
+    let unknown = said(&["inject", "nothing", "drop"]);
+    assert!(unknown.contains("`mpc`") && !unknown.contains("solver"), "{unknown}");
+    let shard = said(&["campaign", "campaigns/laws.toml", "--shard", "0"]);
+    assert!(shard.contains("1 or more") && !shard.contains("18446744073709551615"), "{shard}");
+    let campaign = said(&["campaign", "scenarios/wind.toml", "--plan"]);
+    assert!(campaign.contains("is a scenario, which `launcher fly scenarios/wind.toml` flies once"), "{campaign}");
+    let waypoints = "mission={ trajectory = \"waypoints\", waypoints_m = [[0, 0, 0], [1, 0, 0]], times_s = [3, 2] }";
+    let times = said(&["fly", "--set", waypoints]);
+    assert!(times.contains("does not rise") && !times.contains("leg of"), "{times}");
+    for verb in ["report", "replay", "explain", "trace"] {
+        for (run, expected) in [("docs", "is a folder without a log"), ("README.md", "is no log of a flight")] {
+            let said = said(&[verb, run]);
+            assert!(said.contains(expected) && said.contains("as `launcher fly` makes it"), "{verb} {run}: {said}");
+        }
+    }
+}

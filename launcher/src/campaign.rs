@@ -1,6 +1,7 @@
 //! `campaign`: many flights, on all cores of this machine or on a cluster, and what they amount to.
 
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 use std::sync::atomic::AtomicU32;
 
 use anyhow::{Context, bail, ensure};
@@ -40,7 +41,7 @@ pub struct CampaignArgs {
     #[arg(long, value_name = "FLIGHT", conflicts_with_all = ["slurm", "status", "collect", "shard"])]
     only: Option<u64>,
     /// How many flights a shard has, of which at most the ones begun are lost [default: 100]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "N", value_parser = one_or_more::<u64>)]
     shard: Option<u64>,
     /// Say how far the campaign is, and fly nothing
     #[arg(long, conflicts_with_all = ["slurm", "shard"])]
@@ -91,7 +92,7 @@ struct Cluster {
     #[arg(long, requires = "slurm")]
     time: Option<String>,
     /// Slurm: cores of a task
-    #[arg(long, requires = "slurm", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, requires = "slurm", default_value_t = 1, value_parser = one_or_more::<u32>)]
     cpus: u32,
     /// Slurm: the program that flies, as the nodes see it, instead of this one; words as in a shell
     #[arg(long, requires = "slurm", value_name = "COMMAND")]
@@ -99,6 +100,11 @@ struct Cluster {
     /// Slurm: submit and do not wait
     #[arg(long, requires = "slurm")]
     detach: bool,
+}
+
+/// A whole number above 0; the error of a range would name the largest number there is.
+fn one_or_more<T: FromStr + PartialOrd + From<u8>>(text: &str) -> Result<T, String> {
+    text.parse().ok().filter(|number| *number >= T::from(1)).ok_or_else(|| "give a whole number, 1 or more".to_owned())
 }
 
 /// Does what the arguments say; the exit code.

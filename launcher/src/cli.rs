@@ -17,6 +17,7 @@ use measure::Measure;
 use runtime::console::{eprint_line, print};
 use view::{report, trace};
 
+use crate::run_folder::with_hint;
 use crate::target::TargetArgs;
 use crate::{campaign, command, compare, fly, manage, replay, swap, tune};
 
@@ -119,11 +120,13 @@ fn run() -> ExitCode {
     let result = match cli.command {
         Command::Fly(args) => fly::fly(&args),
         Command::Check { scenario, set } => check(&scenario, &set),
-        Command::Report { run } => report(&run),
-        Command::Replay(args) => replay::replay(&args),
-        Command::Explain(args) => replay::explain(&args),
-        Command::Compare(args) => compare::compare(&args),
-        Command::Trace(args) => trace::trace(&args).map(|()| exit::FLOWN),
+        Command::Report { run } => report(&run).map_err(|error| with_hint(error, &[&run])),
+        Command::Replay(args) => replay::replay(&args).map_err(|error| with_hint(error, &[&args.run])),
+        Command::Explain(args) => replay::explain(&args).map_err(|error| with_hint(error, &[&args.run])),
+        Command::Compare(args) => compare::compare(&args).map_err(|error| with_hint(error, &args.runs)),
+        Command::Trace(args) => {
+            trace::trace(&args).map(|()| exit::FLOWN).map_err(|error| with_hint(error, &[&args.run]))
+        }
         Command::Status(args) => manage::status(&args).map(|()| exit::FLOWN),
         Command::Swap(args) => swap::swap(&args),
         Command::Inject(args) => command::inject(&args).map(|()| exit::FLOWN),
@@ -174,6 +177,8 @@ fn report(run: &Path) -> anyhow::Result<u8> {
     if let Some(missing) = report::rewrite(run)? {
         eprint_line(&format!("note: {missing}"));
     }
+    let page = if run.is_dir() { run.join("report.html") } else { run.with_file_name("report.html") };
+    print(&format!("written to {}\n", page.display()));
     Ok(exit::FLOWN)
 }
 

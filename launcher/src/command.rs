@@ -1,7 +1,7 @@
 //! `inject` and `clear`: break something in a flying stack, and end it.
 
 use anyhow::{Context, anyhow, bail};
-use contract::scenario::{Fault, check_sizes, suggest};
+use contract::scenario::{Fault, FaultKind, FaultTarget, check_sizes, suggest};
 use runtime::domain::Domain;
 use serde::de::DeserializeOwned;
 use serde_json::json;
@@ -68,6 +68,10 @@ pub struct ClearArgs {
 
 /// Gives a flying stack a fault.
 pub fn inject(args: &InjectArgs) -> anyhow::Result<()> {
+    let InjectArgs { target, kind, .. } = args;
+    if word::<FaultTarget>("target", kind).is_ok() && word::<FaultKind>("kind", target).is_ok() {
+        bail!("`{target}` is a kind and `{kind}` a target, which comes first: `launcher inject {kind} {target}`");
+    }
     let mut fault = Fault {
         ms: args.ms,
         value: args.value,

@@ -17,7 +17,7 @@ use view::comparison::Comparison;
 pub struct CompareArgs {
     /// Folders of two or more runs, or their flight.mcap
     #[arg(required = true, num_args = 2.., value_name = "RUN")]
-    runs: Vec<PathBuf>,
+    pub runs: Vec<PathBuf>,
     /// Where to write the page [default: compare.html beside the folder of the first run]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,

@@ -12,6 +12,7 @@
 //! | `compare` | `compare`: recorded flights side by side |
 //! | `campaign` | `campaign`: many flights, here or on a cluster |
 //! | `tune` | `tune`: gains for the controllers of a campaign |
+//! | `run_folder` | what a path is that was taken for a run |
 //! | `target` | which flight a command is for |
 
 mod campaign;
@@ -22,6 +23,7 @@ mod fly;
 mod manage;
 mod progress;
 mod replay;
+mod run_folder;
 mod swap;
 mod target;
 mod tune;

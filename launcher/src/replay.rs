@@ -30,7 +30,7 @@ that is not all of the flight; 2 usage, or a log of another version."
 )]
 pub struct ReplayArgs {
     /// Folder of the run, or its flight.mcap
-    run: PathBuf,
+    pub run: PathBuf,
     /// Fly only this node again, on what it had read: guidance, attitude-mpc, mixer or plant
     #[arg(long, value_name = "NODE")]
     node: Option<String>,
@@ -58,7 +58,7 @@ pub struct ReplayArgs {
 #[derive(clap::Args)]
 pub struct ExplainArgs {
     /// Folder of the run, or its flight.mcap
-    run: PathBuf,
+    pub run: PathBuf,
     /// Print the costs as JSON instead of the tables
     #[arg(long)]
     json: bool,

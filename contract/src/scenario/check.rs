@@ -235,18 +235,16 @@ fn check_mission(mission: &Mission, found: &mut Found) {
         format!("{} waypoints and {} times", waypoints_m.len(), times_s.len()),
         "at least two waypoints in `mission.waypoints_m`, and one time for each in `mission.times_s`",
     );
-    found.require(
-        times_s.is_sorted_by(|earlier, later| earlier < later),
-        &keys[..1],
-        "`mission.times_s` does not rise".into(),
-        "each time later than the one before",
-    );
+    let rises = times_s.is_sorted_by(|earlier, later| earlier < later);
+    found.require(rises, &keys[..1], "`mission.times_s` does not rise".into(), "each time later than the one before");
     if let Heading::Steps(steps) = &mission.heading_deg {
         check_steps("mission.heading_deg", &steps.iter().map(|step| step.0).collect::<Vec<_>>(), found);
     }
 
     let shortest_leg_s = match mission.trajectory {
         TrajectoryKind::Survey => SURVEY_LEG_S,
+        // The legs of times that do not rise are not worth a second message.
+        TrajectoryKind::Waypoints if !rises => f64::INFINITY,
         TrajectoryKind::Waypoints => times_s.windows(2).map(|leg| leg[1] - leg[0]).fold(f64::INFINITY, f64::min),
         TrajectoryKind::Hover | TrajectoryKind::Step | TrajectoryKind::Circle => f64::INFINITY,
     };

@@ -9,9 +9,10 @@
 //! A recorder has no trial: the old one ends as soon as the candidate records. `set`, `standby_s`, `watch_s` and `bounds`
 //! are refused for it.
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::Topic;
+use crate::scenario::words::named;
 
 /// One `[[swap]]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -68,7 +69,7 @@ impl Default for SwapBounds {
 }
 
 /// `swap.node`
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SwapNode {
     /// Refused: it is the vehicle.
@@ -134,6 +135,15 @@ impl SwapNode {
     /// As the file spells it.
     pub fn name(self) -> &'static str {
         self.topic().map_or("recorder", Topic::publisher)
+    }
+}
+
+impl<'de> Deserialize<'de> for SwapNode {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        use SwapNode as N;
+        let all = [N::Plant, N::Guidance, N::AttitudeMpc, N::Mixer, N::Recorder].map(|node| (node, node.name()));
+        // The plant is known, to be refused with the reason, and not offered.
+        named(&String::deserialize(from)?, &all, &["guidance", "attitude-mpc", "mixer", "recorder"])
     }
 }
 

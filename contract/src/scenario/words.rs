@@ -5,12 +5,15 @@ const MIN_LIKENESS: f64 = 0.7;
 /// Longer words are neither compared nor printed in full \[bytes\].
 const MAX_WORD_BYTES: usize = 80;
 
-/// The one of the `known` words most like `word`, if the likeness is large enough.
+/// The one of the `known` words most like `word`, if the likeness is large enough. A part of a word with hyphens is like it.
 pub fn nearest<'a>(word: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     if word.len() > MAX_WORD_BYTES {
         return None;
     }
-    let rated = known.map(|other| (strsim::jaro_winkler(word, other), other));
+    let likeness = |other: &str| {
+        if other.split('-').any(|part| part == word) { 1.0 } else { strsim::jaro_winkler(word, other) }
+    };
+    let rated = known.map(|other| (likeness(other), other));
     rated
         .max_by(|a, b| a.0.total_cmp(&b.0))
         .filter(|(likeness, _)| *likeness > MIN_LIKENESS)
@@ -26,6 +29,16 @@ pub fn suggest(message: &str) -> String {
         Some(nearest) => format!("{message}; did you mean `{nearest}`?"),
         None => message.to_owned(),
     }
+}
+
+/// The value of `all` that has this name, for a Serde enum that tells of other names than it takes.
+pub fn named<T: Copy, E: serde::de::Error>(
+    word: &str,
+    all: &[(T, &str)],
+    told: &'static [&'static str],
+) -> Result<T, E> {
+    let known = all.iter().find(|(_, name)| *name == word);
+    known.map(|(value, _)| *value).ok_or_else(|| E::unknown_variant(word, told))
 }
 
 /// `word`, cut where it is too long to print.
@@ -46,6 +59,7 @@ mod tests {
         let nearest = |word| nearest(word, known.into_iter());
         assert_eq!(nearest("iteration_cap"), Some("iteration-cap"));
         assert_eq!(nearest("atitude"), Some("attitude-mpc"));
+        assert_eq!(nearest("mpc"), Some("attitude-mpc"));
         assert_eq!([nearest("xyz"), nearest(""), nearest(&"rotor1".repeat(99))], [None; 3]);
         let message = "unknown variant `rotr2`, expected one of `rotor1`, `rotor2`";
         assert_eq!(suggest(message), format!("{message}; did you mean `rotor2`?"));

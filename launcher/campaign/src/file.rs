@@ -31,10 +31,11 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail, ensure};
 use contract::scenario::file::{MAX_TEXT_BYTES, read_text};
-use contract::scenario::{Given, suggest};
-use serde::{Deserialize, Serialize};
+use contract::scenario::{Given, Scenario, suggest, to_toml};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use sha2::{Digest, Sha256};
-use toml::{Table, Value};
+use toml::de::{DeTable, DeValue};
+use toml::{Spanned, Table, Value};
 
 use crate::hex::hex;
 use crate::random_faults::RandomFaults;
@@ -83,14 +84,18 @@ struct File {
     settings: Table,
     #[serde(default, skip_serializing_if = "Table::is_empty")]
     vary: Table,
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-    controller: BTreeMap<String, Table>,
+    #[serde(default, skip_serializing_if = "Controllers::is_empty")]
+    controller: Controllers,
     #[serde(skip_serializing_if = "Option::is_none")]
     random_faults: Option<RandomFaults>,
     /// No part of what is flown.
     #[serde(skip_serializing)]
     tune: Option<Tune>,
 }
+
+/// `[controller.NAME]`, in the order of the file.
+#[derive(Debug, Clone, Default)]
+struct Controllers(Vec<(String, Table)>);
 
 /// `seeds`
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -119,7 +124,8 @@ impl Campaign {
 
     /// The campaign of a text; its scenario is looked for from `folder` on.
     pub fn read(text: &str, origin: &str, name: &str, folder: &Path) -> anyhow::Result<Self> {
-        let mut file: File = toml::from_str(text).map_err(|error| not_a_campaign(origin, &error))?;
+        let mut file: File = toml::from_str(text).map_err(|error| not_a_campaign(origin, text, &error))?;
+        file.controller.put_in_order(text);
         let name = file.name.get_or_insert_with(|| name.to_owned());
         let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
         ensure!(
@@ -130,11 +136,11 @@ impl Campaign {
         let base = Given::load(scenario.as_deref(), &[])?.with(&file.settings, &format!("[settings] of {origin}"))?;
         let base = base.with(&in_process(), "")?;
         file.settings = base.table().clone();
-        let settings = |(name, own): (&String, &Table)| {
+        let settings = |(name, own): &(String, Table)| {
             Ok((name.clone(), base.with(own, &format!("[controller.{name}] of {origin}"))?))
         };
         let mut controllers: Vec<(String, Given)> =
-            file.controller.iter().map(settings).collect::<anyhow::Result<_>>()?;
+            file.controller.0.iter().map(settings).collect::<anyhow::Result<_>>()?;
         if controllers.is_empty() {
             controllers.push((ONLY.into(), base.clone()));
         }
@@ -246,7 +252,7 @@ impl Campaign {
                 key != "run.mode" && key != "name",
                 "`{key}` in [vary]: every flight of a campaign flies in process under the name of its number"
             );
-            for (name, own) in &self.file.controller {
+            for (name, own) in &self.file.controller.0 {
                 ensure!(find(own, key).is_none(), "`{key}` of [controller.{name}] varies too: leave one of them away");
             }
         }
@@ -254,9 +260,53 @@ impl Campaign {
     }
 }
 
+impl Controllers {
+    fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// Puts them in the order in which `text` has them; a table of TOML has none.
+    fn put_in_order(&mut self, text: &str) {
+        let Ok(file) = DeTable::parse(text) else { return };
+        let places: BTreeMap<&str, usize> = match file.get_ref().get("controller").map(Spanned::get_ref) {
+            Some(DeValue::Table(all)) => all.keys().map(|key| (key.get_ref().as_ref(), key.span().start)).collect(),
+            _ => return,
+        };
+        self.0.sort_by_key(|(name, _)| places.get(name.as_str()).copied());
+    }
+}
+
+impl Serialize for Controllers {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        to.collect_map(self.0.iter().map(|(name, settings)| (name, settings)))
+    }
+}
+
+impl<'de> Deserialize<'de> for Controllers {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        Ok(Self(BTreeMap::deserialize(from)?.into_iter().collect()))
+    }
+}
+
 /// Why it is no campaign, with the place.
-fn not_a_campaign(origin: &str, error: &toml::de::Error) -> anyhow::Error {
+fn not_a_campaign(origin: &str, text: &str, error: &toml::de::Error) -> anyhow::Error {
+    if is_scenario(text) {
+        return anyhow::anyhow!(
+            "{origin} is a scenario, which `launcher fly {origin}` flies once. A campaign is a file of its own that names the \
+             scenario, `scenario = \"PATH\"`, and says what varies: campaigns/ has some, docs/campaigns.md has the form"
+        );
+    }
     anyhow::anyhow!("{origin}: {}", suggest(error.to_string().trim_end()))
+}
+
+/// Whether a text has tables of a scenario and none of a campaign.
+fn is_scenario(text: &str) -> bool {
+    const OF_A_CAMPAIGN: [&str; 9] =
+        ["scenario", "seed", "seeds", "samples", "sampling", "settings", "vary", "controller", "random_faults"];
+    let Ok(table) = text.parse::<Table>() else { return false };
+    let known = to_toml(&Scenario::default()).parse::<Table>().unwrap_or_default();
+    let of_a_scenario = |key: &String| key != "name" && (known.contains_key(key) || key == "fault" || key == "swap");
+    table.keys().any(of_a_scenario) && !table.keys().any(|key| OF_A_CAMPAIGN.contains(&key.as_str()))
 }
 
 /// `seeds` as what varies.
@@ -314,9 +364,22 @@ mod tests {
     }
 
     #[test]
+    fn controllers_stand_in_the_order_of_the_file() {
+        let names = |campaign: &Campaign| campaign.controllers.iter().map(|(name, _)| name.clone()).collect::<Vec<_>>();
+        let campaign =
+            read("[controller.pid]\nmpc.law = 'pid'\n[controller.lqr]\nmpc.law = 'lqr'\n[controller.mpc]\n").unwrap();
+        assert_eq!(names(&campaign), ["pid", "lqr", "mpc"]);
+        assert_eq!(names(&read(&campaign.merged()).unwrap()), ["pid", "lqr", "mpc"]);
+    }
+
+    #[test]
     fn what_is_wrong_is_named_before_anything_is_flown() {
         for (text, expected) in [
             ("sample = 3", "samples"),
+            (
+                "profile = 'paper'\n[run]\nduration_s = 3.0",
+                "x.toml is a scenario, which `launcher fly x.toml` flies once",
+            ),
             ("samples = 3", "anything that is drawn"),
             ("samples = 0\n[vary]\nmpc.np = { integer = [20, 30] }", "1 or more"),
             ("[vary]\nmpc.np = { integer = [20, 30] }", "give `samples`"),

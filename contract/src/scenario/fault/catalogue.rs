@@ -12,12 +12,13 @@
 //! | clock, host | clock, host | offset, disk-full shm-removed |
 //! | intruder | a topic | second-publisher wrong-layout wrong-user |
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::Topic;
+use crate::scenario::words::named;
 
 /// `fault.target`
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FaultTarget {
     /// The process of the vehicle.
@@ -56,8 +57,7 @@ pub enum FaultTarget {
     Wind,
     /// What is carried, at the centre of mass.
     Payload,
-    /// The solver inside attitude-mpc.
-    #[serde(alias = "solver")]
+    /// The solver inside attitude-mpc; files may call it `solver`.
     Mpc,
     /// What one process reads of `CLOCK_MONOTONIC`.
     Clock,
@@ -187,6 +187,17 @@ impl FaultTarget {
         (Self::Host, "host"),
     ];
 
+    /// What an error offers.
+    const NAMES: [&'static str; 21] = {
+        let mut names = [""; 21];
+        let mut i = 0;
+        while i < names.len() {
+            names[i] = Self::ALL[i].1;
+            i += 1;
+        }
+        names
+    };
+
     /// As the file spells it.
     pub fn name(self) -> &'static str {
         Self::ALL[self as usize].1
@@ -229,6 +240,15 @@ impl FaultTarget {
             Self::Mpc => &[K::Infeasible, K::Nan, K::IterationCap],
             Self::Clock => &[K::Offset],
             Self::Host => &[K::DiskFull, K::ShmRemoved],
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for FaultTarget {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        match String::deserialize(from)?.as_str() {
+            "solver" => Ok(Self::Mpc),
+            word => named(word, &Self::ALL, &Self::NAMES),
         }
     }
 }

@@ -1,0 +1,101 @@
+//! What a path is that was taken for the folder of a run, and which one was probably meant.
+
+use std::fs::read_dir;
+use std::path::{Path, PathBuf};
+
+use anyhow::anyhow;
+use contract::scenario::file::MAX_LOG_BYTES;
+use flight::files;
+
+/// The log of a run.
+const LOG: &str = "flight.mcap";
+
+/// Adds to an error what is wrong with the first of `runs` that is no run, if that is what the error comes from.
+pub fn with_hint(error: anyhow::Error, runs: &[impl AsRef<Path>]) -> anyhow::Error {
+    let mut runs = runs.iter().map(AsRef::as_ref);
+    let Some((run, what)) = runs.find_map(|run| Some((run, misfit(run)?))) else { return error };
+    let likely = newest(run).map_or(String::new(), |run| format!("; the newest here is {}", run.display()));
+    anyhow!(
+        "{error:#}\nhelp: {} {what}. A run is a folder with {LOG} in it, as `launcher fly` makes it: runs/NAME-TIME{likely}",
+        run.display()
+    )
+}
+
+/// What is in the place of a run; `None` where there may be one.
+fn misfit(run: &Path) -> Option<&'static str> {
+    let has = |name: &str| run.join(name).symlink_metadata().is_ok();
+    match () {
+        () if run.symlink_metadata().is_err() => Some("is not there"),
+        () if run.is_dir() && has(LOG) => None,
+        () if has("layout.toml") => Some(
+            "is the folder of a campaign, whose flights have no logs; `launcher campaign FILE --only N` flies one with its log",
+        ),
+        () if has("run.json") => Some("is a run without a log, flown with --no-log"),
+        () if run.is_dir() => Some("is a folder without a log"),
+        () if run.extension().is_some_and(|extension| extension == "toml") => {
+            Some("is a file of settings, which `launcher fly` flies")
+        }
+        () if !is_log(run) => Some("is no log of a flight"),
+        () => None,
+    }
+}
+
+/// Whether a file begins as a log does; what cannot be read may be one.
+fn is_log(path: &Path) -> bool {
+    use std::io::Read;
+    let Ok((mut file, _)) = files::open(path, MAX_LOG_BYTES) else { return true };
+    let mut head = [0; 8];
+    file.read_exact(&mut head).is_ok() && head == *b"\x89MCAP0\r\n"
+}
+
+/// The run that was last written to, of those in `place` and in the folder `runs` here and there.
+fn newest(place: &Path) -> Option<PathBuf> {
+    let folders = [place.to_owned(), place.join("runs"), PathBuf::from("runs")];
+    let runs =
+        folders.iter().flat_map(|folder| read_dir(folder).into_iter().flatten().flatten()).map(|entry| entry.path());
+    let when = |run: PathBuf| Some((run.join(LOG).symlink_metadata().ok()?.modified().ok()?, run));
+    runs.filter_map(when).max().map(|(_, run)| run)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+
+    #[test]
+    fn what_is_no_run_is_named_with_the_run_that_may_be_meant() {
+        let top = tempfile::tempdir().unwrap();
+        let at = |name: &str| top.path().join(name);
+        let said = |name: &str| with_hint(anyhow!("cannot read it"), &[at(name)]).to_string();
+        for folder in ["runs/a-1", "none", "campaign", "unlogged"] {
+            fs::create_dir_all(at(folder)).unwrap();
+        }
+        for (file, text) in [
+            ("runs/a-1/flight.mcap", &b"\x89MCAP0\r\n"[..]),
+            ("campaign/layout.toml", b""),
+            ("unlogged/run.json", b""),
+            ("survey.toml", b""),
+            ("note.txt", b"x"),
+        ] {
+            fs::write(at(file), text).unwrap();
+        }
+        assert!(said("").contains("the newest here is ") && said("").contains("runs/a-1"), "{}", said(""));
+        for (name, expected) in [
+            ("nowhere", "is not there"),
+            ("none", "is a folder without a log"),
+            ("campaign", "--only N"),
+            ("unlogged", "--no-log"),
+            ("survey.toml", "`launcher fly` flies"),
+            ("note.txt", "is no log of a flight"),
+        ] {
+            assert!(
+                said(name).starts_with("cannot read it\nhelp: ") && said(name).contains(expected),
+                "{}",
+                said(name)
+            );
+        }
+        assert_eq!(said("runs/a-1"), "cannot read it");
+        assert_eq!(said("runs/a-1/flight.mcap"), "cannot read it");
+    }
+}
