@@ -42,11 +42,16 @@ fn status_shows_every_node_of_a_flight() {
         assert_eq!([&seen["node"], &seen["epoch"], &seen["restarts"]], [&Value::from(node), &1.into(), &0.into()]);
         assert!(seen["pid"].as_u64() > Some(1) && seen["tick"].as_u64() > Some(10), "{seen}");
         assert!(seen["behind"].is_u64() && seen["age_ms"].is_number(), "{seen}");
-        assert!(seen["refused"]["range"].is_u64(), "{seen}");
+        assert!(seen["refused"]["range"].is_u64() && seen["misses"].is_u64(), "{seen}");
     }
     assert_eq!(view["events"], serde_json::json!([]));
-    let text = launcher().arg("status").output().expect("status runs").stdout;
+    assert!(view["position_error_m"].as_f64() < Some(1.0) && view["mixer"].is_string(), "{view}");
+    let of = |name: &str| launcher().args(["status", "--namespace", name]).output().expect("status runs");
+    let (text, other) = (of(&ns).stdout, of("wtb-nobody-flies-here"));
     let text = String::from_utf8(text).expect("text");
+    assert!(text.contains("position error") && !text.contains("epochstandby"), "{text}");
+    let said = String::from_utf8_lossy(&other.stderr).into_owned();
+    assert!(other.status.code() == Some(2) && said.contains("no stack is flying in namespace"), "{said}");
     assert!(text.contains(&ns) && text.contains("attitude-mpc") && text.contains("restarts"), "{text}");
     assert_eq!(flight.finish().code(), Some(0));
 }

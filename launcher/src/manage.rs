@@ -21,6 +21,9 @@ const WATCH: Duration = Duration::from_millis(500);
 /// Arguments of `status`.
 #[derive(clap::Args)]
 pub struct StatusArgs {
+    /// Only this stack
+    #[arg(long)]
+    namespace: Option<String>,
     /// Print JSON; with --watch, one document per line
     #[arg(long)]
     json: bool,
@@ -33,9 +36,13 @@ pub struct StatusArgs {
 pub fn status(args: &StatusArgs) -> anyhow::Result<()> {
     let mut looked = false;
     loop {
-        let stacks: Vec<Value> = Domain::list().iter().map(look).collect();
+        let is_meant = |domain: &&Domain| args.namespace.as_ref().is_none_or(|name| domain.namespace() == *name);
+        let stacks: Vec<Value> = Domain::list().iter().filter(is_meant).map(look).collect();
+        if let Some(name) = args.namespace.as_ref().filter(|_| stacks.is_empty() && !args.watch) {
+            bail!("no stack is flying in namespace '{name}'; `launcher status` lists those that do");
+        }
         let text = match args {
-            StatusArgs { json: true, watch: true } => serde_json::to_string(&stacks)? + "\n",
+            StatusArgs { json: true, watch: true, .. } => serde_json::to_string(&stacks)? + "\n",
             StatusArgs { json: true, .. } => serde_json::to_string_pretty(&stacks)? + "\n",
             _ if stacks.is_empty() => "no stack is flying\n".to_owned(),
             _ => stacks.iter().map(describe).collect::<Vec<_>>().join("\n"),

@@ -261,6 +261,9 @@ impl Stack {
                 let (stamp, topic) = (record.stamp(), record.topic() as usize);
                 newest = newest.max(stamp.tick);
                 run.newest_ns[topic] = run.newest_ns[topic].max(stamp.publish_ns[topic]);
+                if stamp.is_delivered() {
+                    run.newest[topic] = Some(*record);
+                }
             }
             run.driver.observe(record);
             if let Some(archive) = archive {

@@ -17,10 +17,15 @@ pub fn describe(view: &Value) -> String {
     let time = format!("t = {:.2} s of {:.0} s", number(&view["time_s"]), number(&view["duration_s"]));
     let [namespace, name, mode, phase] = ["namespace", "name", "mode", "phase"].map(|key| word(&view[key]));
     line(format!("{namespace}: {name}, {mode}, {phase}, {time}, launcher {}", word(&view["launcher_pid"])));
+    if let Some(error_m) = view["position_error_m"].as_f64() {
+        let misses: u64 = list(&view["nodes"]).iter().filter_map(|node| node["misses"].as_u64()).sum();
+        let mixer = word(&view["mixer"]);
+        line(format!("  position error {error_m:.3} m   mixer: {mixer}   deadlines missed: {misses}"));
+    }
     let nodes = list(&view["nodes"]);
     if !nodes.is_empty() {
-        let head = ["node", "epoch", "standby", "pid", "ticks", "behind", "age ms", "restarts", "refused"];
-        line(row(head.map(str::to_owned)));
+        let head = ["node", "epoch", "standby", "pid", "ticks", "behind", "age ms", "misses", "restarts"];
+        line(row(&head.map(str::to_owned)));
     }
     for view in nodes {
         line(node(view));
@@ -47,14 +52,17 @@ fn node(view: &Value) -> String {
     }
     let age = format!("{:.1}", number(&view["age_ms"]));
     let standby = if view["standby"].is_null() { "-".into() } else { word(&view["standby"]) };
-    let [node, epoch, pid, tick, behind, restarts] =
-        ["node", "epoch", "pid", "tick", "behind", "restarts"].map(|key| word(&view[key]));
-    let refused = refused(&view["refused"]).map(|(_, count)| count).sum::<u64>().to_string();
-    row([node, epoch, standby, pid, tick, behind, age, restarts, refused])
+    let [node, epoch, pid, tick, behind, misses, restarts] =
+        ["node", "epoch", "pid", "tick", "behind", "misses", "restarts"].map(|key| word(&view[key]));
+    row(&[node, epoch, standby, pid, tick, behind, age, misses, restarts])
 }
 
-fn row([node, epoch, standby, pid, tick, behind, age, restarts, refused]: [String; 9]) -> String {
-    format!("  {node:<13}{epoch:>6}{standby:>7}{pid:>9}{tick:>9}{behind:>7}{age:>8}{restarts:>9}{refused:>8}")
+/// The cells of a row, each with a blank before it.
+fn row(cells: &[String; 9]) -> String {
+    const WIDTHS: [usize; 9] = [12, 5, 7, 7, 8, 6, 7, 6, 8];
+    let first = |cell: &String| format!(" {cell:<12}");
+    let rest = cells.iter().zip(WIDTHS).skip(1).map(|(cell, width)| format!(" {cell:>width$}"));
+    cells.first().map(first).into_iter().chain(rest).collect()
 }
 
 /// The causes that have happened, and how often.
@@ -97,13 +105,13 @@ mod tests {
     fn the_table_fits_a_terminal_and_tells_what_was_refused() {
         let node = |name: &str| {
             json!({ "node": name, "epoch": 12345, "standby": 12346, "pid": 4_194_304, "tick": 17_280_000, "behind": 123,
-                "age_ms": 10123.4, "restarts": 123, "refused": { "range": 5, "epoch": 0, "late": 12 } })
+                "age_ms": 10123.4, "misses": 999_999, "restarts": 123, "refused": { "range": 5, "epoch": 0, "late": 12 } })
         };
         let event = json!({ "at_s": 86_399.99, "node": "attitude-mpc", "epoch": 12345, "what": "intruder-refused" });
         let fault = json!({ "at_s": 1.0, "for_s": 0.123_456, "target": "attitude-mpc", "kind": "kill" });
         let view = json!({
             "namespace": "n".repeat(60), "name": "survey", "mode": "realtime", "phase": "flying", "time_s": 86_399.99,
-            "duration_s": 86400.0, "launcher_pid": 4_194_304, "nodes": [node("attitude-mpc"), node("plant")],
+            "duration_s": 86400.0, "position_error_m": 1.5, "mixer": "last demand held", "launcher_pid": 4_194_304, "nodes": [node("attitude-mpc"), node("plant")],
             "faults": [fault], "events": [event],
         });
         let text = describe(&view);
@@ -112,7 +120,12 @@ mod tests {
             text.contains("attitude-mpc refused: range 5, late 12\n") || text.contains("late 12, range 5"),
             "{text}"
         );
-        assert_eq!(text.lines().count(), 1 + 1 + 2 + 2 + 1 + 1, "{text}");
+        assert!(
+            text.contains("position error 1.500 m   mixer: last demand held   deadlines missed: 1999998\n"),
+            "{text}"
+        );
+        assert!(text.contains(" epoch standby "), "{text}");
+        assert_eq!(text.lines().count(), 1 + 1 + 1 + 2 + 2 + 1 + 1, "{text}");
         assert!(text.contains("...\n") && !text.contains('\x1b'), "{text}");
     }
 }

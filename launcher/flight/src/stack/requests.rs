@@ -4,8 +4,10 @@ use std::collections::BTreeMap;
 
 use contract::fault_schedule::{MAX_LIVE_FAULTS, MAX_SENSOR_DELAY_MS};
 use contract::guard::Refusal;
+use contract::message::mixer_flags;
 use contract::scenario::{Fault, FaultKind, FaultTarget, Mode, Swap, SwapNode, check_fault, check_swaps};
 use contract::topic::Topic;
+use guidance::Trajectory;
 use runtime::domain::Domain;
 use runtime::realtime::{now_ns, phase};
 use serde_json::{Value, json};
@@ -18,6 +20,7 @@ use crate::control::server::Server;
 use crate::control::{Request, Response};
 use crate::event::{Event, Sender, What, events};
 use crate::limits::{ANSWER_EVENTS, STATUS_EVENTS};
+use crate::log::Record;
 
 /// The socket of a run, and what was ordered through it.
 pub struct Requests {
@@ -83,10 +86,35 @@ fn status(run: &Run) -> Value {
     let (tick, sample_s) = (run.page.plant_tick(), run.scenario.sample_s());
     let at_work = |fault: &&Fault| fault.is_active(tick, sample_s) && !fault.is_momentary();
     json!({
+        "position_error_m": position_error_m(run),
+        "mixer": run.newest[Topic::Actuators as usize].map(|record| rung(&record)),
         "nodes": Topic::ALL.map(|topic| node_status(run, topic)),
         "faults": run.scenario.fault.iter().filter(at_work).collect::<Vec<_>>(),
         "events": events(&run.scenario, run.events.iter().skip(run.events.len().saturating_sub(STATUS_EVENTS))),
     })
+}
+
+/// How far the vehicle is from its trajectory, as of the newest sample.
+fn position_error_m(run: &Run) -> Option<f64> {
+    let Some(Record::State(state)) = &run.newest[Topic::State as usize] else { return None };
+    let wanted = Trajectory::new(&run.scenario.mission).at(run.time_s(state.stamp.tick)).position_m;
+    let squares = wanted.iter().zip(state.actual.position_m).map(|(wanted, is)| (wanted - is) * (wanted - is));
+    Some(squares.sum::<f64>().sqrt())
+}
+
+/// The step of the mixer's fallback ladder that a command is from; `on demand` is the one on which nothing is missing.
+fn rung(record: &Record) -> &'static str {
+    let Record::Actuators(actuators) = record else { return "?" };
+    let rungs = [
+        (mixer_flags::TERMINATED, "terminated"),
+        (mixer_flags::DISARMED, "disarmed"),
+        (mixer_flags::CUT, "thrust cut"),
+        (mixer_flags::TRIM_ONLY, "trim only"),
+        (mixer_flags::DESCENDING, "descending"),
+        (mixer_flags::LEVELLED, "levelled"),
+        (mixer_flags::HELD, "last demand held"),
+    ];
+    rungs.iter().find(|(flag, _)| actuators.flags & flag != 0).map_or("on demand", |(_, name)| name)
 }
 
 /// How one node is: ticks are those it has done, counted from the first of the run.
@@ -105,6 +133,7 @@ fn node_status(run: &Run, topic: Topic) -> Value {
         "tick": done,
         "behind": done.map(|done| run.page.samples_taken().saturating_sub(done)),
         "age_ms": (sent_ns > 0).then(|| now_ns().saturating_sub(sent_ns) as f64 / 1e6),
+        "misses": run.newest[topic as usize].map(|record| record.stamp().misses),
         "restarts": run.events.iter().filter(is_restart).count(),
         "refused": refused(&Refusal::ALL.map(|r| role.refused[r as usize].get())),
     })

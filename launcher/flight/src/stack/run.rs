@@ -12,6 +12,7 @@ use rustix::process::Signal as Unix;
 
 use super::children::{Children, SpawnRequest};
 use crate::event::Event;
+use crate::log::Record;
 use crate::roles::driver::{Driver, Order};
 use crate::roles::lockstep::Lockstep;
 use crate::roles::realtime::Realtime;
@@ -28,6 +29,8 @@ pub struct Run {
     pub events: Vec<Event>,
     /// When the newest message of each topic was sent \[ns\].
     pub newest_ns: [u64; Topic::COUNT],
+    /// The newest message of each topic that was delivered.
+    pub newest: [Option<Record>; Topic::COUNT],
 }
 
 impl Run {
@@ -44,6 +47,7 @@ impl Run {
             scenario: scenario.clone(),
             events: vec![],
             newest_ns: [0; Topic::COUNT],
+            newest: [None; Topic::COUNT],
         }
     }
 
