@@ -4,7 +4,7 @@ use contract::Scenario;
 use contract::exit;
 use contract::guard::Refusal;
 use contract::message::PlantStatus;
-use contract::scenario::{Mode, TrajectoryKind};
+use contract::scenario::{Mode, Policy, Scheduling, TrajectoryKind};
 use contract::topic::NODES;
 use runtime::port::PortFailure;
 use serde_json::{Value, json};
@@ -170,21 +170,38 @@ fn by_node<const N: usize>(counts: &[(&str, [u32; N])], causes: [&str; N]) -> Va
     counts.iter().map(|(node, counts)| ((*node).to_owned(), by_cause(counts))).collect()
 }
 
-/// Scheduling class and memory lock that the kernel gave the processes; `None` where they did not ask for any.
-fn granted(scenario: &Scenario, provenance: &Value) -> Option<String> {
+/// Scheduling class and memory lock that the kernel gave the processes, and where that is less than they asked for, what would
+/// give it, in lines; none where no process could have any.
+fn granted(scenario: &Scenario, provenance: &Value) -> Vec<String> {
     let nodes: Vec<&Value> = NODES.iter().filter_map(|node| provenance["scheduling"].get(node)).collect();
     if scenario.run.mode != Mode::Realtime || nodes.is_empty() {
-        return None;
+        return vec![];
     }
+    let asked: Vec<Scheduling> = (0..NODES.len()).map(|rank| scenario.realtime.of(rank)).collect();
+    let asked_fifo = asked.iter().filter(|asked| asked.policy == Policy::Fifo).count();
+    let asked_lock = asked.iter().filter(|asked| asked.lock_memory).count();
     let fifo = nodes.iter().filter(|node| node["policy"] == "fifo").count();
     let locked = nodes.iter().filter(|node| node["locked_kb"].as_u64() > Some(0)).count();
+    let [lacks_fifo, lacks_lock] = [fifo < asked_fifo, locked < asked_lock];
     let class = match fifo {
-        0 => "SCHED_OTHER, for want of privilege or by the scenario".to_owned(),
+        0 if lacks_fifo => "SCHED_OTHER for want of privilege".to_owned(),
+        0 => "SCHED_OTHER, as the scenario has it".to_owned(),
         4 => "SCHED_FIFO".to_owned(),
-        some => format!("SCHED_FIFO for {some} of 4 nodes"),
+        some => format!("SCHED_FIFO for {some} of 4 nodes{}", if lacks_fifo { " for want of privilege" } else { "" }),
     };
-    let memory = if locked == nodes.len() { "locked" } else { "not locked (needs `ulimit -l unlimited`)" };
-    Some(format!("{class}; memory {memory}"))
+    let memory = match () {
+        () if locked == nodes.len() => "locked",
+        () if lacks_lock => "not locked for want of privilege",
+        () => "not locked, as the scenario has it",
+    };
+    let capabilities = match (lacks_fifo, lacks_lock) {
+        (false, false) => return vec![format!("{class}; memory {memory}")],
+        (true, true) => "cap_sys_nice,cap_ipc_lock",
+        (true, false) => "cap_sys_nice",
+        (false, true) => "cap_ipc_lock",
+    };
+    let program = provenance["command"][0].as_str().unwrap_or("target/release/launcher");
+    vec![format!("{class}; memory {memory}:"), format!("`sudo setcap {capabilities}+ep {program}` gives it")]
 }
 
 /// How the flight met the ground at its end, or "in the air"; nothing where there is none.
@@ -223,7 +240,9 @@ pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
     let m = summary.metrics();
     let mut text = format!("{}: {}\n", scenario.name, describe_outcome(summary, scenario, how));
     let mut line = |label: &str, value: String| {
-        let _ = writeln!(text, "  {label:<22}{value}"); // a String takes everything
+        for (i, part) in wrapped(&value).into_iter().enumerate() {
+            let _ = writeln!(text, "  {:<22}{part}", if i == 0 { label } else { "" }); // a String takes everything
+        }
     };
     let [max, rms, last] = [m.max_position_error_m, m.rms_position_error_m, m.final_position_error_m];
     line("position error", format!("{max:.4} m max, {rms:.4} m RMS, {last:.4} m at the end"));
@@ -242,8 +261,12 @@ pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
         line("phases", all.join(", "));
     }
     line("solver", summary.solves.describe());
-    for fault in summary.faults.describe(&how.events) {
-        line("fault", fault);
+    let faults = summary.faults.describe(&how.events);
+    for fault in faults.iter().take(TOLD_FAULTS) {
+        line("fault", fault.clone());
+    }
+    if faults.len() > TOLD_FAULTS {
+        line("", format!("and {} more: `faults` in run.json and the report have all", faults.len() - TOLD_FAULTS));
     }
     for events in describe_events(&how.events, scenario.sample_s()) {
         line("events", events);
@@ -257,8 +280,8 @@ pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
         let error = if log.error.is_some() { "; it is not whole" } else { "" }; // the cause stands on stderr
         line("log", format!("{} records{dropped}{error}", log.records));
     }
-    if let Some(granted) = granted(scenario, &how.provenance) {
-        line("real time", granted);
+    for (i, granted) in granted(scenario, &how.provenance).into_iter().enumerate() {
+        line(if i == 0 { "real time" } else { "" }, granted);
     }
     // In real time no flight repeats another.
     let hash = summary.state_hash().unwrap_or_else(|| "none: messages were not seen".into());
@@ -281,16 +304,37 @@ pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
     text
 }
 
-/// One line on every process to which something happened: what, how often, when, and the last reason told.
+/// Faults that the terminal tells one by one.
+const TOLD_FAULTS: usize = 10;
+/// Columns of what stands beside a label on the terminal.
+const COLUMNS: usize = 96;
+
+/// A text in lines of [`COLUMNS`], broken at blanks; all but the first are moved in by two.
+fn wrapped(text: &str) -> Vec<String> {
+    let mut lines: Vec<String> = vec![];
+    for word in text.split(' ') {
+        match lines.last_mut() {
+            Some(line) if line.chars().count() + 1 + word.chars().count() <= COLUMNS => {
+                line.extend([" ", word]);
+            }
+            Some(_) => lines.push(format!("  {word}")),
+            None => lines.push(word.to_owned()),
+        }
+    }
+    lines
+}
+
+/// One line on every process to which something happened: when, what, how often, and the last reason told.
 fn describe_events(events: &[Event], sample_s: f64) -> Vec<String> {
     let describe = |(node, group): (String, Vec<&Event>)| {
         let words = grouped(group.iter().map(|event| (name(event.what).replace('-', " "), *event)))
             .into_iter()
             .map(|(word, all)| if all.len() == 1 { word } else { format!("{word} {} times", all.len()) });
         let why = group.iter().rev().find_map(|event| event.why.as_ref());
-        let why = why.map_or(String::new(), |why| format!(": {why}"));
+        let why = why.map_or(String::new(), |why| format!("; last: {why}"));
         let [first_s, last_s] = [0, group.len() - 1].map(|i| group[i].tick as f64 * sample_s);
-        format!("{node} {} from {first_s:.2} to {last_s:.2} s{why}", words.collect::<Vec<_>>().join(", "))
+        let when = if first_s < last_s { format!("{first_s:.2} to {last_s:.2} s") } else { format!("{first_s:.2} s") };
+        format!("{node}, {when}: {}{why}", words.collect::<Vec<_>>().join(", "))
     };
     let who = |(event, is_of_candidate): (&Event, bool)| {
         if is_of_candidate { format!("candidate of {}", event.node) } else { event.node.clone() }
@@ -320,6 +364,37 @@ mod tests {
     use super::*;
 
     #[test]
+    fn long_lines_are_broken_at_blanks_and_lose_nothing() {
+        let text = ["word"; 60].join(" ") + " " + &"x".repeat(200);
+        let lines = wrapped(&text);
+        assert!(lines.len() > 3 && lines.iter().rev().skip(1).all(|line| line.chars().count() <= COLUMNS), "{lines:?}");
+        assert_eq!(lines.join(" ").split_whitespace().collect::<Vec<_>>().join(" "), text);
+        assert_eq!(wrapped("short  and as it was"), ["short  and as it was"]);
+    }
+
+    #[test]
+    fn what_the_kernel_did_not_grant_is_told_with_what_would_give_it() {
+        let told = |policy: &str, locked_kb: u64, scenario: &Scenario| {
+            let node = json!({ "policy": policy, "locked_kb": locked_kb });
+            let nodes: serde_json::Map<String, Value> =
+                NODES.iter().map(|name| ((*name).into(), node.clone())).collect();
+            granted(scenario, &json!({ "scheduling": nodes, "command": ["./launcher"] })).join("\n")
+        };
+        let mut scenario = Scenario::default();
+        scenario.run.mode = Mode::Realtime;
+        assert_eq!(told("fifo", 9, &scenario), "SCHED_FIFO; memory locked");
+        assert_eq!(
+            told("other", 0, &scenario),
+            "SCHED_OTHER for want of privilege; memory not locked for want of privilege:\n\
+             `sudo setcap cap_sys_nice,cap_ipc_lock+ep ./launcher` gives it"
+        );
+        assert!(told("fifo", 0, &scenario).ends_with("`sudo setcap cap_ipc_lock+ep ./launcher` gives it"));
+        (scenario.realtime.policy, scenario.realtime.lock_memory) = (Policy::Other, false);
+        let by_scenario = "SCHED_OTHER, as the scenario has it; memory not locked, as the scenario has it";
+        assert_eq!(told("other", 0, &scenario), by_scenario);
+    }
+
+    #[test]
     fn events_are_told_process_by_process() {
         let events = [
             Event::new(200, "mixer", 1, What::Died),
@@ -331,16 +406,12 @@ mod tests {
         let told = describe_events(&events, 0.01);
         assert_eq!(
             told,
-            [
-                "mixer died 2 times, started, took over from 2.00 to 3.00 s: signal 9",
-                "guidance hung from 2.01 to 2.01 s"
-            ]
+            ["mixer, 2.00 to 3.00 s: died 2 times, started, took over; last: signal 9", "guidance, 2.01 s: hung"]
         );
         assert!(describe_events(&[], 0.01).is_empty());
         let candidate = Event::new(400, "mixer", 3, What::Started).begins(Some(0));
         let swapped = [Event::new(390, "mixer", 1, What::Died), candidate, Event::new(401, "mixer", 3, What::Died)];
-        let expected = ["mixer died from 3.90 to 3.90 s", "candidate of mixer started, died from 4.00 to 4.01 s"]
-            .map(str::to_owned);
+        let expected = ["mixer, 3.90 s: died", "candidate of mixer, 4.00 to 4.01 s: started, died"].map(str::to_owned);
         assert_eq!(describe_events(&swapped, 0.01), expected);
     }
 }

@@ -9,8 +9,8 @@ use crate::recorded::Recorded;
 
 /// With more disturbed ticks the page only says how they are looked into: a flight is flown again for each.
 const MOST_TICKS: usize = 50;
-/// Samples flown again for all of them, at most: so many flights of a minute at 100 Hz.
-const MOST_SAMPLES: usize = 6_001 * MOST_TICKS;
+/// Samples flown again for all of them, at most: ten flights of a minute at 100 Hz, which take a second or two.
+const MOST_SAMPLES: usize = 6_001 * 10;
 
 /// Messages of a log that is flown again for the page, at most: a recording is held in memory, with 4.5 kB a tick.
 const MOST_MESSAGES: u64 = 80_000;
