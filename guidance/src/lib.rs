@@ -19,9 +19,10 @@
 //! setting; with all of them off this is the paper's controller. Test `val_closed_loop_cases` flies both.
 //!
 //! Without a usable state of the tick the last reference is repeated, integrators and observer stand still, and the
-//! first state afterwards counts as one period: however long the silence, it comes back without a bump, and after a long
-//! one by small steps ([`reentry`]). A state of a vehicle whose thrust is cut is no more usable than none: no reference
-//! moves it, and neither integrators nor observer have anything to learn.
+//! first state afterwards counts as one period for the integrators: however long the silence, it comes back without a
+//! bump, and after a long one by small steps ([`reentry`]). The observer takes the time of a short gap as it was, and a
+//! silence as one period: it does not know the attitude meanwhile. A state of a vehicle whose thrust is cut is no more
+//! usable than none: no reference moves it, and neither integrators nor observer have anything to learn.
 
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "a test asks the platform for a second opinion"))]
 
@@ -68,6 +69,8 @@ struct Lapse {
     elapsed_s: f64,
     /// As integrals count it: a silence is one period, and so is the first sample \[s\].
     counted_s: f64,
+    /// As the observer counts it: a long silence and one in which the thrust was cut are one period.
+    believed_periods: u64,
 }
 
 impl Guidance {
@@ -99,8 +102,11 @@ impl Guidance {
     /// without.
     pub fn step(&mut self, tick: u64, state: &State) -> Reference {
         let before = self.memory;
-        if state.stamp.sequence == 0 || state.stamp.tick < tick || is_cut(state) {
+        if state.stamp.sequence == 0 || state.stamp.tick < tick {
             return self.repeat(&before, guidance_flags::STALE);
+        }
+        if is_cut(state) {
+            return self.repeat(&Memory { cut: 1, ..before }, guidance_flags::STALE);
         }
         let m = &state.measured;
         let measured = [m.position_m, m.velocity_mps, m.attitude_rad, m.rates_radps];
@@ -118,7 +124,7 @@ impl Guidance {
             return self.repeat(&before, guidance_flags::BAD_INPUT);
         }
         self.memory.tick = OptionalTick::some(state.stamp.tick);
-        self.memory.silent = 0;
+        (self.memory.silent, self.memory.cut) = (0, 0);
         self.memory.reference = reference;
         reference
     }
@@ -143,11 +149,16 @@ impl Guidance {
     fn follow(&mut self, state: &State, periods: u64) -> Reference {
         let t_s = state.stamp.tick as f64 * self.sample_s;
         let elapsed_s = periods as f64 * self.sample_s;
-        let counts = periods > 0 && self.memory.silent == 0 && !reentry::is_silence(elapsed_s);
-        if reentry::is_silence(elapsed_s) {
+        let is_silence = reentry::is_silence(elapsed_s);
+        if is_silence {
             self.memory.back = OptionalTick::some(state.stamp.tick);
         }
-        let lapse = Lapse { elapsed_s, counted_s: if counts { elapsed_s } else { self.sample_s } };
+        let counts = periods > 0 && self.memory.silent == 0 && !is_silence;
+        let lapse = Lapse {
+            elapsed_s,
+            counted_s: if counts { elapsed_s } else { self.sample_s },
+            believed_periods: if is_silence || self.memory.cut == 1 { 1 } else { periods },
+        };
         let setpoint = self.trajectory.at(t_s);
         let heading_rad = self.heading.at(t_s);
         let attitude = Vector3::from(state.measured.attitude_rad);
@@ -200,7 +211,7 @@ impl Guidance {
         setpoint: &Setpoint,
         state: &State,
         velocity_ned: &Vector3<f64>,
-        Lapse { elapsed_s, counted_s }: Lapse,
+        Lapse { elapsed_s, counted_s, .. }: Lapse,
     ) -> ([Vector3<f64>; 3], bool) {
         let error = Vector3::from(setpoint.position_m) - Vector3::from(state.measured.position_m);
         let derivative = match self.settings.derivative {
@@ -223,8 +234,12 @@ impl Guidance {
             return Vector2::zeros();
         }
         let tilt = Vector2::new(attitude.x - self.roll_trim_rad, attitude.y);
-        let gain = (bandwidth * lapse.counted_s).min(1.0);
-        self.memory.observer.update(velocity_ned, &tilt, attitude.z, self.g_mps2, gain, lapse.elapsed_s)
+        let step = observer::Step {
+            elapsed_s: lapse.elapsed_s,
+            gain: (bandwidth * self.sample_s).min(1.0),
+            periods: lapse.believed_periods,
+        };
+        self.memory.observer.update(velocity_ned, &tilt, attitude.z, self.g_mps2, step)
     }
 
     /// What the reference of `tick` may be.

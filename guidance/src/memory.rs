@@ -15,6 +15,8 @@ pub struct Memory {
     pub tick: OptionalTick,
     /// 1 when the last step had no state to use, else 0.
     pub silent: u64,
+    /// 1 when the thrust was cut since the newest state answered, else 0.
+    pub cut: u64,
     /// Tick of the first state after the last silence to come back from.
     pub back: OptionalTick,
     /// Position error of the newest state answered, NED \[m\].
@@ -28,5 +30,5 @@ pub struct Memory {
 }
 
 impl Layout for Memory {
-    const NAME: [u8; 8] = *b"guidanc3";
+    const NAME: [u8; 8] = *b"guidanc4";
 }
