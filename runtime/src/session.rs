@@ -97,11 +97,13 @@ impl NodeSession {
     }
 
     /// In lockstep there is no deadline to keep, and a ring that never sleeps would starve the processes that watch it:
-    /// it does not enter the real-time class.
+    /// it does not enter the real-time class. The launcher has put it on one CPU, unless it is told another.
     fn wait_for_start(&mut self) -> Result<(), SessionError> {
         let Member { page, topic, epoch, release, timing, .. } = &self.member;
-        if let Release::Timer { .. } = release {
-            realtime::enter(&self.scenario.realtime.of(*topic as usize));
+        let scheduling = self.scenario.realtime.of(*topic as usize);
+        match release {
+            Release::Timer { .. } => realtime::enter(&scheduling),
+            Release::Barrier | Release::Recording => realtime::pin(&scheduling.affinity),
         }
         self.ports.probe(|| page.role(*topic).ready.set(*epoch))?;
         timing.warm_up();

@@ -10,7 +10,8 @@ pub struct Realtime {
     pub policy: Policy,
     /// `SCHED_FIFO` priority of the plant; every node downstream has one more than the one before it.
     pub priority: u32,
-    /// CPUs it may run on; empty = all.
+    /// CPUs it may run on. Empty = all against the clock; in lockstep, whose ring is sequential, one for all nodes, which
+    /// the launcher chooses.
     pub affinity: Vec<usize>,
     /// Lock the process's memory.
     pub lock_memory: bool,

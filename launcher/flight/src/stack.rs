@@ -13,6 +13,7 @@
 //! | `archive` | the recorder, its role and what it has written |
 //! | `rest` | what the launcher writes when a recorder has died |
 //! | `requests`, `swaps` | what users ask while it flies; the times that swaps took |
+//! | `one_cpu` | the CPU of a flight in lockstep |
 //! | `host`, `files` | what happens around the processes: intruders, files in shared memory |
 //! | `surroundings` | what is needed of the system, before the start |
 //! | `end` | how a flight can end |
@@ -22,6 +23,7 @@ pub(crate) mod children;
 mod end;
 mod files;
 mod host;
+mod one_cpu;
 mod requests;
 mod rest;
 mod run;

@@ -95,8 +95,8 @@ pub fn shortage() -> Option<String> {
     }
 }
 
-/// Keeps this process on the given CPUs; where the kernel refuses (a CPU that is not there) it stays where it may be.
-fn pin(affinity: &[usize]) {
+/// Keeps this process on the given CPUs, if any; where the kernel refuses (a CPU that is not there) it stays where it may be.
+pub fn pin(affinity: &[usize]) {
     if !affinity.is_empty() {
         let mut cpus = CpuSet::new();
         affinity.iter().filter(|cpu| **cpu < CpuSet::MAX_CPU).for_each(|cpu| cpus.set(*cpu));

@@ -69,7 +69,7 @@ impl Program {
             page.role(each).assign(0, |_| Assignment { active: 1, standby: 0 });
             page.role(each).offer(1);
         }
-        let children = Children::new(domain.clone());
+        let children = Children::new(domain.clone(), None);
         let request = SpawnRequest { topic: Some(topic), epoch: 1, program: Some(program), ..SpawnRequest::default() };
         let mut started = Self {
             topic,

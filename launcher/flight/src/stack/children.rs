@@ -21,6 +21,7 @@ use rustix::process::{Pid, PidfdFlags, Signal, WaitId, WaitIdOptions, kill_proce
 use rustix::time::Timespec;
 
 use super::end::ChildExit;
+use super::one_cpu::OneCpu;
 use crate::event::{self, Event};
 use crate::limits::{CLEAN_UP_LIMIT, SAY_AFTER};
 use crate::own_program;
@@ -68,6 +69,8 @@ fn name_of(topic: Option<Topic>) -> &'static str {
 /// All children of a run. Dropping it kills those that are left.
 pub struct Children {
     domain: Domain,
+    /// Where the nodes are kept; the recorder, which the ring does not wait for, is not.
+    one_cpu: Option<OneCpu>,
     /// Those that have not been seen to end.
     pub all: Vec<Process>,
     /// How many events the recorder was told of.
@@ -76,8 +79,8 @@ pub struct Children {
 }
 
 impl Children {
-    pub fn new(domain: Domain) -> Self {
-        Self { domain, all: vec![], told: 0, cleaners: vec![] }
+    pub fn new(domain: Domain, one_cpu: Option<OneCpu>) -> Self {
+        Self { domain, one_cpu, all: vec![], told: 0, cleaners: vec![] }
     }
 
     pub fn spawn(&mut self, request: &SpawnRequest) -> anyhow::Result<()> {
@@ -103,6 +106,9 @@ impl Children {
         // In a group of its own a Ctrl-C in the terminal does not reach it: the launcher then stops the nodes in order.
         let cannot = || format!("cannot start {}", program.unwrap_or(name));
         let child = command.process_group(0).spawn().with_context(cannot)?;
+        if let Some(one_cpu) = self.one_cpu.as_ref().filter(|_| topic.is_some()) {
+            one_cpu.confine(&child);
+        }
         let pidfd = Pid::from_raw(child.id() as i32).and_then(|pid| pidfd_open(pid, PidfdFlags::empty()).ok());
         let never_waits = child.stdin.as_ref().map_or(Ok(()), event::never_wait);
         self.all.push(Process { topic, epoch, child, killed: false, pidfd });

@@ -11,6 +11,7 @@ use runtime::realtime::ControlPage;
 use rustix::process::Signal as Unix;
 
 use super::children::{Children, SpawnRequest};
+use super::one_cpu::OneCpu;
 use crate::event::Event;
 use crate::log::Record;
 use crate::roles::driver::{Driver, Order};
@@ -39,8 +40,9 @@ impl Run {
             Mode::Realtime => Box::new(Realtime::new(scenario, page.clone())),
             Mode::Lockstep | Mode::Inprocess => Box::new(Lockstep::new(scenario, page.clone())),
         };
+        let one_cpu = (scenario.run.mode == Mode::Lockstep).then(OneCpu::take).flatten();
         Self {
-            children: Children::new(domain.clone()),
+            children: Children::new(domain.clone(), one_cpu),
             domain,
             page,
             driver,
