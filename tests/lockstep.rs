@@ -59,3 +59,20 @@ fn a_run_repeats_from_its_folder_alone() {
     let again = fly(&[settings.to_str().expect("a plain path")]);
     assert_eq!(first.state_hash(), again.state_hash());
 }
+
+#[test]
+fn nodes_share_a_cpu_unless_they_are_given_others() {
+    let affinities = |more: &[&str]| {
+        let outcome = fly(&[&["--mode", "lockstep", "--set", "run.duration_s=0.2"], more].concat());
+        assert_eq!(outcome.code(), Some(0), "{}", outcome.stderr);
+        let scheduling = outcome.run()["provenance"]["scheduling"].clone();
+        ["plant", "guidance", "attitude-mpc", "mixer", "recorder"]
+            .map(|process| scheduling[process]["affinity"].clone())
+    };
+    let [plant, guidance, mpc, mixer, recorder] = affinities(&[]);
+    assert!(plant.as_str().is_some_and(|cpus| cpus.parse::<usize>().is_ok()), "{plant} is one CPU");
+    assert_eq!([&guidance, &mpc, &mixer], [&plant; 3]);
+    let [plant, _, _, mixer, _] = affinities(&["--set", "realtime.affinity=[0, 1]"]);
+    assert_eq!(plant, mixer);
+    assert!(plant == "0-1" || recorder == "0", "{plant} where {recorder} are there");
+}
