@@ -9,7 +9,7 @@ use std::process::{Command, Output};
 use runtime::domain::Domain;
 use runtime::port::bytes_needed;
 
-use crate::harness::{AS_NOBODY, Flight, has_root, launcher, namespace, shared_memory_of, skip, wait_until};
+use crate::harness::{AS_NOBODY, Flight, has_root, launcher, namespace, shared_memory_of, skip, top, wait_until};
 use crate::processes::{kill, start_flying};
 
 /// A flight that no timing disturbs; `$OUT` is a folder that everybody may write to.
@@ -153,7 +153,14 @@ fn a_flight_says_what_memory_it_needs_and_has_enough_of_64_megabytes() {
     }
     let code = "|| { echo code $?; ls -A $OUT /dev/shm; }";
     let small = words(&with_memory("size=20m", &format!("{FLY} --out $OUT/run {code}")));
-    let need_mb = bytes_needed(100).div_ceil(1 << 20);
+    let [need_mb, fast_mb] = [100, 500].map(|rate_hz| bytes_needed(rate_hz).div_ceil(1 << 20));
+    for (page, words) in [
+        ("README.md", [format!("needs {need_mb} MB free in `/dev/shm`"), format!("{fast_mb} MB at\n500 Hz")]),
+        ("docs/security.md", [format!("asks for {need_mb} MB before"), format!("above it is {fast_mb} MB")]),
+    ] {
+        let text = std::fs::read_to_string(top().join(page)).unwrap();
+        assert!(words.iter().all(|words| text.contains(words)), "{page} says something else than {words:?}");
+    }
     assert!(small.contains(&format!("a flight needs {need_mb} MB")) && small.contains("MB free"), "{small}");
     assert!(small.contains("code 2") && !small.contains("run\n") && !small.contains("trefoil-"), "{small}");
     let crowded = words(&with_memory("nr_inodes=100", &format!("{FLY} --out $OUT/run {code}")));

@@ -31,6 +31,11 @@ fn as_user(limit: &'static str) -> Vec<&'static str> {
     ["prlimit", limit].into_iter().chain(AS_NOBODY.split(' ')).collect()
 }
 
+/// An ordinary user of whom no other flight is.
+fn alone(limit: &'static str, user: &'static str) -> Vec<&'static str> {
+    vec!["prlimit", limit, "setpriv", user, "--regid=65534", "--clear-groups"]
+}
+
 fn without(capability: &'static str, dropped: &'static str) -> Vec<&'static str> {
     vec!["prlimit", "--memlock=8388608", "setpriv", capability, dropped]
 }
@@ -60,6 +65,14 @@ fn cases() -> Vec<(&'static str, Vec<&'static str>, Must)> {
         ("umask 077", sh("umask 077; exec \"$@\""), Fly),
         ("a locale with commas", vec!["env", "LC_ALL=de_DE.UTF-8", "LC_NUMERIC=de_DE.UTF-8"], Fly),
         ("one CPU", vec!["taskset", "-c", "0"], Fly),
+        ("256 KiB of stack", vec!["prlimit", "--stack=262144"], Say("raise the limit (`ulimit -s`)")),
+        ("20 MB of data", vec!["prlimit", "--data=20000000"], Say("raise the limit (`ulimit -d`)")),
+        ("40 MB of address space", vec!["prlimit", "--as=40000000"], Say("raise the limit (`ulimit -v`)")),
+        ("files of no byte", vec!["prlimit", "--fsize=0"], Say("raise the limit (`ulimit -f`)")),
+        ("no thread", alone("--nproc=2", "--reuid=64321"), Say("allow more processes (`ulimit -u`)")), // the launcher, and `timeout` around it
+        ("too few processes", alone("--nproc=5", "--reuid=64322"), Say("allow this user more processes (`ulimit -u`)")),
+        ("threads of a petabyte", vec!["env", "RUST_MIN_STACK=999999999999999"], Say("unset RUST_MIN_STACK")),
+        ("threads of nonsense", vec!["env", "RUST_MIN_STACK=much"], Fly),
     ]
 }
 
@@ -109,7 +122,7 @@ fn judge(must: Must, came: &Came) -> Result<String, String> {
         Ok(format!("flown, {error_m:.4} m, {}, memory {memory}", mixer["policy"].as_str().unwrap_or("?")))
     };
     let refused = |word: &str| -> Result<String, String> {
-        let says = came.said.contains(word);
+        let says = came.said.contains(word) && !came.said.contains("backtrace") && !came.said.contains("panicked");
         let first = came.said.lines().find(|line| line.contains("error") || line.contains("topic")).unwrap_or_default();
         let told = matches!(came.code, Some(2 | 3)) && says;
         if told { Ok(format!("refused: {first}")) } else { Err(format!("exit {:?}: {}", came.code, came.said)) }

@@ -9,9 +9,9 @@ use contract::exit;
 use contract::scenario;
 use runtime::console;
 use runtime::process::run_as;
-use runtime::realtime::reset_signals;
+use runtime::realtime::{reset_signals, tell_of_crashes};
 
-use flight::stack::StartError;
+use flight::stack::{StartError, check_memory};
 use flight::{intruder, recorder, settings};
 use measure::Measure;
 use runtime::console::{eprint_line, print};
@@ -111,6 +111,11 @@ pub fn main() -> ExitCode {
 
 fn run() -> ExitCode {
     reset_signals();
+    tell_of_crashes();
+    if let Err(error) = check_memory() {
+        console::eprint_line(&format!("error: {error}"));
+        return console::finish(exit::USAGE);
+    }
     // Started as the file that runs, the kernel would call it `exe`. Fails for no name of this length.
     let _ = rustix::thread::set_name(c"launcher");
     let cli = match Cli::try_parse() {

@@ -8,7 +8,6 @@ use clap::ValueEnum;
 use contract::Scenario;
 use contract::exit;
 use contract::scenario::{self, Mode};
-use rustix::io::Errno;
 use rustix::process::{Resource, getrlimit};
 
 use crate::progress::Progress;
@@ -87,7 +86,7 @@ pub fn fly(args: &FlyArgs) -> anyhow::Result<u8> {
 /// The same with settings that are there.
 pub fn fly_scenario(mut scenario: Scenario, args: &FlyArgs) -> anyhow::Result<u8> {
     let interrupts = catch_interrupts()?;
-    let out = Folder::prepare(args.out.as_deref(), &scenario)?;
+    let out = Folder::prepare(args.out.as_deref(), &scenario).map_err(with_file_limit)?;
     let log = (!args.no_log).then(|| out.path.join("flight.mcap"));
 
     let ordered = scenario.clone();
@@ -169,7 +168,7 @@ fn fly_inprocess(
     summary: &mut Summary,
     interrupts: &AtomicU32,
 ) -> anyhow::Result<Circumstances> {
-    let mut log = log.map(|path| CountedLog::create(path, scenario)).transpose()?;
+    let mut log = log.map(|path| CountedLog::create(path, scenario)).transpose().map_err(with_file_limit)?;
     let started = Instant::now();
     let flown = inprocess::fly(scenario, |record| {
         summary.observe(record);
@@ -227,11 +226,12 @@ fn fly_processes(
 /// The kernel refuses a file that is too large in words that do not say why.
 fn with_file_limit(error: anyhow::Error) -> anyhow::Error {
     let is_too_large = |cause: &(dyn std::error::Error + 'static)| {
-        let io = cause.downcast_ref::<std::io::Error>();
-        io.is_some_and(|io| io.raw_os_error() == Some(Errno::FBIG.raw_os_error()))
+        cause.downcast_ref::<std::io::Error>().is_some_and(|io| io.kind() == std::io::ErrorKind::FileTooLarge)
     };
     match getrlimit(Resource::Fsize).current.filter(|_| error.chain().any(is_too_large)) {
-        Some(bytes) => error.context(format!("no file may be larger than {} kB here (`ulimit -f`)", bytes / 1024)),
+        Some(bytes) => {
+            error.context(format!("no file may be larger than {} kB here; raise the limit (`ulimit -f`)", bytes / 1024))
+        }
         None => error,
     }
 }

@@ -2,6 +2,7 @@
 
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
+use std::thread;
 
 use anyhow::Context;
 use contract::exit;
@@ -14,6 +15,7 @@ static LAST_WORDS: Mutex<Option<String>> = Mutex::new(None);
 /// Counts Ctrl-C, SIGTERM and SIGHUP: the first stops the flight cleanly, the second kills the processes, the third
 /// ends the launcher on the spot (the next flight then wipes what it left in shared memory).
 pub fn catch_interrupts() -> anyhow::Result<Arc<AtomicU32>> {
+    thread::Builder::new().spawn(|| ()).with_context(no_thread)?; // else nothing here would say why
     let count = Arc::new(AtomicU32::new(0));
     let handler = count.clone();
     let interrupt = move || {
@@ -36,4 +38,15 @@ pub fn end_at_once(words: String) {
     if let Ok(mut last) = LAST_WORDS.lock() {
         *last = Some(words);
     }
+}
+
+/// Says what may keep a thread from being started, and what to do.
+fn no_thread() -> String {
+    let stack = match std::env::var_os("RUST_MIN_STACK") {
+        Some(bytes) => {
+            format!("unset RUST_MIN_STACK, which asks for a stack of {} bytes, or ", bytes.to_string_lossy())
+        }
+        None => String::new(),
+    };
+    format!("cannot start a thread: {stack}allow more processes (`ulimit -u`) or memory (`ulimit -v`, `ulimit -d`)")
 }

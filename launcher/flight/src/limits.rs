@@ -9,10 +9,16 @@ use runtime::limits::OBSERVER_S;
 /// The launcher and the recorder have about fifty files open, and four more for every process that is replaced before
 /// what it left is cleared away.
 pub const FILES_NEEDED: u64 = 128;
+/// Smallest stack of the main thread \[bytes\]: a node touches a quarter of that before its loop.
+pub const STACK_NEEDED: u64 = 1 << 20;
+/// Smallest limit on the memory of a process \[bytes\]; a flight in one process needs half of it.
+pub const MEMORY_NEEDED: u64 = 64 << 20;
 /// How long children may take to be ready before the flight.
 pub const JOIN_LIMIT: Duration = Duration::from_secs(10);
 /// How long a node, or an intruder, may take to leave.
 pub const LEAVE_LIMIT: Duration = Duration::from_secs(1);
+/// How long a process that was killed may take to end; one that the kernel keeps (frozen, or in a device) is left behind.
+pub const KILL_LIMIT: Duration = Duration::from_secs(5);
 /// The recorder looks every two milliseconds; one that is stopped is not waited for.
 pub const CATCH_UP_LIMIT: Duration = Duration::from_secs(1);
 /// The recorder may have a slow disk to empty its last chunk to.

@@ -52,6 +52,7 @@ pub use end::{Ended, StartError, refused};
 use host::Host;
 use requests::Requests;
 use run::Run;
+pub use surroundings::check_memory;
 
 use crate::event::{Event, What};
 use crate::limits::{JOIN_LIMIT, LEAVE_LIMIT};

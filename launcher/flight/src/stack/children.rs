@@ -3,6 +3,7 @@
 //! Each has a process group of its own, which has the processes that it starts in turn: they get the same signals, and do not
 //! outlive it.
 
+use std::io::ErrorKind;
 use std::os::fd::{BorrowedFd, OwnedFd};
 use std::os::unix::process::CommandExt;
 use std::path::Path;
@@ -23,7 +24,7 @@ use rustix::time::Timespec;
 use super::end::ChildExit;
 use super::one_cpu::OneCpu;
 use crate::event::{self, Event};
-use crate::limits::{CLEAN_UP_LIMIT, SAY_AFTER};
+use crate::limits::{CLEAN_UP_LIMIT, KILL_LIMIT, SAY_AFTER};
 use crate::own_program;
 use crate::provenance::status_of;
 use runtime::console::eprint_line;
@@ -104,8 +105,12 @@ impl Children {
             }
         }
         // In a group of its own a Ctrl-C in the terminal does not reach it: the launcher then stops the nodes in order.
-        let cannot = || format!("cannot start {}", program.unwrap_or(name));
-        let child = command.process_group(0).spawn().with_context(cannot)?;
+        let child = command.process_group(0).spawn().map_err(|error| {
+            let cannot = format!("cannot start {}", program.unwrap_or(name));
+            let is_crowded = error.kind() == ErrorKind::WouldBlock;
+            let raise = if is_crowded { "; allow this user more processes (`ulimit -u`)" } else { "" };
+            anyhow::Error::new(error).context(format!("{cannot}{raise}"))
+        })?;
         if let Some(one_cpu) = self.one_cpu.as_ref().filter(|_| topic.is_some()) {
             one_cpu.confine(&child);
         }
@@ -220,11 +225,23 @@ fn ended(child: &mut Child) -> Option<ExitStatus> {
     child.try_wait().ok().flatten()
 }
 
-/// Kills `child` with its group, if it has one, and waits for its end.
-fn kill(child: &mut Child) {
-    if ended(child).is_none() {
-        let _ = kill_process_group(Pid::from_child(child), Signal::KILL);
-        let _ = child.kill();
-        let _ = child.wait();
+/// Kills `child` with its group, if it has one, and waits for its end; one that does not end is left behind.
+pub fn kill(child: &mut Child) {
+    if ended(child).is_some() {
+        return;
+    }
+    let _ = kill_process_group(Pid::from_child(child), Signal::KILL);
+    let _ = child.kill();
+    let started = Instant::now();
+    let mut told = false;
+    while ended(child).is_none() && started.elapsed() < KILL_LIMIT {
+        if !told && started.elapsed() > SAY_AFTER {
+            told = true;
+            let (limit_s, pid) = (KILL_LIMIT.as_secs(), child.id());
+            eprint_line(&format!(
+                "waiting up to {limit_s} s for process {pid}, which was killed and does not end: is it frozen, or in a device?"
+            ));
+        }
+        std::thread::sleep(Duration::from_millis(1));
     }
 }

@@ -16,7 +16,7 @@ use runtime::domain::Domain;
 use runtime::port;
 use serde_json::json;
 
-use super::children::{Children, wait};
+use super::children::{Children, kill, wait};
 use super::files::{Files, Loss};
 use crate::event::{Event, What};
 use crate::intruder::{LET_IN, REFUSED, SENT};
@@ -149,10 +149,6 @@ impl Host {
 
 impl Drop for Host {
     fn drop(&mut self) {
-        for Intruder { child, .. } in &mut self.intruders {
-            // Fails for those that have ended already, which is what is wanted.
-            let _ = child.kill();
-            let _ = child.wait();
-        }
+        self.intruders.iter_mut().for_each(|intruder| kill(&mut intruder.child));
     }
 }

@@ -2,10 +2,25 @@
 
 use std::path::Path;
 
-use crate::limits::FILES_NEEDED;
+use crate::limits::{FILES_NEEDED, MEMORY_NEEDED, STACK_NEEDED};
 use anyhow::{bail, ensure};
 use runtime::port::bytes_needed;
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+
+/// Refuses to run with so little stack or memory that the process would crash on its way, and says why.
+pub fn check_memory() -> anyhow::Result<()> {
+    for (resource, needed, what, raise) in [
+        (Resource::Stack, STACK_NEEDED, "stack", "ulimit -s"),
+        (Resource::Data, MEMORY_NEEDED, "data", "ulimit -d"),
+        (Resource::As, MEMORY_NEEDED, "address space", "ulimit -v"),
+    ] {
+        if let Some(most) = getrlimit(resource).current.filter(|most| *most < needed) {
+            let [most_kb, needed_kb] = [most, needed].map(|bytes| bytes / 1024);
+            bail!("a process may have {most_kb} kB of {what} here, and needs {needed_kb}; raise the limit (`{raise}`)");
+        }
+    }
+    Ok(())
+}
 
 /// Refuses to fly at `rate_hz` where it cannot go well, and says why. Raises the limit on open files where that is enough.
 pub fn check(rate_hz: u32) -> anyhow::Result<()> {
