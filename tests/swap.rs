@@ -226,5 +226,8 @@ fn a_program_that_ends_at_once_is_named_as_the_candidate() {
         said.starts_with("hover-gusts: flown to the end, 2.00 s, but the swap of attitude-mpc at 1.00 s was rejected"),
         "{said}"
     );
-    assert!(said.contains("candidate of attitude-mpc, 1.00 s: started, ") && !said.contains("attitude-mpc failed"), "{said}");
+    assert!(
+        said.contains("candidate of attitude-mpc, 1.00 s: started, ") && !said.contains("attitude-mpc failed"),
+        "{said}"
+    );
 }
