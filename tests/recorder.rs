@@ -241,6 +241,30 @@ fn a_flight_whose_recorder_and_launcher_were_killed_is_reported_from_all_that_wa
 }
 
 #[test]
+fn a_recorder_that_dies_four_times_is_given_up_with_what_was_recorded_until_then() {
+    let ns = namespace();
+    let flight = Flight::start(&ns, &["--mode", "realtime", "--set", "run.duration_s=5.0"]);
+    wait_until_it_flies(&ns);
+    for epoch in 1..=4 {
+        wait_until("the next recorder has joined", || {
+            flight.out.join("flight.mcap").exists() && {
+                let part = log::part(&flight.out.join("flight.mcap"), epoch);
+                part.metadata().is_ok_and(|part| part.len() > 0) && !processes_named(&ns, "recorder").is_empty()
+            }
+        });
+        kill("-KILL", &[process_of(&ns, "recorder")]);
+    }
+    let outcome = flight.finish();
+    assert_eq!(outcome.code(), Some(3), "{}", outcome.stderr);
+    let (run, log) = (outcome.run(), log::read(&outcome.out.join("flight.mcap")).expect("the log reads"));
+    let there = log.states.len() + log.references.len() + log.controls.len() + log.actuators.len();
+    let dropped = run["log"]["dropped"].as_u64().expect("a number");
+    assert!(dropped > 0 && log.complete(), "{dropped}");
+    check_whole(&log.states);
+    assert!(there > 0 && outcome.stderr.contains("nobody was left to record the flight"), "{}", outcome.stderr);
+}
+
+#[test]
 fn a_killed_launcher_leaves_a_log_up_to_its_last_tick() {
     let ns = namespace();
     let flight = Flight::start(&ns, &["--mode", "realtime"]);

@@ -136,8 +136,6 @@ pub fn main(namespace: &str, epoch: u32, path: &Path) -> ExitCode {
 fn record(namespace: &str, epoch: u32, path: &Path) -> anyhow::Result<LogOutcome> {
     let launcher = getppid();
     die_with_launcher(namespace)?;
-    // Not at once: it has a log to close when the launcher is gone, and the nodes with it.
-    set_parent_process_death_signal(None)?;
     let (mut ports, scenario) = Ports::join(namespace)?;
     // The file first: a recorder that has joined is one that can write.
     let mut log = CountedLog::create_part(path, &scenario, &run_of(namespace)?)?;
@@ -146,6 +144,8 @@ fn record(namespace: &str, epoch: u32, path: &Path) -> anyhow::Result<LogOutcome
     let page = ports.page.clone();
     let role = &page.recorder;
     ports.probe(|| role.ready.set(epoch))?;
+    // From now on it has a log to close when the launcher is gone, and the nodes with it.
+    set_parent_process_death_signal(None)?;
     loop {
         let closing = page.phase.count() >= phase::CLOSE || role.active() > epoch || getppid() != launcher;
         let mut newest = 0;

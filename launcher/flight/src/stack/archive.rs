@@ -135,7 +135,8 @@ impl Archive {
         }
         let sent = Topic::ALL.map(|topic| u64::from(run.page.role(topic).sent_by_all.get())).iter().sum();
         let active = run.page.recorder.active();
-        if !self.outcomes.contains_key(&active) {
+        // Of one that was given up the rest is written, and what was sent since is not recorded.
+        if !self.outcomes.contains_key(&active) && !self.role.given_up() {
             self.write_rest(run);
         }
         self.rest.finish();
