@@ -161,7 +161,7 @@ pub fn launcher() -> Command {
 }
 
 /// Waits until `condition` holds, no longer than ten seconds.
-pub fn wait_until(what: &str, condition: impl Fn() -> bool) {
+pub fn wait_until(what: &str, mut condition: impl FnMut() -> bool) {
     let deadline = Instant::now() + Duration::from_secs(10);
     while !condition() {
         assert!(Instant::now() < deadline, "timed out: {what}");

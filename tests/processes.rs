@@ -5,7 +5,7 @@
 use std::os::unix::fs::PermissionsExt;
 use std::process::Command;
 
-use crate::harness::{Flight, fly, launcher, namespace, shared_memory_of, wait_until};
+use crate::harness::{Flight, fly, launcher, namespace, shared_memory_of, skip, wait_until};
 
 /// Numbers of the processes whose command line names `namespace`.
 pub fn processes_of(namespace: &str) -> Vec<i32> {
@@ -54,6 +54,44 @@ pub fn wait_until_it_flies(namespace: &str) {
         let stacks: serde_json::Value = serde_json::from_slice(&status.stdout).expect("status prints JSON");
         stacks.as_array().into_iter().flatten().any(|s| s["namespace"] == namespace && s["time_s"].as_f64() > Some(0.1))
     });
+}
+
+/// A group of processes that the kernel stops, so that not even SIGKILL ends them.
+struct Frozen(std::path::PathBuf);
+
+impl Frozen {
+    /// With this process in it; `None` where there is no freezer that may be used.
+    fn with(pid: i32, name: &str) -> Option<Self> {
+        let frozen = Self(["/sys/fs/cgroup/freezer", name].iter().collect());
+        std::fs::create_dir(&frozen.0).ok()?;
+        let write = |file: &str, word: &str| std::fs::write(frozen.0.join(file), word).is_ok();
+        (write("cgroup.procs", &pid.to_string()) && write("freezer.state", "FROZEN")).then_some(frozen)
+    }
+}
+
+impl Drop for Frozen {
+    fn drop(&mut self) {
+        let _ = std::fs::write(self.0.join("freezer.state"), "THAWED");
+        wait_until("the frozen process ends", || std::fs::remove_dir(&self.0).is_ok());
+    }
+}
+
+#[test]
+fn a_process_that_cannot_be_killed_is_waited_for_with_a_line_and_left_behind() {
+    let ns = namespace();
+    let mut flight = start_flying(&ns);
+    let Some(frozen) = Frozen::with(process_of(&ns, "mixer"), &ns) else {
+        return skip("no freezer of cgroups (version 1) that this user may use");
+    };
+    let stopped = launcher().args(["stop", "--namespace", &ns]).status().expect("stop runs");
+    assert!(stopped.success());
+    wait_until("the launcher ends", || matches!(flight.child.try_wait(), Ok(Some(_))));
+    drop(frozen); // it has the other end of what the launcher prints to
+    let outcome = flight.finish();
+    assert!(matches!(outcome.code(), Some(3 | 130)), "{:?} {}", outcome.code(), outcome.stderr);
+    let lines = outcome.stderr.lines().filter(|line| line.contains("was killed and does not end")).count();
+    assert_eq!(lines, 1, "{}", outcome.stderr);
+    assert_eq!(shared_memory_of(&ns), Vec::<String>::new());
 }
 
 #[test]

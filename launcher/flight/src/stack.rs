@@ -343,6 +343,7 @@ impl Stack {
         page.set_phase(phase::LEAVE);
         for process in self.run.children.all.iter_mut().filter(|process| process.topic.is_some()) {
             let name = process.name();
+            process.awaited = true;
             match wait(&mut process.child, name, LEAVE_LIMIT, interrupts) {
                 // A candidate, or a standby, leaves as it likes; one that was killed on purpose is an event already; one that
                 // broke its budget has been named already, and another that did so meanwhile is no worse.

@@ -52,6 +52,8 @@ pub struct Process {
     pub child: Child,
     /// Whether it was killed on purpose.
     pub killed: bool,
+    /// Whether it has been waited for at the end, as long as there is any use in it.
+    pub awaited: bool,
     /// Becomes readable when it ends.
     pidfd: Option<OwnedFd>,
 }
@@ -116,7 +118,7 @@ impl Children {
         }
         let pidfd = Pid::from_raw(child.id() as i32).and_then(|pid| pidfd_open(pid, PidfdFlags::empty()).ok());
         let never_waits = child.stdin.as_ref().map_or(Ok(()), event::never_wait);
-        self.all.push(Process { topic, epoch, child, killed: false, pidfd });
+        self.all.push(Process { topic, epoch, child, killed: false, awaited: false, pidfd });
         never_waits.with_context(|| format!("cannot set up the pipe to {name}"))
     }
 
@@ -182,7 +184,7 @@ impl Children {
 
 impl Drop for Children {
     fn drop(&mut self) {
-        self.all.iter_mut().for_each(|process| kill(&mut process.child));
+        self.all.iter_mut().filter(|process| !process.awaited).for_each(|process| kill(&mut process.child));
         // A thread that still works would leave traces of its own in what is wiped next; one that is stuck is not waited for.
         let deadline = Instant::now() + CLEAN_UP_LIMIT;
         while self.cleaners.iter().any(|cleaner| !cleaner.is_finished()) && Instant::now() < deadline {
