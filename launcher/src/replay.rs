@@ -72,7 +72,8 @@ pub fn explain(args: &ExplainArgs) -> anyhow::Result<u8> {
     let recorded = Recorded::read(&args.run)?;
     let missing = recorded.missing();
     let recording = recorded.recording()?;
-    let work = Work::of(&recording)?;
+    let script = recording.script()?;
+    let work = Work::of(&recording, &script)?;
     let each = args.all || work.is_little();
     for told in missing.iter().chain([&work.describe()]) {
         eprint_line(&format!("note: {told}"));
@@ -82,7 +83,7 @@ pub fn explain(args: &ExplainArgs) -> anyhow::Result<u8> {
     }
     let progress = Mutex::new(Progress::start());
     let show = |done, of| progress.lock().iter().for_each(|line| line.show(|| format!("{done} of {of} flights")));
-    let explained = explain::explain(&recording, &work, each, show);
+    let explained = explain::explain(&recording, &script, &work, each, show);
     progress.into_inner().into_iter().for_each(Progress::finish);
     let explained = explained?;
     let page = recorded.path.with_file_name("explain.html");
@@ -104,10 +105,12 @@ pub fn replay(args: &ReplayArgs) -> anyhow::Result<u8> {
     let recording = recorded.recording()?;
     let plan = plan(args, &recording)?;
     let started = Instant::now();
+    let mut came_to_break = false;
     let verdict = replay_and_judge(&recorded, &recording, &plan, |replayed, summary| {
         let flown_s = replayed.last_tick as f64 * recording.scenario.sample_s();
         let (wall_s, name) = (started.elapsed().as_secs_f64(), &recording.scenario.name);
         let computed = replayed.computed();
+        came_to_break = replayed.came_to_break;
         print(&format!("{name}: {flown_s:.2} s flown again in {wall_s:.2} s, {computed} messages computed\n"));
         if let Some(other) = recorded.log.written_by.other_program().filter(|_| replayed.first.is_some()) {
             print(&format!("{other}: a difference may be the program's\n"));
@@ -118,6 +121,9 @@ pub fn replay(args: &ReplayArgs) -> anyhow::Result<u8> {
             print(&(comparison::metrics(&["flight", "with these settings"], &flights).text() + "\n"));
         }
     })?;
+    if let Some(stop) = args.stop.as_ref().filter(|_| !came_to_break) {
+        bail!("--break {stop}: the node did not answer to that sample in this flight");
+    }
     print(&verdict.text);
     Ok(verdict.exit_code)
 }
@@ -154,9 +160,6 @@ fn breakpoint(stop: &str, recording: &Recording) -> anyhow::Result<(Topic, u64, 
     let (name, time) = stop.split_once('@').context("--break takes NODE@TIME, for example attitude-mpc@12.34")?;
     let (topic, time_s) = (node(name)?, seconds(time).map_err(|why| anyhow!("--break {stop}: {why}"))?);
     let tick = (time_s / recording.scenario.sample_s()).round() as u64;
-    if !recording.script.processes.iter().any(|process| process.topic == topic && process.cycle(tick).is_some()) {
-        bail!("--break {stop}: {name} did not answer to tick {tick} in this flight");
-    }
     Ok((topic, tick, wait_for_debugger))
 }
 

@@ -20,7 +20,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use contract::scenario::{Mode, Scenario};
 use flight::inprocess;
-use flight::replay::{Disturbed, Recording, without};
+use flight::replay::{Disturbed, Recording, Script, without};
 
 use outcome::{Cost, Outcome};
 pub use shown::Explained;
@@ -34,19 +34,21 @@ use work::{bursts, processors};
 /// A flight cannot be flown to its end.
 pub fn explain(
     recording: &Recording,
+    script: &Script,
     work: &Work,
     each: bool,
     progress: impl Fn(usize, usize) + Sync,
 ) -> anyhow::Result<Explained> {
     let scenario = &recording.scenario;
     let Work { disturbed, last_tick, .. } = work;
-    let flight = Outcome::flown(recording)?;
+    let flight = Outcome::flown(recording, script)?;
     let bursts: Vec<&[Disturbed]> = bursts(disturbed).collect();
     let all: BTreeSet<u64> = disturbed.iter().map(|one| one.tick).collect();
     let wanted: Vec<&[Disturbed]> =
         if each { disturbed.chunks(1).chain(bursts.iter().copied()).collect() } else { vec![] };
     let costs = in_parallel(&wanted, progress, |ticks| {
-        let without = Outcome::flown(&without(recording, &ticks.iter().map(|one| one.tick).collect()))?;
+        let ticks_undone = ticks.iter().map(|one| one.tick).collect();
+        let without = Outcome::flown(recording, &without(recording, script, &ticks_undone))?;
         Ok(Cost::new(ticks, scenario.sample_s(), &flight, &without))
     })?;
     let (mut ticks, mut burst_costs): (Vec<Cost>, Vec<Cost>) =
@@ -66,7 +68,7 @@ pub fn explain(
         });
         Ok(())
     })?;
-    let without_any = Outcome::flown(&without(recording, &all))?;
+    let without_any = Outcome::flown(recording, &without(recording, script, &all))?;
     Ok(Explained {
         name: scenario.name.clone(),
         sample_s: scenario.sample_s(),

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow};
 use contract::scenario::file::{MAX_RESULTS_BYTES, MAX_TEXT_BYTES};
-use contract::{Scenario, scenario};
+use contract::{Scenario, Topic, scenario};
 use flight::files;
 use flight::log::{self, Log, Record};
 use flight::recorder::LogOutcome;
@@ -25,8 +25,8 @@ pub struct Recorded {
     pub path: PathBuf,
     /// Its log without the messages.
     pub log: Log,
-    /// Messages of the log.
-    pub messages: u64,
+    /// Messages of the log, by topic.
+    pub messages: [u64; Topic::COUNT],
     /// What the log amounts to.
     pub summary: Summary,
     pub scenario: Scenario,
@@ -63,9 +63,9 @@ impl Recorded {
                 (scenario, summary)
             })
         };
-        let (mut messages, mut gathered) = (0, None);
+        let (mut messages, mut gathered) = ([0; Topic::COUNT], None);
         let log = log::stream(&path, |log, record| {
-            messages += 1;
+            messages[record.topic() as usize] += 1;
             if let Ok((scenario, summary)) = gathered.get_or_insert_with(|| begin(log)) {
                 summary.observe(record);
                 each(scenario, record);
@@ -73,7 +73,7 @@ impl Recorded {
         })?;
         let (scenario, summary) = gathered.unwrap_or_else(|| begin(&log))?;
         let has_summary = run.is_some();
-        let run = run.unwrap_or_else(|| summary_of(&log, messages, &summary, &scenario));
+        let run = run.unwrap_or_else(|| summary_of(&log, messages.iter().sum(), &summary, &scenario));
         Ok(Self { path, log, messages, summary, scenario, run, has_summary })
     }
 
@@ -85,7 +85,7 @@ impl Recorded {
         let settings = self.path.with_file_name("scenario.toml");
         let text = files::read_text(&settings, MAX_TEXT_BYTES).ok();
         let settled = text.and_then(|text| scenario::from_merged(&text, &settings.display().to_string()).ok());
-        Recording::new(&log::read_parts(&self.path)?, &self.scenario, settled.as_ref())
+        Recording::new(&self.path, &self.log.events, self.messages, &self.scenario, settled.as_ref())
     }
 
     /// Its settings, with what was ordered while it flew where the summary tells.
@@ -120,7 +120,7 @@ impl Recorded {
 
     /// What run.json tells and the log does not have.
     fn unlike_summary(&self, run: &Value) -> Vec<String> {
-        let records = self.messages + self.log.events.len() as u64;
+        let records = self.messages.iter().sum::<u64>() + self.log.events.len() as u64;
         let mut why = vec![];
         match run["log"]["records"].as_u64() {
             Some(written) if written == records => {}

@@ -32,21 +32,22 @@ const ANSWERS: [(Topic, &[Topic]); 3] = [
 ];
 
 /// Every tick that was not in order, but for the last, whose command has no sample after it.
-pub fn disturbed(recording: &Recording) -> Vec<Disturbed> {
-    let Some(plant) = process_of(&recording.script, Topic::State, 1) else { return vec![] };
+pub fn disturbed(recording: &Recording, script: &Script) -> Vec<Disturbed> {
+    let Some(plant) = process_of(script, Topic::State, 1) else { return vec![] };
     let last = plant.cycles.last().map_or(0, |last| last.tick);
-    (0..last).filter_map(|tick| look_at(recording, plant, tick)).collect()
+    (0..last).filter_map(|tick| look_at(recording, script, plant, tick)).collect()
 }
 
-/// The flight with `ticks` undone.
+/// The `script` of a flight with `ticks` undone.
 #[must_use]
-pub fn without(recording: &Recording, ticks: &BTreeSet<u64>) -> Recording {
-    let mut repaired = recording.clone();
-    let usual = Usual::of(recording);
+pub fn without(recording: &Recording, script: &Script, ticks: &BTreeSet<u64>) -> Script {
+    let mut repaired = script.clone();
+    let period_ns = recording.scenario.sample_ns();
+    let usual = Usual::of(script, period_ns);
     for tick in ticks {
-        undo(&mut repaired, *tick, &usual);
+        undo(&mut repaired, *tick, period_ns, &usual);
     }
-    continue_from_what_was_added(&mut repaired.script, ticks);
+    continue_from_what_was_added(&mut repaired, ticks);
     repaired
 }
 
@@ -54,7 +55,7 @@ fn process_of(script: &Script, topic: Topic, epoch: u64) -> Option<&Process> {
     script.process(topic, epoch).map(|i| &script.processes[i])
 }
 
-fn look_at(recording: &Recording, plant: &Process, tick: u64) -> Option<Disturbed> {
+fn look_at(recording: &Recording, script: &Script, plant: &Process, tick: u64) -> Option<Disturbed> {
     let disturbed = |topic: Topic, what: String| Some(Disturbed { tick, node: topic.publisher(), what });
     let Some(sample) = plant.cycle(tick) else { return disturbed(Topic::State, "took no sample".into()) };
     if let Some(what) = harm(recording, plant, sample) {
@@ -62,7 +63,7 @@ fn look_at(recording: &Recording, plant: &Process, tick: u64) -> Option<Disturbe
     }
     let mut read = vec![Key { topic: Topic::State, epoch: 1, tick }];
     for (topic, sources) in ANSWERS {
-        let Some((process, cycle)) = active_cycle(&recording.script, topic, tick) else {
+        let Some((process, cycle)) = active_cycle(script, topic, tick) else {
             return disturbed(topic, "did not answer".into());
         };
         for source in sources {
@@ -110,10 +111,8 @@ fn active_cycle(script: &Script, topic: Topic, tick: u64) -> Option<(&Process, &
 }
 
 /// Has one tick be in order.
-fn undo(recording: &mut Recording, tick: u64, usual: &Usual) {
-    let Recording { scenario, script, .. } = recording;
+fn undo(script: &mut Script, tick: u64, period_ns: u64, usual: &Usual) {
     let Some(plant) = script.process(Topic::State, 1) else { return };
-    let period_ns = scenario.sample_ns();
     script.processes[plant].sample_at(tick, period_ns);
     let mut read = [None; Topic::COUNT];
     read[Topic::State as usize] = Some(Read { key: Key { topic: Topic::State, epoch: 1, tick }, unharmed: true });
@@ -193,16 +192,13 @@ struct Usual {
 }
 
 impl Usual {
-    fn of(recording: &Recording) -> Self {
-        let of_node = |topic| recording.script.processes.iter().filter(move |process| process.topic == topic);
+    fn of(script: &Script, period_ns: u64) -> Self {
+        let of_node = |topic| script.processes.iter().filter(move |process| process.topic == topic);
         let response = |cycle: &Cycle| cycle.publish_ns.saturating_sub(cycle.sample_ns);
         let plant = || of_node(Topic::State).flat_map(|process| process.cycles.windows(2));
         let in_order = |pair: &[Cycle]| -> Vec<u64> {
             let of_sample = pair[1].arrivals.iter().filter(|(read, _)| read.key.tick == pair[0].tick);
-            of_sample
-                .map(|(_, after_ns)| *after_ns)
-                .filter(|after_ns| *after_ns < recording.scenario.sample_ns())
-                .collect()
+            of_sample.map(|(_, after_ns)| *after_ns).filter(|after_ns| *after_ns < period_ns).collect()
         };
         Self {
             response_ns: Topic::ALL

@@ -1,6 +1,8 @@
-//! A replay under way: each process goes on as soon as what it read has been sent.
+//! A replay under way: each process goes on as soon as what it read has been sent. Of the log it holds the part that is being
+//! flown.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, VecDeque};
+use std::sync::Arc;
 
 use anyhow::Context;
 use contract::Topic;
@@ -11,9 +13,9 @@ use runtime::shared_role::Origin;
 use super::fields::{Differs, difference};
 use super::program::Program;
 use super::recording::Recording;
-use super::script::{Cycle, Key, Process, Read};
+use super::script::{Cycle, Key, Process, Read, Script};
 use super::worker::Worker;
-use crate::log::Record;
+use crate::log::{self, Record};
 
 /// Which processes compute, and with which settings.
 #[derive(Debug, Clone, Default)]
@@ -55,6 +57,8 @@ pub struct Replayed {
     pub stopped: Option<String>,
     /// The last sample that was flown.
     pub last_tick: u64,
+    /// Whether what [`Plan::before`] names came to pass.
+    pub came_to_break: bool,
 }
 
 /// Messages of one topic, and what a replay did with them.
@@ -82,12 +86,33 @@ impl Replayed {
     }
 }
 
-/// Flies a recording again as `plan` says; `each` gets every message, computed or of the log.
+/// Flies a recording again from its log as `plan` says; `each` gets every message, computed or of the log.
+///
+/// # Errors
+/// The log cannot be read, or a process cannot be built from its settings.
+pub fn replay(recording: &Recording, plan: &Plan, each: impl FnMut(&Record)) -> anyhow::Result<Replayed> {
+    let mut flight = Flight::new(recording, plan, Script::default(), each);
+    let mut flown = Ok(());
+    log::stream(&recording.log, |_, record| {
+        if flown.is_ok() {
+            flown = flight.take(record);
+        }
+    })?;
+    flown?;
+    flight.fly_on()
+}
+
+/// Flies a recording again as a `script` has it.
 ///
 /// # Errors
 /// A process cannot be built from its settings.
-pub fn replay(recording: &Recording, plan: &Plan, each: impl FnMut(&Record)) -> anyhow::Result<Replayed> {
-    Flight::new(recording, plan, each)?.fly()
+pub fn replay_script(
+    recording: &Recording,
+    script: &Script,
+    plan: &Plan,
+    each: impl FnMut(&Record),
+) -> anyhow::Result<Replayed> {
+    Flight::new(recording, plan, script.clone(), each).fly_on()
 }
 
 impl Plan {
@@ -115,14 +140,20 @@ impl Plan {
 }
 
 /// A replay under way.
-struct Flight<'a, F> {
+pub(super) struct Flight<'a, F> {
     recording: &'a Recording,
     plan: &'a Plan,
     each: F,
+    script: Script,
+    /// One for each process of the script.
     courses: Vec<Course>,
     /// Memories that another process begins with.
     memories: HashMap<(Topic, Origin), Option<Snapshot>>,
     replayed: Replayed,
+    /// Messages taken in since the processes went on.
+    taken: usize,
+    /// What holds up a process for good: since when, which process, and why.
+    held_up: Option<((u64, usize, u64), Option<String>)>,
 }
 
 /// What runs the cycles of a process.
@@ -138,8 +169,10 @@ struct Course {
     /// The next of its cycles, and the next of its recorded messages.
     cycle: usize,
     recorded: usize,
+    /// Whether it waits for what never comes.
+    is_held_up: bool,
     /// Its messages by tick: as meant, and as delivered if that came.
-    sent: Vec<(u64, Record, Option<Record>)>,
+    sent: VecDeque<(u64, Record, Option<Record>)>,
     /// What it read last, by topic.
     read: [Option<Read>; Topic::COUNT],
 }
@@ -164,10 +197,10 @@ impl Course {
             Some(_) => {}
             None => {
                 let delivered = (!stamp.is_faulted() && !stamp.is_withheld()).then_some(*record);
-                match self.sent.last_mut() {
+                match self.sent.back_mut() {
                     // What was sent in the place of one that was withheld.
                     Some(last) if last.0 == tick => *last = (tick, *record, delivered),
-                    _ => self.sent.push((tick, *record, delivered)),
+                    _ => self.sent.push_back((tick, *record, delivered)),
                 }
             }
         }
@@ -176,25 +209,62 @@ impl Course {
 
 /// A message may be delivered so many cycles after it was sent.
 const LATEST: usize = 1000;
+/// Ticks for which a message is kept that no process has read yet.
+const KEPT: u64 = 4096;
+/// Messages taken in before the processes go on.
+const BATCH: usize = 1024;
 
 impl<'a, F: FnMut(&Record)> Flight<'a, F> {
-    fn new(recording: &'a Recording, plan: &'a Plan, each: F) -> anyhow::Result<Self> {
-        let processes = &recording.script.processes;
-        let courses = processes.iter().map(|_| Course::default()).collect();
-        let memories =
-            processes.iter().filter_map(|process| Some(((process.topic, process.continues?), None))).collect();
+    pub(super) fn new(recording: &'a Recording, plan: &'a Plan, script: Script, each: F) -> Self {
         let messages = recording.logged.map(|logged| Messages { logged, ..Messages::default() });
         let replayed = Replayed { messages, ..Replayed::default() };
-        let mut flight = Self { recording, plan, each, courses, memories, replayed };
-        for (i, process) in processes.iter().enumerate() {
-            if plan.computes(recording, process.topic, process.epoch) && process.continues.is_none() {
-                flight.begin(i)?;
-            }
-        }
-        Ok(flight)
+        let (courses, memories) = (vec![], HashMap::new());
+        Self { recording, plan, each, script, courses, memories, replayed, taken: 0, held_up: None }
     }
 
-    fn fly(mut self) -> anyhow::Result<Replayed> {
+    /// Takes in the next message of the log, and flies what is known by then.
+    ///
+    /// # Errors
+    /// A process cannot be built from its settings.
+    pub(super) fn take(&mut self, record: &Record) -> anyhow::Result<()> {
+        self.script.push(record);
+        self.taken += 1;
+        if self.taken < BATCH {
+            return Ok(());
+        }
+        self.taken = 0;
+        self.go_on(self.script.reach().saturating_sub(LATEST as u64))?;
+        self.forget();
+        Ok(())
+    }
+
+    /// Flies to the end of what is known.
+    ///
+    /// # Errors
+    /// A process cannot be built from its settings.
+    pub(super) fn fly_on(mut self) -> anyhow::Result<Replayed> {
+        self.script.finish();
+        self.go_on(u64::MAX)?;
+        let hole = self.script.holes.first().map(|hole| format!("the log lacks {hole}"));
+        self.replayed.stopped = match self.held_up {
+            Some(((tick, topic, epoch), why)) => {
+                let cause = hole.or(why).unwrap_or_else(|| "the log is not whole".into());
+                Some(format!("at tick {tick} {} {epoch} cannot go on: {cause}", Topic::ALL[topic].publisher()))
+            }
+            None => hole,
+        };
+        Ok(self.replayed)
+    }
+
+    /// Runs every cycle for which all is there that it reads. What a fault has lost here, and not in the flight, is waited for in
+    /// vain, and so is what the log lacks: by no cycle of a tick before `until`.
+    fn go_on(&mut self, until: u64) -> anyhow::Result<()> {
+        self.courses.resize_with(self.script.processes.len(), Course::default);
+        for Process { topic, continues, .. } in &self.script.processes {
+            if let Some(origin) = continues {
+                self.memories.entry((*topic, *origin)).or_insert(None);
+            }
+        }
         loop {
             let mut moved = false;
             for i in 0..self.courses.len() {
@@ -203,47 +273,77 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
                     moved = true;
                 }
             }
-            // What a fault has lost here, and not in the flight, is waited for in vain.
-            if !moved && let Some(i) = (0..self.courses.len()).find(|i| self.is_due(*i, false)) {
+            if moved {
+                continue;
+            }
+            let place = |i: usize| (self.script.processes[i].topic as usize, self.script.processes[i].epoch);
+            let waits = |i: &usize| self.next(*i).is_some_and(|next| next.tick < until);
+            let waiting = || (0..self.courses.len()).filter(waits);
+            if let Some(i) = waiting().filter(|i| self.is_due(*i, false)).min_by_key(|i| place(*i)) {
                 self.cycle(i)?;
-                moved = true;
+                continue;
             }
-            if !moved {
-                break;
+            // The one that is furthest behind holds the others up.
+            let tick = |i: usize| self.next(i).map_or(0, |next| next.tick);
+            let of_log = |i: &usize| self.waits_for(*i).is_none_or(|awaited| awaited < until || awaited == u64::MAX);
+            let Some(i) = waiting().filter(of_log).min_by_key(|i| (tick(*i), place(*i))) else { return Ok(()) };
+            let since = (tick(i), place(i).0, place(i).1);
+            if self.held_up.as_ref().is_none_or(|(earlier, _)| since < *earlier) {
+                self.held_up = Some((since, self.missing(i)));
+            }
+            self.courses[i].is_held_up = true;
+        }
+    }
+
+    /// Lets go of what no process will ask for.
+    fn forget(&mut self) {
+        let waiting = (0..self.courses.len()).filter_map(|i| self.next(i)).map(|next| next.tick).min();
+        let now = waiting.unwrap_or(self.script.reach());
+        let before = now.saturating_sub(KEPT);
+        let newest = Topic::ALL.map(|topic| {
+            let of_node = self.script.processes.iter().filter(|process| process.topic == topic);
+            of_node.map(|process| process.epoch).max().unwrap_or(0)
+        });
+        for (course, process) in self.courses.iter_mut().zip(&mut self.script.processes) {
+            while course.sent.len() > 1 && course.sent.front().is_some_and(|(sent, ..)| *sent < before) {
+                course.sent.pop_front();
+            }
+            if course.is_held_up {
+                (course.cycle, course.recorded) = (process.cycles.len(), process.recorded.len());
+            }
+            Arc::make_mut(&mut process.recorded).drain(..course.recorded);
+            course.recorded = 0;
+            // The last one stays: messages that belong to it may follow.
+            process.cycles.drain(..course.cycle.saturating_sub(1));
+            course.cycle = course.cycle.min(1);
+            let is_over = process.cycles.last().is_some_and(|last| last.tick < before);
+            if is_over && process.epoch < newest[process.topic as usize] {
+                course.worker = None;
             }
         }
-        // The one that is furthest behind holds the others up.
-        let waiting = (0..self.courses.len()).filter_map(|i| Some((self.next(i)?.tick, i)));
-        if let Some((_, i)) = waiting.min() {
-            let process = &self.recording.script.processes[i];
-            let (name, epoch, tick) =
-                (process.topic.publisher(), process.epoch, self.next(i).map_or(0, |next| next.tick));
-            let cause = self.recording.script.holes.first().map_or_else(
-                || self.missing(i).unwrap_or_else(|| "the log is not whole".into()),
-                |hole| format!("the log lacks {hole}"),
-            );
-            self.replayed.stopped = Some(format!("at tick {tick} {name} {epoch} cannot go on: {cause}"));
-        } else if let Some(hole) = self.recording.script.holes.first() {
-            self.replayed.stopped = Some(format!("the log lacks {hole}"));
-        }
-        Ok(self.replayed)
+        self.script.forget_before(before.saturating_sub(KEPT));
     }
 
     /// The next cycle of a process, if there is one.
-    fn next(&self, i: usize) -> Option<&'a Cycle> {
-        let next = self.recording.script.processes[i].cycles.get(self.courses[i].cycle)?;
-        (next.tick <= self.plan.until.unwrap_or(u64::MAX)).then_some(next)
+    fn next(&self, i: usize) -> Option<&Cycle> {
+        let next = self.script.processes[i].cycles.get(self.courses[i].cycle)?;
+        let is_whole = next.tick < self.script.reach();
+        (is_whole && !self.courses[i].is_held_up && next.tick <= self.plan.until.unwrap_or(u64::MAX)).then_some(next)
     }
 
     fn course_of(&self, key: &Key) -> Option<&Course> {
-        Some(&self.courses[self.recording.script.process(key.topic, key.epoch)?])
+        self.courses.get(self.script.process(key.topic, key.epoch)?)
     }
 
     /// Whether everything is there that the next cycle of a process reads, and has arrived if `delivered` says so.
     fn is_due(&self, i: usize, delivered: bool) -> bool {
         let Some(next) = self.next(i) else { return false };
-        let process = &self.recording.script.processes[i];
-        let there = |Read { key, unharmed }: &Read| {
+        let process = &self.script.processes[i];
+        let there = |read: &Read| {
+            let Read { key, unharmed } = read;
+            if self.courses[i].read[key.topic as usize] == Some(*read) {
+                return true;
+            }
             let sent = self.course_of(key).and_then(|course| course.sent(key.tick));
             sent.is_some_and(|(.., arrived)| arrived.is_some() || *unharmed || !delivered)
         };
@@ -262,23 +362,32 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
 
     /// Whether the process whose memory that is computes here.
     fn is_flown(&self, topic: Topic, origin: Origin) -> bool {
-        self.plan.computes(self.recording, topic, origin.epoch)
-            && self.recording.script.process(topic, origin.epoch).is_some()
+        self.plan.computes(self.recording, topic, origin.epoch) && self.script.process(topic, origin.epoch).is_some()
     }
 
-    /// For people: what the next cycle of a process waits for.
-    fn missing(&self, i: usize) -> Option<String> {
+    /// The first message that the next cycle of a process reads and that is not there.
+    fn lacks(&self, i: usize) -> Option<&Key> {
         let next = self.next(i)?;
         let reads = next.inputs.iter().flatten().chain(next.arrivals.iter().map(|(read, _)| read));
         let keys = reads.map(|read| &read.key);
         let lacking = |key: &&Key| self.course_of(key).and_then(|course| course.sent(key.tick)).is_none();
-        let key = { keys }.find(lacking)?;
+        { keys }.find(lacking)
+    }
+
+    /// The tick of the message that a process waits for; `None` if it waits for no message.
+    fn waits_for(&self, i: usize) -> Option<u64> {
+        self.lacks(i).map(|key| key.tick)
+    }
+
+    /// For people: what the next cycle of a process waits for.
+    fn missing(&self, i: usize) -> Option<String> {
+        let key = self.lacks(i)?;
         let which = if key.tick == u64::MAX { "a message".into() } else { format!("the answer to tick {}", key.tick) };
         Some(format!("it used {which} of {} {}, which is not there", key.topic.publisher(), key.epoch))
     }
 
     fn begin(&mut self, i: usize) -> anyhow::Result<()> {
-        let Process { topic, epoch, continues, .. } = self.recording.script.processes[i];
+        let Process { topic, epoch, continues, .. } = self.script.processes[i];
         let memory = continues.and_then(|origin| Some((origin, (*self.memories.get(&(topic, origin))?)?)));
         let settings = self.plan.settings_of(self.recording, topic, epoch);
         self.courses[i].worker = Some(match self.plan.program_of(topic) {
@@ -291,7 +400,7 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
 
     /// Keeps the memory of a process that has done so many ticks, if another process begins with it.
     fn remember(&mut self, i: usize, done: u64) {
-        let Process { topic, epoch, .. } = self.recording.script.processes[i];
+        let Process { topic, epoch, .. } = self.script.processes[i];
         if let Some(memory) = self.memories.get_mut(&(topic, Origin { epoch, done })) {
             *memory = match &self.courses[i].worker {
                 Some(Runs::Here(worker)) => worker.memory(),
@@ -301,15 +410,16 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
     }
 
     fn cycle(&mut self, i: usize) -> anyhow::Result<()> {
-        let process = &self.recording.script.processes[i];
-        let Some(next) = self.next(i) else { return Ok(()) };
+        let Some(next) = self.next(i).cloned() else { return Ok(()) };
+        let Process { topic, epoch, .. } = self.script.processes[i];
         let mut sent = vec![];
-        if self.plan.computes(self.recording, process.topic, process.epoch) {
+        if self.plan.computes(self.recording, topic, epoch) {
             if self.courses[i].worker.is_none() {
                 self.begin(i)?;
             }
-            self.compute(i, next, &mut sent)?;
+            self.compute(i, &next, &mut sent)?;
         } else {
+            let process = &self.script.processes[i];
             let (from, ends) =
                 (self.courses[i].recorded, process.cycles.get(self.courses[i].cycle + 1).map(|next| next.tick));
             let of_this = |record: &&Record| ends.is_none_or(|ends| record.stamp().tick < ends);
@@ -321,7 +431,7 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
             (self.each)(record);
         }
         self.courses[i].cycle += 1;
-        if process.topic == Topic::State {
+        if topic == Topic::State {
             self.replayed.last_tick = next.tick;
         }
         self.remember(i, next.tick + 1);
@@ -330,7 +440,7 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
 
     /// Has a process compute its next cycle, and compares what it sends with what it sent in the flight.
     fn compute(&mut self, i: usize, next: &Cycle, sent: &mut Vec<Record>) -> anyhow::Result<()> {
-        let process = &self.recording.script.processes[i];
+        let process = &self.script.processes[i];
         let mut worker = self.courses[i].worker.take().context("a process that has not begun")?;
         let message = |Read { key, unharmed }: &Read| {
             let (_, meant, delivered) = self.course_of(key)?.sent(key.tick)?;
@@ -357,6 +467,7 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
         if let Some((_, _, call)) =
             self.plan.before.filter(|(of, tick, _)| (*of, *tick, false) == (process.topic, next.tick, next.standby))
         {
+            self.replayed.came_to_break = true;
             call();
         }
         match &mut worker {

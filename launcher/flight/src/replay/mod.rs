@@ -23,7 +23,7 @@ mod worker;
 
 pub use counterfactual::{Disturbed, disturbed, without};
 pub use fields::{Differs, difference};
-pub use flight::{Difference, Messages, Plan, Replayed, replay};
+pub use flight::{Difference, Messages, Plan, Replayed, replay, replay_script};
 pub use recording::Recording;
 pub use script::{Cycle, Key, Process, Read, Script};
 

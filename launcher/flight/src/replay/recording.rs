@@ -1,21 +1,28 @@
-//! What is known of a flight from its log: the script, and what each process flew with.
+//! What is known of a flight beside its messages: what each process flew with. The messages stay in the log.
 
 use std::collections::HashMap;
+use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
+use anyhow::{Context, bail, ensure};
 use contract::Topic;
 use contract::scenario::{Fault, Scenario, candidate};
 
 use super::script::Script;
 use crate::event::{Event, What};
-use crate::log::Log;
+use crate::log;
+
+/// Samples of a script that is held in memory, at most: 33 minutes at 100 Hz take 250 MB.
+const MOST_SAMPLES: u64 = 200_000;
+/// Messages read before those of computing processes are let go of.
+const BATCH: u64 = 4096;
 
 /// A flight as it was, to be flown again.
 #[derive(Debug, Clone)]
 pub struct Recording {
     /// The settings at its beginning, with the swaps that were ordered in flight.
     pub scenario: Scenario,
-    pub script: Script,
+    /// The log; the first, where several recorders wrote.
+    pub(super) log: PathBuf,
     /// Faults given and changed in flight, in order.
     pub(super) given: Vec<(usize, Fault)>,
     /// Messages in the log, by topic, those that are not whole too.
@@ -27,23 +34,28 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// What `log` tells of a flight. `settled` are the settings in the folder of the run, which have the swaps that were ordered
-    /// in flight.
+    /// What the log at `path` tells of a flight, whose `events` and number of messages by topic are these. `settled` are the
+    /// settings in the folder of the run, which have the swaps that were ordered in flight.
     ///
     /// # Errors
     /// A process cannot be flown again: its settings are not there.
-    pub fn new(log: &Log, scenario: &Scenario, settled: Option<&Scenario>) -> anyhow::Result<Self> {
+    pub fn new(
+        path: &Path,
+        events: &[Event],
+        logged: [u64; Topic::COUNT],
+        scenario: &Scenario,
+        settled: Option<&Scenario>,
+    ) -> anyhow::Result<Self> {
         let mut scenario = scenario.clone();
-        let mut injected = log.events.iter().filter(|event| event.what == What::Injected);
+        let mut injected = events.iter().filter(|event| event.what == What::Injected);
         if let Some(first) = injected.find_map(|event| event.fault.as_ref()) {
             scenario.fault.truncate(first.0); // where logs were joined the settings have them already
         }
-        let given = log.events.iter().filter_map(|event| event.fault.as_deref().copied()).collect();
+        let given = events.iter().filter_map(|event| event.fault.as_deref().copied()).collect();
         scenario.swap = settled.map_or(scenario.swap, |settled| settled.swap.clone());
-        let script = Script::of(log);
         let mut settings = HashMap::new();
         let mut foreign = vec![];
-        for event in log.events.iter().filter(|event| event.what == What::Started) {
+        for event in events.iter().filter(|event| event.what == What::Started) {
             let Event { node, epoch, origin: Some(swap), .. } = event else { continue };
             let Some(topic) = Topic::ALL.into_iter().find(|topic| topic.publisher() == node) else { continue };
             let whose = (topic, u64::from(*epoch));
@@ -56,11 +68,32 @@ impl Recording {
                 settings.insert(whose, candidate(&scenario, swap)?);
             }
         }
-        if script.process(Topic::State, 1).is_none() {
+        if logged[Topic::State as usize] == 0 {
             bail!("the log has no message of the plant");
         }
-        let logged = [log.states.len(), log.references.len(), log.controls.len(), log.actuators.len()];
-        let logged = logged.map(|messages| messages as u64);
-        Ok(Self { scenario, script, given, logged, foreign, settings })
+        Ok(Self { scenario, log: path.into(), given, logged, foreign, settings })
+    }
+
+    /// The whole script of the flight, in memory; of processes that can compute, without their messages.
+    ///
+    /// # Errors
+    /// The flight is too long for that, or the log cannot be read.
+    pub fn script(&self) -> anyhow::Result<Script> {
+        let samples = self.logged[Topic::State as usize];
+        ensure!(
+            samples <= MOST_SAMPLES,
+            "a flight of {samples} samples is too long: at most {MOST_SAMPLES} are held in memory"
+        );
+        let mut script = Script::default();
+        let mut taken = 0_u64;
+        log::stream(&self.log, |_, record| {
+            script.push(record);
+            taken += 1;
+            if taken.is_multiple_of(BATCH) {
+                script.forget_messages(|topic, epoch| !self.foreign.contains(&(topic, epoch)));
+            }
+        })?;
+        script.finish();
+        Ok(script)
     }
 }

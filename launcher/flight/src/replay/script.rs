@@ -1,16 +1,20 @@
-//! The script of a flight: which process answered to which samples, and what it had read. Made from the log alone.
+//! The script of a flight: which process answered to which samples, and what it had read. Made from the log alone, message by
+//! message.
 //!
 //! A message is known by its topic, the epoch of its publisher and the tick it answers to: no process answers twice. What
 //! a fault made of it on the way, and what its deadline withheld, is known by the same.
+//!
+//! A process that slept may have read what was sent long after the sample that it answers to. So a message is held back until those
+//! after it are known too, no more of them than a limit.
 
-use std::collections::HashMap;
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 use contract::Topic;
 use contract::message::{Arrival, Stamp};
 use runtime::shared_role::Origin;
 
-use crate::log::{Log, Record, last_tick};
+use crate::log::{Record, last_tick};
 
 /// One message, and what became of it on the way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -29,7 +33,7 @@ pub struct Read {
 }
 
 /// One cycle of a process: the answer to a sample, or the sample.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Cycle {
     pub tick: u64,
     /// The instant of the sample, and when the answer was ready, as the process read it \[ns\].
@@ -57,123 +61,222 @@ pub struct Process {
     pub cycles: Vec<Cycle>,
     /// Its messages in the order of sending, those that are whole.
     pub recorded: Arc<Vec<Record>>,
+    numbers: Numbers,
+    /// What it read last, by topic: publisher and number, and what that is.
+    last_read: [Option<(u64, u64, Read)>; Topic::COUNT],
+    /// Whether the log lacks messages of it: what comes after them is left out.
+    has_hole: bool,
 }
 
-/// What every process of a flight did.
+/// The messages that a process sent, by number.
 #[derive(Debug, Clone, Default)]
+struct Numbers {
+    /// Messages known, and the highest number.
+    messages: u64,
+    sent: u64,
+    /// Numbers, each with the tick that it stands for: the first message of a number is as it was meant.
+    ticks: VecDeque<(u64, u64)>,
+}
+
+/// What every process of a flight did, as far as it is known.
+#[derive(Debug, Clone)]
 pub struct Script {
+    /// In the order in which they are first heard of.
     pub processes: Vec<Process>,
     /// What the log lacks, by process: nothing of it is known from that tick on.
     pub holes: Vec<String>,
+    ahead: VecDeque<Record>,
+    look_ahead: usize,
+    /// The newest tick of which a cycle is known; at its highest when no more messages come.
+    reach: u64,
+}
+
+/// Messages that are held back: more than a minute of a flight at 100 Hz, and eight seconds at 2 kHz.
+const LOOK_AHEAD: usize = 65_536;
+
+impl Default for Script {
+    fn default() -> Self {
+        Self::looking_ahead(LOOK_AHEAD)
+    }
 }
 
 impl Script {
-    pub fn of(log: &Log) -> Self {
-        let mut processes: Vec<Process> = vec![];
-        for record in log.tick_by_tick().filter(Record::is_intact) {
-            let (topic, epoch) = (record.topic(), record.stamp().epoch);
-            let known = processes.iter().position(|process| (process.topic, process.epoch) == (topic, epoch));
-            let at = known.unwrap_or_else(|| {
-                processes.push(Process { topic, epoch, continues: None, cycles: vec![], recorded: Arc::default() });
-                processes.len() - 1
-            });
-            Arc::make_mut(&mut processes[at].recorded).push(record);
+    /// The whole of a flight.
+    pub fn of(messages: impl Iterator<Item = Record>) -> Self {
+        let mut script = Self::default();
+        messages.for_each(|record| script.push(&record));
+        script.finish();
+        script
+    }
+
+    pub(super) fn looking_ahead(look_ahead: usize) -> Self {
+        Self { processes: vec![], holes: vec![], ahead: VecDeque::new(), look_ahead, reach: 0 }
+    }
+
+    /// Takes in the next message of the log, tick by tick.
+    pub fn push(&mut self, record: &Record) {
+        if !record.is_intact() {
+            return;
         }
-        processes.sort_by_key(|process| (process.topic as usize, process.epoch));
-        let mut holes = vec![];
-        for process in &mut processes {
-            holes.extend(process.cut_at_hole());
+        let at = self.process_of(record);
+        match self.processes[at].number(record) {
+            Ok(()) => self.ahead.push_back(*record),
+            Err(hole) => self.holes.extend(hole),
         }
-        let ticks: HashMap<_, _> = processes.iter().flat_map(Process::ticks).collect();
-        for process in &mut processes {
-            process.find_cycles(&ticks);
+        if self.ahead.len() > self.look_ahead {
+            self.find_next_cycle();
         }
-        Self { processes, holes }
+    }
+
+    /// No more messages come.
+    pub fn finish(&mut self) {
+        while !self.ahead.is_empty() {
+            self.find_next_cycle();
+        }
+        self.reach = u64::MAX;
+    }
+
+    /// The tick before which every cycle is known, with all of its messages.
+    pub(super) fn reach(&self) -> u64 {
+        self.reach
     }
 
     pub fn process(&self, topic: Topic, epoch: u64) -> Option<usize> {
         self.processes.iter().position(|process| (process.topic, process.epoch) == (topic, epoch))
     }
-}
 
-impl Process {
-    /// What is after a gap in the numbers is of no use: what the process remembers then is not known.
-    fn cut_at_hole(&mut self) -> Option<String> {
-        let (mut sent, mut hole) = (0, None);
-        for (i, record) in self.recorded.iter().enumerate() {
-            let Stamp { sequence, tick, .. } = *record.stamp();
-            let next = sent + 1;
-            if tick > last_tick(i as u64) {
-                let (name, epoch) = (self.topic.publisher(), self.epoch);
-                hole = Some((
-                    i,
-                    format!("messages of {name} {epoch} before tick {tick}, which no flight of this length has"),
-                ));
-                break;
-            }
-            if sequence > next {
-                let (name, epoch) = (self.topic.publisher(), self.epoch);
-                hole = Some((i, format!("messages {next} to {} of {name} {epoch}, before tick {tick}", sequence - 1)));
-                break;
-            }
-            if !record.stamp().is_withheld() {
-                sent = sent.max(sequence);
+    /// Leaves out the numbers of messages that were sent before `tick`.
+    pub(super) fn forget_before(&mut self, tick: u64) {
+        for Process { numbers: Numbers { ticks, .. }, .. } in &mut self.processes {
+            while ticks.len() > 1 && ticks.front().is_some_and(|(_, sent)| *sent < tick) {
+                ticks.pop_front();
             }
         }
-        let (from, what) = hole?;
-        Arc::make_mut(&mut self.recorded).truncate(from);
-        Some(what)
     }
 
-    /// The tick that each number stands for. The first message of a number is as it was meant.
-    fn ticks(&self) -> impl Iterator<Item = ((Topic, u64, u64), u64)> {
-        let sent = self.recorded.iter().map(Record::stamp).filter(|stamp| !stamp.is_withheld());
-        let mut newest = 0;
-        let first = sent.filter(move |stamp| {
-            let before = newest;
-            newest = newest.max(stamp.sequence);
-            stamp.sequence > before
-        });
-        first.map(|stamp| ((self.topic, self.epoch, stamp.sequence), stamp.tick))
+    /// Leaves out the messages of such processes, and keeps their cycles.
+    pub(super) fn forget_messages(&mut self, of: impl Fn(Topic, u64) -> bool) {
+        for process in self.processes.iter_mut().filter(|process| of(process.topic, process.epoch)) {
+            process.recorded = Arc::default();
+        }
     }
 
-    /// Finds the cycles in the messages: the first of each tick, which never goes back.
-    fn find_cycles(&mut self, ticks: &HashMap<(Topic, u64, u64), u64>) {
-        // One that the log lacks is looked for in vain.
-        let read = |topic: Topic, epoch: u64, sequence: u64| {
-            let tick = ticks.get(&(topic, epoch, sequence)).copied().unwrap_or(u64::MAX);
-            (sequence > 0).then_some(Read { key: Key { topic, epoch, tick }, unharmed: false })
-        };
-        for record in self.recorded.iter() {
-            let stamp = record.stamp();
-            if let Some(last) = self.cycles.last_mut().filter(|last| stamp.tick <= last.tick) {
-                last.faulted |= stamp.is_faulted() && stamp.tick == last.tick;
-                continue;
-            }
-            let own = self.topic as usize;
-            let input = |topic: Topic| {
-                let i = topic as usize;
-                read(topic, stamp.input_epochs[i], stamp.inputs[i]).filter(|_| topic != self.topic)
-            };
-            let arrivals = match record {
+    /// The process that sent `record`.
+    fn process_of(&mut self, record: &Record) -> usize {
+        let (topic, epoch) = (record.topic(), record.stamp().epoch);
+        self.process(topic, epoch).unwrap_or_else(|| {
+            self.processes.push(Process::new(topic, epoch));
+            self.processes.len() - 1
+        })
+    }
+
+    fn find_next_cycle(&mut self) {
+        let Some(record) = self.ahead.pop_front() else { return };
+        let at = self.process_of(&record);
+        self.reach = self.reach.max(record.stamp().tick);
+        let stamp = record.stamp();
+        let is_cycle = self.processes[at].cycles_of(stamp);
+        if is_cycle {
+            let own = stamp.input_epochs.iter().zip(stamp.inputs);
+            let arrived = match &record {
                 Record::State(state) => &state.arrivals[..(state.arrived as usize).min(state.arrivals.len())],
                 _ => &[],
             };
-            let arrival =
-                |arrival: &Arrival| Some((read(Topic::Actuators, arrival.epoch, arrival.sequence)?, arrival.after_ns));
-            self.cycles.push(Cycle {
-                tick: stamp.tick,
-                sample_ns: stamp.sample_ns,
-                publish_ns: stamp.publish_ns[own],
-                standby: stamp.is_standby(),
-                faulted: stamp.is_faulted(),
-                faults: stamp.faults,
-                inputs: Topic::ALL.map(input),
-                arrivals: arrivals.iter().filter_map(arrival).collect(),
+            let mut inputs = [None; Topic::COUNT];
+            for (topic, (epoch, sequence)) in Topic::ALL.into_iter().zip(own) {
+                if topic != record.topic() && sequence > 0 {
+                    let known = self.processes[at].last_read[topic as usize];
+                    let known = known.filter(|(of, number, _)| (*of, *number) == (*epoch, sequence));
+                    let read = known.map_or_else(|| self.read(topic, *epoch, sequence), |(.., read)| read);
+                    self.processes[at].last_read[topic as usize] = Some((*epoch, sequence, read));
+                    inputs[topic as usize] = Some(read);
+                }
+            }
+            let arrivals = arrived.iter().filter(|arrival| arrival.sequence > 0);
+            let arrivals = arrivals.map(|Arrival { sequence, epoch, after_ns }| {
+                (self.read(Topic::Actuators, *epoch, *sequence), *after_ns)
             });
-            let continues = Origin { epoch: stamp.input_epochs[own], done: stamp.inputs[own] };
-            self.continues = (continues != Origin::default()).then_some(continues);
+            let arrivals = arrivals.collect();
+            self.processes[at].begin_cycle(stamp, inputs, arrivals);
         }
+        Arc::make_mut(&mut self.processes[at].recorded).push(record);
+    }
+
+    /// A message by its number. One that the log lacks is looked for in vain.
+    fn read(&self, topic: Topic, epoch: u64, sequence: u64) -> Read {
+        let ticks = self.process(topic, epoch).map(|i| &self.processes[i].numbers.ticks);
+        let tick = ticks.and_then(|ticks| {
+            let at = ticks.binary_search_by_key(&sequence, |(number, _)| *number).ok()?;
+            Some(ticks[at].1)
+        });
+        Read { key: Key { topic, epoch, tick: tick.unwrap_or(u64::MAX) }, unharmed: false }
+    }
+}
+
+impl Process {
+    fn new(topic: Topic, epoch: u64) -> Self {
+        Self {
+            topic,
+            epoch,
+            continues: None,
+            cycles: vec![],
+            recorded: Arc::default(),
+            numbers: Numbers::default(),
+            last_read: [None; Topic::COUNT],
+            has_hole: false,
+        }
+    }
+
+    /// Takes note of the number of a message, and of whose memory its process began with; an error where it is of no use, with the reason if that is new: what the process
+    /// remembers after a gap in the numbers is not known.
+    fn number(&mut self, record: &Record) -> Result<(), Option<String>> {
+        let Stamp { sequence, tick, .. } = *record.stamp();
+        if self.has_hole {
+            return Err(None);
+        }
+        let Numbers { messages, sent, ticks } = &mut self.numbers;
+        let (name, epoch, next) = (self.topic.publisher(), self.epoch, *sent + 1);
+        let hole = if tick > last_tick(*messages) {
+            Some(format!("messages of {name} {epoch} before tick {tick}, which no flight of this length has"))
+        } else if sequence > next {
+            Some(format!("messages {next} to {} of {name} {epoch}, before tick {tick}", sequence - 1))
+        } else {
+            None
+        };
+        self.has_hole = hole.is_some();
+        if self.has_hole {
+            return Err(hole);
+        }
+        *messages += 1;
+        let (inputs, input_epochs) = (record.stamp().inputs, record.stamp().input_epochs);
+        let continues = Origin { epoch: input_epochs[self.topic as usize], done: inputs[self.topic as usize] };
+        self.continues = (continues != Origin::default()).then_some(continues);
+        if !record.stamp().is_withheld() && sequence > *sent {
+            *sent = sequence;
+            ticks.push_back((sequence, tick));
+        }
+        Ok(())
+    }
+
+    /// Whether a message begins a cycle: the first of each tick does, which never goes back.
+    fn cycles_of(&mut self, stamp: &Stamp) -> bool {
+        let Some(last) = self.cycles.last_mut().filter(|last| stamp.tick <= last.tick) else { return true };
+        last.faulted |= stamp.is_faulted() && stamp.tick == last.tick;
+        false
+    }
+
+    fn begin_cycle(&mut self, stamp: &Stamp, inputs: [Option<Read>; Topic::COUNT], arrivals: Vec<(Read, u64)>) {
+        let own = self.topic as usize;
+        self.cycles.push(Cycle {
+            tick: stamp.tick,
+            sample_ns: stamp.sample_ns,
+            publish_ns: stamp.publish_ns[own],
+            standby: stamp.is_standby(),
+            faulted: stamp.is_faulted(),
+            faults: stamp.faults,
+            inputs,
+            arrivals,
+        });
     }
 
     /// Its cycle of a tick.

@@ -1,4 +1,5 @@
 use std::collections::BTreeSet;
+use std::path::Path;
 
 use contract::message::Controls;
 use contract::scenario::{Fault, FaultKind, FaultTarget, Law, Scenario, Swap, SwapNode};
@@ -8,6 +9,7 @@ use proptest::prelude::Strategy;
 use proptest::sample::select;
 use proptest::test_runner::{Config, TestRunner};
 
+use super::flight::Flight;
 use super::*;
 use crate::event::What;
 use crate::inprocess;
@@ -28,12 +30,27 @@ fn flown(seconds: f64, faults: &[Fault], swaps: &[Swap]) -> (Scenario, Log) {
     (scenario, log)
 }
 
-fn recording((scenario, log): &(Scenario, Log)) -> Recording {
-    Recording::new(log, scenario, None).unwrap()
+fn recording((scenario, log): &(Scenario, Log)) -> (Recording, Script) {
+    let logged = [log.states.len(), log.references.len(), log.controls.len(), log.actuators.len()];
+    let recording = Recording::new(Path::new(""), &log.events, logged.map(|count| count as u64), scenario, None);
+    (recording.unwrap(), Script::of(log.tick_by_tick()))
+}
+
+fn replay(flight: &(Scenario, Log), plan: &Plan) -> Replayed {
+    let (recording, script) = recording(flight);
+    replay_script(&recording, &script, plan, |_| {}).unwrap()
+}
+
+/// Replayed message by message by one who knows no more of the flight than a few ticks at a time.
+fn read_on((scenario, log): &(Scenario, Log), plan: &Plan) -> Replayed {
+    let (recording, _) = recording(&(scenario.clone(), log.clone()));
+    let mut flight = Flight::new(&recording, plan, Script::looking_ahead(400), |_| {});
+    log.tick_by_tick().for_each(|record| flight.take(&record).unwrap());
+    flight.fly_on().unwrap()
 }
 
 fn replayed(flight: &(Scenario, Log)) -> Replayed {
-    replay(&recording(flight), &Plan::default(), |_| {}).unwrap()
+    replay(flight, &Plan::default())
 }
 
 fn fault(target: FaultTarget, kind: FaultKind, at_s: f64) -> Fault {
@@ -76,6 +93,8 @@ fn a_flight_with_every_kind_of_trouble_repeats_bit_for_bit() {
     let messages = log.states.len() + log.references.len() + log.controls.len() + log.actuators.len();
     assert_eq!(replayed.computed(), messages as u64);
     assert!(replayed.compared() > replayed.computed() - 50, "all but those with flipped bits");
+    let read_on = read_on(&flight, &Plan::default());
+    assert_eq!((&read_on.messages, &read_on.first, read_on.stopped), (&replayed.messages, &None, None));
 }
 
 /// Processes that die on the tick of their take-over have answered to nothing: the next one continues from the one before them.
@@ -92,8 +111,9 @@ fn a_flight_with_any_schedule_of_kills_repeats_bit_for_bit() {
     let fly = |schedule: Vec<(FaultTarget, f64, f64)>| {
         let kills = schedule.iter().map(|(node, at_s, for_s)| Fault::new(*node, FaultKind::Kill, *at_s, Some(*for_s)));
         let flight = flown(1.6, &kills.collect::<Vec<_>>(), &[]);
-        let replayed = replayed(&flight);
-        assert_eq!((&replayed.first, &replayed.stopped), (&None, &None), "{schedule:?}");
+        for replayed in [replayed(&flight), read_on(&flight, &Plan::default())] {
+            assert_eq!((&replayed.first, &replayed.stopped), (&None, &None), "{schedule:?}");
+        }
     };
     fly(found);
     let default = Config { failure_persistence: None, ..Config::default() };
@@ -116,7 +136,7 @@ fn a_flipped_bit_is_found_where_it_stands() {
     assert_eq!((first.tick, first.topic, first.differs.field.as_str()), (57, Topic::Controls, "demand[2]"));
     assert_eq!(first.differs.values[0], format!("{:?}", demand[2]));
     let later = Plan { from: 58, ..Plan::default() };
-    assert_eq!(replay(&recording(&flight), &later, |_| {}).unwrap().first, None, "from there on it is the same");
+    assert_eq!(replay(&flight, &later).first, None, "from there on it is the same");
 }
 
 /// A constant that only the climb needs: the flight begins level, and differs once the climb is limited.
@@ -126,7 +146,7 @@ fn a_wrong_constant_is_found_at_the_first_tick_that_it_matters() {
     let mut other = flight.0.clone();
     other.guidance.climb_limit_mps = 0.4;
     let plan = Plan { settings: Some((Topic::Reference, Box::new(other))), ..Plan::default() };
-    let first = replay(&recording(&flight), &plan, |_| {}).unwrap().first.unwrap();
+    let first = replay(&flight, &plan).first.unwrap();
     let down = |tick: usize| flight.1.references[tick].velocity_mps[2];
     assert_eq!((first.topic, first.differs.field.as_str()), (Topic::Reference, "w_mps"));
     assert!(
@@ -141,7 +161,7 @@ fn a_wrong_constant_is_found_at_the_first_tick_that_it_matters() {
 fn one_node_alone_answers_to_what_it_had_read() {
     let flight = flown(2.0, &[fault(FaultTarget::State, FaultKind::Drop, 1.0)], &[]);
     for only in Topic::ALL {
-        let replayed = replay(&recording(&flight), &Plan { only: Some(only), ..Plan::default() }, |_| {}).unwrap();
+        let replayed = replay(&flight, &Plan { only: Some(only), ..Plan::default() });
         assert!(replayed.first.is_none() && replayed.stopped.is_none());
         assert!((201..=220).contains(&replayed.computed()), "{} messages of {only:?}", replayed.computed());
     }
@@ -153,7 +173,7 @@ fn one_node_alone_answers_to_what_it_had_read() {
         until: Some(50),
         ..Plan::default()
     };
-    let replayed = replay(&recording(&flight), &plan, |_| {}).unwrap();
+    let replayed = replay(&flight, &plan);
     assert_eq!((replayed.computed(), replayed.different > 0), (51, true));
 }
 
@@ -165,6 +185,8 @@ fn a_log_that_lacks_a_message_replays_up_to_there_and_says_so() {
     assert_eq!((replayed.first, replayed.last_tick), (None, 100));
     let why = replayed.stopped.unwrap();
     assert!(why.contains("the log lacks messages 101 to 101 of guidance 1"), "{why}");
+    let read_on = read_on(&flight, &Plan::default());
+    assert_eq!((read_on.last_tick, read_on.stopped), (100, Some(why)), "though the log goes on");
 }
 
 /// The mixer gets nothing for three ticks. Undone, the flight is the one that was never disturbed.
@@ -172,11 +194,11 @@ fn a_log_that_lacks_a_message_replays_up_to_there_and_says_so() {
 fn a_flight_without_its_only_stall_is_the_flight_that_had_none() {
     let stall = Fault::new(FaultTarget::AttitudeMpc, FaultKind::Stop, 0.5, Some(0.03));
     let (stalled, clean) = (flown(2.0, &[stall], &[]), flown(2.0, &[], &[]));
-    let recording = recording(&stalled);
-    let ticks: BTreeSet<u64> = disturbed(&recording).iter().map(|one| one.tick).collect();
+    let (recording, script) = recording(&stalled);
+    let ticks: BTreeSet<u64> = disturbed(&recording, &script).iter().map(|one| one.tick).collect();
     assert_eq!(ticks, BTreeSet::from([50, 51, 52]));
     let mut states = vec![];
-    let replayed = replay(&without(&recording, &ticks), &Plan::default(), |record| {
+    let replayed = replay_script(&recording, &without(&recording, &script, &ticks), &Plan::default(), |record| {
         if let Record::State(state) = record {
             states.push((state.actual, state.actuators));
         }
@@ -190,20 +212,20 @@ fn a_flight_without_its_only_stall_is_the_flight_that_had_none() {
 /// A mixer that slept answers to an old tick with the newest state, skips two, and goes on.
 #[test]
 fn a_tick_can_be_undone_that_a_process_answered_late_to_those_before() {
-    let mut recording = recording(&flown(1.0, &[], &[]));
-    let [plant, mixer] = [Topic::State, Topic::Actuators].map(|topic| recording.script.process(topic, 1).unwrap());
-    let processes = &mut recording.script.processes;
+    let (recording, mut script) = recording(&flown(1.0, &[], &[]));
+    let [plant, mixer] = [Topic::State, Topic::Actuators].map(|topic| script.process(topic, 1).unwrap());
+    let processes = &mut script.processes;
     for cycle in &mut processes[plant].cycles {
         cycle.arrivals.retain(|(read, _)| !(50..53).contains(&read.key.tick));
     }
     processes[mixer].cycles.retain(|cycle| !(51..53).contains(&cycle.tick));
     let late = processes[mixer].cycles.iter_mut().find(|cycle| cycle.tick == 50).unwrap();
     late.inputs[Topic::State as usize].as_mut().unwrap().key.tick = 53;
-    let ticks: Vec<u64> = disturbed(&recording).iter().map(|one| one.tick).collect();
+    let ticks: Vec<u64> = disturbed(&recording, &script).iter().map(|one| one.tick).collect();
     assert_eq!(ticks, [50, 51, 52]);
     for undone in [&ticks[..1], &ticks[1..2], &ticks[2..], &ticks] {
-        let mended = without(&recording, &undone.iter().copied().collect());
-        let replayed = replay(&mended, &Plan::default(), |_| {}).unwrap();
+        let mended = without(&recording, &script, &undone.iter().copied().collect());
+        let replayed = replay_script(&recording, &mended, &Plan::default(), |_| {}).unwrap();
         assert_eq!((replayed.stopped, replayed.last_tick), (None, 100), "without {undone:?}");
     }
 }
@@ -222,18 +244,22 @@ fn every_way_to_disturb_a_tick_is_seen_and_can_be_undone() {
     ];
     for (target, kind) in flights {
         let flight = flown(2.0, &[fault(target, kind, 0.5)], &[]);
-        let recording = recording(&flight);
-        let ticks: BTreeSet<u64> = disturbed(&recording).iter().map(|one| one.tick).collect();
+        let (recording, script) = recording(&flight);
+        let ticks: BTreeSet<u64> = disturbed(&recording, &script).iter().map(|one| one.tick).collect();
         assert!(
             ticks.iter().all(|tick| (50..75).contains(tick)) && !ticks.is_empty(),
             "{target:?} {kind:?}: {ticks:?}"
         );
-        let mended = without(&recording, &ticks);
+        let mended = without(&recording, &script, &ticks);
         assert_eq!(
-            disturbed(&mended).iter().filter(|one| !one.what.contains("a fault")).count(),
+            disturbed(&recording, &mended).iter().filter(|one| !one.what.contains("a fault")).count(),
             0,
             "{target:?} {kind:?}"
         );
-        assert_eq!(replay(&mended, &Plan::default(), |_| {}).unwrap().stopped, None, "{target:?} {kind:?}");
+        assert_eq!(
+            replay_script(&recording, &mended, &Plan::default(), |_| {}).unwrap().stopped,
+            None,
+            "{target:?} {kind:?}"
+        );
     }
 }

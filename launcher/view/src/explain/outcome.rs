@@ -3,7 +3,7 @@
 use anyhow::bail;
 use contract::scenario::Scenario;
 use flight::log::Record;
-use flight::replay::{Disturbed, Plan, Recording, replay};
+use flight::replay::{Disturbed, Plan, Recording, Script, replay_script};
 use guidance::Trajectory;
 use serde::Serialize;
 
@@ -91,13 +91,13 @@ impl Outcome {
         Ok(Self { metrics, worst_tilt_deg: worst_tilt.to_degrees(), error_m, course_m, state_hash })
     }
 
-    /// A flight as `recording` has it.
+    /// A flight of `recording` as `script` has it.
     ///
     /// # Errors
     /// It cannot be flown to its end.
-    pub fn flown(recording: &Recording) -> anyhow::Result<Self> {
+    pub fn flown(recording: &Recording, script: &Script) -> anyhow::Result<Self> {
         Self::of(&recording.scenario, |each| {
-            let replayed = replay(recording, &Plan::default(), each)?;
+            let replayed = replay_script(recording, script, &Plan::default(), each)?;
             if let Some(why) = replayed.stopped {
                 bail!("the flight cannot be flown again to its end: {why}");
             }

@@ -4,7 +4,7 @@ use std::num::NonZero;
 use std::time::Instant;
 
 use anyhow::bail;
-use flight::replay::{Disturbed, Plan, Recording, disturbed, replay};
+use flight::replay::{Disturbed, Plan, Recording, Script, disturbed, replay};
 
 /// More samples are not flown unless that is asked for: 500 flights of a minute at 100 Hz, about a minute on two processors.
 const MOST_SAMPLES: u64 = 3_000_000;
@@ -26,7 +26,7 @@ impl Work {
     ///
     /// # Errors
     /// The flight does not repeat bit for bit, or nothing of it can be compared.
-    pub fn of(recording: &Recording) -> anyhow::Result<Self> {
+    pub fn of(recording: &Recording, script: &Script) -> anyhow::Result<Self> {
         let started = Instant::now();
         let replayed = replay(recording, &Plan::default(), |_| {})?;
         let replay_s = started.elapsed().as_secs_f64();
@@ -40,7 +40,7 @@ impl Work {
         if replayed.compared() == 0 {
             bail!("the flight does not repeat: no message of it could be compared; see `launcher replay`");
         }
-        let disturbed = disturbed(recording);
+        let disturbed = disturbed(recording, script);
         let flights = (disturbed.len() + bursts(&disturbed).count()) as u64;
         let sample_s = recording.scenario.sample_s();
         Ok(Self { disturbed, last_tick: replayed.last_tick, flights, replay_s, sample_s })
