@@ -61,16 +61,25 @@ fn said(output: &Output) -> String {
 
 /// Runs a command to its end, and kills it when it takes too long.
 fn finished(command: &mut Command) -> Output {
-    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).stdin(Stdio::null()).spawn();
-    ended(child.expect("the launcher starts"))
+    finished_within(WATCHDOG, command)
 }
 
-fn ended(mut child: Child) -> Output {
-    let deadline = Instant::now() + WATCHDOG;
+/// The same with a limit of its own. What it prints is less than a pipe holds.
+pub fn finished_within(limit: Duration, command: &mut Command) -> Output {
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).stdin(Stdio::null()).spawn();
+    ended_within(limit, child.expect("the launcher starts"))
+}
+
+fn ended(child: Child) -> Output {
+    ended_within(WATCHDOG, child)
+}
+
+fn ended_within(limit: Duration, mut child: Child) -> Output {
+    let deadline = Instant::now() + limit;
     while child.try_wait().expect("it can be waited for").is_none() {
         if Instant::now() > deadline {
             let _ = child.kill();
-            panic!("it did not end within {WATCHDOG:?}");
+            panic!("it did not end within {limit:?}");
         }
         std::thread::sleep(Duration::from_millis(5));
     }

@@ -5,6 +5,7 @@
 
 mod flights;
 mod folder;
+mod folders;
 mod replays;
 mod snapshots;
 

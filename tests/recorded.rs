@@ -1,6 +1,6 @@
 //! The flight log: the same in every mode, and readable by others.
 
-use std::process::{Command, Output};
+use std::process::Command;
 
 use crate::harness::{fly, launcher, python_with, top};
 use contract::Scenario;
@@ -46,11 +46,13 @@ fn a_run_tells_when_where_and_by_what_it_was_made() {
     }
 }
 
-/// Runs the launcher with so much address space \[kB\].
-fn confined(kilobytes: u32, arguments: &[&str]) -> Output {
+/// The launcher with so much address space \[kB\].
+pub fn confined(kilobytes: u32, arguments: &[&str]) -> Command {
     let launcher = launcher().get_program().to_owned();
     let limited = format!("ulimit -v {kilobytes}; exec \"$0\" \"$@\"");
-    Command::new("sh").args(["-c", &limited]).arg(launcher).args(arguments).output().expect("a shell starts")
+    let mut command = Command::new("sh");
+    command.args(["-c", &limited]).arg(launcher).args(arguments);
+    command
 }
 
 /// Held in memory these logs would take 450 MB, and 6 GB.
@@ -75,8 +77,8 @@ fn logs_are_read_in_bounded_memory_whatever_stands_in_them() {
         let page = run.join("page.html");
         let run = run.to_str().expect("a path");
         let (page, short) = (page.to_str().expect("a path"), short.out.to_str().expect("a path"));
-        for arguments in [vec!["report", run], vec!["compare", run, short, "--out", page]] {
-            let output = confined(LIMIT_KB, &arguments);
+        for arguments in [vec!["report", run], vec!["compare", run, short, "--out", page], vec!["replay", run]] {
+            let output = confined(LIMIT_KB, &arguments).output().expect("a shell starts");
             let said = String::from_utf8_lossy(&output.stderr);
             assert!(output.status.code().is_some_and(|code| code < 2), "{arguments:?}: {:?} {said}", output.status);
         }

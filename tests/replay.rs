@@ -207,6 +207,8 @@ fn a_log_without_its_end_is_told_first_by_every_command() {
     }
     let page = std::fs::read_to_string(outcome.out.join("report.html")).expect("a report");
     assert!(page.contains("The log is not whole: the log"), "above everything else");
+    let page = std::fs::read_to_string(outcome.out.join("explain.html")).expect("a page");
+    assert!(page.contains("is not whole (") && page.contains("what was read ends at 1.19 s of 2.00 s"), "{page}");
 }
 
 /// A mixer that takes longer than a period: its commands come, and each of them after the next sample.

@@ -87,7 +87,7 @@ pub fn explain(args: &ExplainArgs) -> anyhow::Result<u8> {
     progress.into_inner().into_iter().for_each(Progress::finish);
     let explained = explained?;
     let page = recorded.path.with_file_name("explain.html");
-    write_whole(&page, explained.page().as_bytes())?;
+    write_whole(&page, explained.page(missing.as_deref()).as_bytes())?;
     if args.json {
         let mut costs = explained.to_json();
         costs["missing"] = json!(missing);

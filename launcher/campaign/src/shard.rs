@@ -3,11 +3,12 @@
 //! Its words say by what program, of what campaign and of how many shards it is; a file that is of others is an error, and no
 //! flight is counted twice or left out.
 
+use std::cell::Cell as Flag;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader};
 use std::ops::Range;
-use std::panic::catch_unwind;
-use std::sync::OnceLock;
+use std::panic::{UnwindSafe, catch_unwind, set_hook, take_hook};
+use std::sync::{Once, OnceLock};
 
 use anyhow::{Context, anyhow, bail, ensure};
 use contract::scenario::file::MAX_RESULTS_BYTES;
@@ -93,9 +94,7 @@ pub fn read(shards: &Dir, plan: &Plan, layout: &Layout, index: u64) -> anyhow::R
     let read = || -> anyhow::Result<Table> {
         let bytes = shards.read(name(index), MAX_RESULTS_BYTES)?;
         let flights = range(layout.flights, index, layout.shards);
-        // Parquet's readers may panic at what is no Parquet.
-        let read = catch_unwind(|| Table::from_parquet(bytes, flights.end - flights.start));
-        let read = read.unwrap_or_else(|_| Err(anyhow!("it is no Parquet file")));
+        let read = quietly(|| Table::from_parquet(bytes, flights.end - flights.start));
         let (table, said) = read.context("it is damaged")?;
         for (key, expected) in words(layout, index) {
             let Some((_, said)) = said.iter().find(|(of, _)| of == key) else { bail!("it does not say its {key}") };
@@ -109,6 +108,24 @@ pub fn read(shards: &Dir, plan: &Plan, layout: &Layout, index: u64) -> anyhow::R
         Ok(table)
     };
     read().with_context(|| format!("shard {index} ({}) is not counted; {again}", shards.at(name(index)).display()))
+}
+
+/// What `read` finds. Parquet's readers may panic at what is no Parquet: that is an error, of which nothing is printed.
+fn quietly<T>(read: impl FnOnce() -> anyhow::Result<T> + UnwindSafe) -> anyhow::Result<T> {
+    thread_local!(static READS: Flag<bool> = const { Flag::new(false) });
+    static HOOK: Once = Once::new();
+    HOOK.call_once(|| {
+        let usual = take_hook();
+        set_hook(Box::new(move |panic| {
+            if !READS.get() {
+                usual(panic);
+            }
+        }));
+    });
+    READS.set(true);
+    let found = catch_unwind(read);
+    READS.set(false);
+    found.unwrap_or_else(|_| Err(anyhow!("it is no Parquet file")))
 }
 
 #[cfg(test)]

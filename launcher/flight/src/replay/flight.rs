@@ -209,8 +209,6 @@ impl Course {
 
 /// A message may be delivered so many cycles after it was sent.
 const LATEST: usize = 1000;
-/// Ticks for which a message is kept that no process has read yet.
-const KEPT: u64 = 4096;
 /// Messages taken in before the processes go on.
 const BATCH: usize = 1024;
 
@@ -233,6 +231,11 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
             return Ok(());
         }
         self.taken = 0;
+        self.go_on_meanwhile()
+    }
+
+    /// Flies what is known while more is to come.
+    fn go_on_meanwhile(&mut self) -> anyhow::Result<()> {
         self.go_on(self.script.reach().saturating_sub(LATEST as u64))?;
         self.forget();
         Ok(())
@@ -243,7 +246,9 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
     /// # Errors
     /// A process cannot be built from its settings.
     pub(super) fn fly_on(mut self) -> anyhow::Result<Replayed> {
-        self.script.finish();
+        while self.script.finish_some(BATCH) {
+            self.go_on_meanwhile()?;
+        }
         self.go_on(u64::MAX)?;
         let hole = self.script.holes.first().map(|hole| format!("the log lacks {hole}"));
         self.replayed.stopped = match self.held_up {
@@ -299,7 +304,7 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
     fn forget(&mut self) {
         let waiting = (0..self.courses.len()).filter_map(|i| self.next(i)).map(|next| next.tick).min();
         let now = waiting.unwrap_or(self.script.reach());
-        let before = now.saturating_sub(KEPT);
+        let before = now.saturating_sub(LATEST as u64);
         let newest = Topic::ALL.map(|topic| {
             let of_node = self.script.processes.iter().filter(|process| process.topic == topic);
             of_node.map(|process| process.epoch).max().unwrap_or(0)
@@ -321,7 +326,7 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
                 course.worker = None;
             }
         }
-        self.script.forget_before(before.saturating_sub(KEPT));
+        self.script.forget_before(before.saturating_sub(LATEST as u64));
     }
 
     /// The next cycle of a process, if there is one.

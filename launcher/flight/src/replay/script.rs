@@ -91,8 +91,8 @@ pub struct Script {
     reach: u64,
 }
 
-/// Messages that are held back: more than a minute of a flight at 100 Hz, and eight seconds at 2 kHz.
-const LOOK_AHEAD: usize = 65_536;
+/// Messages that are held back: a minute and more of a flight at 100 Hz, and four seconds at 2 kHz.
+const LOOK_AHEAD: usize = 32_768;
 
 impl Default for Script {
     fn default() -> Self {
@@ -118,22 +118,28 @@ impl Script {
         if !record.is_intact() {
             return;
         }
+        if self.ahead.len() >= self.look_ahead {
+            self.find_next_cycle();
+        }
         let at = self.process_of(record);
         match self.processes[at].number(record) {
             Ok(()) => self.ahead.push_back(*record),
             Err(hole) => self.holes.extend(hole),
         }
-        if self.ahead.len() > self.look_ahead {
-            self.find_next_cycle();
-        }
     }
 
     /// No more messages come.
     pub fn finish(&mut self) {
-        while !self.ahead.is_empty() {
-            self.find_next_cycle();
+        while self.finish_some(usize::MAX) {}
+    }
+
+    /// The same for no more than so many messages; whether there are others.
+    pub(super) fn finish_some(&mut self, most: usize) -> bool {
+        (0..most.min(self.ahead.len())).for_each(|_| self.find_next_cycle());
+        if self.ahead.is_empty() {
+            self.reach = u64::MAX;
         }
-        self.reach = u64::MAX;
+        !self.ahead.is_empty()
     }
 
     /// The tick before which every cycle is known, with all of its messages.

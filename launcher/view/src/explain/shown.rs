@@ -165,10 +165,11 @@ impl Explained {
         )
     }
 
-    /// A page of its own.
-    pub fn page(&self) -> String {
+    /// A page of its own, which says first what the log lacks.
+    pub fn page(&self, missing: Option<&str>) -> String {
         let title = format!("What disturbed ticks cost: {}", self.name);
-        draw::page(&title, STYLE, &format!("<h1>{}</h1>{}", escape(&title), self.section()))
+        let missing = missing.map_or(String::new(), |why| format!("<p><strong>{}</strong></p>", escape(why)));
+        draw::page(&title, STYLE, &format!("<h1>{}</h1>{missing}{}", escape(&title), self.section()))
     }
 }
 
