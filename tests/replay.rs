@@ -120,10 +120,58 @@ fn a_torn_log_repeats_up_to_where_it_is_torn() {
 /// Writes the log at `path` again with the records that are `kept`, closed as if it were whole.
 fn rewrite(path: &Path, kept: impl Fn(&Record) -> bool) {
     let log = log::read(path).expect("the log reads");
+    let memories = log::memories(path, u64::MAX).expect("the log reads");
     let mut writer = LogWriter::create(path, &log.scenario_toml, Scenario::default().sample_ns()).expect("a log");
     log.tick_by_tick().filter(kept).for_each(|record| writer.write(&record).expect("written"));
     log.events.iter().for_each(|event| writer.event(event).expect("written"));
+    for memory in &memories {
+        writer.memory(memory).expect("written");
+    }
     writer.finish().expect("written");
+}
+
+/// Noise, latency, jitter and losses, a link that delays while the memory is taken, deaths before and after.
+const REMEMBERED: [&str; 6] = [
+    "scenarios/typical-sensors.toml",
+    "--set=fault=[{ at_s = 9.0, for_s = 2.0, target = \"controls\", kind = \"delay\", ms = 15.0 }, { at_s = 9.5, target = \
+     \"guidance\", kind = \"kill\" }, { at_s = 11.0, target = \"mixer\", kind = \"kill\" }]",
+    "--set=run.command_jitter_ms=3.0",
+    "--set=run.command_drop_probability=0.05",
+    "--set=run.duration_s=12.5",
+    "--set=supervision.hang_ms=5000",
+];
+
+#[test]
+fn a_replay_begins_with_what_the_nodes_remembered_and_so_flies_what_comes_after_a_hole() {
+    for mode in ["inprocess", "lockstep"] {
+        let outcome = fly(&[&["--mode", mode], &REMEMBERED[..]].concat());
+        assert_repeats(&outcome.out);
+        let check = |more: &[&str], code: i32, parts: &[&str]| {
+            let output = of_run(&[&["replay"], more].concat(), &outcome.out);
+            let said = text(&output);
+            assert_eq!(output.status.code(), Some(code), "{mode} {more:?}: {said}");
+            for part in parts {
+                assert!(said.contains(part), "{mode} {more:?} should say {part}: {said}");
+            }
+        };
+        let begun = "begun with what the nodes remembered at 10.00 s";
+        check(&["--from", "10.2s"], 0, &["no difference in what was compared\n", "10.20 to 12.50 s of 12.50 s", begun]);
+        check(&["--from", "11s", "--node", "mixer"], 0, &["no difference in what was compared\n", begun]);
+        check(&["--from", "10s"], 0, &["10.00 to 12.50 s of 12.50 s"]); // that is before it
+        let sets = ["--from", "11s", "--node", "attitude-mpc", "--set", "mpc.law=lqr", "--closed"];
+        check(&sets, 0, &["other answers from tick 11", begun]);
+        rewrite(&outcome.out.join("flight.mcap"), |record| !(300..310).contains(&record.stamp().tick));
+        check(
+            &[],
+            1,
+            &["no difference in what was compared, which is not all that was asked for", "the log lacks messages 301"],
+        );
+        check(
+            &["--from", "10.2s"],
+            1,
+            &["no difference in what was compared, which", "10.20 to 12.50 s of 12.50 s", begun],
+        );
+    }
 }
 
 #[test]
@@ -209,6 +257,23 @@ fn a_log_without_its_end_is_told_first_by_every_command() {
     assert!(page.contains("The log is not whole: the log"), "above everything else");
     let page = std::fs::read_to_string(outcome.out.join("explain.html")).expect("a page");
     assert!(page.contains("is not whole (") && page.contains("what was read ends at 1.19 s of 2.00 s"), "{page}");
+}
+
+/// A part of a flight has the costs that the whole has, down to the last bit where that does not depend on what was before.
+#[test]
+fn the_cost_of_a_stall_in_a_part_of_a_flight_is_that_in_the_whole() {
+    let stall = "--set=fault=[{ at_s = 11.0, for_s = 0.05, target = \"mixer\", kind = \"stop\" }]";
+    let outcome = fly(&["--mode", "inprocess", "--set", "run.duration_s=12.5", stall]);
+    let costs = |more: &[&str]| -> serde_json::Value {
+        let output = of_run(&[&["explain", "--json"], more].concat(), &outcome.out);
+        serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {}", text(&output)))
+    };
+    let (whole, part) = (costs(&[]), costs(&["--from", "10.5s", "--to", "12.5s"]));
+    assert_eq!((&whole["disturbed_ticks"], part["another_flight"].is_null()), (&part["disturbed_ticks"], true));
+    for figure in ["max_distance_m", "worst_tilt_deg"] {
+        assert_eq!(whole["bursts"][0][figure], part["bursts"][0][figure], "{figure}");
+    }
+    assert!(whole["bursts"][0]["max_distance_m"].as_f64() > Some(0.0));
 }
 
 /// A mixer that takes longer than a period: its commands come, and each of them after the next sample.

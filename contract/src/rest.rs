@@ -42,6 +42,11 @@ impl Rest {
         self.for_ns = if is_at_rest { self.for_ns.saturating_add(elapsed_ns).min(LANDED_AFTER_NS) } else { 0 };
     }
 
+    /// Time at rest so far, for a memory of it \[ns\].
+    pub fn elapsed_ns_mut(&mut self) -> &mut u64 {
+        &mut self.for_ns
+    }
+
     /// Returns true if it has lasted long enough.
     pub fn has_landed(self) -> bool {
         self.for_ns == LANDED_AFTER_NS

@@ -16,6 +16,9 @@ use crate::integrity::checksum;
 /// Words of a snapshot: as many as the largest memory has, that of attitude-mpc, and the two before it.
 pub const SNAPSHOT_WORDS: usize = 128;
 
+/// Words that the memory of the plant takes at most; what is in them is the plant's affair.
+pub const PLANT_WORDS: usize = 1024;
+
 /// A node's memory, packed.
 pub type Snapshot = [u64; SNAPSHOT_WORDS];
 

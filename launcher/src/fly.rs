@@ -1,5 +1,6 @@
 //! One flight, from scenario to report.
 
+use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Instant;
@@ -168,18 +169,24 @@ fn fly_inprocess(
     summary: &mut Summary,
     interrupts: &AtomicU32,
 ) -> anyhow::Result<Circumstances> {
-    let mut log = log.map(|path| CountedLog::create(path, scenario)).transpose().map_err(with_file_limit)?;
+    let log = log.map(|path| CountedLog::create(path, scenario)).transpose().map_err(with_file_limit)?;
+    let log = log.map(RefCell::new);
     let started = Instant::now();
-    let flown = inprocess::fly(scenario, |record| {
+    let watch = |record: &Record| {
         summary.observe(record);
-        if let Some(log) = &mut log {
-            log.write(record);
+        if let Some(log) = &log {
+            log.borrow_mut().write(record);
         }
         interrupts.load(Ordering::Relaxed) == 0
+    };
+    let flown = inprocess::fly_remembering(scenario, watch, |memory| {
+        if let Some(log) = &log {
+            log.borrow_mut().memory(memory);
+        }
     });
     let wall_s = started.elapsed().as_secs_f64();
     let inprocess::Flown { ended, events, refused } = flown;
-    let log = log.map(|mut log| {
+    let log = log.map(RefCell::into_inner).map(|mut log| {
         for event in &events {
             log.event(event);
         }
@@ -207,7 +214,7 @@ fn fly_processes(
 ) -> anyhow::Result<Circumstances> {
     let stack = Stack::start(&args.namespace, scenario, log, interrupts).map_err(with_file_limit)?;
     let progress = Progress::start();
-    let summary = std::cell::RefCell::new(summary);
+    let summary = RefCell::new(summary);
     let flown = stack.fly(
         interrupts,
         |record: &Record| summary.borrow_mut().observe(record),

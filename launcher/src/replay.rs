@@ -34,7 +34,7 @@ pub struct ReplayArgs {
     /// Fly only this node again, on what it had read: guidance, attitude-mpc, mixer or plant
     #[arg(long, value_name = "NODE")]
     node: Option<String>,
-    /// Compare from this second on
+    /// Compare from this second on; it begins where the log last has before it what the nodes remembered
     #[arg(long, value_name = "TIME", value_parser = seconds)]
     from: Option<f64>,
     /// Fly to this second
@@ -59,6 +59,12 @@ pub struct ReplayArgs {
 pub struct ExplainArgs {
     /// Folder of the run, or its flight.mcap
     pub run: PathBuf,
+    /// Look at what happened from this second on; it begins where the log last has before it what the nodes remembered
+    #[arg(long, value_name = "TIME", value_parser = seconds)]
+    from: Option<f64>,
+    /// Look at what happened to this second
+    #[arg(long, value_name = "TIME", value_parser = seconds)]
+    to: Option<f64>,
     /// Print the costs as JSON instead of the tables
     #[arg(long)]
     json: bool,
@@ -72,8 +78,9 @@ pub fn explain(args: &ExplainArgs) -> anyhow::Result<u8> {
     let recorded = Recorded::read(&args.run)?;
     let missing = recorded.missing();
     let recording = recorded.recording()?;
-    let script = recording.script()?;
-    let work = Work::of(&recording, &script)?;
+    let (from, until) = span(args.from, args.to, &recording)?;
+    let script = recording.script(from, until.unwrap_or(u64::MAX))?;
+    let work = Work::of(&recording, &script, until)?;
     let each = args.all || work.is_little();
     for told in missing.iter().chain([&work.describe()]) {
         eprint_line(&format!("note: {told}"));
@@ -134,13 +141,7 @@ fn plan(args: &ReplayArgs, recording: &Recording) -> anyhow::Result<Plan> {
         Some(topic) if !args.set.is_empty() => Some((topic, Box::new(settings(recording, topic, &args.set)?))),
         _ => None,
     };
-    let tick = |time_s: f64| (time_s / recording.scenario.sample_s()).round() as u64;
-    let (from, until) = (args.from.map_or(0, tick), args.to.map(tick));
-    if let (Some(from), Some(to)) = (args.from, args.to)
-        && from >= to
-    {
-        bail!("--from {from} is not before --to {to}");
-    }
+    let (from, until) = span(args.from, args.to, recording)?;
     if args.closed && settings.is_none() && args.exec.is_none() {
         bail!("--closed goes with --set or --exec: without them `launcher replay` is the flight as it was");
     }
@@ -153,6 +154,17 @@ fn plan(args: &ReplayArgs, recording: &Recording) -> anyhow::Result<Plan> {
     };
     let before = args.stop.as_deref().map(|stop| breakpoint(stop, recording)).transpose()?;
     Ok(Plan { only: only.filter(|_| !args.closed), settings, program, from, until, before })
+}
+
+/// The ticks of `--from` and `--to`.
+fn span(from_s: Option<f64>, to_s: Option<f64>, recording: &Recording) -> anyhow::Result<(u64, Option<u64>)> {
+    if let (Some(from_s), Some(to_s)) = (from_s, to_s)
+        && from_s >= to_s
+    {
+        bail!("--from {from_s} is not before --to {to_s}");
+    }
+    let tick = |time_s: f64| (time_s / recording.scenario.sample_s()).round() as u64;
+    Ok((from_s.map_or(0, tick), to_s.map(tick)))
 }
 
 /// `NODE@TIME` as what is called before that cycle.

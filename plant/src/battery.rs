@@ -13,6 +13,8 @@
 use airframe::{Actuation, Trim};
 use contract::Scenario;
 
+use crate::memory::Tape;
+
 /// The battery of one flight.
 #[derive(Debug, Clone)]
 pub struct Battery {
@@ -38,6 +40,11 @@ impl Battery {
             km,
             used_j: 0.0,
         })
+    }
+
+    /// Writes or reads what it remembers.
+    pub fn remember(&mut self, tape: &mut Tape) {
+        tape.number(&mut self.used_j);
     }
 
     /// What becomes of `command` while the rotors turn as `position` says, for the next `dt_s`.

@@ -19,6 +19,7 @@ use contract::message::{Actuators, Stamp};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
+use crate::memory::Tape;
 use crate::random::Stream;
 
 /// Commands per sample that wait on the time line; more are lost like dropped commands.
@@ -31,7 +32,7 @@ const WAITING_PER_SAMPLE: u64 = 4;
 pub const CUT_NS: u64 = 500_000_000;
 
 /// One command on the time line.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct Command {
     /// The positions commanded.
     pub actuation: Actuation,
@@ -52,6 +53,15 @@ impl Command {
     /// The greater of two is the newer command.
     fn order(&self) -> (u64, u64) {
         (self.samples, self.sequence)
+    }
+
+    fn remember(&mut self, tape: &mut Tape) {
+        tape.numbers(&mut self.actuation.rotor_speed);
+        tape.number(&mut self.actuation.tilt_rad);
+        for word in [&mut self.sequence, &mut self.samples, &mut self.effect_ns, &mut self.age_ns] {
+            tape.word(word);
+        }
+        tape.flag(&mut self.cut);
     }
 }
 
@@ -89,6 +99,14 @@ impl CommandLine {
             drops: Stream::Drops.open(run.seed),
             jitter: Stream::Jitter.open(run.seed),
         }
+    }
+
+    /// Writes or reads what it remembers.
+    pub fn remember(&mut self, tape: &mut Tape) {
+        self.in_force.remember(tape);
+        tape.queue(&mut self.waiting, self.capacity, |tape, command| command.remember(tape));
+        tape.random(&mut self.drops);
+        tape.random(&mut self.jitter);
     }
 
     /// A command arrives at `arrival_ns`. Lost ones, those that are not finite, those that answer to a sample yet to

@@ -11,7 +11,9 @@
 //! position. The velocity passes as it is.
 
 use contract::message::Kinematics;
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+
+use crate::memory::Tape;
 
 /// The filter and its estimates.
 #[derive(Debug, Clone)]
@@ -22,7 +24,7 @@ pub struct ComplementaryFilter {
     estimate: Option<Estimate>,
 }
 
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 struct Estimate {
     attitude: UnitQuaternion<f64>,
     /// Of the gyros \[rad/s\].
@@ -38,6 +40,18 @@ impl ComplementaryFilter {
     /// Of bandwidth `bandwidth` \[rad/s\], for samples `sample_s` apart; the first one is taken as it is.
     pub fn new(bandwidth: f64, sample_s: f64) -> Self {
         Self { bandwidth, sample_s, estimate: None }
+    }
+
+    /// Writes or reads what it remembers.
+    pub fn remember(&mut self, tape: &mut Tape) {
+        tape.option(&mut self.estimate, |tape, Estimate { attitude, bias, position, velocity, rates }| {
+            let mut turned: [f64; 4] = attitude.coords.into();
+            tape.numbers(&mut turned);
+            *attitude = UnitQuaternion::new_unchecked(Quaternion::from(turned));
+            for vector in [bias, position, velocity, rates] {
+                tape.numbers(vector.as_mut_slice());
+            }
+        });
     }
 
     /// The estimate after one more sample of the sensors.

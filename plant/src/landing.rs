@@ -14,6 +14,8 @@ use contract::Scenario;
 use contract::message::{Kinematics, PlantStatus};
 use contract::rest::{Rest, is_at_rest};
 
+use crate::memory::Tape;
+
 /// Rotors that are slower than so many times their idle speed idle: a lag gets there only in the end.
 const IDLES: f64 = 1.1;
 
@@ -25,6 +27,10 @@ enum Phase {
     Flying,
     Landing,
     Landed,
+}
+
+impl Phase {
+    const ALL: [Self; 5] = [Self::Standing, Self::TakingOff, Self::Flying, Self::Landing, Self::Landed];
 }
 
 /// How the vehicle touches the ground.
@@ -63,6 +69,16 @@ impl Landing {
             idle_speed: IDLES * scenario.idle_speed(),
             max_slide_m: scenario.plant.ground.max_slide_m,
         })
+    }
+
+    /// Writes or reads what it remembers.
+    pub fn remember(&mut self, tape: &mut Tape) {
+        let mut phase = self.phase as usize;
+        tape.count(&mut phase, Phase::ALL.len() - 1);
+        self.phase = Phase::ALL[phase];
+        tape.word(self.rest.elapsed_ns_mut());
+        tape.flag(&mut self.is_still);
+        tape.number(&mut self.slid_m);
     }
 
     /// Takes in a step of `dt_ns`, after which the vehicle moves like this, has this footing and rotors as fast as this.

@@ -15,6 +15,7 @@
 //! | [`filter`] | the complementary filter behind the sensors | |
 //! | [`faults`] | faults of sensors, actuators, air and payload | |
 //! | [`random`] | the random streams | |
+//! | [`memory`] | what the vehicle remembers, as words | |
 //!
 //! ```text
 //!  sample() -> STATE at t_k          command(..): ACTUATORS arrive, any number of times          advance(1)
@@ -35,6 +36,7 @@ pub mod filter;
 pub mod ground;
 pub mod integrator;
 pub mod landing;
+pub mod memory;
 mod process;
 pub mod random;
 pub mod rotors;
@@ -46,12 +48,14 @@ use airframe::{Actuation, Trim};
 use contract::Scenario;
 use contract::message::{Actuators, Arrival, Kinematics, MAX_ARRIVALS, PlantStatus, Stamp, State};
 use contract::scenario::Fault;
+use contract::snapshot::PLANT_WORDS;
 
 use battery::Battery;
 use commands::CommandLine;
 use dynamics::{Dynamics, StateVector};
 use faults::Faults;
 use landing::Landing;
+use memory::Tape;
 pub use process::run;
 use schedule::Schedule;
 use sensors::Sensors;
@@ -133,6 +137,53 @@ impl Plant {
     /// Takes fault `number` as it is from now on, if it is one of sensors, actuators, air or payload.
     pub fn apply_fault(&mut self, number: usize, fault: &Fault) {
         self.faults.apply_fault(number, fault);
+    }
+
+    /// Writes what the vehicle remembers after its newest sample into `words`; false where that has no place in them, the flight is
+    /// over, or a fault of a sensor has changed what was measured in the recent past.
+    pub fn memory(&mut self, words: &mut [u64; PLANT_WORDS]) -> bool {
+        *words = [0; PLANT_WORDS];
+        let mut tape = Tape::to_write(words);
+        self.remember(&mut tape);
+        tape.fits() && self.diverged.is_none()
+    }
+
+    /// Goes on from a memory of a vehicle of the same scenario after the sample `tick`; false, and nothing has changed, if it
+    /// is none. What was [returned](Self::recall) in the recent past is kept.
+    pub fn restore(&mut self, tick: u64, words: &[u64; PLANT_WORDS]) -> bool {
+        let (mut words, mut restored) = (*words, Self { tick, ..self.clone() });
+        let mut tape = Tape::to_read(&mut words);
+        restored.remember(&mut tape);
+        let fits = tape.fits() && restored.tick == tick && divergence(&restored.x).is_none();
+        if fits {
+            *self = restored;
+        }
+        fits
+    }
+
+    /// Takes note of a sample that the vehicle has returned before the memory from which it is to go on.
+    pub fn recall(&mut self, returned: &State) {
+        self.faults.sensors.recall(returned.stamp.tick, &returned.measured);
+    }
+
+    fn remember(&mut self, tape: &mut Tape) {
+        tape.word(&mut self.tick);
+        tape.numbers(&mut self.x);
+        for (arrivals, arrived) in [&mut self.arrivals, &mut self.arrived] {
+            tape.count(arrived, MAX_ARRIVALS);
+            for Arrival { sequence, epoch, after_ns } in arrivals {
+                for word in [sequence, epoch, after_ns] {
+                    tape.word(word);
+                }
+            }
+        }
+        self.battery.iter_mut().for_each(|battery| battery.remember(tape));
+        self.landing.iter_mut().for_each(|landing| landing.remember(tape));
+        self.turbulence.iter_mut().for_each(|turbulence| turbulence.remember(tape, self.tick));
+        self.commands.remember(tape);
+        self.sensors.remember(tape);
+        self.faults.sensors.remember(tape, self.tick);
+        self.faults.actuators.remember(tape);
     }
 
     /// STATE at the present instant; every call is a measurement of its own and draws its own noise.

@@ -1,6 +1,7 @@
 //! The plant as a process: the one that begins every tick.
 
 use contract::message::{Actuators, Message, State};
+use contract::snapshot::PLANT_WORDS;
 use runtime::session::{NodeSession, SessionError};
 
 use crate::Plant;
@@ -13,8 +14,10 @@ pub fn run(mut session: NodeSession) -> Result<(), SessionError> {
     let mut plant = Plant::new(&session.scenario);
     let mut states = session.output::<State>()?;
     let mut commands = session.input::<Actuators>()?;
+    let scenario = session.scenario.clone();
     let mut cycles = session.ready_to_sample()?;
     let mut before = 0;
+    let mut memory = [0; PLANT_WORDS];
     while let Some(tick) = cycles.next(&mut commands, |command, arrival_ns| plant.command(command, arrival_ns))? {
         plant.advance(tick - before);
         before = tick;
@@ -25,6 +28,9 @@ pub fn run(mut session: NodeSession) -> Result<(), SessionError> {
         }
         states.send(state, cycles.provenance(tick));
         cycles.done(tick);
+        if scenario.is_remembered(tick) && plant.memory(&mut memory) {
+            cycles.remember(tick, &memory);
+        }
     }
     Ok(())
 }

@@ -18,6 +18,7 @@ use contract::scenario::{Filter, Sensor as Settings};
 use rand_chacha::ChaCha8Rng;
 
 use crate::filter::ComplementaryFilter;
+use crate::memory::Tape;
 use crate::random::{Stream, normal};
 
 /// Measurements under way that a sensor has room for: the longest latency at the highest rate.
@@ -79,6 +80,16 @@ impl Sensor {
         }
     }
 
+    fn remember(&mut self, tape: &mut Tape) {
+        tape.option(&mut self.bias, |tape, bias| tape.numbers(bias));
+        tape.word(&mut self.due_ns);
+        tape.queue(&mut self.under_way, UNDER_WAY, |tape, (arrives_ns, value)| {
+            tape.word(arrives_ns);
+            tape.numbers(value);
+        });
+        tape.option(&mut self.newest, |tape, newest| tape.numbers(newest));
+    }
+
     /// Whether it tells anything but the truth.
     fn errs(&self) -> bool {
         let errors = [self.deviation, self.bias_deviation, self.bias_step, self.quantum];
@@ -135,6 +146,17 @@ impl Sensors {
             random: Stream::Noise.open(scenario.run.seed),
             filter: (settings.filter == Filter::Complementary)
                 .then(|| ComplementaryFilter::new(settings.filter_radps, scenario.sample_s())),
+        }
+    }
+
+    /// Writes or reads what they remember.
+    pub fn remember(&mut self, tape: &mut Tape) {
+        for sensor in [&mut self.position, &mut self.velocity, &mut self.attitude, &mut self.rates] {
+            sensor.remember(tape);
+        }
+        tape.random(&mut self.random);
+        if let Some(filter) = &mut self.filter {
+            filter.remember(tape);
         }
     }
 

@@ -336,3 +336,79 @@ fn shear_leaves_the_vertical_wind_alone() {
     };
     assert!(sink(0.0) > 0.1 && sink(0.05) == sink(0.0), "{} and {}", sink(0.05), sink(0.0));
 }
+
+/// Vehicles whose parts all remember something.
+fn vehicles() -> Vec<Scenario> {
+    let load = |name: &str, more: &[&str]| {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../scenarios/{name}.toml"));
+        let more: Vec<String> = more.iter().map(|setting| (*setting).to_owned()).collect();
+        contract::scenario::load(Some(&path), &more).unwrap_or_else(|error| panic!("{name}: {error}"))
+    };
+    let faults = "fault=[{at_s=0.2,target='rotor1',kind='stuck'},{at_s=0.2,target='rates',kind='stuck',for_s=0.1},\
+                  {at_s=0.2,target='attitude',kind='slow',for_s=0.1},{at_s=1.1,target='position',kind='delayed',ms=50},\
+                  {at_s=1.2,target='velocity',kind='noise'}]";
+    vec![
+        load("survey", &["run.command_jitter_ms=5", "run.command_drop_probability=0.2", "run.command_delay_ms=25"]),
+        load("dryden", &["plant.battery.energy_wh=20"]),
+        load("typical-sensors", &["plant.sensors.rates.latency_ms=12"]),
+        load("take-off-and-land", &["run.mode=realtime"]),
+        load("survey", &[faults, "run.mode=inprocess"]),
+    ]
+}
+
+#[test]
+fn a_vehicle_that_gets_the_memory_of_another_flies_on_as_that_one_to_the_last_bit() {
+    for scenario in vehicles() {
+        let mut plant = Plant::new(&scenario);
+        let (mut successors, mut memory) = (vec![], [0; PLANT_WORDS]);
+        let mut past: Vec<State> = vec![];
+        for tick in 0..150 {
+            let state = plant.sample();
+            for (since, successor) in &mut successors {
+                let successor: &mut Plant = successor;
+                assert!(successor.sample() == state, "{}: at {tick}, since {since}", scenario.name);
+            }
+            past.push(state);
+            if [40, 100].contains(&tick) && plant.memory(&mut memory) {
+                let mut successor = Plant::new(&scenario);
+                for returned in &past {
+                    successor.recall(returned);
+                }
+                assert!(successor.restore(tick, &memory), "{}", scenario.name);
+                let mut again = [0; PLANT_WORDS];
+                assert!(successor.memory(&mut again) && again == memory, "{}", scenario.name);
+                assert!(!successor.restore(tick + 1, &memory), "of another sample");
+                successors.push((tick, successor));
+            }
+            let mut command = message(tick + 1, faster(0.02 * (tick as f64 / 7.0).sin()));
+            command.stamp.tick = tick;
+            for plant in std::iter::once(&mut plant).chain(successors.iter_mut().map(|(_, successor)| successor)) {
+                plant.command(&command, 2 * MS);
+                plant.advance(1);
+            }
+        }
+        assert!(!successors.is_empty(), "{}", scenario.name);
+    }
+}
+
+proptest! {
+    #[test]
+    fn no_memory_makes_a_vehicle_panic_or_hang(
+        changes in proptest::collection::vec((0..300_usize, prop_oneof![any::<u64>(), 0..5_u64, Just(u64::MAX)]), 1..4),
+        which in 0..5_usize,
+    ) {
+        let scenario = &vehicles()[which];
+        let mut plant = Plant::new(scenario);
+        plant.advance(40);
+        plant.sample();
+        let mut memory = [0; PLANT_WORDS];
+        prop_assume!(plant.memory(&mut memory));
+        for (at, word) in changes {
+            memory[at] = word;
+        }
+        if plant.restore(40, &memory) {
+            plant.advance(20);
+            plant.sample();
+        }
+    }
+}

@@ -27,6 +27,7 @@ use contract::Scenario;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use rand_chacha::ChaCha8Rng;
 
+use crate::memory::Tape;
 use crate::random::{Stream, normal};
 
 const FEET_PER_M: f64 = 1.0 / 0.3048;
@@ -154,6 +155,27 @@ impl Turbulence {
             random,
             newest: None,
         })
+    }
+
+    /// Writes or reads what it remembers at the sample `tick`, up to which it was asked.
+    pub fn remember(&mut self, tape: &mut Tape, tick: u64) {
+        for Axis { a, b, decay, share, noise, scale, .. } in [&mut self.along, &mut self.across, &mut self.down] {
+            tape.numbers(noise);
+            for number in [a, b, decay, share, scale] {
+                tape.number(number);
+            }
+        }
+        let mut turned = *self.to_ned.matrix();
+        tape.numbers(turned.as_mut_slice());
+        self.to_ned = Rotation3::from_matrix_unchecked(turned);
+        tape.random(&mut self.random);
+        tape.option(&mut self.newest, |tape, (newest, gust)| {
+            tape.word(newest);
+            tape.numbers(gust.as_mut_slice());
+        });
+        if self.newest.is_none_or(|(newest, _)| newest.checked_add(1) != Some(tick)) {
+            tape.refuse();
+        }
     }
 
     /// The gust of the sample `tick`, NED \[m/s\]; samples are asked for in order. With `from_wind` it is that of the

@@ -17,7 +17,7 @@ pub const RECONNECTS: u32 = 10;
 pub const GATHER_NS: u64 = 100_000_000;
 /// From then to its first sample \[ns\].
 pub const LEAD_IN_NS: u64 = 5_000_000;
-/// Attempts to read the memory of the process before, which may be written at the same time.
+/// Attempts to read a memory, which may be written at the same time.
 pub const MEMORY_READS: usize = 100;
 
 // Cycle.

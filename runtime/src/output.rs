@@ -31,6 +31,11 @@ impl<M: Wire> Output<M> {
 }
 
 impl<M: Message> Output<M> {
+    /// Numbers the next message after so many: a process that is flown again from the middle of its work has sent them.
+    pub fn continue_after(&mut self, sequence: u64) {
+        self.sequence = sequence;
+    }
+
     /// Stamps `message` with its `provenance` and this cycle's timing, sends it and wakes the processes that wait for it.
     /// A late one is treated as the deadline's policy says; one that is withheld is sent too, marked. True when the next
     /// cycle shall do less.

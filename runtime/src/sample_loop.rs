@@ -19,6 +19,7 @@
 
 use contract::message::{Message, Stamp};
 use contract::scenario::Fault;
+use contract::snapshot::PLANT_WORDS;
 use contract::topic::Topic;
 
 use crate::cycle_timing::warm_up_ns;
@@ -29,6 +30,7 @@ use crate::member::Member;
 use crate::process_faults::burn;
 use crate::realtime::{Doorbell, now_ns, phase};
 use crate::release::Release;
+use crate::shared_role::Origin;
 
 /// The nodes that answer to the plant.
 const OTHERS: [Topic; 3] = [Topic::Reference, Topic::Controls, Topic::Actuators];
@@ -94,6 +96,11 @@ impl SampleLoop {
         let Member { page, epoch, release, .. } = &self.member;
         page.role(Topic::State).done(*epoch).set(tick as u32 + 1);
         release.cycle_done(page.doorbell(Topic::State));
+    }
+
+    /// The vehicle's `memory` after STATE of `tick`, for the recorder.
+    pub fn remember(&self, tick: u64, memory: &[u64; PLANT_WORDS]) {
+        self.member.page.plant_memory.write(Origin { epoch: u64::from(self.member.epoch), done: tick + 1 }, memory);
     }
 
     /// Begins with tick 0, unless the run was called off. Against the clock it is due when all nodes wait for it.

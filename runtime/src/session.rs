@@ -17,7 +17,6 @@ use contract::topic::Topic;
 use crate::cycle_loop::CycleLoop;
 pub use crate::error::SessionError;
 use crate::input::Input;
-use crate::limits::MEMORY_READS;
 use crate::member::Member;
 use crate::output::Output;
 use crate::port::Wire;
@@ -72,9 +71,7 @@ impl NodeSession {
     /// What the process before this one remembered; `None` for the first, which begins with nothing.
     pub fn memory(&self) -> Option<Snapshot> {
         let memory = &self.member.page.role(self.member.topic).memory;
-        // One that is being written is read whole at the next attempt.
-        let read = || (0..MEMORY_READS).find_map(|_| memory.read());
-        let (origin, snapshot) = (self.member.epoch > 1).then(read).flatten()?;
+        let (origin, snapshot) = (self.member.epoch > 1).then(|| memory.read_whole()).flatten()?;
         self.member.continues.set(origin);
         Some(snapshot)
     }

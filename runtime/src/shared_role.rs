@@ -24,10 +24,10 @@
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering, fence};
 
 use crate::error::PortFailure;
-use crate::limits::{ROLE_PORTS, ROLE_SLOTS};
+use crate::limits::{MEMORY_READS, ROLE_PORTS, ROLE_SLOTS};
 use contract::Topic;
 use contract::guard::Refusal;
-use contract::snapshot::{SNAPSHOT_WORDS, Snapshot};
+use contract::snapshot::SNAPSHOT_WORDS;
 
 /// The entry of an epoch that was offered a place which no process has taken.
 pub(crate) const VACANT: u64 = 1;
@@ -55,7 +55,7 @@ pub struct SharedRole {
     /// By epoch: not offered (0), vacant, or the port that the process sends through.
     ports: PortNumbers,
     /// What the active process remembers after its newest tick.
-    pub memory: SnapshotCell,
+    pub memory: SnapshotCell<SNAPSHOT_WORDS>,
 }
 
 /// What one process of a node counts.
@@ -294,18 +294,22 @@ impl Word {
     }
 }
 
-/// A [`Snapshot`] that one process writes and others read, whole or not at all.
+/// So many words that one process writes and others read, whole or not at all: what a node remembers.
 ///
 /// Two copies, written in turn: a writer that dies in the middle leaves the other one good.
 #[repr(C, align(64))]
-pub struct SnapshotCell {
+pub struct SnapshotCell<const WORDS: usize> {
     /// Times written.
     written: AtomicU64,
-    copies: [[AtomicU64; REMEMBERED_WORDS]; 2],
+    copies: [Copied<WORDS>; 2],
 }
 
 /// A snapshot with its origin before it.
-const REMEMBERED_WORDS: usize = 2 + SNAPSHOT_WORDS;
+#[repr(C)]
+struct Copied<const WORDS: usize> {
+    origin: [AtomicU64; 2],
+    words: [AtomicU64; WORDS],
+}
 
 /// Where a snapshot comes from; the default is nowhere.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
@@ -316,34 +320,40 @@ pub struct Origin {
     pub done: u64,
 }
 
-impl Default for SnapshotCell {
+impl<const WORDS: usize> Default for SnapshotCell<WORDS> {
     fn default() -> Self {
-        let copy = || std::array::from_fn(|_| AtomicU64::default());
+        let copy = || Copied { origin: Default::default(), words: std::array::from_fn(|_| AtomicU64::default()) };
         Self { written: AtomicU64::default(), copies: [copy(), copy()] }
     }
 }
 
-impl SnapshotCell {
+impl<const WORDS: usize> SnapshotCell<WORDS> {
     /// Puts `snapshot` in. One writer at a time.
-    pub fn write(&self, origin: Origin, snapshot: &Snapshot) {
+    pub fn write(&self, origin: Origin, snapshot: &[u64; WORDS]) {
         let count = self.written.load(Ordering::Relaxed) + 1;
         fence(Ordering::Release); // a reader that sees a word of this copy sees that the other one was finished
-        let words = [origin.epoch, origin.done].into_iter().chain(*snapshot);
-        for (word, value) in self.copies[count as usize % 2].iter().zip(words) {
-            word.store(value, Ordering::Relaxed);
+        let copy = &self.copies[count as usize % 2];
+        let places = copy.origin.iter().chain(&copy.words);
+        for (place, value) in places.zip([origin.epoch, origin.done].iter().chain(snapshot)) {
+            place.store(*value, Ordering::Relaxed);
         }
         self.written.store(count, Ordering::Release);
     }
 
     /// The newest snapshot; `None` when there is none, or when it was overwritten while it was read.
-    pub fn read(&self) -> Option<(Origin, Snapshot)> {
+    pub fn read(&self) -> Option<(Origin, [u64; WORDS])> {
         let count = self.written.load(Ordering::Acquire);
-        let [epoch, done, snapshot @ ..] = &self.copies[count as usize % 2];
+        let Copied { origin: [epoch, done], words } = &self.copies[count as usize % 2];
         let origin = Origin { epoch: epoch.load(Ordering::Relaxed), done: done.load(Ordering::Relaxed) };
-        let snapshot = snapshot.each_ref().map(|word| word.load(Ordering::Relaxed));
+        let snapshot = words.each_ref().map(|word| word.load(Ordering::Relaxed));
         fence(Ordering::Acquire);
         // This copy is the next but one to be written, which begins when the count is one higher.
         (count > 0 && self.written.load(Ordering::Relaxed) == count).then_some((origin, snapshot))
+    }
+
+    /// The newest snapshot; `None` when there is none. One that is being written is read whole at the next attempt.
+    pub fn read_whole(&self) -> Option<(Origin, [u64; WORDS])> {
+        (0..MEMORY_READS).find_map(|_| self.read())
     }
 }
 

@@ -114,6 +114,9 @@ pub struct Bounds {
 /// command of zero for a cut.
 const IDLE_SHARE: f64 = 0.1;
 
+/// Time between two memories in the log \[s\].
+const REMEMBERED_S: u64 = 10;
+
 impl Scenario {
     /// Sample time of the ring \[ns\]; scenario validation sees to it that this is a whole number.
     pub fn sample_ns(&self) -> u64 {
@@ -128,6 +131,11 @@ impl Scenario {
     /// Number of periods in the run.
     pub fn ticks(&self) -> u64 {
         (self.run.duration_s * f64::from(self.run.rate_hz)).round().max(1.0) as u64
+    }
+
+    /// Whether what every node remembers stands in the log after sample `tick`: every ten seconds, from which a replay can begin.
+    pub fn is_remembered(&self, tick: u64) -> bool {
+        tick > 0 && tick.is_multiple_of(REMEMBERED_S * u64::from(self.run.rate_hz))
     }
 
     /// Integration step \[ns\]: the longest within `plant.substep_s` that divides the sample.

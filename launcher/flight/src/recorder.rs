@@ -29,7 +29,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::event::{Event, EventReader};
 use crate::limits::{FLUSH_PERIOD, RECORDER_POLL};
-use crate::log::{Count, LogWriter, Record};
+use crate::log::{Count, LogWriter, Memory, Record};
 
 /// The recorder's last word.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -144,6 +144,7 @@ fn record(namespace: &str, epoch: u32, path: &Path) -> anyhow::Result<LogOutcome
     let page = ports.page.clone();
     let role = &page.recorder;
     ports.probe(|| role.ready.set(epoch))?;
+    let mut remembered = 0;
     // From now on it has a log to close when the launcher is gone, and the nodes with it.
     set_parent_process_death_signal(None)?;
     loop {
@@ -153,8 +154,20 @@ fn record(namespace: &str, epoch: u32, path: &Path) -> anyhow::Result<LogOutcome
             if record.is_intact() {
                 newest = newest.max(record.stamp().tick);
             }
+            if record.topic() == Topic::State && record.is_intact() && scenario.is_remembered(record.stamp().tick) {
+                remembered = record.stamp().tick;
+            }
             log.write(record);
         });
+        // The vehicle writes what it remembers when its STATE is out.
+        if remembered > 0
+            && let Some(memories) = Memory::of_all(&page, remembered)
+        {
+            for memory in &memories {
+                log.memory(memory);
+            }
+            remembered = 0;
+        }
         page.recorded.raise(newest as u32);
         let count = count
             + reader.drain(|event| match event {
@@ -226,6 +239,13 @@ impl CountedLog {
     pub fn event(&mut self, event: &Event) {
         let written = self.writer.as_mut().map(|writer| writer.event(event));
         self.note(written);
+    }
+
+    /// Writes what a node remembers, which counts for no record.
+    pub fn memory(&mut self, memory: &Memory) {
+        if let Some(Err(error)) = self.writer.as_mut().map(|writer| writer.memory(memory)) {
+            self.fail(&error);
+        }
     }
 
     fn note(&mut self, written: Option<anyhow::Result<()>>) {

@@ -20,6 +20,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use contract::scenario::{Mode, Scenario};
 use flight::inprocess;
+use flight::log::Record;
 use flight::replay::{Disturbed, Recording, Script, without};
 
 use outcome::{Cost, Outcome};
@@ -58,7 +59,7 @@ pub fn explain(
     }
     let mut alone = Scenario { fault: vec![], swap: vec![], ..scenario.clone() };
     alone.run.mode = Mode::Inprocess;
-    let undisturbed = Outcome::of(&alone, |each| {
+    let fly = |each: &mut dyn FnMut(&Record)| {
         inprocess::fly(&alone, |record| {
             let is_known = record.stamp().tick <= *last_tick;
             if is_known {
@@ -67,7 +68,9 @@ pub fn explain(
             is_known
         });
         Ok(())
-    })?;
+    };
+    // It is the same all along, and no part of it can be set beside a part of this one.
+    let undisturbed = (script.begun_at() == 0).then(|| Outcome::of(&alone, 0, fly)).transpose()?;
     let without_any = Outcome::flown(recording, &without(recording, script, &all))?;
     Ok(Explained {
         name: scenario.name.clone(),

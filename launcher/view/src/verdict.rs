@@ -48,7 +48,14 @@ pub fn replay_and_judge(
 impl Judged<'_> {
     pub fn verdict(&self) -> Verdict {
         let (outcome, exit_code) = self.outcome();
-        let lines = [Some(outcome), self.differences(), Some(self.coverage()), self.not_computed(), self.lacking()];
+        let lines = [
+            Some(outcome),
+            self.differences(),
+            Some(self.coverage()),
+            self.begun(),
+            self.not_computed(),
+            self.lacking(),
+        ];
         Verdict { text: lines.into_iter().flatten().map(|line| line + "\n").collect(), exit_code }
     }
 
@@ -105,6 +112,13 @@ impl Judged<'_> {
         format!("compared: {} of {logged} messages ({nodes}), {span} of {flown} s{flipped}", self.replayed.compared())
     }
 
+    /// Where it began, if that was in the middle of the flight.
+    fn begun(&self) -> Option<String> {
+        let Replayed { begun_at, .. } = *self.replayed;
+        let begun_s = begun_at as f64 * self.recording.scenario.sample_s();
+        (begun_at > 0).then(|| format!("begun with what the nodes remembered at {begun_s:.2} s"))
+    }
+
     /// The processes that did not compute.
     fn not_computed(&self) -> Option<String> {
         let nodes = Topic::ALL.into_iter().filter(|topic| !self.plan.covers(*topic));
@@ -117,7 +131,11 @@ impl Judged<'_> {
 
     /// Why what was compared is less than what was asked for, if it is.
     fn lacking(&self) -> Option<String> {
-        let stopped = self.replayed.stopped.as_ref().map(|why| format!("the replay ends before the flight: {why}"));
+        let stopped = self
+            .replayed
+            .stopped
+            .as_ref()
+            .map(|why| format!("the replay ends before the flight: {why}; --from begins behind it"));
         let told: Vec<String> = self.recorded.missing().into_iter().chain(stopped).chain(self.uncompared()).collect();
         (!told.is_empty()).then(|| told.join("\n"))
     }
@@ -151,7 +169,7 @@ impl Judged<'_> {
 
     /// Whether every state of the flight was computed, so that their hash is known.
     fn flies_all_states(&self) -> bool {
-        self.plan.only.is_none() && self.plan.until.is_none()
+        self.plan.only.is_none() && self.plan.until.is_none() && self.replayed.begun_at == 0
     }
 
     fn compares_all(&self) -> bool {

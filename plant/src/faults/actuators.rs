@@ -17,6 +17,7 @@ use contract::Scenario;
 use contract::fault_schedule::FaultSchedule;
 use contract::scenario::{Fault, FaultKind, FaultTarget};
 
+use crate::memory::Tape;
 use crate::rotors::Condition;
 
 /// Share of thrust and torque that a wrong rotor has left.
@@ -82,6 +83,15 @@ impl ActuatorFaults {
     /// Takes fault `number` as it is from now on.
     pub fn apply_fault(&mut self, number: usize, fault: &Fault) {
         self.faults.apply_fault(number, fault, ActuatorFault::new(&self.healthy, fault));
+    }
+
+    /// Writes or reads what they remember.
+    pub fn remember(&mut self, tape: &mut Tape) {
+        for fault in self.faults.all_mut() {
+            if let Effect::Stuck(onset) = &mut fault.effect.effect {
+                tape.option(onset, Tape::number);
+            }
+        }
     }
 
     /// The faults in the period after sample `tick`, of actuators in `position` under a `command` within the limits: the

@@ -2,6 +2,8 @@
 
 use std::collections::VecDeque;
 
+use crate::memory::Tape;
+
 /// First-order low-pass, exact for readings that hold from sample to sample.
 #[derive(Debug, Clone)]
 pub struct Filter {
@@ -15,6 +17,14 @@ impl Filter {
     /// With a time constant \[s\], at a sample time \[s\]; 0 = it lets everything through.
     pub fn new(time_constant_s: f64, sample_s: f64) -> Self {
         Self { time_constant_s, sample_s, last: None }
+    }
+
+    /// Writes or reads what it remembers.
+    pub fn remember(&mut self, tape: &mut Tape) {
+        tape.option(&mut self.last, |tape, (tick, output)| {
+            tape.word(tick);
+            tape.numbers(output);
+        });
     }
 
     /// Its output is `input` at sample `tick`.
@@ -48,6 +58,11 @@ impl Past {
     pub fn new(ticks: u64) -> Self {
         // One per tick, the present one, and the one it displaces.
         Self { ticks, readings: VecDeque::with_capacity(ticks as usize + 2) }
+    }
+
+    /// How far it goes back \[ticks\].
+    pub fn ticks(&self) -> u64 {
+        self.ticks
     }
 
     /// Remembers the `readings` of sample `tick`.

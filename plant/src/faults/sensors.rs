@@ -21,6 +21,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::memory::{Filter, Past};
+use crate::memory::Tape;
 use crate::random::{Stream, normal};
 
 /// Share of the ticks on which a garbage sensor returns garbage.
@@ -106,6 +107,28 @@ impl SensorFaults {
     /// Takes fault `number` as it is from now on.
     pub fn apply_fault(&mut self, number: usize, fault: &Fault) {
         self.faults.apply_fault(number, fault, SensorFault::new(self.seed, self.sample_s, number, fault));
+    }
+
+    /// Writes or reads what they remember at the sample `tick`, but for the recent past: that is what the vehicle has returned,
+    /// unless a fault changed it.
+    pub fn remember(&mut self, tape: &mut Tape, tick: u64) {
+        let since = tick.saturating_sub(self.past.ticks());
+        for Entry { ticks, effect: fault, .. } in self.faults.all_mut() {
+            match &mut fault.effect {
+                Effect::Stuck(last) => tape.option(last, |tape, last| tape.numbers(last)),
+                Effect::Slow(filter) => filter.remember(tape),
+                _ => {}
+            }
+            if self.past.ticks() > 0 && ticks.start <= tick && since < ticks.end {
+                tape.refuse();
+            }
+        }
+    }
+
+    /// Takes what the vehicle returned at sample `tick` for what was measured.
+    pub fn recall(&mut self, tick: u64, returned: &Kinematics) {
+        let Kinematics { position_m, velocity_mps, attitude_rad, rates_radps } = *returned;
+        self.past.remember(tick, [position_m, velocity_mps, attitude_rad, rates_radps]);
     }
 
     /// Changes what was `measured` at sample `tick` into what the sensors return.

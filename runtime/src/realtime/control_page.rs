@@ -23,11 +23,12 @@ use rustix::thread::futex;
 use super::clock::to_timespec;
 use crate::domain::allocate;
 use crate::fault_table::FaultTable;
-use crate::shared_role::{SharedRole, Word};
+use crate::shared_role::{SharedRole, SnapshotCell, Word};
 use contract::Topic;
+use contract::snapshot::PLANT_WORDS;
 
-const PAGE_BYTES: usize = 4096 * 8;
-const MAGIC: u32 = 0x7EF0_1108;
+const PAGE_BYTES: usize = 4096 * 12;
+const MAGIC: u32 = 0x7EF0_1109;
 
 /// What stands on the page.
 #[repr(C)]
@@ -47,6 +48,8 @@ pub struct Page {
     pub next_decision: Word,
     doorbells: [Doorbell; Topic::COUNT],
     roles: [SharedRole; Topic::COUNT],
+    /// What the vehicle remembers, now and then.
+    pub plant_memory: SnapshotCell<PLANT_WORDS>,
     /// The role of the recorder.
     pub recorder: SharedRole,
     /// The faults that this flight is given while it flies.

@@ -14,14 +14,16 @@ pub(crate) mod workers;
 
 use contract::message::{Message, Stamp};
 use contract::scenario::{Scenario, candidate};
+use contract::snapshot::PLANT_WORDS;
 use contract::topic::Topic;
 use plant::Plant;
 use runtime::error::SessionError;
 use runtime::input::Input;
 use runtime::output::Output;
+use runtime::shared_role::Origin;
 
 use crate::event::Event;
-use crate::log::Record;
+use crate::log::{Memory, Record};
 use crate::recorder::Observers;
 use crate::roles::driver::Order;
 use crate::roles::role::{self, Action};
@@ -39,13 +41,23 @@ pub struct Flown {
 
 /// Flies `scenario` to its end, or until `watch` says stop by returning false; `watch` sees every message.
 pub fn fly(scenario: &Scenario, watch: impl FnMut(&Record) -> bool) -> Flown {
-    fly_ring(scenario, true, watch).unwrap_or_else(|error| panic!("a checked scenario flies in process: {error}"))
+    fly_remembering(scenario, watch, |_| {})
+}
+
+/// The same flight, while `remember` gets what every node remembers, every ten seconds.
+pub fn fly_remembering(
+    scenario: &Scenario,
+    watch: impl FnMut(&Record) -> bool,
+    remember: impl FnMut(&Memory),
+) -> Flown {
+    let flown = fly_ring(scenario, true, watch, remember);
+    flown.unwrap_or_else(|error| panic!("a checked scenario flies in process: {error}"))
 }
 
 /// The same flight where no message is kept, and of a scenario of which only what stands in it was checked: nothing is flown
 /// where what is derived from it does not exist. Messages carry checksums only where they [can be changed](changes_messages).
 pub fn fly_unlogged(scenario: &Scenario, watch: impl FnMut(&Record) -> bool) -> Result<Flown, SessionError> {
-    fly_ring(scenario, changes_messages(scenario), watch)
+    fly_ring(scenario, changes_messages(scenario), watch, |_| {})
 }
 
 /// Whether a fault or another process may change what is in a message: then a checksum decides what becomes of it.
@@ -57,6 +69,7 @@ fn fly_ring(
     scenario: &Scenario,
     with_checksums: bool,
     mut watch: impl FnMut(&Record) -> bool,
+    mut remember: impl FnMut(&Memory),
 ) -> Result<Flown, SessionError> {
     let ring = Ring::new(with_checksums).map_err(|why| SessionError::Io { what: "memory of the ring".into(), why })?;
     let observers = Observers::open(&mut ring.ports(), scenario)?;
@@ -88,6 +101,9 @@ fn fly_ring(
         for workers in &mut nodes {
             answer(workers, &ring, &mut roles, sample);
         }
+        if scenario.is_remembered(tick) {
+            memories(&mut plant, &nodes, tick).iter().for_each(&mut remember);
+        }
         observers.drain(|record| {
             roles.observe(record);
             go_on &= watch(record);
@@ -102,6 +118,20 @@ fn fly_ring(
         plant.advance(1);
     };
     Ok(Flown { ended, events: roles.events, refused: refused_by_listener(&ring.page) })
+}
+
+/// What all nodes remember after sample `tick`; nothing where the vehicle has no memory to go on from.
+fn memories(plant: &mut Plant, nodes: &[Workers], tick: u64) -> Vec<Memory> {
+    let mut words = [0; PLANT_WORDS];
+    if !plant.memory(&mut words) {
+        return vec![];
+    }
+    let vehicle = Memory::new(tick, Topic::State, Origin { epoch: 1, done: tick + 1 }, &words);
+    let of_node = |workers: &Workers| {
+        let (origin, memory) = workers.memory()?;
+        Some(Memory::new(tick, workers.topic, origin, &memory))
+    };
+    std::iter::once(vehicle).chain(nodes.iter().filter_map(of_node)).collect()
 }
 
 /// Does what is to be done before a tick. The plant has no other process: without it the flight ends.

@@ -1,7 +1,7 @@
 //! The nodes in process: each core with the ports that a process of it has, over queues.
 
 use attitude_mpc::AttitudeMpc;
-use contract::message::{Actuators, Controls, Reference, Stamp, State};
+use contract::message::{Actuators, Controls, Message, Reference, Stamp, State};
 use contract::scenario::{Fault, Scenario};
 use contract::snapshot::Snapshot;
 use contract::topic::Topic;
@@ -13,10 +13,13 @@ use runtime::member::Member;
 use runtime::output::Output;
 use runtime::ports::Ports;
 
+use crate::log::Record;
+
 /// A node that answers to the plant.
 pub trait Node {
-    /// Answers to a sample; `sample` is the provenance of a new chain.
-    fn answer(&mut self, sample: Stamp);
+    /// Answers to a sample; `sample` is the provenance of a new chain. Where the answer is `known`, it is sent as it is, and the
+    /// core does nothing.
+    fn answer(&mut self, sample: Stamp, known: Option<&Record>);
     /// What it remembers.
     fn memory(&self) -> Snapshot;
     /// Goes on from the memory of another; one that does not fit is as good as none.
@@ -32,31 +35,42 @@ pub fn open(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result<B
         Topic::Reference => {
             let mut states = Input::<State>::open(ports, member)?;
             let mut references = Output::<Reference>::open(ports, member, scenario)?;
-            boxed(Guidance::new(scenario), move |core, sample| {
+            boxed(Guidance::new(scenario), move |core, sample, known| {
                 let state = states.newest();
-                references.send(core.step(sample.tick, state), sample.with(state));
+                let known = known_to(&mut references, known);
+                references.send(known.unwrap_or_else(|| core.step(sample.tick, state)), sample.with(state));
             })
         }
         Topic::Controls => {
             let mut states = Input::<State>::open(ports, member)?;
             let mut references = Input::<Reference>::open(ports, member)?;
             let mut controls = Output::<Controls>::open(ports, member, scenario)?;
-            boxed(AttitudeMpc::try_new(scenario)?, move |core, sample| {
+            boxed(AttitudeMpc::try_new(scenario)?, move |core, sample, known| {
                 let (reference, state) = (references.newest(), states.newest());
-                let late = controls.send(core.step(sample.tick, state, reference), sample.with(reference).with(state));
-                core.hurry(late);
+                let known = known_to(&mut controls, known);
+                let answer = known.unwrap_or_else(|| core.step(sample.tick, state, reference));
+                core.hurry(controls.send(answer, sample.with(reference).with(state)));
             })
         }
         Topic::Actuators => {
             let mut states = Input::<State>::open(ports, member)?;
             let mut demands = Input::<Controls>::open(ports, member)?;
             let mut actuators = Output::<Actuators>::open(ports, member, scenario)?;
-            boxed(Mixer::new(scenario), move |core, sample| {
+            boxed(Mixer::new(scenario), move |core, sample, known| {
                 let (demand, state) = (demands.newest(), states.newest());
-                actuators.send(core.step(sample.tick, demand, state), sample.with(demand).with(state));
+                let known = known_to(&mut actuators, known);
+                let answer = known.unwrap_or_else(|| core.step(sample.tick, demand, state));
+                actuators.send(answer, sample.with(demand).with(state));
             })
         }
     })
+}
+
+/// The message of a topic that is `known`; `output` goes on with its number.
+pub fn known_to<M: Message>(output: &mut Output<M>, known: Option<&Record>) -> Option<M> {
+    let known: &M = known?.message()?;
+    output.continue_after(known.stamp().sequence.saturating_sub(1));
+    Some(*known)
 }
 
 /// A core, and how it answers with its ports.
@@ -65,7 +79,7 @@ struct WithPorts<C, F> {
     answer: F,
 }
 
-fn boxed<C: 'static, F: FnMut(&mut C, Stamp) + 'static>(core: C, answer: F) -> Box<dyn Node>
+fn boxed<C: 'static, F: FnMut(&mut C, Stamp, Option<&Record>) + 'static>(core: C, answer: F) -> Box<dyn Node>
 where
     WithPorts<C, F>: Node,
 {
@@ -74,9 +88,9 @@ where
 
 macro_rules! node {
     ($($core:ty: $apply_fault:expr),*) => {$(
-        impl<F: FnMut(&mut $core, Stamp)> Node for WithPorts<$core, F> {
-            fn answer(&mut self, sample: Stamp) {
-                (self.answer)(&mut self.core, sample);
+        impl<F: FnMut(&mut $core, Stamp, Option<&Record>)> Node for WithPorts<$core, F> {
+            fn answer(&mut self, sample: Stamp, known: Option<&Record>) {
+                (self.answer)(&mut self.core, sample, known);
             }
             fn memory(&self) -> Snapshot {
                 self.core.snapshot()

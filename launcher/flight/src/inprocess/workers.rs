@@ -85,14 +85,19 @@ impl Workers {
     pub fn begin(&mut self, epoch: u32, own: &Scenario, run: &Scenario) -> Result<(), SessionError> {
         let (member, mut ports) = self.ring.member(self.topic, epoch, own, run);
         let mut node = node::open(&mut ports, &member, own)?;
-        let active = self.ring.page.role(self.topic).active();
-        let active = self.all.iter().find(|worker| worker.member.epoch == active);
-        if let Some((origin, memory)) = active.and_then(Worker::memory).or(self.memory) {
+        if let Some((origin, memory)) = self.memory() {
             node.restore(&memory);
             member.continues.set(origin);
         }
         self.all.push(Worker { member, node, done: 0 });
         Ok(())
+    }
+
+    /// What the active process remembers, or the last one that was.
+    pub fn memory(&self) -> Option<(Origin, Snapshot)> {
+        let active = self.ring.page.role(self.topic).active();
+        let active = self.all.iter().find(|worker| worker.member.epoch == active);
+        active.and_then(Worker::memory).or(self.memory)
     }
 
     pub fn end(&mut self, epoch: u32) {
@@ -112,7 +117,7 @@ impl Workers {
         let assignment = self.ring.page.role(self.topic).assignment();
         let working = self.all.iter_mut().filter(|worker| assignment.includes(worker.member.epoch));
         working.for_each(|worker| {
-            worker.node.answer(sample);
+            worker.node.answer(sample, None);
             worker.done = sample.tick + 1;
         });
     }

@@ -12,7 +12,7 @@ use contract::Scenario;
 use contract::scenario;
 
 use super::order::TickByTick;
-use super::read::read_in_order;
+use super::read::{read_in_order, read_memories};
 use super::{Count, Log, LogWriter, Record};
 use crate::event::Event;
 use crate::recorder::LogOutcome;
@@ -69,6 +69,16 @@ fn write(
         return Err(error);
     }
     let mut log = log.map_or_else(|| begin(""), Ok)?;
+    for part in parts {
+        let mut written = Ok(());
+        let read = read_memories(part, |_, memory| {
+            if written.is_ok() {
+                written = log.memory(&memory);
+            }
+        });
+        written?;
+        drop(read); // as above
+    }
     for event in events {
         outcome.records += 1;
         log.event(event)?;
@@ -102,10 +112,7 @@ pub fn read_parts(first: &Path) -> anyhow::Result<Log> {
 /// # Errors
 /// When no part can be read.
 pub fn stream(first: &Path, mut each: impl FnMut(&Log, &Record)) -> anyhow::Result<Log> {
-    let last = others(first).into_iter().max().unwrap_or(1);
-    let rest = |epoch: u32| Some(rest(first, epoch)).filter(|rest| rest.exists());
-    let parts = (1..=last).flat_map(|epoch| [Some(part(first, epoch)), rest(epoch)]);
-    let mut parts: Vec<PathBuf> = parts.flatten().collect();
+    let mut parts = parts_of(first);
     let mut whole = Log::default();
     let mut run = None;
     let mut is_of_run = |part: &Log| *run.get_or_insert_with(|| part.written_by.run.clone()) == part.written_by.run;
@@ -156,6 +163,13 @@ pub fn stream(first: &Path, mut each: impl FnMut(&Log, &Record)) -> anyhow::Resu
     }
     whole.defect = (!defects.is_empty()).then(|| defects.join("; "));
     Ok(whole)
+}
+
+/// The files that may belong to the log at `first`, in the order of its recorders.
+pub fn parts_of(first: &Path) -> Vec<PathBuf> {
+    let last = others(first).into_iter().max().unwrap_or(1);
+    let rest = |epoch: u32| Some(rest(first, epoch)).filter(|rest| rest.exists());
+    (1..=last).flat_map(|epoch| [Some(part(first, epoch)), rest(epoch)]).flatten().collect()
 }
 
 /// Epochs of the parts beside the log at `first`.

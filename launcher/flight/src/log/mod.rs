@@ -4,6 +4,7 @@
 //! | in the file | is |
 //! |---|---|
 //! | topics `/state` `/reference` `/controls` `/actuators` | the messages, as the protobuf of `proto/trefoil.proto` |
+//! | topic `/memory` | what every node remembers, every ten seconds, as protobuf too ([`Memory`]) |
 //! | topic `/events` | what happened to the processes, as protobuf too ([`crate::event`]) |
 //! | `log_time` | simulated time: the stamp's tick times the sample time, so that runs of every mode lie on one axis |
 //! | `publish_time` | when it was published, `CLOCK_MONOTONIC`; 0 in process, where there is no clock, and of an event |
@@ -27,6 +28,7 @@ macro_rules! with_message {
 
 mod count;
 mod join;
+mod memory;
 mod order;
 mod read;
 mod schema;
@@ -42,6 +44,7 @@ use contract::{
 
 pub use count::{Count, counted};
 pub use join::{join, part, read_parts, rest, stream};
+pub use memory::{Memory, memories};
 pub use order::last_tick;
 pub use read::{Log, WrittenBy, read};
 pub use write::LogWriter;
@@ -85,6 +88,12 @@ impl Record {
         with_message!(*self, message => delivered(message).into())
     }
 
+    /// The message, if it is an `M`.
+    pub fn message<M: Message>(&self) -> Option<&M> {
+        let message: &dyn std::any::Any = with_message!(self, message => message);
+        message.downcast_ref()
+    }
+
     /// Whether the bits are those that were sent.
     pub fn is_intact(&self) -> bool {
         with_message!(self, message => message.is_intact())
@@ -107,3 +116,4 @@ const SCENARIO: (&str, &str) = ("scenario", "toml");
 /// Name of the metadata record that says what wrote the log.
 const WRITTEN_BY: &str = "trefoil";
 const EVENTS: &str = "/events";
+const MEMORY: &str = "/memory";

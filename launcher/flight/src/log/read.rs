@@ -18,7 +18,7 @@ use mcap::{
     sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions},
 };
 
-use super::{EVENTS, Record, SCENARIO, WRITTEN_BY, order, schema};
+use super::{EVENTS, MEMORY, Memory, Record, SCENARIO, WRITTEN_BY, order, schema};
 use crate::event::Event;
 use crate::files;
 use crate::limits::{MAX_EVENTS, MAX_RECORD_BYTES};
@@ -128,7 +128,34 @@ pub fn read(path: &Path) -> anyhow::Result<Log> {
 
 /// Reads the log at `path` without its messages, which `each` gets one by one in the order of writing, with what was read before
 /// them; the scenario and what wrote the log are known then.
-pub fn read_in_order(path: &Path, each: impl FnMut(&Log, &Record)) -> anyhow::Result<Log> {
+pub fn read_in_order(path: &Path, mut each: impl FnMut(&Log, &Record)) -> anyhow::Result<Log> {
+    walk(path, |log, found, data| {
+        if let Found::Message(topic) = found {
+            each(log, &schema::decode(topic, data)?);
+        }
+        Ok(())
+    })
+}
+
+/// Reads what the nodes remember in the log at `path`, as far as it is whole; `each` gets it with what stands before it.
+pub fn read_memories(path: &Path, mut each: impl FnMut(&Log, Memory)) -> anyhow::Result<()> {
+    let read = walk(path, |log, found, data| {
+        if let Found::Memory = found {
+            each(log, schema::decode_memory(data).context("what a node remembers cannot be read")?);
+        }
+        Ok(())
+    });
+    read.map(drop)
+}
+
+/// What stands in a log beside its events.
+enum Found {
+    Message(Topic),
+    Memory,
+}
+
+/// Reads the log at `path`; `each` gets what is found in it, not decoded, with what was read before.
+fn walk(path: &Path, each: impl FnMut(&Log, Found, &[u8]) -> anyhow::Result<()>) -> anyhow::Result<Log> {
     let cannot_read = || format!("cannot read {}", path.display());
     let (file, _) = files::open(path, MAX_LOG_BYTES).with_context(cannot_read)?;
     let mut file = BufReader::new(file);
@@ -146,6 +173,7 @@ pub fn read_in_order(path: &Path, each: impl FnMut(&Log, &Record)) -> anyhow::Re
         schemas: HashMap::new(),
         channels: HashMap::new(),
         events: None,
+        memory: None,
     };
     contents.log.defect = loop {
         match mcap.next_event() {
@@ -171,7 +199,7 @@ pub fn read_in_order(path: &Path, each: impl FnMut(&Log, &Record)) -> anyhow::Re
 
 /// What has been read so far, and what the channel numbers mean.
 struct Contents<F> {
-    /// Gets the messages.
+    /// Gets messages and memories.
     each: F,
     /// Everything else.
     log: Log,
@@ -179,9 +207,10 @@ struct Contents<F> {
     schemas: HashMap<u16, Topic>,
     channels: HashMap<u16, Topic>,
     events: Option<u16>,
+    memory: Option<u16>,
 }
 
-impl<F: FnMut(&Log, &Record)> Contents<F> {
+impl<F: FnMut(&Log, Found, &[u8]) -> anyhow::Result<()>> Contents<F> {
     /// Takes in one record; those of no interest are left unparsed.
     fn take(&mut self, opcode: u8, data: &[u8]) -> anyhow::Result<()> {
         if !matches!(opcode, op::METADATA | op::SCHEMA | op::CHANNEL | op::MESSAGE) {
@@ -206,12 +235,16 @@ impl<F: FnMut(&Log, &Record)> Contents<F> {
                 if channel.topic == EVENTS && channel.message_encoding == "protobuf" {
                     self.events = Some(channel.id);
                 }
+                if channel.topic == MEMORY {
+                    self.memory = Some(channel.id);
+                }
             }
             McapRecord::Message { header, data } => {
                 if let Some(&topic) = self.channels.get(&header.channel_id) {
-                    let record = schema::decode(topic, &data)?;
                     ensure!(self.has_scenario, "a message stands before the scenario");
-                    (self.each)(&self.log, &record);
+                    (self.each)(&self.log, Found::Message(topic), &data)?;
+                } else if self.memory == Some(header.channel_id) {
+                    (self.each)(&self.log, Found::Memory, &data)?;
                 } else if self.events == Some(header.channel_id) {
                     ensure!(self.log.events.len() < MAX_EVENTS, "it has more than {MAX_EVENTS} events");
                     self.log.events.push(schema::decode_event(&data).context("an event cannot be read")?);

@@ -6,9 +6,10 @@ use contract::{
     message::{ActuationMsg, Actuators, Arrival, Controls, Kinematics, MAX_ARRIVALS, Reference, Stamp, State},
 };
 use prost::{DecodeError, Message as _};
+use runtime::shared_role::Origin;
 use serde_json::json;
 
-use super::Record;
+use super::{Memory, Record};
 use crate::event::name;
 use crate::event::{Event, Sender};
 
@@ -23,6 +24,9 @@ pub const DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/trefoil
 
 /// Full name of the protobuf message of an event.
 pub const EVENT: &str = "trefoil.v1.Event";
+
+/// Full name of the protobuf message of what a node remembers.
+pub const MEMORY: &str = "trefoil.v1.Memory";
 
 /// Full name of the protobuf message of a topic.
 pub const fn message_name(topic: Topic) -> &'static str {
@@ -92,6 +96,22 @@ pub fn decode_event(bytes: &[u8]) -> anyhow::Result<Event> {
         .context("a fault given in flight cannot be read")?;
     let [swap, origin] = [swap, origin].map(|swap| swap.map(|swap| swap as usize));
     Ok(Event { tick, node, epoch, what, why, swap, origin, by, fault })
+}
+
+/// Replaces the content of `buffer` by the memory's bytes.
+pub fn encode_memory(memory: &Memory, buffer: &mut Vec<u8>) {
+    buffer.clear();
+    let Memory { tick, topic, origin: Origin { epoch, done }, words } = memory;
+    let (tick, epoch, done, words) = (*tick, *epoch, *done, words.clone());
+    wire::Memory { tick, node: topic.publisher().into(), epoch, done, words }
+        .encode(buffer)
+        .expect("a vector grows as needed");
+}
+
+pub fn decode_memory(bytes: &[u8]) -> anyhow::Result<Memory> {
+    let wire::Memory { tick, node, epoch, done, words } = wire::Memory::decode(bytes)?;
+    let topic = Topic::ALL.into_iter().find(|topic| topic.publisher() == node).context("the node is unknown")?;
+    Ok(Memory { tick, topic, origin: Origin { epoch, done }, words })
 }
 
 /// An array on one side, named fields on the other.

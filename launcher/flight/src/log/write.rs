@@ -17,7 +17,7 @@ use mcap::{
     write::NoSeek,
 };
 
-use super::{EVENTS, Record, SCENARIO, WRITTEN_BY, schema};
+use super::{EVENTS, MEMORY, Memory, Record, SCENARIO, WRITTEN_BY, schema};
 use crate::event::Event;
 use crate::files;
 use crate::limits::{CHUNK_BYTES, FLUSH_PERIOD};
@@ -38,6 +38,7 @@ pub struct LogWriter {
     /// MCAP's channel number of each topic.
     channels: [u16; Topic::COUNT],
     events: u16,
+    memory: u16,
     /// Sample time \[ns\].
     sample_ns: u64,
     /// The bytes of one message.
@@ -75,7 +76,7 @@ impl LogWriter {
     ) -> anyhow::Result<Self> {
         let cannot_create = || format!("cannot create {}", path.display());
         let sink = BufWriter::with_capacity(2 * CHUNK_BYTES, file.try_clone().with_context(cannot_create)?);
-        let (mcap, channels, events) =
+        let (mcap, channels, [events, memory]) =
             open(sink, scenario_toml, sample_ns, run).map_err(plain).with_context(cannot_create)?;
         let mut writer = Self {
             path: path.into(),
@@ -83,6 +84,7 @@ impl LogWriter {
             file,
             channels,
             events,
+            memory,
             sample_ns,
             buffer: Vec::new(),
             open_bytes: 0,
@@ -112,6 +114,17 @@ impl LogWriter {
             channel_id: self.events,
             sequence: 0,
             log_time: event.tick.saturating_mul(self.sample_ns),
+            publish_time: 0,
+        })
+    }
+
+    /// Writes what a node remembers.
+    pub fn memory(&mut self, memory: &Memory) -> anyhow::Result<()> {
+        schema::encode_memory(memory, &mut self.buffer);
+        self.append(&MessageHeader {
+            channel_id: self.memory,
+            sequence: 0,
+            log_time: memory.tick.saturating_mul(self.sample_ns),
             publish_time: 0,
         })
     }
@@ -172,13 +185,13 @@ impl LogWriter {
     }
 }
 
-/// Starts the file: settings first, then the schemas and channels (in the first chunk), that of the events last.
+/// Starts the file: settings first, then the schemas and channels (in the first chunk), those of events and memories last.
 fn open(
     sink: BufWriter<File>,
     scenario_toml: &str,
     sample_ns: u64,
     run: &str,
-) -> McapResult<(Mcap, [u16; Topic::COUNT], u16)> {
+) -> McapResult<(Mcap, [u16; Topic::COUNT], [u16; 2])> {
     let program = Program::this();
     let mut mcap = WriteOptions::new()
         .compression(None)
@@ -206,10 +219,13 @@ fn open(
         let publisher = BTreeMap::from([("publisher".into(), topic.publisher().into())]);
         channels[topic as usize] = mcap.add_channel(schema, &format!("/{}", topic.name()), "protobuf", &publisher)?;
     }
-    let schema = mcap.add_schema(schema::EVENT, "protobuf", schema::DESCRIPTORS)?;
-    let events =
-        mcap.add_channel(schema, EVENTS, "protobuf", &BTreeMap::from([("publisher".into(), "launcher".into())]))?;
-    Ok((mcap, channels, events))
+    let mut others = [0; 2];
+    for (channel, (name, topic)) in others.iter_mut().zip([(schema::EVENT, EVENTS), (schema::MEMORY, MEMORY)]) {
+        let schema = mcap.add_schema(name, "protobuf", schema::DESCRIPTORS)?;
+        let publisher = BTreeMap::from([("publisher".into(), "launcher".into())]);
+        *channel = mcap.add_channel(schema, topic, "protobuf", &publisher)?;
+    }
+    Ok((mcap, channels, others))
 }
 
 pub(super) fn metadata(name: &str, entries: &[(&str, &str)]) -> Metadata {

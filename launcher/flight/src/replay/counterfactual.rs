@@ -31,11 +31,12 @@ const ANSWERS: [(Topic, &[Topic]); 3] = [
     (Topic::Actuators, &[Topic::State, Topic::Controls]),
 ];
 
-/// Every tick that was not in order, but for the last, whose command has no sample after it.
+/// Every tick that was not in order since the script begins, but for the last, whose command has no sample after it.
 pub fn disturbed(recording: &Recording, script: &Script) -> Vec<Disturbed> {
     let Some(plant) = process_of(script, Topic::State, 1) else { return vec![] };
     let last = plant.cycles.last().map_or(0, |last| last.tick);
-    (0..last).filter_map(|tick| look_at(recording, script, plant, tick)).collect()
+    let first = if script.begun_at() > 0 { script.begun_at() + 1 } else { 0 };
+    (first..last).filter_map(|tick| look_at(recording, script, plant, tick)).collect()
 }
 
 /// The `script` of a flight with `ticks` undone.

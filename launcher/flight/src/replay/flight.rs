@@ -4,7 +4,7 @@
 use std::collections::{HashMap, VecDeque};
 use std::sync::Arc;
 
-use anyhow::Context;
+use anyhow::{Context, ensure};
 use contract::Topic;
 use contract::scenario::Scenario;
 use contract::snapshot::Snapshot;
@@ -15,7 +15,7 @@ use super::program::Program;
 use super::recording::Recording;
 use super::script::{Cycle, Key, Process, Read, Script};
 use super::worker::Worker;
-use crate::log::{self, Record};
+use crate::log::{self, Memory, Record};
 
 /// Which processes compute, and with which settings.
 #[derive(Debug, Clone, Default)]
@@ -26,7 +26,7 @@ pub struct Plan {
     pub settings: Option<(Topic, Box<Scenario>)>,
     /// Another program for the processes of a node.
     pub program: Option<(Topic, String)>,
-    /// Messages of earlier ticks are not compared.
+    /// Messages of earlier ticks are not compared. The replay begins where the log last has before it what the nodes remembered.
     pub from: u64,
     /// Cycles after this tick are left out.
     pub until: Option<u64>,
@@ -55,6 +55,8 @@ pub struct Replayed {
     pub different: u64,
     /// Why it ended before the flight did.
     pub stopped: Option<String>,
+    /// The sample after which it began; 0 for the beginning of the flight.
+    pub begun_at: u64,
     /// The last sample that was flown.
     pub last_tick: u64,
     /// Whether what [`Plan::before`] names came to pass.
@@ -91,7 +93,8 @@ impl Replayed {
 /// # Errors
 /// The log cannot be read, or a process cannot be built from its settings.
 pub fn replay(recording: &Recording, plan: &Plan, each: impl FnMut(&Record)) -> anyhow::Result<Replayed> {
-    let mut flight = Flight::new(recording, plan, Script::default(), each);
+    let from = if plan.program.is_none() { plan.from } else { 0 };
+    let mut flight = Flight::new(recording, plan, recording.begin(from)?, each);
     let mut flown = Ok(());
     log::stream(&recording.log, |_, record| {
         if flown.is_ok() {
@@ -171,6 +174,8 @@ struct Course {
     recorded: usize,
     /// Whether it waits for what never comes.
     is_held_up: bool,
+    /// Whether its last cycle was over where the replay begins.
+    follows: bool,
     /// Its messages by tick: as meant, and as delivered if that came.
     sent: VecDeque<(u64, Record, Option<Record>)>,
     /// What it read last, by topic.
@@ -216,8 +221,22 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
     pub(super) fn new(recording: &'a Recording, plan: &'a Plan, script: Script, each: F) -> Self {
         let messages = recording.logged.map(|logged| Messages { logged, ..Messages::default() });
         let replayed = Replayed { messages, ..Replayed::default() };
-        let (courses, memories) = (vec![], HashMap::new());
-        Self { recording, plan, each, script, courses, memories, replayed, taken: 0, held_up: None }
+        let replayed = Replayed { begun_at: script.begun_at(), ..replayed };
+        let nodes = script.begins_with.iter().filter(|memory| memory.topic != Topic::State);
+        let memories = nodes.map(|memory| ((memory.topic, memory.origin), memory.padded())).collect();
+        Self { recording, plan, each, script, courses: vec![], memories, replayed, taken: 0, held_up: None }
+    }
+
+    /// What a process remembered where the replay begins, if it is in the middle of its work there.
+    fn begins_with(&self, i: usize) -> Option<&Memory> {
+        let Process { topic, epoch, .. } = self.script.processes[i];
+        self.script.begins_with.iter().find(|memory| (memory.topic, memory.origin.epoch) == (topic, epoch))
+    }
+
+    /// Whether a cycle of a process was over where the replay begins: its messages are those of the log.
+    fn is_known(&self, i: usize, tick: u64) -> bool {
+        let begun_at = self.replayed.begun_at;
+        begun_at > 0 && tick < self.begins_with(i).map_or(begun_at + 1, |memory| memory.origin.done)
     }
 
     /// Takes in the next message of the log, and flies what is known by then.
@@ -352,6 +371,10 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
             let sent = self.course_of(key).and_then(|course| course.sent(key.tick));
             sent.is_some_and(|(.., arrived)| arrived.is_some() || *unharmed || !delivered)
         };
+        if self.is_known(i, next.tick) {
+            // What it read may have been sent before that which is known.
+            return next.inputs.iter().flatten().all(|read| read.key.tick == u64::MAX || there(read));
+        }
         let memory = || match process.continues {
             Some(origin)
                 if self.courses[i].worker.is_none()
@@ -418,18 +441,27 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
         let Some(next) = self.next(i).cloned() else { return Ok(()) };
         let Process { topic, epoch, .. } = self.script.processes[i];
         let mut sent = vec![];
-        if self.plan.computes(self.recording, topic, epoch) {
+        let computes = self.plan.computes(self.recording, topic, epoch);
+        if computes {
             if self.courses[i].worker.is_none() {
                 self.begin(i)?;
             }
             self.compute(i, &next, &mut sent)?;
-        } else {
-            let process = &self.script.processes[i];
-            let (from, ends) =
-                (self.courses[i].recorded, process.cycles.get(self.courses[i].cycle + 1).map(|next| next.tick));
-            let of_this = |record: &&Record| ends.is_none_or(|ends| record.stamp().tick < ends);
-            sent.extend(process.recorded[from..].iter().take_while(of_this));
-            self.courses[i].recorded += sent.len();
+        }
+        if !computes || self.is_known(i, next.tick) {
+            let of_log = &self.script.processes[i].recorded[self.courses[i].recorded..];
+            let answers = |record: &Record| record.stamp().tick == next.tick;
+            let count = if computes {
+                // What a link held back before that which is known is only in the log; what it sends after the answer it sends here too.
+                sent.retain(Record::is_intact);
+                let after = sent.iter().position(answers).map_or(0, |answer| sent.len() - answer - 1);
+                of_log.iter().position(answers).map_or(0, |answer| answer + 1 + after).min(of_log.len())
+            } else {
+                let ends = self.script.processes[i].cycles.get(self.courses[i].cycle + 1).map(|next| next.tick);
+                of_log.iter().take_while(|record| ends.is_none_or(|ends| record.stamp().tick < ends)).count()
+            };
+            sent = of_log[..count].to_vec();
+            self.courses[i].recorded += count;
         }
         for record in &sent {
             self.courses[i].take(next.tick, record);
@@ -447,6 +479,18 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
     fn compute(&mut self, i: usize, next: &Cycle, sent: &mut Vec<Record>) -> anyhow::Result<()> {
         let process = &self.script.processes[i];
         let mut worker = self.courses[i].worker.take().context("a process that has not begun")?;
+        let is_known = self.is_known(i, next.tick);
+        if let (false, true, Runs::Here(worker)) = (is_known, self.courses[i].follows, &mut worker) {
+            let restored = self.begins_with(i).is_some_and(|memory| worker.restore(memory));
+            ensure!(
+                restored,
+                "what {} {} remembered at tick {} is not in the log: begin earlier, or without --from",
+                process.topic.publisher(),
+                process.epoch,
+                self.replayed.begun_at
+            );
+        }
+        self.courses[i].follows = is_known;
         let message = |Read { key, unharmed }: &Read| {
             let (_, meant, delivered) = self.course_of(key)?.sent(key.tick)?;
             if *unharmed { Some(meant.as_delivered()) } else { *delivered }
@@ -461,7 +505,7 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
                 }
             }
         }
-        for (read, after_ns) in &next.arrivals {
+        for (read, after_ns) in next.arrivals.iter().filter(|_| !is_known) {
             if let (Some(Record::Actuators(command)), Runs::Here(worker)) = (message(read), &mut worker) {
                 worker.command(&command, *after_ns);
             }
@@ -475,11 +519,18 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
             self.replayed.came_to_break = true;
             call();
         }
+        let known = || process.recorded[self.courses[i].recorded..].iter().find(|sent| sent.stamp().tick == next.tick);
         match &mut worker {
-            Runs::Here(worker) => worker.run(next, &self.recording.given, |record| sent.push(*record)),
+            Runs::Here(worker) => {
+                let known = is_known.then(known).flatten();
+                worker.run(next, &self.recording.given, known, |record| sent.push(*record));
+            }
             Runs::Elsewhere(program) => program.run(next, |record| sent.push(*record))?,
         }
         self.courses[i].worker = Some(worker);
+        if is_known {
+            return Ok(()); // what was sent is that of the log
+        }
         let messages = &mut self.replayed.messages[process.topic as usize];
         for record in sent.iter() {
             messages.computed += 1;

@@ -5,11 +5,13 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail, ensure};
 use contract::Topic;
-use contract::scenario::{Fault, Scenario, candidate};
+use contract::fault_schedule::MAX_SENSOR_DELAY_MS;
+use contract::scenario::{Fault, FaultKind, Scenario, candidate};
+use runtime::limits::HELD_MESSAGES;
 
 use super::script::Script;
 use crate::event::{Event, What};
-use crate::log;
+use crate::log::{self, Memory};
 
 /// Samples of a script that is held in memory, at most: 33 minutes at 100 Hz take 250 MB.
 const MOST_SAMPLES: u64 = 200_000;
@@ -74,19 +76,44 @@ impl Recording {
         Ok(Self { scenario, log: path.into(), given, logged, foreign, settings })
     }
 
-    /// The whole script of the flight, in memory; of processes that can compute, without their messages.
+    /// A script that begins at the newest place before tick `from` where the log has what the nodes remembered, or else at the beginning,
+    /// without messages as yet. Of what was sent before it is to know what may still be under way, and what a fault that delays a
+    /// sensor goes back to.
     ///
     /// # Errors
-    /// The flight is too long for that, or the log cannot be read.
-    pub fn script(&self) -> anyhow::Result<Script> {
-        let samples = self.logged[Topic::State as usize];
+    /// The log cannot be read.
+    pub(super) fn begin(&self, from: u64) -> anyhow::Result<Script> {
+        if from == 0 {
+            return Ok(Script::default());
+        }
+        let mut memories = log::memories(&self.log, from - 1)?;
+        let of_vehicle = |memory: &Memory| memory.topic == Topic::State && memory.origin.done == memory.tick + 1;
+        if !memories.iter().any(of_vehicle) {
+            memories.clear();
+        }
+        let delays = self.scenario.fault.iter().filter(|fault| fault.kind == FaultKind::Delayed);
+        let longest_ms = delays.filter_map(|fault| fault.ms).fold(MAX_SENSOR_DELAY_MS, f64::max);
+        let before = 2 * HELD_MESSAGES as u64 + (longest_ms / 1e3 / self.scenario.sample_s()).ceil() as u64;
+        Ok(Script::beginning_with(memories, before))
+    }
+
+    /// The script of the flight in memory, from the last place before tick `from` where it can begin to the tick `until`; of
+    /// processes that can compute without their messages.
+    ///
+    /// # Errors
+    /// That is too long, or the log cannot be read.
+    pub fn script(&self, from: u64, until: u64) -> anyhow::Result<Script> {
+        let mut script = self.begin(from)?;
+        let samples = until.min(self.logged[Topic::State as usize]).saturating_sub(script.begun_at());
         ensure!(
             samples <= MOST_SAMPLES,
-            "a flight of {samples} samples is too long: at most {MOST_SAMPLES} are held in memory"
+            "a flight of {samples} samples is too long: at most {MOST_SAMPLES} are held in memory; take a part of it, with --from and --to"
         );
-        let mut script = Script::default();
         let mut taken = 0_u64;
         log::stream(&self.log, |_, record| {
+            if record.stamp().tick > until {
+                return;
+            }
             script.push(record);
             taken += 1;
             if taken.is_multiple_of(BATCH) {

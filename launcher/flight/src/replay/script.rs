@@ -12,9 +12,10 @@ use std::sync::Arc;
 
 use contract::Topic;
 use contract::message::{Arrival, Stamp};
+use runtime::limits::HELD_MESSAGES;
 use runtime::shared_role::Origin;
 
-use crate::log::{Record, last_tick};
+use crate::log::{Memory, Record, last_tick};
 
 /// One message, and what became of it on the way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -87,6 +88,10 @@ pub struct Script {
     pub holes: Vec<String>,
     ahead: VecDeque<Record>,
     look_ahead: usize,
+    /// What the nodes remembered where it begins in the middle of the flight.
+    pub(super) begins_with: Vec<Memory>,
+    /// The first tick of which messages are taken in.
+    begins: u64,
     /// The newest tick of which a cycle is known; at its highest when no more messages come.
     reach: u64,
 }
@@ -110,19 +115,38 @@ impl Script {
     }
 
     pub(super) fn looking_ahead(look_ahead: usize) -> Self {
-        Self { processes: vec![], holes: vec![], ahead: VecDeque::new(), look_ahead, reach: 0 }
+        Self {
+            processes: vec![],
+            holes: vec![],
+            ahead: VecDeque::new(),
+            look_ahead,
+            begins_with: vec![],
+            begins: 0,
+            reach: 0,
+        }
+    }
+
+    /// One that begins where the nodes remember that, and knows what was sent in so many ticks `before`; with nothing, at the beginning.
+    pub(super) fn beginning_with(begins_with: Vec<Memory>, before: u64) -> Self {
+        let begins = begins_with.first().map_or(0, |memory| memory.tick.saturating_sub(before).max(1));
+        Self { begins_with, begins, ..Self::default() }
+    }
+
+    /// The sample after which it begins; 0 for the beginning of the flight.
+    pub fn begun_at(&self) -> u64 {
+        self.begins_with.first().map_or(0, |memory| memory.tick)
     }
 
     /// Takes in the next message of the log, tick by tick.
     pub fn push(&mut self, record: &Record) {
-        if !record.is_intact() {
+        if !record.is_intact() || record.stamp().tick < self.begins {
             return;
         }
         if self.ahead.len() >= self.look_ahead {
             self.find_next_cycle();
         }
         let at = self.process_of(record);
-        match self.processes[at].number(record) {
+        match self.processes[at].number(record, self.begins) {
             Ok(()) => self.ahead.push_back(*record),
             Err(hole) => self.holes.extend(hole),
         }
@@ -160,10 +184,11 @@ impl Script {
         }
     }
 
-    /// Leaves out the messages of such processes, and keeps their cycles.
+    /// Leaves out the messages of such processes, and keeps their cycles; what they sent where it begins stays.
     pub(super) fn forget_messages(&mut self, of: impl Fn(Topic, u64) -> bool) {
+        let begun = if self.begins_with.is_empty() { 0 } else { self.begun_at() + HELD_MESSAGES as u64 };
         for process in self.processes.iter_mut().filter(|process| of(process.topic, process.epoch)) {
-            process.recorded = Arc::default();
+            Arc::make_mut(&mut process.recorded).retain(|record| record.stamp().tick < begun);
         }
     }
 
@@ -235,14 +260,17 @@ impl Process {
 
     /// Takes note of the number of a message, and of whose memory its process began with; an error where it is of no use, with the reason if that is new: what the process
     /// remembers after a gap in the numbers is not known.
-    fn number(&mut self, record: &Record) -> Result<(), Option<String>> {
+    fn number(&mut self, record: &Record, begins: u64) -> Result<(), Option<String>> {
         let Stamp { sequence, tick, .. } = *record.stamp();
         if self.has_hole {
             return Err(None);
         }
         let Numbers { messages, sent, ticks } = &mut self.numbers;
+        if *messages == 0 && begins > 0 {
+            *sent = sequence.saturating_sub(1); // those before are not asked for
+        }
         let (name, epoch, next) = (self.topic.publisher(), self.epoch, *sent + 1);
-        let hole = if tick > last_tick(*messages) {
+        let hole = if tick > begins.saturating_add(last_tick(*messages)) {
             Some(format!("messages of {name} {epoch} before tick {tick}, which no flight of this length has"))
         } else if sequence > next {
             Some(format!("messages {next} to {} of {name} {epoch}, before tick {tick}", sequence - 1))

@@ -16,9 +16,9 @@ use runtime::ports::Ports;
 use runtime::shared_role::{Assignment, Origin};
 
 use super::script::Cycle;
-use crate::inprocess::node::{self, Node};
+use crate::inprocess::node::{self, Node, known_to};
 use crate::inprocess::workers::Ring;
-use crate::log::Record;
+use crate::log::{Memory, Record};
 use crate::recorder::Observers;
 
 pub struct Worker {
@@ -115,8 +115,15 @@ impl Worker {
         }
     }
 
-    /// Runs one cycle under the faults that it knew then, of those `given` in flight; `each` gets what it sends.
-    pub fn run(&mut self, cycle: &Cycle, given: &[(usize, Fault)], mut each: impl FnMut(&Record)) {
+    /// Runs one cycle under the faults that it knew then, of those `given` in flight; `each` gets what it sends. Where that is `known`
+    /// nothing is computed, and it goes the way that it went: so the ports and faults come to where the flight had them.
+    pub fn run(
+        &mut self,
+        cycle: &Cycle,
+        given: &[(usize, Fault)],
+        known: Option<&Record>,
+        mut each: impl FnMut(&Record),
+    ) {
         let Member { page, topic, epoch, timing, faults, .. } = &self.member;
         for (number, fault) in given.iter().take(cycle.faults as usize).skip(self.faults as usize) {
             page.fault_table.enter(*number, fault);
@@ -134,18 +141,22 @@ impl Worker {
         match &mut self.core {
             Core::Plant(vehicle) => {
                 let Vehicle { plant, output, tick } = &mut **vehicle;
-                plant.advance(cycle.tick - *tick);
+                let known: Option<State> = known_to(output, known);
+                if known.is_none() {
+                    plant.advance(cycle.tick - *tick);
+                }
                 *tick = cycle.tick;
                 faults.update();
                 timing.set_now_ns((2 * cycle.publish_ns).saturating_sub(read_ns));
                 faults.new_faults(|number, fault| plant.apply_fault(number, fault));
-                output.send(plant.sample(), provenance);
+                let state = known.inspect(|state| plant.recall(state)).unwrap_or_else(|| plant.sample());
+                output.send(state, provenance);
             }
             Core::Node(node) => {
                 faults.update();
                 timing.set_now_ns((2 * cycle.publish_ns).saturating_sub(read_ns));
                 faults.new_faults(|number, fault| node.apply_fault(number, fault));
-                node.answer(provenance);
+                node.answer(provenance, known);
             }
         }
         let own = *topic;
@@ -154,6 +165,19 @@ impl Worker {
                 each(record);
             }
         });
+    }
+
+    /// Goes on from what the process remembered in the flight; false where that is no memory of it.
+    pub fn restore(&mut self, memory: &Memory) -> bool {
+        match &mut self.core {
+            Core::Plant(vehicle) => {
+                memory.padded().is_some_and(|words| vehicle.plant.restore(memory.origin.done - 1, &words))
+            }
+            Core::Node(node) => memory.padded().is_some_and(|words| {
+                node.restore(&words);
+                node.memory() == words
+            }),
+        }
     }
 
     /// What it remembers.

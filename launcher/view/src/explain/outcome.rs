@@ -21,9 +21,11 @@ pub struct Outcome {
     pub metrics: Metrics,
     /// Largest angle between the body's z axis and the vertical \[deg\].
     pub worst_tilt_deg: f64,
-    /// Position error at each sample \[m\].
+    /// The first sample.
+    pub first: u64,
+    /// Position error at each sample since \[m\].
     pub error_m: Vec<f64>,
-    /// True position at each sample, NED \[m\].
+    /// True position at each sample since, NED \[m\].
     pub course_m: Vec<[f64; 3]>,
     pub state_hash: Option<String>,
 }
@@ -53,7 +55,7 @@ pub struct Cost {
 impl Outcome {
     /// The position error around an instant: time \[s\], error \[m\].
     pub fn error_around(&self, at_s: f64, sample_s: f64) -> Vec<(f64, f64)> {
-        let timed = self.error_m.iter().enumerate().map(|(tick, error_m)| (tick as f64 * sample_s, *error_m));
+        let timed = (self.first..).zip(&self.error_m).map(|(tick, error_m)| (tick as f64 * sample_s, *error_m));
         timed.filter(|(time_s, _)| (at_s - BEFORE_S..=at_s + AFTER_S).contains(time_s)).collect()
     }
 
@@ -64,31 +66,35 @@ impl Outcome {
         self.course_m.iter().zip(&other.course_m).map(apart).fold(0.0, f64::max)
     }
 
-    /// The flight that `fly` hands on message by message.
+    /// The flight from the sample `first` on that `fly` hands on message by message.
     ///
     /// # Errors
     /// It cannot be flown.
     pub fn of(
         scenario: &Scenario,
+        first: u64,
         fly: impl FnOnce(&mut dyn FnMut(&Record)) -> anyhow::Result<()>,
     ) -> anyhow::Result<Self> {
         let (mut summary, trajectory) = (Summary::new(scenario), Trajectory::new(&scenario.mission));
         let (mut worst_tilt, mut error_m, mut course_m) = (0.0_f64, vec![], vec![]);
         fly(&mut |record| {
+            if record.is_intact() && record.stamp().tick < first {
+                return;
+            }
             summary.observe(record);
             if let Record::State(state) = record
                 && state.stamp.is_delivered() | state.stamp.is_faulted()
                 && record.is_intact()
-                && error_m.len() as u64 <= state.stamp.tick
+                && error_m.len() as u64 <= state.stamp.tick - first
             {
                 worst_tilt = worst_tilt.max(state.actual.tilt_rad());
                 let wanted_m = trajectory.at(state.stamp.tick as f64 * scenario.sample_s()).position_m;
-                error_m.resize(state.stamp.tick as usize + 1, length_m(position_error_m(wanted_m, state)));
-                course_m.resize(state.stamp.tick as usize + 1, state.actual.position_m);
+                error_m.resize((state.stamp.tick - first) as usize + 1, length_m(position_error_m(wanted_m, state)));
+                course_m.resize((state.stamp.tick - first) as usize + 1, state.actual.position_m);
             }
         })?;
         let (metrics, state_hash) = (summary.metrics(), summary.state_hash());
-        Ok(Self { metrics, worst_tilt_deg: worst_tilt.to_degrees(), error_m, course_m, state_hash })
+        Ok(Self { metrics, worst_tilt_deg: worst_tilt.to_degrees(), first, error_m, course_m, state_hash })
     }
 
     /// A flight of `recording` as `script` has it.
@@ -96,7 +102,7 @@ impl Outcome {
     /// # Errors
     /// It cannot be flown to its end.
     pub fn flown(recording: &Recording, script: &Script) -> anyhow::Result<Self> {
-        Self::of(&recording.scenario, |each| {
+        Self::of(&recording.scenario, script.begun_at(), |each| {
             let replayed = replay_script(recording, script, &Plan::default(), each)?;
             if let Some(why) = replayed.stopped {
                 bail!("the flight cannot be flown again to its end: {why}");

@@ -29,7 +29,8 @@ pub struct Explained {
     pub without_any: Outcome,
     /// Another flight, as far as this one is known: in process, with the controllers of this program, and without any fault
     /// and swap of the scenario, those of air, sensors and actuators too.
-    pub undisturbed: Outcome,
+    /// None beside a part of a flight.
+    pub undisturbed: Option<Outcome>,
     /// Disturbed ticks, and bursts of more than one.
     pub disturbed: usize,
     pub bursts_found: usize,
@@ -89,7 +90,7 @@ impl Explained {
             "disturbed_ticks": self.disturbed,
             "flight": figures(flight),
             "without_any": figures(without),
-            "another_flight": figures(&self.undisturbed),
+            "another_flight": self.undisturbed.as_ref().map(figures),
             "all_together": {
                 "max_error_m": flight.metrics.max_position_error_m - without.metrics.max_position_error_m,
                 "max_distance_m": flight.max_distance_m(without),
@@ -104,8 +105,10 @@ impl Explained {
     /// Largest error, integral and worst tilt of the flights, and what all and each tick cost.
     fn side_by_side(&self) -> Table {
         let row = |name: &str, scale: f64, of: &dyn Fn(&Outcome) -> f64, cost: fn(&Cost) -> f64| {
-            let [flight, without, another] = [&self.flight, &self.without_any, &self.undisturbed].map(of);
-            let cells = [flight, without, another, flight - without].map(|value| format!("{:.3}", value * scale));
+            let [flight, without] = [&self.flight, &self.without_any].map(of);
+            let another = self.undisturbed.as_ref().map_or(f64::NAN, of);
+            let shown = |value: f64| if value.is_nan() { "-".into() } else { format!("{:.3}", value * scale) };
+            let cells = [flight, without, another, flight - without].map(shown);
             let sum: f64 = self.ticks.iter().map(cost).sum();
             let sum = if self.ticks.is_empty() { "-".into() } else { format!("{:.3}", sum * scale) };
             std::iter::once(name.to_owned()).chain(cells).chain([sum]).collect()

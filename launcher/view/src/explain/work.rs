@@ -13,7 +13,8 @@ const MOST_SAMPLES: u64 = 3_000_000;
 #[derive(Debug, Clone)]
 pub struct Work {
     pub disturbed: Vec<Disturbed>,
-    /// The last tick of the flight that is known.
+    /// The first tick of the flight that is looked at, and the last.
+    pub first_tick: u64,
     pub last_tick: u64,
     /// Flights, each without a tick or a burst of ticks.
     pub flights: u64,
@@ -22,13 +23,14 @@ pub struct Work {
 }
 
 impl Work {
-    /// Flies `recording` once, as it was.
+    /// Flies `recording` once, as it was, as far as `script` has it, which is to the tick `until`.
     ///
     /// # Errors
     /// The flight does not repeat bit for bit, or nothing of it can be compared.
-    pub fn of(recording: &Recording, script: &Script) -> anyhow::Result<Self> {
+    pub fn of(recording: &Recording, script: &Script, until: Option<u64>) -> anyhow::Result<Self> {
         let started = Instant::now();
-        let replayed = replay(recording, &Plan::default(), |_| {})?;
+        let from = if script.begun_at() > 0 { script.begun_at() + 1 } else { 0 };
+        let replayed = replay(recording, &Plan { from, until, ..Plan::default() }, |_| {})?;
         let replay_s = started.elapsed().as_secs_f64();
         if let Some(first) = &replayed.first {
             let (field, tick) = (&first.differs.field, first.tick);
@@ -43,18 +45,25 @@ impl Work {
         let disturbed = disturbed(recording, script);
         let flights = (disturbed.len() + bursts(&disturbed).count()) as u64;
         let sample_s = recording.scenario.sample_s();
-        Ok(Self { disturbed, last_tick: replayed.last_tick, flights, replay_s, sample_s })
+        Ok(Self {
+            disturbed,
+            first_tick: script.begun_at(),
+            last_tick: replayed.last_tick,
+            flights,
+            replay_s,
+            sample_s,
+        })
     }
 
     /// Whether it may be done without asking.
     pub fn is_little(&self) -> bool {
-        self.flights * (self.last_tick + 1) <= MOST_SAMPLES
+        self.flights * (self.last_tick - self.first_tick + 1) <= MOST_SAMPLES
     }
 
     /// For people: how many flights, and how long they take.
     pub fn describe(&self) -> String {
-        let Self { disturbed, flights, replay_s, sample_s, last_tick } = self;
-        let (ticks, length_s) = (disturbed.len(), *last_tick as f64 * sample_s);
+        let Self { disturbed, flights, replay_s, sample_s, first_tick, last_tick } = self;
+        let (ticks, length_s) = (disturbed.len(), (last_tick - first_tick) as f64 * sample_s);
         let wall_s = *flights as f64 * replay_s / processors() as f64;
         format!("{ticks} disturbed ticks: {flights} flights of {length_s:.2} s, about {wall_s:.0} s of work here")
     }

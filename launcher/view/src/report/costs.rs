@@ -18,7 +18,9 @@ const MOST_MESSAGES: u64 = 80_000;
 /// The section of the page; empty where no tick was disturbed. Where the run cannot be flown again it says why.
 pub fn section(recorded: &Recorded) -> String {
     let told = match recorded.messages.iter().sum() {
-        0..=MOST_MESSAGES => recorded.recording().and_then(|recording| told(&recording, &recording.script()?)),
+        0..=MOST_MESSAGES => {
+            recorded.recording().and_then(|recording| told(&recording, &recording.script(0, u64::MAX)?))
+        }
         _ => Ok("<p>Of a flight of this length <code>launcher explain RUN</code> says it.</p>".into()),
     };
     let told = match told {
@@ -39,7 +41,7 @@ fn told(recording: &Recording, script: &Script) -> anyhow::Result<String> {
     match ticks {
         0 => Ok(String::new()),
         1..=MOST_TICKS if samples <= MOST_SAMPLES => {
-            Ok(explain(recording, script, &Work::of(recording, script)?, true, |_, _| {})?.section())
+            Ok(explain(recording, script, &Work::of(recording, script, None)?, true, |_, _| {})?.section())
         }
         _ => Ok(format!(
             "<p>{ticks} ticks were disturbed: <code>launcher explain RUN</code> says what each of them cost, and writes \

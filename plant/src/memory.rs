@@ -1,0 +1,122 @@
+//! What the vehicle remembers, as words: for a log, and for a flight that goes on from there.
+//!
+//! One walk over the parts of the vehicle writes their words and reads them back, so that both have the same order. What follows from
+//! the settings is no memory.
+
+use std::collections::VecDeque;
+
+use rand_chacha::ChaCha8Rng;
+
+/// What a memory begins with: what it is, and the version of its order.
+const NAME: u64 = u64::from_be_bytes(*b"vehicle1");
+
+/// The words of a memory, from the first to the last.
+pub struct Tape<'a> {
+    words: &'a mut [u64],
+    at: usize,
+    reads: bool,
+    fits: bool,
+}
+
+impl<'a> Tape<'a> {
+    /// Words that are to be written.
+    pub fn to_write(words: &'a mut [u64]) -> Self {
+        let mut tape = Self { words, at: 0, reads: false, fits: true };
+        tape.word(&mut { NAME });
+        tape
+    }
+
+    /// Words that were written.
+    pub fn to_read(words: &'a mut [u64]) -> Self {
+        let mut tape = Self { words, at: 0, reads: true, fits: true };
+        let mut name = 0;
+        tape.word(&mut name);
+        tape.fits &= name == NAME;
+        tape
+    }
+
+    /// Whether all words so far had a place, and those that were read made sense.
+    pub fn fits(&self) -> bool {
+        self.fits
+    }
+
+    /// Says that what was read makes no sense.
+    pub fn refuse(&mut self) {
+        self.fits = false;
+    }
+
+    /// Writes or reads one word.
+    pub fn word(&mut self, word: &mut u64) {
+        match self.words.get_mut(self.at) {
+            Some(place) if self.reads => *word = *place,
+            Some(place) => *place = *word,
+            None => self.fits = false,
+        }
+        self.at += 1;
+    }
+
+    /// Writes or reads a number, bit by bit.
+    pub fn number(&mut self, number: &mut f64) {
+        let mut word = number.to_bits();
+        self.word(&mut word);
+        *number = f64::from_bits(word);
+    }
+
+    /// Writes or reads numbers.
+    pub fn numbers(&mut self, numbers: &mut [f64]) {
+        for number in numbers {
+            self.number(number);
+        }
+    }
+
+    /// Writes or reads a count that is no larger than `most`.
+    pub fn count(&mut self, count: &mut usize, most: usize) {
+        let mut word = *count as u64;
+        self.word(&mut word);
+        if word > most as u64 {
+            self.refuse();
+        } else {
+            *count = word as usize;
+        }
+    }
+
+    /// Writes or reads a yes or no.
+    pub fn flag(&mut self, flag: &mut bool) {
+        let mut count = usize::from(*flag);
+        self.count(&mut count, 1);
+        *flag = count == 1;
+    }
+
+    /// Writes or reads what may be there, with `each` for what is.
+    pub fn option<T: Default>(&mut self, value: &mut Option<T>, each: impl FnOnce(&mut Self, &mut T)) {
+        let mut is_there = value.is_some();
+        self.flag(&mut is_there);
+        if is_there {
+            each(self, value.get_or_insert_default());
+        } else {
+            *value = None;
+        }
+    }
+
+    /// Writes or reads a queue of at most `most`, with `each` for each of it.
+    pub fn queue<T: Default>(&mut self, queue: &mut VecDeque<T>, most: usize, mut each: impl FnMut(&mut Self, &mut T)) {
+        let mut length = queue.len();
+        self.count(&mut length, most.min(self.words.len()));
+        queue.resize_with(length, T::default);
+        for item in queue {
+            each(self, item);
+        }
+    }
+
+    /// Writes or reads how far a random stream is.
+    pub fn random(&mut self, random: &mut ChaCha8Rng) {
+        let drawn = random.get_word_pos();
+        let mut words = [drawn as u64, (drawn >> 64) as u64];
+        for word in &mut words {
+            self.word(word);
+        }
+        if self.reads {
+            random.set_word_pos(u128::from(words[1]) << 64 | u128::from(words[0]));
+        }
+    }
+}
