@@ -13,7 +13,7 @@ use contract::scenario;
 
 use super::order::TickByTick;
 use super::read::{read_in_order, read_memories};
-use super::{Count, Log, LogWriter, Record};
+use super::{Count, Log, LogWriter, Memory, Record};
 use crate::event::Event;
 use crate::recorder::LogOutcome;
 
@@ -165,8 +165,41 @@ pub fn stream(first: &Path, mut each: impl FnMut(&Log, &Record)) -> anyhow::Resu
     Ok(whole)
 }
 
+/// What the nodes remember last of all at or before sample `tick`, in the log at `first` with all parts of its run; empty where it has
+/// nothing of it.
+///
+/// # Errors
+/// When no part can be read.
+pub fn memories(first: &Path, tick: u64) -> anyhow::Result<Vec<Memory>> {
+    let mut newest: Vec<Memory> = vec![];
+    let (mut run, mut failed, mut read) = (None, None, 0);
+    for part in parts_of(first) {
+        let each = |log: &Log, memory: Memory| {
+            let at = newest.first().map_or(0, |known| known.tick);
+            let is_of_run = *run.get_or_insert_with(|| log.written_by.run.clone()) == log.written_by.run;
+            if !is_of_run || memory.tick > tick || memory.tick < at {
+                return;
+            }
+            if memory.tick > at {
+                newest.clear();
+            }
+            if !newest.iter().any(|known| known.topic == memory.topic) {
+                newest.push(memory);
+            }
+        };
+        match read_memories(&part, each) {
+            Ok(()) => read += 1,
+            Err(why) => failed = failed.or(Some(why)),
+        }
+    }
+    match failed {
+        Some(why) if read == 0 => Err(why),
+        _ => Ok(newest),
+    }
+}
+
 /// The files that may belong to the log at `first`, in the order of its recorders.
-pub fn parts_of(first: &Path) -> Vec<PathBuf> {
+fn parts_of(first: &Path) -> Vec<PathBuf> {
     let last = others(first).into_iter().max().unwrap_or(1);
     let rest = |epoch: u32| Some(rest(first, epoch)).filter(|rest| rest.exists());
     (1..=last).flat_map(|epoch| [Some(part(first, epoch)), rest(epoch)]).flatten().collect()

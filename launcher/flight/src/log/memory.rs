@@ -1,14 +1,8 @@
 //! What the nodes remember, in the log.
 
-use std::path::Path;
-
 use contract::Topic;
 use runtime::realtime::ControlPage;
 use runtime::shared_role::Origin;
-
-use super::Log;
-use super::join::parts_of;
-use super::read::read_memories;
 
 /// What one node remembers.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -46,38 +40,5 @@ impl Memory {
         let mut words = [0; WORDS];
         words.get_mut(..self.words.len())?.copy_from_slice(&self.words);
         Some(words)
-    }
-}
-
-/// What the nodes remember last of all at or before sample `tick`, in the log at `first` with all parts of its run; empty where it has
-/// nothing of it.
-///
-/// # Errors
-/// When no part can be read.
-pub fn memories(first: &Path, tick: u64) -> anyhow::Result<Vec<Memory>> {
-    let mut newest: Vec<Memory> = vec![];
-    let (mut run, mut failed, mut read) = (None, None, 0);
-    for part in parts_of(first) {
-        let each = |log: &Log, memory: Memory| {
-            let at = newest.first().map_or(0, |known| known.tick);
-            let is_of_run = *run.get_or_insert_with(|| log.written_by.run.clone()) == log.written_by.run;
-            if !is_of_run || memory.tick > tick || memory.tick < at {
-                return;
-            }
-            if memory.tick > at {
-                newest.clear();
-            }
-            if !newest.iter().any(|known| known.topic == memory.topic) {
-                newest.push(memory);
-            }
-        };
-        match read_memories(&part, each) {
-            Ok(()) => read += 1,
-            Err(why) => failed = failed.or(Some(why)),
-        }
-    }
-    match failed {
-        Some(why) if read == 0 => Err(why),
-        _ => Ok(newest),
     }
 }

@@ -43,8 +43,8 @@ use contract::{
 };
 
 pub use count::{Count, counted};
-pub use join::{join, part, read_parts, rest, stream};
-pub use memory::{Memory, memories};
+pub use join::{join, memories, part, read_parts, rest, stream};
+pub use memory::Memory;
 pub use order::last_tick;
 pub use read::{Log, WrittenBy, read};
 pub use write::LogWriter;

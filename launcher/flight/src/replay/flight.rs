@@ -418,9 +418,14 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
         let Process { topic, epoch, continues, .. } = self.script.processes[i];
         let memory = continues.and_then(|origin| Some((origin, (*self.memories.get(&(topic, origin))?)?)));
         let settings = self.plan.settings_of(self.recording, topic, epoch);
-        self.courses[i].worker = Some(match self.plan.program_of(topic) {
-            Some(program) => Runs::Elsewhere(Box::new(Program::start(topic, settings, program)?)),
-            None => Runs::Here(Box::new(Worker::new(topic, epoch as u32, settings, memory.as_ref())?)),
+        self.courses[i].worker = Some(if let Some(program) = self.plan.program_of(topic) {
+            Runs::Elsewhere(Box::new(Program::start(topic, settings, program)?))
+        } else {
+            let worker = Worker::new(topic, epoch as u32, settings, memory.as_ref())?;
+            if self.begins_with(i).is_some() {
+                worker.continue_from(continues.unwrap_or_default());
+            }
+            Runs::Here(Box::new(worker))
         });
         self.remember(i, 0);
         Ok(())
@@ -471,7 +476,9 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
         if topic == Topic::State {
             self.replayed.last_tick = next.tick;
         }
-        self.remember(i, next.tick + 1);
+        if !self.is_known(i, next.tick) {
+            self.remember(i, next.tick + 1);
+        }
         Ok(())
     }
 

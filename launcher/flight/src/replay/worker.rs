@@ -167,6 +167,11 @@ impl Worker {
         });
     }
 
+    /// Says with whose memory the process began, where that itself is not known.
+    pub fn continue_from(&self, origin: Origin) {
+        self.member.continues.set(origin);
+    }
+
     /// Goes on from what the process remembered in the flight; false where that is no memory of it.
     pub fn restore(&mut self, memory: &Memory) -> bool {
         match &mut self.core {
