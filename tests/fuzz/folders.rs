@@ -124,7 +124,7 @@ fn read(place: &Path, arguments: &[&str]) {
     let arguments: Vec<String> =
         arguments.iter().map(|argument| argument.replace('@', &place.display().to_string())).collect();
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
-    let output = finished_within(LIMIT, &mut confined(LIMIT_KB, &arguments));
+    let output = finished_within(LIMIT, confined(LIMIT_KB, &arguments).current_dir(place));
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.code().is_some_and(|code| code <= 3), "{arguments:?}: {:?} {said}", output.status);
     assert!(!said.contains("panicked"), "{arguments:?}: {said}");
