@@ -207,7 +207,11 @@ fn a_node_that_dies_too_often_is_given_up_and_the_vehicle_comes_down() {
     let start = |node| {
         let kill = |at_s| format!("{{at_s={at_s:?}, target=\"{node}\", kind=\"kill\"}}");
         let faults = format!("fault=[{}]", [0.5, 0.9, 1.3, 1.7, 2.1].map(kill).join(","));
-        Flight::start(&namespace(), &["--mode", "realtime", "--set", "run.duration_s=5.5", "--set", &faults])
+        let patient = "supervision.hang_ms=5000"; // a plant that the host stops for a while is not lost
+        Flight::start(
+            &namespace(),
+            &["--mode", "realtime", "--set", "run.duration_s=5.5", "--set", &faults, "--set", patient],
+        )
     };
     let flights = ["guidance", "attitude-mpc"].map(|node| (node, start(node)));
     for (node, flight) in flights {

@@ -76,9 +76,9 @@ impl Recording {
         Ok(Self { scenario, log: path.into(), given, logged, foreign, settings })
     }
 
-    /// A script that begins at the newest place before tick `from` where the log has what the nodes remembered, or else at the beginning,
-    /// without messages as yet. Of what was sent before it is to know what may still be under way, and what a fault that delays a
-    /// sensor goes back to.
+    /// A script that begins at the newest place before tick `from` where the log has what the nodes remembered, or else at the
+    /// beginning, without messages as yet. Of what was sent before it is to know what may still be under way, and what a fault that
+    /// delays a sensor goes back to.
     ///
     /// # Errors
     /// The log cannot be read.

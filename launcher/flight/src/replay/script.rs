@@ -126,7 +126,8 @@ impl Script {
         }
     }
 
-    /// One that begins where the nodes remember that, and knows what was sent in so many ticks `before`; with nothing, at the beginning.
+    /// One that begins where the nodes remember that, and knows what was sent in so many ticks `before`; with nothing, at the
+    /// beginning.
     pub(super) fn beginning_with(begins_with: Vec<Memory>, before: u64) -> Self {
         let begins = begins_with.first().map_or(0, |memory| memory.tick.saturating_sub(before).max(1));
         Self { begins_with, begins, ..Self::default() }
@@ -206,8 +207,7 @@ impl Script {
         let at = self.process_of(&record);
         self.reach = self.reach.max(record.stamp().tick);
         let stamp = record.stamp();
-        let is_cycle = self.processes[at].cycles_of(stamp);
-        if is_cycle {
+        if self.processes[at].is_cycle(stamp) {
             let own = stamp.input_epochs.iter().zip(stamp.inputs);
             let arrived = match &record {
                 Record::State(state) => &state.arrivals[..(state.arrived as usize).min(state.arrivals.len())],
@@ -258,8 +258,8 @@ impl Process {
         }
     }
 
-    /// Takes note of the number of a message, and of whose memory its process began with; an error where it is of no use, with the reason if that is new: what the process
-    /// remembers after a gap in the numbers is not known.
+    /// Takes note of the number of a message, and of whose memory its process began with; an error where it is of no use, with the
+    /// reason if that is new: what the process remembers after a gap in the numbers is not known.
     fn number(&mut self, record: &Record, begins: u64) -> Result<(), Option<String>> {
         let Stamp { sequence, tick, .. } = *record.stamp();
         if self.has_hole {
@@ -293,7 +293,7 @@ impl Process {
     }
 
     /// Whether a message begins a cycle: the first of each tick does, which never goes back.
-    fn cycles_of(&mut self, stamp: &Stamp) -> bool {
+    fn is_cycle(&mut self, stamp: &Stamp) -> bool {
         let Some(last) = self.cycles.last_mut().filter(|last| stamp.tick <= last.tick) else { return true };
         last.faulted |= stamp.is_faulted() && stamp.tick == last.tick;
         false

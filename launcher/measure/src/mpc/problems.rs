@@ -10,7 +10,7 @@
 //! | `yaw` | a turn by 90 degrees in one step |
 //! | `weak` | a step of 10 m with a thrust-to-weight ratio of 1.37 |
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
@@ -19,7 +19,7 @@ use contract::Scenario;
 use contract::message::{Reference, State};
 use contract::scenario::{self, Law, Mode, Solver};
 
-use flight::log;
+use flight::log::{self, Record};
 use runtime::console::eprint_line;
 
 const SHIPPED: [(&str, &[u8]); 4] = [
@@ -61,18 +61,36 @@ pub fn shipped(folder: &Path) -> anyhow::Result<Vec<Sequence>> {
     SHIPPED.into_iter().map(unpack).collect()
 }
 
+/// Samples measured of a log, at most: a flight of a quarter of an hour at 100 Hz, and 100 MB.
+const MOST_SAMPLES: usize = 100_000;
+/// States kept for the answers to them.
+const KNOWN_STATES: usize = 1000;
+
 /// The flight in the log at `path`, or in the run's folder at `path`.
 pub fn recorded(path: &Path) -> anyhow::Result<Sequence> {
     let file = if path.is_dir() { path.join("flight.mcap") } else { path.to_owned() };
-    let log = log::read_parts(&file)?;
+    let (mut states, mut samples) = (BTreeMap::new(), vec![]);
+    let log = log::stream(&file, |_, record| match record {
+        _ if samples.len() == MOST_SAMPLES => {}
+        Record::State(state) => {
+            states.insert(state.stamp.tick, *state);
+            if states.len() > KNOWN_STATES {
+                states.pop_first();
+            }
+        }
+        Record::Reference(reference) => {
+            samples.extend(states.get(&reference.stamp.tick).map(|state| (*state, *reference)));
+        }
+        _ => {}
+    })?;
+    if samples.len() == MOST_SAMPLES {
+        eprint_line(&format!("note: of {} the first {MOST_SAMPLES} samples are measured", file.display()));
+    }
     if let Some(defect) = &log.defect {
         eprint_line(&format!("note: {} is not whole, what was read before is measured: {defect}", file.display()));
     }
     let origin = format!("the settings in {}", file.display());
     let scenario = scenario::from_merged(&log.scenario_toml, &origin)?;
-    let states: HashMap<u64, &State> = log.states.iter().map(|state| (state.stamp.tick, state)).collect();
-    let pair = |reference: &Reference| states.get(&reference.stamp.tick).map(|state| (**state, *reference));
-    let samples: Vec<_> = log.references.iter().filter_map(pair).collect();
     if samples.is_empty() {
         bail!("{} holds no tick with both STATE and REFERENCE", file.display());
     }
