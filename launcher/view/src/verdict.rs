@@ -135,7 +135,7 @@ impl Judged<'_> {
             .replayed
             .stopped
             .as_ref()
-            .map(|why| format!("the replay ends before the flight: {why}; --from begins behind it"));
+            .map(|why| format!("the replay ends before the flight: {why}; --from begins behind it if the log has a memory of the nodes there"));
         let told: Vec<String> = self.recorded.missing().into_iter().chain(stopped).chain(self.uncompared()).collect();
         (!told.is_empty()).then(|| told.join("\n"))
     }
