@@ -6,6 +6,7 @@
 mod flights;
 mod folder;
 mod folders;
+mod memories;
 mod replays;
 mod snapshots;
 

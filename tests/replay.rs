@@ -166,11 +166,13 @@ fn a_replay_begins_with_what_the_nodes_remembered_and_so_flies_what_comes_after_
             1,
             &["no difference in what was compared, which is not all that was asked for", "the log lacks messages 301"],
         );
+        check(&["--from", "10.2s"], 0, &["no difference in what was compared\n", "10.20 to 12.50 s of 12.50 s", begun]);
         check(
-            &["--from", "10.2s"],
+            &["--from", "2s", "--to", "4s"],
             1,
-            &["no difference in what was compared, which", "10.20 to 12.50 s of 12.50 s", begun],
+            &["not all that was asked for", "40 messages before that are missing"],
         );
+        check(&["--to", "2.9s"], 0, &["no difference in what was compared\n"]);
     }
 }
 

@@ -18,7 +18,7 @@ use rustix::process::{Signal, getpid, kill_process};
 use crate::progress::Progress;
 use serde_json::json;
 use view::explain::Work;
-use view::recorded::Recorded;
+use view::recorded::{Part, Recorded};
 use view::verdict::replay_and_judge;
 use view::{comparison, explain};
 
@@ -75,10 +75,11 @@ pub struct ExplainArgs {
 
 /// Says what the disturbed ticks of a run cost; explain.html goes into its folder.
 pub fn explain(args: &ExplainArgs) -> anyhow::Result<u8> {
-    let recorded = Recorded::read(&args.run)?;
+    let part = part(args.from, args.to)?;
+    let recorded = Recorded::read_each(&args.run, part, |_, _| {})?;
     let missing = recorded.missing();
     let recording = recorded.recording()?;
-    let (from, until) = span(args.from, args.to, &recording)?;
+    let (from, until) = ticks(part, &recording);
     let script = recording.script(from, until.unwrap_or(u64::MAX))?;
     let work = Work::of(&recording, &script, until)?;
     let each = args.all || work.is_little();
@@ -108,13 +109,14 @@ pub fn explain(args: &ExplainArgs) -> anyhow::Result<u8> {
 
 /// Flies a run again; the exit code.
 pub fn replay(args: &ReplayArgs) -> anyhow::Result<u8> {
-    let recorded = Recorded::read(&args.run)?;
+    let part = part(args.from, args.to)?;
+    let recorded = Recorded::read_each(&args.run, part, |_, _| {})?;
     let recording = recorded.recording()?;
-    let plan = plan(args, &recording)?;
+    let plan = plan(args, part, &recording)?;
     let started = Instant::now();
     let mut came_to_break = false;
     let verdict = replay_and_judge(&recorded, &recording, &plan, |replayed, summary| {
-        let flown_s = replayed.last_tick as f64 * recording.scenario.sample_s();
+        let flown_s = replayed.last_tick.saturating_sub(replayed.begun_at) as f64 * recording.scenario.sample_s();
         let (wall_s, name) = (started.elapsed().as_secs_f64(), &recording.scenario.name);
         let computed = replayed.computed();
         came_to_break = replayed.came_to_break;
@@ -135,13 +137,13 @@ pub fn replay(args: &ReplayArgs) -> anyhow::Result<u8> {
     Ok(verdict.exit_code)
 }
 
-fn plan(args: &ReplayArgs, recording: &Recording) -> anyhow::Result<Plan> {
+fn plan(args: &ReplayArgs, part: Part, recording: &Recording) -> anyhow::Result<Plan> {
     let only = args.node.as_deref().map(node).transpose()?;
     let settings = match only {
         Some(topic) if !args.set.is_empty() => Some((topic, Box::new(settings(recording, topic, &args.set)?))),
         _ => None,
     };
-    let (from, until) = span(args.from, args.to, recording)?;
+    let (from, until) = ticks(part, recording);
     if args.closed && settings.is_none() && args.exec.is_none() {
         bail!("--closed goes with --set or --exec: without them `launcher replay` is the flight as it was");
     }
@@ -156,15 +158,19 @@ fn plan(args: &ReplayArgs, recording: &Recording) -> anyhow::Result<Plan> {
     Ok(Plan { only: only.filter(|_| !args.closed), settings, program, from, until, before })
 }
 
-/// The ticks of `--from` and `--to`.
-fn span(from_s: Option<f64>, to_s: Option<f64>, recording: &Recording) -> anyhow::Result<(u64, Option<u64>)> {
-    if let (Some(from_s), Some(to_s)) = (from_s, to_s)
-        && from_s >= to_s
-    {
-        bail!("--from {from_s} is not before --to {to_s}");
+/// The part of the flight between `--from` and `--to`.
+fn part(from: Option<f64>, to: Option<f64>) -> anyhow::Result<Part> {
+    let part = Part { from_s: from.unwrap_or(Part::ALL.from_s), to_s: to.unwrap_or(Part::ALL.to_s) };
+    if part.from_s >= part.to_s {
+        bail!("--from {} is not before --to {}", part.from_s, part.to_s);
     }
-    let tick = |time_s: f64| (time_s / recording.scenario.sample_s()).round() as u64;
-    Ok((from_s.map_or(0, tick), to_s.map(tick)))
+    Ok(part)
+}
+
+/// The first tick of a part, and the last if it ends before the flight.
+fn ticks(part: Part, recording: &Recording) -> (u64, Option<u64>) {
+    let (from, until) = part.ticks(recording.scenario.sample_s()).into_inner();
+    (from, Some(until).filter(|_| part.to_s < Part::ALL.to_s))
 }
 
 /// `NODE@TIME` as what is called before that cycle.

@@ -36,7 +36,7 @@ fn look(flight: &[u8], run: Option<&[u8]>) {
     assert_eq!(page.is_ok(), folder.path().join("report.html").exists());
     let Ok(Recorded { scenario, run, .. }) = Recorded::read(&path) else { return };
     for (from_s, for_s) in [(None, 1.0), (Some(0.05), 1e300)] {
-        let records = |each: &mut dyn FnMut(&Record)| log::stream(&path, |_, record| each(record)).map(drop);
+        let records = |each: &mut dyn FnMut(&Record)| log::stream(&path, log::ALL, |_, record| each(record)).map(drop);
         let _ = trace::document(records, &scenario, &run, from_s, for_s);
     }
 }

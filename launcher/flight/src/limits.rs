@@ -62,6 +62,8 @@ pub const CHUNK_BYTES: usize = 64 * 1024;
 pub const FLUSH_PERIOD: Duration = Duration::from_secs(1);
 /// A record of a log that is read is no longer \[bytes\]: a chunk of other programs may have some megabytes, decompressed.
 pub const MAX_RECORD_BYTES: usize = 64 << 20;
+/// The index of a log is no longer \[bytes\]: that of a day at 100 Hz has 20 MB. One that is longer is not used.
+pub const MAX_INDEX_BYTES: u64 = 64 << 20;
 /// Events of a log that is read.
 pub const MAX_EVENTS: usize = 100_000;
 /// The outcome that a recorder writes at its end is no longer \[bytes\]: what a pipe holds.

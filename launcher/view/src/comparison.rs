@@ -15,7 +15,7 @@ use serde_json::{Value, json};
 use crate::draw::{self, Line, STYLE, escape};
 use crate::metrics::Metrics;
 use crate::percentiles::percentiles;
-use crate::recorded::Recorded;
+use crate::recorded::{Part, Recorded};
 use crate::report::sections::METRICS;
 use crate::settings;
 use crate::table::Table;
@@ -170,7 +170,7 @@ impl Comparison {
     pub fn read(runs: &[PathBuf]) -> anyhow::Result<Self> {
         let read = |run: &PathBuf| -> anyhow::Result<(Recorded, Course)> {
             let mut course = None;
-            let recorded = Recorded::read_each(run, |scenario, record| {
+            let recorded = Recorded::read_each(run, Part::ALL, |scenario, record| {
                 course.get_or_insert_with(|| Course::new(scenario)).observe(record);
             })?;
             let mut course = course.unwrap_or_else(|| Course::new(&recorded.scenario));

@@ -42,14 +42,14 @@ pub fn explain(
 ) -> anyhow::Result<Explained> {
     let scenario = &recording.scenario;
     let Work { disturbed, last_tick, .. } = work;
-    let flight = Outcome::flown(recording, script)?;
+    let flight = Outcome::flown(recording, script.clone())?;
     let bursts: Vec<&[Disturbed]> = bursts(disturbed).collect();
     let all: BTreeSet<u64> = disturbed.iter().map(|one| one.tick).collect();
     let wanted: Vec<&[Disturbed]> =
         if each { disturbed.chunks(1).chain(bursts.iter().copied()).collect() } else { vec![] };
     let costs = in_parallel(&wanted, progress, |ticks| {
         let ticks_undone = ticks.iter().map(|one| one.tick).collect();
-        let without = Outcome::flown(recording, &without(recording, script, &ticks_undone))?;
+        let without = Outcome::flown(recording, without(recording, script, &ticks_undone))?;
         Ok(Cost::new(ticks, scenario.sample_s(), &flight, &without))
     })?;
     let (mut ticks, mut burst_costs): (Vec<Cost>, Vec<Cost>) =
@@ -71,7 +71,7 @@ pub fn explain(
     };
     // It is the same all along, and no part of it can be set beside a part of this one.
     let undisturbed = (script.begun_at() == 0).then(|| Outcome::of(&alone, 0, fly)).transpose()?;
-    let without_any = Outcome::flown(recording, &without(recording, script, &all))?;
+    let without_any = Outcome::flown(recording, without(recording, script, &all))?;
     Ok(Explained {
         name: scenario.name.clone(),
         sample_s: scenario.sample_s(),

@@ -4,13 +4,14 @@
 //! was written by the launcher, which counted the records and hashed the states itself.
 
 use std::io::ErrorKind;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow};
 use contract::scenario::file::{MAX_RESULTS_BYTES, MAX_TEXT_BYTES};
 use contract::{Scenario, Topic, scenario};
 use flight::files;
-use flight::log::{self, Log, Record};
+use flight::log::{self, Log, Record, Span};
 use flight::recorder::LogOutcome;
 use flight::replay::Recording;
 use flight::stack::Ended;
@@ -34,6 +35,34 @@ pub struct Recorded {
     pub run: Value,
     /// Whether there is a run.json.
     pub has_summary: bool,
+    /// The ticks that were read.
+    ticks: RangeInclusive<u64>,
+}
+
+/// The part of a flight that is read, in seconds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Part {
+    pub from_s: f64,
+    pub to_s: f64,
+}
+
+impl Part {
+    /// All of it.
+    pub const ALL: Self = Self { from_s: 0.0, to_s: f64::INFINITY };
+    /// Messages before it are counted, so that a gap at its beginning is seen \[s\].
+    const BEFORE_S: f64 = 1.0;
+
+    /// Its ticks.
+    pub fn ticks(&self, sample_s: f64) -> RangeInclusive<u64> {
+        let tick = |time_s: f64| (time_s / sample_s).round() as u64;
+        tick(self.from_s)..=tick(self.to_s)
+    }
+
+    /// What is read of the log.
+    fn span(&self) -> Span {
+        let ns = |time_s: f64| (time_s * 1e9) as u64;
+        ns(self.from_s - Self::BEFORE_S)..=ns(self.to_s + Self::BEFORE_S)
+    }
 }
 
 impl Recorded {
@@ -42,14 +71,15 @@ impl Recorded {
     /// # Errors
     /// When there is no log to read, its messages or settings are those of another version, or run.json is not JSON.
     pub fn read(run: &Path) -> anyhow::Result<Self> {
-        Self::read_each(run, |_, _| {})
+        Self::read_each(run, Part::ALL, |_, _| {})
     }
 
-    /// The same, while `each` gets the settings and every message, tick by tick: a log is read once, however long it is.
+    /// The same of a part of it, while `each` gets the settings and every message, tick by tick: a log is read once, however long it
+    /// is. Its events and settings are those of the whole flight.
     ///
     /// # Errors
     /// As of [`Self::read`].
-    pub fn read_each(run: &Path, mut each: impl FnMut(&Scenario, &Record)) -> anyhow::Result<Self> {
+    pub fn read_each(run: &Path, part: Part, mut each: impl FnMut(&Scenario, &Record)) -> anyhow::Result<Self> {
         let path = if run.is_dir() { run.join("flight.mcap") } else { run.to_owned() };
         let file = path.with_file_name("run.json");
         let run: Option<Value> = match files::read_text(&file, MAX_RESULTS_BYTES) {
@@ -60,21 +90,25 @@ impl Recorded {
         let begin = |log: &Log| {
             settings(log, run.as_ref(), &path).map(|scenario| {
                 let summary = Summary::new(&scenario);
-                (scenario, summary)
+                let ticks = part.ticks(scenario.sample_s());
+                (scenario, summary, ticks)
             })
         };
         let (mut messages, mut gathered) = ([0; Topic::COUNT], None);
-        let log = log::stream(&path, |log, record| {
-            messages[record.topic() as usize] += 1;
-            if let Ok((scenario, summary)) = gathered.get_or_insert_with(|| begin(log)) {
+        let log = log::stream(&path, part.span(), |log, record| {
+            let Ok((scenario, summary, ticks)) = gathered.get_or_insert_with(|| begin(log)) else { return };
+            if ticks.contains(&record.stamp().tick) {
+                messages[record.topic() as usize] += 1;
                 summary.observe(record);
                 each(scenario, record);
+            } else {
+                summary.pass(record);
             }
         })?;
-        let (scenario, summary) = gathered.unwrap_or_else(|| begin(&log))?;
+        let (scenario, summary, ticks) = gathered.unwrap_or_else(|| begin(&log))?;
         let has_summary = run.is_some();
         let run = run.unwrap_or_else(|| summary_of(&log, messages.iter().sum(), &summary, &scenario));
-        Ok(Self { path, log, messages, summary, scenario, run, has_summary })
+        Ok(Self { path, log, messages, summary, scenario, run, has_summary, ticks })
     }
 
     /// What can be flown again of it.
@@ -85,7 +119,8 @@ impl Recorded {
         let settings = self.path.with_file_name("scenario.toml");
         let text = files::read_text(&settings, MAX_TEXT_BYTES).ok();
         let settled = text.and_then(|text| scenario::from_merged(&text, &settings.display().to_string()).ok());
-        Recording::new(&self.path, &self.log.events, self.messages, &self.scenario, settled.as_ref())
+        let last_tick = self.summary.last().stamp.tick;
+        Recording::new(&self.path, &self.log.events, self.messages, last_tick, &self.scenario, settled.as_ref())
     }
 
     /// Its settings, with what was ordered while it flew where the summary tells.
@@ -93,13 +128,16 @@ impl Recorded {
         flown(&self.run).unwrap_or_else(|| self.scenario.clone())
     }
 
-    /// For people: why the log is not all of the flight; `None` if it is.
+    /// For people: why the log is not all of the flight, or of the part that was read; `None` if it is.
     pub fn missing(&self) -> Option<String> {
         let Self { path, log, summary, .. } = self;
         let run = self.has_summary.then_some(&self.run);
+        let is_to_end = summary.last().stamp.tick < *self.ticks.end();
         let unlike = match run {
-            Some(run) => self.unlike_summary(run),
-            None => vec!["there is no run.json to say where the flight ended".into()],
+            Some(run) if self.ticks == Part::ALL.ticks(self.scenario.sample_s()) => self.unlike_summary(run),
+            Some(run) if is_to_end => self.ends_early(run).into_iter().collect(),
+            None if is_to_end => vec!["there is no run.json to say where the flight ended".into()],
+            _ => vec![],
         };
         let why: Vec<String> = log.defect.iter().cloned().chain(unlike).collect();
         let lost = summary.missed();
@@ -116,6 +154,12 @@ impl Recorded {
             format!("what was read ends at {last_s:.2} s{of}, {lost} messages before that are missing")
         };
         Some(format!("the log {} is not whole ({why}): {read}", path.display()))
+    }
+
+    /// For people: that the log ends before the flight did.
+    fn ends_early(&self, run: &Value) -> Option<String> {
+        let flown = (run["flown_s"].as_f64().unwrap_or(f64::INFINITY) / self.scenario.sample_s()).round() as u64;
+        (self.summary.last().stamp.tick < flown.min(*self.ticks.end())).then(|| "it ends before the flight did".into())
     }
 
     /// What run.json tells and the log does not have.

@@ -77,6 +77,12 @@ impl Summary {
         Self { hash: None, count, ..Self::new(scenario) }
     }
 
+    /// Takes note of the number of a message that is not part of it, so that what is missing after it is seen.
+    pub fn pass(&mut self, record: &Record) {
+        self.count.before(record);
+    }
+
+    /// Takes in the next message.
     pub fn observe(&mut self, record: &Record) {
         let Some(before) = self.count.before(record) else { return };
         self.missed = self.missed.saturating_add(record.stamp().sequence - before.sequence - 1);

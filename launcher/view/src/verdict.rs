@@ -39,7 +39,14 @@ pub fn replay_and_judge(
     each: impl FnOnce(&Replayed, &Summary),
 ) -> anyhow::Result<Verdict> {
     let mut summary = Summary::new(&recording.scenario);
-    let replayed = replay(recording, plan, |record| summary.observe(record))?;
+    let compared = plan.from..=plan.until.unwrap_or(u64::MAX);
+    let replayed = replay(recording, plan, |record| {
+        if compared.contains(&record.stamp().tick) {
+            summary.observe(record);
+        } else {
+            summary.pass(record);
+        }
+    })?;
     each(&replayed, &summary);
     let state_hash = summary.state_hash();
     Ok(Judged { recorded, recording, plan, replayed: &replayed, state_hash }.verdict())
@@ -169,7 +176,7 @@ impl Judged<'_> {
 
     /// Whether every state of the flight was computed, so that their hash is known.
     fn flies_all_states(&self) -> bool {
-        self.plan.only.is_none() && self.plan.until.is_none() && self.replayed.begun_at == 0
+        self.plan.only.is_none() && self.covers_all_time()
     }
 
     fn compares_all(&self) -> bool {

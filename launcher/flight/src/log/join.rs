@@ -11,6 +11,7 @@ use anyhow::Context;
 use contract::Scenario;
 use contract::scenario;
 
+use super::index::{ALL, Span};
 use super::order::TickByTick;
 use super::read::{read_in_order, read_memories};
 use super::{Count, Log, LogWriter, Memory, Record};
@@ -48,6 +49,7 @@ fn write(
     // A part that cannot be read was killed before it wrote anything, and has nothing to add.
     gather(
         parts,
+        &ALL,
         |_| true,
         |part, record| {
             if failed.is_some() {
@@ -71,7 +73,7 @@ fn write(
     let mut log = log.map_or_else(|| begin(""), Ok)?;
     for part in parts {
         let mut written = Ok(());
-        let read = read_memories(part, |_, memory| {
+        let read = read_memories(part, ALL, |_, memory| {
             if written.is_ok() {
                 written = log.memory(&memory);
             }
@@ -100,18 +102,18 @@ pub fn rest(first: &Path, epoch: u32) -> PathBuf {
 /// Reads the log at `first` with all parts of its run into memory: see [`stream`].
 pub fn read_parts(first: &Path) -> anyhow::Result<Log> {
     let mut messages = Log::default();
-    let Log { scenario_toml, written_by, events, defect, .. } = stream(first, |_, record| messages.push(record))?;
+    let Log { scenario_toml, written_by, events, defect, .. } = stream(first, ALL, |_, record| messages.push(record))?;
     Ok(Log { scenario_toml, written_by, events, defect, ..messages })
 }
 
-/// Reads the log at `first` with all parts of the same run that lie beside it, as one, without its messages: `each` gets those,
-/// tick by tick, with what stands before them. The defect names every part that is missing, not finished or not to be read. A log
+/// Reads the log at `first` with all parts of the same run that lie beside it, as one, without its messages: `each` gets those of the
+/// `span`, tick by tick, with what stands before them. A span is found by the index where a log has one. The defect names every part that is missing, not finished or not to be read. A log
 /// that only has the name of a part is left alone: the run that stands in the first readable log says what belongs to it. The
 /// folder stays as it is.
 ///
 /// # Errors
 /// When no part can be read.
-pub fn stream(first: &Path, mut each: impl FnMut(&Log, &Record)) -> anyhow::Result<Log> {
+pub fn stream(first: &Path, span: Span, mut each: impl FnMut(&Log, &Record)) -> anyhow::Result<Log> {
     let mut parts = parts_of(first);
     let mut whole = Log::default();
     let mut run = None;
@@ -120,6 +122,7 @@ pub fn stream(first: &Path, mut each: impl FnMut(&Log, &Record)) -> anyhow::Resu
     let mut ordered = TickByTick::new(|record: &Record| each(&head.borrow(), record));
     let mut read = gather(
         &parts,
+        &span,
         |part| is_of_run(part),
         |part, record| {
             let mut head = head.borrow_mut();
@@ -165,19 +168,27 @@ pub fn stream(first: &Path, mut each: impl FnMut(&Log, &Record)) -> anyhow::Resu
     Ok(whole)
 }
 
-/// What the nodes remember last of all at or before sample `tick`, in the log at `first` with all parts of its run; empty where it has
-/// nothing of it.
+/// What the nodes remember last of all at or before the time `until_ns`, in the log at `first` with all parts of its run; empty where it
+/// has nothing of it.
 ///
 /// # Errors
 /// When no part can be read.
-pub fn memories(first: &Path, tick: u64) -> anyhow::Result<Vec<Memory>> {
+pub fn memories(first: &Path, until_ns: u64) -> anyhow::Result<Vec<Memory>> {
+    /// They are written every ten seconds, unless something keeps them from being complete.
+    const RECENT_NS: u64 = 30_000_000_000;
+    let recent = memories_of(first, until_ns.saturating_sub(RECENT_NS)..=until_ns)?;
+    if recent.is_empty() { memories_of(first, 0..=until_ns) } else { Ok(recent) }
+}
+
+/// The same of a `span` of time.
+fn memories_of(first: &Path, span: Span) -> anyhow::Result<Vec<Memory>> {
     let mut newest: Vec<Memory> = vec![];
     let (mut run, mut failed, mut read) = (None, None, 0);
     for part in parts_of(first) {
         let each = |log: &Log, memory: Memory| {
             let at = newest.first().map_or(0, |known| known.tick);
             let is_of_run = *run.get_or_insert_with(|| log.written_by.run.clone()) == log.written_by.run;
-            if !is_of_run || memory.tick > tick || memory.tick < at {
+            if !is_of_run || memory.tick < at {
                 return;
             }
             if memory.tick > at {
@@ -187,7 +198,7 @@ pub fn memories(first: &Path, tick: u64) -> anyhow::Result<Vec<Memory>> {
                 newest.push(memory);
             }
         };
-        match read_memories(&part, each) {
+        match read_memories(&part, span.clone(), each) {
             Ok(()) => read += 1,
             Err(why) => failed = failed.or(Some(why)),
         }
@@ -219,20 +230,21 @@ fn others(first: &Path) -> Vec<u32> {
     entries.filter_map(|entry| epoch(&entry.file_name().to_string_lossy())).filter(|epoch| *epoch <= MOST).collect()
 }
 
-/// Reads `parts` one after the other; `each` gets every message of those that are `wanted` once, in the order of writing. What
-/// else is in each part is returned.
+/// Reads the `span` of `parts` one after the other; `each` gets every message of those that are `wanted` once, in the order of writing.
+/// What else is in each part is returned.
 fn gather(
     parts: &[PathBuf],
+    span: &Span,
     mut wanted: impl FnMut(&Log) -> bool,
     mut each: impl FnMut(&Log, &Record),
 ) -> Vec<anyhow::Result<Log>> {
     if let [part] = parts {
-        return vec![read_in_order(part, each)];
+        return vec![read_in_order(part, span.clone(), each)];
     }
     let mut known = Recent::default();
     let read = |part: &PathBuf| {
         let mut here = Recent::default(); // a fault may have sent a message twice
-        read_in_order(part, |part, record| {
+        read_in_order(part, span.clone(), |part, record| {
             let identity = identity(record);
             if wanted(part) && here.add(identity) > known.times(&identity) {
                 known.add(identity);

@@ -27,6 +27,7 @@ macro_rules! with_message {
 }
 
 mod count;
+mod index;
 mod join;
 mod memory;
 mod order;
@@ -43,6 +44,7 @@ use contract::{
 };
 
 pub use count::{Count, counted};
+pub use index::{ALL, Span};
 pub use join::{join, memories, part, read_parts, rest, stream};
 pub use memory::Memory;
 pub use order::last_tick;

@@ -2,7 +2,7 @@
 
 use std::{
     collections::{BTreeMap, HashMap},
-    io::{BufReader, Read},
+    io::Read,
     path::Path,
 };
 
@@ -18,6 +18,7 @@ use mcap::{
     sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions},
 };
 
+use super::index::{ALL, Parts, Span, Wanted};
 use super::{EVENTS, MEMORY, Memory, Record, SCENARIO, WRITTEN_BY, order, schema};
 use crate::event::Event;
 use crate::files;
@@ -122,14 +123,15 @@ impl Log {
 /// Reads the log at `path` as far as it is whole, into memory; an error if that is not even as far as the scenario.
 pub fn read(path: &Path) -> anyhow::Result<Log> {
     let mut messages = Log::default();
-    let Log { scenario_toml, written_by, events, defect, .. } = read_in_order(path, |_, record| messages.push(record))?;
+    let Log { scenario_toml, written_by, events, defect, .. } =
+        read_in_order(path, ALL, |_, record| messages.push(record))?;
     Ok(Log { scenario_toml, written_by, events, defect, ..messages })
 }
 
-/// Reads the log at `path` without its messages, which `each` gets one by one in the order of writing, with what was read before
-/// them; the scenario and what wrote the log are known then.
-pub fn read_in_order(path: &Path, mut each: impl FnMut(&Log, &Record)) -> anyhow::Result<Log> {
-    walk(path, |log, found, data| {
+/// Reads the log at `path` without its messages: `each` gets those of the `span` one by one in the order of writing, with what was
+/// read before them; the scenario and what wrote the log are known then.
+pub fn read_in_order(path: &Path, span: Span, mut each: impl FnMut(&Log, &Record)) -> anyhow::Result<Log> {
+    walk(path, &Wanted::Messages(span), |log, found, data| {
         if let Found::Message(topic) = found {
             each(log, &schema::decode(topic, data)?);
         }
@@ -137,9 +139,9 @@ pub fn read_in_order(path: &Path, mut each: impl FnMut(&Log, &Record)) -> anyhow
     })
 }
 
-/// Reads what the nodes remember in the log at `path`, as far as it is whole; `each` gets it with what stands before it.
-pub fn read_memories(path: &Path, mut each: impl FnMut(&Log, Memory)) -> anyhow::Result<()> {
-    let read = walk(path, |log, found, data| {
+/// Reads what the nodes remember in the `span` in the log at `path`, as far as it is whole; `each` gets it with what stands before it.
+pub fn read_memories(path: &Path, span: Span, mut each: impl FnMut(&Log, Memory)) -> anyhow::Result<()> {
+    let read = walk(path, &Wanted::Memories(span), |log, found, data| {
         if let Found::Memory = found {
             each(log, schema::decode_memory(data).context("what a node remembers cannot be read")?);
         }
@@ -154,20 +156,25 @@ enum Found {
     Memory,
 }
 
-/// Reads the log at `path`; `each` gets what is found in it, not decoded, with what was read before.
-fn walk(path: &Path, each: impl FnMut(&Log, Found, &[u8]) -> anyhow::Result<()>) -> anyhow::Result<Log> {
+/// Reads what is wanted of the log at `path`; `each` gets what is found in it, not decoded, with what was read before.
+fn walk(
+    path: &Path,
+    wanted: &Wanted,
+    each: impl FnMut(&Log, Found, &[u8]) -> anyhow::Result<()>,
+) -> anyhow::Result<Log> {
     let cannot_read = || format!("cannot read {}", path.display());
-    let (file, _) = files::open(path, MAX_LOG_BYTES).with_context(cannot_read)?;
-    let mut file = BufReader::new(file);
+    let (file, size) = files::open(path, MAX_LOG_BYTES).with_context(cannot_read)?;
+    let mut file = Parts::of(file, size, wanted).with_context(cannot_read)?;
     let mut mcap = LinearReader::new_with_options(
         LinearReaderOptions::default()
             .with_record_length_limit(MAX_RECORD_BYTES) // more is damage, not a reason to allocate
             .with_prevalidate_chunk_crcs(true)
-            .with_validate_data_section_crc(true)
+            .with_validate_data_section_crc(file.is_all())
             .with_validate_summary_section_crc(true),
     );
     let mut contents = Contents {
         each,
+        wanted,
         log: Log::default(),
         has_scenario: false,
         schemas: HashMap::new(),
@@ -198,9 +205,10 @@ fn walk(path: &Path, each: impl FnMut(&Log, Found, &[u8]) -> anyhow::Result<()>)
 }
 
 /// What has been read so far, and what the channel numbers mean.
-struct Contents<F> {
-    /// Gets messages and memories.
+struct Contents<'a, F> {
+    /// Gets messages and memories, if they are wanted.
     each: F,
+    wanted: &'a Wanted,
     /// Everything else.
     log: Log,
     has_scenario: bool,
@@ -210,7 +218,7 @@ struct Contents<F> {
     memory: Option<u16>,
 }
 
-impl<F: FnMut(&Log, Found, &[u8]) -> anyhow::Result<()>> Contents<F> {
+impl<F: FnMut(&Log, Found, &[u8]) -> anyhow::Result<()>> Contents<'_, F> {
     /// Takes in one record; those of no interest are left unparsed.
     fn take(&mut self, opcode: u8, data: &[u8]) -> anyhow::Result<()> {
         if !matches!(opcode, op::METADATA | op::SCHEMA | op::CHANNEL | op::MESSAGE) {
@@ -242,9 +250,13 @@ impl<F: FnMut(&Log, Found, &[u8]) -> anyhow::Result<()>> Contents<F> {
             McapRecord::Message { header, data } => {
                 if let Some(&topic) = self.channels.get(&header.channel_id) {
                     ensure!(self.has_scenario, "a message stands before the scenario");
-                    (self.each)(&self.log, Found::Message(topic), &data)?;
+                    if matches!(self.wanted, Wanted::Messages(span) if span.contains(&header.log_time)) {
+                        (self.each)(&self.log, Found::Message(topic), &data)?;
+                    }
                 } else if self.memory == Some(header.channel_id) {
-                    (self.each)(&self.log, Found::Memory, &data)?;
+                    if matches!(self.wanted, Wanted::Memories(span) if span.contains(&header.log_time)) {
+                        (self.each)(&self.log, Found::Memory, &data)?;
+                    }
                 } else if self.events == Some(header.channel_id) {
                     ensure!(self.log.events.len() < MAX_EVENTS, "it has more than {MAX_EVENTS} events");
                     self.log.events.push(schema::decode_event(&data).context("an event cannot be read")?);

@@ -20,6 +20,7 @@ use super::{Log, LogWriter, Record, read};
 use crate::event::{Event, Sender, What};
 
 mod damage;
+mod index;
 mod join;
 
 const SCENARIO: &str = "name = \"hover \u{3bc}\"\n";

@@ -1,92 +1,22 @@
 //! A replay under way: each process goes on as soon as what it read has been sent. Of the log it holds the part that is being
 //! flown.
 
-use std::collections::{HashMap, VecDeque};
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use anyhow::{Context, ensure};
 use contract::Topic;
-use contract::scenario::Scenario;
 use contract::snapshot::Snapshot;
 use runtime::shared_role::Origin;
 
-use super::fields::{Differs, difference};
+use super::course::{Course, Runs};
+use super::fields::difference;
+use super::plan::{Difference, Messages, Plan, Replayed};
 use super::program::Program;
 use super::recording::Recording;
 use super::script::{Cycle, Key, Process, Read, Script};
 use super::worker::Worker;
 use crate::log::{self, Memory, Record};
-
-/// Which processes compute, and with which settings.
-#[derive(Debug, Clone, Default)]
-pub struct Plan {
-    /// The only node that computes, where there is one; messages of the others are those of the log.
-    pub only: Option<Topic>,
-    /// Other settings for the processes of a node.
-    pub settings: Option<(Topic, Box<Scenario>)>,
-    /// Another program for the processes of a node.
-    pub program: Option<(Topic, String)>,
-    /// Messages of earlier ticks are not compared. The replay begins where the log last has before it what the nodes remembered.
-    pub from: u64,
-    /// Cycles after this tick are left out.
-    pub until: Option<u64>,
-    /// What is called before the active process of a node answers to a tick.
-    pub before: Option<(Topic, u64, fn())>,
-}
-
-/// Where a replay and its flight differ first.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Difference {
-    pub tick: u64,
-    pub topic: Topic,
-    pub epoch: u64,
-    /// The field, with its value in the flight and in the replay.
-    pub differs: Differs,
-}
-
-/// What a replay came to.
-#[derive(Debug, Clone, Default)]
-pub struct Replayed {
-    /// Messages by topic.
-    pub messages: [Messages; Topic::COUNT],
-    /// The first difference of all.
-    pub first: Option<Difference>,
-    /// Messages that differ, of those compared.
-    pub different: u64,
-    /// Why it ended before the flight did.
-    pub stopped: Option<String>,
-    /// The sample after which it began; 0 for the beginning of the flight.
-    pub begun_at: u64,
-    /// The last sample that was flown.
-    pub last_tick: u64,
-    /// Whether what [`Plan::before`] names came to pass.
-    pub came_to_break: bool,
-}
-
-/// Messages of one topic, and what a replay did with them.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Messages {
-    /// Those in the log.
-    pub logged: u64,
-    /// Those that the replay sent.
-    pub computed: u64,
-    /// Of these, the ones held against one of the log.
-    pub compared: u64,
-    /// Of these, the ones whose bits a fault has flipped, times among them; they are counted and not compared.
-    pub flipped: u64,
-}
-
-impl Replayed {
-    /// Messages computed, of all topics.
-    pub fn computed(&self) -> u64 {
-        self.messages.iter().map(|of_topic| of_topic.computed).sum()
-    }
-
-    /// Messages compared, of all topics.
-    pub fn compared(&self) -> u64 {
-        self.messages.iter().map(|of_topic| of_topic.compared).sum()
-    }
-}
 
 /// Flies a recording again from its log as `plan` says; `each` gets every message, computed or of the log.
 ///
@@ -94,9 +24,11 @@ impl Replayed {
 /// The log cannot be read, or a process cannot be built from its settings.
 pub fn replay(recording: &Recording, plan: &Plan, each: impl FnMut(&Record)) -> anyhow::Result<Replayed> {
     let from = if plan.program.is_none() { plan.from } else { 0 };
-    let mut flight = Flight::new(recording, plan, recording.begin(from)?, each);
+    let script = recording.begin(from)?;
+    let span = recording.span(&script, plan.until.unwrap_or(u64::MAX));
+    let mut flight = Flight::new(recording, plan, script, each);
     let mut flown = Ok(());
-    log::stream(&recording.log, |_, record| {
+    log::stream(&recording.log, span, |_, record| {
         if flown.is_ok() {
             flown = flight.take(record);
         }
@@ -111,35 +43,11 @@ pub fn replay(recording: &Recording, plan: &Plan, each: impl FnMut(&Record)) -> 
 /// A process cannot be built from its settings.
 pub fn replay_script(
     recording: &Recording,
-    script: &Script,
+    script: Script,
     plan: &Plan,
     each: impl FnMut(&Record),
 ) -> anyhow::Result<Replayed> {
-    Flight::new(recording, plan, script.clone(), each).fly_on()
-}
-
-impl Plan {
-    /// The settings of a process.
-    fn settings_of<'a>(&'a self, recording: &'a Recording, topic: Topic, epoch: u64) -> &'a Scenario {
-        match &self.settings {
-            Some((of, settings)) if *of == topic => settings,
-            _ => recording.settings.get(&(topic, epoch)).unwrap_or(&recording.scenario),
-        }
-    }
-
-    fn program_of(&self, topic: Topic) -> Option<&str> {
-        self.program.as_ref().filter(|(of, _)| *of == topic).map(|(_, program)| program.as_str())
-    }
-
-    /// Whether the processes of a node compute, but for those of another program.
-    pub fn covers(&self, topic: Topic) -> bool {
-        self.only.is_none_or(|only| only == topic)
-    }
-
-    fn computes(&self, recording: &Recording, topic: Topic, epoch: u64) -> bool {
-        let replaced = self.settings.as_ref().is_some_and(|(of, _)| *of == topic) || self.program_of(topic).is_some();
-        self.covers(topic) && (replaced || !recording.foreign.contains(&(topic, epoch)))
-    }
+    Flight::new(recording, plan, script, each).fly_on()
 }
 
 /// A replay under way.
@@ -159,61 +67,8 @@ pub(super) struct Flight<'a, F> {
     held_up: Option<((u64, usize, u64), Option<String>)>,
 }
 
-/// What runs the cycles of a process.
-enum Runs {
-    Here(Box<Worker>),
-    Elsewhere(Box<Program>),
-}
-
-/// How far one process is.
-#[derive(Default)]
-struct Course {
-    worker: Option<Runs>,
-    /// The next of its cycles, and the next of its recorded messages.
-    cycle: usize,
-    recorded: usize,
-    /// Whether it waits for what never comes.
-    is_held_up: bool,
-    /// Whether its last cycle was over where the replay begins.
-    follows: bool,
-    /// Its messages by tick: as meant, and as delivered if that came.
-    sent: VecDeque<(u64, Record, Option<Record>)>,
-    /// What it read last, by topic.
-    read: [Option<Read>; Topic::COUNT],
-}
-
-impl Course {
-    fn sent(&self, tick: u64) -> Option<&(u64, Record, Option<Record>)> {
-        let at = self.sent.partition_point(|(sent, ..)| *sent < tick);
-        self.sent.get(at).filter(|(sent, ..)| *sent == tick)
-    }
-
-    /// Takes in what the process sent in the cycle of `tick`.
-    fn take(&mut self, tick: u64, record: &Record) {
-        let stamp = record.stamp();
-        if !record.is_intact() || stamp.is_withheld() && self.sent(tick).is_some() {
-            return;
-        }
-        let of = |sent: &(u64, Record, Option<Record>)| {
-            sent.1.stamp().sequence == stamp.sequence && !sent.1.stamp().is_withheld()
-        };
-        match self.sent.iter_mut().rev().take(LATEST).find(|sent| of(sent)) {
-            Some((.., delivered)) if !stamp.is_faulted() => *delivered = Some(*record),
-            Some(_) => {}
-            None => {
-                let delivered = (!stamp.is_faulted() && !stamp.is_withheld()).then_some(*record);
-                match self.sent.back_mut() {
-                    // What was sent in the place of one that was withheld.
-                    Some(last) if last.0 == tick => *last = (tick, *record, delivered),
-                    _ => self.sent.push_back((tick, *record, delivered)),
-                }
-            }
-        }
-    }
-}
-
 /// A message may be delivered so many cycles after it was sent.
-const LATEST: usize = 1000;
+pub(super) const LATEST: usize = 1000;
 /// Messages taken in before the processes go on.
 const BATCH: usize = 1024;
 
@@ -269,7 +124,9 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
             self.go_on_meanwhile()?;
         }
         self.go_on(u64::MAX)?;
-        let hole = self.script.holes.first().map(|hole| format!("the log lacks {hole}"));
+        let until = self.plan.until.unwrap_or(u64::MAX);
+        let hole = self.script.holes.iter().find(|(known, _)| *known < until);
+        let hole = hole.map(|(_, hole)| format!("the log lacks {hole}"));
         self.replayed.stopped = match self.held_up {
             Some(((tick, topic, epoch), why)) => {
                 let cause = hole.or(why).unwrap_or_else(|| "the log is not whole".into());
@@ -290,14 +147,15 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
             }
         }
         loop {
-            let mut moved = false;
+            let mut moved = 0;
             for i in 0..self.courses.len() {
-                while self.is_due(i, true) {
+                while moved < BATCH && self.is_due(i, true) {
                     self.cycle(i)?;
-                    moved = true;
+                    moved += 1;
                 }
             }
-            if moved {
+            if moved > 0 {
+                self.forget_sent();
                 continue;
             }
             let place = |i: usize| (self.script.processes[i].topic as usize, self.script.processes[i].epoch);
@@ -319,19 +177,26 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
         }
     }
 
+    /// Lets go of messages that no process will ask for; the tick before which they were sent.
+    fn forget_sent(&mut self) -> u64 {
+        let waiting = (0..self.courses.len()).filter_map(|i| self.next(i)).map(|next| next.tick).min();
+        let before = waiting.unwrap_or(self.script.reach()).saturating_sub(LATEST as u64);
+        for course in &mut self.courses {
+            while course.sent.len() > 1 && course.sent.front().is_some_and(|(sent, ..)| *sent < before) {
+                course.sent.pop_front();
+            }
+        }
+        before
+    }
+
     /// Lets go of what no process will ask for.
     fn forget(&mut self) {
-        let waiting = (0..self.courses.len()).filter_map(|i| self.next(i)).map(|next| next.tick).min();
-        let now = waiting.unwrap_or(self.script.reach());
-        let before = now.saturating_sub(LATEST as u64);
+        let before = self.forget_sent();
         let newest = Topic::ALL.map(|topic| {
             let of_node = self.script.processes.iter().filter(|process| process.topic == topic);
             of_node.map(|process| process.epoch).max().unwrap_or(0)
         });
         for (course, process) in self.courses.iter_mut().zip(&mut self.script.processes) {
-            while course.sent.len() > 1 && course.sent.front().is_some_and(|(sent, ..)| *sent < before) {
-                course.sent.pop_front();
-            }
             if course.is_held_up {
                 (course.cycle, course.recorded) = (process.cycles.len(), process.recorded.len());
             }

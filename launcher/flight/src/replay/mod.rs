@@ -14,8 +14,10 @@
 //! A process of a program that is not this one is not run: its messages are those of the log.
 
 mod counterfactual;
+mod course;
 mod fields;
 mod flight;
+mod plan;
 mod program;
 mod recording;
 mod script;
@@ -23,7 +25,8 @@ mod worker;
 
 pub use counterfactual::{Disturbed, disturbed, without};
 pub use fields::{Differs, difference};
-pub use flight::{Difference, Messages, Plan, Replayed, replay, replay_script};
+pub use flight::{replay, replay_script};
+pub use plan::{Difference, Messages, Plan, Replayed};
 pub use recording::Recording;
 pub use script::{Cycle, Key, Process, Read, Script};
 

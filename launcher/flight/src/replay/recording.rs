@@ -3,18 +3,18 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail, ensure};
+use anyhow::{Context, ensure};
 use contract::Topic;
 use contract::fault_schedule::MAX_SENSOR_DELAY_MS;
 use contract::scenario::{Fault, FaultKind, Scenario, candidate};
 use runtime::limits::HELD_MESSAGES;
 
-use super::script::Script;
+use super::script::{LOOK_AHEAD, Script};
 use crate::event::{Event, What};
-use crate::log::{self, Memory};
+use crate::log::{self, Memory, Span};
 
-/// Samples of a script that is held in memory, at most: 33 minutes at 100 Hz take 250 MB.
-const MOST_SAMPLES: u64 = 200_000;
+/// Samples of a script that is held in memory, at most: 16 minutes at 100 Hz take 260 MB.
+const MOST_SAMPLES: u64 = 100_000;
 /// Messages read before those of computing processes are let go of.
 const BATCH: u64 = 4096;
 
@@ -29,6 +29,8 @@ pub struct Recording {
     pub(super) given: Vec<(usize, Fault)>,
     /// Messages in the log, by topic, those that are not whole too.
     pub(super) logged: [u64; Topic::COUNT],
+    /// The last sample in the log.
+    last_tick: u64,
     /// Processes of other programs than this one: topic and epoch.
     pub foreign: Vec<(Topic, u64)>,
     /// Settings of candidates.
@@ -36,8 +38,8 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// What the log at `path` tells of a flight, whose `events` and number of messages by topic are these. `settled` are the
-    /// settings in the folder of the run, which have the swaps that were ordered in flight.
+    /// What the log at `path` tells of a flight, whose `events`, number of messages by topic and last sample are these. `settled` are
+    /// the settings in the folder of the run, which have the swaps that were ordered in flight.
     ///
     /// # Errors
     /// A process cannot be flown again: its settings are not there.
@@ -45,6 +47,7 @@ impl Recording {
         path: &Path,
         events: &[Event],
         logged: [u64; Topic::COUNT],
+        last_tick: u64,
         scenario: &Scenario,
         settled: Option<&Scenario>,
     ) -> anyhow::Result<Self> {
@@ -70,10 +73,7 @@ impl Recording {
                 settings.insert(whose, candidate(&scenario, swap)?);
             }
         }
-        if logged[Topic::State as usize] == 0 {
-            bail!("the log has no message of the plant");
-        }
-        Ok(Self { scenario, log: path.into(), given, logged, foreign, settings })
+        Ok(Self { scenario, log: path.into(), given, logged, last_tick, foreign, settings })
     }
 
     /// A script that begins at the newest place before tick `from` where the log has what the nodes remembered, or else at the
@@ -86,15 +86,25 @@ impl Recording {
         if from == 0 {
             return Ok(Script::default());
         }
-        let mut memories = log::memories(&self.log, from - 1)?;
+        let mut memories = log::memories(&self.log, self.log_time(from - 1))?;
         let of_vehicle = |memory: &Memory| memory.topic == Topic::State && memory.origin.done == memory.tick + 1;
-        if !memories.iter().any(of_vehicle) {
+        if !memories.iter().any(of_vehicle) || memories.iter().any(|memory| memory.tick >= from) {
             memories.clear();
         }
         let delays = self.scenario.fault.iter().filter(|fault| fault.kind == FaultKind::Delayed);
         let longest_ms = delays.filter_map(|fault| fault.ms).fold(MAX_SENSOR_DELAY_MS, f64::max);
         let before = 2 * HELD_MESSAGES as u64 + (longest_ms / 1e3 / self.scenario.sample_s()).ceil() as u64;
         Ok(Script::beginning_with(memories, before))
+    }
+
+    /// The time by which messages of `tick` are logged \[ns\].
+    fn log_time(&self, tick: u64) -> u64 {
+        tick.saturating_mul(self.scenario.sample_ns())
+    }
+
+    /// The span of the log that is read for a script to the tick `until`: a process that slept may have read what was sent after it.
+    pub(super) fn span(&self, script: &Script, until: u64) -> Span {
+        self.log_time(script.begins())..=self.log_time(until.saturating_add((LOOK_AHEAD / Topic::COUNT) as u64))
     }
 
     /// The script of the flight in memory, from the last place before tick `from` where it can begin to the tick `until`; of
@@ -104,13 +114,13 @@ impl Recording {
     /// That is too long, or the log cannot be read.
     pub fn script(&self, from: u64, until: u64) -> anyhow::Result<Script> {
         let mut script = self.begin(from)?;
-        let samples = until.min(self.logged[Topic::State as usize]).saturating_sub(script.begun_at());
+        let samples = until.min(self.last_tick).saturating_sub(script.begun_at());
         ensure!(
             samples <= MOST_SAMPLES,
             "a flight of {samples} samples is too long: at most {MOST_SAMPLES} are held in memory; take a part of it, with --from and --to"
         );
         let mut taken = 0_u64;
-        log::stream(&self.log, |_, record| {
+        log::stream(&self.log, self.span(&script, until), |_, record| {
             if record.stamp().tick > until {
                 return;
             }

@@ -84,8 +84,8 @@ struct Numbers {
 pub struct Script {
     /// In the order in which they are first heard of.
     pub processes: Vec<Process>,
-    /// What the log lacks, by process: nothing of it is known from that tick on.
-    pub holes: Vec<String>,
+    /// What the log lacks, by process, each with the tick after which nothing of it is known.
+    pub holes: Vec<(u64, String)>,
     ahead: VecDeque<Record>,
     look_ahead: usize,
     /// What the nodes remembered where it begins in the middle of the flight.
@@ -97,7 +97,7 @@ pub struct Script {
 }
 
 /// Messages that are held back: a minute and more of a flight at 100 Hz, and four seconds at 2 kHz.
-const LOOK_AHEAD: usize = 32_768;
+pub(super) const LOOK_AHEAD: usize = 32_768;
 
 impl Default for Script {
     fn default() -> Self {
@@ -136,6 +136,11 @@ impl Script {
     /// The sample after which it begins; 0 for the beginning of the flight.
     pub fn begun_at(&self) -> u64 {
         self.begins_with.first().map_or(0, |memory| memory.tick)
+    }
+
+    /// The first tick of which messages are taken in.
+    pub(super) fn begins(&self) -> u64 {
+        self.begins
     }
 
     /// Takes in the next message of the log, tick by tick.
@@ -260,7 +265,7 @@ impl Process {
 
     /// Takes note of the number of a message, and of whose memory its process began with; an error where it is of no use, with the
     /// reason if that is new: what the process remembers after a gap in the numbers is not known.
-    fn number(&mut self, record: &Record, begins: u64) -> Result<(), Option<String>> {
+    fn number(&mut self, record: &Record, begins: u64) -> Result<(), Option<(u64, String)>> {
         let Stamp { sequence, tick, .. } = *record.stamp();
         if self.has_hole {
             return Err(None);
@@ -279,7 +284,8 @@ impl Process {
         };
         self.has_hole = hole.is_some();
         if self.has_hole {
-            return Err(hole);
+            let known = ticks.back().map_or(begins, |(_, tick)| *tick);
+            return Err(hole.map(|hole| (known, hole)));
         }
         *messages += 1;
         let (inputs, input_epochs) = (record.stamp().inputs, record.stamp().input_epochs);

@@ -32,13 +32,14 @@ fn flown(seconds: f64, faults: &[Fault], swaps: &[Swap]) -> (Scenario, Log) {
 
 fn recording((scenario, log): &(Scenario, Log)) -> (Recording, Script) {
     let logged = [log.states.len(), log.references.len(), log.controls.len(), log.actuators.len()];
-    let recording = Recording::new(Path::new(""), &log.events, logged.map(|count| count as u64), scenario, None);
+    let recording =
+        Recording::new(Path::new(""), &log.events, logged.map(|count| count as u64), u64::MAX, scenario, None);
     (recording.unwrap(), Script::of(log.tick_by_tick()))
 }
 
 fn replay(flight: &(Scenario, Log), plan: &Plan) -> Replayed {
     let (recording, script) = recording(flight);
-    replay_script(&recording, &script, plan, |_| {}).unwrap()
+    replay_script(&recording, script, plan, |_| {}).unwrap()
 }
 
 /// Replayed message by message by one who knows no more of the flight than a few ticks at a time.
@@ -198,7 +199,7 @@ fn a_flight_without_its_only_stall_is_the_flight_that_had_none() {
     let ticks: BTreeSet<u64> = disturbed(&recording, &script).iter().map(|one| one.tick).collect();
     assert_eq!(ticks, BTreeSet::from([50, 51, 52]));
     let mut states = vec![];
-    let replayed = replay_script(&recording, &without(&recording, &script, &ticks), &Plan::default(), |record| {
+    let replayed = replay_script(&recording, without(&recording, &script, &ticks), &Plan::default(), |record| {
         if let Record::State(state) = record {
             states.push((state.actual, state.actuators));
         }
@@ -225,7 +226,7 @@ fn a_tick_can_be_undone_that_a_process_answered_late_to_those_before() {
     assert_eq!(ticks, [50, 51, 52]);
     for undone in [&ticks[..1], &ticks[1..2], &ticks[2..], &ticks] {
         let mended = without(&recording, &script, &undone.iter().copied().collect());
-        let replayed = replay_script(&recording, &mended, &Plan::default(), |_| {}).unwrap();
+        let replayed = replay_script(&recording, mended, &Plan::default(), |_| {}).unwrap();
         assert_eq!((replayed.stopped, replayed.last_tick), (None, 100), "without {undone:?}");
     }
 }
@@ -257,7 +258,7 @@ fn every_way_to_disturb_a_tick_is_seen_and_can_be_undone() {
             "{target:?} {kind:?}"
         );
         assert_eq!(
-            replay_script(&recording, &mended, &Plan::default(), |_| {}).unwrap().stopped,
+            replay_script(&recording, mended, &Plan::default(), |_| {}).unwrap().stopped,
             None,
             "{target:?} {kind:?}"
         );

@@ -70,7 +70,7 @@ const KNOWN_STATES: usize = 1000;
 pub fn recorded(path: &Path) -> anyhow::Result<Sequence> {
     let file = if path.is_dir() { path.join("flight.mcap") } else { path.to_owned() };
     let (mut states, mut samples) = (BTreeMap::new(), vec![]);
-    let log = log::stream(&file, |_, record| match record {
+    let log = log::stream(&file, log::ALL, |_, record| match record {
         _ if samples.len() == MOST_SAMPLES => {}
         Record::State(state) => {
             states.insert(state.stamp.tick, *state);

@@ -101,7 +101,7 @@ impl Outcome {
     ///
     /// # Errors
     /// It cannot be flown to its end.
-    pub fn flown(recording: &Recording, script: &Script) -> anyhow::Result<Self> {
+    pub fn flown(recording: &Recording, script: Script) -> anyhow::Result<Self> {
         Self::of(&recording.scenario, script.begun_at(), |each| {
             let replayed = replay_script(recording, script, &Plan::default(), each)?;
             if let Some(why) = replayed.stopped {

@@ -33,7 +33,7 @@ use self::claims::Reach;
 use self::columns::Columns;
 use crate::draw::{STYLE, escape};
 use crate::happenings::Happenings;
-use crate::recorded::{self, Recorded};
+use crate::recorded::{self, Part, Recorded};
 use crate::ticks::Joined;
 use crate::timing::Timing;
 
@@ -81,7 +81,7 @@ pub fn rewrite(folder: &Path) -> anyhow::Result<Option<String>> {
     let each = |scenario: &Scenario, record: &Record| {
         figures.get_or_insert_with(|| Figures::new(scenario)).observe(record);
     };
-    let mut recorded = Recorded::read_each(folder, each)?;
+    let mut recorded = Recorded::read_each(folder, Part::ALL, each)?;
     let missing = recorded.missing();
     if let Some(missing) = &missing {
         recorded.run["log"]["error"] = json!(missing); // the page says it above everything else

@@ -63,7 +63,7 @@ pub fn trace(args: &TraceArgs) -> anyhow::Result<()> {
             path.display()
         );
     }
-    let records = |each: &mut dyn FnMut(&Record)| log::stream(&path, |_, record| each(record)).map(drop);
+    let records = |each: &mut dyn FnMut(&Record)| log::stream(&path, log::ALL, |_, record| each(record)).map(drop);
     let (window, document) = document(records, scenario, &recorded.run, args.from_s, args.for_s)?;
     if scenario.run.mode == Mode::Lockstep {
         eprint_line(&format!("note: {LOCKSTEP}"));

@@ -1,7 +1,7 @@
 //! Several recorders of one flight.
 
 use super::super::read::read_in_order;
-use super::super::{Log, join, read_parts};
+use super::super::{ALL, Log, join, read_parts};
 use super::*;
 
 fn with_checksum(tick: u64) -> State {
@@ -64,7 +64,7 @@ fn the_order_of_writing_stays_across_topics() {
     }
     join(&[first.clone(), second], &contract::Scenario::default(), &[], 6).unwrap();
     let mut joined = vec![];
-    read_in_order(&first, |_, record| joined.push(*record)).unwrap();
+    read_in_order(&first, ALL, |_, record| joined.push(*record)).unwrap();
     assert_eq!(joined, [&one[..], &other[2..]].concat());
 }
 

@@ -1,0 +1,64 @@
+//! How far one process of a replay is, and what it has sent.
+
+use std::collections::VecDeque;
+
+use contract::Topic;
+
+use super::flight::LATEST;
+use super::program::Program;
+use super::script::Read;
+use super::worker::Worker;
+use crate::log::Record;
+
+/// What runs the cycles of a process.
+pub(super) enum Runs {
+    Here(Box<Worker>),
+    Elsewhere(Box<Program>),
+}
+
+/// How far one process is.
+#[derive(Default)]
+pub(super) struct Course {
+    pub worker: Option<Runs>,
+    /// The next of its cycles, and the next of its recorded messages.
+    pub cycle: usize,
+    pub recorded: usize,
+    /// Whether it waits for what never comes.
+    pub is_held_up: bool,
+    /// Whether its last cycle was over where the replay begins.
+    pub follows: bool,
+    /// Its messages by tick: as meant, and as delivered if that came.
+    pub sent: VecDeque<(u64, Record, Option<Record>)>,
+    /// What it read last, by topic.
+    pub read: [Option<Read>; Topic::COUNT],
+}
+
+impl Course {
+    pub fn sent(&self, tick: u64) -> Option<&(u64, Record, Option<Record>)> {
+        let at = self.sent.partition_point(|(sent, ..)| *sent < tick);
+        self.sent.get(at).filter(|(sent, ..)| *sent == tick)
+    }
+
+    /// Takes in what the process sent in the cycle of `tick`.
+    pub fn take(&mut self, tick: u64, record: &Record) {
+        let stamp = record.stamp();
+        if !record.is_intact() || stamp.is_withheld() && self.sent(tick).is_some() {
+            return;
+        }
+        let of = |sent: &(u64, Record, Option<Record>)| {
+            sent.1.stamp().sequence == stamp.sequence && !sent.1.stamp().is_withheld()
+        };
+        match self.sent.iter_mut().rev().take(LATEST).find(|sent| of(sent)) {
+            Some((.., delivered)) if !stamp.is_faulted() => *delivered = Some(*record),
+            Some(_) => {}
+            None => {
+                let delivered = (!stamp.is_faulted() && !stamp.is_withheld()).then_some(*record);
+                match self.sent.back_mut() {
+                    // What was sent in the place of one that was withheld.
+                    Some(last) if last.0 == tick => *last = (tick, *record, delivered),
+                    _ => self.sent.push_back((tick, *record, delivered)),
+                }
+            }
+        }
+    }
+}
