@@ -128,3 +128,28 @@ fn the_python_reader_reads_it() {
     assert_eq!(seen["counts"]["/state"], 201, "{seen}");
     assert!(seen["counts"]["/events"].as_u64() >= Some(3), "{seen}");
 }
+
+#[test]
+fn a_report_of_a_part_draws_every_sample_of_it() {
+    let outcome = fly(&["--mode", "inprocess", "--set", "run.duration_s=70.0"]);
+    let report = |more: &[&str]| launcher().arg("report").arg(&outcome.out).args(more).output().expect("it runs");
+    let data = |name: &str| {
+        let page = std::fs::read_to_string(outcome.out.join(name)).expect("a page");
+        let (_, data) = page.split_once("id=\"flight\">").expect("data");
+        let data: serde_json::Value =
+            serde_json::from_str(data.split_once("</script>").expect("data").0).expect("JSON");
+        (data["rows"].as_u64().expect("rows"), data["begin_s"].as_f64(), data["dt_s"].as_f64(), page)
+    };
+    let (rows, begin_s, dt_s, page) = data("report.html");
+    assert!(rows < 7001 && begin_s == Some(0.0) && dt_s > Some(0.01), "{rows} {dt_s:?}");
+    assert!(page.contains("7001 samples from 0.00 to 70.00 s, drawn as the smallest and the largest of every"));
+    assert_eq!(report(&["--from", "30s", "--to", "32s"]).status.code(), Some(0));
+    let (rows, begin_s, dt_s, part) = data("report-30.00-32.00.html");
+    assert_eq!((rows, begin_s, dt_s), (201, Some(30.0), Some(0.01)));
+    assert!(part.contains("201 samples from 30.00 to 32.00 s, each one drawn."));
+    assert_eq!(data("report.html").3, page, "the page of the whole is left alone");
+    let beyond = report(&["--from", "80s"]);
+    assert_eq!(beyond.status.code(), Some(2));
+    let said = String::from_utf8_lossy(&beyond.stderr).into_owned();
+    assert!(said.contains("the flight has nothing from 80 s on"), "{said}");
+}

@@ -17,7 +17,7 @@ use measure::Measure;
 use runtime::console::{eprint_line, print};
 use view::{report, trace};
 
-use crate::run_folder::with_hint;
+use crate::run_folder::{PartOfRun, with_hint};
 use crate::target::TargetArgs;
 use crate::{campaign, command, compare, fly, manage, replay, swap, tune};
 
@@ -43,11 +43,8 @@ enum Command {
         #[arg(long = "set", value_name = "KEY=VALUE")]
         set: Vec<String>,
     },
-    /// Write report.html again from a run's folder
-    Report {
-        /// Folder of the run
-        run: PathBuf,
-    },
+    /// Write report.html again from a run's folder, or figures of a part of the flight, every sample drawn
+    Report(PartOfRun),
     /// Fly a recorded flight again in process, from its folder alone, and compare the bits
     Replay(replay::ReplayArgs),
     /// Say what each late, lost or missing message of a recorded flight cost, by flying it again without
@@ -125,9 +122,9 @@ fn run() -> ExitCode {
     let result = match cli.command {
         Command::Fly(args) => fly::fly(&args),
         Command::Check { scenario, set } => check(&scenario, &set),
-        Command::Report { run } => report(&run).map_err(|error| with_hint(error, &[&run])),
-        Command::Replay(args) => replay::replay(&args).map_err(|error| with_hint(error, &[&args.run])),
-        Command::Explain(args) => replay::explain(&args).map_err(|error| with_hint(error, &[&args.run])),
+        Command::Report(of) => report(&of).map_err(|error| with_hint(error, &[&of.run])),
+        Command::Replay(args) => replay::replay(&args).map_err(|error| with_hint(error, &[&args.of.run])),
+        Command::Explain(args) => replay::explain(&args).map_err(|error| with_hint(error, &[&args.of.run])),
         Command::Compare(args) => compare::compare(&args).map_err(|error| with_hint(error, &args.runs)),
         Command::Trace(args) => {
             trace::trace(&args).map(|()| exit::FLOWN).map_err(|error| with_hint(error, &[&args.run]))
@@ -178,11 +175,11 @@ fn with_causes(error: &anyhow::Error) -> String {
     })
 }
 
-fn report(run: &Path) -> anyhow::Result<u8> {
-    if let Some(missing) = report::rewrite(run)? {
+fn report(of: &PartOfRun) -> anyhow::Result<u8> {
+    let (page, missing) = report::write(&of.run, of.part()?)?;
+    if let Some(missing) = missing {
         eprint_line(&format!("note: {missing}"));
     }
-    let page = if run.is_dir() { run.join("report.html") } else { run.with_file_name("report.html") };
     print(&format!("written to {}\n", page.display()));
     Ok(exit::FLOWN)
 }

@@ -21,6 +21,7 @@ use flight::provenance::provenance;
 use flight::recorder::CountedLog;
 use flight::stack::{Ended, Flown, Stack};
 use runtime::console::{eprint_line, print};
+use view::recorded::Part;
 use view::report;
 use view::run_record::{Circumstances, describe, exit_code, run_json};
 use view::summary::Summary;
@@ -127,12 +128,11 @@ pub fn fly_scenario(mut scenario: Scenario, args: &FlyArgs) -> anyhow::Result<u8
     } else {
         print(&describe(&summary, &scenario, &how));
     }
-    let written = written.and_then(|()| if log.is_some() { write_report(&out.path) } else { Ok(()) });
     if !args.json {
         print(&format!("  {:<22}{}\n", "written to", out.path.display()));
     }
     // The page last: of a long flight it takes a while, and the flight is told by then.
-    let written = written.and_then(|()| if log.is_some() { report::rewrite(&out.path).map(drop) } else { Ok(()) });
+    let written = written.and_then(|()| if log.is_some() { write_report(&out.path) } else { Ok(()) });
     let log_error = how.log.as_ref().and_then(|log| log.error.clone());
     let write_error = written.as_ref().err().map(|error| format!("{error:#}"));
     for error in [log_error, write_error].into_iter().flatten() {
@@ -149,7 +149,7 @@ fn write_report(run: &Path) -> anyhow::Result<()> {
     end_at_once(format!("interrupted before the report was written; `launcher report {path}` writes it"));
     let progress = Progress::start();
     progress.show(|| "writing report.html: flies again for what disturbed ticks cost   (Ctrl-C leaves it out)".into());
-    let written = report::rewrite(run);
+    let written = report::write(run, Part::ALL);
     progress.finish();
     written.map(drop)
 }

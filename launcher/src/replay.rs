@@ -1,6 +1,5 @@
 //! `replay` and `explain`: a flight flown again from its folder.
 
-use std::path::PathBuf;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
@@ -16,6 +15,7 @@ use runtime::console::{eprint_line, print};
 use rustix::process::{Signal, getpid, kill_process};
 
 use crate::progress::Progress;
+use crate::run_folder::PartOfRun;
 use serde_json::json;
 use view::explain::Work;
 use view::recorded::{Part, Recorded};
@@ -29,17 +29,11 @@ use view::{comparison, explain};
 that is not all of the flight; 2 usage, or a log of another version."
 )]
 pub struct ReplayArgs {
-    /// Folder of the run, or its flight.mcap
-    pub run: PathBuf,
+    #[command(flatten)]
+    pub of: PartOfRun,
     /// Fly only this node again, on what it had read: guidance, attitude-mpc, mixer or plant
     #[arg(long, value_name = "NODE")]
     node: Option<String>,
-    /// Compare from this second on; it begins where the log last has before it what the nodes remembered
-    #[arg(long, value_name = "TIME", value_parser = seconds)]
-    from: Option<f64>,
-    /// Fly to this second
-    #[arg(long, value_name = "TIME", value_parser = seconds)]
-    to: Option<f64>,
     /// Other settings for the node: what it would have answered to the same inputs
     #[arg(long = "set", value_name = "KEY=VALUE", requires = "node")]
     set: Vec<String>,
@@ -57,14 +51,8 @@ pub struct ReplayArgs {
 /// Arguments of `explain`.
 #[derive(clap::Args)]
 pub struct ExplainArgs {
-    /// Folder of the run, or its flight.mcap
-    pub run: PathBuf,
-    /// Look at what happened from this second on; it begins where the log last has before it what the nodes remembered
-    #[arg(long, value_name = "TIME", value_parser = seconds)]
-    from: Option<f64>,
-    /// Look at what happened to this second
-    #[arg(long, value_name = "TIME", value_parser = seconds)]
-    to: Option<f64>,
+    #[command(flatten)]
+    pub of: PartOfRun,
     /// Print the costs as JSON instead of the tables
     #[arg(long)]
     json: bool,
@@ -75,8 +63,8 @@ pub struct ExplainArgs {
 
 /// Says what the disturbed ticks of a run cost; explain.html goes into its folder.
 pub fn explain(args: &ExplainArgs) -> anyhow::Result<u8> {
-    let part = part(args.from, args.to)?;
-    let recorded = Recorded::read_each(&args.run, part, |_, _| {})?;
+    let part = args.of.part()?;
+    let recorded = Recorded::read_each(&args.of.run, part, |_, _| {})?;
     let missing = recorded.missing();
     let recording = recorded.recording()?;
     let (from, until) = ticks(part, &recording);
@@ -109,8 +97,8 @@ pub fn explain(args: &ExplainArgs) -> anyhow::Result<u8> {
 
 /// Flies a run again; the exit code.
 pub fn replay(args: &ReplayArgs) -> anyhow::Result<u8> {
-    let part = part(args.from, args.to)?;
-    let recorded = Recorded::read_each(&args.run, part, |_, _| {})?;
+    let part = args.of.part()?;
+    let recorded = Recorded::read_each(&args.of.run, part, |_, _| {})?;
     let recording = recorded.recording()?;
     let plan = plan(args, part, &recording)?;
     let started = Instant::now();
@@ -156,15 +144,6 @@ fn plan(args: &ReplayArgs, part: Part, recording: &Recording) -> anyhow::Result<
     };
     let before = args.stop.as_deref().map(|stop| breakpoint(stop, recording)).transpose()?;
     Ok(Plan { only: only.filter(|_| !args.closed), settings, program, from, until, before })
-}
-
-/// The part of the flight between `--from` and `--to`.
-fn part(from: Option<f64>, to: Option<f64>) -> anyhow::Result<Part> {
-    let part = Part { from_s: from.unwrap_or(Part::ALL.from_s), to_s: to.unwrap_or(Part::ALL.to_s) };
-    if part.from_s >= part.to_s {
-        bail!("--from {} is not before --to {}", part.from_s, part.to_s);
-    }
-    Ok(part)
 }
 
 /// The first tick of a part, and the last if it ends before the flight.

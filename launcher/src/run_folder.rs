@@ -1,11 +1,38 @@
-//! What a path is that was taken for the folder of a run, and which one was probably meant.
+//! The run that a command is about, and a part of it; what a path is that was taken for the folder of a run, and which one was
+//! probably meant.
 
 use std::fs::read_dir;
 use std::path::{Path, PathBuf};
 
-use anyhow::anyhow;
+use anyhow::{anyhow, bail};
 use contract::scenario::file::MAX_LOG_BYTES;
+use flight::duration::seconds;
 use flight::files;
+use view::recorded::Part;
+
+/// Names a run, and the part of it that is looked at.
+#[derive(clap::Args)]
+pub struct PartOfRun {
+    /// Folder of the run, or its flight.mcap
+    pub run: PathBuf,
+    /// Look at it from this second on
+    #[arg(long, value_name = "TIME", value_parser = seconds)]
+    from: Option<f64>,
+    /// Look at it to this second
+    #[arg(long, value_name = "TIME", value_parser = seconds)]
+    to: Option<f64>,
+}
+
+impl PartOfRun {
+    /// The part of the flight between `--from` and `--to`.
+    pub fn part(&self) -> anyhow::Result<Part> {
+        let part = Part { from_s: self.from.unwrap_or(Part::ALL.from_s), to_s: self.to.unwrap_or(Part::ALL.to_s) };
+        if part.from_s >= part.to_s {
+            bail!("--from {} is not before --to {}", part.from_s, part.to_s);
+        }
+        Ok(part)
+    }
+}
 
 /// The log of a run.
 const LOG: &str = "flight.mcap";

@@ -8,7 +8,7 @@ use flight::log::{self, Log, LogWriter, Record};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use serde_json::{Value, json};
-use view::recorded::Recorded;
+use view::recorded::{Part, Recorded};
 use view::report;
 use view::trace;
 
@@ -32,7 +32,7 @@ fn look(flight: &[u8], run: Option<&[u8]>) {
     if let Some(run) = run {
         fs::write(folder.path().join("run.json"), run).expect("can be written");
     }
-    let page = report::rewrite(folder.path());
+    let page = report::write(folder.path(), Part::ALL);
     assert_eq!(page.is_ok(), folder.path().join("report.html").exists());
     let Ok(Recorded { scenario, run, .. }) = Recorded::read(&path) else { return };
     for (from_s, for_s) in [(None, 1.0), (Some(0.05), 1e300)] {

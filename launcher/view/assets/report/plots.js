@@ -3,7 +3,7 @@
 (() => {
   'use strict';
   const flight = JSON.parse(document.getElementById('flight').textContent);
-  const time = Array.from({ length: flight.rows }, (_, i) => i * flight.dt_s);
+  const time = Array.from({ length: flight.rows }, (_, i) => flight.begin_s + i * flight.dt_s);
   const columns = {};
   for (const name in flight.columns) columns[name] = decode(flight.columns[name]);
 

@@ -1,6 +1,6 @@
 //! The figures' data: one column of little-endian f32 per quantity, base64, in one JSON object.
 //!
-//! Row `i` of every column stands for the time `i * dt_s`; what is unknown at a tick is NaN. The page's script derives
+//! Row `i` of every column stands for the time `begin_s + i * dt_s`; what is unknown at a tick is NaN. The page's script derives
 //! nothing but units from these numbers.
 
 use base64::prelude::{BASE64_STANDARD, Engine};
@@ -43,17 +43,20 @@ pub struct Columns {
     age_ms: Thinned,
     /// Ticks since the newest state: what the age was in their slots is known with the next one.
     waiting: usize,
+    first: u64,
     ticks: u64,
 }
 
 impl Columns {
-    pub fn new(scenario: &Scenario) -> Self {
+    /// Of the ticks from `first` on.
+    pub fn new(scenario: &Scenario, first: u64) -> Self {
         let names = COLUMNS.iter().flat_map(|(names, _)| *names);
         Self {
             all: names.map(|name| (*name, Thinned::default())).collect(),
             age: Age::new(scenario.sample_ns()),
             age_ms: Thinned::default(),
             waiting: 0,
+            first,
             ticks: 0,
         }
     }
@@ -79,14 +82,21 @@ impl Columns {
     }
 
     /// How the figures relate to the samples.
-    pub fn sampling(&self) -> String {
+    pub fn sampling(&self, scenario: &Scenario) -> String {
+        let Self { first, ticks, .. } = *self;
+        let time_s = |tick: u64| tick as f64 * scenario.sample_s();
+        let (from_s, to_s) = (time_s(first), time_s(first + ticks.saturating_sub(1)));
+        let samples = format!("{ticks} samples from {from_s:.2} to {to_s:.2} s");
         match self.all[0].1.bucket() {
-            1 => format!("{} samples, each one drawn.", self.ticks),
-            bucket => format!("{} samples, drawn as the smallest and the largest of every {bucket}.", self.ticks),
+            1 => format!("{samples}, each one drawn."),
+            bucket => format!(
+                "{samples}, drawn as the smallest and the largest of every {bucket}; \
+                 <code>launcher report RUN --from TIME --to TIME</code> draws every sample of a part."
+            ),
         }
     }
 
-    /// The script's whole input: `rows`, `dt_s`, `realtime`, `columns` and the horizontal `lines` of the figures.
+    /// The script's whole input: `rows`, `begin_s`, `dt_s`, `realtime`, `columns` and the horizontal `lines` of the figures.
     pub fn document(mut self, scenario: &Scenario) -> Value {
         (0..self.waiting).for_each(|_| self.age_ms.push(f32::NAN));
         self.all.push(("age_ms", self.age_ms));
@@ -98,6 +108,7 @@ impl Columns {
         let columns: Map<_, _> = values.iter().map(|(name, values)| ((*name).to_owned(), encoded(values))).collect();
         json!({
             "rows": values[0].1.len(),
+            "begin_s": self.first as f64 * scenario.sample_s(),
             "dt_s": self.all[0].1.step() * scenario.sample_s(),
             "realtime": scenario.run.mode == Mode::Realtime,
             "columns": columns,

@@ -22,8 +22,9 @@ pub(crate) mod sections;
 mod tests;
 mod timing;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use anyhow::ensure;
 use contract::Scenario;
 use flight::files::write_whole;
 use flight::log::Record;
@@ -52,8 +53,10 @@ pub struct Figures {
 }
 
 impl Figures {
-    pub fn new(scenario: &Scenario) -> Self {
-        Self { joined: Joined::new(scenario, 0), columns: Columns::new(scenario), reach: Reach::new(scenario) }
+    /// Of the ticks from `first` on.
+    pub fn new(scenario: &Scenario, first: u64) -> Self {
+        let columns = Columns::new(scenario, first);
+        Self { joined: Joined::new(scenario, first), columns, reach: Reach::new(scenario) }
     }
 
     /// Takes one message in, in the order of [`flight::log::stream`].
@@ -75,38 +78,61 @@ impl Figures {
     }
 }
 
-/// Writes `report.html` of the run in `folder`; returns what of its log is missing, for people.
-pub fn rewrite(folder: &Path) -> anyhow::Result<Option<String>> {
+/// Writes `report.html` of a run beside its log, or `report-FROM-TO.html` of a part of it; returns where, and what of the log is
+/// missing, for people.
+pub fn write(run: &Path, part: Part) -> anyhow::Result<(PathBuf, Option<String>)> {
     let mut figures = None;
+    let first = |scenario: &Scenario| *part.ticks(scenario.sample_s()).start();
     let each = |scenario: &Scenario, record: &Record| {
-        figures.get_or_insert_with(|| Figures::new(scenario)).observe(record);
+        figures.get_or_insert_with(|| Figures::new(scenario, first(scenario))).observe(record);
     };
-    let mut recorded = Recorded::read_each(folder, Part::ALL, each)?;
+    let mut recorded = Recorded::read_each(run, part, each)?;
     let missing = recorded.missing();
     if let Some(missing) = &missing {
         recorded.run["log"]["error"] = json!(missing); // the page says it above everything else
     }
-    let costs = costs::section(&recorded);
-    let figures = figures.unwrap_or_else(|| Figures::new(&recorded.scenario));
-    let page = render(figures, recorded.summary.timing.as_ref(), &recorded.run, &recorded.scenario, costs);
-    write_whole(&recorded.path.with_file_name("report.html"), page.as_bytes())?;
-    Ok(missing)
+    let Recorded { scenario, summary, run, path, .. } = &recorded;
+    let (name, of_all) = if part == Part::ALL {
+        let costs = costs::section(&recorded);
+        ("report.html".into(), Some(OfAll { timing: summary.timing.as_ref(), costs }))
+    } else {
+        let to_s = part.to_s.min(summary.time_s());
+        ensure!(to_s >= part.from_s, "the flight has nothing from {} s on: it ends at {to_s:.2} s", part.from_s);
+        (format!("report-{:.2}-{to_s:.2}.html", part.from_s), None)
+    };
+    let figures = figures.unwrap_or_else(|| Figures::new(scenario, first(scenario)));
+    let page = path.with_file_name(name);
+    write_whole(&page, render(figures, run, scenario, of_all).as_bytes())?;
+    Ok((page, missing))
 }
 
-/// The page of one run: figures and timing of its messages, its summary (`run.json`), the scenario it flew, and the section on what
-/// disturbed ticks cost. Where the summary tells what was ordered in flight, that belongs to the scenario.
+/// What only the page of a whole flight has.
+struct OfAll<'a> {
+    timing: Option<&'a Timing>,
+    /// The section on what disturbed ticks cost.
+    costs: String,
+}
+
+/// The page of one run: figures of its messages, its summary (`run.json`) and the scenario it flew. Where the summary tells what was
+/// ordered in flight, that belongs to the scenario.
 ///
 /// Holes in the log are holes in the figures; anything the summary lacks is a dash.
-fn render(figures: Figures, timing: Option<&Timing>, run: &Value, scenario: &Scenario, costs: String) -> String {
+fn render(figures: Figures, run: &Value, scenario: &Scenario, of_all: Option<OfAll>) -> String {
     let flown = recorded::flown(run);
     let scenario = flown.as_ref().unwrap_or(scenario);
     let (columns, reach) = figures.finish();
-    let claims = claims::section(&claims::judge(run, &reach, scenario), run);
+    let sampling = columns.sampling(scenario);
+    let (claims, timing_pictures, costs) = match of_all {
+        Some(OfAll { timing, costs }) => {
+            let claims = claims::section(&claims::judge(run, &reach, scenario), run);
+            (claims, timing::pictures(timing, run, scenario), costs)
+        }
+        None => Default::default(),
+    };
     let (result_class, result) = sections::result(run);
     let happened = happened::section(run);
     let [log_defect, reservations] = sections::warnings(run);
     let link = |section: &str, link: &str| if section.is_empty() { String::new() } else { link.to_owned() };
-    let sampling = columns.sampling();
     let mut data = columns.document(scenario);
     data["happened"] = json!(Happenings::new(&run["faults"], &run["events"]));
     // Inside a script element only `<` could end it.
@@ -128,7 +154,7 @@ fn render(figures: Figures, timing: Option<&Timing>, run: &Value, scenario: &Sce
         ("repeat", sections::repeat(run, scenario).into()),
         ("sampling", sampling),
         ("timing", timing::tables(run)),
-        ("timing_pictures", timing::pictures(timing, run, scenario)),
+        ("timing_pictures", timing_pictures),
         ("costs_link", link(&costs, "<a href=\"#costs\">Costs</a>")),
         ("costs", costs),
         ("faults_link", link(&happened, "<a href=\"#faults\">What happened</a>")),

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use super::claims::judge;
 use super::sections::{bounds, metrics};
-use super::{Figures, TEMPLATE};
+use super::{Figures, OfAll, TEMPLATE};
 use crate::summary::Summary;
 use flight::log::Log;
 
@@ -64,11 +64,12 @@ fn survey(more: &[(&str, Value)]) -> Value {
 fn render(log: &Log, run: &Value, scenario: &Scenario) -> String {
     let mut summary = Summary::new(scenario);
     log.tick_by_tick().for_each(|record| summary.observe(&record));
-    super::render(figures(log, scenario), summary.timing.as_ref(), run, scenario, String::new())
+    let of_all = OfAll { timing: summary.timing.as_ref(), costs: String::new() };
+    super::render(figures(log, scenario), run, scenario, Some(of_all))
 }
 
 fn figures(log: &Log, scenario: &Scenario) -> Figures {
-    let mut figures = Figures::new(scenario);
+    let mut figures = Figures::new(scenario, 0);
     log.tick_by_tick().for_each(|record| figures.observe(&record));
     figures
 }
