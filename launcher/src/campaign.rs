@@ -7,8 +7,8 @@ use std::sync::atomic::AtomicU32;
 use anyhow::{Context, bail, ensure};
 use campaign::folder::{Access, CampaignFolder};
 use campaign::layout::MAX_SHARDS;
-use campaign::outcome::{self, Verdict};
 use campaign::page::{self, Page};
+use campaign::row::{self, Standing};
 use campaign::table::Cell;
 use campaign::{Campaign, Plan, Rate, local, seeds, slurm};
 use clap::{Args, Subcommand};
@@ -253,11 +253,11 @@ fn conclude(plan: &Plan, folder: &CampaignFolder, what: &What) -> anyhow::Result
         "interrupted before the results were written; the shards are there, and the same command goes on".into(),
     );
     let (flights, missing) = folder.collect(plan)?;
-    let count = |verdict: Verdict| {
+    let count = |verdict: Standing| {
         let verdicts = flights.column("verdict");
         (0..flights.rows()).filter(|row| verdicts.is_some_and(|all| all.text(*row) == verdict.name())).count()
     };
-    let [passed, failed, invalid] = Verdict::ALL.map(count);
+    let [passed, failed, invalid] = Standing::ALL.map(count);
     let mut text = format!(
         "{}: {} flights: {passed} passed, {failed} failed, {invalid} invalid\n",
         plan.campaign.name(),
@@ -342,7 +342,7 @@ fn fly_again(plan: &Plan, number: u64, out: &Path) -> anyhow::Result<u8> {
     if CampaignFolder::is_there(out) {
         let folder = CampaignFolder::open(out, plan, None, Access::Reading)?;
         if let Some((table, row)) = folder.shard_with(plan, number)? {
-            outcome::fly_again(&flight, &table, row, |_| {})?;
+            row::fly_again(&flight, &table, row, |_| {})?;
             print(&format!("flight {number} is the one of the table\n"));
         }
     }

@@ -9,8 +9,8 @@ use serde_json::json;
 use crate::target::{self, TargetArgs};
 use flight::control::{Request, ask};
 use flight::duration::{seconds, seconds_or_inf, signed_milliseconds};
+use outcome::faults::course;
 use runtime::console::print;
-use view::faults::course;
 
 /// How long a fault lasts that is given no time \[s\].
 const USUAL_S: f64 = 0.5;

@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use clap::ValueEnum;
 use contract::Scenario;
@@ -17,14 +17,15 @@ use flight::folder::Folder;
 use flight::inprocess;
 use flight::interrupts::{catch_interrupts, end_at_once};
 use flight::log::Record;
-use flight::provenance::provenance;
+use flight::provenance::{Scheduling, provenance};
 use flight::recorder::CountedLog;
-use flight::stack::{Ended, Flown, Stack};
+use flight::stack::{Ended, Stack};
+use outcome::judge::{Circumstances, Verdict};
+use outcome::recorded::Part;
+use outcome::run_record::{Account, describe, run_json};
+use outcome::summary::Summary;
 use runtime::console::{eprint_line, print};
-use view::recorded::Part;
 use view::report;
-use view::run_record::{Circumstances, describe, exit_code, run_json};
-use view::summary::Summary;
 
 /// Arguments of `fly`.
 #[derive(clap::Args)]
@@ -99,8 +100,8 @@ pub fn fly_scenario(mut scenario: Scenario, args: &FlyArgs) -> anyhow::Result<u8
             fly_processes(args, &mut scenario, log.as_deref(), &mut summary, &interrupts)
         }
     };
-    let mut how = match flown {
-        Ok(how) => how,
+    let (mut how, wall, scheduling) = match flown {
+        Ok(flown) => flown,
         Err(error) => {
             out.withdraw();
             return Err(error);
@@ -119,16 +120,24 @@ pub fn fly_scenario(mut scenario: Scenario, args: &FlyArgs) -> anyhow::Result<u8
     let settings = || out.write("scenario.toml", &scenario::to_toml(&scenario));
     let written = if scenario == ordered { Ok(()) } else { settings() };
 
-    let run = serde_json::to_string_pretty(&run_json(&summary, &scenario, &how))? + "\n";
+    let verdict = Verdict::of(&summary, &scenario, &how);
+    let provenance = provenance(&scenario, &scheduling);
+    let account = Account {
+        summary: &summary,
+        scenario: &scenario,
+        how: &how,
+        verdict: &verdict,
+        wall_s: wall.as_secs_f64(),
+        provenance: &provenance,
+    };
+    let run = serde_json::to_string_pretty(&run_json(&account))? + "\n";
     let written = written.and_then(|()| out.write("run.json", &run));
     let histograms = || summary.timing.as_ref().map_or(Ok(()), |timing| timing.write_histograms(&out.path));
     let written = written.and_then(|()| histograms());
     if args.json {
         print(&run);
     } else {
-        print(&describe(&summary, &scenario, &how));
-    }
-    if !args.json {
+        print(&describe(&account));
         print(&format!("  {:<22}{}\n", "written to", out.path.display()));
     }
     // The page last: of a long flight it takes a while, and the flight is told by then.
@@ -139,8 +148,7 @@ pub fn fly_scenario(mut scenario: Scenario, args: &FlyArgs) -> anyhow::Result<u8
         eprint_line(&format!("error: {error}"));
     }
     // What the flight came to is graver than what could not be written of it.
-    let code = exit_code(&summary, &scenario, &how);
-    Ok(if written.is_err() { code.max(exit::PROCESS_LOST) } else { code })
+    Ok(if written.is_err() { verdict.exit_code.max(exit::PROCESS_LOST) } else { verdict.exit_code })
 }
 
 /// Writes the report. That takes longer than a short flight: what each disturbed tick cost is found by flying without it.
@@ -168,7 +176,7 @@ fn fly_inprocess(
     log: Option<&Path>,
     summary: &mut Summary,
     interrupts: &AtomicU32,
-) -> anyhow::Result<Circumstances> {
+) -> anyhow::Result<(Circumstances, Duration, Vec<(String, Scheduling)>)> {
     let log = log.map(|path| CountedLog::create(path, scenario)).transpose().map_err(with_file_limit)?;
     let log = log.map(RefCell::new);
     let started = Instant::now();
@@ -184,24 +192,18 @@ fn fly_inprocess(
             log.borrow_mut().memory(memory);
         }
     });
-    let wall_s = started.elapsed().as_secs_f64();
-    let inprocess::Flown { ended, events, refused } = flown;
-    let log = log.map(RefCell::into_inner).map(|mut log| {
-        for event in &events {
+    let wall = started.elapsed();
+    let mut how = Circumstances::from(flown);
+    how.log = log.map(RefCell::into_inner).map(|mut log| {
+        for event in &how.events {
             log.event(event);
         }
         log.finish()
     });
-    let ended = if interrupts.load(Ordering::Relaxed) > 0 { Ended::Interrupted } else { ended };
-    Ok(Circumstances {
-        ended,
-        wall_s,
-        log,
-        provenance: provenance(scenario, &[]),
-        events,
-        refused,
-        port_failures: vec![],
-    })
+    if interrupts.load(Ordering::Relaxed) > 0 {
+        how.ended = Ended::Interrupted;
+    }
+    Ok((how, wall, vec![]))
 }
 
 /// Flies through processes; `scenario` gets what was ordered meanwhile.
@@ -211,7 +213,7 @@ fn fly_processes(
     log: Option<&Path>,
     summary: &mut Summary,
     interrupts: &AtomicU32,
-) -> anyhow::Result<Circumstances> {
+) -> anyhow::Result<(Circumstances, Duration, Vec<(String, Scheduling)>)> {
     let stack = Stack::start(&args.namespace, scenario, log, interrupts).map_err(with_file_limit)?;
     let progress = Progress::start();
     let summary = RefCell::new(summary);
@@ -224,10 +226,9 @@ fn fly_processes(
         },
     );
     progress.finish();
-    let Flown { ended, log, wall, scheduling, events, scenario: flown_scenario, refused, port_failures } = flown;
-    *scenario = flown_scenario;
-    let provenance = provenance(scenario, &scheduling);
-    Ok(Circumstances { ended, wall_s: wall.as_secs_f64(), log, provenance, events, refused, port_failures })
+    *scenario = flown.scenario.clone();
+    let (wall, scheduling) = (flown.wall, flown.scheduling.clone());
+    Ok((flown.into(), wall, scheduling))
 }
 
 /// The kernel refuses a file that is too large in words that do not say why.

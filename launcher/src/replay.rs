@@ -16,10 +16,10 @@ use rustix::process::{Signal, getpid, kill_process};
 
 use crate::progress::Progress;
 use crate::run_folder::PartOfRun;
+use outcome::recorded::{Part, Recorded};
+use outcome::replay_verdict::replay_and_judge;
 use serde_json::json;
 use view::explain::Work;
-use view::recorded::{Part, Recorded};
-use view::verdict::replay_and_judge;
 use view::{comparison, explain};
 
 /// Arguments of `replay`.

@@ -8,7 +8,7 @@ use anyhow::{anyhow, bail};
 use contract::scenario::file::MAX_LOG_BYTES;
 use flight::duration::seconds;
 use flight::files;
-use view::recorded::Part;
+use outcome::recorded::Part;
 
 /// Names a run, and the part of it that is looked at.
 #[derive(clap::Args)]

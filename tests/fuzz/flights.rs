@@ -9,13 +9,14 @@ use std::time::Duration;
 use contract::Scenario;
 use contract::scenario::{Fault, FaultTarget, Profile, to_toml};
 use flight::{inprocess, settings};
+use outcome::judge::{Circumstances, Verdict};
+use outcome::run_record::{Account, run_json};
+use outcome::summary::Summary;
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::{Index, select};
 use serde_json::json;
 use toml::{Table, Value};
-use view::run_record::{Circumstances, run_json};
-use view::summary::Summary;
 
 use super::cases;
 
@@ -154,17 +155,11 @@ fn check(overrides: &[String]) {
             summary.observe(record);
             true
         });
-        let inprocess::Flown { ended, events, refused } = flown;
-        let how = Circumstances {
-            ended,
-            wall_s: 1.0,
-            log: None,
-            provenance: json!(null),
-            events,
-            refused,
-            port_failures: vec![],
-        };
-        told.send(run_json(&summary, &scenario, &how)).expect("it is waited for");
+        let (how, provenance) = (Circumstances::from(flown), json!(null));
+        let verdict = Verdict::of(&summary, &scenario, &how);
+        let (summary, scenario, how, verdict) = (&summary, &scenario, &how, &verdict);
+        let account = Account { summary, scenario, how, verdict, wall_s: 1.0, provenance: &provenance };
+        told.send(run_json(&account)).expect("it is waited for");
     };
     let flight = thread::spawn(fly);
     match result.recv_timeout(STUCK) {

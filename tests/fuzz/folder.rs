@@ -5,10 +5,10 @@ use std::sync::LazyLock;
 
 use contract::message::Message;
 use flight::log::{self, Log, LogWriter, Record};
+use outcome::recorded::{Part, Recorded};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use serde_json::{Value, json};
-use view::recorded::{Part, Recorded};
 use view::report;
 use view::trace;
 

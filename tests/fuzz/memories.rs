@@ -9,12 +9,12 @@ use std::time::{Duration, Instant};
 use contract::exit;
 use flight::log::{self, Log, LogWriter, Memory};
 use flight::replay::Plan;
+use outcome::recorded::{Part, Recorded};
+use outcome::replay_verdict::replay_and_judge;
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::{Index, select};
 use tempfile::TempDir;
-use view::recorded::{Part, Recorded};
-use view::verdict::replay_and_judge;
 
 use super::cases;
 use crate::harness::fly;

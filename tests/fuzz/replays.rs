@@ -9,11 +9,11 @@ use contract::exit;
 use contract::message::{Actuators, Arrival, Controls, Reference, Stamp, State};
 use flight::log::{self, Log, LogWriter, Record};
 use flight::replay::Plan;
+use outcome::recorded::Recorded;
+use outcome::replay_verdict::{ReplayVerdict, replay_and_judge};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::Index;
-use view::recorded::Recorded;
-use view::verdict::{Verdict, replay_and_judge};
 
 use super::cases;
 use crate::harness::fly;
@@ -145,7 +145,7 @@ fn file_of(log: &Log) -> Vec<u8> {
 }
 
 /// What is said of a folder with this log, run.json and settings, and the log as it is read; `None` if it is refused.
-fn judged(log: &[u8], run: Option<&str>, settings: &str) -> Option<(Log, Verdict)> {
+fn judged(log: &[u8], run: Option<&str>, settings: &str) -> Option<(Log, ReplayVerdict)> {
     let folder = tempfile::tempdir_in("/dev/shm").expect("a temporary folder");
     fs::write(folder.path().join("flight.mcap"), log).expect("can be written");
     fs::write(folder.path().join("scenario.toml"), settings).expect("can be written");

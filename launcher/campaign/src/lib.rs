@@ -8,7 +8,7 @@
 //! | [`sampling`] | points in the unit cube: independent, Latin hypercube, Sobol |
 //! | [`random_faults`] | faults drawn from the catalogue |
 //! | [`plan`] | the table of flights: each a function of campaign and number |
-//! | [`outcome`] | one flight and its verdict, as a row |
+//! | [`row`] | one flight and its verdict, as a row of the table |
 //! | [`table`](mod@table) | columns, and Parquet |
 //! | [`shard`] | a part of the flights: a file, whole or not there |
 //! | [`folder`], [`layout`] | the folder of a campaign, who may write to it, and of what its shards are |
@@ -36,11 +36,11 @@ pub mod layout;
 pub mod local;
 pub mod mean;
 pub mod normal;
-pub mod outcome;
 pub mod page;
 pub mod plan;
 pub mod random_faults;
 pub mod rate;
+pub mod row;
 pub mod sampling;
 mod scheduler;
 pub mod search;

@@ -11,8 +11,8 @@ use std::time::Instant;
 use rayon::iter::{ParallelBridge, ParallelIterator};
 
 use crate::folder::CampaignFolder;
-use crate::outcome::{self, Verdict};
 use crate::plan::Plan;
+use crate::row::{self, Standing};
 use crate::shard;
 use crate::table::{Cell, Table};
 
@@ -81,9 +81,9 @@ pub fn fly(
         scope.spawn(|| {
             let one = |(shard, number): (u64, u64)| {
                 let flight = go_on().then(|| plan.flight(number))?;
-                let outcome = outcome::fly(&flight, go_on, |_| {})?;
+                let outcome = row::fly(&flight, go_on, |_| {})?;
                 let row = [plan.cells(&flight), outcome.cells].concat();
-                Some((shard, number, outcome.verdict, row))
+                Some((shard, number, outcome.standing, row))
             };
             // In order: of a bridge the next free core takes the next one.
             flights.par_bridge().filter_map(one).for_each_with(done, |done, row| {
@@ -107,8 +107,8 @@ pub fn fly(
                 }
             }
             progress.flown += 1;
-            progress.failed += u64::from(verdict == Verdict::Failed);
-            progress.invalid += u64::from(verdict == Verdict::Invalid);
+            progress.failed += u64::from(verdict == Standing::Failed);
+            progress.invalid += u64::from(verdict == Standing::Invalid);
             show(&progress);
         }
         Ok(progress.flown == progress.all)

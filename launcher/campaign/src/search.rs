@@ -14,8 +14,8 @@ use rayon::prelude::*;
 use toml::Value;
 
 use crate::file::Campaign;
-use crate::outcome::{self, Outcome, Verdict};
 use crate::plan::Plan;
+use crate::row::{self, FlightRow, Standing};
 use crate::table::Cell;
 use crate::tune::{Tune, at, merged, population, starts};
 
@@ -128,7 +128,7 @@ impl Search<'_> {
         let settings = self.settings(logarithms);
         let controllers = self.plan.campaign.controllers.len();
         let numbers: Vec<u64> = (self.controller as u64..self.plan.flights()).step_by(controllers).collect();
-        let one = |number: &u64| match outcome::fly(&self.plan.flight_with(*number, &settings), go_on, |_| {}) {
+        let one = |number: &u64| match row::fly(&self.plan.flight_with(*number, &settings), go_on, |_| {}) {
             Some(outcome) => cost(&outcome),
             None => 1.0,
         };
@@ -151,10 +151,10 @@ impl Tuned {
 }
 
 /// What a training flight costs.
-fn cost(outcome: &Outcome) -> f64 {
-    let column = outcome::columns().iter().position(|(name, _)| name == "rms_position_error_m");
-    match (outcome.verdict, column.and_then(|column| outcome.cells.get(column))) {
-        (Verdict::Passed, Some(Cell::Real(error_m))) => error_m / (HALF_M + error_m),
+fn cost(outcome: &FlightRow) -> f64 {
+    let column = row::columns().iter().position(|(name, _)| name == "rms_position_error_m");
+    match (outcome.standing, column.and_then(|column| outcome.cells.get(column))) {
+        (Standing::Passed, Some(Cell::Real(error_m))) => error_m / (HALF_M + error_m),
         _ => 1.0,
     }
 }

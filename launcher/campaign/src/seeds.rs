@@ -3,8 +3,8 @@
 use anyhow::ensure;
 
 use crate::file::SEED;
-use crate::outcome;
 use crate::plan::Plan;
+use crate::row;
 
 /// As many pairs of flights that differ by their seed only are flown to find one that differs.
 const TRIED: u64 = 64;
@@ -26,8 +26,7 @@ pub fn check(plan: &Plan) -> anyhow::Result<()> {
             i
         };
         let first = place / axis.step * axis.step * axis.values + place % axis.step;
-        let hash =
-            |number: u64| outcome::fly(&plan.flight(number), || true, |_| {}).map(|flown| flown.hash().to_owned());
+        let hash = |number: u64| row::fly(&plan.flight(number), || true, |_| {}).map(|flown| flown.hash().to_owned());
         let hashes = [hash(first), hash(first + axis.step)];
         if hashes[0] != hashes[1] {
             return Ok(());

@@ -18,8 +18,8 @@ use sha2::{Digest, Sha256};
 
 use crate::hex::hex;
 use crate::layout::Layout;
-use crate::outcome;
 use crate::plan::Plan;
+use crate::row;
 use crate::table::{Cell, Kind, Table};
 
 /// Numbers of the flights of shard `index` of `of`, when there are so many flights.
@@ -66,7 +66,7 @@ pub fn name(index: u64) -> String {
 
 /// The columns of all tables of a campaign.
 pub fn columns(plan: &Plan) -> Vec<(String, Kind)> {
-    [plan.columns(), outcome::columns()].concat()
+    [plan.columns(), row::columns()].concat()
 }
 
 /// What a shard's words must say.

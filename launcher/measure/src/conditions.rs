@@ -11,14 +11,14 @@ use contract::Scenario;
 use contract::message::{Controls, Reference, State};
 use contract::scenario::{self, Law, Mode, Model, TrajectoryKind};
 use flight::log::Record;
+use outcome::metrics::Metrics;
+use outcome::percentiles::Percentiles;
 use runtime::timed;
 use serde::Serialize;
 use serde_json::json;
-use view::metrics::Metrics;
-use view::percentiles::Percentiles;
 
 use crate::findings::{Findings, Target};
-use crate::flights::{SURVIVED_M, failed_at_s, in_process};
+use crate::flights::{SURVIVED_M, in_process, survival};
 use view::table::Table;
 
 /// 80 m legs in 10 s: the shipped scenario, and the vehicle and guidance of the other missions.
@@ -159,12 +159,12 @@ fn controllers(mission: &Scenario) -> impl Iterator<Item = &'static Controller> 
 }
 
 fn fly(mission: &Scenario, controller: &Controller) -> ConditionFlight {
-    let mut scenario = mission.clone();
+    let mut scenario = Scenario { bounds: survival(), ..mission.clone() };
     scenario.run.mode = Mode::Inprocess;
     (scenario.mpc.law, scenario.mpc.model) = (controller.law, controller.model);
     let (mut states, mut references, mut max_altitude_error_m) = (vec![], vec![], 0.0_f64);
     let (mut effort, mut active, mut demands) = (0.0, 0, 0_u32);
-    let (summary, _) = in_process(&scenario, |record| match record {
+    let (summary, verdict) = in_process(&scenario, |record| match record {
         Record::State(state) => states.push(*state),
         Record::Reference(reference) => references.push(*reference),
         Record::Controls(Controls { demand, active_constraints, .. }) => {
@@ -182,7 +182,7 @@ fn fly(mission: &Scenario, controller: &Controller) -> ConditionFlight {
         mission: scenario.name.clone(),
         estimated: scenario.mpc.disturbance_gain > 0.0,
         controller: controller.name,
-        survived: failed_at_s(&summary).is_none(),
+        survived: verdict.passed(),
         metrics: summary.metrics(),
         max_altitude_error_m,
         effort: effort / f64::from(demands),

@@ -1,32 +1,39 @@
-//! Flights that a measurement flies itself, by one thread or by processes, and when one counts as failed.
+//! Flights that a measurement flies itself, by one thread or by processes.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use anyhow::bail;
 use contract::Scenario;
+use contract::scenario::Bounds;
 use flight::inprocess;
 use flight::log::Record;
 use flight::stack::{Ended, Flown, Stack, StartError};
-use view::summary::Summary;
+use outcome::judge::Verdict;
+use outcome::summary::Summary;
 
 /// In the end of a flight that is survived the vehicle is no farther from its reference \[m\].
 pub const SURVIVED_M: f64 = 1.0;
 
-/// When a flight that is over failed \[s\]: when the vehicle diverged, or at the end when it is not back at its reference.
-pub fn failed_at_s(summary: &Summary) -> Option<f64> {
-    let is_back = summary.metrics().final_position_error_m <= SURVIVED_M; // false for NaN
-    (summary.status().diverged() || !is_back).then(|| summary.time_s())
+/// Bounds of a flight that counts as survived: back at its reference in the end, whatever happened on the way.
+pub fn survival() -> Bounds {
+    Bounds {
+        max_position_error_m: Some(f64::INFINITY),
+        max_fallback_s: Some(f64::INFINITY),
+        final_position_error_m: Some(SURVIVED_M),
+        ..Bounds::default()
+    }
 }
 
 /// Flies `scenario` to its end by one thread; `watch` is given every message.
-pub fn in_process(scenario: &Scenario, mut watch: impl FnMut(&Record)) -> (Summary, Ended) {
+pub fn in_process(scenario: &Scenario, mut watch: impl FnMut(&Record)) -> (Summary, Verdict) {
     let mut summary = Summary::new(scenario);
     let flown = inprocess::fly(scenario, |record| {
         summary.observe(record);
         watch(record);
         true
     });
-    (summary, flown.ended)
+    let verdict = Verdict::of(&summary, scenario, &flown.into());
+    (summary, verdict)
 }
 
 /// Flies `scenario` by processes; `watch` is given every message. A lost process is no error.

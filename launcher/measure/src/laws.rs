@@ -14,9 +14,9 @@ use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
 
 use crate::findings::{Findings, Target};
-use crate::flights::{SURVIVED_M, failed_at_s, in_process};
+use crate::flights::{SURVIVED_M, in_process, survival};
 use flight::settings;
-use view::metrics::Metrics;
+use outcome::metrics::Metrics;
 use view::table::Table;
 
 /// The shipped scenarios, compiled in so that the command works in any folder.
@@ -110,13 +110,13 @@ fn fly_all(loops: &[InnerLoop], scenarios: &[Scenario]) -> Vec<Vec<LawFlight>> {
 }
 
 fn fly(inner_loop: &InnerLoop, scenario: &Scenario) -> LawFlight {
-    let flown = inner_loop.put_into(scenario);
-    let (summary, _) = in_process(&flown, |_| {});
+    let flown = Scenario { bounds: survival(), ..inner_loop.put_into(scenario) };
+    let (summary, verdict) = in_process(&flown, |_| {});
     let diverged = summary.status().diverged();
     LawFlight {
         inner_loop: inner_loop.clone(),
         scenario: scenario.name.clone(),
-        survived: failed_at_s(&summary).is_none(),
+        survived: verdict.passed(),
         diverged_at_s: diverged.then(|| summary.time_s()),
         metrics: summary.metrics(),
         solver: summary.solves.to_json(),

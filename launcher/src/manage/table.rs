@@ -5,7 +5,7 @@ use std::fmt::Write;
 use contract::scenario::Fault;
 use serde_json::Value;
 
-use view::faults::course;
+use outcome::faults::course;
 
 /// Columns of a terminal.
 const WIDTH: usize = 80;

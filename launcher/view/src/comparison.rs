@@ -13,15 +13,15 @@ use hdrhistogram::Histogram;
 use serde_json::{Value, json};
 
 use crate::draw::{self, Line, STYLE, escape};
-use crate::metrics::Metrics;
-use crate::percentiles::percentiles;
-use crate::recorded::{Part, Recorded};
 use crate::report::sections::METRICS;
 use crate::settings;
 use crate::table::Table;
 use crate::thinning::Thinned;
-use crate::ticks::{Joined, LoggedTick};
-use crate::timing::Timing;
+use outcome::metrics::Metrics;
+use outcome::percentiles::percentiles;
+use outcome::recorded::{Part, Recorded};
+use outcome::ticks::{Joined, LoggedTick};
+use outcome::timing::Timing;
 
 /// A row for each metric, a column for each flight with the settings it flew; `titles` name them.
 pub fn metrics(titles: &[&str], flights: &[(&Scenario, Metrics)]) -> Table {

@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
+use outcome::bounds;
+use outcome::metrics::Metrics;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
-use view::bounds;
 use view::draw::short;
-use view::metrics::Metrics;
 
-use crate::outcome::Verdict;
 use crate::plan::Plan;
+use crate::row::Standing;
 use crate::table::{Cell, Table};
 
 /// As many different limits are named; of more the least and the greatest.
@@ -66,7 +66,7 @@ impl Bound {
 /// The bounds of the flights that were flown.
 pub fn of(plan: &Plan, flights: &Table) -> Vec<Bound> {
     let (Some(numbers), Some(verdicts)) = (flights.column("flight"), flights.column("verdict")) else { return vec![] };
-    let is_flown = |row: &usize| verdicts.text(*row) != Verdict::Invalid.name();
+    let is_flown = |row: &usize| verdicts.text(*row) != Standing::Invalid.name();
     let rows: Vec<usize> = (0..flights.rows()).filter(is_flown).collect();
     // Metrics of 0 are inside of every bound, and so each is named.
     let of_row = |row: &usize| match numbers.cell(*row) {

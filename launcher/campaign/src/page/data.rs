@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use super::bins::Binned;
 use super::bounds::{self, Bound};
 use crate::evidence::Evidence;
-use crate::outcome::Verdict;
 use crate::plan::Plan;
 use crate::rate::Rate;
+use crate::row::Standing;
 use crate::table::{Cell, Table};
 
 /// Columns of a plan that are no factors.
@@ -68,8 +68,8 @@ impl<'a> Page<'a> {
         let numbers: Vec<u64> = (0..flights.rows()).map(number).collect();
         let verdicts = flights.column("verdict");
         let passed = |row: usize| match verdicts.map_or("", |all| all.text(row)) {
-            word if word == Verdict::Passed.name() => Some(true),
-            word if word == Verdict::Failed.name() => Some(false),
+            word if word == Standing::Passed.name() => Some(true),
+            word if word == Standing::Failed.name() => Some(false),
             _ => None,
         };
         let bounds = bounds::of(plan, flights);

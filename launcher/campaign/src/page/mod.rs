@@ -54,7 +54,7 @@ mod tests {
     use crate::plan::Plan;
     use crate::rate::Rate;
     use crate::table::Table;
-    use crate::{Campaign, outcome, shard};
+    use crate::{Campaign, row, shard};
 
     /// All flights of a campaign.
     fn flown(text: &str) -> (Plan, Table) {
@@ -62,7 +62,7 @@ mod tests {
         let mut table = Table::new(&shard::columns(&plan));
         for number in 0..plan.flights() {
             let flight = plan.flight(number);
-            let outcome = outcome::fly(&flight, || true, |_| {}).unwrap();
+            let outcome = row::fly(&flight, || true, |_| {}).unwrap();
             table.push([plan.cells(&flight), outcome.cells].concat());
         }
         (plan, table)

@@ -8,11 +8,11 @@ use std::collections::HashSet;
 use contract::scenario::Fault;
 use flight::log::Record;
 use guidance::Trajectory;
+use outcome::ticks::{length_m, position_error_m};
 use view::draw::{Course, any, courses, escape, short};
-use view::ticks::{length_m, position_error_m};
 
 use super::data::Page;
-use crate::outcome;
+use crate::row;
 use crate::table::{Cell, Column};
 
 /// How many are shown.
@@ -66,7 +66,7 @@ fn one(page: &Page, row: usize, again: &str) -> anyhow::Result<String> {
     let trajectory = Trajectory::new(&scenario.mission);
     let every = (scenario.ticks() / POINTS).max(1);
     let (mut error, mut roll, mut pitch, mut tilt) = (vec![], vec![], vec![], vec![]);
-    outcome::fly_again(&flight, flights, row, |record| {
+    row::fly_again(&flight, flights, row, |record| {
         let Record::State(state) = record else { return };
         if state.stamp.tick.is_multiple_of(every) {
             let t = state.stamp.tick as f64 * scenario.sample_s();

@@ -69,7 +69,7 @@ impl BroughtDown {
         Self {
             fault: format!("{} {}", name(target), name(kind)),
             must_land,
-            verdict: view::run_record::touchdown(&scenario, summary.status()).unwrap_or("no ground"),
+            verdict: outcome::run_record::touchdown(&scenario, summary.status()).unwrap_or("no ground"),
             down_after_s: watch.down.map(|down| down.at_s - AT_S),
             tilt_deg: watch.down.map(|down| down.tilt_deg),
             sink_mps: watch.down.map(|down| down.sink_mps),

@@ -27,8 +27,8 @@ use std::sync::atomic::AtomicU32;
 use contract::Scenario;
 use contract::scenario::Mode;
 use flight::interrupts::catch_interrupts;
+use outcome::percentiles::median;
 use serde::Serialize;
-use view::percentiles::median;
 
 use self::brought_down::BroughtDown;
 use self::case::{Case, Promise, hover_in_gusts, hover_of_the_paper};

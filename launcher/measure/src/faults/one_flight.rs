@@ -14,9 +14,9 @@ use crate::flights::{in_process, through_processes};
 use flight::event::name;
 use flight::log::Record;
 use flight::stack::{Ended, Flown};
-use view::faults::reacts;
-use view::summary::Summary;
-use view::ticks::length_m;
+use outcome::faults::reacts;
+use outcome::summary::Summary;
+use outcome::ticks::length_m;
 
 /// Worst roll and pitch in a recoverable fault \[deg\].
 pub const TILT_DEG: f64 = 35.0;

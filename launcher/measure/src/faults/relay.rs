@@ -27,8 +27,8 @@ use crate::flights::{in_process, through_processes};
 use crate::timing::canary::Canary;
 use flight::event::{Event, What};
 use flight::log::Record;
-use view::faults::reacts;
-use view::ticks::{Tick, Ticks};
+use outcome::faults::reacts;
+use outcome::ticks::{Tick, Ticks};
 
 /// The nodes in the order of their swaps, and the settings of every other good candidate.
 const NODES: [(SwapNode, Topic, &str); 3] = [

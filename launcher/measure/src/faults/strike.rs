@@ -19,10 +19,10 @@ use contract::topic::Topic;
 use flight::files::write_whole;
 use flight::log::{self, Log, Record};
 use flight::stack::StartError;
+use outcome::faults::reacts;
 use runtime::realtime::{ControlPage, now_ns};
 use rustix::process::Signal;
 use serde::Serialize;
-use view::faults::reacts;
 
 use super::case::hover_in_gusts;
 use crate::flights::namespace;

@@ -23,8 +23,8 @@ use std::time::Instant;
 use anyhow::{bail, ensure};
 use flight::interrupts::catch_interrupts;
 use flight::stack::StartError;
+use outcome::percentiles::median;
 use serde::Serialize;
-use view::percentiles::median;
 
 use self::judge::{GONE_MS, NEAR_M, complaint};
 use self::logged::Kill;

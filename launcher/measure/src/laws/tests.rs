@@ -1,7 +1,7 @@
 use super::*;
 use crate::findings::Verdict;
 use contract::scenario::Profile;
-use view::summary::Summary;
+use outcome::summary::Summary;
 
 fn shipped() -> Campaign {
     Campaign::read(CAMPAIGN.1, CAMPAIGN.0, "laws", Path::new("")).unwrap()

@@ -26,11 +26,11 @@ use attitude_mpc::model::PredictionModel;
 use contract::message::Controls;
 use contract::scenario::ScenarioError;
 use nalgebra::{DMatrix, DVector, RowDVector, Vector4};
+use outcome::percentiles::{Percentiles, median_ns};
 use qp::{ActiveSet, Termination};
 use runtime::timed;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
-use view::percentiles::{Percentiles, median_ns};
 
 use super::problems::Sequence;
 

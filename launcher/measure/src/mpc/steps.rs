@@ -16,11 +16,11 @@ use attitude_mpc::model::PredictionModel;
 use contract::message::{Reference, SolveStatus, State};
 use contract::scenario::Solver;
 use nalgebra::DVector;
+use outcome::percentiles::{Percentiles, median_ns};
 use runtime::realtime::now_ns;
 use runtime::timed;
 use serde::Serialize;
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region};
-use view::percentiles::{Percentiles, median_ns};
 
 use super::problems::Sequence;
 

@@ -16,8 +16,8 @@ use std::time::Instant;
 use anyhow::ensure;
 use flight::duration::seconds;
 use flight::interrupts::catch_interrupts;
+use outcome::percentiles::median;
 use serde::Serialize;
-use view::percentiles::median;
 use view::table::Table;
 
 use self::one_flight::ReplayFlight;

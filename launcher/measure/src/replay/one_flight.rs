@@ -12,11 +12,11 @@ use flight::event::What;
 use flight::files::write_whole;
 use flight::replay::Plan;
 use flight::stack::StartError;
+use outcome::recorded::Recorded;
+use outcome::replay_verdict::replay_and_judge;
 use runtime::domain::Domain;
 use rustix::process::Signal;
 use serde::Serialize;
-use view::recorded::Recorded;
-use view::verdict::replay_and_judge;
 
 use super::plan::{Kind, Order, orders};
 use crate::flights::namespace;

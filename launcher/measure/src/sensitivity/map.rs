@@ -10,7 +10,7 @@ use contract::scenario::{Profile, ScenarioError};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::flights::{failed_at_s, in_process};
+use crate::flights::{in_process, survival};
 use flight::event;
 use flight::settings;
 
@@ -35,8 +35,8 @@ pub struct Place {
 pub struct GridFlight {
     pub at: Place,
     pub seed: u64,
-    /// When the vehicle diverged \[s\]: see [`failed_at_s`].
-    pub diverged_at_s: Option<f64>,
+    /// Time at which the vehicle diverged, or at which the flight ended far from its reference \[s\].
+    pub failed_at_s: Option<f64>,
     /// Largest position error \[m\], up to the loss.
     pub max_position_error_m: f64,
     pub rms_position_error_m: f64,
@@ -96,7 +96,7 @@ pub fn scenarios(
 /// Flies all, on as many cores as there are; in the order of the scenarios.
 pub fn fly(scenarios: &[Scenario]) -> Vec<GridFlight> {
     let one = |scenario: &Scenario| {
-        let (summary, _) = in_process(scenario, |_| {});
+        let (summary, verdict) = in_process(&Scenario { bounds: survival(), ..scenario.clone() }, |_| {});
         let (run, metrics) = (&scenario.run, summary.metrics());
         GridFlight {
             at: Place {
@@ -106,7 +106,7 @@ pub fn fly(scenarios: &[Scenario]) -> Vec<GridFlight> {
                 miss_probability: run.command_drop_probability,
             },
             seed: run.seed,
-            diverged_at_s: failed_at_s(&summary),
+            failed_at_s: verdict.failed_at_s,
             max_position_error_m: metrics.max_position_error_m,
             rms_position_error_m: metrics.rms_position_error_m,
         }
@@ -115,10 +115,10 @@ pub fn fly(scenarios: &[Scenario]) -> Vec<GridFlight> {
 }
 
 pub fn to_csv(flights: &[GridFlight]) -> String {
-    let mut text = String::from("profile,delay_ms,jitter_ms,miss_probability,seed,diverged_at_s,max_m,rms_m\n");
+    let mut text = String::from("profile,delay_ms,jitter_ms,miss_probability,seed,failed_at_s,max_m,rms_m\n");
     for f in flights {
         let Place { profile, delay_ms, jitter_ms, miss_probability } = f.at;
-        let (profile, lost) = (event::name(profile), f.diverged_at_s.map(|t| t.to_string()).unwrap_or_default());
+        let (profile, lost) = (event::name(profile), f.failed_at_s.map(|t| t.to_string()).unwrap_or_default());
         let (seed, max, rms) = (f.seed, f.max_position_error_m, f.rms_position_error_m);
         // A String takes everything.
         let _ = writeln!(text, "{profile},{delay_ms},{jitter_ms},{miss_probability},{seed},{lost},{max},{rms}");
@@ -133,7 +133,7 @@ pub fn gather(flights: &[GridFlight]) -> Vec<Cell> {
 
 impl Cell {
     fn of(flights: &[GridFlight]) -> Self {
-        let lost = flights.iter().filter(|flight| flight.diverged_at_s.is_some()).count();
+        let lost = flights.iter().filter(|flight| flight.failed_at_s.is_some()).count();
         let worst = |error: fn(&GridFlight) -> f64| (lost == 0).then(|| flights.iter().map(error).fold(0.0, f64::max));
         Self {
             at: flights[0].at,

@@ -9,7 +9,7 @@ fn flight(profile: Profile, [delay_ms, jitter_ms, miss_probability]: [f64; 3], s
     GridFlight {
         at: Place { profile, delay_ms, jitter_ms, miss_probability },
         seed,
-        diverged_at_s: None,
+        failed_at_s: None,
         max_position_error_m: max,
         rms_position_error_m: max / 2.0,
     }
@@ -26,7 +26,7 @@ fn of_the_flights_in_a_cell_the_worst_counts() {
     );
     assert_eq!(cells[1].max_position_error_m, Some(2.05));
     assert_eq!(cells[1].rms_position_error_m, Some(1.025));
-    flights[2].diverged_at_s = Some(5.8);
+    flights[2].failed_at_s = Some(5.8);
     let cells = map::gather(&flights);
     assert_eq!((cells[1].lost, cells[1].max_position_error_m, cells[1].rms_position_error_m), (1, None, None));
 }
@@ -34,7 +34,7 @@ fn of_the_flights_in_a_cell_the_worst_counts() {
 #[test]
 fn a_flight_is_one_line_of_csv() {
     let mut lost = flight(Profile::Robust, [58.0, 0.0, 0.4], 7);
-    lost.diverged_at_s = Some(5.8);
+    lost.failed_at_s = Some(5.8);
     let csv = map::to_csv(&[flight(Profile::Paper, [4.0, 2.0, 0.0], 0), lost]);
     let lines: Vec<&str> = csv.lines().skip(1).collect();
     assert_eq!(lines, ["paper,4,2,0,0,,0.05,0.025", "robust,58,0,0.4,7,5.8,7.05,3.525"]);
@@ -50,7 +50,7 @@ fn promised() -> Vec<GridFlight> {
         flight(Profile::Robust, [58.0, 0.0, 0.0], 0),
         flight(Profile::Robust, [0.0, 0.0, 0.4], 0),
     ];
-    flights[1].diverged_at_s = Some(5.8);
+    flights[1].failed_at_s = Some(5.8);
     flights
 }
 
@@ -63,7 +63,7 @@ fn promises_are_kept_by_surviving_and_by_being_lost() {
     assert_eq!(verdicts(true, &promised()), [Verdict::Ok; 4]);
     let mut broken = promised();
     for flight in &mut broken {
-        flight.diverged_at_s = if flight.diverged_at_s.is_some() { None } else { Some(1.0) };
+        flight.failed_at_s = if flight.failed_at_s.is_some() { None } else { Some(1.0) };
     }
     assert_eq!(verdicts(true, &broken), [Verdict::Short; 4]);
     assert_eq!(verdicts(true, &[]), [Verdict::Inconclusive; 4], "not on the map");
@@ -72,7 +72,7 @@ fn promises_are_kept_by_surviving_and_by_being_lost() {
 
 #[test]
 fn the_table_tells_the_last_delay_before_a_loss() {
-    let at = |delay, diverged_at_s| GridFlight { diverged_at_s, ..flight(Profile::Paper, [delay, 0.0, 0.0], 0) };
+    let at = |delay, failed_at_s| GridFlight { failed_at_s, ..flight(Profile::Paper, [delay, 0.0, 0.0], 0) };
     let flights = [at(0.0, None), at(4.0, None), at(6.0, Some(46.0)), at(8.0, None)];
     let table = table(&map::gather(&flights), None, Path::new("out"));
     assert!(table.contains("4 ms, 0.050 m") && !table.contains("8 ms"), "{table}");

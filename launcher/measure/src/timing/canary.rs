@@ -10,7 +10,7 @@ use super::machine::{cpus, on_cpu};
 use super::ring_peer::Releases;
 use super::rings::{Noted, RingPeers};
 use flight::provenance::scheduling_of;
-use view::percentiles::Percentiles;
+use outcome::percentiles::Percentiles;
 
 /// A canary whose p99.9 is beyond this leaves no verdict on time \[us\].
 pub const LIMIT_US: f64 = 5_000.0;

@@ -13,7 +13,7 @@ use runtime::timed;
 use serde::Serialize;
 
 use crate::flights::namespace;
-use view::percentiles::median_ns;
+use outcome::percentiles::median_ns;
 
 /// Calls in a row of which the mean is taken, and how many such means the median is of.
 const CALLS: u64 = 200;

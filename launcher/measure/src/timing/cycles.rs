@@ -11,7 +11,7 @@ use contract::Scenario;
 use contract::message::Stamp;
 use contract::topic::{NODES, Topic};
 use flight::log::Record;
-use view::ticks::{Tick, Ticks};
+use outcome::ticks::{Tick, Ticks};
 
 /// Slots at the start of a run that are left out \[ns\]: caches are cold and pages still come in.
 pub const WARM_UP_NS: u64 = 100_000_000;

@@ -3,8 +3,8 @@
 
 use flight::event::name;
 use flight::provenance::host;
+use outcome::percentiles::{Percentiles, recorded};
 use view::draw::{self, STYLE, any, escape, list, outlines};
-use view::percentiles::{Percentiles, recorded};
 
 use super::costs::Costs;
 use super::raw::policy_name;

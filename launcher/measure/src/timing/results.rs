@@ -11,7 +11,7 @@ use super::raw::{Raw, Rings};
 use super::ring_peer::Kind;
 use super::series::Ratio;
 use super::timed_flights::TimedFlights;
-use view::percentiles::Percentiles;
+use outcome::percentiles::Percentiles;
 
 /// Releases of which one maximum is taken: a maximum is one number of chance, so it takes many to compare two loops.
 const MAXIMUM_OF: usize = 200;

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use serde::Serialize;
 
-use view::percentiles::{Percentiles, median, recorded};
+use outcome::percentiles::{Percentiles, median, recorded};
 
 /// What one thing took, all rounds \[ns\].
 #[derive(Debug, Clone, Default)]

@@ -5,9 +5,9 @@ use std::time::Instant;
 
 use contract::Scenario;
 use contract::scenario::{Mode, Policy, from_merged};
+use outcome::judge::Verdict;
+use outcome::percentiles::Percentiles;
 use serde::Serialize;
-use view::bounds;
-use view::percentiles::Percentiles;
 
 use super::canary::Watch;
 use super::cycles::Cycles;
@@ -78,7 +78,7 @@ impl TimedFlights {
             stack.fly_to_the_end(interrupts, |record| cycles.observe(record), || meter.read(&namespace))?;
         let class = if self.policy == Policy::Fifo { "fifo" } else { "other" };
         self.as_asked &= flown.scheduling.iter().all(|(_, got)| got.policy == class);
-        self.inside &= !summary.status().diverged() && bounds::check(scenario, &summary.metrics()).iter().all(|v| v.ok);
+        self.inside &= Verdict::of(&summary, scenario, &flown.into()).passed();
         self.cpu_percent = meter.share_percent().or(self.cpu_percent);
         self.missed.extend(cycles.misses());
         self.ages.rounds.push(cycles.ages_ns());

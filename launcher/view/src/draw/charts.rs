@@ -212,7 +212,7 @@ pub(super) fn marks(from: f64, to: f64) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::percentiles::recorded;
+    use outcome::percentiles::recorded;
 
     #[test]
     fn marks_are_round_and_inside() {

@@ -7,9 +7,9 @@ use flight::replay::{Disturbed, Plan, Recording, Script, replay_script};
 use guidance::Trajectory;
 use serde::Serialize;
 
-use crate::metrics::Metrics;
-use crate::summary::Summary;
-use crate::ticks::{length_m, position_error_m};
+use outcome::metrics::Metrics;
+use outcome::summary::Summary;
+use outcome::ticks::{length_m, position_error_m};
 
 /// How much of a flight is drawn around a tick \[s\].
 const BEFORE_S: f64 = 0.5;

@@ -8,7 +8,7 @@ use contract::scenario::{Profile, Run};
 use serde_json::Value;
 
 use crate::draw::{DASH, escape, number, table, verdict};
-use crate::ticks::LoggedTick;
+use outcome::ticks::LoggedTick;
 
 /// The position error stays below this \[m\].
 pub const POSITION_M: f64 = 0.7;

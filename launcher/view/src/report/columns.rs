@@ -11,8 +11,8 @@ use serde_json::{Map, Value, json};
 
 use super::claims;
 use crate::thinning::Thinned;
-use crate::ticks::LoggedTick;
-use crate::timing::Age;
+use outcome::ticks::LoggedTick;
+use outcome::timing::Age;
 
 /// Quantities of a tick, where they are known.
 type Quantities = fn(&LoggedTick) -> Option<Vec<f64>>;

@@ -5,7 +5,7 @@ use flight::replay::{Recording, Script};
 
 use crate::draw::escape;
 use crate::explain::{Work, explain};
-use crate::recorded::Recorded;
+use outcome::recorded::Recorded;
 
 /// With more disturbed ticks the page only says how they are looked into: a flight is flown again for each.
 const MOST_TICKS: usize = 50;

@@ -55,6 +55,6 @@ mod tests {
         assert_eq!(differences(&flown), expected);
         // What was ordered in flight stands in it, as the summary tells.
         let run = serde_json::json!({ "provenance": { "scenario": to_toml(&flown) } });
-        assert!(section(&crate::recorded::flown(&run).unwrap()).contains(kill));
+        assert!(section(&outcome::recorded::flown(&run).unwrap()).contains(kill));
     }
 }

@@ -33,10 +33,10 @@ use serde_json::{Value, json};
 use self::claims::Reach;
 use self::columns::Columns;
 use crate::draw::{STYLE, escape};
-use crate::happenings::Happenings;
-use crate::recorded::{self, Part, Recorded};
-use crate::ticks::Joined;
-use crate::timing::Timing;
+use outcome::happenings::Happenings;
+use outcome::recorded::{self, Part, Recorded};
+use outcome::ticks::Joined;
+use outcome::timing::Timing;
 
 const TEMPLATE: &str = include_str!("../../assets/report/template.html");
 const PATH_SCRIPT: &str = include_str!("../../assets/report/path.js");

@@ -49,7 +49,7 @@ pub fn ended(run: &Value, result: &str) -> String {
     escape(words.strip_prefix(result).unwrap_or(words).trim_start_matches([':', ' ']))
 }
 
-/// What of the log is missing, and what else a reader must know: see [`crate::run_record::reservations`].
+/// What of the log is missing, and what else a reader must know: see [`outcome::run_record::reservations`].
 pub fn warnings(run: &Value) -> [String; 2] {
     let warning = |about: &str, words: &str| match words {
         "" => String::new(),

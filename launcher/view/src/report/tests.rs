@@ -8,8 +8,8 @@ use serde_json::{Value, json};
 use super::claims::judge;
 use super::sections::{bounds, metrics};
 use super::{Figures, OfAll, TEMPLATE};
-use crate::summary::Summary;
 use flight::log::Log;
+use outcome::summary::Summary;
 
 const TRIM: ActuationMsg = ActuationMsg { rotor_speed: [1441.0, 1338.0, 1338.0], tilt_rad: 0.5 };
 

@@ -5,7 +5,7 @@ use hdrhistogram::Histogram;
 use serde_json::Value;
 
 use crate::draw::{Bars, DASH, Lane, any, escape, histograms, number, table, time_line};
-use crate::timing::{Age, EXECUTION, INPUT, NodeTiming, Timing};
+use outcome::timing::{Age, EXECUTION, INPUT, NodeTiming, Timing};
 
 /// Keys of a figure's percentiles in run.json, and their headings.
 const PERCENTILES: [(&str, &str); 5] =

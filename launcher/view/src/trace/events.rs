@@ -25,8 +25,8 @@ use contract::topic::NODES;
 use flight::log::{Log, Record, counted};
 use serde_json::{Value, json};
 
-use crate::happenings::{Happenings, Span};
-use crate::ticks::{InForce, LoggedTick};
+use outcome::happenings::{Happenings, Span};
+use outcome::ticks::{InForce, LoggedTick};
 
 /// The lane below those of the nodes: which command the actuators obey.
 const ACTUATORS: usize = NODES.len();

@@ -15,12 +15,12 @@ use contract::{Scenario, Topic};
 use serde_json::{Value, json};
 
 use self::events::Trace;
-use crate::happenings::Happenings;
-use crate::recorded::Recorded;
-use crate::ticks::{in_force, logged};
 use flight::duration::seconds;
 use flight::files::write_whole;
 use flight::log::{self, Log, Record};
+use outcome::happenings::Happenings;
+use outcome::recorded::Recorded;
+use outcome::ticks::{in_force, logged};
 use runtime::console::{eprint_line, print};
 
 /// Arguments of `trace`.

@@ -1,7 +1,6 @@
 //! `run.json`: the summary of a run, for programs.
 
 use contract::Scenario;
-use contract::exit;
 use contract::guard::Refusal;
 use contract::message::PlantStatus;
 use contract::scenario::{Mode, Policy, Scheduling, TrajectoryKind};
@@ -9,120 +8,26 @@ use contract::topic::NODES;
 use runtime::port::PortFailure;
 use serde_json::{Value, json};
 
-use crate::bounds::{self, BoundCheck};
 use crate::happenings::Happenings;
+use crate::judge::{Circumstances, Verdict};
 use crate::summary::Summary;
-use flight::event::{Event, What, events, name};
-use flight::recorder::LogOutcome;
-use flight::stack::{Ended, PortFailures, Refused};
-use flight::swap_story::{FailedSwap, of_candidates};
+use flight::event::{Event, events, name};
+use flight::swap_story::of_candidates;
 
-/// What is known of a run besides its messages.
-pub struct Circumstances {
-    pub ended: Ended,
+/// Everything known of a flight that is over.
+pub struct Account<'a> {
+    pub summary: &'a Summary,
+    pub scenario: &'a Scenario,
+    pub how: &'a Circumstances,
+    pub verdict: &'a Verdict,
     /// Wall time of the flight \[s\], without start and report.
     pub wall_s: f64,
-    /// The recorder's outcome, if there was a recorder.
-    pub log: Option<LogOutcome>,
-    pub provenance: Value,
-    pub events: Vec<Event>,
-    /// Messages refused, by listener and cause.
-    pub refused: Refused,
-    /// How often ports have failed, by node.
-    pub port_failures: PortFailures,
+    pub provenance: &'a Value,
 }
 
-/// Exit code of a run, by the gravest of what happened.
-pub fn exit_code(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> u8 {
-    let log_lost = how.log.as_ref().is_some_and(|log| log.error.is_some());
-    match how.ended {
-        Ended::Interrupted => exit::INTERRUPTED,
-        Ended::Lost(_) | Ended::Unseen(_) => exit::PROCESS_LOST,
-        Ended::Late(_) => exit::BUDGET_BROKEN,
-        Ended::Flown if log_lost => exit::PROCESS_LOST,
-        Ended::Flown if summary.status().failed() || spoiling_swap(scenario, how).is_some() => exit::OUT_OF_BOUNDS,
-        Ended::Flown if bounds::check(scenario, &summary.metrics()).iter().any(|v| !v.ok) => exit::OUT_OF_BOUNDS,
-        Ended::Flown => exit::FLOWN,
-    }
-}
-
-/// Why a run did not end with 0, in a word or two that do not depend on how much or when; empty where it did.
-pub fn cause(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> String {
-    match &how.ended {
-        Ended::Interrupted => "interrupted".into(),
-        Ended::Lost(name) => format!("lost {name}"),
-        Ended::Late(name) => format!("late {name}"),
-        Ended::Unseen(_) => "not seen whole".into(),
-        Ended::Flown if summary.status().failed() => summary.status().describe().into(),
-        Ended::Flown => {
-            let outside = bounds::check(scenario, &summary.metrics()).into_iter().find(|bound| !bound.ok);
-            let swap = || spoiling_swap(scenario, how).map(|failed| format!("a swap {}", failed.name()));
-            outside.map(|bound| bound.words[0].into()).or_else(swap).unwrap_or_default()
-        }
-    }
-}
-
-/// The first swap that did not stay and that may not fail.
-fn spoiling_swap<'a>(scenario: &'a Scenario, how: &'a Circumstances) -> Option<FailedSwap<'a>> {
-    FailedSwap::all(scenario, &how.events).into_iter().find(|failed| !failed.swap.may_fail)
-}
-
-pub fn describe_end(summary: &Summary, how: &Circumstances) -> String {
-    let t = summary.time_s();
-    match &how.ended {
-        Ended::Interrupted => format!("interrupted at {t:.2} s"),
-        Ended::Lost(name) => format!("lost {name} at {t:.2} s"),
-        Ended::Late(name) => format!("stopped at {t:.2} s: {name} missed its deadline"),
-        Ended::Unseen(what) => format!("flown, but not seen whole: {what}"),
-        Ended::Flown if matches!(summary.status(), PlantStatus::Crashed | PlantStatus::TippedOver) => {
-            format!("{} at {t:.2} s", summary.status().describe())
-        }
-        Ended::Flown if summary.status().diverged() => format!("diverged at {t:.2} s: {}", summary.status().describe()),
-        Ended::Flown if summary.status() == PlantStatus::Landed => format!("flown to the end, {t:.2} s, and landed"),
-        Ended::Flown => format!("flown to the end, {t:.2} s"),
-    }
-}
-
-/// What else a reader must know, the gravest first; nothing when all went well.
-pub fn reservations(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> Vec<String> {
-    let metrics = summary.metrics();
-    let outside: Vec<_> = bounds::check(scenario, &metrics).into_iter().filter(|bound| !bound.ok).collect();
-    let describe = |BoundCheck { words: [what, unit], measured, limit, .. }: &BoundCheck| {
-        format!("{what} {measured:.3} {unit} (bound {limit} {unit})")
-    };
-    let mut told: Vec<String> = match summary.status() {
-        PlantStatus::Slid => vec!["slid over the ground instead of landing".into()],
-        PlantStatus::NotLanded => vec!["on the ground and not landed".into()],
-        _ => vec![],
-    };
-    told.extend(outside.iter().map(describe));
-    if metrics.fallback_s > 0.0 && !outside.iter().any(|bound| bound.metric == "max_fallback_s") {
-        told.push(format!("mixer on its fallback for {:.2} s", metrics.fallback_s));
-    }
-    told.extend(FailedSwap::all(scenario, &how.events).iter().map(FailedSwap::describe));
-    let failed = |event: &Event| matches!(event.what, What::Died | What::Hung | What::GivenUp);
-    let events = how.events.iter().zip(of_candidates(&how.events));
-    let failed = events.filter(|(event, is_of_candidate)| failed(event) && !is_of_candidate);
-    let mut nodes: Vec<&str> = failed.map(|(event, _)| event.node.as_str()).collect();
-    nodes.sort_unstable();
-    nodes.dedup();
-    if !nodes.is_empty() {
-        told.push(format!("{} failed in flight", nodes.join(" and ")));
-    }
-    if let Some(log) = &how.log {
-        told.extend((log.dropped > 0).then(|| format!("{} records are missing in the log", log.dropped)));
-        told.extend(log.error.is_some().then(|| "the log is not whole".to_owned()));
-    }
-    let failures = how.port_failures.iter().map(|(node, counts)| (node, counts.iter().copied().map(u64::from).sum()));
-    told.extend(
-        failures.filter(|(_, n): &(_, u64)| *n > 0).map(|(node, n)| format!("ports of {node} failed {n} times")),
-    );
-    told.extend((summary.missed() > 0).then(|| format!("{} messages were not seen", summary.missed())));
-    told
-}
-
-pub fn run_json(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> Value {
-    let metrics = summary.metrics();
+/// Makes `run.json`.
+pub fn run_json(of: &Account) -> Value {
+    let Account { summary, scenario, how, verdict, wall_s, provenance } = of;
     let flown_s = summary.time_s();
     let (faults, events) = (summary.faults.to_json(&how.events), events(scenario, &how.events));
     let happened = Happenings::new(&faults, &events);
@@ -135,15 +40,15 @@ pub fn run_json(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
         "diverged": summary.status().diverged(),
         "ground": touchdown(scenario, summary.status()),
         "phases": phases(scenario, summary),
-        "ended": describe_end(summary, how),
-        "but": reservations(summary, scenario, how),
-        "exit_code": exit_code(summary, scenario, how),
-        "metrics": metrics,
+        "ended": verdict.end,
+        "but": verdict.reservations,
+        "exit_code": verdict.exit_code,
+        "metrics": summary.metrics(),
         "solver": summary.solves.to_json(),
         "state_hash": summary.state_hash(),
         "replays": replays(summary, how),
-        "bounds": bounds::check(scenario, &metrics),
-        "speed": { "wall_s": how.wall_s, "times_realtime": flown_s / how.wall_s },
+        "bounds": verdict.bounds,
+        "speed": { "wall_s": wall_s, "times_realtime": flown_s / wall_s },
         "timing": summary.timing.as_ref().map(|timing| timing.to_json(&happened)),
         "log": how.log,
         "unobserved": summary.missed(),
@@ -151,7 +56,7 @@ pub fn run_json(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
         "events": events,
         "refused": by_node(&how.refused, Refusal::ALL.map(Refusal::name)),
         "port_failures": by_node(&how.port_failures, PortFailure::ALL.map(PortFailure::name)),
-        "provenance": how.provenance,
+        "provenance": provenance,
     })
 }
 
@@ -222,23 +127,12 @@ fn phases(scenario: &Scenario, summary: &Summary) -> Option<Value> {
     scenario.plant.ground.present.then(|| all.collect())
 }
 
-/// For people, in one line: how the flight ended, and what else a reader must know.
-pub fn describe_outcome(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> String {
-    let but = reservations(summary, scenario, how);
-    let but = match (&how.ended, but.as_slice()) {
-        (Ended::Flown, []) => ", inside its bounds".to_owned(),
-        (_, []) => String::new(),
-        (Ended::Flown, but) if !summary.status().diverged() => format!(", but {}", but.join("; ")),
-        (_, told) => format!("; {}", told.join("; ")),
-    };
-    describe_end(summary, how) + &but
-}
-
-/// For people: what the flight amounted to.
-pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> String {
+/// Describes the flight for people, in some twenty lines.
+pub fn describe(of: &Account) -> String {
     use std::fmt::Write;
+    let Account { summary, scenario, how, verdict, wall_s, provenance } = *of;
     let m = summary.metrics();
-    let mut text = format!("{}: {}\n", scenario.name, describe_outcome(summary, scenario, how));
+    let mut text = format!("{}: {}\n", scenario.name, verdict.describe());
     let mut line = |label: &str, value: String| {
         for (i, part) in wrapped(&value).into_iter().enumerate() {
             let _ = writeln!(text, "  {:<22}{part}", if i == 0 { label } else { "" }); // a String takes everything
@@ -271,7 +165,7 @@ pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
     for events in describe_events(&how.events, scenario.sample_s()) {
         line("events", events);
     }
-    for v in bounds::check(scenario, &m) {
+    for v in &verdict.bounds {
         let ok = if v.ok { "inside" } else { "OUTSIDE" };
         line(ok, format!("{} {:.4} against {}", v.metric, v.measured, v.limit));
     }
@@ -280,7 +174,7 @@ pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
         let error = if log.error.is_some() { "; it is not whole" } else { "" }; // the cause stands on stderr
         line("log", format!("{} records{dropped}{error}", log.records));
     }
-    for (i, granted) in granted(scenario, &how.provenance).into_iter().enumerate() {
+    for (i, granted) in granted(scenario, provenance).into_iter().enumerate() {
         line(if i == 0 { "real time" } else { "" }, granted);
     }
     // In real time no flight repeats another.
@@ -292,7 +186,7 @@ pub fn describe(summary: &Summary, scenario: &Scenario, how: &Circumstances) -> 
         Mode::Realtime => {}
         Mode::Lockstep | Mode::Inprocess => line("state hash", hash),
     }
-    let (flown_s, wall_s) = (summary.time_s(), how.wall_s);
+    let flown_s = summary.time_s();
     line("speed", format!("{flown_s:.2} s flown in {wall_s:.2} s: {:.0} x real time", flown_s / wall_s));
     // Only in real time is a node late.
     if let Some(timing) = &summary.timing
@@ -362,6 +256,7 @@ fn metres(value: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use flight::event::What;
 
     #[test]
     fn long_lines_are_broken_at_blanks_and_lose_nothing() {

@@ -9,7 +9,7 @@ use contract::scenario::Mode;
 use guidance::Trajectory;
 use sha2::{Digest, Sha256};
 
-use crate::bounds::{Outside, check};
+use crate::bounds::Outside;
 use crate::faults::Faults;
 use crate::following::Following;
 use crate::metrics::Metrics;
@@ -150,10 +150,9 @@ impl Summary {
         }
     }
 
-    /// When the flight failed \[s\]: it diverged, slid, left a bound, or was outside one in the end; `None` when it did not.
-    pub fn failed_at_s(&self, scenario: &Scenario) -> Option<f64> {
-        let ends_outside = || check(scenario, &self.metrics()).iter().any(|bound| !bound.ok);
-        self.outside.since_s().or_else(|| (self.status().failed() || ends_outside()).then(|| self.time_s()))
+    /// Time of the first sample outside a bound that is judged all the way \[s\]; `None` while there is none.
+    pub fn outside_since_s(&self) -> Option<f64> {
+        self.outside.since_s()
     }
 
     /// Since when the plant said what of itself \[s\].

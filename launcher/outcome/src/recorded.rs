@@ -17,7 +17,8 @@ use flight::replay::Recording;
 use flight::stack::Ended;
 use serde_json::Value;
 
-use crate::run_record::{Circumstances, run_json};
+use crate::judge::{Circumstances, Verdict};
+use crate::run_record::{Account, run_json};
 use crate::summary::Summary;
 
 /// A run as it left its folder. Its messages stay in the log.
@@ -212,12 +213,12 @@ fn summary_of(log: &Log, messages: u64, summary: &Summary, scenario: &Scenario) 
     let outcome = LogOutcome { records, dropped: summary.missed(), error: log.defect.clone() };
     let how = Circumstances {
         ended: Ended::Lost("the launcher (no run.json; this summary is made from the log)".into()),
-        wall_s: f64::NAN, // unknown, and shown as such
         log: Some(outcome),
-        provenance: Value::Null,
         events: log.events.clone(),
         refused: vec![],
         port_failures: vec![],
     };
-    run_json(summary, scenario, &how)
+    let verdict = &Verdict::of(summary, scenario, &how);
+    let wall_s = f64::NAN; // unknown, and shown as such
+    run_json(&Account { summary, scenario, how: &how, verdict, wall_s, provenance: &Value::Null })
 }

@@ -10,17 +10,16 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use anyhow::{anyhow, ensure};
 use contract::Scenario;
-use contract::exit;
 use contract::message::State;
-use flight::inprocess::{self, Flown};
+use flight::inprocess;
 use flight::log::Record;
 use flight::settings;
+use outcome::judge::Verdict;
+use outcome::metrics::Metrics;
+use outcome::solves::Solves;
+use outcome::summary::Summary;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
-use view::metrics::Metrics;
-use view::run_record::{Circumstances, cause, describe_outcome, exit_code};
-use view::solves::Solves;
-use view::summary::Summary;
 
 use crate::hex::hex;
 use crate::plan::Flight;
@@ -28,13 +27,13 @@ use crate::table::{Cell, Kind, Table};
 
 /// What a flight came to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Verdict {
+pub enum Standing {
     Passed,
     Failed,
     Invalid,
 }
 
-impl Verdict {
+impl Standing {
     pub const ALL: [Self; 3] = [Self::Passed, Self::Failed, Self::Invalid];
 
     pub fn name(self) -> &'static str {
@@ -48,8 +47,8 @@ impl Verdict {
 
 /// The row of a flight that was flown, or could not be.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Outcome {
-    pub verdict: Verdict,
+pub struct FlightRow {
+    pub standing: Standing,
     pub cells: Vec<Cell>,
 }
 
@@ -73,15 +72,15 @@ pub fn columns() -> Vec<(String, Kind)> {
 }
 
 /// Flies; `None` when `go_on` said no before the end. `watch` is given every message.
-pub fn fly(flight: &Flight, go_on: impl Fn() -> bool, watch: impl FnMut(&Record)) -> Option<Outcome> {
-    let Ok(scenario) = &flight.scenario else { return flight.refusal().as_deref().map(Outcome::invalid) };
+pub fn fly(flight: &Flight, go_on: impl Fn() -> bool, watch: impl FnMut(&Record)) -> Option<FlightRow> {
+    let Ok(scenario) = &flight.scenario else { return flight.refusal().as_deref().map(FlightRow::invalid) };
     match catch_unwind(AssertUnwindSafe(|| try_to_fly(scenario, &go_on, watch))) {
         Ok(Ok(outcome)) => outcome,
-        Ok(Err(error)) => Some(Outcome::invalid(&format!("{error:#}"))),
+        Ok(Err(error)) => Some(FlightRow::invalid(&format!("{error:#}"))),
         Err(panic) => {
             let said = panic.downcast_ref::<String>().map(String::as_str);
             let said = said.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("it did not say why");
-            Some(Outcome::invalid(&format!("the program has a bug and panicked: {said}")))
+            Some(FlightRow::invalid(&format!("the program has a bug and panicked: {said}")))
         }
     }
 }
@@ -94,7 +93,7 @@ pub fn fly_again(flight: &Flight, flights: &Table, row: usize, watch: impl FnMut
     let again = fly(flight, || true, watch);
     let known = flights.column("hash").map_or("", |all| all.text(row));
     ensure!(
-        again.as_ref().map(Outcome::hash) == Some(known),
+        again.as_ref().map(FlightRow::hash) == Some(known),
         "flight {} is another than the one of the table when it is flown again; fly the campaign on machines of one kind, or \
          report it",
         flight.number
@@ -106,40 +105,31 @@ fn try_to_fly(
     scenario: &Scenario,
     go_on: &impl Fn() -> bool,
     mut watch: impl FnMut(&Record),
-) -> anyhow::Result<Option<Outcome>> {
+) -> anyhow::Result<Option<FlightRow>> {
     if !scenario.swap.is_empty() {
         settings::check(scenario)?;
     }
     let mut summary = Summary::unlogged(scenario);
     let mut was_stopped = false;
-    let Flown { ended, events, refused } = inprocess::fly_unlogged(scenario, |record| {
+    let how = inprocess::fly_unlogged(scenario, |record| {
         summary.observe(record);
         watch(record);
         was_stopped = !go_on();
         !was_stopped
     })
-    .map_err(|error| anyhow!(error))?;
+    .map_err(|error| anyhow!(error))?
+    .into();
     if was_stopped {
         return Ok(None);
     }
-    let how = Circumstances {
-        ended,
-        wall_s: 0.0,
-        log: None,
-        provenance: Value::Null,
-        events,
-        refused,
-        port_failures: vec![],
-    };
-    let passed = exit_code(&summary, scenario, &how) == exit::FLOWN;
-    let verdict = if passed { Verdict::Passed } else { Verdict::Failed };
-    let failed_at_s = (verdict == Verdict::Failed).then(|| summary.failed_at_s(scenario).unwrap_or(summary.time_s()));
+    let verdict = Verdict::of(&summary, scenario, &how);
+    let standing = if verdict.passed() { Standing::Passed } else { Standing::Failed };
     let metrics = summary.metrics();
     let mut cells = vec![
-        Cell::Text(verdict.name().into()),
-        Cell::Text(cause(&summary, scenario, &how)),
-        Cell::Text(describe_outcome(&summary, scenario, &how)),
-        failed_at_s.map_or(Cell::None, Cell::Real),
+        Cell::Text(standing.name().into()),
+        Cell::Text(verdict.cause.clone()),
+        Cell::Text(verdict.describe()),
+        verdict.failed_at_s.map_or(Cell::None, Cell::Real),
         Cell::Real(summary.time_s()),
     ];
     cells.extend(measured(&metrics, &summary.solves).into_iter().map(|(_, value)| match value {
@@ -147,23 +137,23 @@ fn try_to_fly(
         value => value.as_f64().map_or(Cell::None, Cell::Real),
     }));
     cells.push(Cell::Text(hash(summary.last(), &metrics)));
-    Ok(Some(Outcome { verdict, cells }))
+    Ok(Some(FlightRow { standing, cells }))
 }
 
-impl Outcome {
+impl FlightRow {
     fn invalid(why: &str) -> Self {
         let cells = vec![
-            Cell::Text(Verdict::Invalid.name().into()),
+            Cell::Text(Standing::Invalid.name().into()),
             Cell::Text("could not be flown".into()),
             Cell::Text(why.into()),
         ];
-        Self { verdict: Verdict::Invalid, cells }
+        Self { standing: Standing::Invalid, cells }
     }
 
     /// Tells the flight from others; empty where it could not be flown.
     pub fn hash(&self) -> &str {
         match self.cells.last() {
-            Some(Cell::Text(hash)) if self.verdict != Verdict::Invalid => hash,
+            Some(Cell::Text(hash)) if self.standing != Standing::Invalid => hash,
             _ => "",
         }
     }
@@ -209,13 +199,13 @@ mod tests {
     use super::*;
     use crate::{Campaign, Plan};
 
-    fn flown(settings: &str) -> Outcome {
+    fn flown(settings: &str) -> FlightRow {
         let text = format!("[settings]\nrun.duration_s = 1.0\n{settings}");
         let plan = Plan::new(Campaign::read(&text, "x.toml", "x", Path::new("")).unwrap()).unwrap();
         fly(&plan.flight(0), || true, |_| {}).unwrap()
     }
 
-    fn text(outcome: &Outcome, column: usize) -> &str {
+    fn text(outcome: &FlightRow, column: usize) -> &str {
         match &outcome.cells[column] {
             Cell::Text(text) => text,
             other => panic!("{other:?}"),
@@ -226,26 +216,26 @@ mod tests {
     fn a_verdict_is_what_fly_says() {
         let passed = flown("");
         assert_eq!(
-            (passed.verdict, text(&passed, 1), text(&passed, 2)),
-            (Verdict::Passed, "", "flown to the end, 1.00 s, inside its bounds")
+            (passed.standing, text(&passed, 1), text(&passed, 2)),
+            (Standing::Passed, "", "flown to the end, 1.00 s, inside its bounds")
         );
         assert_eq!(passed.cells.len(), columns().len());
         assert!(columns().iter().zip(&passed.cells).all(|((name, kind), cell)| cell.is(*kind) || panic!("{name}")));
         let failed = flown("bounds.max_position_error_m = 1e-9");
-        assert_eq!((failed.verdict, text(&failed, 1)), (Verdict::Failed, "position error"));
+        assert_eq!((failed.standing, text(&failed, 1)), (Standing::Failed, "position error"));
         assert!(text(&failed, 2).contains("position error") && failed.cells[3] != Cell::None, "{:?}", failed.cells);
         let lost = flown("[[settings.fault]]\nat_s = 0.5\ntarget = 'plant'\nkind = 'kill'");
-        assert_eq!((lost.verdict, text(&lost, 1)), (Verdict::Failed, "lost plant"));
+        assert_eq!((lost.standing, text(&lost, 1)), (Standing::Failed, "lost plant"));
         assert!(text(&lost, 2).contains("lost plant at 0.49 s"), "{}", text(&lost, 2));
     }
 
     #[test]
     fn a_flight_that_cannot_be_flown_is_neither_passed_nor_failed() {
         let outcome = flown("mpc.np = 3");
-        assert_eq!(outcome.verdict, Verdict::Invalid);
+        assert_eq!(outcome.standing, Standing::Invalid);
         assert!(text(&outcome, 2).contains("`mpc.nu` = 5"), "{}", text(&outcome, 2));
         let no_controller = "mpc.q = [0, 0, 0, 1e12, 0, 0, 0]\nmpc.r = [1e-12, 1e-12, 1e-12, 1e-12]";
-        assert_eq!(flown(no_controller).verdict, Verdict::Invalid);
+        assert_eq!(flown(no_controller).standing, Standing::Invalid);
     }
 
     #[test]

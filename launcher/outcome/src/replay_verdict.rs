@@ -12,7 +12,7 @@ use crate::summary::Summary;
 
 /// What a replay showed.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Verdict {
+pub struct ReplayVerdict {
     /// For people; the first line is the verdict.
     pub text: String,
     pub exit_code: u8,
@@ -37,7 +37,7 @@ pub fn replay_and_judge(
     recording: &Recording,
     plan: &Plan,
     each: impl FnOnce(&Replayed, &Summary),
-) -> anyhow::Result<Verdict> {
+) -> anyhow::Result<ReplayVerdict> {
     let mut summary = Summary::new(&recording.scenario);
     let compared = plan.from..=plan.until.unwrap_or(u64::MAX);
     let replayed = replay(recording, plan, |record| {
@@ -53,7 +53,7 @@ pub fn replay_and_judge(
 }
 
 impl Judged<'_> {
-    pub fn verdict(&self) -> Verdict {
+    pub fn verdict(&self) -> ReplayVerdict {
         let (outcome, exit_code) = self.outcome();
         let lines = [
             Some(outcome),
@@ -63,7 +63,7 @@ impl Judged<'_> {
             self.not_computed(),
             self.lacking(),
         ];
-        Verdict { text: lines.into_iter().flatten().map(|line| line + "\n").collect(), exit_code }
+        ReplayVerdict { text: lines.into_iter().flatten().map(|line| line + "\n").collect(), exit_code }
     }
 
     /// The verdict itself.

@@ -1,0 +1,29 @@
+//! Judges: what a flight came to, and whether that is a pass.
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`summary`], [`metrics`], [`timing`], [`following`] | what is gathered of a flight, message by message |
+//! | [`ticks`] | the four messages of a tick, joined |
+//! | [`solves`], [`faults`] | what the solver did, and what came of the faults |
+//! | [`bounds`], [`judge`] | what a flight must stay inside of, and its verdict |
+//! | [`happenings`] | faults, absences and events as spans and marks on the time axis |
+//! | [`run_record`], [`recorded`] | `run.json`, and a run read back from its folder |
+//! | [`replay_verdict`] | whether a replay is the same flight |
+//! | [`percentiles`] | percentiles and medians, for everything that measures |
+
+#![allow(missing_docs)]
+
+pub mod bounds;
+pub mod faults;
+pub mod following;
+pub mod happenings;
+pub mod judge;
+pub mod metrics;
+pub mod percentiles;
+pub mod recorded;
+pub mod replay_verdict;
+pub mod run_record;
+pub mod solves;
+pub mod summary;
+pub mod ticks;
+pub mod timing;
