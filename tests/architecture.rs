@@ -13,9 +13,9 @@ use sources::{Crate, Source};
 
 /// The rooms from the ground up. A room depends only on rooms of the lines above its own.
 #[rustfmt::skip]
-const ORDER: [&[&str]; 10] = [
-    &["qp"], &["airframe"], &["contract"], &["runtime"], &NODES, &["flight"], &["view"], &["campaign"], &["measure"],
-    &["launcher"],
+const ORDER: [&[&str]; 11] = [
+    &["qp"], &["airframe"], &["contract"], &["runtime"], &NODES, &["flight"], &["outcome"], &["view"], &["campaign"],
+    &["measure"], &["launcher"],
 ];
 
 const NODES: [&str; 4] = ["plant", "guidance", "attitude-mpc", "mixer"];

@@ -176,7 +176,7 @@ fn with_causes(error: &anyhow::Error) -> String {
 }
 
 fn report(of: &PartOfRun) -> anyhow::Result<u8> {
-    let (page, missing) = report::write(&of.run, of.part()?)?;
+    let (page, missing) = report::write(&of.run, of.part()?, outcome::explain::costs)?;
     if let Some(missing) = missing {
         eprint_line(&format!("note: {missing}"));
     }

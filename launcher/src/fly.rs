@@ -157,7 +157,7 @@ fn write_report(run: &Path) -> anyhow::Result<()> {
     end_at_once(format!("interrupted before the report was written; `launcher report {path}` writes it"));
     let progress = Progress::start();
     progress.show(|| "writing report.html: flies again for what disturbed ticks cost   (Ctrl-C leaves it out)".into());
-    let written = report::write(run, Part::ALL);
+    let written = report::write(run, Part::ALL, outcome::explain::costs);
     progress.finish();
     written.map(drop)
 }

@@ -16,11 +16,12 @@ use rustix::process::{Signal, getpid, kill_process};
 
 use crate::progress::Progress;
 use crate::run_folder::PartOfRun;
+use outcome::explain::{Work, explain as explain_ticks};
 use outcome::recorded::{Part, Recorded};
 use outcome::replay_verdict::replay_and_judge;
 use serde_json::json;
-use view::explain::Work;
-use view::{comparison, explain};
+use view::comparison;
+use view::explain::Shown;
 
 /// Arguments of `replay`.
 #[derive(clap::Args)]
@@ -79,17 +80,17 @@ pub fn explain(args: &ExplainArgs) -> anyhow::Result<u8> {
     }
     let progress = Mutex::new(Progress::start());
     let show = |done, of| progress.lock().iter().for_each(|line| line.show(|| format!("{done} of {of} flights")));
-    let explained = explain::explain(&recording, &script, &work, each, show);
+    let explained = explain_ticks(&recording, &script, &work, each, show);
     progress.into_inner().into_iter().for_each(Progress::finish);
     let explained = explained?;
     let page = recorded.path.with_file_name("explain.html");
-    write_whole(&page, explained.page(missing.as_deref()).as_bytes())?;
+    write_whole(&page, Shown(&explained).page(missing.as_deref()).as_bytes())?;
     if args.json {
-        let mut costs = explained.to_json();
+        let mut costs = Shown(&explained).to_json();
         costs["missing"] = json!(missing);
         print(&(serde_json::to_string_pretty(&costs)? + "\n"));
     } else {
-        print(&explained.text());
+        print(&Shown(&explained).text());
         print(&format!("\nwritten to {}\n", page.display()));
     }
     Ok(if missing.is_none() { exit::FLOWN } else { exit::OUT_OF_BOUNDS })

@@ -6,6 +6,7 @@
 //! | [`ticks`] | the four messages of a tick, joined |
 //! | [`solves`], [`faults`] | what the solver did, and what came of the faults |
 //! | [`bounds`], [`judge`] | what a flight must stay inside of, and its verdict |
+//! | [`explain`] | what each late, lost or missing message cost |
 //! | [`happenings`] | faults, absences and events as spans and marks on the time axis |
 //! | [`run_record`], [`recorded`] | `run.json`, and a run read back from its folder |
 //! | [`replay_verdict`] | whether a replay is the same flight |
@@ -14,6 +15,7 @@
 #![allow(missing_docs)]
 
 pub mod bounds;
+pub mod explain;
 pub mod faults;
 pub mod following;
 pub mod happenings;

@@ -1,115 +1,170 @@
-//! `explain`: what each late, lost or missing message of a flight cost.
-//!
-//! Every disturbed tick ([`flight::replay::Disturbed`]) is undone in a flight of its own, every burst of ticks one after another
-//! in one more, and all of them in a last one. The cost is the figure of the flight less that of the flight without, and the
-//! largest distance between the courses of the two. Costs of single ticks do not add up to that of all: the vehicle recovers
-//! from one before the next, or does not.
-//!
-//! | module | holds |
-//! |---|---|
-//! | `work` | how many flights that takes, and how long |
-//! | `outcome` | what a flight came to, and the cost: the difference of two |
-//! | `shown` | tables, page and JSON |
+//! What disturbed ticks cost, for people and programs: tables, page and JSON.
 
-mod outcome;
-mod shown;
-mod work;
+use outcome::explain::{Cost, Explained, FlightCost};
+use serde_json::{Value, json};
 
-use std::collections::BTreeSet;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use crate::draw::{self, Line, STYLE, escape};
+use crate::table::Table;
 
-use contract::scenario::{Mode, Scenario};
-use flight::inprocess;
-use flight::log::Record;
-use flight::replay::{Disturbed, Recording, Script, without};
+const COLUMNS: [&str; 7] =
+    ["tick", "at [s]", "error integral [mm s]", "courses apart [mm]", "largest error [mm]", "worst tilt [deg]", "what"];
+/// Heading of the column of another flight, and what that is.
+const ANOTHER: [&str; 2] = [
+    "another flight",
+    "Another flight: in process, this program's controllers in every node's place, without any fault and swap of the scenario \
+     (those of air, sensors and actuators too), as long as this one.",
+];
+/// Rows of a table in the terminal.
+const ROWS: usize = 20;
+/// Plots of a page.
+const PLOTS: usize = 5;
 
-use outcome::{Cost, Outcome};
-pub use shown::Explained;
-pub use work::Work;
-use work::{bursts, processors};
+/// The costs of a flight as they are shown.
+pub struct Shown<'a>(pub &'a Explained);
 
-/// Flies `recording` again without its disturbed ticks: with `each` without every one of them too, else only without all.
-/// `progress` is told how many flights are done, and of how many.
-///
-/// # Errors
-/// A flight cannot be flown to its end.
-pub fn explain(
-    recording: &Recording,
-    script: &Script,
-    work: &Work,
-    each: bool,
-    progress: impl Fn(usize, usize) + Sync,
-) -> anyhow::Result<Explained> {
-    let scenario = &recording.scenario;
-    let Work { disturbed, last_tick, .. } = work;
-    let flight = Outcome::flown(recording, script.clone())?;
-    let bursts: Vec<&[Disturbed]> = bursts(disturbed).collect();
-    let all: BTreeSet<u64> = disturbed.iter().map(|one| one.tick).collect();
-    let wanted: Vec<&[Disturbed]> =
-        if each { disturbed.chunks(1).chain(bursts.iter().copied()).collect() } else { vec![] };
-    let costs = in_parallel(&wanted, progress, |ticks| {
-        let ticks_undone = ticks.iter().map(|one| one.tick).collect();
-        let without = Outcome::flown(recording, without(recording, script, &ticks_undone))?;
-        Ok(Cost::new(ticks, scenario.sample_s(), &flight, &without))
-    })?;
-    let (mut ticks, mut burst_costs): (Vec<Cost>, Vec<Cost>) =
-        costs.into_iter().partition(|cost| cost.ticks.0 == cost.ticks.1);
-    for costs in [&mut ticks, &mut burst_costs] {
-        costs.sort_by(|a, b| b.error_integral_ms.total_cmp(&a.error_integral_ms));
-    }
-    let mut alone = Scenario { fault: vec![], swap: vec![], ..scenario.clone() };
-    alone.run.mode = Mode::Inprocess;
-    let fly = |each: &mut dyn FnMut(&Record)| {
-        inprocess::fly(&alone, |record| {
-            let is_known = record.stamp().tick <= *last_tick;
-            if is_known {
-                each(record);
-            }
-            is_known
-        });
-        Ok(())
-    };
-    // It is the same all along, and no part of it can be set beside a part of this one.
-    let undisturbed = (script.begun_at() == 0).then(|| Outcome::of(&alone, 0, fly)).transpose()?;
-    let without_any = Outcome::flown(recording, without(recording, script, &all))?;
-    Ok(Explained {
-        name: scenario.name.clone(),
-        sample_s: scenario.sample_s(),
-        flight,
-        without_any,
-        undisturbed,
-        disturbed: disturbed.len(),
-        bursts_found: bursts.len(),
-        ticks,
-        bursts: burst_costs,
-    })
+/// The ticks of a cost: one, or from the first to the last.
+fn ticks_in_words(cost: &Cost) -> String {
+    let (first, last) = cost.ticks;
+    if first == last { first.to_string() } else { format!("{first}-{last}") }
 }
 
-/// What `work` makes of each item, on all processors, in the order of the items.
-fn in_parallel<T: Sync, R: Send>(
-    items: &[T],
-    progress: impl Fn(usize, usize) + Sync,
-    work: impl Fn(&T) -> anyhow::Result<R> + Sync,
-) -> anyhow::Result<Vec<R>> {
-    let next = AtomicUsize::new(0);
-    let worker = || {
-        let mut done = vec![];
-        loop {
-            let i = next.fetch_add(1, Ordering::Relaxed);
-            let Some(item) = items.get(i) else { return Ok::<_, anyhow::Error>(done) };
-            done.push((i, work(item)?));
-            progress(i + 1, items.len());
-        }
+/// One line for each cost.
+fn table(title: &str, costs: &[Cost]) -> Table {
+    let cells = |cost: &Cost| {
+        let Cost { at_s, node, what, max_error_m, max_distance_m, error_integral_ms, worst_tilt_deg, .. } = cost;
+        vec![
+            ticks_in_words(cost),
+            format!("{at_s:.2}"),
+            format!("{:+.3}", error_integral_ms * 1e3),
+            format!("{:.3}", max_distance_m * 1e3),
+            format!("{:+.3}", max_error_m * 1e3),
+            format!("{worst_tilt_deg:+.3}"),
+            format!("{node} {what}"),
+        ]
     };
-    let threads = processors().min(items.len().max(1));
-    let results = std::thread::scope(|scope| {
-        let started: Vec<_> = (0..threads).map(|_| scope.spawn(worker)).collect();
-        let join = |thread: std::thread::ScopedJoinHandle<'_, _>| {
-            thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+    Table::new(title, &COLUMNS, costs.iter().map(cells).collect())
+}
+
+impl Shown<'_> {
+    /// For people: the costliest ticks and bursts, and the flights side by side.
+    pub fn text(&self) -> String {
+        let (ticks, bursts) = (self.0.disturbed, self.0.bursts_found);
+        let mut text = format!("{}: {ticks} disturbed ticks, {bursts} bursts of more than one\n", self.0.name);
+        for (title, costs) in [("What single ticks cost", &self.0.ticks), ("What bursts cost", &self.0.bursts)] {
+            if !costs.is_empty() {
+                let left_out = costs.len().saturating_sub(ROWS);
+                let more = if left_out > 0 {
+                    format!(" (the {ROWS} costliest; {left_out} more in explain.html)")
+                } else {
+                    String::new()
+                };
+                let shown = &costs[..costs.len().min(ROWS)];
+                text.push('\n');
+                text.push_str(&table(&format!("{title}{more}"), shown).text());
+            }
+        }
+        text + &format!("\n{}{}\n", self.side_by_side().text(), ANOTHER[1])
+    }
+
+    /// For programs: the flights, what all ticks together cost, and what each of them did.
+    pub fn to_json(&self) -> Value {
+        let (flight, without) = (&self.0.flight, &self.0.without_any);
+        json!({
+            "disturbed_ticks": self.0.disturbed,
+            "flight": figures(flight),
+            "without_any": figures(without),
+            "another_flight": self.0.undisturbed.as_ref().map(figures),
+            "all_together": {
+                "max_error_m": flight.metrics.max_position_error_m - without.metrics.max_position_error_m,
+                "max_distance_m": flight.max_distance_m(without),
+                "error_integral_ms": flight.metrics.position_error_integral_ms - without.metrics.position_error_integral_ms,
+                "worst_tilt_deg": flight.worst_tilt_deg - without.worst_tilt_deg,
+            },
+            "ticks": self.0.ticks,
+            "bursts": self.0.bursts,
+        })
+    }
+
+    /// Largest error, integral and worst tilt of the flights, and what all and each tick cost.
+    fn side_by_side(&self) -> Table {
+        let row = |name: &str, scale: f64, of: &dyn Fn(&FlightCost) -> f64, cost: fn(&Cost) -> f64| {
+            let [flight, without] = [&self.0.flight, &self.0.without_any].map(of);
+            let another = self.0.undisturbed.as_ref().map_or(f64::NAN, of);
+            let shown = |value: f64| if value.is_nan() { "-".into() } else { format!("{:.3}", value * scale) };
+            let cells = [flight, without, another, flight - without].map(shown);
+            let sum: f64 = self.0.ticks.iter().map(cost).sum();
+            let sum = if self.0.ticks.is_empty() { "-".into() } else { format!("{:.3}", sum * scale) };
+            std::iter::once(name.to_owned()).chain(cells).chain([sum]).collect()
         };
-        started.into_iter().map(join).collect::<anyhow::Result<Vec<_>>>()
-    })?;
-    let mut all: Vec<(usize, R)> = results.into_iter().flatten().collect();
-    all.sort_by_key(|(i, _)| *i);
-    Ok(all.into_iter().map(|(_, result)| result).collect())
+        let apart_mm = format!("{:.3}", self.0.flight.max_distance_m(&self.0.without_any) * 1e3);
+        let apart = ["courses apart [mm]", "-", "-", "-", &apart_mm, "-"].map(str::to_owned);
+        let headings = ["", "flight", "without any", ANOTHER[0], "all together cost", "sum of single ticks"];
+        Table::new(
+            "The flights",
+            &headings,
+            vec![
+                row("error integral [mm s]", 1e3, &|of| of.metrics.position_error_integral_ms, |cost| {
+                    cost.error_integral_ms
+                }),
+                apart.into(),
+                row("largest error [mm]", 1e3, &|of| of.metrics.max_position_error_m, |cost| cost.max_error_m),
+                row("worst tilt [deg]", 1.0, &|of| of.worst_tilt_deg, |cost| cost.worst_tilt_deg),
+            ],
+        )
+    }
+
+    /// The tables and plots, for a page of their own or a section of the report.
+    pub fn section(&self) -> String {
+        let mut html = format!(
+            "<p>A tick is disturbed when a node answered late, not at all, or to old messages, when a fault lost or changed a \
+             message, or when the command came after the next sample. Each is undone in a flight of its own; all else stays as it \
+             was. {} ticks are disturbed. The cost is the flight less the flight without, and how far apart their courses are.</p>",
+            self.0.disturbed
+        );
+        html += &self.side_by_side().html();
+        html.extend(["<p class=\"hint\">", ANOTHER[1], "</p>"]);
+        for (title, costs) in
+            [("Bursts, the costliest first", &self.0.bursts), ("Single ticks, the costliest first", &self.0.ticks)]
+        {
+            if !costs.is_empty() {
+                html.extend(["<h3>", title, "</h3>", &table("", costs).html()]);
+            }
+        }
+        let mut costliest: Vec<&Cost> = self.0.bursts.iter().chain(&self.0.ticks).collect();
+        costliest.sort_by(|a, b| b.error_integral_ms.total_cmp(&a.error_integral_ms));
+        for cost in costliest.iter().take(PLOTS) {
+            let caption = format!("Tick {}, {} {}", ticks_in_words(cost), cost.node, cost.what);
+            html.extend(["<h3>", &escape(&caption), "</h3>", &self.plot(cost)]);
+        }
+        html
+    }
+
+    /// The position error with and without, around the ticks.
+    fn plot(&self, cost: &Cost) -> String {
+        draw::lines(
+            &[
+                Line { name: "the flight", points: self.0.flight.error_around(cost.at_s, self.0.sample_s) },
+                Line { name: "without it", points: cost.without_m.clone() },
+            ],
+            "time [s]",
+            "position error [m]",
+        )
+    }
+
+    /// A page of its own, which says first what the log lacks.
+    pub fn page(&self, missing: Option<&str>) -> String {
+        let title = format!("What disturbed ticks cost: {}", self.0.name);
+        let missing = missing.map_or(String::new(), |why| format!("<p><strong>{}</strong></p>", escape(why)));
+        draw::page(&title, STYLE, &format!("<h1>{}</h1>{missing}{}", escape(&title), self.section()))
+    }
+}
+
+/// The figures of a flight that costs are told of.
+fn figures(of: &FlightCost) -> Value {
+    json!({
+        "max_error_m": of.metrics.max_position_error_m,
+        "error_integral_ms": of.metrics.position_error_integral_ms,
+        "worst_tilt_deg": of.worst_tilt_deg,
+        "state_hash": of.state_hash,
+    })
 }

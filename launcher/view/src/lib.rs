@@ -4,7 +4,7 @@
 //! |---|---|
 //! | [`comparison`] | several flights side by side |
 //! | [`settings`] | what differs between the settings of flights |
-//! | [`explain`] | what each late, lost or missing message cost |
+//! | [`explain`] | the costs of late, lost and missing messages |
 //! | [`table`] | tables as aligned text and as HTML |
 //! | [`thinning`] | long series made as short as a picture can show |
 //! | [`draw`] | HTML and pictures, for every page |

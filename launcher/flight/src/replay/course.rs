@@ -4,11 +4,13 @@ use std::collections::VecDeque;
 
 use contract::Topic;
 
-use super::flight::LATEST;
 use super::program::Program;
 use super::script::Read;
 use super::worker::Worker;
 use crate::log::Record;
+
+/// A message may be delivered so many cycles after it was sent.
+pub(super) const LATEST: usize = 1000;
 
 /// What runs the cycles of a process.
 pub(super) enum Runs {

@@ -9,7 +9,7 @@ use contract::Topic;
 use contract::snapshot::Snapshot;
 use runtime::shared_role::Origin;
 
-use super::course::{Course, Runs};
+use super::course::{Course, LATEST, Runs};
 use super::fields::difference;
 use super::plan::{Difference, Messages, Plan, Replayed};
 use super::program::Program;
@@ -67,8 +67,6 @@ pub(super) struct Flight<'a, F> {
     held_up: Option<((u64, usize, u64), Option<String>)>,
 }
 
-/// A message may be delivered so many cycles after it was sent.
-pub(super) const LATEST: usize = 1000;
 /// Messages taken in before the processes go on.
 const BATCH: usize = 1024;
 

@@ -1,7 +1,7 @@
-//! Recorded sequences of problems: what the controller was given on each tick of a flight.
+//! Sequences of problems: what the controller was given on each tick of a flight.
 //!
 //! A flight log holds the scenario and every STATE and REFERENCE. A new controller that is given the same messages meets
-//! the same problems in the same order. Four flights come with the program:
+//! the same problems in the same order. Without a log, four flights are flown first:
 //!
 //! | sequence | flight |
 //! |---|---|
@@ -11,22 +11,23 @@
 //! | `weak` | a step of 10 m with a thrust-to-weight ratio of 1.37 |
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::Path;
 
-use anyhow::{Context, bail};
+use anyhow::bail;
 use contract::Scenario;
 use contract::message::{Reference, State};
 use contract::scenario::{self, Law, Mode, Solver};
-
-use flight::log::{self, Record};
+use flight::inprocess;
+use flight::log::{LogWriter, Record};
+use outcome::recorded::{Part, Recorded};
 use runtime::console::eprint_line;
 
-const SHIPPED: [(&str, &[u8]); 4] = [
-    ("survey", include_bytes!("../../problems/survey.mcap")),
-    ("upset", include_bytes!("../../problems/upset.mcap")),
-    ("yaw", include_bytes!("../../problems/yaw.mcap")),
-    ("weak", include_bytes!("../../problems/weak.mcap")),
+/// Flights that are measured when none is given: name, scenario, seconds.
+const SHIPPED: [(&str, &str, f64); 4] = [
+    ("survey", "", 3.5),
+    ("upset", include_str!("../../../../scenarios/aggressive/upset.toml"), 2.0),
+    ("yaw", include_str!("../../../../scenarios/aggressive/yaw.toml"), 2.0),
+    ("weak", include_str!("../../../../scenarios/aggressive/weak-step.toml"), 3.5),
 ];
 
 /// What the controller was given, tick by tick.
@@ -51,14 +52,23 @@ impl Sequence {
     }
 }
 
-/// Their logs are left in `folder`, beside what is measured of them.
+/// Flies the flights that are measured when none is given; their logs stay in `folder`.
 pub fn shipped(folder: &Path) -> anyhow::Result<Vec<Sequence>> {
-    let unpack = |(name, bytes): (&str, &[u8])| {
+    let fly = |(name, text, duration_s): (&str, &str, f64)| {
+        let mut scenario = scenario::from_merged(text, name)?;
+        (scenario.run.mode, scenario.run.duration_s) = (Mode::Inprocess, duration_s);
         let path = folder.join(name).with_extension("mcap");
-        fs::write(&path, bytes).with_context(|| format!("cannot write {}", path.display()))?;
+        let mut log = LogWriter::create(&path, &scenario::to_toml(&scenario), scenario.sample_ns())?;
+        let mut written = Ok(());
+        inprocess::fly(&scenario, |record| {
+            written = log.write(record);
+            written.is_ok()
+        });
+        written?;
+        log.finish()?;
         recorded(&path)
     };
-    SHIPPED.into_iter().map(unpack).collect()
+    SHIPPED.into_iter().map(fly).collect()
 }
 
 /// Samples measured of a log, at most: a flight of a quarter of an hour at 100 Hz, and 100 MB.
@@ -66,11 +76,10 @@ const MOST_SAMPLES: usize = 100_000;
 /// States kept for the answers to them.
 const KNOWN_STATES: usize = 1000;
 
-/// The flight in the log at `path`, or in the run's folder at `path`.
+/// Reads the flight in the log at `path`, or in the run's folder at `path`.
 pub fn recorded(path: &Path) -> anyhow::Result<Sequence> {
-    let file = if path.is_dir() { path.join("flight.mcap") } else { path.to_owned() };
     let (mut states, mut samples) = (BTreeMap::new(), vec![]);
-    let log = log::stream(&file, log::ALL, |_, record| match record {
+    let Recorded { log, scenario, path: file, .. } = Recorded::read_each(path, Part::ALL, |_, record| match record {
         _ if samples.len() == MOST_SAMPLES => {}
         Record::State(state) => {
             states.insert(state.stamp.tick, *state);
@@ -89,8 +98,6 @@ pub fn recorded(path: &Path) -> anyhow::Result<Sequence> {
     if let Some(defect) = &log.defect {
         eprint_line(&format!("note: {} is not whole, what was read before is measured: {defect}", file.display()));
     }
-    let origin = format!("the settings in {}", file.display());
-    let scenario = scenario::from_merged(&log.scenario_toml, &origin)?;
     if samples.is_empty() {
         bail!("{} holds no tick with both STATE and REFERENCE", file.display());
     }

@@ -28,6 +28,7 @@ use anyhow::ensure;
 use contract::Scenario;
 use flight::files::write_whole;
 use flight::log::Record;
+use outcome::explain::Costs;
 use serde_json::{Value, json};
 
 use self::claims::Reach;
@@ -79,8 +80,12 @@ impl Figures {
 }
 
 /// Writes `report.html` of a run beside its log, or `report-FROM-TO.html` of a part of it; returns where, and what of the log is
-/// missing, for people.
-pub fn write(run: &Path, part: Part) -> anyhow::Result<(PathBuf, Option<String>)> {
+/// missing, for people. `costs` finds what disturbed ticks cost, of the whole.
+pub fn write(
+    run: &Path,
+    part: Part,
+    costs: impl FnOnce(&Recorded) -> Costs,
+) -> anyhow::Result<(PathBuf, Option<String>)> {
     let mut figures = None;
     let first = |scenario: &Scenario| *part.ticks(scenario.sample_s()).start();
     let each = |scenario: &Scenario, record: &Record| {
@@ -93,7 +98,7 @@ pub fn write(run: &Path, part: Part) -> anyhow::Result<(PathBuf, Option<String>)
     }
     let Recorded { scenario, summary, run, path, .. } = &recorded;
     let (name, of_all) = if part == Part::ALL {
-        let costs = costs::section(&recorded);
+        let costs = costs::section(&costs(&recorded));
         ("report.html".into(), Some(OfAll { timing: summary.timing.as_ref(), costs }))
     } else {
         let to_s = part.to_s.min(summary.time_s());

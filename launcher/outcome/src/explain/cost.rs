@@ -7,9 +7,9 @@ use flight::replay::{Disturbed, Plan, Recording, Script, replay_script};
 use guidance::Trajectory;
 use serde::Serialize;
 
-use outcome::metrics::Metrics;
-use outcome::summary::Summary;
-use outcome::ticks::{length_m, position_error_m};
+use crate::metrics::Metrics;
+use crate::summary::Summary;
+use crate::ticks::{length_m, position_error_m};
 
 /// How much of a flight is drawn around a tick \[s\].
 const BEFORE_S: f64 = 0.5;
@@ -17,7 +17,7 @@ const AFTER_S: f64 = 4.5;
 
 /// What a flight came to, as far as costs are told of.
 #[derive(Debug, Clone, Default)]
-pub struct Outcome {
+pub struct FlightCost {
     pub metrics: Metrics,
     /// Largest angle between the body's z axis and the vertical \[deg\].
     pub worst_tilt_deg: f64,
@@ -52,7 +52,7 @@ pub struct Cost {
     pub without_m: Vec<(f64, f64)>,
 }
 
-impl Outcome {
+impl FlightCost {
     /// The position error around an instant: time \[s\], error \[m\].
     pub fn error_around(&self, at_s: f64, sample_s: f64) -> Vec<(f64, f64)> {
         let timed = (self.first..).zip(&self.error_m).map(|(tick, error_m)| (tick as f64 * sample_s, *error_m));
@@ -114,7 +114,7 @@ impl Outcome {
 
 impl Cost {
     /// Of the disturbed `ticks`, in a flight and in one without them.
-    pub fn new(ticks: &[Disturbed], sample_s: f64, flight: &Outcome, without: &Outcome) -> Self {
+    pub fn new(ticks: &[Disturbed], sample_s: f64, flight: &FlightCost, without: &FlightCost) -> Self {
         let (first, last) = (&ticks[0], &ticks[ticks.len() - 1]);
         let at_s = first.tick as f64 * sample_s;
         let cost = |figure: fn(&Metrics) -> f64| figure(&flight.metrics) - figure(&without.metrics);

@@ -1,0 +1,177 @@
+//! `explain`: what each late, lost or missing message of a flight cost.
+//!
+//! Every disturbed tick ([`flight::replay::Disturbed`]) is undone in a flight of its own, every burst of ticks one after another
+//! in one more, and all of them in a last one. The cost is the figure of the flight less that of the flight without, and the
+//! largest distance between the courses of the two. Costs of single ticks do not add up to that of all: the vehicle recovers
+//! from one before the next, or does not.
+//!
+//! | module | holds |
+//! |---|---|
+//! | `work` | how many flights that takes, and how long |
+//! | `cost` | what a flight came to, and the cost: the difference of two |
+
+mod cost;
+mod work;
+
+use std::collections::BTreeSet;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use contract::Topic;
+use contract::scenario::{Mode, Scenario};
+use flight::inprocess;
+use flight::log::Record;
+use flight::replay::{Disturbed, Recording, Script, without};
+
+use crate::recorded::Recorded;
+pub use cost::{Cost, FlightCost};
+pub use work::Work;
+use work::{bursts, processors};
+
+/// What the disturbed ticks of a flight cost.
+#[derive(Debug, Clone)]
+pub struct Explained {
+    pub name: String,
+    pub sample_s: f64,
+    pub flight: FlightCost,
+    /// The flight with every disturbed tick undone.
+    pub without_any: FlightCost,
+    /// Another flight, as far as this one is known: in process, with the controllers of this program, and without any fault
+    /// and swap of the scenario, those of air, sensors and actuators too. `None` beside a part of a flight.
+    pub undisturbed: Option<FlightCost>,
+    /// Number of disturbed ticks, and of bursts of more than one.
+    pub disturbed: usize,
+    pub bursts_found: usize,
+    /// Single ticks, and bursts of more than one; the costliest first. Empty where that was too much work.
+    pub ticks: Vec<Cost>,
+    pub bursts: Vec<Cost>,
+}
+
+/// What is known of the costs of a flight for its report, which may take a second or two to find them.
+#[derive(Debug)]
+pub enum Costs {
+    /// No tick was disturbed.
+    None,
+    Known(Box<Explained>),
+    /// So many ticks were disturbed: more than a report looks into.
+    TooMany(usize),
+    /// The flight is too long for that.
+    TooLong,
+    /// The flight cannot be flown again.
+    Unknown(anyhow::Error),
+}
+
+/// With more disturbed ticks a flight is not flown again for each.
+const MOST_TICKS: usize = 50;
+/// Samples flown again for all of them, at most: ten flights of a minute at 100 Hz, which take a second or two.
+const MOST_SAMPLES: usize = 6_001 * 10;
+/// Messages of a log that is flown again, at most: its script is held in memory, with about 1 kB a tick.
+const MOST_MESSAGES: u64 = 80_000;
+
+/// Finds the costs of a recorded flight if that is little work.
+pub fn costs(recorded: &Recorded) -> Costs {
+    if recorded.messages.iter().sum::<u64>() > MOST_MESSAGES {
+        return Costs::TooLong;
+    }
+    let find = || {
+        let recording = recorded.recording()?;
+        let script = recording.script(0, u64::MAX)?;
+        let ticks = flight::replay::disturbed(&recording, &script).len();
+        let plant = script.process(Topic::State, 1).map(|plant| &script.processes[plant]);
+        let samples = ticks * plant.map_or(0, |plant| plant.cycles.len());
+        if ticks == 0 {
+            return Ok(Costs::None);
+        }
+        if ticks > MOST_TICKS || samples > MOST_SAMPLES {
+            return Ok(Costs::TooMany(ticks));
+        }
+        let work = Work::of(&recording, &script, None)?;
+        Ok(Costs::Known(Box::new(explain(&recording, &script, &work, true, |_, _| {})?)))
+    };
+    find().unwrap_or_else(Costs::Unknown)
+}
+
+/// Flies `recording` again without its disturbed ticks: with `each` without every one of them too, else only without all.
+/// `progress` is told how many flights are done, and of how many.
+///
+/// # Errors
+/// A flight cannot be flown to its end.
+pub fn explain(
+    recording: &Recording,
+    script: &Script,
+    work: &Work,
+    each: bool,
+    progress: impl Fn(usize, usize) + Sync,
+) -> anyhow::Result<Explained> {
+    let scenario = &recording.scenario;
+    let Work { disturbed, last_tick, .. } = work;
+    let flight = FlightCost::flown(recording, script.clone())?;
+    let bursts: Vec<&[Disturbed]> = bursts(disturbed).collect();
+    let all: BTreeSet<u64> = disturbed.iter().map(|one| one.tick).collect();
+    let wanted: Vec<&[Disturbed]> =
+        if each { disturbed.chunks(1).chain(bursts.iter().copied()).collect() } else { vec![] };
+    let costs = in_parallel(&wanted, progress, |ticks| {
+        let ticks_undone = ticks.iter().map(|one| one.tick).collect();
+        let without = FlightCost::flown(recording, without(recording, script, &ticks_undone))?;
+        Ok(Cost::new(ticks, scenario.sample_s(), &flight, &without))
+    })?;
+    let (mut ticks, mut burst_costs): (Vec<Cost>, Vec<Cost>) =
+        costs.into_iter().partition(|cost| cost.ticks.0 == cost.ticks.1);
+    for costs in [&mut ticks, &mut burst_costs] {
+        costs.sort_by(|a, b| b.error_integral_ms.total_cmp(&a.error_integral_ms));
+    }
+    let mut alone = Scenario { fault: vec![], swap: vec![], ..scenario.clone() };
+    alone.run.mode = Mode::Inprocess;
+    let fly = |each: &mut dyn FnMut(&Record)| {
+        inprocess::fly(&alone, |record| {
+            let is_known = record.stamp().tick <= *last_tick;
+            if is_known {
+                each(record);
+            }
+            is_known
+        });
+        Ok(())
+    };
+    // It is the same all along, and no part of it can be set beside a part of this one.
+    let undisturbed = (script.begun_at() == 0).then(|| FlightCost::of(&alone, 0, fly)).transpose()?;
+    let without_any = FlightCost::flown(recording, without(recording, script, &all))?;
+    Ok(Explained {
+        name: scenario.name.clone(),
+        sample_s: scenario.sample_s(),
+        flight,
+        without_any,
+        undisturbed,
+        disturbed: disturbed.len(),
+        bursts_found: bursts.len(),
+        ticks,
+        bursts: burst_costs,
+    })
+}
+
+/// What `work` makes of each item, on all processors, in the order of the items.
+fn in_parallel<T: Sync, R: Send>(
+    items: &[T],
+    progress: impl Fn(usize, usize) + Sync,
+    work: impl Fn(&T) -> anyhow::Result<R> + Sync,
+) -> anyhow::Result<Vec<R>> {
+    let next = AtomicUsize::new(0);
+    let worker = || {
+        let mut done = vec![];
+        loop {
+            let i = next.fetch_add(1, Ordering::Relaxed);
+            let Some(item) = items.get(i) else { return Ok::<_, anyhow::Error>(done) };
+            done.push((i, work(item)?));
+            progress(i + 1, items.len());
+        }
+    };
+    let threads = processors().min(items.len().max(1));
+    let results = std::thread::scope(|scope| {
+        let started: Vec<_> = (0..threads).map(|_| scope.spawn(worker)).collect();
+        let join = |thread: std::thread::ScopedJoinHandle<'_, _>| {
+            thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+        };
+        started.into_iter().map(join).collect::<anyhow::Result<Vec<_>>>()
+    })?;
+    let mut all: Vec<(usize, R)> = results.into_iter().flatten().collect();
+    all.sort_by_key(|(i, _)| *i);
+    Ok(all.into_iter().map(|(_, result)| result).collect())
+}
