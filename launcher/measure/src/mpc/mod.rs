@@ -124,7 +124,7 @@ fn text(results: &MpcResults) -> String {
         &format!(
             "A step of the controller [us], median of {rounds} rounds, steps back to back; longest: of all rounds"
         ),
-        &["flight", "solver", "path", "n", "p50", "p90", "p99", "p99.9", "max", "longest", "iter", "max", "alloc"],
+        &["flight", "solver", "path", "n", "p50", "p90", "p99", "p99.9", "max", "longest", "iter", "max"],
         results.rows.iter().map(step_row).collect(),
     );
     let rivals = Table::new(
@@ -145,7 +145,7 @@ fn step_row(row: &StepTimes) -> Vec<String> {
     let mut cells = vec![row.sequence.clone(), row.solver.to_owned(), name(row.path), d.n.to_string()];
     cells.extend([d.p50_us, d.p90_us, d.p99_us, d.p999_us, d.max_us].map(|us| format!("{us:.2}")));
     cells.extend([row.longest_us, row.iterations_mean].map(|value| format!("{value:.1}")));
-    cells.extend([row.iterations_max.to_string(), cell(row.allocations_max.map(|n| n as f64), 0)]);
+    cells.push(row.iterations_max.to_string());
     cells
 }
 
@@ -181,8 +181,6 @@ fn targets(results: &MpcResults) -> Vec<Target> {
         longest(clarabel, results.longest_stall_us),
         Target::at_most("active-set, p50", active_set_p50_us, 2.0, "us").noting(solves("active-set")),
         Target::at_most("active-set, p99", p99(active_set), 25.0, "us"),
-        allocations("explicit path, allocations per step", explicit()),
-        allocations("active-set, allocations per step", row("active-set", Path::All).into_iter()),
     ];
     for solver in ["clarabel", "active-set"] {
         let row = row(solver, Path::All);
@@ -204,13 +202,6 @@ fn longest(row: Option<&StepTimes>, longest_stall_us: f64) -> Target {
         "median {median_us:.0} us; the machine took up to {longest_stall_us:.0} us from a loop that does nothing"
     );
     if median_us <= LONGEST_US && median_us + longest_stall_us > LONGEST_US { target.in_doubt(why) } else { target }
-}
-
-fn allocations<'a>(figure: &str, rows: impl Iterator<Item = &'a StepTimes>) -> Target {
-    let counts: Option<Vec<u64>> = rows.map(|row| row.allocations_max).collect();
-    let most = counts.and_then(|counts| counts.into_iter().max());
-    let target = Target::at_most(figure, most.map(|most| most as f64), 0.0, "");
-    if most.is_none() { target.noting("not counted in this program") } else { target }
 }
 
 /// Our solver against DAQP, both warm, over all problems.

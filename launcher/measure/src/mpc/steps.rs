@@ -20,7 +20,6 @@ use outcome::percentiles::{Percentiles, median_ns};
 use runtime::realtime::now_ns;
 use runtime::timed;
 use serde::Serialize;
-use stats_alloc::{INSTRUMENTED_SYSTEM, Region};
 
 use super::problems::Sequence;
 
@@ -45,8 +44,6 @@ pub struct Step {
     /// As in the message, see [`SolveStatus`].
     pub status: u64,
     pub iterations: u64,
-    /// `None` where the program's allocator does not count.
-    pub allocations: Option<u64>,
     /// One time for each round \[ns\].
     pub rounds_ns: Vec<u64>,
 }
@@ -78,8 +75,6 @@ pub struct StepTimes {
     pub longest_median_us: f64,
     pub iterations_mean: f64,
     pub iterations_max: u64,
-    /// `None` where the program's allocator does not count.
-    pub allocations_max: Option<u64>,
     /// Steps that ended in anything but the explicit plan or the optimum.
     pub unsolved: usize,
 }
@@ -125,38 +120,14 @@ pub fn sample(sequences: &[Sequence], rounds: u32) -> (Vec<StepSeries>, u64) {
     (series, longest_stall_ns)
 }
 
-/// A first pass, untimed: status, iterations and allocations of each step. It is made twice, and of the allocations the smaller
-/// count is a step's own: the allocator counts for all threads, and that of the signals may start late.
+/// Makes a first pass, untimed: status and iterations of each step.
 fn untimed(sequence: &Sequence, solver: Solver, name: &'static str) -> StepSeries {
-    let (mut first, second) = (untimed_once(sequence, solver, name), untimed_once(sequence, solver, name));
-    for (step, again) in first.steps.iter_mut().zip(second.steps) {
-        step.allocations = step.allocations.min(again.allocations);
-    }
-    first
-}
-
-fn untimed_once(sequence: &Sequence, solver: Solver, name: &'static str) -> StepSeries {
     let mut mpc = AttitudeMpc::new(&sequence.scenario_for(solver));
-    let counts = allocations_of(|| black_box(Box::new(0_u8))).1 > 0;
     let step = |(state, reference): &(State, Reference)| {
-        let (controls, allocations) = allocations_of(|| mpc.step(state.stamp.tick, state, reference));
-        Step {
-            tick: reference.stamp.tick,
-            status: controls.status,
-            iterations: controls.iterations,
-            allocations: counts.then_some(allocations),
-            rounds_ns: vec![],
-        }
+        let controls = mpc.step(state.stamp.tick, state, reference);
+        Step { tick: reference.stamp.tick, status: controls.status, iterations: controls.iterations, rounds_ns: vec![] }
     };
     StepSeries { sequence: sequence.name.clone(), solver: name, steps: sequence.samples.iter().map(step).collect() }
-}
-
-/// How often `work`, or another thread meanwhile, asked for memory.
-fn allocations_of<T>(work: impl FnOnce() -> T) -> (T, u64) {
-    let region = Region::new(&INSTRUMENTED_SYSTEM);
-    let result = work();
-    let change = region.change();
-    (result, (change.allocations + change.reallocations) as u64)
 }
 
 /// Reads the clock for `duration_ns` and does nothing else; returns the longest time between two readings \[ns\].
@@ -216,7 +187,6 @@ impl StepTimes {
         let longest = |step: &&&Step| step.rounds_ns.iter().max().copied().unwrap_or(0);
         let slowest = steps.iter().max_by_key(longest)?;
         let expected = [SolveStatus::Explicit as u64, SolveStatus::Solved as u64];
-        let allocations = steps.iter().map(|step| step.allocations).collect::<Option<Vec<u64>>>();
         Some(Self {
             sequence: sequence.to_owned(),
             solver,
@@ -227,7 +197,6 @@ impl StepTimes {
             longest_median_us: slowest.time_ns() as f64 / 1e3,
             iterations_mean: steps.iter().map(|step| step.iterations).sum::<u64>() as f64 / steps.len() as f64,
             iterations_max: steps.iter().map(|step| step.iterations).max()?,
-            allocations_max: allocations.and_then(|counts| counts.into_iter().max()),
             unsolved: steps.iter().filter(|step| !expected.contains(&step.status)).count(),
         })
     }
@@ -238,8 +207,7 @@ mod tests {
     use super::*;
 
     fn step(status: SolveStatus, iterations: u64, rounds_ns: [u64; 3]) -> Step {
-        let (status, allocations) = (status as u64, Some(iterations));
-        Step { tick: 0, status, iterations, allocations, rounds_ns: rounds_ns.to_vec() }
+        Step { tick: 0, status: status as u64, iterations, rounds_ns: rounds_ns.to_vec() }
     }
 
     #[test]
@@ -257,7 +225,7 @@ mod tests {
         assert_eq!((explicit.longest_us, explicit.longest_median_us), (9.0, 1.1));
         let solver = of("upset", Path::Solver);
         assert_eq!((solver.step.n, solver.iterations_mean, solver.iterations_max), (2, 3.0, 4));
-        assert_eq!((solver.allocations_max, solver.unsolved), (Some(4), 1));
+        assert_eq!(solver.unsolved, 1);
         assert_eq!(of(ALL, Path::All).step.n, 3);
         assert!(rows.iter().all(|r| r.solver == "clarabel"), "no row of a solver that was not measured");
     }
