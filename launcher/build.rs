@@ -4,7 +4,7 @@
 
 use std::{path::Path, process::Command};
 
-/// What the launcher is built from, seen from the top of the repository.
+/// Sources that the launcher is built from, seen from the top of the repository.
 const SOURCES: [&str; 11] = [
     "Cargo.toml",
     "Cargo.lock",

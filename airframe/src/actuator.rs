@@ -11,7 +11,7 @@ use crate::actuation::Actuation;
 use crate::parameters::Parameters;
 use crate::trim::Trim;
 
-/// Amplitude limits (52)-(53). Known to the plant, to the controller and to the mixer alike.
+/// Amplitude limits (52)-(53), the same in the plant, the controller and the mixer.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
     /// Lowest rotor speed (idle) \[rotor speed unit\].
@@ -23,13 +23,13 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// Limits with the highest speed as `max_ratio` times Table II (52), whatever reaction the plant has.
+    /// Limits whose highest speed is `max_ratio` times the trim speed (52), which is taken without the tilt reaction.
     pub fn new(vehicle: &Parameters, rotor_speed_min: f64, max_ratio: f64, tilt_max_rad: f64) -> Self {
         let trim = Trim::solve(vehicle, false).actuation.rotor_speed;
         Self { rotor_speed_min, rotor_speed_max: trim.map(|omega| max_ratio * omega), tilt_max_rad }
     }
 
-    /// Nearest position inside the limits; a NaN becomes the lower limit (for the tilt: zero).
+    /// Returns the nearest position inside the limits; a NaN becomes the lower limit, a NaN tilt zero.
     pub fn clip(&self, command: &Actuation) -> Actuation {
         let mut rotor_speed = command.rotor_speed;
         for (omega, max) in rotor_speed.iter_mut().zip(self.rotor_speed_max) {
@@ -40,14 +40,14 @@ impl Limits {
     }
 }
 
-/// The lag law of all four actuators.
+/// First-order lag of all four actuators.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ActuatorLaw {
     /// Amplitude limits, applied to the command.
     pub limits: Limits,
-    /// Time constant of the rotors \[s\]; 0 = no lag, which only [`advance`](Self::advance) can follow.
+    /// Time constant of the rotors \[s\]; 0 is no lag, which [`advance`](Self::advance) accepts and `rate` does not.
     pub rotor_lag_s: f64,
-    /// Time constant of the tilt servo \[s\]; 0 likewise.
+    /// Time constant of the tilt servo \[s\]; 0 as for the rotors.
     pub servo_lag_s: f64,
     /// Rate limit of the rotors \[rotor speed unit / s\].
     pub rotor_rate_limit: f64,
@@ -68,7 +68,7 @@ impl ActuatorLaw {
         Actuation { rotor_speed, tilt_rad }
     }
 
-    /// Position after holding `command` for `dt_s`, in closed form: a constant-rate stretch, then the exponential.
+    /// Position after `command` was held for `dt_s`, in closed form: first at the rate limit, then exponential.
     pub fn advance(&self, position: &Actuation, command: &Actuation, dt_s: f64) -> Actuation {
         let command = self.limits.clip(command);
         let mut rotor_speed = [0.0; 3];
@@ -84,7 +84,7 @@ impl ActuatorLaw {
 /// Rate-limited first-order response from `s` towards `to` after `dt_s`.
 fn first_order(s: f64, to: f64, tau_s: f64, rate: f64, dt_s: f64) -> f64 {
     let gap = to - s;
-    // While the gap exceeds rate * tau the limit binds and the actuator moves in a straight line.
+    // While the gap exceeds rate * tau the rate limit is active, and the position changes at that rate.
     let straight_s = ((gap.abs() - rate * tau_s) / rate).clamp(0.0, dt_s);
     let left = gap - gap.signum() * rate * straight_s;
     if tau_s > 0.0 { to - left * libm::exp(-(dt_s - straight_s) / tau_s) } else { to - left }

@@ -1,4 +1,4 @@
-//! The linear model of attitude and vertical velocity at any point of flight, where [`linear`](crate::linear) has that of hover.
+//! Linear model of attitude and vertical velocity at any flight condition; [`linear`](crate::linear) has that of hover.
 //!
 //! ```text
 //! dx/dt = A x + B (u + o)
@@ -9,13 +9,13 @@
 //! p'     = ((Iyy - Izz) q r + lat) / Ixx, and so on                                   (12)-(14)
 //! ```
 //!
-//! State and inputs stay deviations from hover, so that models of different points can follow each other; `o` is what the
-//! equations of motion have at the point beside `A x + B u`. The velocities u and v, and phi and theta in (8), change slowly and are
-//! parameters: these terms are exact at the point and leave nothing to `o`. Gravity and the products of rates are
-//! differentiated.
+//! State and inputs are deviations from hover at every point, so that models of different points can follow each other.
+//! The offset `o` is the part of the equations of motion at the point that `A x + B u` does not contain. The velocities
+//! u and v, and phi and theta in (8), change slowly and are parameters: their terms are exact at the point and add
+//! nothing to `o`. Gravity and the products of rates are linearised.
 //!
-//! At speed w changes when the vehicle pitches, although its velocity over ground does not. `lean` says by how much a change of
-//! attitude alone changes w: `dw = -(v dphi - u cos phi dtheta)`. It is what `q u - p v` in (11) adds up to.
+//! At speed w changes when the vehicle pitches, although its velocity over ground does not. `lean` has the coefficients
+//! of that change: `dw = -(v dphi - u cos phi dtheta)`. It is the integral of `q u - p v` in (11).
 
 use nalgebra::{DMatrix, SMatrix, Vector4};
 
@@ -24,34 +24,34 @@ use crate::level_flight::{Drag, LevelFlight};
 use crate::linear::{Continuous, INPUTS, STATES};
 use crate::{Parameters, Trim};
 
-/// Largest roll and pitch of a point \[rad\]: beyond, (8) grows singular.
+/// Largest roll and pitch of a point \[rad\]: beyond them (8) becomes singular.
 const MAX_ANGLE_RAD: f64 = 1.2;
 /// Largest velocity along an axis of a point \[m/s\].
 const MAX_VELOCITY_MPS: f64 = 50.0;
-/// Largest rate of a point \[rad/s\], that of (51).
+/// Largest rate of a point \[rad/s\], from (51).
 const MAX_RATE_RADPS: f64 = std::f64::consts::TAU;
 
-/// Where the equations of motion are linearised.
+/// Point at which the equations of motion are linearised.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FlightPoint {
-    /// u, v, w \[m/s\].
+    /// Body velocity u, v, w \[m/s\].
     pub velocity_mps: [f64; 3],
-    /// phi \[rad\].
+    /// Roll phi \[rad\].
     pub roll_rad: f64,
-    /// theta \[rad\].
+    /// Pitch theta \[rad\].
     pub pitch_rad: f64,
-    /// p, q, r \[rad/s\].
+    /// Body rates p, q, r \[rad/s\].
     pub rates_radps: [f64; 3],
 }
 
-/// The linear model about a point.
+/// Linear model about a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AtSpeed {
-    /// `A` and `B`.
+    /// Matrices `A` and `B`.
     pub continuous: Continuous,
-    /// `o` \[N, N m, N m, N m\].
+    /// Offset `o` on the inputs \[N, N m, N m, N m\].
     pub offset: Vector4<f64>,
-    /// By phi and by theta \[m/s per rad\].
+    /// Negative derivative of w by phi and by theta at constant velocity over ground \[m/s per rad\].
     pub lean: [f64; 2],
 }
 
@@ -63,7 +63,7 @@ impl From<&LevelFlight> for FlightPoint {
 }
 
 impl AtSpeed {
-    /// Linearises at `point`, or the nearest one at which a linear model says anything. `trim` is the hover.
+    /// Linearises at `point`, clamped to the `MAX_` constants. `trim` is the hover.
     pub fn new(vehicle: &Parameters, trim: &Trim, drag: &Drag, point: &FlightPoint) -> Self {
         let Parameters { g_mps2: g, mass_kg: m, ixx_kgm2: ixx, iyy_kgm2: iyy, izz_kgm2: izz, .. } = *vehicle;
         let [u, v, w] = point.velocity_mps.map(|x| x.clamp(-MAX_VELOCITY_MPS, MAX_VELOCITY_MPS));
@@ -101,8 +101,8 @@ impl AtSpeed {
         Self { continuous, offset, lean: [v, -u * cos_phi] }
     }
 
-    /// Writes `Ad`, `Bd` of one sample with zero-order hold, and `Ed`, which is `Bd` without the lag `lag_s`. n rows with n = 7, or
-    /// 11 where there is a lag. Allocates nothing.
+    /// Writes `Ad` and `Bd` of one sample with zero-order hold, and `Ed`, which is `Bd` without the lag `lag_s`. All
+    /// have n rows, n = 7, or 11 with a lag. Allocates nothing.
     pub fn discretise_into(&self, lag_s: f64, sample_s: f64, [ad, bd, ed]: [&mut DMatrix<f64>; 3]) {
         const JOINT: usize = STATES + INPUTS;
         const LAGGED: usize = JOINT + INPUTS;
@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn at_hover_it_is_the_model_of_hover() {
+    fn at_hover_the_model_equals_the_hover_model() {
         let vehicle = Parameters::default();
         let trim = Trim::solve(&vehicle, false);
         let point =
@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn lean_is_the_w_of_a_constant_velocity() {
+    fn lean_is_the_change_of_w_at_constant_ground_velocity() {
         let velocity_mps = [14.0, -6.0, -3.0];
         let (phi, theta, d) = (0.2, -0.4, 1e-6);
         let ned = Rotation3::from_euler_angles(phi, theta, 0.0) * Vector3::from(velocity_mps);

@@ -1,15 +1,15 @@
-//! A convex set of demands, as slacks that must not become negative: what the controller's moves and the mixer's
-//! command obey.
+//! Convex set of demands, as slacks that must not become negative. The controller's moves and the mixer's command obey
+//! it.
 //!
-//! Every limit of the [envelope](crate::envelope) is a row `s = offset + slope . u` with `s >= 0`, but for the highest
-//! speed of rotor 1: that is a disc, two rows with `|(s1, s2)| <= 1`. Slacks are in shares of `Omega1max^2`, those
-//! of a box in shares of its width.
+//! Every limit of the [envelope](crate::envelope) is a row `s = offset + slope . u` with `s >= 0`, except the highest
+//! speed of rotor 1: that is a disc, two rows with `|(s1, s2)| <= 1`. Slacks are in shares of `Omega1max^2`, except
+//! those of a box, which are in shares of its width.
 
 use nalgebra::Vector4;
 
 use crate::envelope::Envelope;
 
-/// A slack that is affine in the demand `u` \[N, N m, N m, N m\], a deviation from trim.
+/// Slack that is affine in the demand `u` \[N, N m, N m, N m\], a deviation from trim.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Slack {
     /// Slack at hover.
@@ -18,21 +18,21 @@ pub struct Slack {
     pub slope: Vector4<f64>,
 }
 
-/// What a demand may be.
+/// Set of admissible demands.
 #[derive(Debug, Clone)]
 pub struct DemandSet {
     /// Rows with `s >= 0`.
     pub linear: Vec<Slack>,
     /// Rows with `|(s1, s2)| <= 1`.
     pub disc: Option<[Slack; 2]>,
-    /// Least of each input that any demand of the set has \[N, N m, N m, N m\].
+    /// Smallest value of each input over the set \[N, N m, N m, N m\].
     pub lower: Vector4<f64>,
-    /// Most of each input that any demand of the set has \[N, N m, N m, N m\].
+    /// Largest value of each input over the set \[N, N m, N m, N m\].
     pub upper: Vector4<f64>,
 }
 
 impl DemandSet {
-    /// The exact set of the actuators.
+    /// Builds the exact set of the actuators.
     pub fn exact(envelope: &Envelope) -> Self {
         let [max1, max2, max3] = envelope.limits.rotor_speed_max.map(|omega| omega * omega);
         let idle = envelope.limits.rotor_speed_min * envelope.limits.rotor_speed_min;
@@ -60,7 +60,7 @@ impl DemandSet {
         Self { linear, disc, lower, upper }
     }
 
-    /// The smallest box around the exact set.
+    /// Builds the smallest box around the exact set.
     pub fn bounding_box(envelope: &Envelope) -> Self {
         let (lower, upper) = envelope.bounding_box();
         let mut linear = Vec::with_capacity(8);
@@ -72,7 +72,7 @@ impl DemandSet {
         Self { linear, disc: None, lower, upper }
     }
 
-    /// Visits every slack of `u`: of the rows, then of the disc. One that is no number counts as minus infinity.
+    /// Visits every slack of `u`, first of the rows, then of the disc. A NaN slack is visited as minus infinity.
     pub fn slacks(&self, u: &Vector4<f64>, mut visit: impl FnMut(f64)) {
         let mut tell = |slack: f64| visit(if slack.is_nan() { f64::NEG_INFINITY } else { slack });
         for row in &self.linear {
@@ -84,15 +84,15 @@ impl DemandSet {
         }
     }
 
-    /// By how much `u` leaves the set; 0 or less is inside.
+    /// Largest amount by which `u` violates a limit; at most 0 if `u` is inside the set.
     pub fn violation(&self, u: &Vector4<f64>) -> f64 {
         let mut worst = f64::NEG_INFINITY;
         self.slacks(u, |slack| worst = worst.max(-slack));
         worst
     }
 
-    /// How far one can go from `inside` towards `u`, as a share of the way, 0 to 1, without leaving the set by more
-    /// than rounding. 0 when `inside` is not inside or `u` is no number.
+    /// Largest share, 0 to 1, of the way from `inside` to `u` that stays in the set up to rounding; 0 if `u` has a NaN.
+    /// `inside` must be a demand of the set.
     pub fn reach(&self, inside: &Vector4<f64>, u: &Vector4<f64>) -> f64 {
         let mut share = 1.0_f64;
         let mut limit = |to: f64| share = if to.is_nan() { 0.0 } else { share.min(to) };
@@ -117,7 +117,7 @@ impl DemandSet {
 }
 
 impl Slack {
-    /// The slack of a demand.
+    /// Slack of the demand `u`.
     pub fn at(&self, u: &Vector4<f64>) -> f64 {
         self.offset + self.slope.dot(u)
     }
@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn a_demand_that_is_no_number_is_outside_and_out_of_reach() {
+    fn a_nan_or_infinite_demand_is_outside_and_out_of_reach() {
         let envelope = envelope(200.0);
         for set in [DemandSet::exact(&envelope), DemandSet::bounding_box(&envelope)] {
             for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, f64::MAX] {

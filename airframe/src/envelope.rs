@@ -1,6 +1,6 @@
-//! The exact actuator set: what the limits of rotors and servo allow of the conventional inputs.
+//! Exact actuator set: the conventional inputs that the limits of rotors and servo allow.
 //!
-//! The paper leaves this open, for want of a one-to-one relation between actuator limits and conventional inputs.
+//! The paper leaves this open, because it finds no one-to-one relation between actuator limits and conventional inputs.
 //! There is one: `u_delta = M u` is linear and invertible, and in `u = (Omega1^2 sin mu, Omega1^2 cos mu, Omega2^2,
 //! Omega3^2)` the limits are convex:
 //!
@@ -15,19 +15,19 @@ use nalgebra::{Vector2, Vector4};
 
 use crate::{Limits, MixingMatrix, Parameters, Trim};
 
-/// The exact set, and the map that carries it from the intermediate to the conventional inputs.
+/// Exact set, and the map from intermediate to conventional inputs.
 #[derive(Debug, Clone, Copy)]
 pub struct Envelope {
-    /// The map between demands and squared rotor speeds.
+    /// Map between demands and squared rotor speeds.
     pub mixing: MixingMatrix,
     /// Tilt at which the idle cut touches rotor 1's circle \[rad\].
     pub cut_tilt_rad: f64,
-    /// Amplitude limits the set is made of.
+    /// Amplitude limits that define the set.
     pub limits: Limits,
 }
 
 impl Envelope {
-    /// The set of `limits` around the hover of `vehicle`.
+    /// Builds the set of `limits` around the hover of `vehicle`.
     pub fn new(vehicle: &Parameters, tilt_reaction: bool, limits: Limits) -> Self {
         Self {
             mixing: MixingMatrix::new(vehicle, tilt_reaction),
@@ -36,7 +36,7 @@ impl Envelope {
         }
     }
 
-    /// By how much an intermediate input `u` leaves the set, as a share of `Omega1max^2`; 0 or less is inside.
+    /// Largest violation of a limit by the intermediate input `u`, as a share of `Omega1max^2`; at most 0 if inside.
     pub fn violation(&self, u: &Vector4<f64>) -> f64 {
         let [max1, max2, max3] = self.limits.rotor_speed_max.map(|omega| omega * omega);
         let idle = self.limits.rotor_speed_min * self.limits.rotor_speed_min;
@@ -51,12 +51,12 @@ impl Envelope {
         worst / max1
     }
 
-    /// The same for a deviation of the conventional inputs from trim \[N, N m, N m, N m\].
+    /// [`violation`](Self::violation) of a deviation of the conventional inputs from trim \[N, N m, N m, N m\].
     pub fn demand_violation(&self, demand: &Vector4<f64>) -> f64 {
         self.violation(&(self.mixing.trim + self.mixing.inverse * demand))
     }
 
-    /// The smallest box around the set, as deviations from trim: (lower, upper) \[N, N m, N m, N m\].
+    /// Computes the smallest box around the set, as deviations from trim: (lower, upper) \[N, N m, N m, N m\].
     pub fn bounding_box(&self) -> (Vector4<f64>, Vector4<f64>) {
         let trim = self.mixing.forward * self.mixing.trim;
         let extreme = |row: usize, sign: f64| {
@@ -76,9 +76,9 @@ impl Envelope {
         c * omega * omega
     }
 
-    /// Largest `c . (u1, u2)` over rotor 1's part of the set: a sector of a disc, cut by the idle line.
+    /// Largest `c . (u1, u2)` over rotor 1's part of the set, a sector of a disc cut by the idle line.
     ///
-    /// In polar form (radius, tilt) the extreme lies on the arc towards `c`, at an end of the arc, at the apex, or
+    /// In polar form (radius, tilt) the maximum lies on the arc towards `c`, at an end of the arc, at the apex, or
     /// where the idle cut crosses an edge of the wedge.
     fn support_front(&self, c: Vector2<f64>) -> f64 {
         let radius = self.limits.rotor_speed_max[0] * self.limits.rotor_speed_max[0];

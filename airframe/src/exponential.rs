@@ -1,17 +1,17 @@
-//! The exponential of a matrix, by its series on a matrix halved until it is small, squared as often:
+//! Exponential of a matrix by scaling and squaring, from the series of the matrix halved until it is small:
 //!
 //! ```text
 //! e^A = (e^(A / 2^s))^(2^s),      e^X = I + X (I + X/2 (I + X/3 (...)))      for |X| <= 1/2 in the 1-norm
 //! ```
 //!
-//! nalgebra has one too, but only with matrix kernels that each processor chooses for itself, and whose last bits differ.
+//! nalgebra's exponential comes with matrix kernels that each processor chooses, and whose last bits differ.
 
 use nalgebra::SMatrix;
 
 /// Terms of the series: the first one left out is below `2^-55` of the sum.
 const TERMS: u32 = 14;
 
-/// `e^a`. What is not finite gives NaN. Allocates nothing.
+/// Computes `e^a`; the result is not finite if an element of `a` is not, or if it overflows. Allocates nothing.
 pub fn exponential<const N: usize>(a: &SMatrix<f64, N, N>) -> SMatrix<f64, N, N> {
     let norm = a.column_iter().map(|column| column.abs().sum()).fold(0.0, f64::max);
     let halvings = libm::frexp(2.0 * norm).1.max(0);
@@ -28,7 +28,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn of_a_diagonal_matrix_it_is_that_of_each_element() {
+    fn the_exponential_of_a_diagonal_matrix_is_elementwise() {
         for scale in [0.0, 1e-3, 0.5, 0.51, 3.0, 300.0] {
             let diagonal = nalgebra::Vector3::new(-scale, 0.3 * scale, -0.01);
             let expected = diagonal.map(f64::exp);
@@ -39,7 +39,7 @@ mod tests {
     }
 
     #[test]
-    fn of_a_turn_it_is_the_rotation_and_of_a_shear_two_terms() {
+    fn a_skew_matrix_gives_a_rotation_and_a_nilpotent_one_two_terms() {
         for angle in [0.1_f64, 2.0, 20.0] {
             let (sin, cos) = angle.sin_cos();
             let turn = exponential(&Matrix2::new(0.0, -angle, angle, 0.0));
@@ -49,7 +49,7 @@ mod tests {
     }
 
     #[test]
-    fn it_ends_whatever_the_matrix() {
+    fn elements_that_are_huge_or_not_finite_give_no_finite_matrix() {
         for element in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, f64::MAX] {
             assert!(!exponential(&Matrix2::repeat(element)).iter().all(|x| x.is_finite()));
         }

@@ -1,7 +1,7 @@
-//! Trimmed level flight at speed: attitude and actuators at which nothing accelerates.
+//! Trimmed level flight at speed: attitude and actuators without linear or angular acceleration.
 //!
-//! Without rotation the moments vanish when the intermediate input is a multiple of that of hover, `u = s u_trim`. What is left
-//! is the balance of forces (9)-(11) in body axes, with drag:
+//! Without rotation the moments vanish if the intermediate input is a multiple of that of hover, `u = s u_trim`. The
+//! balance of forces (9)-(11) in body axes remains, with drag:
 //!
 //! ```text
 //! 0 =          - m g sin theta           + D_x
@@ -10,8 +10,8 @@
 //! D = -(d + c |V|) V                         V in body axes, still air
 //! ```
 //!
-//! Newton's method finds phi, theta and s. Test `level_flight_does_not_accelerate` of the plant holds it against the equations
-//! of motion.
+//! Newton's method finds phi, theta and s. Test `level_flight_does_not_accelerate` of the plant checks the result
+//! against the equations of motion.
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
@@ -19,19 +19,19 @@ use crate::actuation::Actuation;
 use crate::mixing::MixingMatrix;
 use crate::{Parameters, Trim};
 
-/// Steps of Newton's method; four are enough for the vehicles that ship.
+/// Most steps of Newton's method; the shipped vehicles need four.
 const STEPS: usize = 30;
-/// Residual at which it has converged, as a share of the weight.
+/// Residual at which the method has converged, as a share of the weight.
 const TOLERANCE: f64 = 1e-14;
-/// Step of the difference quotients \[rad\], and of the thrust.
+/// Step of the difference quotients: phi and theta \[rad\], and s.
 const DIFFERENCE: f64 = 1e-6;
 
-/// Drag against body velocity relative to the air.
+/// Coefficients of the drag, which acts against the body velocity relative to the air.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Drag {
-    /// Along body x, y, z \[N s/m\].
+    /// Linear coefficients along body x, y, z \[N s/m\].
     pub linear_nspm: [f64; 3],
-    /// With the square of the speed \[N s2/m2\].
+    /// Coefficient of the square of the speed \[N s2/m2\].
     pub quadratic_ns2pm2: f64,
 }
 
@@ -42,21 +42,21 @@ impl Drag {
     }
 }
 
-/// Level flight at which nothing accelerates.
+/// Level flight without acceleration.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LevelFlight {
-    /// u, v, w \[m/s\].
+    /// Body velocity u, v, w \[m/s\].
     pub velocity_mps: [f64; 3],
-    /// phi \[rad\].
+    /// Roll phi \[rad\].
     pub roll_rad: f64,
-    /// theta \[rad\].
+    /// Pitch theta \[rad\].
     pub pitch_rad: f64,
-    /// Rotor speeds and tilt that hold it.
+    /// Rotor speeds and tilt that hold the flight.
     pub actuation: Actuation,
 }
 
 impl LevelFlight {
-    /// Solves level flight ahead and to the right \[m/s\] in still air; `None` where no attitude holds it.
+    /// Solves level flight ahead and to the right \[m/s\] in still air; `None` if no attitude is found that holds it.
     pub fn solve(
         vehicle: &Parameters,
         tilt_reaction: bool,
@@ -107,7 +107,7 @@ mod tests {
     const DRAG: Drag = Drag { linear_nspm: [0.2, 0.2, 0.1], quadratic_ns2pm2: 0.02 };
 
     #[test]
-    fn at_rest_it_is_hover() {
+    fn level_flight_at_rest_is_hover() {
         let vehicle = Parameters::default();
         for reaction in [false, true] {
             let hover = Trim::solve(&vehicle, reaction);
@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn faster_is_more_nose_down_and_without_drag_it_is_level() {
+    fn pitch_is_more_nose_down_at_speed_and_level_without_drag() {
         let vehicle = Parameters::default();
         let pitch = |drag: &Drag, v| LevelFlight::solve(&vehicle, false, drag, [v, 0.0]).unwrap().pitch_rad;
         let [slow, fast] = [5.0, 15.0].map(|v| pitch(&DRAG, v));
@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn no_attitude_holds_a_drag_without_bounds() {
+    fn an_extreme_drag_gives_no_solution_or_a_finite_one() {
         let heavy = Drag { linear_nspm: [0.0, 1e6, 0.0], quadratic_ns2pm2: 0.0 };
         let level = LevelFlight::solve(&Parameters::default(), false, &heavy, [10.0, 10.0]);
         assert!(level.is_none_or(|level| level.actuation.rotor_speed.iter().all(|speed| speed.is_finite())));

@@ -1,26 +1,26 @@
-//! The vehicle: physics that plant, controller and mixer all know, stated once.
+//! The vehicle: physics that plant, controller and mixer share.
 //!
 //! | module | holds | paper |
 //! |---|---|---|
-//! | [`angle`] | headings come round | |
+//! | [`angle`] | wrapping of headings | |
 //! | [`parameters`] | mass, inertia, arms, rotor constants | Table I |
 //! | [`trim`] | hover equilibrium in closed form | (23)-(30) |
 //! | [`mixing`] | conventional inputs to squared rotor speeds and back | (33)-(38) |
 //! | [`linear`] | the controller's model and its discretisation | (48) |
 //! | [`exponential`] | the exponential of a matrix | |
 //! | [`level_flight`] | trimmed flight at speed | (9)-(11) |
-//! | [`at_speed`] | the linear model at any point of flight | (8), (11)-(14) |
+//! | [`at_speed`] | the linear model at any flight condition | (8), (11)-(14) |
 //! | [`actuation`] | positions of rotors and servo | |
 //! | [`actuator`] | lag, amplitude and rate limits of rotors and servo | (52)-(53) |
-//! | [`envelope`] | what those limits mean for the conventional inputs | |
-//! | [`demand_set`] | the same as rows, for those who optimise inside it | |
-//! | [`projection`] | a demand outside it, and the nearest one inside | |
+//! | [`envelope`] | the conventional inputs that those limits allow | |
+//! | [`demand_set`] | that set as rows of an optimisation problem | |
+//! | [`projection`] | the nearest demand of that set to one outside | |
 //!
 //! Frames: NED for the world, forward-right-down for the body. SI units and radians, except the rotor speed:
-//! the paper prints "RPM" beside constants that only make sense for another unit, so the unit is called
+//! the paper prints "RPM" beside constants that only make sense in another unit, so the unit is called
 //! *rotor speed unit* here and never converted (see [`parameters`]).
 //!
-//! No process, no message, no file: this crate depends on nothing of the stack.
+//! This crate has no processes, messages or files, and depends on no other crate of the stack except `qp`.
 
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "a test asks the platform for a second opinion"))]
 

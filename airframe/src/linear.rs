@@ -1,13 +1,13 @@
-//! The linear model of attitude and vertical velocity, and its zero-order-hold discretisation.
+//! Linear model of attitude and vertical velocity, and its zero-order-hold discretisation.
 //!
-//! About hover, with `x = (w, phi - phi_trim, theta, psi, p, q, r)` and `u = u_delta - u_delta,trim`:
+//! The model is about hover, with `x = (w, phi - phi_trim, theta, psi, p, q, r)` and `u = u_delta - u_delta,trim`:
 //!
 //! ```text
 //! dx/dt = A x + B u                                               (48)
 //! ```
 //!
-//! With the actuator lag in the model, four more states `z` follow the inputs, `dz/dt = (u - z) / tau`, and drive the
-//! vehicle in their place.
+//! With the actuator lag in the model, four more states `z` follow the inputs, `dz/dt = (u - z) / tau`, and act on the
+//! vehicle in place of the inputs.
 
 use nalgebra::{DMatrix, SMatrix};
 
@@ -56,12 +56,12 @@ impl Continuous {
         Self { a, b } // (48)
     }
 
-    /// Zero-order hold over `sample_s`: both matrices from one exponential of `[[A, B], [0, 0]]`.
+    /// Discretises with zero-order hold over `sample_s`: both matrices come from one exponential of `[[A, B], [0, 0]]`.
     pub fn discretise(&self, sample_s: f64) -> Discrete {
         zero_order_hold::<STATES, { STATES + INPUTS }>(&self.a, &self.b, sample_s)
     }
 
-    /// The same with a first-order lag `lag_s` between the inputs and the vehicle: 11 states.
+    /// Discretises with a first-order lag `lag_s` between the inputs and the vehicle: 11 states.
     pub fn discretise_with_lag(&self, lag_s: f64, sample_s: f64) -> Discrete {
         const LAGGED: usize = STATES + INPUTS;
         let mut a = SMatrix::<f64, LAGGED, LAGGED>::zeros();
@@ -76,7 +76,7 @@ impl Continuous {
     }
 }
 
-/// `J` is `N + INPUTS`.
+/// Discretises a model of `N` states; `J` must be `N + INPUTS`.
 fn zero_order_hold<const N: usize, const J: usize>(
     a: &SMatrix<f64, N, N>,
     b: &SMatrix<f64, N, INPUTS>,

@@ -1,7 +1,7 @@
-//! The mixing matrix: forces and moments as a linear map of squared rotor speeds.
+//! Mixing matrix: forces and moments as a linear map of squared rotor speeds.
 //!
 //! Conventional inputs `u_delta = (col, lon, lat, ped)`: collective force along body z \[N\] and the moments about body
-//! y, x and z \[N m\]. With the intermediate input (37) they are linear, `u_delta = M u` (38):
+//! y, x and z \[N m\]. They are linear in the intermediate input (37), `u_delta = M u` (38):
 //!
 //! ```text
 //! u   = (Omega1^2 sin mu, Omega1^2 cos mu, Omega2^2, Omega3^2)                     (37)
@@ -11,30 +11,30 @@
 //! ped =  l1 K_F u1 - K_M u2 + K_M u3 - K_M u4                                      (36)
 //! ```
 //!
-//! Departure: with the tilt reaction, `lon` gains `K_M u1`, the pitching moment of the tilted rotor's drag torque. It
-//! is linear in `u` too, so the map stays exact and invertible. Test `val_mixing_matrix`.
+//! Departure: with the tilt reaction, `lon` has the additional term `K_M u1`, the pitching moment of the tilted rotor's
+//! drag torque. The term is linear in `u`, so the map stays exact and invertible. Test `val_mixing_matrix`.
 
 use nalgebra::{Matrix4, Vector4};
 
 use crate::actuation::Actuation;
 use crate::{Parameters, Trim};
 
-/// `M` of (38), its inverse, and the trim point both are used around.
+/// Matrix `M` of (38), its inverse, and the trim that deviations are taken from.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MixingMatrix {
-    /// `M`: intermediate input to conventional inputs.
+    /// Matrix `M`, from intermediate input to conventional inputs.
     pub forward: Matrix4<f64>,
-    /// `M^-1`: conventional inputs to intermediate input.
+    /// Matrix `M^-1`, from conventional inputs to intermediate input.
     pub inverse: Matrix4<f64>,
-    /// Intermediate input at trim, `u_trim` (rotor speed unit squared).
+    /// Intermediate input at trim, `u_trim` \[rotor speed unit squared\].
     pub trim: Vector4<f64>,
 }
 
 impl MixingMatrix {
-    /// Builds the map for `vehicle`; `tilt_reaction` makes it exact for a plant that has that moment.
+    /// Builds the map for `vehicle`; `tilt_reaction` adds the moment of that name, for a plant that has it.
     ///
     /// # Panics
-    /// When the parameters make the map singular (a zero arm or constant); scenario validation refuses those.
+    /// If the parameters make the map singular (a zero arm or constant); scenario validation rejects such parameters.
     pub fn new(vehicle: &Parameters, tilt_reaction: bool) -> Self {
         let Parameters { l1_m: l1, l2_m: l2, l3_m: l3, kf, km, .. } = *vehicle;
         let reaction = if tilt_reaction { km } else { 0.0 };
@@ -55,7 +55,7 @@ impl MixingMatrix {
     }
 }
 
-/// The intermediate input of an actuator position.
+/// Intermediate input of an actuator position.
 pub fn intermediate(actuation: &Actuation) -> Vector4<f64> {
     let [o1, o2, o3] = actuation.rotor_speed;
     let (sin_mu, cos_mu) = libm::sincos(actuation.tilt_rad);

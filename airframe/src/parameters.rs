@@ -1,34 +1,34 @@
-//! The numbers of the tricopter: Table I, and a second vehicle.
+//! Parameters of the tricopter of Table I, and of a second vehicle.
 
 use serde::{Deserialize, Serialize};
 
-/// Which vehicle.
+/// Vehicle with a complete set of parameters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Preset {
-    /// Table I of the paper.
+    /// The vehicle of Table I of the paper.
     #[default]
     Paper,
-    /// A tricopter with 10-inch propellers, from parts that can be bought: see [`Parameters::from`].
+    /// A tricopter with 10-inch propellers, of parts that can be bought: see [`Parameters::from`].
     TenInch,
 }
 
-/// Table I of the paper, and the acceleration of gravity it leaves out.
+/// Parameters of Table I of the paper, and the acceleration of gravity, which the table leaves out.
 ///
 /// Table I is physically odd in three places. `K_M / K_F` is 0.146 m, where a ten-inch propeller has 0.0165 m: the
-/// rotor's torque is nine times too large for its thrust, which is why trim tilts rotor 1 by 30 degrees. `Iyy` and `Izz`
-/// are equal, though a flat vehicle has `Izz` near `Ixx + Iyy`. And in rad/s, the hover takes `sum K_M Omega^3` = 2.2 kW
-/// for 1.1 kg. What that does to the results, and the second vehicle beside it: `docs/paper.md`.
+/// rotor's torque is nine times too large for its thrust, so trim tilts rotor 1 by 30 degrees. `Iyy` and `Izz` are
+/// equal, though a flat vehicle has `Izz` near `Ixx + Iyy`. In rad/s, the hover takes `sum K_M Omega^3` = 2.2 kW for
+/// 1.1 kg. `docs/paper.md` describes the effect on the results, and the second vehicle.
 ///
 /// Rotor speeds `Omega` are in the paper's own unit, called *rotor speed unit*: `F = kf Omega^2` gives newtons.
 /// The paper names it RPM, which would make the thrust of a rotor of this size a hundred times too large for its
-/// diameter; rad/s fits. Nothing here converts it.
+/// diameter; rad/s fits. No code converts the unit.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Parameters {
-    /// From which vehicle these numbers start.
+    /// Vehicle whose numbers are used where none are given.
     pub preset: Preset,
-    /// Acceleration of gravity \[m/s2\]. Table II follows for 9.81 (its digits are truncated, not rounded).
+    /// Acceleration of gravity \[m/s2\]. 9.81 gives Table II, whose digits are truncated, not rounded.
     pub g_mps2: f64,
     /// Mass m \[kg\].
     pub mass_kg: f64,
@@ -38,7 +38,7 @@ pub struct Parameters {
     pub iyy_kgm2: f64,
     /// Moment of inertia about the body z axis \[kg m2\].
     pub izz_kgm2: f64,
-    /// Arm from the centre of mass forward to rotor 1, the one that tilts \[m\].
+    /// Arm from the centre of mass forward to rotor 1, which tilts \[m\].
     pub l1_m: f64,
     /// Arm from the centre of mass back to the line of rotors 2 and 3 \[m\].
     pub l2_m: f64,
@@ -57,15 +57,15 @@ impl Default for Parameters {
 }
 
 impl From<Preset> for Parameters {
-    /// The numbers of a preset.
+    /// Returns the parameters of a preset.
     ///
     /// `ten-inch` is a tricopter of equal arms of 0.25 m with APC Slow Flyer 10x4.7 propellers. Rotor speeds are in
     /// rad/s. At hover such a propeller has about `C_T` = 0.11 and `C_P` = 0.045 (Brandt and Selig, *Propeller
-    /// Performance Data at Low Reynolds Numbers*, AIAA 2011-1255; static data of the UIUC database), so that with the
+    /// Performance Data at Low Reynolds Numbers*, AIAA 2011-1255; static data of the UIUC database). With the
     /// diameter D and sea-level air `K_F = C_T rho D^4 / (2 pi)^2` and `K_M = C_P rho D^5 / (2 pi)^3`. Mass and inertia
-    /// are a budget of parts: battery
-    /// 0.35 kg and electronics 0.30 kg at the centre, motors with controllers of 85 g at the ends, a servo of 60 g in front, arms
-    /// of 45 g, legs of 30 g; rods, boxes and points. Test `the_second_vehicle_is_what_its_parts_make`.
+    /// are summed over the parts, as rods, boxes and points: battery 0.35 kg and electronics 0.30 kg at the centre,
+    /// motors with controllers of 85 g at the ends, a servo of 60 g in front, arms of 45 g, legs of 30 g. Test
+    /// `the_second_vehicle_is_what_its_parts_make`.
     fn from(preset: Preset) -> Self {
         match preset {
             Preset::Paper => Self {

@@ -1,43 +1,44 @@
-//! A demand the actuators cannot produce, and the nearest one they can.
+//! Projection of a demand that the actuators cannot produce onto the nearest one that they can.
 //!
 //! ```text
-//! minimise (v - u)' W (v - u)   over the demands v of the set,   u the demand, each input clipped to its attainable range
+//! minimise (v - u)' W (v - u)   over the demands v of the set;   u is the demand, clipped to its attainable range
 //! ```
 //!
-//! The clipping comes before distances are measured: a climb of 400 N is no farther away than the 30 N that the rotors
-//! have, and does not outweigh the moments that keep the vehicle upright. The weights say what is given up first. Those far
-//! apart give the order of small multirotors, roll and pitch before thrust before yaw (PX4's sequential desaturation;
-//! Faessler, Falanga and Scaramuzza, *IEEE Robotics and Automation Letters* 2 (2017)). docs/mpc.md has what each is worth.
+//! The demand is clipped before distances are measured: a climb of 400 N is then no farther away than the 30 N that the
+//! rotors have, and does not outweigh the moments that keep the vehicle upright. The weights decide which axis is given
+//! up first. Weights far apart give the priority of small multirotors, roll and pitch before thrust before yaw (PX4's
+//! sequential desaturation; Faessler, Falanga and Scaramuzza, *IEEE Robotics and Automation Letters* 2 (2017)).
+//! docs/mpc.md compares weights.
 //!
-//! The safety net of the mixer, for a controller that is late, foreign or plans without limits, and of the controller
-//! itself when its solver fails. The paper has no such step, and profile `paper` flies without it.
+//! The mixer projects demands of a controller that is late, foreign or plans without limits; the controller projects if
+//! its solver fails. The paper has no such step, and profile `paper` flies without it.
 //!
-//! The result is slightly inside the border, so that the allocation clips nothing, rounding included.
+//! The result is slightly inside the border, so that the allocation does not clip it, not even by rounding.
 
 use nalgebra::{DMatrix, DVector, Vector4};
 
 use crate::demand_set::{DemandSet, Slack};
 use qp::{ActiveSet, Termination};
 
-/// Default cost of a miss of (col, lon, lat, ped), per N^2 and (N m)^2: a newton metre of pitch or roll costs as much as 32 N
-/// of thrust, one of yaw as much as 10 N.
+/// Default cost of a deviation of (col, lon, lat, ped), per N^2 and (N m)^2: a newton metre of pitch or roll costs as
+/// much as 32 N of thrust, one of yaw as much as 10 N.
 pub const WEIGHTS: [f64; 4] = [0.1, 100.0, 100.0, 10.0];
-/// Iterations granted to the solver; 300 000 random demands took 14 at most.
+/// Most iterations of the solver; 300 000 random demands took 14 at most.
 const MAX_ITERATIONS: u32 = 100;
-/// A demand this near to the border (in shares of `Omega1max^2`) is not inside: rounding could clip it.
+/// Distance to the border, in shares of `Omega1max^2`, below which a demand is not inside: rounding could clip it.
 const ROUNDING: f64 = 1e-12;
-/// Share of the way back to hover that the result keeps from the border; by far more than [`ROUNDING`].
+/// Distance of the result from the border, as a share of the way to hover; far more than [`ROUNDING`].
 const HAIR: f64 = 1e-9;
-/// The projection of one vehicle.
+/// Projection for one vehicle.
 pub struct Projection {
     set: DemandSet,
     solver: ActiveSet,
-    /// Slacks at hover, as the solver takes them.
+    /// Slacks at hover, in the solver's order.
     offsets: Vec<f64>,
 }
 
 impl Projection {
-    /// Prepares the projection onto a set of demands; `weights` are the cost of a miss of col, lon, lat, ped.
+    /// Prepares the projection onto a set of demands; `weights` are the cost of a deviation of col, lon, lat, ped.
     pub fn new(set: DemandSet, weights: &[f64; 4]) -> Self {
         let disc = set.disc.as_ref().map_or(&[][..], |disc| disc);
         let slopes = |slacks: &[Slack]| DMatrix::from_fn(slacks.len(), 4, |row, axis| slacks[row].slope[axis]);
@@ -48,16 +49,16 @@ impl Projection {
         Self { set, solver, offsets }
     }
 
-    /// Finds the nearest demand inside the set \[N, N m, N m, N m\]; `None` when the finite `demand` is inside itself.
+    /// Finds the nearest demand inside the set \[N, N m, N m, N m\]; `None` if `demand` is inside already.
     ///
-    /// Should the solver find none, it is the last point inside on the way from hover to the demand.
+    /// If the solver does not converge, returns the last point inside on the way from hover to the clipped demand.
     pub fn nearest(&mut self, demand: &Vector4<f64>) -> Option<Vector4<f64>> {
         if self.set.violation(demand) <= -ROUNDING {
             return None;
         }
         let wanted = demand.zip_zip_map(&self.set.lower, &self.set.upper, f64::clamp);
         let mut found = Vector4::zeros();
-        self.solver.forget(); // what it keeps from solve to solve would make the answer depend on earlier demands
+        self.solver.forget(); // without a warm start the answer does not depend on earlier demands
         let outcome = self.solver.solve(wanted.as_slice(), &self.offsets, found.as_mut_slice());
         let towards = if outcome.termination == Termination::Optimal { found } else { wanted };
         let share = self.set.reach(&Vector4::zeros(), &towards);

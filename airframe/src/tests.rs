@@ -1,4 +1,4 @@
-//! Trim, mixing, linear model and actuators: properties first, then the independent values.
+//! Tests of trim, mixing, linear model and actuators: properties, and values of the independent simulator.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -23,7 +23,7 @@ pub(crate) fn vector(value: &Value) -> Vector4<f64> {
     Vector4::from_vec(serde_json::from_value(value.clone()).unwrap())
 }
 
-/// Equal to 1e-9, relative to the largest number of `expected`.
+/// Asserts equality to 1e-9, relative to the largest number of `expected`.
 #[track_caller]
 pub(crate) fn assert_close(got: &[f64], expected: &[f64]) {
     assert_eq!(got.len(), expected.len());
@@ -142,7 +142,7 @@ fn two_short_samples_are_one_long_one() {
 }
 
 #[test]
-fn clipping_is_total() {
+fn clipping_maps_nan_and_infinity_into_the_limits() {
     let limits = Limits::new(&Parameters::default(), 200.0, 2.0, 1.0);
     let wild = Actuation { rotor_speed: [f64::NAN, f64::INFINITY, -5.0], tilt_rad: f64::NAN };
     let clipped = limits.clip(&wild);

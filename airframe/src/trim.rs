@@ -1,4 +1,4 @@
-//! Trim: the hover equilibrium.
+//! Trim of the hover.
 //!
 //! Setting the total force (23) and the total moment (24) to zero and solving gives (25)-(30). The tilted front rotor
 //! balances the reaction torque of the three rotors; its side force is balanced by a roll angle:
@@ -12,13 +12,13 @@
 //! ```
 //!
 //! Departure: with the tilt reaction (the pitching moment `K_M Omega1^2 sin mu` that the paper neglects) the pitch
-//! balance of (24) gains `K_M tan mu` beside `l1 K_F`, and with it the share of rotor 1 in the lift changes. Writing
-//! that share as the ratio `a = u2 / (u3 + u4)` keeps one closed form for both. Test `val_trim`.
+//! balance of (24) has `K_M tan mu` added to `l1 K_F`, which changes the share of rotor 1 in the lift. With that share
+//! written as the ratio `a = u2 / (u3 + u4)` one closed form covers both cases. Test `val_trim`.
 
 use crate::Parameters;
 use crate::actuation::Actuation;
 
-/// Hover equilibrium: attitude and actuator positions at which nothing accelerates.
+/// Hover equilibrium: attitude and actuator positions without acceleration.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Trim {
     /// Roll angle phi \[rad\]; pitch and yaw are zero (26).
@@ -28,7 +28,7 @@ pub struct Trim {
 }
 
 impl Trim {
-    /// Solves the hover of `vehicle`; `tilt_reaction` includes the pitching moment of the tilted rotor.
+    /// Solves the hover of `vehicle`; `tilt_reaction` includes the pitching moment of the tilted rotor's drag torque.
     pub fn solve(vehicle: &Parameters, tilt_reaction: bool) -> Self {
         let Parameters { g_mps2: g, mass_kg: m, l1_m: l1, l2_m: l2, kf, km, .. } = *vehicle;
         let tan_mu = km / (l1 * kf); // (27)

@@ -1,13 +1,13 @@
-//! The prediction model at a point of flight other than hover, from [`airframe::at_speed`].
+//! Prediction model at a flight condition other than hover, from [`airframe::at_speed`].
 //!
-//! States and inputs are those of the [hover model](crate::model), deviations from hover, so that memory and constraints mean the
-//! same under each model. What the equations of motion have beside the linear terms acts as one more disturbance on the
-//! inputs, which is known.
+//! States and inputs are deviations from hover, as in the [hover model](crate::model), so that memory and constraints
+//! mean the same under each model. The part of the equations of motion that is not linear in them, the offset `o`, is a
+//! known disturbance on the inputs.
 //!
-//! Departure: the cost weighs the miss of the climb, not that of w. At speed u a pitch of dtheta changes w by u dtheta
-//! without any climb, and guidance computes the reference of w at the present attitude; a reference held while the vehicle
-//! pitches would be one of another climb. With `T` from w to w at the attitude of reference (`lean` of the model), Q becomes `T' Q T`, and the reference
-//! of w that at the attitude of reference. Test `a_change_of_pitch_at_constant_climb_costs_no_climb`.
+//! Departure: the cost weighs the error of the climb, not that of w. At speed u a pitch of dtheta changes w by u dtheta
+//! without any climb. Guidance computes the reference of w at the present attitude; held while the vehicle pitches, it
+//! would stand for another climb. `T` maps w to w at the reference attitude (`lean` of the model): Q becomes `T' Q T`,
+//! and the reference of w is mapped likewise. Test `a_change_of_pitch_at_constant_climb_costs_no_climb`.
 
 use airframe::linear::{INPUTS, STATES};
 use airframe::{AtSpeed, Drag, FlightPoint, Parameters, Trim};
@@ -16,17 +16,17 @@ use nalgebra::{DMatrix, DVector, DVectorView, Vector4};
 
 use crate::model::PredictionModel;
 
-/// Where phi and theta stand in the state.
+/// Indices of phi and theta in the state.
 const ANGLES: [usize; 2] = [1, 2];
 
-/// The model at one point.
+/// Prediction model at one flight condition.
 #[derive(Debug, Clone)]
 pub struct FlightModel {
-    /// `Ad`, `Bd` and `Ed`, in place of those of hover.
+    /// Matrices `Ad`, `Bd` and `Ed` at the point.
     pub model: PredictionModel,
-    /// The known disturbance `o` \[N, N m, N m, N m\].
+    /// Known disturbance `o` \[N, N m, N m, N m\].
     pub offset: Vector4<f64>,
-    /// See [`AtSpeed`] \[m/s per rad\].
+    /// Coefficients [`AtSpeed::lean`] \[m/s per rad\].
     pub lean: [f64; 2],
     vehicle: Parameters,
     drag: Drag,
@@ -36,7 +36,7 @@ pub struct FlightModel {
 }
 
 impl FlightModel {
-    /// The model of a scenario's vehicle at `point`.
+    /// Builds the model of a scenario's vehicle at `point`.
     pub fn new(scenario: &Scenario, point: &FlightPoint) -> Self {
         let model = PredictionModel::new(scenario);
         let mut at_point = Self {
@@ -61,7 +61,7 @@ impl FlightModel {
         (self.offset, self.lean) = (at_speed.offset, at_speed.lean);
     }
 
-    /// Adds `share` of the state one sample after `x` to `next`.
+    /// Computes `next += share * f(x, u, d)`, `f` being the state one sample after `x`.
     pub fn add_prediction(
         &self,
         share: f64,
@@ -75,8 +75,8 @@ impl FlightModel {
         next.gemv(share, &self.model.e, &(d + self.offset), 1.0); // as (1)
     }
 
-    /// Turns `given` = (x; r; d; v), n states first, into what this model has for them: the reference of w made at the measured
-    /// `attitude_rad` (phi from trim, theta) becomes that at the attitude of reference, and `o` joins the disturbance.
+    /// Converts `given` = (x; r; d; v), n states first, to this model: the reference of w, made at the measured
+    /// `attitude_rad` (phi from trim, theta), becomes that at the reference attitude, and `o` is added to d.
     pub fn put_into(&self, given: &mut DVector<f64>, n: usize, attitude_rad: &[f64; 2]) {
         for ((lean, angle), measured) in self.lean.iter().zip(ANGLES).zip(attitude_rad) {
             given[n] -= lean * (given[n + angle] - measured);
@@ -85,7 +85,7 @@ impl FlightModel {
         d += self.offset;
     }
 
-    /// Turns a weight on climb and attitude into one on w and attitude: `T' weight T`.
+    /// Converts a weight on climb and attitude to one on w and attitude: `T' weight T`.
     pub fn lean_on(&self, weight: &mut DMatrix<f64>) {
         for (lean, angle) in self.lean.iter().zip(ANGLES) {
             for i in 0..weight.nrows() {

@@ -1,25 +1,27 @@
-//! The optimal control problem, condensed: the states are eliminated, and what is left is a quadratic in the moves.
+//! Condensed optimal control problem: the states are eliminated, which leaves a quadratic in the moves.
 //!
 //! ```text
-//! J(U) = sum_{k=1}^{Np-1} |x_k - r|_Q^2 + |x_Np - r|_P^2 + sum_{k=0}^{Nu-1} (|u_k - u_s|_R^2 + |u_k - u_{k-1}|_R2^2)    (4)
+//! J(U) = sum_{k=1}^{Np-1} |x_k - r|_Q^2 + |x_Np - r|_P^2
+//!      + sum_{k=0}^{Nu-1} (|u_k - u_s|_R^2 + |u_k - u_{k-1}|_R2^2)                          (4)
 //! ```
 //!
-//! With `c = (x; r; d; v)` the given numbers, `v` being the last demand, `u_{-1}`, each miss of the target is linear in
-//! them and in the moves `U`:
+//! The given numbers are `c = (x; r; d; v)`, `v` being the last demand `u_{-1}`. Each deviation from the target is
+//! linear in them and in the moves `U`:
 //!
 //! ```text
 //! x_k - r = E_k c + G_k U
-//! J(U)    = 2 (1/2 U'H U + f'U) + constant,   H = sum G_k' Q_k G_k + Rb,   f = sum G_k' Q_k E_k c - Rb u_s, both with what R2 adds
+//! J(U)    = 2 (1/2 U'H U + f'U) + constant
+//! H       = sum G_k' Q_k G_k + Rb,   f = sum G_k' Q_k E_k c - Rb u_s,   both with the terms of R2 added
 //! U*      = -H^-1 f                            without constraints
 //! ```
 //!
-//! Departure: the paper regulates to zero; we follow `r`, with `u_s` as the target of the inputs and of the lag states.
-//! `u_s = -d` holds the vehicle at trim in spite of the disturbance. Where that is estimated, `u_s = S r - d` holds it at
-//! the reference: `S r` is what gravity takes of w at a roll other than that of trim. Pannocchia and Rawlings, *AICHE
-//! Journal* 49 (2003), compute such a target at every sample; here it is linear in `(r; d)` and part of the gain. Tests
+//! Departure: the paper regulates to zero; here the states follow `r`, and the inputs and the lag states follow `u_s`.
+//! `u_s = -d` holds the vehicle at trim against the disturbance. If `d` is estimated, `u_s = S r - d` holds it at the
+//! reference: `S r` makes up for the part of gravity that acts on w at a roll other than trim. Pannocchia and Rawlings,
+//! *AICHE Journal* 49 (2003), compute such a target each sample; here it is linear in `(r; d)`, part of the gain. Tests
 //! `a_constant_disturbance_leaves_no_offset`, `a_roll_away_from_trim_leaves_no_offset`.
 //!
-//! Departure: the paper closes the tail with `u = K x` and does not say which K; we hold the last move. Test
+//! Departure: after Nu the paper uses `u = K x` without giving K; here the last move is held. Test
 //! `val_first_move_gains`.
 
 use airframe::linear::{INPUTS, STATES};
@@ -31,46 +33,46 @@ use crate::disturbance::DRIVEN;
 use crate::model::PredictionModel;
 use crate::riccati;
 
-/// Given numbers beside the state: r, d, v.
+/// Number of given numbers beside the state: r, d, v.
 pub const GIVEN: usize = STATES + INPUTS + INPUTS;
-/// Where p, q, r begin in state and reference.
+/// Index of p in state and reference; q and r follow.
 pub const RATES: usize = 4;
 
-/// Makes `Q` definite for the Riccati equation, where states without weight would leave it semidefinite.
+/// Added to the diagonal of `Q` in the Riccati equation, because states without weight leave `Q` semidefinite.
 const DARE_REGULARISATION: f64 = 1e-9;
 
-/// Least share of a diagonal element of the Hessian that its Cholesky factor must leave: the shipped profiles leave 0.05,
-/// and with 200 moves 1e-3; rounding begins at 1e-13.
+/// Smallest accepted pivot of the Hessian's Cholesky factor, as a share of the diagonal element. The shipped profiles
+/// have 0.05, and 1e-3 with 200 moves; rounding begins at 1e-13.
 const INDEPENDENT: f64 = 1e-11;
 
-/// The quadratic in the moves, and its minimiser as a gain.
+/// Quadratic cost in the moves, and its minimiser as a gain.
 #[derive(Debug, Clone)]
 pub struct Condensed {
-    /// `H`, 4Nu x 4Nu.
+    /// Hessian `H`, 4Nu x 4Nu.
     pub hessian: DMatrix<f64>,
-    /// `U* = gain (x; r; d; v)`, 4Nu x (n + 15). Each move is col, lon, lat, ped.
+    /// Gain of `U* = gain (x; r; d; v)`, 4Nu x (n + 15). Each move is col, lon, lat, ped.
     pub gain: DMatrix<f64>,
-    /// The states on the way.
+    /// Predicted states.
     pub course: Course,
 }
 
-/// The states of the first Nu samples, one below the other: `free (x; r; d; v) + forced U`.
+/// Predicted states of the first Nu samples, stacked: `free (x; r; d; v) + forced U`.
 #[derive(Debug, Clone)]
 pub struct Course {
-    /// nNu x (n + 15).
+    /// Matrix of the given numbers, nNu x (n + 15).
     pub free: DMatrix<f64>,
-    /// nNu x 4Nu.
+    /// Matrix of the moves, nNu x 4Nu.
     pub forced: DMatrix<f64>,
 }
 
 impl Condensed {
-    /// Condenses the problem of a model and its weights; an error names the weights that leave nothing to compute with.
+    /// Condenses the problem of a model and its weights; the error names weights for which it is singular.
     pub fn new(model: &PredictionModel, weights: &Mpc) -> Result<Self, ScenarioError> {
         let (q, p) = state_weights(model, weights)?;
         Self::weighted(model, weights, &q, &p, weights.disturbance_gain > 0.0)
     }
 
-    /// The same for a model at a point of flight. Its input target is always that of the reference.
+    /// Condenses the problem of a model at a flight condition. The inputs' target always holds the reference.
     pub fn at_speed(flight: &FlightModel, weights: &Mpc) -> Result<Self, ScenarioError> {
         let model = &flight.model;
         let (mut q, r) = stage_weights(model.states(), weights);
@@ -79,7 +81,7 @@ impl Condensed {
         Self::weighted(model, weights, &q, &p, true)
     }
 
-    /// With the weights `q` and `p` on the states; `follows` says whether the inputs' target is that of the reference.
+    /// Condenses with the weights `q` and `p` on the states; `follows` as in [`input_targets`].
     fn weighted(
         model: &PredictionModel,
         weights: &Mpc,
@@ -93,7 +95,7 @@ impl Condensed {
         let inputs = input_targets(model, follows);
         let targets = targets(model, &inputs);
 
-        // The course of the states without a move, by (x; r; d; v), and what each move adds to it.
+        // States without a move, by (x; r; d; v), and the effect of each move on them.
         let mut free = DMatrix::zeros(n, n + GIVEN);
         free.columns_mut(0, n).fill_with_identity();
         let mut forced = DMatrix::zeros(n, INPUTS * weights.nu);
@@ -139,21 +141,21 @@ impl Condensed {
     }
 }
 
-/// `Q` and `P` of a model, n x n.
+/// Weights `Q` and `P` of a model, n x n.
 pub fn state_weights(model: &PredictionModel, weights: &Mpc) -> Result<(DMatrix<f64>, DMatrix<f64>), ScenarioError> {
     let (q, r) = stage_weights(model.states(), weights);
     let p = terminal_weight(model, weights, &q, &r)?;
     Ok((q, p))
 }
 
-/// `Q`, n x n with nothing on the lag states, and `R`.
+/// Weights `Q`, n x n with zeros for the lag states, and `R`.
 fn stage_weights(n: usize, weights: &Mpc) -> (DMatrix<f64>, DMatrix<f64>) {
     let mut q = DMatrix::zeros(n, n);
     q.view_mut((0, 0), (STATES, STATES)).set_diagonal(&DVector::from_row_slice(&weights.q));
     (q, DMatrix::from_diagonal(&DVector::from_row_slice(&weights.r)))
 }
 
-/// `P`, n x n.
+/// Terminal weight `P`, n x n.
 fn terminal_weight(
     model: &PredictionModel,
     weights: &Mpc,
@@ -168,7 +170,7 @@ fn terminal_weight(
     }
 }
 
-/// The cost of all time to come, n x n.
+/// Cost over an infinite horizon, n x n.
 fn dare(model: &PredictionModel, q: &DMatrix<f64>, r: &DMatrix<f64>) -> Result<DMatrix<f64>, ScenarioError> {
     let regularised = q + DMatrix::identity(q.nrows(), q.nrows()) * DARE_REGULARISATION;
     riccati::solve(&model.a, &model.b, &regularised, r).ok_or_else(|| {
@@ -179,8 +181,8 @@ fn dare(model: &PredictionModel, q: &DMatrix<f64>, r: &DMatrix<f64>) -> Result<D
     })
 }
 
-/// The Cholesky factor of a Hessian of moves, when it is one: where what is left of a diagonal element is rounding, the
-/// moves cannot be told apart.
+/// Cholesky factor of a Hessian of moves; an error if a pivot is no larger than rounding, because the moves are then
+/// linearly dependent.
 fn factor(hessian: &DMatrix<f64>) -> Result<Cholesky<f64, Dyn>, ScenarioError> {
     let cholesky = hessian.clone().cholesky().ok_or_else(blurred)?;
     let left =
@@ -195,7 +197,7 @@ fn blurred() -> ScenarioError {
     )
 }
 
-/// The linear-quadratic regulator: the same cost over an infinite horizon, without constraints. Its one move is
+/// Gain of the linear-quadratic regulator, the same cost over an infinite horizon without constraints:
 /// `u = gain (x; r; d; v)`, 4 x (n + 15).
 pub fn regulator(model: &PredictionModel, weights: &Mpc) -> Result<DMatrix<f64>, ScenarioError> {
     let (q, r) = stage_weights(model.states(), weights);
@@ -210,7 +212,7 @@ pub fn regulator(model: &PredictionModel, weights: &Mpc) -> Result<DMatrix<f64>,
     if gain.iter().all(|x| x.is_finite()) { Ok(gain) } else { Err(blurred()) }
 }
 
-/// Where the states shall go, by `(x; r; d; v)`: the seven to `r`, the lag states where the inputs go. n x (n + 15).
+/// Targets of the states by `(x; r; d; v)`, n x (n + 15): `r` for the seven, those of the inputs for the lag states.
 fn targets(model: &PredictionModel, inputs: &DMatrix<f64>) -> DMatrix<f64> {
     let n = model.states();
     let mut targets = DMatrix::zeros(n, n + GIVEN);
@@ -221,10 +223,10 @@ fn targets(model: &PredictionModel, inputs: &DMatrix<f64>) -> DMatrix<f64> {
     targets
 }
 
-/// Where the inputs shall go, by `(x; r; d; v)`: `u_s`, 4 x (n + 15).
+/// Targets `u_s` of the inputs by `(x; r; d; v)`, 4 x (n + 15): `S r - d` if `follows`, else `-d`.
 ///
 /// At rest `x = r` and `r = A r + E (u_s + d)`; the rows of the velocities that the inputs drive determine `u_s`. Rates
-/// in `r` are left out: what turns is not at rest.
+/// in `r` are left out, because a vehicle that turns is not at rest.
 fn input_targets(model: &PredictionModel, follows: bool) -> DMatrix<f64> {
     let n = model.states();
     let mut inputs = DMatrix::zeros(INPUTS, n + GIVEN);

@@ -1,9 +1,9 @@
-//! When to solve, and what to do when that fails: a plan that is always inside the set.
+//! Choice of a plan that is always inside the set:
 //!
-//! 1. The unconstrained plan, when it is inside: one matrix-vector product, checked and not solved.
-//! 2. The solver's, drawn back from the border by a hair.
-//! 3. When it found nothing: the unconstrained plan, every move replaced by the nearest one inside, as the mixer would.
-//! 4. When it ran out of iterations or time: the way from there towards where it stopped, as far as the set goes, if
+//! 1. The unconstrained plan if it is inside: one matrix-vector product, checked and not solved.
+//! 2. Else the solver's plan, drawn slightly inside the border.
+//! 3. If the solver fails: the unconstrained plan, every move projected into the set as the mixer does.
+//! 4. If the solver ran out of iterations or time: plan 3 moved towards the last iterate as far as the set allows, if
 //!    that costs less.
 
 use airframe::linear::INPUTS;
@@ -18,39 +18,39 @@ use crate::condensed::Course;
 use crate::constraints::PlanSet;
 use crate::solver::{Solver, Verdict};
 
-/// Largest violation of a solver's plan that is accepted, and then drawn inside; also the largest slack of a limit that
+/// Largest accepted violation of a solver's plan, which is then drawn inside; also the largest slack of a limit that
 /// counts as touched. In the units of the slacks.
 const MAX_VIOLATION: f64 = 1e-6;
 
-/// The set of the plans, and the solver that keeps them inside.
+/// Set of the plans, and the solver that finds the best one in it.
 pub struct Constrained {
     set: PlanSet,
-    /// See [`crate::solver`].
+    /// Solver of the constrained problem.
     pub solver: Solver,
     hessian: DMatrix<f64>,
     faults: FaultSchedule<FaultKind>,
     projection: Projection,
-    /// Do without the solver: see [`AttitudeMpc::hurry`](crate::AttitudeMpc::hurry).
+    /// `true` if the solver is not to be used: see [`AttitudeMpc::hurry`](crate::AttitudeMpc::hurry).
     pub hurried: bool,
-    /// The solver's plan, 4Nu.
+    /// Plan of the solver, 4Nu.
     solved: DVector<f64>,
-    /// Room for another, 4Nu.
+    /// Room for another plan, 4Nu.
     spare: DVector<f64>,
 }
 
-/// What a plan took.
+/// Effort of a plan, and the limits it touches.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Account {
     /// Iterations of the solver.
     pub iterations: u64,
-    /// Time in it \[ns\].
+    /// Time in the solver \[ns\].
     pub solve_ns: u64,
     /// Limits of the actuators that the plan touches.
     pub touching: u64,
 }
 
 impl Constrained {
-    /// The constraints of a scenario around a problem with the Hessian `H` (4Nu x 4Nu); `None` where it has none.
+    /// Sets up a scenario's constraints on a problem with the Hessian `H` (4Nu x 4Nu); `None` if it has none.
     pub fn new(scenario: &Scenario, hessian: DMatrix<f64>, course: &Course, roll_trim_rad: f64) -> Option<Self> {
         let set = PlanSet::new(scenario, course, roll_trim_rad)?;
         let room = DVector::zeros(hessian.nrows());
@@ -66,13 +66,13 @@ impl Constrained {
         })
     }
 
-    /// Takes fault `number` as it is from now on: see [`FaultSchedule::apply_fault`].
+    /// Updates fault `number` as in [`FaultSchedule::apply_fault`]; ignores faults of other targets.
     pub fn apply_fault(&mut self, number: usize, fault: &Fault) {
         self.faults.apply_fault(number, fault, of_the_solver(fault));
     }
 
-    /// Writes the `plan` to follow, given the `unconstrained` one and where this tick starts, `given` = (x; r; d; v). While a
-    /// fault of the solver is active, every plan goes to the solver.
+    /// Writes the `plan` to follow for the `unconstrained` one and the start of this tick, `given` = (x; r; d; v).
+    /// While a fault of the solver is active, a plan inside the set is solved too, unless `hurried`.
     pub fn choose(
         &mut self,
         unconstrained: &DVector<f64>,
@@ -105,7 +105,7 @@ impl Constrained {
         (status, account)
     }
 
-    /// Writes the best plan inside the set that is known without a solution.
+    /// Writes a plan inside the set without a solution: 3. of the module's list, or 4. if `verdict` is a limit.
     fn fall_back(&mut self, unconstrained: &DVector<f64>, verdict: Verdict, plan: &mut DVector<f64>) -> SolveStatus {
         let Self { set, hessian, projection, solved, spare, .. } = self;
         for first in (0..plan.len()).step_by(INPUTS) {

@@ -1,4 +1,4 @@
-//! What a plan may be: every move inside the actuators' set, predicted states inside their limits at a price.
+//! Constraints on a plan: every move is inside the actuators' set, and predicted states beyond their limits cost.
 //!
 //! ```text
 //! u_min <= u_k <= u_max,   k = 0..Nu-1                                   (3)
@@ -8,10 +8,10 @@
 //! ```
 //!
 //! The paper finds no bounds for (3) and approximates. Here they are exact: [`airframe::demand_set`] has the limits of
-//! rotors and servo as rows and a disc in the move, or the smallest box around them.
+//! rotors and servo as rows and a disc in the move. The smallest box around them can be chosen instead.
 //!
-//! Departure: (49)-(51) are soft. The state has momentum that no move can take back within a sample, so that a hard
-//! limit on it would leave no plan just when one is needed. Leaving a limit by the share `e` of itself costs
+//! Departure: (49)-(51) are soft. No move can stop the vehicle's motion within a sample, so that hard limits would make
+//! the problem infeasible as soon as a state exceeds one. A state beyond its limit by the share `e` of the limit costs
 //! `1/2 w e^2` per predicted sample, over the first `Nu` samples. Test `a_state_beyond_its_limit_still_has_a_plan`.
 
 use airframe::DemandSet;
@@ -24,37 +24,37 @@ use crate::condensed::Course;
 
 /// States with a limit: phi, theta, psi, p, q, r.
 const LIMITED: usize = 6;
-/// Factor that draws a move back from the border, so that the mixer's rounding clips nothing.
+/// Factor that scales a move back from the border, so that the mixer does not clip it by rounding.
 const RETRACTION: f64 = 1.0 - 1e-9;
 
-/// What a plan may be.
+/// Set of admissible plans.
 #[derive(Debug, Clone)]
 pub struct PlanSet {
-    /// What each of its moves may be.
+    /// Set of admissible moves.
     pub moves: DemandSet,
-    /// The limits of the predicted states, where they are imposed.
+    /// Limits of the predicted states; `None` if not imposed.
     pub states: Option<StateLimits>,
 }
 
 /// Soft limits of the predicted states: `|y| <= 1 + e`, where `y` are states over their limits.
 #[derive(Debug, Clone)]
 pub struct StateLimits {
-    /// `y` by `(x; r; d; v)`, 6Nu x (n + 15).
+    /// Matrix from `(x; r; d; v)` to `y`, 6Nu x (n + 15).
     free: DMatrix<f64>,
-    /// `y` by the moves, 6Nu x 4Nu.
+    /// Matrix from the moves to `y`, 6Nu x 4Nu.
     pub forced: DMatrix<f64>,
-    /// `y` of the model's origin, 6Nu: hover is at the roll angle of trim.
+    /// Value of `y` at the model's origin, 6Nu, which has the roll angle of trim.
     origin: DVector<f64>,
-    /// `y` of this tick without a move, 6Nu.
+    /// Value of `y` at this tick without moves, 6Nu.
     pub drift: DVector<f64>,
-    /// `y` of the plan looked at last, 6Nu.
+    /// Value of `y` under the plan checked last, 6Nu.
     reached: DVector<f64>,
-    /// `w`: cost of `e` is `1/2 w e^2`.
+    /// Weight `w` of the cost `1/2 w e^2`.
     pub penalty: f64,
 }
 
 impl PlanSet {
-    /// The set a scenario asks for; `None` where it asks for no constraint on the moves.
+    /// Builds the set of a scenario; `None` if the scenario has no constraint on the moves.
     pub fn new(scenario: &Scenario, course: &Course, roll_trim_rad: f64) -> Option<Self> {
         let envelope = Envelope::new(&scenario.airframe, scenario.mixer.tilt_reaction, scenario.limits());
         let moves = match scenario.mpc.constraints {
@@ -69,7 +69,7 @@ impl PlanSet {
         Some(Self { moves, states })
     }
 
-    /// Takes in where this tick starts, `given` = (x; r; d; v).
+    /// Sets the start of this tick, `given` = (x; r; d; v).
     pub fn start(&mut self, given: &DVector<f64>) {
         if let Some(states) = &mut self.states {
             states.drift.copy_from(&states.origin);
@@ -77,12 +77,12 @@ impl PlanSet {
         }
     }
 
-    /// By how much the worst of the `moves` leaves the set; 0 or less is inside.
+    /// Largest violation of the set by any of the `moves`; at most 0 if all are inside.
     pub fn violation(&self, moves: &DVector<f64>) -> f64 {
         each(moves.as_slice()).map(|u| self.moves.violation(&u)).fold(f64::NEG_INFINITY, f64::max) // (3)
     }
 
-    /// By how much the worst predicted state is beyond its limit, as a share of it; 0 or less is inside.
+    /// Largest excess of a predicted state over its limit, as a share of the limit; at most 0 if all are inside.
     pub fn excess(&mut self, moves: &DVector<f64>) -> f64 {
         let Some(states) = &mut self.states else { return f64::NEG_INFINITY };
         states.reached.copy_from(&states.drift);
@@ -90,7 +90,7 @@ impl PlanSet {
         states.reached.amax() - 1.0 // (49), (50), (51)
     }
 
-    /// How many limits the `moves` touch: slacks of `near` or less.
+    /// Number of limits that the `moves` touch: slacks of at most `near`.
     pub fn touching(&self, moves: &DVector<f64>, near: f64) -> u64 {
         let mut touching = 0;
         for u in each(moves.as_slice()) {
@@ -99,7 +99,7 @@ impl PlanSet {
         touching
     }
 
-    /// Draws every move that is outside or on the border towards hover, until it is inside by a hair.
+    /// Scales every move that is outside or on the border towards hover, until it is slightly inside.
     pub fn retract(&self, moves: &mut DVector<f64>) {
         for u in moves.as_mut_slice().chunks_exact_mut(4) {
             let wanted = Vector4::from_column_slice(u);
@@ -112,8 +112,8 @@ impl PlanSet {
         }
     }
 
-    /// Moves `plan`, which is inside, straight towards `wanted` as far as the set goes. The set is convex: everything on
-    /// the way is a plan, and the cost falls until `wanted` when that is the unconstrained optimum.
+    /// Moves `plan`, which is inside, straight towards `wanted` as far as the set, which is convex, allows. The cost
+    /// decreases on the way if `wanted` is the unconstrained optimum.
     pub fn approach(&self, plan: &mut DVector<f64>, wanted: &DVector<f64>) {
         let pairs = each(plan.as_slice()).zip(each(wanted.as_slice()));
         let share = pairs.map(|(u, to)| self.moves.reach(&u, &to)).fold(1.0, f64::min);
@@ -130,7 +130,7 @@ impl StateLimits {
         let limits: Vec<f64> =
             attitude_limit_deg.iter().chain(rates_limit_dps).map(|limit| limit.to_radians()).collect();
         let states = course.free.nrows() / settings.nu;
-        // Limited states are x[1..7] of each sample; the lag states behind them have no limit.
+        // Limited states are x[1..7] of each sample; w and the lag states have no limit.
         let over_limit = |of: &DMatrix<f64>| {
             DMatrix::from_fn(LIMITED * settings.nu, of.ncols(), |row, column| {
                 of[(states * (row / LIMITED) + 1 + row % LIMITED, column)] / limits[row % LIMITED]
@@ -149,7 +149,7 @@ impl StateLimits {
     }
 }
 
-/// The moves of a plan.
+/// Moves of a plan.
 fn each(moves: &[f64]) -> impl Iterator<Item = Vector4<f64>> {
     moves.chunks_exact(4).map(Vector4::from_column_slice)
 }

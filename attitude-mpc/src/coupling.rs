@@ -1,22 +1,22 @@
-//! The term of the vertical velocity's equation that the model of hover lacks, for the estimate of the disturbance:
-//! `mpc.model = "coupled"`.
+//! Term of the equation of w that the hover model lacks, for the disturbance estimate: `mpc.model = "coupled"`.
 //!
 //! ```text
 //! w' = q u - p v + g cos phi cos theta + F_z / m                                      (11)
 //! ```
 //!
-//! At speed w changes when the vehicle pitches or rolls, by `q u - p v`, and no force is behind it. An estimate that predicts w by the
-//! model of hover takes it for one. Here it joins the one-sample prediction that the estimate is made from, as the force
-//! `m (q u - p v)` on col, at the measured state.
+//! At speed w changes when the vehicle pitches or rolls, by `q u - p v`, without any force. An estimate that predicts w
+//! by the hover model takes this change for a force. Here the term is added to the one-sample prediction behind the
+//! estimate, as the force `m (q u - p v)` on col at the measured state.
 //!
-//! It is not held over the horizon: guidance makes the reference of w at the measured attitude, so the reference changes with w when
-//! the vehicle pitches, and a plan against the term would fight what nobody asked for. Gravity at 35 degrees of pitch, which the model of
-//! hover lacks too, is a force, and the estimate finds it. Test `pitching_at_speed_is_no_force`; the figures are in `docs/mpc.md`.
+//! The plan does not contain the term: guidance makes the reference of w at the measured attitude, so the reference
+//! changes with w when the vehicle pitches, and a plan against the term would counteract a change that is wanted. The
+//! change of gravity at 35 degrees of pitch, which the hover model lacks too, is a force, and the estimate finds it.
+//! Test `pitching_at_speed_is_no_force`; the figures are in `docs/mpc.md`.
 
 use contract::message::Kinematics;
 use nalgebra::Vector4;
 
-/// The term at the newest sample.
+/// Coupling term at the newest sample.
 #[derive(Debug, Clone)]
 pub struct Coupling {
     mass_kg: f64,
@@ -24,18 +24,18 @@ pub struct Coupling {
 }
 
 impl Coupling {
-    /// The coupling of a vehicle at rest: none.
+    /// Starts with the coupling of a vehicle at rest, which is 0.
     pub fn new(mass_kg: f64) -> Self {
         Self { mass_kg, force_n: 0.0 }
     }
 
-    /// Takes in a sample.
+    /// Updates the term from a sample.
     pub fn observe(&mut self, measured: &Kinematics) {
         let Kinematics { velocity_mps: [u, v, _], rates_radps: [p, q, _], .. } = *measured;
         self.force_n = self.mass_kg * (q * u - p * v);
     }
 
-    /// As a disturbance on col, lon, lat, ped.
+    /// Term as a disturbance on col, lon, lat, ped \[N, N m, N m, N m\].
     pub fn on_inputs(&self) -> Vector4<f64> {
         Vector4::new(self.force_n, 0.0, 0.0, 0.0)
     }

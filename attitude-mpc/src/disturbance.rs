@@ -1,35 +1,35 @@
-//! The estimate of a constant disturbance on the inputs: what the model failed to predict, fed back slowly.
+//! Estimate of a constant disturbance on the inputs, from the prediction error of the model.
 //!
 //! ```text
 //! d <- d + L S (x - x_predicted) / Ts,   S = (m, Iyy, Ixx, Izz) from (w, q, p, r) to (col, lon, lat, ped)
 //! ```
 //!
-//! `S / Ts` turns a miss of velocity over one sample into the force or moment behind it, so `L` is the share of the miss
-//! that each sample adds to the estimate. Predicted with `d` and cancelled in the target of the inputs (see
-//! [`condensed`](crate::condensed)), a constant disturbance leaves no offset: Pannocchia and Rawlings, *Disturbance
+//! `S / Ts` converts the velocity error of one sample to the force or moment that causes it, so `L` is the share of the
+//! error that each sample adds to the estimate. Because `d` is in the prediction and cancelled in the inputs' target
+//! ([`condensed`](crate::condensed)), a constant disturbance leaves no offset: Pannocchia and Rawlings, *Disturbance
 //! models for offset-free model-predictive control*, AICHE Journal 49 (2003).
 
 use airframe::Parameters;
 use nalgebra::{DVector, Vector4};
 
-/// States that the inputs col, lon, lat, ped drive: w, q, p, r.
+/// Indices of the states that the inputs col, lon, lat, ped drive: w, q, p, r.
 pub const DRIVEN: [usize; 4] = [0, 5, 4, 6];
 
-/// The law of the estimate. The estimate itself is kept by the controller.
+/// Update law of the estimate. The controller stores the estimate itself.
 #[derive(Debug, Clone)]
 pub struct DisturbanceLaw {
-    /// `L S / Ts`: N per m/s, N m per rad/s.
+    /// Gain `L S / Ts` \[N per m/s, N m per rad/s\].
     gain: Vector4<f64>,
 }
 
 impl DisturbanceLaw {
-    /// The law with gain `L` at a sample time \[s\]; `None` for the gain 0, which leaves the estimate at rest.
+    /// Builds the law with `gain` `L` at a sample time \[s\]; `None` for the gain 0, which never changes the estimate.
     pub fn new(vehicle: &Parameters, gain: f64, sample_s: f64) -> Option<Self> {
         let inertia = Vector4::new(vehicle.mass_kg, vehicle.iyy_kgm2, vehicle.ixx_kgm2, vehicle.izz_kgm2);
         (gain > 0.0).then(|| Self { gain: inertia * gain / sample_s })
     }
 
-    /// The estimate after the state `x` was observed where `predicted` was expected.
+    /// Estimate after `d`, when the state `x` was measured and `predicted` was expected.
     pub fn update(&self, d: &Vector4<f64>, x: &DVector<f64>, predicted: &DVector<f64>) -> Vector4<f64> {
         let miss = Vector4::from(DRIVEN.map(|i| x[i] - predicted[i]));
         d + self.gain.component_mul(&miss)
@@ -44,7 +44,7 @@ mod tests {
     use super::*;
     use crate::model::PredictionModel;
 
-    /// Runs the model with a disturbance that the estimate does not know, and the estimate beside it.
+    /// Asserts that the estimate converges to the disturbance of a simulated model.
     fn converges(profile: Profile) {
         let model = PredictionModel::new(&Scenario::from(profile));
         let law = DisturbanceLaw::new(&Scenario::default().airframe, 0.2, 0.01).unwrap();
@@ -63,7 +63,7 @@ mod tests {
     }
 
     #[test]
-    fn it_finds_a_constant_disturbance_without_bias() {
+    fn the_estimate_finds_a_constant_disturbance_without_bias() {
         converges(Profile::Paper);
         converges(Profile::Robust);
     }
@@ -72,7 +72,7 @@ mod tests {
     fn falling_faster_than_predicted_is_a_force_down() {
         let law = DisturbanceLaw::new(&Scenario::default().airframe, 0.5, 0.01).unwrap();
         let mut x = DVector::zeros(7);
-        x[0] = 0.01; // 1.1 kg gained 0.01 m/s in 10 ms: 1.1 N, of which half is believed
+        x[0] = 0.01; // 1.1 kg gained 0.01 m/s in 10 ms: 1.1 N, of which half enters the estimate
         let d = law.update(&Vector4::zeros(), &x, &DVector::zeros(7));
         assert!((d - Vector4::new(0.55, 0.0, 0.0, 0.0)).amax() < 1e-12);
         assert!(DisturbanceLaw::new(&Scenario::default().airframe, 0.0, 0.01).is_none());

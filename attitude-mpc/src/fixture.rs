@@ -1,4 +1,4 @@
-//! Tests only: the values of the independent simulator.
+//! Values of the independent simulator, for tests.
 
 use contract::Scenario;
 use contract::message::{Reference, Stamp, State};
@@ -6,23 +6,23 @@ use contract::scenario::{Constraints, Fault, FaultKind, FaultTarget, Profile, Te
 use nalgebra::{DMatrix, DVector};
 use serde_json::Value;
 
-/// The reference file.
+/// Reads the reference file.
 pub fn reference() -> Value {
     let text = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/reference/reference.json"));
     serde_json::from_str(text).unwrap()
 }
 
-/// The numbers of a JSON array.
+/// Reads the numbers of a JSON array.
 pub fn vector(value: &Value) -> DVector<f64> {
     DVector::from_iterator(value.as_array().unwrap().len(), value.as_array().unwrap().iter().map(number))
 }
 
-/// A fault of the solver.
+/// Builds a fault of the solver.
 pub fn fault(kind: FaultKind, at_s: f64, for_s: Option<f64>) -> Fault {
     Fault::new(FaultTarget::Mpc, kind, at_s, for_s)
 }
 
-/// A reference matrix by name.
+/// Reads a reference matrix by name.
 pub fn matrix(name: &str) -> DMatrix<f64> {
     let reference = reference();
     let rows = reference["reference"][name].as_array().unwrap();
@@ -35,37 +35,37 @@ pub fn assert_matrix(ours: &DMatrix<f64>, theirs: &DMatrix<f64>) {
     assert!(miss < 1e-9, "{miss:e} off: {ours} is not {theirs}");
 }
 
-/// One problem the simulator solved, as settings and messages.
+/// Problem that the simulator solved, as settings and messages.
 pub struct Case {
-    /// What it is called.
+    /// Name of the case.
     pub name: String,
-    /// The settings of the controller.
+    /// Settings of the controller.
     pub scenario: Scenario,
-    /// The measured state, with the command in force at trim.
+    /// Measured state and command in force.
     pub state: State,
-    /// What to follow.
+    /// Reference to follow.
     pub reference: Reference,
-    /// The demand published before.
+    /// Demand published before.
     pub previous: [f64; 4],
-    /// The simulator's plan.
+    /// Plan of the simulator.
     pub plan: DVector<f64>,
-    /// The simulator's value of the quadratic.
+    /// Objective of the simulator's plan.
     pub objective: f64,
-    /// Whether a constraint binds it.
+    /// `true` if a constraint is active.
     pub active: bool,
-    /// How near we must come.
+    /// Largest accepted deviation.
     pub tolerance: Tolerance,
 }
 
-/// How near a solution must come to the simulator's.
+/// Largest deviation from the simulator's solution.
 pub struct Tolerance {
-    /// Of the first move \[N, N m, N m, N m\].
+    /// Deviation of the first move \[N, N m, N m, N m\].
     pub first_move: f64,
-    /// Of the objective, relative.
+    /// Relative deviation of the objective.
     pub objective: f64,
 }
 
-/// All of them.
+/// Reads all cases.
 pub fn cases() -> Vec<Case> {
     reference()["mpc_cases"].as_array().unwrap().iter().map(case).collect()
 }

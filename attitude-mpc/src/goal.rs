@@ -1,42 +1,42 @@
-//! What to follow, and for how long when references stop coming.
+//! Goal that the controller follows, also when references stop coming.
 //!
-//! | newest reference | what is followed |
+//! | age of the newest reference | goal |
 //! |---|---|
-//! | below 500 ms old | the reference |
-//! | below 2 s | level: the attitude of trim, the heading kept, no vertical velocity |
-//! | older, or none came | level, and 0.7 m/s down |
+//! | below 500 ms | the reference |
+//! | below 2 s | level: the attitude of trim, the last heading, no vertical velocity |
+//! | 2 s or older, or none received | level, and 0.7 m/s down |
 //!
-//! The heading kept is that of the last reference; where none came, the measured one. The world has no ground: a
-//! descent goes on until references come again. A reference that guidance only repeated, for want of a state, is as old
-//! as its original.
+//! The last heading is that of the last reference, or the measured one if none was received. The controller does not
+//! know the ground: it descends until references come again. A reference that guidance repeated, because it had no
+//! state, has the age of the original.
 
 use bytemuck::{Pod, Zeroable};
 use contract::message::{Reference, State, guidance_flags};
 use contract::snapshot::OptionalTick;
 
-/// Below this age a reference is followed \[ns\].
+/// Age below which a reference is followed \[ns\].
 const FOLLOWED_NS: u64 = 500_000_000;
-/// From this age of the reference on the vehicle descends \[ns\].
+/// Age of the reference from which on the vehicle descends \[ns\].
 const LEVELLED_NS: u64 = 2_000_000_000;
-/// Vertical velocity of a descent, down positive \[m/s\]: slow enough to touch down.
+/// Vertical velocity of the descent, down positive \[m/s\]: slow enough to touch down.
 const DESCENT_MPS: f64 = 0.7;
 
-/// The part of a reference that the controller follows.
+/// Part of a reference that the controller follows.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
 #[repr(C)]
 pub struct Goal {
-    /// Tick of the reference; none before the first.
+    /// Tick of the reference; none before the first one.
     pub tick: OptionalTick,
-    /// w \[m/s\].
+    /// Body z velocity w \[m/s\].
     pub w_mps: f64,
-    /// phi, theta, psi \[rad\].
+    /// Euler angles phi, theta, psi \[rad\].
     pub attitude_rad: [f64; 3],
-    /// p, q, r \[rad/s\].
+    /// Body rates p, q, r \[rad/s\].
     pub rates_radps: [f64; 3],
 }
 
 impl Goal {
-    /// The goal of `reference` if that is neither missing nor a repetition, else `self`.
+    /// Returns the goal of `reference`, or `self` if the reference is missing or a repetition.
     #[must_use]
     pub fn renewed(&self, reference: &Reference) -> Self {
         let Reference { stamp, w_mps, attitude_rad, rates_radps, flags, .. } = *reference;
@@ -46,7 +46,7 @@ impl Goal {
         Self { tick: OptionalTick::some(stamp.tick), w_mps, attitude_rad, rates_radps }
     }
 
-    /// What to follow at `tick`, by samples of `sample_ns`, for a measured `state`.
+    /// Returns the goal at `tick` by its age, with samples of `sample_ns`, for a measured `state`.
     #[must_use]
     pub fn at(&self, tick: u64, sample_ns: u64, state: &State, roll_trim_rad: f64) -> Self {
         let age_ns = self.tick.get().map_or(u64::MAX, |of| tick.saturating_sub(of).saturating_mul(sample_ns));
@@ -74,7 +74,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reference_is_followed_then_levelled_then_descended_from() {
+    fn an_ageing_reference_is_followed_then_levelled_then_descended_from() {
         let goal = Goal::default().renewed(&reference(7));
         let at = |age: u64| goal.at(7 + age, SAMPLE_NS, &State::default(), ROLL_TRIM_RAD);
         for age in [0, 1, 49] {
@@ -101,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn without_any_reference_it_descends_with_the_nose_where_it_is() {
+    fn without_any_reference_the_vehicle_descends_with_its_measured_heading() {
         let measured = Kinematics { attitude_rad: [0.5, 0.5, 2.0], ..Kinematics::default() };
         let state = State { measured, ..State::default() };
         let goal = Goal::default().at(0, SAMPLE_NS, &state, ROLL_TRIM_RAD);

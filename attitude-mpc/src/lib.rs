@@ -1,6 +1,6 @@
 //! Linear MPC of attitude and vertical velocity.
 //!
-//! Every tick the best plan over the horizon is found, and only its first move is published:
+//! Each tick the optimal plan over the horizon is computed, and its first move is published:
 //!
 //! ```text
 //! U*(t) = (u*_t, ..., u*_{t+Nu-1})                                  (5)
@@ -10,27 +10,27 @@
 //! | module | holds | paper |
 //! |---|---|---|
 //! | [`model`] | prediction model, lag states, the controller's own actuators | (1)-(2) |
-//! | [`coupling`] | what the estimate must not take for a force at speed | |
-//! | [`at_speed`] | the model at another point of flight | |
-//! | [`schedule`] | several MPC over the velocity | |
-//! | [`ltv`] | a linearisation every sample | |
-//! | [`constraints`] | what a plan may be | (3), (49)-(51) |
+//! | [`coupling`] | change of w at speed, for the disturbance estimate | |
+//! | [`at_speed`] | the model at another flight condition | |
+//! | [`schedule`] | gain-scheduled MPC over the velocity | |
+//! | [`ltv`] | linearisation at every sample | |
+//! | [`constraints`] | set of admissible plans | (3), (49)-(51) |
 //! | [`condensed`] | cost over the horizon as a quadratic in the moves, its minimiser as a gain | (4) |
 //! | [`riccati`] | terminal weight | |
-//! | [`constrained`] | when to solve, and what to do when that fails | |
-//! | [`solver`] | the constrained problem, by Clarabel or by our own active-set method | |
+//! | [`constrained`] | choice between explicit plan, solver and fallback | |
+//! | [`solver`] | the constrained problem, by Clarabel or the active-set method of `qp` | |
 //! | [`disturbance`] | estimate of a constant disturbance on the inputs | |
-//! | [`pid`] | another law, to compare with | |
-//! | [`goal`] | what to follow when references stop coming | |
-//! | [`memory`] | all that survives a tick | |
-//! | `process` | the process around it | |
+//! | [`pid`] | PID law, for comparison | |
+//! | [`goal`] | the goal, also without references | |
+//! | [`memory`] | state kept from tick to tick | |
+//! | `process` | loop of the node's process | |
 //!
-//! In nominal flight no constraint is active: the plan is one matrix-vector product, and it is checked, not solved.
-//! Only a plan that leaves the set goes to the solver. A solve that fails leaves no gap: every move of the
-//! unconstrained plan then gives way to the nearest one inside the set.
+//! In nominal flight no constraint is active: the plan is one matrix-vector product, which is only checked. Only a plan
+//! outside the set goes to the solver. If the solver fails, every move of the unconstrained plan is replaced by the
+//! nearest one inside the set.
 //!
-//! Without a fresh state there is no plan: the last demand is repeated, with a status that says so. The fallback for that
-//! is in the mixer, nearer to the actuators.
+//! Without a fresh state no plan is computed: the last demand is repeated, with the status `Stale`. The fallback for
+//! that case is in the mixer, nearer to the actuators.
 
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "a test asks the platform for a second opinion"))]
 
@@ -76,12 +76,12 @@ use model::PredictionModel;
 use pid::Pid;
 use schedule::Schedule;
 
-/// Where psi stands in state and reference: the one angle that comes round.
+/// Index of psi in state and reference, the only angle that is wrapped.
 const HEADING: usize = 3;
-/// Largest demand of a plan \[N, N m\]: the solvers compute near its fourth power, which is still finite.
+/// Bound on the demands of a plan \[N, N m\]: the solvers compute up to its fourth power, which is still finite.
 const MAX_PLAN: f64 = 1e50;
 
-/// The attitude controller.
+/// Attitude controller.
 pub struct AttitudeMpc {
     model: PredictionModel,
     unconstrained: UnconstrainedLaw,
@@ -93,21 +93,21 @@ pub struct AttitudeMpc {
     work: Work,
 }
 
-/// The control law without limits of the actuators.
+/// Control law without the actuators' limits.
 enum UnconstrainedLaw {
-    /// `U = gain (x; r; d; v)`: the unconstrained plan, or the one move of the regulator.
+    /// Gain of `U = gain (x; r; d; v)`: the unconstrained plan, or the one move of the regulator.
     Gain(DMatrix<f64>),
-    /// Plan by a gain, with a term of the measured state in what the estimate expects.
+    /// Plan by a gain, with the coupling term in the prediction behind the estimate.
     Coupled(DMatrix<f64>, Coupling),
     /// One gain for each of several flight conditions.
     Scheduled(Box<Schedule>),
-    /// The problem of this sample's own model.
+    /// Problem of the model of this sample.
     Ltv(Box<Ltv>),
     Pid(Pid),
 }
 
 impl UnconstrainedLaw {
-    /// Takes in the sample that the model of this tick is for.
+    /// Updates the model of this tick from a sample.
     fn observe(&mut self, measured: &Kinematics) {
         match self {
             Self::Coupled(_, coupling) => coupling.observe(measured),
@@ -117,12 +117,12 @@ impl UnconstrainedLaw {
         }
     }
 
-    /// Returns the disturbance on the inputs that the estimate must not take for a force.
+    /// Returns the change of w by coupling as a disturbance on the inputs, which the estimate must not contain.
     fn coupling(&self) -> Vector4<f64> {
         if let Self::Coupled(_, coupling) = self { coupling.on_inputs() } else { Vector4::zeros() }
     }
 
-    /// As [`PredictionModel::predict`] by the model of this tick, which is `hover` where there is no other.
+    /// Predicts as [`PredictionModel::predict`] by the model of this tick, which is `hover` if the law has no other.
     fn predict(
         &self,
         hover: &PredictionModel,
@@ -142,27 +142,27 @@ impl UnconstrainedLaw {
     }
 }
 
-/// Room for the numbers of one tick, so that a tick allocates nothing.
+/// Buffers of one tick, so that a tick allocates nothing.
 struct Work {
-    /// The state of this sample, n.
+    /// State of this sample, n.
     x: DVector<f64>,
-    /// The state predicted for this sample, then for the next, n.
+    /// State predicted for this sample, then for the next, n.
     predicted: DVector<f64>,
-    /// `(x; r; d; v)`, n + 15.
+    /// Given numbers `(x; r; d; v)`, n + 15.
     given: DVector<f64>,
-    /// The unconstrained plan, 4Nu, or the one move of another law.
+    /// Unconstrained plan, 4Nu, or the one move of another law.
     unconstrained: DVector<f64>,
-    /// The plan to follow, 4Nu, or the one move.
+    /// Plan to follow, 4Nu, or the one move.
     plan: DVector<f64>,
 }
 
 impl AttitudeMpc {
-    /// As [`try_new`](Self::try_new), for a scenario that was checked; panics on an error.
+    /// Builds as [`try_new`](Self::try_new) for a scenario that was checked; panics on an error.
     pub fn new(scenario: &Scenario) -> Self {
         Self::try_new(scenario).unwrap_or_else(|error| panic!("{error}"))
     }
 
-    /// Builds the controller of a scenario; an error names the settings that leave nothing to compute with.
+    /// Builds the controller of a scenario; the error names settings for which its problem is singular or infeasible.
     pub fn try_new(scenario: &Scenario) -> Result<Self, ScenarioError> {
         let model = PredictionModel::new(scenario);
         let (states, weights) = (model.states(), &scenario.mpc);
@@ -203,22 +203,21 @@ impl AttitudeMpc {
         })
     }
 
-    /// The unconstrained plan of the newest step, 4Nu, or the one move of another law.
+    /// Unconstrained plan of the newest step, 4Nu, or the one move of another law.
     pub fn unconstrained_plan(&self) -> &DVector<f64> {
         &self.work.unconstrained
     }
 
-    /// Takes fault `number` as it is from now on, if it is one of the solver.
+    /// Updates fault `number` if it is a fault of the solver.
     pub fn apply_fault(&mut self, number: usize, fault: &Fault) {
         self.constrained.iter_mut().for_each(|constrained| constrained.apply_fault(number, fault));
     }
 
-    /// The demand at `tick` for the newest measured state and the newest reference to follow: deviations of col, lon,
-    /// lat, ped from trim \[N, N m, N m, N m\]. Of the state it uses the tick, what was measured, and the command in
-    /// force.
+    /// Computes the demand at `tick` from the newest state and reference: deviations of col, lon, lat, ped from trim
+    /// \[N, N m, N m, N m\]. Of the state only the tick, the measurements and the command in force are used.
     ///
-    /// For a state of an earlier tick, or none, the last demand is repeated; what an old reference becomes, [`goal`]
-    /// tells. Either is said in the status.
+    /// If the state is missing or older than `tick`, or an input is not finite or huge, the last demand is repeated.
+    /// [`goal`] describes what replaces an old reference. The status reports each case.
     pub fn step(&mut self, tick: u64, state: &State, reference: &Reference) -> Controls {
         if state.stamp.sequence == 0 || state.stamp.tick < tick {
             return self.repeat(SolveStatus::Stale);
@@ -240,7 +239,7 @@ impl AttitudeMpc {
         let unfollowed = self.model.inputs_of(&command) - self.memory.demand;
         self.optimise(&goal, &disturbance, &unfollowed, &mut integral);
         if !self.work.unconstrained.iter().all(|u| u.abs() < MAX_PLAN) {
-            return self.repeat(SolveStatus::BadInput); // finite, but so large that the plan overflowed, or a solver would
+            return self.repeat(SolveStatus::BadInput); // finite inputs, but the plan or a solver would overflow
         }
 
         self.memory.tick = OptionalTick::some(tick);
@@ -255,16 +254,15 @@ impl AttitudeMpc {
         self.publish(status, &account)
     }
 
-    /// The whole memory, for the process that continues this flight. Whether the controller is in a
-    /// [`hurry`](Self::hurry) belongs to the process and is not part of it. The constraints that the solver starts from
-    /// are left out when they are more than [`memory::MAX_HELD`].
+    /// Packs the whole memory, for the process that continues this flight, except [`hurry`](Self::hurry), which belongs
+    /// to the process. The solver's starting constraints are left out if they are more than [`memory::MAX_HELD`].
     pub fn snapshot(&self) -> Snapshot {
         let warm_start = self.constrained.as_ref().map_or(WarmStart::default(), |it| it.solver.warm_start());
         snapshot::pack(&Whole { memory: self.memory, warm_start })
     }
 
-    /// Continues from a snapshot; one that is foreign, torn, not finite or of another model is refused, and nothing
-    /// changes.
+    /// Continues from a snapshot. Returns `false`, and changes nothing, if the snapshot is foreign, torn or not finite,
+    /// or does not fit this model and solver.
     pub fn restore(&mut self, snapshot: &Snapshot) -> bool {
         let states = self.model.states() as u64;
         let Some(whole) = snapshot::unpack::<Whole>(snapshot).filter(|whole| whole.memory.states == states) else {
@@ -277,18 +275,18 @@ impl AttitudeMpc {
         fits
     }
 
-    /// Sets whether the next steps do without the solver, because a deadline was missed.
+    /// Sets whether the next steps avoid the solver, because a deadline was missed.
     pub fn hurry(&mut self, hurried: bool) {
         if let Some(constrained) = &mut self.constrained {
             constrained.hurried = hurried;
         }
     }
 
-    /// The disturbance estimate, after a look at what the model failed to predict for this sample.
+    /// Updates the disturbance estimate by the prediction error of this sample.
     fn estimate(&mut self, command: &Actuation, samples: u64) -> Vector4<f64> {
         let before = self.memory.disturbance;
         match &self.law {
-            // The prediction is for one sample: a gap in the measurements leaves the estimate as it is.
+            // The prediction is for one sample, so a gap in the measurements leaves the estimate unchanged.
             Some(law) if samples == 1 && self.memory.tick.get().is_some() => {
                 let u = self.model.inputs_of(command);
                 let x = DVectorView::from_slice(&self.memory.x.as_slice()[..self.model.states()], self.model.states());
@@ -300,8 +298,8 @@ impl AttitudeMpc {
         }
     }
 
-    /// Finds the unconstrained plan from this sample, or from the next, when the demand of this tick will act.
-    /// `unfollowed` is what the command in force gives less the demand published last.
+    /// Computes the unconstrained plan from this sample, or with delay compensation from the next, when the demand of
+    /// this tick takes effect. `unfollowed` is the input of the command in force less the demand published last.
     fn optimise(
         &mut self,
         goal: &Goal,
@@ -334,7 +332,7 @@ impl AttitudeMpc {
         }
     }
 
-    /// Settles the plan; its first move is the demand.
+    /// Chooses the plan and stores its first move as the demand.
     fn decide(&mut self, tick: u64) -> (SolveStatus, Account) {
         let Work { unconstrained, given, plan, .. } = &mut self.work;
         let (status, account) = if let Some(constrained) = &mut self.constrained {
@@ -348,7 +346,7 @@ impl AttitudeMpc {
         (status, account)
     }
 
-    /// The message of the demand in memory, and how it came about.
+    /// Builds the message of the demand in memory with `status` and `account`.
     fn publish(&self, status: SolveStatus, account: &Account) -> Controls {
         Controls {
             demand: self.memory.demand.into(),
@@ -362,13 +360,13 @@ impl AttitudeMpc {
         }
     }
 
-    /// The answer to an input that cannot be used: the demand stays what it was.
+    /// Answers an unusable input with the last demand.
     fn repeat(&self, status: SolveStatus) -> Controls {
         self.publish(status, &Account::default())
     }
 }
 
-/// Whether every number that the controller uses is one.
+/// Returns whether every number that the controller needs is finite.
 fn is_finite(state: &State, reference: &Reference) -> bool {
     let measured = &state.measured;
     let command = &state.command_in_force;

@@ -1,11 +1,11 @@
-//! A linearisation every sample, at the measured state: `mpc.model = "ltv"`.
+//! Linearisation at every sample, at the measured state: `mpc.model = "ltv"`.
 //!
-//! Model, Hessian and optimum are those of [`condensed`], formed anew in matrices that were set up once: a sample
-//! allocates nothing. Only the course of the given numbers is followed, not that of every number that could be given, and the optimum comes
-//! from one Cholesky factor. Test `it_is_the_condensed_problem_of_the_model`.
+//! Model, Hessian and optimum are those of [`condensed`], recomputed each sample in preallocated matrices. Only the
+//! states for the present given numbers are predicted, not a matrix for all given numbers, and the optimum comes from
+//! one Cholesky factor. Test `ltv_is_the_condensed_problem_of_the_model`.
 //!
-//! The terminal weight is the Riccati solution at hover, in terms of the climb: solving that equation anew would take
-//! as long as all else. The model is held over the horizon.
+//! The terminal weight is the Riccati solution at hover, in terms of the climb: solving that equation each sample would
+//! take as long as all other steps. The model is constant over the horizon.
 
 use airframe::linear::{INPUTS, STATES};
 use airframe::{FlightPoint, Trim};
@@ -18,34 +18,34 @@ use crate::at_speed::FlightModel;
 use crate::condensed;
 use crate::disturbance::DRIVEN;
 
-/// The model of this sample, and room for its problem.
+/// Model of this sample, and buffers for its problem.
 pub struct Ltv {
-    /// The model.
+    /// Model at the measured state.
     pub flight: FlightModel,
     weights: Mpc,
-    /// `Q` and `P` at hover, n x n.
+    /// Weights `Q` and `P` at hover, n x n.
     stage: DMatrix<f64>,
     terminal: DMatrix<f64>,
-    /// The same in terms of w.
+    /// Weights `Q` and `P` in terms of w.
     q: DMatrix<f64>,
     p: DMatrix<f64>,
-    /// What each move adds to the states of a sample, n x 4Nu, and of the next.
+    /// Effect of the moves on the states of a sample, n x 4Nu, and of the next.
     forced: DMatrix<f64>,
     forced_next: DMatrix<f64>,
-    /// `Q forced`.
+    /// Product `Q forced`.
     pull: DMatrix<f64>,
-    /// 4Nu x 4Nu.
+    /// Hessian, 4Nu x 4Nu.
     hessian: DMatrix<f64>,
-    /// `(x; r; d; v)` as the model has it.
+    /// Given numbers `(x; r; d; v)`, converted to the model.
     given: DVector<f64>,
-    /// The states without a move, of a sample and of the next; then their miss.
+    /// States without a move, of a sample and of the next; then their deviation from `target`.
     free: DVector<f64>,
     free_next: DVector<f64>,
     target: DVector<f64>,
 }
 
 impl Ltv {
-    /// Room for the problem of a scenario.
+    /// Allocates the problem of a scenario; the error is that of [`condensed::state_weights`].
     pub fn new(scenario: &Scenario) -> Result<Self, ScenarioError> {
         let trim = Trim::solve(&scenario.airframe, scenario.mixer.tilt_reaction);
         let hover =
@@ -71,14 +71,14 @@ impl Ltv {
         })
     }
 
-    /// Linearises at a measured state.
+    /// Linearises at the measured state.
     pub fn observe(&mut self, measured: &Kinematics) {
         let Kinematics { velocity_mps, attitude_rad: [roll_rad, pitch_rad, _], rates_radps, .. } = *measured;
         self.flight.move_to(&FlightPoint { velocity_mps, roll_rad, pitch_rad, rates_radps });
     }
 
-    /// Writes the unconstrained `plan` for `given` = (x; r; d; v), r being a reference made at the measured `attitude_rad`. NaN where
-    /// the problem has no optimum.
+    /// Writes the unconstrained `plan` for `given` = (x; r; d; v), r being a reference made at the measured
+    /// `attitude_rad`. Fills the plan with NaN if the Hessian is not positive definite.
     pub fn plan(&mut self, given: &DVector<f64>, attitude_rad: &[f64; 2], plan: &mut DVector<f64>) {
         let n = self.free.len();
         self.given.copy_from(given);
@@ -103,7 +103,7 @@ impl Ltv {
         let model = &self.flight.model;
         for k in 1..=self.weights.np {
             let newest = INPUTS * (k - 1).min(self.weights.nu - 1); // after Nu the last move is held
-            let moved = newest + INPUTS; // later moves have no part yet
+            let moved = newest + INPUTS; // later moves have no effect yet
             self.free_next.gemv(1.0, &model.a, &self.free, 0.0);
             self.free_next.gemv(1.0, &model.e, &d, 1.0);
             std::mem::swap(&mut self.free, &mut self.free_next);
@@ -145,7 +145,7 @@ impl Ltv {
         }
     }
 
-    /// `u_s`: what holds the vehicle at the reference in spite of the disturbance. See [`condensed`].
+    /// Target `u_s` of the inputs, which holds the vehicle at the reference against the disturbance: see [`condensed`].
     fn input_target(&self, d: &Vector4<f64>) -> Vector4<f64> {
         let n = self.free.len();
         let model = &self.flight.model;
@@ -160,7 +160,7 @@ impl Ltv {
     }
 }
 
-/// `out = a b`, the first `columns` of it; without the workspace that the product of the library fetches.
+/// Computes the first `columns` of `out = a b`, without the workspace that nalgebra's product allocates.
 fn multiply(out: &mut DMatrix<f64>, a: &DMatrix<f64>, b: &DMatrix<f64>, columns: usize) {
     for column in 0..columns {
         out.column_mut(column).gemv(1.0, a, &b.column(column), 0.0);

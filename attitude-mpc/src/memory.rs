@@ -1,4 +1,4 @@
-//! What the controller remembers from tick to tick. Everything else is fixed when it is built.
+//! State of the controller from tick to tick. All its other fields are fixed at construction or buffers.
 
 use airframe::Actuation;
 use airframe::linear::{INPUTS, STATES};
@@ -8,46 +8,46 @@ use nalgebra::{SVector, Vector4};
 
 use crate::goal::Goal;
 
-/// States of the largest model, the one with the actuator lag.
+/// Number of states of the largest model, which has the actuator lag.
 pub const MAX_STATES: usize = STATES + INPUTS;
-/// Constraints to start from that a snapshot has room for. A solver that holds more starts from none.
+/// Most constraints in a snapshot's warm start. The successor of a solver that holds more starts without any.
 pub const MAX_HELD: usize = 29;
 
-/// The controller's memory without that of its solver.
+/// Memory of the controller without its solver.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Memory {
-    /// The newest sample used.
+    /// Tick of the newest sample used.
     pub tick: OptionalTick,
-    /// The newest reference used.
+    /// Newest reference used.
     pub goal: Goal,
     /// Number of states of the model, n.
     pub states: u64,
-    /// The state `x` of the newest sample used: the first n.
+    /// State `x` of the newest sample used: the first n elements.
     pub x: SVector<f64, MAX_STATES>,
-    /// The modelled positions of the actuators at that sample.
+    /// Modelled positions of the actuators at that sample.
     pub actuation: Actuation,
-    /// The estimate `d` \[N, N m, N m, N m\].
+    /// Disturbance estimate `d` \[N, N m, N m, N m\].
     pub disturbance: Vector4<f64>,
-    /// The demand published last \[N, N m, N m, N m\].
+    /// Demand published last \[N, N m, N m, N m\].
     pub demand: Vector4<f64>,
     /// Integrals of the PID's errors: of w \[m\], theta, phi, psi \[rad s\].
     pub integral: Vector4<f64>,
-    /// Ticks so far on which a solve failed.
+    /// Number of ticks so far whose plan is a fallback or the result of a solve that reached a limit.
     pub fallbacks: u64,
 }
 
-/// The constraints that the next solve starts from, as a snapshot has them: the first `count` of `held`.
+/// Constraints that the next solve starts from, as stored in a snapshot: the first `count` of `held`.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
 #[repr(C)]
 pub struct WarmStart {
-    /// How many there are.
+    /// Number of constraints, at most [`MAX_HELD`].
     pub count: u64,
-    /// In the order in which they joined.
+    /// Constraints in the order in which they joined the working set.
     pub held: [Held; MAX_HELD],
 }
 
-/// One constraint held as an equation.
+/// Constraint held as an equation.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
 #[repr(C)]
 pub struct Held {
@@ -57,13 +57,13 @@ pub struct Held {
     pub towards: [f64; 2],
 }
 
-/// The contents of a snapshot: a controller that gets a copy of it continues the same flight.
+/// Contents of a snapshot: a controller that restores a copy continues the same flight.
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 pub struct Whole {
-    /// The controller's memory.
+    /// Memory of the controller.
     pub memory: Memory,
-    /// Its solver's memory.
+    /// Memory of its solver.
     pub warm_start: WarmStart,
 }
 
@@ -72,12 +72,12 @@ impl Layout for Whole {
 }
 
 impl Memory {
-    /// Nothing seen yet: `states` states at hover, actuators at their `trim`.
+    /// Starts without any sample: `states` states at hover, actuators at `trim`.
     pub fn new(states: usize, trim: Actuation) -> Self {
         Self { states: states as u64, actuation: trim, ..Self::zeroed() }
     }
 
-    /// Samples from the newest one used to `tick`: 1 in a flight without gaps, and at the first sample.
+    /// Number of samples from the newest one used to `tick`: 1 without gaps and at the first sample, 0 for old ticks.
     pub fn samples_until(&self, tick: u64) -> u64 {
         self.tick.get().map_or(1, |last| tick.saturating_sub(last))
     }

@@ -1,19 +1,19 @@
-//! The prediction model: the controller's model of the next sample.
+//! Prediction model of the next sample.
 //!
 //! ```text
 //! x[k+1] = Ad x[k] + Bd u[k] + Ed d                                  (1)
 //! y[k]   = x[k]                                                      (2)
 //! ```
 //!
-//! `Ad` and `Bd` are the discretised linear model of [`airframe::linear`]; `x` is `(w, phi - phi_trim, theta,
-//! psi, p, q, r)`.
+//! `Ad` and `Bd` are the discretised linear model of [`airframe::linear`], with `x` = `(w, phi - phi_trim, theta, psi,
+//! p, q, r)`.
 //!
 //! Departure: with the actuator lag in the model, `x` has four more states `z`: the conventional inputs that the
-//! actuators really produce, as deviations from trim. Nobody measures them. They come from the controller's own
-//! actuators, which obey the same command as the true ones. Test `a_command_moves_the_lag_states`.
+//! actuators produce, as deviations from trim. They are not measured: the controller simulates the actuators under the
+//! command in force. Test `a_command_moves_the_lag_states`.
 //!
-//! Departure: `d` is a constant disturbance on the inputs. It acts behind the lag, where wind acts: `Ed` is `Bd` of
-//! the lag-free model, with zeros on the lag states. Test `the_disturbance_acts_behind_the_lag`.
+//! Departure: `d` is a constant disturbance on the inputs. It acts behind the lag, as wind does: `Ed` is `Bd` of the
+//! lag-free model, with zeros on the lag states. Test `the_disturbance_acts_behind_the_lag`.
 
 use airframe::linear::{Continuous, INPUTS, STATES};
 use airframe::{Actuation, ActuatorLaw, MixingMatrix, Trim};
@@ -21,27 +21,27 @@ use contract::Scenario;
 use contract::message::Kinematics;
 use nalgebra::{DMatrix, DVector, Dyn, Storage, Vector, Vector4};
 
-/// The model in use: 7 states, or 11 with the actuator lag.
+/// Linear model with 7 states, or 11 with the actuator lag.
 #[derive(Debug, Clone)]
 pub struct PredictionModel {
-    /// `Ad`, n x n.
+    /// Matrix `Ad`, n x n.
     pub a: DMatrix<f64>,
-    /// `Bd`, n x 4.
+    /// Matrix `Bd`, n x 4.
     pub b: DMatrix<f64>,
-    /// `Ed`, n x 4: how a constant disturbance on the inputs acts.
+    /// Matrix `Ed` of a constant disturbance on the inputs, n x 4.
     pub e: DMatrix<f64>,
-    /// The hover it is a linearisation of.
+    /// Hover at which the model is linearised.
     pub trim: Trim,
-    /// From actuator positions to conventional inputs.
+    /// Map from actuator positions to conventional inputs.
     pub mixing: MixingMatrix,
-    /// The model of rotors and servo.
+    /// Model of rotors and servo.
     actuators: ActuatorLaw,
     /// Sample time \[s\].
     sample_s: f64,
 }
 
 impl PredictionModel {
-    /// The model of a scenario's vehicle, as the controller knows it.
+    /// Builds the controller's model of a scenario's vehicle.
     pub fn new(scenario: &Scenario) -> Self {
         let vehicle = &scenario.airframe;
         let lag_s = scenario.mpc.actuator_lag_model_s;
@@ -68,12 +68,12 @@ impl PredictionModel {
         self.a.nrows()
     }
 
-    /// Whether the lag states are part of it.
+    /// Returns whether the model has the lag states.
     pub fn has_lag(&self) -> bool {
         self.states() > STATES
     }
 
-    /// Writes the state `x` of a measurement, with the actuators at their modelled positions.
+    /// Writes the state `x` of a measurement and the modelled positions of the actuators.
     pub fn observe(&self, measured: &Kinematics, actuation: &Actuation, x: &mut DVector<f64>) {
         let w = measured.velocity_mps[2];
         x.rows_mut(0, STATES).copy_from_slice(&self.deviation(w, &measured.attitude_rad, &measured.rates_radps));
@@ -82,14 +82,14 @@ impl PredictionModel {
         }
     }
 
-    /// `(w, phi - phi_trim, theta, psi, p, q, r)`, of a measurement or of a reference.
+    /// Deviation `(w, phi - phi_trim, theta, psi, p, q, r)` of a measurement or a reference from trim.
     pub fn deviation(&self, w_mps: f64, attitude_rad: &[f64; 3], rates_radps: &[f64; 3]) -> [f64; STATES] {
         let [phi, theta, psi] = *attitude_rad;
         let [p, q, r] = *rates_radps;
         [w_mps, phi - self.trim.roll_rad, theta, psi, p, q, r] // (2)
     }
 
-    /// Writes the state `next`, one sample after `x`, under the inputs `u` and the disturbance `d`.
+    /// Predicts the state `next`, one sample after `x`, under the inputs `u` and the disturbance `d`.
     pub fn predict<S: Storage<f64, Dyn>>(
         &self,
         x: &Vector<f64, Dyn, S>,
@@ -102,12 +102,12 @@ impl PredictionModel {
         next.gemv(1.0, &self.e, d, 1.0); // (1)
     }
 
-    /// Where the actuators are after obeying `command` for a number of samples.
+    /// Positions of the actuators after following `command` for a number of samples.
     pub fn actuate(&self, actuation: &Actuation, command: &Actuation, samples: u64) -> Actuation {
         self.actuators.advance(actuation, command, samples as f64 * self.sample_s)
     }
 
-    /// The inputs a command asks for, after the limits of the actuators.
+    /// Inputs that a command produces in steady state, within the actuators' limits.
     pub fn inputs_of(&self, command: &Actuation) -> Vector4<f64> {
         self.mixing.deviation(&self.actuators.limits.clip(command))
     }
@@ -152,7 +152,7 @@ mod tests {
         model.observe(&Kinematics::default(), &once, &mut x);
         let goal = model.inputs_of(&command)[0];
         assert!(goal < x[STATES] && x[STATES] < 0.0, "{} between {goal} and 0", x[STATES]);
-        // The linear lag agrees with the one that acts on speeds, to first order in the step.
+        // The lag of the inputs agrees with the lag of the rotor speeds to first order in the step.
         let share = 1.0 - (-0.01_f64 / 0.03).exp();
         assert!((x[STATES] / goal - share).abs() < 0.01);
         assert_eq!(model.actuate(&once, &command, 0), once);

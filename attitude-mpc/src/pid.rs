@@ -1,15 +1,15 @@
-//! One PID per axis, to compare with: every axis as if it were alone.
+//! One PID per axis, for comparison; coupling between the axes is ignored.
 //!
 //! ```text
 //! col = m   (kp (w_ref - w) + ki integral)
 //! lon = Iyy (kp (theta_ref - theta) + kd (q_ref - q) + ki integral)        lat, ped likewise with phi, p and psi, r
 //! ```
 //!
-//! A double integrator with all three poles at `-a` has `kd = 3a`, `kp = 3a^2`, `ki = a^3`; the climb, a single one with two
-//! poles at `-a`, has `kp = 2a`, `ki = a^2`. `[mpc.pid]` has the gains.
+//! An angle is a double integrator: all three poles at `-a` need `kd = 3a`, `kp = 3a^2`, `ki = a^3`. The climb is a
+//! single one: two poles at `-a` need `kp = 2a`, `ki = a^2`. `[mpc.pid]` has the gains.
 //!
-//! Anti-windup is back-calculation (Astrom and Hagglund, Advanced PID Control, ISA 2006, section 3.5): what the actuators were
-//! given less what was demanded, `v - u`, drives the integral back with the tracking time constant `Tt`:
+//! Anti-windup is back-calculation (Astrom and Hagglund, Advanced PID Control, ISA 2006, section 3.5): the input that
+//! the actuators were given less the demand, `v - u`, drives the integral back with the tracking time constant `Tt`:
 //!
 //! ```text
 //! d integral / dt = error + (v - u) / (inertia ki Tt)         Tt = sqrt(Ti Td); without a derivative Tt = Ti
@@ -20,12 +20,12 @@ use airframe::Parameters;
 use contract::scenario::PidGains;
 use nalgebra::{DVector, Vector4};
 
-/// The law. Its integrals are kept by the controller.
+/// PID law. The controller stores its integrals.
 #[derive(Debug, Clone)]
 pub struct Pid {
-    /// m, Iyy, Ixx, Izz: what turns an acceleration into an input.
+    /// Inertia m, Iyy, Ixx, Izz: ratio of input to acceleration.
     inertia: Vector4<f64>,
-    /// `ki Tt` of each axis: \[1/s\] for the climb, \[1/s2\] for the others; infinite where nothing is integrated.
+    /// Product `ki Tt` of each axis \[1/s for the climb, 1/s2 for the others\]; infinite without integral action.
     tracking: Vector4<f64>,
     gains: PidGains,
     /// Sample time \[s\].
@@ -33,7 +33,7 @@ pub struct Pid {
 }
 
 impl Pid {
-    /// The law for a vehicle with `gains`, at a sample time \[s\].
+    /// Builds the law of a vehicle with `gains` and a sample time \[s\].
     pub fn new(vehicle: &Parameters, gains: &PidGains, sample_s: f64) -> Self {
         let inertia = Vector4::new(vehicle.mass_kg, vehicle.iyy_kgm2, vehicle.ixx_kgm2, vehicle.izz_kgm2);
         let PidGains { kp, ki, kd } = *gains;
@@ -45,8 +45,8 @@ impl Pid {
         Self { inertia, tracking, gains: *gains, sample_s }
     }
 
-    /// col, lon, lat, ped \[N, N m, N m, N m\] for a state and its reference, both (w, phi, theta, psi, p, q, r, ...);
-    /// adds this sample's errors to the integrals. `unfollowed` is what the actuators were last given less what was demanded.
+    /// Computes col, lon, lat, ped \[N, N m, N m, N m\] for a state and its reference, both (w, phi, theta, psi, p, q,
+    /// r, ...), and updates the integrals. `unfollowed` is the input that the actuators were given less the demand.
     pub fn step(
         &self,
         x: &DVector<f64>,
@@ -91,7 +91,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_actuators_do_not_follow_drives_the_integral_back() {
+    fn a_demand_that_is_not_followed_drives_the_integral_back() {
         let pid = Pid::new(&Parameters::default(), &PidGains::default(), 0.01);
         let errors = [0.1; 7];
         let grown = |unfollowed: f64| {
@@ -104,8 +104,8 @@ mod tests {
         assert!((0..4).all(|axis| grown(5.0)[axis] > grown(0.0)[axis]), "more than was demanded");
     }
 
-    /// An actuator that gives no more than a share of what a constant error asks for: without anti-windup the integral grows
-    /// for ever, with it the demand settles a little above what the actuator gives.
+    /// The actuator gives half of the demand under a constant error: without anti-windup the integral would grow
+    /// without bound, with it the demand settles.
     #[test]
     fn the_integral_of_a_saturated_axis_settles() {
         let pid = Pid::new(&Parameters::default(), &PidGains::default(), 0.01);

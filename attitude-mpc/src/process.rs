@@ -1,4 +1,4 @@
-//! The attitude controller as a process: it answers to REFERENCE.
+//! Attitude controller as a process, woken by REFERENCE.
 
 use contract::message::{Controls, Reference, State};
 use runtime::session::{NodeSession, SessionError};
@@ -9,7 +9,7 @@ use crate::AttitudeMpc;
 pub fn run(mut session: NodeSession) -> Result<(), SessionError> {
     let mut mpc = AttitudeMpc::try_new(&session.scenario)?;
     if let Some(memory) = session.memory() {
-        mpc.restore(&memory); // one that does not fit is as good as none
+        mpc.restore(&memory); // a snapshot that does not fit is ignored
     }
     let mut states = session.input::<State>()?;
     let mut references = session.input::<Reference>()?;

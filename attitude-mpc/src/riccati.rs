@@ -1,26 +1,26 @@
-//! The discrete algebraic Riccati equation, by structured doubling.
+//! Solution of the discrete algebraic Riccati equation by structured doubling.
 //!
 //! ```text
 //! S = A' S A - A' S B (R + B' S B)^-1 B' S A + Q
 //! ```
 //!
-//! Each pass doubles the number of stages the solution has seen, so that a dozen passes cover thousands of samples:
+//! Each pass doubles the number of stages in the solution, so that a dozen passes cover thousands of samples:
 //!
 //! ```text
 //! W = I + G H,   A <- A W^-1 A,   G <- G + A W^-1 G A',   H <- H + A' H W^-1 A
 //! ```
 //!
-//! from `A`, `G = B R^-1 B'` and `H = Q`; `H` grows to `S`.
+//! starting with `A`, `G = B R^-1 B'` and `H = Q`; `H` converges to `S`.
 
 use nalgebra::DMatrix;
 
-/// Passes after which the doubling stops: 2^60 samples.
+/// Most passes of the doubling: 2^60 samples.
 const PASSES: usize = 60;
-/// Relative change of `H` at which it has converged.
+/// Relative change of `H` at which the doubling has converged.
 const TOLERANCE: f64 = 1e-15;
 
-/// The stabilising solution `S` for `x[k+1] = A x + B u` with stage cost `x'Qx + u'Ru`, n x n. `None` when `R` is not
-/// positive definite, and where rounding keeps the doubling from a finite end.
+/// Computes the stabilising solution `S` for `x[k+1] = A x + B u` with stage cost `x'Qx + u'Ru`, n x n. `None` if `R`
+/// is not positive definite, or if the doubling does not converge to finite numbers.
 pub fn solve(a: &DMatrix<f64>, b: &DMatrix<f64>, q: &DMatrix<f64>, r: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let identity = DMatrix::identity(a.nrows(), a.nrows());
     let cholesky = r.clone().cholesky()?;

@@ -1,12 +1,12 @@
-//! Several MPC, one for each of several flight conditions, blended by the measured velocity: `mpc.model = "scheduled"`.
+//! Gain-scheduled MPC: one MPC for each flight condition, blended by the measured velocity: `mpc.model = "scheduled"`.
 //!
-//! The conditions are trimmed level flights ([`LevelFlight`]) on a grid of velocities ahead and to the right, because this
-//! vehicle flies in any direction without turning its nose. Each has its own model, terminal weight and gain, all built at
-//! the start. The plan is the mean of the plans of the four conditions around the measured velocity, with the
-//! weights of bilinear interpolation: these are continuous in the velocity, so that a plan has no bump where one cell of the grid ends
-//! and the next begins. Test `a_plan_has_no_bump_at_a_condition`.
+//! The conditions are trimmed level flights ([`LevelFlight`]) on a grid of velocities ahead and to the right, because
+//! this vehicle flies in any direction without turning its nose. Each has its own model, terminal weight and gain, all
+//! computed at construction. The plan is the mean of the plans of the four conditions around the measured velocity,
+//! with the weights of bilinear interpolation. These are continuous in the velocity, so that a plan does not jump
+//! between cells of the grid. Test `a_plan_has_no_bump_at_a_condition`.
 //!
-//! The drag is that of `[plant]`: a schedule has to know it, because it sets the attitude at each speed.
+//! The schedule uses the drag of `[plant]`, because drag determines the attitude at each speed.
 
 use airframe::linear::{INPUTS, STATES};
 use airframe::{FlightPoint, LevelFlight};
@@ -18,30 +18,30 @@ use nalgebra::{DMatrix, DVector, DVectorView, Rotation3, Vector3, Vector4};
 use crate::at_speed::FlightModel;
 use crate::condensed::Condensed;
 
-/// Velocities of the grid, ahead and to the right: from -15 to 15 m/s.
+/// Number of grid velocities ahead, and to the right: from -15 to 15 m/s.
 const PER_AXIS: usize = 7;
-/// Between two of them \[m/s\].
+/// Spacing of the grid \[m/s\].
 const SPACING_MPS: f64 = 5.0;
 
-/// All conditions, and how much each counts now.
+/// All conditions, and their present weights.
 pub struct Schedule {
-    /// Row by row: those of one velocity ahead stand together.
+    /// Conditions row by row: those with the same velocity ahead are adjacent.
     conditions: Vec<Condition>,
-    /// The four around the measured velocity with their weights, which add up to 1.
+    /// Indices of the four conditions around the measured velocity, with their weights, which add up to 1.
     around: [(usize, f64); 4],
-    /// `(x; r; d; v)` as one condition has it.
+    /// Given numbers `(x; r; d; v)`, converted to one condition.
     given: DVector<f64>,
 }
 
-/// One condition.
+/// Flight condition.
 struct Condition {
     model: FlightModel,
-    /// `U = gain (x; r; d; v)`, 4Nu x (n + 15).
+    /// Gain of `U = gain (x; r; d; v)`, 4Nu x (n + 15).
     gain: DMatrix<f64>,
 }
 
 impl Schedule {
-    /// Builds every condition of a scenario.
+    /// Builds every condition of a scenario; an error if one has no level flight or a singular problem.
     pub fn new(scenario: &Scenario) -> Result<Self, ScenarioError> {
         let velocity = |i: usize| SPACING_MPS * (i as f64 - (PER_AXIS / 2) as f64);
         let conditions = (0..PER_AXIS * PER_AXIS)
@@ -53,7 +53,7 @@ impl Schedule {
         Ok(schedule)
     }
 
-    /// Takes in where the vehicle is.
+    /// Updates the weights for the measured velocity.
     pub fn observe(&mut self, measured: &Kinematics) {
         let [phi, theta, _] = measured.attitude_rad;
         let way = Rotation3::from_euler_angles(phi, theta, 0.0) * Vector3::from(measured.velocity_mps);
@@ -76,7 +76,7 @@ impl Schedule {
         ];
     }
 
-    /// Writes the state `next`, one sample after `x`.
+    /// Predicts the state `next`, one sample after `x`, as the weighted mean of the conditions.
     pub fn predict(&self, x: &DVectorView<f64>, u: &Vector4<f64>, d: &Vector4<f64>, next: &mut DVector<f64>) {
         next.fill(0.0);
         for &(i, share) in &self.around {
@@ -84,7 +84,7 @@ impl Schedule {
         }
     }
 
-    /// Writes the unconstrained `plan` for `given` = (x; r; d; v), r being a reference made at the measured `attitude_rad`.
+    /// Writes the unconstrained `plan` for `given` = (x; r; d; v), r being made at the measured `attitude_rad`.
     pub fn plan(&mut self, given: &DVector<f64>, attitude_rad: &[f64; 2], plan: &mut DVector<f64>) {
         let n = given.len() - STATES - 2 * INPUTS;
         plan.fill(0.0);

@@ -1,4 +1,4 @@
-//! The whole controller: directions, fallbacks, properties, and the problems of the independent simulator.
+//! Tests of the whole controller: directions, fallbacks, properties, and the problems of the independent simulator.
 
 use airframe::envelope::Envelope;
 use contract::message::Stamp;
@@ -11,7 +11,7 @@ use crate::fixture::{self, Case};
 mod conditions;
 mod silence;
 
-/// A sample at hover trim.
+/// Sample at hover trim, and the reference to stay there.
 pub fn hover(mpc: &AttitudeMpc, tick: u64) -> (State, Reference) {
     let stamp = Stamp { tick, sequence: 1, ..Stamp::default() };
     let mut state = State { stamp, ..State::default() };
@@ -28,13 +28,13 @@ pub fn violent_turn(mpc: &AttitudeMpc, tick: u64) -> (State, Reference) {
     (state, reference)
 }
 
-/// By how much a demand leaves the exact set of a scenario.
+/// Violation of the exact set of a scenario by a demand.
 pub fn demand_violation(scenario: &Scenario, demand: [f64; 4]) -> f64 {
     Envelope::new(&scenario.airframe, scenario.mixer.tilt_reaction, scenario.limits()).demand_violation(&demand.into())
 }
 
 #[test]
-fn hover_asks_for_nothing() {
+fn at_hover_the_demand_is_zero() {
     for profile in [Profile::Paper, Profile::Robust] {
         let mut mpc = AttitudeMpc::new(&Scenario::from(profile));
         for tick in 0..10 {
@@ -116,7 +116,7 @@ fn val_problems_of_the_independent_simulator() {
 }
 
 #[test]
-fn a_bad_input_repeats_the_demand_and_leaves_no_trace() {
+fn a_bad_input_repeats_the_demand_and_changes_nothing_else() {
     let mut mpc = AttitudeMpc::new(&Scenario::default());
     let (state, mut reference) = hover(&mpc, 0);
     reference.w_mps = -0.5;
@@ -174,22 +174,22 @@ fn the_estimate_waits_for_two_samples_in_a_row() {
     for (tick, learns) in [(7, false), (9, false), (9, false), (10, true)] {
         let before = mpc.memory.disturbance;
         let (mut state, reference) = hover(&mpc, tick);
-        state.measured.velocity_mps[2] = 0.1 * tick as f64; // it falls, and no command told it to
+        state.measured.velocity_mps[2] = 0.1 * tick as f64; // the vehicle falls without a command
         let controls = mpc.step(state.stamp.tick, &state, &reference);
         assert_eq!(mpc.memory.disturbance != before, learns, "sample {tick}");
         assert_eq!(controls.disturbance[0] > 0.1, learns, "sample {tick}");
     }
 }
 
-/// A push on the vehicle \[N, N m, N m, N m\].
+/// Push on the vehicle \[N, N m, N m, N m\].
 const PUSH: [f64; 4] = [0.5, -0.02, 0.03, 0.01];
 
-/// Flies the controller's own model with a push it does not know and this roll about trim as the reference \[rad\], for ten
-/// seconds; the state it ends in.
+/// Final state and answer after ten seconds of the controller's own model, with an unknown push and this roll about
+/// trim as the reference \[rad\].
 fn settle(disturbance_gain: f64, roll_rad: f64) -> (DVector<f64>, Controls) {
     let mut scenario = Scenario::default();
     scenario.mpc.disturbance_gain = disturbance_gain;
-    scenario.mpc.delay_compensation = false; // this vehicle obeys at once, behind its lag
+    scenario.mpc.delay_compensation = false; // this vehicle has no delay beyond its lag
     let mut mpc = AttitudeMpc::new(&scenario);
     let push = Vector4::from(PUSH);
     let mut x = DVector::zeros(11);
@@ -267,7 +267,7 @@ proptest! {
     }
 
     #[test]
-    fn no_input_makes_it_publish_nan(
+    fn no_input_makes_the_controller_publish_nan(
         numbers in prop::array::uniform16(prop::num::f64::ANY), tick in prop::num::u64::ANY,
         [exact, own, soft] in prop::array::uniform3(prop::bool::ANY),
     ) {

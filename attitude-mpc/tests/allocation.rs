@@ -1,4 +1,4 @@
-//! The explicit path and the active set allocate nothing, Clarabel its own timer once per solve.
+//! The explicit path and the active set allocate nothing; Clarabel allocates its timer once per solve.
 
 use airframe::Trim;
 use attitude_mpc::AttitudeMpc;
@@ -6,7 +6,7 @@ use contract::Scenario;
 use contract::message::{Controls, Reference, SolveStatus, Stamp, State};
 use contract::scenario::{Constraints, Fault, FaultKind, FaultTarget, Mode, Model, Profile, Solver, StateConstraints};
 
-/// Steps once with a heading error; the answer, and how often it allocated.
+/// Steps once with a heading error; returns the answer and the number of allocations.
 fn step(mpc: &mut AttitudeMpc, scenario: &Scenario, heading_rad: f64) -> (Controls, u64) {
     let trim = Trim::solve(&scenario.airframe, scenario.mixer.tilt_reaction);
     let stamp = Stamp { sequence: 1, ..Stamp::default() };

@@ -1,14 +1,14 @@
-//! Exit codes, of the processes for the launcher that started them, and of the launcher for the user.
+//! Exit codes: of the processes, read by the launcher that started them, and of the launcher, read by the user.
 
-/// Flown.
+/// Flight complete and inside the scenario's bounds.
 pub const FLOWN: u8 = 0;
-/// Flown, but outside the scenario's bounds.
+/// Flight complete, but outside the scenario's bounds.
 pub const OUT_OF_BOUNDS: u8 = 1;
 /// Usage or scenario error.
 pub const USAGE: u8 = 2;
-/// A process or the log was lost, messages were missed, or the results cannot be written or printed.
+/// Loss of a process, of the log or of messages, or results that cannot be written or printed.
 pub const PROCESS_LOST: u8 = 3;
-/// A node whose deadline has the policy `stop` missed it.
+/// Missed deadline of a node with the policy `stop`.
 pub const BUDGET_BROKEN: u8 = 4;
-/// Interrupted.
+/// Interruption by the user.
 pub const INTERRUPTED: u8 = 130;

@@ -1,40 +1,40 @@
-//! Which faults of one part of the stack are active on a tick, with their numbers.
+//! Schedule of the faults of one part of the stack: which are active on a tick, with their numbers.
 //!
 //! The faults of the scenario are in the schedule from the start. In real time, faults can be added and ended early in
-//! flight (`runtime::fault_table`): the schedule reserves room for them, so that nothing is allocated in flight.
+//! flight (`runtime::fault_table`). The schedule reserves room for them, so that nothing is allocated in flight.
 
 use std::ops::Range;
 
 use crate::scenario::{Fault, FaultKind, FaultTarget, Mode, Scenario};
 
-/// Longest delay of a sensor that can be given in flight \[ms\]: the plant keeps so much of the past.
+/// Longest delay of a sensor that can be given in flight \[ms\]: the plant keeps its measurements for this long.
 pub const MAX_SENSOR_DELAY_MS: f64 = 1000.0;
-/// Faults that can be given in flight: the room in shared memory and in every schedule.
+/// Largest number of faults that can be given in flight: the room in shared memory and in every schedule.
 pub const MAX_LIVE_FAULTS: usize = 128;
 
-/// The faults of one part of the stack: those of the scenario in the order of their numbers, then those given in flight.
-/// `E` is what a fault does to the part.
+/// Faults of one part of the stack: first those of the scenario in the order of their numbers, then those given in
+/// flight. `E` is the effect of a fault on that part.
 #[derive(Debug, Clone)]
 pub struct FaultSchedule<E> {
     entries: Vec<Entry<E>>,
     sample_s: f64,
 }
 
-/// One fault.
+/// One fault of the schedule.
 #[derive(Debug, Clone)]
 pub struct Entry<E> {
-    /// Its place among all faults of the run, which its random draws depend on.
+    /// Index among all faults of the run; the fault's random draws depend on it.
     pub number: usize,
-    /// Target, kind and beginning \[s\]: the same number with another of these is another fault.
+    /// Target, kind and beginning \[s\]; faults of the same number that differ in one of these are different faults.
     what: (FaultTarget, FaultKind, f64),
-    /// When it is active.
+    /// Ticks on which the fault is active.
     pub ticks: Range<u64>,
-    /// What it does.
+    /// Effect on the part of the stack.
     pub effect: E,
 }
 
 impl<E> FaultSchedule<E> {
-    /// The faults of `scenario` that have an `effect`, which is called with each fault and its number.
+    /// Schedules those faults of `scenario` for which `effect`, called with number and fault, returns `Some`.
     pub fn new(scenario: &Scenario, effect: impl Fn(usize, &Fault) -> Option<E>) -> Self {
         let room = if scenario.run.mode == Mode::Realtime { MAX_LIVE_FAULTS } else { 0 };
         let entries = Vec::with_capacity(scenario.fault.len() + room);
@@ -45,9 +45,9 @@ impl<E> FaultSchedule<E> {
         schedule
     }
 
-    /// Takes fault `number` as it is from now on: a known one gets its new end; a new one is added if it has an `effect`
-    /// and there is room. A candidate may have faults of its own in place of the run's: then a fault given in flight can
-    /// have the number of another, and both stay.
+    /// Adds fault `number`, or changes the end of a known one. A new fault is ignored without an `effect` or without
+    /// room. A candidate may have faults of its own in place of the run's. Then a fault given in flight can have the
+    /// number of another fault, and both stay.
     pub fn apply_fault(&mut self, number: usize, fault: &Fault, effect: Option<E>) {
         let (what, ticks) = ((fault.target, fault.kind, fault.at_s), fault.ticks(self.sample_s));
         let known = |entry: &&mut Entry<E>| entry.number == number && entry.what == what;
@@ -60,27 +60,27 @@ impl<E> FaultSchedule<E> {
         }
     }
 
-    /// All of them, active or not.
+    /// All faults, active or not.
     pub fn all(&self) -> &[Entry<E>] {
         &self.entries
     }
 
-    /// All of them, to change what they do.
+    /// All faults, active or not, to change their effects.
     pub fn all_mut(&mut self) -> &mut [Entry<E>] {
         &mut self.entries
     }
 
-    /// The effects of those active on `tick`.
+    /// Effects of the faults that are active on `tick`.
     pub fn on_mut(&mut self, tick: u64) -> impl Iterator<Item = &mut E> {
         self.entries.iter_mut().filter(move |entry| entry.ticks.contains(&tick)).map(|entry| &mut entry.effect)
     }
 
-    /// Those active on `tick`.
+    /// Faults that are active on `tick`.
     pub fn on(&self, tick: u64) -> impl Iterator<Item = &Entry<E>> {
         self.entries.iter().filter(move |entry| entry.ticks.contains(&tick))
     }
 
-    /// Whether any fault is known, or can be given in flight.
+    /// Returns whether any fault is known, or could be given in flight.
     pub fn can_be_active(&self) -> bool {
         self.entries.capacity() > 0
     }

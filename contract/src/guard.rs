@@ -1,4 +1,4 @@
-//! The guard: which of the incoming messages are accepted.
+//! The guard: decides which incoming messages are accepted.
 //!
 //! ```text
 //! layout -> epoch -> publisher -> order -> age -> range -> checksum -> newest
@@ -6,39 +6,39 @@
 //!   port      |        input        |       |       |         bits changed on the way
 //!   refuses   |        refuses      |       |       not finite, or beyond its limit
 //!             |                     |       not later than the newest, or of a sample yet to come
-//!             |                     older than the newest, or the same again
+//!             |                     older than the newest, or a duplicate
 //!             not from the active process
 //! ```
 //!
-//! The layout is compared when a port is opened (`runtime::port`), the publisher where a message comes in
-//! (`runtime::input`). Messages that are not to be delivered, those of a standby for one, are left out there, and not
-//! counted. A refused message is counted by cause and has no other effect: to its receiver it is a missing one.
+//! The layout is compared when a port is opened (`runtime::port`), the publisher when a message is received
+//! (`runtime::input`). Messages that are not to be delivered, for instance those of a standby, are left out there and
+//! not counted. A refused message is counted by cause and has no other effect: its receiver sees it as missing.
 
 use crate::message::Message;
 
-/// Why a message is not taken.
+/// Cause of a refused message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(usize)]
 pub enum Refusal {
-    /// Not from the active process, by its epoch.
+    /// Epoch that is not that of the active process.
     Epoch = 0,
-    /// It has the epoch of the active process, but came through the port of another.
+    /// Epoch of the active process, but sent through the port of another process.
     Publisher = 1,
-    /// Its number is not later than that of the newest from the same publisher.
+    /// Sequence number not later than that of the newest message from the same publisher.
     Order = 2,
-    /// Its sample is not later than the newest, or is yet to come.
+    /// Sample that is not later than that of the newest message, or that the plant has not taken yet.
     Age = 3,
-    /// A number is not finite, or beyond its limit: see [`Message::plausible`].
+    /// Number that is not finite or beyond its limit: see [`Message::plausible`].
     Range = 4,
-    /// The checksum does not fit.
+    /// Checksum that does not fit the bits.
     Checksum = 5,
 }
 
 impl Refusal {
-    /// All of them, in the order in which they are looked for.
+    /// All causes, in the order in which they are checked.
     pub const ALL: [Self; 6] = [Self::Epoch, Self::Publisher, Self::Order, Self::Age, Self::Range, Self::Checksum];
 
-    /// For people and run.json.
+    /// Name for people and run.json.
     pub fn name(self) -> &'static str {
         match self {
             Self::Epoch => "epoch",
@@ -51,7 +51,7 @@ impl Refusal {
     }
 }
 
-/// The newest accepted message of one topic, against which the next is judged.
+/// Newest accepted message of one topic, against which the next one is checked.
 #[derive(Debug, Clone)]
 pub struct Guard<M> {
     newest: M,
@@ -59,28 +59,28 @@ pub struct Guard<M> {
 }
 
 impl<M: Message> Default for Guard<M> {
-    /// Nothing came yet: the newest has sequence 0.
+    /// Guard before the first message: the newest has sequence 0.
     fn default() -> Self {
         Self { newest: M::default(), checks_bits: true }
     }
 }
 
 impl<M: Message> Guard<M> {
-    /// The same for messages without checksums.
+    /// Guard for messages without checksums, which does not check them.
     pub fn without_checksums() -> Self {
         Self { checks_bits: false, ..Self::default() }
     }
 
-    /// The newest message taken; the default (sequence 0) before the first.
+    /// Newest accepted message; the default (sequence 0) before the first.
     pub fn newest(&self) -> &M {
         &self.newest
     }
 
-    /// Accepts `message` if nothing speaks against it. `active` is the epoch of the active process; there are `samples`
-    /// samples by now.
+    /// Accepts `message` if every check passes. `active` is the epoch of the active process, and `samples` is the
+    /// number of samples that exist by now.
     ///
     /// # Errors
-    /// The first thing that speaks against it.
+    /// The first check that fails.
     pub fn take(&mut self, message: &M, active: u32, samples: u64) -> Result<(), Refusal> {
         let (stamp, newest) = (message.stamp(), self.newest.stamp());
         let first = newest.sequence == 0;
@@ -145,7 +145,7 @@ mod tests {
     }
 
     proptest! {
-        /// Of all messages that differ in one word, only the original is accepted.
+        /// Accepts only the original of all messages that differ in one word.
         #[test]
         fn a_message_with_any_word_changed_is_refused(word in 0..size_of::<State>() / 8, bits: u64) {
             let stamp = Stamp { epoch: 1, sequence: 1, tick: 3, ..Stamp::default() };

@@ -1,13 +1,13 @@
-//! The checksum of messages and snapshots: whether the bits are those that were written.
+//! Checksum of messages and snapshots, to detect changed bits.
 
 use bytemuck::Pod;
 
-/// A checksum over the words of `message`. Messages that differ in one word or in two bits have different checksums;
-/// others have the same with a chance of 2^-64.
+/// Returns a checksum over the words of `message`. Two messages that differ in one word or in two bits always have
+/// different checksums; any other two have the same one with a probability of 2^-64.
 ///
-/// Each step is invertible in the word and in what came before, so a single wrong word always shows. The shift between
-/// two multiplications spreads the upper bits too, which a multiplication alone would leave where one bit of the next
-/// word takes them back. It detects accidents, not forgeries.
+/// Each step is invertible in the word and in the hash so far, so a single wrong word always changes the result. The
+/// shift between the two multiplications spreads the upper bits too. A multiplication alone would leave them in place,
+/// where one bit of the next word can cancel them. The checksum detects accidents, not forgeries.
 pub fn checksum<M: Pod>(message: &M) -> u64 {
     const ODD: u64 = 0x9E37_79B9_7F4A_7C15;
     let words: &[u64] = bytemuck::cast_slice(bytemuck::bytes_of(message));

@@ -1,12 +1,12 @@
-//! What two processes must agree on, and nothing else.
+//! Definitions that two processes must agree on, and nothing else.
 //!
 //! | module | holds |
 //! |---|---|
 //! | [`message`] | the four messages: fixed layout, stamped, plain numbers |
 //! | [`topic`] | the four topics, their publishers and their receivers |
-//! | [`stamp`] | which plant sample a message descends from, through which messages, and when |
+//! | [`stamp`] | provenance and timing of a message: its plant sample, its inputs, its times |
 //! | [`guard`], [`integrity`] | which messages are accepted |
-//! | [`snapshot`] | what a node remembers, as plain words, for the process that continues its work |
+//! | [`snapshot`] | memory of a node as plain words, for the process that continues its work |
 //! | [`rest`] | when a vehicle has landed |
 //! | [`scenario`] | the run's settings: profiles, file, overrides, checks |
 //! | [`fault_schedule`] | which faults are active on a tick |

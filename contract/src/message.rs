@@ -1,7 +1,7 @@
 //! The messages of the ring: fixed layout, plain numbers, newest value wins.
 //!
-//! Every message begins with a [`Stamp`], which the process fills in and not the core: it names the plant sample that the
-//! message descends from.
+//! Every message begins with a [`Stamp`], which names the plant sample that the message descends from. The process
+//! fills the stamp in, not the core of the node.
 //!
 //! Frames: NED for the world, forward-right-down for the body. SI units and radians; rotor speeds in the paper's unit.
 
@@ -18,18 +18,18 @@ mod status;
 pub use stamp::{Message, Stamp};
 pub use status::{PlantStatus, SolveStatus, guidance_flags, mixer_flags};
 
-/// The names of the four types by topic. A name ends in the version of the layout: a process of another does not get into a
-/// ring, and a log of another is not read.
+/// Names of the four message types by topic. A name ends in the version of the layout: a process with another version
+/// cannot join a ring, and a log of another version is refused.
 pub const LAYOUT: [&str; Topic::COUNT] =
     ["trefoil.State.v4", "trefoil.Reference.v4", "trefoil.Controls.v4", "trefoil.Actuators.v4"];
 
-/// Largest position \[m\] and velocity \[m/s\]: twenty times the 500 m at which a flight counts as diverged.
+/// Largest plausible position \[m\] and velocity \[m/s\]: twenty times the 500 m at which a flight counts as diverged.
 const MAX_POSITION_M_VELOCITY_MPS: f64 = 1e4;
-/// Largest Euler angle, heading reference or tilt \[rad\]: some sixteen turns. Angles are kept within a few.
+/// Largest plausible Euler angle, heading reference or tilt \[rad\]: some sixteen turns. Real angles stay within a few.
 const MAX_ANGLE_RAD: f64 = 100.0;
-/// Largest body rate \[rad/s\]: ten times the rate at which a flight counts as diverged.
+/// Largest plausible body rate \[rad/s\]: ten times the rate at which a flight counts as diverged.
 const MAX_RATE_RADPS: f64 = 1e3;
-/// Largest force \[N\], moment \[N m\] and rotor speed \[rotor speed unit\]: hundreds of times what the actuators do.
+/// Largest plausible force \[N\], moment \[N m\] and rotor speed \[rotor speed unit\]: hundreds of times the real ones.
 const MAX_DEMAND: f64 = 1e6;
 
 /// Position, velocity, attitude and rates.
@@ -47,7 +47,7 @@ pub struct Kinematics {
 }
 
 impl Kinematics {
-    /// The angle between the body's z axis and the vertical \[rad\].
+    /// Angle between the body's z axis and the vertical \[rad\].
     pub fn tilt_rad(&self) -> f64 {
         let [phi, theta, _] = self.attitude_rad;
         libm::acos((libm::cos(phi) * libm::cos(theta)).clamp(-1.0, 1.0))
@@ -61,11 +61,11 @@ impl Kinematics {
     }
 }
 
-/// Rotor speeds and tilt on the wire: the same four numbers as [`airframe::Actuation`].
+/// Rotor speeds and tilt on the wire: the four numbers of [`airframe::Actuation`].
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend, Pod, Zeroable)]
 #[repr(C)]
 pub struct ActuationMsg {
-    /// `Omega_1..3` \[rotor speed unit\].
+    /// Rotor speeds `Omega_1..3` \[rotor speed unit\].
     pub rotor_speed: [f64; 3],
     /// Tilt mu of rotor 1 \[rad\].
     pub tilt_rad: f64,
@@ -92,49 +92,49 @@ pub struct State {
     pub stamp: Stamp,
     /// Sequence number of the ACTUATORS message in force up to this sample; 0 = none yet, the trim command.
     pub applied_sequence: u64,
-    /// How old the sample behind that command was when the command took effect: the age at the actuator \[ns\].
+    /// Age of the sample behind that command when the command took effect at the actuators \[ns\].
     pub applied_age_ns: u64,
-    /// What the sensors measured. With `command_in_force` the only part that a controller may use.
+    /// Measured motion. A controller may use only this and `command_in_force`.
     pub measured: Kinematics,
-    /// What is true: for the recorder and the report.
+    /// True motion, for the recorder and the report.
     pub actual: Kinematics,
-    /// True actuator positions: for the recorder and the report.
+    /// True actuator positions, for the recorder and the report.
     pub actuators: ActuationMsg,
-    /// The command that was in force up to this sample.
+    /// Command that was in force up to this sample.
     pub command_in_force: ActuationMsg,
-    /// See [`PlantStatus`].
+    /// Wire value of a [`PlantStatus`].
     pub status: u64,
-    /// Commands that came in since the sample before, in order of arrival; those beyond the count are zero.
+    /// Commands received since the previous sample, in order of arrival; entries beyond `arrived` are zero.
     pub arrivals: [Arrival; MAX_ARRIVALS],
-    /// How many they are.
+    /// Number of valid entries in `arrivals`.
     pub arrived: u64,
 }
 
-/// How many commands the plant takes in from one sample to the next; it leaves out what comes beyond that.
+/// Largest number of commands that the plant accepts between two samples; it ignores any further ones.
 pub const MAX_ARRIVALS: usize = 4;
 
-/// A command that came to the plant: for replay.
+/// Command that the plant received, for replay.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ZeroCopySend, Pod, Zeroable)]
 #[repr(C)]
 pub struct Arrival {
     /// Sequence number of the message.
     pub sequence: u64,
-    /// Epoch of its publisher.
+    /// Epoch of the publisher.
     pub epoch: u64,
-    /// From the sample before to its arrival \[ns\].
+    /// Time from the previous sample to the arrival \[ns\].
     pub after_ns: u64,
 }
 
-/// REFERENCE: what the attitude loop shall follow.
+/// REFERENCE: the attitude, rates and vertical velocity that the attitude loop shall follow.
 #[derive(Debug, Clone, Copy, PartialEq, Default, ZeroCopySend, Pod, Zeroable)]
 #[type_name("trefoil.Reference.v4")]
 #[repr(C)]
 pub struct Reference {
     /// Provenance and timing.
     pub stamp: Stamp,
-    /// Where the trajectory is, NED \[m\].
+    /// Position on the trajectory, NED \[m\].
     pub position_m: [f64; 3],
-    /// Its velocity, NED \[m/s\].
+    /// Velocity on the trajectory, NED \[m/s\].
     pub velocity_mps: [f64; 3],
     /// Reference of w, the body z velocity \[m/s\].
     pub w_mps: f64,
@@ -142,9 +142,9 @@ pub struct Reference {
     pub attitude_rad: [f64; 3],
     /// References of p, q, r \[rad/s\].
     pub rates_radps: [f64; 3],
-    /// Outer disturbance estimate, acceleration x, y in the heading frame \[m/s2\].
+    /// Disturbance estimate of the position loop: acceleration x, y in the heading frame \[m/s2\].
     pub disturbance_mps2: [f64; 2],
-    /// Which limits were active: see [`guidance_flags`].
+    /// Limits that were active, and repeated references: bits of [`guidance_flags`].
     pub flags: u64,
 }
 
@@ -155,19 +155,19 @@ pub struct Reference {
 pub struct Controls {
     /// Provenance and timing.
     pub stamp: Stamp,
-    /// col, lon, lat, ped \[N, N m, N m, N m\].
+    /// Demand of col, lon, lat, ped \[N, N m, N m, N m\].
     pub demand: [f64; 4],
     /// Input-disturbance estimate, same axes and units.
     pub disturbance: [f64; 4],
-    /// See [`SolveStatus`].
+    /// Wire value of a [`SolveStatus`].
     pub status: u64,
     /// Iterations of the constrained solver, 0 on the explicit path.
     pub iterations: u64,
     /// Time inside the constrained solver \[ns\], 0 on the explicit path.
     pub solve_ns: u64,
-    /// How many actuator constraints the published plan touches.
+    /// Number of actuator constraints that are active in the published plan.
     pub active_constraints: u64,
-    /// Ticks so far on which a solve failed and a fallback was published.
+    /// Number of ticks so far on which a solve failed and a fallback was published.
     pub fallbacks: u64,
 }
 
@@ -178,9 +178,9 @@ pub struct Controls {
 pub struct Actuators {
     /// Provenance and timing.
     pub stamp: Stamp,
-    /// The command, inside the limits.
+    /// Command inside the actuators' limits.
     pub command: ActuationMsg,
-    /// Which limits it ran into: see [`mixer_flags`].
+    /// Limits that the command reached, and fallbacks: bits of [`mixer_flags`].
     pub flags: u64,
 }
 
@@ -205,7 +205,7 @@ message!(
 );
 
 impl State {
-    /// Feeds the payload's bits to `sink`, in field order and without the stamp: what `state_hash` is made of.
+    /// Feeds the bits that `state_hash` is made of to `sink`: motions, actuators, command and status, in field order.
     pub fn payload(&self, mut sink: impl FnMut(&[u8])) {
         sink(bytemuck::bytes_of(&self.measured));
         sink(bytemuck::bytes_of(&self.actual));
@@ -214,8 +214,8 @@ impl State {
         sink(bytemuck::bytes_of(&self.status));
     }
 
-    /// Attitude and rates must be there: without them no controller can fly. A position or velocity that is NaN is a
-    /// sensor that is off, and the nodes that need it handle that.
+    /// Requires attitude and rates, without which no controller can fly. A NaN position or velocity means that the
+    /// sensor is off; the nodes that need it handle that.
     fn within_limits(&self) -> bool {
         let Kinematics { position_m, velocity_mps, attitude_rad, rates_radps } = &self.measured;
         let off = |value: &f64| value.is_nan() || within(&[*value], MAX_POSITION_M_VELOCITY_MPS);
@@ -247,7 +247,7 @@ impl Actuators {
     }
 }
 
-/// Whether all are finite and no larger than `bound` either way.
+/// Returns whether all values are finite and at most `bound` in magnitude.
 fn within(values: &[f64], bound: f64) -> bool {
     values.iter().all(|value| value.abs() <= bound) // false for NaN
 }

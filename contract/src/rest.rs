@@ -1,8 +1,8 @@
-//! The definition of a vehicle that has landed: at rest for a second while its rotors idle.
+//! Definition of a landed vehicle: at rest for one second while its rotors idle.
 //!
-//! The plant judges by it what is true, and the mixer what is measured before it disarms. The limits are those of PX4's land
-//! detector for vertical speed and rates (`LNDMC_Z_VEL_MAX` 0.25 m/s, `LNDMC_ROT_MAX` 20 deg/s), the first taken for the speed
-//! in any direction; hover trim leans 11 degrees, which is no attitude to stand in.
+//! The plant applies it to the true motion, the mixer to the measured one before it disarms. The limits on vertical
+//! speed and rates are those of PX4's land detector (`LNDMC_Z_VEL_MAX` 0.25 m/s, `LNDMC_ROT_MAX` 20 deg/s), the first
+//! taken for the speed in any direction. The limit on tilt excludes hover trim, which leans 11 degrees.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -17,7 +17,7 @@ const MAX_TILT_RAD: f64 = 0.087;
 /// Time at rest after which a vehicle has landed \[ns\].
 pub const LANDED_AFTER_NS: u64 = 1_000_000_000;
 
-/// Returns true if `motion` is that of a vehicle at rest; false with a NaN.
+/// Returns whether speed, body rates and tilt of `motion` are all within the limits of rest; `false` for NaN.
 pub fn is_at_rest(motion: &Kinematics) -> bool {
     let [u, v, w] = motion.velocity_mps;
     libm::hypot(libm::hypot(u, v), w) <= MAX_SPEED_MPS
@@ -25,7 +25,7 @@ pub fn is_at_rest(motion: &Kinematics) -> bool {
         && motion.tilt_rad() <= MAX_TILT_RAD
 }
 
-/// For how long a vehicle has been at rest without thrust.
+/// Time for which a vehicle has been at rest without thrust.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Pod, Zeroable)]
 #[repr(transparent)]
 pub struct Rest {
@@ -33,21 +33,21 @@ pub struct Rest {
 }
 
 impl Rest {
-    /// The rest of a vehicle that has stood for long.
+    /// Rest of a vehicle that has stood long enough to count as landed.
     pub const LONG: Self = Self { for_ns: LANDED_AFTER_NS };
 
-    /// Takes in `elapsed_ns` during which the vehicle was at rest without thrust, or was not.
+    /// Adds `elapsed_ns` if the vehicle was at rest without thrust during that time; starts again from zero otherwise.
     pub fn observe(&mut self, is_at_rest: bool, elapsed_ns: u64) {
-        // It counts no further than it matters, so that a snapshot of it stays small.
+        // The count stops at the limit, so that it stays below the 2^62 of a snapshot.
         self.for_ns = if is_at_rest { self.for_ns.saturating_add(elapsed_ns).min(LANDED_AFTER_NS) } else { 0 };
     }
 
-    /// Time at rest so far, for a memory of it \[ns\].
+    /// Time at rest so far, at most [`LANDED_AFTER_NS`], to save and restore it \[ns\].
     pub fn elapsed_ns_mut(&mut self) -> &mut u64 {
         &mut self.for_ns
     }
 
-    /// Returns true if it has lasted long enough.
+    /// Returns whether the rest has lasted [`LANDED_AFTER_NS`].
     pub fn has_landed(self) -> bool {
         self.for_ns == LANDED_AFTER_NS
     }

@@ -1,42 +1,42 @@
-//! What a node remembers from tick to tick, as plain words: for the process that continues its work.
+//! Snapshots: the memory of a node as plain words, for the process that continues its work.
 //!
 //! ```text
-//! word 0   layout    which node, and which version of its layout
-//! word 1   checksum  of all others
+//! word 0   layout    name of the node and version of its layout
+//! word 1   checksum  of all other words
 //! word 2.. contents  the bytes of the node's memory, then zeros
 //! ```
 //!
-//! A snapshot is read as a whole or refused: one of another node or version, a torn one, and one with a number that is
-//! not finite.
+//! A snapshot is read as a whole or refused. Refused are snapshots of another node or version, torn ones, and those
+//! with a number that is not finite.
 
 use bytemuck::{Pod, Zeroable};
 
 use crate::integrity::checksum;
 
-/// Words of a snapshot: as many as the largest memory has, that of attitude-mpc, and the two before it.
+/// Words of a snapshot: room for the largest memory, that of attitude-mpc, and the two words before it.
 pub const SNAPSHOT_WORDS: usize = 128;
 
-/// Words that the memory of the plant takes at most; what is in them is the plant's affair.
+/// Largest number of words in the memory of the plant; their meaning is private to the plant.
 pub const PLANT_WORDS: usize = 1024;
 
-/// A node's memory, packed.
+/// Packed memory of a node.
 pub type Snapshot = [u64; SNAPSHOT_WORDS];
 
-/// The first word of the contents.
+/// Index of the first word of the contents.
 const CONTENTS: usize = 2;
 
-/// A node's memory: a fixed layout of `f64` and of counts below 2^62, so that every word is finite when read as `f64`.
+/// Memory of a node: a fixed layout of `f64` and of counts below 2^62, so that every word is finite when read as `f64`.
 pub trait Layout: Pod {
-    /// Eight letters that name the node and the version of its layout.
+    /// Name of the node and version of its layout, in eight letters.
     const NAME: [u8; 8];
-    /// Words of the contents. The memory fits into a snapshot, and is made of whole words.
+    /// Words of the contents. The compiler checks that the memory fits into a snapshot and consists of whole words.
     const WORDS: usize = {
         assert!(size_of::<Self>().is_multiple_of(8) && size_of::<Self>() / 8 <= SNAPSHOT_WORDS - CONTENTS);
         size_of::<Self>() / 8
     };
 }
 
-/// The snapshot of `memory`.
+/// Packs `memory` into a snapshot with layout and checksum.
 pub fn pack<M: Layout>(memory: &M) -> Snapshot {
     let mut words = [0; SNAPSHOT_WORDS];
     words[0] = u64::from_be_bytes(M::NAME);
@@ -45,7 +45,7 @@ pub fn pack<M: Layout>(memory: &M) -> Snapshot {
     words
 }
 
-/// The memory in a `snapshot`; `None` refuses it.
+/// Unpacks the memory in a `snapshot`; `None` if layout or checksum do not fit, or a number is not finite.
 pub fn unpack<M: Layout>(snapshot: &Snapshot) -> Option<M> {
     let contents = &snapshot[CONTENTS..CONTENTS + M::WORDS];
     let unsigned = {
@@ -58,18 +58,18 @@ pub fn unpack<M: Layout>(snapshot: &Snapshot) -> Option<M> {
     (is_intact && is_finite).then(|| bytemuck::pod_read_unaligned(bytemuck::cast_slice(contents)))
 }
 
-/// A tick, or none, in one word: the tick plus one, 0 for none.
+/// Optional tick in one word: the tick plus one, 0 for none.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Pod, Zeroable)]
 #[repr(transparent)]
 pub struct OptionalTick(u64);
 
 impl OptionalTick {
-    /// This tick.
+    /// Stores `tick`; `u64::MAX` reads back as one less.
     pub fn some(tick: u64) -> Self {
         Self(tick.saturating_add(1))
     }
 
-    /// The tick, if there is one.
+    /// Tick, or `None` if none is stored.
     pub fn get(self) -> Option<u64> {
         self.0.checked_sub(1)
     }
@@ -102,7 +102,7 @@ mod tests {
     const SAMPLE: Sample = Sample { tick: OptionalTick(8), count: 3, numbers: [-0.0, 1.5, f64::MIN_POSITIVE] };
 
     #[test]
-    fn what_was_packed_is_unpacked_bit_by_bit() {
+    fn a_packed_memory_is_unpacked_bit_by_bit() {
         let read: Sample = unpack(&pack(&SAMPLE)).unwrap();
         assert_eq!(bytemuck::bytes_of(&read), bytemuck::bytes_of(&SAMPLE));
         assert_eq!((read.tick.get(), OptionalTick::some(7), OptionalTick::default().get()), (Some(7), read.tick, None));

@@ -1,16 +1,16 @@
 //! The four topics of the ring, in the order in which a sample travels.
 
-/// One topic; the discriminant indexes every per-topic array, [`crate::message::Stamp`]'s included.
+/// One topic. The discriminant indexes every per-topic array, those of [`crate::message::Stamp`] included.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[repr(usize)]
 pub enum Topic {
-    /// Plant to all others: what was measured.
+    /// Plant to all other nodes: the measured state.
     State = 0,
-    /// Guidance to attitude-mpc: what to follow.
+    /// Guidance to attitude-mpc: the reference to follow.
     Reference = 1,
     /// attitude-mpc to mixer: the demanded force and moments.
     Controls = 2,
-    /// Mixer to plant: rotor speeds and tilt commanded.
+    /// Mixer to plant: the commanded rotor speeds and tilt.
     Actuators = 3,
 }
 
@@ -30,7 +30,7 @@ impl Topic {
         }
     }
 
-    /// The node that publishes this topic.
+    /// Name of the node that publishes this topic.
     pub const fn publisher(self) -> &'static str {
         match self {
             Self::State => "plant",
@@ -40,7 +40,7 @@ impl Topic {
         }
     }
 
-    /// The topics that the receivers of this one publish.
+    /// Topics that the receivers of this one publish.
     pub const fn listeners(self) -> &'static [Self] {
         match self {
             Self::State => &[Self::Reference, Self::Controls, Self::Actuators],
@@ -51,6 +51,6 @@ impl Topic {
     }
 }
 
-/// The nodes of the ring, in the order a sample travels: node `i` publishes topic `i`.
+/// Nodes of the ring, in the order in which a sample travels: node `i` publishes topic `i`.
 pub const NODES: [&str; Topic::COUNT] =
     [Topic::State.publisher(), Topic::Reference.publisher(), Topic::Controls.publisher(), Topic::Actuators.publisher()];

@@ -1,27 +1,27 @@
-//! Any bytes that arrive on a topic: nothing panics, and what is accepted is intact, plausible and from the active process.
+//! Fuzzing of the guard: no bytes make it panic; accepted messages are intact, plausible and from the active process.
 //!
-//! `PROPTEST_CASES=100000 cargo test -p contract --test fuzz` looks longer; in the dev profile, where overflow panics.
+//! `PROPTEST_CASES=100000 cargo test -p contract --test fuzz` runs longer, in the dev profile, where overflow panics.
 
 use contract::guard::Guard;
 use contract::message::{Actuators, Controls, Message, Reference, Stamp, State};
 use proptest::prelude::*;
 
-/// What is done to the bytes of a message before it arrives.
+/// Change of a message's bytes before it arrives.
 #[derive(Debug, Clone)]
 enum Forgery {
-    /// It is nothing but these bytes.
+    /// Replaces the whole message by these bytes.
     Bytes(Vec<u8>),
-    /// These bytes with a stamp that fits and a checksum that holds: only the numbers can speak against it.
+    /// Replaces all but the stamp by these bytes, and makes the checksum fit: only implausible numbers can be refused.
     Sealed(Vec<u8>),
-    /// A good message with some words replaced.
+    /// Replaces some words of a good message.
     Words(Vec<(usize, u64)>),
-    /// A good message with some bits turned over.
+    /// Flips some bits of a good message.
     Bits(Vec<usize>),
-    /// A good message with a part of an older one.
+    /// Replaces the end of a good message by that of an older one.
     Torn(usize),
 }
 
-/// Bytes enough for any message, among them many numbers that are none or out of all proportion.
+/// Generates enough bytes for any message, with many numbers that are not finite or far out of range.
 fn bytes() -> impl Strategy<Value = Vec<u8>> {
     let odd = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300, -1e7, 0.0, 0.5, 5e-324].map(f64::to_bits);
     let any_word = prop_oneof![any::<u64>(), proptest::sample::select(odd.to_vec())].boxed();
@@ -42,7 +42,7 @@ fn forgery() -> impl Strategy<Value = Forgery> {
 }
 
 impl Forgery {
-    /// The message that arrives in the place of `good`.
+    /// Returns the message that arrives in place of `good`.
     fn of<M: Message>(&self, good: &M, older: &M) -> M {
         let mut message = *good;
         let size = size_of::<M>();
@@ -67,7 +67,7 @@ impl Forgery {
     }
 }
 
-/// Lets `forgeries` of a message arrive one after the other; `numbers` are those that the receivers compute with.
+/// Passes `forgeries` of a message to a guard, one by one; `numbers` are those that the receivers compute with.
 fn check<M: Message>(forgeries: &[Forgery], numbers: impl Fn(&M) -> Vec<f64>) {
     let at = |tick: u64| {
         let mut good = M::default();
@@ -102,7 +102,7 @@ proptest! {
         check::<State>(&forgeries, |state| {
             let command = state.command_in_force;
             let places = [state.measured.position_m, state.measured.velocity_mps].concat();
-            // A position or velocity that is none is a sensor that is off, and for the nodes to see.
+            // A NaN position or velocity means that the sensor is off, which the nodes handle.
             let places = places.into_iter().filter(|number| !number.is_nan());
             let turned = [state.measured.attitude_rad, state.measured.rates_radps, command.rotor_speed].concat();
             places.chain(turned).chain([command.tilt_rad]).collect()

@@ -1,20 +1,20 @@
-//! Heading commands: each turns the short way, at a rate that the vehicle has.
+//! Heading commands: each turns the short way, at a limited rate.
 //!
-//! The paper's heading is constant. A step of 90 degrees would have the vehicle turn at 8.4 rad/s, where (51) allows
-//! 6.28; with `guidance.heading_rate_limit_dps` the reference turns at that rate instead, and a step is none.
+//! The paper's heading is constant. A step of 90 degrees would turn the vehicle at 8.4 rad/s, where (51) allows 6.28.
+//! With `guidance.heading_rate_limit_dps` the reference turns at that rate instead of stepping.
 
 use airframe::angle;
 use contract::scenario::{Heading, Scenario};
 
-/// The heading over time.
+/// Heading reference over time.
 #[derive(Debug, Clone)]
 pub struct HeadingCommand {
     turns: Vec<Turn>,
-    /// 0 = steps \[rad/s\].
+    /// Rate of all turns \[rad/s\]; 0 makes the heading step.
     rate_radps: f64,
 }
 
-/// One turn: it begins at `from_s`, goes through the angle `by_rad` and ends at the heading `to_rad`.
+/// Turn that begins at `from_s`, goes through the angle `by_rad` and ends at the heading `to_rad`.
 #[derive(Debug, Clone, Copy)]
 struct Turn {
     from_s: f64,
@@ -23,7 +23,7 @@ struct Turn {
 }
 
 impl HeadingCommand {
-    /// The headings of `scenario`. The first turn begins at the heading that the vehicle has at the start.
+    /// Builds the headings of `scenario`. The first turn begins at the vehicle's initial heading.
     pub fn new(scenario: &Scenario) -> Self {
         let steps = match &scenario.mission.heading_deg {
             Heading::Constant(deg) => vec![(0.0, *deg)],
@@ -41,7 +41,7 @@ impl HeadingCommand {
         command
     }
 
-    /// The heading reference at `t_s`, within half a turn of north \[rad\].
+    /// Heading reference at `t_s`, in (-pi, pi] \[rad\].
     pub fn at(&self, t_s: f64) -> f64 {
         let begun = self.turns.iter().rev().find(|turn| turn.from_s <= t_s).unwrap_or(&self.turns[0]);
         let Turn { from_s, by_rad, to_rad } = *begun;
@@ -71,7 +71,7 @@ mod tests {
     }
 
     #[test]
-    fn with_a_limit_they_turn_at_it_and_a_turn_may_interrupt_another() {
+    fn with_a_limit_turns_have_that_rate_and_may_interrupt_one_another() {
         let at = command(&[(1.0, 90.0), (1.5, -90.0)], 90.0);
         for (t_s, deg) in [(0.9, 0.0), (1.2, 18.0), (1.5, 45.0), (2.0, 0.0), (2.5, -45.0), (3.0, -90.0), (9.0, -90.0)] {
             assert!((at(t_s) - deg).abs() < 1e-9, "{} and not {deg} at {t_s} s", at(t_s));

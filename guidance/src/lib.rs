@@ -1,28 +1,28 @@
-//! Position PID: trajectory to attitude and climb references (45)-(47).
+//! Position controller: PID from trajectory to attitude and climb references (45)-(47).
 //!
 //! | module | holds | paper |
 //! |---|---|---|
-//! | [`trajectory`] | where to be at time t | figure 5 |
-//! | [`heading`] | where to point the nose at time t | |
+//! | [`trajectory`] | position reference over time | figure 5 |
+//! | [`heading`] | heading reference over time | |
 //! | [`pid`] | position error to angles and climb | (45)-(47) |
 //! | [`observer`] | outer disturbance observer | |
 //! | [`rates`] | references of the body rates | |
-//! | [`reentry`] | the way back after a silence | |
-//! | [`memory`] | all that survives a tick | |
+//! | [`reentry`] | limits after a silence | |
+//! | [`memory`] | state kept from tick to tick | |
 //!
 //! ```text
 //! STATE -> error in the heading frame -> PID + feed-forward - disturbance -> limits -> + trim -> REFERENCE
 //! ```
 //!
-//! Departure: profile `robust` switches on what the paper has not: velocity feedback in place of the differenced
-//! error, errors in the heading frame, feed-forward, and a w reference that is exact at any attitude. Each is a
-//! setting; with all of them off this is the paper's controller. Test `val_closed_loop_cases` flies both.
+//! Departure: profile `robust` adds to the paper velocity feedback in place of the differenced error, errors in the
+//! heading frame, feed-forward, and a w reference that is exact at any attitude. Each is a setting; with all of them
+//! off this is the paper's controller. Test `val_closed_loop_cases` flies both.
 //!
-//! Without a usable state of the tick the last reference is repeated, integrators and observer stand still, and the
-//! first state afterwards counts as one period for the integrators: however long the silence, it comes back without a
-//! bump, and after a long one by small steps ([`reentry`]). The observer takes the time of a short gap as it was, and a
-//! silence as one period: it does not know the attitude meanwhile. A state of a vehicle whose thrust is cut is no more
-//! usable than none: no reference moves it, and neither integrators nor observer have anything to learn.
+//! Without a usable state of the tick the last reference is repeated, and integrators and observer do not change. The
+//! integrators count the time before the next state as one period, so that the reference does not jump after a silence;
+//! after a long one it is limited too ([`reentry`]). The observer counts a short gap in full and a silence as one
+//! period, because it does not know the attitude in between. A state without thrust counts as missing: the vehicle does
+//! not follow any reference then, and integrators and observer would adapt to that.
 
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "a test asks the platform for a second opinion"))]
 
@@ -49,7 +49,7 @@ pub use process::run;
 use reentry::Limits;
 pub use trajectory::{Setpoint, Trajectory};
 
-/// The position controller.
+/// Position controller.
 #[derive(Debug, Clone)]
 pub struct Guidance {
     settings: Settings,
@@ -62,19 +62,19 @@ pub struct Guidance {
     memory: Memory,
 }
 
-/// The time since the last sample used.
+/// Time since the last sample used.
 #[derive(Debug, Clone, Copy)]
 struct Lapse {
-    /// By the stamps; 0 at the first sample \[s\].
+    /// Time by the stamps \[s\]; 0 at the first sample.
     elapsed_s: f64,
-    /// As integrals count it: a silence is one period, and so is the first sample \[s\].
+    /// Time for the integrals \[s\]: one period after a silence and at the first sample.
     counted_s: f64,
-    /// As the observer counts it: a long silence and one in which the thrust was cut are one period.
+    /// Periods for the observer: one after a long silence or a gap with the thrust cut.
     believed_periods: u64,
 }
 
 impl Guidance {
-    /// The controller of `scenario`, at rest.
+    /// Builds the controller of `scenario`, at rest.
     pub fn new(scenario: &Scenario) -> Self {
         let trajectory = Trajectory::new(&scenario.mission);
         let heading = HeadingCommand::new(scenario);
@@ -95,11 +95,10 @@ impl Guidance {
         }
     }
 
-    /// REFERENCE at `tick` for the newest measured `state`.
+    /// Computes REFERENCE at `tick` for the newest `state`.
     ///
-    /// A state of an earlier tick or none, one without thrust, one that is not finite, or so large that the answer would
-    /// not be, repeats the previous answer with a flag (hover before the first); a tick already answered repeats it
-    /// without.
+    /// The previous answer (hover before the first) is repeated with a flag if the state is missing, older than `tick`,
+    /// without thrust or not finite, or if the answer would not be finite. A state already answered repeats it without.
     pub fn step(&mut self, tick: u64, state: &State) -> Reference {
         let before = self.memory;
         if state.stamp.sequence == 0 || state.stamp.tick < tick {
@@ -129,23 +128,23 @@ impl Guidance {
         reference
     }
 
-    /// The whole memory, for the process that continues this flight.
+    /// Packs the whole memory, for the process that continues this flight.
     pub fn snapshot(&self) -> Snapshot {
         snapshot::pack(&self.memory)
     }
 
-    /// Continues from a snapshot; one that is foreign, torn or not finite is refused, and nothing changes.
+    /// Continues from a snapshot. Returns `false`, and changes nothing, if it is foreign, torn or not finite.
     pub fn restore(&mut self, snapshot: &Snapshot) -> bool {
         snapshot::unpack(snapshot).map(|memory| self.memory = memory).is_some()
     }
 
-    /// The previous answer with `flag`. The memory stays `before`, except that the step counts as silent.
+    /// Repeats the previous answer with `flag`. The memory is `before`, except that the step counts as silent.
     fn repeat(&mut self, before: &Memory, flag: u64) -> Reference {
         self.memory = Memory { silent: 1, ..*before };
         Reference { flags: before.reference.flags | flag, ..before.reference }
     }
 
-    /// The answer to a new sample, `periods` after the last one; 0 at the first.
+    /// Answers a new sample, `periods` after the last one; 0 at the first.
     fn follow(&mut self, state: &State, periods: u64) -> Reference {
         let t_s = state.stamp.tick as f64 * self.sample_s;
         let elapsed_s = periods as f64 * self.sample_s;
@@ -205,7 +204,7 @@ impl Guidance {
         }
     }
 
-    /// Proportional, integral and derivative errors, NED; and whether the integral is at its clamp.
+    /// Updates the proportional, integral and derivative errors, NED; also returns whether the integral was clamped.
     fn errors(
         &mut self,
         setpoint: &Setpoint,
@@ -229,7 +228,7 @@ impl Guidance {
     fn disturbance(&mut self, velocity_ned: &Vector3<f64>, attitude: &Vector3<f64>, lapse: Lapse) -> Vector2<f64> {
         let bandwidth = self.settings.disturbance_observer_radps;
         if bandwidth <= 0.0 {
-            // A candidate with an observer starts it from here.
+            // A candidate that has an observer continues from this velocity.
             self.memory.observer = Observer { velocity_ned_mps: *velocity_ned, ..Observer::default() };
             return Vector2::zeros();
         }
@@ -242,7 +241,7 @@ impl Guidance {
         self.memory.observer.update(velocity_ned, &tilt, attitude.z, self.g_mps2, step)
     }
 
-    /// What the reference of `tick` may be.
+    /// Limits of the reference at `tick`.
     fn limits(&self, tick: u64) -> Limits {
         let Settings { angle_limit_deg, climb_limit_mps, .. } = self.settings;
         let since_s = self.memory.back.get().map(|back| tick.saturating_sub(back) as f64 * self.sample_s);
@@ -261,7 +260,7 @@ impl Guidance {
     }
 }
 
-/// Whether the command in force is no thrust.
+/// Returns whether the command in force has no thrust.
 fn is_cut(state: &State) -> bool {
     state.command_in_force.rotor_speed == [0.0; 3]
 }
@@ -270,7 +269,7 @@ fn all_finite(vectors: &[[f64; 3]]) -> bool {
     vectors.as_flattened().iter().all(|value| value.is_finite())
 }
 
-/// `value` inside +-`bound`, raising `flag` when that changed it.
+/// Clamps `value` to +-`bound`, and sets `flag` if that changes it.
 fn limit(value: f64, bound: f64, flag: u64, flags: &mut u64) -> f64 {
     let inside = value.clamp(-bound, bound);
     if inside != value {

@@ -1,4 +1,4 @@
-//! What the controller remembers from tick to tick. Everything else is fixed when it is built.
+//! State of the controller from tick to tick. All its other fields are fixed at construction.
 
 use bytemuck::{Pod, Zeroable};
 use contract::message::Reference;
@@ -7,25 +7,25 @@ use nalgebra::Vector3;
 
 use crate::observer::Observer;
 
-/// The controller's whole memory: a controller that gets a copy of it continues the same flight.
+/// Whole memory of the controller: a controller that restores a copy continues the same flight.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
 #[repr(C)]
 pub struct Memory {
     /// Tick of the newest state answered.
     pub tick: OptionalTick,
-    /// 1 when the last step had no state to use, else 0.
+    /// 1 if the last step had no usable state, else 0.
     pub silent: u64,
-    /// 1 when the thrust was cut since the newest state answered, else 0.
+    /// 1 if the thrust was cut since the newest state answered, else 0.
     pub cut: u64,
-    /// Tick of the first state after the last silence to come back from.
+    /// Tick of the first state after the last silence.
     pub back: OptionalTick,
     /// Position error of the newest state answered, NED \[m\].
     pub error_m: Vector3<f64>,
     /// Integral of the position error, NED \[m s\].
     pub integral_ms: Vector3<f64>,
-    /// The disturbance observer.
+    /// Disturbance observer.
     pub observer: Observer,
-    /// The last answer, without a stamp.
+    /// Last answer, without a stamp.
     pub reference: Reference,
 }
 

@@ -1,4 +1,4 @@
-//! The outer disturbance observer: the horizontal acceleration that the attitude does not explain.
+//! Outer disturbance observer: horizontal acceleration that the attitude does not explain.
 //!
 //! ```text
 //! a = (v_ned[k] - v_ned[k-1]) / Ts                  measured, turned into the heading frame
@@ -7,38 +7,39 @@
 //! ```
 //!
 //! A first-order observer of bandwidth b, as in disturbance-observer based control (Chen et al., IEEE Transactions on
-//! Industrial Electronics 63(2), 2016): wind and drag appear as an acceleration, and are leant against.
+//! Industrial Electronics 63(2), 2016): wind and drag appear as an acceleration, which a lean of the vehicle cancels.
 //!
-//! After n periods the velocity counts as grown evenly, and the step is taken n times with the mean acceleration. Noise
-//! of a sample enters the estimate with b and leaves it with the next difference: one that weighed less than the time it
-//! spans would leave it there, to decay within 1 / b.
+//! After n periods the step is taken n times with the mean acceleration. The noise of a velocity sample enters the
+//! estimate with one difference and leaves it with the next, if each has the weight of the time it spans; with less
+//! weight part of the noise would stay, and decay within 1 / b.
 
 use bytemuck::{Pod, Zeroable};
 use nalgebra::{Vector2, Vector3};
 
-/// Estimate and what it needs of the previous sample.
+/// Disturbance estimate, and the velocity of the previous sample.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
 #[repr(C)]
 pub struct Observer {
     /// Velocity of the last sample, NED \[m/s\].
     pub velocity_ned_mps: Vector3<f64>,
-    /// The disturbance ahead and to the right \[m/s2\].
+    /// Disturbance ahead and to the right \[m/s2\].
     pub estimate_mps2: Vector2<f64>,
 }
 
-/// How far the estimate goes with one sample.
+/// Time and gain of one update.
 #[derive(Debug, Clone, Copy)]
 pub struct Step {
-    /// Time since the last sample; 0 at the first \[s\].
+    /// Time since the last sample \[s\]; 0 at the first.
     pub elapsed_s: f64,
-    /// Share b Ts of the gap to close in a period.
+    /// Gain b Ts of one period.
     pub gain: f64,
-    /// Periods of it that are believed; at most as many as a gap that is no silence has.
+    /// Number of periods for which the update is made; 1 after a silence.
     pub periods: u64,
 }
 
 impl Observer {
-    /// Takes in a sample, `tilt_rad` being roll about trim and pitch; the disturbance ahead and to the right \[m/s2\].
+    /// Updates the estimate from a sample and returns it: the disturbance ahead and to the right \[m/s2\]. `tilt_rad`
+    /// is roll about trim and pitch.
     pub fn update(
         &mut self,
         velocity_ned_mps: &Vector3<f64>,
@@ -60,7 +61,7 @@ impl Observer {
     }
 }
 
-/// `ned` turned by `psi_rad` about the vertical: x ahead, y to the right, z down.
+/// Turns `ned` by `psi_rad` about the vertical: x ahead, y to the right, z down.
 pub fn to_heading_frame(ned: &Vector3<f64>, psi_rad: f64) -> Vector3<f64> {
     let (sin, cos) = libm::sincos(psi_rad);
     Vector3::new(cos * ned.x + sin * ned.y, cos * ned.y - sin * ned.x, ned.z)

@@ -6,14 +6,14 @@
 //! w_ref     = Kp_w     e_z + Ki_w     int e_z dt + Kd_w     de_z/dt        (47)
 //! ```
 //!
-//! Departure: (47) takes the body z velocity for the climb rate. With `exact_w` its output is the wanted vertical
-//! speed, and w follows from it at the present attitude and velocity. Test `exact_w_makes_the_wanted_climb`.
+//! Departure: (47) equates the body z velocity with the climb rate. With `exact_w` its output is the wanted vertical
+//! speed, from which w is computed at the present attitude and velocity. Test `exact_w_makes_the_wanted_climb`.
 
 use contract::message::State;
 use contract::scenario::Guidance as Settings;
 use nalgebra::Vector3;
 
-/// What the position error asks for, before feed-forward and limits.
+/// Angles and climb by the PID laws, before feed-forward and limits.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wanted {
     /// Roll about trim \[rad\].
@@ -24,7 +24,7 @@ pub struct Wanted {
     pub climb_mps: f64,
 }
 
-/// The three laws on `[error, integral, derivative]`, x ahead, y right, z down \[m, m s, m/s\].
+/// Applies the three laws to `[error, integral, derivative]`, x ahead, y right, z down \[m, m s, m/s\].
 pub fn wanted(k: &Settings, [e, i, d]: &[Vector3<f64>; 3]) -> Wanted {
     Wanted {
         phi_rad: k.kp_phi * e.y + k.ki_phi * i.y + k.kd_phi * d.y, // (45)
@@ -33,8 +33,8 @@ pub fn wanted(k: &Settings, [e, i, d]: &[Vector3<f64>; 3]) -> Wanted {
     }
 }
 
-/// Body z velocity at which the vertical speed is `climb_mps`, at the measured attitude and velocity \[m/s\]; no larger
-/// than the measured speed and that climb together, which keeps it finite where the body z axis is horizontal.
+/// Body z velocity at which the vertical speed is `climb_mps`, at the measured attitude and velocity \[m/s\]; at most
+/// the sum of measured speed and climb, which keeps it finite if the body z axis is horizontal.
 pub fn exact_w(climb_mps: f64, state: &State) -> f64 {
     let [u, v, w] = state.measured.velocity_mps;
     let (sin_phi, cos_phi) = libm::sincos(state.measured.attitude_rad[0]);

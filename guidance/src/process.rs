@@ -1,4 +1,4 @@
-//! Guidance as a process: it answers to STATE.
+//! Guidance as a process, woken by STATE.
 
 use contract::message::{Reference, State};
 use runtime::session::{NodeSession, SessionError};
@@ -9,7 +9,7 @@ use crate::Guidance;
 pub fn run(mut session: NodeSession) -> Result<(), SessionError> {
     let mut guidance = Guidance::new(&session.scenario);
     if let Some(memory) = session.memory() {
-        guidance.restore(&memory); // one that does not fit is as good as none
+        guidance.restore(&memory); // a snapshot that does not fit is ignored
     }
     let mut states = session.input::<State>()?;
     let mut references = session.output::<Reference>()?;

@@ -1,38 +1,38 @@
-//! The way back after a silence: the reference is limited for a while, because the vehicle has drifted off and a step
-//! of that size is not to be answered with all that the limits allow.
+//! Re-entry after a silence: the reference is limited for a while, because the position error has become large and
+//! would otherwise use the full range of the settings' limits.
 //!
 //! ```text
 //! |angles| <= 15 deg + 5 deg/s t        about trim, t since the first state after a silence of more than 100 ms,
-//! |climb|  <= 1 m/s  + 1 m/s2  t        for 3 s; the settings' own limits hold all the while
+//! |climb|  <= 1 m/s  + 1 m/s2  t        for 3 s; the settings' own limits hold too
 //! ```
 //!
-//! After a silence the vehicle falls, turns and tilts, and its rotors are near their limits: what they spend on a distant
-//! reference is missing for levelling it.
+//! After a silence the vehicle falls, turns and tilts, and its rotors are near their limits: thrust used to reach a
+//! distant reference is not available to level the vehicle.
 
-/// Longest gap between two states that is no silence \[s\].
+/// Longest gap between two states that does not count as a silence \[s\].
 const MAX_GAP_S: f64 = 0.1;
-/// How long the way back takes \[s\].
+/// Duration of the re-entry \[s\].
 const REENTRY_S: f64 = 3.0;
-/// Largest angle about trim at its beginning \[deg\].
+/// Largest angle about trim at the beginning \[deg\].
 const MAX_ANGLE_DEG: f64 = 15.0;
-/// How fast that grows \[deg/s\].
+/// Growth of the largest angle \[deg/s\].
 const MAX_ANGLE_DPS: f64 = 5.0;
-/// Largest climb at its beginning \[m/s\].
+/// Largest climb at the beginning \[m/s\].
 const MAX_CLIMB_MPS: f64 = 1.0;
-/// How fast that grows \[m/s2\].
+/// Growth of the largest climb \[m/s2\].
 const MAX_CLIMB_MPS2: f64 = 1.0;
 
-/// What a reference may be.
+/// Limits of a reference.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
-    /// Angles about trim \[rad\].
+    /// Largest angles about trim \[rad\].
     pub angle_rad: f64,
-    /// Climb, up or down \[m/s\].
+    /// Largest climb, up or down \[m/s\].
     pub climb_mps: f64,
 }
 
 impl Limits {
-    /// These limits `since_s` after the end of a silence, if there was one.
+    /// Reduces the limits `since_s` after the end of a silence; `None` if there was none.
     #[must_use]
     pub fn after_silence(self, since_s: Option<f64>) -> Self {
         let Some(t) = since_s.filter(|since_s| *since_s < REENTRY_S) else { return self };
@@ -43,7 +43,7 @@ impl Limits {
     }
 }
 
-/// Whether a gap of `elapsed_s` between two states is a silence.
+/// Returns whether a gap of `elapsed_s` between two states is a silence.
 pub fn is_silence(elapsed_s: f64) -> bool {
     elapsed_s > MAX_GAP_S
 }

@@ -1,4 +1,4 @@
-//! Direction before magnitude, then limits, then the independent simulator.
+//! Tests of directions, magnitudes and limits.
 
 use contract::message::{Kinematics, Stamp, State, guidance_flags};
 use contract::scenario::{Profile, TrajectoryKind};
@@ -27,7 +27,7 @@ fn hovering(tick: u64) -> State {
     State { stamp: Stamp { tick, sequence: 1, ..Stamp::default() }, measured, command_in_force, ..State::default() }
 }
 
-/// The answer to a hover displaced to `position_m`, with heading `psi`, at the first tick.
+/// Answer to a hover displaced to `position_m`, with heading `psi`, at the first tick.
 fn answer(profile: Profile, position_m: [f64; 3], psi: f64) -> Reference {
     let mut state = hovering(0);
     state.measured.position_m = position_m;
@@ -150,7 +150,7 @@ fn the_observer_leans_against_a_push_and_settles_on_it() {
 
 #[test]
 fn rate_references_turn_the_angles_at_their_speed() {
-    // The reverse way, from body rates to Euler rates, as in any textbook.
+    // Textbook relation in the other direction, from body rates to Euler rates.
     let (phi, theta) = (0.4f64, -0.6f64);
     let wanted = nalgebra::Vector3::new(0.3, -0.7, 1.1);
     let [p, q, r]: [f64; 3] = crate::rates::body_rates(&wanted, &nalgebra::Vector3::new(phi, theta, 2.0)).into();
@@ -188,7 +188,7 @@ fn the_limit_of_climb_leaves_w_free_to_keep_the_altitude_at_speed() {
 
 proptest! {
     #[test]
-    fn any_bits_at_all_get_a_finite_answer_and_leave_no_trace_if_bad(
+    fn any_bits_get_a_finite_answer_and_bad_ones_change_nothing(
         bits in prop::array::uniform12(any::<u64>()), observer: bool, paper: bool,
     ) {
         let mut s = scenario(if paper { Profile::Paper } else { Profile::Robust }, TrajectoryKind::Survey);
@@ -203,7 +203,7 @@ proptest! {
         let numbers = [answer.attitude_rad, answer.rates_radps, [answer.w_mps, 0.0, 0.0]];
         prop_assert!(numbers.as_flattened().iter().all(|x| x.is_finite()));
         if answer.flags & guidance_flags::BAD_INPUT != 0 {
-            quiet.step(1, &hovering(0)); // as if nothing had come
+            quiet.step(1, &hovering(0)); // as if the bad state had not come
             prop_assert_eq!(disturbed.step(2, &hovering(2)), quiet.step(2, &hovering(2)));
         }
     }

@@ -1,6 +1,6 @@
-//! Trajectories: where to be at time t, how fast, and accelerating how.
+//! Trajectories: position, velocity and acceleration over time.
 //!
-//! Legs join waypoints in straight lines; along a leg of duration T the way covered is a fraction s(t):
+//! Legs join waypoints in straight lines; on a leg of duration T the covered fraction is s(t):
 //!
 //! | `ramp_s` | s |
 //! |---|---|
@@ -8,7 +8,7 @@
 //! | ta | trapezoid of velocity: ramps of ta, cruise at 1 / (T - ta) |
 //! | `"min-jerk"` | 10 x^3 - 15 x^4 + 6 x^5 with x = t / T (Flash and Hogan, 1985) |
 //!
-//! With `ramp_s = "spline"` they are no legs, but one curve through all waypoints: `spline`. The circle is in `circle`.
+//! With `ramp_s = "spline"` one curve passes all waypoints instead: `spline`. The circle is in `circle`.
 
 mod circle;
 mod progress;
@@ -24,7 +24,7 @@ use circle::Circle;
 use progress::{min_jerk, trapezoid};
 use spline::Spline;
 
-/// The surveillance square: up 8 m, around, down.
+/// Waypoints of the surveillance square: up 8 m, around, down.
 const SURVEY_M: [[f64; 3]; 7] = [
     [0.0, 0.0, 0.0],
     [0.0, 0.0, -8.0],
@@ -36,13 +36,13 @@ const SURVEY_M: [[f64; 3]; 7] = [
 ];
 const SURVEY_LEG_S: f64 = 10.0;
 
-/// A mission's reference over time.
+/// Reference of a mission over time.
 #[derive(Debug, Clone)]
 pub struct Trajectory(Path);
 
 #[derive(Debug, Clone)]
 enum Path {
-    /// The last number is the ramp of each leg \[s\]; `None` is min-jerk.
+    /// Legs between the waypoints; the second field is the ramp of each leg \[s\], `None` for min-jerk.
     Legs(Vec<(f64, Vector3<f64>)>, Option<f64>),
     Spline(Spline),
     Step {
@@ -53,7 +53,7 @@ enum Path {
 }
 
 impl Trajectory {
-    /// The trajectory of `mission`.
+    /// Builds the trajectory of `mission`.
     pub fn new(mission: &Mission) -> Self {
         let through = |points: &[[f64; 3]], times: &mut dyn Iterator<Item = f64>| {
             let waypoints: Vec<_> = times.zip(points.iter().map(|p| Vector3::from(*p))).collect();
@@ -72,7 +72,7 @@ impl Trajectory {
         })
     }
 
-    /// The reference at `t_s`; before the first waypoint and after the last it stays there.
+    /// Reference at `t_s`; before the first waypoint and after the last it rests there.
     pub fn at(&self, t_s: f64) -> Setpoint {
         match &self.0 {
             Path::Legs(waypoints, ramp_s) => along(waypoints, *ramp_s, t_s),
@@ -83,7 +83,7 @@ impl Trajectory {
     }
 }
 
-/// The reference on the straight legs between `waypoints`.
+/// Reference on the straight legs between `waypoints`.
 fn along(waypoints: &[(f64, Vector3<f64>)], ramp_s: Option<f64>, t_s: f64) -> Setpoint {
     let Some(next) = waypoints.iter().position(|(at_s, _)| *at_s > t_s) else {
         return Setpoint::at_rest(waypoints.last().map_or([0.0; 3], |(_, p)| (*p).into()));

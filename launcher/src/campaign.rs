@@ -1,4 +1,4 @@
-//! `campaign`: many flights, on all cores of this machine or on a cluster, and what they amount to.
+//! `campaign`: many flights, on all cores of this machine or on a cluster, and their statistics.
 
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -37,10 +37,10 @@ pub struct CampaignArgs {
     /// Print the table of flights and fly none
     #[arg(long, conflicts_with_all = ["slurm", "only", "status", "collect", "shard"])]
     plan: bool,
-    /// Fly this one again, with its log and report, into flight-N of the folder
+    /// Fly this flight again, with its log and report, into flight-N of the folder
     #[arg(long, value_name = "FLIGHT", conflicts_with_all = ["slurm", "status", "collect", "shard"])]
     only: Option<u64>,
-    /// How many flights a shard has, of which at most the ones begun are lost [default: 100]
+    /// Flights of a shard; an interruption loses only shards that are not complete [default: 100]
     #[arg(long, value_name = "N", value_parser = one_or_more::<u64>)]
     shard: Option<u64>,
     /// Say how far the campaign is, and fly nothing
@@ -53,7 +53,7 @@ pub struct CampaignArgs {
     cluster: Cluster,
 }
 
-/// What is flown and where the results go.
+/// Campaign file, and folder of the results.
 #[derive(Args)]
 struct What {
     /// Campaign file (TOML)
@@ -70,16 +70,16 @@ enum Command {
     Shard {
         #[command(flatten)]
         what: What,
-        /// Which shard, from 0 on
+        /// Index of the shard, from 0 on
         #[arg(long)]
         index: u64,
-        /// How many shards the campaign has
+        /// Number of shards of the campaign
         #[arg(long, value_parser = clap::value_parser!(u64).range(1..=MAX_SHARDS))]
         of: u64,
     },
 }
 
-/// Where else than here.
+/// Options for flying on a cluster.
 #[derive(Args)]
 struct Cluster {
     /// Submit the shards to Slurm as a job array, and wait for them
@@ -102,12 +102,12 @@ struct Cluster {
     detach: bool,
 }
 
-/// A whole number above 0; the error of a range would name the largest number there is.
+/// Parses a whole number above 0; the error of clap's own range would name the largest number of the type.
 fn one_or_more<T: FromStr + PartialOrd + From<u8>>(text: &str) -> Result<T, String> {
     text.parse().ok().filter(|number| *number >= T::from(1)).ok_or_else(|| "give a whole number, 1 or more".to_owned())
 }
 
-/// Does what the arguments say; the exit code.
+/// Runs the command; returns the exit code.
 pub fn campaign(args: &CampaignArgs) -> anyhow::Result<u8> {
     if let Some(Command::Shard { what, index, of }) = &args.command {
         return fly_shard(what, *index, *of);
@@ -140,23 +140,23 @@ impl What {
         self.out.clone().unwrap_or_else(|| Path::new("runs").join(plan.campaign.name()))
     }
 
-    /// What a user types to fly one of its flights again.
+    /// Returns the command that flies one of its flights again; only the number is to be added.
     fn again(&self) -> String {
         let out = self.out.as_ref().map_or(String::new(), |out| format!(" --out {}", out.display()));
         format!("launcher campaign {}{out} --only", self.file.display())
     }
 }
 
-/// On all cores of this machine.
+/// Flies the missing shards on all cores of this machine; returns the exit code.
 fn fly_here(what: &What, plan: &Plan, shards: Option<u64>) -> anyhow::Result<u8> {
     let folder = CampaignFolder::open(&what.out(plan), plan, shards, Access::Alone)?;
-    // A shard that cannot be counted is told before the others are flown.
+    // A shard that cannot be counted is an error here, before the others are flown.
     let (there, missing) = folder.collect(plan)?;
     if there.rows() > 0 && !missing.is_empty() {
         eprint_line(&format!("{} of {} flights are there already", there.rows(), plan.flights()));
     }
     drop(there);
-    let interrupts = catch_interrupts()?; // only now: until here nothing is begun, and a signal ends the program at once
+    let interrupts = catch_interrupts()?; // not earlier: nothing has begun until here, and a signal may end the program at once
     match fly_missing(plan, &folder, &missing, &interrupts) {
         exit::FLOWN => conclude(plan, &folder, what),
         code => {
@@ -166,7 +166,7 @@ fn fly_here(what: &What, plan: &Plan, shards: Option<u64>) -> anyhow::Result<u8>
     }
 }
 
-/// Flies the missing shards; the exit code, of which the reason was told.
+/// Flies the missing shards and prints why it stopped, if it did; returns the exit code.
 fn fly_missing(plan: &Plan, folder: &CampaignFolder, missing: &[u64], interrupts: &AtomicU32) -> u8 {
     let progress = Progress::start();
     let flown = local::fly(plan, folder, missing, interrupts, |now| progress.show(|| now.describe()));
@@ -184,7 +184,7 @@ fn fly_missing(plan: &Plan, folder: &CampaignFolder, missing: &[u64], interrupts
     }
 }
 
-/// One shard, for any engine.
+/// Flies one shard, as the task of any engine; returns the exit code.
 fn fly_shard(what: &What, index: u64, of: u64) -> anyhow::Result<u8> {
     let plan = what.plan()?;
     ensure!(
@@ -206,7 +206,7 @@ fn fly_shard(what: &What, index: u64, of: u64) -> anyhow::Result<u8> {
     Ok(code)
 }
 
-/// On a cluster.
+/// Submits the missing shards to Slurm, and waits for them unless detached; returns the exit code.
 fn on_slurm(cluster: &Cluster, what: &What, plan: &Plan, shards: Option<u64>) -> anyhow::Result<u8> {
     let interrupts = catch_interrupts()?;
     let folder = CampaignFolder::open(&what.out(plan), plan, shards, Access::WithShards)?;
@@ -247,7 +247,7 @@ fn status(plan: &Plan, folder: &CampaignFolder) -> anyhow::Result<u8> {
     Ok(if missing.is_empty() { exit::FLOWN } else { exit::PROCESS_LOST })
 }
 
-/// Writes the results of the shards that are there and prints what they amount to; the exit code.
+/// Writes the results of the shards that are there and prints a summary; returns the exit code.
 fn conclude(plan: &Plan, folder: &CampaignFolder, what: &What) -> anyhow::Result<u8> {
     end_at_once(
         "interrupted before the results were written; the shards are there, and the same command goes on".into(),
@@ -301,7 +301,7 @@ fn conclude(plan: &Plan, folder: &CampaignFolder, what: &What) -> anyhow::Result
     Ok(if invalid > 0 { exit::OUT_OF_BOUNDS } else { exit::FLOWN })
 }
 
-/// How many flights each controller passes, and what that rests on.
+/// Returns the table of how many flights each controller passes, and sentences on the basis of these rates.
 fn rates(page: &Page) -> String {
     let row = |(name, rate): (&str, Rate)| {
         let share = if rate.flights == 0 { "-".into() } else { format!("{:.1} %", 100.0 * rate.share()) };
@@ -335,7 +335,7 @@ fn print_plan(plan: &Plan) {
     }
 }
 
-/// One flight again, with its log; where its shard is there, it must be the flight of the table.
+/// Flies one flight again, with its log; an error if its shard is there and has another result for it.
 fn fly_again(plan: &Plan, number: u64, out: &Path) -> anyhow::Result<u8> {
     ensure!(number < plan.flights(), "--only {number}: the flights have the numbers 0 to {}", plan.flights() - 1);
     let flight = plan.flight(number);

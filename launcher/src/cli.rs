@@ -1,4 +1,4 @@
-//! The command line. Data goes to stdout, talk to stderr.
+//! The command line. Results go to stdout, notes and errors to stderr.
 
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -47,15 +47,15 @@ enum Command {
     Report(PartOfRun),
     /// Fly a recorded flight again in process, from its folder alone, and compare the bits
     Replay(replay::ReplayArgs),
-    /// Say what each late, lost or missing message of a recorded flight cost, by flying it again without
+    /// Say what each late, lost or missing message of a recorded flight cost, by flying it again undisturbed
     Explain(replay::ExplainArgs),
     /// Lay recorded flights side by side: settings that differ, metrics, timing, courses
     Compare(compare::CompareArgs),
     /// Export some ticks of a run for the trace viewer Perfetto
     Trace(trace::TraceArgs),
-    /// List the stacks that are flying, and how their nodes are
+    /// List the flying stacks, and the state of their nodes
     Status(manage::StatusArgs),
-    /// Replace a process of a flying stack: on standby first, back again if it does not do
+    /// Replace a process of a flying stack; the new one is tried on standby first, and removed if it fails
     Swap(swap::SwapArgs),
     /// Break something in a stack that flies in real time
     Inject(command::InjectArgs),
@@ -74,20 +74,20 @@ enum Command {
     Node {
         /// plant, guidance, attitude-mpc, mixer or recorder
         name: NodeName,
-        /// Which stack to join
+        /// Namespace of the stack to join
         #[arg(long, default_value = "default")]
         namespace: String,
-        /// Which incarnation of the node this is
+        /// Epoch of the process: its number among those of the node
         #[arg(long, default_value_t = 1)]
         epoch: u32,
-        /// Its own settings, a merged scenario file; without it: the run's
+        /// Settings of this process, a merged scenario file; without it: the run's
         #[arg(long)]
         settings: Option<PathBuf>,
         /// recorder: where to write the log
         #[arg(long, required_if_eq("name", "recorder"))]
         log: Option<PathBuf>,
     },
-    /// Try to get into a stack as somebody who does not belong there (the launcher starts this as a fault)
+    /// Try to enter a stack as a foreign process (the launcher starts this as a fault)
     #[command(hide = true)]
     Intrude(intruder::IntrudeArgs),
 }
@@ -101,7 +101,7 @@ enum NodeName {
     Recorder,
 }
 
-/// Parses the arguments and does what they say. A panic has said why; the run is lost with it.
+/// Parses the arguments and runs the command. A panic prints its reason; the exit code is then that of a lost process.
 pub fn main() -> ExitCode {
     std::panic::catch_unwind(run).unwrap_or(ExitCode::from(exit::PROCESS_LOST))
 }
@@ -113,7 +113,7 @@ fn run() -> ExitCode {
         console::eprint_line(&format!("error: {error}"));
         return console::finish(exit::USAGE);
     }
-    // Started as the file that runs, the kernel would call it `exe`. Fails for no name of this length.
+    // A process that was started from /proc/self/exe has the name `exe`. The call fails only for longer names.
     let _ = rustix::thread::set_name(c"launcher");
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
@@ -146,17 +146,17 @@ fn run() -> ExitCode {
         Ok(code) => console::finish(code),
         Err(error) => {
             let text = with_causes(&error);
-            // Scenario errors open with the word themselves, in front of the lines they quote.
+            // Scenario errors begin with `error:` themselves, before the lines that they quote.
             console::eprint_line(&format!("error: {}", text.strip_prefix("error: ").unwrap_or(&text)));
             console::finish(error.downcast_ref::<StartError>().map_or(exit::USAGE, StartError::exit_code))
         }
     }
 }
 
-/// Prints what was asked for with `--help`, or what is wrong with the arguments.
+/// Prints the text of `--help` and the like, or the error in the arguments.
 fn tell(usage: &clap::Error) -> ExitCode {
     if usage.use_stderr() {
-        // Names of files may stand in it, so it goes the way of all words; and without colours.
+        // The text may contain names of files, so it is printed like every message, and without colours.
         eprint_line(usage.render().to_string().trim_end());
         return console::finish(exit::USAGE);
     }
@@ -166,7 +166,7 @@ fn tell(usage: &clap::Error) -> ExitCode {
     }
 }
 
-/// The error with its causes, each of them once: some errors name theirs themselves.
+/// Returns the error with its causes, each of them once: the text of some errors includes that of their cause.
 fn with_causes(error: &anyhow::Error) -> String {
     error.chain().map(ToString::to_string).fold(String::new(), |text, cause| match text.as_str() {
         "" => cause,
@@ -209,7 +209,7 @@ mod tests {
     use runtime::domain::DomainError;
 
     #[test]
-    fn a_cause_is_told_once() {
+    fn each_cause_of_an_error_is_printed_once() {
         let io = || std::io::Error::other("no space");
         let error: anyhow::Result<()> = Err(DomainError::Io { path: "/dev/shm/x".into(), source: io() }.into());
         let error = error.context("cannot fly").expect_err("an error");

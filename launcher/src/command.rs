@@ -12,7 +12,7 @@ use flight::duration::{seconds, seconds_or_inf, signed_milliseconds};
 use outcome::faults::course;
 use runtime::console::print;
 
-/// How long a fault lasts that is given no time \[s\].
+/// Duration of a fault without `--for` \[s\].
 const USUAL_S: f64 = 0.5;
 
 /// Arguments of `inject`: a `[[fault]]` of a scenario, word for word.
@@ -24,17 +24,17 @@ slow delayed intermittent noise); rotor1 rotor2 rotor3 tilt (off stuck wrong slo
 (mass); mpc (infeasible nan iteration-cap). Sizes have defaults: see docs/faults.md."
 )]
 pub struct InjectArgs {
-    /// What to break: see below
+    /// Target of the fault: see below
     target: String,
-    /// How: see below
+    /// Kind of the fault: see below
     kind: String,
     #[command(flatten)]
     stack: TargetArgs,
-    /// How long it lasts: 500ms, 2s, 1min, plain seconds; inf = until it is cleared [default: 0.5s, and no end for kill and
+    /// Duration: 500ms, 2s, 1min, plain seconds; inf = until it is cleared [default: 0.5s, and no end for kill and
     /// exit]
     #[arg(long = "for", value_name = "TIME", value_parser = seconds_or_inf)]
     for_s: Option<f64>,
-    /// How long after the next sample it begins
+    /// Time from the next sample to its beginning
     #[arg(long = "in", value_name = "TIME", default_value = "0s", value_parser = seconds)]
     in_s: f64,
     /// A delay or a time constant: 20ms, 0.1s, plain milliseconds
@@ -46,13 +46,13 @@ pub struct InjectArgs {
     /// Wind NED [m/s], for example 5,0,0
     #[arg(long, value_name = "N,E,D", value_delimiter = ',', allow_hyphen_values = true)]
     vector: Option<Vec<f64>>,
-    /// Share of the ticks struck
+    /// Share of the ticks that it affects
     #[arg(long)]
     probability: Option<f64>,
     /// Messages, or bits
     #[arg(long)]
     count: Option<u64>,
-    /// In which way a sensor or a topic is wrong: bias, scale or sign
+    /// Error of a sensor or a topic that is wrong: bias, scale or sign
     #[arg(long)]
     how: Option<String>,
 }
@@ -88,7 +88,7 @@ pub fn inject(args: &InjectArgs) -> anyhow::Result<()> {
     if fault.for_s.is_some_and(|for_s| for_s <= 0.0) {
         bail!("--for 0: a fault that lasts no time; give a time above 0");
     }
-    check_sizes(&fault)?; // JSON has no word for a number that is none, and would make it the default size
+    check_sizes(&fault)?; // JSON has no NaN: the fault would get the default size
     let domain = args.stack.find()?;
     tell("injected", &domain, &Request::Inject { fault })
 }
@@ -100,7 +100,7 @@ pub fn clear(args: &ClearArgs) -> anyhow::Result<()> {
     tell("cleared", &domain, &Request::Clear { target })
 }
 
-/// Makes the `request`, and prints the faults to which something was `done`, as they are now, and in which flight.
+/// Sends the `request`, and prints the faults in the answer, each after the word `done`, and the flight.
 fn tell(done: &str, domain: &Domain, request: &Request) -> anyhow::Result<()> {
     let flight = target::describe(domain);
     let told = ask(domain, request).map_err(|error| anyhow!("{error:#}\nin {flight}"))?;
@@ -115,7 +115,7 @@ fn tell(done: &str, domain: &Domain, request: &Request) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// A `word` of the scenario's language for what is called `what`; the error names those there are, and the nearest.
+/// Parses a `word` of the scenario file; the error begins with `what`, and names the words there are and the nearest.
 pub fn word<T: DeserializeOwned>(what: &str, word: &str) -> anyhow::Result<T> {
     serde_json::from_value(json!(word)).map_err(|error| anyhow!("{what}: {}", suggest(&error.to_string())))
 }

@@ -18,7 +18,7 @@ pub struct CompareArgs {
     /// Folders of two or more runs, or their flight.mcap
     #[arg(required = true, num_args = 2.., value_name = "RUN")]
     pub runs: Vec<PathBuf>,
-    /// Where to write the page [default: compare.html beside the folder of the first run]
+    /// File for the page [default: compare.html beside the folder of the first run]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 }

@@ -32,7 +32,7 @@ use view::report;
 pub struct FlyArgs {
     /// Scenario file (TOML); without one: profile robust, trajectory survey, real time, 60 s
     pub scenario: Option<PathBuf>,
-    /// How to turn the ring
+    /// Mode of the flight
     #[arg(long)]
     pub mode: Option<ModeArg>,
     /// Override a setting, value in TOML: --set mpc.np=30 --set profile=paper
@@ -52,7 +52,7 @@ pub struct FlyArgs {
     pub namespace: String,
 }
 
-/// `--mode`
+/// Values of `--mode`.
 #[derive(Clone, Copy, ValueEnum)]
 pub enum ModeArg {
     /// Processes, released by the clock
@@ -74,19 +74,19 @@ impl From<ModeArg> for Mode {
 }
 
 impl FlyArgs {
-    /// Those of a flight with its log in the folder `out`.
+    /// Returns the arguments of a flight with its log in the folder `out`.
     pub fn into_folder(out: PathBuf) -> Self {
         let namespace = "default".to_owned();
         Self { scenario: None, mode: None, set: vec![], out: Some(out), json: false, no_log: false, namespace }
     }
 }
 
-/// Flies as the arguments say; the exit code.
+/// Flies the scenario of the arguments; returns the exit code.
 pub fn fly(args: &FlyArgs) -> anyhow::Result<u8> {
     fly_scenario(settings(args)?, args)
 }
 
-/// The same with settings that are there.
+/// Flies `scenario`; of `args` only output, log and namespace are used. Returns the exit code.
 pub fn fly_scenario(mut scenario: Scenario, args: &FlyArgs) -> anyhow::Result<u8> {
     let interrupts = catch_interrupts()?;
     let out = Folder::prepare(args.out.as_deref(), &scenario).map_err(with_file_limit)?;
@@ -100,7 +100,7 @@ pub fn fly_scenario(mut scenario: Scenario, args: &FlyArgs) -> anyhow::Result<u8
             fly_processes(args, &mut scenario, log.as_deref(), &mut summary, &interrupts)
         }
     };
-    let (mut how, wall, scheduling) = match flown {
+    let Flown { mut how, wall, scheduling } = match flown {
         Ok(flown) => flown,
         Err(error) => {
             out.withdraw();
@@ -140,7 +140,7 @@ pub fn fly_scenario(mut scenario: Scenario, args: &FlyArgs) -> anyhow::Result<u8
         print(&describe(&account));
         print(&format!("  {:<22}{}\n", "written to", out.path.display()));
     }
-    // The page last: of a long flight it takes a while, and the flight is told by then.
+    // The page comes last: for a long flight it takes a while, and the summary is printed by then.
     let written = written.and_then(|()| if log.is_some() { write_report(&out.path) } else { Ok(()) });
     let log_error = how.log.as_ref().and_then(|log| log.error.clone());
     let write_error = written.as_ref().err().map(|error| format!("{error:#}"));
@@ -151,7 +151,7 @@ pub fn fly_scenario(mut scenario: Scenario, args: &FlyArgs) -> anyhow::Result<u8
     Ok(if written.is_err() { verdict.exit_code.max(exit::PROCESS_LOST) } else { verdict.exit_code })
 }
 
-/// Writes the report. That takes longer than a short flight: what each disturbed tick cost is found by flying without it.
+/// Writes the report. That can take longer than the flight, which is flown again to find the cost of disturbed ticks.
 fn write_report(run: &Path) -> anyhow::Result<()> {
     let path = run.display();
     end_at_once(format!("interrupted before the report was written; `launcher report {path}` writes it"));
@@ -171,12 +171,21 @@ fn settings(args: &FlyArgs) -> anyhow::Result<Scenario> {
     Ok(flight::settings::load(args.scenario.as_deref(), &overrides)?)
 }
 
+/// Flight that is over, whatever the mode.
+struct Flown {
+    how: Circumstances,
+    /// Wall time of the flight, without start and report.
+    wall: Duration,
+    /// Scheduling that the kernel gave each node; empty in process.
+    scheduling: Vec<(String, Scheduling)>,
+}
+
 fn fly_inprocess(
     scenario: &Scenario,
     log: Option<&Path>,
     summary: &mut Summary,
     interrupts: &AtomicU32,
-) -> anyhow::Result<(Circumstances, Duration, Vec<(String, Scheduling)>)> {
+) -> anyhow::Result<Flown> {
     let log = log.map(|path| CountedLog::create(path, scenario)).transpose().map_err(with_file_limit)?;
     let log = log.map(RefCell::new);
     let started = Instant::now();
@@ -203,17 +212,17 @@ fn fly_inprocess(
     if interrupts.load(Ordering::Relaxed) > 0 {
         how.ended = Ended::Interrupted;
     }
-    Ok((how, wall, vec![]))
+    Ok(Flown { how, wall, scheduling: vec![] })
 }
 
-/// Flies through processes; `scenario` gets what was ordered meanwhile.
+/// Flies with processes, and adds to `scenario` the faults and swaps that were ordered meanwhile.
 fn fly_processes(
     args: &FlyArgs,
     scenario: &mut Scenario,
     log: Option<&Path>,
     summary: &mut Summary,
     interrupts: &AtomicU32,
-) -> anyhow::Result<(Circumstances, Duration, Vec<(String, Scheduling)>)> {
+) -> anyhow::Result<Flown> {
     let stack = Stack::start(&args.namespace, scenario, log, interrupts).map_err(with_file_limit)?;
     let progress = Progress::start();
     let summary = RefCell::new(summary);
@@ -228,10 +237,10 @@ fn fly_processes(
     progress.finish();
     *scenario = flown.scenario.clone();
     let (wall, scheduling) = (flown.wall, flown.scheduling.clone());
-    Ok((flown.into(), wall, scheduling))
+    Ok(Flown { how: flown.into(), wall, scheduling })
 }
 
-/// The kernel refuses a file that is too large in words that do not say why.
+/// Adds the limit on file sizes to an error that it caused: the kernel's text does not name it.
 fn with_file_limit(error: anyhow::Error) -> anyhow::Error {
     let is_too_large = |cause: &(dyn std::error::Error + 'static)| {
         cause.downcast_ref::<std::io::Error>().is_some_and(|io| io.kind() == std::io::ErrorKind::FileTooLarge)
@@ -244,7 +253,7 @@ fn with_file_limit(error: anyhow::Error) -> anyhow::Error {
     }
 }
 
-/// How the flight is going, in one line.
+/// Describes the present state of the flight in one line.
 fn describe_now(summary: &Summary, scenario: &Scenario) -> String {
     let error_m = summary.metrics().final_position_error_m;
     let (age_us, misses) = summary.timing.as_ref().map_or((0.0, 0), |t| (t.age().p50_us, t.misses()));

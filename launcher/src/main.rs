@@ -1,4 +1,4 @@
-//! `launcher`: the program users run. The command line stands on the libraries that fly, look and measure.
+//! `launcher`: the program that users run. The command line, on top of the libraries that fly, evaluate and measure.
 //!
 //! | module | holds |
 //! |---|---|
@@ -7,13 +7,13 @@
 //! | `progress` | the line shown while flying |
 //! | `manage` | `status` and `stop` |
 //! | `command` | `inject` and `clear` |
-//! | `swap` | `swap`: another process for a node of a flying stack |
+//! | `swap` | `swap`: replaces the process of a node of a flying stack |
 //! | `replay` | `replay` and `explain`: a flight flown again from its folder |
 //! | `compare` | `compare`: recorded flights side by side |
 //! | `campaign` | `campaign`: many flights, here or on a cluster |
 //! | `tune` | `tune`: gains for the controllers of a campaign |
-//! | `run_folder` | what a path is that was taken for a run |
-//! | `target` | which flight a command is for |
+//! | `run_folder` | the run that a command reads; hints for a path that is no run |
+//! | `target` | the flying stack that a command is for |
 
 mod campaign;
 mod cli;
@@ -35,7 +35,7 @@ use flight::provenance::{BUILT_FROM, BuiltFrom};
 fn main() -> ExitCode {
     if let Some(commit) = option_env!("TREFOIL_COMMIT") {
         let changed = option_env!("TREFOIL_CHANGED") == Some("true");
-        let _ = BUILT_FROM.set(BuiltFrom { commit, changed }); // nobody has set it before
+        let _ = BUILT_FROM.set(BuiltFrom { commit, changed }); // fails only if it was set before
     }
     cli::main()
 }

@@ -1,4 +1,4 @@
-//! `status` and `stop`: look at stacks that fly, and end one.
+//! `status` and `stop`: list the flying stacks, and end one.
 
 mod table;
 
@@ -15,13 +15,13 @@ use crate::target::{self, TargetArgs};
 use runtime::console::{print, print_anew};
 use table::describe;
 
-/// How often `status --watch` looks.
+/// Period of `status --watch`.
 const WATCH: Duration = Duration::from_millis(500);
 
 /// Arguments of `status`.
 #[derive(clap::Args)]
 pub struct StatusArgs {
-    /// Only this stack
+    /// Namespace of the only stack to list
     #[arg(long)]
     namespace: Option<String>,
     /// Print JSON; with --watch, one document per line
@@ -32,7 +32,7 @@ pub struct StatusArgs {
     watch: bool,
 }
 
-/// Lists the stacks that fly: how far they are, how their nodes are, what is broken, and what happened last.
+/// Prints the flying stacks: their time, their nodes, active faults, and the last events.
 pub fn status(args: &StatusArgs) -> anyhow::Result<()> {
     let mut looked = false;
     loop {
@@ -60,8 +60,8 @@ pub fn status(args: &StatusArgs) -> anyhow::Result<()> {
     }
 }
 
-/// What can be seen of one stack without joining it: settings and page. A guest that joins while the stack ends would
-/// leave its own traces in the shared memory being wiped. What is gone already is absent.
+/// Returns the state of one stack without joining it: its settings, its control page, and the launcher's answer. A
+/// guest that joined while the stack ends would leave files in shared memory. Fields that cannot be read are absent.
 fn look(domain: &Domain) -> Value {
     let mut view = json!({ "namespace": domain.namespace(), "launcher_pid": domain.launcher_pid() });
     if let Some(scenario) = target::settings(domain) {
@@ -74,7 +74,7 @@ fn look(domain: &Domain) -> Value {
         view["time_s"] = json!(target::time_s(domain));
         view["phase"] = json!(phase);
     }
-    // What only the launcher knows; one that is ending tells nothing any more.
+    // The rest is known to the launcher only, which does not answer while it ends.
     if let (Some(view), Ok(Value::Object(told))) = (view.as_object_mut(), ask(domain, &Request::Status)) {
         view.extend(told);
     }
@@ -83,7 +83,7 @@ fn look(domain: &Domain) -> Value {
 
 /// Asks the launcher of a flight to end it, and waits until it has.
 ///
-/// It is asked by its socket: its process number may be another process's in the PID namespace of who asks.
+/// The request is no signal: in the PID namespace of this process, the launcher's id may be that of another process.
 pub fn stop(args: &TargetArgs) -> anyhow::Result<()> {
     const LIMIT: Duration = Duration::from_secs(30);
     let domain = args.find()?;

@@ -1,4 +1,4 @@
-//! The line shown while flying, on a terminal only. A thread draws it, so that a terminal that was stopped holds up no
+//! The progress line, shown on a terminal only. A thread draws it, so that a stopped terminal does not hold up a
 //! flight.
 
 use std::cell::Cell;
@@ -10,14 +10,14 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressStyle};
 use runtime::console::plain;
 
-/// How often the line changes.
+/// Shortest time between two changes of the line.
 const PERIOD: Duration = Duration::from_millis(100);
-/// How long the end of a flight waits until the line is cleared.
+/// Longest wait at the end of a flight until the line is cleared.
 const CLEARING: Duration = Duration::from_millis(200);
 
-/// The line.
+/// The progress line.
 pub struct Progress {
-    /// `None` where it is not shown.
+    /// `None` if the line is not shown.
     thread: Option<Thread>,
     due: Cell<Instant>,
 }
@@ -35,10 +35,10 @@ impl Progress {
         Self { thread, due: Cell::new(Instant::now()) }
     }
 
-    /// Shows what `line` says, when it is time to.
+    /// Shows the text of `line`, unless the line has changed less than `PERIOD` ago.
     pub fn show(&self, line: impl FnOnce() -> String) {
         let Some(thread) = self.thread.as_ref().filter(|_| Instant::now() >= self.due.get()) else { return };
-        let _ = thread.lines.try_send(plain(&line()).into_owned()); // full when the terminal is slow
+        let _ = thread.lines.try_send(plain(&line()).into_owned()); // fails if the terminal is slow
         self.due.set(Instant::now() + PERIOD);
     }
 
@@ -46,7 +46,7 @@ impl Progress {
     pub fn finish(self) {
         let Some(Thread { lines, cleared }) = self.thread else { return };
         drop(lines);
-        let _ = cleared.recv_timeout(CLEARING); // too late: the terminal was stopped
+        let _ = cleared.recv_timeout(CLEARING); // times out if the terminal is stopped
     }
 }
 

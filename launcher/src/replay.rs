@@ -1,4 +1,4 @@
-//! `replay` and `explain`: a flight flown again from its folder.
+//! `replay` and `explain`: fly a flight again from its folder.
 
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
@@ -44,7 +44,7 @@ pub struct ReplayArgs {
     /// Another program for the node, started as by `launcher swap --exec`
     #[arg(long, value_name = "PROGRAM", requires = "node")]
     exec: Option<String>,
-    /// With --set or --exec: how the flight would have gone on, all other nodes reading what comes of it
+    /// With --set or --exec: fly on with the new answers, which all other nodes read
     #[arg(long)]
     closed: bool,
 }
@@ -57,12 +57,12 @@ pub struct ExplainArgs {
     /// Print the costs as JSON instead of the tables
     #[arg(long)]
     json: bool,
-    /// Fly without each disturbed tick, however many there are; else only without all of them where they are many
+    /// Fly without each single disturbed tick, even if they are many; otherwise many are only left out all together
     #[arg(long)]
     all: bool,
 }
 
-/// Says what the disturbed ticks of a run cost; explain.html goes into its folder.
+/// Prints the cost of the disturbed ticks of a run, and writes explain.html into its folder; returns the exit code.
 pub fn explain(args: &ExplainArgs) -> anyhow::Result<u8> {
     let part = args.of.part()?;
     let recorded = Recorded::read_each(&args.of.run, part, |_, _| {})?;
@@ -96,7 +96,7 @@ pub fn explain(args: &ExplainArgs) -> anyhow::Result<u8> {
     Ok(if missing.is_none() { exit::FLOWN } else { exit::OUT_OF_BOUNDS })
 }
 
-/// Flies a run again; the exit code.
+/// Flies a run again and judges the result; returns the exit code.
 pub fn replay(args: &ReplayArgs) -> anyhow::Result<u8> {
     let part = args.of.part()?;
     let recorded = Recorded::read_each(&args.of.run, part, |_, _| {})?;
@@ -147,13 +147,13 @@ fn plan(args: &ReplayArgs, part: Part, recording: &Recording) -> anyhow::Result<
     Ok(Plan { only: only.filter(|_| !args.closed), settings, program, from, until, before })
 }
 
-/// The first tick of a part, and the last if it ends before the flight.
+/// Returns the first tick of a part, and the last; `None` for the last if the part has no end.
 fn ticks(part: Part, recording: &Recording) -> (u64, Option<u64>) {
     let (from, until) = part.ticks(recording.scenario.sample_s()).into_inner();
     (from, Some(until).filter(|_| part.to_s < Part::ALL.to_s))
 }
 
-/// `NODE@TIME` as what is called before that cycle.
+/// Parses `NODE@TIME`; returns topic and tick of that cycle, and the function to call before it.
 fn breakpoint(stop: &str, recording: &Recording) -> anyhow::Result<(Topic, u64, fn())> {
     let (name, time) = stop.split_once('@').context("--break takes NODE@TIME, for example attitude-mpc@12.34")?;
     let (topic, time_s) = (node(name)?, seconds(time).map_err(|why| anyhow!("--break {stop}: {why}"))?);
@@ -161,7 +161,7 @@ fn breakpoint(stop: &str, recording: &Recording) -> anyhow::Result<(Topic, u64, 
     Ok((topic, tick, wait_for_debugger))
 }
 
-/// Stops in the debugger that has this process; without one it says how to attach, and waits for it.
+/// Stops this process in its debugger; if there is none, prints how to attach one, and waits for it.
 fn wait_for_debugger() {
     let pid = std::process::id();
     let is_traced = || status_of(pid, "TracerPid:").is_some_and(|tracer| tracer != "0");
@@ -173,10 +173,10 @@ fn wait_for_debugger() {
     while !is_traced() {
         std::thread::sleep(LOOK_FOR_DEBUGGER);
     }
-    let _ = kill_process(getpid(), Signal::TRAP); // a debugger has it, and takes the signal
+    let _ = kill_process(getpid(), Signal::TRAP); // the debugger takes the signal
 }
 
-/// How often it is looked whether a debugger has attached.
+/// Time between two checks whether a debugger has attached.
 const LOOK_FOR_DEBUGGER: Duration = Duration::from_millis(100);
 
 fn node(name: &str) -> anyhow::Result<Topic> {

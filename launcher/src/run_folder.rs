@@ -1,5 +1,4 @@
-//! The run that a command is about, and a part of it; what a path is that was taken for the folder of a run, and which one was
-//! probably meant.
+//! The run that a command reads, and a part of it; hints for a path that is no run.
 
 use std::fs::read_dir;
 use std::path::{Path, PathBuf};
@@ -10,7 +9,7 @@ use flight::duration::seconds;
 use flight::files;
 use outcome::recorded::Part;
 
-/// Names a run, and the part of it that is looked at.
+/// Arguments that name a run, and a part of it.
 #[derive(clap::Args)]
 pub struct PartOfRun {
     /// Folder of the run, or its flight.mcap
@@ -24,7 +23,7 @@ pub struct PartOfRun {
 }
 
 impl PartOfRun {
-    /// The part of the flight between `--from` and `--to`.
+    /// Returns the part of the flight between `--from` and `--to`; an error if it is empty.
     pub fn part(&self) -> anyhow::Result<Part> {
         let part = Part { from_s: self.from.unwrap_or(Part::ALL.from_s), to_s: self.to.unwrap_or(Part::ALL.to_s) };
         if part.from_s >= part.to_s {
@@ -34,10 +33,10 @@ impl PartOfRun {
     }
 }
 
-/// The log of a run.
+/// File name of the log in the folder of a run.
 const LOG: &str = "flight.mcap";
 
-/// Adds to an error what is wrong with the first of `runs` that is no run, if that is what the error comes from.
+/// Adds a hint to an error: why one of `runs` is no run, and the newest run nearby. Unchanged if all may be runs.
 pub fn with_hint(error: anyhow::Error, runs: &[impl AsRef<Path>]) -> anyhow::Error {
     let mut runs = runs.iter().map(AsRef::as_ref);
     let Some((run, what)) = runs.find_map(|run| Some((run, misfit(run)?))) else { return error };
@@ -48,7 +47,7 @@ pub fn with_hint(error: anyhow::Error, runs: &[impl AsRef<Path>]) -> anyhow::Err
     )
 }
 
-/// What is in the place of a run; `None` where there may be one.
+/// Returns the reason why `run` is no run; `None` if it may be one.
 fn misfit(run: &Path) -> Option<&'static str> {
     let has = |name: &str| run.join(name).symlink_metadata().is_ok();
     match () {
@@ -67,7 +66,7 @@ fn misfit(run: &Path) -> Option<&'static str> {
     }
 }
 
-/// Whether a file begins as a log does; what cannot be read may be one.
+/// Returns whether a file begins as a log does; true if it cannot be opened.
 fn is_log(path: &Path) -> bool {
     use std::io::Read;
     let Ok((mut file, _)) = files::open(path, MAX_LOG_BYTES) else { return true };
@@ -75,7 +74,7 @@ fn is_log(path: &Path) -> bool {
     file.read_exact(&mut head).is_ok() && head == *b"\x89MCAP0\r\n"
 }
 
-/// The run that was last written to, of those in `place` and in the folder `runs` here and there.
+/// Finds the run whose log was written last, in `place`, in its folder `runs`, or in `runs` here; `None` without any.
 fn newest(place: &Path) -> Option<PathBuf> {
     let folders = [place.to_owned(), place.join("runs"), PathBuf::from("runs")];
     let runs =
@@ -91,7 +90,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_no_run_is_named_with_the_run_that_may_be_meant() {
+    fn an_error_about_a_path_that_is_no_run_says_why_and_names_the_newest_run() {
         let top = tempfile::tempdir().unwrap();
         let at = |name: &str| top.path().join(name);
         let said = |name: &str| with_hint(anyhow!("cannot read it"), &[at(name)]).to_string();

@@ -1,4 +1,4 @@
-//! `swap`: another process for a node of a flying stack, and what becomes of it.
+//! `swap`: replaces the process of a node of a flying stack, and follows the swap to its end.
 
 use std::time::Duration;
 
@@ -19,7 +19,7 @@ use crate::target::{self, TargetArgs};
 use flight::duration::seconds;
 use runtime::console::{eprint_line, print};
 
-/// How often the launcher of the stack is asked how it goes.
+/// Time between two requests for the events of the flight.
 const LOOK: Duration = Duration::from_millis(50);
 
 /// Arguments of `swap`.
@@ -38,16 +38,16 @@ pub struct SwapArgs {
     /// A setting of the candidate, on top of the run's, value in TOML: --set mpc.law=lqr
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub set: Vec<String>,
-    /// How long it works on standby beside the old one, not delivered: 2s, 500ms
+    /// Time on standby beside the old process, without being delivered: 2s, 500ms
     #[arg(long, alias = "shadow", default_value = "1s", value_parser = seconds)]
     pub standby: f64,
-    /// How long the old one stands by after the hand-over
+    /// Time for which the old process stands by after the hand-over
     #[arg(long, default_value = "3s", value_parser = seconds)]
     pub watch: f64,
     /// The flight counts as flown even if the candidate does not stay
     #[arg(long)]
     pub may_fail: bool,
-    /// What the candidate may not do: `--bounds difference=0.25,similarity=-0.5,ticks=3,tilt_deg=40,error_m=2`
+    /// Limits that the candidate must keep: `--bounds difference=0.25,similarity=-0.5,ticks=3,tilt_deg=40,error_m=2`
     #[arg(long, value_name = "KEY=VALUE,...", default_value = "", value_parser = bounds)]
     pub bounds: SwapBounds,
     #[command(flatten)]
@@ -57,7 +57,7 @@ pub struct SwapArgs {
     pub json: bool,
 }
 
-/// Swaps as the arguments say, and waits for what becomes of it; the exit code.
+/// Requests the swap, prints its events, and waits for its end; returns the exit code.
 pub fn swap(args: &SwapArgs) -> anyhow::Result<u8> {
     let node: SwapNode = word("node", &args.node)?;
     let exec = args.exec.as_deref().map(program).transpose()?;
@@ -94,7 +94,7 @@ pub fn swap(args: &SwapArgs) -> anyhow::Result<u8> {
     Ok(if has_stayed { exit::FLOWN } else { exit::OUT_OF_BOUNDS })
 }
 
-/// What has happened from event number `since` on; `None` when the flight is over.
+/// Requests the events of the flight from number `since` on; `None` if the flight is over.
 fn news(domain: &Domain, since: usize) -> anyhow::Result<Option<Vec<Value>>> {
     match ask(domain, &Request::Events { since }) {
         Ok(events) => Ok(Some(serde_json::from_value(events).context("the launcher tells of no events")?)),
@@ -107,7 +107,7 @@ fn flies(domain: &Domain) -> bool {
     domain.is_live() && ControlPage::open(&domain.file("page")).is_ok_and(|page| page.phase.count() == phase::GO)
 }
 
-/// The whole path of a program: the launcher that starts it may stand in another folder.
+/// Returns the absolute path of a program: the launcher that starts it may run in another folder.
 fn program(path: &str) -> anyhow::Result<String> {
     let whole = std::fs::canonicalize(path).with_context(|| format!("cannot find the program '{path}'"))?;
     whole.into_os_string().into_string().ok().with_context(|| format!("the path of '{path}' is not text"))
@@ -135,7 +135,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bounds_are_the_scenarios() {
+    fn bounds_have_the_keys_of_the_scenario() {
         assert_eq!(bounds(""), Ok(SwapBounds::default()));
         let expected = SwapBounds { difference: 0.5, ticks: 7, ..SwapBounds::default() };
         assert_eq!(bounds("difference=0.5, ticks=7"), Ok(expected));

@@ -1,4 +1,4 @@
-//! Which flight a command is for, and how it is named in the answer.
+//! The flying stack that a command is for, and its description in the answer.
 
 use anyhow::{Context, bail, ensure};
 use contract::Scenario;
@@ -7,16 +7,16 @@ use contract::scenario::file::{self, MAX_TEXT_BYTES};
 use runtime::domain::Domain;
 use runtime::realtime::{ControlPage, phase};
 
-/// Where a command goes.
+/// Argument that selects a flying stack.
 #[derive(clap::Args)]
 pub struct TargetArgs {
-    /// Which stack; needed when several fly
+    /// Namespace of the stack; needed if several fly
     #[arg(long)]
     namespace: Option<String>,
 }
 
 impl TargetArgs {
-    /// The stack that is meant: the one that is named, or the only one that flies.
+    /// Finds the stack that is named, or the only one that flies; an error if none or several fly.
     pub fn find(&self) -> anyhow::Result<Domain> {
         if let Some(namespace) = &self.namespace {
             return Ok(Domain::find(namespace)?);
@@ -28,7 +28,7 @@ impl TargetArgs {
     }
 }
 
-/// Refuses to choose between the stacks with these `names`.
+/// Returns an error unless `names` has exactly one stack.
 fn check_only(names: &[String]) -> anyhow::Result<()> {
     ensure!(!names.is_empty(), "no stack is flying; `launcher fly` starts one");
     if names.len() > 1 {
@@ -37,7 +37,7 @@ fn check_only(names: &[String]) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// A flight as the answers to commands name it: its scenario, namespace and process, and for how long it has flown.
+/// Describes a flight for the answers to commands: its scenario, namespace and process, and the time it has flown.
 pub fn describe(domain: &Domain) -> String {
     let name = settings(domain).map_or("a flight".into(), |scenario| format!("'{}'", scenario.name));
     let pid = domain.launcher_pid().map_or(String::new(), |pid| format!(", process {pid}"));
@@ -49,13 +49,13 @@ pub fn describe(domain: &Domain) -> String {
     format!("{name} in namespace '{}'{pid}{stands}", domain.namespace())
 }
 
-/// The settings of the flight; `None` when it is starting, or gone.
+/// Reads the settings of the flight; `None` if it is only starting, or has ended.
 pub fn settings(domain: &Domain) -> Option<Scenario> {
     let text = file::read_text(&domain.file("scenario.toml"), MAX_TEXT_BYTES).ok()?;
     scenario::from_merged(&text, "settings").ok()
 }
 
-/// Whether it is starting, flying or ending.
+/// Returns the phase of the flight: starting, flying or ending; `None` without a control page.
 pub fn phase(domain: &Domain) -> Option<&'static str> {
     let page = ControlPage::open(&domain.file("page")).ok()?;
     Some(match page.phase.count() {
@@ -65,7 +65,7 @@ pub fn phase(domain: &Domain) -> Option<&'static str> {
     })
 }
 
-/// How far it is \[s\].
+/// Returns the simulated time of the flight \[s\]; `None` if control page or settings cannot be read.
 pub fn time_s(domain: &Domain) -> Option<f64> {
     let page = ControlPage::open(&domain.file("page")).ok()?;
     Some(f64::from(page.watched.count()) / f64::from(settings(domain)?.run.rate_hz))

@@ -23,12 +23,12 @@ pub struct TuneArgs {
     /// Campaign file (TOML) with [tune]
     #[arg(value_name = "FILE")]
     file: PathBuf,
-    /// Only this controller (repeatable)
+    /// Tune this controller only (repeatable)
     #[arg(long, value_name = "NAME")]
     controller: Vec<String>,
 }
 
-/// Does what the arguments say; the exit code.
+/// Searches and prints the gains; returns the exit code.
 pub fn tune(args: &TuneArgs) -> anyhow::Result<u8> {
     let campaign = Campaign::load(&args.file)?;
     let file = args.file.display();

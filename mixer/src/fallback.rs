@@ -1,17 +1,16 @@
-//! What is flown when demands stop coming: the ladder, and the law on its middle rungs.
+//! Fallback ladder for missing demands, and the control law of its middle rungs.
 //!
-//! | newest demand | newest state | rung | what is commanded |
+//! | age of the newest demand | age of the newest state | rung | command |
 //! |---|---|---|---|
-//! | below 15 ms old | any | used | the demand |
-//! | below 30 ms | any | held | the demand, once more |
+//! | below 15 ms | any | used | the demand |
+//! | below 30 ms | any | held | the same demand |
 //! | below 2 s | below 50 ms | levelled | level, no vertical speed |
-//! | older, or none came | below 50 ms | descending | level, 0.7 m/s down |
+//! | 2 s or older, or none | below 50 ms | descending | level, 0.7 m/s down |
 //! | 30 ms or older | below 500 ms | trim only | the trim command |
-//! | 30 ms or older | older, or none came | cut | no thrust |
+//! | 30 ms or older | 500 ms or older, or none | cut | no thrust |
 //!
-//! Every tick finds its rung anew: the first fresh demand leads straight back to the top. Only a dead rotor
-//! ([`crate::rotors`]) and a landing ([`crate::landing`]) end the flight for good. Over no ground a descent goes on until
-//! demands come again.
+//! Every tick selects its rung anew: the first fresh demand is used at once. Only a dead rotor ([`crate::rotors`]) and
+//! a landing ([`crate::landing`]) end the flight for good. Without a ground a descent lasts until demands come again.
 //!
 //! ```text
 //! lon = Iyy (-a^2 theta             - 2 a q) - d_lon
@@ -20,10 +19,10 @@
 //! col = m a_z (descent - vd)                 - d_col        vd = -u sin theta + (v sin phi + w cos phi) cos theta
 //! ```
 //!
-//! Both poles of an axis lie at `-a`. The loop crosses over at 2.06 a, where 30 ms of actuator lag and a period of 20
-//! ms take 29 degrees of the 76 that the law has, at a = 5 rad/s; a demand every 20 ms from a state of 40 ms ago is
-//! still stable. `d` is the last disturbance estimate of the controller: what the air or a weak rotor did a moment ago,
-//! they still do.
+//! Both poles of an axis are at `-a`. The loop crosses over at 2.06 a, where the law has a phase margin of 76 degrees.
+//! At a = 5 rad/s 30 ms of actuator lag and a period of 20 ms take 29 degrees of it; a demand every 20 ms from a state
+//! of 40 ms ago is still stable. `d` is the last disturbance estimate of the controller, of the air or a weak rotor,
+//! which is assumed to persist.
 
 use airframe::Parameters;
 use contract::message::Kinematics;
@@ -31,32 +30,32 @@ use nalgebra::Vector4;
 
 /// Poles of roll and pitch, and of the yaw rate, `a` \[rad/s\].
 const BANDWIDTH_RADPS: f64 = 5.0;
-/// Pole of the vertical speed, `a_z` \[rad/s\]: slower than the tilt, which decides where thrust points.
+/// Pole of the vertical speed, `a_z` \[rad/s\]: slower than the tilt, which determines the direction of thrust.
 const CLIMB_BANDWIDTH_RADPS: f64 = 2.0;
-/// Vertical speed of a descent, down positive \[m/s\]: slow enough to touch down.
+/// Vertical speed of the descent, down positive \[m/s\]: slow enough to touch down.
 const DESCENT_MPS: f64 = 0.7;
 
-/// Below this age a demand is used as a new one \[ns\].
+/// Age below which a demand counts as new \[ns\].
 const USED_NS: u64 = 15_000_000;
-/// A demand below this age is held \[ns\].
+/// Age below which a demand is held \[ns\].
 const HELD_NS: u64 = 30_000_000;
-/// From this age of the demand on the vehicle descends \[ns\].
+/// Age of the demand from which on the vehicle descends \[ns\].
 const LEVELLED_NS: u64 = 2_000_000_000;
-/// Below this age a state is recent enough to level the vehicle from \[ns\].
+/// Age below which a state is recent enough to level the vehicle \[ns\].
 const STATE_NS: u64 = 50_000_000;
-/// From this age of the state on the thrust is cut: nothing is known of the vehicle \[ns\].
+/// Age of the state from which on the thrust is cut, because the vehicle's motion is unknown \[ns\].
 const TRIM_NS: u64 = 500_000_000;
 
-/// One rung of the ladder.
+/// Rung of the ladder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Rung {
-    /// The demand.
+    /// A new demand.
     Used,
-    /// The demand, once more.
+    /// The last demand.
     Held,
-    /// Level, no vertical speed.
+    /// Level flight without vertical speed.
     Levelled,
-    /// Level, and down.
+    /// Level descent.
     Descending,
     /// The trim command.
     TrimOnly,
@@ -65,7 +64,7 @@ pub enum Rung {
 }
 
 impl Rung {
-    /// The rung for the ages of the newest demand and the newest state \[ns\].
+    /// Selects the rung for the ages of the newest demand and the newest state \[ns\].
     pub fn of(demand_ns: u64, state_ns: u64) -> Self {
         match (demand_ns, state_ns) {
             (..USED_NS, _) => Self::Used,
@@ -78,23 +77,23 @@ impl Rung {
     }
 }
 
-/// The law of the middle rungs.
+/// Control law of the middle rungs.
 #[derive(Debug, Clone)]
 pub struct Level {
-    /// m, Iyy, Ixx, Izz: what turns an acceleration into a demand.
+    /// Inertia m, Iyy, Ixx, Izz: ratio of demand to acceleration.
     inertia: Vector4<f64>,
     roll_trim_rad: f64,
 }
 
 impl Level {
-    /// The law for a vehicle whose trim has a roll angle.
+    /// Builds the law for a vehicle with a roll angle at trim.
     pub fn new(vehicle: &Parameters, roll_trim_rad: f64) -> Self {
         let inertia = Vector4::new(vehicle.mass_kg, vehicle.iyy_kgm2, vehicle.ixx_kgm2, vehicle.izz_kgm2);
         Self { inertia, roll_trim_rad }
     }
 
-    /// col, lon, lat, ped \[N, N m, N m, N m\] that bring the vehicle level and its vertical speed to zero, or
-    /// `descending` to that of a descent, before any disturbance.
+    /// Computes col, lon, lat, ped \[N, N m, N m, N m\] that level the vehicle and bring its vertical speed to zero, or
+    /// to that of the descent if `descending`. The disturbance is not subtracted.
     pub fn demand(&self, measured: &Kinematics, descending: bool) -> Vector4<f64> {
         let ([phi, theta, _], [p, q, r]) = (measured.attitude_rad, measured.rates_radps);
         let a = BANDWIDTH_RADPS;

@@ -1,74 +1,74 @@
-//! The land detector: when the rotors idle on the ground, and when they stop for good.
+//! Land detector: decides when the rotors idle on the ground, and when they stop for good.
 //!
-//! Three stages, like those of PX4's (ground contact, maybe landed, landed), from what is measured and what was asked for:
-//! it is not told where the ground is. `a` is the acceleration downwards that is asked for, before any disturbance.
+//! Three stages, like those of PX4's (ground contact, maybe landed, landed), follow from measurements and demands; the
+//! detector does not know the height of the ground. `a` is the demanded acceleration downwards, without disturbance.
 //!
-//! | stage | begins | is flown |
+//! | stage | begins | command |
 //! |---|---|---|
-//! | free | with a climb faster than 0.3 m/s, or as a flight that begins in the air | the demand |
-//! | contact | when `a` > 1 m/s2 for 0.5 s does not make the vehicle sink: something carries it | rotors at idle |
-//! | landed | when the vehicle is then [at rest](contract::rest) for 1 s | no thrust, for good: disarmed |
+//! | free | at the start, and when a contact ends | the demand |
+//! | contact | if `a` > 1 m/s2 for 0.5 s does not make the vehicle sink | rotors at idle |
+//! | landed | if the vehicle is then [at rest](contract::rest) for 1 s | no thrust, for good: disarmed |
 //!
-//! Contact is a guess that tests itself: a vehicle that the ground does not carry falls as soon as its rotors idle. Where it
-//! sinks faster than 0.5 m/s, by its velocity, or has sunk by 0.3 m, by its position, or is asked to climb, the contact is over:
-//! two sensors must agree, so that one that is stuck disarms no vehicle in flight. Before the first climb nothing is detected:
-//! a vehicle may stand as long as it likes.
+//! A wrong contact shows at once: a vehicle that the ground does not carry falls as soon as its rotors idle. The
+//! contact ends if the measured velocity shows a sink faster than 0.5 m/s, if the measured position has sunk by 0.3 m,
+//! or if a climb is demanded. Two sensors must agree on a landing, so that one stuck sensor disarms no vehicle in
+//! flight. Before the first climb faster than 0.3 m/s, in a flight that begins on the ground, nothing is detected.
 //!
-//! The detector works over a ground only (`plant.ground.present`): elsewhere nothing can be landed on.
+//! The detector is used only if the scenario has a ground (`plant.ground.present`).
 
 use bytemuck::{Pod, Zeroable};
 use contract::Scenario;
 use contract::message::Kinematics;
 use contract::rest::{Rest, is_at_rest};
 
-/// From this acceleration downwards on the vehicle should sink \[m/s2\]; from it upwards on a climb is asked for. A vehicle a
-/// tenth lighter than its model hovers on that of a descent.
+/// Demanded acceleration above which the vehicle should sink, or upwards climb \[m/s2\]. A vehicle a tenth lighter than
+/// its model hovers at that acceleration downwards.
 const INTENT_MPS2: f64 = 1.0;
-/// A vehicle that sinks slower does not sink \[m/s\].
+/// Vertical speed below which the vehicle does not sink \[m/s\].
 const HELD_UP_MPS: f64 = 0.2;
-/// Drop in height meanwhile that is still level \[m\].
+/// Change of height below which the vehicle does not sink \[m\].
 const LEVEL_M: f64 = 0.15;
-/// Time without sinking after which that is the ground \[ns\]; in free air it sinks faster after 0.4 s at most.
+/// Time without sinking that makes a contact \[ns\]; in free air the vehicle sinks faster after 0.4 s at most.
 const CONTACT_NS: u64 = 500_000_000;
-/// A vehicle on the ground does not sink as fast \[m/s\].
+/// Sink rate above which a contact ends \[m/s\].
 const FALLING_MPS: f64 = 0.5;
-/// Nor as far \[m\].
+/// Drop in height above which a contact ends \[m\].
 const FALLEN_M: f64 = 0.3;
-/// A vehicle that climbs as fast has taken off \[m/s\].
+/// Climb rate above which the vehicle has taken off \[m/s\].
 const CLIMBING_MPS: f64 = 0.3;
 
-/// What the detector remembers.
+/// State of the detector.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Landing {
-    /// 1 once the vehicle has flown.
+    /// 1 once the vehicle has flown, else 0.
     has_flown: u64,
-    /// For how long it has not sunk though it should \[ns\], up to the time that makes a contact.
+    /// Time for which the vehicle has not sunk though it should \[ns\], at most [`CONTACT_NS`].
     held_up_ns: u64,
-    /// Where it was when that began, down \[m\].
+    /// Down position at the beginning of that time \[m\].
     from_down_m: f64,
-    /// Its rest in contact.
+    /// Time at rest during the contact.
     rest: Rest,
 }
 
-/// What is known of the ground.
+/// Stage of a landing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stage {
-    /// Nothing.
+    /// No contact detected.
     Free,
-    /// Something carries the vehicle.
+    /// The ground carries the vehicle.
     Contact,
-    /// It stands.
+    /// The vehicle stands on the ground.
     Landed,
 }
 
 impl Landing {
-    /// Before the first sample of `scenario`.
+    /// Starts the detector before the first sample of `scenario`.
     pub fn new(scenario: &Scenario) -> Self {
         Self { has_flown: u64::from(!scenario.initial.standing), ..Self::zeroed() }
     }
 
-    /// The present stage.
+    /// Present stage.
     pub fn stage(&self) -> Stage {
         if self.rest.has_landed() {
             Stage::Landed
@@ -79,7 +79,7 @@ impl Landing {
         }
     }
 
-    /// Takes in a sample `elapsed_ns` after the one before, with the acceleration downwards that was asked for since.
+    /// Updates the stage by a sample `elapsed_ns` after the one before, with the acceleration downwards demanded since.
     pub fn observe(&mut self, measured: &Kinematics, wanted_mps2: f64, elapsed_ns: u64) {
         let sink_mps = measured.sink_mps();
         if self.held_up_ns == 0 {
@@ -113,7 +113,7 @@ mod tests {
         Landing::new(&Scenario::default())
     }
 
-    /// So many ticks of a level vehicle that sinks like this while it is asked to accelerate like that.
+    /// Stage after `ticks` of a level vehicle that sinks at `sink_mps` under the demand `wanted_mps2`.
     fn go(landing: &mut Landing, ticks: u32, sink_mps: f64, wanted_mps2: f64) -> Stage {
         let measured = Kinematics { velocity_mps: [0.0, 0.0, sink_mps], ..Kinematics::default() };
         (0..ticks).for_each(|_| landing.observe(&measured, wanted_mps2, TICK_NS));
@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn a_vehicle_that_nothing_carries_flies_on() {
+    fn a_contact_ends_when_the_vehicle_sinks_or_is_to_climb() {
         for (sink_mps, wanted_mps2) in [(0.6, 1.4), (0.0, -2.0)] {
             let mut landing = in_flight();
             assert_eq!(go(&mut landing, 60, 0.0, 1.4), Stage::Contact);

@@ -3,16 +3,16 @@
 //! | module | holds | paper |
 //! |---|---|---|
 //! | [`allocation`] | demand to rotor speeds and tilt | (31)-(32), (39)-(44) |
-//! | [`fallback`] | what is flown without a demand | |
-//! | [`landing`] | whether it stands on the ground | |
-//! | [`rotors`] | whether every rotor follows | |
-//! | [`memory`] | all that survives a tick | |
+//! | [`fallback`] | fallback ladder for missing demands | |
+//! | [`landing`] | land detector | |
+//! | [`rotors`] | detection of a dead rotor | |
+//! | [`memory`] | state kept from tick to tick | |
 //!
-//! With `mixer.projection` a demand the actuators cannot produce becomes the nearest one they can
-//! ([`airframe::projection`]) before it is allocated.
+//! With `mixer.projection` a demand that the actuators cannot produce is replaced by the nearest one that they can
+//! ([`airframe::projection`]) before the allocation.
 //!
-//! The mixer never emits a NaN and never leaves the actuators' limits, whatever it is sent; only no thrust at all is
-//! below their idle speed.
+//! For any input the command is finite and inside the actuators' limits, except that a command without thrust is below
+//! the idle speed.
 
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "a test asks the platform for a second opinion"))]
 
@@ -38,16 +38,16 @@ use memory::Memory;
 pub use process::run;
 use rotors::Rotors;
 
-/// The control allocation of one vehicle.
+/// Control allocation of one vehicle.
 pub struct Mixer {
     mixing: MixingMatrix,
     limits: Limits,
     trim: Actuation,
-    /// The safety net, where the scenario asks for it.
+    /// Projection of demands; `None` if the scenario has none.
     projection: Option<Projection>,
     level: Level,
     rotors: Rotors,
-    /// Where there is a ground, the speed of idling rotors on it.
+    /// Speed of rotors that idle on the ground; `None` without a ground.
     idle_speed: Option<f64>,
     mass_kg: f64,
     sample_ns: u64,
@@ -55,7 +55,7 @@ pub struct Mixer {
 }
 
 impl Mixer {
-    /// The allocation of `scenario`; with `mixer.tilt_reaction` exact for a plant that has that moment.
+    /// Builds the allocation of `scenario`; `mixer.tilt_reaction` makes it exact for a plant that has that moment.
     pub fn new(scenario: &Scenario) -> Self {
         let tilt_reaction = scenario.mixer.tilt_reaction;
         let mixing = MixingMatrix::new(&scenario.airframe, tilt_reaction);
@@ -82,12 +82,12 @@ impl Mixer {
         }
     }
 
-    /// ACTUATORS at `tick` for the newest demand and the newest state, with flags for what had to give: finite, and
-    /// inside the limits or without thrust.
+    /// Computes ACTUATORS at `tick` from the newest demand and the newest state. The command is finite, and inside the
+    /// limits or without thrust; flags report every deviation from the demand.
     ///
-    /// A demand that is not finite, and one that its controller only repeated, count as missing; so does a state that
-    /// is not finite. What is flown without them, [`fallback`] tells; what on the ground, [`landing`]. With the projection
-    /// nothing is left for the limits to clip.
+    /// A demand that is not finite, or that the controller only repeated, counts as missing; so does a state that is
+    /// not finite. [`fallback`] describes the command without them, [`landing`] that on the ground. With the projection
+    /// the limits do not clip.
     pub fn step(&mut self, tick: u64, controls: &Controls, state: &State) -> Actuators {
         self.hear(controls);
         let elapsed_ns = self.look(state);
@@ -114,17 +114,17 @@ impl Mixer {
         actuators
     }
 
-    /// The whole memory, for the process that continues this flight.
+    /// Packs the whole memory, for the process that continues this flight.
     pub fn snapshot(&self) -> Snapshot {
         snapshot::pack(&self.memory)
     }
 
-    /// Continues from a snapshot; one that is foreign, torn or not finite is refused, and nothing changes.
+    /// Continues from a snapshot. Returns `false`, and changes nothing, if it is foreign, torn or not finite.
     pub fn restore(&mut self, snapshot: &Snapshot) -> bool {
         snapshot::unpack(snapshot).map(|memory| self.memory = memory).is_some()
     }
 
-    /// Remembers a demand that says something.
+    /// Stores a demand, unless it is missing, not finite or repeated.
     fn hear(&mut self, controls: &Controls) {
         let Controls { stamp, demand, disturbance, status, .. } = controls;
         if stamp.sequence > 0 && is_finite(demand) && !SolveStatus::repeated(*status) {
@@ -136,8 +136,8 @@ impl Mixer {
         }
     }
 
-    /// Remembers a state that is new, and judges the rotors by it; how long after the one before it was taken \[ns\], 0 for the
-    /// first and for one that is not new.
+    /// Stores a new, finite state and updates the evidence on the rotors. Returns the time since the state before it
+    /// \[ns\]; 0 for the first state, and for one that is not stored.
     fn look(&mut self, state: &State) -> u64 {
         let m = &state.measured;
         let finite = [m.position_m, m.velocity_mps, m.attitude_rad, m.rates_radps].iter().all(|v| is_finite(v));
@@ -161,7 +161,7 @@ impl Mixer {
         elapsed_ns
     }
 
-    /// What is known of the ground, where there is one, after a sample `elapsed_ns` after the one before.
+    /// Updates the land detector, if there is a ground, by a sample `elapsed_ns` after the one before.
     fn stage(&mut self, rung: Rung, elapsed_ns: u64) -> Stage {
         let Memory { demand, disturbance, measured, .. } = self.memory;
         let wanted = match rung {
@@ -176,15 +176,15 @@ impl Mixer {
         self.memory.landing.stage()
     }
 
-    /// How old something of tick `of` is at `tick` \[ns\]; what never came is infinitely old.
+    /// Age at `tick` of a message of tick `of` \[ns\]; `u64::MAX` if there was none.
     fn age_ns(&self, tick: u64, of: OptionalTick) -> u64 {
         of.get().map_or(u64::MAX, |of| tick.saturating_sub(of).saturating_mul(self.sample_ns))
     }
 
-    /// The command for a demand \[N, N m, N m, N m\], with `flags` and those of what had to give.
+    /// Computes the command for a demand \[N, N m, N m, N m\], with `flags` and those of projection and saturation.
     fn allocate(&mut self, demand: &Vector4<f64>, mut flags: u64) -> Actuators {
         if !is_finite(demand.as_slice()) {
-            return self.trim(flags | mixer_flags::TRIM_ONLY); // levelled from a state so large that it overflowed
+            return self.trim(flags | mixer_flags::TRIM_ONLY); // the levelling demand overflowed
         }
         let nearest = self.projection.as_mut().and_then(|projection| projection.nearest(demand));
         let (wanted, negative_square) = allocation::allocate(&self.mixing, &nearest.unwrap_or(*demand));
@@ -206,30 +206,30 @@ impl Mixer {
         Actuators { command: command.into(), flags, ..Actuators::default() }
     }
 
-    /// The trim command.
+    /// Command at trim.
     fn trim(&self, flags: u64) -> Actuators {
         Actuators { command: self.limits.clip(&self.trim).into(), flags, ..Actuators::default() }
     }
 
-    /// Idling rotors, with the tilt at trim.
+    /// Command with idling rotors and the tilt at trim.
     fn idle(&self, flags: u64) -> Actuators {
         let idle = Actuation { rotor_speed: [self.idle_speed.unwrap_or_default(); 3], ..self.trim };
         Actuators { command: self.limits.clip(&idle).into(), flags, ..Actuators::default() }
     }
 
-    /// No thrust, with the tilt at trim.
+    /// Command without thrust, with the tilt at trim.
     fn stop(&self, flags: u64) -> Actuators {
         let still = Actuation { rotor_speed: [0.0; 3], ..self.trim };
         Actuators { command: still.into(), flags, ..Actuators::default() }
     }
 
-    /// No thrust, for want of what it takes to fly.
+    /// Command without thrust, because the vehicle cannot fly on.
     fn cut(&self, flags: u64) -> Actuators {
         self.stop(flags | mixer_flags::CUT)
     }
 }
 
-/// Whether every number is one.
+/// Returns whether every number is finite.
 fn is_finite(numbers: &[f64]) -> bool {
     numbers.iter().all(|number| number.is_finite())
 }

@@ -1,4 +1,4 @@
-//! What the mixer remembers from tick to tick. Everything else is fixed when it is built.
+//! State of the mixer from tick to tick. All its other fields are fixed at construction or buffers.
 
 use bytemuck::{Pod, Zeroable};
 use contract::message::Kinematics;
@@ -8,25 +8,25 @@ use nalgebra::Vector4;
 use crate::landing::Landing;
 use crate::rotors::Evidence;
 
-/// The mixer's whole memory: a mixer that gets a copy of it continues the same flight.
+/// Whole memory of the mixer: a mixer that restores a copy continues the same flight.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Memory {
     /// Tick of the newest usable demand.
     pub demand_tick: OptionalTick,
-    /// That demand: col, lon, lat, ped \[N, N m, N m, N m\].
+    /// Newest usable demand: col, lon, lat, ped \[N, N m, N m, N m\].
     pub demand: Vector4<f64>,
-    /// The disturbance estimate that came with it, same axes and units.
+    /// Newest finite disturbance estimate of the controller, in the same axes and units.
     pub disturbance: Vector4<f64>,
     /// Tick of the newest usable state.
     pub state_tick: OptionalTick,
-    /// What was measured then.
+    /// Measurements of the newest usable state.
     pub measured: Kinematics,
-    /// Whether the rotors follow.
+    /// Evidence on dead rotors.
     pub evidence: Evidence,
-    /// 1 once a rotor is known to be dead, which ends the flight: no thrust any more; else 0.
+    /// 1 once a rotor is known to be dead, which cuts the thrust for good; else 0.
     pub terminated: u64,
-    /// What is known of the ground.
+    /// State of the land detector.
     pub landing: Landing,
 }
 

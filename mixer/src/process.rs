@@ -1,4 +1,4 @@
-//! The mixer as a process: it answers to CONTROLS.
+//! Mixer as a process, woken by CONTROLS.
 
 use contract::message::{Actuators, Controls, State};
 use runtime::session::{NodeSession, SessionError};
@@ -9,7 +9,7 @@ use crate::Mixer;
 pub fn run(mut session: NodeSession) -> Result<(), SessionError> {
     let mut mixer = Mixer::new(&session.scenario);
     if let Some(memory) = session.memory() {
-        mixer.restore(&memory); // one that does not fit is as good as none
+        mixer.restore(&memory); // a snapshot that does not fit is ignored
     }
     let mut states = session.input::<State>()?;
     let mut demands = session.input::<Controls>()?;

@@ -1,16 +1,16 @@
-//! Whether every rotor follows its command: the acceleration that the commands should cause against the measured one.
+//! Detection of a dead rotor, by comparing the measured acceleration with the one that the commands should cause.
 //!
-//! The mixer sees neither rotor speeds nor thrust. It knows the command in force, and so where the rotors should be;
-//! what each of them should add to the acceleration along the body's z axis and to the angular accelerations, and what
-//! all of it left unexplained:
+//! The mixer does not measure rotor speeds or thrust. From the command in force it computes the speeds that the rotors
+//! should have, the contribution `a_i` of each to the acceleration along the body's z axis and to the angular
+//! accelerations, and the remainder `e` that they do not explain:
 //!
 //! ```text
 //! a_i  = (force / m along z,  J^-1 moment) of rotor i, by command, lag and limits
 //! e    = (dw/dt + (omega x v - gravity) along z,  d omega / dt + J^-1 (omega x J omega))  -  sum a_i
 //! ```
 //!
-//! A rotor without thrust leaves `e = -a_i`. Both are averaged over 30 ms, which removes the noise. A rotor is taken for
-//! dead when for 50 ms in a row most of its moment is missing, in the direction of that moment, and half of its lift too,
+//! A rotor without thrust leaves `e = -a_i`. Both are averaged over 30 ms, which removes the noise. A rotor is declared
+//! dead if for 50 ms in a row most of its moment is missing, in the direction of that moment, and half of its lift too,
 //! while its commanded moment is not small. With `m` for the moments and `f` for the force in `a` and `e`:
 //!
 //! ```text
@@ -18,11 +18,11 @@
 //! -e_f f_i   >= 0.5 f_i^2
 //! ```
 //!
-//! Two sensors must agree: late or wrong rates show moments that no actuator made, but no missing lift. A failed tilt
-//! servo shows no missing lift either, because the thrust only points elsewhere.
+//! Two sensors must agree: late or wrong rates show moments that no actuator caused, but no missing lift. A failed tilt
+//! servo shows no missing lift either, because it only changes the direction of the thrust.
 //!
-//! With one rotor dead no demand can hold pitch, roll and height together: the flight is over, and the thrust is cut. A
-//! weak rotor, a push, a wrong inertia or a late command differs in size or direction, or does not last.
+//! With one rotor dead no demand can hold pitch, roll and height together, so the thrust is cut. A weak rotor, a push,
+//! a wrong inertia or a late command is not taken for a dead rotor: its effect differs in size, direction or duration.
 
 use airframe::mixing::intermediate;
 use airframe::{Actuation, ActuatorLaw, MixingMatrix};
@@ -33,48 +33,48 @@ use nalgebra::{Matrix4x3, Vector3, Vector4};
 
 /// Time constant of the averages \[s\].
 const AVERAGE_S: f64 = 0.03;
-/// How long a rotor must seem dead to be taken for it \[s\].
+/// Time for which a rotor must seem dead to be declared dead \[s\].
 const MIN_DEAD_S: f64 = 0.05;
-/// Least share of a dead rotor's moment that is missing: not all, because attitude-mpc's estimate makes up for 20 %.
+/// Smallest missing share of a dead rotor's moment: not all, because attitude-mpc's estimate makes up for 20 %.
 const MIN_MISSING: f64 = 0.7;
-/// Least share of its lift that is missing: less, because velocity is measured worse than rates, and wind lifts too.
+/// Smallest missing share of its lift: lower, because velocity is measured worse than rates, and wind lifts too.
 const MIN_LIFT_MISSING: f64 = 0.5;
-/// Least square of the cosine between the missing moment and the rotor's.
+/// Smallest square of the cosine between the missing moment and the rotor's.
 const MIN_ALIGNMENT: f64 = 0.8;
-/// Least moment of a rotor that can be judged, as a share of its moment at hover.
+/// Smallest moment at which a rotor can be judged, as a share of its moment at hover.
 const MIN_MOMENT: f64 = 0.4;
 /// Longest gap between two samples that can be judged \[s\].
 const MAX_GAP_S: f64 = 0.05;
 
-/// The vehicle as its rotors should move it.
+/// Model of the accelerations that the rotors should cause.
 #[derive(Debug, Clone)]
 pub struct Rotors {
     mixing: MixingMatrix,
     law: ActuatorLaw,
-    /// Ixx, Iyy, Izz \[kg m2\].
+    /// Moments of inertia Ixx, Iyy, Izz \[kg m2\].
     inertia_kgm2: Vector3<f64>,
     mass_kg: f64,
     g_mps2: f64,
-    /// `|m_i|^2` at hover.
+    /// Squared moment `|m_i|^2` at hover.
     hover: [f64; 3],
 }
 
-/// What the samples so far show.
+/// Evidence of the samples so far on dead rotors.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Evidence {
-    /// Where the actuators should be at the newest sample.
+    /// Expected actuator positions at the newest sample.
     pub actuation: Actuation,
     /// Average of `e` \[m/s2, rad/s2\].
     pub unexplained: Vector4<f64>,
     /// Averages of `a_i`, a column per rotor \[m/s2, rad/s2\].
     pub expected: Matrix4x3<f64>,
-    /// For how long each rotor has seemed dead \[s\].
+    /// Time for which each rotor has seemed dead \[s\].
     pub dead_s: Vector3<f64>,
 }
 
 impl Rotors {
-    /// The rotors of `scenario` as they should be, around the `trim`.
+    /// Builds the model of `scenario`'s sound rotors, with the hover `trim`.
     pub fn new(scenario: &Scenario, mixing: MixingMatrix, trim: &Actuation) -> Self {
         let vehicle = &scenario.airframe;
         let inertia_kgm2 = Vector3::new(vehicle.ixx_kgm2, vehicle.iyy_kgm2, vehicle.izz_kgm2);
@@ -85,7 +85,7 @@ impl Rotors {
         rotors
     }
 
-    /// No evidence, with the actuators where they are told to be.
+    /// Evidence without any sample, with the actuators at the clipped `command`.
     pub fn unknown(&self, command: &Actuation) -> Evidence {
         Evidence {
             actuation: self.law.limits.clip(command),
@@ -95,7 +95,8 @@ impl Rotors {
         }
     }
 
-    /// Takes in a sample `elapsed_s` after the one before: what was measured at both, and the command in force between.
+    /// Updates the evidence by a sample `elapsed_s` after the one before, from the measurements at both and the command
+    /// in force between. A gap that is too long, or numbers that overflow, reset it.
     pub fn observe(
         &self,
         before: &Evidence,
@@ -137,7 +138,7 @@ impl Rotors {
             && missing[0] * expected[0] >= MIN_LIFT_MISSING * expected[0] * expected[0]
     }
 
-    /// The accelerations that the actuators must have made between two samples.
+    /// Accelerations by actuators and disturbances between two samples, from the measurements.
     fn acceleration(&self, [before, after]: [&Kinematics; 2], elapsed_s: f64) -> Vector4<f64> {
         let vector = |of: fn(&Kinematics) -> [f64; 3]| [before, after].map(|measured| Vector3::from(of(measured)));
         let mean = |[before, after]: [Vector3<f64>; 2]| (before + after) * 0.5;
@@ -152,7 +153,7 @@ impl Rotors {
         Vector4::new(linear, angular.x, angular.y, angular.z)
     }
 
-    /// `a_i`, a column per rotor.
+    /// Contributions `a_i`, a column per rotor.
     fn expected(&self, actuation: &Actuation) -> Matrix4x3<f64> {
         let u = intermediate(actuation);
         let rotor = |u: Vector4<f64>| {
@@ -169,7 +170,7 @@ impl Rotors {
 }
 
 impl Evidence {
-    /// Whether a rotor is taken for dead.
+    /// Returns whether a rotor is declared dead.
     pub fn is_certain(&self) -> bool {
         self.dead_s.max() >= MIN_DEAD_S
     }

@@ -1,4 +1,4 @@
-//! Direction, limits, round trips, then the independent values.
+//! Tests of directions, limits and round trips, and values of the independent simulator.
 
 use airframe::envelope::Envelope;
 use airframe::projection::{Projection, WEIGHTS};
@@ -13,12 +13,12 @@ use crate::{Mixer, allocation};
 
 mod ladder;
 
-/// A demand at tick 0.
+/// Demand at tick 0.
 fn fresh(demand: [f64; 4]) -> Controls {
     Controls { stamp: Stamp { sequence: 1, ..Stamp::default() }, demand, ..Controls::default() }
 }
 
-/// The answer of a new mixer to a fresh demand.
+/// Answer of a new mixer to a fresh demand.
 fn answer(scenario: &Scenario, demand: [f64; 4]) -> Actuators {
     Mixer::new(scenario).step(0, &fresh(demand), &State::default())
 }
@@ -107,7 +107,7 @@ fn val_mixer_cases() {
 
 proptest! {
     #[test]
-    fn what_the_actuators_can_do_is_done_exactly(
+    fn a_demand_within_the_limits_is_produced_exactly(
         omega in prop::array::uniform3(250.0_f64..2600.0), tilt in -1.0_f64..1.0, reaction: bool
     ) {
         let mixing = MixingMatrix::new(&Parameters::default(), reaction);
@@ -166,7 +166,7 @@ proptest! {
     }
 
     #[test]
-    fn what_the_limits_do_not_touch_the_projection_does_not_change(scenario in scenario(), demand in moderate_demand()) {
+    fn the_projection_leaves_demands_within_the_limits_unchanged(scenario in scenario(), demand in moderate_demand()) {
         let mut scenario = scenario;
         let [with, without] = [true, false].map(|projection| {
             scenario.mixer.projection = projection;
@@ -180,7 +180,7 @@ proptest! {
     }
 }
 
-/// Vehicles of different strength, with and without idle speed and tilt reaction, that project.
+/// Vehicles of different strength, with and without idle speed and tilt reaction, with the projection.
 fn scenario() -> impl Strategy<Value = Scenario> {
     let idle = prop_oneof![Just(0.0), 0.0..600.0_f64];
     (idle, 1.15..3.0_f64, 35.0..=90.0_f64, any::<bool>()).prop_map(|(idle, ratio, tilt_max_deg, tilt_reaction)| {
@@ -193,12 +193,12 @@ fn scenario() -> impl Strategy<Value = Scenario> {
     })
 }
 
-/// 0 to 1, and often one of the two.
+/// Numbers from 0 to 1, often 0 or 1.
 fn range_with_ends() -> impl Strategy<Value = f64> {
     prop_oneof![Just(0.0), Just(1.0), 0.0..1.0_f64]
 }
 
-/// Demands inside, near and well beyond what the actuators can do.
+/// Demands inside the actuators' set, near its border and far outside.
 fn moderate_demand() -> impl Strategy<Value = [f64; 4]> {
     (prop::array::uniform4(-1.0..1.0_f64), -1.0..3.0_f64).prop_map(|(direction, decades)| {
         let size = 10_f64.powf(decades);

@@ -1,4 +1,4 @@
-//! A step allocates nothing, whatever becomes of the demand, and no more does a snapshot.
+//! A step and a snapshot allocate nothing, also for a demand that is projected or not finite.
 
 use contract::Scenario;
 use contract::message::{Actuators, Controls, Stamp, State, mixer_flags};

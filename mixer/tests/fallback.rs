@@ -1,4 +1,4 @@
-//! Without the controller, and without a rotor: the mixer alone with the true equations of motion.
+//! Flights without the controller and with a dead rotor: the mixer alone with the plant's equations of motion.
 
 #![allow(clippy::disallowed_methods, reason = "a test asks the platform for a second opinion")]
 
@@ -12,7 +12,7 @@ use plant::dynamics::{self, Dynamics, StateVector, Surroundings};
 use plant::integrator;
 use plant::rotors::Condition;
 
-/// A vehicle that only the mixer flies.
+/// Vehicle that only the mixer controls.
 struct Flight {
     scenario: Scenario,
     mixer: Mixer,
@@ -23,7 +23,7 @@ struct Flight {
 }
 
 impl Flight {
-    /// At trim but for an attitude \[rad\] and rates \[rad/s\], after one demand to hover.
+    /// Starts at trim displaced by an attitude \[rad\] and rates \[rad/s\], with one demand to hover.
     fn start(profile: Profile, rate_hz: u32, attitude_rad: [f64; 3], rates_radps: [f64; 3]) -> Self {
         let mut scenario = Scenario::from(profile);
         scenario.run.rate_hz = rate_hz;
@@ -40,8 +40,7 @@ impl Flight {
         }
     }
 
-    /// One period under an outside influence; with `hover` a demand to hover comes on every tick, else only on the
-    /// first.
+    /// Flies one period under an outside influence. With `hover` every tick has a demand to hover, else only the first.
     fn turn(&mut self, hover: bool, outside: &Surroundings) -> Actuators {
         let stamp = |tick| Stamp { tick, sequence: tick + 1, ..Stamp::default() };
         let mut state = State { measured: dynamics::kinematics(&self.x), ..State::default() };
@@ -75,7 +74,7 @@ impl Flight {
         (rotation * Vector3::from(dynamics::kinematics(&self.x).velocity_mps)).z
     }
 
-    /// A rotor loses its thrust.
+    /// Takes all thrust from a rotor.
     fn kill(&mut self, rotor: usize) {
         self.scenario.plant.rotor_effectiveness[rotor] = 0.0;
         self.vehicle = Dynamics::new(&self.scenario);
@@ -94,7 +93,7 @@ fn a_second_without_demands_in_gusts_never_tilts_far() {
                 Flight::start(profile, rate_hz, [0.15 * cos, 0.15 * sin, 0.0], [0.5 * cos, 0.5 * sin, 0.3]);
             let mut worst_deg = 0.0_f64;
             while flight.time_s() < 1.0 {
-                // A push that turns its sign every 250 ms, on force and moments.
+                // A push on force and moments that changes its sign every 250 ms.
                 let sign = if ((flight.time_s() * 4.0) as u64).is_multiple_of(2) { 1.0 } else { -1.0 };
                 let gust = Surroundings {
                     force_n: Vector3::new(2.0 * cos, 2.0 * sin, 1.0) * sign,
@@ -111,7 +110,7 @@ fn a_second_without_demands_in_gusts_never_tilts_far() {
 }
 
 #[test]
-fn it_levels_holds_its_height_and_then_comes_down() {
+fn the_vehicle_levels_holds_its_height_and_then_descends() {
     for (profile, rate_hz) in PROFILES.into_iter().flat_map(|profile| RATES_HZ.map(|rate_hz| (profile, rate_hz))) {
         let mut flight = Flight::start(profile, rate_hz, [0.3, -0.3, 0.5], [1.0, -1.0, 1.0]);
         while flight.time_s() < 1.99 {

@@ -1,13 +1,13 @@
-//! The battery: its voltage falls with what is drawn and with what has been used, and with it the speed that a command
-//! stands for.
+//! Battery: the voltage falls with the power drawn and with the energy used, and with it the speed that a command
+//! reaches.
 //!
 //! ```text
 //! v = 1 - droop E / energy - sag P / P_hover        share of the full voltage
 //! Omega_reached = v Omega_commanded
 //! ```
 //!
-//! A controller of a brushless motor sets a voltage, not a speed, and the speed follows the voltage (Quan, *Introduction
-//! to Multicopter Design and Control*, 2017, chapter 4). `P = sum K_M Omega^3` is the power at the shafts, with the rotor
+//! The controller of a brushless motor sets a voltage, and the speed follows the voltage (Quan, *Introduction to
+//! Multicopter Design and Control*, 2017, chapter 4). `P = sum K_M Omega^3` is the power at the shafts, with the rotor
 //! speed unit as rad/s (see [`airframe::parameters`]), and `E` its integral.
 
 use airframe::{Actuation, Trim};
@@ -15,7 +15,7 @@ use contract::Scenario;
 
 use crate::memory::Tape;
 
-/// The battery of one flight.
+/// Battery of one flight.
 #[derive(Debug, Clone)]
 pub struct Battery {
     energy_j: f64,
@@ -27,7 +27,7 @@ pub struct Battery {
 }
 
 impl Battery {
-    /// The battery of `scenario`, full; `None` where it has none.
+    /// Builds the full battery of `scenario`; `None` if it has none.
     pub fn new(scenario: &Scenario) -> Option<Self> {
         let settings = &scenario.plant.battery;
         let km = scenario.flown_airframe().km;
@@ -42,12 +42,12 @@ impl Battery {
         })
     }
 
-    /// Writes or reads what it remembers.
+    /// Writes or reads the used energy.
     pub fn remember(&mut self, tape: &mut Tape) {
         tape.number(&mut self.used_j);
     }
 
-    /// What becomes of `command` while the rotors turn as `position` says, for the next `dt_s`.
+    /// Scales `command` by the voltage for the next `dt_s`, and draws the power of the rotor speeds in `position`.
     pub fn drive(&mut self, command: &Actuation, position: &Actuation, dt_s: f64) -> Actuation {
         let power_w = power_w(self.km, position);
         let used = (self.used_j / self.energy_j).min(1.0);

@@ -1,15 +1,15 @@
-//! The time line of commands: which one is in force, and since when.
+//! Time line of commands: determines the command in force at each instant.
 //!
 //! ```text
 //! sample      arrival        arrival + delay + jitter
 //!   |------------|----------------------|----------------> in force until a newer one takes effect
 //! ```
 //!
-//! All times are integer nanoseconds since the start of the run, so that delays that are multiples of the
-//! integration step fall exactly on its boundaries.
+//! All times are integer nanoseconds since the start of the run, so that delays that are multiples of the integration
+//! step end exactly at a step.
 //!
-//! A command in force longer than [`CUT_NS`] is cut: the rotors stop, below idle, and the tilt keeps its command.
-//! A new command ends the cut.
+//! A command in force longer than [`CUT_NS`] is cut: the rotors stop, below idle, and the tilt keeps its command. A new
+//! command ends the cut.
 
 use std::collections::VecDeque;
 
@@ -22,35 +22,35 @@ use rand_chacha::ChaCha8Rng;
 use crate::memory::Tape;
 use crate::random::Stream;
 
-/// Commands per sample that wait on the time line; more are lost like dropped commands.
+/// Most commands per sample that wait on the time line; more are lost like dropped commands.
 const WAITING_PER_SAMPLE: u64 = 4;
 
-/// How long a command stays in force without a successor \[ns\].
+/// Longest time that a command stays in force without a successor \[ns\].
 ///
-/// A motor controller without commands stops its motor: a vehicle without control shall come down and not fly away. Half
-/// a second is longer than every gap that the stack is meant to bridge, and than a vehicle survives on a held command.
+/// A motor controller without commands stops its motor, so that a vehicle without control comes down and does not fly
+/// away. Half a second is longer than any gap that the stack must bridge, and than a vehicle survives without control.
 pub const CUT_NS: u64 = 500_000_000;
 
-/// One command on the time line.
+/// Command on the time line.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Command {
-    /// The positions commanded.
+    /// Commanded positions.
     pub actuation: Actuation,
-    /// Sequence number of its message; 0 = the trim command of the start.
+    /// Sequence number of its message; 0 for the trim command of the start.
     pub sequence: u64,
-    /// Number of samples up to the one it answers to; 0 for the trim command. It comes before `sequence` in the order,
-    /// because a process that takes over counts its messages from 1.
+    /// Number of samples up to the one it answers; 0 for the trim command. The order compares `samples` before
+    /// `sequence`, because a process that takes over counts its messages from 1.
     samples: u64,
-    /// When it takes effect \[ns\].
+    /// Time at which it takes effect \[ns\].
     effect_ns: u64,
     /// Time from the sample it was computed from to its effect \[ns\].
     pub age_ns: u64,
-    /// Whether the motor controllers cut it: the rotors stop, whatever their idle speed.
+    /// `true` if the motor controllers cut it: the rotors stop, also below their idle speed.
     pub cut: bool,
 }
 
 impl Command {
-    /// The greater of two is the newer command.
+    /// Sort key: the greater of two belongs to the newer command.
     fn order(&self) -> (u64, u64) {
         (self.samples, self.sequence)
     }
@@ -65,11 +65,11 @@ impl Command {
     }
 }
 
-/// The command in force and those on their way.
+/// Command in force, and those under way.
 #[derive(Debug, Clone)]
 pub struct CommandLine {
     in_force: Command,
-    /// Rising in effect time and in order: of two, the later one is always the newer.
+    /// Commands under way, increasing in effect time and in order: the later of two is always the newer.
     waiting: VecDeque<Command>,
     capacity: usize,
     sample_ns: u64,
@@ -81,7 +81,7 @@ pub struct CommandLine {
 }
 
 impl CommandLine {
-    /// The time line of `scenario`, with `trim` in force.
+    /// Builds the time line of `scenario`, with `trim` in force.
     pub fn new(scenario: &Scenario, trim: Actuation) -> Self {
         let run = &scenario.run;
         let nanoseconds = |ms: f64| (ms * 1e6).round() as u64;
@@ -101,7 +101,7 @@ impl CommandLine {
         }
     }
 
-    /// Writes or reads what it remembers.
+    /// Writes or reads the commands and the random streams.
     pub fn remember(&mut self, tape: &mut Tape) {
         self.in_force.remember(tape);
         tape.queue(&mut self.waiting, self.capacity, |tape, command| command.remember(tape));
@@ -109,10 +109,10 @@ impl CommandLine {
         tape.random(&mut self.jitter);
     }
 
-    /// A command arrives at `arrival_ns`. Lost ones, those that are not finite, those that answer to a sample yet to
-    /// come, and those that a newer one overtakes leave no trace.
+    /// Receives a command at `arrival_ns`. A command has no effect if it is lost, not finite, an answer to a future
+    /// sample, or overtaken by a newer one.
     pub fn receive(&mut self, actuators: &Actuators, arrival_ns: u64) {
-        // Both are drawn for every command: how late one is must not depend on whether another was lost.
+        // Loss and jitter are drawn for every command, so that the jitter does not depend on earlier losses.
         let lost = self.draw_loss();
         let effect_ns = arrival_ns.saturating_add(self.delay_ns).saturating_add(self.draw_jitter_ns());
         let Stamp { tick, sequence, .. } = actuators.stamp;
@@ -125,7 +125,7 @@ impl CommandLine {
         }
     }
 
-    /// Puts into force what takes effect up to and including `now_ns`, and cuts what has been in force too long.
+    /// Puts the commands into force that take effect up to and including `now_ns`, and cuts one in force for too long.
     pub fn switch(&mut self, now_ns: u64) {
         while let Some(next) = self.waiting.front().filter(|c| c.effect_ns <= now_ns) {
             self.in_force = *next;
@@ -137,12 +137,12 @@ impl CommandLine {
         }
     }
 
-    /// The command in force since the last [`switch`](Self::switch); a cut one has rotor speeds of 0.
+    /// Command in force since the last [`switch`](Self::switch); a cut one has rotor speeds of 0.
     pub fn in_force(&self) -> &Command {
         &self.in_force
     }
 
-    /// When the next command takes effect or the present one is cut \[ns\]; never, if neither will happen.
+    /// Time at which the next command takes effect or the present one is cut \[ns\]; `u64::MAX` if neither will happen.
     pub fn next_switch_ns(&self) -> u64 {
         let cut_ns = if self.in_force.cut { u64::MAX } else { self.cut_ns() };
         self.waiting.front().map_or(cut_ns, |c| c.effect_ns.min(cut_ns))
@@ -157,7 +157,7 @@ impl CommandLine {
         if new.order() <= self.in_force.order() || self.waiting.iter().any(overtaken) {
             return;
         }
-        // What is older and would only act later never will.
+        // Remove older commands that would take effect later.
         self.waiting.retain(|c| c.effect_ns < new.effect_ns || c.order() > new.order());
         if self.waiting.len() < self.capacity {
             let place = self.waiting.partition_point(|c| c.effect_ns < new.effect_ns);

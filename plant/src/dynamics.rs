@@ -1,4 +1,4 @@
-//! The equations of motion: how the state of vehicle and actuators changes.
+//! Equations of motion of vehicle and actuators.
 //!
 //! ```text
 //! [Xb Yb Zb]' = Cbn [X Y Z]'                                      (7)
@@ -15,20 +15,19 @@
 //! Mz =  l1 F1 sin mu - M1 cos mu + M2 - M3                        (22)
 //! ```
 //!
-//! Departure: the attitude is the unit quaternion `e` that turns body vectors into NED ones, where (8) has Euler angles,
-//! which are singular at 90 degrees of pitch. Test `a_loop_passes_through_90_degrees_of_pitch`. Euler angles stand in
-//! messages only.
+//! Departure: the attitude is the unit quaternion `e` from body to NED axes, where (8) has Euler angles, which are
+//! singular at 90 degrees of pitch. Test `a_loop_passes_through_90_degrees_of_pitch`. Only messages have Euler angles.
 //!
-//! Departure: two slips of the print are mended. The second row of the direction cosine matrix in (7) ends in
+//! Departure: two misprints are corrected. The second row of the direction cosine matrix in (7) ends in
 //! `cos phi sin psi, -sin phi cos theta`, which is no rotation and contradicts the gravity in (10); it must be
 //! `cos phi cos psi, sin phi cos theta`. And (14) has `Iyy - Ixx`, with which a free tumble gains energy.
 //! Tests `gravity_is_the_third_column_of_the_rotation`, `a_free_tumble_keeps_energy_and_angular_momentum`.
 //!
-//! Departure: what the paper neglects can be switched on: drag in moving air, a disturbance, the pitching moment
-//! `M1 sin mu` of the tilted rotor, a loss of thrust and torque, products of inertia and a centre of mass off the origin of
-//! the arms, the rotors' angular momentum `h`, and what moving air does to them ([`Rotors`](crate::rotors)). All are off unless
-//! the scenario says otherwise. Test `val_plant_cases`, and one test of direction for each. What a fault does to the
-//! vehicle enters here too, as its [`Condition`] and as payload.
+//! Departure: effects that the paper neglects can be switched on: drag in moving air, a disturbance, the pitching
+//! moment `M1 sin mu` of the tilted rotor, a loss of thrust and torque, products of inertia, a centre of mass off the
+//! origin of the arms, the rotors' angular momentum `h`, and forces of moving air on the rotors
+//! ([`Rotors`](crate::rotors)). All are off by default. Test `val_plant_cases`, and one test of direction for each.
+//! Faults act here too, as [`Condition`] of the actuators and as payload.
 
 use airframe::{Actuation, ActuatorLaw};
 use contract::Scenario;
@@ -39,11 +38,11 @@ use crate::ground::{Ground, Motion};
 use crate::landing::Footing;
 use crate::rotors::{Condition, Rotors};
 
-/// X Y Z \[m\], u v w \[m/s\], attitude quaternion (i, j, k, scalar), p q r \[rad/s\], `Omega_1..3` \[rotor speed unit\],
-/// mu \[rad\].
+/// State X Y Z \[m\], u v w \[m/s\], attitude quaternion (i, j, k, scalar), p q r \[rad/s\], `Omega_1..3`
+/// \[rotor speed unit\], mu \[rad\].
 pub type StateVector = [f64; 17];
 
-/// What acts on the vehicle from outside at one instant.
+/// External influences on the vehicle at one instant.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Surroundings {
     /// Velocity of the air, NED \[m/s\].
@@ -56,12 +55,12 @@ pub struct Surroundings {
     pub payload_kg: f64,
 }
 
-/// The vehicle as it really is.
+/// True vehicle, which may differ from the controller's model.
 #[derive(Debug, Clone)]
 pub struct Dynamics {
     g_mps2: f64,
     mass_kg: f64,
-    /// J \[kg m2\], and its inverse.
+    /// Inertia J \[kg m2\], and its inverse.
     inertia: Matrix3<f64>,
     inverse_inertia: Matrix3<f64>,
     rotors: Rotors,
@@ -72,10 +71,10 @@ pub struct Dynamics {
 }
 
 impl Dynamics {
-    /// The vehicle of `scenario`.
+    /// Builds the vehicle of `scenario`.
     ///
     /// # Panics
-    /// When the inertia has no inverse, which the scenario's check refuses.
+    /// If the inertia has no inverse, which scenario validation rejects.
     pub fn new(scenario: &Scenario) -> Self {
         let plant = &scenario.plant;
         let vehicle = scenario.flown_airframe();
@@ -93,17 +92,17 @@ impl Dynamics {
         }
     }
 
-    /// The nearest command the actuators can follow.
+    /// Returns the nearest command that the actuators can follow.
     pub fn clip(&self, command: &Actuation) -> Actuation {
         self.law.limits.clip(command)
     }
 
-    /// How the vehicle at `x` stands on the ground.
+    /// Contact of the vehicle at `x` with the ground; `Footing::None` without a ground.
     pub fn footing(&self, x: &StateVector) -> Footing {
         self.ground.as_ref().map_or(Footing::None, |ground| ground.footing(&motion(x)))
     }
 
-    /// How the vehicle breaks on the ground at `x`, one step after `before`, if it does.
+    /// Crash or tip-over at `x`, one step after `before`; `None` if neither happens.
     pub fn breaks(&self, before: &StateVector, x: &StateVector) -> Option<PlantStatus> {
         let ground = self.ground.as_ref()?;
         ground.breaks(&motion(x), ground.carries(&motion(before)))
@@ -169,7 +168,7 @@ impl Dynamics {
     }
 }
 
-/// A state vector from its two halves.
+/// Builds a state vector from motion and actuator positions.
 pub fn assemble(motion: &Kinematics, actuators: &Actuation) -> StateVector {
     let Kinematics { position_m, velocity_mps, attitude_rad: [roll, pitch, yaw], rates_radps } = motion;
     let attitude = UnitQuaternion::from_euler_angles(*roll, *pitch, *yaw);
@@ -192,7 +191,7 @@ fn motion(x: &StateVector) -> Motion {
     }
 }
 
-/// The motion in a state vector; its Euler angles are within half a turn, the pitch within a quarter.
+/// Motion in a state vector; roll and yaw are within half a turn, pitch within a quarter.
 pub fn kinematics(x: &StateVector) -> Kinematics {
     let cnb = rotation(&Quaternion::new(x[9], x[6], x[7], x[8]));
     let pitch = libm::asin((-cnb[(2, 0)]).clamp(-1.0, 1.0));
@@ -206,24 +205,24 @@ pub fn kinematics(x: &StateVector) -> Kinematics {
     }
 }
 
-/// The velocity in a state vector, NED \[m/s\].
+/// Velocity in a state vector, NED \[m/s\].
 pub fn velocity_ned_mps(x: &StateVector) -> Vector3<f64> {
     let motion = motion(x);
     motion.cnb * motion.velocity_mps
 }
 
-/// The actuator positions in a state vector.
+/// Actuator positions in a state vector.
 pub fn actuation(x: &StateVector) -> Actuation {
     Actuation { rotor_speed: [x[13], x[14], x[15]], tilt_rad: x[16] }
 }
 
-/// Makes the quaternion in `x` of length one: integration changes that by rounding and by its own error.
+/// Normalises the quaternion in `x`, whose length changes by rounding and by the error of the integration.
 pub fn normalise(x: &mut StateVector) {
     let length = (x[6] * x[6] + x[7] * x[7] + x[8] * x[8] + x[9] * x[9]).sqrt();
     x[6..10].iter_mut().for_each(|part| *part /= length);
 }
 
-/// The transpose of `Cbn` of (7): from body to navigation frame.
+/// Rotation matrix from body to navigation frame, the transpose of `Cbn` of (7).
 fn rotation(attitude: &Quaternion<f64>) -> Matrix3<f64> {
     let (i, j, k, s) = (attitude.i, attitude.j, attitude.k, attitude.w);
     #[rustfmt::skip]

@@ -1,4 +1,4 @@
-//! A complementary filter behind the sensors: gyros for what is quick, attitude and position measurements for what is slow.
+//! Complementary filter behind the sensors: gyros at high frequencies, attitude and position measurements at low ones.
 //!
 //! ```text
 //! e      = rotation vector from the estimate to the measured attitude, body
@@ -6,19 +6,19 @@
 //! x'     = R v + w (x_measured - x)
 //! ```
 //!
-//! with the bandwidth w: the nonlinear complementary filter on rotations with an estimate of the gyros' bias (Mahony, Hamel and
-//! Pflimlin, IEEE Transactions on Automatic Control 53(5), 2008), critically damped, and its first-order like for the
-//! position. The velocity passes as it is.
+//! w is the bandwidth. This is the nonlinear complementary filter on rotations with an estimate of the gyros' bias
+//! (Mahony, Hamel and Pflimlin, IEEE Transactions on Automatic Control 53(5), 2008), critically damped, with a
+//! first-order filter for the position. The velocity is not filtered.
 
 use contract::message::Kinematics;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use crate::memory::Tape;
 
-/// The filter and its estimates.
+/// Complementary filter with its estimates.
 #[derive(Debug, Clone)]
 pub struct ComplementaryFilter {
-    /// w \[rad/s\].
+    /// Bandwidth w \[rad/s\].
     bandwidth: f64,
     sample_s: f64,
     estimate: Option<Estimate>,
@@ -27,22 +27,22 @@ pub struct ComplementaryFilter {
 #[derive(Debug, Clone, Copy, Default)]
 struct Estimate {
     attitude: UnitQuaternion<f64>,
-    /// Of the gyros \[rad/s\].
+    /// Bias of the gyros \[rad/s\].
     bias: Vector3<f64>,
     position: Vector3<f64>,
-    /// Body \[m/s\].
+    /// Body velocity \[m/s\].
     velocity: Vector3<f64>,
-    /// Without the bias \[rad/s\].
+    /// Rates without the bias \[rad/s\].
     rates: Vector3<f64>,
 }
 
 impl ComplementaryFilter {
-    /// Of bandwidth `bandwidth` \[rad/s\], for samples `sample_s` apart; the first one is taken as it is.
+    /// Builds a filter of a `bandwidth` \[rad/s\] for samples `sample_s` apart; it starts at the first sample.
     pub fn new(bandwidth: f64, sample_s: f64) -> Self {
         Self { bandwidth, sample_s, estimate: None }
     }
 
-    /// Writes or reads what it remembers.
+    /// Writes or reads the estimates.
     pub fn remember(&mut self, tape: &mut Tape) {
         tape.option(&mut self.estimate, |tape, Estimate { attitude, bias, position, velocity, rates }| {
             let mut turned: [f64; 4] = attitude.coords.into();
@@ -54,7 +54,7 @@ impl ComplementaryFilter {
         });
     }
 
-    /// The estimate after one more sample of the sensors.
+    /// Updates the estimate by a sample of the sensors and returns it.
     pub fn update(&mut self, raw: &Kinematics) -> Kinematics {
         let [roll, pitch, yaw] = raw.attitude_rad;
         let measured = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
@@ -99,7 +99,7 @@ mod tests {
 
     const DT_S: f64 = 0.01;
 
-    /// Turns about the vertical at 0.5 rad/s and flies ahead at 2 m/s, measured as `measure` says; the last truth and estimate.
+    /// Last truth and estimate of a flight ahead at 2 m/s with a turn of 0.5 rad/s, with the sensors of `measure`.
     fn follow(samples: u32, mut measure: impl FnMut(Kinematics, u32) -> Kinematics) -> (Kinematics, Kinematics) {
         let mut filter = ComplementaryFilter::new(1.0, DT_S);
         let (rate, speed) = (0.5, 2.0);
@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn it_follows_the_truth_round_the_compass() {
+    fn the_estimate_follows_a_full_turn() {
         let (truth, estimate) = follow(3000, |truth, _| truth);
         for (a, b) in [(truth.position_m, estimate.position_m), (truth.attitude_rad, estimate.attitude_rad)] {
             assert!((0..3).all(|i| (a[i] - b[i]).abs() < 0.02), "{a:?} and {b:?}");
@@ -125,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn it_finds_the_bias_of_the_gyros() {
+    fn the_filter_finds_the_bias_of_the_gyros() {
         let (truth, estimate) = follow(3000, |mut truth, _| {
             truth.rates_radps[0] += 0.05;
             truth
@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn noise_of_the_attitude_is_left_behind_and_a_step_is_not() {
+    fn noise_of_the_attitude_is_reduced_and_a_step_is_followed() {
         let (_, estimate) = follow(3000, |mut truth, k| {
             truth.attitude_rad[0] += if k % 2 == 0 { 0.05 } else { -0.05 };
             truth

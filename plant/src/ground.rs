@@ -1,18 +1,18 @@
-//! The ground: a level plane that carries the feet, with friction; and what breaks on it.
+//! Ground: a level plane with friction that carries the feet, and the conditions of a crash.
 //!
-//! Three feet stand `leg_m` below the rotors. A foot that is `d` deep and sinks at `v_n` is pushed up by `N`, and against its
-//! motion `v_t` along the ground by Coulomb's friction, made smooth below 5 cm/s:
+//! Three feet are `leg_m` below the rotors. A foot at the depth `d` that sinks at `v_n` is pushed up by `N`. Coulomb's
+//! friction acts against its velocity `v_t` along the ground, made smooth below 5 cm/s:
 //!
 //! ```text
 //! N   = max(0, k d + c v_n)                 for d > 0
 //! F_t = -friction N v_t / max(|v_t|, 0.05 m/s)
 //! ```
 //!
-//! A spring and a damper are the usual compliant contact model of multibody simulation (Marhefka and Orin, IEEE Transactions
-//! on Systems, Man, and Cybernetics A 29(6), 1999, discuss it and its jump of force at the first touch, which this
-//! one has). The vehicle has crashed when a foot comes down faster than the limits of `[plant.ground]`, when the vehicle leans
-//! more than they allow as it does, and when a rotor or the centre touches the ground; where it was on its feet before, it has
-//! tipped over. What has landed, [`crate::landing`] tells.
+//! A spring and a damper are the usual compliant contact model of multibody simulation; Marhefka and Orin (IEEE
+//! Transactions on Systems, Man, and Cybernetics A 29(6), 1999) discuss it and its jump of force at the first touch,
+//! which this model has too. A vehicle in the air crashes if it touches down faster or leans more than the limits of
+//! `[plant.ground]`, or if a rotor or the centre touches the ground. A vehicle on its feet tips over if a rotor or the
+//! centre touches the ground. [`crate::landing`] decides whether it has landed.
 
 use contract::Scenario;
 use contract::message::PlantStatus;
@@ -24,32 +24,32 @@ use crate::landing::Footing;
 /// Speed along the ground below which friction is proportional to it \[m/s\].
 const SLOW_MPS: f64 = 0.05;
 
-/// A foot that is no farther above the ground stands on it still \[m\]: what a jolt lifts, does not fly.
+/// Height up to which a foot counts as on the ground \[m\], so that a jolt is not a take-off.
 const NEAR_M: f64 = 0.01;
 
-/// The plane and what stands on it.
+/// Ground plane, and the vehicle's points that can touch it.
 #[derive(Debug, Clone)]
 pub struct Ground {
     settings: Settings,
-    /// Rotor hubs, body, from the centre of mass \[m\].
+    /// Rotor hubs in the body frame from the centre of mass \[m\].
     hubs: [Vector3<f64>; 3],
 }
 
-/// How the vehicle moves: enough to know the motion of each of its points.
+/// Motion of the vehicle, from which that of each of its points follows.
 #[derive(Debug, Clone, Copy)]
 pub struct Motion {
     /// Down coordinate of the centre of mass \[m\].
     pub down_m: f64,
-    /// Velocity, body \[m/s\].
+    /// Body velocity \[m/s\].
     pub velocity_mps: Vector3<f64>,
     /// Body rates \[rad/s\].
     pub rates_radps: Vector3<f64>,
-    /// From body to navigation frame.
+    /// Rotation from body to navigation frame.
     pub cnb: Matrix3<f64>,
 }
 
 impl Motion {
-    /// How deep the body point `at` is below `plane_m`, and its velocity, NED \[m, m/s\].
+    /// Depth of the body point `at` below `plane_m` \[m\], and its velocity, NED \[m/s\].
     fn of(&self, at: &Vector3<f64>, plane_m: f64) -> (f64, Vector3<f64>) {
         let depth_m = self.down_m + (self.cnb.row(2) * at)[0] - plane_m;
         (depth_m, self.cnb * (self.velocity_mps + self.rates_radps.cross(at)))
@@ -57,7 +57,7 @@ impl Motion {
 }
 
 impl Ground {
-    /// The ground of `scenario`, if it has one.
+    /// Builds the ground of `scenario`; `None` if it has none.
     pub fn new(scenario: &Scenario) -> Option<Self> {
         let settings = scenario.plant.ground.clone();
         let vehicle = scenario.flown_airframe();
@@ -70,12 +70,12 @@ impl Ground {
         settings.present.then_some(Self { settings, hubs })
     }
 
-    /// The feet, body \[m\].
+    /// Feet in the body frame \[m\].
     fn feet(&self) -> [Vector3<f64>; 3] {
         self.hubs.map(|hub| hub + Vector3::new(0.0, 0.0, self.settings.leg_m))
     }
 
-    /// Force and moment of the ground on the vehicle, body \[N, N m\].
+    /// Force and moment of the ground on the vehicle in the body frame \[N, N m\].
     pub fn push(&self, motion: &Motion) -> (Vector3<f64>, Vector3<f64>) {
         let (mut force_n, mut moment_nm) = (Vector3::zeros(), Vector3::zeros());
         for foot in self.feet() {
@@ -93,12 +93,12 @@ impl Ground {
         (force_n, moment_nm)
     }
 
-    /// Whether a foot stands on the ground.
+    /// Returns whether a foot touches the ground.
     pub fn carries(&self, motion: &Motion) -> bool {
         self.feet().iter().any(|foot| motion.of(foot, self.settings.down_m).0 > 0.0)
     }
 
-    /// How many feet are down.
+    /// Footing by the number of feet on the ground, or at most `NEAR_M` above it.
     pub fn footing(&self, motion: &Motion) -> Footing {
         match self.feet().iter().filter(|foot| motion.of(foot, self.settings.down_m).0 > -NEAR_M).count() {
             0 => Footing::None,
@@ -107,7 +107,7 @@ impl Ground {
         }
     }
 
-    /// How the vehicle breaks, if it does, having been on its feet until now or in the air.
+    /// Returns `Crashed` or `TippedOver`, else `None`. `was_on_feet` says whether a foot touched the ground before.
     pub fn breaks(&self, motion: &Motion, was_on_feet: bool) -> Option<PlantStatus> {
         let plane_m = self.settings.down_m;
         let is_struck = self.hubs.iter().chain([&Vector3::zeros()]).any(|part| motion.of(part, plane_m).0 > 0.0);
@@ -135,7 +135,7 @@ mod tests {
         Ground::new(&scenario).expect("there is one")
     }
 
-    /// Level, with the feet so deep, moving at `velocity_mps`.
+    /// Level motion at `velocity_mps` with the feet at `depth_m`.
     fn level(depth_m: f64, velocity_mps: [f64; 3]) -> Motion {
         let Settings { leg_m, down_m, .. } = Settings::default();
         Motion {
@@ -147,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn it_pushes_up_where_a_foot_is_below_it_and_nowhere_else() {
+    fn the_ground_pushes_up_only_feet_below_it() {
         let Settings { stiffness_npm, damping_nspm, .. } = Settings::default();
         let (force, moment) = ground().push(&level(0.01, [0.0, 0.0, 0.1]));
         assert!(
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn rotors_in_the_ground_are_a_crash_from_the_air_and_a_tip_over_from_the_feet() {
+    fn a_touching_rotor_is_a_crash_from_the_air_and_a_tip_over_from_the_feet() {
         let sunk = level(0.5, [0.0; 3]);
         assert_eq!(ground().breaks(&sunk, false), Some(PlantStatus::Crashed));
         assert_eq!(ground().breaks(&sunk, true), Some(PlantStatus::TippedOver));
@@ -200,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_ground_there_is_none() {
+    fn a_scenario_without_a_ground_builds_none() {
         assert!(Ground::new(&Scenario::default()).is_none());
     }
 }

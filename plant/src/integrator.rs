@@ -1,11 +1,11 @@
-//! One step of the classical Runge-Kutta method of fourth order.
+//! Classical Runge-Kutta method of fourth order.
 //!
 //! ```text
 //! x[k+1] = x[k] + dt/6 (k1 + 2 k2 + 2 k3 + k4)
 //! k1 = f(0, x),  k2 = f(dt/2, x + dt/2 k1),  k3 = f(dt/2, x + dt/2 k2),  k4 = f(dt, x + dt k3)
 //! ```
 
-/// The state `x` after `dt_s` of `dx/dt = f(t, x)`, with t \[s\] since the beginning of the step.
+/// Integrates `dx/dt = f(t, x)` from `x` over `dt_s` in one step, with t \[s\] since the beginning of the step.
 pub fn step<const N: usize>(x: &[f64; N], dt_s: f64, f: impl Fn(f64, &[f64; N]) -> [f64; N]) -> [f64; N] {
     let k1 = f(0.0, x);
     let k2 = f(dt_s / 2.0, &along(x, dt_s / 2.0, &k1));

@@ -1,4 +1,4 @@
-//! Take-off and landing as they truly are: what the flight is judged by.
+//! True take-off and landing, from which the outcome of the flight is determined.
 //!
 //! ```text
 //! standing --rotors above idle--> taking off --no foot down--> flying <--------> landing --at rest, 1 s--> landed
@@ -6,9 +6,9 @@
 //!                                      +--------------------------rotors above idle--------------------------+
 //! ```
 //!
-//! A vehicle has landed when it [is at rest](contract::rest) with all feet on the ground and its rotors no faster than idle, for
-//! a second, having slid no farther than `plant.ground.max_slide_m` since it touched down. What the vehicle itself takes for a
-//! landing, the mixer's detector decides.
+//! A vehicle has landed if it [is at rest](contract::rest) for a second with all feet on the ground and its rotors no
+//! faster than idle, and has slid no farther than `plant.ground.max_slide_m` since it last stood. The vehicle itself
+//! relies on the mixer's land detector.
 
 use contract::Scenario;
 use contract::message::{Kinematics, PlantStatus};
@@ -16,10 +16,10 @@ use contract::rest::{Rest, is_at_rest};
 
 use crate::memory::Tape;
 
-/// Rotors that are slower than so many times their idle speed idle: a lag gets there only in the end.
+/// Multiple of the idle speed up to which a rotor idles, because a lag reaches the idle speed only asymptotically.
 const IDLES: f64 = 1.1;
 
-/// Where the vehicle is between two stands.
+/// Phase between standing and standing again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Phase {
     Standing,
@@ -33,32 +33,32 @@ impl Phase {
     const ALL: [Self; 5] = [Self::Standing, Self::TakingOff, Self::Flying, Self::Landing, Self::Landed];
 }
 
-/// How the vehicle touches the ground.
+/// Number of feet on the ground.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Footing {
-    /// No foot is down.
+    /// No foot is on the ground.
     None,
-    /// Some are.
+    /// One or two feet are on the ground.
     Some,
-    /// All are.
+    /// All feet are on the ground.
     All,
 }
 
-/// Take-off and landing of one flight over a ground.
+/// Take-off and landing in a flight with a ground.
 #[derive(Debug, Clone)]
 pub struct Landing {
     phase: Phase,
     rest: Rest,
-    /// Whether the vehicle was at rest at the newest step, be it with thrust.
+    /// `true` if the vehicle was at rest at the newest step, with or without thrust.
     is_still: bool,
-    /// Way along the ground with a foot down, since the vehicle last stood \[m\].
+    /// Distance moved with a foot on the ground since the vehicle last stood \[m\].
     slid_m: f64,
     idle_speed: f64,
     max_slide_m: f64,
 }
 
 impl Landing {
-    /// The landing of `scenario`, where it has a ground.
+    /// Builds the landing of `scenario`; `None` without a ground.
     pub fn new(scenario: &Scenario) -> Option<Self> {
         let standing = scenario.initial.standing;
         scenario.plant.ground.present.then(|| Self {
@@ -71,7 +71,7 @@ impl Landing {
         })
     }
 
-    /// Writes or reads what it remembers.
+    /// Writes or reads phase, rest and slide.
     pub fn remember(&mut self, tape: &mut Tape) {
         let mut phase = self.phase as usize;
         tape.count(&mut phase, Phase::ALL.len() - 1);
@@ -81,7 +81,7 @@ impl Landing {
         tape.number(&mut self.slid_m);
     }
 
-    /// Takes in a step of `dt_ns`, after which the vehicle moves like this, has this footing and rotors as fast as this.
+    /// Updates the phase by a step of `dt_ns` that ends with this motion, footing and rotor speeds.
     pub fn observe(&mut self, motion: &Kinematics, footing: Footing, rotor_speed: [f64; 3], dt_ns: u64) {
         let idles = rotor_speed.iter().all(|speed| *speed <= self.idle_speed);
         self.is_still = footing == Footing::All && is_at_rest(motion);
@@ -99,12 +99,12 @@ impl Landing {
         };
         if matches!(self.phase, Phase::Landing | Phase::Landed) {
             let [u, v, w] = motion.velocity_mps;
-            // On its feet it moves along the ground and nowhere else.
+            // A vehicle on its feet moves only along the ground.
             self.slid_m += libm::hypot(libm::hypot(u, v), w) * dt_ns as f64 / 1e9;
         }
     }
 
-    /// What the vehicle does before the end of the run.
+    /// Status before the end of the run.
     pub fn in_flight(&self) -> PlantStatus {
         match self.phase {
             Phase::Standing | Phase::Landed => PlantStatus::Standing,
@@ -114,7 +114,7 @@ impl Landing {
         }
     }
 
-    /// What has come of the flight when it ends now.
+    /// Status if the flight ends now.
     pub fn at_the_end(&self) -> PlantStatus {
         let has_slid = self.slid_m > self.max_slide_m;
         match self.phase {
@@ -147,7 +147,7 @@ mod tests {
             Self(Landing::new(&scenario).expect("there is a ground"), scenario.idle_speed())
         }
 
-        /// So many seconds with this footing, at this speed, and with the rotors so many times as fast as idle.
+        /// Status after `seconds` at this footing and speed, with the rotors at `idle` times their idle speed.
         fn go(&mut self, seconds: f64, footing: Footing, speed_mps: f64, idle: f64) -> PlantStatus {
             let motion = Kinematics { velocity_mps: [speed_mps, 0.0, 0.0], ..Kinematics::default() };
             for _ in 0..(seconds * 1e3).round() as u32 {

@@ -1,21 +1,21 @@
-//! The vehicle: six degrees of freedom, actuators, wind, sensors (7)-(22).
+//! Simulated vehicle: six degrees of freedom, actuators, wind, sensors (7)-(22).
 //!
 //! | module | holds | paper |
 //! |---|---|---|
 //! | [`dynamics`] | forces, moments, equations of motion | (7)-(22) |
 //! | [`rotors`] | thrust, torque and angular momentum of the rotors | (15)-(22) |
-//! | [`battery`] | its voltage, and what a command becomes under it | |
-//! | [`ground`] | what carries the feet, and what breaks on it | |
-//! | [`landing`] | take-off and landing as they truly are | |
+//! | [`battery`] | voltage, and its effect on commands | |
+//! | [`ground`] | forces on the feet, crash and tip-over | |
+//! | [`landing`] | true take-off and landing | |
 //! | [`integrator`] | one Runge-Kutta step | |
-//! | [`commands`] | delay, jitter and loss between mixer and actuators; the cut when none comes | |
+//! | [`commands`] | delay, jitter and loss between mixer and actuators; the cut without commands | |
 //! | [`schedule`] | wind and disturbance as steps in time | |
-//! | [`turbulence`] | gusts without end, and the mean wind over the height | |
-//! | [`sensors`] | what is measured: errors, rates, latencies | |
+//! | [`turbulence`] | continuous gusts, and the mean wind over the height | |
+//! | [`sensors`] | measurements: errors, rates, latencies | |
 //! | [`filter`] | the complementary filter behind the sensors | |
 //! | [`faults`] | faults of sensors, actuators, air and payload | |
 //! | [`random`] | the random streams | |
-//! | [`memory`] | what the vehicle remembers, as words | |
+//! | [`memory`] | state of the vehicle as words | |
 //!
 //! ```text
 //!  sample() -> STATE at t_k          command(..): ACTUATORS arrive, any number of times          advance(1)
@@ -23,8 +23,8 @@
 //!    t_k                                                                                        t_k+1
 //! ```
 //!
-//! The attitude is a quaternion; Euler angles stand in messages only. Where the state diverges (see [`PlantStatus`]) the
-//! integration stops; from then on time passes and nothing moves.
+//! The attitude is a quaternion; only messages have Euler angles. If the state diverges (see [`PlantStatus`]) the
+//! integration stops: time goes on, and the state no longer changes.
 
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "a test asks the platform for a second opinion"))]
 
@@ -61,12 +61,12 @@ use schedule::Schedule;
 use sensors::Sensors;
 use turbulence::{Moment, Turbulence};
 
-/// Largest position on any axis \[m\]: far beyond every mission.
+/// Largest position on any axis \[m\], far beyond every mission.
 const MAX_POSITION_M: f64 = 500.0;
-/// Largest body rate on any axis \[rad/s\]: sixteen turns a second.
+/// Largest body rate on any axis \[rad/s\], sixteen turns a second.
 const MAX_RATE_RADPS: f64 = 100.0;
 
-/// The flying vehicle, from sample to sample.
+/// Simulated vehicle, advanced from sample to sample.
 #[derive(Debug, Clone)]
 pub struct Plant {
     dynamics: Dynamics,
@@ -75,12 +75,12 @@ pub struct Plant {
     wind_roughness_m: f64,
     height_zero_m: f64,
     battery: Option<Battery>,
-    /// Where there is a ground.
+    /// Take-off and landing; `None` without a ground.
     landing: Option<Landing>,
     commands: CommandLine,
-    /// Those that have come in since the present sample, and how many.
+    /// Arrivals of commands since the present sample, and their number.
     arrivals: ([Arrival; MAX_ARRIVALS], usize),
-    /// Those that came in before it.
+    /// Arrivals between the sample before and the present one, and their number.
     arrived: ([Arrival; MAX_ARRIVALS], usize),
     sensors: Sensors,
     faults: Faults,
@@ -89,13 +89,13 @@ pub struct Plant {
     last_tick: u64,
     tick: u64,
     x: StateVector,
-    /// Why the integration stopped, if it did.
+    /// Reason for which the integration stopped, if it did.
     diverged: Option<PlantStatus>,
 }
 
 impl Plant {
-    /// The vehicle of `scenario` at the hover trim of `[airframe]`, or standing, displaced by `[initial]`; with the
-    /// command of that in force.
+    /// Builds the vehicle of `scenario` at the hover trim of `[airframe]`, or standing with idle rotors, displaced by
+    /// `[initial]`. The command in force holds its actuators.
     pub fn new(scenario: &Scenario) -> Self {
         let trim = Trim::solve(&scenario.airframe, scenario.plant.tilt_reaction);
         let initial = &scenario.initial;
@@ -134,13 +134,13 @@ impl Plant {
         }
     }
 
-    /// Takes fault `number` as it is from now on, if it is one of sensors, actuators, air or payload.
+    /// Updates fault `number` if it is a fault of sensors, actuators, wind or payload.
     pub fn apply_fault(&mut self, number: usize, fault: &Fault) {
         self.faults.apply_fault(number, fault);
     }
 
-    /// Writes what the vehicle remembers after its newest sample into `words`; false where that has no place in them, the flight is
-    /// over, or a fault of a sensor has changed what was measured in the recent past.
+    /// Writes the memory after the newest sample into `words`. Returns `false` if it does not fit, if the vehicle has
+    /// diverged, or if a sensor fault has changed measurements of the recent past that a delayed sensor may need.
     pub fn memory(&mut self, words: &mut [u64; PLANT_WORDS]) -> bool {
         *words = [0; PLANT_WORDS];
         let mut tape = Tape::to_write(words);
@@ -148,8 +148,8 @@ impl Plant {
         tape.fits() && self.diverged.is_none()
     }
 
-    /// Goes on from a memory of a vehicle of the same scenario after the sample `tick`; false, and nothing has changed, if it
-    /// is none. What was [returned](Self::recall) in the recent past is kept.
+    /// Continues from a memory of a vehicle of the same scenario after sample `tick`. Returns `false`, and changes
+    /// nothing, if `words` is not such a memory. [Recalled](Self::recall) samples are kept.
     pub fn restore(&mut self, tick: u64, words: &[u64; PLANT_WORDS]) -> bool {
         let (mut words, mut restored) = (*words, Self { tick, ..self.clone() });
         let mut tape = Tape::to_read(&mut words);
@@ -161,7 +161,7 @@ impl Plant {
         fits
     }
 
-    /// Takes note of a sample that the vehicle has returned before the memory from which it is to go on.
+    /// Stores a sample that was published before the memory to continue from; delayed sensors need it.
     pub fn recall(&mut self, returned: &State) {
         self.faults.sensors.recall(returned.stamp.tick, &returned.measured);
     }
@@ -186,9 +186,9 @@ impl Plant {
         self.faults.actuators.remember(tape);
     }
 
-    /// STATE at the present instant; every call is a measurement of its own and draws its own noise.
+    /// Measures STATE at the present instant; every call draws new noise.
     ///
-    /// The command it names is the one in force up to this instant, not one that takes effect at it.
+    /// STATE names the command in force up to this instant, not one that takes effect at it.
     pub fn sample(&mut self) -> State {
         let actual = dynamics::kinematics(&self.x);
         let mut measured = self.sensors.measure(self.now_ns(), &actual);
@@ -209,8 +209,8 @@ impl Plant {
         }
     }
 
-    /// A command arrives `arrival_ns` after the present sample, be it within the coming period or beyond it. The next sample
-    /// tells of it. More than [`MAX_ARRIVALS`] between two samples are left out.
+    /// Receives a command `arrival_ns` after the present sample, within the coming period or later. The next sample
+    /// reports it. Commands beyond [`MAX_ARRIVALS`] between two samples are ignored.
     pub fn command(&mut self, actuators: &Actuators, arrival_ns: u64) {
         let (arrivals, arrived) = &mut self.arrivals;
         let Some(arrival) = arrivals.get_mut(*arrived) else { return };
@@ -220,9 +220,9 @@ impl Plant {
         self.commands.receive(actuators, self.now_ns().saturating_add(arrival_ns));
     }
 
-    /// Flies on to the sample `periods` later.
+    /// Integrates to the sample `periods` later.
     ///
-    /// Every step ends at the next multiple of the substep, or where the command in force changes, whichever is first.
+    /// Every step ends at the next multiple of the substep, or when the command in force changes, whichever is first.
     pub fn advance(&mut self, periods: u64) -> PlantStatus {
         let mut now_ns = self.now_ns();
         self.tick += periods;
@@ -266,12 +266,12 @@ impl Plant {
         self.x = x;
     }
 
-    /// Demand on the motor controllers and the servo: the command in force within the limits, which hold for commands and not
-    /// for a cut or a stop.
+    /// Demand on motor controllers and servo: the command in force within the limits, or no rotor speed for a cut or a
+    /// stop, which may be below the limits.
     fn demand(&self) -> Actuation {
         let command = self.commands.in_force();
         let clipped = self.dynamics.clip(&command.actuation);
-        // A motor controller takes a command of zero for a stop, not for idle: so the mixer disarms.
+        // A command of zero stops the motors instead of idling them: the mixer disarms by it.
         let stops = command.cut || command.actuation.rotor_speed == [0.0; 3];
         if stops { Actuation { rotor_speed: [0.0; 3], ..clipped } } else { clipped }
     }
@@ -291,7 +291,7 @@ impl Plant {
     }
 }
 
-/// Which bound of the simulation the state `x` is beyond, if any.
+/// Bound of the simulation that the state `x` violates, if any.
 fn divergence(x: &StateVector) -> Option<PlantStatus> {
     let (position_m, rates_radps) = (&x[0..3], &x[10..13]);
     if !x.iter().all(|value| value.is_finite()) {

@@ -1,16 +1,16 @@
-//! What the vehicle remembers, as words: for a log, and for a flight that goes on from there.
+//! State of the vehicle as words, for the log and for a replay that starts there.
 //!
-//! One walk over the parts of the vehicle writes their words and reads them back, so that both have the same order. What follows from
-//! the settings is no memory.
+//! The same functions write the words and read them back, so that both have the same order. Values that follow from the
+//! settings are left out.
 
 use std::collections::VecDeque;
 
 use rand_chacha::ChaCha8Rng;
 
-/// What a memory begins with: what it is, and the version of its order.
+/// First word of a memory: its type, and the version of its layout.
 const NAME: u64 = u64::from_be_bytes(*b"vehicle1");
 
-/// The words of a memory, from the first to the last.
+/// Cursor over the words of a memory.
 pub struct Tape<'a> {
     words: &'a mut [u64],
     at: usize,
@@ -19,14 +19,14 @@ pub struct Tape<'a> {
 }
 
 impl<'a> Tape<'a> {
-    /// Words that are to be written.
+    /// Begins to write `words`.
     pub fn to_write(words: &'a mut [u64]) -> Self {
         let mut tape = Self { words, at: 0, reads: false, fits: true };
         tape.word(&mut { NAME });
         tape
     }
 
-    /// Words that were written.
+    /// Begins to read `words`; they do not fit if they have another type or version.
     pub fn to_read(words: &'a mut [u64]) -> Self {
         let mut tape = Self { words, at: 0, reads: true, fits: true };
         let mut name = 0;
@@ -35,12 +35,12 @@ impl<'a> Tape<'a> {
         tape
     }
 
-    /// Whether all words so far had a place, and those that were read made sense.
+    /// Returns whether there was room for all words so far, and all values read were valid.
     pub fn fits(&self) -> bool {
         self.fits
     }
 
-    /// Says that what was read makes no sense.
+    /// Marks the memory as invalid.
     pub fn refuse(&mut self) {
         self.fits = false;
     }
@@ -69,7 +69,7 @@ impl<'a> Tape<'a> {
         }
     }
 
-    /// Writes or reads a count that is no larger than `most`.
+    /// Writes or reads a count; refuses one above `most`.
     pub fn count(&mut self, count: &mut usize, most: usize) {
         let mut word = *count as u64;
         self.word(&mut word);
@@ -80,14 +80,14 @@ impl<'a> Tape<'a> {
         }
     }
 
-    /// Writes or reads a yes or no.
+    /// Writes or reads a boolean.
     pub fn flag(&mut self, flag: &mut bool) {
         let mut count = usize::from(*flag);
         self.count(&mut count, 1);
         *flag = count == 1;
     }
 
-    /// Writes or reads what may be there, with `each` for what is.
+    /// Writes or reads an optional value, with `each` for the value.
     pub fn option<T: Default>(&mut self, value: &mut Option<T>, each: impl FnOnce(&mut Self, &mut T)) {
         let mut is_there = value.is_some();
         self.flag(&mut is_there);
@@ -98,7 +98,7 @@ impl<'a> Tape<'a> {
         }
     }
 
-    /// Writes or reads a queue of at most `most`, with `each` for each of it.
+    /// Writes or reads a queue of at most `most` items, with `each` for each item.
     pub fn queue<T: Default>(&mut self, queue: &mut VecDeque<T>, most: usize, mut each: impl FnMut(&mut Self, &mut T)) {
         let mut length = queue.len();
         self.count(&mut length, most.min(self.words.len()));
@@ -108,7 +108,7 @@ impl<'a> Tape<'a> {
         }
     }
 
-    /// Writes or reads how far a random stream is.
+    /// Writes or reads the position of a random stream.
     pub fn random(&mut self, random: &mut ChaCha8Rng) {
         let drawn = random.get_word_pos();
         let mut words = [drawn as u64, (drawn >> 64) as u64];

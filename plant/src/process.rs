@@ -1,4 +1,4 @@
-//! The plant as a process: the one that begins every tick.
+//! Plant as a process, which begins every tick.
 
 use contract::message::{Actuators, Message, State};
 use contract::snapshot::PLANT_WORDS;
@@ -6,10 +6,10 @@ use runtime::session::{NodeSession, SessionError};
 
 use crate::Plant;
 
-/// Flies the vehicle until the run is over or the vehicle is lost.
+/// Flies the vehicle until the run is over or the vehicle has diverged.
 ///
-/// Every sample is published and lives until the next release; the commands that arrive meanwhile act from the moment
-/// they arrived.
+/// Every sample is published and valid until the next release; a command that arrives in between acts from the instant
+/// of its arrival, with the delay of the scenario.
 pub fn run(mut session: NodeSession) -> Result<(), SessionError> {
     let mut plant = Plant::new(&session.scenario);
     let mut states = session.output::<State>()?;

@@ -1,9 +1,10 @@
-//! Random streams: one per feature and fault, all from the run's seed, so that switching one on leaves the others alone; and
-//! normal numbers from them.
+//! Random streams, and normal numbers from them. Each feature and fault has a stream of its own, all from the run's
+//! seed, so that one feature does not change the draws of another.
 //!
-//! The normal numbers are those of the ziggurat (Marsaglia and Tsang, Journal of Statistical Software 5(8), 2000): 256 layers of
-//! equal area cover `f(x) = exp(-x^2 / 2)`, and layer i reaches from 0 to `x_i`. A point that is drawn in a layer counts when it
-//! is below f. `rand_distr` draws the same numbers, but with the exponential and the logarithm of the platform.
+//! Normal numbers are drawn by the ziggurat method (Marsaglia and Tsang, Journal of Statistical Software 5(8), 2000):
+//! 256 layers of equal area cover `f(x) = exp(-x^2 / 2)`, and layer i reaches from 0 to `x_i`. A point drawn in a layer
+//! is accepted if it is below f. `rand_distr` draws the same numbers, but with exponential and logarithm of the
+//! platform.
 
 use std::sync::LazyLock;
 
@@ -11,13 +12,13 @@ use rand::distr::Open01;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Streams of faults begin here; those of features are below.
+/// Number of the first fault's stream; those of features are below.
 const FAULTS: u64 = 1 << 32;
 
-/// The bottom layer covers f beyond `x_1` too, as if it reached to `x_0`.
+/// Width `x_0` of the bottom layer, as if f beyond `x_1` were part of a rectangle.
 const X_0: f64 = 3.910_757_959_537_09;
 const X_1: f64 = 3.654_152_885_361_009;
-/// `x_i` and `f(x_i)`; the last is the top of f.
+/// Pairs `x_i` and `f(x_i)`; the last is the top of f.
 static LAYERS: LazyLock<[(f64, f64); 257]> = LazyLock::new(|| {
     let f = |x: f64| libm::exp(-x * x / 2.0);
     let area = X_0 * f(X_1);
@@ -32,25 +33,25 @@ static LAYERS: LazyLock<[(f64, f64); 257]> = LazyLock::new(|| {
     layers
 });
 
-/// What the numbers are drawn for.
+/// Purpose of a random stream.
 #[derive(Debug, Clone, Copy)]
 pub enum Stream {
     /// Measurement noise.
     Noise,
-    /// Which commands are lost.
+    /// Loss of commands.
     Drops,
-    /// How late the others are.
+    /// Jitter of commands.
     Jitter,
-    /// Gusts.
+    /// Turbulence.
     Turbulence,
-    /// The fault at this place in the scenario.
+    /// Fault at this index in the scenario.
     Fault(usize),
 }
 
 impl Stream {
-    /// The stream's generator in the run with this `seed`.
+    /// Opens the stream in the run with this `seed`.
     pub fn open(self, seed: u64) -> ChaCha8Rng {
-        LazyLock::force(&LAYERS); // now, and not in flight
+        LazyLock::force(&LAYERS); // compute the table before the flight
         let mut generator = ChaCha8Rng::seed_from_u64(seed);
         generator.set_stream(self.number());
         generator
@@ -67,7 +68,7 @@ impl Stream {
     }
 }
 
-/// A normal number of deviation 1.
+/// Draws a normal number of standard deviation 1.
 pub fn normal(random: &mut ChaCha8Rng) -> f64 {
     loop {
         let bits = random.next_u64();
@@ -87,7 +88,7 @@ pub fn normal(random: &mut ChaCha8Rng) -> f64 {
     }
 }
 
-/// A normal number beyond `x_1`, where an exponential is above f.
+/// Draws a normal number beyond `x_1`, by rejection from an exponential distribution.
 fn tail(random: &mut ChaCha8Rng) -> f64 {
     loop {
         let [x, y] = [(); 2].map(|()| -libm::log(random.sample(Open01)));

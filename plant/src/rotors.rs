@@ -1,8 +1,8 @@
-//! The three rotors: thrust and torque (15)-(22), angular momentum, and what moving air does to them.
+//! The three rotors: thrust and torque (15)-(22), angular momentum, and the forces of moving air on them.
 //!
-//! Rotor i pushes along its axis `a_i`: up, and for rotor 1 tilted by mu about the body x axis. Its reaction torque and its
-//! angular momentum point along the same axis, by the sense in which it turns: rotors 1 and 3 clockwise seen from
-//! above, rotor 2 against it.
+//! Rotor i pushes along its axis `a_i`: up, and for rotor 1 tilted by mu about the body x axis. Its reaction torque and
+//! angular momentum are along the same axis, with the sign of its sense of rotation: rotors 1 and 3 turn clockwise seen
+//! from above, rotor 2 counter-clockwise.
 //!
 //! ```text
 //! V_i = v_air + omega x r_i
@@ -11,13 +11,13 @@
 //! h   = -J_r sum s_i Omega_i a_i
 //! ```
 //!
-//! Departure: the paper has the first term of each force alone, and neglects the part of rotor 1's torque that pitches
-//! (`tilt_reaction`). A hub moves at `V_i` against the air, by the velocity of the centre of mass and the rates of the body.
-//! Air along the axis takes thrust away, air across it pushes (the H-force): both to first order in the speed, as blade
-//! element theory has it near hover (Bangura and Mahony, ACRA 2012; Faessler, Franchi and Scaramuzza, IEEE RA-L 3(2),
-//! 2018). The vortex ring of a steep descent is not modelled. With
-//! `plant.rotor.inertia_kgm2` the rotors are gyroscopes, and speeding one up turns the vehicle the other way; the
-//! rotor speed unit then counts as rad/s (see [`airframe::parameters`]). Tests `spinning_rotors_precess`,
+//! Departure: the paper has only the first term of each force, and neglects the pitching part of rotor 1's torque
+//! (`tilt_reaction`). A hub moves at `V_i` relative to the air, by the velocity of the centre of mass and the body
+//! rates. Air along the axis reduces thrust, air across it pushes (the H-force). Both are to first order in the speed,
+//! as by blade element theory near hover (Bangura and Mahony, ACRA 2012; Faessler, Franchi and Scaramuzza, IEEE RA-L
+//! 3(2), 2018). The vortex ring of a steep descent is not modelled. With `plant.rotor.inertia_kgm2` the rotors are
+//! gyroscopes, and a rotor that accelerates turns the vehicle against its rotation; the rotor speed unit then counts as
+//! rad/s (see [`airframe::parameters`]). Tests `spinning_rotors_precess`,
 //! `a_rotor_that_spins_up_turns_the_vehicle_against_it`, `a_climb_costs_thrust_and_a_cross_wind_pushes`,
 //! `a_vehicle_that_turns_is_damped_at_its_hubs`.
 
@@ -25,15 +25,15 @@ use airframe::Actuation;
 use contract::Scenario;
 use nalgebra::Vector3;
 
-/// The sense of rotation `s_i`: 1 for a torque on the vehicle along the thrust.
+/// Sense of rotation `s_i`: 1 for a torque on the vehicle along the thrust.
 const SENSES: [f64; 3] = [1.0, -1.0, 1.0];
 
-/// How the actuators are at one instant; by default sound.
+/// Condition of the actuators at one instant; sound by default.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Condition {
-    /// Factor on thrust and torque of each rotor, beside the scenario's.
+    /// Factor on thrust and torque of each rotor, in addition to the scenario's.
     pub effectiveness: [f64; 3],
-    /// Time constants of rotor 1, 2, 3 and the tilt where a fault prolongs them \[s\].
+    /// Time constants of rotor 1, 2, 3 and the tilt \[s\]; `None` without a fault that prolongs them.
     pub slow_s: [Option<f64>; 4],
 }
 
@@ -43,41 +43,41 @@ impl Default for Condition {
     }
 }
 
-/// The rotors as they are.
+/// True rotors of the vehicle.
 #[derive(Debug, Clone)]
 pub struct Rotors {
     kf: f64,
     km: f64,
-    /// From the centre of mass, body \[m\].
+    /// Hubs in the body frame from the centre of mass \[m\].
     arms: [Vector3<f64>; 3],
     effectiveness: [f64; 3],
     tilt_reaction: bool,
-    /// `k_in` and `k_H` \[N s2/m\].
+    /// Coefficients `k_in` and `k_H` \[N s2/m\]; `None` if both are 0.
     in_air_ns2pm: Option<[f64; 2]>,
-    /// `J_r` \[kg m2\].
+    /// Moment of inertia `J_r` of a rotor \[kg m2\].
     inertia_kgm2: f64,
 }
 
-/// Force \[N\] and moment about the centre of mass \[N m\], body.
+/// Force and moment about the centre of mass, in the body frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wrench {
-    /// \[N\]
+    /// Force \[N\].
     pub force_n: Vector3<f64>,
-    /// \[N m\]
+    /// Moment \[N m\].
     pub moment_nm: Vector3<f64>,
 }
 
-/// Angular momentum \[N m s\] and its rate of change in the body frame \[N m\].
+/// Angular momentum of the rotors and its rate of change in the body frame.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Momentum {
-    /// h
+    /// Angular momentum h \[N m s\].
     pub own: Vector3<f64>,
-    /// dh/dt
+    /// Rate of change dh/dt \[N m\].
     pub rate: Vector3<f64>,
 }
 
 impl Rotors {
-    /// The rotors of the vehicle of `scenario`.
+    /// Builds the rotors of the vehicle of `scenario`.
     pub fn new(scenario: &Scenario) -> Self {
         let (plant, vehicle) = (&scenario.plant, scenario.flown_airframe());
         let centre = Vector3::from(plant.airframe.centre_of_mass_m);
@@ -98,8 +98,8 @@ impl Rotors {
         }
     }
 
-    /// What the rotors do to a vehicle whose centre of mass moves at `air_mps` against the air \[m/s\] and which turns at
-    /// `rates_radps` \[rad/s\], both body.
+    /// Computes force and moment of the rotors. The centre of mass moves at `air_mps` relative to the air \[m/s\], and
+    /// the vehicle turns at `rates_radps` \[rad/s\], both in the body frame.
     #[inline]
     pub fn thrust(
         &self,
@@ -129,7 +129,7 @@ impl Rotors {
         Wrench { force_n, moment_nm }
     }
 
-    /// The angular momentum of the rotors, while `rates` change speeds and tilt, per second.
+    /// Computes the angular momentum of the rotors, whose speeds and tilt change by `rates` per second.
     #[inline]
     pub fn momentum(&self, actuators: &Actuation, rates: &Actuation) -> Momentum {
         if self.inertia_kgm2 == 0.0 {
@@ -149,7 +149,7 @@ impl Rotors {
     }
 }
 
-/// The axes along which the rotors push, body, by sine and cosine of the tilt of rotor 1.
+/// Axes along which the rotors push, in the body frame, by sine and cosine of the tilt of rotor 1.
 fn axes((sin_mu, cos_mu): (f64, f64)) -> [Vector3<f64>; 3] {
     [Vector3::new(0.0, sin_mu, -cos_mu), -Vector3::z(), -Vector3::z()]
 }

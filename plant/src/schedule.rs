@@ -1,14 +1,14 @@
-//! Wind and disturbance: steps in time, each value held until the next.
+//! Wind and disturbance as steps in time, each value held until the next.
 
 use contract::Scenario;
 use nalgebra::Vector3;
 
 use crate::dynamics::Surroundings;
 
-/// Values, each with the time from which it holds \[ns\].
+/// Values, each with the time from which on it holds \[ns\].
 type Steps<T> = Vec<(u64, T)>;
 
-/// What acts on the vehicle from outside, by time.
+/// External influences on the vehicle over time.
 #[derive(Debug, Clone)]
 pub struct Schedule {
     /// Velocity of the air, NED \[m/s\].
@@ -18,7 +18,7 @@ pub struct Schedule {
 }
 
 impl Schedule {
-    /// The tables of `scenario`, which its validation keeps sorted.
+    /// Reads the tables of `scenario`, which validation requires to be sorted.
     pub fn new(scenario: &Scenario) -> Self {
         let nanoseconds = |s: f64| (s * 1e9).round() as u64;
         let plant = &scenario.plant;
@@ -32,14 +32,14 @@ impl Schedule {
         }
     }
 
-    /// The values in force at `now_ns`; calm before the first entry.
+    /// Values in force at `now_ns`; zero before the first entry.
     pub fn at(&self, now_ns: u64) -> Surroundings {
         let [force_n, moment_nm] = held(&self.disturbance, now_ns);
         Surroundings { wind_mps: held(&self.wind, now_ns), force_n, moment_nm, payload_kg: 0.0 }
     }
 }
 
-/// The last value whose time has come.
+/// Last value of a table that holds at `now_ns`.
 fn held<T: Copy + Default>(table: &[(u64, T)], now_ns: u64) -> T {
     table.iter().rev().find(|(from_ns, _)| *from_ns <= now_ns).map_or(T::default(), |&(_, value)| value)
 }

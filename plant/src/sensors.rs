@@ -1,14 +1,14 @@
-//! What is measured: four sensors, of position, velocity, attitude and rates, each with errors, a rate and a latency of its
-//! own; and the filter behind them.
+//! Sensors of position, velocity, attitude and rates, each with errors, a rate and a latency of its own, and the filter
+//! behind them.
 //!
 //! ```text
 //! truth -- every 1 / rate_hz --> + bias + noise -> quantum -- latency_ms --> raw -> filter -> measured
 //! ```
 //!
-//! The noise is white: of a deviation each time (`plant.noise`), or of a density, one-sided as data sheets give it, whose
-//! deviation grows with the root of the bandwidth, `density sqrt(rate / 2)`. The bias starts at a value drawn once and
-//! walks from there. Between two measurements a sensor repeats the last one that arrived; the first comes without
-//! latency. Angles are measured as they are, so that a heading in error may be beyond half a turn.
+//! The noise is white: of a standard deviation (`plant.noise`), or of a density, one-sided as in data sheets, whose
+//! deviation grows with the root of the bandwidth, `density sqrt(rate / 2)`. The bias starts at a random value and
+//! walks from there. Between two measurements a sensor repeats the last one that arrived; the first has no latency.
+//! Angles with errors are not wrapped, so that a measured heading may be beyond half a turn.
 
 use std::collections::VecDeque;
 
@@ -21,46 +21,46 @@ use crate::filter::ComplementaryFilter;
 use crate::memory::Tape;
 use crate::random::{Stream, normal};
 
-/// Measurements under way that a sensor has room for: the longest latency at the highest rate.
+/// Most measurements under way in a sensor: the longest latency at the highest rate.
 const UNDER_WAY: usize = 1024;
 
-/// The sensors and the filter behind them.
+/// Sensors, and the filter behind them.
 #[derive(Debug, Clone)]
 pub struct Sensors {
     position: Sensor,
     velocity: Sensor,
     attitude: Sensor,
     rates: Sensor,
-    /// Whether any of them errs.
+    /// `true` if any sensor has errors.
     errs: bool,
     random: ChaCha8Rng,
     filter: Option<ComplementaryFilter>,
 }
 
-/// One sensor, in the units of [`Kinematics`].
+/// Sensor, in the units of [`Kinematics`].
 #[derive(Debug, Clone)]
 struct Sensor {
     /// Deviation of a measurement, per axis.
     deviation: [f64; 3],
-    /// Deviation of the bias at the start, and what it walks in a sample, per axis.
+    /// Deviation of the bias at the start, and of its walk in a sample, per axis.
     bias_deviation: [f64; 3],
     bias_step: [f64; 3],
     quantum: [f64; 3],
-    /// Time between two measurements, and until one arrives \[ns\].
+    /// Time between two measurements, and from a measurement to its arrival \[ns\].
     period_ns: u64,
     latency_ns: u64,
     bias: Option<[f64; 3]>,
-    /// When the next measurement is due \[ns\].
+    /// Time of the next measurement \[ns\].
     due_ns: u64,
-    /// Measurements under way, with the time of their arrival, oldest first.
+    /// Measurements under way with the times of their arrival, oldest first.
     under_way: VecDeque<(u64, [f64; 3])>,
-    /// The last that arrived.
+    /// Last measurement that arrived.
     newest: Option<[f64; 3]>,
 }
 
 impl Sensor {
-    /// A sensor with `noise` as the deviation of each measurement, and the errors of `settings`, read by samples of
-    /// `sample_ns`; `unit` turns the units of the settings into those of [`Kinematics`].
+    /// Builds a sensor with `noise` as the deviation of each measurement, and the errors of `settings`, read by samples
+    /// of `sample_ns`; `unit` converts the units of the settings to those of [`Kinematics`].
     fn new(settings: &Settings, noise: f64, unit: f64, sample_ns: u64) -> Self {
         let own_ns = if settings.rate_hz > 0.0 { (1e9 / settings.rate_hz).round() as u64 } else { sample_ns };
         let period_ns = own_ns.max(sample_ns);
@@ -90,14 +90,14 @@ impl Sensor {
         tape.option(&mut self.newest, |tape, newest| tape.numbers(newest));
     }
 
-    /// Whether it tells anything but the truth.
+    /// Returns whether the sensor has errors.
     fn errs(&self) -> bool {
         let errors = [self.deviation, self.bias_deviation, self.bias_step, self.quantum];
         errors.as_flattened().iter().any(|error| *error > 0.0)
     }
 
-    /// What it says at `now_ns` of the truth. With `errs` it draws six numbers, whether it needs them or not, so that one
-    /// sensor does not depend on another.
+    /// Reads the sensor at `now_ns`. With `errs` six numbers are drawn, needed or not, so that one sensor's draws do
+    /// not depend on another's settings.
     fn read(&mut self, now_ns: u64, truth: [f64; 3], errs: bool, random: &mut ChaCha8Rng) -> [f64; 3] {
         let mut draw = || -> [f64; 3] { std::array::from_fn(|_| if errs { normal(random) } else { 0.0 }) };
         let (noise, walk) = (draw(), draw());
@@ -127,7 +127,7 @@ impl Sensor {
 }
 
 impl Sensors {
-    /// The sensors of `scenario`.
+    /// Builds the sensors of `scenario`.
     pub fn new(scenario: &Scenario) -> Self {
         let (noise, settings) = (&scenario.plant.noise, &scenario.plant.sensors);
         let sample_ns = scenario.sample_ns();
@@ -149,7 +149,7 @@ impl Sensors {
         }
     }
 
-    /// Writes or reads what they remember.
+    /// Writes or reads the sensors' state and the random stream.
     pub fn remember(&mut self, tape: &mut Tape) {
         for sensor in [&mut self.position, &mut self.velocity, &mut self.attitude, &mut self.rates] {
             sensor.remember(tape);
@@ -160,7 +160,7 @@ impl Sensors {
         }
     }
 
-    /// What is measured at `now_ns` of `actual`; calls follow one another by samples.
+    /// Measures `actual` at `now_ns`; must be called once per sample, in order.
     pub fn measure(&mut self, now_ns: u64, actual: &Kinematics) -> Kinematics {
         let Self { errs, random, .. } = self;
         let mut read = |sensor: &mut Sensor, truth| sensor.read(now_ns, truth, *errs, random);

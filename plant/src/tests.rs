@@ -27,13 +27,13 @@ fn message(sequence: u64, command: [f64; 4]) -> Actuators {
     }
 }
 
-/// Hover trim with every rotor `share` faster.
+/// Command of hover trim with every rotor faster by `share`.
 fn faster(share: f64) -> [f64; 4] {
     let Actuation { rotor_speed: [o1, o2, o3], tilt_rad } = Trim::solve(&scenario().airframe, false).actuation;
     [o1 * (1.0 + share), o2 * (1.0 + share), o3 * (1.0 + share), tilt_rad]
 }
 
-/// The reference has Euler angles in its states, and with them 16 numbers.
+/// Converts a state of the reference, which has 16 numbers with Euler angles.
 fn from_euler(state: &[f64; 16]) -> StateVector {
     let three = |from: usize| [state[from], state[from + 1], state[from + 2]];
     let motion =
@@ -104,7 +104,7 @@ fn hover_stays_put() {
 }
 
 #[test]
-fn it_starts_at_trim_plus_the_initial_displacement() {
+fn the_vehicle_starts_at_trim_plus_the_initial_displacement() {
     let mut scenario = scenario();
     scenario.initial.position_m = [1.0, 2.0, -3.0];
     scenario.initial.velocity_mps = [0.1, 0.2, 0.3];
@@ -143,7 +143,7 @@ fn state_names_the_command_that_was_in_force_up_to_it() {
 
 #[test]
 fn a_command_acts_from_its_arrival_on() {
-    // Rotor lag from rest is exact in closed form: the speed tells since when the command has been in force.
+    // The rotor lag has a closed form, so that the speed shows since when the command has been in force.
     for arrival_ns in [0, 3 * MS, 3_141_593, 9_999_999] {
         let mut plant = Plant::new(&scenario());
         let from = plant.sample().actuators.rotor_speed[0];
@@ -170,8 +170,8 @@ fn a_command_may_arrive_periods_later() {
 
 #[test]
 fn a_delay_of_whole_substeps_adds_no_integration_steps() {
-    // Commands at a multiple of the substep leave the grid of steps alone: the flight is bit for bit the same as one
-    // whose commands arrive that much later.
+    // Commands at a multiple of the substep do not change the grid of steps: the flight has the same bits as one whose
+    // commands arrive later by the delay.
     let fly = |delay_ms: u64, arrival_ms: u64| {
         let mut scenario = scenario();
         scenario.run.command_delay_ms = delay_ms as f64;
@@ -197,7 +197,7 @@ fn several_periods_at_once_are_the_same_flight() {
         one_by_one.advance(1);
     }
     at_once.advance(7);
-    // A sample tells of the commands since the sample before it, which was seven periods ago for one of them.
+    // A sample reports the commands since the sample before it, which was seven periods ago for one of them.
     let (one, other) = (one_by_one.sample(), at_once.sample());
     assert_eq!((one.arrived, other.arrived, other.arrivals[0].after_ns), (0, 1, 4 * MS));
     assert_eq!(one, State { arrivals: one.arrivals, arrived: one.arrived, ..other });
@@ -261,10 +261,9 @@ fn every_divergence_has_its_own_status() {
 }
 
 proptest! {
-    /// No stream of commands, however wild, makes the plant panic or leave a number that is not finite behind
-    /// while it claims to fly.
+    /// For any stream of commands the plant does not panic, and a state that is not finite has a diverged status.
     #[test]
-    fn it_is_total(
+    fn any_command_leaves_the_state_finite_or_diverged(
         commands in prop::collection::vec((prop::array::uniform4(prop::num::f64::ANY), 0u64..30 * MS), 1..40),
         substep_s in 0.0005..0.02,
     ) {
@@ -279,9 +278,9 @@ proptest! {
         }
     }
 
-    /// The same scenario, seed and commands: the same bits.
+    /// Equal scenario, seed and commands give equal bits.
     #[test]
-    fn it_repeats_bit_for_bit(seed in any::<u64>(), thrust in -0.02..0.02) {
+    fn a_flight_repeats_bit_for_bit(seed in any::<u64>(), thrust in -0.02..0.02) {
         let mut scenario = scenario();
         scenario.run.seed = seed;
         scenario.run.command_jitter_ms = 8.0;
@@ -299,7 +298,7 @@ proptest! {
     }
 }
 
-/// Velocity after 0.1 s from hover at the height of the reference above the plane, NED \[m/s\].
+/// Velocity 0.1 s after hover at the reference height of the wind above the plane, NED \[m/s\].
 fn blown(roughness_m: f64, ground_m: Option<f64>, wind_ned_mps: [f64; 3]) -> [f64; 3] {
     let mut scenario = scenario();
     scenario.plant.drag_linear_nspm = [1.0; 3];
@@ -337,7 +336,7 @@ fn shear_leaves_the_vertical_wind_alone() {
     assert!(sink(0.0) > 0.1 && sink(0.05) == sink(0.0), "{} and {}", sink(0.05), sink(0.0));
 }
 
-/// Vehicles whose parts all remember something.
+/// Scenarios of vehicles in which every part has a memory.
 fn vehicles() -> Vec<Scenario> {
     let load = |name: &str, more: &[&str]| {
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../scenarios/{name}.toml"));
@@ -357,7 +356,7 @@ fn vehicles() -> Vec<Scenario> {
 }
 
 #[test]
-fn a_vehicle_that_gets_the_memory_of_another_flies_on_as_that_one_to_the_last_bit() {
+fn a_vehicle_with_the_memory_of_another_continues_its_flight_bit_for_bit() {
     for scenario in vehicles() {
         let mut plant = Plant::new(&scenario);
         let (mut successors, mut memory) = (vec![], [0; PLANT_WORDS]);

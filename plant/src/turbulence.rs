@@ -1,27 +1,27 @@
-//! Turbulence of the Dryden form at low altitude, and the shear of the mean wind (MIL-F-8785C, section 3.7).
+//! Dryden turbulence at low altitude, and the shear of the mean wind (MIL-F-8785C, section 3.7).
 //!
-//! At the height h in feet and with the wind W20 at 20 feet, scales and deviations of the gusts along, across and down are
+//! At the height h in feet and with the wind W20 at 20 feet, scales and deviations along, across and down are
 //!
 //! ```text
 //! L_w = h,        L_u = L_v = h / (0.177 + 0.000823 h)^1.2
 //! s_w = 0.1 W20,  s_u = s_v = s_w / (0.177 + 0.000823 h)^0.4
 //! ```
 //!
-//! and their spectra, for a vehicle that meets the frozen field at the airspeed V, those of white noise through
+//! For a vehicle that crosses the frozen field at the airspeed V, their spectra are those of white noise filtered by
 //!
 //! ```text
 //! H_u = s_u sqrt(2 T) / (1 + T s)                                 T = L / V
 //! H_v = s_v sqrt(T) (1 + sqrt(3) T s) / (1 + T s)^2               H_w likewise
 //! ```
 //!
-//! The filters are discretised exactly: values at the samples have the covariance that the continuous process has there, at any
-//! sample rate, from the first sample on. Within a sample the gust stays. The gusts that turn a wing are left out: the vehicle
-//! is small beside the scales.
+//! The filters are discretised exactly: the gusts at the samples have the covariance of the continuous process, at any
+//! sample rate, from the first sample on. Within a sample the gust is constant. Rotational gusts are left out, because
+//! the vehicle is small compared with the scales.
 //!
-//! W20, h and V are settings: then the process is stationary, and its spectrum can be tested. Or, with `from_wind`, they are
-//! those of the moment: the mean wind of `plant.wind_ned_mps`, the height above the ground between 10 and 1000 feet, between
-//! which the formulas hold, and the speed against the mean wind. Then the filters, of deviation 1, are tuned anew at each
-//! sample, and the deviation is a factor on what they give.
+//! W20, h and V are settings by default: the process is stationary, and its spectrum can be tested. With `from_wind`
+//! they are the present ones: the mean wind of `plant.wind_ned_mps`, the height above the ground, clamped to 10 to 1000
+//! feet, for which the formulas hold, and the speed relative to the mean wind. The filters then have deviation 1 and
+//! are tuned at each sample, and their output is multiplied by the present deviation.
 
 use contract::Scenario;
 use nalgebra::{Matrix3, Rotation3, Vector3};
@@ -31,49 +31,49 @@ use crate::memory::Tape;
 use crate::random::{Stream, normal};
 
 const FEET_PER_M: f64 = 1.0 / 0.3048;
-/// Height at which the wind is given: 20 feet \[m\].
+/// Height of the wind W20, 20 feet \[m\].
 pub const REFERENCE_HEIGHT_M: f64 = 6.096;
 
 /// Heights for which the formulas hold \[m\]: 10 and 1000 feet.
 const HEIGHTS_M: [f64; 2] = [3.048, 304.8];
-/// Least speed at which the vehicle meets the field \[m/s\]: at none the gust would never change.
+/// Smallest airspeed of the filters \[m/s\]: at 0 the gust would never change.
 const MIN_AIRSPEED_MPS: f64 = 0.1;
 
-/// What the gusts of the moment depend on.
+/// Quantities that determine the gusts at one instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Moment {
     /// Height above the ground \[m\].
     pub height_m: f64,
     /// Mean wind at 20 feet, NED \[m/s\].
     pub wind_mps: Vector3<f64>,
-    /// Speed of the vehicle against the mean wind \[m/s\].
+    /// Speed of the vehicle relative to the mean wind \[m/s\].
     pub airspeed_mps: f64,
 }
 
-/// The gusts of one flight.
+/// Gusts of one flight.
 #[derive(Debug, Clone)]
 pub struct Turbulence {
     along: Axis,
     across: Axis,
     down: Axis,
     to_ned: Rotation3<f64>,
-    /// Whether wind, height and airspeed are those of the moment.
+    /// `true` if wind, height and airspeed are the present ones, `false` if they are settings.
     from_wind: bool,
     dt_s: f64,
     random: ChaCha8Rng,
-    /// The newest sample and its gust, NED \[m/s\].
+    /// Newest sample and its gust, NED \[m/s\].
     newest: Option<(u64, Vector3<f64>)>,
 }
 
-/// One component: `a' = (n - a) / T`, `b' = (a - b) / T`, and the gust is `from_a a + from_b b`.
+/// Component with the filter `a' = (n - a) / T`, `b' = (a - b) / T`; the gust is `from_a a + from_b b`.
 #[derive(Debug, Clone, Copy)]
 struct Axis {
     a: f64,
     b: f64,
-    /// `exp(-dt / T)` and `dt / T`.
+    /// Factors `exp(-dt / T)` and `dt / T`.
     decay: f64,
     share: f64,
-    /// Cholesky factor of the covariance of what one sample adds to (a, b).
+    /// Cholesky factor of the covariance that one sample adds to (a, b).
     noise: [f64; 3],
     from: [f64; 2],
     /// Factor on the gust.
@@ -81,7 +81,7 @@ struct Axis {
 }
 
 impl Axis {
-    /// Of deviation `sigma` and time scale `t_s`, by samples of `dt_s`, from its stationary distribution.
+    /// Starts a component of deviation `sigma_mps` and time scale `t_s` in its stationary state, by samples of `dt_s`.
     fn new(sigma_mps: f64, t_s: f64, dt_s: f64, from: [f64; 2], random: &mut ChaCha8Rng) -> Self {
         let share = dt_s / t_s;
         let (decay, noise) = (libm::exp(-share), covariance_root(sigma_mps, share));
@@ -91,7 +91,7 @@ impl Axis {
         Self { a: start[0] * first, b: start[1] * first + start[2] * second, ..axis }
     }
 
-    /// Tunes an axis of deviation 1 to the deviation `sigma` and the time scale `t_s`.
+    /// Tunes an axis of deviation 1 to the deviation `sigma_mps` and the time scale `t_s`.
     fn tune(&mut self, sigma_mps: f64, t_s: f64, dt_s: f64) {
         self.share = dt_s / t_s;
         self.decay = libm::exp(-self.share);
@@ -115,7 +115,7 @@ fn two(random: &mut ChaCha8Rng) -> [f64; 2] {
     [normal(random), normal(random)]
 }
 
-/// Lower triangle of the root of the covariance that `share` of a time scale adds to (a, b).
+/// Cholesky factor of the covariance that `share` of a time scale adds to (a, b).
 fn covariance_root(sigma: f64, share: f64) -> [f64; 3] {
     let (left, r) = if share.is_finite() { (libm::exp(-2.0 * share), share) } else { (0.0, 0.0) };
     let aa = (1.0 - left) / 2.0;
@@ -126,7 +126,7 @@ fn covariance_root(sigma: f64, share: f64) -> [f64; 3] {
     [root_aa, root_ab, (bb - root_ab * root_ab).max(0.0).sqrt()].map(|root| root * sigma)
 }
 
-/// Scales along and down \[m\], and deviations along and down \[m/s\], at `height_m` with the wind `wind_mps` at 20 feet.
+/// Scales \[m\] and deviations \[m/s\], each along and down, at `height_m` with the wind `wind_mps` at 20 feet.
 fn scales(height_m: f64, wind_mps: f64) -> ([f64; 2], [f64; 2]) {
     let h_ft = height_m * FEET_PER_M;
     let base = 0.177 + 0.000_823 * h_ft;
@@ -135,7 +135,7 @@ fn scales(height_m: f64, wind_mps: f64) -> ([f64; 2], [f64; 2]) {
 }
 
 impl Turbulence {
-    /// The turbulence of `scenario`, if it has any.
+    /// Builds the turbulence of `scenario`; `None` if it has none.
     pub fn new(scenario: &Scenario) -> Option<Self> {
         let settings = &scenario.plant.turbulence;
         let ([l_u, l_w], [s_u, s_w]) = scales(settings.height_m, settings.wind_at_6m_mps);
@@ -157,7 +157,7 @@ impl Turbulence {
         })
     }
 
-    /// Writes or reads what it remembers at the sample `tick`, up to which it was asked.
+    /// Writes or reads the filters at sample `tick`; refuses if the newest gust is not that of the sample before.
     pub fn remember(&mut self, tape: &mut Tape, tick: u64) {
         for Axis { a, b, decay, share, noise, scale, .. } in [&mut self.along, &mut self.across, &mut self.down] {
             tape.numbers(noise);
@@ -178,8 +178,8 @@ impl Turbulence {
         }
     }
 
-    /// The gust of the sample `tick`, NED \[m/s\]; samples are asked for in order. With `from_wind` it is that of the
-    /// `moment` at which a sample is asked for first.
+    /// Gust of sample `tick`, NED \[m/s\]; must be called in the order of samples. With `from_wind` the `moment` of the
+    /// first call for a sample determines it.
     pub fn at(&mut self, tick: u64, moment: &Moment) -> Vector3<f64> {
         let before = match self.newest {
             Some((newest, gust)) if newest == tick => return gust,
@@ -198,7 +198,7 @@ impl Turbulence {
         gust
     }
 
-    /// Takes deviations, time scales and direction from the `moment`.
+    /// Sets deviations, time scales and direction by the `moment`.
     fn tune(&mut self, moment: &Moment) {
         let (north, east) = (moment.wind_mps.x, moment.wind_mps.y);
         let wind_mps = libm::hypot(north, east);
@@ -215,8 +215,8 @@ impl Turbulence {
     }
 }
 
-/// The mean wind at `height_m` above the ground, as a share of that at 20 feet: a logarithmic profile over ground of the roughness
-/// `roughness_m`; 1 at every height for the roughness 0.
+/// Mean wind at `height_m` above the ground, as a share of that at 20 feet: a logarithmic profile over ground of the
+/// roughness `roughness_m`; 1 at every height for the roughness 0.
 pub fn shear(height_m: f64, roughness_m: f64) -> f64 {
     if roughness_m <= 0.0 {
         1.0
@@ -246,10 +246,10 @@ mod tests {
         (0..samples).map(|tick| turbulence.at(tick, &OTHER)).collect()
     }
 
-    /// A moment that settings do not ask for.
+    /// Moment that differs from the settings.
     const OTHER: Moment = Moment { height_m: 50.0, wind_mps: Vector3::new(0.0, -3.0, 0.0), airspeed_mps: 9.0 };
 
-    /// Gusts of a vehicle at the `moment`, as the wind makes them.
+    /// Gusts with `from_wind` of a vehicle at the `moment`.
     fn from_wind(seed: u64, samples: u64, moment: &Moment) -> Vec<Vector3<f64>> {
         let mut scenario = scenario(seed);
         scenario.plant.turbulence = contract::scenario::Turbulence { from_wind: true, ..Default::default() };
@@ -258,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn the_wind_of_the_moment_makes_the_gusts_of_settings_of_the_same_values() {
+    fn a_moment_with_the_values_of_the_settings_gives_the_same_gusts() {
         let settings = scenario(3).plant.turbulence;
         let (height_m, airspeed_mps) = (settings.height_m, settings.airspeed_mps);
         let moment = Moment { height_m, wind_mps: Vector3::new(8.0, 0.0, 1.0), airspeed_mps };
@@ -276,7 +276,7 @@ mod tests {
         let first = |moment: Moment| from_wind(3, 1, &moment)[0];
         assert_eq!(first(moment(8.0, 0.0)), Vector3::zeros(), "no wind, no gusts");
         assert!((first(moment(8.0, 6.0)) - first(moment(8.0, 3.0)) * 2.0).norm() < 1e-12);
-        // Higher up the gusts along the wind are weaker, and those up and down the same and slower.
+        // Higher up the gusts along the wind are weaker, and the vertical ones as strong but slower.
         let (low, high) = (first(moment(5.0, 6.0)), first(moment(50.0, 6.0)));
         let base = |h_m: f64| 0.177 + 0.000_823 * h_m / 0.3048;
         assert!((high.x / low.x - (base(5.0) / base(50.0)).powf(0.4)).abs() < 1e-12 && (high.z - low.z).abs() < 1e-12);
@@ -285,12 +285,12 @@ mod tests {
             drawn.windows(2).map(|pair| (pair[1].z - pair[0].z).powi(2)).sum::<f64>()
         };
         assert!(step(5.0) > 5.0 * step(50.0));
-        // Beyond the heights of the standard the nearest of them counts; standing air gives a gust that stays, not NaN.
+        // Heights beyond the standard are clamped; an airspeed of 0 gives a finite gust, not NaN.
         assert_eq!(first(moment(-1.0, 6.0)), first(moment(3.048, 6.0)));
         assert!(first(Moment { airspeed_mps: 0.0, ..moment(8.0, 6.0) }).iter().all(|gust| gust.is_finite()));
     }
 
-    /// Deviations and time scales along, across and down, as the standard has them at the default height and airspeed.
+    /// Deviations and time scales along, across and down, by the standard at the default height and airspeed.
     fn standard() -> [(f64, f64); 3] {
         let settings = &scenario(0).plant.turbulence;
         let h: f64 = settings.height_m / 0.3048;
@@ -342,7 +342,7 @@ mod tests {
     }
 
     #[test]
-    fn it_repeats_with_the_seed_and_turns_with_the_wind() {
+    fn gusts_repeat_with_the_seed_and_turn_with_the_wind() {
         assert_eq!(gusts(3, 20), gusts(3, 20));
         assert_ne!(gusts(3, 20), gusts(4, 20));
         let mut east = scenario(3);

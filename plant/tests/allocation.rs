@@ -1,4 +1,4 @@
-//! Flying allocates nothing, whatever breaks.
+//! A flight allocates nothing, with any fault.
 
 use contract::Scenario;
 use contract::message::{Actuators, Stamp};
@@ -32,7 +32,7 @@ fn a_flight_with_every_fault_allocates_nothing() {
     }
 }
 
-/// Flies `scenario` with the faults that are `given` on the way.
+/// Asserts that a flight of `scenario` with the faults `given` in flight allocates nothing.
 fn check_allocates_nothing(scenario: &Scenario, given: &[Fault]) {
     let mut plant = Plant::new(scenario);
     let command = plant.sample().command_in_force;

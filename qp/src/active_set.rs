@@ -1,4 +1,4 @@
-//! The solver: a solve, the ascent, its steps, and the dual objective that must rise.
+//! The solver: the ascent of the dual objective and its steps.
 
 use nalgebra::DMatrix;
 
@@ -6,80 +6,80 @@ use crate::basis::{Basis, Combination};
 use crate::factor::Factor;
 use crate::working_set::{Member, WorkingSet};
 
-/// Violation that is left alone, in units of the slacks.
+/// Accepted violation, in units of the slacks.
 const TOLERANCE: f64 = 5e-10;
-/// A dual objective this many times that of the first violated constraint alone grows without bound: nothing is inside.
+/// Ratio of the dual objective to that of the first violated constraint alone above which no point is feasible.
 const UNBOUNDED: f64 = 1e12;
 
-/// Largest number that is computed with: the dual objective is its square, and a turn has the square of that.
+/// Bound on all numbers: the dual objective has its square, and a turn its fourth power.
 const MAX_MAGNITUDE: f64 = 1e50;
 
-/// Above this a dual objective is rounding for the most part.
+/// Dual objective above which its value is mostly rounding.
 const MAX_EXACT_DUAL: f64 = 1e10;
 
-/// A constraint depends on the others when they leave no more than this share of its square.
+/// Share of a constraint's square that must remain after elimination for it to be independent of the others.
 const INDEPENDENT: f64 = 1e-11;
-/// Squared share of a dependent constraint, in its own size, that is rounding.
+/// Squared share in a dependent constraint, relative to its square, below which it is rounding.
 const ROUNDING: f64 = 1e-20;
-/// Share of the promised ascent that a turn must keep.
+/// Share of the linearly predicted ascent that a turn must reach.
 const ARMIJO: f64 = 0.1;
-/// Times a turn is shortened at most.
+/// Most times that a turn is shortened.
 const HALVINGS: u32 = 40;
-/// Share of the sum of all `|l_i M_ij l_j|` by which rounding may lower the dual: a Cholesky factor and its solves are exact
-/// for a matrix that is off by about the number of members times 1e-16 in each entry.
+/// Share of the sum of all `|l_i M_ij l_j|` by which rounding may lower the dual: a Cholesky factor and its solves are
+/// exact for a matrix whose entries differ by about 1e-16 times the number of members.
 const DUAL_ROUNDING: f64 = 1e-13;
 
-/// The solver of one set-up.
+/// Solver of one set-up.
 pub struct ActiveSet {
-    /// Steps granted to a solve.
+    /// Most steps of a solve.
     pub max_iterations: u32,
     basis: Basis,
     working_set: WorkingSet,
-    /// The constraints its members stand for.
+    /// Constraints of the members of the working set.
     held: Vec<Combination>,
-    /// Their multipliers, never negative.
+    /// Multipliers of the members, never negative.
     multipliers: Vec<f64>,
-    /// Factor of their Gram matrix.
+    /// Factor of the members' Gram matrix.
     factor: Factor,
-    /// Where the multipliers go.
+    /// Step of the multipliers.
     step: Vec<[f64; 4]>,
-    /// Which rows, and then which discs, are held.
+    /// Flags of the held rows, then of the held discs.
     is_held: Vec<bool>,
-    /// The centre.
+    /// Centre c.
     centre: Vec<[f64; 4]>,
-    /// The variables under the multipliers.
+    /// Variables x at the present multipliers.
     x: Vec<[f64; 4]>,
-    /// The basis rows at `x`.
+    /// Values of the basis rows at `x`.
     slacks: Vec<[f64; 4]>,
-    /// The basis rows at the centre.
+    /// Values of the basis rows at the centre.
     at_centre: Vec<[f64; 4]>,
-    /// Places of the held tangents that turn.
+    /// Indices of the held tangents that turn.
     turning: Vec<usize>,
-    /// Those that have turned and join again, with their multipliers.
+    /// Tangents that have turned and join again, with their multipliers.
     turned: Vec<(Member, f64)>,
 }
 
-/// How a solve went.
+/// Result of a solve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Outcome {
-    /// How it ended.
+    /// Reason of the end.
     pub termination: Termination,
-    /// Steps taken: each solves the equations of one working set.
+    /// Number of steps: each solves the equations of one working set.
     pub iterations: u32,
-    /// Constraints held at the end.
+    /// Number of constraints held at the end.
     pub active: u32,
 }
 
-/// How a solve ended.
+/// Reason for which a solve ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Termination {
     /// `x` is the optimum.
     Optimal,
     /// `x` is the last iterate: not feasible.
     IterationLimit,
-    /// No `x` obeys all hard constraints.
+    /// No `x` satisfies all hard constraints.
     Infeasible,
-    /// A number given is none, or so large that nothing can be computed with it.
+    /// An input is NaN, or an input or a result is too large.
     NotFinite,
 }
 
@@ -88,7 +88,7 @@ impl ActiveSet {
     /// (m numbers: 0 is hard, else `1/w`), and the rows of the `discs` (2k x n, one pair each).
     ///
     /// # Panics
-    /// When the sizes do not match, or `H` is not positive definite.
+    /// If the sizes do not match, or `H` is not positive definite.
     pub fn new(
         hessian: &DMatrix<f64>,
         rows: &DMatrix<f64>,
@@ -97,7 +97,7 @@ impl ActiveSet {
         max_iterations: u32,
     ) -> Self {
         let basis = Basis::new(hessian, rows, softness, discs);
-        // Hard members are independent; a soft row needs no such thing.
+        // Hard members are independent, so at most n; soft rows need not be.
         let soft = softness.iter().filter(|softness| **softness > 0.0).count();
         let members = (basis.variables + soft).min(basis.rows + basis.discs);
         let capacity = members + basis.discs;
@@ -119,24 +119,24 @@ impl ActiveSet {
         }
     }
 
-    /// What the last solve left for the next to start from.
+    /// Working set of the last solve, from which the next one starts.
     pub fn working_set(&self) -> &WorkingSet {
         &self.working_set
     }
 
-    /// Lets the next solve start from the working set of another solver of the same set-up.
+    /// Makes the next solve start from the working set of another solver of the same set-up.
     pub fn warm_start(&mut self, from: &WorkingSet) {
         self.working_set.members.clear();
         self.working_set.members.extend_from_slice(&from.members);
     }
 
-    /// Lets the next solve start from nothing.
+    /// Makes the next solve start without a working set.
     pub fn forget(&mut self) {
         self.working_set.members.clear();
     }
 
-    /// Solves for a `centre` (n) and `offsets` (m + 2k: the rows, then the pairs of the discs). Writes `x` (n) at the
-    /// optimum, and where the steps ran out; leaves it alone otherwise.
+    /// Solves for a `centre` (n) and `offsets` (m + 2k: the rows, then the pairs of the discs). Writes `x` (n) if the
+    /// termination is `Optimal` or `IterationLimit`, else leaves it unchanged.
     pub fn solve(&mut self, centre: &[f64], offsets: &[f64], x: &mut [f64]) -> Outcome {
         let is_near = |numbers: &[f64]| numbers.iter().all(|number| number.abs() < MAX_MAGNITUDE); // false for NaN
         let mut outcome = Outcome { termination: Termination::NotFinite, iterations: 0, active: 0 };
@@ -153,7 +153,7 @@ impl ActiveSet {
             (outcome.termination, outcome.iterations) = self.ascend(offsets, first);
             outcome.active = self.held.len() as u32;
             if first > MAX_EXACT_DUAL {
-                self.forget(); // what was held among rounding is nothing to start from
+                self.forget(); // a working set found among rounding is no useful start
             }
         } else {
             self.forget();
@@ -169,7 +169,7 @@ impl ActiveSet {
         outcome
     }
 
-    /// Climbs until nothing is violated; `first` is the dual objective of the first violated constraint alone.
+    /// Ascends until no constraint is violated; `first` is the dual objective of the first violated constraint alone.
     fn ascend(&mut self, offsets: &[f64], first: f64) -> (Termination, u32) {
         for iteration in 1..=self.max_iterations {
             let before = self.objective();
@@ -185,7 +185,7 @@ impl ActiveSet {
             let possible = match self.worst() {
                 None => return (Termination::Optimal, iteration),
                 Some((Member::Cut { disc, .. }, _)) if self.is_held[self.basis.rows + disc] => self.turn(offsets),
-                Some((Member::Row(row), _)) if self.is_held[row] => true, // rounding: the next step mends it
+                Some((Member::Row(row), _)) if self.is_held[row] => true, // rounding: the next step corrects it
                 Some((member, _)) => self.join(member, 0.0, offsets),
             };
             if !possible {
@@ -195,8 +195,8 @@ impl ActiveSet {
         (Termination::IterationLimit, self.max_iterations)
     }
 
-    /// The constraint violated most, in the norm of `H^-1`, and by how much. A disc is told by its tangent towards the
-    /// present point.
+    /// Constraint violated most, in the norm of `H^-1`, and its violation; `None` if all hold. A disc is represented by
+    /// its tangent towards the present point.
     fn worst(&self) -> Option<(Member, f64)> {
         let (rows, pairs) = self.slacks.as_flattened()[..self.basis.len()].split_at(self.basis.rows);
         let (mut worst, mut most) = (None, 0.0);
@@ -218,7 +218,7 @@ impl ActiveSet {
         worst.map(|member| (member, most))
     }
 
-    /// Takes up the working set that the last solve left.
+    /// Restores the working set of the last solve with zero multipliers; dependent members are dropped.
     fn resume(&mut self) {
         self.held.clear();
         self.multipliers.clear();
@@ -239,7 +239,7 @@ impl ActiveSet {
         }
     }
 
-    /// Goes to the optimum of the working set; false when a multiplier vanished on the way, and its member was dropped.
+    /// Goes to the optimum of the working set; `false` if a multiplier became zero first and its member was dropped.
     fn step(&mut self, offsets: &[f64]) -> bool {
         self.aim();
         let steps = self.step.as_flattened();
@@ -266,7 +266,7 @@ impl ActiveSet {
         blocking.is_none()
     }
 
-    /// Writes the step that brings every held slack to zero; returns how steeply the dual rises along it.
+    /// Writes the step that brings every held slack to zero; returns the slope of the dual along it.
     fn aim(&mut self) -> f64 {
         for (right, held) in self.step.as_flattened_mut().iter_mut().zip(&self.held) {
             *right = -held.slack(self.slacks.as_flattened());
@@ -282,7 +282,7 @@ impl ActiveSet {
         }
     }
 
-    /// Takes a look at the slacks at `x`; a held soft row is where its excess puts it.
+    /// Computes the slacks at `x`; that of a held soft row includes its excess.
     fn observe(&mut self, offsets: &[f64]) {
         self.basis.slacks(&self.x, offsets, &mut self.slacks);
         for ((member, held), multiplier) in self.working_set.members.iter().zip(&self.held).zip(&self.multipliers) {
@@ -292,10 +292,11 @@ impl ActiveSet {
         }
     }
 
-    /// Adds a constraint that does not hold, with the multiplier it has; false when no point obeys it and those it depends on.
+    /// Adds a constraint with its `multiplier`; `false` if no point satisfies it together with those it depends on.
     ///
-    /// One that depends on those held takes their place: its own force grows at their expense until the first of them has
-    /// none left and drops out. If it holds, its force goes over to them likewise: taken off, the dual would fall.
+    /// A constraint that depends on held ones replaces one of them: its multiplier grows while theirs shrink, until the
+    /// first of theirs is zero and is dropped. A dependent constraint that is satisfied gives its multiplier to the
+    /// held ones in the same way, because without it the dual would fall.
     fn join(&mut self, member: Member, mut multiplier: f64, offsets: &[f64]) -> bool {
         let constraint = self.basis.constraint(member);
         let size = self.basis.square(&constraint);
@@ -329,9 +330,9 @@ impl ActiveSet {
         true
     }
 
-    /// Of the members whose force goes over to the joining constraint as that grows (`sign` 1) or shrinks (-1), the one that
-    /// is exhausted first, and by how much the joining one has changed by then. `size` is the square of the joining
-    /// constraint: shares that are rounding to it do not count.
+    /// Member whose multiplier is the first to reach zero as that of the joining constraint grows (`sign` 1) or shrinks
+    /// (-1), and the change of the joining one until then; `None` if none does. `size` is the square of the joining
+    /// constraint: shares that are rounding relative to it do not count.
     fn first_exhausted(&self, size: f64, sign: f64) -> Option<(f64, usize)> {
         let mut first: Option<(f64, usize)> = None;
         for (j, (share, held)) in self.step.as_flattened().iter().zip(&self.held).enumerate() {
@@ -346,7 +347,7 @@ impl ActiveSet {
         first
     }
 
-    /// Drops a member, and takes its force off `x`.
+    /// Drops a member, and removes its effect on `x`.
     fn remove(&mut self, j: usize) {
         let member = self.working_set.members.remove(j);
         let place = self.place(member);
@@ -358,7 +359,7 @@ impl ActiveSet {
         }
     }
 
-    /// Computes the factor anew from a member on; one that has come to depend on those before it is dropped.
+    /// Recomputes the factor from a member on; members that depend on those before them are dropped.
     fn rebuild(&mut self, from: usize) {
         self.factor.truncate(from);
         let mut next = from;
@@ -372,12 +373,12 @@ impl ActiveSet {
         }
     }
 
-    /// Lets the factor grow by a constraint; false when that depends on the members, or there are as many as variables.
+    /// Appends a constraint to the factor; `false` if it depends on the members, or if n hard ones are held already.
     fn extend(&mut self, constraint: &Combination) -> bool {
         self.extend_at(self.held.len(), constraint)
     }
 
-    /// The same behind the first `count` members.
+    /// Appends a constraint to the factor of the first `count` members, as [`extend`](Self::extend).
     fn extend_at(&mut self, count: usize, constraint: &Combination) -> bool {
         let Self { factor, basis, held, .. } = self;
         let entry = basis.entries(constraint);
@@ -393,7 +394,7 @@ impl ActiveSet {
         independent
     }
 
-    /// Where a member stands in `is_held`.
+    /// Index of a member in `is_held`.
     fn place(&self, member: Member) -> usize {
         match member {
             Member::Row(row) => row,
@@ -401,7 +402,7 @@ impl ActiveSet {
         }
     }
 
-    /// One Newton step on the multipliers and the angles of all held tangents; false when no point is inside.
+    /// Makes a Newton step on the multipliers and the angles of all held tangents; `false` if no point is feasible.
     fn turn(&mut self, offsets: &[f64]) -> bool {
         let count = self.held.len();
         self.hold_angles();
@@ -441,7 +442,7 @@ impl ActiveSet {
         possible
     }
 
-    /// Adds, behind the members, one row for the angle of each held tangent.
+    /// Appends one row for the angle of each held tangent after the members.
     fn hold_angles(&mut self) {
         self.turning.clear();
         for j in 0..self.held.len() {
@@ -458,8 +459,9 @@ impl ActiveSet {
         }
     }
 
-    /// How far to go along the step, and the row whose multiplier ends it: no row beyond its multiplier, and no farther
-    /// than the dual rises by its share. Where a tangent's force would turn over, the dual has a kink: looked at too.
+    /// Line search along the step: the share to go, and the row whose multiplier limits it, if any. No row's multiplier
+    /// becomes negative, and the dual must rise by the Armijo share. The dual has a kink where a tangent's multiplier
+    /// changes its sign: kinks are tried too.
     fn search(&self, count: usize, slope: f64) -> (f64, Option<usize>) {
         let steps = self.step.as_flattened();
         let (mut share, mut blocking) = (1.0, None);
@@ -469,7 +471,7 @@ impl ActiveSet {
             }
         }
         for _ in 0..HALVINGS {
-            // The dual is concave: what rises more steeply than at first is rounding.
+            // The dual is concave, so a rise steeper than the initial slope is rounding.
             if (ARMIJO * share * slope..=share * slope).contains(&self.rise(share, slope)) {
                 break;
             }
@@ -479,7 +481,7 @@ impl ActiveSet {
         (share, blocking)
     }
 
-    /// Gives the tangents the angle and the multiplier that their two rows come to.
+    /// Sets angle and multiplier of each tangent from those of its two rows.
     fn read_angles(&mut self, count: usize) {
         for (sideways, cut) in (count..).zip(&self.turning) {
             let (along, across) = (self.multipliers[*cut], self.multipliers[sideways]);
@@ -493,14 +495,14 @@ impl ActiveSet {
         }
     }
 
-    /// `D` of the present multipliers.
+    /// Dual objective `D` of the present multipliers.
     fn objective(&self) -> f64 {
         let slack =
             |held: &Combination| held.slack(self.at_centre.as_flattened()) + held.slack(self.slacks.as_flattened());
         -0.5 * self.held.iter().zip(&self.multipliers).map(|(held, multiplier)| multiplier * slack(held)).sum::<f64>()
     }
 
-    /// By how much the dual objective rises over a share of the step, the true length of the turned forces included.
+    /// Rise of the dual objective over a share of the step, including the true length of the turned multipliers.
     fn rise(&self, share: f64, slope: f64) -> f64 {
         let count = self.working_set.members.len();
         let mut rise = share * slope - 0.5 * share * share * slope;
@@ -514,20 +516,20 @@ impl ActiveSet {
         rise
     }
 
-    /// Forms `x` anew from the multipliers: where those come from far away, what was added up on the way is rounding.
+    /// Recomputes `x` from the multipliers, which removes the rounding accumulated over the steps.
     fn restore(&mut self) {
         let Self { x, centre, basis, held, multipliers, .. } = self;
         x.copy_from_slice(centre);
         held.iter().zip(multipliers).for_each(|(held, multiplier)| basis.push(x, held, *multiplier));
     }
 
-    /// The entry of the working set's Gram block, softness included.
+    /// Entry of the working set's Gram block, including softness.
     fn entry(&self, i: usize, j: usize) -> f64 {
         let softness = if i == j { self.held[i].softness } else { 0.0 };
         self.basis.entries(&self.held[i])(&self.held[j]) + softness
     }
 
-    /// What must hold of the working set.
+    /// Checks the invariants of the working set in debug builds.
     fn check_invariants(&self) {
         debug_assert!(self.held.len() == self.working_set.members.len() && self.held.len() == self.multipliers.len());
         debug_assert!(self.held.len() <= self.held.capacity(), "the working set outgrew its room");
@@ -535,9 +537,9 @@ impl ActiveSet {
         debug_assert!(self.factor.misfit(|i, j| self.entry(i, j)) < 1e-6, "the factor is not that of the Gram block");
     }
 
-    /// A step to the optimum of the working set does not lower the dual, but for rounding; `first` is the dual of the first
-    /// violated constraint alone. Where that is blurred, the slacks' own rounding is far above the tolerance they are held
-    /// to, and nothing is promised.
+    /// Asserts in debug builds that a step to the optimum of the working set does not lower the dual, except by
+    /// rounding. `first` is the dual of the first violated constraint alone; above `MAX_EXACT_DUAL` the rounding of the
+    /// slacks is far above their tolerance, and nothing is asserted.
     fn check_rise(&self, before: f64, first: f64) {
         if cfg!(debug_assertions) && first <= MAX_EXACT_DUAL {
             let all = 0..self.held.len();

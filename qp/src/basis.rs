@@ -1,4 +1,4 @@
-//! The constants of a set-up: every constraint is a combination of *basis rows*, and what is known of those beforehand.
+//! Constants of a set-up: every constraint is a combination of *basis rows*, whose products are computed once.
 //!
 //! The basis rows are the linear rows, followed by two rows for each disc.
 
@@ -6,43 +6,43 @@ use nalgebra::DMatrix;
 
 use crate::working_set::Member;
 
-/// `G`, `K = H^-1 G'` and the Gram matrix `G K` of all basis rows.
+/// Matrices `G`, `K = H^-1 G'` and the Gram matrix `G K` of all basis rows.
 pub struct Basis {
-    /// Linear rows; the basis rows after them belong to the discs.
+    /// Number of linear rows; the basis rows after them belong to the discs.
     pub rows: usize,
-    /// Discs.
+    /// Number of discs.
     pub discs: usize,
-    /// Variables, n.
+    /// Number of variables, n.
     pub variables: usize,
-    /// Blocks of them.
+    /// Number of blocks of four variables.
     pub blocks: usize,
-    /// `G` in tiles; those of zeros are left out.
+    /// Matrix `G` in tiles; tiles of zeros are left out.
     tiles: Vec<Tile>,
-    /// `K`, one column after the other, in the same blocks.
+    /// Matrix `K`, one column after the other, in blocks of four.
     lift: Vec<[f64; 4]>,
-    /// `G K`, one column after the other.
+    /// Matrix `G K`, one column after the other.
     gram: Vec<f64>,
-    /// `1/w` of each linear row; 0 is hard.
+    /// Softness `1/w` of each linear row; 0 is hard.
     softness: Vec<f64>,
     /// Inverse length of each linear row, in the norm of `H^-1` with its softness.
     pub scale: Vec<f64>,
 }
 
-/// Four rows by four variables of a matrix.
+/// Block of four rows by four variables of a matrix.
 struct Tile {
     rows: usize,
     variables: usize,
-    /// One column after the other.
+    /// Columns of the block.
     columns: [[f64; 4]; 4],
 }
 
-/// A constraint as a combination of two basis rows: its slack is `constant + weights . (basis rows)`.
+/// Constraint as a combination of two basis rows, with the slack `constant + weights . (basis rows)`.
 #[derive(Debug, Clone, Copy)]
 pub struct Combination {
     basis: [usize; 2],
     weights: [f64; 2],
     constant: f64,
-    /// `1/w`; 0 is hard.
+    /// Softness `1/w`; 0 is hard.
     pub softness: f64,
 }
 
@@ -54,7 +54,7 @@ impl Basis {
         slopes.rows_mut(0, rows.nrows()).copy_from(rows);
         slopes.rows_mut(rows.nrows(), discs.nrows()).copy_from(discs);
 
-        // With H = L L', the Gram matrix is the one of the columns of L^-1 G': symmetric to the last bit.
+        // With H = L L', the Gram matrix is that of the columns of L^-1 G', so it is symmetric to the last bit.
         let lower = hessian.clone().cholesky().expect("the Hessian is positive definite").unpack();
         let whitened = lower.solve_lower_triangular(&slopes.transpose()).expect("and so is its factor");
         let lift = lower.tr_solve_lower_triangular(&whitened).expect("and so is its factor");
@@ -78,7 +78,7 @@ impl Basis {
         self.rows + 2 * self.discs
     }
 
-    /// Writes the basis rows at `x`: `offsets + G x`.
+    /// Computes the basis rows at `x`: `offsets + G x`.
     pub fn slacks(&self, x: &[[f64; 4]], offsets: &[f64], slacks: &mut [[f64; 4]]) {
         slacks.as_flattened_mut()[..offsets.len()].copy_from_slice(offsets);
         for Tile { rows, variables, columns } in &self.tiles {
@@ -91,7 +91,7 @@ impl Basis {
         }
     }
 
-    /// Moves `x` by the force `multiplier` of a constraint: `x += K a multiplier`.
+    /// Adds the effect of the `multiplier` of a constraint with the weights `a` to `x`: `x += K a multiplier`.
     pub fn push(&self, x: &mut [[f64; 4]], constraint: &Combination, multiplier: f64) {
         for (row, weight) in constraint.basis.into_iter().zip(constraint.weights) {
             if weight != 0.0 {
@@ -105,7 +105,7 @@ impl Basis {
         }
     }
 
-    /// Entries of the Gram matrix between `a` and others, without softness.
+    /// Returns a function for the entries of the Gram matrix between `a` and others, without softness.
     pub fn entries<'a>(&'a self, a: &Combination) -> impl Fn(&Combination) -> f64 + use<'a> {
         let [first, second] = a.basis.map(|row| &self.gram[row * self.len()..][..self.len()]);
         let weights = a.weights;
@@ -115,12 +115,12 @@ impl Basis {
         }
     }
 
-    /// Its square in the norm of `H^-1`.
+    /// Square of a constraint in the norm of `H^-1`.
     pub fn square(&self, a: &Combination) -> f64 {
         self.entries(a)(a)
     }
 
-    /// The constraint a member of the working set stands for.
+    /// Constraint of a member of the working set.
     pub fn constraint(&self, member: Member) -> Combination {
         match member {
             Member::Row(row) => {
@@ -132,7 +132,7 @@ impl Basis {
         }
     }
 
-    /// How the slack of a cut changes with its angle, as a row that is to become zero.
+    /// Derivative of the slack of a cut by its angle, as a row to be brought to zero.
     pub fn turning(&self, disc: usize, [cos, sin]: [f64; 2], multiplier: f64) -> Combination {
         Combination { basis: self.pair(disc), weights: [sin, -cos], constant: 0.0, softness: 1.0 / multiplier }
     }
@@ -143,13 +143,13 @@ impl Basis {
 }
 
 impl Combination {
-    /// Its slack, from those of the basis rows.
+    /// Slack of the constraint, from the values of the basis rows.
     pub fn slack(&self, basis: &[f64]) -> f64 {
         self.constant + self.weights[0] * basis[self.basis[0]] + self.weights[1] * basis[self.basis[1]]
     }
 }
 
-/// The tiles of a matrix that are not zero.
+/// Tiles of a matrix that are not zero.
 fn tiles(matrix: &DMatrix<f64>) -> Vec<Tile> {
     let mut tiles = vec![];
     for rows in 0..matrix.nrows().div_ceil(4) {
@@ -168,7 +168,7 @@ fn tiles(matrix: &DMatrix<f64>) -> Vec<Tile> {
     tiles
 }
 
-/// Numbers in blocks of four, filled up with zeros.
+/// Arranges numbers in blocks of four, padded with zeros.
 pub fn blocks<'a>(numbers: impl ExactSizeIterator<Item = &'a f64>) -> Vec<[f64; 4]> {
     let mut blocks = vec![[0.0; 4]; numbers.len().div_ceil(4)];
     numbers.enumerate().for_each(|(i, number)| blocks[i / 4][i % 4] = *number);

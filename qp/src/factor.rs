@@ -1,22 +1,22 @@
-//! Cholesky factor of the Gram matrix of a working set: it grows at its end, one row at a time.
+//! Cholesky factor of the Gram matrix of a working set, extended at its end by one row at a time.
 
 use std::cmp::Ordering;
 
-/// `L` with `L L' = M`, in tiles of four rows by four columns.
+/// Factor `L` with `L L' = M`, in tiles of four rows by four columns.
 pub struct Factor {
     len: usize,
-    /// The tiles on and below the diagonal, one column of tiles after the other, each `stride` long; a tile is four
-    /// columns. Left of the diagonal `L` is as it should be, on it 0, elsewhere what was left there.
+    /// Tiles on and below the diagonal, one column of tiles after the other, each `stride` long; a tile is four
+    /// columns. Left of the diagonal they have `L`, on it 0, elsewhere undefined numbers.
     tiles: Vec<[[f64; 4]; 4]>,
     stride: usize,
-    /// `1 / L_ii`
+    /// Inverse diagonal `1 / L_ii`.
     inverse_diagonal: Vec<[f64; 4]>,
-    /// The row that joins: `L^-1` times its entries.
+    /// Joining row: `L^-1` times its entries.
     row: Vec<[f64; 4]>,
 }
 
 impl Factor {
-    /// Room for `capacity` rows.
+    /// Allocates room for `capacity` rows.
     pub fn new(capacity: usize) -> Self {
         let stride = capacity.div_ceil(4);
         Self {
@@ -28,13 +28,13 @@ impl Factor {
         }
     }
 
-    /// Forgets all rows but the first `len`.
+    /// Removes all rows except the first `len`.
     pub fn truncate(&mut self, len: usize) {
         self.len = len.min(self.len);
     }
 
-    /// Prepares to append a row of `M`, given its `entries` left of the diagonal. Returns what the rows before it leave of
-    /// its `diagonal`.
+    /// Prepares to append a row of `M`, given its `entries` left of the diagonal. Returns the remainder of its
+    /// `diagonal` after elimination of the rows before it.
     pub fn reduce(&mut self, entries: impl Fn(usize) -> f64, diagonal: f64) -> f64 {
         let mut row = std::mem::take(&mut self.row);
         for (j, entry) in row.as_flattened_mut()[..self.len].iter_mut().enumerate() {
@@ -45,7 +45,7 @@ impl Factor {
         diagonal - self.row.as_flattened()[..self.len].iter().map(|l| l * l).sum::<f64>()
     }
 
-    /// Appends the row [reduced](Self::reduce) last, with `left` of its diagonal.
+    /// Appends the row [reduced](Self::reduce) last, whose diagonal has the remainder `left`.
     pub fn append(&mut self, left: f64) {
         let last = self.len;
         for (j, l) in self.row.as_flattened()[..last].iter().enumerate() {
@@ -63,13 +63,13 @@ impl Factor {
         square
     }
 
-    /// Writes how the row reduced last is composed of the rows before it.
+    /// Writes the `shares` of the rows before it in the row reduced last.
     pub fn composition(&self, shares: &mut [[f64; 4]]) {
         shares.copy_from_slice(&self.row);
         self.backward(shares);
     }
 
-    /// Solves `L y = x` in place. The rest of the last block comes to nothing.
+    /// Solves `L y = x` in place. The numbers behind the last row in its block are undefined.
     fn forward(&self, x: &mut [[f64; 4]]) {
         for (block, inverse) in self.inverse_diagonal[..self.blocks()].iter().enumerate() {
             let [diagonal, below @ ..] = self.column(block) else { return };
@@ -120,12 +120,12 @@ impl Factor {
         self.len.div_ceil(4)
     }
 
-    /// The tiles in use of one column, from the diagonal down.
+    /// Used tiles of one column, from the diagonal down.
     fn column(&self, block: usize) -> &[[[f64; 4]; 4]] {
         &self.tiles[block * self.stride..][block..self.blocks()]
     }
 
-    /// By how much `L L'` misses a matrix with these entries, as a share of its diagonal: an invariant.
+    /// Largest deviation of `L L'` from a matrix with these entries, relative to its diagonal; for checks.
     pub fn misfit(&self, entry: impl Fn(usize, usize) -> f64) -> f64 {
         let l = |i: usize, j: usize| match i.cmp(&j) {
             Ordering::Less => 0.0,

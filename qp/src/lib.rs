@@ -1,13 +1,13 @@
-//! A solver for strictly convex quadratic programs with linear rows, soft rows and discs, by a dual active-set method. It is
-//! made for a sequence of small problems that share their matrices, as a controller meets them tick by tick: it starts
-//! from the last solution and allocates nothing.
+//! Solver of strictly convex quadratic programs with linear rows, soft rows and discs, by a dual active-set method. It
+//! is made for a sequence of small problems that share their matrices, as in a controller: a solve starts from the last
+//! solution and allocates nothing.
 //!
 //! # The problem
 //!
 //! ```text
 //! minimise    1/2 (x - c)'H(x - c) + 1/2 sum w_i e_i^2        over x (n) and the excesses e >= 0
 //! so that     s_i(x) >= 0                                      hard rows,   s = b + G x
-//!             s_i(x) + e_i >= 0                                soft rows, at the price w_i
+//!             s_i(x) + e_i >= 0                                soft rows, with the weight w_i
 //!             |(s_a(x), s_b(x))| <= 1                          discs, pairs of rows (a, b)
 //! ```
 //!
@@ -29,8 +29,8 @@
 //!
 //! # The dual
 //!
-//! A disc is all its tangents: `1 - cos a s_a - sin a s_b >= 0` for every angle `a`. So every constraint is a combination of
-//! the *basis rows* `s`, with a gradient `g` and a multiplier `l >= 0`. The optimum for given multipliers is
+//! A disc is the intersection of its tangents, `1 - cos a s_a - sin a s_b >= 0` for all angles `a`. So each constraint
+//! is a combination of *basis rows* `s`, with a gradient `g` and a multiplier `l >= 0`. Given all `l`, the optimum is
 //!
 //! ```text
 //! x(l) = c + H^-1 sum l_i g_i          e_i(l) = l_i / w_i for a soft row
@@ -38,46 +38,46 @@
 //! dD/dl_i = -(s_i(x(l)) + l_i / w_i)
 //! ```
 //!
-//! `D` never exceeds the cost of any point inside, so it grows towards the optimum from below, and without bound when
-//! nothing is inside. A soft row only adds `1/w` to the diagonal of the Gram matrix `M`: it never depends on others.
+//! `D` never exceeds the cost of a feasible point, so it grows towards the optimum from below, and without bound if no
+//! point is feasible. A soft row adds `1/w` to the diagonal of the Gram matrix `M`, so it never depends on other rows.
 //!
 //! # The ascent
 //!
 //! The method is that of Goldfarb and Idnani, *A numerically stable dual method for solving strictly convex quadratic
 //! programs*, Mathematical Programming 27 (1983), with the tangents of the discs as lazy cuts after Kelley, *The
-//! cutting-plane method for solving convex programs*, SIAM Journal 8 (1960). It keeps a *working set* of constraints held
-//! as equations, their multipliers, and the Cholesky factor of their block of `M + W^-1`:
+//! cutting-plane method for solving convex programs*, SIAM Journal 8 (1960). It keeps a *working set* of constraints
+//! held as equations, their multipliers, and the Cholesky factor of their block of `M + W^-1`:
 //!
-//! 1. **Step** to the optimum of the working set, `(M + W^-1) dl = -(s + l/w)`. Where a multiplier would turn negative, go
-//!    as far as it lasts and drop its constraint.
-//! 2. **Join**: when every multiplier holds, add the constraint violated most in the norm of `H^-1`; of a disc the tangent
-//!    towards the present point. One that depends on those held takes the place of the one that blocks it first; when none
-//!    does, no point is inside.
-//! 3. **Turn**: a disc that is held and still violated is touched at the wrong angle. Kelley would add a tangent and
-//!    converge slowly; here the angles of all held tangents become unknowns. Turning by `da` moves the constraint by
-//!    `l da (sin a g_a - cos a g_b)`, and the curvature of the disc makes that a row with the softness `1/l`: one Newton step on multipliers and
-//!    angles together, shortened until `D` rises by its share (Armijo).
+//! 1. **Step** to the optimum of the working set, `(M + W^-1) dl = -(s + l/w)`. If a multiplier would become negative,
+//!    stop where it is zero and drop its constraint.
+//! 2. **Join**: if no constraint was dropped, add the one violated most in the norm of `H^-1`; of a disc the tangent
+//!    towards the present point. A constraint that depends on held ones replaces the first of these whose multiplier
+//!    becomes zero as its own grows; if none does, no point is feasible.
+//! 3. **Turn**: a disc that is held and still violated is held at the wrong angle. Kelley would add a tangent and
+//!    converge slowly; here the angles of all held tangents become unknowns. Turning by `da` changes the gradient by
+//!    `l da (sin a g_a - cos a g_b)`; by the curvature of the disc this is a row with the softness `1/l`. One Newton
+//!    step on multipliers and angles together is shortened until `D` rises by at least the Armijo share.
 //!
-//! Nothing violated by more than 5e-10 is the optimum. All of it happens on multipliers and basis rows, whose Gram matrix
-//! is computed once; only `x` and its slacks are formed anew after each step.
+//! The optimum is reached when no constraint is violated by more than 5e-10. The computation uses multipliers and basis
+//! rows, whose Gram matrix is computed once; only `x` and its slacks are recomputed after each step.
 //!
-//! # What is guaranteed
+//! # Guarantees
 //!
 //! - A solve allocates nothing and takes at most [`ActiveSet::max_iterations`] steps.
-//! - The same numbers and the same working set give the same bits. Only the working set is kept from solve to solve, and the
-//!   factor of its Gram block is computed anew: nothing drifts.
-//! - `Optimal` means that no constraint is violated by more than 5e-10, and that the cost is the smallest one to about 1e-6 of
-//!   the problem's size. The tests hold random problems against a certificate and against Clarabel.
-//! - Any input has an answer: numbers that are not finite end the solve before anything is computed, and `x` is finite.
-//! - Not guaranteed: that the iteration limit is never reached. A million random problems took less than the 100 steps that the
-//!   controller grants (`cargo test --release -p qp million -- --ignored --nocapture`).
+//! - Equal numbers and an equal working set give equal bits. Only the working set is kept from solve to solve, and the
+//!   factor of its Gram block is recomputed, so that no error accumulates.
+//! - `Optimal` means that no constraint is violated by more than 5e-10, and that the cost is minimal to about 1e-6 of
+//!   the problem's size. The tests check random problems by a certificate and by Clarabel.
+//! - Every input has an answer: numbers that are not finite end the solve before it starts, and `x` is finite.
+//! - Not guaranteed is that the iteration limit is never reached. A million random problems took fewer than the 100
+//!   steps of the controller's limit (`cargo test --release -p qp million -- --ignored --nocapture`).
 //!
 //! | module | holds |
 //! |---|---|
 //! | `active_set` | the solver: step, join, turn, and the dual objective |
 //! | `basis` | `G`, `H^-1 G'` and the Gram matrix of the basis rows; constraints as combinations of them |
 //! | `factor` | the Cholesky factor of the working set |
-//! | `working_set` | what one solve leaves to the next |
+//! | `working_set` | constraints that the next solve starts from |
 
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "a test asks the platform for a second opinion"))]
 

@@ -1,4 +1,4 @@
-//! The optimality conditions on random problems, and the problems that have no solution.
+//! Tests of the optimality conditions on random problems, and of problems without a solution.
 
 mod random;
 
@@ -67,7 +67,7 @@ fn a_row_beyond_a_disc_has_no_solution() {
 }
 
 #[test]
-fn numbers_that_are_none_are_told() {
+fn numbers_that_are_not_finite_are_reported() {
     let mut uniform = uniform(3);
     let problem = Problem::draw(&mut uniform);
     let (mut solver, mut x) = (problem.solver(STEPS), vec![7.0; problem.centre.len()]);
@@ -80,15 +80,15 @@ fn numbers_that_are_none_are_told() {
     assert!(x.iter().all(|x| *x == 7.0));
 }
 
-/// A tangent that turned, holds and depends on the others was dropped with all of its force: the dual fell.
+/// Regression: a satisfied tangent that had turned and was dependent was dropped with its multiplier; the dual fell.
 #[test]
-fn a_turned_tangent_that_depends_on_others_leaves_them_its_force() {
+fn a_dependent_turned_tangent_gives_its_multiplier_to_the_others() {
     let mut uniform = uniform(6_100_534_943_901_768_181);
     let mut problem = Problem::draw(&mut uniform);
     problem.offsets.iter_mut().for_each(|offset| *offset *= 10_f64.powf(4.252_015_350_575_705));
     let (mut solver, mut x) = (problem.solver(STEPS), problem.centre.clone());
     for _ in 0..2 {
-        let termination = solver.solve(&problem.centre, &problem.offsets, &mut x).termination; // the dual is looked at on the way
+        let termination = solver.solve(&problem.centre, &problem.offsets, &mut x).termination; // checks that the dual rises
         assert_eq!(termination, Termination::Infeasible);
     }
 }
@@ -105,9 +105,9 @@ proptest! {
         prop_assert!(problem.violation(&x) <= 1e-9, "{:e}", problem.violation(&x));
     }
 
-    /// From wherever it starts it ends at the same cost, and from the same start at the same bits.
+    /// Any start leads to the same cost, and equal starts to equal bits.
     #[test]
-    fn a_warm_start_changes_the_way_and_not_the_end(seed: u64) {
+    fn a_warm_start_does_not_change_the_optimum(seed: u64) {
         let mut uniform = uniform(seed);
         let mut problem = Problem::draw(&mut uniform);
         let (mut warm, mut copy, mut cold) = (problem.solver(STEPS), problem.solver(STEPS), problem.solver(STEPS));
@@ -127,7 +127,7 @@ proptest! {
         }
     }
 
-    /// Whatever the numbers are: no panic, and nothing that is none in the answer.
+    /// For any numbers the solver does not panic, and its answer is finite.
     #[test]
     fn any_numbers_get_an_answer(
         seed: u64, decades in -320.0..320.0_f64, of in 0_usize..3,
@@ -154,7 +154,7 @@ proptest! {
     }
 
     #[test]
-    fn out_of_steps_is_said(seed: u64) {
+    fn the_iteration_limit_is_reported(seed: u64) {
         let mut uniform = uniform(seed);
         let problem = Problem::draw(&mut uniform);
         let mut solver = problem.solver(STEPS);
@@ -170,7 +170,7 @@ proptest! {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
-    /// The certificate of optimality and Clarabel agree that no point inside costs less.
+    /// By the certificate of optimality and by Clarabel no feasible point costs less.
     #[test]
     fn no_point_inside_costs_less(seed: u64) {
         let problem = Problem::draw(&mut uniform(seed));
@@ -178,7 +178,7 @@ proptest! {
         problem.solver(STEPS).solve(&problem.centre, &problem.offsets, &mut x);
         let size = relative_to(&problem, &x);
         prop_assert!(problem.gap(&x) <= 1e-6 * size, "{:e} of {size:e}", problem.gap(&x));
-        // A solve of Clarabel that stopped short of its tolerances, 1e-8 of the objective and 1e-8, is no reference.
+        // A solve of Clarabel that misses its tolerances, 1e-8 relative and 1e-8 absolute, is no reference.
         if let Some(theirs) = problem.by_clarabel() {
             let (ours, theirs) = (problem.cost(&x), problem.cost(&theirs));
             prop_assert!((ours - theirs).abs() <= 1e-6 * size + 1e-8, "{ours:e} is not {theirs:e}, of {size:e}");
@@ -186,7 +186,7 @@ proptest! {
     }
 }
 
-/// What differences of costs are measured by: the cost with the constant `1/2 c'H c`, which the problem lacks as it is posed.
+/// Scale of cost differences: the cost with the constant `1/2 c'H c`, which the solver's objective lacks.
 fn relative_to(problem: &Problem, x: &[f64]) -> f64 {
     let centre = nalgebra::DVector::from_column_slice(&problem.centre);
     problem.cost(x).max(0.5 * (&problem.hessian * &centre).dot(&centre))
@@ -219,7 +219,7 @@ fn an_optimum_has_no_gap_and_its_neighbour_has() {
     assert!(disc.gap(&[-0.6, -0.8]) > 1.0, "on the far side: {}", disc.gap(&[-0.6, -0.8]));
 }
 
-/// `cargo test --release -p qp million -- --ignored --nocapture`; a minute.
+/// Run as `cargo test --release -p qp million -- --ignored --nocapture`; takes a minute.
 #[test]
 #[ignore = "a minute in a release build; the same as random_problems_are_solved and no_point_inside_costs_less, of more problems"]
 fn a_million_random_problems_are_solved() {

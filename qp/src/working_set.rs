@@ -1,13 +1,13 @@
-//! The working set: all that one solve leaves to the next.
+//! The working set, which is all that one solve leaves to the next.
 
-/// The constraints held as equations.
+/// Constraints held as equations.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct WorkingSet {
-    /// In the order they joined.
+    /// Members in the order in which they joined.
     pub members: Vec<Member>,
 }
 
-/// One constraint held as an equation.
+/// Constraint held as an equation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Member {
     /// A linear row, by its index.
@@ -16,7 +16,7 @@ pub enum Member {
     Cut {
         /// Index of the disc.
         disc: usize,
-        /// Cosine and sine of the angle at which it touches.
+        /// Cosine and sine of the angle at which the tangent touches.
         towards: [f64; 2],
     },
 }

@@ -1,4 +1,4 @@
-//! A controller of your own in the place of attitude-mpc: one PD law per axis, and all that a process needs to fly it.
+//! A controller of your own in place of attitude-mpc: one PD law per axis, with everything that a process needs.
 //!
 //! ```text
 //! cargo build --release --workspace --example own_controller
@@ -12,7 +12,7 @@ use contract::snapshot::SNAPSHOT_WORDS;
 use runtime::process;
 use runtime::session::{NodeSession, SessionError};
 
-/// Poles of the attitude loops \[rad/s\], both of each in the same place.
+/// Double pole of each attitude loop \[rad/s\].
 const ATTITUDE_POLE: f64 = 6.0;
 /// Pole of the climb \[rad/s\].
 const CLIMB_POLE: f64 = 4.0;
@@ -28,12 +28,12 @@ fn fly(mut session: NodeSession) -> Result<(), SessionError> {
     let mut controls = session.output::<Controls>()?;
     let vehicle = session.scenario.airframe;
     let inertia = [vehicle.mass_kg, vehicle.iyy_kgm2, vehicle.ixx_kgm2, vehicle.izz_kgm2];
-    let nothing_to_remember = [0; SNAPSHOT_WORDS]; // one that every node refuses
+    let nothing_to_remember = [0; SNAPSHOT_WORDS]; // no node accepts this as a snapshot
     let mut cycles = session.ready()?;
     while let Some(tick) = cycles.next(&mut references)? {
         let (reference, state) = (references.newest(), states.newest());
         let fresh = state.stamp.sequence > 0 && state.stamp.tick >= tick;
-        let status = if fresh { SolveStatus::Explicit } else { SolveStatus::Stale }; // the mixer does not use the latter
+        let status = if fresh { SolveStatus::Explicit } else { SolveStatus::Stale }; // the mixer ignores stale ones
         let answer =
             Controls { demand: demand(inertia, state, reference), status: status as u64, ..Controls::default() };
         controls.send(answer, cycles.provenance(tick).with(reference).with(state));
@@ -42,7 +42,7 @@ fn fly(mut session: NodeSession) -> Result<(), SessionError> {
     Ok(())
 }
 
-/// col, lon, lat, ped as deviations from trim \[N, N m, N m, N m\].
+/// Demand of col, lon, lat, ped as deviations from trim \[N, N m, N m, N m\].
 fn demand(inertia: [f64; 4], state: &State, reference: &Reference) -> [f64; 4] {
     let body = &state.measured;
     let turn = |axis: usize| {

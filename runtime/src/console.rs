@@ -1,9 +1,9 @@
-//! What a process says to people: data on stdout, everything else on stderr. Neither can end the process.
+//! Output for people: data on stdout, everything else on stderr. Neither can end the process.
 //!
-//! Stderr may be full, closed, a terminal that was stopped, or a pipe that is not read. A thread writes there, so that
-//! no flight waits for it. What is written to stdout was asked for: when it cannot be written, the exit code says so.
+//! Stderr may be full, closed, a stopped terminal, or a pipe that is not read. A thread of its own writes there, so
+//! that no flight waits for it. Output on stdout was asked for: if it cannot be written, the exit code says so.
 //!
-//! Names of files, scenarios and nodes come from elsewhere too: what would control a terminal is shown, not sent ([`plain`]).
+//! Names of files, scenarios and nodes come from elsewhere: characters that control a terminal are escaped ([`plain`]).
 
 use std::borrow::Cow;
 use std::io::{self, ErrorKind, IsTerminal, Write, stderr, stdout};
@@ -15,21 +15,21 @@ use std::thread;
 use crate::limits::{LAST_LINES, WAITING_LINES};
 use contract::exit;
 
-/// The way to the thread that writes to stderr; `None` when it could not be started.
+/// Channel to the thread that writes to stderr; `None` if it could not be started.
 static WRITER: OnceLock<Option<SyncSender<Word>>> = OnceLock::new();
-/// The first error of stdout.
+/// First error of stdout.
 static STDOUT_ERROR: OnceLock<io::Error> = OnceLock::new();
 
-/// What makes an empty screen of a terminal, and begins at its top.
+/// Escape sequence that moves to the top of a terminal and clears it.
 const CLEAR: &str = "\x1b[H\x1b[J";
 
 enum Word {
     Line(String),
-    /// Everything before it is written when this is answered.
+    /// Request for an answer after all lines before it were written.
     Flush(SyncSender<()>),
 }
 
-/// A text without characters that control a terminal or turn the direction of writing: each is written as its number, `\u{1b}`.
+/// Replaces characters that control a terminal or change the direction of writing by their numbers, such as `\u{1b}`.
 /// Ends of lines and tabs stay.
 pub fn plain(text: &str) -> Cow<'_, str> {
     let turns = |c: char| matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
@@ -41,12 +41,12 @@ pub fn plain(text: &str) -> Cow<'_, str> {
     Cow::Owned(text.chars().map(shown).collect())
 }
 
-/// Prints `text` to stdout. [`finish`] tells of an error.
+/// Prints `text` to stdout. [`finish`] reports an error.
 pub fn print(text: &str) {
     print_after("", text);
 }
 
-/// Prints `text` to stdout, on an empty screen where that is a terminal.
+/// Prints `text` to stdout, after clearing the screen if that is a terminal.
 pub fn print_anew(text: &str) {
     print_after(if stdout().is_terminal() { CLEAR } else { "\n" }, text);
 }
@@ -59,23 +59,23 @@ fn print_after(before: &str, text: &str) {
     }
 }
 
-/// Whether everything could be printed so far.
+/// Returns whether everything could be printed to stdout so far.
 pub fn is_read() -> bool {
     STDOUT_ERROR.get().is_none()
 }
 
-/// Prints a line to stderr, without waiting for it to be written.
+/// Prints a line to stderr without waiting; the line is dropped if too many are waiting.
 pub fn eprint_line(line: &str) {
     let line = format!("{}\n", plain(line));
     match WRITER.get_or_init(start_writer) {
-        Some(writer) => _ = writer.try_send(Word::Line(line)), // full: it is not read
+        Some(writer) => _ = writer.try_send(Word::Line(line)), // dropped if the queue is full
         None => write_line(&line),
     }
 }
 
-/// Waits a moment until all lines are written to stderr. The exit code for a process whose own is `code`.
+/// Waits at most [`LAST_LINES`] for stderr. Returns `code`, or at least [`exit::PROCESS_LOST`] if stdout failed.
 ///
-/// A reader of stdout that has gone, as in `launcher check FILE | head`, is no error.
+/// A reader of stdout that has ended, as in `launcher check FILE | head`, is no error.
 pub fn finish(code: u8) -> ExitCode {
     let error = STDOUT_ERROR.get().filter(|error| error.kind() != ErrorKind::BrokenPipe);
     if let Some(error) = error {
@@ -84,7 +84,7 @@ pub fn finish(code: u8) -> ExitCode {
     if let Some(Some(writer)) = WRITER.get() {
         let (written, all) = sync_channel(1);
         if writer.try_send(Word::Flush(written)).is_ok() {
-            let _ = all.recv_timeout(LAST_LINES); // too late: it is not read
+            let _ = all.recv_timeout(LAST_LINES); // give up if stderr is not read
         }
     }
     ExitCode::from(if error.is_some() { code.max(exit::PROCESS_LOST) } else { code })
@@ -114,7 +114,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn nothing_that_controls_a_terminal_is_sent_to_it() {
+    fn characters_that_control_a_terminal_are_escaped() {
         assert_eq!(plain("a\tb\nä µ"), "a\tb\nä µ");
         assert_eq!(plain("\u{1b}]0;x\u{7}\r\u{9b}2J\u{202e}"), r"\u{1b}]0;x\u{7}\u{d}\u{9b}2J\u{202e}");
     }

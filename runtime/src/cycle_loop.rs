@@ -1,18 +1,17 @@
-//! The cycle loop of a node that answers: it waits until the node is to answer to a sample, whether its input has come or
-//! not.
+//! The cycle loop of a node that answers: it waits until the node must answer to a sample, with or without its input.
 //!
 //! ```text
 //! wakes for          Timer                                           Barrier
 //! the input          a message of the node before came: answer       that node is done with the sample: answer
 //! lateness           that message is late: answer without it         -  (a vacant role before it: answer)
 //! the warm-up        shortly before the next sample                  -
-//! the role           a sample is taken: it may be let in with it     the same
+//! the role           a sample is taken: it may begin with that one   the same
 //! looking around     100 ms have passed, or the run ends             the same
 //! ```
 //!
-//! A node answers to every sample once, however little it knows: what it makes of an input that is old or missing is up to
-//! its core. A slot that was slept through is skipped and counted. An input that comes after its sample was answered is
-//! known at the next.
+//! A node answers to every sample once, even if its input is old or missing; its core handles that. A slot that the
+//! process slept through is skipped and counted. An input that comes after its sample was answered is used at the next
+//! one.
 
 use contract::message::{Message, Stamp};
 use contract::scenario::Fault;
@@ -29,27 +28,27 @@ use crate::realtime::{now_ns, phase};
 use crate::release::Release;
 use crate::shared_role::Origin;
 
-/// The loop of one process of a node.
+/// Loop of one process of a node that answers.
 pub struct CycleLoop {
     member: Member,
-    /// From a sample to when the input for it is late \[ns\].
+    /// Time after a sample at which the input for it is late \[ns\].
     patience_ns: u64,
-    /// Whether this process was active or on standby at the last look.
+    /// `true` if this process was active or on standby at the last look.
     assigned: bool,
-    /// The sample to answer to next.
+    /// Sample to answer to next.
     next: u64,
 }
 
-/// Why a process that waits by the timer has woken.
+/// Reason why a process in real time has woken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Wake {
-    /// Its input came, of this tick, sent then \[ns\].
+    /// Input that came: its tick, and the time it was sent \[ns\].
     Input(u64, u64),
-    /// The input for this tick was due then \[ns\], and did not come.
+    /// Input that did not come: its tick, and the time it was due \[ns\].
     Late(u64, u64),
-    /// It is time to warm up.
+    /// Time to warm up.
     WarmUp,
-    /// To look around.
+    /// Time to look around.
     LookAround,
 }
 
@@ -58,13 +57,13 @@ impl CycleLoop {
         Self { member, patience_ns, assigned: false, next: 0 }
     }
 
-    /// Sleeps until the node is to answer, and begins the cycle: the sample to answer to. `None` when the run is over or
-    /// another process has taken over.
+    /// Sleeps until the node must answer, begins the cycle, and returns the sample to answer to; `None` if the run is
+    /// over or another process has taken over.
     ///
-    /// `input` is where the node before this one is received.
+    /// `input` receives the messages of the node before this one.
     ///
     /// # Errors
-    /// A fault ends the process, or it has missed a deadline with the policy `stop`.
+    /// A fault ends the process, or the process has missed a deadline with the policy `stop`.
     pub fn next<M: Message>(&mut self, input: &mut Input<M>) -> Result<Option<u64>, SessionError> {
         let due = match self.member.release {
             Release::Timer { period_ns } => self.by_the_timer(period_ns, input),
@@ -83,7 +82,7 @@ impl CycleLoop {
         Ok(Some(tick))
     }
 
-    /// Hands the faults that the process has learnt of with this tick to `apply`, with their numbers.
+    /// Passes the faults that are new since the last tick to `apply`, with their numbers.
     pub fn new_faults(&self, apply: impl FnMut(usize, &Fault)) {
         self.member.faults.new_faults(apply);
     }
@@ -93,7 +92,7 @@ impl CycleLoop {
         Stamp::at(tick, self.member.release.sample_ns(&self.member.page, tick))
     }
 
-    /// The answer to `tick` is out, and `memory` is what the node has to remember for the next.
+    /// Marks `tick` as done after its answer was sent, and stores `memory` for the next process if this one is active.
     pub fn done(&self, tick: u64, memory: &Snapshot) {
         let Member { page, topic, epoch, release, .. } = &self.member;
         let role = page.role(*topic);
@@ -123,7 +122,7 @@ impl CycleLoop {
         None
     }
 
-    /// Sleeps until there is a reason to wake.
+    /// Sleeps until there is a reason to wake, and returns it.
     fn sleep<M: Message>(&self, period_ns: u64, input: &mut Input<M>) -> Wake {
         let Member { page, topic, epoch, .. } = &self.member;
         let now = now_ns();
@@ -135,7 +134,7 @@ impl CycleLoop {
             return Wake::LookAround;
         }
         let origin_ns = page.origin_ns();
-        // The sample that is due next, or for a process that slept or has only just come the present one.
+        // The sample that is due next; the present one for a process that slept or has just become active or standby.
         let present = now.saturating_sub(origin_ns + self.patience_ns) / period_ns;
         let due = self.next.max(present);
         let sample_ns = origin_ns + due * period_ns;
@@ -176,7 +175,7 @@ impl CycleLoop {
         Some(self.next)
     }
 
-    /// Sleeps by the doorbell of `topic` until `is_due`; `None` when the run is over first.
+    /// Sleeps at the doorbell of `topic` until `is_due` returns `true`; `None` if the run is over first.
     fn wait(&mut self, topic: Topic, mut is_due: impl FnMut(&mut Self) -> bool) -> Option<()> {
         let page = self.member.page.clone();
         let doorbell = page.doorbell(topic);

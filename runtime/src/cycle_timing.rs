@@ -1,26 +1,26 @@
-//! The timing of a cycle: when it was due, began and sent, and the warm-up before it.
+//! The timing record of a cycle (when it was due, began and sent), and the warm-up before it.
 //!
 //! ```text
-//! release   when the work was due: the clock for the plant, for every other node when its input was sent, or was late
+//! release   when the work was due: by the clock for the plant; for other nodes when the input was sent, or became late
 //! start     when the process began;            release jitter (plant) or hop (others) = start - release
 //! publish   when it sent;                      execution = publish - start
 //!                                              response  = publish - sample time;  miss = response > deadline
-//! slip      a period without a cycle: a sample or an answer slept through; a miss too, and never made up for
-//! late      a message that misses its deadline is counted, and sent, skipped, replaced by the last timely one, or the
-//!           end of the run, as the scenario's `[deadline]` says
+//! slip      a period without a cycle, because the process slept; it counts as a miss too, and is never made up for
+//! late      a message that misses its deadline is counted. It is sent, skipped, replaced by the last timely one, or
+//!           ends the run, as the scenario's `[deadline]` says
 //!
 //! publish           warm-up: CPU clock, loan      arrival: receive, step, send
 //!    |  ...sleep...     |       ...sleep...            |
 //!                  release - lead                   release
 //! ```
 //!
-//! In the milliseconds between two cycles the processor forgets a node. Sending one message walks 250 cache lines on 50
-//! pages: 12 us after 10 ms asleep, 0.5 us right after another one (`launcher measure timing`), and four such messages lie
-//! between sample and actuator. The warm-up touches them while no other node waits. It also closes the cycle before: what
-//! is read for the record only, the thread's CPU clock (a system call), is read there.
+//! In the milliseconds between two cycles the caches lose the memory of a node. Sending one message touches 250 cache
+//! lines on 50 pages: it takes 12 us after 10 ms asleep and 0.5 us right after another one (`launcher measure timing`),
+//! and four such messages lie between sample and actuator. The warm-up touches that memory while no other node waits.
+//! It also closes the previous cycle: it reads the thread's CPU clock (a system call), which only the record needs.
 //!
-//! In lockstep no process sleeps long enough, and there is no release to come before. In process no clock is read: all
-//! times are zero.
+//! In lockstep there is no warm-up: no process sleeps long enough, and no release is known in advance. In process no
+//! clock is read: all times are zero.
 
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
@@ -32,22 +32,22 @@ use crate::realtime::{now_ns, thread_cpu_ns};
 use contract::message::Stamp;
 use contract::scenario::{Late, NodeDeadline};
 
-/// Where a node reads the time.
+/// Clock that a node reads.
 enum Clock {
     /// `CLOCK_MONOTONIC`.
     System,
-    /// Nowhere: it reads what was set, which is zero in process, and in a replay what it read in the flight.
+    /// Time set by the caller: zero in process, and in a replay the time that the node read in the flight.
     Set(Cell<u64>),
 }
 
-/// Timing of the cycle under way, shared by a node's ports and loop.
+/// Timing of the current cycle, shared by a node's ports and loop.
 pub struct CycleTiming {
     deadline: NodeDeadline,
     clock: Clock,
     warm_up: RefCell<Vec<Rc<dyn WarmUp>>>,
-    /// Whether this cycle's CPU time is still to be read.
+    /// `true` while this cycle's CPU time is still to be read.
     open: Cell<bool>,
-    /// The response that ended the run by the policy `stop` \[ns\], and its tick.
+    /// Tick and response \[ns\] of the miss that ended the run by the policy `stop`.
     broken: Cell<Option<(u64, u64)>>,
     release_ns: Cell<u64>,
     start_ns: Cell<u64>,
@@ -58,7 +58,7 @@ pub struct CycleTiming {
 }
 
 impl CycleTiming {
-    /// Of a process that has done nothing yet.
+    /// Timing of a process before its first cycle.
     pub fn new(deadline: NodeDeadline) -> Self {
         Self {
             deadline,
@@ -75,12 +75,12 @@ impl CycleTiming {
         }
     }
 
-    /// Of a node in process: every time it reads is the one that was [`set`](Self::set_now_ns), at first zero.
+    /// Timing of a node in process or in a replay: it reads the time that was [`set`](Self::set_now_ns), at first zero.
     pub fn without_clock(deadline: NodeDeadline) -> Self {
         Self { clock: Clock::Set(Cell::default()), ..Self::new(deadline) }
     }
 
-    /// The time.
+    /// Present time \[ns\]: `CLOCK_MONOTONIC`, or the time that was set.
     pub fn now_ns(&self) -> u64 {
         match &self.clock {
             Clock::System => now_ns(),
@@ -88,38 +88,38 @@ impl CycleTiming {
         }
     }
 
-    /// Sets the time of a node in process.
+    /// Sets the present time of a node without clock; no effect on others.
     pub fn set_now_ns(&self, to_ns: u64) {
         if let Clock::Set(now_ns) = &self.clock {
             now_ns.set(to_ns);
         }
     }
 
-    /// That many periods passed without a cycle.
+    /// Counts `periods` that passed without a cycle, as slips and as misses.
     pub fn slip(&self, periods: u64) {
         self.slips.set(self.slips.get() + periods);
         self.misses.set(self.misses.get() + periods);
     }
 
-    /// Has the warm-up touch `port` too; at start-up only.
+    /// Adds `port` to the warm-up; at start-up only, because it allocates.
     pub fn warm_up_with(&self, port: Rc<dyn WarmUp>) {
         self.warm_up.borrow_mut().push(port);
     }
 
-    /// Closes the cycle before and warms up the next.
+    /// Closes the previous cycle and touches the memory that the next one will use.
     pub fn warm_up(&self) {
         self.close();
         self.warm_up.borrow().iter().for_each(|port| port.warm_up());
     }
 
-    /// A cycle that was due at `release_ns` begins now.
+    /// Begins a cycle that was due at `release_ns`.
     pub fn begin(&self, release_ns: u64) {
         self.close();
         self.release_ns.set(release_ns);
         self.start_ns.set(self.now_ns());
     }
 
-    /// The message of the sample of `sample_ns` is ready at `publish_ns`: what becomes of it, or `None` when it is on time.
+    /// Returns `None` if a message ready at `publish_ns` is in time; else counts a miss and returns the policy.
     pub fn ready(&self, tick: u64, sample_ns: u64, publish_ns: u64) -> Option<Late> {
         self.open.set(true);
         let response_ns = publish_ns.saturating_sub(sample_ns);
@@ -133,12 +133,12 @@ impl CycleTiming {
         Some(self.deadline.late)
     }
 
-    /// Whether a miss has ended the run, by the policy `stop`.
+    /// Returns whether a miss has ended the run, by the policy `stop`.
     pub fn is_broken(&self) -> bool {
         self.broken.get().is_some()
     }
 
-    /// That miss as the end of the process, if there was one.
+    /// Returns the error of a miss that ended the run, if there was one.
     pub fn verdict(&self) -> Result<(), SessionError> {
         let deadline_ms = self.deadline.deadline_ns as f64 / 1e6;
         let late =
@@ -155,8 +155,8 @@ impl CycleTiming {
         stamp.slips = self.slips.get();
     }
 
-    /// Reads the CPU's clock for the cycle before, once. It is a system call of a microsecond, so this comes with the
-    /// warm-up when there is one: a cycle is what the thread used from one closing to the next.
+    /// Reads the thread's CPU clock once for the previous cycle, whose CPU time counts from one closing to the next.
+    /// The system call takes a microsecond, so it is made in the warm-up if there is one.
     fn close(&self) {
         if self.open.replace(false) {
             let used_ns = thread_cpu_ns();
@@ -165,7 +165,7 @@ impl CycleTiming {
     }
 }
 
-/// When to warm up for the sample that follows the one of `sample_ns`, unless `now_ns` is past that.
+/// Returns the time to warm up for the sample after that of `sample_ns`; `None` if it has passed.
 pub fn warm_up_ns(period_ns: u64, sample_ns: u64, now_ns: u64) -> Option<u64> {
     let due_ns = sample_ns + period_ns - WARM_UP_LEAD_NS.min(period_ns / WARM_UP_PARTS);
     (now_ns < due_ns).then_some(due_ns)

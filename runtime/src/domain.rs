@@ -4,19 +4,19 @@
 //! /dev/shm/trefoil-<user>/        the user's folder, mode 0700; <user> is a number
 //!     <namespace>/                a run's folder, locked (flock) by its launcher while the run lives
 //!         launcher        process number of the launcher, as its own PID namespace has it
-//!         scenario.toml   the merged settings          page       doorbells, roles, phase, faults given while flying
+//!         scenario.toml   the merged settings          page       doorbells, roles, phase, faults given in flight
 //!         control         the socket on which the launcher answers
 //!         <node>.<epoch>.toml                          settings of a candidate
 //!         iox/            iceoryx2's root, with all its segments
 //! ```
 //!
-//! A run lives as long as its folder is locked. The kernel takes the lock from a launcher that ends, however it ends, and
-//! the lock is seen from every PID namespace and without `/proc`. A launcher that was killed wipes nothing; the user's
-//! next one wipes every folder whose lock it gets.
+//! A run lives as long as its folder is locked. The kernel releases the lock when the launcher ends, for whatever
+//! reason, and the lock is seen from every PID namespace and without `/proc`. A killed launcher wipes nothing; the
+//! user's next one wipes every folder whose lock it gets.
 //!
-//! In `/dev/shm` anybody can put anything under any name. So it is never listed, and one folder of it is used, opened without
-//! following links: one that is this user's and that no other user may enter. A name under which something else stands is
-//! passed over for the next of eight. No other user can do anything below the user's folder, whatever the modes there.
+//! Every user can create any file in `/dev/shm`. So it is never listed, and one folder in it is used, opened without
+//! following links: it must be this user's, and no other user may enter it. If something else has its name, the next of
+//! eight names is tried. No other user can do anything below the user's folder, whatever the modes there.
 
 mod shm;
 
@@ -34,61 +34,61 @@ use crate::limits::{NAMESPACE_PAUSE, NAMESPACE_TRIES};
 pub use shm::{allocate, check_room};
 use shm::{homes, make_home, open_folder};
 
-/// A run's place in shared memory, as seen by any of its processes.
+/// Folder of a run in shared memory, as seen by any of its processes.
 #[derive(Debug, Clone)]
 pub struct Domain {
-    /// The folder.
+    /// Path of the folder.
     pub folder: PathBuf,
 }
 
-/// The launcher's hold on a domain: while it lives the namespace is taken; when it drops everything is wiped.
+/// Hold of the launcher on a domain. While it lives the namespace is taken; dropping it wipes the domain.
 #[derive(Debug)]
 pub struct Hold {
-    /// What is held.
+    /// Domain that is held.
     pub domain: Domain,
     _lock: OwnedFd,
 }
 
 impl Domain {
-    /// The live domain of `namespace`.
+    /// Finds the live domain of `namespace`.
     pub fn find(namespace: &str) -> Result<Self, DomainError> {
         check_name(namespace)?;
         let live = Self::all(namespace).find(Self::is_live);
         live.ok_or_else(|| DomainError::NotRunning(namespace.into()))
     }
 
-    /// All domains of this user whose launcher is alive.
+    /// Lists all domains of this user whose launcher is alive.
     pub fn list() -> Vec<Self> {
         homes().flat_map(|home| folders(&home)).filter(Self::is_live).collect()
     }
 
-    /// What there is of `namespace`, whether it lives or was left by a launcher that was killed.
+    /// Finds the folder of `namespace`, live or left behind by a killed launcher; `None` if there is none.
     pub fn left(namespace: &str) -> Option<Self> {
         Self::all(namespace).find(|domain| domain.folder.is_dir())
     }
 
-    /// Where it can be.
+    /// Iterates over the folders that a domain can have.
     fn all(namespace: &str) -> impl Iterator<Item = Self> {
         homes().map(move |home| Self { folder: home.join(namespace) })
     }
 
-    /// Whether its launcher is alive, which has it locked.
+    /// Returns whether the launcher is alive, that is, whether the folder is locked.
     pub fn is_live(&self) -> bool {
         let locked = |folder| flock(folder, FlockOperation::NonBlockingLockShared) == Err(Errno::WOULDBLOCK);
         open_folder(&self.folder).is_ok_and(locked)
     }
 
-    /// The namespace.
+    /// Name of the namespace.
     pub fn namespace(&self) -> &str {
         self.folder.file_name().and_then(|name| name.to_str()).unwrap_or_default()
     }
 
-    /// Process number of the launcher.
+    /// Process number of the launcher; `None` if it cannot be read.
     pub fn launcher_pid(&self) -> Option<i32> {
         fs::read_to_string(self.file("launcher")).ok()?.parse().ok()
     }
 
-    /// Every file that the run has in shared memory now, and its length \[bytes\]; of iceoryx2's root not the nodes' marks.
+    /// Lists the run's files in shared memory with their lengths \[bytes\], except iceoryx2's marks of nodes.
     pub fn files(&self) -> Vec<(PathBuf, u64)> {
         let folders = [self.folder.clone(), self.file("iox"), self.file("iox/services")];
         let entries = folders.iter().flat_map(|folder| fs::read_dir(folder).into_iter().flatten().flatten());
@@ -96,12 +96,12 @@ impl Domain {
         entries.filter_map(|entry| length(entry.path())).collect()
     }
 
-    /// A file of the run's folder.
+    /// Path of a file in the run's folder.
     pub fn file(&self, name: &str) -> PathBuf {
         self.folder.join(name)
     }
 
-    /// Makes a new file of the run's folder that says `text`.
+    /// Creates a file with the content `text` in the run's folder; an error if it exists.
     pub fn write(&self, name: &str, text: &str) -> io::Result<PathBuf> {
         let path = self.file(name);
         let mut file = OpenOptions::new().write(true).create_new(true).mode(0o600).open(&path)?;
@@ -111,7 +111,7 @@ impl Domain {
 }
 
 impl Hold {
-    /// Takes `namespace` for this process, after wiping what dead launchers left.
+    /// Takes `namespace` for this process, after wiping the folders of dead launchers.
     pub fn take(namespace: &str) -> Result<Self, DomainError> {
         check_name(namespace)?;
         for _ in 0..NAMESPACE_TRIES {
@@ -123,7 +123,7 @@ impl Hold {
         Err(DomainError::InUse(namespace.into()))
     }
 
-    /// Nothing when the folder is locked, or was wiped before it could be locked.
+    /// Tries once to take `namespace`; `None` if the folder exists, or was wiped before it could be locked.
     fn try_to_take(namespace: &str) -> Result<Option<Self>, DomainError> {
         let home = make_home()?;
         wipe_the_dead();
@@ -135,7 +135,7 @@ impl Hold {
         let failed = |source| DomainError::Io { path: folder.clone(), source };
         match DirBuilder::new().mode(0o700).create(&folder) {
             Ok(()) => {}
-            // The user's folder was empty and has just been removed; or another launcher was quicker.
+            // Either the user's folder was empty and has just been removed, or another launcher was faster.
             Err(error) if [ErrorKind::NotFound, ErrorKind::AlreadyExists].contains(&error.kind()) => return Ok(None),
             Err(error) => return Err(failed(error)),
         }
@@ -151,7 +151,7 @@ impl Drop for Hold {
     }
 }
 
-/// Runs' folders in a user's folder.
+/// Lists the runs' folders in a user's folder.
 fn folders(home: &Path) -> Vec<Domain> {
     let entries = fs::read_dir(home).into_iter().flatten().flatten();
     entries.map(|entry| Domain { folder: entry.path() }).filter(|domain| domain.folder.is_dir()).collect()
@@ -166,14 +166,14 @@ fn wipe_the_dead() {
     }
 }
 
-/// Removes a run's folder, and the user's when it was the last in it.
+/// Removes a run's folder, and the user's folder if that is empty then.
 fn remove(folder: &Path) {
-    // What is gone already is as it should be.
+    // Errors are ignored: the folder may be gone already.
     let _ = fs::remove_dir_all(folder);
     let _ = folder.parent().map(fs::remove_dir);
 }
 
-/// Locks a run's folder; nothing when another launcher has, or the folder is gone.
+/// Locks a run's folder; `None` if another launcher has locked it, or the folder is gone.
 fn lock(folder: &Path) -> Result<Option<OwnedFd>, Errno> {
     let lock = match open_folder(folder) {
         Err(Errno::NOENT) => return Ok(None),
@@ -183,7 +183,7 @@ fn lock(folder: &Path) -> Result<Option<OwnedFd>, Errno> {
         Err(Errno::WOULDBLOCK) => return Ok(None),
         locked => locked?,
     }
-    // Another process may have removed it between open and lock: then this lock locks nothing.
+    // Another process may have removed it between open and lock; then the lock is worthless.
     let still_there = fs::symlink_metadata(folder)
         .is_ok_and(|now| fstat(&lock).is_ok_and(|locked| (locked.st_ino, locked.st_dev) == (now.ino(), now.dev())));
     Ok(still_there.then_some(lock))

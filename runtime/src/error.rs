@@ -1,4 +1,4 @@
-//! What can go wrong when a process joins a run or works in it.
+//! Errors of a process that joins a run or works in it.
 
 #![expect(missing_docs, reason = "the text of an error says what it is")]
 
@@ -10,7 +10,7 @@ use contract::scenario::ScenarioError;
 
 use crate::limits::{FILES_NEEDED, HOME_NAMES, PROBE_LIMIT_NS};
 
-/// Why a domain cannot be had.
+/// Error when a domain is taken or found.
 #[derive(Debug, thiserror::Error)]
 pub enum DomainError {
     #[error(
@@ -42,7 +42,7 @@ write to (--mode inprocess needs none)"
     Io { path: PathBuf, source: io::Error },
 }
 
-/// Why a port cannot be had. The text names the topic and what to do.
+/// Error when a port is opened or connected. The text names the topic and the remedy.
 #[derive(Debug, thiserror::Error)]
 pub enum PortError {
     #[error("topic '{topic}': {reason}")]
@@ -53,13 +53,13 @@ pub enum PortError {
     Domain(String),
 }
 
-/// What a port can fail at.
+/// Failure of a port in the loop, which is counted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(usize)]
 pub enum PortFailure {
-    /// A message was not sent.
+    /// Message that was not sent.
     Send = 0,
-    /// A queue could not be read.
+    /// Queue that could not be read.
     Receive = 1,
 }
 
@@ -74,7 +74,7 @@ impl PortFailure {
     }
 }
 
-/// Why a process cannot take or keep its session.
+/// Error that keeps a process from joining a run or ends its session.
 #[derive(Debug, thiserror::Error)]
 pub enum SessionError {
     #[error(transparent)]

@@ -1,8 +1,8 @@
-//! The fault table: faults that a flight is given while it flies, on the page that all its processes share.
+//! The fault table: faults given in flight, on the control page that all processes share.
 //!
-//! The launcher enters a fault, and every process takes it at its next tick ([`FaultUpdates`]). Each has a number: those of
-//! the scenario are counted first, and stand here only when they end earlier than the scenario says. An entry is never
-//! taken back. Only its end changes, which is one word, so that no reader sees half of an entry.
+//! The launcher enters a fault, and every process takes it at its next tick ([`FaultUpdates`]). Each fault has a
+//! number. Those of the scenario come first, and stand in the table only if they end earlier than the scenario says. An
+//! entry is never removed. Only its end changes, which is one word, so that no reader sees half of a change.
 //!
 //! ```text
 //! word  0       1                   2     3      4   5      6 7 8   9            10
@@ -15,21 +15,21 @@ use contract::fault_schedule::MAX_LIVE_FAULTS;
 use contract::scenario::{Fault, FaultTarget, MAX_FAULT_MS, MAX_FAULT_S, Wrong};
 
 const WORDS: usize = 11;
-/// The word that may change.
+/// Index of the only word of an entry that may change.
 const FOR_S: usize = 3;
 
-/// The entries. The launcher writes, every process reads.
+/// Table of the faults given in flight. The launcher writes it, every process reads it.
 #[repr(C, align(64))]
 pub struct FaultTable {
-    /// Counts changes.
+    /// Number of entries and changes so far.
     generation: AtomicU64,
-    /// Entries that stand.
+    /// Number of entries.
     count: AtomicU64,
     entries: [[AtomicU64; WORDS]; MAX_LIVE_FAULTS],
 }
 
 impl FaultTable {
-    /// Enters fault `number`, or its new end; whether there was room.
+    /// Enters fault `number`, or changes its end if it is in the table. Returns `false` if there was no room.
     pub fn enter(&self, number: usize, fault: &Fault) -> bool {
         let words = pack(number, fault);
         if let Some(entry) = self.find(number) {
@@ -43,12 +43,12 @@ impl FaultTable {
         true
     }
 
-    /// Whether all those faults could be entered.
+    /// Returns whether all faults with these numbers could be entered.
     pub fn has_room_for(&self, numbers: impl Iterator<Item = usize>) -> bool {
         self.standing().len() + numbers.filter(|number| self.find(*number).is_none()).count() <= MAX_LIVE_FAULTS
     }
 
-    /// Every fault that stands here, with its number. Words that are no fault are left out.
+    /// Reads all entries, with their numbers; entries that are no valid fault are left out.
     fn faults(&self) -> impl Iterator<Item = (usize, Fault)> {
         self.standing().iter().filter_map(|entry| unpack(&std::array::from_fn(|i| entry[i].load(Ordering::Relaxed))))
     }
@@ -62,20 +62,20 @@ impl FaultTable {
     }
 }
 
-/// What one process knows of the table.
+/// Part of the table that one process knows.
 #[derive(Default)]
 pub struct FaultUpdates {
-    /// The generation that it has seen.
+    /// Generation of the table at the last look.
     known: u64,
 }
 
 impl FaultUpdates {
-    /// How many entries and changes it knows.
+    /// Number of entries and changes that the process knows.
     pub fn known(&self) -> u64 {
         self.known
     }
 
-    /// Hands every fault of `table` to `apply`, with its number, if anything is new. Without news it costs one load.
+    /// Passes every fault of `table` to `apply`, with its number, if anything is new; otherwise it costs one load.
     pub fn take(&mut self, table: &FaultTable, mut apply: impl FnMut(usize, &Fault)) {
         let generation = table.generation.load(Ordering::Acquire);
         if generation != self.known {
@@ -105,7 +105,7 @@ fn pack(number: usize, fault: &Fault) -> [u64; WORDS] {
     ]
 }
 
-/// `None` for words that are no fault.
+/// Reads a fault and its number; `None` if the words are no valid fault.
 fn unpack(words: &[u64; WORDS]) -> Option<(usize, Fault)> {
     let [target, kind, how, ..] = words[1].to_le_bytes();
     let (target, _) = *FaultTarget::ALL.get(usize::from(target))?;
@@ -144,7 +144,7 @@ mod tests {
     use proptest::prelude::*;
 
     prop_compose! {
-        /// Any fault that a scenario may have.
+        /// Generates any fault that can be given in flight.
         fn any_fault()(
             (target, _) in prop::sample::select(&FaultTarget::ALL[..]),
             kind: prop::sample::Index,
@@ -167,7 +167,7 @@ mod tests {
             prop_assert_eq!(unpack(&pack(number, &fault)), Some((number, fault)));
         }
 
-        /// Whatever the words: a fault that could have been entered, or none.
+        /// Reads any words as a fault that could have been entered, or as none.
         #[test]
         fn words_that_are_no_fault_are_left_out(words: [u64; WORDS], what in 0u64..1 << 21) {
             for words in [words, { let mut near = words; near[1] = what; near }] {
@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_entered_is_taken_once_and_again_when_it_changes() {
+    fn all_faults_are_taken_once_and_again_after_any_change() {
         let page = page();
         let mut updates = FaultUpdates::default();
         assert_eq!(taken(&mut updates, &page), []);
@@ -207,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn a_full_table_takes_ends_only() {
+    fn a_full_table_accepts_new_ends_only() {
         let page = page();
         assert!((0..MAX_LIVE_FAULTS).all(|number| page.fault_table.enter(number, &fault(0.5))));
         assert!(

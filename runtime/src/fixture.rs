@@ -28,7 +28,7 @@ impl Ring {
         Self { page: Arc::new(ControlPage::private().expect("memory")), queues: Queues::default(), run }
     }
 
-    /// That has begun, with epoch 1 active in every role.
+    /// Makes a ring that has begun, with epoch 1 active in every role.
     pub fn flying(mode: Mode) -> Self {
         let ring = Self::new(mode);
         for topic in Topic::ALL {
@@ -39,14 +39,14 @@ impl Ring {
         ring
     }
 
-    /// A process of a node of it.
+    /// Joins as process `epoch` of the node that publishes `topic`.
     pub fn session(&self, topic: Topic, epoch: u32) -> NodeSession {
         let ports = Ports::new(self.page.clone(), Transport::Queues(self.queues.clone()));
         NodeSession::new(ports, topic, epoch, self.run.clone(), &self.run)
     }
 }
 
-/// What `wait` gives, which must not come before `event` has happened in another thread.
+/// Returns the result of `wait`, and checks that it did not return before `event` in another thread.
 pub fn only_after<T>(event: impl FnOnce() + Send, wait: impl FnOnce() -> T) -> T {
     let happened = AtomicBool::new(false);
     std::thread::scope(|scope| {

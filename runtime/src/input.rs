@@ -1,4 +1,4 @@
-//! The input: where a node receives one topic. What the guard refuses is counted and dropped.
+//! The input of a node on one topic. Messages that the guard refuses are counted and dropped.
 
 use std::rc::Rc;
 
@@ -11,17 +11,17 @@ use crate::realtime::{now_ns, phase};
 use contract::guard::{Guard, Refusal};
 use contract::message::Message;
 
-/// Where a node receives one topic.
+/// Input of a node on one topic.
 pub struct Input<M> {
     port: Rc<dyn Receive<M>>,
     member: Member,
     guard: Guard<M>,
-    /// How often the doorbell had rung at the last look.
+    /// Count of the doorbell at the last look.
     seen: u32,
 }
 
 impl<M: Wire> Input<M> {
-    /// The input of `member`.
+    /// Opens the input of `member`.
     pub fn open(ports: &mut Ports, member: &Member) -> Result<Self, SessionError> {
         Ok(Self::new(ports.receiver(NODE_DEPTH)?, member.clone()))
     }
@@ -33,18 +33,18 @@ impl<M: Message> Input<M> {
         Self { port, member, guard, seen: 0 }
     }
 
-    /// The newest message that was taken, without waiting; the default (sequence 0) before the first.
+    /// Newest accepted message, without waiting; the default (sequence 0) before the first.
     pub fn newest(&mut self) -> &M {
         self.look();
         self.guard.newest()
     }
 
-    /// The newest message, if one was taken since the last look.
+    /// Newest message, if one was accepted since the last look.
     pub fn fresh(&mut self) -> Option<&M> {
         self.look().then(|| self.guard.newest())
     }
 
-    /// Waits for a message that is taken until `deadline_ns` or the end of the run; whether one came.
+    /// Waits until a message is accepted, `deadline_ns` has passed or the run ends; returns whether one was accepted.
     pub(crate) fn arrived(&mut self, deadline_ns: u64) -> bool {
         let page = self.member.page.clone();
         let doorbell = page.doorbell(M::TOPIC);
@@ -60,9 +60,9 @@ impl<M: Message> Input<M> {
         }
     }
 
-    /// Judges what has come since the last look; whether something was taken.
+    /// Passes the messages received since the last look to the guard; returns whether it accepted one.
     ///
-    /// A message is there when the doorbell has counted it: then it is there for all its listeners.
+    /// Messages count as received when the doorbell has counted them, so that they arrive for all receivers at once.
     fn look(&mut self) -> bool {
         let Member { page, topic, epoch, release, .. } = &self.member;
         let rung = page.doorbell(M::TOPIC).count();
@@ -118,8 +118,8 @@ mod tests {
     use contract::message::{Controls, Stamp};
     use contract::scenario::Scenario;
 
-    /// What comes of answers to the samples `ticks`, when the plant has taken five and the first was taken so long ago
-    /// \[ns\]: the ticks that are taken, and how many were refused for their age.
+    /// Sends answers to the samples `ticks`, when the plant has taken five samples, the first of them `since_ns` ago.
+    /// Returns the ticks of the accepted answers, and the number of those refused for their age.
     fn taken(release: Release, since_ns: u64, ticks: &[u64]) -> (Vec<u64>, u32) {
         let page = Arc::new(ControlPage::private().unwrap());
         page.role(Topic::State).offer(1);

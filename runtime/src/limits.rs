@@ -1,82 +1,82 @@
-//! Every limit and time-out of this crate.
+//! All limits and time-outs of this crate.
 
 use std::time::Duration;
 
 // Start.
 
-/// A process waits so long before the start for a message of every node it listens to \[ns\]: less than the launcher
-/// waits for the process, so that the process can say which node is silent.
+/// Longest wait before the start for a message of every node that a process receives \[ns\]. The launcher waits longer
+/// for the process, so that the process can say which node is silent.
 pub const PROBE_LIMIT_NS: u64 = 9_000_000_000;
-/// Between two probes \[ns\].
+/// Time between two probes \[ns\].
 pub const PROBE_PERIOD_NS: u64 = 2_000_000;
-/// A publisher that is there and not received for so long before the start is connected to anew \[ns\].
+/// Time without a message before the start after which a publisher is connected to anew \[ns\].
 pub const RECONNECT_NS: u64 = 300_000_000;
-/// Attempts to connect anew.
+/// Largest number of attempts to connect anew.
 pub const RECONNECTS: u32 = 10;
-/// The plant waits so long for the nodes to wait for its first sample \[ns\].
+/// Longest time that the plant waits for the nodes before its first sample \[ns\].
 pub const GATHER_NS: u64 = 100_000_000;
-/// From then to its first sample \[ns\].
+/// Time from the end of that wait to the first sample \[ns\].
 pub const LEAD_IN_NS: u64 = 5_000_000;
-/// Attempts to read a memory, which may be written at the same time.
+/// Largest number of attempts to read a snapshot, which may be overwritten at the same time.
 pub const MEMORY_READS: usize = 100;
 
 // Cycle.
 
-/// Longest sleep without a look at phase and role \[ns\]: a lost wake-up costs no more than this.
+/// Longest sleep without a look at phase and role \[ns\]; a lost wake-up costs at most this.
 pub const LOOK_AROUND_NS: u64 = 100_000_000;
-/// From a warm-up to the release \[ns\]: enough for four nodes one after another on one processor.
+/// Time from a warm-up to the release \[ns\]: enough for four nodes one after another on one processor.
 pub const WARM_UP_LEAD_NS: u64 = 250_000;
-/// The warm-up lead is at most this part of the period.
+/// Divisor of the period that gives the longest warm-up lead.
 pub const WARM_UP_PARTS: u64 = 4;
-/// Lockstep: ticks by which the plant may be ahead of launcher and recorder, who must see them all. A quarter of a
-/// queue, because a fault may send every message twice.
+/// Lockstep: ticks by which the plant may be ahead of launcher and recorder, which must receive every message. A
+/// quarter of a queue, because a fault may send every message twice.
 pub const LEAD_TICKS: u64 = MIN_OBSERVER_DEPTH as u64 / 4;
-/// Messages that a link holds back at once; the oldest is lost beyond that.
+/// Largest number of messages that a link holds back at once; beyond that the oldest is lost.
 pub const HELD_MESSAGES: usize = 64;
 
 // Roles.
 
-/// Epochs of a role that may work at once, or be about to: active, standby, pending and one that is being started.
+/// Largest number of epochs that work for a role or are about to: active, standby, pending, and one being started.
 pub const ROLE_SLOTS: usize = 4;
-/// Epochs of a role whose ports are known: a recorder may be behind by some of them.
+/// Number of newest epochs of a role whose ports are known: a recorder may be some epochs behind.
 pub const ROLE_PORTS: usize = 64;
 
 // Ports.
 
-/// Queue of a node: the newest value counts, one more in case it arrives between two looks.
+/// Queue of a node: one place for the newest message, and one for a message that arrives between two looks.
 pub const NODE_DEPTH: usize = 2;
 /// Shortest queue of an observer.
 pub const MIN_OBSERVER_DEPTH: usize = 512;
 /// Longest queue of an observer.
 pub const MAX_OBSERVER_DEPTH: usize = 2048;
-/// An observer may hang so long before it loses messages \[s\]; a recorder that hangs so long is replaced.
+/// Longest time that an observer may hang without losing messages \[s\]; a recorder that hangs longer is replaced.
 pub const OBSERVER_S: usize = 5;
-/// Publishers per topic: the node, the one that takes over from it, and dead ones that are not removed yet.
+/// Publishers per topic: the node's process, the one that replaces it, and dead ones that are not removed yet.
 pub const MAX_PUBLISHERS: usize = 16;
-/// Subscribers per topic: three nodes with a standby each, two recorders, the launcher; of each node and of the recorder
-/// as many dead ones as it takes to give it up, if none is removed yet. A publisher sets memory aside for each.
+/// Subscribers per topic: three nodes with a standby each, two recorders, the launcher, and as many dead processes of
+/// each node and of the recorder as it takes to give it up. A publisher reserves memory for each.
 pub const MAX_SUBSCRIBERS: usize = 24;
-/// Attachments to a run, dead ones included.
+/// Attachments to a run, those of dead processes included.
 pub const MAX_NODES: usize = 48;
 
 // Operating system.
 
-/// More than a process maps after its start \[bytes\]: the segments of all processes that may join.
+/// More memory than a process maps after its start for the segments of all processes that may join \[bytes\].
 pub const LATER_BYTES: usize = 1 << 30;
 /// More files than a connection to one publisher opens.
 pub const FILES_OF_A_CONNECTION: usize = 16;
-/// A flight makes about a hundred files in shared memory; some more for processes that are replaced.
+/// Files in shared memory that a flight needs: about a hundred, and more for replaced processes.
 pub const FILES_NEEDED: u64 = 300;
-/// Names that a user's folder in shared memory can have; another user's file can stand under some.
+/// Names that a user's folder in shared memory can have, in case another user's file stands under some.
 pub const HOME_NAMES: usize = 8;
-/// Attempts to take a namespace: a run's folder is locked for a moment by those who look whether the run lives.
+/// Attempts to take a namespace: a process that checks whether the run lives locks its folder for a moment.
 pub const NAMESPACE_TRIES: usize = 20;
-/// Between two such attempts.
+/// Pause between two such attempts.
 pub const NAMESPACE_PAUSE: Duration = Duration::from_millis(5);
 
 // Console.
 
-/// Lines for stderr that wait to be written; more are dropped.
+/// Largest number of lines that wait to be written to stderr; more are dropped.
 pub const WAITING_LINES: usize = 256;
-/// A process that ends waits so long until its lines are written.
+/// Longest time that an ending process waits until its lines are written.
 pub const LAST_LINES: Duration = Duration::from_secs(1);

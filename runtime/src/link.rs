@@ -1,13 +1,13 @@
-//! The link: what faults do to the messages of one topic on their way.
+//! The link: applies faults to the messages of one topic on their way.
 //!
-//! It stands behind the publisher: what leaves it is what every subscriber gets, the recorder included. A message that is
-//! lost or changed leaves it too, marked: an observer sees what was meant and what came of it. Time is counted in whole
-//! ticks, and every draw is a function of seed, fault and tick alone, so that a flight repeats, also across a restart of
-//! the publisher (only what it held back is lost with it).
+//! The link stands behind the publisher, so that every subscriber gets the same messages, the recorder included. A
+//! message that is lost or changed is sent too, marked, so that an observer sees both the original and the result. Time
+//! is counted in whole ticks, and every draw is a function of seed, fault and tick alone. So a flight repeats, also
+//! across a restart of the publisher; only messages that the link held back are lost with it.
 //!
 //! ```text
 //! message with checksum -> drop? burst? rate? -> garbage, wrong, stale (with a new checksum)
-//!                       -> corrupt (without)  -> late, twice, in turn
+//!                       -> corrupt (without)  -> late, twice, reordered
 //! ```
 
 use std::mem::offset_of;
@@ -20,30 +20,30 @@ use contract::message::{Actuators, Controls, Message, Reference};
 use contract::scenario::{Fault, FaultKind, Mode, Scenario, Wrong};
 use contract::stamp::delivery;
 
-/// Words of a message that are its stamp.
+/// Number of words of the stamp at the start of a message.
 const STAMP_WORDS: usize = size_of::<contract::message::Stamp>() / 8;
 
-/// What the faults of one topic hold back.
+/// Link of one topic, with the messages that its faults hold back.
 pub struct Link<M> {
     seed: u64,
     /// Sample time \[s\].
     sample_s: f64,
-    /// Each with the tick on which it arrives.
+    /// Late messages, each with the tick on which it arrives.
     held: Vec<(u64, M)>,
-    /// The one that lets the next pass first.
+    /// Message held back by `reorder` until the next one was sent.
     overtaken: Option<M>,
 }
 
 impl<M: Message> Link<M> {
-    /// The link of `M`'s topic in `scenario`.
+    /// Makes the link of `M`'s topic in `scenario`.
     pub fn new(scenario: &Scenario) -> Self {
         let may_have_faults = scenario.run.mode == Mode::Realtime || !scenario.fault.is_empty();
         let held = Vec::with_capacity(if may_have_faults { HELD_MESSAGES } else { 0 });
         Self { seed: scenario.run.seed, sample_s: scenario.sample_s(), held, overtaken: None }
     }
 
-    /// Sends `message`, which answers to sample `tick`, on its way under `faults`: `deliver` gets what arrives on this
-    /// tick.
+    /// Applies `faults` to `message`, which answers to sample `tick`. Calls `deliver` with every message that arrives
+    /// on this tick, late ones and the marked original of a changed one included.
     pub fn pass(&mut self, tick: u64, message: &M, faults: &FaultSchedule<Fault>, mut deliver: impl FnMut(&M)) {
         if faults.all().is_empty() {
             return deliver(message);
@@ -76,7 +76,7 @@ impl<M: Message> Link<M> {
         }
     }
 
-    /// What becomes of a message; `None` when it is lost.
+    /// Applies the faults of `tick` to one message; `None` if it is lost.
     fn apply_faults(&self, tick: u64, message: &M, faults: &FaultSchedule<Fault>) -> Option<Passed<M>> {
         let mut passed = Passed { message: *message, ticks_late: 0, twice: false, overtaken: false };
         let of_topic = |entry: &&Entry<Fault>| entry.effect.target.topic() == Some(M::TOPIC);
@@ -103,7 +103,7 @@ impl<M: Message> Link<M> {
     }
 }
 
-/// A message that is not lost.
+/// Message that is not lost, and how it is delivered.
 struct Passed<M> {
     message: M,
     ticks_late: u64,
@@ -111,7 +111,7 @@ struct Passed<M> {
     overtaken: bool,
 }
 
-/// Every number of the payload becomes none: NaN, infinite, or any bits. The publisher is at fault, so the checksum fits.
+/// Replaces every number of the payload by NaN, infinity or random bits; the checksum fits, as for a faulty publisher.
 fn garble<M: Message>(message: &mut M, random: impl Fn(u64) -> u64) {
     for (i, word) in payload(message).iter_mut().enumerate() {
         let bits = random(1 + i as u64);
@@ -124,7 +124,7 @@ fn garble<M: Message>(message: &mut M, random: impl Fn(u64) -> u64) {
     *message = message.with_checksum();
 }
 
-/// What the message demands is something else: finite, and the checksum fits.
+/// Changes the numbers that the message demands, as the fault's `how` and `value` say; the checksum fits.
 fn demand_otherwise<M: Message>(message: &mut M, fault: &Fault) {
     for word in &mut payload(message)[demands(M::TOPIC)] {
         let value = f64::from_bits(*word);
@@ -138,7 +138,7 @@ fn demand_otherwise<M: Message>(message: &mut M, fault: &Fault) {
     *message = message.with_checksum();
 }
 
-/// The words of a payload that the listener acts on: climb, attitude and rates; lift and moments; rotors and tilt.
+/// Words of a payload that the receiver acts on: climb, attitude and rates; lift and moments; rotors and tilt.
 fn demands(topic: Topic) -> Range<usize> {
     let bytes = match topic {
         Topic::State => return 0..0,
@@ -149,14 +149,14 @@ fn demands(topic: Topic) -> Range<usize> {
     bytes.start / 8 - STAMP_WORDS..bytes.end / 8 - STAMP_WORDS
 }
 
-/// The stamp tells of a sample that many ticks ago.
+/// Sets the stamp to a sample `ticks` earlier; the checksum fits.
 fn grow_old<M: Message>(message: &mut M, ticks: u64) {
     let stamp = message.stamp_mut();
     stamp.tick = stamp.tick.saturating_sub(ticks);
     *message = message.with_checksum();
 }
 
-/// That many bits of the whole message are flipped.
+/// Flips `bits` random bits of the whole message; the checksum stays as it was.
 fn flip<M: Message>(message: &mut M, bits: u64, random: impl Fn(u64) -> u64) {
     let bytes = bytemuck::bytes_of_mut(message);
     for i in 0..bits {
@@ -173,7 +173,7 @@ fn payload<M: Message>(message: &mut M) -> &mut [u64] {
     &mut bytemuck::cast_slice_mut(bytemuck::bytes_of_mut(message))[STAMP_WORDS..]
 }
 
-/// Random bits for one fault on one tick: `SplitMix64` (Steele, Lea, Flood 2014) over all that it depends on.
+/// Random bits for one fault on one tick: `SplitMix64` (Steele, Lea, Flood 2014) over seed, fault, tick and `salt`.
 fn draw(seed: u64, fault: u64, tick: u64, salt: u64) -> u64 {
     [fault, tick, salt].into_iter().fold(mix(seed), |state, word| mix(state ^ mix(word)))
 }
@@ -185,7 +185,7 @@ fn mix(word: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// Random bits as a number from 0 to below 1.
+/// Converts random bits to a number from 0 to below 1.
 fn share(bits: u64) -> f64 {
     (bits >> 11) as f64 / (1_u64 << 53) as f64
 }

@@ -1,4 +1,4 @@
-//! The member: one process of a node in a run, or one node in process; what its ports and its loop have in common.
+//! The member: data that the ports and the loop of one process of a node share, or those of one node in process.
 
 use std::cell::Cell;
 use std::rc::Rc;
@@ -12,30 +12,30 @@ use crate::shared_role::Origin;
 use contract::Topic;
 use contract::scenario::Scenario;
 
-/// One process of a node, or what would be one.
+/// One process of a node, or one node in process.
 #[derive(Clone)]
 pub struct Member {
-    /// The page of its run.
+    /// Control page of the run.
     pub page: Arc<ControlPage>,
-    /// The topic that its node answers on.
+    /// Topic that the node publishes.
     pub topic: Topic,
-    /// Which process of the node it is.
+    /// Epoch of the process.
     pub epoch: u32,
-    /// What begins its cycles.
+    /// Event that begins its cycles.
     pub release: Release,
-    /// The timing of its cycles.
+    /// Timing of its cycles.
     pub timing: Rc<CycleTiming>,
-    /// Its faults.
+    /// Faults of the process.
     pub faults: Rc<ProcessFaults>,
-    /// Whose memory it began with; none if it began with nothing.
+    /// Origin of the snapshot that the process began with; the default if there was none.
     pub continues: Rc<Cell<Origin>>,
-    /// Whether its messages carry checksums, and those that it receives are checked. Only where one thread hands them on and
-    /// nobody keeps them they may do without.
+    /// `true` if sent messages carry checksums and received ones are checked. May be `false` only in process, when no
+    /// log is written.
     pub with_checksums: bool,
 }
 
 impl Member {
-    /// A process with the settings `scenario`; with `acts` it acts out its exits and hogs by itself.
+    /// Makes a process with the settings `scenario`. With `acts` it carries out its exits and hogs itself.
     pub fn new(page: Arc<ControlPage>, topic: Topic, epoch: u32, scenario: &Scenario, acts: bool) -> Self {
         let release = Release::of(scenario);
         let deadline = release.deadline(scenario.deadline_of(topic as usize));
@@ -44,14 +44,14 @@ impl Member {
         Self { page, topic, epoch, release, timing, faults, continues: Rc::default(), with_checksums: true }
     }
 
-    /// The same in process: no clock is read.
+    /// Makes a node in process, which reads no clock.
     pub fn in_process(page: Arc<ControlPage>, topic: Topic, epoch: u32, scenario: &Scenario, acts: bool) -> Self {
         let deadline = Release::Barrier.deadline(scenario.deadline_of(topic as usize));
         let timing = Rc::new(CycleTiming::without_clock(deadline));
         Self { release: Release::Barrier, timing, ..Self::new(page, topic, epoch, scenario, acts) }
     }
 
-    /// The same in a replay: the caller sets what its clock shows.
+    /// Makes a node in a replay, whose clock the caller sets.
     pub fn of_recording(page: Arc<ControlPage>, topic: Topic, epoch: u32, scenario: &Scenario) -> Self {
         let deadline = Release::of(scenario).deadline(scenario.deadline_of(topic as usize));
         let timing = Rc::new(CycleTiming::without_clock(deadline));

@@ -1,4 +1,4 @@
-//! The output: where a node sends on its topic. It stamps, adds the checksum, sends and wakes.
+//! The output of a node: stamps a message, adds the checksum, sends it and wakes the receivers.
 
 use std::rc::Rc;
 
@@ -11,18 +11,18 @@ use contract::message::{Message, Stamp};
 use contract::scenario::{Late, Scenario};
 use contract::stamp::delivery;
 
-/// Where a node sends on its topic.
+/// Output of a node on its topic.
 pub struct Output<M> {
     port: Rc<dyn Send<M>>,
     member: Member,
     link: Link<M>,
     sequence: u64,
-    /// The last message that was on time.
+    /// Last message that was on time.
     timely: Option<M>,
 }
 
 impl<M: Wire> Output<M> {
-    /// The output of `member`, which takes its place in the role with it.
+    /// Opens the output of `member`, which with it takes its place in the role.
     pub fn open(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result<Self, SessionError> {
         let port = ports.sender(member.epoch)?;
         member.timing.warm_up_with(port.clone());
@@ -31,14 +31,14 @@ impl<M: Wire> Output<M> {
 }
 
 impl<M: Message> Output<M> {
-    /// Numbers the next message after so many: a process that is flown again from the middle of its work has sent them.
+    /// Numbers the next message `sequence` + 1, for a replay that begins in the middle of a process's work.
     pub fn continue_after(&mut self, sequence: u64) {
         self.sequence = sequence;
     }
 
-    /// Stamps `message` with its `provenance` and this cycle's timing, sends it and wakes the processes that wait for it.
-    /// A late one is treated as the deadline's policy says; one that is withheld is sent too, marked. True when the next
-    /// cycle shall do less.
+    /// Stamps `message` with its `provenance` and this cycle's timing, sends it and wakes the processes that wait for
+    /// it. A late message is treated by the deadline's policy; a withheld one is sent too, marked as such. Returns
+    /// whether the next cycle shall do less.
     pub fn send(&mut self, message: M, mut provenance: Stamp) -> bool {
         let Member { page, epoch, release, timing, faults, continues, with_checksums, .. } = &self.member;
         let (tick, own) = (provenance.tick, M::TOPIC as usize);
@@ -102,7 +102,7 @@ mod tests {
         let mut output = ring.session(Topic::State, 1).output::<State>().unwrap();
         let receiver = ring.queues.receiver::<State>(4).unwrap();
         for (tick, status) in [(0, PlantStatus::Flying), (1, PlantStatus::Finished)] {
-            let late = Stamp::at(tick, 1); // since the machine was started
+            let late = Stamp::at(tick, 1); // sampled when the machine was started
             output.send(State { status: status as u64, ..State::default() }, late);
         }
         let mut withheld = vec![];

@@ -1,10 +1,10 @@
-//! Ports: how messages travel between processes. Only this file and its child name iceoryx2.
+//! Ports: message transport between processes. Only this file and its child name iceoryx2.
 //!
-//! Publish-subscribe with safe overflow: a publisher never waits, a slow subscriber loses the oldest. The launcher
-//! creates every service and keeps it; the nodes only open. A process that dies while it creates a service makes that
-//! service unusable for all; the launcher creates them before it starts any process.
+//! Publish-subscribe with safe overflow: a publisher never waits, and a slow subscriber loses the oldest messages. A
+//! process that dies while it creates a service makes that service unusable for all. So the launcher creates every
+//! service before it starts any process, and keeps it; the nodes only open services.
 //!
-//! The two traits are what the rest of the crate knows of a port; [`crate::queue`] has the ports of one thread.
+//! The rest of the crate uses ports through [`Send`] and [`Receive`]; [`crate::queue`] has the ports of one thread.
 
 mod storage;
 
@@ -13,7 +13,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
-/// Marks a type that may travel: fixed layout, no pointers.
+/// Marks a type that may be sent: fixed layout, no pointers.
 pub use iceoryx2::prelude::ZeroCopySend;
 
 use iceoryx2::port::publisher::Publisher;
@@ -34,45 +34,45 @@ use crate::realtime::shortage;
 use contract::integrity::checksum;
 use contract::message::{Actuators, Controls, Message, Reference, State};
 
-/// A port that can touch its memory without any effect.
+/// Port that can touch its memory without any other effect.
 pub trait WarmUp {
-    /// Does so.
+    /// Touches the memory that the next send will use.
     fn warm_up(&self);
 }
 
-/// Sends one kind of message.
+/// Port that sends one kind of message.
 pub trait Send<M>: WarmUp {
-    /// Hands `message` to every subscriber that can be reached.
+    /// Sends `message` to every subscriber that can be reached.
     ///
     /// # Errors
-    /// There was no subscriber to hand it to.
+    /// No subscriber could be reached.
     fn send(&self, message: &M) -> Result<(), PortFailure>;
-    /// The number of this port, which no other one has, and which every message carries that goes through it.
+    /// Unique number of this port, which receivers get with every message sent through it.
     fn number(&self) -> u64;
 }
 
-/// Receives one kind of message.
+/// Port that receives one kind of message.
 pub trait Receive<M> {
-    /// Hands the oldest message not yet seen, if any, to `take`, with the number of the port that it was sent through; whether
-    /// there was one. The message does not change while it is taken. Where one thread turns the ring, `take` sends nothing on
+    /// Passes the oldest unread message, if any, to `take`, with the number of the port that it was sent through.
+    /// Returns whether there was one. The message does not change during `take`. In process, `take` must not send on
     /// the topic.
     ///
     /// # Errors
-    /// The queue could not be read. A publisher that cannot be reached at all reads as one that is silent.
+    /// The queue could not be read. A publisher that cannot be reached looks like one that sends nothing.
     fn receive(&self, take: &mut dyn FnMut(&M, u64)) -> Result<bool, PortFailure>;
-    /// Whether the publisher behind `port` was there, and no connection to it could be made.
+    /// Returns whether a connection to the publisher behind `port` was tried and failed.
     fn cannot_reach(&self, port: u64) -> bool;
-    /// Connects to every publisher anew, with an empty queue. Not for the loop.
+    /// Connects to every publisher anew, with an empty queue. Too slow for the loop.
     fn reconnect(&self) -> Result<(), PortError>;
 }
 
-/// A process's attachment to a domain.
+/// Attachment of a process to the iceoryx2 services of a domain.
 pub struct Bus {
     node: Node<FileService>,
     domain: Domain,
 }
 
-/// Keeps the four services of a run in being.
+/// Handles that keep the four services of a run alive.
 pub struct Services {
     _state: PortFactory<FileService, State, ()>,
     _reference: PortFactory<FileService, Reference, ()>,
@@ -92,13 +92,13 @@ impl Bus {
         Ok(Self { node, domain: domain.clone() })
     }
 
-    /// Removes what processes that died have left in the services; the launcher's part. May take tens of milliseconds.
+    /// Removes the ports of dead processes from the services; called by the launcher. May take tens of milliseconds.
     pub fn remove_dead_ports(&self) {
-        // What cannot be removed now is left for the wiping at the end of the run.
+        // What cannot be removed now is wiped at the end of the run.
         let _ = self.node.try_cleanup_dead_nodes();
     }
 
-    /// Creates the four services, with queues of up to `depth`; the launcher's part.
+    /// Creates the four services, with queues of up to `depth`; called by the launcher.
     pub fn create_services(&self, depth: usize) -> Result<Services, PortError> {
         Ok(Services {
             _state: create(&self.node, depth)?,
@@ -115,7 +115,7 @@ impl Bus {
         Ok(port)
     }
 
-    /// Tries to open `M`'s topic as a process that was built when messages were laid out otherwise: to be refused.
+    /// Tries to open `M`'s topic as a process with another layout of the messages, which must be refused.
     pub fn open_as_another_version<M: Wire>(&self) -> Result<(), PortError> {
         M::open_as_another_version(&self.node)
     }
@@ -128,7 +128,7 @@ impl Bus {
     }
 }
 
-/// A message that can travel: the four of [`contract::message`], and no other.
+/// Message that can be sent: one of the four of [`contract::message`].
 pub trait Wire: Message {
     #[doc(hidden)]
     fn sender(node: &Node<FileService>) -> Result<Rc<dyn Send<Self>>, PortError>;
@@ -178,7 +178,7 @@ impl<M: Message + ZeroCopySend> WarmUp for Publisher<FileService, M, ()> {
     }
 }
 
-/// A subscriber, and the publishers that it could not connect to.
+/// Subscriber, and the publishers that it could not connect to.
 struct Subscription<M: Message + ZeroCopySend> {
     port: RefCell<Subscriber<FileService, M, ()>>,
     topic: PortFactory<FileService, M, ()>,
@@ -204,7 +204,7 @@ impl<M: Message + ZeroCopySend> Receive<M> for Subscription<M> {
     fn receive(&self, take: &mut dyn FnMut(&M, u64)) -> Result<bool, PortFailure> {
         let sample = self.port.borrow().receive().map_err(|_| PortFailure::Receive)?;
         let Some(sample) = sample else { return Ok(false) };
-        let message = *sample; // what is judged and what is used are the same bits, whatever a publisher does to its memory
+        let message = *sample; // a publisher may change its memory between check and use
         take(&message, numbered(sample.header().publisher_id().value()));
         Ok(true)
     }
@@ -234,7 +234,7 @@ fn subscriber<M: Message + ZeroCopySend>(
     topic.subscriber_builder().buffer_size(depth).set_degradation_handler(failed).create().map_err(refused::<M>)
 }
 
-/// A publisher's identity (process, time, count) as one word.
+/// Hashes a publisher's identity (process, time, count) to one word.
 fn numbered(id: u128) -> u64 {
     checksum(&[id as u64, (id >> 64) as u64])
 }
@@ -277,8 +277,8 @@ fn layout_key() -> Result<AttributeKey, PortError> {
     AttributeKey::new(b"layout").map_err(|e| PortError::Domain(format!("{e:?}")))
 }
 
-/// iceoryx2 compares name, size and alignment of a type; two layouts of one size would pass. This attribute tells
-/// them apart: a hash of the default message as printed, which shows names, order, nesting, lengths and number kinds.
+/// Computes the layout attribute of `M`: a hash of the default message as printed, which shows names, order, nesting,
+/// lengths and kinds of numbers. iceoryx2 compares only name, size and alignment of a type.
 fn layout<M: Message>() -> String {
     let fnv = |hash: u64, byte: u8| (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
     let hash = format!("{:?}", M::default()).bytes().fold(0xcbf2_9ce4_8422_2325, fnv);

@@ -1,6 +1,6 @@
-//! The ports of one process: opened when it joins, and shown to work before the run begins.
+//! The ports of one process: opened when it joins, and tested before the run begins.
 //!
-//! Before the run begins every sending port sends probes, and every receiving port waits for one of its active
+//! Before the run begins every sending port sends probes, and every receiving port waits for a probe of its active
 //! publisher. A process is ready when all its ports work.
 
 use std::rc::Rc;
@@ -17,7 +17,7 @@ use contract::message::Stamp;
 use contract::scenario::file::{self, MAX_TEXT_BYTES};
 use contract::scenario::{self, Scenario};
 
-/// What carries the messages.
+/// Transport of the messages.
 pub enum Transport {
     /// Shared memory, between processes.
     SharedMemory(Bus),
@@ -27,21 +27,21 @@ pub enum Transport {
 
 /// The ports of one process.
 pub struct Ports {
-    /// The page of its run.
+    /// Control page of the run.
     pub page: Arc<ControlPage>,
     transport: Transport,
     probes: Vec<Probe>,
 }
 
-/// Shows, before the run begins, whether a port works.
+/// Test of one port, before the run begins.
 struct Probe {
-    /// The node at fault while it does not.
+    /// Node at fault while the port does not work.
     node: &'static str,
     works: Box<dyn FnMut() -> Result<bool, PortError>>,
 }
 
 impl Ports {
-    /// Joins the run of `namespace`, with no port yet; the run's settings with it.
+    /// Joins the run of `namespace`, without ports, and reads the run's settings.
     pub fn join(namespace: &str) -> Result<(Self, Scenario), SessionError> {
         let domain = Domain::find(namespace)?;
         let io = |what: &str| {
@@ -54,7 +54,7 @@ impl Ports {
         Ok((Self::new(Arc::new(page), Transport::SharedMemory(Bus::attach(&domain)?)), scenario))
     }
 
-    /// None yet.
+    /// Makes an empty set of ports.
     pub fn new(page: Arc<ControlPage>, transport: Transport) -> Self {
         Self { page, transport, probes: vec![] }
     }
@@ -62,7 +62,7 @@ impl Ports {
     /// Opens the sending side of `M`'s topic, and takes the place of `epoch` in the role of its node.
     ///
     /// # Errors
-    /// The place is not offered, or another process has it.
+    /// The place was not offered, or another process has it.
     pub fn sender<M: Wire>(&mut self, epoch: u32) -> Result<Rc<dyn Send<M>>, SessionError> {
         let port = match &self.transport {
             Transport::SharedMemory(bus) => bus.sender::<M>(),
@@ -90,9 +90,9 @@ impl Ports {
         Ok(port)
     }
 
-    /// Before the run begins, waits until every port works, calls `ready`, and goes on sending probes until the run
-    /// begins, so that others see the same. In a run that is under way the process is ready at once: no other waits for
-    /// it there, and one that cannot receive or be received is replaced.
+    /// Waits until every port works, calls `ready`, and goes on sending probes until the run begins, so that other
+    /// processes can test their ports. If the run has begun already the process is ready at once: no other waits for
+    /// it, and the launcher replaces one that cannot receive or be received.
     pub fn probe(&mut self, ready: impl Fn()) -> Result<(), SessionError> {
         let limit_ns = now_ns() + PROBE_LIMIT_NS;
         let mut is_ready = false;
@@ -114,8 +114,8 @@ impl Ports {
         Ok(())
     }
 
-    /// Sends a probe through every sending port and looks at every receiving one: the node at fault for one that does not
-    /// work yet.
+    /// Sends a probe through every sending port and looks at every receiving one. Returns the node at fault for the
+    /// first port that does not work yet; `None` if all work.
     pub fn probe_once(&mut self) -> Result<Option<&'static str>, SessionError> {
         let mut silent = None;
         for probe in &mut self.probes {
@@ -126,7 +126,7 @@ impl Ports {
     }
 }
 
-/// Whether a message of the active publisher has arrived at `port`, asked again and again before the run begins.
+/// Makes the test of a receiving port: whether a message of the active publisher has arrived; called again and again.
 ///
 /// # Errors
 /// The run has begun, and the publisher cannot be connected to.
@@ -148,14 +148,14 @@ fn arrival<M: Wire>(
     let (mut arrived, mut tries, mut reconnect_ns) = (false, 0, u64::MAX);
     Ok(move || {
         if arrived {
-            return Ok(true); // what comes from now on may be the first message of the run
+            return Ok(true); // the next message may be the first of the run: leave it in the queue
         }
         while port.receive(&mut |_, from| arrived |= from == publisher()) == Ok(true) {}
         let now_ns = now_ns();
         if publisher() <= VACANT || arrived {
             reconnect_ns = now_ns + RECONNECT_NS;
         } else if port.cannot_reach(publisher()) || now_ns > reconnect_ns {
-            // Two that connect to each other at the same instant may both fail.
+            // Two processes that connect to each other at the same instant may both fail.
             tries += 1;
             if tries > RECONNECTS {
                 return Err(unreachable());

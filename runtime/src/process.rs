@@ -1,5 +1,5 @@
-//! A node as a program: every node's `main.rs` is the same three lines around [`main`]; the launcher starts the same code
-//! as `launcher node NAME`.
+//! A node as a program: every node's `main.rs` is the same three lines around [`main`]. The launcher starts the same
+//! code as `launcher node NAME`.
 
 use std::path::Path;
 use std::process::ExitCode;
@@ -13,7 +13,7 @@ use crate::realtime;
 use crate::session::NodeSession;
 use contract::exit;
 
-/// Runs one node as this process: joins the namespace named in the arguments, runs, reports failure on stderr.
+/// Runs one node as this process: joins the namespace named in the arguments, runs, and reports an error on stderr.
 ///
 /// The process dies with its parent, the launcher.
 pub fn main(name: &str, run: fn(NodeSession) -> Result<(), SessionError>) -> ExitCode {
@@ -29,7 +29,7 @@ pub fn main(name: &str, run: fn(NodeSession) -> Result<(), SessionError>) -> Exi
     epoch.map_or_else(|| usage(name), |epoch| run_as(name, namespace, epoch, own.map(Path::new), run))
 }
 
-/// The same with the arguments given.
+/// Runs one node as this process, as [`main`] does, with the arguments already parsed.
 pub fn run_as(
     name: &str,
     namespace: &str,
@@ -49,14 +49,14 @@ pub fn run_as(
     }
 }
 
-/// From now on this process does not outlive its parent, which must be the launcher of `namespace`, or a debugger that the
-/// launcher started and that traces this process.
+/// Makes the kernel kill this process when its parent ends. The parent must be the launcher of `namespace`, or a
+/// debugger that the launcher started and that traces this process; any other is an error.
 ///
-/// Programs other than ours the launcher binds before they begin ([`realtime::die_with_parent`]).
+/// The launcher binds programs other than ours before they begin ([`realtime::die_with_parent`]).
 pub fn die_with_launcher(namespace: &str) -> Result<(), SessionError> {
     // Fails only for a signal number that does not exist.
     let _ = rustix::process::set_parent_process_death_signal(Some(Signal::KILL));
-    // A launcher that died before that sends no signal any more: then the parent is another.
+    // If the launcher died before this call, no signal comes any more, and the parent is another process.
     let parent = rustix::process::getppid().map(|pid| pid.as_raw_nonzero().get());
     let launcher = Domain::find(namespace)?.launcher_pid();
     let debugger_of = |parent: i32| {
@@ -69,7 +69,7 @@ pub fn die_with_launcher(namespace: &str) -> Result<(), SessionError> {
     }
 }
 
-/// A number in the status of a process.
+/// Reads a number in the status of a process; `None` if there is none.
 fn number_of(process: &str, field: &str) -> Option<i32> {
     let status = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
     status.lines().find_map(|line| line.strip_prefix(field)?.trim().parse().ok())

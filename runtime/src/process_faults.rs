@@ -1,18 +1,18 @@
-//! The faults of one process: the one place where a process learns of faults and is asked what they do to it.
+//! The faults of one process: the only place that reads new faults and computes their effects on the process.
 //!
 //! ```text
-//! scenario, fault table --once a tick--> schedule --> link      what becomes of a message (crate::link)
-//!                                                 --> slow      the message is held up
+//! scenario, fault table --once a tick--> schedule --> link      changed and lost messages (crate::link)
+//!                                                 --> slow      the message is delayed
 //!                                                 --> offset    the process reads another time
-//!                                                 --> exit, hog the process leaves, or burns its processor
+//!                                                 --> exit, hog the process ends, or burns its processor
 //!                                                 --> the node's core (vehicle, sensors, solver): new faults
 //! ```
 //!
-//! An exit or a hog begins on one tick, for the process that works then: one that was started later has no part in it.
-//! In lockstep and in process the launcher acts out those of the run; a process acts out those of its own settings.
+//! An exit or a hog affects the process that works on the tick on which it begins, and none that is started later. In
+//! lockstep and in process the launcher carries out those of the run, and a process only those of its own settings.
 //!
-//! The offset of a clock shifts what the process reads, for its stamps and for the judgement of its own deadline, and
-//! nothing else: when it is woken is up to the kernel and the other processes.
+//! The offset of a clock shifts the time that the process reads for its stamps and for the check of its own deadline,
+//! and nothing else. The kernel and the other processes decide when it is woken.
 
 use std::cell::{Ref, RefCell};
 use std::sync::Arc;
@@ -23,25 +23,25 @@ use contract::Topic;
 use contract::fault_schedule::{Entry, FaultSchedule, MAX_LIVE_FAULTS};
 use contract::scenario::{Fault, FaultKind, FaultTarget, Mode, Scenario};
 
-/// How far a clock is off, if the fault does not say \[ms\].
+/// Default offset of a clock \[ms\].
 const USUAL_OFFSET_MS: f64 = 20.0;
-/// How long a message is held up, if the fault does not say \[ms\].
+/// Default delay of a message \[ms\].
 const USUAL_SLOW_MS: f64 = 5.0;
 
-/// The faults of the process that answers on one topic.
+/// Faults of the process that answers on one topic.
 pub struct ProcessFaults {
     page: Arc<ControlPage>,
     topic: Topic,
-    /// Whether it leaves and burns by itself.
+    /// `true` if the process carries out exits and hogs itself.
     acts: bool,
     schedule: RefCell<FaultSchedule<Fault>>,
     updates: RefCell<FaultUpdates>,
-    /// What the last update brought.
+    /// Faults that the last update brought.
     new: RefCell<Vec<(usize, Fault)>>,
 }
 
 impl ProcessFaults {
-    /// Of the process that answers on `topic` with the settings `scenario`; with `acts` it leaves and burns by itself.
+    /// Collects the faults of a process with the settings `scenario`; with `acts` it carries out exits and hogs itself.
     pub fn new(page: Arc<ControlPage>, topic: Topic, scenario: &Scenario, acts: bool) -> Self {
         let schedule = FaultSchedule::new(scenario, |_, fault| of_process(topic, fault, acts));
         let in_flight = scenario.run.mode == Mode::Realtime;
@@ -49,7 +49,7 @@ impl ProcessFaults {
         Self { page, topic, acts, schedule: schedule.into(), updates: RefCell::default(), new: new.into() }
     }
 
-    /// Takes what the fault table has new; once a tick.
+    /// Takes new faults from the fault table; called once a tick.
     pub fn update(&self) {
         let mut new = self.new.borrow_mut();
         new.clear();
@@ -61,39 +61,39 @@ impl ProcessFaults {
         });
     }
 
-    /// How many entries and changes of the fault table the process knows.
+    /// Number of entries and changes of the fault table that the process knows.
     pub fn known(&self) -> u64 {
         self.updates.borrow().known()
     }
 
-    /// Hands what the last update brought to `apply`, with its number.
+    /// Passes the faults that the last update brought to `apply`, with their numbers.
     pub fn new_faults(&self, mut apply: impl FnMut(usize, &Fault)) {
         self.new.borrow().iter().for_each(|(number, fault)| apply(*number, fault));
     }
 
-    /// All of them.
+    /// All faults of the process, active or not.
     pub fn schedule(&self) -> Ref<'_, FaultSchedule<Fault>> {
         self.schedule.borrow()
     }
 
-    /// How long the answer to sample `tick` is held up \[ns\].
+    /// Delay of the answer to sample `tick` \[ns\].
     pub fn held_up_ns(&self, tick: u64) -> u64 {
         self.sum(tick, FaultKind::Slow, |fault| (fault.ms.unwrap_or(USUAL_SLOW_MS) * 1e6) as i64) as u64
     }
 
-    /// What the process reads on `tick` when it is `now_ns`; in process no clock is read, and stays at zero.
+    /// Time that the process reads on `tick` when it is `now_ns`; always 0 in process, where no clock is read.
     pub fn read_ns(&self, tick: u64, now_ns: u64) -> u64 {
         let offset = |fault: &Fault| (fault.ms.unwrap_or(USUAL_OFFSET_MS) * 1e6) as i64;
         if now_ns == 0 { 0 } else { now_ns.saturating_add_signed(self.sum(tick, FaultKind::Offset, offset)) }
     }
 
-    /// Whether the process leaves instead of answering to `tick`, when the sample it waited for was `next`.
+    /// Returns whether the process ends instead of answering to `tick`, when it waited for sample `next`.
     pub fn leaves(&self, next: u64, tick: u64) -> bool {
         let schedule = self.schedule();
         began(&schedule, FaultKind::Exit, next, tick).next().is_some()
     }
 
-    /// The first tick on which it does not burn its processor any more, if it begins to before it answers to `tick`.
+    /// First tick after the hogs that begin at a sample from `next` to `tick`; `None` if there are none.
     pub fn burns_until(&self, next: u64, tick: u64) -> Option<u64> {
         let schedule = self.schedule();
         began(&schedule, FaultKind::Hog, next, tick).map(|hog| hog.ticks.end).max()
@@ -105,14 +105,14 @@ impl ProcessFaults {
     }
 }
 
-/// Burns this thread's processor until then, or until the run is over.
+/// Burns this thread's processor until `until_ns` or the end of the run.
 pub fn burn(page: &ControlPage, until_ns: u64) {
     while now_ns() < until_ns && page.phase.count() < phase::LEAVE {
         std::hint::spin_loop();
     }
 }
 
-/// Those of a kind that begin with `tick`, or since the sample `next`; 0 is that of a process that waits for its first.
+/// Active faults of a kind that began at a sample from `next` to `tick`; none if `next` is 0, before the first sample.
 fn began(
     schedule: &FaultSchedule<Fault>,
     kind: FaultKind,
@@ -122,7 +122,7 @@ fn began(
     schedule.on(tick).filter(move |entry| entry.effect.kind == kind && next > 0 && next <= entry.ticks.start)
 }
 
-/// The fault, if it concerns the process that answers on `topic`, or the messages that it sends.
+/// Returns the fault if it concerns the process that answers on `topic`, or its messages; `None` otherwise.
 fn of_process(topic: Topic, fault: &Fault, acts: bool) -> Option<Fault> {
     let own = fault.target.process() == Some(topic);
     let concerns = match fault.kind {
@@ -150,13 +150,13 @@ mod tests {
         of(Topic::Actuators, &faults.iter().map(fault).collect::<Vec<_>>())
     }
 
-    /// The ticks up to the 99th on which a process leaves that comes with tick `first` and misses none.
+    /// Ticks below 100 on which a process ends that works from tick `first` on and misses none.
     fn leaves(faults: &ProcessFaults, first: u64) -> Vec<u64> {
         (first..100).filter(|tick| faults.leaves(*tick, *tick)).collect()
     }
 
     #[test]
-    fn a_process_leaves_with_every_exit_that_begins_while_it_is_there() {
+    fn a_process_ends_with_every_exit_that_begins_while_it_works() {
         let exits = of_mixer(&[(FaultKind::Exit, 0.1, None), (FaultKind::Exit, 0.3, Some(0.05))]);
         assert_eq!(leaves(&exits, 5), [10, 30]);
         assert_eq!(leaves(&exits, 10), [10, 30]);
@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn a_process_that_burns_its_processor_may_leave_too() {
+    fn a_process_that_burns_its_processor_may_end_too() {
         let both = of_mixer(&[(FaultKind::Hog, 0.1, Some(0.2)), (FaultKind::Exit, 0.1, None)]);
         assert_eq!(both.burns_until(10, 10), Some(30));
         assert_eq!(both.burns_until(11, 11), None);
@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_launcher_acts_out_the_process_does_not() {
+    fn a_process_ignores_exits_that_the_launcher_carries_out() {
         let exit = Fault::new(FaultTarget::Mixer, FaultKind::Exit, 0.1, None);
         let scenario = Scenario { fault: vec![exit], ..Scenario::default() };
         let page = Arc::new(ControlPage::private().expect("memory"));

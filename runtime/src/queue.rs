@@ -1,7 +1,7 @@
-//! The queues: how messages travel when one thread turns the ring.
+//! The queues: message transport in process, where one thread calls all nodes.
 //!
-//! They do what [`crate::port`] does between processes: a listener has a queue of its depth for each publisher, which
-//! loses the oldest; one that joins later gets the last message of a publisher when that publisher sends again.
+//! Queues behave like the ports between processes ([`crate::port`]): a receiver has a queue for each publisher, which
+//! loses the oldest message when full; one that joins later gets a publisher's last message with its next one.
 
 use std::any::Any;
 use std::cell::{Cell, RefCell};
@@ -13,34 +13,34 @@ use crate::port::{Receive, Send, WarmUp};
 use contract::Topic;
 use contract::message::{Actuators, Controls, Message, Reference, State};
 
-/// The four topics of one ring.
+/// Queues of the four topics of one ring.
 #[derive(Clone)]
 pub struct Queues {
     topics: [Rc<dyn Any>; Topic::COUNT],
     ports: Rc<Cell<u64>>,
 }
 
-/// The queues of all listeners of one topic.
+/// Queues of all receivers of one topic.
 type TopicQueues<M> = RefCell<Vec<Rc<Queue<M>>>>;
 
-/// A listener's queue: messages, each with the port that it was sent through.
+/// Queue of a receiver: messages, each with the number of the port that it was sent through.
 struct Queue<M> {
     depth: usize,
-    /// Ports have numbers in the order in which they were opened.
+    /// Number of the receiving port; ports are numbered in the order in which they were opened.
     number: u64,
     messages: RefCell<VecDeque<(M, u64)>>,
 }
 
-/// A publisher's port.
+/// Port of a publisher.
 struct Sender<M> {
     number: u64,
     topic: Rc<TopicQueues<M>>,
     last: Cell<Option<M>>,
-    /// The newest listener that it has sent to.
+    /// Number of the newest receiver that the port has sent to.
     newest: Cell<u64>,
 }
 
-/// A listener's port. It leaves the topic when it is dropped.
+/// Port of a receiver, which leaves the topic when it is dropped.
 struct Receiver<M> {
     queue: Rc<Queue<M>>,
     topic: Rc<TopicQueues<M>>,
@@ -64,7 +64,7 @@ impl Queues {
     /// Opens the sending side of `M`'s topic.
     pub fn sender<M: Message>(&self) -> Result<Rc<dyn Send<M>>, PortError> {
         let (topic, number) = (self.topic()?, self.number());
-        // Listeners that are there already are sent to from the first message on.
+        // Receivers that exist already get the first message, and nothing before it.
         Ok(Rc::new(Sender { number, topic, last: Cell::new(None), newest: Cell::new(number) }))
     }
 
@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn a_listener_that_joins_later_gets_the_last_message_with_the_next() {
+    fn a_receiver_that_joins_later_gets_the_last_message_with_the_next() {
         let queues = Queues::default();
         let sender = queues.sender::<Controls>().unwrap();
         assert!(sender.send(&controls(1)).is_err(), "no listener is there");
@@ -195,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn a_publisher_begins_with_its_first_message_for_listeners_that_were_there() {
+    fn receivers_that_exist_already_get_a_publisher_s_first_message_once() {
         let queues = Queues::default();
         let receiver = queues.receiver::<Controls>(2).unwrap();
         let sender = queues.sender::<Controls>().unwrap();

@@ -1,35 +1,35 @@
-//! The release: what begins a cycle. It is decided once, when a process joins; every choice that depends on it but the
-//! waiting itself ([`crate::sample_loop`], [`crate::cycle_loop`]) is made here.
+//! The release: the event that begins a cycle. It is chosen once, when a process joins. Every choice that depends on it
+//! is made here, except the waiting itself ([`crate::sample_loop`], [`crate::cycle_loop`]).
 //!
 //! ```text
 //!           the plant samples                 a node answers                        wakes by
 //! Timer     at t0 + k T, whatever happens     its input came, or is late            ringing at every message
 //! Barrier   all are done with the last tick   the node before it is done            ringing at the end of a cycle
-//! Recording its caller says so                its caller says so                    -
+//! Recording the caller calls it               the caller calls it                   -
 //! ```
 //!
-//! In process the caller of the nodes is the barrier: nothing waits, nothing wakes, and no clock is read
+//! In process the caller of the nodes is the barrier: no node waits or wakes another, and no clock is read
 //! ([`crate::cycle_timing`]).
 
 use crate::realtime::{ControlPage, Doorbell, now_ns};
 use contract::scenario::{Late, Mode, NodeDeadline, Scenario};
 
-/// What begins a cycle.
+/// Event that begins a cycle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Release {
     /// Real time: `CLOCK_MONOTONIC`.
     Timer {
-        /// Between two samples \[ns\].
+        /// Time between two samples \[ns\].
         period_ns: u64,
     },
-    /// Lockstep: all that work are done with what comes before.
+    /// Lockstep and in process: all preceding processes are done with their cycle.
     Barrier,
-    /// Replay: the caller, when the recording has a cycle.
+    /// Replay: the caller calls the node when the recording has a cycle.
     Recording,
 }
 
 impl Release {
-    /// That of a run of `scenario`.
+    /// Chooses the release of a run of `scenario`.
     pub fn of(scenario: &Scenario) -> Self {
         match scenario.run.mode {
             Mode::Realtime => Self::Timer { period_ns: scenario.sample_ns() },
@@ -37,7 +37,7 @@ impl Release {
         }
     }
 
-    /// The instant of sample `tick`, which in lockstep is the present one.
+    /// Instant of sample `tick` \[ns\]; in lockstep that of the present sample, whatever the `tick`.
     pub fn sample_ns(self, page: &ControlPage, tick: u64) -> u64 {
         match self {
             Self::Timer { period_ns } => page.origin_ns() + tick * period_ns,
@@ -45,19 +45,19 @@ impl Release {
         }
     }
 
-    /// How many samples exist when an answer to sample `tick` is judged: those `taken` by the plant, and in real time also those
-    /// that it slept through, because the nodes answer to them too.
+    /// Number of samples that exist when an answer to sample `tick` is checked: those `taken` by the plant, and in real
+    /// time also those that it slept through, because the nodes answer to them too.
     pub fn samples_by_now(self, page: &ControlPage, taken: u64, tick: u64) -> u64 {
         match self {
             Self::Timer { period_ns } if tick >= taken && page.origin_ns() > 0 => {
                 taken.max(now_ns().saturating_sub(page.origin_ns()) / period_ns + 1)
             }
-            Self::Recording => u64::MAX, // it was judged in the flight
+            Self::Recording => u64::MAX, // the message was checked in the flight
             _ => taken,
         }
     }
 
-    /// The deadline that counts: without a clock no message is too late to be sent.
+    /// Deadline in force: in lockstep and in process late messages are counted, but always sent.
     pub fn deadline(self, deadline: NodeDeadline) -> NodeDeadline {
         match self {
             Self::Timer { .. } | Self::Recording => deadline,
@@ -65,8 +65,8 @@ impl Release {
         }
     }
 
-    /// Holds the process up for `held_ns`, as a fault wants it. Without a clock it only counts: what is to be added to
-    /// the stamp.
+    /// Delays the process by `held_ns`, as a fault demands. In lockstep and in process the process does not wait; the
+    /// delay is returned instead, to be added to the stamp.
     pub fn hold_up(self, page: &ControlPage, held_ns: u64) -> u64 {
         match self {
             Self::Timer { .. } => {
@@ -76,11 +76,11 @@ impl Release {
                 0
             }
             Self::Barrier => held_ns,
-            Self::Recording => 0, // the recorded times have it
+            Self::Recording => 0, // the recorded times contain it
         }
     }
 
-    /// A message is out. Without a clock no process is due before this one is done with its cycle.
+    /// Announces a sent message, which wakes its receivers in real time only; else [`Self::cycle_done`] does.
     pub fn message_sent(self, doorbell: &Doorbell) {
         match self {
             Self::Timer { .. } => doorbell.ring(),
@@ -88,10 +88,10 @@ impl Release {
         }
     }
 
-    /// The cycle is done.
+    /// Announces the end of a cycle, which in lockstep wakes the waiting processes.
     pub fn cycle_done(self, doorbell: &Doorbell) {
         if self == Self::Barrier {
-            doorbell.ring(); // against the clock the message was what the others wait for
+            doorbell.ring(); // in real time the message itself has woken the others
         }
     }
 }

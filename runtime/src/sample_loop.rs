@@ -1,21 +1,21 @@
-//! The loop of the plant, which begins every tick: it waits for the release of the next sample, and takes in meanwhile what
-//! the mixer commands.
+//! The loop of the plant, which begins every tick: it waits for the release of the next sample, and meanwhile receives
+//! the commands of the mixer.
 //!
 //! ```text
 //! wakes for            Timer                                        Barrier
-//! a command            it came: it acts from this instant           - (the command of the tick is read at its end)
+//! a command            it came: it acts from this instant           - (the command of a tick is read at its end)
 //! the release          t0 + k T                                     all that work are done with this sample
 //! the warm-up          shortly before the release                   -
-//! the watchers         -                                            launcher and recorder are close enough behind
-//! the launcher         -                                            it has said who works on the next tick
+//! the observers        -                                            launcher and recorder are close enough behind
+//! the launcher         -                                            it has assigned the roles of the next tick
 //! looking around       the run ends                                 100 ms have passed, or the run ends
 //! ```
 //!
-//! In real time sample `k` stands for the instant `t0 + k T` whatever happens; slots that were slept through are skipped,
-//! and never made up for. In lockstep the plant waits as long as it takes: the launcher watches, and ends the run.
+//! In real time sample `k` stands for the instant `t0 + k T` whatever happens; slots that the plant slept through are
+//! skipped and never made up for. In lockstep the plant waits without a limit; the launcher ends a run that is stuck.
 //!
-//! Between two ticks the roles change. In real time the plant activates the epoch that the launcher has named; in
-//! lockstep it asks the launcher who works on the tick that begins, when that may have changed.
+//! Roles change between two ticks. In real time the plant activates the epoch that the launcher has named. In lockstep
+//! it asks the launcher for the assignment of the tick that begins, if that may have changed.
 
 use contract::message::{Message, Stamp};
 use contract::scenario::Fault;
@@ -32,13 +32,13 @@ use crate::realtime::{Doorbell, now_ns, phase};
 use crate::release::Release;
 use crate::shared_role::Origin;
 
-/// The nodes that answer to the plant.
+/// Topics of the nodes that answer to the plant.
 const OTHERS: [Topic; 3] = [Topic::Reference, Topic::Controls, Topic::Actuators];
 
-/// The loop of the plant.
+/// Loop of the plant.
 pub struct SampleLoop {
     member: Member,
-    /// The tick under way; `None` before the first.
+    /// Current tick; `None` before the first.
     tick: Option<u64>,
 }
 
@@ -47,11 +47,11 @@ impl SampleLoop {
         Self { member, tick: None }
     }
 
-    /// Hands every command that comes in to `command`, with its arrival after the sample \[ns\], until the next sample is
-    /// due, and begins its tick. `None` when the run is over.
+    /// Passes every received command to `command`, with its arrival after the sample \[ns\], until the next sample is
+    /// due. Then begins that tick and returns it; `None` if the run is over.
     ///
     /// # Errors
-    /// A fault ends the process, or it has missed a deadline with the policy `stop`.
+    /// A fault ends the process, or the process has missed a deadline with the policy `stop`.
     pub fn next<M: Message>(
         &mut self,
         input: &mut Input<M>,
@@ -76,34 +76,34 @@ impl SampleLoop {
         Ok(self.tick)
     }
 
-    /// Hands the faults that the process has learnt of with this tick to `apply`, with their numbers.
+    /// Passes the faults that are new since the last tick to `apply`, with their numbers.
     pub fn new_faults(&self, apply: impl FnMut(usize, &Fault)) {
         self.member.faults.new_faults(apply);
     }
 
-    /// Provenance of the STATE of `tick`: a new chain.
+    /// Provenance of the STATE of `tick`, which begins a new chain.
     pub fn provenance(&self, tick: u64) -> Stamp {
         Stamp::at(tick, self.member.release.sample_ns(&self.member.page, tick))
     }
 
-    /// Says before STATE of `tick` is sent that it is the last: its tick is finished, and no other begins.
+    /// Marks `tick` as the last; call it before its STATE is sent. The tick is finished, and no other begins.
     pub fn ends_with(&self, tick: u64) {
         self.member.page.set_total_samples(tick + 1);
     }
 
-    /// STATE of `tick` is out.
+    /// Marks `tick` as done after its STATE was sent, which in lockstep wakes the nodes.
     pub fn done(&self, tick: u64) {
         let Member { page, epoch, release, .. } = &self.member;
         page.role(Topic::State).done(*epoch).set(tick as u32 + 1);
         release.cycle_done(page.doorbell(Topic::State));
     }
 
-    /// The vehicle's `memory` after STATE of `tick`, for the recorder.
+    /// Stores the plant's `memory` after STATE of `tick`, for the recorder.
     pub fn remember(&self, tick: u64, memory: &[u64; PLANT_WORDS]) {
         self.member.page.plant_memory.write(Origin { epoch: u64::from(self.member.epoch), done: tick + 1 }, memory);
     }
 
-    /// Begins with tick 0, unless the run was called off. Against the clock it is due when all nodes wait for it.
+    /// Begins tick 0, in real time once all nodes wait for it or after [`GATHER_NS`]; `None` if the run was called off.
     fn first(&self, release: Release) -> Option<u64> {
         let Member { page, timing, .. } = &self.member;
         let going = page.phase.count() == phase::GO;
@@ -179,13 +179,13 @@ impl SampleLoop {
             command(message, message.stamp().held_ns);
         }
         for seen in [&page.watched, &page.recorded] {
-            self.wait_for(seen, || tick < u64::from(seen.count()) + LEAD_TICKS)?; // the flight does not notice
+            self.wait_for(seen, || tick < u64::from(seen.count()) + LEAD_TICKS)?; // no effect on the flight
         }
         self.member.timing.begin(now_ns());
         Some(tick + 1)
     }
 
-    /// Asks the launcher who works on `tick`, if that may have changed; the sample is taken after that.
+    /// Waits for the launcher's assignment of `tick`, if it may have changed; `None` if the run is over.
     fn ask(&self, tick: u64) -> Option<()> {
         let page = &self.member.page;
         if tick >= u64::from(page.next_decision.get()) || OTHERS.iter().any(|topic| page.role(*topic).active() == 0) {
@@ -196,12 +196,12 @@ impl SampleLoop {
         Some(())
     }
 
-    /// Sleeps by `doorbell` until it `is_so`; `None` when the run is over first.
+    /// Sleeps at `doorbell` until `is_so` returns `true`; `None` if the run is over first.
     fn wait_for(&self, doorbell: &Doorbell, is_so: impl Fn() -> bool) -> Option<()> {
         self.wait_until(u64::MAX, doorbell, is_so)
     }
 
-    /// The same, or until `limit_ns`.
+    /// Sleeps at `doorbell` until `is_so` returns `true`; `None` if the run is over or `limit_ns` has passed first.
     fn wait_until(&self, limit_ns: u64, doorbell: &Doorbell, is_so: impl Fn() -> bool) -> Option<()> {
         loop {
             let rung = doorbell.count(); // before the look, so that a change after it is not slept through

@@ -5,7 +5,7 @@
 //!                                                 ready_to_sample   --> SampleLoop    the plant
 //! ```
 //!
-//! [`ready`](NodeSession::ready) consumes the session: no port is opened and no place is taken once the loop has begun.
+//! [`ready`](NodeSession::ready) consumes the session, so that no port is opened and no place is taken in the loop.
 
 use std::path::Path;
 
@@ -25,20 +25,20 @@ use crate::realtime;
 use crate::release::Release;
 use crate::sample_loop::SampleLoop;
 
-/// A process of a node that has joined a run, and is not ready yet.
+/// Process of a node that has joined a run and is not ready yet.
 pub struct NodeSession {
-    /// The settings of this process.
+    /// Settings of this process.
     pub scenario: Scenario,
     ports: Ports,
     member: Member,
 }
 
 impl NodeSession {
-    /// Joins the run of `namespace` as the process `epoch`, from 1, of the node `name`, with settings of its `own` in the
-    /// place of the run's: the merged ones of a file.
+    /// Joins the run of `namespace` as process `epoch`, from 1, of the node `name`. `own` is a file of merged settings
+    /// that replace the run's.
     ///
     /// # Errors
-    /// There is no such run, or no such node.
+    /// There is no such run or node, or the settings cannot be read.
     pub fn join(namespace: &str, name: &str, epoch: u32, own: Option<&Path>) -> Result<Self, SessionError> {
         let topic = Topic::ALL.into_iter().find(|topic| topic.publisher() == name);
         let topic = topic.ok_or_else(|| SessionError::UnknownNode(name.into()))?;
@@ -53,22 +53,22 @@ impl NodeSession {
     }
 
     pub(crate) fn new(ports: Ports, topic: Topic, epoch: u32, scenario: Scenario, run: &Scenario) -> Self {
-        let acts = run.run.mode == Mode::Realtime || scenario.fault != run.fault; // else the launcher does
+        let acts = run.run.mode == Mode::Realtime || scenario.fault != run.fault; // else the launcher acts
         let member = Member::new(ports.page.clone(), topic, epoch, &scenario, acts);
         Self { scenario, ports, member }
     }
 
-    /// Where this node gets `M` from.
+    /// Opens the input on which this node receives `M`.
     pub fn input<M: Wire>(&mut self) -> Result<Input<M>, SessionError> {
         Input::open(&mut self.ports, &self.member)
     }
 
-    /// Where this node sends `M` to. With it the process takes its place in the role.
+    /// Opens the output on which this node sends `M`. With it the process takes its place in the role.
     pub fn output<M: Wire>(&mut self) -> Result<Output<M>, SessionError> {
         Output::open(&mut self.ports, &self.member, &self.scenario)
     }
 
-    /// What the process before this one remembered; `None` for the first, which begins with nothing.
+    /// Reads the snapshot of the previous active process; `None` for epoch 1, or if there is none.
     pub fn memory(&self) -> Option<Snapshot> {
         let memory = &self.member.page.role(self.member.topic).memory;
         let (origin, snapshot) = (self.member.epoch > 1).then(|| memory.read_whole()).flatten()?;
@@ -76,25 +76,25 @@ impl NodeSession {
         Some(snapshot)
     }
 
-    /// The loop of a node that answers, once the run has begun: call it when everything is allocated. Enters the
-    /// real-time class, says that this process is ready, and waits.
+    /// Enters the real-time class, says that this process is ready, waits until the run begins, and returns the loop of
+    /// a node that answers. Call it when everything is allocated.
     ///
     /// # Errors
-    /// A node that this one listens to cannot be received.
+    /// A node whose messages this one needs cannot be received.
     pub fn ready(mut self) -> Result<CycleLoop, SessionError> {
         self.wait_for_start()?;
         let upstream = (self.member.topic as usize).saturating_sub(1);
         Ok(CycleLoop::new(self.member, self.scenario.deadline_of(upstream).deadline_ns))
     }
 
-    /// The same for the plant: its loop, and with it the release of the first sample.
+    /// Gets ready as [`Self::ready`] does, and returns the loop of the plant, which begins with the first sample.
     pub fn ready_to_sample(mut self) -> Result<SampleLoop, SessionError> {
         self.wait_for_start()?;
         Ok(SampleLoop::new(self.member))
     }
 
-    /// In lockstep there is no deadline to keep, and a ring that never sleeps would starve the processes that watch it:
-    /// it does not enter the real-time class. The launcher has put it on one CPU, unless it is told another.
+    /// Waits until the run begins. A process in lockstep does not enter the real-time class: it has no deadline, and a
+    /// ring that never sleeps would starve its observers. The launcher chose its CPU, unless the scenario names others.
     fn wait_for_start(&mut self) -> Result<(), SessionError> {
         let Member { page, topic, epoch, release, timing, .. } = &self.member;
         let scheduling = self.scenario.realtime.of(*topic as usize);

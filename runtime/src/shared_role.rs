@@ -1,25 +1,25 @@
-//! The shared role: which process runs a node, and how far it is, in shared memory.
+//! The shared role: the processes that run a node, and their progress, in shared memory.
 //!
-//! Every process that ever runs a node has an epoch of its own: 1 for the first, one more for each later one. Two of
-//! them may work at once; one is active, and only its messages are delivered.
+//! Every process that ever runs a node has its own epoch: 1 for the first, one more for each later one. Two of them may
+//! work at once; one is active, and only its messages are delivered.
 //!
 //! ```text
-//! offered -> claimed -> ready --> standby <--> active     standby   answers too, its messages are not delivered
+//! offered -> claimed -> ready --> standby <--> active     standby   answers too, but its messages are not delivered
 //!                            \-------------->/            pending   becomes active when the next tick begins
 //! ```
 //!
 //! The launcher offers a place to the epoch that it is about to start ([`SharedRole::offer`]). The process takes the
-//! place by naming the port that it sends through ([`SharedRole::claim`]). One process gets it; another one of the same
-//! epoch is turned away, and what comes through any other port is refused by every listener.
+//! place by naming the port that it sends through ([`SharedRole::claim`]). Only one process gets it; a second one of
+//! the same epoch is turned away, and every receiver refuses messages with this epoch from any other port.
 //!
 //! In real time the launcher names the pending epoch, and the plant activates it between two ticks
-//! ([`SharedRole::activate_pending`]), so that a tick has one active epoch. In lockstep the launcher assigns by itself,
-//! while the plant waits for it. Active, standby and pending are one word, so that what launcher and plant do at the
-//! same time is done one after the other.
+//! ([`SharedRole::activate_pending`]), so that a tick has one active epoch. In lockstep the launcher changes the
+//! assignment itself, while the plant waits for it. Active, standby and pending epoch share one word, so that
+//! simultaneous changes by launcher and plant take effect one after the other.
 //!
-//! What a process counts stands in the slot of its epoch. There are as many slots as epochs can work or be about to;
-//! [`SharedRole::offer`] takes one that no such epoch has. A process whose slot was taken is no part of the run any more,
-//! and counts in a spare slot that is not read.
+//! The counts of a process stand in the slot of its epoch. There are as many slots as epochs can work or be about to.
+//! [`SharedRole::offer`] reuses a slot that no such epoch has. A process whose slot was reused is no longer part of the
+//! run, and counts in a spare slot that is never read.
 
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering, fence};
 
@@ -29,72 +29,73 @@ use contract::Topic;
 use contract::guard::Refusal;
 use contract::snapshot::SNAPSHOT_WORDS;
 
-/// The entry of an epoch that was offered a place which no process has taken.
+/// Entry of an epoch whose place was offered and not yet taken.
 pub(crate) const VACANT: u64 = 1;
 
-/// The role of one node.
+/// Role of one node on the control page.
 #[repr(C, align(64))]
 #[derive(Default)]
 pub struct SharedRole {
-    /// Active, standby and pending: a [`PackedAssignment`].
+    /// Active, standby and pending epoch: a [`PackedAssignment`].
     packed: AtomicU64,
-    /// The newest epoch whose process is ready to work; the process says so.
+    /// Newest epoch whose process is ready to work; set by the process.
     pub ready: Word,
-    /// The newest such epoch to whose port the launcher has connected: from then on it misses nothing that is sent there.
+    /// Newest such epoch to whose port the launcher has connected, so that the launcher misses no further message of
+    /// it.
     pub connected: Word,
-    /// The newest epoch whose process is warm and waits for samples; the process says so.
+    /// Newest epoch whose process is warm and waits for samples; set by the process.
     pub waiting: Word,
     /// Messages that all processes of the node have sent.
     pub sent_by_all: Word,
-    /// How often the node's ports have failed, by cause: see [`PortFailure`].
+    /// Failures of the node's ports, by cause: see [`PortFailure`].
     pub port_failures: [Word; PortFailure::ALL.len()],
     /// Messages that the node has refused, by cause: see [`contract::guard::Refusal`].
     pub refused: [Word; Refusal::ALL.len()],
     slots: [Slot; ROLE_SLOTS],
     spare: Slot,
-    /// By epoch: not offered (0), vacant, or the port that the process sends through.
+    /// Entries by epoch: 0 = not offered, [`VACANT`], or the port that the process sends through.
     ports: PortNumbers,
-    /// What the active process remembers after its newest tick.
+    /// Snapshot of the active process after its newest tick.
     pub memory: SnapshotCell<SNAPSHOT_WORDS>,
 }
 
-/// What one process of a node counts.
+/// Counts of one process of a node.
 #[repr(C)]
 #[derive(Default)]
 struct Slot {
-    /// Whose slot it is; 0 = free.
+    /// Epoch that has the slot; 0 = free.
     epoch: Word,
-    /// The first tick of the epoch since it was let in.
+    /// First tick of the epoch since it became active or standby.
     since: Word,
     /// Ticks done, counted from the first of the run.
     done: Word,
     /// Messages sent.
     sent: Word,
-    /// Messages received from the active process of each topic, whatever became of them.
+    /// Messages received from the active process of each topic, refused ones included.
     received: [Word; Topic::COUNT],
 }
 
-/// The epochs that work for a node; 0 = none.
+/// Epochs that work for a node; 0 = none.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Assignment {
-    /// Its messages are delivered.
+    /// Epoch whose messages are delivered.
     pub active: u32,
-    /// It answers too, and its messages are not delivered.
+    /// Epoch that answers too, but whose messages are not delivered.
     pub standby: u32,
 }
 
 impl Assignment {
-    /// Whether `epoch` is active or on standby.
+    /// Returns whether `epoch` is active or on standby; `false` for 0.
     pub fn includes(self, epoch: u32) -> bool {
         epoch != 0 && (self.active == epoch || self.standby == epoch)
     }
 
-    /// The active and the standby epoch, as far as there are.
+    /// Iterates over the active and the standby epoch, without those that are 0.
     pub fn epochs(self) -> impl Iterator<Item = u32> {
         [self.active, self.standby].into_iter().filter(|epoch| *epoch != 0)
     }
 
-    /// Without `epoch`.
+    /// Returns the assignment without `epoch`.
     #[must_use]
     pub fn without(self, epoch: u32) -> Self {
         let unless = |other: u32| if other == epoch { 0 } else { other };
@@ -102,16 +103,16 @@ impl Assignment {
     }
 }
 
-/// Assignment and pending epoch.
+/// Assignment and pending epoch, as packed into one word.
 #[derive(Clone, Copy, PartialEq, Eq)]
 struct PackedAssignment {
     assignment: Assignment,
-    /// The epoch that is active from the next tick on; 0 = no change.
+    /// Epoch that becomes active with the next tick; 0 = no change.
     pending: u32,
 }
 
 impl PackedAssignment {
-    /// Bits of an epoch: three fit into a word, and no run has two million processes of a node.
+    /// Bits of an epoch: three epochs fit into a word, and no run has two million processes of a node.
     const BITS: u32 = 21;
 
     fn to_word(self) -> u64 {
@@ -126,17 +127,17 @@ impl PackedAssignment {
 }
 
 impl SharedRole {
-    /// The epochs that work.
+    /// Epochs that work.
     pub fn assignment(&self) -> Assignment {
         self.packed().assignment
     }
 
-    /// The active epoch; 0 = the role is vacant.
+    /// Active epoch; 0 = the role is vacant.
     pub fn active(&self) -> u32 {
         self.assignment().active
     }
 
-    /// Changes the assignment. Epochs that are new in it begin with `tick`.
+    /// Changes the assignment. New epochs in it begin with `tick`.
     pub fn assign(&self, tick: u32, change: impl Fn(Assignment) -> Assignment) {
         self.update(|PackedAssignment { assignment, pending }| PackedAssignment {
             assignment: self.begin(tick, assignment, change(assignment)),
@@ -144,12 +145,12 @@ impl SharedRole {
         });
     }
 
-    /// Names the epoch that is active from the next tick on; 0 = no change.
+    /// Names the epoch that becomes active with the next tick; 0 = no change.
     pub fn set_pending(&self, pending: u32) {
         self.update(|packed| PackedAssignment { pending, ..packed });
     }
 
-    /// `epoch` is neither active, standby nor pending any more; a standby that is left alone becomes pending.
+    /// Removes `epoch` from the role; a standby that is left without an active process becomes pending.
     pub fn dismiss(&self, epoch: u32) {
         self.update(|PackedAssignment { assignment, pending }| {
             let assignment = assignment.without(epoch);
@@ -159,8 +160,8 @@ impl SharedRole {
         });
     }
 
-    /// Makes the pending epoch, if there is one, active for the tick that begins; a standby and the active epoch change
-    /// places.
+    /// Makes the pending epoch, if any, active from `tick` on. If it was the standby, the active epoch becomes the
+    /// standby.
     pub fn activate_pending(&self, tick: u32) {
         self.update(|packed| {
             let PackedAssignment { assignment: Assignment { active, standby }, pending } = packed;
@@ -172,29 +173,29 @@ impl SharedRole {
         });
     }
 
-    /// Ticks that `epoch` has done.
+    /// Ticks that `epoch` has done, counted from the first of the run.
     pub fn done(&self, epoch: u32) -> &Word {
         &self.slot(epoch).done
     }
 
-    /// Messages that `epoch` has sent.
+    /// Number of messages that `epoch` has sent.
     pub fn sent(&self, epoch: u32) -> &Word {
         &self.slot(epoch).sent
     }
 
-    /// Messages on `topic` that `epoch` has received from the active process there.
+    /// Number of messages on `topic` that `epoch` has received from the active process there.
     pub fn received(&self, epoch: u32, topic: Topic) -> &Word {
         &self.slot(epoch).received[topic as usize]
     }
 
-    /// The first tick of `epoch` since it was let in.
+    /// First tick of `epoch` since it became active or standby.
     pub fn since(&self, epoch: u32) -> &Word {
         &self.slot(epoch).since
     }
 
-    /// Offers a place to the process that is about to be started as `epoch`; the launcher's part.
+    /// Offers a place to the process that is about to be started as `epoch`; called by the launcher.
     ///
-    /// Its slot is the one of the oldest epoch that is neither active, standby nor pending.
+    /// The process gets a free slot, or that of the oldest epoch that is neither active, standby nor pending.
     pub fn offer(&self, epoch: u32) {
         let PackedAssignment { assignment, pending } = self.packed();
         // Epoch 1 is assigned before it is offered, and has no slot yet.
@@ -210,17 +211,17 @@ impl SharedRole {
         self.port_of(epoch).store(VACANT, Ordering::Release);
     }
 
-    /// Takes the place of `epoch` for the process that sends through `port`; false when it is not to be had.
+    /// Takes the place of `epoch` for the process that sends through `port`; `false` if it was not offered or is taken.
     pub fn claim(&self, epoch: u32, port: u64) -> bool {
         self.port_of(epoch).compare_exchange(VACANT, port, Ordering::AcqRel, Ordering::Relaxed).is_ok()
     }
 
-    /// The port that the process of `epoch` sends through; no port's number if the place was not taken.
+    /// Port that the process of `epoch` sends through; 0 or 1, which no port has, if the place was not taken.
     pub fn port(&self, epoch: u32) -> u64 {
         self.port_of(epoch).load(Ordering::Acquire)
     }
 
-    /// Whether a process that has or had a place sends through `port`.
+    /// Returns whether a process that has or had a place sends through `port`.
     pub fn knows(&self, port: u64) -> bool {
         self.ports.0.iter().any(|known| known.load(Ordering::Acquire) == port)
     }
@@ -229,16 +230,16 @@ impl SharedRole {
         PackedAssignment::from_word(self.packed.load(Ordering::Acquire))
     }
 
-    /// The one way in which `packed` changes: at once, or anew from what another process has made of it meanwhile.
+    /// Changes `packed` atomically: `change` is called again if another process has changed the word meanwhile.
     fn update(&self, change: impl Fn(PackedAssignment) -> PackedAssignment) {
         let changed = |word| {
             let before = PackedAssignment::from_word(word);
             Some(change(before)).filter(|after| *after != before).map(PackedAssignment::to_word)
         };
-        let _ = self.packed.fetch_update(Ordering::AcqRel, Ordering::Acquire, changed); // fails where nothing changes
+        let _ = self.packed.fetch_update(Ordering::AcqRel, Ordering::Acquire, changed); // an error means no change
     }
 
-    /// Has the epochs that are new in `after` begin with `tick`, and gives `after` back.
+    /// Lets the epochs that are new in `after` begin with `tick`, and returns `after`.
     fn begin(&self, tick: u32, before: Assignment, after: Assignment) -> Assignment {
         for epoch in after.epochs().filter(|epoch| !before.includes(*epoch)) {
             self.done(epoch).set(tick);
@@ -262,7 +263,7 @@ impl Slot {
     }
 }
 
-/// The ports of the newest epochs.
+/// Ports of the newest epochs.
 #[repr(transparent)]
 struct PortNumbers([AtomicU64; ROLE_PORTS]);
 
@@ -272,34 +273,34 @@ impl Default for PortNumbers {
     }
 }
 
-/// A number of the control page.
+/// Number on the control page, shared by all processes.
 #[repr(transparent)]
 #[derive(Default)]
 pub struct Word(AtomicU32);
 
 impl Word {
-    /// What it is.
+    /// Loads the number.
     pub fn get(&self) -> u32 {
         self.0.load(Ordering::Acquire)
     }
 
-    /// Makes it `value`.
+    /// Stores `value`.
     pub fn set(&self, value: u32) {
         self.0.store(value, Ordering::Release);
     }
 
-    /// One more.
+    /// Adds one.
     pub fn count(&self) {
         self.0.fetch_add(1, Ordering::Relaxed);
     }
 }
 
-/// So many words that one process writes and others read, whole or not at all: what a node remembers.
+/// Snapshot of a node's memory, which one process writes and others read, whole or not at all.
 ///
-/// Two copies, written in turn: a writer that dies in the middle leaves the other one good.
+/// There are two copies, written alternately: a writer that dies while writing leaves the other one intact.
 #[repr(C, align(64))]
 pub struct SnapshotCell<const WORDS: usize> {
-    /// Times written.
+    /// Number of writes.
     written: AtomicU64,
     copies: [Copied<WORDS>; 2],
 }
@@ -311,12 +312,12 @@ struct Copied<const WORDS: usize> {
     words: [AtomicU64; WORDS],
 }
 
-/// Where a snapshot comes from; the default is nowhere.
+/// Origin of a snapshot; the default means that there is none.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub struct Origin {
-    /// The process whose memory it is.
+    /// Epoch of the process whose memory it is.
     pub epoch: u64,
-    /// Ticks that it had done, counted from the first of the run.
+    /// Ticks that the process had done, counted from the first of the run.
     pub done: u64,
 }
 
@@ -328,7 +329,7 @@ impl<const WORDS: usize> Default for SnapshotCell<WORDS> {
 }
 
 impl<const WORDS: usize> SnapshotCell<WORDS> {
-    /// Puts `snapshot` in. One writer at a time.
+    /// Stores `snapshot`. Only one process may write at a time.
     pub fn write(&self, origin: Origin, snapshot: &[u64; WORDS]) {
         let count = self.written.load(Ordering::Relaxed) + 1;
         fence(Ordering::Release); // a reader that sees a word of this copy sees that the other one was finished
@@ -340,18 +341,19 @@ impl<const WORDS: usize> SnapshotCell<WORDS> {
         self.written.store(count, Ordering::Release);
     }
 
-    /// The newest snapshot; `None` when there is none, or when it was overwritten while it was read.
+    /// Reads the newest snapshot; `None` if there is none, or if it was overwritten while it was read.
     pub fn read(&self) -> Option<(Origin, [u64; WORDS])> {
         let count = self.written.load(Ordering::Acquire);
         let Copied { origin: [epoch, done], words } = &self.copies[count as usize % 2];
         let origin = Origin { epoch: epoch.load(Ordering::Relaxed), done: done.load(Ordering::Relaxed) };
         let snapshot = words.each_ref().map(|word| word.load(Ordering::Relaxed));
         fence(Ordering::Acquire);
-        // This copy is the next but one to be written, which begins when the count is one higher.
+        // The next write goes to the other copy; the one after it, to this copy, begins when the count is one higher.
         (count > 0 && self.written.load(Ordering::Relaxed) == count).then_some((origin, snapshot))
     }
 
-    /// The newest snapshot; `None` when there is none. One that is being written is read whole at the next attempt.
+    /// Reads the newest snapshot, up to [`MEMORY_READS`] times if it was overwritten; `None` if that fails or there is
+    /// none.
     pub fn read_whole(&self) -> Option<(Origin, [u64; WORDS])> {
         (0..MEMORY_READS).find_map(|_| self.read())
     }

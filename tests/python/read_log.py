@@ -4,7 +4,7 @@
     python3 read_log.py flight.mcap
 
 Checks topics, schemas, times and counts, then prints one line of JSON. A torn log is read to the tear. Exit code 1
-with a message on stderr when something is not as promised in launcher/proto/trefoil.proto.
+with a message on stderr when something is not as promised in launcher/flight/proto/trefoil.proto.
 """
 
 import json

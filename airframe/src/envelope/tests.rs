@@ -48,7 +48,7 @@ fn the_bounding_box_is_the_smallest_with_idle_and_a_narrow_wedge() {
     }
 }
 
-/// Demands all over the set: a fine grid in rotor 1's speed and tilt, the corners of rotors 2 and 3.
+/// Demands all over the set: a fine grid of rotor 1's speed and tilt with the extreme speeds of rotors 2 and 3.
 fn members(envelope: &Envelope) -> impl Iterator<Item = Vector4<f64>> {
     let Limits { rotor_speed_min: idle, rotor_speed_max: max, tilt_max_rad } = envelope.limits;
     let n = 800;
@@ -65,7 +65,7 @@ fn members(envelope: &Envelope) -> impl Iterator<Item = Vector4<f64>> {
 }
 
 proptest! {
-    /// What the actuators can do is inside, whatever the tilt reaction; what they cannot is outside.
+    /// Positions within the limits are inside, with and without tilt reaction; all others are outside.
     #[test]
     fn the_envelope_is_exactly_the_limits(
         rotor_speed in prop::array::uniform3(0.0..4000.0f64), tilt_rad in -1.6..1.6f64, tilt_reaction: bool,
@@ -80,7 +80,7 @@ proptest! {
         prop_assert!((by_demand - violation).abs() < 1e-12);
     }
 
-    /// Between two members everything is a member: the set is convex, the idle cut included.
+    /// The segment between two members lies in the set, also at the idle cut.
     #[test]
     fn the_envelope_is_convex(a in actuation(), b in actuation(), t in 0.0..1.0f64) {
         let limits = Limits::new(&Parameters::default(), 200.0, 2.0, 1.0);

@@ -1,4 +1,4 @@
-//! What gives way first, then the border, then the optimum against another solver.
+//! Priority of the axes, then the border, then the optimum compared with another solver.
 
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SecondOrderConeT, SolverStatus};
@@ -21,7 +21,7 @@ fn vehicle() -> impl Strategy<Value = Envelope> {
         .prop_map(|(idle, ratio, tilt_max_deg, tilt_reaction)| envelope(idle, ratio, tilt_max_deg, tilt_reaction))
 }
 
-/// Demands inside, near and well beyond what the actuators can do.
+/// Demands inside the actuators' set, near its border and far outside.
 fn moderate_demand() -> impl Strategy<Value = Vector4<f64>> {
     (prop::array::uniform4(-1.0..1.0_f64), -1.0..3.0_f64).prop_map(|(direction, decades)| {
         let size = 10_f64.powf(decades);
@@ -33,7 +33,7 @@ fn onto(envelope: &Envelope) -> Projection {
     Projection::new(DemandSet::exact(envelope), &WEIGHTS)
 }
 
-/// The nearest demand to one that is outside, with the limits of profile robust.
+/// Projects a `demand` outside the set, with the limits of profile robust.
 #[track_caller]
 fn nearest(demand: [f64; 4]) -> Vector4<f64> {
     let demand = Vector4::from(demand);
@@ -51,7 +51,7 @@ fn miss(demand: &Vector4<f64>, other: &Vector4<f64>) -> f64 {
 
 #[test]
 fn thrust_is_given_up_to_hold_roll_and_pitch() {
-    // Roll needs a strong rear rotor: 3.02 N m is the most it can do without pitch, at 10 N more thrust than asked for.
+    // Roll needs a strong rear rotor: the most without pitch is 3.02 N m, at 10 N more thrust than demanded.
     for roll in [-5.0, 5.0] {
         let got = nearest([0.0, 0.0, roll, 0.0]);
         assert!(got[2] / roll.signum() > 2.9 && got[0] < -9.0, "{got}");
@@ -73,7 +73,7 @@ fn yaw_is_given_up_before_roll_and_pitch() {
 }
 
 #[test]
-fn weights_far_apart_are_an_order() {
+fn weights_far_apart_give_strict_priority() {
     let set = DemandSet::exact(&envelope(200.0, 2.0, 60.0, false));
     let mut ordered = Projection::new(set, &[1.0, 1e4, 1e4, 1e-3]);
     let [col, pitch, roll, yaw] = ordered.nearest(&Vector4::new(-3.0, 0.2, 0.1, 5.0)).unwrap().into();
@@ -82,14 +82,14 @@ fn weights_far_apart_are_an_order() {
 }
 
 #[test]
-fn a_demand_beyond_all_measure_is_one_for_all_there_is() {
+fn a_huge_demand_is_clipped_to_the_attainable_range() {
     let most = nearest([-60.0, 5.0, -5.0, 5.0]);
     for size in [1e3, 1e10, 1e200, f64::MAX] {
         assert_eq!(nearest([-size, size, -size, size]), most, "{size:e}");
     }
 }
 
-/// The same problem as Clarabel solves it.
+/// Solves the same problem with Clarabel.
 fn reference(set: &DemandSet, demand: &Vector4<f64>) -> Vector4<f64> {
     let disc = set.disc.expect("the exact set has one");
     let apex = Slack { offset: 1.0, slope: Vector4::zeros() };
@@ -115,7 +115,7 @@ fn reference(set: &DemandSet, demand: &Vector4<f64>) -> Vector4<f64> {
 
 proptest! {
     #[test]
-    fn inside_passes_bit_for_bit(
+    fn a_demand_inside_passes_bit_for_bit(
         envelope in vehicle(), shares in prop::array::uniform3(0.0..=1.0_f64), tilt in -1.0..=1.0_f64,
     ) {
         let limits = envelope.limits;
@@ -130,7 +130,7 @@ proptest! {
     }
 
     #[test]
-    fn outside_lands_on_the_border(envelope in vehicle(), demand in moderate_demand()) {
+    fn a_demand_outside_lands_on_the_border(envelope in vehicle(), demand in moderate_demand()) {
         let mut projection = onto(&envelope);
         match projection.nearest(&demand) {
             None => prop_assert!(projection.set.violation(&demand) <= 0.0),
@@ -143,7 +143,7 @@ proptest! {
     }
 
     #[test]
-    fn nothing_inside_is_nearer(envelope in vehicle(), demand in moderate_demand()) {
+    fn no_demand_of_the_set_is_nearer(envelope in vehicle(), demand in moderate_demand()) {
         let mut projection = onto(&envelope);
         if let Some(nearest) = projection.nearest(&demand) {
             let wanted = demand.zip_zip_map(&projection.set.lower, &projection.set.upper, f64::clamp);
@@ -153,7 +153,7 @@ proptest! {
     }
 
     #[test]
-    fn earlier_demands_leave_no_trace(envelope in vehicle(), demands in prop::collection::vec(moderate_demand(), 2..8)) {
+    fn earlier_demands_change_nothing(envelope in vehicle(), demands in prop::collection::vec(moderate_demand(), 2..8)) {
         let mut projection = onto(&envelope);
         for demand in demands {
             let fresh = onto(&envelope).nearest(&demand);

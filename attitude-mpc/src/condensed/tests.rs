@@ -1,4 +1,4 @@
-//! The condensed problem against the plain sum, and against the independent simulator.
+//! Tests of the condensed problem against the plain sum (4), and against the independent simulator.
 
 use contract::Scenario;
 use contract::scenario::Profile;
@@ -13,7 +13,7 @@ fn condensed(scenario: &Scenario) -> (PredictionModel, Condensed) {
     (model, condensed)
 }
 
-/// The cost as it is printed, by running the model.
+/// Cost (4) as printed, by running the model.
 fn cost(model: &PredictionModel, weights: &Mpc, given: &DVector<f64>, plan: &DVector<f64>) -> f64 {
     let n = model.states();
     let (q, r) = stage_weights(n, weights);
@@ -65,7 +65,7 @@ fn the_gain_minimises_the_printed_cost() {
         let plan = &condensed.gain * &given;
         let least = cost(&model, &scenario.mpc, &given, &plan);
         for i in 0..plan.len() {
-            // Off the minimum by e, a quadratic with Hessian 2 H grows by H_ii e^2, both ways.
+            // At a distance e from the minimum, either way, a quadratic with Hessian 2 H has grown by H_ii e^2.
             let step = (1e-2 * least / condensed.hessian[(i, i)]).sqrt();
             for e in [step, -step] {
                 let mut other = plan.clone();
@@ -80,7 +80,7 @@ fn the_gain_minimises_the_printed_cost() {
 
 #[test]
 fn val_first_move_gains() {
-    // The reference gives u = -K x + Kr r; with the lag, its r has targets for the lag states too, and ours has not.
+    // The reference gives u = -K x + Kr r; with the lag, its r has targets for the lag states, which ours has not.
     for (profile, k, kr) in [(Profile::Paper, "K_B0", "Kr_B0"), (Profile::Robust, "K_B2", "Kr_B2")] {
         let (model, condensed) = condensed(&Scenario::from(profile));
         let n = model.states();
@@ -128,7 +128,7 @@ fn weights_that_rounding_makes_singular_are_refused() {
         assert!(share(profile, |_| {}) > Some(0.05), "as shipped");
         assert!(share(profile, |mpc| (mpc.np, mpc.nu) = (200, 200)) > Some(1e-3), "with as many moves as there may be");
         assert!(share(profile, |mpc| mpc.r = [1e-12; 4]) > Some(1e-5));
-        // Two moves that turn the nose, and nothing that tells them apart.
+        // Two moves with almost the same effect on the heading.
         let alike = share(profile, |mpc| (mpc.q, mpc.r) = ([0.0, 0.0, 0.0, 1e12, 0.0, 0.0, 0.0], [1e-12; 4]));
         assert_eq!(alike, None);
     }

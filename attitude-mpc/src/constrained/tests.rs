@@ -1,4 +1,4 @@
-//! What is published when the solver fails, and when the states have limits.
+//! Tests of the published demand when the solver fails, and when the states have limits.
 
 use airframe::DemandSet;
 use airframe::envelope::Envelope;
@@ -17,11 +17,11 @@ const SOLVERS: [Solver; 2] = [Solver::Clarabel, Solver::ActiveSet];
 fn scenario(solver: Solver) -> Scenario {
     let mut scenario = Scenario::default();
     scenario.mpc.solver = solver;
-    scenario.mpc.time_limit_ms = 0.0; // what is found must not depend on the machine
+    scenario.mpc.time_limit_ms = 0.0; // the result must not depend on the machine's speed
     scenario
 }
 
-/// The answers to a violent turn that goes on for `ticks` ticks.
+/// Answers to a violent turn of `ticks` ticks.
 fn turn(scenario: &Scenario, ticks: u64) -> Vec<Controls> {
     let mut mpc = AttitudeMpc::new(scenario);
     let answer = |tick| {
@@ -45,7 +45,7 @@ fn a_failing_solver_costs_no_tick_and_recovers() {
             for (tick, controls) in turn(&scenario, 12).iter().enumerate() {
                 let active = (1..9).contains(&tick);
                 let is_solved = controls.status == SolveStatus::Solved as u64;
-                // A cap on iterations that a warm start keeps is no failure.
+                // With a warm start the solver may succeed within the cap on iterations.
                 let may_be_solved = !active || kind == FaultKind::IterationCap && tick > 1;
                 let as_expected = is_solved && may_be_solved || active && controls.status == status as u64;
                 assert!(as_expected, "{solver:?} {kind:?} {tick}: {}", controls.status);
@@ -69,7 +69,7 @@ fn with_a_fault_of_the_solver_every_plan_is_solved() {
         reference.w_mps = -0.1;
         let controls = mpc.step(state.stamp.tick, &state, &reference);
         assert_eq!(controls.status, status as u64);
-        // The unconstrained optimum is inside: the way to it goes all the way.
+        // The unconstrained optimum is inside, so the plan reaches it.
         let miss = Vector4::from(controls.demand) - mpc.work.unconstrained.fixed_rows::<4>(0);
         assert!(miss.amax() < 1e-12, "{miss}");
     }
@@ -119,7 +119,7 @@ fn time_is_limited_only_where_there_is_a_clock() {
     }
 }
 
-/// A spin that (51) forbids, with nothing to correct but itself.
+/// Answer at hover with a yaw rate `r_radps`, which (51) may forbid, and a heading step in its direction.
 fn spin(solver: Solver, limits: StateConstraints, r_radps: f64) -> (Controls, AttitudeMpc) {
     let mut scenario = scenario(solver);
     scenario.mpc.state_constraints = limits;
@@ -127,7 +127,7 @@ fn spin(solver: Solver, limits: StateConstraints, r_radps: f64) -> (Controls, At
     let mut mpc = AttitudeMpc::new(&scenario);
     let (mut state, mut reference) = hover(&mpc, 0);
     state.measured.rates_radps[2] = r_radps;
-    reference.attitude_rad[2] = 1.6; // and a heading that asks for more of it
+    reference.attitude_rad[2] = 1.6; // a heading step in the direction of the spin
     (mpc.step(state.stamp.tick, &state, &reference), mpc)
 }
 

@@ -1,4 +1,4 @@
-//! The problem by our own dual active-set method, which [`qp`] explains.
+//! Solution by the dual active-set method of [`qp`].
 
 use contract::scenario::FaultKind;
 use nalgebra::{DMatrix, DVector};
@@ -8,17 +8,17 @@ use super::outcome::{CONTRADICTION, Outcome, Verdict};
 use crate::constraints::PlanSet;
 use crate::memory::{Held, MAX_HELD, WarmStart};
 
-/// The solver of one set-up.
+/// Solver of one set-up.
 pub struct ActiveSetSolver {
     solver: ActiveSet,
     max_iterations: u32,
-    /// `U*`, or what a fault makes of it, 4Nu.
+    /// Unconstrained optimum `U*`, with a NaN under that fault, 4Nu.
     centre: Vec<f64>,
     /// Slacks at `U = 0`: linear rows move by move, two rows per limited state, two rows per disc.
     offsets: Vec<f64>,
-    /// Where the rows of the states begin.
+    /// Index of the first row of the states.
     first_state: usize,
-    /// Where those of the discs begin.
+    /// Index of the first row of the discs.
     first_disc: usize,
 }
 
@@ -67,7 +67,7 @@ impl ActiveSetSolver {
         }
     }
 
-    /// See [`super::Solver::solve`].
+    /// Solves as [`super::Solver::solve`].
     pub fn solve(
         &mut self,
         unconstrained: &DVector<f64>,
@@ -100,7 +100,7 @@ impl ActiveSetSolver {
         Outcome { verdict, iterations: u64::from(outcome.iterations) }
     }
 
-    /// The constraints that the next solve starts from; none when a snapshot has no room for all of them.
+    /// Constraints that the next solve starts from; none if they are more than [`MAX_HELD`].
     pub fn warm_start(&self) -> WarmStart {
         let members = &self.solver.working_set().members;
         let mut start = WarmStart::default();
@@ -116,8 +116,8 @@ impl ActiveSetSolver {
         start
     }
 
-    /// Lets the next solve start from the constraints of `from`. Returns false, and changes nothing, where they are not
-    /// those of this set-up: an unknown one, or one twice.
+    /// Makes the next solve start from the constraints of `from`. Returns `false`, and changes nothing, if one of them
+    /// is unknown to this set-up or occurs twice.
     pub fn start_from(&mut self, from: &WarmStart) -> bool {
         let discs = (self.offsets.len() - self.first_disc) / 2;
         let mut free = vec![true; self.first_disc + discs];

@@ -1,11 +1,12 @@
-//! The problem by Clarabel, an interior-point solver that takes the disc natively.
+//! Solution by Clarabel, an interior-point solver with native second-order cones for the discs.
 //!
-//! In stages, each a solver of its own that is set up once and told new numbers each time: first the moves alone, and
-//! only when that plan leaves a state limit, everything. The first is all that most ticks need, and half the size.
+//! The problem is solved in two stages, each with a Clarabel of its own that is set up once and updated each tick:
+//! first without the state limits, then, only if that plan violates one, with them. Most ticks need only the first
+//! stage, which has half the size.
 //!
-//! `H` has a condition number of millions. The solver sees `V = D U` with `D = diag(H)^(1/2)`, excesses in the root of
-//! their price, and rows of length one. That leaves nothing to do for its own equilibration and its iterative
-//! refinement: both are off, which halves its time.
+//! `H` has a condition number of millions. Clarabel gets `V = D U` with `D = diag(H)^(1/2)`, excesses times the root of
+//! their weight, and rows of length one. Its own equilibration and iterative refinement are then needless and off,
+//! which halves its time.
 
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{
@@ -17,34 +18,34 @@ use nalgebra::{DMatrix, DVector, DVectorViewMut, RowDVector};
 use super::outcome::{CONTRADICTION, Limits, Outcome, Verdict};
 use crate::constraints::{PlanSet, StateLimits};
 
-/// Gap and feasibility asked of the solver: what is left of the first move is below 1 mN.
+/// Tolerance of gap and feasibility: the error of the first move is below 1 mN.
 const TOLERANCE: f64 = 1e-9;
-/// What is still an optimum when rounding keeps the solver from its tolerance, as in one of 6000 violent problems.
+/// Accepted tolerance if rounding keeps the solver from [`TOLERANCE`], as in one of 6000 violent problems.
 const REDUCED_TOLERANCE: f64 = 1e-7;
-/// Excess of a state, as a share of its limit, that is left as it is.
+/// Excess of a state, as a share of its limit, that is ignored.
 const NEGLIGIBLE_EXCESS: f64 = 1e-9;
 
-/// The solver of one set-up.
+/// Solver of one set-up.
 pub struct ConicSolver {
     moves: Stage,
     everything: Option<Stage>,
 }
 
-/// One Clarabel, with the numbers that change from tick to tick.
+/// Clarabel with the numbers that change from tick to tick.
 struct Stage {
     clarabel: DefaultSolver<f64>,
-    /// `-D^-1 H`: from `U*` to the linear term.
+    /// Matrix `-D^-1 H`, from `U*` to the linear term.
     linear: DMatrix<f64>,
-    /// `D`, as a vector.
+    /// Diagonal of `D`.
     scale: DVector<f64>,
-    /// The linear term.
+    /// Linear term of the cost.
     q: Vec<f64>,
-    /// The slacks at `U = 0`.
+    /// Slacks at `U = 0`.
     b: Vec<f64>,
-    /// Where the rows of the states begin in `b`, and by what each pair of them was divided.
+    /// Index of the first row of the states in `b`, and the length by which each pair of rows was divided.
     states: (usize, Vec<f64>),
     limits: Limits,
-    /// Whether a fault holds it to one iteration.
+    /// `true` if a fault limits the solver to one iteration.
     capped: bool,
 }
 
@@ -52,7 +53,7 @@ impl ConicSolver {
     /// Sets up the problem with the Hessian `H` (4Nu x 4Nu).
     ///
     /// # Panics
-    /// When Clarabel refuses the set-up; with finite matrices of matching sizes it has no reason to.
+    /// If Clarabel refuses the set-up, which it does not for finite matrices of matching sizes.
     pub fn new(hessian: &DMatrix<f64>, set: &PlanSet, limits: Limits) -> Self {
         let moves_only = PlanSet { moves: set.moves.clone(), states: None };
         Self {
@@ -61,13 +62,13 @@ impl ConicSolver {
         }
     }
 
-    /// Time of the last solve of the moves, as the time limit saw it \[s\].
+    /// Time of the last solve of the first stage, as compared with the time limit \[s\].
     #[cfg(test)]
     pub fn seen_s(&self) -> f64 {
         self.moves.clarabel.solution.solve_time
     }
 
-    /// See [`super::Solver::solve`].
+    /// Solves as [`super::Solver::solve`].
     pub fn solve(
         &mut self,
         unconstrained: &DVector<f64>,
@@ -99,7 +100,7 @@ impl Stage {
         let q = vec![0.0; variables];
         let mut clarabel = DefaultSolver::new(&p, &q, &a, &rows.b, &rows.cones, settings(limits))
             .expect("matrices and cones are built to match");
-        clarabel.solve(); // the first solve fetches memory that later ones reuse: not in flight
+        clarabel.solve(); // the first solve allocates memory that later ones reuse
         Self { clarabel, linear, scale, q, b: rows.b, states: rows.states, limits, capped: false }
     }
 
@@ -119,7 +120,7 @@ impl Stage {
             }
         }
         let updated = self.tell(fault);
-        // Its clock would count the set-up and all the post-processing so far against the time limit.
+        // Clarabel's timers would count set-up and earlier post-processing against the time limit.
         if let Some(timers) = &mut self.clarabel.timers {
             timers.reset_timer("setup");
             timers.reset_timer("post-process");
@@ -140,7 +141,7 @@ impl Stage {
         Outcome { verdict, iterations: u64::from(solution.iterations) }
     }
 
-    /// Tells Clarabel the numbers of this tick, changed when a `fault` is active. Returns whether it took them.
+    /// Updates Clarabel with the numbers of this tick, altered by an active `fault`. Returns whether it accepted them.
     fn tell(&mut self, fault: Option<FaultKind>) -> bool {
         let capped = fault == Some(FaultKind::IterationCap);
         if capped != self.capped {
@@ -178,12 +179,12 @@ fn settings(limits: Limits) -> DefaultSettings<f64> {
         equilibrate_enable: false,
         iterative_refinement_enable: false,
         direct_solve_method: "qdldl".into(),
-        presolve_enable: false, // it would refuse the new numbers of each tick
+        presolve_enable: false, // presolve does not allow updates of the numbers
         ..DefaultSettings::default()
     }
 }
 
-/// `D^-1 H D^-1` on the moves and one on each excess, its upper triangle.
+/// Upper triangle of `D^-1 H D^-1` for the moves, with 1 for each excess.
 fn scaled_hessian(hessian: &DMatrix<f64>, scale: &DVector<f64>, variables: usize) -> CscMatrix<f64> {
     let mut p = Triplets::default();
     for column in 0..scale.len() {
@@ -195,7 +196,7 @@ fn scaled_hessian(hessian: &DMatrix<f64>, scale: &DVector<f64>, variables: usize
     p.into_matrix(variables, variables)
 }
 
-/// The slacks `s = b - A (V; e)`, and the cones they are in: all linear rows first, then the discs.
+/// Slacks `s = b - A (V; e)` and their cones: all linear rows first, then the discs.
 #[derive(Default)]
 struct Rows {
     slopes: Triplets,
@@ -225,7 +226,7 @@ impl Rows {
         if let Some(disc) = &set.moves.disc {
             for first in (0..scale.len()).step_by(4) {
                 let slopes = disc.map(|row| slope_of(&row, first));
-                // The rows of a disc must keep their proportions, so they are divided by the same.
+                // The rows of a disc must keep their proportions, so all are divided by the same length.
                 let length = slopes[0].norm().max(slopes[1].norm());
                 rows.b.push(1.0 / length);
                 for (row, slope) in disc.iter().zip(&slopes) {
@@ -237,7 +238,7 @@ impl Rows {
         rows
     }
 
-    /// `1 - y + e >= 0` and `1 + y + e >= 0` for each limited state, with one excess for both.
+    /// Appends `1 - y + e >= 0` and `1 + y + e >= 0` for each limited state, with one excess for both.
     fn push_states(&mut self, states: &StateLimits, scale: &DVector<f64>) {
         let price = states.penalty.sqrt();
         for (excess, y) in states.forced.row_iter().enumerate() {
@@ -251,14 +252,14 @@ impl Rows {
         }
     }
 
-    /// One row: `slope` on the variables from `first` on, and the slack at zero.
+    /// Appends a row with `slope` on the variables from `first` on, and the slack `at_zero`.
     fn push<'a>(&mut self, first: usize, slope: impl Iterator<Item = &'a f64>, at_zero: f64) {
         slope.enumerate().for_each(|(i, slope)| self.slopes.push(self.b.len(), first + i, -slope));
         self.b.push(at_zero);
     }
 }
 
-/// A sparse matrix in the making; zeros are left out.
+/// Builder of a sparse matrix; zeros are left out.
 #[derive(Default)]
 struct Triplets {
     rows: Vec<usize>,

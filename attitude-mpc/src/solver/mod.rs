@@ -1,16 +1,16 @@
-//! The constrained problem, and the two that can solve it.
+//! The constrained problem, and its two solvers.
 //!
 //! ```text
 //! minimise  1/2 (U - U*)'H (U - U*) + 1/2 w sum e^2   over the moves U and the excesses e
 //! so that   every move of U is inside the actuators' set, and |y| <= 1 + e for the predicted states y
 //! ```
 //!
-//! Only the unconstrained optimum `U*` and the states' drift depend on the tick; everything else is set up once.
+//! Only the unconstrained optimum `U*` and the free motion of the states depend on the tick; the rest is set up once.
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`clarabel`] | the interior-point method, in stages: the default, and the truth |
-//! | [`active_set`] | our own dual active-set method: the fast one |
+//! | [`clarabel`] | interior-point method in two stages: the default and the reference |
+//! | [`active_set`] | dual active-set method of `qp`: faster |
 
 pub mod active_set;
 pub mod clarabel;
@@ -27,16 +27,16 @@ use self::clarabel::ConicSolver;
 use crate::constraints::PlanSet;
 use crate::memory::WarmStart;
 
-/// One of the two.
+/// Solver that the scenario selects.
 pub enum Solver {
-    /// `mpc.solver = "clarabel"`
+    /// Solver of `mpc.solver = "clarabel"`.
     Clarabel(Box<ConicSolver>),
-    /// `mpc.solver = "active-set"`
+    /// Solver of `mpc.solver = "active-set"`.
     ActiveSet(Box<ActiveSetSolver>),
 }
 
 impl Solver {
-    /// Sets up the problem with the Hessian `H` (4Nu x 4Nu) for the solver a scenario asks for.
+    /// Sets up the problem with the Hessian `H` (4Nu x 4Nu) for the solver of a scenario.
     pub fn new(scenario: &Scenario, hessian: &DMatrix<f64>, set: &PlanSet) -> Self {
         let limits = Limits::of(scenario);
         match scenario.mpc.solver {
@@ -45,8 +45,8 @@ impl Solver {
         }
     }
 
-    /// Finds the best plan of `set` for the `unconstrained` optimum, with the `fault` that is active, if any. Writes `plan`
-    /// unless it failed.
+    /// Finds the best plan of `set` for the `unconstrained` optimum, under the active `fault`, if any. Writes `plan`
+    /// unless the verdict is `Failed`.
     pub fn solve(
         &mut self,
         unconstrained: &DVector<f64>,
@@ -60,7 +60,7 @@ impl Solver {
         }
     }
 
-    /// What one solve leaves to the next: Clarabel starts from nothing.
+    /// Constraints that the next solve starts from; none for Clarabel.
     pub fn warm_start(&self) -> WarmStart {
         match self {
             Self::Clarabel(_) => WarmStart::default(),
@@ -68,7 +68,7 @@ impl Solver {
         }
     }
 
-    /// Lets the next solve start from `from`. Returns false, and changes nothing, where it is not of this set-up.
+    /// Makes the next solve start from `from`. Returns `false`, and changes nothing, if it does not fit this set-up.
     pub fn start_from(&mut self, from: &WarmStart) -> bool {
         match self {
             Self::Clarabel(_) => true,

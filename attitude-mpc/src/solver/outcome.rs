@@ -1,42 +1,42 @@
-//! What a solve is granted, and what it comes to.
+//! Limits and outcome of a solve.
 
 use contract::Scenario;
 use contract::scenario::Mode;
 
-/// What a fault takes from a slack to leave no plan: more than any plan has.
+/// Amount that a fault subtracts from a slack so that no plan is feasible.
 pub const CONTRADICTION: f64 = 1e6;
 
-/// What a solve came to.
+/// Result of a solve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
-    /// The optimum, to the solver's tolerance.
+    /// Optimum, to the solver's tolerance.
     Solved,
-    /// Iterations or time ran out: the last iterate, which may be outside the set.
+    /// Last iterate, which may be outside the set, when iterations or time ran out.
     LimitReached,
-    /// Nothing.
+    /// No plan.
     Failed,
 }
 
-/// How a solve went.
+/// Result and effort of a solve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Outcome {
-    /// What it came to.
+    /// Result of the solve.
     pub verdict: Verdict,
-    /// Iterations it took.
+    /// Number of iterations.
     pub iterations: u64,
 }
 
-/// What a solve is granted.
+/// Limits of a solve.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
-    /// Iterations.
+    /// Most iterations.
     pub iterations: u32,
-    /// Time \[s\].
+    /// Longest time \[s\], infinite without a limit.
     pub time_s: f64,
 }
 
 impl Limits {
-    /// The limits of a scenario: time only where there is a clock.
+    /// Reads the limits of a scenario; time is limited in mode `realtime` only.
     pub fn of(scenario: &Scenario) -> Self {
         let timed = scenario.run.mode == Mode::Realtime && scenario.mpc.time_limit_ms > 0.0;
         let time_s = if timed { scenario.mpc.time_limit_ms / 1e3 } else { f64::INFINITY };

@@ -1,4 +1,4 @@
-//! Both solvers against the optimality conditions, against each other, and on inputs that no solver can solve.
+//! Tests of both solvers against the optimality conditions, against each other, and on problems without a solution.
 
 use contract::scenario::{Constraints, Profile, StateConstraints};
 use proptest::prelude::*;
@@ -19,7 +19,7 @@ struct SetUp {
 fn set_up(solver: Choice, change: impl FnOnce(&mut Scenario)) -> SetUp {
     let mut scenario = Scenario::from(Profile::Robust);
     scenario.mpc.solver = solver;
-    scenario.mpc.time_limit_ms = 0.0; // what is found must not depend on the machine
+    scenario.mpc.time_limit_ms = 0.0; // the result must not depend on the machine's speed
     change(&mut scenario);
     let model = PredictionModel::new(&scenario);
     let Condensed { hessian, gain, course } = Condensed::new(&model, &scenario.mpc).unwrap();
@@ -33,7 +33,7 @@ impl SetUp {
         self.solver.solve(wanted, &mut self.set, None, plan).verdict
     }
 
-    /// The whole cost of a plan above the unconstrained optimum, that of the excesses included.
+    /// Cost of a plan relative to the unconstrained optimum, including that of the excesses.
     fn cost(&self, plan: &DVector<f64>, wanted: &DVector<f64>) -> f64 {
         let miss = plan - wanted;
         let excesses = self.set.states.as_ref().map_or(0.0, |states| {
@@ -44,7 +44,7 @@ impl SetUp {
     }
 }
 
-/// A plan that asks for more than the rotors have.
+/// Plan beyond the rotors' limits.
 fn violent() -> DVector<f64> {
     DVector::from_fn(20, |i, _| [-40.0, 3.0, -3.0, 5.0][i % 4])
 }
@@ -72,7 +72,7 @@ fn a_solve_does_not_depend_on_the_one_before() {
         assert_eq!(set_up.solve(&(violent() * f64::NAN), &mut other), Verdict::Failed);
         assert_eq!(set_up.solve(&violent(), &mut again), Verdict::Solved);
         let miss = (&first - &again).amax();
-        // Clarabel starts afresh each time; the active set starts from the last one and ends where rounding puts it.
+        // Clarabel has no warm start; the active set starts from the last solution, so its result differs by rounding.
         assert!(if choice == Choice::Clarabel { miss == 0.0 } else { miss < 1e-8 }, "{choice:?}: {miss:e}");
     }
 }
@@ -106,7 +106,7 @@ fn the_time_limit_sees_this_solve_alone() {
     }
 }
 
-/// Plans of any size, from shares of what the vehicle could want.
+/// Plan from shares of extreme demands.
 fn ask(shares: &[f64]) -> DVector<f64> {
     DVector::from_fn(20, |i, _| shares[i] * [60.0, 8.0, 8.0, 12.0][i % 4])
 }
@@ -114,10 +114,10 @@ fn ask(shares: &[f64]) -> DVector<f64> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// At the optimum of a convex problem no direction into the set goes down: for every plan inside it,
-    /// the gradient along the way there is not negative. The exact optimum of any other problem is such a plan.
+    /// At the optimum of a convex problem the cost decreases in no direction into the set: the gradient towards any
+    /// plan inside is not negative. The optimum of another problem serves as such a plan.
     #[test]
-    fn no_way_into_the_set_goes_down(
+    fn the_cost_decreases_in_no_direction_into_the_set(
         wanted in prop::collection::vec(-1.0..1.0_f64, 20), elsewhere in prop::collection::vec(-1.0..1.0_f64, 20),
         [exact, own] in prop::array::uniform2(prop::bool::ANY),
     ) {
@@ -136,9 +136,9 @@ proptest! {
         prop_assert!(gradient.dot(&way) > -1e-6 * size, "{} of {size}", gradient.dot(&way));
     }
 
-    /// Both solve the same problem: their objectives agree to 1e-6.
+    /// Both solvers reach the same objective, to 1e-6.
     #[test]
-    fn the_two_agree(
+    fn both_solvers_reach_the_same_objective(
         given in prop::collection::vec(-1.0..1.0_f64, 26), ratio in 1.15..2.5_f64, soft in prop::bool::ANY,
     ) {
         let mut costs = vec![];
@@ -160,7 +160,7 @@ proptest! {
             prop_assert_eq!(set_up.solve(&wanted, &mut plan), Verdict::Solved, "{:?}", choice);
             prop_assert!(set_up.set.violation(&plan) < 1e-6);
             costs.push(set_up.cost(&plan, &wanted));
-            // As the problem is posed the objective lacks the constant 1/2 U*'H U*, and that is what solvers measure by.
+            // The solvers' objective lacks the constant 1/2 U*'H U*, and their tolerances are relative to it.
             size_of_objective = 0.5 * (&set_up.hessian * &wanted).dot(&wanted);
         }
         let miss = (costs[0] - costs[1]).abs() / f64::max(costs[0], size_of_objective);

@@ -1,4 +1,4 @@
-//! The models at speed: what they predict, and that a plan has no bump between them.
+//! Tests of the models at speed: their predictions, and the continuity of the plan between them.
 
 use airframe::{FlightPoint, LevelFlight};
 use contract::scenario::{Model, Terminal};
@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, Rotation3, Vector3};
 use super::*;
 use crate::at_speed::FlightModel;
 
-/// A vehicle with the drag of `fast-legs`.
+/// Scenario of a vehicle with the drag of `fast-legs`.
 fn scenario(model: Model) -> Scenario {
     let mut scenario = Scenario::from(Profile::Robust);
     scenario.plant.drag_linear_nspm = [0.2, 0.2, 0.1];
@@ -16,7 +16,7 @@ fn scenario(model: Model) -> Scenario {
     scenario
 }
 
-/// A sample in level flight, and the reference to stay there.
+/// Sample in level flight, and the reference to stay there.
 fn level(scenario: &Scenario, way_mps: [f64; 2]) -> (State, Reference) {
     let level = LevelFlight::solve(&scenario.airframe, false, &scenario.plant.drag(), way_mps).unwrap();
     let stamp = Stamp { sequence: 1, ..Stamp::default() };
@@ -27,7 +27,7 @@ fn level(scenario: &Scenario, way_mps: [f64; 2]) -> (State, Reference) {
     (state, Reference { stamp, w_mps: level.velocity_mps[2], attitude_rad, ..Reference::default() })
 }
 
-/// The demand of a new controller whose last demand held the level flight.
+/// Demand of a new controller whose last demand held the level flight.
 fn demand(scenario: &Scenario, (state, reference): &(State, Reference)) -> Vector4<f64> {
     let mut mpc = AttitudeMpc::new(scenario);
     mpc.memory.actuation = Actuation::from(state.command_in_force);
@@ -119,7 +119,7 @@ fn ltv_is_the_condensed_problem_of_the_model() {
     }
 }
 
-/// In terms of the climb the velocity is nearly gone from the model: pitching at speed leaves the climb as it is.
+/// Pitching at speed does not change the climb, so the model in terms of the climb hardly depends on the velocity.
 #[test]
 fn a_change_of_pitch_at_constant_climb_costs_no_climb() {
     let scenario = scenario(Model::Ltv);
@@ -137,7 +137,7 @@ fn a_change_of_pitch_at_constant_climb_costs_no_climb() {
     assert!(by_pitch_rate(0.0) > 0.1 && by_pitch_rate(flight.lean[1]).abs() < 0.01, "w follows q, the climb does not");
 }
 
-/// The solver keeps the Hessian of hover as its metric for plans outside the set: at 15 m/s a cost is 0.57 to 2.3 times that.
+/// Plans outside the set are found with the Hessian of hover: at 15 m/s costs are 0.57 to 2.3 times those at hover.
 #[test]
 fn the_hessian_of_hover_serves_at_speed() {
     let scenario = scenario(Model::Scheduled);
@@ -157,7 +157,7 @@ fn the_hessian_of_hover_serves_at_speed() {
     assert!((worst - 2.3).abs() < 0.05 && (best - 0.57).abs() < 0.005, "{best} to {worst}");
 }
 
-/// Pitching at 12 m/s changes w by `q u`, whatever the law; the model of hover takes that for a force of 2.6 N.
+/// Pitching at 12 m/s changes w by `q u` under any law; the hover model takes that for a force of 2.6 N.
 #[test]
 fn pitching_at_speed_is_no_force() {
     let mistaken_n = |law, model| {
@@ -167,7 +167,7 @@ fn pitching_at_speed_is_no_force() {
         let (mut state, mut reference) = super::hover(&mpc, 0);
         (state.measured.velocity_mps[0], state.measured.rates_radps[1]) = (12.0, 0.2);
         mpc.step(0, &state, &reference);
-        // One sample later, with the command of trim: what (11) and (8) make of it.
+        // One sample later, by (11) and (8) with the command of trim.
         (state.stamp.tick, reference.stamp.tick) = (1, 1);
         state.measured.velocity_mps[2] += 0.2 * 12.0 * 0.01;
         state.measured.attitude_rad[1] += 0.2 * 0.01 * mpc.model.trim.roll_rad.cos();

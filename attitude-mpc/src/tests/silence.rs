@@ -1,4 +1,4 @@
-//! States and references that do not come, and the snapshot.
+//! Tests of missing states and references, and of the snapshot.
 
 use contract::Scenario;
 use contract::message::{Controls, Reference, SolveStatus, State, guidance_flags};
@@ -11,7 +11,7 @@ use crate::AttitudeMpc;
 use crate::memory::{Held, MAX_HELD, Memory, WarmStart, Whole};
 
 #[test]
-fn without_a_fresh_state_the_demand_is_repeated_and_says_so() {
+fn without_a_fresh_state_the_demand_is_repeated_with_status_stale() {
     for profile in [Profile::Paper, Profile::Robust] {
         let mut mpc = AttitudeMpc::new(&Scenario::from(profile));
         let (state, mut reference) = hover(&mpc, 0);
@@ -47,10 +47,10 @@ fn a_missing_reference_shows_in_the_status_from_its_first_tick_on() {
     assert!(!SolveStatus::repeated(SolveStatus::NoReference as u64), "the demand is a new one all the same");
 }
 
-/// Hovers with a reference that leans and climbs, and ends after tick 0; the demands.
+/// Demands at hover; after tick 0 there are no new references, or only repeated ones with `flags`.
 fn without_references(flags: u64) -> Vec<[f64; 4]> {
     let mut scenario = Scenario::default();
-    scenario.mpc.delay_compensation = false; // what is asked for depends on nothing before
+    scenario.mpc.delay_compensation = false; // the demand must not depend on the last one
     let mut mpc = AttitudeMpc::new(&scenario);
     let answer = |tick| {
         let (state, mut reference) = hover(&mpc, tick);
@@ -66,7 +66,7 @@ fn without_references(flags: u64) -> Vec<[f64; 4]> {
 }
 
 #[test]
-fn without_references_it_holds_then_levels_then_descends() {
+fn without_references_the_demand_holds_then_levels_then_descends() {
     for flags in [0, guidance_flags::STALE, guidance_flags::BAD_INPUT] {
         let demands = without_references(flags);
         let [col, lon] = [0, 1];
@@ -82,7 +82,7 @@ fn without_references_it_holds_then_levels_then_descends() {
 }
 
 #[test]
-fn a_reference_leads_back() {
+fn a_new_reference_is_followed_again() {
     let mut scenario = Scenario::default();
     scenario.mpc.delay_compensation = false; // as above
     let mut mpc = AttitudeMpc::new(&scenario);
@@ -129,8 +129,8 @@ fn a_warm_start_with_unknown_or_repeated_constraints_is_refused() {
     assert_eq!(mpc.step(0, &state, &reference).status, SolveStatus::Solved as u64);
 }
 
-/// Flies `path` of (w, phi, theta, p, q, r, heading reference) with a controller; from tick `until` on a candidate that
-/// was given a snapshot answers beside it. The pairs of answers from there on.
+/// Flies `path` of (w, phi, theta, p, q, r, heading reference) with a controller. From tick `until` on a candidate that
+/// restored a snapshot answers too; returns the pairs of answers.
 fn continued(scenario: &Scenario, path: &[([f64; 7], u64)], until: usize) -> Vec<[Controls; 2]> {
     let (mut mpc, mut candidate) = (AttitudeMpc::new(scenario), None);
     let mut pairs = vec![];

@@ -1,5 +1,5 @@
-//! What all messages have in common: the stamp, which says which plant sample a message descends from, through which
-//! messages, and when each was published.
+//! The stamp, which all messages have in common: the plant sample that a message descends from, the messages it was
+//! computed from, and the time at which each was published.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -8,24 +8,24 @@ use crate::integrity::checksum;
 use iceoryx2_bb_derive_macros::ZeroCopySend;
 use iceoryx2_bb_elementary_traits::zero_copy_send::ZeroCopySend;
 
-/// What all four messages have in common.
+/// Common interface of the four messages.
 pub trait Message: Pod + Default + std::fmt::Debug + Send {
-    /// The topic it travels on.
+    /// Topic of the message.
     const TOPIC: Topic;
     /// Provenance and timing.
     fn stamp(&self) -> &Stamp;
-    /// The same, for the process that publishes it.
+    /// Mutable provenance and timing, for the process that publishes the message.
     fn stamp_mut(&mut self) -> &mut Stamp;
 
-    /// Whether every number that a receiver computes with is finite and within its limit.
+    /// Returns whether every number that a receiver computes with is finite and within its limit.
     fn plausible(&self) -> bool;
 
-    /// Whether it says that the flight is over: then it is sent however late it is.
+    /// Returns whether the message ends the flight; such a message is sent however late it is.
     fn is_last(&self) -> bool {
         false
     }
 
-    /// The message with the checksum that its bits have.
+    /// Returns the message with the checksum of its bits.
     #[must_use]
     fn with_checksum(mut self) -> Self {
         self.stamp_mut().checksum = 0;
@@ -33,7 +33,7 @@ pub trait Message: Pod + Default + std::fmt::Debug + Send {
         self
     }
 
-    /// Whether the checksum fits the bits.
+    /// Returns whether the checksum fits the bits.
     fn is_intact(&self) -> bool {
         self.with_checksum().stamp().checksum == self.stamp().checksum
     }
@@ -45,62 +45,62 @@ pub trait Message: Pod + Default + std::fmt::Debug + Send {
 pub struct Stamp {
     /// Number of the plant sample; its simulated time is `tick` times the sample time.
     pub tick: u64,
-    /// The instant that sample stands for: the plant's release time (in lockstep, the moment at which its tick was begun).
+    /// Instant of that sample: the plant's release time; in lockstep, the moment at which its tick began.
     pub sample_ns: u64,
-    /// Number of this message among those of its publisher, from 1; 0 means no message yet.
+    /// Number of this message among those of its publisher, from 1; 0 = no message yet.
     pub sequence: u64,
-    /// Incarnation of the publisher, from 1; two with the same numbers are never the same process.
+    /// Number of the publisher's process among all processes of its node, from 1.
     pub epoch: u64,
-    /// Sequence numbers of the messages it was computed from, by topic; 0 where none was used. In the place of its own topic
-    /// stand the ticks that another process of the node had done, where its publisher continues from the memory of that.
+    /// Sequence numbers of the messages it was computed from, by topic; 0 = none. The entry of its own topic holds
+    /// instead the ticks done by the process whose snapshot the publisher restored; 0 if it restored none.
     pub inputs: [u64; Topic::COUNT],
-    /// The epochs of those messages, and of that process.
+    /// Epochs of those messages, and of that process.
     pub input_epochs: [u64; Topic::COUNT],
     /// Publication times along the chain, by topic, up to and including this message.
     pub publish_ns: [u64; Topic::COUNT],
-    /// When the publisher was due: the release for the plant; for the others when their input was sent, or when it was late; in
-    /// lockstep when it woke.
+    /// Time at which the publisher was due: the release for the plant; for the other nodes the time at which their
+    /// input was sent, or became late. In lockstep the time at which the publisher woke.
     pub release_ns: u64,
-    /// When the publisher began to work on it.
+    /// Time at which the publisher began to work on this message.
     pub start_ns: u64,
-    /// CPU time its thread used for the previous cycle, warm-up included (`runtime::cycle_timing`) \[ns\].
+    /// CPU time of the publisher's thread in its previous cycle, warm-up included (`runtime::cycle_timing`) \[ns\].
     pub cpu_ns: u64,
-    /// Deadlines the publisher has missed so far.
+    /// Deadlines that the publisher has missed so far.
     pub misses: u64,
-    /// Periods the publisher has skipped so far.
+    /// Periods that the publisher has skipped so far.
     pub slips: u64,
-    /// In lockstep and in process: how long faults delayed the chain from the sample to here, in all nodes \[ns\].
+    /// Delay that faults added in all nodes of the chain from the sample to here, in lockstep and in process \[ns\].
     pub held_ns: u64,
-    /// Faults given in flight that its publisher knew of: entries and changes of the fault table (`runtime::fault_table`).
+    /// Number of entries and changes of the fault table (`runtime::fault_table`) that the publisher knew of.
     pub faults: u64,
-    /// Whether receivers act on this message, and if not why: see [`delivery`].
+    /// Bits of [`delivery`]: 0 if receivers act on this message, else the reason why not.
     pub delivery: u64,
-    /// See [`Message::with_checksum`].
+    /// Checksum of the whole message, computed with this field 0: see [`Message::with_checksum`].
     pub checksum: u64,
 }
 
 /// Bits of [`Stamp::delivery`]; a message may have several.
 pub mod delivery {
-    /// Receivers act on it.
+    /// No bit: receivers act on the message.
     pub const DELIVERED: u64 = 0;
-    /// The publisher is on standby: another process is active.
+    /// Message of a standby: another process of the node is active.
     pub const STANDBY: u64 = 1;
-    /// A fault lost or changed it. What is delivered in its place, if anything, is another message with the same number.
+    /// Message as computed, which a fault has lost or changed. A message delivered in its place has the same number.
     pub const FAULT: u64 = 2;
-    /// It has no content: it shows a receiver that messages of the publisher arrive.
+    /// Message without content, which shows a receiver that messages of the publisher arrive.
     pub const PROBE: u64 = 4;
-    /// It missed its deadline, whose policy withholds it. It shows what was computed; its number is that of the message that
-    /// is sent in its place, or next.
+    /// Message as computed, which missed its deadline and is withheld by the policy. Its number is that of the message
+    /// that is sent in its place, or of the next one.
     pub const LATE: u64 = 8;
 }
 
 impl Stamp {
-    /// Provenance of a message that answers to sample `tick`, with no inputs yet.
+    /// Starts the provenance of a message that answers to sample `tick`, without inputs.
     pub fn at(tick: u64, sample_ns: u64) -> Self {
         Self { tick, sample_ns, ..Self::default() }
     }
 
-    /// The same, computed from `parent` too. The times of a parent of an older sample are not part of this chain.
+    /// Adds `parent` to the inputs. The times of a parent of another sample are not part of this chain.
     #[must_use]
     pub fn with<M: Message>(mut self, parent: &M) -> Self {
         let p = parent.stamp();
@@ -115,37 +115,37 @@ impl Stamp {
         self
     }
 
-    /// Whether receivers act on the message.
+    /// Returns whether receivers act on the message.
     pub fn is_delivered(&self) -> bool {
         self.delivery == delivery::DELIVERED
     }
 
-    /// Whether its publisher was on standby.
+    /// Returns whether the publisher was on standby.
     pub fn is_standby(&self) -> bool {
         self.delivery & delivery::STANDBY != 0
     }
 
-    /// Whether a fault lost or changed it, so that it only shows what the publisher computed.
+    /// Returns whether a fault has lost or changed the message, so that this copy only shows what was computed.
     pub fn is_faulted(&self) -> bool {
         self.delivery & delivery::FAULT != 0
     }
 
-    /// Whether its deadline's policy withheld it.
+    /// Returns whether the policy for late messages withheld it.
     pub fn is_withheld(&self) -> bool {
         self.delivery & delivery::LATE != 0
     }
 
-    /// The stamp of a probe, the first message of a process: see [`delivery::PROBE`].
+    /// Stamp of a probe, the first message of a process: see [`delivery::PROBE`].
     pub fn probe(epoch: u32) -> Self {
         Self { epoch: u64::from(epoch), delivery: delivery::PROBE, ..Self::default() }
     }
 
-    /// Whether it is the stamp of a probe.
+    /// Returns whether this is the stamp of a probe.
     pub fn is_probe(&self) -> bool {
         self.delivery == delivery::PROBE
     }
 
-    /// The stamp of the message itself, once it is numbered and on its way.
+    /// Adds the message's own sequence number and publication time.
     #[must_use]
     pub fn published(mut self, topic: Topic, sequence: u64, publish_ns: u64) -> Self {
         self.sequence = sequence;

@@ -1,4 +1,4 @@
-//! What settings mean together: ranges of single numbers, and what must hold between them.
+//! Checks of a whole scenario: ranges of single numbers, and rules between settings.
 
 mod faults;
 mod found;
@@ -22,7 +22,7 @@ use super::{
     Turbulence,
 };
 
-/// Every rule that `scenario` breaks; `merged` is the same settings as a table: those `given`, on top of the `defaults`.
+/// Returns every rule that `scenario` breaks. `merged` is the same as a table: those `given`, on top of `defaults`.
 pub fn violations(
     scenario: &Scenario,
     given: &Table,
@@ -56,33 +56,33 @@ pub fn violations(
     found.0
 }
 
-/// Every rule that `fault` breaks as one of `scenario`.
+/// Returns every rule that `fault` breaks as a fault of `scenario`.
 pub fn violations_of(fault: &Fault, scenario: &Scenario) -> Vec<Violation> {
     let mut found = Found::default();
     faults::check(scenario, fault, &mut found);
     found.0
 }
 
-/// Every rule that the sizes of `fault` break in any scenario.
+/// Returns every rule that the sizes of `fault` break in any scenario.
 pub fn violations_of_sizes(fault: &Fault) -> Vec<Violation> {
     let mut found = Found::default();
     faults::check_sizes(fault, &mut found);
     found.0
 }
 
-/// Every rule that the swaps of `scenario` break.
+/// Returns every rule that the swaps of `scenario` break.
 pub fn violations_of_swaps(scenario: &Scenario, candidate: LoadCandidate) -> Vec<Violation> {
     let mut found = Found::default();
     swaps::check(scenario, candidate, &mut found);
     found.0
 }
 
-/// Faults of one scenario: each is checked against the others.
+/// Largest number of faults of one scenario, which bounds the time of the check.
 const MAX_FAULTS: usize = 1000;
-/// Swaps of one scenario: each is checked by loading its candidate's settings.
+/// Largest number of swaps of one scenario: each is checked by loading its candidate's settings.
 const MAX_SWAPS: usize = 100;
 
-/// Whether there are no more faults and swaps than can be judged.
+/// Returns whether there are at most [`MAX_FAULTS`] faults and [`MAX_SWAPS`] swaps.
 fn check_counts(scenario: &Scenario, found: &mut Found) -> bool {
     let counts = [("fault", scenario.fault.len(), MAX_FAULTS), ("swap", scenario.swap.len(), MAX_SWAPS)];
     for (key, count, most) in counts {
@@ -91,12 +91,12 @@ fn check_counts(scenario: &Scenario, found: &mut Found) -> bool {
     counts.iter().all(|(_, count, most)| count <= most)
 }
 
-/// What makes a vehicle feel the air.
+/// Advice on how to make wind have an effect on the vehicle.
 const FEEL_AIR: &str = "drag, for instance `plant.drag_linear_nspm` = [0.2, 0.2, 0.1]";
 
-/// Each leg of the survey takes this long.
+/// Duration of each leg of the survey \[s\].
 const SURVEY_LEG_S: f64 = 10.0;
-/// Shortest leg of a spline \[s\]: its equations have the fourth power of it.
+/// Shortest leg of a spline \[s\]: the spline's equations contain its fourth power.
 const MIN_SPLINE_LEG_S: f64 = 0.01;
 
 fn check_vehicle(scenario: &Scenario, found: &mut Found) {
@@ -147,7 +147,7 @@ fn check_vehicle(scenario: &Scenario, found: &mut Found) {
     check_steps("plant.disturbance", &disturbance, found);
 }
 
-/// Gusts from the wind have one, and nothing else to say how strong they are.
+/// Requires with `from_wind` a horizontal wind, and no settings of the gusts besides it.
 fn check_turbulence(plant: &Plant, found: &mut Found) {
     let turbulence = &plant.turbulence;
     let horizontal = plant.wind_ned_mps.iter().any(|(_, [north, east, _])| [*north, *east] != [0.0; 2]);
@@ -166,7 +166,7 @@ fn check_turbulence(plant: &Plant, found: &mut Found) {
     );
 }
 
-/// A body can have the inertia that the controllers know, and the one that flies.
+/// Requires that the inertia that the controllers know and the one that flies are both physically possible.
 fn check_inertia(scenario: &Scenario, found: &mut Found) {
     let known = &scenario.airframe;
     let model = [[known.ixx_kgm2, 0.0, 0.0], [0.0, known.iyy_kgm2, 0.0], [0.0, 0.0, known.izz_kgm2]];
@@ -181,12 +181,12 @@ fn check_inertia(scenario: &Scenario, found: &mut Found) {
              body is nowhere negative",
         );
         if !possible {
-            break; // the one that flies starts from the other
+            break; // the flown inertia contains the known one: one message is enough
         }
     }
 }
 
-/// The hover exists, as the plant and as the mixer have it, and the actuators' limits leave room for it.
+/// Requires that the models of plant and mixer both have a hover, and that it lies inside the actuators' limits.
 fn check_hover(scenario: &Scenario, found: &mut Found) {
     let plant = &scenario.plant;
     for (reaction, key) in
@@ -243,7 +243,7 @@ fn check_mission(mission: &Mission, found: &mut Found) {
 
     let shortest_leg_s = match mission.trajectory {
         TrajectoryKind::Survey => SURVEY_LEG_S,
-        // The legs of times that do not rise are not worth a second message.
+        // Times that do not rise have been reported already.
         TrajectoryKind::Waypoints if !rises => f64::INFINITY,
         TrajectoryKind::Waypoints => times_s.windows(2).map(|leg| leg[1] - leg[0]).fold(f64::INFINITY, f64::min),
         TrajectoryKind::Hover | TrajectoryKind::Step | TrajectoryKind::Circle => f64::INFINITY,
@@ -334,7 +334,7 @@ fn check_deadlines(scenario: &Scenario, found: &mut Found) {
     }
 }
 
-/// Steps over time stand in order.
+/// Requires that the times of steps are at least 0 and sorted.
 fn check_steps(key: &str, times_s: &[f64], found: &mut Found) {
     found.require(
         times_s.first().is_none_or(|first| *first >= 0.0) && times_s.is_sorted(),

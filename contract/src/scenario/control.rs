@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// `[guidance]`
+/// Settings of the position controller, `[guidance]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[expect(missing_docs, reason = "nine gains of Table III, named as printed there")]
@@ -17,46 +17,46 @@ pub struct Guidance {
     pub kp_w: f64,
     pub ki_w: f64,
     pub kd_w: f64,
-    /// What `phi_ref` is added to.
+    /// Roll angle that `phi_ref` is added to.
     pub roll_reference: RollReference,
-    /// What the D terms act on.
+    /// Error derivative that the D terms act on.
     pub derivative: Derivative,
     /// References of p, q, r.
     pub rate_reference: RateReference,
-    /// Rotate errors and feed-forward by psi.
+    /// `true` to rotate errors and feed-forward by psi into the heading frame.
     pub heading_frame: bool,
-    /// `phi += a_y/g`, `theta -= a_x/g`.
+    /// `true` to feed the reference acceleration forward: `phi += a_y/g`, `theta -= a_x/g`.
     pub acceleration_feedforward: bool,
-    /// w += reference climb rate.
+    /// `true` to feed the reference climb rate forward to w.
     pub velocity_feedforward: bool,
-    /// w such that the inertial vertical speed is the wanted one.
+    /// `true` to choose w such that the inertial vertical speed is the wanted one.
     pub exact_w: bool,
     /// Bandwidth of the outer acceleration observer \[rad/s\], 0 = off.
     pub disturbance_observer_radps: f64,
-    /// \[deg\]
+    /// Largest references of roll (without trim) and pitch, either way \[deg\].
     pub angle_limit_deg: f64,
-    /// Of the wanted vertical speed, up or down \[m/s\]: `exact_w` comes after it.
+    /// Limit of the wanted vertical speed, up or down, before `exact_w` \[m/s\].
     pub climb_limit_mps: f64,
-    /// Of the reference of w, after `exact_w` \[m/s\]. Level flight at speed V has w = V sin theta: a limit below that costs
-    /// altitude.
+    /// Limit of the reference of w, after `exact_w` \[m/s\]. Level flight at speed V has w = V sin theta; a lower limit
+    /// costs altitude.
     pub w_limit_mps: f64,
-    /// How fast the heading reference turns \[deg/s\]; 0 = it steps.
+    /// Rate at which the heading reference turns \[deg/s\]; 0 = it steps.
     pub heading_rate_limit_dps: f64,
     /// Clamp of each error integral \[m s\].
     pub integral_limit: f64,
 }
 
-/// `guidance.roll_reference`
+/// Zero point of the roll reference, `guidance.roll_reference`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum RollReference {
-    /// Added to `phi_trim`.
+    /// Roll angle `phi_trim`.
     Trim,
-    /// Taken as it is.
+    /// Zero: the reference is used as it is.
     Absolute,
 }
 
-/// `guidance.derivative`
+/// Input of the D terms, `guidance.derivative`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Derivative {
@@ -66,30 +66,30 @@ pub enum Derivative {
     Velocity,
 }
 
-/// `guidance.rate_reference`
+/// References of the body rates, `guidance.rate_reference`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum RateReference {
     /// Backward difference of the angle references, through the inverse of (8).
     Difference,
-    /// Zero.
+    /// Zero body rates.
     Zero,
 }
 
-/// `[mpc]`
+/// Settings of the attitude controller, `[mpc]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Mpc {
-    /// The control law of the attitude loop. Weights, model and disturbance estimate serve `mpc` and `lqr`, constraints
-    /// `mpc` alone.
+    /// Control law of the attitude loop. `mpc` and `lqr` use weights, model and disturbance estimate; only `mpc` uses
+    /// constraints.
     pub law: Law,
-    /// Where the prediction model is linearised.
+    /// Point at which the prediction model is linearised.
     pub model: Model,
     /// Diagonal of Q on w, phi, theta, psi, p, q, r.
     pub q: [f64; 7],
     /// Diagonal of R on col, lon, lat, ped: R1 of Table IV.
     pub r: [f64; 4],
-    /// Diagonal of the weight on their change from sample to sample: R2 of Table IV, which the paper has zero. For `mpc` alone.
+    /// Diagonal of the weight on their change from sample to sample, for `mpc` only: R2 of Table IV, zero in the paper.
     pub r_rate: [f64; 4],
     /// Prediction horizon Np \[samples\].
     pub np: usize,
@@ -97,26 +97,26 @@ pub struct Mpc {
     pub nu: usize,
     /// Terminal weight P.
     pub terminal: Terminal,
-    /// Which actuator constraints the moves obey.
+    /// Actuator constraints on the moves.
     pub constraints: Constraints,
-    /// What keeps the moves inside.
+    /// Solver of the constrained problem.
     pub solver: Solver,
-    /// Iterations granted to a solve.
+    /// Largest number of iterations of a solve.
     pub max_iterations: u32,
-    /// Time granted to a solve of Clarabel in real time \[ms\], 0 = unlimited. Lockstep and in process do without: a
-    /// flight that repeats bit for bit cannot depend on the clock.
+    /// Longest solve of Clarabel in real time \[ms\], 0 = unlimited. It has no effect in lockstep and in process,
+    /// because a flight that repeats bit for bit cannot depend on the clock.
     pub time_limit_ms: f64,
-    /// Whether predicted states are kept inside the limits below.
+    /// Constraints that keep predicted states inside the limits below.
     pub state_constraints: StateConstraints,
     /// Cost of leaving a state limit: 1/2 penalty (excess / limit)^2 per predicted sample.
     pub state_penalty: f64,
-    /// Limits of phi, theta, psi either way \[deg\].
+    /// Limits of phi, theta, psi in either direction \[deg\].
     pub attitude_limit_deg: [f64; 3],
-    /// Limits of p, q, r either way \[deg/s\].
+    /// Limits of p, q, r in either direction \[deg/s\].
     pub rates_limit_dps: [f64; 3],
     /// Time constant of the modelled actuator lag \[s\], 0 = not modelled.
     pub actuator_lag_model_s: f64,
-    /// Predict one sample forward with the last command.
+    /// `true` to predict one sample ahead with the last command before solving.
     pub delay_compensation: bool,
     /// Gain of the input-disturbance estimate, 0 = off.
     pub disturbance_gain: f64,
@@ -124,53 +124,53 @@ pub struct Mpc {
     pub pid: PidGains,
 }
 
-/// `[mpc.pid]`: accelerations per error, so that the same gains give another vehicle the same poles.
+/// Gains of the law `pid`, `[mpc.pid]`: accelerations per error, so that another vehicle has the same poles with them.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PidGains {
-    /// On the errors of w \[1/s\] and of theta, phi, psi \[1/s2\], which drive col, lon, lat, ped.
+    /// Gains on the errors of w \[1/s\] and of theta, phi, psi \[1/s2\], which drive col, lon, lat, ped.
     pub kp: [f64; 4],
-    /// On the integrals of the same errors \[1/s2\], \[1/s3\]; 0 = no integral.
+    /// Gains on the integrals of these errors \[1/s2\], \[1/s3\]; 0 = no integral.
     pub ki: [f64; 4],
-    /// On the errors of q, p, r \[1/s\], which drive lon, lat, ped.
+    /// Gains on the errors of q, p, r \[1/s\], which drive lon, lat, ped.
     pub kd: [f64; 3],
 }
 
 impl Default for PidGains {
-    /// All three poles of each angle at -4 rad/s, what a loop of 30 ms of lag and 20 ms of delay bears with a margin; both of
-    /// the climb at -2.
+    /// Places all three poles of each angle at -4 rad/s, which a loop with 30 ms of lag and 20 ms of delay tolerates
+    /// with a margin, and both poles of the climb at -2.
     fn default() -> Self {
         Self { kp: [4.0, 48.0, 48.0, 48.0], ki: [4.0, 64.0, 64.0, 64.0], kd: [12.0; 3] }
     }
 }
 
-/// `mpc.law`
+/// Control law of the attitude loop, `mpc.law`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Law {
-    /// The paper's: the best plan over the horizon.
+    /// The paper's law: the best plan over the horizon.
     Mpc,
-    /// The same cost over an infinite horizon, without constraints.
+    /// Optimum of that cost over an infinite horizon, without constraints.
     Lqr,
     /// One PID per axis.
     Pid,
 }
 
-/// `mpc.model`
+/// Linearisation of the prediction model, `mpc.model`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Model {
-    /// At hover.
+    /// Model at hover.
     Hover,
-    /// At hover; the disturbance estimate knows the term `q u - p v` of the vertical velocity at the measured state.
+    /// Model at hover; the disturbance estimate takes the term `q u - p v` of w from the measured state.
     Coupled,
-    /// At trimmed level flight at several velocities, blended by the measured one.
+    /// Models at trimmed level flight at several velocities, blended by the measured velocity.
     Scheduled,
-    /// At the measured state, every sample.
+    /// Model at the measured state, renewed at every sample.
     Ltv,
 }
 
-/// `mpc.solver`
+/// Solver of the constrained problem, `mpc.solver`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Solver {
@@ -180,17 +180,17 @@ pub enum Solver {
     ActiveSet,
 }
 
-/// `mpc.state_constraints`
+/// Constraints on predicted states, `mpc.state_constraints`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum StateConstraints {
-    /// Not imposed.
+    /// No constraints.
     None,
-    /// Imposed at a price, so that there is always a plan.
+    /// Soft constraints: a violation has a cost, so that there is always a plan.
     Soft,
 }
 
-/// `mpc.terminal`
+/// Terminal weight P, `mpc.terminal`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Terminal {
@@ -198,31 +198,31 @@ pub enum Terminal {
     Zero,
     /// P = Q.
     Q,
-    /// P solves the discrete algebraic Riccati equation of the model in use.
+    /// Solution P of the discrete algebraic Riccati equation of the model in use.
     Dare,
 }
 
-/// `mpc.constraints`
+/// Constraints on the actuators, `mpc.constraints`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Constraints {
-    /// The unconstrained optimum, whatever it asks for.
+    /// No constraints: the unconstrained optimum.
     None,
-    /// The smallest box around the exact set.
+    /// Smallest box around the exact actuator set.
     Box,
-    /// The exact set.
+    /// Exact actuator set.
     Cone,
 }
 
-/// `[mixer]`
+/// Settings of the control allocation, `[mixer]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Mixer {
-    /// Use the mixing matrix with the tilt reaction.
+    /// `true` to use the mixing matrix with the tilt reaction.
     pub tilt_reaction: bool,
-    /// Take the nearest demand inside the exact actuator set for one that is outside.
+    /// `true` to replace a demand outside the exact actuator set by the nearest one inside.
     pub projection: bool,
-    /// Cost of a miss of col, lon, lat, ped in the projection, per N^2 and (N m)^2: what costs least is given up first. It is
-    /// also that of the controller where its solver fails.
+    /// Cost of an error in col, lon, lat, ped in the projection, per N^2 and (N m)^2: the cheapest is given up first.
+    /// The controller uses the same costs when its solver fails.
     pub projection_weights: [f64; 4],
 }

@@ -1,7 +1,7 @@
-//! `[[fault]]`: what goes wrong, and when. A function of the tick and the run's seed, so that a faulty run repeats.
+//! `[[fault]]`: faults to inject. Each depends on the tick and the run's seed alone, so that a faulty run repeats.
 //!
-//! The check refuses a kind that the target does not have, and a size that the kind does not use ([`Fault::keys`]). Every
-//! size has a default, which stands beside the code of the fault.
+//! The check refuses a kind that the target does not have, and a size that the kind does not use ([`Fault::keys`]). The
+//! default of every size stands beside the code that injects the fault.
 
 mod catalogue;
 
@@ -17,42 +17,42 @@ pub const MAX_FAULT_MS: f64 = 60_000.0;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Fault {
-    /// When it begins \[s\].
+    /// Beginning of the fault \[s\].
     pub at_s: f64,
-    /// How long it lasts \[s\]; absent = until the end.
+    /// Duration \[s\]; absent = until the end of the flight.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub for_s: Option<f64>,
-    /// Which part has it.
+    /// Part of the stack that has the fault.
     pub target: FaultTarget,
-    /// What happens to it.
+    /// Kind of the fault.
     pub kind: FaultKind,
-    /// The process whose clock is off (offset), or whose segments are removed (shm-removed).
+    /// Process whose clock is off (offset), or whose segments are removed (shm-removed).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub process: Option<FaultTarget>,
-    /// A time \[ms\]: how late (slow, delay, delayed), how old (stale), the time constant (slow sensor or actuator), how
-    /// far ahead (offset; behind when negative).
+    /// Time \[ms\]: delay (slow process, delay, delayed), age (stale), time constant (slow sensor or actuator),
+    /// duration of the rise (step), or lead of the clock (offset; negative = it is behind).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ms: Option<f64>,
-    /// A size: standard deviation (noise), bias or factor (wrong), share of the range (saturated), mass \[kg\].
-    /// Degrees for angles.
+    /// Size: standard deviation (noise), bias or factor (wrong), share of the range (saturated), mass \[kg\]. Angles
+    /// are in degrees.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub value: Option<f64>,
-    /// Wind NED \[m/s\].
+    /// Wind, NED \[m/s\].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub vector: Option<[f64; 3]>,
     /// Share of the messages or ticks affected (drop, duplicate, reorder, corrupt, garbage, intermittent).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub probability: Option<f64>,
-    /// Messages lost in a row (burst), bits flipped (corrupt), every how many-th message passes (rate).
+    /// Number of messages lost in a row (burst), bits flipped (corrupt), or messages for each that passes (rate).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub count: Option<u64>,
-    /// In which way a sensor or a topic is wrong; absent = bias for a sensor, sign for a topic.
+    /// Error of a sensor or topic that is wrong; absent = bias for a sensor, sign for a topic.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub how: Option<Wrong>,
 }
 
 impl Fault {
-    /// A fault of the default size.
+    /// Makes a fault of the default size.
     pub fn new(target: FaultTarget, kind: FaultKind, at_s: f64, for_s: Option<f64>) -> Self {
         Self {
             at_s,
@@ -69,7 +69,7 @@ impl Fault {
         }
     }
 
-    /// The keys of the sizes that its kind uses.
+    /// Keys of the sizes that this kind of fault uses.
     pub fn keys(&self) -> &'static [&'static str] {
         use FaultKind as K;
         match self.kind {
@@ -87,12 +87,12 @@ impl Fault {
         }
     }
 
-    /// In which way it is wrong, the default of its target included.
+    /// Error of a sensor or topic that is wrong: the given one, or the default of the target.
     pub fn wrong(&self) -> Wrong {
         self.how.unwrap_or(if self.target.topic().is_some() { Wrong::Sign } else { Wrong::Bias })
     }
 
-    /// The keys of the sizes that were given.
+    /// Keys of the sizes that were given.
     pub fn given(&self) -> impl Iterator<Item = &'static str> {
         let given = [
             ("ms", self.ms.is_some()),
@@ -105,19 +105,19 @@ impl Fault {
         given.into_iter().filter(|(_, is_given)| *is_given).map(|(key, _)| key)
     }
 
-    /// The ticks on which it is active: from the first at or after its beginning to before the first at or after its end.
+    /// Ticks on which the fault is active: those at or after its beginning and before its end.
     pub fn ticks(&self, sample_s: f64) -> std::ops::Range<u64> {
-        // A time that is a tick but for rounding is that tick.
+        // A time that differs from a tick by rounding only is that tick.
         let tick_of = |time_s: f64| (time_s / sample_s - 1e-6).ceil() as u64;
         tick_of(self.at_s)..self.for_s.map_or(u64::MAX, |for_s| tick_of(self.at_s + for_s))
     }
 
-    /// Whether it happens at one instant: the death of a process.
+    /// Returns whether the fault happens at one instant, as the death of a process does.
     pub fn is_momentary(&self) -> bool {
         matches!(self.kind, FaultKind::Kill | FaultKind::Exit)
     }
 
-    /// Whether it is active on `tick`, at a sample time \[s\].
+    /// Returns whether the fault is active on `tick`, at a sample time \[s\].
     pub fn is_active(&self, tick: u64, sample_s: f64) -> bool {
         self.ticks(sample_s).contains(&tick)
     }
@@ -128,7 +128,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_list_of_targets_has_all_under_their_names() {
+    fn the_list_of_targets_is_complete_and_in_order() {
         for (i, (target, name)) in FaultTarget::ALL.into_iter().enumerate() {
             assert_eq!((target as usize, target.name()), (i, name));
             assert_eq!(toml::Value::try_from(target), Ok(name.into()));

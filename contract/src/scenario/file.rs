@@ -1,4 +1,4 @@
-//! Reads files that come from outside: only regular files of limited size, which never block.
+//! Reading of files that come from outside: only regular files of limited size, which never block.
 //!
 //! A FIFO without a writer, a terminal or `/dev/zero` in the place of a scenario or a log would otherwise block the
 //! program or fill its memory.
@@ -10,21 +10,21 @@ use std::path::Path;
 
 use rustix::fs::OFlags;
 
-/// Largest scenario or settings file \[bytes\]: people write no more.
+/// Largest scenario or settings file \[bytes\], more than people write.
 pub const MAX_TEXT_BYTES: u64 = 1 << 20;
 /// Largest run.json or other file of results \[bytes\].
 pub const MAX_RESULTS_BYTES: u64 = 64 << 20;
 /// Largest flight log \[bytes\]: a day at 100 Hz takes a third of it.
 pub const MAX_LOG_BYTES: u64 = 64 << 30;
 
-/// Opens the regular file at `path`, which may have `limit` bytes; never waits. Also how many bytes it has.
+/// Opens the regular file at `path` without ever waiting, and returns its length too, at most `limit` bytes.
 pub fn open(path: &Path, limit: u64) -> Result<(File, u64)> {
     // std adds O_CLOEXEC. O_NONBLOCK means nothing to a regular file, and keeps the open of a FIFO from waiting.
     let flags = OFlags::NONBLOCK | OFlags::NOCTTY;
     checked(OpenOptions::new().read(true).custom_flags(flags.bits().cast_signed()).open(path)?, limit)
 }
 
-/// Refuses a file that is not regular, or has more than `limit` bytes; also how many it has.
+/// Refuses a file that is not regular, or has more than `limit` bytes; otherwise returns its length too.
 pub fn checked(file: File, limit: u64) -> Result<(File, u64)> {
     let metadata = file.metadata()?;
     let kind = metadata.file_type();
@@ -40,24 +40,24 @@ pub fn checked(file: File, limit: u64) -> Result<(File, u64)> {
     if metadata.len() > limit { Err(too_large(metadata.len(), limit)) } else { Ok((file, metadata.len())) }
 }
 
-/// The bytes of the regular file at `path`, `limit` at most.
+/// Reads the regular file at `path`; more than `limit` bytes are an error.
 pub fn read(path: &Path, limit: u64) -> Result<Vec<u8>> {
     read_all(open(path, limit)?, limit)
 }
 
-/// The bytes of an open file of so many bytes, `limit` at most: it may grow meanwhile.
+/// Reads an open file of the given length; more than `limit` bytes are an error, also if the file grows meanwhile.
 pub fn read_all((file, length): (File, u64), limit: u64) -> Result<Vec<u8>> {
     let mut bytes = Vec::with_capacity(length as usize);
     file.take(limit.saturating_add(1)).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > limit { Err(too_large(bytes.len() as u64, limit)) } else { Ok(bytes) }
 }
 
-/// The text of the regular file at `path`, `limit` bytes at most.
+/// Reads the regular file at `path` as UTF-8; more than `limit` bytes are an error.
 pub fn read_text(path: &Path, limit: u64) -> Result<String> {
     text(read(path, limit)?)
 }
 
-/// The text of what was read.
+/// Converts the bytes of a file to text; an error if they are not UTF-8.
 pub fn text(bytes: Vec<u8>) -> Result<String> {
     String::from_utf8(bytes).map_err(|error| Error::new(ErrorKind::InvalidData, error.utf8_error()))
 }

@@ -1,4 +1,4 @@
-//! Settings before the defaults, on which others are laid again and again: what the flights of a campaign have in common.
+//! Settings without the defaults: the common base of the flights of a campaign, each with settings of its own on top.
 
 use std::path::Path;
 
@@ -8,18 +8,17 @@ use super::load::{defaults_of, given, lay, sources, with_defaults, without_place
 use super::report::{Problem, ScenarioError, Source};
 use super::{Scenario, candidate, check, shape};
 
-/// What was given of a scenario. The defaults of profile and presets come under it when a [`scenario`](Self::scenario) is
-/// made of it.
+/// Given settings of a scenario. [`scenario`](Self::scenario) adds the defaults of profile and presets below them.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Given(Table);
 
 impl Given {
-    /// The settings of `file`, with `overrides` (`key=value`) on top.
+    /// Loads the settings of `file`, with `overrides` (`key=value`) on top.
     pub fn load(file: Option<&Path>, overrides: &[String]) -> Result<Self, ScenarioError> {
         given(&sources(file, overrides)?).map(Self)
     }
 
-    /// With the settings of a table on top.
+    /// Adds the settings of a table on top.
     ///
     /// # Errors
     /// A key that no scenario has, or a value that its key cannot have; `origin` names the table.
@@ -30,16 +29,16 @@ impl Given {
         Ok(Self(given))
     }
 
-    /// As a table, without the defaults.
+    /// Returns the settings as a table, without the defaults.
     pub fn table(&self) -> &Table {
         &self.0
     }
 
-    /// The scenario with `settings` on top, checked. Their keys are dotted; a number in a key counts the elements of an
-    /// array from 0 on (`initial.attitude_deg.0`, `fault.1.value`).
+    /// Makes the scenario with `settings` on top, and checks it. Keys are dotted; a number in a key is the index of an
+    /// array element, from 0 (`initial.attitude_deg.0`, `fault.1.value`).
     ///
     /// # Errors
-    /// What no scenario has, or may have together.
+    /// A key that no scenario has, a value that its key cannot have, or settings that contradict each other.
     pub fn scenario(&self, settings: &[(String, Value)]) -> Result<Scenario, ScenarioError> {
         let (elements, whole): (Vec<_>, Vec<_>) = settings.iter().partition(|(key, _)| is_element(key));
         let mut given = self.0.clone();
@@ -63,12 +62,12 @@ impl Given {
     }
 }
 
-/// Whether a key counts the elements of an array.
+/// Returns whether a key contains the index of an array element.
 fn is_element(key: &str) -> bool {
     key.split('.').any(|name| name.parse::<usize>().is_ok())
 }
 
-/// Gives `key` its `value`. Tables on the way are made, arrays and their elements must be there.
+/// Sets the dotted `key` to `value`. Missing tables on the way are made; arrays and their elements must exist.
 fn put(table: &mut Table, key: &str, value: &Value) -> Result<(), ScenarioError> {
     let (first, rest) = key.split_once('.').map_or((key, None), |(first, rest)| (first, Some(rest)));
     let Some(rest) = rest else {
@@ -88,7 +87,7 @@ fn put(table: &mut Table, key: &str, value: &Value) -> Result<(), ScenarioError>
     })
 }
 
-/// The same in an array; `None` when it has no such element.
+/// Sets the element of `all` that the dotted `key` names to `value`; `None` if there is no such element.
 fn put_element(all: &mut [Value], key: &str, value: &Value) -> Result<Option<()>, ScenarioError> {
     let (number, rest) = key.split_once('.').map_or((key, None), |(number, rest)| (number, Some(rest)));
     let element = number.parse().ok().and_then(|i: usize| all.get_mut(i));
@@ -101,7 +100,7 @@ fn put_element(all: &mut [Value], key: &str, value: &Value) -> Result<Option<()>
     Ok(Some(()))
 }
 
-/// Whether `text` has the shape of settings; `origin` says where they stand.
+/// Checks that `text` has the shape of settings; `origin` names their place in errors.
 fn check_shape(text: &str, origin: &str) -> Result<(), ScenarioError> {
     let source = Source { path: Some(origin.into()), text: text.into() };
     let Err(problems) = shape::read(&source) else { return Ok(()) };
@@ -146,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_named_with_its_key() {
+    fn errors_name_the_key() {
         let base = Given::default();
         for (key, value, expected) in [
             ("mpc.npp", "3", "unknown key `mpc.npp`"),

@@ -1,4 +1,4 @@
-//! Loading: profile and presets < file < `--set key=value`, merged table by table; arrays replace.
+//! Loading: profile and presets < file < `--set key=value`. Tables are merged key by key, arrays are replaced.
 
 use std::path::Path;
 
@@ -8,30 +8,30 @@ use super::file::{self, MAX_TEXT_BYTES};
 use super::report::{MAX_PROBLEMS, Problem, ScenarioError, Source};
 use super::{Fault, Scenario, Sensors, Swap, check, profile, shape};
 
-/// The scenario of `file` with `overrides` on top (`key=value`, the value in TOML or a bare word), on the defaults of
-/// the profile they choose. Without a file: the defaults alone.
+/// Loads the scenario of `file` with `overrides` on top (`key=value`, the value in TOML or a bare word), on the
+/// defaults of the profile they choose. Without a file the overrides are laid on the defaults alone.
 pub fn load(file: Option<&Path>, overrides: &[String]) -> Result<Scenario, ScenarioError> {
     resolve(&sources(file, overrides)?)
 }
 
-/// What is laid over each other: the text of `file`, and the `overrides`.
+/// Collects the sources to merge, lowest first: the text of `file`, then the `overrides`.
 pub(super) fn sources(file: Option<&Path>, overrides: &[String]) -> Result<Vec<Source>, ScenarioError> {
     let file = file.map(read).transpose()?;
     Ok(file.into_iter().chain(overrides.iter().map(|text| set(text))).collect())
 }
 
-/// The scenario that [`to_toml`] wrote as `text`, checked once more; `origin` names the text in errors.
+/// Reads the scenario that [`to_toml`] wrote as `text`, and checks it again; `origin` names the text in errors.
 pub fn from_merged(text: &str, origin: &str) -> Result<Scenario, ScenarioError> {
     resolve(&[Source { path: Some(origin.into()), text: text.into() }])
 }
 
-/// All settings as a scenario file, exact to the last bit.
+/// Prints all settings as a scenario file, exact to the last bit.
 pub fn to_toml(scenario: &Scenario) -> String {
     toml::to_string(scenario).expect("every setting has a form in TOML")
 }
 
-/// The settings of a candidate: those of `run` with its own on top. Faults of its own replace the run's, which are not
-/// checked against its settings.
+/// Merges the settings of a candidate: those of `run` with its own on top. If the candidate has faults of its own, they
+/// replace the run's. Otherwise it has the run's faults, which are not checked against its settings.
 pub fn candidate(run: &Scenario, swap: &Swap) -> Result<Scenario, ScenarioError> {
     let base = Scenario { swap: vec![], fault: vec![], ..run.clone() };
     let base = Source { path: Some("the run's settings".into()), text: to_toml(&base) };
@@ -41,35 +41,35 @@ pub fn candidate(run: &Scenario, swap: &Swap) -> Result<Scenario, ScenarioError>
     Ok(Scenario { fault, ..own })
 }
 
-/// The settings of a [`candidate`] that [`to_toml`] wrote as `text`; `origin` names the text in errors.
+/// Reads the settings of a [`candidate`] that [`to_toml`] wrote as `text`; `origin` names the text in errors.
 pub fn candidate_from(text: &str, origin: &str) -> Result<Scenario, ScenarioError> {
     let given = given(&[Source { path: Some(origin.into()), text: text.into() }])?;
     Ok(with_defaults(given).and_then(Table::try_into).expect(READ))
 }
 
-/// Checks `fault` as if it were one of `scenario`, with the same messages.
+/// Checks `fault` as a fault of `scenario`, with the messages of [`load`].
 pub fn check_fault(scenario: &Scenario, fault: &Fault) -> Result<(), ScenarioError> {
     without_place(check::violations_of(fault, scenario))
 }
 
-/// Checks the sizes of `fault`, which must hold in any scenario, with the same messages.
+/// Checks the sizes of `fault` by the rules that hold in any scenario, with the messages of [`load`].
 pub fn check_sizes(fault: &Fault) -> Result<(), ScenarioError> {
     without_place(check::violations_of_sizes(fault))
 }
 
-/// Checks the swaps of `scenario`, with the same messages.
+/// Checks the swaps of `scenario`, with the messages of [`load`].
 pub fn check_swaps(scenario: &Scenario) -> Result<(), ScenarioError> {
     without_place(check::violations_of_swaps(scenario, candidate))
 }
 
-/// Violations of what was written in no file.
+/// Makes one error of `violations` of settings that were written in no file.
 pub(super) fn without_place(violations: Vec<check::Violation>) -> Result<(), ScenarioError> {
     let problem = |violation: check::Violation| Problem { title: violation.what, place: None, help: violation.allowed };
     let problems: Vec<Problem> = violations.into_iter().map(problem).collect();
     if problems.is_empty() { Ok(()) } else { Err(ScenarioError::new(&problems)) }
 }
 
-/// Lays the sources over each other, later ones above, and checks the result.
+/// Merges the sources, later ones on top, and checks the result.
 fn resolve(sources: &[Source]) -> Result<Scenario, ScenarioError> {
     let given = given(sources)?;
     let merged = with_defaults(given.clone()).expect(READ);
@@ -86,10 +86,10 @@ fn resolve(sources: &[Source]) -> Result<Scenario, ScenarioError> {
     if problems.is_empty() { Ok(scenario) } else { Err(ScenarioError::new(&problems)) }
 }
 
-/// Why settings have the types of a scenario.
+/// Reason why merged settings always have the types of a scenario.
 const READ: &str = "every source was read as a scenario by itself";
 
-/// Lays the sources over each other, without the defaults.
+/// Merges the sources, later ones on top, without the defaults.
 pub(super) fn given(sources: &[Source]) -> Result<Table, ScenarioError> {
     let mut given = Table::new();
     let mut problems = vec![];
@@ -105,7 +105,7 @@ pub(super) fn given(sources: &[Source]) -> Result<Table, ScenarioError> {
     Ok(given)
 }
 
-/// `given` on top of the defaults that it chooses.
+/// Merges `given` on top of the defaults of the profile and presets that it chooses.
 pub(super) fn with_defaults(given: Table) -> Result<Table, toml::de::Error> {
     let chosen: Scenario = given.clone().try_into()?;
     let mut merged = Table::try_from(defaults_of(&chosen)).expect("profiles have a form in TOML");
@@ -113,14 +113,14 @@ pub(super) fn with_defaults(given: Table) -> Result<Table, toml::de::Error> {
     Ok(merged)
 }
 
-/// The defaults under the profile and the presets of `chosen`.
+/// Returns the defaults of the profile and the presets of `chosen`.
 pub(super) fn defaults_of(chosen: &Scenario) -> Scenario {
     let mut defaults = profile::with_airframe(chosen.profile.into(), chosen.airframe.preset);
     defaults.plant.sensors = Sensors::from(chosen.plant.sensors.preset);
     defaults
 }
 
-/// As [`overlay`]; what `above` switches off is dropped from `below`.
+/// Merges `above` into `below` like [`overlay`], but first drops settings of `below` that `above` switches off.
 pub(super) fn lay(below: &mut Table, above: Table) {
     let merge = |mut below, above| {
         overlay(&mut below, above);
@@ -130,7 +130,7 @@ pub(super) fn lay(below: &mut Table, above: Table) {
     overlay(below, above);
 }
 
-/// `above` wins; tables merge key by key.
+/// Merges `above` into `below`: `above` wins, and tables are merged key by key.
 pub(super) fn overlay(below: &mut Table, above: Table) {
     for (key, value) in above {
         match (below.get_mut(&key), value) {
@@ -159,7 +159,7 @@ fn read(path: &Path) -> Result<Source, ScenarioError> {
     })
 }
 
-/// One `--set`. What TOML cannot read but begins with a letter is a string without its quotes.
+/// Reads the argument of one `--set`. A value that begins with a letter and is no TOML is a string without quotes.
 fn set(argument: &str) -> Source {
     let text = match argument.split_once('=') {
         Some((key, word))

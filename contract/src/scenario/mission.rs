@@ -1,53 +1,53 @@
-//! `[mission]` and `[initial]`: where to fly, and where to start.
+//! `[mission]` and `[initial]`: the trajectory and the initial state.
 
 use serde::{Deserialize, Serialize};
 
-/// `[mission]`
+/// Trajectory and heading reference, `[mission]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Mission {
-    /// Which trajectory.
+    /// Kind of trajectory.
     pub trajectory: TrajectoryKind,
-    /// `step`: from 0 to this, NED \[m\].
+    /// `step`: position reference after the step from the origin, NED \[m\].
     pub step_m: [f64; 3],
-    /// `step`: when \[s\].
+    /// `step`: time of the step \[s\].
     pub step_at_s: f64,
-    /// `waypoints`: NED \[m\], reached at `times_s`.
+    /// `waypoints`: positions NED \[m\], reached at `times_s`.
     pub waypoints_m: Vec<[f64; 3]>,
-    /// `waypoints`: when each is reached \[s\].
+    /// `waypoints`: time at which each is reached \[s\].
     pub times_s: Vec<f64>,
-    /// How the velocity rises and falls between waypoints.
+    /// Shape of the velocity between waypoints.
     pub ramp_s: Ramp,
-    /// `circle`: \[m\].
+    /// `circle`: radius \[m\].
     pub radius_m: f64,
-    /// `circle`: above the ground \[m\].
+    /// `circle`: height above the origin \[m\].
     pub height_m: f64,
     /// `circle`: mean duration of a lap \[s\].
     pub period_s: f64,
-    /// `circle`: how often round. One lap is min-jerk, from rest to rest; of several, all but the first and the last half lap are
-    /// flown at constant speed.
+    /// `circle`: number of laps. A single lap is min-jerk, from rest to rest. Several laps are flown at constant speed,
+    /// except for the first and the last half lap.
     pub laps: u32,
     /// Heading reference \[deg\], constant or steps.
     pub heading_deg: Heading,
 }
 
-/// `mission.trajectory`
+/// Kind of trajectory, `mission.trajectory`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum TrajectoryKind {
-    /// The paper's surveillance square, 8 m in 60 s, as docs/paper.md infers it.
+    /// The paper's surveillance square, 8 m in 60 s, as inferred in docs/paper.md.
     Survey,
-    /// Stay at the origin.
+    /// Hover at the origin.
     Hover,
     /// One step of the position reference.
     Step,
-    /// Climb to `height_m`, `laps` of `radius_m` and `period_s`, descend; climb and descent take 10 s each.
+    /// Climb to `height_m`, `laps` circles of `radius_m` and `period_s`, descent; climb and descent take 10 s each.
     Circle,
     /// The scenario's own waypoints.
     Waypoints,
 }
 
-/// `mission.ramp_s`: seconds of velocity ramp (0 = constant velocity), `"min-jerk"` or `"spline"`.
+/// Shape of the velocity, `mission.ramp_s`: seconds of ramp (0 = constant velocity), `"min-jerk"` or `"spline"`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(untagged, expecting = "expected seconds, \"min-jerk\" or \"spline\"")]
 pub enum Ramp {
@@ -57,10 +57,10 @@ pub enum Ramp {
     Named(RampName),
 }
 
-/// The named shapes.
+/// Named shapes of the velocity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum RampName {
-    /// Each leg a quintic with zero velocity and acceleration at both ends.
+    /// Legs that are quintics with zero velocity and acceleration at both ends.
     #[serde(rename = "min-jerk")]
     MinJerk,
     /// One curve of least jerk through all waypoints, at rest at the first and the last only.
@@ -68,28 +68,28 @@ pub enum RampName {
     Spline,
 }
 
-/// `mission.heading_deg`: one value, or `[[t_s, deg], ...]` steps.
+/// Heading reference, `mission.heading_deg`: one value, or `[[t_s, deg], ...]` steps.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged, expecting = "expected degrees, or steps [[t_s, deg], ...]")]
 pub enum Heading {
-    /// Constant \[deg\].
+    /// Constant heading \[deg\].
     Constant(f64),
-    /// From each time \[s\] on, this heading \[deg\].
+    /// Start times \[s\], each with the heading from then on \[deg\].
     Steps(Vec<(f64, f64)>),
 }
 
-/// `[initial]`: added to hover trim, or to standing still.
+/// Initial state, `[initial]`, added to hover trim, or to standing still.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Initial {
-    /// NED \[m\].
+    /// Position, NED \[m\].
     pub position_m: [f64; 3],
-    /// Body \[m/s\].
+    /// Velocity, body \[m/s\].
     pub velocity_mps: [f64; 3],
     /// Roll, pitch, yaw \[deg\].
     pub attitude_deg: [f64; 3],
     /// Body rates \[rad/s\].
     pub rates_radps: [f64; 3],
-    /// Whether the vehicle stands: level, with the rotors idling, not at hover trim.
+    /// `true` if the vehicle starts on the ground, level, with the rotors idling, instead of at hover trim.
     pub standing: bool,
 }

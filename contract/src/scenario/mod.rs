@@ -1,12 +1,12 @@
 //! The scenario: every setting of a run, merged from profile, file and command line.
 //!
-//! Precedence: profile < file < `--set key=value`. [`load`](load()) merges and checks; the merged result is
-//! written beside the run, so that a run can be repeated from its folder alone. Degrees appear in files only; cores
+//! Precedence: profile < file < `--set key=value`. [`load`](load()) merges and checks the settings. The merged result
+//! is written beside the run, so that a run can be repeated from its folder alone. Degrees appear in files only; cores
 //! convert when they are built.
 //!
 //! | module | holds |
 //! |---|---|
-//! | `run` | the whole, `[run]`, `[bounds]` |
+//! | `run` | the whole scenario, `[run]`, `[bounds]` |
 //! | `timing` | `[realtime]`, `[deadline]` |
 //! | `mission` | `[mission]`, `[initial]` |
 //! | `vehicle` | `[plant]`; `[airframe]` is [`airframe::Parameters`] |
@@ -14,8 +14,8 @@
 //! | `fault` | `[[fault]]` |
 //! | `swap` | `[[swap]]` |
 //! | `profile` | every default |
-//! | `load`, `shape`, `check`, `report` | merging, the form of a file, ranges, messages with their place |
-//! | `given` | what was given before the defaults, on which other settings can be laid again and again |
+//! | `load`, `shape`, `check`, `report` | merging, the form of a file, ranges, error messages with their place |
+//! | `given` | settings without the defaults, as a base for the flights of a campaign |
 //! | `words` | the known word nearest to an unknown one |
 //! | [`file`](mod@file) | reading files that come from outside |
 

@@ -1,6 +1,6 @@
 //! The two profiles: the default of every setting.
 //!
-//! `paper` is the paper's Tables III and IV with the openings filled as our reading verified; `robust` is the stack's
+//! `paper` is the paper's Tables III and IV, with verified values for what they leave open; `robust` is the stack's
 //! own: lag and delay in the model, weights that tolerate them, velocity feedback and feed-forward in guidance.
 
 use airframe::{Parameters, Preset, projection};
@@ -12,7 +12,7 @@ use super::{
     TrajectoryKind, Turbulence,
 };
 
-/// All defaults of a profile.
+/// Returns all defaults of a profile.
 impl From<Profile> for Scenario {
     fn from(profile: Profile) -> Self {
         match profile {
@@ -22,8 +22,8 @@ impl From<Profile> for Scenario {
     }
 }
 
-/// `scenario` for another vehicle: its numbers, its actuators, and the weights of its inputs by its own mass and inertia,
-/// so that the same weight stands on the same acceleration and the closed loop has the same poles.
+/// Adapts `scenario` to another vehicle: its parameters, its actuators, and the weights of its inputs. The weights are
+/// scaled with mass and inertia so that the same acceleration costs the same, and the closed loop has the same poles.
 pub(super) fn with_airframe(scenario: Scenario, preset: Preset) -> Scenario {
     let (before, vehicle) = (scenario.airframe, Parameters::from(preset));
     let ratios = [

@@ -13,16 +13,16 @@ use std::ops::Range;
 
 use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};
 
-/// Problems that one message lists.
+/// Largest number of problems that one message lists.
 pub const MAX_PROBLEMS: usize = 8;
 
-/// Why a scenario cannot be flown: what is wrong with it, as a complete message for people.
+/// Error in a scenario, as a complete message for people.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct ScenarioError(String);
 
 impl ScenarioError {
-    /// One message of the first `problems`.
+    /// Joins the first [`MAX_PROBLEMS`] of `problems` into one message.
     pub(super) fn new(problems: &[Problem]) -> Self {
         let more = problems.len().saturating_sub(MAX_PROBLEMS);
         let mut told: Vec<String> = problems.iter().take(MAX_PROBLEMS).map(Problem::render).collect();
@@ -30,33 +30,33 @@ impl ScenarioError {
         Self(told.join("\n\n"))
     }
 
-    /// The message in one line, to stand within another.
+    /// Returns the message in one line, to stand within another message.
     pub fn in_one_line(&self) -> String {
         let lines = self.0.lines().map(|line| line.trim_start_matches([' ', '|', '=']).trim_start_matches("error: "));
         lines.filter(|line| !line.is_empty()).collect::<Vec<_>>().join("; ")
     }
 
-    /// The message of one reason that was written in no file: what is wrong with which key, and what to do.
+    /// Makes the message of one problem that has no place in a file: `title` says what is wrong, `help` what to do.
     pub fn of(title: String, help: String) -> Self {
         Self::new(&[Problem { title, place: None, help }])
     }
 }
 
-/// A text that settings come from: a file, or the argument of one `--set`.
+/// Text that settings come from: a file, or the argument of one `--set`.
 pub struct Source {
-    /// What the text is called; none for `--set`, which is shown in full.
+    /// Name of the file; `None` for `--set`, which is shown in full.
     pub path: Option<String>,
-    /// TOML.
+    /// Settings in TOML.
     pub text: String,
 }
 
-/// One thing wrong.
+/// One problem in the settings.
 pub struct Problem<'a> {
-    /// What.
+    /// Description of the problem.
     pub title: String,
-    /// Where: a source, and bytes of its text.
+    /// Source, and bytes of its text; `None` if it was written in no file.
     pub place: Option<(&'a Source, Range<usize>)>,
-    /// What to do.
+    /// Advice on the fix; may be empty.
     pub help: String,
 }
 

@@ -8,23 +8,23 @@ use super::{
     Swap,
 };
 
-/// Everything that decides a run.
+/// All settings that decide a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Scenario {
-    /// What this run is called; its folder and report carry it.
+    /// Name of the run, shown in its folder and report.
     pub name: String,
-    /// Which defaults it starts from.
+    /// Profile of defaults that the settings start from.
     pub profile: Profile,
-    /// How the ring is turned.
+    /// Mode, duration, rate and delays of the run.
     pub run: Run,
-    /// Where to fly.
+    /// Trajectory to fly.
     pub mission: Mission,
-    /// Where to start, relative to hover trim.
+    /// Initial state, relative to hover trim.
     pub initial: Initial,
-    /// Table I.
+    /// Vehicle that the controllers know: Table I.
     pub airframe: Parameters,
-    /// The vehicle as it really is.
+    /// Simulated vehicle and its surroundings.
     pub plant: Plant,
     /// The position controller.
     pub guidance: Guidance,
@@ -32,17 +32,17 @@ pub struct Scenario {
     pub mpc: Mpc,
     /// The control allocation.
     pub mixer: Mixer,
-    /// What the run must stay inside of to count as flown.
+    /// Bounds that the run must keep to count as flown.
     pub bounds: Bounds,
-    /// How the processes are scheduled.
+    /// Scheduling of the processes.
     pub realtime: Realtime,
-    /// When their work is due.
+    /// Deadlines of the nodes.
     pub deadline: Deadline,
-    /// `[supervision]`
+    /// Detection of failed processes, and their restart.
     pub supervision: Supervision,
-    /// What goes wrong, and when.
+    /// Faults to inject.
     pub fault: Vec<Fault>,
-    /// Who is replaced in flight, and when.
+    /// Processes to replace in flight.
     pub swap: Vec<Swap>,
 }
 
@@ -50,75 +50,75 @@ pub struct Scenario {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Profile {
-    /// The paper's controller as verified: fragile, below 5 ms of delay.
+    /// The paper's controller as verified: fragile, it tolerates less than 5 ms of delay.
     Paper,
-    /// The stack's own: lag and delay in the model, exact constraints.
+    /// The stack's own controller: lag and delay in the model, exact constraints.
     Robust,
 }
 
-/// The three ways to turn the same ring.
+/// Mode of a run: how the nodes are run, and what releases the plant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Mode {
-    /// Processes; the plant is released by the clock.
+    /// Nodes are processes; the plant is released by the clock.
     Realtime,
-    /// Processes; the plant is released by its own tick's ACTUATORS.
+    /// Nodes are processes; the plant is released when all of them are done with its last tick.
     Lockstep,
-    /// One thread calls the four steps in order.
+    /// One thread calls the steps of the four nodes in order.
     Inprocess,
 }
 
-/// `[run]`
+/// Mode, duration, rate and delays of a run, `[run]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Run {
-    /// How the ring is turned.
+    /// Execution of the nodes: processes or one thread, and the release of the plant.
     pub mode: Mode,
     /// Simulated time \[s\].
     pub duration_s: f64,
-    /// Rate of the ring \[Hz\]: sampling, control and deadlines follow.
+    /// Rate of the ring \[Hz\], from which sampling, control and deadlines follow.
     pub rate_hz: u32,
     /// Seed of every random stream.
     pub seed: u64,
-    /// Dead time between mixer output and actuators \[ms\]; the held command acts meanwhile.
+    /// Delay between mixer output and actuators \[ms\]; the previous command acts meanwhile.
     pub command_delay_ms: f64,
-    /// Plus uniform 0..this \[ms\].
+    /// Upper end of a further random delay, uniform from 0 \[ms\].
     pub command_jitter_ms: f64,
-    /// A dropped command leaves the previous one in force.
+    /// Probability that a command is dropped; the previous one then stays in force.
     pub command_drop_probability: f64,
 }
 
-/// `[bounds]`: metrics of the run (see run.json) that must not be exceeded; `inf` = not judged. Position error and fallback
-/// have defaults of profile and mission (`launcher/src/bounds.rs`), the others are not judged when absent.
+/// Bounds on metrics of the run (see run.json), `[bounds]`; `inf` = not checked. Position error and fallback have
+/// defaults of profile and mission (`launcher/outcome/src/bounds.rs`); the others are not checked when absent.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Bounds {
-    /// \[m\]
+    /// Largest position error \[m\].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_position_error_m: Option<f64>,
-    /// Altitude error for t in \[10, 50\] s \[m\].
+    /// Largest altitude error for t in \[10, 50\] s \[m\].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_altitude_error_horizontal_m: Option<f64>,
-    /// Altitude error otherwise \[m\].
+    /// Largest altitude error at other times \[m\].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_altitude_error_vertical_m: Option<f64>,
-    /// \[m\]
+    /// Largest position error at the end \[m\].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub final_position_error_m: Option<f64>,
-    /// Time the mixer flew without a demand \[s\].
+    /// Longest time that the mixer may fly without a demand \[s\].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_fallback_s: Option<f64>,
 }
 
-/// Speed of idling rotors, as a share of that of rotor 1 at hover, where the scenario has them slower: a controller takes a
-/// command of zero for a cut.
+/// Least idle speed, as a share of the speed of rotor 1 at hover. It replaces a slower `plant.rotor_speed_min`, because
+/// a controller takes a command of zero for a cut.
 const IDLE_SHARE: f64 = 0.1;
 
-/// Time between two memories in the log \[s\].
+/// Time between two records of the nodes' memories in the log \[s\].
 const REMEMBERED_S: u64 = 10;
 
 impl Scenario {
-    /// Sample time of the ring \[ns\]; scenario validation sees to it that this is a whole number.
+    /// Sample time of the ring \[ns\]; the checks of a scenario ensure that it is a whole number.
     pub fn sample_ns(&self) -> u64 {
         1_000_000_000 / u64::from(self.run.rate_hz)
     }
@@ -133,12 +133,13 @@ impl Scenario {
         (self.run.duration_s * f64::from(self.run.rate_hz)).round().max(1.0) as u64
     }
 
-    /// Whether what every node remembers stands in the log after sample `tick`: every ten seconds, from which a replay can begin.
+    /// Returns whether the log gets the nodes' memories after sample `tick`, to begin a replay there: every ten
+    /// seconds.
     pub fn is_remembered(&self, tick: u64) -> bool {
         tick > 0 && tick.is_multiple_of(REMEMBERED_S * u64::from(self.run.rate_hz))
     }
 
-    /// Integration step \[ns\]: the longest within `plant.substep_s` that divides the sample.
+    /// Integration step \[ns\]: the longest one of at most `plant.substep_s` that divides the sample time.
     pub fn substep_ns(&self) -> u64 {
         let sample_ns = self.sample_ns();
         let longest_ns = (self.plant.substep_s * 1e9).round().max(1.0) as u64;
@@ -146,12 +147,12 @@ impl Scenario {
         sample_ns / steps.unwrap_or(sample_ns)
     }
 
-    /// When the message of the node of this `rank` in the ring is due, 0 (plant) to 3 (mixer).
+    /// Deadline of the node at place `rank` in the ring, 0 (plant) to 3 (mixer).
     pub fn deadline_of(&self, rank: usize) -> NodeDeadline {
         self.deadline.of(rank, self.sample_s())
     }
 
-    /// The numbers of the vehicle that flies: `[airframe]`, with what `[plant.airframe]` changes.
+    /// Parameters of the vehicle that flies: `[airframe]`, with the changes of `[plant.airframe]`.
     pub fn flown_airframe(&self) -> Parameters {
         let (known, flown) = (&self.airframe, &self.plant.airframe);
         Parameters {
@@ -169,7 +170,7 @@ impl Scenario {
         }
     }
 
-    /// The inertia tensor of the vehicle that flies, row by row \[kg m2\]; it is symmetric.
+    /// Inertia tensor of the vehicle that flies, row by row \[kg m2\]; it is symmetric.
     pub fn flown_inertia_kgm2(&self) -> [[f64; 3]; 3] {
         let Parameters { ixx_kgm2: ixx, iyy_kgm2: iyy, izz_kgm2: izz, .. } = self.flown_airframe();
         let FlownAirframe { ixy_kgm2: ixy, ixz_kgm2: ixz, iyz_kgm2: iyz, .. } = self.plant.airframe;
@@ -182,13 +183,13 @@ impl Scenario {
         Limits::new(&self.airframe, p.rotor_speed_min, p.rotor_speed_max_ratio, p.tilt_max_deg.to_radians())
     }
 
-    /// The speed of rotors that idle, on the ground before the take-off and after the touchdown \[rotor speed unit\].
+    /// Idle speed of the rotors, on the ground before the take-off and after the touchdown \[rotor speed unit\].
     pub fn idle_speed(&self) -> f64 {
         let trim = Trim::solve(&self.airframe, self.plant.tilt_reaction);
         self.plant.rotor_speed_min.max(IDLE_SHARE * trim.actuation.rotor_speed[0])
     }
 
-    /// The actuators as they are.
+    /// Limits, lags and rate limits of the true actuators.
     pub fn actuator_law(&self) -> ActuatorLaw {
         ActuatorLaw {
             limits: self.limits(),

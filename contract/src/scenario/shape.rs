@@ -1,4 +1,4 @@
-//! The shape of one source: TOML, known keys, right types. Needs no other source, so errors can point into the text.
+//! The shape of one source: TOML, known keys, right types. No other source is needed, so errors point into the text.
 
 use std::ops::Range;
 
@@ -14,7 +14,7 @@ use super::{
 
 const SET_HELP: &str = "write `--set key=value`, for instance `--set run.duration_s=20`";
 
-/// The settings of `source`, or everything that is wrong with their shape.
+/// Reads the settings of `source`, or returns the problems with their shape.
 pub fn read(source: &Source) -> Result<Table, Vec<Problem<'_>>> {
     let settings: Table = source.text.parse().map_err(|error| vec![not_toml(source, &error)])?;
     let tree = DeTable::parse(&source.text).map_err(|error| vec![not_toml(source, &error)])?.into_inner();
@@ -40,7 +40,7 @@ pub fn read(source: &Source) -> Result<Table, Vec<Problem<'_>>> {
     }
 }
 
-/// Where `key` got its value: the last source that sets it, and the bytes there.
+/// Finds the place where `key` got its value: the last source that sets it, and the bytes there.
 pub fn find<'a>(sources: &'a [Source], key: &str) -> Option<(&'a Source, Range<usize>)> {
     sources.iter().rev().find_map(|source| {
         let tree = DeTable::parse(&source.text).ok()?;
@@ -48,7 +48,7 @@ pub fn find<'a>(sources: &'a [Source], key: &str) -> Option<(&'a Source, Range<u
     })
 }
 
-/// A scenario that sets every key there is.
+/// Makes a scenario that sets every known key.
 fn example() -> Table {
     let robust = Scenario::from(Profile::Robust);
     let node = NodeRealtime {
@@ -132,7 +132,7 @@ fn not_toml<'a>(source: &'a Source, error: &toml::de::Error) -> Problem<'a> {
     Problem { title: format!("not TOML: {}", error.message()), place, help: help.into() }
 }
 
-/// The keys of one source, and the first problems with them.
+/// Keys of one source, and the first problems with them.
 struct Keys<'a, 'e> {
     source: &'a Source,
     example: &'e Table,
@@ -140,7 +140,7 @@ struct Keys<'a, 'e> {
 }
 
 impl Keys<'_, '_> {
-    /// Every key must be known, and a table where a table is known.
+    /// Requires that every key is known, and is a table exactly where a table is expected.
     fn check(&mut self, path: &str, given: &DeTable, known: &Table) {
         for (name, value) in given {
             let key = join(path, name.get_ref());
@@ -163,12 +163,12 @@ impl Keys<'_, '_> {
             };
             self.problems.push(Problem { title, place: Some((self.source, span)), help });
             if self.problems.len() > MAX_PROBLEMS {
-                return; // of a million keys there is no point in judging each
+                return; // a file may have a million wrong keys
             }
         }
     }
 
-    /// What may have been meant by the unknown key `name`.
+    /// Returns help on the unknown key `name`: the key that was probably meant, and the known keys.
     fn nearest(&self, path: &str, name: &str, known: &Table) -> String {
         let has_it =
             |tables: &Table| tables.iter().find(|(_, table)| table.get(name).is_some()).map(|(table, _)| table.clone());
@@ -202,8 +202,8 @@ fn wrong_type<'a>(source: &'a Source, tree: &DeTable, message: &str, span: Optio
     }
 }
 
-/// The first array that is longer than what was `kept` of it, and both lengths: Serde stops reading where an array of
-/// fixed length is full.
+/// Finds the first array that is longer than the part that Serde `kept`, and returns its key and both lengths. Serde
+/// stops reading where an array of fixed length is full.
 fn surplus(path: &str, given: &Value, kept: &Value) -> Option<(String, usize, usize)> {
     match (given, kept) {
         (Value::Table(given), Value::Table(kept)) => {
@@ -217,7 +217,7 @@ fn surplus(path: &str, given: &Value, kept: &Value) -> Option<(String, usize, us
     }
 }
 
-/// The bytes of the value of a dotted key.
+/// Bytes of the value of a dotted key.
 fn span_of(tree: &DeTable, key: &str) -> Option<Range<usize>> {
     match key.split_once('.') {
         None => tree.get(key).map(Spanned::span),
@@ -225,7 +225,7 @@ fn span_of(tree: &DeTable, key: &str) -> Option<Range<usize>> {
     }
 }
 
-/// The dotted key whose value stands at `byte`.
+/// Dotted key whose value stands at `byte`.
 fn key_at(tree: &DeTable, path: &str, byte: usize) -> Option<String> {
     tree.iter().find_map(|(name, value)| {
         let key = join(path, name.get_ref());

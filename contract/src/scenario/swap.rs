@@ -1,13 +1,13 @@
-//! `[[swap]]`: another process for a node, in flight.
+//! `[[swap]]`: replacement of a node's process in flight.
 //!
 //! ```text
-//! at_s          the candidate starts on standby: it has the inputs of the active process, and its messages are not delivered
+//! at_s          the candidate starts on standby: it has the active process's inputs, its messages are not delivered
 //!  + standby_s  the candidate becomes active, if it kept within its bounds; the old process goes on as the standby
 //!  + watch_s    the old process ends; if the candidate left its bounds before, the old process became active again
 //! ```
 //!
-//! A recorder has no trial: the old one ends as soon as the candidate records. `set`, `standby_s`, `watch_s` and `bounds`
-//! are refused for it.
+//! A recorder has no trial: the old one ends as soon as the candidate records. A swap of it with `set`, `standby_s`,
+//! `watch_s` or `bounds` is refused.
 
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -18,47 +18,47 @@ use crate::scenario::words::named;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Swap {
-    /// When the candidate begins \[s\].
+    /// Start of the candidate \[s\].
     pub at_s: f64,
     /// The node whose process is replaced.
     pub node: SwapNode,
-    /// Its program; absent = the launcher's own. It is started as `PROGRAM --namespace NAME --epoch N --settings FILE`,
-    /// a recorder with `--log FILE` instead of settings.
+    /// Program of the candidate, started as `PROGRAM --namespace NAME --epoch N --settings FILE`, a recorder with
+    /// `--log FILE` instead of settings; absent = the launcher's own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exec: Option<String>,
-    /// Its settings, each as after `--set`, on top of the run's.
+    /// Settings of the candidate, each as after `--set`, on top of the run's.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub set: Vec<String>,
-    /// How long the candidate is on standby \[s\]; `shadow_s` is the old spelling.
+    /// Time that the candidate is on standby \[s\]; `shadow_s` is the old spelling.
     #[serde(default = "Swap::usual_standby_s", alias = "shadow_s")]
     pub standby_s: f64,
-    /// How long the old process stays on standby after that \[s\].
+    /// Time that the old process stays on standby after that \[s\].
     #[serde(default = "Swap::usual_watch_s")]
     pub watch_s: f64,
-    /// What the candidate may not do.
+    /// Bounds that the candidate must keep.
     #[serde(default)]
     pub bounds: SwapBounds,
-    /// Whether the flight counts as flown where the candidate did not stay.
+    /// `true` if the flight counts as flown even when the candidate did not stay active.
     #[serde(default)]
     pub may_fail: bool,
 }
 
-/// `swap.bounds`: what a candidate may not do, on standby and active.
+/// Bounds that a candidate must keep, on standby and active, `swap.bounds`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SwapBounds {
-    /// Largest difference between its answer and the old one's to the same sample, as a share of the largest answer
-    /// that is common.
+    /// Largest difference between the answers of candidate and old process to the same sample, as a share of the usual
+    /// range.
     pub difference: f64,
-    /// Least cosine similarity of its answers with the old one's: 1 the same up to a factor, 0 nothing in common, -1 the
-    /// opposite; `accord` is the old spelling.
+    /// Least cosine similarity of the candidate's answers with those of the old process: 1 = equal up to a factor, 0 =
+    /// orthogonal, -1 = opposite; `accord` is the old spelling.
     #[serde(alias = "accord")]
     pub similarity: f64,
-    /// Ticks in a row on which its answer may be missing, late, implausible, too different, or opposite.
+    /// Ticks in a row on which the candidate's answer may be missing, late, implausible, too different, or opposite.
     pub ticks: u64,
-    /// Largest tilt of the vehicle while it is active \[deg\].
+    /// Largest tilt of the vehicle while the candidate is active \[deg\].
     pub tilt_deg: f64,
-    /// Farthest from the trajectory while it is active \[m\].
+    /// Largest distance from the trajectory while the candidate is active \[m\].
     pub error_m: f64,
 }
 
@@ -68,11 +68,11 @@ impl Default for SwapBounds {
     }
 }
 
-/// `swap.node`
+/// Role whose process is replaced, `swap.node`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SwapNode {
-    /// Refused: it is the vehicle.
+    /// The vehicle; refused, because it cannot be replaced.
     Plant,
     /// The position controller.
     Guidance,
@@ -84,26 +84,26 @@ pub enum SwapNode {
     Recorder,
 }
 
-/// The ticks of a swap of one node.
+/// Ticks at which the stages of a swap begin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SwapTicks {
-    /// The candidate's first, on standby.
+    /// First tick of the candidate, on standby.
     pub from: u64,
-    /// The candidate's first as the active process.
+    /// First tick of the candidate as the active process.
     pub hand_over: u64,
-    /// The first without the old process.
+    /// First tick without the old process.
     pub until: u64,
 }
 
 impl Swap {
-    /// A swap of `node` with the defaults.
+    /// Makes a swap of `node` with the defaults.
     pub fn new(node: SwapNode, at_s: f64) -> Self {
         let (standby_s, watch_s) = (Self::usual_standby_s(), Self::usual_watch_s());
         let bounds = SwapBounds::default();
         Self { at_s, node, exec: None, set: vec![], standby_s, watch_s, bounds, may_fail: false }
     }
 
-    /// Its ticks at a sample time \[s\], when it is of a node in the ring. At least one of them is spent on standby.
+    /// Ticks of the swap of a node at a sample time \[s\]. The candidate is on standby for at least one tick.
     pub fn ticks(&self, sample_s: f64) -> SwapTicks {
         let ticks = |time_s: f64| (time_s / sample_s - 1e-6).ceil() as u64;
         let from = ticks(self.at_s);
@@ -121,7 +121,7 @@ impl Swap {
 }
 
 impl SwapNode {
-    /// The topic it publishes; `None` for the recorder.
+    /// Topic that the node publishes; `None` for the recorder.
     pub fn topic(self) -> Option<Topic> {
         match self {
             Self::Plant => Some(Topic::State),
@@ -132,7 +132,7 @@ impl SwapNode {
         }
     }
 
-    /// As the file spells it.
+    /// Name as the file spells it.
     pub fn name(self) -> &'static str {
         self.topic().map_or("recorder", Topic::publisher)
     }
@@ -142,7 +142,7 @@ impl<'de> Deserialize<'de> for SwapNode {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
         use SwapNode as N;
         let all = [N::Plant, N::Guidance, N::AttitudeMpc, N::Mixer, N::Recorder].map(|node| (node, node.name()));
-        // The plant is known, to be refused with the reason, and not offered.
+        // The plant is read, so that the check can refuse it with the reason, but it is not offered.
         named(&String::deserialize(from)?, &all, &["guidance", "attitude-mpc", "mixer", "recorder"])
     }
 }

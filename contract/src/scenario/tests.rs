@@ -58,7 +58,7 @@ fn arrays_replace_and_tables_merge() {
 }
 
 #[test]
-fn wrong_shapes_are_named_with_the_way_out() {
+fn errors_in_the_shape_name_the_key_and_the_fix() {
     let cases: [(&str, &[&str]); 18] = [
         ("duration_s=3", &["unknown key `duration_s`", "--set duration_s=3", "did you mean `run.duration_s`?"]),
         ("plant.mass_kg=1.2", &["unknown key `plant.mass_kg`", "did you mean `plant.airframe.mass_kg`?"]),
@@ -88,7 +88,7 @@ fn wrong_shapes_are_named_with_the_way_out() {
 }
 
 #[test]
-fn the_message_points_into_the_file_and_tells_all() {
+fn the_message_points_into_the_file_and_lists_all_problems() {
     let text = "# gusty\n[plant]\ntilt_max_deg = 95\n[mpc]\nnp = 0\n";
     let message = from_merged(text, "gusty.toml").unwrap_err().to_string();
     let first = "error: `plant.tilt_max_deg` = 95.0 is out of range
@@ -147,7 +147,7 @@ fn files_that_cannot_be_read_are_named() {
 }
 
 #[test]
-fn shipped_and_reference_scenarios_load_and_return_exactly() {
+fn shipped_and_reference_scenarios_load_and_are_read_back_exactly() {
     for (folder, at_least) in [("scenarios", 6), ("scenarios/aggressive", 5), ("tests/reference/cases", 9)] {
         let entries = fs::read_dir(Path::new(REPOSITORY).join(folder)).unwrap();
         let files: Vec<_> = entries.map(|entry| entry.unwrap().path()).filter(|path| path.is_file()).collect();
@@ -169,13 +169,13 @@ fn the_shipped_survey_is_what_flies_without_a_file() {
 
 proptest! {
     #[test]
-    fn any_text_is_answered(text in "(?s).*") {
+    fn no_text_makes_the_reader_panic(text in "(?s).*") {
         let _ = from_merged(&text, "any.toml");
         let _ = from_set(&[&text]);
     }
 
     #[test]
-    fn any_damage_is_answered(
+    fn no_damaged_scenario_makes_the_reader_panic(
         at in any::<prop::sample::Index>(),
         length in 0..20_usize,
         damage in ".{0,9}|[\\[\\]{}=.\",0-9\n]{0,9}",
@@ -188,7 +188,7 @@ proptest! {
     }
 
     #[test]
-    fn any_numbers_return_exactly(
+    fn any_numbers_are_read_back_exactly(
         gain in prop_oneof![prop::num::f64::SUBNORMAL, prop::num::f64::ZERO, -1e9..1e9],
         positive in prop::array::uniform4(1e-9..1e9),
         position_m in prop::array::uniform3(-200.0..200.0),
@@ -209,7 +209,7 @@ proptest! {
     }
 }
 
-/// `to_toml` prints floats such that different bits differ, the sign of zero included.
+/// Checks that `to_toml` and back changes nothing. Printed floats differ if their bits do, the sign of zero included.
 fn check_returns(scenario: &Scenario) {
     let text = to_toml(scenario);
     let returned = from_merged(&text, "merged.toml").unwrap_or_else(|error| panic!("{error}"));

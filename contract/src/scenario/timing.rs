@@ -1,34 +1,34 @@
-//! `[realtime]` and `[deadline]`: what each node asks of the kernel, and when its work is due.
+//! `[realtime]`, `[deadline]` and `[supervision]`: scheduling of the nodes, their deadlines, and their restarts.
 
 use serde::{Deserialize, Serialize};
 
-/// `[realtime]`: what every node asks for; a table of its own, `[realtime.mixer]` say, overrides it for one.
+/// Scheduling of all nodes, `[realtime]`; a node's own table, for instance `[realtime.mixer]`, overrides it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Realtime {
-    /// Scheduling class asked for; without the privilege the stack runs as `other` and says so.
+    /// Scheduling class to ask for; without the privilege the stack runs as `other` and says so.
     pub policy: Policy,
-    /// `SCHED_FIFO` priority of the plant; every node downstream has one more than the one before it.
+    /// `SCHED_FIFO` priority of the plant; each node downstream has a priority one higher than the node before it.
     pub priority: u32,
-    /// CPUs it may run on. Empty = all against the clock; in lockstep, whose ring is sequential, one for all nodes, which
-    /// the launcher chooses.
+    /// CPUs that the nodes may run on. Empty = all of them in real time. In lockstep, where one node works at a time,
+    /// empty = one CPU for all nodes, which the launcher chooses.
     pub affinity: Vec<usize>,
-    /// Lock the process's memory.
+    /// `true` to lock the memory of the processes.
     pub lock_memory: bool,
-    /// CPU time a `SCHED_FIFO` process may use without sleeping \[ms\], 0 = unlimited: a runaway loop then dies.
+    /// CPU time after which the kernel kills a `SCHED_FIFO` process that never slept \[ms\]; 0 = unlimited.
     pub rttime_ms: f64,
-    /// `[realtime.plant]`
+    /// Overrides for the plant, `[realtime.plant]`.
     pub plant: NodeRealtime,
-    /// `[realtime.guidance]`
+    /// Overrides for guidance, `[realtime.guidance]`.
     pub guidance: NodeRealtime,
-    /// `[realtime.attitude-mpc]`
+    /// Overrides for attitude-mpc, `[realtime.attitude-mpc]`.
     #[serde(rename = "attitude-mpc")]
     pub attitude_mpc: NodeRealtime,
-    /// `[realtime.mixer]`
+    /// Overrides for the mixer, `[realtime.mixer]`.
     pub mixer: NodeRealtime,
 }
 
-/// `[realtime.<node>]`: what one node asks for in place of what all do.
+/// Scheduling of one node, `[realtime.<node>]`, in place of that of all nodes.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 #[expect(missing_docs, reason = "as in `Realtime`, but the priority is this node's own")]
@@ -45,7 +45,7 @@ pub struct NodeRealtime {
     pub rttime_ms: Option<f64>,
 }
 
-/// What one process asks of the kernel.
+/// Scheduling that one process asks the kernel for.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scheduling {
     /// Scheduling class.
@@ -54,13 +54,13 @@ pub struct Scheduling {
     pub priority: u32,
     /// CPUs; empty = all.
     pub affinity: Vec<usize>,
-    /// Lock the memory.
+    /// `true` to lock the memory.
     pub lock_memory: bool,
-    /// CPU time without sleeping \[ms\], 0 = unlimited.
+    /// Longest CPU time without sleeping \[ms\], 0 = unlimited.
     pub rttime_ms: f64,
 }
 
-/// `realtime.policy`
+/// Scheduling class, `realtime.policy`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Policy {
@@ -70,83 +70,83 @@ pub enum Policy {
     Other,
 }
 
-/// `[deadline]`: when each node's message is due, counted from the plant's sample. In force in real time only.
+/// Deadlines of the nodes' messages, counted from the plant's sample, `[deadline]`. In force in real time only.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Deadline {
-    /// Of the whole chain \[ms\]; absent = the period.
+    /// Deadline of the whole chain \[ms\]; absent = the period.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub end_to_end_ms: Option<f64>,
-    /// \[ms\]; absent = 20 % of the whole.
+    /// Deadline of STATE \[ms\]; absent = 20 % of the whole chain's.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub plant_ms: Option<f64>,
-    /// \[ms\]; absent = 40 % of the whole.
+    /// Deadline of REFERENCE \[ms\]; absent = 40 % of the whole chain's.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub guidance_ms: Option<f64>,
-    /// \[ms\]; absent = 80 % of the whole.
+    /// Deadline of CONTROLS \[ms\]; absent = 80 % of the whole chain's.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub attitude_mpc_ms: Option<f64>,
-    /// \[ms\]; absent = the whole.
+    /// Deadline of ACTUATORS \[ms\]; absent = the whole chain's.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mixer_ms: Option<f64>,
-    /// What becomes of a late message.
+    /// Treatment of late messages.
     pub policy: Late,
-    /// The same for one node.
+    /// Treatment of a late STATE; absent = `policy`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub plant_policy: Option<Late>,
-    /// The same for one node.
+    /// Treatment of a late REFERENCE; absent = `policy`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub guidance_policy: Option<Late>,
-    /// The same for one node.
+    /// Treatment of late CONTROLS; absent = `policy`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub attitude_mpc_policy: Option<Late>,
-    /// The same for one node.
+    /// Treatment of late ACTUATORS; absent = `policy`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mixer_policy: Option<Late>,
 }
 
-/// `deadline.policy`: what becomes of a message that missed its deadline. All of them count the miss.
+/// Treatment of a message that missed its deadline, `deadline.policy`. Every policy counts the miss.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Late {
-    /// It is sent, late.
+    /// Sends the message late.
     Send,
-    /// It is not sent: those downstream keep what they have.
+    /// Withholds the message: the nodes downstream keep the previous one.
     Skip,
-    /// The last timely message is sent again in its place.
+    /// Sends the last timely message again in its place; the late one if there was none.
     Hold,
-    /// It is sent, and the next cycle does less: attitude-mpc then projects instead of solving.
+    /// Sends the message late, and does less in the next cycle: attitude-mpc then projects instead of solving.
     Degrade,
-    /// The run ends.
+    /// Ends the run.
     Stop,
 }
 
-/// `[supervision]`: when a process counts as failed, and when another is started. The same in every mode; what a clock shows
-/// takes as long as `detect_ms` and `start_ms` say where there is none.
+/// Rules for failure and restart of processes, `[supervision]`, the same in every mode. In lockstep and in process no
+/// clock runs, and `detect_ms` and `start_ms` stand for the times that it would show.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Supervision {
-    /// An active process that has answered to none of so many samples hangs,
+    /// Samples in a row without an answer after which an active process counts as hung, if `hang_ms` has passed too.
     pub hang_ticks: u64,
-    /// if it has not answered for this time either \[ms\].
+    /// Time without an answer after which it counts as hung, if it missed `hang_ticks` samples too \[ms\].
     pub hang_ms: f64,
-    /// Waits before the first, second, ... new start within the window \[ms\]; one failure more, and the node is given up.
+    /// Delays before the first, second, ... restart within the window \[ms\]; at one failure more the node is given up.
     pub restart_ms: Vec<f64>,
-    /// In which failures are counted together \[s\].
+    /// Window in which failures are counted together \[s\].
     pub window_s: f64,
-    /// A process that is not ready by then hangs \[s\].
+    /// Longest time from the start of a process to when it is ready \[s\]; after that it counts as hung.
     pub start_limit_s: f64,
-    /// Without a clock: from the end of a process to when it is seen \[ms\].
+    /// Time from the end of a process to its detection, in lockstep and in process \[ms\].
     pub detect_ms: f64,
-    /// Without a clock: from the start of a process to when it is ready \[ms\].
+    /// Time from the start of a process to when it is ready, in lockstep and in process \[ms\].
     pub start_ms: f64,
-    /// In lockstep: a ring that has not moved for this time on the wall clock ends the run \[s\]; 0 = never. While a
-    /// debugger has one of its processes the time does not pass.
+    /// Wall-clock time without progress after which a run in lockstep ends \[s\]; 0 = never. Time in which a debugger
+    /// holds one of its processes does not count.
     pub wall_limit_s: f64,
 }
 
 impl Default for Supervision {
-    /// The delays are the medians that `launcher measure faults` saw.
+    /// Returns the defaults; `detect_ms` and `start_ms` are medians measured by `launcher measure faults`.
     fn default() -> Self {
         Self {
             hang_ticks: 3,
@@ -161,17 +161,17 @@ impl Default for Supervision {
     }
 }
 
-/// When one node's message is due, and what becomes of a late one.
+/// Deadline of one node's messages, and treatment of late ones.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct NodeDeadline {
     /// Latest publication after the sample \[ns\].
     pub deadline_ns: u64,
-    /// What becomes of a later one.
+    /// Treatment of a later one.
     pub late: Late,
 }
 
 impl Realtime {
-    /// What the node of this `rank` in the ring asks for, 0 (plant) to 3 (mixer).
+    /// Scheduling of the node at place `rank` in the ring, 0 (plant) to 3 (mixer).
     pub fn of(&self, rank: usize) -> Scheduling {
         let own = [&self.plant, &self.guidance, &self.attitude_mpc, &self.mixer][rank].clone();
         Scheduling {
@@ -185,7 +185,7 @@ impl Realtime {
 }
 
 impl Deadline {
-    /// That of the node of this `rank` in the ring, 0 (plant) to 3 (mixer), at a sample time \[s\].
+    /// Deadline of the node at place `rank` in the ring, 0 (plant) to 3 (mixer), at a sample time \[s\].
     pub fn of(&self, rank: usize, sample_s: f64) -> NodeDeadline {
         let whole_ms = self.end_to_end_ms.unwrap_or(sample_s * 1e3);
         let own_ms = [self.plant_ms, self.guidance_ms, self.attitude_mpc_ms, self.mixer_ms][rank];
@@ -201,7 +201,7 @@ mod tests {
     use crate::Scenario;
 
     #[test]
-    fn priorities_rise_downstream_and_a_node_has_its_own_say() {
+    fn priorities_rise_downstream_and_a_node_s_own_table_overrides() {
         let mut realtime = Scenario::default().realtime;
         assert_eq!([0, 1, 2, 3].map(|rank| realtime.of(rank).priority), [70, 71, 72, 73]);
         realtime.mixer = NodeRealtime { priority: Some(40), affinity: Some(vec![1]), ..NodeRealtime::default() };
@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn budgets_are_shares_of_the_whole_which_is_the_period() {
+    fn deadlines_default_to_shares_of_the_chain_and_the_chain_to_the_period() {
         let mut scenario = Scenario::default();
         let due = |scenario: &Scenario| [0, 1, 2, 3].map(|rank| scenario.deadline_of(rank).deadline_ns);
         assert_eq!(due(&scenario), [2_000_000, 4_000_000, 8_000_000, 10_000_000]);

@@ -1,74 +1,74 @@
-//! `[plant]`: the vehicle as it really is, and what acts on it.
+//! `[plant]`: the true vehicle, and the disturbances that act on it.
 
 use airframe::Drag;
 use serde::{Deserialize, Serialize};
 
-/// `[plant]`
+/// Settings of the simulated vehicle, `[plant]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Plant {
-    /// Longest RK4 step \[s\]; a sample is divided into equal ones.
+    /// Longest RK4 step \[s\]; a sample is divided into equal steps.
     pub substep_s: f64,
     /// Rotor time constant \[s\].
     pub rotor_lag_s: f64,
     /// Servo time constant \[s\].
     pub servo_lag_s: f64,
-    /// \[rotor speed unit / s\]
+    /// Largest change of a rotor's speed \[rotor speed unit / s\].
     pub rotor_rate_limit: f64,
-    /// \[rad/s\]
+    /// Largest rate of the tilt servo \[rad/s\].
     pub servo_rate_limit_radps: f64,
     /// Idle speed \[rotor speed unit\].
     pub rotor_speed_min: f64,
-    /// Highest speed over trim speed.
+    /// Ratio of highest rotor speed to trim speed.
     pub rotor_speed_max_ratio: f64,
-    /// \[deg\]
+    /// Largest tilt of rotor 1 \[deg\].
     pub tilt_max_deg: f64,
     /// Linear drag on the air-relative body velocity \[N s/m\].
     pub drag_linear_nspm: [f64; 3],
     /// Quadratic drag \[N s2/m2\].
     pub drag_quadratic_ns2pm2: f64,
-    /// Whether the vehicle has the pitching moment of the tilted rotor's torque.
+    /// `true` if the torque of the tilted rotor has a pitching moment.
     pub tilt_reaction: bool,
     /// Factor on thrust and torque of each rotor.
     pub rotor_effectiveness: [f64; 3],
-    /// Wind steps: from \[s\], NED velocity of the air \[m/s\].
+    /// Wind steps: start time \[s\], NED velocity of the air from then on \[m/s\].
     pub wind_ned_mps: Vec<(f64, [f64; 3])>,
-    /// Disturbance steps: from \[s\], force NED \[N\], moment body \[N m\].
+    /// Disturbance steps: start time \[s\], force NED \[N\], moment body \[N m\].
     pub disturbance: Vec<(f64, [f64; 3], [f64; 3])>,
     /// Standard deviations of the measurement noise.
     pub noise: Noise,
     /// Further errors of the sensors, and the filter behind them.
     pub sensors: Sensors,
-    /// In what the vehicle that flies differs from the one that the controllers know.
+    /// Differences between the vehicle that flies and the one that the controllers know.
     pub airframe: FlownAirframe,
-    /// What the paper neglects of the rotors.
+    /// Rotor effects that the paper neglects.
     pub rotor: Rotor,
-    /// The battery, where it is to matter.
+    /// Battery; without effect by default.
     pub battery: Battery,
-    /// The ground, where there is one.
+    /// Ground; absent by default.
     pub ground: Ground,
-    /// Roughness of the ground \[m\]: the horizontal part of the wind steps then holds 6.096 m (20 ft) above it, and is less
-    /// below; 0 = at every height.
+    /// Roughness of the ground \[m\]. The horizontal part of the wind steps is then the wind 6.096 m (20 ft) above the
+    /// ground, with less wind below and more above; 0 = the same wind at every height.
     pub wind_roughness_m: f64,
-    /// Gusts without end.
+    /// Continuous gusts.
     pub turbulence: Turbulence,
 }
 
-/// `[plant.turbulence]`: Dryden form, MIL-F-8785C, low altitude; for one wind, height and airspeed, or those of the moment.
+/// Gusts, `[plant.turbulence]`: Dryden form, MIL-F-8785C, low altitude, at fixed or present wind, height and airspeed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Turbulence {
-    /// Whether the gusts follow from `plant.wind_ned_mps`, the height above the ground and the airspeed of the moment, in the
-    /// place of the four settings below.
+    /// `true` if the gusts follow from `plant.wind_ned_mps` and the present height and airspeed, in place of the four
+    /// settings below.
     pub from_wind: bool,
-    /// Mean wind at 6.096 m (20 ft), from which the strength of the gusts follows \[m/s\]; 0 = none. The mean wind itself is
-    /// `plant.wind_ned_mps`.
+    /// Mean wind at 6.096 m (20 ft), which sets the strength of the gusts \[m/s\]; 0 = no gusts. It does not blow
+    /// itself: the mean wind that blows is `plant.wind_ned_mps`.
     pub wind_at_6m_mps: f64,
-    /// Height for which the gusts are taken \[m\].
+    /// Height above the ground for which the gusts are computed \[m\].
     pub height_m: f64,
-    /// Airspeed at which the vehicle meets them \[m/s\].
+    /// Airspeed for which the gusts are computed \[m/s\].
     pub airspeed_mps: f64,
-    /// Where the mean wind blows to, from north over east \[deg\].
+    /// Direction that the mean wind blows to, from north over east \[deg\].
     pub direction_deg: f64,
 }
 
@@ -79,73 +79,73 @@ impl Default for Turbulence {
 }
 
 impl Turbulence {
-    /// Whether there are gusts.
+    /// Returns whether there are gusts.
     pub fn is_on(&self) -> bool {
         self.from_wind || self.wind_at_6m_mps > 0.0
     }
 }
 
 impl Plant {
-    /// Down coordinate from which heights above the ground count \[m\]: that of the ground, or 0 without one.
+    /// Returns the down coordinate of height zero \[m\]: that of the ground, or 0 without a ground.
     pub fn height_zero_m(&self) -> f64 {
         if self.ground.present { self.ground.down_m } else { 0.0 }
     }
 
-    /// The drag of the vehicle.
+    /// Returns linear and quadratic drag together.
     pub fn drag(&self) -> Drag {
         Drag { linear_nspm: self.drag_linear_nspm, quadratic_ns2pm2: self.drag_quadratic_ns2pm2 }
     }
 
-    /// Whether moving air has an effect on it.
+    /// Returns whether the velocity of the air has an effect on the vehicle.
     pub fn feels_air(&self) -> bool {
         let has_drag = self.drag_quadratic_ns2pm2 > 0.0 || self.drag_linear_nspm != [0.0; 3];
         has_drag || self.rotor.inflow_ns2pm > 0.0 || self.rotor.h_force_ns2pm > 0.0
     }
 }
 
-/// `[plant.sensors]`: beside `plant.noise`. All zero is a sensor that tells the truth at once.
+/// Sensor errors besides `plant.noise`, `[plant.sensors]`. All zero is a sensor that gives the true value at once.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Sensors {
-    /// From which set of values these start.
+    /// Preset that the other settings start from.
     pub preset: SensorPreset,
-    /// Position \[m\], NED.
+    /// Position sensor \[m\], NED.
     pub position: Sensor,
-    /// Velocity \[m/s\], body.
+    /// Velocity sensor \[m/s\], body.
     pub velocity: Sensor,
-    /// Euler angles \[deg\].
+    /// Sensor of Euler angles \[deg\].
     pub attitude: Sensor,
-    /// Body rates \[deg/s\].
+    /// Sensor of body rates \[deg/s\].
     pub rates: Sensor,
-    /// What is made of the measurements.
+    /// Filter between the measurements and the controllers.
     pub filter: Filter,
     /// Bandwidth of the filter \[rad/s\]: gyros above it, attitude and position measurements below.
     pub filter_radps: f64,
 }
 
-/// `plant.sensors.preset`
+/// Preset of the sensors, `plant.sensors.preset`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum SensorPreset {
     /// No errors.
     #[default]
     Ideal,
-    /// MEMS gyros and a satellite receiver with carrier phase: see [`Sensors::from`].
+    /// Errors of MEMS gyros and a satellite receiver with carrier phase: see [`Sensors::from`].
     Typical,
 }
 
-/// `plant.sensors.filter`
+/// Filter of the measurements, `plant.sensors.filter`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Filter {
-    /// The controllers get the measurements as they are.
+    /// No filter: the controllers get the measurements.
     #[default]
     None,
-    /// The controllers get the estimates of a complementary filter.
+    /// Complementary filter: the controllers get its estimates.
     Complementary,
 }
 
-/// `[plant.sensors.position]` and its likes. Per axis, in the unit of the sensor.
+/// One sensor, for instance `[plant.sensors.position]`: errors per axis, in the unit of the sensor.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Sensor {
@@ -155,18 +155,18 @@ pub struct Sensor {
     pub bias: [f64; 3],
     /// Random walk of the bias \[unit / sqrt(s)\].
     pub bias_walk: [f64; 3],
-    /// Step of the values; 0 = none.
+    /// Quantisation step of the values; 0 = none.
     pub quantum: [f64; 3],
     /// Measurements per second, at most the rate of the ring; 0 = that rate.
     pub rate_hz: f64,
-    /// How old a measurement is when it arrives \[ms\].
+    /// Age of a measurement when it arrives \[ms\].
     pub latency_ms: f64,
 }
 
 impl From<SensorPreset> for Sensors {
-    /// The values of a preset. `typical` are data sheet values, rounded: TDK ICM-42688-P (gyro noise 0.0028 deg/s per root Hz,
-    /// bias after calibration 0.5 deg/s), the attitude of an estimator like PX4's EKF2 (0.3 deg of slow error, 0.02 deg
-    /// per root Hz), u-blox ZED-F9P (position 10 mm and 15 mm up, velocity 0.05 m/s, 10 Hz, 60 ms old).
+    /// Returns a preset. `typical` has data sheet values, rounded: TDK ICM-42688-P (gyro noise 0.0028 deg/s per root
+    /// Hz, bias after calibration 0.5 deg/s), the attitude of an estimator like PX4's EKF2 (0.3 deg of slow error, 0.02
+    /// deg per root Hz), u-blox ZED-F9P (position 10 mm and 15 mm up, velocity 0.05 m/s, 10 Hz, 60 ms old).
     fn from(preset: SensorPreset) -> Self {
         let ideal = Self {
             preset,
@@ -214,7 +214,7 @@ impl Default for Sensors {
     }
 }
 
-/// `[plant.airframe]`: what is not given is as in `[airframe]`, from which the controllers take their model.
+/// Vehicle that flies, `[plant.airframe]`. Absent values are those of `[airframe]`, which the controllers model.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct FlownAirframe {
@@ -232,11 +232,11 @@ pub struct FlownAirframe {
     pub izz_kgm2: Option<f64>,
     /// Element xy of the inertia tensor, minus the integral of x y dm \[kg m2\].
     pub ixy_kgm2: f64,
-    /// Element xz likewise \[kg m2\].
+    /// Element xz of the inertia tensor, minus the integral of x z dm \[kg m2\].
     pub ixz_kgm2: f64,
-    /// Element yz likewise \[kg m2\].
+    /// Element yz of the inertia tensor, minus the integral of y z dm \[kg m2\].
     pub iyz_kgm2: f64,
-    /// Centre of mass, body, from the point where the arms begin \[m\].
+    /// Centre of mass relative to the point where the arms begin, body \[m\].
     pub centre_of_mass_m: [f64; 3],
     /// Arm of rotor 1 \[m\].
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -255,11 +255,11 @@ pub struct FlownAirframe {
     pub km: Option<f64>,
 }
 
-/// `[plant.battery]`
+/// Battery, `[plant.battery]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Battery {
-    /// Energy at the shafts from full to empty \[W h\]; 0 = commands are reached whatever is used.
+    /// Energy at the shafts from full to empty \[W h\]; 0 = no effect of the battery on the rotors.
     pub energy_wh: f64,
     /// Share of the voltage lost from full to empty.
     pub droop: f64,
@@ -268,19 +268,19 @@ pub struct Battery {
 }
 
 impl Default for Battery {
-    /// A lithium polymer battery, when it is switched on: 4.2 V to 3.5 V per cell, and 5 % at hover.
+    /// Returns a lithium polymer battery, switched off: 4.2 V to 3.5 V per cell, and 5 % lost at hover.
     fn default() -> Self {
         Self { energy_wh: 0.0, droop: 0.17, sag: 0.05 }
     }
 }
 
-/// `[plant.ground]`: a level plane. The defaults let a vehicle at the origin stand on it.
+/// Ground as a level plane, `[plant.ground]`. With the defaults a vehicle at the origin stands on it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Ground {
-    /// Whether there is one; without it the world goes on below.
+    /// `true` if there is a ground; without it the vehicle can fly at any altitude.
     pub present: bool,
-    /// Where it is, NED down \[m\].
+    /// Down coordinate of the plane, NED \[m\].
     pub down_m: f64,
     /// Height of the rotors above the feet \[m\].
     pub leg_m: f64,
@@ -290,18 +290,18 @@ pub struct Ground {
     pub damping_nspm: f64,
     /// Coefficient of friction.
     pub friction: f64,
-    /// A touchdown that sinks faster is a crash \[m/s\].
+    /// Largest vertical speed of a touchdown \[m/s\]; a faster one is a crash.
     pub max_sink_mps: f64,
-    /// One that drifts faster is a crash \[m/s\].
+    /// Largest horizontal speed of a touchdown \[m/s\]; a faster one is a crash.
     pub max_drift_mps: f64,
-    /// One that leans more is a crash \[deg\].
+    /// Largest tilt of the body at a touchdown \[deg\]; a larger one is a crash.
     pub max_tilt_deg: f64,
-    /// A landing that slides farther is none \[m\].
+    /// Longest slide of a landing \[m\]; a farther one does not count as landed.
     pub max_slide_m: f64,
 }
 
 impl Default for Ground {
-    /// Feet that yield 5 mm under the vehicle of Table I and come to rest without a bounce.
+    /// Returns feet that yield 5 mm under the vehicle of Table I and come to rest without a bounce.
     fn default() -> Self {
         Self {
             present: false,
@@ -318,28 +318,28 @@ impl Default for Ground {
     }
 }
 
-/// `[plant.rotor]`: 0 = neglected.
+/// Rotor effects that the paper neglects, `[plant.rotor]`; 0 = neglected here too.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Rotor {
-    /// Moment of inertia of one rotor about its axis \[kg m2\]; the rotor speed unit counts as rad/s.
+    /// Moment of inertia of one rotor about its axis \[kg m2\], with the rotor speed unit taken as rad/s.
     pub inertia_kgm2: f64,
-    /// Thrust lost for each m/s of climb along the axis and each rotor speed unit \[N s2/m\].
+    /// Thrust loss per m/s of climb along the axis and per rotor speed unit \[N s2/m\].
     pub inflow_ns2pm: f64,
-    /// H-force for each m/s across the axis and each rotor speed unit \[N s2/m\].
+    /// H-force per m/s across the axis and per rotor speed unit \[N s2/m\].
     pub h_force_ns2pm: f64,
 }
 
-/// `plant.noise`
+/// Standard deviations of the measurement noise, `plant.noise`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Noise {
-    /// \[m\]
+    /// Noise of the position \[m\].
     pub position_m: f64,
-    /// \[m/s\]
+    /// Noise of the velocity \[m/s\].
     pub velocity_mps: f64,
-    /// \[deg\]
+    /// Noise of the Euler angles \[deg\].
     pub attitude_deg: f64,
-    /// \[deg/s\]
+    /// Noise of the body rates \[deg/s\].
     pub rates_dps: f64,
 }

@@ -1,11 +1,11 @@
-//! The known word nearest to an unknown one.
+//! Suggestion of the known word nearest to an unknown one.
 
-/// Least Jaro-Winkler likeness at which a known word is suggested.
+/// Jaro-Winkler likeness above which a known word is suggested.
 const MIN_LIKENESS: f64 = 0.7;
-/// Longer words are neither compared nor printed in full \[bytes\].
+/// Length above which words are neither compared nor printed in full \[bytes\].
 const MAX_WORD_BYTES: usize = 80;
 
-/// The one of the `known` words most like `word`, if the likeness is large enough. A part of a word with hyphens is like it.
+/// Finds the `known` word most like `word`, if above [`MIN_LIKENESS`]. A part of a word with hyphens has likeness 1.
 pub fn nearest<'a>(word: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     if word.len() > MAX_WORD_BYTES {
         return None;
@@ -20,8 +20,8 @@ pub fn nearest<'a>(word: &str, known: impl Iterator<Item = &'a str>) -> Option<&
         .map(|(_, nearest)| nearest)
 }
 
-/// An error of Serde on a word that it does not know, "unknown variant `x`, expected one of `y`, `z`", with the nearest of
-/// those that it expects; any other message as it is.
+/// Adds a suggestion to Serde's error for an unknown word, "unknown variant `x`, expected one of `y`, `z`": the nearest
+/// of the expected words. Returns any other message unchanged.
 pub fn suggest(message: &str) -> String {
     let mut quoted = message.split('`').skip(1).step_by(2);
     let unknown = quoted.next().filter(|_| message.starts_with("unknown "));
@@ -31,7 +31,7 @@ pub fn suggest(message: &str) -> String {
     }
 }
 
-/// The value of `all` that has this name, for a Serde enum that tells of other names than it takes.
+/// Finds the value of `all` named `word`, for a Serde enum whose errors offer other names, `told`, than it accepts.
 pub fn named<T: Copy, E: serde::de::Error>(
     word: &str,
     all: &[(T, &str)],
@@ -41,7 +41,7 @@ pub fn named<T: Copy, E: serde::de::Error>(
     known.map(|(value, _)| *value).ok_or_else(|| E::unknown_variant(word, told))
 }
 
-/// `word`, cut where it is too long to print.
+/// Returns `word`, cut after [`MAX_WORD_BYTES`] if it is longer.
 pub fn shortened(word: &str) -> String {
     match word.char_indices().find(|(start, _)| *start >= MAX_WORD_BYTES) {
         Some((end, _)) => format!("{}...", &word[..end]),

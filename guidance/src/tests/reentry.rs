@@ -1,4 +1,4 @@
-//! The way back after a silence.
+//! Tests of the re-entry after a silence.
 
 use contract::message::Reference;
 use contract::scenario::{Profile, TrajectoryKind};
@@ -7,7 +7,7 @@ use super::{hovering, roll_trim, scenario};
 use crate::Guidance;
 use crate::reentry::Limits;
 
-/// The answers from the first state after a silence on, when the vehicle has drifted far ahead and down meanwhile.
+/// Answers from the first state after a silence on, in which the vehicle has drifted far ahead and down.
 fn after(profile: Profile, silent: u64, answers: u64) -> Vec<Reference> {
     let mut guidance = Guidance::new(&scenario(profile, TrajectoryKind::Hover));
     guidance.step(0, &hovering(0));
@@ -61,7 +61,7 @@ fn states_without_thrust_leave_integrals_and_observer_alone() {
 }
 
 #[test]
-fn the_limits_of_the_settings_hold_all_the_while() {
+fn the_limits_of_the_settings_hold_during_reentry() {
     let tight = Limits { angle_rad: 0.1, climb_mps: 0.5 };
     for since_s in [None, Some(0.0), Some(1.0), Some(2.99), Some(3.0), Some(1e9)] {
         assert_eq!(tight.after_silence(since_s), tight);

@@ -1,4 +1,4 @@
-//! States that do not come, and the snapshot.
+//! Tests of missing states, and of the snapshot.
 
 use contract::Scenario;
 use contract::message::{Reference, State, guidance_flags};
@@ -9,7 +9,7 @@ use proptest::prelude::*;
 use super::{hovering, scenario};
 use crate::Guidance;
 
-/// Hovering beside the place to be, at a tick.
+/// State at `tick` of a vehicle that hovers `east_m` east of its reference.
 fn beside(tick: u64, east_m: f64) -> State {
     let mut state = hovering(tick);
     state.measured.position_m = [0.0, east_m, 0.0];
@@ -31,7 +31,7 @@ fn a_stale_state_repeats_the_answer_with_a_flag() {
     assert_eq!(guidance.step(500, &hovering(500)).flags & guidance_flags::STALE, 0);
 }
 
-/// The answers before and after a silence of `silent` ticks, beside the place to be.
+/// Answers before and after a silence of `silent` ticks to a vehicle beside its reference.
 fn around_a_silence(s: &Scenario, silent: u64) -> (Reference, Reference) {
     let mut guidance = Guidance::new(s);
     let before = (0..20).map(|tick| guidance.step(tick, &beside(tick, 0.3))).last().unwrap();
@@ -57,7 +57,7 @@ fn the_integral_stands_still_in_a_silence() {
 }
 
 #[test]
-fn after_a_silence_differences_are_over_the_whole_of_it() {
+fn after_a_silence_differences_span_the_whole_silence() {
     // The paper's derivative: 3 cm in 30 ticks is 0.1 m/s, not 3 m/s.
     let s = scenario(Profile::Paper, TrajectoryKind::Hover);
     let mut guidance = Guidance::new(&s);
@@ -73,7 +73,7 @@ fn after_a_silence_differences_are_over_the_whole_of_it() {
 }
 
 #[test]
-fn the_observer_believes_a_silence_no_more_than_a_period() {
+fn the_observer_counts_a_silence_as_one_period() {
     let mut s = scenario(Profile::Robust, TrajectoryKind::Hover);
     s.guidance.disturbance_observer_radps = 5.0;
     let mut guidance = Guidance::new(&s);
@@ -82,7 +82,7 @@ fn the_observer_believes_a_silence_no_more_than_a_period() {
         guidance.step(tick, &hovering(0));
     }
     let mut pushed = hovering(100);
-    pushed.measured.velocity_mps[0] = 1.0; // 1 m/s in a second: 1 m/s2, of which 5 % is believed
+    pushed.measured.velocity_mps[0] = 1.0; // 1 m/s in a second: 1 m/s2, of which 5 % enters the estimate
     let back = guidance.step(100, &pushed);
     assert!((back.disturbance_mps2[0] - 0.05).abs() < 1e-12, "{:?}", back.disturbance_mps2);
 }
@@ -103,7 +103,7 @@ fn the_observer_keeps_no_noise_of_the_last_state_before_a_short_gap() {
             [whole.step(tick, &noisy(tick)), holed.step(tick, &state)].map(|answer| answer.disturbance_mps2[0])
         });
         let [whole_mps2, holed_mps2] = estimates.last().unwrap();
-        // A sample of 0.2 m/s more enters with 5 rad/s; of these 1 m/s2 a period forgets 5 %.
+        // An error of 0.2 m/s enters with 5 rad/s as 1 m/s2, of which a period forgets 5 %.
         let apart_mps2 = (holed_mps2 - whole_mps2).abs();
         assert!(apart_mps2 < 0.05 * lost as f64, "{apart_mps2} m/s2 after {lost} lost states");
     }
@@ -130,7 +130,7 @@ fn the_observer_learns_a_steady_push_through_a_gap_as_without_one() {
 }
 
 #[test]
-fn the_observer_believes_a_gap_with_thrust_cut_no_more_than_a_period() {
+fn the_observer_counts_a_gap_with_thrust_cut_as_one_period() {
     let mut s = scenario(Profile::Robust, TrajectoryKind::Hover);
     s.guidance.disturbance_observer_radps = 5.0;
     let mut guidance = Guidance::new(&s);
@@ -143,7 +143,7 @@ fn the_observer_believes_a_gap_with_thrust_cut_no_more_than_a_period() {
     assert!(guidance.restore(&memory));
     guidance.step(2, &hovering(0));
     let mut pushed = hovering(4);
-    pushed.measured.velocity_mps[0] = 0.04; // 1 m/s2, of which 5 % is believed
+    pushed.measured.velocity_mps[0] = 0.04; // 1 m/s2, of which 5 % enters the estimate
     let back = guidance.step(4, &pushed);
     assert!((back.disturbance_mps2[0] - 0.05).abs() < 1e-12, "{:?}", back.disturbance_mps2);
     pushed.stamp.tick = 6;

@@ -1,4 +1,4 @@
-//! Trajectories: against the independent simulator, in closed form, and their derivatives against finite differences.
+//! Tests of trajectories against the independent simulator, closed forms and finite differences.
 
 use contract::Scenario;
 use contract::scenario::{Mission, Profile, Ramp, RampName, TrajectoryKind};
@@ -72,7 +72,7 @@ fn the_circle_goes_clockwise_around_its_centre_5_m_to_the_east_and_closes() {
     }
 }
 
-/// A circle of 40 m radius.
+/// Circle of 40 m radius.
 fn wide_circle(laps: u32, period_s: f64) -> Trajectory {
     let mission = scenario(Profile::Robust, TrajectoryKind::Circle).mission;
     Trajectory::new(&Mission { radius_m: 40.0, height_m: 20.0, period_s, laps, ..mission })
@@ -118,7 +118,7 @@ fn laps_take_their_period_on_average_and_one_lap_is_min_jerk() {
     assert!((quarter.position_m[0] - 40.0 * libm::sin(turns * std::f64::consts::TAU)).abs() < 1e-9);
 }
 
-/// A spline through `waypoints_m` at `times_s`.
+/// Spline through `waypoints_m` at `times_s`.
 fn spline(waypoints_m: Vec<[f64; 3]>, times_s: Vec<f64>) -> Trajectory {
     let mission = scenario(Profile::Robust, TrajectoryKind::Waypoints).mission;
     Trajectory::new(&Mission { waypoints_m, times_s, ramp_s: Ramp::Named(RampName::Spline), ..mission })

@@ -1,40 +1,40 @@
-//! The circle: up above the origin, round a centre to the east, and down again.
+//! Circle: a climb above the origin, laps around a centre to the east, and a descent.
 //!
-//! n laps take n T, with T = `mission.period_s`. The first half lap speeds up as the first half of a min-jerk lap of duration
-//! T1 does, and the last half lap slows down as the second half; between them the angle grows at the rate that a min-jerk
-//! lap has in its middle, 15/8 of its mean, where its angular acceleration is zero:
+//! n laps take n T, with T = `mission.period_s`. The first half lap is the first half of a min-jerk lap of duration T1,
+//! and the last half lap its second half. Between them the rate is constant, at that of a min-jerk lap in its middle,
+//! 15/8 of its mean, where its angular acceleration is zero:
 //!
 //! ```text
 //! n T = T1 + (n - 1) 8/15 T1,   T1 = 15 n T / (8 n + 7)
 //! ```
 //!
-//! So velocity and acceleration are continuous. One lap is the min-jerk lap, T1 = T; of many, all but the ends are flown at
-//! constant speed, and T1 tends to 15/8 T.
+//! So velocity and acceleration are continuous. A single lap is the min-jerk lap, T1 = T. With many laps T1 tends to
+//! 15/8 T.
 
 use contract::scenario::Mission;
 
 use super::progress::{Progress, min_jerk};
 use super::setpoint::Setpoint;
 
-/// The climb and the descent, each min-jerk, take this long \[s\].
+/// Duration of the climb and of the descent, each min-jerk \[s\].
 const CLIMB_S: f64 = 10.0;
-/// Rate of a min-jerk motion in its middle over its mean.
+/// Ratio of the rate of a min-jerk motion in its middle to its mean rate.
 const PEAK: f64 = 15.0 / 8.0;
 
-/// A circle of a mission.
+/// Circle of a mission.
 #[derive(Debug, Clone, Copy)]
 pub struct Circle {
     radius_m: f64,
     height_m: f64,
     laps: f64,
-    /// All laps together \[s\].
+    /// Duration of all laps together \[s\].
     turning_s: f64,
-    /// `T1` \[s\].
+    /// Duration `T1` \[s\].
     ends_s: f64,
 }
 
 impl Circle {
-    /// The circle of `mission`.
+    /// Builds the circle of `mission`.
     pub fn new(mission: &Mission) -> Self {
         let (laps, period_s) = (f64::from(mission.laps), mission.period_s);
         Self {
@@ -46,7 +46,7 @@ impl Circle {
         }
     }
 
-    /// The reference at `t_s`; before 0 and after the descent it stays at the origin.
+    /// Reference at `t_s`; before 0 and after the descent it rests at the origin.
     pub fn at(&self, t_s: f64) -> Setpoint {
         let lap_ends = CLIMB_S + self.turning_s;
         if t_s < CLIMB_S {
@@ -58,7 +58,7 @@ impl Circle {
         }
     }
 
-    /// The turns made `t` after the climb.
+    /// Number of turns `t` after the climb.
     fn turns(&self, t: f64) -> Progress {
         let half_s = self.ends_s / 2.0;
         if t < half_s {
@@ -72,7 +72,7 @@ impl Circle {
         }
     }
 
-    /// The reference after so many turns.
+    /// Reference after a number of turns.
     fn turned(&self, turns: &Progress) -> Setpoint {
         let [angle, rate, acceleration] = [turns.s, turns.ds, turns.dds].map(|turns| turns * std::f64::consts::TAU);
         let (sin, cos) = libm::sincos(angle);
@@ -89,7 +89,7 @@ impl Circle {
     }
 }
 
-/// A climb or a descent above the origin.
+/// Reference on a climb or a descent above the origin.
 fn vertical(progress: &Progress, from_m: f64, to_m: f64) -> Setpoint {
     let way = to_m - from_m;
     Setpoint {

@@ -1,17 +1,17 @@
-//! The way covered along a leg, as a fraction s(t) of it. The table is in [`trajectory`](super).
+//! Fraction s(t) of a leg that is covered at time t. The table is in [`trajectory`](super).
 
-/// The fraction of the way covered at one instant, and its derivatives in time.
+/// Covered fraction of a leg at one instant, and its derivatives in time.
 #[derive(Debug, Clone, Copy)]
 pub struct Progress {
-    /// From 0 to 1.
+    /// Covered fraction, 0 to 1 on a leg.
     pub s: f64,
-    /// \[1/s\]
+    /// First derivative \[1/s\].
     pub ds: f64,
-    /// \[1/s2\]
+    /// Second derivative \[1/s2\].
     pub dds: f64,
 }
 
-/// A trapezoid of velocity. Each ramp begins at its instant: the acceleration there is already the new one.
+/// Trapezoid of velocity. At the instant at which a ramp begins the acceleration is already that of the ramp.
 pub fn trapezoid(t: f64, duration: f64, ramp: f64) -> Progress {
     let cruise = 1.0 / (duration - ramp);
     if t < ramp {
@@ -24,7 +24,7 @@ pub fn trapezoid(t: f64, duration: f64, ramp: f64) -> Progress {
     }
 }
 
-/// The quintic of least jerk from rest to rest; before 0 and after `duration` it is at rest.
+/// Quintic of least jerk from rest to rest; before 0 and after `duration` it is at rest.
 pub fn min_jerk(t: f64, duration: f64) -> Progress {
     let x = (t / duration).clamp(0.0, 1.0);
     Progress {

@@ -1,18 +1,18 @@
-//! The reference at one instant.
+//! Reference at one instant.
 
-/// The reference at one instant, NED.
+/// Reference at one instant, NED.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Setpoint {
-    /// \[m\]
+    /// Position \[m\].
     pub position_m: [f64; 3],
-    /// \[m/s\]
+    /// Velocity \[m/s\].
     pub velocity_mps: [f64; 3],
-    /// \[m/s2\]
+    /// Acceleration \[m/s2\].
     pub acceleration_mps2: [f64; 3],
 }
 
 impl Setpoint {
-    /// At rest at `position_m`.
+    /// Reference at rest at `position_m`.
     pub fn at_rest(position_m: [f64; 3]) -> Self {
         Self { position_m, ..Self::default() }
     }

@@ -1,22 +1,23 @@
-//! One curve through all waypoints, at rest at the first and the last only: of all that pass each waypoint at its time, the one
-//! with the least integral of squared jerk.
+//! Curve through all waypoints, at rest only at the first and the last. Of all such curves that pass each waypoint at
+//! its time, it has the smallest integral of squared jerk.
 //!
-//! That is a quintic between neighbours, with continuous derivatives up to the fourth (Flash and Hogan, 1985, have it for one
-//! point on the way). Unknown are velocity `v` and acceleration `a` at each waypoint between the ends. With `h`, `d` the duration and the way of the leg
-//! before and `k`, `e` of that after it, continuity of the fourth and of the third derivative is
+//! Between neighbours the curve is a quintic, with continuous derivatives up to the fourth (Flash and Hogan, 1985, for
+//! one waypoint between the ends). Unknown are velocity `v` and acceleration `a` at each inner waypoint. `h` and `d`
+//! are the duration and the way of the leg before it, `k` and `e` those of the leg after it. Continuity of the fourth
+//! and of the third derivative is
 //!
 //! ```text
 //! 168/h3 v- + 24/h2 a- + 192 (1/h3 + 1/k3) v + 36 (1/k2 - 1/h2) a + 168/k3 v+ - 24/k2 a+ = 360 (d/h4 + e/k4)
 //! -24/h2 v- -  3/h  a- +  36 (1/k2 - 1/h2) v +  9 (1/h + 1/k)   a +  24/k2 v+ -  3/k  a+ =  60 (e/k3 - d/h3)
 //! ```
 //!
-//! which is symmetric, positive definite and block tridiagonal: one elimination, forward and back, solves it.
+//! The system is symmetric, positive definite and block tridiagonal; block elimination solves it.
 
 use nalgebra::{Matrix2, Matrix2x3, Vector3};
 
 use super::setpoint::Setpoint;
 
-/// A waypoint, and how the curve passes it.
+/// Waypoint, with time, velocity and acceleration of the curve there.
 #[derive(Debug, Clone, Copy)]
 struct Knot {
     at_s: f64,
@@ -25,17 +26,17 @@ struct Knot {
     acceleration: Vector3<f64>,
 }
 
-/// The curve.
+/// Curve through all waypoints.
 #[derive(Debug, Clone)]
 pub struct Spline(Vec<Knot>);
 
 impl Spline {
-    /// The curve through `waypoints`, each with the time at which it is passed \[s\], rising.
+    /// Solves the curve through `waypoints`, each with the time at which it is passed \[s\], increasing.
     pub fn new(waypoints: &[(f64, Vector3<f64>)]) -> Self {
         let rest = Vector3::zeros();
         let knot = |&(at_s, position): &(f64, _)| Knot { at_s, position, velocity: rest, acceleration: rest };
         let mut knots: Vec<Knot> = waypoints.iter().map(knot).collect();
-        // Forward: what is left of each pair of equations when the waypoint before is eliminated.
+        // Forward: eliminate the waypoint before from each pair of equations.
         let mut left: Vec<(Matrix2<f64>, Matrix2x3<f64>)> = vec![];
         for three in waypoints.windows(3) {
             let (before, after) = (Leg::new(three[0], three[1]), Leg::new(three[1], three[2]));
@@ -52,7 +53,7 @@ impl Spline {
             let inverse = on_this.try_inverse().expect("the equations are positive definite");
             left.push((inverse, right));
         }
-        // Back: each waypoint from that after it.
+        // Back: solve each waypoint from the one after it.
         let mut next = Matrix2x3::zeros();
         for (i, (inverse, right)) in left.iter().enumerate().rev() {
             let after = Leg::new(waypoints[i + 1], waypoints[i + 2]);
@@ -63,7 +64,7 @@ impl Spline {
         Self(knots)
     }
 
-    /// The reference at `t_s`; before the first waypoint and after the last it stays there.
+    /// Reference at `t_s`; before the first waypoint and after the last it rests there.
     pub fn at(&self, t_s: f64) -> Setpoint {
         let Some(next) = self.0.iter().position(|knot| knot.at_s > t_s) else {
             return Setpoint::at_rest(self.0.last().map_or([0.0; 3], |knot| knot.position.into()));
@@ -75,7 +76,7 @@ impl Spline {
     }
 }
 
-/// The quintic between two waypoints.
+/// Reference on the quintic between two waypoints.
 fn between(from: &Knot, to: &Knot, t_s: f64) -> Setpoint {
     let h = to.at_s - from.at_s;
     let x = (t_s - from.at_s) / h;
@@ -93,11 +94,11 @@ fn between(from: &Knot, to: &Knot, t_s: f64) -> Setpoint {
     }
 }
 
-/// What the equations have of a leg.
+/// Leg between two waypoints, as the equations need it.
 struct Leg {
-    /// Its duration and the powers of that up to the fourth \[s\].
+    /// Duration and its powers up to the fourth \[s\].
     h: [f64; 4],
-    /// \[m\]
+    /// Way from start to end \[m\].
     way: Vector3<f64>,
 }
 
@@ -107,19 +108,19 @@ impl Leg {
         Self { h: [h, h * h, h * h * h, h * h * h * h], way: to - from }
     }
 
-    /// Its part of the equations of the waypoint at its end, by v and a there.
+    /// Coefficients of v and a at the end of the leg in the equations of that waypoint.
     fn at_end(&self) -> Matrix2<f64> {
         let [h, h2, h3, _] = self.h;
         Matrix2::new(192.0 / h3, -36.0 / h2, -36.0 / h2, 9.0 / h)
     }
 
-    /// The same of the waypoint at its start.
+    /// Coefficients of v and a at the start of the leg in the equations of that waypoint.
     fn at_start(&self) -> Matrix2<f64> {
         let [k, k2, k3, _] = self.h;
         Matrix2::new(192.0 / k3, 36.0 / k2, 36.0 / k2, 9.0 / k)
     }
 
-    /// Its part of the equations of the waypoint at its start, by v and a at its end; transposed, the other way round.
+    /// Coefficients of v and a at the end in the equations of the start; transposed, those of the start in the end's.
     fn across(&self) -> Matrix2<f64> {
         let [k, k2, k3, _] = self.h;
         Matrix2::new(168.0 / k3, -24.0 / k2, 24.0 / k2, -3.0 / k)

@@ -1,4 +1,4 @@
-//! The intervals of campaigns against a truth that is known: of 2000 campaigns of each kind that ships, 95 % cover it.
+//! Checks the intervals against a known truth: of 2000 simulated campaigns of each shipped kind about 95 % cover it.
 
 use std::fs;
 use std::path::Path;
@@ -13,12 +13,12 @@ use crate::table::{Cell, Kind, Table};
 use crate::{Campaign, Plan, Rate};
 
 const CAMPAIGNS: u32 = 2000;
-/// Shares that two controllers pass in truth.
+/// True shares that two controllers pass.
 const TRUTH: [f64; 2] = [0.8, 0.75];
-/// What the tests draw a Latin hypercube of: the kind is the same as with more samples.
+/// Samples of a Latin hypercube in these tests; more samples behave alike.
 const HYPERCUBE: u64 = 500;
 
-/// A campaign of which each flight is another one.
+/// Evidence of a campaign in which no flight is a copy.
 fn evidence_of(plan: &Plan) -> Evidence {
     let columns = [("flight", Kind::Int), ("hash", Kind::Text), ("verdict", Kind::Text)];
     let mut table = Table::new(&columns.map(|(name, kind)| (name.to_owned(), kind)));
@@ -28,7 +28,7 @@ fn evidence_of(plan: &Plan) -> Evidence {
     Evidence::of(plan, &table)
 }
 
-/// What is counted of many campaigns: how often each interval covers its truth.
+/// Counts of the intervals that cover the truth, over many campaigns.
 #[derive(Debug, Default)]
 struct Covered {
     pooled: u32,
@@ -36,7 +36,7 @@ struct Covered {
     difference: u32,
 }
 
-/// The intervals of one campaign; `passes` says whether two controllers pass a case, `listed` is an axis of listed values.
+/// Counts the intervals of one campaign. `cases`: which of two controllers pass; `listed`: an axis of listed values.
 fn look(covered: &mut Covered, evidence: &Evidence, laws: u64, cases: &[[bool; 2]], listed: Option<Axis>) {
     let first = || cases.iter().enumerate().map(|(case, passed)| (case as u64 * laws, passed[0]));
     let covers = |low: f64, high: f64, truth: f64| u32::from((low..=high).contains(&truth));
@@ -52,8 +52,8 @@ fn look(covered: &mut Covered, evidence: &Evidence, laws: u64, cases: &[[bool; 2
     covered.difference += covers(difference.low, difference.high, TRUTH[0] - TRUTH[1]);
 }
 
-/// Whether two controllers pass each case of independent draws: of half the draws all cases go the same way, and the two
-/// controllers differ in every tenth flight.
+/// Simulates which of two controllers pass each case of independent draws: in half of the draws all cases share one
+/// random number, and every tenth flight, at random, has a number of its own.
 fn independent(rng: &mut ChaCha8Rng, evidence: &Evidence, controllers: u64, cases: u64) -> Vec<[bool; 2]> {
     let draws: Vec<Option<f64>> =
         (0..evidence.all_draws()).map(|_| rng.random::<bool>().then(|| rng.random())).collect();
@@ -64,15 +64,15 @@ fn independent(rng: &mut ChaCha8Rng, evidence: &Evidence, controllers: u64, case
     (0..cases).map(one).collect()
 }
 
-/// A sentence for an interval that covers the truth less or more often than it says.
+/// Returns a message if an interval covers the truth in less than 93.5 % or more than 97 % of the campaigns.
 fn outside(name: &str, what: &str, covered: u32) -> Option<String> {
     let percent = 100.0 * f64::from(covered) / f64::from(CAMPAIGNS);
     let words = || format!("{name}: {what} covers the truth in {percent:.2} % of {CAMPAIGNS} campaigns");
     (!(93.5..=97.0).contains(&percent)).then(words)
 }
 
-/// In a Latin hypercube the sum of all coordinates, without its whole part, is spread evenly, and the hypercube makes it no more
-/// even: this is the response that it does nothing for.
+/// Simulates a response on which a Latin hypercube has no advantage: the fractional part of the sum of all coordinates,
+/// which is uniform with or without the hypercube.
 fn hypercube(seed: u64, dimensions: usize) -> Vec<[bool; 2]> {
     let points = Points::new(Sampling::LatinHypercube, seed, HYPERCUBE, dimensions);
     let sum = |sample: u64| points.point(sample).iter().sum::<f64>();
@@ -96,7 +96,7 @@ fn val_intervals_of_the_shipped_campaigns_cover_the_truth_as_often_as_they_say()
         let plan = Plan::new(campaign).expect("a plan");
         let evidence = evidence_of(&plan);
         if !matches!(evidence.draws, Draws::LatinHypercube | Draws::Independent) {
-            continue; // nothing drawn: the page has no interval
+            continue; // nothing is drawn: the page has no interval
         }
         let controllers = plan.campaign.controllers.len() as u64;
         let cases = plan.flights() / controllers;
@@ -130,7 +130,7 @@ fn val_intervals_of_the_shipped_campaigns_cover_the_truth_as_often_as_they_say()
     assert!(found.is_empty(), "{found:#?}");
 }
 
-/// What a Latin hypercube is for: a response of one coordinate scatters far less than the interval says.
+/// A Latin hypercube is used for such a response: one coordinate alone scatters far less than the interval says.
 #[test]
 fn val_the_interval_of_a_latin_hypercube_is_conservative() {
     let covers = |seed: u32| {

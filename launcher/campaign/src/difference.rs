@@ -1,4 +1,4 @@
-//! Two controllers on the same draws: by how much one passes more, how sure that is, and how likely by chance.
+//! Compares two controllers on the same draws: difference of the shares passed, its 95 % interval, and p-value.
 
 use std::collections::BTreeMap;
 
@@ -6,20 +6,21 @@ use statrs::distribution::{Binomial, Discrete};
 
 use crate::mean::interval;
 
-/// The difference of the shares that two controllers pass.
+/// Difference of the shares that two controllers pass.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Difference {
-    /// Mean over the draws of the share of the one less that of the other.
+    /// Mean over the draws of the first controller's share less the second's.
     pub share: f64,
-    /// Ends of its 95 % interval.
+    /// Ends of the 95 % interval.
     pub low: f64,
     pub high: f64,
-    /// The chance of a difference of at least this size if the two were alike.
+    /// Probability of a difference of at least this size if the two controllers were alike.
     pub p: f64,
 }
 
 impl Difference {
-    /// The difference over draws, of which each has so many more passed flights of so many of each controller.
+    /// Computes the difference over draws. Each draw is given as passed flights of the first controller less those of
+    /// the second, and the number of flights of each controller.
     pub fn over(draws: &[(i64, usize)]) -> Self {
         let shares: Vec<f64> = draws.iter().map(|(more, flown)| *more as f64 / *flown as f64).collect();
         let share = shares.iter().sum::<f64>() / shares.len() as f64;
@@ -28,9 +29,9 @@ impl Difference {
     }
 }
 
-/// The chance of a sum at least as far from 0, two-sided, if each term had either sign with the same chance: the exact
-/// permutation test of paired differences (Fisher, The Design of Experiments, 1935). Of terms that are -1, 0 or 1 it is the exact
-/// test of `McNemar` (Psychometrika 12, 1947).
+/// Returns the two-sided probability of a sum at least as far from 0 if each term had either sign with the same
+/// probability: the exact permutation test of paired differences (Fisher, The Design of Experiments, 1935). For terms
+/// of -1, 0 or 1 it is the exact test of `McNemar` (Psychometrika 12, 1947).
 fn sign_flip(terms: impl Iterator<Item = i64>) -> f64 {
     let (mut sizes, mut sum) = (BTreeMap::new(), 0);
     for term in terms.filter(|term| *term != 0) {
@@ -41,7 +42,7 @@ fn sign_flip(terms: impl Iterator<Item = i64>) -> f64 {
     if sum == 0 {
         return 1.0;
     }
-    // Sums of those with a plus, as far as they are below the one seen or its mirror.
+    // Sums of the positive terms, up to the observed one or its mirror, whichever is lower.
     let tail = ((most - sum.unsigned_abs()) / 2) as usize;
     let mut chances = vec![0.0; tail + 1];
     chances[0] = 1.0;
@@ -63,9 +64,9 @@ fn sign_flip(terms: impl Iterator<Item = i64>) -> f64 {
 mod tests {
     use super::*;
 
-    /// Against the sums of binomial coefficients, and `mcnemar.exact` of R on the approval ratings of Agresti (1990).
+    /// Reference: sums of binomial coefficients, and `mcnemar.exact` of R on the approval ratings of Agresti (1990).
     #[test]
-    fn val_of_one_flight_a_draw_the_test_is_that_of_mcnemar() {
+    fn val_with_one_flight_per_draw_the_test_is_that_of_mcnemar() {
         for (first, second, expected) in [
             (0, 0, 1.0),
             (5, 0, 2.0 / 32.0),
@@ -79,7 +80,7 @@ mod tests {
         }
     }
 
-    /// Against all signs that few terms can have.
+    /// Reference: enumeration of all signs.
     #[test]
     fn val_the_test_counts_every_choice_of_signs() {
         for terms in [vec![3, -1, 2, 2, 1], vec![1, 1, 1, -3], vec![5], vec![2, 2, -2, 0, 3, 3]] {

@@ -1,13 +1,13 @@
-//! What the shares of a campaign rest on.
+//! Draws of a campaign, on which its shares are based, and copies among its flights.
 //!
-//! | a campaign with | has as its draws | and flights of one draw differ by |
+//! | a campaign with | has as draws | and flights of one draw differ by |
 //! |---|---|---|
 //! | `samples` | the samples | listed values, `seeds` among them, and controllers |
 //! | `seeds` alone | the seeds | listed values and controllers |
-//! | neither | none: its shares count what was listed | |
+//! | neither | none: shares only count the listed flights | |
 //!
-//! Copies are told by the hashes of the flights: a controller that flies as another, a value without effect, a draw that
-//! changes nothing.
+//! Copies are found by the hashes of the flights. They come from controllers that fly alike, from values without
+//! effect, and from draws that change nothing.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::fmt::Write as _;
@@ -19,40 +19,40 @@ use crate::rate::Rate;
 use crate::sampling::Sampling;
 use crate::table::{Cell, Table};
 
-/// The fewest draws that say much.
+/// Draws below which the page says that they are too few.
 const FEW: usize = 20;
 
-/// What the draws of a campaign are to each other.
+/// Relation of the draws of a campaign to each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Draws {
     Independent,
-    /// Spread evenly over each axis by itself.
+    /// Spread evenly over each axis.
     LatinHypercube,
-    /// Points of one sequence.
+    /// Points of one Sobol sequence, which are not independent.
     Sobol,
-    /// More than one, and all flew the same.
+    /// More than one draw, but all flew the same flights.
     Alike,
     /// Nothing is drawn.
     None,
 }
 
-/// The draws of a campaign, and the copies among its flights.
+/// Draws of a campaign, and copies among its flights.
 #[derive(Debug, Clone)]
 pub struct Evidence {
     pub draws: Draws,
-    /// Along which the draws lie, if there are any.
+    /// Axis along which the draws lie, if there are any.
     axis: Option<Axis>,
-    /// For each controller the first one that flew every flight as it did.
+    /// Index of the first controller that flew every flight alike, by controller.
     pub same_as: Vec<usize>,
-    /// Keys of listed values, and the controllers of which none changed a flight.
+    /// Keys of listed values without effect, and the controllers for which no flight changed.
     pub idle: Vec<(String, Vec<usize>)>,
-    /// Flights that were flown, and how many of them differ.
+    /// Number of flights flown, and of different flights among them.
     pub flown: usize,
     pub distinct: usize,
 }
 
 impl Evidence {
-    /// What the flights of a plan that are there amount to.
+    /// Evaluates the flights of a plan that are in `flights`.
     pub fn of(plan: &Plan, flights: &Table) -> Self {
         let flown = fingerprints(flights);
         let controllers = plan.campaign.controllers.len();
@@ -79,12 +79,12 @@ impl Evidence {
         Self { draws, axis, same_as, idle: idle.collect(), flown: flown.len(), distinct }
     }
 
-    /// Whether the flights are a sample, so that intervals and tests say something.
+    /// Returns whether the flights are a sample, so that intervals and tests apply.
     pub fn is_sample(&self) -> bool {
         matches!(self.draws, Draws::Independent | Draws::LatinHypercube)
     }
 
-    /// The rate of flights, each given by its number and whether it passed.
+    /// Computes the rate of flights, each given by its number and whether it passed.
     pub fn rate(&self, flights: impl Iterator<Item = (u64, bool)>) -> Rate {
         let mut draws: BTreeMap<u64, (usize, usize)> = BTreeMap::new();
         for (number, passed) in flights {
@@ -98,8 +98,8 @@ impl Evidence {
         Rate::counted(passed, flown)
     }
 
-    /// The difference of two controllers over flights that both have flown, each given by its number and whether the one and the
-    /// other passed. `None` where the flights are no sample, or none.
+    /// Computes the difference of two controllers over flights that both have flown, each given by its number and
+    /// whether the first and the second passed. `None` if the flights are no sample, or there are none.
     pub fn difference(&self, flights: impl Iterator<Item = (u64, [bool; 2])>) -> Option<Difference> {
         let mut draws: BTreeMap<u64, (i64, usize)> = BTreeMap::new();
         for (number, [one, other]) in flights {
@@ -110,17 +110,17 @@ impl Evidence {
         (self.is_sample() && !draws.is_empty()).then(|| Difference::over(&draws))
     }
 
-    /// The draw of a flight; 0 where nothing is drawn.
+    /// Returns the draw of a flight; 0 if nothing is drawn.
     pub fn draw(&self, number: u64) -> u64 {
         self.axis.map_or(0, |axis| axis.place(number))
     }
 
-    /// How many draws the campaign has.
+    /// Number of draws of the campaign.
     pub fn all_draws(&self) -> u64 {
         self.axis.map_or(0, |axis| axis.values)
     }
 
-    /// Sentences on what the intervals are over and how far they hold; `each` is how many flights a controller has of a draw.
+    /// Describes in sentences the basis of the intervals and their limits; `each` = flights of a controller per draw.
     pub fn sentences(&self, each: u64) -> String {
         let all = self.all_draws();
         let mut words = match self.draws {
@@ -156,7 +156,7 @@ impl Evidence {
         words
     }
 
-    /// A sentence for each kind of copy among the flights; `names` are those of the controllers.
+    /// Returns a sentence for each kind of copy among the flights; `names` are those of the controllers.
     pub fn copies(&self, names: &[&str]) -> Vec<String> {
         let mut words = vec![];
         if self.distinct < self.flown {
@@ -183,7 +183,7 @@ impl Evidence {
     }
 }
 
-/// The axis along which the draws of a plan lie.
+/// Returns the axis along which the draws of a plan lie.
 fn draws_axis(plan: &Plan) -> Option<Axis> {
     match plan.campaign.samples() {
         Some(samples) => Some(Axis { values: samples, step: plan.flights() / samples }),
@@ -191,7 +191,7 @@ fn draws_axis(plan: &Plan) -> Option<Axis> {
     }
 }
 
-/// Hash and verdict of the flights that were flown, by number.
+/// Hash and verdict of each flown flight, by number.
 type Fingerprints<'a> = HashMap<u64, [&'a str; 2]>;
 
 fn fingerprints(flights: &Table) -> Fingerprints<'_> {
@@ -204,7 +204,7 @@ fn fingerprints(flights: &Table) -> Fingerprints<'_> {
     (0..flights.rows()).filter_map(one).collect()
 }
 
-/// Whether all flights that differ along `axis` only are the same; of those whose numbers are meant, and of at least two.
+/// Returns whether flights that differ only along `axis` are equal, among numbers with `meant`; `false` without a pair.
 fn is_idle(flown: &Fingerprints, axis: Axis, meant: impl Fn(u64) -> bool) -> bool {
     let mut compared = false;
     for (number, is) in flown.iter().filter(|(number, _)| meant(**number) && axis.place(**number) > 0) {
@@ -217,7 +217,7 @@ fn is_idle(flown: &Fingerprints, axis: Axis, meant: impl Fn(u64) -> bool) -> boo
     compared
 }
 
-/// Whether two of so many controllers flew every flight alike.
+/// Returns whether two of `controllers` controllers flew every flight alike.
 fn are_same(flown: &Fingerprints, controllers: u64, [first, second]: [usize; 2]) -> bool {
     let of = |controller: usize| flown.keys().filter(move |number| **number % controllers == controller as u64);
     let is_same = |number: &u64| flown.get(&(number + (second - first) as u64)) == flown.get(number);

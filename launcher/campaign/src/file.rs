@@ -1,23 +1,23 @@
-//! `campaign.toml`: a scenario, what varies, how often, and what is compared.
+//! `campaign.toml`: the scenario, the values that vary, the number of draws, and the controllers to compare.
 //!
 //! ```toml
 //! name = "mass-and-wind"             # default: the name of the file
-//! scenario = "survey.toml"           # seen from the file's folder; default: the launcher's
-//! seed = 1                           # of everything that is drawn
-//! seeds = 50                         # each flight with the seeds 1 to 50, or with those of a list
-//! samples = 200                      # how often the distributions are drawn
+//! scenario = "survey.toml"           # path relative to this file; default: the launcher's scenario
+//! seed = 1                           # of all draws
+//! seeds = 50                         # each flight is flown with the seeds 1 to 50; or a list of seeds
+//! samples = 200                      # number of draws of the distributions
 //! sampling = "latin-hypercube"       # or "random", "sobol"
 //!
 //! [settings]                         # of all flights, on top of the scenario
 //! run.duration_s = 20.0
-//! bounds.max_position_error_m = 0.5  # what counts as passed
+//! bounds.max_position_error_m = 0.5  # limit for a passed flight
 //!
 //! [vary]
-//! run.command_delay_ms = [0.0, 10.0, 20.0]                     # each of them, with each of the other lists
+//! run.command_delay_ms = [0.0, 10.0, 20.0]                     # each value, with each value of the other lists
 //! plant.airframe.mass_kg = { uniform = [1.0, 1.3] }            # drawn
 //! initial.attitude_deg.0 = { normal = { mean = 0.0, deviation = 10.0 } }   # one element of an array
 //!
-//! [controller.lqr]                   # the same flights under each of these
+//! [controller.lqr]                   # each flight is flown under each controller
 //! mpc.law = "lqr"
 //!
 //! [random_faults]
@@ -43,29 +43,29 @@ use crate::sampling::{MAX_SOBOL, Sampling};
 use crate::tune::Tune;
 use crate::variation::{Factor, Values, Wanted};
 
-/// The most flights of a campaign.
+/// Largest number of flights of a campaign.
 const MAX_FLIGHTS: u64 = 10_000_000;
-/// The most samples.
+/// Largest value of `samples`.
 const MAX_SAMPLES: u64 = 1_000_000;
-/// The key that every flight has a value of.
+/// Key of the seed; every flight has a value of it.
 pub const SEED: &str = "run.seed";
-/// The name of the only controller where none is named.
+/// Name of the only controller if the file names none.
 const ONLY: &str = "scenario";
 
-/// What is flown.
+/// Campaign as read from its file.
 #[derive(Debug, Clone)]
 pub struct Campaign {
-    /// The file with the scenario in it, so that it says everything by itself.
+    /// Contents of the file, with the scenario merged into `settings`.
     file: File,
-    /// The settings of all flights.
+    /// Settings of all flights.
     pub base: Given,
-    /// Names, and settings of all their flights.
+    /// Names of the controllers, each with the settings of its flights.
     pub controllers: Vec<(String, Given)>,
-    /// By key.
+    /// Factors, sorted by key.
     pub factors: Vec<Factor>,
 }
 
-/// The file.
+/// Contents of `campaign.toml`.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
@@ -88,16 +88,16 @@ struct File {
     controller: Controllers,
     #[serde(skip_serializing_if = "Option::is_none")]
     random_faults: Option<RandomFaults>,
-    /// No part of what is flown.
+    /// Tuning; left out of [`merged`](Campaign::merged) and so of the hash, because it changes no flight.
     #[serde(skip_serializing)]
     tune: Option<Tune>,
 }
 
-/// `[controller.NAME]`, in the order of the file.
+/// Tables `[controller.NAME]`, in the order of the file.
 #[derive(Debug, Clone, Default)]
 struct Controllers(Vec<(String, Table)>);
 
-/// `seeds`
+/// Seeds of each flight: 1 to a count, or a list.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(untagged, expecting = "expected how many seeds, or a list of them")]
 enum Seeds {
@@ -110,10 +110,10 @@ fn one() -> u32 {
 }
 
 impl Campaign {
-    /// The campaign of a file.
+    /// Reads the campaign of a file.
     ///
     /// # Errors
-    /// Whatever keeps it from being flown, with the place and what to do.
+    /// Anything that makes the campaign impossible to fly, with the place and what to do.
     pub fn load(path: &Path) -> anyhow::Result<Self> {
         let origin = path.display().to_string();
         let text = read_text(path, MAX_TEXT_BYTES)
@@ -122,7 +122,7 @@ impl Campaign {
         Self::read(&text, &origin, &stem, path.parent().unwrap_or(Path::new("")))
     }
 
-    /// The campaign of a text; its scenario is looked for from `folder` on.
+    /// Reads the campaign of a text; the path of its scenario is relative to `folder`.
     pub fn read(text: &str, origin: &str, name: &str, folder: &Path) -> anyhow::Result<Self> {
         let mut file: File = toml::from_str(text).map_err(|error| not_a_campaign(origin, text, &error))?;
         file.controller.put_in_order(text);
@@ -163,7 +163,7 @@ impl Campaign {
         u64::from(self.file.seed)
     }
 
-    /// How often is drawn; `None` where nothing is.
+    /// Number of samples to draw; `None` if the file does not give it.
     pub fn samples(&self) -> Option<u64> {
         self.file.samples
     }
@@ -176,29 +176,29 @@ impl Campaign {
         self.file.random_faults.as_ref()
     }
 
-    /// How the gains of its controllers are found, where it says so.
+    /// Returns `[tune]`, if the file has it.
     pub fn tune(&self) -> Option<&Tune> {
         self.file.tune.as_ref()
     }
 
-    /// Another number of samples, and another seed of what is drawn.
+    /// Replaces the number of samples and the seed of the draws.
     #[must_use]
     pub fn drawn_anew(mut self, seed: u32, samples: u64) -> Self {
         (self.file.seed, self.file.samples) = (seed, Some(samples));
         self
     }
 
-    /// The campaign as a file that says everything by itself.
+    /// Returns the campaign as TOML that needs no scenario file.
     pub fn merged(&self) -> String {
         toml::to_string(&self.file).expect("it was read from TOML")
     }
 
-    /// What tells this campaign from every other: SHA-256 of [`merged`](Self::merged).
+    /// SHA-256 of [`merged`](Self::merged), which identifies the campaign.
     pub fn hash(&self) -> String {
         hex(&Sha256::digest(self.merged()))
     }
 
-    /// How many flights there are.
+    /// Number of flights: samples times listed values times controllers.
     pub fn flights(&self) -> u64 {
         let listed = self.factors.iter().map(|factor| match &factor.values {
             Values::Listed(list) => list.len() as u64,
@@ -208,7 +208,7 @@ impl Campaign {
         listed.chain(others).fold(1, u64::saturating_mul)
     }
 
-    /// What the parts of the file mean together.
+    /// Checks the parts of the file against each other.
     fn check(&self) -> anyhow::Result<()> {
         let drawn = self.factors.iter().filter(|factor| matches!(factor.values, Values::Drawn(_))).count();
         if let Some(faults) = &self.file.random_faults {
@@ -265,7 +265,7 @@ impl Controllers {
         self.0.is_empty()
     }
 
-    /// Puts them in the order in which `text` has them; a table of TOML has none.
+    /// Sorts the controllers by their place in `text`, because a TOML table has no order.
     fn put_in_order(&mut self, text: &str) {
         let Ok(file) = DeTable::parse(text) else { return };
         let places: BTreeMap<&str, usize> = match file.get_ref().get("controller").map(Spanned::get_ref) {
@@ -288,7 +288,7 @@ impl<'de> Deserialize<'de> for Controllers {
     }
 }
 
-/// Why it is no campaign, with the place.
+/// Returns the error for a text that is no campaign, with the place.
 fn not_a_campaign(origin: &str, text: &str, error: &toml::de::Error) -> anyhow::Error {
     if is_scenario(text) {
         return anyhow::anyhow!(
@@ -299,7 +299,7 @@ fn not_a_campaign(origin: &str, text: &str, error: &toml::de::Error) -> anyhow::
     anyhow::anyhow!("{origin}: {}", suggest(error.to_string().trim_end()))
 }
 
-/// Whether a text has tables of a scenario and none of a campaign.
+/// Returns whether a text has tables of a scenario and none of a campaign.
 fn is_scenario(text: &str) -> bool {
     const OF_A_CAMPAIGN: [&str; 9] =
         ["scenario", "seed", "seeds", "samples", "sampling", "settings", "vary", "controller", "random_faults"];
@@ -309,7 +309,7 @@ fn is_scenario(text: &str) -> bool {
     table.keys().any(of_a_scenario) && !table.keys().any(|key| OF_A_CAMPAIGN.contains(&key.as_str()))
 }
 
-/// `seeds` as what varies.
+/// Returns `seeds` as a list of values of [`SEED`].
 fn seeds(seeds: &Seeds) -> anyhow::Result<Wanted> {
     let wanted = match seeds {
         Seeds::Count(count) => Wanted::up_to(SEED, *count),
@@ -319,7 +319,7 @@ fn seeds(seeds: &Seeds) -> anyhow::Result<Wanted> {
     Ok(wanted)
 }
 
-/// Counts the flights before any value is made: billions of values would fill the memory.
+/// Refuses too many flights before any value is made, because billions of values would fill the memory.
 fn check_flights(wanted: &[Wanted], samples: u64, controllers: usize) -> anyhow::Result<()> {
     let counts = wanted.iter().map(Wanted::count).chain([samples, controllers as u64]);
     let flights = counts.fold(1, u64::saturating_mul);
@@ -329,13 +329,13 @@ fn check_flights(wanted: &[Wanted], samples: u64, controllers: usize) -> anyhow:
     Ok(())
 }
 
-/// What every flight of a campaign has.
+/// Settings of every flight: `run.mode = "inprocess"`.
 fn in_process() -> Table {
     let run = Table::from_iter([("mode".to_owned(), Value::from("inprocess"))]);
     Table::from_iter([("run".to_owned(), Value::Table(run))])
 }
 
-/// The value of a dotted key.
+/// Returns the value of a dotted key.
 fn find<'a>(table: &'a Table, key: &str) -> Option<&'a Value> {
     match key.split_once('.') {
         None => table.get(key),
@@ -373,7 +373,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_named_before_anything_is_flown() {
+    fn a_mistake_in_the_file_is_named_before_anything_is_flown() {
         for (text, expected) in [
             ("sample = 3", "samples"),
             (

@@ -1,15 +1,15 @@
-//! The folder of a campaign.
+//! Folder of a campaign.
 //!
 //! ```text
 //! runs/NAME/
-//!     campaign.toml     the campaign with its scenario, which flies it by itself
-//!     layout.toml       by what program, how many flights in how many shards
-//!     shards/NNNNN.parquet    a shard, whole
-//!     flights.parquet   all of them together, written when none is missing
+//!     campaign.toml     the campaign with its scenario merged in, enough to fly it again
+//!     layout.toml       the program, the campaign's hash, the numbers of flights and shards
+//!     shards/NNNNN.parquet    a shard, complete
+//!     flights.parquet   all shards together, written when none is missing
 //!     campaign.html     the page
 //!     flight-N/         a flight that was flown again
-//!     slurm/            what was submitted, and what the tasks said
-//!     lock              held while a campaign flies: alone by `launcher campaign`, together by shards
+//!     slurm/            the submitted script, and the logs of the tasks
+//!     lock              held while a campaign flies: exclusive by `launcher campaign`, shared by shards
 //! ```
 
 use std::collections::HashSet;
@@ -26,19 +26,19 @@ use crate::plan::Plan;
 use crate::shard;
 use crate::table::Table;
 
-/// Flights of a shard where the number is not said: so many are lost at most when a machine dies.
+/// Flights of a shard by default: so many are lost at most if a machine dies.
 const SHARD: u64 = 100;
-/// Shards where the number is not said: as many tasks an array of Slurm may have, and one more.
+/// Largest default number of shards; Slurm's default allows array indices 0 to 1000, which are 1001 tasks.
 const USUAL_SHARDS: u64 = 1000;
-/// The folder of the shards.
+/// Name of the folder of the shards.
 const SHARDS: &str = "shards";
 
-/// Who else may write to the folder.
+/// Access of other processes to the folder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Access {
     Alone,
     WithShards,
-    /// Nothing is written that another writes too.
+    /// Read the shards without a lock.
     Reading,
 }
 
@@ -47,15 +47,15 @@ pub struct CampaignFolder {
     pub dir: Dir,
     pub layout: Layout,
     shards: Dir,
-    /// Locked as long as this is open.
+    /// Open lock file; the lock is held as long as it is open.
     _hold: Option<File>,
 }
 
 impl CampaignFolder {
-    /// Opens the folder of a plan, or makes it. `shards` says how many there are to be.
+    /// Opens the folder of a plan, or creates it with `shards` shards.
     ///
     /// # Errors
-    /// A folder of another campaign, program or layout, or one that another campaign flies into.
+    /// The folder belongs to another campaign, program or layout, or another process flies a campaign into it.
     pub fn open(path: &Path, plan: &Plan, shards: Option<u64>, access: Access) -> anyhow::Result<Self> {
         let cannot = || format!("cannot use the folder {}", path.display());
         let wanted = Layout {
@@ -90,20 +90,20 @@ impl CampaignFolder {
         Ok(Self { dir, layout, shards: of_shards, _hold: hold })
     }
 
-    /// Whether a campaign was begun in the folder `path`.
+    /// Returns whether a campaign was begun in the folder `path`.
     pub fn is_there(path: &Path) -> bool {
         Dir::open(path).is_ok_and(|dir| dir.has(LAYOUT))
     }
 
-    /// Where a shard is, for messages.
+    /// Path of a shard, for messages.
     pub fn path_of(&self, index: u64) -> PathBuf {
         self.shards.at(shard::name(index))
     }
 
-    /// The shards that are not there.
+    /// Lists the shards that are not there.
     ///
     /// # Errors
-    /// Their folder cannot be read.
+    /// The folder of the shards cannot be read.
     pub fn missing(&self) -> anyhow::Result<Vec<u64>> {
         let names = self.shards.names();
         let names = names.with_context(|| format!("cannot read the folder {}", self.dir.at(SHARDS).display()))?;
@@ -111,24 +111,24 @@ impl CampaignFolder {
         Ok((0..self.layout.shards).filter(|index| !there.contains(&OsString::from(shard::name(*index)))).collect())
     }
 
-    /// Writes the rows of a shard, whole or not at all.
+    /// Writes the rows of a shard, completely or not at all.
     pub fn write(&self, index: u64, rows: &Table) -> anyhow::Result<()> {
         shard::write(&self.shards, &self.layout, index, rows)
     }
 
-    /// The rows of a shard; `None` where it is not there.
+    /// Reads the rows of a shard; `None` if it is not there.
     ///
     /// # Errors
-    /// It is there and cannot be counted.
+    /// The shard is there but damaged, or belongs to another plan.
     pub fn read(&self, plan: &Plan, index: u64) -> anyhow::Result<Option<Table>> {
         let is_there = self.shards.has(&shard::name(index));
         is_there.then(|| shard::read(&self.shards, plan, &self.layout, index)).transpose()
     }
 
-    /// The shard that has a flight, if it is there, and its row there.
+    /// Reads the shard that has a flight, if it is there, and returns the flight's row in it.
     ///
     /// # Errors
-    /// It is there and cannot be counted.
+    /// The shard is there but damaged, or belongs to another plan.
     pub fn shard_with(&self, plan: &Plan, flight: u64) -> anyhow::Result<Option<(Table, usize)>> {
         let range = |index| shard::range(self.layout.flights, index, self.layout.shards);
         let Some(index) = (0..self.layout.shards).find(|index| range(*index).contains(&flight)) else {
@@ -137,10 +137,10 @@ impl CampaignFolder {
         Ok(self.read(plan, index)?.map(|table| (table, (flight - range(index).start) as usize)))
     }
 
-    /// All flights of the shards that are there, in order, and which shards are missing.
+    /// Reads all flights of the shards that are there, in order; also returns the missing shards.
     ///
     /// # Errors
-    /// A shard that is there and cannot be counted.
+    /// A shard is there but damaged, or belongs to another plan.
     pub fn collect(&self, plan: &Plan) -> anyhow::Result<(Table, Vec<u64>)> {
         let missing = self.missing()?;
         let is_missing: HashSet<&u64> = missing.iter().collect();
@@ -152,7 +152,7 @@ impl CampaignFolder {
     }
 }
 
-/// Opens the folder, makes it unless it is only read, and locks it as far as `access` wants.
+/// Opens the folder, or creates it unless it is only read, and takes the lock that `access` needs.
 fn prepare(path: &Path, access: Access) -> anyhow::Result<(Dir, Option<File>)> {
     if access == Access::Reading {
         let dir = Dir::open(path).ok().filter(|dir| dir.has(LAYOUT)).context("there is no campaign in it")?;
@@ -166,17 +166,17 @@ fn prepare(path: &Path, access: Access) -> anyhow::Result<(Dir, Option<File>)> {
         Access::Alone => FlockOperation::NonBlockingLockExclusive,
         _ => FlockOperation::NonBlockingLockShared,
     };
-    // Without locks a shard is renamed into its place all the same, and is the same whatever process flew it.
+    // A file system without locks does no harm: a shard is renamed into place, and is equal whatever process flew it.
     let lock = dir.lock("lock", how).with_context(|| format!("cannot lock {}", dir.at("lock").display()))?;
     let lock = lock.context("another campaign is flying into it; wait for it, or give another with --out")?;
     Ok((dir, Some(lock)))
 }
 
-/// Removes what was being written when an earlier campaign was killed.
+/// Removes unfinished files of an earlier campaign that was killed.
 fn remove_parts(shards: &Dir) -> anyhow::Result<()> {
     let names = shards.names()?;
     for name in names.iter().filter(|name| Path::new(name).extension().is_some_and(|extension| extension == "part")) {
-        let _ = shards.remove(name); // it does no harm
+        let _ = shards.remove(name); // one that stays does no harm
     }
     Ok(())
 }
@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_is_of_one_campaign_and_one_layout() {
+    fn a_folder_accepts_one_campaign_and_one_layout_only() {
         let top = tempfile::tempdir().unwrap();
         let path = top.path().join("a/b");
         let ours = plan("seeds = 10");

@@ -1,23 +1,23 @@
-//! `layout.toml`: of what the shards of a folder are.
+//! `layout.toml`: the program, campaign and number of shards that a folder belongs to.
 
 use anyhow::{Context, ensure};
 use contract::scenario::file::MAX_TEXT_BYTES;
 use flight::dir::Dir;
 use serde::{Deserialize, Serialize};
 
-/// The file.
+/// Name of the file.
 pub const LAYOUT: &str = "layout.toml";
-/// The most shards of a campaign.
+/// Largest number of shards of a campaign.
 pub const MAX_SHARDS: u64 = 99_999;
-/// Version of the layout.
+/// Version that this program reads and writes.
 pub const LAYOUT_VERSION: u32 = 1;
 
-/// `layout.toml`
+/// Contents of `layout.toml`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Layout {
     pub version: u32,
-    /// What flies it.
+    /// Program that flies the shards, from [`program`](crate::shard::program).
     pub program: String,
     /// SHA-256 of the campaign.
     pub campaign: String,
@@ -26,10 +26,10 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// The layout of a folder.
+    /// Reads the layout of a folder.
     ///
     /// # Errors
-    /// It cannot be read, is of another version, or has numbers that no campaign has.
+    /// The file cannot be read, has another version, or has numbers that no campaign has.
     pub fn read(folder: &Dir) -> anyhow::Result<Self> {
         let path = folder.at(LAYOUT);
         let said = || format!("{} cannot be read; give another folder with --out", path.display());

@@ -1,8 +1,8 @@
-//! Campaigns: many flights that differ in what a file varies, their verdicts, and what they amount to.
+//! Campaigns: many flights whose settings a file varies, their verdicts and their statistics.
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`file`](mod@file) | `campaign.toml`: what is flown, what varies |
+//! | [`file`](mod@file) | `campaign.toml`: the scenario and the values that vary |
 //! | [`variation`] | lists, ranges and distributions of one setting |
 //! | [`normal`] | the normal distribution |
 //! | [`sampling`] | points in the unit cube: independent, Latin hypercube, Sobol |
@@ -10,18 +10,18 @@
 //! | [`plan`] | the table of flights: each a function of campaign and number |
 //! | [`row`] | one flight and its verdict, as a row of the table |
 //! | [`table`](mod@table) | columns, and Parquet |
-//! | [`shard`] | a part of the flights: a file, whole or not there |
-//! | [`folder`], [`layout`] | the folder of a campaign, who may write to it, and of what its shards are |
+//! | [`shard`] | a part of the flights, as a file that is either complete or absent |
+//! | [`folder`], [`layout`] | the folder of a campaign, its lock, and the program and campaign of its shards |
 //! | [`local`] | all cores of this machine |
 //! | [`slurm`], `scheduler` | a cluster, and the commands of its scheduler |
-//! | [`tune`], [`search`] | gains by one procedure, on draws of their own |
+//! | [`tune`], [`search`] | gains tuned by one procedure, on draws that the campaign does not use |
 //! | [`seeds`] | refuses seeds that change nothing |
 //! | [`evidence`] | the draws of a campaign, and the copies among its flights |
-//! | [`mean`], [`rate`], [`difference`] | intervals over draws, of shares and of the difference of two controllers |
+//! | [`mean`], [`rate`], [`difference`] | 95 % intervals of a mean, of a share, of the difference of two controllers |
 //! | [`page`] | `campaign.html` |
 //!
-//! A campaign's table is the same bit for bit whatever flew it: no row depends on another, on a clock, on the number of
-//! cores or on the engine.
+//! The table of a campaign is the same bit for bit on one machine or on a cluster: no row depends on another row, a
+//! clock or the number of cores.
 
 #![allow(missing_docs)]
 

@@ -1,6 +1,6 @@
-//! All cores of this machine: flights are taken in order by whichever core is free, and a shard is written when its last
-//! flight is there. So a campaign ends without waiting, an end before its time costs the shards begun, and the memory it takes
-//! does not grow.
+//! Flies shards on all cores of this machine. A free core takes the next flight in order, and a shard is written after
+//! its last flight. So no core waits for a shard to end, an interrupt loses only the shards begun, and the memory use
+//! does not grow with the campaign.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -16,12 +16,12 @@ use crate::row::{self, Standing};
 use crate::shard;
 use crate::table::{Cell, Table};
 
-/// How far a campaign is.
+/// Progress of a campaign.
 #[derive(Debug, Clone, Copy)]
 pub struct Progress {
-    /// Flights flown now.
+    /// Flights flown so far by this call.
     pub flown: u64,
-    /// Flights to fly now.
+    /// Flights that this call has to fly.
     pub all: u64,
     pub failed: u64,
     pub invalid: u64,
@@ -29,7 +29,7 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// In one line, with the time left.
+    /// Returns the progress in one line, with the time left.
     pub fn describe(&self) -> String {
         let Self { flown, all, failed, invalid, started } = self;
         let per_s = *flown as f64 / started.elapsed().as_secs_f64().max(1e-9);
@@ -42,7 +42,7 @@ impl Progress {
     }
 }
 
-/// A time as people say it.
+/// Formats a time in seconds, minutes or hours.
 fn duration(time_s: f64) -> String {
     match time_s {
         s if s < 100.0 => format!("{s:.0} s"),
@@ -51,17 +51,17 @@ fn duration(time_s: f64) -> String {
     }
 }
 
-/// The rows of one shard while they come.
+/// Rows of a shard that is not yet complete.
 struct Gathering {
     rows: Vec<Option<Vec<Cell>>>,
     absent: usize,
 }
 
-/// Flies `shards`, and writes each when it is complete; false when `interrupts` ended it before all were. `show` is told after
-/// each flight.
+/// Flies `shards`, and writes each when it is complete. Returns `false` if `interrupts` stopped it before all were.
+/// Calls `show` after each flight.
 ///
 /// # Errors
-/// A shard that cannot be written; those that were written stay.
+/// A shard cannot be written; those already written stay.
 pub fn fly(
     plan: &Plan,
     folder: &CampaignFolder,
@@ -85,9 +85,9 @@ pub fn fly(
                 let row = [plan.cells(&flight), outcome.cells].concat();
                 Some((shard, number, outcome.standing, row))
             };
-            // In order: of a bridge the next free core takes the next one.
+            // In order, because `par_bridge` gives the next flight to the next free core.
             flights.par_bridge().filter_map(one).for_each_with(done, |done, row| {
-                let _ = done.send(row); // the other side has failed
+                let _ = done.send(row); // fails only after the receiver returned an error
             });
         });
         let mut gathering: BTreeMap<u64, Gathering> = BTreeMap::new();

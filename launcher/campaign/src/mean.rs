@@ -1,31 +1,31 @@
-//! Interval of the mean of independent draws that lie between two known ends.
+//! 95 % interval of the mean of independent draws that lie between two known ends.
 //!
-//! Of draws that are all at their ends, as passed and failed flights are, the interval is that of Clopper and Pearson
-//! (Biometrika 26, 1934). It is exact: it covers the true mean with a chance of at least 95 %.
+//! If all draws are at their ends, as passed and failed flights are, the interval is that of Clopper and Pearson
+//! (Biometrika 26, 1934). It is exact: it covers the true mean with a probability of at least 95 %.
 //!
-//! Of other draws it is the Bayesian bootstrap (Rubin, Annals of Statistics 9, 1981): each draw is given a weight, together 1
-//! and evenly distributed (Dirichlet), and an end is the quantile of the weighted mean. What was not drawn yet counts as half
-//! a draw with the least value for the lower end, and with the greatest for the upper one. A whole such draw is the bound of
-//! Gaffke (Mathematical Methods of Statistics 14, 2005), whose conjecture is that it covers at least; of draws at their ends
-//! it is Clopper and Pearson's. Half of it covers about 95 % (`coverage.rs`). Draws that are all alike do not show how they
-//! scatter, and have the whole one.
+//! Otherwise it is the Bayesian bootstrap (Rubin, Annals of Statistics 9, 1981): the draws get random weights with sum
+//! 1 (Dirichlet, uniform), and an end is a quantile of the weighted mean. Half a draw is added for what was not
+//! observed: with the least value for the lower end, with the greatest for the upper one. A whole added draw gives the
+//! bound of Gaffke (Mathematical Methods of Statistics 14, 2005), conjectured to cover at least as often as it says;
+//! for draws at their ends it equals Clopper and Pearson's. Half a draw covers about 95 % (`coverage.rs`). Draws that
+//! are all equal do not show how they scatter; for them a whole draw is added.
 
 use std::f64::consts::PI;
 
 use statrs::distribution::{Beta, ContinuousCDF};
 
-/// One less this is the confidence of an interval.
+/// Confidence of an interval is 1 - `ALPHA`.
 pub const ALPHA: f64 = 0.05;
-/// A quantile is found when its chance is this near to what was asked for.
+/// Accuracy of the probability of a quantile; the search ends when it is reached.
 const ACCURACY: f64 = 1e-9;
-/// The most steps to it.
+/// Largest number of steps of that search.
 const MAX_STEPS: usize = 100;
-/// Step of the quadrature, by which it is exact to 1e-9.
+/// Step of the quadrature; makes it exact to 1e-9.
 const STEP: f64 = 0.05;
-/// An integrand below `exp(-NOTHING)` adds nothing.
+/// Decay at which the quadrature ends: an integrand below `exp(-NOTHING)` adds nothing.
 const NOTHING: f64 = 30.0;
 
-/// The ends of the 95 % interval of the mean of `draws`, which all lie within `ends`.
+/// Returns the ends of the 95 % interval of the mean of `draws`, which all lie within `ends`.
 pub fn interval(mut draws: Vec<f64>, ends: [f64; 2]) -> [f64; 2] {
     draws.sort_by(f64::total_cmp);
     let counts: Vec<(f64, f64)> =
@@ -34,7 +34,7 @@ pub fn interval(mut draws: Vec<f64>, ends: [f64; 2]) -> [f64; 2] {
     [lower_end(counts, ends), -lower_end(mirrored, [-ends[1], -ends[0]])]
 }
 
-/// The end below of draws that are given as values and how many have each.
+/// Returns the lower end; each draw is given as a value and how many draws have it.
 fn lower_end(mut counts: Vec<(f64, f64)>, [least, most]: [f64; 2]) -> f64 {
     let is_end = |value: f64| value == least || value == most;
     if counts.iter().all(|(value, _)| is_end(*value)) {
@@ -46,17 +46,17 @@ fn lower_end(mut counts: Vec<(f64, f64)>, [least, most]: [f64; 2]) -> f64 {
     quantile(&counts, ALPHA / 2.0)
 }
 
-/// The value below which the mean of `counts` lies with the chance `p`, when the weights of its values are those of Dirichlet.
+/// Returns the value below which the mean of `counts` lies with probability `p` under Dirichlet weights.
 fn quantile(counts: &[(f64, f64)], p: f64) -> f64 {
     let all: f64 = counts.iter().map(|(_, count)| count).sum();
     let mean = counts.iter().map(|(value, count)| value * count).sum::<f64>() / all;
     let spread = counts.iter().map(|(value, count)| count * (value - mean) * (value - mean)).sum::<f64>() / all;
     let deviation = (spread / (all + 1.0)).sqrt();
-    // Cantelli's inequality has the quantile between these.
+    // The quantile lies between these by Cantelli's inequality.
     let odds = (1.0 / p - 1.0).sqrt();
     let excess = |t: f64| (t, chance_below(counts, t) - p);
     let (mut low, mut high) = (excess(mean - deviation * odds), excess(mean + deviation / odds));
-    // Regula falsi, where the end that stays counts half (the Illinois rule).
+    // Regula falsi with the Illinois rule: the value at the end that stays is halved.
     for _ in 0..MAX_STEPS {
         let t = low.0 - low.1 * (high.0 - low.0) / (high.1 - low.1);
         let next = excess(t);
@@ -69,9 +69,9 @@ fn quantile(counts: &[(f64, f64)], p: f64) -> f64 {
     f64::midpoint(low.0, high.0)
 }
 
-/// The chance that the mean of `counts` under weights of Dirichlet is below `t`: that the sum of independent gamma variables, each
-/// times the distance of its value from `t`, is below 0. By inversion of its characteristic function (Imhof, Biometrika 48,
-/// 1961), with the double exponential quadrature of Takahasi and Mori (1974).
+/// Returns the probability that the mean of `counts` under Dirichlet weights is below `t`. It equals that of a sum
+/// below 0 of independent gamma variables, each times the distance of its value from `t`. Inverts the characteristic
+/// function (Imhof, Biometrika 48, 1961) with the double exponential quadrature of Takahasi and Mori (1974).
 fn chance_below(counts: &[(f64, f64)], t: f64) -> f64 {
     let squares: f64 = counts.iter().map(|(value, count)| count * (value - t) * (value - t)).sum();
     let mut sum = 0.0;
@@ -101,9 +101,9 @@ mod tests {
         assert!(apart < within, "{is:?}, not {expected:?}");
     }
 
-    /// Against the quantiles of the Beta distribution, which the weights of two values have.
+    /// Reference: quantiles of the Beta distribution, which the weights of two values have.
     #[test]
-    fn val_of_two_values_the_quantile_is_that_of_beta() {
+    fn val_with_two_values_the_quantile_is_that_of_beta() {
         for (ones, others) in [(1.0, 1.0), (3.0, 1.0), (45.0, 6.0), (999.0, 2.0), (1700.0, 1635.0)] {
             let beta = Beta::new(ones, others).unwrap().inverse_cdf(0.025);
             let is = quantile(&[(1.0, ones), (0.0, others)], 0.025);
@@ -111,15 +111,15 @@ mod tests {
         }
     }
 
-    /// Three values with one weight each: of three uniform spacings the mean of 0, 1/2 and 1 has the triangular distribution.
+    /// Reference: with one draw each at 0, 1/2 and 1 the weighted mean has the triangular distribution.
     #[test]
-    fn val_of_three_values_the_quantile_is_that_of_the_triangle() {
+    fn val_with_three_values_the_quantile_is_that_of_the_triangle() {
         let is = quantile(&[(0.0, 1.0), (0.5, 1.0), (1.0, 1.0)], 0.02);
         assert!((is - 0.1).abs() < 1e-7, "2 t^2 = 0.02 at t = {is}");
     }
 
     #[test]
-    fn draws_that_are_all_alike_leave_what_so_few_may_hide() {
+    fn the_interval_of_equal_draws_allows_for_unseen_ones() {
         let all = libm::pow(0.025, 1.0 / 50.0);
         near(interval(vec![1.0; 50], [0.0, 1.0]), [all, 1.0], 1e-6);
         let thirds = 2.0 / 3.0;
@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn an_interval_mirrors_and_moves_with_its_draws() {
+    fn an_interval_mirrors_shifts_and_scales_with_its_draws() {
         let draws = vec![0.0, 1.0, 0.5, 0.5, 1.0, 1.0, 0.25];
         let [low, high] = interval(draws.clone(), [0.0, 1.0]);
         near(interval(draws.iter().map(|x| 1.0 - x).collect(), [0.0, 1.0]), [1.0 - high, 1.0 - low], 1e-8);

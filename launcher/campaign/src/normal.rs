@@ -1,4 +1,4 @@
-//! The normal distribution, all of it or what lies within two ends.
+//! Normal distribution, whole or truncated to a range.
 
 use std::f64::consts::SQRT_2;
 
@@ -9,25 +9,25 @@ use serde::{Deserialize, Serialize};
 pub struct Normal {
     pub mean: f64,
     pub deviation: f64,
-    /// Only what lies within is drawn.
+    /// Ends of the truncated distribution; `None` = not truncated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub within: Option<[f64; 2]>,
 }
 
 impl Normal {
-    /// The sign of the tail in which `within` lies: -1 below the mean, 1 above it. Shares of the upper tail are counted from
-    /// above, because those from below are all 1 there but for rounding.
+    /// Sign of the tail in which `within` lies: 1 if all of it is above the mean, else -1. Shares of the upper tail are
+    /// counted from above, because counted from below they would all round to 1.
     fn tail(&self) -> f64 {
         if self.within.is_some_and(|[low, _]| low > self.mean) { 1.0 } else { -1.0 }
     }
 
-    /// Whether any value lies within.
+    /// Returns whether the truncated range has a probability above 0.
     pub fn has_values(&self) -> bool {
         let [one, other] = self.shares();
         one != other
     }
 
-    /// The value below which the share `u` of all values lies, 0 < u < 1.
+    /// Returns the value below which the share `u` of all values lies, 0 < u < 1.
     pub fn quantile(&self, u: f64) -> f64 {
         let [first, last] = self.shares();
         let z = -self.tail() * standard_quantile(first + (last - first) * u);
@@ -35,15 +35,15 @@ impl Normal {
         (self.mean + self.deviation * z).clamp(low, high)
     }
 
-    /// The shares of all values beyond the ends of `within`, counted from the end of the [`tail`](Self::tail).
+    /// Shares of all values beyond the ends of `within`, counted from the end of the [`tail`](Self::tail).
     fn shares(&self) -> [f64; 2] {
         let beyond = |x: f64| 0.5 * libm::erfc(self.tail() * (x - self.mean) / (self.deviation * SQRT_2));
         self.within.map_or([0.0, 1.0], |ends| ends.map(beyond))
     }
 }
 
-/// The quantile of the standard normal distribution, exact to 1e-15: algorithm AS 241, PPND16 (Wichura, Applied
-/// Statistics 37, 1988).
+/// Quantile of the standard normal distribution, exact to 1e-15: algorithm AS 241, PPND16 (Wichura, Applied Statistics
+/// 37, 1988).
 fn standard_quantile(p: f64) -> f64 {
     const A: [f64; 8] = [
         3.387_132_872_796_366_5,
@@ -109,7 +109,7 @@ fn standard_quantile(p: f64) -> f64 {
     let ratio = |over: &[f64; 8], under: &[f64; 8], x: f64| polynomial(over, x) / polynomial(under, x);
     let q = p - 0.5;
     if p == 0.0 || p == 1.0 {
-        return q * f64::INFINITY; // where rounding has reached an end
+        return q * f64::INFINITY; // rounded to 0 or 1
     }
     if q.abs() <= 0.425 {
         return q * ratio(&A, &B, 0.180_625 - q * q);
@@ -123,7 +123,7 @@ fn standard_quantile(p: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// The values that Wichura's paper and R's `qnorm` give.
+    /// Reference: values of Wichura's paper and of R's `qnorm`.
     #[test]
     fn val_the_standard_quantile_is_that_of_the_tables() {
         for (p, expected) in [
@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn every_draw_within_a_far_tail_is_a_number_within() {
+    fn every_draw_of_a_truncated_tail_is_within_its_ends() {
         for (mean, deviation, [low, high]) in
             [(0.0, 1.0, [9.0, 10.0]), (0.0, 1.0, [-10.0, -9.0]), (1.1, 0.01, [1.0, 9.0])]
         {

@@ -1,9 +1,8 @@
-//! The table of flights. Each is a function of the campaign and of its number, so that any part of them can be flown
-//! anywhere.
+//! Plan of the flights of a campaign. Each flight is a function of the campaign and of its number, so that any part of
+//! the flights can be flown anywhere.
 //!
-//! Flights are numbered sample by sample; within a sample by the listed values, the last key fastest; within these by
-//! controller. So the flights that are compared with each other stand together, and have the same drawn values, seeds and
-//! random faults.
+//! Flights are numbered by sample first, then by listed values (the last key changes fastest), then by controller. So
+//! flights that are compared have consecutive numbers, and the same drawn values, seeds and random faults.
 
 use anyhow::{Context, bail, ensure};
 use contract::Scenario;
@@ -18,41 +17,41 @@ use crate::sampling::{Points, Purpose, stream};
 use crate::table::{Cell, Kind};
 use crate::variation::{Factor, Values};
 
-/// How many flights are looked at to find one that can be flown.
+/// Number of flights that are tried at most to find one that can be flown.
 const LOOKED_AT: u64 = 64;
 
 #[derive(Debug, Clone)]
 pub struct Plan {
     pub campaign: Campaign,
     points: Points,
-    /// What the random faults are drawn from.
+    /// Pairs of target and kind that the random faults are drawn from.
     pairs: Vec<(FaultTarget, FaultKind)>,
 }
 
-/// Numbers that differ by one coordinate of the plan only: how many values it has, and how far apart their flights are.
+/// One coordinate of the plan: the number of its values, and the distance between the numbers of their flights.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Axis {
     pub values: u64,
     pub step: u64,
 }
 
-/// One flight.
+/// One flight of a plan.
 #[derive(Debug)]
 pub struct Flight {
     pub number: u64,
     pub controller: String,
-    /// Those of the factors, in their order.
+    /// Values of the factors, in the order of the factors.
     pub values: Vec<Value>,
-    /// Not known where it stands in a scenario that cannot be flown.
+    /// Seed; `None` if it stands only in a scenario that cannot be flown.
     pub seed: Option<u64>,
-    /// The drawn ones.
+    /// Random faults of the flight.
     pub faults: Vec<Fault>,
-    /// Why it cannot be flown, where it cannot.
+    /// Scenario, or the reason why the flight cannot be flown.
     pub scenario: Result<Scenario, ScenarioError>,
 }
 
 impl Axis {
-    /// Which of the values a flight has.
+    /// Returns the index of a flight's value.
     pub fn place(self, number: u64) -> u64 {
         number / self.step % self.values
     }
@@ -60,7 +59,7 @@ impl Axis {
 
 impl Plan {
     /// # Errors
-    /// Random faults that no flight can have.
+    /// The random faults cannot be drawn, or would begin after the end of a flight.
     pub fn new(campaign: Campaign) -> anyhow::Result<Self> {
         let drawn = campaign.factors.iter().filter(|factor| matches!(factor.values, Values::Drawn(_))).count();
         let points = Points::new(campaign.sampling(), campaign.seed(), campaign.samples().unwrap_or(1), drawn);
@@ -88,7 +87,7 @@ impl Plan {
         self.campaign.flights()
     }
 
-    /// The keys of the listed values in the order of the factors, and how their flights lie in the table.
+    /// Returns the keys of the listed values in the order of the factors, with their axes.
     pub fn listed_axes(&self) -> Vec<(&str, Axis)> {
         let mut step = self.campaign.controllers.len() as u64;
         let listed = self.campaign.factors.iter().rev().filter_map(|factor| {
@@ -102,12 +101,12 @@ impl Plan {
         axes
     }
 
-    /// The flight of a number below [`flights`](Self::flights).
+    /// Returns the flight of a number below [`flights`](Self::flights).
     pub fn flight(&self, number: u64) -> Flight {
         self.flight_with(number, &[])
     }
 
-    /// The same with other settings of its controller on top.
+    /// Returns the flight with more settings of its controller on top.
     pub fn flight_with(&self, number: u64, settings: &[(String, Value)]) -> Flight {
         let controllers = &self.campaign.controllers;
         let (controller, given) = &controllers[(number % controllers.len() as u64) as usize];
@@ -115,9 +114,9 @@ impl Plan {
         let mut axes = self.listed_axes().into_iter();
         let mut point = self.points.point(sample).into_iter();
         let mut value = |factor: &Factor| match &factor.values {
-            Values::Drawn(distribution) => distribution.quantile(point.next().unwrap_or(0.5)), // it has one for each
+            Values::Drawn(distribution) => distribution.quantile(point.next().unwrap_or(0.5)), // one for each factor
             Values::Listed(list) => {
-                list[axes.next().map_or(0, |(_, axis)| axis.place(number)) as usize].clone() // likewise
+                list[axes.next().map_or(0, |(_, axis)| axis.place(number)) as usize].clone() // one for each list
             }
         };
         let values: Vec<Value> = self.campaign.factors.iter().map(&mut value).collect();
@@ -158,10 +157,11 @@ impl Plan {
         Ok(scenario)
     }
 
-    /// Whether every value that is listed, and the ends of what is drawn, can be flown, at least alone or where it first is.
+    /// Checks that every listed value and the ends of every distribution can be flown, either alone with the settings
+    /// of a controller or in one of the first flights, and that every controller can be flown.
     ///
     /// # Errors
-    /// The first that cannot, with its key and what to do.
+    /// The first value or controller that cannot be flown, with its name and what to do.
     pub fn check(&self) -> anyhow::Result<()> {
         ensure!(
             self.flights() > 1,
@@ -188,7 +188,7 @@ impl Plan {
         (0..self.campaign.controllers.len() as u64).try_for_each(|number| self.check_controller(number))
     }
 
-    /// Whether controller `number` can be flown in one of its flights, looked for all over the campaign.
+    /// Checks that controller `number` can be flown in one of at most 64 flights, spread over the campaign.
     fn check_controller(&self, number: u64) -> anyhow::Result<()> {
         let controllers = self.campaign.controllers.len() as u64;
         let all = self.flights() / controllers;
@@ -205,7 +205,7 @@ impl Plan {
         bail!("no flight of the controller `{}` can be flown: {why}", self.campaign.controllers[number as usize].0)
     }
 
-    /// The columns that say what a flight is.
+    /// Columns that describe a flight: its number, controller, values, seed and random faults.
     pub fn columns(&self) -> Vec<(String, Kind)> {
         let mut columns = vec![("flight".to_owned(), Kind::Int), ("controller".to_owned(), Kind::Text)];
         let others = self.campaign.factors.iter().filter(|factor| factor.key != SEED);
@@ -215,7 +215,7 @@ impl Plan {
         columns
     }
 
-    /// The cells of these columns.
+    /// Cells of these columns.
     pub fn cells(&self, flight: &Flight) -> Vec<Cell> {
         let mut cells = vec![Cell::Int(flight.number as i64), Cell::Text(flight.controller.clone())];
         let others = self.campaign.factors.iter().zip(&flight.values).filter(|(factor, _)| factor.key != SEED);
@@ -227,7 +227,7 @@ impl Plan {
 }
 
 impl Flight {
-    /// Why it cannot be flown, in one line.
+    /// Returns the reason why the flight cannot be flown, in one line.
     pub fn refusal(&self) -> Option<String> {
         self.scenario.as_ref().err().map(ScenarioError::in_one_line)
     }
@@ -269,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_samples_of_many_are_those_of_few() {
+    fn more_samples_leave_the_first_ones_unchanged() {
         let [few, many] = [3, 30].map(|n| plan(&format!("samples = {n}\n[vary]\nmpc.np = {{ integer = [20, 30] }}")));
         for number in 0..3 {
             assert_eq!(few.flight(number).scenario.unwrap(), many.flight(number).scenario.unwrap());
@@ -277,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn settings_that_do_not_go_together_are_an_invalid_flight_and_a_value_that_never_flies_is_an_error() {
+    fn contradicting_settings_are_an_invalid_flight_and_a_value_that_never_flies_is_an_error() {
         let both = plan("[vary]\nmpc.np = [4, 20]\nmpc.nu = [3, 5]");
         both.check().unwrap();
         let flies: Vec<bool> = (0..4).map(|number| both.flight(number).scenario.is_ok()).collect();
@@ -305,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn the_cells_are_those_of_the_columns() {
+    fn each_cell_has_the_kind_of_its_column() {
         let plan = plan(
             "seeds = [7, 9]\n[vary]\nmpc.law = ['mpc', 'lqr']\nplant.airframe.mass_kg = [1, 1.2]\nmixer.projection = [true]",
         );

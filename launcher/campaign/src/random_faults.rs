@@ -1,7 +1,7 @@
-//! `[random_faults]`: for each sample other faults of the catalogue, at other times.
+//! `[random_faults]`: faults drawn from the catalogue for each sample, at random times.
 //!
-//! Which faults a sample has does not depend on the controller nor on the listed values, so that these are compared under the
-//! same faults. Sizes are the defaults of the kinds.
+//! The faults of a sample depend neither on the controller nor on the listed values, so that these are compared under
+//! equal faults. Sizes are the defaults of the kinds.
 
 use anyhow::{bail, ensure};
 use contract::Scenario;
@@ -13,29 +13,29 @@ use serde::{Deserialize, Serialize};
 use crate::sampling::{Purpose, stream};
 use crate::table::{Cell, Kind};
 
-/// The most faults that a flight may draw.
+/// Largest number of faults that a flight may draw.
 const MAX_COUNT: u32 = 20;
 
-/// `[random_faults]`
+/// Settings of `[random_faults]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RandomFaults {
-    /// How many a flight has: evenly from the first to the second.
+    /// Least and largest number of faults of a flight; each number between has the same chance.
     pub count: [u32; 2],
-    /// When each begins \[s\]: evenly between.
+    /// Earliest and latest begin of a fault \[s\]; uniform between.
     pub at_s: [f64; 2],
-    /// How long each lasts \[s\]: evenly between.
+    /// Shortest and longest duration of a fault \[s\]; uniform between.
     pub for_s: [f64; 2],
-    /// What can break; absent = everything that can break in process, but the plant, without which no flight goes on.
+    /// Targets that may be drawn; `None` = all with faults in process except the plant, which every flight needs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub targets: Option<Vec<FaultTarget>>,
-    /// How; absent = in every way that the target can.
+    /// Kinds that may be drawn; `None` = all that the target can have.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub kinds: Option<Vec<FaultKind>>,
 }
 
 impl RandomFaults {
-    /// Whether times and counts make sense.
+    /// Checks counts and times.
     pub fn check(&self) -> anyhow::Result<()> {
         let [least, most] = self.count;
         ensure!(
@@ -51,7 +51,7 @@ impl RandomFaults {
         Ok(())
     }
 
-    /// Whether every fault begins before a flight ends.
+    /// Checks that every fault begins before the end of the flight.
     pub fn check_end(&self, duration_s: f64) -> anyhow::Result<()> {
         let at_s = self.at_s;
         ensure!(
@@ -61,10 +61,10 @@ impl RandomFaults {
         Ok(())
     }
 
-    /// What can be drawn: the pairs of target and kind that all `scenarios` allow.
+    /// Returns the pairs of target and kind that all `scenarios` allow.
     ///
     /// # Errors
-    /// A target or kind that adds nothing, or none at all.
+    /// A target or kind adds no pair, or there is no pair at all.
     pub fn pairs(&self, scenarios: &[Scenario]) -> anyhow::Result<Vec<(FaultTarget, FaultKind)>> {
         let is_target =
             |target| self.targets.as_ref().map_or(target != FaultTarget::Plant, |all| all.contains(&target));
@@ -99,7 +99,7 @@ impl RandomFaults {
         Ok(pairs)
     }
 
-    /// The columns of the faults that a flight has at most.
+    /// Columns for the largest number of faults of a flight.
     pub fn columns(&self) -> Vec<(String, Kind)> {
         let fields = [("target", Kind::Text), ("kind", Kind::Text), ("at_s", Kind::Real), ("for_s", Kind::Real)];
         (0..self.count[1])
@@ -107,7 +107,7 @@ impl RandomFaults {
             .collect()
     }
 
-    /// The cells of these columns.
+    /// Cells of these columns.
     pub fn cells(&self, faults: &[Fault]) -> Vec<Cell> {
         let of_fault = |i: u32| match faults.get(i as usize) {
             Some(fault) => [
@@ -121,7 +121,7 @@ impl RandomFaults {
         (0..self.count[1]).flat_map(of_fault).collect()
     }
 
-    /// The faults of a sample, by the time of their beginning.
+    /// Draws the faults of a sample, sorted by the time they begin.
     pub fn draw(&self, pairs: &[(FaultTarget, FaultKind)], seed: u64, sample: u64) -> Vec<Fault> {
         let mut rng = stream(seed, Purpose::Faults, sample);
         let count = rng.random_range(self.count[0]..=self.count[1]);
@@ -138,7 +138,7 @@ impl RandomFaults {
     }
 }
 
-/// Kinds as a scenario has them.
+/// Names of kinds, as in a scenario.
 fn names(kinds: &[FaultKind]) -> String {
     kinds.iter().map(name).collect::<Vec<_>>().join(", ")
 }
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_drawn_can_be_flown_by_all_and_repeats() {
+    fn drawn_faults_repeat_and_are_valid_for_every_controller() {
         let scenarios = [in_process("mpc.law=lqr"), in_process("mpc.law=mpc")];
         let faults = all();
         let pairs = faults.pairs(&scenarios).unwrap();
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn a_word_without_effect_is_refused() {
+    fn a_target_or_kind_without_effect_is_refused() {
         let scenarios = [in_process("mpc.law=lqr")];
         let refused = |faults: RandomFaults| faults.pairs(&scenarios).unwrap_err().to_string();
         assert!(refused(RandomFaults { targets: Some(vec![FaultTarget::Mpc]), ..all() }).contains("`mpc`"));

@@ -1,21 +1,21 @@
-//! Shares of flights with their intervals.
+//! Shares of flights passed, with 95 % intervals.
 //!
-//! The unit of evidence is the draw: one sample of everything that is random. Flights that share a draw are one observation of
-//! it, with the share of them that passed.
+//! The unit of evidence is the draw: one sample of everything random. Flights of one draw are one observation: the
+//! share of them that passed.
 
 use serde::Serialize;
 use view::draw::Share;
 
 use crate::mean::interval;
 
-/// How many of some flights did what was asked.
+/// Share of flights that passed, with its interval.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Rate {
     pub survived: usize,
     pub flights: usize,
-    /// Draws of the flights; 0 where they are no sample of anything.
+    /// Number of draws; 0 if the flights are no sample.
     pub draws: usize,
-    /// Mean of the draws' shares.
+    /// Mean of the shares of the draws.
     share: f64,
     /// Ends of the 95 % interval of the share; NaN without draws.
     pub low: f64,
@@ -23,13 +23,13 @@ pub struct Rate {
 }
 
 impl Rate {
-    /// The rate of flights that each have a draw of their own.
+    /// Computes the rate of flights that each have a draw of their own.
     pub fn of(survived: usize, flights: usize) -> Self {
         let passed = std::iter::repeat_n((1, 1), survived);
         Self::over(passed.chain(std::iter::repeat_n((0, 1), flights - survived)))
     }
 
-    /// The rate of draws, of which each has so many passed flights of so many.
+    /// Computes the rate of draws, each given as flights passed and flights flown.
     pub fn over(draws: impl IntoIterator<Item = (usize, usize)>) -> Self {
         let draws: Vec<(usize, usize)> = draws.into_iter().filter(|(_, flown)| *flown > 0).collect();
         let shares: Vec<f64> = draws.iter().map(|(passed, flown)| *passed as f64 / *flown as f64).collect();
@@ -39,13 +39,13 @@ impl Rate {
         Self { survived, flights, draws: draws.len(), share, low, high }
     }
 
-    /// The share of flights that are no sample of anything.
+    /// Computes the share of flights that are no sample; it has no interval.
     pub fn counted(survived: usize, flights: usize) -> Self {
         let share = survived as f64 / flights as f64;
         Self { survived, flights, draws: 0, share, low: f64::NAN, high: f64::NAN }
     }
 
-    /// For a plot; without draws the interval is a point.
+    /// Converts to a share for a plot; without draws the interval is a point.
     pub fn picture(&self) -> Share {
         let Self { share, low, high, .. } = *self;
         if self.draws == 0 { Share { share, low: share, high: share } } else { Share { share, low, high } }
@@ -55,7 +55,7 @@ impl Rate {
         self.share
     }
 
-    /// `93.1 to 97.4 %`; `none` without draws.
+    /// Formats the interval as `93.1 to 97.4 %`, or `none` without draws.
     pub fn interval(&self) -> String {
         if self.draws == 0 && self.flights > 0 {
             return "none".to_owned();
@@ -71,14 +71,14 @@ mod tests {
 
     use super::*;
 
-    /// Against values of R's `binom.test` and the tables of the method.
+    /// Reference: values of R's `binom.test` and the tables of the method.
     #[test]
     fn val_the_interval_is_that_of_clopper_and_pearson() {
         let ends = |survived: usize, flights: usize| {
             let Rate { low, high, .. } = Rate::of(survived, flights);
             [low, high]
         };
-        // All of n: (alpha / 2)^(1 / n).
+        // If all n pass, the lower end is (alpha / 2)^(1 / n).
         for (ends, expected) in [
             (ends(10, 10), [libm::pow(0.025, 0.1), 1.0]),
             (ends(0, 100), [0.0, 1.0 - libm::pow(0.025, 0.01)]),
@@ -92,7 +92,7 @@ mod tests {
         }
     }
 
-    /// By the chances of all outcomes, without a draw.
+    /// Sums the probabilities of all outcomes; nothing is simulated.
     #[test]
     fn val_with_one_flight_a_draw_at_least_95_percent_are_covered() {
         for flights in [1, 5, 20, 50, 200] {

@@ -2,9 +2,9 @@
 //!
 //! | verdict | the flight |
 //! |---|---|
-//! | passed | is one for which `launcher fly` ends with 0: flown, inside its bounds, with every process it began with or replaced |
+//! | passed | is one for which `launcher fly` ends with 0: flown, inside its bounds, no node lost for good |
 //! | failed | is any other that was flown |
-//! | invalid | could not be flown: its settings do not go together. It counts as neither |
+//! | invalid | could not be flown: its settings contradict each other, or the program panicked. It counts as neither |
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -25,7 +25,7 @@ use crate::hex::hex;
 use crate::plan::Flight;
 use crate::table::{Cell, Kind, Table};
 
-/// What a flight came to.
+/// Verdict on a flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Standing {
     Passed,
@@ -45,15 +45,15 @@ impl Standing {
     }
 }
 
-/// The row of a flight that was flown, or could not be.
+/// Verdict and row of a flight; an invalid one has fewer cells.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FlightRow {
     pub standing: Standing,
     pub cells: Vec<Cell>,
 }
 
-/// Columns of the outcome: verdict, why it failed in a word, what became of the flight, when it failed, how far it came, every
-/// metric of run.json, what the solver did, and the hash.
+/// Columns of the outcome: verdict, cause of a failure in a word, outcome in words, time of the failure, time flown,
+/// every metric of run.json, counts of the solver, and the hash.
 pub fn columns() -> Vec<(String, Kind)> {
     let own = [
         ("verdict", Kind::Text),
@@ -85,10 +85,10 @@ pub fn fly(flight: &Flight, go_on: impl Fn() -> bool, watch: impl FnMut(&Record)
     }
 }
 
-/// Flies a flight of a table again; `row` is where it stands there.
+/// Flies a flight of a table again; `row` is its row there.
 ///
 /// # Errors
-/// It is not the flight of the table: then the program, the machine or the table is not what it was.
+/// The flight differs from that of the table: the program, the machine or the table has changed.
 pub fn fly_again(flight: &Flight, flights: &Table, row: usize, watch: impl FnMut(&Record)) -> anyhow::Result<()> {
     let again = fly(flight, || true, watch);
     let known = flights.column("hash").map_or("", |all| all.text(row));
@@ -150,7 +150,7 @@ impl FlightRow {
         Self { standing: Standing::Invalid, cells }
     }
 
-    /// Tells the flight from others; empty where it could not be flown.
+    /// Returns the hash of the flight; empty if it could not be flown.
     pub fn hash(&self) -> &str {
         match self.cells.last() {
             Some(Cell::Text(hash)) if self.standing != Standing::Invalid => hash,
@@ -159,7 +159,7 @@ impl FlightRow {
     }
 }
 
-/// Metrics and the solver's counts, each a number or nothing, under the names of columns.
+/// Lists metrics and counts of the solver by column name; each is a number or null.
 fn measured(metrics: &Metrics, solves: &Solves) -> Vec<(String, Value)> {
     let mut measured = vec![];
     let metrics = serde_json::to_value(metrics).expect("metrics are numbers");
@@ -182,8 +182,8 @@ fn measured(metrics: &Metrics, solves: &Solves) -> Vec<(String, Value)> {
     measured
 }
 
-/// Tells two flights apart: SHA-256 of the last state and of all metrics, the first half. Whatever differs on the way is still
-/// there in the end, so that a campaign can do without a hash over all states.
+/// Identifies a flight: the first half of the SHA-256 of its last state and all metrics. A difference on the way still
+/// shows at the end, so that a campaign needs no hash over all states.
 fn hash(last: &State, metrics: &Metrics) -> String {
     let mut hash = Sha256::new();
     last.payload(|bytes| hash.update(bytes));
@@ -213,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn a_verdict_is_what_fly_says() {
+    fn a_verdict_is_that_of_launcher_fly() {
         let passed = flown("");
         assert_eq!(
             (passed.standing, text(&passed, 1), text(&passed, 2)),
@@ -239,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hash_is_the_same_again_and_another_for_another_flight() {
+    fn equal_flights_have_equal_hashes_and_others_differ() {
         let [one, again, other] = ["", "", "plant.airframe.mass_kg = 1.1000001"].map(flown);
         assert_eq!(one, again);
         assert_ne!(one.hash(), other.hash());

@@ -1,14 +1,14 @@
 //! Points in the unit cube, one for each sample.
 //!
-//! A point is a function of seed and number. All streams of random numbers of a campaign are here, each apart from the
-//! others.
+//! A point is a function of seed and sample number. All streams of random numbers of a campaign are made here, each
+//! independent of the others.
 
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-/// Dimensions and samples that the Sobol sequence has.
+/// Largest number of dimensions and of samples of the Sobol sequence.
 pub const MAX_SOBOL: (usize, u64) = (256, 1 << 16);
 
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -17,14 +17,14 @@ pub enum Sampling {
     /// Independent points.
     #[default]
     Random,
-    /// Each axis is divided into as many parts as there are samples, and each part has one (`McKay`, Beckman and Conover,
-    /// Technometrics 21, 1979).
+    /// One point in each part of each axis, which is divided into as many parts as there are samples (`McKay`, Beckman
+    /// and Conover, Technometrics 21, 1979).
     LatinHypercube,
-    /// The low-discrepancy sequence of Sobol', scrambled after Owen (crate `sobol_burley`).
+    /// Low-discrepancy sequence of Sobol', scrambled after Owen (crate `sobol_burley`).
     Sobol,
 }
 
-/// What random numbers are for: each has streams of its own.
+/// Purpose of random numbers; each has its own streams.
 #[derive(Debug, Clone, Copy)]
 pub enum Purpose {
     Points,
@@ -33,26 +33,26 @@ pub enum Purpose {
     Seeds,
 }
 
-/// The random numbers of number `index` for a purpose.
+/// Returns the stream of random numbers `index` for a purpose.
 pub fn stream(seed: u64, purpose: Purpose, index: u64) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream((purpose as u64) << 56 | index);
     rng
 }
 
-/// The points of a campaign.
+/// Points of a campaign.
 #[derive(Debug, Clone)]
 pub struct Points {
     sampling: Sampling,
     seed: u64,
     samples: u64,
     dimensions: usize,
-    /// Latin hypercube: of each dimension the part that each sample has.
+    /// Latin hypercube: the part of each sample, by dimension.
     strata: Vec<Vec<u32>>,
 }
 
 impl Points {
-    /// `samples` points of so many `dimensions`.
+    /// Prepares `samples` points in `dimensions` dimensions.
     pub fn new(sampling: Sampling, seed: u64, samples: u64, dimensions: usize) -> Self {
         let permutation = |dimension: usize| {
             let mut parts: Vec<u32> = (0..samples as u32).collect();
@@ -64,7 +64,7 @@ impl Points {
         Self { sampling, seed, samples, dimensions, strata }
     }
 
-    /// The point of a sample: numbers above 0 and below 1.
+    /// Returns the point of a sample; its coordinates are above 0 and below 1.
     pub fn point(&self, sample: u64) -> Vec<f64> {
         let mut rng = stream(self.seed, Purpose::Points, sample);
         let inside = |u: f64| u.clamp(f64::EPSILON, 1.0 - f64::EPSILON);
@@ -75,7 +75,7 @@ impl Points {
                 inside((f64::from(self.strata[dimension][sample as usize]) + within) / self.samples as f64)
             }
             Sampling::Sobol => {
-                // 24 bits: the middle of the interval that they name.
+                // The sample has 24 bits; take the middle of the interval that they stand for.
                 let bits = sobol_burley::sample(sample as u32, dimension as u32, self.sobol_seed());
                 f64::from(bits) + 0.5 / f64::from(1 << 24)
             }
@@ -114,8 +114,8 @@ mod tests {
         }
     }
 
-    /// The first 2^m points of the first two dimensions are a (0, m, 2)-net in base 2 (Sobol', 1967), and scrambling keeps it
-    /// one: every box of that area that halving makes has one point.
+    /// The first 2^m points of the first two dimensions are a (0, m, 2)-net in base 2 (Sobol', 1967): each box of area
+    /// 2^-m that repeated halving of the axes makes has one point. Scrambling keeps this property.
     #[test]
     fn val_the_sobol_points_are_a_net() {
         let points = Points::new(Sampling::Sobol, 3, 64, 2);

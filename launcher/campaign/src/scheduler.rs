@@ -1,4 +1,4 @@
-//! A command of a scheduler: run to its end or to an interrupt, and believed to say little.
+//! Runs a command of a scheduler to its end or to an interrupt, and limits its output.
 
 use std::io::{ErrorKind, Read, Write};
 use std::process::{Command, ExitStatus, Stdio};
@@ -9,26 +9,26 @@ use std::time::Duration;
 
 use anyhow::{anyhow, ensure};
 
-/// The most that a command may say \[bytes\]: `squeue` has a line of some 20 for each of 99 999 tasks.
+/// Largest output of a command \[bytes\]: `squeue` prints a line of about 20 for each of 99 999 tasks.
 const MAX_SAID: u64 = 16 << 20;
-/// How much of its errors is told \[bytes\].
+/// Length of the error output that is kept \[bytes\].
 const MAX_ERRORS: usize = 2000;
-/// How often it is looked whether it has ended.
+/// Interval between two checks whether the command has ended.
 const NAP: Duration = Duration::from_millis(20);
-/// How long its output is waited for once it has ended: a process that it started may hold the pipe.
+/// Longest wait for output after the command ended, because a process that it started may hold the pipe.
 const LAST_OUTPUT: Duration = Duration::from_secs(2);
 
-/// What a command said, and how it ended.
+/// Output and exit status of a command.
 pub struct Said {
     pub stdout: String,
     pub stderr: String,
     pub status: ExitStatus,
 }
 
-/// Runs a command with `input`; `None` when `interrupts` ended it.
+/// Runs a command with `input`; returns `None` if `interrupts` ended it.
 ///
 /// # Errors
-/// It is not there, cannot be run, or says more than a scheduler has to say; then it is killed.
+/// The command does not exist, cannot be run, or prints more than [`MAX_SAID`]; then it is killed.
 pub fn run(mut command: Command, input: &str, interrupts: &AtomicU32) -> anyhow::Result<Option<Said>> {
     let name = command.get_program().to_string_lossy().into_owned();
     let child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn();
@@ -40,7 +40,7 @@ pub fn run(mut command: Command, input: &str, interrupts: &AtomicU32) -> anyhow:
     })?;
     if let Some(mut stdin) = child.stdin.take() {
         let input = input.as_bytes().to_vec();
-        thread::spawn(move || stdin.write_all(&input)); // one that does not read it fails by itself
+        thread::spawn(move || stdin.write_all(&input)); // fails if the command does not read it: no harm
     }
     let stdout = read(child.stdout.take());
     let stderr = read(child.stderr.take());
@@ -69,15 +69,14 @@ pub fn run(mut command: Command, input: &str, interrupts: &AtomicU32) -> anyhow:
     Ok(Some(Said { stdout: text(&said), stderr: text(&stderr), status }))
 }
 
-/// Reads in a thread of its own up to the end, or to one byte more than may be said: then the pipe is closed, which ends a writer
-/// that goes on.
+/// Reads in a thread to the end or to [`MAX_SAID`] + 1 bytes; closing the pipe then ends a writer that continues.
 fn read(from: Option<impl Read + Send + 'static>) -> Receiver<Vec<u8>> {
     let (done, bytes) = channel();
     thread::spawn(move || {
         let Some(from) = from else { return };
         let mut read = vec![];
-        let _ = from.take(MAX_SAID + 1).read_to_end(&mut read); // up to an error
-        let _ = done.send(read); // it may no longer be waited for
+        let _ = from.take(MAX_SAID + 1).read_to_end(&mut read); // keeps what was read before an error
+        let _ = done.send(read); // the caller may no longer wait
     });
     bytes
 }
@@ -95,13 +94,13 @@ mod tests {
     }
 
     #[test]
-    fn what_a_command_says_is_returned_with_how_it_ended() {
+    fn output_and_exit_status_of_a_command_are_returned() {
         let said = sh("cat; echo twice >&2; exit 3", "input", 0).unwrap().unwrap();
         assert_eq!((said.stdout.as_str(), said.stderr.as_str(), said.status.code()), ("input", "twice\n", Some(3)));
     }
 
     #[test]
-    fn a_command_that_never_stops_talking_is_cut() {
+    fn endless_output_of_a_command_is_cut() {
         let said = format!("{:#}", sh("yes", "", 0).err().expect("refused"));
         assert!(said.contains("`sh` says more than 16 MB"), "{said}");
         let errors = sh("yes | head -c 300000000 >&2", "", 0).unwrap().unwrap();

@@ -1,9 +1,9 @@
-//! Gains for the controllers of a campaign by one procedure and one budget, so that they are compared alike.
+//! Tunes the gains of the controllers of a campaign by one procedure with one budget, so that the comparison is fair.
 //!
 //! A search by CMA-ES (Hansen, arXiv 1604.00772) begins at the settings of the file and minimises the mean cost of the
-//! training flights: 1 for one that does not pass, `e / (1 m + e)` for one that does, with its RMS position error `e`.
-//! Factors stay within 1000 either way; values are rounded to three digits before they are flown, so that what is
-//! printed is what was tried. The result of a search is the best try, or the settings of the file where none was better.
+//! training flights. A flight that does not pass costs 1; one that passes costs `e / (1 m + e)`, where `e` is its RMS
+//! position error. Factors stay between 1/1000 and 1000. Values are rounded to three digits before they are flown, so
+//! that the printed values are those tried. The result is the best try, or the settings of the file if none was better.
 
 use std::fmt::Write as _;
 
@@ -30,27 +30,27 @@ const HALF_M: f64 = 1.0;
 /// Digits that a tuned value keeps.
 const DIGITS: i32 = 3;
 
-/// What a search came to.
+/// Result of a search.
 #[derive(Debug, Clone)]
 pub struct Tuned {
     pub controller: String,
-    /// The tuned settings, whole arrays where elements of them were scaled.
+    /// Tuned settings; an array of which elements were scaled is given whole.
     pub settings: Vec<(String, Value)>,
-    /// Mean cost with the settings of the file, and with these.
+    /// Mean cost with the settings of the file, and with the tuned ones.
     pub cost: [f64; 2],
     pub flights: u64,
 }
 
-/// The settings of one controller while they are searched.
+/// Search of the settings of one controller.
 struct Search<'a> {
     plan: &'a Plan,
     controller: usize,
-    /// Keys and values at the start, by group.
+    /// Keys and values of the file, by group.
     groups: Vec<Vec<(String, f64)>>,
 }
 
-/// Searches the settings of each controller, or only of `only`. `show` is told after each try: controller, flights so
-/// far, least cost. `None` when `go_on` said no before the end.
+/// Searches the settings of each controller, or only of `only`. Calls `show` after each try with controller, flights so
+/// far and least cost. Returns `None` if `go_on` returned `false` before the end.
 pub fn search(
     tune: &Tune,
     campaign: &Campaign,
@@ -76,7 +76,7 @@ pub fn search(
 }
 
 impl Search<'_> {
-    /// The best settings that `budget` flights find; `None` when `go_on` said no.
+    /// Returns the best settings that `budget` flights find; `None` if `go_on` returned `false`.
     fn run(
         &self,
         budget: u64,
@@ -113,7 +113,7 @@ impl Search<'_> {
         Ok(Some(Tuned { controller: name.clone(), settings, cost: [at_start, least], flights }))
     }
 
-    /// The settings for the logarithms of the factors.
+    /// Scales the settings by factors, given as logarithms.
     fn settings(&self, logarithms: &[f64]) -> Vec<(String, Value)> {
         let scaled = |(group, logarithm): (&Vec<(String, f64)>, &f64)| {
             let widest = libm::log(WIDEST);
@@ -123,7 +123,7 @@ impl Search<'_> {
         self.groups.iter().zip(logarithms).flat_map(scaled).collect()
     }
 
-    /// The mean cost of the training flights; 1 once `go_on` says no.
+    /// Flies the training flights and returns their mean cost; a flight stopped by `go_on` costs 1.
     fn cost(&self, logarithms: &[f64], go_on: &(impl Fn() -> bool + Sync)) -> f64 {
         let settings = self.settings(logarithms);
         let controllers = self.plan.campaign.controllers.len();
@@ -133,12 +133,12 @@ impl Search<'_> {
             None => 1.0,
         };
         let costs: Vec<f64> = numbers.par_iter().map(one).collect();
-        costs.iter().sum::<f64>() / costs.len() as f64 // in order: the same sum on any number of cores
+        costs.iter().sum::<f64>() / costs.len() as f64 // summed in order: the same on any number of cores
     }
 }
 
 impl Tuned {
-    /// The settings as the file has them, with what the search was.
+    /// Returns the settings as TOML for the file, with the costs in a comment.
     pub fn to_toml(&self) -> String {
         let [before, after] = self.cost;
         let mut text = format!("# cost {before:.4} before, {after:.4} after {} flights\n", self.flights);
@@ -150,7 +150,7 @@ impl Tuned {
     }
 }
 
-/// What a training flight costs.
+/// Cost of a training flight, from 0 to 1.
 fn cost(outcome: &FlightRow) -> f64 {
     let column = row::columns().iter().position(|(name, _)| name == "rms_position_error_m");
     match (outcome.standing, column.and_then(|column| outcome.cells.get(column))) {
@@ -159,7 +159,7 @@ fn cost(outcome: &FlightRow) -> f64 {
     }
 }
 
-/// The settings without elements of arrays: each array once, whole.
+/// Replaces elements of arrays by whole arrays, each of them once.
 fn whole(given: &Given, settings: &[(String, Value)]) -> anyhow::Result<Vec<(String, Value)>> {
     let merged = merged(given, settings)?;
     let is_number = |name: &str| name.parse::<usize>().is_ok();
@@ -170,7 +170,7 @@ fn whole(given: &Given, settings: &[(String, Value)]) -> anyhow::Result<Vec<(Str
     Ok(keys.into_iter().filter_map(|key| at(&merged, &key).cloned().map(|value| (key, value))).collect())
 }
 
-/// Rounded to [`DIGITS`] significant digits.
+/// Rounds to [`DIGITS`] significant digits.
 fn rounded(x: f64) -> f64 {
     format!("{x:.*e}", DIGITS as usize - 1).parse().unwrap_or(x)
 }
@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_searched_is_named() {
+    fn a_mistake_in_the_tuning_is_named() {
         for (from, to, expected) in [
             ("pid = [[", "pdi = [[", "[controller.pdi]"),
             ("mpc.pid.kp.1", "mpc.pid.kp.7", "`mpc.pid.kp.7` is no number"),

@@ -1,4 +1,4 @@
-//! Refuses seeds that change nothing before anything is flown: their flights would be copies of each other.
+//! Refuses seeds that change nothing before anything is flown, because their flights would be copies of each other.
 
 use anyhow::ensure;
 
@@ -6,20 +6,20 @@ use crate::file::SEED;
 use crate::plan::Plan;
 use crate::row;
 
-/// As many pairs of flights that differ by their seed only are flown to find one that differs.
+/// Pairs of flights with different seeds that are flown at most to find one pair that differs.
 const TRIED: u64 = 64;
 
-/// Whether the listed seeds of a plan change a flight.
+/// Checks that the listed seeds of a plan change a flight.
 ///
 /// # Errors
-/// No pair that was tried is of two flights.
+/// The two flights of every tried pair are equal.
 pub fn check(plan: &Plan) -> anyhow::Result<()> {
     let axes = plan.listed_axes();
     let Some((_, axis)) = axes.iter().find(|(key, axis)| *key == SEED && axis.values > 1) else { return Ok(()) };
     let others = plan.flights() / axis.values;
     let mut is_flown = false;
     for i in 0..others.min(TRIED) {
-        // Multiples of the golden ratio leave no gap and keep no step.
+        // Multiples of the golden ratio spread evenly and avoid every regular pattern of the flights.
         let place = if others > TRIED {
             ((u128::from(i.wrapping_mul(0x9E37_79B9_7F4A_7C15)) * u128::from(others)) >> 64) as u64
         } else {

@@ -1,7 +1,6 @@
-//! A shard: some flights in a row, in a file that is there and whole, or not there.
+//! A shard: consecutive flights in one file, which is either complete or absent.
 //!
-//! Its words say by what program, of what campaign and of how many shards it is; a file that is of others is an error, and no
-//! flight is counted twice or left out.
+//! The file names its program, campaign and number of shards. A file with others is refused: each flight counts once.
 
 use std::cell::Cell as Flag;
 use std::fs::File;
@@ -22,13 +21,14 @@ use crate::plan::Plan;
 use crate::row;
 use crate::table::{Cell, Kind, Table};
 
-/// Numbers of the flights of shard `index` of `of`, when there are so many flights.
+/// Numbers of the flights of shard `index` of `of`, for a campaign of `flights` flights.
 pub fn range(flights: u64, index: u64, of: u64) -> Range<u64> {
     let at = |i: u64| (u128::from(flights) * u128::from(i) / u128::from(of)) as u64;
     at(index)..at(index + 1)
 }
 
-/// The program that flies: results of two are not mixed. One whose sources are those of no commit is told by its bytes.
+/// Identifies the program, because results of different programs are not mixed. If it was built from no commit or from
+/// changed sources, the hash of its bytes is included.
 pub fn program() -> &'static str {
     static PROGRAM: OnceLock<String> = OnceLock::new();
     PROGRAM.get_or_init(|| {
@@ -41,7 +41,7 @@ pub fn program() -> &'static str {
     })
 }
 
-/// The start of the SHA-256 of the executable that runs.
+/// Start of the SHA-256 of the running executable.
 fn own_digest() -> String {
     let digest = || -> io::Result<String> {
         let mut program = BufReader::with_capacity(1 << 16, File::open("/proc/self/exe")?);
@@ -59,17 +59,17 @@ fn own_digest() -> String {
     digest().map_or("unknown".into(), |digest| format!("sha256 {digest}"))
 }
 
-/// The file of a shard.
+/// File name of a shard.
 pub fn name(index: u64) -> String {
     format!("{index:05}.parquet")
 }
 
-/// The columns of all tables of a campaign.
+/// Columns of all tables of a campaign.
 pub fn columns(plan: &Plan) -> Vec<(String, Kind)> {
     [plan.columns(), row::columns()].concat()
 }
 
-/// What a shard's words must say.
+/// Metadata that the file of a shard must have.
 fn words(layout: &Layout, index: u64) -> [(&'static str, String); 4] {
     let Layout { program, campaign, shards, .. } = layout;
     [
@@ -80,15 +80,15 @@ fn words(layout: &Layout, index: u64) -> [(&'static str, String); 4] {
     ]
 }
 
-/// Writes the rows of a shard, whole or not at all.
+/// Writes the rows of a shard, completely or not at all.
 pub fn write(shards: &Dir, layout: &Layout, index: u64, rows: &Table) -> anyhow::Result<()> {
     shards.write_whole(name(index), &rows.to_parquet(&words(layout, index))?)
 }
 
-/// The rows of shard `index`.
+/// Reads the rows of shard `index`.
 ///
 /// # Errors
-/// Anything that keeps its flights from being counted once each; the message says what to do.
+/// The file does not hold each of its flights once; the message says what to do.
 pub fn read(shards: &Dir, plan: &Plan, layout: &Layout, index: u64) -> anyhow::Result<Table> {
     let again = "remove the file, and the same command flies its flights again";
     let read = || -> anyhow::Result<Table> {
@@ -110,7 +110,7 @@ pub fn read(shards: &Dir, plan: &Plan, layout: &Layout, index: u64) -> anyhow::R
     read().with_context(|| format!("shard {index} ({}) is not counted; {again}", shards.at(name(index)).display()))
 }
 
-/// What `read` finds. Parquet's readers may panic at what is no Parquet: that is an error, of which nothing is printed.
+/// Calls `read`. Parquet's readers may panic on other files; that panic becomes an error and is not printed.
 fn quietly<T>(read: impl FnOnce() -> anyhow::Result<T> + UnwindSafe) -> anyhow::Result<T> {
     thread_local!(static READS: Flag<bool> = const { Flag::new(false) });
     static HOOK: Once = Once::new();

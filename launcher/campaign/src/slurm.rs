@@ -1,8 +1,8 @@
-//! A cluster that Slurm schedules: a job array whose tasks fly a shard each, in a folder that all nodes share.
+//! Flies a campaign on a Slurm cluster: a job array whose tasks fly a shard each, in a folder that all nodes share.
 //!
-//! What is done is told by the shards that are there, and what is under way by `squeue`: nothing else is remembered. A task that
-//! is run twice, because its node was thought dead, writes the same shard twice. One that ends without its shard is submitted
-//! again as long as others make progress.
+//! The shards in the folder tell what is done, and `squeue` tells what is under way; no other state is kept. A task
+//! that runs twice, because its node was thought dead, writes the same shard twice. A task that ends without its shard
+//! is submitted again as long as other shards are added.
 
 use std::fs;
 use std::io::{Read, Seek, SeekFrom};
@@ -21,54 +21,54 @@ use crate::folder::CampaignFolder;
 use crate::hex::hex;
 use crate::scheduler::{self, Said};
 
-/// The folder of what was submitted and of what the tasks said.
+/// Folder of the submitted script and of the logs of the tasks.
 const OWN: &str = "slurm";
-/// How often is looked.
+/// Interval between two calls of `squeue`.
 const LOOK: Duration = Duration::from_secs(2);
-/// How often an interrupt is looked for meanwhile.
+/// Interval between two checks for an interrupt.
 const NAP: Duration = Duration::from_millis(50);
-/// So long a shard may take to be seen here after its task has ended.
+/// Longest delay until a shard is visible here after its task ended.
 const SEEN_LATE: Duration = Duration::from_secs(4);
-/// So long the scheduler may give no answer.
+/// Longest time that the scheduler may give no answer.
 const SILENT: Duration = Duration::from_secs(300);
-/// Lines of a task's log that are told when it failed, and how much of its end is read for them \[bytes\].
+/// Lines of a task's log that are shown if it failed, and how much of its end is read for them \[bytes\].
 const TOLD_LINES: usize = 5;
 const TOLD_BYTES: u64 = 1 << 14;
 
-/// How a task is run.
+/// Options of a task.
 #[derive(Debug, Clone)]
 pub struct Job {
     pub partition: Option<String>,
     pub time: Option<String>,
     pub cpus: u32,
-    /// Words of a shell; absent = this program, by its path.
+    /// Command for a shell; `None` = the path of this program.
     pub program: Option<String>,
 }
 
 #[derive(Debug, PartialEq, Eq)]
 pub enum Ended {
-    /// Every shard is there.
+    /// All shards exist.
     Complete,
-    /// Its tasks fly on.
+    /// Returned without waiting; the tasks continue.
     Detached,
     Interrupted,
-    /// The tasks ended without shards, and nothing came of submitting them again: why.
+    /// Tasks ended without shards, and a second submission added none; holds the reason.
     Failed(String),
 }
 
-/// The tasks that are in the queue.
+/// Tasks in the queue.
 #[derive(Debug, Default, PartialEq, Eq)]
 struct Queue {
     running: usize,
     pending: usize,
-    /// Why the last one that is pending does not run.
+    /// Reason that Slurm gives for the last pending task.
     reason: Option<String>,
 }
 
-/// Has the missing shards of a campaign flown, and waits for them unless it is to `detach`. `show` is told how far it is.
+/// Submits the missing shards of a campaign, and waits for them unless `detach`. Calls `show` with the progress.
 ///
 /// # Errors
-/// No scheduler, or one that refuses the job.
+/// There is no scheduler, or it refuses the job.
 pub fn fly(
     job: &Job,
     folder: &CampaignFolder,
@@ -84,7 +84,7 @@ pub fn fly(
         }
         let Some(queue) = queue(folder, interrupts)? else { return Ok(Ended::Interrupted) };
         if queue.is_empty() {
-            // What the last submission has not brought forward the next one will not either.
+            // Give up: the last submission added no shard.
             if before.as_ref() == Some(&missing) {
                 return Ok(Ended::Failed(failed(folder, &missing, interrupts)));
             }
@@ -102,13 +102,13 @@ pub fn fly(
     }
 }
 
-/// What the queue has of a campaign, in words; `None` where there is no scheduler, or it knows none of its tasks.
+/// Describes the tasks of a campaign in the queue; `None` if there is no scheduler or it knows none of them.
 pub fn status(folder: &CampaignFolder) -> Option<String> {
     let queue = queue(folder, &AtomicU32::new(0)).ok().flatten();
     queue.filter(|queue| !queue.is_empty()).map(|queue| queue.describe())
 }
 
-/// Waits until no task is in the queue, or all shards are there; false when interrupted.
+/// Waits until no task is in the queue or all shards exist; returns `false` if interrupted.
 fn wait(folder: &CampaignFolder, interrupts: &AtomicU32, show: &mut impl FnMut(&str)) -> anyhow::Result<bool> {
     let mut answered = Instant::now();
     let mut empty_since: Option<Instant> = None;
@@ -129,7 +129,7 @@ fn wait(folder: &CampaignFolder, interrupts: &AtomicU32, show: &mut impl FnMut(&
                 empty_since = if queue.is_empty() { empty_since.or(Some(answered)) } else { None };
             }
             Err(error) if answered.elapsed() > SILENT => return Err(error),
-            Err(_) => {} // it is being restarted
+            Err(_) => {} // the scheduler may be restarting
         }
         if empty_since.is_some_and(|since| since.elapsed() > SEEN_LATE) {
             return Ok(true);
@@ -154,7 +154,7 @@ impl Queue {
                 "RUNNING" | "COMPLETING" | "SUSPENDED" | "STAGE_OUT" | "SIGNALING" | "STOPPED" | "RESIZING" => {
                     queue.running += 1;
                 }
-                _ => {} // over
+                _ => {} // ended
             }
         }
         queue
@@ -170,21 +170,21 @@ impl Queue {
     }
 }
 
-/// The name of a campaign's jobs: of this campaign into this folder.
+/// Returns the name of the jobs of this campaign in this folder.
 fn name(folder: &CampaignFolder) -> anyhow::Result<String> {
     let path = fs::canonicalize(folder.dir.path())?;
     let hash = Sha256::digest(format!("{} {}", folder.layout.campaign, path.display()));
     Ok(format!("trefoil-{}", hex(&hash[..8])))
 }
 
-/// The queue; `None` when interrupted.
+/// Asks for the queue; `None` if interrupted.
 fn queue(folder: &CampaignFolder, interrupts: &AtomicU32) -> anyhow::Result<Option<Queue>> {
     let mut command = Command::new("squeue");
     command.args(["--noheader", "--array", "--me", "--format=%T %r", "--name"]).arg(name(folder)?);
     Ok(said(command, "", interrupts)?.map(|text| Queue::of(&text)))
 }
 
-/// Submits an array with a task for each of the missing shards; false when interrupted, perhaps too late to keep it from flying.
+/// Submits an array with a task for each missing shard; returns `false` if interrupted, perhaps after the submission.
 fn submit(job: &Job, folder: &CampaignFolder, missing: &[u64], interrupts: &AtomicU32) -> anyhow::Result<bool> {
     let path = fs::canonicalize(folder.dir.path())?;
     let own = own_folder(folder, true)?;
@@ -201,7 +201,7 @@ fn submit(job: &Job, folder: &CampaignFolder, missing: &[u64], interrupts: &Atom
     let script = format!(
         "#!/bin/sh\nexec {program} campaign shard {campaign} --index \"$SLURM_ARRAY_TASK_ID\" --of {of} --out {out}\n"
     );
-    // For people. The scheduler gets the text itself: what has the name by then may be another's.
+    // The file is for the user. The scheduler gets the text itself: another program could replace the file by then.
     own.write_whole("shard.sh", script.as_bytes())?;
     let mut command = Command::new("sbatch");
     command
@@ -214,13 +214,13 @@ fn submit(job: &Job, folder: &CampaignFolder, missing: &[u64], interrupts: &Atom
     Ok(said(command, &script, interrupts).context("the shards are not submitted")?.is_some())
 }
 
-/// The folder with what was submitted and what the tasks said.
+/// Opens the folder of the script and the logs, and creates it if `make`.
 fn own_folder(folder: &CampaignFolder, make: bool) -> anyhow::Result<Dir> {
     let own = if make { folder.dir.make_folder(OWN) } else { folder.dir.folder(OWN) };
     own.with_context(|| format!("cannot use the folder {}", folder.dir.at(OWN).display()))
 }
 
-/// Runs a command of the scheduler with `input`; what it said, `None` when interrupted.
+/// Runs a command of the scheduler with `input` and returns its output; `None` if interrupted.
 fn said(command: Command, input: &str, interrupts: &AtomicU32) -> anyhow::Result<Option<String>> {
     let name = command.get_program().to_string_lossy().into_owned();
     let Some(Said { stdout, stderr, status }) = scheduler::run(command, input, interrupts)? else { return Ok(None) };
@@ -229,7 +229,7 @@ fn said(command: Command, input: &str, interrupts: &AtomicU32) -> anyhow::Result
     Ok(Some(stdout))
 }
 
-/// Numbers in order, as `--array` has them: `0-3,7`.
+/// Formats rising numbers for `--array`: `0-3,7`.
 fn ranges(numbers: &[u64]) -> String {
     let mut ranges: Vec<[u64; 2]> = vec![];
     for number in numbers {
@@ -242,13 +242,13 @@ fn ranges(numbers: &[u64]) -> String {
     ranges.iter().map(one).collect::<Vec<_>>().join(",")
 }
 
-/// A path as one word of a shell.
+/// Quotes a path as one word of a shell.
 fn quoted(path: &Path) -> anyhow::Result<String> {
     let text = path.to_str().with_context(|| format!("the path {} is not text", path.display()))?;
     Ok(format!("'{}'", text.replace('\'', r"'\''")))
 }
 
-/// Why nothing comes of the missing shards: what the first of their tasks said last, and how it ended where Slurm keeps accounts.
+/// Explains missing shards: the last log lines of their first task, and how it ended if Slurm keeps accounts.
 fn failed(folder: &CampaignFolder, missing: &[u64], interrupts: &AtomicU32) -> String {
     let first = missing.first().copied().unwrap_or_default();
     let log = format!("{first}.log");
@@ -270,7 +270,7 @@ fn failed(folder: &CampaignFolder, missing: &[u64], interrupts: &AtomicU32) -> S
     )
 }
 
-/// The last lines of a file, which may be of any length.
+/// Reads the last [`TOLD_BYTES`] of a file of any length.
 fn end_of(own: &Dir, name: &str) -> anyhow::Result<String> {
     let (mut file, bytes) = own.file(name, u64::MAX)?;
     file.seek(SeekFrom::Start(bytes.saturating_sub(TOLD_BYTES)))?;
@@ -279,7 +279,7 @@ fn end_of(own: &Dir, name: &str) -> anyhow::Result<String> {
     Ok(String::from_utf8_lossy(&end).into_owned())
 }
 
-/// How the last task of a shard ended, as `TIMEOUT`; `None` where Slurm keeps no accounts.
+/// Returns how the last task of a shard ended, for instance `TIMEOUT`; `None` if Slurm keeps no accounts.
 fn account(folder: &CampaignFolder, shard: u64, interrupts: &AtomicU32) -> Option<String> {
     let mut command = Command::new("sacct");
     command.args(["-XnP", "--format=JobID,State", "--starttime=now-30days", "--name"]).arg(name(folder).ok()?);
@@ -300,7 +300,7 @@ mod tests {
     }
 
     #[test]
-    fn a_queue_is_what_has_not_ended() {
+    fn a_queue_counts_tasks_that_have_not_ended() {
         let queue =
             Queue::of("RUNNING None\nPENDING Resources\nCOMPLETING None\nNODE_FAIL NodeDown\nPENDING BeginTime\n");
         assert_eq!(queue, Queue { running: 2, pending: 2, reason: Some("BeginTime".into()) });

@@ -1,6 +1,6 @@
-//! Tables of flights: typed columns in memory, and as Parquet with zstd.
+//! Tables of flights: typed columns in memory, and Parquet files compressed with zstd.
 //!
-//! A file carries SHA-256 of its columns, because Parquet notices a changed bit in a number by itself not always.
+//! A file carries the SHA-256 of its columns, because Parquet does not always notice a changed bit in a number.
 
 use std::sync::Arc;
 
@@ -18,12 +18,12 @@ use toml::Value;
 
 use crate::hex::hex;
 
-/// Rows of a row group: so many are compressed together.
+/// Rows of a row group, which is compressed as one.
 const GROUP: usize = 1 << 16;
-/// Under this key a file has the hash of its columns.
+/// Key of the hash of the columns in the metadata of a file.
 const HASH: &str = "columns_sha256";
 
-/// What a column holds.
+/// Type of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     Bool,
@@ -32,7 +32,7 @@ pub enum Kind {
     Text,
 }
 
-/// One value.
+/// One value of a column; `None` is stored as null.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Cell {
     None,
@@ -42,7 +42,7 @@ pub enum Cell {
     Text(String),
 }
 
-/// The values of one column.
+/// Values of one column.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Column {
     Bool(Vec<Option<bool>>),
@@ -51,14 +51,14 @@ pub enum Column {
     Text(Vec<Option<String>>),
 }
 
-/// Columns of the same length, under their names.
+/// Named columns of the same length.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Table {
     pub columns: Vec<(String, Column)>,
 }
 
 impl Kind {
-    /// A value of TOML as a cell of such a column.
+    /// Converts a value of TOML to a cell for such a column; a value of another type becomes text.
     pub fn cell(self, value: &Value) -> Cell {
         match (self, value) {
             (Self::Int, Value::Integer(n)) => Cell::Int(*n),
@@ -72,7 +72,7 @@ impl Kind {
 }
 
 impl Cell {
-    /// Whether a column of this kind can have it.
+    /// Returns whether a column of this kind accepts the cell.
     pub fn is(&self, kind: Kind) -> bool {
         matches!(
             (self, kind),
@@ -113,7 +113,7 @@ impl Column {
         }
     }
 
-    /// Adds a cell. A number that is none is no value.
+    /// Adds a cell. NaN is stored as null, and so is a cell of another kind.
     fn push(&mut self, cell: Cell) {
         match (self, cell) {
             (Self::Bool(all), Cell::Bool(yes)) => all.push(Some(yes)),
@@ -138,7 +138,7 @@ impl Column {
         Ok(())
     }
 
-    /// The value of a row.
+    /// Returns the value of a row.
     pub fn cell(&self, row: usize) -> Cell {
         match self {
             Self::Bool(all) => all[row].map_or(Cell::None, Cell::Bool),
@@ -148,7 +148,7 @@ impl Column {
         }
     }
 
-    /// The number of a row, if it has one.
+    /// Returns the number of a row; `None` for null and in columns of text or booleans.
     pub fn number(&self, row: usize) -> Option<f64> {
         match self {
             Self::Int(all) => all[row].map(|n| n as f64),
@@ -157,7 +157,7 @@ impl Column {
         }
     }
 
-    /// The text of a row; nothing where there is none.
+    /// Returns the text of a row; empty for null and in columns of other kinds.
     pub fn text(&self, row: usize) -> &str {
         match self {
             Self::Text(all) => all[row].as_deref().unwrap_or_default(),
@@ -188,7 +188,7 @@ impl Table {
         self.columns.first().map_or(0, |(_, column)| column.len())
     }
 
-    /// Adds a row, of which cells at the end may be absent.
+    /// Adds a row; cells absent at the end are null.
     pub fn push(&mut self, row: Vec<Cell>) {
         let cells = row.into_iter().chain(std::iter::repeat(Cell::None));
         for ((_, column), cell) in self.columns.iter_mut().zip(cells) {
@@ -196,14 +196,14 @@ impl Table {
         }
     }
 
-    /// Adds the rows of a table with the same columns.
+    /// Adds the rows of a table; an error if its columns differ.
     pub fn append(&mut self, other: Self) -> anyhow::Result<()> {
         ensure!(self.names().eq(other.names()), "tables with different columns");
         let pairs = self.columns.iter_mut().zip(other.columns);
         pairs.into_iter().try_for_each(|((_, column), (_, more))| column.append(more))
     }
 
-    /// The column of a name, if there is one.
+    /// Finds a column by name.
     pub fn column(&self, name: &str) -> Option<&Column> {
         self.columns.iter().find(|(of, _)| of == name).map(|(_, column)| column)
     }
@@ -221,7 +221,7 @@ impl Table {
         hex(&hash.finalize())
     }
 
-    /// As a Parquet file, with words about it.
+    /// Writes a Parquet file with `words` as key-value metadata.
     pub fn to_parquet(&self, words: &[(&str, String)]) -> anyhow::Result<Vec<u8>> {
         let field = |(name, column): &(String, Column)| {
             let (physical, logical) = match column.kind() {
@@ -268,11 +268,11 @@ impl Table {
         Ok(writer.into_inner()?)
     }
 
-    /// The table of a Parquet file that [`to_parquet`](Self::to_parquet) has made, with the words about it and `limit` rows at
-    /// most: a small file can say that it has more than the memory holds.
+    /// Reads a Parquet file written by [`to_parquet`](Self::to_parquet), with its metadata and at most `limit` rows,
+    /// because a small file can claim more rows than memory holds.
     ///
     /// # Errors
-    /// Everything that it would not have made.
+    /// Anything that [`to_parquet`](Self::to_parquet) would not have written.
     pub fn from_parquet(bytes: Vec<u8>, limit: u64) -> anyhow::Result<(Self, Vec<(String, String)>)> {
         let reader = SerializedFileReader::new(bytes::Bytes::from(bytes))?;
         let metadata = reader.metadata().file_metadata().clone();
@@ -317,7 +317,7 @@ impl Table {
     }
 }
 
-/// All values of a column of so many rows.
+/// Reads all values of a column of `rows` rows.
 fn values<T: DataType>(mut column: ColumnReaderImpl<T>, rows: usize) -> anyhow::Result<Vec<Option<T::T>>> {
     let (mut levels, mut values) = (vec![], vec![]);
     let mut read = 0;
@@ -372,7 +372,7 @@ mod tests {
         for at in 0..good.len() {
             let mut bad = good.clone();
             bad[at] ^= 0x10;
-            // What Parquet itself has no use for may change without harm.
+            // A changed bit is harmless where Parquet ignores it.
             let read = std::panic::catch_unwind(|| Table::from_parquet(bad, 21));
             if let Ok(Ok((read, _))) = read {
                 assert_eq!(read, expected.0, "byte {at}");

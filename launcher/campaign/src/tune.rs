@@ -1,12 +1,12 @@
-//! `[tune]`: which settings of the controllers a [search](crate::search) may scale, on which draws and with which budget.
+//! `[tune]`: the settings of the controllers that a [search](crate::search) may scale, its draws and its budget.
 //!
 //! ```toml
 //! [tune]
-//! seed = 101                         # of the training draws: others than those the campaign judges by
+//! seed = 101                         # of the training draws; give another than the campaign's
 //! samples = 60                       # draws that each try flies
 //! flights = 9600                     # budget of each controller
 //!
-//! [tune.scale]                       # what is searched: each group of settings is scaled by a factor of its own
+//! [tune.scale]                       # settings that are searched: each group is scaled by one factor
 //! pid = [["mpc.pid.kp.1", "mpc.pid.kp.2"], ["mpc.pid.kd.0", "mpc.pid.kd.1"]]
 //! ```
 
@@ -17,14 +17,14 @@ use contract::scenario::{Given, to_toml};
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
-/// `[tune]`
+/// Settings of `[tune]`.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Tune {
     pub seed: u32,
     pub samples: u64,
     pub flights: u64,
-    /// Groups of settings by controller.
+    /// Groups of keys, by controller.
     pub scale: BTreeMap<String, Vec<Vec<String>>>,
 }
 
@@ -49,12 +49,12 @@ impl Tune {
     }
 }
 
-/// Tries of a generation for so many groups: the default of CMA-ES.
+/// Number of tries of a generation for this number of groups: the default of CMA-ES.
 pub fn population(groups: usize) -> usize {
     4 + (3.0 * libm::log(groups as f64)) as usize
 }
 
-/// The keys of each group with their values at the start.
+/// Returns the keys of each group with their values at the start of the search.
 pub fn starts(given: &Given, groups: &[Vec<String>]) -> anyhow::Result<Vec<Vec<(String, f64)>>> {
     let merged = merged(given, &[])?;
     let start = |key: &String| {
@@ -70,12 +70,12 @@ pub fn starts(given: &Given, groups: &[Vec<String>]) -> anyhow::Result<Vec<Vec<(
     groups.iter().map(group).collect()
 }
 
-/// The merged settings of a controller with `settings` on top.
+/// Returns the merged settings of a controller with `settings` on top.
 pub fn merged(given: &Given, settings: &[(String, Value)]) -> anyhow::Result<Value> {
     Ok(Value::Table(to_toml(&given.scenario(settings)?).parse::<Table>()?))
 }
 
-/// The value of a dotted key; numbers count the elements of an array.
+/// Returns the value of a dotted key; a number in the key is the index of an array element, from 0.
 pub fn at<'a>(settings: &'a Value, key: &str) -> Option<&'a Value> {
     key.split('.').try_fold(settings, |value, name| match name.parse::<usize>() {
         Ok(i) => value.get(i),

@@ -1,7 +1,7 @@
-//! What one setting varies over: values that are all flown, or a distribution that values are drawn from.
+//! Values of one setting that varies: a list of which each is flown, or a distribution that is drawn from.
 //!
-//! Drawn values are quantiles of numbers between 0 and 1, by which any sampling has any distribution. They are the same on
-//! every machine: the elementary functions are those of the crate `libm`, not of the C library.
+//! Drawn values are quantiles at numbers between 0 and 1, so that every sampling works with every distribution. They
+//! are the same on every machine: the elementary functions are those of the crate `libm`, not of the C library.
 
 use std::collections::HashSet;
 
@@ -15,20 +15,20 @@ use crate::table::Kind;
 /// One setting and its values.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Factor {
-    /// Dotted, as in a scenario; numbers count the elements of an array.
+    /// Dotted key, as in a scenario; a number in it is the index of an array element.
     pub key: String,
     pub values: Values,
 }
 
 #[derive(Debug, Clone, PartialEq)]
 pub enum Values {
-    /// Each of them is flown.
+    /// List; each value is flown.
     Listed(Vec<Value>),
-    /// One is drawn for each sample.
+    /// Distribution; one value is drawn for each sample.
     Drawn(Distribution),
 }
 
-/// One setting and what the file says of its values, before they are made: a few words can ask for billions of them.
+/// One setting and its values as in the file, before they are made: a short text can ask for billions of values.
 #[derive(Debug)]
 pub struct Wanted {
     pub key: String,
@@ -38,13 +38,13 @@ pub struct Wanted {
 #[derive(Debug)]
 enum WantedValues {
     Listed(Vec<Value>),
-    /// The whole numbers from 1 to this one.
+    /// Whole numbers from 1 to this one.
     UpTo(u32),
-    /// With the words of the file.
+    /// Variation, with its text in the file.
     Varied(Variation, String),
 }
 
-/// `{ range = ... }` and the distributions, as the file has them.
+/// `{ range = ... }` and the distributions, as in the file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Variation {
@@ -56,13 +56,13 @@ enum Variation {
     Choice(Vec<Value>),
 }
 
-/// The words of [`Variation`].
+/// Keywords of [`Variation`].
 const WORDS: [&str; 6] = ["range", "uniform", "log_uniform", "integer", "normal", "choice"];
 
-/// A word that differs from one of these in so many letters was meant to be it.
+/// Largest edit distance at which an unknown word is taken for a misspelt keyword.
 const MAX_SLIPS: usize = 2;
 
-/// Evenly spaced values, the ends included.
+/// Evenly spaced values, both ends included.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Range {
@@ -73,22 +73,22 @@ struct Range {
 
 #[derive(Debug, Clone, PartialEq)]
 pub enum Distribution {
-    /// Evenly from the first to the second.
+    /// Uniform from the first to the second.
     Uniform([f64; 2]),
-    /// Its logarithm evenly.
+    /// Uniform in the logarithm.
     LogUniform([f64; 2]),
-    /// A whole number, each with the same chance, both ends included. Of more than 2^53 numbers, so many can be drawn.
+    /// Whole numbers of equal probability, both ends included; at most 2^53 different ones can be drawn.
     Integer([i64; 2]),
     Normal(Normal),
-    /// One of these, each with the same chance.
+    /// One of these values, with equal probability.
     Choice(Vec<Value>),
 }
 
 impl Wanted {
-    /// What a table `[vary]` asks for, by its keys in order.
+    /// Reads the table `[vary]`; the result is sorted by key.
     ///
     /// # Errors
-    /// What is neither a list nor a variation, with its key.
+    /// A value is neither a list nor a variation; the message has its key.
     pub fn all(vary: &toml::Table) -> anyhow::Result<Vec<Self>> {
         let mut wanted = vec![];
         collect("", vary, &mut wanted)?;
@@ -96,17 +96,17 @@ impl Wanted {
         Ok(wanted)
     }
 
-    /// Each of `list`.
+    /// Lists the values of `list`.
     pub fn listed(key: &str, list: Vec<Value>) -> Self {
         Self { key: key.to_owned(), values: WantedValues::Listed(list) }
     }
 
-    /// The whole numbers from 1 to `count`.
+    /// Lists the whole numbers from 1 to `count`.
     pub fn up_to(key: &str, count: u32) -> Self {
         Self { key: key.to_owned(), values: WantedValues::UpTo(count) }
     }
 
-    /// How many values are flown, each with each of the other settings: 1 where they are drawn.
+    /// Number of values that are flown, each with each value of the other settings; 1 if they are drawn.
     pub fn count(&self) -> u64 {
         match &self.values {
             WantedValues::Listed(list) => list.len() as u64,
@@ -116,10 +116,10 @@ impl Wanted {
         }
     }
 
-    /// Makes the values.
+    /// Checks and makes the values.
     ///
     /// # Errors
-    /// An empty list, a value that stands in it twice (its flights would be counted twice), or a variation without sense.
+    /// An empty list, a value listed twice (its flights would be counted twice), or a variation with invalid numbers.
     pub fn factor(self) -> anyhow::Result<Factor> {
         let key = self.key;
         let values = match self.values {
@@ -160,7 +160,7 @@ fn listed(key: &str, list: Vec<Value>) -> anyhow::Result<Values> {
     Ok(Values::Listed(list))
 }
 
-/// Text that equal values have in common, of which 1 and 1.0 are two.
+/// Returns equal text for equal values; 1 and 1.0 are equal.
 fn identity(value: &Value) -> String {
     match value {
         Value::Integer(n) => format!("{:?}", *n as f64),
@@ -170,7 +170,7 @@ fn identity(value: &Value) -> String {
     }
 }
 
-/// Refuses a second way to write the number of an element, which would be a column of its own.
+/// Refuses leading zeros and signs in the index of an element, because the same element would get a second column.
 fn check_elements(key: &str) -> anyhow::Result<()> {
     for name in key.split('.') {
         if let Ok(number) = name.parse::<usize>() {
@@ -183,7 +183,7 @@ fn check_elements(key: &str) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Goes down the tables of dotted keys to what varies.
+/// Collects what varies from the nested tables of dotted keys.
 fn collect(path: &str, table: &toml::Table, wanted: &mut Vec<Wanted>) -> anyhow::Result<()> {
     for (name, value) in table {
         let key = if path.is_empty() { name.clone() } else { format!("{path}.{name}") };
@@ -247,7 +247,7 @@ impl Variation {
 }
 
 impl Values {
-    /// The values that a reader of the file sees: all of a list, the ends of a distribution.
+    /// Returns the values that the file shows: all of a list, the ends of a distribution, the median of a normal one.
     pub fn ends(&self) -> Vec<Value> {
         match self {
             Self::Listed(all) | Self::Drawn(Distribution::Choice(all)) => all.clone(),
@@ -257,7 +257,7 @@ impl Values {
         }
     }
 
-    /// What a column of them holds.
+    /// Returns the type of a column of these values.
     pub fn kind(&self) -> Kind {
         let all = self.ends();
         match () {
@@ -270,10 +270,10 @@ impl Values {
 }
 
 impl Distribution {
-    /// The value below which the share `u` of all values lies, 0 < u < 1.
+    /// Returns the value below which the share `u` of all values lies, 0 < u < 1.
     pub fn quantile(&self, u: f64) -> Value {
         let between = |[low, high]: [f64; 2]| low + (high - low) * u;
-        // The differences of two whole numbers have 65 bits.
+        // Needs 128 bits: the number of values of the widest range is 2^64.
         let index = |count: i128| ((u * count as f64) as i128).min(count - 1);
         match self {
             Self::Uniform(ends) => Value::Float(between(*ends)),
@@ -307,7 +307,7 @@ mod tests {
     }
 
     #[test]
-    fn a_quantile_lies_where_its_distribution_has_it() {
+    fn a_quantile_is_that_of_its_distribution() {
         assert_eq!(drawn("{ uniform = [2, 4] }").quantile(0.25), Value::Float(2.5));
         assert_eq!(drawn("{ integer = [1, 6] }").quantile(0.999_999), Value::Integer(6));
         assert_eq!(drawn("{ integer = [1, 6] }").quantile(0.16), Value::Integer(1));
@@ -340,7 +340,7 @@ mod tests {
         assert_eq!(found[0].values, Values::Listed([0.0, 0.5, 1.0].map(Value::Float).to_vec()));
     }
 
-    /// Else a table of a scenario would be taken for a slip.
+    /// A key near a keyword would be refused as a misspelt one.
     #[test]
     fn no_key_of_a_scenario_is_near_a_word() {
         fn keys(table: &toml::Table) -> Vec<String> {
@@ -357,7 +357,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_vary_is_refused_with_its_key() {
+    fn an_invalid_variation_is_refused_with_its_key() {
         for (text, expected) in [
             ("mpc.np = 3", "belongs into [settings]"),
             ("mpc.np = []", "an empty list"),

@@ -1,8 +1,8 @@
-//! A folder that is held open, and the one way to its files.
+//! A folder that is held open, and safe access to its files.
 //!
-//! Folders of runs and campaigns come from elsewhere: archives, shared disks, other users. So a folder is held by its descriptor
-//! and its files are opened from there (`openat`): another folder that takes its name meanwhile changes nothing. Inside it no
-//! link is followed, no FIFO or device is waited for, no file is read beyond its limit, and what belongs to another user is said.
+//! Folders of runs and campaigns come from archives, shared disks and other users. So a folder is held by a descriptor,
+//! and its files are opened relative to that (`openat`), even if another folder takes its name. Inside it no link is
+//! followed, no open waits for a FIFO or device, no file is read beyond its limit, and files of other users are noted.
 
 use std::collections::BTreeSet;
 use std::ffi::OsString;
@@ -23,39 +23,39 @@ use rustix::fs::{flock, fstat, linkat, mkdirat, openat, renameat, renameat_with,
 use rustix::io::Errno;
 use rustix::process::geteuid;
 
-/// Flags of every open: never through a link, never waiting.
+/// Flags of every open: no link is followed, and the call never waits.
 const NEVER_WAIT: OFlags = OFlags::NOFOLLOW.union(OFlags::NONBLOCK).union(OFlags::NOCTTY).union(OFlags::CLOEXEC);
 
-/// A folder by its descriptor. Every `name` is one component.
+/// A folder, held by its descriptor. Every `name` is one path component.
 #[derive(Debug)]
 pub struct Dir {
     fd: OwnedFd,
-    /// Its name when it was opened, for messages.
+    /// Path by which it was opened, for messages.
     path: PathBuf,
 }
 
 impl Dir {
-    /// Opens the folder that a user named. Links on the way to it are the user's; inside it none is followed.
+    /// Opens the folder that a user named. Links on the way to it are followed; inside it none is.
     pub fn open(path: &Path) -> Result<Self> {
         let path = if path.as_os_str().is_empty() { Path::new(".") } else { path };
         let fd = openat(CWD, path, OFlags::DIRECTORY | OFlags::CLOEXEC, Mode::empty())?;
         Ok(Self { fd, path: path.into() })
     }
 
-    /// The same; makes it, and what is missing above it.
+    /// Opens the folder at `path`; creates it, and its missing parents, if there is none.
     pub fn make(path: &Path) -> Result<Self> {
         std::fs::create_dir_all(path)?;
         Self::open(path)
     }
 
-    /// The folder `name` in this one.
+    /// Opens the folder `name` in this one; an error if it is a link.
     pub fn folder(&self, name: impl AsRef<Path>) -> Result<Self> {
         let fd = openat(&self.fd, name.as_ref(), NEVER_WAIT | OFlags::DIRECTORY, Mode::empty());
         let fd = fd.map_err(|error| self.refusal(name.as_ref(), FileType::Directory, error))?;
         Ok(Self { fd, path: self.at(name) })
     }
 
-    /// The same; makes it if nothing has the name.
+    /// Opens the folder `name` in this one; creates it if nothing has the name.
     pub fn make_folder(&self, name: &str) -> Result<Self> {
         match mkdirat(&self.fd, name, Mode::from_raw_mode(0o777)) {
             Err(Errno::EXIST) | Ok(()) => self.folder(name),
@@ -63,34 +63,34 @@ impl Dir {
         }
     }
 
-    /// Locks the folder itself as long as it is open; false where another process holds it. Never waits.
+    /// Locks the folder itself as long as it is open; returns false if another process holds the lock. Never waits.
     pub fn hold(&self) -> bool {
         is_locked(&self.fd, FlockOperation::NonBlockingLockExclusive)
     }
 
-    /// Whether its path still leads to it.
+    /// Returns whether the path by which it was opened still leads to it.
     pub fn is_in_its_place(&self) -> bool {
         let own = fstat(&self.fd).map(|found| (found.st_dev, found.st_ino));
         let named = statat(CWD, &self.path, AtFlags::empty()).map(|found| (found.st_dev, found.st_ino));
         own.is_ok() && own == named
     }
 
-    /// Its name when it was opened, for messages.
+    /// Returns the path by which it was opened, for messages.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// The name that `name` has from outside, for messages.
+    /// Returns the path of `name` in this folder, for messages.
     pub fn at(&self, name: impl AsRef<Path>) -> PathBuf {
         self.path.join(name)
     }
 
-    /// Whether anything has this name, be it a link that leads nowhere.
+    /// Returns whether anything has this name, a dangling link too.
     pub fn has(&self, name: &str) -> bool {
         self.kind(Path::new(name)).is_some()
     }
 
-    /// The names in it. They are read anew, because a network file system remembers which files were not there.
+    /// Reads the names in it. Each call reads them anew, because a network file system caches which files were missing.
     pub fn names(&self) -> Result<Vec<OsString>> {
         let own = |name: &std::ffi::CStr| ![c".", c".."].contains(&name);
         let entries =
@@ -98,47 +98,47 @@ impl Dir {
         entries.map(|entry| Ok(OsString::from_vec(entry?.file_name().to_bytes().to_vec()))).collect()
     }
 
-    /// Opens the regular file `name`, which may have `limit` bytes; also how many it has.
+    /// Opens the regular file `name`, and returns it with its size; an error if it has more than `limit` bytes.
     pub fn file(&self, name: impl AsRef<Path>, limit: u64) -> Result<(File, u64)> {
         let file = self.open_regular(name.as_ref(), OFlags::RDONLY)?;
         file::checked(file, limit)
     }
 
-    /// The bytes of the regular file `name`, `limit` at most.
+    /// Reads the bytes of the regular file `name`; an error if it has more than `limit`.
     pub fn read(&self, name: impl AsRef<Path>, limit: u64) -> Result<Vec<u8>> {
         file::read_all(self.file(name, limit)?, limit)
     }
 
-    /// The text of the regular file `name`, `limit` bytes at most.
+    /// Reads the text of the regular file `name`; an error if it has more than `limit` bytes.
     pub fn read_text(&self, name: impl AsRef<Path>, limit: u64) -> Result<String> {
         file::text(self.read(name, limit)?)
     }
 
-    /// Opens the regular file `name` to write it from its beginning; makes it if nothing has the name.
+    /// Opens the regular file `name` and empties it, for writing; creates it if nothing has the name.
     pub fn create(&self, name: impl AsRef<Path>) -> Result<File> {
         let file = self.open_regular(name.as_ref(), OFlags::WRONLY | OFlags::CREATE)?;
-        file.set_len(0)?; // only now is it known to be a file
+        file.set_len(0)?; // not before it is known to be a regular file
         Ok(file)
     }
 
-    /// Locks the file `name` as long as what is returned is open; `None` where another process holds it. Never waits.
+    /// Locks the file `name` while the returned file is open; `None` if another process holds the lock. Never waits.
     pub fn lock(&self, name: &str, how: FlockOperation) -> Result<Option<File>> {
         let file = self.open_regular(Path::new(name), OFlags::RDWR | OFlags::CREATE)?;
         Ok(is_locked(&file, how).then_some(file))
     }
 
-    /// Writes the file `name` whole or not at all: under another name, which takes the place of `name` at the end.
+    /// Writes the file `name` completely or not at all: a temporary file replaces `name` at the end.
     pub fn write_whole(&self, name: impl AsRef<Path>, bytes: &[u8]) -> anyhow::Result<()> {
         let name = name.as_ref();
         let put = |part: &str| Ok(renameat(&self.fd, part, &self.fd, name)?);
         self.write(name, bytes, put).with_context(|| format!("cannot write {}", self.at(name).display()))
     }
 
-    /// Writes the file `name` whole, if nothing has the name: of two processes that do, one has written it.
+    /// Writes the file `name` completely, unless a file has the name: then that one stays, without an error.
     pub fn write_new(&self, name: &str, bytes: &[u8]) -> anyhow::Result<()> {
         let put = |part: &str| {
             let put = match renameat_with(&self.fd, part, &self.fd, name, RenameFlags::NOREPLACE) {
-                // A file system that cannot promise it.
+                // The file system does not support NOREPLACE.
                 Err(Errno::INVAL | Errno::NOSYS) => linkat(&self.fd, part, &self.fd, name, AtFlags::empty())
                     .and_then(|()| unlinkat(&self.fd, part, AtFlags::empty())),
                 put => put,
@@ -151,37 +151,37 @@ impl Dir {
         self.write(Path::new(name), bytes, put).with_context(|| format!("cannot write {}", self.at(name).display()))
     }
 
-    /// Removes the file or link `name`, not what a link leads to.
+    /// Removes the file or link `name`; the target of a link stays.
     pub fn remove(&self, name: impl AsRef<Path>) -> Result<()> {
         Ok(unlinkat(&self.fd, name.as_ref(), AtFlags::empty())?)
     }
 
-    /// Writes a part, and has `put` give it the name `name`.
+    /// Writes a temporary file, and calls `put` to rename it to `name`; removes it on an error.
     fn write(&self, name: &Path, bytes: &[u8], put: impl Fn(&str) -> Result<()>) -> Result<()> {
         if self.kind(name).is_some_and(|kind| kind != FileType::RegularFile) {
             return Err(self.refusal(name, FileType::RegularFile, Errno::EXIST));
         }
         let (part, mut file) = self.part()?;
         let written = file.write_all(bytes).and_then(|()| file.sync_all()).and_then(|()| put(&part));
-        written.inspect_err(|_| _ = self.remove(&part)) // a part that stays does no harm
+        written.inspect_err(|_| _ = self.remove(&part)) // a temporary file that stays does no harm
     }
 
-    /// A new file, under a name that nothing had.
+    /// Creates a temporary file under an unused name.
     fn part(&self) -> Result<(String, File)> {
         static NEXT: AtomicU32 = AtomicU32::new(0);
         let flags = NEVER_WAIT | OFlags::WRONLY | OFlags::CREATE | OFlags::EXCL;
         loop {
             let part = format!(".{}-{}.part", std::process::id(), NEXT.fetch_add(1, Ordering::Relaxed));
             match openat(&self.fd, &part, flags, Mode::from_raw_mode(0o666)) {
-                Err(Errno::EXIST) => {} // of a process on another machine, or of one that was killed
+                Err(Errno::EXIST) => {} // left by a process on another machine, or by one that was killed
                 opened => return Ok((part, File::from(opened?))),
             }
         }
     }
 
-    /// Opens the regular file `name`, and says whose it is where it is another user's.
+    /// Opens the regular file `name`, and reports its owner if that is another user.
     fn open_regular(&self, name: &Path, how: OFlags) -> Result<File> {
-        // What is no file is not even opened, unless it takes the name in this moment: some devices act on an open.
+        // Anything else is not even opened (unless it takes the name right now), because some devices act on an open.
         let refusal = |error| self.refusal(name, FileType::RegularFile, error);
         if self.kind(name).is_some_and(|kind| kind != FileType::RegularFile) {
             return Err(refusal(Errno::INVAL));
@@ -192,13 +192,13 @@ impl Dir {
         Ok(file)
     }
 
-    /// The kind of what has this name, if anything has; a link is a link.
+    /// Returns the type of the entry `name`, without following links; `None` if there is none.
     fn kind(&self, name: &Path) -> Option<FileType> {
         let found = statat(&self.fd, name, AtFlags::SYMLINK_NOFOLLOW);
         found.ok().map(|found| FileType::from_raw_mode(found.st_mode))
     }
 
-    /// Why `name` cannot be used: it is of another kind than `wanted`, or what the system says.
+    /// Returns the reason why `name` cannot be used: its type is not `wanted`, or else the system's `error`.
     fn refusal(&self, name: &Path, wanted: FileType, error: Errno) -> Error {
         match self.kind(name).filter(|kind| *kind != wanted) {
             Some(kind) => {
@@ -210,7 +210,7 @@ impl Dir {
     }
 }
 
-/// Locks what is open; false where another process holds it. A file system without locks is taken as it is.
+/// Locks `fd`; returns false if another process holds the lock. On a file system without locks it returns true.
 fn is_locked(fd: impl AsFd, how: FlockOperation) -> bool {
     flock(fd, how) != Err(Errno::WOULDBLOCK)
 }
@@ -227,7 +227,7 @@ fn in_words(kind: FileType) -> &'static str {
     }
 }
 
-/// Says once of each other user that a file is theirs.
+/// Prints a note if the file belongs to another user, once for each user.
 fn say_owner(path: &Path, owner: u32) {
     static TOLD: Mutex<BTreeSet<u32>> = Mutex::new(BTreeSet::new());
     if owner != geteuid().as_raw() && TOLD.lock().is_ok_and(|mut told| told.insert(owner)) {
@@ -242,7 +242,7 @@ mod tests {
 
     use super::*;
 
-    /// A folder with a file `precious` beside it, and everything in it that a file may be taken for.
+    /// Makes a folder with links, a FIFO and a folder in it, and a file `precious` outside it.
     fn full() -> (tempfile::TempDir, Dir) {
         let top = tempfile::tempdir().unwrap();
         fs::write(top.path().join("precious"), "precious").unwrap();
@@ -257,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn only_regular_files_are_opened_and_none_is_waited_for() {
+    fn only_regular_files_are_opened_and_no_open_waits() {
         let (top, dir) = full();
         for (name, expected) in [
             ("link", "it is a link"),
@@ -284,7 +284,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_is_replaced_whole_and_a_new_one_replaces_none() {
+    fn write_whole_replaces_a_file_and_write_new_does_not() {
         let (_top, dir) = full();
         dir.write_whole("file", b"old").unwrap();
         dir.write_whole("file", b"new").unwrap();
@@ -301,7 +301,7 @@ mod tests {
     }
 
     #[test]
-    fn another_folder_that_takes_the_name_changes_nothing() {
+    fn another_folder_that_takes_the_name_is_not_touched() {
         let (top, dir) = full();
         dir.write_whole("file", b"ours").unwrap();
         fs::rename(top.path().join("a/run"), top.path().join("a/moved")).unwrap();

@@ -1,24 +1,24 @@
 //! Durations as people write them: `500ms`, `0.5s`, `2min`, or plain seconds.
 
-/// Units and what they are in seconds.
+/// Units and their length in seconds.
 const UNITS: [(&str, f64); 6] = [("ns", 1e-9), ("us", 1e-6), ("ms", 1e-3), ("min", 60.0), ("h", 3600.0), ("s", 1.0)];
 
-/// A duration in seconds; without a unit the number is of seconds.
+/// Parses a duration in seconds; a number without a unit is in seconds. Negative, NaN and infinite numbers are errors.
 pub fn seconds(text: &str) -> Result<f64, String> {
     in_seconds(text, 1.0)
 }
 
-/// The same, or `inf`.
+/// Parses a duration as [`seconds`] does; accepts `inf` too.
 pub fn seconds_or_inf(text: &str) -> Result<f64, String> {
     if text.trim() == "inf" { Ok(f64::INFINITY) } else { seconds(text).map_err(|error| error + ", or inf") }
 }
 
-/// A duration in milliseconds; without a unit the number is of milliseconds.
+/// Parses a duration in milliseconds; a number without a unit is in milliseconds.
 pub fn milliseconds(text: &str) -> Result<f64, String> {
     in_seconds(text, 1e-3).map(|duration_s| duration_s * 1e3)
 }
 
-/// The same, ahead or behind.
+/// Parses a duration as [`milliseconds`] does, with an optional minus sign.
 pub fn signed_milliseconds(text: &str) -> Result<f64, String> {
     text.trim().strip_prefix('-').map_or_else(|| milliseconds(text), |ahead| milliseconds(ahead).map(|ms| -ms))
 }
@@ -29,7 +29,7 @@ fn in_seconds(text: &str, without_unit: f64) -> Result<f64, String> {
     let (number, factor) = unit.unwrap_or((text, without_unit));
     let number: Option<f64> = number.trim().parse().ok();
     match number.filter(|number| number.is_finite() && *number >= 0.0) {
-        // 500 ms is 0.5 s to the last bit, which 500 times 1e-3 need not be.
+        // The division is exact: 500 ms is 0.5 s to the last bit. 500 times 1e-3 may be rounded.
         Some(number) => Ok(if factor < 1.0 { number / (1.0 / factor).round() } else { number * factor }),
         None => Err(format!("'{text}' is no duration: 0 or more, for instance 500ms, 0.5s, 2min, 0.5")),
     }
@@ -61,7 +61,7 @@ mod tests {
     }
 
     #[test]
-    fn some_have_no_end_and_some_are_milliseconds() {
+    fn durations_may_be_infinite_or_signed_milliseconds() {
         assert_eq!([seconds_or_inf("inf"), seconds_or_inf("1s")], [Ok(f64::INFINITY), Ok(1.0)]);
         assert!(seconds_or_inf("nan").unwrap_err().contains("or inf"));
         assert_eq!(["20", "20ms", "0.02s"].map(milliseconds), [Ok(20.0), Ok(20.0), Ok(20.0)]);

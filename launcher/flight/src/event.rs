@@ -1,11 +1,11 @@
-//! Events: what happened to the processes of a flight, and the pipe on which the launcher tells the recorder of it.
+//! Events of the processes of a flight, and the pipe through which the launcher sends them to the recorder.
 //!
 //! ```text
 //! supervisor -> one line of JSON each -> stdin of the recorder -> topic /events of flight.mcap
 //! ```
 //!
-//! Neither side ever waits for the other. A line of up to `PIPE_BUF` bytes goes into a pipe whole or not at all: what
-//! does not go in stays with the launcher, which tries again at its next look around.
+//! Neither side ever waits for the other. A line of up to `PIPE_BUF` bytes goes into a pipe completely or not at all.
+//! The launcher keeps an event that does not go in, and tries again at its next look.
 
 use std::os::fd::AsFd;
 
@@ -20,74 +20,74 @@ use serde_json::{Value, json};
 
 use crate::limits::REASON_CHARS;
 
-/// Something that happened to a process.
+/// One event of a process, of a fault, or of the files and intruders around the processes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Event {
-    /// The tick of the plant then; where a recorder died, that of the launcher's look. In run.json its time stands instead.
+    /// Tick of the plant at that time; for the recorder, at the launcher's look. run.json has the time `at_s` instead.
     #[serde(default)]
     pub tick: u64,
     pub node: String,
     pub epoch: u32,
     pub what: What,
-    /// The reason, where there is one to tell.
+    /// Reason, if one is known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub why: Option<String>,
-    /// The number of the swap that begins with it, where one does.
+    /// Index of the swap that begins with this event, if any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub swap: Option<usize>,
-    /// The number of the swap whose program and settings a process that was started has, where it has those of one.
+    /// Index of the swap whose program and settings the started process uses, if any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub origin: Option<usize>,
-    /// Who ordered it by hand.
+    /// Sender of the command, if it was ordered in flight.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub by: Option<Sender>,
-    /// A fault that was given or ended in flight, with its number: as it is from now on.
+    /// Fault given or ended in flight: its number, and its settings from then on.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fault: Option<Box<(usize, Fault)>>,
 }
 
-/// Who gave a command to a flight.
+/// Process that sent a command to a flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Sender {
-    /// The process; 0 for one that is not to be seen from here.
+    /// Process id; 0 if the process is not visible from here.
     pub pid: i32,
-    /// Number of the user.
+    /// User id.
     pub user: u32,
 }
 
-/// What can happen to a process.
+/// Kinds of events.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum What {
     Died,
-    /// It made no progress, and was killed.
+    /// The process made no progress or was cut off, and is killed; the launcher, which may be cut off too, is not.
     Hung,
     Started,
     NotStarted,
-    /// It is active.
+    /// The process became active.
     TookOver,
-    /// It is not started any more.
+    /// The node is not started again.
     GivenUp,
-    /// A candidate works on standby.
+    /// The candidate works on standby.
     OnStandby,
-    /// A candidate was sent away before it held the role.
+    /// The candidate was ended before it became active.
     Rejected,
-    /// A candidate is active for good.
+    /// The candidate stays active: its trial is over.
     Kept,
-    /// A candidate had to give the role back.
+    /// The candidate was ended after it had become active; the process before it is active again.
     Returned,
-    /// A fault was given to it, whatever it is: a node, a topic, a part of the vehicle.
+    /// A fault was given to a node, a topic or a part of the vehicle.
     Injected,
-    /// A fault of it was ended.
+    /// A fault given in flight was ended.
     Cleared,
-    /// A file of a process that lives is gone from shared memory.
+    /// A file of a living process was removed from shared memory.
     ShmRemoved,
-    /// A file of a process that lives was cut short.
+    /// A file of a living process in shared memory was cut short.
     ShmCutShort,
     IntruderRefused,
     IntruderLetIn,
     IntruderSpoke,
-    /// An intruder could not try.
+    /// An intruder could not make its attempt.
     IntruderFailed,
 }
 
@@ -101,30 +101,30 @@ impl Event {
         Self { why: Some(why.as_ref().chars().take(REASON_CHARS).collect()), ..self }
     }
 
-    /// The same, with which swap number `swap` begins; none, when it is none.
+    /// Returns the event as the one that swap number `swap` begins with; `None`: no swap.
     #[must_use]
     pub fn begins(self, swap: Option<usize>) -> Self {
         Self { swap, ..self }
     }
 }
 
-/// Makes reading from and writing to `pipe` never wait.
+/// Makes reads from and writes to `pipe` non-blocking.
 pub fn never_wait(pipe: impl AsFd) -> rustix::io::Result<()> {
     fcntl_setfl(pipe, OFlags::NONBLOCK)
 }
 
-/// Writes `event` into a `pipe` that never waits; whether it is in.
+/// Writes `event` into the non-blocking `pipe`; returns false if it does not fit, or cannot be written.
 pub fn send(pipe: impl AsFd, event: &Event) -> bool {
     let Ok(mut line) = serde_json::to_vec(event) else { return false };
     line.push(b'\n');
     line.len() <= PIPE_BUF && rustix::io::write(pipe, &line).is_ok()
 }
 
-/// Where the recorder reads events: its end of the pipe.
+/// The recorder's end of the pipe.
 pub struct EventReader<P> {
-    /// `None` when the launcher has closed its end.
+    /// `None` after the launcher has closed its end.
     pipe: Option<P>,
-    /// A line whose end is still to come.
+    /// Beginning of a line whose end is still to come.
     rest: Vec<u8>,
 }
 
@@ -133,7 +133,7 @@ impl<P: AsFd> EventReader<P> {
         Self { pipe: Some(pipe), rest: vec![] }
     }
 
-    /// Hands what has come to `each`, without waiting; how many there were. A line that is no event is an error.
+    /// Passes every complete line to `each` without waiting; returns their number. A line that is no event is an error.
     pub fn drain(&mut self, mut each: impl FnMut(serde_json::Result<Event>)) -> usize {
         let mut count = 0;
         while let Some(pipe) = self.pipe.as_ref().filter(|pipe| readable(pipe)) {
@@ -157,13 +157,13 @@ impl<P: AsFd> EventReader<P> {
     }
 }
 
-/// Whether there is something to read, or an end to find.
+/// Returns whether a read would not wait: there are bytes, or the other end is closed.
 fn readable(pipe: impl AsFd) -> bool {
     const AT_ONCE: Timespec = Timespec { tv_sec: 0, tv_nsec: 0 };
     poll(&mut [PollFd::new(&pipe, PollFlags::IN)], Some(&AT_ONCE)).is_ok_and(|ready| ready > 0)
 }
 
-/// What happened, by the time of the flight.
+/// Returns the events as JSON, with the time of the flight `at_s` in the place of the tick.
 pub fn events<'a>(scenario: &Scenario, events: impl IntoIterator<Item = &'a Event>) -> Value {
     let one = |event: &Event| {
         let mut told = json!(event);
@@ -174,7 +174,7 @@ pub fn events<'a>(scenario: &Scenario, events: impl IntoIterator<Item = &'a Even
     events.into_iter().map(one).collect()
 }
 
-/// A target or kind as the scenario file spells it, an event as run.json does.
+/// Returns the name of a fault's target or kind, or of an event, as the scenario file and run.json spell it.
 pub fn name(word: impl Serialize) -> String {
     json!(word).as_str().unwrap_or_default().to_owned()
 }
@@ -189,7 +189,7 @@ mod tests {
         Event::new(tick, "mixer", 2, What::TookOver)
     }
 
-    /// The launcher's end and the recorder's.
+    /// Returns the launcher's end of a pipe, and the recorder's.
     fn ends() -> (OwnedFd, EventReader<OwnedFd>) {
         let (reads, writes) = pipe_with(PipeFlags::CLOEXEC).unwrap();
         never_wait(&writes).unwrap();
@@ -204,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_sent_is_read_in_order_and_neither_side_waits() {
+    fn events_are_read_in_order_and_neither_side_waits() {
         let (writes, mut reader) = ends();
         assert_eq!(read_all(&mut reader), [], "nothing yet");
         let told = [event(1), event(2).because("3 m \u{3bc} \"off\"\n")];
@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pipe_that_is_full_takes_no_half_lines() {
+    fn a_full_pipe_takes_no_partial_line() {
         let (writes, mut reader) = ends();
         let longest = event(7).because("\u{1}".repeat(9999));
         let sent = (0..1000).take_while(|_| send(&writes, &longest)).count();
@@ -225,14 +225,14 @@ mod tests {
     }
 
     #[test]
-    fn a_recorder_that_has_gone_is_not_told() {
+    fn sending_to_a_recorder_that_has_ended_returns_false() {
         let (writes, reader) = ends();
         drop(reader);
         assert!(!send(&writes, &event(1)));
     }
 
     #[test]
-    fn what_is_no_event_is_an_error() {
+    fn a_line_that_is_no_event_is_an_error() {
         let (writes, mut reader) = ends();
         rustix::io::write(&writes, b"\n{}\n[1, 2\n").unwrap();
         let mut errors = 0;
@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn a_reason_is_there_only_when_there_is_one() {
+    fn an_event_without_a_reason_has_no_field_for_it() {
         let plain = serde_json::to_string(&event(5)).unwrap();
         assert_eq!(plain, r#"{"tick":5,"node":"mixer","epoch":2,"what":"took-over"}"#);
         let reasoned = serde_json::to_value(event(5).because("too slow")).unwrap();

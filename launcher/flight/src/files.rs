@@ -1,5 +1,5 @@
-//! Files by their paths: each is reached through its folder, held open for as long ([`Dir`]). Written whole or not at all, never
-//! through a link and never into a device.
+//! Files by their paths: each is accessed through its folder, which is held open meanwhile ([`Dir`]). A file is written
+//! completely or not at all, never through a link and never into a device.
 
 use std::fs::File;
 use std::io::{Error, ErrorKind, Result};
@@ -9,31 +9,31 @@ use anyhow::Context;
 
 use crate::dir::Dir;
 
-/// Writes a file whole or not at all: under another name, which takes the place of `path` at the end.
+/// Writes a file completely or not at all: a temporary file replaces `path` at the end.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
     let (folder, name) = split(path).with_context(|| format!("cannot write {}", path.display()))?;
     folder.write_whole(name, bytes)
 }
 
-/// Opens a file of a run or a campaign, which may have `limit` bytes; also how many it has.
+/// Opens a file of a run or a campaign, and returns it with its size; an error if it has more than `limit` bytes.
 pub fn open(path: &Path, limit: u64) -> Result<(File, u64)> {
     let (folder, name) = split(path)?;
     folder.file(name, limit)
 }
 
-/// The text of a file of a run or a campaign, `limit` bytes at most.
+/// Reads the text of a file of a run or a campaign; an error if it has more than `limit` bytes.
 pub fn read_text(path: &Path, limit: u64) -> Result<String> {
     let (folder, name) = split(path)?;
     folder.read_text(name, limit)
 }
 
-/// Opens a file to write it from its beginning; makes it if nothing has the name.
+/// Opens a file and empties it, for writing; creates it if nothing has the name.
 pub fn create(path: &Path) -> Result<File> {
     let (folder, name) = split(path)?;
     folder.create(name)
 }
 
-/// The folder of a path, and the name in it.
+/// Opens the folder of a path, and returns it with the name in it; an error if the path has no file name.
 fn split(path: &Path) -> Result<(Dir, &Path)> {
     let no_name = || Error::new(ErrorKind::IsADirectory, "it is a directory; give a regular file");
     let name = path.file_name().ok_or_else(no_name)?;
@@ -52,7 +52,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_is_replaced_and_nothing_else_is() {
+    fn only_a_regular_file_is_replaced() {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
         write_whole(&at("file"), b"old").unwrap();
@@ -71,7 +71,7 @@ mod tests {
     }
 
     #[test]
-    fn a_part_that_somebody_has_laid_out_is_not_written_through() {
+    fn a_link_with_the_name_of_a_temporary_file_is_not_followed() {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
         fs::write(at("precious"), "precious").unwrap();
@@ -81,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_written_is_told_once() {
+    fn a_write_error_names_its_cause_once() {
         let folder = tempfile::tempdir().unwrap();
         let text = said(&folder.path().join("none/file"));
         assert_eq!(text.matches("No such file").count(), 1, "{text}");

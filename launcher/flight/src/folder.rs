@@ -1,4 +1,4 @@
-//! The folder of a run: made for it, and held by it while it flies.
+//! The folder of a run: created before the flight, and locked while it flies.
 
 use std::fs;
 use std::io::{self, ErrorKind};
@@ -15,21 +15,21 @@ use crate::dir::Dir;
 use crate::limits::FOLDER_TRIES;
 use runtime::console::eprint_line;
 
-/// What a run has in its folder from the beginning, or at the end.
+/// Files that a run has in its folder from the beginning, or at the end.
 const SIGNS_OF_A_RUN: [&str; 3] = ["run.json", "flight.mcap", "scenario.toml"];
 
 pub struct Folder {
     pub path: PathBuf,
-    /// Folders that were made for it, the outermost first, itself the last.
+    /// Folders that were created for it, outermost first, the run's own last.
     made: Vec<PathBuf>,
-    /// Where an earlier run went.
+    /// Path to which an earlier run was moved, if there was one.
     aside: Option<PathBuf>,
-    /// The folder itself, locked as long as this is open.
+    /// The open, locked folder; `None` while it is not locked.
     hold: Option<Dir>,
 }
 
 impl Folder {
-    /// Takes the folder `out`, or makes a new one below `runs`, and writes the settings into it.
+    /// Takes the folder `out`, or creates a new one below `runs`, and writes the settings into it.
     ///
     /// An earlier run in it is moved aside. A folder that another run is writing to is refused.
     pub fn prepare(out: Option<&Path>, scenario: &Scenario) -> anyhow::Result<Self> {
@@ -50,12 +50,12 @@ impl Folder {
         Ok(folder)
     }
 
-    /// Writes the file `name` of the run, whole or not at all.
+    /// Writes the file `name` of the run, completely or not at all.
     pub fn write(&self, name: &str, text: &str) -> anyhow::Result<()> {
         self.hold.as_ref().context("the folder was given back")?.write_whole(name, text.as_bytes())
     }
 
-    /// Takes back what a run that never flew has written, and puts an earlier run where it was.
+    /// Removes the files and folders of a run that never flew, and moves an earlier run back.
     pub fn withdraw(&self) {
         if let Some(dir) = &self.hold {
             for name in ["scenario.toml", "flight.mcap"] {
@@ -63,12 +63,12 @@ impl Folder {
             }
         }
         for made in self.made.iter().rev() {
-            // What another run has taken since stays, as does a folder into which a file was put.
+            // A folder that another run has taken since stays, and so does one that is not empty.
             let is_ours = *made != self.path || self.hold.is_some();
             let _ = if is_ours { fs::remove_dir(made) } else { Ok(()) };
         }
         if let Some(aside) = &self.aside {
-            let _ = fs::rename(aside, &self.path); // fails when a file stands where it was
+            let _ = fs::rename(aside, &self.path); // fails if something has the path by now
         }
     }
 
@@ -87,7 +87,7 @@ impl Folder {
         }
     }
 
-    /// Makes the first of `name`, `<name>-2`, `<name>-3`, ... that is free.
+    /// Creates the first folder of `name`, `<name>-2`, `<name>-3`, ... that does not exist.
     fn take_new(&mut self, name: &str) -> anyhow::Result<()> {
         let mut number = 1;
         self.path = name.into();
@@ -98,7 +98,7 @@ impl Folder {
         self.lock().map(drop)
     }
 
-    /// Locks the folder, which is not to be a link; false when it is another one by now.
+    /// Locks the folder, which must not be a link; returns false if its path names another folder by now.
     fn lock(&mut self) -> anyhow::Result<bool> {
         let dir = match (self.path.parent(), self.path.file_name()) {
             (Some(above), Some(name)) => Dir::open(above)?.folder(name)?,
@@ -115,7 +115,7 @@ fn default_name(scenario: &Scenario) -> String {
     format!("runs/{name}-{}", since_epoch.as_millis())
 }
 
-/// Makes the folder `path`, and those above it that are missing, and adds them to `made`; false when it is there already.
+/// Creates the folder `path` and its missing parents, and adds them to `made`; returns false if `path` exists already.
 fn make(path: &Path, made: &mut Vec<PathBuf>) -> io::Result<bool> {
     let mut tries = 0;
     loop {
@@ -140,7 +140,7 @@ fn move_aside(path: &Path) -> anyhow::Result<PathBuf> {
     for number in 1..=9999 {
         let aside = PathBuf::from(format!("{}.{number}", path.display()));
         let moved = match renameat_with(CWD, path, CWD, &aside, RenameFlags::NOREPLACE) {
-            // A file system that cannot promise it.
+            // The file system does not support NOREPLACE.
             Err(Errno::INVAL | Errno::NOSYS) if !aside.exists() => fs::rename(path, &aside),
             Err(Errno::EXIST | Errno::INVAL | Errno::NOSYS) => continue,
             moved => moved.map_err(io::Error::from),
@@ -192,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn what_never_flew_leaves_no_folder() {
+    fn a_run_that_never_flew_leaves_no_folder() {
         let top = tempfile::tempdir().unwrap();
         let out = top.path().join("a/b/run");
         let folder = Folder::prepare(Some(&out), &Scenario::default()).unwrap();

@@ -1,4 +1,4 @@
-//! Ctrl-C and its like.
+//! Handling of Ctrl-C, SIGTERM and SIGHUP.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
@@ -9,20 +9,20 @@ use contract::exit;
 use runtime::console;
 use runtime::realtime::keep_nohup;
 
-/// Words with which the next signal ends the program on the spot.
+/// Last line of the program, set by [`end_at_once`]: the next signal prints it and ends the program on the spot.
 static LAST_WORDS: Mutex<Option<String>> = Mutex::new(None);
 
 /// Counts Ctrl-C, SIGTERM and SIGHUP: the first stops the flight cleanly, the second kills the processes, the third
-/// ends the launcher on the spot (the next flight then wipes what it left in shared memory).
+/// ends the launcher on the spot (the next flight then removes its files from shared memory). Returns the count.
 pub fn catch_interrupts() -> anyhow::Result<Arc<AtomicU32>> {
-    thread::Builder::new().spawn(|| ()).with_context(no_thread)?; // else nothing here would say why
+    thread::Builder::new().spawn(|| ()).with_context(no_thread)?; // otherwise the error below would have no reason in it
     let count = Arc::new(AtomicU32::new(0));
     let handler = count.clone();
     let interrupt = move || {
         let words = LAST_WORDS.lock().ok().and_then(|mut words| words.take());
         if let Some(words) = &words {
             console::eprint_line(words);
-            let _ = console::finish(exit::INTERRUPTED); // the process ends here, not with `main`
+            let _ = console::finish(exit::INTERRUPTED); // the process ends here, so `main` does not do it
         }
         if words.is_some() || handler.fetch_add(1, Ordering::Relaxed) >= 2 {
             std::process::exit(i32::from(exit::INTERRUPTED));
@@ -32,15 +32,15 @@ pub fn catch_interrupts() -> anyhow::Result<Arc<AtomicU32>> {
     Ok(count)
 }
 
-/// From here on the next signal ends the program on the spot, with `words`: nothing is left that must be ended cleanly, because
-/// files are written whole or not at all.
+/// Makes the next signal print `words` and end the program on the spot. To be called when nothing is left that must end
+/// cleanly: files are written completely or not at all.
 pub fn end_at_once(words: String) {
     if let Ok(mut last) = LAST_WORDS.lock() {
         *last = Some(words);
     }
 }
 
-/// Says what may keep a thread from being started, and what to do.
+/// Describes what may keep a thread from being started, and what to do.
 fn no_thread() -> String {
     let stack = match std::env::var_os("RUST_MIN_STACK") {
         Some(bytes) => {

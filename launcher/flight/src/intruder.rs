@@ -1,13 +1,13 @@
-//! The intruder: a process that does not belong to the run and tries to get in, as a `[[fault]]` of a topic tells it to.
+//! The intruder: a process that does not belong to the run and tries to get in. A `[[fault]]` of a topic starts it.
 //!
 //! ```text
-//! second-publisher   opens the topic and answers every message that it receives with two of its own: well-formed, with checksum,
-//!                    newer, empty; one with the epoch active, one with an epoch that no process has
-//! wrong-layout       opens the topic with another idea of what its messages look like
-//! wrong-user         becomes `nobody`, joins as a node does, and then tries the run's files by their names
+//! second-publisher   opens the topic and answers every message that it receives with two forgeries: newer, all zero,
+//!                    with a valid checksum; one has the epoch of the message, the other the next epoch
+//! wrong-layout       opens the topic with another layout of its messages
+//! wrong-user         becomes the user `nobody`, tries to join as a node does, and then to open the run's files
 //! ```
 //!
-//! Its last line on stdout is how it went. The launcher starts it and writes that down as an event.
+//! The last line on stdout is its result. The launcher starts the intruder and records that line as an event.
 
 use std::fs::File;
 use std::path::PathBuf;
@@ -25,18 +25,18 @@ use rustix::process::{Gid, Signal, Uid};
 
 use runtime::console::print;
 
-/// How its last line begins when it was refused.
+/// Beginning of the last line if the intruder was refused.
 pub const REFUSED: &str = "refused: ";
-/// How it begins when it was not.
+/// Beginning of the last line if it was let in.
 pub const LET_IN: &str = "let in: ";
-/// How it begins when it has sent.
+/// Beginning of the last line if it has sent messages.
 pub const SENT: &str = "sent ";
 const NOBODY: u32 = 65534;
 const LOOK_NS: u64 = 20_000_000;
 
 #[derive(clap::Args)]
 pub struct IntrudeArgs {
-    /// Whose stack
+    /// Namespace of the stack
     #[arg(long)]
     namespace: String,
     /// Topic to intrude on
@@ -50,7 +50,7 @@ pub struct IntrudeArgs {
     until: u64,
 }
 
-/// Does it, and says how it went.
+/// Makes the attempt, and prints its result.
 pub fn intrude(args: &IntrudeArgs) -> anyhow::Result<u8> {
     // Fails only for a signal number that does not exist.
     let _ = rustix::process::set_parent_process_death_signal(Some(Signal::KILL));
@@ -95,7 +95,7 @@ fn send<M: Wire>(namespace: &str, until: u64) -> anyhow::Result<String> {
     let doorbell = page.doorbell(M::TOPIC);
     let mut sent = 0;
     while page.plant_tick() < until && page.phase.count() < phase::LEAVE {
-        let rung = doorbell.count(); // before the look, so that a message after it is not slept through
+        let rung = doorbell.count(); // counted before the look, so that a message that comes after it ends the wait
         let mut answer = |message: &M, from| {
             if from != port.number() {
                 let epoch = message.stamp().epoch;
@@ -110,7 +110,7 @@ fn send<M: Wire>(namespace: &str, until: u64) -> anyhow::Result<String> {
     Ok(format!("{SENT}{sent} messages"))
 }
 
-/// A message that nothing speaks against but where it comes from: newer than `message`, whole, and all zero.
+/// Returns a message of which only the sender is wrong: newer than `message`, with a valid checksum, and all zero.
 fn forge<M: Wire>(message: &M, epoch: u64) -> M {
     let mut forged = M::default();
     let Stamp { tick, sequence, .. } = *message.stamp();
@@ -126,7 +126,7 @@ fn become_nobody() -> anyhow::Result<()> {
         .context("cannot become another user; only root can")
 }
 
-/// Tries to join as a node does, and then to open the files of the run.
+/// Tries to join as a node does, and then to open the files of the run; returns the result.
 fn try_to_enter(domain: &Domain) -> String {
     let Err(refusal) = NodeSession::join(domain.namespace(), Topic::Actuators.publisher(), 1, None) else {
         return format!("{LET_IN}it joined");

@@ -1,21 +1,21 @@
-//! Flies: starts the ring as processes or turns it in one thread, decides who runs a node, records what is sent.
+//! Flies: runs the ring as processes or in one thread, decides which process runs a node, and records every message.
 //!
 //! | module | holds |
 //! |---|---|
 //! | [`settings`] | the settings of a flight, checked before it |
 //! | [`stack`] | the ring as processes: start, watch, stop |
-//! | [`inprocess`] | the ring turned by one thread |
-//! | [`roles`] | who runs a node: one state machine, three drivers |
-//! | [`intruder`] | a process that does not belong to a run, as a fault |
-//! | [`event`] | what happens to processes, and how the recorder learns of it |
-//! | [`swap_story`] | what became of each swap, by the events |
-//! | [`recorder`] | the fifth process: every message to `flight.mcap` |
+//! | [`inprocess`] | the ring in one thread |
+//! | [`roles`] | which process runs a node: one state machine, three drivers |
+//! | [`intruder`] | a foreign process that tries to enter a run, as a fault |
+//! | [`event`] | events of processes, and the pipe that carries them to the recorder |
+//! | [`swap_story`] | course and end of each swap, read from the events |
+//! | [`recorder`] | the fifth process: writes every message to `flight.mcap` |
 //! | [`log`] | the flight log's format |
-//! | [`replay`] | a flight flown again from its log |
-//! | [`control`] | the socket on which a flying stack is asked and told |
+//! | [`replay`] | flies a flight again from its log |
+//! | [`control`] | the socket for requests to a flying stack |
 //! | [`folder`] | the folder of a run |
-//! | [`dir`], [`files`] | the one way to files of runs and campaigns |
-//! | [`provenance`] | where a run was made |
+//! | [`dir`], [`files`] | safe access to the files of runs and campaigns |
+//! | [`provenance`] | origin of a run: commit, command, host, scheduling |
 //! | [`interrupts`] | Ctrl-C |
 //! | `limits` | every limit and time-out |
 //! | [`duration`] | durations on the command line |
@@ -45,7 +45,7 @@ pub mod settings;
 pub mod stack;
 pub mod swap_story;
 
-/// This program, for another process of it: the file that runs here, whatever has its name by now.
+/// Returns a command that starts this program again: the file that runs, even if its path names another file by now.
 pub fn own_program() -> Command {
     let mut command = Command::new("/proc/self/exe");
     command.arg0("launcher");

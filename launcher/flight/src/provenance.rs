@@ -1,5 +1,5 @@
-//! Where a run was made: date, command, commit, host, and what the kernel granted. Read from `/proc` and, when the launcher
-//! was built, from git (`build.rs`); what cannot be read is absent.
+//! Origin of a run: date, command, commit, host, and the scheduling that the kernel granted. Read from `/proc`; the
+//! commit comes from git when the launcher is built (`build.rs`). A value that cannot be read is null, 0 or empty.
 
 use std::fmt::{self, Display, Formatter};
 use std::fs::read_to_string;
@@ -12,48 +12,48 @@ use rustix::system::uname;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
-/// Version of run.json and of the results of measures; grows with every change that a reader must know of. Files without
-/// one are of version 1.
+/// Version of run.json and of the results of `launcher measure`; grows with every change that affects readers. A file
+/// without a version has version 1.
 const SCHEMA_VERSION: u32 = 2;
 
-/// How a process is scheduled.
+/// Scheduling and memory limits of a process.
 #[derive(Debug, Clone, Serialize)]
 pub struct Scheduling {
     /// `fifo` or `other`.
     pub policy: &'static str,
     /// `SCHED_FIFO` priority, 0 for `other`.
     pub priority: u32,
-    /// CPUs it may run on, as the kernel lists them.
+    /// CPUs that it may run on, as the kernel lists them.
     pub affinity: String,
     /// Locked memory \[kB\].
     pub locked_kb: u64,
-    /// CPU time without sleeping \[us\]; absent = unlimited.
+    /// Largest CPU time without sleeping (`RLIMIT_RTTIME`) \[us\]; `None` if unlimited.
     pub rttime_us: Option<u64>,
 }
 
-/// Which commit the program was built from, if its build knows.
+/// Commit from which the program was built.
 #[derive(Debug)]
 pub struct BuiltFrom {
     pub commit: &'static str,
-    /// Whether the sources differed from it.
+    /// `true` if the sources differed from the commit.
     pub changed: bool,
 }
 
-/// Set once, by the program's `main`.
+/// Commit of this program, set once by its `main`; empty if the build does not know it.
 pub static BUILT_FROM: OnceLock<BuiltFrom> = OnceLock::new();
 
-/// A program of this repository, as what it writes names it.
+/// Identity of a program of this repository, as written into its logs and results.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Program {
     pub version: String,
-    /// The commit it was built from, if its build knew.
+    /// Commit from which it was built, if its build knew.
     pub commit: Option<String>,
-    /// Whether the sources differed from the commit.
+    /// `true` if the sources differed from the commit.
     pub changed: bool,
 }
 
 impl Program {
-    /// The one that runs.
+    /// Returns the identity of the running program.
     pub fn this() -> Self {
         let built = BUILT_FROM.get();
         Self {
@@ -63,7 +63,7 @@ impl Program {
         }
     }
 
-    /// Whether both are known to have been built from the same sources.
+    /// Returns whether both are known to be built from the same sources.
     pub fn is_same(&self, other: &Self) -> bool {
         self == other && self.commit.is_some() && !self.changed
     }
@@ -80,7 +80,7 @@ impl Display for Program {
     }
 }
 
-/// What the kernel says of process `pid`.
+/// Reads from `/proc` how process `pid` is scheduled.
 pub fn scheduling_of(pid: u32) -> Scheduling {
     let stat = read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
     // Fields 40 and 41, counted after the name in brackets, which may hold blanks.
@@ -97,14 +97,14 @@ pub fn scheduling_of(pid: u32) -> Scheduling {
     }
 }
 
-/// A field of `/proc/PID/status`, up to the first blank; `name` ends with its colon.
+/// Reads a field of `/proc/PID/status`, up to the first blank; `name` ends with its colon. `None` if it is not there.
 pub fn status_of(pid: u32, name: &str) -> Option<String> {
     let status = read_to_string(format!("/proc/{pid}/status")).ok()?;
     let field = status.lines().find_map(|line| line.strip_prefix(name)?.split_whitespace().next());
     field.map(str::to_owned)
 }
 
-/// The `provenance` table of run.json: [`host`], and what was flown how.
+/// Returns the `provenance` table of run.json: [`host`], the scenario, and the scheduling of each process.
 pub fn provenance(scenario: &Scenario, scheduling: &[(String, Scheduling)]) -> Value {
     let scheduling: Map<String, Value> = scheduling.iter().map(|(name, s)| (name.clone(), json!(s))).collect();
     let mut provenance = host();
@@ -113,7 +113,7 @@ pub fn provenance(scenario: &Scenario, scheduling: &[(String, Scheduling)]) -> V
     provenance
 }
 
-/// When, where and by what something was found; each measure has it too.
+/// Returns date, host and program of a result; run.json and the results of `launcher measure` have it.
 pub fn host() -> Value {
     let line = |path: &str| read_to_string(path).ok().map(|text| text.trim().to_owned());
     let cpu = read_to_string("/proc/cpuinfo").unwrap_or_default();

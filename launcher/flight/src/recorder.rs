@@ -1,9 +1,9 @@
-//! The recorder: a process that writes every message of every topic to `flight.mcap`, and every event it is told of.
+//! The recorder: a process that writes every message of the ring, and every event it gets, to `flight.mcap`.
 //!
-//! It never holds the ring back: its queues overflow before a publisher would wait, and what they lost is counted by
-//! the gaps in the sequence numbers. When the disk fails it says so once, keeps the good part of the file and goes on
-//! counting. Its last word, one line of JSON on stdout, tells the launcher how it went. When the launcher dies, the recorder
-//! closes the log and ends.
+//! The recorder never holds the ring back: its queues overflow before a publisher would wait, and gaps in the sequence
+//! numbers tell how many messages were lost. If the disk fails, it reports that once, keeps the good part of the file
+//! and goes on counting. At its end it prints its [`LogOutcome`], one line of JSON, for the launcher. If the launcher
+//! dies, the recorder closes the log and ends.
 
 use std::cell::Cell;
 use std::path::Path;
@@ -31,18 +31,18 @@ use crate::event::{Event, EventReader};
 use crate::limits::{FLUSH_PERIOD, RECORDER_POLL};
 use crate::log::{Count, LogWriter, Memory, Record};
 
-/// The recorder's last word.
+/// Result of a recorder, printed at its end.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LogOutcome {
     /// Messages and events written.
     pub records: u64,
-    /// Those lost before they could be written.
+    /// Messages and events that were lost before they could be written.
     pub dropped: u64,
-    /// Why the log ends early, if it does.
+    /// Reason why the log ends early, if it does.
     pub error: Option<String>,
 }
 
-/// The four topics as one stream of records.
+/// Receiving ports of the four topics, read as one stream of records.
 pub struct Observers {
     page: Arc<ControlPage>,
     states: Rc<dyn Receive<State>>,
@@ -55,7 +55,7 @@ pub struct Observers {
 }
 
 impl Observers {
-    /// Opens all four topics, with queues deep enough to see every message.
+    /// Opens all four topics, with queues deep enough to receive every message.
     pub fn open(ports: &mut Ports, scenario: &Scenario) -> Result<Self, SessionError> {
         let depth = observer_depth(scenario.run.rate_hz);
         Ok(Self {
@@ -70,8 +70,8 @@ impl Observers {
         })
     }
 
-    /// Empties the queues into `each`, every topic in its own order; how many there were. What comes from a process that
-    /// has no place in the run is no part of the flight, and neither is a probe.
+    /// Passes the messages in the queues to `each`, topic by topic, and returns their number. Probes and messages of
+    /// processes that do not belong to the run are left out.
     pub fn drain(&self, mut each: impl FnMut(&Record)) -> usize {
         self.one(&*self.states, &mut each)
             + self.one(&*self.references, &mut each)
@@ -79,17 +79,17 @@ impl Observers {
             + self.one(&*self.actuators, &mut each)
     }
 
-    /// How many messages on `topic` were handed out.
+    /// Returns the number of messages on `topic` that were passed on so far.
     pub fn drained(&self, topic: Topic) -> u64 {
         self.drained[topic as usize].get()
     }
 
-    /// How many messages of the active process on `topic` have reached this one.
+    /// Returns the number of messages received on `topic` so far that came from the process active at that time.
     pub fn received(&self, topic: Topic) -> u32 {
         self.received[topic as usize].get()
     }
 
-    /// How often a queue could not be read.
+    /// Returns how often a queue could not be read so far.
     pub fn failures(&self) -> u32 {
         self.failures.get()
     }
@@ -100,7 +100,7 @@ impl Observers {
         let before = drained.get();
         let mut take = |message: &M, from| {
             received.set(received.get() + u32::from(from == role.port(role.active())));
-            // A fault that flips bits can make any message look like one.
+            // A fault that flips bits can make any message look like a probe, but not an intact one.
             let is_probe = message.stamp().is_probe() && message.is_intact();
             if role.knows(from) && !is_probe {
                 each(&(*message).into());
@@ -137,7 +137,7 @@ fn record(namespace: &str, epoch: u32, path: &Path) -> anyhow::Result<LogOutcome
     let launcher = getppid();
     die_with_launcher(namespace)?;
     let (mut ports, scenario) = Ports::join(namespace)?;
-    // The file first: a recorder that has joined is one that can write.
+    // The file comes before the ports, so that a recorder is not ready unless it can write.
     let mut log = CountedLog::create_part(path, &scenario, &run_of(namespace)?)?;
     let observers = Observers::open(&mut ports, &scenario)?;
     let mut reader = EventReader::new(std::io::stdin());
@@ -145,7 +145,7 @@ fn record(namespace: &str, epoch: u32, path: &Path) -> anyhow::Result<LogOutcome
     let role = &page.recorder;
     ports.probe(|| role.ready.set(epoch))?;
     let mut remembered = 0;
-    // From now on it has a log to close when the launcher is gone, and the nodes with it.
+    // From now on the recorder survives the launcher, because it has a log to close.
     set_parent_process_death_signal(None)?;
     loop {
         let closing = page.phase.count() >= phase::CLOSE || role.active() > epoch || getppid() != launcher;
@@ -159,7 +159,7 @@ fn record(namespace: &str, epoch: u32, path: &Path) -> anyhow::Result<LogOutcome
             }
             log.write(record);
         });
-        // The vehicle writes what it remembers when its STATE is out.
+        // The plant writes its snapshot after it has sent the STATE.
         if remembered > 0
             && let Some(memories) = Memory::of_all(&page, remembered)
         {
@@ -184,32 +184,32 @@ fn record(namespace: &str, epoch: u32, path: &Path) -> anyhow::Result<LogOutcome
     }
 }
 
-/// Name of the run that flies in `namespace`, the same for all its recorders: when its launcher wrote its settings.
+/// Returns the name of the run in `namespace`, the same for all its recorders; it contains the time of the settings.
 pub(crate) fn run_of(namespace: &str) -> anyhow::Result<String> {
     let written = std::fs::metadata(Domain::find(namespace)?.file("scenario.toml"))?.modified()?;
     Ok(format!("{}-{namespace}", written.duration_since(UNIX_EPOCH).unwrap_or_default().as_nanos()))
 }
 
-/// A log that counts what it lost and survives a failing disk.
+/// A log that counts lost messages and survives a failing disk.
 pub struct CountedLog {
     writer: Option<LogWriter>,
-    /// When the log was forced to the disk last, and whether something was written since.
+    /// Instant at which the log was last forced to the disk; `written` is `true` if something was written since.
     synced: Instant,
     written: bool,
     count: Count,
     outcome: LogOutcome,
-    /// From this tick on there is no space left, as a fault of the scenario wants it.
+    /// First tick without space on the disk, if the scenario has the fault `disk-full`.
     full_from: Option<u64>,
 }
 
 impl CountedLog {
-    /// For a flight with one recorder.
+    /// Creates the log of a flight that has one recorder.
     pub fn create(path: &Path, scenario: &Scenario) -> anyhow::Result<Self> {
         let writer = LogWriter::create(path, &scenario::to_toml(scenario), scenario.sample_ns())?;
         Ok(Self::begin(writer, scenario))
     }
 
-    /// For one of several recorders of `run`.
+    /// Creates the log of one of several recorders of `run`.
     fn create_part(path: &Path, scenario: &Scenario, run: &str) -> anyhow::Result<Self> {
         let writer = LogWriter::create_part(path, &scenario::to_toml(scenario), scenario.sample_ns(), run)?;
         Ok(Self::begin(writer, scenario))
@@ -241,7 +241,7 @@ impl CountedLog {
         self.note(written);
     }
 
-    /// Writes what a node remembers, which counts for no record.
+    /// Writes the snapshot of a node; it is not counted as a record.
     pub fn memory(&mut self, memory: &Memory) {
         if let Some(Err(error)) = self.writer.as_mut().map(|writer| writer.memory(memory)) {
             self.fail(&error);
@@ -259,7 +259,7 @@ impl CountedLog {
         }
     }
 
-    /// Forces to the disk what was written in the last second, so that neither a kill nor the loss of power takes it.
+    /// Forces to the disk what was written in the last second, so that neither a kill nor a loss of power loses it.
     fn keep_safe(&mut self) {
         if self.written && self.synced.elapsed() > FLUSH_PERIOD {
             if let Some(Err(error)) = self.writer.as_mut().map(LogWriter::sync) {

@@ -1,7 +1,7 @@
-//! The settings of a flight, checked as far as they can be before it: what `fly` refuses, `check` refuses too.
+//! The settings of a flight, checked as far as possible before it: `check` refuses the same settings as `fly`.
 //!
-//! What stands in the file is checked by [`contract::scenario`]; here, whether what is derived from it exists: the
-//! controllers of the run and of its candidates, and the programs of its swaps.
+//! The values in the file are checked by [`contract::scenario`]. This module checks that everything derived from them
+//! exists: the controllers of the run and of its candidates, and the programs of its swaps.
 
 use std::path::{Path, PathBuf};
 
@@ -10,14 +10,14 @@ use contract::Scenario;
 use contract::scenario::{self, ScenarioError, Swap, SwapNode, candidate};
 use rustix::fs::{Access, access};
 
-/// The scenario of `file` with `overrides` on top, if it can be flown.
+/// Loads the scenario of `file` with `overrides` on top; an error if it cannot be flown.
 pub fn load(file: Option<&Path>, overrides: &[String]) -> Result<Scenario, ScenarioError> {
     let scenario = scenario::load(file, overrides)?;
     check(&scenario)?;
     Ok(scenario)
 }
 
-/// Whether everything exists that is derived from `scenario`.
+/// Checks that everything exists that is derived from `scenario`.
 pub fn check(scenario: &Scenario) -> Result<(), ScenarioError> {
     AttitudeMpc::try_new(scenario)?;
     scenario.swap.iter().try_for_each(|swap| check_swap(scenario, swap))
@@ -41,7 +41,7 @@ fn check_swap(scenario: &Scenario, swap: &Swap) -> Result<(), ScenarioError> {
     }
 }
 
-/// The program that `name` starts: at that path, or without a slash in one of the folders of PATH.
+/// Finds the program that `name` starts: the file at that path, or, without a slash in `name`, one in a folder of PATH.
 fn find(name: &str) -> Option<PathBuf> {
     let is_program = |path: &PathBuf| path.is_file() && access(path, Access::EXEC_OK).is_ok();
     if name.contains('/') {

@@ -1,4 +1,4 @@
-//! The ring as processes: start them, watch them, stop them, leave shared memory clean.
+//! Ring of processes: starts them, watches them, stops them, and leaves shared memory clean.
 //!
 //! ```text
 //! take the namespace -> create services and page -> start children -> all joined? -> GO
@@ -9,14 +9,14 @@
 //! | module | holds |
 //! |---|---|
 //! | `children` | the processes: start, signal, wait, clear away |
-//! | `run` | them with what they share, and what their roles say done to them |
-//! | `archive` | the recorder, its role and what it has written |
-//! | `rest` | what the launcher writes when a recorder has died |
-//! | `requests`, `swaps` | what users ask while it flies; the times that swaps took |
+//! | `run` | the processes with what they share; carries out the orders of their roles |
+//! | `archive` | the recorder, its role and its files |
+//! | `rest` | the part of the log that the launcher writes after a recorder has died |
+//! | `requests`, `swaps` | requests of users in flight; the times that swaps took |
 //! | `one_cpu` | the CPU of a flight in lockstep |
-//! | `host`, `files` | what happens around the processes: intruders, files in shared memory |
-//! | `surroundings` | what is needed of the system, before the start |
-//! | `end` | how a flight can end |
+//! | `host`, `files` | intruders and files in shared memory |
+//! | `surroundings` | checks of the system before the start |
+//! | `end` | the ways in which a flight can end |
 
 mod archive;
 pub(crate) mod children;
@@ -65,25 +65,25 @@ use crate::roles::supervised::given_up;
 
 pub type Refused = Vec<(&'static str, [u32; Refusal::ALL.len()])>;
 
-/// How often the ports of each node have failed, by cause; the launcher's own too.
+/// Port failures of each node and of the launcher, by cause.
 pub type PortFailures = Vec<(&'static str, [u32; PortFailure::ALL.len()])>;
 
-/// What a flight through processes leaves behind, beside the messages.
+/// Result of a flight through processes, except its messages.
 pub struct Flown {
     pub ended: Ended,
     pub log: Option<LogOutcome>,
     /// Wall time from GO to the end.
     pub wall: Duration,
-    /// What every node obtained from the kernel.
+    /// Scheduling that each process obtained from the kernel.
     pub scheduling: Vec<(String, Scheduling)>,
     pub events: Vec<Event>,
-    /// The settings as they were in the end: with the faults and swaps that were ordered while it flew.
+    /// Settings at the end, with the faults and swaps that were ordered in flight.
     pub scenario: Scenario,
     pub refused: Refused,
     pub port_failures: PortFailures,
 }
 
-/// A stack whose processes are all there. Dropping it kills what is left and wipes shared memory.
+/// Stack whose processes are all ready. Dropping it kills those that are left and wipes shared memory.
 pub struct Stack {
     run: Run,
     archive: Option<Archive>,
@@ -93,7 +93,7 @@ pub struct Stack {
     connections: Connections,
     /// Topics that the launcher itself does not receive.
     not_received: [bool; Topic::COUNT],
-    /// The newest process of each node that was found cut off.
+    /// Newest process of each node that was found cut off.
     cut_off: [u32; Topic::COUNT],
     // Dropped in this order: the services before the domain that holds their files.
     _services: Services,
@@ -102,7 +102,7 @@ pub struct Stack {
 }
 
 impl Stack {
-    /// Starts the processes of `scenario` in `namespace`, with a recorder if `log` names a file.
+    /// Starts the processes of `scenario` in `namespace`, with a recorder if `log` names a file; waits for them all.
     pub fn start(
         namespace: &str,
         scenario: &Scenario,
@@ -145,15 +145,14 @@ impl Stack {
         Ok(stack)
     }
 
-    /// Flies: `watch` sees every message; `tick` is called at every look around, while all are there, with the faults as
-    /// they are by then.
+    /// Flies to the end. `watch` gets every message; `tick` gets the faults as they are by then, at every look.
     pub fn fly(
         mut self,
         interrupts: &AtomicU32,
         mut watch: impl FnMut(&Record),
         mut tick: impl FnMut(&[Fault]),
     ) -> Flown {
-        // Every process has entered its class before it said that it is ready; reading takes longer than a tick may wait.
+        // Processes enter their scheduling class before they are ready; it takes longer to read than a tick may wait.
         let processes = self.run.children.all.iter();
         let scheduling = processes.map(|p| (p.name().to_owned(), scheduling_of(p.child.id()))).collect();
         let started = Instant::now();
@@ -161,7 +160,7 @@ impl Stack {
         page.set_phase(phase::GO);
         let ended = loop {
             let question = self.run.driver.question(); // before the look: all that was sent before it is here
-            // A process that was ready before the launcher's ports looked round is connected to them after it.
+            // Processes that were ready before the launcher drains its ports are connected to them afterwards.
             let ready = Topic::ALL.map(|topic| page.role(topic).ready.get());
             self.drain(&mut watch);
             Topic::ALL.into_iter().zip(ready).for_each(|(topic, epoch)| page.role(topic).connected.set(epoch));
@@ -181,7 +180,7 @@ impl Stack {
         let wall = started.elapsed();
         let given_up = given_up(self.run.driver.nodes());
         if self.run.scenario.run.mode == Mode::Realtime {
-            swaps::settle(&mut self.run.scenario, &self.run.events); // without a clock they take the times that they have
+            swaps::settle(&mut self.run.scenario, &self.run.events); // without a clock they keep to their times
         }
         let (lost, log) = self.stop(interrupts, &mut watch);
         self.run.events.extend(self.host.finish(page.plant_tick(), interrupts));
@@ -204,7 +203,7 @@ impl Stack {
         }
     }
 
-    /// What the launcher has not seen of the messages that were sent: without them a flight has no figures to be trusted.
+    /// Describes the sent messages that the launcher has not seen, if any: figures without them cannot be trusted.
     fn unseen(&self) -> Option<String> {
         let missing = |topic: Topic| {
             let sent = u64::from(self.run.page.role(topic).sent_by_all.get());
@@ -226,7 +225,7 @@ impl Stack {
         interrupts.load(Ordering::Relaxed) > 0 || self.requests.stopped
     }
 
-    /// Waits until every process is ready: it has received something of each process that it listens to.
+    /// Waits until every process is ready, that is, has received something from each process that it listens to.
     fn wait_until_ready(&mut self, ports: &mut Ports, interrupts: &AtomicU32) -> anyhow::Result<()> {
         let deadline = Instant::now() + JOIN_LIMIT;
         loop {
@@ -247,7 +246,7 @@ impl Stack {
         }
     }
 
-    /// A process that is not ready yet.
+    /// Returns the name of a process that is not ready yet, if any.
     fn unready(&self) -> Option<&'static str> {
         let page = &self.run.page;
         let topic = Topic::ALL.into_iter().find(|topic| page.role(*topic).ready.get() == 0);
@@ -255,7 +254,7 @@ impl Stack {
         topic.map(Topic::publisher).or_else(recorder)
     }
 
-    /// Shows `watch` every message that has come, and tells the plant, which waits for it in lockstep.
+    /// Passes new messages to driver, archive and `watch`, and tells the plant, which waits for that in lockstep.
     fn drain(&mut self, watch: &mut impl FnMut(&Record)) {
         let mut newest = 0;
         let Self { run, archive, observers, .. } = self;
@@ -277,7 +276,7 @@ impl Stack {
         run.page.watched.raise(newest as u32);
     }
 
-    /// Sees to it that every process receives from every other: one that is cut off is replaced as if it hung.
+    /// Finds the processes that are cut off from others; each is replaced as if it hung.
     fn check_connections(&mut self) {
         let received = Topic::ALL.map(|topic| self.observers.received(topic));
         for found in self.connections.look(&self.run.page, received) {
@@ -295,14 +294,14 @@ impl Stack {
                 }
             };
             if std::mem::replace(&mut self.cut_off[topic as usize], epoch) == epoch {
-                continue; // it has been killed, and is about to be seen to end
+                continue; // killed already; its exit will be seen soon
             }
             self.run.on(topic, Input::Disconnected(epoch, why));
         }
     }
 
-    /// Looks at all processes, and does what their roles say; how the flight has ended, if it has. In lockstep the plant's
-    /// `question` is answered, once all processes that come with that tick are there.
+    /// Looks at all processes and carries out the orders of their roles. Returns how the flight has ended, if it has.
+    /// In lockstep it answers the plant's `question` once all processes that start with that tick are ready.
     fn supervise(&mut self, question: Option<u64>) -> Option<Ended> {
         let Self { run, archive, .. } = self;
         let tick = question.unwrap_or_else(|| run.page.plant_tick());
@@ -330,14 +329,14 @@ impl Stack {
         run.stuck().map(Ended::Lost)
     }
 
-    /// Nodes first, then the recorder, so that the log has their last messages. A second Ctrl-C kills.
+    /// Stops the nodes, then the recorder, so that the log has their last messages. A second Ctrl-C kills.
     fn stop(
         &mut self,
         interrupts: &AtomicU32,
         watch: &mut impl FnMut(&Record),
     ) -> (Option<String>, Option<LogOutcome>) {
         let mut lost = None;
-        self.drain(watch); // nodes that are still here are not gone by the next look
+        self.drain(watch); // while the nodes and their ports are still there
         let page = self.run.page.clone();
         Archive::catch_up(&page);
         page.set_phase(phase::LEAVE);
@@ -345,8 +344,8 @@ impl Stack {
             let name = process.name();
             process.awaited = true;
             match wait(&mut process.child, name, LEAVE_LIMIT, interrupts) {
-                // A candidate, or a standby, leaves as it likes; one that was killed on purpose is an event already; one that
-                // broke its budget has been named already, and another that did so meanwhile is no worse.
+                // A candidate or standby may leave in any way. One killed on purpose is an event already. One that
+                // broke its budget was named already; another that did so meanwhile changes nothing.
                 _ if process.topic.is_none_or(|topic| page.role(topic).active() != process.epoch) => {}
                 Some(status) if process.killed || !matches!(ChildExit::of(status), ChildExit::Badly(_)) => {}
                 Some(status) => _ = lost.get_or_insert_with(|| format!("{name} ({status})")),
@@ -361,7 +360,7 @@ impl Stack {
     }
 }
 
-/// What the nodes have refused by now.
+/// Counts the messages that each node has refused by now, by cause.
 pub fn refused_by_listener(page: &ControlPage) -> Refused {
     let count = |topic: Topic| (topic.publisher(), Refusal::ALL.map(|r| page.role(topic).refused[r as usize].get()));
     Topic::ALL.map(count).into()

@@ -1,31 +1,31 @@
-//! The swaps of a flight, as its events tell them: how each began, what became of its candidate, and whether it stayed.
+//! The swaps of a flight, read from its events: how each began, how it ended, and whether its candidate stayed.
 
 use contract::Scenario;
 use contract::scenario::{Swap, SwapNode};
 
 use crate::event::{Event, What};
 
-/// What happened to the candidate of one swap.
+/// The course of one swap.
 pub struct SwapStory<'a> {
-    /// The event that the swap began with.
+    /// Event with which the swap began.
     pub begun: &'a Event,
-    /// All events from then on, of others too.
+    /// All events from then on, of other processes too.
     since: &'a [Event],
 }
 
 impl<'a> SwapStory<'a> {
-    /// That of swap `number`; `None` before it has begun.
+    /// Finds swap `number` in `events`; `None` before it has begun.
     pub fn of(events: &'a [Event], number: usize) -> Option<Self> {
         let first = events.iter().position(|event| event.swap == Some(number))?;
         Some(Self { begun: &events[first], since: &events[first..] })
     }
 
-    /// The first of these events that its candidate had.
+    /// Returns the first event of its candidate that is one of `what`.
     pub fn first(&self, what: &[What]) -> Option<&'a Event> {
         self.since.iter().find(|event| self.is_of_candidate(event) && what.contains(&event.what))
     }
 
-    /// The event that it ended with: the candidate stayed, or went, or the node was given up; `None` before that.
+    /// Returns the event that ended it: the candidate stayed or went, or the node was given up; `None` before that.
     pub fn end(&self) -> Option<&'a Event> {
         let is_end = |event: &Event| stayed(event) || matches!(event.what, What::Rejected | What::Returned);
         let given_up = |event: &Event| event.node == self.begun.node && event.what == What::GivenUp;
@@ -37,21 +37,21 @@ impl<'a> SwapStory<'a> {
     }
 }
 
-/// Whether the process that had this event stays from then on. A recorder, which has no trial, does when it takes over.
+/// Returns whether the candidate of this event stays: it is kept, or is a recorder, which has no trial, and took over.
 pub fn stayed(event: &Event) -> bool {
     event.what == if event.node == SwapNode::Recorder.name() { What::TookOver } else { What::Kept }
 }
 
-/// A swap that was asked for and whose candidate did not stay.
+/// A swap of the settings whose candidate did not stay.
 pub struct FailedSwap<'a> {
     pub swap: &'a Swap,
-    /// Its last event, with the reason; `None` where it did not come to an end.
+    /// Event that ended it, with the reason; `None` if it did not end before the flight did.
     end: Option<&'a Event>,
     has_begun: bool,
 }
 
 impl<'a> FailedSwap<'a> {
-    /// All of a flight of `scenario` with these `events`.
+    /// Finds all failed swaps of a flight of `scenario` with these `events`.
     pub fn all(scenario: &'a Scenario, events: &'a [Event]) -> Vec<Self> {
         let failed = |(number, swap)| {
             let story = SwapStory::of(events, number);
@@ -61,7 +61,7 @@ impl<'a> FailedSwap<'a> {
         scenario.swap.iter().enumerate().filter_map(failed).collect()
     }
 
-    /// What became of it, in two words.
+    /// Returns its end in words.
     pub fn name(&self) -> &'static str {
         match self.end.map(|end| end.what) {
             Some(What::Returned) => "was returned",
@@ -72,14 +72,14 @@ impl<'a> FailedSwap<'a> {
         }
     }
 
-    /// The swap, what became of it, and why.
+    /// Describes the swap, its end, and the reason.
     pub fn describe(&self) -> String {
         let why = self.end.and_then(|end| end.why.as_ref()).map_or(String::new(), |why| format!(": {why}"));
         format!("the swap of {} at {:.2} s {}{why}", self.swap.node.name(), self.swap.at_s, self.name())
     }
 }
 
-/// Which of the `events` are of a candidate: of a process that came by a swap and did not stay before.
+/// Tells for each of the `events` whether it is of a candidate: a process that a swap started and that is not kept yet.
 pub fn of_candidates(events: &[Event]) -> Vec<bool> {
     let is_of_candidate = |(i, event): (usize, &Event)| {
         let same = |other: &&Event| other.node == event.node && other.epoch == event.epoch;

@@ -1,7 +1,7 @@
-//! `measure conditions`: one fast mission after the other under each model of the MPC, side by side.
+//! `measure conditions`: flies fast missions under each model of the MPC and compares them in a table.
 //!
-//! Every mission reaches 10 to 15 m/s with drag, in process, so that all but the times is the same on every machine. Between
-//! the rows only `mpc.model` and `mpc.law` change. The times are those of the controller's steps, replayed one after another.
+//! Every mission reaches 10 to 15 m/s with drag, in process: everything but the times is the same on every machine. The
+//! rows differ only in `mpc.model` and `mpc.law`. The times are those of the controller's steps, replayed in a row.
 
 use std::hint::black_box;
 use std::path::PathBuf;
@@ -21,20 +21,20 @@ use crate::findings::{Findings, Target};
 use crate::flights::{SURVIVED_M, in_process, survival};
 use view::table::Table;
 
-/// 80 m legs in 10 s: the shipped scenario, and the vehicle and guidance of the other missions.
+/// Shipped scenario with 80 m legs in 10 s; also the vehicle and the guidance of the other missions.
 const LEGS: (&str, &str) = ("scenarios/fast-legs.toml", include_str!("../../../scenarios/fast-legs.toml"));
 /// Radius of the circle \[m\], height of all missions \[m\].
 const RADIUS_M: f64 = 40.0;
 const HEIGHT_M: f64 = 20.0;
-/// The lap takes this long: 14.7 m/s at its middle \[s\].
+/// Duration of a lap, which reaches 14.7 m/s at its middle \[s\].
 const LAP_S: f64 = 32.0;
 /// Mean wind of the gusts \[m/s\].
 const WIND_MPS: f64 = 6.0;
 
-/// `mpc.disturbance_gain` of the missions where the input disturbance is estimated.
+/// Value of `mpc.disturbance_gain` in the missions that estimate the input disturbance.
 const GAIN: f64 = 0.1;
 
-/// A row of the table: a law with its model.
+/// Controller of a row of the table: a law with its model.
 struct Controller {
     name: &'static str,
     law: Law,
@@ -45,7 +45,7 @@ const fn controller(name: &'static str, law: Law, model: Model) -> Controller {
     Controller { name, law, model }
 }
 
-/// The rows of the table.
+/// Controllers of the table.
 const CONTROLLERS: [Controller; 6] = [
     controller("hover", Law::Mpc, Model::Hover),
     controller("coupled", Law::Mpc, Model::Coupled),
@@ -55,7 +55,7 @@ const CONTROLLERS: [Controller; 6] = [
     controller("lqr coupled", Law::Lqr, Model::Coupled),
 ];
 
-/// Controllers that the targets speak of, hover first.
+/// Controllers that have targets, hover first.
 const CLAIMED: [&str; 3] = ["hover", "coupled", "scheduled"];
 
 #[derive(clap::Args)]
@@ -68,23 +68,23 @@ pub struct ConditionsArgs {
     pub out: Option<PathBuf>,
 }
 
-/// One row of the table.
+/// One flight: a row of the table.
 #[derive(Debug, Serialize)]
 struct ConditionFlight {
     mission: String,
-    /// Whether the input disturbance is estimated.
+    /// `true` if the input disturbance is estimated.
     estimated: bool,
     controller: &'static str,
-    /// Whether it did not diverge and was back in the end.
+    /// `true` if the vehicle did not diverge and was back in the end.
     survived: bool,
     #[serde(flatten)]
     metrics: Metrics,
     max_altitude_error_m: f64,
     /// Mean of the demand's part of the cost (4), `u'Ru`.
     effort: f64,
-    /// Samples at which the plan touched a limit of the actuators.
+    /// Number of samples at which the plan touched a limit of the actuators.
     active: u64,
-    /// A step of the controller.
+    /// Time of a step of the controller.
     step: Option<Percentiles>,
     state_hash: Option<String>,
 }
@@ -99,7 +99,7 @@ pub fn measure(args: &ConditionsArgs) -> anyhow::Result<u8> {
     found.conclude(args.out.as_deref(), "conditions.json", args.json, &table)
 }
 
-/// The missions, each a variant of the legs.
+/// Returns the missions, each a variant of the legs.
 fn missions() -> anyhow::Result<Vec<Scenario>> {
     let (path, text) = LEGS;
     let legs = scenario::from_merged(text, path)?;
@@ -152,7 +152,7 @@ fn missions() -> anyhow::Result<Vec<Scenario>> {
     ])
 }
 
-/// Those of the table that can fly a mission: the coupling is a term of the estimate.
+/// Controllers that can fly a mission; the coupled models need the estimate, because the coupling is a term of it.
 fn controllers(mission: &Scenario) -> impl Iterator<Item = &'static Controller> {
     let estimated = mission.mpc.disturbance_gain > 0.0;
     CONTROLLERS.iter().filter(move |controller| estimated || controller.model != Model::Coupled)
@@ -192,7 +192,7 @@ fn fly(mission: &Scenario, controller: &Controller) -> ConditionFlight {
     }
 }
 
-/// How long a new controller takes for each sample \[ns\].
+/// Times the step of a new controller on each sample \[ns\].
 fn step_times_ns(scenario: &Scenario, states: &[State], references: &[Reference]) -> Vec<u64> {
     let mut mpc = AttitudeMpc::new(scenario);
     let step = |(state, reference): (&State, &Reference)| {
@@ -207,7 +207,7 @@ fn targets(flights: &[ConditionFlight]) -> Vec<Target> {
     let missions = flights.chunk_by(|a, b| a.mission == b.mission);
     let shares = missions.flat_map(|rows| {
         let best = rows.iter().map(|row| row.metrics.rms_position_error_m).fold(f64::INFINITY, f64::min);
-        // The default estimates nothing. Where something is estimated, the claim is that the coupling is what hover lacks.
+        // Hover lacks the coupling: in missions that estimate (not the default) its error must be twice the best.
         rows.iter().filter(claimed).map(move |row| {
             let (figure, share) = (
                 format!("{}: error of {} over the best", row.mission, row.controller),
@@ -269,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_row_is_what_ships() {
+    fn the_first_row_is_the_default_controller() {
         let Controller { law, model, .. } = CONTROLLERS[0];
         let shipped = Scenario::default().mpc;
         assert_eq!((law, model), (shipped.law, shipped.model));

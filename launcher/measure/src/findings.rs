@@ -1,7 +1,7 @@
 //! Targets, their verdicts, and the results of a measurement as a file and as text.
 //!
-//! Every measurement ends with one line per target: verdict, figure, measured value, target. The exit code is 0 only when
-//! none is short. `--json` and the file of the results are one object `{provenance, quick, results, targets}`.
+//! Every measurement ends with one line per target: verdict, figure, measured value, target. The exit code is 0 only if
+//! no target is short. `--json` and the file of the results are one object `{provenance, quick, results, targets}`.
 
 use std::fmt::Write;
 use std::fs;
@@ -17,43 +17,43 @@ use runtime::console::print;
 use serde::Serialize;
 use serde_json::{Value, json};
 
-/// Whether a target is met.
+/// Verdict on a target.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Verdict {
     Ok,
     Short,
-    /// This run cannot tell; the target's note says why.
+    /// Not decided by this run; the target's note gives the reason.
     Inconclusive,
 }
 
-/// One promise and its verdict.
+/// Promised figure and its verdict.
 #[derive(Debug, Clone, Serialize)]
 pub struct Target {
     pub figure: String,
-    /// `None` where it could not be measured.
+    /// Measured value; `None` if it could not be measured.
     pub measured: Option<f64>,
     pub unit: &'static str,
-    /// As text: `<= 5`.
+    /// Target as text: `<= 5`.
     pub target: String,
     pub verdict: Verdict,
-    /// The reason for the verdict, where the figures do not show it.
+    /// Reason for the verdict if the figures do not show it.
     pub note: String,
 }
 
 impl Target {
-    /// Met when `measured` is no more than `limit`; inconclusive when it is absent or NaN.
+    /// Makes a target that is met if `measured` is at most `limit`; inconclusive if it is absent or NaN.
     pub fn at_most(figure: impl Into<String>, measured: Option<f64>, limit: f64, unit: &'static str) -> Self {
         let target = format!("<= {} {unit}", plain(limit)).trim_end().to_owned();
         Self { unit, ..Self::when(figure, measured, target, |value| value <= limit) }
     }
 
-    /// Met when `measured` is at least `limit`; inconclusive when it is absent or NaN.
+    /// Makes a target that is met if `measured` is at least `limit`; inconclusive if it is absent or NaN.
     pub fn at_least(figure: impl Into<String>, measured: Option<f64>, limit: f64) -> Self {
         Self::when(figure, measured, format!(">= {}", plain(limit)), |value| value >= limit)
     }
 
-    /// Met when `measured` passes the test that the text `target` states; inconclusive when it is absent or NaN.
+    /// Makes a target that is met if `measured` passes the test in the text `target`; inconclusive if absent or NaN.
     pub fn when(
         figure: impl Into<String>,
         measured: Option<f64>,
@@ -69,7 +69,7 @@ impl Target {
         Self { figure: figure.into(), measured, unit: "", target: target.into(), verdict, note: String::new() }
     }
 
-    /// A count that must be 0.
+    /// Makes a target for a count that must be 0.
     pub fn none(figure: impl Into<String>, count: usize) -> Self {
         Self::at_most(figure, Some(count as f64), 0.0, "")
     }
@@ -80,7 +80,7 @@ impl Target {
         self
     }
 
-    /// Short becomes inconclusive, because the machine may be the reason.
+    /// Turns a short target into an inconclusive one, because the machine may be the reason.
     #[must_use]
     pub fn in_doubt(mut self, why: impl Into<String>) -> Self {
         if self.verdict == Verdict::Short {
@@ -90,7 +90,7 @@ impl Target {
         self
     }
 
-    /// What was measured with its unit, or `absent`.
+    /// Formats the measured value with its unit, or returns `absent`.
     pub fn measured_text(&self, absent: &str) -> String {
         let text = self.measured.map_or(absent.to_owned(), |value| format!("{} {}", plain(value), self.unit));
         text.trim_end().to_owned()
@@ -106,13 +106,13 @@ impl Target {
 /// Results and targets of one measurement.
 pub struct Findings {
     targets: Vec<Target>,
-    /// `{provenance, quick, results, targets}`.
+    /// Object `{provenance, quick, results, targets}`.
     json: Value,
     quick: bool,
 }
 
 impl Findings {
-    /// A `quick` run has too few samples: its targets become inconclusive.
+    /// Combines results and targets. Targets of a `quick` run become inconclusive, because it has too few samples.
     pub fn new(results: impl Serialize, mut targets: Vec<Target>, quick: bool) -> anyhow::Result<Self> {
         for target in targets.iter_mut().filter(|_| quick) {
             target.verdict = Verdict::Inconclusive;
@@ -123,8 +123,8 @@ impl Findings {
         Ok(Self { targets, json, quick })
     }
 
-    /// Writes all of it to `file` in the folder `out`, if there is one, which is made if it does not exist. Then prints
-    /// `table` and one line per target, or with `json` all of it as one object; the exit code.
+    /// Writes the object to `file` in the folder `out`, if given; creates the folder if needed. Then prints `table` and
+    /// one line per target, or with `json` the object. Returns the exit code.
     pub fn conclude(&self, out: Option<&Path>, file: &str, json: bool, table: &str) -> anyhow::Result<u8> {
         let text = serde_json::to_string_pretty(&self.json)? + "\n";
         if let Some(out) = out {
@@ -149,20 +149,20 @@ impl Findings {
     }
 }
 
-/// Makes a folder that files can be written to; `option` is the argument that names it.
+/// Creates a folder and checks that files can be written to it; `option` is the argument that names it.
 pub fn make_folder(folder: &Path, option: &str) -> anyhow::Result<()> {
     let probe = folder.join("measure.part");
     let made = fs::create_dir_all(folder).and_then(|()| fs::write(&probe, "")).and_then(|()| fs::remove_file(&probe));
     made.with_context(|| format!("cannot write to the folder {}; choose another with {option}", folder.display()))
 }
 
-/// `runs/measure-NAME-TIME`
+/// Returns `runs/measure-NAME-TIME`.
 pub fn default_folder(name: &str) -> PathBuf {
     let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     Path::new("runs").join(format!("measure-{name}-{}", since_epoch.as_millis()))
 }
 
-/// A number with four figures, without an exponent where it can be read without.
+/// Formats a number with four figures; with an exponent only below 1e-3 and from 1e7 on.
 pub fn plain(value: f64) -> String {
     match value.abs() {
         0.0 => "0".to_owned(),
@@ -177,7 +177,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_target_is_short_only_when_measured_so() {
+    fn only_a_measured_value_makes_a_target_short() {
         let verdict = |measured| Target::at_most("time", measured, 5.0, "us").verdict;
         assert_eq!(verdict(Some(5.0)), Verdict::Ok);
         assert_eq!(verdict(Some(5.1)), Verdict::Short);
@@ -187,14 +187,14 @@ mod tests {
     }
 
     #[test]
-    fn doubt_excuses_a_short_target_and_leaves_a_met_one() {
+    fn doubt_makes_a_short_target_inconclusive_and_leaves_a_met_one() {
         let doubted = |measured| Target::at_most("time", Some(measured), 5.0, "us").in_doubt("noise").verdict;
         assert_eq!(doubted(6.0), Verdict::Inconclusive);
         assert_eq!(doubted(4.0), Verdict::Ok);
     }
 
     #[test]
-    fn only_a_short_target_spoils_the_exit_code() {
+    fn only_a_short_target_changes_the_exit_code() {
         let code = |measured, quick| {
             let targets = [Target::at_most("time", measured, 5.0, "us"), Target::at_most("blocks", Some(0.0), 0.0, "")];
             Findings::new(json!({}), targets.into(), quick)

@@ -11,7 +11,7 @@ use flight::stack::{Ended, Flown, Stack, StartError};
 use outcome::judge::Verdict;
 use outcome::summary::Summary;
 
-/// In the end of a flight that is survived the vehicle is no farther from its reference \[m\].
+/// Largest distance from the reference at the end of a flight that survived \[m\].
 pub const SURVIVED_M: f64 = 1.0;
 
 /// Bounds of a flight that counts as survived: back at its reference in the end, whatever happened on the way.
@@ -36,7 +36,7 @@ pub fn in_process(scenario: &Scenario, mut watch: impl FnMut(&Record)) -> (Summa
     (summary, verdict)
 }
 
-/// Flies `scenario` by processes; `watch` is given every message. A lost process is no error.
+/// Flies `scenario` by processes and gives `watch` every message. A lost process is no error.
 pub fn through_processes(
     scenario: &Scenario,
     interrupts: &AtomicU32,
@@ -45,7 +45,7 @@ pub fn through_processes(
     Started::new(scenario, interrupts)?.fly(interrupts, watch, || {})
 }
 
-/// A stack of processes that waits to fly, in a namespace of its own.
+/// Started stack of processes that waits to fly, in a namespace of its own.
 pub struct Started<'a> {
     pub namespace: String,
     scenario: &'a Scenario,
@@ -59,7 +59,7 @@ impl<'a> Started<'a> {
         Ok(Self { namespace, scenario, stack })
     }
 
-    /// Flies: `watch` is given every message, and `tick` is called at every look around. A lost process is no error.
+    /// Flies; gives `watch` every message, calls `tick` in every pass of the launcher. A lost process is no error.
     pub fn fly(
         self,
         interrupts: &AtomicU32,
@@ -79,7 +79,7 @@ impl<'a> Started<'a> {
         }
     }
 
-    /// The same where a lost process is an error.
+    /// Flies as [`fly`](Self::fly) does, except that a lost process is an error.
     pub fn fly_to_the_end(
         self,
         interrupts: &AtomicU32,
@@ -94,7 +94,7 @@ impl<'a> Started<'a> {
     }
 }
 
-/// A namespace that no other run on this machine has.
+/// Returns a namespace that no other run on this machine has.
 pub fn namespace() -> String {
     static NEXT: AtomicU32 = AtomicU32::new(0);
     format!("measure-{}-{}", std::process::id(), NEXT.fetch_add(1, Ordering::Relaxed))

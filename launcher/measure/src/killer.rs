@@ -1,5 +1,5 @@
-//! A stack seen from outside as a user sees it: started by a command, its processes found by their namespace, killed and
-//! stopped by signals.
+//! Control of a stack from outside, as by a user: it is started by a command, its processes are found by their
+//! namespace, and they are killed and stopped by signals.
 
 use std::fs::{self, File};
 use std::path::Path;
@@ -17,36 +17,36 @@ use runtime::domain::Domain;
 use runtime::realtime::{ControlPage, now_ns};
 use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
 
-/// Longest wait for a process to be there: longer than any delay of a restart.
+/// Longest wait for a process to appear; exceeds every restart delay.
 const PATIENCE: Duration = Duration::from_secs(1);
-/// A short flight that takes longer on the wall clock is killed.
+/// Wall time after which a short flight is killed.
 const WATCHDOG: Duration = Duration::from_secs(30);
-/// Between two looks.
+/// Interval between two looks.
 const LOOK: Duration = Duration::from_millis(1);
 
 /// A process of a stack.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Process {
     pub pid: Pid,
-    /// Its node, `recorder`, or `launcher`.
+    /// Name of the node, `recorder`, or `launcher`.
     pub name: String,
     pub epoch: u32,
 }
 
 impl Process {
-    /// Those that run now in `namespace`, without zombies.
+    /// Lists the processes that run in `namespace`, without zombies.
     pub fn all(namespace: &str) -> Vec<Self> {
         let entries = std::fs::read_dir("/proc").into_iter().flatten().flatten();
         let pids = entries.filter_map(|entry| entry.file_name().to_str()?.parse().ok());
         pids.filter_map(|pid| Self::look(Pid::from_raw(pid)?, namespace)).collect()
     }
 
-    /// The newest of those named `name`.
+    /// Returns the process `name` with the largest epoch.
     pub fn newest(namespace: &str, name: &str) -> Option<Self> {
         Self::all(namespace).into_iter().filter(|process| process.name == name).max_by_key(|process| process.epoch)
     }
 
-    /// Sends `signal`, and returns when \[ns\]. `None` when the process has ended, even if its number was given to another.
+    /// Sends `signal` and returns the time \[ns\]; `None` if the process has ended, even if its number was reused.
     pub fn signal(&self, namespace: &str, signal: Signal) -> Option<u64> {
         let pidfd = pidfd_open(self.pid, PidfdFlags::empty()).ok()?;
         (Self::look(self.pid, namespace)? == *self).then_some(())?;
@@ -54,7 +54,7 @@ impl Process {
         pidfd_send_signal(pidfd, signal).ok().map(|()| at_ns)
     }
 
-    /// Process `pid` by its command line, if it belongs to `namespace`.
+    /// Identifies process `pid` by its command line; `None` if it is not in `namespace`.
     fn look(pid: Pid, namespace: &str) -> Option<Self> {
         let line = std::fs::read_to_string(format!("/proc/{}/cmdline", pid.as_raw_nonzero())).ok()?;
         let words: Vec<&str> = line.split('\0').collect();
@@ -66,7 +66,7 @@ impl Process {
     }
 }
 
-/// A `launcher fly` in a namespace. Dropping it kills it, and its processes end with it.
+/// Running `launcher fly` in a namespace. Drop kills it, and its processes end with it.
 pub struct Launcher {
     pub namespace: String,
     pub started: Instant,
@@ -74,7 +74,7 @@ pub struct Launcher {
 }
 
 impl Launcher {
-    /// Starts it with `arguments`. The run is written to `run` in `folder`, standard error to `stderr`.
+    /// Starts it with `arguments`. Writes the run to `run` in `folder`, standard error to `stderr`.
     pub fn start(namespace: &str, folder: &Path, arguments: &[&str]) -> anyhow::Result<Self> {
         let cannot = || format!("cannot write to {}", folder.display());
         fs::create_dir_all(folder).with_context(cannot)?;
@@ -86,7 +86,7 @@ impl Launcher {
         Ok(Self { namespace: namespace.to_owned(), started: Instant::now(), child })
     }
 
-    /// Calls `look` with the namespace until it finds something, the flight ends, or a second is over.
+    /// Calls `look` with the namespace until it finds something, the flight ends, or 1 s has passed.
     pub fn wait_for<T>(&mut self, look: impl Fn(&str) -> Option<T>) -> Option<T> {
         let deadline = Instant::now() + PATIENCE;
         loop {
@@ -110,12 +110,12 @@ impl Launcher {
         self.child.try_wait().is_ok_and(|status| status.is_some())
     }
 
-    /// Its exit code; `None` when it had to be killed.
+    /// Waits for the end and returns the exit code; `None` if the launcher had to be killed after 30 s.
     pub fn end(self) -> Option<i32> {
         self.end_within(WATCHDOG)
     }
 
-    /// The same for a flight that may take so long from its start.
+    /// Waits like [`end`](Self::end), up to `limit` after the start.
     pub fn end_within(mut self, limit: Duration) -> Option<i32> {
         while self.started.elapsed() < limit {
             if let Ok(Some(status)) = self.child.try_wait() {
@@ -126,8 +126,8 @@ impl Launcher {
         None
     }
 
-    /// After the launcher was killed: time from `since_ns` until the last process of its namespace is gone \[ms\]; `None`
-    /// when one stays.
+    /// After the launcher was killed: returns the time from `since_ns` until the last process of its namespace is gone
+    /// \[ms\]; `None` if one is left after 5 s.
     pub fn until_gone(&mut self, since_ns: u64) -> anyhow::Result<Option<f64>> {
         self.child.wait()?;
         let deadline = Instant::now() + PATIENCE * 5;
@@ -143,18 +143,18 @@ impl Launcher {
 
 impl Drop for Launcher {
     fn drop(&mut self) {
-        // It has ended already, except after an error.
+        // The launcher has ended already, except after an error.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
 }
 
-/// The standard error of the flight in `folder`.
+/// Reads the standard error of the flight in `folder`.
 pub fn said(folder: &Path) -> String {
     fs::read_to_string(folder.join("stderr")).unwrap_or_default()
 }
 
-/// When epoch `epoch` of `node` sent its first message that was delivered \[ns\]; not known of the plant and the recorder.
+/// Returns when epoch `epoch` of `node` sent its first delivered message \[ns\]; `None` for the plant and the recorder.
 pub fn first_message_ns(log: &Log, node: &str, epoch: u32) -> Option<u64> {
     fn first<M: Message>(messages: &[M], epoch: u32) -> Option<u64> {
         let mut stamps = messages.iter().map(Message::stamp);
@@ -169,7 +169,7 @@ pub fn first_message_ns(log: &Log, node: &str, epoch: u32) -> Option<u64> {
     }
 }
 
-/// What a stack that is over has left: its folder in shared memory, and processes.
+/// Lists leftovers of a stack that has ended: its folder in shared memory, and processes.
 pub fn left(namespace: &str) -> Vec<String> {
     let folder = Domain::left(namespace).map(|domain| domain.folder.display().to_string());
     folder.into_iter().chain(Process::all(namespace).into_iter().map(|process| process.name)).collect()

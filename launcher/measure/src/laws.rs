@@ -1,8 +1,8 @@
-//! `measure laws`: the same flights under every inner loop, side by side.
+//! `measure laws`: flies the same scenarios under every inner loop and compares them in a table.
 //!
-//! Every flight is flown in process, so that the table is the same on every machine. Between the rows only the inner loop
-//! changes: a controller of `campaigns/laws.toml`, whose random flights tell how often each survives. A flight survives when
-//! the vehicle did not diverge and is back at its reference in the end.
+//! Every flight is flown in process, so that the table is the same on every machine. The rows differ only in the inner
+//! loop. Each inner loop is a controller of `campaigns/laws.toml`, whose random flights show how often it survives. A
+//! flight survives if the vehicle did not diverge and is within 1 m of its reference in the end.
 
 use std::path::{Path, PathBuf};
 
@@ -19,7 +19,7 @@ use flight::settings;
 use outcome::metrics::Metrics;
 use view::table::Table;
 
-/// The shipped scenarios, compiled in so that the command works in any folder.
+/// Shipped scenarios, compiled in so that the command works in any folder.
 const AGGRESSIVE: [(&str, &str); 5] = [
     ("scenarios/aggressive/step.toml", include_str!("../../../scenarios/aggressive/step.toml")),
     ("scenarios/aggressive/upset.toml", include_str!("../../../scenarios/aggressive/upset.toml")),
@@ -28,7 +28,7 @@ const AGGRESSIVE: [(&str, &str); 5] = [
     ("scenarios/aggressive/weak-yaw.toml", include_str!("../../../scenarios/aggressive/weak-yaw.toml")),
 ];
 
-/// The campaign whose controllers are the inner loops.
+/// Campaign whose controllers are the inner loops.
 const CAMPAIGN: (&str, &str) = ("campaigns/laws.toml", include_str!("../../../campaigns/laws.toml"));
 
 #[derive(clap::Args)]
@@ -43,7 +43,7 @@ pub struct LawsArgs {
     pub out: Option<PathBuf>,
 }
 
-/// One row of the table: a controller of the campaign.
+/// Inner loop of a row of the table: a controller of the campaign.
 #[derive(Debug, Clone, PartialEq)]
 struct InnerLoop {
     name: String,
@@ -51,7 +51,7 @@ struct InnerLoop {
     mixer: Mixer,
 }
 
-/// Those of the campaign's controllers.
+/// Returns the inner loops of the campaign's controllers.
 fn inner_loops(campaign: &Campaign) -> anyhow::Result<Vec<InnerLoop>> {
     let all = campaign.controllers.iter().map(|(name, given)| Ok(InnerLoop::of(name, given.scenario(&[])?)));
     all.collect()
@@ -62,7 +62,7 @@ impl InnerLoop {
         Self { name: name.to_owned(), mpc: scenario.mpc, mixer: scenario.mixer }
     }
 
-    /// `scenario` with this inner loop, in process.
+    /// Returns `scenario` with this inner loop, in process.
     fn put_into(&self, scenario: &Scenario) -> Scenario {
         let mut flown = scenario.clone();
         flown.run.mode = Mode::Inprocess;
@@ -80,7 +80,7 @@ struct LawFlight {
     #[serde(serialize_with = "by_name")]
     inner_loop: InnerLoop,
     scenario: String,
-    /// Whether it did not diverge and was back in the end.
+    /// `true` if the vehicle did not diverge and was back in the end.
     survived: bool,
     diverged_at_s: Option<f64>,
     #[serde(flatten)]
@@ -102,7 +102,7 @@ pub fn measure(args: &LawsArgs) -> anyhow::Result<u8> {
     found.conclude(args.out.as_deref(), "table.json", args.json, &table(&scenarios, &rows))
 }
 
-/// Every scenario under every inner loop, on as many cores as there are: a row for each inner loop.
+/// Flies every scenario under every inner loop on all cores; returns a row for each inner loop.
 fn fly_all(loops: &[InnerLoop], scenarios: &[Scenario]) -> Vec<Vec<LawFlight>> {
     let pairs: Vec<_> = loops.iter().flat_map(|one| scenarios.iter().map(move |scenario| (one, scenario))).collect();
     let mut flights = pairs.par_iter().map(|(one, scenario)| fly(one, scenario)).collect::<Vec<_>>().into_iter();
@@ -124,7 +124,7 @@ fn fly(inner_loop: &InnerLoop, scenario: &Scenario) -> LawFlight {
     }
 }
 
-/// Of the shipped scenarios, for both solvers.
+/// Targets for the shipped scenarios, for each inner loop with the constraint cone.
 fn targets(rows: &[Vec<LawFlight>]) -> Vec<Target> {
     let of_row = |row: &Vec<LawFlight>| {
         let shipped = &row[..AGGRESSIVE.len()];

@@ -1,16 +1,16 @@
-//! Figures with targets: what the stack promises of itself, measured here and now.
+//! Measurements of the stack's figures on this machine, each with targets.
 //!
 //! | module | holds |
 //! |---|---|
 //! | [`mpc`] | `measure mpc`: how long a step of the controller takes, by path and solver |
-//! | [`faults`] | `measure faults`: every fault of the catalogue, and whether the flight recovers |
-//! | [`kills`] | `measure kills`: any process killed at any moment, a thousand times |
+//! | [`faults`] | `measure faults`: every fault of the catalogue, and the recovery of the flight |
+//! | [`kills`] | `measure kills`: a thousand kills of any process at any moment |
 //! | [`laws`] | `measure laws`: the aggressive scenarios under every inner loop |
 //! | [`conditions`] | `measure conditions`: fast missions under every model of the MPC |
 //! | [`sensitivity`] | `measure sensitivity`: tracking error over delay, jitter and misses |
 //! | [`replay`] | `measure replay`: flights in real time, flown again bit for bit |
-//! | [`timing`] | `measure timing`: how late the stack is, beside the kernel's own wake-up |
-//! | [`flights`] | flights that a measurement flies itself, and when one counts as failed |
+//! | [`timing`] | `measure timing`: latency of the stack, compared with the kernel's own wake-up |
+//! | [`flights`] | flights that a measurement flies itself, and the rule by which one counts as failed |
 //! | [`findings`] | targets and results |
 //! | [`killer`] | processes of a stack seen from outside, and signals to them |
 

@@ -1,4 +1,4 @@
-//! What a flight must stay inside of to count as flown: the scenario's `[bounds]`, and where it sets none, these.
+//! Bounds that a flight must stay inside of to count as flown: the scenario's `[bounds]`, and these where it sets none.
 //!
 //! | bound | default |
 //! |---|---|
@@ -41,8 +41,8 @@ fn bounds(scenario: &Scenario) -> Bounds {
     }
 }
 
-/// Every bound of `scenario` against the flight's `metrics`. One without a sample, such as the altitude error of a leg not
-/// reached, is not judged.
+/// Every bound of `scenario` against the flight's `metrics`. One without a sample, such as the altitude error of a leg
+/// not reached, is not judged.
 pub fn check(scenario: &Scenario, metrics: &Metrics) -> Vec<BoundCheck> {
     let (b, m) = (bounds(scenario), metrics);
     let (horizontal, vertical) = (b.max_altitude_error_horizontal_m, b.max_altitude_error_vertical_m);
@@ -96,7 +96,7 @@ impl Outside {
     }
 }
 
-/// How far off a flight may be that sets no bound of its own \[m\].
+/// Default bound on the position error of a scenario that sets none \[m\].
 fn position_error_m(scenario: &Scenario) -> f64 {
     let usual_m = match scenario.profile {
         Profile::Robust => 1.5,

@@ -1,9 +1,9 @@
 //! `explain`: what each late, lost or missing message of a flight cost.
 //!
-//! Every disturbed tick ([`flight::replay::Disturbed`]) is undone in a flight of its own, every burst of ticks one after another
-//! in one more, and all of them in a last one. The cost is the figure of the flight less that of the flight without, and the
-//! largest distance between the courses of the two. Costs of single ticks do not add up to that of all: the vehicle recovers
-//! from one before the next, or does not.
+//! Every disturbed tick ([`flight::replay::Disturbed`]) is undone in a flight of its own, every burst of ticks one
+//! after another in one more, and all of them in a last one. The cost is the figure of the flight less that of the
+//! flight without, and the largest distance between the courses of the two. Costs of single ticks do not add up to that
+//! of all: the vehicle recovers from one before the next, or does not.
 //!
 //! | module | holds |
 //! |---|---|
@@ -27,7 +27,7 @@ pub use cost::{Cost, FlightCost};
 pub use work::Work;
 use work::{bursts, processors};
 
-/// What the disturbed ticks of a flight cost.
+/// Costs of the disturbed ticks of a flight.
 #[derive(Debug, Clone)]
 pub struct Explained {
     pub name: String,
@@ -35,8 +35,8 @@ pub struct Explained {
     pub flight: FlightCost,
     /// The flight with every disturbed tick undone.
     pub without_any: FlightCost,
-    /// Another flight, as far as this one is known: in process, with the controllers of this program, and without any fault
-    /// and swap of the scenario, those of air, sensors and actuators too. `None` beside a part of a flight.
+    /// Another flight, as far as this one is known: in process, with the controllers of this program, and without any
+    /// fault and swap of the scenario, those of air, sensors and actuators too. `None` beside a part of a flight.
     pub undisturbed: Option<FlightCost>,
     /// Number of disturbed ticks, and of bursts of more than one.
     pub disturbed: usize,
@@ -46,13 +46,13 @@ pub struct Explained {
     pub bursts: Vec<Cost>,
 }
 
-/// What is known of the costs of a flight for its report, which may take a second or two to find them.
+/// Costs as far as a report looks into them, which may take a second or two.
 #[derive(Debug)]
 pub enum Costs {
     /// No tick was disturbed.
     None,
     Known(Box<Explained>),
-    /// So many ticks were disturbed: more than a report looks into.
+    /// More disturbed ticks than a report looks into: their number.
     TooMany(usize),
     /// The flight is too long for that.
     TooLong,
@@ -90,8 +90,8 @@ pub fn costs(recorded: &Recorded) -> Costs {
     find().unwrap_or_else(Costs::Unknown)
 }
 
-/// Flies `recording` again without its disturbed ticks: with `each` without every one of them too, else only without all.
-/// `progress` is told how many flights are done, and of how many.
+/// Flies `recording` again without its disturbed ticks: with `each` without every one of them too, else only without
+/// all. `progress` is told how many flights are done, and of how many.
 ///
 /// # Errors
 /// A flight cannot be flown to its end.
@@ -147,7 +147,7 @@ pub fn explain(
     })
 }
 
-/// What `work` makes of each item, on all processors, in the order of the items.
+/// Applies `work` to each item, on all processors; returns the results in the order of the items.
 fn in_parallel<T: Sync, R: Send>(
     items: &[T],
     progress: impl Fn(usize, usize) + Sync,

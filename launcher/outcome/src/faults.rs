@@ -1,4 +1,4 @@
-//! What came of each fault, of the scenario or given while flying: the `faults` section of run.json.
+//! Course of each fault, of the scenario or given in flight: the `faults` section of run.json.
 //!
 //! ```text
 //! injected    the first tick it struck
@@ -22,9 +22,9 @@
 //! | clock, host | the ticks of its time | | |
 //! | an intruder on a topic | the ticks of its time | those of the topic | the same |
 //!
-//! A process is back when another one sends in its place: its recovery is counted from the detection, all others from the
-//! end of the fault. Against the clock the next one may be back before any message is missing: then the launcher alone has
-//! seen the end of the one before.
+//! A process is back when another one sends in its place: its recovery is counted from the detection, all others from
+//! the end of the fault. Against the clock the next one may be back before any message is missing: then the launcher
+//! alone has seen the end of the one before.
 
 use contract::message::{Controls, SolveStatus, guidance_flags, mixer_flags};
 use contract::scenario::{Fault, FaultKind, FaultTarget};
@@ -53,11 +53,11 @@ struct Watched {
     marked: Option<(u64, u64)>,
     /// The command that the newest STATE was under.
     obeyed: u64,
-    /// What each topic shows of it.
+    /// Harm that each topic shows.
     courses: [Course; Topic::COUNT],
 }
 
-/// How one topic went on, tick by tick.
+/// Course of one topic, tick by tick.
 #[derive(Default)]
 struct Course {
     /// Ticks on which it began to show harm, or ceased to.
@@ -148,7 +148,7 @@ impl Watched {
         self.fault.ticks(1.0 / f64::from(self.rate_hz))
     }
 
-    /// What the topic of the process shows, where it strikes a process.
+    /// Returns the course of the topic whose process is struck; `None` if no process is.
     fn process(&self) -> Option<&Course> {
         self.fault.target.process().map(|topic| &self.courses[topic as usize])
     }
@@ -197,7 +197,8 @@ impl Watched {
         harmed.try_fold(from, |latest, course| Some(latest.max(course.first(from, false)?)))
     }
 
-    /// The tick of the first of these events from `tick` on that a process of the struck node had which was ever active.
+    /// The tick of the first of these events from `tick` on that a process of the struck node had which was ever
+    /// active.
     fn first_event(&self, tick: u64, what: &[What], events: &[Event]) -> Option<u64> {
         let node = self.fault.target.process()?.publisher();
         let mut active_epochs = vec![1];
@@ -215,7 +216,8 @@ impl Watched {
         ticks as f64 / f64::from(self.rate_hz)
     }
 
-    /// From the injection to the detection, and from there or from the fault's end to the recovery \[s\].
+    /// Returns the times from the injection to the detection, and from there or from the fault's end to the recovery
+    /// \[s\].
     fn delays_s(&self, events: &[Event]) -> [Option<f64>; 2] {
         let (injected, ended, detected) = (self.injected(), self.ended(), self.detected(events));
         let since = if self.process().is_some() { detected } else { ended };
@@ -268,7 +270,7 @@ fn what(fault: &Fault) -> String {
     format!("{} {}", fault.target.name(), name(fault.kind))
 }
 
-/// What is known to be wrong with ACTUATORS of these flags, other than a limit.
+/// Flags of ACTUATORS that tell of something wrong, other than a limit.
 const REACTIONS: u64 = mixer_flags::BAD_INPUT
     | mixer_flags::HELD
     | mixer_flags::LEVELLED
@@ -277,14 +279,15 @@ const REACTIONS: u64 = mixer_flags::BAD_INPUT
     | mixer_flags::CUT
     | mixer_flags::TERMINATED;
 
-/// Whether `record` is a message of the topic that `fault` has struck; what is only doubled bears no mark.
+/// Returns whether `fault` took effect on the topic of `record` in this message; a message that is only doubled bears
+/// no mark.
 fn struck(fault: &Fault, record: &Record) -> bool {
     let marked = record.stamp().is_faulted() || fault.kind == FaultKind::Duplicate;
     marked && fault.target.topic() == Some(record.topic())
 }
 
-/// Whether `record` shows harm done by a fault of `target`; nothing when it is no witness. `obeyed` is the command that
-/// the STATE before it was under.
+/// Returns whether `record` shows harm done by a fault of `target`; `None` if it is no witness. `obeyed` is the command
+/// that the STATE before it was under.
 fn harm(target: FaultTarget, record: &Record, obeyed: u64) -> Option<bool> {
     use FaultTarget as T;
     match (target, record) {
@@ -301,7 +304,7 @@ fn harm(target: FaultTarget, record: &Record, obeyed: u64) -> Option<bool> {
     }
 }
 
-/// Whether the sender of `record` worked without the input it should have had.
+/// Returns whether the sender of `record` worked without the input it should have had.
 pub fn reacts(record: &Record) -> bool {
     match record {
         Record::State(_) => false,

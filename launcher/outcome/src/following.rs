@@ -1,4 +1,5 @@
-//! Command following: how far the true angles, rates and w were from the references that guidance gave for the same sample.
+//! Command following: how far the true angles, rates and w were from the references that guidance gave for the same
+//! sample.
 
 use airframe::angle;
 use contract::message::{Message, Reference, State};

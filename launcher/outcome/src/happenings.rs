@@ -1,4 +1,4 @@
-//! What is known to have happened in a flight: its faults, its events, and when a node was without a process. Read from
+//! Happenings of a flight: its faults, its events, and times when a node was without a process. Read from
 //! `faults` and `events` of run.json; what cannot be read is left out.
 
 use contract::Topic;
@@ -14,7 +14,7 @@ use flight::event::What;
 pub struct Happenings {
     pub faults: Vec<Span>,
     pub events: Vec<Mark>,
-    /// From the death of an active process until the next one took over.
+    /// Spans from the death of an active process until the next one took over.
     pub absences: Vec<Span>,
 }
 
@@ -22,12 +22,12 @@ pub struct Happenings {
 pub struct Span {
     /// A fault's place in the scenario, from 1 on; 0 for anything else.
     pub number: usize,
-    /// What it struck: the target of a fault, the node of an absence.
+    /// Target of a fault, or node of an absence.
     #[serde(skip)]
     pub target: String,
     pub what: String,
     pub from_s: f64,
-    /// Its end; none when the flight ended first.
+    /// End of the span; `None` if the flight ended first.
     pub to_s: Option<f64>,
     /// Which nodes' cycles it can delay, by topic.
     #[serde(skip)]
@@ -57,7 +57,7 @@ impl Happenings {
         }
     }
 
-    /// What can have delayed `topic` between two instants: faults, absences and events of that time.
+    /// Finds what can have delayed `topic` between two instants: faults, absences and events of that time.
     pub fn causes(&self, topic: Topic, from_s: f64, to_s: f64) -> [Vec<String>; 3] {
         let spans = |all: &[Span]| -> Vec<String> {
             let during = |span: &&Span| span.from_s <= to_s && span.to_s.is_none_or(|end_s| end_s > from_s);
@@ -103,8 +103,9 @@ impl Mark {
     }
 }
 
-/// Which nodes' cycles a fault can delay. A process fault: those of its node, a hog all. A fault of a topic: those of the nodes
-/// that wait for it. A fault of the solver: those of attitude-mpc. Clock and host: all. What acts on the vehicle: none.
+/// Which nodes' cycles a fault can delay. A process fault: those of its node, a hog all. A fault of a topic: those of
+/// the nodes that wait for it. A fault of the solver: those of attitude-mpc. Clock and host: all. What acts on the
+/// vehicle: none.
 fn delays(target: Option<FaultTarget>, kind: Option<FaultKind>) -> [bool; Topic::COUNT] {
     use FaultTarget as T;
     Topic::ALL.map(|topic| match target {
@@ -120,7 +121,7 @@ fn delays(target: Option<FaultTarget>, kind: Option<FaultKind>) -> [bool; Topic:
     })
 }
 
-/// When the node of `topic` had no active process.
+/// Finds the times when the node of `topic` had no active process.
 fn absences(topic: Topic, events: &Value) -> Vec<Span> {
     let node = topic.publisher();
     let of_node = events.as_array().into_iter().flatten().filter(|event| event["node"] == node);

@@ -47,13 +47,13 @@ pub struct Verdict {
     pub cause: String,
     /// Time at which the flight left a bound for the first time, or else ended \[s\]; `None` for a pass.
     pub failed_at_s: Option<f64>,
-    /// How the flight ended, for people.
+    /// End of the flight, for people.
     pub end: String,
-    /// What else a reader must know, the gravest first; empty when all went well.
+    /// Reservations that a reader must know, the gravest first; empty when all went well.
     pub reservations: Vec<String>,
     /// Every bound of the scenario against the flight.
     pub bounds: Vec<BoundCheck>,
-    /// How the reservations follow the end in one line.
+    /// Words between the end and the reservations in one line.
     joint: &'static str,
 }
 
@@ -87,7 +87,7 @@ impl Verdict {
         self.exit_code == exit::FLOWN
     }
 
-    /// How the flight ended and what else a reader must know, in one line for people.
+    /// Describes the end and the reservations in one line for people.
     pub fn describe(&self) -> String {
         format!("{}{}{}", self.end, self.joint, self.reservations.join("; "))
     }

@@ -14,7 +14,7 @@ pub struct Percentiles {
 }
 
 impl Percentiles {
-    /// Of `times` \[ns\]; `None` when there are none.
+    /// Percentiles of `times` \[ns\]; `None` when there are none.
     pub fn of(times: impl IntoIterator<Item = u64>) -> Option<Self> {
         let histogram = recorded(times);
         (!histogram.is_empty()).then(|| percentiles(&histogram))

@@ -1,4 +1,4 @@
-//! What a run left behind: its settings, summary and events; and whether its log is all of the flight.
+//! Reads a run back: its settings, summary and events; and whether its log is all of the flight.
 //!
 //! A log alone cannot tell that: one that was cut and closed again, or thinned at its end, is well-formed. run.json
 //! was written by the launcher, which counted the records and hashed the states itself.
@@ -23,18 +23,18 @@ use crate::summary::Summary;
 
 /// A run as it left its folder. Its messages stay in the log.
 pub struct Recorded {
-    /// Its log file; the first, where several recorders wrote.
+    /// Path of the log; of the first, where several recorders wrote.
     pub path: PathBuf,
-    /// Its log without the messages.
+    /// Log without the messages.
     pub log: Log,
     /// Messages of the log, by topic.
     pub messages: [u64; Topic::COUNT],
-    /// What the log amounts to.
+    /// Summary gathered from the messages.
     pub summary: Summary,
     pub scenario: Scenario,
-    /// Its summary. A run whose launcher was killed has a log and no run.json: then it is made from the log.
+    /// Content of run.json. A run whose launcher was killed has a log and no run.json: then it is made from the log.
     pub run: Value,
-    /// Whether there is a run.json.
+    /// `true` if there is a run.json.
     pub has_summary: bool,
     /// The ticks that were read.
     ticks: RangeInclusive<u64>,
@@ -53,13 +53,13 @@ impl Part {
     /// Messages before it are counted, so that a gap at its beginning is seen \[s\].
     const BEFORE_S: f64 = 1.0;
 
-    /// Its ticks.
+    /// Returns the ticks of the part.
     pub fn ticks(&self, sample_s: f64) -> RangeInclusive<u64> {
         let tick = |time_s: f64| (time_s / sample_s).round() as u64;
         tick(self.from_s)..=tick(self.to_s)
     }
 
-    /// What is read of the log.
+    /// Returns the span of the log that is read.
     fn span(&self) -> Span {
         let ns = |time_s: f64| (time_s * 1e9) as u64;
         ns(self.from_s - Self::BEFORE_S)..=ns(self.to_s + Self::BEFORE_S)
@@ -75,8 +75,8 @@ impl Recorded {
         Self::read_each(run, Part::ALL, |_, _| {})
     }
 
-    /// The same of a part of it, while `each` gets the settings and every message, tick by tick: a log is read once, however long it
-    /// is. Its events and settings are those of the whole flight.
+    /// Reads a part of a run, while `each` gets the settings and every message, tick by tick: a log is read once,
+    /// however long it is. Its events and settings are those of the whole flight.
     ///
     /// # Errors
     /// As of [`Self::read`].
@@ -112,7 +112,7 @@ impl Recorded {
         Ok(Self { path, log, messages, summary, scenario, run, has_summary, ticks })
     }
 
-    /// What can be flown again of it.
+    /// Returns what can be flown again of the run.
     ///
     /// # Errors
     /// A process cannot be flown again: its settings are not there.
@@ -124,7 +124,7 @@ impl Recorded {
         Recording::new(&self.path, &self.log.events, self.messages, last_tick, &self.scenario, settled.as_ref())
     }
 
-    /// Its settings, with what was ordered while it flew where the summary tells.
+    /// Returns the settings of the flight, with what was ordered while it flew where the summary tells.
     pub fn flown(&self) -> Scenario {
         flown(&self.run).unwrap_or_else(|| self.scenario.clone())
     }
@@ -163,7 +163,7 @@ impl Recorded {
         (self.summary.last().stamp.tick < flown.min(*self.ticks.end())).then(|| "it ends before the flight did".into())
     }
 
-    /// What run.json tells and the log does not have.
+    /// Lists what run.json tells and the log does not have.
     fn unlike_summary(&self, run: &Value) -> Vec<String> {
         let records = self.messages.iter().sum::<u64>() + self.log.events.len() as u64;
         let mut why = vec![];

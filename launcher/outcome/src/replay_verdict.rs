@@ -1,7 +1,7 @@
 //! The verdict on a replay: one sentence and one exit code, from what was compared of what there is.
 //!
-//! A flight is called the same only if its log is all of it, every message of the log was computed again and held against
-//! it, and the hash of the states is that of run.json. What was not compared is named.
+//! A flight is called the same only if its log is all of it, every message of the log was computed again and held
+//! against it, and the hash of the states is that of run.json. What was not compared is named.
 
 use contract::Topic;
 use contract::exit;
@@ -10,7 +10,7 @@ use flight::replay::{Difference, Messages, Plan, Recording, Replayed, replay};
 use crate::recorded::Recorded;
 use crate::summary::Summary;
 
-/// What a replay showed.
+/// Verdict on a replay.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ReplayVerdict {
     /// For people; the first line is the verdict.
@@ -24,7 +24,7 @@ pub struct Judged<'a> {
     pub recording: &'a Recording,
     pub plan: &'a Plan,
     pub replayed: &'a Replayed,
-    /// Of the states of the replay.
+    /// Hash of the states of the replay.
     pub state_hash: Option<String>,
 }
 
@@ -95,7 +95,7 @@ impl Judged<'_> {
         (*different > 0).then(|| format!("{different} of {} messages compared differ", self.replayed.compared()))
     }
 
-    /// What was compared, of what there is.
+    /// Says what was compared, of what there is.
     fn coverage(&self) -> String {
         let all = &self.replayed.messages;
         let logged: u64 = all.iter().map(|of_topic| of_topic.logged).sum();
@@ -119,7 +119,7 @@ impl Judged<'_> {
         format!("compared: {} of {logged} messages ({nodes}), {span} of {flown} s{flipped}", self.replayed.compared())
     }
 
-    /// Where it began, if that was in the middle of the flight.
+    /// Says where the replay began, if that was in the middle of the flight.
     fn begun(&self) -> Option<String> {
         let Replayed { begun_at, .. } = *self.replayed;
         let begun_s = begun_at as f64 * self.recording.scenario.sample_s();
@@ -174,7 +174,7 @@ impl Judged<'_> {
         self.plan.from == 0 && self.plan.until.is_none()
     }
 
-    /// Whether every state of the flight was computed, so that their hash is known.
+    /// Returns whether every state of the flight was computed, so that their hash is known.
     fn flies_all_states(&self) -> bool {
         self.plan.only.is_none() && self.covers_all_time()
     }

@@ -60,8 +60,8 @@ pub fn run_json(of: &Account) -> Value {
     })
 }
 
-/// Whether a replay of the flight gives the same state hash: the log has every message, and no solve was stopped where the clock
-/// may have stopped it.
+/// Returns whether a replay of the flight gives the same state hash: the log has every message, and no solve was
+/// stopped where the clock may have stopped it.
 fn replays(summary: &Summary, how: &Circumstances) -> bool {
     let is_whole = how.log.as_ref().is_some_and(|log| log.dropped == 0 && log.error.is_none());
     is_whole && summary.state_hash().is_some() && summary.solves.stopped() == 0
@@ -75,8 +75,8 @@ fn by_node<const N: usize>(counts: &[(&str, [u32; N])], causes: [&str; N]) -> Va
     counts.iter().map(|(node, counts)| ((*node).to_owned(), by_cause(counts))).collect()
 }
 
-/// Scheduling class and memory lock that the kernel gave the processes, and where that is less than they asked for, what would
-/// give it, in lines; none where no process could have any.
+/// Scheduling class and memory lock that the kernel gave the processes, and where that is less than they asked for,
+/// what would give it, in lines; none where no process could have any.
 fn granted(scenario: &Scenario, provenance: &Value) -> Vec<String> {
     let nodes: Vec<&Value> = NODES.iter().filter_map(|node| provenance["scheduling"].get(node)).collect();
     if scenario.run.mode != Mode::Realtime || nodes.is_empty() {
@@ -109,7 +109,7 @@ fn granted(scenario: &Scenario, provenance: &Value) -> Vec<String> {
     vec![format!("{class}; memory {memory}:"), format!("`sudo setcap {capabilities}+ep {program}` gives it")]
 }
 
-/// How the flight met the ground at its end, or "in the air"; nothing where there is none.
+/// Says how the flight met the ground at its end, or "in the air"; `None` where there is no ground.
 pub fn touchdown(scenario: &Scenario, status: PlantStatus) -> Option<&'static str> {
     use PlantStatus as P;
     scenario.plant.ground.present.then_some(match status {

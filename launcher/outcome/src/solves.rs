@@ -1,7 +1,7 @@
-//! What the controller's solver did in a flight: the `solver` section of run.json.
+//! Work of the controller's solver in a flight: the `solver` section of run.json.
 //!
-//! Everything but `solve_us` is a function of the flight and repeats with it. That is wall time around the solver alone,
-//! taken in every mode, in process too; what else ran on the machine is in it.
+//! Everything but `solve_us` is a function of the flight and repeats with it. That is wall time around the solver
+//! alone, taken in every mode, in process too; what else ran on the machine is in it.
 
 use contract::message::{Controls, SolveStatus};
 use hdrhistogram::Histogram;

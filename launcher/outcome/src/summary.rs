@@ -1,4 +1,4 @@
-//! What a flight amounts to: the metrics of run.json and the hash over all states.
+//! Summary of a flight: the metrics of run.json and the hash over all states.
 //!
 //! Position error is the true position against the mission's trajectory at the same sample: what was asked for, not
 //! what guidance said it was asked for.
@@ -69,8 +69,8 @@ impl Summary {
         }
     }
 
-    /// Of a flight [of which no message is kept](inprocess::fly_unlogged): without the hash over all states, which takes a sixth
-    /// of the time of a flight in process.
+    /// Makes the summary of a flight [of which no message is kept](inprocess::fly_unlogged): without the hash over all
+    /// states, which takes a sixth of the time of a flight in process.
     pub fn unlogged(scenario: &Scenario) -> Self {
         let checked = inprocess::changes_messages(scenario);
         let count = if checked { Count::default() } else { Count::without_checksums() };
@@ -165,7 +165,8 @@ impl Summary {
         &self.last
     }
 
-    /// SHA-256 over every state's payload bits in order; `None` when a message was missed, none came, or it is not kept.
+    /// SHA-256 over every state's payload bits in order; `None` when a message was missed, none came, or it is not
+    /// kept.
     pub fn state_hash(&self) -> Option<String> {
         use std::fmt::Write;
         let hash = self.hash.as_ref().filter(|_| self.missed == 0 && self.samples > 0);

@@ -1,7 +1,7 @@
 //! The join of the four messages of a tick: what the nodes made of one sample, and when the command took effect.
 //!
-//! What is kept of a message is the caller's choice: report, compare and trace keep [`Messages`], tick by tick as the log is
-//! read ([`Joined`]), [`crate::timing`] each node's cycle while the flight goes on, `measure timing` the stamps.
+//! What is kept of a message is the caller's choice: report, compare and trace keep [`Messages`], tick by tick as the
+//! log is read ([`Joined`]), [`crate::timing`] each node's cycle while the flight goes on, `measure timing` the stamps.
 
 use std::collections::BTreeMap;
 
@@ -11,7 +11,8 @@ use contract::{Scenario, Topic};
 use flight::log::{Count, Log, Record, last_tick};
 use guidance::Trajectory;
 
-/// A command takes effect at most so many ticks after its own; a damaged STATE must not cost a search of the whole flight.
+/// A command takes effect at most so many ticks after its own; a damaged STATE must not cost a search of the whole
+/// flight.
 const MOST_AGE_TICKS: usize = 1000;
 /// Ticks are open for messages of theirs that may still come, and for the age of their command.
 const OPEN_TICKS: u64 = 1024;
@@ -24,7 +25,7 @@ pub struct Tick<T> {
     pub period_ns: u64,
     /// The instant the sample stands for \[ns\]; 0 without a message.
     pub sample_ns: u64,
-    /// Where the mission wants the vehicle, NED \[m\].
+    /// Position that the mission asks for, NED \[m\].
     pub wanted_m: [f64; 3],
     /// Position error against the mission, as in run.json.
     pub error_m: Option<[f64; 3]>,
@@ -83,8 +84,8 @@ impl<T: Default> Ticks<T> {
         }
     }
 
-    /// Takes one message in; `keep` puts into the tick what is kept of it. Of several messages of a topic with one tick the
-    /// last counts. One of a tick that was told is ignored, as is one of a tick that this flight cannot have.
+    /// Takes one message in; `keep` puts into the tick what is kept of it. Of several messages of a topic with one tick
+    /// the last counts. One of a tick that was told is ignored, as is one of a tick that this flight cannot have.
     pub fn observe(&mut self, record: &Record, keep: impl FnOnce(&mut T)) {
         let stamp = record.stamp();
         self.seen += 1;
@@ -107,7 +108,8 @@ impl<T: Default> Ticks<T> {
         }
     }
 
-    /// Tells `each` tick that has not been told, those without a message too, except the newest `open`; and forgets them.
+    /// Tells `each` tick that has not been told, those without a message too, except the newest `open`; and forgets
+    /// them.
     pub fn tell(&mut self, open: u64, mut each: impl FnMut(&Tick<T>)) {
         let end = self.by_number.last_key_value().map_or(0, |(number, _)| number + 1);
         while self.told + open < end {
@@ -164,21 +166,22 @@ impl Messages {
 /// A tick of a log.
 pub type LoggedTick = Tick<Messages>;
 
-/// Joins the messages of a log as they are read. A tick has the messages of the active processes as they were sent, also where a
-/// fault changed or lost them on the way.
+/// Joins the messages of a log as they are read. A tick has the messages of the active processes as they were sent,
+/// also where a fault changed or lost them on the way.
 pub struct Joined {
     ticks: Ticks<Messages>,
     count: Count,
 }
 
 impl Joined {
-    /// Of a flight of `scenario`, from tick `first` on.
+    /// Joins the ticks of a flight of `scenario`, from tick `first` on.
     pub fn new(scenario: &Scenario, first: u64) -> Self {
         let ticks = Ticks { told: first, ..Ticks::new(scenario) };
         Self { ticks, count: Count::default() }
     }
 
-    /// Takes one message in, in the order of [`flight::log::stream`]; `each` gets the ticks to which nothing comes any more.
+    /// Takes one message in, in the order of [`flight::log::stream`]; `each` gets the ticks to which nothing comes any
+    /// more.
     pub fn observe(&mut self, record: &Record, each: impl FnMut(&LoggedTick)) {
         if self.count.before(record).is_some() {
             self.ticks.observe(record, |of| of.put(record));
@@ -207,7 +210,7 @@ pub struct InForce {
     pub tick: u64,
     pub sequence: u64,
     pub from_ns: u64,
-    /// When the next one took effect, or the log's last sample \[ns\].
+    /// Instant at which the next one took effect, or the log's last sample \[ns\].
     pub until_ns: u64,
     pub age_ns: u64,
 }
@@ -234,7 +237,7 @@ pub fn in_force(ticks: &[LoggedTick], mode: Mode) -> Vec<InForce> {
     all
 }
 
-/// Where the mission wants the vehicle minus where it truly is, NED \[m\].
+/// Position that the mission asks for less the true position, NED \[m\].
 pub fn position_error_m(wanted_m: [f64; 3], state: &State) -> [f64; 3] {
     std::array::from_fn(|axis| wanted_m[axis] - state.actual.position_m[axis])
 }

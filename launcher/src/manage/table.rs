@@ -1,4 +1,4 @@
-//! `status` for people: a line for the stack, one for each node, for each fault at work, and for what happened last.
+//! Text of `status`: a line for the stack, and one for each node, each active fault and each of the last events.
 
 use std::fmt::Write;
 
@@ -7,13 +7,13 @@ use serde_json::Value;
 
 use outcome::faults::course;
 
-/// Columns of a terminal.
+/// Width of a terminal \[columns\].
 const WIDTH: usize = 80;
 
-/// One stack.
+/// Returns the lines of one stack.
 pub fn describe(view: &Value) -> String {
     let mut text = String::new();
-    let mut line = |line: String| _ = writeln!(text, "{}", fit(&line)); // a String takes everything
+    let mut line = |line: String| _ = writeln!(text, "{}", fit(&line)); // writing to a String never fails
     let time = format!("t = {:.2} s of {:.0} s", number(&view["time_s"]), number(&view["duration_s"]));
     let [namespace, name, mode, phase] = ["namespace", "name", "mode", "phase"].map(|key| word(&view[key]));
     line(format!("{namespace}: {name}, {mode}, {phase}, {time}, launcher {}", word(&view["launcher_pid"])));
@@ -57,7 +57,7 @@ fn node(view: &Value) -> String {
     row(&[node, epoch, standby, pid, tick, behind, age, misses, restarts])
 }
 
-/// The cells of a row, each with a blank before it.
+/// Returns the cells as one line, each with a blank before it.
 fn row(cells: &[String; 9]) -> String {
     const WIDTHS: [usize; 9] = [12, 5, 7, 7, 8, 6, 7, 6, 8];
     let first = |cell: &String| format!(" {cell:<12}");
@@ -65,13 +65,13 @@ fn row(cells: &[String; 9]) -> String {
     cells.first().map(first).into_iter().chain(rest).collect()
 }
 
-/// The causes that have happened, and how often.
+/// Returns the causes that have occurred, with their counts.
 fn refused(causes: &Value) -> impl Iterator<Item = (&str, u64)> {
     let counts = causes.as_object().into_iter().flatten();
     counts.filter_map(|(cause, count)| Some((cause.as_str(), count.as_u64().filter(|count| *count > 0)?)))
 }
 
-/// As much of a line as a terminal has columns.
+/// Cuts a line to the width of a terminal; `...` marks the cut.
 fn fit(line: &str) -> String {
     if line.chars().count() <= WIDTH {
         return line.to_owned();
@@ -102,7 +102,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_table_fits_a_terminal_and_tells_what_was_refused() {
+    fn the_table_fits_a_terminal_and_counts_refused_messages() {
         let node = |name: &str| {
             json!({ "node": name, "epoch": 12345, "standby": 12346, "pid": 4_194_304, "tick": 17_280_000, "behind": 123,
                 "age_ms": 10123.4, "misses": 999_999, "restarts": 123, "refused": { "range": 5, "epoch": 0, "late": 12 } })

@@ -1,5 +1,5 @@
-//! `compare`: several flights side by side. What differs between their settings, what they came to, and when their nodes
-//! worked, as tables for terminal and page; on the page their courses too, laid over each other.
+//! `compare`: several flights side by side. What differs between their settings, what they came to, and when their
+//! nodes worked, as tables for terminal and page; on the page their courses too, laid over each other.
 
 use std::path::{Path, PathBuf};
 
@@ -58,8 +58,8 @@ fn headings<'a>(first: &'a str, titles: &[&'a str]) -> Vec<&'a str> {
     std::iter::once(first).chain(titles.iter().copied()).collect()
 }
 
-/// What is drawn of every flight: a title with the unit, the quantity at a tick, and the axis of the mission's position beside
-/// it.
+/// Pictures of every flight: a title with the unit, the quantity at a tick, and the axis of the mission's position
+/// beside it.
 type Picture = (&'static str, Quantity, Option<usize>);
 type Quantity = fn(&LoggedTick) -> Option<f64>;
 
@@ -129,21 +129,21 @@ pub struct Comparison {
 
 /// One of them.
 struct Flight {
-    /// What it is called here, and nothing else is.
+    /// Name in the comparison, which no other flight has.
     title: String,
     recorded: Recorded,
     course: Course,
-    /// Its settings, with what was ordered while it flew.
+    /// Settings, with what was ordered while it flew.
     scenario: Scenario,
 }
 
 impl Flight {
-    /// When its nodes worked; only in real time is anything late.
+    /// Timing of its nodes; only in real time is anything late.
     fn timing(&self) -> Option<&Timing> {
         self.recorded.summary.timing.as_ref().filter(|_| self.scenario.run.mode == Mode::Realtime)
     }
 
-    /// What it was and how it ended.
+    /// Name, mode and end of the flight.
     fn cells(&self) -> Vec<String> {
         let Self { title, recorded, scenario, .. } = self;
         let folder = recorded.path.parent().unwrap_or(&recorded.path).display().to_string();
@@ -320,8 +320,8 @@ fn three(histogram: &Histogram<u64>) -> String {
 /// The name of a flight, and the path of its log.
 type Place = (String, PathBuf);
 
-/// What flights are called: their names, with the folder where another has the same name, or the whole path where that does not
-/// tell them apart either.
+/// Titles of flights: their names, with the folder where another has the same name, or the whole path where that does
+/// not tell them apart either.
 fn titles(flights: &[Place]) -> Vec<String> {
     let folder = |path: &Path| path.parent().and_then(Path::file_name).unwrap_or_default().display().to_string();
     let ways: [&dyn Fn(&Place) -> String; 3] =

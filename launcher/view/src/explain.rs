@@ -1,4 +1,4 @@
-//! What disturbed ticks cost, for people and programs: tables, page and JSON.
+//! Costs of disturbed ticks, for people and programs: tables, page and JSON.
 
 use outcome::explain::{Cost, Explained, FlightCost};
 use serde_json::{Value, json};

@@ -6,8 +6,8 @@ use toml::Value;
 
 use crate::draw::DASH;
 
-/// Every setting that differs between `scenarios`: its key, then its value in each of them. Faults and swaps stand in it one by
-/// one. The name of a flight is no setting.
+/// Every setting that differs between `scenarios`: its key, then its value in each of them. Faults and swaps stand in
+/// it one by one. The name of a flight is no setting.
 pub fn differences(scenarios: &[&Scenario]) -> Vec<Vec<String>> {
     let tree = |scenario: &&Scenario| {
         let nameless = Scenario { name: String::new(), ..(*scenario).clone() };

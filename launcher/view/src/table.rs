@@ -35,7 +35,7 @@ impl Table {
         text
     }
 
-    /// The same for a page, without the title.
+    /// Formats the table for a page, without the title.
     pub fn html(&self) -> String {
         let headings: Vec<&str> = self.headings.iter().map(String::as_str).collect();
         draw::table(&headings, self.rows.iter().map(|row| row.iter().map(|cell| escape(cell)).collect()))

@@ -1,6 +1,7 @@
 //! Long series made as short as a picture can show.
 
-/// The smallest and the largest of every `bucket` items, in the order in which they occur; `None` where no `value` is a number.
+/// The smallest and the largest of every `bucket` items, in the order in which they occur; `None` where no `value` is a
+/// number.
 pub fn extremes<T>(
     items: &[T],
     bucket: usize,
@@ -14,8 +15,9 @@ pub fn extremes<T>(
     })
 }
 
-/// A series as it comes, of any length, in a bounded number of values: each one of a short series; of a long one the smallest and
-/// the largest of every [`Self::bucket`] values, in the order in which they occurred. Where none is a number NaN stands twice.
+/// A series as it comes, of any length, in a bounded number of values: each one of a short series; of a long one the
+/// smallest and the largest of every [`Self::bucket`] values, in the order in which they occurred. Where none is a
+/// number NaN stands twice.
 #[derive(Debug, Clone)]
 pub struct Thinned {
     values: Vec<f32>,
@@ -35,7 +37,7 @@ impl Thinned {
     /// Values at most; a bucket holds as many as keep to that.
     const MOST: usize = 6400;
 
-    /// How many values share one pair; 1 keeps every value.
+    /// Number of values that share one pair; 1 keeps every value.
     pub fn bucket(&self) -> usize {
         self.bucket
     }

@@ -1,4 +1,4 @@
-//! Rungs, directions, and the loop with the lag of the actuators.
+//! Tests of the rungs, of directions, and of the loop with the actuators' lag.
 
 use airframe::{Actuation, Trim};
 use contract::Scenario;
@@ -33,7 +33,7 @@ fn level() -> Level {
     Level::new(&vehicle, Trim::solve(&vehicle, false).roll_rad)
 }
 
-/// The demand at trim, but for a change.
+/// Demand at trim with a change to the motion.
 fn demand(change: fn(&mut Kinematics), descending: bool) -> Vector4<f64> {
     let level = level();
     let mut measured = Kinematics { attitude_rad: [level.roll_trim_rad, 0.0, 2.0], ..Kinematics::default() };
@@ -66,7 +66,7 @@ fn every_error_is_pushed_back() {
     assert!(rising_nose_up[col] > 0.0, "forward with the nose up is climbing");
 }
 
-/// What is left after 20 s of a roll angle of 1, with a lagging moment and the state of `delay` samples ago.
+/// Roll angle 20 s after one of 1, with a lagging moment and the state of `delay` samples ago.
 fn growth(rate_hz: f64, lag_s: f64, delay: usize) -> f64 {
     let h = 1.0 / rate_hz;
     let e = (-h / lag_s).exp();

@@ -1,11 +1,11 @@
-//! Evidence for and against a dead rotor, on motions made up for it; whole flights are in `tests/fallback.rs`.
+//! Tests of the evidence for a dead rotor on synthetic motions; whole flights are in `tests/fallback.rs`.
 
 use airframe::Trim;
 use nalgebra::Vector3;
 
 use super::*;
 
-/// The paper's vehicle, its trim, and a hover at it.
+/// Model of the default vehicle, its trim, and its motion in hover.
 fn hovering() -> (Rotors, Actuation, Kinematics) {
     let scenario = Scenario::default();
     let Trim { roll_rad, actuation } = Trim::solve(&scenario.airframe, false);
@@ -13,7 +13,7 @@ fn hovering() -> (Rotors, Actuation, Kinematics) {
     (rotors, actuation, Kinematics { attitude_rad: [roll_rad, 0.0, 0.0], ..Kinematics::default() })
 }
 
-/// When a rotor of a vehicle with these accelerations is dead beyond doubt \[s\]; the attitude stays that of the hover.
+/// Time after which a rotor of a vehicle with these accelerations is declared dead \[s\]; the attitude stays at hover.
 fn certain_after(does: Vector4<f64>, rate_hz: f64, ticks: usize) -> Option<f64> {
     let (rotors, trim, mut before) = hovering();
     let (mut evidence, dt) = (rotors.unknown(&trim), 1.0 / rate_hz);
@@ -32,13 +32,13 @@ fn certain_after(does: Vector4<f64>, rate_hz: f64, ticks: usize) -> Option<f64> 
     None
 }
 
-/// Accelerations under rotors of an effectiveness and a push \[m/s2, rad/s2\].
+/// Accelerations by rotors of the given effectiveness and a push \[m/s2, rad/s2\].
 fn with(effect: [f64; 3], push: [f64; 4]) -> Vector4<f64> {
     let (rotors, trim, _) = hovering();
     rotors.expected(&trim) * Vector3::from(effect) + Vector4::from(push)
 }
 
-/// All sound but one.
+/// Effectiveness with one rotor at `effect` and the others sound.
 fn one_at(rotor: usize, effect: f64) -> [f64; 3] {
     std::array::from_fn(|other| if other == rotor { effect } else { 1.0 })
 }
@@ -61,9 +61,9 @@ fn each_rotor_can_be_seen_to_be_dead() {
     }
 }
 
-/// Whether a rotor seems dead that should give `moment` of its moment and `lift` of its lift at hover, when the shares
-/// `missing` of its moment and `lift_missing` of its lift are missing, and beside its moment one at a right angle, `aside`
-/// times as large as the missing one.
+/// Returns whether a rotor seems dead that should give the shares `moment` and `lift` of its moment and lift at hover,
+/// if the shares `missing` and `lift_missing` of these are missing, and a moment at a right angle, `aside` times as
+/// large as the missing one, is added.
 fn seems_dead(rotor: usize, moment: f64, lift: f64, missing: f64, lift_missing: f64, aside: f64) -> bool {
     let (rotors, trim, _) = hovering();
     let mut evidence = rotors.unknown(&trim);
@@ -98,7 +98,7 @@ fn healthy_weak_and_pushed_vehicles_have_no_dead_rotor() {
     for rotor in 0..3 {
         assert_eq!(certain_after(with(one_at(rotor, 0.6), [0.0; 4]), 100.0, 20), None, "rotor {rotor} at 60 %");
     }
-    // 0.2 N m on pitch and on roll, a fifth of what rotor 1 does; and a fall.
+    // 0.2 N m on pitch and on roll, a fifth of the moment of rotor 1; and a fall.
     for push in [
         [0.0, 8.0, 0.0, 0.0],
         [0.0, -8.0, 0.0, 0.0],
@@ -135,7 +135,7 @@ fn a_jump_of_the_rates_is_no_dead_rotor() {
     let (rotors, trim, hover) = hovering();
     for jump in [1.0, -1.0] {
         let mut evidence = rotors.unknown(&trim);
-        // What rotor 1 would do in 30 ms, at once: a sensor that fell out, and came back.
+        // The effect of rotor 1 in 30 ms, at once: a sensor that failed and recovered.
         let mut there = hover;
         let change = rotors.expected(&trim).column(0) * (0.03 * jump);
         there.velocity_mps[2] = change[0];

@@ -1,4 +1,4 @@
-//! The rungs of the ladder as the mixer walks them, and the snapshot.
+//! Tests of the mixer on each rung of the ladder, and of the snapshot.
 
 use airframe::{Actuation, Trim};
 use contract::Scenario;
@@ -10,13 +10,13 @@ use proptest::prelude::*;
 use super::any_demand;
 use crate::Mixer;
 
-/// A demand to climb, of a tick.
+/// Demand to climb at `tick`.
 fn climb(tick: u64) -> Controls {
     let stamp = Stamp { tick, sequence: tick + 1, ..Stamp::default() };
     Controls { stamp, demand: [-1.0, 0.0, 0.0, 0.0], ..Controls::default() }
 }
 
-/// Hover at trim, at a tick.
+/// State of a hover at trim at `tick`.
 fn hover(scenario: &Scenario, tick: u64) -> State {
     let trim = Trim::solve(&scenario.airframe, false);
     let stamp = Stamp { tick, sequence: tick + 1, ..Stamp::default() };
@@ -25,7 +25,7 @@ fn hover(scenario: &Scenario, tick: u64) -> State {
     state
 }
 
-/// Demands end after tick 10, states after tick `states_until`; the answers from tick 10 on.
+/// Answers from tick 10 on, after which demands end; states end after tick `states_until`.
 fn silence(rate_hz: u32, states_until: u64, ticks: u64) -> Vec<Actuators> {
     let mut scenario = Scenario::default();
     scenario.run.rate_hz = rate_hz;
@@ -36,7 +36,7 @@ fn silence(rate_hz: u32, states_until: u64, ticks: u64) -> Vec<Actuators> {
 }
 
 #[test]
-fn without_demands_it_holds_then_levels_then_descends() {
+fn without_demands_the_mixer_holds_then_levels_then_descends() {
     for rate_hz in [50, 100, 500, 2000] {
         let answers = silence(rate_hz, u64::MAX, 3 * u64::from(rate_hz));
         let climbing = answers[0].command;
@@ -62,7 +62,7 @@ fn without_demands_it_holds_then_levels_then_descends() {
 }
 
 #[test]
-fn without_states_either_it_goes_to_trim_and_then_cuts() {
+fn without_states_too_the_mixer_commands_trim_and_then_cuts() {
     let trim = Trim::solve(&Scenario::default().airframe, false).actuation;
     for (age, answer) in silence(100, 10, 100).iter().enumerate() {
         let expected = match age {
@@ -176,7 +176,7 @@ fn evidence_advances_by_the_time_between_two_states() {
     assert_ne!(expected, before);
 }
 
-/// Answers without a demand to a vehicle that stands level on the ground, or hovers there where there is none.
+/// Answers without a demand to a vehicle that stands level on the ground, or hovers if no ground is `present`.
 fn on_the_ground(present: bool) -> (Scenario, Vec<Actuators>) {
     let mut scenario = Scenario::default();
     scenario.plant.ground.present = present;
@@ -191,7 +191,7 @@ fn on_the_ground(present: bool) -> (Scenario, Vec<Actuators>) {
 }
 
 #[test]
-fn on_the_ground_it_idles_and_then_disarms_for_good() {
+fn on_the_ground_the_mixer_idles_and_then_disarms_for_good() {
     let (scenario, answers) = on_the_ground(true);
     let first = |flag: u64| answers.iter().position(|answer| answer.flags == flag);
     let (contact, disarmed) = (first(flags::GROUND_CONTACT).expect("idle"), first(flags::DISARMED).expect("stopped"));
@@ -203,7 +203,7 @@ fn on_the_ground_it_idles_and_then_disarms_for_good() {
 }
 
 #[test]
-fn where_there_is_no_ground_it_neither_idles_nor_disarms() {
+fn without_a_ground_the_mixer_neither_idles_nor_disarms() {
     let (_, answers) = on_the_ground(false);
     assert!(answers.iter().all(|answer| answer.flags & !flags::PROJECTED == flags::DESCENDING));
 }

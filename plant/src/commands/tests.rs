@@ -15,7 +15,7 @@ fn line(delay_ms: f64, jitter_ms: f64, drop_probability: f64, seed: u64) -> Comm
     CommandLine::new(&scenario, Actuation::default())
 }
 
-/// A message with sequence number `sequence`, computed from sample `tick`.
+/// Message with number `sequence`, computed from sample `tick`.
 fn message(tick: u64, sequence: u64) -> Actuators {
     let command = ActuationMsg { rotor_speed: [sequence as f64; 3], tilt_rad: 0.1 };
     Actuators { stamp: Stamp { tick, sequence, ..Stamp::default() }, command, flags: 0 }
@@ -50,7 +50,7 @@ fn with_a_long_delay_several_commands_are_on_their_way() {
 }
 
 #[test]
-fn an_answer_to_a_sample_yet_to_come_leaves_no_trace() {
+fn an_answer_to_a_future_sample_is_ignored() {
     let mut line = line(0.0, 0.0, 0.0, 0);
     for tick in [4, 5, u64::MAX] {
         line.receive(&message(tick, 1), 35 * MS);
@@ -221,7 +221,7 @@ fn jitter_is_uniform_and_does_not_depend_on_drops() {
 }
 
 proptest! {
-    /// Whatever arrives whenever: the command in force only ever gets newer, and what waits is in order.
+    /// For any arrivals the command in force only becomes newer, and the waiting ones are in order.
     #[test]
     fn the_command_in_force_only_gets_newer(
         arrivals in prop::collection::vec((0u64..40, 0u64..30), 1..60),

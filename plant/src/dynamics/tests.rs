@@ -246,7 +246,7 @@ fn val_linear_model_is_the_linearisation_of_the_equations_of_motion() {
     let (hover, command) = trim(&scenario);
     let mixing = MixingMatrix::new(&scenario.airframe, false);
     let linear = Continuous::hover(&scenario.airframe, &Trim::solve(&scenario.airframe, false));
-    // What (48) keeps: w, phi, theta, psi, p, q, r. Angles by (8), from the rates.
+    // States of (48): w, phi, theta, psi, p, q, r. The angles follow from the rates by (8).
     let kept = |x: &StateVector| {
         let Kinematics { velocity_mps: [_, _, w], attitude_rad: [phi, theta, psi], rates_radps: [p, q, r], .. } =
             kinematics(x);
@@ -340,7 +340,7 @@ fn products_of_inertia_couple_the_axes_and_a_centre_of_mass_off_the_arms_turns()
 }
 
 #[test]
-fn the_vehicle_that_flies_may_be_unlike_the_one_that_is_known() {
+fn the_true_vehicle_may_differ_from_the_model() {
     let heavy = rate_after(|scenario, _, _| scenario.plant.airframe.mass_kg = Some(1.32));
     assert!((heavy[5] - 9.81 * roll().cos() * (1.0 - 1.1 / 1.32)).abs() < 1e-9, "it sinks: {}", heavy[5]);
     let weak = rate_after(|scenario, _, _| scenario.plant.airframe.kf = Some(0.9 * 1.970e-6));

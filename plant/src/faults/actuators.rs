@@ -1,16 +1,16 @@
-//! Faults of rotors and tilt servo. They act on the true actuator; the command itself is unchanged.
+//! Faults of rotors and tilt servo, which act on the true actuator; the command itself is unchanged.
 //!
 //! | kind | rotor | tilt |
 //! |---|---|---|
-//! | off | unpowered: it spins down to 0 with its lag, and its thrust with it | its spring returns it to 0 with its lag |
-//! | stuck | keeps the speed it had at the onset | keeps its angle |
-//! | wrong | `value` of its thrust and torque | is `value` degrees off its command, within its range |
-//! | slow | its lag is `ms` | likewise |
-//! | saturated | reaches `value` of its highest speed | reaches `value` of its range, either way |
+//! | off | unpowered: spins down to 0 with its lag | its spring returns it to 0 with its lag |
+//! | stuck | keeps the speed at the onset | keeps the angle at the onset |
+//! | wrong | has the share `value` of its thrust and torque | is `value` degrees off its command, within its range |
+//! | slow | has the lag `ms` | has the lag `ms` |
+//! | saturated | reaches the share `value` of its highest speed | reaches the share `value` of its range, either way |
 //!
-//! An unpowered rotor keeps its effectiveness: while it turns, it lifts. An unpowered servo returns to the centre; one
-//! that stays where it was is stuck. An actuator outside the range that a fault leaves it returns to it with its lag. A
-//! lag never becomes shorter than the actuator's own, and of several the longest counts.
+//! An unpowered rotor has thrust as long as it turns. An unpowered servo returns to the centre; the fault of a servo
+//! that keeps its angle is `stuck`. An actuator outside the range that a fault leaves returns to that range with its
+//! lag. A lag is never shorter than the actuator's own, and the longest of several counts.
 
 use airframe::Actuation;
 use contract::Scenario;
@@ -20,26 +20,26 @@ use contract::scenario::{Fault, FaultKind, FaultTarget};
 use crate::memory::Tape;
 use crate::rotors::Condition;
 
-/// Share of thrust and torque that a wrong rotor has left.
+/// Default share of thrust and torque of a wrong rotor.
 const EFFECTIVENESS: f64 = 0.7;
-/// Offset of a wrong tilt from its command \[deg\].
+/// Default offset of a wrong tilt from its command \[deg\].
 const TILT_BIAS_DEG: f64 = 5.0;
-/// Lag of a slow actuator \[ms\]: five times the healthy one.
+/// Default lag of a slow actuator \[ms\]: five times the healthy one.
 const SLOW_MS: f64 = 150.0;
-/// Share of its range that a saturated actuator reaches.
+/// Default share of its range that a saturated actuator reaches.
 const REACH: f64 = 0.8;
 
 /// Index of the tilt servo, after the three rotors.
 const TILT: usize = 3;
 
-/// The faults of the actuators, with the positions in which they are stuck.
+/// Faults of the actuators, with the positions at which they are stuck.
 #[derive(Debug, Clone)]
 pub struct ActuatorFaults {
     faults: FaultSchedule<ActuatorFault>,
     healthy: [Healthy; 4],
 }
 
-/// What an actuator can do without a fault.
+/// Range and lag of an actuator without faults.
 #[derive(Debug, Clone, Copy)]
 struct Healthy {
     /// Largest position, in its unit.
@@ -49,7 +49,7 @@ struct Healthy {
 
 #[derive(Debug, Clone)]
 struct ActuatorFault {
-    /// 0 to 2 for the rotors, or [`TILT`].
+    /// Index 0 to 2 of a rotor, or [`TILT`].
     actuator: usize,
     effect: Effect,
 }
@@ -57,7 +57,7 @@ struct ActuatorFault {
 #[derive(Debug, Clone, Copy)]
 enum Effect {
     Off,
-    /// Position at the onset, once it has been seen.
+    /// Position at the onset; `None` before.
     Stuck(Option<f64>),
     /// Factor on thrust and torque.
     Weak(f64),
@@ -70,7 +70,7 @@ enum Effect {
 }
 
 impl ActuatorFaults {
-    /// The actuator faults of `scenario`.
+    /// Builds the actuator faults of `scenario`.
     pub fn new(scenario: &Scenario) -> Self {
         let limits = scenario.limits();
         let rotor = |reach| Healthy { reach, lag_s: scenario.plant.rotor_lag_s };
@@ -80,12 +80,12 @@ impl ActuatorFaults {
         Self { faults: FaultSchedule::new(scenario, |_, fault| ActuatorFault::new(&healthy, fault)), healthy }
     }
 
-    /// Takes fault `number` as it is from now on.
+    /// Updates fault `number` if it is a fault of an actuator.
     pub fn apply_fault(&mut self, number: usize, fault: &Fault) {
         self.faults.apply_fault(number, fault, ActuatorFault::new(&self.healthy, fault));
     }
 
-    /// Writes or reads what they remember.
+    /// Writes or reads the positions at the onset.
     pub fn remember(&mut self, tape: &mut Tape) {
         for fault in self.faults.all_mut() {
             if let Effect::Stuck(onset) = &mut fault.effect.effect {
@@ -94,8 +94,8 @@ impl ActuatorFaults {
         }
     }
 
-    /// The faults in the period after sample `tick`, of actuators in `position` under a `command` within the limits: the
-    /// command that they follow, and how they follow it.
+    /// Applies the faults in the period after sample `tick` to actuators in `position` under a `command` within the
+    /// limits. Returns the command that they follow, and their condition.
     #[inline]
     pub fn inject(&mut self, tick: u64, position: &Actuation, command: &Actuation) -> (Actuation, Condition) {
         if self.faults.all().is_empty() {
@@ -125,7 +125,7 @@ impl ActuatorFaults {
 }
 
 impl ActuatorFault {
-    /// `None` for a fault of something else.
+    /// Builds the fault; `None` if it is not a fault of an actuator.
     fn new(healthy: &[Healthy; 4], fault: &Fault) -> Option<Self> {
         let actuator = match fault.target {
             FaultTarget::Rotor1 => 0,

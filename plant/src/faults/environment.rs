@@ -1,16 +1,16 @@
-//! Faults of the air and of what is carried.
+//! Faults of wind and payload.
 //!
 //! ```text
-//! step     wind = vector (1 - cos(pi t / ms)) / 2      t since its beginning, up to ms; then vector, while it lasts; in addition to the
-//!                                                    scenario's wind. With ms = 0 at once
-//! gust     wind = vector (1 - cos(2 pi t / T)) / 2   t since its beginning, T its duration: smooth, vector at its peak
+//! step     wind = vector (1 - cos(pi t / ms)) / 2     t since the onset, up to ms; then vector, while it lasts; is
+//! added                                                    to the scenario's wind. With ms = 0 at once
+//! gust     wind = vector (1 - cos(2 pi t / T)) / 2   t since the onset, T the duration: smooth, vector at the peak
 //! mass     m = m + value                             while it lasts, at the centre of mass
 //! ```
 //!
-//! A step that rises is the discrete gust of flight control practice (MIL-F-8785C, section 3.7), which stays at its peak;
-//! a gust is that of certification (CS-25.341, 14 CFR 25.341), which passes. Both are evaluated inside the integration
-//! steps. The mass changes neither the moments of inertia nor the velocity of the vehicle when it is added. Several
-//! faults add up.
+//! A step with ms > 0 is the discrete gust of flight control practice (MIL-F-8785C, section 3.7), which stays at its
+//! peak; a gust is that of certification (CS-25.341, 14 CFR 25.341), which passes. Both are evaluated inside the
+//! integration steps. Added mass changes neither the moments of inertia nor the velocity of the vehicle. The effects of
+//! several faults are added.
 
 use std::f64::consts::{PI, TAU};
 
@@ -21,14 +21,14 @@ use nalgebra::Vector3;
 
 use crate::dynamics::Surroundings;
 
-/// Wind of a step, and a gust at its peak, NED \[m/s\]: a fresh breeze from the south.
+/// Default wind of a step, and of a gust at its peak, NED \[m/s\]: a fresh breeze from the south.
 const WIND_MPS: [f64; 3] = [5.0, 0.0, 0.0];
-/// Duration of a gust \[s\].
+/// Default duration of a gust \[s\].
 const GUST_S: f64 = 2.0;
-/// Mass added \[kg\]: almost a fifth of the vehicle's.
+/// Default added mass \[kg\]: almost a fifth of the vehicle's.
 const PAYLOAD_KG: f64 = 0.2;
 
-/// The faults of the surroundings.
+/// Faults of the surroundings.
 #[derive(Debug, Clone)]
 pub struct EnvironmentFaults {
     faults: FaultSchedule<Effect>,
@@ -37,27 +37,27 @@ pub struct EnvironmentFaults {
 
 #[derive(Debug, Clone, Copy)]
 enum Effect {
-    /// \[m/s\], and how long it rises \[ns\].
+    /// Wind \[m/s\], and the time of its rise \[ns\].
     Step(Vector3<f64>, u64),
-    /// At its peak \[m/s\], and its duration \[ns\].
+    /// Wind at the peak \[m/s\], and the duration \[ns\].
     Gust(Vector3<f64>, u64),
-    /// \[kg\]
+    /// Added mass \[kg\].
     Mass(f64),
 }
 
 impl EnvironmentFaults {
-    /// The faults of wind and payload of `scenario`.
+    /// Builds the faults of wind and payload of `scenario`.
     pub fn new(scenario: &Scenario) -> Self {
         let sample_ns = scenario.sample_ns();
         Self { faults: FaultSchedule::new(scenario, |_, fault| Effect::of(fault, sample_ns)), sample_ns }
     }
 
-    /// Takes fault `number` as it is from now on.
+    /// Updates fault `number` if it is a fault of wind or payload.
     pub fn apply_fault(&mut self, number: usize, fault: &Fault) {
         self.faults.apply_fault(number, fault, Effect::of(fault, self.sample_ns));
     }
 
-    /// `calm` with the faults added, `offset_s` after the beginning `from_ns` of an integration step.
+    /// Adds the faults to `calm`, `offset_s` after the beginning `from_ns` of an integration step.
     #[inline]
     pub fn inject(&self, from_ns: u64, offset_s: f64, calm: &Surroundings) -> Surroundings {
         let mut outside = *calm;
@@ -88,7 +88,7 @@ impl EnvironmentFaults {
 }
 
 impl Effect {
-    /// `None` for a fault of something else.
+    /// Builds the effect; `None` if the fault is not one of wind or payload.
     fn of(fault: &Fault, sample_ns: u64) -> Option<Self> {
         let wind_mps = fault.vector.unwrap_or(WIND_MPS).into();
         match (fault.target, fault.kind) {

@@ -1,10 +1,10 @@
-//! The memory of slow and of delayed sensors. Samples may be left out.
+//! Memory of slow and of delayed sensors. Samples may be left out.
 
 use std::collections::VecDeque;
 
 use crate::memory::Tape;
 
-/// First-order low-pass, exact for readings that hold from sample to sample.
+/// First-order low-pass, exact for readings that are constant from sample to sample.
 #[derive(Debug, Clone)]
 pub struct Filter {
     time_constant_s: f64,
@@ -14,12 +14,12 @@ pub struct Filter {
 }
 
 impl Filter {
-    /// With a time constant \[s\], at a sample time \[s\]; 0 = it lets everything through.
+    /// Builds a filter with a time constant \[s\], 0 for none, and a sample time \[s\].
     pub fn new(time_constant_s: f64, sample_s: f64) -> Self {
         Self { time_constant_s, sample_s, last: None }
     }
 
-    /// Writes or reads what it remembers.
+    /// Writes or reads the last sample.
     pub fn remember(&mut self, tape: &mut Tape) {
         tape.option(&mut self.last, |tape, (tick, output)| {
             tape.word(tick);
@@ -27,12 +27,12 @@ impl Filter {
         });
     }
 
-    /// Its output is `input` at sample `tick`.
+    /// Sets the output at sample `tick` to `input`.
     pub fn settle(&mut self, tick: u64, input: [f64; 3]) {
         self.last = Some((tick, input));
     }
 
-    /// Its output at sample `tick` under `input`. An axis without a finite output begins again at its input.
+    /// Computes the output at sample `tick` under `input`. An axis without a finite output restarts at its input.
     pub fn follow(&mut self, tick: u64, input: [f64; 3]) -> [f64; 3] {
         let (before, output) = self.last.unwrap_or((tick, input));
         let elapsed_s = tick.saturating_sub(before) as f64 * self.sample_s;
@@ -44,28 +44,28 @@ impl Filter {
     }
 }
 
-/// What was measured in the recent past, by all sensors.
+/// Readings of all sensors in the recent past.
 #[derive(Debug, Clone)]
 pub struct Past {
-    /// How far it goes back.
+    /// Number of ticks that are kept.
     ticks: u64,
-    /// Tick and readings, rising in tick. Only the first may be `ticks` old or older.
+    /// Ticks and readings, oldest first. Only the first may be `ticks` old or older.
     readings: VecDeque<(u64, [[f64; 3]; 4])>,
 }
 
 impl Past {
-    /// A memory that goes back by `ticks`.
+    /// Builds a memory of `ticks`.
     pub fn new(ticks: u64) -> Self {
-        // One per tick, the present one, and the one it displaces.
+        // Room for one per tick, the present one, and the one that it displaces.
         Self { ticks, readings: VecDeque::with_capacity(ticks as usize + 2) }
     }
 
-    /// How far it goes back \[ticks\].
+    /// Number of ticks that are kept.
     pub fn ticks(&self) -> u64 {
         self.ticks
     }
 
-    /// Remembers the `readings` of sample `tick`.
+    /// Stores the `readings` of sample `tick`.
     pub fn remember(&mut self, tick: u64, readings: [[f64; 3]; 4]) {
         // A sample taken twice replaces itself.
         if self.readings.back().is_some_and(|(at, _)| *at >= tick) {
@@ -77,7 +77,7 @@ impl Past {
         }
     }
 
-    /// The newest readings that are at least `age` ticks old at sample `tick`; the oldest readings, when none is.
+    /// Newest readings that are at least `age` ticks old at sample `tick`, else the oldest ones; NaN if there are none.
     pub fn before(&self, tick: u64, age: u64) -> [[f64; 3]; 4] {
         let old_enough = self.readings.partition_point(|(at, _)| at + age <= tick);
         self.readings.get(old_enough.saturating_sub(1)).map_or([[f64::NAN; 3]; 4], |(_, readings)| *readings)
@@ -116,7 +116,7 @@ mod tests {
         assert!(z > 0.0 && z < 1.0, "the sound axis is filtered all the same");
     }
 
-    /// What a past of `ticks` tells at `tick` of `age` ticks before, when every sample was remembered as its number.
+    /// Stores `tick` as the reading of sample `tick` and returns the reading `age` ticks before.
     fn told(past: &mut Past, tick: u64, age: u64) -> f64 {
         past.remember(tick, [[tick as f64; 3]; 4]);
         past.before(tick, age)[3][2]

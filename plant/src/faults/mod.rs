@@ -1,18 +1,17 @@
-//! The faults of the plant: sensors, actuators, air and payload.
+//! Faults of the plant: sensors, actuators, air and payload.
 //!
 //! | module | targets | kinds | acts on |
 //! |---|---|---|---|
-//! | [`sensors`] | position velocity attitude rates | off stuck garbage wrong slow delayed intermittent noise | what is measured |
+//! | [`sensors`] | position velocity attitude rates | off stuck garbage wrong slow delayed intermittent noise | STATE |
 //! | [`actuators`] | rotor1 rotor2 rotor3 tilt | off stuck wrong slow saturated | the true actuators |
 //! | [`environment`] | wind, payload | step gust, mass | the true vehicle |
 //!
-//! A fault begins and ends with a sample. It is a function of the tick and of the run's seed, each with a random stream
-//! of its own ([`Stream::Fault`](crate::random::Stream)): a faulty flight repeats bit for bit, one fault does not change
-//! another's draws, and outside its time a fault leaves the flight as it would be without it.
+//! A fault begins and ends with a sample. Its effect depends on the tick and the run's seed, and each fault has a
+//! random stream of its own ([`Stream::Fault`](crate::random::Stream)): a faulty flight repeats bit for bit, and one
+//! fault does not change another's draws. Before its onset a fault has no effect on the flight.
 //!
-//! Faults of one sensor or one actuator act in the order of the file, each on what the one before it makes of it; those
-//! given while the stack flies come after.
-//! Pairs of target and kind that are not in the table are refused by the scenario's check.
+//! Faults of one sensor or one actuator act in the order of the file, each on the result of the one before; faults
+//! given in flight come last. Scenario validation rejects pairs of target and kind that are not in the table.
 
 pub mod actuators;
 pub mod environment;
@@ -26,7 +25,7 @@ use actuators::ActuatorFaults;
 use environment::EnvironmentFaults;
 use sensors::SensorFaults;
 
-/// The plant's faults in a run.
+/// Faults of the plant in a run.
 #[derive(Debug, Clone)]
 pub struct Faults {
     /// Faults of the four measured quantities.
@@ -38,7 +37,7 @@ pub struct Faults {
 }
 
 impl Faults {
-    /// The faults of `scenario`.
+    /// Builds the faults of `scenario`.
     pub fn new(scenario: &Scenario) -> Self {
         Self {
             sensors: SensorFaults::new(scenario),
@@ -47,7 +46,7 @@ impl Faults {
         }
     }
 
-    /// Takes fault `number` as it is from now on: see [`contract::fault_schedule::FaultSchedule::apply_fault`].
+    /// Updates fault `number` as in [`contract::fault_schedule::FaultSchedule::apply_fault`].
     pub fn apply_fault(&mut self, number: usize, fault: &Fault) {
         self.sensors.apply_fault(number, fault);
         self.actuators.apply_fault(number, fault);

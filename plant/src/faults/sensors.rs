@@ -1,12 +1,12 @@
-//! Faults of the sensors: they change what is measured, and nothing of the true motion.
+//! Faults of the sensors, which change the measurements but not the true motion.
 //!
 //! ```text
 //! off            NaN: no measurement
-//! stuck          what was measured last before the fault
+//! stuck          the last measurement before the fault
 //! garbage        NaN, infinite or random bits, on the share `probability` of the ticks
 //! wrong          m + value (bias, on every axis), m value (scale), -m (sign)
-//! slow           y = y + (1 - exp(-Ts / tau)) (m - y), with tau = `ms`, from what was measured last before the fault
-//! delayed        what was measured `ms` ago, rounded up to whole samples, before any fault
+//! slow           y = y + (1 - exp(-Ts / tau)) (m - y), with tau = `ms`, from the last measurement before the fault
+//! delayed        the measurement `ms` ago, rounded up to whole samples, without any fault
 //! intermittent   off, on the share `probability` of the ticks
 //! noise          m + value n, n white, normal and independent on every axis
 //! ```
@@ -24,40 +24,40 @@ use super::memory::{Filter, Past};
 use crate::memory::Tape;
 use crate::random::{Stream, normal};
 
-/// Share of the ticks on which a garbage sensor returns garbage.
+/// Default share of the ticks on which a garbage sensor returns garbage.
 const GARBAGE_SHARE: f64 = 1.0;
-/// Share of the ticks on which an intermittent sensor is off.
+/// Default share of the ticks on which an intermittent sensor is off.
 const OFF_SHARE: f64 = 0.5;
-/// Factor of a sensor that is wrong by scale.
+/// Default factor of a sensor that is wrong by scale.
 const SCALE: f64 = 1.5;
-/// Time constant of a slow sensor \[ms\].
+/// Default time constant of a slow sensor \[ms\].
 const SLOW_MS: f64 = 200.0;
-/// Age of what a delayed sensor returns \[ms\].
+/// Default age of the readings of a delayed sensor \[ms\].
 const DELAYED_MS: f64 = 100.0;
 
-/// Bias and standard deviation of noise where the fault gives none: far beyond a good sensor's, within a bad one's.
+/// Default bias and standard deviation of noise: far beyond those of a good sensor, within those of a bad one.
 struct Sizes {
     bias: f64,
     noise: f64,
 }
-/// \[m\]
+/// Sizes for the position \[m\].
 const POSITION: Sizes = Sizes { bias: 1.0, noise: 0.3 };
-/// \[m/s\]
+/// Sizes for the velocity \[m/s\].
 const VELOCITY: Sizes = Sizes { bias: 0.5, noise: 0.2 };
-/// \[deg\]
+/// Sizes for the attitude \[deg\].
 const ATTITUDE: Sizes = Sizes { bias: 5.0, noise: 2.0 };
-/// \[deg/s\]
+/// Sizes for the rates \[deg/s\].
 const RATES: Sizes = Sizes { bias: 10.0, noise: 10.0 };
 
 /// Random words reserved for each tick, which uses about ten.
 const WORDS_PER_TICK: u128 = 256;
 
-/// What one sensor returns, on its three axes, in the units of [`Kinematics`].
+/// Reading of one sensor on its three axes, in the units of [`Kinematics`].
 type Reading = [f64; 3];
-/// No measurement.
+/// Reading without a measurement.
 const NONE: Reading = [f64::NAN; 3];
 
-/// The faults of the sensors, with what they remember.
+/// Faults of the sensors, with their memory.
 #[derive(Debug, Clone)]
 pub struct SensorFaults {
     faults: FaultSchedule<SensorFault>,
@@ -68,24 +68,24 @@ pub struct SensorFaults {
 
 #[derive(Debug, Clone)]
 struct SensorFault {
-    /// Which quantity of [`Kinematics`], in its order.
+    /// Index of the quantity in [`Kinematics`].
     sensor: usize,
     effect: Effect,
     random: ChaCha8Rng,
 }
 
-/// Sizes in the units of [`Kinematics`].
+/// Effect of a fault, in the units of [`Kinematics`].
 #[derive(Debug, Clone)]
 enum Effect {
     Off,
-    /// The last reading before the fault.
+    /// Last reading before the fault.
     Stuck(Option<Reading>),
     /// Share of the ticks.
     Garbage(f64),
     Bias(f64),
     Scale(f64),
     Slow(Filter),
-    /// By so many ticks.
+    /// Number of ticks.
     Delayed(u64),
     /// Share of the ticks.
     Intermittent(f64),
@@ -94,7 +94,7 @@ enum Effect {
 }
 
 impl SensorFaults {
-    /// The sensor faults of `scenario`.
+    /// Builds the sensor faults of `scenario`.
     pub fn new(scenario: &Scenario) -> Self {
         let (seed, sample_s) = (scenario.run.seed, scenario.sample_s());
         let faults = FaultSchedule::new(scenario, |number, fault| SensorFault::new(seed, sample_s, number, fault));
@@ -104,13 +104,13 @@ impl SensorFaults {
         Self { past: Past::new(delays.fold(of_live, u64::max)), faults, seed, sample_s }
     }
 
-    /// Takes fault `number` as it is from now on.
+    /// Updates fault `number` if it is a fault of a sensor.
     pub fn apply_fault(&mut self, number: usize, fault: &Fault) {
         self.faults.apply_fault(number, fault, SensorFault::new(self.seed, self.sample_s, number, fault));
     }
 
-    /// Writes or reads what they remember at the sample `tick`, but for the recent past: that is what the vehicle has returned,
-    /// unless a fault changed it.
+    /// Writes or reads the memory at sample `tick` except the recent past, which [`recall`](Self::recall) restores from
+    /// the published samples. Refuses if a fault may have changed these.
     pub fn remember(&mut self, tape: &mut Tape, tick: u64) {
         let since = tick.saturating_sub(self.past.ticks());
         for Entry { ticks, effect: fault, .. } in self.faults.all_mut() {
@@ -125,13 +125,13 @@ impl SensorFaults {
         }
     }
 
-    /// Takes what the vehicle returned at sample `tick` for what was measured.
+    /// Stores the sample that the vehicle published at `tick` as the reading of the sensors.
     pub fn recall(&mut self, tick: u64, returned: &Kinematics) {
         let Kinematics { position_m, velocity_mps, attitude_rad, rates_radps } = *returned;
         self.past.remember(tick, [position_m, velocity_mps, attitude_rad, rates_radps]);
     }
 
-    /// Changes what was `measured` at sample `tick` into what the sensors return.
+    /// Applies the faults at sample `tick` to the `measured` values.
     pub fn inject(&mut self, tick: u64, measured: &mut Kinematics) {
         let Kinematics { position_m, velocity_mps, attitude_rad, rates_radps } = measured;
         self.past.remember(tick, [*position_m, *velocity_mps, *attitude_rad, *rates_radps]);
@@ -148,7 +148,7 @@ impl SensorFaults {
 }
 
 impl SensorFault {
-    /// `None` for a fault of something else.
+    /// Builds the fault; `None` if it is not a fault of a sensor.
     fn new(seed: u64, sample_s: f64, number: usize, fault: &Fault) -> Option<Self> {
         let degree = 1f64.to_radians();
         let (sensor, unit, sizes) = match fault.target {
@@ -174,7 +174,7 @@ impl SensorFault {
         Some(Self { sensor, effect, random: Stream::Fault(number).open(seed) })
     }
 
-    /// Takes note of a reading while the fault is not active.
+    /// Stores a reading while the fault is not active.
     fn watch(&mut self, tick: u64, measured: Reading) {
         match &mut self.effect {
             Effect::Stuck(last) => *last = Some(measured),
@@ -183,9 +183,9 @@ impl SensorFault {
         }
     }
 
-    /// What the sensor returns while the fault is active.
+    /// Computes the reading of the sensor while the fault is active.
     fn read(&mut self, tick: u64, measured: Reading, past: &Past) -> Reading {
-        // Its draws depend on the tick alone, even if samples before it were left out.
+        // The draws depend only on the tick, also if earlier samples were left out.
         self.random.set_word_pos(u128::from(tick) * WORDS_PER_TICK);
         let random = &mut self.random;
         match &mut self.effect {
@@ -203,12 +203,12 @@ impl SensorFault {
     }
 }
 
-/// A time as whole samples, rounded up.
+/// Converts a time to whole samples, rounded up.
 fn ticks(time_ms: f64, sample_s: f64) -> u64 {
     (time_ms / 1e3 / sample_s - 1e-6).ceil() as u64
 }
 
-/// Random bits are hardly ever NaN and never infinite: each gets a quarter of its own.
+/// Draws NaN, infinity or random bits; random bits alone would hardly ever be NaN or infinite.
 fn garbage(random: &mut ChaCha8Rng) -> f64 {
     let bits = random.random::<u64>();
     match random.random::<u64>() % 4 {

@@ -16,7 +16,7 @@ const TRUE_ONES: [FaultTarget; 6] = [
     FaultTarget::Payload,
 ];
 
-/// All faults of `targets` from 0.2 s to 0.3 s, saturation where it bites at hover.
+/// All faults of `targets` from 0.2 s to 0.3 s, with saturation below the speeds of hover.
 fn all(targets: &[FaultTarget]) -> Vec<Fault> {
     let fault = |target: FaultTarget, kind: FaultKind| Fault {
         value: (kind == FaultKind::Saturated).then_some(0.3),
@@ -25,7 +25,7 @@ fn all(targets: &[FaultTarget]) -> Vec<Fault> {
     targets.iter().flat_map(|target| target.kinds().iter().map(|kind| fault(*target, *kind))).collect()
 }
 
-/// A restless flight with every random stream in use.
+/// Scenario with noise, jitter and losses, so that every random stream is used.
 fn scenario(faults: &[Fault], seed: u64) -> Scenario {
     let mut scenario = Scenario::from(Profile::Paper);
     scenario.run.seed = seed;
@@ -42,7 +42,7 @@ fn fly(scenario: &Scenario) -> Vec<State> {
     fly_told(scenario, |_, _| ())
 }
 
-/// The same while the plant is told something before each sample.
+/// Flies `scenario` and calls `tell` before each sample.
 fn fly_told(scenario: &Scenario, tell: impl Fn(u64, &mut Plant)) -> Vec<State> {
     let mut plant = Plant::new(scenario);
     let trim = plant.sample().actuators;
@@ -61,25 +61,25 @@ fn fly_told(scenario: &Scenario, tell: impl Fn(u64, &mut Plant)) -> Vec<State> {
         .collect()
 }
 
-/// All bits of a state but those of NaN.
+/// All bits of a state except those of NaN.
 fn written(state: &State) -> String {
     format!("{state:?}")
 }
 
 #[test]
-fn before_it_begins_no_fault_leaves_a_trace() {
+fn no_fault_has_an_effect_before_its_onset() {
     let sound = fly(&scenario(&[], 7));
     for fault in all(&[&SENSORS[..], &TRUE_ONES[..]].concat()) {
         let faulty = fly(&scenario(std::slice::from_ref(&fault), 7));
         let same = |k: usize| written(&faulty[k]) == written(&sound[k]);
-        // Element k is sample k + 1; what acts on the true vehicle at sample 20 shows at sample 21.
+        // Element k is sample k + 1; a fault of the true vehicle at sample 20 shows at sample 21.
         assert!((0..19).all(same), "{fault:?} acts too early");
         assert!(!(19..30).all(same), "{fault:?} does nothing");
     }
 }
 
 #[test]
-fn a_sensor_fault_changes_what_is_measured_and_nothing_else_ever() {
+fn a_sensor_fault_changes_only_the_measurements() {
     let sound = fly(&scenario(&[], 7));
     for fault in all(&SENSORS) {
         let faulty = fly(&scenario(std::slice::from_ref(&fault), 7));
@@ -121,7 +121,7 @@ fn a_fault_given_or_ended_while_flying_is_the_same_as_one_of_the_scenario() {
         };
         assert_eq!(of(fly_told(&scenario(&[], 7), given)), of(fly(&scenario(&[fault], 7))), "{fault:?}");
         let (shorter, ended) = (of(fly(&scenario(&[cut], 7))), of(fly_told(&scenario(&[], 7), ended)));
-        // A gust that is cut off has had the shape of a longer one.
+        // The shape of a gust depends on its duration, so a gust that is cut off is that of a longer one.
         assert_eq!(shorter == ended, fault.kind != FaultKind::Gust, "{fault:?}");
     }
 }
@@ -164,10 +164,9 @@ fn a_fault_acts_alike_at_every_rate_and_substep() {
 }
 
 proptest! {
-    /// Whatever the faults and their sizes, at whatever rate: no panic, and no flight that claims to go on without
-    /// finite numbers.
+    /// For any faults, sizes and rates nothing panics, and a flight with numbers that are not finite has diverged.
     #[test]
-    fn it_is_total(
+    fn any_fault_leaves_the_state_finite_or_diverged(
         value in prop::num::f64::ANY,
         vector in prop::array::uniform3(prop::num::f64::ANY),
         ms in 0.0..60_000.0,

@@ -2,7 +2,7 @@ use airframe::{Parameters, Trim};
 
 use super::*;
 
-/// The rotors at hover after `change` to the scenario, and where they stand.
+/// Rotors after `change` to the scenario, and the actuator positions at hover.
 fn rotors(change: impl Fn(&mut Scenario)) -> (Rotors, Actuation) {
     let mut scenario = Scenario::default();
     change(&mut scenario);
@@ -29,7 +29,7 @@ fn without_air_thrust_and_torque_are_those_of_the_paper() {
 fn spinning_rotors_precess() {
     let (rotors, at) = rotors(|scenario| scenario.plant.rotor.inertia_kgm2 = 2e-5);
     let h = rotors.momentum(&at, &Actuation::default()).own;
-    // Two rotors turn clockwise seen from above, one against them: what is left points down.
+    // Two rotors turn clockwise seen from above, one counter-clockwise: the sum points down.
     let [o1, o2, o3] = at.rotor_speed;
     assert!((h.z - 2e-5 * (o1 * at.tilt_rad.cos() - o2 + o3)).abs() < 1e-15 && h.z > 0.0);
     assert!((h.y + 2e-5 * o1 * at.tilt_rad.sin()).abs() < 1e-15);
@@ -87,10 +87,10 @@ fn a_vehicle_that_turns_is_damped_at_its_hubs() {
     let ([o1, o2, o3], (sin, cos)) = (at.rotor_speed, at.tilt_rad.sin_cos());
     let Parameters { l1_m: l1, l2_m: l2, l3_m: l3, .. } = Parameters::default();
     let (inflow, across) = (1e-4, 2e-5);
-    // Rolling at p lowers the right hub and raises the left one by p l3; both lose or win that much inflow.
+    // Rolling at p moves the right hub down and the left one up at p l3, which changes the inflow of both by that much.
     let roll = more(Vector3::x());
     assert!((roll.x + inflow * l3 * l3 * (o2 + o3)).abs() < 1e-12, "it damps the roll: {roll}");
-    // Pitching at q raises the front hub by q l1, whose axis is tilted, and lowers the rear ones by q l2.
+    // Pitching at q moves the front hub, whose axis is tilted, up at q l1, and the rear ones down at q l2.
     let pitch = more(Vector3::y());
     let front = (inflow * cos * cos + across * sin * sin) * o1 * l1 * l1;
     assert!((pitch.y + front + inflow * l2 * l2 * (o2 + o3)).abs() < 1e-12, "it damps the pitch: {pitch}");

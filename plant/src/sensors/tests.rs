@@ -10,7 +10,7 @@ const MOTION: Kinematics = Kinematics {
 };
 const SAMPLE_NS: u64 = 10_000_000;
 
-/// The sensors of a scenario after `change`.
+/// Sensors of a scenario after `change`.
 fn sensors(seed: u64, change: impl Fn(&mut Scenario)) -> Sensors {
     let mut scenario = Scenario::default();
     scenario.run.seed = seed;
@@ -22,7 +22,7 @@ fn noisy(seed: u64, position_m: f64, velocity_mps: f64, attitude_deg: f64, rates
     sensors(seed, |scenario| scenario.plant.noise = Noise { position_m, velocity_mps, attitude_deg, rates_dps })
 }
 
-/// What the position sensor with these settings says along x at the first samples of a vehicle that is at `x(k)`.
+/// Readings along x of a position sensor with these settings at the first samples of a vehicle at `x(k)`.
 fn along_x(settings: &Settings, samples: u64, x: impl Fn(u64) -> f64) -> Vec<f64> {
     let mut sensors = sensors(1, |scenario| scenario.plant.sensors.position = settings.clone());
     let at = |k| Kinematics { position_m: [x(k), 0.0, 0.0], ..Kinematics::default() };
@@ -118,7 +118,7 @@ fn values_are_multiples_of_the_quantum() {
 }
 
 #[test]
-fn a_slow_sensor_repeats_and_a_late_one_tells_what_was() {
+fn a_slow_sensor_repeats_and_a_late_one_returns_older_values() {
     let slow = Settings { rate_hz: 25.0, ..Settings::default() };
     assert_eq!(along_x(&slow, 9, |k| k as f64), [0.0, 0.0, 0.0, 0.0, 4.0, 4.0, 4.0, 4.0, 8.0]);
     let late = Settings { latency_ms: 30.0, ..Settings::default() };

@@ -1,4 +1,4 @@
-//! Random problems, and what a point is worth in them, computed apart from the solver.
+//! Random problems, and the quality of a point, computed independently of the solver.
 
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT};
@@ -6,19 +6,19 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::ActiveSet;
 
-/// A limit with no more than this to it counts as touched.
+/// Slack up to which a limit counts as touched.
 const TOUCHED: f64 = 1e-7;
-/// A disc carries what points outward. It is given a little room across: a tangent is never quite at the point.
+/// Tolerance of the angle of a disc's multiplier, because a tangent is never exactly at the point.
 const ACROSS: f64 = 1e-4;
 
-/// A problem with 0 inside its constraints, as [`ActiveSet`] takes it.
+/// Problem with 0 inside its constraints, in the form of [`ActiveSet`].
 #[derive(Debug, Clone)]
 pub struct Problem {
-    /// `H`, n x n, positive definite.
+    /// Hessian `H`, n x n, positive definite.
     pub hessian: DMatrix<f64>,
     /// Linear rows, m x n.
     pub rows: DMatrix<f64>,
-    /// `1/w` of each row; 0 is hard.
+    /// Softness `1/w` of each row; 0 is hard.
     pub softness: Vec<f64>,
     /// Disc rows, 2k x n.
     pub discs: DMatrix<f64>,
@@ -29,7 +29,7 @@ pub struct Problem {
 }
 
 impl Problem {
-    /// Draws one: up to 20 variables, 40 rows, 5 discs, a condition number up to 1e7. `uniform` gives numbers in 0..1.
+    /// Draws a problem: up to 20 variables, 40 rows, 5 discs, a condition number up to 1e7; `uniform` draws from 0..1.
     pub fn draw(uniform: &mut impl FnMut() -> f64) -> Self {
         let n = 1 + below(20, uniform);
         let (m, k) = (below(41, uniform), below(6, uniform));
@@ -46,7 +46,7 @@ impl Problem {
         problem
     }
 
-    /// Draws another centre and other offsets, as the next tick of a controller would bring.
+    /// Draws another centre and other offsets, as for the next tick of a controller.
     pub fn redraw(&mut self, uniform: &mut impl FnMut() -> f64) {
         let m = self.rows.nrows();
         self.centre.fill_with(|| 2.0 * uniform() - 1.0);
@@ -61,12 +61,12 @@ impl Problem {
         self.centre.iter_mut().for_each(|c| *c /= far);
     }
 
-    /// A solver of this set-up that is granted `steps`.
+    /// Builds a solver of this set-up with at most `steps`.
     pub fn solver(&self, steps: u32) -> ActiveSet {
         ActiveSet::new(&self.hessian, &self.rows, &self.softness, &self.discs, steps)
     }
 
-    /// By how much `x` leaves the hard rows and the discs.
+    /// Largest violation of the hard rows and the discs by `x`.
     pub fn violation(&self, x: &[f64]) -> f64 {
         let (rows, discs) = self.slacks(x);
         let hard = rows.iter().zip(&self.softness).filter(|(_, softness)| **softness == 0.0).map(|(slack, _)| -slack);
@@ -74,7 +74,7 @@ impl Problem {
         hard.chain(outside).fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// The cost of `x`, 0 at the centre.
+    /// Cost of `x`, 0 at the centre.
     pub fn cost(&self, x: &[f64]) -> f64 {
         let miss = DVector::from_column_slice(x) - DVector::from_column_slice(&self.centre);
         let (rows, _) = self.slacks(x);
@@ -83,22 +83,22 @@ impl Problem {
         0.5 * (&self.hessian * &miss).dot(&miss) + 0.5 * rows.iter().zip(&self.softness).map(excess).sum::<f64>()
     }
 
-    /// The most by which the optimum can cost less than `x`. Let `x` touch rows with slopes `a_i` and slacks `s_i`, and
-    /// discs with slopes `D_k` at points `p_k`. For any shares `lambda_i >= 0` and `mu_k` the optimum costs less by at most
+    /// Upper bound on the cost of `x` above the optimum. Let `x` touch rows with slopes `a_i` and slacks `s_i`, and
+    /// discs with slopes `D_k` at points `p_k`. For any `lambda_i >= 0` and `mu_k` the optimum costs less by at most
     ///
     /// ```text
     /// 1/2 r'H^-1 r + sum lambda_i |s_i| + sum (|mu_k| - mu_k p_k),   r = g - sum lambda_i a_i + sum D_k'mu_k
     /// ```
     ///
-    /// where `g` is the gradient of the cost at `x`. The shares are a least-squares fit: the solver's multipliers are not
-    /// used.
+    /// where `g` is the gradient of the cost at `x`. `lambda` and `mu` are a least-squares fit; the solver's
+    /// multipliers are not used.
     pub fn gap(&self, x: &[f64]) -> f64 {
         let (slacks, points) = self.slacks(x);
         let mut gradient = &self.hessian * (DVector::from_column_slice(x) - DVector::from_column_slice(&self.centre));
         let (mut rows, mut discs) = (vec![], vec![]);
         for ((slack, softness), row) in slacks.iter().zip(&self.softness).zip(self.rows.row_iter()) {
             if *softness > 0.0 {
-                gradient -= row.transpose() * ((-slack).max(0.0) / softness); // the price of its excess
+                gradient -= row.transpose() * ((-slack).max(0.0) / softness); // gradient of the cost of its excess
             } else if *slack < TOUCHED {
                 rows.push((row.transpose(), slack.abs()));
             }
@@ -138,8 +138,8 @@ impl Problem {
         }
     }
 
-    /// The optimum by Clarabel, an interior-point method: variables are `x` and one excess for each row, which only a soft
-    /// row can use.
+    /// Computes the optimum by Clarabel, an interior-point method; `None` if it does not converge. Variables are `x`
+    /// and one excess for each row, which only soft rows use.
     pub fn by_clarabel(&self) -> Option<Vec<f64>> {
         let (n, m, k) = (self.centre.len(), self.rows.nrows(), self.discs.nrows() / 2);
         let mut quadratic = DMatrix::identity(n + m, n + m);
@@ -150,7 +150,7 @@ impl Problem {
         rows.view_mut((0, 0), (m, n)).copy_from(&-&self.rows);
         right[..m].copy_from_slice(&self.offsets[..m]);
         for (row, softness) in self.softness.iter().enumerate() {
-            rows[(row, n + row)] = -softness.sqrt(); // the excess in units of its price
+            rows[(row, n + row)] = -softness.sqrt(); // the excess times the root of its weight
         }
         for disc in 0..k {
             let (first, pair) = (m + 3 * disc, m + 2 * disc);
@@ -167,7 +167,7 @@ impl Problem {
         (solver.solution.status == SolverStatus::Solved).then(|| solver.solution.x[..n].to_vec())
     }
 
-    /// The linear rows at `x`, and those of the discs.
+    /// Linear rows at `x`, and those of the discs.
     fn slacks(&self, x: &[f64]) -> (DVector<f64>, DVector<f64>) {
         let x = DVector::from_column_slice(x);
         let (rows, discs) = self.offsets.split_at(self.rows.nrows());
@@ -175,7 +175,7 @@ impl Problem {
         (at(rows, &self.rows), at(discs, &self.discs))
     }
 
-    /// The largest slack that the centre changes, so that it can be scaled to leave the set by any measure.
+    /// Largest change of a slack by the centre, by which the centre is scaled to violate limits by a given amount.
     fn far(&self) -> f64 {
         let centre = DVector::from_column_slice(&self.centre);
         let (rows, discs) = (&self.rows * &centre, &self.discs * &centre);
@@ -183,7 +183,7 @@ impl Problem {
     }
 }
 
-/// A matrix with a condition number up to 1e7 along random axes.
+/// Draws a matrix with a condition number up to 1e7 along random axes.
 fn hessian(n: usize, uniform: &mut impl FnMut() -> f64) -> DMatrix<f64> {
     let decades = 7.0 * uniform();
     let mut axes = DMatrix::identity(n, n);
@@ -197,7 +197,7 @@ fn hessian(n: usize, uniform: &mut impl FnMut() -> f64) -> DMatrix<f64> {
     (&hessian + hessian.transpose()) * 0.5
 }
 
-/// Rows in random directions, of lengths over two decades.
+/// Draws rows in random directions, with lengths over two decades.
 fn slopes(rows: usize, columns: usize, uniform: &mut impl FnMut() -> f64) -> DMatrix<f64> {
     let mut slopes = DMatrix::from_fn(rows, columns, |_, _| 2.0 * uniform() - 1.0);
     for mut row in slopes.row_iter_mut() {
@@ -206,7 +206,7 @@ fn slopes(rows: usize, columns: usize, uniform: &mut impl FnMut() -> f64) -> DMa
     slopes
 }
 
-/// A whole number below `end`.
+/// Draws an integer below `end`.
 fn below(end: usize, uniform: &mut impl FnMut() -> f64) -> usize {
     (uniform() * end as f64) as usize
 }
@@ -216,7 +216,7 @@ fn sparse(matrix: &DMatrix<f64>) -> CscMatrix<f64> {
     CscMatrix::from(&rows)
 }
 
-/// Numbers in 0..1 from a seed.
+/// Returns a generator of numbers in 0..1 from a seed.
 pub fn uniform(seed: u64) -> impl FnMut() -> f64 {
     let mut state = seed.wrapping_mul(2).wrapping_add(1);
     move || {

@@ -9,14 +9,14 @@ use contract::snapshot::SNAPSHOT_WORDS;
 
 const MEMORY: Snapshot = [7; SNAPSHOT_WORDS];
 
-/// Guidance as process `epoch`: its loop and its input.
+/// Returns loop and input of guidance as process `epoch`.
 fn guidance(ring: &Ring, epoch: u32) -> (CycleLoop, Input<State>) {
     let mut session = ring.session(Topic::Reference, epoch);
     let input = session.input().unwrap();
     (session.ready().unwrap(), input)
 }
 
-/// The plant has taken sample `tick`.
+/// Takes sample `tick` as the plant does.
 fn sample(page: &ControlPage, tick: u64) {
     page.role(Topic::State).done(1).set(tick as u32 + 1);
     page.doorbell(Topic::State).ring();
@@ -54,7 +54,7 @@ fn by_the_barrier_a_node_waits_for_the_one_before_it_unless_its_role_is_vacant()
 }
 
 #[test]
-fn by_the_barrier_a_process_begins_with_the_tick_that_it_is_let_in_with() {
+fn by_the_barrier_a_process_begins_with_the_tick_of_its_assignment() {
     let ring = Ring::flying(Mode::Lockstep);
     let role = ring.page.role(Topic::Reference);
     role.offer(2);
@@ -90,7 +90,7 @@ fn a_fault_of_its_own_ends_a_process_instead_of_its_answer() {
     assert!(matches!(end, Some(Err(SessionError::FaultExit { tick: 5.. }))));
 }
 
-/// A ring against the clock with ten seconds between two samples, of which sample 0 was taken so long ago \[ns\].
+/// Makes a ring in real time with ten seconds between two samples, of which sample 0 was taken `since_ns` ago.
 fn slow_ring(since_ns: u64) -> Ring {
     let mut ring = Ring::flying(Mode::Realtime);
     ring.run.deadline.plant_ms = Some(2_000.0);
@@ -98,7 +98,7 @@ fn slow_ring(since_ns: u64) -> Ring {
     ring
 }
 
-/// Its guidance, with the timer set to ten seconds, as no scenario can.
+/// Returns its guidance, with a timer of ten seconds, which no scenario allows.
 fn slow_guidance(ring: &Ring) -> (CycleLoop, Input<State>) {
     let (mut cycles, states) = guidance(ring, 1);
     cycles.member.release = Release::Timer { period_ns: TEN_S_NS };

@@ -1,4 +1,4 @@
-//! Shared memory as the system has it: `/dev/shm`, the user's folder in it, and how much there is.
+//! Shared memory of the system: `/dev/shm`, the user's folder in it, and the free space.
 
 use std::fs::{self, DirBuilder, File};
 use std::io::{self, ErrorKind};
@@ -12,25 +12,25 @@ use rustix::io::Errno;
 use crate::error::DomainError;
 use crate::limits::{FILES_NEEDED, HOME_NAMES};
 
-/// Where shared memory is.
+/// File system of shared memory.
 pub const SHM: &str = "/dev/shm";
 const MEGABYTE: u64 = 1 << 20;
 
-/// Whether shared memory has room for a flight of `bytes`.
+/// Checks that shared memory has room for a flight of `bytes`.
 pub fn check_room(bytes: u64) -> Result<(), DomainError> {
     let StatVfs { f_blocks, f_bavail, f_frsize, f_files, f_favail, .. } =
         statvfs(SHM).map_err(|error| DomainError::Io { path: SHM.into(), source: error.into() })?;
     let free = f_bavail * f_frsize;
-    // A file system without a limit says 0 of all.
+    // A file system without a limit reports a size of 0.
     if f_blocks > 0 && free < bytes {
         return Err(DomainError::Full { need_mb: bytes.div_ceil(MEGABYTE), free_mb: free / MEGABYTE });
     }
-    // A file system that counts no files says 0.
+    // A file system that counts no files reports 0.
     if f_files > 0 && f_favail < FILES_NEEDED { Err(DomainError::NoFiles(f_favail)) } else { Ok(()) }
 }
 
-/// Gives a file in shared memory its length, and all its memory: a page that is not to be had when it is first written to
-/// would end the process (SIGBUS).
+/// Sets the length of a file in shared memory and allocates all its memory now. Without that, a page that cannot be had
+/// when it is first written to would end the process (SIGBUS).
 pub fn allocate(file: &File, bytes: u64) -> io::Result<()> {
     match fallocate(file, FallocateFlags::empty(), 0, bytes) {
         Err(Errno::OPNOTSUPP) => file.set_len(bytes), // in a file system that is no tmpfs
@@ -38,25 +38,25 @@ pub fn allocate(file: &File, bytes: u64) -> io::Result<()> {
     }
 }
 
-/// Where the user's folder can be.
+/// Iterates over the paths that the user's folder can have.
 fn names() -> impl Iterator<Item = PathBuf> {
     let first = format!("{SHM}/trefoil-{}", rustix::process::geteuid().as_raw());
     (0..HOME_NAMES).map(move |i| if i == 0 { first.clone() } else { format!("{first}.{i}") }.into())
 }
 
-/// The user's folder, or several, when another user's file has stood in the way at times.
+/// Iterates over the user's folders. There is one, or several if another user's file stood in the way at times.
 pub fn homes() -> impl Iterator<Item = PathBuf> {
     names().filter(|path| is_private(path))
 }
 
-/// Whether `path` is a folder, this user's, and no other user may enter it.
+/// Returns whether `path` is a folder of this user that no other user may enter.
 fn is_private(path: &Path) -> bool {
     let own = rustix::process::geteuid().as_raw();
     let stat = open_folder(path).and_then(fstat);
     stat.is_ok_and(|stat| stat.st_uid == own && stat.st_mode & 0o777 == 0o700)
 }
 
-/// The user's folder, made if it is not there.
+/// Returns the user's folder, created if it is not there.
 pub fn make_home() -> Result<PathBuf, DomainError> {
     let failed = |path: &Path, source| DomainError::Io { path: path.into(), source };
     let mode = fs::metadata(SHM).map_err(|error| failed(Path::new(SHM), error))?.mode();
@@ -74,7 +74,7 @@ pub fn make_home() -> Result<PathBuf, DomainError> {
     Err(DomainError::Crowded(names().next().unwrap_or_default()))
 }
 
-/// Opens a folder, and nothing else: neither waits for a fifo's other end nor follows a link.
+/// Opens a folder; anything else is an error. It neither waits for the other end of a FIFO nor follows a link.
 pub fn open_folder(path: &Path) -> Result<OwnedFd, Errno> {
     open(path, OFlags::RDONLY | OFlags::DIRECTORY | OFlags::NOFOLLOW | OFlags::CLOEXEC, Mode::empty())
 }

@@ -1,6 +1,6 @@
 use super::*;
 
-/// A namespace that no other test uses.
+/// Makes a namespace that no other test uses.
 fn namespace(of: &str) -> String {
     format!("domain-{of}-{}", std::process::id())
 }
@@ -31,12 +31,12 @@ fn a_namespace_is_taken_until_its_hold_is_dropped_and_nothing_is_left() {
 }
 
 #[test]
-fn what_a_killed_launcher_has_left_is_wiped_by_the_next() {
+fn the_next_launcher_wipes_the_folder_of_a_killed_one() {
     let name = namespace("killed");
     let hold = Hold::take(&name).unwrap();
     let left = hold.domain.write("left", "over").unwrap();
     let Hold { domain, _lock: lock } = &hold;
-    // As the kernel does with the lock of a process that ends.
+    // Releases the lock as the kernel does when a process ends.
     flock(lock, FlockOperation::Unlock).unwrap();
     assert!(!domain.is_live() && domain.folder.is_dir());
     let next = Hold::take(&name).unwrap();
@@ -44,7 +44,7 @@ fn what_a_killed_launcher_has_left_is_wiped_by_the_next() {
 }
 
 #[test]
-fn a_file_of_a_run_is_new_and_for_its_user_alone() {
+fn a_file_of_a_run_is_private_and_never_overwritten() {
     let hold = Hold::take(&namespace("files")).unwrap();
     let path = hold.domain.write("note", "text").unwrap();
     assert_eq!(fs::metadata(&path).unwrap().mode() & 0o777, 0o600);

@@ -3,7 +3,7 @@ use contract::guard::{Guard, Refusal};
 use contract::message::{ActuationMsg, Actuators, Controls, Reference, Stamp};
 use contract::scenario::FaultTarget;
 
-/// Ticks on which CONTROLS of ticks 0 to 39 arrive, under one fault from tick 10 to 29, and what they carry.
+/// Sends CONTROLS of ticks 0 to 39 under one fault from tick 10 to 29, and returns the arrivals with their ticks.
 fn arrivals(kind: FaultKind, size: impl Fn(&mut Fault)) -> Vec<(u64, Controls)> {
     let mut fault = Fault::new(FaultTarget::Controls, kind, 0.1, Some(0.2));
     size(&mut fault);
@@ -16,7 +16,7 @@ fn arrivals(kind: FaultKind, size: impl Fn(&mut Fault)) -> Vec<(u64, Controls)> 
         let mut marked = 0;
         link.pass(tick, &demand(tick), &schedule, |message| match message.stamp.delivery {
             delivery::DELIVERED => all.push((tick, *message)),
-            _ => marked += u64::from(message.is_intact()), // a bit of this very mark may be what fell over
+            _ => marked += u64::from(message.is_intact()), // or the mark itself was corrupted
         });
         assert!(marked <= 1, "what was meant is shown once");
     }
@@ -32,12 +32,12 @@ fn demand(tick: u64) -> Controls {
     Controls { stamp, demand: [0.1; 4], ..Controls::default() }.with_checksum()
 }
 
-/// For each arrival the tick and the number of the sample.
+/// Returns for each arrival its tick and the number of its sample.
 fn numbers(all: &[(u64, Controls)]) -> Vec<(u64, u64)> {
     all.iter().map(|(tick, message)| (*tick, message.stamp.sequence - 1)).collect()
 }
 
-/// What a guard says of the messages of ticks 10 to 29.
+/// Returns the results of a guard for the messages that arrive on ticks 10 to 29.
 fn judged(all: &[(u64, Controls)]) -> Vec<Result<(), Refusal>> {
     let mut guard = Guard::default();
     let judge = |(tick, message): &(u64, Controls)| (*tick, guard.take(message, 1, *tick + 1));
@@ -85,7 +85,7 @@ fn late_messages_arrive_whole_ticks_later() {
 }
 
 #[test]
-fn twice_and_in_the_wrong_order() {
+fn messages_can_arrive_twice_or_in_the_wrong_order() {
     let twice = numbers(&arrivals(FaultKind::Duplicate, |_| {}));
     assert_eq!(twice.len(), 60);
     assert!(judged(&arrivals(FaultKind::Duplicate, |_| {})).contains(&Err(Refusal::Order)));
@@ -99,19 +99,19 @@ fn twice_and_in_the_wrong_order() {
 fn bad_contents_are_refused_for_the_right_reason() {
     let all_but = |kind, allowed: &[Result<(), Refusal>]| {
         let verdicts = judged(&arrivals(kind, |_| {}));
-        // Of the corrupt ones a few look like no message at all.
+        // A few corrupt messages are not counted as delivered, because the bits of their mark were flipped.
         assert!(verdicts.len() == 20 || kind == FaultKind::Corrupt && verdicts.len() > 15);
         assert!(verdicts.iter().all(|verdict| allowed.contains(verdict)), "{kind:?}: {verdicts:?}");
     };
     all_but(FaultKind::Garbage, &[Err(Refusal::Range)]);
-    // What is taken of these tells of a sample ten ticks ago: to its receiver it is old.
+    // The accepted ones carry a sample of ten ticks ago, so their receiver treats them as old.
     all_but(FaultKind::Stale, &[Err(Refusal::Age), Ok(())]);
     assert!(arrivals(FaultKind::Stale, |_| {}).iter().all(|(t, m)| !(10..30).contains(t) || m.stamp.tick + 10 == *t));
     all_but(FaultKind::Corrupt, &Refusal::ALL.map(Err));
 }
 
 #[test]
-fn messages_of_a_standby_stay_marked_whatever_fault_strikes_them() {
+fn messages_of_a_standby_stay_marked_under_any_fault() {
     for kind in [FaultKind::Drop, FaultKind::Garbage, FaultKind::Delay, FaultKind::Reorder] {
         let fault = Fault { probability: Some(1.0), ..Fault::new(FaultTarget::Controls, kind, 0.0, None) };
         let scenario = Scenario { fault: vec![fault], ..Scenario::default() };
@@ -131,7 +131,7 @@ fn messages_of_a_standby_stay_marked_whatever_fault_strikes_them() {
 }
 
 #[test]
-fn a_message_that_is_let_pass_is_not_lost() {
+fn reordered_messages_are_not_lost() {
     let fault = Fault::new(FaultTarget::Controls, FaultKind::Reorder, 0.0, None);
     let scenario = Scenario { fault: vec![Fault { probability: Some(1.0), ..fault }], ..Scenario::default() };
     let mut link = Link::new(&scenario);
@@ -146,7 +146,7 @@ fn a_message_that_is_let_pass_is_not_lost() {
 }
 
 #[test]
-fn a_fault_that_comes_while_flying_is_like_one_of_the_scenario() {
+fn a_fault_given_in_flight_has_the_effect_of_one_in_the_scenario() {
     let fault = Fault::new(FaultTarget::Controls, FaultKind::Drop, 0.1, Some(0.2));
     let arrived = |given: bool| -> Vec<(u64, u64)> {
         let scenario = Scenario { fault: if given { vec![] } else { vec![fault] }, ..Scenario::default() };
@@ -168,7 +168,7 @@ fn a_fault_that_comes_while_flying_is_like_one_of_the_scenario() {
     assert!(arrived(true).iter().all(|(tick, mark)| *mark == delivery::DELIVERED || (10..25).contains(tick)));
 }
 
-/// What becomes of a message on its way under a fault of its topic.
+/// Passes a message through a link with a fault of kind `wrong`, and returns the result.
 fn struck<M: Message>(message: M, how: Option<Wrong>, value: Option<f64>) -> M {
     let target = [FaultTarget::State, FaultTarget::Reference, FaultTarget::Controls, FaultTarget::Actuators];
     let fault = Fault { value, how, ..Fault::new(target[M::TOPIC as usize], FaultKind::Wrong, 0.0, None) };

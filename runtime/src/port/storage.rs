@@ -1,9 +1,8 @@
-//! Where iceoryx2 keeps what it shares: in files of the run's folder, and how much of it a flight needs.
+//! Storage of iceoryx2 in files of the run's folder, and the shared memory that a flight needs.
 //!
-//! iceoryx2's own `ipc` makes POSIX shared memory, whose names all stand in `/dev/shm` itself, where every user can put
-//! names too. [`FileService`] differs from it in that: the same structures are files below the root path, which lies in
-//! the same file system, so that they are the same memory. iceoryx2's own tools look for POSIX shared memory and do not
-//! find it.
+//! iceoryx2's own `ipc` uses POSIX shared memory, whose names all stand in `/dev/shm` itself, where every user can
+//! create names. [`FileService`] keeps the same structures in files below the root path instead. That path lies in the
+//! same file system, so the memory is the same. iceoryx2's own tools look for POSIX shared memory and do not find it.
 
 use std::fmt::Debug;
 use std::fs::OpenOptions;
@@ -32,21 +31,21 @@ use crate::limits::{MAX_OBSERVER_DEPTH, MAX_SUBSCRIBERS, MIN_OBSERVER_DEPTH, OBS
 use contract::Topic;
 use contract::message::{Actuators, Controls, Message, Reference, State};
 
-/// Samples that iceoryx2 sets aside for each subscriber beside its queue, and for each publisher.
+/// Samples that iceoryx2 reserves for each subscriber besides its queue, and for each publisher.
 const BORROWED: usize = 2;
-/// What a sample takes beside header and message, and in each connection \[bytes\].
+/// Size of a sample besides header and message \[bytes\].
 const PER_SAMPLE: usize = 16;
-/// What a place in a queue takes \[bytes\].
+/// Size of a place in a queue \[bytes\].
 const PER_PLACE: usize = 16;
-/// Services, control page, settings, and what is rounded up to pages \[bytes\].
+/// Size of services, control page, settings, and of rounding up to pages \[bytes\].
 const REST: usize = 1 << 20;
 
-/// Queue of the recorder and of the launcher, which want every message, at `rate_hz`.
+/// Depth of the queues of recorder and launcher, which must receive every message, at `rate_hz`.
 pub fn observer_depth(rate_hz: u32) -> usize {
     (rate_hz as usize * OBSERVER_S).clamp(MIN_OBSERVER_DEPTH, MAX_OBSERVER_DEPTH)
 }
 
-/// What a flight at `rate_hz` needs of shared memory \[bytes\]: every node, and for each another one that takes over.
+/// Shared memory that a flight at `rate_hz` needs \[bytes\], with a second process for every node.
 pub fn bytes_needed(rate_hz: u32) -> u64 {
     let depth = observer_depth(rate_hz);
     let topic = |message_bytes: usize, topic: Topic| {
@@ -94,26 +93,26 @@ pub fn config(domain: &Domain) -> Result<Config, PortError> {
     let path = iceoryx2::prelude::Path::new(as_bytes(&root)).map_err(too_long)?;
     let mut config = Config::default();
     config.global.set_root_path(&path);
-    // The launcher watches its children itself; a node that met a corpse here would clean up inside its loop.
+    // The launcher watches its children itself; a node would clean up after a dead one inside its loop.
     config.global.node.cleanup_dead_nodes_on_creation = false;
     config.global.node.cleanup_dead_nodes_on_destruction = false;
     config.global.service.cleanup_dead_nodes_on_open = false;
     Ok(config)
 }
 
-/// Numbers of the processes that made a segment, read from its name: those of its ports end in time, process and count.
+/// Reads the process numbers of a segment's makers from its name, whose port numbers contain process, time and count.
 pub fn makers(segment: &str) -> impl Iterator<Item = u32> {
-    // Everything else that stands between dots and underscores is shorter, or no number.
+    // All other parts between dots and underscores are shorter, or no numbers.
     let numbers = segment.split(['.', '_']).filter(|part| part.len() > 20).filter_map(|part| part.parse::<u128>().ok());
     numbers.map(|id| (id >> 64) as u32)
 }
 
-/// Allocates what this process has a part in of the segments of `domain`, which iceoryx2 makes without.
+/// Allocates the memory of those segments of `domain` that ports of this process use, because iceoryx2 does not.
 pub fn allocate_own(domain: &Domain) -> Result<(), PortError> {
     let own = std::process::id();
     for (path, bytes) in domain.files() {
         let name = path.file_name().map(|name| name.to_string_lossy()).unwrap_or_default();
-        // One without a length is being made at this moment, by the other end of a connection.
+        // A file without a length is being made at this moment, by the other end of a connection.
         if bytes == 0 || !makers(&name).any(|pid| pid == own) {
             continue;
         }
@@ -122,13 +121,13 @@ pub fn allocate_own(domain: &Domain) -> Result<(), PortError> {
             Err(error) if error.kind() != ErrorKind::NotFound => {
                 return Err(PortError::Domain(format!("{}: {error}", path.display())));
             }
-            _ => {} // the other end of a connection may have gone with it
+            _ => {} // the other end of a connection may have removed it
         }
     }
     Ok(())
 }
 
-/// iceoryx2's word for what went wrong, and the system's if a resource has run out, which iceoryx2 does not pass on.
+/// Describes an error of iceoryx2, with the system's error if a resource has run out, which iceoryx2 does not pass on.
 pub fn reason(error: impl Debug) -> String {
     const RUN_OUT: [Errno; 5] = [Errno::MFILE, Errno::NFILE, Errno::NOSPC, Errno::NOMEM, Errno::AGAIN];
     let last = io::Error::last_os_error();

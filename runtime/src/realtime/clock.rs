@@ -3,19 +3,19 @@
 use rustix::thread::ClockId;
 use rustix::time::{Timespec, clock_gettime};
 
-/// `CLOCK_MONOTONIC` now \[ns\].
+/// Reads `CLOCK_MONOTONIC` \[ns\].
 pub fn now_ns() -> u64 {
     to_ns(clock_gettime(ClockId::Monotonic))
 }
 
-/// What `work` gives, and how long it took \[ns\].
+/// Returns the result of `work`, and the time it took \[ns\].
 pub fn timed<T>(work: impl FnOnce() -> T) -> (T, u64) {
     let start_ns = now_ns();
     let result = work();
     (result, now_ns() - start_ns)
 }
 
-/// CPU time this thread has used \[ns\].
+/// Reads the CPU time that this thread has used \[ns\].
 pub fn thread_cpu_ns() -> u64 {
     to_ns(clock_gettime(ClockId::ThreadCPUTime))
 }

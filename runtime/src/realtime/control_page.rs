@@ -1,10 +1,10 @@
-//! The control page: shared memory with a doorbell per topic, the roles, and the words that every process looks at.
+//! The control page: shared memory with the phase of the run, a doorbell per topic, the roles and the fault table.
 //!
-//! iceoryx2 carries the messages; the doorbells only wake. A doorbell is a counter with a futex on it: a publisher raises it
-//! after it has sent, a waiter sleeps until it moves or a deadline passes. iceoryx2's own event is a datagram with
-//! time-outs in milliseconds; a futex costs one system call a side and times out at the nanosecond.
+//! iceoryx2 carries the messages; the doorbells only wake. A doorbell is a counter with a futex on it: a publisher
+//! raises it after it has sent, and a receiver sleeps until it changes or a deadline passes. iceoryx2's own event is a
+//! datagram with time-outs in milliseconds; a futex needs one system call on each side and times out at the nanosecond.
 //!
-//! A doorbell holds no state worth losing: a process that dies between sending and ringing costs the others one
+//! A doorbell holds no state that matters: if a process dies between sending and ringing, the others wait for one
 //! time-out.
 
 use std::fs::OpenOptions;
@@ -30,53 +30,53 @@ use contract::snapshot::PLANT_WORDS;
 const PAGE_BYTES: usize = 4096 * 12;
 const MAGIC: u32 = 0x7EF0_1109;
 
-/// What stands on the page.
+/// Content of the control page.
 #[repr(C)]
 pub struct Page {
     magic: AtomicU32,
-    /// Where the run stands: see [`phase`]. Rung at every change.
+    /// Phase of the run: see [`phase`]. Rung at every change.
     pub phase: Doorbell,
-    /// The newest tick that the launcher has seen: how far lockstep may run ahead is counted from it.
+    /// Newest tick that the launcher has seen; limits how far lockstep may run ahead.
     pub watched: Doorbell,
-    /// The newest tick that the recorder has seen; at its highest when nothing is recorded.
+    /// Newest tick that the recorder has seen, with the same effect; `u32::MAX` if nothing is recorded.
     pub recorded: Doorbell,
-    /// Lockstep: ticks for which the plant has asked the launcher who works on them.
+    /// Lockstep: ticks up to which the plant has asked the launcher for the assignment of the roles.
     pub asked: Doorbell,
-    /// Lockstep: ticks for which the launcher has decided that.
+    /// Lockstep: ticks up to which the launcher has decided it.
     pub decided: Doorbell,
-    /// Lockstep: the first tick for which the plant is to ask.
+    /// Lockstep: first tick for which the plant must ask.
     pub next_decision: Word,
     doorbells: [Doorbell; Topic::COUNT],
     roles: [SharedRole; Topic::COUNT],
-    /// What the vehicle remembers, now and then.
+    /// Memory of the plant, written every ten seconds for the log.
     pub plant_memory: SnapshotCell<PLANT_WORDS>,
-    /// The role of the recorder.
+    /// Role of the recorder.
     pub recorder: SharedRole,
-    /// The faults that this flight is given while it flies.
+    /// Faults that were given in flight.
     pub fault_table: FaultTable,
     origin_ns: AtomicU64,
     samples: AtomicU64,
 }
 const _: () = assert!(size_of::<Page>() <= PAGE_BYTES);
 
-/// Where a run stands: the value of [`Page::phase`].
+/// Phases of a run: the values of [`Page::phase`].
 pub mod phase {
-    /// Processes are joining.
+    /// Phase in which the processes join.
     pub const JOIN: u32 = 0;
-    /// All are there: the plant may start.
+    /// Phase in which the plant may fly: all processes are ready.
     pub const GO: u32 = 1;
-    /// The nodes leave.
+    /// Phase in which the nodes end.
     pub const LEAVE: u32 = 2;
-    /// The nodes have left: the recorder closes its file.
+    /// Phase in which the recorder closes its file: the nodes have ended.
     pub const CLOSE: u32 = 3;
 }
 
-/// A counter that wakes, on a cache line of its own.
+/// Counter that wakes waiting processes, on a cache line of its own.
 #[repr(C, align(64))]
 pub struct Doorbell(AtomicU32);
 
 impl Doorbell {
-    /// Times rung so far. Read it before looking for a message, then pass it to [`wait`](Self::wait).
+    /// Present count. Read it before looking for a message, then pass it to [`wait`](Self::wait).
     pub fn count(&self) -> u32 {
         self.0.load(Ordering::Acquire)
     }
@@ -92,7 +92,7 @@ impl Doorbell {
         self.0.fetch_add(1, Ordering::Release);
     }
 
-    /// Raises the counter to `count`, unless it stands there already, and wakes every process that waits.
+    /// Raises the counter to `count` and wakes every process that waits; no effect if the counter is that high already.
     pub fn raise(&self, count: u32) {
         if self.0.fetch_max(count, Ordering::Release) < count {
             self.wake();
@@ -111,18 +111,18 @@ impl Doorbell {
     }
 
     fn wake(&self) {
-        // Only a bad address can make this fail, and a mapped page is none.
+        // Fails only for a bad address, which a mapped page does not have.
         let _ = futex::wake(&self.0, futex::Flags::empty(), i32::MAX as u32);
     }
 }
 
-/// The mapped page. Lives as long as the process uses the ring.
+/// Mapping of the control page, unmapped when it is dropped.
 pub struct ControlPage {
     page: NonNull<Page>,
 }
 
 impl ControlPage {
-    /// Makes the page as a new file; the launcher does this once per run.
+    /// Creates the page as a new file; called by the launcher, once per run.
     pub fn create(path: &Path) -> io::Result<Self> {
         let file = OpenOptions::new().read(true).write(true).create_new(true).mode(0o600).open(path)?;
         allocate(&file, PAGE_BYTES as u64)?;
@@ -131,7 +131,7 @@ impl ControlPage {
         Ok(page)
     }
 
-    /// A page in the memory of this process alone, for a ring that one thread turns.
+    /// Makes a page in private memory, for a run in process.
     pub fn private() -> io::Result<Self> {
         let protection = ProtFlags::READ | ProtFlags::WRITE;
         // SAFETY: the address is the kernel's choice, so no existing mapping is replaced; the memory is all zero.
@@ -139,7 +139,7 @@ impl ControlPage {
         Self::at(address)
     }
 
-    /// Opens the page of a running stack.
+    /// Opens the page of a run; an error if its length or version does not fit.
     pub fn open(path: &Path) -> io::Result<Self> {
         let file = OpenOptions::new().read(true).write(true).open(path)?;
         if file.metadata()?.len() != PAGE_BYTES as u64 {
@@ -177,47 +177,47 @@ impl Deref for ControlPage {
 }
 
 impl Page {
-    /// The doorbell of a topic.
+    /// Doorbell of a topic.
     pub fn doorbell(&self, topic: Topic) -> &Doorbell {
         &self.doorbells[topic as usize]
     }
 
-    /// The role of the node that publishes `topic`.
+    /// Role of the node that publishes `topic`.
     pub fn role(&self, topic: Topic) -> &SharedRole {
         &self.roles[topic as usize]
     }
 
-    /// Ticks that the plant has sampled.
+    /// Number of samples that the plant has taken.
     pub fn samples_taken(&self) -> u64 {
         u64::from(self.role(Topic::State).done(1).get())
     }
 
-    /// The tick under way: all but the newest that the plant has sampled are over.
+    /// Current tick: the newest that the plant has sampled; 0 before the first.
     pub fn plant_tick(&self) -> u64 {
         self.samples_taken().saturating_sub(1)
     }
 
-    /// The instant of sample 0 \[ns\]; 0 before there is one. In lockstep it is that of the present sample.
+    /// Instant of sample 0, in lockstep of the present sample \[ns\]; 0 before it is known.
     pub fn origin_ns(&self) -> u64 {
         self.origin_ns.load(Ordering::Acquire)
     }
 
-    /// Sets that instant; the plant's part.
+    /// Sets the instant of sample 0, in lockstep of the present sample; called by the plant.
     pub fn set_origin_ns(&self, origin_ns: u64) {
         self.origin_ns.store(origin_ns, Ordering::Release);
     }
 
-    /// Samples of the run; 0 until the plant has taken the last one.
+    /// Number of samples of the run; 0 until the plant has taken the last one.
     pub fn total_samples(&self) -> u64 {
         self.samples.load(Ordering::Acquire)
     }
 
-    /// Says how many samples the run has; the plant's part, before it sends the last one.
+    /// Sets the number of samples of the run; called by the plant before it sends the last one.
     pub fn set_total_samples(&self, samples: u64) {
         self.samples.store(samples, Ordering::Release);
     }
 
-    /// Moves the run on to `phase` and wakes every waiter, whatever it waits for.
+    /// Moves the run on to `phase` and wakes every process that waits on a doorbell of a topic or of the phase.
     pub fn set_phase(&self, phase: u32) {
         self.phase.raise(phase);
         for topic in Topic::ALL {
@@ -228,7 +228,7 @@ impl Page {
 
 impl Drop for ControlPage {
     fn drop(&mut self) {
-        // SAFETY: mapped with this length, and no reference outlives `self`. Failure would leak one page.
+        // SAFETY: mapped with this length, and no reference outlives `self`. Failure would leak the mapping.
         let _ = unsafe { munmap(self.page.as_ptr().cast(), PAGE_BYTES) };
     }
 }

@@ -1,12 +1,12 @@
-//! Crashes: this process has touched memory that is not there, or gives itself up. Without memory it does that too.
+//! Crashes of this process: access to missing memory, or an abort, for instance because memory has run out.
 //!
-//! The files of a run are shared: one that is cut short while it is mapped (SIGBUS), or whose contents another
-//! process has changed (SIGSEGV, SIGABRT), can end a process that uses it. The process says why and ends with the exit code of a process
-//! that was lost: to the supervisor a crash like any other. With the launcher its children die too.
+//! The files of a run are shared. One that is cut short while it is mapped (SIGBUS), or whose contents another process
+//! has changed (SIGSEGV, SIGABRT), can crash a process that uses it. The process prints why and ends with the exit code
+//! of a lost process; the supervisor sees a crash like any other. With the launcher its children die too.
 
 use contract::exit;
 
-/// The signals, and what a process says that gets one.
+/// Signals of a crash, each with the message to print.
 const CRASHES: [(libc::c_int, &[u8]); 3] = [
     (
         libc::SIGBUS,
@@ -17,12 +17,12 @@ const CRASHES: [(libc::c_int, &[u8]); 3] = [
 which ends it (SIGABRT)\n"),
 ];
 
-/// Has this process say so when it happens.
+/// Installs handlers that print the reason when this process crashes.
 pub fn tell_of_crashes() {
     for (signal, _) in CRASHES {
-        // SAFETY: `sigaction` is plain data, for which zero is valid (no flags, an empty mask); the handler makes a few
-        // system calls that are allowed in handlers, and touches nothing else. With SA_RESETHAND it runs once. With
-        // SA_ONSTACK it has the stack that the standard library sets aside, for when the thread's own is used up.
+        // SAFETY: `sigaction` is plain data, for which zero is valid (no flags, an empty mask). The handler makes a few
+        // system calls that are allowed in handlers, and touches nothing else. SA_RESETHAND runs it once. SA_ONSTACK
+        // runs it on the stack that the standard library sets aside, in case the thread's own is used up.
         unsafe {
             let mut action: libc::sigaction = std::mem::zeroed();
             action.sa_sigaction = say as *const () as usize;
@@ -37,8 +37,8 @@ extern "C" fn say(signal: libc::c_int) {
     for (of, words) in CRASHES {
         if of == signal {
             let mut stderr = libc::pollfd { fd: 2, events: libc::POLLOUT, revents: 0 };
-            // SAFETY: `stderr` and the bytes, which are a constant, live across the calls; both calls are allowed in handlers.
-            // Stderr that takes nothing at this moment is not waited for.
+            // SAFETY: `stderr` and the constant bytes live across the calls; both calls are allowed in handlers. A
+            // stderr that is not writable at this moment is skipped, not waited for.
             unsafe {
                 if libc::poll(&raw mut stderr, 1, 0) == 1 {
                     libc::write(2, words.as_ptr().cast(), words.len());
@@ -46,6 +46,6 @@ extern "C" fn say(signal: libc::c_int) {
             }
         }
     }
-    // SAFETY: ends the process at once, without running anything of it.
+    // SAFETY: ends the process at once, without running any more of its code.
     unsafe { libc::_exit(i32::from(exit::PROCESS_LOST)) };
 }

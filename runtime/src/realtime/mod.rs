@@ -1,7 +1,7 @@
-//! What a process asks of the kernel: time, priority, locked memory, one shared page, children that die with it.
+//! Services of the kernel: time, priority, locked memory, one shared page, children that die with their parent.
 //!
-//! This is the only module with `unsafe`: calls that rustix does not offer in safe form, each with its argument.
-//! Everything here is optional for a flight: without privilege the stack runs as `SCHED_OTHER` and says so.
+//! This is the only module with `unsafe`: calls that rustix does not offer in safe form, each with its argument. A
+//! flight needs neither priority nor locked memory: without the privilege the stack runs as `SCHED_OTHER` and says so.
 
 #![expect(
     unsafe_code,
@@ -33,19 +33,19 @@ pub use signals::{keep_nohup, reset_signals};
 use crate::limits::{FILES_OF_A_CONNECTION, LATER_BYTES};
 use contract::scenario::{Policy, Scheduling};
 
-/// Asks for what the scenario wants; takes what it gets. The launcher reads from `/proc` what that was.
+/// Asks for the scheduling that the scenario wants, and takes what it gets; the launcher reads the result from `/proc`.
 ///
 /// With `SCHED_FIFO` the kernel gives exact timer wake-ups; without it the timer slack is lowered from 50 us to 1 ns.
 pub fn enter(wanted: &Scheduling) {
     pin(&wanted.affinity);
     if wanted.rttime_ms > 0.0 {
-        // Lowering one's own limit needs no privilege; it counts for SCHED_FIFO only. The signal is SIGXCPU.
+        // Lowering one's own limit needs no privilege; it applies to SCHED_FIFO only. The signal is SIGXCPU.
         let limit = Some((wanted.rttime_ms * 1e3) as u64);
         let _ = rustix::process::setrlimit(Resource::Rttime, Rlimit { current: limit, maximum: limit });
     }
     let fifo = wanted.policy == Policy::Fifo && set_fifo(wanted.priority as i32);
     if !fifo {
-        // Fails only on kernels without the call; the flight then has 50 us more jitter.
+        // Fails only on kernels without the call; the flight then has up to 50 us more jitter.
         let _ = rustix::thread::set_current_timer_slack(NonZeroU64::new(1));
     }
     if wanted.lock_memory {
@@ -54,12 +54,12 @@ pub fn enter(wanted: &Scheduling) {
     touch_stack();
 }
 
-/// Locks the memory of this process, what it will map later included, or none of it.
+/// Locks the memory of this process, later mappings included, or none of it.
 ///
-/// What is mapped now is brought in now. The segment of a process that joins later, tens of megabytes, page by page as it
-/// is used: all of it at once would take 35 ms out of the loop that maps it. Under a limit (`RLIMIT_MEMLOCK`) that does
-/// not bind at once, a later map would fail for want of lockable memory, and with it the connection to a publisher; so
-/// the memory stays pageable unless there is room for [`LATER_BYTES`] more. run.json says how much was locked.
+/// Present mappings are loaded now, later ones page by page when they are used: loading the whole segment of a process
+/// that joins later, tens of megabytes, would take 35 ms out of the loop that maps it. A limit (`RLIMIT_MEMLOCK`) may
+/// have no effect at once, but make a later mapping fail, and with it the connection to a publisher. So the memory
+/// stays pageable unless there is room for [`LATER_BYTES`] more. run.json says how much was locked.
 fn lock_memory() {
     let later = MlockAllFlags::CURRENT | MlockAllFlags::FUTURE | MlockAllFlags::ONFAULT;
     let locked = mlockall(MlockAllFlags::CURRENT).and_then(|()| mlockall(later)).is_ok() && can_map(LATER_BYTES);
@@ -68,20 +68,20 @@ fn lock_memory() {
     }
 }
 
-/// Whether this process may map so much more; none of it is used.
+/// Returns whether this process may map `bytes` more; none of it is used.
 fn can_map(bytes: usize) -> bool {
-    // SAFETY: the address is the kernel's choice, so no existing mapping is replaced, and nothing is ever read or written
-    // through it; it is unmapped before anybody else knows of it.
+    // SAFETY: the address is the kernel's choice, so no existing mapping is replaced, and nothing is ever read or
+    // written through it; it is unmapped before any other code knows it.
     unsafe {
         let map = mmap_anonymous(std::ptr::null_mut(), bytes, ProtFlags::empty(), MapFlags::PRIVATE);
         map.is_ok_and(|address| munmap(address, bytes).is_ok())
     }
 }
 
-/// What this process is short of, as far as the kernel tells, and so may not open or map a file of the run.
+/// Describes a shortage of files or memory that keeps this process from mapping files of the run; `None` without one.
 pub fn shortage() -> Option<String> {
     let limit = |resource| getrlimit(resource).current.map_or("unlimited".to_owned(), |limit| limit.to_string());
-    // A connection needs several files; one that failed has closed those that it had got.
+    // A connection needs several files; a failed one has closed its own again, so several are tried here.
     let files: Vec<_> = (0..FILES_OF_A_CONNECTION).map(|_| File::open("/")).collect();
     let cannot_open = |file: &std::io::Result<File>| {
         file.as_ref().is_err_and(|error| error.raw_os_error() == Some(Errno::MFILE.raw_os_error()))
@@ -95,7 +95,7 @@ pub fn shortage() -> Option<String> {
     }
 }
 
-/// Keeps this process on the given CPUs, if any; where the kernel refuses (a CPU that is not there) it stays where it may be.
+/// Restricts this process to the given CPUs, if any; no effect if the kernel refuses, as for a CPU that does not exist.
 pub fn pin(affinity: &[usize]) {
     if !affinity.is_empty() {
         let mut cpus = CpuSet::new();
@@ -111,7 +111,7 @@ fn set_fifo(priority: i32) -> bool {
     unsafe { libc::sched_setscheduler(0, libc::SCHED_FIFO, &raw const param) == 0 }
 }
 
-/// Faults in the stack that the loop will use, so that no page fault falls into a cycle.
+/// Touches the stack that the loop will use, so that no page fault falls into a cycle.
 #[inline(never)]
 #[expect(clippy::large_stack_arrays, reason = "it is the stack itself that is to be touched")]
 fn touch_stack() {

@@ -1,8 +1,8 @@
-//! The process at the other end of a socket, as the kernel knows it.
+//! Identity of the process at the other end of a socket, from the kernel.
 
 use std::os::fd::{AsFd, AsRawFd};
 
-/// Process and user that connected `socket`. The process is 0 when it lives in a PID namespace that is not seen from here.
+/// Process and user that connected `socket`; `None` on an error. Process 0 is in a PID namespace not visible here.
 pub fn peer_of(socket: impl AsFd) -> Option<(i32, u32)> {
     let mut peer = libc::ucred { pid: 0, uid: 0, gid: 0 };
     let mut length = size_of::<libc::ucred>() as libc::socklen_t;

@@ -5,26 +5,26 @@ use crate::shared_role::Assignment;
 use contract::message::{Actuators, State};
 use contract::scenario::{FaultKind, FaultTarget, Mode};
 
-/// The plant: its loop, its input and its output.
+/// Returns loop, input and output of the plant.
 fn plant(ring: &Ring) -> (SampleLoop, Input<Actuators>, Output<State>) {
     let mut session = ring.session(Topic::State, 1);
     let (input, output) = (session.input().unwrap(), session.output().unwrap());
     (session.ready_to_sample().unwrap(), input, output)
 }
 
-/// Every node is done with `tick`.
+/// Marks `tick` as done by every other node.
 fn answer(ring: &Ring, tick: u64) {
     for topic in OTHERS {
         ring.page.role(topic).done(1).set(tick as u32 + 1);
     }
 }
 
-/// The launcher says that those who work go on, up to and including `tick`.
+/// Lets the launcher keep the assignment up to and including `tick`.
 fn rule(ring: &Ring, tick: u64) {
     ring.page.decided.raise(tick as u32 + 1);
 }
 
-/// A ring against the clock whose nodes wait for the first sample.
+/// Makes a ring in real time whose nodes wait for the first sample.
 fn ring_by_the_timer() -> Ring {
     let mut ring = Ring::flying(Mode::Realtime);
     ring.run.run.rate_hz = 1000;
@@ -96,7 +96,7 @@ fn by_the_timer_the_pending_epoch_is_active_from_the_next_tick_on() {
 }
 
 #[test]
-fn the_tick_that_the_run_ends_with_is_finished_and_no_other_begins() {
+fn the_last_tick_is_finished_and_no_other_begins() {
     let ring = ring_by_the_timer();
     let (mut cycles, mut commands, _states) = plant(&ring);
     assert_eq!(cycles.next(&mut commands, |_, _| {}).unwrap(), Some(0));
@@ -126,7 +126,7 @@ fn a_fault_of_its_own_ends_the_plant() {
 }
 
 #[test]
-fn by_the_barrier_a_command_acts_after_the_time_that_faults_held_it_up() {
+fn by_the_barrier_a_command_acts_after_the_delay_of_faults() {
     let ring = Ring::flying(Mode::Lockstep);
     let (mut cycles, mut commands, mut states) = plant(&ring);
     let mut mixer = ring.session(Topic::Actuators, 1);
@@ -149,7 +149,7 @@ fn by_the_barrier_the_launcher_is_asked_from_the_tick_that_it_names_or_when_a_ro
     ring.page.next_decision.set(2);
     let mut asked = vec![];
     for tick in 0..5 {
-        rule(&ring, tick); // ahead of the question, so that the plant need not wait
+        rule(&ring, tick); // before the plant asks, so that it need not wait
         if tick == 4 {
             ring.page.next_decision.set(u32::MAX);
             ring.page.role(Topic::Controls).dismiss(1);
@@ -164,7 +164,7 @@ fn by_the_barrier_the_launcher_is_asked_from_the_tick_that_it_names_or_when_a_ro
 }
 
 #[test]
-fn by_the_barrier_the_next_sample_waits_for_active_and_standby_and_for_the_watchers() {
+fn by_the_barrier_the_next_sample_waits_for_active_standby_and_observers() {
     let ring = Ring::flying(Mode::Lockstep);
     let (mut cycles, mut commands, _states) = plant(&ring);
     let mixer = ring.page.role(Topic::Actuators);

@@ -153,7 +153,7 @@ fn an_epoch_that_has_no_slot_any_more_changes_the_counts_of_no_other() {
 }
 
 proptest::proptest! {
-    /// Whatever is offered, assigned and named: active, standby, pending and the newest offer count apart.
+    /// Checks that active, standby, pending and the newest offered epoch always have slots of their own.
     #[test]
     fn epochs_that_work_or_are_about_to_count_apart(steps in proptest::collection::vec((0..4_u8, 0..3_u32), 1..60)) {
         let role = role();

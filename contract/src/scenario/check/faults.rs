@@ -1,4 +1,4 @@
-//! What one `[[fault]]` may be: written into the scenario, or given while the stack flies.
+//! Checks of one `[[fault]]`, written into the scenario or given in flight.
 
 use toml::Value;
 
@@ -8,18 +8,18 @@ use crate::scenario::{
     Constraints, Fault, FaultKind, FaultTarget, Law, MAX_FAULT_MS, MAX_FAULT_S, Mode, Plant, Scenario,
 };
 
-/// Bits flipped in a corrupt message: more than any message has.
+/// Largest number of bits flipped in a corrupt message: more than any message has.
 const MAX_BITS: f64 = 10_000.0;
-/// Messages lost in a burst, or for each one that passes: beyond any flight's.
+/// Largest number of messages lost in a burst, or for each one that passes.
 const MAX_MESSAGES: f64 = 1e6;
-/// Wind along one axis \[m/s\]: beyond any storm.
+/// Largest wind along one axis \[m/s\]: beyond any storm.
 const MAX_WIND_MPS: f64 = 200.0;
-/// Payload \[kg\]: a thousand times the vehicle's mass.
+/// Largest payload \[kg\]: a thousand times the vehicle's mass.
 const MAX_PAYLOAD_KG: f64 = 1000.0;
-/// Bias, factor or deviation of what is measured or demanded, in its unit.
+/// Largest bias, factor or deviation of a measurement or demand, in its unit.
 const MAX_ERROR: f64 = 1e6;
 
-/// Every rule that `fault` breaks as one of `scenario`.
+/// Finds every rule that `fault` breaks as a fault of `scenario`.
 pub fn check(scenario: &Scenario, fault: &Fault, found: &mut Found) {
     check_sizes(fault, found);
     check_air(fault, &scenario.plant, found);
@@ -55,8 +55,8 @@ pub fn check(scenario: &Scenario, fault: &Fault, found: &mut Found) {
     );
 }
 
-/// Every rule that the sizes of `fault` break, whatever the scenario: a size that its kind does not use, and one out of
-/// its range.
+/// Finds every rule that the sizes of `fault` break in any scenario: sizes that its kind does not use, and sizes out of
+/// range.
 pub fn check_sizes(fault: &Fault, found: &mut Found) {
     let keys = fault.keys();
     let what = format!("{} {}", fault.target.name(), word(fault.kind));
@@ -88,11 +88,11 @@ pub fn check_sizes(fault: &Fault, found: &mut Found) {
     }
 }
 
-/// What a size of `fault` may be, in the unit of its key.
+/// Range of a size of `fault`, in the unit of its key.
 fn range(fault: &Fault, key: &str) -> (f64, f64) {
     use FaultKind as K;
     match (key, fault.kind) {
-        ("ms", K::Offset) => (-MAX_FAULT_MS, MAX_FAULT_MS), // only a clock can be off either way
+        ("ms", K::Offset) => (-MAX_FAULT_MS, MAX_FAULT_MS), // only the offset of a clock can be negative
         ("ms", _) => (0.0, MAX_FAULT_MS),
         ("probability", _) | ("value", K::Saturated) => (0.0, 1.0),
         ("count", K::Corrupt) => (1.0, MAX_BITS),
@@ -106,7 +106,7 @@ fn range(fault: &Fault, key: &str) -> (f64, f64) {
     }
 }
 
-/// Wind is felt through drag.
+/// Requires a vehicle with drag or another effect of air for a fault of the wind.
 fn check_air(fault: &Fault, plant: &Plant, found: &mut Found) {
     found.require(
         fault.target != FaultTarget::Wind || plant.feels_air(),
@@ -116,7 +116,7 @@ fn check_air(fault: &Fault, plant: &Plant, found: &mut Found) {
     );
 }
 
-/// Faults of clock, host and intruders: a process is named where one is needed, and the mode has what they act on.
+/// Checks faults of clock, host and intruders: a process is named only where one is needed, and the mode has processes.
 fn check_surroundings(fault: &Fault, mode: Mode, found: &mut Found) {
     let of_one = matches!(fault.kind, FaultKind::Offset | FaultKind::ShmRemoved);
     let named = fault.process.is_some_and(|target| target.process().is_some());
@@ -145,7 +145,7 @@ fn check_surroundings(fault: &Fault, mode: Mode, found: &mut Found) {
     );
 }
 
-/// A kind as the file spells it.
+/// Name of a kind as the file spells it.
 pub fn word(kind: FaultKind) -> String {
     Value::try_from(kind).ok().and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default()
 }

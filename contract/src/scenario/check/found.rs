@@ -1,21 +1,21 @@
-//! The rules that settings break.
+//! Rules that settings break.
 
-/// One rule broken.
+/// One broken rule.
 pub struct Violation {
-    /// Dotted keys that take part, the most likely culprit first.
+    /// Dotted keys that the rule is about, the most likely culprit first.
     pub keys: Vec<String>,
-    /// What is wrong.
+    /// Description of the error.
     pub what: String,
-    /// What would be right.
+    /// Description of the allowed settings.
     pub allowed: String,
 }
 
-/// All that were found.
+/// All broken rules found so far.
 #[derive(Default)]
 pub struct Found(pub Vec<Violation>);
 
 impl Found {
-    /// Finds a rule broken unless it `holds`.
+    /// Adds a violation unless the rule `holds`.
     pub fn require(&mut self, holds: bool, keys: &[&str], what: String, allowed: &str) {
         if !holds {
             let keys = keys.iter().map(|key| (*key).to_string()).collect();

@@ -1,31 +1,31 @@
-//! Settings without effect. Each would make a flight look as if it had shown something that was never tried.
+//! Refuses settings without effect: with them a flight would seem to test something that it does not.
 //!
-//! A setting is idle if it differs from its default while its switch, another setting, leaves it unread. A switch that
-//! is turned off by name (`false`, 0, `"none"`, an empty list) says that this is meant:
-//! `plant.turbulence.wind_at_6m_mps=0` flies without turbulence, whatever else stands of it.
+//! A setting is idle if it differs from its default while another setting, its switch, is off, so that it is not read.
+//! A switch that the scenario sets to off by name (`false`, 0, `"none"`, an empty list) shows that this is intended:
+//! `plant.turbulence.wind_at_6m_mps=0` flies without turbulence, whatever its other settings are.
 //!
-//! | no switch | because |
+//! | not a switch | because |
 //! |---|---|
 //! | `run.mode`, `realtime.policy` | one file flies in every mode, on every machine |
-//! | `mpc.law`, for what every law has a default of | swaps and campaigns exchange the law alone |
+//! | `mpc.law`, for settings that have a default for every law | swaps and campaigns exchange the law alone |
 //! | `run.duration_s`, for mission and wind | a short flight is the beginning of a long one |
 //!
-//! A setting of a file that a layer above it switches off is dropped, not refused ([`drop_overridden`]).
+//! A setting that a layer above it switches off is dropped, not refused ([`drop_overridden`]).
 //!
-//! A fault or a swap that begins after the end is refused: it was asked for by itself.
+//! A fault or a swap that begins after the end of the flight is refused too.
 
 use toml::{Table, Value};
 
 use super::found::Found;
 use crate::scenario::{Constraints, Filter, Law, Scenario, StateConstraints, TrajectoryKind};
 
-/// Setting that decides if some others are read.
+/// Setting that decides whether others are read.
 struct Switch {
-    /// Dotted keys, of tables with all that is in them.
+    /// Dotted keys of the settings that the switch controls; the key of a table stands for all settings in it.
     settings: &'static [&'static str],
     key: &'static str,
     is_on: fn(&Scenario) -> bool,
-    /// Value that turns it on, for people.
+    /// Value that turns the switch on, for people.
     on: &'static str,
 }
 
@@ -101,12 +101,12 @@ const SWITCHES: [Switch; 12] = [
     },
 ];
 
-/// Finds every setting of `scenario` that is none of the `defaults` and that its switch leaves unread; `given` tells
-/// which switches were turned off by name.
+/// Finds every setting of `scenario` that differs from the `defaults` while its switch is off. Switches that were
+/// turned off by name in `given` are left out.
 pub fn check(scenario: &Scenario, given: &Table, defaults: &Scenario, found: &mut Found) {
     let [settings, defaults] = [scenario, defaults].map(|of| Table::try_from(of).expect("it came from TOML"));
     let is_off = |switch: &&Switch| {
-        !(switch.is_on)(scenario) && !at(given, switch.key).is_some_and(is_off_by_name) // and not on purpose
+        !(switch.is_on)(scenario) && !at(given, switch.key).is_some_and(is_off_by_name) // not off on purpose
     };
     for switch in SWITCHES.iter().filter(is_off) {
         for key in switch.settings {
@@ -121,8 +121,8 @@ pub fn check(scenario: &Scenario, given: &Table, defaults: &Scenario, found: &mu
     }
 }
 
-/// Drops from the settings `below` what a switch in those laid `above` them leaves unread: `--set mission.trajectory=hover`
-/// takes away the waypoints of the file under it. `merge` makes a scenario of both; where it cannot, nothing is dropped.
+/// Drops from the settings `below` those that a switch in the settings `above` turns off, for instance the waypoints of
+/// a file under `--set mission.trajectory=hover`. `merge` makes a scenario of both; if it fails nothing is dropped.
 pub fn drop_overridden(below: &mut Table, above: &Table, merge: impl Fn(Table, Table) -> Option<Scenario>) {
     if !SWITCHES.iter().any(|switch| at(above, switch.key).is_some()) {
         return;
@@ -135,7 +135,7 @@ pub fn drop_overridden(below: &mut Table, above: &Table, merge: impl Fn(Table, T
     }
 }
 
-/// Takes a dotted key out of a table.
+/// Removes a dotted key from a table.
 fn remove(table: &mut Table, key: &str) {
     match key.split_once('.') {
         None => _ = table.remove(key),
@@ -147,7 +147,7 @@ fn remove(table: &mut Table, key: &str) {
     }
 }
 
-/// Finds a fault or a swap, `what`, that begins on a tick after the last one of the flight.
+/// Refuses a fault or a swap, `what`, that begins on a tick after the last one of the flight.
 pub fn check_begin(what: &str, at_s: f64, first_tick: u64, scenario: &Scenario, found: &mut Found) {
     let duration_s = scenario.run.duration_s;
     found.require(
@@ -158,7 +158,7 @@ pub fn check_begin(what: &str, at_s: f64, first_tick: u64, scenario: &Scenario, 
     );
 }
 
-/// The value of a dotted key.
+/// Value of a dotted key.
 fn at<'a>(table: &'a Table, key: &str) -> Option<&'a Value> {
     match key.split_once('.') {
         None => table.get(key),
@@ -166,7 +166,7 @@ fn at<'a>(table: &'a Table, key: &str) -> Option<&'a Value> {
     }
 }
 
-/// Returns true if a switch with this value is off.
+/// Returns whether a switch with this value is off.
 fn is_off_by_name(value: &Value) -> bool {
     match value {
         Value::Boolean(is_on) => !is_on,
@@ -178,7 +178,7 @@ fn is_off_by_name(value: &Value) -> bool {
     }
 }
 
-/// The first key at or below `key` whose value is not its default.
+/// Finds the first key at or below `key` whose value is not its default.
 fn changed(key: &str, value: Option<&Value>, default: Option<&Value>) -> Option<String> {
     match (value, default) {
         (Some(Value::Table(values)), Some(Value::Table(defaults))) => {

@@ -1,14 +1,14 @@
-//! Which inertia tensors a body can have.
+//! Test of inertia tensors: whether a body can have them.
 
-/// Share of the trace below which rounding is not told from zero.
+/// Share of the trace below which a number cannot be told from zero because of rounding.
 const ROUNDING: f64 = 1e-12;
 
-/// Returns true if a body with mass everywhere positive can have the symmetric inertia tensor `j` \[kg m2\].
+/// Returns whether a body of positive mass can have the symmetric inertia tensor `j` \[kg m2\]; `false` for NaN.
 ///
-/// That is so if the largest principal moment is at most the sum of the other two: a plate has it equal. Without the
-/// principal axes: with the second moments `P = 1/2 tr(J) I - J`, whose principal values are the integrals of `x^2 dm` and so
-/// on, no principal minor of `P` is negative (Wensing, Kim and Slotine, IEEE RA-L 3(1), 2018). `J` itself must have an
-/// inverse besides, which a rod along an axis has not.
+/// The condition is that the largest principal moment is at most the sum of the other two; for a plate it is equal. An
+/// equivalent condition needs no principal axes: for the matrix of second moments `P = 1/2 tr(J) I - J`, whose
+/// principal values are the integrals of `x^2 dm` and so on, no principal minor is negative (Wensing, Kim and Slotine,
+/// IEEE RA-L 3(1), 2018). `J` must also be invertible, which excludes a rod along an axis.
 pub fn is_possible(j: [[f64; 3]; 3]) -> bool {
     let trace = j[0][0] + j[1][1] + j[2][2];
     let mut p = j.map(|row| row.map(|x| -x / trace));
@@ -49,7 +49,7 @@ mod tests {
     }
 
     proptest! {
-        /// Points with mass make up every body: none of them is refused.
+        /// Every body is a cloud of points with mass, so no such cloud may be refused.
         #[test]
         fn every_cloud_of_masses_is_possible(
             points in prop::collection::vec((0.01..1.0_f64, prop::array::uniform3(-1.0..1.0_f64)), 4..20),

@@ -1,4 +1,4 @@
-//! The range of every single number.
+//! Allowed range of every single number.
 
 use std::ops::Bound::{self, Excluded, Included, Unbounded};
 use std::ops::RangeBounds;
@@ -8,25 +8,25 @@ use toml::Value;
 use super::found::Found;
 
 type Range = (Bound<f64>, Bound<f64>);
-/// No setting means anything to a vehicle beyond this, and what is computed from it may overflow.
+/// Largest magnitude of any setting: a larger number means nothing to a vehicle, and computations with it may overflow.
 const MAX: f64 = 1e9;
 const ANY: Range = (Included(-MAX), Included(MAX));
-/// A bound that is infinite is lifted.
+/// Range of a bound on a metric; an infinite bound is lifted.
 const LIFTED: Range = (Excluded(0.0), Unbounded);
 const POSITIVE: Range = (Included(1e-9), Included(MAX));
 const NOT_NEGATIVE: Range = (Included(0.0), Included(MAX));
-/// Shortest integration step \[s\]: 2000 of them in the longest sample.
+/// Shortest integration step \[s\]: the longest sample then has 2000 steps.
 const MIN_STEP_S: f64 = 1e-5;
 const MASS: Range = (Included(1e-4), Included(1e6));
 const LATENCY_MS: Range = (Included(0.0), Included(500.0));
 const INERTIA: Range = (Included(1e-9), Included(1e6));
 const ARM: Range = (Included(1e-3), Included(1e3));
 const ROTOR_CONSTANT: Range = (Included(1e-12), Included(1e3));
-/// `SCHED_FIFO` has 1 to 99; the three nodes downstream of the plant add up to 3, the highest belong to the kernel.
+/// `SCHED_FIFO` has 1 to 99; the nodes downstream of the plant add up to 3, and the highest belong to the kernel.
 const PRIORITY: Range = (Included(1.0), Included(95.0));
 const CPU: Range = (Included(0.0), Included(1023.0));
 
-/// Allowed range of each number under a key; arrays are judged number by number, tables key by key.
+/// Allowed range of each number under a key; arrays are checked number by number, tables key by key.
 const RANGES: &[(&str, Range)] = &[
     ("mission", ANY),
     ("initial", ANY),
@@ -143,7 +143,7 @@ const RANGES: &[(&str, Range)] = &[
     ("supervision.wall_limit_s", (Included(0.0), Included(86_400.0))),
 ];
 
-/// Judges every number by the range of its key.
+/// Checks every number against the ranges of its key.
 pub fn check(settings: &[(String, Vec<f64>)], found: &mut Found) {
     for (key, numbers) in settings {
         let under =
@@ -167,7 +167,7 @@ fn describe((low, high): Range) -> String {
     sides.into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
 
-/// All numbers of `value` with the dotted key they stand under.
+/// Collects all numbers of `value`, each list with the dotted key it stands under.
 pub fn collect(path: &str, value: Value, found: &mut Vec<(String, Vec<f64>)>) {
     match value {
         Value::Table(table) => {

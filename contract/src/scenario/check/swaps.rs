@@ -1,16 +1,16 @@
-//! What a swap may be.
+//! Checks of `[[swap]]`.
 
 use super::faults::word;
 use super::found::Found;
 use super::idle;
 use crate::scenario::{FaultKind, FaultTarget, Mode, Scenario, ScenarioError, Swap, SwapNode, SwapTicks};
 
-/// Loads the settings of a swap's candidate on top of the run's, which checks them too.
+/// Function that loads the settings of a swap's candidate on top of the run's, and checks them.
 pub type LoadCandidate = fn(&Scenario, &Swap) -> Result<Scenario, ScenarioError>;
 
 const KEYS: [&str; 1] = ["swap"];
 
-/// Every rule that the swaps of `scenario` break.
+/// Finds every rule that the swaps of `scenario` break.
 pub fn check(scenario: &Scenario, candidate: LoadCandidate, found: &mut Found) {
     for (i, swap) in scenario.swap.iter().enumerate() {
         check_sizes(swap, found);
@@ -31,7 +31,7 @@ pub fn check(scenario: &Scenario, candidate: LoadCandidate, found: &mut Found) {
     }
 }
 
-/// The first and the last tick on which the node is taken; a recorder has no trial.
+/// First and last tick on which the node is taken by the swap; a recorder has no trial, so both are the same.
 fn span(swap: &Swap, scenario: &Scenario) -> (u64, u64) {
     let SwapTicks { from, until, .. } = swap.ticks(scenario.sample_s());
     (from, if swap.node == SwapNode::Recorder { from } else { until })
@@ -59,7 +59,7 @@ fn check_sizes(swap: &Swap, found: &mut Found) {
     );
 }
 
-/// Whether the node can be swapped at all.
+/// Returns whether the node can be swapped at all.
 fn check_node(scenario: &Scenario, swap: &Swap, found: &mut Found) -> bool {
     let inprocess = scenario.run.mode == Mode::Inprocess;
     let plain = || Swap { exec: swap.exec.clone(), may_fail: swap.may_fail, ..Swap::new(swap.node, swap.at_s) };
@@ -86,7 +86,7 @@ fn check_node(scenario: &Scenario, swap: &Swap, found: &mut Found) -> bool {
     refusal.is_none()
 }
 
-/// The candidate's own settings.
+/// Checks the candidate's own settings.
 fn check_candidate(scenario: &Scenario, swap: &Swap, own: Result<Scenario, ScenarioError>, found: &mut Found) {
     let own = match own {
         Ok(own) => own,

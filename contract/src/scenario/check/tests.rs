@@ -1,4 +1,4 @@
-//! One case per way to break a rule, and the edges that do not.
+//! One case per way to break a rule, and the edges of the ranges.
 
 use crate::scenario::tests::{check_refused, from_set};
 use crate::scenario::{from_merged, to_toml};
@@ -155,7 +155,7 @@ fn settings_that_contradict_are_refused() {
 }
 
 #[test]
-fn what_needs_processes_is_refused_without_them() {
+fn faults_that_need_processes_are_refused_in_process() {
     for fault in [
         "{at_s=1, target=\"controls\", kind=\"second-publisher\"}",
         "{at_s=1, target=\"clock\", kind=\"offset\", process=\"mixer\", ms=-5}",
@@ -233,7 +233,7 @@ fn two_swaps_of_a_node_may_not_share_a_tick() {
         let sample_s = 1.0 / f64::from(rate_hz);
         let pair = |apart: f64| {
             let second = format!("{{at_s={}, node=\"mixer\"}}", 1.0 + apart * sample_s);
-            let first = "{at_s=1, node=\"mixer\", standby_s=0.0, watch_s=0.0}"; // one tick on standby it is
+            let first = "{at_s=1, node=\"mixer\", standby_s=0.0, watch_s=0.0}"; // still one tick on standby
             from_set(&[&format!("run.rate_hz={rate_hz}"), &format!("swap=[{first}, {second}]")])
         };
         assert!(pair(1.0).is_err() && pair(1.1).is_ok(), "{rate_hz} Hz");

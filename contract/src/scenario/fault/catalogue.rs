@@ -1,4 +1,4 @@
-//! The catalogue of faults: which targets there are, and which kinds each of them can have.
+//! The catalogue of faults: all targets, and the kinds that each of them can have.
 //!
 //! | group | target | kinds |
 //! |---|---|---|
@@ -17,7 +17,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 use crate::Topic;
 use crate::scenario::words::named;
 
-/// `fault.target`
+/// Part of the stack that has a fault, `fault.target`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FaultTarget {
@@ -37,13 +37,13 @@ pub enum FaultTarget {
     Controls,
     /// Topic of the mixer.
     Actuators,
-    /// What is measured of X, Y, Z.
+    /// Measurement of X, Y, Z.
     Position,
-    /// What is measured of u, v, w.
+    /// Measurement of u, v, w.
     Velocity,
-    /// What is measured of phi, theta, psi.
+    /// Measurement of phi, theta, psi.
     Attitude,
-    /// What is measured of p, q, r.
+    /// Measurement of p, q, r.
     Rates,
     /// The rotor that tilts.
     Rotor1,
@@ -55,103 +55,103 @@ pub enum FaultTarget {
     Tilt,
     /// The air.
     Wind,
-    /// What is carried, at the centre of mass.
+    /// Payload at the centre of mass.
     Payload,
     /// The solver inside attitude-mpc; files may call it `solver`.
     Mpc,
-    /// What one process reads of `CLOCK_MONOTONIC`.
+    /// `CLOCK_MONOTONIC` as one process reads it.
     Clock,
     /// The machine.
     Host,
 }
 
-/// `fault.kind`
+/// Kind of a fault, `fault.kind`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FaultKind {
     /// SIGKILL.
     Kill,
-    /// SIGSTOP: it hangs.
+    /// SIGSTOP: the process hangs.
     Stop,
-    /// It takes longer: a process to answer, a sensor or an actuator to follow.
+    /// Delay of a process's answers, or lag of a sensor or actuator.
     Slow,
-    /// It burns its processor at its own priority.
+    /// Process that burns its processor at its own priority.
     Hog,
-    /// It ends by itself, with an error.
+    /// Process that ends by itself, with an error.
     Exit,
-    /// Messages are lost, each by itself.
+    /// Loss of single messages, each with a probability.
     Drop,
-    /// Messages are lost in a row, once, at the fault's beginning.
+    /// Loss of several messages in a row, once, at the fault's beginning.
     Burst,
-    /// Messages come late.
+    /// Messages that arrive late.
     Delay,
-    /// Messages come twice.
+    /// Messages that arrive twice.
     Duplicate,
-    /// A message comes after the one that follows it.
+    /// Messages that arrive after their successor.
     Reorder,
-    /// Bits are flipped.
+    /// Flipped bits in a message.
     Corrupt,
-    /// The numbers are NaN, infinite or random.
+    /// Numbers that are NaN, infinite or random.
     Garbage,
-    /// The stamps are of an older time.
+    /// Stamps of an older sample.
     Stale,
-    /// Only some of the messages come.
+    /// Lower rate: only every `count`-th message passes.
     Rate,
-    /// A sensor measures nothing; an actuator is unpowered.
+    /// Sensor that measures nothing, or actuator without power.
     Off,
-    /// It stays as it was when the fault began.
+    /// Sensor or actuator that stays as it was when the fault began.
     Stuck,
-    /// A sensor, or what a node demands, with a bias, a factor or the wrong sign; an actuator with less effect.
+    /// Measurement or demand with a bias, a factor or the wrong sign; actuator with less effect.
     Wrong,
-    /// A sensor that returns what was measured some time ago.
+    /// Sensor that returns old measurements.
     Delayed,
-    /// A sensor that is off now and then.
+    /// Sensor that is off on some ticks.
     Intermittent,
-    /// A sensor with more noise.
+    /// Sensor with more noise.
     Noise,
-    /// An actuator that reaches only a part of its range.
+    /// Actuator that reaches only a part of its range.
     Saturated,
-    /// Wind that sets in and stays: at once, or as one minus cosine over `ms`, the discrete gust of flight control practice
+    /// Wind that sets in and stays: at once, or as one minus cosine over `ms`, the discrete gust of flight control
     /// (MIL-F-8785C, section 3.7).
     Step,
     /// Wind that comes and goes as one minus cosine over the fault's duration, the discrete gust of certification
     /// (CS-25.341 and 14 CFR 25.341).
     Gust,
-    /// More mass.
+    /// Additional mass.
     Mass,
-    /// The solver is given constraints that contradict each other.
+    /// Constraints of the solver that contradict each other.
     Infeasible,
-    /// The solver is given NaN.
+    /// NaN in the input of the solver.
     Nan,
-    /// The solver is granted a single iteration.
+    /// Solver with a limit of one iteration.
     IterationCap,
-    /// The clock is ahead, or behind.
+    /// Clock that is ahead, or behind.
     Offset,
-    /// The log cannot be written any more.
+    /// Log that cannot be written any more.
     DiskFull,
-    /// The names of a process's segments are gone from shared memory.
+    /// Removal of the names of a process's segments from shared memory.
     ShmRemoved,
-    /// Another process of the same user sends well-formed messages, with an epoch made up or stolen.
+    /// Process of the same user that sends well-formed messages, with an invented or stolen epoch.
     SecondPublisher,
-    /// A process with another layout of the messages tries to join.
+    /// Process with another layout of the messages that tries to join.
     WrongLayout,
-    /// A process of another user tries to join.
+    /// Process of another user that tries to join.
     WrongUser,
 }
 
-/// `fault.how`
+/// Error of a sensor or topic that is wrong, `fault.how`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Wrong {
-    /// `value` is added.
+    /// `value` is added to the number.
     Bias,
-    /// `value` multiplies.
+    /// `value` multiplies the number.
     Scale,
-    /// The sign is turned.
+    /// Sign is inverted.
     Sign,
 }
 
-/// The kinds that a topic can have. The first is not for STATE, which demands nothing.
+/// Kinds that a topic can have. STATE has all but the first, because it demands nothing.
 #[rustfmt::skip]
 const TOPIC_KINDS: [FaultKind; 13] = {
     use FaultKind as K;
@@ -162,7 +162,7 @@ const TOPIC_KINDS: [FaultKind; 13] = {
 };
 
 impl FaultTarget {
-    /// All of them in their order, as the file spells them.
+    /// All targets in the order of their discriminants, each with its name in the file.
     pub const ALL: [(Self, &'static str); 21] = [
         (Self::Plant, "plant"),
         (Self::Guidance, "guidance"),
@@ -187,7 +187,7 @@ impl FaultTarget {
         (Self::Host, "host"),
     ];
 
-    /// What an error offers.
+    /// Names that an error message offers.
     const NAMES: [&'static str; 21] = {
         let mut names = [""; 21];
         let mut i = 0;
@@ -198,29 +198,29 @@ impl FaultTarget {
         names
     };
 
-    /// As the file spells it.
+    /// Name as the file spells it.
     pub fn name(self) -> &'static str {
         Self::ALL[self as usize].1
     }
 
-    /// The topic of this name, if it is one.
+    /// Topic that has the fault; `None` if the target is no topic.
     pub fn topic(self) -> Option<Topic> {
         let topics = [Self::State, Self::Reference, Self::Controls, Self::Actuators];
         topics.iter().position(|topic| *topic == self).map(|i| Topic::ALL[i])
     }
 
-    /// The topic that the process of this name publishes, if it is one.
+    /// Topic that the faulty process publishes; `None` if the target is no process.
     pub fn process(self) -> Option<Topic> {
         let processes = [Self::Plant, Self::Guidance, Self::AttitudeMpc, Self::Mixer];
         processes.iter().position(|process| *process == self).map(|i| Topic::ALL[i])
     }
 
-    /// Whether it is a rotor or the tilt.
+    /// Returns whether the target is a rotor or the tilt.
     pub fn is_an_actuator(self) -> bool {
         matches!(self, Self::Rotor1 | Self::Rotor2 | Self::Rotor3 | Self::Tilt)
     }
 
-    /// The kinds it can have.
+    /// Kinds of fault that the target can have.
     pub fn kinds(self) -> &'static [FaultKind] {
         use FaultKind as K;
         match self {
@@ -254,7 +254,7 @@ impl<'de> Deserialize<'de> for FaultTarget {
 }
 
 impl FaultKind {
-    /// Whether it is a process that does not belong to the run.
+    /// Returns whether the fault is a process that does not belong to the run.
     pub fn is_intrusion(self) -> bool {
         matches!(self, Self::SecondPublisher | Self::WrongLayout | Self::WrongUser)
     }

@@ -1,19 +1,19 @@
-//! The values of a factor on an axis: themselves where they are few, else equal parts of their range.
+//! Axis of a factor: its values if they are few, else equal parts of their range.
 
 use view::draw::{Axis, short};
 
 use crate::table::{Cell, Column, Table};
 
-/// As many numbers stand on an axis by themselves.
+/// Largest number of different numbers that are shown one by one; more are divided into parts.
 const FEW: usize = 10;
-/// As many words do.
+/// Largest number of different words; a factor with more has no axis.
 const WORDS: usize = 30;
-/// The most parts of a range, and the fewest.
+/// Largest and smallest number of parts of a range.
 const PARTS: [usize; 2] = [8, 2];
-/// Flights that a cell is to have.
+/// Number of flights that a cell should have.
 const PER_CELL: usize = 20;
 
-/// The last part of a key's name, and the unit that it stands for.
+/// Suffix of a key, and the unit that it stands for.
 const UNITS: [(&str, &str); 16] = [
     ("m", "m"),
     ("s", "s"),
@@ -33,20 +33,20 @@ const UNITS: [(&str, &str); 16] = [
     ("wh", "Wh"),
 ];
 
-/// A factor with the place of each flight on its axis.
+/// Factor with the place of each flight on its axis.
 pub struct Binned {
     pub key: String,
     pub axis: Axis,
-    /// Its values are numbers.
+    /// `true` if the values are numbers.
     pub is_number: bool,
-    /// Its entries are parts of a range.
+    /// `true` if the entries are parts of a range.
     pub is_divided: bool,
     places: Vec<Option<f64>>,
 }
 
 impl Binned {
-    /// The column of a key; `None` where it does not vary, or has too many words. Where it has many numbers, `parts` says in how
-    /// many parts so many flights are divided.
+    /// Bins the column of a key; `None` if it does not vary or has too many words. If it has many different numbers,
+    /// `parts` gives the number of parts for a number of flights.
     pub fn of(flights: &Table, key: &str, parts: impl Fn(usize) -> usize) -> Option<Self> {
         let column = flights.column(key)?;
         let rows = 0..flights.rows();
@@ -67,30 +67,30 @@ impl Binned {
         some.contains(&axis.entries.len()).then(|| Self { key: key.to_owned(), axis, is_number, is_divided, places })
     }
 
-    /// Where a flight lies on the axis.
+    /// Place of a flight on the axis; `None` if it has no value.
     pub fn place(&self, row: usize) -> Option<f64> {
         self.places[row]
     }
 
-    /// In which entry of the axis.
+    /// Entry of the axis that a flight is in.
     pub fn bin(&self, row: usize) -> Option<usize> {
         self.places[row].map(|place| (place as usize).min(self.axis.entries.len() - 1))
     }
 }
 
-/// In how many parts so many flights are divided, that each has enough.
+/// Number of parts such that each has about [`PER_CELL`] flights.
 pub fn parts(flights: usize) -> usize {
     let [most, least] = PARTS;
     (flights / PER_CELL).clamp(least, most)
 }
 
-/// In how many parts each of two factors, that a cell of both has enough.
+/// Number of parts of each of two factors such that a cell of both has about [`PER_CELL`] flights.
 pub fn parts_of_two(flights: usize) -> usize {
     let [most, least] = PARTS;
     (flights / PER_CELL).isqrt().clamp(least, most)
 }
 
-/// A key with the unit of its name: `plant.airframe.mass [kg]`.
+/// Formats a key with the unit of its suffix: `plant.airframe.mass [kg]`.
 fn title(key: &str) -> String {
     let of_unit = |name: &str| UNITS.iter().find(|(end, _)| *end == name).map(|(_, unit)| *unit);
     for part in key.split('.') {
@@ -109,7 +109,7 @@ fn word(cell: Cell) -> String {
     }
 }
 
-/// The axis of some values, whether it is divided into parts, and the places of the values.
+/// Returns the axis of some values, whether it is divided into parts, and the places of the values.
 fn by_number(title: &str, values: &[Option<f64>], parts: usize) -> (Axis, bool, Vec<Option<f64>>) {
     let mut sorted: Vec<f64> = values.iter().flatten().copied().collect();
     sorted.sort_by(f64::total_cmp);
@@ -123,7 +123,7 @@ fn by_number(title: &str, values: &[Option<f64>], parts: usize) -> (Axis, bool, 
         return (Axis::of_values(title, entries), false, places);
     }
     let (low, high, median) = (sorted[0], sorted[sorted.len() - 1], sorted[sorted.len() / 2]);
-    // What is drawn evenly by its logarithm has its median at the geometric mean of the ends.
+    // A log-uniform distribution has its median at the geometric mean of the ends.
     let is_log = low > 0.0 && high > 10.0 * low && median < 0.5 * ((low * high).sqrt() + f64::midpoint(low, high));
     let on_axis = |value: f64| if is_log { libm::log(value / low) } else { value - low };
     let equal = (low, on_axis(high) / parts as f64, parts);
@@ -136,8 +136,8 @@ fn by_number(title: &str, values: &[Option<f64>], parts: usize) -> (Axis, bool, 
     (Axis::of_parts(title, &edges), true, places)
 }
 
-/// The first edge, the width and the number of parts with round edges that a range fills: as many as may be. `None` where the
-/// outer ones would stay empty for the most part.
+/// Returns first edge, width and number of the most parts with round edges that cover a range; `None` if all such parts
+/// reach beyond it by more than 15 %.
 fn round_parts(low: f64, high: f64, most: usize) -> Option<(f64, f64, usize)> {
     let magnitude = libm::pow(10.0, libm::log10((high - low) / most as f64).floor());
     let widths = [1.0, 2.0, 2.5, 4.0, 5.0, 10.0, 20.0].map(|digits| digits * magnitude);
@@ -149,7 +149,7 @@ fn round_parts(low: f64, high: f64, most: usize) -> Option<(f64, f64, usize)> {
     fit.max_by(|one, other| one.2.cmp(&other.2).then(other.1.total_cmp(&one.1)))
 }
 
-/// The edges of parts of this width with the same number of decimals, as few as leave each within a fortieth of its place.
+/// Formats edges with equal numbers of decimals, as few as keep each within 1/40 of a part of its value.
 fn alike(edges: &[f64], part: f64) -> Vec<String> {
     let words = |decimals: usize| edges.iter().map(move |edge| format!("{:.decimals$}", edge + 0.0));
     let is_near = |decimals: &usize| {
@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn few_values_are_themselves_and_many_are_parts_of_their_range() {
+    fn few_values_are_shown_one_by_one_and_many_as_parts_of_their_range() {
         let few = binned([3.0, 1.0, 3.0]).unwrap();
         assert_eq!((ticks(&few), few.places.clone()), (vec!["1", "3"], vec![Some(1.5), Some(0.5), Some(1.5)]));
         let many = binned((0..=80).map(f64::from)).unwrap();
@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn edges_are_rounded_alike() {
+    fn edges_have_equal_numbers_of_decimals() {
         let even = binned((0..100).map(|i| -7.998 + 15.997 * f64::from(i) / 99.0)).unwrap();
         assert_eq!(ticks(&even), ["-8", "-6", "-4", "-2", "0", "2", "4", "6", "8"]);
         let odd = binned((0..100).map(|i| 0.9 + 0.5 * f64::from(i) / 99.0)).unwrap();

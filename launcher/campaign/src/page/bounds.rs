@@ -1,4 +1,4 @@
-//! The bounds of a campaign: which flights have each, and which were judged by it.
+//! Bounds of a campaign: how many flights have each, and how many were judged by it.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -12,25 +12,25 @@ use crate::plan::Plan;
 use crate::row::Standing;
 use crate::table::{Cell, Table};
 
-/// As many different limits are named; of more the least and the greatest.
+/// Largest number of limits that are listed; with more, only the lowest and the highest are shown.
 const NAMED: usize = 4;
 
-/// A bound that flights must stay inside of to be passed.
+/// Bound that flights must stay inside to pass.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bound {
     /// Column of the table of flights.
     pub metric: &'static str,
     words: [&'static str; 2],
-    /// Its limits, in rising order, and how many flights have each.
+    /// Limits in rising order, with the number of flights that have each.
     limits: Vec<(f64, usize)>,
-    /// Flights that came to where it is judged.
+    /// Number of flights that lasted until the bound is judged.
     judged: usize,
-    /// Flights that were flown, with it or without.
+    /// Number of flights flown, with this bound or without.
     flown: usize,
 }
 
 impl Bound {
-    /// The limit, where all flights have the same.
+    /// Returns the limit if all flights have the same.
     pub fn of_all(&self) -> Option<f64> {
         match self.limits[..] {
             [(limit, flights)] if flights == self.flown => Some(limit),
@@ -38,7 +38,7 @@ impl Bound {
         }
     }
 
-    /// Bound and limits in words, with the flights that have it where not all do.
+    /// Describes bound and limits, with the number of flights if not all have the bound.
     fn in_words(&self) -> String {
         let Self { words: [words, unit], limits, judged, flown, .. } = self;
         let have: usize = limits.iter().map(|(_, flights)| flights).sum();
@@ -63,12 +63,12 @@ impl Bound {
     }
 }
 
-/// The bounds of the flights that were flown.
+/// Collects the bounds of the flights that were flown.
 pub fn of(plan: &Plan, flights: &Table) -> Vec<Bound> {
     let (Some(numbers), Some(verdicts)) = (flights.column("flight"), flights.column("verdict")) else { return vec![] };
     let is_flown = |row: &usize| verdicts.text(*row) != Standing::Invalid.name();
     let rows: Vec<usize> = (0..flights.rows()).filter(is_flown).collect();
-    // Metrics of 0 are inside of every bound, and so each is named.
+    // With metrics of 0 `check` returns every bound of the scenario; only its limits are used.
     let of_row = |row: &usize| match numbers.cell(*row) {
         Cell::Int(number) => {
             plan.flight(number as u64).scenario.map_or(vec![], |s| bounds::check(&s, &Metrics::default()))
@@ -86,7 +86,7 @@ pub fn of(plan: &Plan, flights: &Table) -> Vec<Bound> {
                 found.len() - 1
             });
             let (bound, limits) = &mut found[i];
-            *limits.entry(check.limit.to_bits()).or_default() += 1; // limits are not negative, and rise as their bits
+            *limits.entry(check.limit.to_bits()).or_default() += 1; // limits are not negative, so their bits sort alike
             bound.judged +=
                 usize::from(flights.column(column(check.metric)).is_some_and(|all| all.number(row).is_some()));
         }
@@ -98,12 +98,12 @@ pub fn of(plan: &Plan, flights: &Table) -> Vec<Bound> {
     found.into_iter().map(with_limits).collect()
 }
 
-/// The column of what a bound limits.
+/// Column of the metric that a bound limits.
 fn column(metric: &str) -> &str {
     if metric == "max_fallback_s" { "fallback_s" } else { metric }
 }
 
-/// When a flight is passed, in words.
+/// Describes when a flight passes.
 pub fn passed(bounds: &[Bound]) -> String {
     let inside = match bounds {
         [] => "No bound is set.".to_owned(),

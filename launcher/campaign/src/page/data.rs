@@ -1,4 +1,4 @@
-//! The flights of a page: whose they are, whether they passed, how far off they were.
+//! Flights of a page: their controllers, verdicts and position errors.
 
 use std::collections::BTreeMap;
 
@@ -10,36 +10,36 @@ use crate::rate::Rate;
 use crate::row::Standing;
 use crate::table::{Cell, Table};
 
-/// Columns of a plan that are no factors.
+/// Columns of a plan that are not factors.
 const NO_FACTORS: [&str; 3] = ["flight", "controller", "run.seed"];
 
 pub struct Page<'a> {
     pub plan: &'a Plan,
     pub flights: &'a Table,
-    /// Of the controllers.
+    /// Names of the controllers.
     pub names: Vec<&'a str>,
-    /// The number of the flight of each row.
+    /// Number of the flight of each row.
     pub numbers: Vec<u64>,
-    /// Its controller, as an index of `names`.
+    /// Controller of each row, as an index of `names`.
     pub controllers: Vec<usize>,
-    /// Whether it passed; `None` where it could not be flown.
+    /// Verdict of each row: `true` if passed; `None` if it could not be flown.
     pub passed: Vec<Option<bool>>,
     pub bounds: Vec<Bound>,
     pub error: Error,
     pub evidence: Evidence,
 }
 
-/// The position error that the plots show.
+/// Position error shown in the plots.
 pub struct Error {
     pub words: &'static str,
-    /// The bound of all flights \[m\].
+    /// Bound \[m\], if all flights have the same one.
     pub limit: Option<f64>,
-    /// Of each row \[m\].
+    /// Error of each row \[m\]; `None` unless finite.
     values: Vec<Option<f64>>,
 }
 
 impl Error {
-    /// The largest error; where the campaign only bounds the one at the end, that.
+    /// Takes the largest error, or the error at the end if the campaign bounds only that.
     fn new(flights: &Table, bounds: &[Bound]) -> Self {
         let of = |metric: &str| bounds.iter().find(|bound| bound.metric == metric);
         let (largest, last) = ("max_position_error_m", "final_position_error_m");
@@ -90,18 +90,18 @@ impl<'a> Page<'a> {
         self.flights.rows()
     }
 
-    /// The case of a row: flights of the same case differ by their controllers only.
+    /// Case of a row; flights of one case differ only by their controllers.
     pub fn case(&self, row: usize) -> u64 {
         self.numbers[row] / self.names.len() as u64
     }
 
-    /// How many flights a controller has of each draw, if all are there.
+    /// Number of flights that a complete campaign has of each draw and controller.
     pub fn each(&self) -> u64 {
         let of_controller = self.plan.flights() / self.names.len() as u64;
         of_controller / self.evidence.all_draws().max(1)
     }
 
-    /// Whether each controller passes each case.
+    /// Verdicts of each case, by controller; `None` if not flown.
     pub fn by_case(&self) -> BTreeMap<u64, Vec<Option<bool>>> {
         let mut cases: BTreeMap<u64, Vec<Option<bool>>> = BTreeMap::new();
         for row in 0..self.rows() {
@@ -111,30 +111,30 @@ impl<'a> Page<'a> {
         cases
     }
 
-    /// The factors that vary; `parts` says in how many parts so many flights of a controller are divided.
+    /// Factors that vary; `parts` gives the number of parts for a number of flights of a controller.
     pub fn factors(&self, parts: impl Fn(usize) -> usize) -> Vec<Binned> {
         let columns = self.plan.columns();
         let factors = columns.iter().filter(|(name, _)| !NO_FACTORS.contains(&name.as_str()));
         factors.filter_map(|(name, _)| Binned::of(self.flights, name, |rows| parts(rows / self.names.len()))).collect()
     }
 
-    /// How many of the flights of these rows are passed.
+    /// Computes the rate over the rows for which `meant` is true.
     pub fn rate(&self, meant: impl Fn(usize) -> bool) -> Rate {
         self.rate_of((0..self.rows()).filter(|row| meant(*row)))
     }
 
-    /// The same of rows that are given one by one.
+    /// Computes the rate over given rows.
     pub fn rate_of(&self, rows: impl Iterator<Item = usize>) -> Rate {
         self.evidence.rate(rows.filter_map(|row| Some((self.numbers[row], self.passed[row]?))))
     }
 
-    /// How many of its flights each controller passes; those that could not be flown are not counted.
+    /// Computes the rate of each controller; flights that could not be flown are not counted.
     pub fn rates(&self) -> Vec<(&'a str, Rate)> {
         let of = |i: usize| self.rate(|row| self.controllers[row] == i);
         self.names.iter().enumerate().map(|(i, name)| (*name, of(i))).collect()
     }
 
-    /// Sentences on what the rates rest on.
+    /// Returns sentences on the basis of the rates, and on copies.
     pub fn grounds(&self) -> Vec<String> {
         [vec![self.evidence.sentences(self.each())], self.evidence.copies(&self.names)].concat()
     }

@@ -1,4 +1,4 @@
-//! Each factor by itself: how often, and how far off.
+//! Section "Factors": share passed and position error over each factor.
 
 use statrs::statistics::{Data, OrderStatistics};
 use view::draw::{self, Axis, Dots, MapCell, Middle, Quartiles, escape, legend, map, short};
@@ -7,17 +7,17 @@ use super::bins::{Binned, parts};
 use super::data::Page;
 use super::maps::share_cell;
 
-/// As many controllers are told apart by colour; of more each has a row.
+/// Largest number of controllers that are told apart by colour; with more, each has a row.
 pub const COLOURED: usize = 4;
-/// Dots of a plot.
+/// Largest number of dots of a plot, about.
 const DOTS: usize = 2000;
-/// The fewest values that have quartiles.
+/// Smallest number of values that have quartiles.
 const FEWEST: usize = 5;
-/// Windows of a running median beside each other, and the fewest values in one.
+/// Number of windows of a running median side by side, and smallest number of values in one.
 const WINDOWS: usize = 10;
 const IN_WINDOW: usize = 15;
 
-/// The section of the factors.
+/// Returns the section; empty if nothing varies.
 pub fn section(page: &Page) -> String {
     let factors: Vec<Binned> = page.factors(parts);
     if factors.is_empty() {
@@ -66,7 +66,7 @@ fn one(page: &Page, factor: &Binned) -> String {
     format!("<h3>{}</h3><div class=\"plots\">{plots}</div>", escape(&factor.key))
 }
 
-/// Whether there are too many controllers or words for a plot.
+/// Returns whether a map with rows is needed, because there are too many controllers or words for a plot.
 fn has_rows(page: &Page, factor: &Binned) -> bool {
     page.names.len() > COLOURED || !(factor.is_number || factor.axis.fits())
 }
@@ -82,9 +82,9 @@ fn shares(page: &Page, factor: &Binned) -> String {
     draw::shares("passed", &factor.axis, &series)
 }
 
-/// The rows that are drawn as dots: all, or as many as are clear, whatever the pattern in which the rows stand.
+/// Rows that are drawn as dots: all, or about [`DOTS`], whatever regular pattern the rows have.
 fn chosen(rows: usize) -> impl Iterator<Item = usize> {
-    // Multiples of the golden ratio leave no gap and keep no step.
+    // Multiples of the golden ratio spread evenly and avoid every regular pattern.
     let place = |row: usize| (row as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15) as f64 / u64::MAX as f64;
     (0..rows).filter(move |row| rows <= DOTS || place(*row) * (rows as f64) < DOTS as f64)
 }
@@ -113,7 +113,7 @@ fn errors(page: &Page, factor: &Binned) -> String {
     draw::dots(&format!("{} [m]", page.error.words), &factor.axis, page.error.limit, &series)
 }
 
-/// A row for each controller, or where the factor is words a row for each of them: how often, and how far off.
+/// Renders maps of share and median error with a row for each controller, or for each word of a factor of words.
 fn rows(page: &Page, factor: &Binned) -> String {
     let names: Vec<String> = page.names.iter().map(|name| (*name).to_owned()).collect();
     let controllers = Axis::of_values("", names);
@@ -122,7 +122,7 @@ fn rows(page: &Page, factor: &Binned) -> String {
     } else {
         [controllers, Axis { title: String::new(), ..factor.axis.clone() }]
     };
-    // Rows are counted from below, and read from above.
+    // The map counts rows from below, and they are read from above.
     up = Axis::of_values("", up.entries.into_iter().rev().collect());
     let last = up.entries.len() - 1;
     let mut flights = vec![vec![vec![]; across.entries.len()]; up.entries.len()];
@@ -153,7 +153,7 @@ fn rows(page: &Page, factor: &Binned) -> String {
     map("passed [%]", [&across, &up], &passed, |_, _| false) + &map(&title, [&across, &up], &errors, |_, _| false)
 }
 
-/// The quantiles are those of type 8 of Hyndman and Fan (The American Statistician 50, 1996).
+/// Returns quartiles and whiskers; quantiles of type 8 of Hyndman and Fan (The American Statistician 50, 1996).
 fn quartiles(values: &[f64]) -> Option<Quartiles> {
     if values.len() < FEWEST {
         return None;
@@ -170,13 +170,13 @@ fn median(values: Vec<f64>) -> Option<f64> {
     (!values.is_empty()).then(|| Data::new(values).median())
 }
 
-/// A number above 0 with two digits, and more only before the point.
+/// Formats a number above 0 with two digits; with more only before the point.
 fn two_digits(value: f64) -> String {
     let step = libm::pow(10.0, (libm::log10(value).floor() - 1.0).min(0.0));
     short((value / step).round() * step)
 }
 
-/// Medians over windows of the same number of points, which overlap by half.
+/// Medians over windows of equal numbers of points, which overlap by half.
 fn running_median(mut points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
     points.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
     let window = (points.len() / WINDOWS).max(IN_WINDOW);
@@ -193,7 +193,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_dots_are_of_all_controllers_alike() {
+    fn every_controller_has_its_share_of_the_dots() {
         assert_eq!(chosen(5).count(), 5);
         let rows: Vec<usize> = chosen(12_000).collect();
         assert!(rows.len().abs_diff(DOTS) < 5, "{}", rows.len());
@@ -203,7 +203,7 @@ mod tests {
         }
     }
 
-    /// Against R: `quantile(c(1:9, 100), c(.25, .5, .75), type = 8)`.
+    /// Reference: R's `quantile(c(1:9, 100), c(.25, .5, .75), type = 8)`.
     #[test]
     fn val_a_box_has_the_quartiles_and_leaves_the_outlier_out() {
         let mut values: Vec<f64> = (1..=9).map(f64::from).collect();
@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn a_running_median_follows_its_values_and_no_outlier() {
+    fn a_running_median_follows_its_values_and_ignores_an_outlier() {
         let points = (0..100).map(|i| (f64::from(i), if i == 50 { 1e6 } else { f64::from(i) })).rev().collect();
         let line = running_median(points);
         assert_eq!((line.len(), line[0]), (11, (7.0, 7.0)));

@@ -1,4 +1,4 @@
-//! Every two factors together, with the border.
+//! Section "Two factors": a map of the share passed over each pair of factors, with the border of sure differences.
 
 use std::collections::HashSet;
 
@@ -9,14 +9,14 @@ use super::data::Page;
 use crate::Rate;
 use crate::variation::Values;
 
-/// Factors of which every pair may have a map: those over which the share changes most surely.
+/// Number of factors whose pairs may have a map: those with the largest statistically sure effect on the share.
 const MAPPED: usize = 6;
-/// The most entries of such a factor.
+/// Largest number of entries of such a factor.
 const ENTRIES: usize = 10;
-/// Maps of the page.
+/// Largest number of maps of the page, unless there are more controllers.
 const MAPS: usize = 12;
 
-/// The section of the maps.
+/// Returns the section; empty if there is no pair of factors.
 pub fn section(page: &Page) -> String {
     let mut factors = page.factors(parts_of_two);
     factors.retain(|factor| factor.axis.entries.len() <= ENTRIES);
@@ -64,17 +64,16 @@ pub fn section(page: &Page) -> String {
     )
 }
 
-/// Whether each value of a factor meets every other one.
+/// Returns whether a factor is a list, of which each value is flown with each value of the others.
 fn is_listed(page: &Page, factor: &Binned) -> bool {
     let own = page.plan.campaign.factors.iter().find(|own| own.key == factor.key);
     own.is_some_and(|own| matches!(own.values, Values::Listed(_)))
 }
 
-/// How far apart the shares of two entries of a factor are for sure: between the ends of their intervals; below 0 where no two
-/// are apart.
+/// Statistically sure effect of a factor: the largest gap between the intervals of two entries; below 0 if all overlap.
 fn effect(page: &Page, factor: &Binned) -> f64 {
     let rates = (0..factor.axis.entries.len()).map(|bin| page.rate(|row| factor.bin(row) == Some(bin)));
-    // Without draws the shares are what they are.
+    // Without draws there is no interval, so the shares themselves are compared.
     let ends = |rate: Rate| if rate.draws == 0 { [rate.share(); 2] } else { [rate.low, rate.high] };
     let [low, high] =
         rates.map(ends).fold([0.0_f64, 1.0_f64], |[low, high], ends| [low.max(ends[0]), high.min(ends[1])]);
@@ -103,12 +102,12 @@ fn one(page: &Page, controller: usize, [across, up]: [&Binned; 2], is_grid: bool
     map(title, [&across.axis, &up.axis], &cells.collect::<Vec<Vec<_>>>(), border)
 }
 
-/// Whether the intervals of two shares have nothing in common; never without draws.
+/// Returns whether two intervals are disjoint; always `false` without draws, because their ends are NaN.
 fn are_apart(one: &Rate, other: &Rate) -> bool {
     one.low > other.high || other.low > one.high
 }
 
-/// The cell of a share: percent and number of flights; none without a flight.
+/// Returns the cell of a share: percent and number of flights; `None` without a flight.
 pub fn share_cell(rate: &Rate, of: &str) -> Option<MapCell> {
     let Rate { survived, flights, .. } = rate;
     (*flights > 0).then(|| MapCell {

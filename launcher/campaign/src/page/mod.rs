@@ -1,16 +1,16 @@
-//! `campaign.html`: how often, which controller more, where the border is, and which are the worst.
+//! `campaign.html`: shares passed, comparison of the controllers, effects of the factors, and the worst flights.
 //!
 //! | module | holds |
 //! |---|---|
-//! | `bounds` | which bounds the flights have, and how many were judged by each |
-//! | `setup` | what all flights have in common |
+//! | `bounds` | the bounds, with the number of flights that have each and that were judged by it |
+//! | `setup` | program, sampling and campaign file, common to all flights |
 //! | `pairs` | the controllers compared draw by draw |
-//! | `data` | whose flights they are, whether they passed, how far off they were |
-//! | `overview` | the head, the share of each controller, why flights failed or could not be flown |
-//! | `bins` | the values of a factor, few enough to stand on an axis |
+//! | `data` | controllers, verdicts and position errors of the flights |
+//! | `overview` | the head, the share of each controller, causes of failures, reasons of invalid flights |
+//! | `bins` | the axis of a factor, with values or parts of its range |
 //! | `factors` | each factor by itself |
-//! | `maps` | every two factors, with the border |
-//! | `worst` | the flights that went worst, flown again for the page |
+//! | `maps` | each pair of factors, with the border of sure differences |
+//! | `worst` | the worst flights, flown again for the page |
 
 mod bins;
 mod bounds;
@@ -28,7 +28,7 @@ pub use data::Page;
 
 const OWN_STYLE: &str = include_str!("../../assets/campaign.css");
 
-/// The page of some flights of a plan. `again` with a number behind it is what a user types to fly one again.
+/// Renders the page of some flights of a plan. The command `again`, followed by a number, flies one flight again.
 pub fn page(all: &Page, again: &str) -> anyhow::Result<String> {
     let worst = worst::section(all, again)?;
     let body = [
@@ -56,7 +56,7 @@ mod tests {
     use crate::table::Table;
     use crate::{Campaign, row, shard};
 
-    /// All flights of a campaign.
+    /// Flies all flights of a campaign.
     fn flown(text: &str) -> (Plan, Table) {
         let plan = Plan::new(Campaign::read(text, "x.toml", "x", Path::new("")).unwrap()).unwrap();
         let mut table = Table::new(&shard::columns(&plan));
@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn copies_are_told_and_are_no_evidence() {
+    fn copies_are_named_and_do_not_count_as_evidence() {
         let (plan, table) = flown(
             "samples = 4\n[settings]\nrun.duration_s = 0.5\n[vary]\nmpc.np = [20, 30]\n\
              plant.airframe.mass_kg = { uniform = [1.0, 1.1] }\n[controller.a]\nmpc.law = 'pid'\n\
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn a_page_of_no_flights_is_a_page() {
+    fn a_campaign_without_flights_has_a_page() {
         let plan = Plan::new(Campaign::read("", "x.toml", "x", Path::new("")).unwrap()).unwrap();
         let empty = Table::new(&shard::columns(&plan));
         let html = page(&Page::new(&plan, &empty), "").unwrap();

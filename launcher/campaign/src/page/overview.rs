@@ -1,4 +1,4 @@
-//! The head of the page, the share of each controller, and why flights failed or could not be flown.
+//! Head of the page, share of each controller, causes of failures, and reasons why flights could not be flown.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,7 @@ use super::bounds;
 use super::data::Page;
 use crate::rate::Rate;
 
-/// Reasons that are told.
+/// Largest number of reasons that are shown.
 const REASONS: usize = 12;
 
 impl Page<'_> {
@@ -22,7 +22,7 @@ impl Page<'_> {
             String::new()
         };
         let mut tiles = vec![];
-        // A rate over several controllers is the rate of none.
+        // A rate pooled over several controllers is the rate of none of them.
         if self.names.len() == 1 {
             let share = if all.flights == 0 { draw::DASH.to_owned() } else { percent(&all, " <small>%</small>") };
             tiles.push(("passed".to_owned(), share));
@@ -68,7 +68,7 @@ impl Page<'_> {
         )
     }
 
-    /// Of what the flights of each controller failed.
+    /// Renders the causes of failures, by controller.
     pub fn causes(&self) -> String {
         let Some(causes) = self.flights.column("cause") else { return String::new() };
         let mut counts: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
@@ -90,7 +90,7 @@ impl Page<'_> {
         )
     }
 
-    /// Why flights could not be flown.
+    /// Renders the reasons why flights could not be flown.
     pub fn invalid(&self) -> String {
         let Some(outcomes) = self.flights.column("outcome") else { return String::new() };
         let mut reasons: BTreeMap<&str, Vec<u64>> = BTreeMap::new();
@@ -117,7 +117,7 @@ impl Page<'_> {
     }
 }
 
-/// The share of a rate in percent.
+/// Formats the share of a rate in percent.
 fn percent(rate: &Rate, sign: &str) -> String {
     format!("{:.1}{sign}", 100.0 * rate.share())
 }

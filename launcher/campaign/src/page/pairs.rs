@@ -1,29 +1,29 @@
-//! Every two controllers over the cases that both have flown.
+//! Section "Which controller passes more": each pair of controllers over the cases that both have flown.
 //!
-//! The controllers fly the same draws, so a draw that both pass or both lose says nothing of which is better. Controllers that
-//! flew every flight alike are one law, and stand in one comparison.
+//! The controllers fly the same draws, so a draw that both pass or both fail does not tell which is better. Controllers
+//! that flew every flight alike are one law, and have one comparison.
 
 use view::draw::{escape, short, table};
 
 use super::data::Page;
 use crate::difference::Difference;
 
-/// So many comparisons stand open; the others are folded.
+/// Number of comparisons that are shown; the others are folded.
 const OPEN: usize = 8;
 
-/// Two controllers, and what became of the cases that both have flown.
+/// Two controllers, and counts of the cases that both have flown.
 #[derive(Debug, Clone, PartialEq)]
 struct Pair {
-    /// The one that passes more of them comes first.
+    /// Indices of the controllers; the one that passes more cases comes first.
     names: [usize; 2],
     only: [u64; 2],
     both: u64,
     neither: u64,
-    /// `None` where the flights are no sample.
+    /// Difference of the shares; `None` if the flights are no sample.
     difference: Option<Difference>,
 }
 
-/// The section of the comparisons.
+/// Returns the section; empty with one law only.
 pub fn section(page: &Page) -> String {
     let pairs = compare(page);
     if pairs.is_empty() {
@@ -65,7 +65,7 @@ pub fn section(page: &Page) -> String {
     )
 }
 
-/// Sentences on interval and tests of so many pairs.
+/// Describes interval and tests of `pairs` pairs in sentences.
 fn explained(page: &Page, pairs: usize) -> String {
     let test = if page.each() > 1 {
         "each draw's difference with either sign: exact permutation test, two-sided"
@@ -87,7 +87,7 @@ fn explained(page: &Page, pairs: usize) -> String {
     )
 }
 
-/// Each two laws, those that differ most surely first.
+/// Compares each two laws; sorted by p-value, the smallest first.
 fn compare(page: &Page) -> Vec<Pair> {
     let cases = page.by_case();
     let pair = |a: usize, b: usize| {
@@ -113,14 +113,14 @@ fn compare(page: &Page) -> Vec<Pair> {
     pairs
 }
 
-/// The names of all controllers that flew as this one did.
+/// Returns the names of all controllers that flew as `first` did.
 fn law(page: &Page, first: usize) -> String {
     let same = (0..page.names.len()).filter(|i| page.evidence.same_as[*i] == first);
     same.map(|i| escape(page.names[i])).collect::<Vec<_>>().join(" = ")
 }
 
-/// The probabilities of several tests, in rising order, so that any of them falls below a level by chance as rarely as one
-/// test would (Holm, Scandinavian Journal of Statistics 6, 1979).
+/// Adjusts p-values, given in rising order, so that the probability that any falls below a level by chance is at most
+/// that of one test (Holm, Scandinavian Journal of Statistics 6, 1979).
 fn holm(rising: &[f64]) -> Vec<f64> {
     let step = |(i, p): (usize, &f64)| ((rising.len() - i) as f64 * p).min(1.0);
     let stepped = rising.iter().enumerate().map(step);
@@ -132,7 +132,7 @@ fn holm(rising: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// Bold where it is below 0.05.
+/// Formats a p-value, bold below 0.05.
 fn probability(p: f64) -> String {
     let word = short(p);
     if p < 0.05 { format!("<b>{word}</b>") } else { word }
@@ -143,7 +143,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn val_several_tests_are_adjusted_as_holm_does() {
+    fn val_p_values_of_several_tests_are_adjusted_by_holm() {
         let adjusted = holm(&[0.01, 0.02, 0.022, 0.5]);
         for (is, expected) in adjusted.iter().zip([0.04, 0.06, 0.06, 0.5]) {
             assert!((is - expected).abs() < 1e-12, "{adjusted:?}");

@@ -1,4 +1,4 @@
-//! What all flights have in common: the program, what was drawn and how, the campaign file.
+//! Section "What was flown": the program, the sampling and the campaign file.
 
 use flight::event::name;
 use view::draw::{escape, list};
@@ -6,7 +6,7 @@ use view::draw::{escape, list};
 use crate::plan::Plan;
 use crate::shard;
 
-/// The section of what was flown.
+/// Returns the section.
 pub fn section(plan: &Plan) -> String {
     let campaign = &plan.campaign;
     let sampling = name(campaign.sampling());

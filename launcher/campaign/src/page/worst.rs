@@ -1,7 +1,7 @@
-//! The flights that went worst: each with its values, its course, and the command that flies it again.
+//! Section "The worst flights": each with its values, its course, and the command that flies it again.
 //!
-//! They are flown again for the page. One that is not the flight of the table is an error: then the program, the machine or the
-//! table is not what it was.
+//! Each flight is flown again for the page; a difference is an error: the program, the machine or the table has
+//! changed.
 
 use std::collections::HashSet;
 
@@ -15,12 +15,12 @@ use super::data::Page;
 use crate::row;
 use crate::table::{Cell, Column};
 
-/// How many are shown.
+/// Number of flights that are shown.
 const SHOWN: usize = 10;
-/// Points of a line.
+/// Number of points of a line, about.
 const POINTS: u64 = 200;
 
-/// The section of the worst flights that were not passed.
+/// Returns the section of the worst flights that did not pass; empty if all passed.
 pub fn section(page: &Page, again: &str) -> anyhow::Result<String> {
     let worst = worst(page);
     if worst.is_empty() {
@@ -35,7 +35,7 @@ pub fn section(page: &Page, again: &str) -> anyhow::Result<String> {
     ))
 }
 
-/// The rows of the flights that failed worst, the worst first: of each case that of one controller.
+/// Rows of the flights that failed worst, the worst first; one controller of each case.
 fn worst(page: &Page) -> Vec<usize> {
     let flights = page.flights;
     let (Some(errors), Some(flown), Some(outcomes)) =
@@ -58,7 +58,7 @@ fn worst(page: &Page) -> Vec<usize> {
     failed
 }
 
-/// The small report of one flight.
+/// Renders the report of one flight.
 fn one(page: &Page, row: usize, again: &str) -> anyhow::Result<String> {
     let (flights, number) = (page.flights, page.numbers[row]);
     let flight = page.plan.flight(number);
@@ -109,7 +109,7 @@ fn one(page: &Page, row: usize, again: &str) -> anyhow::Result<String> {
 }
 
 impl Page<'_> {
-    /// What became of the same case under the other controllers.
+    /// Returns the verdicts on the same case under the other controllers.
     fn others(&self, row: usize) -> String {
         let same = |other: &usize| *other != row && self.case(*other) == self.case(row);
         let of = |passed: bool| -> Vec<String> {

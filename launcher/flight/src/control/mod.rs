@@ -5,8 +5,8 @@
 //!                                       <-- the response, one line of JSON --
 //! ```
 //!
-//! Only the user who flies can enter the folder. The launcher answers in the loop in which it supervises, one
-//! request at a look, and never waits for a client: one that sends nothing is sent away after a second.
+//! The folder is open to the user who flies and to no other. The launcher answers in the loop in which it supervises,
+//! one request at a look, and never waits for a client: one that sends nothing is disconnected after a second.
 
 pub mod server;
 
@@ -21,42 +21,42 @@ use serde_json::Value;
 
 use crate::limits::ANSWER_LIMIT;
 
-/// The socket's name in the run's folder.
+/// Name of the socket in the run's folder.
 const SOCKET: &str = "control";
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Request {
-    /// How the nodes are, what is broken, what happened last.
+    /// Asks for the state of the nodes, the faults in force and the last events.
     Status,
-    /// What has happened to the processes.
+    /// Asks for the events of the flight.
     Events {
-        /// From this event on, counted from 0.
+        /// First event of the answer, counted from 0.
         since: usize,
     },
-    /// Replace a process, beginning now. The answer has the number of the swap, and of the next event.
+    /// Replaces a process, beginning now. The answer has the number of the swap, and of the next event.
     Swap(Swap),
-    /// This fault is to happen; it begins `at_s` after the next sample.
+    /// Injects a fault, which begins `at_s` after the next sample but one.
     Inject { fault: Fault },
-    /// Faults are to end, and those that have not begun are not to.
+    /// Ends faults; those that have not begun never do.
     Clear {
-        /// Those of what; of everything, when absent.
+        /// Target whose faults end; `None` ends all.
         target: Option<FaultTarget>,
     },
-    /// The flight is to end, as by Ctrl-C.
+    /// Ends the flight, as Ctrl-C does.
     Stop,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Response {
-    /// It is done, and this is what came of it.
+    /// Result of a request that was carried out.
     Ok(Value),
-    /// It is not done, and why.
+    /// Reason why a request was not carried out.
     Error(String),
 }
 
-/// Asks the launcher of `domain` and waits for what it says.
+/// Sends `request` to the launcher of `domain` and waits for the answer, at most `ANSWER_LIMIT`.
 pub fn ask(domain: &Domain, request: &Request) -> anyhow::Result<Value> {
     let silent =
         || format!("the launcher of '{}' does not answer: its stack is starting or ending", domain.namespace());

@@ -1,5 +1,5 @@
-//! The launcher's side of the socket. Nothing here waits, and nothing takes long: there is one request at a look around,
-//! and a client that connects and says nothing gives way to later ones.
+//! Launcher's side of the socket. Nothing here waits or takes long: a look takes at most one request, and a client that
+//! connects and sends nothing gives way to later ones.
 
 use std::io::{self, Read, Write};
 use std::os::fd::{AsFd, BorrowedFd};
@@ -13,15 +13,15 @@ use super::{Request, Response, SOCKET};
 use crate::event::Sender;
 use crate::limits::{CLIENTS, NEW_CLIENTS, REQUEST_BYTES, REQUEST_LIMIT};
 
-/// The socket, and its clients.
+/// Socket, and its clients.
 pub struct Server {
     listener: UnixListener,
     clients: Vec<Client>,
-    /// Whether a request came at this look.
+    /// `true` if a request came at this look.
     served: bool,
 }
 
-/// A client that has not finished a line yet.
+/// Client that has not finished a line yet.
 struct Client {
     stream: UnixStream,
     line: Vec<u8>,
@@ -37,14 +37,15 @@ impl Server {
         Ok(Self { listener, clients: vec![], served: false })
     }
 
-    /// What becomes readable when there is something to do. After a request there is nothing: the next is taken when the
-    /// processes are due to be looked at anyway, so that clients do not set the release.
+    /// Returns the descriptors that become readable when there is something to do; none after a request. The next one
+    /// is taken at the next look at the processes, so that clients do not set the pace of the launcher.
     pub fn sources(&self) -> impl Iterator<Item = BorrowedFd<'_>> {
         let all = [self.listener.as_fd()].into_iter().chain(self.clients.iter().map(|client| client.stream.as_fd()));
         all.filter(|_| !self.served)
     }
 
-    /// A request that has come, and where the answer goes. A client that sends none is told so here, and sent away.
+    /// Returns a request that has come, and where its answer goes. Clients without a valid one are told so and
+    /// disconnected.
     pub fn request(&mut self) -> Option<(Request, Reply)> {
         self.accept_new();
         self.served = false;
@@ -82,7 +83,7 @@ impl Server {
 }
 
 impl Client {
-    /// The request, or why there is none; nothing while there may be one to come.
+    /// Reads the request, or why there is none; `None` while one may still come.
     fn listen(&mut self) -> Option<Result<Request, String>> {
         let mut bytes = [0; REQUEST_BYTES];
         match self.stream.read(&mut bytes) {
@@ -103,12 +104,12 @@ impl Client {
 }
 
 impl Reply {
-    /// The process that has asked.
+    /// Returns the process that sent the request.
     pub fn sender(&self) -> Option<Sender> {
         peer_of(&self.0).map(|(pid, user)| Sender { pid, user })
     }
 
-    /// Answers, and closes the connection.
+    /// Sends the answer, and closes the connection.
     pub fn send(mut self, response: &Response) {
         let line = serde_json::to_string(response).unwrap_or_default() + "\n";
         // Fails for a client that has gone, or lets its side of the socket run full.

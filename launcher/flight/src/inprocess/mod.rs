@@ -1,13 +1,12 @@
-//! The ring turned by one thread: the four steps in order, message by message as the processes would exchange them.
+//! Ring in one thread: runs the four steps in order, message by message as the processes would exchange them.
 //!
 //! | module | holds |
 //! |---|---|
 //! | `node` | each core with the ports of a process, over queues |
-//! | `workers` | what would be the processes of one node |
+//! | `workers` | stand-ins for the processes of one node |
 //!
-//! Bit-identical to lockstep, because the same cores get the same messages in the same order through the same inputs and
-//! outputs, under the same roles. Nothing here reads a clock: the stamps carry sample numbers and sequence numbers
-//! only.
+//! Flights are bit-identical to lockstep, because the same cores get the same messages in the same order through the
+//! same inputs and outputs, under the same roles. Nothing here reads a clock: stamps carry tick and sequence only.
 
 pub(crate) mod node;
 pub(crate) mod workers;
@@ -32,19 +31,19 @@ use crate::roles::supervised::given_up;
 use crate::stack::{Ended, Refused, refused_by_listener};
 use workers::{Ring, Workers};
 
-/// What a flight by one thread leaves behind, beside the messages.
+/// Result of a flight in one thread, except its messages.
 pub struct Flown {
     pub ended: Ended,
     pub events: Vec<Event>,
     pub refused: Refused,
 }
 
-/// Flies `scenario` to its end, or until `watch` says stop by returning false; `watch` sees every message.
+/// Flies `scenario` to its end, or until `watch`, which gets every message, returns false.
 pub fn fly(scenario: &Scenario, watch: impl FnMut(&Record) -> bool) -> Flown {
     fly_remembering(scenario, watch, |_| {})
 }
 
-/// The same flight, while `remember` gets what every node remembers, every ten seconds.
+/// Flies like [`fly`]; `remember` also gets the memory of every node, every ten seconds.
 pub fn fly_remembering(
     scenario: &Scenario,
     watch: impl FnMut(&Record) -> bool,
@@ -54,13 +53,13 @@ pub fn fly_remembering(
     flown.unwrap_or_else(|error| panic!("a checked scenario flies in process: {error}"))
 }
 
-/// The same flight where no message is kept, and of a scenario of which only what stands in it was checked: nothing is flown
-/// where what is derived from it does not exist. Messages carry checksums only where they [can be changed](changes_messages).
+/// Flies like [`fly`] when no message is kept: they carry checksums only if they [can be changed](changes_messages).
+/// Fails if something derived from `scenario` does not exist; only its own values need to have been checked.
 pub fn fly_unlogged(scenario: &Scenario, watch: impl FnMut(&Record) -> bool) -> Result<Flown, SessionError> {
     fly_ring(scenario, changes_messages(scenario), watch, |_| {})
 }
 
-/// Whether a fault or another process may change what is in a message: then a checksum decides what becomes of it.
+/// Returns whether a fault or a swap may change a message: then a checksum decides what becomes of it.
 pub fn changes_messages(scenario: &Scenario) -> bool {
     !scenario.swap.is_empty() || scenario.fault.iter().any(|fault| fault.target.topic().is_some())
 }
@@ -120,7 +119,7 @@ fn fly_ring(
     Ok(Flown { ended, events: roles.events, refused: refused_by_listener(&ring.page) })
 }
 
-/// What all nodes remember after sample `tick`; nothing where the vehicle has no memory to go on from.
+/// Returns the memories of all nodes after sample `tick`; none if the vehicle has no memory to continue from.
 fn memories(plant: &mut Plant, nodes: &[Workers], tick: u64) -> Vec<Memory> {
     let mut words = [0; PLANT_WORDS];
     if !plant.memory(&mut words) {
@@ -134,12 +133,12 @@ fn memories(plant: &mut Plant, nodes: &[Workers], tick: u64) -> Vec<Memory> {
     std::iter::once(vehicle).chain(nodes.iter().filter_map(of_node)).collect()
 }
 
-/// Does what is to be done before a tick. The plant has no other process: without it the flight ends.
+/// Carries out an order before a tick. The plant has no other process: without it the flight ends.
 fn obey(nodes: &mut [Workers], run: &Scenario, (topic, action): Order) -> Result<(), SessionError> {
     let Some(workers) = nodes.iter_mut().find(|workers| workers.topic == topic) else { return Ok(()) };
     match action {
         Action::Spawn(epoch, origin) => {
-            let own = origin.and_then(|i| candidate(run, &run.swap[i]).ok()); // what is wrong with it was said before
+            let own = origin.and_then(|i| candidate(run, &run.swap[i]).ok()); // its errors were reported before
             workers.begin(epoch, own.as_ref().unwrap_or(run), run)?;
         }
         Action::Signal(epoch, role::Signal::Kill) => workers.end(epoch),
@@ -148,7 +147,7 @@ fn obey(nodes: &mut [Workers], run: &Scenario, (topic, action): Order) -> Result
     Ok(())
 }
 
-/// Has all that work for one node answer to a sample, but those that leave instead.
+/// Lets the processes that work for one node answer to a sample, except those that leave instead.
 fn answer(workers: &mut Workers, ring: &Ring, roles: &mut Simulated, sample: Stamp) {
     let topic = workers.topic;
     while let Some(epoch) = workers.leaves(sample.tick) {

@@ -1,4 +1,4 @@
-//! The nodes in process: each core with the ports that a process of it has, over queues.
+//! Nodes in process: each core with the ports that a process of it would have, over queues.
 
 use attitude_mpc::AttitudeMpc;
 use contract::message::{Actuators, Controls, Message, Reference, Stamp, State};
@@ -15,20 +15,19 @@ use runtime::ports::Ports;
 
 use crate::log::Record;
 
-/// A node that answers to the plant.
+/// Node that answers to the plant.
 pub trait Node {
-    /// Answers to a sample; `sample` is the provenance of a new chain. Where the answer is `known`, it is sent as it is, and the
-    /// core does nothing.
+    /// Answers to a sample; `sample` is the provenance of a new chain. A `known` answer is sent without the core.
     fn answer(&mut self, sample: Stamp, known: Option<&Record>);
-    /// What it remembers.
+    /// Returns the memory of the core.
     fn memory(&self) -> Snapshot;
-    /// Goes on from the memory of another; one that does not fit is as good as none.
+    /// Continues from the memory of another process; one that does not fit counts as none.
     fn restore(&mut self, memory: &Snapshot);
-    /// Takes fault `number` as it is from now on, if it is one of the core.
+    /// Adds fault `number`, or changes it to `fault`, if it is one of the core.
     fn apply_fault(&mut self, number: usize, fault: &Fault);
 }
 
-/// Opens the ports of `member`, with a core as at the beginning of a run of `scenario`.
+/// Opens the ports of `member`, with a new core for a run of `scenario`.
 pub fn open(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result<Box<dyn Node>, SessionError> {
     Ok(match member.topic {
         Topic::State => return Err(SessionError::UnknownNode("plant".into())), // it samples, and answers to nothing
@@ -66,14 +65,14 @@ pub fn open(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result<B
     })
 }
 
-/// The message of a topic that is `known`; `output` goes on with its number.
+/// Returns the `known` message, if there is one; `output` goes on with its number.
 pub fn known_to<M: Message>(output: &mut Output<M>, known: Option<&Record>) -> Option<M> {
     let known: &M = known?.message()?;
     output.continue_after(known.stamp().sequence.saturating_sub(1));
     Some(*known)
 }
 
-/// A core, and how it answers with its ports.
+/// Core with the function that answers through its ports.
 struct WithPorts<C, F> {
     core: C,
     answer: F,

@@ -1,4 +1,4 @@
-//! What would be the processes of one node, when one thread runs them all: one active, and now and then one on standby.
+//! Stand-ins for the processes of one node, run by one thread: one is active, and during a trial one is on standby.
 
 use std::sync::Arc;
 
@@ -15,7 +15,7 @@ use runtime::shared_role::Origin;
 
 use super::node::{self, Node};
 
-/// What a ring in process shares: the control page and the queues.
+/// Control page and queues that a ring in process shares.
 #[derive(Clone)]
 pub struct Ring {
     pub page: Arc<ControlPage>,
@@ -28,8 +28,8 @@ impl Ring {
         Ok(Self { page: Arc::new(ControlPage::private()?), queues: Queues::default(), with_checksums })
     }
 
-    /// A process of the node that answers on `topic`, with its place in the role and its ports. It acts out the exits of
-    /// its own settings if they are not those of the `run`.
+    /// Creates a process of the node that answers on `topic`, with its place in the role and its ports. It acts out
+    /// exit faults of its own settings only if these have other faults than the `run`.
     pub fn member(&self, topic: Topic, epoch: u32, own: &Scenario, run: &Scenario) -> (Member, Ports) {
         self.page.role(topic).offer(epoch);
         let member = Member::in_process(self.page.clone(), topic, epoch, own, own.fault != run.fault);
@@ -37,22 +37,22 @@ impl Ring {
         (member, self.ports())
     }
 
-    /// For a process of it, or for what watches it.
+    /// Creates ports for a process of the ring, or for an observer.
     pub fn ports(&self) -> Ports {
         Ports::new(self.page.clone(), Transport::Queues(self.queues.clone()))
     }
 }
 
-/// The processes of one node.
+/// Processes of one node.
 pub struct Workers {
     pub topic: Topic,
     ring: Ring,
     all: Vec<Worker>,
-    /// What the last one remembered that left the role vacant.
+    /// Memory of the process that ended last, used while the role is vacant.
     memory: Option<(Origin, Snapshot)>,
 }
 
-/// What a process of the node would be.
+/// Stand-in for one process of the node.
 struct Worker {
     member: Member,
     node: Box<dyn Node>,
@@ -61,8 +61,8 @@ struct Worker {
 }
 
 impl Worker {
-    /// The memory that another process begins with. One that has answered to nothing has only what it began with, which is
-    /// that of the process before it; `None` where it began without.
+    /// Returns the memory that another process begins with. A process that has answered to nothing still has that of
+    /// the process before it; `None` if it began without.
     fn memory(&self) -> Option<(Origin, Snapshot)> {
         let origin = match self.done {
             0 => self.member.continues.get(),
@@ -73,15 +73,15 @@ impl Worker {
 }
 
 impl Workers {
-    /// With the first process of a run.
+    /// Creates the node with its first process.
     pub fn new(ring: &Ring, topic: Topic, run: &Scenario) -> Result<Self, SessionError> {
         let mut workers = Self { topic, ring: ring.clone(), all: vec![], memory: None };
         workers.begin(1, run, run)?;
         Ok(workers)
     }
 
-    /// The process `epoch` begins, with settings of its `own` or those of the `run`, and with the memory of the one that is
-    /// or was active.
+    /// Starts process `epoch`, with its `own` settings or those of the `run`, and the memory of the last active
+    /// process.
     pub fn begin(&mut self, epoch: u32, own: &Scenario, run: &Scenario) -> Result<(), SessionError> {
         let (member, mut ports) = self.ring.member(self.topic, epoch, own, run);
         let mut node = node::open(&mut ports, &member, own)?;
@@ -93,7 +93,7 @@ impl Workers {
         Ok(())
     }
 
-    /// What the active process remembers, or the last one that was.
+    /// Returns the memory of the active process, or of the last one that was.
     pub fn memory(&self) -> Option<(Origin, Snapshot)> {
         let active = self.ring.page.role(self.topic).active();
         let active = self.all.iter().find(|worker| worker.member.epoch == active);
@@ -106,13 +106,13 @@ impl Workers {
         }
     }
 
-    /// A process that a fault of its own settings ends instead of its answer to `tick`.
+    /// Returns a process that a fault of its own settings ends instead of its answer to `tick`, if any.
     pub fn leaves(&self, tick: u64) -> Option<u32> {
         let leaves = |worker: &&Worker| worker.member.faults.leaves(tick, tick);
         self.all.iter().find(leaves).map(|worker| worker.member.epoch)
     }
 
-    /// All that work answer to a sample; `sample` is the provenance of a new chain.
+    /// Lets every process that works answer to a sample; `sample` is the provenance of a new chain.
     pub fn answer(&mut self, sample: Stamp) {
         let assignment = self.ring.page.role(self.topic).assignment();
         let working = self.all.iter_mut().filter(|worker| assignment.includes(worker.member.epoch));

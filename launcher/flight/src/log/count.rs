@@ -1,32 +1,32 @@
-//! The count: every message of the processes active once, and the gaps between them.
+//! Counts every message of the active processes once, and finds the gaps in their sequence numbers.
 //!
-//! What faults make of a message bears its number once more, as do late and double ones; a message that was lost on
-//! purpose is there too, marked. So a gap in the numbers is a message that the one who counts has missed.
+//! A message that a fault has changed, a late message and a duplicate have the sequence number of the original. A
+//! message that a fault has dropped is sent too, marked as such. So a gap means messages that the reader has missed.
 
 use contract::Topic;
 use contract::message::{Message, Stamp};
 
 use super::Record;
 
-/// The newest stamp of each process of a node, of the last few that have sent.
+/// Newest stamp of each process of a node, for the last few that have sent.
 #[derive(Debug, Default)]
 pub struct Count {
     newest: [[Stamp; PROCESSES]; Topic::COUNT],
-    /// Whether the messages carry no checksums.
+    /// `true` if the messages carry no checksums.
     unchecked: bool,
 }
 
-/// One active, one beside it on standby, and the ones before them, of which late messages may still come.
+/// Processes of a node that are followed: the active one, a standby, and earlier ones whose messages may still arrive.
 const PROCESSES: usize = 4;
 
 impl Count {
-    /// Of messages without checksums.
+    /// Creates a count of messages without checksums.
     pub fn without_checksums() -> Self {
         Self { unchecked: true, ..Self::default() }
     }
 
-    /// The stamp before this one of the same process, number 0 where there is none; `None` when this message is not to be
-    /// counted: delivery because its publisher works in another's standby, not whole, or counted before.
+    /// Returns the previous stamp of the same process, with sequence number 0 if there is none. `None` if the message
+    /// is not counted: its publisher is on standby, it is late and withheld, damaged, or its number came before.
     pub fn before(&mut self, record: &Record) -> Option<Stamp> {
         let stamp = record.stamp();
         if stamp.is_withheld() || !self.unchecked && !record.is_intact() {
@@ -44,13 +44,13 @@ impl Count {
         (!stamp.is_standby()).then_some(before)
     }
 
-    /// How many messages were missed just before this one, if it is to be counted.
+    /// Returns the number of messages missed just before this one; `None` if it is not counted.
     pub fn gap(&mut self, record: &Record) -> Option<u64> {
         self.before(record).map(|before| record.stamp().sequence - before.sequence - 1)
     }
 }
 
-/// Those of one topic's `messages` that count, each with the stamp before it of the same process.
+/// Returns the messages of one topic that are counted, each with the previous stamp of the same process.
 pub fn counted<M: Message>(messages: &[M]) -> impl Iterator<Item = (&M, Stamp)>
 where
     Record: From<M>,
@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn who_comes_late_has_missed_the_beginning() {
+    fn messages_before_the_first_one_seen_count_as_missed() {
         assert_eq!(Count::default().gap(&sent(1, 4, delivery::DELIVERED)), Some(3));
     }
 }

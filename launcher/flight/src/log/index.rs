@@ -1,5 +1,5 @@
-//! The index at the end of a finished log: which part of the file has which time. A part of a long flight is read without what lies
-//! before and after it.
+//! The index at the end of a finished log tells which part of the file has which time. With it a part of a long flight
+//! is read without the rest.
 
 use std::collections::{BTreeSet, HashMap};
 use std::fs::File;
@@ -13,17 +13,17 @@ use mcap::records::{ChunkIndex, Record, op};
 use super::{EVENTS, MEMORY};
 use crate::limits::MAX_INDEX_BYTES;
 
-/// A span of simulated time \[ns\], as messages are logged by.
+/// A span of simulated time \[ns\], compared with the `log_time` of messages.
 pub type Span = RangeInclusive<u64>;
-/// All of a flight.
+/// Span of a whole flight.
 pub const ALL: Span = 0..=u64::MAX;
 
-/// What a log is read for.
+/// Records that a reader wants of a log.
 #[derive(Debug, Clone)]
 pub enum Wanted {
-    /// The messages of a span of time, and every event.
+    /// Messages of a span of time, and every event.
     Messages(Span),
-    /// What the nodes remember in a span of time.
+    /// Snapshots of the nodes in a span of time.
     Memories(Span),
 }
 
@@ -40,7 +40,7 @@ impl Wanted {
     }
 }
 
-/// A log file from which parts are left out.
+/// Reader of a log file that leaves out some ranges of bytes.
 pub struct Parts {
     file: BufReader<File>,
     at: u64,
@@ -49,7 +49,7 @@ pub struct Parts {
 }
 
 impl Parts {
-    /// Opens a `file` of so many bytes for what is `wanted` of it; all of it, where it has no index.
+    /// Reads from a `file` of `size` bytes the parts that may hold something `wanted`; all of it if it has no index.
     pub fn of(mut file: File, size: u64, wanted: &Wanted) -> Result<Self> {
         let left_out = match wanted {
             Wanted::Messages(span) if *span == ALL => None,
@@ -61,7 +61,7 @@ impl Parts {
         Ok(Self { file: BufReader::new(file), at: 0, left_out, next })
     }
 
-    /// Whether it is the file as it is.
+    /// Returns whether nothing is left out from here on.
     pub fn is_all(&self) -> bool {
         self.next.is_none()
     }
@@ -85,7 +85,7 @@ impl Read for Parts {
     }
 }
 
-/// Where the chunks are that have nothing of what is wanted, with their own indexes; in order. `None` where the file has no index.
+/// Returns the byte ranges of unwanted chunks and their message indexes, in order; `None` without a consistent index.
 fn left_out(file: &mut File, size: u64, wanted: &Wanted) -> Option<Vec<Range<u64>>> {
     let index = read_index(file, size)?;
     let records = || LinearReader::sans_magic(&index).map_while(std::result::Result::ok);
@@ -98,7 +98,7 @@ fn left_out(file: &mut File, size: u64, wanted: &Wanted) -> Option<Vec<Range<u64
     let mut left_out: Vec<Range<u64>> = vec![];
     for record in records() {
         let Record::ChunkIndex(chunk) = record else { continue };
-        // A chunk with the first message of a channel may say what the channel is, and so may the first one.
+        // Kept: the first chunk of a channel, which may hold the channel record, and a chunk without message index.
         let begins_one = chunk.message_index_offsets.keys().filter(|channel| known.insert(**channel)).count() > 0;
         if begins_one || chunk.message_index_offsets.is_empty() || wanted.has(&chunk, &topics) {
             continue;
@@ -114,9 +114,9 @@ fn left_out(file: &mut File, size: u64, wanted: &Wanted) -> Option<Vec<Range<u64
     left_out.last().is_none_or(|last| last.end <= size).then_some(left_out)
 }
 
-/// The index of a file of so many bytes, as its footer names it.
+/// Reads the index of a file of `size` bytes from where the footer says; `None` if there is none, or it is too long.
 fn read_index(file: &mut File, size: u64) -> Option<Vec<u8>> {
-    /// Kind, length, three numbers.
+    /// Opcode, length, and three numbers.
     const FOOTER_BYTES: u64 = 1 + 8 + 20;
     let footer_at = size.checked_sub(FOOTER_BYTES + mcap::MAGIC.len() as u64)?;
     let mut footer = [0; FOOTER_BYTES as usize];

@@ -1,6 +1,6 @@
-//! The logs of several recorders of one flight: `flight.mcap`, `flight.2.mcap`, ..., and what was left when one died, in
-//! `flight.1.rest.mcap`. They are joined into the first at the end of the flight; where the launcher did not live to do that,
-//! they are read together.
+//! The logs of several recorders of one flight: `flight.mcap`, `flight.2.mcap`, ..., and what the launcher wrote after
+//! a recorder died, `flight.1.rest.mcap`. At the end of the flight they are joined into the first. If the launcher died
+//! before that, they are read together.
 
 use std::cell::RefCell;
 use std::collections::hash_map::Entry;
@@ -18,12 +18,12 @@ use super::{Count, Log, LogWriter, Memory, Record};
 use crate::event::Event;
 use crate::recorder::LogOutcome;
 
-/// Makes one log of `parts` in the place of the first, with all `events`; the others are removed. What two of them
-/// have recorded stands in it once: each adds what is new, in the order in which it was written. What is missing of the
-/// messages `sent` is told as dropped.
+/// Joins `parts` into one log with all `events`, which replaces the first part; the others are removed. A message that
+/// two parts have recorded is written once: each part adds its new messages in the order of its file. The outcome
+/// counts as dropped how many of the `sent` messages are missing.
 ///
 /// # Errors
-/// When the log cannot be written; then the parts stay as they are.
+/// Fails if the log cannot be written; then the parts stay as they are.
 pub fn join(parts: &[PathBuf], scenario: &Scenario, events: &[Event], sent: u64) -> anyhow::Result<LogOutcome> {
     let first = parts.first().context("no recorder has begun a log")?;
     let whole = first.with_extension("joined");
@@ -46,7 +46,7 @@ fn write(
     let mut failed = None;
     let mut count = Count::default();
     let mut outcome = LogOutcome { dropped: sent, ..LogOutcome::default() };
-    // A part that cannot be read was killed before it wrote anything, and has nothing to add.
+    // A part that cannot be read adds nothing: its recorder was killed before it wrote anything.
     gather(
         parts,
         &ALL,
@@ -89,30 +89,30 @@ fn write(
     Ok(outcome)
 }
 
-/// The file that the recorder `epoch` writes of the log at `first`.
+/// Returns the file that the recorder `epoch` of the log at `first` writes.
 pub fn part(first: &Path, epoch: u32) -> PathBuf {
     if epoch == 1 { first.into() } else { first.with_extension(format!("{epoch}.mcap")) }
 }
 
-/// The file in which the launcher writes what the recorder `epoch` of the log at `first` left when it died.
+/// Returns the file to which the launcher writes what recorder `epoch` of the log at `first` left when it died.
 pub fn rest(first: &Path, epoch: u32) -> PathBuf {
     first.with_extension(format!("{epoch}.rest.mcap"))
 }
 
-/// Reads the log at `first` with all parts of its run into memory: see [`stream`].
+/// Reads the log at `first` with all parts of its run into memory, as [`stream`] does.
 pub fn read_parts(first: &Path) -> anyhow::Result<Log> {
     let mut messages = Log::default();
     let Log { scenario_toml, written_by, events, defect, .. } = stream(first, ALL, |_, record| messages.push(record))?;
     Ok(Log { scenario_toml, written_by, events, defect, ..messages })
 }
 
-/// Reads the log at `first` with all parts of the same run that lie beside it, as one, without its messages: `each` gets those of the
-/// `span`, tick by tick, with what stands before them. A span is found by the index where a log has one. The defect names every part that is missing, not finished or not to be read. A log
-/// that only has the name of a part is left alone: the run that stands in the first readable log says what belongs to it. The
-/// folder stays as it is.
+/// Reads the log at `first` and all parts of the same run beside it as one log. The result has no messages: `each` gets
+/// those of the `span`, tick by tick, with the scenario and the origin of the log. The index finds the span, if a log
+/// has one. The defect names every part that is missing, unfinished or unreadable. A log with the name of a part but of
+/// another run is left out; the first readable log tells the run. No file is changed.
 ///
 /// # Errors
-/// When no part can be read.
+/// Fails if no part can be read.
 pub fn stream(first: &Path, span: Span, mut each: impl FnMut(&Log, &Record)) -> anyhow::Result<Log> {
     let mut parts = parts_of(first);
     let mut whole = Log::default();
@@ -134,7 +134,7 @@ pub fn stream(first: &Path, span: Span, mut each: impl FnMut(&Log, &Record)) -> 
         },
     );
     ordered.finish();
-    // What has the name of a later part, and is of another run, is none that this one misses.
+    // Trailing logs of another run are no parts, and are not reported.
     let mut may_be_own = |i: &usize| match &read[*i] {
         Ok(part) => is_of_run(part),
         Err(_) => parts[*i].exists(),
@@ -168,19 +168,19 @@ pub fn stream(first: &Path, span: Span, mut each: impl FnMut(&Log, &Record)) -> 
     Ok(whole)
 }
 
-/// What the nodes remember last of all at or before the time `until_ns`, in the log at `first` with all parts of its run; empty where it
-/// has nothing of it.
+/// Reads the newest snapshots of the nodes at or before the time `until_ns`, from the log at `first` with all parts of
+/// its run; empty if it has none.
 ///
 /// # Errors
-/// When no part can be read.
+/// Fails if no part can be read.
 pub fn memories(first: &Path, until_ns: u64) -> anyhow::Result<Vec<Memory>> {
-    /// They are written every ten seconds, unless something keeps them from being complete.
+    /// Span that is tried first: snapshots are written every ten seconds, unless one was incomplete.
     const RECENT_NS: u64 = 30_000_000_000;
     let recent = memories_of(first, until_ns.saturating_sub(RECENT_NS)..=until_ns)?;
     if recent.is_empty() { memories_of(first, 0..=until_ns) } else { Ok(recent) }
 }
 
-/// The same of a `span` of time.
+/// Reads the newest snapshots of the nodes in a `span` of time.
 fn memories_of(first: &Path, span: Span) -> anyhow::Result<Vec<Memory>> {
     let mut newest: Vec<Memory> = vec![];
     let (mut run, mut failed, mut read) = (None, None, 0);
@@ -209,16 +209,16 @@ fn memories_of(first: &Path, span: Span) -> anyhow::Result<Vec<Memory>> {
     }
 }
 
-/// The files that may belong to the log at `first`, in the order of its recorders.
+/// Returns the files that may belong to the log at `first`, in the order of its recorders.
 fn parts_of(first: &Path) -> Vec<PathBuf> {
     let last = others(first).into_iter().max().unwrap_or(1);
     let rest = |epoch: u32| Some(rest(first, epoch)).filter(|rest| rest.exists());
     (1..=last).flat_map(|epoch| [Some(part(first, epoch)), rest(epoch)]).flatten().collect()
 }
 
-/// Epochs of the parts beside the log at `first`.
+/// Returns the epochs in the names of the files beside the log at `first`.
 fn others(first: &Path) -> Vec<u32> {
-    /// A file of any name may lie in the folder: no flight has more recorders than this.
+    /// Largest epoch of a part, more than a flight has recorders: a file in the folder may have any name.
     const MOST: u32 = 10_000;
     let folder = first.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let stem = first.file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -230,8 +230,8 @@ fn others(first: &Path) -> Vec<u32> {
     entries.filter_map(|entry| epoch(&entry.file_name().to_string_lossy())).filter(|epoch| *epoch <= MOST).collect()
 }
 
-/// Reads the `span` of `parts` one after the other; `each` gets every message of those that are `wanted` once, in the order of writing.
-/// What else is in each part is returned.
+/// Reads the `span` of `parts` one after the other, and returns what each has besides messages. `each` gets every
+/// message of the `wanted` parts once, in the order of writing. A single part is always wanted.
 fn gather(
     parts: &[PathBuf],
     span: &Span,
@@ -255,7 +255,7 @@ fn gather(
     parts.iter().map(read).collect()
 }
 
-/// Counts how often each of the newest messages was seen. Two recorders of a flight work beside each other for seconds.
+/// Counts how often each of the newest messages was seen: two recorders of a flight work side by side for seconds.
 #[derive(Default)]
 struct Recent {
     times: HashMap<Identity, u32>,
@@ -263,10 +263,10 @@ struct Recent {
 }
 
 impl Recent {
-    /// More than recorders take in beside each other.
+    /// Messages that are remembered: more than two recorders receive side by side.
     const MOST: usize = 200_000;
 
-    /// How often it was seen, this time included.
+    /// Counts a message, and returns how often it was seen, this time included.
     fn add(&mut self, identity: Identity) -> u32 {
         self.order.push_back(identity);
         if self.order.len() > Self::MOST
@@ -286,7 +286,7 @@ impl Recent {
     }
 }
 
-/// What tells one message from all others, but for those that a fault has sent twice.
+/// Fields that identify a message; equal only for copies that a fault has sent.
 type Identity = [u64; 6];
 
 fn identity(record: &Record) -> Identity {

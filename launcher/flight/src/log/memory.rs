@@ -1,30 +1,30 @@
-//! What the nodes remember, in the log.
+//! Snapshots of the nodes in the log, from which a replay can begin.
 
 use contract::Topic;
 use runtime::realtime::ControlPage;
 use runtime::shared_role::Origin;
 
-/// What one node remembers.
+/// Snapshot of one node's internal state.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Memory {
-    /// The sample after which it was asked for.
+    /// Plant sample after which it was requested.
     pub tick: u64,
-    /// The topic that the node answers on.
+    /// Topic that the node publishes.
     pub topic: Topic,
-    /// Which process of it, and how many ticks it had done.
+    /// Epoch of the process, and the number of ticks it had done.
     pub origin: Origin,
-    /// Its words, without the zeros at the end.
+    /// Words of the snapshot, without the zeros at the end.
     pub words: Vec<u64>,
 }
 
 impl Memory {
-    /// Of the words of a snapshot.
+    /// Creates it from the words of a snapshot.
     pub fn new(tick: u64, topic: Topic, origin: Origin, words: &[u64]) -> Self {
         let length = words.iter().rposition(|word| *word != 0).map_or(0, |last| last + 1);
         Self { tick, topic, origin, words: words[..length].to_vec() }
     }
 
-    /// What all nodes remember after sample `tick`, of a running stack; `None` where the vehicle has not written it.
+    /// Reads the snapshots of all nodes from the page of a stack; `None` if the plant has none of sample `tick`.
     pub fn of_all(page: &ControlPage, tick: u64) -> Option<Vec<Self>> {
         let (origin, words) = page.plant_memory.read_whole().filter(|(origin, _)| origin.done == tick + 1)?;
         let mut all = vec![Self::new(tick, Topic::State, origin, &words)];
@@ -35,7 +35,7 @@ impl Memory {
         Some(all)
     }
 
-    /// All of its words; `None` where they are more than that.
+    /// Returns its words with the zeros at the end; `None` if there are more than `WORDS`.
     pub fn padded<const WORDS: usize>(&self) -> Option<[u64; WORDS]> {
         let mut words = [0; WORDS];
         words.get_mut(..self.words.len())?.copy_from_slice(&self.words);

@@ -1,20 +1,20 @@
 //! The flight log: every message of every topic, and every event, in one MCAP file that Foxglove, `PlotJuggler` and
-//! Python read.
+//! Python can read.
 //!
 //! | in the file | is |
 //! |---|---|
 //! | topics `/state` `/reference` `/controls` `/actuators` | the messages, as the protobuf of `proto/trefoil.proto` |
-//! | topic `/memory` | what every node remembers, every ten seconds, as protobuf too ([`Memory`]) |
-//! | topic `/events` | what happened to the processes, as protobuf too ([`crate::event`]) |
-//! | `log_time` | simulated time: the stamp's tick times the sample time, so that runs of every mode lie on one axis |
-//! | `publish_time` | when it was published, `CLOCK_MONOTONIC`; 0 in process, where there is no clock, and of an event |
+//! | topic `/memory` | the snapshot of every node, every ten seconds, as protobuf ([`Memory`]) |
+//! | topic `/events` | events of the processes, as protobuf ([`crate::event`]) |
+//! | `log_time` | simulated time, the stamp's tick times the sample time: one time axis for runs of every mode |
+//! | `publish_time` | instant of publication, `CLOCK_MONOTONIC`; 0 for events, and in process, which has no clock |
 //! | metadata `scenario`, key `toml` | the run's merged settings, the first record of the file |
-//! | metadata `trefoil` | the version and commit that wrote it, the layout of the messages, the run, and the two time rules above |
+//! | metadata `trefoil` | version and commit of the writer, layout of the messages, run, and the two time rules above |
 //!
-//! The log survives its writer: [`LogWriter`] closes a chunk every 64 KiB and every second, a killed process loses
-//! no more than that, and [`read()`] takes what is there. No node writes a log: one write can take milliseconds.
+//! The log survives its writer: [`LogWriter`] closes a chunk every 64 KiB and every second, a killed process loses no
+//! more than that, and [`read()`] reads what is there. No node writes a log, because one write can take milliseconds.
 
-/// A value of the message in a record, whatever its topic.
+/// Evaluates an expression with the message in a record, for any topic.
 macro_rules! with_message {
     ($record:expr, $message:ident => $value:expr) => {
         match $record {
@@ -65,7 +65,7 @@ pub enum Record {
 }
 
 impl Record {
-    /// The topic it travels on.
+    /// Returns the topic of the message.
     pub fn topic(&self) -> Topic {
         match self {
             Self::State(_) => Topic::State,
@@ -75,12 +75,12 @@ impl Record {
         }
     }
 
-    /// Provenance and timing.
+    /// Returns the provenance and timing of the message.
     pub fn stamp(&self) -> &Stamp {
         with_message!(self, message => message.stamp())
     }
 
-    /// The message as its receivers would have got it, had nothing happened to it on the way.
+    /// Returns the message as receivers would get it without faults: marked as delivered, with a valid checksum.
     #[must_use]
     pub fn as_delivered(&self) -> Self {
         fn delivered<M: Message>(mut message: M) -> M {
@@ -90,13 +90,13 @@ impl Record {
         with_message!(*self, message => delivered(message).into())
     }
 
-    /// The message, if it is an `M`.
+    /// Returns the message; `None` if it is no `M`.
     pub fn message<M: Message>(&self) -> Option<&M> {
         let message: &dyn std::any::Any = with_message!(self, message => message);
         message.downcast_ref()
     }
 
-    /// Whether the bits are those that were sent.
+    /// Returns whether the checksum fits the bits.
     pub fn is_intact(&self) -> bool {
         with_message!(self, message => message.is_intact())
     }
@@ -113,9 +113,9 @@ macro_rules! record_from {
 }
 record_from!(State, Reference, Controls, Actuators);
 
-/// Name of the metadata record that holds the scenario, and the key it stands under.
+/// Name of the metadata record that holds the scenario, and its key there.
 const SCENARIO: (&str, &str) = ("scenario", "toml");
-/// Name of the metadata record that says what wrote the log.
+/// Name of the metadata record with the program and the run that wrote the log.
 const WRITTEN_BY: &str = "trefoil";
 const EVENTS: &str = "/events";
 const MEMORY: &str = "/memory";

@@ -1,6 +1,6 @@
-//! The order in which a log is told: tick by tick, as the ring turned.
+//! Sorts the messages of a log tick by tick, and within a tick by their order in the ring.
 //!
-//! A recorder empties its queues topic by topic, so that a log is in this order only from one look to the next.
+//! A recorder empties its queues topic by topic, so a log is in this order only from one emptying to the next.
 
 use std::collections::VecDeque;
 
@@ -8,10 +8,10 @@ use contract::Topic;
 
 use super::Record;
 
-/// Messages that are held back until the order among their topics is known: more than the queues of a recorder hold.
+/// Messages that are held back until the order between their topics is known: more than the queues of a recorder hold.
 const HELD_BACK: usize = 16_384;
 
-/// Tells messages tick by tick as they are read. Each topic keeps its order of writing, and no more than a limit is held.
+/// Passes messages on tick by tick while they are read. Each topic keeps its order of writing.
 pub struct TickByTick<F> {
     waiting: [VecDeque<(u64, Record)>; Topic::COUNT],
     held: usize,
@@ -31,7 +31,7 @@ impl<F: FnMut(&Record)> TickByTick<F> {
         }
     }
 
-    /// Tells what is left.
+    /// Passes on all messages that are still held.
     pub fn finish(mut self) {
         while self.held > 0 {
             self.tell();
@@ -47,18 +47,18 @@ impl<F: FnMut(&Record)> TickByTick<F> {
     }
 }
 
-/// The tick by which a message is put in order. One that is damaged tells none, and is not waited for.
+/// Returns the tick by which a message is sorted: 0 for a damaged one, which does not wait for others.
 pub fn tick(record: &Record) -> u64 {
     if record.is_intact() { record.stamp().tick } else { 0 }
 }
 
-/// The last tick that a log of so many `messages` can tell of, though most of the flight may be missing in it: a damaged stamp must
-/// not decide how much memory and time a log takes.
+/// Returns the largest tick that a log of this many `messages` can have, though most of its flight may be missing.
+/// Larger ticks come from damaged stamps, which must not decide how much memory and time a log takes.
 pub fn last_tick(messages: u64) -> u64 {
     1_000_000 + 10 * messages
 }
 
-/// The topic whose next message comes first; `None` when none has one.
+/// Returns the topic whose message comes first, given the tick of each topic's next one; `None` if no topic has one.
 pub fn next(ticks: [Option<u64>; Topic::COUNT]) -> Option<Topic> {
     let known = Topic::ALL.into_iter().filter(|topic| ticks[*topic as usize].is_some());
     known.min_by_key(|topic| ticks[*topic as usize])

@@ -1,4 +1,4 @@
-//! Reading a flight log back: whole, torn or damaged.
+//! Reads a flight log back, whether it is complete, torn or damaged.
 
 use std::{
     collections::{BTreeMap, HashMap},
@@ -25,13 +25,13 @@ use crate::files;
 use crate::limits::{MAX_EVENTS, MAX_RECORD_BYTES};
 use crate::provenance::Program;
 
-/// What wrote a log.
+/// Program and run that wrote a log.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct WrittenBy {
     pub program: Program,
-    /// How its messages are laid out, as [`LAYOUT`]; logs of earlier versions do not tell.
+    /// Layout of its messages, as in [`LAYOUT`]; `None` in logs of earlier versions.
     pub layout: Option<String>,
-    /// The run that it is a log of, the same in each of its logs; logs of earlier versions do not tell.
+    /// Name of the run, the same in each of its logs; `None` in logs of earlier versions.
     pub run: Option<String>,
 }
 
@@ -45,16 +45,16 @@ impl WrittenBy {
         Self { program, layout: keys.remove("layout"), run: keys.remove("run") }
     }
 
-    /// For people: that another program than this one wrote the log, or may have.
+    /// Tells users that another program than this one wrote the log, or may have; `None` if it is known to be the same.
     pub fn other_program(&self) -> Option<String> {
         let this = Program::this();
         (!self.program.is_same(&this)).then(|| format!("the log was written by {}, and this is {this}", self.program))
     }
 
-    /// Whether the messages are laid out as in this program: otherwise what is read of them is not what was written.
+    /// Checks that the messages are laid out as in this program; otherwise the values read would not be those written.
     ///
     /// # Errors
-    /// They are not; the error names both versions and both layouts.
+    /// Fails if the layouts differ; the error names both versions and both layouts.
     pub fn check_layout(&self) -> anyhow::Result<()> {
         let (this, layout) = (Program::this(), LAYOUT.join(" "));
         if self.layout.as_ref() == Some(&layout) {
@@ -69,7 +69,7 @@ impl WrittenBy {
     }
 }
 
-/// A flight log: what stands in it besides messages, and its messages where they are kept, each topic in the order of writing.
+/// A flight log. Its messages are empty if they were not kept; each topic is in the order of writing.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Log {
     /// The run's merged settings.
@@ -79,15 +79,15 @@ pub struct Log {
     pub references: Vec<Reference>,
     pub controls: Vec<Controls>,
     pub actuators: Vec<Actuators>,
-    /// What happened to the processes; logs of earlier versions tell of nothing.
+    /// Events of the processes; none are read from logs of earlier versions.
     pub events: Vec<Event>,
-    /// Why reading stopped before the footer: the log's writer was killed, or the file is damaged. What stands here
-    /// was read before that, and checked.
+    /// Reason why reading stopped before the footer: the log's writer was killed, or the file is damaged. The rest of
+    /// the log was read before that, and its checksums fit.
     pub defect: Option<String>,
 }
 
 impl Log {
-    /// Every message. Each topic keeps its order of writing; between topics they come tick by tick, as the ring turned.
+    /// Returns all messages tick by tick, within a tick in the ring's order. Each topic keeps its order of writing.
     pub fn tick_by_tick(&self) -> impl Iterator<Item = Record> {
         let mut states = self.states.iter().map(|m| Record::from(*m)).peekable();
         let mut references = self.references.iter().map(|m| Record::from(*m)).peekable();
@@ -104,12 +104,12 @@ impl Log {
         })
     }
 
-    /// Whether the log was finished and every checksum holds.
+    /// Returns whether the log was finished and every checksum fits.
     pub fn complete(&self) -> bool {
         self.defect.is_none()
     }
 
-    /// Keeps one more message.
+    /// Appends a message.
     pub fn push(&mut self, record: &Record) {
         match *record {
             Record::State(message) => self.states.push(message),
@@ -120,7 +120,7 @@ impl Log {
     }
 }
 
-/// Reads the log at `path` as far as it is whole, into memory; an error if that is not even as far as the scenario.
+/// Reads the log at `path` into memory, up to the first defect; an error if that comes before the scenario.
 pub fn read(path: &Path) -> anyhow::Result<Log> {
     let mut messages = Log::default();
     let Log { scenario_toml, written_by, events, defect, .. } =
@@ -128,8 +128,8 @@ pub fn read(path: &Path) -> anyhow::Result<Log> {
     Ok(Log { scenario_toml, written_by, events, defect, ..messages })
 }
 
-/// Reads the log at `path` without its messages: `each` gets those of the `span` one by one in the order of writing, with what was
-/// read before them; the scenario and what wrote the log are known then.
+/// Reads the log at `path` without its messages: `each` gets those of the `span` one by one, in the order of writing,
+/// with what was read before them, which includes the scenario and the origin of the log.
 pub fn read_in_order(path: &Path, span: Span, mut each: impl FnMut(&Log, &Record)) -> anyhow::Result<Log> {
     walk(path, &Wanted::Messages(span), |log, found, data| {
         if let Found::Message(topic) = found {
@@ -139,7 +139,7 @@ pub fn read_in_order(path: &Path, span: Span, mut each: impl FnMut(&Log, &Record
     })
 }
 
-/// Reads what the nodes remember in the `span` in the log at `path`, as far as it is whole; `each` gets it with what stands before it.
+/// Reads the snapshots in the `span` of the log at `path`, up to a defect; `each` gets them with what was read before.
 pub fn read_memories(path: &Path, span: Span, mut each: impl FnMut(&Log, Memory)) -> anyhow::Result<()> {
     let read = walk(path, &Wanted::Memories(span), |log, found, data| {
         if let Found::Memory = found {
@@ -150,13 +150,13 @@ pub fn read_memories(path: &Path, span: Span, mut each: impl FnMut(&Log, Memory)
     read.map(drop)
 }
 
-/// What stands in a log beside its events.
+/// Kinds of records that are passed on to the caller.
 enum Found {
     Message(Topic),
     Memory,
 }
 
-/// Reads what is wanted of the log at `path`; `each` gets what is found in it, not decoded, with what was read before.
+/// Reads what is `wanted` of the log at `path`; `each` gets the bytes of each record found, with what was read before.
 fn walk(
     path: &Path,
     wanted: &Wanted,
@@ -204,12 +204,12 @@ fn walk(
     Ok(contents.log)
 }
 
-/// What has been read so far, and what the channel numbers mean.
+/// State of a reading: the log so far, and the meaning of its channel numbers.
 struct Contents<'a, F> {
-    /// Gets messages and memories, if they are wanted.
+    /// Called with each message and snapshot that is wanted.
     each: F,
     wanted: &'a Wanted,
-    /// Everything else.
+    /// Everything else that was read.
     log: Log,
     has_scenario: bool,
     schemas: HashMap<u16, Topic>,
@@ -219,7 +219,7 @@ struct Contents<'a, F> {
 }
 
 impl<F: FnMut(&Log, Found, &[u8]) -> anyhow::Result<()>> Contents<'_, F> {
-    /// Takes in one record; those of no interest are left unparsed.
+    /// Takes in one record; irrelevant kinds are not parsed.
     fn take(&mut self, opcode: u8, data: &[u8]) -> anyhow::Result<()> {
         if !matches!(opcode, op::METADATA | op::SCHEMA | op::CHANNEL | op::MESSAGE) {
             return Ok(());
@@ -239,7 +239,7 @@ impl<F: FnMut(&Log, Found, &[u8]) -> anyhow::Result<()>> Contents<'_, F> {
             McapRecord::Channel(channel) => {
                 let topic = self.schemas.get(&channel.schema_id);
                 self.channels.extend(topic.map(|&topic| (channel.id, topic)));
-                // Logs of earlier versions have their events in JSON, and are read without.
+                // Logs of earlier versions have their events in JSON, which are not read.
                 if channel.topic == EVENTS && channel.message_encoding == "protobuf" {
                     self.events = Some(channel.id);
                 }

@@ -19,16 +19,16 @@ mod wire {
     include!(concat!(env!("OUT_DIR"), "/trefoil.v1.rs"));
 }
 
-/// The schema as readers want it: a serialised `FileDescriptorSet`.
+/// The schema as logs carry it: a serialised `FileDescriptorSet`.
 pub const DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/trefoil.fds"));
 
 /// Full name of the protobuf message of an event.
 pub const EVENT: &str = "trefoil.v1.Event";
 
-/// Full name of the protobuf message of what a node remembers.
+/// Full name of the protobuf message of a node's snapshot.
 pub const MEMORY: &str = "trefoil.v1.Memory";
 
-/// Full name of the protobuf message of a topic.
+/// Returns the full name of the protobuf message of a topic.
 pub const fn message_name(topic: Topic) -> &'static str {
     match topic {
         Topic::State => "trefoil.v1.State",
@@ -38,7 +38,7 @@ pub const fn message_name(topic: Topic) -> &'static str {
     }
 }
 
-/// Replaces the content of `buffer` by the record's bytes; allocates only while the buffer grows.
+/// Replaces the content of `buffer` by the record's bytes; allocates only if the buffer must grow.
 pub fn encode(record: &Record, buffer: &mut Vec<u8>) {
     buffer.clear();
     match *record {
@@ -98,7 +98,7 @@ pub fn decode_event(bytes: &[u8]) -> anyhow::Result<Event> {
     Ok(Event { tick, node, epoch, what, why, swap, origin, by, fault })
 }
 
-/// Replaces the content of `buffer` by the memory's bytes.
+/// Replaces the content of `buffer` by the snapshot's bytes.
 pub fn encode_memory(memory: &Memory, buffer: &mut Vec<u8>) {
     buffer.clear();
     let Memory { tick, topic, origin: Origin { epoch, done }, words } = memory;
@@ -114,7 +114,7 @@ pub fn decode_memory(bytes: &[u8]) -> anyhow::Result<Memory> {
     Ok(Memory { tick, topic, origin: Origin { epoch, done }, words })
 }
 
-/// An array on one side, named fields on the other.
+/// Converts between an array and a message with named fields, both ways.
 macro_rules! named_array {
     ($([$scalar:ty; $count:literal] as $name:ident { $($field:ident),* })*) => {$(
         impl From<[$scalar; $count]> for wire::$name {
@@ -153,7 +153,7 @@ impl From<wire::Arrivals> for [Arrival; MAX_ARRIVALS] {
     }
 }
 
-/// The same fields on both sides; `status_name` is written for people and not read back.
+/// Converts between types with the same fields, both ways; `status_name` is for human readers, and not read back.
 macro_rules! same_fields {
     ($($ours:ident as $name:ident { $($field:ident),* } $(+ status_name: $status_name:expr)?)*) => {$(
         impl From<$ours> for wire::$name {
@@ -188,7 +188,7 @@ same_fields! {
     Actuators as Actuators { stamp, command, flags }
 }
 
-/// The number as an enum value, if the schema has a name for it.
+/// Returns the number as an enum value; `None` if the schema has no name for it.
 fn named(status: u64, is_valid: fn(i32) -> bool) -> Option<i32> {
     i32::try_from(status).ok().filter(|&number| is_valid(number))
 }

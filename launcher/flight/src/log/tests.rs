@@ -1,4 +1,4 @@
-//! What goes in comes out; what is torn or damaged is told from what is whole.
+//! Logs return what was written; torn and damaged ones are recognised.
 
 use std::{
     fs,
@@ -25,19 +25,19 @@ mod join;
 
 const SCENARIO: &str = "name = \"hover \u{3bc}\"\n";
 
-/// A path for a log, in a folder that goes with it.
+/// Returns a path for a log, in a temporary folder that is removed when it is dropped.
 fn place() -> (TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("flight.mcap");
     (folder, path)
 }
 
-/// All numbers of a message as bits, to compare NaNs too.
+/// Returns all words of a message as bits, so that NaNs can be compared.
 fn bits(record: &Record) -> Vec<u64> {
     with_message!(record, message => bytemuck::cast_slice(bytemuck::bytes_of(message)).to_vec())
 }
 
-/// A message of any topic and any bits, with many of the values that get lost easily.
+/// Generates a message of any topic and any bits, with many values that a lossy format would change.
 fn any_record() -> impl Strategy<Value = Record> {
     fn of<M: Message>(words: &[u64]) -> M {
         *bytemuck::from_bytes(&bytemuck::cast_slice(words)[..size_of::<M>()])
@@ -53,7 +53,7 @@ fn any_record() -> impl Strategy<Value = Record> {
     })
 }
 
-/// A STATE that tells its tick in its position too.
+/// Returns a STATE whose position is its tick.
 fn state(tick: u64) -> State {
     let mut state = State { stamp: Stamp { tick, sequence: tick + 1, ..Default::default() }, ..Default::default() };
     state.actual.position_m[0] = tick as f64;
@@ -90,7 +90,7 @@ proptest! {
 }
 
 #[test]
-fn what_is_not_a_flight_log_is_told_apart() {
+fn a_file_that_is_no_flight_log_is_refused() {
     let (_folder, path) = place();
     assert!(read(&path).unwrap_err().to_string().contains("cannot read"), "a missing file");
 
@@ -101,7 +101,7 @@ fn what_is_not_a_flight_log_is_told_apart() {
 }
 
 #[test]
-fn times_are_simulated_and_published() {
+fn log_time_is_simulated_and_publish_time_is_of_the_clock() {
     let (_folder, path) = place();
     let mut log = LogWriter::create(&path, SCENARIO, 10_000_000).unwrap();
     let mut message = Controls::default();
@@ -148,7 +148,7 @@ fn events_stand_at_their_ticks_beside_the_messages() {
 fn a_killed_writer_loses_at_most_a_second() {
     let (_folder, path) = place();
     let mut log = LogWriter::create(&path, SCENARIO, 10_000_000).unwrap();
-    // What the file holds while its writer is alive is what a kill would leave.
+    // A kill would leave what the file holds at that moment.
     let so_far = || read(&path).unwrap();
     assert_eq!(so_far().scenario_toml, SCENARIO, "from the first moment");
     write_states(&mut log, 0..5);
@@ -173,7 +173,7 @@ fn a_full_disk_costs_only_what_is_not_yet_written() {
     let full = begin("/dev/full".as_ref()).err().unwrap();
     assert!(format!("{full:#}").contains("/dev/full") && format!("{full:#}").contains("No space left"), "{full:#}");
 
-    // A file in memory, later with checksum so that it cannot grow: a disk that is full in the middle of a chunk.
+    // A file in memory, later sealed so that it cannot grow: a disk that is full in the middle of a chunk.
     let disk = memfd_create("flight", MemfdFlags::ALLOW_SEALING).unwrap();
     let path = PathBuf::from(format!("/proc/self/fd/{}", std::os::fd::AsRawFd::as_raw_fd(&disk)));
     let mut log = begin(&path).unwrap();
@@ -189,7 +189,7 @@ fn a_full_disk_costs_only_what_is_not_yet_written() {
     assert!(told.contains("/proc/self/fd/") && told.contains("whole up to 1.49 s: "), "{told}");
     log.finish().unwrap();
     assert_eq!(fs::metadata(&path).unwrap().len(), whole_bytes, "cut back to the last whole chunk");
-    let (_folder, copy) = place(); // what a link leads to is not read
+    let (_folder, copy) = place(); // `read` follows no link, and the path is one
     fs::copy(&path, &copy).unwrap();
     let kept = read(&copy).unwrap();
     assert!(!kept.complete());

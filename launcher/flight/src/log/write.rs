@@ -1,4 +1,4 @@
-//! Writing the flight log so that what has been written can be read, whatever happens next.
+//! Writes the flight log so that the part on the disk can be read even if the writer dies.
 
 use std::{
     collections::BTreeMap,
@@ -25,48 +25,48 @@ use crate::provenance::Program;
 
 type Mcap = Writer<NoSeek<BufWriter<File>>>;
 
-/// The log of a run under way.
+/// The log of a run that is being flown.
 ///
-/// The first write error ends the log, not the run: it is returned once, the file is cut back to its last whole
+/// The first write error ends the log, not the run: it is returned once, the file is cut back to its last complete
 /// chunk, and later calls do nothing.
 pub struct LogWriter {
     path: PathBuf,
     /// `None` after an error.
     mcap: Option<Mcap>,
-    /// The same open file as under `mcap`, to ask how far it reaches and to cut it there.
+    /// The open file that `mcap` writes to, for its length and for cutting it.
     file: File,
-    /// MCAP's channel number of each topic.
+    /// Channel number of each topic.
     channels: [u16; Topic::COUNT],
     events: u16,
     memory: u16,
     /// Sample time \[ns\].
     sample_ns: u64,
-    /// The bytes of one message.
+    /// Bytes of one message.
     buffer: Vec<u8>,
     /// Bytes of messages in the open chunk, and its newest log time.
     open_bytes: usize,
     newest_ns: u64,
-    /// How far the file is whole, in bytes and in log time, and since when.
+    /// Length and log time up to which the file holds complete chunks, and the instant of the last flush.
     whole_bytes: u64,
     whole_ns: u64,
     flushed: Instant,
 }
 
 impl LogWriter {
-    /// Creates or replaces the file at `path`; the run's merged settings are its first record. Log time is simulated:
-    /// ticks times `sample_ns`. It is the only log of its run.
+    /// Creates or replaces the file at `path`, the only log of its run. The run's merged settings are its first record.
+    /// Log time is simulated: ticks times `sample_ns`.
     pub fn create(path: &Path, scenario_toml: &str, sample_ns: u64) -> anyhow::Result<Self> {
         let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         Self::create_part(path, scenario_toml, sample_ns, &format!("{}-{}", since.as_nanos(), std::process::id()))
     }
 
-    /// The same for one of several logs of `run`, by which they are known to belong together.
+    /// Does the same as [`Self::create`] for one of several logs of `run`; all of them carry that name.
     pub fn create_part(path: &Path, scenario_toml: &str, sample_ns: u64, run: &str) -> anyhow::Result<Self> {
         let cannot_create = || format!("cannot create {}", path.display());
         Self::begin(files::create(path).with_context(cannot_create)?, path, scenario_toml, sample_ns, run)
     }
 
-    /// The same in a `file` that is open, and empty; errors call it `path`.
+    /// Begins the log in a `file` that is open and empty; errors name it `path`.
     pub(super) fn begin(
         file: File,
         path: &Path,
@@ -118,7 +118,7 @@ impl LogWriter {
         })
     }
 
-    /// Writes what a node remembers.
+    /// Writes the snapshot of a node.
     pub fn memory(&mut self, memory: &Memory) -> anyhow::Result<()> {
         schema::encode_memory(memory, &mut self.buffer);
         self.append(&MessageHeader {
@@ -139,7 +139,7 @@ impl LogWriter {
         if self.open_bytes >= CHUNK_BYTES || self.flushed.elapsed() >= FLUSH_PERIOD { self.flush() } else { Ok(()) }
     }
 
-    /// Hands everything to the system, out of reach of a kill. [`Self::write`] does it once a second.
+    /// Hands everything to the system, where a kill cannot lose it. [`Self::write`] does so once a second.
     pub fn flush(&mut self) -> anyhow::Result<()> {
         let Some(mcap) = &mut self.mcap else { return Ok(()) };
         let reach = mcap.flush().map_err(plain).and_then(|()| Ok(self.file.stream_position()?));
@@ -153,7 +153,7 @@ impl LogWriter {
         Ok(())
     }
 
-    /// Hands everything to the system, and waits until the disk has it, out of reach of a loss of power.
+    /// Hands everything to the system, and waits until it is on the disk, where a loss of power cannot lose it.
     pub fn sync(&mut self) -> anyhow::Result<()> {
         self.flush()?;
         match self.file.sync_data() {
@@ -162,8 +162,8 @@ impl LogWriter {
         }
     }
 
-    /// Writes the index and the footer, which mark the log as complete. A dropped writer does so too, but cannot
-    /// report an error.
+    /// Writes the index and the footer, which mark the log as complete. A writer that is dropped does so too, but
+    /// cannot report an error.
     pub fn finish(mut self) -> anyhow::Result<()> {
         self.flush()?;
         let Some(mcap) = &mut self.mcap else { return Ok(()) };
@@ -173,9 +173,9 @@ impl LogWriter {
         }
     }
 
-    /// Ends the log at its last whole chunk, and says so.
+    /// Ends the log at its last complete chunk, and adds that to the error.
     pub fn give_up(&mut self, error: anyhow::Error) -> anyhow::Error {
-        drop(self.mcap.take()); // it may still write: the rest of a torn chunk, a footer; so cut after it
+        drop(self.mcap.take()); // cut after this: it may still write the rest of a torn chunk, or a footer
         let torn = match self.file.set_len(self.whole_bytes) {
             Ok(()) => "",
             Err(_) => ", then torn", // readers survive that
@@ -185,7 +185,7 @@ impl LogWriter {
     }
 }
 
-/// Starts the file: settings first, then the schemas and channels (in the first chunk), those of events and memories last.
+/// Starts the file: settings first, then the schemas and channels (in the first chunk), of events and snapshots last.
 fn open(
     sink: BufWriter<File>,
     scenario_toml: &str,
@@ -233,7 +233,7 @@ pub(super) fn metadata(name: &str, entries: &[(&str, &str)]) -> Metadata {
     Metadata { name: name.into(), metadata: entries.collect() }
 }
 
-/// The system's own words for a failed write, without MCAP's around them.
+/// Returns the system's error of a failed write, without MCAP's text around it.
 fn plain(error: McapError) -> anyhow::Error {
     match error {
         McapError::Io(error) => error.into(),

@@ -1,10 +1,10 @@
-//! The flight as it would have been had some of its ticks gone as they should.
+//! Flight as it would have been with some of its disturbed ticks in order.
 //!
-//! A tick is in order when the plant took its sample, every active process answered to it in time, having read the messages
-//! of the same tick as they were meant, and the command came to the plant before the next sample. Every other tick is
-//! **disturbed**. To undo a tick is to have all that happen: the processes that were active answer, and the command comes so long
-//! after the sample as it usually does in this flight. All other ticks stay as they were, with the same readings and instants,
-//! so that a flight with one tick undone shows what that tick cost.
+//! A tick is in order if the plant took its sample, every active process answered to it in time, having read the
+//! messages of the same tick unharmed, and the command came to the plant before the next sample. Every other tick is
+//! **disturbed**. To undo a tick is to put it in order: the processes that were active answer, and the command comes as
+//! long after the sample as is usual in this flight. All other ticks stay as they were, with the same readings and
+//! instants, so a flight with one tick undone shows what that tick cost.
 
 use std::collections::BTreeSet;
 
@@ -15,23 +15,23 @@ use runtime::release::Release;
 use super::recording::Recording;
 use super::script::{Cycle, Key, Process, Read, Script};
 
-/// What was wrong with a tick, the first thing round the ring.
+/// Disturbance of a tick: the first thing round the ring that was wrong.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Disturbed {
     pub tick: u64,
-    /// The node at which it showed.
+    /// Node at which it showed.
     pub node: &'static str,
     pub what: String,
 }
 
-/// The nodes that answer to the plant, in the order of the ring, with what each reads.
+/// Nodes that answer to the plant, in the order of the ring, with what each reads.
 const ANSWERS: [(Topic, &[Topic]); 3] = [
     (Topic::Reference, &[Topic::State]),
     (Topic::Controls, &[Topic::State, Topic::Reference]),
     (Topic::Actuators, &[Topic::State, Topic::Controls]),
 ];
 
-/// Every tick that was not in order since the script begins, but for the last, whose command has no sample after it.
+/// Returns every disturbed tick since the script begins, except the last, whose command has no sample after it.
 pub fn disturbed(recording: &Recording, script: &Script) -> Vec<Disturbed> {
     let Some(plant) = process_of(script, Topic::State, 1) else { return vec![] };
     let last = plant.cycles.last().map_or(0, |last| last.tick);
@@ -39,7 +39,7 @@ pub fn disturbed(recording: &Recording, script: &Script) -> Vec<Disturbed> {
     (first..last).filter_map(|tick| look_at(recording, script, plant, tick)).collect()
 }
 
-/// The `script` of a flight with `ticks` undone.
+/// Returns the `script` of a flight with `ticks` undone.
 #[must_use]
 pub fn without(recording: &Recording, script: &Script, ticks: &BTreeSet<u64>) -> Script {
     let mut repaired = script.clone();
@@ -92,7 +92,7 @@ fn look_at(recording: &Recording, script: &Script, plant: &Process, tick: u64) -
     }
 }
 
-/// What became of the message of a cycle, if it was not delivered as it was meant and in time.
+/// Describes what happened to the message of a cycle; `None` if it was delivered in time and as it was meant.
 fn harm(recording: &Recording, process: &Process, cycle: &Cycle) -> Option<String> {
     let deadline = Release::of(&recording.scenario).deadline(recording.scenario.deadline_of(process.topic as usize));
     let response_ns = cycle.publish_ns.saturating_sub(cycle.sample_ns);
@@ -105,13 +105,13 @@ fn harm(recording: &Recording, process: &Process, cycle: &Cycle) -> Option<Strin
     cycle.faulted.then(|| "a fault lost or changed its message".into())
 }
 
-/// The active process of a node on a tick, with its cycle.
+/// Returns the active process of a node on a tick, with its cycle.
 fn active_cycle(script: &Script, topic: Topic, tick: u64) -> Option<(&Process, &Cycle)> {
     let of_node = script.processes.iter().filter(|process| process.topic == topic);
     { of_node }.find_map(|process| Some((process, process.cycle(tick).filter(|cycle| !cycle.standby)?)))
 }
 
-/// Has one tick be in order.
+/// Puts one tick in order.
 fn undo(script: &mut Script, tick: u64, period_ns: u64, usual: &Usual) {
     let Some(plant) = script.process(Topic::State, 1) else { return };
     script.processes[plant].sample_at(tick, period_ns);
@@ -140,9 +140,8 @@ fn undo(script: &mut Script, tick: u64, period_ns: u64, usual: &Usual) {
     }
 }
 
-/// Drops the answers of a process to ticks before `tick` that it gave when later messages were there already, as one does that
-/// was started or woke up late: had it answered to `tick` in time, it would never have given them. What others read of
-/// them is what it sends at `tick`.
+/// Drops late answers of a process: those to ticks before `tick` for which it had read later messages, because it was
+/// started or woke up late. With an answer to `tick` in time they would not exist. Their readers read that one instead.
 fn forget_late_answers(script: &mut Script, i: usize, tick: u64) {
     let Process { topic, epoch, cycles, .. } = &mut script.processes[i];
     let (topic, epoch) = (*topic, *epoch);
@@ -162,7 +161,7 @@ fn forget_late_answers(script: &mut Script, i: usize, tick: u64) {
     }
 }
 
-/// The process that answers to `tick`, or else the one that answered last before it.
+/// Returns the process that answers to `tick`, or else the one that answered last before it.
 fn worker_at(script: &Script, topic: Topic, tick: u64) -> Option<usize> {
     let active =
         |process: &Process| process.cycles.iter().rfind(|cycle| cycle.tick <= tick && !cycle.standby).map(|c| c.tick);
@@ -170,7 +169,7 @@ fn worker_at(script: &Script, topic: Topic, tick: u64) -> Option<usize> {
     { of_node }.filter_map(|(i, process)| Some((active(process)?, i))).max().map(|(_, i)| i)
 }
 
-/// A process that took over continues from what the one before it did in the ticks undone.
+/// Makes each process that took over continue from the undone ticks of the one before it.
 fn continue_from_what_was_added(script: &mut Script, ticks: &BTreeSet<u64>) {
     for i in 0..script.processes.len() {
         let Process { topic, continues: Some(origin), ref cycles, .. } = script.processes[i] else { continue };
@@ -184,11 +183,11 @@ fn continue_from_what_was_added(script: &mut Script, ticks: &BTreeSet<u64>) {
     }
 }
 
-/// How long things usually take in a flight: medians over the ticks.
+/// Usual delays of a flight: medians over the ticks.
 struct Usual {
-    /// From the sample to the answer, by topic \[ns\].
+    /// Delay from the sample to the answer, by topic \[ns\].
     response_ns: [u64; Topic::COUNT],
-    /// From the sample to the arrival of its command at the plant, of those that came before the next sample \[ns\].
+    /// Delay from the sample to the arrival of its command at the plant, of those before the next sample \[ns\].
     arrival_ns: u64,
 }
 

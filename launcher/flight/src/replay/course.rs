@@ -1,4 +1,4 @@
-//! How far one process of a replay is, and what it has sent.
+//! Progress of one process of a replay, and the messages that it has sent.
 
 use std::collections::VecDeque;
 
@@ -12,26 +12,26 @@ use crate::log::Record;
 /// A message may be delivered so many cycles after it was sent.
 pub(super) const LATEST: usize = 1000;
 
-/// What runs the cycles of a process.
+/// Runner of the cycles of a process.
 pub(super) enum Runs {
     Here(Box<Worker>),
     Elsewhere(Box<Program>),
 }
 
-/// How far one process is.
+/// Progress of one process.
 #[derive(Default)]
 pub(super) struct Course {
     pub worker: Option<Runs>,
-    /// The next of its cycles, and the next of its recorded messages.
+    /// Index of its next cycle, and of its next recorded message.
     pub cycle: usize,
     pub recorded: usize,
-    /// Whether it waits for what never comes.
+    /// `true` if it waits for a message that never comes.
     pub is_held_up: bool,
-    /// Whether its last cycle was over where the replay begins.
+    /// `true` if its last cycle was over where the replay begins.
     pub follows: bool,
-    /// Its messages by tick: as meant, and as delivered if that came.
+    /// Messages by tick: as meant, and as delivered, if one was.
     pub sent: VecDeque<(u64, Record, Option<Record>)>,
-    /// What it read last, by topic.
+    /// Last input read, by topic.
     pub read: [Option<Read>; Topic::COUNT],
 }
 
@@ -41,7 +41,7 @@ impl Course {
         self.sent.get(at).filter(|(sent, ..)| *sent == tick)
     }
 
-    /// Takes in what the process sent in the cycle of `tick`.
+    /// Takes in a message that the process sent in the cycle of `tick`.
     pub fn take(&mut self, tick: u64, record: &Record) {
         let stamp = record.stamp();
         if !record.is_intact() || stamp.is_withheld() && self.sent(tick).is_some() {
@@ -56,7 +56,7 @@ impl Course {
             None => {
                 let delivered = (!stamp.is_faulted() && !stamp.is_withheld()).then_some(*record);
                 match self.sent.back_mut() {
-                    // What was sent in the place of one that was withheld.
+                    // This message was sent in the place of one that was withheld.
                     Some(last) if last.0 == tick => *last = (tick, *record, delivered),
                     _ => self.sent.push_back((tick, *record, delivered)),
                 }

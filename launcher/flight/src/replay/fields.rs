@@ -1,16 +1,16 @@
-//! The words of a message by their names, to say where two messages differ.
+//! Names of the words of a message, to say where two messages differ.
 
 use contract::Topic;
 use contract::message::{Actuators, Controls, Message, Reference, Stamp, State};
 
 use crate::log::Record;
 
-/// How a word is written.
+/// Format of a word.
 #[derive(Clone, Copy)]
 enum Kind {
     Number,
     Count,
-    /// Depends on the machine and not on the flight: not compared.
+    /// Depends on the machine and not on the flight, so it is not compared.
     Measured,
 }
 use Kind::{Count, Measured, Number};
@@ -73,15 +73,15 @@ const _: () = {
     assert!(words(ACTUATORS) == size_of::<Actuators>() / 8 - STAMP_WORDS);
 };
 
-/// A field in which two messages differ, with both values.
+/// Field in which two messages differ, with both values.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Differs {
     pub field: String,
     pub values: [String; 2],
 }
 
-/// The first field in which two messages of one topic differ: provenance first, then the payload bit by bit. Times of the clock
-/// are not compared.
+/// Returns the first field in which two messages of one topic differ: provenance first, then the payload bit by bit.
+/// Clock times are not compared.
 pub fn difference(one: &Record, other: &Record) -> Option<Differs> {
     let provenance = |record: &Record| {
         let Stamp { tick, sequence, epoch, inputs, input_epochs, faults, delivery, .. } = *record.stamp();

@@ -1,5 +1,4 @@
-//! A replay under way: each process goes on as soon as what it read has been sent. Of the log it holds the part that is being
-//! flown.
+//! Replay under way: each process goes on as soon as what it read has been sent. Only a part of the log is in memory.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -18,7 +17,7 @@ use super::script::{Cycle, Key, Process, Read, Script};
 use super::worker::Worker;
 use crate::log::{self, Memory, Record};
 
-/// Flies a recording again from its log as `plan` says; `each` gets every message, computed or of the log.
+/// Replays a recording from its log as `plan` says; `each` gets every message, computed or of the log.
 ///
 /// # Errors
 /// The log cannot be read, or a process cannot be built from its settings.
@@ -37,7 +36,7 @@ pub fn replay(recording: &Recording, plan: &Plan, each: impl FnMut(&Record)) -> 
     flight.fly_on()
 }
 
-/// Flies a recording again as a `script` has it.
+/// Replays a recording from a `script` in memory.
 ///
 /// # Errors
 /// A process cannot be built from its settings.
@@ -50,20 +49,20 @@ pub fn replay_script(
     Flight::new(recording, plan, script, each).fly_on()
 }
 
-/// A replay under way.
+/// Replay under way.
 pub(super) struct Flight<'a, F> {
     recording: &'a Recording,
     plan: &'a Plan,
     each: F,
     script: Script,
-    /// One for each process of the script.
+    /// Course of each process of the script.
     courses: Vec<Course>,
-    /// Memories that another process begins with.
+    /// Memories that other processes begin with; `None` until computed.
     memories: HashMap<(Topic, Origin), Option<Snapshot>>,
     replayed: Replayed,
-    /// Messages taken in since the processes went on.
+    /// Messages taken in since the processes last went on.
     taken: usize,
-    /// What holds up a process for good: since when, which process, and why.
+    /// Earliest process that is held up for good: its tick, topic and epoch, and why.
     held_up: Option<((u64, usize, u64), Option<String>)>,
 }
 
@@ -80,19 +79,19 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
         Self { recording, plan, each, script, courses: vec![], memories, replayed, taken: 0, held_up: None }
     }
 
-    /// What a process remembered where the replay begins, if it is in the middle of its work there.
+    /// Returns the memory of a process where the replay begins, if it is in the middle of its work there.
     fn begins_with(&self, i: usize) -> Option<&Memory> {
         let Process { topic, epoch, .. } = self.script.processes[i];
         self.script.begins_with.iter().find(|memory| (memory.topic, memory.origin.epoch) == (topic, epoch))
     }
 
-    /// Whether a cycle of a process was over where the replay begins: its messages are those of the log.
+    /// Returns whether a cycle of a process was over where the replay begins: its messages are those of the log.
     fn is_known(&self, i: usize, tick: u64) -> bool {
         let begun_at = self.replayed.begun_at;
         begun_at > 0 && tick < self.begins_with(i).map_or(begun_at + 1, |memory| memory.origin.done)
     }
 
-    /// Takes in the next message of the log, and flies what is known by then.
+    /// Takes in the next message of the log; after every [`BATCH`] of them flies what is known by then.
     ///
     /// # Errors
     /// A process cannot be built from its settings.
@@ -106,14 +105,14 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
         self.go_on_meanwhile()
     }
 
-    /// Flies what is known while more is to come.
+    /// Flies the cycles that are known so far, while more messages are to come.
     fn go_on_meanwhile(&mut self) -> anyhow::Result<()> {
         self.go_on(self.script.reach().saturating_sub(LATEST as u64))?;
         self.forget();
         Ok(())
     }
 
-    /// Flies to the end of what is known.
+    /// Flies to the end of what is known, and returns the result.
     ///
     /// # Errors
     /// A process cannot be built from its settings.
@@ -135,8 +134,9 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
         Ok(self.replayed)
     }
 
-    /// Runs every cycle for which all is there that it reads. What a fault has lost here, and not in the flight, is waited for in
-    /// vain, and so is what the log lacks: by no cycle of a tick before `until`.
+    /// Runs every cycle whose inputs are there. A cycle before `until` waits no longer: it does without a message that
+    /// a fault has lost here and not in the flight. A message that was never sent, because the log lacks it, holds it
+    /// up for good.
     fn go_on(&mut self, until: u64) -> anyhow::Result<()> {
         self.courses.resize_with(self.script.processes.len(), Course::default);
         for Process { topic, continues, .. } in &self.script.processes {
@@ -163,7 +163,7 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
                 self.cycle(i)?;
                 continue;
             }
-            // The one that is furthest behind holds the others up.
+            // The process that is furthest behind holds the others up.
             let tick = |i: usize| self.next(i).map_or(0, |next| next.tick);
             let of_log = |i: &usize| self.waits_for(*i).is_none_or(|awaited| awaited < until || awaited == u64::MAX);
             let Some(i) = waiting().filter(of_log).min_by_key(|i| (tick(*i), place(*i))) else { return Ok(()) };
@@ -175,7 +175,7 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
         }
     }
 
-    /// Lets go of messages that no process will ask for; the tick before which they were sent.
+    /// Drops sent messages that no process will ask for; returns the tick before which they were sent.
     fn forget_sent(&mut self) -> u64 {
         let waiting = (0..self.courses.len()).filter_map(|i| self.next(i)).map(|next| next.tick).min();
         let before = waiting.unwrap_or(self.script.reach()).saturating_sub(LATEST as u64);
@@ -187,7 +187,7 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
         before
     }
 
-    /// Lets go of what no process will ask for.
+    /// Drops messages, cycles and workers that are no longer needed.
     fn forget(&mut self) {
         let before = self.forget_sent();
         let newest = Topic::ALL.map(|topic| {
@@ -200,7 +200,7 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
             }
             Arc::make_mut(&mut process.recorded).drain(..course.recorded);
             course.recorded = 0;
-            // The last one stays: messages that belong to it may follow.
+            // The last cycle stays: messages that belong to it may follow.
             process.cycles.drain(..course.cycle.saturating_sub(1));
             course.cycle = course.cycle.min(1);
             let is_over = process.cycles.last().is_some_and(|last| last.tick < before);
@@ -211,7 +211,7 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
         self.script.forget_before(before.saturating_sub(LATEST as u64));
     }
 
-    /// The next cycle of a process, if there is one.
+    /// Returns the next cycle of a process; `None` if it is held up, not known whole, or after the end of the plan.
     fn next(&self, i: usize) -> Option<&Cycle> {
         let next = self.script.processes[i].cycles.get(self.courses[i].cycle)?;
         let is_whole = next.tick < self.script.reach();
@@ -222,7 +222,8 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
         self.courses.get(self.script.process(key.topic, key.epoch)?)
     }
 
-    /// Whether everything is there that the next cycle of a process reads, and has arrived if `delivered` says so.
+    /// Returns whether inputs and memory of a process's next cycle are there; with `delivered`, inputs must have
+    /// arrived.
     fn is_due(&self, i: usize, delivered: bool) -> bool {
         let Some(next) = self.next(i) else { return false };
         let process = &self.script.processes[i];
@@ -235,7 +236,7 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
             sent.is_some_and(|(.., arrived)| arrived.is_some() || *unharmed || !delivered)
         };
         if self.is_known(i, next.tick) {
-            // What it read may have been sent before that which is known.
+            // The inputs may have been sent before the messages that are known.
             return next.inputs.iter().flatten().all(|read| read.key.tick == u64::MAX || there(read));
         }
         let memory = || match process.continues {
@@ -251,12 +252,12 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
         next.inputs.iter().flatten().all(there) && next.arrivals.iter().all(|(read, _)| there(read)) && memory()
     }
 
-    /// Whether the process whose memory that is computes here.
+    /// Returns whether the process that `origin` names is computed here.
     fn is_flown(&self, topic: Topic, origin: Origin) -> bool {
         self.plan.computes(self.recording, topic, origin.epoch) && self.script.process(topic, origin.epoch).is_some()
     }
 
-    /// The first message that the next cycle of a process reads and that is not there.
+    /// Returns the first message that the next cycle of a process reads and that was not sent, if any.
     fn lacks(&self, i: usize) -> Option<&Key> {
         let next = self.next(i)?;
         let reads = next.inputs.iter().flatten().chain(next.arrivals.iter().map(|(read, _)| read));
@@ -265,12 +266,12 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
         { keys }.find(lacking)
     }
 
-    /// The tick of the message that a process waits for; `None` if it waits for no message.
+    /// Returns the tick of the message that a process waits for; `None` if it waits for no message.
     fn waits_for(&self, i: usize) -> Option<u64> {
         self.lacks(i).map(|key| key.tick)
     }
 
-    /// For people: what the next cycle of a process waits for.
+    /// Describes what the next cycle of a process waits for, for people.
     fn missing(&self, i: usize) -> Option<String> {
         let key = self.lacks(i)?;
         let which = if key.tick == u64::MAX { "a message".into() } else { format!("the answer to tick {}", key.tick) };
@@ -294,7 +295,7 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
         Ok(())
     }
 
-    /// Keeps the memory of a process that has done so many ticks, if another process begins with it.
+    /// Keeps the memory of a process that has done `done` ticks, if another process begins with it.
     fn remember(&mut self, i: usize, done: u64) {
         let Process { topic, epoch, .. } = self.script.processes[i];
         if let Some(memory) = self.memories.get_mut(&(topic, Origin { epoch, done })) {
@@ -320,7 +321,7 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
             let of_log = &self.script.processes[i].recorded[self.courses[i].recorded..];
             let answers = |record: &Record| record.stamp().tick == next.tick;
             let count = if computes {
-                // What a link held back before that which is known is only in the log; what it sends after the answer it sends here too.
+                // Messages that a link held back before are in the log only; those after the answer are sent here too.
                 sent.retain(Record::is_intact);
                 let after = sent.iter().position(answers).map_or(0, |answer| sent.len() - answer - 1);
                 of_log.iter().position(answers).map_or(0, |answer| answer + 1 + after).min(of_log.len())
@@ -345,7 +346,7 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
         Ok(())
     }
 
-    /// Has a process compute its next cycle, and compares what it sends with what it sent in the flight.
+    /// Computes the next cycle of a process, and compares what it sends with what it sent in the flight.
     fn compute(&mut self, i: usize, next: &Cycle, sent: &mut Vec<Record>) -> anyhow::Result<()> {
         let process = &self.script.processes[i];
         let mut worker = self.courses[i].worker.take().context("a process that has not begun")?;

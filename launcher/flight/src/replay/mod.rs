@@ -1,17 +1,17 @@
 //! Replay: a flight flown again from its log alone, in one thread.
 //!
 //! ```text
-//! log -> Script: who answered to which sample, what it had read, when its answer was ready   (script, recording)
+//! log -> Script: which process answered when to which sample, and what it had read           (script, recording)
 //!     -> Worker: one core with the ports, link and faults of its process                     (worker)
 //!     -> messages, compared one by one with those of the log                                 (fields)
 //! ```
 //!
-//! A process of a flight is a function of what it reads: its settings, the memory it begins with, its inputs, the clock at
-//! the end of a cycle (for its deadline), and the faults it knew. The log names all of these, so that the times of the
-//! flight need not pass again, and the order among processes is only that a message is read after it was sent. The plant reads
-//! commands, each with the instant of its arrival.
+//! A process of a flight is a function of what it reads: its settings, the memory it begins with, its inputs, the clock
+//! at the end of a cycle (for its deadline), and the faults it knew. The log names all of these. So a replay need not
+//! wait for the times of the flight, and may run processes in any order in which each message is sent before it is
+//! read. The plant reads commands, each with the instant of its arrival.
 //!
-//! A process of a program that is not this one is not run: its messages are those of the log.
+//! A process of another program is not run: its messages are those of the log.
 
 mod counterfactual;
 mod course;

@@ -1,4 +1,4 @@
-//! What a replay is to do, and what it came to.
+//! Plan of a replay, and its result.
 
 use contract::Topic;
 use contract::scenario::Scenario;
@@ -6,25 +6,25 @@ use contract::scenario::Scenario;
 use super::fields::Differs;
 use super::recording::Recording;
 
-/// Which processes compute, and with which settings.
+/// Processes that compute in a replay, and their settings.
 #[derive(Debug, Clone, Default)]
 pub struct Plan {
-    /// The only node that computes, where there is one; messages of the others are those of the log.
+    /// Node that computes alone, with the messages of the others from the log; `None` lets all compute.
     pub only: Option<Topic>,
     /// Other settings for the processes of a node.
     pub settings: Option<(Topic, Box<Scenario>)>,
     /// Another program for the processes of a node.
     pub program: Option<(Topic, String)>,
-    /// Messages of earlier ticks are not compared. The replay begins where the log last has before it what the nodes remembered.
+    /// First tick to compare. The replay begins at the last memories of the nodes that the log has before it.
     pub from: u64,
-    /// Cycles after this tick are left out.
+    /// Last tick to replay; `None` for the last of the flight.
     pub until: Option<u64>,
-    /// What is called before the active process of a node answers to a tick.
+    /// Function that is called before the active process of a node answers to a tick.
     pub before: Option<(Topic, u64, fn())>,
 }
 
 impl Plan {
-    /// The settings of a process.
+    /// Returns the settings of a process.
     pub(super) fn settings_of<'a>(&'a self, recording: &'a Recording, topic: Topic, epoch: u64) -> &'a Scenario {
         match &self.settings {
             Some((of, settings)) if *of == topic => settings,
@@ -36,7 +36,7 @@ impl Plan {
         self.program.as_ref().filter(|(of, _)| *of == topic).map(|(_, program)| program.as_str())
     }
 
-    /// Whether the processes of a node compute, but for those of another program.
+    /// Returns whether the processes of a node compute, except those of another program.
     pub fn covers(&self, topic: Topic) -> bool {
         self.only.is_none_or(|only| only == topic)
     }
@@ -47,55 +47,55 @@ impl Plan {
     }
 }
 
-/// Where a replay and its flight differ first.
+/// First difference between a replay and its flight.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Difference {
     pub tick: u64,
     pub topic: Topic,
     pub epoch: u64,
-    /// The field, with its value in the flight and in the replay.
+    /// Field, with its value in the flight and in the replay.
     pub differs: Differs,
 }
 
-/// What a replay came to.
+/// Result of a replay.
 #[derive(Debug, Clone, Default)]
 pub struct Replayed {
     /// Messages by topic.
     pub messages: [Messages; Topic::COUNT],
-    /// The first difference of all.
+    /// First difference of all, if there is one.
     pub first: Option<Difference>,
     /// Messages that differ, of those compared.
     pub different: u64,
-    /// Why it ended before the flight did.
+    /// Reason why it ended before the flight did, if it did.
     pub stopped: Option<String>,
-    /// The sample after which it began; 0 for the beginning of the flight.
+    /// Sample after which it began; 0 for the beginning of the flight.
     pub begun_at: u64,
-    /// The last sample that was flown.
+    /// Last sample that was flown.
     pub last_tick: u64,
-    /// Whether what [`Plan::before`] names came to pass.
+    /// `true` if [`Plan::before`] was called.
     pub came_to_break: bool,
 }
 
 /// Messages of one topic, and what a replay did with them.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Messages {
-    /// Those in the log.
+    /// Messages in the log.
     pub logged: u64,
-    /// Those that the replay sent.
+    /// Messages that the replay sent.
     pub computed: u64,
-    /// Of these, the ones held against one of the log.
+    /// Messages of `computed` that were compared with one of the log.
     pub compared: u64,
-    /// Of these, the ones whose bits a fault has flipped, times among them; they are counted and not compared.
+    /// Messages of `computed` whose bits, those of times too, a fault has flipped; they are not compared.
     pub flipped: u64,
 }
 
 impl Replayed {
-    /// Messages computed, of all topics.
+    /// Returns the number of computed messages of all topics.
     pub fn computed(&self) -> u64 {
         self.messages.iter().map(|of_topic| of_topic.computed).sum()
     }
 
-    /// Messages compared, of all topics.
+    /// Returns the number of compared messages of all topics.
     pub fn compared(&self) -> u64 {
         self.messages.iter().map(|of_topic| of_topic.compared).sum()
     }

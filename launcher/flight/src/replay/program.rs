@@ -1,7 +1,7 @@
-//! Another program in the place of a process: it flies in lockstep in a namespace of its own, where the replay is everything
-//! else. It is started as in a flight (`launcher swap --exec`), and answers to every sample from tick 0 on.
+//! Another program in the place of a process. It flies in lockstep in a namespace of its own, where the replay is
+//! everything else. It is started as in a flight (`launcher swap --exec`), and answers to every sample from tick 0.
 //!
-//! It has no clock and no fault of its own link: what it answers is delivered.
+//! The program has no clock and no fault of its own link: all its answers are delivered.
 
 use std::rc::Rc;
 use std::sync::Arc;
@@ -25,17 +25,17 @@ use crate::recorder::Observers;
 use crate::stack::children::{Children, SpawnRequest};
 
 const A_DAY: Duration = Duration::from_secs(86_400);
-/// How long it is waited for a program without a look around \[ns\].
+/// Longest wait for a program between two looks \[ns\].
 const LOOK_NS: u64 = 1_000_000;
 
-/// A program that answers in the place of a node.
+/// Program that answers in the place of a node.
 pub struct Program {
     topic: Topic,
     page: Arc<ControlPage>,
     states: Option<Rc<dyn Send<State>>>,
     references: Option<Rc<dyn Send<Reference>>>,
     controls: Option<Rc<dyn Send<Controls>>>,
-    /// Numbers of the messages put before it, by topic.
+    /// Number of messages sent to it so far, by topic.
     sent: [u64; Topic::COUNT],
     observers: Observers,
     wall_limit: Duration,
@@ -50,7 +50,7 @@ impl Program {
     /// Starts `program` as the node that answers on `topic`, with the settings `scenario`.
     ///
     /// # Errors
-    /// It cannot be started, or is not ready in time.
+    /// The program cannot be started, or is not ready in time.
     pub fn start(topic: Topic, scenario: &Scenario, program: &str) -> anyhow::Result<Self> {
         static NEXT: AtomicU32 = AtomicU32::new(0);
         let namespace = format!("replay-{}-{}", std::process::id(), NEXT.fetch_add(1, Ordering::Relaxed));
@@ -79,7 +79,7 @@ impl Program {
             sent: [0; Topic::COUNT],
             observers: Observers::open(&mut ports, &scenario)?,
             wall_limit: match scenario.supervision.wall_limit_s {
-                0.0 => A_DAY, // none was wanted
+                0.0 => A_DAY, // no limit was wanted
                 limit_s => Duration::from_secs_f64(limit_s),
             },
             page,
@@ -96,7 +96,7 @@ impl Program {
         Ok(started)
     }
 
-    /// Puts `message` before it: the newest of its topic.
+    /// Sends `message` to the program, as the newest of its topic.
     pub fn read(&mut self, message: &Record) {
         let number = &mut self.sent[message.topic() as usize];
         *number += 1;
@@ -108,10 +108,10 @@ impl Program {
         }
     }
 
-    /// Has it answer up to the tick of `cycle`; `each` gets its answer to that.
+    /// Lets the program answer up to the tick of `cycle`; `each` gets its answer to that tick.
     ///
     /// # Errors
-    /// It ends, or does not answer.
+    /// The program ends, or does not answer in time.
     pub fn run(&mut self, cycle: &Cycle, mut each: impl FnMut(&Record)) -> anyhow::Result<()> {
         let done = cycle.tick as u32 + 1;
         for upstream in Topic::ALL.into_iter().filter(|topic| *topic != self.topic) {
@@ -129,7 +129,7 @@ impl Program {
         Ok(())
     }
 
-    /// Waits until it `is_so`, and calls `meanwhile` again and again.
+    /// Waits until `is_so` holds, and calls `meanwhile` again and again; fails if the program ends, or after `limit`.
     fn wait(
         &mut self,
         limit: Duration,
@@ -157,7 +157,7 @@ impl Program {
     }
 }
 
-/// Where messages of `M` are sent, but for those of the node itself.
+/// Opens the sender of messages of `M`; `None` for those of the node itself.
 fn sender<M: Wire>(ports: &mut Ports, topic: Topic) -> anyhow::Result<Option<Rc<dyn Send<M>>>> {
     Ok((M::TOPIC != topic).then(|| ports.sender(1)).transpose()?)
 }
@@ -166,7 +166,7 @@ fn sender<M: Wire>(ports: &mut Ports, topic: Topic) -> anyhow::Result<Option<Rc<
 fn put<M: Message>(page: &ControlPage, sender: Option<&Rc<dyn Send<M>>>, mut message: M, number: u64) {
     let stamp = message.stamp_mut();
     (stamp.epoch, stamp.sequence) = (1, number);
-    // It fails where the program is gone, which is seen when it is waited for.
+    // Fails if the program is gone, which the next wait for it sees.
     let _ = sender.map(|sender| sender.send(&message.with_checksum()));
     page.doorbell(M::TOPIC).mark();
 }

@@ -1,4 +1,4 @@
-//! What is known of a flight beside its messages: what each process flew with. The messages stay in the log.
+//! Settings and faults that each process of a flight flew with. The messages stay in the log.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -13,23 +13,23 @@ use super::script::{LOOK_AHEAD, Script};
 use crate::event::{Event, What};
 use crate::log::{self, Memory, Span};
 
-/// Samples of a script that is held in memory, at most: 16 minutes at 100 Hz take 260 MB.
+/// Most samples of a script in memory: 16 minutes at 100 Hz take 260 MB.
 const MOST_SAMPLES: u64 = 100_000;
-/// Messages read before those of computing processes are let go of.
+/// Messages to read before those of computed processes are dropped.
 const BATCH: u64 = 4096;
 
-/// A flight as it was, to be flown again.
+/// Flight as it was recorded, to be replayed.
 #[derive(Debug, Clone)]
 pub struct Recording {
-    /// The settings at its beginning, with the swaps that were ordered in flight.
+    /// Settings at its beginning, with the swaps that were ordered in flight.
     pub scenario: Scenario,
-    /// The log; the first, where several recorders wrote.
+    /// Path of the log, or of its first file if several recorders wrote.
     pub(super) log: PathBuf,
-    /// Faults given and changed in flight, in order.
+    /// Faults given and changed in flight, in order, each with its number.
     pub(super) given: Vec<(usize, Fault)>,
-    /// Messages in the log, by topic, those that are not whole too.
+    /// Messages in the log, by topic, including those that are not intact.
     pub(super) logged: [u64; Topic::COUNT],
-    /// The last sample in the log.
+    /// Last sample in the log.
     last_tick: u64,
     /// Processes of other programs than this one: topic and epoch.
     pub foreign: Vec<(Topic, u64)>,
@@ -38,11 +38,11 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// What the log at `path` tells of a flight, whose `events`, number of messages by topic and last sample are these. `settled` are
-    /// the settings in the folder of the run, which have the swaps that were ordered in flight.
+    /// Creates the recording of the flight whose log at `path` has these `events`, messages by topic and last sample.
+    /// `settled` are the settings in the folder of the run, which have the swaps that were ordered in flight.
     ///
     /// # Errors
-    /// A process cannot be flown again: its settings are not there.
+    /// The settings of a process are missing.
     pub fn new(
         path: &Path,
         events: &[Event],
@@ -54,7 +54,7 @@ impl Recording {
         let mut scenario = scenario.clone();
         let mut injected = events.iter().filter(|event| event.what == What::Injected);
         if let Some(first) = injected.find_map(|event| event.fault.as_ref()) {
-            scenario.fault.truncate(first.0); // where logs were joined the settings have them already
+            scenario.fault.truncate(first.0); // the settings of joined logs have them already
         }
         let given = events.iter().filter_map(|event| event.fault.as_deref().copied()).collect();
         scenario.swap = settled.map_or(scenario.swap, |settled| settled.swap.clone());
@@ -76,9 +76,9 @@ impl Recording {
         Ok(Self { scenario, log: path.into(), given, logged, last_tick, foreign, settings })
     }
 
-    /// A script that begins at the newest place before tick `from` where the log has what the nodes remembered, or else at the
-    /// beginning, without messages as yet. Of what was sent before it is to know what may still be under way, and what a fault that
-    /// delays a sensor goes back to.
+    /// Creates a script, without messages, that begins at the last memories of the nodes in the log before tick `from`,
+    /// or else at tick 0. It also takes in what was sent before: messages that may be under way, and samples for
+    /// delayed sensors.
     ///
     /// # Errors
     /// The log cannot be read.
@@ -97,21 +97,21 @@ impl Recording {
         Ok(Script::beginning_with(memories, before))
     }
 
-    /// The time by which messages of `tick` are logged \[ns\].
+    /// Returns the log time of `tick` \[ns\].
     fn log_time(&self, tick: u64) -> u64 {
         tick.saturating_mul(self.scenario.sample_ns())
     }
 
-    /// The span of the log that is read for a script to the tick `until`: a process that slept may have read what was sent after it.
+    /// Returns the span of the log up to tick `until`, and on: a process that slept may have read later messages.
     pub(super) fn span(&self, script: &Script, until: u64) -> Span {
         self.log_time(script.begins())..=self.log_time(until.saturating_add((LOOK_AHEAD / Topic::COUNT) as u64))
     }
 
-    /// The script of the flight in memory, from the last place before tick `from` where it can begin to the tick `until`; of
-    /// processes that can compute without their messages.
+    /// Reads the script of the flight into memory, from the last place before tick `from` where it can begin up to tick
+    /// `until`. Messages of processes that can be computed are left out.
     ///
     /// # Errors
-    /// That is too long, or the log cannot be read.
+    /// The flight is too long, or the log cannot be read.
     pub fn script(&self, from: u64, until: u64) -> anyhow::Result<Script> {
         let mut script = self.begin(from)?;
         let samples = until.min(self.last_tick).saturating_sub(script.begun_at());

@@ -1,11 +1,10 @@
-//! The script of a flight: which process answered to which samples, and what it had read. Made from the log alone, message by
-//! message.
+//! Script of a flight, from its log alone: which process answered to which samples, and what it had read.
 //!
-//! A message is known by its topic, the epoch of its publisher and the tick it answers to: no process answers twice. What
-//! a fault made of it on the way, and what its deadline withheld, is known by the same.
+//! A message is known by its topic, the epoch of its publisher and the tick it answers to: no process answers twice.
+//! Copies that a fault has changed on the way or a deadline has withheld are known by the same.
 //!
-//! A process that slept may have read what was sent long after the sample that it answers to. So a message is held back until those
-//! after it are known too, no more of them than a limit.
+//! A process that slept may have read what was sent long after the sample that it answers to. So a message is held back
+//! until [`LOOK_AHEAD`] later ones are known, or the log ends.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -17,7 +16,7 @@ use runtime::shared_role::Origin;
 
 use crate::log::{Memory, Record, last_tick};
 
-/// One message, and what became of it on the way.
+/// Key of a message and of its copies that a fault changed or a deadline withheld.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Key {
     pub topic: Topic,
@@ -25,74 +24,74 @@ pub struct Key {
     pub tick: u64,
 }
 
-/// A message that a process read.
+/// Message that a process read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Read {
     pub key: Key,
-    /// Whether it is read as it was meant, whatever a fault made of it on the way.
+    /// `true` if it is read as it was meant, whatever a fault made of it on the way.
     pub unharmed: bool,
 }
 
-/// One cycle of a process: the answer to a sample, or the sample.
+/// Cycle of a process: its answer to a sample; for the plant the sample.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Cycle {
     pub tick: u64,
-    /// The instant of the sample, and when the answer was ready, as the process read it \[ns\].
+    /// Instant of the sample, and (`publish_ns`) when the answer was ready, as the process read the clock \[ns\].
     pub sample_ns: u64,
     pub publish_ns: u64,
-    /// Whether its process was on standby.
+    /// `true` if the process was on standby.
     pub standby: bool,
-    /// Whether a fault lost or changed its message on the way.
+    /// `true` if a fault lost or changed the message on the way.
     pub faulted: bool,
-    /// Changes of the fault table that the process knew.
+    /// Number of changes of the fault table that the process knew.
     pub faults: u64,
-    /// What it read, by topic: the newest message it had; for the plant nothing.
+    /// Inputs by topic: the newest message that the process had; none for the plant.
     pub inputs: [Option<Read>; Topic::COUNT],
-    /// Commands that came to the plant since the sample before, each with the time from then to its arrival \[ns\].
+    /// Commands that came to the plant since the sample before, each with its delay from that sample \[ns\].
     pub arrivals: Vec<(Read, u64)>,
 }
 
-/// What one process did.
+/// Cycles and messages of one process.
 #[derive(Debug, Clone)]
 pub struct Process {
     pub topic: Topic,
     pub epoch: u64,
-    /// Whose memory it began with.
+    /// Process and tick whose memory it began with; `None` if it began without.
     pub continues: Option<Origin>,
     pub cycles: Vec<Cycle>,
-    /// Its messages in the order of sending, those that are whole.
+    /// Intact messages in the order of sending.
     pub recorded: Arc<Vec<Record>>,
     numbers: Numbers,
-    /// What it read last, by topic: publisher and number, and what that is.
+    /// Last input by topic: epoch and sequence number, and the message.
     last_read: [Option<(u64, u64, Read)>; Topic::COUNT],
-    /// Whether the log lacks messages of it: what comes after them is left out.
+    /// `true` if the log lacks messages of it; all later ones are left out.
     has_hole: bool,
 }
 
-/// The messages that a process sent, by number.
+/// Sequence numbers of the messages that a process sent.
 #[derive(Debug, Clone, Default)]
 struct Numbers {
-    /// Messages known, and the highest number.
+    /// Number of messages known, and the highest sequence number.
     messages: u64,
     sent: u64,
-    /// Numbers, each with the tick that it stands for: the first message of a number is as it was meant.
+    /// Sequence numbers, each with its tick; the first message of a number is the one as meant.
     ticks: VecDeque<(u64, u64)>,
 }
 
-/// What every process of a flight did, as far as it is known.
+/// Cycles of every process of a flight, as far as they are known.
 #[derive(Debug, Clone)]
 pub struct Script {
-    /// In the order in which they are first heard of.
+    /// Processes in the order of their first messages.
     pub processes: Vec<Process>,
-    /// What the log lacks, by process, each with the tick after which nothing of it is known.
+    /// Gaps of the log, by process, each with the tick after which nothing of that process is known.
     pub holes: Vec<(u64, String)>,
     ahead: VecDeque<Record>,
     look_ahead: usize,
-    /// What the nodes remembered where it begins in the middle of the flight.
+    /// Memories of the nodes, if the script begins in the middle of the flight.
     pub(super) begins_with: Vec<Memory>,
-    /// The first tick of which messages are taken in.
+    /// First tick of which messages are taken in.
     begins: u64,
-    /// The newest tick of which a cycle is known; at its highest when no more messages come.
+    /// Newest tick of which a cycle is known; `u64::MAX` when no more messages come.
     reach: u64,
 }
 
@@ -106,7 +105,7 @@ impl Default for Script {
 }
 
 impl Script {
-    /// The whole of a flight.
+    /// Makes the script of a whole flight.
     pub fn of(messages: impl Iterator<Item = Record>) -> Self {
         let mut script = Self::default();
         messages.for_each(|record| script.push(&record));
@@ -126,24 +125,24 @@ impl Script {
         }
     }
 
-    /// One that begins where the nodes remember that, and knows what was sent in so many ticks `before`; with nothing, at the
-    /// beginning.
+    /// Creates a script that begins at the memories `begins_with`, and also takes in messages of the `before` ticks
+    /// earlier. Without memories it begins at tick 0.
     pub(super) fn beginning_with(begins_with: Vec<Memory>, before: u64) -> Self {
         let begins = begins_with.first().map_or(0, |memory| memory.tick.saturating_sub(before).max(1));
         Self { begins_with, begins, ..Self::default() }
     }
 
-    /// The sample after which it begins; 0 for the beginning of the flight.
+    /// Returns the sample after which it begins; 0 for the beginning of the flight.
     pub fn begun_at(&self) -> u64 {
         self.begins_with.first().map_or(0, |memory| memory.tick)
     }
 
-    /// The first tick of which messages are taken in.
+    /// First tick of which messages are taken in.
     pub(super) fn begins(&self) -> u64 {
         self.begins
     }
 
-    /// Takes in the next message of the log, tick by tick.
+    /// Takes in the next message of the log, in the order of ticks.
     pub fn push(&mut self, record: &Record) {
         if !record.is_intact() || record.stamp().tick < self.begins {
             return;
@@ -158,12 +157,12 @@ impl Script {
         }
     }
 
-    /// No more messages come.
+    /// Finds the cycles of all messages held back; no more come.
     pub fn finish(&mut self) {
         while self.finish_some(usize::MAX) {}
     }
 
-    /// The same for no more than so many messages; whether there are others.
+    /// Finds the cycles of at most `most` messages held back; returns whether there are others.
     pub(super) fn finish_some(&mut self, most: usize) -> bool {
         (0..most.min(self.ahead.len())).for_each(|_| self.find_next_cycle());
         if self.ahead.is_empty() {
@@ -172,7 +171,7 @@ impl Script {
         !self.ahead.is_empty()
     }
 
-    /// The tick before which every cycle is known, with all of its messages.
+    /// Returns the tick before which every cycle is known, with all of its messages.
     pub(super) fn reach(&self) -> u64 {
         self.reach
     }
@@ -181,7 +180,7 @@ impl Script {
         self.processes.iter().position(|process| (process.topic, process.epoch) == (topic, epoch))
     }
 
-    /// Leaves out the numbers of messages that were sent before `tick`.
+    /// Drops the sequence numbers of messages that were sent before `tick`.
     pub(super) fn forget_before(&mut self, tick: u64) {
         for Process { numbers: Numbers { ticks, .. }, .. } in &mut self.processes {
             while ticks.len() > 1 && ticks.front().is_some_and(|(_, sent)| *sent < tick) {
@@ -190,7 +189,7 @@ impl Script {
         }
     }
 
-    /// Leaves out the messages of such processes, and keeps their cycles; what they sent where it begins stays.
+    /// Drops the messages of the processes `of`, and keeps their cycles; messages sent where the script begins stay.
     pub(super) fn forget_messages(&mut self, of: impl Fn(Topic, u64) -> bool) {
         let begun = if self.begins_with.is_empty() { 0 } else { self.begun_at() + HELD_MESSAGES as u64 };
         for process in self.processes.iter_mut().filter(|process| of(process.topic, process.epoch)) {
@@ -198,7 +197,7 @@ impl Script {
         }
     }
 
-    /// The process that sent `record`.
+    /// Returns the index of the process that sent `record`, which is added if it is new.
     fn process_of(&mut self, record: &Record) -> usize {
         let (topic, epoch) = (record.topic(), record.stamp().epoch);
         self.process(topic, epoch).unwrap_or_else(|| {
@@ -238,7 +237,7 @@ impl Script {
         Arc::make_mut(&mut self.processes[at].recorded).push(record);
     }
 
-    /// A message by its number. One that the log lacks is looked for in vain.
+    /// Finds a message by its sequence number; one that the log lacks has the tick `u64::MAX`.
     fn read(&self, topic: Topic, epoch: u64, sequence: u64) -> Read {
         let ticks = self.process(topic, epoch).map(|i| &self.processes[i].numbers.ticks);
         let tick = ticks.and_then(|ticks| {
@@ -263,8 +262,8 @@ impl Process {
         }
     }
 
-    /// Takes note of the number of a message, and of whose memory its process began with; an error where it is of no use, with the
-    /// reason if that is new: what the process remembers after a gap in the numbers is not known.
+    /// Notes the number of a message, and whose memory its process began with. Fails from a gap in the numbers on,
+    /// because what the process then remembers is not known; the error has the gap if it is new.
     fn number(&mut self, record: &Record, begins: u64) -> Result<(), Option<(u64, String)>> {
         let Stamp { sequence, tick, .. } = *record.stamp();
         if self.has_hole {
@@ -298,7 +297,7 @@ impl Process {
         Ok(())
     }
 
-    /// Whether a message begins a cycle: the first of each tick does, which never goes back.
+    /// Returns whether a message begins a cycle: the first of each tick does. Ticks never go back.
     fn is_cycle(&mut self, stamp: &Stamp) -> bool {
         let Some(last) = self.cycles.last_mut().filter(|last| stamp.tick <= last.tick) else { return true };
         last.faulted |= stamp.is_faulted() && stamp.tick == last.tick;
@@ -319,12 +318,12 @@ impl Process {
         });
     }
 
-    /// Its cycle of a tick.
+    /// Returns its cycle of `tick`, if there is one.
     pub fn cycle(&self, tick: u64) -> Option<&Cycle> {
         self.cycles.get(self.cycles.partition_point(|cycle| cycle.tick < tick)).filter(|cycle| cycle.tick == tick)
     }
 
-    /// Has the plant take the sample of `tick`, if it did not: what arrived after it is counted from it.
+    /// Adds the sample of `tick` to the plant, if it is missing: arrivals after it are then counted from it.
     pub fn sample_at(&mut self, tick: u64, period_ns: u64) {
         let at = self.cycles.partition_point(|cycle| cycle.tick < tick);
         if self.cycles.get(at).is_none_or(|cycle| cycle.tick == tick) || at == 0 {
@@ -342,7 +341,7 @@ impl Process {
         self.cycles.insert(at, Cycle { tick, sample_ns, publish_ns, arrivals: earlier, ..before });
     }
 
-    /// Has `command` come to the plant so long after the sample that it answers to, and at no other time.
+    /// Lets `command` come to the plant `after_ns` after the sample that it answers to, and at no other time.
     pub fn arrive(&mut self, command: Read, after_ns: u64) {
         self.cycles.iter_mut().for_each(|cycle| cycle.arrivals.retain(|(read, _)| read.key != command.key));
         let at = self.cycles.partition_point(|cycle| cycle.tick <= command.key.tick);

@@ -15,7 +15,7 @@ use crate::event::What;
 use crate::inprocess;
 use crate::log::{Log, Record};
 
-/// A flight of some seconds in process, with its log.
+/// Flies some seconds in process, and returns the settings and the log.
 fn flown(seconds: f64, faults: &[Fault], swaps: &[Swap]) -> (Scenario, Log) {
     let mut scenario = Scenario { fault: faults.to_vec(), swap: swaps.to_vec(), ..Scenario::default() };
     scenario.run.mode = contract::scenario::Mode::Inprocess;
@@ -42,7 +42,7 @@ fn replay(flight: &(Scenario, Log), plan: &Plan) -> Replayed {
     replay_script(&recording, script, plan, |_| {}).unwrap()
 }
 
-/// Replayed message by message by one who knows no more of the flight than a few ticks at a time.
+/// Replays message by message, and looks ahead by 400 messages only.
 fn read_on((scenario, log): &(Scenario, Log), plan: &Plan) -> Replayed {
     let (recording, _) = recording(&(scenario.clone(), log.clone()));
     let mut flight = Flight::new(&recording, plan, Script::looking_ahead(400), |_| {});
@@ -58,7 +58,7 @@ fn fault(target: FaultTarget, kind: FaultKind, at_s: f64) -> Fault {
     Fault::new(target, kind, at_s, Some(0.1))
 }
 
-/// A fault of every topic and process, and of sensors.
+/// Returns faults of every topic and process, and of sensors.
 fn all_faults() -> Vec<Fault> {
     use FaultKind::*;
     use FaultTarget as Target;
@@ -98,7 +98,7 @@ fn a_flight_with_every_kind_of_trouble_repeats_bit_for_bit() {
     assert_eq!((&read_on.messages, &read_on.first, read_on.stopped), (&replayed.messages, &None, None));
 }
 
-/// Processes that die on the tick of their take-over have answered to nothing: the next one continues from the one before them.
+/// A process that dies on the tick of its take-over has answered to nothing: the next one goes on from its predecessor.
 #[test]
 fn a_flight_with_any_schedule_of_kills_repeats_bit_for_bit() {
     let nodes = [FaultTarget::Guidance, FaultTarget::AttitudeMpc, FaultTarget::Mixer];
@@ -159,7 +159,7 @@ fn a_wrong_constant_is_found_at_the_first_tick_that_it_matters() {
 }
 
 #[test]
-fn one_node_alone_answers_to_what_it_had_read() {
+fn one_node_replayed_alone_repeats_its_messages() {
     let flight = flown(2.0, &[fault(FaultTarget::State, FaultKind::Drop, 1.0)], &[]);
     for only in Topic::ALL {
         let replayed = replay(&flight, &Plan { only: Some(only), ..Plan::default() });
@@ -190,7 +190,7 @@ fn a_log_that_lacks_a_message_replays_up_to_there_and_says_so() {
     assert_eq!((read_on.last_tick, read_on.stopped), (100, Some(why)), "though the log goes on");
 }
 
-/// The mixer gets nothing for three ticks. Undone, the flight is the one that was never disturbed.
+/// The mixer gets nothing for three ticks. With these undone, the flight equals one that was never disturbed.
 #[test]
 fn a_flight_without_its_only_stall_is_the_flight_that_had_none() {
     let stall = Fault::new(FaultTarget::AttitudeMpc, FaultKind::Stop, 0.5, Some(0.03));
@@ -212,7 +212,7 @@ fn a_flight_without_its_only_stall_is_the_flight_that_had_none() {
 
 /// A mixer that slept answers to an old tick with the newest state, skips two, and goes on.
 #[test]
-fn a_tick_can_be_undone_that_a_process_answered_late_to_those_before() {
+fn a_tick_can_be_undone_after_late_answers_to_earlier_ones() {
     let (recording, mut script) = recording(&flown(1.0, &[], &[]));
     let [plant, mixer] = [Topic::State, Topic::Actuators].map(|topic| script.process(topic, 1).unwrap());
     let processes = &mut script.processes;

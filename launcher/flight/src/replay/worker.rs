@@ -1,5 +1,5 @@
-//! One process of a replay: its core, ports, link and faults, alone with a control page and queues of its own. What it reads
-//! is put before it; what it sends is taken away.
+//! Process of a replay: its core, ports, link and faults, with a control page and queues of its own. The caller sends
+//! it what it reads, and takes away what it sends.
 
 use std::rc::Rc;
 
@@ -29,7 +29,7 @@ pub struct Worker {
     states: Feed<State>,
     references: Feed<Reference>,
     controls: Feed<Controls>,
-    /// Changes of the fault table that it knows.
+    /// Number of changes of the fault table that it knows.
     faults: u64,
 }
 
@@ -38,14 +38,14 @@ enum Core {
     Node(Box<dyn Node>),
 }
 
-/// The plant with its output, and the tick of its newest sample.
+/// Plant with its output, and the tick of its newest sample.
 struct Vehicle {
     plant: Plant,
     output: Output<State>,
     tick: u64,
 }
 
-/// Where the messages of one topic are put.
+/// Senders of the messages of one topic, by epoch.
 struct Feed<M> {
     senders: Vec<(u32, Rc<dyn Send<M>>)>,
 }
@@ -60,7 +60,7 @@ impl<M: Wire> Feed<M> {
         }
         role.assign(0, |_| Assignment { active: epoch, standby: 0 });
         let sender = self.senders.iter().find(|(known, _)| *known == epoch);
-        // It fails where no port listens, and the worker's does.
+        // Fails if no port listens; the worker's port does.
         let _ = sender.map(|(_, sender)| sender.send(message));
         ring.page.doorbell(M::TOPIC).mark();
         Ok(())
@@ -68,7 +68,7 @@ impl<M: Wire> Feed<M> {
 }
 
 impl Worker {
-    /// The process `epoch` of the node that answers on `topic`, which begins with this memory.
+    /// Creates the process `epoch` of the node that answers on `topic`, which begins with this memory.
     pub fn new(
         topic: Topic,
         epoch: u32,
@@ -80,7 +80,7 @@ impl Worker {
         let member = Member::of_recording(ring.page.clone(), topic, epoch, scenario);
         let mut ports: Ports = ring.ports();
         let mut scenario = scenario.clone();
-        scenario.mpc.time_limit_ms = 0.0; // what is found must not depend on this machine
+        scenario.mpc.time_limit_ms = 0.0; // the result must not depend on this machine
         let mut core = match topic {
             Topic::State => {
                 let output = Output::open(&mut ports, &member, &scenario)?;
@@ -98,25 +98,25 @@ impl Worker {
         Ok(Self { ring, member, core, observers, states, references, controls, faults: 0 })
     }
 
-    /// Puts `message` before it: the newest of its topic.
+    /// Sends `message` to the process, as the newest of its topic.
     pub fn read(&mut self, message: &Record) -> Result<(), SessionError> {
         match message {
             Record::State(state) => self.states.put(&self.ring, state),
             Record::Reference(reference) => self.references.put(&self.ring, reference),
             Record::Controls(controls) => self.controls.put(&self.ring, controls),
-            Record::Actuators(_) => Ok(()), // the plant is given them with their arrival
+            Record::Actuators(_) => Ok(()), // the plant gets them with their arrival
         }
     }
 
-    /// A command comes to the plant, so long after the sample before.
+    /// Gives the plant a command that arrives `after_ns` after its last sample.
     pub fn command(&mut self, command: &Actuators, after_ns: u64) {
         if let Core::Plant(vehicle) = &mut self.core {
             vehicle.plant.command(command, after_ns);
         }
     }
 
-    /// Runs one cycle under the faults that it knew then, of those `given` in flight; `each` gets what it sends. Where that is `known`
-    /// nothing is computed, and it goes the way that it went: so the ports and faults come to where the flight had them.
+    /// Runs one cycle under the faults, of those `given` in flight, that the process knew then; `each` gets what it
+    /// sends. A `known` message is not computed but sent again: so ports and faults come to where the flight had them.
     pub fn run(
         &mut self,
         cycle: &Cycle,
@@ -135,7 +135,7 @@ impl Worker {
             Assignment { active: *epoch, standby: 0 }
         };
         page.role(*topic).assign(cycle.tick as u32, |_| active);
-        // The clock as it is; what a fault adds to it is added again.
+        // Sets the clock without the offset of a fault: `publish_ns` has it already, and the fault adds it again.
         let read_ns = faults.read_ns(cycle.tick, cycle.publish_ns);
         let provenance = Stamp::at(cycle.tick, cycle.sample_ns);
         match &mut self.core {
@@ -167,12 +167,12 @@ impl Worker {
         });
     }
 
-    /// Says with whose memory the process began, where that itself is not known.
+    /// Notes whose memory the process began with, if that memory itself is not known.
     pub fn continue_from(&self, origin: Origin) {
         self.member.continues.set(origin);
     }
 
-    /// Goes on from what the process remembered in the flight; false where that is no memory of it.
+    /// Continues from what the process remembered in the flight; returns false if `memory` does not fit it.
     pub fn restore(&mut self, memory: &Memory) -> bool {
         match &mut self.core {
             Core::Plant(vehicle) => {
@@ -185,7 +185,7 @@ impl Worker {
         }
     }
 
-    /// What it remembers.
+    /// Returns the memory of the process; `None` for the plant.
     pub fn memory(&self) -> Option<Snapshot> {
         match &self.core {
             Core::Plant(_) => None,

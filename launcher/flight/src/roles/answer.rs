@@ -1,10 +1,10 @@
-//! One answer of a node to one sample, as far as two processes of that node can be compared.
+//! Comparison of the answers that two processes of a node give to the same samples.
 //!
-//! The similarity of two processes is how alike their answers have been of late, number by number.
+//! The similarity of two processes compares their latest answers, number by number.
 //!
-//! A number's similarity is the cosine of the angle between its last values from the one and from the other, with values
-//! forgotten by and by: 1 when they are the same up to a factor, 0 when they have nothing in common, -1 when one is the
-//! opposite of the other. It tells a wrong sign while the values are still small, on standby.
+//! The similarity of a number is the cosine of the angle between its last values from the one process and from the
+//! other, where older values weigh less: 1 if they are the same up to a factor, 0 if they have nothing in common, -1 if
+//! one is the opposite of the other. It shows a wrong sign while the values are still small, on standby.
 
 use std::f64::consts::PI;
 
@@ -17,44 +17,44 @@ use contract::topic::{NODES, Topic};
 
 use crate::log::Record;
 
-/// Reference of w that counts as the largest \[m/s\], unless the limit is lower.
+/// Largest common reference of w \[m/s\], unless the limit of the settings is lower.
 const W_MPS: f64 = 5.0;
 
 const NUMBERS: usize = 4;
-/// Where the heading stands among the numbers of a reference.
+/// Index of the heading among the numbers of a reference.
 const HEADING: usize = 3;
-/// What a heading is a share of \[rad\].
+/// Largest heading \[rad\].
 const HEADING_RAD: f64 = PI;
 
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Answer {
     pub tick: u64,
     pub epoch: u64,
-    /// From the sample to the answer \[ns\].
+    /// Time from the sample to the answer \[ns\]; see [`Scale::clocked`].
     pub response_ns: u64,
-    /// Whether it is whole, and its numbers can be true.
+    /// `true` if its checksum fits and its numbers are plausible.
     pub usable: bool,
-    /// Its numbers, each as a share of what is commonly the largest.
+    /// Numbers of the answer, each as a share of its largest common value.
     pub shares: [f64; NUMBERS],
-    /// Whether the last of them is a heading, which comes round.
+    /// `true` if the last number is a heading, which wraps round.
     pub has_heading: bool,
 }
 
-/// What makes answers of one node comparable.
+/// Scale on which the answers of one node are compared.
 #[derive(Debug, Clone)]
 pub struct Scale {
-    /// The topic that the answers are on.
+    /// Topic of the answers.
     pub topic: Topic,
-    /// When its answer is due after the sample \[ns\].
+    /// Deadline of an answer after its sample \[ns\].
     pub due_ns: u64,
-    /// The largest common value of each number.
+    /// Largest common value of each number.
     largest: [f64; NUMBERS],
-    /// Against the clock a response is what it took; otherwise how long faults held it up.
+    /// `true` in real time: a response is the time since the sample. Otherwise it is how long faults held it up.
     pub clocked: bool,
 }
 
 impl Scale {
-    /// For the publisher of `topic` in a run of `scenario`.
+    /// Creates the scale of the publisher of `topic` in a run of `scenario`.
     pub fn new(scenario: &Scenario, topic: Topic) -> Self {
         let largest = match topic {
             Topic::State => [f64::INFINITY; NUMBERS], // plants are not compared
@@ -83,7 +83,7 @@ impl Scale {
         Self { topic, due_ns: scenario.deadline_of(rank).deadline_ns, largest, clocked }
     }
 
-    /// The answer that `record` is; `None` for one of another node.
+    /// Reads `record` as an answer; `None` for a STATE, and if it is on another topic.
     pub fn read(&self, record: &Record) -> Option<Answer> {
         if record.topic() != self.topic {
             return None;
@@ -115,12 +115,12 @@ impl Scale {
 }
 
 impl Answer {
-    /// Whether it can be used, and is not later than `due_ns` after the sample.
+    /// Returns whether the answer is usable and not later than `due_ns` after the sample.
     pub fn is_good(&self, due_ns: u64) -> bool {
         self.usable && self.response_ns <= due_ns
     }
 
-    /// How far another answer to the same sample is away: the largest difference of a number, as a share.
+    /// Returns the largest difference of a number from another answer to the same sample, as a share.
     pub fn difference(&self, other: &Self) -> f64 {
         self.shares_beside(other)
             .iter()
@@ -129,7 +129,7 @@ impl Answer {
             .fold(0.0, f64::max)
     }
 
-    /// Its shares, the heading by whole turns as near to that of `other` as it gets.
+    /// Returns the shares, with the heading moved by whole turns as near to that of `other` as possible.
     fn shares_beside(&self, other: &Self) -> [f64; NUMBERS] {
         let mut shares = self.shares;
         if self.has_heading {
@@ -140,15 +140,15 @@ impl Answer {
     }
 }
 
-/// Share of what is remembered that stays from one answer to the next: about twenty answers count.
+/// Factor by which older answers lose weight with each new one: about twenty answers count.
 const STAYS: f64 = 0.95;
-/// Answers before which nothing can be said.
+/// Fewest answers from which a similarity is told.
 const FEW: u32 = 10;
-/// Root mean square below which a number says nothing, as a share of what is commonly its largest value: two laws that are
-/// both good may differ in sign for a while where next to nothing is demanded.
+/// Root mean square below which a number is left out, as a share of its largest common value: two good laws may differ
+/// in sign for a while if next to nothing is demanded.
 const SILENCE: f64 = 0.02;
 
-/// Two processes that answer to the same samples.
+/// Similarity of two processes that answer to the same samples.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Similarity {
     answers: u32,
@@ -159,7 +159,7 @@ pub struct Similarity {
 }
 
 impl Similarity {
-    /// Takes their answers to one sample in.
+    /// Takes in the answers of both to one sample.
     pub fn note(&mut self, mine: &Answer, theirs: &Answer) {
         self.answers = self.answers.saturating_add(1);
         self.weight = STAYS * self.weight + 1.0;
@@ -170,7 +170,7 @@ impl Similarity {
         }
     }
 
-    /// The similarity of the number that has the least of it; 1 when nothing can be said.
+    /// Returns the similarity of the least similar number; 1 if there are too few answers or all numbers are too small.
     pub fn least(&self) -> f64 {
         if self.answers < FEW {
             return 1.0;
@@ -186,7 +186,7 @@ impl Similarity {
 mod tests {
     use super::*;
 
-    /// The similarity after so many answers, of which the candidate makes `mine` of the old one's.
+    /// Returns the similarity after `answers` answers: the old process answers `theirs`, the candidate `mine` of that.
     fn similarity(answers: u32, theirs: impl Fn(f64) -> f64, mine: impl Fn(f64) -> f64) -> f64 {
         let mut similarity = Similarity::default();
         for i in 0..answers {
@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn the_opposite_is_told_while_it_is_small() {
+    fn opposite_answers_are_found_while_they_are_small() {
         let swing = |t: f64| 0.04 * (0.3 * t).sin();
         assert!((similarity(30, swing, |x| -x) + 1.0).abs() < 1e-12);
         assert!((similarity(30, swing, |x| 3.0 * x) - 1.0).abs() < 1e-12, "a factor is no opposition");
@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn two_headings_on_both_sides_of_the_turn_are_alike() {
+    fn two_headings_on_both_sides_of_180_degrees_are_alike() {
         let heading =
             |deg: f64| Answer { shares: [0.0, 0.0, 0.0, deg / 180.0], has_heading: true, ..Answer::default() };
         assert!((heading(179.0).difference(&heading(-179.0)) - 2.0 / 180.0).abs() < 1e-12);
@@ -218,20 +218,20 @@ mod tests {
     }
 
     #[test]
-    fn what_is_unlike_without_being_opposite_is_let_be() {
+    fn answers_with_nothing_in_common_are_not_opposite() {
         let noise = |t: f64| 0.1 * (12.9898 * t).sin();
         assert!(similarity(200, noise, |x| (7e4 * x).sin()) > -0.5);
     }
 
     #[test]
-    fn of_little_nothing_is_said() {
+    fn few_answers_and_small_values_count_as_alike() {
         assert_eq!(similarity(FEW - 1, |_| 0.1, |x| -x), 1.0, "few answers");
         assert_eq!(similarity(100, |_| 0.019, |x| -x), 1.0, "next to nothing");
         assert_eq!(similarity(100, |_| 0.1, |_| 0.0), 1.0, "one of them says nothing");
     }
 
     #[test]
-    fn what_was_long_ago_is_forgotten() {
+    fn old_answers_are_forgotten() {
         let mut changed = 0;
         for turned in 1..40 {
             let mine = |t: f64| if t < 100.0 { 0.1 } else { -0.1 };

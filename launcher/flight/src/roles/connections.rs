@@ -1,5 +1,5 @@
-//! Connections: a process that works and whose messages do not arrive, or that receives nothing of one whose messages others
-//! receive.
+//! Connections between processes: finds each process that works and whose messages do not arrive, or that receives
+//! nothing from a publisher that others receive.
 //!
 //! ```text
 //! sends, and no listener receives anything           the sender is cut off
@@ -7,65 +7,65 @@
 //! works, and its port refuses every message          the sender is cut off
 //! ```
 //!
-//! Judged by counts on the shared page alone: messages handed to the port, messages that came through another one, ticks
-//! done. A fault of the scenario that loses messages does not matter, for what it loses is sent too, marked; nor does a
-//! process that sends nothing because its deadline's policy says so.
+//! Found from counts on the control page alone: messages handed to the port, messages received, ticks done. A fault of
+//! the scenario that loses messages is not mistaken for a cut, because a lost message is sent too, marked as lost. Nor
+//! is a process that sends nothing because the policy of its deadline says so.
 
 use contract::topic::Topic;
 use runtime::port::PortFailure;
 use runtime::realtime::ControlPage;
 use runtime::shared_role::SharedRole;
 
-/// The place of the launcher, which listens to every topic, behind those of the nodes.
+/// Index of the launcher, which listens to every topic, behind those of the nodes.
 const LAUNCHER: usize = Topic::COUNT;
 
-/// Messages that may be lost on the way before a publisher counts as cut off.
+/// Messages that must be missing or refused before a process counts as cut off.
 const SENT: u32 = 3;
-/// A listener may be in the middle of a tick, past its look: with the second it has looked once more.
+/// Ticks that a listener must also finish: in the first it may be past its look, in the second it looks once more.
 const WHOLE_TICKS: u32 = 2;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Disconnected {
-    /// Nothing that the process `epoch` sends on this topic arrives anywhere.
+    /// Process `epoch` sends on this topic, and nothing of it arrives anywhere.
     Sender(Topic, u32),
-    /// The process `epoch` that answers on the first topic receives nothing of the second.
+    /// Process `epoch`, which publishes on the first topic, receives nothing on the second.
     Listener(Topic, u32, Topic),
     /// The launcher itself receives nothing of a topic that others receive.
     Launcher(Topic),
 }
 
-/// What is known of every publisher and its listeners.
+/// State of every publisher with its listeners.
 #[derive(Debug, Default)]
 pub struct Connections {
     pairs: [[Pair; Topic::COUNT + 1]; Topic::COUNT],
     ports: [Refusing; Topic::COUNT],
-    /// How often the launcher has looked.
+    /// Number of looks so far.
     looks: u32,
 }
 
-/// What one process has done.
+/// Counts of one process.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 struct Counts {
     epoch: u32,
-    /// Ticks done; looks of the launcher.
+    /// Ticks done; for the launcher its looks.
     done: u32,
     sent: u32,
     send_failures: u32,
     received: [u32; Topic::COUNT],
 }
 
-/// A publisher and a listener since the latter last received something.
+/// Publisher and listener since the listener last received something.
 #[derive(Debug, Clone, Copy, Default)]
 struct Pair {
     epochs: (u32, u32),
     received: u32,
-    /// Messages that had been sent then.
+    /// Messages that had been sent by then.
     sent: u32,
-    /// Ticks that the listener had done when enough had been sent for it to have received some of them.
+    /// Ticks that the listener had done when [`SENT`] more messages had been sent; `None` before that.
     due: Option<u32>,
 }
 
-/// A publisher when its port last took something.
+/// Counts of a publisher when its port last accepted a message.
 #[derive(Debug, Clone, Copy, Default)]
 struct Refusing {
     epoch: u32,
@@ -74,10 +74,10 @@ struct Refusing {
 }
 
 impl Connections {
-    /// Looks at all processes; `received` is what has reached the launcher of each topic, counted before this call.
+    /// Finds the processes that are cut off; `received` counts the messages that reached the launcher before this call.
     pub fn look(&mut self, page: &ControlPage, received: [u32; Topic::COUNT]) -> Vec<Disconnected> {
         self.looks = self.looks.wrapping_add(1);
-        // What was received is read last: all that was sent before may have arrived by then.
+        // Received messages are counted after sent ones: all that were counted as sent may have arrived by then.
         let mut nodes = Topic::ALL.map(|topic| Counts::of(page.role(topic)));
         for (counts, topic) in nodes.iter_mut().zip(Topic::ALL) {
             counts.received = Topic::ALL.map(|from| page.role(topic).received(counts.epoch, from).get());
@@ -131,7 +131,7 @@ impl Counts {
 }
 
 impl Pair {
-    /// Whether the listener has received nothing of several messages, and then worked through whole ticks and still not.
+    /// Returns whether the listener has received none of [`SENT`] messages, and still none [`WHOLE_TICKS`] ticks later.
     fn is_silent(&mut self, topic: Topic, publisher: &Counts, listener: &Counts) -> bool {
         let epochs = (publisher.epoch, listener.epoch);
         let received = listener.received[topic as usize];
@@ -146,7 +146,7 @@ impl Pair {
 }
 
 impl Refusing {
-    /// Whether the port has taken nothing that was sent for some ticks.
+    /// Returns whether the port has refused [`SENT`] messages since it last accepted one.
     fn is_silent(&mut self, publisher: &Counts) -> bool {
         let Counts { epoch, sent, send_failures: failures, .. } = *publisher;
         if (epoch, sent) != (self.epoch, self.sent) {
@@ -156,7 +156,7 @@ impl Refusing {
     }
 }
 
-/// Whether a count has grown by as many.
+/// Returns whether a count, which may wrap, has grown by at least `many`.
 fn grown(before: u32, now: u32, many: u32) -> bool {
     (many..u32::MAX / 2).contains(&now.wrapping_sub(before))
 }
@@ -166,13 +166,13 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// A ring of which every process has done `ticks`; the launcher likewise.
+    /// Returns the counts of a ring in which every process and the launcher have done `ticks`.
     fn ring(ticks: u32) -> ([Counts; Topic::COUNT], Counts) {
         let node = Counts { epoch: 1, done: ticks, sent: ticks, send_failures: 0, received: [ticks; Topic::COUNT] };
         ([node; Topic::COUNT], node)
     }
 
-    /// What is found in a ring of which `change` makes what it is on each tick.
+    /// Returns the first finding within twenty ticks of a ring whose counts `change` alters on each tick.
     fn found(change: impl Fn(u32, &mut [Counts; Topic::COUNT], &mut Counts)) -> Vec<Disconnected> {
         let mut connections = Connections::default();
         let on_tick = |tick| {
@@ -231,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_sent_at_once_waits_until_it_is_looked_at() {
+    fn a_burst_between_two_looks_is_no_cut() {
         let burst = found(|tick, nodes, launcher| {
             nodes[0].sent = if tick < 10 { 1 } else { 50 }; // many between two looks of the launcher
             nodes[0].done = nodes[0].sent;

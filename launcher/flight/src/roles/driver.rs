@@ -1,4 +1,4 @@
-//! What the drivers of a flight through processes have in common: what is seen goes in, what is to be done comes out.
+//! Driver of the roles of a flight through processes: observations go in, orders to processes come out.
 
 use std::time::Instant;
 
@@ -10,39 +10,40 @@ use super::role::{Action, Input};
 use super::supervised::Supervised;
 use crate::log::Record;
 
-/// What is to be done for the node that speaks on a topic.
+/// Action to carry out for the node that publishes on a topic.
 pub type Order = (Topic, Action);
 
-/// The roles of the four nodes, with what carries their inputs in. It changes the control page itself; starting, signalling
-/// and reporting is left to be done.
+/// Roles of the four nodes, and the source of their inputs. A driver changes the control page itself; its caller starts
+/// and signals processes, and records events.
 pub trait Driver {
     fn nodes(&self) -> &[Supervised; Topic::COUNT];
 
-    /// Takes one message in: trials are decided by them.
+    /// Takes in one message, for the trials.
     fn observe(&mut self, record: &Record);
 
-    /// Lockstep: the tick that the plant asks for, unless that was answered. All messages of the ticks before have been sent.
+    /// Returns the tick that the plant waits for in lockstep; `None` if it was answered, and in real time. All messages
+    /// of earlier ticks have been sent.
     fn question(&self) -> Option<u64> {
         None
     }
 
-    /// What is to be done now, when all messages before the `question` have been observed. Swaps may have been added to
-    /// `scenario` since the last look.
+    /// Returns the orders that are due. All messages before the `question` must have been observed. Swaps may have been
+    /// added to `scenario` since the last look.
     fn look(&mut self, scenario: &Scenario, question: Option<u64>) -> Vec<Order>;
 
-    /// Everything has been done that was to be done.
+    /// Called after all orders of this look were carried out.
     fn done(&mut self) {}
 
-    /// Takes in what was seen of a process of a node: that it has ended, could not be started, or is not received.
+    /// Handles what was seen of a process of a node: it has ended, could not be started, or is cut off.
     fn on(&mut self, scenario: &Scenario, topic: Topic, input: Input) -> Vec<Order>;
 
-    /// Whether another process may be tried now, by order; why not.
+    /// Returns `Ok` if a swap may be ordered now, else the reason why not.
     fn may_swap(&self, topic: Option<Topic>) -> Result<(), String>;
 
-    /// Takes fault `number` as it is from now on; lockstep takes no others than the scenario's.
+    /// Adds fault `number`, or changes it to `fault`. Lockstep ignores it: there only the scenario has faults.
     fn apply_fault(&mut self, _number: usize, _fault: &Fault) {}
 
-    /// Why the run cannot go on, if it cannot. While `is_traced` says that a debugger has one of its processes, it waits.
+    /// Returns why the run cannot go on, or `None`. While a debugger has one of its processes (`is_traced`) it waits.
     fn stuck(&mut self, _is_traced: &dyn Fn() -> bool) -> Option<String> {
         None
     }

@@ -1,11 +1,11 @@
-//! The roles of a flight in lockstep: the plant asks who works on a tick, and waits for the answer.
+//! Driver of the roles in lockstep: the plant asks which processes work on a tick, and waits for the answer.
 //!
 //! ```text
-//! plant: asked = tick + 1 -> launcher: all messages of the ticks before are here -> simulated roles -> processes ended,
+//! plant: asked = tick + 1 -> launcher: all messages of earlier ticks are here -> simulated roles -> processes ended,
 //! started, ready -> assigned -> decided = tick + 1 -> plant: STATE of that tick
 //! ```
 //!
-//! Everything stands still meanwhile, so it does not matter how long that takes. The wall clock decides on nothing but the end:
+//! The ring stands still meanwhile, so the time that this takes does not matter. The wall clock decides one thing only:
 //! a ring that has not moved for `[supervision] wall_limit_s` ends the run, unless a debugger has one of its processes.
 
 use std::sync::Arc;
@@ -24,22 +24,22 @@ use crate::event::{Event, What};
 use crate::limits::{LOOK, QUICK_LOOK};
 use crate::log::Record;
 
-/// The roles of a lockstep run, and what it waits for.
+/// Roles of a lockstep run, and the decision that the plant waits for.
 pub struct Lockstep {
     page: Arc<ControlPage>,
     simulated: Simulated,
     asked: Option<Asked>,
-    /// Processes that were killed between two ticks: their end is expected.
+    /// Processes that the roles have killed between two ticks; their exits are expected.
     killed: Vec<(Topic, u32)>,
     wall_limit: Option<Duration>,
-    /// What the ring had done when it last moved, and when that was.
+    /// Ticks done by the active and the standby process of each node when the ring last moved, and that instant.
     moved: ([[u32; 2]; Topic::COUNT], Instant),
 }
 
-/// The tick that is asked for, once it has been decided.
+/// Tick that the plant asks for, once the roles have decided on it.
 struct Asked {
     tick: u64,
-    /// The processes that are to be ready for it.
+    /// Processes that must be ready before the plant is answered.
     starting: Vec<(Topic, u32)>,
 }
 
@@ -52,11 +52,11 @@ impl Lockstep {
             asked: None,
             killed: vec![],
             wall_limit: (limit_s > 0.0).then(|| Duration::from_secs_f64(limit_s)),
-            moved: ([[u32::MAX; 2]; Topic::COUNT], Instant::now()), // the first look is a change
+            moved: ([[u32::MAX; 2]; Topic::COUNT], Instant::now()), // so the first look counts as a move
         }
     }
 
-    /// A process of a node has ended by itself, or could not be started: `input` says which.
+    /// Removes a process that ended or could not be started, as `input` says. Ignores those that the roles killed.
     fn exited(&mut self, topic: Topic, epoch: u32, input: Input) {
         if self.killed.contains(&(topic, epoch)) {
             return;
@@ -71,13 +71,13 @@ impl Lockstep {
         self.page.doorbell(topic).ring();
     }
 
-    /// Ticks done by the active and the standby process of a node that works, 0 where there is none.
+    /// Returns the ticks done by the active and the standby process of a node; 0 if there is none, or it is stopped.
     fn done_by(&self, topic: Topic) -> [u32; 2] {
         let Assignment { active, standby } = self.simulated.assignment(topic);
         [active, standby].map(|epoch| self.page.role(topic).done(epoch).get())
     }
 
-    /// The process that the ring waits for.
+    /// Returns the name of the process that the ring waits for.
     fn awaited(&self) -> &'static str {
         if let Some(Asked { starting, .. }) = &self.asked {
             let late = starting.iter().find(|(topic, epoch)| self.page.role(*topic).connected.get() != *epoch);
@@ -122,7 +122,7 @@ impl Driver for Lockstep {
         reports.chain(orders).collect()
     }
 
-    /// Answers the plant, when all processes are ready and everything has been done.
+    /// Answers the plant if every process that it waits for is ready.
     fn done(&mut self) {
         let page = &self.page;
         let ready = |(topic, epoch): &(Topic, u32)| page.role(*topic).connected.get() == *epoch;
@@ -141,7 +141,7 @@ impl Driver for Lockstep {
                 let event = Event::new(self.page.plant_tick(), topic.publisher(), epoch, What::Hung).because(why);
                 return vec![(topic, Action::Report(event)), (topic, Action::Signal(epoch, Signal::Kill))];
             }
-            _ => {} // in lockstep only the simulated roles see anything else
+            _ => {} // the simulated roles make all other inputs themselves
         }
         vec![]
     }

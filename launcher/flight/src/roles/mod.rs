@@ -1,16 +1,16 @@
-//! Who runs a node: one state machine, and three drivers that carry its inputs in and its actions out.
+//! Roles: one state machine decides which process runs a node; three drivers carry its inputs in and its actions out.
 //!
 //! | module | holds |
 //! |---|---|
 //! | [`role`] | the state machine: inputs, actions, policy |
 //! | [`supervised`] | a role with the trial of its candidate |
-//! | [`trial`], `answer` | whether a candidate does as well as the process before it |
-//! | [`process_faults`] | faults of processes as inputs |
-//! | [`driver`] | what the drivers of processes have in common |
-//! | [`realtime`] | driver: the control page and the clock |
-//! | [`simulated`] | driver: the delays that `[supervision]` names; in process uses it as it is |
-//! | [`lockstep`] | driver: the same for processes, between two ticks |
-//! | [`connections`] | processes that work, and whose messages do not arrive or that receive nothing |
+//! | [`trial`], `answer` | comparison of a candidate with the process before it |
+//! | [`process_faults`] | faults of processes, as inputs of their roles |
+//! | [`driver`] | trait of the drivers of processes |
+//! | [`realtime`] | driver in real time: inputs from the control page and the clock |
+//! | [`simulated`] | driver without a clock: delays from `[supervision]`; in process uses it directly |
+//! | [`lockstep`] | driver of processes in lockstep: `simulated`, run between two ticks |
+//! | [`connections`] | finds processes that work and are cut off: nothing of them arrives, or they receive nothing |
 
 mod answer;
 pub mod connections;

@@ -1,4 +1,4 @@
-//! Faults of processes, as inputs of their roles when their time has come.
+//! Faults of processes, turned into inputs of their roles when they are due.
 
 use contract::Scenario;
 use contract::fault_schedule::{Entry, FaultSchedule};
@@ -16,27 +16,28 @@ pub struct FaultInputs {
 struct Injected {
     topic: Topic,
     kind: FaultKind,
-    /// Until when no other process is started \[ns\].
+    /// Time before which no other process is started \[ns\].
     held_until_ns: u64,
-    /// The process that it was given to.
+    /// Process that the fault was applied to; `None` before it begins.
     victim: Option<u32>,
     ended: bool,
 }
 
 impl FaultInputs {
-    /// Those of `scenario`. Against the clock a process that is to end or to burn time does so by itself.
+    /// Takes the process faults of `scenario`. In real time the process itself acts out `exit` and `hog`: an `exit`
+    /// only holds off the next start, a `hog` gives no input.
     pub fn new(scenario: &Scenario) -> Self {
         let (simulated, sample_ns) = (scenario.run.mode != Mode::Realtime, scenario.sample_ns());
         let faults = FaultSchedule::new(scenario, |_, fault| Injected::of(fault));
         Self { faults, simulated, sample_ns }
     }
 
-    /// Takes fault `number` as it is from now on: see [`FaultSchedule::apply_fault`].
+    /// Adds or changes fault `number`: see [`FaultSchedule::apply_fault`].
     pub fn apply_fault(&mut self, number: usize, fault: &Fault) {
         self.faults.apply_fault(number, fault, Injected::of(fault));
     }
 
-    /// What begins or ends by `tick`, each once; `active` tells the active process of a node.
+    /// Returns the inputs of faults that begin or end by `tick`, each once; `active` gives a node's active process.
     pub fn due(&mut self, tick: u64, active: impl Fn(Topic) -> Option<u32>) -> Vec<(Topic, Input)> {
         let mut inputs = vec![];
         for Entry { ticks, effect: fault, .. } in self.faults.all_mut() {
@@ -56,13 +57,13 @@ impl FaultInputs {
         inputs
     }
 
-    /// The first tick from `tick` on at which a fault begins or ends.
+    /// Returns the first tick from `tick` on at which a fault begins or ends.
     pub fn next_tick(&self, tick: u64) -> Option<u64> {
         let ticks = self.faults.all().iter().flat_map(|Entry { ticks, .. }| [ticks.start, ticks.end]);
         ticks.filter(|at| *at >= tick).min()
     }
 
-    /// The time of `tick` \[ns\].
+    /// Returns the time of `tick` \[ns\].
     pub fn time_ns(&self, tick: u64) -> u64 {
         tick.saturating_mul(self.sample_ns)
     }

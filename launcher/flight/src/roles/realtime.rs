@@ -1,8 +1,8 @@
-//! The roles of a flight against the clock: what is seen on the control page goes in, orders to processes come out.
+//! Driver of the roles in real time: reads the control page, and orders processes to be started and signalled.
 //!
-//! The end of a process is seen through a pidfd, a hang by the progress of the ticks themselves: no heartbeat that could
-//! outlive the work. The instant at which a process will count as hung is known beforehand, and the launcher sleeps no
-//! longer than that.
+//! The end of a process is seen through its pidfd. A hang is seen by the progress of the ticks themselves, because a
+//! heartbeat could outlive the work. The instant at which a process will count as hung is known beforehand, and the
+//! launcher sleeps no longer than that.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -24,16 +24,16 @@ pub struct Realtime {
     nodes: [Supervised; Topic::COUNT],
     faults: FaultInputs,
     sample_ns: u64,
-    /// Which of the swaps have begun.
+    /// `true` for each swap that has begun.
     begun: Vec<bool>,
-    /// The newest sample observed: all messages of the ticks before it have been observed too, or are late.
+    /// Tick of the newest sample observed: all messages of earlier ticks have been observed too, or are late.
     observed: u64,
     started: Instant,
     due: Instant,
 }
 
 impl Realtime {
-    /// For a run of `scenario` whose first processes are active.
+    /// Creates the driver of a run of `scenario` whose first processes are active.
     pub fn new(scenario: &Scenario, page: Arc<ControlPage>) -> Self {
         Self {
             page,
@@ -47,7 +47,7 @@ impl Realtime {
         }
     }
 
-    /// What the control page shows of one node.
+    /// Reads the inputs of one node from the control page.
     fn seen(&self, topic: Topic, tick: u64, excused_ns: u64) -> Vec<Input> {
         let (role, shared) = (&self.nodes[topic as usize].role, self.page.role(topic));
         let mut seen = vec![];
@@ -73,13 +73,13 @@ impl Realtime {
         Now { ns: self.started.elapsed().as_nanos() as u64, tick: self.page.plant_tick() }
     }
 
-    /// From the start of this driver to sample 0 \[ns\].
+    /// Returns the time from the start of this driver to sample 0 \[ns\].
     fn lead_in_ns(&self) -> u64 {
         let since_sample_0_ns = now_ns().saturating_sub(self.page.origin_ns());
         (self.started.elapsed().as_nanos() as u64).saturating_sub(since_sample_0_ns)
     }
 
-    /// Soon enough for a start that is due, and for a process that may hang by then.
+    /// Returns the next look after `at`: soon enough for a restart that is due and for a process that may hang by then.
     fn next_look(&self, at: Instant) -> Instant {
         let origin_ns = (self.page.origin_ns() > 0).then(|| self.lead_in_ns() + GRACE_NS);
         let starts = self.nodes.iter().filter_map(|node| node.role.due_ns());
@@ -109,7 +109,7 @@ impl Driver for Realtime {
 
     fn on(&mut self, scenario: &Scenario, topic: Topic, input: Input) -> Vec<Order> {
         let now = self.now();
-        // The sample under way is answered already, or by the active process.
+        // A candidate is not judged on the sample under way, which is answered already, or by the active process.
         let actions = self.nodes[topic as usize].on(scenario, now, now.tick + 2, input);
         let page = &self.page;
         let rest = actions.into_iter().filter(|action| !share(page, topic, now.tick, action));
@@ -161,7 +161,7 @@ impl Driver for Realtime {
     }
 }
 
-/// Does what `action` means for the control page; false when it means something else.
+/// Carries out `action` on the control page; returns false if it is not for the control page.
 fn share(page: &ControlPage, topic: Topic, tick: u64, action: &Action) -> bool {
     let shared = page.role(topic);
     match *action {

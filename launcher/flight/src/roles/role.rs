@@ -1,4 +1,4 @@
-//! Who runs a node: a state machine without a clock, a process, shared memory or I/O.
+//! State machine that decides which process runs a node. It has no clock, process, shared memory or I/O.
 //!
 //! ```text
 //!              Spawn            Ready                Activated
@@ -6,11 +6,11 @@
 //!     ^                    |                                          ^      |
 //!     +--- restart delay --+-- Exited, start limit                    |      +-- SwapRequested: starting beside it
 //!     |                                                               |
-//!     +-- too many failures within the window: given up               +-- standby -- HandOver --> active, the old one stands by
-//!                                                                         (trial)      Keep, Reject, Return end the trial
+//!     +-- too many failures within the window: given up               +-- standby -- HandOver --> active, old: standby
+//!                                                                         (trial)      Keep, Reject, Return end it
 //! ```
 //!
-//! The same machine decides in every mode. A driver carries [`Input`]s in and [`Action`]s out: `realtime` from pidfds and
+//! Every mode uses this machine. A driver carries [`Input`]s in and [`Action`]s out: `realtime` from pidfds and
 //! progress words, `simulated` from the delays that the `[supervision]` settings name. Times are nanoseconds on the
 //! clock of the driver: in real time since the driver was made, otherwise since sample 0.
 
@@ -22,40 +22,39 @@ use crate::limits::{PLANT_HANG_NS, RECORDER_HANG_NS, RECORDER_START_NS};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Now {
-    /// On the clock of the driver \[ns\].
+    /// Time on the clock of the driver \[ns\].
     pub ns: u64,
-    /// The newest sample.
+    /// Tick of the newest sample.
     pub tick: u64,
 }
 
-/// What is seen, and what is asked for.
+/// Observation or request to which a role reacts.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Input {
-    /// The process can work.
+    /// The process is ready to work.
     Ready(u32),
-    /// The process works from this tick on as the active one.
+    /// The process is active from this tick on.
     Activated(u32),
     Exited(u32),
     NotStarted(u32, String),
-    /// The active process has answered to `done` of `samples` samples; `excused_ns` of the time since the last look count
-    /// against no process.
+    /// The active process has answered to `done` of `samples` samples; `excused_ns` count towards no hang.
     Progress {
         /// Ticks done, counted from the first of the run.
         done: u64,
-        /// Samples that are to be answered.
+        /// Samples to answer.
         samples: u64,
         /// Time in which the driver itself did not run \[ns\].
         excused_ns: u64,
     },
-    /// The active process works, but not with the others, and why.
+    /// The active process works but is cut off from the others, with the reason.
     Disconnected(u32, String),
-    /// The trial of the candidate has come to this, and why.
+    /// Ruling of the trial of the candidate, with the reason.
     Ruled(Ruling, String),
     /// Swap number `n` of the scenario is due.
     SwapRequested(usize),
-    /// A fault kills the active process; until the given time no other is started.
+    /// A fault kills the active process; no other is started before the given time \[ns\].
     Kill(u64),
-    /// A fault has the active process end by itself; until the given time no other is started.
+    /// A fault makes the active process end by itself; no other is started before the given time \[ns\].
     Hold(u64),
     /// A fault stops the active process.
     Stop,
@@ -66,14 +65,14 @@ pub enum Input {
 
 #[derive(Debug, Clone, PartialEq)]
 pub enum Action {
-    /// Start this epoch, with the program and settings of this swap, or those of the run.
+    /// Starts this epoch, with the program and settings of this swap, or with those of the run if `None`.
     Spawn(u32, Option<usize>),
     Signal(u32, Signal),
-    /// Make this epoch the active one when the next tick begins; a standby changes places with the active one.
+    /// Makes this epoch active when the next tick begins; a standby changes places with the active process.
     Activate(u32),
-    /// Have this epoch answer beside the active one, without its messages being delivered.
+    /// Puts this epoch on standby: it answers beside the active process, and its messages are not delivered.
     Standby(u32),
-    /// This epoch works no longer, from now on.
+    /// Removes this epoch from the role; it works no longer from now on.
     Vacate(u32),
     Report(Event),
 }
@@ -85,59 +84,59 @@ pub enum Signal {
     Continue,
 }
 
-/// What differs between roles, from `[supervision]`.
+/// Settings in which roles differ, from `[supervision]`.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Policy {
-    /// Waits before the first, second, ... new start within the window \[ns\]; one failure more, and the role is given up.
+    /// Delays before the first, second, ... restart within the window \[ns\]; one more failure gives the role up.
     pub restart_ns: Vec<u64>,
-    /// See `restart_ns` \[ns\].
+    /// Length of the window in which failures are counted \[ns\].
     pub window_ns: u64,
-    /// A process that is not ready by then counts as hung \[ns\].
+    /// Time after which a process that is not ready counts as hung \[ns\].
     pub start_limit_ns: u64,
-    /// An active process counts as hung after this time without progress \[ns\], if `hang_ticks` samples have passed too.
+    /// Time without progress after which the active process hangs \[ns\], if `hang_ticks` samples have passed too.
     pub hang_ns: u64,
-    /// Samples without an answer after which it counts as hung, if `hang_ns` has passed too.
+    /// Samples without an answer after which the active process hangs, if `hang_ns` has passed too.
     pub hang_ticks: u64,
-    /// Whether a candidate is compared with the active process before it takes over.
+    /// `true` if a candidate is compared with the active process before it takes over.
     pub tried: bool,
-    /// Whether a program that fails is followed by the program before it.
+    /// `true` if a program that fails is followed by the program before it.
     pub falls_back: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 struct Worker {
     epoch: u32,
-    /// The swap whose program and settings it has.
+    /// Swap whose program and settings the process has; `None` for those of the run.
     origin: Option<usize>,
 }
 
-/// A process that is not ready yet.
+/// Process that was started and is not ready yet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 struct Starting {
     worker: Worker,
     since_ns: u64,
-    /// Whether it comes by a swap, not in the place of one that failed.
+    /// `true` if a swap started it, `false` if it replaces a process that failed.
     candidate: bool,
 }
 
-/// A candidate beside the process it is to replace.
+/// Candidate on trial beside the process that it is to replace.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Contest {
     pub candidate: u32,
-    /// The process before it, while it lives.
+    /// Process before the candidate; `None` once it has ended.
     pub old: Option<u32>,
-    /// Whether the candidate is active.
+    /// `true` if the candidate is active.
     pub handed_over: bool,
 }
 
-/// What was done when it last grew.
+/// Ticks done by the active process when they last grew, and that time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 struct Progress {
     done: u64,
     since_ns: u64,
 }
 
-/// One role: the processes that run one node, or the recorder.
+/// Role of a node or of the recorder, with the processes that have run it, run it or are about to.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Role {
     name: &'static str,
@@ -146,29 +145,29 @@ pub struct Role {
     active: Option<Worker>,
     standby: Option<Worker>,
     starting: Option<Starting>,
-    /// Ready, and active from the next tick on.
+    /// Process that is ready, and active from the next tick on.
     pending: Option<Worker>,
     contest: Option<Contest>,
     restart_at_ns: Option<u64>,
     held_until_ns: u64,
     failures_ns: Vec<u64>,
-    /// Killed by this role: their end is expected.
+    /// Processes that this role has killed; their exits are expected.
     killed: Vec<u32>,
-    /// The programs that were active for good, the newest last.
+    /// Programs that were active for good, by their swaps, the newest last.
     origins: Vec<Option<usize>>,
     progress: Progress,
     given_up: bool,
 }
 
 impl Policy {
-    /// That of a node whose samples are `sample_ns` apart.
+    /// Returns the policy of a node whose samples are `sample_ns` apart.
     pub fn node(settings: &Supervision, sample_ns: u64) -> Self {
         let ns = |ms: f64| (ms * 1e6) as u64;
         Self {
             restart_ns: settings.restart_ms.iter().copied().map(ns).collect(),
             window_ns: (settings.window_s * 1e9) as u64,
             start_limit_ns: (settings.start_limit_s * 1e9) as u64,
-            // Less than the samples' own time: progress is seen late too.
+            // One period less than `hang_ticks` samples take, because progress is seen late too.
             hang_ns: ns(settings.hang_ms).max(sample_ns * settings.hang_ticks.saturating_sub(1)),
             hang_ticks: settings.hang_ticks,
             tried: true,
@@ -176,12 +175,12 @@ impl Policy {
         }
     }
 
-    /// That of the plant: the vehicle has no replacement, and no other node samples for it.
+    /// Returns the policy of the plant: the vehicle has no replacement, and no other node samples for it.
     pub fn plant(settings: &Supervision, sample_ns: u64) -> Self {
         Self { restart_ns: vec![], hang_ns: PLANT_HANG_NS, hang_ticks: 0, ..Self::node(settings, sample_ns) }
     }
 
-    /// That of the recorder: a disk may be slow, and no answer of its own can be compared.
+    /// Returns the policy of the recorder: a disk may be slow, and a recorder has no answers to compare.
     pub fn recorder(settings: &Supervision) -> Self {
         let node = Self::node(settings, 0);
         let start_limit_ns = node.start_limit_ns.max(RECORDER_START_NS);
@@ -190,7 +189,7 @@ impl Policy {
 }
 
 impl Role {
-    /// A role called `name` whose first process, epoch 1, is active.
+    /// Creates a role called `name` whose first process, epoch 1, is active.
     pub fn new(name: &'static str, policy: Policy) -> Self {
         Self {
             name,
@@ -211,7 +210,7 @@ impl Role {
         }
     }
 
-    /// Takes `input` in; what is to be done, in order.
+    /// Handles `input` and returns the actions, in order.
     pub fn on(&mut self, now: Now, input: Input) -> Vec<Action> {
         let mut actions = vec![];
         let out = &mut actions;
@@ -247,23 +246,23 @@ impl Role {
         self.active.map(|worker| worker.epoch)
     }
 
-    /// The epoch that was started and is not ready yet.
+    /// Returns the epoch that was started and is not ready yet, if any.
     pub fn starting(&self) -> Option<u32> {
         self.starting.map(|starting| starting.worker.epoch)
     }
 
-    /// The candidate that is compared with the process before it.
+    /// Returns the candidate on trial with the process before it, if any.
     pub fn contest(&self) -> Option<Contest> {
         self.contest
     }
 
-    /// The swap that the candidate on trial came with.
+    /// Returns the swap that started the candidate on trial, if any.
     pub fn swap_on_trial(&self) -> Option<usize> {
         let candidate = self.contest?.candidate;
         [self.active, self.standby].into_iter().flatten().find(|worker| worker.epoch == candidate)?.origin
     }
 
-    /// Whether no other is started any more.
+    /// Returns whether the role is given up: no process is started any more.
     pub fn given_up(&self) -> bool {
         self.given_up
     }
@@ -272,36 +271,36 @@ impl Role {
         self.newest
     }
 
-    /// Whether `epoch` is active and no other could take its place.
+    /// Returns whether `epoch` is active and no candidate is on trial.
     pub fn is_alone(&self, epoch: u32) -> bool {
         self.active() == Some(epoch) && self.contest.is_none()
     }
 
-    /// Whether a candidate is starting, or on trial.
+    /// Returns whether a candidate is starting or on trial.
     pub fn has_candidate(&self) -> bool {
         self.contest.is_some() || self.starting.is_some_and(|starting| starting.candidate)
     }
 
-    /// Whether a process was started or is about to be, or is compared with another.
+    /// Returns whether a process is starting, pending or on trial, or a restart is due.
     pub fn is_busy(&self) -> bool {
         self.starting.is_some() || self.pending.is_some() || self.contest.is_some() || self.restart_at_ns.is_some()
     }
 
-    /// When to send [`Input::Tick`] at the latest \[ns\].
+    /// Returns the latest time to send [`Input::Tick`] \[ns\]; `None` if nothing is due.
     pub fn due_ns(&self) -> Option<u64> {
         let restart_ns = self.restart_at_ns.map(|at_ns| at_ns.max(self.held_until_ns));
         let limit_ns = self.starting.map(|starting| starting.since_ns + self.policy.start_limit_ns + 1);
         restart_ns.into_iter().chain(limit_ns).min()
     }
 
-    /// When the active process counts as hung if it answers to no sample any more \[ns\]: samples are seen from `origin_ns` on,
-    /// `sample_ns` apart.
+    /// Returns when the active process counts as hung if it answers to no more samples \[ns\]. Samples are seen from
+    /// `origin_ns` on, `sample_ns` apart.
     pub fn hangs_at_ns(&self, sample_ns: u64, origin_ns: u64) -> Option<u64> {
         let last = (self.progress.done + self.policy.hang_ticks).saturating_sub(1);
         self.active.map(|_| (origin_ns + last * sample_ns).max(self.progress.since_ns + self.policy.hang_ns))
     }
 
-    /// Whether another process may be tried, or why not.
+    /// Returns `Ok` if a swap may begin now, else the reason why not.
     pub fn may_swap(&self) -> Result<(), String> {
         let name = self.name;
         if self.given_up {
@@ -335,7 +334,7 @@ impl Role {
 
     fn activated(&mut self, now: Now, epoch: u32, out: &mut Vec<Action>) {
         if let Some(pending) = self.pending.take_if(|pending| pending.epoch == epoch) {
-            // Only a process without a trial, a recorder, takes over from one that lives: that one leaves by itself.
+            // Only a recorder takes over without a trial while the process before it lives; that one leaves by itself.
             self.killed.extend(self.active.map(|before| before.epoch));
             self.active = Some(pending);
             self.trust(pending.origin);
@@ -348,11 +347,11 @@ impl Role {
             contest.handed_over = contest.candidate == epoch;
         }
         self.progress = Progress { done: 0, since_ns: now.ns };
-        out.extend(self.killed.iter().map(|epoch| Action::Vacate(*epoch))); // a hand-over that was under way may have made a killed process the standby
+        out.extend(self.killed.iter().map(|epoch| Action::Vacate(*epoch))); // a killed process may now be the standby
         self.report(now, epoch, What::TookOver, None, out);
     }
 
-    /// The process `epoch` is no more; `what` is reported of it, unless this role has ended it.
+    /// Handles the end of process `epoch`: reports `what`, unless this role has killed the process.
     fn exited(&mut self, now: Now, epoch: u32, what: What, why: Option<&str>, out: &mut Vec<Action>) {
         let known = self.killed.len();
         self.killed.retain(|other| *other != epoch);
@@ -370,7 +369,7 @@ impl Role {
         self.lost(now, epoch, "it hung", out);
     }
 
-    /// The process `epoch` works no longer: what remains of the role without it.
+    /// Removes process `epoch`, which works no longer, with its trial if it was the candidate, and fills the role.
     fn lost(&mut self, now: Now, epoch: u32, why: &str, out: &mut Vec<Action>) {
         out.push(Action::Vacate(epoch));
         let is = |worker: &mut Worker| worker.epoch == epoch;
@@ -397,7 +396,7 @@ impl Role {
         self.fill(now, epoch, out);
     }
 
-    /// After `epoch` has gone: a standby takes its place; without one another process is started.
+    /// Fills the role, if it is empty, after `epoch` has gone: with the standby, or else by a restart.
     fn fill(&mut self, now: Now, epoch: u32, out: &mut Vec<Action>) {
         if self.active.is_some() || self.pending.is_some() {
             return;
@@ -406,7 +405,7 @@ impl Role {
             out.push(Action::Activate(standby.epoch));
             return;
         }
-        // A candidate that is not ready has shown nothing yet: it is not waited for.
+        // A candidate that is not ready has not been judged yet, so it is not waited for.
         if let Some(late) = self.starting.take_if(|starting| starting.candidate) {
             let late = late.worker.epoch;
             self.kill(late, out);
@@ -454,7 +453,7 @@ impl Role {
             Ruling::Keep if handed_over => What::Kept,
             Ruling::Reject if !handed_over => What::Rejected,
             Ruling::Return if handed_over => What::Returned,
-            _ => return, // it was ruled before the last change of places
+            _ => return, // ruled before candidate and old process last changed places
         };
         self.contest = None;
         self.report(now, candidate, what, Some(why), out);
@@ -498,7 +497,7 @@ impl Role {
         }
     }
 
-    /// Has another process started: the candidate of `swap`, or one like the last that was trusted.
+    /// Starts another process: the candidate of `swap`, or without one the program that was last active for good.
     fn spawn(&mut self, now: Now, swap: Option<usize>, out: &mut Vec<Action>) {
         self.newest += 1;
         let origin = swap.or(self.origins.last().copied().flatten());
@@ -509,7 +508,7 @@ impl Role {
         out.push(Action::Spawn(worker.epoch, origin));
     }
 
-    /// The program of `origin` is active for good.
+    /// Notes that the program of `origin` is active for good; restarts use it.
     fn trust(&mut self, origin: Option<usize>) {
         if self.origins.last() != Some(&origin) {
             self.origins.push(origin);

@@ -1,12 +1,12 @@
-//! The roles of a flight without a clock: what a clock would have shown takes as long as `[supervision]` says.
+//! Driver of the roles without a clock: what a clock would show comes after the delays of `[supervision]`.
 //!
 //! ```text
 //! a process ends    seen `detect_ms` later         a process is started    ready `start_ms` later
 //! ```
 //!
-//! Lockstep and in process share this driver: between two ticks it says which processes end and which begin, and who works on
-//! the tick. Whatever happens between two samples takes effect with the second one. A candidate is ready at once: no answer is
-//! missing while it starts.
+//! Lockstep and in process share this driver. Between two ticks it decides which processes end, which are started, and
+//! which work on the tick. An event between two samples takes effect with the second one. A candidate is ready at once:
+//! no answer is missing while it starts.
 
 use contract::Scenario;
 use contract::topic::Topic;
@@ -19,29 +19,29 @@ use super::supervised::Supervised;
 use crate::event::Event;
 use crate::log::Record;
 
-/// The roles of all nodes, and the time of the flight.
+/// Roles of all nodes, and the time of the flight.
 pub struct Simulated {
     scenario: Scenario,
     pub nodes: [Supervised; Topic::COUNT],
     faults: FaultInputs,
-    /// What is to be seen, and when \[ns\].
+    /// Inputs to come, each with the time at which it is seen \[ns\].
     ahead: Vec<(u64, Topic, Input)>,
-    /// Who works on the present tick.
+    /// Active and standby processes of the present tick.
     assignments: [Assignment; Topic::COUNT],
-    /// The process of each node that is stopped, and the first tick that it has not answered.
+    /// Stopped process of each node, with the first tick that it has not answered.
     stopped: [Option<(u32, u64)>; Topic::COUNT],
-    /// Processes to be started and killed before it.
+    /// Processes to start and to kill before the tick.
     orders: Vec<Order>,
-    /// The tick that begins.
+    /// Tick that begins.
     boundary: u64,
-    /// The first tick on which anything may change.
+    /// First tick on which anything may change.
     next: u64,
-    /// Everything that happened.
+    /// Events so far.
     pub events: Vec<Event>,
 }
 
 impl Simulated {
-    /// For a run of `scenario`, whose first processes are active.
+    /// Creates the driver of a run of `scenario` whose first processes are active.
     pub fn new(scenario: &Scenario) -> Self {
         Self {
             scenario: scenario.clone(),
@@ -57,13 +57,13 @@ impl Simulated {
         }
     }
 
-    /// Who works for the node that speaks on `topic`; a process that is stopped does not.
+    /// Returns the active and the standby process of the node that publishes on `topic`, without a stopped one.
     pub fn assignment(&self, topic: Topic) -> Assignment {
         let assignment = self.assignments[topic as usize];
         self.stopped[topic as usize].map_or(assignment, |(epoch, _)| assignment.without(epoch))
     }
 
-    /// The first tick from which on [`Self::begin`] may change anything.
+    /// Returns the first tick on which [`Self::begin`] may change anything.
     pub fn next_decision(&self) -> u64 {
         self.next
     }
@@ -72,8 +72,8 @@ impl Simulated {
         self.nodes.iter_mut().for_each(|node| node.observe(record));
     }
 
-    /// Decides who works on `tick`, when all messages of the ticks before have been observed; which processes
-    /// are to be started ([`Action::Spawn`]) and killed ([`Action::Signal`]) before it.
+    /// Decides which processes work on `tick`, after all messages of earlier ticks were observed. Returns those to
+    /// start ([`Action::Spawn`]) and to kill ([`Action::Signal`]) before it.
     pub fn begin(&mut self, tick: u64) -> Vec<Order> {
         if tick < self.next {
             return vec![];
@@ -102,7 +102,7 @@ impl Simulated {
         std::mem::take(&mut self.orders)
     }
 
-    /// The process `epoch` has ended by itself, before it answered to `tick`.
+    /// Removes process `epoch`, which ended before it answered to `tick`; its role sees `input` after `detect_ms`.
     pub fn exited(&mut self, topic: Topic, epoch: u32, tick: u64, input: Input) {
         self.remove(topic, epoch);
         let seen_ns = self.faults.time_ns(tick) + self.detect_ns();
@@ -110,7 +110,7 @@ impl Simulated {
         self.next = tick + 1;
     }
 
-    /// Lets the time pass until `now_ns`: everything that is seen until then is seen in order.
+    /// Advances the time to `now_ns`: the roles get every input that is seen by then, in order.
     fn pass(&mut self, now_ns: u64) {
         loop {
             let seen =
@@ -131,13 +131,13 @@ impl Simulated {
         }
     }
 
-    /// What would be seen of a stopped process: that it has answered to no sample since.
+    /// Shows the role of a stopped process that the process has answered to no sample since.
     fn notice_stopped(&mut self, topic: Topic, now: Now) {
         let Some((epoch, first)) = self.stopped[topic as usize] else { return };
         if self.nodes[topic as usize].role.active() != Some(epoch) || now.tick <= first {
             return;
         }
-        // The newest sample was seen shortly after it was taken, and the last answer as long after its own.
+        // The newest sample is seen `detect_ms` after it was taken, as the last answer was after its own sample.
         let seen_ns = self.faults.time_ns(now.tick - 1) + self.detect_ns();
         let progress = Input::Progress { done: first, samples: now.tick, excused_ns: 0 };
         self.on(topic, self.at(seen_ns), progress);
@@ -169,7 +169,7 @@ impl Simulated {
             Action::Signal(epoch, Signal::Stop) => {
                 let first = self.boundary;
                 self.stopped[topic as usize] = Some((epoch, first));
-                // Until now it has answered to everything.
+                // The process has answered to every sample until now.
                 let seen_ns = self.faults.time_ns(first.saturating_sub(1)) + self.detect_ns();
                 let progress = Input::Progress { done: first, samples: first, excused_ns: 0 };
                 self.on(topic, self.at(seen_ns), progress);
@@ -189,14 +189,14 @@ impl Simulated {
         }
     }
 
-    /// The process `epoch` works no longer.
+    /// Removes process `epoch`, which works no longer.
     fn remove(&mut self, topic: Topic, epoch: u32) {
         let assignment = &mut self.assignments[topic as usize];
         *assignment = assignment.without(epoch);
         self.stopped[topic as usize].take_if(|(stopped, _)| *stopped == epoch);
     }
 
-    /// The next tick after `tick` on which anything may change.
+    /// Returns the next tick after `tick` on which anything may change.
     fn next_after(&self, tick: u64) -> u64 {
         let busy = self.nodes.iter().any(|node| node.role.is_busy());
         if busy || !self.ahead.is_empty() || self.stopped.iter().any(Option::is_some) {
@@ -207,12 +207,12 @@ impl Simulated {
         after.min().unwrap_or(u64::MAX)
     }
 
-    /// The instant `ns` of the flight, with the newest sample then.
+    /// Returns the instant `ns` of the flight, with the newest sample by then.
     fn at(&self, ns: u64) -> Now {
         Now { ns, tick: ns / self.scenario.sample_ns() }
     }
 
-    /// From the end of a process to when it is seen \[ns\].
+    /// Returns the delay from the end of a process until it is seen \[ns\].
     fn detect_ns(&self) -> u64 {
         (self.scenario.supervision.detect_ms * 1e6) as u64
     }

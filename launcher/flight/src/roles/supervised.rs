@@ -1,4 +1,4 @@
-//! A role with the trial of its candidate: the trial looks at messages, the role at what the trial has come to.
+//! Role of one node with the trial of its candidate. The trial judges messages; the role acts on its rulings.
 
 use contract::Scenario;
 use contract::scenario::SwapTicks;
@@ -16,7 +16,7 @@ pub struct Supervised {
 }
 
 impl Supervised {
-    /// The roles of all nodes, whose first processes are active.
+    /// Creates the roles of all nodes; the first process of each is active.
     pub fn all(scenario: &Scenario) -> [Self; Topic::COUNT] {
         let (settings, sample_ns) = (&scenario.supervision, scenario.sample_ns());
         let policy = |topic| match topic {
@@ -33,7 +33,7 @@ impl Supervised {
         }
     }
 
-    /// Takes `input` in. A candidate that comes on standby is judged from `first_tick` on.
+    /// Handles `input`. A candidate that goes on standby is judged from `first_tick` on, or later if its swap says so.
     pub fn on(&mut self, scenario: &Scenario, now: Now, first_tick: u64, input: Input) -> Vec<Action> {
         let mut actions = self.role.on(now, input);
         self.follow(scenario, first_tick);
@@ -48,12 +48,12 @@ impl Supervised {
         actions
     }
 
-    /// What the trial has come to, when all messages of the ticks before `tick` have been observed.
+    /// Returns the ruling of the trial before `tick`, if any. All messages of earlier ticks must have been observed.
     pub fn ruling(&mut self, tick: u64) -> Option<Input> {
         self.trial.as_mut()?.rule(tick).map(|(ruling, why)| Input::Ruled(ruling, why))
     }
 
-    /// Has the trial be that of the role's candidate.
+    /// Starts, updates or drops the trial to match the candidate of the role.
     fn follow(&mut self, scenario: &Scenario, first_tick: u64) {
         let Some(contest) = self.role.contest() else {
             self.trial = None;
@@ -74,7 +74,7 @@ impl Supervised {
     }
 }
 
-/// A node that is given up.
+/// Returns the name of a node that was given up, if any.
 pub fn given_up(nodes: &[Supervised]) -> Option<&'static str> {
     nodes.iter().find(|node| node.role.given_up()).map(|node| node.role.name())
 }

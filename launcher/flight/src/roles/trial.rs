@@ -1,16 +1,16 @@
-//! The trial of a candidate: on standby, active, and what becomes of it.
+//! Trial of a candidate, on standby and then active.
 //!
 //! ```text
 //! on standby --hand over--> active --> kept
 //!       \--> rejected              \--> returned: the old one is active again
 //! ```
 //!
-//! A tick counts against the candidate when its answer is missing, not usable, late, too far from the old one's, or the
-//! opposite of it (`answer.rs`): both answer to the same inputs, whichever of them is active. No candidate takes or keeps
-//! the role on a tick that counts against it. A tick that the plant skipped is not counted, and neither is one on which
-//! the old one has no good answer either: then the fault is not the candidate's. Should the old one die, the trial goes
-//! on. While the candidate is active the vehicle itself is watched too. All of it is judged from messages alone, so that
-//! a trial ends the same way in every mode.
+//! A tick counts against the candidate if its answer is missing, not usable, late, too far from the answer of the old
+//! process, or the opposite of it (`answer.rs`): both answer to the same inputs, whichever of them is active. While the
+//! last judged tick is against it, a candidate is neither handed the role nor kept. A tick that the plant skipped does
+//! not count, nor does one on which the old process has no good answer either: then the fault is not the candidate's.
+//! If the old process dies, the trial goes on. While the candidate is active the vehicle itself is watched too. The
+//! trial judges messages alone, so it ends the same way in every mode.
 
 use std::collections::VecDeque;
 
@@ -23,13 +23,13 @@ use guidance::Trajectory;
 use super::answer::{Answer, Scale, Similarity};
 use crate::log::Record;
 
-/// How long answers are remembered until they are judged: against the clock the launcher may look late \[s\].
+/// Time for which answers are kept until they are judged \[s\]: in real time the launcher may look late.
 const REMEMBERED_S: f64 = 2.0;
 
-/// A candidate under trial.
+/// Candidate under trial, and what is known of its answers.
 pub struct Trial {
     pub candidate: u32,
-    /// Who was there before, while it lives.
+    /// Process before the candidate; `None` once it has ended.
     pub old: Option<u32>,
     pub active: bool,
     bounds: SwapBounds,
@@ -38,21 +38,21 @@ pub struct Trial {
     trajectory: Trajectory,
     sample_s: f64,
     answers: VecDeque<Answer>,
-    /// Ticks that the plant has sampled and have not been judged yet.
+    /// Ticks that the plant has sampled, and that are not judged yet.
     sampled: VecDeque<u64>,
-    /// How many of both are remembered.
+    /// Most answers, and most sampled ticks, that are kept.
     room: usize,
-    /// The next tick to judge.
+    /// First tick that is not judged yet.
     next: u64,
     similarity: Similarity,
-    /// Ticks in a row that count against it.
+    /// Ticks in a row that count against the candidate.
     bad_ticks: u64,
-    /// What the vehicle did that it may not do.
+    /// Bound that the vehicle has exceeded under the candidate, for people.
     out_of_bounds: Option<String>,
     seen: Seen,
 }
 
-/// What the trial has shown so far.
+/// Figures of the trial so far.
 #[derive(Debug, Clone, Copy, Default)]
 struct Seen {
     ticks: u64,
@@ -62,18 +62,18 @@ struct Seen {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ruling {
-    /// It becomes active.
+    /// The candidate becomes active.
     HandOver,
-    /// It is active for good.
+    /// The candidate is active for good.
     Keep,
-    /// It goes, from the standby.
+    /// The candidate is killed on standby.
     Reject,
-    /// It goes, from the role, which the old one has back.
+    /// The candidate is killed and the process before it becomes active again.
     Return,
 }
 
 impl Trial {
-    /// Of `candidate` for the role of `old` on `topic`, on the given ticks of a run of `scenario`.
+    /// Creates the trial of `candidate` for the role of `old` on `topic`, on the given ticks of a run of `scenario`.
     pub fn new(scenario: &Scenario, swap: &Swap, topic: Topic, ticks: SwapTicks, (old, candidate): (u32, u32)) -> Self {
         Self {
             candidate,
@@ -104,7 +104,7 @@ impl Trial {
             remember(&mut self.sampled, state.stamp.tick, self.room);
         }
         if record.stamp().is_faulted() || record.stamp().is_withheld() {
-            return; // what was meant; what came of it is another message
+            return; // the message as meant; what was delivered, if anything, is another message
         }
         match record {
             Record::State(state) if self.active => self.watch(state),
@@ -112,7 +112,7 @@ impl Trial {
         }
     }
 
-    /// What becomes of the candidate before `tick` begins, and why: all messages of the ticks before are known.
+    /// Returns the ruling before `tick`, with the reason, if any. All messages of earlier ticks must be known.
     pub fn rule(&mut self, tick: u64) -> Option<(Ruling, String)> {
         let ending = if self.active { Ruling::Return } else { Ruling::Reject };
         self.next = self.next.max(tick);
@@ -142,7 +142,7 @@ impl Trial {
         }
     }
 
-    /// What it has shown, for people.
+    /// Describes the trial so far, for people.
     pub fn describe(&self) -> String {
         let Seen { ticks, difference, response_ns } = self.seen;
         let percent = difference * 100.0;
@@ -162,7 +162,7 @@ impl Trial {
         }
     }
 
-    /// The candidate's answer to `tick`, and the old one's.
+    /// Takes out the candidate's answer to `tick` and that of the old process, and drops earlier ones.
     fn answers_to(&mut self, tick: u64) -> (Option<Answer>, Option<Answer>) {
         let of = |epoch: u32| self.answers.iter().rfind(|a| a.tick == tick && a.epoch == u64::from(epoch)).copied();
         let both = (of(self.candidate), self.old.and_then(of));
@@ -170,7 +170,7 @@ impl Trial {
         both
     }
 
-    /// What speaks against the candidate's answer to `tick`, for people.
+    /// Returns what counts against the candidate's answer to `tick`, for people; `None` if it is good.
     fn against(&mut self, tick: u64, mine: Option<Answer>, theirs: Option<Answer>) -> Option<String> {
         let at = format!("at {:.2} s", tick as f64 * self.sample_s);
         let Some(mine) = mine else { return Some(format!("no answer {at}")) };
@@ -199,7 +199,7 @@ impl Trial {
             .then(|| format!("the opposite of the old one's answers {at}: similarity {similarity:.2}, limit {limit}"))
     }
 
-    /// The vehicle under the candidate.
+    /// Compares the vehicle under the candidate with the bounds of the swap.
     fn watch(&mut self, state: &State) {
         let tilt_deg = state.actual.tilt_rad().to_degrees();
         let time_s = state.stamp.tick as f64 * self.sample_s;
@@ -216,7 +216,7 @@ impl Trial {
     }
 }
 
-/// Adds the newest; the oldest gives way when there is no room.
+/// Adds `newest`, and drops the oldest if there are `room` already.
 fn remember<T>(all: &mut VecDeque<T>, newest: T, room: usize) {
     if all.len() >= room {
         all.pop_front();

@@ -1,4 +1,4 @@
-//! The log of a flight: what each of its recorders has written, and at the end one file of it.
+//! Log of a flight: the files of its recorders, joined to one at the end.
 //!
 //! ```text
 //! recorder 1 -> flight.mcap          \
@@ -6,9 +6,9 @@
 //! recorder 2 -> flight.2.mcap        /
 //! ```
 //!
-//! A recorder that takes over records already when the one before closes its file, so that nothing is missing in between. The
-//! last moments of one that died, and what is sent until the next one records, are written by the launcher ([`Rest`]). No node
-//! notices either.
+//! A recorder that takes over already records when the one before closes its file, so that no message is missing in
+//! between. If a recorder dies, the launcher writes its last moments, and what is sent until the next one records
+//! ([`Rest`]). No node notices either.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::io::Read;
@@ -33,21 +33,21 @@ use crate::log::{self, Count, Record};
 use crate::recorder::{LogOutcome, run_of};
 use crate::roles::role::{Action, Input, Now, Policy, Role};
 
-/// The log of a flight, and who writes it: a role that runs by the wall clock in every mode.
+/// Log of a flight, with the role of its recorder, which runs by the wall clock in every mode.
 pub struct Archive {
     pub role: Role,
     started: Instant,
-    /// Which of the swaps have begun.
+    /// `true` for each swap that has begun.
     begun: Vec<bool>,
     path: PathBuf,
-    /// What each recorder that had the role has said at its end.
+    /// Outcome that each recorder with the role reported at its end, by epoch.
     outcomes: BTreeMap<u32, LogOutcome>,
-    /// What the launcher has seen of the messages.
+    /// Newest stamps of the messages that the launcher has seen, to find gaps.
     count: Count,
-    /// Messages sent, as far as that tells.
+    /// Messages sent, as far as `count` tells.
     sent: u64,
     rest: Rest,
-    /// The recorder that was active last, and those whose rest the launcher has written.
+    /// Recorder that was active last, and those whose rest the launcher has written.
     active: u32,
     rests: BTreeSet<u32>,
 }
@@ -68,31 +68,31 @@ impl Archive {
         }
     }
 
-    /// Takes one message in that was sent.
+    /// Takes in one sent message.
     pub fn observe(&mut self, record: &Record) {
         let more = self.count.gap(record).map_or(0, |gap| gap.saturating_add(1));
         self.sent = self.sent.saturating_add(more);
         self.rest.observe(record);
     }
 
-    /// Starts the first recorder, which has its role at once.
+    /// Starts the first recorder, which is active at once.
     pub fn start(&self, run: &mut Run) -> anyhow::Result<()> {
         run.page.recorder.assign(0, |_| Assignment { active: 1, standby: 0 });
         self.spawn(run, 1, None)
     }
 
-    /// The recorder that is child number `i` has ended, whether it was asked to or not.
+    /// Handles the end of the recorder that is child number `i`, whether it was asked to end or not.
     pub fn exited(&mut self, run: &mut Run, i: usize, tick: u64) {
         let Process { epoch, child, .. } = &mut run.children.all[i];
         let epoch = *epoch;
-        // One that was never ready has written nothing.
+        // A recorder that was never ready has written nothing.
         if let Some(stdout) = child.stdout.take().filter(|_| self.role.starting() != Some(epoch)) {
             self.keep(epoch, stdout);
         }
         self.on(run, tick, Input::Exited(epoch));
     }
 
-    /// Sees to it that a recorder works. The flight is worth more than its log, whose loss is told at the end.
+    /// Supervises the recorder. The flight is worth more than its log, whose loss is told at the end.
     pub fn look(&mut self, run: &mut Run, tick: u64) {
         self.rest.look();
         let mut inputs = vec![Input::Tick];
@@ -113,7 +113,7 @@ impl Archive {
         }
     }
 
-    /// Waits a moment until the recorder has everything. One that does not get there loses messages, which are counted.
+    /// Waits until the recorder has everything, at most `CATCH_UP_LIMIT`; what it then lacks is counted as lost.
     pub fn catch_up(page: &ControlPage) {
         let deadline = Instant::now() + CATCH_UP_LIMIT;
         let is_behind = || page.recorder.active() > 0 && page.recorded.count() < page.watched.count();
@@ -122,9 +122,9 @@ impl Archive {
         }
     }
 
-    /// All nodes have left: waits until the log is closed, and says how it went.
+    /// Waits until the log is closed, and returns its outcome. All nodes must have left.
     pub fn close(mut self, run: &mut Run, interrupts: &AtomicU32) -> LogOutcome {
-        self.look(run, run.page.plant_tick()); // one that is ready takes over now
+        self.look(run, run.page.plant_tick()); // a recorder that is ready takes over now
         let untold = run.events.len() - run.children.told;
         for Process { epoch, child, .. } in run.children.all.iter_mut().filter(|process| process.topic.is_none()) {
             let starts = self.role.starting() == Some(*epoch);
@@ -135,7 +135,7 @@ impl Archive {
         }
         let sent = Topic::ALL.map(|topic| u64::from(run.page.role(topic).sent_by_all.get())).iter().sum();
         let active = run.page.recorder.active();
-        // Of one that was given up the rest is written, and what was sent since is not recorded.
+        // After giving up, the rest of the last recorder is written already, and messages sent since are not recorded.
         if !self.outcomes.contains_key(&active) && !self.role.given_up() {
             self.write_rest(run);
         }
@@ -143,7 +143,7 @@ impl Archive {
         self.outcome(active, &run.scenario, &run.events, untold, sent)
     }
 
-    /// Begins to write what the recorder that was active last did not.
+    /// Begins to write the messages that the last active recorder did not.
     fn write_rest(&mut self, run: &Run) {
         match run_of(run.domain.namespace()) {
             Ok(name) => {
@@ -154,7 +154,7 @@ impl Archive {
         }
     }
 
-    /// Takes `input` into the role, and does what it says.
+    /// Gives `input` to the role, and carries out its actions.
     fn on(&mut self, run: &mut Run, tick: u64, input: Input) {
         let now = Now { ns: self.started.elapsed().as_nanos() as u64, tick };
         let mut inputs = VecDeque::from([input]);
@@ -171,7 +171,7 @@ impl Archive {
                     Action::Signal(epoch, signal) => run.children.signal(None, epoch, unix(signal)),
                     Action::Activate(epoch) => {
                         run.page.recorder.assign(0, |_| Assignment { active: epoch, standby: 0 });
-                        run.page.recorded.raise(run.page.watched.count()); // it never has what was sent before it came
+                        run.page.recorded.raise(run.page.watched.count()); // it never gets what was sent before it came
                         self.active = epoch;
                         self.rest.end();
                         inputs.push_back(Input::Activated(epoch));
@@ -202,18 +202,18 @@ impl Archive {
         })
     }
 
-    /// The file that the recorder `epoch` is to write.
+    /// Returns the file that the recorder `epoch` is to write.
     fn part(&self, epoch: u32) -> PathBuf {
         log::part(&self.path, epoch)
     }
 
-    /// Keeps what the recorder `epoch`, which has ended, has said on `stdout`.
+    /// Keeps the outcome that the recorder `epoch`, which has ended, wrote to `stdout`.
     fn keep(&mut self, epoch: u32, stdout: impl Read + AsFd) {
         self.outcomes.extend(outcome_on(stdout).map(|outcome| (epoch, outcome)));
     }
 
-    /// All have ended, the recorder `active` the last: makes one log of what they have written, and says how it went.
-    /// `untold` of the `events` did not reach a recorder; the processes have sent so many messages.
+    /// Joins the files of all recorders, which have ended, `active` last, and returns the outcome of the log. `untold`
+    /// of the `events` did not reach a recorder; the processes have sent `sent` messages.
     fn outcome(mut self, active: u32, scenario: &Scenario, events: &[Event], untold: usize, sent: u64) -> LogOutcome {
         let why = if self.role.given_up() {
             "nobody was left to record the flight"
@@ -227,7 +227,7 @@ impl Archive {
         if files.len() == 1 {
             let lost = || LogOutcome { error: Some(why.into()), ..LogOutcome::default() };
             let last = self.outcomes.remove(&active).unwrap_or_else(lost);
-            // What never reached it leaves no gap that it could have counted.
+            // Messages that never reached it leave no gap that it could have counted.
             let missing = (sent + events.len() as u64).saturating_sub(last.records);
             return LogOutcome { dropped: missing.max(last.dropped + untold as u64), ..last };
         }
@@ -242,12 +242,12 @@ impl Archive {
     }
 }
 
-/// What a recorder that has ended said of its file. Other processes may still hold the pipe, so the end of it is not
-/// waited for.
+/// Reads the outcome that a recorder, which has ended, wrote to its pipe. Does not wait for the end of the pipe,
+/// because other processes may still hold it.
 fn outcome_on(stdout: impl Read + AsFd) -> Option<LogOutcome> {
     event::never_wait(&stdout).ok()?;
     let mut text = vec![];
-    let _ = stdout.take(OUTCOME_BYTES).read_to_end(&mut text); // an error where the end of the pipe is not to be seen
+    let _ = stdout.take(OUTCOME_BYTES).read_to_end(&mut text); // fails if the end of the pipe is not there yet
     serde_json::from_slice(&text).ok()
 }
 
@@ -261,7 +261,7 @@ mod tests {
     use rustix::pipe::{PipeFlags, pipe_with};
     use std::fs::File;
 
-    /// The end of a pipe into which a recorder has written its outcome; the other end too, which another process still has.
+    /// Returns both ends of a pipe into which a recorder has written; another process still has the second.
     fn said(outcome: &LogOutcome) -> (File, File) {
         let (reads, writes) = pipe_with(PipeFlags::CLOEXEC).unwrap();
         rustix::io::write(&writes, &serde_json::to_vec(outcome).unwrap()).unwrap();

@@ -1,7 +1,7 @@
-//! The launcher's children: start, signal, wait, and clear away what they leave.
+//! Children of the launcher: starts them, signals them, waits for them, and clears away what they leave.
 //!
-//! Each has a process group of its own, which has the processes that it starts in turn: they get the same signals, and do not
-//! outlive it.
+//! Each child has a process group of its own. The processes that it starts in turn are in that group: they get the same
+//! signals, and do not outlive it.
 
 use std::io::ErrorKind;
 use std::os::fd::{BorrowedFd, OwnedFd};
@@ -29,37 +29,37 @@ use crate::own_program;
 use crate::provenance::status_of;
 use runtime::console::eprint_line;
 
-/// Name of the process that records.
+/// Name of the recorder's process.
 pub const RECORDER: &str = "recorder";
 
 #[derive(Clone, Copy, Default)]
 pub struct SpawnRequest<'a> {
-    /// The topic that it sends on; none for the recorder.
+    /// Topic that the process publishes on; `None` for the recorder.
     pub topic: Option<Topic>,
     pub epoch: u32,
-    /// Recorder: where it writes.
+    /// File that the recorder writes.
     pub log: Option<&'a Path>,
-    /// Another program than this one.
+    /// Program to run instead of this one.
     pub program: Option<&'a str>,
-    /// Settings of its own, beside the run's.
+    /// File with settings of its own, beside the run's.
     pub settings: Option<&'a Path>,
 }
 
 pub struct Process {
-    /// The topic that it sends on; none for the recorder.
+    /// Topic that the process publishes on; `None` for the recorder.
     pub topic: Option<Topic>,
     pub epoch: u32,
     pub child: Child,
-    /// Whether it was killed on purpose.
+    /// `true` if it was killed on purpose.
     pub killed: bool,
-    /// Whether it has been waited for at the end, as long as there is any use in it.
+    /// `true` if [`wait`] was called for this node at the end: dropping the children need not kill it.
     pub awaited: bool,
-    /// Becomes readable when it ends.
+    /// Descriptor that becomes readable when the process ends.
     pidfd: Option<OwnedFd>,
 }
 
 impl Process {
-    /// Node or recorder.
+    /// Name of its node, or that of the recorder.
     pub fn name(&self) -> &'static str {
         name_of(self.topic)
     }
@@ -69,14 +69,14 @@ fn name_of(topic: Option<Topic>) -> &'static str {
     topic.map_or(RECORDER, Topic::publisher)
 }
 
-/// All children of a run. Dropping it kills those that are left.
+/// Children of a run. Dropping them kills those that are left.
 pub struct Children {
     domain: Domain,
-    /// Where the nodes are kept; the recorder, which the ring does not wait for, is not.
+    /// CPU that the nodes are confined to. The recorder, which the ring does not wait for, is not.
     one_cpu: Option<OneCpu>,
-    /// Those that have not been seen to end.
+    /// Children that have not been seen to end.
     pub all: Vec<Process>,
-    /// How many events the recorder was told of.
+    /// Number of events that the recorder was told of.
     pub told: usize,
     cleaners: Vec<JoinHandle<()>>,
 }
@@ -122,7 +122,7 @@ impl Children {
         never_waits.with_context(|| format!("cannot set up the pipe to {name}"))
     }
 
-    /// A child that has ended, and how. Failures are returned before clean ends.
+    /// Returns the index of a child that has ended, and how it ended. Failures are returned before clean ends.
     pub fn exited(&mut self) -> Option<(usize, ChildExit)> {
         let ended = self.all.iter_mut().enumerate().filter_map(|(i, process)| {
             let status = ended(&mut process.child)?;
@@ -131,14 +131,14 @@ impl Children {
         ended.max_by_key(|(_, how)| how.gravity())
     }
 
-    /// Tells the newest recorder of those `events` that none has been told of, as far as it listens.
+    /// Sends the newest recorder the `events` that no recorder was told of, as many as its pipe takes.
     pub fn tell(&mut self, events: &[Event]) {
         let Some(pipe) = self.all.iter().rev().find_map(|process| process.child.stdin.as_ref()) else { return };
         self.told += events.iter().skip(self.told).take_while(|event| event::send(pipe, event)).count();
     }
 
-    /// Forgets one that has ended, and has what it left removed from the services: by a thread of its own, because that
-    /// takes longer than a process may be missing.
+    /// Forgets child `i`, which has ended, and removes the ports that dead processes left in the services. A thread
+    /// does that, because it takes longer than a process may be missing.
     pub fn clean_up(&mut self, i: usize) {
         self.all.remove(i);
         let domain = self.domain.clone();
@@ -151,18 +151,18 @@ impl Children {
         self.cleaners.extend(std::thread::Builder::new().name("cleaner".into()).spawn(clean_up).ok());
     }
 
-    /// Signals the process `epoch` of a node, or without a topic of the recorder, if it is there.
+    /// Signals the process `epoch` of a node, or of the recorder without a topic, if it is there.
     pub fn signal(&mut self, topic: impl Into<Option<Topic>>, epoch: u32, signal: Signal) {
         let topic = topic.into();
         let is = |process: &&mut Process| process.topic == topic && process.epoch == epoch;
         for process in self.all.iter_mut().filter(is) {
             process.killed |= signal == Signal::KILL;
-            // Fails for one that has just ended, which the next look around finds.
+            // Fails for a process that has just ended, which the next look finds.
             let _ = kill_process_group(Pid::from_child(&process.child), signal);
         }
     }
 
-    /// Whether a debugger has one of them, or one of them is a debugger that has a process.
+    /// Returns whether a debugger has a child, or a process that a child (which may be a debugger itself) has started.
     pub fn any_traced(&self) -> bool {
         let is_traced = |pid: u32| status_of(pid, "TracerPid:").is_some_and(|tracer| tracer != "0");
         let started_by = |pid: u32| -> Vec<u32> {
@@ -173,19 +173,19 @@ impl Children {
         { pids }.any(|pid| is_traced(pid) || started_by(pid).into_iter().any(is_traced))
     }
 
-    /// Sleeps until one ends, which is noticed at once, one of `others` is readable, or it is time to look around.
+    /// Sleeps until `due`, or until a child ends, which is noticed at once, or one of `others` is readable.
     pub fn sleep<'a>(&'a self, others: impl Iterator<Item = BorrowedFd<'a>>, due: Instant) {
         let ends = self.all.iter().filter_map(|p| p.pidfd.as_ref()).map(|fd| PollFd::new(fd, PollFlags::IN));
         let others = others.map(|fd| PollFd::from_borrowed_fd(fd, PollFlags::IN));
         let left = Timespec::try_from(due.saturating_duration_since(Instant::now())).ok();
-        let _ = poll(&mut ends.chain(others).collect::<Vec<_>>(), left.as_ref()); // an early return is a look too soon
+        let _ = poll(&mut ends.chain(others).collect::<Vec<_>>(), left.as_ref()); // an early return is an early look
     }
 }
 
 impl Drop for Children {
     fn drop(&mut self) {
         self.all.iter_mut().filter(|process| !process.awaited).for_each(|process| kill(&mut process.child));
-        // A thread that still works would leave traces of its own in what is wiped next; one that is stuck is not waited for.
+        // A cleaner that still works would leave traces in what is wiped next; one that is stuck is not waited for.
         let deadline = Instant::now() + CLEAN_UP_LIMIT;
         while self.cleaners.iter().any(|cleaner| !cleaner.is_finished()) && Instant::now() < deadline {
             std::thread::sleep(Duration::from_millis(1));
@@ -193,7 +193,7 @@ impl Drop for Children {
     }
 }
 
-/// Waits for `child`, called `name`, to end by itself and says how; kills it after `limit` or at a second interrupt.
+/// Waits for `child`, called `name`, to end and returns how; kills it after `limit` or at a second interrupt (`None`).
 pub fn wait(child: &mut Child, name: &str, limit: Duration, interrupts: &AtomicU32) -> Option<ExitStatus> {
     let started = Instant::now();
     let deadline = started + limit;
@@ -215,12 +215,12 @@ pub fn wait(child: &mut Child, name: &str, limit: Duration, interrupts: &AtomicU
     }
 }
 
-/// How `child` ended, if it has; whom it has left behind in its group is killed.
+/// Returns how `child` ended, if it has, and kills the processes that it left in its group.
 fn ended(child: &mut Child) -> Option<ExitStatus> {
     let pid = Pid::from_child(child);
     match waitid(WaitId::Pid(pid), WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT) {
         Ok(None) => return None,
-        // No other process can have its number before it is waited for. Fails for one that has no group.
+        // No other process can have its number before it is waited for. Fails for a child without a group.
         Ok(Some(_)) => _ = kill_process_group(pid, Signal::KILL),
         Err(_) => {} // it was waited for
     }

@@ -1,4 +1,4 @@
-//! How a flight through processes can end, and not begin.
+//! Ends of a flight through processes, and failures to start it.
 
 use std::process::ExitStatus;
 
@@ -6,7 +6,7 @@ use contract::exit;
 use contract::guard::Refusal;
 use serde_json::{Value, json};
 
-/// How the processes' part of a flight ended.
+/// End of a flight through processes.
 #[derive(Debug)]
 pub enum Ended {
     /// The plant flew to the end.
@@ -16,11 +16,11 @@ pub enum Ended {
     Lost(String),
     /// A node missed a deadline whose policy is `stop`.
     Late(String),
-    /// The plant flew to the end, but messages were missed, and which.
+    /// The plant flew to the end, but the launcher missed messages, as the text says.
     Unseen(String),
 }
 
-/// Why a stack did not come up.
+/// Reason why a stack did not come up.
 #[derive(Debug, thiserror::Error)]
 pub enum StartError {
     /// A process ended or hung before all had joined.
@@ -42,7 +42,7 @@ impl StartError {
 
 pub enum ChildExit {
     Well,
-    /// It broke its timing budget.
+    /// The process broke its timing budget.
     Late,
     Badly(ExitStatus),
 }
@@ -56,7 +56,7 @@ impl ChildExit {
         }
     }
 
-    /// For people: who ended, and how.
+    /// Names the process and how it ended, for people.
     pub fn tell(&self, name: &str) -> String {
         match self {
             Self::Well | Self::Late => name.into(),
@@ -64,7 +64,7 @@ impl ChildExit {
         }
     }
 
-    /// Which of two is to be told first.
+    /// Rank by which exits are reported, the highest first.
     pub fn gravity(&self) -> u8 {
         match self {
             Self::Well => 0,

@@ -1,8 +1,8 @@
-//! What a run has in shared memory, looked at while it flies: a file that is removed, or cut short, is noticed.
+//! Files of a run in shared memory, watched while it flies: notices a file that is removed or cut short.
 //!
-//! A name that is gone harms no process that has the file mapped, but one that is started later cannot join. A file that
-//! is cut short kills the process that touches what is missing (SIGBUS). Only files of processes that live are looked
-//! after: what a dead one leaves is cleared away, and guests may come and go.
+//! A removed file harms no process that has it mapped, but one that is started later cannot join. A file that is cut
+//! short kills the process that touches the missing part (SIGBUS). Files of dead processes and of guests are not
+//! watched: the former are cleared away, and guests may come and go.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -15,9 +15,9 @@ use crate::limits::FILES_LOOK;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Loss {
-    /// Its name is gone.
+    /// The name of the file is gone.
     Removed,
-    /// It is shorter than it was.
+    /// The file is shorter than it was.
     CutShort,
 }
 
@@ -29,17 +29,17 @@ pub struct Files {
 
 struct Known {
     bytes: u64,
-    /// Missing since the last look; one that is leaving removes its files shortly before it is gone.
+    /// `true` if it was missing at the last look; a process that leaves removes its files shortly before it is gone.
     missing: bool,
 }
 
 impl Files {
-    /// Those of `domain`; none is known yet.
+    /// Creates the watch over the files of `domain`; none is known yet.
     pub fn new(domain: Domain) -> Self {
         Self { domain, looked: Instant::now(), known: BTreeMap::new() }
     }
 
-    /// What has happened to the files of the processes `living` since the last look.
+    /// Returns what the processes `living` have lost since the last look; nothing before `FILES_LOOK` is over.
     pub fn look(&mut self, living: &[u32]) -> Vec<(Loss, PathBuf)> {
         if self.looked.elapsed() < FILES_LOOK {
             return vec![];
@@ -76,7 +76,7 @@ mod tests {
     use super::*;
     use runtime::domain::Hold;
 
-    /// Looks twice: a removal is believed at the second look.
+    /// Looks twice: a removal counts at the second look.
     fn look(files: &mut Files, living: &[u32]) -> Vec<(Loss, PathBuf)> {
         let mut losses = vec![];
         for _ in 0..2 {
@@ -87,7 +87,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_living_lose_is_noticed_once() {
+    fn a_lost_file_of_a_living_process_is_noticed_once() {
         let hold = Hold::take(&format!("files-{}", std::process::id())).expect("the namespace is free");
         let domain = hold.domain.clone();
         let segment = |pid: u128, number: u128| {

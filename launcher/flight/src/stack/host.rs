@@ -1,7 +1,6 @@
-//! What happens around the processes of a run: its files in shared memory, and the scenario's faults of host and intruders.
+//! Events around the processes of a run: files lost in shared memory, and the scenario's faults of host and intruders.
 //!
-//! Nothing here ends a flight. A process that cannot go on for want of a file dies or fails to start, which the
-//! supervisor sees.
+//! Nothing here ends a flight. The supervisor sees a process that dies, or fails to start, for lack of a file.
 
 use std::io::{BufRead, BufReader, Read};
 use std::ops::Range;
@@ -23,17 +22,17 @@ use crate::intruder::{LET_IN, REFUSED, SENT};
 use crate::limits::LEAVE_LIMIT;
 use crate::own_program;
 
-/// What events call what is around the processes.
+/// Name by which events call the surroundings of the processes.
 const HOST: &str = "host";
 
 pub struct Host {
     domain: Domain,
     lockstep: bool,
-    /// Those that the launcher itself brings about and that are still to begin, with their ticks.
+    /// Faults that the launcher itself injects and that are still to begin, with their ticks.
     faults: Vec<(Fault, Range<u64>)>,
     intruders: Vec<Intruder>,
     files: Files,
-    /// What happened since the last look.
+    /// Events since the last look.
     events: Vec<Event>,
 }
 
@@ -57,7 +56,7 @@ impl Host {
         Ok(Self { files: Files::new(domain.clone()), domain, lockstep, faults, intruders: vec![], events: vec![] })
     }
 
-    /// Looks around at `tick`: what has happened.
+    /// Injects the faults due at `tick`, and returns the events since the last look.
     pub fn look(&mut self, tick: u64, children: &Children) -> Vec<Event> {
         let (due, later): (Vec<_>, _) =
             std::mem::take(&mut self.faults).into_iter().partition(|(_, ticks)| tick >= ticks.start);
@@ -78,10 +77,10 @@ impl Host {
         std::mem::take(&mut self.events)
     }
 
-    /// Waits for the intruders, who leave with the run: what they had to say.
+    /// Waits for the intruders, which leave with the run, and returns what they report as events.
     pub fn finish(&mut self, tick: u64, interrupts: &AtomicU32) -> Vec<Event> {
         for mut intruder in std::mem::take(&mut self.intruders) {
-            let _ = wait(&mut intruder.child, &intruder.who, LEAVE_LIMIT, interrupts); // one that is killed has said nothing
+            let _ = wait(&mut intruder.child, &intruder.who, LEAVE_LIMIT, interrupts); // a killed one reports nothing
             self.write_down(tick, intruder);
         }
         std::mem::take(&mut self.events)
@@ -112,14 +111,14 @@ impl Host {
         for (path, _) in self.domain.files() {
             let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
             if port::makers(&name).next().is_some_and(|maker| of_it.contains(&maker)) {
-                // One that is gone already is what is wanted.
+                // Fails if the file is gone already, which is what the fault wants.
                 let _ = std::fs::remove_file(path);
             }
         }
     }
 
-    /// Starts an intruder. In lockstep, where a flight may be over before a process has begun, it is waited for until it
-    /// is in place: time stands still meanwhile.
+    /// Starts an intruder. In lockstep, where a flight may be over before a process has begun, waits until it is in
+    /// place: time stands still meanwhile.
     fn send_in(&self, who: &str, topic: Topic, kind: &str, until: u64) -> anyhow::Result<Intruder> {
         let mut command = own_program();
         command.args(["intrude", "--namespace", self.domain.namespace(), "--topic", topic.name(), "--kind", kind]);
@@ -127,15 +126,15 @@ impl Host {
         let mut child = command.spawn().context("cannot start it")?;
         let mut words = BufReader::new(child.stdout.take().context("it has no stdout")?);
         if self.lockstep {
-            let _ = words.fill_buf(); // it says that it is ready, or how it went, or its end is the end of its words
+            let _ = words.fill_buf(); // returns when it is ready, reports its result or ends
         }
         Ok(Intruder { who: who.into(), child, words })
     }
 
-    /// Writes down what one that has ended had to say.
+    /// Adds the last line that an intruder, which has ended, has written to the events.
     fn write_down(&mut self, tick: u64, mut intruder: Intruder) {
         let mut words = String::new();
-        let _ = intruder.words.read_to_string(&mut words); // what cannot be read was not said
+        let _ = intruder.words.read_to_string(&mut words); // what cannot be read is left out
         let last = words.lines().last().unwrap_or("it ended without a word");
         let what = match last {
             word if word.starts_with(REFUSED) => What::IntruderRefused,

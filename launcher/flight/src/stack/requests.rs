@@ -1,4 +1,4 @@
-//! What users ask of a stack that flies: how it is, and faults, swaps and the end that they order.
+//! Requests of users to a stack that flies: its status, and orders of faults, swaps and the end.
 
 use std::collections::BTreeMap;
 
@@ -22,12 +22,12 @@ use crate::event::{Event, Sender, What, events};
 use crate::limits::{ANSWER_EVENTS, STATUS_EVENTS};
 use crate::log::Record;
 
-/// The socket of a run, and what was ordered through it.
+/// Socket of a run, and the orders that came through it.
 pub struct Requests {
     pub server: Server,
-    /// Whether the flight was asked to end.
+    /// `true` if the flight was asked to end.
     pub stopped: bool,
-    /// Who ordered which of the swaps.
+    /// Sender of each swap that was ordered in flight, by its number.
     orderers: BTreeMap<usize, Sender>,
 }
 
@@ -36,7 +36,7 @@ impl Requests {
         Ok(Self { server: Server::open(domain)?, stopped: false, orderers: BTreeMap::new() })
     }
 
-    /// Answers one request, if there is any: the next has to wait until the processes have been looked at again.
+    /// Answers one request, if there is any: the next waits until the processes have been looked at again.
     pub fn answer_one(&mut self, run: &mut Run, archive: Option<&Archive>) {
         if let Some((request, reply)) = self.server.request() {
             let done = self.answer(run, archive, request, reply.sender());
@@ -44,7 +44,7 @@ impl Requests {
         }
     }
 
-    /// Tells the recorder what has happened; where a swap begins that was ordered by hand, with who ordered it.
+    /// Tells the recorder the new events. The first event of a swap that was ordered in flight names the sender.
     pub fn tell_recorder(&self, run: &mut Run) {
         for event in run.events.iter_mut().skip(run.children.told) {
             event.by = event.by.or_else(|| self.orderers.get(&event.swap?).copied());
@@ -52,7 +52,7 @@ impl Requests {
         run.children.tell(&run.events);
     }
 
-    /// Does what `request` asks for, which came from `sender`.
+    /// Carries out `request`, which came from `sender`.
     fn answer(
         &mut self,
         run: &mut Run,
@@ -81,7 +81,7 @@ impl Requests {
     }
 }
 
-/// How the nodes are, what is broken, and what happened last.
+/// Reports the state of the nodes, the faults in force and the last events.
 fn status(run: &Run) -> Value {
     let (tick, sample_s) = (run.page.plant_tick(), run.scenario.sample_s());
     let at_work = |fault: &&Fault| fault.is_active(tick, sample_s) && !fault.is_momentary();
@@ -94,7 +94,7 @@ fn status(run: &Run) -> Value {
     })
 }
 
-/// How far the vehicle is from its trajectory, as of the newest sample.
+/// Distance of the vehicle from its trajectory at the newest sample \[m\]; `None` before the first one.
 fn position_error_m(run: &Run) -> Option<f64> {
     let Some(Record::State(state)) = &run.newest[Topic::State as usize] else { return None };
     let wanted = Trajectory::new(&run.scenario.mission).at(run.time_s(state.stamp.tick)).position_m;
@@ -102,7 +102,7 @@ fn position_error_m(run: &Run) -> Option<f64> {
     Some(squares.sum::<f64>().sqrt())
 }
 
-/// The step of the mixer's fallback ladder that a command is from; `on demand` is the one on which nothing is missing.
+/// Step of the mixer's fallback ladder that a command is from; `on demand` if nothing is missing.
 fn rung(record: &Record) -> &'static str {
     let Record::Actuators(actuators) = record else { return "?" };
     let rungs = [
@@ -117,7 +117,7 @@ fn rung(record: &Record) -> &'static str {
     rungs.iter().find(|(flag, _)| actuators.flags & flag != 0).map_or("on demand", |(_, name)| name)
 }
 
-/// How one node is: ticks are those it has done, counted from the first of the run.
+/// Reports the state of one node. Its `tick` counts the ticks done since the first of the run.
 fn node_status(run: &Run, topic: Topic) -> Value {
     let role = run.page.role(topic);
     let (epoch, standby) = (role.active(), role.assignment().standby);
@@ -139,7 +139,7 @@ fn node_status(run: &Run, topic: Topic) -> Value {
     })
 }
 
-/// Gives the flight `fault`, which begins `at_s` after the next sample; the fault with its time in the flight.
+/// Adds `fault` to the flight, to begin `at_s` after the next sample but one; returns it with its time in the flight.
 fn inject(run: &mut Run, mut fault: Fault, sender: Option<Sender>) -> Result<Value, String> {
     needs_a_clock(run)?;
     if matches!(fault.target, FaultTarget::Clock | FaultTarget::Host) || fault.kind.is_intrusion() {
@@ -155,7 +155,7 @@ fn inject(run: &mut Run, mut fault: Fault, sender: Option<Sender>) -> Result<Val
     }
     fault.at_s += run.time_s(run.next_tick());
     fault.at_s = run.time_s(fault.ticks(run.scenario.sample_s()).start);
-    check(run, &fault)?; // nor may it begin too late
+    check(run, &fault)?; // again: it may begin too late
     let number = run.scenario.fault.len();
     if !run.page.fault_table.enter(number, &fault) {
         return Err(format!(
@@ -168,7 +168,7 @@ fn inject(run: &mut Run, mut fault: Fault, sender: Option<Sender>) -> Result<Val
     Ok(json!([fault]))
 }
 
-/// Ends the faults of `target`, or all; those that were not over, with the time they have had.
+/// Ends the faults of `target`, or all; returns those that were not over, with the time that they have lasted.
 fn clear(run: &mut Run, target: Option<FaultTarget>, sender: Option<Sender>) -> Result<Value, String> {
     needs_a_clock(run)?;
     let end = run.next_tick();
@@ -202,7 +202,7 @@ fn needs_a_clock(run: &Run) -> Result<(), String> {
     }
 }
 
-/// Whether nothing of `fault` is to come.
+/// Returns whether no tick of `fault` is to come.
 fn is_over(run: &Run, fault: &Fault) -> bool {
     let ticks = fault.ticks(run.scenario.sample_s());
     let last = if fault.is_momentary() { ticks.start.saturating_add(1) } else { ticks.end };
@@ -218,7 +218,7 @@ fn note(run: &mut Run, number: usize, fault: &Fault, what: What, by: Option<Send
     });
 }
 
-/// Begins a swap with the next sample but one, if it stands up to the rules of the scenario; its number.
+/// Orders a swap, to begin with the next sample but one, if it obeys the rules of the scenario; returns its number.
 fn order_swap(run: &mut Run, archive: Option<&Archive>, swap: Swap) -> Result<usize, String> {
     if run.page.phase.count() != phase::GO {
         return Err("the stack is starting or ending".into());

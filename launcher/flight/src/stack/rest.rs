@@ -1,5 +1,5 @@
-//! What a dead recorder leaves to be written: the launcher sees every message too, keeps the newest of them, and writes them to
-//! a part of its own until another recorder has taken over. So the death of a recorder costs the log nothing.
+//! Part of the log that a dead recorder did not write. The launcher sees every message too, keeps the newest, and
+//! writes them to a part of its own until another recorder has taken over. So the death of a recorder costs no message.
 
 use std::collections::VecDeque;
 use std::path::Path;
@@ -12,25 +12,25 @@ use runtime::limits::OBSERVER_S;
 use crate::limits::FLUSH_PERIOD;
 use crate::log::{LogWriter, Record};
 
-/// The newest messages of a flight, and the part of the log that they are written to while there is no recorder.
+/// Newest messages of a flight, and the part of the log that they are written to while there is no recorder.
 pub struct Rest {
     newest: VecDeque<Record>,
     most: usize,
     part: Option<LogWriter>,
-    /// Whether another recorder has taken over: it has all messages that are seen after the next look.
+    /// `true` if the part ends at the next look: another recorder has all later messages, or none will.
     ends: bool,
 }
 
 impl Rest {
-    /// Keeps what a recorder may not have written when it dies: what its queues hold, for as long as it may hang, and what it
-    /// flushes at once; twice that, because standbys and faults send messages too.
+    /// Makes room for what a recorder may not have written when it dies: the content of its queues, which last as long
+    /// as it may hang, and of one flush; twice that, because standbys and faults send messages too.
     pub fn new(scenario: &Scenario) -> Self {
         let seconds = OBSERVER_S as u64 + FLUSH_PERIOD.as_secs();
         let most = 2 * Topic::COUNT * scenario.run.rate_hz as usize * seconds as usize;
         Self { newest: VecDeque::with_capacity(most), most, part: None, ends: false }
     }
 
-    /// Takes one message in that was sent.
+    /// Takes in one sent message.
     pub fn observe(&mut self, record: &Record) {
         if self.newest.len() == self.most {
             self.newest.pop_front();
@@ -42,7 +42,7 @@ impl Rest {
         }
     }
 
-    /// Begins the part at `path` of the log of `run` with the newest messages; one that has begun goes on.
+    /// Begins the part at `path` of the log of `run` with the newest messages; a part that was begun already goes on.
     pub fn begin(&mut self, path: &Path, scenario: &Scenario, run: &str) {
         self.ends = false;
         if self.part.is_none() {
@@ -55,19 +55,19 @@ impl Rest {
         }
     }
 
-    /// Another recorder has taken over, or none will.
+    /// Ends the part at the next look: another recorder has taken over, or none will.
     pub fn end(&mut self) {
         self.ends = true;
     }
 
-    /// Closes the part if it has ended; call it after the messages of this look were taken in.
+    /// Closes the part if it is to end; call this after the messages of this look were taken in.
     pub fn look(&mut self) {
         if self.ends {
             self.finish();
         }
     }
 
-    /// Closes the part.
+    /// Closes the part, if there is one.
     pub fn finish(&mut self) {
         self.ends = false;
         if let Some(part) = self.part.take() {
@@ -75,7 +75,7 @@ impl Rest {
         }
     }
 
-    /// A part that cannot be written is told once; what it lacks is counted when the log is joined.
+    /// Reports once that the part cannot be written, and gives it up; what it lacks is counted when the log is joined.
     fn note(&mut self, written: anyhow::Result<()>) {
         if let Err(error) = written {
             eprint_line(&format!("error: {error:#}"));

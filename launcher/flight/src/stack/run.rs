@@ -1,4 +1,4 @@
-//! The processes of a run and what they share; what their roles say is done to them here.
+//! Processes of a run and what they share. Carries out the orders of their roles.
 
 use std::sync::Arc;
 
@@ -23,14 +23,14 @@ pub struct Run {
     pub domain: Domain,
     pub page: Arc<ControlPage>,
     pub children: Children,
-    /// Who runs the nodes.
+    /// Driver of the roles of the nodes.
     pub driver: Box<dyn Driver>,
-    /// As it is by now: with what was ordered while it flies.
+    /// Settings as they are now, with the faults and swaps that were ordered in flight.
     pub scenario: Scenario,
     pub events: Vec<Event>,
-    /// When the newest message of each topic was sent \[ns\].
+    /// Time at which the newest message of each topic was sent \[ns\].
     pub newest_ns: [u64; Topic::COUNT],
-    /// The newest message of each topic that was delivered.
+    /// Newest message of each topic that was delivered.
     pub newest: [Option<Record>; Topic::COUNT],
 }
 
@@ -53,35 +53,35 @@ impl Run {
         }
     }
 
-    /// The first sample before which every process is sure to see what is entered now: the one after the next.
+    /// Returns the first sample before which every process is sure to see a change made now: the one after the next.
     pub fn next_tick(&self) -> u64 {
         self.page.plant_tick() + 2
     }
 
-    /// When `tick` is \[s\].
+    /// Time of `tick` in the flight \[s\].
     pub fn time_s(&self, tick: u64) -> f64 {
         tick as f64 / f64::from(self.scenario.run.rate_hz)
     }
 
-    /// Takes in what was seen of a process of a node, and does what its role says.
+    /// Gives `input`, seen of a process of a node, to its role, and carries out the orders.
     pub fn on(&mut self, topic: Topic, input: Input) {
         let orders = self.driver.on(&self.scenario, topic, input);
         self.carry_out(orders);
     }
 
-    /// Does what the roles say now. In lockstep all messages before the plant's `question` have been observed.
+    /// Carries out the orders that are due. In lockstep the messages before the plant's `question` have been observed.
     pub fn look(&mut self, question: Option<u64>) {
         let orders = self.driver.look(&self.scenario, question);
         self.carry_out(orders);
     }
 
-    /// Why the run cannot go on, if it cannot.
+    /// Returns why the run cannot go on, or `None`.
     pub fn stuck(&mut self) -> Option<String> {
         let Self { driver, children, .. } = self;
         driver.stuck(&|| children.any_traced())
     }
 
-    /// Starts a process of a node, with what the swap `origin` says of it, and keeps a place for it.
+    /// Starts a process of a node, with program and settings of the swap `origin`, and offers it on the control page.
     pub fn start_node(&mut self, topic: Topic, epoch: u32, origin: Option<usize>) -> anyhow::Result<()> {
         self.page.role(topic).offer(epoch);
         let request = SpawnRequest { topic: Some(topic), epoch, ..SpawnRequest::default() };
@@ -97,7 +97,7 @@ impl Run {
                 Action::Spawn(epoch, origin) => self.start_or_report(topic, epoch, origin),
                 Action::Signal(epoch, signal) => self.children.signal(topic, epoch, unix(signal)),
                 Action::Report(event) => self.events.push(event),
-                Action::Activate(_) | Action::Standby(_) | Action::Vacate(_) => {} // done on the control page, by `Realtime::share` or `Lockstep`
+                Action::Activate(_) | Action::Standby(_) | Action::Vacate(_) => {} // the driver has done it
             }
         }
     }

@@ -1,4 +1,4 @@
-//! What a flight through processes needs of the system around it, looked at before anything is made.
+//! Checks of what a flight through processes needs of the system, made before anything is created.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use anyhow::{bail, ensure};
 use runtime::port::bytes_needed;
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 
-/// Refuses to run with so little stack or memory that the process would crash on its way, and says why.
+/// Fails if the limits on stack or memory are so low that the process would crash on its way; says how to raise them.
 pub fn check_memory() -> anyhow::Result<()> {
     for (resource, needed, what, raise) in [
         (Resource::Stack, STACK_NEEDED, "stack", "ulimit -s"),
@@ -22,7 +22,7 @@ pub fn check_memory() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Refuses to fly at `rate_hz` where it cannot go well, and says why. Raises the limit on open files where that is enough.
+/// Fails if a flight at `rate_hz` cannot go well here, and says why. Raises the limit on open files if that is enough.
 pub fn check(rate_hz: u32) -> anyhow::Result<()> {
     ensure!(
         Path::new("/proc/self").exists(),

@@ -1,8 +1,8 @@
-//! The times that the swaps of a flight against the clock took.
+//! Times that the swaps of a flight in real time took.
 //!
-//! A trial begins when the candidate is ready, and ends when it is rejected or returns, so that a swap takes other times
-//! than it was given. Those it took are what the `scenario.toml` of the run's folder has, and what a new order must keep
-//! clear of.
+//! A trial begins when the candidate is ready, and ends early if it is rejected or returned, so a swap takes other
+//! times than it was given. The `scenario.toml` of the run's folder has the times that it took; a new order must avoid
+//! them.
 
 use contract::Scenario;
 use contract::scenario::{Swap, SwapNode};
@@ -11,7 +11,7 @@ use contract::topic::Topic;
 use crate::event::{Event, What};
 use crate::swap_story::SwapStory;
 
-/// Gives each swap the times that it took by the `events`; one that is still to come moves behind those it waits for.
+/// Sets each swap to the times that it took by the `events`; one that is still to come moves behind those it waits for.
 pub fn settle(scenario: &mut Scenario, events: &[Event]) {
     let (sample_s, rate_hz) = (scenario.sample_s(), f64::from(scenario.run.rate_hz));
     let swaps = &mut scenario.swap;
@@ -31,7 +31,7 @@ pub fn settle(scenario: &mut Scenario, events: &[Event]) {
     }
 }
 
-/// Gives swap `number` of a node the times that it took, as far as it has come.
+/// Sets swap `number` of a node to the times that it took, as far as it has come.
 fn note(swap: &mut Swap, number: usize, events: &[Event], rate_hz: f64) {
     let Some(story) = SwapStory::of(events, number) else { return };
     let tick = |what: &[What]| story.first(what).map(|event| event.tick);
@@ -49,7 +49,7 @@ mod tests {
     use super::*;
     use contract::scenario::{check_swaps, load};
 
-    /// The swaps of the mixer at these times, after the `events` of epochs: (tick, epoch, what, swap).
+    /// Returns the times of swaps of the mixer `at_s`, settled by the `events` (tick, epoch, what, swap).
     fn settled(at_s: &[f64], events: &[(u64, u32, What, Option<usize>)]) -> Vec<[f64; 3]> {
         let mut scenario = load(None, &[]).unwrap();
         scenario.swap = at_s.iter().map(|at_s| Swap::new(SwapNode::Mixer, *at_s)).collect();

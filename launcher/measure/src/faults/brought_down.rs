@@ -1,9 +1,9 @@
-//! Flights that cannot go on, over ground: what comes down, and how.
+//! Flights over ground that cannot continue, and how the vehicle comes down.
 //!
-//! Every flight is `scenarios/take-off-and-land.toml`, in process, with one fault at 20 s that stays: a node that is not
-//! replaced, or a rotor that stands still. The vehicle is then 8 m high and under way. Without guidance or attitude-mpc the next
-//! node flies on and must land. Without the mixer no command comes, and with a dead rotor the flight is terminated: for those
-//! nothing is promised.
+//! Every flight is `scenarios/take-off-and-land.toml`, in process, with one fault at 20 s that stays: a node that is
+//! not replaced, or a rotor that stands still. The vehicle is then 8 m high and moving. Without guidance or
+//! attitude-mpc the next node continues and must land. Without the mixer there is no command, and with a dead rotor the
+//! flight is terminated; in these cases nothing is promised.
 
 use contract::Scenario;
 use contract::message::{PlantStatus, State};
@@ -18,9 +18,9 @@ use crate::findings::Target;
 use crate::flights::in_process;
 use view::table::{Table, cell};
 
-/// When every fault begins \[s\].
+/// Time at which every fault begins \[s\].
 const AT_S: f64 = 20.0;
-/// The faults, and whether the flight must end in a landing.
+/// Faults, with `true` if the flight must end in a landing.
 const FAULTS: [(FaultTarget, FaultKind, bool); 6] = [
     (FaultTarget::Guidance, FaultKind::Kill, true),
     (FaultTarget::AttitudeMpc, FaultKind::Kill, true),
@@ -30,24 +30,24 @@ const FAULTS: [(FaultTarget, FaultKind, bool); 6] = [
     (FaultTarget::Rotor3, FaultKind::Off, false),
 ];
 
-/// The end of one flight.
+/// End of one flight.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct BroughtDown {
     /// Target and kind.
     pub fault: String,
-    /// Whether it has to land.
+    /// `true` if the flight must end in a landing.
     pub must_land: bool,
-    /// As `ground` in run.json.
+    /// Value of `ground` in run.json.
     pub verdict: &'static str,
-    /// From the fault to the first sample on the ground \[s\].
+    /// Time from the fault to the first sample on the ground \[s\].
     pub down_after_s: Option<f64>,
     /// Angle between the body z axis and the vertical at that sample \[deg\].
     pub tilt_deg: Option<f64>,
-    /// How fast the vehicle sank a sample before \[m/s\].
+    /// Sink rate of the vehicle one sample before \[m/s\].
     pub sink_mps: Option<f64>,
 }
 
-/// The scenario that every fault is put into, compiled in so that the command works in any folder.
+/// Returns the scenario that every fault is added to, compiled in so that the command works in any folder.
 fn over_ground() -> anyhow::Result<Scenario> {
     let text = include_str!("../../../../scenarios/take-off-and-land.toml");
     Ok(from_merged(text, "scenarios/take-off-and-land.toml")?)
@@ -61,7 +61,7 @@ impl BroughtDown {
     }
 
     fn fly(base: &Scenario, target: FaultTarget, kind: FaultKind, must_land: bool) -> Self {
-        // To the end, so that no process takes the place of one that was killed.
+        // The fault lasts to the end, so that a killed process is not replaced.
         let fault = Fault::new(target, kind, AT_S, Some(base.run.duration_s - AT_S));
         let scenario = Scenario { fault: vec![fault], ..base.clone() };
         let mut watch = Watch::new(&scenario);
@@ -98,7 +98,7 @@ impl BroughtDown {
     }
 }
 
-/// The first sample on the ground after the fault.
+/// First sample on the ground after the fault.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Down {
     at_s: f64,
@@ -109,7 +109,7 @@ struct Down {
 struct Watch {
     ground: Option<Ground>,
     sample_s: f64,
-    /// At the newest sample \[m/s\].
+    /// Sink rate at the newest sample \[m/s\].
     sink_mps: f64,
     down: Option<Down>,
 }
@@ -149,7 +149,7 @@ mod tests {
     use crate::findings::Verdict;
 
     #[test]
-    fn the_first_sample_on_the_ground_after_the_fault_counts() {
+    fn only_the_first_sample_on_the_ground_after_the_fault_counts() {
         let scenario = over_ground().expect("a scenario");
         let mut watch = Watch::new(&scenario);
         let mut at = |time_s: f64, height_m: f64, sink_mps: f64, roll_rad: f64| {
@@ -178,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn what_must_land_and_does_not_is_short() {
+    fn a_flight_that_must_land_and_does_not_makes_the_target_short() {
         let one = |verdict, must_land| BroughtDown {
             fault: "mixer kill".into(),
             must_land,

@@ -1,43 +1,43 @@
-//! The matrix: every target with every kind of fault that it can have, and what is promised then.
+//! Matrix of the faults: every target with every kind of fault that it can have, and the promise for each.
 //!
-//! The rule, for all alike: a fault is **recoverable** when, all the while,
+//! One rule holds for all faults: a fault is **recoverable** if, for its whole duration,
 //!
 //! ```text
-//! the plant lives               it is the vehicle, and is not replaced
-//! every actuator obeys          late or weakly perhaps, but it moves where the command says
-//! no sensor is wrong            without a second sensor the stack cannot detect stuck and wrong ones
-//! no node errs                  a plausible demand is obeyed; that of a candidate ends its swap
-//! no sensor is late             slow and delayed, by default 200 and 100 ms: the loop tolerates 50 ms of the rates
-//! the state is known            a STATE that can be taken is never older than 50 ms: measured, flight by flight
-//! the vehicle does not fall     only with the paper's profile, which does not catch a vehicle that had no thrust: measured too
+//! the plant lives               the plant is the vehicle, and is not replaced
+//! every actuator obeys          it may be late or weak, but moves to the commanded position
+//! no sensor is wrong            without a second sensor the stack cannot detect a stuck or wrong one
+//! no node errs                  a wrong but plausible demand is obeyed; from a candidate it ends the swap
+//! no sensor is late             slow and delayed are 200 and 100 ms by default; the loop tolerates 50 ms for the rates
+//! the state is known            the newest accepted STATE is at most 50 ms old; measured in each flight
+//! the vehicle does not fall     the paper's profile only: it does not catch a vehicle that had no thrust; measured too
 //! ```
 //!
-//! With a rotor that is off the flight must be terminated. For other faults nothing is promised; the table has the outcome.
+//! If a rotor is off, the flight must be terminated. For other faults nothing is promised; the table has the outcome.
 
 use contract::Scenario;
 use contract::scenario::{Fault, FaultKind, FaultTarget, from_merged, load};
 use serde::Serialize;
 
-/// When every fault begins \[s\].
+/// Time at which every fault begins \[s\].
 pub const AT_S: f64 = 5.0;
-/// How long it lasts \[s\].
+/// Duration of the fault \[s\].
 pub const FOR_S: f64 = 1.0;
-/// How long after the fault the vehicle is to be back \[s\].
+/// Time after the fault at which the vehicle must be back \[s\].
 pub const BACK_S: f64 = 5.0;
-/// The oldest state that can be flown from \[s\]: where the mixer gives up levelling.
+/// Largest age of a state that can be flown from \[s\]; above it the mixer gives up levelling.
 pub const KNOWN_S: f64 = 0.05;
 
-/// One fault of the matrix.
+/// Fault of the matrix.
 #[derive(Debug, Clone)]
 pub struct Case(pub Fault);
 
-/// The promise for a flight.
+/// Promise for a flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Promise {
-    /// It flies on within the limits.
+    /// Flies on within the limits.
     Recover,
-    /// It is terminated in time.
+    /// Is terminated in time.
     Terminate,
     /// None: the plant is gone.
     NoPlant,
@@ -56,8 +56,9 @@ pub enum Promise {
 }
 
 impl Case {
-    /// All faults of the flight itself, without a plant that hangs or leaves: those take a wall clock to notice.
-    /// Faults of clock and host and intruders change no bit of the flight: `tests/isolation.rs` shows it.
+    /// Lists all faults of the flight itself. Left out are a plant that hangs or leaves, which needs a wall clock to
+    /// notice, and faults of clock and host and intruders, which change no bit of the flight (see
+    /// `tests/isolation.rs`).
     pub fn all() -> Vec<Self> {
         let fault = |target, kind: &FaultKind| Self(Fault::new(target, *kind, AT_S, Some(FOR_S)));
         let of = |(target, _): (FaultTarget, _)| target.kinds().iter().map(move |kind| fault(target, kind));
@@ -67,7 +68,7 @@ impl Case {
         FaultTarget::ALL.into_iter().flat_map(of).filter(|case| !needs_a_clock(case) && !case.is_around()).collect()
     }
 
-    /// Whether it acts on the surroundings of the processes.
+    /// Returns whether the fault acts on the surroundings of the processes.
     fn is_around(&self) -> bool {
         matches!(self.0.target, FaultTarget::Clock | FaultTarget::Host) || self.0.kind.is_intrusion()
     }
@@ -76,13 +77,12 @@ impl Case {
         self.0.target.process().is_some()
     }
 
-    /// Whether it acts on a process or on a message.
+    /// Returns whether the fault acts on a process or on a message.
     pub fn is_of_software(&self) -> bool {
         self.is_of_a_process() || self.0.target.topic().is_some()
     }
 
-    /// The promise when the state was unknown for `blind_s` at most; `fell` when the paper's controller had no thrust for a
-    /// while.
+    /// Returns the promise if the state was unknown for `blind_s` at most; `fell`: the paper's controller lost thrust.
     pub fn promise(&self, blind_s: f64, fell: bool) -> Promise {
         use {FaultKind as K, FaultTarget as T};
         match (self.0.target, self.0.kind) {
@@ -99,13 +99,13 @@ impl Case {
     }
 }
 
-/// The scenario that every fault is put into, compiled in so that the command works in any folder.
+/// Returns the scenario that every fault is added to, compiled in so that the command works in any folder.
 pub fn hover_in_gusts() -> anyhow::Result<Scenario> {
     let text = include_str!("../../../../scenarios/faults/hover-gusts.toml");
     Ok(from_merged(text, "scenarios/faults/hover-gusts.toml")?)
 }
 
-/// A hover in calm with the paper's controller.
+/// Returns a hover in calm with the paper's controller.
 pub fn hover_of_the_paper() -> anyhow::Result<Scenario> {
     let settings = ["profile=paper", "mission.trajectory=hover", "run.duration_s=12.0"].map(str::to_owned);
     Ok(load(None, &settings)?)
@@ -132,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_promised_follows_from_the_fault_and_the_blindness() {
+    fn the_promise_follows_from_the_fault_and_the_time_without_a_state() {
         let promise = |target, kind, blind_s| Case(Fault::new(target, kind, AT_S, Some(FOR_S))).promise(blind_s, false);
         assert_eq!(promise(FaultTarget::AttitudeMpc, FaultKind::Kill, 0.0), Promise::Recover);
         assert_eq!(promise(FaultTarget::State, FaultKind::Drop, 0.05), Promise::Recover);

@@ -1,13 +1,13 @@
-//! What the supervision does about the same process fault in lockstep and in real time.
+//! Compares the reaction of the supervision to a process fault in lockstep and in real time.
 //!
 //! ```text
 //! fault begins -> noticed -> another process is active
 //!                 died, hung  took over
 //! ```
 //!
-//! All times are whole ticks since the first tick of the fault, from the events of the flight. A tick without an active
-//! process is one for which the node's topic has no message that was delivered. In lockstep the delays of the
-//! supervision are settings; in real time they are what this machine took.
+//! All times are whole ticks since the first tick of the fault, from the events of the flight. A tick is without an
+//! active process if it has no delivered message of the node's topic. In lockstep the delays of the supervision are
+//! settings; in real time they are those of this machine.
 
 use std::collections::BTreeSet;
 use std::sync::atomic::AtomicU32;
@@ -21,7 +21,7 @@ use serde::Serialize;
 
 use crate::flights::through_processes;
 
-/// When every fault begins, how long it lasts, and how long the flight is \[s\].
+/// Begin and duration of every fault, and duration of the flight \[s\].
 const AT_S: f64 = 1.0;
 const FOR_S: f64 = 1.0;
 const DURATION_S: f64 = 3.5;
@@ -32,7 +32,7 @@ const NODES: [(FaultTarget, Topic); 3] = [
 ];
 const KINDS: [FaultKind; 4] = [FaultKind::Kill, FaultKind::Stop, FaultKind::Hog, FaultKind::Exit];
 
-/// One fault in both modes.
+/// Reaction to one fault in both modes.
 #[derive(Debug, Clone, Serialize)]
 pub struct FaultHandling {
     /// Target and kind.
@@ -41,17 +41,17 @@ pub struct FaultHandling {
     pub realtime: Handling,
 }
 
-/// What was done about a fault.
+/// Reaction to a fault.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Handling {
     pub noticed_ms: Option<f64>,
     pub next_active_ms: Option<f64>,
-    /// From the beginning of the fault to the end of the flight.
+    /// Number of ticks from the beginning of the fault to the end of the flight.
     pub ticks_without_active: usize,
     pub restarts: usize,
 }
 
-/// Flies every process fault in both modes, or with `quick` the kills alone.
+/// Flies every process fault in both modes; with `quick` the kills only.
 pub fn compare(base: &Scenario, quick: bool, interrupts: &AtomicU32) -> anyhow::Result<Vec<FaultHandling>> {
     let kinds = if quick { &KINDS[..1] } else { &KINDS[..] };
     let cases = kinds.iter().flat_map(|kind| NODES.map(|node| (*kind, node)));
@@ -88,14 +88,14 @@ fn fly(scenario: &Scenario, topic: Topic, interrupts: &AtomicU32) -> anyhow::Res
     Ok(Handling {
         noticed_ms: noticed.map(after_ms),
         next_active_ms: next_active.map(after_ms),
-        // The last tick is left out: nodes may be leaving.
+        // The last tick is not counted, because nodes may already be leaving.
         ticks_without_active: (begins..tick(DURATION_S) - 1).filter(|tick| !answered.contains(tick)).count(),
         restarts,
     })
 }
 
-/// The tick on which the failure of `node` from tick `begins` on was noticed, that on which the next process became active,
-/// and the number of processes started.
+/// Returns the tick on which the failure of `node` from tick `begins` on was noticed, the tick on which the next
+/// process became active, and the number of processes started.
 fn of_events(events: &[Event], node: &str, begins: u64) -> (Option<u64>, Option<u64>, usize) {
     let after = || events.iter().filter(|event| event.node == node && event.tick >= begins);
     let first = |of: fn(What) -> bool| after().find(|event| of(event.what)).map(|event| event.tick);

@@ -1,18 +1,18 @@
-//! `measure faults`: every fault of the catalogue, and whether the flight recovers.
+//! `measure faults`: flies every fault of the catalogue, and checks whether the flight recovers.
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`case`] | the matrix, and which faults count as recoverable |
+//! | [`case`] | the matrix of faults, and the rule for recoverable ones |
 //! | [`one_flight`] | one flight through its fault, by processes and by one thread |
-//! | [`handling`] | what the supervision does about a process fault, in lockstep and in real time |
+//! | [`handling`](mod@handling) | reaction of the supervision to a process fault, in lockstep and in real time |
 //! | [`strike`] | processes killed and stopped from outside, in real time |
-//! | [`relay`] | candidates in flight, good and wrong ones |
-//! | [`brought_down`] | flights over ground that cannot go on, and how they end |
+//! | [`relay`] | swaps in flight with good and wrong candidates |
+//! | [`brought_down`] | flights over ground that cannot continue, and their ends |
 //!
 //! Every case is `scenarios/faults/hover-gusts.toml` with one fault of the default size from 5 s to 6 s. It is flown in
-//! lockstep, by real processes that really die, and by one thread: the two must be the same flight, bit for bit. The
-//! profile is the robust one: the paper's does not survive the gusts, with or without a fault. The paper's profile has the
-//! faults of processes and topics in a calm hover.
+//! lockstep, by real processes that really die, and by one thread; both flights must be equal bit for bit. The profile
+//! is the robust one, because the paper's does not survive the gusts, with or without a fault. The paper's profile is
+//! flown with the faults of processes and topics in a calm hover.
 
 pub mod brought_down;
 pub mod case;
@@ -39,12 +39,12 @@ use self::strike::{Strike, Strikes};
 use crate::findings::{Findings, Target};
 use view::table::{Table, cell};
 
-/// Farthest from the trajectory that good candidates may take the vehicle \[m\].
+/// Largest distance from the trajectory with good candidates \[m\].
 const SWAP_M: f64 = 0.1;
 
 #[derive(clap::Args)]
 pub struct FaultsArgs {
-    /// Only the process faults, one swap of each node and one flight of each sort in real time: shows that everything works
+    /// Process faults, one swap of each node and one real-time flight of each sort only: shows that everything works
     #[arg(long)]
     pub quick: bool,
     /// Print JSON
@@ -58,13 +58,13 @@ pub struct FaultsArgs {
 #[derive(Debug, Serialize)]
 pub struct FaultResults {
     pub rows: Vec<FaultFlight>,
-    /// Faults of processes and topics with the profile paper, in calm.
+    /// Flights with faults of processes and topics, with the profile paper, in calm.
     pub paper: Vec<FaultFlight>,
     /// Flights without a fault.
     pub quiet: Vec<QuietFlight>,
     /// Process faults in lockstep and in real time.
     pub handling: Vec<FaultHandling>,
-    /// Flights over ground that cannot go on.
+    /// Flights over ground that cannot continue.
     pub brought_down: Vec<BroughtDown>,
     pub relays: Vec<Relay>,
     pub strikes: Strikes,
@@ -132,7 +132,7 @@ fn matrix(title: &str, rows: &[FaultFlight]) -> Table {
     Table::new(title, &headings, rows.iter().map(cells).collect())
 }
 
-/// The outcome of a flight, and the reason where nothing was promised.
+/// Describes the outcome of a flight, and the reason if nothing was promised.
 fn outcome(row: &FaultFlight) -> String {
     let fate = if row.course.diverged { "diverged" } else { "flew on" };
     match (row.promise, row.kept()) {

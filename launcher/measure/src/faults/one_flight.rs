@@ -1,4 +1,4 @@
-//! One flight through its fault, flown in lockstep and by one thread.
+//! One flight with its fault, flown in lockstep and by one thread.
 
 use std::sync::atomic::AtomicU32;
 
@@ -18,13 +18,13 @@ use outcome::faults::reacts;
 use outcome::summary::Summary;
 use outcome::ticks::length_m;
 
-/// Worst roll and pitch in a recoverable fault \[deg\].
+/// Largest roll or pitch allowed in a recoverable fault \[deg\].
 pub const TILT_DEG: f64 = 35.0;
-/// Farthest from the hover that it may be then \[m\].
+/// Largest distance from the hover allowed [`BACK_S`] after such a fault \[m\].
 pub const BACK_M: f64 = 0.5;
-/// Rotors slower than this all but stand still \[rotor speed unit\].
+/// Speed below which a rotor nearly stands still \[rotor speed unit\].
 const CUT_SPEED: f64 = 0.1;
-/// Within which a dead rotor ends the flight \[s\].
+/// Time within which the flight must be terminated after a rotor stopped \[s\].
 pub const TERMINATE_S: f64 = 0.3;
 
 #[derive(Debug, Clone, Serialize)]
@@ -34,38 +34,38 @@ pub struct FaultFlight {
     pub promise: Promise,
     #[serde(flatten)]
     pub course: Course,
-    /// Whether lockstep and one thread were the same flight.
+    /// `true` if the flights in lockstep and by one thread were equal.
     pub same: bool,
 }
 
-/// The course of a flight with a fault.
+/// Course of a flight with a fault.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Course {
-    /// Until it was noticed \[s\].
+    /// Time until the fault was noticed \[s\].
     pub detected_after_s: Option<f64>,
-    /// Until the recovery, as run.json counts \[s\].
+    /// Time until the recovery, as in run.json \[s\].
     pub recovered_after_s: Option<f64>,
-    /// Until the flight was terminated \[s\].
+    /// Time until the flight was terminated \[s\].
     pub terminated_after_s: Option<f64>,
     /// Largest true roll or pitch from the fault on \[deg\].
     pub tilt_deg: f64,
     /// Largest true distance from the hover \[m\].
     pub position_error_m: f64,
-    /// The same [`BACK_S`] after the fault; `None` when the flight ended before.
+    /// Distance from the hover [`BACK_S`] after the fault \[m\]; `None` if the flight ended before.
     pub back_m: Option<f64>,
-    /// Longest time without a state that a node can take, while the fault lasted \[s\].
+    /// Longest time without a STATE that a node accepts, while the fault lasted \[s\].
     pub blind_s: f64,
-    /// Whether the rotors all but stood still.
+    /// `true` if all rotors nearly stood still at some sample.
     pub cut: bool,
-    /// Whether the vehicle diverged, or the plant died.
+    /// `true` if the vehicle diverged or the plant died.
     pub diverged: bool,
-    /// Messages that did not reach the launcher: with any of these there is no hash.
+    /// Messages that did not reach the launcher; with any of these there is no hash.
     pub missed: u64,
     pub state_hash: Option<String>,
 }
 
 impl FaultFlight {
-    /// Flies `case` both ways.
+    /// Flies `case` in lockstep and by one thread.
     pub fn fly(base: &Scenario, case: &Case, interrupts: &AtomicU32) -> anyhow::Result<Self> {
         let mut scenario = base.clone();
         scenario.fault = vec![case.0];
@@ -85,7 +85,7 @@ impl FaultFlight {
         })
     }
 
-    /// Whether the promise is kept; `None` when none was made.
+    /// Returns whether the promise is kept; `None` if none was made.
     pub fn kept(&self) -> Option<bool> {
         let Course { tilt_deg, back_m, terminated_after_s, diverged, .. } = self.course;
         match self.promise {
@@ -98,20 +98,20 @@ impl FaultFlight {
     }
 }
 
-/// True roll or pitch, whichever is larger \[deg\].
+/// Returns true roll or pitch, whichever is larger \[deg\].
 pub fn lean_deg(state: &State) -> f64 {
     let [roll, pitch, _] = state.actual.attitude_rad.map(|angle| angle.abs().to_degrees());
     roll.max(pitch)
 }
 
-/// What is gathered of a flight with one fault.
+/// Gathers the course of a flight with one fault.
 struct Watch {
-    /// First tick of the fault, first after it, and the one at which the vehicle is to be back.
+    /// First tick of the fault, first tick after it, and the tick at which the vehicle must be back.
     begins: u64,
     ended: u64,
     back: u64,
     sample_s: f64,
-    /// Newest tick of any STATE, and of one that could be taken.
+    /// Newest tick of any STATE, and newest tick of an accepted one.
     newest: Option<u64>,
     taken: u64,
     course: Course,
@@ -149,7 +149,7 @@ impl Watch {
             self.taken = self.taken.max(stamp.tick);
         }
         if !state.is_intact() || self.newest.is_some_and(|newest| stamp.tick <= newest) {
-            return; // what a fault made of the sample before it
+            return; // a damaged or repeated STATE, made by a fault
         }
         self.newest = Some(stamp.tick);
         let course = &mut self.course;
@@ -180,12 +180,12 @@ impl Watch {
     }
 }
 
-/// A flight without a fault, and the reactions in it: there must be none.
+/// Flight without a fault, and counts of the reactions in it, which must be 0.
 #[derive(Debug, Clone, Serialize)]
 pub struct QuietFlight {
-    /// Of the scenario.
+    /// Name of the scenario.
     pub name: String,
-    /// Messages that tell of an input that was old, missing or bad, or of a solve that failed.
+    /// Messages that report an old, missing or bad input, or a failed solve.
     pub flagged: u64,
     pub refused: u64,
     pub events: u64,

@@ -1,17 +1,18 @@
-//! Many swaps in one flight: twenty good candidates of each node, or its wrong ones.
+//! Flights with many swaps: twenty good candidates of each node, or wrong ones.
 //!
-//! The good ones come in the survey; every other one has settings of its own. The wrong ones come in the gusts, and each
-//! goes wrong on standby or, if it got there, active, in one of these ways:
+//! The good ones come in the survey; every other one has different settings. The wrong ones come in the gusts. Each
+//! fails either on standby or, if it gets that far, while active, in one of these ways:
 //!
-//! | way | what its answers are |
+//! | way | its answers |
 //! |---|---|
 //! | garbage | numbers that are not finite, with a correct checksum |
 //! | drop | none |
 //! | wrong | finite and plausible, times -1 |
 //! | slow | 30 ms late |
-//! | exit | none, and it has ended |
+//! | exit | none, because the process has ended |
 //!
-//! In lockstep, where one thread must fly the same, and in real time, where slow takes its time and exit is a crash.
+//! Both are flown in lockstep, where a flight by one thread must be equal, and in real time, where `slow` takes real
+//! time and `exit` is a crash.
 
 use std::sync::atomic::AtomicU32;
 
@@ -30,13 +31,13 @@ use flight::log::Record;
 use outcome::faults::reacts;
 use outcome::ticks::{Tick, Ticks};
 
-/// The nodes in the order of their swaps, and the settings of every other good candidate.
+/// Nodes in the order of their swaps, with their topics and the settings of every other good candidate.
 const NODES: [(SwapNode, Topic, &str); 3] = [
     (SwapNode::Guidance, Topic::Reference, "guidance.disturbance_observer_radps=4.0"),
     (SwapNode::AttitudeMpc, Topic::Controls, "mpc.law=\"lqr\""),
     (SwapNode::Mixer, Topic::Actuators, "mixer.projection=true"),
 ];
-/// The faults of wrong candidates: of the topic or of the process.
+/// Faults of the wrong candidates: of the topic or of the process.
 const WAYS: [(FaultTargetOf, &str); 5] = [
     (Topic::name, "kind=\"garbage\""),
     (Topic::name, "kind=\"drop\", probability=1.0"),
@@ -44,58 +45,57 @@ const WAYS: [(FaultTargetOf, &str); 5] = [
     (Topic::publisher, "kind=\"slow\", ms=30.0"),
     (Topic::publisher, "kind=\"exit\""),
 ];
-/// The target of a fault, for the publisher of a topic.
+/// Returns the target of a fault, for the publisher of a topic.
 type FaultTargetOf = fn(Topic) -> &'static str;
-/// Good candidates of each node, in full.
+/// Number of good candidates of each node in a full run.
 pub const ROUNDS: usize = 20;
-/// When the first swap begins \[s\].
+/// Time at which the first swap begins \[s\].
 const FIRST_S: f64 = 1.0;
-/// How long a candidate is on standby, and from one swap to the next \[s\].
+/// Duration of standby of a good candidate, and interval between two swaps \[s\].
 const GOOD_S: (f64, f64) = (0.1, 0.4);
-/// The same of wrong ones, long enough for the error to show.
+/// Duration and interval for wrong candidates, long enough for the error to show \[s\].
 const WRONG_S: (f64, f64) = (0.2, 1.0);
-/// From the end of one swap to the next \[s\].
+/// Pause between the end of a swap and the next one \[s\].
 const REST_S: f64 = 0.1;
-/// From the beginning of a swap to when its candidate goes wrong: on standby, active. In real time it is not there at
-/// once \[s\].
+/// Delay from the beginning of a swap until its candidate fails: on standby, or active. Leaves time to start \[s\].
 const WRONG_AFTER_S: [f64; 2] = [0.15, 0.4];
-/// From one gust to the next \[s\].
+/// Interval between two gusts \[s\].
 const GUST_S: f64 = 2.0;
 
-/// One flight, the nodes swapped in turn.
+/// One flight in which the nodes are swapped in turn.
 #[derive(Debug, Clone, Serialize)]
 pub struct Relay {
     pub good: bool,
     pub mode: Mode,
     pub swaps: usize,
     pub kept: usize,
-    /// Candidates rejected on standby, and why.
+    /// Candidates rejected on standby, with reasons.
     pub rejected: Vec<String>,
-    /// Candidates removed from the active role, and why.
+    /// Candidates removed while active, with reasons.
     pub returned: Vec<String>,
-    /// Ticks on which a node did not send exactly one message from fresh inputs.
+    /// Number of ticks on which a node did not send exactly one message from fresh inputs.
     pub lost_ticks: usize,
-    /// Those of them during which a canary was delayed.
+    /// Number of lost ticks during which a canary was delayed.
     pub explained: usize,
     /// Largest true roll or pitch \[deg\].
     pub tilt_deg: f64,
-    /// Farthest from the trajectory \[m\].
+    /// Largest distance from the trajectory \[m\].
     pub position_error_m: f64,
     pub diverged: bool,
-    /// Whether one thread flew the same; `None` in real time.
+    /// `true` if the flight by one thread was equal; `None` in real time.
     pub same: Option<bool>,
 }
 
-/// The answers to one sample.
+/// Answers to one sample.
 #[derive(Clone, Copy, Default)]
 struct Answers {
     delivered: [u32; Topic::COUNT],
-    /// A node worked without an input that it should have.
+    /// `true` if a node worked without an input that it should have.
     reacted: bool,
 }
 
 impl Relay {
-    /// All of them: `rounds` good candidates of each node and every wrong one, in lockstep and in real time.
+    /// Flies `rounds` good candidates of each node and every wrong one, in lockstep and in real time.
     pub fn fly_all(rounds: usize, interrupts: &AtomicU32) -> anyhow::Result<Vec<Self>> {
         let flights = [(true, good_candidates(rounds)), (false, wrong_candidates(hover_in_gusts()?))];
         let modes = [Mode::Lockstep, Mode::Realtime].into_iter();
@@ -140,7 +140,7 @@ impl Relay {
     }
 }
 
-/// The survey, and `rounds` candidates of each node.
+/// Returns the survey with `rounds` good candidates of each node.
 fn good_candidates(rounds: usize) -> Scenario {
     let mut swaps = vec![];
     for round in 0..rounds {
@@ -152,7 +152,7 @@ fn good_candidates(rounds: usize) -> Scenario {
     with_swaps(Scenario::default(), swaps)
 }
 
-/// One gust after the other, and every node's candidate wrong in every way, on standby and active.
+/// Returns the gusts, repeated, with a candidate of every node that fails in every way, on standby and active.
 fn wrong_candidates(mut gusts: Scenario) -> Scenario {
     let mut swaps = vec![];
     for ((target, fault), after_s) in WAYS.into_iter().flat_map(|way| WRONG_AFTER_S.map(|after_s| (way, after_s))) {
@@ -174,7 +174,7 @@ fn begins_s(i: usize, (_, apart_s): (f64, f64)) -> f64 {
     FIRST_S + apart_s * i as f64
 }
 
-/// The swap number `i`, of candidates that take `times_s`.
+/// Returns swap number `i`, with standby and interval in `times_s`.
 fn swap(i: usize, times_s: (f64, f64), node: SwapNode, set: Vec<String>) -> Swap {
     let (standby_s, apart_s) = times_s;
     Swap { set, standby_s, watch_s: apart_s - standby_s - REST_S, ..Swap::new(node, begins_s(i, times_s)) }

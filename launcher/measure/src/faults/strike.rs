@@ -1,4 +1,4 @@
-//! Processes killed and stopped from outside, in real time.
+//! Kills and stops processes from outside, in real time.
 //!
 //! ```text
 //! signal -> role vacant -> first message of the successor
@@ -7,7 +7,7 @@
 //!           fallback
 //! ```
 //!
-//! The signal comes at any phase of the period. Every flight strikes each node once, so that no restart is delayed.
+//! The signal comes at any phase of the period. Every flight strikes each node once: a first restart has no delay.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
@@ -29,23 +29,23 @@ use crate::flights::namespace;
 use crate::killer::{Launcher, Process, first_message_ns, milliseconds, said};
 use crate::timing::canary::{Canary, CanarySummary};
 
-/// Between two strikes: all phases of the period occur.
+/// Interval between two strikes, chosen so that all phases of the period occur.
 const APART: Duration = Duration::from_micros(703_700);
-/// A strike that was not noticed by then has had no effect \[ns\].
+/// Time after which a strike counts as without effect \[ns\].
 const LIMIT_NS: u64 = 1_500_000_000;
-/// The nodes in the order of their strikes, by topic.
+/// Topics of the nodes, in the order of their strikes.
 const VICTIMS: [Topic; 3] = [Topic::Controls, Topic::Reference, Topic::Actuators];
 
 #[derive(Debug, Serialize)]
 pub struct Strikes {
-    /// SIGKILL.
+    /// Strikes with SIGKILL.
     pub kills: Vec<Strike>,
-    /// SIGSTOP.
+    /// Strikes with SIGSTOP.
     pub hangs: Vec<Strike>,
     pub canary: CanarySummary,
 }
 
-/// One process struck, and the delays that followed.
+/// Signal to one process, and the delays that followed.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct Strike {
     pub node: &'static str,
@@ -53,16 +53,16 @@ pub struct Strike {
     epoch: u32,
     #[serde(skip)]
     at_ns: u64,
-    /// Until its role was vacant \[ms\].
+    /// Time until its role was vacant \[ms\].
     pub noticed_ms: Option<f64>,
-    /// attitude-mpc: until the first command without it \[ms\].
+    /// Time until the first command without it \[ms\]; attitude-mpc only.
     pub fallback_ms: Option<f64>,
-    /// Until its successor's first message \[ms\].
+    /// Time until its successor's first message \[ms\].
     pub restarted_ms: Option<f64>,
 }
 
 impl Strikes {
-    /// Strikes every node once in each of `flights` flights, with either signal.
+    /// Strikes every node once in each flight, in `flights` flights with each signal.
     pub fn measure(flights: usize, interrupts: &AtomicU32) -> anyhow::Result<Self> {
         let canary = Canary::start()?;
         let all = |signal| -> anyhow::Result<Vec<Strike>> {
@@ -124,7 +124,7 @@ fn strike(signal: Signal, topic: Topic, namespace: &str, page: &ControlPage) -> 
 }
 
 impl Strike {
-    /// Adds what the `log` of the flight shows.
+    /// Adds the delays that the `log` of the flight shows.
     fn complete(&mut self, log: &Log) {
         let since_ms = |ns: u64| milliseconds(ns - self.at_ns);
         self.restarted_ms = first_message_ns(log, self.node, self.epoch + 1).map(since_ms);

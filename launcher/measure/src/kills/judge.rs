@@ -1,32 +1,32 @@
-//! What a flight must do after its kills, and whether it did.
+//! Rules for a flight after its kills, and their checks.
 //!
 //! | killed | must |
 //! |---|---|
 //! | launcher | every process is gone within 1 s, and the next flight in the namespace flies |
 //! | plant | exit 3, and the launcher names it |
 //! | a node or the recorder, in flight | exit 0, near the trajectory, and replaced within 1 s |
-//! | one of them too often | exit 3, and the vehicle does not diverge |
-//! | one of them before the first tick or after the last | exit 3, and the launcher names it |
+//! | a node or the recorder, too often | exit 3, and the vehicle does not diverge |
+//! | a node or the recorder, before the first tick or after the last | exit 3, and the launcher names it |
 //!
-//! After exit 0 the log reads to its end, and nothing is missing in it, whatever died.
+//! After exit 0 the log can be read to its end and is complete, whatever process died.
 //!
-//! After every flight nothing is left in shared memory, and no process.
+//! After every flight no shared memory and no process is left.
 
 use super::logged::Kill;
 use super::one_flight::{DURATION_S, KillFlight};
 use super::plan::Victim;
 
-/// Largest distance from the trajectory in a flight that goes on \[m\].
+/// Largest distance from the trajectory in a flight that continues \[m\].
 ///
-/// Half a second without any one of the three costs the survey 0.25 m at most. A node that is not given up is away for
-/// less: its three starts take some 40 ms each, and the waits before them 0.15 s together.
+/// Half a second without guidance, attitude-mpc or mixer costs the survey at most 0.25 m. A node that is not given up
+/// is away for less: its three starts take about 40 ms each, and the delays before them 0.15 s together.
 pub const NEAR_M: f64 = 0.3;
 /// Longest time until the processes of a dead launcher have ended \[ms\].
 pub const GONE_MS: f64 = 1_000.0;
-/// A killed process is replaced by then \[ns\].
+/// Time within which a killed process must be replaced \[ns\].
 const BACK_NS: u64 = 1_000_000_000;
 
-/// What is not as it must be; `None` when all is.
+/// Returns the first rule that the flight broke; `None` if it broke none.
 pub fn complaint(flight: &KillFlight) -> Option<String> {
     if !flight.left.is_empty() {
         return Some(format!("left {}", flight.left.join(", ")));
@@ -87,7 +87,7 @@ fn is_complete(flight: &KillFlight) -> bool {
     flight.flown_s.is_some_and(|flown_s| flown_s > DURATION_S - 0.05)
 }
 
-/// Whether no process replaced the one killed, the last of its node, though there was time.
+/// Returns whether a kill, the last of its node, has no successor although there was time.
 fn is_missed(flight: &KillFlight, kill: &Kill) -> bool {
     let again = flight.kills.iter().any(|other| other.victim == kill.victim && other.epoch > kill.epoch);
     let in_time = kill.successor_ms.is_some_and(|ms| ms < BACK_NS as f64 / 1e6);

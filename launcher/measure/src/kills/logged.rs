@@ -1,4 +1,4 @@
-//! What the log of a flight has of its kills, and the holes in it.
+//! Traces of the kills in the log of a flight, and the holes of the log.
 
 use contract::Topic;
 use contract::message::State;
@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::plan::{Moment, Victim};
 use crate::killer::{first_message_ns, milliseconds};
 
-/// One process killed.
+/// Kill of one process.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct Kill {
     pub victim: Victim,
@@ -17,21 +17,21 @@ pub struct Kill {
     pub moment: Moment,
     #[serde(skip)]
     pub at_ns: u64,
-    /// Until the first message of the next epoch, of a recorder until the first sample after the next one took over \[ms\]; `None`
-    /// when that was killed before, or the log ends before.
+    /// Time until the first message of the next epoch; for a recorder until the first sample after the next one took
+    /// over \[ms\]. `None` if the successor was killed before, or the log ends before.
     pub successor_ms: Option<f64>,
-    /// Whether the log has a hole where that message may have been.
+    /// `true` if the log has a hole where that message may have been.
     #[serde(skip)]
     pub unseen: bool,
 }
 
 impl Kill {
-    /// Nothing is known yet of what followed.
+    /// Makes a kill without a known successor.
     pub fn new(victim: Victim, epoch: u32, moment: Moment, at_ns: u64) -> Self {
         Self { victim, epoch, moment, at_ns, successor_ms: None, unseen: false }
     }
 
-    /// Adds what the `log` with these `holes` shows.
+    /// Adds the successor from the `log`, unless one of its `holes` may hide it.
     #[must_use]
     pub fn completed(self, log: &Log, holes: &[(u64, u64)]) -> Self {
         let first_ns = match self.victim {
@@ -46,21 +46,21 @@ impl Kill {
     }
 }
 
-/// When the first sample was sent after the recorder `epoch` had taken over \[ns\].
+/// Returns when the first sample was sent after the recorder `epoch` had taken over \[ns\].
 fn taken_over_ns(log: &Log, epoch: u32) -> Option<u64> {
     let is_it = |event: &&Event| event.node == "recorder" && event.epoch == epoch && event.what == What::TookOver;
     let tick = log.events.iter().find(is_it)?.tick;
     log.states.iter().find(|state| state.stamp.tick >= tick).map(sent_ns)
 }
 
-/// When a state was sent \[ns\].
+/// Returns when a state was sent \[ns\].
 pub fn sent_ns(state: &State) -> u64 {
     state.stamp.publish_ns[Topic::State as usize]
 }
 
-/// The times between which states of the flight that ended at `end_ns` are missing. A recorder that joins is sent the
-/// newest message from before as well, so a hole reaches to the message after the one that ends it. The last one has no
-/// end: a log that was cut lacks the same messages.
+/// Returns the spans in which states are missing, in a flight that ended at `end_ns` \[ns\]. A recorder that joins also
+/// gets the newest message from before, so a hole reaches to the message after the one that ends it. A hole at the end
+/// of the log has no end, because a log that was cut lacks all later messages.
 pub fn holes(log: &Log, end_ns: u64) -> Vec<(u64, u64)> {
     let of = |state: &State| (state.stamp.sequence, sent_ns(state));
     let mut known: Vec<(u64, u64)> = [(0, 0)].into_iter().chain(log.states.iter().map(of)).collect();
@@ -75,7 +75,7 @@ mod tests {
     use super::*;
     use contract::message::{Reference, Stamp};
 
-    /// The log with the states of these sequence numbers, number n sent at n times 10 ms.
+    /// Makes a log with the states of these sequence numbers; number n is sent at n times 10 ms.
     fn log(numbers: impl IntoIterator<Item = u64>) -> Log {
         let stamp = |sequence| Stamp { sequence, publish_ns: [sequence * 10_000_000, 0, 0, 0], ..Stamp::default() };
         let states = numbers.into_iter().map(|number| State { stamp: stamp(number), ..State::default() });
@@ -86,13 +86,13 @@ mod tests {
         Kill::new(victim, 1, Moment::Flying, at_ms * 1_000_000)
     }
 
-    /// From when to when states are missing \[ms\] in a flight of 20 of them.
+    /// Spans in which states are missing \[ms\], in a flight of 20 states.
     fn holes_ms(log: &Log) -> Vec<(u64, u64)> {
         holes(log, 200_000_000).iter().map(|(from, to)| (from / 1_000_000, to / 1_000_000)).collect()
     }
 
     #[test]
-    fn a_hole_is_found_wherever_it_is() {
+    fn a_hole_is_found_at_the_start_in_the_middle_and_at_the_end() {
         assert_eq!(holes_ms(&log(1..=20)), []);
         assert_eq!(holes_ms(&log((1..=5).chain(9..=20))), [(50, 100)], "message 9 may have been sent before");
         assert_eq!(holes_ms(&log(3..=20)), [(0, 40)]);
@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn a_successor_in_a_hole_is_not_seen() {
+    fn a_successor_that_a_hole_may_hide_is_not_timed() {
         let mut log = log((1..=5).chain(11..=20));
         let stamp = Stamp { epoch: 2, publish_ns: [0, 121_000_000, 0, 0], ..Stamp::default() };
         log.references = vec![Reference { stamp, ..Reference::default() }];

@@ -1,14 +1,14 @@
-//! `measure kills`: kill -9 of any process at any moment, again and again.
+//! `measure kills`: kills processes of short flights with SIGKILL, any process at any moment.
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`plan`] | victims and moments: a function of the seed and the flight's number |
+//! | [`plan`] | victims and moments, a function of the seed and the flight's number |
 //! | [`one_flight`] | one `launcher fly` through its kills |
-//! | [`logged`] | what the log has of the kills, and what is missing in it |
-//! | [`judge`] | what a flight must do after its kills |
+//! | [`logged`] | traces of the kills in the log, and its holes |
+//! | [`judge`] | the rules for a flight after its kills |
 //!
-//! Every flight is the survey of `launcher fly` without a file, 3 s in real time, started as a user starts it. Two fly at
-//! once, each in a namespace of its own that its flights use one after the other: every start follows a killing.
+//! Every flight is the survey of `launcher fly` without a file, 3 s in real time, started by the command. Two flights
+//! run at once. Each has a namespace that later flights use again, so that every start follows a kill.
 
 pub mod judge;
 pub mod logged;
@@ -34,9 +34,9 @@ use crate::findings::{Findings, Target};
 use crate::flights::namespace;
 use view::table::{Table, cell};
 
-/// Flights at once.
+/// Number of flights at once.
 const LANES: usize = 2;
-/// Flights that are listed by number when they went wrong.
+/// Largest number of failed flights that are listed by number.
 const LISTED: usize = 5;
 const HEADINGS: [&str; 13] = [
     "victim",
@@ -56,10 +56,10 @@ const HEADINGS: [&str; 13] = [
 
 #[derive(clap::Args)]
 pub struct KillsArgs {
-    /// How many processes to kill
+    /// Number of processes to kill
     #[arg(long, default_value_t = 1000)]
     pub kills: usize,
-    /// Another seed, other victims and moments
+    /// Seed of the victims and moments
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
     /// Print JSON
@@ -72,7 +72,7 @@ pub struct KillsArgs {
 
 #[derive(Debug, Serialize)]
 pub struct KillResults {
-    /// By number.
+    /// Flights, sorted by number.
     pub rows: Vec<KillFlight>,
     pub wall_s: f64,
 }
@@ -180,7 +180,7 @@ fn most(values: impl Iterator<Item = f64>) -> Option<f64> {
     values.reduce(f64::max)
 }
 
-/// Largest error of the flights that flew to their end.
+/// Returns the largest error of the flights that flew to their end.
 fn farthest<'a>(rows: impl IntoIterator<Item = &'a KillFlight>) -> Option<f64> {
     most(rows.into_iter().filter(|row| row.code == Some(0)).filter_map(|row| row.position_error_m))
 }

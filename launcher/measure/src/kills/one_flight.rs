@@ -1,4 +1,4 @@
-//! One `launcher fly` through its kills.
+//! One `launcher fly` with its kills.
 
 use std::fs;
 use std::path::Path;
@@ -13,41 +13,41 @@ use super::logged::{Kill, holes, sent_ns};
 use super::plan::{Moment, PlannedKill, Victim};
 use crate::killer::{Launcher, Process, left, said};
 
-/// How long every flight is \[s\].
+/// Duration of every flight \[s\].
 pub const DURATION_S: f64 = 3.0;
-/// Between two samples \[s\].
+/// Interval between two samples \[s\].
 const SAMPLE_S: f64 = 0.01;
 
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct KillFlight {
-    /// Number of the flight: with the seed it gives the plan.
+    /// Number of the flight; with the seed it determines the plan.
     pub flight: u64,
-    /// The kills that reached a process, in order.
+    /// Kills that reached a process, in order.
     pub kills: Vec<Kill>,
-    /// Exit code of the launcher; `None` when it was killed.
+    /// Exit code of the launcher; `None` if it was killed.
     pub code: Option<i32>,
-    /// The standard error of the launcher.
+    /// Standard error of the launcher.
     pub said: String,
-    /// Simulated time \[s\]; `None` when there is no run.json.
+    /// Simulated time \[s\]; `None` if there is no run.json.
     pub flown_s: Option<f64>,
     pub diverged: bool,
     /// Largest distance from the trajectory \[m\].
     pub position_error_m: Option<f64>,
-    /// Nodes that died too often.
+    /// Nodes given up because they died too often.
     pub given_up: Vec<String>,
     #[serde(skip)]
     pub end_ns: u64,
-    /// Why the log cannot be read to its end.
+    /// Reason why the log cannot be read to its end.
     pub log_defect: Option<String>,
-    /// Messages that the log lacks, as run.json tells.
+    /// Number of messages that the log lacks, from run.json.
     pub dropped: u64,
-    /// Times between which the log lacks states.
+    /// Number of spans in which the log lacks states.
     pub holes: usize,
-    /// Launcher killed: until its last process was gone \[ms\].
+    /// Launcher killed: time until its last process was gone \[ms\].
     pub gone_ms: Option<f64>,
     /// Launcher killed: exit code of the next flight.
     pub next_code: Option<i32>,
-    /// What was left in the end: shared memory and processes.
+    /// Shared memory and processes left in the end.
     pub left: Vec<String>,
 }
 
@@ -75,7 +75,7 @@ impl KillFlight {
         Ok(row)
     }
 
-    /// Reads what the flight wrote; a flight that did not begin wrote nothing.
+    /// Reads run.json and the log; a flight that did not begin has neither.
     fn read(&mut self, run: &Path, kills: Vec<Kill>) {
         let text = fs::read_to_string(run.join("run.json")).unwrap_or_default();
         let json: Value = serde_json::from_str(&text).unwrap_or_default();
@@ -99,7 +99,7 @@ impl KillFlight {
     }
 }
 
-/// Kills as planned until the flight ends, by itself or because a process was killed that is not replaced.
+/// Kills as planned until the flight ends, by itself or by the kill of a process without replacement.
 fn kill_all(launcher: &mut Launcher, plan: &[PlannedKill]) -> Vec<Kill> {
     let mut kills: Vec<Kill> = vec![];
     for planned in plan {
@@ -112,7 +112,7 @@ fn kill_all(launcher: &mut Launcher, plan: &[PlannedKill]) -> Vec<Kill> {
     kills
 }
 
-/// Kills the victim at its moment, if it is there; `last` is the last kill of the same node.
+/// Kills the victim at its moment; `None` if it is not there. `last` is the last kill of the same node.
 fn kill(launcher: &mut Launcher, planned: PlannedKill, last: Option<Kill>) -> Option<Kill> {
     let PlannedKill { victim, moment, after } = planned;
     let newest = |namespace: &str| Process::newest(namespace, &victim.name());

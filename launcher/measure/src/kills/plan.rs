@@ -5,7 +5,7 @@
 //! | starting | up to 0.15 s after the launcher was started | the stack while it comes up |
 //! | first ticks | up to 50 ms after the first tick | processes that have only just begun |
 //! | candidate | up to 40 ms after the victim's successor was started | a process before it is ready |
-//! | flying | up to 0.7 s after the last | any process |
+//! | flying | up to 0.7 s after the last kill | any process |
 
 use std::time::Duration;
 
@@ -14,7 +14,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
-/// Kills planned for one flight, at most. More of them, and most flights would end with a node given up.
+/// Largest number of kills planned for one flight. With more, most flights would end with a node given up.
 const MOST: usize = 8;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -29,21 +29,21 @@ pub enum Victim {
 }
 
 impl Victim {
-    /// In the order of the table.
+    /// All victims, in the order of the table.
     pub const ALL: [Self; 6] =
         [Self::Guidance, Self::AttitudeMpc, Self::Mixer, Self::Plant, Self::Recorder, Self::Launcher];
 
-    /// Of its processes.
+    /// Name of the victim's processes.
     pub fn name(self) -> String {
         name(self)
     }
 
-    /// Whether another process replaces it in flight.
+    /// Returns whether another process replaces it in flight.
     pub fn is_replaced(self) -> bool {
         !matches!(self, Self::Plant | Self::Launcher)
     }
 
-    /// Seven of thirty kills for each process that is replaced, one for each of the others: with those a flight ends.
+    /// Draws a victim: each process that is replaced gets 7 of 30 kills; the others, which end the flight, 1 each.
     fn draw(rng: &mut ChaCha8Rng) -> Self {
         match rng.random_range(0..30) {
             0 => Self::Plant,
@@ -53,7 +53,7 @@ impl Victim {
     }
 }
 
-/// See the table above.
+/// Moment of a kill, see the table above.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Moment {
@@ -63,7 +63,7 @@ pub enum Moment {
     Flying,
 }
 
-/// One kill of the plan.
+/// Kill of a plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PlannedKill {
     pub victim: Victim,
@@ -72,7 +72,7 @@ pub struct PlannedKill {
     pub after: Duration,
 }
 
-/// The plan of flight `number`, in order.
+/// Returns the plan of flight `number`, in order.
 pub fn plan(seed: u64, number: u64) -> Vec<PlannedKill> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(number);
@@ -104,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn every_victim_and_every_moment_is_met() {
+    fn every_victim_and_every_moment_occurs() {
         let all: Vec<PlannedKill> = (0..300).flat_map(|number| plan(1, number)).collect();
         let count = |victim| all.iter().filter(|kill| kill.victim == victim).count();
         for victim in Victim::ALL {
@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn a_candidate_comes_in_the_last_victims_place() {
+    fn a_kill_of_a_candidate_hits_the_last_victims_successor() {
         for kills in (0..100).map(|number| plan(3, number)) {
             assert_ne!(kills[0].moment, Moment::Candidate);
             for pair in kills.windows(2).filter(|pair| pair[1].moment == Moment::Candidate) {

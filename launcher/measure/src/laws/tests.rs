@@ -7,7 +7,7 @@ fn shipped() -> Campaign {
     Campaign::read(CAMPAIGN.1, CAMPAIGN.0, "laws", Path::new("")).unwrap()
 }
 
-/// The inner loop of a name.
+/// Finds an inner loop by name.
 fn named(name: &str) -> InnerLoop {
     inner_loops(&shipped()).unwrap().into_iter().find(|one| one.name == name).unwrap()
 }
@@ -51,7 +51,7 @@ fn the_shipped_scenarios_are_valid_under_every_inner_loop() {
 }
 
 #[test]
-fn a_cell_tells_what_became_of_the_flight() {
+fn a_cell_tells_the_outcome_of_the_flight() {
     let cell = |diverged_at_s, final_m| flight(named("cone"), diverged_at_s, final_m, 2).cell();
     assert_eq!(cell(None, 0.1), "ok 33.1 m s, 2");
     assert_eq!(cell(None, 12.34), "out of bounds, 12.3 m");
@@ -71,7 +71,7 @@ fn the_table_has_a_line_for_each_inner_loop() {
 }
 
 #[test]
-fn the_targets_are_those_of_the_cone() {
+fn only_inner_loops_with_the_cone_have_targets() {
     let verdicts = |rows: &[Vec<LawFlight>]| targets(rows).iter().map(|target| target.verdict).collect::<Vec<_>>();
     let good = [row(&named("cone"), [0; 5]), row(&named("clamp"), [99; 5])];
     assert_eq!(verdicts(&good), [Verdict::Ok; 3]);

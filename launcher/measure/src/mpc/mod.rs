@@ -1,12 +1,12 @@
-//! `measure mpc`: how long a step of the controller takes, on problems that flights have met.
+//! `measure mpc`: times the controller's steps, on problems recorded in flights.
 //!
 //! | module | holds |
 //! |---|---|
 //! | [`problems`] | recorded sequences of problems |
 //! | [`steps`] | timing of the controller's steps, by sequence, solver and path |
-//! | [`compare`] | the same problems for other solvers |
+//! | [`compare`](mod@compare) | the recorded problems for other solvers |
 //!
-//! Whether the solvers find the optimum is tested in `qp` and in `attitude-mpc/src/solver/tests.rs`.
+//! Tests in `qp` and in `attitude-mpc/src/solver/tests.rs` check that the solvers find the optimum.
 
 pub mod compare;
 pub mod problems;
@@ -27,9 +27,9 @@ use view::table::{Table, cell};
 
 /// Steps per second of the controller.
 const RATE_HZ: f64 = 100.0;
-/// Limit of every step of the default solver \[us\].
+/// Largest time of a step of the default solver \[us\].
 const LONGEST_US: f64 = 2000.0;
-/// Objectives that differ by no more than this share are the same.
+/// Relative difference up to which two objectives count as equal.
 const AGREES: f64 = 1e-6;
 
 #[derive(clap::Args)]
@@ -61,10 +61,10 @@ pub struct MpcResults {
     pub floor_us: f64,
     /// Time between two readings of the clock: part of every time here \[us\].
     pub clock_us: f64,
-    /// Longest time that the machine took from a loop that does nothing \[us\].
+    /// Longest interruption of an idle loop by the machine \[us\].
     pub longest_stall_us: f64,
     pub rows: Vec<StepTimes>,
-    /// The problems with the disc as a polygon: our solver, and others where the arguments ask for them.
+    /// Results on the problems with the disc as a polygon: our solver, and others if the arguments ask for them.
     pub rivals: Vec<Comparison>,
 }
 
@@ -93,7 +93,7 @@ pub fn measure(args: &MpcArgs) -> anyhow::Result<u8> {
     found.conclude(Some(&out), "measure.json", args.json, &text)
 }
 
-/// Solves the polygon problems, exports them, and has others solve them, as the arguments ask.
+/// Solves the polygon problems; exports them and runs other solvers on them if the arguments ask for it.
 fn compare(args: &MpcArgs, out: &std::path::Path, sequences: &[Sequence]) -> anyhow::Result<Vec<Comparison>> {
     let polygons: Vec<Option<Polygons>> = sequences.iter().map(Polygons::of).collect::<Result<_, _>>()?;
     let polygons: Vec<Polygons> = polygons.into_iter().flatten().collect();
@@ -165,7 +165,7 @@ fn rival_row(rival: &Comparison) -> Vec<String> {
 fn targets(results: &MpcResults) -> Vec<Target> {
     let row = |solver, path| results.rows.iter().find(|r| r.sequence == ALL && r.solver == solver && r.path == path);
     let explicit = || ["clarabel", "active-set"].into_iter().filter_map(|solver| row(solver, Path::Explicit));
-    // Times without a solve say nothing of the solver.
+    // Times without any solve tell nothing about the solver.
     let with_solves = |solver| row(solver, Path::Solver).and(row(solver, Path::All));
     let solves = |solver| match row(solver, Path::Solver) {
         Some(row) => format!("solves alone: p50 {:.1}, p99 {:.1} us", row.step.p50_us, row.step.p99_us),
@@ -193,7 +193,7 @@ fn targets(results: &MpcResults) -> Vec<Target> {
     targets
 }
 
-/// A long step that a stall of the machine can explain is inconclusive.
+/// Target for the longest step; inconclusive if a stall of the machine can explain it.
 fn longest(row: Option<&StepTimes>, longest_stall_us: f64) -> Target {
     let longest_us = row.map(|r| r.longest_us);
     let target = Target::at_most("clarabel, the longest step of all rounds", longest_us, LONGEST_US, "us");

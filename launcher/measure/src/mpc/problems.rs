@@ -1,12 +1,12 @@
 //! Sequences of problems: what the controller was given on each tick of a flight.
 //!
-//! A flight log holds the scenario and every STATE and REFERENCE. A new controller that is given the same messages meets
-//! the same problems in the same order. Without a log, four flights are flown first:
+//! A flight log holds the scenario and every STATE and REFERENCE. A new controller with the same messages solves the
+//! same problems in the same order. Without a log, four flights are flown first:
 //!
 //! | sequence | flight |
 //! |---|---|
 //! | `survey` | the paper's mission, nominal |
-//! | `upset` | thrown at 60/-30/45 degrees and 3 rad/s |
+//! | `upset` | thrown at 60/-30/45 degrees of attitude and 3 rad/s |
 //! | `yaw` | a turn by 90 degrees in one step |
 //! | `weak` | a step of 10 m with a thrust-to-weight ratio of 1.37 |
 
@@ -30,7 +30,7 @@ const SHIPPED: [(&str, &str, f64); 4] = [
     ("weak", include_str!("../../../../scenarios/aggressive/weak-step.toml"), 3.5),
 ];
 
-/// What the controller was given, tick by tick.
+/// Inputs of the controller, tick by tick.
 #[derive(Debug, Clone)]
 pub struct Sequence {
     pub name: String,
@@ -40,8 +40,8 @@ pub struct Sequence {
 }
 
 impl Sequence {
-    /// The settings for `solver`: those of the flight, without what depends on a clock, without faults, and with the
-    /// law that has something to solve.
+    /// Returns the flight's settings for `solver`, in process (so without a time limit), without faults, and with the
+    /// law MPC, the only one that solves problems.
     pub fn scenario_for(&self, solver: Solver) -> Scenario {
         let mut scenario = self.scenario.clone();
         scenario.run.mode = Mode::Inprocess;
@@ -71,9 +71,9 @@ pub fn shipped(folder: &Path) -> anyhow::Result<Vec<Sequence>> {
     SHIPPED.into_iter().map(fly).collect()
 }
 
-/// Samples measured of a log, at most: a flight of a quarter of an hour at 100 Hz, and 100 MB.
+/// Largest number of samples measured of a log: a quarter of an hour at 100 Hz, and 100 MB.
 const MOST_SAMPLES: usize = 100_000;
-/// States kept for the answers to them.
+/// Number of states kept until their REFERENCE comes.
 const KNOWN_STATES: usize = 1000;
 
 /// Reads the flight in the log at `path`, or in the run's folder at `path`.

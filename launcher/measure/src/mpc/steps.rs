@@ -1,11 +1,11 @@
-//! Times of the controller's steps on a machine that does other work too.
+//! Times of the controller's steps on a machine that also does other work.
 //!
-//! Every round takes each sequence through a new controller of each solver, in turns, and times every step. The work of a
-//! step is the same in every round, so what differs is the machine: the time of a problem is its median over the
-//! rounds. Steps follow each other without a pause, so caches are warm, as they are not in a flight at 100 Hz.
+//! Every round runs each sequence through a new controller of each solver, in turns, and times every step. The work of
+//! a step is the same in every round, so differences come from the machine: the time of a problem is its median over
+//! the rounds. Steps follow each other without a pause, so caches are warm, unlike in a flight at 100 Hz.
 //!
-//! After each sequence a canary spins on the clock for as long as the steps took, and looks for gaps: time that the
-//! machine took away from a loop that does nothing. A single long step proves nothing where such a gap is as long.
+//! After each sequence a canary reads the clock in a loop for as long as the steps took, and looks for gaps:
+//! interruptions by the machine. A single long step proves nothing if such a gap is as long.
 
 use std::fmt::Write;
 use std::hint::black_box;
@@ -23,14 +23,14 @@ use serde::Serialize;
 
 use super::problems::Sequence;
 
-/// The solvers, and what the settings call them.
+/// Solvers, with their names in the settings.
 pub const SOLVERS: [(Solver, &str); 2] = [(Solver::Clarabel, "clarabel"), (Solver::ActiveSet, "active-set")];
 /// Name of the sequence that stands for all of them.
 pub const ALL: &str = "all";
-/// The canary watches at least this long each time \[ns\].
+/// Shortest watch of the canary \[ns\].
 const CANARY_NS: u64 = 1_000_000;
 
-/// The steps of one sequence with one solver.
+/// Steps of one sequence with one solver.
 #[derive(Debug, Clone)]
 pub struct StepSeries {
     pub sequence: String,
@@ -41,25 +41,25 @@ pub struct StepSeries {
 #[derive(Debug, Clone)]
 pub struct Step {
     pub tick: u64,
-    /// As in the message, see [`SolveStatus`].
+    /// Status in the message, see [`SolveStatus`].
     pub status: u64,
     pub iterations: u64,
     /// One time for each round \[ns\].
     pub rounds_ns: Vec<u64>,
 }
 
-/// Which steps of a series are looked at.
+/// Selection of the steps of a series.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Path {
-    /// The unconstrained plan was inside the set.
+    /// Steps whose unconstrained plan was inside the set.
     Explicit,
-    /// The solver was needed.
+    /// Steps that needed the solver.
     Solver,
     All,
 }
 
-/// The times of the steps of one sequence, solver and path.
+/// Times of the steps of one sequence, solver and path.
 #[derive(Debug, Clone, Serialize)]
 pub struct StepTimes {
     /// Name of the sequence, or [`ALL`].
@@ -69,7 +69,7 @@ pub struct StepTimes {
     /// Median over the rounds of each step.
     pub step: Percentiles,
     pub mean_us: f64,
-    /// The longest step of all rounds \[us\].
+    /// Longest step of all rounds \[us\].
     pub longest_us: f64,
     /// Median over the rounds of that step \[us\].
     pub longest_median_us: f64,
@@ -85,7 +85,7 @@ impl Step {
     }
 }
 
-/// Every single time.
+/// Lists every single time as CSV.
 pub fn to_csv(series: &[StepSeries]) -> String {
     let mut csv = "sequence,solver,tick,status,iterations,round,ns\n".to_owned();
     for StepSeries { sequence, solver, steps } in series {
@@ -98,8 +98,8 @@ pub fn to_csv(series: &[StepSeries]) -> String {
     csv
 }
 
-/// Times every step of `sequences` with each solver, `rounds` times. One series for each sequence and solver, and the
-/// longest gap that the canary saw \[ns\].
+/// Times every step of `sequences` with each solver, `rounds` times. Returns one series for each sequence and solver,
+/// and the longest gap seen by the canary \[ns\].
 pub fn sample(sequences: &[Sequence], rounds: u32) -> (Vec<StepSeries>, u64) {
     let each = || sequences.iter().flat_map(|sequence| SOLVERS.map(|solver| (sequence, solver)));
     let mut series: Vec<StepSeries> =
@@ -161,7 +161,7 @@ pub fn floor_ns(sequence: &Sequence) -> anyhow::Result<f64> {
     Ok(median_ns([(); 101].map(|()| timed(&mut batch).1)) as f64 / f64::from(PRODUCTS))
 }
 
-/// One row for each sequence, solver and path that has a step, those of all sequences last.
+/// Returns a row for each sequence, solver and path that has a step, then those over all sequences.
 pub fn step_times(series: &[StepSeries]) -> Vec<StepTimes> {
     let mut rows = vec![];
     for one in series {
@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn a_row_has_the_median_time_and_the_longest() {
+    fn a_row_has_the_median_and_the_longest_time() {
         let steps = vec![
             step(SolveStatus::Explicit, 0, [1000, 1100, 9000]),
             step(SolveStatus::Solved, 4, [5000, 5200, 5100]),

@@ -1,11 +1,11 @@
-//! `measure replay`: flights in real time, each flown again from its log, bit for bit.
+//! `measure replay`: flies flights in real time and replays each bit for bit from its log.
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`plan`] | which flights, and what is done to them |
+//! | [`plan`] | kinds of flights, and orders given in flight |
 //! | [`one_flight`] | one flight through processes, and its replay |
 //!
-//! Every flight is the survey of `launcher fly` without a file, started as a user starts it, one after the other.
+//! Every flight is the survey of `launcher fly` without a file, started by the command. One flight runs at a time.
 
 pub mod one_flight;
 pub mod plan;
@@ -24,9 +24,9 @@ use self::one_flight::ReplayFlight;
 use self::plan::Kind;
 use crate::findings::{Findings, Target};
 
-/// Flights with a difference that are named.
+/// Largest number of differing flights that are listed.
 const LISTED: usize = 5;
-/// The time that the target is for \[s\].
+/// Duration of flight that the target is for \[s\].
 const MINUTE_S: f64 = 60.0;
 const HEADINGS: [&str; 12] = [
     "",
@@ -45,10 +45,10 @@ const HEADINGS: [&str; 12] = [
 
 #[derive(clap::Args)]
 pub struct ReplayArgs {
-    /// How many flights: of 20, 5 are disturbed by kills, a swap and live faults, 3 fly under stress-ng, 2 at 500 Hz
+    /// Number of flights: of 20, 5 are disturbed by kills, a swap and live faults, 3 fly under stress-ng, 2 at 500 Hz
     #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u16).range(1..=1000))]
     pub flights: u16,
-    /// How long each of them is
+    /// Duration of each flight
     #[arg(long, value_name = "TIME", default_value = "60s", value_parser = seconds)]
     pub seconds: f64,
     /// Print JSON
@@ -61,9 +61,9 @@ pub struct ReplayArgs {
 
 #[derive(Debug, Serialize)]
 pub struct ReplayResults {
-    /// By number.
+    /// Flights, sorted by number.
     pub rows: Vec<ReplayFlight>,
-    /// Flights that were not flown, because `stress-ng` is not installed.
+    /// Number of flights not flown, because `stress-ng` is not installed.
     pub without_stress: usize,
     pub wall_s: f64,
 }

@@ -23,39 +23,39 @@ use crate::flights::namespace;
 use crate::killer::{Launcher, Process, said};
 use crate::timing::machine::Stress;
 
-/// Start, report and end of a flight take no longer than this on a loaded machine.
+/// Longest time for start, report and end of a flight on a loaded machine.
 const AROUND: Duration = Duration::from_secs(60);
 
-/// A flight, and what its replay came to.
+/// Flight, and the result of its replay.
 #[derive(Debug, Serialize)]
 pub struct ReplayFlight {
-    /// From 0: with the duration it gives the plan.
+    /// Number from 0; with the duration it determines the plan.
     pub flight: usize,
     pub kind: Kind,
     /// Exit code of the launcher.
     pub code: i32,
     pub flown_s: f64,
     pub messages: u64,
-    /// Deadlines missed, all nodes.
+    /// Deadlines missed by all nodes.
     pub misses: u64,
-    /// Faults given in flight.
+    /// Number of faults given in flight.
     pub faults: usize,
-    /// Processes that died or hung.
+    /// Number of processes that died or hung.
     pub deaths: usize,
-    /// Swaps whose candidate was kept.
+    /// Number of swaps whose candidate was kept.
     pub swaps: usize,
-    /// Wall time to read the log, and to fly it again \[s\].
+    /// Wall time to read the log, and to replay it \[s\].
     pub read_s: f64,
     pub replay_s: f64,
-    /// The hash that the flight told of itself.
+    /// State hash that the flight recorded.
     pub state_hash: Option<String>,
-    /// Why the replay is not the same flight; `None` when it is.
+    /// Difference between flight and replay; `None` if they are equal.
     pub differs: Option<String>,
 }
 
 impl ReplayFlight {
-    /// Flies flight `number` and replays it; `None` where what its kind needs is not installed. The folder of a flight whose replay
-    /// differs is kept, and named.
+    /// Flies flight `number` and replays it; `None` if a program that its kind needs is not installed. The folder of a
+    /// flight whose replay differs is kept and named.
     pub fn fly(number: usize, duration_s: f64, interrupts: &AtomicU32) -> anyhow::Result<Option<Self>> {
         let kind = Kind::of(number);
         let namespace = namespace();
@@ -111,13 +111,13 @@ impl ReplayFlight {
         })
     }
 
-    /// Wall time to fly a minute of it again \[s\].
+    /// Returns the wall time to replay one minute of the flight \[s\].
     pub fn minute_s(&self) -> f64 {
         self.replay_s * 60.0 / self.flown_s
     }
 }
 
-/// Flies a flight as a user does; the exit code.
+/// Flies a flight by the command and returns its exit code.
 fn fly(number: usize, kind: Kind, duration_s: f64, namespace: &str, folder: &Path) -> anyhow::Result<i32> {
     let file = folder.join("scenario.toml");
     write_whole(&file, to_toml(&kind.scenario(duration_s)).as_bytes())?;
@@ -135,7 +135,7 @@ fn fly(number: usize, kind: Kind, duration_s: f64, namespace: &str, folder: &Pat
     code.context("a flight did not end, and was killed")
 }
 
-/// Does it to the flight. One that is ending refuses; the log tells what was done.
+/// Gives an order to the flight. A flight that is ending refuses it; the log shows which orders took effect.
 fn give(namespace: &str, order: Order) {
     let request = match order {
         Order::Kill(node) => {

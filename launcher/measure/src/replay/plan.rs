@@ -1,11 +1,11 @@
-//! Which flights are flown, and what is done to them while they fly.
+//! Plan of the flights, and of the faults, kills and swaps given in flight.
 //!
-//! | flights of 20 | are |
+//! | number, of 20 | kind |
 //! |---|---|
-//! | 10 | left alone, at 100 Hz |
-//! | 5 | disturbed: two processes killed, one swapped, three faults given, all by hand in flight |
+//! | 10 | undisturbed, at 100 Hz |
+//! | 5 | disturbed in flight by commands: two processes killed, one swapped, three faults given |
 //! | 3 | under `stress-ng --cpu 4` at `SCHED_OTHER` |
-//! | 2 | left alone, at 500 Hz |
+//! | 2 | undisturbed, at 500 Hz |
 
 use contract::Scenario;
 use contract::scenario::{Fault, FaultKind, FaultTarget, Policy, Swap, SwapNode};
@@ -13,7 +13,7 @@ use serde::Serialize;
 
 use crate::timing::timed_flights::realtime;
 
-/// What a flight is flown under.
+/// Conditions of a flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
@@ -24,14 +24,14 @@ pub enum Kind {
 }
 use Kind::{Alone, Disturbed, Fast, Loaded};
 
-/// The kinds of twenty flights, mixed so that a few flights have many of them.
+/// Kinds of twenty flights, mixed so that a short series already has several kinds.
 const KINDS: [Kind; 20] = [
     Disturbed, Fast, Alone, Loaded, Alone, Alone, Disturbed, Alone, Alone, Loaded, Disturbed, Alone, Alone, Fast,
     Alone, Disturbed, Loaded, Alone, Disturbed, Alone,
 ];
 
 impl Kind {
-    /// The kind of flight `number`, from 0.
+    /// Returns the kind of flight `number`, counted from 0.
     pub fn of(number: usize) -> Self {
         KINDS[number % KINDS.len()]
     }
@@ -51,7 +51,7 @@ impl Kind {
     }
 }
 
-/// Something done to a flight by hand.
+/// Command given to a flight.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Order {
     /// SIGKILL to the newest process of a node.
@@ -60,8 +60,8 @@ pub enum Order {
     Inject(Box<Fault>),
 }
 
-/// What is done to disturbed flight `number` of `duration_s`: when, as a share of the flight, and what. Flights differ in whom it
-/// is done to.
+/// Returns the orders for disturbed flight `number` of `duration_s`, with their times as shares of the flight. The
+/// nodes differ from flight to flight.
 pub fn orders(number: usize, duration_s: f64) -> [(f64, Order); 6] {
     const NODES: [(&str, SwapNode); 3] =
         [("attitude-mpc", SwapNode::AttitudeMpc), ("guidance", SwapNode::Guidance), ("mixer", SwapNode::Mixer)];
@@ -84,7 +84,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn twenty_flights_have_the_kinds_that_the_table_says() {
+    fn twenty_flights_have_the_kinds_of_the_table() {
         let count = |kind| (0..20).filter(|number| Kind::of(*number) == kind).count();
         assert_eq!([Alone, Disturbed, Loaded, Fast].map(count), [10, 5, 3, 2]);
     }

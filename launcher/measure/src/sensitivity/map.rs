@@ -1,6 +1,6 @@
-//! The map: every profile under every delay, jitter and probability of a miss, flown.
+//! Map of the flights of every profile under every delay, jitter and probability of a miss.
 //!
-//! A cell is the flights that differ in their random numbers only; the worst of them counts.
+//! A cell holds the flights that differ only in their random numbers; the worst of them counts.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -14,19 +14,19 @@ use crate::flights::{in_process, survival};
 use flight::event;
 use flight::settings;
 
-/// The profiles of the map.
+/// Profiles of the map.
 pub const PROFILES: [Profile; 2] = [Profile::Paper, Profile::Robust];
-/// Delays of the map \[ms\]: finer where the paper's controller has its limit.
+/// Delays of the map for the paper's controller \[ms\], finer near its limit.
 const PAPER_DELAYS_MS: [f64; 10] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 10.0];
-/// Delays of the map \[ms\]: likewise, ten times as far out.
+/// Delays of the map for the robust controller \[ms\], finer near its limit.
 const ROBUST_DELAYS_MS: [f64; 14] = [0.0, 5.0, 10.0, 20.0, 30.0, 40.0, 45.0, 50.0, 52.0, 54.0, 56.0, 58.0, 60.0, 64.0];
 
-/// Where a flight or a cell is on the map.
+/// Coordinates of a flight or a cell on the map.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Place {
     pub profile: Profile,
     pub delay_ms: f64,
-    /// Jitter on top of it \[ms\].
+    /// Jitter, added to the delay \[ms\].
     pub jitter_ms: f64,
     pub miss_probability: f64,
 }
@@ -42,22 +42,22 @@ pub struct GridFlight {
     pub rms_position_error_m: f64,
 }
 
-/// Flights that differ in their random numbers only.
+/// Flights that differ only in their random numbers.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Cell {
     #[serde(flatten)]
     pub at: Place,
     pub flights: usize,
-    /// How many of them lost the vehicle.
+    /// Number of flights that failed.
     pub lost: usize,
-    /// Largest position error of the worst \[m\]; nothing when one was lost, which has no bound.
+    /// Largest position error of the worst flight \[m\]; `None` if any failed, because then it has no bound.
     pub max_position_error_m: Option<f64>,
-    /// Root mean square error of the worst \[m\]; likewise.
+    /// Root mean square error of the worst flight \[m\]; `None` if any failed.
     pub rms_position_error_m: Option<f64>,
 }
 
-/// The flights of a map of the scenario in `file`, or of the survey. `delays` are for both profiles; where there are none
-/// each has its own. A setting that no scenario may have is an error.
+/// Returns the flights of a map of the scenario in `file`, or of the survey. `delays` apply to both profiles; if empty,
+/// each profile has its own. Settings that are invalid in a scenario are an error.
 pub fn scenarios(
     file: Option<&Path>,
     seeds: u64,
@@ -93,7 +93,7 @@ pub fn scenarios(
     Ok(scenarios)
 }
 
-/// Flies all, on as many cores as there are; in the order of the scenarios.
+/// Flies all scenarios on all cores; returns the flights in their order.
 pub fn fly(scenarios: &[Scenario]) -> Vec<GridFlight> {
     let one = |scenario: &Scenario| {
         let (summary, verdict) = in_process(&Scenario { bounds: survival(), ..scenario.clone() }, |_| {});
@@ -120,13 +120,13 @@ pub fn to_csv(flights: &[GridFlight]) -> String {
         let Place { profile, delay_ms, jitter_ms, miss_probability } = f.at;
         let (profile, lost) = (event::name(profile), f.failed_at_s.map(|t| t.to_string()).unwrap_or_default());
         let (seed, max, rms) = (f.seed, f.max_position_error_m, f.rms_position_error_m);
-        // A String takes everything.
+        // Writing to a String never fails.
         let _ = writeln!(text, "{profile},{delay_ms},{jitter_ms},{miss_probability},{seed},{lost},{max},{rms}");
     }
     text
 }
 
-/// The cells of `flights`, in their order.
+/// Groups `flights` into cells, in their order.
 pub fn gather(flights: &[GridFlight]) -> Vec<Cell> {
     flights.chunk_by(|a, b| a.at == b.at).map(Cell::of).collect()
 }
@@ -145,13 +145,13 @@ impl Cell {
     }
 }
 
-/// Delays \[ms\], jitters \[ms\] and probabilities that occur, each once and rising.
+/// Returns delays \[ms\], jitters \[ms\] and probabilities that occur, each once and rising.
 pub fn axes(cells: &[&Cell]) -> [Vec<f64>; 3] {
     let coordinates: [fn(&Place) -> f64; 3] = [|at| at.delay_ms, |at| at.jitter_ms, |at| at.miss_probability];
     coordinates.map(|coordinate| rising(cells.iter().map(|cell| coordinate(&cell.at))))
 }
 
-/// Rising, each value once.
+/// Sorts values and drops duplicates.
 fn rising(values: impl Iterator<Item = f64>) -> Vec<f64> {
     let mut values: Vec<f64> = values.collect();
     values.sort_by(f64::total_cmp);

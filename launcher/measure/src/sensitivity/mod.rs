@@ -1,18 +1,18 @@
-//! `measure sensitivity`: how much delay, jitter and loss a controller tolerates, as a map.
+//! `measure sensitivity`: maps the tracking error over delay, jitter and loss of commands.
 //!
 //! ```text
-//! delay    a command acts so long after its sample          run.command_delay_ms
-//! jitter   plus uniform 0..this, drawn for every command    run.command_jitter_ms
-//! misses   a command never acts, with this probability      run.command_drop_probability
+//! delay    from the sample until its command acts           run.command_delay_ms
+//! jitter   added, uniform from 0, drawn for each command    run.command_jitter_ms
+//! misses   probability that a command never acts            run.command_drop_probability
 //! ```
 //!
-//! Every flight is flown in process, where a command would otherwise act at the very instant of its sample: the map is
-//! exact, and the same on every machine. What a machine adds in real time is its age at the actuator, which is a delay
-//! too: that is why its operating point can be drawn into the map.
+//! Every flight is flown in process, where without these settings a command acts at the instant of its sample. So the
+//! map is exact, and the same on every machine. In real time a machine adds the age at the actuator, which is a delay
+//! too; so its operating point can be drawn into the map.
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`map`] | the flights, and those of one delay, jitter and probability taken together |
+//! | [`map`] | the flights, grouped by delay, jitter and probability |
 //! | [`point`] | the operating point of this machine |
 //! | [`picture`] | the map as a page |
 
@@ -33,18 +33,18 @@ use flight::duration::milliseconds;
 use flight::files::write_whole;
 use runtime::console::eprint_line;
 
-/// What the paper claims of its controller \[m\].
+/// Largest error that the paper claims for its controller \[m\].
 const PAPER_ERROR_M: f64 = 0.7;
-/// What the shipped survey must stay inside of, at the edge as in the middle \[m\].
+/// Largest error of the shipped survey, at the edge of the map as in its middle \[m\].
 const ROBUST_ERROR_M: f64 = 0.06;
-/// Profile, delay \[ms\], probability of a miss, and the largest error \[m\] there: without one every flight is lost.
+/// Promises: profile, delay \[ms\], probability of a miss, largest error there \[m\]; `None` = every flight fails.
 const PROMISES: [(Profile, f64, f64, Option<f64>); 4] = [
     (Profile::Paper, 4.0, 0.0, Some(PAPER_ERROR_M)),
     (Profile::Paper, 10.0, 0.0, None),
     (Profile::Robust, 58.0, 0.0, Some(ROBUST_ERROR_M)),
     (Profile::Robust, 0.0, 0.4, Some(ROBUST_ERROR_M)),
 ];
-/// Why a lost flight is promised.
+/// Reason why a failure is promised.
 const FRAGILE: &str = "the limit is real: the reading of the paper that flies is this fragile";
 
 /// Arguments of `measure sensitivity`.
@@ -76,7 +76,7 @@ pub struct SensitivityArgs {
     pub json: bool,
 }
 
-/// Measures as the arguments say; the exit code.
+/// Measures as the arguments say and returns the exit code.
 pub fn measure(args: &SensitivityArgs) -> anyhow::Result<u8> {
     let axes = [&args.delays, &args.jitters, &args.misses].map(Vec::as_slice);
     let scenarios = map::scenarios(args.scenario.as_deref(), args.seeds, axes)?;
@@ -97,7 +97,8 @@ pub fn measure(args: &SensitivityArgs) -> anyhow::Result<u8> {
     found.conclude(Some(&out), "sensitivity.json", args.json, &table(&cells, point.as_ref(), &out))
 }
 
-/// The point of the run that is named, or of five seconds flown now; nothing, and why, where that does not succeed.
+/// Returns the point of the given run, or of five seconds flown now; `None` and a note to the user if that flight
+/// fails.
 fn operating_point(args: &SensitivityArgs, out: &Path) -> anyhow::Result<Option<Point>> {
     if let Some(run) = &args.run {
         return Point::read(run).map(Some);
@@ -107,7 +108,7 @@ fn operating_point(args: &SensitivityArgs, out: &Path) -> anyhow::Result<Option<
     Ok(point.inspect_err(|error| eprint_line(&format!("note: the map has no operating point: {error:#}"))).ok())
 }
 
-/// For people: up to which delay every flight survived, by jitter and probability of a miss.
+/// Formats the largest delay up to which every flight survived, by jitter and probability of a miss.
 fn table(cells: &[Cell], point: Option<&Point>, out: &Path) -> String {
     let mut text = String::new();
     for profile in map::PROFILES {
@@ -132,7 +133,7 @@ fn line(head: &str, cells: impl Iterator<Item = String>) -> String {
     cells.fold(format!("{head:<28}"), |line, cell| line + &format!("{cell:>18}")) + "\n"
 }
 
-/// The last cell of a row before the first with a lost flight.
+/// Describes the last cell of a row before the first one with a failed flight.
 fn last_flown(row: &[&Cell], jitter_ms: f64, miss_probability: f64) -> String {
     let row = row.iter().filter(|c| c.at.jitter_ms == jitter_ms && c.at.miss_probability == miss_probability);
     let last = row.take_while(|cell| cell.lost == 0).last();
@@ -140,14 +141,14 @@ fn last_flown(row: &[&Cell], jitter_ms: f64, miss_probability: f64) -> String {
         .unwrap_or_else(|| "never".into())
 }
 
-/// The promises, which are about the survey.
+/// Returns the promises as targets; inconclusive except for the survey.
 fn targets(survey: bool, cells: &[Cell]) -> Vec<Target> {
     let promise = |(profile, delay_ms, miss_probability, limit_m): (Profile, f64, f64, Option<f64>)| {
         let place = Place { profile, delay_ms, jitter_ms: 0.0, miss_probability };
         let cell = cells.iter().find(|cell| survey && cell.at == place);
         let figure = format!("{}, {delay_ms} ms delay, {:.0} % missed", event::name(profile), miss_probability * 100.0);
         let target = if let Some(limit_m) = limit_m {
-            // A lost flight is as far off as can be.
+            // A failed flight counts with an infinite error.
             let error_m = cell.map(|cell| cell.max_position_error_m.unwrap_or(f64::INFINITY));
             Target::at_most(figure + ": largest error", error_m, limit_m, "m")
         } else {

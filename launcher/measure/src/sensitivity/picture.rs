@@ -1,4 +1,4 @@
-//! The map as a page of its own: one heat map per profile and probability of a miss.
+//! Page of the map: one heat map per profile and probability of a miss.
 
 use view::draw::{self, HeatCell, HeatMap, escape};
 
@@ -8,10 +8,10 @@ use super::map::{Cell, PROFILES, Place, axes};
 use super::point::Point;
 
 const STYLE: &str = include_str!("../../assets/sensitivity/style.css");
-/// Largest position errors \[m\].
+/// Scale of the largest position errors \[m\].
 const ERRORS: HeatMap = HeatMap { scale: (0.03, 3.0), values: "largest error", axes: ["delay [ms]", "jitter [ms]"] };
 
-/// The page of a map of the scenario `title`.
+/// Renders the page of a map of the scenario `title`.
 pub fn page(title: &str, cells: &[Cell], point: Option<&Point>) -> String {
     let sections = PROFILES.into_iter().map(|profile| {
         let cells: Vec<&Cell> = cells.iter().filter(|cell| cell.at.profile == profile).collect();
@@ -32,10 +32,10 @@ pub fn page(title: &str, cells: &[Cell], point: Option<&Point>) -> String {
     draw::page(&format!("Sensitivity: {title}"), STYLE, &body)
 }
 
-/// The maps of one profile.
+/// Renders the maps of one profile.
 fn section(name: &str, cells: &[&Cell], point: Option<&Point>) -> String {
     let [.., misses] = axes(cells);
-    // The point belongs to the map whose probability is nearest to its own.
+    // The point is drawn in the map with the nearest probability.
     let off = |p: &Point, miss: f64| (p.miss_probability - miss).abs();
     let nearest = |p: &&Point, miss: f64| misses.iter().all(|other| off(p, miss) <= off(p, *other));
     let map = |miss: &f64| {
@@ -46,7 +46,7 @@ fn section(name: &str, cells: &[&Cell], point: Option<&Point>) -> String {
     format!("<section><h2>Profile {name}</h2><div class=\"maps\">{maps}</div></section>\n")
 }
 
-/// The cells of one profile and probability of a miss.
+/// Renders the cells of one profile and probability of a miss.
 fn heat_map(cells: &[&Cell], point: Option<&Point>) -> String {
     let [delays, jitters, misses] = axes(cells);
     let missed = format!("{} % missed", (misses[0] * 1e4).round() / 100.0);
@@ -68,7 +68,7 @@ fn drawn(cell: &Cell) -> HeatCell {
     HeatCell { column: delay_ms, row: jitter_ms, value, label, title }
 }
 
-/// An error in no more room than a cell has.
+/// Formats an error so that it fits into a cell.
 fn metres(error_m: f64) -> String {
     match error_m {
         e if e < 1.0 => format!("{e:.3}"),

@@ -1,4 +1,4 @@
-//! The operating point: where on the map this machine flies in real time.
+//! Operating point: the place of this machine's real-time flights on the map.
 
 use std::path::Path;
 use std::process::Stdio;
@@ -16,14 +16,14 @@ use flight::own_program;
 pub struct Point {
     /// Median age at the actuator \[ms\].
     pub age_p50_ms: f64,
-    /// Its 99th percentile \[ms\].
+    /// 99th percentile of the age at the actuator \[ms\].
     pub age_p99_ms: f64,
     /// Share of all ticks on which the mixer missed its deadline.
     pub miss_probability: f64,
 }
 
 impl Point {
-    /// The point of the run in the folder `run`, from its run.json.
+    /// Reads the point of the run in the folder `run` from its run.json.
     pub fn read(run: &Path) -> anyhow::Result<Self> {
         let path = run.join("run.json");
         let text = file::read_text(&path, MAX_RESULTS_BYTES)
@@ -39,7 +39,7 @@ impl Point {
         Self::of(&json).with_context(|| format!("{} holds no age at the actuator", path.display()))
     }
 
-    /// The point of five seconds flown here and now; the folder of the run is `out`.
+    /// Flies five seconds in real time and returns their point; `out` becomes the folder of the run.
     pub fn fly(out: &Path) -> anyhow::Result<Self> {
         let fly = ["fly", "--mode", "realtime", "--no-log", "--json", "--set", "run.duration_s=5.0", "--namespace"];
         let flown = own_program()

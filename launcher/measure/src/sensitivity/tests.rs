@@ -1,4 +1,4 @@
-//! Cells, point, promises and page, from invented flights.
+//! Tests of cells, point, promises and page with invented flights.
 
 use super::map::GridFlight;
 use super::*;
@@ -16,7 +16,7 @@ fn flight(profile: Profile, [delay_ms, jitter_ms, miss_probability]: [f64; 3], s
 }
 
 #[test]
-fn of_the_flights_in_a_cell_the_worst_counts() {
+fn the_worst_flight_of_a_cell_counts() {
     let at = |delay, seed| flight(Profile::Paper, [delay, 2.0, 0.1], seed);
     let mut flights = vec![at(0.0, 0), at(0.0, 1), at(1.0, 0), at(1.0, 2)];
     let cells = map::gather(&flights);
@@ -42,7 +42,7 @@ fn a_flight_is_one_line_of_csv() {
     assert!(csv.lines().all(|line| columns(line) == columns(lines[0])));
 }
 
-/// Cells for all promises, with what the paper's and the robust controller are promised to do.
+/// Flights for all promises, each of which is kept.
 fn promised() -> Vec<GridFlight> {
     let mut flights = vec![
         flight(Profile::Paper, [4.0, 0.0, 0.0], 0),
@@ -59,7 +59,7 @@ fn verdicts(survey: bool, flights: &[GridFlight]) -> Vec<Verdict> {
 }
 
 #[test]
-fn promises_are_kept_by_surviving_and_by_being_lost() {
+fn a_promise_is_kept_if_flights_survive_or_fail_as_promised() {
     assert_eq!(verdicts(true, &promised()), [Verdict::Ok; 4]);
     let mut broken = promised();
     for flight in &mut broken {

@@ -1,7 +1,7 @@
-//! The canary: on every processor a process that sleeps for a millisecond, again and again, above all others.
+//! Canary: on every processor a process of highest priority that repeatedly sleeps for a millisecond.
 //!
-//! No process of this machine can delay it: when it wakes late, the host is the reason. It wakes every 1.001 ms, so that
-//! it meets a ring of whole milliseconds at all phases and at none for long.
+//! No process of this machine can delay it, so a late wake-up is due to the host. It wakes every 1.001 ms, so that its
+//! phase to a ring with a period of whole milliseconds keeps changing.
 
 use runtime::realtime::now_ns;
 use serde::Serialize;
@@ -12,26 +12,26 @@ use super::rings::{Noted, RingPeers};
 use flight::provenance::scheduling_of;
 use outcome::percentiles::Percentiles;
 
-/// A canary whose p99.9 is beyond this leaves no verdict on time \[us\].
+/// Largest p99.9 of the canary with which times are judged \[us\].
 pub const LIMIT_US: f64 = 5_000.0;
-/// A wake-up later than this is a gap, which explains a miss \[ns\].
+/// Delay of a wake-up from which it is a gap, which explains a miss \[ns\].
 const GAP_NS: u64 = 1_000_000;
 const PERIOD_NS: u64 = 1_001_000;
-/// Above everything that is measured.
+/// Priority above all measured processes.
 const PRIORITY: u32 = 90;
-/// Half an hour: nothing is noted after that.
+/// Largest number of wake-ups that are noted: half an hour.
 const MOST: usize = 1_800_000;
 
 pub struct Canary {
     peers: Vec<RingPeers>,
-    /// Whether they were given `SCHED_FIFO`.
+    /// `true` if they were given `SCHED_FIFO`.
     pub fifo: bool,
 }
 
-/// What the canaries noted.
+/// Wake-ups noted by the canaries.
 #[derive(Debug, Default)]
 pub struct Watch {
-    /// When each release should have been, and how late it was, all processors \[ns\].
+    /// Time due and delay of each wake-up, on all processors \[ns\].
     noted: Noted,
     /// Start and end of the gaps \[ns\].
     gaps: Vec<(u64, u64)>,
@@ -40,16 +40,16 @@ pub struct Watch {
 #[derive(Debug, Clone, Serialize)]
 pub struct CanarySummary {
     pub noted: Option<Percentiles>,
-    /// The same with every slot counted that a late wake-up covered.
+    /// Delays of all slots; slots that a late wake-up covered are included.
     pub covered: Option<Percentiles>,
-    /// Wake-ups more than a millisecond late.
+    /// Number of wake-ups more than a millisecond late.
     pub gaps: usize,
-    /// Why no verdict on time can be had, if so.
+    /// Reason why times cannot be judged, if so.
     pub doubt: Option<String>,
 }
 
 impl Canary {
-    /// One on every processor.
+    /// Starts a canary on every processor.
     pub fn start() -> anyhow::Result<Self> {
         let releases = Releases { period_ns: PERIOD_NS, count: MOST };
         let alone = |cpu| on_cpu(cpu, || RingPeers::alone(releases, PRIORITY));
@@ -62,7 +62,7 @@ impl Canary {
     pub fn stop(self) -> anyhow::Result<Watch> {
         let until_ns = now_ns();
         let noted = self.peers.into_iter().map(RingPeers::stop).collect::<Result<Vec<_>, _>>()?;
-        // A canary notes nothing after the order to leave; a wake-up that was due later does not count.
+        // A canary notes nothing after the order to leave, so wake-ups that were due later do not count.
         Ok(Watch::of(noted.into_iter().flatten().filter(|(release_ns, _)| *release_ns <= until_ns).collect()))
     }
 }
@@ -74,17 +74,17 @@ impl Watch {
         Self { noted, gaps }
     }
 
-    /// Whether a gap overlaps the time from `from_ns` to `to_ns`.
+    /// Returns whether a gap overlaps the time from `from_ns` to `to_ns`.
     pub fn explains(&self, from_ns: u64, to_ns: u64) -> bool {
         self.gaps.iter().any(|(start_ns, end_ns)| *start_ns < to_ns && *end_ns > from_ns)
     }
 
-    /// How late each wake-up was \[ns\].
+    /// Returns the delay of each wake-up \[ns\].
     pub fn late_ns(&self) -> Vec<u64> {
         self.noted.iter().map(|(_, late_ns)| *late_ns).collect()
     }
 
-    /// How late every slot was, those included that a late wake-up covered \[ns\].
+    /// Returns the delay of every slot, including those that a late wake-up covered \[ns\].
     fn covered_ns(&self) -> impl Iterator<Item = u64> {
         let slots = |late_ns: u64| (0..=late_ns / PERIOD_NS).map(move |slots| late_ns - slots * PERIOD_NS);
         self.late_ns().into_iter().flat_map(slots)

@@ -1,4 +1,4 @@
-//! What the parts of a hop cost by themselves: called again and again by one thread, and called after a sleep.
+//! Costs of the parts of a hop, measured alone: called in a loop by one thread, and called after a sleep.
 
 use std::hint::black_box;
 use std::rc::Rc;
@@ -15,15 +15,15 @@ use serde::Serialize;
 use crate::flights::namespace;
 use outcome::percentiles::median_ns;
 
-/// Calls in a row of which the mean is taken, and how many such means the median is of.
+/// Calls in a row per mean, and number of means per median.
 const CALLS: u64 = 200;
 const BATCHES: usize = 101;
 
-/// As long as a node sleeps at 100 Hz: by then its code and data have left the caches.
+/// Sleep of a node at 100 Hz, after which its code and data have left the caches.
 const COLD: Duration = Duration::from_millis(10);
 const COLD_CALLS: usize = 101;
 
-/// Readings of the clock that a node's cycle notes: start and publication.
+/// Number of clock readings noted by a node's cycle: start and publication.
 const CLOCK_READINGS: f64 = 2.0;
 
 /// Time of one call each \[ns\].
@@ -44,7 +44,7 @@ pub struct Costs {
 }
 
 impl Costs {
-    /// Measures them.
+    /// Measures all costs.
     pub fn measure() -> anyhow::Result<Self> {
         let hold = Hold::take(&namespace())?;
         let bus = Bus::attach(&hold.domain)?;
@@ -86,7 +86,7 @@ impl Costs {
         })
     }
 
-    /// What a cycle takes to read the clock while the next node waits \[ns\].
+    /// Returns the time that a cycle reads the clock while the next node waits \[ns\].
     pub fn stamps_ns(&self) -> f64 {
         CLOCK_READINGS * self.clock_ns
     }

@@ -1,10 +1,10 @@
-//! One turn of the ring after another, put together from the stamps of its messages.
+//! Cycles of the ring, put together from the stamps of their messages.
 //!
 //! ```text
-//! age at the actuator   the command takes effect - the sample it descends from
+//! age at the actuator   time the command takes effect - time of the sample it was computed from
 //! sense to act          age - sum of the four nodes' executions (publish - start)
-//! hop                   start - publication of the message it waited for
-//! miss                  no ACTUATORS for the slot, or later than the period after its sample
+//! hop                   start - publication of the message that the node waited for
+//! miss                  no ACTUATORS for the slot, or more than a period after its sample
 //! ```
 
 use contract::Scenario;
@@ -13,22 +13,22 @@ use contract::topic::{NODES, Topic};
 use flight::log::Record;
 use outcome::ticks::{Tick, Ticks};
 
-/// Slots at the start of a run that are left out \[ns\]: caches are cold and pages still come in.
+/// Time at the start of a run that is left out \[ns\], because caches are cold and pages are still loaded.
 pub const WARM_UP_NS: u64 = 100_000_000;
 
 const MIXER: usize = Topic::Actuators as usize;
 
-/// One slot of the plant's clock, with the stamps of its messages by topic; those of a message that did not come are 0.
+/// One slot of the plant's clock, with the stamps of its messages by topic; all 0 for an absent message.
 type Slot = Tick<[Stamp; NODES.len()]>;
 
-/// The slots of a run, gathered message by message.
+/// Slots of a run, collected message by message.
 pub struct Cycles {
     period_ns: u64,
     slots: Ticks<[Stamp; NODES.len()]>,
 }
 
 impl Cycles {
-    /// No message taken in yet.
+    /// Prepares to collect the messages of `scenario`.
     pub fn new(scenario: &Scenario) -> Self {
         Self { period_ns: scenario.sample_ns(), slots: Ticks::new(scenario) }
     }
@@ -37,8 +37,8 @@ impl Cycles {
         self.slots.observe(record, |of| of[record.topic() as usize] = *record.stamp());
     }
 
-    /// The slots that count, those without a message too: after the warm-up, without the last, whose command has no time to
-    /// take effect.
+    /// Slots that count, with or without messages: those after the warm-up, except the last, whose command has no time
+    /// to take effect.
     pub fn counted(&self) -> Vec<Slot> {
         let mut slots = vec![];
         self.slots.clone().tell(0, |slot| slots.push(*slot));
@@ -46,31 +46,31 @@ impl Cycles {
         slots.split_off((WARM_UP_NS.div_ceil(self.period_ns) as usize).min(slots.len()))
     }
 
-    /// Ages at the actuator \[ns\].
+    /// Returns the ages at the actuator \[ns\].
     pub fn ages_ns(&self) -> Vec<u64> {
         self.applied().filter_map(|slot| slot.age_ns).collect()
     }
 
-    /// Times from sense to act, without what the nodes did \[ns\].
+    /// Returns the times from sense to act, without the executions of the nodes \[ns\].
     pub fn sense_to_act_ns(&self) -> Vec<u64> {
         self.applied().filter_map(|slot| Some(slot.age_ns?.saturating_sub(execution_ns(&slot)))).collect()
     }
 
-    /// From publication to start, for the three nodes that wait for a message \[ns\].
+    /// Returns the times from publication to start, for the three nodes that wait for a message \[ns\].
     pub fn hops_ns(&self) -> Vec<u64> {
         let hops = |slot: Slot| [1, 2, 3].map(|node| slot.of[node].start_ns.saturating_sub(slot.of[node].release_ns));
         self.applied().flat_map(hops).collect()
     }
 
-    /// Sum of the four nodes' executions \[ns\].
+    /// Returns the sums of the four nodes' executions \[ns\].
     pub fn executions_ns(&self) -> Vec<u64> {
         self.applied().map(|slot| execution_ns(&slot)).collect()
     }
 
-    /// For each slot that counts, whether it was missed, and the time it covers if so \[ns\].
+    /// For each slot that counts, returns the time that it covers if it was missed \[ns\], else `None`.
     pub fn misses(&self) -> Vec<Option<(u64, u64)>> {
         let Some(first) = self.slots.by_number.values().next() else { return vec![] };
-        // A slot that the plant slept through has no message: its time follows from the plant's clock.
+        // A slot that the plant slept through has no message; its time follows from the plant's clock.
         let lay_at = |slot: &Slot| first.sample_ns + (slot.number - first.number) * self.period_ns;
         let missed = |slot: Slot| {
             let (sample_ns, publish_ns) = (lay_at(&slot), slot.of[MIXER].publish_ns[MIXER]);
@@ -111,8 +111,8 @@ mod tests {
         message.into()
     }
 
-    /// Slot `tick`: every node begins 10 ns after its release and works 20 ns; the command of the slot before took
-    /// effect `age_ns` after its sample.
+    /// Makes the messages of slot `tick`: every node begins 10 ns after its release and works 20 ns; the command of the
+    /// slot before took effect `age_ns` after its sample.
     fn turn(cycles: &mut Cycles, tick: u64, late_ns: u64, age_ns: u64) {
         let at = 1_000 + tick * PERIOD_NS;
         let state = State { applied_sequence: tick, applied_age_ns: age_ns, ..State::default() };
@@ -123,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn a_turn_is_put_together() {
+    fn the_times_of_a_cycle_follow_from_its_stamps() {
         let mut cycles = cycles(5);
         (0..5).for_each(|tick| turn(&mut cycles, tick, 0, 500 + tick));
         assert_eq!(cycles.counted().len(), 2, "without the warm-up and the last");

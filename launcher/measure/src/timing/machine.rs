@@ -1,4 +1,4 @@
-//! The machine: processors, load, processor time, and the tool `cyclictest`.
+//! State of the machine: processors, load, processor time, and the tool `cyclictest`.
 
 use std::fs::read_to_string;
 use std::process::{Child, Command, Stdio};
@@ -11,13 +11,13 @@ use serde::Serialize;
 
 use crate::killer::Process;
 
-/// Which processors a ring may use.
+/// Processors that a ring may use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Placement {
-    /// One for all processes.
+    /// One processor for all processes.
     OneCpu,
-    /// All there are; the kernel chooses.
+    /// All processors; the kernel chooses.
     AllCpus,
 }
 
@@ -29,7 +29,7 @@ impl Placement {
         }
     }
 
-    /// Does `work` with this thread so placed: the processes it starts inherit that.
+    /// Does `work` with this thread on these processors; processes that it starts inherit them.
     pub fn during<T>(self, work: impl FnOnce() -> T) -> T {
         match self {
             Self::OneCpu => on_cpu(measured_cpu(), work),
@@ -38,23 +38,23 @@ impl Placement {
     }
 }
 
-/// Processors this process may use.
+/// Lists the processors that this process may use.
 pub fn cpus() -> Vec<usize> {
     let Ok(set) = sched_getaffinity(None) else { return vec![0] };
     (0..CpuSet::MAX_CPU).filter(|cpu| set.is_set(*cpu)).collect()
 }
 
-/// The one that single-processor figures are taken on: the last, because the first serves most interrupts.
+/// Processor of the single-processor figures: the last, because the first serves most interrupts.
 pub fn measured_cpu() -> usize {
     cpus().last().copied().unwrap_or(0)
 }
 
-/// Does `work` with this thread on `cpu`; the processes it starts inherit that.
+/// Does `work` with this thread on `cpu`; processes that it starts inherit it.
 pub fn on_cpu<T>(cpu: usize, work: impl FnOnce() -> T) -> T {
     let before = sched_getaffinity(None);
     let mut only = CpuSet::new();
     only.set(cpu);
-    // Without the right to choose, the kernel chooses.
+    // If it is not allowed, the kernel chooses the processor.
     let _ = sched_setaffinity(None, &only);
     let result = work();
     if let Ok(before) = before {
@@ -63,19 +63,19 @@ pub fn on_cpu<T>(cpu: usize, work: impl FnOnce() -> T) -> T {
     result
 }
 
-/// Whether `program` can be started.
+/// Returns whether `program` can be started.
 pub fn installed(program: &str) -> bool {
     Command::new(program).arg("--help").stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok()
 }
 
-/// The reference for a bare loop.
+/// Program that is the reference for a bare loop.
 pub const CYCLICTEST: &str = "cyclictest";
 
 /// `stress-ng --cpu 4`, until dropped.
 pub struct Stress(Child);
 
 impl Stress {
-    /// Starts it; nothing where it is not installed. It ends by itself after `limit_s`, should this process be killed.
+    /// Starts it; `None` if it is not installed. It ends after `limit_s` in case this process is killed.
     pub fn start(limit_s: f64) -> Option<Self> {
         let limit = format!("{}", limit_s.ceil());
         let mut command = Command::new("stress-ng");
@@ -89,13 +89,13 @@ impl Stress {
 impl Drop for Stress {
     fn drop(&mut self) {
         if let Some(pid) = Pid::from_raw(self.0.id() as i32) {
-            let _ = kill_process(pid, Signal::TERM); // it ends its workers itself; it may have ended already
+            let _ = kill_process(pid, Signal::TERM); // stress-ng ends its workers itself, or has ended already
         }
         let _ = self.0.wait();
     }
 }
 
-/// Reads now and then how much processor time the processes of a stack have used.
+/// Meter of the processor time of a stack's processes.
 #[derive(Default)]
 pub struct CpuMeter {
     pids: Vec<Pid>,
@@ -104,7 +104,7 @@ pub struct CpuMeter {
 }
 
 impl CpuMeter {
-    /// Takes a reading, unless the last is recent.
+    /// Takes a reading, unless the last one is less than 200 ms old.
     pub fn read(&mut self, namespace: &str) {
         const EVERY_NS: u64 = 200_000_000;
         let now = now_ns();
@@ -119,7 +119,7 @@ impl CpuMeter {
         self.first.get_or_insert(self.last);
     }
 
-    /// Share of one processor that they used between the first reading and the last \[%\].
+    /// Returns the share of one processor used between the first reading and the last \[%\].
     pub fn share_percent(&self) -> Option<f64> {
         let (first_ns, first_used_ns) = self.first?;
         let elapsed_ns = self.last.0 - first_ns;
@@ -132,9 +132,9 @@ fn run_time_ns(pid: Pid) -> u64 {
     text.split_whitespace().next().and_then(|ns| ns.parse().ok()).unwrap_or(0)
 }
 
-/// How late each of `loops` wake-ups was, one a millisecond on `cpu` with `priority` \[ns\].
+/// Runs cyclictest: `loops` wake-ups, one a millisecond, on `cpu` with `priority`; returns the delay of each \[ns\].
 ///
-/// It leaves the system as it is: the loop it is compared with does not change power management either.
+/// cyclictest is told not to change power management, because the loop compared with it does not either.
 pub fn cyclictest(cpu: usize, priority: u32, loops: usize) -> anyhow::Result<Vec<u64>> {
     let (cpu, priority, loops) = (cpu.to_string(), priority.to_string(), loops.to_string());
     let output = Command::new(CYCLICTEST)
@@ -147,7 +147,7 @@ pub fn cyclictest(cpu: usize, priority: u32, loops: usize) -> anyhow::Result<Vec
     Ok(latencies(&String::from_utf8_lossy(&output.stdout)))
 }
 
-/// Lines of thread, loop and latency; other lines are left out.
+/// Parses lines of thread, loop and latency; other lines are ignored.
 fn latencies(text: &str) -> Vec<u64> {
     let latency = |line: &str| -> Option<u64> {
         let mut fields = line.split(':').map(|field| field.trim().parse::<u64>().ok());

@@ -1,18 +1,18 @@
-//! `measure timing`: how late the stack is, beside what is possible on the same machine at the same time.
+//! `measure timing`: measures the latency of the stack, and of simpler programs on the same machine at the same time.
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`raw`] | the runs, how long, in which order |
+//! | [`raw`] | the runs, with their order and durations |
 //! | [`rings`], [`ring_peer`] | rings of four processes that only pass a token, and a bare loop |
 //! | [`timed_flights`], [`cycles`] | the stack itself, cycle by cycle |
-//! | [`canary`] | whether the host delayed a process |
+//! | [`canary`] | a check whether the host delayed a process |
 //! | [`machine`] | processors, load, processor time, and `cyclictest`, the reference for that loop |
-//! | [`costs`] | the parts of a hop by themselves |
+//! | [`costs`] | costs of the parts of a hop |
 //! | [`series`], [`results`] | distributions, ratios, misses |
 //! | [`report`] | the tables, the targets, and a page |
 //!
-//! What is compared is run in turns; figures of two runs are compared by their ratio, round by round, and the median of
-//! those ratios is judged. The canaries watch from the first run to the last.
+//! Programs that are compared run in turns. Figures of two runs are compared by their ratio in each round, and the
+//! median of the ratios is judged. The canaries watch from the first run to the last.
 
 pub mod canary;
 pub mod costs;
@@ -40,10 +40,10 @@ use view::table::Table;
 
 #[derive(clap::Args)]
 pub struct TimingArgs {
-    /// Rounds of what is compared
+    /// Rounds of every comparison
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u8).range(1..=100))]
     pub rounds: u8,
-    /// How much of the paper's survey is flown: misses are rare, so they take long to count
+    /// Length of the paper's survey to fly: misses are rare, so they take long to count
     #[arg(long = "survey", alias = "survey-s", value_name = "TIME", default_value = "60s", value_parser = survey)]
     pub survey_s: f64,
     /// One short round: shows that everything works, and no figure to rely on

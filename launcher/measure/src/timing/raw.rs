@@ -1,6 +1,6 @@
-//! Everything measured, run by run.
+//! All measured times, run by run.
 //!
-//! What is compared is run in turns, round after round, so that a change of the machine's speed changes both.
+//! Programs that are compared run in turns, round after round, so that a change of the machine's speed affects both.
 
 use std::sync::atomic::AtomicU32;
 
@@ -18,25 +18,25 @@ use super::timed_flights::{self, TimedFlights, in_process_speed, lockstep_speed}
 
 /// Rate of the rings that are compared \[Hz\].
 const RING_HZ: u32 = 250;
-/// Rate of the idle flights, and of the paper's \[Hz\].
+/// Rate of the idle flights and of the paper's survey \[Hz\].
 const FLIGHT_HZ: u32 = 100;
-/// Rate of the flights under load \[Hz\]: a delay that 100 Hz would forgive is a miss here, so that classes differ.
+/// Rate of the flights under load \[Hz\]. A delay harmless at 100 Hz is a miss here, so that scheduling classes differ.
 const LOADED_HZ: u32 = 500;
-/// Rates at which the stack is flown until it misses \[Hz\].
+/// Rates at which the stack is flown, up to rates at which it misses \[Hz\].
 const RATES_HZ: [u32; 5] = [100, 250, 500, 1000, 2000];
-/// cyclictest's priority and that of the loop beside it.
+/// Priority of cyclictest and of the loop compared with it.
 const LOOP_PRIORITY: u32 = 80;
 
-/// How often and how long each thing is measured.
+/// Number of rounds, and duration of each measurement.
 pub struct Plan {
     pub rounds: usize,
-    /// The bare loop and cyclictest, each.
+    /// Bare loop and cyclictest, each.
     pub loop_s: f64,
-    /// The stack and the raw rings it is compared with, each.
+    /// Stack and the raw rings compared with it, each.
     pub ring_s: f64,
-    /// A ring of sockets or pipes.
+    /// Ring of sockets or pipes.
     pub scale_s: f64,
-    /// A flight of either scheduling class, idle.
+    /// Flight of either scheduling class, idle.
     pub idle_s: f64,
     pub load_s: f64,
     pub rate_s: f64,
@@ -46,7 +46,7 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Long enough for figures.
+    /// Plan that is long enough for figures.
     pub const FULL: Self = Self {
         rounds: 5,
         loop_s: 4.0,
@@ -59,7 +59,7 @@ impl Plan {
         lockstep_s: 20.0,
         in_process_s: 60.0,
     };
-    /// Long enough to see that everything works.
+    /// Plan that is only long enough to see that everything works.
     pub const QUICK: Self = Self {
         rounds: 1,
         loop_s: 0.3,
@@ -75,35 +75,35 @@ impl Plan {
 }
 
 pub struct Raw {
-    /// The bare loop.
+    /// Bare loop.
     pub ours: Series,
-    /// cyclictest beside it, where installed.
+    /// cyclictest, compared with the bare loop; empty if not installed.
     pub cyclictest: Series,
     pub rings: [Rings; 2],
-    /// Scheduling classes, idle and under load.
+    /// Flights by scheduling class, idle and under load.
     pub policies: Vec<TimedFlights>,
     pub rates: Vec<TimedFlights>,
     pub paper: TimedFlights,
-    /// Simulated over wall time, round by round.
+    /// Ratio of simulated time to wall time, round by round.
     pub lockstep: Vec<f64>,
     pub in_process: Vec<f64>,
     pub costs: Costs,
     pub watch: Watch,
-    /// Whether the canaries were given `SCHED_FIFO`.
+    /// `true` if the canaries were given `SCHED_FIFO`.
     pub fifo: bool,
 }
 
-/// The stack and the rings it is compared with, round by round.
+/// Stack and the rings compared with it, round by round.
 pub struct Rings {
     pub placement: Placement,
-    /// The stack, from sense to act without what its nodes did.
+    /// Stack, from sense to act without the executions of its nodes.
     pub stack: Series,
     pub hops: Series,
-    /// The sum of its nodes' executions.
+    /// Sums of the executions of its nodes.
     pub executions: Series,
-    /// The others, in the order of [`Kind::ALL`].
+    /// Other rings, in the order of [`Kind::ALL`].
     pub others: [Series; Kind::ALL.len()],
-    /// Of [`Kind::Stamped`], the laps without and with the clock read.
+    /// Laps of [`Kind::Stamped`] without and with the clock read.
     pub laps: [Series; 2],
 }
 
@@ -152,7 +152,7 @@ impl Raw {
         Ok(raw)
     }
 
-    /// The bare loop and cyclictest in turns, a different one first each time.
+    /// Runs the bare loop and cyclictest in turns; the order changes every round.
     fn loops(&mut self, plan: &Plan, round: usize, interrupts: &AtomicU32) -> anyhow::Result<()> {
         let count = (plan.loop_s * 1e3) as usize;
         let releases = Releases { period_ns: 1_000_000, count };
@@ -180,7 +180,7 @@ impl Raw {
         Ok(())
     }
 
-    /// All flights, in the order of the tables.
+    /// Lists all flights, in the order of the tables.
     pub fn flights(&self) -> impl Iterator<Item = &TimedFlights> {
         self.policies.iter().chain(&self.rates).chain([&self.paper])
     }
@@ -239,7 +239,7 @@ pub fn policy_name(policy: Policy) -> &'static str {
     }
 }
 
-/// Without the start, which is left out of the stack's figures too.
+/// Leaves out the warm-up, as in the stack's figures.
 fn warm(noted: Noted) -> Vec<u64> {
     let from_ns = noted.first().map_or(0, |(release_ns, _)| release_ns + WARM_UP_NS);
     noted.into_iter().filter(|(release_ns, _)| *release_ns >= from_ns).map(|(_, ns)| ns).collect()

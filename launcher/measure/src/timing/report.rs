@@ -1,5 +1,5 @@
-//! What is shown of the results: the tables, the promises about time and whether they are kept, and a page with both and
-//! the histograms over a logarithmic axis, in one file that needs nothing else.
+//! Report of the results: tables, targets, and a page with both and with histograms over a logarithmic axis, in one
+//! file that needs no other.
 
 use flight::event::name;
 use flight::provenance::host;
@@ -14,10 +14,10 @@ use super::timed_flights::TimedFlights;
 use crate::findings::{Target, Verdict};
 use view::table::{Table, cell};
 
-/// What a machine without the privilege cannot show.
+/// Note on targets if the machine does not give the privilege.
 const NO_FIFO: &str = "without the privilege for SCHED_FIFO";
 
-/// All results as tables.
+/// Returns all results as tables.
 pub fn tables(results: &TimingResults) -> Vec<Table> {
     vec![times(results), hops(results), calls(&results.costs), flown(results)]
 }
@@ -118,7 +118,7 @@ pub fn targets(results: &TimingResults) -> Vec<Target> {
         Target::at_least(figure, ratio.map(|ratio| ratio.median), limit).noting(note)
     }));
     targets.extend(results.rings.iter().map(overhead));
-    // A canary that was kept waiting leaves no verdict on time.
+    // If a canary was delayed, times cannot be judged.
     match results.canary.doubt.clone().or((!results.fifo).then(|| NO_FIFO.to_owned())) {
         Some(why) => targets.into_iter().map(|target| target.in_doubt(why.clone())).collect(),
         None => targets,
@@ -169,7 +169,7 @@ fn ratio_at_most(figure: String, ratio: Option<Ratio>, limit: f64, missing: &str
     Target::at_most(figure, ratio.map(|ratio| ratio.median), limit, "").noting(note)
 }
 
-/// One picture: a title and what it shows.
+/// Picture: a title and its series.
 pub type Figure<'a> = (String, Vec<&'a Series>);
 
 pub fn page(results: &TimingResults, targets: &[Target], tables: &[Table], figures: &[Figure]) -> String {

@@ -1,4 +1,4 @@
-//! What the times come to: distributions, ratios, misses, and where a hop's time goes.
+//! Figures computed from the times: distributions, ratios, misses, and the parts of a hop.
 
 use std::collections::BTreeMap;
 
@@ -13,26 +13,26 @@ use super::series::Ratio;
 use super::timed_flights::TimedFlights;
 use outcome::percentiles::Percentiles;
 
-/// Releases of which one maximum is taken: a maximum is one number of chance, so it takes many to compare two loops.
+/// Number of releases per maximum. A single maximum is mostly chance, so two loops are compared by many.
 const MAXIMUM_OF: usize = 200;
-/// Processes in a ring, and so hops.
+/// Number of processes in a ring, and so of hops.
 const HOPS: f64 = 4.0;
 
 #[derive(Debug, Clone, Serialize)]
 pub struct TimingResults {
     pub rounds: usize,
-    /// Whether the kernel gives `SCHED_FIFO`.
+    /// `true` if the kernel gives `SCHED_FIFO`.
     pub fifo: bool,
     pub canary: CanarySummary,
-    /// Every series, all rounds together.
+    /// Distribution of every series over all rounds.
     pub series: BTreeMap<String, Percentiles>,
     /// Our loop over cyclictest: p50, p99, and the maximum of every 200 releases.
     pub loop_over_cyclictest: [Option<Ratio>; 3],
     pub rings: Vec<Ring>,
-    /// Those that were flown here.
+    /// Flights that were flown here.
     pub flights: Vec<TimedFlights>,
     pub costs: Costs,
-    /// Simulated over wall time through four processes in lockstep.
+    /// Ratio of simulated time to wall time through four processes in lockstep.
     pub lockstep: Option<Ratio>,
     pub in_process: Option<Ratio>,
 }
@@ -43,25 +43,25 @@ pub struct Ring {
     /// Sense to act without execution, over the raw ring's time: p50.
     pub p50_over_raw: Option<Ratio>,
     pub p99_over_raw: Option<Ratio>,
-    /// What a raw ring takes longer in the laps in which its peers read the clock as nodes do, over the stack's time
-    /// with execution \[%\].
+    /// Time added to a raw ring in the laps in which its peers read the clock as nodes do, over the stack's time with
+    /// execution \[%\].
     pub stamps_percent: Option<Ratio>,
-    /// The readings of the clock by themselves, over the same \[%\].
+    /// Cost of the clock readings measured alone, over the same time \[%\].
     pub stamps_counted_percent: Option<f64>,
     pub hop: Option<Hop>,
 }
 
-/// A quarter of the time from sense to act without execution, by part \[ns\]. The timer's wake-up is in it.
+/// Hop: a quarter of the time from sense to act without execution, by part \[ns\]. It includes the timer's wake-up.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct Hop {
     pub all_ns: f64,
-    /// The kernel's wake-up: a quarter of the raw ring that warms up as the stack does.
+    /// Kernel's wake-up: a quarter of the raw ring that warms up as the stack does.
     pub kernel_ns: f64,
-    /// One reading of the clock: half of the start's, half of the publication's. The others fall into execution.
+    /// One reading of the clock: half of that at the start and half of that at the publication; the rest is execution.
     pub clock_ns: f64,
     pub send_ns: f64,
     pub receive_ns: f64,
-    /// What is left: cold caches, larger processes, the wait's own bookkeeping.
+    /// Remainder: cold caches, larger processes, the wait's own bookkeeping.
     pub rest_ns: f64,
 }
 

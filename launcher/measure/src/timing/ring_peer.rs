@@ -1,13 +1,13 @@
-//! One process of a ring that the stack is compared with: it wakes, passes a token on, and does nothing else.
+//! One process of a comparison ring: it wakes, passes a token on, and does nothing else.
 //!
 //! ```text
 //! the first     sleeps until the release, passes the token on, waits for it to come round, notes now - release
 //! the others    wait for the token, pass it on
-//! alone         sleeps until the release, notes now - release: a bare 1 kHz loop, and the canary
+//! alone         sleeps until the release, notes now - release; used as a bare 1 kHz loop and as the canary
 //! ```
 //!
-//! It enters the real-time class and sleeps by the same calls as the stack's own processes. The difference between the
-//! times of this ring and those of the stack's is what the stack adds to the kernel.
+//! A peer enters the real-time class and sleeps by the same calls as the processes of the stack. The difference between
+//! the times of this ring and those of the stack is the part that the stack adds to the kernel.
 
 use std::fs;
 use std::hint::black_box;
@@ -25,9 +25,9 @@ use serde::{Deserialize, Serialize};
 
 /// Longest wait for the token before the peer checks whether the run is over.
 const CHECK_NS: u64 = 100_000_000;
-/// From the start of the first peer to its first release: the others are there by then.
+/// Delay from the start of the first peer to its first release, by when the others have started \[ns\].
 const LEAD_IN_NS: u64 = 50_000_000;
-/// The file of the run's domain that the first peer writes its samples to.
+/// File in the run's domain that the first peer writes its samples to.
 pub const SAMPLES: &str = "samples";
 
 #[derive(Debug, Clone, clap::Args)]
@@ -37,27 +37,27 @@ pub struct RingPeerArgs {
     pub peer: Peer,
 }
 
-/// What one process of a ring has to do.
+/// Task of one process of a ring.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Peer {
     /// Namespace of the run's page.
     pub namespace: String,
     /// Place in the ring; the first has the clock.
     pub rank: usize,
-    /// What its ring is made of; `None` for a peer alone.
+    /// Kind of its ring; `None` for a peer alone.
     pub kind: Option<Kind>,
     pub releases: Releases,
     /// Priority in `SCHED_FIFO`.
     pub priority: u32,
 }
 
-/// What a ring of peers is made of.
+/// Means by which a ring passes its token.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
-    /// Bare futexes, the doorbells of the page: the kernel's own wake-up.
+    /// Bare futexes, the doorbells of the page; measures the kernel's own wake-up.
     Raw,
-    /// The same, and in every second lap the peers read the clock as the nodes of the stack do.
+    /// Bare futexes; in every second lap the peers read the clock as the nodes of the stack do.
     Stamped,
     /// Bare futexes; each peer wakes once before the token is due, as a node of the stack does.
     WarmedUp,
@@ -68,7 +68,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// In the order of the variants.
+    /// All kinds, in the order of the variants.
     pub const ALL: [Self; 5] = [Self::Raw, Self::Stamped, Self::WarmedUp, Self::Socket, Self::Pipe];
 
     pub fn name(self) -> &'static str {
@@ -82,16 +82,16 @@ impl Kind {
     }
 }
 
-/// How the first peer is released.
+/// Releases of the first peer.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub struct Releases {
-    /// Between two \[ns\].
+    /// Interval between two releases \[ns\].
     pub period_ns: u64,
-    /// How many to note.
+    /// Number of releases to note.
     pub count: usize,
 }
 
-/// Runs the peer; the exit code.
+/// Runs the peer and returns the exit code.
 pub fn run(RingPeerArgs { peer }: &RingPeerArgs) -> anyhow::Result<u8> {
     // Fails only for a signal number that does not exist.
     let _ = rustix::process::set_parent_process_death_signal(Some(Signal::KILL));
@@ -114,7 +114,7 @@ pub fn run(RingPeerArgs { peer }: &RingPeerArgs) -> anyhow::Result<u8> {
     Ok(exit::FLOWN)
 }
 
-/// Passes the token round until it has come back often enough or the run is over; notes release and time from it \[ns\].
+/// Passes the token round until `count` samples, each a release and the time since it \[ns\], or the end of the run.
 fn keep_time(
     Releases { period_ns, count }: Releases,
     page: &ControlPage,
@@ -137,25 +137,25 @@ fn keep_time(
         }
         let back_ns = now_ns();
         samples.push((release_ns, back_ns - release_ns));
-        // The next release is never derived from this wake-up, and releases that were slept through are left out.
+        // The next release does not depend on this wake-up; releases that were slept through are left out.
         slot = (back_ns - t0_ns) / period_ns + 1;
     }
 }
 
-/// Whether the clock is read in lap `lap` of a ring of [`Kind::Stamped`].
+/// Returns whether the clock is read in lap `lap` of a ring of [`Kind::Stamped`].
 pub fn stamped(lap: usize) -> bool {
     lap % 2 == 1
 }
 
-/// The token, as this peer sees it.
+/// State of the token as seen by this peer.
 struct Token<'a> {
     kind: Option<Kind>,
-    /// Between two laps \[ns\].
+    /// Interval between two laps \[ns\].
     period_ns: u64,
     page: &'a ControlPage,
     input: &'a Doorbell,
     output: &'a Doorbell,
-    /// Count of the input when the token came the last time, and when that was \[ns\].
+    /// Count of the input at the last arrival of the token, and its time \[ns\].
     seen: u32,
     came_ns: u64,
     passed: usize,
@@ -176,7 +176,7 @@ impl<'a> Token<'a> {
         }
     }
 
-    /// Sleeps until it is time to warm up for what follows `before_ns`, if this peer does.
+    /// Sleeps until the warm-up that belongs to the wake-up after `before_ns`, in rings of [`Kind::WarmedUp`] only.
     fn warm_up(&self, before_ns: u64, sleep_until: impl FnOnce(u64)) {
         if self.kind == Some(Kind::WarmedUp)
             && let Some(due_ns) = warm_up_ns(self.period_ns, before_ns, now_ns())
@@ -185,7 +185,7 @@ impl<'a> Token<'a> {
         }
     }
 
-    /// Waits until it comes; false when the run is over.
+    /// Waits for the token; returns `false` if the run is over.
     fn wait(&mut self) -> bool {
         match self.kind {
             None => true,
@@ -209,13 +209,13 @@ impl<'a> Token<'a> {
         self.passed += 1;
         match self.kind {
             None => {}
-            // A peer that has left is noticed when reading.
+            // The error is ignored; a peer that has left is noticed when reading.
             Some(Kind::Socket | Kind::Pipe) => _ = rustix::io::write(stdout(), &[0_u8; 8]),
             Some(Kind::Raw | Kind::Stamped | Kind::WarmedUp) => self.output.ring(),
         }
     }
 
-    /// What a cycle of the stack notes when it begins, and again when it sends.
+    /// Reads the clock as a cycle of the stack does at its begin and when it sends.
     fn read_clock(&self) {
         if self.kind == Some(Kind::Stamped) && stamped(self.passed) {
             black_box(now_ns());

@@ -1,4 +1,4 @@
-//! Rings to compare with: four processes that only pass a token, and one alone that only keeps time.
+//! Rings for comparison: four processes that only pass a token, and one process that only keeps time.
 
 use std::fs;
 use std::io::pipe;
@@ -18,12 +18,12 @@ use crate::flights::namespace;
 use flight::own_program;
 use flight::stack::StartError;
 
-/// What the first peer noted, in order: release, and the time from it \[ns\].
+/// Samples of the first peer, in order: release, and the time since it \[ns\].
 pub type Noted = Vec<(u64, u64)>;
 
-/// The processes of one run and what they own in shared memory. Dropping it ends them and wipes it.
+/// Processes of one run, and their shared memory. Drop kills them and removes it.
 pub struct RingPeers {
-    /// The one with the clock is the last.
+    /// Processes; the first peer of the ring, which has the clock, is the last here.
     children: Vec<Child>,
     page: ControlPage,
     hold: Hold,
@@ -31,12 +31,12 @@ pub struct RingPeers {
 }
 
 impl RingPeers {
-    /// A peer alone, with `priority`.
+    /// Starts a peer alone, with `priority`.
     pub fn alone(releases: Releases, priority: u32) -> anyhow::Result<Self> {
         Self::start(None, releases, &[priority])
     }
 
-    /// A ring of four, with the priorities of the stack's nodes.
+    /// Starts a ring of four, with the priorities of the stack's nodes.
     pub fn ring(kind: Kind, releases: Releases) -> anyhow::Result<Self> {
         let wanted = Scenario::default().realtime;
         Self::start(Some(kind), releases, &Topic::ALL.map(|topic| wanted.of(topic as usize).priority))
@@ -52,7 +52,7 @@ impl RingPeers {
             _ => vec![],
         }
         .into_iter();
-        // The one with the clock last: the others wait for it then.
+        // The peer with the clock is started last, when the others already wait for the token.
         for (rank, &priority) in priorities.iter().enumerate().rev() {
             let namespace = peers.hold.domain.namespace().to_owned();
             let peer = Peer { namespace, rank, kind, releases, priority };
@@ -92,7 +92,7 @@ impl RingPeers {
         self.noted()
     }
 
-    /// Process number of the one with the clock.
+    /// Process number of the peer with the clock.
     pub fn clock_pid(&self) -> u32 {
         self.children.last().map_or(0, Child::id)
     }
@@ -107,17 +107,17 @@ impl RingPeers {
 impl Drop for RingPeers {
     fn drop(&mut self) {
         for child in &mut self.children {
-            // Fails for those that have ended already, which is what is wanted.
+            // Fails only for processes that have ended already.
             let _ = child.kill();
             let _ = child.wait();
         }
     }
 }
 
-/// Four channels closed to a ring: where each peer reads and where it writes, the last peer first.
+/// Connects four channels to a ring; returns the reading and the writing end of each peer, the last peer first.
 fn closed(channel: impl FnMut() -> std::io::Result<(OwnedFd, OwnedFd)>) -> anyhow::Result<Vec<(OwnedFd, OwnedFd)>> {
     let channels = std::iter::repeat_with(channel).take(Topic::COUNT).collect::<Result<Vec<_>, _>>();
     let (mut inputs, outputs): (Vec<_>, Vec<_>) = channels.context("cannot make a channel")?.into_iter().unzip();
-    inputs.rotate_left(1); // the peer before in this order, which comes after in the ring, reads what is written to channel i
+    inputs.rotate_left(1); // position i reads channel i + 1, written by the peer before it in the ring
     Ok(inputs.into_iter().zip(outputs).collect())
 }

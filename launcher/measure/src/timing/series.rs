@@ -1,4 +1,4 @@
-//! Series of times, round by round, and how two of them compare.
+//! Series of times by round, and the comparison of two series.
 
 use std::fmt::Write;
 
@@ -6,15 +6,15 @@ use serde::Serialize;
 
 use outcome::percentiles::{Percentiles, median, recorded};
 
-/// What one thing took, all rounds \[ns\].
+/// Measured times of one quantity, all rounds \[ns\].
 #[derive(Debug, Clone, Default)]
 pub struct Series {
     pub name: String,
-    /// Its times, one list per round \[ns\].
+    /// Times, one list per round \[ns\].
     pub rounds: Vec<Vec<u64>>,
 }
 
-/// A ratio taken in every round.
+/// Ratio of two series, over the rounds.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Ratio {
     pub median: f64,
@@ -27,24 +27,24 @@ impl Series {
         Self { name: name.into(), rounds: vec![] }
     }
 
-    /// The same times in rounds of `length`; what does not fill one is left out.
+    /// Splits the times into rounds of `length`; an incomplete round is left out.
     #[must_use]
     pub fn split(&self, length: usize) -> Self {
         let rounds = self.rounds.iter().flat_map(|times| times.chunks_exact(length)).map(<[u64]>::to_vec).collect();
         Self { name: self.name.clone(), rounds }
     }
 
-    /// The distribution of all rounds together.
+    /// Returns the distribution of all rounds together.
     pub fn all(&self) -> Option<Percentiles> {
         Percentiles::of(self.rounds.iter().flatten().copied())
     }
 
-    /// `figure` of each round.
+    /// Computes `figure` of each round.
     pub fn each(&self, figure: impl Fn(&Percentiles) -> f64) -> Vec<f64> {
         self.rounds.iter().filter_map(|times| Percentiles::of(times.iter().copied())).map(|d| figure(&d)).collect()
     }
 
-    /// `figure` over that of `reference`, round by round.
+    /// Computes the ratio of `figure` to that of `reference`, round by round.
     pub fn over(&self, reference: &Self, figure: impl Fn(&Percentiles) -> f64 + Copy) -> Option<Ratio> {
         let pairs = self.each(figure).into_iter().zip(reference.each(figure));
         Ratio::of(pairs.map(|(ours, theirs)| ours / theirs))
@@ -52,7 +52,7 @@ impl Series {
 }
 
 impl Ratio {
-    /// Of the rounds' ratios; nothing of none.
+    /// Summarises the ratios of the rounds; `None` if there is none.
     pub fn of(ratios: impl IntoIterator<Item = f64>) -> Option<Self> {
         let mut ratios: Vec<f64> = ratios.into_iter().filter(|ratio| ratio.is_finite()).collect();
         ratios.sort_by(f64::total_cmp);
@@ -60,19 +60,19 @@ impl Ratio {
         Some(Self { median: median(ratios)?, min, max })
     }
 
-    /// Smallest and largest of the rounds, for a note.
+    /// Formats the smallest and the largest ratio, for a note.
     pub fn spread(&self) -> String {
         format!("{:.2} to {:.2}", self.min, self.max)
     }
 }
 
-/// The full histograms as CSV: times to three figures and how often each was measured, round by round.
+/// Formats the full histograms as CSV: times to three figures with their counts, round by round.
 pub fn to_csv<'a>(series: impl IntoIterator<Item = &'a Series>) -> String {
     let mut csv = String::from("series,round,value_ns,count\n");
     for Series { name, rounds } in series {
         for (round, times) in rounds.iter().enumerate() {
             for bin in recorded(times.iter().copied()).iter_recorded() {
-                // A String takes everything.
+                // Writing to a String never fails.
                 let _ =
                     writeln!(csv, "{name},{round},{},{}", bin.value_iterated_to(), bin.count_since_last_iteration());
             }
@@ -100,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn splitting_keeps_the_order_and_whole_rounds_only() {
+    fn splitting_keeps_the_order_and_only_whole_rounds() {
         assert_eq!(series(&[&[1, 2, 3, 4, 5], &[6, 7]]).split(2).rounds, [[1, 2], [3, 4], [6, 7]]);
     }
 

@@ -1,4 +1,4 @@
-//! The stack itself, flown and timed.
+//! Timed flights of the stack.
 
 use std::sync::atomic::AtomicU32;
 use std::time::Instant;
@@ -15,36 +15,36 @@ use super::machine::{CpuMeter, Placement};
 use super::series::Series;
 use crate::flights::{Started, in_process};
 
-/// Flights under the same circumstances.
+/// Flights under equal conditions.
 #[derive(Debug, Clone, Serialize)]
 pub struct TimedFlights {
     pub name: String,
     pub rate_hz: u32,
     pub policy: Policy,
-    /// Under `stress-ng --cpu 4`.
+    /// `true` if flown under `stress-ng --cpu 4`.
     pub loaded: bool,
-    /// Whether all nodes were given that class.
+    /// `true` if all nodes were given the scheduling class `policy`.
     pub as_asked: bool,
     pub slots: usize,
     pub misses: usize,
-    /// Of these, those in which the host stalled a canary.
+    /// Number of misses during which the host delayed a canary.
     pub explained: usize,
     pub longest_run: usize,
     pub age: Option<Percentiles>,
-    /// Share of one processor that the four nodes used, where a flight was long enough to tell \[%\].
+    /// Share of one processor that the four nodes used \[%\]; `None` if no flight was long enough.
     pub cpu_percent: Option<f64>,
-    /// Whether every flight reached its end inside the scenario's bounds.
+    /// `true` if every flight reached its end inside the scenario's bounds.
     pub inside: bool,
     /// Ages at the actuator, flight by flight.
     #[serde(skip)]
     pub ages: Series,
-    /// For each slot the time it covers if it was missed \[ns\].
+    /// Time covered by each slot that was missed \[ns\]; `None` for other slots.
     #[serde(skip)]
     missed: Vec<Option<(u64, u64)>>,
 }
 
 impl TimedFlights {
-    /// None flown yet.
+    /// Makes a record without flights.
     pub fn new(name: impl Into<String>, rate_hz: u32, policy: Policy, loaded: bool) -> Self {
         let name = name.into();
         Self {
@@ -85,7 +85,7 @@ impl TimedFlights {
         Ok(())
     }
 
-    /// Computes the figures of all flights; `watch` is what the canaries noted meanwhile.
+    /// Computes the figures of all flights; `watch` holds the canaries' wake-ups during them.
     pub fn conclude(&mut self, watch: &Watch) {
         let missed = || self.missed.iter().flatten();
         self.slots = self.missed.len();
@@ -100,7 +100,7 @@ impl TimedFlights {
     }
 }
 
-/// The default scenario in real time.
+/// Returns the default scenario in real time.
 pub fn realtime(rate_hz: u32, policy: Policy, duration_s: f64) -> Scenario {
     let mut scenario = Scenario::default();
     scenario.run.mode = Mode::Realtime;
@@ -110,7 +110,7 @@ pub fn realtime(rate_hz: u32, policy: Policy, duration_s: f64) -> Scenario {
     scenario
 }
 
-/// The paper's survey with the paper's controller, in real time; it is judged by what the paper claims.
+/// Returns the paper's survey with the paper's controller, in real time, with the bounds that the paper claims.
 pub fn paper(duration_s: f64) -> anyhow::Result<Scenario> {
     let text = include_str!("../../../../scenarios/survey-paper.toml");
     let mut scenario = from_merged(text, "scenarios/survey-paper.toml")?;
@@ -119,7 +119,7 @@ pub fn paper(duration_s: f64) -> anyhow::Result<Scenario> {
     Ok(scenario)
 }
 
-/// Flies `scenario` through processes that are placed so.
+/// Flies `scenario` through processes that are started on the processors of `placement`.
 pub fn cycles(scenario: &Scenario, placement: Placement, interrupts: &AtomicU32) -> anyhow::Result<Cycles> {
     let mut cycles = Cycles::new(scenario);
     let stack = placement.during(|| Started::new(scenario, interrupts))?;
@@ -127,7 +127,7 @@ pub fn cycles(scenario: &Scenario, placement: Placement, interrupts: &AtomicU32)
     Ok(cycles)
 }
 
-/// Simulated over wall time of the default scenario through four processes in lockstep.
+/// Measures the ratio of simulated time to wall time of the default scenario through four processes in lockstep.
 pub fn lockstep_speed(duration_s: f64, interrupts: &AtomicU32) -> anyhow::Result<f64> {
     let mut scenario = realtime(100, Policy::Fifo, duration_s);
     scenario.run.mode = Mode::Lockstep;
@@ -135,7 +135,7 @@ pub fn lockstep_speed(duration_s: f64, interrupts: &AtomicU32) -> anyhow::Result
     Ok(summary.time_s() / flown.wall.as_secs_f64())
 }
 
-/// The same by one thread.
+/// Measures the ratio of simulated time to wall time of the default scenario by one thread.
 pub fn in_process_speed(duration_s: f64) -> f64 {
     let mut scenario = realtime(100, Policy::Fifo, duration_s);
     scenario.run.mode = Mode::Inprocess;

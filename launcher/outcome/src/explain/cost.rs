@@ -1,4 +1,4 @@
-//! What a flight came to, and what it lost against another.
+//! Figures of a flight, and its losses against another.
 
 use anyhow::bail;
 use contract::scenario::Scenario;
@@ -11,11 +11,11 @@ use crate::metrics::Metrics;
 use crate::summary::Summary;
 use crate::ticks::{length_m, position_error_m};
 
-/// How much of a flight is drawn around a tick \[s\].
+/// Stretch of a flight that is drawn around a tick \[s\].
 const BEFORE_S: f64 = 0.5;
 const AFTER_S: f64 = 4.5;
 
-/// What a flight came to, as far as costs are told of.
+/// Figures of a flight that costs are computed from.
 #[derive(Debug, Clone, Default)]
 pub struct FlightCost {
     pub metrics: Metrics,
@@ -30,22 +30,22 @@ pub struct FlightCost {
     pub state_hash: Option<String>,
 }
 
-/// What one or several ticks cost: the figure of the flight less that of the flight without.
+/// Cost of one or several ticks: the figure of the flight less that of the flight without.
 #[derive(Debug, Clone, Serialize)]
 pub struct Cost {
     /// The first tick and the last.
     pub ticks: (u64, u64),
-    /// When the first was \[s\].
+    /// Time of the first \[s\].
     pub at_s: f64,
     pub node: &'static str,
     pub what: String,
-    /// Of the largest position error \[m\]: 0 where another tick has the largest.
+    /// Cost in the largest position error \[m\]: 0 where another tick has the largest.
     pub max_error_m: f64,
     /// Largest distance between the courses of the flight and of the flight without \[m\].
     pub max_distance_m: f64,
-    /// Of its integral \[m s\].
+    /// Cost in the integral of the position error \[m s\].
     pub error_integral_ms: f64,
-    /// Of the worst tilt \[deg\].
+    /// Cost in the worst tilt \[deg\].
     pub worst_tilt_deg: f64,
     /// The position error around it in the flight without it: time \[s\], error \[m\].
     #[serde(skip)]
@@ -113,7 +113,7 @@ impl FlightCost {
 }
 
 impl Cost {
-    /// Of the disturbed `ticks`, in a flight and in one without them.
+    /// Compares a flight with one without the disturbed `ticks`.
     pub fn new(ticks: &[Disturbed], sample_s: f64, flight: &FlightCost, without: &FlightCost) -> Self {
         let (first, last) = (&ticks[0], &ticks[ticks.len() - 1]);
         let at_s = first.tick as f64 * sample_s;

@@ -1,4 +1,4 @@
-//! How much work it is to undo every disturbed tick of a flight: a flight for each, as long as the flight.
+//! Amount of work to undo every disturbed tick of a flight: a flight for each, as long as the flight.
 
 use std::num::NonZero;
 use std::time::Instant;
@@ -6,10 +6,11 @@ use std::time::Instant;
 use anyhow::bail;
 use flight::replay::{Disturbed, Plan, Recording, Script, disturbed, replay};
 
-/// More samples are not flown unless that is asked for: 500 flights of a minute at 100 Hz, about a minute on two processors.
+/// More samples are not flown unless that is asked for: 500 flights of a minute at 100 Hz, about a minute on two
+/// processors.
 const MOST_SAMPLES: u64 = 3_000_000;
 
-/// What is to be flown, and how long one flight of it took.
+/// Flights that are to be flown, and the time that one of them took.
 #[derive(Debug, Clone)]
 pub struct Work {
     pub disturbed: Vec<Disturbed>,
@@ -55,7 +56,7 @@ impl Work {
         })
     }
 
-    /// Whether it may be done without asking.
+    /// Returns whether that is little enough to do without asking.
     pub fn is_little(&self) -> bool {
         self.flights * (self.last_tick - self.first_tick + 1) <= MOST_SAMPLES
     }
@@ -74,7 +75,7 @@ pub fn bursts(disturbed: &[Disturbed]) -> impl Iterator<Item = &[Disturbed]> {
     disturbed.chunk_by(|one, next| one.tick + 1 == next.tick).filter(|burst| burst.len() > 1)
 }
 
-/// How many flights go on at a time.
+/// Number of flights that go on at a time.
 pub fn processors() -> usize {
     std::thread::available_parallelism().map_or(1, NonZero::get)
 }

@@ -2,7 +2,7 @@ use super::*;
 use contract::message::{Actuators, Message, Reference, State};
 use contract::stamp::delivery;
 
-/// When it was injected \[s\], and how long after it was detected and recovered \[s\].
+/// Time of the injection \[s\], and times from there to the detection and to the recovery \[s\].
 type Told = [Option<f64>; 3];
 
 fn told(faults: &Faults) -> Told {
@@ -32,7 +32,7 @@ fn solver(for_s: Option<f64>, runs: &[(usize, SolveStatus)]) -> Faults {
     seen(FaultTarget::Mpc, FaultKind::IterationCap, for_s, records)
 }
 
-/// What it is, how long the fault lasts, the statuses, and what is told of it.
+/// Case: name, length of the fault, statuses, and the expected words.
 type Case<'a> = (&'a str, Option<f64>, &'a [(usize, SolveStatus)], Told, &'a str);
 
 #[test]

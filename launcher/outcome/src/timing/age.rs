@@ -1,7 +1,8 @@
 //! The age at the actuator: how old the sample behind a command is when the command takes effect.
 //!
 //! Per command applied it is what the plant says. Per slot held it grows by a period for every slot without a new
-//! command: a command that never came would otherwise leave no trace. Slot `k` lies between the samples `k` and `k + 1`.
+//! command: a command that never came would otherwise leave no trace. Slot `k` lies between the samples `k` and `k +
+//! 1`.
 
 use contract::message::State;
 use hdrhistogram::Histogram;

@@ -1,18 +1,16 @@
-//! When the nodes of a flight worked, from the stamps alone. Words are those of [`runtime::cycle_timing`]; figures are in us.
+//! Timing of the nodes of a flight, from the stamps alone. Words are those of [`runtime::cycle_timing`]; figures are in
+//! us.
 //!
 //! ```text
-//! jitter / hop       start - release                what the process slept too long
-//! execution          publish - start                wall time
-//! cpu                CPU time of the thread         since it was done with the cycle before: sending, doorbell, wake-up
-//! input age          start - sample                 how old the sample was when the process began
-//! response           publish - sample               late when beyond the deadline
-//! slip               a period without a cycle
-//! withheld           a late response that was not sent, as the deadline's policy says
-//! miss               a late response, sent or not, or a slip;  run: misses one after the other
-//! age at actuator    the command takes effect - the sample behind it
-//! stall              slots in a row without a message of a node, because its process slept, waited or was gone
-//! late (of a tick)   the largest over its nodes of: response + period x slots of the stall just before it
-//! worst tick         the one that is latest: as late as the largest `response_per_slot` of all nodes
+//! jitter / hop       start - release                what the process slept too long execution          publish - start
+//! wall time cpu                CPU time of the thread         since it was done with the cycle before: sending,
+//! doorbell, wake-up input age          start - sample                 how old the sample was when the process began
+//! response           publish - sample               late when beyond the deadline slip               a period without
+//! a cycle withheld           a late response that was not sent, as the deadline's policy says miss               a
+//! late response, sent or not, or a slip;  run: misses one after the other age at actuator    the command takes effect
+//! - the sample behind it stall              slots in a row without a message of a node, because its process slept,
+//! waited or was gone late (of a tick)   the largest over its nodes of: response + period x slots of the stall just
+//! before it worst tick         the one that is latest: as late as the largest `response_per_slot` of all nodes
 //! contradiction      a message whose stamp breaks the order of things:
 //!                      sample <= publish of the plant <= .. of guidance <= .. of attitude-mpc <= .. of the mixer
 //!                      <= arrival of the command at the plant, which is in the age that the plant tells
@@ -20,13 +18,13 @@
 //!
 //! A stall makes one bad cycle and no others, because none ran: percentiles over the cycles hide how long it was. So
 //! every stall is also recorded for each slot it covered, and both counts are told: `response` over the cycles and
-//! `response_per_slot` over the periods, the age over the commands applied and over the slots in which one was held. When
-//! the host takes the processors, several nodes sleep through the same slots: that is one stall, as long as the longest of
-//! them, and its slots are never added up over the nodes. The terminal, run.json, the report and the window of the trace
-//! all mean this worst tick.
+//! `response_per_slot` over the periods, the age over the commands applied and over the slots in which one was held.
+//! When the host takes the processors, several nodes sleep through the same slots: that is one stall, as long as the
+//! longest of them, and its slots are never added up over the nodes. The terminal, run.json, the report and the window
+//! of the trace all mean this worst tick.
 //!
-//! A node whose messages contradict reads another time than the rest, or a node before it does, and figures across the two
-//! mean nothing. A clock that is off by less than a hop does not show.
+//! A node whose messages contradict reads another time than the rest, or a node before it does, and figures across the
+//! two mean nothing. A clock that is off by less than a hop does not show.
 //!
 //! | file | holds |
 //! |---|---|
@@ -68,7 +66,7 @@ pub const HISTOGRAMS: &str = "histograms";
 
 /// Histograms and counts of every node and of the whole ring, gathered message by message.
 pub struct Timing {
-    /// Of the whole chain \[ns\].
+    /// Deadline of the whole chain \[ns\].
     deadline_ns: u64,
     pub nodes: [NodeTiming; Topic::COUNT],
     pub age: Age,

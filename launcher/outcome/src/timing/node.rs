@@ -20,14 +20,14 @@ pub struct Cycle {
     pub release_ns: u64,
     pub start_ns: u64,
     pub publish_ns: u64,
-    /// When it had sent the message before; 0 if that one is not known.
+    /// Instant at which it had sent the message before; 0 if that is not known.
     pub free_ns: u64,
     /// Periods without a cycle just before this one.
     pub slips: u64,
     /// Cycles just before this one whose messages came too late and were not sent, by the deadline's policy.
     pub withheld: u64,
-    /// Periods just before this one without a message of the node: those two, or all since the last message of the process
-    /// before this one, where it replaces another. At most [`LONGEST_STALL_SLOTS`].
+    /// Periods just before this one without a message of the node: those two, or all since the last message of the
+    /// process before this one, where it replaces another. At most [`LONGEST_STALL_SLOTS`].
     pub silent: u64,
     /// CPU time of its thread; it travels with the node's next message, so that is when it is known.
     pub cpu_ns: Option<u64>,
@@ -47,7 +47,7 @@ impl Cycle {
         self.publish_ns.saturating_sub(self.start_ns)
     }
 
-    /// How long the slot waited that waited longest for this message: the response to the sample, and a period for every
+    /// Longest wait of a slot for this message: the response to the sample, and a period for every
     /// silent slot before it \[ns\].
     pub fn wait_ns(&self, sample_ns: u64, period_ns: u64) -> u64 {
         let silent_ns = self.silent.saturating_mul(period_ns);
@@ -55,12 +55,12 @@ impl Cycle {
     }
 }
 
-/// What the wake-up of a node is called: the clock releases the plant, a message the others.
+/// Name of the wake-up of a node: the clock releases the plant, a message the others.
 pub fn wake_name(topic: Topic) -> &'static str {
     if topic == Topic::State { "jitter" } else { "hop" }
 }
 
-/// What of a node's messages and cycles was late or did not come, in the names of run.json.
+/// Counts of late and missing messages and cycles of a node, in the names of run.json.
 #[derive(Debug, Default, Serialize)]
 pub struct Counts {
     /// Responses beyond the deadline, those not sent included.
@@ -120,8 +120,8 @@ impl NodeTiming {
     }
 
     /// Takes the stamp of one message in, with the one `before` it of the same process, which may have worked in the
-    /// standby then; messages come in the order of sending. One whose times cannot be true is in the counts of its sender
-    /// and in no figure: then there is no cycle to return.
+    /// standby then; messages come in the order of sending. One whose times cannot be true is in the counts of its
+    /// sender and in no figure: then there is no cycle to return.
     pub fn observe(&mut self, stamp: &Stamp, before: &Stamp) -> Option<Cycle> {
         let own = self.topic as usize;
         let publish_ns = stamp.publish_ns[own];

@@ -12,7 +12,7 @@ use flight::log::Count;
 
 const US: u64 = 1_000;
 const PERIOD_US: u64 = 10_000;
-/// Where the monotonic clock stands at the first sample \[us\].
+/// Monotonic clock at the first sample \[us\].
 const EPOCH_US: u64 = 5_000_000;
 
 /// A ring whose stamps are written by a fake clock: 100 us of execution per node, 20 us per wake-up.
@@ -128,7 +128,7 @@ impl Ring {
         assert!((value - us).abs() <= 1e-3 * us, "{path}: {value}, not {us}");
     }
 
-    /// What is told of the worst tick.
+    /// Description of the worst tick.
     fn worst<const N: usize>(&self, keys: [&str; N]) -> [String; N] {
         keys.map(|key| {
             let value = self.at(&format!("/worst_ticks/0/{key}"));

@@ -3,9 +3,9 @@
 //! A stall is charged to the tick that ended it; the ticks it swallowed are no entries of their own.
 //!
 //! The part of a tick that made it late is the one that took longest against the same part's median in this flight. The
-//! parts of a chain add up to its response: each node's wait for an input that did not come, its wake-up (with the slots it
-//! was silent before) and its execution. A node whose input came late is late through no part of its own, so the part named
-//! is where the delay arose.
+//! parts of a chain add up to its response: each node's wait for an input that did not come, its wake-up (with the
+//! slots it was silent before) and its execution. A node whose input came late is late through no part of its own, so
+//! the part named is where the delay arose.
 //!
 //! What is known ([`crate::happenings`]) comes before what is inferred. The first rule that applies is told:
 //!
@@ -35,7 +35,7 @@ use crate::happenings::Happenings;
 use crate::ticks::{Tick, Ticks};
 
 const WORST: usize = 10;
-/// So many of the newest ticks are kept, because messages of them may still come.
+/// Number of the newest ticks that are kept, because messages of them may still come.
 const OPEN_TICKS: usize = 2048;
 
 /// Gathers ticks and keeps the worst.
@@ -91,7 +91,7 @@ pub struct WorstTick {
     pub tick: u64,
     pub time_s: f64,
     pub late_us: f64,
-    /// Where the delay arose: the node, the part of its cycle, and how long that took, silent slots included.
+    /// Place where the delay arose: the node, the part of its cycle, and how long that took, silent slots included.
     pub node: &'static str,
     part: &'static str,
     part_us: f64,
@@ -115,7 +115,7 @@ impl TimedTick {
         waits.max().unwrap_or(0)
     }
 
-    /// From the last slot before the longest stall to the last answer, in simulated time \[s\].
+    /// Returns the stretch from the last slot before the longest stall to the last answer, in simulated time \[s\].
     fn stretch_s(&self) -> [f64; 2] {
         let cycles = || self.of.iter().flatten();
         let silent = cycles().map(|cycle| cycle.silent).max().unwrap_or(0);

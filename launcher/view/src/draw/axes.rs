@@ -10,7 +10,7 @@ pub(super) const LEFT: f64 = 48.0;
 pub(super) const RIGHT: f64 = WIDTH - 16.0;
 pub(super) const TOP: f64 = 24.0;
 pub(super) const BOTTOM: f64 = HEIGHT - 36.0;
-/// What a letter of an axis takes \[px\].
+/// Width of a letter of an axis \[px\].
 pub(super) const LETTER: f64 = 6.2;
 
 /// Letters of a word of an axis.
@@ -19,7 +19,7 @@ const LONGEST: usize = 32;
 /// An axis of entries side by side, each 1 wide: single values, or parts of a range.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Axis {
-    /// What it shows, with its unit.
+    /// Quantity of the axis, with its unit.
     pub title: String,
     pub entries: Vec<String>,
     /// Words below the axis, and where they stand.
@@ -40,7 +40,7 @@ impl Axis {
         Self { title: title.to_owned(), entries, ticks }
     }
 
-    /// Whether a plot has room for all words below the axis.
+    /// Returns whether a plot has room for all words below the axis.
     pub fn fits(&self) -> bool {
         (self.longest() as f64 + 1.0) * LETTER <= self.slot()
     }
@@ -55,7 +55,7 @@ impl Axis {
         (RIGHT - LEFT) / self.entries.len().max(1) as f64
     }
 
-    /// Where a place on the axis is drawn \[px\].
+    /// Returns the place of a value on the axis \[px\].
     pub(super) fn x(&self, place: f64) -> f64 {
         LEFT + self.slot() * place
     }
@@ -84,13 +84,14 @@ fn clipped(word: &str) -> String {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Scale {
     is_log: bool,
-    /// Of the values, or of their logarithms to base 10.
+    /// Ends of the values, or of their logarithms to base 10.
     ends: [f64; 2],
 }
 
 impl Scale {
-    /// The scale on which the values have a place, and `limit` where there is one; `None` without a value. The last hundredth of
-    /// the values lies beyond the end where it is far above the others, and so does what is below a thousandth of the median.
+    /// The scale on which the values have a place, and `limit` where there is one; `None` without a value. The last
+    /// hundredth of the values lies beyond the end where it is far above the others, and so does what is below a
+    /// thousandth of the median.
     pub(super) fn of(values: impl Iterator<Item = f64>, limit: Option<f64>) -> Option<Self> {
         let mut values: Vec<f64> = values.filter(|value| value.is_finite() && *value > 0.0).collect();
         values.sort_by(f64::total_cmp);
@@ -104,7 +105,7 @@ impl Scale {
         Some(Self { is_log, ends: [low - room, high + room] })
     }
 
-    /// Where a value lies between the ends, 0 to 1.
+    /// Returns the place of a value between the ends, 0 to 1.
     pub(super) fn place(&self, value: f64) -> f64 {
         let [low, high] = self.ends;
         ((if self.is_log { value.log10() } else { value }) - low) / (high - low)

@@ -165,7 +165,7 @@ pub struct Lane {
     pub name: &'static str,
     pub waits: [f64; 2],
     pub runs: [f64; 2],
-    /// Whether the delay arose in its waiting, or in its running.
+    /// `true` for the part in which the delay arose: the wait, the run.
     pub at_fault: [bool; 2],
 }
 

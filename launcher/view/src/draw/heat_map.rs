@@ -1,7 +1,7 @@
 //! Heat maps: values over two axes of evenly spaced entries.
 //!
-//! Colour is the logarithm of the value, in cividis, which colour-blind readers see as others do; the number stands in every
-//! cell, and a cell without a value is hatched.
+//! Colour is the logarithm of the value, in cividis, which colour-blind readers see as others do; the number stands in
+//! every cell, and a cell without a value is hatched.
 
 use super::Svg;
 
@@ -26,9 +26,9 @@ const CIVIDIS: [[f64; 3]; 9] = [
 pub struct HeatMap {
     /// Values at the ends of the scale.
     pub scale: (f64, f64),
-    /// What the values are.
+    /// Quantity of the values.
     pub values: &'static str,
-    /// What the columns and the rows are.
+    /// Quantities of the columns and of the rows.
     pub axes: [&'static str; 2],
 }
 
@@ -125,14 +125,15 @@ impl HeatMap {
         svg.add("</g>");
     }
 
-    /// Where a value lies on the scale of colours, 0 to 1.
+    /// Returns the place of a value on the scale of colours, 0 to 1.
     fn shade(&self, value: f64) -> f64 {
         let (low, high) = self.scale;
         ((value / low).ln() / (high / low).ln()).clamp(0.0, 1.0)
     }
 }
 
-/// Where `value` lies on an axis of evenly spaced entries, in entries from the first; no farther than the ends.
+/// Returns the place of `value` on an axis of evenly spaced entries, in entries from the first; no farther than the
+/// ends.
 fn position(axis: &[f64], value: f64) -> f64 {
     let after = axis.partition_point(|entry| *entry < value);
     match (after, axis.get(after)) {

@@ -13,7 +13,7 @@ const LEFT_PX: f64 = 64.0;
 const BELOW_PX: f64 = 40.0;
 /// Grid lines on an axis, about.
 const GRID: f64 = 5.0;
-/// Of the curves that have the colours first, and of those that have them again.
+/// Styles of the curves that have the colours first, and of those that have them again.
 const DASHES: [&str; 2] = ["none", "6 4"];
 
 /// A curve with its name in the legend.
@@ -22,8 +22,8 @@ pub struct Line<'a> {
     pub points: Vec<(f64, f64)>,
 }
 
-/// Several curves over one pair of linear axes; values that are not finite leave gaps. Of a curve with more points than the
-/// picture can show, the extremes are drawn. Curves that share a colour with one before them are dashed.
+/// Several curves over one pair of linear axes; values that are not finite leave gaps. Of a curve with more points than
+/// the picture can show, the extremes are drawn. Curves that share a colour with one before them are dashed.
 pub fn lines(all: &[Line], x_title: &str, y_title: &str) -> String {
     let [width, height] = PICTURE_PX;
     let bottom = height - BELOW_PX;
@@ -91,7 +91,8 @@ pub fn lines(all: &[Line], x_title: &str, y_title: &str) -> String {
     format!("{legend}<small>{}</small></p>{}", escape(y_title), svg.finish())
 }
 
-/// The points that are drawn of a curve: every point of a short one, the extremes of each column of the picture of a long one.
+/// The points that are drawn of a curve: every point of a short one, the extremes of each column of the picture of a
+/// long one.
 fn drawn(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     let columns = PICTURE_PX[0] as usize;
     if points.len() <= 2 * columns {

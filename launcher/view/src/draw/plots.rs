@@ -1,4 +1,5 @@
-//! Plots over the axes of a campaign's factors: shares with their intervals, values with their boxes; and lines over time.
+//! Plots over the axes of a campaign's factors: shares with their intervals, values with their boxes; and lines over
+//! time.
 
 use std::fmt::Write;
 
@@ -72,7 +73,7 @@ pub fn legend(names: &[&str]) -> String {
     names.iter().zip(COLOURS.iter().cycle()).map(one).collect()
 }
 
-/// Where the middle half of some values lies, and how far the others reach.
+/// Quartiles of some values, and the reach of the others.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Quartiles {
     /// Ends of the whiskers.
@@ -81,7 +82,7 @@ pub struct Quartiles {
     pub quartiles: [f64; 3],
 }
 
-/// What is drawn over the dots of a series.
+/// Summary that is drawn over the dots of a series.
 #[derive(Debug, Clone)]
 pub enum Middle {
     /// A box for each entry that has values.
@@ -98,8 +99,8 @@ pub struct Dots {
     pub middle: Middle,
 }
 
-/// Values above 0 over an axis, a colour for each series, and a broken line at `limit`. What lies far above all others is drawn
-/// as an arrow at the upper end.
+/// Values above 0 over an axis, a colour for each series, and a broken line at `limit`. What lies far above all others
+/// is drawn as an arrow at the upper end.
 pub fn dots(title: &str, axis: &Axis, limit: Option<f64>, series: &[Dots]) -> String {
     let values = || series.iter().flat_map(|dots| &dots.points).map(|(_, value, _)| *value);
     let Some(scale) = Scale::of(values(), limit) else { return String::new() };
@@ -187,7 +188,8 @@ pub struct Course<'a> {
     pub points: Vec<(f64, f64)>,
 }
 
-/// Values over time \[s\] as lines with their names in a small picture, on the ground of the spans that are shaded \[s\].
+/// Values over time \[s\] as lines with their names in a small picture, on the ground of the spans that are shaded
+/// \[s\].
 pub fn courses(unit: &str, end_s: f64, lines: &[Course], shaded: &[[f64; 2]]) -> String {
     let (width, height, bottom, top) = (230.0, 92.0, 62.0, 18.0);
     let names: Vec<&str> = lines.iter().map(|line| line.name).collect();

@@ -22,8 +22,8 @@ pub struct MapCell {
     pub title: String,
 }
 
-/// The map of `cells` over two axes, row by row from below; a cell may be empty. A thick line is drawn between neighbours,
-/// each a row and a column, for which `border` says so.
+/// The map of `cells` over two axes, row by row from below; a cell may be empty. A thick line is drawn between
+/// neighbours, each a row and a column, for which `border` says so.
 pub fn map(
     title: &str,
     [across, up]: [&Axis; 2],

@@ -1,7 +1,7 @@
 //! The paper's claims about its simulation results, held against a run.
 //!
-//! They are made for one flight: the whole minute of the `survey` trajectory, flown by the paper's controllers and vehicle in
-//! calm. Anything else is `not applicable`, and a page on which none applies does not speak of them.
+//! They are made for one flight: the whole minute of the `survey` trajectory, flown by the paper's controllers and
+//! vehicle in calm. Anything else is `not applicable`, and a page on which none applies does not speak of them.
 
 use contract::Scenario;
 use contract::scenario::{Profile, Run};
@@ -16,7 +16,7 @@ pub const POSITION_M: f64 = 0.7;
 pub const ALTITUDE_HORIZONTAL_M: f64 = 0.1;
 /// The altitude error does not exceed this in vertical flight \[m\].
 pub const ALTITUDE_VERTICAL_M: f64 = 0.2;
-/// When the flight is horizontal \[s\].
+/// Times between which the flight is horizontal \[s\].
 pub const HORIZONTAL_S: [f64; 2] = [10.0, 50.0];
 pub const DURATION_S: f64 = 60.0;
 
@@ -27,7 +27,7 @@ pub struct Claim {
     /// HTML.
     pub paper: &'static str,
     pub measured: String,
-    /// Whether it holds; `None` for another trajectory, an incomplete flight, or nothing measured.
+    /// `true` if it holds; `None` for another trajectory, an incomplete flight, or nothing measured.
     pub holds: Option<bool>,
 }
 
@@ -55,8 +55,9 @@ pub fn section(claims: &[Claim], run: &Value) -> String {
     )
 }
 
-/// Whether the claims are made for this flight: every setting of vehicle, mission and controllers is the paper's, its sample time
-/// of 0.01 s too, and nothing goes wrong. Mode and seed may be any, as may what the flight is called, judged by and scheduled with.
+/// Returns whether the claims are made for this flight: every setting of vehicle, mission and controllers is the
+/// paper's, its sample time of 0.01 s too, and nothing goes wrong. Mode and seed may be any, as may what the flight is
+/// called, judged by and scheduled with.
 pub fn concerns(scenario: &Scenario) -> bool {
     let Scenario { name, run, bounds, realtime, deadline, supervision, .. } = scenario.clone();
     let paper = Scenario::from(Profile::Paper);
@@ -70,13 +71,13 @@ pub fn metric<'a>(run: &'a Value, name: &str) -> &'a Value {
     if never_flown(run, name) { &Value::Null } else { &run["metrics"][name] }
 }
 
-/// Whether the run ended before this metric began: a maximum over nothing is not a measured zero.
+/// Returns whether the run ended before this metric began: a maximum over nothing is not a measured zero.
 pub fn never_flown(run: &Value, metric: &str) -> bool {
     let before_horizontal = run["flown_s"].as_f64().is_some_and(|flown_s| flown_s < HORIZONTAL_S[0]);
     before_horizontal && metric == "max_altitude_error_horizontal_m"
 }
 
-/// How closely the inner loop followed its references: what of it, and the figures.
+/// Errors of the inner loop against its references: names and figures.
 pub fn following(run: &Value) -> [(&'static str, String); 3] {
     let metrics = &run["metrics"];
     let three = |key: &str, unit: &str| {
@@ -90,7 +91,7 @@ pub fn following(run: &Value) -> [(&'static str, String); 3] {
     ]
 }
 
-/// How far states and actuators went in a flight, gathered tick by tick.
+/// Extremes of states and actuators in a flight, gathered tick by tick.
 #[derive(Debug, Clone)]
 pub struct Reach {
     /// Largest angles \[deg\] and rates \[deg/s\]; `None` without a state.
@@ -127,7 +128,8 @@ impl Reach {
     }
 }
 
-/// Judges a run by its summary, and by how far states and actuators went: the whole flight of the claims, or one that was lost.
+/// Judges a run by its summary, and by how far states and actuators went: the whole flight of the claims, or one that
+/// was lost.
 pub fn judge(run: &Value, reach: &Reach, scenario: &Scenario) -> [Claim; 5] {
     let lost = concerns(scenario) && run["diverged"] == Value::Bool(true);
     let whole = run["flown_s"].as_f64().unwrap_or(0.0) > DURATION_S - 2.0 * scenario.sample_s();

@@ -1,7 +1,7 @@
 //! The figures' data: one column of little-endian f32 per quantity, base64, in one JSON object.
 //!
-//! Row `i` of every column stands for the time `begin_s + i * dt_s`; what is unknown at a tick is NaN. The page's script derives
-//! nothing but units from these numbers.
+//! Row `i` of every column stands for the time `begin_s + i * dt_s`; what is unknown at a tick is NaN. The page's
+//! script derives nothing but units from these numbers.
 
 use base64::prelude::{BASE64_STANDARD, Engine};
 use contract::Scenario;
@@ -17,7 +17,8 @@ use outcome::timing::Age;
 /// Quantities of a tick, where they are known.
 type Quantities = fn(&LoggedTick) -> Option<Vec<f64>>;
 
-/// Every column by its name in the page's script, in groups that are known together. SI units and radians, NED and body axes.
+/// Every column by its name in the page's script, in groups that are known together. SI units and radians, NED and body
+/// axes.
 const COLUMNS: [(&[&str], Quantities); 13] = [
     (&["x", "y", "z"], |tick| Some(actual(tick)?.position_m.into())),
     (&["x_wanted", "y_wanted", "z_wanted"], |tick| Some(tick.wanted_m.into())),
@@ -48,7 +49,7 @@ pub struct Columns {
 }
 
 impl Columns {
-    /// Of the ticks from `first` on.
+    /// Makes the columns of the ticks from `first` on.
     pub fn new(scenario: &Scenario, first: u64) -> Self {
         let names = COLUMNS.iter().flat_map(|(names, _)| *names);
         Self {
@@ -81,7 +82,7 @@ impl Columns {
         }
     }
 
-    /// How the figures relate to the samples.
+    /// Says how the figures relate to the samples.
     pub fn sampling(&self, scenario: &Scenario) -> String {
         let Self { first, ticks, .. } = *self;
         let time_s = |tick: u64| tick as f64 * scenario.sample_s();
@@ -96,7 +97,8 @@ impl Columns {
         }
     }
 
-    /// The script's whole input: `rows`, `begin_s`, `dt_s`, `realtime`, `columns` and the horizontal `lines` of the figures.
+    /// The script's whole input: `rows`, `begin_s`, `dt_s`, `realtime`, `columns` and the horizontal `lines` of the
+    /// figures.
     pub fn document(mut self, scenario: &Scenario) -> Value {
         (0..self.waiting).for_each(|_| self.age_ms.push(f32::NAN));
         self.all.push(("age_ms", self.age_ms));
@@ -125,7 +127,7 @@ fn actuation(message: &ActuationMsg) -> Vec<f64> {
     [message.rotor_speed.as_slice(), &[message.tilt_rad]].concat()
 }
 
-/// What the figures are read against: the paper's claims, the scenario's bounds, the limits of the actuators.
+/// Lines that the figures are read against: the paper's claims, the scenario's bounds, the limits of the actuators.
 fn lines(scenario: &Scenario) -> Value {
     let bounds = &scenario.bounds;
     let paper = |y: f64| claims::concerns(scenario).then_some((y, "paper"));
@@ -160,7 +162,7 @@ fn line(y: f64, label: &str, span_s: Option<[Option<f64>; 2]>) -> Value {
     json!({ "y": y, "label": label, "span_s": span_s })
 }
 
-/// The same above and below zero.
+/// Makes the same line above and below zero.
 fn both(y: f64, label: &str, span_s: Option<[Option<f64>; 2]>) -> [Value; 2] {
     [line(y, label, span_s), line(-y, label, span_s)]
 }

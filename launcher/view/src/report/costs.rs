@@ -1,4 +1,4 @@
-//! What the disturbed ticks of a flight cost: a section of the page for a flight that has few of them.
+//! Costs of the disturbed ticks of a flight: a section of the page for a flight that has few of them.
 
 use outcome::explain::Costs;
 

@@ -1,4 +1,4 @@
-//! What the flight's settings have that the defaults of its profile do not: the table that the page opens with.
+//! Settings of the flight that differ from the defaults of its profile: the table that the page opens with.
 
 use contract::Scenario;
 

@@ -1,4 +1,4 @@
-//! What went wrong in a flight and what was done about it: a section of the page.
+//! Faults, events and refusals of a flight: a section of the page.
 //!
 //! All of it comes from the summary; a flight in which nothing happened has neither.
 
@@ -10,7 +10,7 @@ use crate::draw::{DASH, any, number, table};
 /// More of them are shown when they are asked for.
 const MOST_EVENTS: usize = 12;
 
-/// How the figures show it.
+/// Explanation of how the figures show them.
 pub const HINT: &str = "A tinted stretch is a fault while it acts, a vertical line an event; the lanes under the time axes name them. \
      On the paths the stretches flown under a fault are orange, with the fault’s number where it begins, and \
      events are rings.";

@@ -46,7 +46,7 @@ const PLOT_SCRIPT: &str = include_str!("../../assets/report/plots.js");
 const UPLOT: &str = include_str!("../../assets/report/uPlot.iife.min.js");
 const UPLOT_STYLE: &str = include_str!("../../assets/report/uPlot.min.css");
 
-/// What the page shows of a log, gathered message by message.
+/// Figures of the page, gathered message by message.
 pub struct Figures {
     joined: Joined,
     columns: Columns,
@@ -54,7 +54,7 @@ pub struct Figures {
 }
 
 impl Figures {
-    /// Of the ticks from `first` on.
+    /// Makes the figures of the ticks from `first` on.
     pub fn new(scenario: &Scenario, first: u64) -> Self {
         let columns = Columns::new(scenario, first);
         Self { joined: Joined::new(scenario, first), columns, reach: Reach::new(scenario) }
@@ -79,8 +79,8 @@ impl Figures {
     }
 }
 
-/// Writes `report.html` of a run beside its log, or `report-FROM-TO.html` of a part of it; returns where, and what of the log is
-/// missing, for people. `costs` finds what disturbed ticks cost, of the whole.
+/// Writes `report.html` of a run beside its log, or `report-FROM-TO.html` of a part of it; returns where, and what of
+/// the log is missing, for people. `costs` finds what disturbed ticks cost, of the whole.
 pub fn write(
     run: &Path,
     part: Part,
@@ -111,15 +111,15 @@ pub fn write(
     Ok((page, missing))
 }
 
-/// What only the page of a whole flight has.
+/// Parts that only the page of a whole flight has.
 struct OfAll<'a> {
     timing: Option<&'a Timing>,
     /// The section on what disturbed ticks cost.
     costs: String,
 }
 
-/// The page of one run: figures of its messages, its summary (`run.json`) and the scenario it flew. Where the summary tells what was
-/// ordered in flight, that belongs to the scenario.
+/// The page of one run: figures of its messages, its summary (`run.json`) and the scenario it flew. Where the summary
+/// tells what was ordered in flight, that belongs to the scenario.
 ///
 /// Holes in the log are holes in the figures; anything the summary lacks is a dash.
 fn render(figures: Figures, run: &Value, scenario: &Scenario, of_all: Option<OfAll>) -> String {

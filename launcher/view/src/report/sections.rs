@@ -1,4 +1,5 @@
-//! The parts of the page that are text and tables. Every value may be missing from the summary; then a dash stands there.
+//! The parts of the page that are text and tables. Every value may be missing from the summary; then a dash stands
+//! there.
 
 use contract::Scenario;
 use contract::scenario::{Mode, TrajectoryKind, to_toml};
@@ -43,13 +44,14 @@ pub fn result(run: &Value) -> (&'static str, String) {
     }
 }
 
-/// What the summary says of the end, beyond what `result` says already.
+/// Says what the summary tells of the end, beyond what `result` says already.
 pub fn ended(run: &Value, result: &str) -> String {
     let words = run["ended"].as_str().unwrap_or_default();
     escape(words.strip_prefix(result).unwrap_or(words).trim_start_matches([':', ' ']))
 }
 
-/// What of the log is missing, and what else a reader must know: see [`outcome::run_record::reservations`].
+/// Warns of what is missing of the log, and of what else a reader must know: see
+/// [`outcome::judge::Verdict::reservations`].
 pub fn warnings(run: &Value) -> [String; 2] {
     let warning = |about: &str, words: &str| match words {
         "" => String::new(),
@@ -60,7 +62,7 @@ pub fn warnings(run: &Value) -> [String; 2] {
     [warning("The log is not whole", defect), warning("Note", &told.join("; "))]
 }
 
-/// What was flown and how, on one line.
+/// Says what was flown and how, on one line.
 pub fn facts(run: &Value, scenario: &Scenario) -> String {
     let trajectory = format!("{:?}", scenario.mission.trajectory).to_lowercase();
     let duration = format!("{} of {} s", number(&run["flown_s"], 2), number(&run["duration_s"], 2));
@@ -120,7 +122,7 @@ pub fn metrics(run: &Value) -> String {
     list(measured.chain(more.map(|(name, value)| (name.to_owned(), value))))
 }
 
-/// Whether anything gives the state hash of the flight again: in real time only a replay can.
+/// Returns whether anything gives the state hash of the flight again: in real time only a replay can.
 fn repeats(run: &Value) -> bool {
     run["mode"] != "realtime" || run["replays"] == Value::Bool(true)
 }
@@ -159,7 +161,7 @@ pub fn bounds(run: &Value) -> String {
     table(&["metric", "bound", "measured", "verdict"], bounds.iter().map(row)) + if told { hint } else { "" }
 }
 
-/// Whether the flight was shorter than its scenario.
+/// Returns whether the flight was shorter than its scenario.
 fn ended_early(run: &Value) -> bool {
     let [flown_s, duration_s] = ["flown_s", "duration_s"].map(|key| run[key].as_f64().unwrap_or(0.0));
     let cut_short = matches!(run["exit_code"].as_i64(), Some(3 | 4 | 130)) && flown_s < duration_s - 0.001;

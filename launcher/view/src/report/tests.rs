@@ -31,7 +31,7 @@ fn at<M: Message>(tick: u64, mut message: M) -> M {
     message.with_checksum()
 }
 
-/// The same flight with every state changed.
+/// Changes every state of a flight.
 fn with_states(mut log: Log, change: impl Fn(&mut State)) -> Log {
     for state in &mut log.states {
         change(state);

@@ -21,7 +21,7 @@ const FIGURES: [(&str, &str, Option<&str>); 7] = [
     ("response_per_slot", "response, per slot", None),
 ];
 
-/// When each node ran: one table for the eye, one with every percentile.
+/// Makes the tables of the nodes' times: one for the eye, one with every percentile.
 pub fn tables(run: &Value) -> String {
     let timing = &run["timing"];
     if !timing.is_object() {

@@ -116,7 +116,7 @@ impl Trace {
         }
     }
 
-    /// What happened in the window, whose ticks are `ticks`.
+    /// Adds what happened in the window, whose ticks are `ticks`.
     pub fn happened(&mut self, happened: &Happenings, ticks: &[LoggedTick]) {
         let Some(samples) = Samples::of(ticks) else { return };
         let acting = happened.faults.iter().filter_map(|fault| Some((fault, samples.clip(fault)?)));
@@ -209,7 +209,8 @@ impl Trace {
         self.event("X", lane, &span.what, from_ns, more);
     }
 
-    /// An event of a lane with what is particular to it. Marks and what happened stand behind the others of their instant.
+    /// An event of a lane with what is particular to it. Marks and what happened stand behind the others of their
+    /// instant.
     fn event(&mut self, phase: &str, lane: usize, name: &str, at_ns: u64, more: Value) {
         let ts = micros(at_ns.saturating_sub(self.origin_ns));
         let mut event = json!({ "ph": phase, "pid": lane + 1, "tid": lane + 1, "name": name, "ts": ts });
@@ -264,7 +265,7 @@ fn solve_status(wire: u64) -> String {
     known.map_or_else(|| wire.to_string(), |status| format!("{status:?}"))
 }
 
-/// What a lane is called: a process of the viewer, and in it a thread.
+/// Name of a lane: a process of the viewer, and in it a thread.
 fn lane_names(process: usize, thread: usize, name: &str, thread_name: &str) -> [Value; 3] {
     let named = |what: &str, args: Value| json!({ "ph": "M", "name": what, "pid": process + 1, "tid": thread + 1, "args": args });
     [

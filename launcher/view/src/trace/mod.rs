@@ -28,10 +28,10 @@ use runtime::console::{eprint_line, print};
 pub struct TraceArgs {
     /// Folder of the run, or its flight.mcap
     pub run: PathBuf,
-    /// Where the window begins in simulated time: 500ms, 2s, 1min, plain seconds
+    /// Begin of the window in simulated time: 500ms, 2s, 1min, plain seconds
     #[arg(long = "from", alias = "from-s", value_name = "TIME", value_parser = seconds)]
     pub from_s: Option<f64>,
-    /// How long it is
+    /// Length of the window
     #[arg(long = "for", alias = "for-s", value_name = "TIME", default_value = "1s", value_parser = seconds)]
     pub for_s: f64,
     /// Around the worst tick of the flight, as without --from; in lockstep no tick is late: the beginning
@@ -76,13 +76,13 @@ pub fn trace(args: &TraceArgs) -> anyhow::Result<()> {
 
 /// Ticks of a trace, at most: each is ten events of a viewer.
 const MOST_TICKS: usize = 20_000;
-/// So many ticks before and after the window are read too: counters of a message tell the difference to the one before, and a
-/// command acts until the next.
+/// Number of ticks before and after the window that are read too: counters of a message tell the difference to the one
+/// before, and a command acts until the next.
 const AROUND_TICKS: u64 = 1_000;
 
-/// The trace of a flight through processes, in the window that begins at `from_s` or lies around the worst tick; `run` is
-/// the summary of the flight, which knows that tick and what happened, and `records` hands out the messages of its log, tick by
-/// tick.
+/// The trace of a flight through processes, in the window that begins at `from_s` or lies around the worst tick; `run`
+/// is the summary of the flight, which knows that tick and what happened, and `records` hands out the messages of its
+/// log, tick by tick.
 ///
 /// Time zero is the first sample, so that in real time the viewer's axis is simulated time.
 pub fn document(
@@ -151,8 +151,8 @@ pub struct Window {
 }
 
 impl Window {
-    /// The window that begins at `from_s`, or else has the worst tick of the flight in its middle, the one that its summary
-    /// `run` names first; the beginning where no tick was late.
+    /// The window that begins at `from_s`, or else has the worst tick of the flight in its middle, the one that its
+    /// summary `run` names first; the beginning where no tick was late.
     fn new(from_s: Option<f64>, for_s: f64, sample_s: f64, run: &Value) -> Self {
         let worst = &run["timing"]["worst_ticks"][0];
         let (from_s, why) = match (from_s, worst["tick"].as_u64(), worst["late_us"].as_f64()) {
@@ -166,7 +166,7 @@ impl Window {
         Self { from_s, for_s, sample_s, why }
     }
 
-    /// Its ticks, of a flight of so many.
+    /// Returns the ticks of the window, of a flight of so many.
     fn ticks(&self, flown: usize) -> Range<usize> {
         // The conversion stops at the ends of the integers, and takes NaN for 0.
         let tick = |t_s: f64| ((t_s / self.sample_s - 1e-6).ceil() as usize).min(flown);

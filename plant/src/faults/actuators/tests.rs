@@ -11,12 +11,12 @@ fn actuation([o1, o2, o3, tilt_rad]: [f64; 4]) -> Actuation {
     Actuation { rotor_speed: [o1, o2, o3], tilt_rad }
 }
 
-/// A fault from 0.1 s on, tick 10.
+/// Fault from 0.1 s on, tick 10.
 fn fault(target: FaultTarget, kind: FaultKind, value: Option<f64>) -> Fault {
     Fault { value, ..Fault::new(target, kind, 0.1, None) }
 }
 
-/// The command followed at `tick`, and how, with `faults`.
+/// Command followed at `tick` with `faults`, and the actuators' condition.
 fn faulted(faults: &[Fault], tick: u64) -> ([f64; 4], Condition) {
     let scenario = Scenario { fault: faults.to_vec(), ..Scenario::default() };
     let mut faults = ActuatorFaults::new(&scenario);
@@ -24,8 +24,7 @@ fn faulted(faults: &[Fault], tick: u64) -> ([f64; 4], Condition) {
     (as_array(&target), condition)
 }
 
-/// The flight of a changed vehicle from hover at 100 Hz, sample by sample, every tenth of a second 10 % faster or
-/// slower and tilting.
+/// Flies a changed vehicle from hover at 100 Hz; every 0.1 s the rotors are commanded 10 % faster or slower, with tilt.
 fn fly(change: impl Fn(&mut Scenario)) -> Vec<State> {
     let mut scenario = Scenario::default();
     change(&mut scenario);
@@ -42,7 +41,7 @@ fn fly(change: impl Fn(&mut Scenario)) -> Vec<State> {
     (0..40).map(&mut sample).collect()
 }
 
-/// The same with faults.
+/// Flies the vehicle with faults.
 fn faulty(faults: &[Fault]) -> Vec<State> {
     fly(|scenario| scenario.fault = faults.to_vec())
 }
@@ -91,7 +90,7 @@ fn a_dead_rotor_tips_the_vehicle_to_its_side() {
 #[test]
 fn a_stuck_actuator_keeps_its_place_bit_for_bit_and_then_follows_again() {
     for (actuator, target) in TARGETS.into_iter().enumerate() {
-        // The onset, at 0.11 s, lies amid the way to a new speed.
+        // At the onset, 0.11 s, the rotor is on the way to a new speed.
         let stuck = Fault { at_s: 0.11, for_s: Some(0.2), ..fault(target, FaultKind::Stuck, None) };
         let track = track(&[stuck], actuator);
         assert!(track[9].to_bits() != track[10].to_bits(), "it was moving");

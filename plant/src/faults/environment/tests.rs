@@ -12,7 +12,7 @@ fn fault(target: FaultTarget, kind: FaultKind, for_s: Option<f64>) -> Fault {
     Fault::new(target, kind, 1.0, for_s)
 }
 
-/// Wind towards north at `time_ns`, the beginning of a step.
+/// Wind towards north at `time_ns`, the beginning of an integration step.
 fn wind_mps(faults: &EnvironmentFaults, time_ns: u64) -> f64 {
     faults.inject(time_ns, 0.0, &Surroundings::default()).wind_mps.x
 }

@@ -2,20 +2,20 @@ use proptest::prelude::*;
 
 use super::*;
 
-/// A noiseless measurement at `tick`, different on every axis and at every tick.
+/// Measurement without noise at `tick`, different on every axis and at every tick.
 fn measured(tick: u64) -> Kinematics {
     let axes = |first: f64| std::array::from_fn(|axis| first + axis as f64 + 0.01 * tick as f64);
     Kinematics { position_m: axes(1.0), velocity_mps: axes(2.0), attitude_rad: axes(3.0), rates_radps: axes(4.0) }
 }
 
-/// A fault of the positions from 0.1 s to 0.2 s (ticks 10 to 19), with `change`.
+/// Fault of the position sensor from 0.1 s to 0.2 s (ticks 10 to 19), with `change`.
 fn fault(kind: FaultKind, change: impl Fn(&mut Fault)) -> Fault {
     let mut fault = Fault::new(FaultTarget::Position, kind, 0.1, Some(0.1));
     change(&mut fault);
     fault
 }
 
-/// What the sensors tell at `ticks`, at 100 Hz.
+/// Readings of the sensors at `ticks`, at 100 Hz.
 fn told(faults: &[Fault], seed: u64, ticks: impl IntoIterator<Item = u64>) -> Vec<Kinematics> {
     let mut scenario = Scenario::default();
     scenario.run.seed = seed;
@@ -29,7 +29,7 @@ fn told(faults: &[Fault], seed: u64, ticks: impl IntoIterator<Item = u64>) -> Ve
     ticks.into_iter().map(&mut reading).collect()
 }
 
-/// Positions told on ticks 0 to 29 with one fault.
+/// Positions measured on ticks 0 to 29 with one fault.
 fn positions(kind: FaultKind, change: impl Fn(&mut Fault)) -> Vec<Reading> {
     told(&[fault(kind, change)], 3, 0..30).iter().map(|told| told.position_m).collect()
 }
@@ -100,7 +100,7 @@ fn garbage_comes_in_every_kind() {
 }
 
 #[test]
-fn garbage_and_silence_come_on_their_share_of_the_ticks() {
+fn garbage_and_missing_readings_occur_on_their_share_of_the_ticks() {
     for (kind, default) in [(FaultKind::Garbage, 1.0), (FaultKind::Intermittent, 0.5)] {
         for asked in [None, Some(0.0), Some(0.2), Some(1.0)] {
             let faults = [Fault { probability: asked, ..Fault::new(FaultTarget::Position, kind, 0.0, None) }];
@@ -136,7 +136,7 @@ fn sizes_of_angles_are_degrees() {
 #[test]
 fn slow_lags_behind_a_ramp() {
     let told = positions(FaultKind::Slow, |fault| (fault.at_s, fault.ms) = (0.0, Some(20.0)));
-    // Behind a ramp of 0.01 per sample a lag of two samples tends to stay 0.01 / (e^0.5 - 1).
+    // On a ramp of 0.01 per sample the error of a lag of two samples tends to 0.01 / (e^0.5 - 1).
     let behind = measured(9).position_m[0] - told[9][0];
     assert!((behind - 0.01 * (1.0 - (-4.5f64).exp()) / 0.5f64.exp_m1()).abs() < 1e-14, "{behind}");
     let default = positions(FaultKind::Slow, |_| ());
@@ -216,9 +216,9 @@ fn faults_of_one_sensor_act_in_the_order_of_the_file() {
 }
 
 proptest! {
-    /// Whatever the sizes, the sample time and the samples left out: an answer, and the truth outside the fault.
+    /// For any sizes, sample times and samples left out nothing panics, and outside the fault the truth is measured.
     #[test]
-    fn it_is_total(
+    fn any_size_and_sample_time_leaves_readings_outside_the_fault_unchanged(
         kind in prop::sample::select(KINDS),
         value in prop::num::f64::ANY,
         ms in 0.0..60_000.0,

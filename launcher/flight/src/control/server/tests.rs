@@ -4,7 +4,7 @@ use serde_json::json;
 
 use super::*;
 
-/// A server in a folder of its own.
+/// Opens a server in a folder of its own.
 fn open() -> (tempfile::TempDir, Domain, Server) {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let domain = Domain { folder: folder.path().to_owned() };
@@ -23,7 +23,7 @@ fn told(stream: UnixStream) -> Response {
 }
 
 #[test]
-fn a_request_may_come_in_pieces_and_is_answered_to_whom_it_came_from() {
+fn a_request_may_come_in_pieces_and_its_sender_gets_the_answer() {
     let (_folder, domain, mut server) = open();
     assert!(server.request().is_none());
     let (silent, mut client) = (enter(&domain), enter(&domain));
@@ -43,7 +43,7 @@ fn a_request_may_come_in_pieces_and_is_answered_to_whom_it_came_from() {
 }
 
 #[test]
-fn what_is_no_request_gets_an_error() {
+fn an_invalid_request_gets_an_error() {
     for (line, expected) in [
         (&b"\n"[..], "not a request"),
         (b"{\"fly\":1}\n", "unknown variant `fly`"),
@@ -60,7 +60,7 @@ fn what_is_no_request_gets_an_error() {
 }
 
 #[test]
-fn who_says_nothing_is_shown_out() {
+fn a_silent_client_is_disconnected() {
     let (_folder, domain, mut server) = open();
     let silent = enter(&domain);
     assert!(server.request().is_none());
@@ -70,7 +70,7 @@ fn who_says_nothing_is_shown_out() {
 }
 
 #[test]
-fn a_thousand_who_say_nothing_keep_nobody_out() {
+fn a_thousand_silent_clients_do_not_keep_others_out() {
     let (_folder, domain, mut server) = open();
     let mut silent = vec![];
     for _ in 0..50 {
@@ -86,7 +86,7 @@ fn a_thousand_who_say_nothing_keep_nobody_out() {
 }
 
 #[test]
-fn the_kernel_says_who_asks() {
+fn the_kernel_names_the_sender_of_a_request() {
     let (_folder, domain, mut server) = open();
     enter(&domain).write_all(b"\"status\"\n").expect("written");
     let (_, reply) = server.request().expect("a request");

@@ -1,9 +1,9 @@
-//! Torn, damaged and foreign logs.
+//! Logs that are torn, damaged, or of another program.
 
 use super::super::write;
 use super::*;
 
-/// The log of 1000 states, finished, as bytes.
+/// Returns the bytes of a finished log of 1000 states.
 fn thousand_states() -> Vec<u8> {
     let (_folder, path) = place();
     let mut log = LogWriter::create(&path, SCENARIO, 10_000_000).unwrap();
@@ -50,7 +50,7 @@ proptest! {
         };
         prop_assert!(!log.complete());
         prop_assert!(log.states.iter().copied().eq((0..log.states.len() as u64).map(state)));
-        // No more is lost than the chunk that was torn (64 KiB of 350 bytes each).
+        // Only the torn chunk is lost (64 KiB of 350 bytes each).
         let bytes_each = whole.len() as f64 / 1000.0;
         prop_assert!(log.states.len() as f64 > torn.len() as f64 / bytes_each - 300.0);
     }

@@ -1,4 +1,4 @@
-//! A part of a log, found by its index.
+//! Parts of a log, found by its index.
 
 use runtime::shared_role::Origin;
 
@@ -9,7 +9,7 @@ use super::*;
 const SAMPLE_NS: u64 = 10_000_000;
 const TICKS: u64 = 6_000;
 
-/// A minute: memories every ten seconds, events at odd places, a message that came late, and one whose time is bent.
+/// Writes a minute: snapshots every ten seconds, events at odd ticks, a late message, and one with a wrong time.
 fn write(path: &Path) {
     let mut log = LogWriter::create(path, SCENARIO, SAMPLE_NS).unwrap();
     for tick in 0..TICKS {
@@ -29,7 +29,7 @@ fn write(path: &Path) {
     log.finish().unwrap();
 }
 
-/// Ticks of the messages in a span, the events, and why reading stopped.
+/// Returns the ticks of the messages in a span, the events, and the defect.
 fn read_part(path: &Path, span: Span) -> (Vec<u64>, Vec<Event>, Option<String>) {
     let mut ticks = vec![];
     let log = stream(path, span, |_, record| ticks.push(record.stamp().tick)).unwrap();
@@ -41,7 +41,7 @@ fn seconds(from: u64, to: u64) -> Span {
 }
 
 #[test]
-fn a_part_is_the_same_by_the_index_and_without() {
+fn a_part_is_the_same_with_the_index_and_without() {
     let (folder, whole) = place();
     write(&whole);
     let torn = folder.path().join("torn.mcap");
@@ -64,7 +64,7 @@ fn a_part_is_the_same_by_the_index_and_without() {
 }
 
 #[test]
-fn what_lies_elsewhere_is_not_read() {
+fn chunks_outside_the_span_are_not_read() {
     let (_folder, path) = place();
     write(&path);
     let count = |wanted: Wanted| {
@@ -80,7 +80,7 @@ fn what_lies_elsewhere_is_not_read() {
 }
 
 #[test]
-fn an_index_that_lies_costs_the_part_and_nothing_else() {
+fn a_damaged_index_is_reported_or_changes_nothing() {
     let (folder, path) = place();
     write(&path);
     let mut bytes = fs::read(&path).unwrap();

@@ -8,7 +8,7 @@ fn with_checksum(tick: u64) -> State {
     state(tick).with_checksum()
 }
 
-/// Writes `states` to a part of the log, and closes it or not.
+/// Writes `states` to a part of the log, and finishes it if `closed`.
 fn part(path: &std::path::Path, states: impl IntoIterator<Item = State>, closed: bool) {
     let mut log = LogWriter::create_part(path, SCENARIO, 10_000_000, "this").unwrap();
     states.into_iter().for_each(|state| log.write(&state.into()).unwrap());
@@ -21,11 +21,11 @@ fn part(path: &std::path::Path, states: impl IntoIterator<Item = State>, closed:
 }
 
 #[test]
-fn what_several_have_recorded_stands_in_the_log_once_and_in_order() {
+fn joined_parts_have_each_message_once_and_in_order() {
     let (folder, first) = place();
     let parts =
         [first.clone(), folder.path().join("2.mcap"), folder.path().join("3.mcap"), folder.path().join("4.mcap")];
-    // Message 3 was sent twice; a stale one came after 7, and a bent one after that.
+    // Message 3 was sent twice; a stale one came after 7, and a damaged one after that.
     let stale = State { stamp: Stamp { tick: 2, sequence: 8, ..Stamp::default() }, ..State::default() }.with_checksum();
     let mut bent = with_checksum(8);
     bent.stamp.tick = u64::MAX;
@@ -45,7 +45,7 @@ fn what_several_have_recorded_stands_in_the_log_once_and_in_order() {
 }
 
 #[test]
-fn the_order_of_writing_stays_across_topics() {
+fn joining_keeps_the_order_of_writing_across_topics() {
     let (folder, first) = place();
     let second = folder.path().join("2.mcap");
     let reference = |tick: u64| {
@@ -69,7 +69,7 @@ fn the_order_of_writing_stays_across_topics() {
 }
 
 #[test]
-fn what_cannot_be_joined_stays_as_it_is() {
+fn parts_that_cannot_be_joined_stay_as_they_are() {
     let (folder, first) = place();
     let second = folder.path().join("2.mcap");
     part(&first, (0..4).map(with_checksum), false);
@@ -81,7 +81,7 @@ fn what_cannot_be_joined_stays_as_it_is() {
 }
 
 #[test]
-fn what_several_have_recorded_is_read_together_where_nobody_joined_it() {
+fn parts_that_were_not_joined_are_read_as_one_log() {
     let (folder, first) = place();
     let third = folder.path().join("flight.3.mcap");
     part(&first, (0..4).map(with_checksum), false);
@@ -100,7 +100,7 @@ fn what_several_have_recorded_is_read_together_where_nobody_joined_it() {
     assert!(format!("{:#}", read_parts(&first).unwrap_err()).contains("flight.mcap"));
 }
 
-/// A log of another flight has the name that a second recorder's would have.
+/// The log of another flight has the name of a second recorder's part.
 #[test]
 fn a_log_of_another_run_is_not_mixed_into_this_one() {
     let (folder, first) = place();
@@ -119,7 +119,7 @@ fn a_log_of_another_run_is_not_mixed_into_this_one() {
 }
 
 #[test]
-fn a_log_is_told_tick_by_tick_in_the_order_of_writing() {
+fn messages_come_tick_by_tick_and_each_topic_in_the_order_of_writing() {
     let stale = State { stamp: Stamp { tick: 0, sequence: 9, ..Stamp::default() }, ..State::default() }.with_checksum();
     let mut bent = with_checksum(1);
     bent.stamp.tick = u64::MAX;

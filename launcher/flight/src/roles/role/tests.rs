@@ -20,19 +20,19 @@ fn now(ms: u64) -> Now {
     Now { ns: ms * MS, tick: ms / 10 }
 }
 
-/// What happened, of the actions.
+/// Returns epoch and kind of the reported events.
 fn told(actions: &[Action]) -> Vec<(u32, What)> {
     let event =
         |action: &Action| if let Action::Report(event) = action { Some((event.epoch, event.what)) } else { None };
     actions.iter().filter_map(event).collect()
 }
 
-/// The actions without what is only written down.
+/// Returns the actions except reports.
 fn done(actions: Vec<Action>) -> Vec<Action> {
     actions.into_iter().filter(|action| !matches!(action, Action::Report(_))).collect()
 }
 
-/// A role whose active process ends at these times \[ms\], each followed by one that is ready and active at once.
+/// Returns a role whose active process ended at each of these times \[ms\]; the next one was ready and active at once.
 fn after_failures(ends_ms: &[u64]) -> Role {
     let mut role = Role::new("mixer", policy(true));
     for end_ms in ends_ms {
@@ -124,7 +124,7 @@ fn a_process_that_is_not_ready_in_time_is_replaced() {
     );
 }
 
-/// A role with a candidate on standby, epoch 2, that came with swap 7.
+/// Returns a role with a candidate on standby, epoch 2, that came with swap 7.
 fn contest() -> Role {
     let mut role = Role::new("mixer", policy(true));
     assert_eq!(done(role.on(now(100), Input::SwapRequested(7))), [Action::Spawn(2, Some(7))]);
@@ -135,7 +135,7 @@ fn contest() -> Role {
     role
 }
 
-/// The same after the hand-over.
+/// Returns the role of `contest` after the hand-over.
 fn handed_over() -> Role {
     let mut role = contest();
     assert_eq!(role.on(now(200), Input::Ruled(Ruling::HandOver, String::new())), [Action::Activate(2)]);
@@ -145,7 +145,7 @@ fn handed_over() -> Role {
 }
 
 #[test]
-fn a_candidate_is_kept_and_what_follows_it_is_like_it() {
+fn a_kept_candidate_is_restarted_with_its_own_program() {
     let mut role = handed_over();
     let actions = role.on(now(300), Input::Ruled(Ruling::Keep, "well".into()));
     assert_eq!(told(&actions), [(2, What::Kept)]);
@@ -166,7 +166,7 @@ fn a_candidate_that_is_rejected_leaves_the_active_process_alone() {
 }
 
 #[test]
-fn a_candidate_that_returns_is_heard_until_the_old_one_is_active() {
+fn messages_of_a_returned_candidate_are_delivered_until_the_old_one_is_active() {
     let mut role = handed_over();
     let actions = role.on(now(250), Input::Ruled(Ruling::Return, "tilt".into()));
     assert_eq!(told(&actions), [(2, What::Returned)]);
@@ -176,7 +176,7 @@ fn a_candidate_that_returns_is_heard_until_the_old_one_is_active() {
 }
 
 #[test]
-fn a_candidate_that_dies_gives_the_role_back_and_one_whose_old_one_dies_goes_on() {
+fn a_dead_candidate_returns_the_role_and_a_trial_goes_on_when_the_old_one_dies() {
     let mut role = handed_over();
     let actions = role.on(now(250), Input::Exited(2));
     assert_eq!(told(&actions), [(2, What::Died), (2, What::Returned)]);
@@ -233,7 +233,7 @@ fn only_the_active_process_can_be_found_disconnected() {
 }
 
 #[test]
-fn it_says_whether_it_is_alone_busy_and_when_it_is_due() {
+fn alone_busy_and_due_follow_the_state_of_the_role() {
     let fresh = Role::new("mixer", policy(true));
     assert!(fresh.is_alone(1) && !fresh.is_alone(2) && !fresh.is_busy() && !fresh.has_candidate());
     assert_eq!((fresh.due_ns(), fresh.hangs_at_ns(10 * MS, 5 * MS)), (None, Some(25 * MS)));
@@ -272,7 +272,7 @@ fn a_recorder_that_dies_before_any_swap_is_followed_by_its_own_program() {
 }
 
 #[test]
-fn a_second_death_while_another_starts_is_one_failure() {
+fn the_exit_of_a_rejected_candidate_is_no_failure() {
     let mut role = contest();
     role.on(now(150), Input::Ruled(Ruling::Reject, String::new()));
     role.on(now(160), Input::Exited(1));
@@ -283,7 +283,7 @@ fn a_second_death_while_another_starts_is_one_failure() {
 }
 
 #[test]
-fn answers_without_new_samples_are_progress_and_samples_without_answers_are_not() {
+fn a_process_hangs_by_unanswered_samples_and_not_by_a_lack_of_samples() {
     let mut role = Role::new("mixer", policy(true));
     let progress = |done, samples| Input::Progress { done, samples, excused_ns: 0 };
     role.on(now(10), progress(5, 5));
@@ -292,7 +292,7 @@ fn answers_without_new_samples_are_progress_and_samples_without_answers_are_not(
     assert_eq!(told(&role.on(now(520), progress(5, 9))), [(1, What::Hung)]);
 }
 
-/// A role in a world that obeys its actions: which processes live, and which of them the ring hears.
+/// Role in a world that obeys its actions, with the processes that live and those that are active, standby or pending.
 #[derive(Clone, PartialEq, Eq, Hash)]
 struct World {
     role: Role,
@@ -301,12 +301,12 @@ struct World {
     active: Option<u32>,
     standby: Option<u32>,
     pending: Option<u32>,
-    /// Epochs that were rejected, or sent back.
+    /// Epochs that were rejected or returned.
     refused: Vec<u32>,
     spawned: u32,
 }
 
-/// What may happen to it.
+/// Event of the world that the search may choose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Happening {
     Exit(usize),
@@ -342,7 +342,7 @@ impl World {
         Self { role, ms: 0, living, active, standby: None, pending: None, refused: vec![], spawned: 1 }
     }
 
-    /// Has it happen, if it can; panics where the role breaks a promise.
+    /// Applies `happening` if it is possible; panics if the role breaks a promise.
     fn happen(&mut self, happening: Happening) {
         let input = match happening {
             Happening::Exit(i) => {
@@ -390,7 +390,7 @@ impl World {
                     self.living.push(epoch);
                 }
                 Action::Signal(epoch, Signal::Kill) => {
-                    // It is seen to end at some time; the search decides when.
+                    // The process ends later: the search decides when.
                     assert!(epoch <= self.spawned);
                 }
                 Action::Signal(..) => {}
@@ -428,7 +428,7 @@ impl World {
     }
 }
 
-/// Every sequence of so many happenings.
+/// Tries every sequence of up to `depth` happenings; returns the number of states seen.
 fn search(tried: bool, depth: usize) -> usize {
     let mut seen = HashSet::new();
     let mut open = VecDeque::from([(World::new(tried), vec![])]);

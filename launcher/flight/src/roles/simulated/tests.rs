@@ -15,7 +15,7 @@ fn scenario(fault: Vec<Fault>, swap: Vec<Swap>) -> Scenario {
     Scenario { run, fault, swap, ..Scenario::default() }
 }
 
-/// What `roles` does before each tick up to `until`, by tick, when no message is sent.
+/// Returns the orders before each tick up to `until`, by tick, when no message is sent.
 fn steps(roles: &mut Simulated, until: u64) -> Vec<(u64, Order)> {
     steps_between(roles, 0..until)
 }
@@ -37,14 +37,14 @@ fn end(epoch: u32) -> Order {
 }
 
 impl Simulated {
-    /// The process `epoch` of attitude-mpc ends by itself before it answers to `tick`.
+    /// Ends process `epoch` of attitude-mpc before it answers to `tick`.
     fn lost(&mut self, epoch: u32, tick: u64) {
         self.exited(CONTROLS, epoch, tick, Input::Exited(epoch));
     }
 }
 
 #[test]
-fn a_kill_takes_effect_on_its_tick_and_its_replacement_as_long_after_it_as_the_settings_say() {
+fn a_kill_takes_effect_on_its_tick_and_its_replacement_after_the_delays_of_the_settings() {
     let kill = |for_s| Fault::new(FaultTarget::AttitudeMpc, FaultKind::Kill, 0.1, for_s);
     for (for_s, tick) in [(None, 13), (Some(0.03), 16), (Some(0.3), 43)] {
         let mut roles = Simulated::new(&scenario(vec![kill(for_s)], vec![]));
@@ -113,24 +113,24 @@ fn nothing_changes_between_decisions() {
     assert_eq!(roles.next_decision(), 200);
 }
 
-/// A swap of attitude-mpc: standby from tick 10, role from 20, alone from 40.
+/// Returns roles with a swap of attitude-mpc: standby from tick 10, active from 20, kept at 40.
 fn swapping() -> Simulated {
     let swap = Swap { standby_s: 0.1, watch_s: 0.2, ..Swap::new(SwapNode::AttitudeMpc, 0.1) };
     Simulated::new(&scenario(vec![], vec![swap]))
 }
 
-/// What `epoch` demands on `tick`.
+/// Returns the CONTROLS of `epoch` on `tick`.
 fn demand(epoch: u32, tick: u64, lon_nm: f64) -> Record {
     let stamp = Stamp { tick, sequence: tick + 1, epoch: u64::from(epoch), ..Stamp::default() };
     Controls { stamp, demand: [0.0, lon_nm, 0.0, 0.0], ..Controls::default() }.with_checksum().into()
 }
 
-/// The plant's word on `tick`.
+/// Returns the STATE of `tick`.
 fn sample(tick: u64) -> State {
     State { stamp: Stamp { tick, sequence: tick + 1, epoch: 1, ..Stamp::default() }, ..State::default() }
 }
 
-/// These ticks, with all at work who are there; the candidate demands `lon_nm` of the tick. What was to be done.
+/// Flies `ticks` with answers of all working processes, `lon_nm` of the tick from epoch 2. Returns the orders.
 fn fly(roles: &mut Simulated, ticks: Range<u64>, lon_nm: impl Fn(u64) -> f64) -> Vec<(u64, Order)> {
     let mut done = vec![];
     for tick in ticks {
@@ -166,7 +166,7 @@ fn a_candidate_that_differs_on_standby_is_rejected() {
 }
 
 #[test]
-fn a_candidate_that_differs_active_returns_it() {
+fn an_active_candidate_with_unusable_answers_is_returned() {
     let mut roles = swapping();
     fly(&mut roles, 0..60, |tick| if tick < 30 { 0.1 } else { f64::NAN });
     assert_eq!(told(&roles)[3..], [(33, 2, What::Returned), (33, 1, What::TookOver)]);
@@ -190,7 +190,7 @@ fn a_vehicle_that_tilts_under_a_candidate_gets_the_old_one_back() {
 }
 
 #[test]
-fn what_was_only_meant_is_not_judged() {
+fn lost_answers_of_a_candidate_count_as_missing() {
     let mut roles = swapping();
     for tick in 0..60 {
         roles.begin(tick);
@@ -237,12 +237,12 @@ fn a_trial_goes_on_when_the_old_one_dies() {
 }
 
 #[test]
-fn what_both_suffer_is_held_against_nobody() {
+fn a_tick_that_both_processes_miss_does_not_count_against_the_candidate() {
     let mut roles = swapping();
     for tick in 0..60 {
         roles.begin(tick);
         if tick % 7 > 0 {
-            roles.observe(&sample(tick).with_checksum().into()); // the plant slept
+            roles.observe(&sample(tick).with_checksum().into()); // the plant slept on the others
         }
         for epoch in roles.assignment(CONTROLS).epochs().filter(|_| tick % 7 > 0 && !(12..18).contains(&tick)) {
             roles.observe(&demand(epoch, tick, 0.1));
@@ -252,7 +252,7 @@ fn what_both_suffer_is_held_against_nobody() {
 }
 
 #[test]
-fn one_candidate_comes_after_the_other() {
+fn a_swap_during_a_trial_is_rejected_and_one_after_it_begins() {
     let swap = |at_s| Swap { standby_s: 0.1, watch_s: 0.2, ..Swap::new(SwapNode::AttitudeMpc, at_s) };
     let mut roles = Simulated::new(&scenario(vec![], vec![swap(0.1), swap(0.2), swap(0.7)]));
     fly(&mut roles, 0..50, |_| 0.1);
