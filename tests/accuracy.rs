@@ -1,4 +1,4 @@
-//! How near a flight comes to what was asked for, where a wrong reference would show.
+//! Accuracy of flights against what was asked for, where a wrong reference would show.
 
 use crate::harness::{fly, top};
 

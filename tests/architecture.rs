@@ -30,7 +30,7 @@ fn packages() -> Vec<Value> {
     metadata["packages"].as_array().expect("packages").clone()
 }
 
-/// What each package links: its normal dependencies.
+/// Returns what each package links: its normal dependencies.
 fn links() -> BTreeMap<String, BTreeSet<String>> {
     let word = |value: &Value| value.as_str().expect("a name").to_owned();
     let normal = |package: &Value| {

@@ -355,8 +355,8 @@ fn the_shipped_campaigns_can_be_flown() {
     assert!(flown >= 3);
 }
 
-/// Commands that act as Slurm's, in a folder for PATH: `sbatch` runs the tasks of an array at once, but loses the first one that
-/// it ever has.
+/// Commands that act as Slurm's, in a folder for PATH: `sbatch` runs the tasks of an array at once, but loses the first
+/// one that it ever has.
 fn fake_slurm(folder: &Path) {
     let sbatch = r#"#!/bin/bash
 script=$(cat)

@@ -8,14 +8,14 @@ use serde_json::Value;
 
 use crate::harness::{Flight, launcher, namespace, shared_memory_of, wait_until};
 
-/// What `status --json` says of a stack.
+/// Answer of `status --json` for a stack.
 pub fn status(namespace: &str) -> Value {
     let output = launcher().args(["status", "--json"]).output().expect("status runs");
     let stacks: Value = serde_json::from_slice(&output.stdout).expect("status prints JSON");
     stacks.as_array().into_iter().flatten().find(|stack| stack["namespace"] == namespace).cloned().unwrap_or_default()
 }
 
-/// What a command says to a stack: on stdout when it is done, on stderr when it is refused.
+/// Answer to a command: stdout when it is done, stderr when it is refused.
 pub fn tell(namespace: &str, words: &[&str]) -> Result<String, String> {
     let output = launcher().args(words).args(["--namespace", namespace]).output().expect("the command runs");
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("text");

@@ -1,4 +1,4 @@
-//! What each policy does with a message that cannot be on time, and what the kernel grants.
+//! Policies of deadlines: what becomes of a message that cannot be on time, and what the kernel grants.
 
 use serde_json::Value;
 

@@ -122,7 +122,7 @@ fn a_kill_in_real_time_is_detected_and_survived() {
     }
 }
 
-/// The same state machine decides in both: what it does comes in the same order, and only its times differ.
+/// One state machine decides in both modes: its actions come in the same order, and only their times differ.
 #[test]
 fn a_node_is_replaced_by_the_same_events_in_lockstep_and_in_real_time() {
     for kind in ["kill", "stop"] {

@@ -1,5 +1,5 @@
-//! Folders from elsewhere: no link in them is followed, nothing in them is waited for, no program that they name is run, and what
-//! is refused stays as it was.
+//! Folders from elsewhere: no link in them is followed, nothing in them is waited for, no program that they name is
+//! run, and what is refused stays as it was.
 
 use std::fs;
 use std::io::Write;
@@ -64,7 +64,7 @@ fn finished(command: &mut Command) -> Output {
     finished_within(WATCHDOG, command)
 }
 
-/// The same with a limit of its own. What it prints is less than a pipe holds.
+/// Runs a command with a limit of its own. Its output is less than a pipe holds.
 pub fn finished_within(limit: Duration, command: &mut Command) -> Output {
     let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).stdin(Stdio::null()).spawn();
     ended_within(limit, child.expect("the launcher starts"))

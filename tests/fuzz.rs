@@ -26,13 +26,13 @@ use proptest::sample::select;
 
 use crate::harness::top;
 
-/// As many cases as the environment asks for, else so `few`.
+/// Configuration with as many cases as the environment asks for, else so `few`.
 fn cases(few: u32) -> ProptestConfig {
     let default = ProptestConfig { failure_persistence: None, ..ProptestConfig::default() };
     if std::env::var_os("PROPTEST_CASES").is_some() { default } else { ProptestConfig { cases: few, ..default } }
 }
 
-/// What is done to bytes; places are shares of their length.
+/// Edits of bytes; places are shares of their length.
 #[derive(Debug, Clone)]
 enum Edit {
     Flip(f64, u8),
@@ -42,7 +42,7 @@ enum Edit {
     Insert(f64, &'static str),
 }
 
-/// What changes the meaning of a text by a little.
+/// Edits that change the meaning of a text by a little.
 const WORDS: [&str; 24] = [
     "9",
     "-",

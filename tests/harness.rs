@@ -13,7 +13,7 @@ use serde_json::Value;
 /// No flight of the tests may last longer on the wall clock.
 const WATCHDOG: Duration = Duration::from_secs(120);
 
-/// What a run of the launcher left behind.
+/// Remains of a run of the launcher.
 pub struct Outcome {
     pub status: ExitStatus,
     pub stderr: String,
@@ -54,7 +54,7 @@ pub fn skip(why: &str) {
     let _ = writeln!(std::io::stderr(), "skipped: {why}: {}", thread.name().unwrap_or("a test"));
 }
 
-/// Whether this is root, which alone can make other users, mounts and namespaces; says so if not.
+/// Returns whether this is root, which alone can make other users, mounts and namespaces; says so if not.
 pub fn has_root() -> bool {
     let is_root = rustix::process::geteuid().is_root();
     if !is_root {
@@ -169,7 +169,7 @@ pub fn wait_until(what: &str, mut condition: impl FnMut() -> bool) {
     }
 }
 
-/// What a namespace has in shared memory: its folder, and the files in it.
+/// Lists what a namespace has in shared memory: its folder, and the files in it.
 pub fn shared_memory_of(namespace: &str) -> Vec<String> {
     let Some(domain) = Domain::left(namespace) else { return vec![] };
     let files = domain.files().into_iter().map(|(path, _)| path);

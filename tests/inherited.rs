@@ -1,4 +1,4 @@
-//! What the launcher inherits from its parent, and a program file that is replaced in flight.
+//! Inheritance of the launcher from its parent, and a program file that is replaced in flight.
 
 use std::os::unix::process::ExitStatusExt;
 use std::process::{Command, Stdio};
@@ -21,8 +21,8 @@ fn fly_by(wrapper: &[&str], namespace: &str, arguments: &[&str], out: &tempfile:
     Some(command)
 }
 
-/// A flight against the clock, started by `wrapper`, is sent `signal`; its exit code, 128 more than the signal that ended it.
-/// Nothing when that cannot be done here.
+/// A flight against the clock, started by `wrapper`, is sent `signal`; its exit code, 128 more than the signal that
+/// ended it. Nothing when that cannot be done here.
 fn signalled(wrapper: &[&str], signal: Signal) -> Option<i32> {
     let (ns, out) = (namespace(), tempfile::tempdir().expect("a temporary folder"));
     let mut flight = fly_by(wrapper, &ns, &["--no-log", "--set", "run.duration_s=2.0"], &out)?.spawn().expect("starts");

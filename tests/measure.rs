@@ -117,7 +117,7 @@ fn rows_of_the_page(heading: &str) -> Vec<String> {
     from.take_while(|line| !line.starts_with("```")).map(str::to_owned).collect()
 }
 
-/// What `launcher measure` prints of flights that meet its targets.
+/// Output of `launcher measure` for flights that meet its targets.
 fn printed(figure: &str) -> String {
     let output = launcher().args(["measure", figure]).output().expect("the launcher starts");
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
@@ -151,8 +151,8 @@ fn the_flights_under_every_model_are_those_of_the_page() {
     }
 }
 
-/// `launcher measure` with `arguments`: what it printed, which it wrote into `folder` too, the beginning of its namespaces,
-/// and how it ended.
+/// `launcher measure` with `arguments`: what it printed, which it wrote into `folder` too, the beginning of its
+/// namespaces, and how it ended.
 fn measured(arguments: &[&str], folder: &Path) -> (Value, String, Output) {
     let mut command = launcher();
     command.arg("measure").args(arguments).args(["--json", "--out"]).arg(folder);

@@ -1,4 +1,4 @@
-//! What a flight writes: to stdout and stderr, whatever is there, and into a folder of its own.
+//! Output of a flight: to stdout and stderr, whatever is there, and into a folder of its own.
 
 use std::fs;
 use std::io::{BufRead, BufReader, PipeReader, PipeWriter, Write, pipe};

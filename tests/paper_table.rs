@@ -1,7 +1,8 @@
-//! The figures of docs/paper.md: every row of its tables of flights is flown and compared, to the digits that are printed.
+//! The figures of docs/paper.md: every row of its tables of flights is flown and compared, to the digits that are
+//! printed.
 //!
-//! A table is one of flights when its first heading is a command, `fly ...`; the first cell of each row has what is added to it.
-//! The other headings say what the figures are. A lost flight (see [`is_lost`]) has no figures.
+//! A table is one of flights when its first heading is a command, `fly ...`; the first cell of each row has what is
+//! added to it. The other headings say what the figures are. A lost flight (see [`is_lost`]) has no figures.
 
 use airframe::{Parameters, Trim};
 use contract::Scenario;
@@ -27,7 +28,7 @@ struct Row {
 }
 
 impl Row {
-    /// What differs between the row and its flight.
+    /// Differences between the row and its flight.
     fn differences(&self) -> Vec<String> {
         let arguments: Vec<&str> = self.arguments.iter().map(String::as_str).collect();
         let outcome = fly(&arguments);
@@ -52,7 +53,7 @@ fn digits(printed: &str) -> usize {
     printed.split_once('.').map_or(0, |(_, digits)| digits.len())
 }
 
-/// Whether the vehicle was lost: the run counts as diverged, or the error is beyond all use.
+/// Returns whether the vehicle was lost: the run counts as diverged, or the error is beyond all use.
 fn is_lost(outcome: &Outcome) -> bool {
     outcome.run()["diverged"] == true || outcome.metric("max_position_error_m") > LOST_M
 }
@@ -159,7 +160,7 @@ fn a_row_is_its_heading_and_its_first_cell() {
     assert_eq!(arguments, [&["a.toml", "--set", "x=[1, 2]", "--set", "y=z"][..], &["a.toml"]]);
 }
 
-/// What the page says of an airframe.
+/// Computes the figure of a row of the page on the airframe.
 fn of_the_airframe(row: &str, scenario: &Scenario) -> f64 {
     let vehicle = &scenario.airframe;
     let Parameters { g_mps2, mass_kg, iyy_kgm2, kf, km, .. } = *vehicle;

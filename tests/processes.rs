@@ -29,7 +29,7 @@ pub fn process_of(namespace: &str, node: &str) -> i32 {
     *processes_named(namespace, node).first().unwrap_or_else(|| panic!("{node} does not run"))
 }
 
-/// Whether process `pid` runs `node`.
+/// Returns whether process `pid` runs `node`.
 fn runs(pid: i32, node: &str) -> bool {
     let line = std::fs::read_to_string(format!("/proc/{pid}/cmdline")).unwrap_or_default();
     line.split('\0').any(|word| word == node)
@@ -133,7 +133,7 @@ fn stop_ends_a_flight() {
     assert!(String::from_utf8_lossy(&again.stderr).contains("no stack runs"));
 }
 
-/// What happened to `node`, in order.
+/// Lists what happened to `node`, in order.
 pub fn events(run: &serde_json::Value, node: &str) -> Vec<String> {
     let all = run["events"].as_array().expect("events");
     let of_node = all.iter().filter(|event| event["node"] == node);
@@ -247,7 +247,7 @@ fn after_killing_everything_or_the_launcher_alone_the_next_flight_starts_clean()
     }
 }
 
-/// Whether process `pid` has ended. A process that is not reaped yet has an empty command line.
+/// Returns whether process `pid` has ended. A process that is not reaped yet has an empty command line.
 fn is_gone(pid: i32) -> bool {
     std::fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default().is_empty()
 }

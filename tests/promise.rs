@@ -65,7 +65,7 @@ fn scribble(ns: &str, seed: u64) -> Option<String> {
     Some(format!("{count} words of {}", path.display()))
 }
 
-/// What speaks against a flight's exit code.
+/// Says what speaks against a flight's exit code, if anything does.
 fn broken_promise(outcome: &Outcome, duration_s: f64) -> Option<String> {
     match outcome.code() {
         Some(0) => {

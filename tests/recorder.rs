@@ -1,5 +1,5 @@
-//! Recorders that are swapped, die or stand still: the flight goes on, and of its log nothing is missing that was not said
-//! to be.
+//! Recorders that are swapped, die or stand still: the flight goes on, and of its log nothing is missing that was not
+//! said to be.
 
 use contract::message::Message;
 use contract::stamp::delivery;
@@ -14,7 +14,7 @@ const FAULTS: &str = "fault=[\
     {at_s=0.2, target=\"reference\", kind=\"duplicate\"}, {at_s=0.4, for_s=0.2, target=\"state\", kind=\"reorder\"}, \
     {at_s=0.7, for_s=0.6, target=\"controls\", kind=\"corrupt\"}, {at_s=0.9, for_s=0.3, target=\"state\", kind=\"stale\"}]";
 
-/// What a flight has logged.
+/// Reads the log of a flight, which must be whole.
 fn log_of(outcome: &Outcome) -> Log {
     let log = log::read(&outcome.out.join("flight.mcap")).expect("the log reads");
     assert!(log.complete(), "{:?}", log.defect);
@@ -213,7 +213,8 @@ fn a_flight_whose_recorder_and_launcher_were_killed_is_reported_from_all_that_wa
     kill("-KILL", &[process_of(&ns, "recorder")]);
     let second = flight.out.join("flight.2.mcap");
     wait_until("the next recorder has written", || second.metadata().is_ok_and(|part| part.len() > 150_000));
-    // The recorder first: it would close its file when the launcher is gone, as the launcher would have it do when the plant is.
+    // The recorder first: it would close its file when the launcher is gone, as the launcher would have it do when the
+    // plant is.
     let recorder = process_of(&ns, "recorder");
     let recorder_first = |pid: &i32| (*pid != recorder, *pid != flight.child.id() as i32);
     let mut all = processes_of(&ns);
@@ -284,7 +285,8 @@ fn a_killed_launcher_leaves_a_log_up_to_its_last_tick() {
     flight.finish();
 }
 
-/// At any moment of it, from the start of the recorder on. A loaded machine takes longer to start, and the flight is later.
+/// At any moment of it, from the start of the recorder on. A loaded machine takes longer to start, and the flight is
+/// later.
 #[test]
 fn a_recorder_killed_in_a_short_flight_loses_nothing_once_the_flight_has_begun() {
     for after_ms in [0, 80, 160, 240, 320, 400, 480] {

@@ -261,7 +261,8 @@ fn a_log_without_its_end_is_told_first_by_every_command() {
     assert!(page.contains("is not whole (") && page.contains("what was read ends at 1.19 s of 2.00 s"), "{page}");
 }
 
-/// A part of a flight has the costs that the whole has, down to the last bit where that does not depend on what was before.
+/// A part of a flight has the costs that the whole has, down to the last bit where that does not depend on what was
+/// before.
 #[test]
 fn the_cost_of_a_stall_in_a_part_of_a_flight_is_that_in_the_whole() {
     let stall = "--set=fault=[{ at_s = 11.0, for_s = 0.05, target = \"mixer\", kind = \"stop\" }]";

@@ -1,7 +1,7 @@
 //! Every shipped scenario flies the same bits on every processor: the state hashes of docs/hashes.md.
 //!
-//! `REWRITE=1 cargo test -p launcher --test stack same_bits` writes that page anew. `LAUNCHER` in the environment is a command
-//! that is flown in place of the launcher just built: `.ci/processors` has those of other processors, emulated.
+//! `REWRITE=1 cargo test -p launcher --test stack same_bits` writes that page anew. `LAUNCHER` in the environment is a
+//! command that is flown in place of the launcher just built: `.ci/processors` has those of other processors, emulated.
 
 use std::process::Command;
 
@@ -72,7 +72,7 @@ fn rewrites() -> bool {
     std::env::var_os("REWRITE").is_some()
 }
 
-/// That `flown` is the page as it is.
+/// Asserts that `flown` is the page as it is.
 fn check(flown: &str) {
     let page = std::fs::read_to_string(top().join(PAGE)).expect("docs/hashes.md is readable");
     let others: Vec<&str> = flown.lines().filter(|line| !page.lines().any(|row| row == *line)).collect();

@@ -15,7 +15,7 @@ use crate::processes::{kill, start_flying};
 /// A flight that no timing disturbs; `$OUT` is a folder that everybody may write to.
 const FLY: &str = "$LAUNCHER fly --namespace here --mode lockstep --no-log --set run.duration_s=0.5";
 
-/// Whether namespaces can be made; says so if not.
+/// Returns whether namespaces can be made; says so if not.
 fn cannot_separate(kind: &str) -> bool {
     if !has_root() {
         return true;

@@ -1,5 +1,5 @@
-//! The machine as it may be: in each of these surroundings the default flight stays inside its bounds, or is refused with
-//! the reason. `cargo test --test stack surroundings -- --nocapture` prints the table.
+//! The machine as it may be: in each of these surroundings the default flight stays inside its bounds, or is refused
+//! with the reason. `cargo test --test stack surroundings -- --nocapture` prints the table.
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
@@ -11,7 +11,7 @@ use serde_json::Value;
 
 use crate::harness::{AS_NOBODY, has_root, namespace, top};
 
-/// What must come of a flight.
+/// Expected end of a flight.
 #[derive(Clone, Copy)]
 enum Must {
     Fly,
@@ -108,7 +108,7 @@ fn fly(program: &Path, wrap: &[&str]) -> Came {
     }
 }
 
-/// What speaks against how it came; nothing when it is as it must be.
+/// Judges how it came: words for the table, or what speaks against it.
 fn judge(must: Must, came: &Came) -> Result<String, String> {
     let flown = |code: i32| -> Result<String, String> {
         let run = came.run.as_ref().ok_or_else(|| format!("no run.json, exit {:?}: {}", came.code, came.said))?;

@@ -33,7 +33,7 @@ fn flown(swaps: &[String], mode: &str) -> Outcome {
     faulty("", swaps, mode)
 }
 
-/// The same with a fault of the run.
+/// Flies the hover with swaps and a fault.
 fn faulty(fault: &str, swaps: &[String], mode: &str) -> Outcome {
     let (fault, swaps) = (format!("fault=[{fault}]"), format!("swap=[{}]", swaps.join(", ")));
     let settings = ["--set", "run.duration_s=7.0", "--set", &fault, "--set", &swaps];
@@ -45,7 +45,7 @@ fn check_same(swaps: &[String]) -> Value {
     check_same_faulty("", swaps)
 }
 
-/// The same with a fault of the run.
+/// Flies swaps and a fault by one thread and by processes, which must be the same flight; run.json.
 fn check_same_faulty(fault: &str, swaps: &[String]) -> Value {
     let [inprocess, lockstep] = ["inprocess", "lockstep"].map(|mode| faulty(fault, swaps, mode));
     for outcome in [&inprocess, &lockstep] {
@@ -57,7 +57,7 @@ fn check_same_faulty(fault: &str, swaps: &[String]) -> Value {
     lockstep.run()
 }
 
-/// What became of the candidates of `node`, one by one.
+/// Tells what became of the candidates of `node`, one by one.
 pub fn endings(run: &Value, node: &str) -> Vec<String> {
     let of_node = run["events"].as_array().expect("events").iter().filter(|event| event["node"] == node);
     let what = of_node.map(|event| event["what"].as_str().expect("a word").to_owned());
@@ -113,7 +113,7 @@ fn a_candidate_that_is_wrong_when_active_is_returned() {
     }
 }
 
-/// What a flight is by its messages and those of its solver, without the wall clock.
+/// Reduces run.json to what follows from the messages, without the wall clock.
 fn accounts(run: &Value) -> Value {
     let mut solver = run["solver"].clone();
     solver["solve_us"] = Value::Null;
@@ -180,7 +180,7 @@ fn a_swap_whose_program_cannot_be_started_is_rejected_with_the_reason_and_spoils
     assert_eq!(run["state_hash"], self::flown(&[], "lockstep").run()["state_hash"], "the old process flies on");
 }
 
-/// What else a reader of run.json must know.
+/// Returns the reservations of run.json.
 fn but(run: &Value) -> String {
     let told = run["but"].as_array().expect("a list").iter();
     told.map(|told| told.as_str().expect("text").to_owned()).collect::<Vec<_>>().join("; ")

@@ -1,4 +1,5 @@
-//! Each equation of the paper is cited in one file, and the pages name files that exist.
+//! Each equation of the paper is cited in one file, the pages name files that exist, and comments keep to the rules of
+//! CONTRIBUTING.md.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -65,14 +66,6 @@ const OPENERS: [&str; 22] = [
 const OLD_WORDS: [&str; 9] =
     ["nobody", "somebody", "whoever", "suffers", "mourn", "undertaker", "newcomer", "newcomers", "seizure"];
 
-/// Rooms whose comments are still to be rewritten.
-const TO_REWRITE: [&str; 1] = ["tests"];
-
-/// Sources of the rooms whose comments are held to the rules.
-fn rewritten() -> impl Iterator<Item = (PathBuf, String)> {
-    sources().into_iter().filter(|(path, _)| !TO_REWRITE.iter().any(|room| path.starts_with(room)))
-}
-
 /// First line of every doc comment, with its number.
 fn first_lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
     fn doc(line: &str) -> Option<&str> {
@@ -91,7 +84,7 @@ fn a_doc_comment_begins_with_a_verb_or_with_what_it_documents() {
     let begins =
         |line: &str, opener: &str| line.strip_prefix(opener).is_some_and(|rest| rest.starts_with([' ', ',', '.']));
     let mut found = vec![];
-    for (path, text) in rewritten() {
+    for (path, text) in sources() {
         let riddles = first_lines(&text).filter(|(_, line)| OPENERS.iter().any(|opener| begins(line, opener)));
         found.extend(riddles.map(|(number, line)| format!("{}:{number}: {line}", path.display())));
     }
@@ -101,7 +94,7 @@ fn a_doc_comment_begins_with_a_verb_or_with_what_it_documents() {
 #[test]
 fn comments_are_at_most_120_columns_wide_and_use_the_words_of_the_field() {
     let mut found = vec![];
-    for (path, text) in rewritten() {
+    for (path, text) in sources() {
         for (line, number) in text.lines().zip(1..).filter(|(line, _)| line.trim_start().starts_with("//")) {
             let is_table = line.contains(" | ");
             let prose = line.replace("`nobody`", ""); // a user of the system

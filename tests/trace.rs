@@ -47,7 +47,7 @@ fn lane(event: &Value) -> u64 {
     event["pid"].as_u64().expect("a lane")
 }
 
-/// What a viewer relies on.
+/// Checks what a viewer relies on.
 fn check_trace(trace: &Value) {
     let names = events(trace, "M").into_iter().filter(|event| event["name"] == "process_name");
     let names: HashMap<u64, &str> = names.map(|e| (lane(e), e["args"]["name"].as_str().expect("a name"))).collect();

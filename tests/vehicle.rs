@@ -1,4 +1,5 @@
-//! The vehicle and its surroundings, flown: ground, turbulence, sensors, another airframe, one that is not as it is known.
+//! The vehicle and its surroundings, flown: ground, turbulence, sensors, another airframe, one that is not as it is
+//! known.
 
 use crate::harness::{Outcome, fly};
 

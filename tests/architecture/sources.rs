@@ -17,7 +17,7 @@ pub struct Crate {
 /// One file.
 #[derive(Default)]
 pub struct Source {
-    /// From the top of the repository.
+    /// Path from the top of the repository.
     pub path: String,
     pub is_unsafe: bool,
     module: Vec<String>,

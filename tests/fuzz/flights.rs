@@ -41,7 +41,7 @@ const WORDS: [(&str, &[&str]); 13] = [
     ("name", &["flight"]),
 ];
 
-/// What becomes of a number.
+/// Change of a number.
 #[derive(Debug, Clone, Copy)]
 enum Size {
     Times(f64),
@@ -169,7 +169,7 @@ fn check(overrides: &[String]) {
     }
 }
 
-/// Whether the plan is one of a size that can be built again and again.
+/// Returns whether the plan is one of a size that can be built again and again.
 fn is_small(overrides: &[String]) -> bool {
     let scenario = contract::scenario::load(None, overrides);
     scenario.is_err() || scenario.is_ok_and(|scenario| scenario.mpc.np * scenario.mpc.nu <= LARGEST_PLAN)

@@ -1,5 +1,5 @@
-//! Folders of runs and campaigns in which something was damaged: every command that reads them ends within ten seconds and 500 MB,
-//! with a sentence and an exit code of its own.
+//! Folders of runs and campaigns in which something was damaged: every command that reads them ends within ten seconds
+//! and 500 MB, with a sentence and an exit code of its own.
 //!
 //! `PROPTEST_CASES=10000 cargo test --workspace --test stack fuzz::folders` looks longer.
 
@@ -61,13 +61,13 @@ fn files_of(folder: &Path) -> Files {
     found
 }
 
-/// What is done to a file.
+/// Damage done to a file.
 #[derive(Debug, Clone)]
 enum Damage {
     Edit(Vec<Edit>),
-    /// This share of it is left.
+    /// Cut to this share.
     Cut(f64),
-    /// What stands in another file of the folder.
+    /// Content of another file of the folder in its place.
     Like(Index),
     Gone,
     Empty,
@@ -119,7 +119,7 @@ fn lay(top: &Path, files: &Files, damages: &[(Index, Damage)]) {
     }
 }
 
-/// Has the launcher read what lies in `place`, and checks how it ends.
+/// Makes the launcher read what lies in `place`, and checks how it ends.
 fn read(place: &Path, arguments: &[&str]) {
     let arguments: Vec<String> =
         arguments.iter().map(|argument| argument.replace('@', &place.display().to_string())).collect();

@@ -19,7 +19,8 @@ use tempfile::TempDir;
 use super::cases;
 use crate::harness::fly;
 
-/// A flight through gusts with noise and a link that delays, what its nodes remembered at 10 s, and its folder without that.
+/// A flight through gusts with noise and a link that delays, what its nodes remembered at 10 s, and its folder without
+/// that.
 struct Flown {
     log: Log,
     memories: Vec<Memory>,
@@ -41,7 +42,7 @@ static FLOWN: LazyLock<Flown> = LazyLock::new(|| {
     Flown { log, memories, run: fs::read_to_string(outcome.out.join("run.json")).expect("run.json") }
 });
 
-/// What is done to one of the memories.
+/// Change of one of the memories.
 #[derive(Debug, Clone)]
 enum Forgery {
     Word(Index, Index, u64),
@@ -123,7 +124,7 @@ fn folder(memories: &[Memory]) -> TempDir {
     folder
 }
 
-/// What is said of the flight from 10.2 s on.
+/// Returns exit code and words of a replay of the flight from 10.2 s on.
 fn replayed(memories: &[Memory]) -> anyhow::Result<(u8, String)> {
     let folder = folder(memories);
     let part = Part { from_s: 10.2, ..Part::ALL };

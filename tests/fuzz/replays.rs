@@ -1,4 +1,5 @@
-//! Logs of flights that were cut, thinned or mixed: none is called the same flight unless all of the flight was compared.
+//! Logs of flights that were cut, thinned or mixed: none is called the same flight unless all of the flight was
+//! compared.
 //!
 //! `PROPTEST_CASES=1000 cargo test --workspace --test stack fuzz::replays` looks longer.
 
@@ -26,8 +27,8 @@ struct Flown {
     settings: String,
 }
 
-/// A short mission in every mode, with a death, once with flipped bits; each with a seed of its own, for in process and in lockstep
-/// one seed is one flight.
+/// A short mission in every mode, with a death, once with flipped bits; each with a seed of its own, for in process and
+/// in lockstep one seed is one flight.
 static FLOWN: LazyLock<Vec<Flown>> = LazyLock::new(|| {
     let broken = "{ at_s = 0.1, for_s = 0.1, target = \"guidance\", kind = \"kill\" }, { at_s = 0.2, for_s = 0.3, target = \
                   \"rates\", kind = \"noise\" }";
@@ -81,12 +82,12 @@ impl Span {
     }
 }
 
-/// What is done to a log.
+/// Damage done to a log.
 #[derive(Debug, Clone)]
 enum Damage {
     Thin(Span),
     Mix(Index, Span),
-    /// This share of the events is lost, from the last on.
+    /// Loss of this share of the events, from the last on.
     Forget(f64),
 }
 
@@ -144,7 +145,7 @@ fn file_of(log: &Log) -> Vec<u8> {
     fs::read(&path).expect("can be read")
 }
 
-/// What is said of a folder with this log, run.json and settings, and the log as it is read; `None` if it is refused.
+/// Judges a folder with this log, run.json and settings; also the log as it is read. `None` if it is refused.
 fn judged(log: &[u8], run: Option<&str>, settings: &str) -> Option<(Log, ReplayVerdict)> {
     let folder = tempfile::tempdir_in("/dev/shm").expect("a temporary folder");
     fs::write(folder.path().join("flight.mcap"), log).expect("can be written");
@@ -158,8 +159,8 @@ fn judged(log: &[u8], run: Option<&str>, settings: &str) -> Option<(Log, ReplayV
     Some((log::read_parts(&recorded.path).ok()?, verdict))
 }
 
-/// The record without the times of the clock: a replay has its own, and the age of a command is an input, which it takes from the
-/// log (at trim, another age is the same flight).
+/// The record without the times of the clock: a replay has its own, and the age of a command is an input, which it
+/// takes from the log (at trim, another age is the same flight).
 fn timeless(record: &Record) -> Record {
     let without = |stamp: Stamp| {
         let Stamp { tick, sequence, epoch, inputs, input_epochs, faults, delivery, .. } = stamp;
@@ -176,8 +177,8 @@ fn timeless(record: &Record) -> Record {
     }
 }
 
-/// It is called the same only if the log is all of the flight that run.json tells of, and has exit code 0 only if all is
-/// there but for messages whose bits a fault flipped, which the verdict names.
+/// Checks that a flight is called the same only if the log is all of the flight that run.json tells of, and has exit
+/// code 0 only if all is there but for messages whose bits a fault flipped, which the verdict names.
 fn check(log: &[u8], flown: &Flown, with_run: bool) {
     let Some((log, verdict)) = judged(log, with_run.then_some(flown.run.as_str()), &flown.settings) else { return };
     let has = |records: &dyn Fn(&Log) -> Vec<Record>| records(&log) == records(&flown.log);

@@ -1,4 +1,4 @@
-//! What happened in the flight, and how far off it was.
+//! Happenings of the flight, and how far off it was.
 
 use serde_json::json;
 
