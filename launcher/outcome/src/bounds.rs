@@ -2,7 +2,7 @@
 //!
 //! | bound | default |
 //! |---|---|
-//! | `max_position_error_m` | 1.5 m for profile robust, 2 m for paper; and what the mission itself asks for: the step of its trajectory, the distance of the start from it, and 3 m for a start that is no hover |
+//! | `max_position_error_m` | 1.5 m for profile robust, 2 m for paper; plus the step of the mission's trajectory, the distance of the start from the trajectory, and 3 m for a start that is no hover |
 //! | `max_fallback_s` | 2 s: from then on the mixer brings the vehicle down |
 //!
 //! `inf` lifts a bound.
@@ -14,24 +14,24 @@ use serde::Serialize;
 
 use crate::metrics::Metrics;
 
-/// A start that is no hover may take the vehicle so far off \[m\].
+/// Additional position error allowed for a start that is no hover \[m\].
 const UPSET_M: f64 = 3.0;
-/// The mixer flies so long without a demand before it brings the vehicle down \[s\].
+/// Time that the mixer flies without a demand before it brings the vehicle down \[s\].
 const FALLBACK_S: f64 = 2.0;
 
-/// One bound against the flight.
+/// One bound compared with the flight.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct BoundCheck {
     pub metric: &'static str,
     pub limit: f64,
     pub measured: f64,
     pub ok: bool,
-    /// For people: what the metric is, and its unit.
+    /// Name of the metric for people, and its unit.
     #[serde(skip)]
     pub words: [&'static str; 2],
 }
 
-/// The bounds of a flight of `scenario`: its own, and the defaults.
+/// Returns the bounds of `scenario`, with the defaults for those that it does not set.
 fn bounds(scenario: &Scenario) -> Bounds {
     let own = &scenario.bounds;
     Bounds {
@@ -62,7 +62,7 @@ pub fn check(scenario: &Scenario, metrics: &Metrics) -> Vec<BoundCheck> {
     judged.collect()
 }
 
-/// Since when a flight is outside a bound that is judged all the way.
+/// Time since which a flight is outside a bound that applies at every sample.
 #[derive(Debug, Clone)]
 pub struct Outside {
     bounds: Bounds,
@@ -90,7 +90,7 @@ impl Outside {
         }
     }
 
-    /// The time of the first sample outside \[s\].
+    /// Time of the first sample outside a bound \[s\]; `None` if there is none.
     pub fn since_s(&self) -> Option<f64> {
         self.since_s
     }
@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn profile_and_mission_decide_where_the_scenario_does_not() {
+    fn profile_and_mission_decide_a_bound_that_the_scenario_does_not_set() {
         assert_eq!(error_m(&[]), 1.5, "a smooth mission asks for no more");
         assert_eq!(error_m(&["profile=\"paper\""]), 2.0);
         let step = ["mission.trajectory=\"step\"", "mission.step_m=[3.0,4.0,0.0]"];
@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn a_flight_is_outside_from_its_first_sample_there_on() {
+    fn a_flight_is_outside_since_its_first_sample_beyond_a_bound() {
         let scenario = load(None, &["bounds.max_position_error_m=0.1".into()]).unwrap();
         let mut outside = Outside::new(&scenario);
         for (t_s, max_position_error_m) in [(0.0, 0.05), (1.0, 0.1), (2.0, 0.2), (3.0, 0.3)] {

@@ -1,26 +1,26 @@
 //! Course of each fault, of the scenario or given in flight: the `faults` section of run.json.
 //!
 //! ```text
-//! injected    the first tick it struck
-//! detected    the first tick from then on that shows the harm
-//! recovered   the first tick after the fault's end, and after the detection, from which no witness shows harm
+//! injected    first tick on which the fault acted
+//! detected    first tick from then on that shows harm
+//! recovered   first tick, after the fault's end and the detection, by which every witness was free of harm
 //! ```
 //!
-//! Messages are looked at of each topic by itself: their order between topics does not matter.
+//! Each topic is followed by itself, so the order of messages between topics does not matter.
 //!
-//! | target | struck are | witnesses | harm is |
+//! | target | struck | witnesses | harm |
 //! |---|---|---|---|
-//! | process | the ticks of its time | its own topic, the launcher | a tick without a message, an event of its end |
-//! | STATE | its marked messages | REFERENCE, CONTROLS, ACTUATORS | an input that was old, missing or bad |
-//! | REFERENCE | its marked messages | CONTROLS, ACTUATORS | the same |
-//! | CONTROLS | its marked messages | ACTUATORS | the same |
-//! | ACTUATORS | its marked messages | STATE | still under the command of the sample before |
-//! | sensor | the ticks of its time | REFERENCE, CONTROLS, ACTUATORS | an input that was old, missing or bad |
-//! | actuator | the ticks of its time | ACTUATORS | the flight is terminated |
-//! | wind, payload | the ticks of its time | | |
-//! | mpc | the ticks of its time | CONTROLS | no optimum |
-//! | clock, host | the ticks of its time | | |
-//! | an intruder on a topic | the ticks of its time | those of the topic | the same |
+//! | process | ticks while it acts | its own topic, the launcher | a tick without a message, an event of its end |
+//! | STATE | marked messages of the topic | REFERENCE, CONTROLS, ACTUATORS | an input that was old, missing or bad |
+//! | REFERENCE | marked messages of the topic | CONTROLS, ACTUATORS | an input that was old, missing or bad |
+//! | CONTROLS | marked messages of the topic | ACTUATORS | an input that was old, missing or bad |
+//! | ACTUATORS | marked messages of the topic | STATE | still under the command of the sample before |
+//! | sensor | ticks while it acts | REFERENCE, CONTROLS, ACTUATORS | an input that was old, missing or bad |
+//! | actuator | ticks while it acts | ACTUATORS | the flight is terminated |
+//! | wind, payload | ticks while it acts | | |
+//! | mpc | ticks while it acts | CONTROLS | no optimum |
+//! | clock, host | ticks while it acts | | |
+//! | an intruder on a topic | ticks while it acts | as for the topic | as for the topic |
 //!
 //! A process is back when another one sends in its place: its recovery is counted from the detection, all others from
 //! the end of the fault. Against the clock the next one may be back before any message is missing: then the launcher
@@ -34,9 +34,9 @@ use serde_json::{Value, json};
 use flight::event::{Event, What, name};
 use flight::log::Record;
 
-/// A process that has left so many samples without an answer shows its fault.
+/// Unanswered samples after which a silent process counts as harmed.
 const UNANSWERED: u64 = 3;
-/// Harm that shows later than this after the end of a fault has another cause \[s\].
+/// Longest time after the end of a fault in which harm is still ascribed to it \[s\].
 const GRACE_S: f64 = 0.5;
 
 pub struct Faults {
@@ -44,14 +44,14 @@ pub struct Faults {
     rate_hz: u32,
 }
 
-/// One fault, and what was seen since.
+/// One fault, and what the messages showed since.
 struct Watched {
     rate_hz: u32,
     fault: Fault,
     newest: u64,
-    /// First and last marked message of the topic.
+    /// Ticks of the first and the last marked message of the topic.
     marked: Option<(u64, u64)>,
-    /// The command that the newest STATE was under.
+    /// Sequence number of the command in force at the newest STATE.
     obeyed: u64,
     /// Harm that each topic shows.
     courses: [Course; Topic::COUNT],
@@ -60,18 +60,18 @@ struct Watched {
 /// Course of one topic, tick by tick.
 #[derive(Default)]
 struct Course {
-    /// Ticks on which it began to show harm, or ceased to.
+    /// Ticks on which the harm began (`true`) or ceased (`false`).
     changes: Vec<(u64, bool)>,
     last: Option<u64>,
 }
 
 impl Faults {
-    /// The faults of a scenario, none of which has struck yet.
+    /// Begins to follow the faults of a scenario.
     pub fn new(faults: &[Fault], rate_hz: u32) -> Self {
         Self { watched: faults.iter().map(|fault| Watched::new(*fault, rate_hz)).collect(), rate_hz }
     }
 
-    /// The faults as they are now: some may have another end than before, and more may have come.
+    /// Updates the faults to the present ones: some may end at another time than before, and more may have been given.
     pub fn follow(&mut self, faults: &[Fault]) {
         for (watched, fault) in self.watched.iter_mut().zip(faults) {
             watched.fault = *fault;
@@ -84,7 +84,7 @@ impl Faults {
         self.watched.iter_mut().for_each(|watched| watched.observe(record));
     }
 
-    /// The account of a flight with these `events`.
+    /// Returns the `faults` section for a flight with these `events`.
     pub fn to_json(&self, events: &[Event]) -> Value {
         self.watched.iter().map(|watched| watched.to_json(events)).collect()
     }
@@ -95,7 +95,7 @@ impl Faults {
 }
 
 impl Course {
-    /// The topic shows harm on `tick`, or does not.
+    /// Notes whether the topic shows harm on `tick`.
     fn note(&mut self, tick: u64, harmed: bool) {
         if self.changes.last().is_some_and(|change| change.1) != harmed {
             self.changes.push((tick, harmed));
@@ -103,7 +103,7 @@ impl Course {
         self.last = Some(tick);
     }
 
-    /// A message of `tick` came: the ticks between it and the one before show harm.
+    /// Notes a message of `tick`: the ticks between the message before and this one show harm.
     fn sent(&mut self, tick: u64) {
         let expected = self.last.map_or(tick, |last| last.saturating_add(1));
         if tick > expected {
@@ -112,7 +112,7 @@ impl Course {
         self.note(tick, false);
     }
 
-    /// The first tick from `from` on that is `harmed`, or not.
+    /// First tick from `from` on whose harm equals `harmed`; `None` if there is none.
     fn first(&self, from: u64, harmed: bool) -> Option<u64> {
         let so_far = self.changes.iter().take_while(|change| change.0 <= from).last().is_some_and(|change| change.1);
         if so_far == harmed {
@@ -161,7 +161,7 @@ impl Watched {
         (!ticks.is_empty() && ticks.start <= self.newest).then_some(ticks.start)
     }
 
-    /// The first tick after the fault.
+    /// First tick after the fault; `None` while the fault has no end.
     fn ended(&self) -> Option<u64> {
         let ends = self.fault.for_s.is_some() || self.fault.kind == FaultKind::Burst;
         match self.marked {
@@ -211,7 +211,7 @@ impl Watched {
         })
     }
 
-    /// Ticks as time \[s\], to the nearest number, so that it prints as short as it is.
+    /// Converts ticks to time \[s\] by a division, which rounds to the nearest number and so prints in few digits.
     fn seconds(&self, ticks: u64) -> f64 {
         ticks as f64 / f64::from(self.rate_hz)
     }
@@ -255,7 +255,7 @@ impl Watched {
     }
 }
 
-/// A fault for people: what, from when \[s\], how long.
+/// Describes a fault for people: target, kind, begin \[s\] and duration.
 pub fn course(fault: &Fault, from_s: f64) -> String {
     let what = what(fault);
     match fault.for_s {
@@ -297,7 +297,7 @@ fn harm(target: FaultTarget, record: &Record, obeyed: u64) -> Option<bool> {
         }
         (T::Actuators, Record::State(state)) => Some(state.applied_sequence == obeyed),
         (T::State | T::Reference | T::Controls | T::Position | T::Velocity | T::Attitude | T::Rates, _) => {
-            let first = target.topic().unwrap_or(Topic::State); // what sensors say travels in STATE
+            let first = target.topic().unwrap_or(Topic::State); // sensor values travel in STATE
             if record.topic() as usize > first as usize { Some(reacts(record)) } else { None }
         }
         _ => None,

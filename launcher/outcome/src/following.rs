@@ -5,15 +5,15 @@ use airframe::angle;
 use contract::message::{Message, Reference, State};
 use flight::log::Record;
 
-/// phi, theta, psi \[rad\], p, q, r \[rad/s\], w \[m/s\].
+/// Number of compared quantities: phi, theta, psi \[rad\], p, q, r \[rad/s\], w \[m/s\].
 const NUMBERS: usize = 7;
-/// Samples for which the other message is awaited; a hole in the log must not cost memory for ever.
+/// Largest number of messages that wait for the other one of their tick, so that holes in the log cost bounded memory.
 const MOST_AWAITED: usize = 1000;
 
-/// Gathers the errors of a flight, in whatever order the two topics come.
+/// Sums the squared errors of a flight; the messages of the two topics may come in any order.
 #[derive(Debug, Default)]
 pub struct Following {
-    /// Ticks of which one message is there, as numbers.
+    /// Ticks of which one message has come, with its quantities.
     awaiting: Vec<(u64, Half)>,
     square_sums: [f64; NUMBERS],
     samples: u64,
@@ -101,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn a_heading_is_followed_across_the_turn() {
+    fn a_heading_error_is_an_angle_across_the_full_turn() {
         let [_, _, psi, ..] = rms(&[state(0, 3.1, 0.0), reference(0, -3.1, 0.0)]);
         assert!((psi - (std::f64::consts::TAU - 6.2)).abs() < 1e-12, "{psi}");
     }
@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn of_no_sample_nothing_is_known() {
+    fn without_a_sample_the_errors_are_nan() {
         assert!(rms(&[state(0, 0.0, 0.0), reference(1, 0.0, 0.0)]).iter().all(|rms| rms.is_nan()));
     }
 }

@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use flight::event::What;
 
-/// All of a flight. Times are simulated \[s\].
+/// Faults, events and absences of one flight. Times are simulated \[s\].
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct Happenings {
     pub faults: Vec<Span>,
@@ -20,7 +20,7 @@ pub struct Happenings {
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Span {
-    /// A fault's place in the scenario, from 1 on; 0 for anything else.
+    /// Number of a fault in run.json, counted from 1; 0 for an absence.
     pub number: usize,
     /// Target of a fault, or node of an absence.
     #[serde(skip)]
@@ -29,7 +29,7 @@ pub struct Span {
     pub from_s: f64,
     /// End of the span; `None` if the flight ended first.
     pub to_s: Option<f64>,
-    /// Which nodes' cycles it can delay, by topic.
+    /// `true` for each node whose cycles it can delay, by topic.
     #[serde(skip)]
     delays: [bool; Topic::COUNT],
 }
@@ -63,7 +63,7 @@ impl Happenings {
             let during = |span: &&Span| span.from_s <= to_s && span.to_s.is_none_or(|end_s| end_s > from_s);
             all.iter().filter(|span| span.delays[topic as usize]).filter(during).map(Span::describe).collect()
         };
-        // A process of a node came, went, or took over; what was ordered by hand is among the faults.
+        // Deaths, starts and take-overs of a node's processes count; orders given by hand are among the faults.
         let concerns_a_node = |mark: &&Mark| {
             NODES.contains(&mark.node.as_str()) && !["injected", "cleared"].contains(&mark.what.as_str())
         };
@@ -184,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn what_acts_on_the_vehicle_or_on_another_node_delays_no_cycle() {
+    fn a_fault_of_the_vehicle_or_of_another_node_delays_no_cycle() {
         assert_eq!(flown().causes(Topic::Reference, 1.6, 1.9).concat(), Vec::<String>::new());
     }
 

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-/// The metrics of run.json. One without a sample is NaN, which JSON has as null.
+/// Metrics of run.json. A following or altitude error without a sample is NaN, which is null in JSON.
 #[derive(Debug, Clone, Copy, Default, Serialize)]
 pub struct Metrics {
     /// Largest Euclidean position error \[m\].
@@ -24,9 +24,9 @@ pub struct Metrics {
     pub max_rate_radps: f64,
     pub rotor_speed_min: f64,
     pub rotor_speed_max: f64,
-    /// Largest true tilt either way \[deg\].
+    /// Largest true tilt angle in either direction \[deg\].
     pub tilt_max_deg: f64,
-    /// Commands that a limit cut.
+    /// Number of commands clipped at a limit.
     pub commands_saturated: u64,
     /// Commands for which (42) or (43) asked for the root of a negative number.
     pub negative_squares: u64,

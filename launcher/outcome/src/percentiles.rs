@@ -21,12 +21,12 @@ impl Percentiles {
     }
 }
 
-/// An empty histogram of 1 ns to 60 s, three significant digits. Longer times count as 60 s.
+/// Makes an empty histogram of 1 ns to 60 s with three significant digits. Longer times count as 60 s.
 pub fn histogram() -> Histogram<u64> {
     Histogram::new_with_bounds(1, 60_000_000_000, 3).expect("the bounds are constants that hdrhistogram accepts")
 }
 
-/// A histogram of `times` \[ns\].
+/// Makes a histogram of `times` \[ns\].
 pub fn recorded(times: impl IntoIterator<Item = u64>) -> Histogram<u64> {
     let mut histogram = histogram();
     times.into_iter().for_each(|time| histogram.saturating_record(time));

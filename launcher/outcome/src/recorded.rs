@@ -1,7 +1,7 @@
 //! Reads a run back: its settings, summary and events; and whether its log is all of the flight.
 //!
-//! A log alone cannot tell that: one that was cut and closed again, or thinned at its end, is well-formed. run.json
-//! was written by the launcher, which counted the records and hashed the states itself.
+//! A log alone cannot tell that: a log that was cut and closed again, or thinned at its end, is well-formed. The
+//! launcher counted the records and hashed the states itself, and wrote both into run.json.
 
 use std::io::ErrorKind;
 use std::ops::RangeInclusive;
@@ -21,13 +21,13 @@ use crate::judge::{Circumstances, Verdict};
 use crate::run_record::{Account, run_json};
 use crate::summary::Summary;
 
-/// A run as it left its folder. Its messages stay in the log.
+/// A run read from its folder. Its messages stay in the log.
 pub struct Recorded {
     /// Path of the log; of the first, where several recorders wrote.
     pub path: PathBuf,
     /// Log without the messages.
     pub log: Log,
-    /// Messages of the log, by topic.
+    /// Number of messages in the log, by topic.
     pub messages: [u64; Topic::COUNT],
     /// Summary gathered from the messages.
     pub summary: Summary,
@@ -36,7 +36,7 @@ pub struct Recorded {
     pub run: Value,
     /// `true` if there is a run.json.
     pub has_summary: bool,
-    /// The ticks that were read.
+    /// Ticks that were read.
     ticks: RangeInclusive<u64>,
 }
 
@@ -48,9 +48,9 @@ pub struct Part {
 }
 
 impl Part {
-    /// All of it.
+    /// The whole flight.
     pub const ALL: Self = Self { from_s: 0.0, to_s: f64::INFINITY };
-    /// Messages before it are counted, so that a gap at its beginning is seen \[s\].
+    /// Time around the part in which messages are counted, so that a gap at its beginning is found \[s\].
     const BEFORE_S: f64 = 1.0;
 
     /// Returns the ticks of the part.
@@ -70,7 +70,7 @@ impl Recorded {
     /// Reads a run from its folder, or its `flight.mcap`.
     ///
     /// # Errors
-    /// When there is no log to read, its messages or settings are those of another version, or run.json is not JSON.
+    /// There is no log to read, its messages or settings are those of another version, or run.json is not JSON.
     pub fn read(run: &Path) -> anyhow::Result<Self> {
         Self::read_each(run, Part::ALL, |_, _| {})
     }
@@ -129,7 +129,7 @@ impl Recorded {
         flown(&self.run).unwrap_or_else(|| self.scenario.clone())
     }
 
-    /// For people: why the log is not all of the flight, or of the part that was read; `None` if it is.
+    /// Text for people on why the log does not cover the flight, or the part that was read; `None` if it does.
     pub fn missing(&self) -> Option<String> {
         let Self { path, log, summary, .. } = self;
         let run = self.has_summary.then_some(&self.run);
@@ -157,7 +157,7 @@ impl Recorded {
         Some(format!("the log {} is not whole ({why}): {read}", path.display()))
     }
 
-    /// For people: that the log ends before the flight did.
+    /// Text for people if the log ends before both the flight and the part; else `None`.
     fn ends_early(&self, run: &Value) -> Option<String> {
         let flown = (run["flown_s"].as_f64().unwrap_or(f64::INFINITY) / self.scenario.sample_s()).round() as u64;
         (self.summary.last().stamp.tick < flown.min(*self.ticks.end())).then(|| "it ends before the flight did".into())
@@ -185,18 +185,18 @@ impl Recorded {
     }
 }
 
-/// Settings of a run, with what was ordered while it flew; `None` where the summary does not tell.
+/// Settings of a run, with the orders given in flight; `None` if the summary does not tell them.
 pub fn flown(run: &Value) -> Option<Scenario> {
     scenario::from_merged(run["provenance"]["scenario"].as_str()?, "run.json").ok()
 }
 
-/// The settings of a log, if its messages are laid out as in this program.
+/// Returns the settings of a log; an error if its messages are not laid out as in this program.
 fn settings(log: &Log, run: Option<&Value>, path: &Path) -> anyhow::Result<Scenario> {
     let mut written_by = log.written_by.clone();
     if written_by.layout.is_none()
         && let Some(run) = run
     {
-        // Logs did not tell the commit when they did not tell the layout; run.json did.
+        // Logs without a layout lack the commit too; run.json has it.
         written_by.program.commit = run["provenance"]["git"]["commit"].as_str().map(str::to_owned);
     }
     written_by.check_layout().with_context(|| format!("cannot read {}", path.display()))?;
@@ -207,7 +207,7 @@ fn settings(log: &Log, run: Option<&Value>, path: &Path) -> anyhow::Result<Scena
     })
 }
 
-/// run.json of a log with so many `messages`.
+/// Makes the run.json of a log with this number of `messages`.
 fn summary_of(log: &Log, messages: u64, summary: &Summary, scenario: &Scenario) -> Value {
     let records = messages + log.events.len() as u64;
     let outcome = LogOutcome { records, dropped: summary.missed(), error: log.defect.clone() };

@@ -1,4 +1,4 @@
-//! The verdict on a replay: one sentence and one exit code, from what was compared of what there is.
+//! Verdict on a replay: one sentence and one exit code, which depend on what was compared.
 //!
 //! A flight is called the same only if its log is all of it, every message of the log was computed again and held
 //! against it, and the hash of the states is that of run.json. What was not compared is named.
@@ -18,7 +18,7 @@ pub struct ReplayVerdict {
     pub exit_code: u8,
 }
 
-/// A replay as far as its verdict depends on it.
+/// Facts on a replay that its verdict depends on.
 pub struct Judged<'a> {
     pub recorded: &'a Recorded,
     pub recording: &'a Recording,
@@ -28,7 +28,7 @@ pub struct Judged<'a> {
     pub state_hash: Option<String>,
 }
 
-/// Flies a run again as `plan` says, and judges what came of it; `each` learns of the replay and its summary before.
+/// Flies a run again as `plan` says, and judges the result. Before that, hands the replay and its summary to `each`.
 ///
 /// # Errors
 /// The run cannot be flown again.
@@ -66,7 +66,7 @@ impl Judged<'_> {
         ReplayVerdict { text: lines.into_iter().flatten().map(|line| line + "\n").collect(), exit_code }
     }
 
-    /// The verdict itself.
+    /// First line of the verdict, and the exit code.
     fn outcome(&self) -> (String, u8) {
         let first = self.replayed.first.as_ref().map(|first| self.describe(first));
         let is_whole = self.lacking().is_none();
@@ -126,7 +126,7 @@ impl Judged<'_> {
         (begun_at > 0).then(|| format!("begun with what the nodes remembered at {begun_s:.2} s"))
     }
 
-    /// The processes that did not compute.
+    /// Line on the processes that did not compute; `None` if all did.
     fn not_computed(&self) -> Option<String> {
         let nodes = Topic::ALL.into_iter().filter(|topic| !self.plan.covers(*topic));
         let nodes = nodes.map(|topic| format!("{} (not asked for)", topic.publisher()));
@@ -136,7 +136,7 @@ impl Judged<'_> {
         (!told.is_empty()).then(|| format!("not computed: {}", told.join(", ")))
     }
 
-    /// Why what was compared is less than what was asked for, if it is.
+    /// Reasons why less was compared than asked for; `None` if there are none.
     fn lacking(&self) -> Option<String> {
         let stopped = self
             .replayed
@@ -147,7 +147,7 @@ impl Judged<'_> {
         (!told.is_empty()).then(|| told.join("\n"))
     }
 
-    /// A node of which the log has messages that the replay did not send.
+    /// Line on the first node with messages in the log that were not compared, if there is one.
     fn uncompared(&self) -> Option<String> {
         if !self.covers_all_time() || self.replayed.stopped.is_some() {
             return None;
@@ -184,7 +184,7 @@ impl Judged<'_> {
         self.covers_all_time() && !flips && Topic::ALL.into_iter().all(|topic| self.computes_all_of(topic))
     }
 
-    /// For people: where flight and replay part.
+    /// Describes for people the first difference between flight and replay.
     fn describe(&self, first: &Difference) -> String {
         let Difference { tick, topic, epoch, differs } = first;
         let [flown, replayed] = &differs.values;
@@ -196,7 +196,7 @@ impl Judged<'_> {
     }
 }
 
-/// Exit code of a replay that has answered what was asked, if the log was whole.
+/// Exit code of a replay that was asked for other answers and gave some: success only if nothing is missing.
 fn answered(is_whole: bool) -> u8 {
     if is_whole { exit::FLOWN } else { exit::OUT_OF_BOUNDS }
 }

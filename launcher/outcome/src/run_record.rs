@@ -120,7 +120,7 @@ pub fn touchdown(scenario: &Scenario, status: PlantStatus) -> Option<&'static st
     })
 }
 
-/// Take-off and landing where there is a ground: each phase, and the time of its first sample.
+/// Phases of take-off and landing with the time of each one's first sample; `None` without a ground.
 fn phases(scenario: &Scenario, summary: &Summary) -> Option<Value> {
     let in_flight = summary.phases().iter().filter(|(_, phase)| !phase.is_last());
     let all = in_flight.map(|(at_s, phase)| json!({ "at_s": at_s, "phase": phase.describe() }));
@@ -198,12 +198,12 @@ pub fn describe(of: &Account) -> String {
     text
 }
 
-/// Faults that the terminal tells one by one.
+/// Largest number of faults that the terminal lists one by one.
 const TOLD_FAULTS: usize = 10;
-/// Columns of what stands beside a label on the terminal.
+/// Width of the text beside a label on the terminal \[columns\].
 const COLUMNS: usize = 96;
 
-/// A text in lines of [`COLUMNS`], broken at blanks; all but the first are moved in by two.
+/// Wraps a text at blanks into lines of [`COLUMNS`]; all but the first are indented by two.
 fn wrapped(text: &str) -> Vec<String> {
     let mut lines: Vec<String> = vec![];
     for word in text.split(' ') {
@@ -218,7 +218,7 @@ fn wrapped(text: &str) -> Vec<String> {
     lines
 }
 
-/// One line on every process to which something happened: when, what, how often, and the last reason told.
+/// Describes the events of each process in one line: when, what, how often, and the last reason.
 fn describe_events(events: &[Event], sample_s: f64) -> Vec<String> {
     let describe = |(node, group): (String, Vec<&Event>)| {
         let words = grouped(group.iter().map(|event| (name(event.what).replace('-', " "), *event)))
@@ -237,7 +237,7 @@ fn describe_events(events: &[Event], sample_s: f64) -> Vec<String> {
     grouped(processes.zip(events)).into_iter().map(describe).collect()
 }
 
-/// The events in groups of the same key, in the order of their first.
+/// Groups events by key, in the order of each group's first event.
 fn grouped<'a, K: PartialEq>(events: impl Iterator<Item = (K, &'a Event)>) -> Vec<(K, Vec<&'a Event>)> {
     let mut groups: Vec<(K, Vec<&Event>)> = vec![];
     for (key, event) in events {
@@ -268,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_kernel_did_not_grant_is_told_with_what_would_give_it() {
+    fn privileges_not_granted_are_told_with_the_command_that_grants_them() {
         let told = |policy: &str, locked_kb: u64, scenario: &Scenario| {
             let node = json!({ "policy": policy, "locked_kb": locked_kb });
             let nodes: serde_json::Map<String, Value> =

@@ -16,7 +16,7 @@ pub struct Solves {
     /// Ticks by status.
     ticks: [u64; STATUSES.len()],
     iterations_max: u64,
-    /// Sum over the solved ticks.
+    /// Sum of the iterations over the solved ticks.
     iterations: u64,
     /// Ticks whose published plan touches a constraint.
     touching: u64,
@@ -29,7 +29,7 @@ impl Solves {
         Self { ticks: [0; STATUSES.len()], iterations_max: 0, iterations: 0, touching: 0, times: histogram() }
     }
 
-    /// Takes one message in. A status that the contract does not know is not counted.
+    /// Takes in a message. A status that the contract does not know is not counted.
     pub fn observe(&mut self, controls: &Controls) {
         if let Some(ticks) = self.ticks.get_mut(controls.status as usize) {
             *ticks += 1;
@@ -44,7 +44,7 @@ impl Solves {
         }
     }
 
-    /// Solves that a limit of time or iterations stopped.
+    /// Number of solves that a limit of time or iterations stopped.
     pub fn stopped(&self) -> u64 {
         self.ticks[SolveStatus::LimitReached as usize]
     }
@@ -63,7 +63,7 @@ impl Solves {
         told
     }
 
-    /// One line for people; what is rare is told only when it happened.
+    /// Describes the solves in one line for people; rare statuses are told only if they occurred.
     pub fn describe(&self) -> String {
         let [explicit, solved, limit_reached, fallback, bad_input, stale, no_reference] = self.ticks;
         let iterations = if solved > 0 { format!(" (max {} iterations)", self.iterations_max) } else { String::new() };

@@ -1,7 +1,7 @@
 //! Summary of a flight: the metrics of run.json and the hash over all states.
 //!
-//! Position error is the true position against the mission's trajectory at the same sample: what was asked for, not
-//! what guidance said it was asked for.
+//! The position error is the true position against the mission's trajectory at the same sample, not against the
+//! reference that guidance sent.
 
 use contract::Scenario;
 use contract::message::{PlantStatus, State, mixer_flags};
@@ -30,12 +30,12 @@ pub struct Summary {
     /// Ticks on which the mixer flew without a demand.
     fallback_ticks: u64,
     outside: Outside,
-    /// `None` when it is not kept.
+    /// Hash over all states; `None` if it is not kept.
     hash: Option<Sha256>,
     count: Count,
     missed: u64,
     last: State,
-    /// Take-off and landing: what the plant said of itself, whenever it changed, and from which time on \[s\].
+    /// Time \[s\] and status of the plant, at the first state and at every change: take-off and landing.
     phases: Vec<(f64, PlantStatus)>,
     pub solves: Solves,
     pub faults: Faults,
@@ -77,7 +77,7 @@ impl Summary {
         Self { hash: None, count, ..Self::new(scenario) }
     }
 
-    /// Takes note of the number of a message that is not part of it, so that what is missing after it is seen.
+    /// Notes the number of a message that is not summarized, so that a gap after it is found.
     pub fn pass(&mut self, record: &Record) {
         self.count.before(record);
     }
@@ -155,7 +155,7 @@ impl Summary {
         self.outside.since_s()
     }
 
-    /// Since when the plant said what of itself \[s\].
+    /// Time \[s\] and status of the plant, at the first state and at every change.
     pub fn phases(&self) -> &[(f64, PlantStatus)] {
         &self.phases
     }

@@ -1,4 +1,4 @@
-//! The join of the four messages of a tick: what the nodes made of one sample, and when the command took effect.
+//! Joins the four messages of a tick: what the nodes computed from one sample, and when the command took effect.
 //!
 //! What is kept of a message is the caller's choice: report, compare and trace keep [`Messages`], tick by tick as the
 //! log is read ([`Joined`]), [`crate::timing`] each node's cycle while the flight goes on, `measure timing` the stamps.
@@ -14,24 +14,24 @@ use guidance::Trajectory;
 /// A command takes effect at most so many ticks after its own; a damaged STATE must not cost a search of the whole
 /// flight.
 const MOST_AGE_TICKS: usize = 1000;
-/// Ticks are open for messages of theirs that may still come, and for the age of their command.
+/// Newest ticks that [`Joined`] keeps open: late messages of theirs and the age of their command may still come.
 const OPEN_TICKS: u64 = 1024;
 
-/// One tick. `T` is what is kept of its messages.
+/// One tick. `T` holds what is kept of its messages.
 #[derive(Debug, Clone, Copy)]
 pub struct Tick<T> {
     pub number: u64,
     /// Period of the ring \[ns\].
     pub period_ns: u64,
-    /// The instant the sample stands for \[ns\]; 0 without a message.
+    /// Instant of the sample \[ns\]; 0 if the tick has no message.
     pub sample_ns: u64,
     /// Position that the mission asks for, NED \[m\].
     pub wanted_m: [f64; 3],
-    /// Position error against the mission, as in run.json.
+    /// Position error against the mission, as in run.json, NED \[m\]; `None` without a STATE.
     pub error_m: Option<[f64; 3]>,
-    /// Time from the sample until the tick's command took effect, if it did \[ns\].
+    /// Time from the sample until the tick's command took effect \[ns\]; `None` if it never did.
     pub age_ns: Option<u64>,
-    /// Number of the newest ACTUATORS; 0 is none.
+    /// Sequence number of the tick's newest ACTUATORS; 0 if there is none.
     command: u64,
     pub of: T,
 }
@@ -63,9 +63,9 @@ pub struct Ticks<T> {
     period_ns: u64,
     last: u64,
     pub by_number: BTreeMap<u64, Tick<T>>,
-    /// Number of the command that the newest STATE was under.
+    /// Sequence number of the command in force at the newest STATE.
     in_force: u64,
-    /// Messages taken in, and ticks told and forgotten.
+    /// Number of messages observed, and of ticks that were handed out and forgotten.
     seen: u64,
     told: u64,
 }
@@ -120,8 +120,8 @@ impl<T: Default> Ticks<T> {
         }
     }
 
-    /// `state` says which command it was under, and that command's age. A restarted mixer numbers its messages from 1
-    /// again: the newest command of a number is meant.
+    /// Stores the age of a command that is newly in force at `state`. Takes the newest command with that number,
+    /// because a restarted mixer numbers its messages from 1 again.
     fn applied(&mut self, state: &State) {
         if state.applied_sequence != self.in_force {
             self.in_force = state.applied_sequence;
@@ -133,7 +133,7 @@ impl<T: Default> Ticks<T> {
     }
 }
 
-/// The messages of a tick. A log may lack any of them.
+/// Messages of a tick. A log may lack any of them.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Messages {
     pub state: Option<State>,
@@ -143,7 +143,7 @@ pub struct Messages {
 }
 
 impl Messages {
-    /// Their stamps, by topic.
+    /// Stamps of the messages, by topic.
     pub fn stamps(&self) -> [Option<&Stamp>; 4] {
         [
             self.state.as_ref().map(Message::stamp),
@@ -163,7 +163,7 @@ impl Messages {
     }
 }
 
-/// A tick of a log.
+/// Tick of a log with its messages.
 pub type LoggedTick = Tick<Messages>;
 
 /// Joins the messages of a log as they are read. A tick has the messages of the active processes as they were sent,
@@ -189,13 +189,13 @@ impl Joined {
         }
     }
 
-    /// Tells the ticks that are left, up to the last one seen.
+    /// Hands the remaining ticks to `each`, up to the last one seen.
     pub fn finish(&mut self, each: impl FnMut(&LoggedTick)) {
         self.ticks.tell(0, each);
     }
 }
 
-/// Every tick of a log in memory, from `first` on.
+/// Returns every tick of a log in memory, from `first` on.
 pub fn logged(log: &Log, scenario: &Scenario, first: u64) -> Vec<LoggedTick> {
     let mut joined = Joined::new(scenario, first);
     let mut ticks = vec![];
@@ -204,7 +204,7 @@ pub fn logged(log: &Log, scenario: &Scenario, first: u64) -> Vec<LoggedTick> {
     ticks
 }
 
-/// A command while it was in force.
+/// Interval in which a command was in force.
 #[derive(Debug, Clone, Copy)]
 pub struct InForce {
     pub tick: u64,
@@ -215,9 +215,9 @@ pub struct InForce {
     pub age_ns: u64,
 }
 
-/// Every command that was in force at a sample, in the order of taking effect.
+/// Returns every command that was in force at a sample, in the order of ticks.
 ///
-/// In lockstep the age is simulated time, of which the clock shows nothing: there a command acts once it is published.
+/// In lockstep the age is simulated time, which the clock does not show: there a command acts from its publication on.
 pub fn in_force(ticks: &[LoggedTick], mode: Mode) -> Vec<InForce> {
     let last_ns = ticks.iter().rev().find_map(|tick| tick.of.state.as_ref()).map_or(0, |state| state.stamp.sample_ns);
     let mut all: Vec<InForce> = vec![];
@@ -256,7 +256,7 @@ mod tests {
         Stamp { tick, sample_ns: tick.wrapping_mul(1_000), sequence, epoch, ..Stamp::default() }
     }
 
-    /// A command that is sent 100 ns after its sample.
+    /// Command sent 100 ns after its sample.
     fn command(tick: u64, sequence: u64, epoch: u64) -> Actuators {
         let mut stamp = stamp(tick, sequence, epoch);
         stamp.publish_ns[Topic::Actuators as usize] = stamp.sample_ns.wrapping_add(100);
@@ -299,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn holes_are_ticks_without_messages_and_damaged_ticks_are_none() {
+    fn a_hole_is_a_tick_without_messages_and_a_damaged_tick_is_ignored() {
         let mut log = Log { states: (0..10).map(|tick| state(tick, 0, 0)).collect(), ..Log::default() };
         log.states.remove(4);
         log.actuators.push(command(u64::MAX, 1, 1));
@@ -316,7 +316,7 @@ mod tests {
     }
 
     #[test]
-    fn messages_of_a_standby_and_what_a_fault_made_of_a_message_are_left_out() {
+    fn messages_of_a_standby_and_copies_that_a_fault_made_are_left_out() {
         let marked = |sequence, epoch, delivery, col| {
             let stamp = Stamp { delivery, ..stamp(1, sequence, epoch) };
             Controls { stamp, demand: [col, 0.0, 0.0, 0.0], ..Controls::default() }.with_checksum()

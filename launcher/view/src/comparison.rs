@@ -23,7 +23,7 @@ use outcome::recorded::{Part, Recorded};
 use outcome::ticks::{Joined, LoggedTick};
 use outcome::timing::Timing;
 
-/// A row for each metric, a column for each flight with the settings it flew; `titles` name them.
+/// Table with a row for each metric and a column for each flight, named by `titles`.
 pub fn metrics(titles: &[&str], flights: &[(&Scenario, Metrics)]) -> Table {
     let values: Vec<_> = flights.iter().map(|(scenario, metrics)| of_mission(scenario, metrics)).collect();
     let cell = |value: &Value, decimals: usize| {
@@ -38,11 +38,11 @@ pub fn metrics(titles: &[&str], flights: &[(&Scenario, Metrics)]) -> Table {
     Table::new("Metrics", &headings("", titles), all.filter(has_value).map(row).collect())
 }
 
-/// Largest altitude error of a flight, whenever it was.
+/// Row of the largest altitude error of a flight, at any time: key, name, unit, decimals.
 const ALTITUDE: (&str, &str, &str, usize) = ("max_altitude_error_m", "altitude error, maximum", "m", 3);
 
-/// The metrics by name. Only in the paper's mission is the flight level from 10 to 50 s, so that the altitude error
-/// is told apart by that.
+/// Returns the metrics by name. Except in the survey, the altitude errors in and outside 10 to 50 s are null, because
+/// only that flight is level then.
 fn of_mission(scenario: &Scenario, metrics: &Metrics) -> Value {
     let mut values = json!(metrics);
     let (level_m, otherwise_m) = (metrics.max_altitude_error_horizontal_m, metrics.max_altitude_error_vertical_m);
@@ -82,7 +82,7 @@ fn state(tick: &LoggedTick) -> Option<&State> {
     tick.of.state.as_ref()
 }
 
-/// The course of a flight, gathered tick by tick: each picture's quantity, and where the mission wanted the vehicle.
+/// Course of a flight, gathered tick by tick: each picture's quantity, and the position that the mission asks for.
 struct Course {
     joined: Joined,
     quantities: [Thinned; PICTURES.len()],
@@ -101,7 +101,7 @@ impl Course {
         joined.observe(record, |tick| push(tick, quantities, wanted, end_s));
     }
 
-    /// Takes in what is left.
+    /// Takes in the remaining ticks.
     fn finish(&mut self) {
         let Self { joined, quantities, wanted, end_s } = self;
         joined.finish(|tick| push(tick, quantities, wanted, end_s));
@@ -116,7 +116,7 @@ fn push(tick: &LoggedTick, quantities: &mut [Thinned], wanted: &mut [Thinned], e
     *end_s = tick.time_s();
 }
 
-/// The points of a series, whose values are a sample apart.
+/// Points of a series: time \[s\] and value.
 fn points(series: &Thinned, scenario: &Scenario) -> Vec<(f64, f64)> {
     let step_s = series.step() * scenario.sample_s();
     (0..).zip(series.values()).map(|(i, value)| (f64::from(i) * step_s, f64::from(value))).collect()
@@ -127,7 +127,7 @@ pub struct Comparison {
     flights: Vec<Flight>,
 }
 
-/// One of them.
+/// One flight of a comparison.
 struct Flight {
     /// Name in the comparison, which no other flight has.
     title: String,
@@ -166,7 +166,7 @@ impl Comparison {
     /// Reads the flights in these folders.
     ///
     /// # Errors
-    /// One of them cannot be read, or is named twice.
+    /// A flight cannot be read, or is named twice.
     pub fn read(runs: &[PathBuf]) -> anyhow::Result<Self> {
         let read = |run: &PathBuf| -> anyhow::Result<(Recorded, Course)> {
             let mut course = None;
@@ -196,7 +196,7 @@ impl Comparison {
         Ok(Self { flights: read.into_iter().zip(titles(&places)).map(flight).collect() })
     }
 
-    /// For people: what of the logs is missing.
+    /// Returns for people what the logs lack.
     pub fn missing(&self) -> impl Iterator<Item = String> {
         self.flights.iter().filter_map(|flight| flight.recorded.missing())
     }
@@ -205,7 +205,7 @@ impl Comparison {
         self.flights.iter().map(|flight| flight.title.as_str()).collect()
     }
 
-    /// The tables: the flights, their settings, metrics and timing.
+    /// Tables of the flights, their settings, metrics and timing.
     fn tables(&self) -> Vec<Table> {
         let titles = self.titles();
         let scenarios: Vec<_> = self.flights.iter().map(|flight| &flight.scenario).collect();
@@ -249,14 +249,14 @@ impl Comparison {
         Table::new(told, &headings("", &self.titles()), rows)
     }
 
-    /// For people: what of the logs is missing, then the tables.
+    /// Text for people: what the logs lack, then the tables.
     pub fn text(&self) -> String {
         let text = |table: Table| if table.rows.is_empty() { format!("{}\n", table.title) } else { table.text() };
         let missing = self.missing().map(|missing| format!("note: {missing}\n"));
         missing.chain(self.tables().into_iter().map(text)).collect::<Vec<_>>().join("\n")
     }
 
-    /// The page: the tables, and the flights laid over each other.
+    /// Makes the page: the tables, and the flights laid over each other.
     pub fn page(&self) -> String {
         let title = format!("Compared: {}", self.titles().join(", "));
         let missing = self.missing().map(|missing| format!("<p class=\"warn\">{}.</p>", escape(&missing)));
@@ -278,7 +278,7 @@ impl Comparison {
     }
 
     fn pictures(&self) -> Vec<String> {
-        // One mission stands for all that are the same: that of the flight that saw most of it.
+        // Equal missions are drawn once, from the longest flight.
         let mut missions: Vec<&Flight> = vec![];
         for flight in &self.flights {
             match missions.iter_mut().find(|known| known.scenario.mission == flight.scenario.mission) {
@@ -341,7 +341,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn flights_are_called_by_as_little_as_tells_them_apart() {
+    fn titles_are_no_longer_than_needed_to_tell_flights_apart() {
         let flights = |all: &[(&str, &str)]| -> Vec<String> {
             titles(&all.iter().map(|(name, path)| ((*name).to_owned(), path.into())).collect::<Vec<_>>())
         };

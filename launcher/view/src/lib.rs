@@ -6,7 +6,7 @@
 //! | [`settings`] | what differs between the settings of flights |
 //! | [`explain`] | the costs of late, lost and missing messages |
 //! | [`table`] | tables as aligned text and as HTML |
-//! | [`thinning`] | long series made as short as a picture can show |
+//! | [`thinning`] | long series reduced to what a picture can show |
 //! | [`draw`] | HTML and pictures, for every page |
 //! | [`report`] | `report.html` |
 //! | [`trace`] | `trace`: ticks of a run for a trace viewer |

@@ -1,4 +1,4 @@
-//! Settings side by side: what differs between scenarios.
+//! Differences between the settings of scenarios.
 
 use contract::Scenario;
 use contract::scenario::to_toml;
@@ -50,7 +50,7 @@ fn row(key: &str, values: &[Option<&Value>]) -> Vec<String> {
     std::iter::once(key.to_owned()).chain(values.iter().map(|value| words(*value))).collect()
 }
 
-/// The tables of an array that has nothing else in it; no array is an empty one.
+/// Tables of an array that holds nothing else; empty without a value, `None` for any other value.
 fn list_of_tables(value: Option<&Value>) -> Option<&[Value]> {
     match value {
         None => Some(&[]),
@@ -59,13 +59,13 @@ fn list_of_tables(value: Option<&Value>) -> Option<&[Value]> {
     }
 }
 
-/// A value as one writes it in a scenario file, on one line.
+/// Formats a value on one line, as in a scenario file.
 fn words(value: Option<&Value>) -> String {
     match value {
         None => DASH.into(),
         Some(Value::String(text)) => text.clone(),
         Some(Value::Table(fields)) => {
-            // What a fault or a swap is of needs no names.
+            // Target, node and kind of a fault or a swap are told without their keys.
             let of: Vec<_> = ["target", "node", "kind"].iter().filter_map(|name| fields.get(*name)?.as_str()).collect();
             let named = fields.iter().filter(|(_, value)| !value.as_str().is_some_and(|text| of.contains(&text)));
             let named = named.map(|(name, value)| format!("{name} {}", words(Some(value))));
@@ -81,7 +81,7 @@ mod tests {
     use contract::scenario::{Fault, FaultKind, FaultTarget};
 
     #[test]
-    fn only_what_differs_is_told_with_the_value_of_each() {
+    fn only_settings_that_differ_are_told_with_the_value_of_each() {
         let usual = Scenario::default();
         let mut other = Scenario { name: "another name".into(), ..usual.clone() };
         assert!(differences(&[&usual, &other]).is_empty());
@@ -99,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn of_faults_only_those_that_differ_are_told() {
+    fn only_faults_that_differ_are_told() {
         let fault = |at_s| Fault::new(FaultTarget::Mixer, FaultKind::Kill, at_s, None);
         let [one, other] =
             [1.0, 2.0].map(|at_s| Scenario { fault: vec![fault(0.5), fault(at_s)], ..Scenario::default() });

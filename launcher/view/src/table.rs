@@ -14,7 +14,7 @@ impl Table {
         Self { title: title.to_owned(), headings: headings.iter().map(|&heading| heading.to_owned()).collect(), rows }
     }
 
-    /// The first column and columns without a number are aligned left, all others right.
+    /// Formats the table as text. The first column and columns with words are aligned left, columns of numbers right.
     pub fn text(&self) -> String {
         let lines = || std::iter::once(&self.headings).chain(&self.rows);
         let is_number = |cell: &String| cell.starts_with(|first: char| first.is_ascii_digit() || "->".contains(first));
@@ -42,7 +42,7 @@ impl Table {
     }
 }
 
-/// `-` for no value.
+/// Formats a value with `places` decimals; `-` for `None`.
 pub fn cell(value: Option<f64>, places: usize) -> String {
     value.map_or("-".to_owned(), |value| format!("{value:.places$}"))
 }

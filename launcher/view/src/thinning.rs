@@ -1,4 +1,4 @@
-//! Long series made as short as a picture can show.
+//! Reduction of long series to what a picture can show.
 
 /// The smallest and the largest of every `bucket` items, in the order in which they occur; `None` where no `value` is a
 /// number.
@@ -22,19 +22,19 @@ pub fn extremes<T>(
 pub struct Thinned {
     values: Vec<f32>,
     bucket: usize,
-    /// Values of the bucket that is not full.
+    /// Values of the last bucket, which is not full.
     open: Vec<f32>,
 }
 
 impl Default for Thinned {
-    /// A series without values.
+    /// Makes a series without values.
     fn default() -> Self {
         Self { values: vec![], bucket: 1, open: vec![] }
     }
 }
 
 impl Thinned {
-    /// Values at most; a bucket holds as many as keep to that.
+    /// Largest number of values in full buckets; buckets grow to keep it.
     const MOST: usize = 6400;
 
     /// Number of values that share one pair; 1 keeps every value.
@@ -42,7 +42,7 @@ impl Thinned {
         self.bucket
     }
 
-    /// Distance of two of the values that are kept, in values of the series.
+    /// Distance between two kept values, in values of the series.
     pub fn step(&self) -> f64 {
         if self.bucket == 1 { 1.0 } else { self.bucket as f64 / 2.0 }
     }
@@ -62,13 +62,13 @@ impl Thinned {
         }
     }
 
-    /// The values that are kept, those of the last bucket too if it is not full.
+    /// Returns the kept values, including those of a last bucket that is not full.
     pub fn values(&self) -> Vec<f32> {
         [self.values.clone(), pairs(&self.open, self.bucket)].concat()
     }
 }
 
-/// The smallest and the largest of every `bucket` values, in their order.
+/// Returns smallest and largest of every `bucket` values in the order in which they occur; NaN twice if all are NaN.
 fn pairs(values: &[f32], bucket: usize) -> Vec<f32> {
     let extremes = extremes(values, bucket, |value| f64::from(*value));
     extremes.flat_map(|two| two.map_or([f32::NAN; 2], |two| two.map(|value| *value))).collect()
@@ -79,7 +79,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn extremes_stand_in_their_own_order_and_what_is_no_number_is_left_out() {
+    fn extremes_keep_their_order_and_nan_is_left_out() {
         let items = [1.0, 5.0, f64::NAN, 9.0, -2.0, 3.0, f64::NAN, f64::NAN, f64::NAN, 7.0];
         let found: Vec<_> = extremes(&items, 3, |item| *item).collect();
         assert_eq!(found, [Some([&1.0, &5.0]), Some([&9.0, &-2.0]), None, Some([&7.0, &7.0])]);
@@ -104,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn holes_stay_holes_and_a_number_beside_one_is_kept() {
+    fn a_bucket_of_nan_stays_nan_and_a_number_beside_nan_is_kept() {
         let mut thinned = Thinned::default();
         (0..12_800).for_each(|i| thinned.push(if i % 100 < 50 { f32::NAN } else { i as f32 }));
         let values = thinned.values();

@@ -21,11 +21,11 @@ pub struct FlightCost {
     pub metrics: Metrics,
     /// Largest angle between the body's z axis and the vertical \[deg\].
     pub worst_tilt_deg: f64,
-    /// The first sample.
+    /// Tick of the first sample.
     pub first: u64,
-    /// Position error at each sample since \[m\].
+    /// Position error at each sample from `first` on \[m\].
     pub error_m: Vec<f64>,
-    /// True position at each sample since, NED \[m\].
+    /// True position at each sample from `first` on, NED \[m\].
     pub course_m: Vec<[f64; 3]>,
     pub state_hash: Option<String>,
 }
@@ -33,7 +33,7 @@ pub struct FlightCost {
 /// Cost of one or several ticks: the figure of the flight less that of the flight without.
 #[derive(Debug, Clone, Serialize)]
 pub struct Cost {
-    /// The first tick and the last.
+    /// First and last tick.
     pub ticks: (u64, u64),
     /// Time of the first \[s\].
     pub at_s: f64,
@@ -47,7 +47,7 @@ pub struct Cost {
     pub error_integral_ms: f64,
     /// Cost in the worst tilt \[deg\].
     pub worst_tilt_deg: f64,
-    /// The position error around it in the flight without it: time \[s\], error \[m\].
+    /// Position error around the ticks in the flight without them: time \[s\], error \[m\].
     #[serde(skip)]
     pub without_m: Vec<(f64, f64)>,
 }
@@ -66,10 +66,10 @@ impl FlightCost {
         self.course_m.iter().zip(&other.course_m).map(apart).fold(0.0, f64::max)
     }
 
-    /// The flight from the sample `first` on that `fly` hands on message by message.
+    /// Gathers the flight that `fly` hands over message by message, from the sample `first` on.
     ///
     /// # Errors
-    /// It cannot be flown.
+    /// The flight cannot be flown.
     pub fn of(
         scenario: &Scenario,
         first: u64,
@@ -97,10 +97,10 @@ impl FlightCost {
         Ok(Self { metrics, worst_tilt_deg: worst_tilt.to_degrees(), first, error_m, course_m, state_hash })
     }
 
-    /// A flight of `recording` as `script` has it.
+    /// Flies `recording` again as `script` says.
     ///
     /// # Errors
-    /// It cannot be flown to its end.
+    /// The flight cannot be flown to its end.
     pub fn flown(recording: &Recording, script: Script) -> anyhow::Result<Self> {
         Self::of(&recording.scenario, script.begun_at(), |each| {
             let replayed = replay_script(recording, script, &Plan::default(), each)?;

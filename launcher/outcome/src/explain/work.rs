@@ -14,17 +14,17 @@ const MOST_SAMPLES: u64 = 3_000_000;
 #[derive(Debug, Clone)]
 pub struct Work {
     pub disturbed: Vec<Disturbed>,
-    /// The first tick of the flight that is looked at, and the last.
+    /// First and last tick of the part of the flight that is explained.
     pub first_tick: u64,
     pub last_tick: u64,
-    /// Flights, each without a tick or a burst of ticks.
+    /// Number of flights, each without a tick or a burst of ticks.
     pub flights: u64,
     replay_s: f64,
     sample_s: f64,
 }
 
 impl Work {
-    /// Flies `recording` once, as it was, as far as `script` has it, which is to the tick `until`.
+    /// Flies `recording` once, as it was, over the ticks of `script`, which ends at the tick `until`.
     ///
     /// # Errors
     /// The flight does not repeat bit for bit, or nothing of it can be compared.
@@ -61,7 +61,7 @@ impl Work {
         self.flights * (self.last_tick - self.first_tick + 1) <= MOST_SAMPLES
     }
 
-    /// For people: how many flights, and how long they take.
+    /// Describes for people how many flights there are, and how long they take.
     pub fn describe(&self) -> String {
         let Self { disturbed, flights, replay_s, sample_s, first_tick, last_tick } = self;
         let (ticks, length_s) = (disturbed.len(), (last_tick - first_tick) as f64 * sample_s);
@@ -70,7 +70,7 @@ impl Work {
     }
 }
 
-/// Several ticks one after another.
+/// Returns each run of several consecutive disturbed ticks.
 pub fn bursts(disturbed: &[Disturbed]) -> impl Iterator<Item = &[Disturbed]> {
     disturbed.chunk_by(|one, next| one.tick + 1 == next.tick).filter(|burst| burst.len() > 1)
 }

@@ -9,7 +9,7 @@ fn told(faults: &Faults) -> Told {
     ["injected_at_s", "detected_after_s", "recovered_after_s"].map(|key| faults.to_json(&[])[0][key].as_f64())
 }
 
-/// A fault from 0.1 s on, after these messages at 100 Hz.
+/// Follows a fault that begins at 0.1 s through these messages at 100 Hz.
 fn seen(target: FaultTarget, kind: FaultKind, for_s: Option<f64>, records: impl IntoIterator<Item = Record>) -> Faults {
     let mut faults = Faults::new(&[Fault::new(target, kind, 0.1, for_s)], 100);
     records.into_iter().for_each(|record| faults.observe(&record));
@@ -25,7 +25,7 @@ fn solve(tick: u64, status: SolveStatus) -> Record {
     at(tick, Controls { status: status as u64, ..Controls::default() }).into()
 }
 
-/// A solver fault after CONTROLS of these statuses in runs, so many ticks of each, from tick 0 on.
+/// Follows a solver fault through CONTROLS from tick 0 on; `runs` are numbers of ticks and the status of these.
 fn solver(for_s: Option<f64>, runs: &[(usize, SolveStatus)]) -> Faults {
     let statuses = runs.iter().flat_map(|(count, status)| std::iter::repeat_n(*status, *count));
     let records = (0..).zip(statuses).flat_map(|(tick, s)| [at(tick, State::default()).into(), solve(tick, s)]);
@@ -73,7 +73,7 @@ fn a_fault_is_followed_from_its_first_tick_to_the_recovery() {
 }
 
 #[test]
-fn missed_ticks_count_as_the_next_one_seen() {
+fn harm_on_missed_ticks_counts_from_the_next_tick_seen() {
     let records =
         [(9, SolveStatus::Explicit), (12, SolveStatus::Fallback), (20, SolveStatus::Solved)].map(|(t, s)| solve(t, s));
     let faults = seen(FaultTarget::Mpc, FaultKind::Nan, Some(0.05), records);
@@ -98,7 +98,7 @@ fn a_fault_that_comes_or_ends_while_flying_is_followed_too() {
     assert_eq!(faults.describe(&[])[1], line);
 }
 
-/// A fault from 0.1 s to 0.15 s after these messages.
+/// Times of a fault from 0.1 s to 0.15 s in these messages.
 fn short(target: FaultTarget, kind: FaultKind, records: &[Record]) -> Told {
     told(&seen(target, kind, Some(0.05), records.iter().copied()))
 }
@@ -120,7 +120,7 @@ fn marked<M: Message + Into<Record>>(lost: std::ops::Range<u64>) -> Vec<Record> 
 }
 
 #[test]
-fn a_process_is_missed_by_its_silence() {
+fn a_silent_process_is_detected() {
     let kill = |away: std::ops::Range<u64>| {
         let mut there = marked::<Controls>(0..0);
         there.retain(|record| !away.contains(&record.stamp().tick));
@@ -133,7 +133,7 @@ fn a_process_is_missed_by_its_silence() {
 }
 
 #[test]
-fn a_lost_message_is_seen_by_what_the_next_node_does_in_either_order() {
+fn a_lost_message_is_detected_by_the_next_node_in_either_order() {
     let drop = |records: [&[Record]; 2]| short(FaultTarget::Controls, FaultKind::Drop, &records.concat());
     let (lost, held) = (marked::<Controls>(11..13), commands(12..16, mixer_flags::HELD));
     let expected = [Some(0.11), Some(0.01), Some(0.03)];
@@ -148,7 +148,7 @@ fn a_lost_message_is_seen_by_what_the_next_node_does_in_either_order() {
 }
 
 #[test]
-fn a_lost_command_is_seen_by_the_plant_that_has_no_new_one() {
+fn a_lost_command_is_detected_by_the_plant_without_a_new_one() {
     let obeying =
         |tick: u64| at(tick, State { applied_sequence: tick.min(11).max(tick / 16 * tick), ..State::default() });
     let states = (0..30).map(|tick| obeying(tick).into()).collect();
@@ -157,7 +157,7 @@ fn a_lost_command_is_seen_by_the_plant_that_has_no_new_one() {
 }
 
 #[test]
-fn sensors_and_rotors_are_struck_by_the_clock() {
+fn faults_of_sensors_and_rotors_act_at_their_time() {
     let blind = commands(13..17, mixer_flags::TRIM_ONLY);
     assert_eq!(short(FaultTarget::Rates, FaultKind::Off, &blind), [Some(0.1), Some(0.03), Some(0.02)]);
     assert_eq!(short(FaultTarget::Rotor2, FaultKind::Off, &blind), [Some(0.1), None, None]);
@@ -167,7 +167,7 @@ fn sensors_and_rotors_are_struck_by_the_clock() {
 }
 
 #[test]
-fn a_process_that_is_back_before_a_message_is_missing_was_detected_by_its_end() {
+fn a_process_replaced_before_a_message_is_missing_is_detected_by_its_exit() {
     let mut faults = Faults::new(&[Fault::new(FaultTarget::Mixer, FaultKind::Kill, 0.1, None)], 100);
     (0..40).for_each(|tick| faults.observe(&at(tick, Actuators::default()).into()));
     let event = |tick, node: &str, epoch, what| Event::new(tick, node, epoch, what);

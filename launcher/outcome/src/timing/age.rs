@@ -16,9 +16,9 @@ pub struct Age {
     /// One value for every slot since the first command.
     pub per_slot: Histogram<u64>,
     period_ns: u64,
-    /// The newest sample seen, and the number of its message.
+    /// Tick of the newest sample seen, and the sequence number of its message.
     newest: Option<(u64, u64)>,
-    /// The command in force up to it, 0 for none, and its age then \[ns\].
+    /// Sequence number of the command in force up to that sample, 0 for none, and its age then \[ns\].
     in_force: (u64, u64),
 }
 
@@ -27,11 +27,11 @@ impl Age {
         Self { per_command: histogram(), per_slot: histogram(), period_ns, newest: None, in_force: (0, 0) }
     }
 
-    /// Takes a sample in; the age \[ns\] in each slot up to it, oldest first. A slot before the first command has none.
+    /// Takes in a sample; returns the age \[ns\] in each slot up to it, oldest first, but for slots before any command.
     ///
-    /// After a stall of the plant the slot in which a command took effect follows from its age, as if it descended from
-    /// the sample before the stall. One from an older sample took effect earlier than that: the age errs upwards. Slots
-    /// whose samples were not seen have none.
+    /// After a stall of the plant, the slot in which a command took effect is computed from its age, as if it came from
+    /// the sample before the stall. A command from an older sample took effect earlier, so the age errs upwards. Slots
+    /// whose samples were not seen have no age.
     pub fn observe(&mut self, state: &State) -> Vec<u64> {
         let applied = (state.applied_sequence, state.applied_age_ns);
         let is_new = applied.0 != self.in_force.0 && applied.0 > 0;

@@ -30,7 +30,7 @@
 //! |---|---|
 //! | `node` | one node's cycles: histograms and counts |
 //! | `age` | the age at the actuator, per command and per slot |
-//! | `worst` | the worst ticks of a flight, and the rules that say what made them late |
+//! | `worst` | the worst ticks of a flight, and the rules for their causes |
 
 mod age;
 mod node;
@@ -72,7 +72,7 @@ pub struct Timing {
     pub age: Age,
     /// The newest command: tick, number, response \[ns\].
     command: (u64, u64, u64),
-    /// Only in real time is a tick late.
+    /// Worst ticks; `None` except in real time, because no tick is late otherwise.
     worst: Option<WorstTicks>,
 }
 
@@ -87,7 +87,7 @@ impl Timing {
         }
     }
 
-    /// Takes one message in that counts, with the stamp `before` it of the same process ([`flight::log::Count`]).
+    /// Takes in a message that [`flight::log::Count`] counts, with the stamp `before` it of the same process.
     pub fn observe(&mut self, record: &Record, before: &Stamp) {
         let (own, stamp) = (record.topic() as usize, record.stamp());
         let mut cycle = self.nodes[own].observe(stamp, before);
@@ -118,12 +118,12 @@ impl Timing {
         percentiles(&self.age.per_command)
     }
 
-    /// Deadlines missed so far, all nodes.
+    /// Number of deadlines missed so far by all nodes.
     pub fn misses(&self) -> u64 {
         self.nodes.iter().fold(0, |sum, node| sum.saturating_add(node.counts.misses))
     }
 
-    /// The `timing` table of run.json of a flight in which this `happened`.
+    /// Returns the `timing` table of run.json; `happened` explains the worst ticks.
     pub fn to_json(&self, happened: &Happenings) -> Value {
         let of_nodes = |figure: fn(&NodeTiming) -> Value| -> Map<_, _> {
             NODES.iter().zip(&self.nodes).map(|(name, node)| ((*name).into(), figure(node))).collect()
@@ -139,7 +139,7 @@ impl Timing {
         })
     }
 
-    /// For people: a line per node, the age and the worst tick, indented as the rest of the summary.
+    /// Text for people: a line per node, the age and the worst tick, indented as the rest of the summary.
     pub fn describe(&self, happened: &Happenings) -> String {
         use std::fmt::Write;
         let mut text = String::new();

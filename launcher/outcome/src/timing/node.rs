@@ -11,10 +11,10 @@ use serde_json::{Value, json};
 
 use crate::percentiles::{histogram, percentiles};
 
-/// A stall is recorded for at most so many slots: a damaged stamp must not decide how long that takes.
+/// Largest number of slots recorded for a stall: a damaged stamp must not decide how long that takes.
 pub const LONGEST_STALL_SLOTS: u64 = 100_000;
 
-/// One cycle of a node, as its message tells it. Times are `CLOCK_MONOTONIC` nanoseconds.
+/// One cycle of a node, told by its message. Times are `CLOCK_MONOTONIC` nanoseconds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Cycle {
     pub release_ns: u64,
@@ -29,7 +29,7 @@ pub struct Cycle {
     /// Periods just before this one without a message of the node: those two, or all since the last message of the
     /// process before this one, where it replaces another. At most [`LONGEST_STALL_SLOTS`].
     pub silent: u64,
-    /// CPU time of its thread; it travels with the node's next message, so that is when it is known.
+    /// CPU time of its thread; the node's next message carries it, so `None` until that one is seen.
     pub cpu_ns: Option<u64>,
     /// CPU time of the cycle before this one, if that is known.
     pub cpu_before_ns: Option<u64>,
@@ -69,13 +69,13 @@ pub struct Counts {
     slips: u64,
     pub misses: u64,
     pub longest_run_of_misses: u64,
-    /// The run that goes on.
+    /// Length of the present run of misses.
     #[serde(skip)]
     run: u64,
 }
 
 impl Counts {
-    /// Slips and messages withheld come before the cycle, so a cycle in time ends the run they belong to.
+    /// Adds a cycle. Slips and withheld messages come before it, so a cycle in time ends the run that they belong to.
     fn add(&mut self, cycle: &Cycle, misses: u64, late: bool) {
         // A damaged stamp may hold any count.
         let add = |sum: &mut u64, count| *sum = sum.saturating_add(count);
@@ -143,7 +143,7 @@ impl NodeTiming {
             withheld,
             silent: slips.saturating_add(withheld).max(vacant).min(LONGEST_STALL_SLOTS),
             cpu_ns: None,
-            // That of the first cycle is that of the whole start-up, and one on standby is no cycle of the flight.
+            // The CPU time of a first cycle includes the start-up, and a cycle on standby is none of the flight.
             cpu_before_ns: (follows && before.sequence > 1 && !before.is_standby()).then_some(stamp.cpu_ns),
             solve_ns: 0,
         };

@@ -1,5 +1,5 @@
-//! Every definition, with stamps made by hand. A period is 10 ms, and so is every deadline; times are in us from the
-//! first sample.
+//! Tests of every definition, with stamps made by hand. A period is 10 ms, and so is every deadline; times are in us
+//! from the first sample.
 
 use contract::Topic;
 use contract::message::{Actuators, Controls, Message, Reference, Stamp, State};
@@ -15,7 +15,7 @@ const PERIOD_US: u64 = 10_000;
 /// Monotonic clock at the first sample \[us\].
 const EPOCH_US: u64 = 5_000_000;
 
-/// A ring whose stamps are written by a fake clock: 100 us of execution per node, 20 us per wake-up.
+/// Ring whose stamps are written by a fake clock: 100 us of execution per node, 20 us per wake-up.
 struct Ring {
     timing: Timing,
     count: Count,
@@ -43,14 +43,14 @@ impl Ring {
         Self { timing, count, now_us: 0, last, applied: (0, 0), cpu_us: 90, solve_us: 80, happened }
     }
 
-    /// After so many ticks in time.
+    /// Makes a ring that has flown `ticks` ticks in time.
     fn after(ticks: u64) -> Self {
         let mut ring = Self::new(Mode::Realtime);
         (0..ticks).for_each(|tick| ring.turn(tick, IN_TIME));
         ring
     }
 
-    /// A tick with nothing unusual, but for what `delay` adds to each node's (wake-up, execution) \[us\].
+    /// Flies a tick with nothing unusual, except that `delay` is added to each node's (wake-up, execution) \[us\].
     fn turn(&mut self, tick: u64, delay: [(u64, u64); 4]) {
         self.now_us = tick * PERIOD_US;
         for (topic, (wake, execution)) in Topic::ALL.into_iter().zip(delay) {
@@ -59,7 +59,7 @@ impl Ring {
         self.applied = (self.last[3].sequence, (self.now_us - tick * PERIOD_US) * US);
     }
 
-    /// One cycle: due now, begun after `wake_us`, sent `execution_us` later, `slips` periods skipped before it.
+    /// Makes one cycle: due now, begun after `wake_us`, sent `execution_us` later, `slips` periods skipped before it.
     fn cycle(&mut self, topic: Topic, tick: u64, wake_us: u64, execution_us: u64, slips: u64) {
         let last = self.last[topic as usize];
         let release_us = self.now_us;
@@ -103,7 +103,7 @@ impl Ring {
         }
     }
 
-    /// The ring goes on at `tick`, so long after its sample, with one cycle of each of these nodes.
+    /// Goes on at `tick`, `after_us` after its sample, with one cycle of each of these nodes.
     fn go_on(&mut self, tick: u64, after_us: u64, topics: &[Topic], slips: u64) {
         self.now_us = tick * PERIOD_US + after_us;
         for topic in topics {
@@ -122,7 +122,7 @@ impl Ring {
         paths.map(|path| self.at(&format!("/nodes/{node}/{path}")).as_u64().unwrap())
     }
 
-    /// A time is known to three digits.
+    /// Checks a time to three digits.
     fn near(&self, path: &str, us: f64) {
         let value = self.at(path).as_f64().unwrap();
         assert!((value - us).abs() <= 1e-3 * us, "{path}: {value}, not {us}");
@@ -167,7 +167,7 @@ fn a_clock_that_is_off_is_flagged_and_not_measured() {
     let mut stamp = Stamp { sequence: ring.last[2].sequence + 1, ..state };
     stamp.publish_ns[Topic::Controls as usize] = state.publish_ns[Topic::State as usize] - 1_000 * US;
     ring.send(Topic::Controls, stamp);
-    // And the mixer that its command of tick 1 was sent 2 ms later than the plant says it came.
+    // The mixer says that its command of tick 2 was sent 2 ms later than the plant says it came.
     let mut stamp = Stamp { tick: 2, sequence: ring.last[3].sequence + 1, ..ring.last[3] };
     ring.applied = (stamp.sequence, 400 * US);
     stamp.sample_ns += PERIOD_US * US;
@@ -303,7 +303,7 @@ fn misses_of_a_standby_are_no_misses_of_the_flight() {
     assert_eq!(ring.counts("mixer", ["slips", "misses"]), [2, 2], "counters begin anew with another epoch");
 }
 
-/// Twenty ticks in time, then number 20 with `delay`, then one in time whose stamps tell the CPU time of that.
+/// Flies twenty ticks in time, tick 20 with `delay`, and one more in time, whose stamps tell the CPU time of tick 20.
 fn late_tick(delay: [(u64, u64); 4], cpu_us: u64, solve_us: u64) -> Ring {
     let mut ring = Ring { solve_us, ..Ring::after(20) };
     ring.turn(20, delay);
@@ -347,7 +347,7 @@ fn a_node_still_at_work_is_late_for_its_next_input() {
 }
 
 #[test]
-fn the_cpu_time_before_a_message_that_was_not_seen_is_not_known() {
+fn the_cpu_time_of_a_cycle_is_unknown_if_the_next_message_was_not_seen() {
     let mut ring = Ring::after(22);
     ring.turn(22, MIXER_EXECUTION);
     ring.last[3].sequence += 1; // the next message seen tells the CPU time of the one that was not
@@ -356,7 +356,7 @@ fn the_cpu_time_before_a_message_that_was_not_seen_is_not_known() {
 }
 
 #[test]
-fn the_ten_worst_outlive_a_long_flight_and_a_late_answer_finds_its_tick() {
+fn the_ten_worst_ticks_are_kept_in_a_long_flight_and_a_late_answer_finds_its_tick() {
     let mut ring = Ring::after(0);
     for tick in 0..9_000 {
         let delay = if tick % 500 == 7 { 1_000 + tick / 10 } else { 0 };
@@ -395,7 +395,7 @@ fn the_terminal_shows_every_node_both_ages_and_the_worst_tick() {
     }
 }
 
-/// The worst tick is as late as the largest `response_per_slot` of all nodes.
+/// Checks that the worst tick is as late as the largest `response_per_slot` of all nodes.
 fn check_longest_slot(ring: &Ring) {
     let longest = NODES.map(|node| ring.at(&format!("/nodes/{node}/response_per_slot/max_us")).as_f64().unwrap());
     ring.near("/worst_ticks/0/late_us", longest.into_iter().fold(0.0, f64::max));
@@ -410,7 +410,7 @@ fn a_stall_of_the_host_that_all_nodes_sleep_through_is_one_stall() {
     check_longest_slot(&ring);
 }
 
-/// A mixer that dies after tick 20, and whose next process answers tick 25 first.
+/// Ring whose mixer dies after tick 21; its next process answers tick 25 first.
 fn replaced(faults: &Value, events: &Value) -> Ring {
     let mut ring = Ring { happened: Happenings::new(faults, events), ..Ring::after(22) };
     for tick in 22..25 {
@@ -452,7 +452,7 @@ fn faults_deaths_and_replacements_are_told_before_the_host() {
 }
 
 #[test]
-fn the_slots_of_a_dead_process_waited_for_the_next_one() {
+fn the_slots_of_a_dead_process_wait_for_its_replacement() {
     let died = json!([{ "at_s": 0.22, "node": "mixer", "epoch": 1, "what": "died" }]);
     let ring = replaced(&Value::Null, &died);
     assert_eq!(ring.worst(["tick", "late_us", "nodes/mixer/slips", "nodes/mixer/silent"]), ["25", "30120.0", "0", "3"]);
@@ -463,10 +463,10 @@ fn the_slots_of_a_dead_process_waited_for_the_next_one() {
 }
 
 #[test]
-fn an_input_that_does_not_come_is_waited_for() {
+fn an_input_that_does_not_come_makes_its_tick_the_worst() {
     let mut ring = Ring::after(22);
     ring.go_on(22, 0, &[Topic::State, Topic::Reference, Topic::Controls], 0);
-    ring.go_on(22, 8_000, &[Topic::Actuators], 0); // its patience: the demand was lost on the way
+    ring.go_on(22, 8_000, &[Topic::Actuators], 0); // the end of its wait: the demand was lost on the way
     let words = "mixer: wait for its input of 7.64 ms: its input did not come";
     assert_eq!(ring.worst(["tick", "cause", "in_words"]), ["22", "its input did not come", words]);
 }

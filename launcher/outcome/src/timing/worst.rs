@@ -1,27 +1,27 @@
-//! The worst ticks of a flight: how late each was, as [`super`] defines it, and what made it late.
+//! The worst ticks of a flight: how late each was, as [`super`] defines it, and why.
 //!
-//! A stall is charged to the tick that ended it; the ticks it swallowed are no entries of their own.
+//! A stall is charged to the tick that ended it; the ticks it covered are no entries of their own.
 //!
 //! The part of a tick that made it late is the one that took longest against the same part's median in this flight. The
 //! parts of a chain add up to its response: each node's wait for an input that did not come, its wake-up (with the
 //! slots it was silent before) and its execution. A node whose input came late is late through no part of its own, so
 //! the part named is where the delay arose.
 //!
-//! What is known ([`crate::happenings`]) comes before what is inferred. The first rule that applies is told:
+//! Known causes ([`crate::happenings`]) come before inferred ones. The first rule that applies is told:
 //!
-//! | the part | and, from the stall before the tick to its last answer | likely cause |
+//! | part | condition, between the stall before the tick and its last answer | likely cause |
 //! |---|---|---|
 //! | any | a node was without a process | it died or hung |
 //! | any | within twice its median | nothing stands out |
 //! | any | a fault acted that can delay the node | the fault |
-//! | any | something happened to a process: death, start, swap | that |
+//! | any | a process died, started or was swapped | that event |
 //! | input | | its input did not come |
 //! | wake-up | the deadline's policy kept messages back before it | withheld for being late |
 //! | wake-up | the node was still at the cycle before when this one was due | the cycle before |
-//! | wake-up | the node was asleep, using no CPU | not scheduled: preempted, stopped, or the host took the CPU |
-//! | execution | the thread worked less than half of it | preempted while it ran, or waiting |
-//! | execution | the thread worked, more than half of it inside the solver | the solver |
-//! | execution | the thread worked | its own work |
+//! | wake-up | none of these: the node slept, using no CPU | not scheduled: preempted, stopped, or the host took the CPU |
+//! | execution | the thread used the CPU for less than half of it | preempted while it ran, or waiting |
+//! | execution | the thread used the CPU, more than half of it inside the solver | the solver |
+//! | execution | the thread used the CPU | its own work |
 //! | execution | no message followed that tells the CPU time | not known |
 
 use contract::topic::NODES;
@@ -49,7 +49,7 @@ impl WorstTicks {
         Self { ticks: Ticks::new(scenario), newest: [0; Topic::COUNT] }
     }
 
-    /// Takes one message in, with what its stamp says of the cycle.
+    /// Takes in a message, with the cycle that its stamp tells.
     pub fn observe(&mut self, record: &Record, cycle: Cycle) {
         let own = record.topic() as usize;
         let before = std::mem::replace(&mut self.newest[own], record.stamp().tick);
@@ -67,7 +67,7 @@ impl WorstTicks {
         }
     }
 
-    /// The worst ticks, the worst first, each with what made it late; `usual` holds every node's median wake-up and
+    /// Returns the worst ticks, the worst first, each with its cause; `usual` holds every node's median wake-up and
     /// execution \[ns\].
     pub fn explained(&self, usual: &[[u64; 2]; Topic::COUNT], happened: &Happenings) -> Vec<WorstTick> {
         worst_of(self.ticks.by_number.values()).iter().filter_map(|tick| tick.explained(usual, happened)).collect()
@@ -81,7 +81,7 @@ fn worst_of<'a>(ticks: impl Iterator<Item = &'a TimedTick>) -> Vec<TimedTick> {
     ticks
 }
 
-/// The parts of a tick besides the wake-up, which has another name for the plant.
+/// Parts of a tick besides the wake-up, whose name depends on the node.
 pub const INPUT: &str = "wait for its input";
 pub const EXECUTION: &str = "execution";
 
@@ -98,10 +98,10 @@ pub struct WorstTick {
     /// Likely cause, by the rules above.
     pub cause: &'static str,
     pub in_words: String,
-    /// The faults, absences and events that the cause stands for, and what else is known of that time.
+    /// Faults, absences and events of that time, if the cause is one of them; else empty.
     known: Vec<String>,
     pub position_error_m: Option<f64>,
-    /// The cycle of each node; times count from the sample.
+    /// Cycle of each node; times count from the sample.
     nodes: Map<String, Value>,
 }
 
@@ -125,7 +125,7 @@ impl TimedTick {
         [self.number.saturating_sub(before) as f64 * period_s, self.time_s() + answered_ns as f64 / 1e9]
     }
 
-    /// Finds the part that made it late, and its cause.
+    /// Finds the part that made the tick late, and its cause; `None` for a tick without cycles.
     fn explained(&self, usual: &[[u64; 2]; Topic::COUNT], happened: &Happenings) -> Option<WorstTick> {
         let parts = Topic::ALL.into_iter().filter_map(|topic| {
             let cycle = self.of[topic as usize].as_ref()?;
@@ -181,7 +181,7 @@ impl TimedTick {
         })
     }
 
-    /// A cycle of it in run.json.
+    /// A cycle of the tick, as in run.json.
     fn cycle(&self, cycle: &Cycle) -> Value {
         let from_sample = |ns: u64| ns.saturating_sub(self.sample_ns) as f64 / 1e3;
         json!({
@@ -196,7 +196,7 @@ impl TimedTick {
     }
 }
 
-/// The cause by the rules for the part.
+/// Infers the cause by the rules for the part.
 fn infer(cycle: &Cycle, part: &str, topic: Topic) -> &'static str {
     let half_ns = cycle.execution_ns() / 2;
     match (part, cycle.cpu_ns) {

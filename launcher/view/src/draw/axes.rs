@@ -3,7 +3,7 @@
 use super::charts::marks;
 use super::{Svg, escape};
 
-/// Size of the plots, and where their axes end \[px\].
+/// Size of the plots, and ends of their axes \[px\].
 pub(super) const WIDTH: f64 = 420.0;
 pub(super) const HEIGHT: f64 = 206.0;
 pub(super) const LEFT: f64 = 48.0;
@@ -13,7 +13,7 @@ pub(super) const BOTTOM: f64 = HEIGHT - 36.0;
 /// Width of a letter of an axis \[px\].
 pub(super) const LETTER: f64 = 6.2;
 
-/// Letters of a word of an axis.
+/// Largest number of letters of a label.
 const LONGEST: usize = 32;
 
 /// An axis of entries side by side, each 1 wide: single values, or parts of a range.
@@ -22,18 +22,18 @@ pub struct Axis {
     /// Quantity of the axis, with its unit.
     pub title: String,
     pub entries: Vec<String>,
-    /// Words below the axis, and where they stand.
+    /// Places and texts of the labels below the axis.
     pub ticks: Vec<(f64, String)>,
 }
 
 impl Axis {
-    /// An entry for each value.
+    /// Makes an axis with an entry for each value.
     pub fn of_values(title: &str, entries: Vec<String>) -> Self {
         let ticks = entries.iter().enumerate().map(|(i, entry)| (i as f64 + 0.5, clipped(entry))).collect();
         Self { title: title.to_owned(), entries, ticks }
     }
 
-    /// An entry between every two edges.
+    /// Makes an axis with an entry between every two edges.
     pub fn of_parts(title: &str, edges: &[String]) -> Self {
         let entries = edges.windows(2).map(|ends| format!("{} to {}", ends[0], ends[1])).collect();
         let ticks = edges.iter().enumerate().map(|(i, edge)| (i as f64, edge.clone())).collect();
@@ -45,7 +45,7 @@ impl Axis {
         (self.longest() as f64 + 1.0) * LETTER <= self.slot()
     }
 
-    /// Letters of the longest word.
+    /// Letters of the longest label.
     pub(super) fn longest(&self) -> usize {
         self.ticks.iter().map(|(_, word)| word.chars().count()).max().unwrap_or(0)
     }
@@ -60,7 +60,7 @@ impl Axis {
         LEFT + self.slot() * place
     }
 
-    /// The axis below a plot of values, as many words as find room, and the title of the values above.
+    /// Draws the axis below a plot with as many labels as have room, and the title `values` above the plot.
     pub(super) fn draw(&self, svg: &mut Svg, values: &str) {
         svg.text(4.0, 12.0, "tick", &escape(values));
         let every = ((self.longest() as f64 + 1.0) * LETTER / self.slot()).ceil().max(1.0) as usize;
@@ -72,7 +72,7 @@ impl Axis {
     }
 }
 
-/// A word of an axis, no longer than there is room for.
+/// Shortens a label to [`LONGEST`] letters.
 fn clipped(word: &str) -> String {
     if word.chars().count() <= LONGEST {
         return word.to_owned();
@@ -80,7 +80,7 @@ fn clipped(word: &str) -> String {
     word.chars().take(LONGEST - 1).chain(['…']).collect()
 }
 
-/// The scale of values above 0: linear, or logarithmic where they span a decade.
+/// Scale of values above 0: linear, or logarithmic if they span a decade.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Scale {
     is_log: bool,
@@ -126,7 +126,7 @@ impl Scale {
     }
 }
 
-/// A line of the grid from left to right, and its word.
+/// Draws a horizontal line of the grid, and its label.
 pub(super) fn grid(svg: &mut Svg, [from, to]: [f64; 2], y: f64, word: &str) {
     svg.add(format_args!("<path d=\"M{from} {y:.1}H{to}\" style=\"stroke:var(--grid)\"/>"));
     svg.text(from - 4.0, y + 4.0, "tick end", word);

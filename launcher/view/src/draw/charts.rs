@@ -21,7 +21,7 @@ pub struct Bars {
     pub deadline_ns: Option<u64>,
 }
 
-/// Histograms under their names, all on one logarithmic axis of time that reaches to `at_least_ns`.
+/// Draws histograms under their names, on one logarithmic axis of time that reaches at least to `at_least_ns`.
 pub fn histograms(groups: &[(&str, Vec<Bars>)], at_least_ns: u64) -> String {
     let values = || groups.iter().flat_map(|(_, all)| all).map(|bars| &bars.histogram).filter(|h| !h.is_empty());
     let low_ns = values().map(Histogram::min).min().unwrap_or(1).max(100);
@@ -78,13 +78,13 @@ fn draw(name: &str, bars: &Bars, [low, high]: [i32; 2]) -> String {
     format!("<div class=\"histogram\"><p>{caption} <small>{figures} µs</small></p>{}</div>", svg.finish())
 }
 
-/// A histogram knows three digits.
+/// Formats a time \[us\] with a decimal below 10 only, because a histogram has three digits.
 fn number_us(us: f64) -> String {
     let decimals = usize::from(us < 10.0);
     format!("{us:.decimals$}")
 }
 
-/// A power of ten of nanoseconds; the unit where it begins, and bare tens and hundreds of it.
+/// Label of a power of ten of nanoseconds: with the unit at 1 ns, 1 µs, 1 ms and 1 s, else 10 or 100.
 fn decade_words(decade: i32) -> String {
     match decade {
         0 => "1 ns".into(),
@@ -102,10 +102,10 @@ const MARGIN_PX: f64 = 44.0;
 const OUTLINE_DECADES: [i32; 2] = [3, 8];
 const BINS: i32 = 20;
 const SHARES: i32 = 4;
-/// In the order of the lines: the colours of [`super::STYLE`], and two more that stay apart from them.
+/// Colours of lines, in their order: those of [`super::STYLE`], and two more that differ from them.
 pub const COLOURS: [&str; 6] = ["var(--blue)", "var(--orange)", "var(--green)", "#cc79a7", "#8f7700", "var(--muted)"];
 
-/// Several histograms \[ns\] in one picture with a legend: the share of the values in each bin, both axes logarithmic.
+/// Draws several histograms \[ns\] in one picture with a legend: share of the values per bin, both axes logarithmic.
 pub fn outlines(series: &[(&str, Histogram<u64>)]) -> String {
     let [width, height] = OUTLINES_PX;
     let [first, last] = OUTLINE_DECADES;
@@ -143,7 +143,7 @@ pub fn outlines(series: &[(&str, Histogram<u64>)]) -> String {
     for ((name, histogram), colour) in series.iter().zip(COLOURS.iter().cycle()) {
         let mut outline = format!("M{MARGIN_PX} {:.1}", y(0.0));
         for bin in bins.clone() {
-            // What lies beyond an end of the axis counts to its last bin.
+            // Values beyond an end of the axis count in its last bin.
             let from_ns = if bin == bins.start { 0 } else { edge_ns(bin) };
             let to_ns = if bin + 1 == bins.end { u64::MAX } else { edge_ns(bin + 1) - 1 };
             let share = histogram.count_between(from_ns, to_ns) as f64 / histogram.len().max(1) as f64;
@@ -169,7 +169,7 @@ pub struct Lane {
     pub at_fault: [bool; 2],
 }
 
-/// Lanes over one axis of time \[ms\] that has 0 in it; nothing when none of them runs.
+/// Draws lanes over one axis of time \[ms\] that contains 0; empty if no lane runs.
 pub fn time_line(lanes: &[Lane]) -> String {
     let from = lanes.iter().map(|lane| lane.waits[0]).fold(0.0, f64::min);
     let to = lanes.iter().map(|lane| lane.runs[1]).fold(0.0, f64::max);
@@ -236,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn an_outline_counts_what_lies_beyond_the_axis() {
+    fn an_outline_counts_values_beyond_the_axis() {
         let outline = |times: Vec<u64>| outlines(&[("s", recorded(times))]);
         let all_in_the_first_bin = outline(vec![10, 20]);
         assert!(all_in_the_first_bin.contains("d=\"M44 216.0V0.0H"), "{all_in_the_first_bin}");

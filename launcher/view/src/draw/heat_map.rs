@@ -36,14 +36,14 @@ pub struct HeatMap {
 pub struct HeatCell {
     pub column: f64,
     pub row: f64,
-    /// `None` is hatched.
+    /// Value that sets the colour; `None` is hatched.
     pub value: Option<f64>,
     pub label: String,
     pub title: String,
 }
 
 impl HeatMap {
-    /// The map of `cells`. Entries of the axes rise. `point` lies at a row, and spans two columns.
+    /// Draws the map of `cells`. Entries of the axes ascend. `point` is a row, and the two columns that it spans.
     pub fn draw(
         &self,
         title: &str,
@@ -83,7 +83,7 @@ impl HeatMap {
         svg.finish()
     }
 
-    /// The scale of colours with these `ticks`, and what hatching means.
+    /// Draws the scale of colours with these `ticks`, and the meaning of the hatching.
     pub fn legend(&self, ticks: &[f64], unit: &str, hatched: &str) -> String {
         const STEPS: usize = 60;
         let (left, width) = (24.0, 300.0);
@@ -101,7 +101,7 @@ impl HeatMap {
         }
         svg.add("<g class=\"lost\"><rect x=\"364\" y=\"4\" width=\"46\" height=\"16\"/></g>");
         svg.text(418.0, 17.0, "tick", hatched);
-        // The hatching stands here once, for every map of the page.
+        // The hatching is defined here once, for every map of the page.
         svg.add(
             "<defs><pattern id=\"hatch\" width=\"7\" height=\"7\" patternUnits=\"userSpaceOnUse\" \
              patternTransform=\"rotate(45)\"><rect class=\"hatch-ground\" width=\"7\" height=\"7\"/>\

@@ -22,7 +22,7 @@ pub fn escape(text: &str) -> String {
     safe
 }
 
-/// A number with so many decimals, or the dash.
+/// Formats a number with `decimals` decimals, from 1e7 on with an exponent; the dash if it is no number.
 pub fn number(value: &Value, decimals: usize) -> String {
     match value.as_f64() {
         Some(x) if x.abs() >= 1e7 => format!("{x:.2e}"),
@@ -31,7 +31,7 @@ pub fn number(value: &Value, decimals: usize) -> String {
     }
 }
 
-/// Any value for people, escaped: strings as they are, objects as names and values; nothing is the dash.
+/// Formats any value for people, escaped: strings as they are, objects as names and values, null as the dash.
 pub fn any(value: &Value) -> String {
     match value {
         Value::Null => DASH.into(),
@@ -47,7 +47,7 @@ pub fn any(value: &Value) -> String {
     }
 }
 
-/// Nested objects as (dotted name, value), in their own order; an object of plain values stays in one piece.
+/// Appends nested objects to `out` as (dotted name, value), in their own order; an object of plain values is one entry.
 pub fn leaves<'a>(prefix: &str, value: &'a Value, out: &mut Vec<(String, &'a Value)>) {
     match value {
         Value::Object(fields) if prefix.is_empty() || fields.values().any(Value::is_object) => {
@@ -60,7 +60,7 @@ pub fn leaves<'a>(prefix: &str, value: &'a Value, out: &mut Vec<(String, &'a Val
     }
 }
 
-/// A table; where the page is narrow, its rows become blocks of headings and values. Headings are text; cells are HTML
+/// Makes a table; on a narrow page its rows become blocks of headings and values. Headings are text; cells are HTML
 /// already.
 pub fn table(headings: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> String {
     let mut html = String::from("<div class=\"table\"><table><thead><tr>");
@@ -80,7 +80,7 @@ pub fn table(headings: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> 
     html
 }
 
-/// Names beside values; both are HTML already.
+/// Makes a list of names beside values; both are HTML already.
 pub fn list(items: impl IntoIterator<Item = (String, String)>) -> String {
     let mut html = String::from("<dl>");
     for (name, value) in items {
@@ -90,12 +90,12 @@ pub fn list(items: impl IntoIterator<Item = (String, String)>) -> String {
     html
 }
 
-/// A verdict with its own style; the style adds a sign, so that colour is never the only one.
+/// Makes a verdict with a style of its own; the style adds a sign, so that no verdict is told by colour alone.
 pub fn verdict(word: &str) -> String {
     format!("<span class=\"verdict {}\">{word}</span>", word.replace(' ', "-"))
 }
 
-/// A whole page. The title is text; the body is HTML already.
+/// Makes a whole page. The title is text; the body is HTML already.
 pub fn page(title: &str, style: &str, body: &str) -> String {
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\

@@ -11,7 +11,7 @@ use crate::thinning::extremes;
 const PICTURE_PX: [f64; 2] = [860.0, 260.0];
 const LEFT_PX: f64 = 64.0;
 const BELOW_PX: f64 = 40.0;
-/// Grid lines on an axis, about.
+/// Approximate number of grid lines on an axis.
 const GRID: f64 = 5.0;
 /// Styles of the curves that have the colours first, and of those that have them again.
 const DASHES: [&str; 2] = ["none", "6 4"];
@@ -103,7 +103,7 @@ fn drawn(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     extremes.flat_map(|two| two.map_or([(f64::NAN, f64::NAN); 2], |two| two.map(|point| *point))).collect()
 }
 
-/// Round numbers in a range, with their words.
+/// Round numbers in a range, with their labels.
 fn marks(low: f64, high: f64) -> Vec<(f64, String)> {
     let rough = (high - low) / GRID;
     let power = 10_f64.powf(rough.log10().floor());
@@ -120,7 +120,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_curve_is_drawn_and_what_is_not_finite_leaves_a_gap() {
+    fn every_curve_is_drawn_and_values_that_are_not_finite_leave_a_gap() {
         let line = |name, points: &[(f64, f64)]| Line { name, points: points.to_vec() };
         let html =
             lines(&[line("a", &[(0.0, 0.0), (1.0, f64::NAN), (2.0, 3.0)]), line("<b>", &[(0.0, 1.0)])], "t", "y");

@@ -23,7 +23,7 @@ pub use share_map::{MapCell, map};
 /// The style of the report, which other pages may use.
 pub const STYLE: &str = include_str!("../../assets/report/report.css");
 
-/// One picture in the making. Lengths are px, or percentages of the picture's width: then it takes any width.
+/// SVG picture under construction. Lengths are px, or percentages of the picture's width, which then may be any.
 struct Svg(String);
 
 impl Svg {
@@ -31,7 +31,7 @@ impl Svg {
         Self(format!("<svg {attributes} role=\"img\" aria-label=\"{label}\">"))
     }
 
-    /// A picture that knows its size.
+    /// Begins a picture of fixed size \[px\].
     fn sized(width: f64, height: f64, label: &str) -> Self {
         Self::new(&format!("viewBox=\"0 0 {width} {height}\" width=\"{width}\" height=\"{height}\""), label)
     }
@@ -46,7 +46,7 @@ impl Svg {
         ));
     }
 
-    /// A word under the axis, inside the picture at its edges.
+    /// Adds a label under the axis, kept inside the picture at its edges.
     fn tick(&mut self, percent: f64, y: f64, word: &str) {
         let anchor = match percent {
             x if x < 4.0 => "start",

@@ -16,14 +16,14 @@ pub struct Share {
 }
 
 impl Share {
-    /// `95.0 % (90.1 to 98.2 %)`; `95.0 %` where the interval is a point.
+    /// Formats the share as `95.0 % (90.1 to 98.2 %)`, or as `95.0 %` if the interval is a point.
     fn words(&self) -> String {
         let [share, low, high] = [self.share, self.low, self.high].map(|share| 100.0 * share);
         if low == high { format!("{share:.1} %") } else { format!("{share:.1} % ({low:.1} to {high:.1} %)") }
     }
 }
 
-/// Shares over an axis, a colour for each series; an entry may lack a share.
+/// Draws shares over an axis, in a colour for each series; an entry may lack a share.
 pub fn shares(title: &str, axis: &Axis, series: &[(&str, Vec<Option<Share>>)]) -> String {
     let mut svg = Svg::sized(WIDTH, HEIGHT, &escape(&format!("{title} over {}", axis.title)));
     let y = |share: f64| BOTTOM - (BOTTOM - TOP) * share;
@@ -51,7 +51,7 @@ pub fn shares(title: &str, axis: &Axis, series: &[(&str, Vec<Option<Share>>)]) -
     svg.finish()
 }
 
-/// A share with its interval on a line from 0 to 1, for the cell of a table.
+/// Draws a share with its interval on a line from 0 to 1, for the cell of a table.
 pub fn interval(share: &Share) -> String {
     let (width, y) = (180.0, 8.0);
     let x = |share: f64| 4.0 + (width - 8.0) * share;
@@ -65,7 +65,7 @@ pub fn interval(share: &Share) -> String {
     svg.finish()
 }
 
-/// The names of series in their colours.
+/// Makes a legend: the names of series in their colours.
 pub fn legend(names: &[&str]) -> String {
     let one = |(name, colour): (&&str, &&str)| {
         format!("<span style=\"color:{colour}\">&#9632;</span> {} &nbsp; ", escape(name))
@@ -110,7 +110,7 @@ pub fn dots(title: &str, axis: &Axis, limit: Option<f64>, series: &[Dots]) -> St
         grid(&mut svg, [LEFT, RIGHT], y(mark), &short(mark));
     }
     axis.draw(&mut svg, title);
-    // Beside boxes each series has a part of the entry: the box at its left, the dots at its right.
+    // Beside boxes each series has a part of the entry's width: the box at its left, the dots at its right.
     let part = 0.84 / series.len().max(1) as f64;
     let left = |n: usize, entry: f64| entry + 0.08 + part * n as f64;
     for (n, (dots, colour)) in series.iter().zip(COLOURS.iter().cycle()).enumerate() {
@@ -165,7 +165,7 @@ pub fn dots(title: &str, axis: &Axis, limit: Option<f64>, series: &[Dots]) -> St
 }
 
 impl Quartiles {
-    /// The box between two edges, its whiskers, and the thick line of the median.
+    /// Draws the box between two edges, its whiskers, and the thick line of the median.
     fn drawn(&self, [left, right]: [f64; 2], y: impl Fn(f64) -> f64) -> String {
         let ([low, high], [first, median, third]) = (self.reach.map(&y), self.quartiles.map(&y));
         let (middle, width, height) = (f64::midpoint(left, right), right - left, first - third);
@@ -224,7 +224,7 @@ pub fn courses(unit: &str, end_s: f64, lines: &[Course], shaded: &[[f64; 2]]) ->
     svg.finish()
 }
 
-/// The path through points \[px\].
+/// Path through points \[px\].
 fn polyline(points: impl Iterator<Item = (f64, f64)>) -> String {
     let mut path = String::new();
     for (x, y) in points {
@@ -234,7 +234,7 @@ fn polyline(points: impl Iterator<Item = (f64, f64)>) -> String {
     path
 }
 
-/// A number in few characters.
+/// Formats a number in few characters.
 pub fn short(value: f64) -> String {
     let decimals = match value.abs() {
         0.0 => 0,
@@ -251,7 +251,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_are_short_and_still_themselves() {
+    fn numbers_are_formatted_in_few_characters() {
         let cases = [
             (0.0, "0"),
             (1.25, "1.25"),
@@ -279,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn points_that_have_no_place_are_left_out_and_the_marked_are_crosses() {
+    fn points_without_a_place_are_left_out_and_marked_points_are_crosses() {
         let points = vec![(0.0, 1.0, false), (1.0, 2.0, true), (1.0, f64::NAN, false), (1.0, 0.0, false)];
         let line = Dots { points, middle: Middle::Line(vec![(0.0, 1.0), (2.0, 2.0)]) };
         let svg = dots("y", &axis(), Some(3.0), &[line]);

@@ -1,4 +1,4 @@
-//! Maps: a coloured cell with its words for every two entries of two axes.
+//! Maps: a coloured cell with its text for every pair of entries of two axes.
 
 use std::fmt::Write;
 
@@ -8,16 +8,16 @@ use super::{Svg, escape};
 
 /// Width and height of a cell \[px\].
 const CELL: (f64, f64) = (44.0, 34.0);
-/// Words of more letters below a cell are turned.
+/// Largest number of letters of a label below a cell that is not turned.
 const ACROSS: usize = 6;
 
 /// A cell of a map.
 #[derive(Debug, Clone)]
 pub struct MapCell {
-    /// On the scale of colours, 0 to 1.
+    /// Position on the scale of colours, 0 to 1.
     pub shade: f64,
     pub label: String,
-    /// Below the label.
+    /// Text below the label.
     pub note: String,
     pub title: String,
 }

@@ -10,28 +10,28 @@ use serde_json::Value;
 use crate::draw::{DASH, escape, number, table, verdict};
 use outcome::ticks::LoggedTick;
 
-/// The position error stays below this \[m\].
+/// Upper bound of the position error, exclusive \[m\].
 pub const POSITION_M: f64 = 0.7;
-/// The altitude error stays below this in horizontal flight \[m\].
+/// Upper bound of the altitude error in horizontal flight, exclusive \[m\].
 pub const ALTITUDE_HORIZONTAL_M: f64 = 0.1;
-/// The altitude error does not exceed this in vertical flight \[m\].
+/// Upper bound of the altitude error in vertical flight, inclusive \[m\].
 pub const ALTITUDE_VERTICAL_M: f64 = 0.2;
 /// Times between which the flight is horizontal \[s\].
 pub const HORIZONTAL_S: [f64; 2] = [10.0, 50.0];
 pub const DURATION_S: f64 = 60.0;
 
-/// One claim: what it is about, the paper's bound, and what this flight shows of it.
+/// One claim: its subject, the paper's bound, and what this flight shows of it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Claim {
     pub what: &'static str,
-    /// HTML.
+    /// Bound in the paper, as HTML.
     pub paper: &'static str,
     pub measured: String,
     /// `true` if it holds; `None` for another trajectory, an incomplete flight, or nothing measured.
     pub holds: Option<bool>,
 }
 
-/// The section of the page; empty where no claim applies.
+/// Returns the section of the page; empty if no claim applies.
 pub fn section(claims: &[Claim], run: &Value) -> String {
     if claims.iter().all(|claim| claim.holds.is_none()) {
         return String::new();
@@ -66,7 +66,7 @@ pub fn concerns(scenario: &Scenario) -> bool {
     *scenario == Scenario { name, run, bounds, realtime, deadline, supervision, ..paper }
 }
 
-/// A metric of the run, or nothing where its part of the flight was never flown.
+/// Returns a metric of the run; null if its part of the flight was never flown.
 pub fn metric<'a>(run: &'a Value, name: &str) -> &'a Value {
     if never_flown(run, name) { &Value::Null } else { &run["metrics"][name] }
 }
@@ -109,7 +109,7 @@ impl Reach {
         Self { state: None, low: f64::INFINITY, share: 0.0, tilt_rad: 0.0, limits }
     }
 
-    /// Takes the next tick in.
+    /// Takes in the next tick.
     pub fn observe(&mut self, tick: &LoggedTick) {
         if let Some(state) = &tick.of.state {
             let ([phi, theta, psi], [p, q, r]) = (state.actual.attitude_rad, state.actual.rates_radps);
@@ -157,7 +157,7 @@ pub fn judge(run: &Value, reach: &Reach, scenario: &Scenario) -> [Claim; 5] {
     ]
 }
 
-/// The true angles and rates must lie strictly inside.
+/// Claim on the states: the true angles and rates must lie strictly inside the limits.
 fn states(reach: &Reach, judged: bool, scenario: &Scenario) -> Claim {
     let kept = reach.state.map(|sizes| {
         let limits = scenario.mpc.attitude_limit_deg.iter().chain(&scenario.mpc.rates_limit_dps);
@@ -180,7 +180,7 @@ fn larger(a: f64, b: f64) -> f64 {
     if a > b || a.is_nan() { a } else { b }
 }
 
-/// Commands and positions both must lie strictly inside: a command at its limit is one that was clipped.
+/// Claim on the actuators: commands and positions must lie strictly inside; a command at its limit was clipped.
 fn actuators(reach: &Reach, judged: bool) -> Claim {
     let Reach { low, share, tilt_rad, limits, .. } = reach;
     let kept = *low > 0.0 && *share < 1.0 && *tilt_rad < limits.tilt_max_rad;

@@ -14,7 +14,7 @@ use crate::thinning::Thinned;
 use outcome::ticks::LoggedTick;
 use outcome::timing::Age;
 
-/// Quantities of a tick, where they are known.
+/// Returns quantities of a tick; `None` if they are unknown.
 type Quantities = fn(&LoggedTick) -> Option<Vec<f64>>;
 
 /// Every column by its name in the page's script, in groups that are known together. SI units and radians, NED and body
@@ -42,7 +42,7 @@ pub struct Columns {
     all: Vec<(&'static str, Thinned)>,
     age: Age,
     age_ms: Thinned,
-    /// Ticks since the newest state: what the age was in their slots is known with the next one.
+    /// Ticks since the newest state; the age in their slots is known with the next state.
     waiting: usize,
     first: u64,
     ticks: u64,
@@ -62,7 +62,7 @@ impl Columns {
         }
     }
 
-    /// Takes the next tick in.
+    /// Takes in the next tick.
     pub fn observe(&mut self, tick: &LoggedTick) {
         let mut columns = self.all.iter_mut();
         for (names, quantities) in COLUMNS {
@@ -133,7 +133,7 @@ fn lines(scenario: &Scenario) -> Value {
     let paper = |y: f64| claims::concerns(scenario).then_some((y, "paper"));
     let bound = |y: Option<f64>| y.filter(|y| y.is_finite()).map(|y| (y, "bound"));
     let error = [paper(claims::POSITION_M), bound(bounds.max_position_error_m)].into_iter().flatten();
-    // While the flight of the paper is horizontal, and before and after.
+    // Time in which the paper's flight is horizontal, and the times before and after.
     let [from, to] = claims::HORIZONTAL_S;
     let (horizontal, vertical) = (&[[Some(from), Some(to)]][..], &[[Some(0.0), Some(from)], [Some(to), None]][..]);
     let altitude = [

@@ -5,7 +5,7 @@ use contract::Scenario;
 use crate::draw::{escape, table};
 use crate::settings;
 
-/// The settings that differ, as a section. Faults and swaps stand in it one by one.
+/// Returns the section with the settings that differ. Faults and swaps are listed one by one.
 pub fn section(flown: &Scenario) -> String {
     let profile = format!("{:?}", flown.profile).to_lowercase();
     let rows = differences(flown);
@@ -35,7 +35,7 @@ mod tests {
     use contract::scenario::{Fault, FaultKind, FaultTarget, Profile, to_toml};
 
     #[test]
-    fn only_what_differs_is_told_with_its_default() {
+    fn only_settings_that_differ_are_told_with_their_default() {
         let mut flown = Scenario::from(Profile::Paper);
         flown.name = "another name".into();
         assert!(differences(&flown).is_empty());
@@ -53,7 +53,7 @@ mod tests {
             ["run.duration_s", "60.0", "12.5"],
         ];
         assert_eq!(differences(&flown), expected);
-        // What was ordered in flight stands in it, as the summary tells.
+        // The summary's settings contain the orders given in flight, so these are listed too.
         let run = serde_json::json!({ "provenance": { "scenario": to_toml(&flown) } });
         assert!(section(&outcome::recorded::flown(&run).unwrap()).contains(kill));
     }

@@ -1,13 +1,13 @@
 //! Faults, events and refusals of a flight: a section of the page.
 //!
-//! All of it comes from the summary; a flight in which nothing happened has neither.
+//! All data come from the summary. The section is empty for a flight in which nothing happened.
 
 use contract::guard::Refusal;
 use serde_json::{Value, json};
 
 use crate::draw::{DASH, any, number, table};
 
-/// More of them are shown when they are asked for.
+/// Largest number of events shown unfolded.
 const MOST_EVENTS: usize = 12;
 
 /// Explanation of how the figures show them.
@@ -15,7 +15,7 @@ pub const HINT: &str = "A tinted stretch is a fault while it acts, a vertical li
      On the paths the stretches flown under a fault are orange, with the fault’s number where it begins, and \
      events are rings.";
 
-/// The section of the page; empty where nothing happened.
+/// Returns the section of the page; empty if nothing happened.
 pub fn section(run: &Value) -> String {
     match [faults(run), events(run), refused(run)].concat() {
         parts if parts.is_empty() => parts,
@@ -23,7 +23,7 @@ pub fn section(run: &Value) -> String {
     }
 }
 
-/// A fault that no message shows any harm of, such as wind, has nothing to recover from.
+/// Table of the faults. A fault whose harm no message shows, such as wind, has nothing to recover from.
 fn faults(run: &Value) -> String {
     let seconds = |seconds: &Value| number(seconds, 2);
     let row = |(i, fault): (usize, &Value)| {
@@ -55,7 +55,7 @@ fn events(run: &Value) -> String {
     }
 }
 
-/// Only processes that refused something.
+/// Table of the messages refused, for processes that refused any.
 fn refused(run: &Value) -> String {
     let causes = Refusal::ALL.map(Refusal::name);
     let some = |counts: &Value| causes.iter().any(|cause| counts[*cause].as_u64() > Some(0));
@@ -68,7 +68,7 @@ fn refused(run: &Value) -> String {
     if table.is_empty() { table } else { format!("<h3>Refused messages, by cause</h3>{table}") }
 }
 
-/// A table; nothing without rows.
+/// Makes a table; empty without rows.
 fn part(headings: &[&str], rows: impl Iterator<Item = Vec<String>>) -> String {
     let mut rows = rows.peekable();
     if rows.peek().is_none() { String::new() } else { table(headings, rows) }

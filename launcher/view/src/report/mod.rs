@@ -1,16 +1,16 @@
-//! `report.html`: one file, no network, the paper's figures 5 to 12 of one run and what they are held against.
+//! `report.html`: one file, no network, with the paper's figures 5 to 12 for one run, and their reference lines.
 //!
 //! | file | holds |
 //! |---|---|
-//! | `columns` | the figures' data and the lines they are read against |
-//! | `differences` | which settings are not the defaults |
+//! | `columns` | data of the figures, and their reference lines |
+//! | `differences` | settings that are not the defaults |
 //! | `claims` | the paper's claims and their verdicts |
-//! | `costs` | what disturbed ticks cost |
-//! | `happened` | what went wrong: faults, events, refused messages |
+//! | `costs` | cost of disturbed ticks |
+//! | `happened` | faults, events, refused messages |
 //! | `sections` | head, tables, settings, provenance |
 //! | `timing` | the timing section and its pictures |
 //!
-//! The page itself stands in `assets/report/`: template, style, scripts, and uPlot, which draws the time plots.
+//! The folder `assets/report/` holds the page's template, style and scripts, and uPlot, which draws the time plots.
 
 mod claims;
 mod columns;
@@ -60,7 +60,7 @@ impl Figures {
         Self { joined: Joined::new(scenario, first), columns, reach: Reach::new(scenario) }
     }
 
-    /// Takes one message in, in the order of [`flight::log::stream`].
+    /// Takes in the next message in the order of [`flight::log::stream`].
     pub fn observe(&mut self, record: &Record) {
         let Self { joined, columns, reach } = self;
         joined.observe(record, |tick| {
@@ -114,14 +114,14 @@ pub fn write(
 /// Parts that only the page of a whole flight has.
 struct OfAll<'a> {
     timing: Option<&'a Timing>,
-    /// The section on what disturbed ticks cost.
+    /// Section on the costs of disturbed ticks.
     costs: String,
 }
 
 /// The page of one run: figures of its messages, its summary (`run.json`) and the scenario it flew. Where the summary
 /// tells what was ordered in flight, that belongs to the scenario.
 ///
-/// Holes in the log are holes in the figures; anything the summary lacks is a dash.
+/// Holes in the log are holes in the figures; a value that the summary lacks is a dash.
 fn render(figures: Figures, run: &Value, scenario: &Scenario, of_all: Option<OfAll>) -> String {
     let flown = recorded::flown(run);
     let scenario = flown.as_ref().unwrap_or(scenario);
@@ -140,7 +140,7 @@ fn render(figures: Figures, run: &Value, scenario: &Scenario, of_all: Option<OfA
     let link = |section: &str, link: &str| if section.is_empty() { String::new() } else { link.to_owned() };
     let mut data = columns.document(scenario);
     data["happened"] = json!(Happenings::new(&run["faults"], &run["events"]));
-    // Inside a script element only `<` could end it.
+    // Only `<` could end a script element.
     let data = data.to_string().replace('<', "\\u003c");
     let slots = [
         ("name", escape(run["name"].as_str().unwrap_or(&scenario.name))),
@@ -176,7 +176,7 @@ fn render(figures: Figures, run: &Value, scenario: &Scenario, of_all: Option<OfA
 
 /// Replaces every `{{slot}}` of the template in one pass, so that a value is never searched for slots itself.
 ///
-/// A slot without a value stays as it is; a test looks for them.
+/// A slot without a value stays as it is; a test looks for such slots.
 fn fill(template: &str, slots: &[(&str, String)]) -> String {
     let mut parts = template.split("{{");
     let mut page = parts.next().unwrap_or_default().to_owned();

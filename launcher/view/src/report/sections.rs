@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use super::claims;
 use crate::draw::{DASH, any, escape, leaves, list, number, table, verdict};
 
-/// The metrics of the summary: key, what people call it, unit, decimals. The first five are the key figures.
+/// Metrics of the summary: key, name for people, unit, decimals. The first five are the key figures.
 pub const METRICS: [(&str, &str, &str, usize); 12] = [
     ("max_position_error_m", "position error, maximum", "m", 3),
     ("rms_position_error_m", "position error, RMS", "m", 3),
@@ -72,16 +72,16 @@ pub fn facts(run: &Value, scenario: &Scenario) -> String {
         ("mode", any(&run["mode"])),
         ("flown", duration),
     ];
-    // Without a ground there is nothing to land on.
+    // Without a ground the vehicle cannot land.
     let ground = run["ground"].is_string().then(|| ("at the end", any(&run["ground"])));
     let all = facts.into_iter().chain(ground);
     all.fold(String::new(), |line, (name, value)| line + &format!("<span>{name} <b>{value}</b></span>"))
 }
 
-/// The five figures people ask for first, and how old samples were when they acted.
+/// Key figures: errors of position and altitude, and the age at the actuator.
 pub fn key_figures(run: &Value, scenario: &Scenario) -> String {
     let tile = |name: &str, value: String, unit: &str| (name.to_owned(), format!("{value} <small>{unit}</small>"));
-    // The time from 10 to 50 s means something in the survey alone.
+    // Only the survey is horizontal from 10 to 50 s.
     let altitude = |key: &str| key.starts_with("max_altitude_error");
     let survey = scenario.mission.trajectory == TrajectoryKind::Survey;
     let shown = METRICS[..KEY_FIGURES].iter().filter(|(key, ..)| survey || !altitude(key));
@@ -138,7 +138,7 @@ pub fn repeat(run: &Value, scenario: &Scenario) -> &'static str {
     }
 }
 
-/// The flight's bounds. A flight that ended early can have exceeded one, but not kept it.
+/// Table of the flight's bounds. A bound that a shortened flight did not exceed is not judged.
 pub fn bounds(run: &Value) -> String {
     let Some(bounds) = run["bounds"].as_array().filter(|all| !all.is_empty()) else {
         return "<p>All bounds were lifted, or none could be judged.</p>".into();
@@ -175,7 +175,7 @@ pub fn provenance(run: &Value) -> String {
     list(shown.map(|(name, value)| (escape(&name.replace('_', " ")), any(value))))
 }
 
-/// The merged scenario, as text: the summary's words for it, or else what was flown, written anew.
+/// Returns the merged scenario as text: that of the summary, or else `scenario`.
 pub fn settings(run: &Value, scenario: &Scenario) -> String {
     match &run["provenance"]["scenario"] {
         Value::Null => escape(&to_toml(scenario)),

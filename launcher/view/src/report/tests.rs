@@ -44,7 +44,7 @@ fn robust() -> Scenario {
     Scenario::from(Profile::Robust)
 }
 
-/// A summary in which every claim holds, by a little, with these fields besides.
+/// Summary in which every claim holds, by a little, with the fields `more`.
 fn survey(more: &[(&str, Value)]) -> Value {
     let mut run = json!({
         "name": "survey", "diverged": false, "exit_code": 0, "duration_s": 60.0, "flown_s": 60.0,
@@ -60,7 +60,7 @@ fn survey(more: &[(&str, Value)]) -> Value {
     run
 }
 
-/// The page of a flight that was not flown again.
+/// Page of a flight, without costs of disturbed ticks.
 fn render(log: &Log, run: &Value, scenario: &Scenario) -> String {
     let mut summary = Summary::new(scenario);
     log.tick_by_tick().for_each(|record| summary.observe(&record));
@@ -74,12 +74,12 @@ fn figures(log: &Log, scenario: &Scenario) -> Figures {
     figures
 }
 
-/// The page of a flight of two ticks.
+/// Page of a flight of two ticks.
 fn page(run: &Value) -> String {
     render(&hover(2), run, &robust())
 }
 
-/// Checks that a page tells all this, where cells stand without the headings that they bear for narrow pages.
+/// Checks that a page contains all of `told`, if the headings that its cells bear for narrow pages are left out.
 fn check_tells(page: &str, told: &[&str]) {
     let mut parts = page.split("<td data-label=\"");
     let first = parts.next().unwrap_or_default().to_owned();
@@ -198,7 +198,7 @@ fn bounds_of_the_scenario_are_lines_in_the_figures() {
 }
 
 #[test]
-fn a_quiet_flight_says_nothing_of_faults() {
+fn a_flight_without_faults_has_no_section_on_them() {
     let refused = json!({ "mixer": { "epoch": 0, "order": 0, "age": 0, "range": 0, "checksum": 0 } });
     let page = page(&survey(&[("faults", json!([])), ("events", json!([])), ("refused", refused)]));
     assert!(!page.contains("#faults") && !page.contains("id=\"faults\""));
@@ -275,7 +275,7 @@ fn a_command_held_ages_slot_by_slot() {
     assert_eq!(data(&page)["columns"]["age_ms"], "AADAfwAAAD8AAChBAACkQQAA9EE=");
 }
 
-/// The verdict on each claim, and what is told as measured.
+/// Verdict and measured value of each claim.
 fn claims(log: &Log, run: &Value, scenario: &Scenario) -> ([Option<bool>; 5], [String; 5]) {
     let claims = judge(run, &figures(log, scenario).finish().1, scenario);
     (claims.each_ref().map(|claim| claim.holds), claims.map(|claim| claim.measured))
@@ -294,7 +294,7 @@ fn a_flight_that_ended_early_has_kept_no_bound() {
 }
 
 #[test]
-fn the_hash_of_a_flight_is_shown_where_something_gives_it_again() {
+fn the_state_hash_is_shown_if_a_repeat_or_a_replay_gives_it_again() {
     for (mode, replays, shown) in [("realtime", false, false), ("realtime", true, true), ("lockstep", false, true)] {
         let run = survey(&[("state_hash", "0123abcd".into()), ("mode", mode.into()), ("replays", replays.into())]);
         assert_eq!(metrics(&run).contains("0123abcd"), shown, "{mode} {replays}");
@@ -368,7 +368,7 @@ fn command_following_is_told_without_a_verdict() {
 }
 
 #[test]
-fn where_the_flight_ended_is_told_where_there_is_a_ground() {
+fn the_end_on_the_ground_is_told_only_if_there_is_a_ground() {
     check_tells(&page(&survey(&[("ground", "crashed".into())])), &["<span>at the end <b>crashed</b></span>"]);
     assert!(!page(&survey(&[("ground", Value::Null)])).contains("at the end <b>"));
 }
@@ -435,7 +435,7 @@ fn only_the_papers_flight_in_calm_is_judged_by_its_claims() {
         check_speaks_of_no_claim(&page);
         check_tells(&page, &["<dt>altitude error, 10 to 50 s</dt>"]);
     }
-    // What was ordered while it flew counts too.
+    // Orders given in flight count too.
     let ordered = json!({ "scenario": contract::scenario::to_toml(&others[9]) });
     check_speaks_of_no_claim(&render(&log, &survey(&[("provenance", ordered)]), &paper));
 }

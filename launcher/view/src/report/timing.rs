@@ -10,7 +10,7 @@ use outcome::timing::{Age, EXECUTION, INPUT, NodeTiming, Timing};
 /// Keys of a figure's percentiles in run.json, and their headings.
 const PERCENTILES: [(&str, &str); 5] =
     [("p50_us", "p50"), ("p90_us", "p90"), ("p99_us", "p99"), ("p999_us", "p99.9"), ("max_us", "max")];
-/// A node's figures in run.json, what people call them, and the style of the bars of those that are drawn.
+/// Figures of a node: key in run.json, name for people, and the style of the bars of those that are drawn.
 const FIGURES: [(&str, &str, Option<&str>); 7] = [
     ("jitter", "release jitter", Some("wake")),
     ("hop", "hop", Some("wake")),
@@ -72,7 +72,7 @@ pub fn tables(run: &Value) -> String {
     )
 }
 
-/// Histograms of the log's stamps, and the ten worst ticks of the summary; in real time only.
+/// Draws histograms of the log's stamps, and the ten worst ticks of the summary; empty except in real time.
 pub fn pictures(timing: Option<&Timing>, run: &Value, scenario: &Scenario) -> String {
     let worst = run["timing"]["worst_ticks"].as_array().filter(|all| !all.is_empty());
     let (Some(worst), Some(timing)) = (worst, timing) else { return String::new() };
@@ -99,7 +99,7 @@ pub fn pictures(timing: Option<&Timing>, run: &Value, scenario: &Scenario) -> St
     )
 }
 
-/// A row of histograms.
+/// Histograms of a node.
 fn node_histograms(node: &NodeTiming) -> Vec<Bars> {
     let bars = |(figure, name, style): (&str, &str, Option<&'static str>)| {
         let (style, histogram) = (style?, node.figures.get(figure)?.clone());
@@ -129,7 +129,7 @@ fn worst_tick(tick: &Value, period_us: f64) -> String {
     )
 }
 
-/// Every process of a tick of run.json, from its release, or from the slots it was silent before, to its publication.
+/// Lanes of the nodes in a tick of run.json, each from the release, or the silent slots before, to the publication.
 fn lanes(tick: &Value, period_us: f64) -> Vec<Lane> {
     let lane = |topic: Topic| {
         let name = topic.publisher();

@@ -3,20 +3,20 @@
 //! | event | phase | shows |
 //! |---|---|---|
 //! | slice | `X` | a node's cycle from start to publication; in the last lane, a command in force |
-//! | arrow | `s` `t` `f` | one sample's way from the plant to the actuators, joined by its number |
+//! | arrow | `s` `t` `f` | path of one sample from the plant to the actuators, joined by its number |
 //! | mark | `i` | deadlines missed and periods skipped since the message before |
 //! | counter | `C` | position error; age at the actuator |
-//! | name | `M` | what a lane is |
+//! | name | `M` | name of a lane |
 //!
-//! Below those lanes stand what happened in the flight:
+//! Two more lanes below show what happened in the flight:
 //!
 //! | lane | holds |
 //! |---|---|
 //! | faults | one thread for each fault that acts in the window, with a slice while it acts |
 //! | events | one thread for each process to which something happened: a slice while its node was down, a mark for each event |
 //!
-//! Viewers count in microseconds, with a fraction. An arrow is tied to the slice that is open where its event lies, of
-//! two at one instant the one that stands first: so slices come before arrows, and arrows before marks.
+//! Viewers count in fractional microseconds. A viewer ties an arrow to the slice that is open at its instant. Of
+//! several events at one instant the first in the file counts, so slices come before arrows, and arrows before marks.
 
 use std::ops::Range;
 
@@ -28,30 +28,30 @@ use serde_json::{Value, json};
 use outcome::happenings::{Happenings, Span};
 use outcome::ticks::{InForce, LoggedTick};
 
-/// The lane below those of the nodes: which command the actuators obey.
+/// Lane below those of the nodes: the commands in force.
 const ACTUATORS: usize = NODES.len();
 const FAULTS: usize = NODES.len() + 1;
 const EVENTS: usize = NODES.len() + 2;
-/// Viewers round: a command's slice ends so long before the next one begins \[ns\].
+/// Gap between a command's slice and the next one, because viewers round \[ns\].
 const APART_NS: u64 = 10;
 
 pub struct Trace {
     origin_ns: u64,
     /// The ticks of the window.
     ticks: Range<u64>,
-    /// Each with its instant \[ns\], and whether it stands behind others of the same instant.
+    /// Instant \[ns\], whether the event is sorted behind others of that instant, and the event.
     events: Vec<(u64, bool, Value)>,
     /// Names of the lanes that only some flights have.
     names: Vec<Value>,
 }
 
 impl Trace {
-    /// An empty trace of the `ticks`; time zero is `origin_ns`.
+    /// Makes an empty trace of `ticks`; time zero is `origin_ns`.
     pub fn new(origin_ns: u64, ticks: Range<u64>) -> Self {
         Self { origin_ns, ticks, events: vec![], names: vec![] }
     }
 
-    /// A slice for every message of an active process, in the lane of its node, and marks for what its counters say.
+    /// Adds a slice for every message of an active process in the lane of its node, and marks for its misses and slips.
     pub fn nodes(&mut self, log: &Log) {
         self.node(&log.states, |state| json!({ "applied_sequence": state.applied_sequence }));
         self.node(&log.references, |_| json!({}));
@@ -66,7 +66,7 @@ impl Trace {
         self.node(&log.actuators, |actuators| json!({ "flags": actuators.flags }));
     }
 
-    /// A slice for every command while it was in force, and its age where it took effect.
+    /// Adds a slice for every command while it was in force, and its age at the instant it took effect.
     pub fn commands(&mut self, commands: &[InForce]) {
         let ticks = self.ticks.clone();
         for command in commands.iter().filter(|command| ticks.contains(&command.tick)) {
@@ -84,8 +84,8 @@ impl Trace {
         }
     }
 
-    /// An arrow for every sample, through the messages that descend from it to the moment its command took effect; past
-    /// those that a fault struck on their way. The position error at every sample.
+    /// Adds an arrow for every sample, through the messages computed from it to the instant its command took effect,
+    /// and the position error at every sample. An arrow skips messages that a fault struck on their way.
     pub fn flows(&mut self, ticks: &[LoggedTick], commands: &[InForce]) {
         for tick in ticks {
             let delivered = tick.of.stamps().map(|stamp| stamp.filter(|stamp| stamp.is_delivered()));
@@ -94,7 +94,7 @@ impl Trace {
             let acted = command.map(|found| (ACTUATORS, commands[found].from_ns));
             let mut ends: Vec<(usize, u64)> = vec![];
             for end in nodes.chain(acted) {
-                // A node that began before the one before it had ended its wait without that message.
+                // A node that began earlier than the one before it had stopped waiting for that message.
                 if ends.last().is_none_or(|before| before.1 <= end.1) {
                     ends.push(end);
                 }
@@ -145,7 +145,7 @@ impl Trace {
         self.names.extend(threads.iter().enumerate().flat_map(|(i, node)| lane_names(EVENTS, i, "events", node)));
     }
 
-    /// The whole trace, in the order of time; `about` says what of.
+    /// Returns the whole trace in the order of time, described by `about`.
     pub fn document(mut self, about: &Value) -> Value {
         self.events.sort_by_key(|(ns, behind, _)| (*ns, *behind)); // stable: what was pushed first stays first
         let lanes = NODES.into_iter().chain(["actuators"]).enumerate();
@@ -165,7 +165,7 @@ impl Trace {
             if !self.ticks.contains(&stamp.tick) {
                 continue;
             }
-            // The next one of the same process knows this cycle's CPU time.
+            // The next message of the same process carries this cycle's CPU time.
             let after = cycles.peek().map(|(after, _)| after.stamp()).filter(|after| after.epoch == stamp.epoch);
             let publish_ns = stamp.publish_ns[lane];
             let since = |from_ns: u64, to_ns: u64| micros(to_ns.saturating_sub(from_ns));
@@ -181,7 +181,7 @@ impl Trace {
             });
             extend(&mut args, details(message));
             self.slice(lane, &format!("{} {}", M::TOPIC.name(), stamp.tick), [stamp.start_ns, publish_ns], &args);
-            // Skipped periods are found on waking and count as misses too; a late message is known when it is sent.
+            // Skipped periods are found on waking and count as misses too; a late message is found on sending.
             let slips = stamp.slips.saturating_sub(before.slips);
             let late = stamp.misses.saturating_sub(before.misses).saturating_sub(slips);
             for (name, at_ns, count) in [("slip", stamp.start_ns, slips), ("miss", publish_ns, late)] {
@@ -226,15 +226,15 @@ fn extend(event: &mut Value, more: Value) {
     }
 }
 
-/// The samples of the window.
+/// Samples of the window.
 struct Samples {
-    /// Time of the flight \[s\] and instant \[ns\] of each.
+    /// Flight time \[s\] and instant \[ns\] of each sample.
     at: Vec<(f64, u64)>,
     until_s: f64,
 }
 
 impl Samples {
-    /// None without a sample.
+    /// Collects the samples of `ticks`; `None` without a sample.
     fn of(ticks: &[LoggedTick]) -> Option<Self> {
         let sampled = ticks.iter().filter(|tick| tick.of.state.is_some());
         let samples: Vec<(f64, u64)> = sampled.map(|tick| (tick.time_s(), tick.sample_ns)).collect();
@@ -242,14 +242,14 @@ impl Samples {
         Some(Self { at: samples, until_s })
     }
 
-    /// The instant of the newest sample at that time; none outside the window \[ns\].
+    /// Instant of the newest sample at `at_s` \[ns\]; `None` outside the window.
     fn instant(&self, at_s: f64) -> Option<u64> {
         const ROUNDING_S: f64 = 1e-6;
         let newest = self.at.partition_point(|(sampled_s, _)| *sampled_s <= at_s + ROUNDING_S).checked_sub(1)?;
         (at_s < self.until_s).then(|| self.at[newest].1)
     }
 
-    /// The part of `span` that lies inside, if any.
+    /// Part of `span` inside the window \[ns\]; `None` if there is none.
     fn clip(&self, span: &Span) -> Option<[u64; 2]> {
         let (first, last) = (self.at.first()?, self.at.last()?);
         let from_ns = self.instant(span.from_s.max(first.0))?;

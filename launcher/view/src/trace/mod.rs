@@ -1,7 +1,7 @@
 //! `trace`: some ticks of a recorded flight as a trace that the viewer Perfetto opens (<https://ui.perfetto.dev>).
 //!
-//! Only a flight through processes has times. In lockstep they are those of a ring turned as fast as it goes: the trace
-//! shows which process waited for which, not how late any of them was.
+//! A flight in process has no times, and so no trace. In lockstep the ring runs as fast as it can, so the trace shows
+//! which process waited for which, not how late any of them was.
 
 mod events;
 
@@ -34,7 +34,7 @@ pub struct TraceArgs {
     /// Length of the window
     #[arg(long = "for", alias = "for-s", value_name = "TIME", default_value = "1s", value_parser = seconds)]
     pub for_s: f64,
-    /// Around the worst tick of the flight, as without --from; in lockstep no tick is late: the beginning
+    /// Window around the worst tick, the default without --from; in lockstep no tick is late: the beginning
     #[arg(long, conflicts_with = "from_s")]
     pub worst: bool,
     /// File to write [default: trace.json beside the log]
@@ -74,7 +74,7 @@ pub fn trace(args: &TraceArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Ticks of a trace, at most: each is ten events of a viewer.
+/// Largest number of ticks in a trace: each is ten events of a viewer.
 const MOST_TICKS: usize = 20_000;
 /// Number of ticks before and after the window that are read too: counters of a message tell the difference to the one
 /// before, and a command acts until the next.
@@ -146,7 +146,7 @@ pub struct Window {
     from_s: f64,
     for_s: f64,
     sample_s: f64,
-    /// Why this one.
+    /// Words on the worst tick if the window was chosen around it; else empty.
     why: String,
 }
 
@@ -168,7 +168,7 @@ impl Window {
 
     /// Returns the ticks of the window, of a flight of so many.
     fn ticks(&self, flown: usize) -> Range<usize> {
-        // The conversion stops at the ends of the integers, and takes NaN for 0.
+        // The cast saturates, and turns NaN into 0.
         let tick = |t_s: f64| ((t_s / self.sample_s - 1e-6).ceil() as usize).min(flown);
         let first = tick(self.from_s);
         first..tick(self.from_s + self.for_s).max(first)
