@@ -5,18 +5,20 @@ use std::process::Output;
 
 use serde_json::Value;
 
-use crate::harness::launcher;
+use crate::harness::{fly, launcher};
 
 fn plain(path: &Path) -> &str {
     path.to_str().expect("a plain path")
 }
 
-/// A run.json as far as the operating point needs it.
+/// Writes the run.json of a flight in lockstep, changed into that of one in `mode` with known times.
 fn realtime_run(folder: &Path, mode: &str) {
-    let run = serde_json::json!({ "mode": mode, "timing": {
-        "age_at_actuator": { "p50_us": 240.0, "p99_us": 1350.0 },
-        "nodes": { "mixer": { "response": { "n": 498 }, "misses": 5, "slips": 2 } },
-    } });
+    let mut run = fly(&["--mode", "lockstep", "--no-log", "--set", "run.duration_s=0.1"]).run();
+    run["mode"] = mode.into();
+    let timing = &mut run["timing"];
+    (timing["age_at_actuator"]["p50_us"], timing["age_at_actuator"]["p99_us"]) = (240.0.into(), 1350.0.into());
+    let mixer = &mut timing["nodes"]["mixer"];
+    (mixer["response"]["n"], mixer["misses"], mixer["slips"]) = (498.into(), 5.into(), 2.into());
     std::fs::write(folder.join("run.json"), run.to_string()).expect("can be written");
 }
 

@@ -9,8 +9,9 @@ use contract::message::{Actuators, Message, Stamp, State};
 use contract::scenario::Mode;
 use contract::stamp::delivery;
 use flight::log::{Log, Record};
+use outcome::happenings::Happenings;
 use serde_json::Value;
-use view::trace::document;
+use view::trace::{Window, document};
 
 use crate::harness::{fly, launcher};
 
@@ -162,11 +163,11 @@ fn ring(ticks: u64) -> Log {
 }
 
 fn traced(log: &Log) -> Value {
-    traced_with(log, &Value::Null)
+    traced_with(log, &Happenings::default())
 }
 
-/// The trace of a flight of this summary.
-fn traced_with(log: &Log, run: &Value) -> Value {
+/// Trace of a flight in which this happened.
+fn traced_with(log: &Log, happened: &Happenings) -> Value {
     fn with_checksum<M: Message>(messages: &[M]) -> Vec<M> {
         messages.iter().map(|message| message.with_checksum()).collect()
     }
@@ -183,7 +184,8 @@ fn traced_with(log: &Log, run: &Value) -> Value {
         log.tick_by_tick().for_each(|record| each(&record));
         Ok(())
     };
-    let (_, trace) = document(records, &scenario, run, Some(0.0), 60.0).expect("a window with ticks");
+    let window = Window::new(Some(0.0), 60.0, scenario.sample_s(), None);
+    let trace = document(records, &scenario, happened, &window).expect("a window with ticks");
     check_trace(&trace);
     trace
 }

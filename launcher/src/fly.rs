@@ -22,8 +22,9 @@ use flight::recorder::CountedLog;
 use flight::stack::{Ended, Stack};
 use outcome::judge::{Circumstances, Verdict};
 use outcome::recorded::Part;
-use outcome::run_record::{Account, describe, run_json};
+use outcome::run_record::{Account, RunRecord};
 use outcome::summary::Summary;
+use outcome::terminal::describe;
 use runtime::console::{eprint_line, print};
 use view::report;
 
@@ -121,23 +122,22 @@ pub fn fly_scenario(mut scenario: Scenario, args: &FlyArgs) -> anyhow::Result<u8
     let written = if scenario == ordered { Ok(()) } else { settings() };
 
     let verdict = Verdict::of(&summary, &scenario, &how);
-    let provenance = provenance(&scenario, &scheduling);
-    let account = Account {
+    let record = RunRecord::of(Account {
         summary: &summary,
         scenario: &scenario,
         how: &how,
         verdict: &verdict,
         wall_s: wall.as_secs_f64(),
-        provenance: &provenance,
-    };
-    let run = serde_json::to_string_pretty(&run_json(&account))? + "\n";
+        provenance: Some(provenance(&scenario, &scheduling)),
+    });
+    let run = serde_json::to_string_pretty(&record)? + "\n";
     let written = written.and_then(|()| out.write("run.json", &run));
     let histograms = || summary.timing.as_ref().map_or(Ok(()), |timing| timing.write_histograms(&out.path));
     let written = written.and_then(|()| histograms());
     if args.json {
         print(&run);
     } else {
-        print(&describe(&account));
+        print(&describe(&record, &verdict, &scenario));
         print(&format!("  {:<22}{}\n", "written to", out.path.display()));
     }
     // The page comes last: for a long flight it takes a while, and the summary is printed by then.

@@ -10,7 +10,7 @@ use contract::Scenario;
 use contract::scenario::{Fault, FaultTarget, Profile, to_toml};
 use flight::{inprocess, settings};
 use outcome::judge::{Circumstances, Verdict};
-use outcome::run_record::{Account, run_json};
+use outcome::run_record::{Account, RunRecord};
 use outcome::summary::Summary;
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -155,15 +155,15 @@ fn check(overrides: &[String]) {
             summary.observe(record);
             true
         });
-        let (how, provenance) = (Circumstances::from(flown), json!(null));
+        let how = Circumstances::from(flown);
         let verdict = Verdict::of(&summary, &scenario, &how);
         let (summary, scenario, how, verdict) = (&summary, &scenario, &how, &verdict);
-        let account = Account { summary, scenario, how, verdict, wall_s: 1.0, provenance: &provenance };
-        told.send(run_json(&account)).expect("it is waited for");
+        let account = Account { summary, scenario, how, verdict, wall_s: 1.0, provenance: None };
+        told.send(RunRecord::of(account)).expect("it is waited for");
     };
     let flight = thread::spawn(fly);
     match result.recv_timeout(STUCK) {
-        Ok(run) => assert!(run["ended"].is_string() && run["flown_s"].is_number(), "{run}"),
+        Ok(run) => assert!(!run.ended.is_empty() && run.flown_s.is_finite(), "{run:?}"),
         Err(RecvTimeoutError::Timeout) => panic!("it hangs"),
         Err(RecvTimeoutError::Disconnected) => std::panic::resume_unwind(flight.join().expect_err("it panicked")),
     }

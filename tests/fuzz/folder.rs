@@ -10,7 +10,7 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use view::report;
-use view::trace;
+use view::trace::{self, Window};
 
 use super::{cases, edited, edits};
 use crate::harness::fly;
@@ -37,7 +37,9 @@ fn look(flight: &[u8], run: Option<&[u8]>) {
     let Ok(Recorded { scenario, run, .. }) = Recorded::read(&path) else { return };
     for (from_s, for_s) in [(None, 1.0), (Some(0.05), 1e300)] {
         let records = |each: &mut dyn FnMut(&Record)| log::stream(&path, log::ALL, |_, record| each(record)).map(drop);
-        let _ = trace::document(records, &scenario, &run, from_s, for_s);
+        let worst = run.timing.as_ref().and_then(|timing| timing.worst_ticks.first());
+        let window = Window::new(from_s, for_s, scenario.sample_s(), worst);
+        let _ = trace::document(records, &scenario, &run.happenings(), &window);
     }
 }
 

@@ -1,25 +1,30 @@
 //! Happenings of the flight, and how far off it was.
 
-use serde_json::json;
+use contract::scenario::{Fault, FaultKind, FaultTarget};
+use flight::event::{Event, TimedEvent, What};
+use outcome::faults::FaultRecord;
 
 use super::*;
 
 #[test]
 fn faults_are_slices_and_events_are_marks_in_lanes_of_their_own() {
-    let run = json!({
-        "faults": [
-            { "target": "wind", "kind": "gust", "injected_at_s": 0.01, "ended_at_s": 0.05 },
-            { "target": "mixer", "kind": "kill", "injected_at_s": 0.02, "ended_at_s": null },
-            { "target": "tilt", "kind": "off", "injected_at_s": 7.0, "ended_at_s": null },
-        ],
-        "events": [
-            { "at_s": 0.02, "node": "mixer", "epoch": 1, "what": "died", "why": "signal 9" },
-            { "at_s": 0.06, "node": "mixer", "epoch": 2, "what": "took-over" },
-            { "at_s": 0.07, "node": "recorder", "epoch": 2, "what": "took-over" },
-            { "at_s": 60.0, "node": "plant", "epoch": 1, "what": "died" },
-        ],
-    });
-    let trace = traced_with(&ring(10), &run);
+    let acted = |target, kind, from_s, ended_at_s| FaultRecord {
+        injected_at_s: Some(from_s),
+        ended_at_s,
+        ..FaultRecord::of(&Fault::new(target, kind, from_s, None))
+    };
+    let faults = [
+        acted(FaultTarget::Wind, FaultKind::Gust, 0.01, Some(0.05)),
+        acted(FaultTarget::Mixer, FaultKind::Kill, 0.02, None),
+        acted(FaultTarget::Tilt, FaultKind::Off, 7.0, None),
+    ];
+    let all = [
+        Event::new(2, "mixer", 1, What::Died).because("signal 9"),
+        Event::new(6, "mixer", 2, What::TookOver),
+        Event::new(7, "recorder", 2, What::TookOver),
+        Event::new(6000, "plant", 1, What::Died),
+    ];
+    let trace = traced_with(&ring(10), &Happenings::new(&faults, &TimedEvent::all(&all, 100)));
     let slices = events(&trace, "X").into_iter().filter(|slice| lane(slice) > 5);
     let spans: Vec<_> = slices.map(|e| (lane(e), e["name"].as_str(), ns(&e["ts"]), ns(&e["dur"]))).collect();
     let ms = 1_000_000;

@@ -172,13 +172,11 @@ fn measured(metrics: &Metrics, solves: &Solves) -> Vec<(String, Value)> {
             value => measured.push((name.clone(), value.clone())),
         }
     }
-    let solver = solves.to_json();
-    for (name, value) in solver.as_object().into_iter().flatten() {
-        if value.is_u64() {
-            measured.push((format!("solver_{name}"), value.clone()));
-        }
-    }
-    measured.push(("solver_iterations_max".into(), solver["iterations"]["max"].clone()));
+    let solver = solves.record();
+    let counts = serde_json::to_value(&solver).expect("counts are numbers");
+    let counts = counts.as_object().into_iter().flatten().filter(|(_, value)| value.is_u64());
+    measured.extend(counts.map(|(name, value)| (format!("solver_{name}"), value.clone())));
+    measured.push(("solver_iterations_max".into(), solver.iterations.max.into()));
     measured
 }
 

@@ -9,21 +9,20 @@
 
 use std::os::fd::AsFd;
 
-use contract::Scenario;
 use contract::scenario::Fault;
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::fs::{OFlags, fcntl_setfl};
 use rustix::pipe::PIPE_BUF;
 use rustix::time::Timespec;
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
+use serde_json::json;
 
 use crate::limits::REASON_CHARS;
 
 /// One event of a process, of a fault, or of the files and intruders around the processes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Event {
-    /// Tick of the plant at that time; for the recorder, at the launcher's look. run.json has the time `at_s` instead.
+    /// Tick of the plant at that time; for the recorder, at the launcher's look.
     #[serde(default)]
     pub tick: u64,
     pub node: String,
@@ -44,6 +43,22 @@ pub struct Event {
     /// Fault given or ended in flight: its number, and its settings from then on.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fault: Option<Box<(usize, Fault)>>,
+}
+
+/// Event with the time of the flight, as in run.json and in the answers of the launcher.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TimedEvent {
+    pub at_s: f64,
+    #[serde(flatten)]
+    pub event: Event,
+}
+
+impl TimedEvent {
+    /// Adds the time to `events` of a flight at `rate_hz`.
+    pub fn all<'a>(events: impl IntoIterator<Item = &'a Event>, rate_hz: u32) -> Vec<Self> {
+        let timed = |event: &Event| Self { at_s: event.tick as f64 / f64::from(rate_hz), event: event.clone() };
+        events.into_iter().map(timed).collect()
+    }
 }
 
 /// Process that sent a command to a flight.
@@ -161,17 +176,6 @@ impl<P: AsFd> EventReader<P> {
 fn readable(pipe: impl AsFd) -> bool {
     const AT_ONCE: Timespec = Timespec { tv_sec: 0, tv_nsec: 0 };
     poll(&mut [PollFd::new(&pipe, PollFlags::IN)], Some(&AT_ONCE)).is_ok_and(|ready| ready > 0)
-}
-
-/// Returns the events as JSON, with the time of the flight `at_s` in the place of the tick.
-pub fn events<'a>(scenario: &Scenario, events: impl IntoIterator<Item = &'a Event>) -> Value {
-    let one = |event: &Event| {
-        let mut told = json!(event);
-        told["at_s"] = json!(event.tick as f64 / f64::from(scenario.run.rate_hz));
-        told.as_object_mut().map(|fields| fields.remove("tick"));
-        told
-    };
-    events.into_iter().map(one).collect()
 }
 
 /// Returns the name of a fault's target or kind, or of an event, as the scenario file and run.json spell it.

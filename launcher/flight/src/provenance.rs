@@ -1,6 +1,7 @@
 //! Origin of a run: date, command, commit, host, and the scheduling that the kernel granted. Read from `/proc`; the
 //! commit comes from git when the launcher is built (`build.rs`). A value that cannot be read is null, 0 or empty.
 
+use std::collections::BTreeMap;
 use std::fmt::{self, Display, Formatter};
 use std::fs::read_to_string;
 use std::sync::OnceLock;
@@ -9,18 +10,17 @@ use std::time::SystemTime;
 use contract::Scenario;
 use contract::scenario::to_toml;
 use rustix::system::uname;
-use serde::Serialize;
-use serde_json::{Map, Value, json};
+use serde::{Deserialize, Serialize};
 
 /// Version of run.json and of the results of `launcher measure`; grows with every change that affects readers. A file
 /// without a version has version 1.
-const SCHEMA_VERSION: u32 = 2;
+pub const SCHEMA_VERSION: u32 = 2;
 
 /// Scheduling and memory limits of a process.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Scheduling {
     /// `fifo` or `other`.
-    pub policy: &'static str,
+    pub policy: String,
     /// `SCHED_FIFO` priority, 0 for `other`.
     pub priority: u32,
     /// CPUs that it may run on, as the kernel lists them.
@@ -29,6 +29,42 @@ pub struct Scheduling {
     pub locked_kb: u64,
     /// Largest CPU time without sleeping (`RLIMIT_RTTIME`) \[us\]; `None` if unlimited.
     pub rttime_us: Option<u64>,
+}
+
+/// The `provenance` table of run.json.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Provenance {
+    #[serde(flatten)]
+    pub host: Host,
+    /// Scheduling that the kernel gave each process; empty for a flight in process.
+    pub scheduling: BTreeMap<String, Scheduling>,
+    /// Settings of the flight as a scenario file, with what was ordered while it flew.
+    pub scenario: String,
+}
+
+/// Date, program and host of a result.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Host {
+    pub schema_version: u32,
+    /// Date in UTC, RFC 3339.
+    pub date: String,
+    pub command: Vec<String>,
+    /// Commit of the program; `None` if its build did not know it.
+    pub git: Option<Git>,
+    /// Name of the host.
+    pub host: String,
+    pub version: String,
+    pub kernel: Option<String>,
+    pub cpu: Option<String>,
+    pub cores: Option<usize>,
+    pub load: Option<String>,
+}
+
+/// Commit of a program, and whether its sources differed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Git {
+    pub commit: String,
+    pub changed: bool,
 }
 
 /// Commit from which the program was built.
@@ -89,7 +125,7 @@ pub fn scheduling_of(pid: u32) -> Scheduling {
     let limits = read_to_string(format!("/proc/{pid}/limits")).unwrap_or_default();
     let rttime = limits.lines().find_map(|line| line.strip_prefix("Max realtime timeout")?.split_whitespace().next());
     Scheduling {
-        policy: if field(41) == 1 { "fifo" } else { "other" },
+        policy: if field(41) == 1 { "fifo" } else { "other" }.into(),
         priority: field(40),
         affinity: status_of(pid, "Cpus_allowed_list:").unwrap_or_default(),
         locked_kb: status_of(pid, "VmLck:").and_then(|kb| kb.parse().ok()).unwrap_or(0),
@@ -104,33 +140,27 @@ pub fn status_of(pid: u32, name: &str) -> Option<String> {
     field.map(str::to_owned)
 }
 
-/// Returns the `provenance` table of run.json: [`host`], the scenario, and the scheduling of each process.
-pub fn provenance(scenario: &Scenario, scheduling: &[(String, Scheduling)]) -> Value {
-    let scheduling: Map<String, Value> = scheduling.iter().map(|(name, s)| (name.clone(), json!(s))).collect();
-    let mut provenance = host();
-    provenance["scheduling"] = json!(scheduling);
-    provenance["scenario"] = json!(to_toml(scenario));
-    provenance
+/// Returns the provenance of a flight of `scenario` whose processes the kernel scheduled so.
+pub fn provenance(scenario: &Scenario, scheduling: &[(String, Scheduling)]) -> Provenance {
+    Provenance { host: host(), scheduling: scheduling.iter().cloned().collect(), scenario: to_toml(scenario) }
 }
 
-/// Returns date, host and program of a result; run.json and the results of `launcher measure` have it.
-pub fn host() -> Value {
+/// Returns date, program and host of a result of the running program.
+pub fn host() -> Host {
     let line = |path: &str| read_to_string(path).ok().map(|text| text.trim().to_owned());
     let cpu = read_to_string("/proc/cpuinfo").unwrap_or_default();
     let cpu = cpu.lines().find_map(|l| l.strip_prefix("model name")?.split_once(": ").map(|(_, name)| name.to_owned()));
     let Program { version, commit, changed } = Program::this();
-    let git = commit.map(|commit| json!({ "commit": commit, "changed": changed }));
-    let command: Vec<String> = std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect();
-    json!({
-        "schema_version": SCHEMA_VERSION,
-        "date": humantime::format_rfc3339_seconds(SystemTime::now()).to_string(),
-        "command": command,
-        "git": git,
-        "host": uname().nodename().to_string_lossy(),
-        "version": version,
-        "kernel": line("/proc/sys/kernel/osrelease"),
-        "cpu": cpu,
-        "cores": std::thread::available_parallelism().map(std::num::NonZero::get).ok(),
-        "load": line("/proc/loadavg"),
-    })
+    Host {
+        schema_version: SCHEMA_VERSION,
+        date: humantime::format_rfc3339_seconds(SystemTime::now()).to_string(),
+        command: std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect(),
+        git: commit.map(|commit| Git { commit, changed }),
+        host: uname().nodename().to_string_lossy().into_owned(),
+        version,
+        kernel: line("/proc/sys/kernel/osrelease"),
+        cpu,
+        cores: std::thread::available_parallelism().map(std::num::NonZero::get).ok(),
+        load: line("/proc/loadavg"),
+    }
 }

@@ -11,12 +11,13 @@ use contract::Scenario;
 use contract::scenario::{self, Constraints, Mixer, Mode, Mpc};
 use rayon::prelude::*;
 use serde::{Serialize, Serializer};
-use serde_json::{Value, json};
+use serde_json::json;
 
 use crate::findings::{Findings, Target};
 use crate::flights::{SURVIVED_M, in_process, survival};
 use flight::settings;
 use outcome::metrics::Metrics;
+use outcome::solves::SolverRecord;
 use view::table::Table;
 
 /// Shipped scenarios, compiled in so that the command works in any folder.
@@ -85,7 +86,7 @@ struct LawFlight {
     diverged_at_s: Option<f64>,
     #[serde(flatten)]
     metrics: Metrics,
-    solver: Value,
+    solver: SolverRecord,
     state_hash: Option<String>,
 }
 
@@ -119,7 +120,7 @@ fn fly(inner_loop: &InnerLoop, scenario: &Scenario) -> LawFlight {
         survived: verdict.passed(),
         diverged_at_s: diverged.then(|| summary.time_s()),
         metrics: summary.metrics(),
-        solver: summary.solves.to_json(),
+        solver: summary.solves.record(),
         state_hash: summary.state_hash(),
     }
 }

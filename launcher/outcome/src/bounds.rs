@@ -7,12 +7,14 @@
 //!
 //! `inf` lifts a bound.
 
+use std::borrow::Cow;
+
 use contract::Scenario;
 use contract::scenario::{Bounds, Initial, Profile, TrajectoryKind};
 use guidance::Trajectory;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
-use crate::metrics::Metrics;
+use crate::metrics::{Metrics, or_nan};
 
 /// Additional position error allowed for a start that is no hover \[m\].
 const UPSET_M: f64 = 3.0;
@@ -20,13 +22,15 @@ const UPSET_M: f64 = 3.0;
 const FALLBACK_S: f64 = 2.0;
 
 /// One bound compared with the flight.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BoundCheck {
-    pub metric: &'static str,
+    /// Name of the metric in run.json.
+    pub metric: Cow<'static, str>,
     pub limit: f64,
+    #[serde(deserialize_with = "or_nan")]
     pub measured: f64,
     pub ok: bool,
-    /// Name of the metric for people, and its unit.
+    /// Name of the metric for people, and its unit; not in run.json.
     #[serde(skip)]
     pub words: [&'static str; 2],
 }
@@ -57,7 +61,7 @@ pub fn check(scenario: &Scenario, metrics: &Metrics) -> Vec<BoundCheck> {
     ];
     let judged = all.into_iter().filter_map(|(metric, limit, measured, words)| {
         let limit = limit.filter(|limit| limit.is_finite() && !measured.is_nan())?;
-        Some(BoundCheck { metric, limit, measured, ok: measured <= limit, words })
+        Some(BoundCheck { metric: metric.into(), limit, measured, ok: measured <= limit, words })
     });
     judged.collect()
 }

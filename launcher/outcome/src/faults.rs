@@ -29,7 +29,7 @@
 use contract::message::{Controls, SolveStatus, guidance_flags, mixer_flags};
 use contract::scenario::{Fault, FaultKind, FaultTarget};
 use contract::topic::Topic;
-use serde_json::{Value, json};
+use serde::{Deserialize, Serialize};
 
 use flight::event::{Event, What, name};
 use flight::log::Record;
@@ -38,6 +38,49 @@ use flight::log::Record;
 const UNANSWERED: u64 = 3;
 /// Longest time after the end of a fault in which harm is still ascribed to it \[s\].
 const GRACE_S: f64 = 0.5;
+
+/// One fault in the `faults` section of run.json. Times are simulated \[s\].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FaultRecord {
+    pub target: FaultTarget,
+    pub kind: FaultKind,
+    pub at_s: f64,
+    pub for_s: Option<f64>,
+    /// First sample on which the fault acted; `None` if it never did.
+    pub injected_at_s: Option<f64>,
+    /// `None` if the flight ended first.
+    pub ended_at_s: Option<f64>,
+    /// Time from the injection to the detection.
+    pub detected_after_s: Option<f64>,
+    /// Time from the end of the fault, or for a process fault from the detection, to the recovery.
+    pub recovered_after_s: Option<f64>,
+}
+
+impl FaultRecord {
+    /// Makes the record of a fault that did not act.
+    pub fn of(fault: &Fault) -> Self {
+        let Fault { target, kind, at_s, for_s, .. } = *fault;
+        let (injected_at_s, ended_at_s, detected_after_s, recovered_after_s) = Default::default();
+        Self { target, kind, at_s, for_s, injected_at_s, ended_at_s, detected_after_s, recovered_after_s }
+    }
+
+    /// Describes the fault and what came of it in one line for people.
+    pub fn describe(&self) -> String {
+        let Self { target, kind, at_s, for_s, .. } = *self;
+        let Some(injected_at_s) = self.injected_at_s else {
+            return format!("{} {} at {at_s} s: never struck", target.name(), name(kind));
+        };
+        let course = course(&Fault::new(target, kind, at_s, for_s), injected_at_s);
+        match [self.detected_after_s, self.recovered_after_s] {
+            // Wind, or a fault that the flight tolerates: there is nothing to recover from.
+            [None, _] => format!("{course}: not detected"),
+            [Some(detected_s), None] => format!("{course}: detected after {detected_s:.2} s, not recovered"),
+            [Some(detected_s), Some(recovered_s)] => {
+                format!("{course}: detected after {detected_s:.2} s, recovered after {recovered_s:.2} s")
+            }
+        }
+    }
+}
 
 pub struct Faults {
     watched: Vec<Watched>,
@@ -84,13 +127,9 @@ impl Faults {
         self.watched.iter_mut().for_each(|watched| watched.observe(record));
     }
 
-    /// Returns the `faults` section for a flight with these `events`.
-    pub fn to_json(&self, events: &[Event]) -> Value {
-        self.watched.iter().map(|watched| watched.to_json(events)).collect()
-    }
-
-    pub fn describe(&self, events: &[Event]) -> Vec<String> {
-        self.watched.iter().map(|watched| watched.describe(events)).collect()
+    /// Returns the `faults` section of run.json for a flight with these `events`.
+    pub fn records(&self, events: &[Event]) -> Vec<FaultRecord> {
+        self.watched.iter().map(|watched| watched.record(events)).collect()
     }
 }
 
@@ -225,33 +264,11 @@ impl Watched {
             .map(|(to, from)| Some(self.seconds(to?.saturating_sub(from?))))
     }
 
-    fn to_json(&self, events: &[Event]) -> Value {
+    fn record(&self, events: &[Event]) -> FaultRecord {
         let [detected_after_s, recovered_after_s] = self.delays_s(events);
-        json!({
-            "target": self.fault.target,
-            "kind": self.fault.kind,
-            "at_s": self.fault.at_s,
-            "for_s": self.fault.for_s,
-            "injected_at_s": self.injected().map(|tick| self.seconds(tick)),
-            "ended_at_s": self.ended().map(|tick| self.seconds(tick)),
-            "detected_after_s": detected_after_s,
-            "recovered_after_s": recovered_after_s,
-        })
-    }
-
-    fn describe(&self, events: &[Event]) -> String {
-        let Some(injected) = self.injected() else {
-            return format!("{} at {} s: never struck", what(&self.fault), self.fault.at_s);
-        };
-        let course = course(&self.fault, self.seconds(injected));
-        match self.delays_s(events) {
-            // Wind, or a fault that the flight tolerates: there is nothing to recover from.
-            [None, _] => format!("{course}: not detected"),
-            [Some(detected_s), None] => format!("{course}: detected after {detected_s:.2} s, not recovered"),
-            [Some(detected_s), Some(recovered_s)] => {
-                format!("{course}: detected after {detected_s:.2} s, recovered after {recovered_s:.2} s")
-            }
-        }
+        let [injected_at_s, ended_at_s] = [self.injected(), self.ended()].map(|tick| Some(self.seconds(tick?)));
+        let acted = FaultRecord::of(&self.fault);
+        FaultRecord { injected_at_s, ended_at_s, detected_after_s, recovered_after_s, ..acted }
     }
 }
 

@@ -1,13 +1,12 @@
-//! Happenings of a flight: its faults, its events, and times when a node was without a process. Read from
-//! `faults` and `events` of run.json; what cannot be read is left out.
+//! Happenings of a flight: its faults, its events, and times when a node was without a process.
 
 use contract::Topic;
 use contract::scenario::{FaultKind, FaultTarget};
 use contract::topic::NODES;
-use serde::{Deserialize, Serialize};
-use serde_json::Value;
+use flight::event::{TimedEvent, What, name};
+use serde::Serialize;
 
-use flight::event::What;
+use crate::faults::FaultRecord;
 
 /// Faults, events and absences of one flight. Times are simulated \[s\].
 #[derive(Debug, Clone, Default, Serialize)]
@@ -34,7 +33,7 @@ pub struct Span {
     delays: [bool; Topic::COUNT],
 }
 
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Mark {
     pub at_s: f64,
     pub node: String,
@@ -43,15 +42,11 @@ pub struct Mark {
 }
 
 impl Happenings {
-    pub fn new(faults: &Value, events: &Value) -> Self {
-        let list = |value: &Value| value.as_array().cloned().unwrap_or_default();
-        let mut marks: Vec<Mark> = list(events).iter().filter_map(|event| Mark::deserialize(event).ok()).collect();
-        for mark in &mut marks {
-            mark.what = mark.what.replace('-', " ");
-        }
+    pub fn new(faults: &[FaultRecord], events: &[TimedEvent]) -> Self {
+        let mut marks: Vec<Mark> = events.iter().map(Mark::of).collect();
         marks.sort_by(|a, b| a.at_s.total_cmp(&b.at_s));
         Self {
-            faults: list(faults).iter().zip(1..).filter_map(|(fault, number)| Span::of_fault(fault, number)).collect(),
+            faults: faults.iter().zip(1..).filter_map(|(fault, number)| Span::of_fault(fault, number)).collect(),
             events: marks,
             absences: Topic::ALL.into_iter().flat_map(|topic| absences(topic, events)).collect(),
         }
@@ -80,23 +75,26 @@ impl Span {
         }
     }
 
-    fn of_fault(fault: &Value, number: usize) -> Option<Self> {
-        let target = fault["target"].as_str()?.to_owned();
+    /// Returns the span in which a fault acted; `None` if it never did.
+    fn of_fault(fault: &FaultRecord, number: usize) -> Option<Self> {
+        let FaultRecord { target, kind, injected_at_s, ended_at_s, .. } = *fault;
         Some(Self {
             number,
-            what: format!("{target} {}", fault["kind"].as_str()?),
-            target,
-            from_s: fault["injected_at_s"].as_f64()?,
-            to_s: fault["ended_at_s"].as_f64(),
-            delays: delays(
-                FaultTarget::deserialize(&fault["target"]).ok(),
-                FaultKind::deserialize(&fault["kind"]).ok(),
-            ),
+            target: target.name().into(),
+            what: format!("{} {}", target.name(), name(kind)),
+            from_s: injected_at_s?,
+            to_s: ended_at_s,
+            delays: delays(target, kind),
         })
     }
 }
 
 impl Mark {
+    fn of(TimedEvent { at_s, event }: &TimedEvent) -> Self {
+        let what = name(event.what).replace('-', " ");
+        Self { at_s: *at_s, node: event.node.clone(), what, why: event.why.clone() }
+    }
+
     pub fn describe(&self) -> String {
         let why = self.why.as_ref().map_or(String::new(), |why| format!(" ({why})"));
         format!("{} {} at {:.2} s{why}", self.node, self.what, self.at_s)
@@ -106,15 +104,14 @@ impl Mark {
 /// Which nodes' cycles a fault can delay. A process fault: those of its node, a hog all. A fault of a topic: those of
 /// the nodes that wait for it. A fault of the solver: those of attitude-mpc. Clock and host: all. What acts on the
 /// vehicle: none.
-fn delays(target: Option<FaultTarget>, kind: Option<FaultKind>) -> [bool; Topic::COUNT] {
+fn delays(target: FaultTarget, kind: FaultKind) -> [bool; Topic::COUNT] {
     use FaultTarget as T;
     Topic::ALL.map(|topic| match target {
-        None => false,
-        Some(T::State) => topic != Topic::State,
-        Some(T::Mpc) => topic == Topic::Controls,
-        Some(T::Clock | T::Host) => true,
-        Some(target) => match (target.process(), target.topic()) {
-            (Some(process), _) => topic == process || kind == Some(FaultKind::Hog),
+        T::State => topic != Topic::State,
+        T::Mpc => topic == Topic::Controls,
+        T::Clock | T::Host => true,
+        target => match (target.process(), target.topic()) {
+            (Some(process), _) => topic == process || kind == FaultKind::Hog,
             (None, Some(sent)) => topic as usize == (sent as usize + 1) % Topic::COUNT,
             (None, None) => false,
         },
@@ -122,28 +119,26 @@ fn delays(target: Option<FaultTarget>, kind: Option<FaultKind>) -> [bool; Topic:
 }
 
 /// Finds the times when the node of `topic` had no active process.
-fn absences(topic: Topic, events: &Value) -> Vec<Span> {
+fn absences(topic: Topic, events: &[TimedEvent]) -> Vec<Span> {
     let node = topic.publisher();
-    let of_node = events.as_array().into_iter().flatten().filter(|event| event["node"] == node);
     let mut spans: Vec<Span> = vec![];
     let mut active_epochs = vec![1];
-    for event in of_node {
-        let (Some(at_s), Some(epoch)) = (event["at_s"].as_f64(), event["epoch"].as_u64()) else { continue };
+    for TimedEvent { at_s, event } in events.iter().filter(|timed| timed.event.node == node) {
         let open = spans.last_mut().filter(|span| span.to_s.is_none());
-        match What::deserialize(&event["what"]) {
-            Ok(What::TookOver) => {
-                active_epochs.push(epoch);
+        match event.what {
+            What::TookOver => {
+                active_epochs.push(event.epoch);
                 if let Some(span) = open {
-                    span.to_s = Some(at_s);
+                    span.to_s = Some(*at_s);
                 }
             }
-            Ok(What::Returned) => {
+            What::Returned => {
                 active_epochs.pop();
             }
-            Ok(What::Died | What::Hung) if open.is_none() && active_epochs.last() == Some(&epoch) => {
+            What::Died | What::Hung if open.is_none() && active_epochs.last() == Some(&event.epoch) => {
                 let what = format!("{node} was down");
                 let target = node.to_owned();
-                spans.push(Span { number: 0, target, what, from_s: at_s, to_s: None, delays: [true; Topic::COUNT] });
+                spans.push(Span { number: 0, target, what, from_s: *at_s, to_s: None, delays: [true; Topic::COUNT] });
             }
             _ => {}
         }
@@ -154,25 +149,30 @@ fn absences(topic: Topic, events: &Value) -> Vec<Span> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use serde_json::json;
+    use contract::scenario::Fault;
+    use flight::event::Event;
 
     fn flown() -> Happenings {
-        let faults = json!([
-            { "target": "wind", "kind": "gust", "injected_at_s": 1.0, "ended_at_s": 9.0 },
-            { "target": "controls", "kind": "drop", "injected_at_s": 1.5, "ended_at_s": 2.5 },
-            { "target": "mixer", "kind": "kill", "injected_at_s": 2.0, "ended_at_s": null },
-            { "target": "tilt", "kind": "off", "injected_at_s": null },
-            { "target": 3 },
-        ]);
-        let events = json!([
-            { "at_s": 2.0, "node": "mixer", "epoch": 1, "what": "died" },
-            { "at_s": 2.0, "node": "mixer", "epoch": 2, "what": "started" },
-            { "at_s": 2.03, "node": "mixer", "epoch": 2, "what": "took-over", "why": "it was next" },
-            { "at_s": 4.0, "node": "mixer", "epoch": 3, "what": "died" },
-            { "at_s": 5.0, "node": "guidance", "epoch": 1, "what": "hung" },
-            "nonsense", { "what": "died" },
-        ]);
-        Happenings::new(&faults, &events)
+        use {FaultKind as K, FaultTarget as T};
+        let fault = |target, kind, injected_at_s, ended_at_s| FaultRecord {
+            injected_at_s,
+            ended_at_s,
+            ..FaultRecord::of(&Fault::new(target, kind, 0.0, None))
+        };
+        let faults = [
+            fault(T::Wind, K::Gust, Some(1.0), Some(9.0)),
+            fault(T::Controls, K::Drop, Some(1.5), Some(2.5)),
+            fault(T::Mixer, K::Kill, Some(2.0), None),
+            fault(T::Tilt, K::Off, None, None),
+        ];
+        let events = [
+            Event::new(200, "mixer", 1, What::Died),
+            Event::new(200, "mixer", 2, What::Started),
+            Event::new(203, "mixer", 2, What::TookOver).because("it was next"),
+            Event::new(400, "mixer", 3, What::Died),
+            Event::new(500, "guidance", 1, What::Hung),
+        ];
+        Happenings::new(&faults, &TimedEvent::all(&events, 100))
     }
 
     #[test]

@@ -9,6 +9,7 @@
 //! | [`explain`] | what each late, lost or missing message cost |
 //! | [`happenings`] | faults, absences and events as spans and marks on the time axis |
 //! | [`run_record`], [`recorded`] | `run.json`, and a run read back from its folder |
+//! | [`terminal`] | what `fly` prints at its end |
 //! | [`replay_verdict`] | whether a replay is the same flight |
 //! | [`percentiles`] | percentiles and medians, for everything that measures |
 
@@ -27,5 +28,6 @@ pub mod replay_verdict;
 pub mod run_record;
 pub mod solves;
 pub mod summary;
+pub mod terminal;
 pub mod ticks;
 pub mod timing;

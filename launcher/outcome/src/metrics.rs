@@ -1,35 +1,59 @@
 //! The metrics of a flight.
 
-use serde::Serialize;
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// Metrics of run.json. A following or altitude error without a sample is NaN, which is null in JSON.
-#[derive(Debug, Clone, Copy, Default, Serialize)]
+#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
 pub struct Metrics {
     /// Largest Euclidean position error \[m\].
+    #[serde(deserialize_with = "or_nan")]
     pub max_position_error_m: f64,
+    #[serde(deserialize_with = "or_nan")]
     pub rms_position_error_m: f64,
     /// Largest altitude error for t in \[10, 50\] s \[m\].
+    #[serde(deserialize_with = "or_nan")]
     pub max_altitude_error_horizontal_m: f64,
     /// Largest altitude error otherwise \[m\].
+    #[serde(deserialize_with = "or_nan")]
     pub max_altitude_error_vertical_m: f64,
+    #[serde(deserialize_with = "or_nan")]
     pub final_position_error_m: f64,
+    #[serde(deserialize_with = "or_nan")]
     pub position_error_integral_ms: f64,
     /// RMS of the true phi, theta, psi against their references, as differences of angles \[deg\].
+    #[serde(deserialize_with = "each_or_nan")]
     pub rms_attitude_error_deg: [f64; 3],
     /// RMS of the true p, q, r against their references \[deg/s\].
+    #[serde(deserialize_with = "each_or_nan")]
     pub rms_rates_error_dps: [f64; 3],
     /// RMS of the true w, the body z velocity, against its reference \[m/s\].
+    #[serde(deserialize_with = "or_nan")]
     pub rms_w_error_mps: f64,
     /// Largest body rate about any axis \[rad/s\].
+    #[serde(deserialize_with = "or_nan")]
     pub max_rate_radps: f64,
+    #[serde(deserialize_with = "or_nan")]
     pub rotor_speed_min: f64,
+    #[serde(deserialize_with = "or_nan")]
     pub rotor_speed_max: f64,
     /// Largest true tilt angle in either direction \[deg\].
+    #[serde(deserialize_with = "or_nan")]
     pub tilt_max_deg: f64,
     /// Number of commands clipped at a limit.
     pub commands_saturated: u64,
     /// Commands for which (42) or (43) asked for the root of a negative number.
     pub negative_squares: u64,
     /// Time the mixer flew without a demand \[s\].
+    #[serde(deserialize_with = "or_nan")]
     pub fallback_s: f64,
+}
+
+/// Reads a number. Null, by which JSON stands for NaN and infinities, becomes NaN.
+pub fn or_nan<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(from)?.unwrap_or(f64::NAN))
+}
+
+fn each_or_nan<'de, D: Deserializer<'de>>(from: D) -> Result<[f64; 3], D::Error> {
+    let all = <[Option<f64>; 3]>::deserialize(from)?;
+    Ok(all.map(|value| value.unwrap_or(f64::NAN)))
 }

@@ -1,9 +1,9 @@
 //! Percentiles and medians. Times are counted in an `HdrHistogram` of nanoseconds with three significant digits.
 
 use hdrhistogram::Histogram;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Percentiles {
     pub n: u64,
     pub p50_us: f64,

@@ -3,22 +3,20 @@
 //! A log alone cannot tell that: a log that was cut and closed again, or thinned at its end, is well-formed. The
 //! launcher counted the records and hashed the states itself, and wrote both into run.json.
 
-use std::io::ErrorKind;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow};
-use contract::scenario::file::{MAX_RESULTS_BYTES, MAX_TEXT_BYTES};
+use contract::scenario::file::MAX_TEXT_BYTES;
 use contract::{Scenario, Topic, scenario};
 use flight::files;
 use flight::log::{self, Log, Record, Span};
 use flight::recorder::LogOutcome;
 use flight::replay::Recording;
 use flight::stack::Ended;
-use serde_json::Value;
 
 use crate::judge::{Circumstances, Verdict};
-use crate::run_record::{Account, run_json};
+use crate::run_record::{Account, RunRecord};
 use crate::summary::Summary;
 
 /// A run read from its folder. Its messages stay in the log.
@@ -33,7 +31,7 @@ pub struct Recorded {
     pub summary: Summary,
     pub scenario: Scenario,
     /// Content of run.json. A run whose launcher was killed has a log and no run.json: then it is made from the log.
-    pub run: Value,
+    pub run: RunRecord,
     /// `true` if there is a run.json.
     pub has_summary: bool,
     /// Ticks that were read.
@@ -70,7 +68,7 @@ impl Recorded {
     /// Reads a run from its folder, or its `flight.mcap`.
     ///
     /// # Errors
-    /// There is no log to read, its messages or settings are those of another version, or run.json is not JSON.
+    /// There is no log to read, its messages or settings are those of another version, or so is run.json.
     pub fn read(run: &Path) -> anyhow::Result<Self> {
         Self::read_each(run, Part::ALL, |_, _| {})
     }
@@ -83,11 +81,7 @@ impl Recorded {
     pub fn read_each(run: &Path, part: Part, mut each: impl FnMut(&Scenario, &Record)) -> anyhow::Result<Self> {
         let path = if run.is_dir() { run.join("flight.mcap") } else { run.to_owned() };
         let file = path.with_file_name("run.json");
-        let run: Option<Value> = match files::read_text(&file, MAX_RESULTS_BYTES) {
-            Ok(text) => Some(serde_json::from_str(&text).with_context(|| format!("{} is not JSON", file.display()))?),
-            Err(error) if error.kind() == ErrorKind::NotFound => None,
-            Err(error) => return Err(error).with_context(|| format!("cannot read {}", file.display())),
-        };
+        let run = RunRecord::read(&file)?;
         let begin = |log: &Log| {
             settings(log, run.as_ref(), &path).map(|scenario| {
                 let summary = Summary::new(&scenario);
@@ -126,7 +120,7 @@ impl Recorded {
 
     /// Returns the settings of the flight, with what was ordered while it flew where the summary tells.
     pub fn flown(&self) -> Scenario {
-        flown(&self.run).unwrap_or_else(|| self.scenario.clone())
+        self.run.scenario().unwrap_or_else(|| self.scenario.clone())
     }
 
     /// Text for people on why the log does not cover the flight, or the part that was read; `None` if it does.
@@ -150,54 +144,49 @@ impl Recorded {
             "it has no message of the plant".into()
         } else {
             let last_s = summary.time_s();
-            let flown = run.and_then(|run| run["flown_s"].as_f64());
-            let of = flown.map_or(String::new(), |flown_s| format!(" of {flown_s:.2} s"));
+            let of = run.map_or(String::new(), |run| format!(" of {:.2} s", run.flown_s));
             format!("what was read ends at {last_s:.2} s{of}, {lost} messages before that are missing")
         };
         Some(format!("the log {} is not whole ({why}): {read}", path.display()))
     }
 
     /// Text for people if the log ends before both the flight and the part; else `None`.
-    fn ends_early(&self, run: &Value) -> Option<String> {
-        let flown = (run["flown_s"].as_f64().unwrap_or(f64::INFINITY) / self.scenario.sample_s()).round() as u64;
+    fn ends_early(&self, run: &RunRecord) -> Option<String> {
+        let flown = (run.flown_s / self.scenario.sample_s()).round() as u64;
         (self.summary.last().stamp.tick < flown.min(*self.ticks.end())).then(|| "it ends before the flight did".into())
     }
 
     /// Lists what run.json tells and the log does not have.
-    fn unlike_summary(&self, run: &Value) -> Vec<String> {
+    fn unlike_summary(&self, run: &RunRecord) -> Vec<String> {
         let records = self.messages.iter().sum::<u64>() + self.log.events.len() as u64;
         let mut why = vec![];
-        match run["log"]["records"].as_u64() {
-            Some(written) if written == records => {}
-            Some(written) => why.push(format!("it has {records} records, and run.json tells of {written}")),
+        match &run.log {
+            Some(LogOutcome { records: written, dropped, error }) => {
+                if *written != records {
+                    why.push(format!("it has {records} records, and run.json tells of {written}"));
+                }
+                if *dropped > 0 {
+                    why.push(format!("{dropped} records were lost before they could be written"));
+                }
+                why.extend(error.clone());
+            }
             None => why.push("run.json tells of no log".into()),
         }
-        match run["log"]["dropped"].as_u64() {
-            Some(0) | None => {}
-            Some(dropped) => why.push(format!("{dropped} records were lost before they could be written")),
-        }
-        why.extend(run["log"]["error"].as_str().map(str::to_owned));
-        let hash = run["state_hash"].as_str();
-        if hash.is_some() && self.summary.state_hash().as_deref() != hash {
+        if run.state_hash.is_some() && self.summary.state_hash() != run.state_hash {
             why.push("its states have another hash than run.json's".into());
         }
         why
     }
 }
 
-/// Settings of a run, with the orders given in flight; `None` if the summary does not tell them.
-pub fn flown(run: &Value) -> Option<Scenario> {
-    scenario::from_merged(run["provenance"]["scenario"].as_str()?, "run.json").ok()
-}
-
 /// Returns the settings of a log; an error if its messages are not laid out as in this program.
-fn settings(log: &Log, run: Option<&Value>, path: &Path) -> anyhow::Result<Scenario> {
+fn settings(log: &Log, run: Option<&RunRecord>, path: &Path) -> anyhow::Result<Scenario> {
     let mut written_by = log.written_by.clone();
     if written_by.layout.is_none()
         && let Some(run) = run
     {
         // Logs without a layout lack the commit too; run.json has it.
-        written_by.program.commit = run["provenance"]["git"]["commit"].as_str().map(str::to_owned);
+        written_by.program.commit = run.git().map(|git| git.commit.clone());
     }
     written_by.check_layout().with_context(|| format!("cannot read {}", path.display()))?;
     let scenario = scenario::from_merged(&log.scenario_toml, &format!("the settings in {}", path.display()));
@@ -207,8 +196,8 @@ fn settings(log: &Log, run: Option<&Value>, path: &Path) -> anyhow::Result<Scena
     })
 }
 
-/// Makes the run.json of a log with this number of `messages`.
-fn summary_of(log: &Log, messages: u64, summary: &Summary, scenario: &Scenario) -> Value {
+/// Makes the record of a log with this number of `messages`.
+fn summary_of(log: &Log, messages: u64, summary: &Summary, scenario: &Scenario) -> RunRecord {
     let records = messages + log.events.len() as u64;
     let outcome = LogOutcome { records, dropped: summary.missed(), error: log.defect.clone() };
     let how = Circumstances {
@@ -220,5 +209,5 @@ fn summary_of(log: &Log, messages: u64, summary: &Summary, scenario: &Scenario) 
     };
     let verdict = &Verdict::of(summary, scenario, &how);
     let wall_s = f64::NAN; // unknown, and shown as such
-    run_json(&Account { summary, scenario, how: &how, verdict, wall_s, provenance: &Value::Null })
+    RunRecord::of(Account { summary, scenario, how: &how, verdict, wall_s, provenance: None })
 }

@@ -70,7 +70,7 @@ impl Judged<'_> {
     fn outcome(&self) -> (String, u8) {
         let first = self.replayed.first.as_ref().map(|first| self.describe(first));
         let is_whole = self.lacking().is_none();
-        let hashes = [self.recorded.run["state_hash"].as_str(), self.state_hash.as_deref()];
+        let hashes = [self.recorded.run.state_hash.as_deref(), self.state_hash.as_deref()];
         match (first, self.asks_for_other_answers()) {
             (Some(first), true) => (format!("other answers from {first}"), answered(is_whole)),
             (Some(first), false) => (format!("DIFFERENT from {first}"), exit::OUT_OF_BOUNDS),
@@ -110,13 +110,16 @@ impl Judged<'_> {
         let (from_s, until_s) = (seconds(self.plan.from), seconds(until));
         let span =
             if self.replayed.compared() == 0 { "no time".into() } else { format!("{from_s:.2} to {until_s:.2} s") };
-        let flown = self.recorded.run["flown_s"].as_f64().map_or("?".into(), |flown_s| format!("{flown_s:.2}"));
+        let flown_s = self.recorded.run.flown_s;
         let flipped: u64 = all.iter().map(|of_topic| of_topic.flipped).sum();
         let flipped = match flipped {
             0 => String::new(),
             some => format!("; {some} whose bits a fault flipped were sent again and not compared"),
         };
-        format!("compared: {} of {logged} messages ({nodes}), {span} of {flown} s{flipped}", self.replayed.compared())
+        format!(
+            "compared: {} of {logged} messages ({nodes}), {span} of {flown_s:.2} s{flipped}",
+            self.replayed.compared()
+        )
     }
 
     /// Says where the replay began, if that was in the middle of the flight.

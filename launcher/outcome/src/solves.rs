@@ -5,16 +5,38 @@
 
 use contract::message::{Controls, SolveStatus};
 use hdrhistogram::Histogram;
-use serde_json::{Value, json};
+use serde::{Deserialize, Serialize};
 
-use crate::percentiles::{histogram, percentiles};
+use crate::percentiles::{Percentiles, histogram, percentiles};
 
-/// The statuses of [`SolveStatus`], in its order.
-const STATUSES: [&str; 7] = ["explicit", "solved", "limit_reached", "fallback", "bad_input", "stale", "no_reference"];
+/// The `solver` section of run.json: ticks by the status of their solve, and what the solves took.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct SolverRecord {
+    pub explicit: u64,
+    pub solved: u64,
+    pub limit_reached: u64,
+    pub fallback: u64,
+    pub bad_input: u64,
+    pub stale: u64,
+    pub no_reference: u64,
+    pub iterations: Iterations,
+    /// Ticks whose published plan touches a constraint.
+    pub ticks_with_active_constraints: u64,
+    /// Wall time of a solve; `None` without a solve.
+    pub solve_us: Option<Percentiles>,
+}
+
+/// Iterations over the solved ticks.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Iterations {
+    pub max: u64,
+    /// `None` without a solved tick.
+    pub mean: Option<f64>,
+}
 
 pub struct Solves {
-    /// Ticks by status.
-    ticks: [u64; STATUSES.len()],
+    /// Ticks by [`SolveStatus`], in its order.
+    ticks: [u64; 7],
     iterations_max: u64,
     /// Sum of the iterations over the solved ticks.
     iterations: u64,
@@ -26,7 +48,7 @@ pub struct Solves {
 impl Solves {
     #[expect(clippy::new_without_default, reason = "an empty record is made on purpose, never by default")]
     pub fn new() -> Self {
-        Self { ticks: [0; STATUSES.len()], iterations_max: 0, iterations: 0, touching: 0, times: histogram() }
+        Self { ticks: [0; 7], iterations_max: 0, iterations: 0, touching: 0, times: histogram() }
     }
 
     /// Takes in a message. A status that the contract does not know is not counted.
@@ -49,29 +71,35 @@ impl Solves {
         self.ticks[SolveStatus::LimitReached as usize]
     }
 
-    pub fn to_json(&self) -> Value {
-        let solved = self.ticks[SolveStatus::Solved as usize];
+    /// Returns the section of run.json.
+    pub fn record(&self) -> SolverRecord {
+        let [explicit, solved, limit_reached, fallback, bad_input, stale, no_reference] = self.ticks;
         let mean = (solved > 0).then(|| self.iterations as f64 / solved as f64);
-        let mut told = json!({
-            "iterations": { "max": self.iterations_max, "mean": mean },
-            "ticks_with_active_constraints": self.touching,
-            "solve_us": (!self.times.is_empty()).then(|| percentiles(&self.times)),
-        });
-        for (status, ticks) in STATUSES.into_iter().zip(self.ticks) {
-            told[status] = ticks.into();
+        SolverRecord {
+            explicit,
+            solved,
+            limit_reached,
+            fallback,
+            bad_input,
+            stale,
+            no_reference,
+            iterations: Iterations { max: self.iterations_max, mean },
+            ticks_with_active_constraints: self.touching,
+            solve_us: (!self.times.is_empty()).then(|| percentiles(&self.times)),
         }
-        told
     }
+}
 
+impl SolverRecord {
     /// Describes the solves in one line for people; rare statuses are told only if they occurred.
     pub fn describe(&self) -> String {
-        let [explicit, solved, limit_reached, fallback, bad_input, stale, no_reference] = self.ticks;
-        let iterations = if solved > 0 { format!(" (max {} iterations)", self.iterations_max) } else { String::new() };
+        let Self { explicit, solved, fallback, .. } = self;
+        let iterations = if *solved > 0 { format!(" (max {} iterations)", self.iterations.max) } else { String::new() };
         let rare = [
-            (limit_reached, "stopped at a limit"),
-            (bad_input, "with bad input"),
-            (stale, "without a fresh state"),
-            (no_reference, "without a fresh reference"),
+            (self.limit_reached, "stopped at a limit"),
+            (self.bad_input, "with bad input"),
+            (self.stale, "without a fresh state"),
+            (self.no_reference, "without a fresh reference"),
         ];
         let rare: Vec<_> =
             rare.iter().filter(|(count, _)| *count > 0).map(|(count, words)| format!(", {count} {words}")).collect();
@@ -106,15 +134,16 @@ mod tests {
         ] {
             solves.observe(&message);
         }
-        let json = solves.to_json();
-        assert_eq!(json!(STATUSES.map(|status| &json[status])), json!([2, 2, 1, 1, 1, 0, 0]));
-        assert_eq!(json["iterations"], json!({ "max": 6, "mean": 4.5 }));
-        assert_eq!(json["ticks_with_active_constraints"], 1);
-        let near = |key, us: f64| (json["solve_us"][key].as_f64().unwrap() / us - 1.0).abs() < 2e-3;
-        assert!(json["solve_us"]["n"] == 2 && near("p50_us", 100.0) && near("max_us", 300.0), "{json}");
+        let record = solves.record();
+        let counts = (record.explicit, record.solved, record.limit_reached, record.fallback, record.bad_input);
+        assert_eq!((counts, record.stale, record.no_reference), ((2, 2, 1, 1, 1), 0, 0));
+        assert_eq!(record.iterations, Iterations { max: 6, mean: Some(4.5) });
+        assert_eq!(record.ticks_with_active_constraints, 1);
+        let solve = record.solve_us.unwrap();
+        let near = |got: f64, us: f64| (got / us - 1.0).abs() < 2e-3;
+        assert!(solve.n == 2 && near(solve.p50_us, 100.0) && near(solve.max_us, 300.0), "{solve:?}");
         let line = "2 explicit, 2 solved (max 6 iterations), 1 stopped at a limit, 1 with bad input, 1 fallbacks";
-        assert_eq!(solves.describe(), line);
-        let none = Solves::new().to_json();
-        assert_eq!([&none["iterations"], &none["solve_us"]], [&json!({ "max": 0, "mean": null }), &Value::Null]);
+        assert_eq!(record.describe(), line);
+        assert_eq!(Solves::new().record(), SolverRecord::default());
     }
 }

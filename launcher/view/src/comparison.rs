@@ -6,14 +6,14 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use contract::Scenario;
 use contract::message::State;
-use contract::scenario::{Mode, TrajectoryKind};
+use contract::scenario::Mode;
 use contract::topic::NODES;
+use flight::event::name;
 use flight::log::Record;
 use hdrhistogram::Histogram;
-use serde_json::{Value, json};
 
 use crate::draw::{self, Line, STYLE, escape};
-use crate::report::sections::METRICS;
+use crate::report::sections::{METRICS, Shown};
 use crate::settings;
 use crate::table::Table;
 use crate::thinning::Thinned;
@@ -25,33 +25,14 @@ use outcome::timing::Timing;
 
 /// Table with a row for each metric and a column for each flight, named by `titles`.
 pub fn metrics(titles: &[&str], flights: &[(&Scenario, Metrics)]) -> Table {
-    let values: Vec<_> = flights.iter().map(|(scenario, metrics)| of_mission(scenario, metrics)).collect();
-    let cell = |value: &Value, decimals: usize| {
-        value.as_f64().map_or_else(|| "-".to_owned(), |value| format!("{value:.decimals$}"))
+    let row = |metric: &Shown| {
+        let values: Vec<f64> = flights.iter().map(|(scenario, of)| metric.of(of, scenario)).collect();
+        let cell = |value: &f64| if value.is_nan() { "-".into() } else { format!("{value:.*}", metric.decimals + 1) };
+        let unit = if metric.unit.is_empty() { String::new() } else { format!(" [{}]", metric.unit) };
+        let cells = std::iter::once(format!("{}{unit}", metric.name)).chain(values.iter().map(cell));
+        values.iter().any(|value| !value.is_nan()).then(|| cells.collect())
     };
-    let row = |(key, name, unit, decimals): &(&str, &str, &str, usize)| {
-        let name = if unit.is_empty() { (*name).to_owned() } else { format!("{name} [{unit}]") };
-        std::iter::once(name).chain(values.iter().map(|values| cell(&values[*key], *decimals + 1))).collect()
-    };
-    let has_value = |(key, ..): &&(&str, &str, &str, usize)| values.iter().any(|values| !values[*key].is_null());
-    let all = METRICS[..2].iter().chain([&ALTITUDE]).chain(&METRICS[2..]);
-    Table::new("Metrics", &headings("", titles), all.filter(has_value).map(row).collect())
-}
-
-/// Row of the largest altitude error of a flight, at any time: key, name, unit, decimals.
-const ALTITUDE: (&str, &str, &str, usize) = ("max_altitude_error_m", "altitude error, maximum", "m", 3);
-
-/// Returns the metrics by name. Except in the survey, the altitude errors in and outside 10 to 50 s are null, because
-/// only that flight is level then.
-fn of_mission(scenario: &Scenario, metrics: &Metrics) -> Value {
-    let mut values = json!(metrics);
-    let (level_m, otherwise_m) = (metrics.max_altitude_error_horizontal_m, metrics.max_altitude_error_vertical_m);
-    values[ALTITUDE.0] = json!(level_m.max(otherwise_m));
-    if scenario.mission.trajectory != TrajectoryKind::Survey {
-        values["max_altitude_error_horizontal_m"] = Value::Null;
-        values["max_altitude_error_vertical_m"] = Value::Null;
-    }
-    values
+    Table::new("Metrics", &headings("", titles), METRICS.iter().filter_map(row).collect())
 }
 
 fn headings<'a>(first: &'a str, titles: &[&'a str]) -> Vec<&'a str> {
@@ -147,15 +128,14 @@ impl Flight {
     fn cells(&self) -> Vec<String> {
         let Self { title, recorded, scenario, .. } = self;
         let folder = recorded.path.parent().unwrap_or(&recorded.path).display().to_string();
-        let ended = recorded.run["ended"].as_str().unwrap_or("unknown");
-        let mode = recorded.run["mode"].as_str().unwrap_or_default();
+        let ended = &recorded.run.ended;
         let flown = format!("{:.2}", recorded.summary.time_s());
         vec![
             title.clone(),
-            mode.into(),
+            name(recorded.run.mode),
             scenario.run.rate_hz.to_string(),
             flown,
-            recorded.missing().map_or(ended.to_owned(), |_| format!("{ended}; its log is not whole")),
+            recorded.missing().map_or(ended.clone(), |_| format!("{ended}; its log is not whole")),
             folder,
             recorded.log.written_by.program.to_string(),
         ]
@@ -181,7 +161,7 @@ impl Comparison {
         let place = |(recorded, _): &(Recorded, Course)| -> anyhow::Result<Place> {
             let path = recorded.path.canonicalize();
             let path = path.with_context(|| format!("cannot find {}", recorded.path.display()))?;
-            Ok((recorded.run["name"].as_str().unwrap_or(&recorded.scenario.name).to_owned(), path))
+            Ok((recorded.run.name.clone(), path))
         };
         let places = read.iter().map(place).collect::<anyhow::Result<Vec<_>>>()?;
         for (i, (_, path)) in places.iter().enumerate() {

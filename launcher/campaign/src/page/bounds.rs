@@ -1,5 +1,6 @@
 //! Bounds of a campaign: how many flights have each, and how many were judged by it.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
@@ -19,7 +20,7 @@ const NAMED: usize = 4;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bound {
     /// Column of the table of flights.
-    pub metric: &'static str,
+    pub metric: Cow<'static, str>,
     words: [&'static str; 2],
     /// Limits in rising order, with the number of flights that have each.
     limits: Vec<(f64, usize)>,
@@ -79,16 +80,16 @@ pub fn of(plan: &Plan, flights: &Table) -> Vec<Bound> {
     let mut found: Vec<(Bound, BTreeMap<u64, usize>)> = vec![];
     for (row, checks) in all {
         for check in checks {
+            let judged = flights.column(column(&check.metric)).is_some_and(|all| all.number(row).is_some());
             let i = found.iter().position(|(bound, _)| bound.metric == check.metric).unwrap_or_else(|| {
-                let bound =
-                    Bound { metric: check.metric, words: check.words, limits: vec![], judged: 0, flown: rows.len() };
+                let (metric, words) = (check.metric, check.words);
+                let bound = Bound { metric, words, limits: vec![], judged: 0, flown: rows.len() };
                 found.push((bound, BTreeMap::new()));
                 found.len() - 1
             });
             let (bound, limits) = &mut found[i];
             *limits.entry(check.limit.to_bits()).or_default() += 1; // limits are not negative, so their bits sort alike
-            bound.judged +=
-                usize::from(flights.column(column(check.metric)).is_some_and(|all| all.number(row).is_some()));
+            bound.judged += usize::from(judged);
         }
     }
     let with_limits = |(bound, limits): (Bound, BTreeMap<u64, usize>)| Bound {

@@ -18,7 +18,7 @@ use super::run::Run;
 use super::swaps::settle;
 use crate::control::server::Server;
 use crate::control::{Request, Response};
-use crate::event::{Event, Sender, What, events};
+use crate::event::{Event, Sender, TimedEvent, What};
 use crate::limits::{ANSWER_EVENTS, STATUS_EVENTS};
 use crate::log::Record;
 
@@ -64,7 +64,7 @@ impl Requests {
             Request::Status => Ok(status(run)),
             Request::Events { since } => {
                 let news = run.events.iter().skip(since).take(ANSWER_EVENTS);
-                Ok(events(&run.scenario, news))
+                Ok(json!(TimedEvent::all(news, run.scenario.run.rate_hz)))
             }
             Request::Inject { fault } => inject(run, fault, sender),
             Request::Clear { target } => clear(run, target, sender),
@@ -83,6 +83,7 @@ impl Requests {
 
 /// Reports the state of the nodes, the faults in force and the last events.
 fn status(run: &Run) -> Value {
+    let last = run.events.iter().skip(run.events.len().saturating_sub(STATUS_EVENTS));
     let (tick, sample_s) = (run.page.plant_tick(), run.scenario.sample_s());
     let at_work = |fault: &&Fault| fault.is_active(tick, sample_s) && !fault.is_momentary();
     json!({
@@ -90,7 +91,7 @@ fn status(run: &Run) -> Value {
         "mixer": run.newest[Topic::Actuators as usize].map(|record| rung(&record)),
         "nodes": Topic::ALL.map(|topic| node_status(run, topic)),
         "faults": run.scenario.fault.iter().filter(at_work).collect::<Vec<_>>(),
-        "events": events(&run.scenario, run.events.iter().skip(run.events.len().saturating_sub(STATUS_EVENTS))),
+        "events": TimedEvent::all(last, run.scenario.run.rate_hz),
     })
 }
 

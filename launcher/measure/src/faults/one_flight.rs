@@ -168,10 +168,10 @@ impl Watch {
     }
 
     fn course(self, summary: &Summary, flown: &Flown) -> Course {
-        let fault = &summary.faults.to_json(&flown.events)[0];
+        let fault = &summary.faults.records(&flown.events)[0];
         Course {
-            detected_after_s: fault["detected_after_s"].as_f64(),
-            recovered_after_s: fault["recovered_after_s"].as_f64(),
+            detected_after_s: fault.detected_after_s,
+            recovered_after_s: fault.recovered_after_s,
             diverged: matches!(flown.ended, Ended::Lost(_)) || summary.status().diverged(),
             missed: summary.missed(),
             state_hash: summary.state_hash(),

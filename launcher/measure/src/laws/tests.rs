@@ -24,7 +24,7 @@ fn flight(inner_loop: InnerLoop, diverged_at_s: Option<f64>, final_m: f64, clamp
         survived,
         diverged_at_s,
         metrics,
-        solver: json!(null),
+        solver: SolverRecord::default(),
         state_hash: None,
     }
 }

@@ -91,22 +91,21 @@ impl ReplayFlight {
 
         let (log, run) = (&recorded.log, &recorded.run);
         let count = |of: &[What]| log.events.iter().filter(|event| of.contains(&event.what)).count();
-        let state_hash = run["state_hash"].as_str().map(str::to_owned);
         let differs = (verdict.exit_code != exit::FLOWN).then(|| verdict.text.trim_end().replace('\n', "; "));
-        let misses = run["timing"]["nodes"].as_object().into_iter().flatten();
+        let nodes = run.timing.iter().flat_map(|timing| timing.nodes.values());
         Ok(Self {
             flight: number,
             kind,
             code,
             flown_s,
             messages,
-            misses: misses.filter_map(|(_, node)| node["misses"].as_u64()).sum(),
+            misses: nodes.map(|node| node.counts.misses).sum(),
             faults: count(&[What::Injected]),
             deaths: count(&[What::Died, What::Hung]),
             swaps: count(&[What::Kept]),
             read_s,
             replay_s,
-            state_hash,
+            state_hash: run.state_hash.clone(),
             differs,
         })
     }

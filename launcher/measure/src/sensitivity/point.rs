@@ -4,12 +4,14 @@ use std::path::Path;
 use std::process::Stdio;
 
 use anyhow::{Context, bail, ensure};
-use contract::scenario::file::{self, MAX_RESULTS_BYTES};
+use contract::scenario::Mode;
+use flight::event::name;
+use flight::own_program;
+use outcome::run_record::RunRecord;
+use outcome::timing::Counts;
 use serde::Serialize;
-use serde_json::Value;
 
 use crate::flights::namespace;
-use flight::own_program;
 
 /// Age at the actuator and misses of a real-time flight.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -26,17 +28,15 @@ impl Point {
     /// Reads the point of the run in the folder `run` from its run.json.
     pub fn read(run: &Path) -> anyhow::Result<Self> {
         let path = run.join("run.json");
-        let text = file::read_text(&path, MAX_RESULTS_BYTES)
-            .with_context(|| format!("cannot read {}; give the folder of a run with --run", path.display()))?;
-        let json: Value = serde_json::from_str(&text).with_context(|| format!("{} is not JSON", path.display()))?;
-        let mode = json["mode"].as_str().unwrap_or("no mode");
+        let record = RunRecord::read(&path)?
+            .with_context(|| format!("there is no {}; give the folder of a run with --run", path.display()))?;
         ensure!(
-            mode == "realtime",
-            "{} is of a flight in mode {mode}, whose ages say nothing of the machine; \
-             give one flown with --mode realtime",
-            path.display()
+            record.mode == Mode::Realtime,
+            "{} is of a flight in mode {}, whose ages say nothing of the machine; give one flown with --mode realtime",
+            path.display(),
+            name(record.mode)
         );
-        Self::of(&json).with_context(|| format!("{} holds no age at the actuator", path.display()))
+        Self::of(&record).with_context(|| format!("{} holds no age at the actuator", path.display()))
     }
 
     /// Flies five seconds in real time and returns their point; `out` becomes the folder of the run.
@@ -65,14 +65,14 @@ impl Point {
         )
     }
 
-    fn of(run: &Value) -> Option<Self> {
-        let timing = &run["timing"];
-        let (age, mixer) = (&timing["age_at_actuator"], &timing["nodes"]["mixer"]);
-        let (sent, missed) = (mixer["response"]["n"].as_f64()?, mixer["misses"].as_f64()?);
+    fn of(run: &RunRecord) -> Option<Self> {
+        let timing = run.timing.as_ref()?;
+        let (age, mixer) = (&timing.age_at_actuator, timing.nodes.get("mixer")?);
+        let (sent, Counts { misses, slips, .. }) = (mixer.response?.n, mixer.counts);
         Some(Self {
-            age_p50_ms: age["p50_us"].as_f64()? / 1e3,
-            age_p99_ms: age["p99_us"].as_f64()? / 1e3,
-            miss_probability: missed / (sent + mixer["slips"].as_f64()?).max(1.0),
+            age_p50_ms: age.p50_us / 1e3,
+            age_p99_ms: age.p99_us / 1e3,
+            miss_probability: misses as f64 / (sent + slips).max(1) as f64,
         })
     }
 }

@@ -4,6 +4,7 @@
 use flight::event::name;
 use flight::provenance::host;
 use outcome::percentiles::{Percentiles, recorded};
+use serde_json::json;
 use view::draw::{self, STYLE, any, escape, list, outlines};
 
 use super::costs::Costs;
@@ -189,7 +190,7 @@ pub fn page(results: &TimingResults, targets: &[Target], tables: &[Table], figur
     for (title, series) in figures {
         body += &section(title, &histogram(series));
     }
-    let host = host();
+    let host = json!(host());
     let host = host.as_object().into_iter().flatten();
     body += &section("Machine", &list(host.map(|(name, value)| (escape(name), any(value)))));
     draw::page("Timing of the stack", STYLE, &body)

@@ -6,7 +6,12 @@ use contract::stamp::delivery;
 type Told = [Option<f64>; 3];
 
 fn told(faults: &Faults) -> Told {
-    ["injected_at_s", "detected_after_s", "recovered_after_s"].map(|key| faults.to_json(&[])[0][key].as_f64())
+    let record = &faults.records(&[])[0];
+    [record.injected_at_s, record.detected_after_s, record.recovered_after_s]
+}
+
+fn described(faults: &Faults, events: &[Event]) -> Vec<String> {
+    faults.records(events).iter().map(FaultRecord::describe).collect()
 }
 
 /// Follows a fault that begins at 0.1 s through these messages at 100 Hz.
@@ -65,11 +70,11 @@ fn a_fault_is_followed_from_its_first_tick_to_the_recovery() {
     ];
     for (what, for_s, runs, expected, words) in cases {
         let faults = solver(for_s, runs);
-        assert_eq!((told(&faults), faults.describe(&[])), (expected, vec![line(words)]), "{what}");
+        assert_eq!((told(&faults), described(&faults, &[])), (expected, vec![line(words)]), "{what}");
     }
-    let plain = solver(Some(0.03), &[(30, Explicit)]).to_json(&[])[0].clone();
-    let keys = ["target", "kind", "at_s", "for_s", "ended_at_s"].map(|key| plain[key].clone());
-    assert_eq!(json!(keys), json!(["mpc", "iteration-cap", 0.1, 0.03, 0.13]));
+    let plain = &solver(Some(0.03), &[(30, Explicit)]).records(&[])[0];
+    assert_eq!((plain.target, plain.kind), (FaultTarget::Mpc, FaultKind::IterationCap));
+    assert_eq!((plain.at_s, plain.for_s, plain.ended_at_s), (0.1, Some(0.03), Some(0.13)));
 }
 
 #[test]
@@ -95,7 +100,7 @@ fn a_fault_that_comes_or_ends_while_flying_is_followed_too() {
         faults.observe(&solve(tick, if harmed { SolveStatus::Fallback } else { SolveStatus::Explicit }));
     }
     let line = "mpc nan from 0.10 s for 0.1 s: detected after 0.00 s, recovered after 0.00 s";
-    assert_eq!(faults.describe(&[])[1], line);
+    assert_eq!(described(&faults, &[])[1], line);
 }
 
 /// Times of a fault from 0.1 s to 0.15 s in these messages.
@@ -180,7 +185,7 @@ fn a_process_replaced_before_a_message_is_missing_is_detected_by_its_exit() {
         event(11, "mixer", 5, What::TookOver),
     ];
     let line = "mixer kill at 0.10 s: detected after 0.00 s, recovered after 0.01 s";
-    assert_eq!(faults.describe(&events), [line]);
-    assert_eq!(faults.describe(&events[..4]), ["mixer kill at 0.10 s: not detected"]);
-    assert_eq!(faults.describe(&events[..5]), ["mixer kill at 0.10 s: detected after 0.00 s, not recovered"]);
+    assert_eq!(described(&faults, &events), [line]);
+    assert_eq!(described(&faults, &events[..4]), ["mixer kill at 0.10 s: not detected"]);
+    assert_eq!(described(&faults, &events[..5]), ["mixer kill at 0.10 s: detected after 0.00 s, not recovered"]);
 }

@@ -38,6 +38,7 @@ mod node;
 mod tests;
 mod worst;
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Duration;
 
@@ -49,20 +50,34 @@ use contract::{Scenario, Topic};
 use hdrhistogram::Histogram;
 use hdrhistogram::serialization::V2DeflateSerializer;
 use hdrhistogram::serialization::interval_log::IntervalLogWriterBuilder;
-use serde_json::{Map, Value, json};
+use serde::{Deserialize, Serialize};
 
 use crate::happenings::Happenings;
 use crate::percentiles::{Percentiles, percentiles};
 pub use age::Age;
 use flight::dir::Dir;
 use flight::log::Record;
-pub use node::NodeTiming;
-use node::wake_name;
-pub use worst::{EXECUTION, INPUT};
-use worst::{WorstTick, WorstTicks};
+pub use node::{Counts, FIGURES, NodeRecord, NodeTiming};
+use worst::WorstTicks;
+pub use worst::{CycleRecord, EXECUTION, INPUT, WorstTick};
 
 /// Folder of the histograms, inside the run's.
 pub const HISTOGRAMS: &str = "histograms";
+
+/// The `timing` table of run.json. Nodes stand in it by name.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TimingRecord {
+    /// Deadline of the whole chain.
+    pub deadline_ms: f64,
+    pub nodes: BTreeMap<String, NodeRecord>,
+    pub clock_contradictions: BTreeMap<String, u64>,
+    pub age_at_actuator: Percentiles,
+    pub age_at_actuator_per_slot: Percentiles,
+    /// Worst ticks, the worst first; empty except in real time.
+    pub worst_ticks: Vec<WorstTick>,
+    /// Place and format of the histograms.
+    pub histograms: String,
+}
 
 /// Histograms and counts of every node and of the whole ring, gathered message by message.
 pub struct Timing {
@@ -124,63 +139,17 @@ impl Timing {
     }
 
     /// Returns the `timing` table of run.json; `happened` explains the worst ticks.
-    pub fn to_json(&self, happened: &Happenings) -> Value {
-        let of_nodes = |figure: fn(&NodeTiming) -> Value| -> Map<_, _> {
-            NODES.iter().zip(&self.nodes).map(|(name, node)| ((*name).into(), figure(node))).collect()
-        };
-        json!({
-            "deadline_ms": self.deadline_ns as f64 / 1e6,
-            "nodes": of_nodes(NodeTiming::to_json),
-            "clock_contradictions": of_nodes(|node| node.contradictions.into()),
-            "age_at_actuator": self.age(),
-            "age_at_actuator_per_slot": percentiles(&self.age.per_slot),
-            "worst_ticks": self.worst_ticks(happened),
-            "histograms": format!("{HISTOGRAMS}/*.hlog: HdrHistogram interval logs, nanoseconds, one file per figure"),
-        })
-    }
-
-    /// Text for people: a line per node, the age and the worst tick, indented as the rest of the summary.
-    pub fn describe(&self, happened: &Happenings) -> String {
-        use std::fmt::Write;
-        let mut text = String::new();
-        let mut line = |words: &str| {
-            let _ = writeln!(text, "  {}", words.trim_end()); // a String takes everything
-        };
-        let groups = ["jitter or hop", "execution", "response [us]"].map(|name| format!("{name:^24}"));
-        line(&format!("{:<14}{}", "", groups.concat()));
-        let columns = format!("{:>7}{:>7}{:>8}  ", "p50", "p99", "max").repeat(3);
-        line(&format!("{:<14}{columns}{:>6}{:>5}", "", "misses", "run"));
-        for (name, node) in NODES.iter().zip(&self.nodes) {
-            let cells = [wake_name(node.topic), "execution", "response"].map(|figure| {
-                let p = percentiles(&node.figures[figure]);
-                format!("{:>7.0}{:>7.0}{:>8.0}  ", p.p50_us, p.p99_us, p.max_us)
-            });
-            line(&format!(
-                "{name:<14}{}{:>6}{:>5}",
-                cells.concat(),
-                node.counts.misses,
-                node.counts.longest_run_of_misses
-            ));
+    pub fn record(&self, happened: &Happenings) -> TimingRecord {
+        let nodes = || NODES.iter().map(|name| (*name).to_owned()).zip(&self.nodes);
+        TimingRecord {
+            deadline_ms: self.deadline_ns as f64 / 1e6,
+            nodes: nodes().map(|(name, node)| (name, node.record())).collect(),
+            clock_contradictions: nodes().map(|(name, node)| (name, node.contradictions)).collect(),
+            age_at_actuator: self.age(),
+            age_at_actuator_per_slot: percentiles(&self.age.per_slot),
+            worst_ticks: self.worst_ticks(happened),
+            histograms: format!("{HISTOGRAMS}/*.hlog: HdrHistogram interval logs, nanoseconds, one file per figure"),
         }
-        for (name, NodeTiming { contradictions, .. }) in NODES.iter().zip(&self.nodes) {
-            if *contradictions > 0 {
-                line(&format!(
-                    "{:<22}{contradictions} messages of {name} contradict the times of others: times across processes are \
-                     not to be trusted",
-                    "clocks differ"
-                ));
-            }
-        }
-        let [commands, slots] = [&self.age.per_command, &self.age.per_slot].map(percentiles);
-        line(&format!("{:<22}{}", "age at the actuator", age(&commands, "commands applied")));
-        line(&format!("{:<22}{}", "", age(&slots, "slots held")));
-        if let Some(worst) = self.worst_ticks(happened).first() {
-            let error = worst.position_error_m.map_or(String::new(), |m| format!("; position error {m:.3} m"));
-            let (late_ms, tick, time_s) = (worst.late_us / 1e3, worst.tick, worst.time_s);
-            line(&format!("{:<22}{late_ms:.2} ms, tick {tick} at {time_s:.2} s{error}", "worst tick"));
-            line(&format!("{:<22}{}", "", worst.in_words));
-        }
-        text
     }
 
     /// Writes every histogram in full to `folder`/histograms.
@@ -199,6 +168,51 @@ impl Timing {
     fn worst_ticks(&self, happened: &Happenings) -> Vec<WorstTick> {
         let usual = self.nodes.each_ref().map(NodeTiming::usual);
         self.worst.as_ref().map_or(vec![], |worst| worst.explained(&usual, happened))
+    }
+}
+
+impl TimingRecord {
+    /// Text for people: a line per node, the age and the worst tick, indented as the rest of the summary.
+    pub fn describe(&self) -> String {
+        use std::fmt::Write;
+        let mut text = String::new();
+        let mut line = |words: &str| {
+            let _ = writeln!(text, "  {}", words.trim_end()); // a String takes everything
+        };
+        let groups = ["jitter or hop", "execution", "response [us]"].map(|name| format!("{name:^24}"));
+        line(&format!("{:<14}{}", "", groups.concat()));
+        let columns = format!("{:>7}{:>7}{:>8}  ", "p50", "p99", "max").repeat(3);
+        line(&format!("{:<14}{columns}{:>6}{:>5}", "", "misses", "run"));
+        for (name, node) in self.by_node() {
+            let cells = [node.wake(), node.execution.as_ref(), node.response.as_ref()].map(|figure| {
+                let p = figure.copied().unwrap_or_default();
+                format!("{:>7.0}{:>7.0}{:>8.0}  ", p.p50_us, p.p99_us, p.max_us)
+            });
+            let Counts { misses, longest_run_of_misses: run, .. } = node.counts;
+            line(&format!("{name:<14}{}{misses:>6}{run:>5}", cells.concat()));
+        }
+        for (name, contradictions) in self.clock_contradictions.iter().filter(|(_, count)| **count > 0) {
+            line(&format!(
+                "{:<22}{contradictions} messages of {name} contradict the times of others: times across processes are \
+                 not to be trusted",
+                "clocks differ"
+            ));
+        }
+        let Self { age_at_actuator: commands, age_at_actuator_per_slot: slots, .. } = self;
+        line(&format!("{:<22}{}", "age at the actuator", age(commands, "commands applied")));
+        line(&format!("{:<22}{}", "", age(slots, "slots held")));
+        if let Some(worst) = self.worst_ticks.first() {
+            let error = worst.position_error_m.map_or(String::new(), |m| format!("; position error {m:.3} m"));
+            let (late_ms, tick, time_s) = (worst.late_us / 1e3, worst.tick, worst.time_s);
+            line(&format!("{:<22}{late_ms:.2} ms, tick {tick} at {time_s:.2} s{error}", "worst tick"));
+            line(&format!("{:<22}{}", "", worst.in_words));
+        }
+        text
+    }
+
+    /// Returns the nodes with their names, in the order of the ring.
+    pub fn by_node(&self) -> impl Iterator<Item = (&'static str, &NodeRecord)> {
+        NODES.iter().filter_map(|name| Some((*name, self.nodes.get(*name)?)))
     }
 }
 

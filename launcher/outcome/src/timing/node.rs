@@ -3,13 +3,12 @@
 use std::collections::BTreeMap;
 
 use contract::message::Stamp;
-use contract::scenario::NodeDeadline;
+use contract::scenario::{Late, NodeDeadline};
 use contract::{Scenario, Topic};
 use hdrhistogram::Histogram;
-use serde::Serialize;
-use serde_json::{Value, json};
+use serde::{Deserialize, Serialize};
 
-use crate::percentiles::{histogram, percentiles};
+use crate::percentiles::{Percentiles, histogram, percentiles};
 
 /// Largest number of slots recorded for a stall: a damaged stamp must not decide how long that takes.
 pub const LONGEST_STALL_SLOTS: u64 = 100_000;
@@ -61,12 +60,12 @@ pub fn wake_name(topic: Topic) -> &'static str {
 }
 
 /// Counts of late and missing messages and cycles of a node, in the names of run.json.
-#[derive(Debug, Default, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Counts {
     /// Responses beyond the deadline, those not sent included.
-    late: u64,
-    withheld: u64,
-    slips: u64,
+    pub late: u64,
+    pub withheld: u64,
+    pub slips: u64,
     pub misses: u64,
     pub longest_run_of_misses: u64,
     /// Length of the present run of misses.
@@ -88,6 +87,38 @@ impl Counts {
         if !late {
             self.run = 0;
         }
+    }
+}
+
+/// Names of a node's figures in run.json, in the order of a page.
+pub const FIGURES: [&str; 7] = ["jitter", "hop", "execution", "cpu", "input_age", "response", "response_per_slot"];
+
+/// One node's part of the `timing` table of run.json. A figure that the node does not have is `None`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct NodeRecord {
+    #[serde(flatten)]
+    pub counts: Counts,
+    pub deadline_ms: f64,
+    pub policy: Late,
+    pub jitter: Option<Percentiles>,
+    pub hop: Option<Percentiles>,
+    pub execution: Option<Percentiles>,
+    pub cpu: Option<Percentiles>,
+    pub input_age: Option<Percentiles>,
+    pub response: Option<Percentiles>,
+    pub response_per_slot: Option<Percentiles>,
+}
+
+impl NodeRecord {
+    /// Returns the figures by [`FIGURES`].
+    pub fn figures(&self) -> [Option<&Percentiles>; FIGURES.len()] {
+        let Self { jitter, hop, execution, cpu, input_age, response, response_per_slot, .. } = self;
+        [jitter, hop, execution, cpu, input_age, response, response_per_slot].map(Option::as_ref)
+    }
+
+    /// Returns the figure of the wake-up: the jitter of the plant, the hop of any other node.
+    pub fn wake(&self) -> Option<&Percentiles> {
+        self.jitter.as_ref().or(self.hop.as_ref())
     }
 }
 
@@ -155,7 +186,7 @@ impl NodeTiming {
             self.contradictions += 1;
             return None;
         }
-        self.record(&cycle, stamp.sample_ns);
+        self.add(&cycle, stamp.sample_ns);
         Some(cycle)
     }
 
@@ -164,17 +195,16 @@ impl NodeTiming {
         [wake_name(self.topic), "execution"].map(|figure| self.figures[figure].value_at_quantile(0.5))
     }
 
-    pub fn to_json(&self) -> Value {
-        let mut node = json!(self.counts);
-        node["deadline_ms"] = json!(self.deadline.deadline_ns as f64 / 1e6);
-        node["policy"] = json!(self.deadline.late);
-        for figure in ["jitter", "hop", "input_age", "execution", "cpu", "response", "response_per_slot"] {
-            node[figure] = json!(self.figures.get(figure).map(percentiles));
-        }
-        node
+    /// Returns the node's part of the `timing` table of run.json.
+    pub fn record(&self) -> NodeRecord {
+        let [jitter, hop, execution, cpu, input_age, response, response_per_slot] =
+            FIGURES.map(|figure| self.figures.get(figure).map(percentiles));
+        let (deadline_ms, policy) = (self.deadline.deadline_ns as f64 / 1e6, self.deadline.late);
+        let counts = self.counts;
+        NodeRecord { counts, deadline_ms, policy, jitter, hop, execution, cpu, input_age, response, response_per_slot }
     }
 
-    fn record(&mut self, cycle: &Cycle, sample_ns: u64) {
+    fn add(&mut self, cycle: &Cycle, sample_ns: u64) {
         let response_ns = cycle.publish_ns.saturating_sub(sample_ns);
         let mut add = |figure: &str, ns| {
             if let Some(histogram) = self.figures.get_mut(figure) {

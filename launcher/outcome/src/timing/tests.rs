@@ -7,7 +7,12 @@ use contract::scenario::{Late, TrajectoryKind};
 use contract::stamp::delivery;
 use hdrhistogram::serialization::interval_log::{IntervalLogIterator, LogEntry};
 
+use contract::scenario::{Fault, FaultKind, FaultTarget};
+use flight::event::{Event, TimedEvent, What};
+use serde_json::{Value, json};
+
 use super::*;
+use crate::faults::FaultRecord;
 use flight::log::Count;
 
 const US: u64 = 1_000;
@@ -113,7 +118,7 @@ impl Ring {
 
     /// A value of the `timing` table.
     fn at(&self, path: &str) -> Value {
-        let timing = self.timing.to_json(&self.happened);
+        let timing = json!(self.timing.record(&self.happened));
         timing.pointer(path).unwrap_or_else(|| panic!("no {path} in {timing}")).clone()
     }
 
@@ -341,7 +346,7 @@ fn a_node_still_at_work_is_late_for_its_next_input() {
     );
     ring.turn(23, [(0, 0), (0, 0), (0, 0), (4_100, 0)]); // and begins the next when it has
     let worst = ring.timing.worst_ticks(&ring.happened);
-    let told = |i: usize| (worst[i].tick, worst[i].node, worst[i].cause);
+    let told = |i: usize| (worst[i].tick, worst[i].node.as_str(), worst[i].cause.as_str());
     assert_eq!(told(0), (22, "mixer", "preempted while it ran"));
     assert_eq!(told(1), (23, "mixer", "the cycle before was not over"));
 }
@@ -383,7 +388,7 @@ fn histograms_on_disk_are_whole() {
 
 #[test]
 fn the_terminal_shows_every_node_both_ages_and_the_worst_tick() {
-    let text = late_tick(MPC_EXECUTION, 90, 80).timing.describe(&Happenings::default());
+    let text = late_tick(MPC_EXECUTION, 90, 80).timing.record(&Happenings::default()).describe();
     for told in [
         "attitude-mpc       20     20      20      100   7102    7102      360   7361    7361       0    0",
         "age at the actuator   p50 0.48 ms, p99 7.48 ms, max 7.48 ms over 21 commands applied",
@@ -411,8 +416,8 @@ fn a_stall_of_the_host_that_all_nodes_sleep_through_is_one_stall() {
 }
 
 /// Ring whose mixer dies after tick 21; its next process answers tick 25 first.
-fn replaced(faults: &Value, events: &Value) -> Ring {
-    let mut ring = Ring { happened: Happenings::new(faults, events), ..Ring::after(22) };
+fn replaced(faults: &[FaultRecord], events: &[Event]) -> Ring {
+    let mut ring = Ring { happened: Happenings::new(faults, &TimedEvent::all(events, 100)), ..Ring::after(22) };
     for tick in 22..25 {
         ring.now_us = tick * PERIOD_US;
         for topic in [Topic::State, Topic::Reference, Topic::Controls] {
@@ -429,32 +434,27 @@ fn replaced(faults: &Value, events: &Value) -> Ring {
 
 #[test]
 fn faults_deaths_and_replacements_are_told_before_the_host() {
-    let kill = json!([
-        { "target": "wind", "kind": "gust", "injected_at_s": 0.0, "ended_at_s": null },
-        { "target": "mixer", "kind": "kill", "injected_at_s": 0.215, "ended_at_s": null },
-    ]);
-    let died = json!([
-        { "at_s": 0.22, "node": "mixer", "epoch": 1, "what": "died" },
-        { "at_s": 0.25, "node": "mixer", "epoch": 2, "what": "took-over" },
-    ]);
-    let of = |faults: &Value, events: &Value| replaced(faults, events).worst(["cause", "in_words"]);
-    let none = json!([]);
-    assert_eq!(of(&none, &none)[0], NOT_SCHEDULED);
-    assert_eq!(of(&kill, &none), ["a fault acted", "mixer: hop of 30.02 ms: mixer kill, from 0.21 s"]);
+    let acted = |target, kind, at_s| FaultRecord {
+        injected_at_s: Some(at_s),
+        ..FaultRecord::of(&Fault::new(target, kind, at_s, None))
+    };
+    let kill = [acted(FaultTarget::Wind, FaultKind::Gust, 0.0), acted(FaultTarget::Mixer, FaultKind::Kill, 0.215)];
+    let died = [Event::new(22, "mixer", 1, What::Died), Event::new(25, "mixer", 2, What::TookOver)];
+    let of = |faults: &[FaultRecord], events: &[Event]| replaced(faults, events).worst(["cause", "in_words"]);
+    assert_eq!(of(&[], &[])[0], NOT_SCHEDULED);
+    assert_eq!(of(&kill, &[]), ["a fault acted", "mixer: hop of 30.02 ms: mixer kill, from 0.21 s"]);
     let [cause, words] = of(&kill, &died);
     assert_eq!(cause, "a process died or hung");
     assert_eq!(
         words,
         "mixer: hop of 30.02 ms: mixer kill, from 0.21 s; mixer was down, 0.22 to 0.25 s; mixer died at 0.22 s; 1 more"
     );
-    let taken_over = json!([{ "at_s": 0.25, "node": "mixer", "epoch": 2, "what": "took-over" }]);
-    assert_eq!(of(&none, &taken_over)[0], "a process died, started or was replaced");
+    assert_eq!(of(&[], &died[1..])[0], "a process died, started or was replaced");
 }
 
 #[test]
 fn the_slots_of_a_dead_process_wait_for_its_replacement() {
-    let died = json!([{ "at_s": 0.22, "node": "mixer", "epoch": 1, "what": "died" }]);
-    let ring = replaced(&Value::Null, &died);
+    let ring = replaced(&[], &[Event::new(22, "mixer", 1, What::Died)]);
     assert_eq!(ring.worst(["tick", "late_us", "nodes/mixer/slips", "nodes/mixer/silent"]), ["25", "30120.0", "0", "3"]);
     check_longest_slot(&ring);
     let worst = ring.timing.worst_ticks(&ring.happened);

@@ -24,11 +24,12 @@
 //! | execution | the thread used the CPU | its own work |
 //! | execution | no message followed that tells the CPU time | not known |
 
+use std::collections::BTreeMap;
+
 use contract::topic::NODES;
 use contract::{Scenario, Topic};
 use flight::log::Record;
-use serde::Serialize;
-use serde_json::{Map, Value, json};
+use serde::{Deserialize, Serialize};
 
 use super::node::{Cycle, wake_name};
 use crate::happenings::Happenings;
@@ -86,23 +87,35 @@ pub const INPUT: &str = "wait for its input";
 pub const EXECUTION: &str = "execution";
 
 /// One of the worst ticks, as run.json has it.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct WorstTick {
     pub tick: u64,
     pub time_s: f64,
     pub late_us: f64,
     /// Place where the delay arose: the node, the part of its cycle, and how long that took, silent slots included.
-    pub node: &'static str,
-    part: &'static str,
-    part_us: f64,
+    pub node: String,
+    pub part: String,
+    pub part_us: f64,
     /// Likely cause, by the rules above.
-    pub cause: &'static str,
+    pub cause: String,
     pub in_words: String,
     /// Faults, absences and events of that time, if the cause is one of them; else empty.
-    known: Vec<String>,
+    pub known: Vec<String>,
     pub position_error_m: Option<f64>,
-    /// Cycle of each node; times count from the sample.
-    nodes: Map<String, Value>,
+    /// Cycle of each node that had one.
+    pub nodes: BTreeMap<String, CycleRecord>,
+}
+
+/// One node's cycle in one of the worst ticks. Times count from the sample.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CycleRecord {
+    pub release_us: f64,
+    pub start_us: f64,
+    pub publish_us: f64,
+    pub cpu_us: Option<f64>,
+    pub slips: u64,
+    pub withheld: u64,
+    pub silent: u64,
 }
 
 /// A tick with one cycle per node, by topic.
@@ -170,10 +183,10 @@ impl TimedTick {
             tick: self.number,
             time_s: self.time_s(),
             late_us: self.late_ns() as f64 / 1e3,
-            node,
-            part,
+            node: node.into(),
+            part: part.into(),
             part_us: part_ns as f64 / 1e3,
-            cause,
+            cause: cause.into(),
             in_words: format!("{node}: {part} of {:.2} ms{cpu}: {why}", ms(part_ns)),
             known,
             position_error_m: self.distance_m(),
@@ -182,17 +195,17 @@ impl TimedTick {
     }
 
     /// A cycle of the tick, as in run.json.
-    fn cycle(&self, cycle: &Cycle) -> Value {
+    fn cycle(&self, cycle: &Cycle) -> CycleRecord {
         let from_sample = |ns: u64| ns.saturating_sub(self.sample_ns) as f64 / 1e3;
-        json!({
-            "release_us": from_sample(cycle.release_ns),
-            "start_us": from_sample(cycle.start_ns),
-            "publish_us": from_sample(cycle.publish_ns),
-            "cpu_us": cycle.cpu_ns.map(|ns| ns as f64 / 1e3),
-            "slips": cycle.slips,
-            "withheld": cycle.withheld,
-            "silent": cycle.silent,
-        })
+        CycleRecord {
+            release_us: from_sample(cycle.release_ns),
+            start_us: from_sample(cycle.start_ns),
+            publish_us: from_sample(cycle.publish_ns),
+            cpu_us: cycle.cpu_ns.map(|ns| ns as f64 / 1e3),
+            slips: cycle.slips,
+            withheld: cycle.withheld,
+            silent: cycle.silent,
+        }
     }
 }
 

@@ -22,9 +22,9 @@ pub fn escape(text: &str) -> String {
     safe
 }
 
-/// Formats a number with `decimals` decimals, from 1e7 on with an exponent; the dash if it is no number.
-pub fn number(value: &Value, decimals: usize) -> String {
-    match value.as_f64() {
+/// Formats a number with `decimals` decimals, from 1e7 on with an exponent; the dash for `None` and NaN.
+pub fn number(value: impl Into<Option<f64>>, decimals: usize) -> String {
+    match value.into().filter(|x| !x.is_nan()) {
         Some(x) if x.abs() >= 1e7 => format!("{x:.2e}"),
         Some(x) => format!("{x:.decimals$}"),
         None => DASH.into(),

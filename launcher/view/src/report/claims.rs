@@ -3,11 +3,11 @@
 //! They are made for one flight: the whole minute of the `survey` trajectory, flown by the paper's controllers and
 //! vehicle in calm. Anything else is `not applicable`, and a page on which none applies does not speak of them.
 
+use crate::draw::{DASH, escape, number, table, verdict};
 use contract::Scenario;
 use contract::scenario::{Profile, Run};
-use serde_json::Value;
-
-use crate::draw::{DASH, escape, number, table, verdict};
+use outcome::metrics::Metrics;
+use outcome::run_record::RunRecord;
 use outcome::ticks::LoggedTick;
 
 /// Upper bound of the position error, exclusive \[m\].
@@ -32,7 +32,7 @@ pub struct Claim {
 }
 
 /// Returns the section of the page; empty if no claim applies.
-pub fn section(claims: &[Claim], run: &Value) -> String {
+pub fn section(claims: &[Claim], metrics: &Metrics) -> String {
     if claims.iter().all(|claim| claim.holds.is_none()) {
         return String::new();
     }
@@ -44,7 +44,7 @@ pub fn section(claims: &[Claim], run: &Value) -> String {
         };
         vec![claim.what.into(), claim.paper.into(), escape(&claim.measured), verdict(word)]
     };
-    let following: Vec<String> = following(run).map(|(name, value)| format!("{name} <b>{value}</b>")).into();
+    let following: Vec<String> = following(metrics).map(|(name, value)| format!("{name} <b>{value}</b>")).into();
     format!(
         "<section id=\"claims\"><h2>The paper’s claims, and this run</h2><p>Section 5 of Prach and Kayacan claims these \
          for one flight: a minute of the <code>survey</code> trajectory, horizontal from 10 to 50 s.</p>{}<p>It also calls \
@@ -66,28 +66,13 @@ pub fn concerns(scenario: &Scenario) -> bool {
     *scenario == Scenario { name, run, bounds, realtime, deadline, supervision, ..paper }
 }
 
-/// Returns a metric of the run; null if its part of the flight was never flown.
-pub fn metric<'a>(run: &'a Value, name: &str) -> &'a Value {
-    if never_flown(run, name) { &Value::Null } else { &run["metrics"][name] }
-}
-
-/// Returns whether the run ended before this metric began: a maximum over nothing is not a measured zero.
-pub fn never_flown(run: &Value, metric: &str) -> bool {
-    let before_horizontal = run["flown_s"].as_f64().is_some_and(|flown_s| flown_s < HORIZONTAL_S[0]);
-    before_horizontal && metric == "max_altitude_error_horizontal_m"
-}
-
 /// Errors of the inner loop against its references: names and figures.
-pub fn following(run: &Value) -> [(&'static str, String); 3] {
-    let metrics = &run["metrics"];
-    let three = |key: &str, unit: &str| {
-        let all = [0, 1, 2].map(|i| number(&metrics[key][i], 2));
-        format!("{} {unit}", all.join(" / "))
-    };
+pub fn following(metrics: &Metrics) -> [(&'static str, String); 3] {
+    let three = |errors: [f64; 3], unit: &str| format!("{} {unit}", errors.map(|error| number(error, 2)).join(" / "));
     [
-        ("RMS error of φ, θ, ψ", three("rms_attitude_error_deg", "deg")),
-        ("RMS error of p, q, r", three("rms_rates_error_dps", "deg/s")),
-        ("RMS error of w", format!("{} m/s", number(&metrics["rms_w_error_mps"], 3))),
+        ("RMS error of φ, θ, ψ", three(metrics.rms_attitude_error_deg, "deg")),
+        ("RMS error of p, q, r", three(metrics.rms_rates_error_dps, "deg/s")),
+        ("RMS error of w", format!("{} m/s", number(metrics.rms_w_error_mps, 3))),
     ]
 }
 
@@ -128,28 +113,28 @@ impl Reach {
     }
 }
 
-/// Judges a run by its summary, and by how far states and actuators went: the whole flight of the claims, or one that
+/// Judges a run by its record, and by how far states and actuators went: the whole flight of the claims, or one that
 /// was lost.
-pub fn judge(run: &Value, reach: &Reach, scenario: &Scenario) -> [Claim; 5] {
-    let lost = concerns(scenario) && run["diverged"] == Value::Bool(true);
-    let whole = run["flown_s"].as_f64().unwrap_or(0.0) > DURATION_S - 2.0 * scenario.sample_s();
+pub fn judge(run: &RunRecord, reach: &Reach, scenario: &Scenario) -> [Claim; 5] {
+    let lost = concerns(scenario) && run.diverged;
+    let whole = run.flown_s > DURATION_S - 2.0 * scenario.sample_s();
     let judged = lost || (concerns(scenario) && whole);
-    let error = |what, paper, name: &str, within: fn(f64) -> bool| {
-        let value = metric(run, name);
-        let holds = if lost { Some(false) } else { value.as_f64().map(within) };
-        let unit = match (value.is_null(), lost) {
+    let error = |what, paper, value: f64, within: fn(f64) -> bool| {
+        let holds = if lost { Some(false) } else { Some(within(value)).filter(|_| !value.is_nan()) };
+        let unit = match (value.is_nan(), lost) {
             (true, _) => "",
             (false, true) => " m until the vehicle was lost",
             (false, false) => " m",
         };
         Claim { what, paper, measured: number(value, 3) + unit, holds: holds.filter(|_| judged) }
     };
+    let m = &run.metrics;
     [
-        error("maximum position error", "below 0.7 m", "max_position_error_m", |e| e < POSITION_M),
-        error("altitude error, 10 to 50 s", "below 0.1 m", "max_altitude_error_horizontal_m", |e| {
+        error("maximum position error", "below 0.7 m", m.max_position_error_m, |e| e < POSITION_M),
+        error("altitude error, 10 to 50 s", "below 0.1 m", m.max_altitude_error_horizontal_m, |e| {
             e < ALTITUDE_HORIZONTAL_M
         }),
-        error("altitude error in vertical flight", "not above 0.2 m", "max_altitude_error_vertical_m", |e| {
+        error("altitude error in vertical flight", "not above 0.2 m", m.max_altitude_error_vertical_m, |e| {
             e <= ALTITUDE_VERTICAL_M
         }),
         states(reach, judged, scenario),

@@ -1,11 +1,15 @@
 //! Faults, events and refusals of a flight: a section of the page.
 //!
-//! All data come from the summary. The section is empty for a flight in which nothing happened.
+//! The section is empty for a flight in which nothing happened.
+
+use std::collections::BTreeMap;
 
 use contract::guard::Refusal;
-use serde_json::{Value, json};
+use flight::event::{TimedEvent, name};
+use outcome::faults::FaultRecord;
+use outcome::run_record::RunRecord;
 
-use crate::draw::{DASH, any, number, table};
+use crate::draw::{DASH, escape, number, table};
 
 /// Largest number of events shown unfolded.
 const MOST_EVENTS: usize = 12;
@@ -16,7 +20,7 @@ pub const HINT: &str = "A tinted stretch is a fault while it acts, a vertical li
      events are rings.";
 
 /// Returns the section of the page; empty if nothing happened.
-pub fn section(run: &Value) -> String {
+pub fn section(run: &RunRecord) -> String {
     match [faults(run), events(run), refused(run)].concat() {
         parts if parts.is_empty() => parts,
         parts => format!("<section id=\"faults\"><h2>What happened</h2>{parts}</section>"),
@@ -24,31 +28,31 @@ pub fn section(run: &Value) -> String {
 }
 
 /// Table of the faults. A fault whose harm no message shows, such as wind, has nothing to recover from.
-fn faults(run: &Value) -> String {
-    let seconds = |seconds: &Value| number(seconds, 2);
-    let row = |(i, fault): (usize, &Value)| {
-        let (injected, ended) = (&fault["injected_at_s"], &fault["ended_at_s"]);
-        let from = if injected.is_null() { "not struck".into() } else { seconds(injected) };
-        let to = if ended.is_null() && !injected.is_null() { "the end".into() } else { seconds(ended) };
-        let [detected, recovered] = match (&fault["detected_after_s"], &fault["recovered_after_s"]) {
-            _ if injected.is_null() => [DASH.into(), DASH.into()],
-            (Value::Null, _) => ["not detected".into(), DASH.into()],
-            (detected, Value::Null) => [seconds(detected), "not recovered".into()],
-            (detected, recovered) => [seconds(detected), seconds(recovered)],
+fn faults(run: &RunRecord) -> String {
+    let row = |(i, fault): (usize, &FaultRecord)| {
+        let seconds = |value: Option<f64>, none: &str| value.map_or(none.into(), |value| number(value, 2));
+        let FaultRecord { target, kind, injected_at_s, ended_at_s, detected_after_s, recovered_after_s, .. } = *fault;
+        let from = seconds(injected_at_s, "not struck");
+        let [to, detected, recovered] = match (injected_at_s, detected_after_s) {
+            (None, _) => [DASH, DASH, DASH].map(str::to_owned),
+            (_, None) => [seconds(ended_at_s, "the end"), "not detected".into(), DASH.into()],
+            (_, detected) => {
+                [seconds(ended_at_s, "the end"), seconds(detected, DASH), seconds(recovered_after_s, "not recovered")]
+            }
         };
-        vec![i.to_string(), any(&fault["target"]), any(&fault["kind"]), from, to, detected, recovered]
+        vec![i.to_string(), target.name().into(), name(kind), from, to, detected, recovered]
     };
     let headings = ["fault", "target", "kind", "from [s]", "to [s]", "detected after [s]", "recovered after [s]"];
-    part(&headings, (1..).zip(list(&run["faults"])).map(row))
+    part(&headings, (1..).zip(&run.faults).map(row))
 }
 
-fn events(run: &Value) -> String {
-    let row = |event: &Value| {
-        let words = ["node", "epoch", "what", "why"].map(|key| any(&event[key]));
-        [vec![number(&event["at_s"], 2)], words.into()].concat()
+fn events(run: &RunRecord) -> String {
+    let row = |TimedEvent { at_s, event }: &TimedEvent| {
+        let why = event.why.as_ref().map_or(DASH.into(), |why| escape(why));
+        vec![number(*at_s, 2), escape(&event.node), event.epoch.to_string(), name(event.what), why]
     };
-    let table = part(&["time [s]", "process", "incarnation", "what", "why"], list(&run["events"]).iter().map(row));
-    match list(&run["events"]).len() {
+    let table = part(&["time [s]", "process", "incarnation", "what", "why"], run.events.iter().map(row));
+    match run.events.len() {
         0 => String::new(),
         1..=MOST_EVENTS => format!("<h3>Events</h3>{table}"),
         count => format!("<h3>Events</h3><details><summary>{count} events</summary>{table}</details>"),
@@ -56,13 +60,12 @@ fn events(run: &Value) -> String {
 }
 
 /// Table of the messages refused, for processes that refused any.
-fn refused(run: &Value) -> String {
+fn refused(run: &RunRecord) -> String {
     let causes = Refusal::ALL.map(Refusal::name);
-    let some = |counts: &Value| causes.iter().any(|cause| counts[*cause].as_u64() > Some(0));
-    let nodes = run["refused"].as_object().into_iter().flatten().filter(|(_, counts)| some(counts));
-    let row = |(node, counts): (&String, &Value)| {
-        let count = |cause| if counts[cause] == 0 { DASH.into() } else { number(&counts[cause], 0) };
-        [vec![any(&json!(node))], causes.map(count).into()].concat()
+    let nodes = run.refused.iter().filter(|(_, counts)| counts.values().any(|count| *count > 0));
+    let row = |(node, counts): (&String, &BTreeMap<String, u32>)| {
+        let count = |cause: &str| counts.get(cause).filter(|count| **count > 0).map_or(DASH.into(), u32::to_string);
+        [vec![escape(node)], causes.map(count).into()].concat()
     };
     let table = part(&[&["process"], &causes[..]].concat(), nodes.map(row));
     if table.is_empty() { table } else { format!("<h3>Refused messages, by cause</h3>{table}") }
@@ -72,8 +75,4 @@ fn refused(run: &Value) -> String {
 fn part(headings: &[&str], rows: impl Iterator<Item = Vec<String>>) -> String {
     let mut rows = rows.peekable();
     if rows.peek().is_none() { String::new() } else { table(headings, rows) }
-}
-
-fn list(value: &Value) -> &[Value] {
-    value.as_array().map_or(&[], Vec::as_slice)
 }

@@ -29,13 +29,13 @@ use contract::Scenario;
 use flight::files::write_whole;
 use flight::log::Record;
 use outcome::explain::Costs;
-use serde_json::{Value, json};
+use serde_json::json;
 
 use self::claims::Reach;
 use self::columns::Columns;
 use crate::draw::{STYLE, escape};
-use outcome::happenings::Happenings;
-use outcome::recorded::{self, Part, Recorded};
+use outcome::recorded::{Part, Recorded};
+use outcome::run_record::RunRecord;
 use outcome::ticks::Joined;
 use outcome::timing::Timing;
 
@@ -94,7 +94,7 @@ pub fn write(
     let mut recorded = Recorded::read_each(run, part, each)?;
     let missing = recorded.missing();
     if let Some(missing) = &missing {
-        recorded.run["log"]["error"] = json!(missing); // the page says it above everything else
+        recorded.run.log.get_or_insert_default().error = Some(missing.clone()); // the page says it above all else
     }
     let Recorded { scenario, summary, run, path, .. } = &recorded;
     let (name, of_all) = if part == Part::ALL {
@@ -118,18 +118,16 @@ struct OfAll<'a> {
     costs: String,
 }
 
-/// The page of one run: figures of its messages, its summary (`run.json`) and the scenario it flew. Where the summary
-/// tells what was ordered in flight, that belongs to the scenario.
-///
-/// Holes in the log are holes in the figures; a value that the summary lacks is a dash.
-fn render(figures: Figures, run: &Value, scenario: &Scenario, of_all: Option<OfAll>) -> String {
-    let flown = recorded::flown(run);
+/// The page of one run: figures of its messages, its record and the scenario it flew. What was ordered in flight
+/// belongs to the scenario if the record tells it. Holes in the log are holes in the figures.
+fn render(figures: Figures, run: &RunRecord, scenario: &Scenario, of_all: Option<OfAll>) -> String {
+    let flown = run.scenario();
     let scenario = flown.as_ref().unwrap_or(scenario);
     let (columns, reach) = figures.finish();
     let sampling = columns.sampling(scenario);
     let (claims, timing_pictures, costs) = match of_all {
         Some(OfAll { timing, costs }) => {
-            let claims = claims::section(&claims::judge(run, &reach, scenario), run);
+            let claims = claims::section(&claims::judge(run, &reach, scenario), &run.metrics);
             (claims, timing::pictures(timing, run, scenario), costs)
         }
         None => Default::default(),
@@ -139,11 +137,11 @@ fn render(figures: Figures, run: &Value, scenario: &Scenario, of_all: Option<OfA
     let [log_defect, reservations] = sections::warnings(run);
     let link = |section: &str, link: &str| if section.is_empty() { String::new() } else { link.to_owned() };
     let mut data = columns.document(scenario);
-    data["happened"] = json!(Happenings::new(&run["faults"], &run["events"]));
+    data["happened"] = json!(run.happenings());
     // Only `<` could end a script element.
     let data = data.to_string().replace('<', "\\u003c");
     let slots = [
-        ("name", escape(run["name"].as_str().unwrap_or(&scenario.name))),
+        ("name", escape(&run.name)),
         ("result_class", result_class.into()),
         ("ended", sections::ended(run, &result)),
         ("result", result),
@@ -156,7 +154,7 @@ fn render(figures: Figures, run: &Value, scenario: &Scenario, of_all: Option<OfA
         ("claims", claims),
         ("bounds", sections::bounds(run)),
         ("metrics", sections::metrics(run)),
-        ("repeat", sections::repeat(run, scenario).into()),
+        ("repeat", sections::repeat(run).into()),
         ("sampling", sampling),
         ("timing", timing::tables(run)),
         ("timing_pictures", timing_pictures),

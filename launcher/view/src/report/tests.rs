@@ -1,15 +1,28 @@
 //! Whole pages, from invented flights.
 
-use contract::Scenario;
+use std::collections::BTreeMap;
+
 use contract::message::{ActuationMsg, Actuators, Controls, Message, Reference, State};
-use contract::scenario::{Mode, Profile, TrajectoryKind};
+use contract::scenario::{Fault, FaultKind, FaultTarget, Late, Mode, Profile, TrajectoryKind};
+use contract::{Scenario, exit};
+use flight::event::{Event, TimedEvent, What};
+use flight::log::Log;
+use flight::provenance::{Provenance, host, provenance};
+use flight::recorder::LogOutcome;
+use flight::stack::Ended;
+use outcome::bounds::BoundCheck;
+use outcome::faults::FaultRecord;
+use outcome::judge::{Circumstances, Verdict};
+use outcome::percentiles::Percentiles;
+use outcome::run_record::{Account, RunRecord};
+use outcome::solves::{Iterations, SolverRecord};
+use outcome::summary::Summary;
+use outcome::timing::{CycleRecord, TimingRecord, WorstTick};
 use serde_json::{Value, json};
 
 use super::claims::judge;
 use super::sections::{bounds, metrics};
 use super::{Figures, OfAll, TEMPLATE};
-use flight::log::Log;
-use outcome::summary::Summary;
 
 const TRIM: ActuationMsg = ActuationMsg { rotor_speed: [1441.0, 1338.0, 1338.0], tilt_rad: 0.5 };
 
@@ -44,26 +57,34 @@ fn robust() -> Scenario {
     Scenario::from(Profile::Robust)
 }
 
-/// Summary in which every claim holds, by a little, with the fields `more`.
-fn survey(more: &[(&str, Value)]) -> Value {
-    let mut run = json!({
-        "name": "survey", "diverged": false, "exit_code": 0, "duration_s": 60.0, "flown_s": 60.0,
-        "metrics": {
-            "max_position_error_m": 0.699,
-            "max_altitude_error_horizontal_m": 0.099,
-            "max_altitude_error_vertical_m": 0.2,
-        },
-    });
-    for (key, value) in more {
-        run[*key] = value.clone();
-    }
+/// Record of a flight in process in which every claim holds, by a little.
+fn survey() -> RunRecord {
+    let mut scenario = Scenario { name: "survey".into(), ..robust() };
+    scenario.run.mode = Mode::Inprocess;
+    let mut run = record(&hover(2), &scenario);
+    (run.duration_s, run.flown_s, run.exit_code, run.bounds) = (60.0, 60.0, exit::FLOWN, vec![]);
+    let m = &mut run.metrics;
+    (m.max_position_error_m, m.max_altitude_error_horizontal_m, m.max_altitude_error_vertical_m) = (0.699, 0.099, 0.2);
     run
 }
 
-/// Page of a flight, without costs of disturbed ticks.
-fn render(log: &Log, run: &Value, scenario: &Scenario) -> String {
+/// Record of a flight from its messages.
+fn record(log: &Log, scenario: &Scenario) -> RunRecord {
+    let summary = &summary(log, scenario);
+    let how = Circumstances { ended: Ended::Flown, log: None, events: vec![], refused: vec![], port_failures: vec![] };
+    let verdict = Verdict::of(summary, scenario, &how);
+    RunRecord::of(Account { summary, scenario, how: &how, verdict: &verdict, wall_s: 1.0, provenance: None })
+}
+
+fn summary(log: &Log, scenario: &Scenario) -> Summary {
     let mut summary = Summary::new(scenario);
     log.tick_by_tick().for_each(|record| summary.observe(&record));
+    summary
+}
+
+/// Page of a flight, without costs of disturbed ticks.
+fn render(log: &Log, run: &RunRecord, scenario: &Scenario) -> String {
+    let summary = summary(log, scenario);
     let of_all = OfAll { timing: summary.timing.as_ref(), costs: String::new() };
     super::render(figures(log, scenario), run, scenario, Some(of_all))
 }
@@ -75,7 +96,7 @@ fn figures(log: &Log, scenario: &Scenario) -> Figures {
 }
 
 /// Page of a flight of two ticks.
-fn page(run: &Value) -> String {
+fn page(run: &RunRecord) -> String {
     render(&hover(2), run, &robust())
 }
 
@@ -97,19 +118,17 @@ fn data(page: &str) -> Value {
 }
 
 #[test]
-fn an_empty_flight_and_an_empty_summary_are_still_a_page() {
-    for run in [Value::Null, json!({}), json!({ "metrics": 3, "timing": { "nodes": [] }, "bounds": [null] })] {
-        let page = render(&Log::default(), &run, &robust());
-        assert!(page.ends_with("</html>\n"));
-        // The flight can be repeated from its page.
-        check_tells(&page, &["result unknown", "profile = &quot;robust&quot;"]);
-        assert_eq!(data(&page)["rows"], 0);
-    }
+fn an_empty_flight_is_still_a_page() {
+    let page = render(&Log::default(), &record(&Log::default(), &robust()), &robust());
+    assert!(page.ends_with("</html>\n"));
+    // The flight can be repeated from its page.
+    check_tells(&page, &["profile = &quot;robust&quot;"]);
+    assert_eq!(data(&page)["rows"], 0);
 }
 
 #[test]
 fn every_slot_of_the_template_is_filled_and_a_value_that_looks_like_one_is_text() {
-    let page = page(&survey(&[("name", "{{data}}".into())]));
+    let page = page(&RunRecord { name: "{{data}}".into(), ..survey() });
     let slots: Vec<_> = TEMPLATE.split("{{").skip(1).filter_map(|part| part.split_once("}}")).collect();
     assert!(slots.len() > 15);
     for (slot, _) in slots {
@@ -119,15 +138,26 @@ fn every_slot_of_the_template_is_filled_and_a_value_that_looks_like_one_is_text(
 }
 
 #[test]
-fn text_of_the_summary_cannot_become_markup() {
-    let evil = "</script></pre><script>alert('x')</script>";
-    let mut run = survey(&["name", "mode", "profile", "ended", "state_hash"].map(|key| (key, evil.into())));
-    run["provenance"] = json!({ "scenario": evil, "cpu": evil, evil: 1, "scheduling": { "policy": evil } });
-    run["bounds"] = json!([{ "metric": evil, "limit": 1.0, "measured": 2.0, "ok": false }]);
-    run["faults"] = json!([{ "target": evil, evil: evil }]);
-    run["timing"] = json!({ "worst_ticks": [{ "in_words": evil, "node": evil, "tick": evil }] });
-    let scenario = Scenario { name: evil.into(), ..robust() };
-    for run in [run, Value::Null] {
+fn text_of_the_record_cannot_become_markup() {
+    let evil = "</script></pre><script>alert('x')</script>".to_owned();
+    let mut run = survey();
+    let all =
+        [&mut run.name, &mut run.ended, run.state_hash.get_or_insert_default(), run.ground.get_or_insert_default()];
+    for text in all {
+        text.clone_from(&evil);
+    }
+    let mut host = host();
+    (host.cpu, host.command) = (Some(evil.clone()), vec![evil.clone()]);
+    run.provenance = Some(Provenance { host, scheduling: BTreeMap::new(), scenario: evil.clone() });
+    run.bounds = vec![BoundCheck { metric: evil.clone().into(), ..bound(true) }];
+    run.reservations = vec![evil.clone()];
+    run.events = TimedEvent::all(&[Event::new(1, &evil, 1, What::Died).because(&evil)], 100);
+    run.refused = BTreeMap::from([(evil.clone(), BTreeMap::from([("epoch".into(), 1)]))]);
+    run.timing = Some(timing());
+    run.timing.as_mut().unwrap().worst_ticks[0].in_words.clone_from(&evil);
+    run.timing.as_mut().unwrap().clock_contradictions.insert(evil.clone(), 1);
+    let scenario = Scenario { name: evil, ..robust() };
+    for run in [run, record(&hover(2), &scenario)] {
         let page = render(&hover(3), &run, &scenario);
         assert!(!page.contains("<script>alert"));
         assert!(page.contains("&lt;/script&gt;"));
@@ -140,7 +170,7 @@ fn a_hole_in_the_log_is_nan_at_its_tick() {
     log.states.remove(4);
     let mut scenario = robust();
     scenario.mission.trajectory = TrajectoryKind::Hover; // which wants the vehicle where it starts
-    let data = data(&render(&log, &Value::Null, &scenario));
+    let data = data(&render(&log, &survey(), &scenario));
     assert_eq!(data["rows"], 10);
     // 5 m as f32, little-endian, is 00 00 a0 40: four of them, then NaN, 00 00 c0 7f.
     let error = data["columns"]["error"].as_str().unwrap();
@@ -152,40 +182,51 @@ fn a_minute_is_drawn_tick_by_tick_and_no_page_exceeds_a_megabyte_and_a_half() {
     for ticks in [6001, 6401, 360_001] {
         let mut scenario = robust();
         scenario.run.duration_s = ticks as f64 * scenario.sample_s();
-        let page = render(&hover(ticks), &survey(&[]), &scenario);
+        let page = render(&hover(ticks), &survey(), &scenario);
         assert!(page.len() < 1_500_000, "{} bytes", page.len());
         let rows = data(&page)["rows"].as_u64().unwrap();
         assert!(if ticks == 6001 { rows == 6001 } else { rows <= 6402 }, "{rows}");
     }
 }
 
+fn bound(ok: bool) -> BoundCheck {
+    BoundCheck { metric: "max_position_error_m".into(), limit: 0.5, measured: 0.699, ok, words: [""; 2] }
+}
+
 #[test]
 fn the_head_names_how_the_run_ended_and_what_its_log_lacks() {
-    let log = json!({ "records": 7, "dropped": 3, "error": "flight.2.mcap is missing" });
-    let mut run = survey(&[("ended", "flown to the end, 60.00 s".into()), ("log", log)]);
+    let log = LogOutcome { records: 7, dropped: 3, error: Some("flight.2.mcap is missing".into()) };
+    let mut run = RunRecord { ended: "flown to the end, 60.00 s".into(), log: Some(log), ..survey() };
     let flown = "<p class=\"result good\">flown</p> <span class=\"ended\">to the end, 60.00 s</span>";
     check_tells(&page(&run), &[flown, "The log is not whole: flight.2.mcap is missing."]);
-    run["bounds"] = json!([{ "metric": "max_position_error_m", "limit": 0.5, "measured": 0.699, "ok": false }]);
+    run.bounds = vec![bound(false)];
     check_tells(&page(&run), &["outside its bounds"]);
-    (run["diverged"], run["flown_s"]) = (true.into(), 5.8.into());
+    (run.diverged, run.flown_s) = (true, 5.8);
     check_tells(&page(&run), &["<p class=\"result bad\">diverged at 5.80 s</p>"]);
 }
 
 #[test]
-fn the_solver_is_told_from_the_summary() {
-    let silent = page(&survey(&[]));
-    assert!(silent.contains("<dt>solves that fell back</dt><dd>–</dd>"));
-    let solver = json!({
-        "explicit": 5410, "solved": 590, "limit_reached": 1, "fallback": 2, "bad_input": 0,
-        "iterations": { "max": 14, "mean": 6.25 }, "solve_us": { "p50_us": 91.2, "p99_us": 201.7, "max_us": 234.4 },
-    });
+fn the_work_of_the_solver_is_told() {
+    let quiet = page(&survey());
+    check_tells(&quiet, &["<dt>time of a solve, p50 / p99 / maximum</dt><dd>– / – / – µs</dd>"]);
+    let solve_us = Percentiles { n: 590, p50_us: 91.2, p99_us: 201.7, max_us: 234.4, ..Percentiles::default() };
+    let solver = SolverRecord {
+        explicit: 5410,
+        solved: 590,
+        limit_reached: 1,
+        fallback: 2,
+        iterations: Iterations { max: 14, mean: Some(6.25) },
+        solve_us: Some(solve_us),
+        ..SolverRecord::default()
+    };
     let told = [
         "<dt>ticks on which a constraint was solved for</dt><dd>590</dd>",
         "<dt>solves stopped at a limit</dt><dd>1</dd>",
+        "<dt>solves that fell back</dt><dd>2</dd>",
         "<dt>iterations, mean / maximum</dt><dd>6.2 / 14</dd>",
         "<dt>time of a solve, p50 / p99 / maximum</dt><dd>91 / 202 / 234 µs</dd>",
     ];
-    check_tells(&page(&survey(&[("solver", solver)])), &told);
+    check_tells(&page(&RunRecord { solver, ..survey() }), &told);
 }
 
 #[test]
@@ -193,32 +234,39 @@ fn bounds_of_the_scenario_are_lines_in_the_figures() {
     let mut scenario = robust();
     scenario.bounds.max_position_error_m = Some(0.25);
     scenario.bounds.max_altitude_error_vertical_m = Some(0.15);
-    let lines = data(&render(&hover(1), &Value::Null, &scenario))["lines"].clone();
+    let lines = data(&render(&hover(1), &survey(), &scenario))["lines"].clone();
     assert!(lines["error"].to_string().contains("0.25") && lines["error_z"].to_string().contains("-0.15"));
+}
+
+/// Counts of refused messages.
+fn refused(node: &str, epoch: u32) -> (String, BTreeMap<String, u32>) {
+    (node.into(), BTreeMap::from([("epoch".into(), epoch), ("order".into(), 0)]))
 }
 
 #[test]
 fn a_flight_without_faults_has_no_section_on_them() {
-    let refused = json!({ "mixer": { "epoch": 0, "order": 0, "age": 0, "range": 0, "checksum": 0 } });
-    let page = page(&survey(&[("faults", json!([])), ("events", json!([])), ("refused", refused)]));
+    let page = page(&RunRecord { refused: [refused("mixer", 0)].into(), ..survey() });
     assert!(!page.contains("#faults") && !page.contains("id=\"faults\""));
     assert_eq!(data(&page)["happened"], json!({ "faults": [], "absences": [], "events": [] }));
 }
 
 #[test]
 fn faults_and_events_are_told_and_drawn() {
-    let mut run = survey(&[]);
-    run["faults"] = json!([
-        { "target": "mixer", "kind": "kill", "injected_at_s": 2.0, "ended_at_s": 2.3, "detected_after_s": 0.0 },
-        { "target": "wind", "kind": "step", "injected_at_s": 5.0, "ended_at_s": null },
-        { "target": "tilt", "kind": "off", "at_s": 99.0, "injected_at_s": null },
-    ]);
-    run["events"] = json!([
-        { "at_s": 2.0, "node": "mixer", "epoch": 1, "what": "died" },
-        { "at_s": 2.31, "node": "mixer", "epoch": 2, "what": "rejected", "why": "too <slow>" },
-    ]);
-    run["refused"] = json!({ "mixer": { "epoch": 3, "order": 0 }, "guidance": { "epoch": 0 } });
-    let page = page(&run);
+    let fault = |target, kind, injected_at_s, ended_at_s, detected_after_s| FaultRecord {
+        injected_at_s,
+        ended_at_s,
+        detected_after_s,
+        ..FaultRecord::of(&Fault::new(target, kind, 0.0, None))
+    };
+    let faults = vec![
+        fault(FaultTarget::Mixer, FaultKind::Kill, Some(2.0), Some(2.3), Some(0.0)),
+        fault(FaultTarget::Wind, FaultKind::Step, Some(5.0), None, None),
+        fault(FaultTarget::Tilt, FaultKind::Off, None, None, None),
+    ];
+    let events =
+        [Event::new(200, "mixer", 1, What::Died), Event::new(231, "mixer", 2, What::Rejected).because("too <slow>")];
+    let refused = [refused("mixer", 3), refused("guidance", 0)].into();
+    let page = page(&RunRecord { faults, events: TimedEvent::all(&events, 100), refused, ..survey() });
     let drawn = &data(&page)["happened"];
     let faults = json!([
         { "number": 1, "what": "mixer kill", "from_s": 2.0, "to_s": 2.3 },
@@ -240,29 +288,47 @@ fn faults_and_events_are_told_and_drawn() {
     assert!(!page.contains(">guidance</td>"), "it refused nothing");
 }
 
+/// Timing of a flight whose worst tick is the plant's.
+fn timing() -> TimingRecord {
+    let log = with_states(hover(3), |state| state.stamp.start_ns = 50_000);
+    let mut scenario = robust();
+    scenario.run.mode = Mode::Realtime;
+    let mut timing = record(&log, &scenario).timing.expect("a flight in real time has a timing");
+    let us = |p50_us: f64| Percentiles { n: 3, p50_us, p99_us: 60.0, max_us: 70.0, ..Percentiles::default() };
+    let plant = timing.nodes.get_mut("plant").unwrap();
+    (plant.jitter, plant.deadline_ms, plant.policy) = (Some(us(50.0)), 9.0, Late::Skip);
+    let counts = &mut plant.counts;
+    (counts.misses, counts.late, counts.slips, counts.longest_run_of_misses) = (4, 3, 1, 2);
+    (timing.age_at_actuator, timing.age_at_actuator_per_slot) = (us(800.0), Percentiles::default());
+    let (start_us, publish_us) = (50.0, 12_000.0);
+    let cycle = CycleRecord { release_us: 0.0, start_us, publish_us, cpu_us: None, slips: 0, withheld: 0, silent: 0 };
+    timing.worst_ticks = vec![WorstTick {
+        tick: 2,
+        time_s: 0.02,
+        late_us: 12_000.0,
+        node: "plant".into(),
+        part: "execution".into(),
+        in_words: "plant: its own work".into(),
+        position_error_m: Some(5.0),
+        nodes: [("plant".into(), cycle)].into(),
+        ..WorstTick::default()
+    }];
+    timing
+}
+
 #[test]
 fn the_timing_of_nodes_is_told_and_drawn() {
     let log = with_states(hover(3), |state| state.stamp.start_ns = 50_000);
-    let mut run = survey(&[]);
-    let node = json!({ "release_us": 0.0, "start_us": 50.0, "publish_us": 12_000.0, "slips": 0 });
-    let us = |p50: f64| json!({ "n": 3, "p50_us": p50, "p99_us": 60.0, "max_us": 70.0 });
-    run["timing"] = json!({
-        "nodes": { "plant": { "jitter": us(50.0), "misses": 4, "late": 3, "slips": 1, "longest_run_of_misses": 2 } },
-        "age_at_actuator": us(800.0),
-        "worst_ticks": [{
-            "tick": 2, "time_s": 0.02, "late_us": 12_000.0, "node": "plant", "part": "execution",
-            "in_words": "plant: its own work", "position_error_m": 5.0, "nodes": { "plant": node },
-        }],
-    });
+    let run = RunRecord { timing: Some(timing()), ..survey() };
     let told = [
-        "<td>plant</td><td>–</td><td>–</td><td>4</td><td>3</td><td>1</td><td>2</td><td>50 / 60 / 70</td><td>– / – / –</td>",
-        "<b>800 / 60 / 70</b> µs over 3 commands applied; <b>– / – / –</b> µs over – slots held",
+        "<td>plant</td><td>9.0</td><td>skip</td><td>4</td><td>3</td><td>1</td><td>2</td><td>50 / 60 / 70</td>",
+        "<b>800 / 60 / 70</b> µs over 3 commands applied; <b>0 / 0 / 0</b> µs over 0 slots held",
         "aria-label=\"plant, release jitter: p50, p99, max 50 / 50 / 50 µs of 3 values\"",
         "<b>12.00 ms</b> tick 2, 0.02 s, position error 5.000&nbsp;m</p><p class=\"hint\">plant: its own work</p>",
         "<rect class=\"runs fault\"",
     ];
     check_tells(&render(&log, &run, &robust()), &told);
-    assert!(!render(&log, &survey(&[]), &robust()).contains("class=\"histogram\""));
+    assert!(!render(&log, &survey(), &robust()).contains("class=\"histogram\""));
 }
 
 #[test]
@@ -270,52 +336,48 @@ fn a_command_held_ages_slot_by_slot() {
     let log = with_states(hover(5), |state| {
         (state.applied_sequence, state.applied_age_ns) = if state.stamp.tick > 0 { (1, 500_000) } else { (0, 0) };
     });
-    let page = render(&log, &Value::Null, &robust());
+    let page = render(&log, &survey(), &robust());
     // NaN, then 0.5, 10.5, 20.5, 30.5 ms as f32.
     assert_eq!(data(&page)["columns"]["age_ms"], "AADAfwAAAD8AAChBAACkQQAA9EE=");
 }
 
 /// Verdict and measured value of each claim.
-fn claims(log: &Log, run: &Value, scenario: &Scenario) -> ([Option<bool>; 5], [String; 5]) {
+fn claims(log: &Log, run: &RunRecord, scenario: &Scenario) -> ([Option<bool>; 5], [String; 5]) {
     let claims = judge(run, &figures(log, scenario).finish().1, scenario);
     (claims.each_ref().map(|claim| claim.holds), claims.map(|claim| claim.measured))
 }
 
 #[test]
 fn a_flight_that_ended_early_has_kept_no_bound() {
-    let bound = |metric: &str, ok: bool| json!({ "metric": metric, "limit": 0.5, "measured": 0.2, "ok": ok });
-    let all = json!([bound("max_position_error_m", true), bound("max_altitude_error_vertical_m", false)]);
-    let run = survey(&[("bounds", all.clone())]);
+    let run = RunRecord { bounds: vec![bound(true), bound(false)], ..survey() };
     assert!(bounds(&run).contains("kept"));
-    for early in [("exit_code", json!(130)), ("exit_code", json!(3)), ("diverged", json!(true))] {
-        let told = bounds(&survey(&[("bounds", all.clone()), ("flown_s", json!(5.85)), early]));
+    let early = |diverged, exit_code| RunRecord { flown_s: 5.85, diverged, exit_code, ..run.clone() };
+    for run in [early(false, exit::INTERRUPTED), early(false, exit::PROCESS_LOST), early(true, exit::FLOWN)] {
+        let told = bounds(&run);
         assert!(!told.contains("kept") && told.contains("not judged") && told.contains("exceeded"), "{told}");
     }
 }
 
 #[test]
 fn the_state_hash_is_shown_if_a_repeat_or_a_replay_gives_it_again() {
-    for (mode, replays, shown) in [("realtime", false, false), ("realtime", true, true), ("lockstep", false, true)] {
-        let run = survey(&[("state_hash", "0123abcd".into()), ("mode", mode.into()), ("replays", replays.into())]);
-        assert_eq!(metrics(&run).contains("0123abcd"), shown, "{mode} {replays}");
-        let mut flown = robust();
-        flown.run.mode = if mode == "realtime" { Mode::Realtime } else { Mode::Lockstep };
-        let page = render(&hover(2), &run, &flown);
-        assert_eq!(page.contains("launcher replay RUN"), replays, "{mode} {replays}");
+    for (mode, replays, shown) in
+        [(Mode::Realtime, false, false), (Mode::Realtime, true, true), (Mode::Lockstep, false, true)]
+    {
+        let run = RunRecord { state_hash: Some("0123abcd".into()), mode, replays, ..survey() };
+        assert_eq!(metrics(&run).contains("0123abcd"), shown, "{mode:?} {replays}");
+        assert_eq!(page(&run).contains("launcher replay RUN"), replays, "{mode:?} {replays}");
     }
 }
 
 #[test]
 fn claims_hold_up_to_their_bound_and_not_beyond() {
     let (log, scenario) = (hover(6001), Scenario::from(Profile::Paper));
-    assert_eq!(claims(&log, &survey(&[]), &scenario).0, [Some(true); 5]);
-    check_tells(&render(&log, &survey(&[]), &scenario), &["href=\"#claims\"", "<dt>altitude error, 10 to 50 s</dt>"]);
-    let beyond = json!({
-        "max_position_error_m": 0.7,
-        "max_altitude_error_horizontal_m": 0.1,
-        "max_altitude_error_vertical_m": 0.201,
-    });
-    let verdicts = claims(&log, &survey(&[("metrics", beyond)]), &scenario).0;
+    assert_eq!(claims(&log, &survey(), &scenario).0, [Some(true); 5]);
+    check_tells(&render(&log, &survey(), &scenario), &["href=\"#claims\"", "<dt>altitude error, 10 to 50 s</dt>"]);
+    let mut beyond = survey();
+    let m = &mut beyond.metrics;
+    (m.max_position_error_m, m.max_altitude_error_horizontal_m, m.max_altitude_error_vertical_m) = (0.7, 0.1, 0.201);
+    let verdicts = claims(&log, &beyond, &scenario).0;
     assert_eq!(verdicts, [Some(false), Some(false), Some(false), Some(true), Some(true)]);
 }
 
@@ -331,14 +393,14 @@ fn a_command_at_its_limit_breaks_the_constraint_claim() {
     for command in at_limit {
         let mut log = hover(100);
         log.actuators[50] = at(50, Actuators { command, ..Actuators::default() });
-        assert_eq!(claims(&log, &survey(&[]), &scenario).0[4], Some(false), "{command:?}");
+        assert_eq!(claims(&log, &survey(), &scenario).0[4], Some(false), "{command:?}");
     }
 }
 
 #[test]
 fn a_state_at_its_limit_breaks_the_constraint_claim() {
     let scenario = Scenario::from(Profile::Paper);
-    let verdict = |change: fn(&mut State)| claims(&with_states(hover(100), change), &survey(&[]), &scenario).0[3];
+    let verdict = |change: fn(&mut State)| claims(&with_states(hover(100), change), &survey(), &scenario).0[3];
     assert_eq!(verdict(|state| state.actual.attitude_rad = [1.56, -1.56, 6.27]), Some(true));
     assert_eq!(verdict(|state| state.actual.rates_radps = [-6.27, 6.27, 6.27]), Some(true));
     assert_eq!(verdict(|state| state.actual.attitude_rad[0] = 1.58), Some(false));
@@ -346,14 +408,14 @@ fn a_state_at_its_limit_breaks_the_constraint_claim() {
     assert_eq!(verdict(|state| state.actual.attitude_rad[2] = 6.29), Some(false));
     assert_eq!(verdict(|state| state.actual.rates_radps[1] = -6.29), Some(false));
     assert_eq!(verdict(|state| state.actual.rates_radps[2] = f64::NAN), Some(false), "nothing is known of it");
-    assert_eq!(claims(&Log::default(), &survey(&[]), &scenario).0[3], None);
+    assert_eq!(claims(&Log::default(), &survey(), &scenario).0[3], None);
 }
 
 #[test]
 fn command_following_is_told_without_a_verdict() {
-    let mut run = survey(&[]);
-    run["metrics"]["rms_attitude_error_deg"] = json!([0.5, 0.25, 1.0]);
-    run["metrics"]["rms_w_error_mps"] = json!(0.0625);
+    let mut run = survey();
+    run.metrics.rms_attitude_error_deg = [0.5, 0.25, 1.0];
+    (run.metrics.rms_rates_error_dps, run.metrics.rms_w_error_mps) = ([f64::NAN; 3], 0.0625);
     let log = hover(6001);
     let told = "RMS error of φ, θ, ψ <b>0.50 / 0.25 / 1.00 deg</b>";
     let following = |scenario: &Scenario| {
@@ -369,18 +431,19 @@ fn command_following_is_told_without_a_verdict() {
 
 #[test]
 fn the_end_on_the_ground_is_told_only_if_there_is_a_ground() {
-    check_tells(&page(&survey(&[("ground", "crashed".into())])), &["<span>at the end <b>crashed</b></span>"]);
-    assert!(!page(&survey(&[("ground", Value::Null)])).contains("at the end <b>"));
+    let ground = Some("crashed".into());
+    check_tells(&page(&RunRecord { ground, ..survey() }), &["<span>at the end <b>crashed</b></span>"]);
+    assert!(!page(&survey()).contains("at the end <b>"));
 }
 
 #[test]
 fn a_lost_vehicle_contradicts_every_tracking_claim() {
-    let bound = json!([{ "metric": "max_altitude_error_horizontal_m", "limit": 0.1, "measured": 0.0, "ok": true }]);
-    let run = survey(&[("diverged", true.into()), ("flown_s", 5.8.into()), ("bounds", bound)]);
+    let mut run = RunRecord { diverged: true, flown_s: 5.8, bounds: vec![bound(true)], ..survey() };
+    run.metrics.max_altitude_error_horizontal_m = f64::NAN;
     let (verdicts, measured) = claims(&hover(580), &run, &Scenario::from(Profile::Paper));
     assert_eq!(verdicts[..3], [Some(false); 3]);
     assert!(measured[0].contains("lost"));
-    // The summary's maximum over an empty stretch of time is not a measurement.
+    // A maximum over no time at all is not a measurement.
     assert_eq!(measured[1], crate::draw::DASH);
     assert!(!bounds(&run).contains("kept"));
 }
@@ -388,10 +451,10 @@ fn a_lost_vehicle_contradicts_every_tracking_claim() {
 #[test]
 fn other_flights_are_not_judged() {
     let (log, mut scenario) = (hover(3000), Scenario::from(Profile::Paper));
-    assert_eq!(claims(&log, &survey(&[("flown_s", 30.0.into())]), &scenario).0, [None; 5]);
+    assert_eq!(claims(&log, &RunRecord { flown_s: 30.0, ..survey() }, &scenario).0, [None; 5]);
     scenario.mission.trajectory = TrajectoryKind::Circle;
-    assert_eq!(claims(&log, &survey(&[]), &scenario).0, [None; 5]);
-    let page = render(&log, &survey(&[]), &scenario);
+    assert_eq!(claims(&log, &survey(), &scenario).0, [None; 5]);
+    let page = render(&log, &survey(), &scenario);
     assert!(page.contains("<dt>altitude error, maximum</dt>"));
     assert!(!page.contains("<dt>altitude error, 10 to 50 s</dt>"));
     check_speaks_of_no_claim(&page);
@@ -410,7 +473,7 @@ fn only_the_papers_flight_in_calm_is_judged_by_its_claims() {
     let paper = Scenario::from(Profile::Paper);
     let mut same = Scenario { name: "another".into(), ..paper.clone() };
     (same.run.seed, same.run.mode) = (7, contract::scenario::Mode::Lockstep);
-    assert!(render(&log, &survey(&[]), &same).contains("id=\"claims\""));
+    assert!(render(&log, &survey(), &same).contains("id=\"claims\""));
     let with = |settings: &[&str]| {
         let settings: Vec<String> = ["profile=paper"].iter().chain(settings).map(|&set| set.to_owned()).collect();
         contract::scenario::load(None, &settings).unwrap()
@@ -431,11 +494,11 @@ fn only_the_papers_flight_in_calm_is_judged_by_its_claims() {
         robust(),
     ];
     for scenario in &others {
-        let page = render(&log, &survey(&[]), scenario);
+        let page = render(&log, &survey(), scenario);
         check_speaks_of_no_claim(&page);
         check_tells(&page, &["<dt>altitude error, 10 to 50 s</dt>"]);
     }
     // Orders given in flight count too.
-    let ordered = json!({ "scenario": contract::scenario::to_toml(&others[9]) });
-    check_speaks_of_no_claim(&render(&log, &survey(&[("provenance", ordered)]), &paper));
+    let ordered = provenance(&others[9], &[]);
+    check_speaks_of_no_claim(&render(&log, &RunRecord { provenance: Some(ordered), ..survey() }, &paper));
 }

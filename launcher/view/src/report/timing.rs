@@ -2,31 +2,29 @@
 
 use contract::{Scenario, Topic};
 use hdrhistogram::Histogram;
-use serde_json::Value;
 
-use crate::draw::{Bars, DASH, Lane, any, escape, histograms, number, table, time_line};
-use outcome::timing::{Age, EXECUTION, INPUT, NodeTiming, Timing};
+use crate::draw::{Bars, Lane, escape, histograms, number, table, time_line};
+use flight::event::name;
+use outcome::percentiles::Percentiles;
+use outcome::run_record::RunRecord;
+use outcome::timing::{Age, EXECUTION, FIGURES, INPUT, NodeTiming, Timing, TimingRecord, WorstTick};
 
-/// Keys of a figure's percentiles in run.json, and their headings.
-const PERCENTILES: [(&str, &str); 5] =
-    [("p50_us", "p50"), ("p90_us", "p90"), ("p99_us", "p99"), ("p999_us", "p99.9"), ("max_us", "max")];
-/// Figures of a node: key in run.json, name for people, and the style of the bars of those that are drawn.
-const FIGURES: [(&str, &str, Option<&str>); 7] = [
-    ("jitter", "release jitter", Some("wake")),
-    ("hop", "hop", Some("wake")),
-    ("execution", "execution", Some("execution")),
-    ("cpu", "CPU time", None),
-    ("input_age", "age of the input", None),
-    ("response", "response", Some("response")),
-    ("response_per_slot", "response, per slot", None),
+/// Names of the [`FIGURES`] of a node for people, and the style of the bars of those that are drawn.
+const SHOWN: [(&str, Option<&str>); FIGURES.len()] = [
+    ("release jitter", Some("wake")),
+    ("hop", Some("wake")),
+    ("execution", Some("execution")),
+    ("CPU time", None),
+    ("age of the input", None),
+    ("response", Some("response")),
+    ("response, per slot", None),
 ];
 
 /// Makes the tables of the nodes' times: one for the eye, one with every percentile.
-pub fn tables(run: &Value) -> String {
-    let timing = &run["timing"];
-    if !timing.is_object() {
+pub fn tables(run: &RunRecord) -> String {
+    let Some(timing) = &run.timing else {
         return "<p>Not measured: in process, one thread calls the four steps in order.</p>".into();
-    }
+    };
     let headings = [
         "node",
         "deadline ms",
@@ -39,22 +37,18 @@ pub fn tables(run: &Value) -> String {
         "execution",
         "response",
     ];
-    let rows = Topic::ALL.map(|topic| {
-        let node = &timing["nodes"][topic.publisher()];
-        let wake = if node["jitter"].is_null() { "hop" } else { "jitter" };
-        let mut cells = vec![topic.publisher().to_owned(), number(&node["deadline_ms"], 1), any(&node["policy"])];
-        cells.extend(["misses", "late", "slips", "longest_run_of_misses"].map(|key| number(&node[key], 0)));
-        cells.extend([wake, "execution", "response"].map(|figure| in_short(&node[figure])));
+    let rows = timing.by_node().map(|(of, node)| {
+        let counts = &node.counts;
+        let mut cells = vec![of.to_owned(), number(node.deadline_ms, 1), name(node.policy)];
+        let counts = [counts.misses, counts.late, counts.slips, counts.longest_run_of_misses];
+        cells.extend(counts.map(|count| count.to_string()));
+        cells.extend([node.wake(), node.execution.as_ref(), node.response.as_ref()].map(in_short));
         cells
     });
-    let ages =
-        [("age_at_actuator", "commands applied"), ("age_at_actuator_per_slot", "slots held")].map(|(key, of_what)| {
-            let age = &timing[key];
-            format!("<b>{}</b> µs over {} {of_what}", in_short(age), number(&age["n"], 0))
-        });
-    let contradictions = timing["clock_contradictions"].as_object().into_iter().flatten();
-    let contradict = contradictions.filter(|(_, count)| count.as_u64() > Some(0));
-    let counts: Vec<_> = contradict.map(|(node, count)| format!("{} of {}", number(count, 0), escape(node))).collect();
+    let ages = [(&timing.age_at_actuator, "commands applied"), (&timing.age_at_actuator_per_slot, "slots held")];
+    let ages = ages.map(|(age, of_what)| format!("<b>{}</b> µs over {} {of_what}", in_short(Some(age)), age.n));
+    let contradict = timing.clock_contradictions.iter().filter(|(_, count)| **count > 0);
+    let counts: Vec<_> = contradict.map(|(node, count)| format!("{count} of {}", escape(node))).collect();
     let differ = match counts.join(", ") {
         none if none.is_empty() => none,
         counts => format!(
@@ -72,11 +66,13 @@ pub fn tables(run: &Value) -> String {
     )
 }
 
-/// Draws histograms of the log's stamps, and the ten worst ticks of the summary; empty except in real time.
-pub fn pictures(timing: Option<&Timing>, run: &Value, scenario: &Scenario) -> String {
-    let worst = run["timing"]["worst_ticks"].as_array().filter(|all| !all.is_empty());
-    let (Some(worst), Some(timing)) = (worst, timing) else { return String::new() };
-    let ticks: String = worst.iter().map(|tick| worst_tick(tick, scenario.sample_s() * 1e6)).collect();
+/// Draws histograms of the log's stamps, and the ten worst ticks of the record; empty except in real time.
+pub fn pictures(timing: Option<&Timing>, run: &RunRecord, scenario: &Scenario) -> String {
+    let (Some(TimingRecord { worst_ticks, .. }), Some(timing)) = (&run.timing, timing) else { return String::new() };
+    if worst_ticks.is_empty() {
+        return String::new();
+    }
+    let ticks: String = worst_ticks.iter().map(|tick| worst_tick(tick, scenario.sample_s() * 1e6)).collect();
     let mut groups: Vec<_> = timing.nodes.iter().map(|node| (node.topic.publisher(), node_histograms(node))).collect();
     let aged = |caption: &str, histogram: &Histogram<u64>| Bars {
         caption: caption.into(),
@@ -101,7 +97,7 @@ pub fn pictures(timing: Option<&Timing>, run: &Value, scenario: &Scenario) -> St
 
 /// Histograms of a node.
 fn node_histograms(node: &NodeTiming) -> Vec<Bars> {
-    let bars = |(figure, name, style): (&str, &str, Option<&'static str>)| {
+    let bars = |(figure, (name, style)): (&str, (&str, Option<&'static str>))| {
         let (style, histogram) = (style?, node.figures.get(figure)?.clone());
         let caption = match figure {
             "hop" => format!("hop from {}", Topic::ALL[node.topic as usize - 1].publisher()),
@@ -110,64 +106,55 @@ fn node_histograms(node: &NodeTiming) -> Vec<Bars> {
         let deadline_ns = (figure == "response").then_some(node.deadline.deadline_ns);
         Some(Bars { caption, style, histogram, deadline_ns })
     };
-    FIGURES.into_iter().filter_map(bars).collect()
+    FIGURES.into_iter().zip(SHOWN).filter_map(bars).collect()
 }
 
-fn worst_tick(tick: &Value, period_us: f64) -> String {
+fn worst_tick(tick: &WorstTick, period_us: f64) -> String {
     // A tick that the plant slept through has no sample.
-    let error = match &tick["position_error_m"] {
-        Value::Null => String::new(),
-        error => format!(", position error {}&nbsp;m", number(error, 3)),
-    };
-    let late_ms = tick["late_us"].as_f64().map_or(DASH.into(), |us| format!("{:.2}", us / 1e3));
+    let error = tick.position_error_m.map_or(String::new(), |m| format!(", position error {m:.3}&nbsp;m"));
     format!(
-        "<div class=\"tick\"><p><b>{late_ms} ms</b> tick {}, {} s{error}</p><p class=\"hint\">{}</p>{}</div>",
-        number(&tick["tick"], 0),
-        number(&tick["time_s"], 2),
-        any(&tick["in_words"]),
+        "<div class=\"tick\"><p><b>{:.2} ms</b> tick {}, {:.2} s{error}</p><p class=\"hint\">{}</p>{}</div>",
+        tick.late_us / 1e3,
+        tick.tick,
+        tick.time_s,
+        escape(&tick.in_words),
         time_line(&lanes(tick, period_us))
     )
 }
 
-/// Lanes of the nodes in a tick of run.json, each from the release, or the silent slots before, to the publication.
-fn lanes(tick: &Value, period_us: f64) -> Vec<Lane> {
+/// Lanes of the nodes in a worst tick, each from the release, or the silent slots before, to the publication.
+fn lanes(tick: &WorstTick, period_us: f64) -> Vec<Lane> {
     let lane = |topic: Topic| {
         let name = topic.publisher();
-        let cycle = &tick["nodes"][name];
-        let [release, start, publish] = ["release_us", "start_us", "publish_us"].map(|key| cycle[key].as_f64());
-        let (release, start) = (release?, start?);
-        let here = tick["node"] == name;
-        let waited_us = if here && tick["part"] == INPUT {
-            tick["part_us"].as_f64().unwrap_or(0.0)
-        } else {
-            cycle["silent"].as_f64().unwrap_or(0.0) * period_us
-        };
-        let running = tick["part"] == EXECUTION;
-        let waits = [release - waited_us.max(0.0), start];
-        Some(Lane { name, waits, runs: [start, publish?], at_fault: [here && !running, here && running] })
+        let cycle = tick.nodes.get(name)?;
+        let here = tick.node == name;
+        let waited_us = if here && tick.part == INPUT { tick.part_us } else { cycle.silent as f64 * period_us };
+        let running = tick.part == EXECUTION;
+        let waits = [cycle.release_us - waited_us.max(0.0), cycle.start_us];
+        let runs = [cycle.start_us, cycle.publish_us];
+        Some(Lane { name, waits, runs, at_fault: [here && !running, here && running] })
     };
     Topic::ALL.into_iter().filter_map(lane).collect()
 }
 
-fn in_short(figure: &Value) -> String {
-    ["p50_us", "p99_us", "max_us"].map(|key| number(&figure[key], 0)).join(" / ")
+/// Formats median, 99th percentile and maximum in us; dashes for a figure that is not there.
+pub fn in_short(figure: Option<&Percentiles>) -> String {
+    let at = |of: fn(&Percentiles) -> f64| number(figure.map(of), 0);
+    [at(|p| p.p50_us), at(|p| p.p99_us), at(|p| p.max_us)].join(" / ")
 }
 
-fn all_percentiles(timing: &Value) -> String {
-    let row = |node: &str, what: &str, figure: &Value| {
-        let mut cells = vec![escape(node), what.to_owned(), number(&figure["n"], 0)];
-        cells.extend(PERCENTILES.map(|(key, _)| number(&figure[key], 1)));
+fn all_percentiles(timing: &TimingRecord) -> String {
+    let row = |node: &str, what: &str, p: &Percentiles| {
+        let mut cells = vec![node.to_owned(), what.to_owned(), p.n.to_string()];
+        cells.extend([p.p50_us, p.p90_us, p.p99_us, p.p999_us, p.max_us].map(|us| number(us, 1)));
         cells
     };
     let mut rows = Vec::new();
-    for topic in Topic::ALL {
-        let node = &timing["nodes"][topic.publisher()];
-        let known = FIGURES.into_iter().filter(|(key, ..)| !node[*key].is_null());
-        rows.extend(known.map(|(key, what, _)| row(topic.publisher(), what, &node[key])));
+    for (name, node) in timing.by_node() {
+        let figures = node.figures().into_iter().zip(SHOWN);
+        rows.extend(figures.filter_map(|(figure, (what, _))| Some(row(name, what, figure?))));
     }
-    rows.push(row("whole ring", "age, per command", &timing["age_at_actuator"]));
-    rows.push(row("whole ring", "age, per slot", &timing["age_at_actuator_per_slot"]));
-    let mut headings = vec!["node", "µs", "n"];
-    headings.extend(PERCENTILES.map(|(_, heading)| heading));
-    table(&headings, rows)
+    rows.push(row("whole ring", "age, per command", &timing.age_at_actuator));
+    rows.push(row("whole ring", "age, per slot", &timing.age_at_actuator_per_slot));
+    table(&["node", "µs", "n", "p50", "p90", "p99", "p99.9", "max"], rows)
 }

@@ -21,6 +21,7 @@ use flight::log::{self, Log, Record};
 use outcome::happenings::Happenings;
 use outcome::recorded::Recorded;
 use outcome::ticks::{in_force, logged};
+use outcome::timing::WorstTick;
 use runtime::console::{eprint_line, print};
 
 /// Arguments of `trace`.
@@ -64,7 +65,9 @@ pub fn trace(args: &TraceArgs) -> anyhow::Result<()> {
         );
     }
     let records = |each: &mut dyn FnMut(&Record)| log::stream(&path, log::ALL, |_, record| each(record)).map(drop);
-    let (window, document) = document(records, scenario, &recorded.run, args.from_s, args.for_s)?;
+    let worst = recorded.run.timing.as_ref().and_then(|timing| timing.worst_ticks.first());
+    let window = Window::new(args.from_s, args.for_s, scenario.sample_s(), worst);
+    let document = document(records, scenario, &recorded.run.happenings(), &window)?;
     if scenario.run.mode == Mode::Lockstep {
         eprint_line(&format!("note: {LOCKSTEP}"));
     }
@@ -80,20 +83,16 @@ const MOST_TICKS: usize = 20_000;
 /// before, and a command acts until the next.
 const AROUND_TICKS: u64 = 1_000;
 
-/// The trace of a flight through processes, in the window that begins at `from_s` or lies around the worst tick; `run`
-/// is the summary of the flight, which knows that tick and what happened, and `records` hands out the messages of its
-/// log, tick by tick.
+/// Makes the trace of a `window` of a flight through processes; `records` hands out the messages of its log, tick by
+/// tick.
 ///
 /// Time zero is the first sample, so that in real time the viewer's axis is simulated time.
 pub fn document(
     records: impl FnOnce(&mut dyn FnMut(&Record)) -> anyhow::Result<()>,
     scenario: &Scenario,
-    run: &Value,
-    from_s: Option<f64>,
-    for_s: f64,
-) -> anyhow::Result<(Window, Value)> {
-    let sample_s = scenario.sample_s();
-    let window = Window::new(from_s, for_s, sample_s, run);
+    happened: &Happenings,
+    window: &Window,
+) -> anyhow::Result<Value> {
     let windowed = window.ticks(scenario.ticks() as usize + 1);
     ensure!(
         windowed.len() <= MOST_TICKS,
@@ -120,7 +119,7 @@ pub fn document(
         bail!(
             "no tick in {}: the log covers {:.2} s; choose another window with --from and --for",
             window.describe(),
-            ends.map_or(0.0, |[_, last]| last.tick as f64 * sample_s)
+            ends.map_or(0.0, |[_, last]| last.tick as f64 * scenario.sample_s())
         );
     };
     let origin_ns = match scenario.run.mode {
@@ -131,16 +130,17 @@ pub fn document(
     trace.nodes(&log);
     trace.commands(&commands);
     trace.flows(&traced, &commands);
-    trace.happened(&Happenings::new(&run["faults"], &run["events"]), &traced);
+    trace.happened(happened, &traced);
     let about = json!({
         "flight": scenario.name,
         "mode": scenario.run.mode,
         "window": window.describe(),
         "note": if scenario.run.mode == Mode::Lockstep { LOCKSTEP } else { "" },
     });
-    Ok((window, trace.document(&about)))
+    Ok(trace.document(&about))
 }
 
+/// Stretch of a flight that is traced.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Window {
     from_s: f64,
@@ -151,17 +151,15 @@ pub struct Window {
 }
 
 impl Window {
-    /// The window that begins at `from_s`, or else has the worst tick of the flight in its middle, the one that its
-    /// summary `run` names first; the beginning where no tick was late.
-    fn new(from_s: Option<f64>, for_s: f64, sample_s: f64, run: &Value) -> Self {
-        let worst = &run["timing"]["worst_ticks"][0];
-        let (from_s, why) = match (from_s, worst["tick"].as_u64(), worst["late_us"].as_f64()) {
-            (None, Some(tick), Some(late_us)) => {
-                let (late_ms, what) = (late_us / 1e3, worst["in_words"].as_str().unwrap_or_default());
-                let why = format!(", around the worst tick, {tick}: {late_ms:.2} ms late; {what}");
-                ((tick as f64 * sample_s - for_s / 2.0).max(0.0), why)
+    /// The window that begins at `from_s`, or else has the `worst` tick of the flight in its middle; the beginning if
+    /// no tick was late.
+    pub fn new(from_s: Option<f64>, for_s: f64, sample_s: f64, worst: Option<&WorstTick>) -> Self {
+        let (from_s, why) = match (from_s, worst) {
+            (None, Some(WorstTick { tick, late_us, in_words, .. })) => {
+                let why = format!(", around the worst tick, {tick}: {:.2} ms late; {in_words}", late_us / 1e3);
+                ((*tick as f64 * sample_s - for_s / 2.0).max(0.0), why)
             }
-            (from_s, ..) => (from_s.unwrap_or(0.0), String::new()),
+            (from_s, _) => (from_s.unwrap_or(0.0), String::new()),
         };
         Self { from_s, for_s, sample_s, why }
     }
@@ -184,7 +182,7 @@ mod tests {
     use super::*;
 
     fn window(from_s: f64, for_s: f64) -> Window {
-        Window::new(Some(from_s), for_s, 0.01, &Value::Null)
+        Window::new(Some(from_s), for_s, 0.01, None)
     }
 
     #[test]
@@ -200,11 +198,15 @@ mod tests {
 
     #[test]
     fn the_worst_tick_is_that_of_the_summary() {
-        let run = |tick: u64| json!({ "timing": { "worst_ticks": [{ "tick": tick, "late_us": 9_830.0, "in_words": "why" }] } });
-        let window = Window::new(None, 1.0, 0.01, &run(300));
+        let worst = |tick: u64| WorstTick { tick, late_us: 9_830.0, in_words: "why".into(), ..WorstTick::default() };
+        let window = Window::new(None, 1.0, 0.01, Some(&worst(300)));
         assert_eq!(window.ticks(500), 250..350);
         assert!(window.why.contains("the worst tick, 300: 9.83 ms late; why"), "{}", window.why);
-        assert_eq!(Window::new(None, 1.0, 0.01, &run(30)).ticks(500), 0..100, "no window begins before the flight");
-        assert_eq!(Window::new(None, 2.0, 0.01, &Value::Null).ticks(500), 0..200);
+        assert_eq!(
+            Window::new(None, 1.0, 0.01, Some(&worst(30))).ticks(500),
+            0..100,
+            "no window begins before the flight"
+        );
+        assert_eq!(Window::new(None, 2.0, 0.01, None).ticks(500), 0..200);
     }
 }
