@@ -333,6 +333,27 @@ fn what_shares_a_draw_is_one_observation_and_copies_are_told() {
 }
 
 #[test]
+fn a_broken_promise_is_told_and_decides_the_exit_code() {
+    let promised = |limit: f64| {
+        format!(
+            "[settings]\nrun.duration_s = 1.0\n[case.calm]\n[case.pushed]\ninitial.velocity_mps = [1.0, 0.0, 0.0]\n\
+             [[promise]]\nfigure = \"{{case}}: largest error\"\ncases = [\"calm\", \"pushed\"]\n\
+             metric = \"max_position_error_m\"\nat_most = {limit:?}\nunit = \"m\"\nbecause = \"it is a test\"\n"
+        )
+    };
+    for (limit, code, pushed) in [(5.0, 0, "ok            pushed"), (0.1, 1, "short         pushed")] {
+        let place = Place::new(&promised(limit));
+        let output = place.fly(&[], "out");
+        check(&output, code, &[]);
+        let said = String::from_utf8_lossy(&output.stdout);
+        let parts = ["ok            calm: largest error", pushed, "it is a test"];
+        assert!(parts.iter().all(|part| said.contains(part)), "{said}");
+        let page = fs::read_to_string(place.at("out/campaign.html")).expect("the page");
+        assert!(page.contains("<h2>Promises</h2>") && page.contains("pushed: largest error"), "{page}");
+    }
+}
+
+#[test]
 fn the_campaigns_of_the_page_can_be_flown() {
     let page = fs::read_to_string(top().join("docs/campaigns.md")).expect("the page");
     let examples: Vec<&str> =

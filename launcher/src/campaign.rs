@@ -7,13 +7,14 @@ use std::sync::atomic::AtomicU32;
 use anyhow::{Context, bail, ensure};
 use campaign::folder::{Access, CampaignFolder};
 use campaign::layout::MAX_SHARDS;
-use campaign::page::{self, Page};
+use campaign::page::{self, Page, promises};
 use campaign::row::{self, Standing};
 use campaign::table::Cell;
 use campaign::{Campaign, Plan, Rate, local, seeds, slurm};
 use clap::{Args, Subcommand};
 use contract::exit;
 use flight::interrupts::{catch_interrupts, end_at_once};
+use outcome::target::Verdict;
 use runtime::console::{eprint_line, is_read, print};
 use view::table;
 
@@ -26,8 +27,8 @@ use crate::progress::Progress;
     args_conflicts_with_subcommands = true,
     subcommand_negates_reqs = true,
     after_help = "The same command goes on where an earlier one ended. docs/campaigns.md has the form of FILE and an example.\n\n\
-Exit codes: 0 every flight has passed or failed, and the results are written; 1 some could not be flown (invalid); 2 usage or \
-campaign error; 3 shards are missing, or results could not be written; 130 interrupted: what is complete is kept."
+Exit codes: 0 every flight has passed or failed, every promise is kept, and the results are written; 1 some could not be flown \
+(invalid), or a promise is broken; 2 usage or campaign error; 3 shards are missing, or results could not be written; 130 interrupted: what is complete is kept."
 )]
 pub struct CampaignArgs {
     #[command(subcommand)]
@@ -265,6 +266,10 @@ fn conclude(plan: &Plan, folder: &CampaignFolder, what: &What) -> anyhow::Result
     );
     let page = Page::new(plan, &flights);
     text += &rates(&page);
+    let targets = promises::targets(&page);
+    for target in &targets {
+        text += &(target.line().trim_end().to_owned() + "\n");
+    }
     print(&text);
     let write = || -> anyhow::Result<()> {
         folder.dir.write_whole("campaign.html", page::page(&page, &what.again())?.as_bytes())?;
@@ -298,7 +303,8 @@ fn conclude(plan: &Plan, folder: &CampaignFolder, what: &What) -> anyhow::Result
     if invalid > 0 {
         eprint_line(&format!("{invalid} flights could not be flown: the column `outcome` says why"));
     }
-    Ok(if invalid > 0 { exit::OUT_OF_BOUNDS } else { exit::FLOWN })
+    let is_broken = targets.iter().any(|target| target.verdict == Verdict::Short);
+    Ok(if invalid > 0 || is_broken { exit::OUT_OF_BOUNDS } else { exit::FLOWN })
 }
 
 /// Returns the table of how many flights each controller passes, and sentences on the basis of these rates.

@@ -17,8 +17,16 @@
 //! plant.airframe.mass_kg = { uniform = [1.0, 1.3] }            # drawn
 //! initial.attitude_deg.0 = { normal = { mean = 0.0, deviation = 10.0 } }   # one element of an array
 //!
+//! [case.step]                        # each flight is flown in each case: settings, on top of a scenario of its own
+//! scenario = "step.toml"
+//!
 //! [controller.lqr]                   # each flight is flown under each controller
 //! mpc.law = "lqr"
+//!
+//! [[promise]]                        # what must hold of the results: see `promise`
+//! figure = "flights of lqr lost"
+//! controllers = ["lqr"]
+//! passed = "all"
 //!
 //! [random_faults]
 //! count = [0, 2]
@@ -38,6 +46,7 @@ use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Table, Value};
 
 use crate::hex::hex;
+use crate::promise::Promise;
 use crate::random_faults::RandomFaults;
 use crate::sampling::{MAX_SOBOL, Sampling};
 use crate::tune::Tune;
@@ -49,6 +58,8 @@ const MAX_FLIGHTS: u64 = 10_000_000;
 const MAX_SAMPLES: u64 = 1_000_000;
 /// Key of the seed; every flight has a value of it.
 pub const SEED: &str = "run.seed";
+/// Key of the case; a flight has a value of it if the file has cases.
+pub const CASE: &str = "case";
 /// Name of the only controller if the file names none.
 const ONLY: &str = "scenario";
 
@@ -57,10 +68,10 @@ const ONLY: &str = "scenario";
 pub struct Campaign {
     /// Contents of the file, with the scenario merged into `settings`.
     file: File,
-    /// Settings of all flights.
-    pub base: Given,
-    /// Names of the controllers, each with the settings of its flights.
+    /// Names of the controllers, each with the settings of its flights outside of a case.
     pub controllers: Vec<(String, Given)>,
+    /// Names of the cases, each with the settings of its flights by controller.
+    cases: Vec<(String, Vec<Given>)>,
     /// Factors, sorted by key.
     pub factors: Vec<Factor>,
 }
@@ -84,18 +95,26 @@ struct File {
     settings: Table,
     #[serde(default, skip_serializing_if = "Table::is_empty")]
     vary: Table,
-    #[serde(default, skip_serializing_if = "Controllers::is_empty")]
-    controller: Controllers,
+    /// Campaign file whose controllers are flown too.
+    #[serde(skip_serializing)]
+    controllers: Option<PathBuf>,
+    #[serde(default, skip_serializing_if = "Named::is_empty")]
+    controller: Named,
+    #[serde(default, skip_serializing_if = "Named::is_empty")]
+    case: Named,
     #[serde(skip_serializing_if = "Option::is_none")]
     random_faults: Option<RandomFaults>,
     /// Tuning; left out of [`merged`](Campaign::merged) and so of the hash, because it changes no flight.
     #[serde(skip_serializing)]
     tune: Option<Tune>,
+    /// Promises, which change no flight either.
+    #[serde(default, skip_serializing)]
+    promise: Vec<Promise>,
 }
 
-/// Tables `[controller.NAME]`, in the order of the file.
+/// Tables `[controller.NAME]` or `[case.NAME]`, in the order of the file.
 #[derive(Debug, Clone, Default)]
-struct Controllers(Vec<(String, Table)>);
+struct Named(Vec<(String, Table)>);
 
 /// Seeds of each flight: 1 to a count, or a list.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -125,7 +144,11 @@ impl Campaign {
     /// Reads the campaign of a text; the path of its scenario is relative to `folder`.
     pub fn read(text: &str, origin: &str, name: &str, folder: &Path) -> anyhow::Result<Self> {
         let mut file: File = toml::from_str(text).map_err(|error| not_a_campaign(origin, text, &error))?;
-        file.controller.put_in_order(text);
+        file.controller.put_in_order(text, "controller");
+        file.case.put_in_order(text, CASE);
+        if let Some(path) = file.controllers.take() {
+            file.add_controllers_of(&folder.join(path)).with_context(|| format!("`controllers` of {origin}"))?;
+        }
         let name = file.name.get_or_insert_with(|| name.to_owned());
         let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
         ensure!(
@@ -133,24 +156,41 @@ impl Campaign {
             "{origin}: `name` = {name:?}: give letters, digits, - and _: the folder of the results has this name"
         );
         let scenario = file.scenario.take().map(|scenario| folder.join(scenario));
-        let base = Given::load(scenario.as_deref(), &[])?.with(&file.settings, &format!("[settings] of {origin}"))?;
-        let base = base.with(&in_process(), "")?;
-        file.settings = base.table().clone();
-        let settings = |(name, own): &(String, Table)| {
-            Ok((name.clone(), base.with(own, &format!("[controller.{name}] of {origin}"))?))
+        let scenario = Given::load(scenario.as_deref(), &[])?;
+        let with_settings = |scenario: &Given, settings: &Table| {
+            scenario.with(settings, &format!("[settings] of {origin}"))?.with(&in_process(), "")
         };
-        let mut controllers: Vec<(String, Given)> =
-            file.controller.0.iter().map(settings).collect::<anyhow::Result<_>>()?;
-        if controllers.is_empty() {
-            controllers.push((ONLY.into(), base.clone()));
+        let base = with_settings(&scenario, &file.settings)?;
+        let under_each_controller = |base: &Given| -> anyhow::Result<Vec<(String, Given)>> {
+            let under = |(name, own): &(String, Table)| {
+                Ok((name.clone(), base.with(own, &format!("[controller.{name}] of {origin}"))?))
+            };
+            let all: Vec<_> = file.controller.0.iter().map(under).collect::<anyhow::Result<_>>()?;
+            Ok(if all.is_empty() { vec![(ONLY.into(), base.clone())] } else { all })
+        };
+        let controllers = under_each_controller(&base)?;
+        let mut cases = vec![];
+        for (name, own) in &mut file.case.0 {
+            let above = match own.remove("scenario") {
+                None => scenario.clone(),
+                Some(Value::String(path)) => scenario.with(Given::load(Some(&folder.join(path)), &[])?.table(), "")?,
+                Some(other) => bail!("{origin}: `scenario` = {other} in [case.{name}]: give the path of a scenario"),
+            };
+            let case = with_settings(&above, &file.settings)?.with(own, &format!("[case.{name}] of {origin}"))?;
+            let by_controller = under_each_controller(&case)?.into_iter().map(|(_, given)| given).collect();
+            *own = case.table().clone();
+            cases.push((name.clone(), by_controller));
         }
+        file.settings = base.table().clone();
         let mut wanted = Wanted::all(&file.vary).with_context(|| origin.to_owned())?;
         wanted.extend(file.seeds.as_ref().map(seeds).transpose().with_context(|| origin.to_owned())?);
+        let names: Vec<Value> = cases.iter().map(|(name, _)| Value::String(name.clone())).collect();
+        wanted.extend((!names.is_empty()).then(|| Wanted::listed(CASE, names)));
         check_flights(&wanted, file.samples.unwrap_or(1), controllers.len()).with_context(|| origin.to_owned())?;
         let factors = wanted.into_iter().map(Wanted::factor).collect::<anyhow::Result<_>>();
         let mut factors: Vec<Factor> = factors.with_context(|| origin.to_owned())?;
         factors.sort_by(|a, b| a.key.cmp(&b.key));
-        let campaign = Self { file, base, controllers, factors };
+        let campaign = Self { file, controllers, cases, factors };
         campaign.check().with_context(|| origin.to_owned())?;
         Ok(campaign)
     }
@@ -179,6 +219,29 @@ impl Campaign {
     /// Returns `[tune]`, if the file has it.
     pub fn tune(&self) -> Option<&Tune> {
         self.file.tune.as_ref()
+    }
+
+    /// Returns the promises of the file.
+    pub fn promises(&self) -> &[Promise] {
+        &self.file.promise
+    }
+
+    /// Returns the names of the cases; none if the file has no cases.
+    pub fn cases(&self) -> impl Iterator<Item = &str> {
+        self.cases.iter().map(|(name, _)| name.as_str())
+    }
+
+    /// Returns the settings under controller number `controller`, in the case named `case`.
+    pub fn given(&self, controller: usize, case: Option<&str>) -> &Given {
+        let case = self.cases.iter().find(|(name, _)| Some(name.as_str()) == case);
+        case.map_or(&self.controllers[controller].1, |(_, by_controller)| &by_controller[controller])
+    }
+
+    /// Returns the settings under every controller, in the case named `case`; in every case if that is `None`.
+    pub fn givens(&self, case: Option<&str>) -> Vec<&Given> {
+        let outside = self.controllers.iter().filter(|_| self.cases.is_empty()).map(|(_, given)| given);
+        let cases = self.cases.iter().filter(|(name, _)| case.is_none_or(|case| name == case));
+        outside.chain(cases.flat_map(|(_, by_controller)| by_controller)).collect()
     }
 
     /// Replaces the number of samples and the seed of the draws.
@@ -256,19 +319,41 @@ impl Campaign {
                 ensure!(find(own, key).is_none(), "`{key}` of [controller.{name}] varies too: leave one of them away");
             }
         }
+        let controllers: Vec<&str> = self.controllers.iter().map(|(name, _)| name.as_str()).collect();
+        let cases: Vec<&str> = self.cases().collect();
+        let listed = self.factors.iter().filter(|factor| matches!(factor.values, Values::Listed(_)));
+        let listed: Vec<&str> = listed.map(|factor| factor.key.as_str()).collect();
+        self.promises().iter().try_for_each(|promise| promise.check(&controllers, &cases, &listed))
+    }
+}
+
+impl File {
+    /// Adds the controllers of the campaign file at `path` before its own.
+    fn add_controllers_of(&mut self, path: &Path) -> anyhow::Result<()> {
+        let origin = path.display().to_string();
+        let text = read_text(path, MAX_TEXT_BYTES)
+            .with_context(|| format!("cannot read {origin}; give the path of a campaign file"))?;
+        let mut other: Self = toml::from_str(&text).map_err(|error| not_a_campaign(&origin, &text, &error))?;
+        ensure!(!other.controller.is_empty(), "{origin} has no [controller.NAME]");
+        other.controller.put_in_order(&text, "controller");
+        for (name, _) in &self.controller.0 {
+            let is_twice = other.controller.0.iter().any(|(theirs, _)| theirs == name);
+            ensure!(!is_twice, "[controller.{name}] stands in {origin} too: give one of them another name");
+        }
+        self.controller.0.splice(0..0, other.controller.0);
         Ok(())
     }
 }
 
-impl Controllers {
+impl Named {
     fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// Sorts the controllers by their place in `text`, because a TOML table has no order.
-    fn put_in_order(&mut self, text: &str) {
+    /// Sorts the tables of `key` by their place in `text`, because a TOML table has no order.
+    fn put_in_order(&mut self, text: &str, key: &str) {
         let Ok(file) = DeTable::parse(text) else { return };
-        let places: BTreeMap<&str, usize> = match file.get_ref().get("controller").map(Spanned::get_ref) {
+        let places: BTreeMap<&str, usize> = match file.get_ref().get(key).map(Spanned::get_ref) {
             Some(DeValue::Table(all)) => all.keys().map(|key| (key.get_ref().as_ref(), key.span().start)).collect(),
             _ => return,
         };
@@ -276,13 +361,13 @@ impl Controllers {
     }
 }
 
-impl Serialize for Controllers {
+impl Serialize for Named {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         to.collect_map(self.0.iter().map(|(name, settings)| (name, settings)))
     }
 }
 
-impl<'de> Deserialize<'de> for Controllers {
+impl<'de> Deserialize<'de> for Named {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
         Ok(Self(BTreeMap::deserialize(from)?.into_iter().collect()))
     }
@@ -301,8 +386,8 @@ fn not_a_campaign(origin: &str, text: &str, error: &toml::de::Error) -> anyhow::
 
 /// Returns whether a text has tables of a scenario and none of a campaign.
 fn is_scenario(text: &str) -> bool {
-    const OF_A_CAMPAIGN: [&str; 9] =
-        ["scenario", "seed", "seeds", "samples", "sampling", "settings", "vary", "controller", "random_faults"];
+    const OF_A_CAMPAIGN: [&str; 10] =
+        ["scenario", "seed", "seeds", "samples", "sampling", "settings", "vary", "controller", CASE, "random_faults"];
     let Ok(table) = text.parse::<Table>() else { return false };
     let known = to_toml(&Scenario::default()).parse::<Table>().unwrap_or_default();
     let of_a_scenario = |key: &String| key != "name" && (known.contains_key(key) || key == "fault" || key == "swap");
@@ -361,6 +446,39 @@ mod tests {
         assert_eq!((again.merged(), again.hash()), (campaign.merged(), campaign.hash()));
         assert_eq!(again.factors, campaign.factors);
         assert_ne!(read(&text.replace("1.2", "1.3")).unwrap().hash(), campaign.hash());
+    }
+
+    #[test]
+    fn each_case_has_its_scenario_and_its_settings_above_those_of_all() {
+        let folder = tempfile::tempdir().unwrap();
+        let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+        write(
+            "far.toml",
+            "[run]\nduration_s = 7.0\n[mission]\ntrajectory = 'hover'\n[bounds]\nmax_position_error_m = 3.0\n",
+        );
+        write("laws.toml", "[controller.pid]\nmpc.law = 'pid'\n[controller.lqr]\nmpc.law = 'lqr'\n");
+        let text = "controllers = 'laws.toml'\n[settings]\nbounds.max_position_error_m = 2.0\n[case.near]\n[case.far]\n\
+                    scenario = 'far.toml'\nmpc.np = 25\n[controller.mpc]\nmpc.law = 'mpc'\n";
+        let read = |text: &str| Campaign::read(text, "x.toml", "x", folder.path());
+        let campaign = read(text).unwrap();
+        let names: Vec<&str> = campaign.controllers.iter().map(|(name, _)| name.as_str()).collect();
+        assert_eq!((campaign.cases().collect::<Vec<_>>(), names), (vec!["near", "far"], vec!["pid", "lqr", "mpc"]));
+        let of = |controller: usize, case: &str| campaign.given(controller, Some(case)).scenario(&[]).unwrap();
+        let far = of(1, "far");
+        assert_eq!((far.run.duration_s, far.bounds.max_position_error_m, far.mpc.np), (7.0, Some(2.0), 25));
+        assert_eq!((far.mpc.law, of(1, "near").mpc.np), (contract::scenario::Law::Lqr, Scenario::default().mpc.np));
+        let again = Campaign::read(&campaign.merged(), "y.toml", "y", Path::new("")).unwrap();
+        assert_eq!((again.merged(), again.flights()), (campaign.merged(), 6), "it needs no other file");
+        for (other, expected) in [
+            (text.replace("controller.mpc", "controller.pid"), "[controller.pid] stands in"),
+            (text.replace("laws.toml", "far.toml"), "far.toml is a scenario"),
+            (text.replace("far.toml", "no.toml"), "no.toml"),
+            (text.replace("mpc.np = 25", "mpc.npp = 25"), "[case.far]"),
+            (text.replace("'far.toml'", "3"), "give the path of a scenario"),
+        ] {
+            let said = format!("{:#}", read(&other).unwrap_err());
+            assert!(said.contains(expected), "{expected}: {said}");
+        }
     }
 
     #[test]

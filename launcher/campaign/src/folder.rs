@@ -144,7 +144,7 @@ impl CampaignFolder {
     pub fn collect(&self, plan: &Plan) -> anyhow::Result<(Table, Vec<u64>)> {
         let missing = self.missing()?;
         let is_missing: HashSet<&u64> = missing.iter().collect();
-        let mut all = Table::new(&shard::columns(plan));
+        let mut all = Table::new(&shard::columns_of(plan));
         for index in (0..self.layout.shards).filter(|index| !is_missing.contains(index)) {
             all.append(shard::read(&self.shards, plan, &self.layout, index)?)?;
         }

@@ -10,6 +10,7 @@
 //! | [`plan`] | the table of flights: each a function of campaign and number |
 //! | [`row`] | one flight and its verdict, as a row of the table |
 //! | [`table`](mod@table) | columns, and Parquet |
+//! | `columns` | columns of the outcome of a flight |
 //! | [`shard`] | a part of the flights, as a file that is either complete or absent |
 //! | [`folder`], [`layout`] | the folder of a campaign, its lock, and the program and campaign of its shards |
 //! | [`local`] | all cores of this machine |
@@ -18,6 +19,7 @@
 //! | [`seeds`] | refuses seeds that change nothing |
 //! | [`evidence`] | the draws of a campaign, and the copies among its flights |
 //! | [`mean`], [`rate`], [`difference`] | 95 % intervals of a mean, of a share, of the difference of two controllers |
+//! | [`promise`] | what a campaign file promises of its flights; `page::promises` has the verdicts |
 //! | [`page`] | `campaign.html` |
 //!
 //! The table of a campaign is the same bit for bit on one machine or on a cluster: no row depends on another row, a
@@ -25,6 +27,7 @@
 
 #![allow(missing_docs)]
 
+mod columns;
 #[cfg(test)]
 mod coverage;
 pub mod difference;
@@ -38,6 +41,7 @@ pub mod mean;
 pub mod normal;
 pub mod page;
 pub mod plan;
+pub mod promise;
 pub mod random_faults;
 pub mod rate;
 pub mod row;

@@ -6,12 +6,12 @@
 
 use anyhow::{Context, bail, ensure};
 use contract::Scenario;
-use contract::scenario::{Fault, FaultKind, FaultTarget, Given, ScenarioError, check_fault};
+use contract::scenario::{Fault, FaultKind, FaultTarget, ScenarioError, check_fault};
 use flight::settings;
 use rand::RngExt;
 use toml::Value;
 
-use crate::file::{Campaign, SEED};
+use crate::file::{CASE, Campaign, SEED};
 use crate::random_faults::RandomFaults;
 use crate::sampling::{Points, Purpose, stream};
 use crate::table::{Cell, Kind};
@@ -65,7 +65,7 @@ impl Plan {
         let points = Points::new(campaign.sampling(), campaign.seed(), campaign.samples().unwrap_or(1), drawn);
         let pairs = match campaign.random_faults() {
             Some(faults) => {
-                let scenarios = campaign.controllers.iter().map(|(_, given)| given.scenario(&[]));
+                let scenarios = campaign.givens(None).into_iter().map(|given| given.scenario(&[]));
                 let scenarios: Vec<Scenario> = scenarios.collect::<Result<_, _>>()?;
                 let varied = campaign.factors.iter().find(|factor| factor.key == "run.duration_s");
                 let number = |value: &Value| value.as_float().or(value.as_integer().map(|n| n as f64));
@@ -109,7 +109,7 @@ impl Plan {
     /// Returns the flight with more settings of its controller on top.
     pub fn flight_with(&self, number: u64, settings: &[(String, Value)]) -> Flight {
         let controllers = &self.campaign.controllers;
-        let (controller, given) = &controllers[(number % controllers.len() as u64) as usize];
+        let controller = (number % controllers.len() as u64) as usize;
         let sample = number / (self.flights() / self.campaign.samples().unwrap_or(1));
         let mut axes = self.listed_axes().into_iter();
         let mut point = self.points.point(sample).into_iter();
@@ -130,22 +130,24 @@ impl Plan {
         };
         let faults = self.campaign.random_faults();
         let faults = faults.map_or(vec![], |faults| faults.draw(&self.pairs, self.campaign.seed(), sample));
-        let scenario = self.scenario(number, given_seed, given, &values, &faults, settings);
+        let scenario = self.scenario(number, given_seed, controller, &values, &faults, settings);
         let seed = given_seed.or(scenario.as_ref().ok().map(|scenario| scenario.run.seed));
-        Flight { number, controller: controller.clone(), values, seed, faults, scenario }
+        Flight { number, controller: controllers[controller].0.clone(), values, seed, faults, scenario }
     }
 
     fn scenario(
         &self,
         number: u64,
         seed: Option<u64>,
-        given: &Given,
+        controller: usize,
         values: &[Value],
         faults: &[Fault],
         more: &[(String, Value)],
     ) -> Result<Scenario, ScenarioError> {
         let keys = self.campaign.factors.iter().map(|factor| factor.key.clone());
         let mut settings: Vec<(String, Value)> = keys.zip(values.iter().cloned()).collect();
+        let case = take_case(&mut settings);
+        let given = self.campaign.given(controller, case.as_deref());
         settings.extend_from_slice(more);
         settings.extend(seed.map(|seed| (SEED.to_owned(), Value::Integer(seed as i64))));
         let mut scenario = given.scenario(&settings)?;
@@ -169,15 +171,17 @@ impl Plan {
         );
         for (i, factor) in self.campaign.factors.iter().enumerate() {
             for value in factor.values.ends() {
-                let alone = [(factor.key.clone(), value.clone())];
+                let mut alone = vec![(factor.key.clone(), value.clone())];
+                let case = take_case(&mut alone);
                 let mut refused = None;
-                let flies = self.campaign.controllers.iter().any(|(_, given)| match given.scenario(&alone) {
-                    Ok(_) => true,
-                    Err(error) => {
-                        refused.get_or_insert(error);
-                        false
-                    }
-                });
+                let flies =
+                    self.campaign.givens(case.as_deref()).into_iter().any(|given| match given.scenario(&alone) {
+                        Ok(_) => true,
+                        Err(error) => {
+                            refused.get_or_insert(error);
+                            false
+                        }
+                    });
                 let Some(error) = refused.filter(|_| !flies) else { continue };
                 let mut flights = (0..self.flights().min(LOOKED_AT)).map(|number| self.flight(number));
                 if !flights.any(|flight| flight.values[i] == value && flight.scenario.is_ok()) {
@@ -224,6 +228,12 @@ impl Plan {
         cells.extend(self.campaign.random_faults().into_iter().flat_map(|faults| faults.cells(&flight.faults)));
         cells
     }
+}
+
+/// Takes the name of the case out of the values of a flight; `None` if it has none.
+fn take_case(values: &mut Vec<(String, Value)>) -> Option<String> {
+    let place = values.iter().position(|(key, _)| key == CASE)?;
+    values.remove(place).1.as_str().map(str::to_owned)
 }
 
 impl Flight {

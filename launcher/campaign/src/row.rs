@@ -16,14 +16,14 @@ use flight::log::Record;
 use flight::settings;
 use outcome::judge::Verdict;
 use outcome::metrics::Metrics;
-use outcome::solves::Solves;
 use outcome::summary::Summary;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
+use crate::columns::measured;
 use crate::hex::hex;
 use crate::plan::Flight;
-use crate::table::{Cell, Kind, Table};
+use crate::table::{Cell, Table};
 
 /// Verdict on a flight.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -50,25 +50,6 @@ impl Standing {
 pub struct FlightRow {
     pub standing: Standing,
     pub cells: Vec<Cell>,
-}
-
-/// Columns of the outcome: verdict, cause of a failure in a word, outcome in words, time of the failure, time flown,
-/// every metric of run.json, counts of the solver, and the hash.
-pub fn columns() -> Vec<(String, Kind)> {
-    let own = [
-        ("verdict", Kind::Text),
-        ("cause", Kind::Text),
-        ("outcome", Kind::Text),
-        ("failed_at_s", Kind::Real),
-        ("flown_s", Kind::Real),
-    ];
-    let mut columns: Vec<(String, Kind)> = own.map(|(name, kind)| (name.to_owned(), kind)).into();
-    columns.extend(measured(&Metrics::default(), &Solves::new()).into_iter().map(|(name, value)| {
-        let kind = if value.is_u64() { Kind::Int } else { Kind::Real };
-        (name, kind)
-    }));
-    columns.push(("hash".to_owned(), Kind::Text));
-    columns
 }
 
 /// Flies; `None` when `go_on` said no before the end. `watch` is given every message.
@@ -159,27 +140,6 @@ impl FlightRow {
     }
 }
 
-/// Lists metrics and counts of the solver by column name; each is a number or null.
-fn measured(metrics: &Metrics, solves: &Solves) -> Vec<(String, Value)> {
-    let mut measured = vec![];
-    let metrics = serde_json::to_value(metrics).expect("metrics are numbers");
-    for (name, value) in metrics.as_object().into_iter().flatten() {
-        match value {
-            Value::Array(axes) => {
-                let names = if name.contains("rates") { ["p", "q", "r"] } else { ["phi", "theta", "psi"] };
-                measured.extend(names.iter().zip(axes).map(|(axis, value)| (format!("{name}_{axis}"), value.clone())));
-            }
-            value => measured.push((name.clone(), value.clone())),
-        }
-    }
-    let solver = solves.record();
-    let counts = serde_json::to_value(&solver).expect("counts are numbers");
-    let counts = counts.as_object().into_iter().flatten().filter(|(_, value)| value.is_u64());
-    measured.extend(counts.map(|(name, value)| (format!("solver_{name}"), value.clone())));
-    measured.push(("solver_iterations_max".into(), solver.iterations.max.into()));
-    measured
-}
-
 /// Identifies a flight: the first half of the SHA-256 of its last state and all metrics. A difference on the way still
 /// shows at the end, so that a campaign needs no hash over all states.
 fn hash(last: &State, metrics: &Metrics) -> String {
@@ -195,7 +155,7 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use crate::{Campaign, Plan};
+    use crate::{Campaign, Plan, columns};
 
     fn flown(settings: &str) -> FlightRow {
         let text = format!("[settings]\nrun.duration_s = 1.0\n{settings}");
@@ -217,8 +177,9 @@ mod tests {
             (passed.standing, text(&passed, 1), text(&passed, 2)),
             (Standing::Passed, "", "flown to the end, 1.00 s, inside its bounds")
         );
-        assert_eq!(passed.cells.len(), columns().len());
-        assert!(columns().iter().zip(&passed.cells).all(|((name, kind), cell)| cell.is(*kind) || panic!("{name}")));
+        let columns = columns::of_the_outcome();
+        assert_eq!(passed.cells.len(), columns.len());
+        assert!(columns.iter().zip(&passed.cells).all(|((name, kind), cell)| cell.is(*kind) || panic!("{name}")));
         let failed = flown("bounds.max_position_error_m = 1e-9");
         assert_eq!((failed.standing, text(&failed, 1)), (Standing::Failed, "position error"));
         assert!(text(&failed, 2).contains("position error") && failed.cells[3] != Cell::None, "{:?}", failed.cells);

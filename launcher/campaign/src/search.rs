@@ -13,6 +13,7 @@ use contract::scenario::Given;
 use rayon::prelude::*;
 use toml::Value;
 
+use crate::columns;
 use crate::file::Campaign;
 use crate::plan::Plan;
 use crate::row::{self, FlightRow, Standing};
@@ -152,7 +153,7 @@ impl Tuned {
 
 /// Cost of a training flight, from 0 to 1.
 fn cost(outcome: &FlightRow) -> f64 {
-    let column = row::columns().iter().position(|(name, _)| name == "rms_position_error_m");
+    let column = columns::of_the_outcome().iter().position(|(name, _)| name == "rms_position_error_m");
     match (outcome.standing, column.and_then(|column| outcome.cells.get(column))) {
         (Standing::Passed, Some(Cell::Real(error_m))) => error_m / (HALF_M + error_m),
         _ => 1.0,

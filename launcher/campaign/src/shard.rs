@@ -15,10 +15,10 @@ use flight::dir::Dir;
 use flight::provenance::BUILT_FROM;
 use sha2::{Digest, Sha256};
 
+use crate::columns;
 use crate::hex::hex;
 use crate::layout::Layout;
 use crate::plan::Plan;
-use crate::row;
 use crate::table::{Cell, Kind, Table};
 
 /// Numbers of the flights of shard `index` of `of`, for a campaign of `flights` flights.
@@ -65,8 +65,8 @@ pub fn name(index: u64) -> String {
 }
 
 /// Columns of all tables of a campaign.
-pub fn columns(plan: &Plan) -> Vec<(String, Kind)> {
-    [plan.columns(), row::columns()].concat()
+pub fn columns_of(plan: &Plan) -> Vec<(String, Kind)> {
+    [plan.columns(), columns::of_the_outcome()].concat()
 }
 
 /// Metadata that the file of a shard must have.
@@ -100,7 +100,7 @@ pub fn read(shards: &Dir, plan: &Plan, layout: &Layout, index: u64) -> anyhow::R
             let Some((_, said)) = said.iter().find(|(of, _)| of == key) else { bail!("it does not say its {key}") };
             ensure!(*said == expected, "it is of another {key}: {said}, not {expected}");
         }
-        let expected = columns(plan);
+        let expected = columns_of(plan);
         ensure!(table.names().eq(expected.iter().map(|(name, _)| name.as_str())), "it has other columns");
         let numbers = table.column("flight").context("it does not say which flights it has")?;
         let all = (0..table.rows()).map(|row| numbers.cell(row)).eq(flights.clone().map(|n| Cell::Int(n as i64)));

@@ -13,6 +13,7 @@ use parquet::file::properties::WriterProperties;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::types::Type;
+use serde_json::json;
 use sha2::{Digest, Sha256};
 use toml::Value;
 
@@ -204,6 +205,21 @@ impl Table {
     }
 
     /// Finds a column by name.
+    /// Returns the rows as objects.
+    pub fn to_json(&self) -> serde_json::Value {
+        let cell = |cell: Cell| match cell {
+            Cell::None => json!(null),
+            Cell::Bool(yes) => json!(yes),
+            Cell::Int(n) => json!(n),
+            Cell::Real(x) => json!(x),
+            Cell::Text(text) => json!(text),
+        };
+        let row = |row: usize| -> serde_json::Map<String, serde_json::Value> {
+            self.columns.iter().map(|(name, column)| (name.clone(), cell(column.cell(row)))).collect()
+        };
+        (0..self.rows()).map(row).collect()
+    }
+
     pub fn column(&self, name: &str) -> Option<&Column> {
         self.columns.iter().find(|(of, _)| of == name).map(|(_, column)| column)
     }

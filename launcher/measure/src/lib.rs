@@ -5,6 +5,7 @@
 //! | [`mpc`] | `measure mpc`: how long a step of the controller takes, by path and solver |
 //! | [`faults`] | `measure faults`: every fault of the catalogue, and the recovery of the flight |
 //! | [`kills`] | `measure kills`: a thousand kills of any process at any moment |
+//! | [`shipped`] | shipped campaigns, which `laws` and `conditions` fly |
 //! | [`laws`] | `measure laws`: the aggressive scenarios under every inner loop |
 //! | [`conditions`] | `measure conditions`: fast missions under every model of the MPC |
 //! | [`sensitivity`] | `measure sensitivity`: tracking error over delay, jitter and misses |
@@ -27,6 +28,7 @@ pub mod laws;
 pub mod mpc;
 pub mod replay;
 pub mod sensitivity;
+pub mod shipped;
 pub mod timing;
 
 use clap::Subcommand;

@@ -10,6 +10,7 @@
 //! | [`happenings`] | faults, absences and events as spans and marks on the time axis |
 //! | [`run_record`], [`recorded`] | `run.json`, and a run read back from its folder |
 //! | [`terminal`] | what `fly` prints at its end |
+//! | [`target`] | a promised figure, and whether it was met |
 //! | [`replay_verdict`] | whether a replay is the same flight |
 //! | [`percentiles`] | percentiles and medians, for everything that measures |
 
@@ -28,6 +29,7 @@ pub mod replay_verdict;
 pub mod run_record;
 pub mod solves;
 pub mod summary;
+pub mod target;
 pub mod terminal;
 pub mod ticks;
 pub mod timing;

@@ -29,6 +29,10 @@ pub struct Summary {
     following: Following,
     /// Ticks on which the mixer flew without a demand.
     fallback_ticks: u64,
+    /// Weights of the demand in the cost (4).
+    r: [f64; 4],
+    /// Sum of u'Ru over the demands, and their number.
+    effort: (f64, u64),
     outside: Outside,
     /// Hash over all states; `None` if it is not kept.
     hash: Option<Sha256>,
@@ -57,6 +61,8 @@ impl Summary {
             samples: 0,
             following: Following::default(),
             fallback_ticks: 0,
+            r: scenario.mpc.r,
+            effort: (0.0, 0),
             outside: Outside::new(scenario),
             hash: Some(Sha256::new()),
             count: Count::default(),
@@ -90,7 +96,11 @@ impl Summary {
         self.following.observe(record);
         match record {
             Record::State(state) => self.state(state),
-            Record::Controls(controls) => self.solves.observe(controls),
+            Record::Controls(controls) => {
+                self.solves.observe(controls);
+                let effort = controls.demand.iter().zip(self.r).map(|(u, r)| u * u * r).sum::<f64>();
+                self.effort = (self.effort.0 + effort, self.effort.1 + 1);
+            }
             Record::Actuators(actuators) => {
                 self.metrics.commands_saturated += u64::from(mixer_flags::saturated(actuators.flags));
                 self.fallback_ticks += u64::from(mixer_flags::fallback(actuators.flags));
@@ -146,6 +156,7 @@ impl Summary {
             rms_attitude_error_deg: [phi, theta, psi].map(f64::to_degrees),
             rms_rates_error_dps: [p, q, r].map(f64::to_degrees),
             rms_w_error_mps: w,
+            demand_effort: self.effort.0 / self.effort.1 as f64,
             ..self.metrics
         }
     }

@@ -6,6 +6,7 @@
 //! | [`settings`] | what differs between the settings of flights |
 //! | [`explain`] | the costs of late, lost and missing messages |
 //! | [`table`] | tables as aligned text and as HTML |
+//! | [`targets`] | verdicts on targets as a table |
 //! | [`thinning`] | long series reduced to what a picture can show |
 //! | [`draw`] | HTML and pictures, for every page |
 //! | [`report`] | `report.html` |
@@ -19,5 +20,6 @@ pub mod explain;
 pub mod report;
 pub mod settings;
 pub mod table;
+pub mod targets;
 pub mod thinning;
 pub mod trace;

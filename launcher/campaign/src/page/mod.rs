@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `bounds` | the bounds, with the number of flights that have each and that were judged by it |
 //! | `setup` | program, sampling and campaign file, common to all flights |
+//! | `promises` | verdicts on what the campaign file promises |
 //! | `pairs` | the controllers compared draw by draw |
 //! | `data` | controllers, verdicts and position errors of the flights |
 //! | `overview` | the head, the share of each controller, causes of failures, reasons of invalid flights |
@@ -19,6 +20,7 @@ mod factors;
 mod maps;
 mod overview;
 mod pairs;
+pub mod promises;
 mod setup;
 mod worst;
 
@@ -33,6 +35,7 @@ pub fn page(all: &Page, again: &str) -> anyhow::Result<String> {
     let worst = worst::section(all, again)?;
     let body = [
         all.head(),
+        promises::section(all),
         all.controllers_section(),
         pairs::section(all),
         all.causes(),
@@ -54,17 +57,12 @@ mod tests {
     use crate::plan::Plan;
     use crate::rate::Rate;
     use crate::table::Table;
-    use crate::{Campaign, row, shard};
+    use crate::{Campaign, local, shard};
 
     /// Flies all flights of a campaign.
     fn flown(text: &str) -> (Plan, Table) {
         let plan = Plan::new(Campaign::read(text, "x.toml", "x", Path::new("")).unwrap()).unwrap();
-        let mut table = Table::new(&shard::columns(&plan));
-        for number in 0..plan.flights() {
-            let flight = plan.flight(number);
-            let outcome = row::fly(&flight, || true, |_| {}).unwrap();
-            table.push([plan.cells(&flight), outcome.cells].concat());
-        }
+        let table = local::fly_all(&plan);
         (plan, table)
     }
 
@@ -182,7 +180,7 @@ mod tests {
     #[test]
     fn a_campaign_without_flights_has_a_page() {
         let plan = Plan::new(Campaign::read("", "x.toml", "x", Path::new("")).unwrap()).unwrap();
-        let empty = Table::new(&shard::columns(&plan));
+        let empty = Table::new(&shard::columns_of(&plan));
         let html = page(&Page::new(&plan, &empty), "").unwrap();
         assert!(html.contains("0 of 1 flights are there"), "{html}");
     }

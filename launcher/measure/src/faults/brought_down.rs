@@ -14,8 +14,8 @@ use nalgebra::{Rotation3, Vector3};
 use plant::ground::{Ground, Motion};
 use serde::Serialize;
 
-use crate::findings::Target;
 use crate::flights::in_process;
+use outcome::target::Target;
 use view::table::{Table, cell};
 
 /// Time at which every fault begins \[s\].
@@ -146,7 +146,7 @@ fn motion(state: &State) -> Motion {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::findings::Verdict;
+    use outcome::target::Verdict;
 
     #[test]
     fn only_the_first_sample_on_the_ground_after_the_fault_counts() {

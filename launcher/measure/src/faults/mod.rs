@@ -36,7 +36,8 @@ use self::handling::{FaultHandling, Handling};
 use self::one_flight::{BACK_M, Course, FaultFlight, QuietFlight, TERMINATE_S, TILT_DEG};
 use self::relay::Relay;
 use self::strike::{Strike, Strikes};
-use crate::findings::{Findings, Target};
+use crate::findings::Findings;
+use outcome::target::Target;
 use view::table::{Table, cell};
 
 /// Largest distance from the trajectory with good candidates \[m\].

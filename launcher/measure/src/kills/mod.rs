@@ -30,8 +30,9 @@ use self::judge::{GONE_MS, NEAR_M, complaint};
 use self::logged::Kill;
 use self::one_flight::KillFlight;
 use self::plan::{Moment, Victim};
-use crate::findings::{Findings, Target};
+use crate::findings::Findings;
 use crate::flights::namespace;
+use outcome::target::Target;
 use view::table::{Table, cell};
 
 /// Number of flights at once.

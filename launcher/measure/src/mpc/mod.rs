@@ -22,7 +22,8 @@ use serde::Serialize;
 use self::compare::{Comparison, Polygons};
 use self::problems::Sequence;
 use self::steps::{ALL, Path, StepTimes};
-use crate::findings::{Findings, Target, default_folder, make_folder};
+use crate::findings::{Findings, default_folder, make_folder};
+use outcome::target::Target;
 use view::table::{Table, cell};
 
 /// Steps per second of the controller.

@@ -22,7 +22,8 @@ use view::table::Table;
 
 use self::one_flight::ReplayFlight;
 use self::plan::Kind;
-use crate::findings::{Findings, Target};
+use crate::findings::Findings;
+use outcome::target::Target;
 
 /// Largest number of differing flights that are listed.
 const LISTED: usize = 5;

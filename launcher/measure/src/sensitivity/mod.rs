@@ -28,9 +28,10 @@ use serde_json::json;
 
 use self::map::{Cell, Place};
 use self::point::Point;
-use crate::findings::{Findings, Target, default_folder, make_folder};
+use crate::findings::{Findings, default_folder, make_folder};
 use flight::duration::milliseconds;
 use flight::files::write_whole;
+use outcome::target::Target;
 use runtime::console::eprint_line;
 
 /// Largest error that the paper claims for its controller \[m\].

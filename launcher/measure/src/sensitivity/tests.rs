@@ -2,7 +2,7 @@
 
 use super::map::GridFlight;
 use super::*;
-use crate::findings::Verdict;
+use outcome::target::Verdict;
 
 fn flight(profile: Profile, [delay_ms, jitter_ms, miss_probability]: [f64; 3], seed: u64) -> GridFlight {
     let max = 0.05 + seed as f64;

@@ -1,7 +1,6 @@
 //! Report of the results: tables, targets, and a page with both and with histograms over a logarithmic axis, in one
 //! file that needs no other.
 
-use flight::event::name;
 use flight::provenance::host;
 use outcome::percentiles::{Percentiles, recorded};
 use serde_json::json;
@@ -12,7 +11,7 @@ use super::raw::policy_name;
 use super::results::{Hop, Ring, TimingResults};
 use super::series::{Ratio, Series};
 use super::timed_flights::TimedFlights;
-use crate::findings::{Target, Verdict};
+use outcome::target::Target;
 use view::table::{Table, cell};
 
 /// Note on targets if the machine does not give the privilege.
@@ -178,10 +177,7 @@ pub fn page(results: &TimingResults, targets: &[Target], tables: &[Table], figur
     if let Some(why) = &results.canary.doubt {
         body.extend(["<p><strong>", &escape(why), "</strong></p>"]);
     }
-    body += &section(
-        "Targets",
-        &draw::table(&["verdict", "figure", "measured", "target", "note"], targets.iter().map(target)),
-    );
+    body += &section("Targets", &view::targets::targets(targets));
     for t in tables {
         let headings: Vec<&str> = t.headings.iter().map(String::as_str).collect();
         let rows = t.rows.iter().map(|row| row.iter().map(|cell| escape(cell)).collect());
@@ -198,21 +194,6 @@ pub fn page(results: &TimingResults, targets: &[Target], tables: &[Table], figur
 
 fn section(title: &str, content: &str) -> String {
     format!("<section><h2>{}</h2>{content}</section>", escape(title))
-}
-
-fn target(target: &Target) -> Vec<String> {
-    let colour = match target.verdict {
-        Verdict::Ok => "good",
-        Verdict::Short => "bad",
-        Verdict::Inconclusive => "warn",
-    };
-    vec![
-        format!("<strong style=\"color:var(--{colour})\">{}</strong>", name(target.verdict)),
-        escape(&target.figure),
-        escape(&target.measured_text("–")),
-        escape(&target.target),
-        escape(&target.note),
-    ]
 }
 
 fn histogram(series: &[&Series]) -> String {

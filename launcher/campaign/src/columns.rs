@@ -1,0 +1,47 @@
+//! Columns that a table of flights has of each outcome.
+
+use outcome::metrics::Metrics;
+use outcome::solves::Solves;
+use serde_json::Value;
+
+use crate::table::Kind;
+
+/// Columns of the outcome: verdict, cause of a failure in a word, outcome in words, time of the failure, time flown,
+/// every metric of run.json, counts of the solver, and the hash.
+pub fn of_the_outcome() -> Vec<(String, Kind)> {
+    let own = [
+        ("verdict", Kind::Text),
+        ("cause", Kind::Text),
+        ("outcome", Kind::Text),
+        ("failed_at_s", Kind::Real),
+        ("flown_s", Kind::Real),
+    ];
+    let mut columns: Vec<(String, Kind)> = own.map(|(name, kind)| (name.to_owned(), kind)).into();
+    columns.extend(measured(&Metrics::default(), &Solves::new()).into_iter().map(|(name, value)| {
+        let kind = if value.is_u64() { Kind::Int } else { Kind::Real };
+        (name, kind)
+    }));
+    columns.push(("hash".to_owned(), Kind::Text));
+    columns
+}
+
+/// Lists metrics and counts of the solver by column name; each is a number or null.
+pub fn measured(metrics: &Metrics, solves: &Solves) -> Vec<(String, Value)> {
+    let mut measured = vec![];
+    let metrics = serde_json::to_value(metrics).expect("metrics are numbers");
+    for (name, value) in metrics.as_object().into_iter().flatten() {
+        match value {
+            Value::Array(axes) => {
+                let names = if name.contains("rates") { ["p", "q", "r"] } else { ["phi", "theta", "psi"] };
+                measured.extend(names.iter().zip(axes).map(|(axis, value)| (format!("{name}_{axis}"), value.clone())));
+            }
+            value => measured.push((name.clone(), value.clone())),
+        }
+    }
+    let solver = solves.record();
+    let counts = serde_json::to_value(&solver).expect("counts are numbers");
+    let counts = counts.as_object().into_iter().flatten().filter(|(_, value)| value.is_u64());
+    measured.extend(counts.map(|(name, value)| (format!("solver_{name}"), value.clone())));
+    measured.push(("solver_iterations_max".into(), solver.iterations.max.into()));
+    measured
+}

@@ -1,0 +1,109 @@
+//! Promises: what a campaign file says must hold of its flights.
+//!
+//! ```toml
+//! [[promise]]
+//! figure = "{controller}: largest error"       # for people; {controller} and {case} become their names
+//! controllers = ["lqr", "pid"]                 # one verdict for each; without it one over all controllers
+//! cases = ["step"]                             # likewise
+//! at = { "run.command_delay_ms" = 4.0 }        # only flights with this listed value, or one of an array of values
+//! metric = "max_position_error_m"              # column of the table of flights
+//! of = "max"                                   # over the flights: max (default), min, mean or sum
+//! at_most = 0.7                                # or at_least
+//! over_best = true                             # as a multiple of the best controller of the campaign there
+//! because = "the paper claims it"              # reason that the verdict shows
+//!
+//! [[promise]]
+//! figure = "flights lost"
+//! passed = "all"                               # or "none", or at_least = 0.95: share, held against its interval
+//! ```
+//!
+//! A flight that failed has no metric to promise by: it counts as infinitely bad. Flights that are missing, invalid, or
+//! not part of the campaign leave a promise undecided.
+
+use anyhow::{bail, ensure};
+use serde::Deserialize;
+use toml::Table;
+
+use crate::columns;
+use crate::table::Kind;
+
+/// One `[[promise]]` of a campaign file.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Promise {
+    pub figure: String,
+    #[serde(default)]
+    pub controllers: Vec<String>,
+    #[serde(default)]
+    pub cases: Vec<String>,
+    #[serde(default)]
+    pub at: Table,
+    pub metric: Option<String>,
+    #[serde(default)]
+    pub of: Gather,
+    #[serde(default)]
+    pub over_best: bool,
+    pub passed: Option<Passed>,
+    pub at_most: Option<f64>,
+    pub at_least: Option<f64>,
+    #[serde(default)]
+    pub unit: String,
+    #[serde(default)]
+    pub because: String,
+}
+
+/// Rule by which the metric of several flights becomes one number.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Gather {
+    #[default]
+    Max,
+    Min,
+    Mean,
+    Sum,
+}
+
+/// Part of the flights that must pass.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Passed {
+    All,
+    None,
+    /// A share of at least `at_least`.
+    Share,
+}
+
+impl Promise {
+    /// Checks the promise against the names of the campaign's controllers and cases, and the keys of its lists.
+    ///
+    /// # Errors
+    /// A name or a column that the campaign does not have, or settings of the promise that contradict each other.
+    pub fn check(&self, controllers: &[&str], cases: &[&str], listed: &[&str]) -> anyhow::Result<()> {
+        let Self { figure, metric, passed, at_most, at_least, .. } = self;
+        let known = |what: &str, names: &[String], all: &[&str]| match names.iter().find(|n| !all.contains(&n.as_str()))
+        {
+            Some(name) => bail!("[[promise]] {figure:?}: there is no {what} {name:?}; there are {}", all.join(", ")),
+            None => Ok(()),
+        };
+        known("controller", &self.controllers, controllers)?;
+        known("case", &self.cases, cases)?;
+        known("list of values of", &self.at.keys().cloned().collect::<Vec<_>>(), listed)?;
+        let metrics = columns::of_the_outcome();
+        let metrics = metrics.iter().filter(|(_, kind)| matches!(kind, Kind::Real | Kind::Int));
+        let metrics: Vec<&str> = metrics.map(|(name, _)| name.as_str()).collect();
+        known("metric", &metric.clone().into_iter().collect::<Vec<_>>(), &metrics)?;
+        let is_limited = at_most.is_some() != at_least.is_some();
+        match (metric, passed) {
+            (Some(_), None) => ensure!(is_limited, "[[promise]] {figure:?}: give `at_most` or `at_least`"),
+            (None, Some(Passed::Share)) => {
+                ensure!(at_least.is_some() && at_most.is_none(), "[[promise]] {figure:?}: give the share, `at_least`");
+            }
+            (None, Some(_)) => {
+                ensure!(at_most.is_none() && at_least.is_none(), "[[promise]] {figure:?}: `passed` says the limit");
+            }
+            _ => bail!("[[promise]] {figure:?}: give either `metric` or `passed`"),
+        }
+        ensure!(metric.is_some() || !self.over_best, "[[promise]] {figure:?}: `over_best` compares a `metric`");
+        Ok(())
+    }
+}
