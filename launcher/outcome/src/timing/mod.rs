@@ -2,15 +2,18 @@
 //! us.
 //!
 //! ```text
-//! jitter / hop       start - release                what the process slept too long execution          publish - start
-//! wall time cpu                CPU time of the thread         since it was done with the cycle before: sending,
-//! doorbell, wake-up input age          start - sample                 how old the sample was when the process began
-//! response           publish - sample               late when beyond the deadline slip               a period without
-//! a cycle withheld           a late response that was not sent, as the deadline's policy says miss               a
-//! late response, sent or not, or a slip;  run: misses one after the other age at actuator    the command takes effect
-//! - the sample behind it stall              slots in a row without a message of a node, because its process slept,
-//! waited or was gone late (of a tick)   the largest over its nodes of: response + period x slots of the stall just
-//! before it worst tick         the one that is latest: as late as the largest `response_per_slot` of all nodes
+//! jitter / hop       start - release           what the process slept too long
+//! execution          publish - start           wall time
+//! cpu                CPU time of the thread    since the end of its cycle before: sending, doorbell, wake-up
+//! input age          start - sample            how old the sample was when the process began
+//! response           publish - sample          late when beyond the deadline
+//! slip               a period without a cycle
+//! withheld           a late response that was not sent, as the deadline's policy says
+//! miss               a late response, sent or not, or a slip;  run: misses one after the other
+//! age at actuator    the command takes effect - the sample behind it
+//! stall              slots in a row without a message of a node, because its process slept, waited or was gone
+//! late (of a tick)   the largest over its nodes of: response + period x slots of the stall just before it
+//! worst tick         the one that is latest: as late as the largest `response_per_slot` of all nodes
 //! contradiction      a message whose stamp breaks the order of things:
 //!                      sample <= publish of the plant <= .. of guidance <= .. of attitude-mpc <= .. of the mixer
 //!                      <= arrival of the command at the plant, which is in the age that the plant tells
