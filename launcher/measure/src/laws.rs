@@ -1,8 +1,10 @@
 //! `measure laws`: the campaign `campaigns/aggressive.toml` as a table with a row for each controller.
 
+use std::fmt::Write;
 use std::path::PathBuf;
 
 use serde_json::json;
+use toml::Value;
 use view::table::Table;
 
 use crate::findings::Findings;
@@ -22,9 +24,19 @@ pub struct LawsArgs {
 
 /// Returns the exit code.
 pub fn measure(args: &LawsArgs) -> anyhow::Result<u8> {
-    let flown = shipped::fly("aggressive", &args.scenario)?;
+    let flown = shipped::fly("aggressive", |text| with_cases(text, &args.scenario))?;
     let found = Findings::new(json!({ "flights": flown.flights.to_json() }), flown.targets(), false)?;
     found.conclude(args.out.as_deref(), "table.json", args.json, &table(&flown))
+}
+
+/// Adds scenario files to the text of a campaign, as cases with the names of the files.
+fn with_cases(mut text: String, scenarios: &[PathBuf]) -> anyhow::Result<String> {
+    for path in scenarios {
+        let scenario = shipped::path_as_toml(path)?;
+        let name = Value::from(&*path.file_stem().unwrap_or_default().to_string_lossy());
+        write!(text, "\n[case.{name}]\nscenario = {scenario}\n")?;
+    }
+    Ok(text)
 }
 
 /// Makes the table: a row for each controller, a column for each case.

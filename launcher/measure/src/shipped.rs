@@ -3,18 +3,22 @@
 use std::fs;
 use std::path::Path;
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use campaign::page::{Page, promises};
+use campaign::row::Standing;
 use campaign::table::Table;
 use campaign::{Campaign, Plan, local};
 use outcome::target::Target;
+use toml::Value;
 
 /// Paths in the repository, and contents.
-const FILES: [(&str, &str); 10] = [
+const FILES: [(&str, &str); 12] = [
     ("campaigns/aggressive.toml", include_str!("../../../campaigns/aggressive.toml")),
     ("campaigns/conditions.toml", include_str!("../../../campaigns/conditions.toml")),
     ("campaigns/conditions-estimated.toml", include_str!("../../../campaigns/conditions-estimated.toml")),
     ("campaigns/laws.toml", include_str!("../../../campaigns/laws.toml")),
+    ("campaigns/sensitivity-paper.toml", include_str!("../../../campaigns/sensitivity-paper.toml")),
+    ("campaigns/sensitivity-robust.toml", include_str!("../../../campaigns/sensitivity-robust.toml")),
     ("scenarios/fast-legs.toml", include_str!("../../../scenarios/fast-legs.toml")),
     ("scenarios/aggressive/step.toml", include_str!("../../../scenarios/aggressive/step.toml")),
     ("scenarios/aggressive/upset.toml", include_str!("../../../scenarios/aggressive/upset.toml")),
@@ -29,11 +33,11 @@ pub struct Flown {
     pub flights: Table,
 }
 
-/// Flies the campaign `campaigns/NAME.toml` in process on all cores, with the scenario files `more` as further cases.
+/// Plans the campaign `campaigns/NAME.toml`; `edit` may change its text before.
 ///
 /// # Errors
-/// A file of `more` cannot be read or flown, or has the name of another case.
-pub fn fly(name: &str, more: &[impl AsRef<Path>]) -> anyhow::Result<Flown> {
+/// The text is no campaign.
+pub fn plan(name: &str, edit: impl FnOnce(String) -> anyhow::Result<String>) -> anyhow::Result<Plan> {
     let folder = tempfile::tempdir()?;
     for (path, text) in FILES {
         let path = folder.path().join(path);
@@ -41,17 +45,30 @@ pub fn fly(name: &str, more: &[impl AsRef<Path>]) -> anyhow::Result<Flown> {
         fs::write(path, text)?;
     }
     let campaigns = folder.path().join("campaigns");
-    let path = campaigns.join(name).with_extension("toml");
-    let mut text = fs::read_to_string(path)?;
-    for path in more.iter().map(AsRef::as_ref) {
-        let absolute = path.canonicalize().with_context(|| format!("cannot read {}", path.display()))?;
-        let [name, path] = [path.file_stem(), Some(absolute.as_os_str())]
-            .map(|part| toml::Value::from(&*part.unwrap_or_default().to_string_lossy()));
-        text.extend(["\n[case.", &name.to_string(), "]\nscenario = ", &path.to_string(), "\n"]);
+    let text = edit(fs::read_to_string(campaigns.join(name).with_extension("toml"))?)?;
+    Plan::new(Campaign::read(&text, &format!("campaigns/{name}.toml"), name, &campaigns)?)
+}
+
+/// Flies the same campaign in process on all cores.
+///
+/// # Errors
+/// The text is no campaign, or a flight of it cannot be flown.
+pub fn fly(name: &str, edit: impl FnOnce(String) -> anyhow::Result<String>) -> anyhow::Result<Flown> {
+    let plan = plan(name, edit)?;
+    let flown = Flown { flights: local::fly_all(&plan), plan };
+    match (0..flown.flights.rows()).find(|row| flown.text(*row, "verdict") == Standing::Invalid.name()) {
+        Some(row) => bail!("flight {row} cannot be flown: {}", flown.text(row, "outcome")),
+        None => Ok(flown),
     }
-    let plan = Plan::new(Campaign::read(&text, &format!("campaigns/{name}.toml"), name, &campaigns)?)?;
-    let flights = local::fly_all(&plan);
-    Ok(Flown { plan, flights })
+}
+
+/// Formats the path of a scenario that a user named as TOML, absolute.
+///
+/// # Errors
+/// There is no such file.
+pub fn path_as_toml(path: &Path) -> anyhow::Result<Value> {
+    let absolute = path.canonicalize().with_context(|| format!("cannot read {}", path.display()))?;
+    Ok(Value::from(&*absolute.to_string_lossy()))
 }
 
 impl Flown {

@@ -29,8 +29,9 @@ pub struct Metrics {
     /// RMS of the true w, the body z velocity, against its reference \[m/s\].
     #[serde(deserialize_with = "or_nan")]
     pub rms_w_error_mps: f64,
-    /// Mean of the demand's part of the cost (4), u'Ru with the weights `mpc.r`; NaN without a demand.
-    #[serde(deserialize_with = "or_nan")]
+    /// Mean of the demand's part of the cost (4), u'Ru with the weights `mpc.r`; NaN without a demand, and in a file older
+    /// than the metric.
+    #[serde(default = "nan", deserialize_with = "or_nan")]
     pub demand_effort: f64,
     /// Largest body rate about any axis \[rad/s\].
     #[serde(deserialize_with = "or_nan")]
@@ -54,6 +55,10 @@ pub struct Metrics {
 /// Reads a number. Null, by which JSON stands for NaN and infinities, becomes NaN.
 pub fn or_nan<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
     Ok(Option::deserialize(from)?.unwrap_or(f64::NAN))
+}
+
+fn nan() -> f64 {
+    f64::NAN
 }
 
 fn each_or_nan<'de, D: Deserializer<'de>>(from: D) -> Result<[f64; 3], D::Error> {

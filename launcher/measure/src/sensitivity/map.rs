@@ -3,24 +3,15 @@
 //! A cell holds the flights that differ only in their random numbers; the worst of them counts.
 
 use std::fmt::Write;
-use std::path::Path;
 
-use contract::Scenario;
-use contract::scenario::{Profile, ScenarioError};
-use rayon::prelude::*;
+use contract::scenario::Profile;
+use flight::event;
 use serde::Serialize;
 
-use crate::flights::{in_process, survival};
-use flight::event;
-use flight::settings;
+use crate::shipped::Flown;
 
 /// Profiles of the map.
 pub const PROFILES: [Profile; 2] = [Profile::Paper, Profile::Robust];
-/// Delays of the map for the paper's controller \[ms\], finer near its limit.
-const PAPER_DELAYS_MS: [f64; 10] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 10.0];
-/// Delays of the map for the robust controller \[ms\], finer near its limit.
-const ROBUST_DELAYS_MS: [f64; 14] = [0.0, 5.0, 10.0, 20.0, 30.0, 40.0, 45.0, 50.0, 52.0, 54.0, 56.0, 58.0, 60.0, 64.0];
-
 /// Coordinates of a flight or a cell on the map.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Place {
@@ -56,62 +47,28 @@ pub struct Cell {
     pub rms_position_error_m: Option<f64>,
 }
 
-/// Returns the flights of a map of the scenario in `file`, or of the survey. `delays` apply to both profiles; if empty,
-/// each profile has its own. Settings that are invalid in a scenario are an error.
-pub fn scenarios(
-    file: Option<&Path>,
-    seeds: u64,
-    [delays, jitters, misses]: [&[f64]; 3],
-) -> Result<Vec<Scenario>, ScenarioError> {
-    let mut scenarios = vec![];
-    for profile in PROFILES {
-        let delays = match profile {
-            _ if !delays.is_empty() => delays,
-            Profile::Paper => &PAPER_DELAYS_MS,
-            Profile::Robust => &ROBUST_DELAYS_MS,
-        };
-        for miss in rising(misses.iter().copied()) {
-            for jitter in rising(jitters.iter().copied()) {
-                for delay in rising(delays.iter().copied()) {
-                    let settings = [
-                        format!("profile={}", event::name(profile)),
-                        "run.mode=inprocess".into(),
-                        format!("run.command_delay_ms={delay:?}"),
-                        format!("run.command_jitter_ms={jitter:?}"),
-                        format!("run.command_drop_probability={miss:?}"),
-                    ];
-                    let mut scenario = settings::load(file, &settings)?;
-                    let is_random = jitter != 0.0 || miss != 0.0;
-                    for _ in 0..if is_random { seeds } else { 1 } {
-                        scenarios.push(scenario.clone());
-                        scenario.run.seed = scenario.run.seed.wrapping_add(1);
-                    }
-                }
-            }
-        }
-    }
-    Ok(scenarios)
-}
-
-/// Flies all scenarios on all cores; returns the flights in their order.
-pub fn fly(scenarios: &[Scenario]) -> Vec<GridFlight> {
-    let one = |scenario: &Scenario| {
-        let (summary, verdict) = in_process(&Scenario { bounds: survival(), ..scenario.clone() }, |_| {});
-        let (run, metrics) = (&scenario.run, summary.metrics());
+/// Returns the flights of a campaign over one profile. A flight that is the same bit for bit as the one before it, in
+/// which nothing was random, is left out: a copy is no evidence.
+pub fn flights(flown: &Flown, profile: Profile) -> Vec<GridFlight> {
+    let flight = |row: usize| {
+        let number = |column| flown.number(row, column);
         GridFlight {
             at: Place {
-                profile: scenario.profile,
-                delay_ms: run.command_delay_ms,
-                jitter_ms: run.command_jitter_ms,
-                miss_probability: run.command_drop_probability,
+                profile,
+                delay_ms: number("run.command_delay_ms"),
+                jitter_ms: number("run.command_jitter_ms"),
+                miss_probability: number("run.command_drop_probability"),
             },
-            seed: run.seed,
-            failed_at_s: verdict.failed_at_s,
-            max_position_error_m: metrics.max_position_error_m,
-            rms_position_error_m: metrics.rms_position_error_m,
+            seed: number("run.seed") as u64,
+            failed_at_s: Some(number("failed_at_s")).filter(|at_s| !at_s.is_nan()),
+            max_position_error_m: number("max_position_error_m"),
+            rms_position_error_m: number("rms_position_error_m"),
         }
     };
-    scenarios.par_iter().map(one).collect()
+    let is_copy = |row: usize| {
+        row > 0 && flown.text(row - 1, "hash") == flown.text(row, "hash") && flight(row - 1).at == flight(row).at
+    };
+    (0..flown.flights.rows()).filter(|row| !is_copy(*row)).map(flight).collect()
 }
 
 pub fn to_csv(flights: &[GridFlight]) -> String {
@@ -152,7 +109,7 @@ pub fn axes(cells: &[&Cell]) -> [Vec<f64>; 3] {
 }
 
 /// Sorts values and drops duplicates.
-fn rising(values: impl Iterator<Item = f64>) -> Vec<f64> {
+pub fn rising(values: impl Iterator<Item = f64>) -> Vec<f64> {
     let mut values: Vec<f64> = values.collect();
     values.sort_by(f64::total_cmp);
     values.dedup();

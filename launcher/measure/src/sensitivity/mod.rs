@@ -6,6 +6,7 @@
 //! misses   probability that a command never acts            run.command_drop_probability
 //! ```
 //!
+//! The flights of each profile are a campaign, `sensitivity-paper.toml` and `sensitivity-robust.toml`.
 //! Every flight is flown in process, where without these settings a command acts at the instant of its sample. So the
 //! map is exact, and the same on every machine. In real time a machine adds the age at the actuator, which is a delay
 //! too; so its operating point can be drawn into the map.
@@ -22,31 +23,19 @@ pub mod point;
 
 use std::path::{Path, PathBuf};
 
-use contract::scenario::Profile;
+use anyhow::Context;
+
 use flight::event;
 use serde_json::json;
+use toml::{Table, Value};
 
-use self::map::{Cell, Place};
+use self::map::{Cell, PROFILES};
 use self::point::Point;
 use crate::findings::{Findings, default_folder, make_folder};
+use crate::shipped;
 use flight::duration::milliseconds;
 use flight::files::write_whole;
-use outcome::target::Target;
 use runtime::console::eprint_line;
-
-/// Largest error that the paper claims for its controller \[m\].
-const PAPER_ERROR_M: f64 = 0.7;
-/// Largest error of the shipped survey, at the edge of the map as in its middle \[m\].
-const ROBUST_ERROR_M: f64 = 0.06;
-/// Promises: profile, delay \[ms\], probability of a miss, largest error there \[m\]; `None` = every flight fails.
-const PROMISES: [(Profile, f64, f64, Option<f64>); 4] = [
-    (Profile::Paper, 4.0, 0.0, Some(PAPER_ERROR_M)),
-    (Profile::Paper, 10.0, 0.0, None),
-    (Profile::Robust, 58.0, 0.0, Some(ROBUST_ERROR_M)),
-    (Profile::Robust, 0.0, 0.4, Some(ROBUST_ERROR_M)),
-];
-/// Reason why a failure is promised.
-const FRAGILE: &str = "the limit is real: the reading of the paper that flies is this fragile";
 
 /// Arguments of `measure sensitivity`.
 #[derive(clap::Args)]
@@ -79,23 +68,58 @@ pub struct SensitivityArgs {
 
 /// Measures as the arguments say and returns the exit code.
 pub fn measure(args: &SensitivityArgs) -> anyhow::Result<u8> {
-    let axes = [&args.delays, &args.jitters, &args.misses].map(Vec::as_slice);
-    let scenarios = map::scenarios(args.scenario.as_deref(), args.seeds, axes)?;
+    let edit = |text: String| args.put_into(&text);
+    let all = PROFILES.map(|profile| (profile, format!("sensitivity-{}", event::name(profile))));
+    for (_, name) in &all {
+        shipped::plan(name, edit)?.check()?;
+    }
     let out = args.out.clone().unwrap_or_else(|| default_folder("sensitivity"));
     make_folder(&out, "--out")?;
     let point = operating_point(args, &out)?;
-
-    eprint_line(&format!("flying {} flights", scenarios.len()));
-    let flights = map::fly(&scenarios);
+    let (mut flights, mut targets, mut title) = (vec![], vec![], String::new());
+    for (profile, name) in all {
+        let flown = shipped::fly(&name, edit)?;
+        eprint_line(&format!("flew {} flights of profile {}", flown.flights.rows(), event::name(profile)));
+        flights.extend(map::flights(&flown, profile));
+        targets.extend(flown.targets());
+        title = flown.plan.campaign.controllers[0].1.scenario(&[])?.name;
+    }
     let cells = map::gather(&flights);
-    let targets = targets(args.scenario.is_none(), &cells);
-    let name = scenarios.first().map_or("", |scenario| &scenario.name);
-    let results = json!({ "scenario": name, "seeds": args.seeds, "operating_point": point, "cells": cells });
+    let results = json!({ "scenario": title, "seeds": args.seeds, "operating_point": point, "cells": cells });
     let found = Findings::new(results, targets, false)?;
     write_whole(&out.join("sensitivity.csv"), map::to_csv(&flights).as_bytes())?;
-    let page = picture::page(name, &cells, point.as_ref());
+    let page = picture::page(&title, &cells, point.as_ref());
     write_whole(&out.join("sensitivity.html"), page.as_bytes())?;
-    found.conclude(Some(&out), "sensitivity.json", args.json, &table(&cells, point.as_ref(), &out))
+    let mut table = table(&cells, point.as_ref(), &out);
+    if args.scenario.is_some() {
+        table += "the limits are promised of the survey only\n";
+    }
+    found.conclude(Some(&out), "sensitivity.json", args.json, &table)
+}
+
+impl SensitivityArgs {
+    /// Puts the arguments into the text of a campaign. Another scenario than the survey has no promises.
+    fn put_into(&self, text: &str) -> anyhow::Result<String> {
+        let mut campaign: Table = text.parse()?;
+        if let Some(scenario) = &self.scenario {
+            campaign.insert("scenario".into(), shipped::path_as_toml(scenario)?);
+            campaign.remove("promise");
+        }
+        let is_random = self.jitters.iter().chain(&self.misses).any(|value| *value != 0.0);
+        let seeds = is_random.then(|| Value::from((0..self.seeds as i64).collect::<Vec<_>>()));
+        campaign.remove("seeds");
+        campaign.extend(seeds.map(|seeds| ("seeds".to_owned(), seeds)));
+        let run = campaign["vary"]["run"].as_table_mut().context("what varies")?;
+        let lists = [
+            ("command_delay_ms", &self.delays),
+            ("command_jitter_ms", &self.jitters),
+            ("command_drop_probability", &self.misses),
+        ];
+        for (key, values) in lists.into_iter().filter(|(_, values)| !values.is_empty()) {
+            run.insert(key.into(), map::rising(values.iter().copied()).into());
+        }
+        Ok(campaign.to_string())
+    }
 }
 
 /// Returns the point of the given run, or of five seconds flown now; `None` and a note to the user if that flight
@@ -140,31 +164,6 @@ fn last_flown(row: &[&Cell], jitter_ms: f64, miss_probability: f64) -> String {
     let last = row.take_while(|cell| cell.lost == 0).last();
     last.and_then(|cell| Some(format!("{} ms, {:.3} m", cell.at.delay_ms, cell.max_position_error_m?)))
         .unwrap_or_else(|| "never".into())
-}
-
-/// Returns the promises as targets; inconclusive except for the survey.
-fn targets(survey: bool, cells: &[Cell]) -> Vec<Target> {
-    let promise = |(profile, delay_ms, miss_probability, limit_m): (Profile, f64, f64, Option<f64>)| {
-        let place = Place { profile, delay_ms, jitter_ms: 0.0, miss_probability };
-        let cell = cells.iter().find(|cell| survey && cell.at == place);
-        let figure = format!("{}, {delay_ms} ms delay, {:.0} % missed", event::name(profile), miss_probability * 100.0);
-        let target = if let Some(limit_m) = limit_m {
-            // A failed flight counts with an infinite error.
-            let error_m = cell.map(|cell| cell.max_position_error_m.unwrap_or(f64::INFINITY));
-            Target::at_most(figure + ": largest error", error_m, limit_m, "m")
-        } else {
-            let all = cell.map(|cell| cell.flights as f64);
-            let wanted = all.map_or("all".to_owned(), |all| format!("all {all}"));
-            let lost = cell.map(|cell| cell.lost as f64);
-            Target::when(figure + ": flights lost", lost, wanted, |lost| Some(lost) == all).noting(FRAGILE)
-        };
-        match cell {
-            Some(_) => target,
-            None if survey => target.noting("not on this map"),
-            None => target.noting("promised of the survey only"),
-        }
-    };
-    PROMISES.map(promise).into()
 }
 
 #[cfg(test)]

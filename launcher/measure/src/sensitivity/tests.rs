@@ -1,8 +1,9 @@
-//! Tests of cells, point, promises and page with invented flights.
+//! Tests of cells, point and page with invented flights.
 
-use super::map::GridFlight;
+use contract::scenario::Profile;
+
+use super::map::{GridFlight, Place};
 use super::*;
-use outcome::target::Verdict;
 
 fn flight(profile: Profile, [delay_ms, jitter_ms, miss_probability]: [f64; 3], seed: u64) -> GridFlight {
     let max = 0.05 + seed as f64;
@@ -42,8 +43,8 @@ fn a_flight_is_one_line_of_csv() {
     assert!(csv.lines().all(|line| columns(line) == columns(lines[0])));
 }
 
-/// Flights for all promises, each of which is kept.
-fn promised() -> Vec<GridFlight> {
+/// Flights of both profiles, one of which was lost.
+fn flown() -> Vec<GridFlight> {
     let mut flights = vec![
         flight(Profile::Paper, [4.0, 0.0, 0.0], 0),
         flight(Profile::Paper, [10.0, 0.0, 0.0], 0),
@@ -52,22 +53,6 @@ fn promised() -> Vec<GridFlight> {
     ];
     flights[1].failed_at_s = Some(5.8);
     flights
-}
-
-fn verdicts(survey: bool, flights: &[GridFlight]) -> Vec<Verdict> {
-    targets(survey, &map::gather(flights)).iter().map(|target| target.verdict).collect()
-}
-
-#[test]
-fn a_promise_is_kept_if_flights_survive_or_fail_as_promised() {
-    assert_eq!(verdicts(true, &promised()), [Verdict::Ok; 4]);
-    let mut broken = promised();
-    for flight in &mut broken {
-        flight.failed_at_s = if flight.failed_at_s.is_some() { None } else { Some(1.0) };
-    }
-    assert_eq!(verdicts(true, &broken), [Verdict::Short; 4]);
-    assert_eq!(verdicts(true, &[]), [Verdict::Inconclusive; 4], "not on the map");
-    assert_eq!(verdicts(false, &broken), [Verdict::Inconclusive; 4], "another scenario");
 }
 
 #[test]
@@ -83,7 +68,7 @@ fn the_table_tells_the_last_delay_before_a_loss() {
 
 #[test]
 fn the_page_has_a_map_for_each_probability_and_the_point_in_the_nearest() {
-    let mut flights = promised();
+    let mut flights = flown();
     flights.push(flight(Profile::Robust, [5.0, 2.0, 0.4], 0));
     let point = Point { age_p50_ms: 0.5, age_p99_ms: 1.5, miss_probability: 0.01 };
     let page = picture::page("a <b> & c", &map::gather(&flights), Some(&point));
