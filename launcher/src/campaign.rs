@@ -26,7 +26,7 @@ use crate::progress::Progress;
 #[command(
     args_conflicts_with_subcommands = true,
     subcommand_negates_reqs = true,
-    after_help = "The same command goes on where an earlier one ended. docs/campaigns.md has the form of FILE and an example.\n\n\
+    after_help = "The same command continues where an earlier one ended. docs/campaigns.md has the form of FILE and an example.\n\n\
 Exit codes: 0 every flight has passed or failed, every promise is kept, and the results are written; 1 some could not be flown \
 (invalid), or a promise is broken; 2 usage or campaign error; 3 shards are missing, or results could not be written; 130 interrupted: what is complete is kept."
 )]
@@ -44,7 +44,7 @@ pub struct CampaignArgs {
     /// Flights of a shard; an interruption loses only shards that are not complete [default: 100]
     #[arg(long, value_name = "N", value_parser = one_or_more::<u64>)]
     shard: Option<u64>,
-    /// Say how far the campaign is, and fly nothing
+    /// Print the progress of the campaign, and fly nothing
     #[arg(long, conflicts_with_all = ["slurm", "shard"])]
     status: bool,
     /// Write the results of the shards that are there, and fly nothing
@@ -86,16 +86,16 @@ struct Cluster {
     /// Submit the shards to Slurm as a job array, and wait for them
     #[arg(long)]
     slurm: bool,
-    /// Slurm: which partition
+    /// Slurm: partition
     #[arg(long, requires = "slurm")]
     partition: Option<String>,
-    /// Slurm: the time limit of a task, as `sbatch --time` has it
+    /// Slurm: time limit of a task, in the form of `sbatch --time`
     #[arg(long, requires = "slurm")]
     time: Option<String>,
     /// Slurm: cores of a task
     #[arg(long, requires = "slurm", default_value_t = 1, value_parser = one_or_more::<u32>)]
     cpus: u32,
-    /// Slurm: the program that flies, as the nodes see it, instead of this one; words as in a shell
+    /// Slurm: command of the program that flies, as the compute nodes see it, instead of this one
     #[arg(long, requires = "slurm", value_name = "COMMAND")]
     program: Option<String>,
     /// Slurm: submit and do not wait
@@ -175,11 +175,11 @@ fn fly_missing(plan: &Plan, folder: &CampaignFolder, missing: &[u64], interrupts
     match flown {
         Ok(true) => exit::FLOWN,
         Ok(false) => {
-            eprint_line("interrupted; the same command goes on");
+            eprint_line("interrupted; the same command continues");
             exit::INTERRUPTED
         }
         Err(error) => {
-            eprint_line(&format!("error: {error:#}; when there is room again, the same command goes on"));
+            eprint_line(&format!("error: {error:#}; when there is room again, the same command continues"));
             exit::PROCESS_LOST
         }
     }
@@ -251,7 +251,7 @@ fn status(plan: &Plan, folder: &CampaignFolder) -> anyhow::Result<u8> {
 /// Writes the results of the shards that are there and prints a summary; returns the exit code.
 fn conclude(plan: &Plan, folder: &CampaignFolder, what: &What) -> anyhow::Result<u8> {
     end_at_once(
-        "interrupted before the results were written; the shards are there, and the same command goes on".into(),
+        "interrupted before the results were written; the shards are there, and the same command continues".into(),
     );
     let (flights, missing) = folder.collect(plan)?;
     let count = |verdict: Standing| {

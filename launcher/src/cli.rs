@@ -43,11 +43,11 @@ enum Command {
         #[arg(long = "set", value_name = "KEY=VALUE")]
         set: Vec<String>,
     },
-    /// Write report.html again from a run's folder, or figures of a part of the flight, every sample drawn
+    /// Write the report of a recorded run again, or the figures of a part of it with every sample drawn
     Report(PartOfRun),
     /// Fly a recorded flight again in process, from its folder alone, and compare the bits
     Replay(replay::ReplayArgs),
-    /// Say what each late, lost or missing message of a recorded flight cost, by flying it again undisturbed
+    /// Compute what each late, lost or missing message of a recorded flight cost, by replaying it undisturbed
     Explain(replay::ExplainArgs),
     /// Lay recorded flights side by side: settings that differ, metrics, timing, courses
     Compare(compare::CompareArgs),
@@ -57,17 +57,17 @@ enum Command {
     Status(manage::StatusArgs),
     /// Replace a process of a flying stack; the new one is tried on standby first, and removed if it fails
     Swap(swap::SwapArgs),
-    /// Break something in a stack that flies in real time
+    /// Inject a fault into a stack that flies in real time
     Inject(command::InjectArgs),
-    /// End what is broken in a stack that flies in real time
+    /// End faults in a stack that flies in real time
     Clear(command::ClearArgs),
     /// Stop a flying stack, cleanly
     Stop(TargetArgs),
     /// Fly a campaign: many flights that differ in what a file varies
     Campaign(campaign::CampaignArgs),
-    /// Find gains for the controllers of a campaign, each with the same budget, on draws of their own
+    /// Tune the controllers of a campaign, each with the same budget, on draws that the campaign does not use
     Tune(tune::TuneArgs),
-    /// Measure what the stack promises, and say which promises are kept
+    /// Measure figures of the stack, each against its target
     #[command(subcommand)]
     Measure(Measure),
     /// Run one process of a stack (the launcher starts these itself)

@@ -34,7 +34,7 @@ pub struct InjectArgs {
     /// exit]
     #[arg(long = "for", value_name = "TIME", value_parser = seconds_or_inf)]
     for_s: Option<f64>,
-    /// Time from the next sample to its beginning
+    /// Time from the next sample but one to the beginning of the fault
     #[arg(long = "in", value_name = "TIME", default_value = "0s", value_parser = seconds)]
     in_s: f64,
     /// A delay or a time constant: 20ms, 0.1s, plain milliseconds

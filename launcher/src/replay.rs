@@ -32,19 +32,19 @@ that is not all of the flight; 2 usage, or a log of another version."
 pub struct ReplayArgs {
     #[command(flatten)]
     pub of: PartOfRun,
-    /// Fly only this node again, on what it had read: guidance, attitude-mpc, mixer or plant
+    /// Replay only this node, on its recorded inputs: guidance, attitude-mpc, mixer or plant
     #[arg(long, value_name = "NODE")]
     node: Option<String>,
-    /// Other settings for the node: what it would have answered to the same inputs
+    /// Other settings for the node, to compute its answers to the same inputs
     #[arg(long = "set", value_name = "KEY=VALUE", requires = "node")]
     set: Vec<String>,
-    /// Stop before this node answers to the sample of this second, for a debugger
+    /// Stop for a debugger before this node answers the sample of this time
     #[arg(long = "break", value_name = "NODE@TIME")]
     stop: Option<String>,
     /// Another program for the node, started as by `launcher swap --exec`
     #[arg(long, value_name = "PROGRAM", requires = "node")]
     exec: Option<String>,
-    /// With --set or --exec: fly on with the new answers, which all other nodes read
+    /// With --set or --exec: close the loop, so that all other nodes read the new answers
     #[arg(long)]
     closed: bool,
 }
@@ -57,7 +57,7 @@ pub struct ExplainArgs {
     /// Print the costs as JSON instead of the tables
     #[arg(long)]
     json: bool,
-    /// Fly without each single disturbed tick, even if they are many; otherwise many are only left out all together
+    /// Compute the cost of every single disturbed tick; without this option many ticks are only undone all together
     #[arg(long)]
     all: bool,
 }

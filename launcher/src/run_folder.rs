@@ -14,10 +14,10 @@ use outcome::recorded::Part;
 pub struct PartOfRun {
     /// Folder of the run, or its flight.mcap
     pub run: PathBuf,
-    /// Look at it from this second on
+    /// Begin of the part of the flight
     #[arg(long, value_name = "TIME", value_parser = seconds)]
     from: Option<f64>,
-    /// Look at it to this second
+    /// End of the part of the flight
     #[arg(long, value_name = "TIME", value_parser = seconds)]
     to: Option<f64>,
 }

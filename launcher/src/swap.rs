@@ -25,7 +25,7 @@ const LOOK: Duration = Duration::from_millis(50);
 /// Arguments of `swap`.
 #[derive(clap::Args)]
 #[command(after_help = "A recorder has neither settings nor a trial: it takes over as soon as it records, and --set, \
---standby, --watch and --bounds are refused for it.\n\nExit codes: 0 the candidate stays; 1 it was sent away, and the old one \
+--standby, --watch and --bounds are refused for it.\n\nExit codes: 0 the candidate stays; 1 it was removed, and the old one \
 is active; 2 the swap is refused; 3 the flight ended first. The flight itself ends with 1 if the candidate does not stay, unless \
 --may-fail was given.")]
 pub struct SwapArgs {

@@ -289,15 +289,12 @@ impl Campaign {
             }
             (Some(_), false) => {
                 bail!(
-                    "`samples` without anything that is drawn: leave it away, or say `seeds` for flights with other noise"
+                    "`samples` without anything that is drawn: remove it, or say `seeds` for flights with other noise"
                 )
             }
             _ => {}
         }
-        ensure!(
-            self.file.sampling.is_none() || drawn > 0,
-            "`sampling` without a distribution in [vary]: leave it away"
-        );
+        ensure!(self.file.sampling.is_none() || drawn > 0, "`sampling` without a distribution in [vary]: remove it");
         let (dimensions, samples) = MAX_SOBOL;
         ensure!(
             self.sampling() != Sampling::Sobol || drawn <= dimensions && self.samples().unwrap_or(0) <= samples,
@@ -305,9 +302,9 @@ impl Campaign {
         );
         for (i, Factor { key: whole, .. }) in self.factors.iter().enumerate() {
             for Factor { key, .. } in &self.factors[i + 1..] {
-                ensure!(key != whole, "`{key}` varies twice, by `seeds` and in [vary]: leave one of them away");
+                ensure!(key != whole, "`{key}` varies twice, by `seeds` and in [vary]: remove one of them");
                 let is_part = key.strip_prefix(whole).is_some_and(|rest| rest.starts_with('.'));
-                ensure!(!is_part, "`{key}` in [vary] is a part of `{whole}`, which varies too: leave one of them away");
+                ensure!(!is_part, "`{key}` in [vary] is a part of `{whole}`, which varies too: remove one of them");
             }
         }
         for Factor { key, .. } in &self.factors {
@@ -316,7 +313,7 @@ impl Campaign {
                 "`{key}` in [vary]: every flight of a campaign flies in process under the name of its number"
             );
             for (name, own) in &self.file.controller.0 {
-                ensure!(find(own, key).is_none(), "`{key}` of [controller.{name}] varies too: leave one of them away");
+                ensure!(find(own, key).is_none(), "`{key}` of [controller.{name}] varies too: remove one of them");
             }
         }
         let controllers: Vec<&str> = self.controllers.iter().map(|(name, _)| name.as_str()).collect();

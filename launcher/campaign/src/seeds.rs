@@ -35,7 +35,7 @@ pub fn check(plan: &Plan) -> anyhow::Result<()> {
     }
     ensure!(
         !is_flown,
-        "seeds change no flight: nothing in it is random, and a copy is no evidence; leave `seeds` away, or give noise \
+        "seeds change no flight: nothing in it is random, and a copy is no evidence; remove `seeds`, or give noise \
          (`plant.noise`), turbulence or a fault with a probability"
     );
     Ok(())

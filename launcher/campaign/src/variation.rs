@@ -154,7 +154,7 @@ fn listed(key: &str, list: Vec<Value>) -> anyhow::Result<Values> {
     for value in &list {
         ensure!(
             seen.insert(identity(value)),
-            "`{key}` lists {value} twice: a copy of a flight is no evidence; leave one of them away"
+            "`{key}` lists {value} twice: a copy of a flight is no evidence; remove one of them"
         );
     }
     Ok(Values::Listed(list))

@@ -37,15 +37,15 @@ use clap::Subcommand;
 pub enum Measure {
     /// Time a step of the controller on recorded problems, by path and solver
     Mpc(mpc::MpcArgs),
-    /// Fly through every fault of the catalogue, and strike processes in real time
+    /// Fly with every fault of the catalogue, and kill, stop and delay processes in real time
     Faults(faults::FaultsArgs),
     /// Kill any process of short flights at any moment, again and again
     Kills(kills::KillsArgs),
-    /// Fly the aggressive scenarios under every inner loop and compare
+    /// Fly campaigns/aggressive.toml: five aggressive scenarios under every controller
     Laws(laws::LawsArgs),
-    /// Fly fast missions under every model of the MPC and compare
+    /// Fly campaigns/conditions*.toml: fast missions under every model of the MPC
     Conditions(conditions::ConditionsArgs),
-    /// Map the tracking error over delay, jitter and misses, for both profiles
+    /// Fly campaigns/sensitivity-*.toml: the tracking error over delay, jitter and lost commands
     Sensitivity(sensitivity::SensitivityArgs),
     /// Fly in real time, undisturbed and disturbed, and fly each flight again from its log
     Replay(replay::ReplayArgs),

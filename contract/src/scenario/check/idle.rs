@@ -115,7 +115,7 @@ pub fn check(scenario: &Scenario, given: &Table, defaults: &Scenario, found: &mu
                 false,
                 &[&idle, switch.key],
                 format!("`{idle}` has no effect here"),
-                &format!("`{}` = {} with it, or leave it away", switch.key, switch.on),
+                &format!("`{}` = {} with it, or remove it", switch.key, switch.on),
             );
         }
     }

@@ -55,7 +55,7 @@ pub struct SensitivityArgs {
     /// Flights with different random numbers, where there are any: the worst one counts
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..=1000))]
     pub seeds: u64,
-    /// A real-time run whose age at the actuator is drawn in, instead of that of five seconds flown for it
+    /// Real-time run whose age at the actuator is drawn into the map, instead of that of a new flight of five seconds
     #[arg(long)]
     pub run: Option<PathBuf>,
     /// Folder for the flights, the map and its picture [default: runs/measure-sensitivity-TIME]
