@@ -40,9 +40,9 @@ pub struct SharedRole {
     packed: AtomicU64,
     /// Newest epoch whose process is ready to work; set by the process.
     pub ready: Word,
-    /// Newest such epoch to whose port the launcher has connected, so that the launcher misses no further message of
-    /// it.
-    pub connected: Word,
+    /// Newest epoch whose messages the launcher receives; set by the launcher after `ready`, when it has connected to
+    /// the port of the process.
+    pub observed: Word,
     /// Newest epoch whose process is warm and waits for samples; set by the process.
     pub waiting: Word,
     /// Messages that all processes of the node have sent.

@@ -163,7 +163,7 @@ impl Stack {
             // Processes that were ready before the launcher drains its ports are connected to them afterwards.
             let ready = Topic::ALL.map(|topic| page.role(topic).ready.get());
             self.drain(&mut watch);
-            Topic::ALL.into_iter().zip(ready).for_each(|(topic, epoch)| page.role(topic).connected.set(epoch));
+            Topic::ALL.into_iter().zip(ready).for_each(|(topic, epoch)| page.role(topic).observed.set(epoch));
             if self.is_interrupted(interrupts) {
                 break Ended::Interrupted;
             }

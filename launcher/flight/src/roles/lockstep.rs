@@ -80,7 +80,7 @@ impl Lockstep {
     /// Returns the name of the process that the ring waits for.
     fn awaited(&self) -> &'static str {
         if let Some(Asked { starting, .. }) = &self.asked {
-            let late = starting.iter().find(|(topic, epoch)| self.page.role(*topic).connected.get() != *epoch);
+            let late = starting.iter().find(|(topic, epoch)| self.page.role(*topic).observed.get() != *epoch);
             return late.map_or("the recorder", |(topic, _)| topic.publisher());
         }
         let sampled = self.done_by(Topic::State)[0];
@@ -125,7 +125,7 @@ impl Driver for Lockstep {
     /// Answers the plant if every process that it waits for is ready.
     fn done(&mut self) {
         let page = &self.page;
-        let ready = |(topic, epoch): &(Topic, u32)| page.role(*topic).connected.get() == *epoch;
+        let ready = |(topic, epoch): &(Topic, u32)| page.role(*topic).observed.get() == *epoch;
         let Some(Asked { tick, .. }) = self.asked.take_if(|asked| asked.starting.iter().all(ready)) else { return };
         for topic in Topic::ALL {
             page.role(topic).assign(tick as u32, |_| self.simulated.assignment(topic));

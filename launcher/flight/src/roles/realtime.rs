@@ -51,7 +51,7 @@ impl Realtime {
     fn seen(&self, topic: Topic, tick: u64, excused_ns: u64) -> Vec<Input> {
         let (role, shared) = (&self.nodes[topic as usize].role, self.page.role(topic));
         let mut seen = vec![];
-        seen.extend(role.starting().filter(|epoch| tick > 0 && shared.connected.get() == *epoch).map(Input::Ready));
+        seen.extend(role.starting().filter(|epoch| tick > 0 && shared.observed.get() == *epoch).map(Input::Ready));
         let active = shared.active();
         if active == 0 {
             return seen;
