@@ -23,7 +23,7 @@
 //! | [`pid`] | PID law, for comparison | |
 //! | [`goal`] | the goal, also without references | |
 //! | [`memory`] | state kept from tick to tick | |
-//! | `process` | loop of the node's process | |
+//! | `node` | its ports, the same in every mode | |
 //!
 //! In nominal flight no constraint is active: the plan is one matrix-vector product, which is only checked. Only a plan
 //! outside the set goes to the solver. If the solver fails, every move of the unconstrained plan is replaced by the
@@ -44,13 +44,13 @@ pub mod goal;
 pub mod ltv;
 pub mod memory;
 pub mod model;
+mod node;
 pub mod pid;
-mod process;
 pub mod riccati;
 pub mod schedule;
 pub mod solver;
 
-pub use process::run;
+pub use node::Node;
 
 #[cfg(test)]
 mod fixture;

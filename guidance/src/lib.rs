@@ -28,9 +28,9 @@
 
 pub mod heading;
 pub mod memory;
+mod node;
 pub mod observer;
 pub mod pid;
-mod process;
 pub mod rates;
 pub mod reentry;
 pub mod trajectory;
@@ -44,8 +44,8 @@ use nalgebra::{Rotation3, Vector2, Vector3};
 
 use heading::HeadingCommand;
 use memory::Memory;
+pub use node::Node;
 use observer::{Observer, to_heading_frame};
-pub use process::run;
 use reentry::Limits;
 pub use trajectory::{Setpoint, Trajectory};
 

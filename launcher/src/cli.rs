@@ -194,9 +194,11 @@ fn check(scenario: &std::path::Path, set: &[String]) -> anyhow::Result<u8> {
 fn node(name: NodeName, namespace: &str, epoch: u32, own: Option<&Path>, log: Option<PathBuf>) -> ExitCode {
     match (name, log) {
         (NodeName::Plant, _) => run_as("plant", namespace, epoch, own, plant::run),
-        (NodeName::Guidance, _) => run_as("guidance", namespace, epoch, own, guidance::run),
-        (NodeName::AttitudeMpc, _) => run_as("attitude-mpc", namespace, epoch, own, attitude_mpc::run),
-        (NodeName::Mixer, _) => run_as("mixer", namespace, epoch, own, mixer::run),
+        (NodeName::Guidance, _) => run_as("guidance", namespace, epoch, own, runtime::node::run::<guidance::Node>),
+        (NodeName::AttitudeMpc, _) => {
+            run_as("attitude-mpc", namespace, epoch, own, runtime::node::run::<attitude_mpc::Node>)
+        }
+        (NodeName::Mixer, _) => run_as("mixer", namespace, epoch, own, runtime::node::run::<mixer::Node>),
         (NodeName::Recorder, Some(log)) => recorder::main(namespace, epoch, &log),
         (NodeName::Recorder, None) => unreachable!("clap requires --log for the recorder"),
     }

@@ -20,7 +20,7 @@ pub mod allocation;
 pub mod fallback;
 pub mod landing;
 pub mod memory;
-mod process;
+mod node;
 pub mod rotors;
 
 use airframe::envelope::Envelope;
@@ -35,7 +35,7 @@ use nalgebra::Vector4;
 use fallback::{Level, Rung};
 use landing::{Landing, Stage};
 use memory::Memory;
-pub use process::run;
+pub use node::Node;
 use rotors::Rotors;
 
 /// Control allocation of one vehicle.

@@ -1,5 +1,5 @@
 //! `mixer` as a program of its own.
 
 fn main() -> std::process::ExitCode {
-    runtime::process::main("mixer", mixer::run)
+    runtime::process::main("mixer", runtime::node::run::<mixer::Node>)
 }

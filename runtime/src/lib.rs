@@ -8,6 +8,7 @@
 //! | [`release`] | the event that begins a cycle, in real time, lockstep or replay |
 //! | [`sample_loop`] | the loop of the plant, which begins every tick |
 //! | [`cycle_loop`] | the loop of a node that answers |
+//! | [`node`] | a node that answers: its core with its ports, and the program that runs it |
 //! | [`cycle_timing`] | the timing record of a cycle, and the warm-up before it |
 //! | [`input`], [`output`] | where a node receives and sends |
 //! | [`ports`] | the ports of one process, tested before the run begins |
@@ -37,6 +38,7 @@ pub mod input;
 pub mod limits;
 pub mod link;
 pub mod member;
+pub mod node;
 pub mod output;
 pub mod port;
 pub mod ports;

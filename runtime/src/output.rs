@@ -1,5 +1,6 @@
 //! The output of a node: stamps a message, adds the checksum, sends it and wakes the receivers.
 
+use std::any::Any;
 use std::rc::Rc;
 
 use crate::error::SessionError;
@@ -31,9 +32,11 @@ impl<M: Wire> Output<M> {
 }
 
 impl<M: Message> Output<M> {
-    /// Numbers the next message `sequence` + 1, for a replay that begins in the middle of a process's work.
-    pub fn continue_after(&mut self, sequence: u64) {
-        self.sequence = sequence;
+    /// Returns the `known` message of a replay, if there is one; the output continues with its number.
+    pub fn known(&mut self, known: Option<&dyn Any>) -> Option<M> {
+        let known: &M = known?.downcast_ref()?;
+        self.sequence = known.stamp().sequence.saturating_sub(1);
+        Some(*known)
     }
 
     /// Stamps `message` with its `provenance` and this cycle's timing, sends it and wakes the processes that wait for

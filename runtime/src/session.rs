@@ -68,6 +68,14 @@ impl NodeSession {
         Output::open(&mut self.ports, &self.member, &self.scenario)
     }
 
+    /// Opens a node with all its ports by `open`.
+    pub fn open<N>(
+        &mut self,
+        open: impl FnOnce(&mut Ports, &Member, &Scenario) -> Result<N, SessionError>,
+    ) -> Result<N, SessionError> {
+        open(&mut self.ports, &self.member, &self.scenario)
+    }
+
     /// Reads the snapshot of the previous active process; `None` for epoch 1, or if there is none.
     pub fn memory(&self) -> Option<Snapshot> {
         let memory = &self.member.page.role(self.member.topic).memory;

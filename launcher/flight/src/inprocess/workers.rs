@@ -8,12 +8,13 @@ use contract::snapshot::Snapshot;
 use contract::topic::Topic;
 use runtime::error::SessionError;
 use runtime::member::Member;
+use runtime::node::Node;
 use runtime::ports::{Ports, Transport};
 use runtime::queue::Queues;
 use runtime::realtime::ControlPage;
 use runtime::shared_role::Origin;
 
-use super::node::{self, Node};
+use super::node;
 
 /// Control page and queues that a ring in process shares.
 #[derive(Clone)]

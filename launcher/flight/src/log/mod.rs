@@ -37,6 +37,8 @@ mod schema;
 mod tests;
 mod write;
 
+use std::any::Any;
+
 use contract::stamp::delivery;
 use contract::{
     Topic,
@@ -90,10 +92,14 @@ impl Record {
         with_message!(*self, message => delivered(message).into())
     }
 
+    /// Returns the message, whatever its type.
+    pub fn as_any(&self) -> &dyn Any {
+        with_message!(self, message => message)
+    }
+
     /// Returns the message; `None` if it is no `M`.
     pub fn message<M: Message>(&self) -> Option<&M> {
-        let message: &dyn std::any::Any = with_message!(self, message => message);
-        message.downcast_ref()
+        self.as_any().downcast_ref()
     }
 
     /// Returns whether the checksum fits the bits.

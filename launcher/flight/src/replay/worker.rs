@@ -10,13 +10,14 @@ use contract::snapshot::Snapshot;
 use plant::Plant;
 use runtime::error::SessionError;
 use runtime::member::Member;
+use runtime::node::Node;
 use runtime::output::Output;
 use runtime::port::{Send, Wire};
 use runtime::ports::Ports;
 use runtime::shared_role::{Assignment, Origin};
 
 use super::script::Cycle;
-use crate::inprocess::node::{self, Node, known_to};
+use crate::inprocess::node;
 use crate::inprocess::workers::Ring;
 use crate::log::{Memory, Record};
 use crate::recorder::Observers;
@@ -141,7 +142,7 @@ impl Worker {
         match &mut self.core {
             Core::Plant(vehicle) => {
                 let Vehicle { plant, output, tick } = &mut **vehicle;
-                let known: Option<State> = known_to(output, known);
+                let known = output.known(known.map(Record::as_any));
                 if known.is_none() {
                     plant.advance(cycle.tick - *tick);
                 }
@@ -156,7 +157,7 @@ impl Worker {
                 faults.update();
                 timing.set_now_ns((2 * cycle.publish_ns).saturating_sub(read_ns));
                 faults.new_faults(|number, fault| node.apply_fault(number, fault));
-                node.answer(provenance, known);
+                node.answer(provenance, known.map(Record::as_any));
             }
         }
         let own = *topic;
