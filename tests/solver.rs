@@ -85,7 +85,7 @@ fn the_cone_survives_what_the_other_inner_loops_do_not() {
     assert_eq!(measured.status.code(), Some(0), "{}", all["targets"]);
     let flights = all["results"]["flights"].as_array().expect("flights");
     let survived = |inner_loop: &str| {
-        flights.iter().filter(|flight| flight["inner_loop"] == inner_loop && flight["survived"] == true).count()
+        flights.iter().filter(|flight| flight["controller"] == inner_loop && flight["verdict"] == "passed").count()
     };
     for name in ["cone", "box", "clamp", "lqr", "pid"] {
         assert!(survived(name) >= survived(&format!("{name}-clipped")), "{name}: the projection loses none");

@@ -6,7 +6,7 @@ use std::path::Path;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::evidence::{Draws, Evidence};
+use crate::evidence::{Draws, Evidence, FEW};
 use crate::plan::Axis;
 use crate::sampling::{Points, Sampling};
 use crate::table::{Cell, Kind, Table};
@@ -95,8 +95,8 @@ fn val_intervals_of_the_shipped_campaigns_cover_the_truth_as_often_as_they_say()
         }
         let plan = Plan::new(campaign).expect("a plan");
         let evidence = evidence_of(&plan);
-        if !matches!(evidence.draws, Draws::LatinHypercube | Draws::Independent) {
-            continue; // nothing is drawn: the page has no interval
+        if !matches!(evidence.draws, Draws::LatinHypercube | Draws::Independent) || evidence.all_draws() < FEW {
+            continue; // the page has no interval, or says that its draws are too few
         }
         let controllers = plan.campaign.controllers.len() as u64;
         let cases = plan.flights() / controllers;

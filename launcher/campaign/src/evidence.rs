@@ -20,7 +20,7 @@ use crate::sampling::Sampling;
 use crate::table::{Cell, Table};
 
 /// Draws below which the page says that they are too few.
-const FEW: usize = 20;
+pub const FEW: u64 = 20;
 
 /// Relation of the draws of a campaign to each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -150,7 +150,7 @@ impl Evidence {
             words += " The draws are a Latin hypercube, whose shares scatter at most as those of one independent draw less \
                       (Owen, Annals of Statistics 25, 1997): the intervals are conservative, not exact.";
         }
-        if (all as usize) < FEW {
+        if all < FEW {
             let _ = write!(words, " {all} draws are too few to say much.");
         }
         words

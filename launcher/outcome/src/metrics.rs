@@ -29,8 +29,8 @@ pub struct Metrics {
     /// RMS of the true w, the body z velocity, against its reference \[m/s\].
     #[serde(deserialize_with = "or_nan")]
     pub rms_w_error_mps: f64,
-    /// Mean of the demand's part of the cost (4), u'Ru with the weights `mpc.r`; NaN without a demand, and in a file older
-    /// than the metric.
+    /// Mean of the demand's part of the cost (4), u'Ru with the weights `mpc.r`. NaN without a demand, and in a file
+    /// from before this metric.
     #[serde(default = "nan", deserialize_with = "or_nan")]
     pub demand_effort: f64,
     /// Largest body rate about any axis \[rad/s\].
