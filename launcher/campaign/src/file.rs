@@ -34,18 +34,17 @@
 //! for_s = [0.1, 2.0]
 //! ```
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail, ensure};
 use contract::scenario::file::{MAX_TEXT_BYTES, read_text};
 use contract::scenario::{Given, Scenario, suggest, to_toml};
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
-use toml::de::{DeTable, DeValue};
-use toml::{Spanned, Table, Value};
+use toml::{Table, Value};
 
 use crate::hex::hex;
+use crate::named::Named;
 use crate::promise::Promise;
 use crate::random_faults::RandomFaults;
 use crate::sampling::{MAX_SOBOL, Sampling};
@@ -111,10 +110,6 @@ struct File {
     #[serde(default, skip_serializing)]
     promise: Vec<Promise>,
 }
-
-/// Tables `[controller.NAME]` or `[case.NAME]`, in the order of the file.
-#[derive(Debug, Clone, Default)]
-struct Named(Vec<(String, Table)>);
 
 /// Seeds of each flight: 1 to a count, or a list.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -339,34 +334,6 @@ impl File {
         }
         self.controller.0.splice(0..0, other.controller.0);
         Ok(())
-    }
-}
-
-impl Named {
-    fn is_empty(&self) -> bool {
-        self.0.is_empty()
-    }
-
-    /// Sorts the tables of `key` by their place in `text`, because a TOML table has no order.
-    fn put_in_order(&mut self, text: &str, key: &str) {
-        let Ok(file) = DeTable::parse(text) else { return };
-        let places: BTreeMap<&str, usize> = match file.get_ref().get(key).map(Spanned::get_ref) {
-            Some(DeValue::Table(all)) => all.keys().map(|key| (key.get_ref().as_ref(), key.span().start)).collect(),
-            _ => return,
-        };
-        self.0.sort_by_key(|(name, _)| places.get(name.as_str()).copied());
-    }
-}
-
-impl Serialize for Named {
-    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
-        to.collect_map(self.0.iter().map(|(name, settings)| (name, settings)))
-    }
-}
-
-impl<'de> Deserialize<'de> for Named {
-    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-        Ok(Self(BTreeMap::deserialize(from)?.into_iter().collect()))
     }
 }
 

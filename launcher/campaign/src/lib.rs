@@ -3,6 +3,7 @@
 //! | module | holds |
 //! |---|---|
 //! | [`file`](mod@file) | `campaign.toml`: the scenario and the values that vary |
+//! | `named` | named tables of the file, in its order |
 //! | [`variation`] | lists, ranges and distributions of one setting |
 //! | [`normal`] | the normal distribution |
 //! | [`sampling`] | points in the unit cube: independent, Latin hypercube, Sobol |
@@ -38,6 +39,7 @@ mod hex;
 pub mod layout;
 pub mod local;
 pub mod mean;
+mod named;
 pub mod normal;
 pub mod page;
 pub mod plan;
