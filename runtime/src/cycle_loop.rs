@@ -42,7 +42,7 @@ pub struct CycleLoop {
 /// Reason why a process in real time has woken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Wake {
-    /// Input that came: its tick, and the time it was sent \[ns\].
+    /// Input that came: its tick, and the time it was sent, from which the cycle is due \[ns\].
     Input(u64, u64),
     /// Input that did not come: its tick, and the time it was due \[ns\].
     Late(u64, u64),

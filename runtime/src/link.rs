@@ -1,6 +1,6 @@
 //! The link: applies faults to the messages of one topic on their way.
 //!
-//! The link stands behind the publisher, so that every subscriber gets the same messages, the recorder included. A
+//! The link stands before the sending port, so that every subscriber gets the same messages, the recorder included. A
 //! message that is lost or changed is sent too, marked, so that an observer sees both the original and the result. Time
 //! is counted in whole ticks, and every draw is a function of seed, fault and tick alone. So a flight repeats, also
 //! across a restart of the publisher; only messages that the link held back are lost with it.

@@ -23,7 +23,7 @@ pub struct Output<M> {
 }
 
 impl<M: Wire> Output<M> {
-    /// Opens the output of `member`, which with it takes its place in the role.
+    /// Opens the output of `member`. This also claims the place in the role that the launcher offered to its epoch.
     pub fn open(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result<Self, SessionError> {
         let port = ports.sender(member.epoch)?;
         member.timing.warm_up_with(port.clone());

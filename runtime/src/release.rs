@@ -45,8 +45,9 @@ impl Release {
         }
     }
 
-    /// Number of samples that exist when an answer to sample `tick` is checked: those `taken` by the plant, and in real
-    /// time also those that it slept through, because the nodes answer to them too.
+    /// Number of samples that may exist when a message of sample `tick` is checked. In real time the clock decides: the
+    /// plant counts a sample as `taken` only after its STATE was sent, and may have slept through others that the nodes
+    /// answer.
     pub fn samples_by_now(self, page: &ControlPage, taken: u64, tick: u64) -> u64 {
         match self {
             Self::Timer { period_ns } if tick >= taken && page.origin_ns() > 0 => {

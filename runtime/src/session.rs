@@ -63,7 +63,7 @@ impl NodeSession {
         Input::open(&mut self.ports, &self.member)
     }
 
-    /// Opens the output on which this node sends `M`. With it the process takes its place in the role.
+    /// Opens the output on which this node sends `M`. This also claims the place in the role that was offered to it.
     pub fn output<M: Wire>(&mut self) -> Result<Output<M>, SessionError> {
         Output::open(&mut self.ports, &self.member, &self.scenario)
     }

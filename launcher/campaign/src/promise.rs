@@ -14,7 +14,7 @@
 //!
 //! [[promise]]
 //! figure = "flights lost"
-//! passed = "all"                               # or "none", or at_least = 0.95: share, held against its interval
+//! passed = "all"                               # or "none", or "share" with at_least = 0.95, held against its interval
 //! ```
 //!
 //! A flight that failed has no metric to promise by: it counts as infinitely bad. Flights that are missing, invalid, or
@@ -39,15 +39,13 @@ pub struct Promise {
     #[serde(default)]
     pub at: Table,
     pub metric: Option<String>,
-    #[serde(default)]
-    pub of: Gather,
+    pub of: Option<Gather>,
     #[serde(default)]
     pub over_best: bool,
     pub passed: Option<Passed>,
     pub at_most: Option<f64>,
     pub at_least: Option<f64>,
-    #[serde(default)]
-    pub unit: String,
+    pub unit: Option<String>,
     #[serde(default)]
     pub because: String,
 }
@@ -93,17 +91,27 @@ impl Promise {
         let metrics: Vec<&str> = metrics.map(|(name, _)| name.as_str()).collect();
         known("metric", &metric.clone().into_iter().collect::<Vec<_>>(), &metrics)?;
         let is_limited = at_most.is_some() != at_least.is_some();
+        let is_finite = [at_most, at_least].into_iter().flatten().all(|limit| limit.is_finite());
+        ensure!(is_finite, "[[promise]] {figure:?}: give a finite limit");
         match (metric, passed) {
             (Some(_), None) => ensure!(is_limited, "[[promise]] {figure:?}: give `at_most` or `at_least`"),
             (None, Some(Passed::Share)) => {
-                ensure!(at_least.is_some() && at_most.is_none(), "[[promise]] {figure:?}: give the share, `at_least`");
+                let is_share = at_least.is_some_and(|share| (0.0..=1.0).contains(&share)) && at_most.is_none();
+                ensure!(is_share, "[[promise]] {figure:?}: give the share, `at_least`, from 0 to 1");
+                ensure!(
+                    !self.controllers.is_empty() || controllers.len() == 1,
+                    "[[promise]] {figure:?}: name the `controllers`: a share over several is that of none of them"
+                );
             }
             (None, Some(_)) => {
                 ensure!(at_most.is_none() && at_least.is_none(), "[[promise]] {figure:?}: `passed` says the limit");
             }
             _ => bail!("[[promise]] {figure:?}: give either `metric` or `passed`"),
         }
-        ensure!(metric.is_some() || !self.over_best, "[[promise]] {figure:?}: `over_best` compares a `metric`");
+        let of_a_metric = [("over_best", self.over_best), ("of", self.of.is_some()), ("unit", self.unit.is_some())];
+        for (key, _) in of_a_metric.into_iter().filter(|(_, is_given)| *is_given) {
+            ensure!(metric.is_some(), "[[promise]] {figure:?}: `{key}` is of a `metric`; remove it");
+        }
         Ok(())
     }
 }

@@ -1,7 +1,7 @@
 //! Events of the processes of a flight, and the pipe through which the launcher sends them to the recorder.
 //!
 //! ```text
-//! supervisor -> one line of JSON each -> stdin of the recorder -> topic /events of flight.mcap
+//! launcher -> one line of JSON each -> stdin of the recorder -> topic /events of flight.mcap
 //! ```
 //!
 //! Neither side ever waits for the other. A line of up to `PIPE_BUF` bytes goes into a pipe completely or not at all.

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! take the namespace -> create services and page -> start children -> all joined? -> GO
-//!   watch: empty the queues, do what the supervisor orders, show progress
+//!   watch: empty the queues, do what the roles order, show progress
 //! plant has left, or Ctrl-C, or the ring cannot go on -> LEAVE -> nodes gone -> CLOSE -> recorder gone -> wipe
 //! ```
 //!
@@ -159,8 +159,9 @@ impl Stack {
         let page = self.run.page.clone();
         page.set_phase(phase::GO);
         let ended = loop {
-            let question = self.run.driver.question(); // before the look: all that was sent before it is here
-            // Processes that were ready before the launcher drains its ports are connected to them afterwards.
+            // Read before the drain, so that every message sent before the question has been drained.
+            let question = self.run.driver.question();
+            // A process that was ready before this drain is connected to the launcher's ports after it.
             let ready = Topic::ALL.map(|topic| page.role(topic).ready.get());
             self.drain(&mut watch);
             Topic::ALL.into_iter().zip(ready).for_each(|(topic, epoch)| page.role(topic).observed.set(epoch));

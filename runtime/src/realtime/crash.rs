@@ -2,7 +2,7 @@
 //!
 //! The files of a run are shared. One that is cut short while it is mapped (SIGBUS), or whose contents another process
 //! has changed (SIGSEGV, SIGABRT), can crash a process that uses it. The process prints why and ends with the exit code
-//! of a lost process; the supervisor sees a crash like any other. With the launcher its children die too.
+//! of a lost process; its role handles a crash like any other end. With the launcher its children die too.
 
 use contract::exit;
 

@@ -15,7 +15,7 @@ struct Group<'a> {
     case: Option<&'a str>,
 }
 
-/// Returns a verdict for each of its controllers in each of its cases.
+/// Returns a verdict for each controller of the promise in each of its cases.
 fn targets_of(promise: &Promise, page: &Page) -> Vec<Target> {
     let each = |names: &'_ [String]| -> Vec<Option<String>> {
         if names.is_empty() { vec![None] } else { names.iter().cloned().map(Some).collect() }
@@ -48,9 +48,10 @@ fn target(promise: &Promise, page: &Page, group: &Group) -> Target {
         (Some(Passed::Share), _) => share(promise, page, figure, &rows, is_whole),
         (None, metric) => {
             let value = is_whole.then(|| figure_of(promise, page, metric.as_deref().unwrap_or_default(), group, &rows));
+            let unit = promise.unit.clone().unwrap_or_default();
             match (promise.at_most, promise.at_least) {
-                (Some(limit), _) => Target::at_most(figure, value, limit, &promise.unit),
-                (_, limit) => Target::at_least(figure, value, limit.unwrap_or_default()),
+                (Some(limit), _) => Target::at_most(figure, value, limit, &unit),
+                (_, limit) => Target { unit, ..Target::at_least(figure, value, limit.unwrap_or_default()) },
             }
         }
     };
@@ -79,26 +80,26 @@ fn share(promise: &Promise, page: &Page, figure: String, rows: &[usize], is_whol
 /// Returns the promised figure: the metric of `rows`, as a multiple of the best controller's if that is asked for.
 fn figure_of(promise: &Promise, page: &Page, metric: &str, group: &Group, rows: &[usize]) -> f64 {
     let own = gathered(promise, page, metric, rows);
-    if !promise.over_best {
+    if !promise.over_best || own.is_infinite() {
         return own;
     }
     let of_each = page.names.iter().map(|name| {
         let there = rows_of(promise, page, &Group { controller: Some(name), case: group.case });
         gathered(promise, page, metric, &there)
     });
-    own / of_each.fold(f64::INFINITY, f64::min)
+    own / of_each.filter(|best| best.is_finite()).fold(f64::INFINITY, f64::min)
 }
 
-/// Gathers a metric over flights; infinite if one of them failed.
+/// Gathers a metric over flights. If one of them failed it is infinite, on the side that breaks the promise.
 fn gathered(promise: &Promise, page: &Page, metric: &str, rows: &[usize]) -> f64 {
-    let worst = if promise.at_least.is_some() && !promise.over_best { f64::NEG_INFINITY } else { f64::INFINITY };
+    let worst = if promise.at_least.is_some() { f64::NEG_INFINITY } else { f64::INFINITY };
     let column = page.flights.column(metric);
     let value = |row: &usize| match page.passed[*row] {
         Some(true) => column.and_then(|column| column.number(*row)).unwrap_or(f64::NAN),
         _ => worst,
     };
     let values = || rows.iter().map(value);
-    match promise.of {
+    match promise.of.unwrap_or_default() {
         _ if values().any(f64::is_nan) => f64::NAN,
         Gather::Max => values().fold(f64::NEG_INFINITY, f64::max),
         Gather::Min => values().fold(f64::INFINITY, f64::min),
@@ -214,6 +215,12 @@ mod tests {
         assert_eq!(told(&format!("{lax}at_most = 0.001"))[0].1, Verdict::Short);
         assert_eq!(told(&format!("{error}at_most = 5.0"))[0].1, Verdict::Short, "strict failed");
         assert_eq!(told("metric = \"flown_s\"\nat_least = 0.1\nof = \"min\"")[0].1, Verdict::Short);
+        let strict = "controllers = [\"strict\"]\nmetric = \"max_position_error_m\"\nat_least = 0.5\nover_best = true";
+        assert_eq!(
+            told(strict)[0].1,
+            Verdict::Short,
+            "a failed flight is not twice as bad as the best: it is no figure"
+        );
         let ratio = verdicts(&format!("{lax}at_most = 1.0\nover_best = true"), 0);
         assert_eq!((ratio[0].measured, ratio[0].verdict), (Some(1.0), Verdict::Ok), "lax is the best that passed");
     }
@@ -245,6 +252,10 @@ mod tests {
             ("metric = \"error\"\nat_most = 1.0", "no metric \"error\""),
             ("metric = \"flown_s\"", "give `at_most` or `at_least`"),
             ("passed = \"share\"", "give the share"),
+            ("passed = \"share\"\nat_least = 1.5\ncontrollers = [\"lax\"]", "from 0 to 1"),
+            ("passed = \"share\"\nat_least = 0.5", "name the `controllers`"),
+            ("passed = \"all\"\nof = \"max\"", "`of` is of a `metric`"),
+            ("metric = \"flown_s\"\nat_most = inf", "give a finite limit"),
             ("passed = \"all\"\nat_most = 1.0", "`passed` says the limit"),
             ("", "give either `metric` or `passed`"),
         ] {

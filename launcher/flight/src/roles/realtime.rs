@@ -1,8 +1,8 @@
 //! Driver of the roles in real time: reads the control page, and orders processes to be started and signalled.
 //!
-//! The end of a process is seen through its pidfd. A hang is seen by the progress of the ticks themselves, because a
-//! heartbeat could outlive the work. The instant at which a process will count as hung is known beforehand, and the
-//! launcher sleeps no longer than that.
+//! The launcher reports the end of a process (`stack/children.rs`: a pidfd wakes it, `waitid` finds the process). This
+//! driver sees a hang by the progress of the ticks themselves, because a heartbeat could outlive the work. The instant
+//! at which a process will count as hung is known beforehand, and the launcher sleeps no longer than that.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};

@@ -10,8 +10,8 @@
 //!                                                                         (trial)      Keep, Reject, Return end it
 //! ```
 //!
-//! Every mode uses this machine. A driver carries [`Input`]s in and [`Action`]s out: `realtime` from pidfds and
-//! progress words, `simulated` from the delays that the `[supervision]` settings name. Times are nanoseconds on the
+//! Every mode uses this machine. A driver carries [`Input`]s in and [`Action`]s out: `realtime` from ends of processes
+//! and progress words, `simulated` from the delays that the `[supervision]` settings name. Times are nanoseconds on the
 //! clock of the driver: in real time since the driver was made, otherwise since sample 0.
 
 use contract::scenario::Supervision;

@@ -1,6 +1,6 @@
 //! Events around the processes of a run: files lost in shared memory, and the scenario's faults of host and intruders.
 //!
-//! Nothing here ends a flight. The supervisor sees a process that dies, or fails to start, for lack of a file.
+//! Nothing here ends a flight. The roles handle a process that dies, or fails to start, for lack of a file.
 
 use std::io::{BufRead, BufReader, Read};
 use std::ops::Range;
