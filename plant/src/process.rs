@@ -1,6 +1,6 @@
 //! Plant as a process, which begins every tick.
 
-use contract::message::{Actuators, Message, State};
+use contract::message::{Actuators, Content, State};
 use contract::snapshot::PLANT_WORDS;
 use runtime::session::{NodeSession, SessionError};
 

@@ -10,18 +10,12 @@
 //!                       -> corrupt (without)  -> late, twice, reordered
 //! ```
 
-use std::mem::offset_of;
-use std::ops::Range;
-
 use crate::limits::HELD_MESSAGES;
-use contract::Topic;
 use contract::fault_schedule::{Entry, FaultSchedule};
-use contract::message::{Actuators, Controls, Message, Reference};
+use contract::message::field::{HasShape, Mark};
+use contract::message::{Message, Stamp};
 use contract::scenario::{Fault, FaultKind, Mode, Scenario, Wrong};
 use contract::stamp::delivery;
-
-/// Number of words of the stamp at the start of a message.
-const STAMP_WORDS: usize = size_of::<contract::message::Stamp>() / 8;
 
 /// Link of one topic, with the messages that its faults hold back.
 pub struct Link<M> {
@@ -113,7 +107,7 @@ struct Passed<M> {
 
 /// Replaces every number of the payload by NaN, infinity or random bits; the checksum fits, as for a faulty publisher.
 fn garble<M: Message>(message: &mut M, random: impl Fn(u64) -> u64) {
-    for (i, word) in payload(message).iter_mut().enumerate() {
+    for (i, word) in words(message)[Stamp::SHAPE.len()..].iter_mut().enumerate() {
         let bits = random(1 + i as u64);
         *word = match bits % 3 {
             0 => f64::NAN.to_bits(),
@@ -124,29 +118,20 @@ fn garble<M: Message>(message: &mut M, random: impl Fn(u64) -> u64) {
     *message = message.with_checksum();
 }
 
-/// Changes the numbers that the message demands, as the fault's `how` and `value` say; the checksum fits.
+/// Changes the numbers that the receiver acts on, as the fault's `how` and `value` say; the checksum fits.
 fn demand_otherwise<M: Message>(message: &mut M, fault: &Fault) {
-    for word in &mut payload(message)[demands(M::TOPIC)] {
-        let value = f64::from_bits(*word);
-        let wrong = match fault.wrong() {
-            Wrong::Sign => -value,
-            Wrong::Scale => value * fault.value.unwrap_or(1.5),
-            Wrong::Bias => value + fault.value.unwrap_or(0.2),
-        };
-        *word = wrong.to_bits();
+    for demanded in M::FIELDS.iter().filter(|field| field.mark == Some(Mark::Demand)) {
+        for word in &mut words(message)[demanded.words.clone()] {
+            let value = f64::from_bits(*word);
+            let wrong = match fault.wrong() {
+                Wrong::Sign => -value,
+                Wrong::Scale => value * fault.value.unwrap_or(1.5),
+                Wrong::Bias => value + fault.value.unwrap_or(0.2),
+            };
+            *word = wrong.to_bits();
+        }
     }
     *message = message.with_checksum();
-}
-
-/// Words of a payload that the receiver acts on: climb, attitude and rates; lift and moments; rotors and tilt.
-fn demands(topic: Topic) -> Range<usize> {
-    let bytes = match topic {
-        Topic::State => return 0..0,
-        Topic::Reference => offset_of!(Reference, w_mps)..offset_of!(Reference, disturbance_mps2),
-        Topic::Controls => offset_of!(Controls, demand)..offset_of!(Controls, disturbance),
-        Topic::Actuators => offset_of!(Actuators, command)..offset_of!(Actuators, flags),
-    };
-    bytes.start / 8 - STAMP_WORDS..bytes.end / 8 - STAMP_WORDS
 }
 
 /// Sets the stamp to a sample `ticks` earlier; the checksum fits.
@@ -169,8 +154,8 @@ fn bits<M: Message>(message: &M) -> &[u8] {
     bytemuck::bytes_of(message)
 }
 
-fn payload<M: Message>(message: &mut M) -> &mut [u64] {
-    &mut bytemuck::cast_slice_mut(bytemuck::bytes_of_mut(message))[STAMP_WORDS..]
+fn words<M: Message>(message: &mut M) -> &mut [u64] {
+    bytemuck::cast_slice_mut(bytemuck::bytes_of_mut(message))
 }
 
 /// Random bits for one fault on one tick: `SplitMix64` (Steele, Lea, Flood 2014) over seed, fault, tick and `salt`.

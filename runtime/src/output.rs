@@ -44,14 +44,14 @@ impl<M: Message> Output<M> {
     /// whether the next cycle shall do less.
     pub fn send(&mut self, message: M, mut provenance: Stamp) -> bool {
         let Member { page, epoch, release, timing, faults, continues, with_checksums, .. } = &self.member;
-        let (tick, own) = (provenance.tick, M::TOPIC as usize);
+        let tick = provenance.tick;
         provenance.held_ns += release.hold_up(page, faults.held_up_ns(tick));
         let publish_ns = faults.read_ns(tick, timing.now_ns());
         let late = timing.ready(tick, provenance.sample_ns, publish_ns);
         let late = late.map(|policy| if message.is_last() { Late::Send } else { policy });
         let role = page.role(M::TOPIC);
         let mut stamp = provenance.published(M::TOPIC, self.sequence + 1, publish_ns);
-        (stamp.inputs[own], stamp.input_epochs[own]) = (continues.get().done, continues.get().epoch);
+        (stamp.restored_epoch, stamp.restored_ticks) = (continues.get().epoch, continues.get().done);
         stamp.epoch = u64::from(*epoch);
         stamp.faults = faults.known();
         stamp.delivery = if role.active() == *epoch { delivery::DELIVERED } else { delivery::STANDBY };

@@ -163,8 +163,21 @@ fn judged(log: &[u8], run: Option<&str>, settings: &str) -> Option<(Log, ReplayV
 /// takes from the log (at trim, another age is the same flight).
 fn timeless(record: &Record) -> Record {
     let without = |stamp: Stamp| {
-        let Stamp { tick, sequence, epoch, inputs, input_epochs, faults, delivery, .. } = stamp;
-        Stamp { tick, sequence, epoch, inputs, input_epochs, faults, delivery, ..Stamp::default() }
+        let Stamp {
+            tick, sequence, epoch, inputs, input_epochs, restored_epoch, restored_ticks, faults, delivery, ..
+        } = stamp;
+        Stamp {
+            tick,
+            sequence,
+            epoch,
+            inputs,
+            input_epochs,
+            restored_epoch,
+            restored_ticks,
+            faults,
+            delivery,
+            ..Stamp::default()
+        }
     };
     match *record {
         Record::State(state) => {

@@ -1,22 +1,15 @@
 //! The stamp, which all messages have in common: the plant sample that a message descends from, the messages it was
 //! computed from, and the time at which each was published.
 
-use bytemuck::{Pod, Zeroable};
+use bytemuck::Pod;
 
+use super::Stamp;
+use super::field::Field;
 use crate::Topic;
 use crate::integrity::checksum;
-use iceoryx2_bb_derive_macros::ZeroCopySend;
-use iceoryx2_bb_elementary_traits::zero_copy_send::ZeroCopySend;
 
-/// Common interface of the four messages.
-pub trait Message: Pod + Default + std::fmt::Debug + Send {
-    /// Topic of the message.
-    const TOPIC: Topic;
-    /// Provenance and timing.
-    fn stamp(&self) -> &Stamp;
-    /// Mutable provenance and timing, for the process that publishes the message.
-    fn stamp_mut(&mut self) -> &mut Stamp;
-
+/// Content of a message, by which a receiver judges it.
+pub trait Content {
     /// Returns whether every number that a receiver computes with is finite and within its limit.
     fn plausible(&self) -> bool;
 
@@ -24,6 +17,18 @@ pub trait Message: Pod + Default + std::fmt::Debug + Send {
     fn is_last(&self) -> bool {
         false
     }
+}
+
+/// Common interface of the four messages.
+pub trait Message: Content + Pod + Default + std::fmt::Debug + Send {
+    /// Topic of the message.
+    const TOPIC: Topic;
+    /// All fields, in order.
+    const FIELDS: &'static [Field];
+    /// Provenance and timing.
+    fn stamp(&self) -> &Stamp;
+    /// Mutable provenance and timing, for the process that publishes the message.
+    fn stamp_mut(&mut self) -> &mut Stamp;
 
     /// Returns the message with the checksum of its bits.
     #[must_use]
@@ -37,46 +42,6 @@ pub trait Message: Pod + Default + std::fmt::Debug + Send {
     fn is_intact(&self) -> bool {
         self.with_checksum().stamp().checksum == self.stamp().checksum
     }
-}
-
-/// Provenance and timing of one message. All times are `CLOCK_MONOTONIC` nanoseconds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ZeroCopySend, Pod, Zeroable)]
-#[repr(C)]
-pub struct Stamp {
-    /// Number of the plant sample; its simulated time is `tick` times the sample time.
-    pub tick: u64,
-    /// Instant of that sample: the plant's release time; in lockstep, the moment at which its tick began.
-    pub sample_ns: u64,
-    /// Number of this message among those of its publisher, from 1; 0 = no message yet.
-    pub sequence: u64,
-    /// Number of the publisher's process among all processes of its node, from 1.
-    pub epoch: u64,
-    /// Sequence numbers of the messages it was computed from, by topic; 0 = none. The entry of its own topic holds
-    /// instead the ticks done by the process whose snapshot the publisher restored; 0 if it restored none.
-    pub inputs: [u64; Topic::COUNT],
-    /// Epochs of those messages, and of that process.
-    pub input_epochs: [u64; Topic::COUNT],
-    /// Publication times along the chain, by topic, up to and including this message.
-    pub publish_ns: [u64; Topic::COUNT],
-    /// Time at which the publisher was due: the release for the plant; for the other nodes the time at which their
-    /// input was sent, or became late. In lockstep the time at which the publisher woke.
-    pub release_ns: u64,
-    /// Time at which the publisher began to work on this message.
-    pub start_ns: u64,
-    /// CPU time of the publisher's thread in its previous cycle, warm-up included (`runtime::cycle_timing`) \[ns\].
-    pub cpu_ns: u64,
-    /// Deadlines that the publisher has missed so far.
-    pub misses: u64,
-    /// Periods that the publisher has skipped so far.
-    pub slips: u64,
-    /// Delay that faults added in all nodes of the chain from the sample to here, in lockstep and in process \[ns\].
-    pub held_ns: u64,
-    /// Number of entries and changes of the fault table (`runtime::fault_table`) that the publisher knew of.
-    pub faults: u64,
-    /// Bits of [`delivery`]: 0 if receivers act on this message, else the reason why not.
-    pub delivery: u64,
-    /// Checksum of the whole message, computed with this field 0: see [`Message::with_checksum`].
-    pub checksum: u64,
 }
 
 /// Bits of [`Stamp::delivery`]; a message may have several.

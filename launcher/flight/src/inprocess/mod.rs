@@ -11,7 +11,7 @@
 pub(crate) mod node;
 pub(crate) mod workers;
 
-use contract::message::{Message, Stamp};
+use contract::message::{Content, Stamp};
 use contract::scenario::{Scenario, candidate};
 use contract::snapshot::PLANT_WORDS;
 use contract::topic::Topic;

@@ -26,6 +26,8 @@ macro_rules! with_message {
     };
 }
 
+pub(crate) use with_message;
+
 mod count;
 mod index;
 mod join;

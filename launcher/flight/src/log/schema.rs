@@ -17,6 +17,7 @@ use crate::event::{Event, Sender};
 mod wire {
     #![expect(clippy::pedantic, reason = "generated code")]
     include!(concat!(env!("OUT_DIR"), "/trefoil.v1.rs"));
+    pub type ActuationMsg = Actuation;
 }
 
 /// The schema as logs carry it: a serialised `FileDescriptorSet`.
@@ -153,40 +154,30 @@ impl From<wire::Arrivals> for [Arrival; MAX_ARRIVALS] {
     }
 }
 
-/// Converts between types with the same fields, both ways; `status_name` is for human readers, and not read back.
-macro_rules! same_fields {
-    ($($ours:ident as $name:ident { $($field:ident),* } $(+ status_name: $status_name:expr)?)*) => {$(
-        impl From<$ours> for wire::$name {
-            fn from($ours { $($field),* }: $ours) -> Self {
-                Self { $(status_name: $status_name,)? $($field: $field.into()),* }
+/// Converts between the types of the table and those of the schema, both ways. A field that only one of them has does
+/// not compile. The name of a status is for human readers, and not read back.
+macro_rules! convert {
+    (parts { $($(#[$about:meta])* $part:ident { $($fields:tt)* })* }
+     messages { $($(#[$of:meta])* $message:ident $layout:literal $bytes:literal bytes { $($its:tt)* })* }) => {
+        $(convert! { $part { $($fields)* } })*
+        $(convert! { $message { $($its)* } })*
+    };
+    ($name:ident {
+        $($(#[$doc:meta])* $field:ident: $type:ty $(= $names:ident)? $(as $mark:ident)?,)*
+    }) => {
+        impl From<$name> for wire::$name {
+            fn from($name { $($field),* }: $name) -> Self {
+                Self { $($(status_name: named($field, wire::$names::is_valid),)?)* $($field: $field.into()),* }
             }
         }
-        impl From<wire::$name> for $ours {
+        impl From<wire::$name> for $name {
             fn from(wire::$name { $($field,)* .. }: wire::$name) -> Self {
                 Self { $($field: $field.into()),* }
             }
         }
-    )*};
+    };
 }
-same_fields! {
-    Stamp as Stamp {
-        tick, sample_ns, sequence, epoch, inputs, input_epochs, publish_ns, release_ns, start_ns, cpu_ns, misses, slips,
-        held_ns, faults, delivery, checksum
-    }
-    Kinematics as Kinematics { position_m, velocity_mps, attitude_rad, rates_radps }
-    ActuationMsg as Actuation { rotor_speed, tilt_rad }
-    Arrival as Arrival { sequence, epoch, after_ns }
-    State as State {
-        stamp, applied_sequence, applied_age_ns, measured, actual, actuators, command_in_force, status, arrivals, arrived
-    } + status_name: named(status, wire::PlantStatus::is_valid)
-    Reference as Reference {
-        stamp, position_m, velocity_mps, w_mps, attitude_rad, rates_radps, disturbance_mps2, flags
-    }
-    Controls as Controls {
-        stamp, demand, disturbance, status, iterations, solve_ns, active_constraints, fallbacks
-    } + status_name: named(status, wire::SolveStatus::is_valid)
-    Actuators as Actuators { stamp, command, flags }
-}
+contract::messages!(convert);
 
 /// Returns the number as an enum value; `None` if the schema has no name for it.
 fn named(status: u64, is_valid: fn(i32) -> bool) -> Option<i32> {

@@ -1,77 +1,9 @@
 //! Names of the words of a message, to say where two messages differ.
 
-use contract::Topic;
-use contract::message::{Actuators, Controls, Message, Reference, Stamp, State};
+use contract::message::Message;
+use contract::message::field::{Mark, Shape};
 
-use crate::log::Record;
-
-/// Format of a word.
-#[derive(Clone, Copy)]
-enum Kind {
-    Number,
-    Count,
-    /// Depends on the machine and not on the flight, so it is not compared.
-    Measured,
-}
-use Kind::{Count, Measured, Number};
-
-/// Fields after the stamp, with the number of their words.
-type Fields = &'static [(&'static str, usize, Kind)];
-
-const STATE: Fields = &[
-    ("applied_sequence", 1, Count),
-    ("applied_age_ns", 1, Count),
-    ("measured.position_m", 3, Number),
-    ("measured.velocity_mps", 3, Number),
-    ("measured.attitude_rad", 3, Number),
-    ("measured.rates_radps", 3, Number),
-    ("actual.position_m", 3, Number),
-    ("actual.velocity_mps", 3, Number),
-    ("actual.attitude_rad", 3, Number),
-    ("actual.rates_radps", 3, Number),
-    ("actuators.rotor_speed", 3, Number),
-    ("actuators.tilt_rad", 1, Number),
-    ("command_in_force.rotor_speed", 3, Number),
-    ("command_in_force.tilt_rad", 1, Number),
-    ("status", 1, Count),
-    ("arrivals", 12, Count),
-    ("arrived", 1, Count),
-];
-const REFERENCE: Fields = &[
-    ("position_m", 3, Number),
-    ("velocity_mps", 3, Number),
-    ("w_mps", 1, Number),
-    ("attitude_rad", 3, Number),
-    ("rates_radps", 3, Number),
-    ("disturbance_mps2", 2, Number),
-    ("flags", 1, Count),
-];
-const CONTROLS: Fields = &[
-    ("demand", 4, Number),
-    ("disturbance", 4, Number),
-    ("status", 1, Count),
-    ("iterations", 1, Count),
-    ("solve_ns", 1, Measured),
-    ("active_constraints", 1, Count),
-    ("fallbacks", 1, Count),
-];
-const ACTUATORS: Fields = &[("command.rotor_speed", 3, Number), ("command.tilt_rad", 1, Number), ("flags", 1, Count)];
-
-const fn words(fields: Fields) -> usize {
-    let (mut sum, mut i) = (0, 0);
-    while i < fields.len() {
-        sum += fields[i].1;
-        i += 1;
-    }
-    sum
-}
-const STAMP_WORDS: usize = size_of::<Stamp>() / 8;
-const _: () = {
-    assert!(words(STATE) == size_of::<State>() / 8 - STAMP_WORDS);
-    assert!(words(REFERENCE) == size_of::<Reference>() / 8 - STAMP_WORDS);
-    assert!(words(CONTROLS) == size_of::<Controls>() / 8 - STAMP_WORDS);
-    assert!(words(ACTUATORS) == size_of::<Actuators>() / 8 - STAMP_WORDS);
-};
+use crate::log::{Record, with_message};
 
 /// Field in which two messages differ, with both values.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -80,52 +12,62 @@ pub struct Differs {
     pub values: [String; 2],
 }
 
-/// Returns the first field in which two messages of one topic differ: provenance first, then the payload bit by bit.
-/// Clock times are not compared.
+/// Returns the first field in which two messages of one topic differ, in the order of the table of messages: provenance
+/// first, then the payload bit by bit. Values that depend on the machine are not compared.
 pub fn difference(one: &Record, other: &Record) -> Option<Differs> {
-    let provenance = |record: &Record| {
-        let Stamp { tick, sequence, epoch, inputs, input_epochs, faults, delivery, .. } = *record.stamp();
-        [
-            ("stamp.tick", vec![tick]),
-            ("stamp.sequence", vec![sequence]),
-            ("stamp.epoch", vec![epoch]),
-            ("stamp.inputs", inputs.to_vec()),
-            ("stamp.input_epochs", input_epochs.to_vec()),
-            ("stamp.faults", vec![faults]),
-            ("stamp.delivery", vec![delivery]),
-        ]
-    };
-    let stamps = provenance(one).into_iter().zip(provenance(other));
-    let mut stamps = stamps.filter(|((_, one), (_, other))| one != other);
-    if let Some(((field, one), (_, other))) = stamps.next() {
-        return Some(Differs { field: field.into(), values: [one, other].map(|words| format!("{words:?}")) });
+    fn words<M: Message>(message: &M) -> (Shape, &[u64]) {
+        (Shape::Part(M::FIELDS), bytemuck::cast_slice(bytemuck::bytes_of(message)))
     }
-    let fields = match one.topic() {
-        Topic::State => STATE,
-        Topic::Reference => REFERENCE,
-        Topic::Controls => CONTROLS,
-        Topic::Actuators => ACTUATORS,
-    };
-    let named = fields.iter().flat_map(|(name, words, kind)| (0..*words).map(move |i| (*name, *words, *kind, i)));
-    let payloads = named.zip(payload(one).into_iter().zip(payload(other)));
-    let mut differing = payloads.filter(|((_, _, kind, _), (one, other))| !matches!(kind, Measured) && one != other);
-    let ((name, words, kind, i), (one, other)) = differing.next()?;
-    let field = if words == 1 { name.to_owned() } else { format!("{name}[{i}]") };
-    let written = |word: u64| match kind {
-        Number => format!("{:?}", f64::from_bits(word)),
-        Count | Measured => word.to_string(),
-    };
-    Some(Differs { field, values: [one, other].map(written) })
+    let (shape, one) = with_message!(one, message => words(message));
+    let (_, other) = with_message!(other, message => words(message));
+    let (field, values) = first_difference(&shape, [one, other])?;
+    Some(Differs { field: field.trim_start_matches('.').into(), values })
 }
 
-fn payload(record: &Record) -> Vec<u64> {
-    fn words<M: Message>(message: &M) -> Vec<u64> {
-        bytemuck::bytes_of(message)[STAMP_WORDS * 8..].chunks_exact(8).map(bytemuck::pod_read_unaligned).collect()
+/// Returns the path and the values of the first difference between the words of two values of one shape.
+fn first_difference(shape: &Shape, values: [&[u64]; 2]) -> Option<(String, [String; 2])> {
+    match shape {
+        Shape::Number | Shape::Count if values[0][0] == values[1][0] => None,
+        Shape::Number => Some((String::new(), values.map(|words| format!("{:?}", f64::from_bits(words[0]))))),
+        Shape::Count => Some((String::new(), values.map(|words| words[0].to_string()))),
+        Shape::Array(element, count) => (0..*count).find_map(|i| {
+            let (path, values) = first_difference(element, values.map(|words| &words[i * element.len()..]))?;
+            Some((format!("[{i}]{path}"), values))
+        }),
+        Shape::Part(fields) => fields.iter().filter(|field| field.mark != Some(Mark::Clock)).find_map(|field| {
+            let (path, values) = first_difference(&field.shape, values.map(|words| &words[field.words.clone()]))?;
+            Some((format!(".{}{path}", field.name), values))
+        }),
     }
-    match record {
-        Record::State(message) => words(message),
-        Record::Reference(message) => words(message),
-        Record::Controls(message) => words(message),
-        Record::Actuators(message) => words(message),
+}
+
+#[cfg(test)]
+mod tests {
+    use contract::message::{Arrival, Controls, State};
+
+    use super::*;
+
+    #[test]
+    fn the_first_difference_is_named_with_both_values() {
+        let difference = |change: fn(&mut State)| {
+            let mut changed = State::default();
+            change(&mut changed);
+            difference(&State::default().into(), &changed.into()).map(|found| (found.field, found.values[1].clone()))
+        };
+        let named = |field: &str, value: &str| Some((field.to_owned(), value.to_owned()));
+        assert_eq!(difference(|state| state.stamp.inputs[2] = 7), named("stamp.inputs[2]", "7"));
+        assert_eq!(difference(|state| state.measured.rates_radps[1] = -0.0), named("measured.rates_radps[1]", "-0.0"));
+        assert_eq!(
+            difference(|state| state.arrivals[3] = Arrival { after_ns: 5, ..Arrival::default() }),
+            named("arrivals[3].after_ns", "5")
+        );
+        assert_eq!(difference(|state| (state.arrived, state.status) = (1, 2)), named("status", "2"), "the first");
+    }
+
+    #[test]
+    fn what_the_clock_gave_is_not_compared() {
+        let mut other = Controls { solve_ns: 9, ..Controls::default() };
+        (other.stamp.publish_ns[1], other.stamp.checksum) = (9, 9);
+        assert_eq!(difference(&Controls::default().into(), &other.into()), None);
     }
 }

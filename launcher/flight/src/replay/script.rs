@@ -212,18 +212,18 @@ impl Script {
         self.reach = self.reach.max(record.stamp().tick);
         let stamp = record.stamp();
         if self.processes[at].is_cycle(stamp) {
-            let own = stamp.input_epochs.iter().zip(stamp.inputs);
             let arrived = match &record {
                 Record::State(state) => &state.arrivals[..(state.arrived as usize).min(state.arrivals.len())],
                 _ => &[],
             };
             let mut inputs = [None; Topic::COUNT];
-            for (topic, (epoch, sequence)) in Topic::ALL.into_iter().zip(own) {
-                if topic != record.topic() && sequence > 0 {
+            for topic in Topic::ALL {
+                let (epoch, sequence) = (stamp.input_epochs[topic as usize], stamp.inputs[topic as usize]);
+                if sequence > 0 {
                     let known = self.processes[at].last_read[topic as usize];
-                    let known = known.filter(|(of, number, _)| (*of, *number) == (*epoch, sequence));
-                    let read = known.map_or_else(|| self.read(topic, *epoch, sequence), |(.., read)| read);
-                    self.processes[at].last_read[topic as usize] = Some((*epoch, sequence, read));
+                    let known = known.filter(|(of, number, _)| (*of, *number) == (epoch, sequence));
+                    let read = known.map_or_else(|| self.read(topic, epoch, sequence), |(.., read)| read);
+                    self.processes[at].last_read[topic as usize] = Some((epoch, sequence, read));
                     inputs[topic as usize] = Some(read);
                 }
             }
@@ -265,7 +265,7 @@ impl Process {
     /// Notes the number of a message, and whose memory its process began with. Fails from a gap in the numbers on,
     /// because what the process then remembers is not known; the error has the gap if it is new.
     fn number(&mut self, record: &Record, begins: u64) -> Result<(), Option<(u64, String)>> {
-        let Stamp { sequence, tick, .. } = *record.stamp();
+        let Stamp { sequence, tick, restored_epoch, restored_ticks, .. } = *record.stamp();
         if self.has_hole {
             return Err(None);
         }
@@ -287,9 +287,8 @@ impl Process {
             return Err(hole.map(|hole| (known, hole)));
         }
         *messages += 1;
-        let (inputs, input_epochs) = (record.stamp().inputs, record.stamp().input_epochs);
-        let continues = Origin { epoch: input_epochs[self.topic as usize], done: inputs[self.topic as usize] };
-        self.continues = (continues != Origin::default()).then_some(continues);
+        let restored = Origin { epoch: restored_epoch, done: restored_ticks };
+        self.continues = (restored != Origin::default()).then_some(restored);
         if !record.stamp().is_withheld() && sequence > *sent {
             *sent = sequence;
             ticks.push_back((sequence, tick));

@@ -11,7 +11,7 @@ use std::f64::consts::PI;
 use airframe::angle;
 use airframe::envelope::Envelope;
 use contract::Scenario;
-use contract::message::Message as _;
+use contract::message::Content as _;
 use contract::scenario::Mode;
 use contract::topic::{NODES, Topic};
 

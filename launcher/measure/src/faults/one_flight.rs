@@ -4,7 +4,7 @@ use std::sync::atomic::AtomicU32;
 
 use anyhow::Context;
 use contract::Scenario;
-use contract::message::{Message, SolveStatus, State, mixer_flags};
+use contract::message::{Content, Message, SolveStatus, State, mixer_flags};
 use contract::scenario::{Mode, Profile};
 use contract::stamp::delivery;
 use serde::Serialize;

@@ -1,0 +1,68 @@
+//! The fields of a message, for code that treats all messages alike.
+
+use std::ops::Range;
+
+/// One field of a message, or of a part of a message.
+#[derive(Debug)]
+pub struct Field {
+    /// Name.
+    pub name: &'static str,
+    /// Place in the message or part \[words of 8 bytes\].
+    pub words: Range<usize>,
+    /// Format.
+    pub shape: Shape,
+    /// Treatment that differs from that of other fields.
+    pub mark: Option<Mark>,
+}
+
+/// Mark of a field.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Mark {
+    /// Value that depends on the machine and not on the flight.
+    Clock,
+    /// Value that the receiver acts on.
+    Demand,
+}
+
+/// Format of a field; every word is a number or a count.
+#[derive(Debug)]
+pub enum Shape {
+    /// An `f64`.
+    Number,
+    /// A `u64`.
+    Count,
+    /// Elements of one shape, and how many.
+    Array(&'static Shape, usize),
+    /// Fields of a part.
+    Part(&'static [Field]),
+}
+
+impl Shape {
+    /// Returns the number of words.
+    #[expect(clippy::len_without_is_empty, reason = "no shape is empty")]
+    pub fn len(&self) -> usize {
+        match self {
+            Self::Number | Self::Count => 1,
+            Self::Array(element, count) => element.len() * count,
+            Self::Part(fields) => fields[fields.len() - 1].words.end,
+        }
+    }
+}
+
+/// Type that a field can have.
+pub trait HasShape {
+    /// Format of a value.
+    const SHAPE: Shape;
+}
+
+impl HasShape for f64 {
+    const SHAPE: Shape = Shape::Number;
+}
+
+impl HasShape for u64 {
+    const SHAPE: Shape = Shape::Count;
+}
+
+impl<T: HasShape, const N: usize> HasShape for [T; N] {
+    const SHAPE: Shape = Shape::Array(&T::SHAPE, N);
+}

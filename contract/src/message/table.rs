@@ -1,0 +1,170 @@
+//! The table of messages: each field once, with its type, its meaning and its mark. [`message`](super) makes the types
+//! and their [`Field`](super::field::Field)s of it, the flight log its conversion to protobuf.
+//!
+//! A field may have a mark: `as clock` if its value depends on the machine and not on the flight, so that a replay does
+//! not compare it; `as demand` if the receiver acts on it, so that the fault `wrong` changes it. `= PlantStatus` names
+//! the type that gives the numbers of a field their names. A change in this table is a new layout: raise the version
+//! in the names of all four messages, and change `launcher/flight/proto/trefoil.proto` alike; the compiler compares.
+
+/// Calls the macro `$with` with the table of parts and messages.
+#[macro_export]
+macro_rules! messages {
+    ($with:ident) => {
+        $with! {
+            parts {
+                /// Provenance and timing of one message. All times are `CLOCK_MONOTONIC` nanoseconds.
+                Stamp {
+                    /// Number of the plant sample; its simulated time is `tick` times the sample time.
+                    tick: u64,
+                    /// Instant of that sample: the plant's release time; in lockstep, the moment at which its tick
+                    /// began.
+                    sample_ns: u64 as clock,
+                    /// Number of this message among those of its publisher, from 1; 0 = no message yet.
+                    sequence: u64,
+                    /// Number of the publisher's process among all processes of its node, from 1.
+                    epoch: u64,
+                    /// Sequence numbers of the messages it was computed from, by topic; 0 = none.
+                    inputs: [u64; Topic::COUNT],
+                    /// Epochs of those messages.
+                    input_epochs: [u64; Topic::COUNT],
+                    /// Epoch of the process whose snapshot the publisher restored; 0 = it restored none.
+                    restored_epoch: u64,
+                    /// Number of ticks that this process had done.
+                    restored_ticks: u64,
+                    /// Publication times along the chain, by topic, up to and including this message.
+                    publish_ns: [u64; Topic::COUNT] as clock,
+                    /// Time at which the publisher was due: the release for the plant; for the other nodes the time at
+                    /// which their input was sent, or became late. In lockstep the time at which the publisher woke.
+                    release_ns: u64 as clock,
+                    /// Time at which the publisher began to work on this message.
+                    start_ns: u64 as clock,
+                    /// CPU time of the publisher's thread in its previous cycle, warm-up included
+                    /// (`runtime::cycle_timing`) \[ns\].
+                    cpu_ns: u64 as clock,
+                    /// Deadlines that the publisher has missed so far.
+                    misses: u64 as clock,
+                    /// Periods that the publisher has skipped so far.
+                    slips: u64 as clock,
+                    /// Delay that faults added in all nodes of the chain from the sample to here, in lockstep and in
+                    /// process \[ns\].
+                    held_ns: u64 as clock,
+                    /// Number of entries and changes of the fault table (`runtime::fault_table`) that the publisher
+                    /// knew of.
+                    faults: u64,
+                    /// Bits of [`delivery`](crate::stamp::delivery): 0 if receivers act on this message, else the
+                    /// reason why not.
+                    delivery: u64,
+                    /// Checksum of the whole message, computed with this field 0: see [`Message::with_checksum`].
+                    checksum: u64 as clock,
+                }
+
+                /// Position, velocity, attitude and rates.
+                Kinematics {
+                    /// Position X, Y, Z in NED \[m\].
+                    position_m: [f64; 3],
+                    /// Velocity u, v, w in the body frame \[m/s\].
+                    velocity_mps: [f64; 3],
+                    /// Euler angles phi, theta, psi \[rad\].
+                    attitude_rad: [f64; 3],
+                    /// Body rates p, q, r \[rad/s\].
+                    rates_radps: [f64; 3],
+                }
+
+                /// Rotor speeds and tilt on the wire: the four numbers of [`airframe::Actuation`].
+                ActuationMsg {
+                    /// Rotor speeds `Omega_1..3` \[rotor speed unit\].
+                    rotor_speed: [f64; 3],
+                    /// Tilt mu of rotor 1 \[rad\].
+                    tilt_rad: f64,
+                }
+
+                /// Command that the plant received, for replay.
+                Arrival {
+                    /// Sequence number of the message.
+                    sequence: u64,
+                    /// Epoch of the publisher.
+                    epoch: u64,
+                    /// Time from the previous sample to the arrival \[ns\].
+                    after_ns: u64,
+                }
+            }
+            messages {
+                /// STATE: the measured motion, the true motion, and the command in force.
+                State "trefoil.State.v5" 600 bytes {
+                    /// Provenance and timing.
+                    stamp: Stamp,
+                    /// Sequence number of the ACTUATORS message in force up to this sample; 0 = none yet, the trim
+                    /// command.
+                    applied_sequence: u64,
+                    /// Age of the sample behind that command when the command took effect at the actuators \[ns\].
+                    applied_age_ns: u64,
+                    /// Measured motion. A controller may use only this and `command_in_force`.
+                    measured: Kinematics,
+                    /// True motion, for the recorder and the report.
+                    actual: Kinematics,
+                    /// True actuator positions, for the recorder and the report.
+                    actuators: ActuationMsg,
+                    /// Command that was in force up to this sample.
+                    command_in_force: ActuationMsg,
+                    /// Wire value of a [`PlantStatus`].
+                    status: u64 = PlantStatus,
+                    /// Commands received since the previous sample, in order of arrival; entries beyond `arrived` are
+                    /// zero.
+                    arrivals: [Arrival; MAX_ARRIVALS],
+                    /// Number of valid entries in `arrivals`.
+                    arrived: u64,
+                }
+
+                /// REFERENCE: the attitude, rates and vertical velocity that the attitude loop shall follow.
+                Reference "trefoil.Reference.v5" 344 bytes {
+                    /// Provenance and timing.
+                    stamp: Stamp,
+                    /// Position on the trajectory, NED \[m\].
+                    position_m: [f64; 3],
+                    /// Velocity on the trajectory, NED \[m/s\].
+                    velocity_mps: [f64; 3],
+                    /// Reference of w, the body z velocity \[m/s\].
+                    w_mps: f64 as demand,
+                    /// References of phi, theta, psi \[rad\].
+                    attitude_rad: [f64; 3] as demand,
+                    /// References of p, q, r \[rad/s\].
+                    rates_radps: [f64; 3] as demand,
+                    /// Disturbance estimate of the position loop: acceleration x, y in the heading frame \[m/s2\].
+                    disturbance_mps2: [f64; 2],
+                    /// Limits that were active, and repeated references: bits of [`guidance_flags`].
+                    flags: u64,
+                }
+
+                /// CONTROLS: the demanded conventional inputs, as deviations from trim.
+                Controls "trefoil.Controls.v5" 320 bytes {
+                    /// Provenance and timing.
+                    stamp: Stamp,
+                    /// Demand of col, lon, lat, ped \[N, N m, N m, N m\].
+                    demand: [f64; 4] as demand,
+                    /// Input-disturbance estimate, same axes and units.
+                    disturbance: [f64; 4],
+                    /// Wire value of a [`SolveStatus`].
+                    status: u64 = SolveStatus,
+                    /// Iterations of the constrained solver, 0 on the explicit path.
+                    iterations: u64,
+                    /// Time inside the constrained solver \[ns\], 0 on the explicit path.
+                    solve_ns: u64 as clock,
+                    /// Number of actuator constraints that are active in the published plan.
+                    active_constraints: u64,
+                    /// Number of ticks so far on which a solve failed and a fallback was published.
+                    fallbacks: u64,
+                }
+
+                /// ACTUATORS: the command for rotors and servo.
+                Actuators "trefoil.Actuators.v5" 256 bytes {
+                    /// Provenance and timing.
+                    stamp: Stamp,
+                    /// Command inside the actuators' limits.
+                    command: ActuationMsg as demand,
+                    /// Limits that the command reached, and fallbacks: bits of [`mixer_flags`].
+                    flags: u64,
+                }
+            }
+        }
+    };
+}
