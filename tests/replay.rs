@@ -123,9 +123,9 @@ fn rewrite(path: &Path, kept: impl Fn(&Record) -> bool) {
     let memories = log::memories(path, u64::MAX).expect("the log reads");
     let mut writer = LogWriter::create(path, &log.scenario_toml, Scenario::default().sample_ns()).expect("a log");
     log.tick_by_tick().filter(kept).for_each(|record| writer.write(&record).expect("written"));
-    log.events.iter().for_each(|event| writer.event(event).expect("written"));
+    log.events.iter().for_each(|event| writer.write_event(event).expect("written"));
     for memory in &memories {
-        writer.memory(memory).expect("written");
+        writer.write_memory(memory).expect("written");
     }
     writer.finish().expect("written");
 }

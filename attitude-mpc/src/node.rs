@@ -44,7 +44,8 @@ impl node::Node for Node {
         let Self { core, states, references, controls } = self;
         let (reference, state) = (references.newest(), states.newest());
         let answer = controls.known(known).unwrap_or_else(|| core.step(sample.tick, state, reference));
-        core.hurry(controls.send(answer, sample.with(reference).with(state)));
+        let do_less = controls.send(answer, sample.with(reference).with(state));
+        core.hurry(do_less);
     }
 
     fn memory(&self) -> Snapshot {

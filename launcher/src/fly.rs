@@ -198,14 +198,14 @@ fn fly_inprocess(
     };
     let flown = inprocess::fly_remembering(scenario, watch, |memory| {
         if let Some(log) = &log {
-            log.borrow_mut().memory(memory);
+            log.borrow_mut().write_memory(memory);
         }
     });
     let wall = started.elapsed();
     let mut how = Circumstances::from(flown);
     how.log = log.map(RefCell::into_inner).map(|mut log| {
         for event in &how.events {
-            log.event(event);
+            log.write_event(event);
         }
         log.finish()
     });

@@ -31,6 +31,7 @@ use crate::shared_role::Origin;
 /// Loop of one process of a node that answers.
 pub struct CycleLoop {
     member: Member,
+    release: Release,
     /// Time after a sample at which the input for it is late \[ns\].
     patience_ns: u64,
     /// `true` if this process was active or on standby at the last look.
@@ -53,8 +54,8 @@ enum Wake {
 }
 
 impl CycleLoop {
-    pub(crate) fn new(member: Member, patience_ns: u64) -> Self {
-        Self { member, patience_ns, assigned: false, next: 0 }
+    pub(crate) fn new(member: Member, release: Release, patience_ns: u64) -> Self {
+        Self { member, release, patience_ns, assigned: false, next: 0 }
     }
 
     /// Sleeps until the node must answer, begins the cycle, and returns the sample to answer to; `None` if the run is
@@ -65,15 +66,15 @@ impl CycleLoop {
     /// # Errors
     /// A fault ends the process, or the process has missed a deadline with the policy `stop`.
     pub fn next<M: Message>(&mut self, input: &mut Input<M>) -> Result<Option<u64>, SessionError> {
-        let due = match self.member.release {
+        let due = match self.release {
             Release::Timer { period_ns } => self.by_the_timer(period_ns, input),
-            Release::Barrier | Release::Recording => self.by_the_barrier(M::TOPIC), // a replay has no loop
+            Release::Barrier => self.by_the_barrier(M::TOPIC),
         };
         let Some(tick) = due else { return self.member.timing.verdict().map(|()| None) };
-        let Member { page, release, faults, .. } = &self.member;
+        let Member { page, faults, .. } = &self.member;
         faults.update();
-        if let (Some(until), Release::Timer { .. }) = (faults.burns_until(self.next, tick), release) {
-            burn(page, release.sample_ns(page, until));
+        if let (Some(until), Release::Timer { .. }) = (faults.burns_until(self.next, tick), self.release) {
+            burn(page, self.release.sample_ns(page, until));
         }
         if faults.leaves(self.next, tick) {
             return Err(SessionError::FaultExit { tick });
@@ -89,18 +90,18 @@ impl CycleLoop {
 
     /// Provenance of the answer to sample `tick`.
     pub fn provenance(&self, tick: u64) -> Stamp {
-        Stamp::at(tick, self.member.release.sample_ns(&self.member.page, tick))
+        Stamp::at(tick, self.release.sample_ns(&self.member.page, tick))
     }
 
     /// Marks `tick` as done after its answer was sent, and stores `memory` for the next process if this one is active.
     pub fn done(&self, tick: u64, memory: &Snapshot) {
-        let Member { page, topic, epoch, release, .. } = &self.member;
+        let Member { page, topic, epoch, .. } = &self.member;
         let role = page.role(*topic);
         if role.active() == *epoch {
             role.memory.write(Origin { epoch: u64::from(*epoch), done: tick + 1 }, memory);
         }
         role.done(*epoch).set(tick as u32 + 1);
-        release.cycle_done(page.doorbell(*topic));
+        self.release.cycle_done(page.doorbell(*topic));
     }
 
     fn by_the_timer<M: Message>(&self, period_ns: u64, input: &mut Input<M>) -> Option<u64> {

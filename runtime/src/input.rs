@@ -5,7 +5,7 @@ use std::rc::Rc;
 use crate::error::SessionError;
 use crate::limits::NODE_DEPTH;
 use crate::member::Member;
-use crate::port::{Receive, Wire};
+use crate::port::{ReceivePort, Wire};
 use crate::ports::Ports;
 use crate::realtime::{now_ns, phase};
 use contract::guard::{Guard, Refusal};
@@ -13,7 +13,7 @@ use contract::message::Message;
 
 /// Input of a node on one topic.
 pub struct Input<M> {
-    port: Rc<dyn Receive<M>>,
+    port: Rc<dyn ReceivePort<M>>,
     member: Member,
     guard: Guard<M>,
     /// Count of the doorbell at the last look.
@@ -28,7 +28,7 @@ impl<M: Wire> Input<M> {
 }
 
 impl<M: Message> Input<M> {
-    fn new(port: Rc<dyn Receive<M>>, member: Member) -> Self {
+    fn new(port: Rc<dyn ReceivePort<M>>, member: Member) -> Self {
         let guard = if member.with_checksums { Guard::default() } else { Guard::without_checksums() };
         Self { port, member, guard, seen: 0 }
     }
@@ -64,7 +64,7 @@ impl<M: Message> Input<M> {
     ///
     /// Messages count as received when the doorbell has counted them, so that they arrive for all receivers at once.
     fn look(&mut self) -> bool {
-        let Member { page, topic, epoch, release, .. } = &self.member;
+        let Member { page, topic, epoch, caller, .. } = &self.member;
         let rung = page.doorbell(M::TOPIC).count();
         if rung == self.seen {
             return false;
@@ -85,7 +85,7 @@ impl<M: Message> Input<M> {
             }
             // The epoch of the active process, through the port of another.
             let forged = stamp.epoch == u64::from(active) && !from_active;
-            let samples = release.samples_by_now(page, samples_taken, stamp.tick);
+            let samples = caller.samples_by_now(page, samples_taken, stamp.tick);
             let judged = if forged { Err(Refusal::Publisher) } else { self.guard.take(message, active, samples) };
             match judged {
                 Ok(()) => taken = true,
@@ -112,7 +112,7 @@ mod tests {
     use super::*;
     use crate::queue::Queues;
     use crate::realtime::ControlPage;
-    use crate::release::Release;
+    use crate::release::{Caller, Release};
     use crate::shared_role::Assignment;
     use contract::Topic;
     use contract::message::{Controls, Stamp};
@@ -133,7 +133,7 @@ mod tests {
         assert!(role.claim(1, sender.number()));
         page.role(Topic::Actuators).offer(1);
         let member = Member::new(page.clone(), Topic::Actuators, 1, &Scenario::default(), true);
-        let mut input = Input::<Controls>::new(receiver, Member { release, ..member });
+        let mut input = Input::<Controls>::new(receiver, Member { caller: Caller::Loop(release), ..member });
         let mut taken = vec![];
         for (sequence, tick) in (1..).zip(ticks) {
             let stamp = Stamp { tick: *tick, sequence, epoch: 1, ..Stamp::default() };

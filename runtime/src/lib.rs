@@ -5,7 +5,7 @@
 //! | [`process`] | a node as a program: arguments, exit code, the bond with the launcher |
 //! | [`session`] | a node's session with a run: join, ports, ready |
 //! | [`member`] | data that the ports and the loop of one process share |
-//! | [`release`] | the event that begins a cycle, in real time, lockstep or replay |
+//! | [`release`] | the event that begins a cycle |
 //! | [`sample_loop`] | the loop of the plant, which begins every tick |
 //! | [`cycle_loop`] | the loop of a node that answers |
 //! | [`node`] | a node that answers: its core with its ports, and the program that runs it |

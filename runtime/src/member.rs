@@ -7,7 +7,7 @@ use std::sync::Arc;
 use crate::cycle_timing::CycleTiming;
 use crate::process_faults::ProcessFaults;
 use crate::realtime::ControlPage;
-use crate::release::Release;
+use crate::release::{Caller, Release};
 use crate::shared_role::Origin;
 use contract::Topic;
 use contract::scenario::Scenario;
@@ -21,8 +21,8 @@ pub struct Member {
     pub topic: Topic,
     /// Epoch of the process.
     pub epoch: u32,
-    /// Event that begins its cycles.
-    pub release: Release,
+    /// Caller of the node.
+    pub caller: Caller,
     /// Timing of its cycles.
     pub timing: Rc<CycleTiming>,
     /// Faults of the process.
@@ -38,23 +38,23 @@ impl Member {
     /// Makes a process with the settings `scenario`. With `acts` it carries out its exits and hogs itself.
     pub fn new(page: Arc<ControlPage>, topic: Topic, epoch: u32, scenario: &Scenario, acts: bool) -> Self {
         let release = Release::of(scenario);
-        let deadline = release.deadline(scenario.deadline_of(topic as usize));
-        let timing = Rc::new(CycleTiming::new(deadline));
+        let timing = Rc::new(CycleTiming::new(release.deadline(scenario.deadline_of(topic as usize))));
         let faults = Rc::new(ProcessFaults::new(page.clone(), topic, scenario, acts));
-        Self { page, topic, epoch, release, timing, faults, continues: Rc::default(), with_checksums: true }
+        let caller = Caller::Loop(release);
+        Self { page, topic, epoch, caller, timing, faults, continues: Rc::default(), with_checksums: true }
     }
 
     /// Makes a node in process, which reads no clock.
     pub fn in_process(page: Arc<ControlPage>, topic: Topic, epoch: u32, scenario: &Scenario, acts: bool) -> Self {
         let deadline = Release::Barrier.deadline(scenario.deadline_of(topic as usize));
         let timing = Rc::new(CycleTiming::without_clock(deadline));
-        Self { release: Release::Barrier, timing, ..Self::new(page, topic, epoch, scenario, acts) }
+        Self { caller: Caller::Loop(Release::Barrier), timing, ..Self::new(page, topic, epoch, scenario, acts) }
     }
 
     /// Makes a node in a replay, whose clock the caller sets.
     pub fn of_recording(page: Arc<ControlPage>, topic: Topic, epoch: u32, scenario: &Scenario) -> Self {
         let deadline = Release::of(scenario).deadline(scenario.deadline_of(topic as usize));
         let timing = Rc::new(CycleTiming::without_clock(deadline));
-        Self { release: Release::Recording, timing, ..Self::new(page, topic, epoch, scenario, false) }
+        Self { caller: Caller::Recording, timing, ..Self::new(page, topic, epoch, scenario, false) }
     }
 }

@@ -39,7 +39,7 @@ pub trait Wired: Node + Sized {
 /// Runs a node as a process: answers to every sample until the run is over.
 pub fn run<N: Wired>(mut session: NodeSession) -> Result<(), SessionError> {
     let mut node = session.open(N::open)?;
-    if let Some(memory) = session.memory() {
+    if let Some(memory) = session.take_over_memory() {
         node.restore(&memory);
     }
     let mut cycles = session.ready()?;

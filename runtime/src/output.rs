@@ -6,7 +6,7 @@ use std::rc::Rc;
 use crate::error::SessionError;
 use crate::link::Link;
 use crate::member::Member;
-use crate::port::{Send, Wire};
+use crate::port::{SendPort, Wire};
 use crate::ports::Ports;
 use contract::message::{Message, Stamp};
 use contract::scenario::{Late, Scenario};
@@ -14,7 +14,7 @@ use contract::stamp::delivery;
 
 /// Output of a node on its topic.
 pub struct Output<M> {
-    port: Rc<dyn Send<M>>,
+    port: Rc<dyn SendPort<M>>,
     member: Member,
     link: Link<M>,
     sequence: u64,
@@ -41,14 +41,23 @@ impl<M: Message> Output<M> {
 
     /// Stamps `message` with its `provenance` and this cycle's timing, sends it and wakes the processes that wait for
     /// it. A late message is treated by the deadline's policy; a withheld one is sent too, marked as such. Returns
-    /// whether the next cycle shall do less.
+    /// `true` if the next cycle shall do less, because this one was late under the policy `degrade`.
     pub fn send(&mut self, message: M, mut provenance: Stamp) -> bool {
-        let Member { page, epoch, release, timing, faults, continues, with_checksums, .. } = &self.member;
+        let Member { page, epoch, caller, timing, faults, continues, with_checksums, .. } = &self.member;
         let tick = provenance.tick;
-        provenance.held_ns += release.hold_up(page, faults.held_up_ns(tick));
+        provenance.held_ns += caller.hold_up(page, faults.held_up_ns(tick));
         let publish_ns = faults.read_ns(tick, timing.now_ns());
         let late = timing.ready(tick, provenance.sample_ns, publish_ns);
         let late = late.map(|policy| if message.is_last() { Late::Send } else { policy });
+        let (sent, withheld) = match late {
+            None => {
+                self.timely = Some(message);
+                (Some(message), None)
+            }
+            Some(Late::Send | Late::Degrade) => (Some(message), None),
+            Some(Late::Hold) => (self.timely.or(Some(message)), Some(message)),
+            Some(Late::Skip | Late::Stop) => (None, Some(message)),
+        };
         let role = page.role(M::TOPIC);
         let mut stamp = provenance.published(M::TOPIC, self.sequence + 1, publish_ns);
         (stamp.restored_epoch, stamp.restored_ticks) = (continues.get().epoch, continues.get().done);
@@ -57,9 +66,9 @@ impl<M: Message> Output<M> {
         stamp.delivery = if role.active() == *epoch { delivery::DELIVERED } else { delivery::STANDBY };
         timing.report(&mut stamp);
         stamp.start_ns = faults.read_ns(tick, stamp.start_ns);
-        let stamped = |mut message: M, mark: u64| {
+        let stamped = |mut message: M, delivery_bits: u64| {
             *message.stamp_mut() = stamp;
-            message.stamp_mut().delivery |= mark;
+            message.stamp_mut().delivery |= delivery_bits;
             if *with_checksums { message.with_checksum() } else { message }
         };
         let deliver = |message: &M| match self.port.send(message) {
@@ -69,23 +78,14 @@ impl<M: Message> Output<M> {
             }
             Err(failure) => role.port_failures[failure as usize].count(),
         };
-        let sent = match late {
-            None => {
-                self.timely = Some(message);
-                Some(message)
-            }
-            Some(Late::Send | Late::Degrade) => Some(message),
-            Some(Late::Hold) => self.timely.or(Some(message)),
-            Some(Late::Skip | Late::Stop) => None,
-        };
-        if let Some(Late::Hold | Late::Skip | Late::Stop) = late {
+        if let Some(message) = withheld {
             deliver(&stamped(message, delivery::LATE));
         }
         if let Some(message) = sent {
             self.sequence = stamp.sequence;
             self.link.pass(tick, &stamped(message, 0), &faults.schedule(), deliver);
         }
-        release.message_sent(page.doorbell(M::TOPIC));
+        caller.message_sent(page.doorbell(M::TOPIC));
         late == Some(Late::Degrade)
     }
 }

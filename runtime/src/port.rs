@@ -4,7 +4,8 @@
 //! process that dies while it creates a service makes that service unusable for all. So the launcher creates every
 //! service before it starts any process, and keeps it; the nodes only open services.
 //!
-//! The rest of the crate uses ports through [`Send`] and [`Receive`]; [`crate::queue`] has the ports of one thread.
+//! The rest of the crate uses ports through [`SendPort`] and [`ReceivePort`]; [`crate::queue`] has the ports of one
+//! thread.
 
 mod storage;
 
@@ -41,7 +42,7 @@ pub trait WarmUp {
 }
 
 /// Port that sends one kind of message.
-pub trait Send<M>: WarmUp {
+pub trait SendPort<M>: WarmUp {
     /// Sends `message` to every subscriber that can be reached.
     ///
     /// # Errors
@@ -52,7 +53,7 @@ pub trait Send<M>: WarmUp {
 }
 
 /// Port that receives one kind of message.
-pub trait Receive<M> {
+pub trait ReceivePort<M> {
     /// Passes the oldest unread message, if any, to `take`, with the number of the port that it was sent through.
     /// Returns whether there was one. The message does not change during `take`. In process, `take` must not send on
     /// the topic.
@@ -109,7 +110,7 @@ impl Bus {
     }
 
     /// Opens the sending side of `M`'s topic.
-    pub fn sender<M: Wire>(&self) -> Result<Rc<dyn Send<M>>, PortError> {
+    pub fn sender<M: Wire>(&self) -> Result<Rc<dyn SendPort<M>>, PortError> {
         let port = M::sender(&self.node)?;
         allocate_own(&self.domain)?;
         Ok(port)
@@ -121,7 +122,7 @@ impl Bus {
     }
 
     /// Opens the receiving side of `M`'s topic with a queue of `depth`.
-    pub fn receiver<M: Wire>(&self, depth: usize) -> Result<Rc<dyn Receive<M>>, PortError> {
+    pub fn receiver<M: Wire>(&self, depth: usize) -> Result<Rc<dyn ReceivePort<M>>, PortError> {
         let port = M::receiver(&self.node, depth)?;
         allocate_own(&self.domain)?;
         Ok(port)
@@ -131,9 +132,9 @@ impl Bus {
 /// Message that can be sent: one of the four of [`contract::message`].
 pub trait Wire: Message {
     #[doc(hidden)]
-    fn sender(node: &Node<FileService>) -> Result<Rc<dyn Send<Self>>, PortError>;
+    fn sender(node: &Node<FileService>) -> Result<Rc<dyn SendPort<Self>>, PortError>;
     #[doc(hidden)]
-    fn receiver(node: &Node<FileService>, depth: usize) -> Result<Rc<dyn Receive<Self>>, PortError>;
+    fn receiver(node: &Node<FileService>, depth: usize) -> Result<Rc<dyn ReceivePort<Self>>, PortError>;
     #[doc(hidden)]
     fn open_as_another_version(node: &Node<FileService>) -> Result<(), PortError>;
 }
@@ -141,11 +142,12 @@ pub trait Wire: Message {
 macro_rules! wire {
     ($($name:ident),*) => {$(
         impl Wire for $name {
-            fn sender(node: &Node<FileService>) -> Result<Rc<dyn Send<Self>>, PortError> {
-                let port = open::<Self>(node, &layout::<Self>())?.publisher_builder().create().map_err(refused::<Self>)?;
+            fn sender(node: &Node<FileService>) -> Result<Rc<dyn SendPort<Self>>, PortError> {
+                let port =
+                    open::<Self>(node, &layout::<Self>())?.publisher_builder().create().map_err(refused::<Self>)?;
                 Ok(Rc::new(port))
             }
-            fn receiver(node: &Node<FileService>, depth: usize) -> Result<Rc<dyn Receive<Self>>, PortError> {
+            fn receiver(node: &Node<FileService>, depth: usize) -> Result<Rc<dyn ReceivePort<Self>>, PortError> {
                 let topic = open::<Self>(node, &layout::<Self>())?;
                 let unreachable = Arc::new(Unreachable::default());
                 let port = RefCell::new(subscriber(&topic, depth, &unreachable)?);
@@ -159,7 +161,7 @@ macro_rules! wire {
 }
 wire!(State, Reference, Controls, Actuators);
 
-impl<M: Message + ZeroCopySend> Send<M> for Publisher<FileService, M, ()> {
+impl<M: Message + ZeroCopySend> SendPort<M> for Publisher<FileService, M, ()> {
     fn send(&self, message: &M) -> Result<(), PortFailure> {
         match self.send_copy(*message) {
             Ok(1..) => Ok(()),
@@ -200,7 +202,7 @@ impl Unreachable {
     }
 }
 
-impl<M: Message + ZeroCopySend> Receive<M> for Subscription<M> {
+impl<M: Message + ZeroCopySend> ReceivePort<M> for Subscription<M> {
     fn receive(&self, take: &mut dyn FnMut(&M, u64)) -> Result<bool, PortFailure> {
         let sample = self.port.borrow().receive().map_err(|_| PortFailure::Receive)?;
         let Some(sample) = sample else { return Ok(false) };

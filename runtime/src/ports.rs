@@ -9,7 +9,7 @@ use std::sync::Arc;
 use crate::domain::Domain;
 use crate::error::{PortError, SessionError};
 use crate::limits::{PROBE_LIMIT_NS, PROBE_PERIOD_NS, RECONNECT_NS, RECONNECTS};
-use crate::port::{Bus, Receive, Send, Wire};
+use crate::port::{Bus, ReceivePort, SendPort, Wire};
 use crate::queue::Queues;
 use crate::realtime::{self, ControlPage, now_ns, phase};
 use crate::shared_role::VACANT;
@@ -63,7 +63,7 @@ impl Ports {
     ///
     /// # Errors
     /// The place was not offered, or another process has it.
-    pub fn sender<M: Wire>(&mut self, epoch: u32) -> Result<Rc<dyn Send<M>>, SessionError> {
+    pub fn sender<M: Wire>(&mut self, epoch: u32) -> Result<Rc<dyn SendPort<M>>, SessionError> {
         let port = match &self.transport {
             Transport::SharedMemory(bus) => bus.sender::<M>(),
             Transport::Queues(queues) => queues.sender(),
@@ -80,7 +80,7 @@ impl Ports {
     }
 
     /// Opens the receiving side of `M`'s topic with a queue of `depth`.
-    pub fn receiver<M: Wire>(&mut self, depth: usize) -> Result<Rc<dyn Receive<M>>, SessionError> {
+    pub fn receiver<M: Wire>(&mut self, depth: usize) -> Result<Rc<dyn ReceivePort<M>>, SessionError> {
         let port = match &self.transport {
             Transport::SharedMemory(bus) => bus.receiver::<M>(depth),
             Transport::Queues(queues) => queues.receiver(depth),
@@ -131,7 +131,7 @@ impl Ports {
 /// # Errors
 /// The run has begun, and the publisher cannot be connected to.
 fn arrival<M: Wire>(
-    port: Rc<dyn Receive<M>>,
+    port: Rc<dyn ReceivePort<M>>,
     page: &Arc<ControlPage>,
 ) -> Result<impl FnMut() -> Result<bool, PortError> + use<M>, PortError> {
     let unreachable = || {

@@ -9,7 +9,7 @@ use std::collections::VecDeque;
 use std::rc::Rc;
 
 use crate::error::{PortError, PortFailure};
-use crate::port::{Receive, Send, WarmUp};
+use crate::port::{ReceivePort, SendPort, WarmUp};
 use contract::Topic;
 use contract::message::{Actuators, Controls, Message, Reference, State};
 
@@ -62,14 +62,14 @@ impl Default for Queues {
 
 impl Queues {
     /// Opens the sending side of `M`'s topic.
-    pub fn sender<M: Message>(&self) -> Result<Rc<dyn Send<M>>, PortError> {
+    pub fn sender<M: Message>(&self) -> Result<Rc<dyn SendPort<M>>, PortError> {
         let (topic, number) = (self.topic()?, self.number());
         // Receivers that exist already get the first message, and nothing before it.
         Ok(Rc::new(Sender { number, topic, last: Cell::new(None), newest: Cell::new(number) }))
     }
 
     /// Opens the receiving side of `M`'s topic with a queue of `depth` for each publisher.
-    pub fn receiver<M: Message>(&self, depth: usize) -> Result<Rc<dyn Receive<M>>, PortError> {
+    pub fn receiver<M: Message>(&self, depth: usize) -> Result<Rc<dyn ReceivePort<M>>, PortError> {
         let (topic, number) = (self.topic()?, self.number());
         let queue = Rc::new(Queue { depth, number, messages: RefCell::default() });
         topic.borrow_mut().push(queue.clone());
@@ -99,7 +99,7 @@ impl<M: Copy> Queue<M> {
     }
 }
 
-impl<M: Message> Send<M> for Sender<M> {
+impl<M: Message> SendPort<M> for Sender<M> {
     fn send(&self, message: &M) -> Result<(), PortFailure> {
         let queues = self.topic.borrow();
         let newest = self.newest.get();
@@ -125,7 +125,7 @@ impl<M> WarmUp for Sender<M> {
     fn warm_up(&self) {}
 }
 
-impl<M: Message> Receive<M> for Receiver<M> {
+impl<M: Message> ReceivePort<M> for Receiver<M> {
     fn receive(&self, take: &mut dyn FnMut(&M, u64)) -> Result<bool, PortFailure> {
         let mut messages = self.queue.messages.borrow_mut();
         messages.front().inspect(|(message, port)| take(message, *port));
@@ -156,7 +156,7 @@ mod tests {
         Controls { stamp: Stamp { tick, ..Stamp::default() }, ..Controls::default() }
     }
 
-    fn ticks(receiver: &dyn Receive<Controls>) -> Vec<(u64, u64)> {
+    fn ticks(receiver: &dyn ReceivePort<Controls>) -> Vec<(u64, u64)> {
         let mut ticks = vec![];
         while receiver.receive(&mut |message, port| ticks.push((message.stamp.tick, port))).unwrap() {}
         ticks

@@ -5,16 +5,15 @@
 //!           the plant samples                 a node answers                        wakes by
 //! Timer     at t0 + k T, whatever happens     its input came, or is late            ringing at every message
 //! Barrier   all are done with the last tick   the node before it is done            ringing at the end of a cycle
-//! Recording the caller calls it               the caller calls it                   -
 //! ```
 //!
 //! In process the caller of the nodes is the barrier: no node waits or wakes another, and no clock is read
-//! ([`crate::cycle_timing`]).
+//! ([`crate::cycle_timing`]). A replay has no release: its nodes are called as the recording says ([`Caller`]).
 
 use crate::realtime::{ControlPage, Doorbell, now_ns};
 use contract::scenario::{Late, Mode, NodeDeadline, Scenario};
 
-/// Event that begins a cycle.
+/// Event that begins a cycle of a loop.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Release {
     /// Real time: `CLOCK_MONOTONIC`.
@@ -24,7 +23,14 @@ pub enum Release {
     },
     /// Lockstep and in process: all preceding processes are done with their cycle.
     Barrier,
-    /// Replay: the caller calls the node when the recording has a cycle.
+}
+
+/// Caller of a node: decides who waits, who wakes, and which messages may exist.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Caller {
+    /// The node's loop, or the ring in process in its place.
+    Loop(Release),
+    /// Replay, when the recording has a cycle.
     Recording,
 }
 
@@ -41,51 +47,15 @@ impl Release {
     pub fn sample_ns(self, page: &ControlPage, tick: u64) -> u64 {
         match self {
             Self::Timer { period_ns } => page.origin_ns() + tick * period_ns,
-            Self::Barrier | Self::Recording => page.origin_ns(),
-        }
-    }
-
-    /// Number of samples that may exist when a message of sample `tick` is checked. In real time the clock decides: the
-    /// plant counts a sample as `taken` only after its STATE was sent, and may have slept through others that the nodes
-    /// answer.
-    pub fn samples_by_now(self, page: &ControlPage, taken: u64, tick: u64) -> u64 {
-        match self {
-            Self::Timer { period_ns } if tick >= taken && page.origin_ns() > 0 => {
-                taken.max(now_ns().saturating_sub(page.origin_ns()) / period_ns + 1)
-            }
-            Self::Recording => u64::MAX, // the message was checked in the flight
-            _ => taken,
+            Self::Barrier => page.origin_ns(),
         }
     }
 
     /// Deadline in force: in lockstep and in process late messages are counted, but always sent.
     pub fn deadline(self, deadline: NodeDeadline) -> NodeDeadline {
         match self {
-            Self::Timer { .. } | Self::Recording => deadline,
+            Self::Timer { .. } => deadline,
             Self::Barrier => NodeDeadline { late: Late::Send, ..deadline },
-        }
-    }
-
-    /// Delays the process by `held_ns`, as a fault demands. In lockstep and in process the process does not wait; the
-    /// delay is returned instead, to be added to the stamp.
-    pub fn hold_up(self, page: &ControlPage, held_ns: u64) -> u64 {
-        match self {
-            Self::Timer { .. } => {
-                if held_ns > 0 {
-                    page.phase.wait(page.phase.count(), now_ns() + held_ns);
-                }
-                0
-            }
-            Self::Barrier => held_ns,
-            Self::Recording => 0, // the recorded times contain it
-        }
-    }
-
-    /// Announces a sent message, which wakes its receivers in real time only; else [`Self::cycle_done`] does.
-    pub fn message_sent(self, doorbell: &Doorbell) {
-        match self {
-            Self::Timer { .. } => doorbell.ring(),
-            Self::Barrier | Self::Recording => doorbell.mark(),
         }
     }
 
@@ -93,6 +63,44 @@ impl Release {
     pub fn cycle_done(self, doorbell: &Doorbell) {
         if self == Self::Barrier {
             doorbell.ring(); // in real time the message itself has woken the others
+        }
+    }
+}
+
+impl Caller {
+    /// Number of samples that may exist when a message of sample `tick` is checked. In real time the clock decides: the
+    /// plant counts a sample as `taken` only after its STATE was sent, and may have slept through others that the nodes
+    /// answer.
+    pub fn samples_by_now(self, page: &ControlPage, taken: u64, tick: u64) -> u64 {
+        match self {
+            Self::Loop(Release::Timer { period_ns }) if tick >= taken && page.origin_ns() > 0 => {
+                taken.max(now_ns().saturating_sub(page.origin_ns()) / period_ns + 1)
+            }
+            Self::Loop(_) => taken,
+            Self::Recording => u64::MAX, // the message was checked in the flight
+        }
+    }
+
+    /// Delays the process by `held_ns`, as a fault demands. In lockstep and in process the process does not wait; the
+    /// delay is returned instead, to be added to the stamp.
+    pub fn hold_up(self, page: &ControlPage, held_ns: u64) -> u64 {
+        match self {
+            Self::Loop(Release::Timer { .. }) => {
+                if held_ns > 0 {
+                    page.phase.wait(page.phase.count(), now_ns() + held_ns);
+                }
+                0
+            }
+            Self::Loop(Release::Barrier) => held_ns,
+            Self::Recording => 0, // the recorded times contain it
+        }
+    }
+
+    /// Announces a sent message, which wakes its receivers in real time only; else [`Release::cycle_done`] does.
+    pub fn message_sent(self, doorbell: &Doorbell) {
+        match self {
+            Self::Loop(Release::Timer { .. }) => doorbell.ring(),
+            Self::Loop(Release::Barrier) | Self::Recording => doorbell.mark(),
         }
     }
 }

@@ -38,13 +38,14 @@ const OTHERS: [Topic; 3] = [Topic::Reference, Topic::Controls, Topic::Actuators]
 /// Loop of the plant.
 pub struct SampleLoop {
     member: Member,
+    release: Release,
     /// Current tick; `None` before the first.
     tick: Option<u64>,
 }
 
 impl SampleLoop {
-    pub(crate) fn new(member: Member) -> Self {
-        Self { member, tick: None }
+    pub(crate) fn new(member: Member, release: Release) -> Self {
+        Self { member, release, tick: None }
     }
 
     /// Passes every received command to `command`, with its arrival after the sample \[ns\], until the next sample is
@@ -57,20 +58,20 @@ impl SampleLoop {
         input: &mut Input<M>,
         command: impl FnMut(&M, u64),
     ) -> Result<Option<u64>, SessionError> {
-        let due = match (self.tick, self.member.release) {
+        let due = match (self.tick, self.release) {
             (Some(tick), Release::Timer { period_ns }) => self.by_the_timer(tick, period_ns, input, command)?,
-            (Some(tick), Release::Barrier | Release::Recording) => self.by_the_barrier(tick, input, command),
-            (None, release) => self.first(release),
+            (Some(tick), Release::Barrier) => self.by_the_barrier(tick, input, command),
+            (None, _) => self.first(),
         };
         let Some(tick) = due.filter(|_| !self.is_over()) else {
             return self.member.timing.verdict().map(|()| None);
         };
         self.member.faults.update();
         let page = &self.member.page;
-        match self.member.release {
+        match self.release {
             Release::Timer { .. } => OTHERS.iter().for_each(|topic| page.role(*topic).activate_pending(tick as u32)),
             Release::Barrier if self.ask(tick).is_none() => return Ok(None),
-            Release::Barrier | Release::Recording => {} // a replay has no loop
+            Release::Barrier => {}
         }
         self.tick = Some(tick);
         Ok(self.tick)
@@ -83,7 +84,7 @@ impl SampleLoop {
 
     /// Provenance of the STATE of `tick`, which begins a new chain.
     pub fn provenance(&self, tick: u64) -> Stamp {
-        Stamp::at(tick, self.member.release.sample_ns(&self.member.page, tick))
+        Stamp::at(tick, self.release.sample_ns(&self.member.page, tick))
     }
 
     /// Marks `tick` as the last; call it before its STATE is sent. The tick is finished, and no other begins.
@@ -93,9 +94,9 @@ impl SampleLoop {
 
     /// Marks `tick` as done after its STATE was sent, which in lockstep wakes the nodes.
     pub fn done(&self, tick: u64) {
-        let Member { page, epoch, release, .. } = &self.member;
+        let Member { page, epoch, .. } = &self.member;
         page.role(Topic::State).done(*epoch).set(tick as u32 + 1);
-        release.cycle_done(page.doorbell(Topic::State));
+        self.release.cycle_done(page.doorbell(Topic::State));
     }
 
     /// Stores the plant's `memory` after STATE of `tick`, for the recorder.
@@ -104,10 +105,10 @@ impl SampleLoop {
     }
 
     /// Begins tick 0, in real time once all nodes wait for it or after [`GATHER_NS`]; `None` if the run was called off.
-    fn first(&self, release: Release) -> Option<u64> {
+    fn first(&self) -> Option<u64> {
         let Member { page, timing, .. } = &self.member;
         let going = page.phase.count() == phase::GO;
-        if let Release::Timer { .. } = release
+        if let Release::Timer { .. } = self.release
             && going
         {
             let limit_ns = now_ns() + GATHER_NS;
@@ -134,8 +135,8 @@ impl SampleLoop {
         input: &mut Input<M>,
         mut command: impl FnMut(&M, u64),
     ) -> Result<Option<u64>, SessionError> {
-        let Member { page, timing, faults, release, .. } = &self.member;
-        let sample_ns = release.sample_ns(page, tick);
+        let Member { page, timing, faults, .. } = &self.member;
+        let sample_ns = self.release.sample_ns(page, tick);
         let mut receive = |until_ns| {
             while input.arrived(until_ns) {
                 command(input.newest(), now_ns().saturating_sub(sample_ns));
@@ -154,7 +155,7 @@ impl SampleLoop {
             return Err(SessionError::FaultExit { tick: tick + 1 });
         }
         if let Some(until) = faults.burns_until(tick + 1, due) {
-            burn(page, release.sample_ns(page, until));
+            burn(page, self.release.sample_ns(page, until));
         }
         // The next release is never derived from this wake-up: slots that passed meanwhile are skipped.
         let periods = periods_passed(now_ns(), sample_ns, period_ns);

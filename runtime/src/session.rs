@@ -76,45 +76,48 @@ impl NodeSession {
         open(&mut self.ports, &self.member, &self.scenario)
     }
 
-    /// Reads the snapshot of the previous active process; `None` for epoch 1, or if there is none.
-    pub fn memory(&self) -> Option<Snapshot> {
+    /// Takes over the snapshot of the previous active process, which all stamps of this one name from then on; `None`
+    /// for epoch 1, or if there is none.
+    pub fn take_over_memory(&self) -> Option<Snapshot> {
         let memory = &self.member.page.role(self.member.topic).memory;
         let (origin, snapshot) = (self.member.epoch > 1).then(|| memory.read_whole()).flatten()?;
         self.member.continues.set(origin);
         Some(snapshot)
     }
 
-    /// Enters the real-time class, says that this process is ready, waits until the run begins, and returns the loop of
-    /// a node that answers. Call it when everything is allocated.
+    /// Enters the real-time class, says that this process is ready, and returns the loop of a node that answers. Call
+    /// it when everything is allocated.
     ///
     /// # Errors
     /// A node whose messages this one needs cannot be received.
     pub fn ready(mut self) -> Result<CycleLoop, SessionError> {
-        self.wait_for_start()?;
+        let release = self.become_ready()?;
         let upstream = (self.member.topic as usize).saturating_sub(1);
-        Ok(CycleLoop::new(self.member, self.scenario.deadline_of(upstream).deadline_ns))
+        Ok(CycleLoop::new(self.member, release, self.scenario.deadline_of(upstream).deadline_ns))
     }
 
     /// Gets ready as [`Self::ready`] does, and returns the loop of the plant, which begins with the first sample.
     pub fn ready_to_sample(mut self) -> Result<SampleLoop, SessionError> {
-        self.wait_for_start()?;
-        Ok(SampleLoop::new(self.member))
+        let release = self.become_ready()?;
+        Ok(SampleLoop::new(self.member, release))
     }
 
-    /// Waits until the run begins. A process in lockstep does not enter the real-time class: it has no deadline, and a
-    /// ring that never sleeps would starve its observers. The launcher chose its CPU, unless the scenario names others.
-    fn wait_for_start(&mut self) -> Result<(), SessionError> {
-        let Member { page, topic, epoch, release, timing, .. } = &self.member;
+    /// Enters the real-time class, tests the ports and says that this process is ready. A process in lockstep does not
+    /// enter the real-time class: it has no deadline, and a ring that never sleeps would starve its observers. The
+    /// launcher chose its CPU, unless the scenario names others.
+    fn become_ready(&mut self) -> Result<Release, SessionError> {
+        let Member { page, topic, epoch, timing, .. } = &self.member;
+        let release = Release::of(&self.scenario);
         let scheduling = self.scenario.realtime.of(*topic as usize);
         match release {
             Release::Timer { .. } => realtime::enter(&scheduling),
-            Release::Barrier | Release::Recording => realtime::pin(&scheduling.affinity),
+            Release::Barrier => realtime::pin(&scheduling.affinity),
         }
         self.ports.probe(|| page.role(*topic).ready.set(*epoch))?;
         timing.warm_up();
         page.role(*topic).waiting.set(*epoch);
         page.doorbell(*topic).ring();
-        Ok(())
+        Ok(release)
     }
 }
 
@@ -178,9 +181,9 @@ mod tests {
         let memory = [7; contract::snapshot::SNAPSHOT_WORDS];
         let origin = Origin { epoch: 1, done: 5 };
         ring.page.role(Topic::Controls).memory.write(origin, &memory);
-        assert_eq!(ring.session(Topic::Controls, 1).memory(), None);
+        assert_eq!(ring.session(Topic::Controls, 1).take_over_memory(), None);
         let next = ring.session(Topic::Controls, 2);
-        assert_eq!((next.memory(), next.member.continues.get()), (Some(memory), origin));
+        assert_eq!((next.take_over_memory(), next.member.continues.get()), (Some(memory), origin));
     }
 
     #[test]

@@ -68,7 +68,7 @@ fn forged(words: &[(prop::sample::Index, usize, u64)]) -> Vec<u8> {
     let all = all.chain(controls.into_iter().map(Record::from)).chain(actuators.into_iter().map(Record::from));
     all.for_each(|record| writer.write(&record).expect("can be written"));
     for event in events {
-        writer.event(&event).expect("can be written");
+        writer.write_event(&event).expect("can be written");
     }
     writer.finish().expect("can be finished");
     fs::read(&path).expect("can be read")

@@ -116,9 +116,9 @@ fn folder(memories: &[Memory]) -> TempDir {
         LogWriter::create(&folder.path().join("flight.mcap"), &log.scenario_toml, 10_000_000).expect("can be created");
     log.tick_by_tick().for_each(|record| writer.write(&record).expect("can be written"));
     for memory in memories {
-        writer.memory(memory).expect("can be written");
+        writer.write_memory(memory).expect("can be written");
     }
-    log.events.iter().for_each(|event| writer.event(event).expect("can be written"));
+    log.events.iter().for_each(|event| writer.write_event(event).expect("can be written"));
     writer.finish().expect("can be finished");
     fs::write(folder.path().join("run.json"), &FLOWN.run).expect("can be written");
     folder

@@ -140,7 +140,7 @@ fn file_of(log: &Log) -> Vec<u8> {
     let all = states.chain(log.controls.iter().map(|m| Record::from(*m)));
     let all = all.chain(log.actuators.iter().map(|m| Record::from(*m)));
     all.for_each(|record| writer.write(&record).expect("can be written"));
-    log.events.iter().for_each(|event| writer.event(event).expect("can be written"));
+    log.events.iter().for_each(|event| writer.write_event(event).expect("can be written"));
     writer.finish().expect("can be finished");
     fs::read(&path).expect("can be read")
 }

@@ -19,7 +19,7 @@ use contract::topic::Topic;
 use runtime::console;
 use runtime::domain::Domain;
 use runtime::error::SessionError;
-use runtime::port::{Receive, Wire, observer_depth};
+use runtime::port::{ReceivePort, Wire, observer_depth};
 use runtime::ports::Ports;
 use runtime::process::die_with_launcher;
 use runtime::realtime::{ControlPage, phase};
@@ -45,10 +45,10 @@ pub struct LogOutcome {
 /// Receiving ports of the four topics, read as one stream of records.
 pub struct Observers {
     page: Arc<ControlPage>,
-    states: Rc<dyn Receive<State>>,
-    references: Rc<dyn Receive<Reference>>,
-    controls: Rc<dyn Receive<Controls>>,
-    actuators: Rc<dyn Receive<Actuators>>,
+    states: Rc<dyn ReceivePort<State>>,
+    references: Rc<dyn ReceivePort<Reference>>,
+    controls: Rc<dyn ReceivePort<Controls>>,
+    actuators: Rc<dyn ReceivePort<Actuators>>,
     received: [Cell<u32>; Topic::COUNT],
     drained: [Cell<u64>; Topic::COUNT],
     failures: Cell<u32>,
@@ -94,7 +94,7 @@ impl Observers {
         self.failures.get()
     }
 
-    fn one<M: Wire + Into<Record>>(&self, port: &dyn Receive<M>, each: &mut impl FnMut(&Record)) -> usize {
+    fn one<M: Wire + Into<Record>>(&self, port: &dyn ReceivePort<M>, each: &mut impl FnMut(&Record)) -> usize {
         let role = self.page.role(M::TOPIC);
         let (received, drained) = (&self.received[M::TOPIC as usize], &self.drained[M::TOPIC as usize]);
         let before = drained.get();
@@ -164,14 +164,14 @@ fn record(namespace: &str, epoch: u32, path: &Path) -> anyhow::Result<LogOutcome
             && let Some(memories) = Memory::of_all(&page, remembered)
         {
             for memory in &memories {
-                log.memory(memory);
+                log.write_memory(memory);
             }
             remembered = 0;
         }
         page.recorded.raise(newest as u32);
         let count = count
             + reader.drain(|event| match event {
-                Ok(event) => log.event(&event),
+                Ok(event) => log.write_event(&event),
                 Err(_) => log.outcome.dropped += 1,
             });
         if count == 0 && closing {
@@ -193,9 +193,9 @@ pub(crate) fn run_of(namespace: &str) -> anyhow::Result<String> {
 /// A log that counts lost messages and survives a failing disk.
 pub struct CountedLog {
     writer: Option<LogWriter>,
-    /// Instant at which the log was last forced to the disk; `written` is `true` if something was written since.
+    /// Instant at which the log was last forced to the disk; `unsynced` is `true` if something was written since.
     synced: Instant,
-    written: bool,
+    unsynced: bool,
     count: Count,
     outcome: LogOutcome,
     /// First tick without space on the disk, if the scenario has the fault `disk-full`.
@@ -219,7 +219,7 @@ impl CountedLog {
         let full = scenario.fault.iter().filter(|fault| fault.kind == FaultKind::DiskFull);
         let full_from = full.map(|fault| fault.ticks(scenario.sample_s()).start).min();
         let (count, outcome) = (Count::default(), LogOutcome::default());
-        Self { writer: Some(writer), synced: Instant::now(), written: false, count, outcome, full_from }
+        Self { writer: Some(writer), synced: Instant::now(), unsynced: false, count, outcome, full_from }
     }
 
     /// Writes one message, or counts it as dropped.
@@ -236,14 +236,14 @@ impl CountedLog {
     }
 
     /// Writes one event, or counts it as dropped.
-    pub fn event(&mut self, event: &Event) {
-        let written = self.writer.as_mut().map(|writer| writer.event(event));
+    pub fn write_event(&mut self, event: &Event) {
+        let written = self.writer.as_mut().map(|writer| writer.write_event(event));
         self.note(written);
     }
 
     /// Writes the snapshot of a node; it is not counted as a record.
-    pub fn memory(&mut self, memory: &Memory) {
-        if let Some(Err(error)) = self.writer.as_mut().map(|writer| writer.memory(memory)) {
+    pub fn write_memory(&mut self, memory: &Memory) {
+        if let Some(Err(error)) = self.writer.as_mut().map(|writer| writer.write_memory(memory)) {
             self.fail(&error);
         }
     }
@@ -252,7 +252,7 @@ impl CountedLog {
         match written {
             Some(Ok(())) => {
                 self.outcome.records += 1;
-                self.written = true;
+                self.unsynced = true;
             }
             Some(Err(error)) => self.fail(&error),
             None => self.outcome.dropped += 1,
@@ -261,11 +261,11 @@ impl CountedLog {
 
     /// Forces to the disk what was written in the last second, so that neither a kill nor a loss of power loses it.
     fn keep_safe(&mut self) {
-        if self.written && self.synced.elapsed() > FLUSH_PERIOD {
+        if self.unsynced && self.synced.elapsed() > FLUSH_PERIOD {
             if let Some(Err(error)) = self.writer.as_mut().map(LogWriter::sync) {
                 self.fail(&error);
             }
-            (self.synced, self.written) = (Instant::now(), false);
+            (self.synced, self.unsynced) = (Instant::now(), false);
         }
     }
 

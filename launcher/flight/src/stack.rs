@@ -15,6 +15,7 @@
 //! | `requests`, `swaps` | requests of users in flight; the times that swaps took |
 //! | `one_cpu` | the CPU of a flight in lockstep |
 //! | `host`, `files` | intruders and files in shared memory |
+//! | `own_domain` | shared memory of a run, as its launcher makes it |
 //! | `surroundings` | checks of the system before the start |
 //! | `end` | the ways in which a flight can end |
 
@@ -24,6 +25,7 @@ mod end;
 mod files;
 mod host;
 mod one_cpu;
+pub(crate) mod own_domain;
 mod requests;
 mod rest;
 mod run;
@@ -39,17 +41,16 @@ use contract::Scenario;
 use contract::guard::Refusal;
 use contract::scenario::{Fault, Mode};
 use contract::topic::Topic;
-use runtime::domain::{Hold, check_room};
-use runtime::port::{Bus, PortFailure, Services, bytes_needed, observer_depth};
+use runtime::port::PortFailure;
 use runtime::ports::Ports;
 use runtime::realtime::{ControlPage, phase, tell_of_crashes};
-use runtime::shared_role::Assignment;
 
 use archive::Archive;
 use children::{RECORDER, wait};
 use end::ChildExit;
 pub use end::{Ended, StartError, refused};
 use host::Host;
+use own_domain::OwnDomain;
 use requests::Requests;
 use run::Run;
 pub use surroundings::check_memory;
@@ -60,7 +61,7 @@ use crate::log::Record;
 use crate::provenance::{Scheduling, scheduling_of};
 use crate::recorder::{LogOutcome, Observers};
 use crate::roles::connections::{Connections, Disconnected};
-use crate::roles::role::Input;
+use crate::roles::role::RoleInput;
 use crate::roles::supervised::given_up;
 
 pub type Refused = Vec<(&'static str, [u32; Refusal::ALL.len()])>;
@@ -95,10 +96,7 @@ pub struct Stack {
     not_received: [bool; Topic::COUNT],
     /// Newest process of each node that was found cut off.
     cut_off: [u32; Topic::COUNT],
-    // Dropped in this order: the services before the domain that holds their files.
-    _services: Services,
-    _bus: Bus,
-    _hold: Hold,
+    _domain: OwnDomain,
 }
 
 impl Stack {
@@ -110,31 +108,20 @@ impl Stack {
         interrupts: &AtomicU32,
     ) -> anyhow::Result<Self> {
         tell_of_crashes();
-        surroundings::check(scenario.run.rate_hz)?;
-        let hold = Hold::take(namespace)?;
-        check_room(bytes_needed(scenario.run.rate_hz))?; // what a killed launcher has left is wiped by now
-        let domain = &hold.domain;
-        let shm = |what| move || format!("cannot write {what} in shared memory");
-        domain.write("scenario.toml", &contract::scenario::to_toml(scenario)).with_context(shm("settings"))?;
-        ControlPage::create(&domain.file("page")).with_context(shm("the page"))?;
-        let bus = Bus::attach(domain)?;
-        let services = bus.create_services(observer_depth(scenario.run.rate_hz))?;
-        let (mut ports, _) = Ports::join(namespace)?;
+        let (own, mut ports) = OwnDomain::open(namespace, scenario)?;
+        let domain = own.domain();
         let mut stack = Self {
             observers: Observers::open(&mut ports, scenario)?,
             host: Host::new(domain.clone(), scenario)?,
-            run: Run::new(domain.clone(), ports.page.clone(), scenario),
             archive: log.map(|path| Archive::new(path, scenario)),
-            requests: Requests::open(domain).with_context(shm("the control socket"))?,
+            requests: Requests::open(&domain).context("cannot write the control socket in shared memory")?,
+            run: Run::new(domain, ports.page.clone(), scenario),
             connections: Connections::default(),
             not_received: [false; Topic::COUNT],
             cut_off: [0; Topic::COUNT],
-            _services: services,
-            _bus: bus,
-            _hold: hold,
+            _domain: own,
         };
         for topic in Topic::ALL {
-            stack.run.page.role(topic).assign(0, |_| Assignment { active: 1, standby: 0 });
             stack.run.start_node(topic, 1, None)?;
         }
         match &stack.archive {
@@ -297,7 +284,7 @@ impl Stack {
             if std::mem::replace(&mut self.cut_off[topic as usize], epoch) == epoch {
                 continue; // killed already; its exit will be seen soon
             }
-            self.run.on(topic, Input::Disconnected(epoch, why));
+            self.run.on(topic, RoleInput::Disconnected(epoch, why));
         }
     }
 
@@ -316,7 +303,7 @@ impl Stack {
                 (Some(topic), ChildExit::Late) if run.driver.nodes()[topic as usize].role.is_alone(epoch) => {
                     return Some(Ended::Late(name.into()));
                 }
-                (Some(topic), _) => run.on(topic, Input::Exited(epoch)),
+                (Some(topic), _) => run.on(topic, RoleInput::Exited(epoch)),
             }
             run.children.clean_up(i);
         }

@@ -101,7 +101,7 @@ fn slow_ring(since_ns: u64) -> Ring {
 /// Returns its guidance, with a timer of ten seconds, which no scenario allows.
 fn slow_guidance(ring: &Ring) -> (CycleLoop, Input<State>) {
     let (mut cycles, states) = guidance(ring, 1);
-    cycles.member.release = Release::Timer { period_ns: TEN_S_NS };
+    cycles.release = Release::Timer { period_ns: TEN_S_NS };
     (cycles, states)
 }
 

@@ -152,7 +152,7 @@ fn answer(workers: &mut Workers, ring: &Ring, roles: &mut Simulated, sample: Sta
     let topic = workers.topic;
     while let Some(epoch) = workers.leaves(sample.tick) {
         workers.end(epoch);
-        roles.exited(topic, epoch, sample.tick, role::Input::Exited(epoch));
+        roles.exited(topic, epoch, sample.tick, role::RoleInput::Exited(epoch));
         ring.page.role(topic).assign(sample.tick as u32, |_| roles.assignment(topic));
     }
     workers.answer(sample);

@@ -75,7 +75,7 @@ fn write(
         let mut written = Ok(());
         let read = read_memories(part, ALL, |_, memory| {
             if written.is_ok() {
-                written = log.memory(&memory);
+                written = log.write_memory(&memory);
             }
         });
         written?;
@@ -83,7 +83,7 @@ fn write(
     }
     for event in events {
         outcome.records += 1;
-        log.event(event)?;
+        log.write_event(event)?;
     }
     log.finish()?;
     Ok(outcome)

@@ -129,7 +129,7 @@ fn events_stand_at_their_ticks_beside_the_messages() {
     events[1].by = Some(Sender { pid: 7, user: 1000 });
     write_states(&mut log, 0..4);
     for event in &events {
-        log.event(event).unwrap();
+        log.write_event(event).unwrap();
     }
     log.finish().unwrap();
     let returned = read(&path).unwrap();

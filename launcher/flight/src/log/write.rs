@@ -108,7 +108,7 @@ impl LogWriter {
         })
     }
 
-    pub fn event(&mut self, event: &Event) -> anyhow::Result<()> {
+    pub fn write_event(&mut self, event: &Event) -> anyhow::Result<()> {
         schema::encode_event(event, &mut self.buffer);
         self.append(&MessageHeader {
             channel_id: self.events,
@@ -119,7 +119,7 @@ impl LogWriter {
     }
 
     /// Writes the snapshot of a node.
-    pub fn memory(&mut self, memory: &Memory) -> anyhow::Result<()> {
+    pub fn write_memory(&mut self, memory: &Memory) -> anyhow::Result<()> {
         schema::encode_memory(memory, &mut self.buffer);
         self.append(&MessageHeader {
             channel_id: self.memory,

@@ -8,21 +8,20 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, bail};
+use anyhow::bail;
 use contract::Topic;
 use contract::message::{Controls, Message, Reference, State};
-use contract::scenario::{Mode, Scenario, to_toml};
-use runtime::domain::{Hold, check_room};
-use runtime::port::{Bus, Send, Services, Wire, bytes_needed, observer_depth};
+use contract::scenario::{Mode, Scenario};
+use runtime::port::{SendPort, Wire};
 use runtime::ports::Ports;
 use runtime::realtime::{ControlPage, phase};
-use runtime::shared_role::Assignment;
 
 use super::script::Cycle;
 use crate::limits::JOIN_LIMIT;
 use crate::log::Record;
 use crate::recorder::Observers;
 use crate::stack::children::{Children, SpawnRequest};
+use crate::stack::own_domain::OwnDomain;
 
 const A_DAY: Duration = Duration::from_secs(86_400);
 /// Longest wait for a program between two looks \[ns\].
@@ -32,18 +31,15 @@ const LOOK_NS: u64 = 1_000_000;
 pub struct Program {
     topic: Topic,
     page: Arc<ControlPage>,
-    states: Option<Rc<dyn Send<State>>>,
-    references: Option<Rc<dyn Send<Reference>>>,
-    controls: Option<Rc<dyn Send<Controls>>>,
+    states: Option<Rc<dyn SendPort<State>>>,
+    references: Option<Rc<dyn SendPort<Reference>>>,
+    controls: Option<Rc<dyn SendPort<Controls>>>,
     /// Number of messages sent to it so far, by topic.
     sent: [u64; Topic::COUNT],
     observers: Observers,
     wall_limit: Duration,
     children: Children,
-    // Dropped in this order: the services before the domain that holds their files.
-    _services: Services,
-    _bus: Bus,
-    _hold: Hold,
+    _domain: OwnDomain,
 }
 
 impl Program {
@@ -56,20 +52,12 @@ impl Program {
         let namespace = format!("replay-{}-{}", std::process::id(), NEXT.fetch_add(1, Ordering::Relaxed));
         let mut scenario = Scenario { fault: vec![], swap: vec![], ..scenario.clone() };
         scenario.run.mode = Mode::Lockstep;
-        let hold = Hold::take(&namespace)?;
-        check_room(bytes_needed(scenario.run.rate_hz))?;
-        let domain = &hold.domain;
-        domain.write("scenario.toml", &to_toml(&scenario)).context("cannot write settings in shared memory")?;
-        ControlPage::create(&domain.file("page")).context("cannot write the page in shared memory")?;
-        let bus = Bus::attach(domain)?;
-        let services = bus.create_services(observer_depth(scenario.run.rate_hz))?;
-        let (mut ports, _) = Ports::join(&namespace)?;
+        let (own, mut ports) = OwnDomain::open(&namespace, &scenario)?;
         let page = ports.page.clone();
         for each in Topic::ALL {
-            page.role(each).assign(0, |_| Assignment { active: 1, standby: 0 });
             page.role(each).offer(1);
         }
-        let children = Children::new(domain.clone(), None);
+        let children = Children::new(own.domain(), None);
         let request = SpawnRequest { topic: Some(topic), epoch: 1, program: Some(program), ..SpawnRequest::default() };
         let mut started = Self {
             topic,
@@ -84,9 +72,7 @@ impl Program {
             },
             page,
             children,
-            _services: services,
-            _bus: bus,
-            _hold: hold,
+            _domain: own,
         };
         started.children.spawn(&request)?;
         let page = started.page.clone();
@@ -158,12 +144,12 @@ impl Program {
 }
 
 /// Opens the sender of messages of `M`; `None` for those of the node itself.
-fn sender<M: Wire>(ports: &mut Ports, topic: Topic) -> anyhow::Result<Option<Rc<dyn Send<M>>>> {
+fn sender<M: Wire>(ports: &mut Ports, topic: Topic) -> anyhow::Result<Option<Rc<dyn SendPort<M>>>> {
     Ok((M::TOPIC != topic).then(|| ports.sender(1)).transpose()?)
 }
 
 /// Sends `message` as number `number` of the only process of its node.
-fn put<M: Message>(page: &ControlPage, sender: Option<&Rc<dyn Send<M>>>, mut message: M, number: u64) {
+fn put<M: Message>(page: &ControlPage, sender: Option<&Rc<dyn SendPort<M>>>, mut message: M, number: u64) {
     let stamp = message.stamp_mut();
     (stamp.epoch, stamp.sequence) = (1, number);
     // Fails if the program is gone, which the next wait for it sees.

@@ -12,7 +12,7 @@ use runtime::error::SessionError;
 use runtime::member::Member;
 use runtime::node::Node;
 use runtime::output::Output;
-use runtime::port::{Send, Wire};
+use runtime::port::{SendPort, Wire};
 use runtime::ports::Ports;
 use runtime::shared_role::{Assignment, Origin};
 
@@ -48,7 +48,7 @@ struct Vehicle {
 
 /// Senders of the messages of one topic, by epoch.
 struct Feed<M> {
-    senders: Vec<(u32, Rc<dyn Send<M>>)>,
+    senders: Vec<(u32, Rc<dyn SendPort<M>>)>,
 }
 
 impl<M: Wire> Feed<M> {

@@ -6,7 +6,7 @@ use contract::Scenario;
 use contract::scenario::Fault;
 use contract::topic::Topic;
 
-use super::role::{Action, Input};
+use super::role::{Action, RoleInput};
 use super::supervised::Supervised;
 use crate::log::Record;
 
@@ -35,7 +35,7 @@ pub trait Driver {
     fn done(&mut self) {}
 
     /// Handles what was seen of a process of a node: it has ended, could not be started, or is cut off.
-    fn on(&mut self, scenario: &Scenario, topic: Topic, input: Input) -> Vec<Order>;
+    fn on(&mut self, scenario: &Scenario, topic: Topic, input: RoleInput) -> Vec<Order>;
 
     /// Returns `Ok` if a swap may be ordered now, else the reason why not.
     fn may_swap(&self, topic: Option<Topic>) -> Result<(), String>;

@@ -17,7 +17,7 @@ use runtime::realtime::ControlPage;
 use runtime::shared_role::Assignment;
 
 use super::driver::{Driver, Order};
-use super::role::{Action, Input, Signal};
+use super::role::{Action, RoleInput, Signal};
 use super::simulated::Simulated;
 use super::supervised::Supervised;
 use crate::event::{Event, What};
@@ -57,7 +57,7 @@ impl Lockstep {
     }
 
     /// Removes a process that ended or could not be started, as `input` says. Ignores those that the roles killed.
-    fn exited(&mut self, topic: Topic, epoch: u32, input: Input) {
+    fn exited(&mut self, topic: Topic, epoch: u32, input: RoleInput) {
         if self.killed.contains(&(topic, epoch)) {
             return;
         }
@@ -134,10 +134,10 @@ impl Driver for Lockstep {
         page.decided.raise(tick as u32 + 1);
     }
 
-    fn on(&mut self, _scenario: &Scenario, topic: Topic, input: Input) -> Vec<Order> {
+    fn on(&mut self, _scenario: &Scenario, topic: Topic, input: RoleInput) -> Vec<Order> {
         match input {
-            Input::Exited(epoch) | Input::NotStarted(epoch, _) => self.exited(topic, epoch, input),
-            Input::Disconnected(epoch, why) => {
+            RoleInput::Exited(epoch) | RoleInput::NotStarted(epoch, _) => self.exited(topic, epoch, input),
+            RoleInput::Disconnected(epoch, why) => {
                 let event = Event::new(self.page.plant_tick(), topic.publisher(), epoch, What::Hung).because(why);
                 return vec![(topic, Action::Report(event)), (topic, Action::Signal(epoch, Signal::Kill))];
             }

@@ -5,7 +5,7 @@ use contract::fault_schedule::{Entry, FaultSchedule};
 use contract::scenario::{Fault, FaultKind, Mode};
 use contract::topic::Topic;
 
-use super::role::Input;
+use super::role::RoleInput;
 
 pub struct FaultInputs {
     faults: FaultSchedule<Injected>,
@@ -38,7 +38,7 @@ impl FaultInputs {
     }
 
     /// Returns the inputs of faults that begin or end by `tick`, each once; `active` gives a node's active process.
-    pub fn due(&mut self, tick: u64, active: impl Fn(Topic) -> Option<u32>) -> Vec<(Topic, Input)> {
+    pub fn due(&mut self, tick: u64, active: impl Fn(Topic) -> Option<u32>) -> Vec<(Topic, RoleInput)> {
         let mut inputs = vec![];
         for Entry { ticks, effect: fault, .. } in self.faults.all_mut() {
             let begins = tick >= ticks.start && !ticks.is_empty() && fault.victim.is_none();
@@ -51,7 +51,7 @@ impl FaultInputs {
             let stops = fault.kind == FaultKind::Stop || (self.simulated && fault.kind == FaultKind::Hog);
             if let Some(victim) = fault.victim.filter(|_| stops && tick >= ticks.end && !fault.ended) {
                 fault.ended = true;
-                inputs.push((fault.topic, Input::Continue(victim)));
+                inputs.push((fault.topic, RoleInput::Continue(victim)));
             }
         }
         inputs
@@ -77,13 +77,13 @@ impl Injected {
         Some(Self { topic, kind: fault.kind, held_until_ns, victim: None, ended: false })
     }
 
-    fn input(&self, simulated: bool) -> Option<Input> {
+    fn input(&self, simulated: bool) -> Option<RoleInput> {
         match self.kind {
-            FaultKind::Kill => Some(Input::Kill(self.held_until_ns)),
-            FaultKind::Exit if simulated => Some(Input::Kill(self.held_until_ns)),
-            FaultKind::Exit => Some(Input::Hold(self.held_until_ns)),
-            FaultKind::Stop => Some(Input::Stop),
-            FaultKind::Hog if simulated => Some(Input::Stop),
+            FaultKind::Kill => Some(RoleInput::Kill(self.held_until_ns)),
+            FaultKind::Exit if simulated => Some(RoleInput::Kill(self.held_until_ns)),
+            FaultKind::Exit => Some(RoleInput::Hold(self.held_until_ns)),
+            FaultKind::Stop => Some(RoleInput::Stop),
+            FaultKind::Hog if simulated => Some(RoleInput::Stop),
             _ => None,
         }
     }

@@ -14,7 +14,7 @@ use runtime::shared_role::Assignment;
 
 use super::driver::{Driver, Order};
 use super::process_faults::FaultInputs;
-use super::role::{Action, Input, Now};
+use super::role::{Action, Now, RoleInput};
 use super::supervised::Supervised;
 use crate::limits::{GRACE_NS, LOOK, LOOK_AGAIN};
 use crate::log::Record;
@@ -48,10 +48,10 @@ impl Realtime {
     }
 
     /// Reads the inputs of one node from the control page.
-    fn seen(&self, topic: Topic, tick: u64, excused_ns: u64) -> Vec<Input> {
+    fn seen(&self, topic: Topic, tick: u64, excused_ns: u64) -> Vec<RoleInput> {
         let (role, shared) = (&self.nodes[topic as usize].role, self.page.role(topic));
         let mut seen = vec![];
-        seen.extend(role.starting().filter(|epoch| tick > 0 && shared.observed.get() == *epoch).map(Input::Ready));
+        seen.extend(role.starting().filter(|epoch| tick > 0 && shared.observed.get() == *epoch).map(RoleInput::Ready));
         let active = shared.active();
         if active == 0 {
             return seen;
@@ -62,9 +62,9 @@ impl Realtime {
                 _ if tick == 0 => 0,
                 _ => tick + 1,
             };
-            seen.push(Input::Progress { done: u64::from(shared.done(active).get()), samples, excused_ns });
+            seen.push(RoleInput::Progress { done: u64::from(shared.done(active).get()), samples, excused_ns });
         } else {
-            seen.push(Input::Activated(active));
+            seen.push(RoleInput::Activated(active));
         }
         seen
     }
@@ -107,13 +107,17 @@ impl Driver for Realtime {
         self.faults.apply_fault(number, fault);
     }
 
-    fn on(&mut self, scenario: &Scenario, topic: Topic, input: Input) -> Vec<Order> {
+    fn on(&mut self, scenario: &Scenario, topic: Topic, input: RoleInput) -> Vec<Order> {
         let now = self.now();
         // A candidate is not judged on the sample under way, which is answered already, or by the active process.
         let actions = self.nodes[topic as usize].on(scenario, now, now.tick + 2, input);
-        let page = &self.page;
-        let rest = actions.into_iter().filter(|action| !share(page, topic, now.tick, action));
-        rest.map(|action| (topic, action)).collect()
+        let mut orders = vec![];
+        for action in actions {
+            if !apply_to_page(&self.page, topic, now.tick, &action) {
+                orders.push((topic, action));
+            }
+        }
+        orders
     }
 
     fn look(&mut self, scenario: &Scenario, _question: Option<u64>) -> Vec<Order> {
@@ -124,23 +128,24 @@ impl Driver for Realtime {
         let nodes = &self.nodes;
         for (topic, input) in self.faults.due(tick, |topic| nodes[topic as usize].role.active()) {
             let input = match input {
-                Input::Kill(until_ns) => Input::Kill(until_ns + self.lead_in_ns()),
-                Input::Hold(until_ns) => Input::Hold(until_ns + self.lead_in_ns()),
+                RoleInput::Kill(until_ns) => RoleInput::Kill(until_ns + self.lead_in_ns()),
+                RoleInput::Hold(until_ns) => RoleInput::Hold(until_ns + self.lead_in_ns()),
                 other => other,
             };
             orders.extend(self.on(scenario, topic, input));
         }
         self.begun.resize(scenario.swap.len(), false);
         for (i, swap) in scenario.swap.iter().enumerate() {
+            // Tick 0 is also the tick before the first sample.
             let is_due = tick > 0 && tick >= swap.ticks(scenario.sample_s()).from && !self.begun[i];
             let has_room = |topic: &Topic| !self.nodes[*topic as usize].role.has_candidate();
             if let Some(topic) = swap.node.topic().filter(|_| is_due).filter(has_room) {
                 self.begun[i] = true;
-                orders.extend(self.on(scenario, topic, Input::SwapRequested(i)));
+                orders.extend(self.on(scenario, topic, RoleInput::SwapRequested(i)));
             }
         }
         for topic in Topic::ALL {
-            orders.extend(self.on(scenario, topic, Input::Tick));
+            orders.extend(self.on(scenario, topic, RoleInput::Tick));
             for input in self.seen(topic, tick, excused_ns) {
                 orders.extend(self.on(scenario, topic, input));
             }
@@ -161,15 +166,15 @@ impl Driver for Realtime {
     }
 }
 
-/// Carries out `action` on the control page; returns false if it is not for the control page.
-fn share(page: &ControlPage, topic: Topic, tick: u64, action: &Action) -> bool {
+/// Carries out `action` on the control page; returns `false` if it is one that the launcher carries out.
+fn apply_to_page(page: &ControlPage, topic: Topic, tick: u64, action: &Action) -> bool {
     let shared = page.role(topic);
     match *action {
         Action::Activate(epoch) => shared.set_pending(epoch),
         Action::Standby(epoch) => shared.assign(tick as u32, |work| Assignment { standby: epoch, ..work }),
         Action::Vacate(epoch) => {
             shared.dismiss(epoch);
-            page.doorbell(topic).ring();
+            page.doorbell(topic).ring(); // before sample 0 the plant waits for every role that is not vacant
         }
         Action::Spawn(..) | Action::Signal(..) | Action::Report(_) => return false,
     }

@@ -10,9 +10,9 @@
 //!                                                                         (trial)      Keep, Reject, Return end it
 //! ```
 //!
-//! Every mode uses this machine. A driver carries [`Input`]s in and [`Action`]s out: `realtime` from ends of processes
-//! and progress words, `simulated` from the delays that the `[supervision]` settings name. Times are nanoseconds on the
-//! clock of the driver: in real time since the driver was made, otherwise since sample 0.
+//! Every mode uses this machine. A driver carries [`RoleInput`]s in and [`Action`]s out: `realtime` from ends of
+//! processes and progress words, `simulated` from the delays that the `[supervision]` settings name. Times are
+//! nanoseconds on the clock of the driver: in real time since the driver was made, otherwise since sample 0.
 
 use contract::scenario::Supervision;
 
@@ -30,7 +30,7 @@ pub struct Now {
 
 /// Observation or request to which a role reacts.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Input {
+pub enum RoleInput {
     /// The process is ready to work.
     Ready(u32),
     /// The process is active from this tick on.
@@ -151,8 +151,8 @@ pub struct Role {
     restart_at_ns: Option<u64>,
     held_until_ns: u64,
     failures_ns: Vec<u64>,
-    /// Processes that this role has killed; their exits are expected.
-    killed: Vec<u32>,
+    /// Processes that this role has killed, or that leave by themselves when the next one has taken over.
+    expected_exits: Vec<u32>,
     /// Programs that were active for good, by their swaps, the newest last.
     origins: Vec<Option<usize>>,
     progress: Progress,
@@ -203,7 +203,7 @@ impl Role {
             restart_at_ns: None,
             held_until_ns: 0,
             failures_ns: vec![],
-            killed: vec![],
+            expected_exits: vec![],
             origins: vec![None],
             progress: Progress::default(),
             given_up: false,
@@ -211,29 +211,29 @@ impl Role {
     }
 
     /// Handles `input` and returns the actions, in order.
-    pub fn on(&mut self, now: Now, input: Input) -> Vec<Action> {
+    pub fn on(&mut self, now: Now, input: RoleInput) -> Vec<Action> {
         let mut actions = vec![];
         let out = &mut actions;
         match input {
-            Input::Ready(epoch) => self.ready(now, epoch, out),
-            Input::Activated(epoch) => self.activated(now, epoch, out),
-            Input::Exited(epoch) => self.exited(now, epoch, What::Died, None, out),
-            Input::NotStarted(epoch, why) => self.exited(now, epoch, What::NotStarted, Some(&why), out),
-            Input::Progress { done, samples, excused_ns } => self.progressed(now, done, samples, excused_ns, out),
-            Input::Disconnected(epoch, why) if self.active.is_some_and(|active| active.epoch == epoch) => {
+            RoleInput::Ready(epoch) => self.ready(now, epoch, out),
+            RoleInput::Activated(epoch) => self.activated(now, epoch, out),
+            RoleInput::Exited(epoch) => self.exited(now, epoch, What::Died, None, out),
+            RoleInput::NotStarted(epoch, why) => self.exited(now, epoch, What::NotStarted, Some(&why), out),
+            RoleInput::Progress { done, samples, excused_ns } => self.progressed(now, done, samples, excused_ns, out),
+            RoleInput::Disconnected(epoch, why) if self.active.is_some_and(|active| active.epoch == epoch) => {
                 self.hung(now, epoch, Some(&why), out);
             }
-            Input::Disconnected(..) => {}
-            Input::Ruled(ruling, why) => self.ruled(now, ruling, &why, out),
-            Input::SwapRequested(swap) => self.swap_requested(now, swap, out),
-            Input::Kill(until_ns) => {
+            RoleInput::Disconnected(..) => {}
+            RoleInput::Ruled(ruling, why) => self.ruled(now, ruling, &why, out),
+            RoleInput::SwapRequested(swap) => self.swap_requested(now, swap, out),
+            RoleInput::Kill(until_ns) => {
                 self.held_until_ns = self.held_until_ns.max(until_ns);
                 out.extend(self.active.map(|active| Action::Signal(active.epoch, Signal::Kill)));
             }
-            Input::Hold(until_ns) => self.held_until_ns = self.held_until_ns.max(until_ns),
-            Input::Stop => out.extend(self.active.map(|active| Action::Signal(active.epoch, Signal::Stop))),
-            Input::Continue(epoch) => out.push(Action::Signal(epoch, Signal::Continue)),
-            Input::Tick => self.tick(now, out),
+            RoleInput::Hold(until_ns) => self.held_until_ns = self.held_until_ns.max(until_ns),
+            RoleInput::Stop => out.extend(self.active.map(|active| Action::Signal(active.epoch, Signal::Stop))),
+            RoleInput::Continue(epoch) => out.push(Action::Signal(epoch, Signal::Continue)),
+            RoleInput::Tick => self.tick(now, out),
         }
         actions
     }
@@ -286,7 +286,7 @@ impl Role {
         self.starting.is_some() || self.pending.is_some() || self.contest.is_some() || self.restart_at_ns.is_some()
     }
 
-    /// Returns the latest time to send [`Input::Tick`] \[ns\]; `None` if nothing is due.
+    /// Returns the latest time to send [`RoleInput::Tick`] \[ns\]; `None` if nothing is due.
     pub fn due_ns(&self) -> Option<u64> {
         let restart_ns = self.restart_at_ns.map(|at_ns| at_ns.max(self.held_until_ns));
         let limit_ns = self.starting.map(|starting| starting.since_ns + self.policy.start_limit_ns + 1);
@@ -335,7 +335,7 @@ impl Role {
     fn activated(&mut self, now: Now, epoch: u32, out: &mut Vec<Action>) {
         if let Some(pending) = self.pending.take_if(|pending| pending.epoch == epoch) {
             // Only a recorder takes over without a trial while the process before it lives; that one leaves by itself.
-            self.killed.extend(self.active.map(|before| before.epoch));
+            self.expected_exits.extend(self.active.map(|before| before.epoch));
             self.active = Some(pending);
             self.trust(pending.origin);
         } else if self.standby.is_some_and(|standby| standby.epoch == epoch) {
@@ -347,15 +347,16 @@ impl Role {
             contest.handed_over = contest.candidate == epoch;
         }
         self.progress = Progress { done: 0, since_ns: now.ns };
-        out.extend(self.killed.iter().map(|epoch| Action::Vacate(*epoch))); // a killed process may now be the standby
+        // A killed process may now be the standby.
+        out.extend(self.expected_exits.iter().map(|epoch| Action::Vacate(*epoch)));
         self.report(now, epoch, What::TookOver, None, out);
     }
 
     /// Handles the end of process `epoch`: reports `what`, unless this role has killed the process.
     fn exited(&mut self, now: Now, epoch: u32, what: What, why: Option<&str>, out: &mut Vec<Action>) {
-        let known = self.killed.len();
-        self.killed.retain(|other| *other != epoch);
-        if self.killed.len() < known {
+        let known = self.expected_exits.len();
+        self.expected_exits.retain(|other| *other != epoch);
+        if self.expected_exits.len() < known {
             out.push(Action::Vacate(epoch));
         } else if self.knows(epoch) {
             self.report(now, epoch, what, why, out);
@@ -516,7 +517,7 @@ impl Role {
     }
 
     fn kill(&mut self, epoch: u32, out: &mut Vec<Action>) {
-        self.killed.push(epoch);
+        self.expected_exits.push(epoch);
         out.push(Action::Signal(epoch, Signal::Kill));
     }
 

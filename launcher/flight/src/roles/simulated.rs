@@ -14,7 +14,7 @@ use runtime::shared_role::Assignment;
 
 use super::driver::Order;
 use super::process_faults::FaultInputs;
-use super::role::{Action, Input, Now, Signal};
+use super::role::{Action, Now, RoleInput, Signal};
 use super::supervised::Supervised;
 use crate::event::Event;
 use crate::log::Record;
@@ -25,7 +25,7 @@ pub struct Simulated {
     pub nodes: [Supervised; Topic::COUNT],
     faults: FaultInputs,
     /// Inputs to come, each with the time at which it is seen \[ns\].
-    ahead: Vec<(u64, Topic, Input)>,
+    ahead: Vec<(u64, Topic, RoleInput)>,
     /// Active and standby processes of the present tick.
     assignments: [Assignment; Topic::COUNT],
     /// Stopped process of each node, with the first tick that it has not answered.
@@ -90,7 +90,7 @@ impl Simulated {
         for (i, swap) in self.scenario.swap.clone().iter().enumerate() {
             let begins = swap.ticks(self.scenario.sample_s()).from == tick;
             if let Some(topic) = swap.node.topic().filter(|_| begins) {
-                self.on(topic, now, Input::SwapRequested(i));
+                self.on(topic, now, RoleInput::SwapRequested(i));
             }
         }
         let nodes = &self.nodes;
@@ -103,7 +103,7 @@ impl Simulated {
     }
 
     /// Removes process `epoch`, which ended before it answered to `tick`; its role sees `input` after `detect_ms`.
-    pub fn exited(&mut self, topic: Topic, epoch: u32, tick: u64, input: Input) {
+    pub fn exited(&mut self, topic: Topic, epoch: u32, tick: u64, input: RoleInput) {
         self.remove(topic, epoch);
         let seen_ns = self.faults.time_ns(tick) + self.detect_ns();
         self.ahead.push((seen_ns, topic, input));
@@ -125,7 +125,7 @@ impl Simulated {
                     let (_, topic, input) = self.ahead.remove(i);
                     self.on(topic, self.at(at_ns), input);
                 }
-                (_, Some((due_ns, topic))) if due_ns <= now_ns => self.on(topic, self.at(due_ns), Input::Tick),
+                (_, Some((due_ns, topic))) if due_ns <= now_ns => self.on(topic, self.at(due_ns), RoleInput::Tick),
                 _ => return,
             }
         }
@@ -139,12 +139,12 @@ impl Simulated {
         }
         // The newest sample is seen `detect_ms` after it was taken, as the last answer was after its own sample.
         let seen_ns = self.faults.time_ns(now.tick - 1) + self.detect_ns();
-        let progress = Input::Progress { done: first, samples: now.tick, excused_ns: 0 };
+        let progress = RoleInput::Progress { done: first, samples: now.tick, excused_ns: 0 };
         self.on(topic, self.at(seen_ns), progress);
         self.pass(now.ns);
     }
 
-    fn on(&mut self, topic: Topic, now: Now, input: Input) {
+    fn on(&mut self, topic: Topic, now: Now, input: RoleInput) {
         for action in self.nodes[topic as usize].on(&self.scenario, now, self.boundary, input) {
             self.act(topic, now, action);
         }
@@ -158,20 +158,20 @@ impl Simulated {
                 let node = &self.nodes[topic as usize].role;
                 let waited_for = node.active().is_none();
                 let start_ns = if waited_for { (self.scenario.supervision.start_ms * 1e6) as u64 } else { 0 };
-                self.ahead.push((at_ns(start_ns), topic, Input::Ready(epoch)));
+                self.ahead.push((at_ns(start_ns), topic, RoleInput::Ready(epoch)));
             }
             Action::Signal(epoch, Signal::Kill) => {
                 self.orders.push((topic, action));
                 self.remove(topic, epoch);
                 let seen_ns = at_ns(self.detect_ns());
-                self.ahead.push((seen_ns, topic, Input::Exited(epoch)));
+                self.ahead.push((seen_ns, topic, RoleInput::Exited(epoch)));
             }
             Action::Signal(epoch, Signal::Stop) => {
                 let first = self.boundary;
                 self.stopped[topic as usize] = Some((epoch, first));
                 // The process has answered to every sample until now.
                 let seen_ns = self.faults.time_ns(first.saturating_sub(1)) + self.detect_ns();
-                let progress = Input::Progress { done: first, samples: first, excused_ns: 0 };
+                let progress = RoleInput::Progress { done: first, samples: first, excused_ns: 0 };
                 self.on(topic, self.at(seen_ns), progress);
             }
             Action::Signal(epoch, Signal::Continue) => {
@@ -181,7 +181,7 @@ impl Simulated {
                 let Assignment { active, standby } = self.assignments[topic as usize];
                 let standby = if standby == epoch { active } else { standby };
                 self.assignments[topic as usize] = Assignment { active: epoch, standby };
-                self.on(topic, Now { tick: self.boundary, ..now }, Input::Activated(epoch));
+                self.on(topic, Now { tick: self.boundary, ..now }, RoleInput::Activated(epoch));
             }
             Action::Standby(epoch) => self.assignments[topic as usize].standby = epoch,
             Action::Vacate(epoch) => self.remove(topic, epoch),

@@ -4,7 +4,7 @@ use contract::Scenario;
 use contract::scenario::SwapTicks;
 use contract::topic::Topic;
 
-use super::role::{Action, Input, Now, Policy, Role};
+use super::role::{Action, Now, Policy, Role, RoleInput};
 use super::trial::Trial;
 use crate::event::What;
 use crate::log::Record;
@@ -34,7 +34,7 @@ impl Supervised {
     }
 
     /// Handles `input`. A candidate that goes on standby is judged from `first_tick` on, or later if its swap says so.
-    pub fn on(&mut self, scenario: &Scenario, now: Now, first_tick: u64, input: Input) -> Vec<Action> {
+    pub fn on(&mut self, scenario: &Scenario, now: Now, first_tick: u64, input: RoleInput) -> Vec<Action> {
         let mut actions = self.role.on(now, input);
         self.follow(scenario, first_tick);
         for action in &mut actions {
@@ -49,8 +49,8 @@ impl Supervised {
     }
 
     /// Returns the ruling of the trial before `tick`, if any. All messages of earlier ticks must have been observed.
-    pub fn ruling(&mut self, tick: u64) -> Option<Input> {
-        self.trial.as_mut()?.rule(tick).map(|(ruling, why)| Input::Ruled(ruling, why))
+    pub fn ruling(&mut self, tick: u64) -> Option<RoleInput> {
+        self.trial.as_mut()?.rule(tick).map(|(ruling, why)| RoleInput::Ruled(ruling, why))
     }
 
     /// Starts, updates or drops the trial to match the candidate of the role.

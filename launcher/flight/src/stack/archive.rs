@@ -31,7 +31,7 @@ use crate::event::{self, Event};
 use crate::limits::{CATCH_UP_LIMIT, CLOSE_LIMIT, OUTCOME_BYTES};
 use crate::log::{self, Count, Record};
 use crate::recorder::{LogOutcome, run_of};
-use crate::roles::role::{Action, Input, Now, Policy, Role};
+use crate::roles::role::{Action, Now, Policy, Role, RoleInput};
 
 /// Log of a flight, with the role of its recorder, which runs by the wall clock in every mode.
 pub struct Archive {
@@ -89,16 +89,17 @@ impl Archive {
         if let Some(stdout) = child.stdout.take().filter(|_| self.role.starting() != Some(epoch)) {
             self.keep(epoch, stdout);
         }
-        self.on(run, tick, Input::Exited(epoch));
+        self.on(run, tick, RoleInput::Exited(epoch));
     }
 
     /// Supervises the recorder. The flight is worth more than its log, whose loss is told at the end.
     pub fn look(&mut self, run: &mut Run, tick: u64) {
         self.rest.look();
-        let mut inputs = vec![Input::Tick];
-        inputs.extend(self.role.starting().filter(|epoch| run.page.recorder.ready.get() == *epoch).map(Input::Ready));
+        let mut inputs = vec![RoleInput::Tick];
+        inputs
+            .extend(self.role.starting().filter(|epoch| run.page.recorder.ready.get() == *epoch).map(RoleInput::Ready));
         let (recorded, watched) = (run.page.recorded.count(), run.page.watched.count());
-        inputs.push(Input::Progress { done: recorded.into(), samples: watched.into(), excused_ns: 0 });
+        inputs.push(RoleInput::Progress { done: recorded.into(), samples: watched.into(), excused_ns: 0 });
         let swaps = &run.scenario.swap;
         self.begun.resize(swaps.len(), false);
         let from = |i: &usize| swaps[*i].ticks(run.scenario.sample_s()).from;
@@ -106,7 +107,7 @@ impl Archive {
         let first = (0..swaps.len()).filter(ours).min_by_key(from);
         if let Some(swap) = first.filter(|i| tick >= from(i) && !self.role.is_busy() && !self.role.given_up()) {
             self.begun[swap] = true;
-            inputs.push(Input::SwapRequested(swap));
+            inputs.push(RoleInput::SwapRequested(swap));
         }
         for input in inputs {
             self.on(run, tick, input);
@@ -155,7 +156,7 @@ impl Archive {
     }
 
     /// Gives `input` to the role, and carries out its actions.
-    fn on(&mut self, run: &mut Run, tick: u64, input: Input) {
+    fn on(&mut self, run: &mut Run, tick: u64, input: RoleInput) {
         let now = Now { ns: self.started.elapsed().as_nanos() as u64, tick };
         let mut inputs = VecDeque::from([input]);
         while let Some(input) = inputs.pop_front() {
@@ -165,7 +166,7 @@ impl Archive {
                         if let Err(error) = self.spawn(run, epoch, origin) {
                             let why = format!("{error:#}");
                             eprint_line(&format!("error: {why}"));
-                            inputs.push_back(Input::NotStarted(epoch, why));
+                            inputs.push_back(RoleInput::NotStarted(epoch, why));
                         }
                     }
                     Action::Signal(epoch, signal) => run.children.signal(None, epoch, unix(signal)),
@@ -174,7 +175,7 @@ impl Archive {
                         run.page.recorded.raise(run.page.watched.count()); // it never gets what was sent before it came
                         self.active = epoch;
                         self.rest.end();
-                        inputs.push_back(Input::Activated(epoch));
+                        inputs.push_back(RoleInput::Activated(epoch));
                     }
                     Action::Vacate(epoch) => {
                         run.page.recorder.assign(0, |work| work.without(epoch));
@@ -256,7 +257,7 @@ mod tests {
     use super::*;
     use crate::event::What;
     use crate::log::LogWriter;
-    use crate::roles::role::{Input, Now};
+    use crate::roles::role::{Now, RoleInput};
     use contract::message::{Message, Stamp, State};
     use rustix::pipe::{PipeFlags, pipe_with};
     use std::fs::File;
@@ -276,7 +277,7 @@ mod tests {
             archive.keep(epoch, reads);
         }
         for swap in 1..newest as usize {
-            archive.role.on(Now { ns: 0, tick: 0 }, Input::SwapRequested(swap));
+            archive.role.on(Now { ns: 0, tick: 0 }, RoleInput::SwapRequested(swap));
         }
         archive
     }
@@ -324,7 +325,7 @@ mod tests {
         let mut archive = archive(&path, 2);
         let never = Policy { restart_ns: vec![], ..Policy::recorder(&Scenario::default().supervision) };
         archive.role = Role::new(RECORDER, never);
-        archive.role.on(Now { ns: 0, tick: 0 }, Input::Exited(1));
+        archive.role.on(Now { ns: 0, tick: 0 }, RoleInput::Exited(1));
         let error = archive.outcome(0, &Scenario::default(), &[], 0, 0).error;
         assert_eq!(error.as_deref(), Some("nobody was left to record the flight"));
     }

@@ -17,7 +17,7 @@ use crate::log::Record;
 use crate::roles::driver::{Driver, Order};
 use crate::roles::lockstep::Lockstep;
 use crate::roles::realtime::Realtime;
-use crate::roles::role::{Action, Input, Signal};
+use crate::roles::role::{Action, RoleInput, Signal};
 
 pub struct Run {
     pub domain: Domain,
@@ -64,7 +64,7 @@ impl Run {
     }
 
     /// Gives `input`, seen of a process of a node, to its role, and carries out the orders.
-    pub fn on(&mut self, topic: Topic, input: Input) {
+    pub fn on(&mut self, topic: Topic, input: RoleInput) {
         let orders = self.driver.on(&self.scenario, topic, input);
         self.carry_out(orders);
     }
@@ -115,7 +115,7 @@ impl Run {
         if let Err(error) = started {
             let why = format!("{error:#}");
             eprint_line(&format!("error: {why}"));
-            self.on(topic, Input::NotStarted(epoch, why));
+            self.on(topic, RoleInput::NotStarted(epoch, why));
         }
     }
 }

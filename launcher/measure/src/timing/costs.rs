@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use contract::message::Controls;
 use runtime::domain::Hold;
-use runtime::port::{Bus, MIN_OBSERVER_DEPTH, Receive};
+use runtime::port::{Bus, MIN_OBSERVER_DEPTH, ReceivePort};
 use runtime::realtime::{now_ns, thread_cpu_ns};
 use runtime::timed;
 use serde::Serialize;
@@ -53,8 +53,9 @@ impl Costs {
         let receivers = [bus.receiver::<Controls>(2)?, bus.receiver::<Controls>(2)?];
         let message = Controls::default();
         let send = || timed(|| _ = black_box(sender.send(&message))).1;
-        let take =
-            |receiver: &Rc<dyn Receive<_>>| _ = receiver.receive(&mut |message: &Controls, _| _ = black_box(*message));
+        let take = |receiver: &Rc<dyn ReceivePort<_>>| {
+            _ = receiver.receive(&mut |message: &Controls, _| _ = black_box(*message));
+        };
         let receive = || timed(|| receivers.iter().for_each(take)).1;
         let (mut sends, mut receives) = (vec![], vec![]);
         for _ in 0..BATCHES {

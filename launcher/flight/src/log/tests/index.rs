@@ -17,11 +17,11 @@ fn write(path: &Path) {
         if tick % 1000 == 0 {
             for topic in [Topic::State, Topic::Controls] {
                 let origin = Origin { epoch: 1, done: tick + 1 };
-                log.memory(&Memory::new(tick, topic, origin, &[tick, 1])).unwrap();
+                log.write_memory(&Memory::new(tick, topic, origin, &[tick, 1])).unwrap();
             }
         }
         if tick % 1700 == 3 {
-            log.event(&Event::new(tick, "mixer", 1, What::Died)).unwrap();
+            log.write_event(&Event::new(tick, "mixer", 1, What::Died)).unwrap();
         }
     }
     log.write(&state(7).with_checksum().into()).unwrap();

@@ -37,13 +37,13 @@ fn after_failures(ends_ms: &[u64]) -> Role {
     let mut role = Role::new("mixer", policy(true));
     for end_ms in ends_ms {
         let active = role.active().expect("a process is active");
-        role.on(now(*end_ms), Input::Exited(active));
+        role.on(now(*end_ms), RoleInput::Exited(active));
         let restart_ns = role.due_ns().expect("another is to be started");
         let at = Now { ns: restart_ns, tick: 0 };
-        role.on(at, Input::Tick);
+        role.on(at, RoleInput::Tick);
         let epoch = role.starting().expect("another was started");
-        role.on(at, Input::Ready(epoch));
-        role.on(at, Input::Activated(epoch));
+        role.on(at, RoleInput::Ready(epoch));
+        role.on(at, RoleInput::Activated(epoch));
     }
     role
 }
@@ -51,45 +51,45 @@ fn after_failures(ends_ms: &[u64]) -> Role {
 #[test]
 fn an_exit_is_followed_by_another_process() {
     let mut role = Role::new("mixer", policy(true));
-    let actions = role.on(now(100), Input::Exited(1));
+    let actions = role.on(now(100), RoleInput::Exited(1));
     assert_eq!(told(&actions), [(1, What::Died)]);
     assert_eq!(done(actions), [Action::Vacate(1)]);
     assert_eq!(role.due_ns(), Some(100 * MS), "at once");
-    let actions = role.on(now(100), Input::Tick);
+    let actions = role.on(now(100), RoleInput::Tick);
     assert_eq!(told(&actions), [(2, What::Started)]);
     assert_eq!(done(actions), [Action::Spawn(2, None)]);
-    assert_eq!(role.on(now(125), Input::Ready(2)), [Action::Activate(2)]);
-    assert_eq!(told(&role.on(now(130), Input::Activated(2))), [(2, What::TookOver)]);
+    assert_eq!(role.on(now(125), RoleInput::Ready(2)), [Action::Activate(2)]);
+    assert_eq!(told(&role.on(now(130), RoleInput::Activated(2))), [(2, What::TookOver)]);
 }
 
 #[test]
 fn waits_grow_and_the_fourth_failure_in_the_window_is_the_last() {
     for (ends, wait_ms) in [(&[][..], 0), (&[100], 50), (&[100, 200], 100)] {
         let mut role = after_failures(ends);
-        role.on(now(400), Input::Exited(role.active().unwrap()));
+        role.on(now(400), RoleInput::Exited(role.active().unwrap()));
         assert_eq!(role.due_ns(), Some((400 + wait_ms) * MS), "after {ends:?}");
     }
     let mut role = after_failures(&[100, 200, 300]);
-    assert_eq!(told(&role.on(now(500), Input::Exited(4))), [(4, What::Died), (4, What::GivenUp)]);
+    assert_eq!(told(&role.on(now(500), RoleInput::Exited(4))), [(4, What::Died), (4, What::GivenUp)]);
     assert!(role.given_up() && role.due_ns().is_none());
     let mut role = after_failures(&[100, 200, 300]);
-    assert_eq!(told(&role.on(now(600), Input::Exited(4))), [(4, What::Died)], "the first is out of the window");
+    assert_eq!(told(&role.on(now(600), RoleInput::Exited(4))), [(4, What::Died)], "the first is out of the window");
 }
 
 #[test]
 fn a_fault_that_kills_keeps_the_program_from_being_started_until_it_is_over() {
     let mut role = Role::new("mixer", policy(true));
-    assert_eq!(role.on(now(100), Input::Kill(400 * MS)), [Action::Signal(1, Signal::Kill)]);
-    role.on(now(102), Input::Exited(1));
+    assert_eq!(role.on(now(100), RoleInput::Kill(400 * MS)), [Action::Signal(1, Signal::Kill)]);
+    role.on(now(102), RoleInput::Exited(1));
     assert_eq!(role.due_ns(), Some(400 * MS));
-    assert_eq!(role.on(now(399), Input::Tick), []);
-    assert_eq!(done(role.on(now(400), Input::Tick)), [Action::Spawn(2, None)]);
+    assert_eq!(role.on(now(399), RoleInput::Tick), []);
+    assert_eq!(done(role.on(now(400), RoleInput::Tick)), [Action::Spawn(2, None)]);
 }
 
 #[test]
 fn a_process_hangs_after_the_limit_if_samples_wait_for_it() {
     let mut role = Role::new("mixer", policy(true));
-    let progress = |done, samples| Input::Progress { done, samples, excused_ns: 0 };
+    let progress = |done, samples| RoleInput::Progress { done, samples, excused_ns: 0 };
     role.on(now(42), progress(5, 5));
     assert_eq!(role.hangs_at_ns(10 * MS, 0), Some(70 * MS));
     assert_eq!(role.on(now(69), progress(5, 7)), [], "two samples are not enough");
@@ -97,14 +97,14 @@ fn a_process_hangs_after_the_limit_if_samples_wait_for_it() {
     let actions = role.on(now(71), progress(5, 8));
     assert_eq!(told(&actions), [(1, What::Hung)]);
     assert_eq!(done(actions), [Action::Signal(1, Signal::Kill), Action::Vacate(1)]);
-    assert_eq!(role.on(now(72), Input::Exited(1)), [Action::Vacate(1)], "its end is no news");
-    assert_eq!(done(role.on(now(72), Input::Tick)), [Action::Spawn(2, None)]);
+    assert_eq!(role.on(now(72), RoleInput::Exited(1)), [Action::Vacate(1)], "its end is no news");
+    assert_eq!(done(role.on(now(72), RoleInput::Tick)), [Action::Spawn(2, None)]);
 }
 
 #[test]
 fn time_in_which_the_driver_did_not_run_counts_against_no_process() {
     let mut role = Role::new("mixer", policy(true));
-    let progress = |samples, excused_ns| Input::Progress { done: 5, samples, excused_ns };
+    let progress = |samples, excused_ns| RoleInput::Progress { done: 5, samples, excused_ns };
     role.on(now(42), progress(5, 0));
     assert_eq!(role.on(now(96), progress(10, 50 * MS)), []);
     assert_eq!(told(&role.on(now(112), progress(12, 0))), [(1, What::Hung)]);
@@ -113,12 +113,12 @@ fn time_in_which_the_driver_did_not_run_counts_against_no_process() {
 #[test]
 fn a_process_that_is_not_ready_in_time_is_replaced() {
     let mut role = Role::new("mixer", policy(true));
-    role.on(now(100), Input::Exited(1));
-    role.on(now(100), Input::Tick);
-    let actions = role.on(now(1101), Input::Tick);
+    role.on(now(100), RoleInput::Exited(1));
+    role.on(now(100), RoleInput::Tick);
+    let actions = role.on(now(1101), RoleInput::Tick);
     assert_eq!(told(&actions), [(2, What::Hung)]);
     assert_eq!(
-        done(role.on(now(1101), Input::Tick)),
+        done(role.on(now(1101), RoleInput::Tick)),
         [Action::Spawn(3, None)],
         "the first failure is out of the window"
     );
@@ -127,8 +127,8 @@ fn a_process_that_is_not_ready_in_time_is_replaced() {
 /// Returns a role with a candidate on standby, epoch 2, that came with swap 7.
 fn contest() -> Role {
     let mut role = Role::new("mixer", policy(true));
-    assert_eq!(done(role.on(now(100), Input::SwapRequested(7))), [Action::Spawn(2, Some(7))]);
-    let actions = role.on(now(125), Input::Ready(2));
+    assert_eq!(done(role.on(now(100), RoleInput::SwapRequested(7))), [Action::Spawn(2, Some(7))]);
+    let actions = role.on(now(125), RoleInput::Ready(2));
     assert_eq!(told(&actions), [(2, What::OnStandby)]);
     assert_eq!(done(actions), [Action::Standby(2)]);
     assert_eq!(role.swap_on_trial(), Some(7));
@@ -138,8 +138,8 @@ fn contest() -> Role {
 /// Returns the role of `contest` after the hand-over.
 fn handed_over() -> Role {
     let mut role = contest();
-    assert_eq!(role.on(now(200), Input::Ruled(Ruling::HandOver, String::new())), [Action::Activate(2)]);
-    role.on(now(200), Input::Activated(2));
+    assert_eq!(role.on(now(200), RoleInput::Ruled(Ruling::HandOver, String::new())), [Action::Activate(2)]);
+    role.on(now(200), RoleInput::Activated(2));
     assert_eq!((role.active(), role.contest().map(|c| c.handed_over)), (Some(2), Some(true)));
     role
 }
@@ -147,42 +147,42 @@ fn handed_over() -> Role {
 #[test]
 fn a_kept_candidate_is_restarted_with_its_own_program() {
     let mut role = handed_over();
-    let actions = role.on(now(300), Input::Ruled(Ruling::Keep, "well".into()));
+    let actions = role.on(now(300), RoleInput::Ruled(Ruling::Keep, "well".into()));
     assert_eq!(told(&actions), [(2, What::Kept)]);
     assert_eq!(done(actions), [Action::Signal(1, Signal::Kill), Action::Vacate(1)]);
-    assert_eq!(role.on(now(301), Input::Exited(1)), [Action::Vacate(1)]);
-    role.on(now(400), Input::Exited(2));
-    assert_eq!(done(role.on(now(400), Input::Tick)), [Action::Spawn(3, Some(7))]);
+    assert_eq!(role.on(now(301), RoleInput::Exited(1)), [Action::Vacate(1)]);
+    role.on(now(400), RoleInput::Exited(2));
+    assert_eq!(done(role.on(now(400), RoleInput::Tick)), [Action::Spawn(3, Some(7))]);
 }
 
 #[test]
 fn a_candidate_that_is_rejected_leaves_the_active_process_alone() {
     let mut role = contest();
-    let actions = role.on(now(150), Input::Ruled(Ruling::Reject, "late".into()));
+    let actions = role.on(now(150), RoleInput::Ruled(Ruling::Reject, "late".into()));
     assert_eq!(told(&actions), [(2, What::Rejected)]);
     assert_eq!(done(actions), [Action::Signal(2, Signal::Kill), Action::Vacate(2)]);
     assert!(role.is_alone(1));
-    assert_eq!(role.on(now(151), Input::Exited(2)), [Action::Vacate(2)]);
+    assert_eq!(role.on(now(151), RoleInput::Exited(2)), [Action::Vacate(2)]);
 }
 
 #[test]
 fn messages_of_a_returned_candidate_are_delivered_until_the_old_one_is_active() {
     let mut role = handed_over();
-    let actions = role.on(now(250), Input::Ruled(Ruling::Return, "tilt".into()));
+    let actions = role.on(now(250), RoleInput::Ruled(Ruling::Return, "tilt".into()));
     assert_eq!(told(&actions), [(2, What::Returned)]);
     assert_eq!(done(actions), [Action::Signal(2, Signal::Kill), Action::Activate(1)]);
-    role.on(now(260), Input::Activated(1));
+    role.on(now(260), RoleInput::Activated(1));
     assert!(role.is_alone(1));
 }
 
 #[test]
 fn a_dead_candidate_returns_the_role_and_a_trial_goes_on_when_the_old_one_dies() {
     let mut role = handed_over();
-    let actions = role.on(now(250), Input::Exited(2));
+    let actions = role.on(now(250), RoleInput::Exited(2));
     assert_eq!(told(&actions), [(2, What::Died), (2, What::Returned)]);
     assert_eq!(done(actions), [Action::Vacate(2), Action::Activate(1)]);
     let mut role = contest();
-    let actions = role.on(now(150), Input::Exited(1));
+    let actions = role.on(now(150), RoleInput::Exited(1));
     assert_eq!(done(actions), [Action::Vacate(1), Action::Activate(2)], "the candidate is better than none");
     assert_eq!(role.contest().map(|contest| contest.old), Some(None));
 }
@@ -190,21 +190,21 @@ fn a_dead_candidate_returns_the_role_and_a_trial_goes_on_when_the_old_one_dies()
 #[test]
 fn a_candidate_that_is_not_ready_when_the_active_process_dies_is_not_waited_for() {
     let mut role = Role::new("mixer", policy(true));
-    role.on(now(100), Input::SwapRequested(0));
-    let actions = role.on(now(110), Input::Exited(1));
+    role.on(now(100), RoleInput::SwapRequested(0));
+    let actions = role.on(now(110), RoleInput::Exited(1));
     assert_eq!(told(&actions), [(1, What::Died), (2, What::Rejected)]);
-    assert_eq!(done(role.on(now(110), Input::Tick)), [Action::Spawn(3, None)]);
+    assert_eq!(done(role.on(now(110), RoleInput::Tick)), [Action::Spawn(3, None)]);
 }
 
 #[test]
 fn a_recorder_takes_over_when_it_is_ready_and_the_one_before_leaves_by_itself() {
     let mut role = Role::new("recorder", policy(false));
-    role.on(now(100), Input::SwapRequested(3));
-    assert_eq!(role.on(now(200), Input::Ready(2)), [Action::Activate(2)]);
-    assert_eq!(told(&role.on(now(200), Input::Activated(2))), [(2, What::TookOver)]);
-    assert_eq!(role.on(now(201), Input::Exited(1)), [Action::Vacate(1)]);
-    role.on(now(300), Input::Exited(2));
-    assert_eq!(done(role.on(now(300), Input::Tick)), [Action::Spawn(3, None)], "the program before it follows");
+    role.on(now(100), RoleInput::SwapRequested(3));
+    assert_eq!(role.on(now(200), RoleInput::Ready(2)), [Action::Activate(2)]);
+    assert_eq!(told(&role.on(now(200), RoleInput::Activated(2))), [(2, What::TookOver)]);
+    assert_eq!(role.on(now(201), RoleInput::Exited(1)), [Action::Vacate(1)]);
+    role.on(now(300), RoleInput::Exited(2));
+    assert_eq!(done(role.on(now(300), RoleInput::Tick)), [Action::Spawn(3, None)], "the program before it follows");
 }
 
 #[test]
@@ -227,8 +227,8 @@ fn policy_settings() -> Supervision {
 #[test]
 fn only_the_active_process_can_be_found_disconnected() {
     let mut role = contest();
-    assert_eq!(role.on(now(130), Input::Disconnected(2, "no port".into())), []);
-    let actions = role.on(now(131), Input::Disconnected(1, "no port".into()));
+    assert_eq!(role.on(now(130), RoleInput::Disconnected(2, "no port".into())), []);
+    let actions = role.on(now(131), RoleInput::Disconnected(1, "no port".into()));
     assert_eq!(told(&actions), [(1, What::Hung)]);
 }
 
@@ -238,24 +238,24 @@ fn alone_busy_and_due_follow_the_state_of_the_role() {
     assert!(fresh.is_alone(1) && !fresh.is_alone(2) && !fresh.is_busy() && !fresh.has_candidate());
     assert_eq!((fresh.due_ns(), fresh.hangs_at_ns(10 * MS, 5 * MS)), (None, Some(25 * MS)));
     let mut swapping = fresh.clone();
-    swapping.on(now(100), Input::SwapRequested(7));
+    swapping.on(now(100), RoleInput::SwapRequested(7));
     assert!(swapping.has_candidate() && swapping.is_busy() && swapping.is_alone(1));
     assert_eq!(swapping.due_ns(), Some(1100 * MS + 1), "when it counts as hung");
     assert!(swapping.may_swap().is_err());
     let trial = contest();
     assert!(!trial.is_alone(1) && trial.has_candidate() && trial.is_busy() && trial.due_ns().is_none());
     let mut restarting = fresh;
-    restarting.on(now(100), Input::Exited(1));
+    restarting.on(now(100), RoleInput::Exited(1));
     assert!(restarting.is_busy(), "another is about to be started");
-    restarting.on(now(100), Input::Tick);
+    restarting.on(now(100), RoleInput::Tick);
     assert!(!restarting.has_candidate() && restarting.is_busy());
-    restarting.on(now(125), Input::Ready(2));
+    restarting.on(now(125), RoleInput::Ready(2));
     assert!(restarting.is_busy() && restarting.may_swap().is_err(), "it is ready and not active yet");
 }
 
 #[test]
 fn a_ruling_that_does_not_fit_the_trial_changes_nothing() {
-    let ruled = |role: &Role, ruling| role.clone().on(now(210), Input::Ruled(ruling, String::new()));
+    let ruled = |role: &Role, ruling| role.clone().on(now(210), RoleInput::Ruled(ruling, String::new()));
     for ruling in [Ruling::Keep, Ruling::Return] {
         assert_eq!(ruled(&contest(), ruling), []);
     }
@@ -267,25 +267,25 @@ fn a_ruling_that_does_not_fit_the_trial_changes_nothing() {
 #[test]
 fn a_recorder_that_dies_before_any_swap_is_followed_by_its_own_program() {
     let mut role = Role::new("recorder", policy(false));
-    role.on(now(100), Input::Exited(1));
-    assert_eq!(done(role.on(now(100), Input::Tick)), [Action::Spawn(2, None)]);
+    role.on(now(100), RoleInput::Exited(1));
+    assert_eq!(done(role.on(now(100), RoleInput::Tick)), [Action::Spawn(2, None)]);
 }
 
 #[test]
 fn the_exit_of_a_rejected_candidate_is_no_failure() {
     let mut role = contest();
-    role.on(now(150), Input::Ruled(Ruling::Reject, String::new()));
-    role.on(now(160), Input::Exited(1));
-    role.on(now(160), Input::Exited(2));
-    assert_eq!(done(role.on(now(160), Input::Tick)), [Action::Spawn(3, None)]);
-    role.on(now(170), Input::Exited(3));
+    role.on(now(150), RoleInput::Ruled(Ruling::Reject, String::new()));
+    role.on(now(160), RoleInput::Exited(1));
+    role.on(now(160), RoleInput::Exited(2));
+    assert_eq!(done(role.on(now(160), RoleInput::Tick)), [Action::Spawn(3, None)]);
+    role.on(now(170), RoleInput::Exited(3));
     assert_eq!(role.due_ns(), Some(220 * MS), "the second failure of the window");
 }
 
 #[test]
 fn a_process_hangs_by_unanswered_samples_and_not_by_a_lack_of_samples() {
     let mut role = Role::new("mixer", policy(true));
-    let progress = |done, samples| Input::Progress { done, samples, excused_ns: 0 };
+    let progress = |done, samples| RoleInput::Progress { done, samples, excused_ns: 0 };
     role.on(now(10), progress(5, 5));
     role.on(now(500), progress(5, 5));
     assert_eq!(role.on(now(515), progress(5, 9)), [], "nothing waited for it until 500 ms");
@@ -350,10 +350,10 @@ impl World {
                     return;
                 }
                 let epoch = self.living.remove(i);
-                Input::Exited(epoch)
+                RoleInput::Exited(epoch)
             }
             Happening::Ready => match self.role.starting().filter(|epoch| self.living.contains(epoch)) {
-                Some(epoch) => Input::Ready(epoch),
+                Some(epoch) => RoleInput::Ready(epoch),
                 None => return,
             },
             Happening::Boundary => match self.pending.take() {
@@ -361,25 +361,25 @@ impl World {
                     self.standby = self.active.filter(|_| self.standby == Some(epoch)).or(self.standby);
                     self.standby.take_if(|standby| *standby == epoch);
                     self.active = Some(epoch);
-                    Input::Activated(epoch)
+                    RoleInput::Activated(epoch)
                 }
                 None => return,
             },
-            Happening::Swap => Input::SwapRequested(0),
-            Happening::Rule(ruling) => Input::Ruled(ruling, String::new()),
-            Happening::Silence => Input::Disconnected(self.active.unwrap_or(0), String::new()),
-            Happening::Fault => Input::Kill((self.ms + 100) * MS),
+            Happening::Swap => RoleInput::SwapRequested(0),
+            Happening::Rule(ruling) => RoleInput::Ruled(ruling, String::new()),
+            Happening::Silence => RoleInput::Disconnected(self.active.unwrap_or(0), String::new()),
+            Happening::Fault => RoleInput::Kill((self.ms + 100) * MS),
             Happening::Pass(ms) => {
                 self.ms += ms;
-                Input::Tick
+                RoleInput::Tick
             }
         };
         self.on(input);
-        self.on(Input::Tick);
+        self.on(RoleInput::Tick);
         self.check();
     }
 
-    fn on(&mut self, input: Input) {
+    fn on(&mut self, input: RoleInput) {
         let given_up = self.role.given_up();
         for action in self.role.on(now(self.ms), input) {
             match action {

@@ -39,7 +39,7 @@ fn end(epoch: u32) -> Order {
 impl Simulated {
     /// Ends process `epoch` of attitude-mpc before it answers to `tick`.
     fn lost(&mut self, epoch: u32, tick: u64) {
-        self.exited(CONTROLS, epoch, tick, Input::Exited(epoch));
+        self.exited(CONTROLS, epoch, tick, RoleInput::Exited(epoch));
     }
 }
 
