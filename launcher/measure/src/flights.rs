@@ -74,7 +74,7 @@ impl<'a> Started<'a> {
         let flown = self.stack.fly(interrupts, observe, |_| tick());
         match flown.ended {
             Ended::Interrupted => bail!(StartError::Interrupted),
-            Ended::Unseen(what) => bail!(StartError::Lost(what)),
+            Ended::Unseen(what) => bail!(StartError::LostInFlight(what)),
             Ended::Flown | Ended::Lost(_) | Ended::Late(_) => Ok((summary, flown)),
         }
     }
@@ -88,7 +88,8 @@ impl<'a> Started<'a> {
     ) -> anyhow::Result<(Summary, Flown)> {
         let (summary, flown) = self.fly(interrupts, watch, tick)?;
         match flown.ended {
-            Ended::Lost(name) | Ended::Late(name) => bail!(StartError::Lost(format!("lost {name}"))),
+            Ended::Lost(name) => bail!(StartError::LostInFlight(name)),
+            Ended::Late(name) => bail!(StartError::LostInFlight(format!("{name} missed its deadline"))),
             _ => Ok((summary, flown)),
         }
     }

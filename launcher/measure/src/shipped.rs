@@ -12,13 +12,15 @@ use outcome::target::Target;
 use toml::Value;
 
 /// Paths in the repository, and contents.
-const FILES: [(&str, &str); 12] = [
+const FILES: [(&str, &str); 14] = [
     ("campaigns/aggressive.toml", include_str!("../../../campaigns/aggressive.toml")),
+    ("campaigns/brought-down.toml", include_str!("../../../campaigns/brought-down.toml")),
     ("campaigns/conditions.toml", include_str!("../../../campaigns/conditions.toml")),
     ("campaigns/conditions-estimated.toml", include_str!("../../../campaigns/conditions-estimated.toml")),
     ("campaigns/laws.toml", include_str!("../../../campaigns/laws.toml")),
     ("campaigns/sensitivity-paper.toml", include_str!("../../../campaigns/sensitivity-paper.toml")),
     ("campaigns/sensitivity-robust.toml", include_str!("../../../campaigns/sensitivity-robust.toml")),
+    ("scenarios/take-off-and-land.toml", include_str!("../../../scenarios/take-off-and-land.toml")),
     ("scenarios/fast-legs.toml", include_str!("../../../scenarios/fast-legs.toml")),
     ("scenarios/aggressive/step.toml", include_str!("../../../scenarios/aggressive/step.toml")),
     ("scenarios/aggressive/upset.toml", include_str!("../../../scenarios/aggressive/upset.toml")),
@@ -90,6 +92,8 @@ impl Flown {
 
 #[cfg(test)]
 mod tests {
+    use outcome::target::Verdict;
+
     use super::*;
 
     #[test]
@@ -98,5 +102,17 @@ mod tests {
             let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(path);
             Plan::new(Campaign::load(&path).unwrap()).unwrap().check().unwrap();
         }
+    }
+
+    #[test]
+    fn the_vehicle_lands_without_a_controller_and_falls_without_a_mixer_or_a_rotor() {
+        let flown = fly("brought-down", Ok).unwrap();
+        for row in 0..flown.flights.rows() {
+            let must_land = ["guidance kill", "attitude-mpc kill"].contains(&flown.text(row, "case"));
+            let sink_mps = flown.number(row, "touchdown_sink_mps");
+            assert_eq!(flown.text(row, "cause"), if must_land { "" } else { "crashed" });
+            assert!(if must_land { sink_mps < 1.0 } else { sink_mps > 10.0 }, "{sink_mps}");
+        }
+        assert!(flown.targets().iter().all(|target| target.verdict == Verdict::Ok));
     }
 }

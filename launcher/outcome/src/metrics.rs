@@ -43,6 +43,16 @@ pub struct Metrics {
     /// Largest true tilt angle in either direction \[deg\].
     #[serde(deserialize_with = "or_nan")]
     pub tilt_max_deg: f64,
+    /// Time of the first touchdown after a flight \[s\]. This metric and the next two are NaN without a touchdown, and in
+    /// a file from before them.
+    #[serde(default = "nan", deserialize_with = "or_nan")]
+    pub touchdown_s: f64,
+    /// Vertical speed one sample before that touchdown, down positive \[m/s\].
+    #[serde(default = "nan", deserialize_with = "or_nan")]
+    pub touchdown_sink_mps: f64,
+    /// Angle between the body z axis and the vertical at that touchdown \[deg\].
+    #[serde(default = "nan", deserialize_with = "or_nan")]
+    pub touchdown_tilt_deg: f64,
     /// Number of commands clipped at a limit.
     pub commands_saturated: u64,
     /// Commands for which (42) or (43) asked for the root of a negative number.

@@ -55,6 +55,9 @@ impl Summary {
                 max_altitude_error_horizontal_m: f64::NAN,
                 max_altitude_error_vertical_m: f64::NAN,
                 rotor_speed_min: f64::INFINITY,
+                touchdown_s: f64::NAN,
+                touchdown_sink_mps: f64::NAN,
+                touchdown_tilt_deg: f64::NAN,
                 ..Metrics::default()
             },
             square_sum_m2: 0.0,
@@ -137,6 +140,15 @@ impl Summary {
             m.rotor_speed_max = m.rotor_speed_max.max(omega);
         }
         m.tilt_max_deg = m.tilt_max_deg.max(state.actuators.tilt_rad.abs().to_degrees());
+        if m.touchdown_s.is_nan()
+            && self.last.status == PlantStatus::Flying as u64
+            && self.samples > 0
+            && touches(state)
+        {
+            m.touchdown_s = t;
+            m.touchdown_sink_mps = self.last.actual.sink_mps();
+            m.touchdown_tilt_deg = state.actual.tilt_rad().to_degrees();
+        }
         self.square_sum_m2 += distance * distance;
         self.samples += 1;
         self.last = *state;
@@ -200,5 +212,39 @@ impl Summary {
     /// Messages the observer missed, by gaps in the sequence numbers.
     pub fn missed(&self) -> u64 {
         self.missed
+    }
+}
+
+/// Returns whether the vehicle touches the ground after a flight.
+fn touches(state: &State) -> bool {
+    use PlantStatus::{Crashed, Landed, Landing, NotLanded, Slid, TippedOver};
+    let touching = [Landing, Landed, Crashed, TippedOver, Slid, NotLanded];
+    PlantStatus::from_wire(state.status).is_some_and(|status| touching.contains(&status))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use contract::message::{Kinematics, Message};
+
+    #[test]
+    fn only_the_first_touchdown_after_a_flight_counts() {
+        use PlantStatus::{Flying, Landing, Standing, TakingOff};
+        let mut summary = Summary::new(&Scenario::default());
+        let course = [(Standing, 0.0), (TakingOff, 0.0), (Flying, 0.5), (Landing, 0.1), (Flying, 0.2), (Landing, 0.0)];
+        for (tick, (status, sink_mps)) in (0..).zip(course) {
+            let actual = Kinematics {
+                velocity_mps: [0.0, 0.0, sink_mps],
+                attitude_rad: [0.1 * tick as f64, 0.0, 0.0],
+                ..Kinematics::default()
+            };
+            let mut state = State { actual, status: status as u64, ..State::default() };
+            (state.stamp.tick, state.stamp.sequence) = (tick, tick + 1);
+            summary.observe(&Record::State(state.with_checksum()));
+        }
+        let Metrics { touchdown_s, touchdown_sink_mps, touchdown_tilt_deg, .. } = summary.metrics();
+        assert!((touchdown_s - 0.03).abs() < 1e-12, "{touchdown_s}");
+        assert!((touchdown_sink_mps - 0.5 * libm::cos(0.2)).abs() < 1e-12, "one sample before");
+        assert!((touchdown_tilt_deg - 0.3_f64.to_degrees()).abs() < 1e-9);
     }
 }

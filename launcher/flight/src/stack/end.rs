@@ -20,12 +20,15 @@ pub enum Ended {
     Unseen(String),
 }
 
-/// Reason why a stack did not come up.
+/// Reason why a stack did not come up, or could not be measured.
 #[derive(Debug, thiserror::Error)]
 pub enum StartError {
     /// A process ended or hung before all had joined.
     #[error("the stack did not come up: {0}")]
     Lost(String),
+    /// A process ended or hung in a flight that cannot be measured without it.
+    #[error("a flight to measure was lost: {0}")]
+    LostInFlight(String),
     #[error("interrupted while the stack was starting")]
     Interrupted,
 }
@@ -34,7 +37,7 @@ impl StartError {
     /// Exit code of a launcher that could not start its stack.
     pub fn exit_code(&self) -> u8 {
         match self {
-            Self::Lost(_) => exit::PROCESS_LOST,
+            Self::Lost(_) | Self::LostInFlight(_) => exit::PROCESS_LOST,
             Self::Interrupted => exit::INTERRUPTED,
         }
     }

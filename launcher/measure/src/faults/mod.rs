@@ -7,14 +7,13 @@
 //! | [`handling`](mod@handling) | reaction of the supervision to a process fault, in lockstep and in real time |
 //! | [`strike`] | processes killed and stopped from outside, in real time |
 //! | [`relay`] | swaps in flight with good and wrong candidates |
-//! | [`brought_down`] | flights over ground that cannot continue, and their ends |
 //!
 //! Every case is `scenarios/faults/hover-gusts.toml` with one fault of the default size from 5 s to 6 s. It is flown in
 //! lockstep, by real processes that really die, and by one thread; both flights must be equal bit for bit. The profile
 //! is the robust one, because the paper's does not survive the gusts, with or without a fault. The paper's profile is
-//! flown with the faults of processes and topics in a calm hover.
+//! flown with the faults of processes and topics in a calm hover. Flights over ground that cannot continue are the
+//! campaign `brought-down.toml`.
 
-pub mod brought_down;
 pub mod case;
 pub mod handling;
 pub mod one_flight;
@@ -28,15 +27,15 @@ use contract::Scenario;
 use contract::scenario::Mode;
 use flight::interrupts::catch_interrupts;
 use outcome::percentiles::median;
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
-use self::brought_down::BroughtDown;
 use self::case::{Case, Promise, hover_in_gusts, hover_of_the_paper};
 use self::handling::{FaultHandling, Handling};
 use self::one_flight::{BACK_M, Course, FaultFlight, QuietFlight, TERMINATE_S, TILT_DEG};
 use self::relay::Relay;
 use self::strike::{Strike, Strikes};
 use crate::findings::Findings;
+use crate::shipped::{self, Flown};
 use outcome::target::Target;
 use view::table::{Table, cell};
 
@@ -56,7 +55,7 @@ pub struct FaultsArgs {
     pub out: Option<PathBuf>,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Serialize)]
 pub struct FaultResults {
     pub rows: Vec<FaultFlight>,
     /// Flights with faults of processes and topics, with the profile paper, in calm.
@@ -66,7 +65,8 @@ pub struct FaultResults {
     /// Process faults in lockstep and in real time.
     pub handling: Vec<FaultHandling>,
     /// Flights over ground that cannot continue.
-    pub brought_down: Vec<BroughtDown>,
+    #[serde(serialize_with = "rows")]
+    pub brought_down: Flown,
     pub relays: Vec<Relay>,
     pub strikes: Strikes,
 }
@@ -95,7 +95,7 @@ impl FaultResults {
             paper,
             quiet: quiet.collect::<Result<_, _>>()?,
             handling,
-            brought_down: BroughtDown::fly_all()?,
+            brought_down: shipped::fly("brought-down", Ok)?,
             relays: Relay::fly_all(if quick { 1 } else { relay::ROUNDS }, interrupts)?,
             strikes: Strikes::measure(if quick { 1 } else { 5 }, interrupts)?,
         })
@@ -113,7 +113,7 @@ fn text(results: &FaultResults) -> String {
     }
     text += &handling(&results.handling).text();
     text.push('\n');
-    text + &BroughtDown::table(&results.brought_down).text()
+    text + &brought_down(&results.brought_down).text()
 }
 
 fn matrix(title: &str, rows: &[FaultFlight]) -> Table {
@@ -153,6 +153,24 @@ fn outcome(row: &FaultFlight) -> String {
     }
 }
 
+fn rows<S: Serializer>(flown: &Flown, serializer: S) -> Result<S::Ok, S::Error> {
+    flown.flights.to_json().serialize(serializer)
+}
+
+fn brought_down(flown: &Flown) -> Table {
+    let cells = |row| {
+        let number = |column, digits| cell(Some(flown.number(row, column)), digits);
+        let [case, verdict, cause] = ["case", "verdict", "cause"].map(|column| flown.text(row, column).to_owned());
+        let touchdown = [("touchdown_s", 2), ("touchdown_tilt_deg", 1), ("touchdown_sink_mps", 2)];
+        [case, verdict, cause].into_iter().chain(touchdown.map(|(column, digits)| number(column, digits))).collect()
+    };
+    Table::new(
+        "Over ground, a fault at 20 s that stays: time of touchdown [s], tilt then [deg], sink rate just before [m/s]",
+        &["fault", "verdict", "cause", "touchdown", "tilt", "sink rate"],
+        (0..flown.flights.rows()).map(cells).collect(),
+    )
+}
+
 fn handling(rows: &[FaultHandling]) -> Table {
     let both = |row: &FaultHandling, of: fn(&Handling) -> Option<f64>| [of(&row.lockstep), of(&row.realtime)];
     let cells = |row: &FaultHandling| {
@@ -182,7 +200,7 @@ fn targets(results: &FaultResults) -> Vec<Target> {
     let other: Vec<&str> = other.map(|row| row.fault.as_str()).collect();
     let figure = format!("of {} process faults: other restarts in real time", results.handling.len());
     targets.push(Target::none(figure, other.len()).noting(other.join(", ")));
-    targets.push(BroughtDown::target(&results.brought_down));
+    targets.extend(results.brought_down.targets());
     targets.extend(results.relays.iter().flat_map(of_a_relay));
     targets.extend(in_real_time(results));
     targets
