@@ -38,6 +38,8 @@ pub struct CycleLoop {
     assigned: bool,
     /// Sample to answer to next.
     next: u64,
+    /// `true` if it has answered to a sample since then; samples before its first answer are no slips.
+    answered: bool,
 }
 
 /// Reason why a process in real time has woken.
@@ -55,7 +57,7 @@ enum Wake {
 
 impl CycleLoop {
     pub(crate) fn new(member: Member, release: Release, patience_ns: u64) -> Self {
-        Self { member, release, patience_ns, assigned: false, next: 0 }
+        Self { member, release, patience_ns, assigned: false, next: 0, answered: false }
     }
 
     /// Sleeps until the node must answer, begins the cycle, and returns the sample to answer to; `None` if the run is
@@ -104,7 +106,7 @@ impl CycleLoop {
         self.release.cycle_done(page.doorbell(*topic));
     }
 
-    fn by_the_timer<M: Message>(&self, period_ns: u64, input: &mut Input<M>) -> Option<u64> {
+    fn by_the_timer<M: Message>(&mut self, period_ns: u64, input: &mut Input<M>) -> Option<u64> {
         while !self.is_over() {
             let (tick, release_ns) = match self.sleep(period_ns, input) {
                 Wake::Input(tick, release_ns) | Wake::Late(tick, release_ns) => (tick, release_ns),
@@ -114,9 +116,10 @@ impl CycleLoop {
                 }
                 Wake::LookAround => continue,
             };
-            if self.next > 0 {
+            if self.answered {
                 self.member.timing.slip(tick.saturating_sub(self.next));
             }
+            self.answered = true;
             self.member.timing.begin(release_ns);
             return Some(tick);
         }
@@ -124,18 +127,19 @@ impl CycleLoop {
     }
 
     /// Sleeps until there is a reason to wake, and returns it.
-    fn sleep<M: Message>(&self, period_ns: u64, input: &mut Input<M>) -> Wake {
-        let Member { page, topic, epoch, .. } = &self.member;
+    fn sleep<M: Message>(&mut self, period_ns: u64, input: &mut Input<M>) -> Wake {
         let now = now_ns();
         let look_around_ns = now + LOOK_AROUND_NS;
+        let rung = self.member.page.doorbell(Topic::State).count(); // before the look, so that no tick is slept through
+        let is_assigned = self.is_assigned();
+        let page = &self.member.page;
         let state_bell = page.doorbell(Topic::State);
-        let rung = state_bell.count(); // before the look, so that a tick after it is not slept through
-        if !page.role(*topic).assignment().includes(*epoch) {
+        if !is_assigned {
             state_bell.wait(rung, look_around_ns); // a process becomes active or standby with a tick
             return Wake::LookAround;
         }
         let origin_ns = page.origin_ns();
-        // The sample that is due next; the present one for a process that slept or has just become active or standby.
+        // The sample that is due next; the present one for a process that slept.
         let present = now.saturating_sub(origin_ns + self.patience_ns) / period_ns;
         let due = self.next.max(present);
         let sample_ns = origin_ns + due * period_ns;
@@ -159,15 +163,8 @@ impl CycleLoop {
 
     fn by_the_barrier(&mut self, upstream: Topic) -> Option<u64> {
         let page = self.member.page.clone();
-        let (own, before) = (page.role(self.member.topic), page.role(upstream));
-        self.wait(Topic::State, |cycle_loop| {
-            let assigned = own.assignment().includes(cycle_loop.member.epoch);
-            if assigned && !cycle_loop.assigned {
-                cycle_loop.next = u64::from(own.since(cycle_loop.member.epoch).get());
-            }
-            cycle_loop.assigned = assigned;
-            assigned && page.samples_taken() > cycle_loop.next
-        })?;
+        let before = page.role(upstream);
+        self.wait(Topic::State, |cycle_loop| cycle_loop.is_assigned() && page.samples_taken() > cycle_loop.next)?;
         self.wait(upstream, |cycle_loop| match before.active() {
             0 => true,
             active => u64::from(before.done(active).get()) > cycle_loop.next,
@@ -190,6 +187,19 @@ impl CycleLoop {
             }
             doorbell.wait(rung, now_ns() + LOOK_AROUND_NS);
         }
+    }
+
+    /// Returns whether this process is active or on standby. One that has just become so begins with the tick that its
+    /// role names.
+    fn is_assigned(&mut self) -> bool {
+        let Member { page, topic, epoch, .. } = &self.member;
+        let role = page.role(*topic);
+        let assigned = role.assignment().includes(*epoch);
+        if assigned && !self.assigned {
+            (self.next, self.answered) = (u64::from(role.since(*epoch).get()), false);
+        }
+        self.assigned = assigned;
+        assigned
     }
 
     fn is_over(&self) -> bool {

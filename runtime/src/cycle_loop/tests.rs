@@ -130,6 +130,25 @@ fn by_the_timer_a_node_answers_without_its_input_when_that_is_late() {
 }
 
 #[test]
+fn by_the_timer_a_process_begins_with_the_tick_of_its_assignment() {
+    let ring = slow_ring(2 * TEN_S_NS + 1_000_000_000);
+    let role = ring.page.role(Topic::Reference);
+    role.offer(2);
+    let mut session = ring.session(Topic::Reference, 2);
+    let mut input = session.input::<State>().unwrap();
+    let mut cycles = session.ready().unwrap();
+    cycles.release = Release::Timer { period_ns: TEN_S_NS };
+    role.set_pending(2);
+    role.activate_pending(2);
+    assert_eq!(cycles.sleep(TEN_S_NS, &mut input), Wake::LookAround, "sample 1 is not its own, and 2 is late in 1 s");
+    ring.page.set_origin_ns(now_ns() - 2 * TEN_S_NS - 2_000_000_001);
+    assert_eq!(cycles.next(&mut input).unwrap(), Some(2));
+    let mut stamp = Stamp::default();
+    cycles.member.timing.report(&mut stamp);
+    assert_eq!(stamp.slips, 0, "samples of the process before it");
+}
+
+#[test]
 fn by_the_timer_slots_that_were_slept_through_are_skipped_and_counted() {
     let ring = slow_ring(3_000_000_000);
     let (mut cycles, mut input) = slow_guidance(&ring);
