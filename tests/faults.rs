@@ -143,7 +143,7 @@ fn a_plant_that_ends_by_itself_ends_the_flight() {
     let fault = "fault=[{at_s=0.3, target=\"plant\", kind=\"exit\"}]";
     let outcome = fly(&["--mode", "realtime", "--no-log", "--set", "run.duration_s=2.0", "--set", fault]);
     assert_eq!(outcome.code(), Some(3), "{}", outcome.stderr);
-    assert!(outcome.stderr.contains("a fault has it end by itself"), "{}", outcome.stderr);
+    assert!(outcome.stderr.contains("a fault `exit` ended this process"), "{}", outcome.stderr);
     assert!(outcome.run()["flown_s"].as_f64().is_some_and(|flown_s| flown_s < 1.0));
 }
 

@@ -2,8 +2,8 @@
 //! it.
 //!
 //! Every limit of the [envelope](crate::envelope) is a row `s = offset + slope . u` with `s >= 0`, except the highest
-//! speed of rotor 1: that is a disc, two rows with `|(s1, s2)| <= 1`. Slacks are in shares of `Omega1max^2`, except
-//! those of a box, which are in shares of its width.
+//! speed of rotor 1: that is a disc, two rows whose slack is `1 - |(s1, s2)|`. Slacks are in shares of `Omega1max^2`,
+//! except those of a box, which are in shares of its width.
 
 use nalgebra::Vector4;
 
@@ -32,7 +32,7 @@ pub struct DemandSet {
 }
 
 impl DemandSet {
-    /// Builds the exact set of the actuators.
+    /// Builds the exact set of the demands that the actuators can meet.
     pub fn exact(envelope: &Envelope) -> Self {
         let [max1, max2, max3] = envelope.limits.rotor_speed_max.map(|omega| omega * omega);
         let idle = envelope.limits.rotor_speed_min * envelope.limits.rotor_speed_min;

@@ -103,7 +103,7 @@ struct Cluster {
     detach: bool,
 }
 
-/// Parses a whole number above 0; the error of clap's own range would name the largest number of the type.
+/// Parses a whole number above 0. Clap's own range is not used, because its error names the largest number of the type.
 fn one_or_more<T: FromStr + PartialOrd + From<u8>>(text: &str) -> Result<T, String> {
     text.parse().ok().filter(|number| *number >= T::from(1)).ok_or_else(|| "give a whole number, 1 or more".to_owned())
 }
@@ -141,7 +141,7 @@ impl What {
         self.out.clone().unwrap_or_else(|| Path::new("runs").join(plan.campaign.name()))
     }
 
-    /// Returns the command that flies one of its flights again; only the number is to be added.
+    /// Returns the command that flies one flight of this campaign again; the caller appends the number.
     fn again(&self) -> String {
         let out = self.out.as_ref().map_or(String::new(), |out| format!(" --out {}", out.display()));
         format!("launcher campaign {}{out} --only", self.file.display())

@@ -54,7 +54,7 @@ fn misfit(run: &Path) -> Option<&'static str> {
         () if run.symlink_metadata().is_err() => Some("is not there"),
         () if run.is_dir() && has(LOG) => None,
         () if has("layout.toml") => Some(
-            "is the folder of a campaign, whose flights have no logs; `launcher campaign FILE --only N` flies one with its log",
+            "is the folder of a campaign, whose flights have no logs; `launcher campaign FILE --only N` flies flight N again and writes its log",
         ),
         () if has("run.json") => Some("is a run without a log, flown with --no-log"),
         () if run.is_dir() => Some("is a folder without a log"),
@@ -74,7 +74,7 @@ fn is_log(path: &Path) -> bool {
     file.read_exact(&mut head).is_ok() && head == *b"\x89MCAP0\r\n"
 }
 
-/// Finds the run whose log was written last, in `place`, in its folder `runs`, or in `runs` here; `None` without any.
+/// Finds the run with the newest log in `place`, `place/runs` and `./runs`; `None` if there is none.
 fn newest(place: &Path) -> Option<PathBuf> {
     let folders = [place.to_owned(), place.join("runs"), PathBuf::from("runs")];
     let runs =

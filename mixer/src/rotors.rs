@@ -59,7 +59,7 @@ pub struct Rotors {
     hover: [f64; 3],
 }
 
-/// Evidence of the samples so far on dead rotors.
+/// Evidence for dead rotors, from the samples so far.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Evidence {
@@ -96,7 +96,7 @@ impl Rotors {
     }
 
     /// Updates the evidence by a sample `elapsed_s` after the one before, from the measurements at both and the command
-    /// in force between. A gap that is too long, or numbers that overflow, reset it.
+    /// in force between them. A gap that is too long, or numbers that overflow, reset the evidence.
     pub fn observe(
         &self,
         before: &Evidence,

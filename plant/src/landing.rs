@@ -6,6 +6,9 @@
 //!                                      +--------------------------rotors above idle--------------------------+
 //! ```
 //!
+//! From every phase the vehicle flies when no foot is down any more, and a take-off that stays on the ground ends
+//! standing.
+//!
 //! A vehicle has landed if it [is at rest](contract::rest) for a second with all feet on the ground and its rotors no
 //! faster than idle, and has slid no farther than `plant.ground.max_slide_m` since it last stood. The vehicle itself
 //! relies on the mixer's land detector.
@@ -16,10 +19,10 @@ use contract::rest::{Rest, is_at_rest};
 
 use crate::memory::Tape;
 
-/// Multiple of the idle speed up to which a rotor idles, because a lag reaches the idle speed only asymptotically.
+/// Multiple of the idle speed up to which a rotor counts as idling: with its lag it only approaches that speed.
 const IDLES: f64 = 1.1;
 
-/// Phase between standing and standing again.
+/// Phase of a flight, from standing to landed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Phase {
     Standing,

@@ -3,13 +3,14 @@
 //! ```text
 //! scenario, fault table --once a tick--> schedule --> link      changed and lost messages (crate::link)
 //!                                                 --> slow      the message is delayed
-//!                                                 --> offset    the process reads another time
-//!                                                 --> exit, hog the process ends, or burns its processor
+//!                                                 --> offset    the process reads a shifted clock
+//!                                                 --> exit, hog the process ends, or occupies its processor
 //!                                                 --> the node's core (vehicle, sensors, solver): new faults
 //! ```
 //!
 //! An exit or a hog affects the process that works on the tick on which it begins, and none that is started later. In
-//! lockstep and in process the launcher carries out those of the run, and a process only those of its own settings.
+//! lockstep and in process the launcher carries out the exits and hogs of the run, and a process only those that its
+//! own settings add.
 //!
 //! The offset of a clock shifts the time that the process reads for its stamps and for the check of its own deadline,
 //! and nothing else. The kernel and the other processes decide when it is woken.

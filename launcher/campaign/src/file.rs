@@ -17,7 +17,7 @@
 //! plant.airframe.mass_kg = { uniform = [1.0, 1.3] }            # drawn
 //! initial.attitude_deg.0 = { normal = { mean = 0.0, deviation = 10.0 } }   # one element of an array
 //!
-//! [case.step]                        # each flight is flown in each case: settings, on top of a scenario of its own
+//! [case.step]                        # each flight is flown in each case: a scenario of its own, and settings
 //! scenario = "step.toml"
 //!
 //! [controller.lqr]                   # each flight is flown under each controller
@@ -278,7 +278,9 @@ impl Campaign {
         }
         match (self.file.samples, drawn > 0 || self.file.random_faults.is_some()) {
             (Some(0), _) => bail!("`samples` = 0: give how often to draw, 1 or more"),
-            (Some(samples), _) if samples > MAX_SAMPLES => bail!("`samples` = {samples}: {MAX_SAMPLES} are the most"),
+            (Some(samples), _) if samples > MAX_SAMPLES => {
+                bail!("`samples` = {samples} is too many: at most {MAX_SAMPLES}")
+            }
             (None, true) => {
                 bail!("something is drawn, but not how often: give `samples`, for instance `samples = 100`")
             }
@@ -350,8 +352,21 @@ fn not_a_campaign(origin: &str, text: &str, error: &toml::de::Error) -> anyhow::
 
 /// Returns whether a text has tables of a scenario and none of a campaign.
 fn is_scenario(text: &str) -> bool {
-    const OF_A_CAMPAIGN: [&str; 10] =
-        ["scenario", "seed", "seeds", "samples", "sampling", "settings", "vary", "controller", CASE, "random_faults"];
+    const OF_A_CAMPAIGN: [&str; 13] = [
+        "scenario",
+        "seed",
+        "seeds",
+        "samples",
+        "sampling",
+        "settings",
+        "vary",
+        "controller",
+        "controllers",
+        CASE,
+        "random_faults",
+        "promise",
+        "tune",
+    ];
     let Ok(table) = text.parse::<Table>() else { return false };
     let known = to_toml(&Scenario::default()).parse::<Table>().unwrap_or_default();
     let of_a_scenario = |key: &String| key != "name" && (known.contains_key(key) || key == "fault" || key == "swap");
@@ -364,7 +379,7 @@ fn seeds(seeds: &Seeds) -> anyhow::Result<Wanted> {
         Seeds::Count(count) => Wanted::up_to(SEED, *count),
         Seeds::List(list) => Wanted::listed(SEED, list.iter().map(|seed| Value::Integer((*seed).into())).collect()),
     };
-    ensure!(wanted.count() > 0, "`seeds` without a seed: give how many, 1 or more");
+    ensure!(wanted.count() > 0, "`seeds` is empty: give how many seeds, 1 or more, or a list of them");
     Ok(wanted)
 }
 
@@ -374,7 +389,7 @@ fn check_flights(wanted: &[Wanted], samples: u64, controllers: usize) -> anyhow:
     let flights = counts.fold(1, u64::saturating_mul);
     let most = wanted.iter().max_by_key(|wanted| wanted.count());
     let most = most.map_or(String::new(), |most| format!("; `{}` alone has {} values", most.key, most.count()));
-    ensure!(flights <= MAX_FLIGHTS, "{flights} flights: {MAX_FLIGHTS} are the most{most}");
+    ensure!(flights <= MAX_FLIGHTS, "{flights} flights are too many: at most {MAX_FLIGHTS}{most}");
     Ok(())
 }
 
@@ -476,7 +491,10 @@ mod tests {
                 "is a part of `initial.attitude_deg`",
             ),
             ("[vary]\n'initial.attitude_deg'.0 = [0, 5]\ninitial.attitude_deg.0 = [0, 6]", "varies twice"),
-            ("seeds = 100\n[vary]\nmpc.np = { range = { from = 1, to = 9, steps = 1000000 } }", "are the most"),
+            (
+                "seeds = 100\n[vary]\nmpc.np = { range = { from = 1, to = 9, steps = 1000000 } }",
+                "are too many: at most",
+            ),
             (
                 "[vary]\nmpc.w = { range = { from = 0, to = 1, steps = 4000000000 } }",
                 "`mpc.w` alone has 4000000000 values",

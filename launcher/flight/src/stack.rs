@@ -332,8 +332,9 @@ impl Stack {
             let name = process.name();
             process.awaited = true;
             match wait(&mut process.child, name, LEAVE_LIMIT, interrupts) {
-                // A candidate or standby may leave in any way. One killed on purpose is an event already. One that
-                // broke its budget was named already; another that did so meanwhile changes nothing.
+                // A candidate or standby may leave in any way. A process killed on purpose is in the events already. A
+                // process that broke its timing budget, and so ended the run, was named already; others that break
+                // theirs while they leave do not matter.
                 _ if process.topic.is_none_or(|topic| page.role(topic).active() != process.epoch) => {}
                 Some(status) if process.killed || !matches!(ChildExit::of(status), ChildExit::Badly(_)) => {}
                 Some(status) => _ = lost.get_or_insert_with(|| format!("{name} ({status})")),

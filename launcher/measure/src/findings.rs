@@ -1,7 +1,8 @@
 //! Results of a measurement and the verdicts on its targets, as a file and as text.
 //!
-//! Every measurement ends with one line per target: verdict, figure, measured value, target. The exit code is 0 only if
-//! no target is short. `--json` and the file of the results are one object `{provenance, quick, results, targets}`.
+//! A measurement ends with one line per target: verdict, figure, measured value, target. The exit code is 0 only if no
+//! target is short. The file of the results has one object `{provenance, quick, results, targets}`; `--json` prints the
+//! same object instead of text.
 
 use std::fmt::Write;
 use std::fs;

@@ -195,7 +195,7 @@ impl Summary {
         let hash = self.hash.as_ref().filter(|_| self.missed == 0 && self.samples > 0);
         hash.map(|hash| {
             hash.clone().finalize().iter().fold(String::new(), |mut text, byte| {
-                let _ = write!(text, "{byte:02x}"); // a String takes everything
+                let _ = write!(text, "{byte:02x}"); // writing to a String cannot fail
                 text
             })
         })

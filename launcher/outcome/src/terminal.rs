@@ -18,7 +18,8 @@ pub fn describe(run: &RunRecord, verdict: &Verdict, scenario: &Scenario) -> Stri
     let mut text = format!("{}: {}\n", run.name, verdict.describe());
     let mut line = |label: &str, value: String| {
         for (i, part) in wrapped(&value).into_iter().enumerate() {
-            let _ = writeln!(text, "  {:<22}{part}", if i == 0 { label } else { "" }); // a String takes everything
+            // Writing to a String cannot fail.
+            let _ = writeln!(text, "  {:<22}{part}", if i == 0 { label } else { "" });
         }
     };
     let [max, rms, last] = [m.max_position_error_m, m.rms_position_error_m, m.final_position_error_m];

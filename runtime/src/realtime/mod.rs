@@ -1,7 +1,8 @@
 //! Services of the kernel: time, priority, locked memory, one shared page, children that die with their parent.
 //!
-//! This is the only module with `unsafe`: calls that rustix does not offer in safe form, each with its argument. A
-//! flight needs neither priority nor locked memory: without the privilege the stack runs as `SCHED_OTHER` and says so.
+//! This is the only module with `unsafe`: calls that rustix does not offer in safe form, each with the reason why it is
+//! sound. A flight needs neither priority nor locked memory: without the privilege the stack runs as `SCHED_OTHER` and
+//! says so.
 
 #![expect(
     unsafe_code,
@@ -39,7 +40,7 @@ use contract::scenario::{Policy, Scheduling};
 pub fn enter(wanted: &Scheduling) {
     pin(&wanted.affinity);
     if wanted.rttime_ms > 0.0 {
-        // Lowering one's own limit needs no privilege; it applies to SCHED_FIFO only. The signal is SIGXCPU.
+        // Lowering one's own limit needs no privilege; it applies to SCHED_FIFO only. The kernel then kills.
         let limit = Some((wanted.rttime_ms * 1e3) as u64);
         let _ = rustix::process::setrlimit(Resource::Rttime, Rlimit { current: limit, maximum: limit });
     }

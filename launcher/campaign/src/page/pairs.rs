@@ -68,26 +68,26 @@ pub fn section(page: &Page) -> String {
 /// Describes interval and tests of `pairs` pairs in sentences.
 fn explained(page: &Page, pairs: usize) -> String {
     let test = if page.each() > 1 {
-        "each draw's difference with either sign: exact permutation test, two-sided"
+        "exact two-sided permutation test, which flips the sign of each draw's difference"
     } else {
         "McNemar's test, exact, two-sided"
     };
     let several = if pairs > 1 {
         format!(
-            " Intervals and <i>p</i> are of each pair by itself. Of {pairs} such tests some fall below 0.05 by chance; the last \
-             column allows for that."
+            " Each interval and each <i>p</i> is for one pair alone. Of {pairs} such tests some may fall below 0.05 by chance; the \
+             last column allows for that."
         )
     } else {
         String::new()
     };
     format!(
-        " So two of them are compared draw by draw: by how much the share that A passes is larger, with the interval over the \
-         draws (Bayesian bootstrap, about 95 %), and <i>p</i>, the chance of a difference of that size if the two were alike \
-         ({test}).{several}"
+        " So they are compared in pairs, draw by draw. The table has how much larger A's share of passed flights is, with its \
+         interval over the draws (Bayesian bootstrap, about 95 %), and <i>p</i>, the probability of a difference at least this \
+         large if the two were equally good ({test}).{several}"
     )
 }
 
-/// Compares each two laws; sorted by p-value, the smallest first.
+/// Compares every pair of controllers; sorted by p-value, the smallest first.
 fn compare(page: &Page) -> Vec<Pair> {
     let cases = page.by_case();
     let pair = |a: usize, b: usize| {

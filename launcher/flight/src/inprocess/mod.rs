@@ -50,16 +50,20 @@ pub fn fly_remembering(
     remember: impl FnMut(&Memory),
 ) -> Flown {
     let flown = fly_ring(scenario, true, watch, remember);
-    flown.unwrap_or_else(|error| panic!("a checked scenario flies in process: {error}"))
+    flown.unwrap_or_else(|error| panic!("cannot fly a checked scenario in process: {error}"))
 }
 
-/// Flies like [`fly`] when no message is kept: they carry checksums only if they [can be changed](changes_messages).
-/// Fails if something derived from `scenario` does not exist; only its own values need to have been checked.
+/// Flies like [`fly`] a flight of which no message is kept: messages carry checksums only if a fault or a swap
+/// [may change them](changes_messages).
+///
+/// # Errors
+/// Something derived from `scenario`, such as the gain of the controller, does not exist. Only the values of `scenario`
+/// itself need to have been checked.
 pub fn fly_unlogged(scenario: &Scenario, watch: impl FnMut(&Record) -> bool) -> Result<Flown, SessionError> {
     fly_ring(scenario, changes_messages(scenario), watch, |_| {})
 }
 
-/// Returns whether a fault or a swap may change a message: then a checksum decides what becomes of it.
+/// Returns whether a fault or a swap may change a message. If so, receivers accept or refuse it by its checksum.
 pub fn changes_messages(scenario: &Scenario) -> bool {
     !scenario.swap.is_empty() || scenario.fault.iter().any(|fault| fault.target.topic().is_some())
 }

@@ -29,8 +29,8 @@ impl Ring {
         Ok(Self { page: Arc::new(ControlPage::private()?), queues: Queues::default(), with_checksums })
     }
 
-    /// Creates a process of the node that answers on `topic`, with its place in the role and its ports. It acts out
-    /// exit faults of its own settings only if these have other faults than the `run`.
+    /// Creates a process of the node that answers on `topic`, with its place in the role and its ports. It carries
+    /// out the exit faults of its own settings only if their list of faults differs from that of the `run`.
     pub fn member(&self, topic: Topic, epoch: u32, own: &Scenario, run: &Scenario) -> (Member, Ports) {
         self.page.role(topic).offer(epoch);
         let member = Member::in_process(self.page.clone(), topic, epoch, own, own.fault != run.fault);

@@ -107,9 +107,9 @@ pub fn read_parts(first: &Path) -> anyhow::Result<Log> {
 }
 
 /// Reads the log at `first` and all parts of the same run beside it as one log. The result has no messages: `each` gets
-/// those of the `span`, tick by tick, with the scenario and the origin of the log. The index finds the span, if a log
-/// has one. The defect names every part that is missing, unfinished or unreadable. A log with the name of a part but of
-/// another run is left out; the first readable log tells the run. No file is changed.
+/// those of the `span`, tick by tick, with the scenario and the origin of the log. In a log that has an index, the span
+/// is found through it. The defect names every part that is missing, unfinished or unreadable. The first readable log
+/// determines the run; a log with the name of a part but of another run is left out. No file is changed.
 ///
 /// # Errors
 /// Fails if no part can be read.

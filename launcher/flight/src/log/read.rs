@@ -45,7 +45,7 @@ impl WrittenBy {
         Self { program, layout: keys.remove("layout"), run: keys.remove("run") }
     }
 
-    /// Tells users that another program than this one wrote the log, or may have; `None` if it is known to be the same.
+    /// Returns a note for users that another program wrote the log, or may have; `None` if it is known to be this one.
     pub fn other_program(&self) -> Option<String> {
         let this = Program::this();
         (!self.program.is_same(&this)).then(|| format!("the log was written by {}, and this is {this}", self.program))

@@ -9,7 +9,7 @@ use super::script::Read;
 use super::worker::Worker;
 use crate::log::Record;
 
-/// A message may be delivered so many cycles after it was sent.
+/// Largest number of cycles between sending a message and its delivery.
 pub(super) const LATEST: usize = 1000;
 
 /// Runner of the cycles of a process.
@@ -27,9 +27,9 @@ pub(super) struct Course {
     pub recorded: usize,
     /// `true` if it waits for a message that never comes.
     pub is_held_up: bool,
-    /// `true` if its last cycle was over where the replay begins.
+    /// `true` if its last cycle was over before the replay begins, so that the next one begins with the logged memory.
     pub follows: bool,
-    /// Messages by tick: as meant, and as delivered, if one was.
+    /// Tick, message as the process meant it, and as it was delivered; `None` if it was not.
     pub sent: VecDeque<(u64, Record, Option<Record>)>,
     /// Last input read, by topic.
     pub read: [Option<Read>; Topic::COUNT],

@@ -57,7 +57,7 @@ pub(super) struct Flight<'a, F> {
     script: Script,
     /// Course of each process of the script.
     courses: Vec<Course>,
-    /// Memories that other processes begin with; `None` until computed.
+    /// Memories that successors of a process begin with, by topic and origin; `None` until computed.
     memories: HashMap<(Topic, Origin), Option<Snapshot>>,
     replayed: Replayed,
     /// Messages taken in since the processes last went on.
@@ -79,19 +79,20 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
         Self { recording, plan, each, script, courses: vec![], memories, replayed, taken: 0, held_up: None }
     }
 
-    /// Returns the memory of a process where the replay begins, if it is in the middle of its work there.
+    /// Returns the logged memory of a process at the start of the replay, if the process was already running then.
     fn begins_with(&self, i: usize) -> Option<&Memory> {
         let Process { topic, epoch, .. } = self.script.processes[i];
         self.script.begins_with.iter().find(|memory| (memory.topic, memory.origin.epoch) == (topic, epoch))
     }
 
-    /// Returns whether a cycle of a process was over where the replay begins: its messages are those of the log.
+    /// Returns whether a process had finished cycle `tick` before the replay begins; the messages of such a cycle are
+    /// taken from the log.
     fn is_known(&self, i: usize, tick: u64) -> bool {
         let begun_at = self.replayed.begun_at;
         begun_at > 0 && tick < self.begins_with(i).map_or(begun_at + 1, |memory| memory.origin.done)
     }
 
-    /// Takes in the next message of the log; after every [`BATCH`] of them flies what is known by then.
+    /// Takes in the next message of the log; after every [`BATCH`] messages runs the cycles whose inputs are known.
     ///
     /// # Errors
     /// A process cannot be built from its settings.

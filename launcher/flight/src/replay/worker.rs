@@ -1,5 +1,5 @@
 //! Process of a replay: its core, ports, link and faults, with a control page and queues of its own. The caller sends
-//! it what it reads, and takes away what it sends.
+//! it the messages that the process reads, and collects those that it sends.
 
 use std::rc::Rc;
 

@@ -4,15 +4,16 @@
 //!              Spawn            Ready                Activated
 //!  vacant ------------> starting ------> pending -----------------> active --+-- Exited, hung, cut off -> vacant
 //!     ^                    |                                          ^      |
-//!     +--- restart delay --+-- Exited, start limit                    |      +-- SwapRequested: starting beside it
+//!     +--- restart delay --+-- Exited, start limit                    |      +-- SwapRequested: a candidate starts
 //!     |                                                               |
 //!     +-- too many failures within the window: given up               +-- standby -- HandOver --> active, old: standby
 //!                                                                         (trial)      Keep, Reject, Return end it
 //! ```
 //!
-//! Every mode uses this machine. A driver carries [`RoleInput`]s in and [`Action`]s out: `realtime` from ends of
-//! processes and progress words, `simulated` from the delays that the `[supervision]` settings name. Times are
-//! nanoseconds on the clock of the driver: in real time since the driver was made, otherwise since sample 0.
+//! Every mode uses this machine. A driver carries [`RoleInput`]s in and [`Action`]s out: `realtime` derives the inputs
+//! from the ends of processes and from their progress on the control page, `simulated` from the delays in
+//! `[supervision]`. Times are nanoseconds on the clock of the driver: in real time since the driver was made, otherwise
+//! since sample 0.
 
 use contract::scenario::Supervision;
 
@@ -31,13 +32,14 @@ pub struct Now {
 /// Observation or request to which a role reacts.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum RoleInput {
-    /// The process is ready to work.
+    /// The process of this epoch is ready to work.
     Ready(u32),
-    /// The process is active from this tick on.
+    /// The process of this epoch is active now.
     Activated(u32),
     Exited(u32),
     NotStarted(u32, String),
-    /// The active process has answered to `done` of `samples` samples; `excused_ns` count towards no hang.
+    /// The active process has answered to `done` of `samples` samples; `excused_ns` are not counted when a hang is
+    /// judged.
     Progress {
         /// Ticks done, counted from the first of the run.
         done: u64,

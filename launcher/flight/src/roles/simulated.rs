@@ -189,7 +189,7 @@ impl Simulated {
         }
     }
 
-    /// Removes process `epoch`, which works no longer.
+    /// Removes process `epoch`, which no longer works.
     fn remove(&mut self, topic: Topic, epoch: u32) {
         let assignment = &mut self.assignments[topic as usize];
         *assignment = assignment.without(epoch);

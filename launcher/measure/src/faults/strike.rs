@@ -109,7 +109,8 @@ fn fly(signal: Signal, interrupts: &AtomicU32) -> anyhow::Result<Vec<Strike>> {
     Ok(strikes)
 }
 
-/// Strikes the active process of a role, and waits until the role is vacant.
+/// Strikes the active process of a role, and waits until it is active no longer, at most
+/// [`LIMIT_NS`].
 fn strike(signal: Signal, topic: Topic, namespace: &str, page: &ControlPage) -> Option<Strike> {
     let (role, node) = (page.role(topic), topic.publisher());
     let epoch = role.active();

@@ -39,7 +39,7 @@ pub struct KillFlight {
     pub end_ns: u64,
     /// Reason why the log cannot be read to its end.
     pub log_defect: Option<String>,
-    /// Number of messages that the log lacks, from run.json.
+    /// Number of messages that are missing from the log, as run.json counts them.
     pub dropped: u64,
     /// Number of spans in which the log lacks states.
     pub holes: usize,

@@ -114,7 +114,8 @@ pub fn run(RingPeerArgs { peer }: &RingPeerArgs) -> anyhow::Result<u8> {
     Ok(exit::FLOWN)
 }
 
-/// Passes the token round until `count` samples, each a release and the time since it \[ns\], or the end of the run.
+/// Passes the token round until `count` samples have been taken or the run ends. A sample is a release and the time
+/// from it until the token came back \[ns\].
 fn keep_time(
     Releases { period_ns, count }: Releases,
     page: &ControlPage,

@@ -99,22 +99,22 @@ impl RingPeers {
 
     fn noted(&self) -> anyhow::Result<Noted> {
         let file = self.hold.domain.file(SAMPLES);
-        let text = fs::read_to_string(file).context("a ring to compare with left no samples")?;
-        serde_json::from_str(&text).context("the samples of a ring to compare with do not read")
+        let text = fs::read_to_string(file).context("a comparison ring has written no samples")?;
+        serde_json::from_str(&text).context("cannot parse the samples of a comparison ring")
     }
 }
 
 impl Drop for RingPeers {
     fn drop(&mut self) {
         for child in &mut self.children {
-            // Fails only for processes that have ended already.
+            // Both succeed for a process that has ended already.
             let _ = child.kill();
             let _ = child.wait();
         }
     }
 }
 
-/// Connects four channels to a ring; returns the reading and the writing end of each peer, the last peer first.
+/// Connects four channels into a ring; returns the reading and the writing end of each peer, the last peer first.
 fn closed(channel: impl FnMut() -> std::io::Result<(OwnedFd, OwnedFd)>) -> anyhow::Result<Vec<(OwnedFd, OwnedFd)>> {
     let channels = std::iter::repeat_with(channel).take(Topic::COUNT).collect::<Result<Vec<_>, _>>();
     let (mut inputs, outputs): (Vec<_>, Vec<_>) = channels.context("cannot make a channel")?.into_iter().unzip();

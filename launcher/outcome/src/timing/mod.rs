@@ -180,7 +180,7 @@ impl TimingRecord {
         use std::fmt::Write;
         let mut text = String::new();
         let mut line = |words: &str| {
-            let _ = writeln!(text, "  {}", words.trim_end()); // a String takes everything
+            let _ = writeln!(text, "  {}", words.trim_end()); // writing to a String cannot fail
         };
         let groups = ["jitter or hop", "execution", "response [us]"].map(|name| format!("{name:^24}"));
         line(&format!("{:<14}{}", "", groups.concat()));

@@ -29,7 +29,7 @@ pub fn histograms(groups: &[(&str, Vec<Bars>)], at_least_ns: u64) -> String {
     let decades = [(low_ns as f64).log10().floor() as i32, (high_ns as f64 * 1.1).log10().ceil() as i32];
     let mut html = String::from("<div class=\"histograms\">");
     for (name, all) in groups {
-        let _ = write!(html, "<h4>{name}</h4>"); // a String takes everything
+        let _ = write!(html, "<h4>{name}</h4>"); // writing to a String cannot fail
         html.extend(all.iter().map(|bars| draw(name, bars, decades)));
     }
     html + "</div>"
@@ -147,7 +147,7 @@ pub fn outlines(series: &[(&str, Histogram<u64>)]) -> String {
             let from_ns = if bin == bins.start { 0 } else { edge_ns(bin) };
             let to_ns = if bin + 1 == bins.end { u64::MAX } else { edge_ns(bin + 1) - 1 };
             let share = histogram.count_between(from_ns, to_ns) as f64 / histogram.len().max(1) as f64;
-            let _ = write!(outline, "V{:.1}H{:.1}", y(share), x(bin + 1)); // a String takes everything
+            let _ = write!(outline, "V{:.1}H{:.1}", y(share), x(bin + 1)); // writing to a String cannot fail
         }
         svg.add(format_args!("<path d=\"{outline}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.5\"/>"));
         let _ = write!(legend, "<span style=\"color:{colour}\">&#9632;</span> {} &nbsp; ", escape(name));

@@ -76,7 +76,7 @@ pub fn lines(all: &[Line], x_title: &str, y_title: &str) -> String {
         let mut pen = 'M';
         for (x, y) in drawn(&line.points) {
             if x.is_finite() && y.is_finite() {
-                let _ = write!(path, "{pen}{:.1} {:.1}", x_px(x), y_px(y)); // a String takes everything
+                let _ = write!(path, "{pen}{:.1} {:.1}", x_px(x), y_px(y)); // writing to a String cannot fail
                 pen = 'L';
             } else {
                 pen = 'M';

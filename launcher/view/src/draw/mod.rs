@@ -37,7 +37,7 @@ impl Svg {
     }
 
     fn add(&mut self, element: impl Display) {
-        let _ = write!(self.0, "{element}"); // a String takes everything
+        let _ = write!(self.0, "{element}"); // writing to a String cannot fail
     }
 
     fn vertical(&mut self, class: &str, percent: f64, height: f64) {

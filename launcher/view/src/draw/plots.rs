@@ -128,7 +128,7 @@ pub fn dots(title: &str, axis: &Axis, limit: Option<f64>, series: &[Dots]) -> St
                 _ if scale.place(*value) > 1.0 => write!(crosses, "M{:.1} {:.1}l3 -4l3 4", x - 3.0, y + 4.0),
                 true => write!(crosses, "M{:.1} {:.1}l4 4m-4 0l4 -4", x - 2.0, y - 2.0),
                 false => write!(round, "M{x:.1} {y:.1}h0"),
-            }; // a String takes everything
+            }; // writing to a String cannot fail
         }
         svg.add(format_args!(
             "<g style=\"stroke:{colour};fill:none\">\
@@ -229,7 +229,7 @@ fn polyline(points: impl Iterator<Item = (f64, f64)>) -> String {
     let mut path = String::new();
     for (x, y) in points {
         let pen = if path.is_empty() { 'M' } else { 'L' };
-        let _ = write!(path, "{pen}{x:.1} {y:.1}"); // a String takes everything
+        let _ = write!(path, "{pen}{x:.1} {y:.1}"); // writing to a String cannot fail
     }
     path
 }

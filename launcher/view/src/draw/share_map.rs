@@ -70,7 +70,7 @@ pub fn map(
                 is_there && border([row, column], other)
             };
             if differs([row, column + 1]) {
-                let _ = write!(line, "M{:.1} {y:.1}v{}", x + CELL.0, CELL.1); // a String takes everything
+                let _ = write!(line, "M{:.1} {y:.1}v{}", x + CELL.0, CELL.1); // writing to a String cannot fail
             }
             if differs([row + 1, column]) {
                 let _ = write!(line, "M{x:.1} {y:.1}h{}", CELL.0);
