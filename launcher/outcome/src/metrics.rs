@@ -43,8 +43,8 @@ pub struct Metrics {
     /// Largest true tilt angle in either direction \[deg\].
     #[serde(deserialize_with = "or_nan")]
     pub tilt_max_deg: f64,
-    /// Time of the first touchdown after a flight \[s\]. This metric and the next two are NaN without a touchdown, and in
-    /// a file from before them.
+    /// Time of the first touchdown after a flight \[s\]. This metric and the next two are NaN without a touchdown, and
+    /// in a file from before them.
     #[serde(default = "nan", deserialize_with = "or_nan")]
     pub touchdown_s: f64,
     /// Vertical speed one sample before that touchdown, down positive \[m/s\].
