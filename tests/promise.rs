@@ -7,6 +7,8 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
+use runtime::domain::Domain;
+use runtime::realtime::ControlPage;
 use rustix::process::{Pid, Resource, Rlimit, getrlimit, prlimit};
 use serde_json::Value;
 
@@ -31,6 +33,12 @@ fn files_of(ns: &str) -> Vec<PathBuf> {
     }
     found.sort();
     found
+}
+
+/// Newest tick of the stack in `ns`; 0 before it flies.
+fn plant_tick(ns: &str) -> u64 {
+    let page = Domain::find(ns).ok().and_then(|domain| ControlPage::open(&domain.file("page")).ok());
+    page.map_or(0, |page| page.plant_tick())
 }
 
 /// The next of a row of random numbers: `SplitMix64`.
@@ -105,7 +113,7 @@ fn no_lost_vehicle_exits_0_whatever_is_written_into_shared_files() {
                     let ns = namespace();
                     let set = format!("run.duration_s={DURATION_S:?}");
                     let flight = Flight::start(&ns, &["--mode", "realtime", "--set", &set]);
-                    std::thread::sleep(Duration::from_millis(600));
+                    wait_until("the stack flies", || plant_tick(&ns) > 20);
                     let what = scribble(&ns, seed).unwrap_or_else(|| "nothing: it was not there yet".into());
                     if let Some(why) = broken_promise(&flight.finish(), DURATION_S) {
                         broken.lock().expect("no test panics there").push(format!("seed {seed}, {what}: {why}"));
