@@ -28,7 +28,7 @@ pub enum Refusal {
     Order = 2,
     /// Sample that is not later than that of the newest message, or that the plant has not taken yet.
     Age = 3,
-    /// Number that is not finite or beyond its limit: see [`Message::plausible`].
+    /// Number that is not finite or beyond its limit: see [`plausible`](crate::message::Content::plausible).
     Range = 4,
     /// Checksum that does not fit the bits.
     Checksum = 5,

@@ -6,8 +6,8 @@ use serde_json::Value;
 
 use crate::table::Kind;
 
-/// Columns of the outcome: verdict, cause of a failure in a word, outcome in words, time of the failure, time flown,
-/// every metric of run.json, counts of the solver, and the hash.
+/// Columns of the outcome: verdict, cause of a failure, outcome in words, time of the failure, time flown, every metric
+/// of run.json, counts of the solver, and the hash.
 pub fn of_the_outcome() -> Vec<(String, Kind)> {
     let own = [
         ("verdict", Kind::Text),

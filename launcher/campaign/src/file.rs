@@ -273,7 +273,7 @@ impl Campaign {
             faults.check().context("[random_faults]")?;
         }
         if let Some(tune) = &self.file.tune {
-            ensure!(drawn > 0 || self.file.random_faults.is_some(), "[tune] where nothing is drawn to train on");
+            ensure!(drawn > 0 || self.file.random_faults.is_some(), "[tune] has no draws to train on");
             tune.check(&self.controllers).context("[tune]")?;
         }
         match (self.file.samples, drawn > 0 || self.file.random_faults.is_some()) {

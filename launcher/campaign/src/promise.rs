@@ -104,13 +104,13 @@ impl Promise {
                 );
             }
             (None, Some(_)) => {
-                ensure!(at_most.is_none() && at_least.is_none(), "[[promise]] {figure:?}: `passed` says the limit");
+                ensure!(at_most.is_none() && at_least.is_none(), "[[promise]] {figure:?}: `passed` needs no limit");
             }
             _ => bail!("[[promise]] {figure:?}: give either `metric` or `passed`"),
         }
         let of_a_metric = [("over_best", self.over_best), ("of", self.of.is_some()), ("unit", self.unit.is_some())];
         for (key, _) in of_a_metric.into_iter().filter(|(_, is_given)| *is_given) {
-            ensure!(metric.is_some(), "[[promise]] {figure:?}: `{key}` is of a `metric`; remove it");
+            ensure!(metric.is_some(), "[[promise]] {figure:?}: `{key}` applies only to a `metric`; remove it");
         }
         Ok(())
     }

@@ -91,7 +91,7 @@ impl RandomFaults {
         for kind in self.kinds.iter().flatten() {
             ensure!(
                 pairs.iter().any(|(_, of)| of == kind),
-                "`kinds`: no target of these can have {} in process",
+                "`kinds`: none of the targets can have the fault {} in an in-process flight",
                 name(kind)
             );
         }

@@ -75,8 +75,8 @@ pub fn fly_again(flight: &Flight, flights: &Table, row: usize, watch: impl FnMut
     let known = flights.column("hash").map_or("", |all| all.text(row));
     ensure!(
         again.as_ref().map(FlightRow::hash) == Some(known),
-        "flight {} is another than the one of the table when it is flown again; fly the campaign on machines of one kind, or \
-         report it",
+        "flight {} differs from the one in the table when it is flown again; fly the campaign on machines of one kind, \
+         or report this difference",
         flight.number
     );
     Ok(())

@@ -1,4 +1,4 @@
-//! Bounds that a flight must stay inside of to count as flown: the scenario's `[bounds]`, and these where it sets none.
+//! Bounds that a flight must stay inside to pass: the scenario's `[bounds]`, and the defaults below for bounds not set.
 //!
 //! | bound | default |
 //! |---|---|

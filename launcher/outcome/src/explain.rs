@@ -1,9 +1,9 @@
 //! `explain`: what each late, lost or missing message of a flight cost.
 //!
-//! Every disturbed tick ([`flight::replay::Disturbed`]) is undone in a flight of its own, every burst of ticks one
-//! after another in one more, and all of them in a last one. The cost is the figure of the flight less that of the
-//! flight without, and the largest distance between the courses of the two. Costs of single ticks do not add up to that
-//! of all: the vehicle recovers from one before the next, or does not.
+//! Every disturbed tick ([`flight::replay::Disturbed`]) is undone in a flight of its own, every burst of consecutive
+//! disturbed ticks in another, and all disturbed ticks together in a last one. The cost of a tick is the figure of the
+//! recorded flight less that of the flight without the tick, and the largest distance between the two courses. The
+//! costs of single ticks do not add up to the cost of all, because the vehicle may recover between two of them or not.
 //!
 //! | module | holds |
 //! |---|---|
@@ -35,8 +35,8 @@ pub struct Explained {
     pub flight: FlightCost,
     /// The flight with every disturbed tick undone.
     pub without_any: FlightCost,
-    /// Another flight, as far as this one is known: in process, with the controllers of this program, and without any
-    /// fault and swap of the scenario, those of air, sensors and actuators too. `None` beside a part of a flight.
+    /// Another flight that shares what is known of this one: in-process, with the controllers of this program, without
+    /// any fault or swap of the scenario, not even faults of air, sensors and actuators. `None` for a part of a flight.
     pub undisturbed: Option<FlightCost>,
     /// Number of disturbed ticks, and of bursts of more than one.
     pub disturbed: usize,
@@ -60,9 +60,10 @@ pub enum Costs {
     Unknown(anyhow::Error),
 }
 
-/// With more disturbed ticks a flight is not flown again for each.
+/// Largest number of disturbed ticks for which the flight is flown again once per tick.
 const MOST_TICKS: usize = 50;
-/// Samples flown again for all of them, at most: ten flights of a minute at 100 Hz, which take a second or two.
+/// Largest number of samples flown again for the single ticks: ten flights of a minute at 100 Hz, which take a
+/// second or two.
 const MOST_SAMPLES: usize = 6_001 * 10;
 /// Messages of a log that is flown again, at most: its script is held in memory, with about 1 kB a tick.
 const MOST_MESSAGES: u64 = 80_000;
@@ -90,8 +91,8 @@ pub fn costs(recorded: &Recorded) -> Costs {
     find().unwrap_or_else(Costs::Unknown)
 }
 
-/// Flies `recording` again without its disturbed ticks: with `each` without every one of them too, else only without
-/// all. `progress` is told how many flights are done, and of how many.
+/// Flies `recording` again without any of its disturbed ticks; with `each` also once without every single one and every
+/// burst. `progress` is given the number of a flight that is done, counted from 1, and the number of flights.
 ///
 /// # Errors
 /// A flight cannot be flown to its end.
@@ -131,7 +132,7 @@ pub fn explain(
         });
         Ok(())
     };
-    // It is the same all along, and no part of it can be set beside a part of this one.
+    // This flight always begins at tick 0, so it cannot be compared with a part of the recorded flight.
     let undisturbed = (script.begun_at() == 0).then(|| FlightCost::of(&alone, 0, fly)).transpose()?;
     let without_any = FlightCost::flown(recording, without(recording, script, &all))?;
     Ok(Explained {

@@ -3,7 +3,7 @@
 //! ```text
 //! injected    first tick on which the fault acted
 //! detected    first tick from then on that shows harm
-//! recovered   first tick, after the fault's end and the detection, by which every witness was free of harm
+//! recovered   first tick, after the fault's end and the detection, by which all harm has ceased; process: see below
 //! ```
 //!
 //! Each topic is followed by itself, so the order of messages between topics does not matter.
@@ -22,9 +22,10 @@
 //! | clock, host | ticks while it acts | | |
 //! | an intruder on a topic | ticks while it acts | as for the topic | as for the topic |
 //!
-//! A process is back when another one sends in its place: its recovery is counted from the detection, all others from
-//! the end of the fault. Against the clock the next one may be back before any message is missing: then the launcher
-//! alone has seen the end of the one before.
+//! A struck process has recovered when its topic has a message again, or when the next process takes over before any
+//! message is missing. Its recovery time counts from the detection; all other recovery times count from the end of the
+//! fault. In real time, if the next process takes over before any message is missing, only the launcher has seen the
+//! end of the process before it.
 
 use contract::message::{Controls, SolveStatus, guidance_flags, mixer_flags};
 use contract::scenario::{Fault, FaultKind, FaultTarget};

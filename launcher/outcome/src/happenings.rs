@@ -101,9 +101,9 @@ impl Mark {
     }
 }
 
-/// Which nodes' cycles a fault can delay. A process fault: those of its node, a hog all. A fault of a topic: those of
-/// the nodes that wait for it. A fault of the solver: those of attitude-mpc. Clock and host: all. What acts on the
-/// vehicle: none.
+/// Returns which nodes' cycles a fault can delay. A process fault delays its own node, a hog all nodes. A topic fault
+/// delays the nodes that wait for the topic, a solver fault attitude-mpc. Faults of clock and host delay all nodes,
+/// faults of sensors, vehicle and surroundings none.
 fn delays(target: FaultTarget, kind: FaultKind) -> [bool; Topic::COUNT] {
     use FaultTarget as T;
     Topic::ALL.map(|topic| match target {

@@ -1,7 +1,7 @@
 //! Reads a run back: its settings, summary and events; and whether its log is all of the flight.
 //!
-//! A log alone cannot tell that: a log that was cut and closed again, or thinned at its end, is well-formed. The
-//! launcher counted the records and hashed the states itself, and wrote both into run.json.
+//! A log alone does not show whether it is complete: a log that was cut and closed again, or thinned at its end, is
+//! well-formed. So the launcher counts the records and hashes the states itself, and writes both into run.json.
 
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};

@@ -141,11 +141,12 @@ impl Judged<'_> {
 
     /// Reasons why less was compared than asked for; `None` if there are none.
     fn lacking(&self) -> Option<String> {
-        let stopped = self
-            .replayed
-            .stopped
-            .as_ref()
-            .map(|why| format!("the replay ends before the flight: {why}; --from begins behind it if the log has a memory of the nodes there"));
+        let stopped = self.replayed.stopped.as_ref().map(|why| {
+            format!(
+                "the replay ends before the flight: {why}; with --from a replay can begin after this point, if the \
+                     log holds the nodes' memory there"
+            )
+        });
         let told: Vec<String> = self.recorded.missing().into_iter().chain(stopped).chain(self.uncompared()).collect();
         (!told.is_empty()).then(|| told.join("\n"))
     }

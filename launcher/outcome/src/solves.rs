@@ -1,7 +1,7 @@
 //! Work of the controller's solver in a flight: the `solver` section of run.json.
 //!
-//! Everything but `solve_us` is a function of the flight and repeats with it. That is wall time around the solver
-//! alone, taken in every mode, in process too; what else ran on the machine is in it.
+//! Everything but `solve_us` is a function of the flight and repeats with it. `solve_us` is wall time around the solver
+//! alone, measured in every mode, also in-process; it includes interruptions by whatever else ran on the machine.
 
 use contract::message::{Controls, SolveStatus};
 use hdrhistogram::Histogram;

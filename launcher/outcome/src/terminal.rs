@@ -76,8 +76,8 @@ pub fn describe(run: &RunRecord, verdict: &Verdict, scenario: &Scenario) -> Stri
     text
 }
 
-/// Scheduling class and memory lock that the kernel gave the processes, and where that is less than they asked for,
-/// what would give it, in lines; none where no process could have any.
+/// Describes in lines the scheduling class and memory lock that the kernel gave the processes and, where the processes
+/// asked for more, the command that grants it; empty outside real time, or if no scheduling was recorded.
 fn granted(scenario: &Scenario, provenance: &Provenance) -> Vec<String> {
     let nodes: Vec<_> = NODES.iter().filter_map(|node| provenance.scheduling.get(*node)).collect();
     if scenario.run.mode != Mode::Realtime || nodes.is_empty() {

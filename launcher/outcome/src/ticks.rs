@@ -1,7 +1,8 @@
 //! Joins the four messages of a tick: what the nodes computed from one sample, and when the command took effect.
 //!
-//! What is kept of a message is the caller's choice: report, compare and trace keep [`Messages`], tick by tick as the
-//! log is read ([`Joined`]), [`crate::timing`] each node's cycle while the flight goes on, `measure timing` the stamps.
+//! The caller chooses what is kept of a message. Report, compare and trace keep whole [`Messages`], joined tick by tick
+//! as the log is read ([`Joined`]); [`crate::timing`] keeps each node's cycle while the flight goes on, and
+//! `measure timing` keeps the stamps.
 
 use std::collections::BTreeMap;
 
@@ -11,8 +12,8 @@ use contract::{Scenario, Topic};
 use flight::log::{Count, Log, Record, last_tick};
 use guidance::Trajectory;
 
-/// A command takes effect at most so many ticks after its own; a damaged STATE must not cost a search of the whole
-/// flight.
+/// Largest number of ticks from a command's own tick to the tick at which the command takes effect. The limit keeps a
+/// damaged STATE from causing a search of the whole flight.
 const MOST_AGE_TICKS: usize = 1000;
 /// Newest ticks that [`Joined`] keeps open: late messages of theirs and the age of their command may still come.
 const OPEN_TICKS: u64 = 1024;
@@ -84,8 +85,9 @@ impl<T: Default> Ticks<T> {
         }
     }
 
-    /// Takes one message in; `keep` puts into the tick what is kept of it. Of several messages of a topic with one tick
-    /// the last counts. One of a tick that was told is ignored, as is one of a tick that this flight cannot have.
+    /// Takes one message in; `keep` stores in the tick the part of the message that the caller wants. Of several
+    /// messages with the same topic and tick the last counts. A message is ignored if its tick was already handed out,
+    /// or if the flight cannot have that tick.
     pub fn observe(&mut self, record: &Record, keep: impl FnOnce(&mut T)) {
         let stamp = record.stamp();
         self.seen += 1;
@@ -108,8 +110,7 @@ impl<T: Default> Ticks<T> {
         }
     }
 
-    /// Tells `each` tick that has not been told, those without a message too, except the newest `open`; and forgets
-    /// them.
+    /// Hands each tick, including ticks without a message, once to `each` and forgets it; the newest `open` ticks stay.
     pub fn tell(&mut self, open: u64, mut each: impl FnMut(&Tick<T>)) {
         let end = self.by_number.last_key_value().map_or(0, |(number, _)| number + 1);
         while self.told + open < end {

@@ -11,8 +11,8 @@ const COLUMNS: [&str; 7] =
 /// Heading of the column of another flight, and what that is.
 const ANOTHER: [&str; 2] = [
     "another flight",
-    "Another flight: in process, this program's controllers in every node's place, without any fault and swap of the scenario \
-     (those of air, sensors and actuators too), as long as this one.",
+    "Another flight: in-process, with this program's controllers in every node's place, as long as this flight, \
+     without any fault or swap of the scenario, not even faults of air, sensors and actuators.",
 ];
 /// Rows of a table in the terminal.
 const ROWS: usize = 20;

@@ -46,7 +46,8 @@ pub fn section(page: &Page) -> String {
         (
             !mapped.is_empty(),
             format!(
-                "Maps have at the left percent passed and of how many flights (n), and at the right the median of the {}.",
+                "Maps have at the left the percentage passed and the number of flights (n), and at the right the \
+                 median of the {}.",
                 page.error.words
             ),
         ),

@@ -59,8 +59,9 @@ pub fn section(page: &Page) -> String {
         ""
     };
     format!(
-        "<section id=\"maps\"><h2>Two factors</h2><p>Percent passed, from dark (0) to bright (100), and of how many flights (n), \
-         whatever the other factors were. Where no cell is, no flight was.{apart}{half}{left_out}</p>{maps}</section>"
+        "<section id=\"maps\"><h2>Two factors</h2><p>Each cell has the percentage passed, from dark (0) to bright \
+         (100), and the number of flights (n), whatever the other factors were. A cell without flights is left out.\
+         {apart}{half}{left_out}</p>{maps}</section>"
     )
 }
 

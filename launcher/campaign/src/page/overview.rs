@@ -34,7 +34,7 @@ impl Page<'_> {
         tiles.push(("draws".to_owned(), self.evidence.all_draws().to_string()));
         tiles.push(("different flights".to_owned(), format!("{} of {}", self.evidence.distinct, self.evidence.flown)));
         tiles.push(("failed".to_owned(), (all.flights - all.survived).to_string()));
-        tiles.push(("invalid: could not be flown, and counted as neither".to_owned(), invalid.to_string()));
+        tiles.push(("invalid: could not be flown, neither passed nor failed".to_owned(), invalid.to_string()));
         let grounds: Vec<String> = self.grounds().iter().map(|words| format!("<p>{}</p>", escape(words))).collect();
         let grounds = grounds.concat();
         format!(

@@ -62,8 +62,8 @@ fn target(promise: &Promise, page: &Page, group: &Group) -> Target {
     }
 }
 
-/// Holds a share of passed flights against its 95 % interval: it is kept if the interval lies above the limit, and
-/// broken if it lies below.
+/// Holds a share of passed flights against its 95 % interval: the promise is kept if the interval lies above the limit,
+/// broken if the interval lies below, and else undecided. Without an interval the share itself is judged.
 fn share(promise: &Promise, page: &Page, figure: String, rows: &[usize], is_whole: bool) -> Target {
     let limit = promise.at_least.unwrap_or_default();
     let rate = page.rate_of(rows.iter().copied());
@@ -90,15 +90,13 @@ fn figure_of(promise: &Promise, page: &Page, metric: &str, group: &Group, rows: 
     own / of_each.filter(|best| best.is_finite()).fold(f64::INFINITY, f64::min)
 }
 
-/// Gathers a metric over flights. If one of them failed it is infinite, on the side that breaks the promise.
+/// Gathers a metric over flights. If one of them failed the result is infinite, on the side that breaks the promise.
 fn gathered(promise: &Promise, page: &Page, metric: &str, rows: &[usize]) -> f64 {
-    let worst = if promise.at_least.is_some() { f64::NEG_INFINITY } else { f64::INFINITY };
+    if rows.iter().any(|row| page.passed[*row] != Some(true)) {
+        return if promise.at_least.is_some() { f64::NEG_INFINITY } else { f64::INFINITY };
+    }
     let column = page.flights.column(metric);
-    let value = |row: &usize| match page.passed[*row] {
-        Some(true) => column.and_then(|column| column.number(*row)).unwrap_or(f64::NAN),
-        _ => worst,
-    };
-    let values = || rows.iter().map(value);
+    let values = || rows.iter().map(|row| column.and_then(|column| column.number(*row)).unwrap_or(f64::NAN));
     match promise.of.unwrap_or_default() {
         _ if values().any(f64::is_nan) => f64::NAN,
         Gather::Max => values().fold(f64::NEG_INFINITY, f64::max),
@@ -214,7 +212,11 @@ mod tests {
         assert_eq!(told(&format!("{lax}at_most = 5.0"))[0].1, Verdict::Ok);
         assert_eq!(told(&format!("{lax}at_most = 0.001"))[0].1, Verdict::Short);
         assert_eq!(told(&format!("{error}at_most = 5.0"))[0].1, Verdict::Short, "strict failed");
-        assert_eq!(told("metric = \"flown_s\"\nat_least = 0.1\nof = \"min\"")[0].1, Verdict::Short);
+        for of in ["max", "min", "mean", "sum"] {
+            let promised = format!("metric = \"flown_s\"\nof = \"{of}\"\n");
+            assert_eq!(told(&format!("{promised}at_least = 0.1"))[0].1, Verdict::Short, "{of}");
+            assert_eq!(told(&format!("{promised}at_most = 1e9"))[0].1, Verdict::Short, "{of}");
+        }
         let strict = "controllers = [\"strict\"]\nmetric = \"max_position_error_m\"\nat_least = 0.5\nover_best = true";
         assert_eq!(
             told(strict)[0].1,
@@ -254,9 +256,9 @@ mod tests {
             ("passed = \"share\"", "give the share"),
             ("passed = \"share\"\nat_least = 1.5\ncontrollers = [\"lax\"]", "from 0 to 1"),
             ("passed = \"share\"\nat_least = 0.5", "name the `controllers`"),
-            ("passed = \"all\"\nof = \"max\"", "`of` is of a `metric`"),
+            ("passed = \"all\"\nof = \"max\"", "`of` applies only to a `metric`"),
             ("metric = \"flown_s\"\nat_most = inf", "give a finite limit"),
-            ("passed = \"all\"\nat_most = 1.0", "`passed` says the limit"),
+            ("passed = \"all\"\nat_most = 1.0", "`passed` needs no limit"),
             ("", "give either `metric` or `passed`"),
         ] {
             assert!(said(promise).contains(part), "{promise}: {}", said(promise));

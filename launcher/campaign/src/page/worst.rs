@@ -29,8 +29,9 @@ pub fn section(page: &Page, again: &str) -> anyhow::Result<String> {
     let shown: Vec<String> = worst.iter().map(|row| one(page, *row, again)).collect::<anyhow::Result<_>>()?;
     let of_cases = if page.names.len() > 1 { " Of each case one is shown." } else { "" };
     Ok(format!(
-        "<section id=\"worst\"><h2>The worst flights</h2><p>Those that did not come to their end, the earlier the worse; then \
-         by their largest error.{of_cases} Where the ground is shaded, a fault is active.</p>{}</section>",
+        "<section id=\"worst\"><h2>The worst flights</h2><p>First the flights that ended early, the earliest first; \
+         then the others, the largest error first.{of_cases} Where the background is shaded, a fault is active.</p>\
+         {}</section>",
         shown.concat()
     ))
 }

@@ -46,7 +46,7 @@ pub struct FaultHandling {
 pub struct Handling {
     pub noticed_ms: Option<f64>,
     pub next_active_ms: Option<f64>,
-    /// Number of ticks from the beginning of the fault to the end of the flight.
+    /// Number of ticks without an active process, from the beginning of the fault to the end of the flight.
     pub ticks_without_active: usize,
     pub restarts: usize,
 }

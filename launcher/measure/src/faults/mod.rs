@@ -198,7 +198,7 @@ fn targets(results: &FaultResults) -> Vec<Target> {
     targets.push(Target::at_most("false alarms in 60 quiet seconds, two flights", Some(alarms as f64), 0.0, ""));
     let other = results.handling.iter().filter(|row| row.lockstep.restarts != row.realtime.restarts);
     let other: Vec<&str> = other.map(|row| row.fault.as_str()).collect();
-    let figure = format!("of {} process faults: other restarts in real time", results.handling.len());
+    let figure = format!("of {} process faults: restarts differ in real time", results.handling.len());
     targets.push(Target::none(figure, other.len()).noting(other.join(", ")));
     targets.extend(results.brought_down.targets());
     targets.extend(results.relays.iter().flat_map(of_a_relay));
@@ -260,7 +260,7 @@ fn of_a_relay(relay: &Relay) -> Vec<Target> {
         ]
     };
     let other = relay.same.map(usize::from).map(|same| 1 - same);
-    let figure = format!("flight with {swaps} {sort} candidates, other by one thread");
+    let figure = format!("flight with {swaps} {sort} candidates: differs by one thread");
     targets.extend(other.map(|other| Target::none(figure, other)));
     targets
 }

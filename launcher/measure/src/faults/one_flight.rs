@@ -49,11 +49,11 @@ pub struct Course {
     pub terminated_after_s: Option<f64>,
     /// Largest true roll or pitch from the fault on \[deg\].
     pub tilt_deg: f64,
-    /// Largest true distance from the hover \[m\].
+    /// Largest true distance from the hover, from the fault on \[m\].
     pub position_error_m: f64,
     /// Distance from the hover [`BACK_S`] after the fault \[m\]; `None` if the flight ended before.
     pub back_m: Option<f64>,
-    /// Longest time without a STATE that a node accepts, while the fault lasted \[s\].
+    /// Longest time without a STATE that a node accepts, up to the end of the fault \[s\].
     pub blind_s: f64,
     /// `true` if all rotors nearly stood still at some sample.
     pub cut: bool,

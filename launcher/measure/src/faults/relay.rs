@@ -1,7 +1,8 @@
 //! Flights with many swaps: twenty good candidates of each node, or wrong ones.
 //!
-//! The good ones come in the survey; every other one has different settings. The wrong ones come in the gusts. Each
-//! fails either on standby or, if it gets that far, while active, in one of these ways:
+//! The good candidates come in the survey; every other good candidate has different settings. The wrong candidates come
+//! in the gusts. Each wrong candidate fails either on standby or, if it gets that far, while active, in one of these
+//! ways:
 //!
 //! | way | its answers |
 //! |---|---|

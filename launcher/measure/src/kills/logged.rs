@@ -59,8 +59,8 @@ pub fn sent_ns(state: &State) -> u64 {
 }
 
 /// Returns the spans in which states are missing, in a flight that ended at `end_ns` \[ns\]. A recorder that joins also
-/// gets the newest message from before, so a hole reaches to the message after the one that ends it. A hole at the end
-/// of the log has no end, because a log that was cut lacks all later messages.
+/// gets the newest message sent before, which may be the first message after the gap, so a hole reaches to the second
+/// message after the gap. A hole at the end of the log has no end, because a log that was cut lacks all later messages.
 pub fn holes(log: &Log, end_ns: u64) -> Vec<(u64, u64)> {
     let of = |state: &State| (state.stamp.sequence, sent_ns(state));
     let mut known: Vec<(u64, u64)> = [(0, 0)].into_iter().chain(log.states.iter().map(of)).collect();

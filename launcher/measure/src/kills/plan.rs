@@ -4,8 +4,8 @@
 //! |---|---|---|
 //! | starting | up to 0.15 s after the launcher was started | the stack while it comes up |
 //! | first ticks | up to 50 ms after the first tick | processes that have only just begun |
-//! | candidate | up to 40 ms after the victim's successor was started | a process before it is ready |
-//! | flying | up to 0.7 s after the last kill | any process |
+//! | candidate | up to 40 ms after the successor of the last victim was started | a process before it is ready |
+//! | flying | up to 0.7 s after the last kill; without one, after the first tick | any process |
 
 use std::time::Duration;
 

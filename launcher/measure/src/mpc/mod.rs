@@ -47,7 +47,7 @@ pub struct MpcArgs {
     /// Write the problems for other solvers, one JSON file per flight
     #[arg(long, value_name = "DIR")]
     pub export: Option<PathBuf>,
-    /// Solve the same problems with DAQP, PIQP and OSQP: a Python that has them (packages daqp piqp osqp numpy scipy)
+    /// Solve the same problems with DAQP, PIQP and OSQP in this Python (needs daqp piqp osqp numpy scipy)
     #[arg(long, value_name = "PYTHON")]
     pub compare: Option<PathBuf>,
     /// Print JSON

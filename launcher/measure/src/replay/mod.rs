@@ -133,7 +133,7 @@ fn targets(results: &ReplayResults) -> Vec<Target> {
             Some(disturbed as f64),
             results.of(Kind::Disturbed).count() as f64,
         )
-        .in_doubt("the machine held up what was ordered"),
+        .in_doubt("the machine delayed what was ordered"),
     ];
     let figure = "flights under stress-ng --cpu 4 with misses";
     let loaded = results.of(Kind::Loaded).count();

@@ -52,7 +52,7 @@ pub struct SensitivityArgs {
     /// Probabilities that a command is lost
     #[arg(long, value_delimiter = ',', value_name = "P,...", default_values_t = [0.0, 0.1, 0.2, 0.4])]
     pub misses: Vec<f64>,
-    /// Flights with different random numbers, where there are any: the worst one counts
+    /// Flights of each cell, with different random numbers (one flight if nothing is random); the worst one counts
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..=1000))]
     pub seeds: u64,
     /// Real-time run whose age at the actuator is drawn into the map, instead of that of a new flight of five seconds

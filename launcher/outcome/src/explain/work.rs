@@ -6,8 +6,8 @@ use std::time::Instant;
 use anyhow::bail;
 use flight::replay::{Disturbed, Plan, Recording, Script, disturbed, replay};
 
-/// More samples are not flown unless that is asked for: 500 flights of a minute at 100 Hz, about a minute on two
-/// processors.
+/// Largest number of samples that are flown unless the user asks for more: 500 flights of a minute at 100 Hz, about a
+/// minute on two processors.
 const MOST_SAMPLES: u64 = 3_000_000;
 
 /// Flights that are to be flown, and the time that one of them took.

@@ -1,8 +1,8 @@
 //! The age at the actuator: how old the sample behind a command is when the command takes effect.
 //!
-//! Per command applied it is what the plant says. Per slot held it grows by a period for every slot without a new
-//! command: a command that never came would otherwise leave no trace. Slot `k` lies between the samples `k` and `k +
-//! 1`.
+//! Per command applied, the age is the one that the plant reports. Per slot held, the age grows by a period for every
+//! slot without a new command; without this count, a command that never came would leave no trace. Slot `k` lies
+//! between the samples `k` and `k + 1`.
 
 use contract::message::State;
 use hdrhistogram::Histogram;
@@ -29,9 +29,9 @@ impl Age {
 
     /// Takes in a sample; returns the age \[ns\] in each slot up to it, oldest first, but for slots before any command.
     ///
-    /// After a stall of the plant, the slot in which a command took effect is computed from its age, as if it came from
-    /// the sample before the stall. A command from an older sample took effect earlier, so the age errs upwards. Slots
-    /// whose samples were not seen have no age.
+    /// After a stall of the plant, the slot in which a command took effect is computed from the command's age, as if
+    /// the command came from the sample before the stall. A command from an older sample took effect earlier, so the
+    /// ages are then too large. Slots whose samples were not seen have no age.
     pub fn observe(&mut self, state: &State) -> Vec<u64> {
         let applied = (state.applied_sequence, state.applied_age_ns);
         let is_new = applied.0 != self.in_force.0 && applied.0 > 0;

@@ -19,15 +19,15 @@
 //!                      <= arrival of the command at the plant, which is in the age that the plant tells
 //! ```
 //!
-//! A stall makes one bad cycle and no others, because none ran: percentiles over the cycles hide how long it was. So
-//! every stall is also recorded for each slot it covered, and both counts are told: `response` over the cycles and
-//! `response_per_slot` over the periods, the age over the commands applied and over the slots in which one was held.
-//! When the host takes the processors, several nodes sleep through the same slots: that is one stall, as long as the
-//! longest of them, and its slots are never added up over the nodes. The terminal, run.json, the report and the window
-//! of the trace all mean this worst tick.
+//! A stall makes one bad cycle and no others, because no other cycle ran: percentiles over the cycles hide how long the
+//! stall was. So every stall is also recorded for each slot it covered, and both counts are reported: `response` over
+//! the cycles and `response_per_slot` over the periods; the age over the commands applied and over the slots in which a
+//! command was held. When the host takes the processors, several nodes sleep through the same slots: that is one stall,
+//! as long as the longest of them, and its slots are never added up over the nodes. The terminal, run.json, the report
+//! and the trace's window all use the worst tick as defined here.
 //!
-//! A node whose messages contradict reads another time than the rest, or a node before it does, and figures across the
-//! two mean nothing. A clock that is off by less than a hop does not show.
+//! If a node's messages contradict the times of others, this node or one before it in the ring reads a different clock,
+//! and figures computed across the two clocks mean nothing. A clock that is off by less than a hop goes unnoticed.
 //!
 //! | file | holds |
 //! |---|---|

@@ -25,10 +25,10 @@ pub struct Cycle {
     pub slips: u64,
     /// Cycles just before this one whose messages came too late and were not sent, by the deadline's policy.
     pub withheld: u64,
-    /// Periods just before this one without a message of the node: those two, or all since the last message of the
-    /// process before this one, where it replaces another. At most [`LONGEST_STALL_SLOTS`].
+    /// Periods just before this one without a message of the node: slips and withheld cycles, or, if this process
+    /// replaces another, all periods since the other's last message. At most [`LONGEST_STALL_SLOTS`].
     pub silent: u64,
-    /// CPU time of its thread; the node's next message carries it, so `None` until that one is seen.
+    /// CPU time of this cycle; `None` until the node's next message, which carries it, is seen.
     pub cpu_ns: Option<u64>,
     /// CPU time of the cycle before this one, if that is known.
     pub cpu_before_ns: Option<u64>,
@@ -150,9 +150,9 @@ impl NodeTiming {
         }
     }
 
-    /// Takes the stamp of one message in, with the one `before` it of the same process, which may have worked in the
-    /// standby then; messages come in the order of sending. One whose times cannot be true is in the counts of its
-    /// sender and in no figure: then there is no cycle to return.
+    /// Takes the stamp of one message in, and the stamp `before` it of the same process, which may have been on standby
+    /// then; messages come in the order of sending. Returns `None` for a message whose times cannot be true: it enters
+    /// its sender's counts, but no figure.
     pub fn observe(&mut self, stamp: &Stamp, before: &Stamp) -> Option<Cycle> {
         let own = self.topic as usize;
         let publish_ns = stamp.publish_ns[own];

@@ -2,10 +2,10 @@
 //!
 //! A stall is charged to the tick that ended it; the ticks it covered are no entries of their own.
 //!
-//! The part of a tick that made it late is the one that took longest against the same part's median in this flight. The
-//! parts of a chain add up to its response: each node's wait for an input that did not come, its wake-up (with the
-//! slots it was silent before) and its execution. A node whose input came late is late through no part of its own, so
-//! the part named is where the delay arose.
+//! The part of a tick that made it late is the part that exceeded its own median in this flight by the most. The parts
+//! of a chain add up to its response: each node's wait for an input that did not come, its wake-up (including the slots
+//! that the node was silent before) and its execution. A node whose input came late has no late part of its own, so the
+//! part named is where the delay arose.
 //!
 //! Known causes ([`crate::happenings`]) come before inferred ones. The first rule that applies is told:
 //!

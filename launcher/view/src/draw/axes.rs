@@ -89,9 +89,9 @@ pub(super) struct Scale {
 }
 
 impl Scale {
-    /// The scale on which the values have a place, and `limit` where there is one; `None` without a value. The last
-    /// hundredth of the values lies beyond the end where it is far above the others, and so does what is below a
-    /// thousandth of the median.
+    /// Returns a scale for the values above 0 and for `limit`, if there is one; `None` without a value. The largest
+    /// hundredth of the values lies beyond the upper end if it is far above the others; values below a thousandth of
+    /// the median lie beyond the lower end.
     pub(super) fn of(values: impl Iterator<Item = f64>, limit: Option<f64>) -> Option<Self> {
         let mut values: Vec<f64> = values.filter(|value| value.is_finite() && *value > 0.0).collect();
         values.sort_by(f64::total_cmp);

@@ -43,7 +43,8 @@ pub struct HeatCell {
 }
 
 impl HeatMap {
-    /// Draws the map of `cells`. Entries of the axes ascend. `point` is a row, and the two columns that it spans.
+    /// Draws the map of `cells`. Entries of the axes ascend. `point` is a row value and two column values: a dot is
+    /// drawn at the first and a line from there to the second.
     pub fn draw(
         &self,
         title: &str,

@@ -1,7 +1,8 @@
 //! The paper's claims about its simulation results, held against a run.
 //!
-//! They are made for one flight: the whole minute of the `survey` trajectory, flown by the paper's controllers and
-//! vehicle in calm. Anything else is `not applicable`, and a page on which none applies does not speak of them.
+//! The paper makes its claims for one flight: the whole minute of the `survey` trajectory, flown by the paper's
+//! controllers and vehicle in calm. For any other flight a claim is `not applicable`; a page on which no claim applies
+//! does not mention them.
 
 use crate::draw::{DASH, escape, number, table, verdict};
 use contract::Scenario;
@@ -56,8 +57,8 @@ pub fn section(claims: &[Claim], metrics: &Metrics) -> String {
 }
 
 /// Returns whether the claims are made for this flight: every setting of vehicle, mission and controllers is the
-/// paper's, its sample time of 0.01 s too, and nothing goes wrong. Mode and seed may be any, as may what the flight is
-/// called, judged by and scheduled with.
+/// paper's, including its sample time of 0.01 s, and nothing goes wrong. Name, mode, duration, seed, bounds,
+/// scheduling, deadlines and supervision may differ.
 pub fn concerns(scenario: &Scenario) -> bool {
     let Scenario { name, run, bounds, realtime, deadline, supervision, .. } = scenario.clone();
     let paper = Scenario::from(Profile::Paper);
@@ -113,8 +114,8 @@ impl Reach {
     }
 }
 
-/// Judges a run by its record, and by how far states and actuators went: the whole flight of the claims, or one that
-/// was lost.
+/// Judges a run by its record, and by the extremes of its states and actuators. Only the whole flight that the claims
+/// are made for is judged, or such a flight that was lost.
 pub fn judge(run: &RunRecord, reach: &Reach, scenario: &Scenario) -> [Claim; 5] {
     let lost = concerns(scenario) && run.diverged;
     let whole = run.flown_s > DURATION_S - 2.0 * scenario.sample_s();

@@ -14,7 +14,7 @@ pub fn section(costs: &Costs) -> String {
             "<p>{ticks} ticks were disturbed: <code>launcher explain RUN</code> says what each of them cost, and writes \
              explain.html into the run’s folder.</p>"
         ),
-        Costs::TooLong => "<p>Of a flight of this length <code>launcher explain RUN</code> says it.</p>".into(),
+        Costs::TooLong => "<p>The flight is long: <code>launcher explain RUN</code> finds the costs.</p>".into(),
         Costs::Unknown(why) => {
             let why = escape(&format!("{why:#}"));
             format!("<p>Not known, because the flight cannot be flown again: {why}.</p>")

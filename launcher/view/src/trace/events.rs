@@ -209,8 +209,8 @@ impl Trace {
         self.event("X", lane, &span.what, from_ns, more);
     }
 
-    /// An event of a lane with what is particular to it. Marks and what happened stand behind the others of their
-    /// instant.
+    /// Adds an event to a lane; `more` holds the fields particular to it. Marks, and events of the lanes for faults and
+    /// events, are sorted behind the other events of the same instant.
     fn event(&mut self, phase: &str, lane: usize, name: &str, at_ns: u64, more: Value) {
         let ts = micros(at_ns.saturating_sub(self.origin_ns));
         let mut event = json!({ "ph": phase, "pid": lane + 1, "tid": lane + 1, "name": name, "ts": ts });

@@ -35,7 +35,7 @@ pub struct TraceArgs {
     /// Length of the window
     #[arg(long = "for", alias = "for-s", value_name = "TIME", default_value = "1s", value_parser = seconds)]
     pub for_s: f64,
-    /// Window around the worst tick, the default without --from; in lockstep no tick is late: the beginning
+    /// Window around the worst tick, the default without --from; in lockstep, where no tick is late, at the beginning
     #[arg(long, conflicts_with = "from_s")]
     pub worst: bool,
     /// File to write [default: trace.json beside the log]
@@ -164,7 +164,7 @@ impl Window {
         Self { from_s, for_s, sample_s, why }
     }
 
-    /// Returns the ticks of the window, of a flight of so many.
+    /// Returns the ticks of the window, at most `flown`.
     fn ticks(&self, flown: usize) -> Range<usize> {
         // The cast saturates, and turns NaN into 0.
         let tick = |t_s: f64| ((t_s / self.sample_s - 1e-6).ceil() as usize).min(flown);
