@@ -8,6 +8,7 @@ mod bad_input;
 mod campaign;
 mod compare;
 mod control;
+mod controllers;
 mod deadlines;
 mod faults;
 mod foreign;

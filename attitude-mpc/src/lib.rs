@@ -50,8 +50,6 @@ pub mod riccati;
 pub mod schedule;
 pub mod solver;
 
-pub use node::Node;
-
 #[cfg(test)]
 mod fixture;
 #[cfg(test)]

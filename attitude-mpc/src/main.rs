@@ -1,5 +1,8 @@
 //! `attitude-mpc` as a program of its own.
 
+use attitude_mpc::AttitudeMpc;
+use runtime::{node, process};
+
 fn main() -> std::process::ExitCode {
-    runtime::process::main("attitude-mpc", runtime::node::run::<attitude_mpc::Node>)
+    process::main("attitude-mpc", |session| node::run(session, node::open::<AttitudeMpc>))
 }

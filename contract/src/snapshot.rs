@@ -22,8 +22,14 @@ pub const PLANT_WORDS: usize = 1024;
 /// Packed memory of a node.
 pub type Snapshot = [u64; SNAPSHOT_WORDS];
 
+/// Snapshot of a core that keeps no memory: the process after it begins cold.
+pub const NO_MEMORY: Snapshot = [0; SNAPSHOT_WORDS];
+
 /// Index of the first word of the contents.
 const CONTENTS: usize = 2;
+
+/// Largest memory in a snapshot \[byte\].
+pub const MEMORY_BYTES: usize = 8 * (SNAPSHOT_WORDS - CONTENTS);
 
 /// Memory of a node: a fixed layout of `f64` and of counts below 2^62, so that every word is finite when read as `f64`.
 pub trait Layout: Pod {
@@ -38,24 +44,32 @@ pub trait Layout: Pod {
 
 /// Packs `memory` into a snapshot with layout and checksum.
 pub fn pack<M: Layout>(memory: &M) -> Snapshot {
+    pack_bytes(u64::from_be_bytes(M::NAME), bytemuck::bytes_of(memory))
+}
+
+/// Packs `memory` into a snapshot with `layout` and checksum; panics if it has more than [`MEMORY_BYTES`].
+pub fn pack_bytes(layout: u64, memory: &[u8]) -> Snapshot {
     let mut words = [0; SNAPSHOT_WORDS];
-    words[0] = u64::from_be_bytes(M::NAME);
-    bytemuck::cast_slice_mut(&mut words[CONTENTS..CONTENTS + M::WORDS]).copy_from_slice(bytemuck::bytes_of(memory));
+    words[0] = layout;
+    bytemuck::cast_slice_mut(&mut words[CONTENTS..])[..memory.len()].copy_from_slice(memory);
     words[1] = checksum(&words);
     words
 }
 
 /// Unpacks the memory in a `snapshot`; `None` if layout or checksum do not fit, or a number is not finite.
 pub fn unpack<M: Layout>(snapshot: &Snapshot) -> Option<M> {
-    let contents = &snapshot[CONTENTS..CONTENTS + M::WORDS];
-    let unsigned = {
-        let mut words = *snapshot;
-        words[1] = 0;
-        words
-    };
-    let is_intact = snapshot[0] == u64::from_be_bytes(M::NAME) && snapshot[1] == checksum(&unsigned);
-    let is_finite = contents.iter().all(|word| f64::from_bits(*word).is_finite());
-    (is_intact && is_finite).then(|| bytemuck::pod_read_unaligned(bytemuck::cast_slice(contents)))
+    let contents = unpack_bytes(u64::from_be_bytes(M::NAME), snapshot)?;
+    let is_finite = snapshot[CONTENTS..CONTENTS + M::WORDS].iter().all(|word| f64::from_bits(*word).is_finite());
+    is_finite.then(|| bytemuck::pod_read_unaligned(&contents[..size_of::<M>()]))
+}
+
+/// Returns the contents of a `snapshot`; `None` if layout or checksum do not fit.
+pub fn unpack_bytes(layout: u64, snapshot: &Snapshot) -> Option<&[u8; MEMORY_BYTES]> {
+    let mut unsigned = *snapshot;
+    unsigned[1] = 0;
+    let is_intact = snapshot[0] == layout && snapshot[1] == checksum(&unsigned);
+    let contents = bytemuck::cast_slice(&snapshot[CONTENTS..]).try_into().ok();
+    contents.filter(|_| is_intact)
 }
 
 /// Optional tick in one word: the tick plus one, 0 for none.

@@ -44,7 +44,6 @@ use nalgebra::{Rotation3, Vector2, Vector3};
 
 use heading::HeadingCommand;
 use memory::Memory;
-pub use node::Node;
 use observer::{Observer, to_heading_frame};
 use reentry::Limits;
 pub use trajectory::{Setpoint, Trajectory};

@@ -1,5 +1,8 @@
 //! `guidance` as a program of its own.
 
+use guidance::Guidance;
+use runtime::{node, process};
+
 fn main() -> std::process::ExitCode {
-    runtime::process::main("guidance", runtime::node::run::<guidance::Node>)
+    process::main("guidance", |session| node::run(session, node::open::<Guidance>))
 }

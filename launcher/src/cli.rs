@@ -12,7 +12,7 @@ use runtime::process::run_as;
 use runtime::realtime::{reset_signals, tell_of_crashes};
 
 use flight::stack::{StartError, check_memory};
-use flight::{intruder, recorder, settings};
+use flight::{intruder, nodes, programs, recorder, settings};
 use measure::Measure;
 use runtime::console::{eprint_line, print};
 use view::{report, trace};
@@ -87,6 +87,12 @@ enum Command {
         #[arg(long, required_if_eq("name", "recorder"))]
         log: Option<PathBuf>,
     },
+    /// Load a library as a node, and have it answer to a few samples (the launcher starts this before a flight)
+    #[command(hide = true)]
+    TryLibrary {
+        /// guidance, attitude-mpc or mixer
+        node: String,
+    },
     /// Try to enter a stack as a foreign process (the launcher starts this as a fault)
     #[command(hide = true)]
     Intrude(intruder::IntrudeArgs),
@@ -137,6 +143,7 @@ fn run() -> ExitCode {
         Command::Campaign(args) => campaign::campaign(&args),
         Command::Tune(args) => tune::tune(&args),
         Command::Measure(what) => what.run(),
+        Command::TryLibrary { node } => Ok(programs::try_library(&node)),
         Command::Intrude(args) => intruder::intrude(&args),
         Command::Node { name, namespace, epoch, settings, log } => {
             return node(name, &namespace, epoch, settings.as_deref(), log);
@@ -194,13 +201,12 @@ fn check(scenario: &std::path::Path, set: &[String]) -> anyhow::Result<u8> {
 fn node(name: NodeName, namespace: &str, epoch: u32, own: Option<&Path>, log: Option<PathBuf>) -> ExitCode {
     match (name, log) {
         (NodeName::Plant, _) => run_as("plant", namespace, epoch, own, plant::run),
-        (NodeName::Guidance, _) => run_as("guidance", namespace, epoch, own, runtime::node::run::<guidance::Node>),
-        (NodeName::AttitudeMpc, _) => {
-            run_as("attitude-mpc", namespace, epoch, own, runtime::node::run::<attitude_mpc::Node>)
-        }
-        (NodeName::Mixer, _) => run_as("mixer", namespace, epoch, own, runtime::node::run::<mixer::Node>),
         (NodeName::Recorder, Some(log)) => recorder::main(namespace, epoch, &log),
         (NodeName::Recorder, None) => unreachable!("clap requires --log for the recorder"),
+        (answering, _) => {
+            let name = answering.to_possible_value().expect("every node has a name");
+            run_as(name.get_name(), namespace, epoch, own, |session| runtime::node::run(session, nodes::open))
+        }
     }
 }
 

@@ -202,6 +202,7 @@ fn fly_inprocess(
         }
     });
     let wall = started.elapsed();
+    flown.failures.iter().for_each(|why| eprint_line(why));
     let mut how = Circumstances::from(flown);
     how.log = log.map(RefCell::into_inner).map(|mut log| {
         for event in &how.events {

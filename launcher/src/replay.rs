@@ -3,12 +3,13 @@
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, anyhow, bail};
+use anyhow::{Context, anyhow, bail, ensure};
 use contract::exit;
-use contract::scenario::{Scenario, Swap, SwapNode, candidate};
+use contract::scenario::{Mode, Scenario, Swap, SwapNode, candidate};
 use contract::topic::Topic;
 use flight::duration::seconds;
 use flight::files::write_whole;
+use flight::programs;
 use flight::provenance::status_of;
 use flight::replay::{Plan, Recording};
 use runtime::console::{eprint_line, print};
@@ -44,9 +45,29 @@ pub struct ReplayArgs {
     /// Another program for the node, started as by `launcher swap --exec`
     #[arg(long, value_name = "PROGRAM", requires = "node")]
     exec: Option<String>,
+    #[command(flatten)]
+    trusted: Trusted,
     /// With --set or --exec: close the loop, so that all other nodes read the new answers
     #[arg(long)]
     closed: bool,
+}
+
+/// Libraries that a replay may load.
+#[derive(clap::Args)]
+pub struct Trusted {
+    /// File of a library that the node flew: it is loaded, and its answers are computed
+    #[arg(long = "program", value_name = "NODE=FILE")]
+    programs: Vec<String>,
+}
+
+impl Trusted {
+    fn trust(&self, recording: &mut Recording) -> anyhow::Result<()> {
+        for program in &self.programs {
+            let (name, file) = program.split_once('=').context("--program takes NODE=FILE, for example mixer=my.so")?;
+            recording.trust(node(name)?, file)?;
+        }
+        Ok(())
+    }
 }
 
 /// Arguments of `explain`.
@@ -57,6 +78,8 @@ pub struct ExplainArgs {
     /// Print the costs as JSON instead of the tables
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    trusted: Trusted,
     /// Compute the cost of every single disturbed tick; without this option many ticks are only undone all together
     #[arg(long)]
     all: bool,
@@ -67,7 +90,8 @@ pub fn explain(args: &ExplainArgs) -> anyhow::Result<u8> {
     let part = args.of.part()?;
     let recorded = Recorded::read_each(&args.of.run, part, |_, _| {})?;
     let missing = recorded.missing();
-    let recording = recorded.recording()?;
+    let mut recording = recorded.recording()?;
+    args.trusted.trust(&mut recording)?;
     let (from, until) = ticks(part, &recording);
     let script = recording.script(from, until.unwrap_or(u64::MAX))?;
     let work = Work::of(&recording, &script, until)?;
@@ -100,7 +124,8 @@ pub fn explain(args: &ExplainArgs) -> anyhow::Result<u8> {
 pub fn replay(args: &ReplayArgs) -> anyhow::Result<u8> {
     let part = args.of.part()?;
     let recorded = Recorded::read_each(&args.of.run, part, |_, _| {})?;
-    let recording = recorded.recording()?;
+    let mut recording = recorded.recording()?;
+    args.trusted.trust(&mut recording)?;
     let plan = plan(args, part, &recording)?;
     let started = Instant::now();
     let mut came_to_break = false;
@@ -129,22 +154,17 @@ pub fn replay(args: &ReplayArgs) -> anyhow::Result<u8> {
 fn plan(args: &ReplayArgs, part: Part, recording: &Recording) -> anyhow::Result<Plan> {
     let only = args.node.as_deref().map(node).transpose()?;
     let settings = match only {
-        Some(topic) if !args.set.is_empty() => Some((topic, Box::new(settings(recording, topic, &args.set)?))),
+        Some(topic) if !args.set.is_empty() || args.exec.is_some() => {
+            Some((topic, Box::new(settings(recording, topic, args)?)))
+        }
         _ => None,
     };
     let (from, until) = ticks(part, recording);
-    if args.closed && settings.is_none() && args.exec.is_none() {
+    if args.closed && settings.is_none() {
         bail!("--closed goes with --set or --exec: without them `launcher replay` is the flight as it was");
     }
-    let program = match (only, &args.exec) {
-        (Some(Topic::State), Some(_)) => {
-            bail!("the plant is the vehicle; `--exec` is for guidance, attitude-mpc and mixer")
-        }
-        (Some(topic), Some(program)) => Some((topic, program.clone())),
-        _ => None,
-    };
     let before = args.stop.as_deref().map(|stop| breakpoint(stop, recording)).transpose()?;
-    Ok(Plan { only: only.filter(|_| !args.closed), settings, program, from, until, before })
+    Ok(Plan { only: only.filter(|_| !args.closed), settings, from, until, before })
 }
 
 /// Returns the first tick of a part, and the last; `None` for the last if the part has no end.
@@ -184,14 +204,28 @@ fn node(name: &str) -> anyhow::Result<Topic> {
     known.ok_or_else(|| anyhow!("no node is called '{name}'; there are plant, guidance, attitude-mpc and mixer"))
 }
 
-fn settings(recording: &Recording, topic: Topic, set: &[String]) -> anyhow::Result<Scenario> {
+fn settings(recording: &Recording, topic: Topic, args: &ReplayArgs) -> anyhow::Result<Scenario> {
     let node = match topic {
         Topic::Reference => SwapNode::Guidance,
         Topic::Controls => SwapNode::AttitudeMpc,
         Topic::Actuators => SwapNode::Mixer,
         Topic::State => {
-            bail!("the plant flies by the settings of the run; `--set` is for guidance, attitude-mpc and mixer")
+            bail!("the plant is the vehicle of the run; `--set` and `--exec` are for guidance, attitude-mpc and mixer")
         }
     };
-    Ok(candidate(&recording.scenario, &Swap { set: set.to_vec(), ..Swap::new(node, 0.0) })?)
+    let is_named = args.exec.is_some() || args.set.iter().any(|set| set.starts_with("node."));
+    ensure!(
+        is_named || !recording.is_foreign(topic, 1),
+        "{0} flew {1}, which this replay does not start by itself: name it with --program {0}=FILE",
+        topic.publisher(),
+        recording.scenario.node.of(topic).exec
+    );
+    let mut recorded = recording.scenario.clone();
+    recorded.run.mode = Mode::Lockstep; // so that it may be a program of its own
+    let mut own =
+        candidate(&recorded, &Swap { exec: args.exec.clone(), set: args.set.clone(), ..Swap::new(node, 0.0) })?;
+    programs::pin(own.node.of_mut(topic), topic.publisher())?;
+    programs::check_one(&own, topic)?;
+    own.run.mode = recording.scenario.run.mode;
+    Ok(own)
 }

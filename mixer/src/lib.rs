@@ -35,7 +35,6 @@ use nalgebra::Vector4;
 use fallback::{Level, Rung};
 use landing::{Landing, Stage};
 use memory::Memory;
-pub use node::Node;
 use rotors::Rotors;
 
 /// Control allocation of one vehicle.

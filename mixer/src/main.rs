@@ -1,5 +1,8 @@
 //! `mixer` as a program of its own.
 
+use mixer::Mixer;
+use runtime::{node, process};
+
 fn main() -> std::process::ExitCode {
-    runtime::process::main("mixer", runtime::node::run::<mixer::Node>)
+    process::main("mixer", |session| node::run(session, node::open::<Mixer>))
 }

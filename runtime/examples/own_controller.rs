@@ -7,10 +7,14 @@
 
 use std::process::ExitCode;
 
+use airframe::Parameters;
 use contract::message::{Controls, Reference, SolveStatus, State};
-use contract::snapshot::SNAPSHOT_WORDS;
+use contract::scenario::Scenario;
+use contract::snapshot::{NO_MEMORY, Snapshot};
+use runtime::input::Input;
+use runtime::node::{self, Core};
 use runtime::process;
-use runtime::session::{NodeSession, SessionError};
+use runtime::session::SessionError;
 
 /// Double pole of each attitude loop \[rad/s\].
 const ATTITUDE_POLE: f64 = 6.0;
@@ -18,38 +22,49 @@ const ATTITUDE_POLE: f64 = 6.0;
 const CLIMB_POLE: f64 = 4.0;
 
 fn main() -> ExitCode {
-    process::main("attitude-mpc", fly)
+    process::main("attitude-mpc", |session| node::run(session, node::open::<PdController>))
 }
 
-/// Answers every sample with CONTROLS until the run is over, or another process is active.
-fn fly(mut session: NodeSession) -> Result<(), SessionError> {
-    let mut states = session.input::<State>()?;
-    let mut references = session.input::<Reference>()?;
-    let mut controls = session.output::<Controls>()?;
-    let vehicle = session.scenario.airframe;
-    let inertia = [vehicle.mass_kg, vehicle.iyy_kgm2, vehicle.ixx_kgm2, vehicle.izz_kgm2];
-    let nothing_to_remember = [0; SNAPSHOT_WORDS]; // no node accepts this as a snapshot
-    let mut cycles = session.ready()?;
-    while let Some(tick) = cycles.next(&mut references)? {
-        let (reference, state) = (references.newest(), states.newest());
+/// One PD law per axis.
+struct PdController {
+    /// Mass, then the moments of inertia about y, x, z, in the order of the demand \[kg, kg m2\].
+    inertia: [f64; 4],
+}
+
+impl Core for PdController {
+    type Inputs = (Input<Reference>, Input<State>);
+    type Answer = Controls;
+
+    fn build(scenario: &Scenario) -> Result<Self, SessionError> {
+        let Parameters { mass_kg, ixx_kgm2, iyy_kgm2, izz_kgm2, .. } = scenario.airframe;
+        Ok(Self { inertia: [mass_kg, iyy_kgm2, ixx_kgm2, izz_kgm2] })
+    }
+
+    fn step(&mut self, tick: u64, (references, states): &Self::Inputs) -> Result<Controls, SessionError> {
+        let (reference, state) = (references.known(), states.known());
         let fresh = state.stamp.sequence > 0 && state.stamp.tick >= tick;
         let status = if fresh { SolveStatus::Explicit } else { SolveStatus::Stale }; // the mixer ignores stale ones
-        let answer =
-            Controls { demand: demand(inertia, state, reference), status: status as u64, ..Controls::default() };
-        controls.send(answer, cycles.provenance(tick).with(reference).with(state));
-        cycles.done(tick, &nothing_to_remember);
+        Ok(Controls { demand: self.demand(state, reference), status: status as u64, ..Controls::default() })
     }
-    Ok(())
+
+    /// Keeps no memory: the next process begins cold.
+    fn snapshot(&self) -> Snapshot {
+        NO_MEMORY
+    }
+
+    fn restore(&mut self, _memory: &Snapshot) {}
 }
 
-/// Demand of col, lon, lat, ped as deviations from trim \[N, N m, N m, N m\].
-fn demand(inertia: [f64; 4], state: &State, reference: &Reference) -> [f64; 4] {
-    let body = &state.measured;
-    let turn = |axis: usize| {
-        let error_rad = reference.attitude_rad[axis] - body.attitude_rad[axis];
-        let error_radps = reference.rates_radps[axis] - body.rates_radps[axis];
-        ATTITUDE_POLE * ATTITUDE_POLE * error_rad + 2.0 * ATTITUDE_POLE * error_radps
-    };
-    let wanted = [CLIMB_POLE * (reference.w_mps - body.velocity_mps[2]), turn(1), turn(0), turn(2)];
-    std::array::from_fn(|i| inertia[i] * wanted[i])
+impl PdController {
+    /// Demand of col, lon, lat, ped as deviations from trim \[N, N m, N m, N m\].
+    fn demand(&self, state: &State, reference: &Reference) -> [f64; 4] {
+        let body = &state.measured;
+        let turn = |axis: usize| {
+            let error_rad = reference.attitude_rad[axis] - body.attitude_rad[axis];
+            let error_radps = reference.rates_radps[axis] - body.rates_radps[axis];
+            ATTITUDE_POLE * ATTITUDE_POLE * error_rad + 2.0 * ATTITUDE_POLE * error_radps
+        };
+        let wanted = [CLIMB_POLE * (reference.w_mps - body.velocity_mps[2]), turn(1), turn(0), turn(2)];
+        std::array::from_fn(|i| self.inertia[i] * wanted[i])
+    }
 }

@@ -13,14 +13,14 @@
 //! process slept through is skipped and counted. An input that comes after its sample was answered is used at the next
 //! one.
 
-use contract::message::{Message, Stamp};
+use contract::message::Stamp;
 use contract::scenario::Fault;
 use contract::snapshot::Snapshot;
 use contract::topic::Topic;
 
 use crate::cycle_timing::warm_up_ns;
 use crate::error::SessionError;
-use crate::input::Input;
+use crate::input::Upstream;
 use crate::limits::LOOK_AROUND_NS;
 use crate::member::Member;
 use crate::process_faults::burn;
@@ -67,10 +67,10 @@ impl CycleLoop {
     ///
     /// # Errors
     /// A fault ends the process, or the process has missed a deadline with the policy `stop`.
-    pub fn next<M: Message>(&mut self, input: &mut Input<M>) -> Result<Option<u64>, SessionError> {
+    pub fn next(&mut self, input: &mut dyn Upstream) -> Result<Option<u64>, SessionError> {
         let due = match self.release {
             Release::Timer { period_ns } => self.by_the_timer(period_ns, input),
-            Release::Barrier => self.by_the_barrier(M::TOPIC),
+            Release::Barrier => self.by_the_barrier(input.topic()),
         };
         let Some(tick) = due else { return self.member.timing.verdict().map(|()| None) };
         let Member { page, faults, .. } = &self.member;
@@ -100,13 +100,13 @@ impl CycleLoop {
         let Member { page, topic, epoch, .. } = &self.member;
         let role = page.role(*topic);
         if role.active() == *epoch {
-            role.memory.write(Origin { epoch: u64::from(*epoch), done: tick + 1 }, memory);
+            role.memory.write(Origin::of(*epoch, tick + 1, memory), memory);
         }
         role.done(*epoch).set(tick as u32 + 1);
         self.release.cycle_done(page.doorbell(*topic));
     }
 
-    fn by_the_timer<M: Message>(&mut self, period_ns: u64, input: &mut Input<M>) -> Option<u64> {
+    fn by_the_timer(&mut self, period_ns: u64, input: &mut dyn Upstream) -> Option<u64> {
         while !self.is_over() {
             let (tick, release_ns) = match self.sleep(period_ns, input) {
                 Wake::Input(tick, release_ns) | Wake::Late(tick, release_ns) => (tick, release_ns),
@@ -127,7 +127,7 @@ impl CycleLoop {
     }
 
     /// Sleeps until there is a reason to wake, and returns it.
-    fn sleep<M: Message>(&mut self, period_ns: u64, input: &mut Input<M>) -> Wake {
+    fn sleep(&mut self, period_ns: u64, input: &mut dyn Upstream) -> Wake {
         let now = now_ns();
         let look_around_ns = now + LOOK_AROUND_NS;
         let rung = self.member.page.doorbell(Topic::State).count(); // before the look, so that no tick is slept through
@@ -149,9 +149,9 @@ impl CycleLoop {
         let wake_ns = if will_be_sampled { warm_up_ns.unwrap_or(late_ns) } else { u64::MAX };
 
         if input.arrived(wake_ns.min(look_around_ns)) {
-            let stamp = input.newest().stamp();
+            let stamp = input.stamp();
             if stamp.tick >= self.next {
-                return Wake::Input(stamp.tick, stamp.publish_ns[M::TOPIC as usize]);
+                return Wake::Input(stamp.tick, stamp.publish_ns[input.topic() as usize]);
             }
         } else if warm_up_ns == Some(wake_ns) && now_ns() >= wake_ns {
             return Wake::WarmUp;

@@ -99,6 +99,8 @@ pub enum SessionError {
     Taken { node: &'static str, epoch: u32 },
     #[error("no message of {node} has arrived within {} s: it has not started, or is stuck", PROBE_LIMIT_NS / 1_000_000_000)]
     Silent { node: &'static str },
+    #[error("{file}: {why}")]
+    Foreign { file: String, why: String },
     #[error("tick {tick}: a fault `exit` ended this process")]
     FaultExit { tick: u64 },
 }

@@ -9,7 +9,18 @@ use crate::port::{ReceivePort, Wire};
 use crate::ports::Ports;
 use crate::realtime::{now_ns, phase};
 use contract::guard::{Guard, Refusal};
-use contract::message::Message;
+use contract::message::{Message, Stamp};
+use contract::topic::Topic;
+
+/// Input from the node before this one, whose messages wake it.
+pub trait Upstream {
+    /// Topic of the messages.
+    fn topic(&self) -> Topic;
+    /// Waits until a message is accepted, `deadline_ns` has passed or the run ends; returns whether one was accepted.
+    fn arrived(&mut self, deadline_ns: u64) -> bool;
+    /// Stamp of the newest message that was accepted so far.
+    fn stamp(&self) -> &Stamp;
+}
 
 /// Input of a node on one topic.
 pub struct Input<M> {
@@ -39,25 +50,14 @@ impl<M: Message> Input<M> {
         self.guard.newest()
     }
 
+    /// Newest message that was accepted so far, without a look for later ones; the default before the first.
+    pub fn known(&self) -> &M {
+        self.guard.newest()
+    }
+
     /// Newest message, if one was accepted since the last look.
     pub fn fresh(&mut self) -> Option<&M> {
         self.look().then(|| self.guard.newest())
-    }
-
-    /// Waits until a message is accepted, `deadline_ns` has passed or the run ends; returns whether one was accepted.
-    pub(crate) fn arrived(&mut self, deadline_ns: u64) -> bool {
-        let page = self.member.page.clone();
-        let doorbell = page.doorbell(M::TOPIC);
-        loop {
-            let rung = doorbell.count(); // before the look, so that a message after it is not slept through
-            if self.look() {
-                return true;
-            }
-            if now_ns() >= deadline_ns || page.phase.count() >= phase::LEAVE {
-                return false;
-            }
-            doorbell.wait(rung, deadline_ns);
-        }
     }
 
     /// Passes the messages received since the last look to the guard; returns whether it accepted one.
@@ -105,6 +105,31 @@ impl<M: Message> Input<M> {
     }
 }
 
+impl<M: Message> Upstream for Input<M> {
+    fn topic(&self) -> Topic {
+        M::TOPIC
+    }
+
+    fn arrived(&mut self, deadline_ns: u64) -> bool {
+        let page = self.member.page.clone();
+        let doorbell = page.doorbell(M::TOPIC);
+        loop {
+            let rung = doorbell.count(); // before the look, so that a message after it is not slept through
+            if self.look() {
+                return true;
+            }
+            if now_ns() >= deadline_ns || page.phase.count() >= phase::LEAVE {
+                return false;
+            }
+            doorbell.wait(rung, deadline_ns);
+        }
+    }
+
+    fn stamp(&self) -> &Stamp {
+        self.known().stamp()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use std::sync::Arc;
@@ -114,8 +139,7 @@ mod tests {
     use crate::realtime::ControlPage;
     use crate::release::{Caller, Release};
     use crate::shared_role::Assignment;
-    use contract::Topic;
-    use contract::message::{Controls, Stamp};
+    use contract::message::Controls;
     use contract::scenario::Scenario;
 
     /// Sends answers to the samples `ticks`, when the plant has taken five samples, the first of them `since_ns` ago.

@@ -1,51 +1,164 @@
-//! A node that answers: a core with its ports. A process, the ring in process and a replay use the same wiring.
+//! A node that answers: a core behind its ports. A process, the ring in process and a replay use the same wiring.
 
 use std::any::Any;
 
-use contract::message::Stamp;
+use contract::message::{Stamp, State};
 use contract::scenario::{Fault, Scenario};
 use contract::snapshot::Snapshot;
 
 use crate::error::SessionError;
-use crate::input::Input;
+use crate::input::{Input, Upstream};
 use crate::member::Member;
+use crate::output::Output;
 use crate::port::Wire;
 use crate::ports::Ports;
 use crate::session::NodeSession;
 
-/// Node that answers to the plant.
-pub trait Node {
-    /// Answers to a sample; `sample` is the provenance of a new chain. A `known` message of the node's topic is sent in
-    /// place of an answer of the core.
-    fn answer(&mut self, sample: Stamp, known: Option<&dyn Any>);
-    /// Returns the memory of the core.
-    fn memory(&self) -> Snapshot;
+/// Core of a node that answers: its control law, without ports.
+pub trait Core: Sized + 'static {
+    /// Inputs of the node.
+    type Inputs: Inputs;
+    /// Message that the node sends.
+    type Answer: Wire;
+
+    /// Builds the core for a run of `scenario`.
+    fn build(scenario: &Scenario) -> Result<Self, SessionError>;
+    /// Answers to sample `tick` from the newest messages of the inputs. An error ends the process.
+    fn step(&mut self, tick: u64, inputs: &Self::Inputs) -> Result<Self::Answer, SessionError>;
+    /// Packs the memory; [`NO_MEMORY`](contract::snapshot::NO_MEMORY) if the core cannot be continued by another.
+    fn snapshot(&self) -> Snapshot;
     /// Continues from the memory of another process; one that does not fit counts as none.
     fn restore(&mut self, memory: &Snapshot);
     /// Adds fault `number`, or changes it to `fault`; a core without faults of its own ignores it.
     fn apply_fault(&mut self, _number: usize, _fault: &Fault) {}
+    /// Sets whether the next steps shall do less, because a deadline was missed.
+    fn hurry(&mut self, _do_less: bool) {}
 }
 
-/// Node that opens its ports itself.
-pub trait Wired: Node + Sized {
-    /// Message of the node before this one, which wakes it.
-    type Upstream: Wire;
-    /// Opens the ports of `member`, with a new core for a run of `scenario`.
-    fn open(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result<Self, SessionError>;
-    /// Returns the input from the node before this one.
-    fn upstream(&mut self) -> &mut Input<Self::Upstream>;
+/// Inputs of a node that answers.
+pub trait Inputs: Sized {
+    /// Opens the inputs of `member`.
+    fn open(ports: &mut Ports, member: &Member) -> Result<Self, SessionError>;
+    /// Returns the input from the node before this one, which wakes it.
+    fn upstream(&mut self) -> &mut dyn Upstream;
+    /// Accepts the messages that have come.
+    fn look(&mut self);
+    /// Returns the provenance of an answer to `sample` that is computed from the newest messages.
+    fn provenance(&self, sample: Stamp) -> Stamp;
 }
 
-/// Runs a node as a process: answers to every sample until the run is over.
-pub fn run<N: Wired>(mut session: NodeSession) -> Result<(), SessionError> {
-    let mut node = session.open(N::open)?;
+impl Inputs for Input<State> {
+    fn open(ports: &mut Ports, member: &Member) -> Result<Self, SessionError> {
+        Input::open(ports, member)
+    }
+
+    fn upstream(&mut self) -> &mut dyn Upstream {
+        self
+    }
+
+    fn look(&mut self) {
+        self.newest();
+    }
+
+    fn provenance(&self, sample: Stamp) -> Stamp {
+        sample.with(self.known())
+    }
+}
+
+impl<M: Wire> Inputs for (Input<M>, Input<State>) {
+    fn open(ports: &mut Ports, member: &Member) -> Result<Self, SessionError> {
+        Ok((Input::open(ports, member)?, Input::open(ports, member)?))
+    }
+
+    fn upstream(&mut self) -> &mut dyn Upstream {
+        &mut self.0
+    }
+
+    fn look(&mut self) {
+        self.0.newest();
+        self.1.newest();
+    }
+
+    fn provenance(&self, sample: Stamp) -> Stamp {
+        sample.with(self.0.known()).with(self.1.known())
+    }
+}
+
+/// Node that answers to the plant.
+pub trait Node {
+    /// Returns the input from the node before this one, which wakes it.
+    fn upstream(&mut self) -> &mut dyn Upstream;
+    /// Answers to a sample; `sample` is the provenance of a new chain. A `known` message of the node's topic is sent in
+    /// place of an answer of the core.
+    ///
+    /// # Errors
+    /// The core has failed, and nothing was sent: the process shall end.
+    fn answer(&mut self, sample: Stamp, known: Option<&dyn Any>) -> Result<(), SessionError>;
+    /// Returns the memory of the core.
+    fn memory(&self) -> Snapshot;
+    /// Continues from the memory of another process; one that does not fit counts as none.
+    fn restore(&mut self, memory: &Snapshot);
+    /// Adds fault `number` of the core, or changes it to `fault`.
+    fn apply_fault(&mut self, number: usize, fault: &Fault);
+}
+
+/// Function that opens a node: [`open`] for one core.
+pub type Open = fn(&mut Ports, &Member, &Scenario) -> Result<Box<dyn Node>, SessionError>;
+
+/// Opens the ports of `member`, with a new core for a run of `scenario`.
+pub fn open<C: Core>(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result<Box<dyn Node>, SessionError> {
+    let core = C::build(scenario)?;
+    let inputs = C::Inputs::open(ports, member)?;
+    Ok(Box::new(Wired { core, inputs, output: Output::open(ports, member, scenario)? }))
+}
+
+/// Core with its ports.
+struct Wired<C: Core> {
+    core: C,
+    inputs: C::Inputs,
+    output: Output<C::Answer>,
+}
+
+impl<C: Core> Node for Wired<C> {
+    fn upstream(&mut self) -> &mut dyn Upstream {
+        self.inputs.upstream()
+    }
+
+    fn answer(&mut self, sample: Stamp, known: Option<&dyn Any>) -> Result<(), SessionError> {
+        let Self { core, inputs, output } = self;
+        inputs.look();
+        let answer = match output.known(known) {
+            Some(known) => known,
+            None => core.step(sample.tick, inputs)?,
+        };
+        let do_less = output.send(answer, inputs.provenance(sample));
+        core.hurry(do_less);
+        Ok(())
+    }
+
+    fn memory(&self) -> Snapshot {
+        self.core.snapshot()
+    }
+
+    fn restore(&mut self, memory: &Snapshot) {
+        self.core.restore(memory);
+    }
+
+    fn apply_fault(&mut self, number: usize, fault: &Fault) {
+        self.core.apply_fault(number, fault);
+    }
+}
+
+/// Runs the node that `open` opens as a process: it answers to every sample until the run is over.
+pub fn run(mut session: NodeSession, open: Open) -> Result<(), SessionError> {
+    let mut node = session.open(open)?;
     if let Some(memory) = session.take_over_memory() {
         node.restore(&memory);
     }
     let mut cycles = session.ready()?;
     while let Some(tick) = cycles.next(node.upstream())? {
         cycles.new_faults(|number, fault| node.apply_fault(number, fault));
-        node.answer(cycles.provenance(tick), None);
+        node.answer(cycles.provenance(tick), None)?;
         cycles.done(tick, &node.memory());
     }
     Ok(())

@@ -24,7 +24,7 @@ use contract::topic::Topic;
 
 use crate::cycle_timing::warm_up_ns;
 use crate::error::SessionError;
-use crate::input::Input;
+use crate::input::{Input, Upstream};
 use crate::limits::{GATHER_NS, LEAD_IN_NS, LEAD_TICKS, LOOK_AROUND_NS};
 use crate::member::Member;
 use crate::process_faults::burn;

@@ -24,6 +24,7 @@ use crate::ports::Ports;
 use crate::realtime;
 use crate::release::Release;
 use crate::sample_loop::SampleLoop;
+use crate::shared_role::Origin;
 
 /// Process of a node that has joined a run and is not ready yet.
 pub struct NodeSession {
@@ -80,7 +81,8 @@ impl NodeSession {
     /// for epoch 1, or if there is none.
     pub fn take_over_memory(&self) -> Option<Snapshot> {
         let memory = &self.member.page.role(self.member.topic).memory;
-        let (origin, snapshot) = (self.member.epoch > 1).then(|| memory.read_whole()).flatten()?;
+        let written = (self.member.epoch > 1).then(|| memory.read_whole()).flatten();
+        let (origin, snapshot) = written.filter(|(origin, _)| *origin != Origin::default())?;
         self.member.continues.set(origin);
         Some(snapshot)
     }
@@ -128,7 +130,6 @@ mod tests {
     use crate::ports::Transport;
     use crate::realtime::phase;
     use crate::shared_role::Assignment;
-    use crate::shared_role::Origin;
     use contract::message::{Controls, Reference, State};
     use contract::scenario::{Fault, FaultKind, FaultTarget};
 

@@ -27,7 +27,7 @@ use crate::error::PortFailure;
 use crate::limits::{MEMORY_READS, ROLE_PORTS, ROLE_SLOTS};
 use contract::Topic;
 use contract::guard::Refusal;
-use contract::snapshot::SNAPSHOT_WORDS;
+use contract::snapshot::{NO_MEMORY, SNAPSHOT_WORDS, Snapshot};
 
 /// Entry of an epoch whose place was offered and not yet taken.
 pub(crate) const VACANT: u64 = 1;
@@ -319,6 +319,13 @@ pub struct Origin {
     pub epoch: u64,
     /// Ticks that the process had done, counted from the first of the run.
     pub done: u64,
+}
+
+impl Origin {
+    /// Origin of the `memory` of process `epoch`, which has done ticks up to `done`; the default if it has no memory.
+    pub fn of(epoch: u32, done: u64, memory: &Snapshot) -> Self {
+        if *memory == NO_MEMORY { Self::default() } else { Self { epoch: u64::from(epoch), done } }
+    }
 }
 
 impl<const WORDS: usize> Default for SnapshotCell<WORDS> {

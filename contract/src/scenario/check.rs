@@ -4,6 +4,7 @@ mod faults;
 mod found;
 mod idle;
 mod inertia;
+mod programs;
 mod ranges;
 mod swaps;
 #[cfg(test)]
@@ -26,11 +27,12 @@ use super::{
 pub fn violations(
     scenario: &Scenario,
     given: &Table,
-    merged: Table,
+    mut merged: Table,
     defaults: &Scenario,
     candidate: LoadCandidate,
 ) -> Vec<Violation> {
     let mut settings = vec![];
+    merged.remove("node"); // a program reads its settings itself
     ranges::collect("", Value::Table(merged), &mut settings);
     let mut found = Found::default();
     for (key, numbers) in &settings {
@@ -45,6 +47,7 @@ pub fn violations(
         check_mission(&scenario.mission, &mut found);
         check_controller(scenario, &mut found);
         check_deadlines(scenario, &mut found);
+        programs::check(scenario, &mut found);
         idle::check(scenario, given, defaults, &mut found);
         if check_counts(scenario, &mut found) {
             for fault in &scenario.fault {

@@ -6,7 +6,7 @@ use toml::{Table, Value};
 
 use super::load::{defaults_of, given, lay, sources, with_defaults, without_place};
 use super::report::{Problem, ScenarioError, Source};
-use super::{Scenario, candidate, check, shape};
+use super::{NodeProgram, Scenario, candidate, check, shape};
 
 /// Given settings of a scenario. [`scenario`](Self::scenario) adds the defaults of profile and presets below them.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -27,6 +27,23 @@ impl Given {
         let mut given = self.0.clone();
         lay(&mut given, settings.clone());
         Ok(Self(given))
+    }
+
+    /// Changes the program of each node that the settings give one, by `change`, which gets the name of the node.
+    ///
+    /// # Errors
+    /// `change` fails.
+    pub fn with_programs(
+        mut self,
+        change: impl Fn(&mut NodeProgram, &str) -> Result<(), ScenarioError>,
+    ) -> Result<Self, ScenarioError> {
+        let nodes = self.0.get_mut("node").and_then(Value::as_table_mut);
+        for (name, table) in nodes.into_iter().flatten() {
+            let mut program: NodeProgram = table.clone().try_into().expect("it was read as settings");
+            change(&mut program, name)?;
+            *table = Value::try_from(program).expect("it came from TOML");
+        }
+        Ok(self)
     }
 
     /// Returns the settings as a table, without the defaults.

@@ -5,6 +5,7 @@ use std::path::Path;
 use toml::{Table, Value};
 
 use super::file::{self, MAX_TEXT_BYTES};
+use super::program::{drop_replaced_programs, find_programs};
 use super::report::{MAX_PROBLEMS, Problem, ScenarioError, Source};
 use super::{Fault, Scenario, Sensors, Swap, check, profile, shape};
 
@@ -30,12 +31,15 @@ pub fn to_toml(scenario: &Scenario) -> String {
     toml::to_string(scenario).expect("every setting has a form in TOML")
 }
 
-/// Merges the settings of a candidate: those of `run` with its own on top. If the candidate has faults of its own, they
+/// Merges the settings of a candidate: those of `run` with its own on top, its program among them. If the candidate has faults of its own, they
 /// replace the run's. Otherwise it has the run's faults, which are not checked against its settings.
 pub fn candidate(run: &Scenario, swap: &Swap) -> Result<Scenario, ScenarioError> {
     let base = Scenario { swap: vec![], fault: vec![], ..run.clone() };
     let base = Source { path: Some("the run's settings".into()), text: to_toml(&base) };
-    let sources: Vec<Source> = std::iter::once(base).chain(swap.set.iter().map(|text| set(text))).collect();
+    let exec = swap.exec.as_ref().filter(|_| swap.node.topic().is_some());
+    let exec = exec.map(|exec| format!("node.{}.exec={}", swap.node.name(), Value::from(exec.as_str())));
+    let own = exec.iter().chain(&swap.set).map(|text| set(text));
+    let sources: Vec<Source> = std::iter::once(base).chain(own).collect();
     let own = resolve(&sources)?;
     let fault = if own.fault.is_empty() { run.fault.clone() } else { own.fault };
     Ok(Scenario { fault, ..own })
@@ -95,7 +99,10 @@ pub(super) fn given(sources: &[Source]) -> Result<Table, ScenarioError> {
     let mut problems = vec![];
     for source in sources {
         match shape::read(source) {
-            Ok(settings) => lay(&mut given, settings),
+            Ok(mut settings) => {
+                find_programs(&mut settings, source.folder());
+                lay(&mut given, settings);
+            }
             Err(found) => problems.extend(found),
         }
     }
@@ -120,13 +127,15 @@ pub(super) fn defaults_of(chosen: &Scenario) -> Scenario {
     defaults
 }
 
-/// Merges `above` into `below` like [`overlay`], but first drops settings of `below` that `above` switches off.
+/// Merges `above` into `below` like [`overlay`], but first drops settings of `below` that `above` switches off, and those
+/// of programs that it replaces.
 pub(super) fn lay(below: &mut Table, above: Table) {
     let merge = |mut below, above| {
         overlay(&mut below, above);
         with_defaults(below).ok()?.try_into().ok()
     };
     check::drop_overridden(below, &above, merge);
+    drop_replaced_programs(below, &above);
     overlay(below, above);
 }
 
@@ -159,15 +168,17 @@ fn read(path: &Path) -> Result<Source, ScenarioError> {
     })
 }
 
-/// Reads the argument of one `--set`. A value that begins with a letter and is no TOML is a string without quotes.
+/// Reads the argument of one `--set`. A value that begins as a word or a path and is no TOML is a string without quotes.
 fn set(argument: &str) -> Source {
     let text = match argument.split_once('=') {
-        Some((key, word))
-            if word.trim_start().starts_with(char::is_alphabetic) && argument.parse::<Table>().is_err() =>
-        {
+        Some((key, word)) if is_word(word.trim_start()) && argument.parse::<Table>().is_err() => {
             format!("{key}={}", Value::from(word.trim()))
         }
         _ => argument.into(),
     };
     Source { path: None, text }
+}
+
+fn is_word(value: &str) -> bool {
+    value.starts_with(char::is_alphabetic) || ["/", "./", "../"].iter().any(|path| value.starts_with(path))
 }

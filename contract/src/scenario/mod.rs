@@ -13,6 +13,7 @@
 //! | `control` | `[guidance]`, `[mpc]`, `[mixer]` |
 //! | `fault` | `[[fault]]` |
 //! | `swap` | `[[swap]]` |
+//! | `program` | `[node.<name>]` |
 //! | `profile` | every default |
 //! | `load`, `shape`, `check`, `report` | merging, the form of a file, ranges, error messages with their place |
 //! | `given` | settings without the defaults, as a base for the flights of a campaign |
@@ -27,6 +28,7 @@ mod given;
 mod load;
 mod mission;
 mod profile;
+mod program;
 mod report;
 mod run;
 mod shape;
@@ -42,6 +44,7 @@ pub use fault::*;
 pub use given::Given;
 pub use load::{candidate, candidate_from, check_fault, check_sizes, check_swaps, from_merged, load, to_toml};
 pub use mission::*;
+pub use program::{NodeProgram, Nodes, ProgramKind, find_programs};
 pub use report::ScenarioError;
 pub use run::*;
 pub use swap::*;

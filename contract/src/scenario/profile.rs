@@ -7,9 +7,9 @@ use airframe::{Parameters, Preset, projection};
 
 use super::{
     Battery, Bounds, Constraints, Deadline, Derivative, FlownAirframe, Ground, Guidance, Heading, Initial, Late, Law,
-    Mission, Mixer, Mode, Model, Mpc, NodeRealtime, Noise, PidGains, Plant, Policy, Profile, Ramp, RateReference,
-    Realtime, RollReference, Rotor, Run, Scenario, Sensors, Solver, StateConstraints, Supervision, Terminal,
-    TrajectoryKind, Turbulence,
+    Mission, Mixer, Mode, Model, Mpc, NodeRealtime, Nodes, Noise, PidGains, Plant, Policy, Profile, Ramp,
+    RateReference, Realtime, RollReference, Rotor, Run, Scenario, Sensors, Solver, StateConstraints, Supervision,
+    Terminal, TrajectoryKind, Turbulence,
 };
 
 /// Returns all defaults of a profile.
@@ -150,6 +150,7 @@ fn paper() -> Scenario {
         mixer: Mixer { tilt_reaction: false, projection: false, projection_weights: projection::WEIGHTS },
         bounds: Bounds::default(),
         fault: vec![],
+        node: Nodes::default(),
         swap: vec![],
         realtime: Realtime::default(),
         deadline: Deadline::default(),

@@ -10,6 +10,7 @@
 //! ```
 
 use std::ops::Range;
+use std::path::Path;
 
 use annotate_snippets::{AnnotationKind, Level, Renderer, Snippet};
 
@@ -48,6 +49,13 @@ pub struct Source {
     pub path: Option<String>,
     /// Settings in TOML.
     pub text: String,
+}
+
+impl Source {
+    /// Folder of the file; that of the process for `--set`.
+    pub fn folder(&self) -> &Path {
+        self.path.as_ref().and_then(|path| Path::new(path).parent()).unwrap_or(Path::new(""))
+    }
 }
 
 /// One problem in the settings.

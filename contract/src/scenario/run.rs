@@ -4,8 +4,8 @@ use airframe::{ActuatorLaw, Limits, Parameters, Trim};
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Deadline, Fault, FlownAirframe, Guidance, Initial, Mission, Mixer, Mpc, NodeDeadline, Plant, Realtime, Supervision,
-    Swap,
+    Deadline, Fault, FlownAirframe, Guidance, Initial, Mission, Mixer, Mpc, NodeDeadline, Nodes, Plant, Realtime,
+    Supervision, Swap,
 };
 
 /// All settings that decide a run.
@@ -40,6 +40,8 @@ pub struct Scenario {
     pub deadline: Deadline,
     /// Detection of failed processes, and their restart.
     pub supervision: Supervision,
+    /// Programs of the nodes in place of the launcher's own cores.
+    pub node: Nodes,
     /// Faults to inject.
     pub fault: Vec<Fault>,
     /// Processes to replace in flight.

@@ -8,8 +8,8 @@ use toml::{Spanned, Table, Value};
 use super::report::{MAX_PROBLEMS, Problem, Source};
 use super::words::{nearest, shortened, suggest};
 use super::{
-    Bounds, Deadline, Fault, FaultKind, FaultTarget, FlownAirframe, Heading, Late, Mission, NodeRealtime, Plant,
-    Policy, Profile, Realtime, Scenario, Swap, SwapNode, Wrong,
+    Bounds, Deadline, Fault, FaultKind, FaultTarget, FlownAirframe, Heading, Late, Mission, NodeProgram, NodeRealtime,
+    Nodes, Plant, Policy, Profile, Realtime, Scenario, Swap, SwapNode, Wrong,
 };
 
 const SET_HELP: &str = "write `--set key=value`, for instance `--set run.duration_s=20`";
@@ -58,6 +58,13 @@ fn example() -> Table {
         lock_memory: Some(true),
         rttime_ms: Some(500.0),
     };
+    let program = NodeProgram {
+        exec: "my-controller.so".into(),
+        sha256: "0".repeat(64),
+        args: vec!["my-controller.py".into()],
+        env: [("NAME".into(), "value".into())].into(),
+        settings: [("gain".into(), 0.5.into())].into_iter().collect(),
+    };
     let all = Scenario {
         mission: Mission { heading_deg: Heading::Steps(vec![(0.0, 0.0), (15.0, 90.0)]), ..robust.mission },
         plant: Plant {
@@ -102,6 +109,12 @@ fn example() -> Table {
             attitude_mpc_policy: Some(Late::Degrade),
             mixer_policy: Some(Late::Stop),
             ..robust.deadline
+        },
+        node: Nodes {
+            plant: program.clone(),
+            guidance: program.clone(),
+            attitude_mpc: program.clone(),
+            mixer: program,
         },
         fault: vec![Fault {
             for_s: Some(0.3),
@@ -150,7 +163,9 @@ impl Keys<'_, '_> {
                     (format!("unknown key `{}`", shortened(&key)), name.span(), help)
                 }
                 (Some(Value::Table(known)), DeValue::Table(given)) => {
-                    self.check(&key, given, known);
+                    if !has_any_keys(&key) {
+                        self.check(&key, given, known);
+                    }
                     continue;
                 }
                 (Some(Value::Table(known)), _) => {
@@ -181,6 +196,11 @@ impl Keys<'_, '_> {
         let table = if path.is_empty() { "at the top".into() } else { format!("in `{path}`") };
         format!("{hint}known {table}: {}", list(known))
     }
+}
+
+/// Returns whether the table at `key` may have any keys: settings and environment of a program.
+fn has_any_keys(key: &str) -> bool {
+    matches!(key.split('.').collect::<Vec<_>>()[..], ["node", _, "settings" | "env"])
 }
 
 fn wrong_type<'a>(source: &'a Source, tree: &DeTable, message: &str, span: Option<Range<usize>>) -> Problem<'a> {

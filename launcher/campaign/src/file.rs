@@ -38,7 +38,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail, ensure};
 use contract::scenario::file::{MAX_TEXT_BYTES, read_text};
-use contract::scenario::{Given, Scenario, suggest, to_toml};
+use contract::scenario::{Given, Scenario, find_programs, suggest, to_toml};
+use flight::programs;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use toml::{Table, Value};
@@ -152,9 +153,16 @@ impl Campaign {
         );
         let scenario = file.scenario.take().map(|scenario| folder.join(scenario));
         let scenario = Given::load(scenario.as_deref(), &[])?;
+        let tables = file.controller.0.iter_mut().chain(&mut file.case.0).map(|(_, own)| own);
+        tables.chain([&mut file.settings]).for_each(|own| find_programs(own, folder));
         let with_settings = |scenario: &Given, settings: &Table| {
-            scenario.with(settings, &format!("[settings] of {origin}"))?.with(&in_process(), "")
+            let given = scenario.with(settings, &format!("[settings] of {origin}"))?.with(&in_process(), "")?;
+            given.with_programs(programs::pin)
         };
+        for (name, own) in &mut file.controller.0 {
+            let given = Given::default().with(own, &format!("[controller.{name}] of {origin}"))?;
+            own.clone_from(given.with_programs(programs::pin)?.table());
+        }
         let base = with_settings(&scenario, &file.settings)?;
         let under_each_controller = |base: &Given| -> anyhow::Result<Vec<(String, Given)>> {
             let under = |(name, own): &(String, Table)| {

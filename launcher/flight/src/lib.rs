@@ -3,6 +3,7 @@
 //! | module | holds |
 //! |---|---|
 //! | [`settings`] | the settings of a flight, checked before it |
+//! | [`nodes`], [`programs`] | the cores of the nodes: the launcher's own, or programs of users |
 //! | [`stack`] | the ring as processes: start, watch, stop |
 //! | [`inprocess`] | the ring in one thread |
 //! | [`roles`] | which process runs a node: one state machine, three drivers |
@@ -37,6 +38,8 @@ pub mod interrupts;
 pub mod intruder;
 mod limits;
 pub mod log;
+pub mod nodes;
+pub mod programs;
 pub mod provenance;
 pub mod recorder;
 pub mod replay;

@@ -3,16 +3,19 @@
 //! The values in the file are checked by [`contract::scenario`]. This module checks that everything derived from them
 //! exists: the controllers of the run and of its candidates, and the programs of its swaps.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use attitude_mpc::AttitudeMpc;
 use contract::Scenario;
-use contract::scenario::{self, ScenarioError, Swap, SwapNode, candidate};
-use rustix::fs::{Access, access};
+use contract::scenario::{self, NodeProgram, ProgramKind, ScenarioError, Swap, candidate};
+use contract::topic::Topic;
+
+use crate::programs;
 
 /// Loads the scenario of `file` with `overrides` on top; an error if it cannot be flown.
 pub fn load(file: Option<&Path>, overrides: &[String]) -> Result<Scenario, ScenarioError> {
-    let scenario = scenario::load(file, overrides)?;
+    let mut scenario = scenario::load(file, overrides)?;
+    programs::pin_all(&mut scenario)?;
     check(&scenario)?;
     Ok(scenario)
 }
@@ -20,35 +23,31 @@ pub fn load(file: Option<&Path>, overrides: &[String]) -> Result<Scenario, Scena
 /// Checks that everything exists that is derived from `scenario`.
 pub fn check(scenario: &Scenario) -> Result<(), ScenarioError> {
     AttitudeMpc::try_new(scenario)?;
+    programs::check(scenario)?;
     scenario.swap.iter().try_for_each(|swap| check_swap(scenario, swap))
 }
 
 fn check_swap(scenario: &Scenario, swap: &Swap) -> Result<(), ScenarioError> {
-    let refused = |what: String, help: &str| Err(ScenarioError::of(what, help.into()));
-    match &swap.exec {
-        Some(program) if find(program).is_none() => refused(
-            format!(
-                "the program `{program}` of a `[[swap]]` of {} is not there, or cannot be executed",
-                swap.node.name()
-            ),
-            "give `exec` the path of a program, seen from where the launcher is started; `chmod +x` it if need be",
-        ),
-        None if swap.node == SwapNode::AttitudeMpc => match AttitudeMpc::try_new(&candidate(scenario, swap)?) {
+    let of_swap = |error: ScenarioError| {
+        let why = error.to_string();
+        ScenarioError::of(
+            format!("`[[swap]]` of {}: {}", swap.node.name(), why.trim_start_matches("error: ")),
+            String::new(),
+        )
+    };
+    let Some(topic) = swap.node.topic() else {
+        let exec = swap.exec.clone().unwrap_or_default();
+        return programs::pin(&mut NodeProgram { exec, ..NodeProgram::default() }, swap.node.name()).map_err(of_swap);
+    };
+    let own = candidate(scenario, swap)?;
+    programs::check_one(&own, topic).map_err(of_swap)?;
+    match own.node.of(topic).kind() {
+        ProgramKind::Own if topic == Topic::Controls => match AttitudeMpc::try_new(&own) {
             Ok(_) => Ok(()),
-            Err(error) => refused(format!("`swap.set`: {}", error.to_string().trim_start_matches("error: ")), ""),
+            Err(error) => Err(of_swap(error)),
         },
         _ => Ok(()),
     }
-}
-
-/// Finds the program that `name` starts: the file at that path, or, without a slash in `name`, one in a folder of PATH.
-fn find(name: &str) -> Option<PathBuf> {
-    let is_program = |path: &PathBuf| path.is_file() && access(path, Access::EXEC_OK).is_ok();
-    if name.contains('/') {
-        return Some(PathBuf::from(name)).filter(is_program);
-    }
-    let folders = std::env::var_os("PATH")?;
-    std::env::split_paths(&folders).map(|folder| folder.join(name)).find(is_program)
 }
 
 #[cfg(test)]

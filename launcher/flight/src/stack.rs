@@ -121,6 +121,7 @@ impl Stack {
             cut_off: [0; Topic::COUNT],
             _domain: own,
         };
+        stack.run.children.outputs = log.and_then(Path::parent).map(Path::to_owned);
         for topic in Topic::ALL {
             stack.run.start_node(topic, 1, None)?;
         }
@@ -223,6 +224,7 @@ impl Stack {
                 return Err(StartError::Interrupted.into());
             }
             if let Some((i, how)) = self.run.children.exited() {
+                self.run.children.all[i].tell_output();
                 return Err(StartError::Lost(how.tell(self.run.children.all[i].name())).into());
             }
             if Instant::now() > deadline {
@@ -295,6 +297,7 @@ impl Stack {
         let tick = question.unwrap_or_else(|| run.page.plant_tick());
         while let Some((i, how)) = run.children.exited() {
             let process = &run.children.all[i];
+            process.tell_output();
             let (name, topic, epoch) = (process.name(), process.topic, process.epoch);
             match (topic, how) {
                 (None, _) => _ = archive.as_mut().map(|archive| archive.exited(run, i, tick)),

@@ -104,6 +104,13 @@ pub fn explain(
     progress: impl Fn(usize, usize) + Sync,
 ) -> anyhow::Result<Explained> {
     let scenario = &recording.scenario;
+    if let Some(topic) = Topic::ALL.into_iter().find(|topic| recording.is_foreign(*topic, 1)) {
+        let (name, exec) = (topic.publisher(), &scenario.node.of(topic).exec);
+        anyhow::bail!(
+            "{name} flew {exec}, and what it would have answered is not known: a library can be named to \
+             `launcher explain` with --program {name}=FILE"
+        );
+    }
     let Work { disturbed, last_tick, .. } = work;
     let flight = FlightCost::flown(recording, script.clone())?;
     let bursts: Vec<&[Disturbed]> = bursts(disturbed).collect();

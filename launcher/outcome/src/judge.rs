@@ -27,7 +27,7 @@ pub struct Circumstances {
 
 impl From<inprocess::Flown> for Circumstances {
     /// Circumstances of a flight without a log.
-    fn from(inprocess::Flown { ended, events, refused }: inprocess::Flown) -> Self {
+    fn from(inprocess::Flown { ended, events, refused, .. }: inprocess::Flown) -> Self {
         Self { ended, log: None, events, refused, port_failures: vec![] }
     }
 }

@@ -133,7 +133,7 @@ impl Judged<'_> {
     fn not_computed(&self) -> Option<String> {
         let nodes = Topic::ALL.into_iter().filter(|topic| !self.plan.covers(*topic));
         let nodes = nodes.map(|topic| format!("{} (not asked for)", topic.publisher()));
-        let foreign = self.recording.foreign.iter().filter(|(topic, _)| self.plan.covers(*topic));
+        let foreign = self.recording.foreign().filter(|(topic, _)| self.plan.covers(*topic));
         let foreign = foreign.map(|(topic, epoch)| format!("{} {epoch} (another program)", topic.publisher()));
         let told: Vec<String> = nodes.chain(foreign.filter(|_| !self.asks_for_other_answers())).collect();
         (!told.is_empty()).then(|| format!("not computed: {}", told.join(", ")))
@@ -167,11 +167,11 @@ impl Judged<'_> {
     }
 
     fn asks_for_other_answers(&self) -> bool {
-        self.plan.settings.is_some() || self.plan.program.is_some()
+        self.plan.settings.is_some()
     }
 
     fn computes_all_of(&self, topic: Topic) -> bool {
-        self.plan.covers(topic) && !self.recording.foreign.iter().any(|(foreign, _)| *foreign == topic)
+        self.plan.covers(topic) && !self.recording.foreign().any(|(foreign, _)| foreign == topic)
     }
 
     fn covers_all_time(&self) -> bool {
@@ -180,7 +180,7 @@ impl Judged<'_> {
 
     /// Returns whether every state of the flight was computed, so that their hash is known.
     fn flies_all_states(&self) -> bool {
-        self.plan.only.is_none() && self.covers_all_time()
+        self.computes_all_of(Topic::State) && self.plan.only.is_none() && self.covers_all_time()
     }
 
     fn compares_all(&self) -> bool {

@@ -1,5 +1,6 @@
 use super::*;
 use crate::fixture::{Ring, only_after};
+use crate::input::Input;
 use crate::output::Output;
 use crate::realtime::ControlPage;
 use crate::shared_role::Assignment;

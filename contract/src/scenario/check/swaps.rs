@@ -75,9 +75,6 @@ fn check_node(scenario: &Scenario, swap: &Swap, found: &mut Found) -> bool {
             "the recorder has neither settings nor a trial",
             "a swap of the recorder without `set`, `standby_s`, `watch_s` and `bounds`",
         )),
-        _ if inprocess && swap.exec.is_some() => {
-            Some(("in process there is no other program", "`run.mode` = \"lockstep\" or \"realtime\", or no `exec`"))
-        }
         _ => None,
     };
     if let Some((what, allowed)) = refusal {

@@ -2,13 +2,11 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | `node` | each core with the ports of a process, over queues |
 //! | `workers` | stand-ins for the processes of one node |
 //!
 //! Flights are bit-identical to lockstep, because the same cores get the same messages in the same order through the
 //! same inputs and outputs, under the same roles. Nothing here reads a clock: stamps carry tick and sequence only.
 
-pub(crate) mod node;
 pub(crate) mod workers;
 
 use contract::message::{Content, Stamp};
@@ -36,6 +34,8 @@ pub struct Flown {
     pub ended: Ended,
     pub events: Vec<Event>,
     pub refused: Refused,
+    /// Reasons for which cores of users failed, in order.
+    pub failures: Vec<String>,
 }
 
 /// Flies `scenario` to its end, or until `watch`, which gets every message, returns false.
@@ -85,6 +85,7 @@ fn fly_ring(
     for topic in [Topic::Reference, Topic::Controls, Topic::Actuators] {
         nodes.push(Workers::new(&ring, topic, scenario)?);
     }
+    let mut failures = vec![];
     let ended = loop {
         let mut go_on = true;
         let state = plant.sample();
@@ -102,7 +103,7 @@ fn fly_ring(
         states.send(state, sample);
         ring.page.role(Topic::State).done(1).set(tick as u32 + 1);
         for workers in &mut nodes {
-            answer(workers, &ring, &mut roles, sample);
+            failures.extend(answer(workers, &ring, &mut roles, sample));
         }
         if scenario.is_remembered(tick) {
             memories(&mut plant, &nodes, tick).iter().for_each(&mut remember);
@@ -120,7 +121,7 @@ fn fly_ring(
         }
         plant.advance(1);
     };
-    Ok(Flown { ended, events: roles.events, refused: refused_by_listener(&ring.page) })
+    Ok(Flown { ended, events: roles.events, refused: refused_by_listener(&ring.page), failures })
 }
 
 /// Returns the memories of all nodes after sample `tick`; none if the vehicle has no memory to continue from.
@@ -151,13 +152,22 @@ fn obey(nodes: &mut [Workers], run: &Scenario, (topic, action): Order) -> Result
     Ok(())
 }
 
-/// Lets the processes that work for one node answer to a sample, except those that leave instead.
-fn answer(workers: &mut Workers, ring: &Ring, roles: &mut Simulated, sample: Stamp) {
+/// Lets the processes that work for one node answer to a sample, except those that leave instead. Returns why cores
+/// failed.
+fn answer(workers: &mut Workers, ring: &Ring, roles: &mut Simulated, sample: Stamp) -> Vec<String> {
     let topic = workers.topic;
-    while let Some(epoch) = workers.leaves(sample.tick) {
+    let mut end = |workers: &mut Workers, epoch| {
         workers.end(epoch);
         roles.exited(topic, epoch, sample.tick, role::RoleInput::Exited(epoch));
         ring.page.role(topic).assign(sample.tick as u32, |_| roles.assignment(topic));
+    };
+    while let Some(epoch) = workers.leaves(sample.tick) {
+        end(workers, epoch);
     }
-    workers.answer(sample);
+    let failed = workers.answer(sample);
+    let why = |(epoch, error)| {
+        end(workers, epoch);
+        format!("{} {epoch}, tick {}: {error}", topic.publisher(), sample.tick)
+    };
+    failed.into_iter().map(why).collect()
 }

@@ -14,7 +14,7 @@ use runtime::queue::Queues;
 use runtime::realtime::ControlPage;
 use runtime::shared_role::Origin;
 
-use super::node;
+use crate::nodes;
 
 /// Control page and queues that a ring in process shares.
 #[derive(Clone)]
@@ -62,14 +62,15 @@ struct Worker {
 }
 
 impl Worker {
-    /// Returns the memory that another process begins with. A process that has answered to nothing still has that of
-    /// the process before it; `None` if it began without.
+    /// Returns the memory that another process begins with; its origin is the default if the core keeps none. A process
+    /// that has answered to nothing still has that of the process before it; `None` if it began without.
     fn memory(&self) -> Option<(Origin, Snapshot)> {
-        let origin = match self.done {
-            0 => self.member.continues.get(),
-            done => Origin { epoch: u64::from(self.member.epoch), done },
-        };
-        (origin != Origin::default()).then(|| (origin, self.node.memory()))
+        let memory = self.node.memory();
+        let continues = self.member.continues.get();
+        match self.done {
+            0 => (continues != Origin::default()).then_some((continues, memory)),
+            done => Some((Origin::of(self.member.epoch, done, &memory), memory)),
+        }
     }
 }
 
@@ -85,8 +86,8 @@ impl Workers {
     /// process.
     pub fn begin(&mut self, epoch: u32, own: &Scenario, run: &Scenario) -> Result<(), SessionError> {
         let (member, mut ports) = self.ring.member(self.topic, epoch, own, run);
-        let mut node = node::open(&mut ports, &member, own)?;
-        if let Some((origin, memory)) = self.memory() {
+        let mut node = nodes::open(&mut ports, &member, own)?;
+        if let Some((origin, memory)) = self.memory().filter(|(origin, _)| *origin != Origin::default()) {
             node.restore(&memory);
             member.continues.set(origin);
         }
@@ -113,13 +114,18 @@ impl Workers {
         self.all.iter().find(leaves).map(|worker| worker.member.epoch)
     }
 
-    /// Lets every process that works answer to a sample; `sample` is the provenance of a new chain.
-    pub fn answer(&mut self, sample: Stamp) {
+    /// Lets every process that works answer to a sample; `sample` is the provenance of a new chain. Returns the epochs
+    /// of those whose core failed instead, with the errors.
+    pub fn answer(&mut self, sample: Stamp) -> Vec<(u32, SessionError)> {
         let assignment = self.ring.page.role(self.topic).assignment();
         let working = self.all.iter_mut().filter(|worker| assignment.includes(worker.member.epoch));
-        working.for_each(|worker| {
-            worker.node.answer(sample, None);
+        let failed = working.filter_map(|worker| {
+            if let Err(error) = worker.node.answer(sample, None) {
+                return Some((worker.member.epoch, error));
+            }
             worker.done = sample.tick + 1;
+            None
         });
+        failed.collect()
     }
 }

@@ -22,7 +22,7 @@ use crate::log::{self, Memory, Record};
 /// # Errors
 /// The log cannot be read, or a process cannot be built from its settings.
 pub fn replay(recording: &Recording, plan: &Plan, each: impl FnMut(&Record)) -> anyhow::Result<Replayed> {
-    let from = if plan.program.is_none() { plan.from } else { 0 };
+    let from = if plan.elsewhere().is_none() { plan.from } else { 0 };
     let script = recording.begin(from)?;
     let span = recording.span(&script, plan.until.unwrap_or(u64::MAX));
     let mut flight = Flight::new(recording, plan, script, each);
@@ -283,8 +283,9 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
         let Process { topic, epoch, continues, .. } = self.script.processes[i];
         let memory = continues.and_then(|origin| Some((origin, (*self.memories.get(&(topic, origin))?)?)));
         let settings = self.plan.settings_of(self.recording, topic, epoch);
-        self.courses[i].worker = Some(if let Some(program) = self.plan.program_of(topic) {
-            Runs::Elsewhere(Box::new(Program::start(topic, settings, program)?))
+        let elsewhere = self.plan.elsewhere().filter(|(of, _)| *of == topic);
+        self.courses[i].worker = Some(if let Some((_, settings)) = elsewhere {
+            Runs::Elsewhere(Box::new(Program::start(topic, settings)?))
         } else {
             let worker = Worker::new(topic, epoch as u32, settings, memory.as_ref())?;
             if self.begins_with(i).is_some() {
@@ -395,7 +396,7 @@ impl<'a, F: FnMut(&Record)> Flight<'a, F> {
         match &mut worker {
             Runs::Here(worker) => {
                 let known = is_known.then(known).flatten();
-                worker.run(next, &self.recording.given, known, |record| sent.push(*record));
+                worker.run(next, &self.recording.given, known, |record| sent.push(*record))?;
             }
             Runs::Elsewhere(program) => program.run(next, |record| sent.push(*record))?,
         }

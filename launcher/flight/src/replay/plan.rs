@@ -1,7 +1,7 @@
 //! Plan of a replay, and its result.
 
 use contract::Topic;
-use contract::scenario::Scenario;
+use contract::scenario::{ProgramKind, Scenario};
 
 use super::fields::Differs;
 use super::recording::Recording;
@@ -11,10 +11,8 @@ use super::recording::Recording;
 pub struct Plan {
     /// Node that computes alone, with the messages of the others from the log; `None` lets all compute.
     pub only: Option<Topic>,
-    /// Other settings for the processes of a node.
+    /// Other settings for the processes of a node, and so perhaps another program.
     pub settings: Option<(Topic, Box<Scenario>)>,
-    /// Another program for the processes of a node.
-    pub program: Option<(Topic, String)>,
     /// First tick to compare. The replay begins at the last memories of the nodes that the log has before it.
     pub from: u64,
     /// Last tick to replay; `None` for the last of the flight.
@@ -28,12 +26,14 @@ impl Plan {
     pub(super) fn settings_of<'a>(&'a self, recording: &'a Recording, topic: Topic, epoch: u64) -> &'a Scenario {
         match &self.settings {
             Some((of, settings)) if *of == topic => settings,
-            _ => recording.settings.get(&(topic, epoch)).unwrap_or(&recording.scenario),
+            _ => recording.settings_of(topic, epoch),
         }
     }
 
-    pub(super) fn program_of(&self, topic: Topic) -> Option<&str> {
-        self.program.as_ref().filter(|(of, _)| *of == topic).map(|(_, program)| program.as_str())
+    /// Returns the node that another program with its own `main` runs, with its settings.
+    pub(super) fn elsewhere(&self) -> Option<(Topic, &Scenario)> {
+        let (topic, settings) = self.settings.as_ref()?;
+        (settings.node.of(*topic).kind() == ProgramKind::Executable).then_some((*topic, settings))
     }
 
     /// Returns whether the processes of a node compute, except those of another program.
@@ -42,8 +42,8 @@ impl Plan {
     }
 
     pub(super) fn computes(&self, recording: &Recording, topic: Topic, epoch: u64) -> bool {
-        let replaced = self.settings.as_ref().is_some_and(|(of, _)| *of == topic) || self.program_of(topic).is_some();
-        self.covers(topic) && (replaced || !recording.foreign.contains(&(topic, epoch)))
+        let replaced = self.settings.as_ref().is_some_and(|(of, _)| *of == topic);
+        self.covers(topic) && (replaced || !recording.is_foreign(topic, epoch))
     }
 }
 

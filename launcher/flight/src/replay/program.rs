@@ -43,11 +43,11 @@ pub struct Program {
 }
 
 impl Program {
-    /// Starts `program` as the node that answers on `topic`, with the settings `scenario`.
+    /// Starts the program that `scenario` names for the node that answers on `topic`, with the settings `scenario`.
     ///
     /// # Errors
     /// The program cannot be started, or is not ready in time.
-    pub fn start(topic: Topic, scenario: &Scenario, program: &str) -> anyhow::Result<Self> {
+    pub fn start(topic: Topic, scenario: &Scenario) -> anyhow::Result<Self> {
         static NEXT: AtomicU32 = AtomicU32::new(0);
         let namespace = format!("replay-{}-{}", std::process::id(), NEXT.fetch_add(1, Ordering::Relaxed));
         let mut scenario = Scenario { fault: vec![], swap: vec![], ..scenario.clone() };
@@ -58,7 +58,8 @@ impl Program {
             page.role(each).offer(1);
         }
         let children = Children::new(own.domain(), None);
-        let request = SpawnRequest { topic: Some(topic), epoch: 1, program: Some(program), ..SpawnRequest::default() };
+        let program = scenario.node.of(topic).clone();
+        let request = SpawnRequest { topic: Some(topic), epoch: 1, program: Some(&program), ..SpawnRequest::default() };
         let mut started = Self {
             topic,
             states: sender(&mut ports, topic)?,
@@ -77,7 +78,7 @@ impl Program {
         started.children.spawn(&request)?;
         let page = started.page.clone();
         let probe = || Ok(ports.probe_once().map(drop)?);
-        started.wait(JOIN_LIMIT, program, || page.role(topic).ready.get() == 1, probe)?;
+        started.wait(JOIN_LIMIT, &program.exec, || page.role(topic).ready.get() == 1, probe)?;
         started.page.set_phase(phase::GO);
         Ok(started)
     }

@@ -6,12 +6,14 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, ensure};
 use contract::Topic;
 use contract::fault_schedule::MAX_SENSOR_DELAY_MS;
-use contract::scenario::{Fault, FaultKind, Scenario, candidate};
+use contract::scenario::{Fault, FaultKind, NodeProgram, ProgramKind, Scenario, candidate};
 use runtime::limits::HELD_MESSAGES;
+use runtime::shared_role::Origin;
 
 use super::script::{LOOK_AHEAD, Script};
 use crate::event::{Event, What};
 use crate::log::{self, Memory, Span};
+use crate::programs;
 
 /// Most samples of a script in memory: 16 minutes at 100 Hz take 260 MB.
 const MOST_SAMPLES: u64 = 100_000;
@@ -31,10 +33,12 @@ pub struct Recording {
     pub(super) logged: [u64; Topic::COUNT],
     /// Last sample in the log.
     last_tick: u64,
-    /// Processes of other programs than this one: topic and epoch.
-    pub foreign: Vec<(Topic, u64)>,
+    /// Processes of the nodes: topic and epoch.
+    processes: Vec<(Topic, u64)>,
     /// Settings of candidates.
     pub(super) settings: HashMap<(Topic, u64), Scenario>,
+    /// Topics whose programs the user has named, so that a replay may load them.
+    trusted: Vec<Topic>,
 }
 
 impl Recording {
@@ -59,25 +63,71 @@ impl Recording {
         let given = events.iter().filter_map(|event| event.fault.as_deref().copied()).collect();
         scenario.swap = settled.map_or(scenario.swap, |settled| settled.swap.clone());
         let mut settings = HashMap::new();
-        let mut foreign = vec![];
+        let mut processes = Topic::ALL.map(|topic| (topic, 1)).to_vec();
         for event in events.iter().filter(|event| event.what == What::Started) {
-            let Event { node, epoch, origin: Some(swap), .. } = event else { continue };
+            let Event { node, epoch, origin, .. } = event;
             let Some(topic) = Topic::ALL.into_iter().find(|topic| topic.publisher() == node) else { continue };
             let whose = (topic, u64::from(*epoch));
+            processes.push(whose);
+            let Some(swap) = origin else { continue };
             let lacks =
                 || format!("the settings of {node} {epoch} are missing: scenario.toml of the run has no swap {swap}");
             let swap = scenario.swap.get(*swap).with_context(lacks)?;
-            if swap.exec.is_some() {
-                foreign.push(whose);
-            } else {
-                settings.insert(whose, candidate(&scenario, swap)?);
+            settings.insert(whose, candidate(&scenario, swap)?);
+        }
+        Ok(Self { scenario, log: path.into(), given, logged, last_tick, processes, settings, trusted: vec![] })
+    }
+
+    /// Returns the settings that a process of the flight had.
+    pub fn settings_of(&self, topic: Topic, epoch: u64) -> &Scenario {
+        self.settings.get(&(topic, epoch)).unwrap_or(&self.scenario)
+    }
+
+    /// Returns whether a process ran a program that the user has not named to this replay: its messages are known from
+    /// the log only, because a folder from elsewhere may name any program.
+    pub fn is_foreign(&self, topic: Topic, epoch: u64) -> bool {
+        let kind = self.settings_of(topic, epoch).node.of(topic).kind();
+        kind == ProgramKind::Executable || kind == ProgramKind::Library && !self.trusted.contains(&topic)
+    }
+
+    /// Returns the processes that ran such a program, by topic and epoch.
+    pub fn foreign(&self) -> impl Iterator<Item = (Topic, u64)> {
+        self.processes.iter().copied().filter(|(topic, epoch)| self.is_foreign(*topic, *epoch))
+    }
+
+    /// Lets a replay load the library at `file` for the node that publishes `topic`.
+    ///
+    /// # Errors
+    /// No process of the node flew this file.
+    pub fn trust(&mut self, topic: Topic, file: &str) -> anyhow::Result<()> {
+        let name = topic.publisher();
+        let mut found = NodeProgram { exec: file.into(), ..NodeProgram::default() };
+        programs::pin(&mut found, name)?;
+        let mut flown =
+            self.settings.iter_mut().filter(|((of, _), _)| *of == topic).map(|(_, own)| own).collect::<Vec<_>>();
+        flown.push(&mut self.scenario);
+        let mut is_known = false;
+        for settings in flown {
+            let program = settings.node.of_mut(topic);
+            if program.kind() == ProgramKind::Library {
+                ensure!(
+                    program.sha256 == found.sha256,
+                    "{name} flew {} (SHA-256 {}), and {file} is another file ({})",
+                    program.exec,
+                    program.sha256,
+                    found.sha256
+                );
+                program.exec.clone_from(&found.exec);
+                is_known = true;
             }
         }
-        Ok(Self { scenario, log: path.into(), given, logged, last_tick, foreign, settings })
+        ensure!(is_known, "{name} flew no library: leave out --program {name}={file}");
+        self.trusted.push(topic);
+        Ok(())
     }
 
     /// Creates a script, without messages, that begins at the last memories of the nodes in the log before tick `from`,
-    /// or else at tick 0. It also takes in what was sent before: messages that may be under way, and samples for
+    /// or else at tick 0, as in a flight with a core that keeps no memory. It also takes in what was sent before: messages that may be under way, and samples for
     /// delayed sensors.
     ///
     /// # Errors
@@ -88,7 +138,9 @@ impl Recording {
         }
         let mut memories = log::memories(&self.log, self.log_time(from - 1))?;
         let of_vehicle = |memory: &Memory| memory.topic == Topic::State && memory.origin.done == memory.tick + 1;
-        if !memories.iter().any(of_vehicle) || memories.iter().any(|memory| memory.tick >= from) {
+        let keeps_none = |memory: &Memory| memory.origin == Origin::default();
+        let unfit = |memory: &Memory| memory.tick >= from || keeps_none(memory);
+        if !memories.iter().any(of_vehicle) || memories.iter().any(unfit) {
             memories.clear();
         }
         let delays = self.scenario.fault.iter().filter(|fault| fault.kind == FaultKind::Delayed);
@@ -127,7 +179,7 @@ impl Recording {
             script.push(record);
             taken += 1;
             if taken.is_multiple_of(BATCH) {
-                script.forget_messages(|topic, epoch| !self.foreign.contains(&(topic, epoch)));
+                script.forget_messages(|topic, epoch| !self.is_foreign(topic, epoch));
             }
         })?;
         script.finish();

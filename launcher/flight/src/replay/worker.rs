@@ -17,9 +17,9 @@ use runtime::ports::Ports;
 use runtime::shared_role::{Assignment, Origin};
 
 use super::script::Cycle;
-use crate::inprocess::node;
 use crate::inprocess::workers::Ring;
 use crate::log::{Memory, Record};
+use crate::nodes;
 use crate::recorder::Observers;
 
 pub struct Worker {
@@ -87,7 +87,7 @@ impl Worker {
                 let output = Output::open(&mut ports, &member, &scenario)?;
                 Core::Plant(Box::new(Vehicle { plant: Plant::new(&scenario), output, tick: 0 }))
             }
-            _ => Core::Node(node::open(&mut ports, &member, &scenario)?),
+            _ => Core::Node(nodes::open(&mut ports, &member, &scenario)?),
         };
         if let (Core::Node(node), Some((origin, memory))) = (&mut core, memory) {
             node.restore(memory);
@@ -124,7 +124,7 @@ impl Worker {
         given: &[(usize, Fault)],
         known: Option<&Record>,
         mut each: impl FnMut(&Record),
-    ) {
+    ) -> Result<(), SessionError> {
         let Member { page, topic, epoch, timing, faults, .. } = &self.member;
         for (number, fault) in given.iter().take(cycle.faults as usize).skip(self.faults as usize) {
             page.fault_table.enter(*number, fault);
@@ -157,7 +157,7 @@ impl Worker {
                 faults.update();
                 timing.set_now_ns((2 * cycle.publish_ns).saturating_sub(read_ns));
                 faults.new_faults(|number, fault| node.apply_fault(number, fault));
-                node.answer(provenance, known.map(Record::as_any));
+                node.answer(provenance, known.map(Record::as_any))?;
             }
         }
         let own = *topic;
@@ -166,6 +166,7 @@ impl Worker {
                 each(record);
             }
         });
+        Ok(())
     }
 
     /// Notes whose memory the process began with, if that memory itself is not known.

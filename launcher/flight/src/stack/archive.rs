@@ -18,7 +18,7 @@ use std::sync::atomic::AtomicU32;
 use std::time::{Duration, Instant};
 
 use contract::Scenario;
-use contract::scenario::SwapNode;
+use contract::scenario::{NodeProgram, SwapNode};
 use contract::topic::Topic;
 use runtime::console::eprint_line;
 use runtime::realtime::ControlPage;
@@ -195,12 +195,11 @@ impl Archive {
     }
 
     fn spawn(&self, run: &mut Run, epoch: u32, origin: Option<usize>) -> anyhow::Result<()> {
-        run.children.spawn(&SpawnRequest {
-            epoch,
-            log: Some(&self.part(epoch)),
-            program: origin.and_then(|i| run.scenario.swap.get(i)).and_then(|swap| swap.exec.as_deref()),
-            ..SpawnRequest::default()
-        })
+        let swap = origin.and_then(|i| run.scenario.swap.get(i));
+        let exec = swap.and_then(|swap| swap.exec.clone()).unwrap_or_default();
+        let program = NodeProgram { exec, ..NodeProgram::default() };
+        let (log, program) = (self.part(epoch), Some(&program));
+        run.children.spawn(&SpawnRequest { epoch, log: Some(&log), program, ..SpawnRequest::default() })
     }
 
     /// Returns the file that the recorder `epoch` is to write.

@@ -3,16 +3,19 @@
 //! Each child has a process group of its own. The processes that it starts in turn are in that group: they get the same
 //! signals, and do not outlive it.
 
+use std::fs::File;
 use std::io::ErrorKind;
 use std::os::fd::{BorrowedFd, OwnedFd};
 use std::os::unix::process::CommandExt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
+use contract::scenario::file::read_text;
+use contract::scenario::{NodeProgram, ProgramKind};
 use contract::topic::Topic;
 use runtime::domain::Domain;
 use runtime::port::Bus;
@@ -29,6 +32,11 @@ use crate::own_program;
 use crate::provenance::status_of;
 use runtime::console::eprint_line;
 
+/// Longest output of a program that its last lines are shown of \[byte\].
+const MOST_OUTPUT_BYTES: u64 = 1 << 20;
+/// Number of its lines that are shown.
+const LAST_LINES: usize = 5;
+
 /// Name of the recorder's process.
 pub const RECORDER: &str = "recorder";
 
@@ -39,8 +47,8 @@ pub struct SpawnRequest<'a> {
     pub epoch: u32,
     /// File that the recorder writes.
     pub log: Option<&'a Path>,
-    /// Program to run instead of this one.
-    pub program: Option<&'a str>,
+    /// Program of a node other than the launcher's own core.
+    pub program: Option<&'a NodeProgram>,
     /// File with settings of its own, beside the run's.
     pub settings: Option<&'a Path>,
 }
@@ -54,11 +62,20 @@ pub struct Process {
     pub killed: bool,
     /// `true` if [`wait`] was called for this node at the end: dropping the children need not kill it.
     pub awaited: bool,
+    /// File that its output goes to, for a program of a user.
+    output: Option<PathBuf>,
     /// Descriptor that becomes readable when the process ends.
     pidfd: Option<OwnedFd>,
 }
 
 impl Process {
+    /// Prints the last lines that the program of a user has written.
+    pub fn tell_output(&self) {
+        let text = self.output.as_ref().and_then(|path| read_text(path, MOST_OUTPUT_BYTES).ok()).unwrap_or_default();
+        let lines: Vec<&str> = text.lines().collect();
+        lines[lines.len().saturating_sub(LAST_LINES)..].iter().for_each(|line| eprint_line(line));
+    }
+
     /// Name of its node, or that of the recorder.
     pub fn name(&self) -> &'static str {
         name_of(self.topic)
@@ -74,6 +91,8 @@ pub struct Children {
     domain: Domain,
     /// CPU that the nodes are confined to. The recorder, which the ring does not wait for, is not.
     one_cpu: Option<OneCpu>,
+    /// Folder for the output of programs of users; `None` if it goes where that of the launcher goes.
+    pub outputs: Option<PathBuf>,
     /// Children that have not been seen to end.
     pub all: Vec<Process>,
     /// Number of events that the recorder was told of.
@@ -83,14 +102,16 @@ pub struct Children {
 
 impl Children {
     pub fn new(domain: Domain, one_cpu: Option<OneCpu>) -> Self {
-        Self { domain, one_cpu, all: vec![], told: 0, cleaners: vec![] }
+        Self { domain, one_cpu, outputs: None, all: vec![], told: 0, cleaners: vec![] }
     }
 
     pub fn spawn(&mut self, request: &SpawnRequest) -> anyhow::Result<()> {
         let SpawnRequest { topic, epoch, log, program, settings } = *request;
         let name = name_of(topic);
-        let mut command = if let Some(program) = program {
-            let mut foreign = Command::new(program);
+        let executable = program.filter(|program| program.kind() == ProgramKind::Executable);
+        let mut command = if let Some(program) = executable {
+            let mut foreign = Command::new(&program.exec);
+            foreign.args(&program.args);
             die_with_parent(&mut foreign); // ours see to that themselves
             foreign
         } else {
@@ -98,9 +119,17 @@ impl Children {
             own.args(["node", name]);
             own
         };
+        command.envs(program.iter().flat_map(|program| &program.env));
         command.args(["--namespace", self.domain.namespace(), "--epoch", &epoch.to_string()]);
         let talks = || if topic.is_none() { Stdio::piped() } else { Stdio::null() }; // the recorder, both ways
         command.stdin(talks()).stdout(talks());
+        let is_ours = program.is_none_or(|program| program.kind() == ProgramKind::Own);
+        let folder = self.outputs.as_ref().filter(|_| !is_ours && topic.is_some());
+        let output = folder.map(|folder| folder.join(format!("{name}.{epoch}.log")));
+        if let Some(path) = &output {
+            let file = File::create(path).with_context(|| format!("cannot write {}", path.display()))?;
+            command.stdout(file.try_clone()?).stderr(file);
+        }
         for (option, path) in [("--log", log), ("--settings", settings)] {
             if let Some(path) = path {
                 command.arg(option).arg(path);
@@ -108,7 +137,7 @@ impl Children {
         }
         // In a group of its own a Ctrl-C in the terminal does not reach it: the launcher then stops the nodes in order.
         let child = command.process_group(0).spawn().map_err(|error| {
-            let cannot = format!("cannot start {}", program.unwrap_or(name));
+            let cannot = format!("cannot start {}", executable.map_or(name, |program| &program.exec));
             let is_crowded = error.kind() == ErrorKind::WouldBlock;
             let raise = if is_crowded { "; allow this user more processes (`ulimit -u`)" } else { "" };
             anyhow::Error::new(error).context(format!("{cannot}{raise}"))
@@ -118,7 +147,7 @@ impl Children {
         }
         let pidfd = Pid::from_raw(child.id() as i32).and_then(|pid| pidfd_open(pid, PidfdFlags::empty()).ok());
         let never_waits = child.stdin.as_ref().map_or(Ok(()), event::never_wait);
-        self.all.push(Process { topic, epoch, child, killed: false, awaited: false, pidfd });
+        self.all.push(Process { topic, epoch, child, killed: false, awaited: false, output, pidfd });
         never_waits.with_context(|| format!("cannot set up the pipe to {name}"))
     }
 

@@ -84,11 +84,13 @@ impl Run {
     /// Starts a process of a node, with program and settings of the swap `origin`, and offers it on the control page.
     pub fn start_node(&mut self, topic: Topic, epoch: u32, origin: Option<usize>) -> anyhow::Result<()> {
         self.page.role(topic).offer(epoch);
-        let request = SpawnRequest { topic: Some(topic), epoch, ..SpawnRequest::default() };
-        let Some(swap) = origin.and_then(|i| self.scenario.swap.get(i)) else { return self.children.spawn(&request) };
-        let text = to_toml(&candidate(&self.scenario, swap)?);
-        let settings = self.domain.write(&format!("{}.{epoch}.toml", topic.publisher()), &text)?;
-        self.children.spawn(&SpawnRequest { program: swap.exec.as_deref(), settings: Some(&settings), ..request })
+        let swap = origin.and_then(|i| self.scenario.swap.get(i));
+        let own = swap.map(|swap| candidate(&self.scenario, swap)).transpose()?;
+        let write = |own| self.domain.write(&format!("{}.{epoch}.toml", topic.publisher()), &to_toml(own));
+        let settings = own.as_ref().map(write).transpose()?;
+        let program = Some(own.as_ref().unwrap_or(&self.scenario).node.of(topic));
+        let settings = settings.as_deref();
+        self.children.spawn(&SpawnRequest { topic: Some(topic), epoch, program, settings, ..SpawnRequest::default() })
     }
 
     fn carry_out(&mut self, orders: Vec<Order>) {

@@ -1,0 +1,359 @@
+//! A library with a function that CasADi has generated: `Function.generate`, compiled as it is.
+//!
+//! The library describes its function itself, by functions beside it (`NAME_n_in`, `NAME_name_in`, ...; CasADi's user
+//! guide, "Syntax of generated code"). Inputs and outputs are found by their names:
+//!
+//! | name | is |
+//! |---|---|
+//! | those of the node ([`crate::protocol`]) | numbers of its input and answer, in the units of the messages |
+//! | `dt` | time between two samples \[s\] |
+//! | `tick` | number of the sample |
+//! | `p` | the array `p` of the node's settings |
+//! | `z`, output `z_next` | memory from step to step, 0 at the first |
+//! | output `status` | of attitude-mpc: not 0 = the demand is no answer |
+
+#![expect(unsafe_code, reason = "functions of other languages are called")]
+
+use std::ffi::{CStr, c_char, c_int, c_void};
+use std::path::Path;
+
+use bytemuck::{bytes_of, cast_slice, pod_read_unaligned};
+use contract::scenario::{NodeProgram, Scenario};
+use contract::topic::Topic;
+use libloading::os::unix::Library as Handle;
+
+use crate::abi::{TREFOIL_MEMORY_BYTES, TrefoilAttitudeAnswer};
+use crate::library::Engine;
+use crate::protocol::{Layout, Place};
+
+/// Ending of the function that gives the number of inputs, by which a CasADi function is recognised.
+const NUMBER_OF_INPUTS: &str = "_n_in";
+
+type Call = unsafe extern "C" fn(*const *const f64, *mut *mut f64, *mut i64, *mut f64, c_int) -> c_int;
+type NameOf = unsafe extern "C" fn(i64) -> *const c_char;
+type SparsityOf = unsafe extern "C" fn(i64) -> *const i64;
+type Work = unsafe extern "C" fn(*mut i64, *mut i64, *mut i64, *mut i64) -> c_int;
+
+/// Name of a CasADi function in a library.
+pub struct Function(String);
+
+/// Meaning of an input or output, by its name.
+#[derive(Clone, Copy)]
+enum Meaning {
+    /// Numbers of the node's input or answer, from this byte.
+    Place(usize),
+    Dt,
+    Tick,
+    Parameters,
+    Memory,
+    Status,
+}
+
+/// Input or output of a function.
+struct Argument {
+    meaning: Meaning,
+    values: Vec<f64>,
+}
+
+/// CasADi function with its buffers.
+pub struct Casadi {
+    call: Call,
+    release: Option<unsafe extern "C" fn(c_int)>,
+    decref: Option<unsafe extern "C" fn()>,
+    /// Number of the function's own memory.
+    mem: c_int,
+    inputs: Vec<Argument>,
+    outputs: Vec<Argument>,
+    /// Pointers to the inputs and outputs, with the room that the function asks for.
+    arg: Vec<*const f64>,
+    res: Vec<*mut f64>,
+    iw: Vec<i64>,
+    w: Vec<f64>,
+    /// Number of values in `z`; they are kept from step to step if the snapshot has room for them.
+    memory: usize,
+}
+
+impl Function {
+    /// Finds the CasADi function of the library at `path`; `None` if it has none. Of several, the settings of the
+    /// `program` name one as `function`.
+    pub fn find(handle: &Handle, path: &Path, program: &NodeProgram) -> Option<Result<Self, String>> {
+        let bytes = std::fs::read(path).ok()?;
+        let is_word = |byte: &u8| byte.is_ascii_alphanumeric() || *byte == b'_';
+        let words = bytes.split(|byte| !is_word(byte)).filter_map(|word| std::str::from_utf8(word).ok());
+        let mut names: Vec<&str> = words.filter_map(|word| word.strip_suffix(NUMBER_OF_INPUTS)).collect();
+        names.sort_unstable();
+        names.dedup();
+        // SAFETY: the addresses are only compared with null.
+        let has = |symbol: &str| unsafe { handle.get::<*const c_void>(symbol.as_bytes()) }.is_ok();
+        names.retain(|name| has(name) && has(&format!("{name}{NUMBER_OF_INPUTS}")));
+        let wanted = program.settings.get("function").and_then(toml::Value::as_str);
+        match (names.as_slice(), wanted) {
+            ([], _) => None,
+            (names, Some(wanted)) if names.contains(&wanted) => Some(Ok(Self(wanted.into()))),
+            (names, Some(wanted)) => Some(Err(format!("it has no CasADi function `{wanted}`, but {names:?}"))),
+            ([only], None) => Some(Ok(Self((*only).into()))),
+            (names, None) => {
+                Some(Err(format!("it has several CasADi functions: give `settings.function` one of {names:?}")))
+            }
+        }
+    }
+
+    /// Opens the function as the node that answers on `topic`, whose types have this `layout`.
+    pub fn open(
+        &self,
+        handle: &Handle,
+        scenario: &Scenario,
+        topic: Topic,
+        layout: &Layout,
+    ) -> Result<Box<dyn Engine>, String> {
+        // SAFETY: these are the types that CasADi generates for functions of these names.
+        unsafe {
+            for size in ["_casadi_int_size", "_casadi_real_size", "_int_size", "_real_size"] {
+                let size_of = self.optional::<extern "C" fn() -> c_int>(handle, size);
+                if size_of.is_some_and(|size_of| size_of() != 8) {
+                    return Err(format!("`{}{size}` is not 8: generate it with 64-bit numbers", self.0));
+                }
+            }
+            self.optional::<unsafe extern "C" fn()>(handle, "_incref").inspect(|incref| incref());
+            let checkout = self.optional::<unsafe extern "C" fn() -> c_int>(handle, "_checkout");
+            let mem = checkout.map_or(0, |checkout| checkout());
+            let [inputs, outputs] = [
+                self.arguments(handle, "in", layout.names[0], topic)?,
+                self.arguments(handle, "out", layout.names[1], topic)?,
+            ];
+            let mut sizes = [0_i64; 4];
+            let [arg, res, iw, w] = &mut sizes;
+            let work: Work = self.required(handle, "_work")?;
+            if work(arg, res, iw, w) != 0 || sizes.iter().any(|size| !(0..=MOST_WORK).contains(size)) {
+                return Err(format!("`{}_work` asks for {sizes:?} places", self.0));
+            }
+            let [arg, res, iw, w] = sizes.map(|size| size as usize);
+            let mut function = Casadi {
+                call: self.required(handle, "")?,
+                release: self.optional(handle, "_release"),
+                decref: self.optional(handle, "_decref"),
+                mem,
+                arg: vec![std::ptr::null(); arg.max(inputs.len())],
+                res: vec![std::ptr::null_mut(); res.max(outputs.len())],
+                iw: vec![0; iw],
+                w: vec![0.0; w],
+                memory: 0,
+                inputs,
+                outputs,
+            };
+            function.check(scenario, topic)?;
+            Ok(Box::new(function))
+        }
+    }
+
+    /// Returns the inputs (`in`) or outputs (`out`) of the function, which have these names.
+    ///
+    /// # Safety
+    /// The functions beside this one are those that CasADi generates.
+    unsafe fn arguments(
+        &self,
+        handle: &Handle,
+        side: &str,
+        known: &[Place],
+        topic: Topic,
+    ) -> Result<Vec<Argument>, String> {
+        // SAFETY: the caller vouches for the types of the functions; their pointers live as long as the library.
+        let (count, name_of, sparsity_of) = unsafe {
+            let count: extern "C" fn() -> i64 = self.required(handle, &format!("_n_{side}"))?;
+            let name_of: NameOf = self.required(handle, &format!("_name_{side}"))?;
+            let sparsity_of: SparsityOf = self.required(handle, &format!("_sparsity_{side}"))?;
+            (count(), name_of, sparsity_of)
+        };
+        let own: &[(&str, Meaning)] = match (side, topic) {
+            ("in", _) => {
+                &[("dt", Meaning::Dt), ("tick", Meaning::Tick), ("p", Meaning::Parameters), ("z", Meaning::Memory)]
+            }
+            (_, Topic::Controls) => &[("status", Meaning::Status), ("z_next", Meaning::Memory)],
+            _ => &[("z_next", Meaning::Memory)],
+        };
+        let mut all = vec![];
+        for i in 0..count {
+            // SAFETY: the index is below the number of names, which are C strings.
+            let (name, sparsity) = unsafe { (name_of(i), sparsity_of(i)) };
+            if name.is_null() || sparsity.is_null() {
+                return Err(format!("{side}put {i} of `{}` has no name or no shape", self.0));
+            }
+            // SAFETY: CasADi gives each name as a C string.
+            let name = unsafe { CStr::from_ptr(name) }.to_string_lossy().into_owned();
+            // SAFETY: a pattern has rows, columns, then 1 if it is dense, or else the offsets of the columns.
+            let numbers = unsafe { dense(sparsity) };
+            let Some(numbers) = numbers else {
+                return Err(format!("{side}put `{name}` of `{}` is sparse: make it dense (`densify`)", self.0));
+            };
+            let place = known.iter().find(|place| place.name == name);
+            let (meaning, count) = match (place, own.iter().find(|(own, _)| *own == name)) {
+                (Some(place), _) => (Meaning::Place(place.at), Some(place.count)),
+                (None, Some((_, meaning @ (Meaning::Parameters | Meaning::Memory)))) => (*meaning, None),
+                (None, Some((_, meaning))) => (*meaning, Some(1)),
+                (None, None) => {
+                    let known: Vec<&str> =
+                        known.iter().map(|place| place.name).chain(own.iter().map(|own| own.0)).collect();
+                    let known = known.join(", ");
+                    return Err(format!("no {side}put of {} is called `{name}`; there are {known}", topic.publisher()));
+                }
+            };
+            if let Some(count) = count.filter(|count| *count != numbers) {
+                return Err(format!("{side}put `{name}` of `{}` has {numbers} numbers, not {count}", self.0));
+            }
+            all.push(Argument { meaning, values: vec![0.0; numbers] });
+        }
+        Ok(all)
+    }
+
+    /// Returns the function whose name is that of this one and `ending`.
+    ///
+    /// # Safety
+    /// `F` is its type.
+    unsafe fn required<F: Copy>(&self, handle: &Handle, ending: &str) -> Result<F, String> {
+        // SAFETY: the caller vouches for the type.
+        let found = unsafe { self.optional(handle, ending) };
+        found.ok_or_else(|| format!("`{}{ending}` is missing: was it generated by CasADi?", self.0))
+    }
+
+    /// Returns the function of [`required`](Self::required), if there is one.
+    ///
+    /// # Safety
+    /// `F` is its type.
+    unsafe fn optional<F: Copy>(&self, handle: &Handle, ending: &str) -> Option<F> {
+        // SAFETY: the caller vouches for the type.
+        unsafe { handle.get::<F>(format!("{}{ending}", self.0).as_bytes()) }.ok().map(|found| *found)
+    }
+}
+
+/// Largest size of a work vector that a function may ask for.
+const MOST_WORK: i64 = 1 << 26;
+
+/// Returns the number of values of a pattern; `None` if it is not dense.
+///
+/// # Safety
+/// `pattern` is one of CasADi's.
+unsafe fn dense(pattern: *const i64) -> Option<usize> {
+    // SAFETY: the caller vouches for rows, columns and what follows them.
+    unsafe {
+        let (rows, columns, third) = (*pattern, *pattern.add(1), *pattern.add(2));
+        let all = rows.checked_mul(columns).filter(|all| (0..=MOST_WORK).contains(all))?;
+        let is_dense = third == 1 || *pattern.add(2 + columns as usize) == all;
+        is_dense.then_some(all as usize)
+    }
+}
+
+impl Casadi {
+    /// Sets what does not change from step to step, and checks that inputs and outputs fit each other.
+    fn check(&mut self, scenario: &Scenario, topic: Topic) -> Result<(), String> {
+        let settings = &scenario.node.of(topic).settings;
+        let given = settings.get("p").map(|p| p.clone().try_into::<Vec<f64>>());
+        let given =
+            given.transpose().map_err(|_| "`settings.p` is no array of numbers".to_owned())?.unwrap_or_default();
+        if let Some(key) = settings.keys().find(|key| !["p", "function"].contains(&key.as_str())) {
+            return Err(format!("`settings.{key}` has no effect on a CasADi function; it has `p` and `function`"));
+        }
+        let mut parameters = 0;
+        for input in &mut self.inputs {
+            match input.meaning {
+                Meaning::Dt => input.values[0] = scenario.sample_s(),
+                Meaning::Parameters if given.len() == input.values.len() => {
+                    parameters = given.len();
+                    input.values.clone_from(&given);
+                }
+                Meaning::Parameters => {
+                    let (needs, has) = (input.values.len(), given.len());
+                    return Err(format!("input `p` has {needs} numbers, and `settings.p` has {has}"));
+                }
+                Meaning::Memory => self.memory = input.values.len(),
+                _ => {}
+            }
+        }
+        if parameters == 0 && !given.is_empty() {
+            return Err("`settings.p` is given, and the function has no input `p`".into());
+        }
+        let z_next = self.outputs.iter().find(|output| matches!(output.meaning, Meaning::Memory));
+        if z_next.map_or(0, |z_next| z_next.values.len()) != self.memory {
+            return Err("input `z` and output `z_next` go together, and have as many numbers".into());
+        }
+        if !self.outputs.iter().any(|output| matches!(output.meaning, Meaning::Place(_))) {
+            return Err(format!("the function has no output for {}", topic.publisher()));
+        }
+        Ok(())
+    }
+
+    /// Returns the memory: the values of `z` for the next step.
+    fn z(&self) -> &[f64] {
+        let z = self.inputs.iter().find(|input| matches!(input.meaning, Meaning::Memory));
+        z.map_or(&[], |z| &z.values)
+    }
+}
+
+impl Engine for Casadi {
+    fn step(&mut self, input: &[u8], answer: &mut [u8]) -> Result<(), String> {
+        for Argument { meaning, values } in &mut self.inputs {
+            match *meaning {
+                Meaning::Place(at) => {
+                    for (value, bytes) in values.iter_mut().zip(input[at..].chunks_exact(8)) {
+                        *value = pod_read_unaligned(bytes);
+                    }
+                }
+                Meaning::Tick => values[0] = pod_read_unaligned::<u64>(&input[..8]) as f64, // the first of every input
+                Meaning::Dt | Meaning::Parameters | Meaning::Memory | Meaning::Status => {}
+            }
+        }
+        for (place, input) in self.arg.iter_mut().zip(&self.inputs) {
+            *place = input.values.as_ptr();
+        }
+        for (place, output) in self.res.iter_mut().zip(&mut self.outputs) {
+            *place = output.values.as_mut_ptr();
+        }
+        let (iw, w) = (self.iw.as_mut_ptr(), self.w.as_mut_ptr());
+        // SAFETY: all vectors have the sizes that the function asked for, and each input and output that of its shape.
+        let result = unsafe { (self.call)(self.arg.as_ptr(), self.res.as_mut_ptr(), iw, w, self.mem) };
+        if result != 0 {
+            return Err(format!("the function returned {result}"));
+        }
+        for Argument { meaning, values } in &self.outputs {
+            match *meaning {
+                Meaning::Place(at) => answer[at..at + 8 * values.len()].copy_from_slice(cast_slice(values)),
+                Meaning::Status => {
+                    let at = std::mem::offset_of!(TrefoilAttitudeAnswer, status);
+                    answer[at..at + 8].copy_from_slice(bytes_of(&u64::from(values[0] != 0.0)));
+                }
+                Meaning::Memory => {
+                    if let Some(z) = self.inputs.iter_mut().find(|input| matches!(input.meaning, Meaning::Memory)) {
+                        z.values.copy_from_slice(values);
+                    }
+                }
+                Meaning::Dt | Meaning::Tick | Meaning::Parameters => {}
+            }
+        }
+        Ok(())
+    }
+
+    fn memory_bytes(&self) -> usize {
+        let bytes = 8 * self.memory;
+        if bytes <= TREFOIL_MEMORY_BYTES as usize { bytes } else { 0 }
+    }
+
+    fn snapshot(&self, memory: &mut [u8]) {
+        memory.copy_from_slice(cast_slice(self.z()));
+    }
+
+    fn restore(&mut self, memory: &[u8]) {
+        let z = self.inputs.iter_mut().find(|input| matches!(input.meaning, Meaning::Memory));
+        for (value, bytes) in z.into_iter().flat_map(|z| &mut z.values).zip(memory.chunks_exact(8)) {
+            *value = pod_read_unaligned(bytes);
+        }
+    }
+}
+
+impl Drop for Casadi {
+    fn drop(&mut self) {
+        // SAFETY: `mem` came from the function's own checkout, and is not used any more.
+        unsafe {
+            self.release.inspect(|release| release(self.mem));
+            self.decref.inspect(|decref| decref());
+        }
+    }
+}

@@ -1,0 +1,103 @@
+//! A library as the core of a node.
+
+use std::marker::PhantomData;
+
+use bytemuck::{Zeroable, bytes_of, bytes_of_mut};
+use contract::scenario::Scenario;
+use contract::snapshot::{MEMORY_BYTES, NO_MEMORY, Snapshot, pack_bytes, unpack_bytes};
+use contract::topic::Topic;
+use runtime::error::SessionError;
+use runtime::member::Member;
+use runtime::node::{self, Core, Node};
+use runtime::ports::Ports;
+
+use crate::library::Library;
+use crate::protocol::{AttitudeMpc, Guidance, Mixer, Protocol};
+
+/// Library as the core of the node of a protocol.
+pub struct Foreign<P: Protocol> {
+    library: Library,
+    sample_s: f64,
+    /// First word of its snapshots, which no other file has.
+    layout: u64,
+    protocol: PhantomData<P>,
+}
+
+impl<P: Protocol> Core for Foreign<P> {
+    type Inputs = P::Inputs;
+    type Answer = P::Message;
+
+    fn build(scenario: &Scenario) -> Result<Self, SessionError> {
+        let library = Library::load(scenario, P::TOPIC, &P::LAYOUT)?;
+        let sha256 = &scenario.node.of(P::TOPIC).sha256;
+        let layout = sha256.get(..16).and_then(|digits| u64::from_str_radix(digits, 16).ok()).unwrap_or(u64::MAX);
+        Ok(Self { library, sample_s: scenario.sample_s(), layout, protocol: PhantomData })
+    }
+
+    fn step(&mut self, tick: u64, inputs: &Self::Inputs) -> Result<P::Message, SessionError> {
+        let input = P::input(tick, tick as f64 * self.sample_s, inputs);
+        let mut answer = P::Answer::zeroed();
+        self.library.step(bytes_of(&input), bytes_of_mut(&mut answer))?;
+        Ok(P::message(&input, &answer))
+    }
+
+    fn snapshot(&self) -> Snapshot {
+        let mut memory = [0; MEMORY_BYTES];
+        match self.library.engine().memory_bytes() {
+            0 => NO_MEMORY,
+            bytes => {
+                self.library.engine().snapshot(&mut memory[..bytes]);
+                pack_bytes(self.layout, &memory[..bytes])
+            }
+        }
+    }
+
+    fn restore(&mut self, memory: &Snapshot) {
+        let bytes = self.library.engine().memory_bytes();
+        if let Some(memory) = unpack_bytes(self.layout, memory).filter(|_| bytes > 0) {
+            self.library.restore(&memory[..bytes]);
+        }
+    }
+}
+
+/// Opens the ports of `member` with the library that `scenario` names for its node.
+///
+/// # Errors
+/// The library cannot be loaded, or the node is the plant, which no library can be.
+pub fn open(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result<Box<dyn Node>, SessionError> {
+    match member.topic {
+        Topic::State => Err(SessionError::UnknownNode(Topic::State.publisher().into())),
+        Topic::Reference => node::open::<Foreign<Guidance>>(ports, member, scenario),
+        Topic::Controls => node::open::<Foreign<AttitudeMpc>>(ports, member, scenario),
+        Topic::Actuators => node::open::<Foreign<Mixer>>(ports, member, scenario),
+    }
+}
+
+/// Loads the library that `scenario` names for the node that publishes `topic`, and has it answer to a few samples at
+/// rest. Meant for a process of its own: code that crashes, ends its process or never returns does so here.
+///
+/// # Errors
+/// The library cannot be loaded, or a step fails.
+pub fn try_out(topic: Topic, scenario: &Scenario) -> Result<(), SessionError> {
+    match topic {
+        Topic::State => Err(SessionError::UnknownNode(Topic::State.publisher().into())),
+        Topic::Reference => Foreign::<Guidance>::build(scenario)?.try_out(),
+        Topic::Controls => Foreign::<AttitudeMpc>::build(scenario)?.try_out(),
+        Topic::Actuators => Foreign::<Mixer>::build(scenario)?.try_out(),
+    }
+}
+
+/// Number of samples that a library is tried with.
+const TRIED: usize = 3;
+
+impl<P: Protocol> Foreign<P> {
+    fn try_out(&mut self) -> Result<(), SessionError> {
+        let mut answer = P::Answer::zeroed();
+        for _ in 0..TRIED {
+            self.library.step(bytes_of(&P::Input::zeroed()), bytes_of_mut(&mut answer))?;
+        }
+        let memory = self.snapshot();
+        self.restore(&memory);
+        Ok(())
+    }
+}

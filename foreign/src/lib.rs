@@ -1,0 +1,31 @@
+//! Controllers from other languages, as cores of nodes: a shared library in the place of a core of the launcher.
+//!
+//! ```text
+//! [node.mixer] exec = "my.so"
+//!   -> Library: dlopen, a guard around every call                                    (library)
+//!   -> Engine: the function table of trefoil.h, or a function of CasADi              (table, casadi)
+//!   -> Foreign<Protocol>: messages to the types of trefoil.h, answers back           (core, protocol)
+//!   -> runtime::node: the same ports, loop and faults as for every core
+//! ```
+//!
+//! | module | holds |
+//! |---|---|
+//! | [`abi`] | the types of `trefoil.h` |
+//! | `library` | a loaded library, and the guard around every call into it |
+//! | `table` | a library with the function table of `trefoil.h` |
+//! | `casadi` | a library with a function that CasADi has generated |
+//! | `rounding` | the mode of the floating-point unit, which a library must leave as it is |
+//! | `protocol` | input and answer of each node |
+//! | `core` | a library as the core of a node |
+//!
+//! A library gets what a sensor would give, and not the true motion.
+
+pub mod abi;
+mod casadi;
+mod core;
+mod library;
+mod protocol;
+mod rounding;
+mod table;
+
+pub use core::{Foreign, open, try_out};

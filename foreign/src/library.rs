@@ -1,0 +1,102 @@
+//! A loaded library, whichever of the known interfaces it has, and the guard around every call into it.
+//!
+//! A library is never unloaded: its threads and exit handlers may still use its code.
+
+#![expect(unsafe_code, reason = "code from other languages is loaded")]
+
+use std::mem::ManuallyDrop;
+use std::path::absolute;
+
+use contract::scenario::Scenario;
+use contract::topic::Topic;
+use libloading::os::unix::{Library as Handle, RTLD_LOCAL, RTLD_NOW};
+use runtime::error::SessionError;
+
+use crate::casadi::Function;
+use crate::protocol::Layout;
+use crate::rounding::Rounding;
+use crate::table::Table;
+
+/// Node of a library behind its interface. Errors are the reason in words.
+pub trait Engine {
+    /// Answers to one sample; `input` and `answer` have the types of the node in `trefoil.h`.
+    fn step(&mut self, input: &[u8], answer: &mut [u8]) -> Result<(), String>;
+    /// Size of the memory \[byte\]; 0 if the node keeps none.
+    fn memory_bytes(&self) -> usize;
+    /// Writes the memory to `memory`, of [`memory_bytes`](Self::memory_bytes).
+    fn snapshot(&self, memory: &mut [u8]);
+    /// Continues from `memory`, of [`memory_bytes`](Self::memory_bytes); a node that refuses it begins cold.
+    fn restore(&mut self, memory: &[u8]);
+}
+
+/// Node of a library.
+pub struct Library {
+    file: String,
+    engine: Box<dyn Engine>,
+    rounding: Rounding,
+}
+
+impl Library {
+    /// Loads the library that `scenario` names for the node that publishes `topic`, whose types have this `layout`, and
+    /// creates its node.
+    ///
+    /// # Errors
+    /// The file cannot be loaded, has no known interface, changes the mode of the floating-point unit, or cannot create
+    /// the node.
+    pub fn load(scenario: &Scenario, topic: Topic, layout: &Layout) -> Result<Self, SessionError> {
+        let file = &scenario.node.of(topic).exec;
+        let refused = |why: String| SessionError::Foreign { file: file.clone(), why };
+        let rounding = Rounding::now();
+        // dlopen takes a name without a slash for one in the system's folders.
+        let path = absolute(file).map_err(|error| refused(error.to_string()))?;
+        // SAFETY: the code of the library runs here, and nothing can vouch for it. The user named it as the program of
+        // a node, the launcher has tried it in a process of its own before, and a crash costs this process.
+        let handle = unsafe { Handle::open(Some(&path), RTLD_NOW | RTLD_LOCAL) };
+        let handle = ManuallyDrop::new(handle.map_err(|error| refused(in_words(&error)))?);
+        unchanged(rounding).map_err(|why| refused(format!("{why} while it was loaded")))?;
+        let function = || Function::find(&handle, &path, scenario.node.of(topic));
+        let engine = match if Table::is_in(&handle) { None } else { function() } {
+            Some(function) => function.and_then(|function| function.open(&handle, scenario, topic, layout)),
+            None => Table::open(&handle, scenario, topic, layout),
+        };
+        unchanged(rounding).map_err(|why| refused(format!("{why} when it was created")))?;
+        Ok(Self { file: file.clone(), engine: engine.map_err(refused)?, rounding })
+    }
+
+    /// Answers to one sample; `input` and `answer` have the types of the node in `trefoil.h`.
+    ///
+    /// # Errors
+    /// The library fails, or has changed the mode of the floating-point unit, which is set back.
+    pub fn step(&mut self, input: &[u8], answer: &mut [u8]) -> Result<(), SessionError> {
+        let stepped = self.engine.step(input, answer);
+        let stepped = unchanged(self.rounding).map_err(|why| format!("{why} in `step`")).and(stepped);
+        stepped.map_err(|why| SessionError::Foreign { file: self.file.clone(), why })
+    }
+
+    /// Returns the node behind its interface.
+    pub fn engine(&self) -> &dyn Engine {
+        &*self.engine
+    }
+
+    /// Continues from `memory`; a node that refuses it begins cold.
+    pub fn restore(&mut self, memory: &[u8]) {
+        self.engine.restore(memory);
+    }
+}
+
+/// Fails if the mode of the floating-point unit is not `usual` any more, and sets it back.
+fn unchanged(usual: Rounding) -> Result<(), String> {
+    if Rounding::now() == usual {
+        return Ok(());
+    }
+    usual.set();
+    Err("it changed the rounding mode of the processor (was it built with -ffast-math?)".into())
+}
+
+/// Returns the reason of the system for a library that cannot be loaded.
+fn in_words(error: &libloading::Error) -> String {
+    match error {
+        libloading::Error::DlOpen { source } => source.to_string(),
+        other => other.to_string(),
+    }
+}

@@ -1,0 +1,175 @@
+//! Input and answer of each node: messages of the ring to the types of `trefoil.h`, and back.
+
+use std::mem::offset_of;
+
+use bytemuck::Pod;
+use contract::message::{ActuationMsg, Actuators, Controls, Message, Reference, SolveStatus, State, guidance_flags};
+use contract::topic::Topic;
+use runtime::input::Input;
+use runtime::node::Inputs;
+use runtime::port::Wire;
+
+use crate::abi::{
+    TREFOIL_NEVER, TrefoilAttitudeAnswer, TrefoilAttitudeInput, TrefoilDemand, TrefoilGuidanceAnswer,
+    TrefoilGuidanceInput, TrefoilMixerAnswer, TrefoilMixerInput, TrefoilReference, TrefoilSample,
+};
+
+/// Input and answer of one node.
+pub trait Protocol: 'static {
+    /// Topic that the node publishes.
+    const TOPIC: Topic = <Self::Message as Message>::TOPIC;
+    /// Inputs of the node.
+    type Inputs: Inputs;
+    /// Message that the node sends.
+    type Message: Wire;
+    /// Input of a step.
+    type Input: Pod;
+    /// Answer of a step.
+    type Answer: Pod;
+    /// Places of the numbers of input and answer, by the names that a CasADi function has for them.
+    const NAMES: [&'static [Place]; 2];
+    /// Layout of input and answer.
+    const LAYOUT: Layout = Layout { bytes: [size_of::<Self::Input>(), size_of::<Self::Answer>()], names: Self::NAMES };
+
+    /// Makes the input of the step for sample `tick` at `time_s`.
+    fn input(tick: u64, time_s: f64, inputs: &Self::Inputs) -> Self::Input;
+    /// Makes the message of the answer to `input`.
+    fn message(input: &Self::Input, answer: &Self::Answer) -> Self::Message;
+}
+
+/// Sizes of input and answer of a node \[byte\], and the names of their numbers.
+pub struct Layout {
+    pub bytes: [usize; 2],
+    pub names: [&'static [Place]; 2],
+}
+
+/// Place of numbers in an input or answer.
+pub struct Place {
+    pub name: &'static str,
+    /// First byte.
+    pub at: usize,
+    /// Number of `f64`.
+    pub count: usize,
+}
+
+/// Makes the places of fields: `name = path in the type: count`.
+macro_rules! places {
+    ($type:ty { $($name:literal = $($field:ident).+ : $count:literal),* }) => {
+        &[$(Place { name: $name, at: offset_of!($type, $($field).+), count: $count }),*]
+    };
+}
+
+/// Protocol of guidance.
+pub struct Guidance;
+/// Protocol of attitude-mpc.
+pub struct AttitudeMpc;
+/// Protocol of the mixer.
+pub struct Mixer;
+
+impl Protocol for Guidance {
+    type Inputs = Input<State>;
+    type Message = Reference;
+    type Input = TrefoilGuidanceInput;
+    type Answer = TrefoilGuidanceAnswer;
+    const NAMES: [&'static [Place]; 2] = [
+        places!(TrefoilGuidanceInput {
+            "time" = time_s: 1, "position" = sample.position_m: 3, "velocity" = sample.velocity_mps: 3,
+            "attitude" = sample.attitude_rad: 3, "rates" = sample.rates_radps: 3,
+            "rotor_speed" = sample.rotor_speed: 3, "tilt" = sample.tilt_rad: 1
+        }),
+        places!(TrefoilGuidanceAnswer {
+            "position_ref" = position_m: 3, "velocity_ref" = velocity_mps: 3, "attitude_ref" = attitude_rad: 3,
+            "rates_ref" = rates_radps: 3, "w_ref" = w_mps: 1
+        }),
+    ];
+
+    fn input(tick: u64, time_s: f64, states: &Self::Inputs) -> Self::Input {
+        TrefoilGuidanceInput { tick, time_s, sample: sample(tick, states.known()) }
+    }
+
+    fn message(input: &Self::Input, answer: &Self::Answer) -> Reference {
+        let TrefoilGuidanceAnswer { position_m, velocity_mps, attitude_rad, rates_radps, w_mps } = *answer;
+        let flags = if input.sample.age_ticks == 0 { 0 } else { guidance_flags::STALE };
+        Reference { position_m, velocity_mps, attitude_rad, rates_radps, w_mps, flags, ..Reference::default() }
+    }
+}
+
+impl Protocol for AttitudeMpc {
+    type Inputs = (Input<Reference>, Input<State>);
+    type Message = Controls;
+    type Input = TrefoilAttitudeInput;
+    type Answer = TrefoilAttitudeAnswer;
+    const NAMES: [&'static [Place]; 2] = [
+        places!(TrefoilAttitudeInput {
+            "time" = time_s: 1, "position" = sample.position_m: 3, "velocity" = sample.velocity_mps: 3,
+            "attitude" = sample.attitude_rad: 3, "rates" = sample.rates_radps: 3,
+            "rotor_speed" = sample.rotor_speed: 3, "tilt" = sample.tilt_rad: 1,
+            "position_ref" = reference.position_m: 3, "velocity_ref" = reference.velocity_mps: 3,
+            "attitude_ref" = reference.attitude_rad: 3, "rates_ref" = reference.rates_radps: 3,
+            "w_ref" = reference.w_mps: 1
+        }),
+        places!(TrefoilAttitudeAnswer { "demand" = demand: 4 }),
+    ];
+
+    fn input(tick: u64, time_s: f64, (references, states): &Self::Inputs) -> Self::Input {
+        let Reference { position_m, velocity_mps, attitude_rad, rates_radps, w_mps, .. } = *references.known();
+        let age_ticks = age(tick, references.known());
+        let reference = TrefoilReference { age_ticks, position_m, velocity_mps, attitude_rad, rates_radps, w_mps };
+        TrefoilAttitudeInput { tick, time_s, sample: sample(tick, states.known()), reference }
+    }
+
+    /// Makes CONTROLS. No answer, and one to an old sample, is marked as repeated: the mixer falls back as with our own.
+    fn message(input: &Self::Input, answer: &Self::Answer) -> Controls {
+        let status = match (answer.status, input.sample.age_ticks, input.reference.age_ticks) {
+            (0, 0, 0) => SolveStatus::Explicit,
+            (0, 0, _) => SolveStatus::NoReference,
+            _ => SolveStatus::Stale,
+        };
+        Controls { demand: answer.demand, status: status as u64, ..Controls::default() }
+    }
+}
+
+impl Protocol for Mixer {
+    type Inputs = (Input<Controls>, Input<State>);
+    type Message = Actuators;
+    type Input = TrefoilMixerInput;
+    type Answer = TrefoilMixerAnswer;
+    const NAMES: [&'static [Place]; 2] = [
+        places!(TrefoilMixerInput {
+            "time" = time_s: 1, "position" = sample.position_m: 3, "velocity" = sample.velocity_mps: 3,
+            "attitude" = sample.attitude_rad: 3, "rates" = sample.rates_radps: 3,
+            "rotor_speed" = sample.rotor_speed: 3, "tilt" = sample.tilt_rad: 1, "demand" = demand.demand: 4
+        }),
+        places!(TrefoilMixerAnswer { "rotor_speed" = rotor_speed: 3, "tilt" = tilt_rad: 1 }),
+    ];
+
+    fn input(tick: u64, time_s: f64, (demands, states): &Self::Inputs) -> Self::Input {
+        let demand = TrefoilDemand { age_ticks: age(tick, demands.known()), demand: demands.known().demand };
+        TrefoilMixerInput { tick, time_s, sample: sample(tick, states.known()), demand }
+    }
+
+    fn message(_input: &Self::Input, answer: &Self::Answer) -> Actuators {
+        let TrefoilMixerAnswer { rotor_speed, tilt_rad } = *answer;
+        Actuators { command: ActuationMsg { rotor_speed, tilt_rad }, ..Actuators::default() }
+    }
+}
+
+/// Age of the newest message at `tick`, in ticks.
+fn age<M: Message>(tick: u64, newest: &M) -> u64 {
+    let stamp = newest.stamp();
+    if stamp.sequence == 0 { TREFOIL_NEVER } else { tick.saturating_sub(stamp.tick) }
+}
+
+/// Makes the sample that a node may see: what was measured, and the command in force.
+fn sample(tick: u64, state: &State) -> TrefoilSample {
+    let (measured, command) = (&state.measured, &state.command_in_force);
+    TrefoilSample {
+        age_ticks: age(tick, state),
+        position_m: measured.position_m,
+        velocity_mps: measured.velocity_mps,
+        attitude_rad: measured.attitude_rad,
+        rates_radps: measured.rates_radps,
+        rotor_speed: command.rotor_speed,
+        tilt_rad: command.tilt_rad,
+    }
+}

@@ -1,0 +1,22 @@
+//! Nodes that answer, with the core that the settings name: a process, the ring in process and a replay open them here.
+
+use contract::scenario::{ProgramKind, Scenario};
+use contract::topic::Topic;
+use runtime::error::SessionError;
+use runtime::member::Member;
+use runtime::node::{self, Node};
+use runtime::ports::Ports;
+
+/// Opens the ports of `member`, with a new core for a run of `scenario`.
+pub fn open(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result<Box<dyn Node>, SessionError> {
+    if scenario.node.of(member.topic).kind() == ProgramKind::Library {
+        return foreign::open(ports, member, scenario);
+    }
+    let open = match member.topic {
+        Topic::State => return Err(SessionError::UnknownNode("plant".into())), // it samples, and answers to nothing
+        Topic::Reference => node::open::<guidance::Guidance>,
+        Topic::Controls => node::open::<attitude_mpc::AttitudeMpc>,
+        Topic::Actuators => node::open::<mixer::Mixer>,
+    };
+    open(ports, member, scenario)
+}

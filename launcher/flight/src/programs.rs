@@ -1,0 +1,181 @@
+//! Programs of nodes other than the launcher's own cores: found, identified by their hash, and tried before a flight.
+//!
+//! A library is tried in a process of its own: a constructor that crashes, ends its process or never returns is an error
+//! of the settings, and costs no flight.
+
+use std::collections::BTreeSet;
+use std::fmt::Write;
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Read, Write as _};
+use std::path::PathBuf;
+use std::process::Stdio;
+use std::sync::Mutex;
+use std::sync::atomic::AtomicU32;
+use std::time::Duration;
+
+use contract::Topic;
+use contract::exit;
+use contract::scenario::{self, NodeProgram, ProgramKind, Scenario, ScenarioError, to_toml};
+use runtime::console::eprint_line;
+use rustix::fs::{Access, access};
+use sha2::{Digest, Sha256};
+
+use crate::own_program;
+use crate::stack::children::wait;
+
+/// Longest time that a library may take to be loaded and to answer to a few samples.
+const TRIAL_LIMIT: Duration = Duration::from_secs(10);
+
+/// Last line of a trial that went well. A library that ends the process does not write it.
+const ANSWERS: &str = "the library answers";
+
+/// Libraries that were tried by this process, each with node and settings.
+static TRIED: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
+
+/// Adds the hash of its file to a `program` of the node `name`.
+///
+/// # Errors
+/// The file is not there, or is another one than the settings name.
+pub fn pin(program: &mut NodeProgram, name: &str) -> Result<(), ScenarioError> {
+    if program.kind() == ProgramKind::Own {
+        return Ok(());
+    }
+    let exec = &program.exec;
+    let refused = |what: String, help: &str| Err(ScenarioError::of(what, help.into()));
+    let Some(path) = find(exec, program.kind()) else {
+        return refused(
+            format!("the program `{exec}` of {name} is not there, or cannot be executed"),
+            "give `exec` the path of a program, seen from the scenario file or from where the launcher is started; \
+             `chmod +x` it if need be",
+        );
+    };
+    let sha256 = match sha256_of(&path) {
+        Ok(sha256) => sha256,
+        Err(error) => return refused(format!("cannot read the program `{exec}` of {name}: {error}"), ""),
+    };
+    if !program.sha256.is_empty() && program.sha256 != sha256 {
+        return refused(
+            format!("the program `{exec}` of {name} is another file than the settings name: its SHA-256 is {sha256}"),
+            "give the file with the hash of `sha256`, or remove `sha256` to fly this one",
+        );
+    }
+    program.sha256 = sha256;
+    Ok(())
+}
+
+/// Adds the hashes of their files to all programs of `scenario`.
+///
+/// # Errors
+/// As for [`pin`].
+pub fn pin_all(scenario: &mut Scenario) -> Result<(), ScenarioError> {
+    Topic::ALL.into_iter().try_for_each(|topic| pin(scenario.node.of_mut(topic), topic.publisher()))
+}
+
+/// Checks that the program of each node of `scenario` is there, and tries each library in a process of its own.
+///
+/// # Errors
+/// A program is not there, or is another file than the settings name, or a library does not load or fails.
+pub fn check(scenario: &Scenario) -> Result<(), ScenarioError> {
+    Topic::ALL.into_iter().try_for_each(|topic| check_one(scenario, topic))
+}
+
+/// Checks the program of the node that publishes `topic`, as [`check`] does.
+pub fn check_one(scenario: &Scenario, topic: Topic) -> Result<(), ScenarioError> {
+    let program = scenario.node.of(topic);
+    if program.kind() != ProgramKind::Library {
+        return pin(&mut program.clone(), topic.publisher());
+    }
+    let what = format!("{topic:?} {program:?}");
+    if TRIED.lock().is_ok_and(|tried| tried.contains(&what)) {
+        return Ok(());
+    }
+    pin(&mut program.clone(), topic.publisher())?;
+    try_in_child(scenario, topic).map_err(|why| {
+        let file = &program.exec;
+        let why = why.strip_prefix(&format!("{file}: ")).unwrap_or(&why);
+        let title = format!("the library `{file}` of {} cannot be flown: {why}", topic.publisher());
+        ScenarioError::of(title, String::new())
+    })?;
+    TRIED.lock().map(|mut tried| tried.insert(what)).ok();
+    Ok(())
+}
+
+/// Tries the library of a node in a child; returns why it cannot be flown.
+fn try_in_child(scenario: &Scenario, topic: Topic) -> Result<(), String> {
+    let mut command = own_program();
+    command.args(["try-library", topic.publisher()]).envs(&scenario.node.of(topic).env);
+    let command = command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped());
+    let mut child = command.spawn().map_err(|error| format!("no process to try it in: {error}"))?;
+    // A child that ends before it has read its settings says why on stderr.
+    let _ = child.stdin.take().map(|mut stdin| stdin.write_all(to_toml(scenario).as_bytes()));
+    let stderr = child.stderr.take();
+    let said = std::thread::spawn(move || {
+        let mut text = String::new();
+        let _ = stderr.map(|stderr| stderr.take(1 << 16).read_to_string(&mut text)); // what cannot be read is left out
+        text
+    });
+    let ended = wait(&mut child, "trial of a library", TRIAL_LIMIT, &AtomicU32::new(0));
+    let Some(status) = ended else {
+        return Err(format!("it did not load and answer within {} s", TRIAL_LIMIT.as_secs()));
+    };
+    let text = said.join().unwrap_or_default();
+    let last = text.lines().last().unwrap_or_default();
+    match status.code() {
+        Some(code) if code == i32::from(exit::FLOWN) && last == ANSWERS => Ok(()),
+        Some(code) if code == i32::from(exit::USAGE) => Err(last.into()),
+        _ => {
+            Err(format!("it ended the process that tried it ({status}){}", if last.is_empty() { "" } else { ": " })
+                + last)
+        }
+    }
+}
+
+/// Tries the library that the settings on stdin name for the node `name`, in this process; returns the exit code.
+pub fn try_library(name: &str) -> u8 {
+    let tried = || -> Result<(), String> {
+        let text = io::read_to_string(io::stdin()).map_err(|error| error.to_string())?;
+        let scenario = scenario::from_merged(&text, "stdin").map_err(|error| error.to_string())?;
+        let topic = Topic::ALL.into_iter().find(|topic| topic.publisher() == name);
+        foreign::try_out(topic.ok_or("no such node")?, &scenario).map_err(|error| error.to_string())
+    };
+    match tried() {
+        Ok(()) => {
+            eprint_line(ANSWERS);
+            exit::FLOWN
+        }
+        Err(why) => {
+            eprint_line(&why);
+            exit::USAGE
+        }
+    }
+}
+
+/// Finds the file of a program: that at the path `name`, or, without a slash in `name`, one in a folder of PATH.
+fn find(name: &str, kind: ProgramKind) -> Option<PathBuf> {
+    let is_library = kind == ProgramKind::Library;
+    let is_program = |path: &PathBuf| path.is_file() && (is_library || access(path, Access::EXEC_OK).is_ok());
+    if name.contains('/') || is_library {
+        return Some(PathBuf::from(name)).filter(is_program);
+    }
+    let folders = std::env::var_os("PATH")?;
+    std::env::split_paths(&folders).map(|folder| folder.join(name)).find(is_program)
+}
+
+/// Computes the SHA-256 of a file, in hexadecimal digits.
+fn sha256_of(path: &PathBuf) -> io::Result<String> {
+    let mut hash = Sha256::new();
+    let mut file = BufReader::new(File::open(path)?);
+    loop {
+        let part = file.fill_buf()?;
+        if part.is_empty() {
+            break;
+        }
+        hash.update(part);
+        let length = part.len();
+        file.consume(length);
+    }
+    Ok(hash.finalize().iter().fold(String::new(), |mut digits, byte| {
+        let _ = write!(digits, "{byte:02x}"); // writing to a string does not fail
+        digits
+    }))
+}

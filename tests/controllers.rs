@@ -1,0 +1,285 @@
+//! Controllers of users: a library in C flies in every mode with the same bits, and no trap in it does more harm than
+//! docs/controllers.md says.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use contract::exit;
+use serde_json::Value;
+
+use crate::harness::{Outcome, fly, launcher, python_with, top};
+
+/// Compiles `tests/controllers/pd.c` into `folder/name.so`, with these flags for the compiler.
+fn library(folder: &Path, name: &str, flags: &[&str]) -> PathBuf {
+    compiled(&top().join("tests/controllers/pd.c"), folder, name, flags)
+}
+
+fn compiled(source: &Path, folder: &Path, name: &str, flags: &[&str]) -> PathBuf {
+    let file = folder.join(name).with_extension("so");
+    let mut cc = Command::new("cc");
+    cc.args(["-std=gnu11", "-Wall", "-Wextra", "-Werror", "-O2", "-fPIC", "-shared"]).args(flags);
+    cc.arg("-I").arg(top().join("foreign/include")).arg("-o").arg(&file).arg(source).arg("-lm");
+    let output = cc.output().expect("the C compiler that Rust links with");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    file
+}
+
+fn exec(library: &Path) -> String {
+    format!("node.attitude-mpc.exec={}", library.display())
+}
+
+/// Hovers for 4 s in `mode` with these settings.
+fn hover(mode: &str, settings: &[&str]) -> Outcome {
+    let mut arguments =
+        vec!["scenarios/survey.toml", "--mode", mode, "--set", "run.duration_s=4", "--set", "mission.trajectory=hover"];
+    for set in settings {
+        arguments.extend(["--set", set]);
+    }
+    fly(&arguments)
+}
+
+#[test]
+fn a_library_flies_with_the_same_bits_in_every_mode() {
+    let folder = tempfile::tempdir().unwrap();
+    let library = library(folder.path(), "pd", &[]);
+    let kill = "fault=[{at_s=1, target='attitude-mpc', kind='kill'}]";
+    for settings in [&[][..], &[kill]] {
+        let settings: Vec<&str> = settings.iter().copied().chain([exec(&library).leak() as &str]).collect();
+        let [inprocess, lockstep] = ["inprocess", "lockstep"].map(|mode| hover(mode, &settings));
+        assert_eq!((inprocess.code(), lockstep.code()), (Some(0), Some(0)), "{}", lockstep.stderr);
+        assert_eq!(inprocess.state_hash(), lockstep.state_hash());
+        let ours = hover("inprocess", &settings[..settings.len() - 1]);
+        assert_ne!(ours.state_hash(), inprocess.state_hash(), "another law");
+    }
+    let stronger = hover("inprocess", &[&exec(&library), "node.attitude-mpc.settings={ gain = 1.1 }"]);
+    assert_ne!(stronger.state_hash(), hover("inprocess", &[&exec(&library)]).state_hash(), "it reads its settings");
+}
+
+fn replay(run: &Path, arguments: &[&str]) -> (Option<i32>, String) {
+    let output = launcher().arg("replay").arg(run).args(arguments).output().expect("the launcher runs");
+    (output.status.code(), String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned())
+}
+
+#[test]
+fn a_replay_computes_the_answers_of_a_library_only_if_the_user_names_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let (own, other) = (library(folder.path(), "pd", &[]), library(folder.path(), "other", &["-O1"]));
+    let flown = hover("realtime", &[&exec(&own)]);
+    assert_eq!(flown.code(), Some(0), "{}", flown.stderr);
+    let (code, said) = replay(&flown.out, &[]);
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("not computed: attitude-mpc 1"), "{said}");
+    let named = |file: &Path| format!("attitude-mpc={}", file.display());
+    let (code, said) = replay(&flown.out, &["--program", &named(&own)]);
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("the same bits") && said.contains(&flown.state_hash()), "{said}");
+    let (code, said) = replay(&flown.out, &["--program", &named(&other)]);
+    assert_eq!(code, Some(2), "{said}");
+    assert!(said.contains("is another file"), "{said}");
+    let (code, said) = replay(&flown.out, &["--node", "attitude-mpc", "--exec", other.to_str().unwrap()]);
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("the same answers, bit for bit"), "{said}");
+}
+
+#[test]
+fn a_library_is_swapped_in_and_ours_after_it_with_no_tick_lost() {
+    let folder = tempfile::tempdir().unwrap();
+    let library = library(folder.path(), "pd", &[]);
+    let (swap, bounds) =
+        ("node='attitude-mpc', standby_s=0.1, watch_s=0.1", "bounds={ difference=1e3, similarity=-1 }");
+    let swaps: Vec<String> = (0..20)
+        .map(|i| match i % 2 {
+            0 => format!("{{ at_s={}, {swap}, {bounds}, exec='{}' }}", 0.5 + f64::from(i) * 0.25, library.display()),
+            _ => format!("{{ at_s={}, {swap}, {bounds}, exec='' }}", 0.5 + f64::from(i) * 0.25),
+        })
+        .collect();
+    let swaps = format!("swap=[{}]", swaps.join(", "));
+    let flights = ["lockstep", "inprocess"].map(|mode| hover(mode, &["run.duration_s=7", &swaps]));
+    for flown in &flights {
+        assert_eq!(flown.code(), Some(0), "{}", flown.stderr);
+        let run = flown.run();
+        let kept = run["events"].as_array().unwrap().iter().filter(|event| event["what"] == "kept").count();
+        assert_eq!(kept, 20, "{:?}", run["events"]);
+    }
+    assert_eq!(flights[0].state_hash(), flights[1].state_hash());
+}
+
+/// Flies the library with `trap` in `mode`; returns exit code, what the launcher said, and what failed.
+fn trapped(folder: &Path, trap: u32, mode: &str) -> Outcome {
+    let library = library(folder, &format!("trap{trap}"), &[&format!("-DTRAP={trap}")]);
+    hover(mode, &[&exec(&library), "supervision.restart_ms=[0.0]", "supervision.wall_limit_s=2.0"])
+}
+
+#[test]
+fn a_library_that_cannot_be_loaded_or_tried_is_refused_before_the_flight() {
+    let folder = tempfile::tempdir().unwrap();
+    for (trap, why) in [
+        (1, "ended the process that tried it"),
+        (3, "it did not load and answer within 10 s"),
+        (5, "ended the process that tried it"),
+        (9, "build it with the header of this launcher"),
+        (10, "it has interface 99, and this launcher has 1"),
+        (11, "it has no node `attitude-mpc`"),
+        (12, "it cannot create attitude-mpc: no gain in {}"),
+        (14, "ended the process that tried it"),
+    ] {
+        let outcome = trapped(folder.path(), trap, "inprocess");
+        assert_eq!(outcome.code(), Some(i32::from(exit::USAGE)), "trap {trap}: {}", outcome.stderr);
+        assert!(outcome.stderr.contains(why), "trap {trap}: {}", outcome.stderr);
+    }
+    for (name, why) in [
+        ("my_node", "it does not export `trefoil_node_v1`"),
+        ("trefoil_node_v7", "it has interface 7 (`trefoil_node_v7`), and this launcher has 1"),
+    ] {
+        let renamed = library(folder.path(), name, &[&format!("-Dtrefoil_node_v1={name}")]);
+        let outcome = hover("inprocess", &[&exec(&renamed)]);
+        assert_eq!(outcome.code(), Some(i32::from(exit::USAGE)), "{}", outcome.stderr);
+        assert!(outcome.stderr.contains(why), "{}", outcome.stderr);
+    }
+    let text = folder.path().join("text.so");
+    std::fs::write(&text, "no library").unwrap();
+    let foreign_machine = folder.path().join("machine.so");
+    let mut bytes = std::fs::read(library(folder.path(), "good", &[])).unwrap();
+    bytes[18] = 0xf3; // e_machine: RISC-V
+    std::fs::write(&foreign_machine, bytes).unwrap();
+    for (file, why) in [(&text, "file too short"), (&foreign_machine, "cannot open shared object file")] {
+        let outcome = hover("inprocess", &[&exec(file)]);
+        assert_eq!(outcome.code(), Some(2), "{}", outcome.stderr);
+        assert!(outcome.stderr.contains(why), "{}", outcome.stderr);
+    }
+    let missing = hover("inprocess", &[&exec(&folder.path().join("missing.so"))]);
+    assert!(missing.stderr.contains("is not there"), "{}", missing.stderr);
+}
+
+#[test]
+fn a_library_that_fails_in_flight_costs_its_process_and_is_restarted() {
+    let folder = tempfile::tempdir().unwrap();
+    let rounding = "it changed the rounding mode of the processor";
+    for (trap, why) in [(2, ""), (6, ""), (7, rounding), (13, "`step` returned 7")] {
+        if trap == 7 && !cfg!(target_arch = "x86_64") {
+            continue;
+        }
+        let outcome = trapped(folder.path(), trap, "lockstep");
+        assert_eq!(outcome.code(), Some(0), "trap {trap}: {}", outcome.stderr);
+        assert!(outcome.stderr.contains(why), "trap {trap}: {}", outcome.stderr);
+        let run = outcome.run();
+        let died = |event: &&Value| event["what"] == "died" && event["node"] == "attitude-mpc";
+        let deaths = run["events"].as_array().unwrap().iter().filter(died).count();
+        assert_eq!(deaths, 1, "trap {trap}: the next process begins behind the sample of the trap");
+        if why.is_empty() {
+            continue;
+        }
+        let same = trapped(folder.path(), trap, "inprocess");
+        assert_eq!((same.code(), same.state_hash()), (Some(0), outcome.state_hash()), "trap {trap}: {}", same.stderr);
+        assert!(same.stderr.contains(why), "trap {trap}: {}", same.stderr);
+    }
+    let not_a_number = trapped(folder.path(), 8, "lockstep");
+    assert_eq!(not_a_number.code(), Some(0), "{}", not_a_number.stderr);
+    let run = not_a_number.run();
+    assert!(run["refused"].to_string().contains("range"), "the mixer refuses the answer: {}", run["refused"]);
+}
+
+#[test]
+fn a_library_that_hangs_ends_a_flight_in_lockstep_and_is_replaced_in_real_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let lockstep = trapped(folder.path(), 4, "lockstep");
+    assert_eq!(lockstep.code(), Some(i32::from(exit::PROCESS_LOST)), "{}", lockstep.stderr);
+    let realtime = trapped(folder.path(), 4, "realtime");
+    let run = realtime.run();
+    let hung = |event: &&Value| event["what"] == "hung" && event["node"] == "attitude-mpc";
+    assert!(run["events"].as_array().unwrap().iter().any(|event| hung(&event)), "{}", realtime.stderr);
+}
+
+#[test]
+fn a_library_without_a_memory_is_restarted_cold() {
+    let folder = tempfile::tempdir().unwrap();
+    let library = library(folder.path(), "cold", &["-DCOLD"]);
+    let kill = "fault=[{at_s=1, target='attitude-mpc', kind='kill'}]";
+    let flights = ["inprocess", "lockstep"].map(|mode| hover(mode, &[&exec(&library), kill, "run.duration_s=12"]));
+    for flown in &flights {
+        assert_eq!(flown.code(), Some(0), "{}", flown.stderr);
+    }
+    assert_eq!(flights[0].state_hash(), flights[1].state_hash());
+    let named = format!("attitude-mpc={}", library.display());
+    let (code, said) = replay(&flights[1].out, &["--program", &named]);
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("the same bits"), "{said}");
+    let (code, said) = replay(&flights[1].out, &["--program", &named, "--from", "11s"]);
+    assert_eq!(code, Some(0), "{said}");
+    assert!(!said.contains("begun with what the nodes remembered"), "{said}");
+}
+
+/// Inertia in the order of the demand, for the functions of these tests.
+const P: &str = "node.attitude-mpc.settings.p=[1.1, 0.01271, 0.0239, 0.01273]";
+
+/// Checks that a CasADi function flies, is continued after a kill, and is replayed, with the same bits in every mode.
+fn flies_in_every_mode(function: &Path) {
+    let kill = "fault=[{at_s=1, target='attitude-mpc', kind='kill'}]";
+    let flights = ["inprocess", "lockstep"].map(|mode| hover(mode, &[&exec(function), P, kill]));
+    for flown in &flights {
+        assert_eq!(flown.code(), Some(0), "{}", flown.stderr);
+    }
+    assert_eq!(flights[0].state_hash(), flights[1].state_hash());
+    let flown = hover("realtime", &[&exec(function), P]);
+    assert_eq!(flown.code(), Some(0), "{}", flown.stderr);
+    let (code, said) = replay(&flown.out, &["--program", &format!("attitude-mpc={}", function.display())]);
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("the same bits") && said.contains(&flown.state_hash()), "{said}");
+}
+
+#[test]
+fn a_function_in_the_form_of_casadi_is_found_by_its_names() {
+    let folder = tempfile::tempdir().unwrap();
+    let source = top().join("tests/controllers/function.c");
+    let function = |trap: u32| compiled(&source, folder.path(), &format!("law{trap}"), &[&format!("-DTRAP={trap}")]);
+    flies_in_every_mode(&function(0));
+    for (trap, why) in [
+        (1, "no input of attitude-mpc is called `speed`; there are time, position, velocity, attitude, rates"),
+        (2, "input `attitude` of `law` is sparse"),
+        (3, "input `attitude_ref` of `law` has 2 numbers, not 3"),
+        (4, "`law_casadi_int_size` is not 8"),
+        (5, "input `z` and output `z_next` go together"),
+    ] {
+        let refused = hover("inprocess", &[&exec(&function(trap)), P]);
+        assert_eq!(refused.code(), Some(2), "trap {trap}: {}", refused.stderr);
+        assert!(refused.stderr.contains(why), "trap {trap}: {}", refused.stderr);
+    }
+    let failed = hover("inprocess", &[&exec(&function(6)), P, "supervision.restart_ms=[0.0]"]);
+    assert_eq!(failed.code(), Some(0), "{}", failed.stderr);
+    assert!(failed.stderr.contains("tick 100") && failed.stderr.contains("returned 3"), "{}", failed.stderr);
+    for (settings, why) in [
+        (&[][..], "input `p` has 4 numbers, and `settings.p` has 0"),
+        (&[P, "node.attitude-mpc.settings.q=1"], "`settings.q` has no effect on a CasADi function"),
+    ] {
+        let function = exec(&function(0));
+        let refused = hover("inprocess", &[&[&function as &str], settings].concat());
+        assert!(refused.stderr.contains(why), "{}", refused.stderr);
+    }
+}
+
+#[test]
+fn an_mpc_of_casadi_flies_as_it_was_generated() {
+    let folder = tempfile::tempdir().unwrap();
+    let Some(python) = python_with(&["casadi==3.8.2"], folder.path()) else { return };
+    let source = folder.path().join("mpc.c");
+    let generated = Command::new(python).arg(top().join("tests/python/casadi_mpc.py")).arg(&source).output().unwrap();
+    assert!(generated.status.success(), "{}", String::from_utf8_lossy(&generated.stderr));
+    let function = compiled(&source, folder.path(), "mpc", &["-Wno-unused-parameter", "-Wno-unused-function"]);
+    flies_in_every_mode(&function);
+}
+
+#[test]
+fn settings_of_programs_without_effect_are_refused() {
+    for (settings, why) in [
+        (&["node.mixer.args=['x']"][..], "`node.mixer.args` has no effect here"),
+        (&["node.mixer.exec=my.so", "node.mixer.args=['x']"], "`node.mixer.args` has no effect here"),
+        (&["node.mixer.exec=my-program"], "in process there is none"),
+        (&["node.plant.exec=my.so"], "a library, which the plant cannot be"),
+        (&["node.mixr.exec=my.so"], "did you mean `node.mixer`?"),
+        (&["node.mixer.exec=3"], "`node.mixer.exec`"),
+    ] {
+        let outcome = hover("inprocess", settings);
+        assert_eq!(outcome.code(), Some(2), "{}", outcome.stderr);
+        assert!(outcome.stderr.contains(why), "{settings:?}: {}", outcome.stderr);
+    }
+}

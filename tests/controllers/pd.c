@@ -1,0 +1,105 @@
+// Attitude controller for tests: one PD law per axis. TRAP names what goes wrong in it.
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "trefoil.h"
+
+// Traps.
+#define CRASH_IN_CREATE 1
+#define CRASH_IN_STEP 2
+#define HANG_IN_CREATE 3
+#define HANG_IN_STEP 4
+#define EXIT_IN_CREATE 5
+#define EXIT_IN_STEP 6
+#define ROUNDING_IN_STEP 7
+#define NAN_IN_STEP 8
+#define WRONG_SIZE 9
+#define WRONG_ABI 10
+#define NO_SUCH_NODE 11
+#define CANNOT_CREATE 12
+#define FAIL_IN_STEP 13
+#define CRASH_WHEN_LOADED 14
+#ifndef TRAP
+#define TRAP 0
+#endif
+// Sample at which a trap in `step` shuts; the trial before a flight has no later sample than 0.
+#define TRAP_TICK 100
+
+typedef struct {
+  double inertia[4];
+  double gain;
+  uint64_t steps;
+} Pd;
+
+static void *create(const TrefoilSetup *setup, char *error, size_t error_bytes) {
+  if (TRAP == CRASH_IN_CREATE) abort();
+  while (TRAP == HANG_IN_CREATE) sleep(1);
+  if (TRAP == EXIT_IN_CREATE) exit(0);
+  if (TRAP == CANNOT_CREATE) {
+    snprintf(error, error_bytes, "no gain in %s", setup->settings_json);
+    return NULL;
+  }
+  Pd *pd = calloc(1, sizeof *pd);
+  const double *inertia = setup->inertia_kgm2;
+  *pd = (Pd){{setup->mass_kg, inertia[1], inertia[0], inertia[2]}, 1.0, 0};
+  const char *gain = strstr(setup->settings_json, "\"gain\":");
+  if (gain) pd->gain = atof(gain + 7);
+  return pd;
+}
+
+static int32_t step(void *node, const void *input, void *answer) {
+  Pd *pd = node;
+  const TrefoilAttitudeInput *in = input;
+  TrefoilAttitudeAnswer *out = answer;
+  static const int AXIS[4] = {0, 1, 0, 2};
+  out->demand[0] = pd->inertia[0] * 4.0 * (in->reference.w_mps - in->sample.velocity_mps[2]);
+  for (int i = 1; i < 4; i++) {
+    double error_rad = in->reference.attitude_rad[AXIS[i]] - in->sample.attitude_rad[AXIS[i]];
+    double error_radps = in->reference.rates_radps[AXIS[i]] - in->sample.rates_radps[AXIS[i]];
+    out->demand[i] = pd->gain * pd->inertia[i] * (36.0 * error_rad + 12.0 * error_radps);
+  }
+  pd->steps++;
+  if (in->tick == TRAP_TICK) {
+    if (TRAP == CRASH_IN_STEP) *(volatile int *)pd->steps = 0;
+    while (TRAP == HANG_IN_STEP) sleep(1);
+    if (TRAP == EXIT_IN_STEP) exit(0);
+    if (TRAP == NAN_IN_STEP) out->demand[2] = NAN;
+    if (TRAP == FAIL_IN_STEP) return 7;
+#if TRAP == ROUNDING_IN_STEP
+    __builtin_ia32_ldmxcsr(__builtin_ia32_stmxcsr() | 0x8000);
+#endif
+  }
+  return 0;
+}
+
+#ifndef COLD
+static void snapshot(const void *node, void *memory) { memcpy(memory, &((const Pd *)node)->steps, 8); }
+
+static int32_t restore(void *node, const void *memory) {
+  memcpy(&((Pd *)node)->steps, memory, 8);
+  return 0;
+}
+#endif
+
+static const TrefoilNode NODE = {
+    TRAP == WRONG_ABI ? 99 : TREFOIL_ABI,
+    sizeof(TrefoilAttitudeInput) - (TRAP == WRONG_SIZE ? 8 : 0),
+    sizeof(TrefoilAttitudeAnswer),
+#ifdef COLD
+    0, create, step, NULL, NULL, free,
+#else
+    sizeof(uint64_t), create, step, snapshot, restore, free,
+#endif
+};
+
+const TrefoilNode *trefoil_node_v1(const char *node) {
+  return strcmp(node, "attitude-mpc") || TRAP == NO_SUCH_NODE ? NULL : &NODE;
+}
+
+#if TRAP == CRASH_WHEN_LOADED
+__attribute__((constructor)) static void loaded(void) { abort(); }
+#endif
