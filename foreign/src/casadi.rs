@@ -23,7 +23,7 @@ use contract::topic::Topic;
 use libloading::os::unix::Library as Handle;
 
 use crate::abi::{TREFOIL_MEMORY_BYTES, TrefoilAttitudeAnswer};
-use crate::library::Engine;
+use crate::engine::Engine;
 use crate::protocol::{Layout, Place};
 
 /// Ending of the function that gives the number of inputs, by which a CasADi function is recognised.

@@ -12,6 +12,7 @@
 //! |---|---|
 //! | [`abi`] | the types of `trefoil.h` |
 //! | `library` | a loaded library, and the guard around every call into it |
+//! | `engine` | what every interface of a library can do |
 //! | `table` | a library with the function table of `trefoil.h` |
 //! | `casadi` | a library with a function that CasADi has generated |
 //! | `rounding` | the mode of the floating-point unit, which a library must leave as it is |
@@ -23,6 +24,7 @@
 pub mod abi;
 mod casadi;
 mod core;
+mod engine;
 mod library;
 mod protocol;
 mod rounding;

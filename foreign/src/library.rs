@@ -13,21 +13,10 @@ use libloading::os::unix::{Library as Handle, RTLD_LOCAL, RTLD_NOW};
 use runtime::error::SessionError;
 
 use crate::casadi::Function;
+use crate::engine::Engine;
 use crate::protocol::Layout;
 use crate::rounding::Rounding;
 use crate::table::Table;
-
-/// Node of a library behind its interface. Errors are the reason in words.
-pub trait Engine {
-    /// Answers to one sample; `input` and `answer` have the types of the node in `trefoil.h`.
-    fn step(&mut self, input: &[u8], answer: &mut [u8]) -> Result<(), String>;
-    /// Size of the memory \[byte\]; 0 if the node keeps none.
-    fn memory_bytes(&self) -> usize;
-    /// Writes the memory to `memory`, of [`memory_bytes`](Self::memory_bytes).
-    fn snapshot(&self, memory: &mut [u8]);
-    /// Continues from `memory`, of [`memory_bytes`](Self::memory_bytes); a node that refuses it begins cold.
-    fn restore(&mut self, memory: &[u8]);
-}
 
 /// Node of a library.
 pub struct Library {

@@ -10,7 +10,7 @@ use contract::topic::Topic;
 use libloading::os::unix::Library as Handle;
 
 use crate::abi::{FindNode, TREFOIL_ABI, TREFOIL_MEMORY_BYTES, TrefoilNode, TrefoilSetup};
-use crate::library::Engine;
+use crate::engine::Engine;
 use crate::protocol::Layout;
 
 /// Name of the exported function without its number, which is that of the interface.

@@ -31,8 +31,9 @@ pub fn to_toml(scenario: &Scenario) -> String {
     toml::to_string(scenario).expect("every setting has a form in TOML")
 }
 
-/// Merges the settings of a candidate: those of `run` with its own on top, its program among them. If the candidate has faults of its own, they
-/// replace the run's. Otherwise it has the run's faults, which are not checked against its settings.
+/// Merges the settings of a candidate: those of `run` with its own on top, its program among them. If the candidate has
+/// faults of its own, they replace the run's. Otherwise it has the run's faults, which are not checked against its
+/// settings.
 pub fn candidate(run: &Scenario, swap: &Swap) -> Result<Scenario, ScenarioError> {
     let base = Scenario { swap: vec![], fault: vec![], ..run.clone() };
     let base = Source { path: Some("the run's settings".into()), text: to_toml(&base) };
@@ -127,8 +128,8 @@ pub(super) fn defaults_of(chosen: &Scenario) -> Scenario {
     defaults
 }
 
-/// Merges `above` into `below` like [`overlay`], but first drops settings of `below` that `above` switches off, and those
-/// of programs that it replaces.
+/// Merges `above` into `below` like [`overlay`], but first drops settings of `below` that `above` switches off, and
+/// those of programs that it replaces.
 pub(super) fn lay(below: &mut Table, above: Table) {
     let merge = |mut below, above| {
         overlay(&mut below, above);
@@ -168,7 +169,8 @@ fn read(path: &Path) -> Result<Source, ScenarioError> {
     })
 }
 
-/// Reads the argument of one `--set`. A value that begins as a word or a path and is no TOML is a string without quotes.
+/// Reads the argument of one `--set`. A value that begins as a word or a path and is no TOML is a string without
+/// quotes.
 fn set(argument: &str) -> Source {
     let text = match argument.split_once('=') {
         Some((key, word)) if is_word(word.trim_start()) && argument.parse::<Table>().is_err() => {

@@ -1,7 +1,7 @@
 //! Programs of nodes other than the launcher's own cores: found, identified by their hash, and tried before a flight.
 //!
-//! A library is tried in a process of its own: a constructor that crashes, ends its process or never returns is an error
-//! of the settings, and costs no flight.
+//! A library is tried in a process of its own: a constructor that crashes, ends its process or never returns is an
+//! error of the settings, and costs no flight.
 
 use std::collections::BTreeSet;
 use std::fmt::Write;

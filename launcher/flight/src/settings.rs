@@ -71,7 +71,7 @@ mod tests {
         }
         let candidate = format!("swap=[{{at_s=1, node='attitude-mpc', set=['{q}', '{r}']}}]");
         let message = refused(&[&candidate]);
-        assert!(message.contains("`swap.set`: `mpc."), "{message}");
+        assert!(message.contains("`[[swap]]` of attitude-mpc: `mpc."), "{message}");
         load(None, &["mpc={np=200, nu=50}".into()]).unwrap();
     }
 

@@ -127,8 +127,8 @@ impl Recording {
     }
 
     /// Creates a script, without messages, that begins at the last memories of the nodes in the log before tick `from`,
-    /// or else at tick 0, as in a flight with a core that keeps no memory. It also takes in what was sent before: messages that may be under way, and samples for
-    /// delayed sensors.
+    /// or else at tick 0, as in a flight with a core that keeps no memory. It also takes in what was sent before:
+    /// messages that may be under way, and samples for delayed sensors.
     ///
     /// # Errors
     /// The log cannot be read.
