@@ -31,3 +31,4 @@ mod rounding;
 mod table;
 
 pub use core::{Foreign, open, try_out};
+pub use protocol::AttitudeMpc;
