@@ -125,7 +125,8 @@ fn without_a_log_there_is_no_recorder_to_replace() {
     let flight = Flight::start(&ns, &["--mode", "realtime", "--no-log"]);
     wait_until("the swap is refused", || {
         let swap = launcher().args(["swap", "recorder", "--namespace", &ns]).output().expect("swap runs");
-        swap.status.code() == Some(2) && String::from_utf8_lossy(&swap.stderr).contains("nobody records this flight")
+        swap.status.code() == Some(2)
+            && String::from_utf8_lossy(&swap.stderr).contains("no recorder runs in this flight")
     });
     kill("-INT", &[flight.child.id() as i32]);
     assert_eq!(flight.finish().code(), Some(130));
@@ -262,7 +263,7 @@ fn a_recorder_that_dies_four_times_is_given_up_with_what_was_recorded_until_then
     let dropped = run["log"]["dropped"].as_u64().expect("a number");
     assert!(dropped > 0 && log.complete(), "{dropped}");
     check_whole(&log.states);
-    assert!(there > 0 && outcome.stderr.contains("nobody was left to record the flight"), "{}", outcome.stderr);
+    assert!(there > 0 && outcome.stderr.contains("no recorder was left for the flight"), "{}", outcome.stderr);
 }
 
 #[test]

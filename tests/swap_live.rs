@@ -121,7 +121,7 @@ fn a_swap_is_seen_while_it_lasts_and_others_are_refused_meanwhile() {
     let said = swapped(&ns, &["plant"], 2);
     assert!(said.contains("it is the vehicle"), "{said}");
     let said = swapped(&ns, &["recorder"], 2);
-    assert!(said.contains("nobody records this flight"), "{said}");
+    assert!(said.contains("no recorder runs in this flight"), "{said}");
     let error = tell(&ns, &["swap", "mixer", "--exec", "/no/such/program"]).expect_err("there is none");
     assert!(error.starts_with("Some(2)") && error.contains("cannot find the program"), "{error}");
     let error = tell(&ns, &["swap", "mixer", "--watch", "3000"]).expect_err("the scenario's is in its way");

@@ -19,9 +19,19 @@ pub fn sources() -> Vec<(PathBuf, String)> {
         }
     }
     let mut found = vec![];
-    for member in
-        ["qp", "airframe", "contract", "runtime", "plant", "guidance", "attitude-mpc", "mixer", "launcher", "tests"]
-    {
+    for member in [
+        "qp",
+        "airframe",
+        "contract",
+        "runtime",
+        "plant",
+        "guidance",
+        "attitude-mpc",
+        "mixer",
+        "foreign",
+        "launcher",
+        "tests",
+    ] {
         walk(&top().join(member), &mut found);
     }
     assert!(found.len() > 30, "the walk found the workspace");

@@ -197,7 +197,7 @@ proptest! {
     }
 
     #[test]
-    fn two_advances_are_one(start in actuation(), command in actuation(), a in 0.0..0.1f64, b in 0.0..0.1f64) {
+    fn advances_in_sequence_add_up(start in actuation(), command in actuation(), a in 0.0..0.1f64, b in 0.0..0.1f64) {
         let law = law();
         let twice = law.advance(&law.advance(&start, &command, a), &command, b);
         let once = law.advance(&start, &command, a + b);
@@ -207,7 +207,10 @@ proptest! {
     }
 
     #[test]
-    fn clipping_twice_is_clipping_once(rotor_speed in prop::array::uniform3(prop::num::f64::ANY), tilt_rad in prop::num::f64::ANY) {
+    fn clipping_twice_is_clipping_once(
+        rotor_speed in prop::array::uniform3(prop::num::f64::ANY),
+        tilt_rad in prop::num::f64::ANY,
+    ) {
         let limits = Limits::new(&Parameters::default(), 200.0, 2.0, 1.0);
         let once = limits.clip(&Actuation { rotor_speed, tilt_rad });
         prop_assert_eq!(limits.clip(&once), once);
@@ -219,7 +222,7 @@ proptest! {
 }
 
 #[test]
-fn the_second_vehicle_is_what_its_parts_make() {
+fn the_second_vehicle_has_the_mass_and_inertia_of_its_parts() {
     use std::f64::consts::TAU;
     let vehicle = Parameters::from(crate::Preset::TenInch);
     let (rho, d) = (1.225, 0.254_f64);

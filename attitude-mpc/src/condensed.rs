@@ -72,7 +72,8 @@ impl Condensed {
         Self::weighted(model, weights, &q, &p, weights.disturbance_gain > 0.0)
     }
 
-    /// Condenses the problem of a model at a flight condition. The inputs' target always holds the reference.
+    /// Condenses the problem of a model at a flight condition. The inputs' target always holds the reference: `follows`
+    /// in [`input_targets`] is `true`.
     pub fn at_speed(flight: &FlightModel, weights: &Mpc) -> Result<Self, ScenarioError> {
         let model = &flight.model;
         let (mut q, r) = stage_weights(model.states(), weights);
@@ -136,7 +137,7 @@ impl Condensed {
         if gain.iter().chain(&course.free).chain(&course.forced).all(|x| x.is_finite()) {
             Ok(Self { hessian, gain, course })
         } else {
-            Err(blurred())
+            Err(singular_hessian())
         }
     }
 }
@@ -184,13 +185,13 @@ fn dare(model: &PredictionModel, q: &DMatrix<f64>, r: &DMatrix<f64>) -> Result<D
 /// Cholesky factor of a Hessian of moves; an error if a pivot is no larger than rounding, because the moves are then
 /// linearly dependent.
 fn factor(hessian: &DMatrix<f64>) -> Result<Cholesky<f64, Dyn>, ScenarioError> {
-    let cholesky = hessian.clone().cholesky().ok_or_else(blurred)?;
+    let cholesky = hessian.clone().cholesky().ok_or_else(singular_hessian)?;
     let left =
         cholesky.l_dirty().diagonal().component_mul(&cholesky.l_dirty().diagonal()).component_div(&hessian.diagonal());
-    if left.iter().all(|share| *share > INDEPENDENT) { Ok(cholesky) } else { Err(blurred()) }
+    if left.iter().all(|share| *share > INDEPENDENT) { Ok(cholesky) } else { Err(singular_hessian()) }
 }
 
-fn blurred() -> ScenarioError {
+fn singular_hessian() -> ScenarioError {
     ScenarioError::of(
         "`mpc.r` is so small beside `mpc.q` that the moves of a plan cannot be told apart".into(),
         "a larger `mpc.r`, a smaller `mpc.q`, or a shorter `mpc.nu`".into(),
@@ -209,7 +210,7 @@ pub fn regulator(model: &PredictionModel, weights: &Mpc) -> Result<DMatrix<f64>,
     let mut gain = &k * targets(model, &inputs) + inputs;
     let mut on_state = gain.columns_mut(0, n);
     on_state -= &k;
-    if gain.iter().all(|x| x.is_finite()) { Ok(gain) } else { Err(blurred()) }
+    if gain.iter().all(|x| x.is_finite()) { Ok(gain) } else { Err(singular_hessian()) }
 }
 
 /// Targets of the states by `(x; r; d; v)`, n x (n + 15): `r` for the seven, those of the inputs for the lag states.

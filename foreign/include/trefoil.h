@@ -165,8 +165,8 @@ typedef struct {
   // Size of the memory that `snapshot` writes, at most `TREFOIL_MEMORY_BYTES`; 0 = none: the process that continues
   // after this one begins cold, and `snapshot` and `restore` may be NULL.
   uint32_t memory_bytes;
-  // Creates a node. On an error writes its reason to `error`, of `error_bytes`, and returns NULL. What `setup` points
-  // to is valid during the call only.
+  // Creates a node. On an error writes its reason to `error`, of `error_bytes`, and returns NULL. `setup` and
+  // its text are valid during the call only.
   void *(*create)(const TrefoilSetup *setup, char *error, size_t error_bytes);
   // Answers to one sample: reads `input` and writes all of `answer`. Any other result than 0 ends the process.
   int32_t (*step)(void *node, const void *input, void *answer);

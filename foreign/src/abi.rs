@@ -181,8 +181,8 @@ pub struct TrefoilNode {
     /// Size of the memory that `snapshot` writes, at most `TREFOIL_MEMORY_BYTES`; 0 = none: the process that continues
     /// after this one begins cold, and `snapshot` and `restore` may be NULL.
     pub memory_bytes: u32,
-    /// Creates a node. On an error writes its reason to `error`, of `error_bytes`, and returns NULL. What `setup` points
-    /// to is valid during the call only.
+    /// Creates a node. On an error writes its reason to `error`, of `error_bytes`, and returns NULL. `setup` and
+    /// its text are valid during the call only.
     pub create:
         Option<unsafe extern "C" fn(setup: *const TrefoilSetup, error: *mut c_char, error_bytes: usize) -> *mut c_void>,
     /// Answers to one sample: reads `input` and writes all of `answer`. Any other result than 0 ends the process.

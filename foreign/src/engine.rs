@@ -1,4 +1,4 @@
-//! What every interface of a library can do.
+//! Functions that every interface of a library offers.
 
 /// Node of a library behind its interface. Errors are the reason in words.
 pub trait Engine {

@@ -118,7 +118,7 @@ impl Protocol for AttitudeMpc {
         TrefoilAttitudeInput { tick, time_s, sample: sample(tick, states.known()), reference }
     }
 
-    /// Makes CONTROLS. No answer, and one to an old sample, is marked as repeated: the mixer falls back as with our own.
+    /// Makes CONTROLS. A missing answer, and one to an old sample, is marked as repeated, so that the mixer falls back.
     fn message(input: &Self::Input, answer: &Self::Answer) -> Controls {
         let status = match (answer.status, input.sample.age_ticks, input.reference.age_ticks) {
             (0, 0, 0) => SolveStatus::Explicit,

@@ -68,7 +68,7 @@ struct Lapse {
     elapsed_s: f64,
     /// Time for the integrals \[s\]: one period after a silence and at the first sample.
     counted_s: f64,
-    /// Periods for the observer: one after a long silence or a gap with the thrust cut.
+    /// Periods that the observer counts: one after a silence or after a gap in which the thrust was cut.
     believed_periods: u64,
 }
 
@@ -97,7 +97,8 @@ impl Guidance {
     /// Computes REFERENCE at `tick` for the newest `state`.
     ///
     /// The previous answer (hover before the first) is repeated with a flag if the state is missing, older than `tick`,
-    /// without thrust or not finite, or if the answer would not be finite. A state already answered repeats it without.
+    /// without thrust or not finite, or if the answer would not be finite. For a state
+    /// that was answered already the answer is repeated without a flag.
     pub fn step(&mut self, tick: u64, state: &State) -> Reference {
         let before = self.memory;
         if state.stamp.sequence == 0 || state.stamp.tick < tick {

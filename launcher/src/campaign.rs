@@ -151,13 +151,14 @@ impl What {
 /// Flies the missing shards on all cores of this machine; returns the exit code.
 fn fly_here(what: &What, plan: &Plan, shards: Option<u64>) -> anyhow::Result<u8> {
     let folder = CampaignFolder::open(&what.out(plan), plan, shards, Access::Alone)?;
-    // A shard that cannot be counted is an error here, before the others are flown.
+    // Reads the shards that exist, so that a damaged one is an error before any flight.
     let (there, missing) = folder.collect(plan)?;
     if there.rows() > 0 && !missing.is_empty() {
         eprint_line(&format!("{} of {} flights are there already", there.rows(), plan.flights()));
     }
     drop(there);
-    let interrupts = catch_interrupts()?; // not earlier: nothing has begun until here, and a signal may end the program at once
+    // Signals are caught only from here on: until now nothing has begun, and a signal may end the program.
+    let interrupts = catch_interrupts()?;
     match fly_missing(plan, &folder, &missing, &interrupts) {
         exit::FLOWN => conclude(plan, &folder, what),
         code => {

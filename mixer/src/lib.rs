@@ -88,8 +88,8 @@ impl Mixer {
     /// not finite. [`fallback`] describes the command without them, [`landing`] that on the ground. With the projection
     /// the limits do not clip.
     pub fn step(&mut self, tick: u64, controls: &Controls, state: &State) -> Actuators {
-        self.hear(controls);
-        let elapsed_ns = self.look(state);
+        self.store_demand(controls);
+        let elapsed_ns = self.store_state(state);
         let Memory { demand_tick, demand, disturbance, state_tick, measured, terminated, .. } = self.memory;
         let rung = Rung::of(self.age_ns(tick, demand_tick), self.age_ns(tick, state_tick));
         let mut actuators = match (self.stage(rung, elapsed_ns), rung) {
@@ -124,7 +124,7 @@ impl Mixer {
     }
 
     /// Stores a demand, unless it is missing, not finite or repeated.
-    fn hear(&mut self, controls: &Controls) {
+    fn store_demand(&mut self, controls: &Controls) {
         let Controls { stamp, demand, disturbance, status, .. } = controls;
         if stamp.sequence > 0 && is_finite(demand) && !SolveStatus::repeated(*status) {
             self.memory.demand_tick = OptionalTick::some(stamp.tick);
@@ -137,7 +137,7 @@ impl Mixer {
 
     /// Stores a new, finite state and updates the evidence on the rotors. Returns the time since the state before it
     /// \[ns\]; 0 for the first state, and for one that is not stored.
-    fn look(&mut self, state: &State) -> u64 {
+    fn store_state(&mut self, state: &State) -> u64 {
         let m = &state.measured;
         let finite = [m.position_m, m.velocity_mps, m.attitude_rad, m.rates_radps].iter().all(|v| is_finite(v));
         let tick = state.stamp.tick;

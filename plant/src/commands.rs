@@ -22,7 +22,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::memory::Tape;
 use crate::random::Stream;
 
-/// Most commands per sample that wait on the time line; more are lost like dropped commands.
+/// Largest number of commands per sample that wait on the time line; further ones are lost like dropped commands.
 const WAITING_PER_SAMPLE: u64 = 4;
 
 /// Longest time that a command stays in force without a successor \[ns\].

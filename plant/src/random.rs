@@ -15,7 +15,7 @@ use rand_chacha::ChaCha8Rng;
 /// Number of the first fault's stream; those of features are below.
 const FAULTS: u64 = 1 << 32;
 
-/// Width `x_0` of the bottom layer, as if f beyond `x_1` were part of a rectangle.
+/// Width `x_0` of a rectangle of height `f(x_1)` that has the area of the bottom layer with its tail.
 const X_0: f64 = 3.910_757_959_537_09;
 const X_1: f64 = 3.654_152_885_361_009;
 /// Pairs `x_i` and `f(x_i)`; the last is the top of f.
@@ -73,7 +73,7 @@ pub fn normal(random: &mut ChaCha8Rng) -> f64 {
     loop {
         let bits = random.next_u64();
         let [(x_i, f_i), (x_next, f_next)] = [0, 1].map(|above| LAYERS[(bits & 0xff) as usize + above]);
-        // The upper 52 bits as a number from 2 to 4, and so from -1 to 1.
+        // The upper 52 bits are the mantissa of a number from 2 to below 4; minus 3, it is from -1 to below 1.
         let share = f64::from_bits((bits >> 12) | 2_f64.to_bits()) - 3.0;
         let x = share * x_i;
         if x.abs() < x_next {

@@ -59,8 +59,8 @@ struct Sensor {
 }
 
 impl Sensor {
-    /// Builds a sensor with `noise` as the deviation of each measurement, and the errors of `settings`, read by samples
-    /// of `sample_ns`; `unit` converts the units of the settings to those of [`Kinematics`].
+    /// Builds a sensor that is read every `sample_ns`, with `noise` as the deviation of each measurement and the errors
+    /// of `settings`; `unit` converts the units of the settings to those of [`Kinematics`].
     fn new(settings: &Settings, noise: f64, unit: f64, sample_ns: u64) -> Self {
         let own_ns = if settings.rate_hz > 0.0 { (1e9 / settings.rate_hz).round() as u64 } else { sample_ns };
         let period_ns = own_ns.max(sample_ns);

@@ -36,7 +36,7 @@ impl<M: Message> Link<M> {
         Self { seed: scenario.run.seed, sample_s: scenario.sample_s(), held, overtaken: None }
     }
 
-    /// Applies `faults` to `message`, which answers to sample `tick`. Caller `deliver` with every message that arrives
+    /// Applies `faults` to `message`, which answers to sample `tick`. Calls `deliver` with every message that arrives
     /// on this tick, late ones and the marked original of a changed one included.
     pub fn pass(&mut self, tick: u64, message: &M, faults: &FaultSchedule<Fault>, mut deliver: impl FnMut(&M)) {
         if faults.all().is_empty() {

@@ -35,7 +35,8 @@ pub struct Member {
 }
 
 impl Member {
-    /// Makes a process with the settings `scenario`. With `acts` it carries out its exits and hogs itself.
+    /// Makes a process with the settings `scenario`. With `acts` the process carries out the faults
+    /// `exit` and `hog` itself; otherwise the launcher does.
     pub fn new(page: Arc<ControlPage>, topic: Topic, epoch: u32, scenario: &Scenario, acts: bool) -> Self {
         let release = Release::of(scenario);
         let timing = Rc::new(CycleTiming::new(release.deadline(scenario.deadline_of(topic as usize))));

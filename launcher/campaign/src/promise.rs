@@ -17,8 +17,8 @@
 //! passed = "all"                               # or "none", or "share" with at_least = 0.95, held against its interval
 //! ```
 //!
-//! A flight that failed has no metric to promise by: it counts as infinitely bad. Flights that are missing, invalid, or
-//! not part of the campaign leave a promise undecided.
+//! If one of the flights failed, the gathered metric is infinite on the side that breaks the promise. Flights that are
+//! missing, invalid, or not part of the campaign leave a promise undecided.
 
 use anyhow::{bail, ensure};
 use serde::Deserialize;

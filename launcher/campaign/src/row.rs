@@ -25,7 +25,7 @@ use crate::hex::hex;
 use crate::plan::Flight;
 use crate::table::{Cell, Table};
 
-/// Verdict on a flight.
+/// Standing of a flight: passed, failed or invalid.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Standing {
     Passed,

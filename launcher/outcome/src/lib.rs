@@ -1,11 +1,11 @@
-//! Judges: what a flight came to, and whether that is a pass.
+//! Result of a flight: metrics, verdict, timing and costs; and a recorded flight read back.
 //!
 //! | module | holds |
 //! |---|---|
 //! | [`summary`], [`metrics`], [`timing`], [`following`] | what is gathered of a flight, message by message |
 //! | [`ticks`] | the four messages of a tick, joined |
-//! | [`solves`], [`faults`] | what the solver did, and what came of the faults |
-//! | [`bounds`], [`judge`] | what a flight must stay inside of, and its verdict |
+//! | [`solves`], [`faults`] | counts and times of the solver, and the effect of each fault |
+//! | [`bounds`], [`judge`] | limits that a flight must keep, and its verdict |
 //! | [`explain`] | what each late, lost or missing message cost |
 //! | [`happenings`] | faults, absences and events as spans and marks on the time axis |
 //! | [`run_record`], [`recorded`] | `run.json`, and a run read back from its folder |

@@ -48,7 +48,7 @@ pub fn describe(view: &Value) -> String {
 
 fn node(view: &Value) -> String {
     if view["epoch"] == 0 {
-        return format!("  {:<13}nobody", word(&view["node"]));
+        return format!("  {:<13}vacant", word(&view["node"]));
     }
     let age = format!("{:.1}", number(&view["age_ms"]));
     let standby = if view["standby"].is_null() { "-".into() } else { word(&view["standby"]) };

@@ -119,7 +119,7 @@ struct Flight {
 }
 
 impl Flight {
-    /// Timing of its nodes; only in real time is anything late.
+    /// Returns the timing of the nodes; `None` unless the flight was in real time, because otherwise nothing is late.
     fn timing(&self) -> Option<&Timing> {
         self.recorded.summary.timing.as_ref().filter(|_| self.scenario.run.mode == Mode::Realtime)
     }
@@ -176,7 +176,7 @@ impl Comparison {
         Ok(Self { flights: read.into_iter().zip(titles(&places)).map(flight).collect() })
     }
 
-    /// Returns for people what the logs lack.
+    /// Describes what the logs lack, one text for each log that is not whole.
     pub fn missing(&self) -> impl Iterator<Item = String> {
         self.flights.iter().filter_map(|flight| flight.recorded.missing())
     }

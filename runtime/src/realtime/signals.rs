@@ -17,7 +17,7 @@ pub fn reset_signals() {
     }
 }
 
-/// Caller `install` to set handlers, but keeps SIGHUP ignored if it was, which is what `nohup` asks for.
+/// Calls `install` to set handlers, but keeps SIGHUP ignored if it was, which is what `nohup` asks for.
 pub fn keep_nohup<T>(install: impl FnOnce() -> T) -> T {
     // SAFETY: `before` is plain data, for which zero is valid, and lives across the call, which only writes to it.
     let ignored = unsafe {

@@ -36,7 +36,7 @@ pub struct Lockstep {
     moved: ([[u32; 2]; Topic::COUNT], Instant),
 }
 
-/// Tick that the plant asks for, once the roles have decided on it.
+/// Tick that the plant waits for, after the roles have decided which processes work on it.
 struct Asked {
     tick: u64,
     /// Processes that must be ready before the plant is answered.

@@ -47,7 +47,7 @@ impl Realtime {
         }
     }
 
-    /// Reads the inputs of one node from the control page.
+    /// Reads the inputs of the role of one node from the control page.
     fn seen(&self, topic: Topic, tick: u64, excused_ns: u64) -> Vec<RoleInput> {
         let (role, shared) = (&self.nodes[topic as usize].role, self.page.role(topic));
         let mut seen = vec![];
@@ -58,7 +58,7 @@ impl Realtime {
         }
         if role.active() == Some(active) {
             let samples = match topic {
-                Topic::State => u64::MAX, // the plant takes the samples itself: time alone tells
+                Topic::State => u64::MAX, // the plant takes the samples itself: only the time without progress counts
                 _ if tick == 0 => 0,
                 _ => tick + 1,
             };
@@ -79,7 +79,8 @@ impl Realtime {
         (self.started.elapsed().as_nanos() as u64).saturating_sub(since_sample_0_ns)
     }
 
-    /// Returns the next look after `at`: soon enough for a restart that is due and for a process that may hang by then.
+    /// Returns the instant of the look after `at`: the first at which a restart is due or a process may count as hung,
+    /// but [`LOOK_AGAIN`] to [`LOOK`] later.
     fn next_look(&self, at: Instant) -> Instant {
         let origin_ns = (self.page.origin_ns() > 0).then(|| self.lead_in_ns() + GRACE_NS);
         let starts = self.nodes.iter().filter_map(|node| node.role.due_ns());
@@ -109,7 +110,7 @@ impl Driver for Realtime {
 
     fn on(&mut self, scenario: &Scenario, topic: Topic, input: RoleInput) -> Vec<Order> {
         let now = self.now();
-        // A candidate is not judged on the sample under way, which is answered already, or by the active process.
+        // A trial begins with the next sample but one: the candidate may not answer the sample under way.
         let actions = self.nodes[topic as usize].on(scenario, now, now.tick + 2, input);
         let mut orders = vec![];
         for action in actions {

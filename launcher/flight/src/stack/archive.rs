@@ -216,7 +216,7 @@ impl Archive {
     /// of the `events` did not reach a recorder; the processes have sent `sent` messages.
     fn outcome(mut self, active: u32, scenario: &Scenario, events: &[Event], untold: usize, sent: u64) -> LogOutcome {
         let why = if self.role.given_up() {
-            "nobody was left to record the flight"
+            "no recorder was left for the flight"
         } else {
             "the recorder ended before it could close the log"
         };
@@ -326,7 +326,7 @@ mod tests {
         archive.role = Role::new(RECORDER, never);
         archive.role.on(Now { ns: 0, tick: 0 }, RoleInput::Exited(1));
         let error = archive.outcome(0, &Scenario::default(), &[], 0, 0).error;
-        assert_eq!(error.as_deref(), Some("nobody was left to record the flight"));
+        assert_eq!(error.as_deref(), Some("no recorder was left for the flight"));
     }
 
     const CUT: &str = "the recorder ended before it could close the log";

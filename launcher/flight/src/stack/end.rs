@@ -77,7 +77,7 @@ impl ChildExit {
     }
 }
 
-/// Refused messages by cause.
+/// Converts counts of refused messages to a JSON object, by cause.
 pub fn refused(counts: &[u32; Refusal::ALL.len()]) -> Value {
     Refusal::ALL.iter().zip(counts).map(|(refusal, count)| (refusal.name().to_owned(), json!(count))).collect()
 }

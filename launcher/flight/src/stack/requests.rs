@@ -103,7 +103,7 @@ fn position_error_m(run: &Run) -> Option<f64> {
     Some(squares.sum::<f64>().sqrt())
 }
 
-/// Step of the mixer's fallback ladder that a command is from; `on demand` if nothing is missing.
+/// Names the rung of the mixer's fallback ladder that gave the command of `record`; `on demand` if nothing is missing.
 fn rung(record: &Record) -> &'static str {
     let Record::Actuators(actuators) = record else { return "?" };
     let rungs = [
@@ -226,7 +226,7 @@ fn order_swap(run: &mut Run, archive: Option<&Archive>, swap: Swap) -> Result<us
     }
     run.driver.may_swap(swap.node.topic())?;
     if swap.node == SwapNode::Recorder {
-        archive.ok_or("nobody records this flight, so there is nobody to take over from")?.role.may_swap()?;
+        archive.ok_or("no recorder runs in this flight, so there is none to replace")?.role.may_swap()?;
     }
     let swap = Swap { at_s: run.time_s(run.next_tick()), ..swap };
     let mut with_it = run.scenario.clone();

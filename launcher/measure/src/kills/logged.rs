@@ -17,8 +17,8 @@ pub struct Kill {
     pub moment: Moment,
     #[serde(skip)]
     pub at_ns: u64,
-    /// Time until the first message of the next epoch; for a recorder until the first sample after the next one took
-    /// over \[ms\]. `None` if the successor was killed before, or the log ends before.
+    /// Time from the kill to the first message of the next epoch \[ms\]; for a recorder, to the first sample after the
+    /// next recorder took over. `None` if the successor was killed first, or if the log ends first.
     pub successor_ms: Option<f64>,
     /// `true` if the log has a hole where that message may have been.
     #[serde(skip)]
@@ -46,7 +46,7 @@ impl Kill {
     }
 }
 
-/// Returns when the first sample was sent after the recorder `epoch` had taken over \[ns\].
+/// Returns the time of the first sample after the recorder `epoch` took over \[ns\].
 fn taken_over_ns(log: &Log, epoch: u32) -> Option<u64> {
     let is_it = |event: &&Event| event.node == "recorder" && event.epoch == epoch && event.what == What::TookOver;
     let tick = log.events.iter().find(is_it)?.tick;

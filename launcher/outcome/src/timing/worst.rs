@@ -122,13 +122,14 @@ pub struct CycleRecord {
 type TimedTick = Tick<[Option<Cycle>; Topic::COUNT]>;
 
 impl TimedTick {
-    /// The longest wait of a slot for one of its messages \[ns\].
+    /// Returns the lateness of the tick: the longest [`Cycle::wait_ns`] of its cycles \[ns\]; 0 without cycles.
     fn late_ns(&self) -> u64 {
         let waits = self.of.iter().flatten().map(|cycle| cycle.wait_ns(self.sample_ns, self.period_ns));
         waits.max().unwrap_or(0)
     }
 
-    /// Returns the stretch from the last slot before the longest stall to the last answer, in simulated time \[s\].
+    /// Returns the span in which causes are searched, in time of the flight \[s\]: from the slot before the longest
+    /// stall to the last answer.
     fn stretch_s(&self) -> [f64; 2] {
         let cycles = || self.of.iter().flatten();
         let silent = cycles().map(|cycle| cycle.silent).max().unwrap_or(0);
