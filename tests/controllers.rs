@@ -14,10 +14,13 @@ pub fn library(folder: &Path, name: &str, flags: &[&str]) -> PathBuf {
     compiled(&top().join("tests/controllers/pd.c"), folder, name, flags)
 }
 
-fn compiled(source: &Path, folder: &Path, name: &str, flags: &[&str]) -> PathBuf {
+/// Compiles `source`, in C or C++, into `folder/name.so`, with these flags for the compiler.
+pub fn compiled(source: &Path, folder: &Path, name: &str, flags: &[&str]) -> PathBuf {
     let file = folder.join(name).with_extension("so");
-    let mut cc = Command::new("cc");
-    cc.args(["-std=gnu11", "-Wall", "-Wextra", "-Werror", "-O2", "-fPIC", "-shared"]).args(flags);
+    let is_cpp = source.extension().is_some_and(|ending| ending == "cpp");
+    let (compiler, standard) = if is_cpp { ("c++", "-std=c++17") } else { ("cc", "-std=gnu11") };
+    let mut cc = Command::new(compiler);
+    cc.args([standard, "-Wall", "-Wextra", "-Werror", "-O2", "-fPIC", "-shared"]).args(flags);
     cc.arg("-I").arg(top().join("foreign/include")).arg("-o").arg(&file).arg(source).arg("-lm");
     let output = cc.output().expect("the C compiler that Rust links with");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -30,12 +33,14 @@ fn exec(library: &Path) -> String {
 
 /// Hovers for 4 s in `mode` with these settings.
 fn hover(mode: &str, settings: &[&str]) -> Outcome {
-    let mut arguments =
-        vec!["scenarios/survey.toml", "--mode", mode, "--set", "run.duration_s=4", "--set", "mission.trajectory=hover"];
-    for set in settings {
-        arguments.extend(["--set", set]);
-    }
-    fly(&arguments)
+    let settings = [&["run.duration_s=4", "mission.trajectory=hover"], settings].concat();
+    flown("scenarios/survey.toml", mode, &settings)
+}
+
+/// Flies `scenario` in `mode` with these settings.
+fn flown(scenario: &str, mode: &str, settings: &[&str]) -> Outcome {
+    let settings = settings.iter().flat_map(|set| ["--set", set]);
+    fly(&[scenario, "--mode", mode].into_iter().chain(settings).collect::<Vec<_>>())
 }
 
 #[test]
@@ -81,27 +86,31 @@ fn a_replay_computes_the_answers_of_a_library_only_if_the_user_names_it() {
     assert!(said.contains("the same answers, bit for bit"), "{said}");
 }
 
-#[test]
-fn a_library_is_swapped_in_and_ours_after_it_with_no_tick_lost() {
-    let folder = tempfile::tempdir().unwrap();
-    let library = library(folder.path(), "pd", &[]);
-    let (swap, bounds) =
-        ("node='attitude-mpc', standby_s=0.1, watch_s=0.1", "bounds={ difference=1e3, similarity=-1 }");
-    let swaps: Vec<String> = (0..20)
-        .map(|i| match i % 2 {
-            0 => format!("{{ at_s={}, {swap}, {bounds}, exec='{}' }}", 0.5 + f64::from(i) * 0.25, library.display()),
-            _ => format!("{{ at_s={}, {swap}, {bounds}, exec='' }}", 0.5 + f64::from(i) * 0.25),
-        })
-        .collect();
-    let swaps = format!("swap=[{}]", swaps.join(", "));
-    let flights = ["lockstep", "inprocess"].map(|mode| hover(mode, &["run.duration_s=7", &swaps]));
-    for flown in &flights {
-        assert_eq!(flown.code(), Some(0), "{}", flown.stderr);
-        let run = flown.run();
+/// Checks that 20 swaps between our core of `node` and `library`, in a flight of `scenario`, lose no tick.
+pub fn swapped_in_and_out(scenario: &str, node: &str, library: &Path) {
+    let (times, bounds) = ("standby_s=0.1, watch_s=0.1", "bounds={ difference=1e3, similarity=-1 }");
+    let swap = |i: u32| {
+        let exec = if i.is_multiple_of(2) { String::new() } else { library.display().to_string() };
+        let at_s = 0.5 + f64::from(i) * 0.25;
+        format!("{{ node='{node}', at_s={at_s}, {times}, {bounds}, exec='{exec}' }}")
+    };
+    let swaps = format!("swap=[{}]", (0..20).map(swap).collect::<Vec<_>>().join(", "));
+    let own = format!("node.{node}.exec={}", library.display());
+    let flights = ["lockstep", "inprocess"].map(|mode| flown(scenario, mode, &["run.duration_s=7", &own, &swaps]));
+    for flight in &flights {
+        assert_eq!(flight.code(), Some(0), "{}", flight.stderr);
+        let run = flight.run();
         let kept = run["events"].as_array().unwrap().iter().filter(|event| event["what"] == "kept").count();
         assert_eq!(kept, 20, "{:?}", run["events"]);
     }
     assert_eq!(flights[0].state_hash(), flights[1].state_hash());
+}
+
+#[test]
+fn a_library_is_swapped_in_and_ours_after_it_with_no_tick_lost() {
+    let folder = tempfile::tempdir().unwrap();
+    let library = library(folder.path(), "pd", &[]);
+    swapped_in_and_out("scenarios/survey.toml", "attitude-mpc", &library);
 }
 
 /// Flies the library with `trap` in `mode`; returns exit code, what the launcher said, and what failed.
@@ -244,19 +253,27 @@ fn a_library_without_a_memory_is_restarted_cold() {
 /// Inertia in the order of the demand, for the functions of these tests.
 const P: &str = "node.attitude-mpc.settings.p=[1.1, 0.01271, 0.0239, 0.01273]";
 
-/// Checks that a CasADi function flies, is continued after a kill, and is replayed, with the same bits in every mode.
-fn flies_in_every_mode(function: &Path) {
-    let kill = "fault=[{at_s=1, target='attitude-mpc', kind='kill'}]";
-    let flights = ["inprocess", "lockstep"].map(|mode| hover(mode, &[&exec(function), P, kill]));
-    for flown in &flights {
-        assert_eq!(flown.code(), Some(0), "{}", flown.stderr);
+/// Checks that a library flies as `node` in `scenario`, is continued after a kill, and is replayed, with the same bits
+/// in every mode.
+pub fn flies_in_every_mode(scenario: &str, node: &str, library: &Path, settings: &[&str]) {
+    let kill = format!("fault=[{{at_s=1, target='{node}', kind='kill'}}]");
+    let own = format!("node.{node}.exec={}", library.display());
+    let settings = [&["run.duration_s=4", &own as &str], settings].concat();
+    let flights = ["inprocess", "lockstep"].map(|mode| flown(scenario, mode, &[&settings[..], &[&kill]].concat()));
+    for flight in &flights {
+        assert_eq!(flight.code(), Some(0), "{}", flight.stderr);
     }
     assert_eq!(flights[0].state_hash(), flights[1].state_hash());
-    let flown = hover("realtime", &[&exec(function), P]);
-    assert_eq!(flown.code(), Some(0), "{}", flown.stderr);
-    let (code, said) = replay(&flown.out, &["--program", &format!("attitude-mpc={}", function.display())]);
+    let flight = flown(scenario, "realtime", &settings);
+    assert_eq!(flight.code(), Some(0), "{}", flight.stderr);
+    let (code, said) = replay(&flight.out, &["--program", &format!("{node}={}", library.display())]);
     assert_eq!(code, Some(0), "{said}");
-    assert!(said.contains("the same bits") && said.contains(&flown.state_hash()), "{said}");
+    assert!(said.contains("the same bits") && said.contains(&flight.state_hash()), "{said}");
+}
+
+/// Checks that a CasADi function with the parameters [`P`] flies in every mode.
+fn hovers_in_every_mode(function: &Path) {
+    flies_in_every_mode("scenarios/survey.toml", "attitude-mpc", function, &["mission.trajectory=hover", P]);
 }
 
 #[test]
@@ -264,7 +281,7 @@ fn a_function_in_the_form_of_casadi_is_found_by_its_names() {
     let folder = tempfile::tempdir().unwrap();
     let source = top().join("tests/controllers/function.c");
     let function = |trap: u32| compiled(&source, folder.path(), &format!("law{trap}"), &[&format!("-DTRAP={trap}")]);
-    flies_in_every_mode(&function(0));
+    hovers_in_every_mode(&function(0));
     for (trap, why) in [
         (1, "no input of attitude-mpc is called `speed`; there are time, position, velocity, attitude, rates"),
         (2, "input `attitude` of `law` is sparse"),
@@ -297,7 +314,7 @@ fn an_mpc_of_casadi_flies_as_it_was_generated() {
     let generated = Command::new(python).arg(top().join("tests/python/casadi_mpc.py")).arg(&source).output().unwrap();
     assert!(generated.status.success(), "{}", String::from_utf8_lossy(&generated.stderr));
     let function = compiled(&source, folder.path(), "mpc", &["-Wno-unused-parameter", "-Wno-unused-function"]);
-    flies_in_every_mode(&function);
+    hovers_in_every_mode(&function);
 }
 
 #[test]

@@ -19,6 +19,7 @@ mod inherited;
 mod isolation;
 mod lockstep;
 mod measure;
+mod new;
 mod output;
 mod paper;
 mod paper_table;

@@ -19,7 +19,7 @@ use view::{report, trace};
 
 use crate::run_folder::{PartOfRun, with_hint};
 use crate::target::TargetArgs;
-use crate::{campaign, command, compare, fly, manage, replay, swap, tune};
+use crate::{campaign, command, compare, fly, manage, new, replay, swap, tune};
 
 #[derive(Parser)]
 #[command(name = "launcher", version, about = "Flies a tilt-rotor tricopter through separate real-time processes")]
@@ -35,6 +35,8 @@ struct Cli {
 enum Command {
     /// Fly a scenario and write flight.mcap, run.json and report.html
     Fly(fly::FlyArgs),
+    /// Write a controller of your own: code, build file, scenario, test
+    New(new::NewArgs),
     /// Check a scenario file and print the merged settings
     Check {
         /// Scenario file (TOML)
@@ -130,6 +132,7 @@ fn run() -> ExitCode {
     };
     let result = match cli.command {
         Command::Fly(args) => fly::fly(&args),
+        Command::New(args) => new::new(&args),
         Command::Check { scenario, set } => check(&scenario, &set),
         Command::Report(of) => report(&of).map_err(|error| with_hint(error, &[&of.run])),
         Command::Replay(args) => replay::replay(&args).map_err(|error| with_hint(error, &[&args.of.run])),

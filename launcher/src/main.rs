@@ -21,6 +21,7 @@ mod command;
 mod compare;
 mod fly;
 mod manage;
+mod new;
 mod progress;
 mod replay;
 mod run_folder;

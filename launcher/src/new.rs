@@ -1,0 +1,82 @@
+//! `new`: writes a controller of the user's own, which flies as it is.
+
+mod model;
+mod templates;
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use clap::ValueEnum;
+use contract::{Scenario, exit};
+use runtime::console::print;
+
+use model::Model;
+use templates::{Language, Node, Template};
+
+/// Arguments of `new`.
+#[derive(clap::Args)]
+#[command(after_help = "The controller works with the linear model of the default vehicle at 100 Hz, which is written \
+beside it. The last line is the command that builds and flies it.")]
+pub struct NewArgs {
+    /// Folder of the controller; it must not exist, or be empty
+    pub dir: PathBuf,
+    /// Language, or tool that generates C
+    #[arg(long)]
+    lang: Language,
+    /// Node that it flies as
+    #[arg(long, default_value = "attitude-mpc")]
+    node: Node,
+}
+
+/// Writes the controller, and prints its files and the command that flies it; returns the exit code.
+pub fn new(args: &NewArgs) -> anyhow::Result<u8> {
+    let model = Model::of(&Scenario::default());
+    let Some(template) = Template::find(args.lang, args.node, &model) else {
+        bail!("there is no {} in {}; there are: {}", name(&args.node), name(&args.lang), pairs(&model));
+    };
+    let shown = args.dir.display();
+    if std::fs::read_dir(&args.dir).is_ok_and(|mut entries| entries.next().is_some()) {
+        bail!("the folder {shown} is not empty: name a new one");
+    }
+    for (path, text) in template.files(&name(&args.node)) {
+        write(&args.dir.join(path), &text).with_context(|| format!("cannot write {shown}/{path}"))?;
+        print(&format!("{shown}/{path}\n"));
+    }
+    let launcher = std::env::args_os().next().map_or_else(|| "launcher".into(), PathBuf::from);
+    let scenario = args.dir.join("scenario.toml");
+    let [launcher, dir, scenario] = [&launcher, &args.dir, &scenario].map(|path| quoted(path));
+    print(&format!("\nmake -C {dir} && {launcher} fly {scenario}\n"));
+    Ok(exit::FLOWN)
+}
+
+/// Writes `text` to a new file, and creates its folder.
+fn write(path: &Path, text: &str) -> std::io::Result<()> {
+    path.parent().map_or(Ok(()), std::fs::create_dir_all)?;
+    std::fs::write(path, text)
+}
+
+/// Name of a value of the command line.
+fn name(value: &impl ValueEnum) -> String {
+    value.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default()
+}
+
+/// Lists the pairs of node and language that have a template.
+fn pairs(model: &Model) -> String {
+    let languages = |node: Node| {
+        let all = Language::value_variants().iter().filter(|lang| Template::find(**lang, node, model).is_some());
+        all.map(name).collect::<Vec<_>>().join(", ")
+    };
+    let nodes = Node::value_variants().iter();
+    nodes.map(|node| format!("{} in {}", name(node), languages(*node))).collect::<Vec<_>>().join("; ")
+}
+
+/// Quotes a path as one word of a shell, if it needs that.
+fn quoted(path: &Path) -> String {
+    let text = path.to_string_lossy();
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "/._-+=:,@%".contains(c);
+    if !text.is_empty() && text.chars().all(is_plain) {
+        text.into_owned()
+    } else {
+        format!("'{}'", text.replace('\'', r"'\''"))
+    }
+}

@@ -1,0 +1,121 @@
+//! `launcher new`: the controller of every language is built, tested and flown as it is written.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use crate::controllers::{compiled, flies_in_every_mode, swapped_in_and_out};
+use crate::harness::{fly, launcher, python_with, skip, top};
+
+/// Runs `launcher new DIR` with `arguments`.
+fn new(dir: &Path, arguments: &[&str]) -> Output {
+    launcher().arg("new").arg(dir).args(arguments).output().expect("the launcher runs")
+}
+
+/// Builds the controller in `dir` and runs its test, with the Python of `python` where it needs one.
+fn made(dir: &Path, python: Option<&Path>) {
+    let mut make = Command::new("make");
+    make.arg("-C").arg(dir).args(["all", "test"]).env_remove("MAKEFLAGS");
+    make.args(python.map(|python| format!("PYTHON={}", python.display())));
+    let output = make.output().expect("make runs");
+    let said = String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned();
+    assert!(output.status.success() && !said.contains("warning: "), "{said}");
+}
+
+/// Writes the template of `lang` for `node`, builds and tests it, and flies it in every mode and in swaps.
+fn flies(lang: &str, node: &str, python: Option<&Path>) {
+    if Command::new("make").arg("--version").output().is_err() {
+        return skip("make is not here");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let dir = folder.path().join("mine");
+    let written = new(&dir, &["--lang", lang, "--node", node]);
+    let said = String::from_utf8_lossy(&written.stdout);
+    let last = said.lines().last().unwrap_or_default();
+    let scenario = dir.join("scenario.toml");
+    assert!(last.starts_with("make -C ") && last.ends_with(&format!(" fly {}", scenario.display())), "{said}");
+    made(&dir, python);
+    let library = dir.join("controller.so");
+    let scenario = scenario.to_str().unwrap();
+    let whole = fly(&[scenario, "--mode", "inprocess"]);
+    assert_eq!(whole.code(), Some(0), "{}", whole.stderr);
+    flies_in_every_mode(scenario, node, &library, &[]);
+    swapped_in_and_out(scenario, node, &library);
+}
+
+#[test]
+fn an_lqr_in_c_is_written_and_flies() {
+    flies("c", "attitude-mpc", None);
+}
+
+#[test]
+fn a_guidance_in_c_is_written_and_flies() {
+    flies("c", "guidance", None);
+}
+
+#[test]
+fn a_mixer_in_c_is_written_and_flies() {
+    flies("c", "mixer", None);
+}
+
+#[test]
+fn an_lqr_in_cpp_is_written_and_flies() {
+    flies("cpp", "attitude-mpc", None);
+}
+
+#[test]
+fn code_of_simulink_is_written_and_flies() {
+    flies("simulink", "attitude-mpc", None);
+}
+
+#[test]
+fn an_lqr_in_rust_is_written_and_flies() {
+    flies("rust", "attitude-mpc", None);
+}
+
+#[test]
+fn an_mpc_of_casadi_is_written_and_flies() {
+    let folder = tempfile::tempdir().unwrap();
+    let Some(python) = python_with(&["casadi==3.8.2"], folder.path()) else { return };
+    flies("casadi", "attitude-mpc", Some(&python));
+}
+
+#[test]
+fn an_mpc_of_acados_is_written_and_flies() {
+    if !cfg!(target_arch = "x86_64") {
+        return skip("acados is on PyPI for x86_64 with AVX2");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let packages = ["comma-deps-acados==0.2.2.post92", "casadi==3.8.2", "numpy"];
+    let Some(python) = python_with(&packages, folder.path()) else { return };
+    flies("acados", "attitude-mpc", Some(&python));
+}
+
+#[test]
+fn a_geometric_controller_in_cpp_flies() {
+    let folder = tempfile::tempdir().unwrap();
+    let library = compiled(&top().join("tests/controllers/geometric.cpp"), folder.path(), "geometric", &[]);
+    flies_in_every_mode("scenarios/survey.toml", "attitude-mpc", &library, &[]);
+    swapped_in_and_out("scenarios/survey.toml", "attitude-mpc", &library);
+}
+
+#[test]
+fn a_folder_in_use_and_a_pair_without_a_template_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let mine = folder.path().join("it's mine");
+    for (dir, arguments, why) in [
+        (&mine, &["--lang", "rust", "--node", "mixer"][..], "no mixer in rust; there are: guidance in c; attitude-mpc in"),
+        (&mine, &["--lang", "ada"], "[possible values: c, cpp, casadi, acados, simulink, python, rust]"),
+        (&mine, &[], "--lang <LANG>"),
+        (&folder.path().to_owned(), &["--lang", "c"], "is not empty"),
+    ] {
+        std::fs::write(folder.path().join("other"), "").unwrap();
+        let output = new(dir, arguments);
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(said.contains(why), "{said}");
+    }
+    let written = new(&mine, &["--lang", "c"]);
+    let said = String::from_utf8_lossy(&written.stdout);
+    assert!(said.ends_with(r"it'\''s mine/scenario.toml'".to_owned().as_str()) || said.contains(r"it'\''s mine'"), "{said}");
+    assert_eq!(new(&mine, &["--lang", "c"]).status.code(), Some(2), "it is not empty any more");
+}
