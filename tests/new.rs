@@ -103,7 +103,11 @@ fn a_folder_in_use_and_a_pair_without_a_template_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let mine = folder.path().join("it's mine");
     for (dir, arguments, why) in [
-        (&mine, &["--lang", "rust", "--node", "mixer"][..], "no mixer in rust; there are: guidance in c; attitude-mpc in"),
+        (
+            &mine,
+            &["--lang", "rust", "--node", "mixer"][..],
+            "no mixer in rust; there are: guidance in c; attitude-mpc in",
+        ),
         (&mine, &["--lang", "ada"], "[possible values: c, cpp, casadi, acados, simulink, python, rust]"),
         (&mine, &[], "--lang <LANG>"),
         (&folder.path().to_owned(), &["--lang", "c"], "is not empty"),
@@ -116,6 +120,9 @@ fn a_folder_in_use_and_a_pair_without_a_template_are_refused() {
     }
     let written = new(&mine, &["--lang", "c"]);
     let said = String::from_utf8_lossy(&written.stdout);
-    assert!(said.ends_with(r"it'\''s mine/scenario.toml'".to_owned().as_str()) || said.contains(r"it'\''s mine'"), "{said}");
+    assert!(
+        said.ends_with(r"it'\''s mine/scenario.toml'".to_owned().as_str()) || said.contains(r"it'\''s mine'"),
+        "{said}"
+    );
     assert_eq!(new(&mine, &["--lang", "c"]).status.code(), Some(2), "it is not empty any more");
 }

@@ -15,8 +15,10 @@ use templates::{Language, Node, Template};
 
 /// Arguments of `new`.
 #[derive(clap::Args)]
-#[command(after_help = "The controller works with the linear model of the default vehicle at 100 Hz, which is written \
-beside it. The last line is the command that builds and flies it.")]
+#[command(
+    after_help = "The controller works with the linear model of the default vehicle at 100 Hz, which is written \
+beside it. The last line is the command that builds and flies it."
+)]
 pub struct NewArgs {
     /// Folder of the controller; it must not exist, or be empty
     pub dir: PathBuf,

@@ -59,11 +59,7 @@ struct Gathering {
 
 /// Flies all flights of a small plan on all cores, without a folder.
 pub fn fly_all(plan: &Plan) -> Table {
-    let row = |number| {
-        let flight = plan.flight(number);
-        let outcome = row::fly(&flight, || true, |_| {}).map_or(vec![], |flown| flown.cells);
-        [plan.cells(&flight), outcome].concat()
-    };
+    let row = |number| row::of(plan, number, || true).map_or(vec![], |row| row.cells);
     let rows: Vec<_> = (0..plan.flights()).into_par_iter().map(row).collect();
     let mut table = Table::new(&shard::columns_of(plan));
     for row in rows {
@@ -95,10 +91,8 @@ pub fn fly(
     thread::scope(|scope| {
         scope.spawn(|| {
             let one = |(shard, number): (u64, u64)| {
-                let flight = go_on().then(|| plan.flight(number))?;
-                let outcome = row::fly(&flight, go_on, |_| {})?;
-                let row = [plan.cells(&flight), outcome.cells].concat();
-                Some((shard, number, outcome.standing, row))
+                let row = go_on().then(|| row::of(plan, number, go_on))??;
+                Some((shard, number, row.standing, row.cells))
             };
             // In order, because `par_bridge` gives the next flight to the next free core.
             flights.par_bridge().filter_map(one).for_each_with(done, |done, row| {
@@ -106,7 +100,7 @@ pub fn fly(
             });
         });
         let mut gathering: BTreeMap<u64, Gathering> = BTreeMap::new();
-        for (shard, number, verdict, row) in rows {
+        for (shard, number, standing, row) in rows {
             let numbers = range(shard);
             let length = (numbers.end - numbers.start) as usize;
             let open = gathering.entry(shard).or_insert_with(|| Gathering { rows: vec![None; length], absent: length });
@@ -122,8 +116,8 @@ pub fn fly(
                 }
             }
             progress.flown += 1;
-            progress.failed += u64::from(verdict == Standing::Failed);
-            progress.invalid += u64::from(verdict == Standing::Invalid);
+            progress.failed += u64::from(standing == Standing::Failed);
+            progress.invalid += u64::from(standing == Standing::Invalid);
             show(&progress);
         }
         Ok(progress.flown == progress.all)

@@ -22,7 +22,7 @@ use sha2::{Digest, Sha256};
 
 use crate::columns::measured;
 use crate::hex::hex;
-use crate::plan::Flight;
+use crate::plan::{Flight, Plan};
 use crate::table::{Cell, Table};
 
 /// Standing of a flight: passed, failed or invalid.
@@ -45,11 +45,19 @@ impl Standing {
     }
 }
 
-/// Verdict and row of a flight; an invalid one has fewer cells.
+/// Standing and cells of a flight; an invalid one has fewer cells.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FlightRow {
     pub standing: Standing,
     pub cells: Vec<Cell>,
+}
+
+/// Flies flight `number` of a plan, and makes its row: the cells of the plan, then those of the outcome. `None` when
+/// `go_on` said no before the end.
+pub fn of(plan: &Plan, number: u64, go_on: impl Fn() -> bool) -> Option<FlightRow> {
+    let flight = plan.flight(number);
+    let outcome = fly(&flight, go_on, |_| {})?;
+    Some(FlightRow { cells: [plan.cells(&flight), outcome.cells].concat(), ..outcome })
 }
 
 /// Flies; `None` when `go_on` said no before the end. `watch` is given every message.
@@ -155,7 +163,7 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use crate::{Campaign, Plan, columns};
+    use crate::{Campaign, columns};
     use flight::inprocess;
 
     fn flown(settings: &str) -> FlightRow {

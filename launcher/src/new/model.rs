@@ -28,7 +28,11 @@ impl Model {
         let (n, m) = (model.a.nrows(), model.b.ncols());
         Self(vec![
             ("sample_s", "Time between two samples [s]", Value::Number(scenario.sample_s())),
-            ("actuator_lag_s", "Lag of rotors and servo in the model [s]", Value::Number(scenario.mpc.actuator_lag_model_s)),
+            (
+                "actuator_lag_s",
+                "Lag of rotors and servo in the model [s]",
+                Value::Number(scenario.mpc.actuator_lag_model_s),
+            ),
             ("g_mps2", "Acceleration of gravity [m/s2]", Value::Number(vehicle.g_mps2)),
             ("mass_kg", "Mass [kg]", Value::Number(vehicle.mass_kg)),
             (
