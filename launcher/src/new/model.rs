@@ -28,7 +28,11 @@ impl Model {
         let (n, m) = (model.a.nrows(), model.b.ncols());
         Self(vec![
             ("sample_s", "Time between two samples [s]", Value::Number(scenario.sample_s())),
-            ("actuator_lag_s", "Lag of rotors and servo in the model [s]", Value::Number(scenario.mpc.actuator_lag_model_s)),
+            (
+                "actuator_lag_s",
+                "Lag of rotors and servo in the model [s]",
+                Value::Number(scenario.mpc.actuator_lag_model_s),
+            ),
             ("g_mps2", "Acceleration of gravity [m/s2]", Value::Number(vehicle.g_mps2)),
             ("mass_kg", "Mass [kg]", Value::Number(vehicle.mass_kg)),
             (
@@ -59,7 +63,7 @@ impl Model {
             ("tilt_max_rad", "Largest tilt of rotor 1 to either side [rad]", Value::Number(limits.tilt_max_rad)),
             (
                 "a",
-                "x[k+1] = A x[k] + B u[k]; x = w, roll - trim, pitch, yaw, p, q, r, then the lagging col, lon, lat, ped",
+                "x[k+1] = A x[k] + B u[k]; x = w, roll - trim, pitch, yaw, p, q, r, lagging col, lon, lat, ped",
                 table(n, n, &|at| model.a[at]),
             ),
             ("b", "Inputs u: deviations of col, lon, lat, ped from trim [N, N m]", table(n, m, &|at| model.b[at])),
