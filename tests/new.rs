@@ -21,8 +21,9 @@ fn made(dir: &Path, goals: &[&str], python: Option<&Path>) {
     assert!(output.status.success() && !said.contains("warning: "), "{said}");
 }
 
-/// Writes the template of `lang` for `node`, builds and tests it, and flies it in every mode and in swaps.
-fn flies(lang: &str, node: &str, python: Option<&Path>) {
+/// Writes the template of `lang` for `node`, builds and tests it, and flies it in every mode and in swaps. The `settings`
+/// are those of its scenario, which another `exec` does not have.
+fn flies(lang: &str, node: &str, settings: &[&str], python: Option<&Path>) {
     if Command::new("make").arg("--version").output().is_err() {
         return skip("make is not here");
     }
@@ -38,45 +39,46 @@ fn flies(lang: &str, node: &str, python: Option<&Path>) {
     let scenario = scenario.to_str().unwrap();
     let whole = fly(&[scenario, "--mode", "inprocess"]);
     assert_eq!(whole.code(), Some(0), "{}", whole.stderr);
-    flies_in_every_mode(scenario, node, &library, &[]);
-    swapped_in_and_out(scenario, node, &library, &[]);
+    flies_in_every_mode(scenario, node, &library, settings);
+    swapped_in_and_out(scenario, node, &library, settings);
 }
 
 #[test]
 fn an_lqr_in_c_is_written_and_flies() {
-    flies("c", "attitude-mpc", None);
+    flies("c", "attitude-mpc", &[], None);
 }
 
 #[test]
 fn a_guidance_in_c_is_written_and_flies() {
-    flies("c", "guidance", None);
+    let course = "node.guidance.settings={ leg_s=5.0, waypoints_m=[[0, 0, 0], [0, 0, -4], [4, 0, -4], [4, 4, -4]] }";
+    flies("c", "guidance", &[course], None);
 }
 
 #[test]
 fn a_mixer_in_c_is_written_and_flies() {
-    flies("c", "mixer", None);
+    flies("c", "mixer", &[], None);
 }
 
 #[test]
 fn an_lqr_in_cpp_is_written_and_flies() {
-    flies("cpp", "attitude-mpc", None);
+    flies("cpp", "attitude-mpc", &[], None);
 }
 
 #[test]
 fn code_of_simulink_is_written_and_flies() {
-    flies("simulink", "attitude-mpc", None);
+    flies("simulink", "attitude-mpc", &[], None);
 }
 
 #[test]
 fn an_lqr_in_rust_is_written_and_flies() {
-    flies("rust", "attitude-mpc", None);
+    flies("rust", "attitude-mpc", &[], None);
 }
 
 #[test]
 fn an_mpc_of_casadi_is_written_and_flies() {
     let folder = tempfile::tempdir().unwrap();
     let Some(python) = python_with(&["casadi==3.8.2"], folder.path()) else { return };
-    flies("casadi", "attitude-mpc", Some(&python));
+    flies("casadi", "attitude-mpc", &[], Some(&python));
 }
 
 #[test]
@@ -87,7 +89,7 @@ fn an_mpc_of_acados_is_written_and_flies() {
     let folder = tempfile::tempdir().unwrap();
     let packages = ["comma-deps-acados==0.2.2.post92", "casadi==3.8.2", "numpy"];
     let Some(python) = python_with(&packages, folder.path()) else { return };
-    flies("acados", "attitude-mpc", Some(&python));
+    flies("acados", "attitude-mpc", &[], Some(&python));
 }
 
 #[test]
