@@ -106,7 +106,7 @@ pub fn swapped_in_and_out(scenario: &str, node: &str, library: &Path, settings: 
     for flight in &flights {
         assert_eq!(flight.code(), Some(0), "{}", flight.stderr);
         let run = flight.run();
-        let kept = run["events"].as_array().unwrap().iter().filter(|event| event["what"] == "kept").count();
+        let kept = run["events"].as_array().expect("events").iter().filter(|event| event["what"] == "kept").count();
         assert_eq!(kept, 20, "{:?}", run["events"]);
     }
     assert_eq!(flights[0].state_hash(), flights[1].state_hash());

@@ -21,13 +21,13 @@ fn made(dir: &Path, goals: &[&str], python: Option<&Path>) {
     assert!(output.status.success() && !said.contains("warning: "), "{said}");
 }
 
-/// Writes the template of `lang` for `node`, builds and tests it, and flies it in every mode and in swaps. The `settings`
-/// are those of its scenario, which another `exec` does not have.
+/// Writes the template of `lang` for `node`, builds and tests it, and flies it in every mode and in swaps. `settings`
+/// are those of the node in its scenario, which another `exec` does not have.
 fn flies(lang: &str, node: &str, settings: &[&str], python: Option<&Path>) {
     if Command::new("make").arg("--version").output().is_err() {
         return skip("make is not here");
     }
-    let folder = tempfile::tempdir().unwrap();
+    let folder = tempfile::tempdir().expect("a temporary folder");
     let dir = folder.path().join("mine");
     let written = new(&dir, &["--lang", lang, "--node", node]);
     let said = String::from_utf8_lossy(&written.stdout);
@@ -36,7 +36,7 @@ fn flies(lang: &str, node: &str, settings: &[&str], python: Option<&Path>) {
     assert!(last.starts_with("make -C ") && last.ends_with(&format!(" fly {}", scenario.display())), "{said}");
     made(&dir, &["all", "test"], python);
     let library = dir.join("controller.so");
-    let scenario = scenario.to_str().unwrap();
+    let scenario = scenario.to_str().expect("plain names");
     let whole = fly(&[scenario, "--mode", "inprocess"]);
     assert_eq!(whole.code(), Some(0), "{}", whole.stderr);
     flies_in_every_mode(scenario, node, &library, settings);

@@ -42,7 +42,7 @@ pub struct Template {
     pub node: Node,
     /// Modes in which it flies, for its README.
     modes: &'static str,
-    /// Its files, for its README.
+    /// Description of the files, for its README.
     about: &'static str,
     /// Files beside those of every template, by their paths in the folder.
     files: &'static [(&'static str, Text)],
