@@ -86,21 +86,27 @@ fn a_replay_computes_the_answers_of_a_library_only_if_the_user_names_it() {
     assert!(said.contains("the same answers, bit for bit"), "{said}");
 }
 
-/// Checks that 20 swaps between our core of `node` and `library`, in a flight of `scenario`, lose no tick.
-pub fn swapped_in_and_out(scenario: &str, node: &str, library: &Path) {
+/// Checks that 20 swaps between our core of `node` and `library`, in a flight of `scenario`, lose no tick. Those of the
+/// `settings` that begin with `node.` belong to the library.
+pub fn swapped_in_and_out(scenario: &str, node: &str, library: &Path, settings: &[&str]) {
     let (times, bounds) = ("standby_s=0.1, watch_s=0.1", "bounds={ difference=1e3, similarity=-1 }");
+    let of_library: Vec<&&str> = settings.iter().filter(|set| set.starts_with("node.")).collect();
     let swap = |i: u32| {
-        let exec = if i.is_multiple_of(2) { String::new() } else { library.display().to_string() };
         let at_s = 0.5 + f64::from(i) * 0.25;
-        format!("{{ node='{node}', at_s={at_s}, {times}, {bounds}, exec='{exec}' }}")
+        let program = match i % 2 {
+            0 => "exec=''".to_owned(),
+            _ => format!("exec='{}', set={of_library:?}", library.display()),
+        };
+        format!("{{ node='{node}', at_s={at_s}, {times}, {bounds}, {program} }}")
     };
     let swaps = format!("swap=[{}]", (0..20).map(swap).collect::<Vec<_>>().join(", "));
     let own = format!("node.{node}.exec={}", library.display());
-    let flights = ["lockstep", "inprocess"].map(|mode| flown(scenario, mode, &["run.duration_s=7", &own, &swaps]));
+    let settings = [&["run.duration_s=7", &own as &str, &swaps], settings].concat();
+    let flights = ["lockstep", "inprocess"].map(|mode| flown(scenario, mode, &settings));
     for flight in &flights {
         assert_eq!(flight.code(), Some(0), "{}", flight.stderr);
         let run = flight.run();
-        let kept = run["events"].as_array().unwrap().iter().filter(|event| event["what"] == "kept").count();
+        let kept = run["events"].as_array().expect("events").iter().filter(|event| event["what"] == "kept").count();
         assert_eq!(kept, 20, "{:?}", run["events"]);
     }
     assert_eq!(flights[0].state_hash(), flights[1].state_hash());
@@ -110,7 +116,7 @@ pub fn swapped_in_and_out(scenario: &str, node: &str, library: &Path) {
 fn a_library_is_swapped_in_and_ours_after_it_with_no_tick_lost() {
     let folder = tempfile::tempdir().unwrap();
     let library = library(folder.path(), "pd", &[]);
-    swapped_in_and_out("scenarios/survey.toml", "attitude-mpc", &library);
+    swapped_in_and_out("scenarios/survey.toml", "attitude-mpc", &library, &["mission.trajectory=hover"]);
 }
 
 /// Flies the library with `trap` in `mode`; returns exit code, what the launcher said, and what failed.

@@ -32,15 +32,16 @@ pub struct NewArgs {
 
 /// Writes the controller, and prints its files and the command that flies it; returns the exit code.
 pub fn new(args: &NewArgs) -> anyhow::Result<u8> {
-    let model = Model::of(&Scenario::default());
-    let Some(template) = Template::find(args.lang, args.node, &model) else {
-        bail!("there is no {} in {}; there are: {}", name(&args.node), name(&args.lang), pairs(&model));
+    let (language, node) = (name(&args.lang), name(&args.node));
+    let matches = |template: &&Template| (template.language, template.node) == (args.lang, args.node);
+    let Some(template) = Template::all().iter().find(matches) else {
+        bail!("there is no {node} in {language}; there are: {}", pairs());
     };
     let shown = args.dir.display();
     if std::fs::read_dir(&args.dir).is_ok_and(|mut entries| entries.next().is_some()) {
         bail!("the folder {shown} is not empty: name a new one");
     }
-    for (path, text) in template.files(&name(&args.node)) {
+    for (path, text) in template.files(&node, &Model::of(&Scenario::default())) {
         write(&args.dir.join(path), &text).with_context(|| format!("cannot write {shown}/{path}"))?;
         print(&format!("{shown}/{path}\n"));
     }
@@ -63,13 +64,9 @@ fn name(value: &impl ValueEnum) -> String {
 }
 
 /// Lists the pairs of node and language that have a template.
-fn pairs(model: &Model) -> String {
-    let languages = |node: Node| {
-        let all = Language::value_variants().iter().filter(|lang| Template::find(**lang, node, model).is_some());
-        all.map(name).collect::<Vec<_>>().join(", ")
-    };
-    let nodes = Node::value_variants().iter();
-    nodes.map(|node| format!("{} in {}", name(node), languages(*node))).collect::<Vec<_>>().join("; ")
+fn pairs() -> String {
+    let pair = |template: &Template| format!("{} in {}", name(&template.node), name(&template.language));
+    Template::all().iter().map(pair).collect::<Vec<_>>().join(", ")
 }
 
 /// Quotes a path as one word of a shell, if it needs that.

@@ -1,11 +1,12 @@
 """Attitude MPC of do-mpc as a program of the node attitude-mpc, over a double integrator for each axis.
 
-usage: named by `exec` and `args` of [node.attitude-mpc]; needs the packages do-mpc and trefoil.
+usage: named by `exec` and `args` of [node.attitude-mpc]; needs trefoil and do-mpc==5.1.0 casadi==3.7.2 sympy.
 """
 
 import do_mpc
 import numpy as np
 import trefoil
+from casadi import vertcat
 
 SAMPLES = 6
 STEP_S = 0.03
@@ -18,8 +19,6 @@ def controller_of(setup):
     goal = model.set_variable("_tvp", "goal", (7, 1))
     rates = x[4:7] + STEP_S * u[1:4]
     following = [x[0] + STEP_S * u[0], *(x[1 + i] + STEP_S * rates[i] for i in range(3)), *(rates[i] for i in range(3))]
-    from casadi import vertcat
-
     model.set_rhs("x", vertcat(*following))
     model.setup()
     mpc = do_mpc.controller.MPC(model)

@@ -71,7 +71,8 @@ int32_t step(void *node, const void *input, void *answer) {
 void destroy(void *node) { delete static_cast<Geometric *>(node); }
 
 const TrefoilNode NODE = {
-    TREFOIL_ABI, sizeof(TrefoilAttitudeInput), sizeof(TrefoilAttitudeAnswer), 0, create, step, nullptr, nullptr, destroy,
+    TREFOIL_ABI, sizeof(TrefoilAttitudeInput), sizeof(TrefoilAttitudeAnswer), 0, create, step, nullptr, nullptr,
+    destroy,
 };
 
 }  // namespace

@@ -63,7 +63,7 @@ impl Model {
             ("tilt_max_rad", "Largest tilt of rotor 1 to either side [rad]", Value::Number(limits.tilt_max_rad)),
             (
                 "a",
-                "x[k+1] = A x[k] + B u[k]; x = w, roll - trim, pitch, yaw, p, q, r, then the lagging col, lon, lat, ped",
+                "x[k+1] = A x[k] + B u[k]; x = w, roll - trim, pitch, yaw, p, q, r, lagging col, lon, lat, ped",
                 table(n, n, &|at| model.a[at]),
             ),
             ("b", "Inputs u: deviations of col, lon, lat, ped from trim [N, N m]", table(n, m, &|at| model.b[at])),

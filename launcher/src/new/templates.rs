@@ -1,6 +1,6 @@
-//! Files of every template, part of the launcher's program.
+//! Templates of controllers, part of the launcher's program.
 //!
-//! In a file `@NODE@` stands for the name of the node, `@EXEC@` for its program, `@ABOUT@` for the text of the template.
+//! In a file `@NODE@` stands for the name of the node, `@MODES@` and `@ABOUT@` for texts of the template.
 
 use clap::ValueEnum;
 
@@ -13,7 +13,7 @@ pub enum Language {
     C,
     /// C++: a library by trefoil.h
     Cpp,
-    /// C from `CasADi`, by its own names
+    /// C from CasADi, by its own names
     Casadi,
     /// C from acados, with a shim on trefoil.h
     Acados,
@@ -36,159 +36,203 @@ pub enum Node {
     Mixer,
 }
 
-/// File of a template: its path in the new folder, and its text.
-pub type File = (&'static str, String);
+/// Controller for one node in one language.
+pub struct Template {
+    pub language: Language,
+    pub node: Node,
+    /// Modes in which it flies, for its README.
+    modes: &'static str,
+    /// Description of the files, for its README.
+    about: &'static str,
+    /// Files beside those of every template, by their paths in the folder.
+    files: &'static [(&'static str, Text)],
+}
+
+/// Text of a file.
+#[derive(Clone, Copy)]
+enum Text {
+    Fixed(&'static str),
+    Made(fn(&Model) -> String),
+}
 
 /// Reads a file of the templates when the launcher is built.
 macro_rules! template {
     ($path:literal) => {
-        include_str!(concat!("../../templates/", $path)).to_owned()
+        include_str!(concat!("../../templates/", $path))
     };
 }
 
-/// Types of `trefoil.h` in Rust, without those derived traits that need another crate.
-fn types_in_rust() -> String {
-    let types = include_str!("../../../foreign/src/abi.rs");
-    types.replace("use bytemuck::{Pod, Zeroable};\n\n", "").replace(", Pod, Zeroable", "").replace("pub(crate)", "pub")
+/// Text of a file of the templates.
+macro_rules! text {
+    ($path:literal) => {
+        Text::Fixed(template!($path))
+    };
 }
 
-/// Template of a controller: the file that flies, what its README says, and its files.
-pub struct Template {
-    /// Program of the node in `scenario.toml`, for a replay; the build makes it.
-    pub exec: &'static str,
-    about: &'static str,
-    files: Vec<File>,
-}
+const LIBRARY: &str = template!("common/library.md");
+const SCENARIO: Text = text!("common/scenario.toml");
+const TREFOIL_H: Text = Text::Fixed(include_str!("../../../foreign/include/trefoil.h"));
+const LQR_H: Text = text!("common/lqr.h");
+const TEST_C: Text = text!("common/test_attitude.c");
+/// Files of every template.
+const COMMON: [(&str, Text); 2] = [("README.md", text!("common/README.md")), (".gitignore", text!("common/gitignore"))];
+
+const TEMPLATES: [Template; 9] = [
+    Template {
+        language: Language::C,
+        node: Node::AttitudeMpc,
+        modes: LIBRARY,
+        about: template!("c/attitude-mpc.md"),
+        files: &[
+            ("controller.c", text!("c/attitude-mpc.c")),
+            ("lqr.h", LQR_H),
+            ("model.h", Text::Made(Model::c)),
+            ("trefoil.h", TREFOIL_H),
+            ("test_controller.c", TEST_C),
+            ("Makefile", text!("c/Makefile")),
+            ("scenario.toml", SCENARIO),
+        ],
+    },
+    Template {
+        language: Language::C,
+        node: Node::Guidance,
+        modes: LIBRARY,
+        about: template!("c/guidance.md"),
+        files: &[
+            ("controller.c", text!("c/guidance.c")),
+            ("trefoil.h", TREFOIL_H),
+            ("test_controller.c", text!("c/test_guidance.c")),
+            ("Makefile", text!("c/Makefile")),
+            ("scenario.toml", text!("c/guidance.toml")),
+        ],
+    },
+    Template {
+        language: Language::C,
+        node: Node::Mixer,
+        modes: LIBRARY,
+        about: template!("c/mixer.md"),
+        files: &[
+            ("controller.c", text!("c/mixer.c")),
+            ("model.h", Text::Made(Model::c)),
+            ("trefoil.h", TREFOIL_H),
+            ("test_controller.c", text!("c/test_mixer.c")),
+            ("Makefile", text!("c/Makefile")),
+            ("scenario.toml", SCENARIO),
+        ],
+    },
+    Template {
+        language: Language::Cpp,
+        node: Node::AttitudeMpc,
+        modes: LIBRARY,
+        about: template!("cpp/about.md"),
+        files: &[
+            ("controller.cpp", text!("cpp/controller.cpp")),
+            ("lqr.h", LQR_H),
+            ("model.h", Text::Made(Model::c)),
+            ("trefoil.h", TREFOIL_H),
+            ("test_controller.c", TEST_C),
+            ("Makefile", text!("cpp/Makefile")),
+            ("scenario.toml", SCENARIO),
+        ],
+    },
+    Template {
+        language: Language::Casadi,
+        node: Node::AttitudeMpc,
+        modes: LIBRARY,
+        about: template!("casadi/about.md"),
+        files: &[
+            ("generate.py", text!("casadi/generate.py")),
+            ("model.json", Text::Made(Model::json)),
+            ("test_controller.py", text!("casadi/test_controller.py")),
+            ("Makefile", text!("casadi/Makefile")),
+            ("scenario.toml", SCENARIO),
+        ],
+    },
+    Template {
+        language: Language::Acados,
+        node: Node::AttitudeMpc,
+        modes: LIBRARY,
+        about: template!("acados/about.md"),
+        files: &[
+            ("generate.py", text!("acados/generate.py")),
+            ("shim.c", text!("acados/shim.c")),
+            ("model.json", Text::Made(Model::json)),
+            ("model.h", Text::Made(Model::c)),
+            ("trefoil.h", TREFOIL_H),
+            ("test_controller.c", TEST_C),
+            ("Makefile", text!("acados/Makefile")),
+            ("scenario.toml", SCENARIO),
+        ],
+    },
+    Template {
+        language: Language::Simulink,
+        node: Node::AttitudeMpc,
+        modes: LIBRARY,
+        about: template!("simulink/about.md"),
+        files: &[
+            ("controller.c", text!("simulink/controller.c")),
+            ("controller.h", text!("simulink/controller.h")),
+            ("rtwtypes.h", text!("simulink/rtwtypes.h")),
+            ("shim.c", text!("simulink/shim.c")),
+            ("lqr.h", LQR_H),
+            ("model.h", Text::Made(Model::c)),
+            ("trefoil.h", TREFOIL_H),
+            ("test_controller.c", TEST_C),
+            ("Makefile", text!("simulink/Makefile")),
+            ("scenario.toml", SCENARIO),
+        ],
+    },
+    Template {
+        language: Language::Python,
+        node: Node::AttitudeMpc,
+        modes: template!("python/modes.md"),
+        about: template!("python/about.md"),
+        files: &[
+            ("controller.py", text!("python/controller.py")),
+            ("model.json", Text::Made(Model::json)),
+            ("test_controller.py", text!("python/test_controller.py")),
+            ("Makefile", text!("python/Makefile")),
+            ("scenario.toml", text!("python/scenario.toml")),
+        ],
+    },
+    Template {
+        language: Language::Rust,
+        node: Node::AttitudeMpc,
+        modes: LIBRARY,
+        about: template!("rust/about.md"),
+        files: &[
+            ("src/lib.rs", text!("rust/lib.rs")),
+            ("src/lqr.rs", text!("rust/lqr.rs")),
+            ("src/model.rs", Text::Made(Model::rust)),
+            ("src/trefoil.rs", Text::Made(types_in_rust)),
+            ("Cargo.toml", text!("rust/Cargo.toml")),
+            ("Makefile", text!("rust/Makefile")),
+            ("scenario.toml", SCENARIO),
+        ],
+    },
+];
 
 impl Template {
-    /// Finds the template of `node` in `language`, and puts the `model` into it; `None` if there is none.
-    pub fn find(language: Language, node: Node, model: &Model) -> Option<Self> {
-        let of = |exec, about, files: Vec<File>| Some(Self { exec, about, files });
-        let library = |about, files: Vec<File>| of("controller.so", about, files);
-        let scenario = || ("scenario.toml", template!("common/scenario.toml"));
-        let header = || ("trefoil.h", include_str!("../../../foreign/include/trefoil.h").to_owned());
-        let model_h = || ("model.h", model.c());
-        let model_json = || ("model.json", model.json());
-        let lqr_h = || ("lqr.h", template!("common/lqr.h"));
-        let test_c = || ("test_controller.c", template!("common/test_attitude.c"));
-        match (language, node) {
-            (Language::C, Node::AttitudeMpc) => library(
-                include_str!("../../templates/c/attitude-mpc.md"),
-                vec![
-                    ("controller.c", template!("c/attitude-mpc.c")),
-                    ("Makefile", template!("c/Makefile")),
-                    scenario(),
-                    header(),
-                    model_h(),
-                    lqr_h(),
-                    test_c(),
-                ],
-            ),
-            (Language::C, Node::Guidance) => library(
-                include_str!("../../templates/c/guidance.md"),
-                vec![
-                    ("controller.c", template!("c/guidance.c")),
-                    ("test_controller.c", template!("c/test_guidance.c")),
-                    ("Makefile", template!("c/Makefile")),
-                    ("scenario.toml", template!("c/guidance.toml")),
-                    header(),
-                ],
-            ),
-            (Language::C, Node::Mixer) => library(
-                include_str!("../../templates/c/mixer.md"),
-                vec![
-                    ("controller.c", template!("c/mixer.c")),
-                    ("test_controller.c", template!("c/test_mixer.c")),
-                    ("Makefile", template!("c/Makefile")),
-                    scenario(),
-                    header(),
-                    model_h(),
-                ],
-            ),
-            (Language::Cpp, Node::AttitudeMpc) => library(
-                include_str!("../../templates/cpp/about.md"),
-                vec![
-                    ("controller.cpp", template!("cpp/controller.cpp")),
-                    ("Makefile", template!("cpp/Makefile")),
-                    scenario(),
-                    header(),
-                    model_h(),
-                    lqr_h(),
-                    test_c(),
-                ],
-            ),
-            (Language::Casadi, Node::AttitudeMpc) => library(
-                include_str!("../../templates/casadi/about.md"),
-                vec![
-                    ("generate.py", template!("casadi/generate.py")),
-                    ("test_controller.py", template!("casadi/test_controller.py")),
-                    ("Makefile", template!("casadi/Makefile")),
-                    scenario(),
-                    model_json(),
-                ],
-            ),
-            (Language::Acados, Node::AttitudeMpc) => library(
-                include_str!("../../templates/acados/about.md"),
-                vec![
-                    ("generate.py", template!("acados/generate.py")),
-                    ("shim.c", template!("acados/shim.c")),
-                    ("Makefile", template!("acados/Makefile")),
-                    scenario(),
-                    model_json(),
-                    header(),
-                    model_h(),
-                    test_c(),
-                ],
-            ),
-            (Language::Simulink, Node::AttitudeMpc) => library(
-                include_str!("../../templates/simulink/about.md"),
-                vec![
-                    ("controller.c", template!("simulink/controller.c")),
-                    ("controller.h", template!("simulink/controller.h")),
-                    ("rtwtypes.h", template!("simulink/rtwtypes.h")),
-                    ("shim.c", template!("simulink/shim.c")),
-                    ("Makefile", template!("simulink/Makefile")),
-                    scenario(),
-                    header(),
-                    model_h(),
-                    lqr_h(),
-                    test_c(),
-                ],
-            ),
-            (Language::Python, Node::AttitudeMpc) => of(
-                "python3",
-                include_str!("../../templates/python/about.md"),
-                vec![
-                    ("controller.py", template!("python/controller.py")),
-                    ("test_controller.py", template!("python/test_controller.py")),
-                    ("Makefile", template!("python/Makefile")),
-                    ("scenario.toml", template!("python/scenario.toml")),
-                    model_json(),
-                ],
-            ),
-            (Language::Rust, Node::AttitudeMpc) => library(
-                include_str!("../../templates/rust/about.md"),
-                vec![
-                    ("Cargo.toml", template!("rust/Cargo.toml")),
-                    ("Makefile", template!("rust/Makefile")),
-                    ("src/lib.rs", template!("rust/lib.rs")),
-                    ("src/lqr.rs", template!("rust/lqr.rs")),
-                    ("src/model.rs", model.rust()),
-                    ("src/trefoil.rs", types_in_rust()),
-                    scenario(),
-                ],
-            ),
-            _ => None,
-        }
+    /// Lists all templates.
+    pub fn all() -> &'static [Self] {
+        &TEMPLATES
     }
 
-    /// Returns all files for the node that is called `node`.
-    pub fn files(self, node: &str) -> Vec<File> {
-        let own = [("README.md", template!("common/README.md")), (".gitignore", template!("common/gitignore"))];
-        let filled = |text: &str| {
-            let text = text.replace("@ABOUT@\n", self.about).replace("@NODE@", node);
-            text.replace("@EXEC@", self.exec)
+    /// Writes all files for the node that is called `node`: paths in the folder, and texts.
+    pub fn files(&self, node: &str, model: &Model) -> Vec<(&'static str, String)> {
+        let filled = |text: Text| {
+            let text = match text {
+                Text::Fixed(text) => text.replace("@MODES@\n", self.modes).replace("@ABOUT@\n", self.about),
+                Text::Made(make) => make(model),
+            };
+            text.replace("@NODE@", node)
         };
-        self.files.iter().chain(&own).map(|(path, text)| (*path, filled(text))).collect()
+        self.files.iter().chain(&COMMON).map(|(path, text)| (*path, filled(*text))).collect()
     }
+}
+
+/// Types of `trefoil.h` in Rust, without the derived traits that need another crate.
+fn types_in_rust(_: &Model) -> String {
+    let types = include_str!("../../../foreign/src/abi.rs");
+    types.replace("use bytemuck::{Pod, Zeroable};\n\n", "").replace(", Pod, Zeroable", "").replace("pub(crate)", "pub")
 }

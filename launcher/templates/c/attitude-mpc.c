@@ -70,7 +70,9 @@ static int32_t step(void *node, const void *input, void *answer) {
   return 0;
 }
 
-static void snapshot(const void *node, void *memory) { memcpy(memory, &((const Controller *)node)->memory, sizeof(Memory)); }
+static void snapshot(const void *node, void *memory) {
+  memcpy(memory, &((const Controller *)node)->memory, sizeof(Memory));
+}
 
 static int32_t restore(void *node, const void *memory) {
   memcpy(&((Controller *)node)->memory, memory, sizeof(Memory));

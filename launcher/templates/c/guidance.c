@@ -43,7 +43,8 @@ static int read_waypoints(const char *text, double waypoints_m[][3]) {
 static void *create(const TrefoilSetup *setup, char *error, size_t error_bytes) {
   Controller *controller = calloc(1, sizeof *controller);
   if (!controller) return NULL;
-  const char *leg = value_of(setup->settings_json, "\"leg_s\""), *all = value_of(setup->settings_json, "\"waypoints_m\"");
+  const char *leg = value_of(setup->settings_json, "\"leg_s\"");
+  const char *all = value_of(setup->settings_json, "\"waypoints_m\"");
   controller->dt_s = setup->dt_s;
   controller->g_mps2 = setup->g_mps2;
   controller->trim_roll_rad = setup->trim_roll_rad;

@@ -20,7 +20,9 @@ static void produced(const TrefoilMixerAnswer *command, double out[4]) {
 
 int main(void) {
   const TrefoilNode *node = trefoil_node_v1("mixer");
-  TrefoilSetup setup = {.settings_json = "{}", .dt_s = MODEL_SAMPLE_S, .mass_kg = MODEL_MASS_KG, .kf = MODEL_KF, .km = MODEL_KM};
+  TrefoilSetup setup = {.settings_json = "{}", .dt_s = MODEL_SAMPLE_S, .mass_kg = MODEL_MASS_KG};
+  setup.kf = MODEL_KF;
+  setup.km = MODEL_KM;
   memcpy(setup.arms_m, MODEL_ARMS_M, sizeof setup.arms_m);
   memcpy(setup.trim_rotor_speed, MODEL_TRIM_ROTOR_SPEED, sizeof setup.trim_rotor_speed);
   setup.trim_tilt_rad = MODEL_TRIM_TILT_RAD;

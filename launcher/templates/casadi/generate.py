@@ -31,14 +31,17 @@ quiet = {"print_iter": False, "print_header": False, "print_info": False, "error
 solver = ca.qpsol("solver", "qrqp", {"x": ca.vec(moves), "f": cost, "p": x0}, quiet)
 
 # Inputs by the names that the launcher knows. `z` is the memory: the lag states and the last demand.
-names = {"velocity": 3, "attitude": 3, "rates": 3, "w_ref": 1, "attitude_ref": 3, "rates_ref": 3, "z": 8}
+names = {"velocity": 3, "attitude": 3, "rates": 3, "w_ref": 1, "attitude_ref": 3, "rates_ref": 3, "dt": 1, "z": 8}
 inputs = {name: ca.MX.sym(name, size) for name, size in names.items()}
-velocity, attitude, rates, w_ref, attitude_ref, rates_ref, z = inputs.values()
+velocity, attitude, rates, w_ref, attitude_ref, rates_ref, dt, z = inputs.values()
 trim = [model["trim_roll_rad"], 0, 0]
+w = ca.if_else(ca.fabs(velocity[2]) < 1e3, velocity[2], w_ref)  # it is NaN while its sensor is off
 # The demand of this step acts from the next sample on, so the state is predicted by one sample.
-following = A @ ca.vertcat(velocity[2], attitude - trim, rates, z[:4]) + B @ z[4:]
+following = A @ ca.vertcat(w, attitude - trim, rates, z[:4]) + B @ z[4:]
 error = following - ca.vertcat(w_ref, attitude_ref - trim, rates_ref, np.zeros(4))
 error[3] = ca.remainder(error[3], 2 * np.pi)  # the short way round
 demand = solver(p=error, lbx=-np.tile(LIMITS, MOVES), ubx=np.tile(LIMITS, MOVES))["x"][:4]
-outputs = [demand, ca.vertcat(following[7:], demand)]
-ca.Function("controller", list(inputs.values()), outputs, list(names), ["demand", "z_next"]).generate("controller.c")
+status = ca.fabs(dt - model["sample_s"]) > 1e-9  # at another sample time there is no answer
+outputs = {"demand": demand, "z_next": ca.vertcat(following[7:], demand), "status": status}
+function = ca.Function("controller", [*inputs.values()], [*outputs.values()], [*inputs], [*outputs])
+function.generate("controller.c")

@@ -57,8 +57,8 @@ class Controller {
   using State = std::array<double, N>;
 
   static State deviation(double w, const double angles[3], const double rates[3], const std::array<double, M> &lag) {
-    return {w,        angles[0] - MODEL_TRIM_ROLL_RAD, angles[1], angles[2], rates[0], rates[1], rates[2], lag[0], lag[1],
-            lag[2], lag[3]};
+    const double roll = angles[0] - MODEL_TRIM_ROLL_RAD;
+    return {w, roll, angles[1], angles[2], rates[0], rates[1], rates[2], lag[0], lag[1], lag[2], lag[3]};
   }
 
   State predict(const State &x) const {

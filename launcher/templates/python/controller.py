@@ -49,6 +49,8 @@ def fly():
         if abs(node.setup.dt_s - MODEL["sample_s"]) > 1e-9 or node.setup.mass_kg != MODEL["mass_kg"]:
             raise SystemExit("model.json is a model of another run.rate_hz or vehicle")
         controller = Controller()
+        if left := node.memory():  # of the process before this one, after a kill or a swap
+            controller.lag, controller.demand = np.frombuffer(left).reshape(2, 4)
         for sample, reference in node:
             w = sample.velocity_mps[2]
             if sample.age_ticks > 0 or reference.age_ticks > 0 or np.isnan(w):
@@ -56,6 +58,7 @@ def fly():
                 continue
             goal = reference.w_mps, np.asarray(reference.attitude_rad), np.asarray(reference.rates_radps)
             node.answer(controller.step(w, np.asarray(sample.attitude_rad), np.asarray(sample.rates_radps), *goal))
+            node.remember(np.concatenate([controller.lag, controller.demand]).tobytes())
 
 
 if __name__ == "__main__":
