@@ -3,7 +3,7 @@
 #![expect(unsafe_code, reason = "the caller gives pointers")]
 
 use std::any::Any;
-use std::ffi::{CStr, CString, c_char};
+use std::ffi::{CStr, CString, c_char, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use contract::exit;
@@ -77,24 +77,24 @@ pub unsafe fn texts<'a>(texts: *const *const c_char, count: usize, what: &str) -
 ///
 /// # Safety
 /// `memory` is null, or points to `bytes` that are written and live as long as `'a`.
-pub unsafe fn given<'a>(memory: *const u8, bytes: usize, what: &str) -> Result<&'a [u8], Failure> {
+pub unsafe fn given<'a>(memory: *const c_void, bytes: usize, what: &str) -> Result<&'a [u8], Failure> {
     if memory.is_null() {
         return Err(Failure::of_usage(format!("{what} is NULL")));
     }
     // SAFETY: the caller says so.
-    Ok(unsafe { std::slice::from_raw_parts(memory, bytes) })
+    Ok(unsafe { std::slice::from_raw_parts(memory.cast(), bytes) })
 }
 
 /// Lends memory of the caller to be written.
 ///
 /// # Safety
 /// `memory` is null, or points to `bytes` that live as long as `'a` and that nothing else uses meanwhile.
-pub unsafe fn taken<'a>(memory: *mut u8, bytes: usize, what: &str) -> Result<&'a mut [u8], Failure> {
+pub unsafe fn taken<'a>(memory: *mut c_void, bytes: usize, what: &str) -> Result<&'a mut [u8], Failure> {
     if memory.is_null() {
         return Err(Failure::of_usage(format!("{what} is NULL")));
     }
     // SAFETY: the caller says so.
-    Ok(unsafe { std::slice::from_raw_parts_mut(memory, bytes) })
+    Ok(unsafe { std::slice::from_raw_parts_mut(memory.cast(), bytes) })
 }
 
 /// Writes the reason of a failure to `error`, of `error_bytes`, cut to fit; nothing if `error` is null.
