@@ -45,11 +45,14 @@ fn library(folder: &Path) -> PathBuf {
     file
 }
 
+/// Bound that the law of these tests keeps.
+const BOUND: &str = "bounds.max_position_error_m=0.5";
 const KILL: &str = "fault=[{at_s=1, target='attitude-mpc', kind='kill'}]";
 
 fn survey(mode: &str, program: &Path, settings: &[&str]) -> Outcome {
     let exec = format!("node.attitude-mpc.exec={}", program.display());
-    let mut arguments = vec!["scenarios/survey.toml", "--mode", mode, "--set", "run.duration_s=3", "--set", &exec];
+    let mut arguments =
+        vec!["scenarios/survey.toml", "--mode", mode, "--set", "run.duration_s=3", "--set", BOUND, "--set", &exec];
     settings.iter().for_each(|set| arguments.extend(["--set", set]));
     fly(&arguments)
 }
@@ -111,7 +114,7 @@ fn a_stepped_flight_in_c_has_the_bits_of_the_same_law_in_a_library() {
     for settings in [&[][..], &[KILL]] {
         let step = |more: &[&str]| {
             let mut command = Command::new(&program);
-            command.current_dir(top()).args(["scenarios/survey.toml", "run.duration_s=3"]).args(settings);
+            command.current_dir(top()).args(["scenarios/survey.toml", "run.duration_s=3", BOUND]).args(settings);
             command.args(more).output().unwrap()
         };
         let stepped = step(&[]);

@@ -1,6 +1,8 @@
 """The closed loop, stepped."""
 
+import ctypes
 import os
+import platform
 import shutil
 import subprocess
 from pathlib import Path
@@ -54,6 +56,28 @@ def test_a_law_in_python_and_in_c_fly_the_same_bits(fault: dict[str, object], tm
             flight.answer(demand)
     assert flight.state_hash == run.state_hash
     assert [event["what"] for event in flight.record["events"]] == [event["what"] for event in run.record["events"]]
+
+
+@pytest.mark.skipif(shutil.which("cc") is None or platform.machine() != "x86_64", reason="needs a C compiler for x86-64")
+def test_a_library_that_changes_the_rounding_mode_changes_no_bit(tmp_path: Path) -> None:
+    usual = flown().state_hash
+    source, library = tmp_path / "mode.c", tmp_path / "mode.so"
+    body = "unsigned before = __builtin_ia32_stmxcsr(); __builtin_ia32_ldmxcsr(mode); return before;"
+    source.write_text(f"unsigned swap(unsigned mode) {{ {body} }}")
+    subprocess.run(["cc", "-shared", "-fPIC", "-o", library, source], check=True)
+    swap = ctypes.CDLL(str(library)).swap
+    upward = 0x5F80
+    before = swap(upward)
+    try:
+        with trefoil.Flight(SURVEY, settings=SHORT) as flight:
+            for sample, reference in flight:
+                swap(before)
+                answer = pd_law(flight)(sample, reference)
+                swap(upward)
+                flight.answer(answer)
+    finally:
+        assert swap(before) & 0x6000 == 0x4000, "the mode of the caller is left as it was"
+    assert flight.state_hash == usual
 
 
 def test_two_flights_at_once_do_not_touch_each_other() -> None:

@@ -8,6 +8,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use contract::exit;
 use contract::topic::Topic;
+use foreign::rounding::Rounding;
 use runtime::error::SessionError;
 
 /// Error on its way to C: the reason, and the exit code that a process shall end with.
@@ -31,11 +32,21 @@ impl From<SessionError> for Failure {
     }
 }
 
-/// Runs `work`; a panic in it becomes a failure.
+/// Runs `work`; a panic in it becomes a failure. The mode of the floating-point unit, which libraries of the caller may
+/// have changed, is the usual one meanwhile.
 pub fn guarded<T>(work: impl FnOnce() -> Result<T, Failure>) -> Result<T, Failure> {
-    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| {
+    let of_caller = Rounding::now();
+    let is_changed = of_caller != Rounding::USUAL;
+    if is_changed {
+        Rounding::USUAL.set();
+    }
+    let done = catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| {
         Err(Failure { why: format!("a defect in libtrefoil: {}", words_of(&*panic)), exit_code: exit::PROCESS_LOST })
-    })
+    });
+    if is_changed {
+        of_caller.set();
+    }
+    done
 }
 
 fn words_of(panic: &(dyn Any + Send)) -> &str {
