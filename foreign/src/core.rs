@@ -29,8 +29,7 @@ impl<P: Protocol> Core for Foreign<P> {
 
     fn build(scenario: &Scenario) -> Result<Self, SessionError> {
         let library = Library::load(scenario, P::TOPIC, &P::LAYOUT)?;
-        let sha256 = &scenario.node.of(P::TOPIC).sha256;
-        let layout = sha256.get(..16).and_then(|digits| u64::from_str_radix(digits, 16).ok()).unwrap_or(u64::MAX);
+        let layout = layout_of(scenario, P::TOPIC);
         Ok(Self { library, sample_s: scenario.sample_s(), layout, protocol: PhantomData })
     }
 
@@ -58,6 +57,13 @@ impl<P: Protocol> Core for Foreign<P> {
             self.library.restore(&memory[..bytes]);
         }
     }
+}
+
+/// Returns the first word of the snapshots of the library or program that publishes `topic`: part of the hash of its
+/// file.
+pub fn layout_of(scenario: &Scenario, topic: Topic) -> u64 {
+    let sha256 = &scenario.node.of(topic).sha256;
+    sha256.get(..16).and_then(|digits| u64::from_str_radix(digits, 16).ok()).unwrap_or(u64::MAX)
 }
 
 /// Opens the ports of `member` with the library that `scenario` names for its node.

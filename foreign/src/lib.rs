@@ -15,20 +15,25 @@
 //! | `engine` | what every interface of a library can do |
 //! | `table` | a library with the function table of `trefoil.h` |
 //! | `casadi` | a library with a function that CasADi has generated |
-//! | `rounding` | the mode of the floating-point unit, which a library must leave as it is |
+//! | [`rounding`] | the mode of the floating-point unit, which a library must leave as it is |
 //! | `protocol` | input and answer of each node |
 //! | `core` | a library as the core of a node |
+//! | `asked` | a node whose answers its caller computes, in this process |
+//! | [`setup`] | vehicle and settings, as a node in another language gets them |
 //!
 //! A library gets what a sensor would give, and not the true motion.
 
 pub mod abi;
+mod asked;
 mod casadi;
 mod core;
 mod engine;
 mod library;
 mod protocol;
-mod rounding;
+pub mod rounding;
+pub mod setup;
 mod table;
 
+pub use asked::{open_asked, sizes};
 pub use core::{Foreign, open, try_out};
 pub use protocol::AttitudeMpc;
