@@ -21,6 +21,7 @@ mod measure;
 mod output;
 mod paper;
 mod paper_table;
+mod plants;
 mod processes;
 mod promise;
 mod recorded;

@@ -1,4 +1,4 @@
-//! A library as the core of a node.
+//! A library as the core of a node that answers.
 
 use std::marker::PhantomData;
 
@@ -13,6 +13,7 @@ use runtime::ports::Ports;
 
 use crate::library::Library;
 use crate::protocol::{AttitudeMpc, Guidance, Mixer, Protocol};
+use crate::vehicle;
 
 /// Library as the core of the node of a protocol.
 pub struct Foreign<P: Protocol> {
@@ -29,8 +30,7 @@ impl<P: Protocol> Core for Foreign<P> {
 
     fn build(scenario: &Scenario) -> Result<Self, SessionError> {
         let library = Library::load(scenario, P::TOPIC, &P::LAYOUT)?;
-        let sha256 = &scenario.node.of(P::TOPIC).sha256;
-        let layout = sha256.get(..16).and_then(|digits| u64::from_str_radix(digits, 16).ok()).unwrap_or(u64::MAX);
+        let layout = library.layout();
         Ok(Self { library, sample_s: scenario.sample_s(), layout, protocol: PhantomData })
     }
 
@@ -63,7 +63,7 @@ impl<P: Protocol> Core for Foreign<P> {
 /// Opens the ports of `member` with the library that `scenario` names for its node.
 ///
 /// # Errors
-/// The library cannot be loaded, or the node is the plant, which no library can be.
+/// The library cannot be loaded, or the node is the plant, which answers to nothing.
 pub fn open(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result<Box<dyn Node>, SessionError> {
     match member.topic {
         Topic::State => Err(SessionError::UnknownNode(Topic::State.publisher().into())),
@@ -80,7 +80,7 @@ pub fn open(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result<B
 /// The library cannot be loaded, or a step fails.
 pub fn try_out(topic: Topic, scenario: &Scenario) -> Result<(), SessionError> {
     match topic {
-        Topic::State => Err(SessionError::UnknownNode(Topic::State.publisher().into())),
+        Topic::State => vehicle::try_out(scenario),
         Topic::Reference => Foreign::<Guidance>::build(scenario)?.try_out(),
         Topic::Controls => Foreign::<AttitudeMpc>::build(scenario)?.try_out(),
         Topic::Actuators => Foreign::<Mixer>::build(scenario)?.try_out(),

@@ -6,6 +6,8 @@
 //!   -> Engine: the function table of trefoil.h, or a function of CasADi              (table, casadi)
 //!   -> Foreign<Protocol>: messages to the types of trefoil.h, answers back           (core, protocol)
 //!   -> runtime::node: the same ports, loop and faults as for every core
+//! [node.plant] exec = "my.so"
+//!   -> ForeignVehicle: the motion; commands, sensors and loop are the plant's           (vehicle)
 //! ```
 //!
 //! | module | holds |
@@ -17,9 +19,10 @@
 //! | `casadi` | a library with a function that CasADi has generated |
 //! | `rounding` | the mode of the floating-point unit, which a library must leave as it is |
 //! | `protocol` | input and answer of each node |
-//! | `core` | a library as the core of a node |
+//! | `core` | a library as the core of a node that answers |
+//! | `vehicle` | a library as the vehicle of the plant |
 //!
-//! A library gets what a sensor would give, and not the true motion.
+//! A controller gets what a sensor would give, and not the true motion.
 
 pub mod abi;
 mod casadi;
@@ -29,5 +32,7 @@ mod library;
 mod protocol;
 mod rounding;
 mod table;
+mod vehicle;
 
 pub use core::{Foreign, open, try_out};
+pub use vehicle::vehicle;

@@ -22,6 +22,7 @@ use crate::table::Table;
 pub struct Library {
     file: String,
     engine: Box<dyn Engine>,
+    layout: u64,
     rounding: Rounding,
 }
 
@@ -49,7 +50,9 @@ impl Library {
             None => Table::open(&handle, scenario, topic, layout),
         };
         unchanged(rounding).map_err(|why| refused(format!("{why} when it was created")))?;
-        Ok(Self { file: file.clone(), engine: engine.map_err(refused)?, rounding })
+        let sha256 = &scenario.node.of(topic).sha256;
+        let layout = sha256.get(..16).and_then(|digits| u64::from_str_radix(digits, 16).ok()).unwrap_or(u64::MAX);
+        Ok(Self { file: file.clone(), engine: engine.map_err(refused)?, layout, rounding })
     }
 
     /// Answers to one sample; `input` and `answer` have the types of the node in `trefoil.h`.
@@ -60,6 +63,11 @@ impl Library {
         let stepped = self.engine.step(input, answer);
         let stepped = unchanged(self.rounding).map_err(|why| format!("{why} in `step`")).and(stepped);
         stepped.map_err(|why| SessionError::Foreign { file: self.file.clone(), why })
+    }
+
+    /// First word of the memories of this file, which no other file has.
+    pub fn layout(&self) -> u64 {
+        self.layout
     }
 
     /// Returns the node behind its interface.

@@ -149,6 +149,7 @@ fn table_of(handle: &Handle, name: &str) -> Result<TrefoilNode, String> {
 fn setup_of(scenario: &Scenario, settings: &CStr) -> TrefoilSetup {
     let Parameters { g_mps2, mass_kg, ixx_kgm2, iyy_kgm2, izz_kgm2, l1_m, l2_m, l3_m, kf, km, .. } = scenario.airframe;
     let trim = Trim::solve(&scenario.airframe, scenario.mixer.tilt_reaction);
+    let (start, _) = plant::vehicle::start(scenario);
     TrefoilSetup {
         settings_json: settings.as_ptr(),
         dt_s: scenario.sample_s(),
@@ -161,5 +162,9 @@ fn setup_of(scenario: &Scenario, settings: &CStr) -> TrefoilSetup {
         trim_rotor_speed: trim.actuation.rotor_speed,
         trim_tilt_rad: trim.actuation.tilt_rad,
         trim_roll_rad: trim.roll_rad,
+        start_position_m: start.position_m,
+        start_velocity_mps: start.velocity_mps,
+        start_attitude_rad: start.attitude_rad,
+        start_rates_radps: start.rates_radps,
     }
 }

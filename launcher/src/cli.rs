@@ -90,7 +90,7 @@ enum Command {
     /// Load a library as a node, and have it answer to a few samples (the launcher starts this before a flight)
     #[command(hide = true)]
     TryLibrary {
-        /// guidance, attitude-mpc or mixer
+        /// plant, guidance, attitude-mpc or mixer
         node: String,
     },
     /// Try to enter a stack as a foreign process (the launcher starts this as a fault)
@@ -200,7 +200,10 @@ fn check(scenario: &std::path::Path, set: &[String]) -> anyhow::Result<u8> {
 
 fn node(name: NodeName, namespace: &str, epoch: u32, own: Option<&Path>, log: Option<PathBuf>) -> ExitCode {
     match (name, log) {
-        (NodeName::Plant, _) => run_as("plant", namespace, epoch, own, plant::run),
+        (NodeName::Plant, _) => run_as("plant", namespace, epoch, own, |session| {
+            let vehicle = nodes::vehicle(&session.scenario)?;
+            plant::run_with(session, vehicle)
+        }),
         (NodeName::Recorder, Some(log)) => recorder::main(namespace, epoch, &log),
         (NodeName::Recorder, None) => unreachable!("clap requires --log for the recorder"),
         (answering, _) => {

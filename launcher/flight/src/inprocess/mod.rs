@@ -14,6 +14,7 @@ use contract::scenario::{Scenario, candidate};
 use contract::snapshot::PLANT_WORDS;
 use contract::topic::Topic;
 use plant::Plant;
+use plant::vehicle::Vehicle;
 use runtime::error::SessionError;
 use runtime::input::Input;
 use runtime::output::Output;
@@ -21,6 +22,7 @@ use runtime::shared_role::Origin;
 
 use crate::event::Event;
 use crate::log::{Memory, Record};
+use crate::nodes::vehicle;
 use crate::recorder::Observers;
 use crate::roles::driver::Order;
 use crate::roles::role::{self, Action};
@@ -77,7 +79,7 @@ fn fly_ring(
     let ring = Ring::new(with_checksums).map_err(|why| SessionError::Io { what: "memory of the ring".into(), why })?;
     let observers = Observers::open(&mut ring.ports(), scenario)?;
     let mut roles = Simulated::new(scenario);
-    let mut plant = Plant::new(scenario);
+    let mut plant = Plant::with(scenario, vehicle(scenario)?);
     let (member, mut ports) = ring.member(Topic::State, 1, scenario, scenario);
     let mut states = Output::open(&mut ports, &member, scenario)?;
     let mut commands = Input::open(&mut ports, &member)?;
@@ -119,13 +121,16 @@ fn fly_ring(
         if let Some(command) = command {
             plant.command(command, command.stamp.held_ns);
         }
-        plant.advance(1);
+        if let Err(error) = plant.advance(1) {
+            failures.push(format!("plant 1, tick {}: {error}", tick + 1));
+            break Ended::Lost("plant".into());
+        }
     };
     Ok(Flown { ended, events: roles.events, refused: refused_by_listener(&ring.page), failures })
 }
 
 /// Returns the memories of all nodes after sample `tick`; none if the vehicle has no memory to continue from.
-fn memories(plant: &mut Plant, nodes: &[Workers], tick: u64) -> Vec<Memory> {
+fn memories(plant: &mut Plant<dyn Vehicle>, nodes: &[Workers], tick: u64) -> Vec<Memory> {
     let mut words = [0; PLANT_WORDS];
     if !plant.memory(&mut words) {
         return vec![];
