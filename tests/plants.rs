@@ -55,7 +55,8 @@ fn a_flight_in_real_time_with_a_vehicle_in_c_is_replayed_bit_for_bit_if_the_user
     assert_eq!(code, Some(0), "{said}");
     assert!(said.contains("not computed: plant 1"), "{said}");
     let named = format!("plant={}", library.display());
-    for (arguments, words) in [(&[][..], "the same bits"), (&["--from", "11s"], "begun with what the nodes remembered")] {
+    for (arguments, words) in [(&[][..], "the same bits"), (&["--from", "11s"], "begun with what the nodes remembered")]
+    {
         let (code, said) = replay(&flown.out, &[&["--program", &named], arguments].concat());
         assert_eq!(code, Some(0), "{said}");
         assert!(said.contains(words) && !said.contains("not computed"), "{said}");
@@ -128,7 +129,10 @@ fn settings_and_faults_without_effect_on_a_vehicle_of_a_user_are_refused() {
         ("plant.airframe.mass_kg=1.3", "`plant.airframe.mass_kg` has no effect here"),
         ("plant.ground.present=true", "`plant.ground.present` has no effect here"),
         ("fault=[{at_s=1, target='rotor1', kind='off'}]", "a fault of rotor1 where the plant is a library"),
-        ("fault=[{at_s=1, target='payload', kind='mass', value=0.1}]", "a fault of payload where the plant is a library"),
+        (
+            "fault=[{at_s=1, target='payload', kind='mass', value=0.1}]",
+            "a fault of payload where the plant is a library",
+        ),
     ] {
         let outcome = survey(&library, "inprocess", &[setting]);
         assert_eq!(outcome.code(), Some(i32::from(exit::USAGE)), "{setting}: {}", outcome.stderr);

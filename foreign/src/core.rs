@@ -11,7 +11,7 @@ use runtime::member::Member;
 use runtime::node::{self, Core, Node};
 use runtime::ports::Ports;
 
-use crate::library::Library;
+use crate::library::{Library, layout_of};
 use crate::protocol::{AttitudeMpc, Guidance, Mixer, Protocol};
 use crate::vehicle;
 
@@ -30,7 +30,7 @@ impl<P: Protocol> Core for Foreign<P> {
 
     fn build(scenario: &Scenario) -> Result<Self, SessionError> {
         let library = Library::load(scenario, P::TOPIC, &P::LAYOUT)?;
-        let layout = library.layout();
+        let layout = layout_of(scenario, P::TOPIC);
         Ok(Self { library, sample_s: scenario.sample_s(), layout, protocol: PhantomData })
     }
 

@@ -20,19 +20,24 @@
 //! | `rounding` | the mode of the floating-point unit, which a library must leave as it is |
 //! | `protocol` | input and answer of each node |
 //! | `core` | a library as the core of a node that answers |
-//! | `vehicle` | a library as the vehicle of the plant |
+//! | `vehicle` | a library, or functions of a program, as the vehicle of the plant |
+//! | `asked` | a node whose answers its caller computes, in this process |
+//! | [`setup`] | vehicle and settings, as a node in another language gets them |
 //!
 //! A controller gets what a sensor would give, and not the true motion.
 
 pub mod abi;
+mod asked;
 mod casadi;
 mod core;
 mod engine;
 mod library;
 mod protocol;
 mod rounding;
+pub mod setup;
 mod table;
 mod vehicle;
 
+pub use asked::{open_asked, sizes};
 pub use core::{Foreign, open, try_out};
-pub use vehicle::vehicle;
+pub use vehicle::{vehicle, vehicle_of_program};

@@ -12,6 +12,7 @@ use contract::topic::Topic;
 use libloading::os::unix::{Library as Handle, RTLD_LOCAL, RTLD_NOW};
 use runtime::error::SessionError;
 
+use crate::abi::TrefoilNode;
 use crate::casadi::Function;
 use crate::engine::Engine;
 use crate::protocol::Layout;
@@ -22,7 +23,6 @@ use crate::table::Table;
 pub struct Library {
     file: String,
     engine: Box<dyn Engine>,
-    layout: u64,
     rounding: Rounding,
 }
 
@@ -50,9 +50,25 @@ impl Library {
             None => Table::open(&handle, scenario, topic, layout),
         };
         unchanged(rounding).map_err(|why| refused(format!("{why} when it was created")))?;
-        let sha256 = &scenario.node.of(topic).sha256;
-        let layout = sha256.get(..16).and_then(|digits| u64::from_str_radix(digits, 16).ok()).unwrap_or(u64::MAX);
-        Ok(Self { file: file.clone(), engine: engine.map_err(refused)?, layout, rounding })
+        Ok(Self { file: file.clone(), engine: engine.map_err(refused)?, rounding })
+    }
+
+    /// Creates the node that publishes `topic`, whose types have this `layout`, by the functions of this program.
+    ///
+    /// # Errors
+    /// The functions have another interface, change the mode of the floating-point unit, or cannot create the node.
+    pub fn of_program(
+        functions: &TrefoilNode,
+        scenario: &Scenario,
+        topic: Topic,
+        layout: &Layout,
+    ) -> Result<Self, SessionError> {
+        let file = &scenario.node.of(topic).exec;
+        let refused = |why: String| SessionError::Foreign { file: file.clone(), why };
+        let rounding = Rounding::now();
+        let engine = Table::create(functions, scenario, topic, layout).map_err(refused)?;
+        unchanged(rounding).map_err(|why| refused(format!("{why} when it was created")))?;
+        Ok(Self { file: file.clone(), engine, rounding })
     }
 
     /// Answers to one sample; `input` and `answer` have the types of the node in `trefoil.h`.
@@ -65,11 +81,6 @@ impl Library {
         stepped.map_err(|why| SessionError::Foreign { file: self.file.clone(), why })
     }
 
-    /// First word of the memories of this file, which no other file has.
-    pub fn layout(&self) -> u64 {
-        self.layout
-    }
-
     /// Returns the node behind its interface.
     pub fn engine(&self) -> &dyn Engine {
         &*self.engine
@@ -79,6 +90,13 @@ impl Library {
     pub fn restore(&mut self, memory: &[u8]) {
         self.engine.restore(memory);
     }
+}
+
+/// Returns the first word of the snapshots of the library or program that publishes `topic`: part of the hash of its
+/// file.
+pub fn layout_of(scenario: &Scenario, topic: Topic) -> u64 {
+    let sha256 = &scenario.node.of(topic).sha256;
+    sha256.get(..16).and_then(|digits| u64::from_str_radix(digits, 16).ok()).unwrap_or(u64::MAX)
 }
 
 /// Fails if the mode of the floating-point unit is not `usual` any more, and sets it back.

@@ -4,14 +4,14 @@
 
 use std::ffi::{CStr, CString, c_char, c_void};
 
-use airframe::{Parameters, Trim};
 use contract::scenario::Scenario;
 use contract::topic::Topic;
 use libloading::os::unix::Library as Handle;
 
-use crate::abi::{FindNode, TREFOIL_ABI, TREFOIL_MEMORY_BYTES, TrefoilNode, TrefoilSetup};
+use crate::abi::{FindNode, TREFOIL_ABI, TREFOIL_MEMORY_BYTES, TrefoilNode};
 use crate::engine::Engine;
 use crate::protocol::Layout;
+use crate::setup::Setup;
 
 /// Name of the exported function without its number, which is that of the interface.
 const EXPORT: &str = "trefoil_node_v";
@@ -47,8 +47,17 @@ impl Table {
         topic: Topic,
         layout: &Layout,
     ) -> Result<Box<dyn Engine>, String> {
+        Self::create(&table_of(handle, topic.publisher())?, scenario, topic, layout)
+    }
+
+    /// Creates the node that answers on `topic`, whose types have this `layout`, by the functions of `table`.
+    pub fn create(
+        table: &TrefoilNode,
+        scenario: &Scenario,
+        topic: Topic,
+        layout: &Layout,
+    ) -> Result<Box<dyn Engine>, String> {
         let name = topic.publisher();
-        let table = table_of(handle, name)?;
         if table.abi != TREFOIL_ABI {
             return Err(format!("it has interface {}, and this launcher has {TREFOIL_ABI}", table.abi));
         }
@@ -68,12 +77,10 @@ impl Table {
         if memory.is_none() && table.memory_bytes > 0 {
             return Err("it has a memory, but snapshot or restore is NULL".into());
         }
-        let settings = serde_json::to_string(&scenario.node.of(topic).settings).map_err(|error| error.to_string())?;
-        let settings = CString::new(settings).map_err(|error| error.to_string())?;
-        let setup = setup_of(scenario, &settings);
+        let setup = Setup::new(scenario, topic)?;
         let mut why = [0 as c_char; ERROR_BYTES];
         // SAFETY: `setup` and `why` outlive the call, and `why` has more bytes than it says.
-        let node = unsafe { create(&raw const setup, why.as_mut_ptr(), ERROR_BYTES - 1) };
+        let node = unsafe { create(setup.as_ptr(), why.as_mut_ptr(), ERROR_BYTES - 1) };
         if node.is_null() {
             // SAFETY: the last byte of `why` was not given away, so a zero ends the text.
             let why = unsafe { CStr::from_ptr(why.as_ptr()) }.to_string_lossy();
@@ -143,28 +150,4 @@ fn table_of(handle: &Handle, name: &str) -> Result<TrefoilNode, String> {
     // SAFETY: the name is text with a zero at its end. The table is read before anything else is called.
     let table = unsafe { find(c_name.as_ptr()).as_ref() };
     table.copied().ok_or_else(|| format!("it has no node `{name}`"))
-}
-
-/// Returns the vehicle and settings for a node.
-fn setup_of(scenario: &Scenario, settings: &CStr) -> TrefoilSetup {
-    let Parameters { g_mps2, mass_kg, ixx_kgm2, iyy_kgm2, izz_kgm2, l1_m, l2_m, l3_m, kf, km, .. } = scenario.airframe;
-    let trim = Trim::solve(&scenario.airframe, scenario.mixer.tilt_reaction);
-    let (start, _) = plant::vehicle::start(scenario);
-    TrefoilSetup {
-        settings_json: settings.as_ptr(),
-        dt_s: scenario.sample_s(),
-        g_mps2,
-        mass_kg,
-        inertia_kgm2: [ixx_kgm2, iyy_kgm2, izz_kgm2],
-        arms_m: [l1_m, l2_m, l3_m],
-        kf,
-        km,
-        trim_rotor_speed: trim.actuation.rotor_speed,
-        trim_tilt_rad: trim.actuation.tilt_rad,
-        trim_roll_rad: trim.roll_rad,
-        start_position_m: start.position_m,
-        start_velocity_mps: start.velocity_mps,
-        start_attitude_rad: start.attitude_rad,
-        start_rates_radps: start.rates_radps,
-    }
 }

@@ -1,4 +1,4 @@
-//! A library as the vehicle of the plant.
+//! A library, or functions of a program, as the vehicle of the plant.
 
 use airframe::Actuation;
 use bytemuck::{bytes_of, bytes_of_mut, cast_slice, cast_slice_mut};
@@ -10,8 +10,8 @@ use plant::memory::Tape;
 use plant::vehicle::{Vehicle, divergence, start};
 use runtime::error::SessionError;
 
-use crate::abi::{TrefoilPlantAnswer, TrefoilPlantInput};
-use crate::library::Library;
+use crate::abi::{TrefoilNode, TrefoilPlantAnswer, TrefoilPlantInput};
+use crate::library::{Library, layout_of};
 use crate::protocol::{Layout, PLANT_NAMES};
 
 /// Layout of input and answer.
@@ -34,13 +34,15 @@ struct ForeignVehicle {
 /// # Errors
 /// The library cannot be loaded, or fails.
 pub fn vehicle(scenario: &Scenario) -> Result<Box<dyn Vehicle>, SessionError> {
-    let library = Library::load(scenario, Topic::State, &LAYOUT)?;
-    let layout = library.layout();
-    let answer = TrefoilPlantAnswer::default();
-    let mut vehicle = ForeignVehicle { library, layout, sample_ns: scenario.sample_ns(), answer, diverged: None };
-    let (_, actuators) = start(scenario);
-    vehicle.step(0, 0, &actuators)?;
-    Ok(Box::new(vehicle))
+    ForeignVehicle::begin(Library::load(scenario, Topic::State, &LAYOUT)?, scenario)
+}
+
+/// Creates the vehicle of the plant by `functions` of this program, and asks it for its state at the start.
+///
+/// # Errors
+/// The functions have another interface, or fail.
+pub fn vehicle_of_program(functions: &TrefoilNode, scenario: &Scenario) -> Result<Box<dyn Vehicle>, SessionError> {
+    ForeignVehicle::begin(Library::of_program(functions, scenario, Topic::State, &LAYOUT)?, scenario)
 }
 
 /// Tries the library that `scenario` names for the plant: at the start, and over the first period.
@@ -53,6 +55,19 @@ pub fn try_out(scenario: &Scenario) -> Result<(), SessionError> {
 }
 
 impl ForeignVehicle {
+    fn begin(library: Library, scenario: &Scenario) -> Result<Box<dyn Vehicle>, SessionError> {
+        let mut vehicle = Self {
+            library,
+            layout: layout_of(scenario, Topic::State),
+            sample_ns: scenario.sample_ns(),
+            answer: TrefoilPlantAnswer::default(),
+            diverged: None,
+        };
+        let (_, actuators) = start(scenario);
+        vehicle.step(0, 0, &actuators)?;
+        Ok(Box::new(vehicle))
+    }
+
     /// Has the library move for `advance_ns`; with 0 it only answers.
     fn step(&mut self, from_ns: u64, advance_ns: u64, command: &Actuation) -> Result<(), SessionError> {
         let Actuation { rotor_speed, tilt_rad } = *command;

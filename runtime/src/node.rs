@@ -100,6 +100,22 @@ pub trait Node {
     fn restore(&mut self, memory: &Snapshot);
     /// Adds fault `number` of the core, or changes it to `fault`.
     fn apply_fault(&mut self, number: usize, fault: &Fault);
+    /// Returns the node as one that is asked, if its caller computes its answers.
+    fn asked(&mut self) -> Option<&mut dyn Asked> {
+        None
+    }
+}
+
+/// Node whose answers its caller computes, as bytes of the types in `trefoil.h`. [`Node::answer`] sends the one given.
+pub trait Asked: Node {
+    /// Accepts the messages that have come, and returns the input for the answer to `sample`.
+    fn ask(&mut self, sample: Stamp) -> &[u8];
+    /// Takes the answer to send next, of as many bytes as the node's answers have.
+    fn give(&mut self, answer: &[u8]);
+    /// Takes the memory for the process that continues after this one.
+    fn remember(&mut self, memory: &[u8]);
+    /// Returns the memory of the process before this one, if it left one.
+    fn remembered(&self) -> Option<&[u8]>;
 }
 
 /// Function that opens a node: [`open`] for one core.

@@ -14,9 +14,16 @@ use crate::programs;
 
 /// Loads the scenario of `file` with `overrides` on top; an error if it cannot be flown.
 pub fn load(file: Option<&Path>, overrides: &[String]) -> Result<Scenario, ScenarioError> {
+    let scenario = load_untried(file, overrides)?;
+    check(&scenario)?;
+    Ok(scenario)
+}
+
+/// Loads like [`load`], for a program other than the launcher: tries no library, and builds no controller of the run or
+/// of a candidate.
+pub fn load_untried(file: Option<&Path>, overrides: &[String]) -> Result<Scenario, ScenarioError> {
     let mut scenario = scenario::load(file, overrides)?;
     programs::pin_all(&mut scenario)?;
-    check(&scenario)?;
     Ok(scenario)
 }
 

@@ -8,13 +8,11 @@ use contract::snapshot::Snapshot;
 use contract::topic::Topic;
 use runtime::error::SessionError;
 use runtime::member::Member;
-use runtime::node::Node;
+use runtime::node::{Asked, Node, Open};
 use runtime::ports::{Ports, Transport};
 use runtime::queue::Queues;
 use runtime::realtime::ControlPage;
 use runtime::shared_role::Origin;
-
-use crate::nodes;
 
 /// Control page and queues that a ring in process shares.
 #[derive(Clone)]
@@ -48,6 +46,7 @@ impl Ring {
 pub struct Workers {
     pub topic: Topic,
     ring: Ring,
+    open: Open,
     all: Vec<Worker>,
     /// Memory of the process that ended last, used while the role is vacant.
     memory: Option<(Origin, Snapshot)>,
@@ -76,8 +75,8 @@ impl Worker {
 
 impl Workers {
     /// Creates the node with its first process.
-    pub fn new(ring: &Ring, topic: Topic, run: &Scenario) -> Result<Self, SessionError> {
-        let mut workers = Self { topic, ring: ring.clone(), all: vec![], memory: None };
+    pub fn new(ring: &Ring, topic: Topic, run: &Scenario, open: Open) -> Result<Self, SessionError> {
+        let mut workers = Self { topic, ring: ring.clone(), open, all: vec![], memory: None };
         workers.begin(1, run, run)?;
         Ok(workers)
     }
@@ -86,7 +85,7 @@ impl Workers {
     /// process.
     pub fn begin(&mut self, epoch: u32, own: &Scenario, run: &Scenario) -> Result<(), SessionError> {
         let (member, mut ports) = self.ring.member(self.topic, epoch, own, run);
-        let mut node = nodes::open(&mut ports, &member, own)?;
+        let mut node = (self.open)(&mut ports, &member, own)?;
         if let Some((origin, memory)) = self.memory().filter(|(origin, _)| *origin != Origin::default()) {
             node.restore(&memory);
             member.continues.set(origin);
@@ -112,6 +111,13 @@ impl Workers {
     pub fn leaves(&self, tick: u64) -> Option<u32> {
         let leaves = |worker: &&Worker| worker.member.faults.leaves(tick, tick);
         self.all.iter().find(leaves).map(|worker| worker.member.epoch)
+    }
+
+    /// Returns the node of the process that works if its caller computes its answers.
+    pub fn asked(&mut self) -> Option<&mut dyn Asked> {
+        let assignment = self.ring.page.role(self.topic).assignment();
+        let working = self.all.iter_mut().find(|worker| assignment.includes(worker.member.epoch))?;
+        working.node.asked()
     }
 
     /// Lets every process that works answer to a sample; `sample` is the provenance of a new chain. Returns the epochs

@@ -1,0 +1,122 @@
+//! The boundary to C: text and memory that the caller gives, errors and panics that go back.
+
+#![expect(unsafe_code, reason = "the caller gives pointers")]
+
+use std::any::Any;
+use std::ffi::{CStr, CString, c_char};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use contract::exit;
+use contract::topic::Topic;
+use runtime::error::SessionError;
+
+/// Error on its way to C: the reason, and the exit code that a process shall end with.
+#[derive(Debug)]
+pub struct Failure {
+    pub why: String,
+    pub exit_code: u8,
+}
+
+impl Failure {
+    /// Makes the failure of a call that was wrong.
+    pub fn of_usage(why: impl Into<String>) -> Self {
+        Self { why: why.into(), exit_code: exit::USAGE }
+    }
+}
+
+impl From<SessionError> for Failure {
+    fn from(error: SessionError) -> Self {
+        let late = matches!(error, SessionError::Late { .. });
+        Self { why: error.to_string(), exit_code: if late { exit::BUDGET_BROKEN } else { exit::PROCESS_LOST } }
+    }
+}
+
+/// Runs `work`; a panic in it becomes a failure.
+pub fn guarded<T>(work: impl FnOnce() -> Result<T, Failure>) -> Result<T, Failure> {
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| {
+        Err(Failure { why: format!("a defect in libtrefoil: {}", words_of(&*panic)), exit_code: exit::PROCESS_LOST })
+    })
+}
+
+fn words_of(panic: &(dyn Any + Send)) -> &str {
+    let text = panic.downcast_ref::<String>().map(String::as_str);
+    text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("a panic without words")
+}
+
+/// Makes text for C; a zero in it ends it.
+pub fn c_text(text: &str) -> CString {
+    CString::new(text.split('\0').next().unwrap_or_default()).unwrap_or_default()
+}
+
+/// Reads text that C gives; `what` names it in the error.
+///
+/// # Safety
+/// `text` is null, or points to text with a zero at its end that lives as long as `'a`.
+pub unsafe fn text<'a>(text: *const c_char, what: &str) -> Result<&'a str, Failure> {
+    if text.is_null() {
+        return Err(Failure::of_usage(format!("{what} is NULL")));
+    }
+    // SAFETY: the caller says so.
+    let text = unsafe { CStr::from_ptr(text) };
+    text.to_str().map_err(|_| Failure::of_usage(format!("{what} is not UTF-8")))
+}
+
+/// Reads `count` texts that C gives; `what` names them in the error.
+///
+/// # Safety
+/// `texts` points to `count` pointers, each as [`text`] requires.
+pub unsafe fn texts<'a>(texts: *const *const c_char, count: usize, what: &str) -> Result<Vec<&'a str>, Failure> {
+    if texts.is_null() && count > 0 {
+        return Err(Failure::of_usage(format!("{what} is NULL")));
+    }
+    // SAFETY: the caller says so; of no text nothing is read.
+    (0..count).map(|i| unsafe { text(*texts.add(i), what) }).collect()
+}
+
+/// Lends memory of the caller to be read.
+///
+/// # Safety
+/// `memory` is null, or points to `bytes` that are written and live as long as `'a`.
+pub unsafe fn given<'a>(memory: *const u8, bytes: usize, what: &str) -> Result<&'a [u8], Failure> {
+    if memory.is_null() {
+        return Err(Failure::of_usage(format!("{what} is NULL")));
+    }
+    // SAFETY: the caller says so.
+    Ok(unsafe { std::slice::from_raw_parts(memory, bytes) })
+}
+
+/// Lends memory of the caller to be written.
+///
+/// # Safety
+/// `memory` is null, or points to `bytes` that live as long as `'a` and that nothing else uses meanwhile.
+pub unsafe fn taken<'a>(memory: *mut u8, bytes: usize, what: &str) -> Result<&'a mut [u8], Failure> {
+    if memory.is_null() {
+        return Err(Failure::of_usage(format!("{what} is NULL")));
+    }
+    // SAFETY: the caller says so.
+    Ok(unsafe { std::slice::from_raw_parts_mut(memory, bytes) })
+}
+
+/// Writes the reason of a failure to `error`, of `error_bytes`, cut to fit; nothing if `error` is null.
+///
+/// # Safety
+/// `error` is null, or points to `error_bytes` that nothing else uses.
+pub unsafe fn write_error(why: &str, error: *mut c_char, error_bytes: usize) {
+    if error.is_null() || error_bytes == 0 {
+        return;
+    }
+    let text = c_text(&why[..why.floor_char_boundary(error_bytes - 1)]);
+    let text = text.as_bytes_with_nul();
+    // SAFETY: the text with its zero has at most `error_bytes`, and is memory of ours.
+    unsafe { std::ptr::copy_nonoverlapping(text.as_ptr().cast(), error, text.len()) };
+}
+
+/// Finds a node that answers by its name.
+pub fn topic_of(node: &str) -> Result<Topic, Failure> {
+    let topic = Topic::ALL.into_iter().find(|topic| topic.publisher() == node);
+    topic.filter(|topic| foreign::sizes(*topic).is_some()).ok_or_else(|| {
+        Failure::of_usage(format!(
+            "there is no node `{node}` to be: guidance, attitude-mpc and mixer answer to samples"
+        ))
+    })
+}

@@ -1,0 +1,42 @@
+"""Types of ``trefoil.h`` as numpy types. Their sizes are compared with those of the library when it is loaded."""
+
+import numpy as np
+
+VECTOR = (np.float64, 3)
+
+SAMPLE = [
+    ("age_ticks", np.uint64),
+    ("position_m", *VECTOR),
+    ("velocity_mps", *VECTOR),
+    ("attitude_rad", *VECTOR),
+    ("rates_radps", *VECTOR),
+    ("rotor_speed", *VECTOR),
+    ("tilt_rad", np.float64),
+]
+
+MOTION = [
+    ("position_m", *VECTOR),
+    ("velocity_mps", *VECTOR),
+    ("attitude_rad", *VECTOR),
+    ("rates_radps", *VECTOR),
+    ("w_mps", np.float64),
+]
+
+REFERENCE = [("age_ticks", np.uint64), *MOTION]
+
+DEMAND = [("age_ticks", np.uint64), ("demand", np.float64, 4)]
+
+HEAD = [("tick", np.uint64), ("time_s", np.float64), ("sample", SAMPLE)]
+
+#: Input and answer of each node.
+NODES = {
+    "guidance": (np.dtype(HEAD), np.dtype(MOTION)),
+    "attitude-mpc": (
+        np.dtype([*HEAD, ("reference", REFERENCE)]),
+        np.dtype([("demand", np.float64, 4), ("status", np.uint64)]),
+    ),
+    "mixer": (
+        np.dtype([*HEAD, ("demand", DEMAND)]),
+        np.dtype([("rotor_speed", *VECTOR), ("tilt_rad", np.float64)]),
+    ),
+}

@@ -1,0 +1,83 @@
+"""Gymnasium environment on :class:`trefoil.Flight`: needs the extra ``gym``.
+
+::
+
+    import gymnasium
+    import trefoil.gym
+
+    env = gymnasium.make("trefoil/Flight-v0", scenario="scenarios/survey.toml")
+"""
+
+from collections.abc import Mapping
+from os import PathLike
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from ._flight import Flight
+from ._inputs import Reference, Sample
+
+#: Largest deviation of col, lon, lat, ped from trim in one action [N, N m, N m, N m].
+MAX_DEMAND = np.array([5.0, 0.5, 0.5, 0.5])
+
+
+class FlightEnv(gymnasium.Env[np.ndarray, np.ndarray]):
+    """Attitude controller as an agent, in place of attitude-mpc.
+
+    Observation, shape (22,): position error, north, east, down [m]; velocity u, v, w [m/s]; attitude [rad]; body rates
+    [rad/s]; references of attitude [rad], body rates [rad/s] and w [m/s]; rotor speeds of the command in force less those
+    at trim. Action, shape (4,), from -1 to 1: share of :data:`MAX_DEMAND`. Reward: minus the position error [m], for each
+    sample. An episode is terminated if the vehicle is lost, and truncated at ``run.duration_s``.
+
+    Args:
+        scenario: scenario file; without one the defaults.
+        settings: settings by key, as for ``launcher fly --set``. The seed of ``reset`` is ``run.seed``.
+    """
+
+    metadata = {"render_modes": []}
+
+    def __init__(
+        self,
+        scenario: str | PathLike[str] | None = None,
+        settings: Mapping[str, Any] | None = None,
+        render_mode: str | None = None,
+    ) -> None:
+        self.scenario, self.given, self.render_mode = scenario, dict(settings or {}), render_mode
+        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (4,), np.float64)
+        self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (22,), np.float64)
+        self.flight: Flight | None = None
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict]:
+        super().reset(seed=seed)
+        self.close()
+        run_seed = int(self.np_random.integers(2**31))
+        self.flight = Flight(self.scenario, settings={**self.given, "run.seed": run_seed})
+        self.samples = iter(self.flight)
+        self.observation = self._observe(*next(self.samples))
+        return self.observation, {"run.seed": run_seed}
+
+    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict]:
+        assert self.flight is not None, "reset comes before step"
+        self.flight.answer(np.asarray(action, np.float64) * MAX_DEMAND)
+        given = next(self.samples, None)
+        if given is not None:
+            self.observation = self._observe(*given)
+        lost = given is None and self.flight.record["diverged"]
+        info = self.flight.record if given is None else {}
+        return self.observation, -float(np.linalg.norm(self.observation[:3])), lost, given is None and not lost, info
+
+    def close(self) -> None:
+        if self.flight is not None:
+            self.flight.close()
+            self.flight = None
+
+    def _observe(self, sample: Sample, reference: Reference) -> np.ndarray:
+        error_m = sample.position_m - reference.position_m
+        motion = [sample.velocity_mps, sample.attitude_rad, sample.rates_radps]
+        wanted = [reference.attitude_rad, reference.rates_radps, [reference.w_mps]]
+        trim = self.flight.setup.trim_rotor_speed if self.flight else 0.0
+        return np.nan_to_num(np.concatenate([error_m, *motion, *wanted, sample.rotor_speed - trim]))
+
+
+gymnasium.register("trefoil/Flight-v0", FlightEnv)
