@@ -10,6 +10,7 @@ mod compare;
 mod control;
 mod controllers;
 mod deadlines;
+mod export;
 mod faults;
 mod foreign;
 mod fuzz;

@@ -19,7 +19,7 @@ use view::{report, trace};
 
 use crate::run_folder::{PartOfRun, with_hint};
 use crate::target::TargetArgs;
-use crate::{campaign, command, compare, fly, manage, replay, swap, tune};
+use crate::{campaign, command, compare, export, fly, manage, replay, swap, tune};
 
 #[derive(Parser)]
 #[command(name = "launcher", version, about = "Flies a tilt-rotor tricopter through separate real-time processes")]
@@ -67,6 +67,9 @@ enum Command {
     Campaign(campaign::CampaignArgs),
     /// Tune the controllers of a campaign, each with the same budget, on draws that the campaign does not use
     Tune(tune::TuneArgs),
+    /// Export the plant for other tools
+    #[command(subcommand)]
+    Export(export::Export),
     /// Measure figures of the stack, each against its target
     #[command(subcommand)]
     Measure(Measure),
@@ -142,6 +145,7 @@ fn run() -> ExitCode {
         Command::Stop(args) => manage::stop(&args).map(|()| exit::FLOWN),
         Command::Campaign(args) => campaign::campaign(&args),
         Command::Tune(args) => tune::tune(&args),
+        Command::Export(what) => export::export(&what).map(|()| exit::FLOWN),
         Command::Measure(what) => what.run(),
         Command::TryLibrary { node } => Ok(programs::try_library(&node)),
         Command::Intrude(args) => intruder::intrude(&args),
