@@ -46,6 +46,14 @@ typedef struct {
   double trim_tilt_rad;
   // Roll angle at trim [rad]; pitch is 0.
   double trim_roll_rad;
+  // Position at the start of the flight, north, east, down [m].
+  double start_position_m[3];
+  // Velocity at the start, u, v, w in the body frame [m/s].
+  double start_velocity_mps[3];
+  // Euler angles roll, pitch, yaw at the start [rad].
+  double start_attitude_rad[3];
+  // Body rates p, q, r at the start [rad/s].
+  double start_rates_radps[3];
 } TrefoilSetup;
 
 // Newest sample of the sensors. Position and velocity are NaN while their sensor is off.
@@ -154,6 +162,37 @@ typedef struct {
   double tilt_rad;
 } TrefoilMixerAnswer;
 
+// Input of a step of the plant: one command, and the time that it is in force.
+typedef struct {
+  // Number of the newest sample, from 0.
+  uint64_t tick;
+  // Time at which the step begins [s].
+  double time_s;
+  // Duration of the step [s]: a period, or less if the command changes in it. 0 at the start of the flight only:
+  // the answer is then the state at the start.
+  double advance_s;
+  // Rotor speeds of the command [rotor speed unit]; all 0 = the motors are stopped.
+  double rotor_speed[3];
+  // Tilt of rotor 1 of the command [rad].
+  double tilt_rad;
+} TrefoilPlantInput;
+
+// Answer of a step of the plant: the true state at its end.
+typedef struct {
+  // Position north, east, down [m].
+  double position_m[3];
+  // Velocity u, v, w in the body frame [m/s].
+  double velocity_mps[3];
+  // Euler angles roll, pitch, yaw [rad].
+  double attitude_rad[3];
+  // Body rates p, q, r [rad/s].
+  double rates_radps[3];
+  // Rotor speeds [rotor speed unit]. Before the call those of the command, for a plant whose actuators have no lag.
+  double rotor_speed[3];
+  // Tilt of rotor 1 [rad]; before the call that of the command.
+  double tilt_rad;
+} TrefoilPlantAnswer;
+
 // Functions of one node. The launcher calls them from one thread at a time for each node that it created.
 typedef struct {
   // Number of the interface: `TREFOIL_ABI`.
@@ -182,7 +221,7 @@ typedef struct {
 extern "C" {
 #endif
 
-// Returns the functions of `node` (`guidance`, `attitude-mpc` or `mixer`), or NULL if this library has no such node.
+// Returns the functions of `node` (`plant`, `guidance`, `attitude-mpc` or `mixer`), or NULL if it is not in this library.
 const TrefoilNode *trefoil_node_v1(const char *node);
 
 #ifdef __cplusplus

@@ -42,6 +42,14 @@ pub struct TrefoilSetup {
     pub trim_tilt_rad: f64,
     /// Roll angle at trim \[rad\]; pitch is 0.
     pub trim_roll_rad: f64,
+    /// Position at the start of the flight, north, east, down \[m\].
+    pub start_position_m: [f64; 3],
+    /// Velocity at the start, u, v, w in the body frame \[m/s\].
+    pub start_velocity_mps: [f64; 3],
+    /// Euler angles roll, pitch, yaw at the start \[rad\].
+    pub start_attitude_rad: [f64; 3],
+    /// Body rates p, q, r at the start \[rad/s\].
+    pub start_rates_radps: [f64; 3],
 }
 
 /// Newest sample of the sensors. Position and velocity are NaN while their sensor is off.
@@ -168,6 +176,41 @@ pub struct TrefoilMixerAnswer {
     pub tilt_rad: f64,
 }
 
+/// Input of a step of the plant: one command, and the time that it is in force.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct TrefoilPlantInput {
+    /// Number of the newest sample, from 0.
+    pub tick: u64,
+    /// Time at which the step begins \[s\].
+    pub time_s: f64,
+    /// Duration of the step \[s\]: a period, or less if the command changes in it. 0 at the start of the flight only:
+    /// the answer is then the state at the start.
+    pub advance_s: f64,
+    /// Rotor speeds of the command \[rotor speed unit\]; all 0 = the motors are stopped.
+    pub rotor_speed: [f64; 3],
+    /// Tilt of rotor 1 of the command \[rad\].
+    pub tilt_rad: f64,
+}
+
+/// Answer of a step of the plant: the true state at its end.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
+#[repr(C)]
+pub struct TrefoilPlantAnswer {
+    /// Position north, east, down \[m\].
+    pub position_m: [f64; 3],
+    /// Velocity u, v, w in the body frame \[m/s\].
+    pub velocity_mps: [f64; 3],
+    /// Euler angles roll, pitch, yaw \[rad\].
+    pub attitude_rad: [f64; 3],
+    /// Body rates p, q, r \[rad/s\].
+    pub rates_radps: [f64; 3],
+    /// Rotor speeds \[rotor speed unit\]. Before the call those of the command, for a plant whose actuators have no lag.
+    pub rotor_speed: [f64; 3],
+    /// Tilt of rotor 1 \[rad\]; before the call that of the command.
+    pub tilt_rad: f64,
+}
+
 /// Functions of one node. The launcher calls them from one thread at a time for each node that it created.
 #[derive(Debug, Clone, Copy)]
 #[repr(C)]
@@ -195,6 +238,6 @@ pub struct TrefoilNode {
     pub destroy: Option<unsafe extern "C" fn(node: *mut c_void)>,
 }
 
-/// Function that every library exports: `trefoil_node_v1`. It returns the functions of `node` (`guidance`,
-/// `attitude-mpc` or `mixer`), or NULL if the library has no such node. cbindgen.toml declares it in the header.
+/// Function that every library exports: `trefoil_node_v1`. It returns the functions of `node` (`plant`,
+/// `guidance`, `attitude-mpc` or `mixer`), or NULL if the library has no such node. cbindgen.toml declares it in the header.
 pub(crate) type FindNode = unsafe extern "C" fn(node: *const c_char) -> *const TrefoilNode;

@@ -15,7 +15,7 @@ use runtime::output::Output;
 use runtime::ports::Ports;
 
 use crate::abi::TREFOIL_MEMORY_BYTES;
-use crate::core::layout_of;
+use crate::library::layout_of;
 use crate::protocol::{AttitudeMpc, Guidance, Layout, Mixer, Protocol};
 
 /// Bytes before the memory of a program: its length.

@@ -1,4 +1,4 @@
-//! A library as the core of a node.
+//! A library as the core of a node that answers.
 
 use std::marker::PhantomData;
 
@@ -11,8 +11,9 @@ use runtime::member::Member;
 use runtime::node::{self, Core, Node};
 use runtime::ports::Ports;
 
-use crate::library::Library;
+use crate::library::{Library, layout_of};
 use crate::protocol::{AttitudeMpc, Guidance, Mixer, Protocol};
+use crate::vehicle;
 
 /// Library as the core of the node of a protocol.
 pub struct Foreign<P: Protocol> {
@@ -59,17 +60,10 @@ impl<P: Protocol> Core for Foreign<P> {
     }
 }
 
-/// Returns the first word of the snapshots of the library or program that publishes `topic`: part of the hash of its
-/// file.
-pub fn layout_of(scenario: &Scenario, topic: Topic) -> u64 {
-    let sha256 = &scenario.node.of(topic).sha256;
-    sha256.get(..16).and_then(|digits| u64::from_str_radix(digits, 16).ok()).unwrap_or(u64::MAX)
-}
-
 /// Opens the ports of `member` with the library that `scenario` names for its node.
 ///
 /// # Errors
-/// The library cannot be loaded, or the node is the plant, which no library can be.
+/// The library cannot be loaded, or the node is the plant, which answers to nothing.
 pub fn open(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result<Box<dyn Node>, SessionError> {
     match member.topic {
         Topic::State => Err(SessionError::UnknownNode(Topic::State.publisher().into())),
@@ -86,7 +80,7 @@ pub fn open(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result<B
 /// The library cannot be loaded, or a step fails.
 pub fn try_out(topic: Topic, scenario: &Scenario) -> Result<(), SessionError> {
     match topic {
-        Topic::State => Err(SessionError::UnknownNode(Topic::State.publisher().into())),
+        Topic::State => vehicle::try_out(scenario),
         Topic::Reference => Foreign::<Guidance>::build(scenario)?.try_out(),
         Topic::Controls => Foreign::<AttitudeMpc>::build(scenario)?.try_out(),
         Topic::Actuators => Foreign::<Mixer>::build(scenario)?.try_out(),

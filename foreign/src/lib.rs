@@ -6,6 +6,8 @@
 //!   -> Engine: the function table of trefoil.h, or a function of CasADi              (table, casadi)
 //!   -> Foreign<Protocol>: messages to the types of trefoil.h, answers back           (core, protocol)
 //!   -> runtime::node: the same ports, loop and faults as for every core
+//! [node.plant] exec = "my.so"
+//!   -> ForeignVehicle: the motion; commands, sensors and loop are the plant's           (vehicle)
 //! ```
 //!
 //! | module | holds |
@@ -17,11 +19,12 @@
 //! | `casadi` | a library with a function that CasADi has generated |
 //! | [`rounding`] | the mode of the floating-point unit, which a library must leave as it is |
 //! | `protocol` | input and answer of each node |
-//! | `core` | a library as the core of a node |
+//! | `core` | a library as the core of a node that answers |
+//! | `vehicle` | a library, or functions of a program, as the vehicle of the plant |
 //! | `asked` | a node whose answers its caller computes, in this process |
 //! | [`setup`] | vehicle and settings, as a node in another language gets them |
 //!
-//! A library gets what a sensor would give, and not the true motion.
+//! A controller gets what a sensor would give, and not the true motion.
 
 pub mod abi;
 mod asked;
@@ -33,7 +36,9 @@ mod protocol;
 pub mod rounding;
 pub mod setup;
 mod table;
+mod vehicle;
 
 pub use asked::{open_asked, sizes};
 pub use core::{Foreign, open, try_out};
 pub use protocol::AttitudeMpc;
+pub use vehicle::{vehicle, vehicle_of_program};

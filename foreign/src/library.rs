@@ -12,6 +12,7 @@ use contract::topic::Topic;
 use libloading::os::unix::{Library as Handle, RTLD_LOCAL, RTLD_NOW};
 use runtime::error::SessionError;
 
+use crate::abi::TrefoilNode;
 use crate::casadi::Function;
 use crate::engine::Engine;
 use crate::protocol::Layout;
@@ -52,6 +53,24 @@ impl Library {
         Ok(Self { file: file.clone(), engine: engine.map_err(refused)?, rounding })
     }
 
+    /// Creates the node that publishes `topic`, whose types have this `layout`, by the functions of this program.
+    ///
+    /// # Errors
+    /// The functions have another interface, change the mode of the floating-point unit, or cannot create the node.
+    pub fn of_program(
+        functions: &TrefoilNode,
+        scenario: &Scenario,
+        topic: Topic,
+        layout: &Layout,
+    ) -> Result<Self, SessionError> {
+        let file = &scenario.node.of(topic).exec;
+        let refused = |why: String| SessionError::Foreign { file: file.clone(), why };
+        let rounding = Rounding::now();
+        let engine = Table::create(functions, scenario, topic, layout).map_err(refused)?;
+        unchanged(rounding).map_err(|why| refused(format!("{why} when it was created")))?;
+        Ok(Self { file: file.clone(), engine, rounding })
+    }
+
     /// Answers to one sample; `input` and `answer` have the types of the node in `trefoil.h`.
     ///
     /// # Errors
@@ -71,6 +90,13 @@ impl Library {
     pub fn restore(&mut self, memory: &[u8]) {
         self.engine.restore(memory);
     }
+}
+
+/// Returns the first word of the snapshots of the library or program that publishes `topic`: part of the hash of its
+/// file.
+pub fn layout_of(scenario: &Scenario, topic: Topic) -> u64 {
+    let sha256 = &scenario.node.of(topic).sha256;
+    sha256.get(..16).and_then(|digits| u64::from_str_radix(digits, 16).ok()).unwrap_or(u64::MAX)
 }
 
 /// Fails if the mode of the floating-point unit is not `usual` any more, and sets it back.

@@ -11,7 +11,8 @@ use runtime::port::Wire;
 
 use crate::abi::{
     TREFOIL_NEVER, TrefoilAttitudeAnswer, TrefoilAttitudeInput, TrefoilDemand, TrefoilGuidanceAnswer,
-    TrefoilGuidanceInput, TrefoilMixerAnswer, TrefoilMixerInput, TrefoilReference, TrefoilSample,
+    TrefoilGuidanceInput, TrefoilMixerAnswer, TrefoilMixerInput, TrefoilPlantAnswer, TrefoilPlantInput,
+    TrefoilReference, TrefoilSample,
 };
 
 /// Input and answer of one node.
@@ -153,6 +154,15 @@ impl Protocol for Mixer {
         Actuators { command: ActuationMsg { rotor_speed, tilt_rad }, ..Actuators::default() }
     }
 }
+
+/// Places of the numbers of the plant, as [`Protocol::NAMES`]. The plant answers to nothing, so it has no messages here.
+pub const PLANT_NAMES: [&[Place]; 2] = [
+    places!(TrefoilPlantInput { "time" = time_s: 1, "advance" = advance_s: 1, "rotor_speed" = rotor_speed: 3, "tilt" = tilt_rad: 1 }),
+    places!(TrefoilPlantAnswer {
+        "position" = position_m: 3, "velocity" = velocity_mps: 3, "attitude" = attitude_rad: 3, "rates" = rates_radps: 3,
+        "rotor_speed" = rotor_speed: 3, "tilt" = tilt_rad: 1
+    }),
+];
 
 /// Age of the newest message at `tick`, in ticks.
 fn age<M: Message>(tick: u64, newest: &M) -> u64 {

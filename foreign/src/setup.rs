@@ -5,6 +5,7 @@ use std::ffi::CString;
 use airframe::{Parameters, Trim};
 use contract::scenario::Scenario;
 use contract::topic::Topic;
+use plant::vehicle::start;
 
 use crate::abi::TrefoilSetup;
 
@@ -25,6 +26,7 @@ impl Setup {
         let Parameters { g_mps2, mass_kg, ixx_kgm2, iyy_kgm2, izz_kgm2, l1_m, l2_m, l3_m, kf, km, .. } =
             scenario.airframe;
         let trim = Trim::solve(&scenario.airframe, scenario.mixer.tilt_reaction);
+        let (start, _) = start(scenario);
         let given = TrefoilSetup {
             settings_json: settings.as_ptr(),
             dt_s: scenario.sample_s(),
@@ -37,6 +39,10 @@ impl Setup {
             trim_rotor_speed: trim.actuation.rotor_speed,
             trim_tilt_rad: trim.actuation.tilt_rad,
             trim_roll_rad: trim.roll_rad,
+            start_position_m: start.position_m,
+            start_velocity_mps: start.velocity_mps,
+            start_attitude_rad: start.attitude_rad,
+            start_rates_radps: start.rates_radps,
         };
         Ok(Self { given, _settings: settings })
     }

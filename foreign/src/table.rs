@@ -47,8 +47,17 @@ impl Table {
         topic: Topic,
         layout: &Layout,
     ) -> Result<Box<dyn Engine>, String> {
+        Self::create(&table_of(handle, topic.publisher())?, scenario, topic, layout)
+    }
+
+    /// Creates the node that answers on `topic`, whose types have this `layout`, by the functions of `table`.
+    pub fn create(
+        table: &TrefoilNode,
+        scenario: &Scenario,
+        topic: Topic,
+        layout: &Layout,
+    ) -> Result<Box<dyn Engine>, String> {
         let name = topic.publisher();
-        let table = table_of(handle, name)?;
         if table.abi != TREFOIL_ABI {
             return Err(format!("it has interface {}, and this launcher has {TREFOIL_ABI}", table.abi));
         }

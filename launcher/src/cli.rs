@@ -19,7 +19,7 @@ use view::{report, trace};
 
 use crate::run_folder::{PartOfRun, with_hint};
 use crate::target::TargetArgs;
-use crate::{campaign, command, compare, fly, manage, new, replay, swap, tune};
+use crate::{campaign, command, compare, export, fly, manage, new, replay, swap, tune};
 
 #[derive(Parser)]
 #[command(name = "launcher", version, about = "Flies a tilt-rotor tricopter through separate real-time processes")]
@@ -69,6 +69,9 @@ enum Command {
     Campaign(campaign::CampaignArgs),
     /// Tune the controllers of a campaign, each with the same budget, on draws that the campaign does not use
     Tune(tune::TuneArgs),
+    /// Export the plant for other tools
+    #[command(subcommand)]
+    Export(export::Export),
     /// Measure figures of the stack, each against its target
     #[command(subcommand)]
     Measure(Measure),
@@ -92,7 +95,7 @@ enum Command {
     /// Load a library as a node, and have it answer to a few samples (the launcher starts this before a flight)
     #[command(hide = true)]
     TryLibrary {
-        /// guidance, attitude-mpc or mixer
+        /// plant, guidance, attitude-mpc or mixer
         node: String,
     },
     /// Fly with libraries for the launcher that starts this, one flight after the other
@@ -148,6 +151,7 @@ fn run() -> ExitCode {
         Command::Stop(args) => manage::stop(&args).map(|()| exit::FLOWN),
         Command::Campaign(args) => campaign::campaign(&args),
         Command::Tune(args) => tune::tune(&args),
+        Command::Export(what) => export::export(&what).map(|()| exit::FLOWN),
         Command::Measure(what) => what.run(),
         Command::TryLibrary { node } => Ok(programs::try_library(&node)),
         Command::FlyGuarded => guarded::serve().map_err(Into::into),
@@ -207,7 +211,10 @@ fn check(scenario: &std::path::Path, set: &[String]) -> anyhow::Result<u8> {
 
 fn node(name: NodeName, namespace: &str, epoch: u32, own: Option<&Path>, log: Option<PathBuf>) -> ExitCode {
     match (name, log) {
-        (NodeName::Plant, _) => run_as("plant", namespace, epoch, own, plant::run),
+        (NodeName::Plant, _) => run_as("plant", namespace, epoch, own, |session| {
+            let vehicle = nodes::vehicle(&session.scenario)?;
+            plant::run_with(session, vehicle)
+        }),
         (NodeName::Recorder, Some(log)) => recorder::main(namespace, epoch, &log),
         (NodeName::Recorder, None) => unreachable!("clap requires --log for the recorder"),
         (answering, _) => {

@@ -19,6 +19,7 @@ mod campaign;
 mod cli;
 mod command;
 mod compare;
+mod export;
 mod fly;
 mod manage;
 mod new;

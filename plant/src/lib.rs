@@ -2,6 +2,8 @@
 //!
 //! | module | holds | paper |
 //! |---|---|---|
+//! | [`vehicle`] | what the plant asks of a vehicle | |
+//! | [`tricopter`] | the vehicle of the paper, with air, ground, battery and faults | |
 //! | [`dynamics`] | forces, moments, equations of motion | (7)-(22) |
 //! | [`rotors`] | thrust, torque and angular momentum of the rotors | (15)-(22) |
 //! | [`battery`] | voltage, and its effect on commands | |
@@ -24,7 +26,7 @@
 //! ```
 //!
 //! The attitude is a quaternion; only messages have Euler angles. If the state diverges (see [`PlantStatus`]) the
-//! integration stops: time goes on, and the state no longer changes.
+//! integration stops: time goes on, and the state no longer changes. A user's vehicle can take the tricopter's place.
 
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "a test asks the platform for a second opinion"))]
 
@@ -42,133 +44,100 @@ pub mod random;
 pub mod rotors;
 pub mod schedule;
 pub mod sensors;
+pub mod tricopter;
 pub mod turbulence;
+pub mod vehicle;
 
-use airframe::{Actuation, Trim};
 use contract::Scenario;
-use contract::message::{Actuators, Arrival, Kinematics, MAX_ARRIVALS, PlantStatus, Stamp, State};
+use contract::message::{Actuators, Arrival, MAX_ARRIVALS, PlantStatus, Stamp, State};
 use contract::scenario::Fault;
 use contract::snapshot::PLANT_WORDS;
+use runtime::error::SessionError;
 
-use battery::Battery;
 use commands::CommandLine;
-use dynamics::{Dynamics, StateVector};
-use faults::Faults;
-use landing::Landing;
+use faults::sensors::SensorFaults;
 use memory::Tape;
-pub use process::run;
-use schedule::Schedule;
+pub use process::{run, run_with};
 use sensors::Sensors;
-use turbulence::{Moment, Turbulence};
+use tricopter::Tricopter;
+use vehicle::Vehicle;
 
-/// Largest position on any axis \[m\], far beyond every mission.
-const MAX_POSITION_M: f64 = 500.0;
-/// Largest body rate on any axis \[rad/s\], sixteen turns a second.
-const MAX_RATE_RADPS: f64 = 100.0;
-
-/// Simulated vehicle, advanced from sample to sample.
+/// Simulated vehicle with the time line of its commands and its sensors, advanced from sample to sample.
 #[derive(Debug, Clone)]
-pub struct Plant {
-    dynamics: Dynamics,
-    schedule: Schedule,
-    turbulence: Option<Turbulence>,
-    wind_roughness_m: f64,
-    height_zero_m: f64,
-    battery: Option<Battery>,
-    /// Take-off and landing; `None` without a ground.
-    landing: Option<Landing>,
+pub struct Plant<V: Vehicle + ?Sized = Tricopter> {
+    vehicle: Box<V>,
     commands: CommandLine,
     /// Arrivals of commands since the present sample, and their number.
     arrivals: ([Arrival; MAX_ARRIVALS], usize),
     /// Arrivals between the sample before and the present one, and their number.
     arrived: ([Arrival; MAX_ARRIVALS], usize),
     sensors: Sensors,
-    faults: Faults,
+    sensor_faults: SensorFaults,
     sample_ns: u64,
-    substep_ns: u64,
     last_tick: u64,
     tick: u64,
-    x: StateVector,
-    /// Reason for which the integration stopped, if it did.
-    diverged: Option<PlantStatus>,
 }
 
 impl Plant {
-    /// Builds the vehicle of `scenario` at the hover trim of `[airframe]`, or standing with idle rotors, displaced by
-    /// `[initial]`. The command in force holds its actuators.
+    /// Builds the plant of `scenario` with its tricopter.
     pub fn new(scenario: &Scenario) -> Self {
-        let trim = Trim::solve(&scenario.airframe, scenario.plant.tilt_reaction);
-        let initial = &scenario.initial;
-        let [roll, pitch, yaw] = initial.attitude_deg.map(f64::to_radians);
-        let (rest_rad, actuation) = if initial.standing {
-            (0.0, Actuation { rotor_speed: [scenario.idle_speed(); 3], ..trim.actuation })
-        } else {
-            (trim.roll_rad, trim.actuation)
-        };
-        let motion = Kinematics {
-            position_m: initial.position_m,
-            velocity_mps: initial.velocity_mps,
-            attitude_rad: [rest_rad + roll, pitch, yaw],
-            rates_radps: initial.rates_radps,
-        };
-        let x = dynamics::assemble(&motion, &actuation);
+        Self::with(scenario, Box::new(Tricopter::new(scenario)))
+    }
+}
+
+impl<V: Vehicle + ?Sized> Plant<V> {
+    /// Builds the plant of `scenario` with a `vehicle` at its [`start`](vehicle::start). The command in force holds its actuators.
+    pub fn with(scenario: &Scenario, vehicle: Box<V>) -> Self {
+        let (_, actuation) = vehicle::start(scenario);
         Self {
-            dynamics: Dynamics::new(scenario),
-            schedule: Schedule::new(scenario),
-            turbulence: Turbulence::new(scenario),
-            wind_roughness_m: scenario.plant.wind_roughness_m,
-            height_zero_m: scenario.plant.height_zero_m(),
-            battery: Battery::new(scenario),
-            landing: Landing::new(scenario),
+            vehicle,
             commands: CommandLine::new(scenario, actuation),
             arrivals: Default::default(),
             arrived: Default::default(),
             sensors: Sensors::new(scenario),
-            faults: Faults::new(scenario),
+            sensor_faults: SensorFaults::new(scenario),
             sample_ns: scenario.sample_ns(),
-            substep_ns: scenario.substep_ns(),
             last_tick: scenario.ticks(),
             tick: 0,
-            x,
-            diverged: divergence(&x),
         }
     }
 
     /// Updates fault `number` if it is a fault of sensors, actuators, wind or payload.
     pub fn apply_fault(&mut self, number: usize, fault: &Fault) {
-        self.faults.apply_fault(number, fault);
+        self.sensor_faults.apply_fault(number, fault);
+        self.vehicle.apply_fault(number, fault);
     }
 
     /// Writes the memory after the newest sample into `words`. Returns `false` if it does not fit, if the vehicle has
-    /// diverged, or if a sensor fault has changed measurements of the recent past that a delayed sensor may need.
+    /// diverged or keeps no memory, or if a sensor fault has changed measurements of the recent past that a delayed
+    /// sensor may need.
     pub fn memory(&mut self, words: &mut [u64; PLANT_WORDS]) -> bool {
+        if self.vehicle.diverged().is_some() {
+            return false;
+        }
         *words = [0; PLANT_WORDS];
         let mut tape = Tape::to_write(words);
         self.remember(&mut tape);
-        tape.fits() && self.diverged.is_none()
+        tape.fits()
     }
 
-    /// Continues from a memory of a vehicle of the same scenario after sample `tick`. Returns `false`, and changes
-    /// nothing, if `words` is not such a memory. [Recalled](Self::recall) samples are kept.
+    /// Continues from a memory of a plant of the same scenario after sample `tick`. Returns `false` if `words` is not
+    /// such a memory; the plant can then only be restored again. [Recalled](Self::recall) samples are kept.
     pub fn restore(&mut self, tick: u64, words: &[u64; PLANT_WORDS]) -> bool {
-        let (mut words, mut restored) = (*words, Self { tick, ..self.clone() });
+        let mut words = *words;
         let mut tape = Tape::to_read(&mut words);
-        restored.remember(&mut tape);
-        let fits = tape.fits() && restored.tick == tick && divergence(&restored.x).is_none();
-        if fits {
-            *self = restored;
-        }
-        fits
+        self.tick = tick;
+        self.remember(&mut tape);
+        tape.fits() && self.tick == tick && self.vehicle.diverged().is_none()
     }
 
     /// Stores a sample that was published before the memory to continue from; delayed sensors need it.
     pub fn recall(&mut self, returned: &State) {
-        self.faults.sensors.recall(returned.stamp.tick, &returned.measured);
+        self.sensor_faults.recall(returned.stamp.tick, &returned.measured);
     }
 
     fn remember(&mut self, tape: &mut Tape) {
         tape.word(&mut self.tick);
-        tape.numbers(&mut self.x);
         for (arrivals, arrived) in [&mut self.arrivals, &mut self.arrived] {
             tape.count(arrived, MAX_ARRIVALS);
             for Arrival { sequence, epoch, after_ns } in arrivals {
@@ -177,22 +146,19 @@ impl Plant {
                 }
             }
         }
-        self.battery.iter_mut().for_each(|battery| battery.remember(tape));
-        self.landing.iter_mut().for_each(|landing| landing.remember(tape));
-        self.turbulence.iter_mut().for_each(|turbulence| turbulence.remember(tape, self.tick));
+        self.vehicle.remember(tape, self.tick);
         self.commands.remember(tape);
         self.sensors.remember(tape);
-        self.faults.sensors.remember(tape, self.tick);
-        self.faults.actuators.remember(tape);
+        self.sensor_faults.remember(tape, self.tick);
     }
 
     /// Measures STATE at the present instant; every call draws new noise.
     ///
     /// STATE names the command in force up to this instant, not one that takes effect at it.
     pub fn sample(&mut self) -> State {
-        let actual = dynamics::kinematics(&self.x);
+        let actual = self.vehicle.motion();
         let mut measured = self.sensors.measure(self.now_ns(), &actual);
-        self.faults.sensors.inject(self.tick, &mut measured);
+        self.sensor_faults.inject(self.tick, &mut measured);
         let command = self.commands.in_force();
         let (arrivals, arrived) = self.arrived;
         State {
@@ -201,7 +167,7 @@ impl Plant {
             applied_age_ns: command.age_ns,
             measured,
             actual,
-            actuators: dynamics::actuation(&self.x).into(),
+            actuators: self.vehicle.actuators().into(),
             command_in_force: command.actuation.into(),
             status: self.status() as u64,
             arrivals,
@@ -220,60 +186,22 @@ impl Plant {
         self.commands.receive(actuators, self.now_ns().saturating_add(arrival_ns));
     }
 
-    /// Integrates to the sample `periods` later.
+    /// Moves to the sample `periods` later, piece by piece: each ends when the command in force changes, or at that
+    /// sample.
     ///
-    /// Every step ends at the next multiple of the substep, or when the command in force changes, whichever is first.
-    pub fn advance(&mut self, periods: u64) -> PlantStatus {
+    /// # Errors
+    /// The code of the vehicle has failed.
+    pub fn advance(&mut self, periods: u64) -> Result<PlantStatus, SessionError> {
         let mut now_ns = self.now_ns();
         self.tick += periods;
         self.arrived = std::mem::take(&mut self.arrivals);
-        while now_ns < self.now_ns() && self.diverged.is_none() {
+        while now_ns < self.now_ns() && self.vehicle.diverged().is_none() {
             self.commands.switch(now_ns);
-            let substep_ns = (now_ns / self.substep_ns + 1) * self.substep_ns;
-            let until_ns = substep_ns.min(self.commands.next_switch_ns()).min(self.now_ns());
-            self.integrate(now_ns, until_ns);
+            let until_ns = self.commands.next_switch_ns().min(self.now_ns());
+            self.vehicle.advance(now_ns, until_ns, &self.commands.in_force().actuation)?;
             now_ns = until_ns;
         }
-        self.status()
-    }
-
-    fn integrate(&mut self, from_ns: u64, until_ns: u64) {
-        let position = dynamics::actuation(&self.x);
-        let dt_s = (until_ns - from_ns) as f64 / 1e9;
-        let demand = self.demand();
-        let driven = self.battery.as_mut().map_or(demand, |battery| battery.drive(&demand, &position, dt_s));
-        let (command, condition) = self.faults.actuators.inject(from_ns / self.sample_ns, &position, &driven);
-        let mut scheduled = self.schedule.at(from_ns);
-        let (height_m, reference_mps) = (self.height_zero_m - self.x[2], scheduled.wind_mps);
-        let shear = turbulence::shear(height_m, self.wind_roughness_m);
-        scheduled.wind_mps.x *= shear;
-        scheduled.wind_mps.y *= shear;
-        if let Some(turbulence) = &mut self.turbulence {
-            let airspeed_mps = (dynamics::velocity_ned_mps(&self.x) - scheduled.wind_mps).norm();
-            let moment = Moment { height_m, wind_mps: reference_mps, airspeed_mps };
-            scheduled.wind_mps += turbulence.at(from_ns / self.sample_ns, &moment);
-        }
-        let mut x = integrator::step(&self.x, dt_s, |t_s, x| {
-            let outside = self.faults.environment.inject(from_ns, t_s, &scheduled);
-            self.dynamics.derivative(x, &command, &condition, &outside)
-        });
-        dynamics::normalise(&mut x);
-        self.diverged = divergence(&x).or_else(|| self.dynamics.breaks(&self.x, &x));
-        if let Some(landing) = &mut self.landing {
-            let rotor_speed = dynamics::actuation(&x).rotor_speed;
-            landing.observe(&dynamics::kinematics(&x), self.dynamics.footing(&x), rotor_speed, until_ns - from_ns);
-        }
-        self.x = x;
-    }
-
-    /// Demand on motor controllers and servo: the command in force within the limits, or no rotor speed for a cut or a
-    /// stop, which may be below the limits.
-    fn demand(&self) -> Actuation {
-        let command = self.commands.in_force();
-        let clipped = self.dynamics.clip(&command.actuation);
-        // A command of zero stops the motors instead of idling them: the mixer disarms by it.
-        let stops = command.cut || command.actuation.rotor_speed == [0.0; 3];
-        if stops { Actuation { rotor_speed: [0.0; 3], ..clipped } } else { clipped }
+        Ok(self.status())
     }
 
     fn now_ns(&self) -> u64 {
@@ -281,27 +209,7 @@ impl Plant {
     }
 
     fn status(&self) -> PlantStatus {
-        let in_time = match (self.tick < self.last_tick, &self.landing) {
-            (true, Some(landing)) => landing.in_flight(),
-            (true, None) => PlantStatus::Flying,
-            (false, Some(landing)) => landing.at_the_end(),
-            (false, None) => PlantStatus::Finished,
-        };
-        self.diverged.unwrap_or(in_time)
-    }
-}
-
-/// Bound of the simulation that the state `x` violates, if any.
-fn divergence(x: &StateVector) -> Option<PlantStatus> {
-    let (position_m, rates_radps) = (&x[0..3], &x[10..13]);
-    if !x.iter().all(|value| value.is_finite()) {
-        Some(PlantStatus::NonFinite)
-    } else if position_m.iter().any(|value| value.abs() > MAX_POSITION_M) {
-        Some(PlantStatus::TooFar)
-    } else if rates_radps.iter().any(|value| value.abs() > MAX_RATE_RADPS) {
-        Some(PlantStatus::TooFast)
-    } else {
-        None
+        self.vehicle.diverged().unwrap_or_else(|| self.vehicle.phase(self.tick >= self.last_tick))
     }
 }
 

@@ -8,7 +8,7 @@ use std::collections::VecDeque;
 use rand_chacha::ChaCha8Rng;
 
 /// First word of a memory: its type, and the version of its layout.
-const NAME: u64 = u64::from_be_bytes(*b"vehicle1");
+const NAME: u64 = u64::from_be_bytes(*b"vehicle2");
 
 /// Cursor over the words of a memory.
 pub struct Tape<'a> {
@@ -38,6 +38,11 @@ impl<'a> Tape<'a> {
     /// Returns whether there was room for all words so far, and all values read were valid.
     pub fn fits(&self) -> bool {
         self.fits
+    }
+
+    /// Returns whether values are read from the words.
+    pub fn reads(&self) -> bool {
+        self.reads
     }
 
     /// Marks the memory as invalid.

@@ -1,11 +1,13 @@
 #![expect(clippy::float_cmp, reason = "what is only copied, or flown twice alike, must agree to the last bit")]
 
-use airframe::Actuation;
-use contract::message::ActuationMsg;
+use airframe::{Actuation, Trim};
+use contract::message::{ActuationMsg, Kinematics};
 use contract::scenario::Profile;
 use proptest::prelude::*;
 use serde_json::Value;
 
+use super::dynamics::StateVector;
+use super::tricopter::divergence;
 use super::*;
 
 const MS: u64 = 1_000_000;
@@ -72,16 +74,16 @@ fn val_plant_cases() {
         scenario.plant.tilt_reaction = case["plant"]["tilt_reaction"] == true;
         scenario.plant.wind_ned_mps = vec![(0.0, numbers(&case["wind_ned"]))];
         let mut plant = Plant::new(&scenario);
-        plant.x = from_euler(&numbers(&case["x0"]));
+        plant.vehicle.x = from_euler(&numbers(&case["x0"]));
         let duration_s = case["T"].as_f64().expect("a duration");
         for period in 1..=(duration_s / 0.01).round() as u64 {
             plant.command(&message(period, numbers(&case["cmd"])), 0);
-            plant.advance(1);
+            plant.advance(1).unwrap();
         }
 
         let name = case["name"].as_str().expect("a name");
-        let same_method = difference(&to_euler(&plant.x), &numbers(&case["x_rk4_1ms"]));
-        let exact = difference(&to_euler(&plant.x), &numbers(&case["x_dop853"]));
+        let same_method = difference(&to_euler(&plant.vehicle.x), &numbers(&case["x_rk4_1ms"]));
+        let exact = difference(&to_euler(&plant.vehicle.x), &numbers(&case["x_dop853"]));
         let tolerance = if name.starts_with("rate_limited") { 1e-5 } else { 1e-6 };
         assert!(same_method < 1e-9, "{name}: {same_method:e} from the same method with Euler angles");
         assert!(exact < tolerance, "{name}: {exact:e} from the exact solution");
@@ -94,12 +96,12 @@ fn hover_stays_put() {
         let mut scenario = scenario();
         scenario.plant.tilt_reaction = tilt_reaction;
         let mut plant = Plant::new(&scenario);
-        let start = plant.x;
+        let start = plant.vehicle.x;
         for period in 1..=200 {
             plant.command(&message(period, [start[13], start[14], start[15], start[16]]), 0);
-            assert_eq!(plant.advance(1), PlantStatus::Flying);
+            assert_eq!(plant.advance(1).unwrap(), PlantStatus::Flying);
         }
-        assert!(difference(&to_euler(&plant.x), &to_euler(&start)) < 1e-9);
+        assert!(difference(&to_euler(&plant.vehicle.x), &to_euler(&start)) < 1e-9);
     }
 }
 
@@ -132,10 +134,10 @@ fn state_names_the_command_that_was_in_force_up_to_it() {
     let mut plant = Plant::new(&scenario);
     plant.sample();
     plant.command(&message(1, faster(0.01)), 0);
-    plant.advance(1);
+    plant.advance(1).unwrap();
     let at_effect = plant.sample();
     assert_eq!(at_effect.applied_sequence, 0, "it takes effect at this very instant, not before");
-    plant.advance(1);
+    plant.advance(1).unwrap();
     let after = plant.sample();
     assert_eq!((after.applied_sequence, after.applied_age_ns), (1, 10 * MS));
     assert_eq!(after.command_in_force, message(1, faster(0.01)).command);
@@ -148,7 +150,7 @@ fn a_command_acts_from_its_arrival_on() {
         let mut plant = Plant::new(&scenario());
         let from = plant.sample().actuators.rotor_speed[0];
         plant.command(&message(1, faster(0.05)), arrival_ns);
-        plant.advance(1);
+        plant.advance(1).unwrap();
         let acted_s = (10 * MS - arrival_ns) as f64 / 1e9;
         let expected = from * (1.05 - 0.05 * (-acted_s / 0.03).exp());
         let state = plant.sample();
@@ -161,10 +163,10 @@ fn a_command_acts_from_its_arrival_on() {
 fn a_command_may_arrive_periods_later() {
     let mut plant = Plant::new(&scenario());
     plant.command(&message(1, faster(0.05)), 25 * MS);
-    plant.advance(2);
+    plant.advance(2).unwrap();
     assert_eq!(plant.sample().applied_sequence, 0);
-    assert_eq!(plant.x[13].to_bits(), faster(0.0)[0].to_bits());
-    plant.advance(1);
+    assert_eq!(plant.vehicle.x[13].to_bits(), faster(0.0)[0].to_bits());
+    plant.advance(1).unwrap();
     assert_eq!((plant.sample().applied_sequence, plant.sample().applied_age_ns), (1, 25 * MS));
 }
 
@@ -178,9 +180,9 @@ fn a_delay_of_whole_substeps_adds_no_integration_steps() {
         let mut plant = Plant::new(&scenario);
         for k in 0..20 {
             plant.command(&message(k + 1, faster(0.01 * k as f64)), arrival_ms * MS);
-            plant.advance(1);
+            plant.advance(1).unwrap();
         }
-        plant.x
+        plant.vehicle.x
     };
     assert_eq!(fly(7, 0), fly(0, 7));
     assert_eq!(fly(23, 4), fly(0, 27));
@@ -194,9 +196,9 @@ fn several_periods_at_once_are_the_same_flight() {
         plant.command(&message(1, faster(0.02)), 4 * MS);
     }
     for _ in 0..7 {
-        one_by_one.advance(1);
+        one_by_one.advance(1).unwrap();
     }
-    at_once.advance(7);
+    at_once.advance(7).unwrap();
     // A sample reports the commands since the sample before it, which was seven periods ago for one of them.
     let (one, other) = (one_by_one.sample(), at_once.sample());
     assert_eq!((one.arrived, other.arrived, other.arrivals[0].after_ns), (0, 1, 4 * MS));
@@ -208,7 +210,7 @@ fn a_command_beyond_the_limits_is_followed_to_the_limit() {
     let mut plant = Plant::new(&scenario());
     plant.command(&message(1, [1e6, -1e6, 1e6, 9.0]), 0);
     for _ in 0..20 {
-        plant.advance(1);
+        plant.advance(1).unwrap();
     }
     let limits = scenario().limits();
     let actuators = plant.sample().actuators;
@@ -222,7 +224,7 @@ fn the_run_finishes_on_its_last_sample() {
     let mut scenario = scenario();
     scenario.run.duration_s = 0.05;
     let mut plant = Plant::new(&scenario);
-    let status: Vec<PlantStatus> = (0..5).map(|_| plant.advance(1)).collect();
+    let status: Vec<PlantStatus> = (0..5).map(|_| plant.advance(1).unwrap()).collect();
     assert!(status[..4].iter().all(|s| *s == PlantStatus::Flying));
     assert_eq!(status[4], PlantStatus::Finished);
     assert_eq!(plant.sample().status, PlantStatus::Finished as u64);
@@ -234,12 +236,12 @@ fn a_flight_that_has_ended_stays_ended() {
     scenario.initial.rates_radps = [0.0, 99.0, 0.0];
     scenario.plant.disturbance = vec![(0.0, [0.0; 3], [0.0, 1.0, 0.0])];
     let mut plant = Plant::new(&scenario);
-    let ticks = (1..100).find(|_| plant.advance(1).diverged()).expect("it turns ever faster");
+    let ticks = (1..100).find(|_| plant.advance(1).unwrap().diverged()).expect("it turns ever faster");
     let state = plant.sample();
     assert_eq!(PlantStatus::from_wire(state.status), Some(PlantStatus::TooFast));
     assert_eq!(state.stamp.tick, ticks);
-    assert!(plant.x.iter().all(|value| value.is_finite()));
-    assert_eq!(plant.advance(3), PlantStatus::TooFast);
+    assert!(plant.vehicle.x.iter().all(|value| value.is_finite()));
+    assert_eq!(plant.advance(3).unwrap(), PlantStatus::TooFast);
     let later = plant.sample();
     assert_eq!((later.stamp.tick, later.actual), (ticks + 3, state.actual), "time passes and nothing moves");
 }
@@ -247,7 +249,7 @@ fn a_flight_that_has_ended_stays_ended() {
 #[test]
 fn every_divergence_has_its_own_status() {
     let lost = |index: usize, value: f64| {
-        let mut x = Plant::new(&scenario()).x;
+        let mut x = Plant::new(&scenario()).vehicle.x;
         x[index] = value;
         divergence(&x)
     };
@@ -272,8 +274,8 @@ proptest! {
         let mut plant = Plant::new(&scenario);
         for (k, (command, arrival_ns)) in commands.into_iter().enumerate() {
             plant.command(&message(k as u64 + 1, command), arrival_ns);
-            let status = plant.advance(1);
-            let finite = plant.x.iter().all(|value| value.is_finite());
+            let status = plant.advance(1).unwrap();
+            let finite = plant.vehicle.x.iter().all(|value| value.is_finite());
             prop_assert!(finite || status.diverged());
         }
     }
@@ -290,7 +292,7 @@ proptest! {
             let mut plant = Plant::new(&scenario);
             (0..20).map(|k| {
                 plant.command(&message(k + 1, faster(thrust)), MS);
-                plant.advance(1);
+                plant.advance(1).unwrap();
                 plant.sample()
             }).collect::<Vec<State>>()
         };
@@ -309,8 +311,8 @@ fn blown(roughness_m: f64, ground_m: Option<f64>, wind_ned_mps: [f64; 3]) -> [f6
     }
     scenario.initial.position_m = [0.0, 0.0, ground_m.unwrap_or(0.0) - turbulence::REFERENCE_HEIGHT_M];
     let mut plant = Plant::new(&scenario);
-    plant.advance(10);
-    dynamics::velocity_ned_mps(&plant.x).into()
+    plant.advance(10).unwrap();
+    dynamics::velocity_ned_mps(&plant.vehicle.x).into()
 }
 
 #[test]
@@ -330,8 +332,8 @@ fn shear_leaves_the_vertical_wind_alone() {
         let mut scenario = scenario.clone();
         scenario.plant.wind_roughness_m = roughness_m;
         let mut plant = Plant::new(&scenario);
-        plant.advance(10);
-        dynamics::velocity_ned_mps(&plant.x).z
+        plant.advance(10).unwrap();
+        dynamics::velocity_ned_mps(&plant.vehicle.x).z
     };
     assert!(sink(0.0) > 0.1 && sink(0.05) == sink(0.0), "{} and {}", sink(0.05), sink(0.0));
 }
@@ -376,14 +378,14 @@ fn a_vehicle_with_the_memory_of_another_continues_its_flight_bit_for_bit() {
                 assert!(successor.restore(tick, &memory), "{}", scenario.name);
                 let mut again = [0; PLANT_WORDS];
                 assert!(successor.memory(&mut again) && again == memory, "{}", scenario.name);
-                assert!(!successor.restore(tick + 1, &memory), "of another sample");
+                assert!(!Plant::new(&scenario).restore(tick + 1, &memory), "of another sample");
                 successors.push((tick, successor));
             }
             let mut command = message(tick + 1, faster(0.02 * (tick as f64 / 7.0).sin()));
             command.stamp.tick = tick;
             for plant in std::iter::once(&mut plant).chain(successors.iter_mut().map(|(_, successor)| successor)) {
                 plant.command(&command, 2 * MS);
-                plant.advance(1);
+                plant.advance(1).unwrap();
             }
         }
         assert!(!successors.is_empty(), "{}", scenario.name);
@@ -398,7 +400,7 @@ proptest! {
     ) {
         let scenario = &vehicles()[which];
         let mut plant = Plant::new(scenario);
-        plant.advance(40);
+        plant.advance(40).unwrap();
         plant.sample();
         let mut memory = [0; PLANT_WORDS];
         prop_assume!(plant.memory(&mut memory));
@@ -406,7 +408,7 @@ proptest! {
             memory[at] = word;
         }
         if plant.restore(40, &memory) {
-            plant.advance(20);
+            plant.advance(20).unwrap();
             plant.sample();
         }
     }

@@ -43,24 +43,12 @@ enum Phase {
 impl TrefoilSession {
     fn join(node: &str, arguments: &[&str]) -> Result<Self, Failure> {
         let topic = topic_of(node)?;
-        let after = |option: &str| arguments.iter().rposition(|word| *word == option).map(|i| arguments.get(i + 1));
-        let option = |name: &str| after(name).flatten().copied();
-        let namespace = option("--namespace").ok_or_else(|| {
-            Failure::of_usage(format!(
-                "the launcher has not started this program: there is no `--namespace NAME` in its arguments; give its \
-                 file as `exec` of [node.{node}] in a scenario, and fly that"
-            ))
-        })?;
-        let epoch = option("--epoch").map_or(Some(1), |word| word.parse().ok().filter(|epoch| *epoch > 0));
-        let epoch = epoch.ok_or_else(|| Failure::of_usage("`--epoch` is no number above 0"))?;
-        die_with_launcher(namespace)?;
-        let mut session = NodeSession::join(namespace, node, epoch, option("--settings").map(Path::new))?;
+        let mut session = joined(node, arguments)?;
         let setup = Setup::new(&session.scenario, topic).map_err(Failure::of_usage)?;
         let node = session.open(foreign::open_asked)?;
         let sizes = foreign::sizes(topic).unwrap_or_default();
         Ok(Self { phase: Phase::Joined(session), node, sizes, setup, due: None, error: CString::default() })
     }
-
     /// Copies the memory of the process before this one to `memory`; returns its size, 0 if it left none.
     fn take_over(&mut self, memory: &mut [u8]) -> Result<usize, Failure> {
         let Phase::Joined(session) = &self.phase else {
@@ -117,6 +105,22 @@ impl TrefoilSession {
             -i32::from(exit_code)
         })
     }
+}
+
+/// Joins the run that the launcher has started this program for, as `node`, by the launcher's arguments among these.
+pub fn joined(node: &str, arguments: &[&str]) -> Result<NodeSession, Failure> {
+    let after = |option: &str| arguments.iter().rposition(|word| *word == option).map(|i| arguments.get(i + 1));
+    let option = |name: &str| after(name).flatten().copied();
+    let namespace = option("--namespace").ok_or_else(|| {
+        Failure::of_usage(format!(
+            "the launcher has not started this program: there is no `--namespace NAME` in its arguments; give its \
+             file as `exec` of [node.{node}] in a scenario, and fly that"
+        ))
+    })?;
+    let epoch = option("--epoch").map_or(Some(1), |word| word.parse().ok().filter(|epoch| *epoch > 0));
+    let epoch = epoch.ok_or_else(|| Failure::of_usage("`--epoch` is no number above 0"))?;
+    die_with_launcher(namespace)?;
+    Ok(NodeSession::join(namespace, node, epoch, option("--settings").map(Path::new))?)
 }
 
 /// Joins the run that the launcher has started this program for, as `node`: `guidance`, `attitude-mpc` or `mixer`. Give

@@ -1,5 +1,7 @@
 //! Faults of the plant: sensors, actuators, air and payload.
 //!
+//! The plant has the faults of the sensors, and the tricopter those of the true vehicle.
+//!
 //! | module | targets | kinds | acts on |
 //! |---|---|---|---|
 //! | [`sensors`] | position velocity attitude rates | off stuck garbage wrong slow delayed intermittent noise | STATE |
@@ -17,42 +19,6 @@ pub mod actuators;
 pub mod environment;
 mod memory;
 pub mod sensors;
-
-use contract::Scenario;
-use contract::scenario::Fault;
-
-use actuators::ActuatorFaults;
-use environment::EnvironmentFaults;
-use sensors::SensorFaults;
-
-/// Faults of the plant in a run.
-#[derive(Debug, Clone)]
-pub struct Faults {
-    /// Faults of the four measured quantities.
-    pub sensors: SensorFaults,
-    /// Faults of the three rotors and the tilt servo.
-    pub actuators: ActuatorFaults,
-    /// Faults of wind and payload.
-    pub environment: EnvironmentFaults,
-}
-
-impl Faults {
-    /// Builds the faults of `scenario`.
-    pub fn new(scenario: &Scenario) -> Self {
-        Self {
-            sensors: SensorFaults::new(scenario),
-            actuators: ActuatorFaults::new(scenario),
-            environment: EnvironmentFaults::new(scenario),
-        }
-    }
-
-    /// Updates fault `number` as in [`contract::fault_schedule::FaultSchedule::apply_fault`].
-    pub fn apply_fault(&mut self, number: usize, fault: &Fault) {
-        self.sensors.apply_fault(number, fault);
-        self.actuators.apply_fault(number, fault);
-        self.environment.apply_fault(number, fault);
-    }
-}
 
 #[cfg(test)]
 mod tests;

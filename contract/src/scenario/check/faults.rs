@@ -5,7 +5,7 @@ use toml::Value;
 use super::found::Found;
 use super::idle;
 use crate::scenario::{
-    Constraints, Fault, FaultKind, FaultTarget, Law, MAX_FAULT_MS, MAX_FAULT_S, Mode, Plant, Scenario,
+    Constraints, Fault, FaultKind, FaultTarget, Law, MAX_FAULT_MS, MAX_FAULT_S, Mode, Plant, ProgramKind, Scenario,
 };
 
 /// Largest number of bits flipped in a corrupt message: more than any message has.
@@ -23,6 +23,7 @@ const MAX_ERROR: f64 = 1e6;
 pub fn check(scenario: &Scenario, fault: &Fault, found: &mut Found) {
     check_sizes(fault, found);
     check_air(fault, &scenario.plant, found);
+    check_vehicle(fault, scenario, found);
     check_surroundings(fault, scenario.run.mode, found);
     let (at_s, for_s) = (fault.at_s, fault.for_s.unwrap_or(0.0));
     found.require(
@@ -113,6 +114,18 @@ fn check_air(fault: &Fault, plant: &Plant, found: &mut Found) {
         &["fault", "plant.drag_linear_nspm", "plant.drag_quadratic_ns2pm2"],
         "a wind that a vehicle without drag does not feel".into(),
         "drag, for instance `plant.drag_linear_nspm` = [0.2, 0.2, 0.1]",
+    );
+}
+
+/// Requires the launcher's own vehicle for a fault of actuators, wind or payload: no fault reaches into a library.
+fn check_vehicle(fault: &Fault, scenario: &Scenario, found: &mut Found) {
+    let is_of_vehicle =
+        fault.target.is_an_actuator() || matches!(fault.target, FaultTarget::Wind | FaultTarget::Payload);
+    found.require(
+        !is_of_vehicle || scenario.node.plant.kind() != ProgramKind::Library,
+        &["fault", "node.plant.exec"],
+        format!("a fault of {} where the plant is a library", fault.target.name()),
+        "faults of sensors, topics and processes, or `node.plant.exec` = \"\"",
     );
 }
 

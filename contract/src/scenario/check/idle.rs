@@ -17,7 +17,7 @@
 use toml::{Table, Value};
 
 use super::found::Found;
-use crate::scenario::{Constraints, Filter, Law, Scenario, StateConstraints, TrajectoryKind};
+use crate::scenario::{Constraints, Filter, Law, ProgramKind, Scenario, StateConstraints, TrajectoryKind};
 
 /// Setting that decides whether others are read.
 struct Switch {
@@ -29,7 +29,7 @@ struct Switch {
     on: &'static str,
 }
 
-const SWITCHES: [Switch; 12] = [
+const SWITCHES: [Switch; 13] = [
     Switch {
         settings: &["mission.waypoints_m", "mission.times_s"],
         key: "mission.trajectory",
@@ -92,6 +92,24 @@ const SWITCHES: [Switch; 12] = [
         key: "plant.battery.energy_wh",
         is_on: |scenario| scenario.plant.battery.energy_wh > 0.0,
         on: "an energy above 0",
+    },
+    Switch {
+        settings: &[
+            "plant.substep_s",
+            "plant.tilt_reaction",
+            "plant.rotor_effectiveness",
+            "plant.wind_ned_mps",
+            "plant.wind_roughness_m",
+            "plant.turbulence",
+            "plant.disturbance",
+            "plant.airframe",
+            "plant.rotor",
+            "plant.battery",
+            "plant.ground",
+        ],
+        key: "node.plant.exec",
+        is_on: |scenario| scenario.node.plant.kind() != ProgramKind::Library,
+        on: "\"\"",
     },
     Switch {
         settings: &["plant.sensors.filter_radps"],

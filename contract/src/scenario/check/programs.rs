@@ -36,11 +36,5 @@ pub fn check(scenario: &Scenario, found: &mut Found) {
             format!("`{}` is a program of its own, and in process there is none", key("exec")),
             "`run.mode` = \"lockstep\" or \"realtime\", or a library (`.so`)",
         );
-        found.require(
-            kind != ProgramKind::Library || topic != Topic::State,
-            &[&key("exec")],
-            format!("`{}` is a library, which the plant cannot be", key("exec")),
-            "a program of its own",
-        );
     }
 }

@@ -11,6 +11,7 @@ use contract::scenario::{Scenario, candidate};
 use contract::snapshot::PLANT_WORDS;
 use contract::topic::Topic;
 use plant::Plant;
+use plant::vehicle::Vehicle;
 use runtime::error::SessionError;
 use runtime::input::Input;
 use runtime::node::{Asked, Open};
@@ -20,6 +21,7 @@ use runtime::shared_role::Origin;
 use super::Flown;
 use super::workers::{Ring, Workers};
 use crate::log::{Memory, Record};
+use crate::nodes;
 use crate::recorder::Observers;
 use crate::roles::driver::Order;
 use crate::roles::role::{self, Action, RoleInput};
@@ -36,7 +38,7 @@ pub struct Stepped {
     ring: Ring,
     observers: Observers,
     roles: Simulated,
-    plant: Plant,
+    plant: Plant<dyn Vehicle>,
     states: Output<State>,
     commands: Input<Actuators>,
     /// Nodes that answer, in the order of [`TOPICS`].
@@ -65,7 +67,7 @@ impl Stepped {
             scenario: scenario.clone(),
             observers,
             roles: Simulated::new(scenario),
-            plant: Plant::new(scenario),
+            plant: Plant::with(scenario, nodes::vehicle(scenario)?),
             states,
             commands,
             ring,
@@ -145,7 +147,10 @@ impl Stepped {
         if let Some(command) = command {
             self.plant.command(command, command.stamp.held_ns);
         }
-        self.plant.advance(1);
+        if let Err(error) = self.plant.advance(1) {
+            self.failures.push(format!("plant 1, tick {}: {error}", self.sample.0.stamp.tick + 1));
+            return Some(Ended::Lost("plant".into()));
+        }
         None
     }
 

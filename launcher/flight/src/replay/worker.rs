@@ -8,6 +8,7 @@ use contract::message::{Actuators, Controls, Reference, Stamp, State};
 use contract::scenario::{Fault, Scenario};
 use contract::snapshot::Snapshot;
 use plant::Plant;
+use plant::vehicle::Vehicle;
 use runtime::error::SessionError;
 use runtime::member::Member;
 use runtime::node::Node;
@@ -35,13 +36,13 @@ pub struct Worker {
 }
 
 enum Core {
-    Plant(Box<Vehicle>),
+    Plant(Box<Sampler>),
     Node(Box<dyn Node>),
 }
 
 /// Plant with its output, and the tick of its newest sample.
-struct Vehicle {
-    plant: Plant,
+struct Sampler {
+    plant: Plant<dyn Vehicle>,
     output: Output<State>,
     tick: u64,
 }
@@ -85,7 +86,8 @@ impl Worker {
         let mut core = match topic {
             Topic::State => {
                 let output = Output::open(&mut ports, &member, &scenario)?;
-                Core::Plant(Box::new(Vehicle { plant: Plant::new(&scenario), output, tick: 0 }))
+                let plant = Plant::with(&scenario, nodes::vehicle(&scenario)?);
+                Core::Plant(Box::new(Sampler { plant, output, tick: 0 }))
             }
             _ => Core::Node(nodes::open(&mut ports, &member, &scenario)?),
         };
@@ -111,8 +113,8 @@ impl Worker {
 
     /// Gives the plant a command that arrives `after_ns` after its last sample.
     pub fn command(&mut self, command: &Actuators, after_ns: u64) {
-        if let Core::Plant(vehicle) = &mut self.core {
-            vehicle.plant.command(command, after_ns);
+        if let Core::Plant(sampler) = &mut self.core {
+            sampler.plant.command(command, after_ns);
         }
     }
 
@@ -140,11 +142,11 @@ impl Worker {
         let read_ns = faults.read_ns(cycle.tick, cycle.publish_ns);
         let provenance = Stamp::at(cycle.tick, cycle.sample_ns);
         match &mut self.core {
-            Core::Plant(vehicle) => {
-                let Vehicle { plant, output, tick } = &mut **vehicle;
+            Core::Plant(sampler) => {
+                let Sampler { plant, output, tick } = &mut **sampler;
                 let known = output.known(known.map(Record::as_any));
                 if known.is_none() {
-                    plant.advance(cycle.tick - *tick);
+                    plant.advance(cycle.tick - *tick)?;
                 }
                 *tick = cycle.tick;
                 faults.update();
@@ -177,8 +179,8 @@ impl Worker {
     /// Continues from what the process remembered in the flight; returns false if `memory` does not fit it.
     pub fn restore(&mut self, memory: &Memory) -> bool {
         match &mut self.core {
-            Core::Plant(vehicle) => {
-                memory.padded().is_some_and(|words| vehicle.plant.restore(memory.origin.done - 1, &words))
+            Core::Plant(sampler) => {
+                memory.padded().is_some_and(|words| sampler.plant.restore(memory.origin.done - 1, &words))
             }
             Core::Node(node) => memory.padded().is_some_and(|words| {
                 node.restore(&words);

@@ -35,7 +35,7 @@ fn fly(change: impl Fn(&mut Scenario)) -> Vec<State> {
         let command = actuation(trim.map(|position| position * share)).into();
         let stamp = Stamp { sequence: k + 1, ..Stamp::default() };
         plant.command(&Actuators { stamp, command, flags: 0 }, 3_000_000);
-        plant.advance(1);
+        plant.advance(1).unwrap();
         plant.sample()
     };
     (0..40).map(&mut sample).collect()

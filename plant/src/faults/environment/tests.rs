@@ -63,7 +63,7 @@ fn a_gust_goes_on_inside_a_step() {
         scenario.plant.rotor_effectiveness = [0.0; 3];
         scenario.fault = vec![Fault::new(FaultTarget::Wind, FaultKind::Gust, 0.1, Some(0.2))];
         let mut plant = Plant::new(&scenario);
-        plant.advance(40);
+        plant.advance(40).unwrap();
         plant.sample().actual.position_m[0]
     };
     let (coarse, fine) = (fly(0.01), fly(0.001));
@@ -91,9 +91,9 @@ fn a_payload_sinks_by_its_share_of_gravity() {
         Scenario { fault: vec![Fault::new(FaultTarget::Payload, FaultKind::Mass, 0.1, None)], ..Scenario::default() };
     let mut plant = Plant::new(&scenario);
     let (mass, payload) = (scenario.airframe.mass_kg, PAYLOAD_KG);
-    plant.advance(10);
+    plant.advance(10).unwrap();
     assert!(plant.sample().actual.velocity_mps.iter().all(|v| v.abs() < 1e-9), "not before it is taken up");
-    plant.advance(20);
+    plant.advance(20).unwrap();
     let motion = plant.sample().actual;
     let sunk = 0.5 * scenario.airframe.g_mps2 * payload / (mass + payload) * 0.2 * 0.2;
     assert!((motion.position_m[2] - sunk).abs() < 1e-9, "{} instead of {sunk}", motion.position_m[2]);

@@ -1,0 +1,152 @@
+//! Vehicle of the paper with all that acts on it: actuators, air, ground, battery, and their faults.
+
+use airframe::Actuation;
+use contract::Scenario;
+use contract::message::{Kinematics, PlantStatus};
+use contract::scenario::Fault;
+use runtime::error::SessionError;
+
+use crate::battery::Battery;
+use crate::dynamics::{self, Dynamics, StateVector};
+use crate::faults::actuators::ActuatorFaults;
+use crate::faults::environment::EnvironmentFaults;
+use crate::integrator;
+use crate::landing::Landing;
+use crate::memory::Tape;
+use crate::schedule::Schedule;
+use crate::turbulence::{self, Moment, Turbulence};
+use crate::vehicle::{self, Vehicle};
+
+/// Tilt-rotor tricopter of the scenario.
+#[derive(Debug, Clone)]
+pub struct Tricopter {
+    dynamics: Dynamics,
+    schedule: Schedule,
+    turbulence: Option<Turbulence>,
+    wind_roughness_m: f64,
+    height_zero_m: f64,
+    battery: Option<Battery>,
+    /// Take-off and landing; `None` without a ground.
+    landing: Option<Landing>,
+    actuator_faults: ActuatorFaults,
+    environment_faults: EnvironmentFaults,
+    sample_ns: u64,
+    substep_ns: u64,
+    pub(crate) x: StateVector,
+    /// Reason for which the integration stopped, if it did.
+    diverged: Option<PlantStatus>,
+}
+
+impl Tricopter {
+    /// Builds the vehicle of `scenario` at its [`start`](vehicle::start).
+    pub fn new(scenario: &Scenario) -> Self {
+        let (motion, actuators) = vehicle::start(scenario);
+        let x = dynamics::assemble(&motion, &actuators);
+        Self {
+            dynamics: Dynamics::new(scenario),
+            schedule: Schedule::new(scenario),
+            turbulence: Turbulence::new(scenario),
+            wind_roughness_m: scenario.plant.wind_roughness_m,
+            height_zero_m: scenario.plant.height_zero_m(),
+            battery: Battery::new(scenario),
+            landing: Landing::new(scenario),
+            actuator_faults: ActuatorFaults::new(scenario),
+            environment_faults: EnvironmentFaults::new(scenario),
+            sample_ns: scenario.sample_ns(),
+            substep_ns: scenario.substep_ns(),
+            x,
+            diverged: divergence(&x),
+        }
+    }
+
+    fn integrate(&mut self, from_ns: u64, until_ns: u64, command: &Actuation) {
+        let position = dynamics::actuation(&self.x);
+        let dt_s = (until_ns - from_ns) as f64 / 1e9;
+        let demand = self.demand(command);
+        let driven = self.battery.as_mut().map_or(demand, |battery| battery.drive(&demand, &position, dt_s));
+        let (command, condition) = self.actuator_faults.inject(from_ns / self.sample_ns, &position, &driven);
+        let mut scheduled = self.schedule.at(from_ns);
+        let (height_m, reference_mps) = (self.height_zero_m - self.x[2], scheduled.wind_mps);
+        let shear = turbulence::shear(height_m, self.wind_roughness_m);
+        scheduled.wind_mps.x *= shear;
+        scheduled.wind_mps.y *= shear;
+        if let Some(turbulence) = &mut self.turbulence {
+            let airspeed_mps = (dynamics::velocity_ned_mps(&self.x) - scheduled.wind_mps).norm();
+            let moment = Moment { height_m, wind_mps: reference_mps, airspeed_mps };
+            scheduled.wind_mps += turbulence.at(from_ns / self.sample_ns, &moment);
+        }
+        let mut x = integrator::step(&self.x, dt_s, |t_s, x| {
+            let outside = self.environment_faults.inject(from_ns, t_s, &scheduled);
+            self.dynamics.derivative(x, &command, &condition, &outside)
+        });
+        dynamics::normalise(&mut x);
+        self.diverged = divergence(&x).or_else(|| self.dynamics.breaks(&self.x, &x));
+        if let Some(landing) = &mut self.landing {
+            let rotor_speed = dynamics::actuation(&x).rotor_speed;
+            landing.observe(&dynamics::kinematics(&x), self.dynamics.footing(&x), rotor_speed, until_ns - from_ns);
+        }
+        self.x = x;
+    }
+
+    /// Demand on motor controllers and servo: the command in force within the limits, or no rotor speed for a cut or a
+    /// stop, which may be below the limits.
+    fn demand(&self, command: &Actuation) -> Actuation {
+        let clipped = self.dynamics.clip(command);
+        // A command of zero stops the motors instead of idling them: the mixer disarms by it.
+        if command.rotor_speed == [0.0; 3] { Actuation { rotor_speed: [0.0; 3], ..clipped } } else { clipped }
+    }
+}
+
+impl Vehicle for Tricopter {
+    /// Integrates; every step ends at the next multiple of the substep, the last one at `until_ns`.
+    fn advance(&mut self, from_ns: u64, until_ns: u64, command: &Actuation) -> Result<(), SessionError> {
+        let mut now_ns = from_ns;
+        while now_ns < until_ns && self.diverged.is_none() {
+            let substep_ns = (now_ns / self.substep_ns + 1) * self.substep_ns;
+            let end_ns = substep_ns.min(until_ns);
+            self.integrate(now_ns, end_ns, command);
+            now_ns = end_ns;
+        }
+        Ok(())
+    }
+
+    fn motion(&self) -> Kinematics {
+        dynamics::kinematics(&self.x)
+    }
+
+    fn actuators(&self) -> Actuation {
+        dynamics::actuation(&self.x)
+    }
+
+    fn diverged(&self) -> Option<PlantStatus> {
+        self.diverged
+    }
+
+    fn phase(&self, is_over: bool) -> PlantStatus {
+        match (is_over, &self.landing) {
+            (false, Some(landing)) => landing.in_flight(),
+            (false, None) => PlantStatus::Flying,
+            (true, Some(landing)) => landing.at_the_end(),
+            (true, None) => PlantStatus::Finished,
+        }
+    }
+
+    fn apply_fault(&mut self, number: usize, fault: &Fault) {
+        self.actuator_faults.apply_fault(number, fault);
+        self.environment_faults.apply_fault(number, fault);
+    }
+
+    fn remember(&mut self, tape: &mut Tape, tick: u64) {
+        tape.numbers(&mut self.x);
+        self.diverged = divergence(&self.x);
+        self.battery.iter_mut().for_each(|battery| battery.remember(tape));
+        self.landing.iter_mut().for_each(|landing| landing.remember(tape));
+        self.turbulence.iter_mut().for_each(|turbulence| turbulence.remember(tape, tick));
+        self.actuator_faults.remember(tape);
+    }
+}
+
+/// Bound of the simulation that the state `x` violates, if any.
+pub(crate) fn divergence(x: &StateVector) -> Option<PlantStatus> {
+    vehicle::divergence(x, &x[0..3], &x[10..13])
+}
