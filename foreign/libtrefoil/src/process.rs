@@ -2,7 +2,8 @@
 //! node; it joins the run, and answers to one sample after the other.
 //!
 //! ```text
-//! trefoil_join -> trefoil_setup, trefoil_memory -> { trefoil_next -> trefoil_remember, trefoil_send }... -> trefoil_leave
+//! trefoil_join -> trefoil_setup, trefoil_memory
+//!              -> { trefoil_next -> trefoil_remember, trefoil_send }... -> trefoil_leave
 //! ```
 //!
 //! The session is the one of every node: deadline, faults, trial, timing and replay see no difference.
@@ -255,7 +256,7 @@ pub unsafe extern "C" fn trefoil_error(session: *const TrefoilSession) -> *const
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trefoil_leave(session: *mut TrefoilSession) {
     if !session.is_null() {
-        // SAFETY: the session is a box that `trefoil_join` gave away. A panic while it is freed has no one to tell.
+        // SAFETY: the session is a box that `trefoil_join` gave away. A panic while it is freed is dropped.
         let _ = guarded(|| unsafe { Ok(drop(Box::from_raw(session))) });
     }
 }

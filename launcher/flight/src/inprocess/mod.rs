@@ -61,7 +61,9 @@ fn fly_ring(
         if !ring.begin()? {
             return Ok(ring.over(Ended::Lost("plant".into())));
         }
-        TOPICS.into_iter().for_each(|topic| ring.answer(topic));
+        for topic in TOPICS {
+            ring.answer(topic);
+        }
         ring.memories().iter().for_each(&mut remember);
         if let Some(ended) = ring.end(&mut watch) {
             return Ok(ring.over(ended));
