@@ -25,7 +25,7 @@ use runtime::member::Member;
 use runtime::node::Node;
 use runtime::ports::Ports;
 
-use crate::boundary::{Failure, c_text, given, guarded, taken, text, texts, topic_of, write_error};
+use crate::boundary::{Failure, c_text, free, given, guarded, taken, text, texts, topic_of, write_error};
 use crate::process::fits;
 
 /// Flight whose caller is one of its nodes.
@@ -289,8 +289,6 @@ pub unsafe extern "C" fn trefoil_flight_error(flight: *const TrefoilFlight) -> *
 // SAFETY: no other library of this process has a function of this name.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trefoil_flight_close(flight: *mut TrefoilFlight) {
-    if !flight.is_null() {
-        // SAFETY: the flight is a box that `trefoil_flight_open` gave away. A panic while it is freed is dropped.
-        let _ = guarded(|| unsafe { Ok(drop(Box::from_raw(flight))) });
-    }
+    // SAFETY: it is a box that `trefoil_flight_open` gave away.
+    unsafe { free(flight) };
 }
