@@ -33,12 +33,12 @@ fn a_vehicle_in_c_flies_with_the_same_bits_in_every_mode() {
         "run.command_drop_probability=0.05",
         "plant.noise.attitude_deg=0.05",
         "initial.position_m=[0.5, -0.3, 0.2]",
+        "bounds.max_position_error_m=1.0",
         "fault=[{at_s=1, for_s=0.5, target='position', kind='stuck'}, {at_s=2, target='mixer', kind='kill'}]",
     ];
     let flights = ["inprocess", "lockstep"].map(|mode| survey(&library, mode, &settings));
     for flown in &flights {
         assert_eq!(flown.code(), Some(0), "{}", flown.stderr);
-        assert!(flown.metric("max_position_error_m") < 1.0, "it follows the reference");
     }
     assert_eq!(flights[0].state_hash(), flights[1].state_hash());
     let drag = survey(&library, "inprocess", &[&settings[..], &["node.plant.settings.drag_nspm=0.3"]].concat());
@@ -72,7 +72,7 @@ fn a_vehicle_without_a_memory_is_replayed_from_the_beginning() {
     let named = format!("plant={}", library.display());
     let (code, said) = replay(&flown.out, &["--program", &named, "--from", "11s"]);
     assert_eq!(code, Some(0), "{said}");
-    assert!(said.contains("the same bits") && !said.contains("begun with what the nodes remembered"), "{said}");
+    assert!(said.contains("no difference") && !said.contains("begun with what the nodes remembered"), "{said}");
 }
 
 #[test]
