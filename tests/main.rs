@@ -17,6 +17,7 @@ mod fuzz;
 mod harness;
 mod inherited;
 mod isolation;
+mod libtrefoil;
 mod lockstep;
 mod measure;
 mod output;

@@ -17,7 +17,7 @@
 //! | `engine` | what every interface of a library can do |
 //! | `table` | a library with the function table of `trefoil.h` |
 //! | `casadi` | a library with a function that CasADi has generated |
-//! | `rounding` | the mode of the floating-point unit, which a library must leave as it is |
+//! | [`rounding`] | the mode of the floating-point unit, which a library must leave as it is |
 //! | `protocol` | input and answer of each node |
 //! | `core` | a library as the core of a node that answers |
 //! | `vehicle` | a library, or functions of a program, as the vehicle of the plant |
@@ -33,7 +33,7 @@ mod core;
 mod engine;
 mod library;
 mod protocol;
-mod rounding;
+pub mod rounding;
 pub mod setup;
 mod table;
 mod vehicle;

@@ -3,11 +3,12 @@
 #![expect(unsafe_code, reason = "the caller gives pointers")]
 
 use std::any::Any;
-use std::ffi::{CStr, CString, c_char};
+use std::ffi::{CStr, CString, c_char, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use contract::exit;
 use contract::topic::Topic;
+use foreign::rounding::Rounding;
 use runtime::error::SessionError;
 
 /// Error on its way to C: the reason, and the exit code that a process shall end with.
@@ -31,11 +32,21 @@ impl From<SessionError> for Failure {
     }
 }
 
-/// Runs `work`; a panic in it becomes a failure.
+/// Runs `work`; a panic in it becomes a failure. The mode of the floating-point unit, which libraries of the caller may
+/// have changed, is the usual one meanwhile.
 pub fn guarded<T>(work: impl FnOnce() -> Result<T, Failure>) -> Result<T, Failure> {
-    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| {
+    let of_caller = Rounding::now();
+    let is_changed = of_caller != Rounding::USUAL;
+    if is_changed {
+        Rounding::USUAL.set();
+    }
+    let done = catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| {
         Err(Failure { why: format!("a defect in libtrefoil: {}", words_of(&*panic)), exit_code: exit::PROCESS_LOST })
-    })
+    });
+    if is_changed {
+        of_caller.set();
+    }
+    done
 }
 
 fn words_of(panic: &(dyn Any + Send)) -> &str {
@@ -77,24 +88,24 @@ pub unsafe fn texts<'a>(texts: *const *const c_char, count: usize, what: &str) -
 ///
 /// # Safety
 /// `memory` is null, or points to `bytes` that are written and live as long as `'a`.
-pub unsafe fn given<'a>(memory: *const u8, bytes: usize, what: &str) -> Result<&'a [u8], Failure> {
+pub unsafe fn given<'a>(memory: *const c_void, bytes: usize, what: &str) -> Result<&'a [u8], Failure> {
     if memory.is_null() {
         return Err(Failure::of_usage(format!("{what} is NULL")));
     }
     // SAFETY: the caller says so.
-    Ok(unsafe { std::slice::from_raw_parts(memory, bytes) })
+    Ok(unsafe { std::slice::from_raw_parts(memory.cast(), bytes) })
 }
 
 /// Lends memory of the caller to be written.
 ///
 /// # Safety
 /// `memory` is null, or points to `bytes` that live as long as `'a` and that nothing else uses meanwhile.
-pub unsafe fn taken<'a>(memory: *mut u8, bytes: usize, what: &str) -> Result<&'a mut [u8], Failure> {
+pub unsafe fn taken<'a>(memory: *mut c_void, bytes: usize, what: &str) -> Result<&'a mut [u8], Failure> {
     if memory.is_null() {
         return Err(Failure::of_usage(format!("{what} is NULL")));
     }
     // SAFETY: the caller says so.
-    Ok(unsafe { std::slice::from_raw_parts_mut(memory, bytes) })
+    Ok(unsafe { std::slice::from_raw_parts_mut(memory.cast(), bytes) })
 }
 
 /// Writes the reason of a failure to `error`, of `error_bytes`, cut to fit; nothing if `error` is null.

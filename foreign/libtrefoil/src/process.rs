@@ -9,7 +9,7 @@
 
 #![expect(unsafe_code, reason = "the functions are exported to C")]
 
-use std::ffi::{CString, c_char};
+use std::ffi::{CString, c_char, c_void};
 use std::path::Path;
 
 use contract::message::Stamp;
@@ -172,7 +172,7 @@ pub unsafe extern "C" fn trefoil_setup(session: *const TrefoilSession) -> *const
 /// `session` came from `trefoil_join`; `memory` has `bytes`.
 // SAFETY: no other library of this process has a function of this name.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn trefoil_memory(session: *mut TrefoilSession, memory: *mut u8, bytes: usize) -> i32 {
+pub unsafe extern "C" fn trefoil_memory(session: *mut TrefoilSession, memory: *mut c_void, bytes: usize) -> i32 {
     // SAFETY: the session lives until `trefoil_leave`, and is used from one thread.
     let session = unsafe { &mut *session };
     // SAFETY: the caller gives `bytes` of memory.
@@ -190,7 +190,7 @@ pub unsafe extern "C" fn trefoil_memory(session: *mut TrefoilSession, memory: *m
 /// `session` came from `trefoil_join`; `input` has `bytes`.
 // SAFETY: no other library of this process has a function of this name.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn trefoil_next(session: *mut TrefoilSession, input: *mut u8, bytes: usize) -> i32 {
+pub unsafe extern "C" fn trefoil_next(session: *mut TrefoilSession, input: *mut c_void, bytes: usize) -> i32 {
     // SAFETY: the session lives until `trefoil_leave`, and is used from one thread.
     let session = unsafe { &mut *session };
     let next = guarded(|| {
@@ -208,7 +208,7 @@ pub unsafe extern "C" fn trefoil_next(session: *mut TrefoilSession, input: *mut 
 /// `session` came from `trefoil_join`; `memory` has `bytes`.
 // SAFETY: no other library of this process has a function of this name.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn trefoil_remember(session: *mut TrefoilSession, memory: *const u8, bytes: usize) -> i32 {
+pub unsafe extern "C" fn trefoil_remember(session: *mut TrefoilSession, memory: *const c_void, bytes: usize) -> i32 {
     // SAFETY: the session lives until `trefoil_leave`, and is used from one thread.
     let session = unsafe { &mut *session };
     let remembered = guarded(|| {
@@ -229,7 +229,7 @@ pub unsafe extern "C" fn trefoil_remember(session: *mut TrefoilSession, memory: 
 /// `session` came from `trefoil_join`; `answer` has `bytes`.
 // SAFETY: no other library of this process has a function of this name.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn trefoil_send(session: *mut TrefoilSession, answer: *const u8, bytes: usize) -> i32 {
+pub unsafe extern "C" fn trefoil_send(session: *mut TrefoilSession, answer: *const c_void, bytes: usize) -> i32 {
     // SAFETY: the session lives until `trefoil_leave`, and is used from one thread.
     let session = unsafe { &mut *session };
     let sent = guarded(|| {

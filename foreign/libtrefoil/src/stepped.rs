@@ -3,7 +3,7 @@
 
 #![expect(unsafe_code, reason = "the functions are exported to C")]
 
-use std::ffi::{CString, c_char};
+use std::ffi::{CString, c_char, c_void};
 use std::path::Path;
 use std::time::Instant;
 
@@ -222,7 +222,7 @@ pub unsafe extern "C" fn trefoil_flight_setup(flight: *const TrefoilFlight) -> *
 /// `flight` came from `trefoil_flight_open`; `input` has `bytes`.
 // SAFETY: no other library of this process has a function of this name.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn trefoil_flight_next(flight: *mut TrefoilFlight, input: *mut u8, bytes: usize) -> i32 {
+pub unsafe extern "C" fn trefoil_flight_next(flight: *mut TrefoilFlight, input: *mut c_void, bytes: usize) -> i32 {
     // SAFETY: the flight lives until `trefoil_flight_close`, and is used from one thread.
     let flight = unsafe { &mut *flight };
     let next = guarded(|| {
@@ -239,7 +239,7 @@ pub unsafe extern "C" fn trefoil_flight_next(flight: *mut TrefoilFlight, input: 
 /// `flight` came from `trefoil_flight_open`; `answer` has `bytes`.
 // SAFETY: no other library of this process has a function of this name.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn trefoil_flight_answer(flight: *mut TrefoilFlight, answer: *const u8, bytes: usize) -> i32 {
+pub unsafe extern "C" fn trefoil_flight_answer(flight: *mut TrefoilFlight, answer: *const c_void, bytes: usize) -> i32 {
     // SAFETY: the flight lives until `trefoil_flight_close`, and is used from one thread.
     let flight = unsafe { &mut *flight };
     let answered = guarded(|| {

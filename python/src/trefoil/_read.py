@@ -36,7 +36,8 @@ class Log:
     actuators: pd.DataFrame
     #: Events of processes and faults: ``at_s``, ``node``, ``epoch``, ``what``, ...
     events: pd.DataFrame
-    #: Timing of each node: one row for each node, of ``run.json``; empty for a flight in process.
+    #: Timing of ``run.json``: one row for each node, nested fields with dots (``execution.p99_us``); empty for a flight
+    #: in process.
     timing: pd.DataFrame
     #: Metrics of ``run.json`` by their names; those with several numbers are lists.
     metrics: pd.Series
@@ -58,11 +59,11 @@ def read(run: Any) -> Log:
     folder = Path(fspath(getattr(run, "folder", run)))
     record = json.loads((folder / "run.json").read_text())
     topics = dict(zip(TOPICS, _topics(folder / "flight.mcap", record)))
-    timing = (record["timing"] or {}).get("nodes", {})
+    nodes = (record["timing"] or {}).get("nodes", {})
     return Log(
         **topics,
         events=pd.DataFrame(record["events"]),
-        timing=pd.json_normalize(timing) if isinstance(timing, list) else pd.DataFrame.from_dict(timing, orient="index"),
+        timing=pd.json_normalize(list(nodes.values())).set_axis(list(nodes)) if nodes else pd.DataFrame(),
         metrics=pd.Series(record["metrics"], dtype=object, name="metrics"),
         record=record,
     )

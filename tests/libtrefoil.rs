@@ -1,0 +1,148 @@
+//! libtrefoil: a program in C with its own main flies as a node, and steps a flight, with the bits of the same law in a
+//! library. The Python package on it has tests of its own, which are run from here.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use serde_json::Value;
+
+use crate::harness::{Outcome, fly, launcher, python_with, top};
+
+/// Folder of libtrefoil as built for these tests, linked from a file of the usual name.
+fn library_folder(folder: &Path) -> PathBuf {
+    let built = Path::new(env!("CARGO_BIN_EXE_launcher")).parent().expect("a folder").to_owned();
+    let library =
+        ["deps/libtrefoil.so", "libtrefoil.so"].map(|file| built.join(file)).into_iter().find(|file| file.exists());
+    let link = folder.join("libtrefoil.so");
+    std::os::unix::fs::symlink(library.expect("cargo has built libtrefoil"), link).expect("a link");
+    folder.to_owned()
+}
+
+/// Compiles `tests/controllers/own_main.c` against the library in `folder`.
+fn program(folder: &Path, name: &str, flags: &[&str]) -> PathBuf {
+    let file = folder.join(name);
+    let mut cc = Command::new("cc");
+    cc.args(["-std=gnu11", "-Wall", "-Wextra", "-Werror", "-O2"])
+        .args(flags)
+        .arg("-I")
+        .arg(top().join("foreign/include"));
+    cc.arg("-o").arg(&file).arg(top().join("tests/controllers/own_main.c")).arg("-L").arg(folder).arg("-ltrefoil");
+    let output = cc.arg(format!("-Wl,-rpath,{}", folder.display())).output().expect("the C compiler of Rust");
+    assert!(output.status.success(), "{}", said(&output));
+    file
+}
+
+fn said(output: &Output) -> String {
+    String::from_utf8_lossy(&[&output.stdout[..], &output.stderr].concat()).into_owned()
+}
+
+fn library(folder: &Path) -> PathBuf {
+    let file = folder.join("pd.so");
+    let mut cc = Command::new("cc");
+    cc.args(["-std=gnu11", "-O2", "-fPIC", "-shared", "-DCOLD", "-I"]).arg(top().join("foreign/include"));
+    let output = cc.arg("-o").arg(&file).arg(top().join("tests/controllers/pd.c")).arg("-lm").output();
+    assert!(output.is_ok_and(|output| output.status.success()));
+    file
+}
+
+/// Bound that the law of these tests keeps.
+const BOUND: &str = "bounds.max_position_error_m=0.5";
+const KILL: &str = "fault=[{at_s=1, target='attitude-mpc', kind='kill'}]";
+
+fn survey(mode: &str, program: &Path, settings: &[&str]) -> Outcome {
+    let exec = format!("node.attitude-mpc.exec={}", program.display());
+    let mut arguments =
+        vec!["scenarios/survey.toml", "--mode", mode, "--set", "run.duration_s=3", "--set", BOUND, "--set", &exec];
+    settings.iter().for_each(|set| arguments.extend(["--set", set]));
+    fly(&arguments)
+}
+
+#[test]
+fn a_program_in_c_flies_with_the_bits_of_the_same_law_in_a_library() {
+    let folder = tempfile::tempdir().unwrap();
+    let program = program(&library_folder(folder.path()), "own", &[]);
+    let library = survey("inprocess", &library(folder.path()), &[KILL]);
+    let gain = "node.attitude-mpc.settings.gain=1.0";
+    let lockstep = survey("lockstep", &program, &[KILL, gain]);
+    assert_eq!(lockstep.code(), Some(0), "{}", lockstep.stderr);
+    assert_eq!(lockstep.state_hash(), library.state_hash());
+    let log = |epoch: u32| std::fs::read_to_string(lockstep.out.join(format!("attitude-mpc.{epoch}.log"))).unwrap();
+    assert_eq!(log(1), "left: 0 byte, 0 steps; settings {\"gain\":1.0}\n");
+    assert_eq!(log(2), "left: 8 byte, 100 steps; settings {\"gain\":1.0}\n");
+}
+
+#[test]
+fn a_program_in_c_flies_against_the_clock_and_is_replayed_from_its_log() {
+    let folder = tempfile::tempdir().unwrap();
+    let program = program(&library_folder(folder.path()), "own", &[]);
+    let flown = survey("realtime", &program, &[]);
+    assert_eq!(flown.code(), Some(0), "{}", flown.stderr);
+    assert!(flown.run()["timing"]["nodes"]["attitude-mpc"]["execution"]["n"].as_u64().unwrap() > 250);
+    let replayed = launcher().arg("replay").arg(&flown.out).output().unwrap();
+    assert!(
+        replayed.status.success() && said(&replayed).contains("not computed: attitude-mpc 1"),
+        "{}",
+        said(&replayed)
+    );
+}
+
+#[test]
+fn a_program_that_misses_a_deadline_with_the_policy_stop_ends_with_exit_code_4() {
+    let folder = tempfile::tempdir().unwrap();
+    let program = program(&library_folder(folder.path()), "own", &[]);
+    let slow = "fault=[{at_s=1, for_s=0.1, target='attitude-mpc', kind='slow', ms=15.0}]";
+    let late = survey("realtime", &program, &[slow, "deadline.policy=stop"]);
+    assert_eq!(late.code(), Some(i32::from(contract::exit::BUDGET_BROKEN)), "{}", late.stderr);
+}
+
+#[test]
+fn a_program_that_the_launcher_has_not_started_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let program = program(&library_folder(folder.path()), "own", &[]);
+    let alone = Command::new(&program).output().unwrap();
+    assert_eq!(alone.status.code(), Some(2));
+    assert!(said(&alone).contains("the launcher has not started this program"), "{}", said(&alone));
+    let orphan = Command::new(&program).args(["--namespace", "no-such-stack"]).output().unwrap();
+    assert!(said(&orphan).contains("no stack runs in namespace 'no-such-stack'"), "{}", said(&orphan));
+}
+
+#[test]
+fn a_stepped_flight_in_c_has_the_bits_of_the_same_law_in_a_library() {
+    let folder = tempfile::tempdir().unwrap();
+    let program = program(&library_folder(folder.path()), "stepped", &["-DSTEPPED"]);
+    let library = library(folder.path());
+    for settings in [&[][..], &[KILL]] {
+        let step = |more: &[&str]| {
+            let mut command = Command::new(&program);
+            command.current_dir(top()).args(["scenarios/survey.toml", "run.duration_s=3", BOUND]).args(settings);
+            command.args(more).output().unwrap()
+        };
+        let stepped = step(&[]);
+        let record: Value = serde_json::from_slice(&stepped.stdout).unwrap_or_else(|_| panic!("{}", said(&stepped)));
+        assert_eq!(record["state_hash"].as_str(), Some(survey("inprocess", &library, settings).state_hash().as_str()));
+        assert_eq!((&record["stepped"], &record["exit_code"]), (&"attitude-mpc".into(), &0.into()));
+        let refused = step(&["run.mode=lockstep"]);
+        assert_eq!(refused.status.code(), Some(2));
+        assert!(said(&refused).contains("a stepped flight is in process"), "{}", said(&refused));
+    }
+}
+
+#[test]
+fn the_python_package_installs_and_its_tests_pass() {
+    let folder = tempfile::tempdir().unwrap();
+    let packages = ["setuptools>=77", "wheel", "numpy", "pandas", "pyarrow", "mcap", "mcap-protobuf-support"];
+    let Some(python) = python_with(&[&packages[..], &["gymnasium==1.4.*", "pytest"]].concat(), folder.path()) else {
+        return;
+    };
+    let built = library_folder(folder.path());
+    std::os::unix::fs::symlink(env!("CARGO_BIN_EXE_launcher"), built.join("launcher")).unwrap();
+    let mut pip = Command::new(&python);
+    pip.args(["-m", "pip", "install", "-q", "--no-build-isolation", "--no-deps", "--no-index"])
+        .arg(top().join("python"));
+    let installed = pip.env("TREFOIL_BUILT", &built).output().unwrap();
+    assert!(installed.status.success(), "{}", said(&installed));
+    let mut pytest = Command::new(&python);
+    pytest.args(["-m", "pytest", "-q", "-p", "no:cacheprovider", "--basetemp"]).arg(folder.path().join("tests"));
+    let tested = pytest.env("PYTHONDONTWRITEBYTECODE", "1").arg(top().join("python/tests")).output().unwrap();
+    assert!(tested.status.success(), "{}", said(&tested));
+}
