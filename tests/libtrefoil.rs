@@ -9,7 +9,7 @@ use serde_json::Value;
 use crate::harness::{Outcome, fly, launcher, python_with, top};
 
 /// Folder of libtrefoil as built for these tests, linked from a file of the usual name.
-fn library_folder(folder: &Path) -> PathBuf {
+pub fn library_folder(folder: &Path) -> PathBuf {
     let built = Path::new(env!("CARGO_BIN_EXE_launcher")).parent().expect("a folder").to_owned();
     let library =
         ["deps/libtrefoil.so", "libtrefoil.so"].map(|file| built.join(file)).into_iter().find(|file| file.exists());
@@ -20,14 +20,23 @@ fn library_folder(folder: &Path) -> PathBuf {
 
 /// Compiles `tests/controllers/own_main.c` against the library in `folder`.
 fn program(folder: &Path, name: &str, flags: &[&str]) -> PathBuf {
+    linked("own_main.c", folder, name, flags)
+}
+
+/// Compiles the program `source` of `tests/controllers` against the library in `folder`.
+pub fn linked(source: &str, folder: &Path, name: &str, flags: &[&str]) -> PathBuf {
     let file = folder.join(name);
     let mut cc = Command::new("cc");
     cc.args(["-std=gnu11", "-Wall", "-Wextra", "-Werror", "-O2"])
         .args(flags)
         .arg("-I")
         .arg(top().join("foreign/include"));
-    cc.arg("-o").arg(&file).arg(top().join("tests/controllers/own_main.c")).arg("-L").arg(folder).arg("-ltrefoil");
-    let output = cc.arg(format!("-Wl,-rpath,{}", folder.display())).output().expect("the C compiler of Rust");
+    cc.arg("-o").arg(&file).arg(top().join("tests/controllers").join(source)).arg("-L").arg(folder);
+    let output = cc
+        .args(["-ltrefoil", "-lm"])
+        .arg(format!("-Wl,-rpath,{}", folder.display()))
+        .output()
+        .expect("the C compiler of Rust");
     assert!(output.status.success(), "{}", said(&output));
     file
 }

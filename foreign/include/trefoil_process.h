@@ -77,8 +77,20 @@ const char *trefoil_error(const struct TrefoilSession *session);
 // Leaves the run, and frees the session. NULL is nothing to leave.
 void trefoil_leave(struct TrefoilSession *session);
 
-// Opens a flight of the file `scenario`, or of the defaults if it is NULL, with `count` settings `KEY=VALUE` on top,
-// as `launcher fly --mode inprocess --set KEY=VALUE`. The caller is `node`: `guidance`, `attitude-mpc` or `mixer`. On an
+// Runs this process as the plant of the run that the launcher has started it for, with the vehicle that `functions`
+// create: as in a library, `step` reads a `TrefoilPlantInput` and writes a `TrefoilPlantAnswer`. Give the arguments of
+// `main`: those of the launcher are found among them.
+//
+// Returns 0 after the run. Below 0: an error, with its reason in `error`, of `error_bytes`; end the process with this
+// number as its exit code, without the sign.
+int32_t trefoil_plant_run(const TrefoilNode *functions,
+                          int32_t argc,
+                          const char *const *argv,
+                          char *error,
+                          size_t error_bytes);
+
+// Opens a flight of the file `scenario`, or of the defaults if it is NULL, with `count` settings `KEY=VALUE` on top, as
+// `launcher fly --mode inprocess --set KEY=VALUE`. The caller is `node`: `guidance`, `attitude-mpc` or `mixer`. On an
 // error writes its reason to `error`, of `error_bytes`, and returns NULL. A flight is used from one thread.
 //
 // Libraries of other nodes are loaded without a trial: one that crashes ends this process.
@@ -100,8 +112,8 @@ int32_t trefoil_flight_next(struct TrefoilFlight *flight, void *input, size_t by
 // Sends `answer`, of `bytes`: the size of the node's type in `trefoil.h`. Returns 0, or below 0 on an error.
 int32_t trefoil_flight_answer(struct TrefoilFlight *flight, const void *answer, size_t bytes);
 
-// Returns the record of the flight: run.json as text, with `stepped`, the caller's node. A flight that is not over
-// ends here, as interrupted. Valid until `trefoil_flight_close`; NULL on an error.
+// Returns the record of the flight: run.json as text, with `stepped`, the caller's node. A flight that is not over ends
+// here, as interrupted. Valid until `trefoil_flight_close`; NULL on an error.
 const char *trefoil_flight_record(struct TrefoilFlight *flight);
 
 // Returns the reason of the last error; valid until the next call.

@@ -10,7 +10,7 @@ use runtime::console::print;
 use trefoil_fmu::description::{MODEL, SCENARIO_FILE, check, model_description};
 use zip::write::{SimpleFileOptions, ZipWriter};
 
-/// What `export` makes.
+/// Format of an export.
 #[derive(clap::Subcommand)]
 pub enum Export {
     /// Write plant and actuators as an FMU for co-simulation, FMI 3.0

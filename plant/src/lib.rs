@@ -86,7 +86,8 @@ impl Plant {
 }
 
 impl<V: Vehicle + ?Sized> Plant<V> {
-    /// Builds the plant of `scenario` with a `vehicle` at its [`start`](vehicle::start). The command in force holds its actuators.
+    /// Builds the plant of `scenario` with a `vehicle` at its [`start`](vehicle::start). The command in force holds its
+    /// actuators.
     pub fn with(scenario: &Scenario, vehicle: Box<V>) -> Self {
         let (_, actuation) = vehicle::start(scenario);
         Self {

@@ -16,8 +16,8 @@ const MAX_RATE_RADPS: f64 = 100.0;
 
 /// Vehicle that the plant moves: [`Tricopter`](crate::tricopter::Tricopter), or one in another language.
 pub trait Vehicle {
-    /// Moves from `from_ns` to `until_ns` under one `command`, of which rotor speeds of 0 stop the motors; a vehicle that
-    /// has diverged stays as it is.
+    /// Moves from `from_ns` to `until_ns` under one `command`; rotor speeds of 0 stop the motors. A vehicle that has
+    /// diverged stays as it is.
     ///
     /// # Errors
     /// The code of the vehicle has failed: the process shall end.

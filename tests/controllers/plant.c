@@ -120,3 +120,14 @@ static const TrefoilNode NODE = {
 };
 
 const TrefoilNode *trefoil_node_v1(const char *node) { return strcmp(node, "plant") ? NULL : &NODE; }
+
+#ifdef OWN_MAIN
+#include "trefoil_process.h"
+
+int main(int argc, char **argv) {
+  char error[1024] = "";
+  int32_t result = trefoil_plant_run(&NODE, argc, (const char *const *)argv, error, sizeof error);
+  if (result < 0) fprintf(stderr, "%s\n", error);
+  return -result;
+}
+#endif

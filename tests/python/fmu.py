@@ -20,16 +20,16 @@ KINEMATICS = ("position_m", "velocity_mps", "attitude_rad", "rates_radps")
 
 
 def vector(part, name):
-    """The three numbers of a field of a message."""
+    """The three numbers of a field of a message, which is a message itself."""
     value = getattr(part, name)
-    return [value.x, value.y, value.z] if hasattr(value, "x") else list(value)
+    return [getattr(value, field.name) for field in value.DESCRIPTOR.fields]
 
 
 def expected(state):
     """The outputs that the plant of the log had."""
     outputs = {name: vector(state.actual, name) for name in KINEMATICS}
     outputs |= {f"measured_{name}": vector(state.measured, name) for name in KINEMATICS}
-    outputs["actuator_rotor_speed"] = list(state.actuators.rotor_speed)
+    outputs["actuator_rotor_speed"] = vector(state.actuators, "rotor_speed")
     outputs["actuator_tilt_rad"] = [state.actuators.tilt_rad]
     return outputs
 
@@ -61,7 +61,7 @@ def main(fmu, log):
     def command(tick):
         rotor_speed, tilt_rad = variables["rotor_speed"].valueReference, variables["tilt_rad"].valueReference
         sent = commands[tick].command
-        instance.setFloat64([rotor_speed, tilt_rad], [*sent.rotor_speed, sent.tilt_rad])
+        instance.setFloat64([rotor_speed, tilt_rad], [*vector(sent, "rotor_speed"), sent.tilt_rad])
 
     def check(tick):
         for name, values in expected(states[tick]).items():
@@ -76,7 +76,7 @@ def main(fmu, log):
     instance.instantiate()
     for settings in ("run.seed=77", ""):
         instance.setString([variables["settings"].valueReference], [settings])
-        if instance.getString([variables["settings"].valueReference]) != [settings.encode()]:
+        if instance.getString([variables["settings"].valueReference]) != [settings]:
             sys.exit("the parameter `settings` is not kept")
         instance.enterInitializationMode()
         instance.exitInitializationMode()

@@ -327,14 +327,16 @@ pub unsafe extern "C" fn fmi3DoStep(
 ) -> Status {
     let step = |handle: &mut Handle| {
         let goes_on = handle.instance.step(time_s, step_s)?;
+        for (result, value) in [(event_needed, false), (terminate, !goes_on), (early_return, false)] {
+            // SAFETY: the caller says so.
+            if let Some(result) = unsafe { result.as_mut() } {
+                *result = u8::from(value);
+            }
+        }
         // SAFETY: the caller says so.
-        let [event_needed, terminate, early_return] =
-            [event_needed, terminate, early_return].map(|result| unsafe { result.as_mut() });
-        event_needed.map(|needed| *needed = 0);
-        terminate.map(|terminate| *terminate = u8::from(!goes_on));
-        early_return.map(|early| *early = 0);
-        // SAFETY: the caller says so.
-        unsafe { last_time_s.as_mut() }.map(|last_s| *last_s = time_s + step_s);
+        if let Some(last_s) = unsafe { last_time_s.as_mut() } {
+            *last_s = time_s + step_s;
+        }
         Ok(())
     };
     // SAFETY: the caller says so.

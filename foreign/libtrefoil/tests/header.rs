@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-const SOURCES: [&str; 3] = ["src/sizes.rs", "src/process.rs", "src/stepped.rs"];
+const SOURCES: [&str; 4] = ["src/sizes.rs", "src/process.rs", "src/plant.rs", "src/stepped.rs"];
 
 fn include() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("foreign/").join("include")
