@@ -7,7 +7,8 @@ use std::process::Command;
 
 use foreign::abi::{
     TrefoilAttitudeAnswer, TrefoilAttitudeInput, TrefoilDemand, TrefoilGuidanceAnswer, TrefoilGuidanceInput,
-    TrefoilMixerAnswer, TrefoilMixerInput, TrefoilNode, TrefoilReference, TrefoilSample, TrefoilSetup,
+    TrefoilMixerAnswer, TrefoilMixerInput, TrefoilNode, TrefoilPlantAnswer, TrefoilPlantInput, TrefoilReference,
+    TrefoilSample, TrefoilSetup,
 };
 
 /// Writes assertions in C of the size of types, and of the place of every field.
@@ -30,7 +31,7 @@ fn c_and_cpp_have_the_layout_of_rust() {
     assertions! { text:
         TrefoilSetup {
             settings_json, dt_s, g_mps2, mass_kg, inertia_kgm2, arms_m, kf, km, trim_rotor_speed, trim_tilt_rad,
-            trim_roll_rad,
+            trim_roll_rad, start_position_m, start_velocity_mps, start_attitude_rad, start_rates_radps,
         }
         TrefoilSample { age_ticks, position_m, velocity_mps, attitude_rad, rates_radps, rotor_speed, tilt_rad }
         TrefoilReference { age_ticks, position_m, velocity_mps, attitude_rad, rates_radps, w_mps }
@@ -41,6 +42,8 @@ fn c_and_cpp_have_the_layout_of_rust() {
         TrefoilAttitudeAnswer { demand, status }
         TrefoilMixerInput { tick, time_s, sample, demand }
         TrefoilMixerAnswer { rotor_speed, tilt_rad }
+        TrefoilPlantInput { tick, time_s, advance_s, rotor_speed, tilt_rad }
+        TrefoilPlantAnswer { position_m, velocity_mps, attitude_rad, rates_radps, rotor_speed, tilt_rad }
         TrefoilNode { abi, input_bytes, answer_bytes, memory_bytes, create, step, snapshot, restore, destroy }
     }
     let folder = tempfile::tempdir().unwrap();
