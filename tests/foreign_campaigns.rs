@@ -10,7 +10,7 @@ use contract::exit;
 use rustix::process::{Pid, Signal, kill_process};
 
 use crate::controllers::library;
-use crate::harness::{launcher, wait_until};
+use crate::harness::{launcher, namespace, wait_until};
 
 /// Sixty flights, some of which three of the four controllers end. Which ones follows from the vehicle's mass.
 const CAMPAIGN: &str = r#"
@@ -155,7 +155,18 @@ fn the_folder_of_another_user_starts_no_library() {
         command.arg("campaign").arg(ours.at("foreign.toml")).args(arguments).arg("--out").arg(theirs.at("out"));
         refused(&command.env("TREFOIL_MARK", &mark).output().unwrap(), "another campaign");
     }
-    assert!(!mark.exists(), "nothing of their folder was loaded");
+    let run = theirs.at("run");
+    let mut fly = launcher();
+    fly.args(["fly", "--mode", "lockstep", "--set", "run.duration_s=2", "--namespace", &namespace()]);
+    fly.args(["--set", "fault=[{at_s=1, target='guidance', kind='kill'}]", "--set"]);
+    fly.arg(format!("node.attitude-mpc.exec={}", theirs.at("lib.so").display())).arg("--out").arg(&run);
+    assert_eq!(fly.env("TREFOIL_MARK", &mark).output().unwrap().status.code(), Some(0));
+    fs::remove_file(&mark).expect("it was loaded");
+    for command in ["replay", "explain", "report", "trace"] {
+        let read = launcher().arg(command).arg(&run).env("TREFOIL_MARK", &mark).output().unwrap();
+        assert_eq!(read.status.code(), Some(0), "{command}: {}", said(&read));
+    }
+    assert!(!mark.exists(), "nothing of their folders was loaded");
 }
 
 #[test]

@@ -59,7 +59,8 @@ pub struct TimedEvent {
 impl TimedEvent {
     /// Adds the time to `events` of a flight at `rate_hz`.
     pub fn all<'a>(events: impl IntoIterator<Item = &'a Event>, rate_hz: u32) -> Vec<Self> {
-        let timed = |event: &Event| Self { at_s: event.tick as f64 / f64::from(rate_hz), cold: false, event: event.clone() };
+        let timed =
+            |event: &Event| Self { at_s: event.tick as f64 / f64::from(rate_hz), cold: false, event: event.clone() };
         events.into_iter().map(timed).collect()
     }
 

@@ -31,9 +31,8 @@ impl ColdStarts {
     /// Marks the events by which processes started that then began cold.
     pub fn mark(&self, events: &mut [TimedEvent]) {
         for TimedEvent { cold, event, .. } in events.iter_mut().filter(|timed| timed.event.what == What::Started) {
-            let is_it = |(topic, epoch): &(Topic, u64)| {
-                topic.publisher() == event.node && *epoch == u64::from(event.epoch)
-            };
+            let is_it =
+                |(topic, epoch): &(Topic, u64)| topic.publisher() == event.node && *epoch == u64::from(event.epoch);
             *cold = self.found.iter().any(is_it);
         }
     }
@@ -44,9 +43,8 @@ impl ColdStarts {
             let began = events.iter().find(|event| event.swap.is_some() && u64::from(event.epoch) == epoch);
             began.is_some_and(|event| event.node == topic.publisher())
         };
-        let cold = |topic: &Topic| {
-            self.found.iter().any(|(found, epoch)| found == topic && !is_candidate(*topic, *epoch))
-        };
+        let cold =
+            |topic: &Topic| self.found.iter().any(|(found, epoch)| found == topic && !is_candidate(*topic, *epoch));
         let nodes: Vec<&str> = Topic::ALL.into_iter().filter(cold).map(Topic::publisher).collect();
         (!nodes.is_empty()).then(|| format!("{} restarted cold", nodes.join(" and ")))
     }

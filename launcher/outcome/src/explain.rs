@@ -18,7 +18,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use contract::Topic;
 use contract::scenario::{Mode, Scenario};
-use flight::inprocess;
+use flight::guarded;
 use flight::log::Record;
 use flight::replay::{Disturbed, Recording, Script, without};
 
@@ -130,7 +130,7 @@ pub fn explain(
     let mut alone = Scenario { fault: vec![], swap: vec![], ..scenario.clone() };
     alone.run.mode = Mode::Inprocess;
     let fly = |each: &mut dyn FnMut(&Record)| {
-        inprocess::fly(&alone, |record| {
+        guarded::fly(&alone, |record| {
             let is_known = record.stamp().tick <= *last_tick;
             if is_known {
                 each(record);
@@ -140,7 +140,9 @@ pub fn explain(
         Ok(())
     };
     // This flight always begins at tick 0, so it cannot be compared with a part of the recorded flight.
-    let undisturbed = (script.begun_at() == 0).then(|| FlightCost::of(&alone, 0, fly)).transpose()?;
+    // A program that the user has not named is not started.
+    let can_fly = script.begun_at() == 0 && recording.foreign().next().is_none();
+    let undisturbed = can_fly.then(|| FlightCost::of(&alone, 0, fly)).transpose()?;
     let without_any = FlightCost::flown(recording, without(recording, script, &all))?;
     Ok(Explained {
         name: scenario.name.clone(),

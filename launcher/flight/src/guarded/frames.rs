@@ -1,8 +1,8 @@
 //! Requests and answers as words: the kind and the number of words that follow in the first word, then these.
 
 use bytemuck::{cast_slice, pod_read_unaligned};
-use contract::message::{Actuators, Controls, Message, Reference, State};
 use contract::guard::Refusal;
+use contract::message::{Actuators, Controls, Message, Reference, State};
 use contract::scenario::{self, Scenario, to_toml};
 use contract::topic::Topic;
 use runtime::shared_role::Origin;
@@ -37,7 +37,12 @@ pub enum Answer {
 /// End of a flight, in words that travel.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub enum End {
-    Flown { lost: Option<String>, events: Vec<Event>, refused: Vec<[u32; Refusal::ALL.len()]>, failures: Vec<String> },
+    Flown {
+        lost: Option<String>,
+        events: Vec<Event>,
+        refused: Vec<[u32; Refusal::ALL.len()]>,
+        failures: Vec<String>,
+    },
     /// The flight cannot be flown.
     Refused(String),
     /// The launcher's own code has panicked.
@@ -151,7 +156,12 @@ fn text_of(body: &[u64]) -> Option<String> {
 
 fn memory_of(body: &[u64]) -> Option<Memory> {
     let (&[tick, topic, epoch, done], words) = body.split_first_chunk()?;
-    Some(Memory { tick, topic: *Topic::ALL.get(topic as usize)?, origin: Origin { epoch, done }, words: words.to_vec() })
+    Some(Memory {
+        tick,
+        topic: *Topic::ALL.get(topic as usize)?,
+        origin: Origin { epoch, done },
+        words: words.to_vec(),
+    })
 }
 
 fn record_of(topic: u64, body: &[u64]) -> Option<Record> {
@@ -193,9 +203,13 @@ mod tests {
         let mut at = 0;
         assert!(matches!(Answer::take(&words, &mut at), Ok(Some(Answer::Record(got))) if got == record));
         assert!(matches!(Answer::take(&words, &mut at), Ok(Some(Answer::Memory(got))) if got == memory));
-        assert!(matches!(Answer::take(&words, &mut at), Ok(Some(Answer::End(End::Refused(why)))) if why == "no \u{3bc}"));
+        assert!(
+            matches!(Answer::take(&words, &mut at), Ok(Some(Answer::End(End::Refused(why)))) if why == "no \u{3bc}")
+        );
         assert!(matches!(Answer::take(&words, &mut at), Ok(None)));
-        for damaged in [vec![9 << KIND_SHIFT], vec![1, 0], vec![MEMORY << KIND_SHIFT], vec![TEXT << KIND_SHIFT | 1, 900]] {
+        for damaged in
+            [vec![9 << KIND_SHIFT], vec![1, 0], vec![MEMORY << KIND_SHIFT], vec![TEXT << KIND_SHIFT | 1, 900]]
+        {
             assert!(Answer::take(&damaged, &mut 0).is_err(), "{damaged:?}");
         }
     }

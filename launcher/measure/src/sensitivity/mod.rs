@@ -25,9 +25,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 
-use flight::event;
 use campaign::OwnController;
 use contract::scenario::Profile;
+use flight::event;
 use serde_json::json;
 use toml::{Table, Value};
 
