@@ -140,9 +140,7 @@ pub fn explain(
         Ok(())
     };
     // This flight always begins at tick 0, so it cannot be compared with a part of the recorded flight.
-    // A program that the user has not named is not started.
-    let can_fly = script.begun_at() == 0 && recording.foreign().next().is_none();
-    let undisturbed = can_fly.then(|| FlightCost::of(&alone, 0, fly)).transpose()?;
+    let undisturbed = (script.begun_at() == 0).then(|| FlightCost::of(&alone, 0, fly)).transpose()?;
     let without_any = FlightCost::flown(recording, without(recording, script, &all))?;
     Ok(Explained {
         name: scenario.name.clone(),
