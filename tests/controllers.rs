@@ -226,7 +226,7 @@ fn a_library_that_crashes_or_hangs_in_process_ends_its_flight_and_not_the_launch
 fn restarted_cold(flown: &Outcome) -> bool {
     let run = flown.run();
     let started = |event: &&Value| event["what"] == "started" && event["node"] == "attitude-mpc";
-    let is_marked = run["events"].as_array().unwrap().iter().filter(started).any(|event| event["cold"] == true);
+    let is_marked = run["events"].as_array().expect("events").iter().filter(started).any(|event| event["cold"] == true);
     let is_told = run["but"].to_string().contains("attitude-mpc restarted cold");
     assert_eq!(is_marked, is_told, "{run}");
     is_told

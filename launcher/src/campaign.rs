@@ -147,7 +147,7 @@ impl What {
     /// Returns the command that flies one flight of this campaign again; the caller appends the number.
     fn again(&self) -> String {
         let out = self.out.as_ref().map_or(String::new(), |out| format!(" --out {}", out.display()));
-        let own: String = self.controller.iter().map(|own| format!(" {}", own.argument())).collect();
+        let own = self.controller.iter().fold(String::new(), |all, own| all + " " + &own.argument());
         format!("launcher campaign {}{own}{out} --only", self.file.display())
     }
 }

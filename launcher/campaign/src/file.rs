@@ -340,7 +340,7 @@ impl Campaign {
                 "`{key}` in [vary]: every flight of a campaign flies in process under the name of its number"
             );
             ensure!(
-                !(key.starts_with("node.") && key.ends_with(".exec")),
+                !(key.starts_with("node.") && key.split('.').nth(2) == Some("exec")),
                 "`{key}` in [vary]: give each library a [controller.NAME] of its own, so that its hash is kept"
             );
             for (name, own) in &self.file.controller.0 {

@@ -34,9 +34,9 @@ pub struct WordPipe {
 /// Pipes of a process and a child that works for it.
 #[repr(C)]
 pub struct Pipes {
-    /// From the parent to the child.
+    /// Pipe from the parent to the child.
     pub requests: WordPipe,
-    /// From the child to the parent.
+    /// Pipe from the child to the parent.
     pub answers: WordPipe,
 }
 

@@ -9,6 +9,7 @@ use std::time::Duration;
 use contract::exit;
 use runtime::error::SessionError;
 use runtime::realtime::{SharedPipes, WordPipe, die_of_crashes, now_ns};
+use rustix::process::{Signal, set_parent_process_death_signal};
 
 use super::frames::{Answer, End, Request};
 use crate::inprocess::{self, Flown};
@@ -32,8 +33,10 @@ struct Sender<'a> {
 /// # Errors
 /// Stdin is not such pipes: a user has called this.
 pub fn serve() -> io::Result<u8> {
-    die_of_crashes();
     let pipes = SharedPipes::open(io::stdin())?;
+    die_of_crashes();
+    // Again, because a program with capabilities loses it when it is started.
+    set_parent_process_death_signal(Some(Signal::KILL))?;
     let mut words = vec![];
     loop {
         let request = loop {

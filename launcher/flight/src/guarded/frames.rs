@@ -28,6 +28,10 @@ pub struct Request {
 }
 
 /// Answer of the child.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "an answer lives for a moment, and a box would cost an allocation for each message"
+)]
 pub enum Answer {
     Record(Record),
     Memory(Memory),
@@ -194,7 +198,7 @@ mod tests {
 
     #[test]
     fn answers_arrive_as_they_were_sent_and_other_words_are_refused() {
-        let record = Record::from(State { applied_age_ns: 3, ..State::default() });
+        let record = Record::from(State { status: 3, ..State::default() });
         let memory = Memory::new(7, Topic::Actuators, Origin { epoch: 2, done: 8 }, &[1, 2, 3]);
         let mut words = vec![];
         Answer::record(&record, &mut words);

@@ -35,7 +35,7 @@ pub struct Host {
     is_idle: bool,
 }
 
-/// How a flight was cut short by its library.
+/// End of a flight that its library has cut short.
 struct Loss {
     what: What,
     why: String,
@@ -66,7 +66,7 @@ impl Host {
         self.is_idle
     }
 
-    /// Has the child fly; gives `watch` every message, until it returns false.
+    /// Lets the child fly; gives `watch` every message, until it returns false.
     ///
     /// # Errors
     /// The flight cannot be flown.

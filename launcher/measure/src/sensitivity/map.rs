@@ -47,8 +47,8 @@ pub struct Cell {
     pub rms_position_error_m: Option<f64>,
 }
 
-/// Returns the flights of a campaign over one profile, controller by controller. A flight that is the same bit for bit as the one before it, in
-/// which nothing was random, is left out: a copy is no evidence.
+/// Returns the flights of a campaign over one profile, controller by controller. A flight that is the same bit for bit
+/// as the one before it, in which nothing was random, is left out: a copy is no evidence.
 pub fn flights(flown: &Flown) -> Vec<GridFlight> {
     let flight = |row: usize| {
         let number = |column| flown.number(row, column);
