@@ -54,6 +54,28 @@ def test_an_exception_ends_the_process_and_the_next_one_goes_on_with_its_memory(
     assert (run.folder / "attitude-mpc.2.log").read_text() == "goes on from tick 100\n"
 
 
+def test_a_plant_flies_in_lockstep_and_every_repeat_has_the_same_bits(tmp_path: Path, namespace: str) -> None:
+    settings = {**SHORT, **node_of("plant", "vehicle.py")}
+    one, again = (
+        trefoil.fly(SURVEY, mode="lockstep", settings=settings, out=tmp_path / name, namespace=namespace)
+        for name in ("one", "again")
+    )
+    assert one.exit_code == 0, one.record["ended"]
+    assert one.metrics.max_position_error_m < 0.1
+    assert one.state_hash == again.state_hash
+    assert (one.folder / "plant.1.log").read_text() == "the run is over\n"
+
+
+def test_a_plant_that_fails_ends_the_flight_with_its_reason(tmp_path: Path, namespace: str) -> None:
+    for settings, why in [({"fail_at": 100}, "this vehicle has failed"), ({"drag_nspm": 1}, "this body has no drag")]:
+        settings = {**SHORT, **node_of("plant", "vehicle.py"), "node.plant.settings": settings}
+        out = tmp_path / why.split()[-1]
+        with pytest.raises(trefoil.Error) as failed:
+            trefoil.fly(SURVEY, mode="lockstep", settings=settings, out=out, namespace=namespace)
+        assert failed.value.exit_code == 3
+        assert why in (out / "plant.1.log").read_text()
+
+
 def test_a_program_that_the_launcher_has_not_started_is_told_so() -> None:
     alone = subprocess.run([sys.executable, HERE / "pd.py"], capture_output=True, text=True)
     assert alone.returncode == 1

@@ -2,6 +2,7 @@
 
 ========================  ==========================================================================
 :class:`Node`             process of the ring: this program answers to samples, in real time too
+:func:`fly_plant`         process that is the plant: this program is the vehicle
 :class:`Flight`           closed loop in this process, stepped by its iteration
 :func:`fly`               flight by the launcher, in any mode
 :func:`read`              log, events, timing and metrics of a run as pandas frames (extra ``read``)
@@ -20,6 +21,22 @@ from ._fly import Run, fly
 from ._inputs import Demand, Reference, Sample
 from ._native import Error, Setup
 from ._node import Node
+from ._plant import Vehicle, fly_plant
 from ._read import Log, read
 
-__all__ = ["Demand", "Error", "Flight", "Log", "Node", "Reference", "Run", "Sample", "Setup", "campaign", "fly", "read"]
+__all__ = [
+    "Demand",
+    "Error",
+    "Flight",
+    "Log",
+    "Node",
+    "Reference",
+    "Run",
+    "Sample",
+    "Setup",
+    "Vehicle",
+    "campaign",
+    "fly",
+    "fly_plant",
+    "read",
+]

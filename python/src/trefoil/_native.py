@@ -47,6 +47,10 @@ class CSetup(c.Structure):
         ("trim_rotor_speed", c.c_double * 3),
         ("trim_tilt_rad", c.c_double),
         ("trim_roll_rad", c.c_double),
+        ("start_position_m", c.c_double * 3),
+        ("start_velocity_mps", c.c_double * 3),
+        ("start_attitude_rad", c.c_double * 3),
+        ("start_rates_radps", c.c_double * 3),
     ]
 
 
@@ -76,6 +80,14 @@ class Setup:
     trim_tilt_rad: float
     #: Roll angle at trim [rad]; pitch is 0.
     trim_roll_rad: float
+    #: Position at the start of the flight, north, east, down, shape (3,) [m].
+    start_position_m: np.ndarray
+    #: Velocity at the start, u, v, w in the body frame, shape (3,) [m/s].
+    start_velocity_mps: np.ndarray
+    #: Euler angles roll, pitch, yaw at the start, shape (3,) [rad].
+    start_attitude_rad: np.ndarray
+    #: Body rates p, q, r at the start, shape (3,) [rad/s].
+    start_rates_radps: np.ndarray
 
     @classmethod
     def of(cls, given: CSetup) -> "Setup":
@@ -106,6 +118,7 @@ def _load() -> c.CDLL:
         ("send", number, pointer, pointer, size),
         ("error", text, pointer),
         ("leave", None, pointer),
+        ("plant_run", number, pointer, number, texts, text, size),
         ("flight_open", pointer, text, texts, size, text, text, size),
         ("flight_setup", c.POINTER(CSetup), pointer),
         ("flight_next", number, pointer, pointer, size),

@@ -28,7 +28,21 @@ DEMAND = [("age_ticks", np.uint64), ("demand", np.float64, 4)]
 
 HEAD = [("tick", np.uint64), ("time_s", np.float64), ("sample", SAMPLE)]
 
-#: Input and answer of each node.
+#: Input and answer of the plant.
+PLANT = (
+    np.dtype(
+        [
+            ("tick", np.uint64),
+            ("time_s", np.float64),
+            ("advance_s", np.float64),
+            ("rotor_speed", *VECTOR),
+            ("tilt_rad", np.float64),
+        ]
+    ),
+    np.dtype([*MOTION[:4], ("rotor_speed", *VECTOR), ("tilt_rad", np.float64)]),
+)
+
+#: Input and answer of each node that answers.
 NODES = {
     "guidance": (np.dtype(HEAD), np.dtype(MOTION)),
     "attitude-mpc": (
