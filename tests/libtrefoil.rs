@@ -62,7 +62,9 @@ fn survey(mode: &str, program: &Path, settings: &[&str]) -> Outcome {
     let exec = format!("node.attitude-mpc.exec={}", program.display());
     let mut arguments =
         vec!["scenarios/survey.toml", "--mode", mode, "--set", "run.duration_s=3", "--set", BOUND, "--set", &exec];
-    settings.iter().for_each(|set| arguments.extend(["--set", set]));
+    for set in settings {
+        arguments.extend(["--set", set]);
+    }
     fly(&arguments)
 }
 

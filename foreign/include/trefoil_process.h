@@ -89,8 +89,8 @@ int32_t trefoil_plant_run(const TrefoilNode *functions,
                           char *error,
                           size_t error_bytes);
 
-// Opens a flight of the file `scenario`, or of the defaults if it is NULL, with `count` settings `KEY=VALUE` on top, as
-// `launcher fly --mode inprocess --set KEY=VALUE`. The caller is `node`: `guidance`, `attitude-mpc` or `mixer`. On an
+// Opens a flight of the file `scenario`, or of the defaults if it is NULL, with `count` settings `KEY=VALUE` on top,
+// as `launcher fly --mode inprocess --set KEY=VALUE`. The caller is `node`: `guidance`, `attitude-mpc` or `mixer`. On an
 // error writes its reason to `error`, of `error_bytes`, and returns NULL. A flight is used from one thread.
 //
 // Libraries of other nodes are loaded without a trial: one that crashes ends this process.
@@ -112,8 +112,8 @@ int32_t trefoil_flight_next(struct TrefoilFlight *flight, void *input, size_t by
 // Sends `answer`, of `bytes`: the size of the node's type in `trefoil.h`. Returns 0, or below 0 on an error.
 int32_t trefoil_flight_answer(struct TrefoilFlight *flight, const void *answer, size_t bytes);
 
-// Returns the record of the flight: run.json as text, with `stepped`, the caller's node. A flight that is not over ends
-// here, as interrupted. Valid until `trefoil_flight_close`; NULL on an error.
+// Returns the record of the flight: run.json as text, with `stepped`, the caller's node. A flight that is not over
+// ends here, as interrupted. Valid until `trefoil_flight_close`; NULL on an error.
 const char *trefoil_flight_record(struct TrefoilFlight *flight);
 
 // Returns the reason of the last error; valid until the next call.

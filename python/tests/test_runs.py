@@ -55,7 +55,7 @@ def test_a_campaign_is_a_frame(tmp_path: Path) -> None:
     file = tmp_path / "masses.toml"
     file.write_text(
         f'scenario = "{TOP}/scenarios/survey.toml"\n'
-        "[settings]\nrun.duration_s = 1.0\n[vary]\nplant.airframe.mass_kg = [1.0, 1.2]\n"
+        "[settings]\nrun.duration_s = 1.0\nbounds.max_position_error_m = 1.0\n[vary]\nplant.airframe.mass_kg = [1.0, 1.2]\n"
     )
     rows = trefoil.campaign(file, out=tmp_path / "campaign")
     assert len(rows) == 2 and set(rows["verdict"]) == {"passed"}

@@ -116,10 +116,26 @@ pub unsafe fn write_error(why: &str, error: *mut c_char, error_bytes: usize) {
     if error.is_null() || error_bytes == 0 {
         return;
     }
-    let text = c_text(&why[..why.floor_char_boundary(error_bytes - 1)]);
+    let fits = |(at, letter): &(usize, char)| at + letter.len_utf8() < error_bytes;
+    let text: String = why.char_indices().take_while(fits).map(|(_, letter)| letter).collect();
+    let text = c_text(&text);
     let text = text.as_bytes_with_nul();
     // SAFETY: the text with its zero has at most `error_bytes`, and is memory of ours.
     unsafe { std::ptr::copy_nonoverlapping(text.as_ptr().cast(), error, text.len()) };
+}
+
+/// Frees what [`Box::into_raw`] gave to C; nothing if it is null.
+///
+/// # Safety
+/// `handle` is null, or came from there and is not used any more.
+pub unsafe fn free<T>(handle: *mut T) {
+    if !handle.is_null() {
+        let _ = guarded(|| {
+            // SAFETY: the caller says so.
+            drop(unsafe { Box::from_raw(handle) });
+            Ok(())
+        }); // a panic in it has no way to C
+    }
 }
 
 /// Finds a node that answers by its name.

@@ -2,7 +2,8 @@
 //! node; it joins the run, and answers to one sample after the other.
 //!
 //! ```text
-//! trefoil_join -> trefoil_setup, trefoil_memory -> { trefoil_next -> trefoil_remember, trefoil_send }... -> trefoil_leave
+//! trefoil_join -> trefoil_setup, trefoil_memory
+//!              -> { trefoil_next -> trefoil_remember, trefoil_send }... -> trefoil_leave
 //! ```
 //!
 //! The session is the one of every node: deadline, faults, trial, timing and replay see no difference.
@@ -20,7 +21,7 @@ use runtime::node::Asked;
 use runtime::process::die_with_launcher;
 use runtime::session::NodeSession;
 
-use crate::boundary::{Failure, c_text, given, guarded, taken, text, texts, topic_of, write_error};
+use crate::boundary::{Failure, c_text, free, given, guarded, taken, text, texts, topic_of, write_error};
 
 /// Process of a node that has joined a run.
 pub struct TrefoilSession {
@@ -35,7 +36,7 @@ pub struct TrefoilSession {
 
 /// Phase of a session.
 enum Phase {
-    Joined(NodeSession),
+    Joined(Box<NodeSession>),
     Cycling(CycleLoop),
     Over,
 }
@@ -47,7 +48,7 @@ impl TrefoilSession {
         let setup = Setup::new(&session.scenario, topic).map_err(Failure::of_usage)?;
         let node = session.open(foreign::open_asked)?;
         let sizes = foreign::sizes(topic).unwrap_or_default();
-        Ok(Self { phase: Phase::Joined(session), node, sizes, setup, due: None, error: CString::default() })
+        Ok(Self { phase: Phase::Joined(Box::new(session)), node, sizes, setup, due: None, error: CString::default() })
     }
     /// Copies the memory of the process before this one to `memory`; returns its size, 0 if it left none.
     fn take_over(&mut self, memory: &mut [u8]) -> Result<usize, Failure> {
@@ -258,10 +259,8 @@ pub unsafe extern "C" fn trefoil_error(session: *const TrefoilSession) -> *const
 // SAFETY: no other library of this process has a function of this name.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trefoil_leave(session: *mut TrefoilSession) {
-    if !session.is_null() {
-        // SAFETY: the session is a box that `trefoil_join` gave away. A panic while it is freed has no one to tell.
-        let _ = guarded(|| unsafe { Ok(drop(Box::from_raw(session))) });
-    }
+    // SAFETY: it is a box that `trefoil_join` gave away.
+    unsafe { free(session) };
 }
 
 /// Checks the size of `what` of the node.

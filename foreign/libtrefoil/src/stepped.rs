@@ -25,7 +25,7 @@ use runtime::member::Member;
 use runtime::node::Node;
 use runtime::ports::Ports;
 
-use crate::boundary::{Failure, c_text, given, guarded, taken, text, texts, topic_of, write_error};
+use crate::boundary::{Failure, c_text, free, given, guarded, taken, text, texts, topic_of, write_error};
 use crate::process::fits;
 
 /// Flight whose caller is one of its nodes.
@@ -81,7 +81,9 @@ impl TrefoilFlight {
                 self.end(Ended::Lost(Topic::State.publisher().into()))?;
                 break;
             }
-            TOPICS[..place(self.topic)].iter().for_each(|topic| ring.answer(*topic));
+            for topic in &TOPICS[..place(self.topic)] {
+                ring.answer(*topic);
+            }
             if let Some((node, sample)) = ring.asked(self.topic) {
                 input.copy_from_slice(node.ask(sample));
                 self.due = true;
@@ -106,7 +108,9 @@ impl TrefoilFlight {
     /// Lets the nodes from the caller's on answer, and ends the tick.
     fn finish_tick(&mut self) -> Result<(), Failure> {
         let Some(ring) = &mut self.ring else { return Ok(()) };
-        TOPICS[place(self.topic)..].iter().for_each(|topic| ring.answer(*topic));
+        for topic in &TOPICS[place(self.topic)..] {
+            ring.answer(*topic);
+        }
         let summary = &mut self.summary;
         let ended = ring.end(|record: &Record| {
             summary.observe(record);
@@ -168,8 +172,8 @@ fn open_asked(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result
     Ok(foreign::open_asked(ports, member, scenario)?)
 }
 
-/// Opens a flight of the file `scenario`, or of the defaults if it is NULL, with `count` settings `KEY=VALUE` on top, as
-/// `launcher fly --mode inprocess --set KEY=VALUE`. The caller is `node`: `guidance`, `attitude-mpc` or `mixer`. On an
+/// Opens a flight of the file `scenario`, or of the defaults if it is NULL, with `count` settings `KEY=VALUE` on top,
+/// as `launcher fly --mode inprocess --set KEY=VALUE`. The caller is `node`: `guidance`, `attitude-mpc` or `mixer`. On an
 /// error writes its reason to `error`, of `error_bytes`, and returns NULL. A flight is used from one thread.
 ///
 /// Libraries of other nodes are loaded without a trial: one that crashes ends this process.
@@ -250,8 +254,8 @@ pub unsafe extern "C" fn trefoil_flight_answer(flight: *mut TrefoilFlight, answe
     flight.code(answered.map(|()| 0))
 }
 
-/// Returns the record of the flight: run.json as text, with `stepped`, the caller's node. A flight that is not over ends
-/// here, as interrupted. Valid until `trefoil_flight_close`; NULL on an error.
+/// Returns the record of the flight: run.json as text, with `stepped`, the caller's node. A flight that is not over
+/// ends here, as interrupted. Valid until `trefoil_flight_close`; NULL on an error.
 ///
 /// # Safety
 /// `flight` came from `trefoil_flight_open`.
@@ -285,8 +289,6 @@ pub unsafe extern "C" fn trefoil_flight_error(flight: *const TrefoilFlight) -> *
 // SAFETY: no other library of this process has a function of this name.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trefoil_flight_close(flight: *mut TrefoilFlight) {
-    if !flight.is_null() {
-        // SAFETY: the flight is a box that `trefoil_flight_open` gave away. A panic while it is freed has no one to tell.
-        let _ = guarded(|| unsafe { Ok(drop(Box::from_raw(flight))) });
-    }
+    // SAFETY: it is a box that `trefoil_flight_open` gave away.
+    unsafe { free(flight) };
 }

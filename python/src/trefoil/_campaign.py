@@ -24,8 +24,8 @@ def campaign(file: str | PathLike[str], *, out: str | PathLike[str]) -> pd.DataF
         out: folder for the results.
 
     Returns:
-        One row for each flight: the varied settings, ``verdict``, ``cause`` and the metrics, in SI units. The columns are
-        those of ``flights.parquet`` in docs/campaigns.md.
+        One row for each flight: the varied settings, ``verdict``, ``cause`` and the metrics, in SI units. The columns
+        are those of ``flights.parquet`` in docs/campaigns.md.
 
     Raises:
         Error: the results are not complete; with the launcher's words and exit code.

@@ -12,8 +12,9 @@ from ._toml import assignments
 
 
 class Flight(Loop):
-    """Flight in this process, whose caller is one of the nodes. Equal, bit for bit, to ``launcher fly --mode inprocess``
-    with the same answers.
+    """Flight in this process, whose caller is one of the nodes.
+
+    Equal, bit for bit, to ``launcher fly --mode inprocess`` with the same answers.
 
     Example::
 

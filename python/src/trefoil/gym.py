@@ -26,9 +26,9 @@ class FlightEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     """Attitude controller as an agent, in place of attitude-mpc.
 
     Observation, shape (22,): position error, north, east, down [m]; velocity u, v, w [m/s]; attitude [rad]; body rates
-    [rad/s]; references of attitude [rad], body rates [rad/s] and w [m/s]; rotor speeds of the command in force less those
-    at trim. Action, shape (4,), from -1 to 1: share of :data:`MAX_DEMAND`. Reward: minus the position error [m], for each
-    sample. An episode is terminated if the vehicle is lost, and truncated at ``run.duration_s``.
+    [rad/s]; references of attitude [rad], body rates [rad/s] and w [m/s]; rotor speeds of the command in force less
+    those at trim. Action, shape (4,), from -1 to 1: share of :data:`MAX_DEMAND`. Reward: minus the position error [m], for
+    each sample. An episode is terminated if the vehicle is lost, and truncated at ``run.duration_s``.
 
     Args:
         scenario: scenario file; without one the defaults.

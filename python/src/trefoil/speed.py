@@ -24,7 +24,8 @@ def pd_law(flight: Flight) -> Law:
     wanted = np.empty(4)
 
     def law(sample: Sample, reference: Reference) -> np.ndarray:
-        turn = 36.0 * (reference.attitude_rad - sample.attitude_rad) + 12.0 * (reference.rates_radps - sample.rates_radps)
+        turn = 36.0 * (reference.attitude_rad - sample.attitude_rad)
+        turn += 12.0 * (reference.rates_radps - sample.rates_radps)
         wanted[0] = 4.0 * (reference.w_mps - sample.velocity_mps[2])
         wanted[1:] = turn[roll_pitch_yaw]
         return inertia * wanted

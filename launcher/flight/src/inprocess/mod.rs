@@ -14,20 +14,11 @@ pub(crate) mod workers;
 use contract::scenario::Scenario;
 use runtime::error::SessionError;
 
-use crate::event::Event;
 use crate::log::{Memory, Record};
 use crate::nodes;
-use crate::stack::{Ended, Refused};
+use crate::stack::Ended;
+pub use stepped::Flown;
 use stepped::{Stepped, TOPICS};
-
-/// Result of a flight in one thread, except its messages.
-pub struct Flown {
-    pub ended: Ended,
-    pub events: Vec<Event>,
-    pub refused: Refused,
-    /// Reasons for which cores of users failed, in order.
-    pub failures: Vec<String>,
-}
 
 /// Flies `scenario` to its end, or until `watch`, which gets every message, returns false.
 pub fn fly(scenario: &Scenario, watch: impl FnMut(&Record) -> bool) -> Flown {
@@ -70,7 +61,9 @@ fn fly_ring(
         if !ring.begin()? {
             return Ok(ring.over(Ended::Lost("plant".into())));
         }
-        TOPICS.into_iter().for_each(|topic| ring.answer(topic));
+        for topic in TOPICS {
+            ring.answer(topic);
+        }
         ring.memories().iter().for_each(&mut remember);
         if let Some(ended) = ring.end(&mut watch) {
             return Ok(ring.over(ended));

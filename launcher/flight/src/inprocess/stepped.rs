@@ -18,8 +18,8 @@ use runtime::node::{Asked, Open};
 use runtime::output::Output;
 use runtime::shared_role::Origin;
 
-use super::Flown;
 use super::workers::{Ring, Workers};
+use crate::event::Event;
 use crate::log::{Memory, Record};
 use crate::nodes;
 use crate::recorder::Observers;
@@ -27,10 +27,19 @@ use crate::roles::driver::Order;
 use crate::roles::role::{self, Action, RoleInput};
 use crate::roles::simulated::Simulated;
 use crate::roles::supervised::given_up;
-use crate::stack::{Ended, refused_by_listener};
+use crate::stack::{Ended, Refused, refused_by_listener};
 
 /// Topics of the nodes that answer, in the order in which they do.
 pub const TOPICS: [Topic; 3] = [Topic::Reference, Topic::Controls, Topic::Actuators];
+
+/// Result of a flight in one thread, except its messages.
+pub struct Flown {
+    pub ended: Ended,
+    pub events: Vec<Event>,
+    pub refused: Refused,
+    /// Reasons for which cores of users failed, in order.
+    pub failures: Vec<String>,
+}
 
 /// Ring in one thread.
 pub struct Stepped {
@@ -108,8 +117,8 @@ impl Stepped {
         }
     }
 
-    /// Returns the node on `topic` whose answer its caller computes, with the provenance of that answer, if a process of
-    /// it is going to [`answer`](Self::answer) the sample. Processes that leave instead do so now.
+    /// Returns the node on `topic` whose caller computes its answer to the sample, with the provenance of that answer;
+    /// `None` if no process of it works. Processes that leave instead of an answer do so now.
     pub fn asked(&mut self, topic: Topic) -> Option<(&mut dyn Asked, Stamp)> {
         self.leave(topic);
         let sample = self.sample.1;
