@@ -40,7 +40,7 @@ fn check_allocates_nothing(scenario: &Scenario, given: &[Fault]) {
         for sequence in 1..=50 {
             given.iter().enumerate().for_each(|(number, fault)| plant.apply_fault(number, fault));
             plant.command(&Actuators { stamp: Stamp { sequence, ..Stamp::default() }, command, flags: 0 }, 0);
-            plant.advance(1).unwrap();
+            plant.advance(1).expect("the tricopter never fails");
             plant.sample();
         }
     });
