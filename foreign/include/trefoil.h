@@ -187,7 +187,7 @@ typedef struct {
   double attitude_rad[3];
   // Body rates p, q, r [rad/s].
   double rates_radps[3];
-  // Rotor speeds [rotor speed unit]. Before the call those of the command, for a plant whose actuators have no lag.
+  // Rotor speeds [rotor speed unit]. Before the call those of the command, which a plant without lag leaves.
   double rotor_speed[3];
   // Tilt of rotor 1 [rad]; before the call that of the command.
   double tilt_rad;

@@ -205,7 +205,7 @@ pub struct TrefoilPlantAnswer {
     pub attitude_rad: [f64; 3],
     /// Body rates p, q, r \[rad/s\].
     pub rates_radps: [f64; 3],
-    /// Rotor speeds \[rotor speed unit\]. Before the call those of the command, for a plant whose actuators have no lag.
+    /// Rotor speeds \[rotor speed unit\]. Before the call those of the command, which a plant without lag leaves.
     pub rotor_speed: [f64; 3],
     /// Tilt of rotor 1 \[rad\]; before the call that of the command.
     pub tilt_rad: f64,
@@ -239,5 +239,6 @@ pub struct TrefoilNode {
 }
 
 /// Function that every library exports: `trefoil_node_v1`. It returns the functions of `node` (`plant`,
-/// `guidance`, `attitude-mpc` or `mixer`), or NULL if the library has no such node. cbindgen.toml declares it in the header.
+/// `guidance`, `attitude-mpc` or `mixer`), or NULL if the library has no such node. cbindgen.toml declares it in the
+/// header.
 pub(crate) type FindNode = unsafe extern "C" fn(node: *const c_char) -> *const TrefoilNode;

@@ -155,7 +155,7 @@ impl Protocol for Mixer {
     }
 }
 
-/// Places of the numbers of the plant, as [`Protocol::NAMES`]. The plant answers to nothing, so it has no messages here.
+/// Places of the numbers of the plant, as [`Protocol::NAMES`]. The plant answers to nothing and has no messages here.
 pub const PLANT_NAMES: [&[Place]; 2] = [
     places!(TrefoilPlantInput { "time" = time_s: 1, "advance" = advance_s: 1, "rotor_speed" = rotor_speed: 3, "tilt" = tilt_rad: 1 }),
     places!(TrefoilPlantAnswer {

@@ -68,7 +68,7 @@ impl ForeignVehicle {
         Ok(Box::new(vehicle))
     }
 
-    /// Has the library move for `advance_ns`; with 0 it only answers.
+    /// Lets the library move for `advance_ns`; with 0 it only answers.
     fn step(&mut self, from_ns: u64, advance_ns: u64, command: &Actuation) -> Result<(), SessionError> {
         let Actuation { rotor_speed, tilt_rad } = *command;
         let seconds = |ns: u64| ns as f64 / 1e9;

@@ -18,7 +18,7 @@ const MOST_OFF: f64 = 1e-6;
 /// Size of a state as bytes: command, sample, memory of the plant.
 pub const STATE_BYTES: usize = size_of::<ActuationMsg>() + size_of::<State>() + 8 * PLANT_WORDS;
 
-/// What a tool can store and set again: the plant, its newest sample, and the command.
+/// State of an instance that a tool can store and set again: the plant, its newest sample, and the command.
 #[derive(Clone)]
 pub struct Saved {
     command: ActuationMsg,

@@ -173,8 +173,8 @@ fn open_asked(ports: &mut Ports, member: &Member, scenario: &Scenario) -> Result
 }
 
 /// Opens a flight of the file `scenario`, or of the defaults if it is NULL, with `count` settings `KEY=VALUE` on top,
-/// as `launcher fly --mode inprocess --set KEY=VALUE`. The caller is `node`: `guidance`, `attitude-mpc` or `mixer`. On an
-/// error writes its reason to `error`, of `error_bytes`, and returns NULL. A flight is used from one thread.
+/// as `launcher fly --mode inprocess --set KEY=VALUE`. The caller is `node`: `guidance`, `attitude-mpc` or `mixer`. On
+/// an error writes its reason to `error`, of `error_bytes`, and returns NULL. A flight is used from one thread.
 ///
 /// Libraries of other nodes are loaded without a trial: one that crashes ends this process.
 ///
