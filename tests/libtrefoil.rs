@@ -138,22 +138,46 @@ fn a_stepped_flight_in_c_has_the_bits_of_the_same_law_in_a_library() {
     }
 }
 
+/// Makes a venv in `folder` with these packages and the Python package of this repository, as built for these tests;
+/// returns its Python. `None` if there is no PyPI, which is said.
+pub fn python_with_trefoil(packages: &[&str], folder: &Path) -> Option<PathBuf> {
+    let python = python_with(&[&["setuptools>=77", "wheel", "numpy"], packages].concat(), folder)?;
+    let built = library_folder(folder);
+    std::os::unix::fs::symlink(env!("CARGO_BIN_EXE_launcher"), built.join("launcher")).expect("a link");
+    let mut pip = Command::new(&python);
+    pip.args(["-m", "pip", "install", "-q", "--no-build-isolation", "--no-deps", "--no-index"]);
+    let installed = pip.arg(top().join("python")).env("TREFOIL_BUILT", &built).output().expect("pip runs");
+    assert!(installed.status.success(), "{}", said(&installed));
+    Some(python)
+}
+
 #[test]
 fn the_python_package_installs_and_its_tests_pass() {
     let folder = tempfile::tempdir().unwrap();
-    let packages = ["setuptools>=77", "wheel", "numpy", "pandas", "pyarrow", "mcap", "mcap-protobuf-support"];
-    let Some(python) = python_with(&[&packages[..], &["gymnasium==1.4.*", "pytest"]].concat(), folder.path()) else {
-        return;
-    };
-    let built = library_folder(folder.path());
-    std::os::unix::fs::symlink(env!("CARGO_BIN_EXE_launcher"), built.join("launcher")).unwrap();
-    let mut pip = Command::new(&python);
-    pip.args(["-m", "pip", "install", "-q", "--no-build-isolation", "--no-deps", "--no-index"])
-        .arg(top().join("python"));
-    let installed = pip.env("TREFOIL_BUILT", &built).output().unwrap();
-    assert!(installed.status.success(), "{}", said(&installed));
+    let packages = ["pandas", "pyarrow", "mcap", "mcap-protobuf-support", "gymnasium==1.4.*", "pytest"];
+    let Some(python) = python_with_trefoil(&packages, folder.path()) else { return };
     let mut pytest = Command::new(&python);
     pytest.args(["-m", "pytest", "-q", "-p", "no:cacheprovider", "--basetemp"]).arg(folder.path().join("tests"));
     let tested = pytest.env("PYTHONDONTWRITEBYTECODE", "1").arg(top().join("python/tests")).output().unwrap();
     assert!(tested.status.success(), "{}", said(&tested));
+}
+
+/// Checks that the Python program `script` flies as attitude-mpc: with the same bits in each of two lockstep flights
+/// with a kill, and against the clock, where its answers are recorded and the rest is computed again.
+pub fn flies_as_a_program(scenario: &str, python: &Path, script: &Path, settings: &[&str]) {
+    let node = format!("node.attitude-mpc={{ exec='{}', args=['{}'] }}", python.display(), script.display());
+    let flown = |mode: &str, more: &[&str]| {
+        let all = [&["run.duration_s=3", &node as &str], settings, more].concat();
+        let arguments: Vec<&str> = all.iter().flat_map(|set| ["--set", set]).collect();
+        fly(&[&[scenario, "--mode", mode][..], &arguments].concat())
+    };
+    let flights = [flown("lockstep", &[KILL]), flown("lockstep", &[KILL])];
+    for flight in &flights {
+        assert_eq!(flight.code(), Some(0), "{}", flight.stderr);
+    }
+    assert_eq!(flights[0].state_hash(), flights[1].state_hash());
+    let flight = flown("realtime", &[]);
+    let (code, said) = crate::controllers::replay(&flight.out, &[]);
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("not computed: attitude-mpc"), "{said}");
 }

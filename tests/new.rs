@@ -5,6 +5,7 @@ use std::process::{Command, Output};
 
 use crate::controllers::{compiled, flies_in_every_mode, swapped_in_and_out};
 use crate::harness::{fly, launcher, python_with, skip, top};
+use crate::libtrefoil::{flies_as_a_program, python_with_trefoil};
 
 /// Runs `launcher new DIR` with `arguments`.
 fn new(dir: &Path, arguments: &[&str]) -> Output {
@@ -93,12 +94,22 @@ fn an_mpc_of_acados_is_written_and_flies() {
 }
 
 #[test]
-fn an_lqr_in_python_is_written_and_hovers_on_its_model() {
+fn an_lqr_in_python_is_written_and_flies() {
     let folder = tempfile::tempdir().unwrap();
-    let Some(python) = python_with(&["numpy"], folder.path()) else { return };
+    let Some(python) = python_with_trefoil(&[], folder.path()) else { return };
     let dir = folder.path().join("mine");
     assert_eq!(new(&dir, &["--lang", "python"]).status.code(), Some(0));
     made(&dir, &["test"], Some(&python));
+    let scenario = dir.join("scenario.toml");
+    flies_as_a_program(scenario.to_str().unwrap(), &python, &dir.join("controller.py"), &[]);
+}
+
+#[test]
+fn an_mpc_of_do_mpc_flies() {
+    let folder = tempfile::tempdir().unwrap();
+    let Some(python) = python_with_trefoil(&["do-mpc==5.1.0", "casadi==3.7.2", "sympy"], folder.path()) else { return };
+    let script = top().join("tests/controllers/do_mpc_node.py");
+    flies_as_a_program("scenarios/survey.toml", &python, &script, &["mission.trajectory=hover"]);
 }
 
 #[test]
