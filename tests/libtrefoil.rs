@@ -139,7 +139,7 @@ fn a_stepped_flight_in_c_has_the_bits_of_the_same_law_in_a_library() {
 }
 
 /// Makes a venv in `folder` with these packages and the Python package of this repository, as built for these tests;
-/// returns its Python. `None` if there is no PyPI, which is said.
+/// returns its Python. `None`, and a note, without the package index.
 pub fn python_with_trefoil(packages: &[&str], folder: &Path) -> Option<PathBuf> {
     let python = python_with(&[&["setuptools>=77", "wheel", "numpy"], packages].concat(), folder)?;
     let built = library_folder(folder);
