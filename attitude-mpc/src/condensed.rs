@@ -73,7 +73,7 @@ impl Condensed {
     }
 
     /// Condenses the problem of a model at a flight condition. The inputs' target always holds the reference: `follows`
-    /// in [`input_targets`] is `true`.
+    /// in `input_targets` is `true`.
     pub fn at_speed(flight: &FlightModel, weights: &Mpc) -> Result<Self, ScenarioError> {
         let model = &flight.model;
         let (mut q, r) = stage_weights(model.states(), weights);

@@ -4,6 +4,7 @@
 //! `cargo bench --workspace --bench boundary` prints the time of a step, and what a library takes beyond the law.
 //! The three are timed in turn, in blocks of [`STEPS`]; each figure is the median over the blocks.
 
+#![expect(clippy::disallowed_macros, reason = "a benchmark prints its figures")]
 #![expect(unsafe_code, reason = "the function of the law is called without the boundary")]
 
 use std::ffi::c_int;

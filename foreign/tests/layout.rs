@@ -56,7 +56,7 @@ fn c_and_cpp_have_the_layout_of_rust() {
         let output = match command.arg(&include).arg(&file).output() {
             Ok(output) => output,
             Err(error) if ending == "cpp" => {
-                eprintln!("skipped: no C++ compiler ({error})");
+                runtime::console::eprint_line(&format!("skipped: no C++ compiler ({error})"));
                 continue;
             }
             Err(error) => panic!("the C compiler that Rust links with: {error}"),
