@@ -12,7 +12,7 @@ use runtime::process::run_as;
 use runtime::realtime::{reset_signals, tell_of_crashes};
 
 use flight::stack::{StartError, check_memory};
-use flight::{intruder, nodes, programs, recorder, settings};
+use flight::{guarded, intruder, nodes, programs, recorder, settings};
 use measure::Measure;
 use runtime::console::{eprint_line, print};
 use view::{report, trace};
@@ -93,6 +93,9 @@ enum Command {
         /// guidance, attitude-mpc or mixer
         node: String,
     },
+    /// Fly with libraries for the launcher that starts this, one flight after the other
+    #[command(hide = true)]
+    FlyGuarded,
     /// Try to enter a stack as a foreign process (the launcher starts this as a fault)
     #[command(hide = true)]
     Intrude(intruder::IntrudeArgs),
@@ -144,6 +147,7 @@ fn run() -> ExitCode {
         Command::Tune(args) => tune::tune(&args),
         Command::Measure(what) => what.run(),
         Command::TryLibrary { node } => Ok(programs::try_library(&node)),
+        Command::FlyGuarded => guarded::serve().map_err(Into::into),
         Command::Intrude(args) => intruder::intrude(&args),
         Command::Node { name, namespace, epoch, settings, log } => {
             return node(name, &namespace, epoch, settings.as_deref(), log);

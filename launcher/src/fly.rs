@@ -14,7 +14,7 @@ use rustix::process::{Resource, getrlimit};
 use crate::progress::Progress;
 use flight::event::name;
 use flight::folder::Folder;
-use flight::inprocess;
+use flight::guarded;
 use flight::interrupts::{catch_interrupts, end_at_once};
 use flight::log::Record;
 use flight::provenance::{Scheduling, provenance};
@@ -196,7 +196,7 @@ fn fly_inprocess(
         }
         interrupts.load(Ordering::Relaxed) == 0
     };
-    let flown = inprocess::fly_remembering(scenario, watch, |memory| {
+    let flown = guarded::fly_remembering(scenario, watch, |memory| {
         if let Some(log) = &log {
             log.borrow_mut().write_memory(memory);
         }

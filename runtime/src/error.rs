@@ -101,6 +101,8 @@ pub enum SessionError {
     Silent { node: &'static str },
     #[error("{file}: {why}")]
     Foreign { file: String, why: String },
+    #[error("{0}")]
+    InChild(String),
     #[error("tick {tick}: a fault `exit` ended this process")]
     FaultExit { tick: u64 },
 }

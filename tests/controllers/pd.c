@@ -23,11 +23,16 @@
 #define CANNOT_CREATE 12
 #define FAIL_IN_STEP 13
 #define CRASH_WHEN_LOADED 14
+#define MARK_WHEN_LOADED 15 // writes the file TREFOIL_MARK
 #ifndef TRAP
 #define TRAP 0
 #endif
 // Sample at which a trap in `step` shuts; the trial before a flight has no later sample than 0.
 #define TRAP_TICK 100
+// Share of the flights in which it shuts, by the altitude then.
+#ifndef TRAP_SHARE
+#define TRAP_SHARE 1
+#endif
 
 typedef struct {
   double inertia[4];
@@ -63,7 +68,7 @@ static int32_t step(void *node, const void *input, void *answer) {
     out->demand[i] = pd->gain * pd->inertia[i] * (36.0 * error_rad + 12.0 * error_radps);
   }
   pd->steps++;
-  if (in->tick == TRAP_TICK) {
+  if (in->tick == TRAP_TICK && fmod(fabs(in->sample.position_m[2]) * 1e6, 1.0) < TRAP_SHARE) {
     if (TRAP == CRASH_IN_STEP) *(volatile int *)pd->steps = 0;
     while (TRAP == HANG_IN_STEP) sleep(1);
     if (TRAP == EXIT_IN_STEP) exit(0);
@@ -99,6 +104,13 @@ static const TrefoilNode NODE = {
 const TrefoilNode *trefoil_node_v1(const char *node) {
   return strcmp(node, "attitude-mpc") || TRAP == NO_SUCH_NODE ? NULL : &NODE;
 }
+
+#if TRAP == MARK_WHEN_LOADED
+__attribute__((constructor)) static void loaded(void) {
+  FILE *mark = fopen(getenv("TREFOIL_MARK"), "w");
+  if (mark) fclose(mark);
+}
+#endif
 
 #if TRAP == CRASH_WHEN_LOADED
 __attribute__((constructor)) static void loaded(void) { abort(); }

@@ -81,6 +81,16 @@ impl NodeProgram {
 }
 
 impl Nodes {
+    /// Returns the topics of the nodes that are libraries.
+    pub fn libraries(&self) -> impl Iterator<Item = Topic> {
+        Topic::ALL.into_iter().filter(|topic| self.of(*topic).kind() == ProgramKind::Library)
+    }
+
+    /// Returns whether a node is a program of its own, which flies as a process only.
+    pub fn has_program(&self) -> bool {
+        Topic::ALL.into_iter().any(|topic| self.of(topic).kind() == ProgramKind::Executable)
+    }
+
     /// Program of the node that publishes `topic`.
     pub fn of(&self, topic: Topic) -> &NodeProgram {
         [&self.plant, &self.guidance, &self.attitude_mpc, &self.mixer][topic as usize]

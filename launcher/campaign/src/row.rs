@@ -11,7 +11,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use anyhow::{anyhow, ensure};
 use contract::Scenario;
 use contract::message::State;
-use flight::inprocess;
+use flight::guarded;
 use flight::log::Record;
 use flight::settings;
 use outcome::judge::Verdict;
@@ -92,7 +92,7 @@ fn try_to_fly(
     }
     let mut summary = Summary::unlogged(scenario);
     let mut was_stopped = false;
-    let how = inprocess::fly_unlogged(scenario, |record| {
+    let how = guarded::fly_unlogged(scenario, |record| {
         summary.observe(record);
         watch(record);
         was_stopped = !go_on();
@@ -156,6 +156,7 @@ mod tests {
 
     use super::*;
     use crate::{Campaign, Plan, columns};
+    use flight::inprocess;
 
     fn flown(settings: &str) -> FlightRow {
         let text = format!("[settings]\nrun.duration_s = 1.0\n{settings}");

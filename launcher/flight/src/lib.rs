@@ -6,6 +6,7 @@
 //! | [`nodes`], [`programs`] | the cores of the nodes: the launcher's own, or programs of users |
 //! | [`stack`] | the ring as processes: start, watch, stop |
 //! | [`inprocess`] | the ring in one thread |
+//! | [`guarded`] | the same with libraries, in a child: a crash or an endless loop costs one flight |
 //! | [`roles`] | which process runs a node: one state machine, three drivers |
 //! | [`intruder`] | a foreign process that tries to enter a run, as a fault |
 //! | [`event`] | events of processes, and the pipe that carries them to the recorder |
@@ -33,6 +34,7 @@ pub mod duration;
 pub mod event;
 pub mod files;
 pub mod folder;
+pub mod guarded;
 pub mod inprocess;
 pub mod interrupts;
 pub mod intruder;

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use anyhow::bail;
 use contract::Scenario;
 use contract::scenario::Bounds;
-use flight::inprocess;
+use flight::guarded;
 use flight::log::Record;
 use flight::stack::{Ended, Flown, Stack, StartError};
 use outcome::judge::Verdict;
@@ -27,7 +27,7 @@ pub fn survival() -> Bounds {
 /// Flies `scenario` to its end by one thread; `watch` is given every message.
 pub fn in_process(scenario: &Scenario, mut watch: impl FnMut(&Record)) -> (Summary, Verdict) {
     let mut summary = Summary::new(scenario);
-    let flown = inprocess::fly(scenario, |record| {
+    let flown = guarded::fly(scenario, |record| {
         summary.observe(record);
         watch(record);
         true

@@ -18,7 +18,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use contract::Topic;
 use contract::scenario::{Mode, Scenario};
-use flight::inprocess;
+use flight::guarded;
 use flight::log::Record;
 use flight::replay::{Disturbed, Recording, Script, without};
 
@@ -130,7 +130,7 @@ pub fn explain(
     let mut alone = Scenario { fault: vec![], swap: vec![], ..scenario.clone() };
     alone.run.mode = Mode::Inprocess;
     let fly = |each: &mut dyn FnMut(&Record)| {
-        inprocess::fly(&alone, |record| {
+        guarded::fly(&alone, |record| {
             let is_known = record.stamp().tick <= *last_tick;
             if is_known {
                 each(record);

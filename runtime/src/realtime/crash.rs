@@ -5,6 +5,7 @@
 //! of a lost process; its role handles a crash like any other end. With the launcher its children die too.
 
 use contract::exit;
+use rustix::process::{Resource, Rlimit};
 
 /// Signals of a crash, each with the message to print.
 const CRASHES: [(libc::c_int, &[u8]); 3] = [
@@ -31,6 +32,16 @@ pub fn tell_of_crashes() {
             libc::sigaction(signal, &raw const action, std::ptr::null_mut());
         }
     }
+}
+
+/// Undoes [`tell_of_crashes`]: a crash ends this process by its signal, which the parent sees, and dumps no core.
+pub fn die_of_crashes() {
+    for (signal, _) in CRASHES {
+        // SAFETY: sets the default action of a signal, which no other thread changes. Fails for no existing signal.
+        unsafe { libc::signal(signal, libc::SIG_DFL) };
+    }
+    // Lowering one's own limit needs no privilege.
+    let _ = rustix::process::setrlimit(Resource::Core, Rlimit { current: Some(0), maximum: Some(0) });
 }
 
 extern "C" fn say(signal: libc::c_int) {

@@ -1,4 +1,5 @@
-//! Services of the kernel: time, priority, locked memory, one shared page, children that die with their parent.
+//! Services of the kernel: time, priority, locked memory, one shared page, shared pipes, children that die with
+//! their parent.
 //!
 //! This is the only module with `unsafe`: calls that rustix does not offer in safe form, each with the reason why it is
 //! sound. A flight needs neither priority nor locked memory: without the privilege the stack runs as `SCHED_OTHER` and
@@ -15,6 +16,7 @@ mod control_page;
 mod crash;
 mod peer;
 mod signals;
+mod word_pipe;
 
 use std::fs::File;
 use std::num::NonZeroU64;
@@ -27,9 +29,10 @@ use rustix::thread::CpuSet;
 pub use child::die_with_parent;
 pub use clock::{now_ns, thread_cpu_ns, timed};
 pub use control_page::{ControlPage, Doorbell, Page, phase};
-pub use crash::tell_of_crashes;
+pub use crash::{die_of_crashes, tell_of_crashes};
 pub use peer::peer_of;
 pub use signals::{keep_nohup, reset_signals};
+pub use word_pipe::{Pipes, SharedPipes, WordPipe};
 
 use crate::limits::{FILES_OF_A_CONNECTION, LATER_BYTES};
 use contract::scenario::{Policy, Scheduling};

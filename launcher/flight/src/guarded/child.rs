@@ -1,0 +1,115 @@
+//! The process that flies with libraries: takes a request, flies it, and takes the next, until its parent ends it.
+
+use std::any::Any;
+use std::cell::RefCell;
+use std::io;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::time::Duration;
+
+use contract::exit;
+use runtime::error::SessionError;
+use runtime::realtime::{SharedPipes, WordPipe, die_of_crashes, now_ns};
+use rustix::process::{Signal, set_parent_process_death_signal};
+
+use super::frames::{Answer, End, Request};
+use crate::inprocess::{self, Flown};
+use crate::log::{Memory, Record};
+
+/// Words after which the parent is woken.
+const WAKE_AFTER_WORDS: usize = 1 << 13;
+/// Longest sleep between two looks.
+const LOOK_NS: u64 = Duration::from_secs(1).as_nanos() as u64;
+
+/// Sender of the answers.
+struct Sender<'a> {
+    pipe: &'a WordPipe,
+    words: Vec<u64>,
+    /// Words sent since the parent was woken.
+    unseen: usize,
+}
+
+/// Flies for the parent whose pipes are stdin; returns only for a request that is none.
+///
+/// # Errors
+/// Stdin is not such pipes: a user has called this.
+pub fn serve() -> io::Result<u8> {
+    let pipes = SharedPipes::open(io::stdin())?;
+    die_of_crashes();
+    // Again, because a program with capabilities loses it when it is started.
+    set_parent_process_death_signal(Some(Signal::KILL))?;
+    let mut words = vec![];
+    loop {
+        let request = loop {
+            if let Some(request) = Request::take(&mut words) {
+                break request;
+            }
+            if pipes.requests.read(&mut words) == 0 {
+                pipes.requests.wait_for_words(now_ns() + LOOK_NS);
+            }
+        };
+        let sender = RefCell::new(Sender { pipe: &pipes.answers, words: vec![], unseen: 0 });
+        let end = match request {
+            Ok(request) => match catch_unwind(AssertUnwindSafe(|| fly(&request, &sender))) {
+                Ok(Ok(flown)) => End::of(flown),
+                Ok(Err(error)) => End::Refused(error.to_string()),
+                Err(panic) => End::Panicked(words_of(&*panic).to_owned()),
+            },
+            Err(why) => End::Refused(why),
+        };
+        let mut sender = sender.into_inner();
+        Answer::end(&end, &mut sender.words);
+        sender.send();
+        pipes.answers.wake_reader();
+        if matches!(end, End::Panicked(_)) {
+            return Ok(exit::PROCESS_LOST); // its state may be damaged
+        }
+    }
+}
+
+fn fly(request: &Request, sender: &RefCell<Sender>) -> Result<Flown, SessionError> {
+    let watch = |record: &Record| {
+        sender.borrow_mut().record(record);
+        true
+    };
+    if request.logged {
+        let remember = |memory: &Memory| sender.borrow_mut().memory(memory);
+        return Ok(inprocess::fly_remembering(&request.scenario, watch, remember));
+    }
+    inprocess::fly_unlogged(&request.scenario, watch)
+}
+
+impl Sender<'_> {
+    fn record(&mut self, record: &Record) {
+        Answer::record(record, &mut self.words);
+        self.send();
+    }
+
+    fn memory(&mut self, memory: &Memory) {
+        Answer::memory(memory, &mut self.words);
+        self.send();
+    }
+
+    /// Sends all words that wait. A parent that is slow is waited for.
+    fn send(&mut self) {
+        let mut sent = 0;
+        while sent < self.words.len() {
+            let count = self.pipe.write(&self.words[sent..]);
+            sent += count;
+            self.unseen += count;
+            if count == 0 || self.unseen > WAKE_AFTER_WORDS {
+                self.unseen = 0;
+                self.pipe.wake_reader();
+            }
+            if count == 0 {
+                self.pipe.wait_for_room(now_ns() + LOOK_NS);
+            }
+        }
+        self.words.clear();
+    }
+}
+
+/// Returns what a panic has said.
+fn words_of(panic: &(dyn Any + Send)) -> &str {
+    let said = panic.downcast_ref::<String>().map(String::as_str);
+    said.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("it did not say why")
+}

@@ -1,0 +1,220 @@
+//! Requests and answers as words: the kind and the number of words that follow in the first word, then these.
+
+use bytemuck::{cast_slice, pod_read_unaligned};
+use contract::guard::Refusal;
+use contract::message::{Actuators, Controls, Message, Reference, State};
+use contract::scenario::{self, Scenario, to_toml};
+use contract::topic::Topic;
+use runtime::shared_role::Origin;
+use serde::{Deserialize, Serialize};
+
+use crate::event::Event;
+use crate::inprocess::Flown;
+use crate::log::{Memory, Record, with_message};
+use crate::stack::Ended;
+
+/// Kinds of frames: those of messages are the numbers of their topics.
+const MEMORY: u64 = 4;
+const TEXT: u64 = 5;
+/// Bits of the first word below the kind.
+const KIND_SHIFT: u32 = 32;
+
+/// Flight to be flown.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Request {
+    /// Messages have checksums, because they are logged.
+    pub logged: bool,
+    pub scenario: Scenario,
+}
+
+/// Answer of the child.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "an answer lives for a moment, and a box would cost an allocation for each message"
+)]
+pub enum Answer {
+    Record(Record),
+    Memory(Memory),
+    End(End),
+}
+
+/// End of a flight, in words that travel.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub enum End {
+    Flown {
+        lost: Option<String>,
+        events: Vec<Event>,
+        refused: Vec<[u32; Refusal::ALL.len()]>,
+        failures: Vec<String>,
+    },
+    /// The flight cannot be flown.
+    Refused(String),
+    /// The launcher's own code has panicked.
+    Panicked(String),
+}
+
+impl End {
+    pub fn of(flown: Flown) -> Self {
+        let lost = match flown.ended {
+            Ended::Lost(name) => Some(name),
+            _ => None, // in one thread a flight ends in no other way
+        };
+        let refused = flown.refused.into_iter().map(|(_, counts)| counts).collect();
+        Self::Flown { lost, events: flown.events, refused, failures: flown.failures }
+    }
+}
+
+impl Request {
+    pub fn to_words(&self) -> Vec<u64> {
+        text_frame(&format!("{}\n{}", self.logged, to_toml(&self.scenario)))
+    }
+
+    /// Takes a request from the beginning of `words`; `None` if it is not complete.
+    ///
+    /// # Errors
+    /// The words are no request.
+    pub fn take(words: &mut Vec<u64>) -> Option<Result<Self, String>> {
+        let (kind, body) = take_frame(words)?;
+        let request = || -> Result<Self, String> {
+            let text = if kind == TEXT { text_of(&body) } else { None };
+            let text = text.ok_or("no request")?;
+            let (logged, settings) = text.split_once('\n').ok_or("a request without settings")?;
+            let scenario = scenario::from_merged(settings, "settings of the flight").map_err(|e| e.to_string())?;
+            Ok(Self { logged: logged == "true", scenario })
+        };
+        Some(request())
+    }
+}
+
+impl Answer {
+    /// Appends the frame of a message to `words`.
+    pub fn record(record: &Record, words: &mut Vec<u64>) {
+        let topic = record.topic() as u64;
+        with_message!(record, message => push_frame(topic, cast_slice(std::slice::from_ref(message)), words));
+    }
+
+    /// Appends the frame of a snapshot to `words`.
+    pub fn memory(memory: &Memory, words: &mut Vec<u64>) {
+        let Memory { tick, topic, origin, words: content } = memory;
+        push_frame(MEMORY, &[&[*tick, *topic as u64, origin.epoch, origin.done], &content[..]].concat(), words);
+    }
+
+    /// Appends the frame of an end to `words`.
+    pub fn end(end: &End, words: &mut Vec<u64>) {
+        words.extend(text_frame(&serde_json::to_string(end).expect("numbers and text")));
+    }
+
+    /// Takes an answer from the words from `at` on, and moves `at` behind it; `Ok(None)` if it is not complete.
+    ///
+    /// # Errors
+    /// The words are no answer: the child has damaged its memory.
+    pub fn take(words: &[u64], at: &mut usize) -> Result<Option<Self>, String> {
+        let Some((kind, body, next)) = frame(&words[*at..]) else { return Ok(None) };
+        *at += next;
+        let answer = match kind {
+            MEMORY => memory_of(body).map(Self::Memory),
+            TEXT => text_of(body).and_then(|text| serde_json::from_str(&text).ok()).map(Self::End),
+            topic => record_of(topic, body).map(Self::Record),
+        };
+        answer.map(Some).ok_or_else(|| "has damaged the memory of its process".to_owned())
+    }
+}
+
+fn push_frame(kind: u64, body: &[u64], words: &mut Vec<u64>) {
+    words.push(kind << KIND_SHIFT | body.len() as u64);
+    words.extend_from_slice(body);
+}
+
+/// Makes the frame of a text: its length \[byte\], and its bytes.
+fn text_frame(text: &str) -> Vec<u64> {
+    let word = |bytes: &[u8]| {
+        let mut word = [0; 8];
+        word[..bytes.len()].copy_from_slice(bytes);
+        u64::from_ne_bytes(word)
+    };
+    let body: Vec<u64> = [text.len() as u64].into_iter().chain(text.as_bytes().chunks(8).map(word)).collect();
+    let mut words = vec![];
+    push_frame(TEXT, &body, &mut words);
+    words
+}
+
+/// Returns kind and body of the frame at the beginning of `words`, and its length; `None` if it is not complete.
+fn frame(words: &[u64]) -> Option<(u64, &[u64], usize)> {
+    let (head, rest) = words.split_first()?;
+    let length = (head & u64::from(u32::MAX)) as usize;
+    Some((head >> KIND_SHIFT, rest.get(..length)?, 1 + length))
+}
+
+fn take_frame(words: &mut Vec<u64>) -> Option<(u64, Vec<u64>)> {
+    let (kind, body, next) = frame(words)?;
+    let body = body.to_vec();
+    words.drain(..next);
+    Some((kind, body))
+}
+
+fn text_of(body: &[u64]) -> Option<String> {
+    let (length, rest) = body.split_first()?;
+    let bytes: &[u8] = cast_slice(rest);
+    String::from_utf8(bytes.get(..*length as usize)?.to_vec()).ok()
+}
+
+fn memory_of(body: &[u64]) -> Option<Memory> {
+    let (&[tick, topic, epoch, done], words) = body.split_first_chunk()?;
+    Some(Memory {
+        tick,
+        topic: *Topic::ALL.get(topic as usize)?,
+        origin: Origin { epoch, done },
+        words: words.to_vec(),
+    })
+}
+
+fn record_of(topic: u64, body: &[u64]) -> Option<Record> {
+    fn message<M: Message + Into<Record>>(body: &[u64]) -> Option<Record> {
+        let bytes: &[u8] = cast_slice(body);
+        (bytes.len() == size_of::<M>()).then(|| pod_read_unaligned::<M>(bytes).into())
+    }
+    match Topic::ALL.get(topic as usize)? {
+        Topic::State => message::<State>(body),
+        Topic::Reference => message::<Reference>(body),
+        Topic::Controls => message::<Controls>(body),
+        Topic::Actuators => message::<Actuators>(body),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_request_is_taken_when_it_is_complete() {
+        let request = Request { logged: true, scenario: Scenario::default() };
+        let words = request.to_words();
+        let mut part = words[..words.len() - 1].to_vec();
+        assert!(Request::take(&mut part).is_none());
+        part.push(words[words.len() - 1]);
+        assert_eq!(Request::take(&mut part).unwrap().unwrap(), request);
+        assert!(part.is_empty());
+    }
+
+    #[test]
+    fn answers_arrive_as_they_were_sent_and_other_words_are_refused() {
+        let record = Record::from(State { status: 3, ..State::default() });
+        let memory = Memory::new(7, Topic::Actuators, Origin { epoch: 2, done: 8 }, &[1, 2, 3]);
+        let mut words = vec![];
+        Answer::record(&record, &mut words);
+        Answer::memory(&memory, &mut words);
+        Answer::end(&End::Refused("no \u{3bc}".into()), &mut words);
+        let mut at = 0;
+        assert!(matches!(Answer::take(&words, &mut at), Ok(Some(Answer::Record(got))) if got == record));
+        assert!(matches!(Answer::take(&words, &mut at), Ok(Some(Answer::Memory(got))) if got == memory));
+        assert!(
+            matches!(Answer::take(&words, &mut at), Ok(Some(Answer::End(End::Refused(why)))) if why == "no \u{3bc}")
+        );
+        assert!(matches!(Answer::take(&words, &mut at), Ok(None)));
+        for damaged in
+            [vec![9 << KIND_SHIFT], vec![1, 0], vec![MEMORY << KIND_SHIFT], vec![TEXT << KIND_SHIFT | 1, 900]]
+        {
+            assert!(Answer::take(&damaged, &mut 0).is_err(), "{damaged:?}");
+        }
+    }
+}

@@ -1,0 +1,210 @@
+//! The parent's end of a child that flies with libraries.
+
+use std::collections::BTreeMap;
+use std::io;
+use std::os::unix::process::{CommandExt, ExitStatusExt};
+use std::process::{Child, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+use contract::guard::Refusal;
+use contract::scenario::Scenario;
+use contract::topic::Topic;
+use runtime::error::SessionError;
+use runtime::realtime::{SharedPipes, die_with_parent, now_ns};
+
+use super::frames::{Answer, End, Request};
+use crate::event::{Event, What};
+use crate::inprocess::Flown;
+use crate::log::{Memory, Record};
+use crate::own_program;
+use crate::stack::Ended;
+use crate::stack::children::kill;
+
+/// Longest time until the end of a child, or of its wait for a flight, is noticed.
+const LOOK: Duration = Duration::from_millis(5);
+
+/// Child, alive unless its last flight has cost it.
+pub struct Host {
+    child: Child,
+    pipes: SharedPipes,
+    /// Variables that the child was started with, of all nodes.
+    env: BTreeMap<String, String>,
+    /// Answers that were read; the first `taken` words were taken.
+    words: Vec<u64>,
+    taken: usize,
+    is_idle: bool,
+}
+
+/// End of a flight that its library has cut short.
+struct Loss {
+    what: What,
+    why: String,
+}
+
+impl Host {
+    /// Starts a child that can fly `scenario`. What its libraries print goes to the launcher's stderr.
+    pub fn start(scenario: &Scenario) -> Result<Self, SessionError> {
+        let start = || -> io::Result<Self> {
+            let (pipes, file) = SharedPipes::create()?;
+            let env = env_of(scenario);
+            let mut command = own_program();
+            command.arg("fly-guarded").envs(&env).process_group(0);
+            command.stdin(file).stdout(io::stderr()).stderr(Stdio::inherit());
+            die_with_parent(&mut command);
+            Ok(Self { child: command.spawn()?, pipes, env, words: vec![], taken: 0, is_idle: true })
+        };
+        start().map_err(|why| SessionError::Io { what: "a process to fly libraries in".into(), why })
+    }
+
+    /// Returns whether the child has the environment that the libraries of `scenario` shall have.
+    pub fn suits(&self, scenario: &Scenario) -> bool {
+        self.env == env_of(scenario)
+    }
+
+    /// Returns whether the child waits for a flight.
+    pub fn is_idle(&self) -> bool {
+        self.is_idle
+    }
+
+    /// Lets the child fly; gives `watch` every message, until it returns false.
+    ///
+    /// # Errors
+    /// The flight cannot be flown.
+    pub fn fly(
+        &mut self,
+        request: &Request,
+        mut watch: impl FnMut(&Record) -> bool,
+        mut remember: impl FnMut(&Memory),
+    ) -> Result<Flown, SessionError> {
+        self.is_idle = false;
+        let limit_s = request.scenario.supervision.wall_limit_s;
+        let limit = (limit_s > 0.0).then(|| Duration::from_secs_f64(limit_s));
+        let mut tick = 0;
+        let lost = match self.send(&request.to_words()) {
+            Err(loss) => loss,
+            Ok(()) => loop {
+                match self.next(limit) {
+                    Ok(Answer::Record(record)) => {
+                        tick = record.stamp().tick;
+                        if !watch(&record) {
+                            return Ok(flown(Ended::Flown, vec![], vec![]));
+                        }
+                    }
+                    Ok(Answer::Memory(memory)) => remember(&memory),
+                    Ok(Answer::End(end)) => {
+                        self.is_idle = true;
+                        return whole(end);
+                    }
+                    Err(loss) => break loss,
+                }
+            },
+        };
+        Ok(lost_flight(&request.scenario, tick, &lost))
+    }
+
+    fn send(&mut self, mut words: &[u64]) -> Result<(), Loss> {
+        while !words.is_empty() {
+            let count = self.pipes.requests.write(words);
+            words = &words[count..];
+            self.pipes.requests.wake_reader();
+            if count == 0 {
+                self.pipes.requests.wait_for_room(now_ns() + LOOK.as_nanos() as u64);
+                self.exit().map_or(Ok(()), Err)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Waits for the next answer, at most `limit`.
+    fn next(&mut self, limit: Option<Duration>) -> Result<Answer, Loss> {
+        let began = Instant::now();
+        loop {
+            if let Some(answer) = self.take()? {
+                return Ok(answer);
+            }
+            let gone = self.exit(); // before the last look at what it has sent
+            if self.pipes.answers.read(&mut self.words) > 0 {
+                continue;
+            }
+            if let Some(loss) = gone {
+                return Err(loss);
+            }
+            if let Some(limit) = limit.filter(|limit| began.elapsed() > *limit) {
+                let why = format!("has not answered for {} s, `supervision.wall_limit_s`", limit.as_secs_f64());
+                return Err(Loss { what: What::Hung, why });
+            }
+            self.pipes.answers.wait_for_words(now_ns() + LOOK.as_nanos() as u64);
+        }
+    }
+
+    /// Takes the next answer of those read; `None` if there is none.
+    fn take(&mut self) -> Result<Option<Answer>, Loss> {
+        let taken = Answer::take(&self.words, &mut self.taken).map_err(|why| Loss { what: What::Died, why })?;
+        if taken.is_none() {
+            self.words.drain(..self.taken);
+            self.taken = 0;
+        }
+        Ok(taken)
+    }
+
+    /// Returns how the child has ended, if it has.
+    fn exit(&mut self) -> Option<Loss> {
+        let status = self.child.try_wait().ok().flatten()?;
+        Some(Loss { what: What::Died, why: in_words(status) })
+    }
+}
+
+impl Drop for Host {
+    fn drop(&mut self) {
+        kill(&mut self.child);
+    }
+}
+
+/// Describes the end of a child, with what follows "its library".
+fn in_words(status: ExitStatus) -> String {
+    let name = |signal: i32| match signal {
+        4 => "SIGILL".to_owned(),
+        6 => "SIGABRT".to_owned(),
+        7 => "SIGBUS".to_owned(),
+        8 => "SIGFPE".to_owned(),
+        9 => "SIGKILL".to_owned(),
+        11 => "SIGSEGV".to_owned(),
+        other => format!("signal {other}"),
+    };
+    match status.signal() {
+        Some(signal) => format!("crashed: {}", name(signal)),
+        None => format!("ended its process with exit code {}", status.code().unwrap_or_default()),
+    }
+}
+
+/// Variables that the scenario gives to the processes of libraries; all are of one process here.
+fn env_of(scenario: &Scenario) -> BTreeMap<String, String> {
+    let of_library = |topic| scenario.node.of(topic).env.clone();
+    scenario.node.libraries().flat_map(of_library).collect()
+}
+
+/// Makes the result of a flight that its library has ended after `tick`.
+fn lost_flight(scenario: &Scenario, tick: u64, Loss { what, why }: &Loss) -> Flown {
+    let names: Vec<&str> = scenario.node.libraries().map(Topic::publisher).collect();
+    let name = if names.is_empty() { "a candidate".to_owned() } else { names.join(" or ") };
+    let events = names.first().map(|node| Event::new(tick, node, 1, *what).because(format!("its library {why}")));
+    flown(Ended::Lost(format!("{name} (its library {why})")), events.into_iter().collect(), vec![])
+}
+
+/// Makes the result of a flight that the child has flown to its end.
+fn whole(end: End) -> Result<Flown, SessionError> {
+    match end {
+        End::Flown { lost, events, refused, failures } => {
+            let ended = lost.map_or(Ended::Flown, Ended::Lost);
+            let refused = Topic::ALL.map(Topic::publisher).into_iter().zip(refused).collect();
+            Ok(Flown { refused, ..flown(ended, events, failures) })
+        }
+        End::Refused(why) => Err(SessionError::InChild(why)),
+        End::Panicked(said) => panic!("{said}"),
+    }
+}
+
+fn flown(ended: Ended, events: Vec<Event>, failures: Vec<String>) -> Flown {
+    let refused = Topic::ALL.map(|topic| (topic.publisher(), [0; Refusal::ALL.len()])).into();
+    Flown { ended, events, refused, failures }
+}
