@@ -10,7 +10,7 @@ use serde_json::Value;
 use crate::harness::{Outcome, fly, launcher, python_with, top};
 
 /// Compiles `tests/controllers/pd.c` into `folder/name.so`, with these flags for the compiler.
-fn library(folder: &Path, name: &str, flags: &[&str]) -> PathBuf {
+pub fn library(folder: &Path, name: &str, flags: &[&str]) -> PathBuf {
     compiled(&top().join("tests/controllers/pd.c"), folder, name, flags)
 }
 
@@ -191,6 +191,33 @@ fn a_library_that_hangs_ends_a_flight_in_lockstep_and_is_replaced_in_real_time()
 }
 
 #[test]
+fn a_library_that_crashes_or_hangs_in_process_ends_its_flight_and_not_the_launcher() {
+    let folder = tempfile::tempdir().unwrap();
+    for (trap, why) in [
+        (2, "its library crashed: SIGSEGV"),
+        (4, "its library has not answered for 2 s, `supervision.wall_limit_s`"),
+        (6, "its library ended its process with exit code 0"),
+    ] {
+        let outcome = trapped(folder.path(), trap, "inprocess");
+        assert_eq!(outcome.code(), Some(i32::from(exit::PROCESS_LOST)), "trap {trap}: {}", outcome.stderr);
+        assert!(outcome.stderr.contains(&format!("lost attitude-mpc ({why})")), "trap {trap}: {}", outcome.stderr);
+        let run = outcome.run();
+        assert_eq!(run["flown_s"].as_f64(), Some(0.99), "every whole sample is there: {run}");
+        assert!(outcome.out.join("report.html").exists() && outcome.out.join("flight.mcap").exists());
+    }
+}
+
+/// Returns whether run.json says in its events and its reservations that the attitude controller was restarted cold.
+fn restarted_cold(flown: &Outcome) -> bool {
+    let run = flown.run();
+    let started = |event: &&Value| event["what"] == "started" && event["node"] == "attitude-mpc";
+    let is_marked = run["events"].as_array().expect("events").iter().filter(started).any(|event| event["cold"] == true);
+    let is_told = run["but"].to_string().contains("attitude-mpc restarted cold");
+    assert_eq!(is_marked, is_told, "{run}");
+    is_told
+}
+
+#[test]
 fn a_library_without_a_memory_is_restarted_cold() {
     let folder = tempfile::tempdir().unwrap();
     let library = library(folder.path(), "cold", &["-DCOLD"]);
@@ -200,6 +227,11 @@ fn a_library_without_a_memory_is_restarted_cold() {
         assert_eq!(flown.code(), Some(0), "{}", flown.stderr);
     }
     assert_eq!(flights[0].state_hash(), flights[1].state_hash());
+    for flown in &flights {
+        assert!(restarted_cold(flown), "{}", flown.run());
+    }
+    let warm = hover("inprocess", &[&exec(&self::library(folder.path(), "warm", &[])), kill]);
+    assert!(!restarted_cold(&warm), "{}", warm.run());
     let named = format!("attitude-mpc={}", library.display());
     let (code, said) = replay(&flights[1].out, &["--program", &named]);
     assert_eq!(code, Some(0), "{said}");

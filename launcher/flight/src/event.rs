@@ -49,6 +49,9 @@ pub struct Event {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TimedEvent {
     pub at_s: f64,
+    /// The process that started had no memory of the process before it; known when the flight is over.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub cold: bool,
     #[serde(flatten)]
     pub event: Event,
 }
@@ -56,8 +59,14 @@ pub struct TimedEvent {
 impl TimedEvent {
     /// Adds the time to `events` of a flight at `rate_hz`.
     pub fn all<'a>(events: impl IntoIterator<Item = &'a Event>, rate_hz: u32) -> Vec<Self> {
-        let timed = |event: &Event| Self { at_s: event.tick as f64 / f64::from(rate_hz), event: event.clone() };
+        let timed =
+            |event: &Event| Self { at_s: event.tick as f64 / f64::from(rate_hz), cold: false, event: event.clone() };
         events.into_iter().map(timed).collect()
+    }
+
+    /// Returns what happened, in words.
+    pub fn what(&self) -> String {
+        name(self.event.what).replace('-', " ") + if self.cold { " cold" } else { "" }
     }
 }
 

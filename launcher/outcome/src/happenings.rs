@@ -90,9 +90,9 @@ impl Span {
 }
 
 impl Mark {
-    fn of(TimedEvent { at_s, event }: &TimedEvent) -> Self {
-        let what = name(event.what).replace('-', " ");
-        Self { at_s: *at_s, node: event.node.clone(), what, why: event.why.clone() }
+    fn of(timed: &TimedEvent) -> Self {
+        let TimedEvent { at_s, event, .. } = timed;
+        Self { at_s: *at_s, node: event.node.clone(), what: timed.what(), why: event.why.clone() }
     }
 
     pub fn describe(&self) -> String {
@@ -123,7 +123,7 @@ fn absences(topic: Topic, events: &[TimedEvent]) -> Vec<Span> {
     let node = topic.publisher();
     let mut spans: Vec<Span> = vec![];
     let mut active_epochs = vec![1];
-    for TimedEvent { at_s, event } in events.iter().filter(|timed| timed.event.node == node) {
+    for TimedEvent { at_s, event, .. } in events.iter().filter(|timed| timed.event.node == node) {
         let open = spans.last_mut().filter(|span| span.to_s.is_none());
         match event.what {
             What::TookOver => {

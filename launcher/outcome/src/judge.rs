@@ -154,6 +154,7 @@ fn reservations(summary: &Summary, how: &Circumstances, bounds: &[BoundCheck], s
     if !nodes.is_empty() {
         told.push(format!("{} failed in flight", nodes.join(" and ")));
     }
+    told.extend(summary.cold_starts.describe(&how.events));
     if let Some(log) = &how.log {
         told.extend((log.dropped > 0).then(|| format!("{} records are missing in the log", log.dropped)));
         told.extend(log.error.is_some().then(|| "the log is not whole".to_owned()));

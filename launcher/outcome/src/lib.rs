@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`summary`], [`metrics`], [`timing`], [`following`] | what is gathered of a flight, message by message |
 //! | [`ticks`] | the four messages of a tick, joined |
+//! | [`cold_starts`] | processes restarted without the memory of the one before |
 //! | [`solves`], [`faults`] | what the solver did, and what came of the faults |
 //! | [`bounds`], [`judge`] | what a flight must stay inside of, and its verdict |
 //! | [`explain`] | what each late, lost or missing message cost |
@@ -17,6 +18,7 @@
 #![allow(missing_docs)]
 
 pub mod bounds;
+pub mod cold_starts;
 pub mod explain;
 pub mod faults;
 pub mod following;

@@ -108,7 +108,8 @@ impl RunRecord {
         let Account { summary, scenario, how, verdict, wall_s, provenance } = account;
         let flown_s = summary.time_s();
         let faults = summary.faults.records(&how.events);
-        let events = TimedEvent::all(&how.events, scenario.run.rate_hz);
+        let mut events = TimedEvent::all(&how.events, scenario.run.rate_hz);
+        summary.cold_starts.mark(&mut events);
         let happened = Happenings::new(&faults, &events);
         Self {
             name: scenario.name.clone(),

@@ -10,6 +10,7 @@ use guidance::Trajectory;
 use sha2::{Digest, Sha256};
 
 use crate::bounds::Outside;
+use crate::cold_starts::ColdStarts;
 use crate::faults::Faults;
 use crate::following::Following;
 use crate::metrics::Metrics;
@@ -43,6 +44,7 @@ pub struct Summary {
     phases: Vec<(f64, PlantStatus)>,
     pub solves: Solves,
     pub faults: Faults,
+    pub cold_starts: ColdStarts,
     pub timing: Option<Timing>,
 }
 
@@ -74,6 +76,7 @@ impl Summary {
             phases: vec![],
             solves: Solves::new(),
             faults: Faults::new(&scenario.fault, scenario.run.rate_hz),
+            cold_starts: ColdStarts::default(),
             timing: (scenario.run.mode != Mode::Inprocess).then(|| Timing::new(scenario)),
         }
     }
@@ -96,6 +99,7 @@ impl Summary {
         let Some(before) = self.count.before(record) else { return };
         self.missed = self.missed.saturating_add(record.stamp().sequence - before.sequence - 1);
         self.faults.observe(record);
+        self.cold_starts.observe(record);
         self.following.observe(record);
         match record {
             Record::State(state) => self.state(state),

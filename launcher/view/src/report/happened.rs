@@ -47,9 +47,10 @@ fn faults(run: &RunRecord) -> String {
 }
 
 fn events(run: &RunRecord) -> String {
-    let row = |TimedEvent { at_s, event }: &TimedEvent| {
+    let row = |timed: &TimedEvent| {
+        let TimedEvent { at_s, event, .. } = timed;
         let why = event.why.as_ref().map_or(DASH.into(), |why| escape(why));
-        vec![number(*at_s, 2), escape(&event.node), event.epoch.to_string(), name(event.what), why]
+        vec![number(*at_s, 2), escape(&event.node), event.epoch.to_string(), timed.what(), why]
     };
     let table = part(&["time [s]", "process", "incarnation", "what", "why"], run.events.iter().map(row));
     match run.events.len() {
